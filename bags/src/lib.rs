@@ -1,0 +1,1 @@
+//! Recorded frames: rosbag2 MCAP bags, image folders and KITTI.

@@ -1,0 +1,1 @@
+//! Evaluation in lockstep: bag in, numbers out.

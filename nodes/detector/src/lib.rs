@@ -1,0 +1,1 @@
+//! The detector node: YOLOv10 end-to-end over ONNX Runtime or rten.

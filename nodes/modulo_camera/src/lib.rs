@@ -1,0 +1,1 @@
+//! The modulo_camera node: a simulated modulo sensor over any source of frames.

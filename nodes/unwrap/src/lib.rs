@@ -1,0 +1,1 @@
+//! The unwrap node: modulo image in, recovered image out.

@@ -1,0 +1,125 @@
+//! [`Node`]: a pure step. No thread, no clock and no transport in it; drivers
+//! bring those, so that live, composed and lockstep runs execute the same code.
+
+use std::time::Duration;
+
+use crate::clock::Clock;
+use crate::message::Message;
+use crate::parameter::{Parameters, Refusal};
+use crate::topic::Topic;
+
+/// Why a step is run.
+#[derive(Clone, Debug)]
+pub enum Cue {
+    /// A source's period has passed.
+    Tick,
+    /// A message came on `inputs()[input]`.
+    Message {
+        /// Index into [`Node::inputs`].
+        input: usize,
+        /// The message, of that topic's kind.
+        message: Message,
+    },
+}
+
+/// What a step says about the next one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Flow {
+    /// More may come.
+    Continue,
+    /// The source is exhausted: this node ends, and with it those that only
+    /// read from it.
+    Done,
+}
+
+/// Why a step gave no result.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum StepError {
+    /// This one input is bad: it is counted, logged and skipped; the node lives.
+    #[error("{0}")]
+    Skip(String),
+    /// The node cannot go on.
+    #[error("{0}")]
+    Fatal(String),
+}
+
+/// A node of the suite.
+pub trait Node: Send {
+    /// The topics read now. May change after [`Node::configure`]; the driver
+    /// then subscribes anew.
+    fn inputs(&self) -> Vec<Topic>;
+
+    /// The topics written, fixed for the node's life. [`Context::emit`] and
+    /// [`Context::wanted`] take an index into this list.
+    fn outputs(&self) -> Vec<Topic>;
+
+    /// `Some` for a source: [`Cue::Tick`] comes this often (zero: as fast as
+    /// the frames can be made). `None` for a node that only answers messages.
+    fn period(&self) -> Option<Duration> {
+        None
+    }
+
+    /// Takes a whole validated set of parameters, between two steps.
+    ///
+    /// # Errors
+    /// [`Refusal`] with the parameter, its value and what is possible; the node
+    /// then goes on exactly as before.
+    fn configure(&mut self, parameters: &Parameters) -> Result<(), Refusal>;
+
+    /// Does the work for one cue.
+    ///
+    /// # Errors
+    /// [`StepError::Skip`] for a bad input, [`StepError::Fatal`] when the node
+    /// cannot go on.
+    fn step(&mut self, cue: Cue, cx: &mut Context<'_>) -> Result<Flow, StepError>;
+
+    /// What really runs, as (key, value) for diagnostics and the summary, such
+    /// as `("engine", "rten")` and `("stream", "recovered")`.
+    fn facts(&self) -> Vec<(&'static str, String)> {
+        Vec::new()
+    }
+}
+
+/// What a driver lends to one step.
+pub struct Context<'a> {
+    clock: &'a dyn Clock,
+    wanted: &'a [bool],
+    emitted: Vec<(usize, Message)>,
+    stages: Vec<(&'static str, u64)>,
+}
+
+impl<'a> Context<'a> {
+    /// `wanted[i]` tells whether anybody reads `outputs()[i]`.
+    pub fn new(clock: &'a dyn Clock, wanted: &'a [bool]) -> Self {
+        Self { clock, wanted, emitted: Vec::new(), stages: Vec::new() }
+    }
+
+    /// Nanoseconds since the epoch, as the driver sees the time.
+    pub fn now_ns(&self) -> u64 {
+        self.clock.now_ns()
+    }
+
+    /// Whether anybody reads output `output`; what nobody reads need not be made.
+    pub fn wanted(&self, output: usize) -> bool {
+        self.wanted.get(output).copied().unwrap_or(false)
+    }
+
+    /// Sends `message` on output `output` when the step has returned.
+    pub fn emit(&mut self, output: usize, message: Message) {
+        self.emitted.push((output, message));
+    }
+
+    /// Runs `work` and books its duration under `stage` (`unwrap`, `infer`, ...).
+    pub fn stage<T>(&mut self, stage: &'static str, work: impl FnOnce() -> T) -> T {
+        let start = self.clock.ticks_ns();
+        let result = work();
+        self.stages.push((stage, self.clock.ticks_ns().saturating_sub(start)));
+        result
+    }
+
+    /// The messages to send, as (output, message), and the stages, as (name,
+    /// nanoseconds).
+    pub fn finish(self) -> (Vec<(usize, Message)>, Vec<(&'static str, u64)>) {
+        (self.emitted, self.stages)
+    }
+}

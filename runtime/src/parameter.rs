@@ -1,0 +1,399 @@
+//! Parameters as ROS 2 has them: declared once with type, range and
+//! description, validated as a set, never accepted and ignored.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// A parameter's value.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// `bool`
+    Bool(bool),
+    /// `integer`
+    Integer(i64),
+    /// `double`
+    Double(f64),
+    /// `string`
+    String(String),
+    /// `string_array`
+    Strings(Vec<String>),
+}
+
+/// What a parameter may be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Allowed {
+    /// Anything of its type.
+    Any,
+    /// An integer in `[from, to]`.
+    Integers {
+        /// Smallest.
+        from: i64,
+        /// Largest.
+        to: i64,
+    },
+    /// A finite double in `[from, to]`.
+    Doubles {
+        /// Smallest.
+        from: f64,
+        /// Largest.
+        to: f64,
+    },
+    /// One of these words.
+    Words(&'static [&'static str]),
+}
+
+/// The declaration of one parameter: its default gives the type.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Descriptor {
+    /// Name, `snake_case`.
+    pub name: &'static str,
+    /// Value before anybody sets it; its variant is the parameter's type.
+    pub default: Value,
+    /// Which values are possible.
+    pub allowed: Allowed,
+    /// Fixed at the start of the node.
+    pub read_only: bool,
+    /// One sentence, with the unit.
+    pub description: &'static str,
+}
+
+impl Descriptor {
+    /// A parameter that can be changed while the node runs.
+    pub fn new(name: &'static str, default: Value, allowed: Allowed, description: &'static str) -> Self {
+        Self { name, default, allowed, read_only: false, description }
+    }
+
+    /// The same, fixed at the start.
+    #[must_use]
+    pub fn fixed(mut self) -> Self {
+        self.read_only = true;
+        self
+    }
+}
+
+/// Why a parameter was refused: one line with name, value and remedy.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("parameter '{name}' = {value}: {why}")]
+pub struct Refusal {
+    /// The parameter.
+    pub name: String,
+    /// The value that was offered.
+    pub value: String,
+    /// Why not, and what is possible.
+    pub why: String,
+}
+
+impl Refusal {
+    /// A refusal of `value` for `name`.
+    pub fn new(name: impl Into<String>, value: impl fmt::Display, why: impl Into<String>) -> Self {
+        Self { name: name.into(), value: value.to_string(), why: why.into() }
+    }
+}
+
+/// A declared set of parameters with their values. Every declared parameter
+/// always has a value of its declared type within what is allowed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameters {
+    declared: Vec<Descriptor>,
+    values: BTreeMap<&'static str, Value>,
+}
+
+impl fmt::Display for Value {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Bool(v) => write!(f, "{v}"),
+            Self::Integer(v) => write!(f, "{v}"),
+            Self::Double(v) => write!(f, "{v}"),
+            Self::String(v) => write!(f, "'{v}'"),
+            Self::Strings(v) => write!(f, "[{}]", v.join(", ")),
+        }
+    }
+}
+
+impl Value {
+    /// The type's name as ROS 2 writes it.
+    pub fn type_name(&self) -> &'static str {
+        match self {
+            Self::Bool(_) => "bool",
+            Self::Integer(_) => "integer",
+            Self::Double(_) => "double",
+            Self::String(_) => "string",
+            Self::Strings(_) => "string_array",
+        }
+    }
+
+    /// Reads `text` (a command line's or a YAML scalar's) as a value of this
+    /// value's type. An array is written `[a, b]` or `a, b`.
+    pub fn parse_like(&self, text: &str) -> Option<Value> {
+        let text = text.trim();
+        Some(match self {
+            Self::Bool(_) => Self::Bool(match text.to_ascii_lowercase().as_str() {
+                "true" | "yes" | "on" | "1" => true,
+                "false" | "no" | "off" | "0" => false,
+                _ => return None,
+            }),
+            Self::Integer(_) => Self::Integer(text.parse().ok()?),
+            Self::Double(_) => Self::Double(text.parse().ok()?),
+            Self::String(_) => Self::String(unquote(text).to_owned()),
+            Self::Strings(_) => {
+                let list = text.strip_prefix('[').and_then(|t| t.strip_suffix(']')).unwrap_or(text);
+                Self::Strings(
+                    list.split(',')
+                        .map(|item| unquote(item.trim()).to_owned())
+                        .filter(|item| !item.is_empty())
+                        .collect(),
+                )
+            }
+        })
+    }
+
+    /// This value as the type of `like`: an integer is also a double, a word
+    /// is also a list of one word. Nothing else is converted.
+    fn coerced(self, like: &Value) -> Option<Value> {
+        Some(match (self, like) {
+            (Self::Integer(v), Self::Double(_)) => Self::Double(v as f64),
+            (Self::String(v), Self::Strings(_)) => {
+                Self::Strings(if v.is_empty() { Vec::new() } else { vec![v] })
+            }
+            (value, like) if value.type_name() == like.type_name() => value,
+            _ => return None,
+        })
+    }
+}
+
+fn unquote(text: &str) -> &str {
+    for quote in ['"', '\''] {
+        if let Some(inner) = text.strip_prefix(quote).and_then(|t| t.strip_suffix(quote)) {
+            return inner;
+        }
+    }
+    text
+}
+
+impl Descriptor {
+    /// Checks type and range, and converts where that loses nothing.
+    ///
+    /// # Errors
+    /// [`Refusal`] with what is possible.
+    pub fn accept(&self, value: Value) -> Result<Value, Refusal> {
+        let shown = value.to_string();
+        let refuse = |why: String| Refusal::new(self.name, &shown, why);
+        let given = value.type_name();
+        let value = value
+            .coerced(&self.default)
+            .ok_or_else(|| refuse(format!("is a {given}, must be a {}", self.default.type_name())))?;
+        match (&value, self.allowed) {
+            (_, Allowed::Any) => Ok(value),
+            (Value::Integer(v), Allowed::Integers { from, to }) if (from..=to).contains(v) => Ok(value),
+            (Value::Double(v), Allowed::Doubles { from, to }) if (from..=to).contains(v) => Ok(value),
+            (Value::String(v), Allowed::Words(words)) if words.contains(&v.as_str()) => Ok(value),
+            (_, allowed) => Err(refuse(format!("must be {allowed}"))),
+        }
+    }
+}
+
+impl fmt::Display for Allowed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Any => write!(f, "any value"),
+            Self::Integers { from, to } => write!(f, "in {from} to {to}"),
+            Self::Doubles { from, to } => write!(f, "a finite number in {from} to {to}"),
+            Self::Words(words) => write!(f, "one of {}", words.join(", ")),
+        }
+    }
+}
+
+impl Parameters {
+    /// Declares a set; every parameter has its default.
+    pub fn declare(declared: Vec<Descriptor>) -> Self {
+        let values = declared.iter().map(|d| (d.name, d.default.clone())).collect();
+        Self { declared, values }
+    }
+
+    /// The declarations, in order.
+    pub fn descriptors(&self) -> &[Descriptor] {
+        &self.declared
+    }
+
+    /// The declaration of `name`.
+    pub fn descriptor(&self, name: &str) -> Option<&Descriptor> {
+        self.declared.iter().find(|d| d.name == name)
+    }
+
+    /// The value of `name`, if it is declared.
+    pub fn get(&self, name: &str) -> Option<&Value> {
+        self.values.get(name)
+    }
+
+    /// The set with all `changes` applied; nothing is changed when one of them
+    /// is refused. `started` refuses changes of read-only parameters.
+    ///
+    /// # Errors
+    /// [`Refusal`] of the first change that is not possible.
+    pub fn with(&self, changes: &[(String, Value)], started: bool) -> Result<Self, Refusal> {
+        let mut next = self.clone();
+        for (name, value) in changes {
+            let descriptor = self.descriptor(name).ok_or_else(|| self.unknown(name, value))?;
+            if started && descriptor.read_only {
+                return Err(Refusal::new(name, value, "is read-only: set it when the node is started"));
+            }
+            next.values.insert(descriptor.name, descriptor.accept(value.clone())?);
+        }
+        Ok(next)
+    }
+
+    /// As [`Parameters::with`] for values given as text, before the start.
+    ///
+    /// # Errors
+    /// [`Refusal`] of the first one that is not possible.
+    pub fn with_text(&self, changes: &[(String, String)]) -> Result<Self, Refusal> {
+        let typed: Result<Vec<_>, _> = changes
+            .iter()
+            .map(|(name, text)| {
+                let descriptor = self.descriptor(name).ok_or_else(|| self.unknown(name, text))?;
+                let value = descriptor.default.parse_like(text).ok_or_else(|| {
+                    Refusal::new(name, text, format!("is not a {}", descriptor.default.type_name()))
+                })?;
+                Ok((name.clone(), value))
+            })
+            .collect();
+        self.with(&typed?, false)
+    }
+
+    fn unknown(&self, name: &str, value: impl fmt::Display) -> Refusal {
+        let known: Vec<_> = self.declared.iter().map(|d| d.name).collect();
+        Refusal::new(name, value, format!("unknown parameter, known are {}", known.join(", ")))
+    }
+
+    /// A declared `bool`.
+    ///
+    /// # Panics
+    /// When no `bool` of that name was declared: an error in the node's code.
+    pub fn bool(&self, name: &str) -> bool {
+        match self.get(name) {
+            Some(Value::Bool(v)) => *v,
+            other => panic!("parameter '{name}' is read as bool but declared as {other:?}"),
+        }
+    }
+
+    /// A declared `integer`.
+    ///
+    /// # Panics
+    /// When no `integer` of that name was declared: an error in the node's code.
+    pub fn integer(&self, name: &str) -> i64 {
+        match self.get(name) {
+            Some(Value::Integer(v)) => *v,
+            other => panic!("parameter '{name}' is read as integer but declared as {other:?}"),
+        }
+    }
+
+    /// A declared `double`.
+    ///
+    /// # Panics
+    /// When no `double` of that name was declared: an error in the node's code.
+    pub fn double(&self, name: &str) -> f64 {
+        match self.get(name) {
+            Some(Value::Double(v)) => *v,
+            other => panic!("parameter '{name}' is read as double but declared as {other:?}"),
+        }
+    }
+
+    /// A declared `string`.
+    ///
+    /// # Panics
+    /// When no `string` of that name was declared: an error in the node's code.
+    pub fn string(&self, name: &str) -> &str {
+        match self.get(name) {
+            Some(Value::String(v)) => v,
+            other => panic!("parameter '{name}' is read as string but declared as {other:?}"),
+        }
+    }
+
+    /// A declared `string_array`.
+    ///
+    /// # Panics
+    /// When no `string_array` of that name was declared: an error in the node's code.
+    pub fn strings(&self, name: &str) -> &[String] {
+        match self.get(name) {
+            Some(Value::Strings(v)) => v,
+            other => panic!("parameter '{name}' is read as string_array but declared as {other:?}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn set() -> Parameters {
+        Parameters::declare(vec![
+            Descriptor::new(
+                "alpha",
+                Value::Double(4.0),
+                Allowed::Doubles { from: 0.001, to: 1024.0 },
+                "saturation factor",
+            ),
+            Descriptor::new("bits", Value::Integer(8), Allowed::Integers { from: 1, to: 16 }, "bits").fixed(),
+            Descriptor::new(
+                "engine",
+                Value::String("auto".into()),
+                Allowed::Words(&["auto", "ort", "rten"]),
+                "engine",
+            ),
+            Descriptor::new("wait_for", Value::Strings(vec![]), Allowed::Any, "nodes"),
+        ])
+    }
+
+    fn text(name: &str, value: &str) -> Result<Parameters, Refusal> {
+        set().with_text(&[(name.into(), value.into())])
+    }
+
+    #[test]
+    fn an_integer_is_also_a_double() {
+        assert_eq!(text("alpha", "2").expect("2 is a double").double("alpha"), 2.0);
+        let changed = set().with(&[("alpha".into(), Value::Integer(3))], true).expect("3 is a double");
+        assert_eq!(changed.double("alpha"), 3.0);
+    }
+
+    #[test]
+    fn refusals_name_parameter_value_and_remedy() {
+        for (name, value, remedy) in [
+            ("alpha", "0", "0.001 to 1024"),
+            ("alpha", "NaN", "finite"),
+            ("bits", "17", "1 to 16"),
+            ("bits", "eight", "integer"),
+            ("engine", "tensorrt", "auto, ort, rten"),
+            ("gain", "1", "alpha, bits, engine"),
+        ] {
+            let message = text(name, value).expect_err("must be refused").to_string();
+            assert!(
+                message.contains(name) && message.contains(value) && message.contains(remedy),
+                "{message}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_set_is_applied_whole_or_not_at_all() {
+        let before = set();
+        let changes =
+            [("alpha".to_owned(), Value::Double(2.0)), ("engine".to_owned(), Value::String("cuda".into()))];
+        assert!(before.with(&changes, true).is_err());
+        assert_eq!(before.double("alpha"), 4.0);
+    }
+
+    #[test]
+    fn read_only_holds_after_the_start_alone() {
+        let change = [("bits".to_owned(), Value::Integer(10))];
+        assert!(set().with(&change, false).is_ok());
+        assert!(set().with(&change, true).is_err());
+    }
+
+    #[test]
+    fn lists_read_with_and_without_brackets() {
+        let expected = ["a".to_owned(), "b".to_owned()];
+        for list in ["[a, b]", "a,b", "[\"a\", 'b']"] {
+            assert_eq!(text("wait_for", list).expect("a list").strings("wait_for"), expected);
+        }
+    }
+}

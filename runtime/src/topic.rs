@@ -1,0 +1,38 @@
+//! Topic names and the quality of service that goes with each kind of message.
+
+use crate::message::MessageKind;
+
+/// How a topic is carried.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Qos {
+    /// ROS 2 "sensor data": best effort, keep last 5. A slow reader loses old
+    /// images instead of stopping the camera.
+    Images,
+    /// ROS 2 default: reliable, keep last 10.
+    Results,
+    /// Reliable and transient local, keep last 1: a late reader still gets it.
+    Latched,
+}
+
+/// A topic that a node reads or writes.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Topic {
+    /// ROS name: relative (`modulo`), private (`~/detections`) or absolute
+    /// (`/camera/image_raw`). Resolved and remapped by the driver.
+    pub name: String,
+    /// What it carries.
+    pub kind: MessageKind,
+    /// How it is carried.
+    pub qos: Qos,
+}
+
+impl Topic {
+    /// A topic with the quality of service usual for its kind.
+    pub fn new(name: impl Into<String>, kind: MessageKind) -> Self {
+        let qos = match kind {
+            MessageKind::Image | MessageKind::CompressedImage | MessageKind::CameraInfo => Qos::Images,
+            MessageKind::Detections | MessageKind::Diagnostics => Qos::Results,
+        };
+        Self { name: name.into(), kind, qos }
+    }
+}
