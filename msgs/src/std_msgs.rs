@@ -1,15 +1,9 @@
-//! `std_msgs` and `builtin_interfaces`.
+//! `std_msgs`: the header that every stamped message carries.
 
 use serde::{Deserialize, Serialize};
 
-/// `builtin_interfaces/msg/Time`: a point in time since the Unix epoch.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Time {
-    /// Whole seconds.
-    pub sec: i32,
-    /// Nanoseconds of the second, 0 to 999,999,999.
-    pub nanosec: u32,
-}
+pub use crate::builtin::Time;
+use crate::interface::interfaces;
 
 /// `std_msgs/msg/Header`
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -17,5 +11,17 @@ pub struct Header {
     /// When the data was acquired.
     pub stamp: Time,
     /// Coordinate frame, such as `camera`.
-    pub frame_id: String,
+    pub frame_id: std::string::String,
+}
+
+/// `std_msgs/msg/String`
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct String {
+    /// The text.
+    pub data: std::string::String,
+}
+
+interfaces! {
+    Header = "std_msgs/msg/Header",
+    String = "std_msgs/msg/String",
 }
