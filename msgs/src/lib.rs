@@ -6,14 +6,24 @@
 mod array;
 pub mod builtin;
 mod bytes;
+pub mod cdr;
+pub mod definition;
+mod detection;
 pub mod diagnostic_msgs;
 pub mod geometry_msgs;
+pub mod image;
 pub mod interface;
 pub mod rcl_interfaces;
+pub mod rihs;
 pub mod rosgraph_msgs;
+pub mod schema;
 pub mod sensor_msgs;
 pub mod service_msgs;
 pub mod std_msgs;
 pub mod std_srvs;
 pub mod type_description_interfaces;
 pub mod vision_msgs;
+
+pub use crate::interface::Interface;
+pub use crate::rihs::{type_hash, type_hash_of_schema};
+pub use crate::schema::{dds_name, ros2msg};

@@ -18,6 +18,17 @@ pub struct FieldType {
     pub nested_type_name: String,
 }
 
+impl FieldType {
+    /// `type_id` of a message type.
+    pub const NESTED: u8 = 1;
+    /// Added to `type_id` for an array of `capacity` elements.
+    pub const ARRAY: u8 = 48;
+    /// Added to `type_id` for a sequence of at most `capacity` elements.
+    pub const BOUNDED_SEQUENCE: u8 = 96;
+    /// Added to `type_id` for a sequence of any length.
+    pub const UNBOUNDED_SEQUENCE: u8 = 144;
+}
+
 /// `type_description_interfaces/msg/Field`
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Field {

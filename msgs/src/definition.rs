@@ -1,0 +1,192 @@
+//! Reads `.msg` text: one field, constant or comment a line.
+//!
+//! ```text
+//! uint8 LEVEL=3                 # a constant: not a field
+//! string<=255 name "none"       # bounded string with a default
+//! geometry_msgs/Point[<=4] at   # bounded sequence of another package's type
+//! ```
+//!
+//! Source: <https://design.ros2.org/articles/legacy_interface_definition.html>
+
+use crate::type_description_interfaces::{Field, FieldType};
+
+/// A line of a definition that is not one, or a type that is missing.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DefinitionError {
+    /// The line cannot be read.
+    #[error("{name}: '{line}' is not a field; expected TYPE NAME, such as 'float64[9] k'")]
+    Line {
+        /// The type being defined.
+        name: String,
+        /// The line.
+        line: String,
+    },
+    /// A type is used that nothing defines.
+    #[error("no definition of '{name}', expected one after a line 'MSG: {name}'")]
+    Missing {
+        /// The type that is used.
+        name: String,
+    },
+}
+
+/// The fields that `text` gives the type `name`. A type without fields gets
+/// the one that ROS gives it, `structure_needs_at_least_one_member`.
+pub(crate) fn parse_fields(name: &str, text: &str) -> Result<Vec<Field>, DefinitionError> {
+    let package = name.split('/').next().unwrap_or_default();
+    let mut fields = Vec::new();
+    for line in text.lines().map(without_comment).filter(|line| !line.is_empty()) {
+        let bad = || DefinitionError::Line { name: name.to_owned(), line: line.to_owned() };
+        match parse_line(package, line).ok_or_else(bad)? {
+            Line::Constant => {}
+            Line::Field(field) => fields.push(field),
+        }
+    }
+    if fields.is_empty() {
+        let r#type = FieldType { type_id: UINT8, ..FieldType::default() };
+        let name = "structure_needs_at_least_one_member".to_owned();
+        fields.push(Field { name, r#type, default_value: String::new() });
+    }
+    Ok(fields)
+}
+
+/// `pkg/Name` as `pkg/msg/Name`; a name of `package` itself may stand alone,
+/// unless `package` is empty.
+pub(crate) fn full_name(package: &str, name: &str) -> Option<String> {
+    let word = |w: &str| !w.is_empty() && w.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
+    let parts: Vec<_> = name.split('/').collect();
+    if !parts.iter().all(|part| word(part)) {
+        return None;
+    }
+    match parts[..] {
+        [name] if !package.is_empty() => Some(format!("{package}/msg/{name}")),
+        [package, name] => Some(format!("{package}/msg/{name}")),
+        [_, _, _] => Some(name.to_owned()),
+        _ => None,
+    }
+}
+
+const UINT8: u8 = 3;
+const STRING: u8 = 17;
+const WSTRING: u8 = 18;
+/// From an unbounded string's code to the bounded one's.
+const BOUNDED_STRING: u8 = 4;
+
+enum Line {
+    Constant,
+    Field(Field),
+}
+
+fn without_comment(line: &str) -> &str {
+    line.split('#').next().unwrap_or_default().trim()
+}
+
+fn parse_line(package: &str, line: &str) -> Option<Line> {
+    let (type_text, rest) = line.split_once(char::is_whitespace)?;
+    let rest = rest.trim_start();
+    let end = rest.find(|c: char| !(c.is_ascii_alphanumeric() || c == '_')).unwrap_or(rest.len());
+    let (name, tail) = rest.split_at(end);
+    let value = tail.trim();
+    if name.is_empty() {
+        return None;
+    }
+    if value.starts_with('=') {
+        return Some(Line::Constant);
+    }
+    if !tail.is_empty() && !tail.starts_with(char::is_whitespace) {
+        return None;
+    }
+    let r#type = parse_type(package, type_text)?;
+    Some(Line::Field(Field { name: name.to_owned(), r#type, default_value: value.to_owned() }))
+}
+
+fn parse_type(package: &str, text: &str) -> Option<FieldType> {
+    let (element, brackets) = match text.split_once('[') {
+        Some((element, rest)) => (element, Some(rest.strip_suffix(']')?)),
+        None => (text, None),
+    };
+    let (many, capacity) = match brackets {
+        None => (0, 0),
+        Some("") => (FieldType::UNBOUNDED_SEQUENCE, 0),
+        Some(size) => match size.strip_prefix("<=") {
+            Some(bound) => (FieldType::BOUNDED_SEQUENCE, bound.parse().ok()?),
+            None => (FieldType::ARRAY, size.parse().ok()?),
+        },
+    };
+    let one = parse_element(package, element)?;
+    Some(FieldType { type_id: one.type_id + many, capacity, ..one })
+}
+
+fn parse_element(package: &str, text: &str) -> Option<FieldType> {
+    if let Some((string, bound)) = text.split_once("<=") {
+        let type_id = primitive(string).filter(|id| [STRING, WSTRING].contains(id))? + BOUNDED_STRING;
+        return Some(FieldType { type_id, string_capacity: bound.parse().ok()?, ..FieldType::default() });
+    }
+    if let Some(type_id) = primitive(text) {
+        return Some(FieldType { type_id, ..FieldType::default() });
+    }
+    let nested_type_name = full_name(package, text)?;
+    Some(FieldType { type_id: FieldType::NESTED, nested_type_name, ..FieldType::default() })
+}
+
+/// Codes of `type_description_interfaces/msg/FieldType`.
+fn primitive(name: &str) -> Option<u8> {
+    Some(match name {
+        "int8" => 2,
+        "uint8" | "char" => UINT8,
+        "int16" => 4,
+        "uint16" => 5,
+        "int32" => 6,
+        "uint32" => 7,
+        "int64" => 8,
+        "uint64" => 9,
+        "float32" => 10,
+        "float64" => 11,
+        "bool" => 15,
+        "byte" => 16,
+        "string" => STRING,
+        "wstring" => WSTRING,
+        _ => return None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn tells_fields_from_constants_and_comments() {
+        let text = "# said\nuint8 A = 1\nstring<=9[<=4] s \"x\" # why\n\nPoint[3] at\nb/C c 1.5\n";
+        let fields = parse_fields("a/msg/T", text).expect("all lines are good");
+        let short: Vec<_> = fields
+            .iter()
+            .map(|f| {
+                let t = &f.r#type;
+                let nested = t.nested_type_name.as_str();
+                (f.name.as_str(), t.type_id, t.capacity, t.string_capacity, nested, f.default_value.as_str())
+            })
+            .collect();
+        let expected = [
+            ("s", 21 + 96, 4, 9, "", "\"x\""),
+            ("at", 1 + 48, 3, 0, "a/msg/Point", ""),
+            ("c", 1, 0, 0, "b/msg/C", "1.5"),
+        ];
+        assert_eq!(short, expected);
+    }
+
+    #[test]
+    fn refuses_lines_that_are_no_fields() {
+        for line in ["uint8", "uint8[ a", "uint8[x] a", "int8<=3 a", "a//B c", "uint8 a-b", "a/b/c/D e"] {
+            let error = parse_fields("a/msg/T", line).expect_err(line).to_string();
+            assert!(error.contains("a/msg/T") && error.contains(line), "{error}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn no_text_panics(text in "([a-z0-9/<=\\[\\]# _\"-]{0,30}\n){0,4}|\\PC{0,60}") {
+            let _ = parse_fields("a/msg/T", &text);
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! [`Image`] <-> [`Frame`]: what a peer sends as rows of bytes, and the pixels
+//! that the suite computes with.
+//!
+//! Pixels are never scaled, converted between depths, or guessed: an encoding
+//! that is not in the table is refused.
+
+mod decode;
+mod encode;
+mod encoding;
+
+use modulo_core::{Frame, FrameError};
+
+pub use self::encode::encode_frame;
+use self::encoding::names;
+use crate::sensor_msgs::Image;
+
+/// Why an [`Image`] cannot be a [`Frame`].
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ImageError {
+    /// The encoding is not one of those that can be read.
+    #[error("image encoding '{encoding}' cannot be read, possible are {}", names())]
+    Encoding {
+        /// The encoding found.
+        encoding: String,
+    },
+    /// Rows would overlap.
+    #[error("image step is {step} bytes, a row needs at least {row}")]
+    Step {
+        /// Bytes from row to row found.
+        step: u32,
+        /// Bytes of one row's pixels.
+        row: u64,
+    },
+    /// Rows are missing.
+    #[error("image data has {got} bytes, height * step = {expected} expected")]
+    Short {
+        /// `height * step`.
+        expected: u64,
+        /// Bytes found.
+        got: usize,
+    },
+    /// The sizes are not those of a frame.
+    #[error(transparent)]
+    Frame(#[from] FrameError),
+}
+
+impl Image {
+    /// The pixels, red first.
+    ///
+    /// Reads `rgb8 bgr8 mono8 rgba8 bgra8 rgb16 bgr16 mono16 8UC1 8UC3 16UC1
+    /// 16UC3` in either byte order with any `step` of at least one row. Alpha
+    /// is dropped. `8UC3` and `16UC3` do not tell the order of their channels
+    /// and are taken as OpenCV's, blue first.
+    ///
+    /// # Errors
+    /// [`ImageError`] for another encoding, a side of 0, a `step` below one
+    /// row, and fewer than `height * step` bytes.
+    pub fn to_frame(&self) -> Result<Frame, ImageError> {
+        decode::frame(decode::Layout::of(self)?, self.data.as_slice().into())
+    }
+
+    /// As [`Image::to_frame`], but `rgb8` and `mono8` without padding keep the
+    /// buffer instead of copying it.
+    ///
+    /// # Errors
+    /// As [`Image::to_frame`].
+    pub fn into_frame(self) -> Result<Frame, ImageError> {
+        decode::frame(decode::Layout::of(&self)?, self.data.into())
+    }
+}

@@ -1,0 +1,98 @@
+//! RIHS01, the hash by which ROS 2 tells whether two sides mean the same type:
+//! SHA-256 over the JSON of a type description without default values.
+//!
+//! Source: <https://github.com/ros-infrastructure/rep/pull/381> (REP 2011, 2016)
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::sync::OnceLock;
+
+use sha2::{Digest, Sha256};
+
+use crate::definition::{DefinitionError, full_name};
+use crate::interface;
+use crate::schema;
+use crate::type_description_interfaces::{Field, IndividualTypeDescription, TypeDescription};
+
+/// `RIHS01_` and 64 hexadecimal digits for a message, a service, or a service's
+/// request, response or event. `None` when the suite does not define it.
+pub fn type_hash(name: &str) -> Option<String> {
+    static HASHES: OnceLock<BTreeMap<String, String>> = OnceLock::new();
+    HASHES.get_or_init(all_hashes).get(name).cloned()
+}
+
+/// The hash of `name` as foreign `ros2msg` text defines it: the type's own
+/// fields, then each dependency after a line of 80 `=` and a line `MSG: pkg/Name`.
+///
+/// # Errors
+/// [`DefinitionError`] with the line that is no field, or the type that is missing.
+pub fn type_hash_of_schema(name: &str, text: &str) -> Result<String, DefinitionError> {
+    let name = full_name("", name).ok_or_else(|| DefinitionError::Missing { name: name.to_owned() })?;
+    let types = schema::parse(&name, text)?;
+    Ok(hash(&gather(&name, |wanted| Ok(types.get(wanted).cloned()))?))
+}
+
+/// The whole description of a type that the suite defines, as
+/// `~/get_type_description` answers it.
+pub fn type_description(name: &str) -> Option<TypeDescription> {
+    gather(name, interface::describe).ok()
+}
+
+fn all_hashes() -> BTreeMap<String, String> {
+    let parts = ["", "_Request", "_Response", "_Event"];
+    interface::names()
+        .flat_map(|name| parts.map(|part| format!("{name}{part}")))
+        .filter_map(|name| type_description(&name).map(|description| (name, hash(&description))))
+        .collect()
+}
+
+/// `name` and everything that it needs, the latter sorted by name.
+fn gather(
+    name: &str,
+    find: impl Fn(&str) -> Result<Option<IndividualTypeDescription>, DefinitionError>,
+) -> Result<TypeDescription, DefinitionError> {
+    let find = |name: &str| find(name)?.ok_or_else(|| DefinitionError::Missing { name: name.to_owned() });
+    let type_description = find(name)?;
+    let mut referenced = BTreeMap::new();
+    let mut open = needs(&type_description);
+    while let Some(next) = open.pop() {
+        if next != name && !referenced.contains_key(&next) {
+            let found = find(&next)?;
+            open.extend(needs(&found));
+            referenced.insert(next, found);
+        }
+    }
+    let referenced_type_descriptions = referenced.into_values().collect();
+    Ok(TypeDescription { type_description, referenced_type_descriptions })
+}
+
+fn needs(description: &IndividualTypeDescription) -> Vec<String> {
+    let nested = description.fields.iter().map(|field| &field.r#type.nested_type_name);
+    nested.filter(|name| !name.is_empty()).cloned().collect()
+}
+
+fn hash(description: &TypeDescription) -> String {
+    let referenced: Vec<_> = description.referenced_type_descriptions.iter().map(individual_json).collect();
+    let json = format!(
+        r#"{{"type_description": {}, "referenced_type_descriptions": [{}]}}"#,
+        individual_json(&description.type_description),
+        referenced.join(", "),
+    );
+    Sha256::digest(json).iter().fold("RIHS01_".to_owned(), |mut text, byte| {
+        let _ = write!(text, "{byte:02x}"); // a String takes everything
+        text
+    })
+}
+
+// Names are words (`full_name`, `parse_line`): nothing in them needs escaping.
+fn individual_json(description: &IndividualTypeDescription) -> String {
+    let fields: Vec<_> = description.fields.iter().map(field_json).collect();
+    format!(r#"{{"type_name": "{}", "fields": [{}]}}"#, description.type_name, fields.join(", "))
+}
+
+fn field_json(Field { name, r#type, .. }: &Field) -> String {
+    format!(
+        r#"{{"name": "{name}", "type": {{"type_id": {}, "capacity": {}, "string_capacity": {}, "nested_type_name": "{}"}}}}"#,
+        r#type.type_id, r#type.capacity, r#type.string_capacity, r#type.nested_type_name,
+    )
+}
