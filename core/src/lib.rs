@@ -9,7 +9,22 @@
 //! own accord, or knows of messages and topics.
 
 pub mod boxes;
+pub mod dct;
 pub mod frame;
+pub mod gradient;
+pub mod letterbox;
+mod noise;
+pub mod optics;
+mod plane;
+mod range;
+pub mod sensor;
+pub mod tone;
+pub mod unwrap;
 
 pub use boxes::{BBox, Detection};
 pub use frame::{Frame, FrameError};
+pub use letterbox::Letterbox;
+pub use optics::Psf;
+pub use range::{Range, RangeError};
+pub use sensor::{Exposure, Sensor, SensorConfig, SensorError};
+pub use unwrap::{Recovered, Unwrap, UnwrapError};

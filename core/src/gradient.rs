@@ -1,0 +1,110 @@
+//! W_b, M_b, and differences between neighbours with their adjoint.
+//!
+//! Planes are row-major slices. Differences are forward with Neumann borders:
+//! none is taken across an edge of the image.
+
+use crate::range::peak;
+
+/// W_b without the quantiser (eq. 1): `x mod 2^b`, in `[0, 2^b)` for finite `x`.
+pub fn wrap(x: f32, bits: u8) -> f32 {
+    let wrapped = x.rem_euclid(peak(bits));
+    // A tiny negative x rounds up to the peak itself.
+    if wrapped < peak(bits) { wrapped } else { 0.0 }
+}
+
+/// M_b(d) = W_b(d + 2^(b-1)) - 2^(b-1), in `[-2^(b-1), 2^(b-1))`; M_b(2^(b-1)) = -2^(b-1).
+///
+/// `d` is a difference of two modulo images, `|d| <= 2^b`; then the result is
+/// exact. Outside that it is `d` moved by one peak towards 0.
+pub fn wrap_centered(d: f32, bits: u8) -> f32 {
+    d + peak(bits) * wraps_across(d, bits) as f32
+}
+
+/// The n in {-1, 0, 1} with `M_b(d) = d + n * 2^b`, for `|d| <= 2^b`.
+pub(crate) fn wraps_across(d: f32, bits: u8) -> i32 {
+    let half = peak(bits) / 2.0;
+    i32::from(d < -half) - i32::from(d >= half)
+}
+
+/// Horizontal differences, H x (W-1): `out[i, j] = x[i, j+1] - x[i, j]`.
+pub(crate) fn dx(x: &[f32], width: usize, out: &mut Vec<f32>) {
+    out.clear();
+    for row in x.chunks_exact(width) {
+        out.extend(row[1..].iter().zip(row).map(|(next, here)| next - here));
+    }
+}
+
+/// Vertical differences, (H-1) x W: `out[i, j] = x[i+1, j] - x[i, j]`.
+pub(crate) fn dy(x: &[f32], width: usize, out: &mut Vec<f32>) {
+    out.clear();
+    out.extend(x[width..].iter().zip(x).map(|(below, here)| below - here));
+}
+
+/// The adjoint of (`dx`, `dy`): `out = dx^T gx + dy^T gy`, H x W.
+pub(crate) fn adjoint(gx: &[f32], gy: &[f32], width: usize, out: &mut [f32]) {
+    out.fill(0.0);
+    if width > 1 {
+        for (row, gx) in out.chunks_exact_mut(width).zip(gx.chunks_exact(width - 1)) {
+            row[..width - 1].iter_mut().zip(gx).for_each(|(o, g)| *o -= g);
+            row[1..].iter_mut().zip(gx).for_each(|(o, g)| *o += g);
+        }
+    }
+    out.iter_mut().zip(gy).for_each(|(o, g)| *o -= g);
+    out[width..].iter_mut().zip(gy).for_each(|(o, g)| *o += g);
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn wrap_stays_below_the_peak(x in -1e6f32..1e6, bits in 1u8..=16) {
+            let y = wrap(x, bits);
+            prop_assert!((0.0..peak(bits)).contains(&y));
+            let turns = f64::from(x - y) / f64::from(peak(bits));
+            prop_assert!((turns - turns.round()).abs() < 1e-2, "{turns}");
+        }
+
+        #[test]
+        fn centered_wrap_is_the_definition(a in 0u32..65536, b in 0u32..65536, bits in 1u8..=16) {
+            let mask = (1i64 << bits) - 1;
+            let d = (i64::from(a) & mask) - (i64::from(b) & mask);
+            let half = 1i64 << (bits - 1);
+            let definition = ((d + half) & mask) - half;
+            prop_assert_eq!(wrap_centered(d as f32, bits), definition as f32);
+        }
+
+        #[test]
+        fn centered_wrap_of_any_difference_is_in_range(a in 0f32..=1.0, b in 0f32..=1.0, bits in 1u8..=16) {
+            let d = wrap_centered((a - b) * peak(bits), bits);
+            prop_assert!(d >= -peak(bits) / 2.0 && d < peak(bits) / 2.0);
+        }
+
+        #[test]
+        fn adjoint_identity(h in 1usize..12, w in 1usize..12, seed in proptest::collection::vec(-50i32..50, 3 * 144)) {
+            // Small integers: every sum below is exact in f32.
+            let n = h * w;
+            let values: Vec<f32> = seed.iter().map(|&v| v as f32).collect();
+            let (x, gx, gy) = (&values[..n], &values[144..144 + h * (w - 1)], &values[288..288 + (h - 1) * w]);
+            let (mut ax, mut ay, mut back) = (Vec::new(), Vec::new(), vec![0.0; n]);
+            dx(x, w, &mut ax);
+            dy(x, w, &mut ay);
+            adjoint(gx, gy, w, &mut back);
+            let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
+            prop_assert_eq!((ax.len(), ay.len()), (gx.len(), gy.len()));
+            prop_assert_eq!(dot(&ax, gx) + dot(&ay, gy), dot(x, &back));
+        }
+    }
+
+    #[test]
+    fn half_the_peak_is_negative() {
+        for bits in 1..=16 {
+            let half = peak(bits) / 2.0;
+            assert_eq!((wrap_centered(half, bits), wrap_centered(-half, bits)), (-half, -half));
+        }
+        assert_eq!((wrap(-1e-9, 8), wrap(256.0, 8), wrap(-1.0, 8)), (0.0, 0.0, 255.0));
+    }
+}

@@ -1,0 +1,95 @@
+//! [`Range`]: how far a sensor's counts reach. A constructed range is valid.
+
+/// The bits and the saturation factor of a sensor, `x` in `[0, alpha * 2^bits)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    bits: u8,
+    alpha: f64,
+}
+
+/// Why a pair of numbers cannot be a [`Range`].
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RangeError {
+    /// The converter's width.
+    #[error("bits is {bits}, 1 to 16 are possible")]
+    Bits {
+        /// Found.
+        bits: u8,
+    },
+    /// The saturation factor.
+    #[error("alpha is {alpha}, more than 0 and at most 256 is possible")]
+    Alpha {
+        /// Found.
+        alpha: f64,
+    },
+}
+
+impl Range {
+    /// `bits` in 1 to 16, `alpha` in (0, 256].
+    ///
+    /// # Errors
+    /// [`RangeError`] when one of them is outside, NaN included.
+    pub fn new(bits: u8, alpha: f64) -> Result<Self, RangeError> {
+        if !(1..=16).contains(&bits) {
+            return Err(RangeError::Bits { bits });
+        }
+        if !(alpha > 0.0 && alpha <= 256.0) {
+            return Err(RangeError::Alpha { alpha });
+        }
+        Ok(Self { bits, alpha })
+    }
+
+    /// b, the width of the converter.
+    pub fn bits(self) -> u8 {
+        self.bits
+    }
+
+    /// The saturation factor.
+    pub fn alpha(self) -> f64 {
+        self.alpha
+    }
+
+    /// 2^b, exact in `f32`.
+    pub fn peak(self) -> f32 {
+        peak(self.bits)
+    }
+
+    /// `alpha * 2^b`, code units; radiance stays strictly below.
+    pub fn limit(self) -> f64 {
+        self.alpha * f64::from(self.peak())
+    }
+
+    /// `ceil(alpha) - 1`, the largest wrap count k that radiance in range has.
+    pub fn most_wraps(self) -> u8 {
+        (self.alpha.ceil() - 1.0) as u8
+    }
+}
+
+/// 2^bits, for bits up to 32.
+pub(crate) fn peak(bits: u8) -> f32 {
+    (1u64 << bits.min(32)) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refuses_what_no_sensor_has() {
+        assert_eq!(Range::new(0, 1.0), Err(RangeError::Bits { bits: 0 }));
+        assert_eq!(Range::new(17, 1.0), Err(RangeError::Bits { bits: 17 }));
+        for alpha in [0.0, -1.0, 256.1, f64::INFINITY, f64::NAN] {
+            assert!(Range::new(8, alpha).is_err(), "alpha {alpha}");
+        }
+    }
+
+    #[test]
+    fn counts_wraps_below_the_limit() {
+        let wraps = |alpha| Range::new(8, alpha).unwrap().most_wraps();
+        assert_eq!([wraps(0.3), wraps(1.0), wraps(1.5), wraps(2.0), wraps(256.0)], [0, 0, 1, 1, 255]);
+        assert_eq!(
+            (1..=16).map(peak).collect::<Vec<_>>(),
+            (1..=16).map(|b| (1 << b) as f32).collect::<Vec<_>>()
+        );
+    }
+}

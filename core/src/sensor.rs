@@ -1,0 +1,191 @@
+//! The modulo sensor: radiance in, counts out (eq. 1).
+//!
+//! One exposure yields every stream, so that modulo, saturated and ideal frames
+//! of a scene carry the same noise. Nothing here knows what a scene is.
+
+use ndarray::{Array3, ArrayView3};
+
+use crate::frame::{Frame, FrameError};
+use crate::optics::{self, MAX_SIGMA, Psf};
+use crate::plane::{check_shape, place_of};
+use crate::range::{Range, RangeError};
+use crate::{noise, tone};
+
+/// Largest `f32` below 1: full scale of radiance.
+const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
+
+/// Largest noise parameter, code units: the peak of 16 bits.
+const MAX_NOISE: f64 = 65536.0;
+
+/// What a sensor and its lens are like.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SensorConfig {
+    /// b, 1 to 16.
+    pub bits: u8,
+    /// Saturation factor: the brightest radiance over the peak, in (0, 256].
+    pub alpha: f64,
+    /// Blur of the lens.
+    pub psf: Psf,
+    /// Sigma of the read noise, code units, 0 to 65536.
+    pub read_noise: f64,
+    /// Shot noise has sigma `sqrt(shot_noise * x)`, code units, 0 to 65536.
+    pub shot_noise: f64,
+}
+
+/// Why there is no such sensor, or no exposure.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SensorError {
+    /// Bits or alpha.
+    #[error(transparent)]
+    Range(#[from] RangeError),
+    /// The lens.
+    #[error("psf sigma is {sigma} px, more than 0 and at most {MAX_SIGMA} is possible")]
+    PsfSigma {
+        /// Found, px.
+        sigma: f64,
+    },
+    /// `read_noise` or `shot_noise`.
+    #[error("{name} is {value}, 0 to {MAX_NOISE} is possible")]
+    Noise {
+        /// Of the parameter.
+        name: &'static str,
+        /// Found.
+        value: f64,
+    },
+    /// Radiance that is not of an image's shape.
+    #[error(transparent)]
+    Shape(#[from] FrameError),
+    /// NaN or infinite radiance.
+    #[error(
+        "radiance at (row {row}, column {column}, channel {channel}) is {value}, finite numbers are needed"
+    )]
+    NotFinite {
+        /// Row, from 0.
+        row: usize,
+        /// Column, from 0.
+        column: usize,
+        /// Channel, from 0.
+        channel: usize,
+        /// Found.
+        value: f32,
+    },
+}
+
+/// A sensor of checked configuration.
+#[derive(Clone, Debug)]
+pub struct Sensor {
+    range: Range,
+    taps: Vec<f32>,
+    read_noise: f64,
+    shot_noise: f64,
+}
+
+impl Sensor {
+    /// Checks `config` and prepares the lens.
+    ///
+    /// # Errors
+    /// [`SensorError`] names the parameter, its value and what is possible; NaN is refused.
+    pub fn new(config: SensorConfig) -> Result<Self, SensorError> {
+        let range = Range::new(config.bits, config.alpha)?;
+        if let Psf::Gaussian { sigma } = config.psf
+            && !(sigma > 0.0 && sigma <= MAX_SIGMA)
+        {
+            return Err(SensorError::PsfSigma { sigma });
+        }
+        for (name, value) in [("read_noise", config.read_noise), ("shot_noise", config.shot_noise)] {
+            if !(0.0..=MAX_NOISE).contains(&value) {
+                return Err(SensorError::Noise { name, value });
+            }
+        }
+        let SensorConfig { read_noise, shot_noise, .. } = config;
+        Ok(Self { range, taps: config.psf.taps(), read_noise, shot_noise })
+    }
+
+    /// Bits and alpha.
+    pub fn range(&self) -> Range {
+        self.range
+    }
+
+    /// Exposes to `radiance`, H x W x C, full scale = 1, values outside `[0, 1)` are clamped:
+    /// `x = alpha * 2^b * blur(radiance) + noise`, clamped to `[0, alpha * 2^b)`.
+    ///
+    /// # Errors
+    /// [`SensorError`] when the shape is no image's, or a value is NaN or infinite.
+    pub fn expose(&self, radiance: ArrayView3<'_, f32>, seed: u64) -> Result<Exposure, SensorError> {
+        let dim = radiance.dim();
+        check_shape(dim)?;
+        let mut x: Vec<f32> = radiance.iter().copied().collect();
+        if let Some(index) = x.iter().position(|value| !value.is_finite()) {
+            let (row, column, channel) = place_of(index, dim);
+            return Err(SensorError::NotFinite { row, column, channel, value: x[index] });
+        }
+        x.iter_mut().for_each(|value| *value = value.clamp(0.0, BELOW_ONE));
+        optics::blur(&mut x, dim, &self.taps);
+        let limit = self.range.limit();
+        x.iter_mut().for_each(|value| *value = (limit * f64::from(*value)) as f32);
+        noise::add(&mut x, self.shot_noise, self.read_noise, seed);
+        let most = below(limit);
+        x.iter_mut().for_each(|value| *value = value.clamp(0.0, most));
+        // The samples were collected from that very shape, so that the default never comes.
+        let x = Array3::from_shape_vec(dim, x).unwrap_or_default();
+        Ok(Exposure { x, range: self.range })
+    }
+}
+
+/// Largest `f32` strictly below `limit` (> 0), or 0.
+fn below(limit: f64) -> f32 {
+    let nearest = limit as f32;
+    if f64::from(nearest) < limit { nearest } else { nearest.next_down().max(0.0) }
+}
+
+/// What fell on the sensor, before any converter: the truth that unwrapping is measured against.
+#[derive(Clone, Debug)]
+pub struct Exposure {
+    x: Array3<f32>,
+    range: Range,
+}
+
+impl Exposure {
+    /// Radiance with blur and noise, H x W x C, code units, in `[0, alpha * 2^b)`.
+    pub fn x(&self) -> &Array3<f32> {
+        &self.x
+    }
+
+    /// Bits and alpha.
+    pub fn range(&self) -> Range {
+        self.range
+    }
+
+    /// The modulo stream (eq. 1): `y = floor(x mod 2^b)`, 8-bit samples for b <= 8, else 16-bit.
+    pub fn modulo(&self) -> Frame {
+        let mask = (1 << self.range.bits()) - 1;
+        self.digitise(|count| count & mask)
+    }
+
+    /// The saturated stream: `floor(min(x, 2^b - 1))`, depth as [`Exposure::modulo`].
+    pub fn saturated(&self) -> Frame {
+        let most = (1 << self.range.bits()) - 1;
+        self.digitise(|count| count.min(most))
+    }
+
+    /// The ideal stream: `floor(x)` without wrap or clip, toned to 8 bits as [`tone::linear8`].
+    pub fn ideal(&self) -> Frame {
+        let scale = 255.0 / self.range.limit();
+        Frame::U8(self.x.mapv(|x| tone::to_u8(x as u32 as f32, scale)))
+    }
+
+    /// The true wrap counts: `k = floor(x / 2^b)`, at most `ceil(alpha) - 1`.
+    pub fn wraps(&self) -> Array3<u8> {
+        let bits = self.range.bits();
+        self.x.mapv(|x| (x as u32 >> bits) as u8)
+    }
+
+    /// Integer samples from `floor(x)`, which fits 24 bits.
+    fn digitise(&self, code: impl Fn(u32) -> u32) -> Frame {
+        if self.range.bits() <= 8 {
+            Frame::U8(self.x.mapv(|x| code(x as u32) as u8))
+        } else {
+            Frame::U16(self.x.mapv(|x| code(x as u32) as u16))
+        }
+    }
+}

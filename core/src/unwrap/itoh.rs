@@ -1,0 +1,48 @@
+//! Itoh's method: follow the wrapped differences down the first column, then
+//! along each row. One difference of half a peak or more spoils the rest of its row.
+
+use super::{Range, Recovered, Unwrap, UnwrapError, check_frame, congruence};
+use crate::frame::Frame;
+use crate::gradient::wraps_across;
+use crate::plane;
+
+/// Path integration with its buffers; each channel on its own, integers only.
+#[derive(Default)]
+pub struct Itoh {
+    y: Vec<f32>,
+    k: Vec<i32>,
+}
+
+impl Unwrap for Itoh {
+    fn name(&self) -> &'static str {
+        "itoh"
+    }
+
+    fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
+        check_frame(y, range)?;
+        out.prepare(y.dim(), self.name());
+        let (_, width, channels) = y.dim();
+        for channel in 0..channels {
+            plane::take_from_frame(y, channel, &mut self.y);
+            integrate(&self.y, width, range.bits(), &mut self.k);
+            congruence::place(&self.k, &self.y, range, channel, out);
+        }
+        Ok(())
+    }
+}
+
+/// `k` becomes the wrap counts of `y` relative to its first pixel.
+fn integrate(y: &[f32], width: usize, bits: u8, k: &mut Vec<i32>) {
+    k.clear();
+    let (mut first, mut above) = (0, y[0]);
+    for row in y.chunks_exact(width) {
+        first += wraps_across(row[0] - above, bits);
+        above = row[0];
+        let (mut here, mut left) = (first, row[0]);
+        for &value in row {
+            here += wraps_across(value - left, bits);
+            left = value;
+            k.push(here);
+        }
+    }
+}

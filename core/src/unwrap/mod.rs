@@ -1,0 +1,163 @@
+//! From a modulo image back to radiance: one file a method, one trait over all.
+//!
+//! Every result is congruent with its input, `x_hat = y + k * 2^b`, so that a
+//! method can be wrong about k and about nothing else.
+
+mod congruence;
+mod itoh;
+mod poisson;
+mod spud;
+
+use ndarray::{Array3, ArrayView3};
+
+pub use crate::range::{Range, RangeError};
+pub use itoh::Itoh;
+pub use poisson::ThresholdOn;
+pub use spud::Spud;
+
+use crate::dct::DctError;
+use crate::frame::{Frame, FrameError};
+use crate::plane::{check_shape, place_of};
+
+/// The names that [`by_name`] knows.
+pub const METHODS: &[&str] = &["spud", "itoh"];
+
+/// A way to find the wrap counts of a modulo image.
+pub trait Unwrap: Send {
+    /// As in [`METHODS`].
+    fn name(&self) -> &'static str;
+
+    /// Writes radiance and wrap counts of `y` (values below 2^b) into `out`,
+    /// whose buffers are reused when the shape is the same.
+    ///
+    /// # Errors
+    /// [`UnwrapError::Code`] when a value of `y` is none that `range` has.
+    fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError>;
+}
+
+/// What was recovered from one image.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Recovered {
+    /// x_hat in code units, H x W x C: exactly `y + k * 2^b`.
+    pub x: Array3<f32>,
+    /// Wrap counts, H x W x C, `0 <= k <= ceil(alpha) - 1`.
+    pub k: Array3<u8>,
+    /// How it was recovered.
+    pub report: Report,
+}
+
+/// What a method says of its own result.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Report {
+    /// Name of the method, as in [`METHODS`]; empty before the first image.
+    pub method: &'static str,
+    /// Whether the method vouches for k; `None`: it makes no claim.
+    pub trusted: Option<bool>,
+}
+
+/// What the methods can be told; each reads its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Threshold of SPUD, in units of the peak, >= 0.
+    pub tau: f64,
+    /// What SPUD's threshold acts on.
+    pub threshold_on: ThresholdOn,
+}
+
+impl Default for Options {
+    /// The paper's: tau = 0.1, on phi.
+    fn default() -> Self {
+        Self { tau: 0.1, threshold_on: ThresholdOn::Phi }
+    }
+}
+
+/// Why an image was not unwrapped.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum UnwrapError {
+    /// There is no such method.
+    #[error("method {name:?} is unknown, possible are {}", METHODS.join(", "))]
+    Method {
+        /// Asked for.
+        name: String,
+    },
+    /// A threshold that is no threshold.
+    #[error("tau is {tau}, a finite number of at least 0 is needed (units of the peak)")]
+    Tau {
+        /// Found.
+        tau: f64,
+    },
+    /// An image without pixels, or of a wrong number of channels.
+    #[error(transparent)]
+    Shape(#[from] FrameError),
+    /// A plane that does not fit its transform.
+    #[error(transparent)]
+    Transform(#[from] DctError),
+    /// A sample that the sensor cannot have delivered.
+    #[error(
+        "y at (row {row}, column {column}, channel {channel}) is {value}, 0 to {most} is possible with {bits} bits"
+    )]
+    Code {
+        /// Row, from 0.
+        row: usize,
+        /// Column, from 0.
+        column: usize,
+        /// Channel, from 0.
+        channel: usize,
+        /// Found.
+        value: f32,
+        /// Largest possible value.
+        most: f32,
+        /// b of the range.
+        bits: u8,
+    },
+}
+
+/// The method called `name`, one of [`METHODS`].
+///
+/// # Errors
+/// [`UnwrapError::Method`] lists the names; [`UnwrapError::Tau`] for a negative or NaN threshold.
+pub fn by_name(name: &str, options: &Options) -> Result<Box<dyn Unwrap>, UnwrapError> {
+    match name {
+        "spud" => Ok(Box::new(Spud::new(options.tau, options.threshold_on)?)),
+        "itoh" => Ok(Box::new(Itoh::default())),
+        _ => Err(UnwrapError::Method { name: name.to_owned() }),
+    }
+}
+
+impl Recovered {
+    /// Makes room for an image of `dim`; what was there stays until it is overwritten.
+    fn prepare(&mut self, dim: (usize, usize, usize), method: &'static str) {
+        if self.x.dim() != dim {
+            self.x = Array3::zeros(dim);
+        }
+        if self.k.dim() != dim {
+            self.k = Array3::zeros(dim);
+        }
+        self.report = Report { method, trusted: None };
+    }
+}
+
+/// Refuses a frame with a sample of 2^b or more.
+fn check_frame(y: &Frame, range: Range) -> Result<(), UnwrapError> {
+    let most = range.peak() - 1.0;
+    match y {
+        Frame::U8(pixels) => check_codes(pixels.view(), range, most),
+        Frame::U16(pixels) => check_codes(pixels.view(), range, most),
+    }
+}
+
+/// Refuses samples outside `[0, most]`, NaN included, and shapes that no image has.
+fn check_codes<T>(y: ArrayView3<'_, T>, range: Range, most: f32) -> Result<(), UnwrapError>
+where
+    T: Copy + Into<f32>,
+{
+    check_shape(y.dim())?;
+    let wrong = |&&value: &&T| !(0.0..=most).contains(&value.into());
+    // Counting has no early way out and so runs at the speed of memory.
+    if y.iter().filter(wrong).count() == 0 {
+        return Ok(());
+    }
+    let Some((index, &value)) = y.iter().enumerate().find(|(_, value)| wrong(value)) else { return Ok(()) };
+    let (row, column, channel) = place_of(index, y.dim());
+    Err(UnwrapError::Code { row, column, channel, value: value.into(), most, bits: range.bits() })
+}
