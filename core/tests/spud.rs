@@ -1,0 +1,104 @@
+//! SPUD's phi against two references in double precision: dense matrices here,
+//! and scipy's transforms (`tests/peers/spud_reference.py`) by stored samples.
+
+use std::f64::consts::PI;
+
+use modulo_core::unwrap::{Spud, ThresholdOn};
+use modulo_core::{Range, UnwrapError};
+use ndarray::{Array2, Array3, Axis};
+
+/// The scene of `spud_reference.py`, in code units.
+fn scene(height: usize, width: usize, channels: usize) -> Array3<f32> {
+    let triangle = |t: usize, p: usize| (t % (2 * p)).abs_diff(p);
+    Array3::from_shape_fn((height, width, channels), |(i, j, c)| {
+        let slopes = 2 * triangle(3 * i + j + 17 * c, 150) + 3 * triangle(2 * j + i + 40 * c, 97);
+        let block = if (i / 9 + j / 13) % 7 == 3 { 200 } else { 0 };
+        (slopes + (7919 * i + 104_729 * j + 1_299_709 * c) % 5 + block) as f32
+    })
+}
+
+/// Orthonormal DCT-II as a matrix.
+fn dct_matrix(n: usize) -> Array2<f64> {
+    Array2::from_shape_fn((n, n), |(k, i)| {
+        let scale = if k == 0 { 1.0 } else { 2.0 } / n as f64;
+        scale.sqrt() * (PI * k as f64 * (i as f64 + 0.5) / n as f64).cos()
+    })
+}
+
+/// Eq. 3 with the threshold on phi, by dense matrices in f64; `y` is one channel.
+fn dense_spud(y: &Array2<f64>, peak: f64, tau: f64) -> Array2<f64> {
+    let (h, w) = y.dim();
+    let centred = |d: f64| (d + peak / 2.0).rem_euclid(peak) - peak / 2.0;
+    let mut rho = Array2::<f64>::zeros((h, w));
+    for ((i, j), &here) in y.indexed_iter() {
+        for (i2, j2) in [(i + 1, j), (i, j + 1)] {
+            if let Some(&next) = y.get((i2, j2)) {
+                let g = centred(next - here);
+                rho[(i, j)] -= g;
+                rho[(i2, j2)] += g;
+            }
+        }
+    }
+    let (down, across) = (dct_matrix(h), dct_matrix(w));
+    let mut spectrum = down.dot(&rho).dot(&across.t());
+    for ((u, v), coefficient) in spectrum.indexed_iter_mut() {
+        let cosine = |k: usize, n: usize| (PI * k as f64 / n as f64).cos();
+        let phi = *coefficient / (2.0 * (2.0 - cosine(u, h) - cosine(v, w)));
+        *coefficient = if (u, v) != (0, 0) && phi.abs() > tau * peak { phi } else { 0.0 };
+    }
+    down.t().dot(&spectrum).dot(&across)
+}
+
+#[test]
+fn agrees_with_dense_matrices_at_every_size() {
+    for (h, w) in [(1, 1), (1, 7), (7, 1), (2, 2), (13, 19), (64, 64), (375, 1242), (374, 1238), (370, 1226)]
+    {
+        for (bits, tau) in [(8, 0.1), (10, 0.0)] {
+            let range = Range::new(bits, 4.0).unwrap();
+            let y = scene(h, w, 1).mapv(|x| x % range.peak());
+            let phi = Spud::new(tau, ThresholdOn::Phi).unwrap().solve(y.view(), range).unwrap();
+            let plane = y.index_axis(Axis(2), 0).mapv(f64::from);
+            let want = dense_spud(&plane, f64::from(range.peak()), tau);
+            let worst = phi.iter().zip(&want).map(|(a, b)| (f64::from(*a) - b).abs()).fold(0.0, f64::max);
+            assert!(worst < 0.02, "{h} x {w}, {bits} bits, tau {tau}: off by {worst} code units");
+        }
+    }
+}
+
+#[test]
+fn agrees_with_scipy() {
+    let mut phi = Array3::<f32>::zeros((0, 0, 0));
+    let mut compared = 0;
+    for line in include_str!("data/spud_golden.txt").lines() {
+        let words: Vec<&str> = line.split(' ').collect();
+        let number = |at: usize| words[at].parse::<usize>().unwrap();
+        if words[0] == "case" {
+            let range = Range::new(number(4) as u8, 4.0).unwrap();
+            let y = scene(number(1), number(2), number(3)).mapv(|x| x % range.peak());
+            let on = if words[5] == "phi" { ThresholdOn::Phi } else { ThresholdOn::Rho };
+            phi = Spud::new(words[6].parse().unwrap(), on).unwrap().solve(y.view(), range).unwrap();
+            continue;
+        }
+        let (want, got) =
+            (words[3].parse::<f64>().unwrap(), f64::from(phi[(number(0), number(1), number(2))]));
+        assert!((want - got).abs() < 0.02, "{line}: {got}");
+        compared += 1;
+    }
+    assert_eq!(compared, 8 * 40);
+}
+
+#[test]
+fn takes_the_peak_but_nothing_beyond_and_no_nan() {
+    let range = Range::new(8, 2.0).unwrap();
+    let mut spud = Spud::new(0.1, ThresholdOn::Phi).unwrap();
+    let mut y = Array3::from_elem((2, 3, 1), 256.0);
+    assert!(spud.solve(y.view(), range).is_ok());
+    for value in [256.5, -0.5, f32::INFINITY] {
+        y[(1, 2, 0)] = value;
+        let error = spud.solve(y.view(), range).unwrap_err();
+        assert_eq!(error, UnwrapError::Code { row: 1, column: 2, channel: 0, value, most: 256.0, bits: 8 });
+    }
+    y[(1, 2, 0)] = f32::NAN;
+    assert!(spud.solve(y.view(), range).is_err());
+    assert!(Spud::new(f64::NAN, ThresholdOn::Phi).is_err() && Spud::new(-0.1, ThresholdOn::Rho).is_err());
+}
