@@ -45,9 +45,11 @@ impl Detection2D {
     /// The box with its likeliest class. `None` without a class, and for a box
     /// that [`BoundingBox2D::to_bbox`] refuses.
     pub fn to_detection(&self) -> Option<Detection> {
-        let likeliest = self.results.iter().map(|result| &result.hypothesis).max_by(|a, b| {
-            a.score.total_cmp(&b.score)
-        })?;
+        let likeliest = self
+            .results
+            .iter()
+            .map(|result| &result.hypothesis)
+            .max_by(|a, b| a.score.total_cmp(&b.score))?;
         Some(Detection {
             bbox: self.bbox.to_bbox()?,
             score: likeliest.score as f32,

@@ -55,7 +55,9 @@ pub(super) fn frame(layout: Layout, data: Cow<'_, [u8]>) -> Result<Frame, ImageE
     let channels = layout.encoding.channels;
     Ok(match layout.encoding.depth {
         Depth::U8 => Frame::from_u8(array(layout, red_first(channels, packed))?),
-        Depth::U16 => Frame::from_u16(array(layout, red_first(channels, wide(layout.order, &packed).into()))?),
+        Depth::U16 => {
+            Frame::from_u16(array(layout, red_first(channels, wide(layout.order, &packed).into()))?)
+        }
     }?)
 }
 

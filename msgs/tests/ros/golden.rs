@@ -1,0 +1,204 @@
+//! The bytes that a real ROS 2 wrote for stated contents.
+
+use modulo_core::{BBox, Detection};
+use modulo_msgs::builtin::Time;
+use modulo_msgs::cdr;
+use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
+use modulo_msgs::rcl_interfaces::*;
+use modulo_msgs::rosgraph_msgs::Clock;
+use modulo_msgs::sensor_msgs::{CompressedImage, Image};
+use modulo_msgs::std_msgs::{self, Header};
+use modulo_msgs::std_srvs::SetBoolRequest;
+use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::wire;
+
+/// Reads the golden and compares; writes the message and compares all bytes
+/// but padding, which ROS leaves as it finds it.
+fn check<T>(name: &str, expected: T)
+where
+    T: Serialize + DeserializeOwned + PartialEq + std::fmt::Debug + modulo_msgs::Interface,
+{
+    let golden = &wire::goldens()[name];
+    assert_eq!(golden.type_name, T::NAME);
+    let recorded = golden.bytes();
+    let read: T = cdr::from_slice(&recorded).expect(name);
+    assert_eq!(read, expected, "{name} as read");
+
+    let written = cdr::to_vec(&expected).expect(name);
+    assert_eq!(recorded.len() - written.len(), slack(name), "{name}: bytes behind the message");
+    assert_eq!(written[..4], recorded[..4], "{name}: encapsulation");
+    for at in 4..written.len() {
+        assert!(
+            written[at] == recorded[at] || is_padding(&written, at, &expected),
+            "{name}: byte {at} is {:#04x}, ROS writes {:#04x}",
+            written[at],
+            recorded[at]
+        );
+    }
+}
+
+/// Bytes that ROS leaves behind a message, because it estimates the size: four
+/// for each empty sequence of 8-byte numbers, two of which are in each
+/// `ParameterValue`; and up to a multiple of four behind a lone bool.
+fn slack(name: &str) -> usize {
+    match name {
+        "set_parameters_request" => 5 * 8,
+        "get_parameters_response" => 2 * 8,
+        "parameter_event" => 8,
+        "set_bool_request" => 3,
+        _ => 0,
+    }
+}
+
+/// Whether the byte can be anything without changing the message.
+fn is_padding<T: DeserializeOwned + PartialEq>(written: &[u8], at: usize, message: &T) -> bool {
+    let mut other = written.to_vec();
+    other[at] = !other[at];
+    written[at] == 0 && cdr::from_slice::<T>(&other).is_ok_and(|read| read == *message)
+}
+
+fn stamp() -> Time {
+    Time { sec: 1_700_000_000, nanosec: 123_456_789 }
+}
+
+fn header() -> Header {
+    Header { stamp: stamp(), frame_id: "camera".into() }
+}
+
+fn counting(n: u8) -> Vec<u8> {
+    (0..n).collect()
+}
+
+fn image(encoding: &str, step: u32, data: Vec<u8>) -> Image {
+    Image { header: header(), height: 2, width: 3, encoding: encoding.into(), is_bigendian: 0, step, data }
+}
+
+fn parameter(name: &str, value: ParameterValue) -> Parameter {
+    Parameter { name: name.into(), value }
+}
+
+fn string(text: &str) -> ParameterValue {
+    ParameterValue { r#type: ParameterType::STRING, string_value: text.into(), ..Default::default() }
+}
+
+fn integer(value: i64) -> ParameterValue {
+    ParameterValue { r#type: ParameterType::INTEGER, integer_value: value, ..Default::default() }
+}
+
+#[test]
+fn stamped_text() {
+    check("header", header());
+    check("clock", Clock { clock: stamp() });
+    check("string", std_msgs::String { data: "hello".into() });
+    check(
+        "log",
+        Log {
+            stamp: stamp(),
+            level: Log::INFO,
+            name: "detector".into(),
+            msg: "ready".into(),
+            file: "main.rs".into(),
+            function: "main".into(),
+            line: 7,
+        },
+    );
+}
+
+#[test]
+fn images() {
+    check("image_rgb8", image("rgb8", 9, counting(18)));
+    check("image_rgb16", image("rgb16", 18, counting(36)));
+    check("image_empty", Image::default());
+    let format = "rgb8; jpeg compressed rgb8".into();
+    check("compressed", CompressedImage { header: header(), format, data: vec![255, 216, 255] });
+}
+
+#[test]
+fn detections() {
+    check("detections_empty", Detection2DArray { header: header(), detections: vec![] });
+    let car = BBox { x1: 80.5, y1: 40.25, x2: 120.5, y2: 60.25 };
+    let person = BBox { x1: 6.0, y1: 12.0, x2: 14.0, y2: 28.0 };
+    let [mut car, person] = [(car, 0.875, "car"), (person, 0.5, "person")].map(|(bbox, score, class)| {
+        Detection2D::from_detection(&Detection { bbox, score, class: class.into() }, &header())
+    });
+    car.id = "0".into();
+    check("detections_two", Detection2DArray { header: header(), detections: vec![car, person] });
+}
+
+#[test]
+fn diagnostics() {
+    let pair = |key: &str, value: &str| KeyValue { key: key.into(), value: value.into() };
+    let status = DiagnosticStatus {
+        level: DiagnosticStatus::OK,
+        name: "detector: inference".into(),
+        message: "ok".into(),
+        hardware_id: "cpu".into(),
+        values: vec![pair("rate", "10.0"), pair("drops", "0")],
+    };
+    check("diagnostics", DiagnosticArray { header: header(), status: vec![status] });
+}
+
+#[test]
+fn setting_parameters() {
+    let double = ParameterValue { r#type: ParameterType::DOUBLE, double_value: 0.25, ..Default::default() };
+    let bool = ParameterValue { r#type: ParameterType::BOOL, bool_value: true, ..Default::default() };
+    let strings = ParameterValue {
+        r#type: ParameterType::STRING_ARRAY,
+        string_array_value: vec!["car".into(), "person".into()],
+        ..Default::default()
+    };
+    let parameters = vec![
+        parameter("input", string("recovered")),
+        parameter("score_threshold", double),
+        parameter("max_det", integer(300)),
+        parameter("use_sim_time", bool),
+        parameter("classes", strings),
+    ];
+    check("set_parameters_request", SetParametersRequest { parameters });
+    let done = SetParametersResult { successful: true, reason: String::new() };
+    let refused = SetParametersResult { successful: false, reason: "unknown stream".into() };
+    check("set_parameters_response", SetParametersResponse { results: vec![done, refused] });
+    check("set_bool_request", SetBoolRequest { data: true });
+    check(
+        "parameter_event",
+        ParameterEvent {
+            stamp: stamp(),
+            node: "/detector".into(),
+            changed_parameters: vec![parameter("input", string("recovered"))],
+            ..Default::default()
+        },
+    );
+}
+
+#[test]
+fn getting_parameters() {
+    let names = vec!["input".to_owned(), "max_det".to_owned()];
+    check("get_parameters_request", GetParametersRequest { names: names.clone() });
+    check(
+        "get_parameters_response",
+        GetParametersResponse { values: vec![string("recovered"), integer(300)] },
+    );
+    check("list_parameters_request", ListParametersRequest::default());
+    let result = ListParametersResult { names, prefixes: vec![] };
+    check("list_parameters_response", ListParametersResponse { result });
+    let descriptor = ParameterDescriptor {
+        name: "score_threshold".into(),
+        r#type: ParameterType::DOUBLE,
+        description: "lowest score kept".into(),
+        floating_point_range: vec![FloatingPointRange { from_value: 0.0, to_value: 1.0, step: 0.0 }],
+        ..Default::default()
+    };
+    check("describe_parameters_response", DescribeParametersResponse { descriptors: vec![descriptor] });
+}
+
+#[test]
+fn every_golden_is_known() {
+    let structs = wire::structs();
+    assert_eq!(wire::goldens().len(), 20);
+    for (name, golden) in wire::goldens() {
+        assert!(structs.contains_key(golden.type_name.as_str()), "{name}");
+    }
+}

@@ -1,0 +1,179 @@
+//! `Image` <-> `Frame`.
+
+use std::time::{Duration, Instant};
+
+use modulo_core::{Frame, FrameError};
+use modulo_msgs::cdr;
+use modulo_msgs::image::{ImageError, encode_frame};
+use modulo_msgs::sensor_msgs::Image;
+use modulo_msgs::std_msgs::Header;
+use ndarray::Array3;
+use proptest::prelude::*;
+
+fn header() -> Header {
+    Header { frame_id: "camera".into(), ..Default::default() }
+}
+
+fn frames() -> impl Strategy<Value = Frame> {
+    (1..6_usize, 1..6_usize, prop_oneof![Just(1_usize), Just(3)], any::<bool>(), any::<u64>()).prop_map(
+        |(height, width, channels, wide, seed)| {
+            let value = |(i, j, c): (usize, usize, usize)| {
+                ((seed >> (c * 8)) as usize).wrapping_add(i * 7919 + j * 31 * 257 + c) as u16
+            };
+            let dim = (height, width, channels);
+            let frame = if wide {
+                Frame::from_u16(Array3::from_shape_fn(dim, value))
+            } else {
+                Frame::from_u8(Array3::from_shape_fn(dim, |at| value(at) as u8))
+            };
+            frame.expect("a frame")
+        },
+    )
+}
+
+/// Encodings with the positions of red, green and blue (or the one channel) in
+/// a pixel of so many samples.
+fn written_as(frame: &Frame) -> &'static [(&'static str, &'static [usize], usize)] {
+    match (frame.depth(), frame.channels()) {
+        (8, 1) => &[("mono8", &[0], 1), ("8UC1", &[0], 1)],
+        (16, 1) => &[("mono16", &[0], 1), ("16UC1", &[0], 1)],
+        (8, _) => &[
+            ("rgb8", &[0, 1, 2], 3),
+            ("bgr8", &[2, 1, 0], 3),
+            ("8UC3", &[2, 1, 0], 3),
+            ("rgba8", &[0, 1, 2], 4),
+            ("bgra8", &[2, 1, 0], 4),
+        ],
+        _ => &[("rgb16", &[0, 1, 2], 3), ("bgr16", &[2, 1, 0], 3), ("16UC3", &[2, 1, 0], 3)],
+    }
+}
+
+/// Writes sample by sample into an image full of `0xa5`.
+fn write(frame: &Frame, which: usize, padding: usize, extra: usize, is_bigendian: u8) -> Image {
+    let (height, width, channels) = frame.dim();
+    let (encoding, places, samples) = written_as(frame)[which % written_as(frame).len()];
+    let bytes = usize::from(frame.depth() / 8);
+    let step = width * samples * bytes + padding;
+    let mut data = vec![0xa5; height * step + extra];
+    for i in 0..height {
+        for j in 0..width {
+            for c in 0..channels {
+                let at = i * step + (j * samples + places[c]) * bytes;
+                match frame {
+                    Frame::U8(pixels) => data[at] = pixels[[i, j, c]],
+                    Frame::U16(pixels) if is_bigendian == 0 => {
+                        data[at..at + 2].copy_from_slice(&pixels[[i, j, c]].to_le_bytes());
+                    }
+                    Frame::U16(pixels) => {
+                        data[at..at + 2].copy_from_slice(&pixels[[i, j, c]].to_be_bytes());
+                    }
+                }
+            }
+        }
+    }
+    Image {
+        header: header(),
+        height: height as u32,
+        width: width as u32,
+        encoding: encoding.into(),
+        is_bigendian,
+        step: step as u32,
+        data,
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1000))]
+
+    #[test]
+    fn every_layout_is_read(
+        frame in frames(), which in 0..60_usize, padding in 0..5_usize, extra in 0..3_usize, big in 0..2_u8,
+    ) {
+        let image = write(&frame, which, padding, extra, big);
+        prop_assert_eq!(image.to_frame(), Ok(frame.clone()), "{}", image.encoding);
+        prop_assert_eq!(image.into_frame(), Ok(frame));
+    }
+
+    #[test]
+    fn a_frame_returns(frame in frames()) {
+        let image = Image::from_frame(header(), &frame);
+        prop_assert_eq!(image.data.len(), (image.height * image.step) as usize);
+        prop_assert_eq!(encode_frame(&header(), &frame), cdr::to_vec(&image));
+        prop_assert_eq!(image.into_frame(), Ok(frame));
+    }
+
+    #[test]
+    fn nothing_panics(
+        height in 0..4_u32, width in prop_oneof![0..4_u32, Just(u32::MAX)],
+        step in prop_oneof![0..20_u32, Just(u32::MAX)], bytes in 0..60_usize, which in 0..13_usize,
+    ) {
+        let encoding = ["rgb8", "bgr8", "mono8", "rgba8", "bgra8", "rgb16", "bgr16", "mono16", "8UC1", "8UC3",
+            "16UC1", "16UC3", "yuv422"][which];
+        let data = vec![1; bytes];
+        let header = header();
+        let image = Image { header, height, width, encoding: encoding.into(), is_bigendian: 1, step, data };
+        prop_assert_eq!(image.to_frame(), image.clone().into_frame());
+        if let Ok(frame) = image.to_frame() {
+            prop_assert_eq!((frame.height(), frame.width()), (height as usize, width as usize));
+        }
+    }
+}
+
+#[test]
+fn a_packed_image_keeps_its_buffer() {
+    for (encoding, width) in [("rgb8", 2), ("mono8", 6)] {
+        let data = vec![3; 24];
+        let before = data.as_ptr();
+        let image =
+            Image { height: 4, width, encoding: encoding.into(), step: 6, data, ..Default::default() };
+        let Ok(Frame::U8(pixels)) = image.into_frame() else { panic!("{encoding} is an 8-bit frame") };
+        assert_eq!(pixels.as_ptr(), before, "{encoding}");
+    }
+}
+
+#[test]
+fn errors_name_the_numbers() {
+    let good = Image {
+        height: 2,
+        width: 3,
+        encoding: "rgb8".into(),
+        step: 10,
+        data: vec![0; 20],
+        ..Default::default()
+    };
+    assert!(good.to_frame().is_ok());
+    let spoiled = |spoil: fn(&mut Image)| {
+        let mut image = good.clone();
+        spoil(&mut image);
+        image.to_frame().expect_err("spoiled")
+    };
+    let unknown = spoiled(|image| image.encoding = "bayer_rggb8".into());
+    assert!(unknown.to_string().contains("'bayer_rggb8'"), "{unknown}");
+    assert!(unknown.to_string().contains("rgb8, bgr8, mono8"), "{unknown}");
+    assert_eq!(spoiled(|image| image.step = 8), ImageError::Step { step: 8, row: 9 });
+    assert_eq!(spoiled(|image| image.data.truncate(19)), ImageError::Short { expected: 20, got: 19 });
+    let empty = spoiled(|image| image.width = 0);
+    assert_eq!(empty, ImageError::Frame(FrameError::Empty { height: 2, width: 0 }));
+}
+
+/// The best of many, so that a busy machine does not fail it.
+fn best<T>(mut work: impl FnMut() -> T) -> Duration {
+    let timed = (0..50).map(|_| {
+        let start = Instant::now();
+        std::hint::black_box(work());
+        start.elapsed()
+    });
+    timed.min().expect("50 runs")
+}
+
+#[test]
+fn a_kitti_image_costs_a_copy() {
+    let frame = Frame::from_u8(Array3::from_elem((375, 1242, 3), 7)).expect("a frame");
+    let bytes = encode_frame(&header(), &frame).expect("encoded");
+    let image: Image = cdr::from_slice(&bytes).expect("decoded");
+    let encode_frame = best(|| encode_frame(&header(), &frame));
+    let to_vec = best(|| cdr::to_vec(&image));
+    let from_slice = best(|| cdr::from_slice::<Image>(&bytes));
+    println!("1.4 MB: encode_frame {encode_frame:?}, to_vec {to_vec:?}, from_slice {from_slice:?}");
+    assert!(encode_frame.max(to_vec).max(from_slice) < Duration::from_millis(1));
+}
