@@ -26,4 +26,4 @@ pub mod vision_msgs;
 
 pub use crate::interface::Interface;
 pub use crate::rihs::{type_hash, type_hash_of_schema};
-pub use crate::schema::{dds_name, ros2msg};
+pub use crate::schema::{dds_name, ros_name, ros2msg};

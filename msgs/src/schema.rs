@@ -40,6 +40,13 @@ pub fn dds_name(name: &str) -> String {
         + &format!("dds_::{last}_")
 }
 
+/// The ROS name of a type on the wire; the inverse of [`dds_name`].
+pub fn ros_name(dds: &str) -> String {
+    let parts: Vec<&str> = dds.split("::").filter(|part| *part != "dds_").collect();
+    let name = parts.join("/");
+    name.strip_suffix('_').unwrap_or(&name).to_owned()
+}
+
 /// All types in `ros2msg` text, of which the first is `name`.
 pub(crate) fn parse(
     name: &str,
@@ -80,6 +87,7 @@ mod tests {
     fn names_on_the_wire() {
         assert_eq!(dds_name("sensor_msgs/msg/Image"), "sensor_msgs::msg::dds_::Image_");
         assert_eq!(dds_name("std_srvs/srv/SetBool"), "std_srvs::srv::dds_::SetBool_");
+        assert_eq!(ros_name("std_srvs::srv::dds_::SetBool_"), "std_srvs/srv/SetBool");
     }
 
     #[test]

@@ -1,17 +1,31 @@
-//! What a node stands on: the step, its drivers, topics, mailboxes,
-//! parameters, clock and transport.
+//! What a node stands on: the step, its drivers, topics, inboxes, parameters,
+//! clock and transport.
 //!
 //! A node is a pure step ([`Node`]); nothing in this crate knows what any node
-//! computes.
+//! computes, and only `transport/zenoh.rs` and `clock.rs` know the wire and the
+//! wall clock.
 
 pub mod clock;
+pub mod diagnostics;
+pub mod driver;
+pub mod inbox;
 pub mod message;
+pub mod name;
 pub mod node;
 pub mod parameter;
+pub mod parameter_service;
+pub mod report;
+pub mod ros_args;
+pub mod signals;
+pub mod stop;
 pub mod topic;
+pub mod transport;
 
 pub use clock::{Clock, ManualClock, SystemClock};
 pub use message::{Message, MessageKind, StampedFrame};
+pub use name::Place;
 pub use node::{Context, Cue, Flow, Node, StepError};
-pub use parameter::{Descriptor, Parameters, Refusal, Value};
+pub use parameter::{Allowed, Descriptor, Parameters, Refusal, Value};
+pub use report::NodeReport;
+pub use stop::{Stop, Urgency};
 pub use topic::{Qos, Topic};

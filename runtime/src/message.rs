@@ -4,8 +4,9 @@
 use std::sync::Arc;
 
 use modulo_core::Frame;
+use modulo_msgs::cdr;
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
-use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage};
+use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image};
 use modulo_msgs::std_msgs::Header;
 use modulo_msgs::vision_msgs::Detection2DArray;
 
@@ -60,4 +61,79 @@ impl Message {
             Self::Diagnostics(_) => MessageKind::Diagnostics,
         }
     }
+}
+
+/// Why bytes are not the message they should be.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("not a readable {kind}: {why}")]
+pub struct DecodeError {
+    /// ROS name of the type that was expected.
+    pub kind: &'static str,
+    /// What is wrong, with the numbers.
+    pub why: String,
+}
+
+impl MessageKind {
+    /// ROS name of the type.
+    pub fn type_name(self) -> &'static str {
+        match self {
+            Self::Image => "sensor_msgs/msg/Image",
+            Self::CompressedImage => "sensor_msgs/msg/CompressedImage",
+            Self::CameraInfo => "sensor_msgs/msg/CameraInfo",
+            Self::Detections => "vision_msgs/msg/Detection2DArray",
+            Self::Diagnostics => "diagnostic_msgs/msg/DiagnosticArray",
+        }
+    }
+
+    /// The kind of this ROS type, if the suite knows it.
+    pub fn from_type_name(name: &str) -> Option<Self> {
+        [Self::Image, Self::CompressedImage, Self::CameraInfo, Self::Detections, Self::Diagnostics]
+            .into_iter()
+            .find(|kind| kind.type_name() == name)
+    }
+
+    /// `RIHS01_...` of the type.
+    pub fn type_hash(self) -> String {
+        modulo_msgs::type_hash(self.type_name()).unwrap_or_default()
+    }
+}
+
+impl Message {
+    /// CDR with its encapsulation header.
+    ///
+    /// # Errors
+    /// [`cdr::CdrError`] when a string or sequence is longer than CDR can say.
+    pub fn encode(&self) -> Result<Vec<u8>, cdr::CdrError> {
+        match self {
+            Self::Image(image) => modulo_msgs::image::encode_frame(&image.header, &image.frame),
+            Self::CompressedImage(message) => cdr::to_vec(&**message),
+            Self::CameraInfo(message) => cdr::to_vec(&**message),
+            Self::Detections(message) => cdr::to_vec(&**message),
+            Self::Diagnostics(message) => cdr::to_vec(&**message),
+        }
+    }
+
+    /// Reads CDR as a message of `kind`.
+    ///
+    /// # Errors
+    /// [`DecodeError`] with what is wrong with the bytes.
+    pub fn decode(kind: MessageKind, bytes: &[u8]) -> Result<Self, DecodeError> {
+        let bad = |why: String| DecodeError { kind: kind.type_name(), why };
+        Ok(match kind {
+            MessageKind::Image => {
+                let image: Image = cdr::from_slice(bytes).map_err(|e| bad(e.to_string()))?;
+                let header = image.header.clone();
+                let frame = image.into_frame().map_err(|e| bad(e.to_string()))?;
+                Self::Image(Arc::new(StampedFrame { header, frame }))
+            }
+            MessageKind::CompressedImage => Self::CompressedImage(parse(bytes).map_err(bad)?),
+            MessageKind::CameraInfo => Self::CameraInfo(parse(bytes).map_err(bad)?),
+            MessageKind::Detections => Self::Detections(parse(bytes).map_err(bad)?),
+            MessageKind::Diagnostics => Self::Diagnostics(parse(bytes).map_err(bad)?),
+        })
+    }
+}
+
+fn parse<T: serde::de::DeserializeOwned>(bytes: &[u8]) -> Result<Arc<T>, String> {
+    cdr::from_slice(bytes).map(Arc::new).map_err(|e| e.to_string())
 }

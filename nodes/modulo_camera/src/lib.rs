@@ -1,1 +1,156 @@
-//! The modulo_camera node: a simulated modulo sensor over any source of frames.
+//! The `modulo_camera` node: a simulated modulo sensor over any source of
+//! frames (images, KITTI, a bag, a scene, or an image topic of a running
+//! stack).
+//!
+//! One exposure gives the modulo, the saturated and the ideal stream, each made
+//! only while somebody reads it. The node never unwraps and never paces itself:
+//! its period is a request to the driver.
+
+mod feed;
+mod parameters;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use modulo_bags::source::{GroundTruth, SourceFrame, to_detections};
+use modulo_core::Frame;
+use modulo_core::sensor::{Exposure, Sensor};
+use modulo_msgs::std_msgs::{Header, Time};
+use modulo_runtime::{
+    Context, Cue, Flow, Message, MessageKind, Node, Parameters, Refusal, StampedFrame, StepError, Topic,
+};
+use ndarray::Array3;
+
+use feed::Feed;
+pub use parameters::declare;
+
+/// Output indices, in the order of [`Node::outputs`].
+const MODULO: usize = 0;
+const SATURATED: usize = 1;
+const IDEAL: usize = 2;
+const GROUND_TRUTH: usize = 3;
+
+/// The node's step.
+pub struct ModuloCamera {
+    feed: Feed,
+    sensor: Sensor,
+    seed: u64,
+    period: Duration,
+    limit: Option<u64>,
+    sent: u64,
+}
+
+impl ModuloCamera {
+    /// Opens the source and prepares the sensor.
+    ///
+    /// # Errors
+    /// [`Refusal`] with the parameter that is not possible, such as a `source`
+    /// that is not there.
+    pub fn new(parameters: &Parameters) -> Result<Self, Refusal> {
+        Ok(Self {
+            feed: Feed::open(parameters)?,
+            sensor: parameters::sensor(parameters)?,
+            seed: parameters::seed(parameters),
+            period: parameters::period(parameters),
+            limit: parameters::limit(parameters),
+            sent: 0,
+        })
+    }
+
+    fn next_frame(&mut self) -> Result<Option<SourceFrame>, StepError> {
+        if self.limit.is_some_and(|limit| self.sent >= limit) {
+            return Ok(None);
+        }
+        self.feed.next_frame().map_err(|why| StepError::Fatal(why.to_string()))
+    }
+
+    /// Exposes to one frame and sends the streams that are wanted. Noise is
+    /// seeded by the frame's number, so that a frame looks the same whatever
+    /// came before it.
+    fn sense(&mut self, radiance: &Array3<f32>, header: &Header, cx: &mut Context<'_>) -> Result<(), String> {
+        let seed = self.seed.wrapping_add(self.sent);
+        self.sent += 1;
+        if ![MODULO, SATURATED, IDEAL].iter().any(|&output| cx.wanted(output)) {
+            return Ok(());
+        }
+        let exposure =
+            cx.stage("sense", || self.sensor.expose(radiance.view(), seed)).map_err(|why| why.to_string())?;
+        let streams: [(usize, fn(&Exposure) -> Frame); 3] =
+            [(MODULO, Exposure::modulo), (SATURATED, Exposure::saturated), (IDEAL, Exposure::ideal)];
+        for (output, stream) in streams {
+            if cx.wanted(output) {
+                let image = StampedFrame { header: header.clone(), frame: stream(&exposure) };
+                cx.emit(output, Message::Image(Arc::new(image)));
+            }
+        }
+        Ok(())
+    }
+
+    fn publish(&mut self, frame: &SourceFrame, cx: &mut Context<'_>) -> Result<(), StepError> {
+        let stamp = Time::from_ns(frame.stamp_ns.unwrap_or_else(|| cx.now_ns()));
+        let header = Header { stamp, frame_id: frame.frame_id.clone() };
+        // Before the images: whoever scores a frame has its truth by then.
+        if let Some(truth) = frame.ground_truth.as_deref().filter(|_| cx.wanted(GROUND_TRUTH)) {
+            cx.emit(GROUND_TRUTH, ground_truth(truth, &header));
+        }
+        self.sense(&frame.radiance, &header, cx)
+            .map_err(|why| StepError::Fatal(format!("frame {}: {why}", frame.name)))
+    }
+}
+
+fn ground_truth(truth: &[GroundTruth], header: &Header) -> Message {
+    Message::Detections(Arc::new(to_detections(truth, header)))
+}
+
+impl Node for ModuloCamera {
+    fn inputs(&self) -> Vec<Topic> {
+        match &self.feed {
+            Feed::Topic(name) => vec![Topic::new(name, MessageKind::Image)],
+            Feed::Frames { .. } => Vec::new(),
+        }
+    }
+
+    fn outputs(&self) -> Vec<Topic> {
+        vec![
+            Topic::new("modulo", MessageKind::Image),
+            Topic::new("saturated", MessageKind::Image),
+            Topic::new("ideal", MessageKind::Image),
+            Topic::new("ground_truth", MessageKind::Detections),
+        ]
+    }
+
+    fn period(&self) -> Option<Duration> {
+        match self.feed {
+            Feed::Topic(_) => None,
+            Feed::Frames { .. } => Some(self.period),
+        }
+    }
+
+    fn configure(&mut self, parameters: &Parameters) -> Result<(), Refusal> {
+        self.sensor = parameters::sensor(parameters)?;
+        self.seed = parameters::seed(parameters);
+        self.period = parameters::period(parameters);
+        self.limit = parameters::limit(parameters);
+        Ok(())
+    }
+
+    fn step(&mut self, cue: Cue, cx: &mut Context<'_>) -> Result<Flow, StepError> {
+        match cue {
+            Cue::Tick => {
+                let Some(frame) = self.next_frame()? else { return Ok(Flow::Done) };
+                self.publish(&frame, cx)?;
+            }
+            Cue::Message { message: Message::Image(image), .. } => {
+                let radiance = feed::radiance(&image.frame);
+                self.sense(&radiance, &image.header, cx).map_err(StepError::Skip)?;
+            }
+            Cue::Message { .. } => {}
+        }
+        let over = self.limit.is_some_and(|limit| self.sent >= limit);
+        Ok(if over { Flow::Done } else { Flow::Continue })
+    }
+
+    fn facts(&self) -> Vec<(&'static str, String)> {
+        vec![("role", "source".into()), ("frames", self.sent.to_string())]
+    }
+}

@@ -1,1 +1,94 @@
-//! The unwrap node: modulo image in, recovered image out.
+//! The `unwrap` node: a modulo image in, the recovered image out, 8 bit for a
+//! detector and 16 bit in counts (HDR) for whoever wants the radiance.
+//!
+//! The header of the modulo image is copied. The node never guesses bits or
+//! alpha: they are parameters, as the sensor's are.
+
+mod parameters;
+
+use std::sync::Arc;
+
+use modulo_core::Frame;
+use modulo_core::Range;
+use modulo_core::tone;
+use modulo_core::unwrap::{Recovered, Unwrap};
+use modulo_msgs::std_msgs::Header;
+use modulo_runtime::{
+    Context, Cue, Flow, Message, MessageKind, Node, Parameters, Refusal, StampedFrame, StepError, Topic,
+};
+
+pub use parameters::declare;
+
+/// Output indices, in the order of [`Node::outputs`].
+const RECOVERED: usize = 0;
+const HDR: usize = 1;
+
+/// The node's step.
+pub struct UnwrapNode {
+    method: Box<dyn Unwrap>,
+    range: Range,
+    recovered: Recovered,
+}
+
+impl UnwrapNode {
+    /// Prepares the method that the parameters name.
+    ///
+    /// # Errors
+    /// [`Refusal`] with the parameter that is not possible.
+    pub fn new(parameters: &Parameters) -> Result<Self, Refusal> {
+        Ok(Self {
+            method: parameters::method(parameters)?,
+            range: parameters::range(parameters)?,
+            recovered: Recovered::default(),
+        })
+    }
+
+    fn unwrap(&mut self, modulo: &StampedFrame, cx: &mut Context<'_>) -> Result<(), StepError> {
+        let skip = |why: String| StepError::Skip(why);
+        cx.stage("unwrap", || self.method.unwrap(&modulo.frame, self.range, &mut self.recovered))
+            .map_err(|why| skip(why.to_string()))?;
+        if cx.wanted(RECOVERED) {
+            let frame = cx
+                .stage("tone", || tone::linear8(&self.recovered.x, self.range))
+                .map_err(|why| skip(why.to_string()))?;
+            cx.emit(RECOVERED, stamped(&modulo.header, frame));
+        }
+        if cx.wanted(HDR) {
+            let frame = tone::counts16(&self.recovered.x).map_err(|why| skip(why.to_string()))?;
+            cx.emit(HDR, stamped(&modulo.header, frame));
+        }
+        Ok(())
+    }
+}
+
+fn stamped(header: &Header, frame: Frame) -> Message {
+    Message::Image(Arc::new(StampedFrame { header: header.clone(), frame }))
+}
+
+impl Node for UnwrapNode {
+    fn inputs(&self) -> Vec<Topic> {
+        vec![Topic::new("modulo", MessageKind::Image)]
+    }
+
+    fn outputs(&self) -> Vec<Topic> {
+        vec![Topic::new("recovered", MessageKind::Image), Topic::new("hdr", MessageKind::Image)]
+    }
+
+    fn configure(&mut self, parameters: &Parameters) -> Result<(), Refusal> {
+        *self = Self::new(parameters)?;
+        Ok(())
+    }
+
+    fn step(&mut self, cue: Cue, cx: &mut Context<'_>) -> Result<Flow, StepError> {
+        if let Cue::Message { message: Message::Image(modulo), .. } = cue
+            && (cx.wanted(RECOVERED) || cx.wanted(HDR))
+        {
+            self.unwrap(&modulo, cx)?;
+        }
+        Ok(Flow::Continue)
+    }
+
+    fn facts(&self) -> Vec<(&'static str, String)> {
+        vec![("method", self.method.name().to_owned())]
+    }
+}

@@ -1,0 +1,68 @@
+//! The composed driver: several live nodes in one process, a thread each, on
+//! the local transport. Frames are shared, never serialised.
+
+use std::sync::Arc;
+use std::thread;
+
+use super::RunError;
+use super::live;
+use crate::clock::Clock;
+use crate::name::Place;
+use crate::node::Node;
+use crate::parameter::Parameters;
+use crate::report::NodeReport;
+use crate::stop::{Stop, Urgency};
+use crate::transport::local::LocalTransport;
+
+/// What the end of a node means for the others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OnExit {
+    /// They run on.
+    Continue,
+    /// They finish what is on its way, and end.
+    Shutdown,
+}
+
+/// One node of a composed process.
+pub struct Member {
+    /// The step.
+    pub node: Box<dyn Node>,
+    /// Its parameters.
+    pub parameters: Parameters,
+    /// Its name and remaps.
+    pub place: Place,
+    /// What its end means for the others.
+    pub on_exit: OnExit,
+}
+
+/// Runs all members until they are done; returns what each did, in their order.
+/// A member that fails ends the others too.
+///
+/// # Errors
+/// The first member's [`RunError`].
+pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<Vec<NodeReport>, RunError> {
+    let transport = LocalTransport::default();
+    thread::scope(|scope| {
+        let threads: Vec<_> = members
+            .into_iter()
+            .map(|member| {
+                let (transport, stop) = (&transport, stop.clone());
+                scope.spawn(move || {
+                    let end = stop.clone();
+                    let result =
+                        live::run(member.node, member.parameters, member.place, transport, &**clock, stop);
+                    match (&result, member.on_exit) {
+                        (Err(_), _) => end.ask(Urgency::Now),
+                        (Ok(_), OnExit::Shutdown) => end.ask(Urgency::Drain),
+                        (Ok(_), OnExit::Continue) => {}
+                    }
+                    result
+                })
+            })
+            .collect();
+        threads
+            .into_iter()
+            .map(|thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+            .collect()
+    })
+}

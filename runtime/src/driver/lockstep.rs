@@ -1,0 +1,157 @@
+//! The lockstep driver: every message once, in order, nothing dropped, one
+//! thread, no transport. The same messages in give the same messages out.
+
+use std::collections::VecDeque;
+
+use super::{RunError, addresses, facts_of};
+use crate::clock::{Clock, ManualClock};
+use crate::message::Message;
+use crate::name::Place;
+use crate::node::{Context, Cue, Flow, Node, StepError};
+use crate::report::{NodeReport, add};
+use crate::transport::Address;
+
+/// A chain of nodes that are stepped one message at a time.
+pub struct Lockstep<'a> {
+    members: Vec<Member>,
+    timer: &'a dyn Clock,
+    recorded: Vec<String>,
+}
+
+struct Member {
+    node: Box<dyn Node>,
+    inputs: Vec<Address>,
+    outputs: Vec<Address>,
+    report: NodeReport,
+}
+
+/// A message on a topic.
+pub type OnTopic = (String, Message);
+
+impl<'a> Lockstep<'a> {
+    /// An empty chain. `timer` measures stages and nothing else: no step sees
+    /// it. Messages on the topics of `recorded` count as wanted and are handed
+    /// out by [`Lockstep::feed`].
+    pub fn new(timer: &'a dyn Clock, recorded: Vec<String>) -> Self {
+        Self { members: Vec::new(), timer, recorded }
+    }
+
+    /// Adds a node. Messages reach nodes in the order in which these were added.
+    ///
+    /// # Errors
+    /// [`RunError::Name`] when one of its topics is no ROS name.
+    pub fn add(&mut self, node: Box<dyn Node>, place: &Place) -> Result<(), RunError> {
+        let inputs = addresses(place, &node.inputs())?;
+        let outputs = addresses(place, &node.outputs())?;
+        self.members.push(Member { node, inputs, outputs, report: NodeReport::new(place.fully_qualified()) });
+        Ok(())
+    }
+
+    /// Lets source `member` make its next frame at time `now_ns` and carries it
+    /// through the chain. `None` when the source is over.
+    ///
+    /// # Errors
+    /// [`RunError::Fatal`] when a step cannot go on.
+    pub fn tick(&mut self, member: usize, now_ns: u64) -> Result<Option<Vec<OnTopic>>, RunError> {
+        let mut pending = VecDeque::new();
+        let flow = self.step(member, Cue::Tick, "source", now_ns, &mut pending)?;
+        let out = self.carry(pending, now_ns)?;
+        Ok((flow == Flow::Continue || !out.is_empty()).then_some(out))
+    }
+
+    /// Carries one message from outside through the chain; returns everything
+    /// that came out on recorded topics, in order.
+    ///
+    /// # Errors
+    /// [`RunError::Fatal`] when a step cannot go on.
+    pub fn feed(&mut self, topic: &str, message: Message, now_ns: u64) -> Result<Vec<OnTopic>, RunError> {
+        self.carry(VecDeque::from([(topic.to_owned(), message)]), now_ns)
+    }
+
+    /// What every node did.
+    pub fn finish(self) -> Vec<NodeReport> {
+        self.members
+            .into_iter()
+            .map(|mut member| {
+                member.report.facts.extend(facts_of(&*member.node));
+                member.report
+            })
+            .collect()
+    }
+
+    fn carry(&mut self, mut pending: VecDeque<OnTopic>, now_ns: u64) -> Result<Vec<OnTopic>, RunError> {
+        let mut out = Vec::new();
+        while let Some((topic, message)) = pending.pop_front() {
+            for index in 0..self.members.len() {
+                let inputs = &self.members[index].inputs;
+                let Some(input) = inputs.iter().position(|a| a.topic == topic && a.kind == message.kind())
+                else {
+                    continue;
+                };
+                add(&mut self.members[index].report.received, &topic, 1);
+                let cue = Cue::Message { input, message: message.clone() };
+                self.step(index, cue, &topic, now_ns, &mut pending)?;
+            }
+            if self.recorded.contains(&topic) {
+                out.push((topic, message));
+            }
+        }
+        Ok(out)
+    }
+
+    fn step(
+        &mut self,
+        index: usize,
+        cue: Cue,
+        topic: &str,
+        now_ns: u64,
+        pending: &mut VecDeque<OnTopic>,
+    ) -> Result<Flow, RunError> {
+        let wanted: Vec<bool> =
+            self.members[index].outputs.iter().map(|a| self.is_wanted(&a.topic)).collect();
+        let clock = StepClock { now: ManualClock::at(now_ns), timer: self.timer };
+        let mut cx = Context::new(&clock, &wanted);
+        let member = &mut self.members[index];
+        let result = member.node.step(cue, &mut cx);
+        let (emitted, stages) = cx.finish();
+        for (stage, duration) in stages {
+            member.report.book_stage(stage, duration);
+        }
+        for (output, message) in emitted {
+            if let Some(address) = member.outputs.get(output) {
+                member.report.book_published(&address.topic, &message);
+                pending.push_back((address.topic.clone(), message));
+            }
+        }
+        match result {
+            Ok(flow) => Ok(flow),
+            Err(StepError::Skip(why)) => {
+                tracing::warn!(node = %member.report.node, topic, "skipped: {why}");
+                add(&mut member.report.bad, topic, 1);
+                Ok(Flow::Continue)
+            }
+            Err(StepError::Fatal(why)) => Err(RunError::Fatal { node: member.report.node.clone(), why }),
+        }
+    }
+
+    fn is_wanted(&self, topic: &str) -> bool {
+        self.recorded.iter().any(|t| t == topic)
+            || self.members.iter().any(|m| m.inputs.iter().any(|a| a.topic == topic))
+    }
+}
+
+/// Stamps come from the message at hand, durations from the timer.
+struct StepClock<'a> {
+    now: ManualClock,
+    timer: &'a dyn Clock,
+}
+
+impl Clock for StepClock<'_> {
+    fn now_ns(&self) -> u64 {
+        self.now.now_ns()
+    }
+
+    fn ticks_ns(&self) -> u64 {
+        self.timer.ticks_ns()
+    }
+}

@@ -1,0 +1,111 @@
+//! ROS names: resolving relative and private topics, remapping.
+
+/// What a node is called and where its topics lie.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Place {
+    /// Node name without slashes, such as `unwrap`.
+    pub name: String,
+    /// Namespace with a leading slash, `/` for none.
+    pub namespace: String,
+    /// (from, to) pairs, names as the node or the resolved graph knows them.
+    pub remaps: Vec<(String, String)>,
+}
+
+/// Why a name is none.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("'{name}' is not a ROS name: {why}")]
+pub struct NameError {
+    name: String,
+    why: &'static str,
+}
+
+impl Place {
+    /// A node in the root namespace without remaps.
+    ///
+    /// # Errors
+    /// [`NameError`] when `name` is not a ROS token.
+    pub fn new(name: &str, namespace: &str, remaps: &[(String, String)]) -> Result<Self, NameError> {
+        check_token(name, name)?;
+        let namespace = format!("/{}", namespace.trim_matches('/'));
+        for token in namespace.split('/').skip(1).filter(|_| namespace != "/") {
+            check_token(token, &namespace)?;
+        }
+        let mut place = Self { name: name.to_owned(), namespace, remaps: Vec::new() };
+        for (from, to) in remaps {
+            let pair = (place.expand(from)?, place.expand(to)?);
+            place.remaps.push(pair);
+        }
+        Ok(place)
+    }
+
+    /// `/namespace/name`.
+    pub fn fully_qualified(&self) -> String {
+        format!("{}/{}", self.namespace.trim_end_matches('/'), self.name)
+    }
+
+    /// The absolute name of a topic or service as the graph sees it, after
+    /// remapping.
+    ///
+    /// # Errors
+    /// [`NameError`] when it is not a ROS name.
+    pub fn resolve(&self, name: &str) -> Result<String, NameError> {
+        let full = self.expand(name)?;
+        Ok(self.remaps.iter().find(|(from, _)| *from == full).map_or(full, |(_, to)| to.clone()))
+    }
+
+    fn expand(&self, name: &str) -> Result<String, NameError> {
+        let base = self.namespace.trim_end_matches('/');
+        let full = if name == "~" {
+            self.fully_qualified()
+        } else if let Some(private) = name.strip_prefix("~/") {
+            format!("{base}/{}/{private}", self.name)
+        } else if name.starts_with('/') {
+            name.to_owned()
+        } else {
+            format!("{base}/{name}")
+        };
+        full.split('/').skip(1).try_for_each(|token| check_token(token, name))?;
+        Ok(full)
+    }
+}
+
+fn check_token(token: &str, name: &str) -> Result<(), NameError> {
+    let why = if token.is_empty() {
+        "a part of it is empty"
+    } else if token.starts_with(|c: char| c.is_ascii_digit()) {
+        "no part may start with a digit"
+    } else if !token.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') {
+        "letters, digits and '_' are possible"
+    } else {
+        return Ok(());
+    };
+    Err(NameError { name: name.to_owned(), why })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn resolves_as_ros_does() {
+        let place =
+            Place::new("detector", "/car", &[("recovered".into(), "/other/image".into())]).expect("valid");
+        assert_eq!(place.resolve("modulo").as_deref(), Ok("/car/modulo"));
+        assert_eq!(place.resolve("~/detections").as_deref(), Ok("/car/detector/detections"));
+        assert_eq!(place.resolve("/abs/topic").as_deref(), Ok("/abs/topic"));
+        assert_eq!(place.resolve("recovered").as_deref(), Ok("/other/image"));
+        assert_eq!(place.fully_qualified(), "/car/detector");
+        let root = Place::new("unwrap", "/", &[]).expect("valid");
+        assert_eq!(root.resolve("modulo").as_deref(), Ok("/modulo"));
+        assert_eq!(root.fully_qualified(), "/unwrap");
+    }
+
+    #[test]
+    fn refuses_what_is_no_name() {
+        for bad in ["", "a//b", "1st", "a b", "/", "a/", "über"] {
+            assert!(Place::new("n", "", &[]).expect("valid").resolve(bad).is_err(), "{bad}");
+        }
+        assert!(Place::new("bad name", "", &[]).is_err());
+        assert!(Place::new("n", "/1ns", &[]).is_err());
+    }
+}

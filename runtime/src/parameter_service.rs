@@ -1,0 +1,269 @@
+//! The six parameter services of a ROS 2 node, as functions from request bytes
+//! to response bytes. Pure but for the wait for the node's answer; no transport.
+
+use std::sync::mpsc::channel;
+use std::time::Duration;
+
+use modulo_msgs::cdr::{self, CdrError};
+use modulo_msgs::rcl_interfaces::{
+    DescribeParametersRequest, DescribeParametersResponse, FloatingPointRange, GetParameterTypesRequest,
+    GetParameterTypesResponse, GetParametersRequest, GetParametersResponse, IntegerRange,
+    ListParametersRequest, ListParametersResponse, ListParametersResult, Parameter, ParameterDescriptor,
+    ParameterType, ParameterValue, SetParametersAtomicallyRequest, SetParametersAtomicallyResponse,
+    SetParametersRequest, SetParametersResponse, SetParametersResult,
+};
+
+use crate::parameter::{Allowed, Descriptor, Refusal, Value};
+use crate::transport::{ParameterPort, ParameterRequest};
+
+/// How long a caller waits for the node to finish the frame at hand.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// One of the six services.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Service {
+    /// `~/describe_parameters`
+    Describe,
+    /// `~/get_parameter_types`
+    GetTypes,
+    /// `~/get_parameters`
+    Get,
+    /// `~/list_parameters`
+    List,
+    /// `~/set_parameters`
+    Set,
+    /// `~/set_parameters_atomically`
+    SetAtomically,
+}
+
+impl Service {
+    /// All of them.
+    pub const ALL: [Self; 6] =
+        [Self::Describe, Self::GetTypes, Self::Get, Self::List, Self::Set, Self::SetAtomically];
+
+    /// Name below the node's, and ROS type.
+    pub fn name_and_type(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Describe => ("describe_parameters", "rcl_interfaces/srv/DescribeParameters"),
+            Self::GetTypes => ("get_parameter_types", "rcl_interfaces/srv/GetParameterTypes"),
+            Self::Get => ("get_parameters", "rcl_interfaces/srv/GetParameters"),
+            Self::List => ("list_parameters", "rcl_interfaces/srv/ListParameters"),
+            Self::Set => ("set_parameters", "rcl_interfaces/srv/SetParameters"),
+            Self::SetAtomically => {
+                ("set_parameters_atomically", "rcl_interfaces/srv/SetParametersAtomically")
+            }
+        }
+    }
+
+    /// Answers one request.
+    ///
+    /// # Errors
+    /// [`CdrError`] when the request cannot be read.
+    pub fn answer(self, request: &[u8], port: &ParameterPort) -> Result<Vec<u8>, CdrError> {
+        match self {
+            Self::Describe => {
+                let names = cdr::from_slice::<DescribeParametersRequest>(request)?.names;
+                let set = (port.read)();
+                let descriptors = names.iter().map(|n| describe(n, set.descriptor(n))).collect();
+                cdr::to_vec(&DescribeParametersResponse { descriptors })
+            }
+            Self::GetTypes => {
+                let names = cdr::from_slice::<GetParameterTypesRequest>(request)?.names;
+                let set = (port.read)();
+                let types = names.iter().map(|n| to_ros(set.get(n)).r#type).collect();
+                cdr::to_vec(&GetParameterTypesResponse { types })
+            }
+            Self::Get => {
+                let names = cdr::from_slice::<GetParametersRequest>(request)?.names;
+                let set = (port.read)();
+                let values = names.iter().map(|n| to_ros(set.get(n))).collect();
+                cdr::to_vec(&GetParametersResponse { values })
+            }
+            Self::List => {
+                let prefixes = cdr::from_slice::<ListParametersRequest>(request)?.prefixes;
+                let set = (port.read)();
+                let names = set.descriptors().iter().map(|d| d.name.to_owned());
+                let names = names.filter(|name| has_prefix(name, &prefixes)).collect();
+                cdr::to_vec(&ListParametersResponse {
+                    result: ListParametersResult { names, prefixes: Vec::new() },
+                })
+            }
+            Self::Set => {
+                let parameters = cdr::from_slice::<SetParametersRequest>(request)?.parameters;
+                let results = parameters.into_iter().map(|p| set(vec![p], port)).collect();
+                cdr::to_vec(&SetParametersResponse { results })
+            }
+            Self::SetAtomically => {
+                let parameters = cdr::from_slice::<SetParametersAtomicallyRequest>(request)?.parameters;
+                cdr::to_vec(&SetParametersAtomicallyResponse { result: set(parameters, port) })
+            }
+        }
+    }
+}
+
+fn has_prefix(name: &str, prefixes: &[String]) -> bool {
+    prefixes.is_empty()
+        || prefixes.iter().any(|p| name.strip_prefix(p).is_some_and(|r| r.is_empty() || r.starts_with('.')))
+}
+
+/// Hands the change to the node's loop and waits for its verdict.
+fn set(parameters: Vec<Parameter>, port: &ParameterPort) -> SetParametersResult {
+    let verdict = change(parameters, port);
+    SetParametersResult {
+        successful: verdict.is_ok(),
+        reason: verdict.err().map_or_else(String::new, |refusal| refusal.to_string()),
+    }
+}
+
+fn change(parameters: Vec<Parameter>, port: &ParameterPort) -> Result<(), Refusal> {
+    let changes = parameters
+        .into_iter()
+        .map(|p| match from_ros(p.value) {
+            Ok(value) => Ok((p.name, value)),
+            Err(kind) => {
+                Err(Refusal::new(p.name, format!("of type {kind}"), "type is not used by this node"))
+            }
+        })
+        .collect::<Result<Vec<_>, _>>()?;
+    let shown = changes.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
+    let ended = |why: &str| Refusal::new(shown.clone(), "?", why);
+    let (answer, verdict) = channel();
+    port.requests.send(ParameterRequest { changes, answer }).map_err(|_| ended("the node is ending"))?;
+    verdict.recv_timeout(PATIENCE).map_err(|_| ended("the node did not answer within 10 s"))?
+}
+
+/// A value as ROS writes it; `None` is `NOT_SET`.
+pub fn to_ros(value: Option<&Value>) -> ParameterValue {
+    let mut ros = ParameterValue::default();
+    match value {
+        None => ros.r#type = ParameterType::NOT_SET,
+        Some(Value::Bool(v)) => (ros.r#type, ros.bool_value) = (ParameterType::BOOL, *v),
+        Some(Value::Integer(v)) => (ros.r#type, ros.integer_value) = (ParameterType::INTEGER, *v),
+        Some(Value::Double(v)) => (ros.r#type, ros.double_value) = (ParameterType::DOUBLE, *v),
+        Some(Value::String(v)) => (ros.r#type, ros.string_value) = (ParameterType::STRING, v.clone()),
+        Some(Value::Strings(v)) => {
+            (ros.r#type, ros.string_array_value) = (ParameterType::STRING_ARRAY, v.clone());
+        }
+    }
+    ros
+}
+
+/// ROS's value as ours.
+///
+/// # Errors
+/// ROS's type code when no parameter of the suite has that type.
+pub fn from_ros(value: ParameterValue) -> Result<Value, u8> {
+    Ok(match value.r#type {
+        ParameterType::BOOL => Value::Bool(value.bool_value),
+        ParameterType::INTEGER => Value::Integer(value.integer_value),
+        ParameterType::DOUBLE => Value::Double(value.double_value),
+        ParameterType::STRING => Value::String(value.string_value),
+        ParameterType::STRING_ARRAY => Value::Strings(value.string_array_value),
+        other => return Err(other),
+    })
+}
+
+fn describe(name: &str, descriptor: Option<&Descriptor>) -> ParameterDescriptor {
+    let Some(descriptor) = descriptor else {
+        return ParameterDescriptor { name: name.to_owned(), ..Default::default() };
+    };
+    let mut ros = ParameterDescriptor {
+        name: descriptor.name.to_owned(),
+        r#type: to_ros(Some(&descriptor.default)).r#type,
+        description: descriptor.description.to_owned(),
+        read_only: descriptor.read_only,
+        ..Default::default()
+    };
+    match descriptor.allowed {
+        Allowed::Any => {}
+        Allowed::Words(_) => ros.additional_constraints = descriptor.allowed.to_string(),
+        Allowed::Integers { from, to } => {
+            ros.integer_range = vec![IntegerRange { from_value: from, to_value: to, step: 0 }];
+        }
+        Allowed::Doubles { from, to } => {
+            ros.floating_point_range = vec![FloatingPointRange { from_value: from, to_value: to, step: 0.0 }];
+        }
+    }
+    ros
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parameter::Parameters;
+    use std::sync::{Arc, Mutex};
+
+    /// A port whose node applies what it is asked, in a thread of its own.
+    fn port() -> ParameterPort {
+        let alpha = Allowed::Doubles { from: 0.1, to: 256.0 };
+        let set = Parameters::declare(vec![
+            Descriptor::new("alpha", Value::Double(4.0), alpha, "saturation factor"),
+            Descriptor::new("input", Value::String("recovered".into()), Allowed::Any, "stream"),
+        ]);
+        let set = Arc::new(Mutex::new(set));
+        let (requests, inbox) = channel::<ParameterRequest>();
+        let applied = set.clone();
+        std::thread::spawn(move || {
+            for request in inbox {
+                let mut set = applied.lock().expect("not poisoned");
+                let verdict = set.with(&request.changes, true).map(|next| *set = next);
+                request.answer.send(verdict).expect("the caller waits");
+            }
+        });
+        ParameterPort { read: Box::new(move || set.lock().expect("not poisoned").clone()), requests }
+    }
+
+    fn parameter(name: &str, value: Value) -> Parameter {
+        Parameter { name: name.into(), value: to_ros(Some(&value)) }
+    }
+
+    #[test]
+    fn set_answers_each_and_changes_only_what_is_possible() {
+        let port = port();
+        let parameters =
+            vec![parameter("alpha", Value::Double(0.0)), parameter("input", Value::String("modulo".into()))];
+        let request = cdr::to_vec(&SetParametersRequest { parameters }).expect("encodes");
+        let answer = Service::Set.answer(&request, &port).expect("readable");
+        let results = cdr::from_slice::<SetParametersResponse>(&answer).expect("decodes").results;
+        assert!(!results[0].successful && results[0].reason.contains("0.1 to 256"), "{:?}", results[0]);
+        assert!(results[1].successful);
+        assert_eq!((port.read)().string("input"), "modulo");
+        assert_eq!((port.read)().double("alpha"), 4.0);
+    }
+
+    #[test]
+    fn atomically_is_all_or_nothing() {
+        let port = port();
+        let parameters = vec![parameter("alpha", Value::Integer(3)), parameter("gamma", Value::Bool(true))];
+        let request = cdr::to_vec(&SetParametersAtomicallyRequest { parameters }).expect("encodes");
+        let answer = Service::SetAtomically.answer(&request, &port).expect("readable");
+        let result = cdr::from_slice::<SetParametersAtomicallyResponse>(&answer).expect("decodes").result;
+        assert!(!result.successful && result.reason.contains("gamma"));
+        assert_eq!((port.read)().double("alpha"), 4.0);
+    }
+
+    #[test]
+    fn list_get_and_describe_tell_what_was_declared() {
+        let port = port();
+        let request = cdr::to_vec(&ListParametersRequest::default()).expect("encodes");
+        let answer = Service::List.answer(&request, &port).expect("readable");
+        let listed = cdr::from_slice::<ListParametersResponse>(&answer).expect("decodes").result.names;
+        assert_eq!(listed, ["alpha", "input"]);
+
+        let request = cdr::to_vec(&GetParametersRequest { names: vec!["alpha".into(), "nix".into()] })
+            .expect("encodes");
+        let answer = Service::Get.answer(&request, &port).expect("readable");
+        let values = cdr::from_slice::<GetParametersResponse>(&answer).expect("decodes").values;
+        assert_eq!((values[0].double_value, values[1].r#type), (4.0, ParameterType::NOT_SET));
+
+        let request = cdr::to_vec(&DescribeParametersRequest { names: listed }).expect("encodes");
+        let answer = Service::Describe.answer(&request, &port).expect("readable");
+        let described = cdr::from_slice::<DescribeParametersResponse>(&answer).expect("decodes").descriptors;
+        assert_eq!(described[0].floating_point_range[0].to_value, 256.0);
+    }
+
+    #[test]
+    fn a_broken_request_is_an_error() {
+        assert!(Service::Set.answer(&[0, 1, 0, 0, 255, 255, 255, 255], &port()).is_err());
+    }
+}

@@ -1,0 +1,157 @@
+//! What a node did, in numbers: the report it leaves at its end, and that the
+//! launcher adds up.
+//!
+//! Durations are kept as mergeable histograms, so that percentiles over several
+//! processes are computed from counts and never from averages of percentiles.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::message::Message;
+
+/// Buckets of one stage: upper bound in microseconds to count.
+pub type Histogram = BTreeMap<u64, u64>;
+
+/// What one node received, sent, lost, saw and how long its stages took.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct NodeReport {
+    /// Fully qualified name, such as `/unwrap`.
+    pub node: String,
+    /// Messages that reached the node, by topic.
+    pub received: BTreeMap<String, u64>,
+    /// Messages that the node sent, by topic.
+    pub published: BTreeMap<String, u64>,
+    /// Messages that were lost on the way or replaced by newer ones, by topic.
+    pub dropped: BTreeMap<String, u64>,
+    /// Messages that could not be read or processed, by topic.
+    pub bad: BTreeMap<String, u64>,
+    /// Detections sent, by class.
+    pub classes: BTreeMap<String, u64>,
+    /// What really ran, such as `engine` = `rten`.
+    pub facts: BTreeMap<String, String>,
+    /// Durations by stage; buckets are (upper bound in microseconds, count).
+    #[serde(with = "pairs")]
+    pub stages: BTreeMap<String, Histogram>,
+}
+
+impl NodeReport {
+    /// An empty report of `node`.
+    pub fn new(node: impl Into<String>) -> Self {
+        Self { node: node.into(), ..Self::default() }
+    }
+
+    /// Books one duration of `stage`.
+    pub fn book_stage(&mut self, stage: &str, nanoseconds: u64) {
+        let bucket = bucket_of(nanoseconds / 1000);
+        *self.stages.entry(stage.to_owned()).or_default().entry(bucket).or_default() += 1;
+    }
+
+    /// Books one sent message.
+    pub fn book_published(&mut self, topic: &str, message: &Message) {
+        add(&mut self.published, topic, 1);
+        if let Message::Detections(array) = message {
+            for detection in &array.detections {
+                let class = detection.results.first().map_or("", |r| r.hypothesis.class_id.as_str());
+                add(&mut self.classes, class, 1);
+            }
+        }
+    }
+
+    /// Messages lost or replaced, over all topics.
+    pub fn dropped_in_all(&self) -> u64 {
+        self.dropped.values().sum()
+    }
+}
+
+/// Adds `n` to the count of `key`.
+pub fn add(counts: &mut BTreeMap<String, u64>, key: &str, n: u64) {
+    match counts.get_mut(key) {
+        Some(count) => *count += n,
+        None => {
+            counts.insert(key.to_owned(), n);
+        }
+    }
+}
+
+/// The upper bound, in microseconds, of the bucket that holds `us`: exact below
+/// 128, then at most 1.6 % wide.
+pub fn bucket_of(us: u64) -> u64 {
+    let shift = (64 - us.leading_zeros()).saturating_sub(7);
+    (((us >> shift) + 1) << shift) - 1
+}
+
+/// The smallest bucket bound, in microseconds, below or at which at least the
+/// fraction `q` of all counts lies; `None` when nothing was counted.
+pub fn quantile(histogram: &Histogram, q: f64) -> Option<u64> {
+    let total: u64 = histogram.values().sum();
+    let rank = ((total as f64 * q).ceil() as u64).clamp(1, total.max(1));
+    let mut seen = 0;
+    histogram.iter().find_map(|(&bound, &count)| {
+        seen += count;
+        (seen >= rank).then_some(bound)
+    })
+}
+
+/// JSON objects have string keys, so histograms travel as lists of pairs.
+mod pairs {
+    use std::collections::BTreeMap;
+
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    use super::Histogram;
+
+    pub fn serialize<S: Serializer>(stages: &BTreeMap<String, Histogram>, s: S) -> Result<S::Ok, S::Error> {
+        let lists: BTreeMap<&String, Vec<(u64, u64)>> =
+            stages.iter().map(|(name, h)| (name, h.iter().map(|(&b, &n)| (b, n)).collect())).collect();
+        lists.serialize(s)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<BTreeMap<String, Histogram>, D::Error> {
+        let lists = BTreeMap::<String, Vec<(u64, u64)>>::deserialize(d)?;
+        Ok(lists.into_iter().map(|(name, list)| (name, list.into_iter().collect())).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_bucket_holds_its_value_within_two_percent(us in 0u64..1 << 40) {
+            let bound = bucket_of(us);
+            prop_assert!(bound >= us);
+            prop_assert!(bound - us <= us / 50);
+            prop_assert_eq!(bucket_of(bound), bound);
+        }
+
+        #[test]
+        fn quantiles_agree_with_sorting(mut us in prop::collection::vec(0u64..127, 1..200), q in 0.0f64..=1.0) {
+            let mut histogram = Histogram::new();
+            for &v in &us {
+                *histogram.entry(bucket_of(v)).or_default() += 1;
+            }
+            us.sort_unstable();
+            let rank = ((us.len() as f64 * q).ceil() as usize).max(1);
+            prop_assert_eq!(quantile(&histogram, q), Some(us[rank - 1]));
+        }
+    }
+
+    #[test]
+    fn nothing_counted_has_no_quantile() {
+        assert_eq!(quantile(&Histogram::new(), 0.5), None);
+    }
+
+    #[test]
+    fn a_report_survives_json() {
+        let mut report = NodeReport::new("/unwrap");
+        report.book_stage("unwrap", 5_300_000);
+        report.book_stage("unwrap", 5_301_000);
+        add(&mut report.dropped, "/modulo", 3);
+        let text = serde_json::to_string(&report).expect("serialises");
+        assert_eq!(serde_json::from_str::<NodeReport>(&text).expect("reads back"), report);
+        assert_eq!(report.dropped_in_all(), 3);
+    }
+}

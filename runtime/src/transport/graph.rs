@@ -1,0 +1,62 @@
+//! The ROS graph as liveliness tokens draw it. Pure: it is fed keys that appear
+//! and disappear, and answers who is there.
+
+use std::collections::BTreeMap;
+
+use super::keys::{EntityKind, Token};
+
+/// Every entity that is alive now.
+#[derive(Clone, Debug, Default)]
+pub struct Graph {
+    tokens: BTreeMap<String, Token>,
+}
+
+impl Graph {
+    /// A token appeared. Keys that are no token are ignored.
+    pub fn appear(&mut self, key: &str) {
+        if let Some(token) = Token::parse(key) {
+            self.tokens.insert(key.to_owned(), token);
+        }
+    }
+
+    /// A token went away.
+    pub fn disappear(&mut self, key: &str) {
+        self.tokens.remove(key);
+    }
+
+    /// Every entity, in the order of its key.
+    pub fn tokens(&self) -> impl Iterator<Item = &Token> {
+        self.tokens.values()
+    }
+
+    /// Whether the node with this fully qualified name is alive.
+    pub fn has_node(&self, name: &str) -> bool {
+        self.tokens().any(|t| t.kind == EntityKind::Node && t.node_name() == name)
+    }
+
+    /// The endpoints of `kind` on `topic`.
+    pub fn endpoints<'a>(&'a self, kind: EntityKind, topic: &'a str) -> impl Iterator<Item = &'a Token> {
+        self.tokens().filter(move |t| t.kind == kind && t.endpoint.as_ref().is_some_and(|e| e.topic == topic))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn entities_come_and_go() {
+        let mut graph = Graph::default();
+        let node = "@ros2_lv/0/a/0/0/NN/%/%/unwrap";
+        let publisher = "@ros2_lv/0/a/0/1/MP/%/%/unwrap/%recovered/T_/RIHS01_0/2::,5:,:,:,,";
+        graph.appear(node);
+        graph.appear(publisher);
+        graph.appear("@ros2_lv/nonsense");
+        assert!(graph.has_node("/unwrap"));
+        assert_eq!(graph.endpoints(EntityKind::Publisher, "/recovered").count(), 1);
+        assert_eq!(graph.endpoints(EntityKind::Subscription, "/recovered").count(), 0);
+        graph.disappear(publisher);
+        assert_eq!(graph.endpoints(EntityKind::Publisher, "/recovered").count(), 0);
+        assert_eq!(graph.tokens().count(), 1);
+    }
+}

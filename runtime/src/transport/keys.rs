@@ -1,0 +1,305 @@
+//! The texts and bytes of the rmw_zenoh convention: topic keys, liveliness
+//! tokens, QoS strings, the 33-byte attachment. Pure; nothing here opens a
+//! connection.
+//!
+//! Source: rmw_zenoh_cpp 0.2.10 (ROS 2 Jazzy), checked against bytes that a
+//! real node sent.
+
+use xxhash_rust::xxh3::xxh3_128;
+
+use crate::topic::Qos;
+
+/// What an entity of the graph is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum EntityKind {
+    /// `NN`
+    Node,
+    /// `MP`
+    Publisher,
+    /// `MS`
+    Subscription,
+    /// `SS`
+    Server,
+    /// `SC`
+    Client,
+}
+
+impl EntityKind {
+    const ALL: [(Self, &'static str); 5] = [
+        (Self::Node, "NN"),
+        (Self::Publisher, "MP"),
+        (Self::Subscription, "MS"),
+        (Self::Server, "SS"),
+        (Self::Client, "SC"),
+    ];
+
+    fn code(self) -> &'static str {
+        Self::ALL.iter().find(|(kind, _)| *kind == self).map_or("NN", |(_, code)| code)
+    }
+
+    fn from_code(code: &str) -> Option<Self> {
+        Self::ALL.iter().find(|(_, c)| *c == code).map(|(kind, _)| *kind)
+    }
+}
+
+/// The topic or service of an endpoint token.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Endpoint {
+    /// Absolute ROS name.
+    pub topic: String,
+    /// DDS type name, `sensor_msgs::msg::dds_::Image_`.
+    pub dds_type: String,
+    /// `RIHS01_...`
+    pub type_hash: String,
+    /// QoS string as [`qos_string`] writes it.
+    pub qos: String,
+}
+
+/// A liveliness token: one entity of the ROS graph.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Token {
+    /// `ROS_DOMAIN_ID`.
+    pub domain: u32,
+    /// Id of the zenoh session.
+    pub session: String,
+    /// Number of the node within its session.
+    pub node_id: u64,
+    /// Number of the entity within its session.
+    pub entity_id: u64,
+    /// What it is.
+    pub kind: EntityKind,
+    /// Namespace with a leading slash.
+    pub namespace: String,
+    /// Node name.
+    pub node: String,
+    /// Present on everything but nodes.
+    pub endpoint: Option<Endpoint>,
+}
+
+/// All tokens of a domain.
+pub fn token_selector(domain: u32) -> String {
+    format!("@ros2_lv/{domain}/**")
+}
+
+impl Token {
+    /// The key expression of the token.
+    pub fn to_key(&self) -> String {
+        let Self { domain, session, node_id, entity_id, .. } = self;
+        let (kind, ns, node) = (self.kind.code(), mangle(&self.namespace), mangle(&self.node));
+        let mut key = format!("@ros2_lv/{domain}/{session}/{node_id}/{entity_id}/{kind}/%/{ns}/{node}");
+        if let Some(Endpoint { topic, dds_type, type_hash, qos }) = &self.endpoint {
+            key += &format!("/{}/{}/{type_hash}/{qos}", mangle(topic), mangle(dds_type));
+        }
+        key
+    }
+
+    /// Reads a token's key; `None` when it is none. A 14th part, which later
+    /// ROS releases may add, is ignored.
+    pub fn parse(key: &str) -> Option<Self> {
+        let parts: Vec<&str> = key.split('/').collect();
+        let (&["@ros2_lv", domain, session, node_id, entity_id, kind, _enclave, namespace, node], rest) =
+            parts.split_first_chunk::<9>()?
+        else {
+            return None;
+        };
+        let kind = EntityKind::from_code(kind)?;
+        let endpoint = match (kind, rest) {
+            (EntityKind::Node, _) => None,
+            (_, [topic, dds_type, type_hash, qos, ..]) => Some(Endpoint {
+                topic: demangle(topic),
+                dds_type: demangle(dds_type),
+                type_hash: (*type_hash).to_owned(),
+                qos: (*qos).to_owned(),
+            }),
+            _ => return None,
+        };
+        Some(Self {
+            domain: domain.parse().ok()?,
+            session: session.to_owned(),
+            node_id: node_id.parse().ok()?,
+            entity_id: entity_id.parse().ok()?,
+            kind,
+            namespace: demangle(namespace),
+            node: demangle(node),
+            endpoint,
+        })
+    }
+
+    /// `/namespace/node`.
+    pub fn node_name(&self) -> String {
+        format!("{}/{}", self.namespace.trim_end_matches('/'), self.node)
+    }
+
+    /// The endpoint's global id: XXH3-128 of its key, low half first.
+    pub fn gid(&self) -> [u8; 16] {
+        xxh3_128(self.to_key().as_bytes()).to_le_bytes()
+    }
+}
+
+fn mangle(name: &str) -> String {
+    name.replace('/', "%")
+}
+
+fn demangle(name: &str) -> String {
+    name.replace('%', "/")
+}
+
+/// Key of a topic's or service's data.
+pub fn data_key(domain: u32, name: &str, dds_type: &str, type_hash: &str) -> String {
+    format!("{domain}/{}/{dds_type}/{type_hash}", name.trim_matches('/'))
+}
+
+/// QoS as tokens carry it; fields equal to the default stay empty.
+pub fn qos_string(qos: Qos) -> &'static str {
+    match qos {
+        Qos::Images => "2::,5:,:,:,,",
+        Qos::Results => "::,10:,:,:,,",
+        Qos::Latched => ":1:,1:,:,:,,",
+    }
+}
+
+/// The nearest of the suite's profiles to a token's QoS.
+pub fn qos_of(text: &str) -> Qos {
+    let mut fields = text.split(':');
+    match (fields.next(), fields.next()) {
+        (_, Some("1")) => Qos::Latched,
+        (Some("2"), _) => Qos::Images,
+        _ => Qos::Results,
+    }
+}
+
+/// QoS of a service: reliable, keep last 10.
+pub const SERVICE_QOS: &str = "::,10:,:,:,,";
+
+/// What goes with every sample; readers drop samples without it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Attachment {
+    /// Counts from 1 per publisher; a gap is a loss.
+    pub sequence: i64,
+    /// Source time, nanoseconds since the epoch.
+    pub stamp_ns: i64,
+    /// Global id of the publisher.
+    pub gid: [u8; 16],
+}
+
+impl Attachment {
+    /// Length on the wire.
+    pub const LEN: usize = 33;
+
+    /// As the wire has it: two little-endian integers, the length 16, the gid.
+    pub fn to_bytes(&self) -> [u8; Self::LEN] {
+        let mut bytes = [0; Self::LEN];
+        bytes[..8].copy_from_slice(&self.sequence.to_le_bytes());
+        bytes[8..16].copy_from_slice(&self.stamp_ns.to_le_bytes());
+        bytes[16] = 16;
+        bytes[17..].copy_from_slice(&self.gid);
+        bytes
+    }
+
+    /// Reads it; `None` when it is not 33 bytes of that shape.
+    pub fn parse(bytes: &[u8]) -> Option<Self> {
+        let (sequence, rest) = bytes.split_first_chunk::<8>()?;
+        let (stamp, rest) = rest.split_first_chunk::<8>()?;
+        let (&length, gid) = rest.split_first()?;
+        Some(Self {
+            sequence: i64::from_le_bytes(*sequence),
+            stamp_ns: i64::from_le_bytes(*stamp),
+            gid: (length == 16).then_some(gid)?.try_into().ok()?,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const HASH: &str = "RIHS01_d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47";
+    const SESSION: &str = "112af272cd2810ecb4616e7a6a617677";
+
+    /// Sent by a real ROS 2 Jazzy node `/odmi/golden` under rmw_zenoh_cpp.
+    fn golden_tokens() -> [String; 3] {
+        [
+            format!("@ros2_lv/0/{SESSION}/0/0/NN/%/%odmi/golden"),
+            format!(
+                "@ros2_lv/0/{SESSION}/0/11/MP/%/%odmi/golden/%odmi%image_sensor/\
+                 sensor_msgs::msg::dds_::Image_/{HASH}/2::,5:,:,:,,"
+            ),
+            format!(
+                "@ros2_lv/0/{SESSION}/0/16/MP/%/%odmi/golden/%odmi%image_reliable2/\
+                 sensor_msgs::msg::dds_::Image_/{HASH}/::,10:,:,:,,"
+            ),
+        ]
+    }
+
+    fn image_publisher(entity_id: u64, topic: &str, qos: Qos) -> Token {
+        Token {
+            domain: 0,
+            session: SESSION.into(),
+            node_id: 0,
+            entity_id,
+            kind: EntityKind::Publisher,
+            namespace: "/odmi".into(),
+            node: "golden".into(),
+            endpoint: Some(Endpoint {
+                topic: topic.into(),
+                dds_type: "sensor_msgs::msg::dds_::Image_".into(),
+                type_hash: HASH.into(),
+                qos: qos_string(qos).into(),
+            }),
+        }
+    }
+
+    #[test]
+    fn tokens_equal_those_of_a_real_node() {
+        let [node, sensor, reliable] = golden_tokens();
+        assert_eq!(image_publisher(11, "/odmi/image_sensor", Qos::Images).to_key(), sensor);
+        assert_eq!(image_publisher(16, "/odmi/image_reliable2", Qos::Results).to_key(), reliable);
+        for key in [&node, &sensor, &reliable] {
+            let token = Token::parse(key).expect("a real token parses");
+            assert_eq!(&token.to_key(), key);
+            assert_eq!(token.node_name(), "/odmi/golden");
+        }
+    }
+
+    #[test]
+    fn samples_equal_those_of_a_real_node() {
+        let publisher = image_publisher(16, "/odmi/image_reliable2", Qos::Results);
+        assert_eq!(
+            data_key(0, "/odmi/image_reliable2", "sensor_msgs::msg::dds_::Image_", HASH),
+            format!("0/odmi/image_reliable2/sensor_msgs::msg::dds_::Image_/{HASH}")
+        );
+        let golden = "1b000000000000009b044c0adbd3e9181001d577b5cefae79ff06ef90b046c84b7";
+        let bytes: Vec<u8> = (0..golden.len() / 2)
+            .map(|i| u8::from_str_radix(&golden[2 * i..2 * i + 2], 16).expect("hex"))
+            .collect();
+        let attachment = Attachment::parse(&bytes).expect("a real attachment parses");
+        assert_eq!(attachment.sequence, 27);
+        assert_eq!(attachment.gid, publisher.gid());
+        assert_eq!(attachment.to_bytes().as_slice(), bytes);
+    }
+
+    #[test]
+    fn qos_is_read_back() {
+        for qos in [Qos::Images, Qos::Results, Qos::Latched] {
+            assert_eq!(qos_of(qos_string(qos)), qos);
+        }
+    }
+
+    #[test]
+    fn a_later_field_is_ignored_and_a_missing_one_refused() {
+        let [_, sensor, _] = golden_tokens();
+        assert_eq!(Token::parse(&format!("{sensor}/cpu:buffer:")), Token::parse(&sensor));
+        assert_eq!(Token::parse(sensor.rsplit_once('/').expect("has parts").0), None);
+    }
+
+    proptest! {
+        #[test]
+        fn no_key_and_no_attachment_panics(key in "(@ros2_lv)?(/[A-Za-z0-9%:,]{0,6}){0,15}", bytes: Vec<u8>) {
+            let _ = Token::parse(&key);
+            if let Some(attachment) = Attachment::parse(&bytes) {
+                prop_assert_eq!(attachment.to_bytes().to_vec(), bytes);
+            }
+        }
+    }
+}

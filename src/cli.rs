@@ -1,0 +1,201 @@
+//! The command line, as clap reads it.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// See in extreme light: a modulo camera, its unwrapping and a detector as a
+/// ROS-style node suite.
+#[derive(Parser)]
+#[command(name = "modulo", version, arg_required_else_help = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// What to do.
+#[derive(Subcommand)]
+pub enum Command {
+    /// Start the nodes of a ROS 2 launch file and supervise them
+    Launch(Launch),
+    /// Run one node: modulo_camera, unwrap or detector
+    #[command(disable_help_flag = true)]
+    Run(Run),
+    /// Record, replay, describe, import and repair bags
+    #[command(subcommand)]
+    Bag(Bag),
+    /// Run a launch file in lockstep: every frame once, nothing dropped, boxes as JSON
+    Eval(Eval),
+    /// Read and set parameters of running nodes
+    #[command(subcommand)]
+    Param(Param),
+}
+
+/// `modulo launch`
+#[derive(Args)]
+pub struct Launch {
+    /// Launch file (ROS 2 YAML)
+    pub file: PathBuf,
+    /// Arguments as name:=value
+    pub arguments: Vec<String>,
+    /// Run all nodes in this one process
+    #[arg(long)]
+    pub compose: bool,
+    /// Write the summary to this file as JSON
+    #[arg(long, value_name = "FILE")]
+    pub summary: Option<PathBuf>,
+    /// Say what the file would start, and end
+    #[arg(long, conflicts_with_all = ["compose", "summary"])]
+    pub print: bool,
+    /// List the file's arguments, and end
+    #[arg(long, short = 's', conflicts_with_all = ["compose", "summary", "print"])]
+    pub show_args: bool,
+}
+
+/// `modulo run`
+#[derive(Args)]
+pub struct Run {
+    /// modulo_camera, unwrap or detector
+    pub node: String,
+    /// --ros-args ... as ROS 2 writes them, or --help
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+    pub arguments: Vec<String>,
+}
+
+/// `modulo bag`
+#[derive(Subcommand)]
+pub enum Bag {
+    /// Record topics until SIGINT or SIGTERM
+    Record(BagRecord),
+    /// Replay a bag into the graph
+    Play(BagPlay),
+    /// Say what is in a bag
+    Info {
+        /// Bag folder or .mcap file
+        bag: PathBuf,
+    },
+    /// Rewrite a damaged bag as far as it can be read
+    Recover {
+        /// Bag folder or .mcap file
+        bag: PathBuf,
+        /// New bag folder
+        out: PathBuf,
+    },
+    /// Make a bag of a data set
+    #[command(subcommand)]
+    Import(BagImport),
+}
+
+/// `modulo bag import`
+#[derive(Subcommand)]
+pub enum BagImport {
+    /// A KITTI object or sequence folder, with its labels as ground truth
+    Kitti {
+        /// Folder that holds image_2 or image_02
+        folder: PathBuf,
+        /// New bag folder
+        out: PathBuf,
+    },
+}
+
+/// `modulo bag record`
+#[derive(Args)]
+pub struct BagRecord {
+    /// Topics to record, all without any
+    pub topics: Vec<String>,
+    /// New bag folder
+    #[arg(short, long, value_name = "FOLDER")]
+    pub output: PathBuf,
+    /// Compression of the chunks
+    #[arg(long, value_enum, default_value_t = Compression::None)]
+    pub compression: Compression,
+}
+
+/// Compression of a bag's chunks.
+#[derive(Clone, Copy, ValueEnum)]
+pub enum Compression {
+    /// As rosbag2 does by default
+    None,
+    /// Fast
+    Lz4,
+    /// Small
+    Zstd,
+}
+
+/// `modulo bag play`
+#[derive(Args)]
+pub struct BagPlay {
+    /// Bag folder or .mcap file
+    pub bag: PathBuf,
+    /// Speed: 2 is twice as fast
+    #[arg(short, long, default_value_t = 1.0)]
+    pub rate: f64,
+    /// Start again at the end
+    #[arg(short, long)]
+    pub r#loop: bool,
+    /// Seconds to leave out at the start
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
+    pub start_offset: f64,
+    /// Topics to replay, all without any
+    #[arg(long, value_name = "TOPIC", num_args = 1..)]
+    pub topics: Option<Vec<String>>,
+    /// Rename topics, from:=to
+    #[arg(long, value_name = "RULE", num_args = 1..)]
+    pub remap: Vec<String>,
+    /// Nodes (fully qualified) that must be ready before the first message
+    #[arg(long, value_name = "NODE", num_args = 1..)]
+    pub wait_for: Vec<String>,
+}
+
+/// `modulo eval`
+#[derive(Args)]
+pub struct Eval {
+    /// Launch file (ROS 2 YAML) with one camera
+    pub file: PathBuf,
+    /// Arguments as name:=value
+    pub arguments: Vec<String>,
+    /// Folder for boxes.json, summary.json and, with --images, the streams as PNG
+    #[arg(short, long, value_name = "FOLDER")]
+    pub out: PathBuf,
+    /// Write every image that a detector saw as PNG
+    #[arg(long)]
+    pub images: bool,
+}
+
+/// `modulo param`
+#[derive(Subcommand)]
+pub enum Param {
+    /// Names and values of a node's parameters
+    List {
+        /// Fully qualified node name, such as /detector
+        node: String,
+    },
+    /// One value
+    Get {
+        /// Fully qualified node name
+        node: String,
+        /// Parameter
+        name: String,
+    },
+    /// Change one value; the node may refuse
+    Set {
+        /// Fully qualified node name
+        node: String,
+        /// Parameter
+        name: String,
+        /// New value
+        value: String,
+    },
+}
+
+/// Reads the command line. A link named after a node runs that node.
+pub fn parse() -> Command {
+    let mut arguments: Vec<OsString> = std::env::args_os().collect();
+    let called = arguments.first().map(PathBuf::from).unwrap_or_default();
+    let called = called.file_stem().and_then(|name| name.to_str()).unwrap_or_default();
+    if crate::registry::KINDS.iter().any(|kind| kind.name == called) {
+        arguments.splice(0..1, ["modulo", "run", called].map(OsString::from));
+    }
+    Cli::parse_from(arguments).command
+}

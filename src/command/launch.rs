@@ -1,0 +1,95 @@
+//! `modulo launch FILE`: separate processes, or one with `--compose`.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use anyhow::{Context, anyhow};
+use modulo_launch::plan::OnExit;
+use modulo_launch::{ComposedNode, Plan, Summary, Supervision};
+use modulo_runtime::driver::composed::{self, Member};
+use modulo_runtime::signals::end_on_signals;
+use modulo_runtime::{Clock, Parameters, Place, Stop, SystemClock};
+
+use super::{pairs, start_log, usage};
+use crate::cli::Launch;
+use crate::registry::{self, Kind};
+use crate::{Ended, Failure};
+
+/// Starts what the file says and prints the summary at the end.
+pub fn launch(args: &Launch) -> Result<Ended, Failure> {
+    start_log(None);
+    if args.show_args {
+        return show_args(&args.file);
+    }
+    let plan = modulo_launch::resolve(&args.file, &pairs(&args.arguments)?).map_err(usage)?;
+    if args.print {
+        println!("{plan}");
+        return Ok(Ended::Done);
+    }
+    let summary = if args.compose { run_composed(&plan)? } else { run_processes(plan)? };
+    print!("{summary}");
+    if let Some(file) = &args.summary {
+        summary.write(file)?;
+    }
+    Ok(if summary.lost() { Ended::WithLoss } else { Ended::Done })
+}
+
+fn show_args(file: &Path) -> Result<Ended, Failure> {
+    for argument in modulo_launch::declared_arguments(file).map_err(usage)? {
+        let default = argument.default.map_or("required".to_owned(), |text| format!("default '{text}'"));
+        println!("{} ({default})", argument.name);
+        if let Some(description) = argument.description {
+            println!("    {description}");
+        }
+        if !argument.choices.is_empty() {
+            println!("    one of {}", argument.choices.join(", "));
+        }
+    }
+    Ok(Ended::Done)
+}
+
+fn run_processes(plan: Plan) -> Result<Summary, Failure> {
+    let supervision = Supervision::on_terminal()?;
+    let runtime = tokio::runtime::Runtime::new().context("tokio runtime")?;
+    let outcome = runtime.block_on(modulo_launch::run(plan, &supervision))?;
+    if outcome.failed() {
+        let failed = outcome.processes.iter().filter(|p| p.end.is_failure());
+        let names: Vec<_> = failed.map(|p| format!("{} {}", p.label, p.end)).collect();
+        return Err(Failure::Run(anyhow!("failed: {}", names.join(", "))));
+    }
+    Ok(outcome.summary())
+}
+
+fn run_composed(plan: &Plan) -> Result<Summary, Failure> {
+    let stop = Stop::default();
+    end_on_signals(&stop).context("signal handlers")?;
+    let members = members(plan)?;
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
+    let reports = composed::run(members, &clock, &stop)?;
+    Ok(Summary::new(&reports, []))
+}
+
+/// The plan's nodes, made in this process.
+fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
+    let nodes = modulo_launch::compose(plan).map_err(usage)?;
+    let member = |(node, on_exit): (&ComposedNode, OnExit)| {
+        let (kind, place, parameters) = prepare(node)?;
+        let step = kind.make(&parameters).with_context(|| place.fully_qualified())?;
+        let on_exit = match on_exit {
+            OnExit::Shutdown => composed::OnExit::Shutdown,
+            OnExit::Continue => composed::OnExit::Continue,
+        };
+        Ok(Member { node: step, parameters, place, on_exit })
+    };
+    let on_exits = plan.nodes.iter().map(|node| node.process.on_exit);
+    nodes.iter().zip(on_exits).map(member).collect::<anyhow::Result<_>>().map_err(usage)
+}
+
+/// Kind, place and parameters of one node of a plan.
+pub fn prepare(node: &ComposedNode) -> anyhow::Result<(&'static Kind, Place, Parameters)> {
+    let kind = registry::kind(&node.kind)?;
+    let place = Place::new(&node.name, &node.namespace, &node.remaps)?;
+    let parameters =
+        kind.parameters().with_text(&node.parameters).with_context(|| place.fully_qualified())?;
+    Ok((kind, place, parameters))
+}

@@ -1,0 +1,67 @@
+//! One file a subcommand.
+
+mod bag;
+mod eval;
+mod launch;
+mod param;
+mod run;
+
+use std::sync::Arc;
+
+use anyhow::{Context, anyhow};
+use modulo_runtime::transport::zenoh::ZenohTransport;
+use modulo_runtime::{Clock, SystemClock};
+use tracing_subscriber::EnvFilter;
+
+use crate::cli::Command;
+use crate::{Ended, Failure};
+
+/// Runs `command`.
+pub fn dispatch(command: Command) -> Result<Ended, Failure> {
+    match command {
+        Command::Launch(args) => launch::launch(&args),
+        Command::Run(args) => run::run(&args),
+        Command::Bag(args) => bag::bag(&args),
+        Command::Eval(args) => eval::eval(&args),
+        Command::Param(args) => param::param(&args),
+    }
+}
+
+fn usage(why: impl Into<anyhow::Error>) -> Failure {
+    Failure::Usage(why.into())
+}
+
+/// Logs go to standard error; `RUST_LOG` chooses, `info` of the suite without.
+fn start_log(level: Option<&str>) {
+    let default = format!(
+        "warn,modulo={0},modulo_camera={0},modulo_unwrap={0},modulo_detector={0},\
+                           modulo_runtime={0},modulo_bags={0},modulo_launch={0}",
+        level.unwrap_or("info")
+    );
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
+    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
+    // Fails only when a log was started before, which then goes on.
+    let _ = log.with_target(false).try_init();
+}
+
+fn domain() -> Result<u32, Failure> {
+    let Ok(text) = std::env::var("ROS_DOMAIN_ID") else { return Ok(0) };
+    let domain = text.trim().parse::<u32>().ok().filter(|domain| *domain <= 232);
+    domain.ok_or_else(|| usage(anyhow!("ROS_DOMAIN_ID = '{text}': must be a number in 0 to 232")))
+}
+
+/// The machine's clock and a session in the domain of the environment.
+fn open_session() -> Result<(Arc<dyn Clock>, ZenohTransport), Failure> {
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
+    let transport = ZenohTransport::open(domain()?, clock.clone())?;
+    Ok((clock, transport))
+}
+
+/// `name:=value` pairs.
+fn pairs(arguments: &[String]) -> Result<Vec<(String, String)>, Failure> {
+    let pair = |text: &String| {
+        let (name, value) = text.split_once(":=").with_context(|| format!("'{text}' is not name:=value"))?;
+        Ok((name.to_owned(), value.to_owned()))
+    };
+    arguments.iter().map(pair).collect::<anyhow::Result<_>>().map_err(usage)
+}

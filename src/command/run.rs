@@ -1,0 +1,66 @@
+//! `modulo run NODE`: one node in this process, on the wire.
+
+use std::path::PathBuf;
+
+use anyhow::Context;
+use modulo_runtime::driver::live;
+use modulo_runtime::ros_args::RosArgs;
+use modulo_runtime::signals::end_on_signals;
+use modulo_runtime::{Descriptor, NodeReport, Stop};
+
+use super::{open_session, start_log, usage};
+use crate::cli::Run;
+use crate::registry::{self, Kind};
+use crate::{Ended, Failure};
+
+/// Runs one node until it is done or told to end.
+pub fn run(args: &Run) -> Result<Ended, Failure> {
+    let kind = registry::kind(&args.node).map_err(usage)?;
+    let (ros, own) = RosArgs::parse(&args.arguments).map_err(usage)?;
+    if own.iter().any(|argument| argument == "--help" || argument == "-h") {
+        print_help(kind);
+        return Ok(Ended::Done);
+    }
+    if let Some(argument) = own.first() {
+        return Err(usage(anyhow::anyhow!("{}: '{argument}' is unknown; try --help", kind.name)));
+    }
+    start_log(ros.log_level.as_deref());
+    let stop = Stop::default();
+    end_on_signals(&stop).context("signal handlers")?;
+
+    let place = ros.place(kind.name).map_err(usage)?;
+    let settings = ros.parameters_for(&place).map_err(usage)?;
+    let named = place.fully_qualified();
+    let refused = |why: anyhow::Error| usage(why.context(named.clone()));
+    let parameters = kind.parameters().with_text(&settings).map_err(|why| refused(why.into()))?;
+    let node = kind.make(&parameters).map_err(refused)?;
+
+    let (clock, transport) = open_session()?;
+    let report = live::run(node, parameters, place, &transport, &*clock, stop)?;
+    transport.close();
+    leave_report(&report)?;
+    Ok(Ended::Done)
+}
+
+/// The launcher adds up what its nodes leave here.
+fn leave_report(report: &NodeReport) -> Result<(), Failure> {
+    let Some(folder) = std::env::var_os("MODULO_REPORT_DIR").map(PathBuf::from) else { return Ok(()) };
+    let name = report.node.trim_matches('/').replace('/', ".");
+    let file = folder.join(format!("{name}.json"));
+    let text = serde_json::to_string(report).context("node report")?;
+    std::fs::write(&file, text).with_context(|| format!("node report {}", file.display()))?;
+    Ok(())
+}
+
+fn print_help(kind: &Kind) {
+    println!("{}: {}\n", kind.name, kind.about);
+    println!("Usage: modulo run {0} [--ros-args -p NAME:=VALUE ...]\n\nParameters:", kind.name);
+    for descriptor in kind.parameters().descriptors() {
+        let Descriptor { name, default, allowed, read_only, description } = descriptor;
+        let fixed = if *read_only { ", fixed at the start" } else { "" };
+        println!(
+            "  {name} ({}, {allowed}, default {default}{fixed})\n      {description}",
+            default.type_name()
+        );
+    }
+}

@@ -1,0 +1,63 @@
+//! The list of nodes by the name of their executable: the one place that knows
+//! all of them.
+
+use anyhow::Context;
+use modulo_camera::ModuloCamera;
+use modulo_detector::Detector;
+use modulo_runtime::driver::declare_common;
+use modulo_runtime::{Descriptor, Node, Parameters};
+use modulo_unwrap::UnwrapNode;
+
+/// One kind of node.
+pub struct Kind {
+    /// Name of the executable, and of the node unless it gets another.
+    pub name: &'static str,
+    /// One line.
+    pub about: &'static str,
+    declare: fn() -> Vec<Descriptor>,
+    make: fn(&Parameters) -> anyhow::Result<Box<dyn Node>>,
+}
+
+/// All kinds, in the order in which frames pass them.
+pub const KINDS: [Kind; 3] = [
+    Kind {
+        name: "modulo_camera",
+        about: "a simulated modulo sensor over any source of frames",
+        declare: modulo_camera::declare,
+        make: |parameters| Ok(Box::new(ModuloCamera::new(parameters)?)),
+    },
+    Kind {
+        name: "unwrap",
+        about: "modulo image in, recovered image out",
+        declare: modulo_unwrap::declare,
+        make: |parameters| Ok(Box::new(UnwrapNode::new(parameters)?)),
+    },
+    Kind {
+        name: "detector",
+        about: "image in, bounding boxes out (YOLOv10, end to end)",
+        declare: modulo_detector::declare,
+        make: |parameters| Ok(Box::new(Detector::new(parameters)?)),
+    },
+];
+
+/// The kind called `name`.
+pub fn kind(name: &str) -> anyhow::Result<&'static Kind> {
+    KINDS.iter().find(|kind| kind.name == name).with_context(|| {
+        let known: Vec<_> = KINDS.iter().map(|kind| kind.name).collect();
+        format!("node '{name}' is unknown, known are {}", known.join(", "))
+    })
+}
+
+impl Kind {
+    /// Its parameters with their defaults.
+    pub fn parameters(&self) -> Parameters {
+        let mut declared = (self.declare)();
+        declared.extend(declare_common());
+        Parameters::declare(declared)
+    }
+
+    /// A node with these parameters.
+    pub fn make(&self, parameters: &Parameters) -> anyhow::Result<Box<dyn Node>> {
+        (self.make)(parameters)
+    }
+}
