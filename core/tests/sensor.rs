@@ -1,5 +1,8 @@
 //! The sensor's streams agree with each other and with eq. 1, and depend on the seed alone.
 
+// Helpers of tests may unwrap as tests do.
+#![allow(clippy::unwrap_used)]
+
 use modulo_core::{Frame, Psf, Sensor, SensorConfig, SensorError};
 use ndarray::Array3;
 use proptest::prelude::*;

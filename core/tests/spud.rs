@@ -1,6 +1,9 @@
 //! SPUD's phi against two references in double precision: dense matrices here,
 //! and scipy's transforms (`tests/peers/spud_reference.py`) by stored samples.
 
+// Helpers of tests may unwrap as tests do.
+#![allow(clippy::unwrap_used)]
+
 use std::f64::consts::PI;
 
 use modulo_core::unwrap::{Spud, ThresholdOn};

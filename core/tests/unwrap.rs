@@ -1,5 +1,8 @@
 //! What every method owes: congruence on any image, exactness under Itoh's condition.
 
+// Helpers of tests may unwrap as tests do.
+#![allow(clippy::unwrap_used)]
+
 use modulo_core::unwrap::{METHODS, Options, by_name};
 use modulo_core::{Frame, Range, Recovered, UnwrapError};
 use ndarray::{Array3, Axis};

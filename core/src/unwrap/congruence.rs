@@ -3,8 +3,6 @@
 
 use std::f64::consts::TAU;
 
-use ndarray::Axis;
-
 use super::{Range, Recovered};
 
 /// Bins of one period in which the phase of the residual is counted.
@@ -43,17 +41,19 @@ fn floor(value: f32) -> i32 {
     truncated - i32::from(truncated as f32 > value)
 }
 
-/// Finds the absolute offset of `k`, clamps to the range, and writes one channel of `out`.
+/// Finds the absolute offset of `k`, clamps to the range, and writes one channel of `out`,
+/// which is prepared: of the image's shape, in standard layout.
 pub(super) fn place(k: &[i32], y: &[f32], range: Range, channel: usize, out: &mut Recovered) {
     let most = i32::from(range.most_wraps());
     let zero = zero_level(k, most);
     let k = k.iter().map(|k| (k.saturating_sub(zero)).clamp(0, most) as u8);
     let peak = range.peak();
-    let x = out.x.index_axis_mut(Axis(2), channel);
-    let counts = out.k.index_axis_mut(Axis(2), channel);
-    for (((x, count), k), y) in x.into_iter().zip(counts).zip(k).zip(y) {
-        *x = y + f32::from(k) * peak;
-        *count = k;
+    let channels = out.x.dim().2;
+    let (Some(x), Some(counts)) = (out.x.as_slice_mut(), out.k.as_slice_mut()) else { return };
+    let pixels = x.chunks_exact_mut(channels).zip(counts.chunks_exact_mut(channels));
+    for (((x, count), k), y) in pixels.zip(k).zip(y) {
+        x[channel] = y + f32::from(k) * peak;
+        count[channel] = k;
     }
 }
 

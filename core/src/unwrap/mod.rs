@@ -125,12 +125,12 @@ pub fn by_name(name: &str, options: &Options) -> Result<Box<dyn Unwrap>, UnwrapE
 }
 
 impl Recovered {
-    /// Makes room for an image of `dim`; what was there stays until it is overwritten.
+    /// Makes room for an image of `dim` in standard layout; what was there stays until it is overwritten.
     fn prepare(&mut self, dim: (usize, usize, usize), method: &'static str) {
-        if self.x.dim() != dim {
+        if self.x.dim() != dim || !self.x.is_standard_layout() {
             self.x = Array3::zeros(dim);
         }
-        if self.k.dim() != dim {
+        if self.k.dim() != dim || !self.k.is_standard_layout() {
             self.k = Array3::zeros(dim);
         }
         self.report = Report { method, trusted: None };
