@@ -1,1 +1,23 @@
 //! ROS 2 YAML launch files: parser, plan and process supervisor.
+//!
+//! Data flows one way: a file is read into actions, the actions are evaluated
+//! into a [`Plan`], and a plan is run, printed, or translated for one process.
+//!
+//! The dialect is a subset of ROS 2's own: what is accepted here means the same
+//! to `ros2 launch`, and what is not supported is refused by name.
+
+mod action;
+mod attributes;
+pub mod compose;
+mod error;
+pub mod plan;
+pub mod substitution;
+pub mod summary;
+pub mod supervisor;
+mod yaml;
+
+pub use compose::{ComposedNode, compose};
+pub use error::LaunchError;
+pub use plan::{DeclaredArgument, NodePlan, Plan, declared_arguments, resolve, ros_arguments};
+pub use summary::{NodeReport, Summary};
+pub use supervisor::{Ending, Outcome, Supervision, run};

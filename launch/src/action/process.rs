@@ -1,0 +1,111 @@
+//! Reading `node` and `executable`.
+
+use super::{Kind, Parameter, value};
+use crate::attributes::{Attributes, Text};
+use crate::error::LaunchError;
+
+pub(super) const NODE_KEYS: &[&str] = &[
+    "pkg",
+    "exec",
+    "name",
+    "namespace",
+    "args",
+    "ros_args",
+    "exec_name",
+    "param",
+    "remap",
+    "env",
+    "output",
+    "respawn",
+    "respawn_delay",
+    "respawn_max_retries",
+    "cwd",
+    "on_exit",
+    "sigterm_timeout",
+    "sigkill_timeout",
+];
+
+pub(super) const EXECUTABLE_KEYS: &[&str] = &[
+    "cmd",
+    "name",
+    "env",
+    "output",
+    "respawn",
+    "respawn_delay",
+    "respawn_max_retries",
+    "cwd",
+    "on_exit",
+    "sigterm_timeout",
+    "sigkill_timeout",
+];
+
+/// How a process is run.
+#[derive(Clone, Debug)]
+pub(crate) struct ProcessAction {
+    pub name: Option<Text>,
+    pub env: Vec<(Text, Text)>,
+    pub output: Option<Text>,
+    pub respawn: Option<Text>,
+    pub respawn_delay: Option<Text>,
+    pub respawn_max_retries: Option<Text>,
+    pub cwd: Option<Text>,
+    pub on_exit: Option<Text>,
+    pub sigterm_timeout: Option<Text>,
+    pub sigkill_timeout: Option<Text>,
+}
+
+/// A program to start.
+#[derive(Clone, Debug)]
+pub(crate) struct ExecutableAction {
+    pub command: Text,
+    pub process: ProcessAction,
+}
+
+/// A ROS 2 node to start.
+#[derive(Clone, Debug)]
+pub(crate) struct NodeAction {
+    pub package: Text,
+    pub executable: Text,
+    pub namespace: Option<Text>,
+    /// The label of its output, when it is not the node's name.
+    pub label: Option<Text>,
+    pub args: Option<Text>,
+    pub ros_args: Option<Text>,
+    pub parameters: Vec<Parameter>,
+    pub remaps: Vec<(Text, Text)>,
+    pub process: ProcessAction,
+}
+
+pub(super) fn node(attributes: &Attributes<'_>) -> Result<Kind, LaunchError> {
+    Ok(Kind::Node(Box::new(NodeAction {
+        package: attributes.required("pkg")?,
+        executable: attributes.required("exec")?,
+        namespace: attributes.text("namespace")?,
+        label: attributes.text("exec_name")?,
+        args: attributes.text("args")?,
+        ros_args: attributes.text("ros_args")?,
+        parameters: value::parameters(attributes)?,
+        remaps: attributes.pairs("remap", ["from", "to"])?,
+        process: process(attributes)?,
+    })))
+}
+
+pub(super) fn executable(attributes: &Attributes<'_>) -> Result<Kind, LaunchError> {
+    let command = attributes.required("cmd")?;
+    Ok(Kind::Executable(Box::new(ExecutableAction { command, process: process(attributes)? })))
+}
+
+fn process(attributes: &Attributes<'_>) -> Result<ProcessAction, LaunchError> {
+    Ok(ProcessAction {
+        name: attributes.text("name")?,
+        env: attributes.pairs("env", ["name", "value"])?,
+        output: attributes.text("output")?,
+        respawn: attributes.bool("respawn")?,
+        respawn_delay: attributes.number("respawn_delay")?,
+        respawn_max_retries: attributes.number("respawn_max_retries")?,
+        cwd: attributes.text("cwd")?,
+        on_exit: attributes.text("on_exit")?,
+        sigterm_timeout: attributes.number("sigterm_timeout")?,
+        sigkill_timeout: attributes.number("sigkill_timeout")?,
+    })
+}

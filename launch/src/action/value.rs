@@ -1,0 +1,101 @@
+//! Reading parameters: `{name, value[, type]}`, `{name, param: [...]}` and
+//! `{from: file}`.
+
+use crate::attributes::{Attributes, Text};
+use crate::error::{LaunchError, listed};
+use crate::substitution::{Part, Template};
+use crate::yaml::{Content, Item, ScalarType};
+
+const KEYS: [&str; 5] = ["name", "value", "type", "param", "from"];
+const SCALARS: [ScalarType; 3] = [ScalarType::Number, ScalarType::Bool, ScalarType::String];
+/// The parameter types of ROS 2's launch files.
+const TYPES: [&str; 8] =
+    ["int", "float", "bool", "str", "list_of_int", "list_of_float", "list_of_bool", "list_of_str"];
+
+/// A parameter or a file of parameters.
+#[derive(Clone, Debug)]
+pub(crate) enum Parameter {
+    /// A file in ROS 2's parameter format.
+    File(Text),
+    /// One parameter; nested names are joined with dots.
+    Value { name: Text, value: ParameterValue, kind: Option<&'static str> },
+}
+
+/// The value of a parameter.
+#[derive(Clone, Debug)]
+pub(crate) enum ParameterValue {
+    /// A scalar, as written.
+    Scalar(Text),
+    /// A list of scalars, each with what YAML takes it for.
+    List(Vec<(Text, ScalarType)>),
+}
+
+/// The parameters in the list `param`.
+pub(super) fn parameters(attributes: &Attributes<'_>) -> Result<Vec<Parameter>, LaunchError> {
+    let mut all = Vec::new();
+    collect(attributes, None, &mut all)?;
+    Ok(all)
+}
+
+fn collect(
+    attributes: &Attributes<'_>,
+    outer: Option<&Text>,
+    all: &mut Vec<Parameter>,
+) -> Result<(), LaunchError> {
+    for entry in attributes.entries("param", &KEYS)? {
+        if let Some(file) = entry.text("from")? {
+            let alone = outer.is_none() && KEYS[..4].iter().all(|key| entry.item(key).is_none());
+            if !alone {
+                return Err(entry.refuse(file.line, "'from' stands alone, not nested and without other keys"));
+            }
+            all.push(Parameter::File(file));
+            continue;
+        }
+        let name = joined(outer, entry.required("name")?);
+        match (entry.item("value"), entry.item("param")) {
+            (Some(item), None) => {
+                all.push(Parameter::Value { name, value: read(&entry, item)?, kind: kind(&entry)? });
+            }
+            (None, Some(_)) => collect(&entry, Some(&name), all)?,
+            _ => return Err(entry.refuse(entry.line, "one of 'value' and 'param' is needed")),
+        }
+    }
+    Ok(())
+}
+
+fn joined(outer: Option<&Text>, inner: Text) -> Text {
+    let Some(outer) = outer else { return inner };
+    let mut parts = outer.template.parts.clone();
+    parts.push(Part::Text(".".to_owned()));
+    parts.extend(inner.template.parts);
+    let source = format!("{}.{}", outer.source, inner.source);
+    Text { line: inner.line, source, template: Template { parts } }
+}
+
+fn kind(entry: &Attributes<'_>) -> Result<Option<&'static str>, LaunchError> {
+    let Some(text) = entry.text("type")? else { return Ok(None) };
+    let given = text.source.as_str();
+    let known = TYPES.iter().find(|kind| **kind == given).copied();
+    known.map(Some).ok_or_else(|| {
+        entry.refuse(text.line, format!("type: unknown '{given}', known are {}", listed(TYPES, "")))
+    })
+}
+
+/// The value of a parameter in `item`.
+pub(super) fn read(attributes: &Attributes<'_>, item: &Item) -> Result<ParameterValue, LaunchError> {
+    let Content::List(items) = &item.content else {
+        return Ok(ParameterValue::Scalar(attributes.scalar("value", item, &SCALARS)?));
+    };
+    let scalars: Result<_, _> = items
+        .iter()
+        .map(|item| {
+            let text = attributes.scalar("value", item, &SCALARS)?;
+            let kind = match item.content {
+                Content::Scalar(_, kind) => kind,
+                _ => ScalarType::String,
+            };
+            Ok((text, kind))
+        })
+        .collect();
+    Ok(ParameterValue::List(scalars?))
+}

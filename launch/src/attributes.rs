@@ -1,0 +1,141 @@
+//! The attributes of an action: known keys, required keys and YAML types are
+//! checked here, each with the line of the mistake. Nothing is evaluated.
+
+use std::path::Path;
+
+use crate::error::{LaunchError, listed};
+use crate::substitution::Template;
+use crate::yaml::{Content, Item, Key, ScalarType};
+
+/// A string of a launch file with its line.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Text {
+    /// Line in the file, from 1.
+    pub line: usize,
+    /// The text as it is written.
+    pub source: String,
+    /// The text, parsed.
+    pub template: Template,
+}
+
+/// The attributes of one action or of one entry below it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Attributes<'a> {
+    /// The launch file, for errors.
+    pub file: &'a Path,
+    /// Where the action stands.
+    pub line: usize,
+    /// What the attributes belong to, for errors: `node`, `param`, ...
+    pub of: &'a str,
+    pairs: &'a [(Key, Item)],
+}
+
+impl<'a> Attributes<'a> {
+    /// The attributes in `item`, which must be a mapping with `known` keys only.
+    ///
+    /// # Errors
+    /// [`LaunchError::At`] with the known keys.
+    pub fn read(file: &'a Path, of: &'a str, item: &'a Item, known: &[&str]) -> Result<Self, LaunchError> {
+        let Content::Map(pairs) = &item.content else {
+            let message = format!("{of}: expected a mapping of attributes, found {}", item.described());
+            return Err(LaunchError::at(file, item.line, message));
+        };
+        let line = pairs.first().map_or(item.line, |(key, _)| key.line);
+        if let Some((key, _)) = pairs.iter().find(|(key, _)| !known.contains(&key.name.as_str())) {
+            let message =
+                format!("{of}: unknown key '{}', known keys are {}", key.name, listed(known, "none"));
+            return Err(LaunchError::at(file, key.line, message));
+        }
+        Ok(Self { file, line, of, pairs })
+    }
+
+    /// An error at `line`, opened with the action's name.
+    pub fn refuse(&self, line: usize, message: impl AsRef<str>) -> LaunchError {
+        LaunchError::at(self.file, line, format!("{}: {}", self.of, message.as_ref()))
+    }
+
+    /// The value of `key`.
+    pub fn item(&self, key: &str) -> Option<&'a Item> {
+        self.pairs.iter().find(|(k, _)| k.name == key).map(|(_, item)| item)
+    }
+
+    /// The string `key`.
+    pub fn text(&self, key: &str) -> Result<Option<Text>, LaunchError> {
+        self.item(key).map(|item| self.scalar(key, item, &[ScalarType::String])).transpose()
+    }
+
+    /// The bool `key`, or a string that will be one.
+    pub fn bool(&self, key: &str) -> Result<Option<Text>, LaunchError> {
+        self.item(key).map(|item| self.scalar(key, item, &[ScalarType::Bool, ScalarType::String])).transpose()
+    }
+
+    /// The number `key`, or a string that will be one.
+    pub fn number(&self, key: &str) -> Result<Option<Text>, LaunchError> {
+        self.item(key)
+            .map(|item| self.scalar(key, item, &[ScalarType::Number, ScalarType::String]))
+            .transpose()
+    }
+
+    /// The string `key`, which must be there.
+    pub fn required(&self, key: &str) -> Result<Text, LaunchError> {
+        self.text(key)?.ok_or_else(|| self.missing(key))
+    }
+
+    /// The error for a key that must be there.
+    pub fn missing(&self, key: &str) -> LaunchError {
+        self.refuse(self.line, format!("key '{key}' is missing"))
+    }
+
+    /// The items of the list `key`; none when it is absent.
+    pub fn list(&self, key: &str) -> Result<&'a [Item], LaunchError> {
+        match self.item(key) {
+            None => Ok(&[]),
+            Some(Item { content: Content::List(items), .. }) => Ok(items),
+            Some(item) => {
+                Err(self.refuse(item.line, format!("{key}: expected a list, found {}", item.described())))
+            }
+        }
+    }
+
+    /// The mappings in the list `key`, each with `known` keys only.
+    pub fn entries(&self, key: &'a str, known: &[&str]) -> Result<Vec<Attributes<'a>>, LaunchError> {
+        self.list(key)?.iter().map(|item| Attributes::read(self.file, key, item, known)).collect()
+    }
+
+    /// The (name, value) pairs of the list `key`, with those two key names.
+    pub fn pairs(&self, key: &'a str, names: [&str; 2]) -> Result<Vec<(Text, Text)>, LaunchError> {
+        let entries = self.entries(key, &names)?;
+        entries.iter().map(|entry| Ok((entry.required(names[0])?, entry.required(names[1])?))).collect()
+    }
+
+    /// `item` as a scalar of one of the `allowed` types.
+    pub fn scalar(&self, key: &str, item: &Item, allowed: &[ScalarType]) -> Result<Text, LaunchError> {
+        match &item.content {
+            Content::Scalar(text, ScalarType::String) => {
+                let template =
+                    Template::parse(text).map_err(|e| self.refuse(item.line, format!("{key}: {e}")))?;
+                Ok(Text { line: item.line, source: text.clone(), template })
+            }
+            Content::Scalar(text, kind) if allowed.contains(kind) => {
+                Ok(Text { line: item.line, source: text.clone(), template: Template::plain(text) })
+            }
+            _ => Err(self.refuse(item.line, mismatch(key, item, allowed))),
+        }
+    }
+}
+
+fn mismatch(key: &str, item: &Item, allowed: &[ScalarType]) -> String {
+    let expected = match allowed.first() {
+        Some(ScalarType::Bool) => "true or false",
+        Some(ScalarType::Number) if allowed.contains(&ScalarType::Bool) => "a value",
+        Some(ScalarType::Number) => "a number",
+        _ => "a string",
+    };
+    let remedy = match (&item.content, expected) {
+        (Content::Scalar(text, kind), "a string") if *kind != ScalarType::Null => {
+            format!(", write \"{text}\"")
+        }
+        _ => String::new(),
+    };
+    format!("{key}: expected {expected}, found {}{remedy}", item.described())
+}

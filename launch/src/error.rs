@@ -1,0 +1,69 @@
+//! [`LaunchError`]: one line that names the place, the thing and what is
+//! possible. Nothing is printed here.
+
+use std::path::{Path, PathBuf};
+
+/// Why a launch file cannot be read, resolved or run.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum LaunchError {
+    /// Something in a launch file.
+    #[error("{}:{line}: {message}", file.display())]
+    At {
+        /// The launch file.
+        file: PathBuf,
+        /// Line in it, from 1.
+        line: usize,
+        /// What is wrong and what is possible.
+        message: String,
+    },
+    /// A file that cannot be read or written.
+    #[error("{}: {why}", file.display())]
+    File {
+        /// The file.
+        file: PathBuf,
+        /// The system's reason.
+        why: String,
+    },
+    /// A `name:=value` that no launch file declares.
+    #[error("unknown launch argument '{name}', {known}")]
+    UnknownArgument {
+        /// The name on the command line.
+        name: String,
+        /// The declared ones, as text.
+        known: String,
+    },
+    /// A process that cannot be started.
+    #[error("{process}: {why}")]
+    Start {
+        /// Its label.
+        process: String,
+        /// What was tried, and why it failed.
+        why: String,
+    },
+    /// A plan that cannot run inside one process.
+    #[error("{process} cannot run in one process: {why}")]
+    NotComposable {
+        /// Its label.
+        process: String,
+        /// Which property of it stands in the way.
+        why: String,
+    },
+}
+
+impl LaunchError {
+    /// An error at a line of a launch file.
+    pub fn at(file: &Path, line: usize, message: impl Into<String>) -> Self {
+        Self::At { file: file.to_owned(), line, message: message.into() }
+    }
+
+    /// An error of the file system.
+    pub fn file(file: &Path, why: impl ToString) -> Self {
+        Self::File { file: file.to_owned(), why: why.to_string() }
+    }
+}
+
+/// `words` as "a, b and c" would be read, or `none` when there are none.
+pub(crate) fn listed<S: AsRef<str>>(words: impl IntoIterator<Item = S>, none: &str) -> String {
+    let words: Vec<String> = words.into_iter().map(|w| w.as_ref().to_owned()).collect();
+    if words.is_empty() { none.to_owned() } else { words.join(", ") }
+}

@@ -1,0 +1,134 @@
+//! The arguments that can be given to a launch file: its own and those of the
+//! files it includes, also in branches that would not be taken.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::resolve::{identity, included};
+use super::scope::Scope;
+use super::value::argument_value;
+use crate::action::{self, Action, Kind, LaunchFile};
+use crate::error::{LaunchError, listed};
+
+/// An argument of a launch file.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct DeclaredArgument {
+    /// Its name.
+    pub name: String,
+    /// Its value when none is given, as written; `None` when one must be given.
+    pub default: Option<String>,
+    /// What it is for.
+    pub description: Option<String>,
+    /// The possible values; any when empty.
+    pub choices: Vec<String>,
+}
+
+/// The arguments of the launch file `file`, in order, each once.
+///
+/// # Errors
+/// As [`super::resolve`], for what cannot be read.
+pub fn declared_arguments(file: &Path) -> Result<Vec<DeclaredArgument>, LaunchError> {
+    declared(file, &[])
+}
+
+/// The same when `arguments` are given: the path of an included file may depend
+/// on them.
+pub(super) fn declared(
+    file: &Path,
+    arguments: &[(String, String)],
+) -> Result<Vec<DeclaredArgument>, LaunchError> {
+    let launch_file = action::read_file(file)?;
+    let mut collector = Collector {
+        found: Vec::new(),
+        fixed: Vec::new(),
+        scope: Scope::new(arguments),
+        open: vec![identity(file)],
+    };
+    collector.all(&launch_file.path, &launch_file.actions)?;
+    Ok(collector.found)
+}
+
+/// "its arguments are ..." for an error.
+pub(super) fn known(declared: &[DeclaredArgument]) -> String {
+    match declared {
+        [] => "it declares no arguments".to_owned(),
+        some => format!("declared are {}", listed(some.iter().map(|d| &d.name), "")),
+    }
+}
+
+struct Collector {
+    found: Vec<DeclaredArgument>,
+    /// Names to which an include that is being read gives the value.
+    fixed: Vec<String>,
+    scope: Scope,
+    open: Vec<std::path::PathBuf>,
+}
+
+impl Collector {
+    fn all(&mut self, file: &Path, actions: &[Action]) -> Result<(), LaunchError> {
+        actions.iter().try_for_each(|action| self.one(file, action))
+    }
+
+    fn one(&mut self, file: &Path, action: &Action) -> Result<(), LaunchError> {
+        match &action.kind {
+            Kind::Argument(argument) => {
+                let view = self.scope.at(file);
+                let source = |text: &crate::attributes::Text| text.source.clone();
+                let declared = DeclaredArgument {
+                    name: view.string(&argument.name)?,
+                    default: argument.default.as_ref().map(source),
+                    description: argument.description.as_ref().map(source),
+                    choices: argument.choices.iter().map(source).collect(),
+                };
+                // A default that has no value yet is no error here: it may never be needed.
+                if let Ok((name, value)) = argument_value(argument, view) {
+                    self.scope.variables.insert(name, value);
+                }
+                let known = self.fixed.contains(&declared.name)
+                    || self.found.iter().any(|other| other.name == declared.name);
+                self.found.extend((!known).then_some(declared));
+                Ok(())
+            }
+            Kind::Let { name, value } => {
+                let view = self.scope.at(file);
+                if let (Ok(name), Ok(value)) = (view.string(name), view.string(value)) {
+                    self.scope.variables.insert(name, value);
+                }
+                Ok(())
+            }
+            Kind::Group { children, .. } | Kind::Timer { children, .. } => self.all(file, children),
+            Kind::Include(include) => {
+                // A file that is not there counts only if it is really included.
+                match included(file, include, self.scope.at(file)) {
+                    Ok(inner) => self.include(&inner, file, include),
+                    Err(_) => Ok(()),
+                }
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn include(
+        &mut self,
+        inner: &LaunchFile,
+        file: &Path,
+        include: &action::Include,
+    ) -> Result<(), LaunchError> {
+        let identity = identity(&inner.path);
+        if self.open.contains(&identity) {
+            return Ok(());
+        }
+        let view = self.scope.at(file);
+        let names: Vec<String> = include.arguments.iter().flat_map(|(name, _)| view.string(name)).collect();
+        let values = view.pairs(&include.arguments).unwrap_or_default();
+        self.scope.variables.extend(values);
+        let outer = self.fixed.len();
+        self.fixed.extend(names);
+        self.open.push(identity);
+        self.all(&inner.path, &inner.actions)?;
+        self.open.pop();
+        self.fixed.truncate(outer);
+        Ok(())
+    }
+}

@@ -1,0 +1,93 @@
+//! [`ParameterText`]: the value of a parameter as text that ROS 2 reads with
+//! YAML's rules. The node's own declaration gives it its type in the end.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use crate::yaml::ScalarType;
+
+/// The value of a parameter.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct ParameterText {
+    /// The value as text, a list as `[a, b]`.
+    pub text: String,
+    /// The type that the launch file asks for, such as `str` or `list_of_int`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kind: Option<&'static str>,
+}
+
+impl ParameterText {
+    /// A scalar; a `kind` is checked, and a `float` gets its decimal point.
+    ///
+    /// # Errors
+    /// What `text` is not, as text.
+    pub(super) fn scalar(text: String, kind: Option<&'static str>) -> Result<Self, String> {
+        let text = match kind {
+            Some(of) if !of.starts_with("list_of_") => typed(text, of)?,
+            _ => text,
+        };
+        Ok(Self { text, kind })
+    }
+
+    /// A list of (text, type as YAML sees it).
+    ///
+    /// # Errors
+    /// Which item does not have the type that is asked for, as text.
+    pub(super) fn list(items: Vec<(String, ScalarType)>, kind: Option<&'static str>) -> Result<Self, String> {
+        let of = match kind.map(|kind| kind.strip_prefix("list_of_").ok_or(kind)) {
+            Some(Err(kind)) => return Err(format!("is a list, must be a {kind}")),
+            Some(Ok(of)) => of,
+            None => "",
+        };
+        let items: Result<Vec<String>, String> = items
+            .into_iter()
+            .map(|(text, kind)| {
+                let text = typed(text, of)?;
+                Ok(if of == "str" || (of.is_empty() && needs_quotes(&text, kind)) {
+                    quoted(&text)
+                } else {
+                    text
+                })
+            })
+            .collect();
+        Ok(Self { text: format!("[{}]", items?.join(", ")), kind })
+    }
+
+    /// The text to write after `name:=` on a ROS 2 command line.
+    pub fn as_yaml(&self) -> String {
+        if self.kind == Some("str") || self.text.is_empty() {
+            return quoted(&self.text);
+        }
+        self.text.clone()
+    }
+}
+
+impl fmt::Display for ParameterText {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.as_yaml())
+    }
+}
+
+fn typed(text: String, of: &str) -> Result<String, String> {
+    let fits = match of {
+        "int" => text.parse::<i64>().is_ok(),
+        "float" => text.parse::<f64>().is_ok(),
+        "bool" => ScalarType::of_plain(&text) == ScalarType::Bool,
+        _ => true,
+    };
+    if !fits {
+        return Err(format!("= {text} is no {of}"));
+    }
+    Ok(if of == "float" && text.parse::<i64>().is_ok() { format!("{text}.0") } else { text })
+}
+
+/// Whether a word in a list would be read as something else without quotes.
+fn needs_quotes(text: &str, kind: ScalarType) -> bool {
+    let word = |c: char| c.is_ascii_alphanumeric() || "_/.+-~".contains(c);
+    kind == ScalarType::String && (text.is_empty() || !text.chars().all(word))
+}
+
+fn quoted(text: &str) -> String {
+    if text.contains(['\'', '\n']) { format!("{text:?}") } else { format!("'{text}'") }
+}

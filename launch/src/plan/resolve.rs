@@ -1,0 +1,204 @@
+//! From a launch file and arguments to a [`Plan`]: actions are done in the order
+//! of the file, each in the scope that the earlier ones left. Nothing is started.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use super::scope::{Scope, View, environment};
+use super::value::{argument_value, parameter_value};
+use super::{ParameterText, Plan, arguments, process};
+use crate::action::{self, Action, Condition, Include, Kind, LaunchFile};
+use crate::attributes::Text;
+use crate::error::LaunchError;
+use crate::substitution::truth;
+
+/// Reads `file` and works it out with `arguments`, the (name, value) pairs of
+/// the command line.
+///
+/// # Errors
+/// [`LaunchError::At`] for a mistake in a file, [`LaunchError::UnknownArgument`]
+/// for an argument that no file declares, [`LaunchError::File`] when a file
+/// cannot be read.
+pub fn resolve(file: &Path, arguments: &[(String, String)]) -> Result<Plan, LaunchError> {
+    let declared = arguments::declared(file, arguments)?;
+    if let Some((name, _)) = arguments.iter().find(|(name, _)| declared.iter().all(|d| d.name != *name)) {
+        let known = arguments::known(&declared);
+        return Err(LaunchError::UnknownArgument { name: name.clone(), known });
+    }
+    let launch_file = action::read_file(file)?;
+    let mut resolver = Resolver {
+        plan: Plan::default(),
+        scope: Scope::new(arguments),
+        outside: environment(),
+        open: vec![identity(file)],
+        start_after: Duration::ZERO,
+    };
+    resolver.all(&launch_file.path, &launch_file.actions)?;
+    Ok(resolver.plan)
+}
+
+/// The path by which a file is recognised when it includes itself.
+pub(super) fn identity(file: &Path) -> PathBuf {
+    file.canonicalize().unwrap_or_else(|_| file.to_owned())
+}
+
+/// The included file; a relative path starts at the including one.
+pub(super) fn included(file: &Path, include: &Include, view: View<'_>) -> Result<LaunchFile, LaunchError> {
+    let path = PathBuf::from(view.string(&include.file)?);
+    let path = file.parent().map_or_else(|| path.clone(), |folder| folder.join(&path));
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    if !name.ends_with(".yaml") && !name.ends_with(".yml") {
+        let why = format!("include: '{name}' is not YAML, only .launch.yaml files can be included");
+        return Err(view.refuse(&include.file, why));
+    }
+    action::read_file(&path).map_err(|error| match error {
+        LaunchError::File { file, why } => {
+            view.refuse(&include.file, format!("include: {}: {why}", file.display()))
+        }
+        other => other,
+    })
+}
+
+struct Resolver {
+    plan: Plan,
+    scope: Scope,
+    /// The launcher's own environment.
+    outside: std::collections::BTreeMap<String, String>,
+    /// The files that are being read, outermost first.
+    open: Vec<PathBuf>,
+    start_after: Duration,
+}
+
+impl Resolver {
+    fn all(&mut self, file: &Path, actions: &[Action]) -> Result<(), LaunchError> {
+        actions.iter().try_for_each(|action| {
+            if applies(&action.condition, self.scope.at(file))? { self.one(file, action) } else { Ok(()) }
+        })
+    }
+
+    fn one(&mut self, file: &Path, action: &Action) -> Result<(), LaunchError> {
+        let view = self.scope.at(file);
+        match &action.kind {
+            Kind::Argument(argument) => {
+                let (name, value) = argument_value(argument, view)?;
+                self.plan.arguments.insert(name.clone(), value.clone());
+                self.scope.variables.insert(name, value);
+            }
+            Kind::Let { name, value } => {
+                let (name, value) = (view.string(name)?, view.string(value)?);
+                self.scope.variables.insert(name, value);
+            }
+            Kind::SetEnvironment { name, value } => {
+                let (name, value) = (variable_name(view, name)?, view.string(value)?);
+                self.scope.environment.insert(name, value);
+            }
+            Kind::UnsetEnvironment { name } => {
+                let name = view.string(name)?;
+                self.scope.environment.remove(&name);
+            }
+            Kind::PushNamespace(namespace) => {
+                let pushed = view.string(namespace)?;
+                self.scope.namespace = self.scope.joined(&pushed);
+            }
+            Kind::SetParameter { name, value } => {
+                let pair = (view.string(name)?, parameter_value(name, value, None, view)?);
+                self.scope.parameters.push(pair);
+            }
+            Kind::SetUseSimTime(value) => {
+                let text = view.bool("set_use_sim_time", value)?.to_string();
+                let value = ParameterText { text, kind: None };
+                self.scope.parameters.push(("use_sim_time".to_owned(), value));
+            }
+            Kind::SetRemap { from, to } => {
+                let pair = (view.string(from)?, view.string(to)?);
+                self.scope.remaps.push(pair);
+            }
+            Kind::Log(message) => {
+                let message = view.string(message)?;
+                self.plan.messages.push(message);
+            }
+            Kind::Group { scoped, children } => self.group(file, scoped.as_ref(), children)?,
+            Kind::Timer { period, children } => self.timer(file, period, children)?,
+            Kind::Include(include) => self.include(file, action.line, include)?,
+            Kind::Node(node) => {
+                let plan = process::node(node, &self.place(file, action.line))?;
+                self.plan.nodes.push(plan);
+            }
+            Kind::Executable(executable) => {
+                let plan = process::executable(executable, &self.place(file, action.line))?;
+                self.plan.executables.push(plan);
+            }
+        }
+        Ok(())
+    }
+
+    fn place<'a>(&'a self, file: &'a Path, line: usize) -> process::Place<'a> {
+        let Self { scope, outside, start_after, .. } = self;
+        process::Place { file, line, view: scope.at(file), scope, outside, start_after: *start_after }
+    }
+
+    fn group(&mut self, file: &Path, scoped: Option<&Text>, children: &[Action]) -> Result<(), LaunchError> {
+        let scoped = scoped.map(|text| self.scope.at(file).bool("scoped", text)).transpose()?;
+        let outer = self.scope.clone();
+        self.all(file, children)?;
+        if scoped.unwrap_or(true) {
+            self.scope = outer;
+        }
+        Ok(())
+    }
+
+    fn timer(&mut self, file: &Path, period: &Text, children: &[Action]) -> Result<(), LaunchError> {
+        let before = self.start_after;
+        self.start_after += Duration::from_secs_f64(self.scope.at(file).number("period", period)?);
+        self.all(file, children)?;
+        self.start_after = before;
+        Ok(())
+    }
+
+    /// As in ROS 2, an included file works in the scope of the including one.
+    fn include(&mut self, file: &Path, line: usize, include: &Include) -> Result<(), LaunchError> {
+        let view = self.scope.at(file);
+        let launch_file = included(file, include, view)?;
+        let arguments = view.pairs(&include.arguments)?;
+        let identity = identity(&launch_file.path);
+        if self.open.contains(&identity) {
+            let why = format!("include: {} includes itself", launch_file.path.display());
+            return Err(LaunchError::at(file, line, why));
+        }
+        let declared = arguments::declared(&launch_file.path, &[])?;
+        for ((name, _), (text, _)) in arguments.iter().zip(&include.arguments) {
+            if declared.iter().all(|d| d.name != *name) {
+                let known = arguments::known(&declared);
+                let path = launch_file.path.display();
+                return Err(
+                    view.refuse(text, format!("include: {path} declares no argument '{name}', {known}"))
+                );
+            }
+        }
+        self.scope.variables.extend(arguments);
+        self.open.push(identity);
+        self.all(&launch_file.path, &launch_file.actions)?;
+        self.open.pop();
+        Ok(())
+    }
+}
+
+fn applies(condition: &Condition, view: View<'_>) -> Result<bool, LaunchError> {
+    let holds = |key: &str, text: &Text| {
+        let value = view.string(text)?;
+        truth(&value).map_err(|e| view.refuse(text, format!("{key}: {e}")))
+    };
+    match condition {
+        Condition::Always => Ok(true),
+        Condition::If(text) => holds("if", text),
+        Condition::Unless(text) => Ok(!holds("unless", text)?),
+    }
+}
+
+fn variable_name(view: View<'_>, text: &Text) -> Result<String, LaunchError> {
+    let name = view.string(text)?;
+    if name.is_empty() || name.contains(['=', '\0']) {
+        return Err(view.refuse(text, format!("'{name}' is no name of an environment variable")));
+    }
+    Ok(name)
+}

@@ -1,0 +1,241 @@
+//! Text with `$(name arguments)` in it, as every string of a launch file may
+//! be: the grammar of ROS 2's `launch` frontend. Nothing is executed here and no
+//! Python or shell is ever evaluated.
+//!
+//! Outside of `$(...)` a backslash makes the next character plain. Inside,
+//! arguments are separated by spaces, may be quoted with `'` or `"`, and nest.
+
+mod evaluate;
+mod function;
+mod package;
+
+pub use evaluate::Surroundings;
+pub(crate) use evaluate::truth;
+pub use function::Function;
+pub(crate) use package::SUITE;
+
+/// No launch file nests substitutions deeper than this; keeps recursion bounded.
+const DEEPEST: usize = 32;
+
+/// A parsed text.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Template {
+    /// Its pieces, to be joined.
+    pub parts: Vec<Part>,
+}
+
+/// A piece of a text.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Plain text.
+    Text(String),
+    /// `$(function arguments)`.
+    Call(Function, Vec<Template>),
+}
+
+/// Why a text is not a valid template, or has no value.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct SubstitutionError(pub String);
+
+impl Template {
+    /// Parses `text`.
+    ///
+    /// # Errors
+    /// [`SubstitutionError`] for a substitution that does not end, is unknown,
+    /// or has another number of arguments than it takes.
+    pub fn parse(text: &str) -> Result<Self, SubstitutionError> {
+        let mut reader = Reader { text, rest: text };
+        let template = reader.until(Until::End, 0)?;
+        Ok(template)
+    }
+
+    /// A text without substitutions.
+    pub fn plain(text: impl Into<String>) -> Self {
+        Self { parts: vec![Part::Text(text.into())] }
+    }
+
+    /// The text, when there is no substitution in it.
+    pub fn as_plain(&self) -> Option<&str> {
+        match self.parts.as_slice() {
+            [] => Some(""),
+            [Part::Text(text)] => Some(text),
+            _ => None,
+        }
+    }
+
+    fn push(&mut self, c: char) {
+        match self.parts.last_mut() {
+            Some(Part::Text(text)) => text.push(c),
+            _ => self.parts.push(Part::Text(c.to_string())),
+        }
+    }
+}
+
+/// What ends a template.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Until {
+    End,
+    Quote(char),
+    /// A space or `)`: an argument without quotes.
+    Argument,
+}
+
+struct Reader<'a> {
+    text: &'a str,
+    rest: &'a str,
+}
+
+impl Reader<'_> {
+    fn take(&mut self) -> Option<char> {
+        let c = self.rest.chars().next()?;
+        self.rest = &self.rest[c.len_utf8()..];
+        Some(c)
+    }
+
+    fn refuse<T>(&self, why: &str) -> Result<T, SubstitutionError> {
+        Err(SubstitutionError(format!("'{}': {why}", self.text)))
+    }
+
+    fn until(&mut self, end: Until, depth: usize) -> Result<Template, SubstitutionError> {
+        let mut template = Template::default();
+        loop {
+            if self.rest.starts_with("$(") {
+                template.parts.push(self.call(depth + 1)?);
+                continue;
+            }
+            if end == Until::Argument && self.rest.starts_with([' ', ')']) {
+                return Ok(template);
+            }
+            match (self.take(), end) {
+                (None, Until::End) => return Ok(template),
+                (None, Until::Quote(quote)) => {
+                    return self.refuse(&format!("the quote {quote} does not end"));
+                }
+                (None, Until::Argument) => return self.refuse("a substitution does not end, ')' is missing"),
+                (Some('\\'), _) => template.push(self.take().unwrap_or('\\')),
+                (Some(c), Until::Quote(quote)) if c == quote => return Ok(template),
+                (Some(c @ ('(' | '\'' | '"')), Until::Argument) => {
+                    return self.refuse(&format!("write \\{c} or quote the argument"));
+                }
+                (Some(c), _) => template.push(c),
+            }
+        }
+    }
+
+    fn call(&mut self, depth: usize) -> Result<Part, SubstitutionError> {
+        if depth > DEEPEST {
+            return self.refuse("substitutions are nested too deeply");
+        }
+        self.rest = &self.rest["$(".len()..];
+        let end = self.rest.find([' ', ')', '$', '(', '\'', '"']).unwrap_or(self.rest.len());
+        let (name, rest) = self.rest.split_at(end);
+        let function = Function::named(name)?;
+        self.rest = rest;
+        let arguments = self.arguments(depth)?;
+        function.check_count(arguments.len())?;
+        Ok(Part::Call(function, arguments))
+    }
+
+    fn arguments(&mut self, depth: usize) -> Result<Vec<Template>, SubstitutionError> {
+        let mut arguments = Vec::new();
+        loop {
+            let spaced = self.rest.starts_with(' ');
+            self.rest = self.rest.trim_start_matches(' ');
+            match self.rest.chars().next() {
+                Some(')') => {
+                    self.take();
+                    return Ok(arguments);
+                }
+                Some(_) if !spaced => return self.refuse("a space is missing before an argument"),
+                Some(quote @ ('\'' | '"')) => {
+                    self.take();
+                    arguments.push(self.until(Until::Quote(quote), depth)?);
+                }
+                _ => arguments.push(self.until(Until::Argument, depth)?),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn call(function: Function, arguments: Vec<Template>) -> Part {
+        Part::Call(function, arguments)
+    }
+
+    #[test]
+    fn nests_and_joins() {
+        let template = Template::parse("a/$(var x$(var 'y z'))b").expect("valid");
+        let inner = call(Function::Var, vec![Template::plain("y z")]);
+        let name = Template { parts: vec![Part::Text("x".into()), inner] };
+        let outer = call(Function::Var, vec![name]);
+        assert_eq!(template.parts, [Part::Text("a/".into()), outer, Part::Text("b".into())]);
+    }
+
+    #[test]
+    fn escapes_and_lone_dollars_are_plain() {
+        for (text, plain) in [
+            (r"\$(var x)", "$(var x)"),
+            ("5 $ and $x", "5 $ and $x"),
+            (r"a\\b", r"a\b"),
+            ("it's (\"fine\")", "it's (\"fine\")"),
+            ("", ""),
+            ("\\", "\\"),
+        ] {
+            assert_eq!(Template::parse(text).expect("valid").as_plain(), Some(plain), "{text}");
+        }
+    }
+
+    #[test]
+    fn arguments_may_be_quoted_and_escaped() {
+        let expected = [call(Function::Env, vec![Template::plain("X"), Template::plain("a b')")])];
+        for text in [r#"$(env X "a b')")"#, r"$(env X 'a b\')')", r"$(env  X  a\ b\'\) )"] {
+            assert_eq!(Template::parse(text).expect(text).parts, expected, "{text}");
+        }
+        assert_eq!(
+            Template::parse("$(env X '')").expect("valid").parts,
+            [call(Function::Env, vec![Template::plain("X"), Template::default()])]
+        );
+    }
+
+    #[test]
+    fn refusals_say_what_is_possible() {
+        for (text, message) in [
+            ("$(var x", "')' is missing"),
+            ("$(var 'x)", "the quote ' does not end"),
+            ("$(var", "')' is missing"),
+            ("$(vra x)", "unknown substitution $(vra), known are var, env"),
+            ("$(eval '1 + 1')", "$(eval) is not supported: it runs Python"),
+            ("$(command 'ls')", "$(command) is not supported: it runs a shell"),
+            ("$(anon x)", "$(anon) is not supported"),
+            ("$(var)", "$(var) takes 1 or 2 arguments, not 0"),
+            ("$(dirname x)", "$(dirname) takes no argument, not 1"),
+            ("$(not a b)", "$(not) takes 1 argument, not 2"),
+            ("$(var a(b)", "write \\( or quote"),
+            ("$(var 'a''b')", "a space is missing"),
+        ] {
+            let error = Template::parse(text).expect_err(text).to_string();
+            assert!(error.contains(message), "{error}");
+        }
+        assert!(Template::parse(&"$(var ".repeat(10_000)).is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn any_text_is_parsed_or_refused(text in r#"(\$\(|var |not |[ a-z()$'"\\é]){0,20}"#) {
+            let _ = Template::parse(&text);
+        }
+
+        #[test]
+        fn quoting_any_text_keeps_it(text in "\\PC{0,20}") {
+            let escaped: String = text.chars().flat_map(|c| ['\\', c]).collect();
+            let parsed = Template::parse(&format!("$(var '{escaped}')")).expect("valid");
+            let Part::Call(Function::Var, arguments) = &parsed.parts[0] else { panic!("a call") };
+            prop_assert_eq!(arguments[0].as_plain(), Some(text.as_str()));
+        }
+    }
+}

@@ -1,0 +1,251 @@
+//! [`Summary`]: the reports of all nodes added up. Percentiles come from merged
+//! counts, never from averages of percentiles. Nothing decides on an exit code here.
+
+mod table;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use serde::Serialize;
+
+pub use modulo_runtime::report::NodeReport;
+use modulo_runtime::report::{Histogram, quantile};
+
+use crate::error::LaunchError;
+
+/// What a run did, over all its nodes.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Summary {
+    /// Frames that the sources sent.
+    pub frames: u64,
+    /// Detections by stream and class.
+    pub detections: BTreeMap<String, BTreeMap<String, u64>>,
+    /// Messages that were lost or replaced by newer ones, by topic.
+    pub dropped: BTreeMap<String, u64>,
+    /// Durations by stage.
+    pub latency_ms: BTreeMap<String, Percentiles>,
+    /// The inference engines that really ran, joined with `+` when they differ.
+    pub engine: Option<String>,
+    /// Messages by topic.
+    pub topics: BTreeMap<String, TopicCounts>,
+    /// Restarts after crashes, by process; only those that had one.
+    pub restarts: BTreeMap<String, u32>,
+}
+
+/// Percentiles in milliseconds: upper bounds of the buckets they lie in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Percentiles {
+    /// Half of all were not slower.
+    pub p50: f64,
+    /// 95 % were not slower.
+    pub p95: f64,
+    /// 99 % were not slower.
+    pub p99: f64,
+}
+
+/// Messages of one topic, over all nodes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct TopicCounts {
+    /// Received, by all subscribers together.
+    #[serde(rename = "in")]
+    pub received: u64,
+    /// Sent.
+    #[serde(rename = "out")]
+    pub sent: u64,
+    /// Lost on the way or replaced by newer ones.
+    pub dropped: u64,
+    /// Could not be read or processed.
+    pub bad: u64,
+}
+
+impl Summary {
+    /// Adds up `reports`; `restarts` are (process, count).
+    pub fn new<'a>(reports: &[NodeReport], restarts: impl IntoIterator<Item = (&'a str, u32)>) -> Self {
+        let mut summary = Self { engine: engine(reports), ..Self::default() };
+        let mut stages: BTreeMap<&str, Histogram> = BTreeMap::new();
+        for report in reports {
+            summary.frames += frames(report);
+            summary.add_topics(report);
+            summary.add_detections(report);
+            for (stage, buckets) in &report.stages {
+                let merged = stages.entry(stage).or_default();
+                buckets.iter().for_each(|(bound, count)| *merged.entry(*bound).or_default() += count);
+            }
+        }
+        let latency = stages.into_iter().filter_map(|(stage, h)| Some((stage.to_owned(), percentiles(&h)?)));
+        summary.latency_ms = latency.collect();
+        for (process, count) in restarts.into_iter().filter(|(_, count)| *count > 0) {
+            *summary.restarts.entry(process.to_owned()).or_default() += count;
+        }
+        summary
+    }
+
+    /// Whether a message was dropped or could not be used.
+    pub fn lost(&self) -> bool {
+        self.topics.values().any(|counts| counts.dropped > 0 || counts.bad > 0)
+    }
+
+    /// Writes the summary to `file` as JSON.
+    ///
+    /// # Errors
+    /// [`LaunchError::File`] when it cannot be written.
+    pub fn write(&self, file: &Path) -> Result<(), LaunchError> {
+        let mut text = serde_json::to_string_pretty(self).map_err(|e| LaunchError::file(file, e))?;
+        text.push('\n');
+        std::fs::write(file, text).map_err(|e| LaunchError::file(file, e))
+    }
+
+    fn add_topics(&mut self, report: &NodeReport) {
+        for (topic, n) in &report.received {
+            self.topics.entry(topic.clone()).or_default().received += n;
+        }
+        for (topic, n) in &report.published {
+            self.topics.entry(topic.clone()).or_default().sent += n;
+        }
+        for (topic, n) in &report.dropped {
+            self.topics.entry(topic.clone()).or_default().dropped += n;
+            *self.dropped.entry(topic.clone()).or_default() += n;
+        }
+        for (topic, n) in &report.bad {
+            self.topics.entry(topic.clone()).or_default().bad += n;
+        }
+    }
+
+    fn add_detections(&mut self, report: &NodeReport) {
+        if report.classes.is_empty() {
+            return;
+        }
+        let stream = report.facts.get("stream").unwrap_or(&report.node);
+        let classes = self.detections.entry(stream.clone()).or_default();
+        report.classes.iter().for_each(|(class, n)| *classes.entry(class.clone()).or_default() += n);
+    }
+}
+
+/// A source says how many frames it sent; else its busiest topic does.
+fn frames(report: &NodeReport) -> u64 {
+    if report.facts.get("role").map(String::as_str) != Some("source") {
+        return 0;
+    }
+    let said = report.facts.get("frames").and_then(|frames| frames.parse().ok());
+    said.unwrap_or_else(|| report.published.values().copied().max().unwrap_or(0))
+}
+
+fn engine(reports: &[NodeReport]) -> Option<String> {
+    let engines: BTreeSet<&str> =
+        reports.iter().filter_map(|report| report.facts.get("engine")).map(String::as_str).collect();
+    (!engines.is_empty()).then(|| engines.into_iter().collect::<Vec<_>>().join("+"))
+}
+
+fn percentiles(histogram: &Histogram) -> Option<Percentiles> {
+    let at = |q| quantile(histogram, q).map(|us| us as f64 / 1000.0);
+    Some(Percentiles { p50: at(0.50)?, p95: at(0.95)?, p99: at(0.99)? })
+}
+
+/// The reports in `folder`. One that cannot be read, as that of a node that was
+/// killed while it wrote, is left out with a warning.
+pub(crate) fn read_reports(folder: &Path) -> Vec<NodeReport> {
+    let files = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let mut files: Vec<_> = files.filter(|file| file.extension().is_some_and(|e| e == "json")).collect();
+    files.sort();
+    files
+        .iter()
+        .filter_map(|file| {
+            let text = std::fs::read_to_string(file).map_err(|e| e.to_string());
+            let report = text.and_then(|text| serde_json::from_str(&text).map_err(|e| e.to_string()));
+            report.inspect_err(|why| tracing::warn!("report {} is left out: {why}", file.display())).ok()
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report(json: &str) -> NodeReport {
+        serde_json::from_str(json).expect("a report")
+    }
+
+    /// 1..=100 ms, odd ones in one node, even ones in the other.
+    fn halves() -> [NodeReport; 2] {
+        [1, 2].map(|first| {
+            let buckets: Vec<(u64, u64)> = (0..50).map(|i| ((first + 2 * i) * 1000, 1)).collect();
+            report(
+                &serde_json::json!({
+                    "node": format!("/detector_{first}"), "received": {"/recovered": 50}, "published": {},
+                    "dropped": {"/recovered": 0}, "bad": {}, "classes": {"car": 3},
+                    "facts": {"engine": "rten", "stream": "recovered"}, "stages": {"infer": buckets}
+                })
+                .to_string(),
+            )
+        })
+    }
+
+    fn camera() -> NodeReport {
+        report(
+            r#"{"node": "/modulo_camera", "received": {}, "published": {"/modulo": 20, "/ideal": 7},
+                "dropped": {}, "bad": {}, "classes": {}, "facts": {"role": "source", "frames": "21"}, "stages": {}}"#,
+        )
+    }
+
+    #[test]
+    fn percentiles_of_merged_nodes_are_those_of_all_values() {
+        let summary = Summary::new(&halves(), []);
+        let expected = Percentiles { p50: 50.0, p95: 95.0, p99: 99.0 };
+        assert_eq!(summary.latency_ms["infer"], expected);
+        assert_eq!(summary.detections["recovered"]["car"], 6);
+        assert_eq!(summary.topics["/recovered"].received, 100);
+        assert_eq!(summary.engine.as_deref(), Some("rten"));
+        assert!(!summary.lost());
+    }
+
+    #[test]
+    fn frames_come_from_sources_alone() {
+        let mut source = camera();
+        let unwrap =
+            NodeReport { published: [("/recovered".into(), 99)].into(), ..NodeReport::new("/unwrap") };
+        assert_eq!(Summary::new(&[source.clone(), unwrap.clone()], []).frames, 21);
+        source.facts.remove("frames");
+        assert_eq!(Summary::new(&[source, unwrap], []).frames, 20);
+    }
+
+    #[test]
+    fn a_drop_or_a_bad_message_is_a_loss() {
+        for field in ["dropped", "bad"] {
+            let mut node = NodeReport::new("/unwrap");
+            let counts = if field == "bad" { &mut node.bad } else { &mut node.dropped };
+            counts.insert("/modulo".into(), 1);
+            assert!(Summary::new(&[node], []).lost(), "{field}");
+        }
+    }
+
+    #[test]
+    fn engines_that_differ_are_both_named() {
+        let mut nodes = halves();
+        nodes[1].facts.insert("engine".into(), "ort".into());
+        assert_eq!(Summary::new(&nodes, []).engine.as_deref(), Some("ort+rten"));
+    }
+
+    #[test]
+    fn the_json_has_the_promised_shape() {
+        let [a, b] = halves();
+        let summary = Summary::new(&[a, b, camera()], [("detector", 2), ("unwrap", 0)]);
+        let json = serde_json::to_value(&summary).expect("serialises");
+        assert_eq!(json["latency_ms"]["infer"], serde_json::json!({"p50": 50.0, "p95": 95.0, "p99": 99.0}));
+        assert_eq!(
+            json["topics"]["/recovered"],
+            serde_json::json!({"in": 100, "out": 0, "dropped": 0, "bad": 0})
+        );
+        assert_eq!(json["restarts"], serde_json::json!({"detector": 2}));
+        assert_eq!(json["dropped"], serde_json::json!({"/recovered": 0}));
+    }
+
+    #[test]
+    fn a_torn_report_is_left_out() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let whole = serde_json::to_string(&camera()).expect("serialises");
+        std::fs::write(folder.path().join("a.json"), &whole).expect("written");
+        std::fs::write(folder.path().join("b.json"), &whole[..40]).expect("written");
+        std::fs::write(folder.path().join("c.tmp"), &whole).expect("written");
+        assert_eq!(read_reports(folder.path()), [camera()]);
+    }
+}

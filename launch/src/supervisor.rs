@@ -1,0 +1,231 @@
+//! Runs a [`Plan`]: starts its processes, marks their output, starts crashed
+//! ones again, and ends them all in order. No process outlives the launcher:
+//! each leads its own process group, which is killed when it is let go.
+//!
+//! At a shutdown every process gets SIGINT, after its `sigterm_timeout` SIGTERM,
+//! after its `sigkill_timeout` SIGKILL.
+
+mod command;
+mod job;
+mod running;
+
+use std::fmt;
+use std::future::Future;
+use std::io::Write;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use tokio::signal::unix::{SignalKind, signal};
+use tokio::sync::watch;
+use tokio::task::JoinSet;
+
+use crate::error::LaunchError;
+use crate::plan::{OnExit, Plan};
+use crate::summary::{NodeReport, Summary, read_reports};
+
+use job::Job;
+
+/// The variable that tells a node where to leave its report.
+pub const REPORT_DIR: &str = "MODULO_REPORT_DIR";
+
+/// What a plan needs to be run.
+#[derive(Clone)]
+pub struct Supervision {
+    /// The program that runs this suite's nodes as `<suite> run <node>`.
+    pub suite: PathBuf,
+    /// Takes every line that is to be shown.
+    pub print: Print,
+}
+
+/// Takes a line to be shown.
+pub type Print = Arc<dyn Fn(Channel, &str) + Send + Sync>;
+
+/// Where a line is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channel {
+    /// Standard output.
+    Out,
+    /// Standard error.
+    Err,
+}
+
+impl Supervision {
+    /// On the terminal, with the running program as the suite.
+    ///
+    /// # Errors
+    /// [`LaunchError::Start`] when the running program's path is unknown.
+    pub fn on_terminal() -> Result<Self, LaunchError> {
+        let suite = std::env::current_exe().map_err(|e| start_error("launcher", e))?;
+        Ok(Self { suite, print: Arc::new(print_on_terminal) })
+    }
+}
+
+/// A closed terminal is no reason to end.
+fn print_on_terminal(channel: Channel, line: &str) {
+    let _ = match channel {
+        Channel::Out => writeln!(std::io::stdout().lock(), "{line}"),
+        Channel::Err => writeln!(std::io::stderr().lock(), "{line}"),
+    };
+}
+
+/// How a run went.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// Why it ended.
+    pub ending: Ending,
+    /// Every process, in the order of their ends.
+    pub processes: Vec<ProcessOutcome>,
+    /// What the nodes of this suite reported.
+    pub reports: Vec<NodeReport>,
+    /// From the first start to the last end.
+    pub elapsed: Duration,
+}
+
+/// Why a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// All processes have ended, or one whose end is the end of all.
+    Completed,
+    /// The launcher was told to end.
+    Interrupted,
+}
+
+/// How one process went.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ProcessOutcome {
+    /// Its label.
+    pub label: String,
+    /// How often it was started again.
+    pub restarts: u32,
+    /// How it ended.
+    pub end: ProcessEnd,
+}
+
+/// How a process ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ProcessEnd {
+    /// By itself, with exit status 0.
+    Exited,
+    /// Because it was told to.
+    ShutDown,
+    /// By itself, otherwise; with the status in words.
+    Crashed(String),
+    /// A node of this suite that refused its command line (exit status 2):
+    /// starting it again would change nothing.
+    Refused,
+    /// It could not be started.
+    NotStarted(String),
+}
+
+impl fmt::Display for ProcessEnd {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Exited => write!(f, "ended"),
+            Self::ShutDown => write!(f, "was shut down"),
+            Self::Crashed(status) => write!(f, "crashed: {status}"),
+            Self::Refused => write!(f, "refused its arguments"),
+            Self::NotStarted(why) => write!(f, "could not be started: {why}"),
+        }
+    }
+}
+
+impl ProcessEnd {
+    /// Whether something went wrong.
+    pub fn is_failure(&self) -> bool {
+        matches!(self, Self::Crashed(_) | Self::Refused | Self::NotStarted(_))
+    }
+}
+
+impl Outcome {
+    /// Whether a process failed in the end; a crash that was made good by a
+    /// restart is none.
+    pub fn failed(&self) -> bool {
+        self.processes.iter().any(|process| process.end.is_failure())
+    }
+
+    /// The nodes' reports added up.
+    pub fn summary(&self) -> Summary {
+        Summary::new(&self.reports, self.processes.iter().map(|p| (p.label.as_str(), p.restarts)))
+    }
+}
+
+pub(crate) fn start_error(process: &str, why: impl ToString) -> LaunchError {
+    LaunchError::Start { process: process.to_owned(), why: why.to_string() }
+}
+
+/// Runs `plan` until all its processes have ended, one of them ends all, or the
+/// launcher gets SIGINT or SIGTERM.
+///
+/// # Errors
+/// [`LaunchError::Start`] when an executable is not found; nothing has been
+/// started then.
+pub async fn run(plan: Plan, how: &Supervision) -> Result<Outcome, LaunchError> {
+    let open = |kind| signal(kind).map_err(|e| start_error("launcher", e));
+    let (mut interrupt, mut terminate) = (open(SignalKind::interrupt())?, open(SignalKind::terminate())?);
+    let stop = async {
+        tokio::select! {
+            _ = interrupt.recv() => {}
+            _ = terminate.recv() => {}
+        }
+    };
+    run_until(plan, how, stop).await
+}
+
+/// As [`run`], with `stop` in place of the signals.
+///
+/// # Errors
+/// As [`run`].
+pub async fn run_until(
+    plan: Plan,
+    how: &Supervision,
+    stop: impl Future<Output = ()>,
+) -> Result<Outcome, LaunchError> {
+    let reports =
+        tempfile::tempdir().map_err(|e| start_error("launcher", format!("folder of reports: {e}")))?;
+    plan.messages.iter().for_each(|message| (how.print)(Channel::Out, &format!("[launch] {message}")));
+    let jobs = job::all(&plan, how, reports.path())?;
+    let begin = Instant::now();
+    let (ending, processes) = supervise(jobs, how, stop).await;
+    Ok(Outcome { ending, processes, reports: read_reports(reports.path()), elapsed: begin.elapsed() })
+}
+
+async fn supervise(
+    jobs: Vec<Job>,
+    how: &Supervision,
+    stop: impl Future<Output = ()>,
+) -> (Ending, Vec<ProcessOutcome>) {
+    let (shut_down, told) = watch::channel(false);
+    let mut running = JoinSet::new();
+    for job in jobs {
+        let (print, told) = (how.print.clone(), told.clone());
+        running.spawn(async move {
+            let on_exit = job.process.on_exit;
+            (on_exit, job.keep(told, print).await)
+        });
+    }
+    let (mut ending, mut ended) = (Ending::Completed, Vec::new());
+    tokio::pin!(stop);
+    loop {
+        tokio::select! {
+            () = &mut stop, if ending == Ending::Completed => {
+                ending = Ending::Interrupted;
+                shut_down.send_replace(true);
+            }
+            end = running.join_next() => match end {
+                None => return (ending, ended),
+                Some(Ok((on_exit, outcome))) => {
+                    let last = matches!(outcome.end, ProcessEnd::Refused | ProcessEnd::NotStarted(_));
+                    ended.push(outcome);
+                    if last || on_exit == OnExit::Shutdown {
+                        shut_down.send_replace(true);
+                    }
+                }
+                // A task that panicked has let its process go, and with it killed it.
+                Some(Err(_)) => {
+                    shut_down.send_replace(true);
+                }
+            }
+        }
+    }
+}

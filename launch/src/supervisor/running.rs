@@ -1,0 +1,135 @@
+//! [`Running`]: a started process that leads its own process group. When it is
+//! let go, everything in the group is killed.
+
+use std::io;
+use std::process::{ExitStatus, Stdio};
+use std::time::Duration;
+
+use nix::sys::signal::{Signal, killpg};
+use nix::unistd::Pid;
+use tokio::io::{AsyncBufReadExt, AsyncRead, AsyncReadExt, BufReader};
+use tokio::process::{Child, Command};
+use tokio::task::JoinHandle;
+use tokio::time::timeout;
+
+use super::command::CommandLine;
+use super::{Channel, Print, start_error};
+use crate::error::LaunchError;
+use crate::plan::{Output, ProcessPlan};
+
+/// A longer line is shown in pieces, so that memory stays bounded.
+const LONGEST_LINE: u64 = 64 * 1024;
+/// How long the last output is waited for after the group has been killed.
+const LAST_WORDS: Duration = Duration::from_secs(1);
+
+/// A started process.
+pub(super) struct Running {
+    child: Child,
+    group: Group,
+    readers: Vec<JoinHandle<()>>,
+    say: Box<dyn Fn(&str) + Send + Sync>,
+}
+
+/// A process group; killed when let go.
+struct Group(Pid);
+
+impl Group {
+    /// A group that is already gone is no error.
+    fn signal(&self, signal: Signal) {
+        let _ = killpg(self.0, signal);
+    }
+}
+
+impl Drop for Group {
+    fn drop(&mut self) {
+        self.signal(Signal::SIGKILL);
+    }
+}
+
+impl Running {
+    /// Starts `command`; its output goes to `print`, each line marked.
+    pub fn start(command: &CommandLine, process: &ProcessPlan, print: &Print) -> Result<Self, LaunchError> {
+        let refuse =
+            |why: String| start_error(&process.label, format!("{}: {why}", command.program.display()));
+        let mut child = prepared(command, process).spawn().map_err(|e| refuse(e.to_string()))?;
+        let id = child.id().and_then(|id| i32::try_from(id).ok());
+        let group = Group(Pid::from_raw(id.ok_or_else(|| refuse("ended at once".to_owned()))?));
+        let label = &process.label;
+        let out = child.stdout.take().map(|out| forward(out, Channel::Out, label, print));
+        let err = child.stderr.take().map(|err| forward(err, Channel::Err, label, print));
+        let (print, label) = (print.clone(), label.clone());
+        let say = Box::new(move |message: &str| print(Channel::Err, &format!("[{label}] {message}")));
+        Ok(Self { child, group, readers: out.into_iter().chain(err).collect(), say })
+    }
+
+    /// Waits for the end of the process.
+    pub async fn wait(&mut self) -> io::Result<ExitStatus> {
+        self.child.wait().await
+    }
+
+    /// Asks the process to end, ever more firmly.
+    pub async fn shut_down(&mut self, process: &ProcessPlan) -> io::Result<ExitStatus> {
+        let steps = [
+            (Signal::SIGINT, process.sigterm_timeout, Signal::SIGTERM),
+            (Signal::SIGTERM, process.sigkill_timeout, Signal::SIGKILL),
+        ];
+        for (signal, patience, next) in steps {
+            self.group.signal(signal);
+            if let Ok(status) = timeout(patience, self.child.wait()).await {
+                return status;
+            }
+            (self.say)(&format!("still runs {} s after {signal}, sending {next}", patience.as_secs_f64()));
+        }
+        self.group.signal(Signal::SIGKILL);
+        self.child.wait().await
+    }
+
+    /// Kills what is left of the group and shows the last output.
+    pub async fn finish(self) {
+        drop(self.group);
+        for mut reader in self.readers {
+            if timeout(LAST_WORDS, &mut reader).await.is_err() {
+                reader.abort();
+            }
+        }
+    }
+}
+
+fn prepared(command: &CommandLine, process: &ProcessPlan) -> Command {
+    let mut prepared = Command::new(&command.program);
+    prepared.args(&command.arguments).stdin(Stdio::null()).stderr(Stdio::piped());
+    prepared.stdout(match process.output {
+        Output::Screen => Stdio::piped(),
+        Output::Log => Stdio::null(),
+    });
+    for (name, value) in &process.env {
+        match value {
+            Some(value) => prepared.env(name, value),
+            None => prepared.env_remove(name),
+        };
+    }
+    if let Some(cwd) = &process.cwd {
+        prepared.current_dir(cwd);
+    }
+    // Its own group: Ctrl-C reaches the launcher alone, which then ends all in order.
+    prepared.process_group(0).kill_on_drop(true);
+    prepared
+}
+
+fn forward(
+    stream: impl AsyncRead + Send + Unpin + 'static,
+    channel: Channel,
+    label: &str,
+    print: &Print,
+) -> JoinHandle<()> {
+    let (print, label) = (print.clone(), label.to_owned());
+    tokio::spawn(async move {
+        let mut reader = BufReader::new(stream);
+        let mut line = Vec::new();
+        while let Ok(1..) = (&mut reader).take(LONGEST_LINE).read_until(b'\n', &mut line).await {
+            let text = String::from_utf8_lossy(&line);
+            print(channel, &format!("[{label}] {}", text.trim_end_matches(['\n', '\r'])));
+            line.clear();
+        }
+    })
+}

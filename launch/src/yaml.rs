@@ -1,0 +1,250 @@
+//! YAML as a tree with line numbers and scalars kept as text, so that `4.0`
+//! stays `4.0`. Anchors, aliases, tags, several documents and repeated keys are
+//! refused: no launch file needs them. No meaning of a launch file is known here.
+
+use std::path::Path;
+
+use saphyr_parser::{Event, Parser, ScalarStyle, Span, StrInput};
+
+use crate::error::LaunchError;
+
+/// No launch file is nested deeper than this; keeps recursion bounded.
+const DEEPEST: usize = 64;
+
+/// A node of the tree.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Item {
+    /// Line in the file, from 1.
+    pub line: usize,
+    /// What it is.
+    pub content: Content,
+}
+
+/// What a node of the tree is.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Content {
+    /// A scalar as it is written, and what YAML takes it for.
+    Scalar(String, ScalarType),
+    /// A list.
+    List(Vec<Item>),
+    /// A mapping, in the order of the file.
+    Map(Vec<(Key, Item)>),
+}
+
+/// A key of a mapping.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Key {
+    /// Line in the file, from 1.
+    pub line: usize,
+    /// Its text.
+    pub name: String,
+}
+
+/// What YAML takes a scalar for. ROS 2 reads YAML 1.1, in which `yes` is a bool.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ScalarType {
+    /// Quoted, or a word.
+    String,
+    /// `true`, `no`, ...
+    Bool,
+    /// An integer or a float.
+    Number,
+    /// Nothing, `~` or `null`.
+    Null,
+}
+
+impl ScalarType {
+    /// The type of a scalar without quotes.
+    pub fn of_plain(text: &str) -> Self {
+        match text.to_ascii_lowercase().as_str() {
+            "" | "~" | "null" => Self::Null,
+            "true" | "false" | "yes" | "no" | "on" | "off" => Self::Bool,
+            lower => match is_number(lower) {
+                true => Self::Number,
+                false => Self::String,
+            },
+        }
+    }
+}
+
+fn is_number(lower: &str) -> bool {
+    let magnitude = lower.strip_prefix(['+', '-']).unwrap_or(lower);
+    let starts = magnitude.starts_with(|c: char| c.is_ascii_digit() || c == '.');
+    let special = matches!(magnitude, ".inf" | ".nan");
+    let radix = ["0x", "0o", "0b"]
+        .iter()
+        .any(|p| magnitude.strip_prefix(p).is_some_and(|d| d.chars().all(|c| c.is_ascii_hexdigit())));
+    special || radix || (starts && magnitude.parse::<f64>().is_ok())
+}
+
+impl Item {
+    /// What it is, for an error.
+    pub fn described(&self) -> String {
+        match &self.content {
+            Content::Scalar(text, ScalarType::String) => format!("the string '{text}'"),
+            Content::Scalar(text, ScalarType::Bool) => format!("the bool {text}"),
+            Content::Scalar(text, ScalarType::Number) => format!("the number {text}"),
+            Content::Scalar(_, ScalarType::Null) => "nothing".to_owned(),
+            Content::List(_) => "a list".to_owned(),
+            Content::Map(_) => "a mapping".to_owned(),
+        }
+    }
+}
+
+/// Reads the one document in `text`; `file` is only for errors.
+///
+/// # Errors
+/// [`LaunchError::At`] with the line of what is not readable.
+pub(crate) fn read(file: &Path, text: &str) -> Result<Item, LaunchError> {
+    let mut reader = Reader { file, parser: Parser::new_from_str(text), last_line: 1 };
+    let mut root = None;
+    loop {
+        match reader.next()? {
+            (Event::StreamEnd, _) => break,
+            (Event::StreamStart | Event::DocumentStart(_) | Event::DocumentEnd | Event::Nothing, _) => {}
+            (_, line) if root.is_some() => return Err(reader.refuse(line, "a second YAML document")),
+            (event, line) => root = Some(reader.item(event, line, 0)?),
+        }
+    }
+    root.ok_or_else(|| LaunchError::at(file, 1, "is empty, 'launch:' with a list is expected"))
+}
+
+struct Reader<'a> {
+    file: &'a Path,
+    parser: Parser<'a, StrInput<'a>>,
+    last_line: usize,
+}
+
+impl<'a> Reader<'a> {
+    fn next(&mut self) -> Result<(Event<'a>, usize), LaunchError> {
+        match self.parser.next_event() {
+            None => Ok((Event::StreamEnd, self.last_line)),
+            Some(Ok((event, Span { start, .. }))) => {
+                self.last_line = start.line().max(1);
+                Ok((event, self.last_line))
+            }
+            Some(Err(error)) => {
+                let line = error.marker().line().max(1);
+                Err(LaunchError::at(self.file, line, format!("not YAML: {}", error.info())))
+            }
+        }
+    }
+
+    fn refuse(&self, line: usize, what: &str) -> LaunchError {
+        LaunchError::at(self.file, line, format!("{what} is not possible in a launch file"))
+    }
+
+    fn item(&mut self, event: Event<'a>, line: usize, depth: usize) -> Result<Item, LaunchError> {
+        if depth > DEEPEST {
+            return Err(self.refuse(line, &format!("a nesting deeper than {DEEPEST}")));
+        }
+        let content = match event {
+            Event::Scalar(_, _, _, Some(_))
+            | Event::SequenceStart(_, Some(_))
+            | Event::MappingStart(_, Some(_)) => {
+                return Err(self.refuse(line, "a YAML tag"));
+            }
+            Event::Alias(_) => return Err(self.refuse(line, "a YAML alias")),
+            Event::Scalar(text, ScalarStyle::Plain, _, _) => {
+                let kind = ScalarType::of_plain(&text);
+                Content::Scalar(text.into_owned(), kind)
+            }
+            Event::Scalar(text, _, _, _) => Content::Scalar(text.into_owned(), ScalarType::String),
+            Event::SequenceStart(..) => Content::List(self.list(depth)?),
+            Event::MappingStart(..) => Content::Map(self.map(depth)?),
+            _ => return Err(self.refuse(line, "this YAML")),
+        };
+        Ok(Item { line, content })
+    }
+
+    fn list(&mut self, depth: usize) -> Result<Vec<Item>, LaunchError> {
+        let mut items = Vec::new();
+        loop {
+            match self.next()? {
+                (Event::SequenceEnd, _) => return Ok(items),
+                (event, line) => items.push(self.item(event, line, depth + 1)?),
+            }
+        }
+    }
+
+    fn map(&mut self, depth: usize) -> Result<Vec<(Key, Item)>, LaunchError> {
+        let mut pairs: Vec<(Key, Item)> = Vec::new();
+        loop {
+            let (event, line) = self.next()?;
+            let name = match event {
+                Event::MappingEnd => return Ok(pairs),
+                Event::Scalar(text, _, _, None) => text.into_owned(),
+                _ => return Err(self.refuse(line, "a key that is not a word")),
+            };
+            if pairs.iter().any(|(key, _)| key.name == name) {
+                return Err(LaunchError::at(self.file, line, format!("key '{name}' is given twice")));
+            }
+            let (event, value_line) = self.next()?;
+            pairs.push((Key { line, name }, self.item(event, value_line, depth + 1)?));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn parse(text: &str) -> Result<Item, String> {
+        read(Path::new("f.yaml"), text).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn text_is_kept_and_lines_count() {
+        let root = parse("a: 4.0\nb:\n  - 'x'\n  - yes\n").expect("valid");
+        let Content::Map(pairs) = root.content else { panic!("a mapping") };
+        assert_eq!(pairs[0].1.content, Content::Scalar("4.0".into(), ScalarType::Number));
+        let Content::List(items) = &pairs[1].1.content else { panic!("a list") };
+        assert_eq!((items[0].line, items[1].line), (3, 4));
+        assert_eq!(items[1].content, Content::Scalar("yes".into(), ScalarType::Bool));
+    }
+
+    #[test]
+    fn plain_scalars_have_the_types_of_yaml() {
+        for (text, kind) in [
+            ("4", ScalarType::Number),
+            ("-1.5e3", ScalarType::Number),
+            ("0x1f", ScalarType::Number),
+            (".5", ScalarType::Number),
+            (".inf", ScalarType::Number),
+            ("Off", ScalarType::Bool),
+            ("~", ScalarType::Null),
+            ("inf", ScalarType::String),
+            ("nan", ScalarType::String),
+            ("1.2.3", ScalarType::String),
+            ("0xzz", ScalarType::String),
+        ] {
+            assert_eq!(ScalarType::of_plain(text), kind, "{text}");
+        }
+    }
+
+    #[test]
+    fn what_no_launch_file_needs_is_refused_with_its_line() {
+        for (text, message) in [
+            ("a: 1\na: 2\n", "f.yaml:2: key 'a' is given twice"),
+            ("a: &x 1\nb: *x\n", "f.yaml:2: a YAML alias"),
+            ("a: !!str 1\n", "f.yaml:1: a YAML tag"),
+            ("a: 1\n---\nb: 1\n", "f.yaml:3: a second YAML document"),
+            ("? [a]\n: 1\n", "f.yaml:1: a key that is not a word"),
+            ("a: [1\nb: 2\n", "f.yaml:"),
+            ("", "f.yaml:1: is empty"),
+        ] {
+            let error = parse(text).expect_err(text);
+            assert!(error.starts_with(message), "{error}");
+        }
+        assert!(parse(&"- ".repeat(100)).expect_err("too deep").contains("deeper than 64"));
+        assert!(parse(&"[".repeat(100_000)).is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn any_text_is_read_or_refused(text in "[-a:\\[\\]{}, \n'\"#&*!|>%@?0-9]{0,60}") {
+            let _ = parse(&text);
+        }
+    }
+}

@@ -1,0 +1,236 @@
+//! What launch files come to.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use modulo_launch::plan::{OnExit, Output, Respawn};
+use modulo_launch::{Plan, compose, declared_arguments, ros_arguments};
+
+use crate::Files;
+
+fn plan(text: &str, arguments: &[(&str, &str)]) -> Plan {
+    Files::new(text).resolve(arguments).expect("resolves")
+}
+
+fn labels(plan: &Plan) -> Vec<&str> {
+    plan.processes().map(|process| process.label.as_str()).collect()
+}
+
+#[test]
+fn a_node_with_everything() {
+    let text = r#"
+launch:
+  - arg: { name: "gain", default: "2" }
+  - node:
+      pkg: "modulo"
+      exec: "unwrap"
+      name: "u"
+      namespace: "left"
+      args: "--fast 'a b'"
+      ros_args: "--log-level debug"
+      param:
+        - { name: "gain", value: "$(var gain)", type: "float" }
+        - { name: "list", value: ["a", "b c", "$(var gain)"] }
+        - { name: "text", value: "12", type: "str" }
+        - { name: "empty", value: "" }
+        - { name: "filter", param: [{ name: "size", value: 3 }] }
+      remap: [{ from: "modulo", to: "/camera/image" }]
+      env: [{ name: "A", value: "$(var gain)" }]
+      output: "log"
+      respawn: true
+      respawn_delay: 0.5
+      respawn_max_retries: 3
+      cwd: "/tmp"
+      on_exit: "shutdown"
+      sigterm_timeout: "1.5"
+"#;
+    let plan = plan(text, &[("gain", "4")]);
+    let node = &plan.nodes[0];
+    let expected = [
+        "--fast",
+        "a b",
+        "--ros-args",
+        "-r",
+        "__node:=u",
+        "-r",
+        "__ns:=/left",
+        "-p",
+        "gain:=4.0",
+        "-p",
+        "list:=[a, 'b c', 4]",
+        "-p",
+        "text:='12'",
+        "-p",
+        "empty:=''",
+        "-p",
+        "filter.size:=3",
+        "-r",
+        "modulo:=/camera/image",
+        "--log-level",
+        "debug",
+    ];
+    assert_eq!(ros_arguments(node), expected);
+    assert_eq!(node.fully_qualified().as_deref(), Some("/left/u"));
+    let process = &node.process;
+    assert_eq!(process.env["A"].as_deref(), Some("4"));
+    assert_eq!((process.output, process.on_exit), (Output::Log, OnExit::Shutdown));
+    assert_eq!(process.respawn, Respawn::After { delay: Duration::from_millis(500), max_retries: Some(3) });
+    assert_eq!(process.cwd, Some(PathBuf::from("/tmp")));
+    assert_eq!((process.sigterm_timeout.as_millis(), process.sigkill_timeout.as_millis()), (1500, 5000));
+    assert_eq!(plan.arguments["gain"], "4");
+}
+
+#[test]
+fn a_parameter_file_comes_before_parameters() {
+    let text = "launch:\n  - node:\n      pkg: p\n      exec: e\n      param:\n        - { name: a, value: 1 }\n        \
+                - { from: $(dirname)/p.yaml }\n";
+    let files = Files::new(text).with("p.yaml", "");
+    let node = files.resolve(&[]).expect("resolves").nodes.remove(0);
+    let file = files.path("p.yaml").display().to_string();
+    assert_eq!(ros_arguments(&node), ["--ros-args", "-r", "__ns:=/", "--params-file", &file, "-p", "a:=1"]);
+}
+
+#[test]
+fn a_group_keeps_its_changes_unless_it_is_not_scoped() {
+    let inner = "
+        - push_ros_namespace: { namespace: inner }
+        - let: { name: x, value: inner }
+        - set_env: { name: MODULO_TEST_X, value: inner }
+        - set_parameter: { name: p, value: 1 }
+        - set_remap: { from: a, to: b }
+        - node: { pkg: p, exec: e, name: in }";
+    let outer = "
+  - node: { pkg: p, exec: e, name: $(var x) }";
+    let head = "launch:\n  - let: { name: x, value: outer }\n  - group:";
+    let scoped = plan(&format!("{head}{inner}{outer}"), &[]);
+    let open = plan(&format!("{head}\n      scoped: false\n      children:{inner}{outer}"), &[]);
+    for node in [&scoped.nodes[0], &open.nodes[0], &open.nodes[1]] {
+        assert_eq!(node.namespace, "/inner");
+        assert_eq!(node.process.env["MODULO_TEST_X"].as_deref(), Some("inner"));
+        assert_eq!((node.parameters.len(), node.remaps.len()), (1, 1));
+    }
+    assert_eq!(labels(&open), ["in", "inner"]);
+    let after = &scoped.nodes[1];
+    assert_eq!((labels(&scoped)[1], after.namespace.as_str()), ("outer", "/"));
+    assert!(after.parameters.is_empty() && after.remaps.is_empty() && after.process.env.is_empty());
+}
+
+#[test]
+fn namespaces_join_and_absolute_ones_replace() {
+    let text = "
+launch:
+  - push-ros-namespace: { namespace: a }
+  - push_ros_namespace: { namespace: b }
+  - node: { pkg: p, exec: e }
+  - node: { pkg: p, exec: e, namespace: c }
+  - node: { pkg: p, exec: e, namespace: /c/ }";
+    let namespaces: Vec<String> = plan(text, &[]).nodes.into_iter().map(|node| node.namespace).collect();
+    assert_eq!(namespaces, ["/a/b", "/a/b/c", "/c"]);
+}
+
+#[test]
+fn conditions_choose() {
+    let text = "
+launch:
+  - arg: { name: fast, default: 'false' }
+  - executable: { cmd: a, if: $(var fast) }
+  - executable: { cmd: b, unless: $(var fast) }
+  - group:
+      if: $(not $(var fast))
+      children: [{ executable: { cmd: c } }]";
+    assert_eq!(labels(&plan(text, &[])), ["b", "c"]);
+    assert_eq!(labels(&plan(text, &[("fast", "1")])), ["a"]);
+}
+
+#[test]
+fn includes_take_arguments_and_know_their_own_folder() {
+    let text = "
+launch:
+  - arg: { name: who, default: x }
+  - include:
+      file: sub.launch.yaml
+      arg: [{ name: name, value: $(var who)_$(var who) }]";
+    let files = Files::new(text).with(
+        "sub.launch.yaml",
+        "launch:\n  - arg: { name: name }\n  - executable: { cmd: run $(filename), name: $(var name) }\n",
+    );
+    let plan = files.resolve(&[("who", "y")]).expect("resolves");
+    assert_eq!(labels(&plan), ["y_y"]);
+    assert_eq!(plan.executables[0].command[1], files.path("sub.launch.yaml").display().to_string());
+}
+
+#[test]
+fn timers_add_up_and_logs_are_kept() {
+    let text = "
+launch:
+  - log: { message: hello $(env HOME none) }
+  - timer:
+      period: 1
+      children:
+        - timer: { period: 0.5, children: [{ executable: { cmd: a } }] }
+  - executable: { cmd: b }";
+    let plan = plan(text, &[]);
+    let starts: Vec<u128> = plan.processes().map(|p| p.start_after.as_millis()).collect();
+    assert_eq!(starts, [1500, 0]);
+    assert!(plan.messages[0].starts_with("hello "));
+}
+
+#[test]
+fn the_environment_of_the_launcher_can_be_hidden() {
+    let text =
+        "launch:\n  - unset_env: { name: PATH }\n  - executable: { cmd: a, env: [{ name: B, value: c }] }";
+    let plan = plan(text, &[]);
+    let expected = [("B".to_owned(), Some("c".to_owned())), ("PATH".to_owned(), None)];
+    assert_eq!(plan.executables[0].process.env, expected.into());
+}
+
+#[test]
+fn sim_time_is_a_parameter_of_all_later_nodes() {
+    let text = "launch:\n  - set_use_sim_time: { value: true }\n  - node: { pkg: p, exec: e }";
+    assert_eq!(plan(text, &[]).nodes[0].parameters[0].0, "use_sim_time");
+}
+
+#[test]
+fn declared_arguments_are_listed_once_with_their_defaults_as_written() {
+    let text = "
+launch:
+  - arg: { name: a, default: $(var b none), description: first }
+  - include: { file: sub.launch.yaml }";
+    let sub = "launch:\n  - arg: { name: a }\n  - arg: { name: b, choice: [{ value: '1' }] }\n";
+    let files = Files::new(text).with("sub.launch.yaml", sub);
+    let declared = declared_arguments(&files.path("main.launch.yaml")).expect("readable");
+    let names: Vec<&str> = declared.iter().map(|d| d.name.as_str()).collect();
+    assert_eq!(names, ["a", "b"]);
+    assert_eq!(declared[0].default.as_deref(), Some("$(var b none)"));
+    assert_eq!((declared[1].default.as_deref(), declared[1].choices.len()), (None, 1));
+}
+
+#[test]
+fn only_nodes_of_the_suite_can_share_a_process() {
+    let suite =
+        "launch:\n  - node: { pkg: modulo, exec: unwrap, param: [{ name: m, value: '1', type: str }] }\n";
+    let nodes = compose(&plan(suite, &[])).expect("composable");
+    assert_eq!((nodes[0].kind.as_str(), nodes[0].name.as_str()), ("unwrap", "unwrap"));
+    assert_eq!(nodes[0].parameters, [("m".to_owned(), "1".to_owned())]);
+    for (more, why) in [
+        ("  - executable: { cmd: a }\n", "a cannot run in one process: it is an executable"),
+        ("  - node: { pkg: p, exec: e }\n", "e cannot run in one process: its package is 'p'"),
+        ("  - node: { pkg: modulo, exec: unwrap, cwd: / }\n", "unwrap cannot run in one process: it has cwd"),
+    ] {
+        let error = compose(&plan(&format!("{suite}{more}"), &[])).expect_err(why).to_string();
+        assert!(error.starts_with(why), "{error}");
+    }
+}
+
+#[test]
+fn a_plan_can_be_shown() {
+    let plan = plan(
+        "launch:\n  - node: { pkg: p, exec: e, name: n, respawn: true }\n  - executable: { cmd: ls }",
+        &[],
+    );
+    let expected =
+        "node /n: p/e\n  started again after a crash, any number of times, 0 s later\nexecutable ls: ls\n";
+    assert_eq!(plan.to_string(), expected);
+    let json = serde_json::to_value(&plan).expect("serialises");
+    assert_eq!(json["nodes"][0]["namespace"], "/");
+}

@@ -1,0 +1,144 @@
+//! Every mistake is named with its line and with what is possible.
+
+use crate::Files;
+
+/// (actions below `launch:`, how the message begins)
+const MISTAKES: &[(&str, &str)] = &[
+    ("- noed: {}", "2: unknown action 'noed', known actions are arg, let"),
+    (
+        "- node:\n    pkg: p\n    exec: e\n    paramz: []",
+        "5: node: unknown key 'paramz', known keys are pkg, exec",
+    ),
+    ("- node:\n    pkg: p", "2: node: key 'exec' is missing"),
+    ("- let: { name: x }", "2: let: key 'value' is missing"),
+    ("- include: {}", "2: include: key 'file' is missing"),
+    ("- timer: { children: [] }", "2: timer: key 'period' is missing"),
+    ("- set_use_sim_time: {}", "2: set_use_sim_time: key 'value' is missing"),
+    ("- node: [a]", "2: node: expected a mapping of attributes, found a list"),
+    ("- log", "2: expected one action '- name: attributes', found the string 'log'"),
+    ("- let: { name: x, value: y }\n  log: { message: z }", "2: expected one action"),
+    (
+        "- let: { name: x, value: 4.0 }",
+        "2: let: value: expected a string, found the number 4.0, write \"4.0\"",
+    ),
+    ("- log: { message: yes }", "2: log: message: expected a string, found the bool yes, write \"yes\""),
+    ("- log: { message: }", "2: log: message: expected a string, found nothing"),
+    ("- log: { message: a, if: true }", "2: log: if: expected a string, found the bool true, write \"true\""),
+    ("- group: { scoped: 3 }", "2: group: scoped: expected true or false, found the number 3"),
+    ("- group: { children: a }", "2: group: children: expected a list, found the string 'a'"),
+    ("- timer: { period: soon, children: [] }", "2: period = 'soon' must be a number"),
+    ("- timer: { period: -1, children: [] }", "2: period = '-1' must be a number in 0"),
+    ("- log:\n    message: \"$(var nope)\"", "3: undefined variable 'nope', defined here are none"),
+    ("- log: { message: \"$(eval '1')\" }", "2: log: message: $(eval) is not supported: it runs Python"),
+    ("- log: { message: \"$(var x\" }", "2: log: message: '$(var x': a substitution does not end"),
+    ("- log: { message: a, if: maybe }", "2: if: 'maybe' is no condition, true, 1, false and 0 are"),
+    ("- log: { message: a, if: '1', unless: '1' }", "2: log: 'if' and 'unless' exclude each other"),
+    ("- arg: { name: x }", "2: argument 'x' has no value and no default, give x:=VALUE"),
+    (
+        "- arg:\n    name: x\n    default: c\n    choice: [{ value: a }, { value: b }]",
+        "3: argument 'x' = 'c' must be one of a, b",
+    ),
+    ("- arg: { name: x, choice: [a] }", "2: choice: expected a mapping of attributes, found the string 'a'"),
+    ("- include: { file: none.launch.yaml }", "2: include: none.launch.yaml: No such file"),
+    ("- include: { file: demo.launch.py }", "2: include: 'demo.launch.py' is not YAML"),
+    ("- include: { file: main.launch.yaml }", "2: include: main.launch.yaml includes itself"),
+    ("- node: { pkg: p, exec: e, name: 1st }", "2: node: '1st' is not a ROS name"),
+    ("- node: { pkg: p, exec: e, namespace: a b }", "2: node: '/a b' is not a ROS name"),
+    ("- node: { pkg: p, exec: e, remap: [{ from: a }] }", "2: remap: key 'to' is missing"),
+    ("- node: { pkg: p, exec: e, output: printer }", "2: output = 'printer' must be screen, both or log"),
+    ("- node: { pkg: p, exec: e, on_exit: restart }", "2: on_exit = 'restart' must be shutdown"),
+    ("- node: { pkg: p, exec: e, respawn: often }", "2: respawn = 'often' must be true or false"),
+    ("- node: { pkg: p, exec: e, respawn_max_retries: -2 }", "2: respawn_max_retries = '-2' must be a count"),
+    ("- node: { pkg: p, exec: e, param: [{ name: a }] }", "2: param: one of 'value' and 'param' is needed"),
+    ("- node: { pkg: p, exec: e, param: [{ value: 1 }] }", "2: param: key 'name' is missing"),
+    ("- node: { pkg: p, exec: e, param: [{ from: no.yaml }] }", "2: param: from: no.yaml is no file"),
+    ("- node: { pkg: p, exec: e, param: [{ from: f, name: a }] }", "2: param: 'from' stands alone"),
+    (
+        "- node: { pkg: p, exec: e, param: [{ name: a, value: { b: 1 } }] }",
+        "2: param: value: expected a value",
+    ),
+    (
+        "- node: { pkg: p, exec: e, param: [{ name: a, value: x, type: int }] }",
+        "2: parameter 'a' = x is no int",
+    ),
+    (
+        "- node: { pkg: p, exec: e, param: [{ name: a, value: [], type: int }] }",
+        "2: parameter 'a' is a list, must be a int",
+    ),
+    (
+        "- node: { pkg: p, exec: e, param: [{ name: a, value: 1, type: long }] }",
+        "2: param: type: unknown 'long', known are int, float",
+    ),
+    ("- executable: { cmd: '' }", "2: executable: cmd is empty"),
+    ("- executable: { cmd: \"a 'b\" }", "2: the quote ' does not end"),
+    ("- set_env: { name: 'A=B', value: x }", "2: 'A=B' is no name of an environment variable"),
+];
+
+#[test]
+fn mistakes_are_named_with_their_line() {
+    for (actions, message) in MISTAKES {
+        let text: String = actions.lines().map(|line| format!("  {line}\n")).collect();
+        let refusal = Files::new(&format!("launch:\n{text}")).refusal(&[]);
+        assert!(refusal.starts_with(&format!("main.launch.yaml:{message}")), "{actions}\n{refusal}");
+        assert_eq!(refusal.lines().count(), 1, "{refusal}");
+    }
+}
+
+#[test]
+fn a_file_that_is_no_launch_file_is_refused() {
+    for (text, message) in [
+        ("", "main.launch.yaml:1: is empty"),
+        ("launch: 3\n", "main.launch.yaml:1: launch file: launch: expected a list, found the number 3"),
+        ("lunch: []\n", "main.launch.yaml:1: launch file: unknown key 'lunch', known keys are launch"),
+        ("- a\n", "main.launch.yaml:1: launch file: expected a mapping"),
+        ("launch: [\n", "main.launch.yaml:"),
+    ] {
+        let refusal = Files::new(text).refusal(&[]);
+        assert!(refusal.starts_with(message), "{refusal}");
+    }
+}
+
+#[test]
+fn a_mistake_in_a_branch_not_taken_is_still_one() {
+    let files = Files::new("launch:\n  - group:\n      if: 'false'\n      children:\n        - nod: {}\n");
+    assert!(files.refusal(&[]).starts_with("main.launch.yaml:5: unknown action 'nod'"));
+}
+
+#[test]
+fn an_unknown_argument_is_refused_with_the_declared_ones() {
+    let include = "launch:\n  - arg: { name: outer, default: '' }\n  \
+                   - include: { file: b.launch.yaml, arg: [{ name: fixed, value: x }] }\n";
+    let inner = "launch:\n  - arg: { name: inner, default: '' }\n  - arg: { name: fixed }\n";
+    let files = Files::new(include).with("b.launch.yaml", inner);
+    assert!(files.resolve(&[("inner", "1"), ("outer", "2")]).is_ok());
+    // An argument that an include fixes would be accepted and ignored.
+    for name in ["outre", "fixed"] {
+        let expected = format!("unknown launch argument '{name}', declared are outer, inner");
+        assert_eq!(files.refusal(&[(name, "1")]), expected);
+    }
+}
+
+#[test]
+fn an_include_gives_only_declared_arguments() {
+    let include =
+        "launch:\n  - include:\n      file: b.launch.yaml\n      arg:\n        - { name: inptu, value: x }\n";
+    let files = Files::new(include).with("b.launch.yaml", "launch:\n  - arg: { name: input, default: '' }\n");
+    let refusal = files.refusal(&[]);
+    let expected =
+        "main.launch.yaml:5: include: b.launch.yaml declares no argument 'inptu', declared are input";
+    assert_eq!(refusal, expected);
+}
+
+#[test]
+fn a_mistake_in_an_included_file_has_that_files_line() {
+    let files = Files::new("launch:\n  - include: { file: b.launch.yaml }\n")
+        .with("b.launch.yaml", "launch:\n\n  - nod: {}\n");
+    assert!(files.refusal(&[]).starts_with("b.launch.yaml:3: unknown action"));
+}
+
+#[test]
+fn files_that_include_each_other_are_refused() {
+    let files = Files::new("launch:\n  - include: { file: b.launch.yaml }\n")
+        .with("b.launch.yaml", "launch:\n  - include: { file: main.launch.yaml }\n");
+    assert!(files.refusal(&[]).starts_with("b.launch.yaml:2: include: main.launch.yaml includes itself"));
+}

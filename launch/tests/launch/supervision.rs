@@ -1,0 +1,249 @@
+//! Processes: order of ends, restarts, and that none is left over.
+
+use std::future::pending;
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use modulo_launch::supervisor::{ProcessEnd, run_until};
+use modulo_launch::{Ending, LaunchError, Outcome, Supervision, run};
+use nix::sys::signal::{Signal, raise};
+
+use crate::Files;
+
+/// The lines that a run shows.
+#[derive(Clone, Default)]
+struct Lines(Arc<Mutex<Vec<String>>>);
+
+impl Lines {
+    fn supervision(&self, suite: &str) -> Supervision {
+        let lines = self.0.clone();
+        let print = Arc::new(move |_, line: &str| lines.lock().expect("not poisoned").push(line.to_owned()));
+        Supervision { suite: PathBuf::from(suite), print }
+    }
+
+    fn all(&self) -> Vec<String> {
+        self.0.lock().expect("not poisoned").clone()
+    }
+
+    async fn wait_for(&self, line: &str) {
+        while !self.all().iter().any(|l| l == line) {
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+    }
+}
+
+/// An `executable` action that runs `script`.
+fn sh(name: &str, script: &str, more: &str) -> String {
+    format!("  - executable:\n      name: {name}\n      cmd: /bin/sh -c \"{script}\"\n{more}")
+}
+
+const LAST: &str = "      on_exit: shutdown\n";
+const IMPATIENT: &str = "      sigterm_timeout: 0.2\n      sigkill_timeout: 0.2\n";
+const RESPAWN: &str = "      respawn: true\n";
+
+async fn outcome(actions: &[String], lines: &Lines) -> Result<Outcome, LaunchError> {
+    let plan = Files::new(&format!("launch:\n{}", actions.concat())).resolve(&[]).expect("resolves");
+    run_until(plan, &lines.supervision("/nonexistent"), pending()).await
+}
+
+fn end<'a>(outcome: &'a Outcome, label: &str) -> &'a ProcessEnd {
+    &outcome.processes.iter().find(|process| process.label == label).expect("ran").end
+}
+
+/// A zombie that nobody has reaped yet is not alive.
+fn is_alive(pid: &str) -> bool {
+    let stat = std::fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
+    stat.rsplit(") ").next().is_some_and(|rest| !rest.is_empty() && !rest.starts_with('Z'))
+}
+
+#[tokio::test]
+async fn lines_are_marked_and_all_ends_are_awaited() {
+    let lines = Lines::default();
+    let actions = [sh("a", "echo one; echo two >&2", ""), sh("b", "sleep 0.2; printf three", "")];
+    let outcome = outcome(&actions, &lines).await.expect("runs");
+    let mut shown = lines.all();
+    shown.sort();
+    assert_eq!(shown, ["[a] one", "[a] two", "[b] three"]);
+    assert!(!outcome.failed());
+    assert_eq!(outcome.ending, Ending::Completed);
+}
+
+#[tokio::test]
+async fn on_exit_shutdown_ends_the_others_with_everything_they_started() {
+    let lines = Lines::default();
+    let others = sh("other", "echo $$; sleep 1000 & echo $!; wait", "");
+    let begin = Instant::now();
+    let outcome = outcome(&[others, sh("last", "sleep 0.5", LAST)], &lines).await.expect("runs");
+    assert!(begin.elapsed() < Duration::from_secs(4));
+    assert_eq!(end(&outcome, "other"), &ProcessEnd::ShutDown);
+    assert!(!outcome.failed());
+    let pids: Vec<String> =
+        lines.all().iter().filter_map(|l| l.strip_prefix("[other] ")).map(String::from).collect();
+    assert_eq!(pids.len(), 2);
+    tokio::time::sleep(Duration::from_millis(50)).await;
+    assert!(!is_alive(&pids[0]) && !is_alive(&pids[1]));
+}
+
+#[tokio::test]
+async fn a_process_that_does_not_listen_is_ended_ever_more_firmly() {
+    let lines = Lines::default();
+    let deaf = |name: &str, signals: &str| {
+        sh(name, &format!("trap '' {signals}; while true; do sleep 0.05; done"), IMPATIENT)
+    };
+    let actions = [deaf("no_int", "INT"), deaf("no_term", "INT TERM"), sh("last", "sleep 0.3", LAST)];
+    let outcome = outcome(&actions, &lines).await.expect("runs");
+    assert_eq!(outcome.processes.len(), 3);
+    assert!(!outcome.failed());
+    let shown = lines.all();
+    let said = |label: &str, signal: &str| shown.iter().any(|l| l.starts_with(label) && l.ends_with(signal));
+    assert!(said("[no_int]", "sending SIGTERM") && !said("[no_int]", "sending SIGKILL"), "{shown:?}");
+    assert!(said("[no_term]", "sending SIGKILL"), "{shown:?}");
+}
+
+#[tokio::test]
+async fn a_crash_fails_the_run_and_the_others_go_on() {
+    let lines = Lines::default();
+    let actions =
+        [sh("bad", "exit 7", ""), sh("killed", "kill -9 $$", ""), sh("good", "sleep 0.3; echo done", "")];
+    let outcome = outcome(&actions, &lines).await.expect("runs");
+    assert!(outcome.failed());
+    assert_eq!(end(&outcome, "good"), &ProcessEnd::Exited);
+    assert!(matches!(end(&outcome, "bad"), ProcessEnd::Crashed(status) if status.contains('7')));
+    assert!(matches!(end(&outcome, "killed"), ProcessEnd::Crashed(status) if status.contains("SIGKILL")));
+    assert!(lines.all().contains(&"[good] done".to_owned()));
+}
+
+#[tokio::test]
+async fn a_crashed_process_is_restarted_and_counted() {
+    let lines = Lines::default();
+    let folder = tempfile::tempdir().expect("a folder");
+    let mark = folder.path().join("mark");
+    let script = format!("if [ -e {0} ]; then echo back; else touch {0}; exit 1; fi", mark.display());
+    let begin = Instant::now();
+    let outcome = outcome(&[sh("phoenix", &script, RESPAWN)], &lines).await.expect("runs");
+    assert!(begin.elapsed() < Duration::from_secs(2));
+    assert!(!outcome.failed());
+    assert_eq!(outcome.processes[0].restarts, 1);
+    assert_eq!(outcome.summary().restarts["phoenix"], 1);
+    assert!(lines.all().contains(&"[phoenix] back".to_owned()));
+}
+
+#[tokio::test]
+async fn restarts_have_an_end_when_they_are_limited() {
+    let more = format!("{RESPAWN}      respawn_max_retries: 2\n");
+    let outcome = outcome(&[sh("bad", "exit 1", &more)], &Lines::default()).await.expect("runs");
+    assert_eq!(outcome.processes[0].restarts, 2);
+    assert!(outcome.failed());
+}
+
+#[tokio::test]
+async fn a_program_that_does_not_exist_ends_all() {
+    let missing = "  - executable: { cmd: /nonexistent/program }\n".to_owned();
+    let outcome = outcome(&[missing, sh("other", "sleep 1000", "")], &Lines::default()).await.expect("runs");
+    assert!(outcome.failed());
+    assert!(
+        matches!(end(&outcome, "program"), ProcessEnd::NotStarted(why) if why.contains("/nonexistent/program"))
+    );
+    assert_eq!(end(&outcome, "other"), &ProcessEnd::ShutDown);
+}
+
+#[tokio::test]
+async fn a_missing_package_is_found_out_before_anything_starts() {
+    let lines = Lines::default();
+    let node =
+        "  - node: { pkg: nowhere, exec: e, env: [{ name: AMENT_PREFIX_PATH, value: /opt/x }] }\n".to_owned();
+    let error = outcome(&[sh("other", "echo started", ""), node], &lines).await.expect_err("refused");
+    assert_eq!(error.to_string(), "e: executable is not found, looked at /opt/x/lib/nowhere/e");
+    assert!(lines.all().is_empty());
+}
+
+#[tokio::test]
+async fn a_timer_delays_a_start_and_a_shutdown_cancels_it() {
+    let lines = Lines::default();
+    let late = "  - timer: { period: 1000, children: [{ executable: { cmd: echo late, name: late } }] }\n"
+        .to_owned();
+    let outcome = outcome(&[late, sh("last", "echo now", LAST)], &lines).await.expect("runs");
+    assert_eq!(end(&outcome, "late"), &ProcessEnd::ShutDown);
+    assert_eq!(lines.all(), ["[last] now"]);
+}
+
+/// A suite whose nodes are scripts: `<suite> run <node> --ros-args ...`.
+fn suite(files: &Files, script: &str) -> String {
+    use std::os::unix::fs::PermissionsExt;
+    let path = files.path("suite");
+    std::fs::write(&path, format!("#!/bin/sh\n{script}\n")).expect("written");
+    std::fs::set_permissions(&path, PermissionsExt::from_mode(0o755)).expect("executable");
+    path.display().to_string()
+}
+
+#[tokio::test]
+async fn nodes_of_the_suite_are_run_by_it_and_report() {
+    let files =
+        Files::new("launch:\n  - node: { pkg: modulo, exec: unwrap, param: [{ name: bits, value: 8 }] }\n");
+    let script = r#"echo "$@"
+echo '{"node": "/unwrap", "received": {}, "published": {"/recovered": 5}, "dropped": {}, "bad": {}, "classes": {}, "facts": {}, "stages": {}}' > "$MODULO_REPORT_DIR/unwrap.json""#;
+    let lines = Lines::default();
+    let how = lines.supervision(&suite(&files, script));
+    let outcome = run_until(files.resolve(&[]).expect("resolves"), &how, pending()).await.expect("runs");
+    assert_eq!(lines.all(), ["[unwrap] run unwrap --ros-args -r __node:=unwrap -r __ns:=/ -p bits:=8"]);
+    assert_eq!(outcome.summary().topics["/recovered"].sent, 5);
+}
+
+#[tokio::test]
+async fn a_refused_command_line_is_not_tried_again() {
+    let files = Files::new(&format!(
+        "launch:\n  - node: {{ pkg: modulo, exec: unwrap, respawn: true }}\n{}",
+        sh("other", "sleep 1000", "")
+    ));
+    let how = Lines::default().supervision(&suite(&files, "exit 2"));
+    let outcome = run_until(files.resolve(&[]).expect("resolves"), &how, pending()).await.expect("runs");
+    assert_eq!(
+        (end(&outcome, "unwrap"), end(&outcome, "other")),
+        (&ProcessEnd::Refused, &ProcessEnd::ShutDown)
+    );
+    assert!(outcome.failed());
+}
+
+#[tokio::test]
+async fn a_signal_to_the_launcher_is_an_orderly_end() {
+    let lines = Lines::default();
+    let script = "trap 'echo bye; exit 0' INT; echo ready; while true; do sleep 0.05; done";
+    let plan = Files::new(&format!("launch:\n{}", sh("node", script, ""))).resolve(&[]).expect("resolves");
+    let how = lines.supervision("/nonexistent");
+    let signal = async {
+        lines.wait_for("[node] ready").await;
+        raise(Signal::SIGTERM).expect("sent");
+    };
+    let (outcome, ()) = tokio::join!(run(plan, &how), signal);
+    let outcome = outcome.expect("runs");
+    assert_eq!(outcome.ending, Ending::Interrupted);
+    assert!(!outcome.failed());
+    assert_eq!(lines.all(), ["[node] ready", "[node] bye"]);
+}
+
+#[tokio::test]
+async fn a_run_that_is_given_up_leaves_nothing_behind() {
+    let lines = Lines::default();
+    let plan = Files::new(&format!("launch:\n{}", sh("orphan", "echo $$; sleep 1000", "")))
+        .resolve(&[])
+        .expect("resolves");
+    let how = lines.supervision("/nonexistent");
+    let started = async {
+        while lines.all().is_empty() {
+            tokio::time::sleep(Duration::from_millis(5)).await;
+        }
+    };
+    tokio::select! {
+        _ = run_until(plan, &how, pending()) => panic!("it does not end by itself"),
+        () = started => {}
+    }
+    let pid = lines.all()[0].replace("[orphan] ", "");
+    for _ in 0..200 {
+        if !is_alive(&pid) {
+            return;
+        }
+        tokio::time::sleep(Duration::from_millis(10)).await;
+    }
+    panic!("process {pid} is still there");
+}
