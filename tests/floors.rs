@@ -1,0 +1,97 @@
+//! Arrows between crates point downward, and each library is named where
+//! ARCHITECTURE.md says.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use serde_json::Value;
+
+/// Crates from the top floor down; those on one floor do not know each other.
+const FLOORS: [&[&str]; 7] = [
+    &["modulo"],
+    &["modulo-launch", "modulo-eval"],
+    &["modulo-camera", "modulo-unwrap", "modulo-detector"],
+    &["modulo-bags"],
+    &["modulo-runtime"],
+    &["modulo-msgs"],
+    &["modulo-core"],
+];
+
+fn floor_of(name: &str) -> Option<usize> {
+    FLOORS.iter().position(|floor| floor.contains(&name))
+}
+
+#[test]
+fn arrows_point_downward() {
+    let output = Command::new(env!("CARGO"))
+        .args(["metadata", "--format-version", "1", "--no-deps", "--offline"])
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .expect("cargo runs");
+    let metadata: Value = serde_json::from_slice(&output.stdout).expect("cargo writes JSON");
+    let packages = metadata["packages"].as_array().expect("a list of packages");
+    assert_eq!(packages.len(), FLOORS.iter().map(|floor| floor.len()).sum::<usize>(), "a crate has no floor");
+    for package in packages {
+        let name = package["name"].as_str().expect("a name");
+        let floor = floor_of(name).unwrap_or_else(|| panic!("{name} has no floor"));
+        for dependency in package["dependencies"].as_array().expect("a list of dependencies") {
+            let other = dependency["name"].as_str().expect("a name");
+            if let Some(below) = floor_of(other) {
+                assert!(below > floor, "{name} must not know {other}");
+            }
+        }
+    }
+}
+
+/// Every source file of the workspace with its path from the root.
+fn sources(folder: &Path, found: &mut Vec<(PathBuf, String)>) {
+    for entry in std::fs::read_dir(folder).expect("a readable folder").flatten() {
+        let path = entry.path();
+        let name = entry.file_name();
+        if path.is_dir() && name != "target" && name != "tests" && !name.to_string_lossy().starts_with('.') {
+            sources(&path, found);
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            let text = std::fs::read_to_string(&path).expect("a readable file");
+            let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+            found.push((path.strip_prefix(root).expect("below the root").to_owned(), text));
+        }
+    }
+}
+
+#[test]
+fn each_library_is_named_in_one_file() {
+    let mut files = Vec::new();
+    sources(Path::new(env!("CARGO_MANIFEST_DIR")), &mut files);
+    for (library, home) in [
+        ("zenoh", "runtime/src/transport/zenoh.rs"),
+        ("ort", "nodes/detector/src/engine/onnxruntime.rs"),
+        ("rten", "nodes/detector/src/engine/rten.rs"),
+    ] {
+        let named = |text: &str| {
+            text.lines().any(|line| {
+                let line = line.trim_start();
+                line.starts_with(&format!("use {library}::")) || line.contains(&format!(" {library}::"))
+            })
+        };
+        let found: Vec<_> = files.iter().filter(|(_, text)| named(text)).map(|(path, _)| path).collect();
+        assert_eq!(found, [Path::new(home)], "{library}");
+    }
+}
+
+#[test]
+fn the_wall_clock_is_read_in_one_file() {
+    let mut files = Vec::new();
+    sources(Path::new(env!("CARGO_MANIFEST_DIR")), &mut files);
+    // The launcher waits for processes, which have no other time than the wall's.
+    let allowed = |path: &Path| path == Path::new("runtime/src/clock.rs") || path.starts_with("launch");
+    let found: Vec<_> = files
+        .iter()
+        .filter(|(path, text)| {
+            (text.contains("SystemTime::now") || text.contains("Instant::now"))
+                && !allowed(path)
+                && !path.iter().any(|part| part == "examples" || part == "benches")
+        })
+        .map(|(path, _)| path)
+        .collect();
+    assert!(found.is_empty(), "{found:?}");
+}
