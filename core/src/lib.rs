@@ -17,6 +17,7 @@ mod noise;
 pub mod optics;
 mod plane;
 mod range;
+pub mod scene;
 pub mod sensor;
 pub mod tone;
 pub mod unwrap;

@@ -1,0 +1,167 @@
+//! The open street without anybody on it: sky, houses, pavement, road.
+//!
+//! A corridor of three planes is cast per pixel: the ground and one row of
+//! houses on either side. What depends on the column or the row alone is
+//! computed once. Nothing here knows of traffic.
+
+use super::Preset;
+use super::hash::{hash, mix, noise, ramp, unit};
+use super::light::{Light, Rgb, add, blend, scaled};
+use super::view::{EYE, View};
+
+/// Where the rows of houses stand, m.
+const ROWS: [f32; 2] = [-10.5, 10.0];
+/// Width of a house, m.
+const HOUSE: f32 = 11.0;
+/// Metres the own car drives in a frame.
+const STEP: f32 = 0.16;
+
+/// What one column of the image sees of the houses.
+struct Column {
+    /// Distance, m.
+    z: f32,
+    /// Number of the house, distinct on either side.
+    house: u32,
+    /// Position along the house, m.
+    along: f32,
+    /// Height of the house, m.
+    high: f32,
+    /// Normal of the wall, pointing to the street.
+    facing: f32,
+    /// Height of the far skyline, px above the horizon.
+    skyline: f32,
+}
+
+/// The street of one frame.
+pub(super) struct Street<'a> {
+    view: &'a View,
+    light: &'a Light,
+    preset: Preset,
+    seed: u32,
+    columns: Vec<Column>,
+    /// Metres driven.
+    driven: f32,
+}
+
+impl<'a> Street<'a> {
+    /// The street of `frame`.
+    pub(super) fn new(view: &'a View, light: &'a Light, preset: Preset, seed: u32, frame: u32) -> Self {
+        let driven = (frame % 60_000) as f32 * STEP;
+        let columns = (0..view.width).map(|c| column(view, seed, driven, c as f32 + 0.5)).collect();
+        Self { view, light, preset, seed, columns, driven }
+    }
+
+    /// Radiance at a pixel.
+    pub(super) fn radiance(&self, row: usize, column: usize) -> Rgb {
+        let (u, v) = (column as f32 + 0.5, row as f32 + 0.5);
+        let at = &self.columns[column];
+        let below = v - self.view.cy;
+        let ground = if below > 0.0 { self.view.focal * EYE / below } else { f32::MAX };
+        if ground < at.z.min(400.0) {
+            return self.ground(u, ground);
+        }
+        let up = EYE - below * at.z / self.view.focal;
+        let pixel = at.z / self.view.focal;
+        let roof = ramp(-1.2 * pixel, 1.2 * pixel, at.high - up);
+        if roof == 1.0 {
+            return self.wall(at, up, pixel);
+        }
+        let far = self.far(u, v, at);
+        if roof == 0.0 { far } else { blend(far, self.wall(at, up, pixel), roof) }
+    }
+
+    /// Sky, clouds and the skyline at the end of the street.
+    fn far(&self, u: f32, v: f32, at: &Column) -> Rgb {
+        let (view, sky) = (self.view, self.light.sky(u, v, self.view));
+        let above = view.cy - v;
+        let s = view.scale();
+        let cloud = ramp(0.45, 0.85, noise(u / (70.0 * s) + 9.0, above / (16.0 * s), self.seed));
+        let cloudy = match self.preset {
+            Preset::Night => add(sky, scaled([0.012, 0.010, 0.010], cloud)),
+            Preset::Glare => add(sky, scaled([0.07, 0.05, 0.03], cloud)),
+            _ => blend(sky, [0.44, 0.45, 0.46], cloud * ramp(0.0, 30.0 * s, above)),
+        };
+        let hill = ramp(-1.5, 1.5, at.skyline * s - above);
+        blend(cloudy, self.light.shade([0.16, 0.18, 0.16], [0.0, 0.6, -0.8], 240.0), hill)
+    }
+
+    /// A house wall at height `up`, m; `pixel` is the size of a pixel there, m.
+    fn wall(&self, at: &Column, up: f32, pixel: f32) -> Rgb {
+        let tint = |k: u32| 0.22 + 0.30 * unit(hash(at.house, k, self.seed));
+        let base = tint(1);
+        let plaster = [base * 1.05, base * (0.86 + 0.2 * tint(2)), base * (0.66 + 0.6 * tint(3))];
+        let (floor, bay) = ((up / 3.1).floor(), (at.along / 2.2).floor());
+        let (fy, fx) = (up / 3.1 - floor, at.along / 2.2 - bay);
+        let soft = (pixel / 2.2).max(0.02);
+        let wide = ramp(0.22 - soft, 0.22 + soft, fx) * ramp(0.22 - soft, 0.22 + soft, 1.0 - fx);
+        let tall = ramp(0.25 - soft, 0.25 + soft, fy) * ramp(0.18 - soft, 0.18 + soft, 1.0 - fy);
+        let fade = 1.0 - ramp(0.25, 0.9, soft);
+        let window = mix(0.35, wide * tall, fade) * (1.0 - ramp(-0.6, 0.4, up - at.high + 1.0));
+        let grain = 0.9 + 0.2 * noise(at.along * 1.7, up * 1.7, at.house);
+        let normal = [at.facing, 0.0, 0.0];
+        let plain = self.light.shade(scaled(plaster, grain), normal, at.z);
+        let pane = self.light.shade([0.10, 0.12, 0.14], normal, at.z);
+        blend(plain, add(pane, self.lit(at.house, floor, bay, fade)), window)
+    }
+
+    /// Light behind a window, at night only.
+    fn lit(&self, house: u32, floor: f32, bay: f32, fade: f32) -> Rgb {
+        let chance = unit(hash(house, hash(floor as i32 as u32, bay as i32 as u32, 5), self.seed));
+        let on = if chance < 0.22 { fade } else { 0.05 };
+        if self.preset == Preset::Night { scaled([0.13, 0.10, 0.055], on) } else { [0.0; 3] }
+    }
+
+    fn ground(&self, u: f32, z: f32) -> Rgb {
+        let x = (u - self.view.cx) * z / self.view.focal;
+        let pixel = z / self.view.focal;
+        let albedo = road(x, z + self.driven, z * pixel / EYE, pixel, [-8.4, 8.0], self.seed);
+        let lit = self.light.shade(albedo, [0.0, 1.0, 0.0], z);
+        if self.preset == Preset::Glare { add(lit, self.glitter(u, z)) } else { lit }
+    }
+
+    /// The low sun mirrored in the road.
+    fn glitter(&self, u: f32, z: f32) -> Rgb {
+        let s = self.view.scale();
+        let [x, _] = self.light.glare();
+        let off = (u - x) / (95.0 * s);
+        scaled([0.30, 0.26, 0.19], ramp(4.0, 30.0, z) / (1.0 + off * off))
+    }
+}
+
+/// Reflectance of the ground at `x` right and `along` the street, m; `deep` and
+/// `pixel` are the size of a pixel along and across, `kerbs` where the road ends.
+pub(super) fn road(x: f32, along: f32, deep: f32, pixel: f32, kerbs: [f32; 2], seed: u32) -> Rgb {
+    let fade = 1.0 - ramp(0.2, 1.5, deep);
+    let grain = 0.15 * (noise(x * 2.5, along * 0.8, seed) - 0.5)
+        + 0.22 * (noise(x * 0.5, along * 0.11, seed ^ 1) - 0.5);
+    let asphalt = scaled([0.225, 0.225, 0.235], 1.0 + grain * (0.4 + 0.6 * fade));
+    let band = |middle: f32, half: f32| ramp(-pixel, pixel, half - (x - middle).abs());
+    let dash = {
+        let t = along / 9.0 - (along / 9.0).floor();
+        let soft = (deep / 9.0).clamp(0.01, 0.5);
+        mix(0.4, ramp(-soft, soft, 0.4 - (t - 0.5).abs() * 2.0), fade.max(0.2))
+    };
+    let paint = (band(-1.85, 0.09) * dash).max(band(2.75, 0.07)).max(band(-5.2, 0.07));
+    let marked = blend(asphalt, [0.74, 0.74, 0.72], 0.85 * paint);
+    let outside = ramp(-pixel, pixel, kerbs[0] + 2.0 - x).max(ramp(-pixel, pixel, x - kerbs[1] + 2.9));
+    if outside == 0.0 {
+        return marked;
+    }
+    let slab = 1.0 + 0.12 * fade * (noise(x * 1.4, along * 1.4, seed ^ 2) - 0.5);
+    blend(marked, scaled([0.36, 0.35, 0.33], slab), outside)
+}
+
+fn column(view: &View, seed: u32, driven: f32, u: f32) -> Column {
+    let slope = (u - view.cx) / view.focal;
+    let side = usize::from(slope > 0.0);
+    let z = (ROWS[side] / slope).abs().min(900.0);
+    let along = (z + driven) / HOUSE;
+    let number = along.floor();
+    let house = hash(number as i32 as u32, side as u32, seed);
+    let gap = unit(hash(house, 40, 0)) < 0.22;
+    let high = if gap { 0.9 } else { 5.0 + 9.0 * unit(hash(house, 41, 0)) };
+    let skyline =
+        4.0 + 14.0 * noise(u / view.scale() / 34.0, 0.0, seed) * noise(u / view.scale() / 9.0, 3.0, seed);
+    let facing = if side == 0 { 1.0 } else { -1.0 };
+    Column { z, house, along: (along - number) * HOUSE, high, facing, skyline }
+}

@@ -1,0 +1,176 @@
+//! Who is on the street in which frame: lanes of slots that move past the
+//! camera.
+//!
+//! The actors of one lane keep one speed and one distance, so none runs into
+//! another. A slot that has left the view comes back far ahead as somebody
+//! else. Nothing here draws.
+
+use super::hash::{Dice, hash, wave};
+use super::light::Lamps;
+use super::person::{cyclist, pedestrian, tree};
+use super::solid::{Facing, Solid};
+use super::vehicle::{car, truck, van};
+use super::{Class, Preset};
+
+/// Nearest and farthest middle of an actor, m.
+const REACH: [f32; 2] = [-2.0, 62.0];
+
+/// Somebody or something on the street.
+#[derive(Clone, Debug)]
+pub(super) struct Actor {
+    /// What it is, `None` for a tree.
+    pub(super) class: Option<Class>,
+    /// Distance of its middle, m: the painting order.
+    pub(super) z: f32,
+    /// Its ground: centre, half length along x and along z, m.
+    pub(super) ground: [f32; 4],
+    /// Its parts in the world.
+    pub(super) solid: Solid,
+}
+
+/// Who uses a lane.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Users {
+    Traffic,
+    Parked,
+    Walkers,
+    Riders,
+    Trees,
+}
+
+/// A row of slots along the street.
+#[derive(Clone, Copy, Debug)]
+struct Lane {
+    users: Users,
+    /// Middle of the lane, m right of the camera.
+    x: f32,
+    /// Distance from slot to slot, m.
+    gap: f32,
+    /// Metres a frame towards the camera.
+    approach: f32,
+    facing: Facing,
+    /// Share of slots in use.
+    filled: f32,
+}
+
+const fn lane(users: Users, x: f32, gap: f32, approach: f32, facing: Facing, filled: f32) -> Lane {
+    Lane { users, x, gap, approach, facing, filled }
+}
+
+const STREET: [Lane; 9] = [
+    lane(Users::Traffic, -3.7, 21.0, 0.34, Facing::Towards, 0.75),
+    lane(Users::Parked, 3.9, 12.5, 0.16, Facing::Ahead, 0.50),
+    lane(Users::Riders, 1.95, 23.0, 0.07, Facing::Ahead, 0.55),
+    lane(Users::Riders, -5.9, 29.0, 0.25, Facing::Towards, 0.50),
+    lane(Users::Walkers, -7.3, 9.0, 0.20, Facing::Towards, 0.55),
+    lane(Users::Walkers, 5.9, 10.0, 0.13, Facing::Ahead, 0.55),
+    lane(Users::Walkers, 7.0, 15.0, 0.19, Facing::Towards, 0.40),
+    lane(Users::Trees, -8.6, 13.0, 0.16, Facing::Ahead, 0.70),
+    lane(Users::Trees, 8.4, 15.0, 0.16, Facing::Ahead, 0.60),
+];
+
+const BORE: [Lane; 5] = [
+    lane(Users::Traffic, -3.7, 16.0, 0.22, Facing::Towards, 0.80),
+    lane(Users::Traffic, 3.5, 17.0, 0.05, Facing::Ahead, 0.80),
+    lane(Users::Riders, 1.75, 19.0, 0.08, Facing::Ahead, 0.60),
+    lane(Users::Walkers, -5.9, 11.0, 0.12, Facing::Towards, 0.60),
+    lane(Users::Walkers, 5.5, 10.0, 0.07, Facing::Ahead, 0.60),
+];
+
+/// All actors of a frame, far to near.
+pub(super) fn actors(preset: Preset, seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
+    let lanes: &[Lane] = if preset == Preset::Tunnel { &BORE } else { &STREET };
+    let mut found: Vec<Actor> = lanes
+        .iter()
+        .zip(1u32..)
+        .flat_map(|(lane, id)| slots(lane, hash(seed, id, 7), frame, lamps))
+        .collect();
+    found.extend(leaders(seed, frame, lamps));
+    if preset != Preset::Tunnel {
+        found.extend(crossing(seed, frame));
+    }
+    found.sort_by(|a, b| b.z.total_cmp(&a.z));
+    found
+}
+
+/// The actors of one lane.
+fn slots(lane: &Lane, seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
+    let count = ((REACH[1] - REACH[0]) / lane.gap).ceil() as u32;
+    let cycle = count as f32 * lane.gap;
+    let start = Dice::new(seed, 0).unit() * lane.gap;
+    let place = |slot: u32| {
+        let travelled = f64::from(frame) * f64::from(lane.approach) - f64::from(start);
+        let ahead = f64::from(slot) * f64::from(lane.gap) - travelled;
+        let lap = (ahead / f64::from(cycle)).floor();
+        let z = (ahead - lap * f64::from(cycle)) as f32 + REACH[0];
+        let mut dice = Dice::new(seed, hash(slot, lap as i64 as u32, 3));
+        (dice.unit() < lane.filled && z <= REACH[1]).then(|| user(lane, &mut dice, z, frame, lamps))
+    };
+    (0..count).filter_map(place).collect()
+}
+
+fn user(lane: &Lane, dice: &mut Dice, z: f32, frame: u32, lamps: Lamps) -> Actor {
+    let time = frame as f32 / 26.0 + dice.unit();
+    let (x, z) = (lane.x + dice.between(-0.25, 0.25), z + dice.between(-0.8, 0.8));
+    match lane.users {
+        Users::Traffic => vehicle(dice, x, z, lane.facing, lamps),
+        Users::Parked => vehicle(dice, x, z, lane.facing, Lamps::Off),
+        Users::Walkers => walker(dice, x, z, lane.facing, time),
+        Users::Riders => {
+            let solid = cyclist(dice, time).placed(x, z, lane.facing);
+            Actor { class: Some(Class::Cyclist), z, ground: [x, z, 0.35, 0.9], solid }
+        }
+        Users::Trees => {
+            Actor { class: None, z, ground: [x, z, 0.8, 0.8], solid: tree(dice).placed(x, z, lane.facing) }
+        }
+    }
+}
+
+fn walker(dice: &mut Dice, x: f32, z: f32, facing: Facing, stride: f32) -> Actor {
+    let solid = pedestrian(dice, stride).placed(x, z, facing);
+    Actor { class: Some(Class::Pedestrian), z, ground: [x, z, 0.35, 0.35], solid }
+}
+
+fn vehicle(dice: &mut Dice, x: f32, z: f32, facing: Facing, lamps: Lamps) -> Actor {
+    let class = dice.pick(&[Class::Car, Class::Car, Class::Car, Class::Van, Class::Van, Class::Truck]);
+    let (solid, half, long) = match class {
+        Class::Van => (van(dice, lamps), 1.0, 2.6),
+        Class::Truck => (truck(dice, lamps), 1.25, 4.2),
+        _ => (car(dice, lamps), 0.9, 2.1),
+    };
+    Actor { class: Some(class), z, ground: [x, z, half, long], solid: solid.placed(x, z, facing) }
+}
+
+/// Two vehicles in the own lane that drop back and pull ahead.
+fn leaders(seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
+    let time = frame as f32;
+    let follow = |id: u32, near: f32, sway: f32, period: f32| {
+        let mut dice = Dice::new(seed, 900 + id);
+        let z = near + dice.between(0.0, 4.0) + sway * wave(time / period + dice.unit());
+        let x = dice.between(-0.3, 0.3) + 0.25 * wave(time / 170.0 + dice.unit());
+        (dice.unit() < 0.8).then(|| vehicle(&mut dice, x, z, Facing::Ahead, lamps))
+    };
+    [follow(1, 15.0, 3.5, 260.0), follow(2, 36.0, 5.0, 340.0)].into_iter().flatten().collect()
+}
+
+/// Somebody who walks or rides across the street between the leaders.
+fn crossing(seed: u32, frame: u32) -> Vec<Actor> {
+    let pass = |id: u32, z: f32, speed: f32, period: u32| {
+        let mut dice = Dice::new(seed, 700 + id);
+        let shifted = frame.wrapping_add((dice.unit() * period as f32) as u32);
+        let mut dice = Dice::new(seed, hash(id, shifted / period, 11));
+        let gone = speed * (shifted % period) as f32;
+        let (facing, x) = dice.pick(&[(Facing::Right, gone - 9.0), (Facing::Left, 9.0 - gone)]);
+        let stride = frame as f32 / 26.0;
+        if x.abs() > 9.0 || dice.unit() > 0.8 {
+            return None;
+        }
+        let z = z + dice.between(-0.7, 0.7);
+        if id == 1 {
+            return Some(walker(&mut dice, x, z, facing, stride));
+        }
+        let solid = cyclist(&mut dice, stride).placed(x, z, facing);
+        Some(Actor { class: Some(Class::Cyclist), z, ground: [x, z, 0.9, 0.35], solid })
+    };
+    [pass(1, 24.5, 0.06, 330), pass(2, 27.5, 0.14, 170)].into_iter().flatten().collect()
+}
