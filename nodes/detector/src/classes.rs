@@ -1,0 +1,168 @@
+//! [`Classes`]: from the model's class index to the name that is published.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use modulo_runtime::Refusal;
+
+use crate::model::Names;
+
+/// How many known names a refusal lists.
+const SHOWN: usize = 12;
+
+/// Which classes are published, and under which name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Classes {
+    names: Names,
+    map: Option<BTreeMap<String, String>>,
+    published: Vec<String>,
+    wanted: Vec<String>,
+}
+
+impl Classes {
+    /// `map_file` is a path or "" (no map); `wanted` names the classes to keep
+    /// as they are called after the map, empty = all.
+    ///
+    /// # Errors
+    /// [`Refusal`] of `class_map` or `classes`, with the names that are known.
+    pub fn new(names: &Names, map_file: &str, wanted: &[String]) -> Result<Self, Refusal> {
+        let map = match map_file {
+            "" => None,
+            path => Some(read_map(path, names).map_err(|why| Refusal::new("class_map", path, why))?),
+        };
+        let mut classes = Self { names: names.clone(), map, published: Vec::new(), wanted: Vec::new() };
+        for index in 0..names.all().len() {
+            if let Some(name) = classes.publish(index).filter(|name| !classes.published.contains(name)) {
+                classes.published.push(name);
+            }
+        }
+        for name in wanted {
+            if !classes.possible(name) {
+                let why = format!("no such class, known are {}", some(&classes.published));
+                return Err(Refusal::new("classes", name, why));
+            }
+        }
+        classes.wanted = wanted.to_vec();
+        Ok(classes)
+    }
+
+    /// The name under which class `index` is published; `None` drops it.
+    pub fn publish(&self, index: usize) -> Option<String> {
+        let name = self.names.name(index);
+        let name = match &self.map {
+            None => name,
+            Some(map) => map.get(&name)?.clone(),
+        };
+        (self.wanted.is_empty() || self.wanted.contains(&name)).then_some(name)
+    }
+
+    /// A number that stays with `name`, such as to choose a colour.
+    pub fn position(&self, name: &str) -> usize {
+        let listed = self.published.iter().position(|known| known == name);
+        listed.or_else(|| name.parse().ok()).unwrap_or(0)
+    }
+
+    /// A class without a name is called by its number.
+    fn possible(&self, name: &str) -> bool {
+        let by_number = || name.parse().is_ok_and(|index| self.names.name(index) == name);
+        self.published.iter().any(|known| known == name) || (self.map.is_none() && by_number())
+    }
+}
+
+/// Reads lines `from: to`; `#` opens a comment, an empty `to` drops the class
+/// like a class that is not named at all.
+fn read_map(path: &str, names: &Names) -> Result<BTreeMap<String, String>, String> {
+    let text = std::fs::read_to_string(Path::new(path)).map_err(|error| error.to_string())?;
+    let known = names.all();
+    let mut map = BTreeMap::new();
+    for (number, line) in (1..).zip(text.lines()) {
+        let line = line.split('#').next().unwrap_or_default().trim();
+        if line.is_empty() {
+            continue;
+        }
+        let (from, to) = line
+            .split_once(':')
+            .map(|(from, to)| (plain(from), plain(to)))
+            .ok_or_else(|| format!("line {number} is '{line}', must be 'from: to'"))?;
+        if !known.is_empty() && !known.iter().any(|name| name == from) {
+            return Err(format!(
+                "line {number}: the model has no class '{from}', known are {}",
+                some(&known)
+            ));
+        }
+        if !to.is_empty() {
+            map.insert(from.to_owned(), to.to_owned());
+        }
+    }
+    if map.is_empty() {
+        return Err("maps no class, at least one line 'from: to' is needed".to_owned());
+    }
+    Ok(map)
+}
+
+fn plain(word: &str) -> &str {
+    word.trim().trim_matches(['\'', '"'])
+}
+
+fn some(names: &[String]) -> String {
+    match names.len() {
+        0 => "class numbers alone".to_owned(),
+        count if count <= SHOWN => names.join(", "),
+        count => format!("{} and {} more", names[..SHOWN].join(", "), count - SHOWN),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use super::*;
+
+    fn names() -> Names {
+        Names::of(Path::new("none"), Some("{0: 'person', 1: 'bicycle', 2: 'car'}"))
+    }
+
+    fn classes(map: &str, wanted: &[&str]) -> Result<Classes, String> {
+        let mut file = tempfile::NamedTempFile::new().expect("a file");
+        file.write_all(map.as_bytes()).expect("written");
+        let path = if map.is_empty() { "" } else { file.path().to_str().expect("a path") };
+        let wanted: Vec<_> = wanted.iter().map(|name| (*name).to_owned()).collect();
+        Classes::new(&names(), path, &wanted).map_err(|refusal| refusal.to_string())
+    }
+
+    #[test]
+    fn a_map_renames_and_drops() {
+        let classes = classes("# for KITTI\nperson: pedestrian\n'car': \"car\" # as it is\nbicycle:\n", &[])
+            .expect("a map");
+        assert_eq!(classes.publish(0).as_deref(), Some("pedestrian"));
+        assert_eq!(classes.publish(1), None);
+        assert_eq!(classes.publish(2).as_deref(), Some("car"));
+        assert_eq!(classes.publish(7), None);
+    }
+
+    #[test]
+    fn wanted_names_are_those_after_the_map() {
+        let kept = classes("person: pedestrian\ncar: car", &["pedestrian"]).expect("known after the map");
+        assert_eq!((kept.publish(0).as_deref(), kept.publish(2)), (Some("pedestrian"), None));
+        let why = classes("person: pedestrian", &["person"]).expect_err("gone after the map");
+        assert!(why.contains("classes") && why.contains("person") && why.contains("pedestrian"), "{why}");
+    }
+
+    #[test]
+    fn unknown_names_are_refused_with_some_that_are_known() {
+        for (map, wanted) in [("", &["zebra"][..]), ("zebra: horse", &[]), ("car: 1\nzebra: x", &[])] {
+            let why = classes(map, wanted).expect_err("zebra");
+            assert!(why.contains("zebra") && why.contains("person, bicycle, car"), "{why}");
+        }
+        assert!(classes("car = car", &[]).expect_err("no colon").contains("line 1"));
+        assert!(classes("# nothing", &[]).expect_err("empty").contains("maps no class"));
+        let missing = Classes::new(&names(), "/nowhere/map.yaml", &[]).expect_err("missing").to_string();
+        assert!(missing.contains("/nowhere/map.yaml"), "{missing}");
+    }
+
+    #[test]
+    fn a_class_without_a_name_is_its_number() {
+        assert_eq!(classes("", &["99"]).expect("a number").publish(99).as_deref(), Some("99"));
+        assert!(classes("", &["2"]).is_err(), "2 is called car");
+    }
+}

@@ -1,0 +1,164 @@
+//! Inference engines behind one trait, and the choice among them.
+//!
+//! An engine knows tensors and nothing of images, parameters or messages. What
+//! was asked for is used or refused; only `auto` chooses, and it says what.
+
+mod library;
+mod onnxruntime;
+mod rten;
+
+use std::fmt;
+use std::num::NonZeroUsize;
+use std::path::Path;
+
+use ndarray::{Array2, ArrayView4};
+
+use crate::model::{Layout, Port};
+
+/// A loaded model, ready to run.
+pub trait Engine: Send {
+    /// Runs the model on `input`, `1 x 3 x H x W`, RGB in `[0, 1]`, contiguous.
+    /// Gives N x 6 rows of x1, y1, x2, y2, score, class in input pixels.
+    ///
+    /// # Errors
+    /// [`EngineError::Run`] when the model cannot work on this input.
+    fn run(&mut self, input: ArrayView4<'_, f32>) -> Result<Array2<f32>, EngineError>;
+
+    /// `ort` or `rten`.
+    fn name(&self) -> &'static str;
+
+    /// What the model takes and gives.
+    fn layout(&self) -> &Layout;
+}
+
+/// Which engine is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EngineChoice {
+    /// ONNX Runtime where its library is found, else rten.
+    Auto,
+    /// ONNX Runtime or an error.
+    OnnxRuntime,
+    /// rten, pure Rust, always there.
+    Rten,
+}
+
+impl EngineChoice {
+    /// The words of the parameter `engine`.
+    pub const WORDS: &'static [&'static str] = &["auto", "ort", "rten"];
+
+    /// Reads one of [`EngineChoice::WORDS`].
+    pub fn from_word(word: &str) -> Option<Self> {
+        match word {
+            "auto" => Some(Self::Auto),
+            "ort" => Some(Self::OnnxRuntime),
+            "rten" => Some(Self::Rten),
+            _ => None,
+        }
+    }
+}
+
+/// Why a model does not run.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum EngineError {
+    /// ONNX Runtime was asked for and is not there.
+    #[error(
+        "engine 'ort': no ONNX Runtime library found; looked at {looked}; \
+         install one (pip install onnxruntime) and set ORT_DYLIB_PATH to its libonnxruntime.so, \
+         or set engine to rten"
+    )]
+    NoLibrary {
+        /// The places, each with what was wrong there.
+        looked: String,
+    },
+    /// The file is not there, not readable or not a model of this engine.
+    #[error("model '{model}': {engine} cannot load it: {why}")]
+    Load {
+        /// The file.
+        model: String,
+        /// The engine that tried.
+        engine: &'static str,
+        /// What it said.
+        why: String,
+    },
+    /// It is a model, but not a detector that this node can read.
+    #[error("model '{model}': {found}, needed is {needed}")]
+    Shape {
+        /// The file.
+        model: String,
+        /// What the model has.
+        found: String,
+        /// What it must have.
+        needed: &'static str,
+    },
+    /// The model failed on an input.
+    #[error("{engine} failed on a {height} x {width} input: {why}")]
+    Run {
+        /// The engine.
+        engine: &'static str,
+        /// Input rows.
+        height: usize,
+        /// Input columns.
+        width: usize,
+        /// What it said.
+        why: String,
+    },
+}
+
+impl EngineError {
+    fn load(model: &Path, engine: &'static str, why: impl fmt::Display) -> Self {
+        Self::Load { model: model.display().to_string(), engine, why: one_line(why) }
+    }
+
+    fn run(engine: &'static str, input: ArrayView4<'_, f32>, why: impl fmt::Display) -> Self {
+        let (_, _, height, width) = input.dim();
+        Self::Run { engine, height, width, why: one_line(why) }
+    }
+}
+
+/// Engines like to answer in paragraphs; a log wants one line.
+fn one_line(text: impl fmt::Display) -> String {
+    text.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// What a model's file says about itself, as an engine reads it.
+pub struct Signature {
+    /// Inputs without the initialisers.
+    pub inputs: Vec<Port>,
+    /// Outputs in the file's order.
+    pub outputs: Vec<Port>,
+    /// Metadata property `names`, a Python dict as text.
+    pub names: Option<String>,
+}
+
+/// An engine that runs, and how it came to be the one.
+pub struct Opened {
+    /// The engine.
+    pub engine: Box<dyn Engine>,
+    /// The library used, or why `auto` took rten.
+    pub note: String,
+}
+
+/// Loads `model` with the engine asked for. `auto` falls back to rten when no
+/// library is found, never because a model does not load.
+pub fn open(model: &Path, choice: EngineChoice, threads: NonZeroUsize) -> Result<Opened, EngineError> {
+    // A missing file is the commonest mistake; both engines tell it at length.
+    std::fs::File::open(model).map_err(|error| EngineError::load(model, "the system", error))?;
+    let with_rten = |note| {
+        let engine: Box<dyn Engine> = Box::new(rten::Rten::load(model, threads)?);
+        Ok(Opened { engine, note })
+    };
+    if choice == EngineChoice::Rten {
+        return with_rten("as asked".to_owned());
+    }
+    match onnxruntime::library() {
+        Ok(found) => {
+            let engine: Box<dyn Engine> = Box::new(onnxruntime::OnnxRuntime::load(model, threads, &found)?);
+            Ok(Opened { engine, note: found.place })
+        }
+        Err(error) if choice == EngineChoice::OnnxRuntime => Err(error),
+        Err(error) => {
+            tracing::info!("detector takes rten, {error}");
+            with_rten("auto: no ONNX Runtime library found".to_owned())
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! rten, pure Rust: the only file that names that crate.
+
+use std::num::NonZeroUsize;
+use std::path::Path;
+use std::sync::Arc;
+
+use ndarray::{Array2, ArrayView4};
+use rten::{DataType, Dimension, Model, NodeId, RunOptions, ThreadPool, ValueType, ValueView};
+
+use super::{Engine, EngineError, Signature};
+use crate::model::{Element, Layout, Port};
+
+const NAME: &str = "rten";
+
+/// A model in rten.
+pub struct Rten {
+    model: Model,
+    layout: Layout,
+    input: NodeId,
+    output: NodeId,
+    options: RunOptions,
+}
+
+impl Rten {
+    /// Loads `model`, an ONNX file.
+    ///
+    /// # Errors
+    /// [`EngineError::Load`] or [`EngineError::Shape`].
+    pub fn load(path: &Path, threads: NonZeroUsize) -> Result<Self, EngineError> {
+        let failed = |why: String| EngineError::load(path, NAME, why);
+        let bytes = std::fs::read(path).map_err(|error| failed(error.to_string()))?;
+        let model = Model::load(bytes).map_err(|error| failed(error.to_string()))?;
+        let layout = Layout::of(path, &signature(&model))?;
+        let input = model.node_id(&layout.input).map_err(|error| failed(error.to_string()))?;
+        let output = model.node_id(&layout.output).map_err(|error| failed(error.to_string()))?;
+        let pool = Arc::new(ThreadPool::with_num_threads(threads.get()));
+        let options = RunOptions::default().with_thread_pool(Some(pool));
+        Ok(Self { model, layout, input, output, options })
+    }
+}
+
+fn signature(model: &Model) -> Signature {
+    let ports = |ids: &[NodeId]| ids.iter().map(|&id| port(model, id)).collect();
+    Signature {
+        inputs: ports(model.input_ids()),
+        outputs: ports(model.output_ids()),
+        names: model.metadata().get("names").map(str::to_owned),
+    }
+}
+
+fn port(model: &Model, id: NodeId) -> Port {
+    let info = model.node_info(id);
+    let side = |dimension: Dimension| match dimension {
+        Dimension::Fixed(side) => Some(side),
+        Dimension::Symbolic(_) => None,
+    };
+    Port {
+        name: info.as_ref().and_then(|info| info.name()).unwrap_or_default().to_owned(),
+        element: match info.as_ref().and_then(|info| info.dtype()) {
+            Some(ValueType::Tensor(DataType::Float)) => Element::F32,
+            Some(other) => Element::Other(format!("{other:?}").to_lowercase()),
+            None => Element::Other("no type".to_owned()),
+        },
+        shape: info.and_then(|info| info.shape()).map(|shape| shape.into_iter().map(side).collect()),
+    }
+}
+
+impl Engine for Rten {
+    fn run(&mut self, input: ArrayView4<'_, f32>) -> Result<Array2<f32>, EngineError> {
+        let failed = |why: String| EngineError::run(NAME, input, why);
+        let pixels = input.to_slice().ok_or_else(|| failed("input is not contiguous".to_owned()))?;
+        let tensor =
+            ValueView::from_shape(input.shape(), pixels).map_err(|error| failed(error.to_string()))?;
+        let [rows] = self
+            .model
+            .run_n(vec![(self.input, tensor.into())], [self.output], Some(self.options.clone()))
+            .map_err(|error| failed(error.to_string()))?;
+        let (shape, rows) =
+            rows.into_shape_vec::<f32, 3>().map_err(|error| failed(format!("output: {error}")))?;
+        let [1, count, 6] = shape else {
+            return Err(failed(format!("output is {shape:?}, needed is [1, N, 6]")));
+        };
+        Array2::from_shape_vec((count, 6), rows).map_err(|error| failed(error.to_string()))
+    }
+
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn layout(&self) -> &Layout {
+        &self.layout
+    }
+}

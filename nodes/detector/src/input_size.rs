@@ -1,0 +1,125 @@
+//! [`InputSize`]: how large a tensor the model gets, as parameter and as rule.
+
+use std::fmt;
+
+use modulo_core::Letterbox;
+use modulo_core::letterbox::{Align, LetterboxError, Scaling};
+
+/// The model's stride: sides are multiples of it.
+const STRIDE: usize = 32;
+/// A model that keeps its best 300 cells needs at least as many: 128 x 128 has
+/// 336 on strides 8, 16 and 32.
+const LEAST: usize = 128;
+/// A larger side is a typing error, not a camera.
+const MOST: usize = 8192;
+
+/// The size of the model's input.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InputSize {
+    /// The image, padded right and below to multiples of 32; never resized.
+    Auto,
+    /// This size; the image is centred, and scaled down where it is larger.
+    Fixed {
+        /// Rows.
+        height: usize,
+        /// Columns.
+        width: usize,
+    },
+}
+
+impl InputSize {
+    /// Reads `auto` or `WxH` for a model that fixes `of_model` (height, width)
+    /// or nothing.
+    ///
+    /// # Errors
+    /// What is possible, as one line.
+    pub fn parse(text: &str, of_model: Option<(usize, usize)>) -> Result<Self, String> {
+        let asked = match text.trim() {
+            "auto" => None,
+            text => Some(sides(text).ok_or_else(|| {
+                format!("must be auto or WIDTHxHEIGHT, multiples of {STRIDE} in {STRIDE} to {MOST}, such as 640x384")
+            })?),
+        };
+        match (asked, of_model) {
+            (None, None) => Ok(Self::Auto),
+            (Some((height, width)), None) => Ok(Self::Fixed { height, width }),
+            (asked, Some((height, width))) if asked.is_none_or(|asked| asked == (height, width)) => {
+                Ok(Self::Fixed { height, width })
+            }
+            (_, Some((height, width))) => {
+                Err(format!("this model takes {width}x{height} only; set that or auto"))
+            }
+        }
+    }
+
+    /// (height, width) of the tensor for an image of `height x width`.
+    pub fn tensor(self, height: usize, width: usize) -> (usize, usize) {
+        match self {
+            Self::Auto => (padded(height), padded(width)),
+            Self::Fixed { height, width } => (height, width),
+        }
+    }
+
+    /// Where an image of `height x width` lies in the tensor.
+    ///
+    /// # Errors
+    /// [`LetterboxError`] for an image without pixels.
+    pub fn place(self, height: usize, width: usize) -> Result<Letterbox, LetterboxError> {
+        let align = match self {
+            Self::Auto => Align::TopLeft,
+            Self::Fixed { .. } => Align::Centre,
+        };
+        Letterbox::new((height, width), self.tensor(height, width), align, Scaling::ShrinkOnly)
+    }
+}
+
+impl fmt::Display for InputSize {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Auto => write!(f, "auto"),
+            Self::Fixed { height, width } => write!(f, "{width}x{height}"),
+        }
+    }
+}
+
+fn padded(side: usize) -> usize {
+    side.next_multiple_of(STRIDE).max(LEAST)
+}
+
+/// (height, width) of `WxH`.
+fn sides(text: &str) -> Option<(usize, usize)> {
+    let (width, height) = text.split_once(['x', 'X'])?;
+    let side =
+        |text: &str| text.parse().ok().filter(|side| (STRIDE..=MOST).contains(side) && side % STRIDE == 0);
+    Some((side(height)?, side(width)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn width_comes_first() {
+        assert_eq!(InputSize::parse("640x384", None), Ok(InputSize::Fixed { height: 384, width: 640 }));
+        assert_eq!(InputSize::Fixed { height: 384, width: 640 }.to_string(), "640x384");
+        assert_eq!(InputSize::Auto.tensor(375, 1242), (384, 1248));
+        assert_eq!(InputSize::Auto.tensor(1, 160), (128, 160));
+    }
+
+    #[test]
+    fn impossible_sizes_say_what_is_possible() {
+        for bad in ["", "640", "640x", "x640", "640x100", "0x640", "-32x32", "99999968x640", "640x640x3"] {
+            let why = InputSize::parse(bad, None).expect_err(bad);
+            assert!(why.contains("auto") && why.contains("32"), "{why}");
+        }
+    }
+
+    #[test]
+    fn a_static_model_takes_its_own_size_alone() {
+        let own = InputSize::Fixed { height: 480, width: 640 };
+        for possible in ["auto", "640x480"] {
+            assert_eq!(InputSize::parse(possible, Some((480, 640))), Ok(own));
+        }
+        assert!(InputSize::parse("640x640", Some((480, 640))).expect_err("other size").contains("640x480"));
+    }
+}

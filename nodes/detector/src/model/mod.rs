@@ -1,0 +1,165 @@
+//! What a model must look like, and what it says about itself.
+//!
+//! No engine is named here: engines bring a [`Signature`], this judges it.
+
+mod names;
+
+use std::fmt;
+use std::num::NonZeroUsize;
+use std::path::Path;
+
+pub use names::Names;
+
+use crate::engine::{self, EngineChoice, EngineError, Signature};
+use crate::error::DetectorError;
+
+const INPUT: &str = "exactly one input [1, 3, H, W] of float32, H and W both fixed or both free";
+const OUTPUT: &str = "an output [1, N, 6] of float32 (x1, y1, x2, y2, score, class: \
+                      an end-to-end export such as YOLOv10's, without non-maximum suppression outside)";
+
+/// Type of a tensor's elements.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Element {
+    /// 32-bit float.
+    F32,
+    /// Anything else, by name.
+    Other(String),
+}
+
+/// An input or output of a model.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Port {
+    /// Its name in the graph.
+    pub name: String,
+    /// Element type.
+    pub element: Element,
+    /// Sides, `None` where free; `None` as a whole when the file says nothing.
+    pub shape: Option<Vec<Option<usize>>>,
+}
+
+impl fmt::Display for Port {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let element = match &self.element {
+            Element::F32 => "float32",
+            Element::Other(name) => name,
+        };
+        let Some(shape) = &self.shape else {
+            return write!(f, "'{}' of {element} without a shape", self.name);
+        };
+        let side = |side: &Option<usize>| side.map_or("?".to_owned(), |side| side.to_string());
+        let sides: Vec<_> = shape.iter().map(side).collect();
+        write!(f, "'{}' [{}] of {element}", self.name, sides.join(", "))
+    }
+}
+
+/// Names and sizes of a model that this node can read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// Name of the image input.
+    pub input: String,
+    /// Name of the output with the rows.
+    pub output: String,
+    /// (height, width) of the input where the model fixes them.
+    pub size: Option<(usize, usize)>,
+    /// Class names.
+    pub names: Names,
+}
+
+impl Layout {
+    /// Judges `signature`, and reads the names: from the metadata, else from a
+    /// file `<model>.names`, else none.
+    ///
+    /// # Errors
+    /// [`EngineError::Shape`] with what was found and what is needed.
+    pub fn of(model: &Path, signature: &Signature) -> Result<Self, EngineError> {
+        let refuse = |found, needed| EngineError::Shape { model: model.display().to_string(), found, needed };
+        let (input, size) = image_input(&signature.inputs)
+            .ok_or_else(|| refuse(format!("input is {}", list(&signature.inputs)), INPUT))?;
+        let output = signature
+            .outputs
+            .iter()
+            .find(|port| gives_rows(port))
+            .ok_or_else(|| refuse(format!("output is {}", list(&signature.outputs)), OUTPUT))?;
+        Ok(Self {
+            input: input.to_owned(),
+            output: output.name.clone(),
+            size,
+            names: Names::of(model, signature.names.as_deref()),
+        })
+    }
+}
+
+/// Name of the only input, and the size that it fixes, if any.
+fn image_input(inputs: &[Port]) -> Option<(&str, Option<(usize, usize)>)> {
+    let [Port { name, element: Element::F32, shape: Some(shape) }] = inputs else { return None };
+    match shape[..] {
+        [Some(1) | None, Some(3) | None, Some(height), Some(width)] if height > 0 && width > 0 => {
+            Some((name, Some((height, width))))
+        }
+        [Some(1) | None, Some(3) | None, None, None] => Some((name, None)),
+        _ => None,
+    }
+}
+
+/// Whether the file allows this output to be rows; the warm-up looks at the
+/// real shape, which a file may leave open.
+fn gives_rows(port: &Port) -> bool {
+    let possible = match port.shape.as_deref() {
+        Some([batch, _, columns]) => batch.is_none_or(|n| n == 1) && columns.is_none_or(|n| n == 6),
+        Some(_) => false,
+        None => true,
+    };
+    possible && port.element == Element::F32
+}
+
+fn list(ports: &[Port]) -> String {
+    if ports.is_empty() {
+        return "missing".to_owned();
+    }
+    ports.iter().map(Port::to_string).collect::<Vec<_>>().join(" and ")
+}
+
+/// What a model is, for people.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ModelInfo {
+    /// The engine that loaded it, `ort` or `rten`.
+    pub engine: &'static str,
+    /// The library used, or why this engine.
+    pub note: String,
+    /// Name of the image input.
+    pub input: String,
+    /// Name of the output with the rows.
+    pub output: String,
+    /// (height, width) of the input where the model fixes them.
+    pub size: Option<(usize, usize)>,
+    /// Class names by index; a gap is its number.
+    pub classes: Vec<String>,
+    /// Threads that one inference uses.
+    pub threads: usize,
+}
+
+/// Loads `model` and tells what it is. `threads` 0 = all cores.
+///
+/// # Errors
+/// [`DetectorError::Engine`] as at the start of a detector.
+pub fn describe(model: &Path, engine: EngineChoice, threads: usize) -> Result<ModelInfo, DetectorError> {
+    let threads = cores(threads);
+    let opened = engine::open(model, engine, threads)?;
+    let layout = opened.engine.layout();
+    Ok(ModelInfo {
+        engine: opened.engine.name(),
+        note: opened.note.clone(),
+        input: layout.input.clone(),
+        output: layout.output.clone(),
+        size: layout.size,
+        classes: layout.names.all(),
+        threads: threads.get(),
+    })
+}
+
+/// `asked` threads, or as many as the machine runs at once for 0.
+pub fn cores(asked: usize) -> NonZeroUsize {
+    NonZeroUsize::new(asked)
+        .or_else(|| std::thread::available_parallelism().ok())
+        .unwrap_or(NonZeroUsize::MIN)
+}

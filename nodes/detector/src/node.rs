@@ -1,0 +1,127 @@
+//! [`Detector`]: the node's step.
+
+use std::sync::Arc;
+
+use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray};
+use modulo_runtime::{
+    Context, Cue, Flow, Message, MessageKind, Node, Parameters, Refusal, StampedFrame, StepError, Topic,
+};
+use ndarray::Array4;
+
+use crate::draw::annotated;
+use crate::engine::{self, Engine, EngineError};
+use crate::error::DetectorError;
+use crate::input_size::InputSize;
+use crate::model::cores;
+use crate::parameter::{Settings, Startup};
+use crate::post::detections;
+use crate::pre::Preprocessor;
+
+const DETECTIONS: usize = 0;
+const ANNOTATED: usize = 1;
+
+/// Finds objects in the images of one stream.
+pub struct Detector {
+    startup: Startup,
+    settings: Settings,
+    engine: Box<dyn Engine>,
+    note: String,
+    pre: Preprocessor,
+}
+
+impl Detector {
+    /// Loads the model and runs it once, so that the first frame is as fast as
+    /// all others and a model that cannot work is known now.
+    ///
+    /// # Errors
+    /// [`DetectorError::Parameter`] for a parameter that is not possible (with
+    /// this model), [`DetectorError::Engine`] for a model that does not run.
+    pub fn new(parameters: &Parameters) -> Result<Self, DetectorError> {
+        let startup = Startup::read(parameters)?;
+        let engine::Opened { mut engine, note } =
+            engine::open(&startup.model, startup.engine, cores(startup.threads))?;
+        let settings = Settings::read(parameters, engine.layout())?;
+        warm_up(engine.as_mut(), settings.input_size)?;
+        tracing::info!("model {} runs on {} ({note})", startup.model.display(), engine.name());
+        Ok(Self { startup, settings, engine, note, pre: Preprocessor::default() })
+    }
+
+    fn detect(&mut self, image: &StampedFrame, cx: &mut Context<'_>) -> Result<(), String> {
+        let Self { settings, engine, pre, .. } = self;
+        let letterbox = cx.stage("pre", || pre.fill(&image.frame, settings.bits, settings.input_size))?;
+        let rows = cx.stage("infer", || engine.run(pre.tensor())).map_err(|error| error.to_string())?;
+        let found = cx.stage("post", || detections(&rows, &letterbox, settings));
+        if cx.wanted(ANNOTATED) {
+            let frame =
+                cx.stage("draw", || annotated(&image.frame, settings.bits, &found, &settings.classes))?;
+            let image = StampedFrame { header: image.header.clone(), frame };
+            cx.emit(ANNOTATED, Message::Image(Arc::new(image)));
+        }
+        let header = &image.header;
+        let detections =
+            found.iter().map(|detection| Detection2D::from_detection(detection, header)).collect();
+        let array = Detection2DArray { header: header.clone(), detections };
+        cx.emit(DETECTIONS, Message::Detections(Arc::new(array)));
+        Ok(())
+    }
+
+    fn shown_size(&self) -> String {
+        match (self.settings.input_size, self.pre.size()) {
+            (InputSize::Auto, Some((height, width))) => format!("auto {width}x{height}"),
+            (size, _) => size.to_string(),
+        }
+    }
+}
+
+fn warm_up(engine: &mut dyn Engine, size: InputSize) -> Result<(), EngineError> {
+    let (height, width) = size.tensor(640, 640);
+    engine.run(Array4::zeros((1, 3, height, width)).view()).map(|_| ())
+}
+
+impl Node for Detector {
+    fn inputs(&self) -> Vec<Topic> {
+        vec![Topic::new(&self.settings.input, MessageKind::Image)]
+    }
+
+    fn outputs(&self) -> Vec<Topic> {
+        vec![
+            Topic::new("~/detections", MessageKind::Detections),
+            Topic::new("~/annotated", MessageKind::Image),
+        ]
+    }
+
+    fn configure(&mut self, parameters: &Parameters) -> Result<(), Refusal> {
+        let startup = Startup::read(parameters)?;
+        if startup != self.startup {
+            let asked = format!("{} on {:?}", startup.model.display(), startup.engine);
+            return Err(Refusal::new("model, engine, threads", asked, "read-only: set them at the start"));
+        }
+        let settings = Settings::read(parameters, self.engine.layout())?;
+        if settings.input_size != self.settings.input_size {
+            warm_up(self.engine.as_mut(), settings.input_size)
+                .map_err(|error| Refusal::new("input_size", settings.input_size, error.to_string()))?;
+        }
+        self.settings = settings;
+        Ok(())
+    }
+
+    fn step(&mut self, cue: Cue, cx: &mut Context<'_>) -> Result<Flow, StepError> {
+        let Cue::Message { message: Message::Image(image), .. } = cue else {
+            return Err(StepError::Skip("the detector answers images alone".to_owned()));
+        };
+        self.detect(&image, cx).map_err(StepError::Skip)?;
+        Ok(Flow::Continue)
+    }
+
+    fn facts(&self) -> Vec<(&'static str, String)> {
+        let file = self.startup.model.file_name().map(|name| name.to_string_lossy().into_owned());
+        vec![
+            ("engine", self.engine.name().to_owned()),
+            ("engine_from", self.note.clone()),
+            ("stream", self.settings.input.clone()),
+            ("model", file.unwrap_or_default()),
+            ("input_size", self.shown_size()),
+            ("threads", cores(self.startup.threads).to_string()),
+        ]
+    }
+}

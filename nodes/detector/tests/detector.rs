@@ -1,0 +1,258 @@
+//! The node on tiny models, without transport.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use modulo_core::Frame;
+use modulo_detector::{Detector, EngineChoice, declare, describe};
+use modulo_msgs::std_msgs::{Header, Time};
+use modulo_msgs::vision_msgs::Detection2DArray;
+use modulo_runtime::{
+    Context, Cue, ManualClock, Message, MessageKind, Node, Parameters, StampedFrame, StepError,
+};
+use ndarray::Array3;
+
+fn data(file: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(file)
+}
+
+fn parameters(model: &Path, changes: &[(&str, &str)]) -> Parameters {
+    let model = model.to_str().expect("a path");
+    let all: Vec<_> = [("model", model), ("engine", "rten")]
+        .iter()
+        .chain(changes)
+        .map(|(name, value)| (name.to_string(), value.to_string()))
+        .collect();
+    Parameters::declare(declare()).with_text(&all).expect("allowed")
+}
+
+fn detector(file: &str, changes: &[(&str, &str)]) -> Detector {
+    Detector::new(&parameters(&data(file), changes)).expect("a detector")
+}
+
+fn refusal(model: &Path, changes: &[(&str, &str)]) -> String {
+    match Detector::new(&parameters(model, changes)) {
+        Ok(_) => panic!("{} with {changes:?} must be refused", model.display()),
+        Err(error) => error.to_string(),
+    }
+}
+
+fn image(frame: Frame) -> StampedFrame {
+    let header = Header { stamp: Time { sec: 7, nanosec: 8 }, frame_id: "camera".into() };
+    StampedFrame { header, frame }
+}
+
+fn grey(height: usize, width: usize, level: u8) -> Frame {
+    Frame::from_u8(Array3::from_elem((height, width, 3), level)).expect("a frame")
+}
+
+/// All that one step sends and the stages that it books.
+fn step(node: &mut Detector, frame: Frame, wanted: [bool; 2]) -> (Vec<(usize, Message)>, Vec<&'static str>) {
+    let clock = ManualClock::at(0);
+    let mut cx = Context::new(&clock, &wanted);
+    let message = Message::Image(Arc::new(image(frame)));
+    node.step(Cue::Message { input: 0, message }, &mut cx).expect("a step");
+    let (sent, stages) = cx.finish();
+    (sent, stages.into_iter().map(|(name, _)| name).collect())
+}
+
+fn detections(node: &mut Detector, frame: Frame) -> Detection2DArray {
+    match step(node, frame, [true, false]).0.as_slice() {
+        [(0, Message::Detections(array))] => Detection2DArray::clone(array),
+        other => panic!("one array of detections expected, not {other:?}"),
+    }
+}
+
+fn classes(array: &Detection2DArray) -> Vec<(String, f32)> {
+    let told = |one: modulo_core::Detection| (one.class, one.score);
+    array.detections.iter().filter_map(|one| one.to_detection()).map(told).collect()
+}
+
+#[test]
+fn a_frame_gives_its_boxes_with_its_header() {
+    let mut node = detector("rows.onnx", &[]);
+    let array = detections(&mut node, grey(96, 160, 204));
+    let header = image(grey(1, 1, 0)).header;
+    assert_eq!(array.header, header);
+    assert!(array.detections.iter().all(|one| one.header == header));
+    let told = classes(&array);
+    assert_eq!(told[0], ("person".to_owned(), 0.9));
+    // The last row's score is the mean of the tensor: 96 of 128 rows are the image.
+    let mean = (204.0 * 0.75 + 114.0 * 0.25) / 255.0;
+    assert!(told[1].0 == "7" && (told[1].1 - mean).abs() < 1e-4, "{told:?}");
+    assert_eq!(told[2], ("car".to_owned(), 0.5));
+    let car = array.detections[2].to_detection().expect("a box").bbox;
+    assert_eq!((car.x1, car.y1, car.x2, car.y2), (8.0, 4.0, 40.0, 20.0));
+}
+
+#[test]
+fn a_frame_without_detections_is_an_answer() {
+    let mut node = detector("rows.onnx", &[("score_threshold", "1")]);
+    let array = detections(&mut node, grey(128, 128, 0));
+    assert!(array.detections.is_empty());
+    assert_eq!(array.header.frame_id, "camera");
+}
+
+#[test]
+fn the_annotated_image_is_drawn_only_when_wanted() {
+    let mut node = detector("rows.onnx", &[]);
+    let (sent, stages) = step(&mut node, grey(40, 50, 0), [true, false]);
+    assert_eq!((sent.len(), stages), (1, vec!["pre", "infer", "post"]));
+    let (sent, stages) = step(&mut node, grey(40, 50, 0), [true, true]);
+    assert_eq!(stages, ["pre", "infer", "post", "draw"]);
+    let drawn = sent.iter().find(|(output, _)| *output == 1).map(|(_, message)| message.clone());
+    let Some(Message::Image(drawn)) = drawn else { panic!("an image expected on output 1") };
+    assert_eq!(drawn.header, image(grey(1, 1, 0)).header);
+    assert_eq!(drawn.frame.dim(), (40, 50, 3));
+    assert_ne!(drawn.frame, grey(40, 50, 0));
+}
+
+#[test]
+fn the_input_is_swapped_between_frames() {
+    let mut node = detector("rows.onnx", &[]);
+    assert_eq!(node.inputs()[0].name, "recovered");
+    for input in ["modulo", "/camera/image_raw"] {
+        node.configure(&parameters(&data("rows.onnx"), &[("input", input)])).expect("possible");
+        assert_eq!((node.inputs()[0].name.as_str(), node.inputs()[0].kind), (input, MessageKind::Image));
+        assert!(node.facts().contains(&("stream", input.to_owned())));
+        assert_eq!(detections(&mut node, grey(64, 64, 0)).detections.len(), 3);
+    }
+    let refused =
+        node.configure(&parameters(&data("rows.onnx"), &[("input", "raw")])).expect_err("no stream");
+    assert!(refused.to_string().contains("modulo, recovered, saturated, ideal"), "{refused}");
+    assert_eq!(node.inputs()[0].name, "/camera/image_raw", "goes on exactly as before");
+    let other = parameters(&data("nameless.onnx"), &[]);
+    assert!(node.configure(&other).expect_err("the model is fixed").to_string().contains("read-only"));
+}
+
+#[test]
+fn every_image_is_answered() {
+    for size in ["auto", "96x64"] {
+        let mut node = detector("rows.onnx", &[("input_size", size)]);
+        for (height, width) in [(1, 1), (7, 3), (1, 4000), (33, 31), (375, 1242)] {
+            for channels in [1, 3] {
+                let shape = (height, width, channels);
+                let frames = [
+                    Frame::from_u8(Array3::from_elem(shape, 200)).expect("a frame"),
+                    Frame::from_u16(Array3::from_elem(shape, 40_000)).expect("a frame"),
+                ];
+                for frame in frames {
+                    let (sent, _) = step(&mut node, frame, [true, true]);
+                    assert_eq!(sent.len(), 2, "{shape:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn what_is_no_image_is_skipped() {
+    let mut node = detector("rows.onnx", &[]);
+    let clock = ManualClock::at(0);
+    let broken = image(Frame::U8(Array3::zeros((4, 4, 2))));
+    let array = Message::Detections(Arc::new(Detection2DArray::default()));
+    for cue in [
+        Cue::Tick,
+        Cue::Message { input: 0, message: array },
+        Cue::Message { input: 0, message: Message::Image(Arc::new(broken)) },
+    ] {
+        let mut cx = Context::new(&clock, &[true, true]);
+        assert!(matches!(node.step(cue, &mut cx), Err(StepError::Skip(_))));
+        assert!(cx.finish().0.is_empty());
+    }
+}
+
+#[test]
+fn bits_bring_the_sensor_to_the_models_range() {
+    let dark = |level| Frame::from_u16(Array3::from_elem((128, 128, 1), level)).expect("a frame");
+    for (bits, level, expected) in
+        [("12", 2048, 128.0), ("0", 2048, 8.0), ("10", 1023, 255.0), ("4", 15, 240.0)]
+    {
+        let mut node = detector("rows.onnx", &[("bits", bits), ("score_threshold", "0"), ("classes", "7")]);
+        let told = classes(&detections(&mut node, dark(level)));
+        assert!((told[0].1 - expected / 255.0).abs() < 1e-4, "{bits} bits: {told:?}");
+    }
+}
+
+#[test]
+fn names_come_from_metadata_then_a_file_then_numbers() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let model = folder.path().join("mine.onnx");
+    std::fs::copy(data("nameless.onnx"), &model).expect("copied");
+    let known = |model: &Path| describe(model, EngineChoice::Rten, 1).expect("a model").classes;
+    assert_eq!(known(&data("rows.onnx")), ["person", "bicycle", "car"]);
+    assert_eq!(known(&model), Vec::<String>::new());
+    let mut node = Detector::new(&parameters(&model, &[])).expect("a detector");
+    assert_eq!(classes(&detections(&mut node, grey(64, 64, 0)))[0].0, "0");
+    std::fs::write(folder.path().join("mine.names"), "walker\n\nauto\n").expect("written");
+    assert_eq!(known(&model), ["walker", "1", "auto"]);
+}
+
+#[test]
+fn a_static_model_says_its_size() {
+    let node = detector("static_96x64.onnx", &[]);
+    assert!(node.facts().contains(&("input_size", "96x64".to_owned())));
+    let why = refusal(&data("static_96x64.onnx"), &[("input_size", "640x640")]);
+    assert!(why.contains("input_size") && why.contains("640x640") && why.contains("96x64"), "{why}");
+}
+
+#[test]
+fn facts_name_what_runs() {
+    let node = detector("rows.onnx", &[("threads", "1"), ("input", "saturated")]);
+    let facts = node.facts();
+    for fact in [("engine", "rten"), ("model", "rows.onnx"), ("stream", "saturated"), ("threads", "1")] {
+        assert!(facts.contains(&(fact.0, fact.1.to_owned())), "{fact:?} in {facts:?}");
+    }
+}
+
+#[test]
+fn models_that_cannot_work_say_what_is_needed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = folder.path().join("text.onnx");
+    std::fs::write(&text, "not a model").expect("written");
+    for (model, parts) in [
+        (PathBuf::new(), &["model", "ONNX", "model:="][..]),
+        (folder.path().join("none.onnx"), &["none.onnx", "No such file"]),
+        (text, &["text.onnx", "cannot load"]),
+        (folder.path().to_owned(), &["cannot load"]),
+        (data("candidates.onnx"), &["'output0' [1, 7, 9]", "[1, N, 6]"]),
+        (data("open_output.onnx"), &["[1, 7, 9]", "[1, N, 6]"]),
+        (data("mono.onnx"), &["'images' [1, 1, ?, ?]", "[1, 3, H, W]"]),
+    ] {
+        let why = refusal(&model, &[]);
+        assert!(parts.iter().all(|part| why.contains(part)) && !why.contains('\n'), "{why}");
+    }
+}
+
+#[test]
+fn parameters_that_cannot_work_say_what_is_possible() {
+    for (name, value, remedy) in [
+        ("input", "p", "modulo, recovered, saturated, ideal"),
+        ("input_size", "650x640", "multiples of 32"),
+        ("classes", "zebra", "person, bicycle, car"),
+        ("class_map", "/nowhere.yaml", "No such file"),
+    ] {
+        let why = refusal(&data("rows.onnx"), &[(name, value)]);
+        assert!(why.contains(name) && why.contains(value) && why.contains(remedy), "{why}");
+    }
+}
+
+/// Neither a cut nor a flipped byte of a model may take the node down.
+#[test]
+fn broken_model_files_are_refused_or_work() {
+    let whole = std::fs::read(data("rows.onnx")).expect("the model");
+    let folder = tempfile::tempdir().expect("a folder");
+    let model = folder.path().join("broken.onnx");
+    for at in 0..whole.len() {
+        let mut flipped = whole.clone();
+        flipped[at] ^= 0xff;
+        for bytes in [&whole[..at], &flipped] {
+            std::fs::write(&model, bytes).expect("written");
+            if let Ok(mut node) = Detector::new(&parameters(&model, &[("threads", "1")])) {
+                step(&mut node, grey(8, 8, 0), [true, true]);
+            }
+        }
+    }
+    std::fs::write(&model, &whole[..whole.len() / 2]).expect("written");
+    assert!(refusal(&model, &[]).contains("cannot load"));
+}
