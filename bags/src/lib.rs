@@ -1,1 +1,19 @@
-//! Recorded frames: rosbag2 MCAP bags, image folders and KITTI.
+//! Recorded frames of every kind: folders of images, KITTI, and rosbag2 MCAP
+//! bags, read and written.
+//!
+//! Nothing here reads a clock, opens a connection or knows of any node: who
+//! replays or records owns both time and transport.
+
+pub mod bag;
+pub mod image_out;
+pub mod import;
+pub mod play;
+pub mod record;
+pub mod source;
+
+/// Where recorded images are in a bag that was imported here.
+pub const IMAGE_TOPIC: &str = "/camera/image_raw";
+
+/// Where labels are in a bag, as `vision_msgs/msg/Detection2DArray` with the
+/// stamps of the images.
+pub const GROUND_TRUTH_TOPIC: &str = "/ground_truth";

@@ -1,0 +1,161 @@
+//! [`BagError`], why a bag cannot be used, and [`BagWarning`], what a usable bag
+//! lacks.
+
+use std::path::{Path, PathBuf};
+
+/// Why a bag cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum BagError {
+    /// The system refused.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// A file that never was an MCAP file.
+    #[error("{}: not an MCAP file, its first bytes are not the MCAP magic", path.display())]
+    NotMcap {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A folder that holds no bag.
+    #[error("{}: no bag here, a metadata.yaml or a .mcap file is needed", path.display())]
+    NoBag {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A bag in a form that is not read here.
+    #[error("{}: {what} '{found}' is not supported, possible is {possible}", path.display())]
+    Unsupported {
+        /// The metadata file.
+        path: PathBuf,
+        /// What of the bag.
+        what: &'static str,
+        /// Its value.
+        found: String,
+        /// What can be read.
+        possible: &'static str,
+    },
+    /// A `metadata.yaml` that is not one.
+    #[error("{}: {why}", path.display())]
+    Metadata {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        why: String,
+    },
+    /// The bytes of an indexed file are not what its index says.
+    #[error("{}: {why}; `modulo bag recover` may save the rest", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        why: String,
+    },
+    /// Bags are never overwritten.
+    #[error("{}: is already there; a bag is never overwritten, choose another name", path.display())]
+    Exists {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A folder name that cannot name a bag.
+    #[error("{}: cannot be the name of a bag, a plain folder name is needed", path.display())]
+    Name {
+        /// The path that was given.
+        path: PathBuf,
+    },
+    /// One topic with two types.
+    #[error("topic '{topic}' is already {known}, cannot also be {given}")]
+    TypeConflict {
+        /// The topic.
+        topic: String,
+        /// Its type in this bag.
+        known: String,
+        /// The other type.
+        given: String,
+    },
+    /// A topic that this bag did not hand out.
+    #[error("topic number {number} is not of this bag, it has {known}")]
+    UnknownTopic {
+        /// The number.
+        number: usize,
+        /// How many topics there are.
+        known: usize,
+    },
+    /// The MCAP file could not be written.
+    #[error("{}: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the writer said.
+        source: mcap::McapError,
+    },
+}
+
+impl BagError {
+    pub(crate) fn io(path: &Path, source: std::io::Error) -> Self {
+        Self::Io { path: path.to_owned(), source }
+    }
+
+    pub(super) fn damaged(path: &Path, why: impl std::fmt::Display) -> Self {
+        Self::Damaged { path: path.to_owned(), why: why.to_string() }
+    }
+}
+
+/// What a bag lacks that could be read all the same.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum BagWarning {
+    /// A recorder that was stopped before it wrote `metadata.yaml`.
+    #[error("{}: no metadata.yaml, all .mcap files are read by their start time", path.display())]
+    NoMetadata {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A whole file without an index.
+    #[error("{}: no index, the whole file was scanned", path.display())]
+    NoIndex {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A file that ends too early: everything up to the last whole chunk is read.
+    #[error("{}: cut at byte {byte} ({why}); {messages} messages before it are read", path.display())]
+    Truncated {
+        /// The file.
+        path: PathBuf,
+        /// Where the last whole record ends.
+        byte: u64,
+        /// What the reader found there.
+        why: String,
+        /// Messages up to there.
+        messages: u64,
+    },
+    /// A record that had to be skipped.
+    #[error("{}: record at byte {byte} is skipped: {why}", path.display())]
+    Skipped {
+        /// The file.
+        path: PathBuf,
+        /// Where the record begins.
+        byte: u64,
+        /// What is wrong with it.
+        why: String,
+    },
+    /// A topic that is not CDR.
+    #[error("{}: topic '{topic}' is left out, its messages are '{encoding}' and not cdr", path.display())]
+    Encoding {
+        /// The file.
+        path: PathBuf,
+        /// The topic.
+        topic: String,
+        /// Its message encoding.
+        encoding: String,
+    },
+}
+
+impl BagWarning {
+    /// Whether messages that were recorded cannot be read.
+    pub fn is_loss(&self) -> bool {
+        matches!(self, Self::Truncated { .. } | Self::Skipped { .. } | Self::Encoding { .. })
+    }
+}

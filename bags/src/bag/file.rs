@@ -1,0 +1,218 @@
+//! One MCAP file: its index, and its messages in log-time order.
+
+use std::collections::HashMap;
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use mcap::Summary;
+use mcap::sans_io::indexed_reader::{IndexedReadEvent, IndexedReader, IndexedReaderOptions, ReadOrder};
+use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
+
+use super::scan::{Loose, scan};
+use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount};
+
+/// No chunk may unpack to more, bytes: recorders write a few MiB.
+pub(super) const MAX_CHUNK: usize = 1 << 30;
+
+/// What there is in one file, and where.
+#[derive(Debug)]
+pub(super) struct BagFile {
+    path: PathBuf,
+    pub(super) size: u64,
+    summary: Summary,
+    loose: Vec<Loose>,
+    topics: HashMap<u16, Arc<BagTopic>>,
+    pub(super) warnings: Vec<BagWarning>,
+}
+
+impl BagFile {
+    /// Takes the file's summary, or scans the file when that is not usable.
+    pub(super) fn open(path: &Path) -> Result<Self, BagError> {
+        let io = |e| BagError::io(path, e);
+        let mut file = File::open(path).map_err(io)?;
+        let size = file.metadata().map_err(io)?.len();
+        let summary = read_summary(&mut file, size).filter(|summary| is_complete(summary, size));
+        let (summary, loose, mut warnings) = match summary {
+            Some(summary) => (summary, Vec::new(), Vec::new()),
+            None => {
+                file.rewind().map_err(io)?;
+                let found = scan(path, file, size)?;
+                (found.summary, found.loose, found.warnings)
+            }
+        };
+        let topics = cdr_topics(path, &summary, &mut warnings);
+        Ok(Self { path: path.to_owned(), size, summary, loose, topics, warnings })
+    }
+
+    /// First and last log time; `None` without messages.
+    pub(super) fn span(&self) -> Option<(u64, u64)> {
+        let stats = self.summary.stats.as_ref().filter(|stats| stats.message_count > 0)?;
+        Some((stats.message_start_time, stats.message_end_time))
+    }
+
+    /// The topics, by their number in the file.
+    pub(super) fn topics(&self) -> Vec<TopicCount> {
+        let counts = self.summary.stats.as_ref().map(|stats| &stats.channel_message_counts);
+        let messages = |id| counts.and_then(|counts| counts.get(id)).copied().unwrap_or(0);
+        let mut topics: Vec<_> = self.topics.iter().collect();
+        topics.sort_by_key(|(id, _)| **id);
+        topics
+            .into_iter()
+            .map(|(id, topic)| TopicCount { topic: Arc::clone(topic), messages: messages(id) })
+            .collect()
+    }
+}
+
+/// Any trouble means that there is no summary: the scan then finds out more.
+fn read_summary(file: &mut File, size: u64) -> Option<Summary> {
+    let options = SummaryReaderOptions::default().with_file_size(size);
+    let mut reader = SummaryReader::new_with_options(options);
+    while let Some(event) = reader.next_event() {
+        match event.ok()? {
+            SummaryReadEvent::ReadRequest(need) => {
+                let read = file.read(reader.insert(need)).ok()?;
+                reader.notify_read(read);
+            }
+            SummaryReadEvent::SeekRequest(to) => reader.notify_seeked(file.seek(to).ok()?),
+        }
+    }
+    reader.finish()
+}
+
+/// Whether every message can be found by the summary alone.
+fn is_complete(summary: &Summary, size: u64) -> bool {
+    let Some(stats) = &summary.stats else { return false };
+    let chunks = &summary.chunk_indexes;
+    let inside = |start: u64, length: u64| start.checked_add(length).is_some_and(|end| end <= size);
+    stats.chunk_count as usize == chunks.len()
+        && (stats.message_count == 0 || !chunks.is_empty())
+        && stats.message_start_time <= stats.message_end_time
+        && stats.channel_message_counts.keys().all(|id| summary.channels.contains_key(id))
+        && chunks.iter().all(|chunk| inside(chunk.chunk_start_offset, chunk.chunk_length))
+}
+
+fn cdr_topics(path: &Path, summary: &Summary, warnings: &mut Vec<BagWarning>) -> HashMap<u16, Arc<BagTopic>> {
+    let mut topics = HashMap::new();
+    for (&id, channel) in &summary.channels {
+        if channel.message_encoding == "cdr" {
+            topics.insert(id, Arc::new(topic(channel)));
+        } else {
+            warnings.push(BagWarning::Encoding {
+                path: path.to_owned(),
+                topic: channel.topic.clone(),
+                encoding: channel.message_encoding.clone(),
+            });
+        }
+    }
+    topics
+}
+
+fn topic(channel: &mcap::Channel<'_>) -> BagTopic {
+    let entry = |key: &str| channel.metadata.get(key).cloned().unwrap_or_default();
+    let schema = channel.schema.as_ref();
+    BagTopic {
+        name: channel.topic.clone(),
+        type_name: schema.map(|s| s.name.clone()).unwrap_or_default(),
+        type_hash: entry("topic_type_hash"),
+        qos: entry("offered_qos_profiles"),
+        schema_encoding: schema.map(|s| s.encoding.clone()).unwrap_or_default(),
+        schema: schema.map(|s| s.data.to_vec()).unwrap_or_default(),
+    }
+}
+
+/// The selected messages of one file.
+pub(super) struct FileMessages {
+    index: Arc<BagFile>,
+    file: File,
+    wanted: HashMap<u16, Arc<BagTopic>>,
+    chunked: IndexedReader,
+    /// Selected messages outside of chunks that are still to come, the next one last.
+    loose: Vec<Loose>,
+    /// The next message of the chunks, read to compare its time.
+    ahead: Option<RawMessage>,
+}
+
+impl FileMessages {
+    pub(super) fn open(index: Arc<BagFile>, selection: &Selection) -> Result<Option<Self>, BagError> {
+        let wanted: HashMap<_, _> = index
+            .topics
+            .iter()
+            .filter(|(_, topic)| selection.has(&topic.name))
+            .map(|(id, topic)| (*id, Arc::clone(topic)))
+            .collect();
+        // The MCAP reader takes an empty list of topics for all topics.
+        if wanted.is_empty() {
+            return Ok(None);
+        }
+        let start = selection.start_ns.unwrap_or(0);
+        let options = IndexedReaderOptions::new()
+            .with_order(ReadOrder::LogTime)
+            .include_topics(wanted.values().map(|topic| topic.name.clone()))
+            .starting_at(start)
+            .with_record_length_limit(MAX_CHUNK);
+        let chunked = IndexedReader::new_with_options(&index.summary, options)
+            .map_err(|e| BagError::damaged(&index.path, e))?;
+        let is_wanted = |m: &&Loose| m.log_time >= start && wanted.contains_key(&m.channel);
+        let loose = index.loose.iter().filter(is_wanted).rev().copied().collect();
+        let file = File::open(&index.path).map_err(|e| BagError::io(&index.path, e))?;
+        Ok(Some(Self { index, file, wanted, chunked, loose, ahead: None }))
+    }
+
+    pub(super) fn next(&mut self) -> Result<Option<RawMessage>, BagError> {
+        if self.ahead.is_none() {
+            self.ahead = self.next_chunked()?;
+        }
+        match (&self.ahead, self.loose.last()) {
+            (Some(ahead), Some(loose)) if loose.log_time < ahead.log_time => self.next_loose(),
+            (None, Some(_)) => self.next_loose(),
+            _ => Ok(self.ahead.take()),
+        }
+    }
+
+    fn next_chunked(&mut self) -> Result<Option<RawMessage>, BagError> {
+        let path = &self.index.path;
+        while let Some(event) = self.chunked.next_event() {
+            match event.map_err(|e| BagError::damaged(path, e))? {
+                IndexedReadEvent::ReadChunkRequest { offset, length } => {
+                    let bytes = read_at(&mut self.file, &self.index, offset, length)?;
+                    let taken = self.chunked.insert_chunk_record_data(offset, &bytes);
+                    taken.map_err(|e| BagError::damaged(path, e))?;
+                }
+                IndexedReadEvent::Message { header, data } => {
+                    let Some(topic) = self.wanted.get(&header.channel_id) else { continue };
+                    return Ok(Some(RawMessage {
+                        topic: Arc::clone(topic),
+                        log_time: header.log_time,
+                        publish_time: header.publish_time,
+                        data: data.to_vec(),
+                    }));
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    fn next_loose(&mut self) -> Result<Option<RawMessage>, BagError> {
+        let Some(loose) = self.loose.pop() else { return Ok(None) };
+        let Some(topic) = self.wanted.get(&loose.channel) else { return Ok(None) };
+        let data = read_at(&mut self.file, &self.index, loose.offset, loose.length)?;
+        let (log_time, publish_time) = (loose.log_time, loose.publish_time);
+        Ok(Some(RawMessage { topic: Arc::clone(topic), log_time, publish_time, data }))
+    }
+}
+
+/// Bytes of the file; a length beyond its end is refused before it is allocated.
+fn read_at(file: &mut File, index: &BagFile, offset: u64, length: usize) -> Result<Vec<u8>, BagError> {
+    let end = offset.checked_add(length as u64).filter(|&end| end <= index.size);
+    if end.is_none() {
+        let why = format!("{length} bytes at {offset} are beyond its end at {}", index.size);
+        return Err(BagError::damaged(&index.path, why));
+    }
+    let io = |e| BagError::io(&index.path, e);
+    let mut bytes = vec![0; length];
+    file.seek(SeekFrom::Start(offset)).map_err(io)?;
+    file.read_exact(&mut bytes).map_err(io)?;
+    Ok(bytes)
+}

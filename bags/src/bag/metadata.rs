@@ -1,0 +1,165 @@
+//! `metadata.yaml` of a rosbag2 folder, version 9.
+//!
+//! What the files themselves say counts more: of a bag that is read, only the
+//! list of its files and the form they are in are taken from here.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use serde::Deserialize;
+
+use super::{BagError, TopicCount, qos};
+
+pub(super) const FILE_NAME: &str = "metadata.yaml";
+
+/// Interface definitions and their hashes are those of this distribution.
+const ROS_DISTRO: &str = "jazzy";
+
+#[derive(Deserialize)]
+struct Root {
+    rosbag2_bagfile_information: Metadata,
+}
+
+/// What is needed to read a bag.
+#[derive(Debug, Default, Deserialize, PartialEq, Eq)]
+pub(super) struct Metadata {
+    pub(super) storage_identifier: String,
+    pub(super) relative_file_paths: Vec<String>,
+    #[serde(default)]
+    pub(super) compression_mode: String,
+    #[serde(default)]
+    pub(super) ros_distro: Option<String>,
+}
+
+/// What is written about a bag.
+pub(super) struct Contents<'a> {
+    pub(super) file: &'a str,
+    /// First and last log time; `None` for an empty bag.
+    pub(super) span: Option<(u64, u64)>,
+    pub(super) topics: &'a [TopicCount],
+}
+
+/// Reads a `metadata.yaml` of any version and checks that the bag is one of
+/// MCAP files, compressed inside if at all.
+pub(super) fn read(path: &Path) -> Result<Metadata, BagError> {
+    let text = std::fs::read_to_string(path).map_err(|e| BagError::io(path, e))?;
+    let metadata = parse(&text).map_err(|why| BagError::Metadata { path: path.to_owned(), why })?;
+    let refuse = |what, found: &str, possible| {
+        Err(BagError::Unsupported { path: path.to_owned(), what, found: found.to_owned(), possible })
+    };
+    if metadata.storage_identifier != "mcap" {
+        return refuse("storage", &metadata.storage_identifier, "mcap");
+    }
+    // rosbag2 compresses either whole files or single messages outside of MCAP.
+    if !["", "none", "storage"].contains(&metadata.compression_mode.to_ascii_lowercase().as_str()) {
+        return refuse("compression_mode", &metadata.compression_mode, "none (chunks may be compressed)");
+    }
+    Ok(metadata)
+}
+
+fn parse(text: &str) -> Result<Metadata, String> {
+    let root: Result<Root, _> = serde_saphyr::from_str(text);
+    let first_line = |e: serde_saphyr::Error| e.to_string().lines().next().unwrap_or_default().to_owned();
+    root.map(|root| root.rosbag2_bagfile_information).map_err(first_line)
+}
+
+/// The text of `metadata.yaml`.
+pub(super) fn document(contents: &Contents<'_>) -> String {
+    format!("rosbag2_bagfile_information:\n{}", indented(&mapping(contents), 2))
+}
+
+/// The same without its root, as the MCAP metadata record holds it.
+pub(super) fn mapping(contents: &Contents<'_>) -> String {
+    let (start, end) = contents.span.unwrap_or_default();
+    let duration = end - start;
+    let messages: u64 = contents.topics.iter().map(|t| t.messages).sum();
+    let file = quoted(contents.file);
+    let mut topics = String::new();
+    for counted in contents.topics {
+        topics += &topic(counted);
+    }
+    let list = if topics.is_empty() { " []\n" } else { "\n" };
+    format!(
+        "version: 9\nstorage_identifier: mcap\nduration:\n  nanoseconds: {duration}\nstarting_time:\n  \
+         nanoseconds_since_epoch: {start}\nmessage_count: {messages}\ntopics_with_message_count:{list}{topics}\
+         compression_format: \"\"\ncompression_mode: \"\"\nrelative_file_paths:\n  - {file}\nfiles:\n  \
+         - path: {file}\n    starting_time:\n      nanoseconds_since_epoch: {start}\n    duration:\n      \
+         nanoseconds: {duration}\n    message_count: {messages}\ncustom_data: ~\nros_distro: {ROS_DISTRO}\n"
+    )
+}
+
+fn topic(counted: &TopicCount) -> String {
+    let topic = &counted.topic;
+    let mut text = String::new();
+    // Writing to a String cannot fail.
+    let _ = write!(
+        text,
+        "  - topic_metadata:\n      name: {}\n      type: {}\n      serialization_format: cdr\n      \
+         offered_qos_profiles:",
+        quoted(&topic.name),
+        quoted(&topic.type_name)
+    );
+    let profiles = qos::in_words(&topic.qos);
+    text += if profiles.trim().is_empty() { " []\n" } else { "\n" };
+    text += &indented(&profiles, 8);
+    let _ = write!(
+        text,
+        "      type_description_hash: {}\n    message_count: {}\n",
+        quoted(&topic.type_hash),
+        counted.messages
+    );
+    text
+}
+
+fn indented(text: &str, columns: usize) -> String {
+    let lines = text.lines().filter(|line| !line.trim().is_empty());
+    lines.map(|line| format!("{:columns$}{line}\n", "")).collect()
+}
+
+/// A JSON string is a YAML string in double quotes.
+fn quoted(text: &str) -> String {
+    serde_json::Value::from(text).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use modulo_runtime::Qos;
+
+    use super::super::BagTopic;
+    use super::*;
+
+    fn text_of(topics: &[TopicCount]) -> String {
+        document(&Contents { file: "a \"b\"_0.mcap", span: Some((5, 9)), topics })
+    }
+
+    #[test]
+    fn what_is_written_is_read() {
+        let topic = BagTopic {
+            name: "/a: b".into(),
+            type_name: "std_msgs/msg/String".into(),
+            qos: qos::yaml(Qos::Images),
+            ..BagTopic::default()
+        };
+        let bare = BagTopic { name: "/c".into(), ..BagTopic::default() };
+        let counted = [topic, bare].map(|topic| TopicCount { topic: Arc::new(topic), messages: 2 });
+        for topics in [&counted[..], &[]] {
+            let text = text_of(topics);
+            let metadata = parse(&text).unwrap_or_else(|e| panic!("{e}\n{text}"));
+            assert_eq!(metadata.relative_file_paths, ["a \"b\"_0.mcap"]);
+            assert_eq!(metadata.storage_identifier, "mcap");
+            assert_eq!(metadata.ros_distro.as_deref(), Some(ROS_DISTRO));
+        }
+    }
+
+    #[test]
+    fn other_storage_is_refused_by_name() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join(FILE_NAME);
+        std::fs::write(&path, text_of(&[]).replace("identifier: mcap", "identifier: sqlite3"))
+            .expect("written");
+        let error = read(&path).expect_err("sqlite3").to_string();
+        assert!(error.contains("sqlite3") && error.contains("mcap"), "{error}");
+    }
+}

@@ -1,0 +1,121 @@
+//! [`import_kitti`]: a KITTI folder to a bag with images and ground truth.
+//!
+//! KITTI's object set has no times, so frame `i` is stamped `i` / 10 s after a
+//! fixed epoch, for sequences as well. No pixel and no label is changed or left
+//! out.
+
+use std::path::{Path, PathBuf};
+
+use modulo_core::Frame;
+use modulo_msgs::cdr::{self, CdrError};
+use modulo_msgs::image::encode_frame;
+use modulo_msgs::std_msgs::{Header, Time};
+use modulo_runtime::{MessageKind, Qos};
+
+use crate::bag::{BagError, BagTopic, BagWriter, Compression, TopicId};
+use crate::source::{KittiFolder, Pixels, SourceError, read_image, to_detections};
+use crate::{GROUND_TRUTH_TOPIC, IMAGE_TOPIC};
+
+/// Stamp of the first frame: 2011-09-26T00:00:00Z, the day of the recordings.
+const EPOCH_NS: u64 = 1_316_995_200_000_000_000;
+/// KITTI's camera runs at 10 Hz.
+const PERIOD_NS: u64 = 100_000_000;
+
+/// How a data set is imported.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ImportOptions {
+    /// How the bag is compressed.
+    pub compression: Compression,
+}
+
+/// What was imported.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ImportReport {
+    /// Images.
+    pub frames: usize,
+    /// Images with a label file; the others have no ground truth message.
+    pub labelled: usize,
+    /// Labelled objects, areas to leave out included.
+    pub objects: usize,
+}
+
+/// Why a data set could not be imported. No bag is left behind.
+#[derive(Debug, thiserror::Error)]
+pub enum ImportError {
+    /// An image or a label.
+    #[error(transparent)]
+    Source(#[from] SourceError),
+    /// The bag.
+    #[error(transparent)]
+    Bag(#[from] BagError),
+    /// A message that is too large.
+    #[error(transparent)]
+    Cdr(#[from] CdrError),
+    /// A float image, which has no codes to put into an image message.
+    #[error("{}: is a float image, 8 or 16 bit codes are needed", path.display())]
+    Float {
+        /// The image.
+        path: PathBuf,
+    },
+}
+
+/// Writes the KITTI folder `folder` (with `image_2` or `image_02`) as the new
+/// bag `out`: `/camera/image_raw` and `/ground_truth`, 10 Hz.
+///
+/// # Errors
+/// [`ImportError`] of the first image, label or write that fails.
+pub fn import_kitti(folder: &Path, out: &Path, options: &ImportOptions) -> Result<ImportReport, ImportError> {
+    let folder = KittiFolder::open(folder)?;
+    let bag = BagWriter::create(out, options.compression)?;
+    let report = write(&folder, bag);
+    if report.is_err() {
+        // The folder was made above: half a data set must not look like a whole one.
+        let _ = std::fs::remove_dir_all(out);
+    }
+    report
+}
+
+fn write(folder: &KittiFolder, bag: BagWriter) -> Result<ImportReport, ImportError> {
+    let mut import = Import::new(bag)?;
+    for (i, image) in folder.images().iter().enumerate() {
+        import.frame(folder, image, EPOCH_NS + i as u64 * PERIOD_NS)?;
+    }
+    import.bag.finish()?;
+    Ok(import.report)
+}
+
+struct Import {
+    bag: BagWriter,
+    images: TopicId,
+    labels: TopicId,
+    report: ImportReport,
+}
+
+impl Import {
+    fn new(mut bag: BagWriter) -> Result<Self, BagError> {
+        let images = bag.topic(&BagTopic::new(IMAGE_TOPIC, MessageKind::Image.type_name(), Qos::Images))?;
+        let labels = BagTopic::new(GROUND_TRUTH_TOPIC, MessageKind::Detections.type_name(), Qos::Results);
+        let labels = bag.topic(&labels)?;
+        Ok(Self { bag, images, labels, report: ImportReport::default() })
+    }
+
+    fn frame(&mut self, folder: &KittiFolder, image: &Path, stamp: u64) -> Result<(), ImportError> {
+        let header = Header { stamp: Time::from_ns(stamp), frame_id: "camera".to_owned() };
+        self.bag.write(self.images, stamp, stamp, &encode_frame(&header, &codes(image)?)?)?;
+        self.report.frames += 1;
+        if let Some(labels) = folder.labels_of(image)? {
+            let message = cdr::to_vec(&to_detections(&labels, &header))?;
+            self.bag.write(self.labels, stamp, stamp, &message)?;
+            self.report.labelled += 1;
+            self.report.objects += labels.len();
+        }
+        Ok(())
+    }
+}
+
+fn codes(image: &Path) -> Result<Frame, ImportError> {
+    match read_image(image)? {
+        Pixels::Codes(frame) => Ok(frame),
+        Pixels::Linear(_) => Err(ImportError::Float { path: image.to_owned() }),
+    }
+}

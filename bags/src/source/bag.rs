@@ -1,0 +1,134 @@
+//! [`BagSource`]: the images of one topic of a bag, with the ground truth of the
+//! same stamp.
+
+use std::collections::HashMap;
+use std::io::Cursor;
+use std::path::Path;
+
+use modulo_msgs::cdr;
+use modulo_msgs::sensor_msgs::{CompressedImage, Image};
+use modulo_msgs::std_msgs::Header;
+use modulo_msgs::vision_msgs::Detection2DArray;
+use modulo_runtime::MessageKind;
+
+use super::image_file::decode;
+use super::radiance::White;
+use super::{GroundTruth, Pixels, Source, SourceError, SourceFrame, SourceOptions, from_detections};
+use crate::GROUND_TRUTH_TOPIC;
+use crate::bag::{BagReader, Messages, RawMessage, Selection, TopicCount};
+
+/// The images of one topic of a bag, in log-time order.
+pub struct BagSource {
+    bag: BagReader,
+    selection: Selection,
+    messages: Messages,
+    frames: u64,
+    white: White,
+    labels: HashMap<u64, Vec<GroundTruth>>,
+}
+
+impl BagSource {
+    /// Opens the bag at `path`. `options.topic` is needed when it has several
+    /// image topics.
+    ///
+    /// # Errors
+    /// [`SourceError`] when the bag cannot be read, or has not the topic.
+    pub fn open(path: &Path, options: &SourceOptions) -> Result<Self, SourceError> {
+        let white = White::new(options.white)?;
+        let bag = BagReader::open(path)?;
+        let topic = image_topic(&bag, options.topic.as_deref())?;
+        let selection = Selection::of([topic.topic.name.clone()]);
+        let messages = bag.messages(&selection);
+        let labels = read_labels(&bag)?;
+        Ok(Self { bag, selection, messages, frames: topic.messages, white, labels })
+    }
+
+    /// The bag itself, for its warnings.
+    pub fn bag(&self) -> &BagReader {
+        &self.bag
+    }
+
+    fn frame(&mut self, message: &RawMessage) -> Result<SourceFrame, SourceError> {
+        let (header, pixels) = read_message(message)?;
+        let stamp = header.stamp.as_ns();
+        Ok(SourceFrame {
+            radiance: self.white.radiance(pixels),
+            name: stamp.to_string(),
+            stamp_ns: Some(stamp),
+            frame_id: header.frame_id,
+            ground_truth: self.labels.get(&stamp).cloned(),
+        })
+    }
+}
+
+impl Source for BagSource {
+    fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
+        let message = self.messages.next()?;
+        Some(message.map_err(SourceError::from).and_then(|message| self.frame(&message)))
+    }
+
+    fn len(&self) -> Option<usize> {
+        usize::try_from(self.frames).ok()
+    }
+
+    fn rewind(&mut self) -> Result<(), SourceError> {
+        self.messages = self.bag.messages(&self.selection);
+        Ok(())
+    }
+}
+
+fn kind(topic: &TopicCount) -> Option<MessageKind> {
+    MessageKind::from_type_name(&topic.topic.type_name)
+}
+
+/// The topic that was asked for, or the only one.
+fn image_topic(bag: &BagReader, wanted: Option<&str>) -> Result<TopicCount, SourceError> {
+    let is_image =
+        |t: &TopicCount| matches!(kind(t), Some(MessageKind::Image | MessageKind::CompressedImage));
+    let images: Vec<TopicCount> = bag.topics().into_iter().filter(is_image).collect();
+    let fitting: Vec<_> = images.iter().filter(|t| wanted.is_none_or(|name| t.topic.name == name)).collect();
+    if let [only] = fitting[..] {
+        return Ok(only.clone());
+    }
+    let found = match wanted {
+        Some(name) => format!("no image topic '{name}'"),
+        None => format!("{} image topics, name the one to read", images.len()),
+    };
+    let names: Vec<_> = images.iter().map(|t| t.topic.name.as_str()).collect();
+    let topics = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+    Err(SourceError::Topic { path: bag.path().to_owned(), found, topics })
+}
+
+/// All labels of the bag by stamp; they are small beside the images.
+fn read_labels(bag: &BagReader) -> Result<HashMap<u64, Vec<GroundTruth>>, SourceError> {
+    let is_truth =
+        |t: &TopicCount| t.topic.name == GROUND_TRUTH_TOPIC && kind(t) == Some(MessageKind::Detections);
+    let mut labels = HashMap::new();
+    if !bag.topics().iter().any(is_truth) {
+        return Ok(labels);
+    }
+    for message in bag.messages(&Selection::of([GROUND_TRUTH_TOPIC])) {
+        let message = message?;
+        let array: Detection2DArray = cdr::from_slice(&message.data).map_err(|e| bad(&message, e))?;
+        labels.insert(array.header.stamp.as_ns(), from_detections(&array));
+    }
+    Ok(labels)
+}
+
+fn read_message(message: &RawMessage) -> Result<(Header, Pixels), SourceError> {
+    if message.topic.type_name == MessageKind::CompressedImage.type_name() {
+        let image: CompressedImage = cdr::from_slice(&message.data).map_err(|e| bad(message, e))?;
+        return Ok((image.header, decode(Cursor::new(image.data), &origin(message))?));
+    }
+    let image: Image = cdr::from_slice(&message.data).map_err(|e| bad(message, e))?;
+    let header = image.header.clone();
+    Ok((header, Pixels::Codes(image.into_frame().map_err(|e| bad(message, e))?)))
+}
+
+fn bad(message: &RawMessage, why: impl std::fmt::Display) -> SourceError {
+    SourceError::Image { origin: origin(message), why: why.to_string() }
+}
+
+fn origin(message: &RawMessage) -> String {
+    format!("{} at {}", message.topic.name, message.log_time)
+}

@@ -1,0 +1,96 @@
+//! [`SourceError`]: why there is no frame.
+
+use std::path::{Path, PathBuf};
+
+use crate::bag::BagError;
+
+/// Why a frame could not be had: the file, what was found, what is possible.
+#[derive(Debug, thiserror::Error)]
+pub enum SourceError {
+    /// Nothing is there.
+    #[error(
+        "{}: no such path; possible are an image (png, jpg, jpeg, exr, hdr), a folder of images, \
+         a KITTI folder (image_2 or image_02 inside), a .mcap file or a bag folder", path.display()
+    )]
+    Missing {
+        /// The path that was asked for.
+        path: PathBuf,
+    },
+    /// A folder without a single image.
+    #[error("{}: no image in this folder, at least one png, jpg, jpeg, exr or hdr is needed", path.display())]
+    Empty {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A file that is not an image by its name.
+    #[error("{}: not an image, possible are png, jpg, jpeg, exr, hdr and .mcap", path.display())]
+    Extension {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The system refused.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// An image that does not decode.
+    #[error("{origin}: {why}")]
+    Image {
+        /// The file, or topic and stamp.
+        origin: String,
+        /// What is wrong with it.
+        why: String,
+    },
+    /// NaN or infinity in a float image.
+    #[error("{origin}: {value} at x {x}, y {y}, channel {channel}; every sample must be finite")]
+    NotFinite {
+        /// The file, or topic and stamp.
+        origin: String,
+        /// Column.
+        x: usize,
+        /// Row.
+        y: usize,
+        /// Channel, 0 is red.
+        channel: usize,
+        /// NaN or an infinity.
+        value: f32,
+    },
+    /// A `white` that is no radiance.
+    #[error("white = {white}: must be a finite number, 0 (automatic) or above")]
+    White {
+        /// The value that was offered.
+        white: f32,
+    },
+    /// A label line that cannot be read.
+    #[error("{}:{line}: {why}", path.display())]
+    Label {
+        /// The label file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// What was found and what is needed.
+        why: String,
+    },
+    /// The bag has not exactly one image topic, or not the one asked for.
+    #[error("{}: {found}; image topics here: {topics}", path.display())]
+    Topic {
+        /// The bag.
+        path: PathBuf,
+        /// What was asked for.
+        found: String,
+        /// What there is.
+        topics: String,
+    },
+    /// A bag that cannot be read.
+    #[error(transparent)]
+    Bag(#[from] BagError),
+}
+
+impl SourceError {
+    pub(crate) fn io(path: &Path, source: std::io::Error) -> Self {
+        Self::Io { path: path.to_owned(), source }
+    }
+}

@@ -1,0 +1,165 @@
+//! KITTI folders: `image_2` with `label_2` (object set), or `image_02` with
+//! `label_object` and `label_track` (a drive), labels optional per frame.
+//!
+//! Label lines are `type truncated occluded alpha x1 y1 x2 y2 h w l x y z ry`
+//! (15 columns, object development kit); a tracking line has the frame and the
+//! track in front of that (17 columns).
+
+use std::path::{Path, PathBuf};
+
+use modulo_core::BBox;
+
+use super::folder::{FolderSource, list_images, stem};
+use super::{GroundTruth, Source, SourceError, SourceFrame};
+
+/// Folders of a KITTI folder: images, and labels by preference.
+const LAYOUTS: [(&str, &[&str]); 2] =
+    [("image_2", &["label_2"]), ("image_02", &["label_object", "label_track"])];
+
+/// The files of a KITTI folder.
+#[derive(Debug)]
+pub struct KittiFolder {
+    images: Vec<PathBuf>,
+    labels: Vec<PathBuf>,
+}
+
+/// A KITTI folder as a source of labelled frames.
+#[derive(Debug)]
+pub struct KittiSource {
+    folder: KittiFolder,
+    frames: FolderSource,
+}
+
+impl KittiFolder {
+    /// Whether `path` has KITTI's folder of images.
+    pub fn is_at(path: &Path) -> bool {
+        layout(path).is_some()
+    }
+
+    /// Lists the images of `path`, which holds `image_2` or `image_02`.
+    ///
+    /// # Errors
+    /// [`SourceError`] when there is no such folder, or no image in it.
+    pub fn open(path: &Path) -> Result<Self, SourceError> {
+        let Some((images, labels)) = layout(path) else {
+            return Err(SourceError::Missing { path: path.join(LAYOUTS[0].0) });
+        };
+        let images = list_images(&path.join(images))?;
+        Ok(Self { images, labels: labels.iter().map(|name| path.join(name)).collect() })
+    }
+
+    /// The image files, sorted by name.
+    pub fn images(&self) -> &[PathBuf] {
+        &self.images
+    }
+
+    /// The labels of an image file; `None` when it has no label file.
+    ///
+    /// # Errors
+    /// [`SourceError`] naming file and line of a line that cannot be read.
+    pub fn labels_of(&self, image: &Path) -> Result<Option<Vec<GroundTruth>>, SourceError> {
+        let name = format!("{}.txt", stem(image));
+        let file = self.labels.iter().map(|folder| folder.join(&name)).find(|file| file.is_file());
+        file.map(|file| read_labels(&file)).transpose()
+    }
+}
+
+impl KittiSource {
+    /// Opens `path`, which holds `image_2` or `image_02`.
+    ///
+    /// # Errors
+    /// As [`KittiFolder::open`], and for a `white` that is no radiance.
+    pub fn open(path: &Path, white: f32) -> Result<Self, SourceError> {
+        let folder = KittiFolder::open(path)?;
+        let frames = FolderSource::of(folder.images.clone(), white)?;
+        Ok(Self { folder, frames })
+    }
+}
+
+impl Source for KittiSource {
+    fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
+        let image = self.frames.upcoming()?.to_owned();
+        let frame = self.frames.next()?;
+        Some(frame.and_then(|frame| {
+            let ground_truth = self.folder.labels_of(&image)?;
+            Ok(SourceFrame { ground_truth, ..frame })
+        }))
+    }
+
+    fn len(&self) -> Option<usize> {
+        self.frames.len()
+    }
+
+    fn rewind(&mut self) -> Result<(), SourceError> {
+        self.frames.rewind()
+    }
+}
+
+fn layout(path: &Path) -> Option<&'static (&'static str, &'static [&'static str])> {
+    LAYOUTS.iter().find(|(images, _)| path.join(images).is_dir())
+}
+
+fn read_labels(path: &Path) -> Result<Vec<GroundTruth>, SourceError> {
+    let text = std::fs::read_to_string(path).map_err(|e| SourceError::io(path, e))?;
+    let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
+    lines
+        .map(|(i, line)| {
+            parse_label(line).map_err(|why| SourceError::Label { path: path.to_owned(), line: i + 1, why })
+        })
+        .collect()
+}
+
+fn parse_label(line: &str) -> Result<GroundTruth, String> {
+    let mut columns: Vec<&str> = line.split_whitespace().collect();
+    match columns.len() {
+        15 => {}
+        17 => drop(columns.drain(..2)),
+        found => return Err(format!("{found} columns found, 15 needed (17 for tracking)")),
+    }
+    let numbers = columns[1..].iter().map(|c| number(c)).collect::<Result<Vec<f32>, String>>()?;
+    let [truncated, _, _, x1, y1, x2, y2, ..] = numbers[..] else {
+        return Err(format!("{} columns found, 15 needed", columns.len()));
+    };
+    if x1 > x2 || y1 > y2 {
+        return Err(format!("box {x1} {y1} {x2} {y2} found, x1 <= x2 and y1 <= y2 needed"));
+    }
+    let occluded =
+        columns[2].parse().map_err(|_| format!("occluded '{}' found, a whole number needed", columns[2]))?;
+    let class = columns[0].to_ascii_lowercase();
+    Ok(GroundTruth { bbox: BBox { x1, y1, x2, y2 }, class, truncated, occluded })
+}
+
+fn number(column: &str) -> Result<f32, String> {
+    let value = column.parse().ok().filter(|v: &f32| v.is_finite());
+    value.ok_or_else(|| format!("'{column}' found, a finite number needed"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CAR: &str = "Car 0.08 1 2.25 0.00 171.72 149.30 236.40 1.78 1.60 4.29 -16.40 1.78 22.09 1.62";
+
+    #[test]
+    fn object_and_tracking_lines_are_the_same_label() {
+        let label = parse_label(CAR).expect("15 columns");
+        assert_eq!(label, parse_label(&format!("3 7 {CAR}")).expect("17 columns"));
+        let bbox = BBox { x1: 0.0, y1: 171.72, x2: 149.3, y2: 236.4 };
+        assert_eq!(label, GroundTruth { bbox, class: "car".into(), truncated: 0.08, occluded: 1 });
+    }
+
+    #[test]
+    fn bad_lines_say_what_was_found_and_what_is_needed() {
+        for (line, found, needed) in [
+            ("Car 0.0 1", "3 columns", "15 needed"),
+            (&format!("{CAR} 0.9"), "16 columns", "17 for tracking"),
+            (&CAR.replace("171.72", "top"), "'top'", "number"),
+            (&CAR.replace("171.72", "NaN"), "'NaN'", "finite"),
+            (&CAR.replace(" 1 ", " 0.5 "), "'0.5'", "whole"),
+            (&CAR.replace("149.30", "-1"), "-1", "x1 <= x2"),
+        ] {
+            let why = parse_label(line).expect_err(line);
+            assert!(why.contains(found) && why.contains(needed), "{why}");
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! [`Source`]: frames of a scene, one after the other, from whatever holds them.
+//!
+//! A source only reads. It never waits, never repeats a frame by itself and
+//! never guesses a stamp that the data does not have.
+
+mod bag;
+mod error;
+mod folder;
+mod ground_truth;
+mod image_file;
+mod kitti;
+mod radiance;
+
+use std::path::Path;
+
+use ndarray::Array3;
+
+pub use bag::BagSource;
+pub use error::SourceError;
+pub use folder::FolderSource;
+pub use ground_truth::{GroundTruth, from_detections, to_detections};
+pub use image_file::{EXTENSIONS, Pixels, read_image};
+pub use kitti::{KittiFolder, KittiSource};
+
+/// One recorded frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SourceFrame {
+    /// Radiance, `H x W x C` with `C` = 1 or 3, as a fraction of the peak in
+    /// `[0, 1)`: an 8-bit code is `v / 256`, a 16-bit code `v / 65536`, a
+    /// linear value `v / white` clamped below 1.
+    pub radiance: Array3<f32>,
+    /// What the frame is called: the file's stem, or the stamp in a bag.
+    pub name: String,
+    /// Time of exposure, ns since the epoch, where the data has one.
+    pub stamp_ns: Option<u64>,
+    /// Coordinate frame, `camera` where the data has none.
+    pub frame_id: String,
+    /// The labelled objects; `None` when nobody labelled this frame, an empty
+    /// list when it was labelled and holds none.
+    pub ground_truth: Option<Vec<GroundTruth>>,
+}
+
+/// Frames in their recorded order.
+pub trait Source: Send {
+    /// The next frame; `None` when it is over. After an error the next call
+    /// goes on with the frame behind the bad one.
+    fn next(&mut self) -> Option<Result<SourceFrame, SourceError>>;
+
+    /// How many frames there are from the start, if that is known.
+    fn len(&self) -> Option<usize>;
+
+    /// Whether it is known that there is no frame at all.
+    fn is_empty(&self) -> bool {
+        self.len() == Some(0)
+    }
+
+    /// Goes back to the first frame.
+    ///
+    /// # Errors
+    /// [`SourceError`] when the data is no longer there.
+    fn rewind(&mut self) -> Result<(), SourceError>;
+}
+
+/// How a source is read.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SourceOptions {
+    /// Linear radiance that maps to the peak, for float images. 0: the largest
+    /// value of the first float image that is not black, kept for the rest.
+    pub white: f32,
+    /// The image topic of a bag; `None` when the bag has just one.
+    pub topic: Option<String>,
+}
+
+/// Coordinate frame of images that name none.
+const FRAME_ID: &str = "camera";
+
+/// Opens what `spec` names: a bag (`.mcap`, or a folder with `metadata.yaml`
+/// or `.mcap` files), a KITTI folder (with `image_2` or `image_02`), a folder
+/// of images, or one image.
+///
+/// # Errors
+/// [`SourceError`] when the path is missing, holds no frame, or cannot be read.
+pub fn open(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, SourceError> {
+    let path = Path::new(spec);
+    if !path.exists() {
+        return Err(SourceError::Missing { path: path.to_owned() });
+    }
+    if crate::bag::is_bag(path) {
+        return Ok(Box::new(BagSource::open(path, options)?));
+    }
+    if KittiFolder::is_at(path) {
+        return Ok(Box::new(KittiSource::open(path, options.white)?));
+    }
+    Ok(Box::new(FolderSource::open(path, options.white)?))
+}

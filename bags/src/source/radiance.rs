@@ -1,0 +1,76 @@
+//! [`White`]: decoded pixels to radiance as a fraction of the peak.
+
+use modulo_core::Frame;
+use ndarray::Array3;
+
+use super::{Pixels, SourceError};
+
+/// The largest `f32` below 1: what reaches the peak is clamped to it.
+const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
+
+/// The linear radiance that maps to the peak, given or found once.
+#[derive(Debug)]
+pub(crate) struct White(f32);
+
+impl White {
+    /// `white` > 0 is used as it is; 0 stands for the largest value of the
+    /// first float image that is not black.
+    pub(crate) fn new(white: f32) -> Result<Self, SourceError> {
+        if white.is_finite() && white >= 0.0 { Ok(Self(white)) } else { Err(SourceError::White { white }) }
+    }
+
+    /// Radiance in `[0, 1)`, same shape.
+    pub(crate) fn radiance(&mut self, pixels: Pixels) -> Array3<f32> {
+        match pixels {
+            Pixels::Codes(Frame::U8(codes)) => codes.mapv(|v| f32::from(v) / 256.0),
+            Pixels::Codes(Frame::U16(codes)) => codes.mapv(|v| f32::from(v) / 65536.0),
+            Pixels::Linear(linear) => self.scale(linear),
+        }
+    }
+
+    fn scale(&mut self, linear: Array3<f32>) -> Array3<f32> {
+        if self.0 == 0.0 {
+            self.0 = linear.iter().copied().fold(0.0, f32::max);
+        }
+        if self.0 == 0.0 {
+            return Array3::zeros(linear.dim());
+        }
+        // Divided in f64: a tiny white would overflow f32.
+        let white = f64::from(self.0);
+        linear.mapv(|v| ((f64::from(v) / white) as f32).clamp(0.0, BELOW_ONE))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn linear(values: [f32; 3]) -> Pixels {
+        Pixels::Linear(Array3::from_shape_vec((1, 3, 1), values.to_vec()).expect("1 x 3 x 1"))
+    }
+
+    #[test]
+    fn automatic_white_is_the_first_bright_image_and_stays() {
+        let mut white = White::new(0.0).expect("0 is automatic");
+        assert_eq!(white.radiance(linear([0.0, 0.0, -1.0])).sum(), 0.0);
+        assert_eq!(white.radiance(linear([1.0, 2.0, 4.0])).as_slice(), Some(&[0.25, 0.5, BELOW_ONE][..]));
+        assert_eq!(white.radiance(linear([1.0, 8.0, 2.0])).as_slice(), Some(&[0.25, BELOW_ONE, 0.5][..]));
+    }
+
+    #[test]
+    fn codes_are_fractions_of_the_peak() {
+        let codes = |v: u16| {
+            let frame = Frame::from_u16(Array3::from_elem((1, 1, 1), v)).expect("one pixel");
+            White::new(1.0).expect("1 is possible").radiance(Pixels::Codes(frame))[(0, 0, 0)]
+        };
+        assert_eq!(codes(32768), 0.5);
+        assert!(codes(65535) < 1.0);
+    }
+
+    #[test]
+    fn white_must_be_finite_and_not_negative() {
+        for white in [f32::NAN, f32::INFINITY, -1.0] {
+            assert!(White::new(white).is_err(), "{white}");
+        }
+    }
+}

@@ -1,0 +1,121 @@
+//! Bags are read as they were written.
+
+use modulo_bags::bag::{
+    BagError, BagInfo, BagReader, BagTopic, BagWriter, Compression, RawMessage, Selection,
+};
+use modulo_runtime::Qos;
+use proptest::prelude::*;
+
+use crate::writing::{COMPRESSIONS, Line, read_all, topic, write_bag};
+
+/// Several topics and chunks, times in any order.
+fn lines() -> impl Strategy<Value = Vec<Line>> {
+    let line = (0..3_usize, 0..5_000_000_000_u64, proptest::collection::vec(any::<u8>(), 0..64));
+    proptest::collection::vec(line, 0..24)
+}
+
+fn comparable(messages: &[RawMessage]) -> Vec<(u64, String, Vec<u8>)> {
+    let mut all: Vec<_> =
+        messages.iter().map(|m| (m.log_time, m.topic.name.clone(), m.data.clone())).collect();
+    all.sort();
+    all
+}
+
+fn expected(lines: &[Line]) -> Vec<(u64, String, Vec<u8>)> {
+    let mut all: Vec<_> = lines.iter().map(|(i, time, data)| (*time, topic(*i).name, data.clone())).collect();
+    all.sort();
+    all
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn messages_return_in_log_time_order(lines in lines(), from in 0..5_000_000_000_u64) {
+        for compression in COMPRESSIONS {
+            let folder = tempfile::tempdir().expect("a temporary folder");
+            let path = folder.path().join("bag");
+            write_bag(&path, compression, &lines);
+            let bag = BagReader::open(&path).expect("a bag");
+            prop_assert!(bag.warnings().is_empty(), "{:?}", bag.warnings());
+            prop_assert_eq!(bag.message_count(), lines.len() as u64);
+
+            let all = read_all(&bag, &Selection::default());
+            prop_assert!(all.is_sorted_by_key(|m| m.log_time));
+            prop_assert!(all.iter().all(|m| m.publish_time == m.log_time.saturating_sub(7)));
+            prop_assert!(all.iter().all(|m| (0..3).any(|i| *m.topic == topic(i))));
+            prop_assert_eq!(comparable(&all), expected(&lines));
+
+            let some = Selection { topics: Some(vec![topic(1).name, "/none".into()]), start_ns: Some(from) };
+            let kept: Vec<_> = lines.iter().filter(|l| l.0 == 1 && l.1 >= from).cloned().collect();
+            prop_assert_eq!(comparable(&read_all(&bag, &some)), expected(&kept));
+            prop_assert!(read_all(&bag, &Selection::of(["/none"])).is_empty());
+        }
+    }
+}
+
+#[test]
+fn the_same_messages_are_the_same_bytes() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let lines: Vec<Line> = (0..50).map(|i| (i % 2, i as u64 * 100_000_000, vec![i as u8; 500])).collect();
+    for compression in COMPRESSIONS {
+        let files = ["a", "b"].map(|parent| {
+            let path = folder.path().join(format!("{compression:?}")).join(parent).join("bag");
+            write_bag(&path, compression, &lines);
+            let read = |name| std::fs::read(path.join(name)).expect("a file");
+            [read("bag_0.mcap"), read("metadata.yaml")]
+        });
+        assert!(files[0] == files[1], "{compression:?}");
+    }
+}
+
+#[test]
+fn a_bag_is_never_overwritten() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("bag");
+    write_bag(&path, Compression::None, &[(0, 1, vec![2])]);
+    let again = BagWriter::create(&path, Compression::None);
+    assert!(matches!(again, Err(BagError::Exists { .. })));
+    assert_eq!(BagReader::open(&path).expect("still whole").message_count(), 1);
+}
+
+#[test]
+fn a_topic_has_one_type() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut bag = BagWriter::create(&folder.path().join("bag"), Compression::None).expect("new");
+    let image = BagTopic::new("/a", "sensor_msgs/msg/Image", Qos::Images);
+    let id = bag.topic(&image).expect("new");
+    assert_eq!(bag.topic(&image).expect("known"), id);
+    let text = BagTopic::new("/a", "std_msgs/msg/String", Qos::Images);
+    let error = bag.topic(&text).expect_err("another type").to_string();
+    assert!(error.contains("/a") && error.contains("Image") && error.contains("String"), "{error}");
+}
+
+#[test]
+fn info_prints_what_ros2_prints() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("bag");
+    let start = 1_316_995_200_000_000_000;
+    write_bag(&path, Compression::None, &[(0, start, vec![]), (0, start + 1_500_000_000, vec![])]);
+    let info = BagInfo::from(&BagReader::open(&path).expect("a bag")).to_string();
+    for line in [
+        "Files:             bag_0.mcap",
+        "Storage id:        mcap",
+        "Duration:          1.500000000s",
+        "Start:             2011-09-26 00:00:00.000000000 UTC (1316995200.000000000)",
+        "Messages:          2",
+        "Topic information: Topic: /topic_0 | Type: std_msgs/msg/String | Count: 2 | Serialization Format: cdr",
+    ] {
+        assert!(info.lines().any(|l| l == line), "{line}\nnot in\n{info}");
+    }
+}
+
+#[test]
+fn what_is_no_bag_says_so() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let error = BagReader::open(folder.path()).expect_err("empty").to_string();
+    assert!(error.contains("metadata.yaml"), "{error}");
+    let text = folder.path().join("text.mcap");
+    std::fs::write(&text, "this is a text and no recording").expect("written");
+    assert!(matches!(BagReader::open(&text), Err(BagError::NotMcap { .. })));
+}
