@@ -21,7 +21,11 @@ fn eval(bench: &Bench, file: &str, shared: &std::path::Path, more: &[&str]) -> P
 
 fn boxes(file: &Value) -> Vec<&Vec<Value>> {
     let frames = file.as_object().expect("frames");
-    frames.values().flat_map(|frame| frame.as_array().expect("boxes")).map(|b| b.as_array().expect("a box")).collect()
+    frames
+        .values()
+        .flat_map(|frame| frame.as_array().expect("boxes"))
+        .map(|b| b.as_array().expect("a box"))
+        .collect()
 }
 
 #[test]

@@ -45,7 +45,16 @@ fn processes_one_process_and_lockstep_give_the_same_boxes() {
         found.push(classes(&json(file.as_ref()), "modulo"));
     }
     let out = bench.path("lockstep");
-    let output = bench.run(&["eval", "launch/raw.launch.yaml", &source, &model, "alpha:=2", "engine:=rten", "-o", out.to_str().expect("UTF-8")]);
+    let output = bench.run(&[
+        "eval",
+        "launch/raw.launch.yaml",
+        &source,
+        &model,
+        "alpha:=2",
+        "engine:=rten",
+        "-o",
+        out.to_str().expect("UTF-8"),
+    ]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output));
     found.push(classes(&json(&out.join("summary.json")), "modulo"));
     assert!(!found[0].is_empty());
@@ -82,7 +91,11 @@ fn compare_runs_a_detector_on_each_stream() {
     assert_eq!(output.status.code(), Some(0), "{}", text(&output));
     let summary = json(&file);
     for stream in ["modulo", "recovered", "saturated", "ideal"] {
-        assert_eq!(summary["topics"][format!("/detector_{stream}/detections")]["out"], 3, "{stream}: {summary}");
+        assert_eq!(
+            summary["topics"][format!("/detector_{stream}/detections")]["out"],
+            3,
+            "{stream}: {summary}"
+        );
     }
 }
 
@@ -121,7 +134,10 @@ fn bad_input_is_one_line_and_no_panic() {
         (&[recovered, &source, &candidates], &["candidates.onnx", "[1, N, 6]"]),
         (&[recovered, &source, &good_model, "colour:=red"], &["colour", "alpha"]),
         (&["/no/such.launch.yaml"], &["/no/such.launch.yaml"]),
-        (&["launch/suite.launch.yaml", &source, &good_model, "input:=recoverd"], &["input", "recoverd", "saturated"]),
+        (
+            &["launch/suite.launch.yaml", &source, &good_model, "input:=recoverd"],
+            &["input", "recoverd", "saturated"],
+        ),
     ];
     for (arguments, named) in cases {
         let output = bench.run(&[&["launch", "--compose"], arguments].concat());
@@ -140,11 +156,15 @@ fn bad_input_is_one_line_and_no_panic() {
 fn an_unknown_launch_key_is_refused_with_its_line() {
     let bench = Bench::new(106);
     let file = bench.path("bad.launch.yaml");
-    std::fs::write(&file, "launch:\n  - node:\n      pkg: modulo\n      exec: unwrap\n      paramz: []\n").expect("writable");
+    std::fs::write(&file, "launch:\n  - node:\n      pkg: modulo\n      exec: unwrap\n      paramz: []\n")
+        .expect("writable");
     let output = bench.run(&["launch", file.to_str().expect("UTF-8")]);
     let said = text(&output);
     assert_eq!(output.status.code(), Some(2), "{said}");
-    assert!(said.contains("bad.launch.yaml:5") && said.contains("paramz") && said.contains("param"), "{said}");
+    assert!(
+        said.contains("bad.launch.yaml:5") && said.contains("paramz") && said.contains("param"),
+        "{said}"
+    );
 }
 
 /// A refusal in a child process reaches the user, and the run ends.

@@ -47,7 +47,8 @@ fn a_recorded_run_replayed_gives_the_same_boxes() {
     let (live, again) = (bench.path("live"), bench.path("again"));
 
     let recording = record(&bench, &live);
-    let output = bench.run(&["launch", "launch/recovered.launch.yaml", &source, &model, "engine:=rten", "rate:=4"]);
+    let output =
+        bench.run(&["launch", "launch/recovered.launch.yaml", &source, &model, "engine:=rten", "rate:=4"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output));
     assert_eq!(recording.interrupt(), Some(0));
     let first = detections(&live);
@@ -78,7 +79,13 @@ fn the_input_is_swapped_while_the_suite_runs() {
     let bag = bench.path("bag");
     let recording = record(&bench, &bag);
     let running = bench.start(&[
-        "launch", "launch/recovered.launch.yaml", &source, &model, "engine:=rten", "rate:=10", "loop:=true",
+        "launch",
+        "launch/recovered.launch.yaml",
+        &source,
+        &model,
+        "engine:=rten",
+        "rate:=10",
+        "loop:=true",
     ]);
     wait_until("the detector", || {
         let got = bench.run(&["param", "get", "/detector", "input"]);
@@ -88,7 +95,11 @@ fn the_input_is_swapped_while_the_suite_runs() {
     assert_eq!(swapped.status.code(), Some(0), "{}", text(&swapped));
     let refused = bench.run(&["param", "set", "/detector", "input", "recoverd"]);
     assert_eq!(refused.status.code(), Some(1));
-    assert!(text(&refused).contains("recoverd") && text(&refused).contains("saturated"), "{}", text(&refused));
+    assert!(
+        text(&refused).contains("recoverd") && text(&refused).contains("saturated"),
+        "{}",
+        text(&refused)
+    );
     assert!(text(&bench.run(&["param", "get", "/detector", "input"])).contains("modulo"));
     std::thread::sleep(Duration::from_millis(500));
     assert_eq!(running.interrupt(), Some(0));
@@ -106,7 +117,8 @@ fn a_bad_frame_on_a_topic_is_skipped() {
     let source = arg("source", bench.images(1));
     let bag = bench.path("bad");
     let mut writer = BagWriter::create(&bag, Compression::None).expect("a new bag");
-    let topic = writer.topic(&BagTopic::new("/modulo", "sensor_msgs/msg/Image", Qos::Images)).expect("a topic");
+    let topic =
+        writer.topic(&BagTopic::new("/modulo", "sensor_msgs/msg/Image", Qos::Images)).expect("a topic");
     let good = Image::from_frame(
         Default::default(),
         &modulo_core::Frame::from_u8(ndarray::Array3::zeros((64, 96, 3))).expect("a frame"),
@@ -124,7 +136,8 @@ fn a_bad_frame_on_a_topic_is_skipped() {
     let summary = bench.path("summary.json");
     let (bag, model) = (arg("bag", &bag), arg("model", model()));
     let file = summary.display().to_string();
-    let output = bench.run(&["launch", "launch/replay.launch.yaml", &bag, &model, "engine:=rten", "--summary", &file]);
+    let output =
+        bench.run(&["launch", "launch/replay.launch.yaml", &bag, &model, "engine:=rten", "--summary", &file]);
     assert_eq!(output.status.code(), Some(3), "done, but something was lost: {}", text(&output));
     let summary = harness::json(&summary);
     assert_eq!(summary["topics"]["/modulo"]["bad"], 3, "{summary}");

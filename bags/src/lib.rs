@@ -1,14 +1,16 @@
 //! Recorded frames of every kind: folders of images, KITTI, and rosbag2 MCAP
 //! bags, read and written.
 //!
-//! Nothing here reads a clock, opens a connection or knows of any node: who
-//! replays or records owns both time and transport.
+//! Nothing here reads a clock of its own, opens a connection or knows of any
+//! node: `capture` and `replay` are lent a transport and a clock.
 
 pub mod bag;
+pub mod capture;
 pub mod image_out;
 pub mod import;
 pub mod play;
 pub mod record;
+pub mod replay;
 pub mod source;
 
 /// Where recorded images are in a bag that was imported here.

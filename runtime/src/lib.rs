@@ -24,7 +24,7 @@ pub mod transport;
 pub use clock::{Clock, ManualClock, SystemClock};
 pub use message::{Message, MessageKind, StampedFrame};
 pub use name::Place;
-pub use node::{Context, Cue, Flow, Node, StepError};
+pub use node::{Context, Cue, Flow, Node, StepError, Yield};
 pub use parameter::{Allowed, Descriptor, Parameters, Refusal, Value};
 pub use report::NodeReport;
 pub use stop::{Stop, Urgency};

@@ -117,9 +117,17 @@ impl<'a> Context<'a> {
         result
     }
 
-    /// The messages to send, as (output, message), and the stages, as (name,
-    /// nanoseconds).
-    pub fn finish(self) -> (Vec<(usize, Message)>, Vec<(&'static str, u64)>) {
-        (self.emitted, self.stages)
+    /// What the step left.
+    pub fn finish(self) -> Yield {
+        Yield { messages: self.emitted, stages: self.stages }
     }
+}
+
+/// What one step left for its driver.
+#[derive(Debug)]
+pub struct Yield {
+    /// Messages to send, by output.
+    pub messages: Vec<(usize, Message)>,
+    /// Durations of its stages, nanoseconds.
+    pub stages: Vec<(&'static str, u64)>,
 }

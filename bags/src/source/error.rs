@@ -9,13 +9,16 @@ use crate::bag::BagError;
 pub enum SourceError {
     /// Nothing is there.
     #[error(
-        "{}: no such path; possible are an image (png, jpg, jpeg, exr, hdr), a folder of images, \
+        "{}: no such path; possible are scene://PRESET, an image (png, jpg, jpeg, exr, hdr), a folder of images, \
          a KITTI folder (image_2 or image_02 inside), a .mcap file or a bag folder", path.display()
     )]
     Missing {
         /// The path that was asked for.
         path: PathBuf,
     },
+    /// An address that is no scene.
+    #[error(transparent)]
+    Scene(#[from] modulo_core::scene::SpecError),
     /// A folder without a single image.
     #[error("{}: no image in this folder, at least one png, jpg, jpeg, exr or hdr is needed", path.display())]
     Empty {

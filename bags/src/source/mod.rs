@@ -10,6 +10,7 @@ mod ground_truth;
 mod image_file;
 mod kitti;
 mod radiance;
+mod scene;
 
 use std::path::Path;
 
@@ -21,6 +22,7 @@ pub use folder::FolderSource;
 pub use ground_truth::{GroundTruth, from_detections, to_detections};
 pub use image_file::{EXTENSIONS, Pixels, read_image};
 pub use kitti::{KittiFolder, KittiSource};
+pub use scene::SceneSource;
 
 /// One recorded frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,13 +76,16 @@ pub struct SourceOptions {
 /// Coordinate frame of images that name none.
 const FRAME_ID: &str = "camera";
 
-/// Opens what `spec` names: a bag (`.mcap`, or a folder with `metadata.yaml`
+/// Opens what `spec` names: a scene (`scene://PRESET?seed=N`), a bag (`.mcap`, or a folder with `metadata.yaml`
 /// or `.mcap` files), a KITTI folder (with `image_2` or `image_02`), a folder
 /// of images, or one image.
 ///
 /// # Errors
 /// [`SourceError`] when the path is missing, holds no frame, or cannot be read.
 pub fn open(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, SourceError> {
+    if spec.starts_with("scene://") {
+        return Ok(Box::new(SceneSource::open(spec)?));
+    }
     let path = Path::new(spec);
     if !path.exists() {
         return Err(SourceError::Missing { path: path.to_owned() });

@@ -13,6 +13,8 @@ use super::view::{EYE, View};
 const ROWS: [f32; 2] = [-10.5, 10.0];
 /// Width of a house, m.
 const HOUSE: f32 = 11.0;
+/// Distance from window to window, m.
+const BAY: f32 = 2.2;
 /// Metres the own car drives in a frame.
 const STEP: f32 = 0.16;
 
@@ -26,6 +28,14 @@ struct Column {
     along: f32,
     /// Height of the house, m.
     high: f32,
+    /// Reflectance of its plaster.
+    plaster: Rgb,
+    /// Size of a pixel, in bays of windows.
+    soft: f32,
+    /// How much of a window this column is, 0 to 1.
+    wide: f32,
+    /// How well windows can be told apart at this distance, 0 to 1.
+    fade: f32,
     /// Normal of the wall, pointing to the street.
     facing: f32,
     /// Height of the far skyline, px above the horizon.
@@ -64,10 +74,10 @@ impl<'a> Street<'a> {
         let pixel = at.z / self.view.focal;
         let roof = ramp(-1.2 * pixel, 1.2 * pixel, at.high - up);
         if roof == 1.0 {
-            return self.wall(at, up, pixel);
+            return self.wall(at, up);
         }
         let far = self.far(u, v, at);
-        if roof == 0.0 { far } else { blend(far, self.wall(at, up, pixel), roof) }
+        if roof == 0.0 { far } else { blend(far, self.wall(at, up), roof) }
     }
 
     /// Sky, clouds and the skyline at the end of the street.
@@ -85,30 +95,27 @@ impl<'a> Street<'a> {
         blend(cloudy, self.light.shade([0.16, 0.18, 0.16], [0.0, 0.6, -0.8], 240.0), hill)
     }
 
-    /// A house wall at height `up`, m; `pixel` is the size of a pixel there, m.
-    fn wall(&self, at: &Column, up: f32, pixel: f32) -> Rgb {
-        let tint = |k: u32| 0.22 + 0.30 * unit(hash(at.house, k, self.seed));
-        let base = tint(1);
-        let plaster = [base * 1.05, base * (0.86 + 0.2 * tint(2)), base * (0.66 + 0.6 * tint(3))];
-        let (floor, bay) = ((up / 3.1).floor(), (at.along / 2.2).floor());
-        let (fy, fx) = (up / 3.1 - floor, at.along / 2.2 - bay);
-        let soft = (pixel / 2.2).max(0.02);
-        let wide = ramp(0.22 - soft, 0.22 + soft, fx) * ramp(0.22 - soft, 0.22 + soft, 1.0 - fx);
+    /// A house wall at height `up`, m.
+    fn wall(&self, at: &Column, up: f32) -> Rgb {
+        let floor = (up / 3.1).floor();
+        let (fy, soft) = (up / 3.1 - floor, at.soft);
         let tall = ramp(0.25 - soft, 0.25 + soft, fy) * ramp(0.18 - soft, 0.18 + soft, 1.0 - fy);
-        let fade = 1.0 - ramp(0.25, 0.9, soft);
-        let window = mix(0.35, wide * tall, fade) * (1.0 - ramp(-0.6, 0.4, up - at.high + 1.0));
+        let window = mix(0.35, at.wide * tall, at.fade) * (1.0 - ramp(-0.6, 0.4, up - at.high + 1.0));
         let grain = 0.9 + 0.2 * noise(at.along * 1.7, up * 1.7, at.house);
         let normal = [at.facing, 0.0, 0.0];
-        let plain = self.light.shade(scaled(plaster, grain), normal, at.z);
+        let plain = self.light.shade(scaled(at.plaster, grain), normal, at.z);
         let pane = self.light.shade([0.10, 0.12, 0.14], normal, at.z);
-        blend(plain, add(pane, self.lit(at.house, floor, bay, fade)), window)
+        blend(plain, add(pane, self.lit(at, floor)), window)
     }
 
     /// Light behind a window, at night only.
-    fn lit(&self, house: u32, floor: f32, bay: f32, fade: f32) -> Rgb {
-        let chance = unit(hash(house, hash(floor as i32 as u32, bay as i32 as u32, 5), self.seed));
-        let on = if chance < 0.22 { fade } else { 0.05 };
-        if self.preset == Preset::Night { scaled([0.13, 0.10, 0.055], on) } else { [0.0; 3] }
+    fn lit(&self, at: &Column, floor: f32) -> Rgb {
+        if self.preset != Preset::Night {
+            return [0.0; 3];
+        }
+        let bay = (at.along / BAY).floor() as i32 as u32;
+        let chance = unit(hash(at.house, hash(floor as i32 as u32, bay, 5), self.seed));
+        scaled([0.13, 0.10, 0.055], if chance < 0.22 { at.fade } else { 0.05 })
     }
 
     fn ground(&self, u: f32, z: f32) -> Rgb {
@@ -163,5 +170,13 @@ fn column(view: &View, seed: u32, driven: f32, u: f32) -> Column {
     let skyline =
         4.0 + 14.0 * noise(u / view.scale() / 34.0, 0.0, seed) * noise(u / view.scale() / 9.0, 3.0, seed);
     let facing = if side == 0 { 1.0 } else { -1.0 };
-    Column { z, house, along: (along - number) * HOUSE, high, facing, skyline }
+    let along = (along - number) * HOUSE;
+    let tint = |k: u32| 0.22 + 0.30 * unit(hash(house, k, seed));
+    let base = tint(1);
+    let plaster = [base * 1.05, base * (0.86 + 0.2 * tint(2)), base * (0.66 + 0.6 * tint(3))];
+    let fx = along / BAY - (along / BAY).floor();
+    let soft = (z / view.focal / BAY).max(0.02);
+    let wide = ramp(0.22 - soft, 0.22 + soft, fx) * ramp(0.22 - soft, 0.22 + soft, 1.0 - fx);
+    let fade = 1.0 - ramp(0.25, 0.9, soft);
+    Column { z, house, along, high, plaster, soft, wide, fade, facing, skyline }
 }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use modulo_core::Frame;
 use modulo_detector::{Detector, declare};
 use modulo_msgs::std_msgs::Header;
-use modulo_runtime::{Context, Cue, Message, Node, Parameters, StampedFrame, SystemClock};
+use modulo_runtime::{Context, Cue, Message, Node, Parameters, StampedFrame, SystemClock, Yield};
 use ndarray::Array3;
 use serde_json::{Value, json};
 
@@ -49,7 +49,7 @@ fn detect(detector: &mut Detector, path: &Path) -> Result<(Vec<Value>, Stages), 
     let clock = SystemClock::default();
     let mut cx = Context::new(&clock, &[true, false]);
     detector.step(Cue::Message { input: 0, message }, &mut cx)?;
-    let (sent, stages) = cx.finish();
+    let Yield { messages: sent, stages } = cx.finish();
     let found = match sent.first() {
         Some((_, Message::Detections(array))) => array.detections.as_slice(),
         _ => &[],

@@ -8,7 +8,7 @@ use modulo_detector::{Detector, EngineChoice, declare, describe};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::{
-    Context, Cue, ManualClock, Message, MessageKind, Node, Parameters, StampedFrame, StepError,
+    Context, Cue, ManualClock, Message, MessageKind, Node, Parameters, StampedFrame, StepError, Yield,
 };
 use ndarray::Array3;
 
@@ -52,7 +52,7 @@ fn step(node: &mut Detector, frame: Frame, wanted: [bool; 2]) -> (Vec<(usize, Me
     let mut cx = Context::new(&clock, &wanted);
     let message = Message::Image(Arc::new(image(frame)));
     node.step(Cue::Message { input: 0, message }, &mut cx).expect("a step");
-    let (sent, stages) = cx.finish();
+    let Yield { messages: sent, stages } = cx.finish();
     (sent, stages.into_iter().map(|(name, _)| name).collect())
 }
 
@@ -158,7 +158,7 @@ fn what_is_no_image_is_skipped() {
     ] {
         let mut cx = Context::new(&clock, &[true, true]);
         assert!(matches!(node.step(cue, &mut cx), Err(StepError::Skip(_))));
-        assert!(cx.finish().0.is_empty());
+        assert!(cx.finish().messages.is_empty());
     }
 }
 

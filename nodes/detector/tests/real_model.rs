@@ -7,7 +7,7 @@ use std::sync::Arc;
 use modulo_core::{Detection, Frame};
 use modulo_detector::{Detector, declare};
 use modulo_msgs::std_msgs::Header;
-use modulo_runtime::{Context, Cue, Message, Node, Parameters, StampedFrame, SystemClock};
+use modulo_runtime::{Context, Cue, Message, Node, Parameters, StampedFrame, SystemClock, Yield};
 use ndarray::Array3;
 
 const MODEL: &str = "models/yolov10n_dyn_w16.onnx";
@@ -48,7 +48,7 @@ fn look(detector: &mut Detector, frame: &Frame) -> (Vec<Detection>, Vec<(&'stati
     let image = StampedFrame { header: Header::default(), frame: frame.clone() };
     let message = Message::Image(Arc::new(image));
     detector.step(Cue::Message { input: 0, message }, &mut cx).expect("a step");
-    let (sent, stages) = cx.finish();
+    let Yield { messages: sent, stages } = cx.finish();
     let array = sent.into_iter().find_map(|(_, message)| match message {
         Message::Detections(array) => Some(array),
         _ => None,

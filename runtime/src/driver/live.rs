@@ -11,7 +11,7 @@ use crate::diagnostics::Diagnostics;
 use crate::inbox::{Inbox, Keep, Taken};
 use crate::message::Message;
 use crate::name::Place;
-use crate::node::{Context, Cue, Flow, Node, StepError};
+use crate::node::{Context, Cue, Flow, Node, StepError, Yield};
 use crate::parameter::{Parameters, Refusal};
 use crate::report::{NodeReport, add};
 use crate::stop::{Stop, Urgency};
@@ -251,11 +251,11 @@ impl Live<'_> {
         let wanted: Vec<bool> = self.outlets.iter().map(|(_, outlet)| outlet.wanted()).collect();
         let mut cx = Context::new(self.clock, &wanted);
         let result = self.node.step(cue, &mut cx);
-        let (emitted, stages) = cx.finish();
+        let Yield { messages, stages } = cx.finish();
         for (stage, duration) in stages {
             self.report.book_stage(stage, duration);
         }
-        for (output, message) in emitted {
+        for (output, message) in messages {
             self.send(output, &message);
         }
         self.diagnostics.publish_when_due(self.clock, &self.report, &*self.node);

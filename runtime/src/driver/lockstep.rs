@@ -7,7 +7,7 @@ use super::{RunError, addresses, facts_of};
 use crate::clock::{Clock, ManualClock};
 use crate::message::Message;
 use crate::name::Place;
-use crate::node::{Context, Cue, Flow, Node, StepError};
+use crate::node::{Context, Cue, Flow, Node, StepError, Yield};
 use crate::report::{NodeReport, add};
 use crate::transport::Address;
 
@@ -113,11 +113,11 @@ impl<'a> Lockstep<'a> {
         let mut cx = Context::new(&clock, &wanted);
         let member = &mut self.members[index];
         let result = member.node.step(cue, &mut cx);
-        let (emitted, stages) = cx.finish();
+        let Yield { messages, stages } = cx.finish();
         for (stage, duration) in stages {
             member.report.book_stage(stage, duration);
         }
-        for (output, message) in emitted {
+        for (output, message) in messages {
             if let Some(address) = member.outputs.get(output) {
                 member.report.book_published(&address.topic, &message);
                 pending.push_back((address.topic.clone(), message));

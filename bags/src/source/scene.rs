@@ -1,0 +1,83 @@
+//! [`SceneSource`]: frames of the suite's own procedural scene, with exact
+//! ground truth. It never ends by itself.
+
+use modulo_core::scene::{SceneObject, SceneSpec};
+
+use super::{FRAME_ID, GroundTruth, Source, SourceError, SourceFrame};
+
+/// A scene at its present frame.
+pub struct SceneSource {
+    spec: SceneSpec,
+    frame: u32,
+}
+
+impl SceneSource {
+    /// The scene of `scene://PRESET?seed=N&width=W&height=H`.
+    ///
+    /// # Errors
+    /// [`SourceError::Scene`] for what is no scene.
+    pub fn open(address: &str) -> Result<Self, SourceError> {
+        Ok(Self { spec: address.parse()?, frame: 0 })
+    }
+}
+
+impl Source for SceneSource {
+    fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
+        let rendered = self.spec.scene().render(self.frame, self.spec.height, self.spec.width);
+        let name = format!("{:06}", self.frame);
+        self.frame = self.frame.wrapping_add(1);
+        Some(Ok(SourceFrame {
+            radiance: rendered.radiance,
+            name,
+            stamp_ns: None,
+            frame_id: FRAME_ID.to_owned(),
+            ground_truth: Some(rendered.objects.iter().map(label).collect()),
+        }))
+    }
+
+    fn len(&self) -> Option<usize> {
+        None
+    }
+
+    fn rewind(&mut self) -> Result<(), SourceError> {
+        self.frame = 0;
+        Ok(())
+    }
+}
+
+/// Occlusion in KITTI's three steps; half hidden is where the second ends.
+fn label(object: &SceneObject) -> GroundTruth {
+    let occluded = match object.occlusion {
+        o if o < 0.1 => 0,
+        o if o <= 0.5 => 1,
+        _ => 2,
+    };
+    GroundTruth {
+        bbox: object.bbox,
+        class: object.class.name().to_owned(),
+        truncated: object.truncation,
+        occluded,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_follow_each_other_and_start_again() {
+        let mut source = SceneSource::open("scene://day?seed=3&width=96&height=32").expect("a scene");
+        let mut next = || source.next().expect("endless").expect("a frame");
+        let (first, second) = (next(), next());
+        assert_eq!(first.radiance.dim(), (32, 96, 3));
+        assert_ne!(first.radiance, second.radiance);
+        source.rewind().expect("nothing to fail");
+        assert_eq!(source.next().expect("endless").expect("a frame"), first);
+    }
+
+    #[test]
+    fn what_is_no_scene_is_refused() {
+        let error = SceneSource::open("scene://dusk").err().expect("no such preset");
+        assert!(error.to_string().contains("dusk") && error.to_string().contains("tunnel"), "{error}");
+    }
+}
