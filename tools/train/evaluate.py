@@ -33,7 +33,7 @@ def main():
     parse.add_argument("--alpha", type=float, default=4.0)
     parse.add_argument("--every", type=int, default=1)
     args = parse.parse_args()
-    torch.set_num_threads(2)
+    torch.set_num_threads(1)
     model, scenes = load(args.model), Scenes(args.data)
     found = {"ideal": [], "saturated": []}
     images = range(0, len(scenes.images), args.every)

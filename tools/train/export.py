@@ -15,7 +15,7 @@ import torch
 from onnx import TensorProto, helper, numpy_helper
 from torch import nn
 
-from net import CLASSES, Conv, Detector, EndToEnd
+from net import CLASSES, TOP, Conv, Detector, EndToEnd
 
 
 def fold(module):
@@ -62,6 +62,8 @@ def main():
     )
     graph = onnx.load_from_string(raw.getvalue())
     narrow(graph)
+    for axis, size in zip(graph.graph.output[0].type.tensor_type.shape.dim, (1, TOP, 6)):
+        axis.dim_value = size
     names = "{" + ", ".join(f"{i}: '{name}'" for i, name in enumerate(CLASSES)) + "}"
     facts = {"names": names, "stride": "32", "task": "detect", "license": "Apache-2.0",
              "description": "modulo demo detector, trained on procedural scenes only; not for roads"}

@@ -42,7 +42,7 @@ class Detector(nn.Module):
     """[B,3,H,W] in [0,1] -> raw head [B,5+4,H/4,W/4].
 
     Channels: 5 class logits, then left, top, right, bottom distances from the
-    cell's centre to the box's sides, as softplus-free logarithms of stride units.
+    cell's centre to the box's sides, as logarithms of stride units.
     """
 
     def __init__(self, widths=(16, 32, 56, 88, 112)):
@@ -91,16 +91,18 @@ class EndToEnd(nn.Module):
 
     def forward(self, images):
         raw = self.net(images)
-        width = raw.shape[3]
+        width = torch.as_tensor(raw.shape[3]).to(raw.dtype)
         score = torch.sigmoid(raw[:, :5])
         peak = F.max_pool2d(score, 3, 1, 1)
         score = score * (score >= peak).to(score.dtype)
         best, cls = score.max(1)
-        values, cells = best.reshape(1, -1).topk(TOP, 1)
-        kind = cls.reshape(1, -1).gather(1, cells).to(score.dtype)
-        side = distances(raw[:, 5:]).reshape(1, 4, -1).gather(2, cells.unsqueeze(1).expand(1, 4, TOP))
-        row = torch.div(cells, width, rounding_mode="floor")
-        x = ((cells - row * width).to(score.dtype) + 0.5) * STRIDE
-        y = (row.to(score.dtype) + 0.5) * STRIDE
-        left, top, right, bottom = side[:, 0], side[:, 1], side[:, 2], side[:, 3]
+        spare = (0, TOP)  # so that an image of few cells has its TOP rows too
+        values, cells = F.pad(best.reshape(1, -1), spare).topk(TOP, 1)
+        kind = F.pad(cls.reshape(1, -1).to(score.dtype), spare).gather(1, cells)
+        flat = F.pad(distances(raw[:, 5:]).reshape(1, 4, -1), spare)
+        left, top, right, bottom = (flat[:, side].gather(1, cells) for side in range(4))
+        cell = cells.to(score.dtype)
+        row = torch.floor((cell + 0.5) / width)
+        x = (cell - row * width + 0.5) * STRIDE
+        y = (row + 0.5) * STRIDE
         return torch.stack([x - left, y - top, x + right, y + bottom, values, kind], 2)
