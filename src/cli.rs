@@ -155,7 +155,10 @@ pub struct Eval {
     pub file: PathBuf,
     /// Arguments as name:=value
     pub arguments: Vec<String>,
-    /// Folder for boxes.json, summary.json and, with --images, the streams as PNG
+    /// Source of frames instead of the file's; may be given several times
+    #[arg(long, value_name = "SOURCE")]
+    pub source: Vec<String>,
+    /// Folder for STREAM.json, scores.json, summary.json and, with --images, PNG
     #[arg(short, long, value_name = "FOLDER")]
     pub out: PathBuf,
     /// Write every image that a detector saw as PNG

@@ -1,18 +1,25 @@
 //! Evaluation in lockstep: a source's frames go through the same steps as in a
-//! live run, each once, in order, and every detector's boxes come out.
+//! live run, each once, in order, and every detector's boxes come out and are
+//! scored against the ground truth, where there is one.
 //!
 //! Nothing here goes through a transport or reads a clock; the same frames and
 //! parameters give the same files.
+
+pub mod metric;
+mod write;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use modulo_bags::image_out::{SaveError, save_png};
+use modulo_bags::source::{GroundTruth, from_detections};
 use modulo_core::Detection;
+use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::Message;
 use modulo_runtime::driver::RunError;
 use modulo_runtime::driver::lockstep::{Lockstep, OnTopic};
-use serde_json::{Value, json};
+
+use metric::average_precision::{Scored, by_class, mean};
 
 /// Time between two frames whose source has no stamps, ns.
 const INTERVAL_NS: u64 = 100_000_000;
@@ -64,84 +71,115 @@ pub enum EvalError {
     },
 }
 
-/// Boxes of every frame by stream; a frame without an answer has none.
-pub type Boxes = BTreeMap<String, Vec<Vec<Detection>>>;
+/// What is evaluated, and where its files go.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// The detectors.
+    pub streams: Vec<Stream>,
+    /// Topic of the ground truth.
+    pub truth: Option<String>,
+    /// Whether images are kept.
+    pub images: Images,
+    /// For images and results.
+    pub folder: PathBuf,
+}
 
-/// Drives source `source` of `chain` to its end and collects the boxes of
-/// `streams`, into `folder` as `STREAM.json`:
-/// `{"000000.png": [[x1, y1, x2, y2, score, "class"], ...], ...}`.
-///
-/// # Errors
-/// [`EvalError`] when a step fails or a file cannot be written.
-pub fn run(
-    chain: &mut Lockstep<'_>,
-    source: usize,
-    streams: &[Stream],
-    images: Images,
-    folder: &Path,
-) -> Result<Boxes, EvalError> {
-    prepare_folders(streams, images, folder)?;
-    let mut boxes: Boxes = streams.iter().map(|s| (s.name.clone(), Vec::new())).collect();
-    for number in 0.. {
-        let Some(out) = chain.tick(source, number * INTERVAL_NS)? else { break };
-        for stream in streams {
-            let found = boxes.entry(stream.name.clone()).or_default();
-            found.push(detections(&out, &stream.detections));
-            if images == Images::Save {
-                save(&out, stream, folder, number)?;
+/// Boxes and truth of every frame so far; a frame without an answer has none.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Evaluation {
+    /// Boxes by stream, a list a frame.
+    pub boxes: BTreeMap<String, Vec<Vec<Detection>>>,
+    /// Objects of each frame; `None` where nobody labelled it.
+    pub truth: Vec<Option<Vec<GroundTruth>>>,
+}
+
+/// AP50 of one stream.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Score {
+    /// Mean over classes.
+    pub ap50: f64,
+    /// AP50 and number of objects by class.
+    pub classes: BTreeMap<String, (f64, usize)>,
+}
+
+impl Evaluation {
+    /// Drives source `source` of `chain` to its end and adds its frames.
+    ///
+    /// # Errors
+    /// [`EvalError`] when a step fails or an image cannot be written.
+    pub fn add(&mut self, chain: &mut Lockstep<'_>, source: usize, plan: &Plan) -> Result<(), EvalError> {
+        let images = plan.streams.iter().filter(|_| plan.images == Images::Save);
+        for folder in images.map(|s| plan.folder.join(&s.name)).chain([plan.folder.clone()]) {
+            std::fs::create_dir_all(&folder).map_err(|why| EvalError::File { path: folder, why })?;
+        }
+        for tick in 0.. {
+            let Some(out) = chain.tick(source, tick * INTERVAL_NS)? else { break };
+            self.add_frame(&out, plan)?;
+        }
+        Ok(())
+    }
+
+    fn add_frame(&mut self, out: &[OnTopic], plan: &Plan) -> Result<(), EvalError> {
+        let number = self.truth.len();
+        for stream in &plan.streams {
+            let arrays = arrays(out, &stream.detections);
+            let found = arrays.flat_map(|a| a.detections.iter().filter_map(|d| d.to_detection())).collect();
+            self.boxes.entry(stream.name.clone()).or_default().push(found);
+            if plan.images == Images::Save {
+                save(out, stream, &plan.folder, number)?;
             }
         }
+        let truth = plan.truth.as_deref().and_then(|topic| arrays(out, topic).next());
+        self.truth.push(truth.map(from_detections));
+        Ok(())
     }
-    for (name, frames) in &boxes {
-        write(&folder.join(format!("{name}.json")), &as_json(frames))?;
+
+    /// AP50 by stream over the frames that have a truth.
+    pub fn scores(&self) -> BTreeMap<String, Score> {
+        let score = |(stream, frames): (&String, &Vec<Vec<Detection>>)| {
+            let labelled = frames.iter().zip(&self.truth);
+            let scored: Vec<Scored> =
+                labelled.filter_map(|(found, truth)| Some((found.clone(), truth.clone()?))).collect();
+            let classes = by_class(&scored);
+            Some((stream.clone(), Score { ap50: mean(&classes)?, classes }))
+        };
+        self.boxes.iter().filter_map(score).collect()
     }
-    Ok(boxes)
+
+    /// Writes `STREAM.json` for each stream, one line a frame:
+    /// `{"000000.png": [[x1, y1, x2, y2, score, "class"], ...], ...}`, and, when
+    /// there is a truth, `scores.json`.
+    ///
+    /// # Errors
+    /// [`EvalError::File`] when one cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<(), EvalError> {
+        let file = |name: String, text: String| {
+            let path = folder.join(name);
+            std::fs::write(&path, text).map_err(|why| EvalError::File { path, why })
+        };
+        for (name, frames) in &self.boxes {
+            file(format!("{name}.json"), write::boxes(frames))?;
+        }
+        let scores = self.scores();
+        if scores.is_empty() {
+            return Ok(());
+        }
+        file("scores.json".to_owned(), write::scores(&scores))
+    }
 }
 
-fn prepare_folders(streams: &[Stream], images: Images, folder: &Path) -> Result<(), EvalError> {
-    let all = streams.iter().map(|s| folder.join(&s.name)).filter(|_| images == Images::Save);
-    for path in all.chain([folder.to_owned()]) {
-        std::fs::create_dir_all(&path).map_err(|why| EvalError::File { path, why })?;
-    }
-    Ok(())
+fn arrays<'a>(out: &'a [OnTopic], topic: &'a str) -> impl Iterator<Item = &'a Detection2DArray> {
+    out.iter().filter(move |(name, _)| name == topic).filter_map(|(_, message)| match message {
+        Message::Detections(array) => Some(&**array),
+        _ => None,
+    })
 }
 
-fn detections(out: &[OnTopic], topic: &str) -> Vec<Detection> {
-    let arrays = out.iter().filter(|(name, _)| name == topic);
-    arrays
-        .filter_map(|(_, message)| match message {
-            Message::Detections(array) => Some(array),
-            _ => None,
-        })
-        .flat_map(|array| array.detections.iter().filter_map(|d| d.to_detection()))
-        .collect()
-}
-
-fn save(out: &[OnTopic], stream: &Stream, folder: &Path, number: u64) -> Result<(), EvalError> {
+fn save(out: &[OnTopic], stream: &Stream, folder: &Path, number: usize) -> Result<(), EvalError> {
     for (_, message) in out.iter().filter(|(topic, _)| *topic == stream.images) {
         if let Message::Image(image) = message {
-            save_png(&folder.join(&stream.name).join(file_name(number)), &image.frame)?;
+            save_png(&folder.join(&stream.name).join(write::file_name(number)), &image.frame)?;
         }
     }
     Ok(())
-}
-
-fn file_name(number: u64) -> String {
-    format!("{number:06}.png")
-}
-
-/// One line a frame, so that two runs can be compared with `diff`.
-fn as_json(frames: &[Vec<Detection>]) -> String {
-    let row =
-        |d: &Detection| -> Value { json!([d.bbox.x1, d.bbox.y1, d.bbox.x2, d.bbox.y2, d.score, d.class]) };
-    let line = |(number, frame): (usize, &Vec<Detection>)| {
-        let rows: Vec<Value> = frame.iter().map(row).collect();
-        format!("  \"{}\": {}", file_name(number as u64), Value::Array(rows))
-    };
-    let lines: Vec<String> = frames.iter().enumerate().map(line).collect();
-    format!("{{\n{}\n}}\n", lines.join(",\n"))
-}
-
-fn write(path: &Path, text: &str) -> Result<(), EvalError> {
-    std::fs::write(path, text).map_err(|why| EvalError::File { path: path.to_owned(), why })
 }

@@ -1,61 +1,108 @@
 //! `modulo eval FILE`: a launch file's nodes in lockstep.
 
+use std::path::Path;
+
 use anyhow::{Context, anyhow};
-use modulo_eval::{Images, Stream};
+use modulo_eval::{Evaluation, Images, Plan, Score, Stream};
 use modulo_launch::Summary;
 use modulo_runtime::driver::lockstep::Lockstep;
-use modulo_runtime::{MessageKind, Node, Place, SystemClock};
+use modulo_runtime::{MessageKind, Node, NodeReport, Place, SystemClock};
 
 use super::launch::prepare;
 use super::{pairs, start_log, usage};
 use crate::cli::Eval;
 use crate::{Ended, Failure};
 
-/// Runs every frame of the file's camera through its nodes and writes the boxes.
+/// Runs every frame of the file's camera, or of each `--source`, through its
+/// nodes, and writes boxes and scores.
 pub fn eval(args: &Eval) -> Result<Ended, Failure> {
     start_log(Some("warn"));
-    let plan = modulo_launch::resolve(&args.file, &pairs(&args.arguments)?).map_err(usage)?;
-    let nodes = modulo_launch::compose(&plan).map_err(usage)?;
-    let mut made: Vec<(Box<dyn Node>, Place)> = Vec::new();
-    for node in &nodes {
-        let (kind, place, parameters) = prepare(node).map_err(usage)?;
-        let step = kind.make(&parameters).with_context(|| place.fully_qualified()).map_err(usage)?;
-        made.push((step, place));
+    let arguments = pairs(&args.arguments)?;
+    let mut evaluation = Evaluation::default();
+    let mut reports = Vec::new();
+    if args.source.is_empty() {
+        reports = run(args, &arguments, &mut evaluation)?;
     }
-    let source = made.iter().position(|(node, _)| node.period().is_some());
-    let source = source.with_context(|| format!("{}: no node is a source of frames", args.file.display()));
-    let source = source.map_err(usage)?;
-    let streams = streams(&made)?;
-    let images = if args.images { Images::Save } else { Images::Discard };
-
-    let timer = SystemClock::default();
-    let mut recorded: Vec<String> = streams.iter().map(|s| s.detections.clone()).collect();
-    if images == Images::Save {
-        recorded.extend(streams.iter().map(|s| s.images.clone()));
+    for source in &args.source {
+        let arguments = [arguments.clone(), vec![("source".to_owned(), source.clone())]].concat();
+        reports.extend(run(args, &arguments, &mut evaluation)?);
     }
-    let mut chain = Lockstep::new(&timer, recorded);
-    for (node, place) in made {
-        chain.add(node, &place)?;
-    }
-    modulo_eval::run(&mut chain, source, &streams, images, &args.out)?;
-    let summary = Summary::new(&chain.finish(), []);
+    evaluation.write(&args.out)?;
+    let summary = Summary::new(&reports, []);
     print!("{summary}");
+    evaluation.scores().iter().for_each(|(stream, score)| print_score(stream, score));
     summary.write(&args.out.join("summary.json"))?;
     Ok(if summary.lost() { Ended::WithLoss } else { Ended::Done })
 }
 
+fn print_score(stream: &str, score: &Score) {
+    let classes: Vec<_> = score.classes.iter().map(|(c, (ap, n))| format!("{c} {ap:.3} ({n})")).collect();
+    println!("AP50 on {stream}: {:.3}; {}", score.ap50, classes.join(", "));
+}
+
+fn run(
+    args: &Eval,
+    arguments: &[(String, String)],
+    evaluation: &mut Evaluation,
+) -> Result<Vec<NodeReport>, Failure> {
+    let made = nodes(&args.file, arguments)?;
+    let source = made.iter().position(|(node, _)| node.period().is_some());
+    let source = source.with_context(|| format!("{}: no node is a source of frames", args.file.display()));
+    let source = source.map_err(usage)?;
+    let plan = Plan {
+        streams: streams(&made)?,
+        truth: topic_of(&made[source].0.outputs(), MessageKind::Detections, &made[source].1)?,
+        images: if args.images { Images::Save } else { Images::Discard },
+        folder: args.out.clone(),
+    };
+    let mut recorded: Vec<String> = plan.streams.iter().map(|s| s.detections.clone()).collect();
+    recorded.extend(plan.truth.clone());
+    if plan.images == Images::Save {
+        recorded.extend(plan.streams.iter().map(|s| s.images.clone()));
+    }
+    let timer = SystemClock::default();
+    let mut chain = Lockstep::new(&timer, recorded);
+    for (node, place) in made {
+        chain.add(node, &place)?;
+    }
+    evaluation.add(&mut chain, source, &plan)?;
+    Ok(chain.finish())
+}
+
+type Made = Vec<(Box<dyn Node>, Place)>;
+
+fn nodes(file: &Path, arguments: &[(String, String)]) -> Result<Made, Failure> {
+    let plan = modulo_launch::resolve(file, arguments).map_err(usage)?;
+    let nodes = modulo_launch::compose(&plan).map_err(usage)?;
+    let make = |node| {
+        let (kind, place, parameters) = prepare(node)?;
+        let step = kind.make(&parameters).with_context(|| place.fully_qualified())?;
+        Ok((step, place))
+    };
+    nodes.iter().map(make).collect::<anyhow::Result<_>>().map_err(usage)
+}
+
 /// The image and box topics of every node that turns images into boxes.
-fn streams(made: &[(Box<dyn Node>, Place)]) -> Result<Vec<Stream>, Failure> {
+fn streams(made: &Made) -> Result<Vec<Stream>, Failure> {
     let mut streams = Vec::new();
     for (node, place) in made {
-        let input = node.inputs().into_iter().find(|t| t.kind == MessageKind::Image);
-        let output = node.outputs().into_iter().find(|t| t.kind == MessageKind::Detections);
-        if let (Some(input), Some(output)) = (input, output) {
-            streams.push(Stream::new(&place.resolve(&input.name)?, &place.resolve(&output.name)?));
+        let images = topic_of(&node.inputs(), MessageKind::Image, place)?;
+        let boxes = topic_of(&node.outputs(), MessageKind::Detections, place)?;
+        if let (Some(images), Some(boxes)) = (images, boxes) {
+            streams.push(Stream::new(&images, &boxes));
         }
     }
     if streams.is_empty() {
         return Err(usage(anyhow!("no node of the launch file turns images into boxes")));
     }
     Ok(streams)
+}
+
+fn topic_of(
+    topics: &[modulo_runtime::Topic],
+    kind: MessageKind,
+    place: &Place,
+) -> Result<Option<String>, Failure> {
+    let topic = topics.iter().find(|topic| topic.kind == kind);
+    Ok(topic.map(|topic| place.resolve(&topic.name)).transpose()?)
 }

@@ -6,6 +6,7 @@ mod launch;
 mod param;
 mod run;
 
+use std::io::IsTerminal;
 use std::sync::Arc;
 
 use anyhow::{Context, anyhow};
@@ -39,7 +40,10 @@ fn start_log(level: Option<&str>) {
         level.unwrap_or("info")
     );
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
-    let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
+    let log = tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal());
     // Fails only when a log was started before, which then goes on.
     let _ = log.with_target(false).try_init();
 }

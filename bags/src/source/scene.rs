@@ -1,5 +1,5 @@
 //! [`SceneSource`]: frames of the suite's own procedural scene, with exact
-//! ground truth. It never ends by itself.
+//! ground truth. It ends after the frames that its address gives, or never.
 
 use modulo_core::scene::{SceneObject, SceneSpec};
 
@@ -12,7 +12,7 @@ pub struct SceneSource {
 }
 
 impl SceneSource {
-    /// The scene of `scene://PRESET?seed=N&width=W&height=H`.
+    /// The scene of `scene://PRESET?seed=N&frames=N&width=W&height=H`.
     ///
     /// # Errors
     /// [`SourceError::Scene`] for what is no scene.
@@ -23,6 +23,9 @@ impl SceneSource {
 
 impl Source for SceneSource {
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
+        if self.len().is_some_and(|frames| self.frame as usize >= frames) {
+            return None;
+        }
         let rendered = self.spec.scene().render(self.frame, self.spec.height, self.spec.width);
         let name = format!("{:06}", self.frame);
         self.frame = self.frame.wrapping_add(1);
@@ -36,7 +39,7 @@ impl Source for SceneSource {
     }
 
     fn len(&self) -> Option<usize> {
-        None
+        Some(self.spec.frames as usize).filter(|frames| *frames > 0)
     }
 
     fn rewind(&mut self) -> Result<(), SourceError> {
@@ -45,11 +48,12 @@ impl Source for SceneSource {
     }
 }
 
-/// Occlusion in KITTI's three steps; half hidden is where the second ends.
+/// What is hidden, by other objects or by the border, in KITTI's three steps;
+/// half hidden is where the second ends.
 fn label(object: &SceneObject) -> GroundTruth {
-    let occluded = match object.occlusion {
-        o if o < 0.1 => 0,
-        o if o <= 0.5 => 1,
+    let occluded = match object.occlusion + object.truncation {
+        hidden if hidden < 0.1 => 0,
+        hidden if hidden <= 0.5 => 1,
         _ => 2,
     };
     GroundTruth {
@@ -66,13 +70,15 @@ mod tests {
 
     #[test]
     fn frames_follow_each_other_and_start_again() {
-        let mut source = SceneSource::open("scene://day?seed=3&width=96&height=32").expect("a scene");
-        let mut next = || source.next().expect("endless").expect("a frame");
+        let mut source =
+            SceneSource::open("scene://day?seed=3&width=96&height=32&frames=2").expect("a scene");
+        let mut next = || source.next().expect("not over").expect("a frame");
         let (first, second) = (next(), next());
         assert_eq!(first.radiance.dim(), (32, 96, 3));
         assert_ne!(first.radiance, second.radiance);
+        assert!(source.next().is_none(), "two frames were asked for");
         source.rewind().expect("nothing to fail");
-        assert_eq!(source.next().expect("endless").expect("a frame"), first);
+        assert_eq!(source.next().expect("not over").expect("a frame"), first);
     }
 
     #[test]

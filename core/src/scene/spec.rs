@@ -1,4 +1,4 @@
-//! A scene's address: `scene://glare?seed=3&width=640&height=192`.
+//! A scene's address: `scene://glare?seed=3&frames=60&width=640&height=192`.
 //!
 //! The scheme may be left out. Nothing here renders.
 
@@ -8,7 +8,7 @@ use std::str::FromStr;
 /// Largest side of a rendered image, px.
 const LARGEST: usize = 8192;
 
-/// What to render: a preset, a seed and a size.
+/// What to render: a preset, a seed, a size and how long.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SceneSpec {
     /// The kind of light and place.
@@ -19,6 +19,8 @@ pub struct SceneSpec {
     pub width: usize,
     /// Rows, 1 to 8192; 192 when not given.
     pub height: usize,
+    /// Frames until it ends; endless when not given or 0.
+    pub frames: u32,
 }
 
 /// Why a text is no scene.
@@ -31,7 +33,7 @@ pub enum SpecError {
     #[error("scene preset '{0}' is unknown, day, glare, tunnel and night are known")]
     Preset(String),
     /// An unknown option.
-    #[error("scene option '{0}' is unknown, seed, width and height are known")]
+    #[error("scene option '{0}' is unknown, seed, width, height and frames are known")]
     Option(String),
     /// A value that is not allowed.
     #[error("scene option {name} is '{value}', {allowed} is allowed")]
@@ -73,13 +75,14 @@ impl FromStr for SceneSpec {
         let (name, options) = rest.split_once('?').unwrap_or((rest, ""));
         let known = Preset::ALL.into_iter().find(|p| p.name() == name);
         let preset = known.ok_or_else(|| SpecError::Preset(name.to_owned()))?;
-        let mut spec = Self { preset, seed: 0, width: 640, height: 192 };
+        let mut spec = Self { preset, seed: 0, width: 640, height: 192, frames: 0 };
         for option in options.split('&').filter(|o| !o.is_empty()) {
             let (name, value) = option.split_once('=').unwrap_or((option, ""));
             match name {
                 "seed" => spec.seed = number(name, value, "a whole number from 0")?,
                 "width" => spec.width = side(name, value)?,
                 "height" => spec.height = side(name, value)?,
+                "frames" => spec.frames = number(name, value, "a whole number from 0")?,
                 _ => return Err(SpecError::Option(name.to_owned())),
             }
         }
@@ -107,17 +110,21 @@ mod tests {
 
     #[test]
     fn reads_addresses() {
-        let full = Scene::parse("scene://glare?seed=3&width=320&height=96").unwrap();
-        assert_eq!(full, SceneSpec { preset: Preset::Glare, seed: 3, width: 320, height: 96 });
+        let full = Scene::parse("scene://glare?seed=3&width=320&height=96&frames=9").unwrap();
+        let expected = SceneSpec { preset: Preset::Glare, seed: 3, width: 320, height: 96, frames: 9 };
+        assert_eq!(full, expected);
         let short = Scene::parse("night").unwrap();
-        assert_eq!(short, SceneSpec { preset: Preset::Night, seed: 0, width: 640, height: 192 });
+        assert_eq!(short, SceneSpec { preset: Preset::Night, seed: 0, width: 640, height: 192, frames: 0 });
     }
 
     #[test]
     fn errors_name_the_part_and_what_is_allowed() {
         let says = |text: &str| Scene::parse(text).unwrap_err().to_string();
         assert_eq!(says("fog"), "scene preset 'fog' is unknown, day, glare, tunnel and night are known");
-        assert_eq!(says("day?size=3"), "scene option 'size' is unknown, seed, width and height are known");
+        assert_eq!(
+            says("day?size=3"),
+            "scene option 'size' is unknown, seed, width, height and frames are known"
+        );
         assert_eq!(
             says("day?width=0"),
             "scene option width is '0', a whole number from 1 to 8192 is allowed"

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use super::resolve::{identity, included};
+use super::resolve::{absolute, identity, included};
 use super::scope::Scope;
 use super::value::argument_value;
 use crate::action::{self, Action, Kind, LaunchFile};
@@ -29,7 +29,7 @@ pub struct DeclaredArgument {
 /// # Errors
 /// As [`super::resolve`], for what cannot be read.
 pub fn declared_arguments(file: &Path) -> Result<Vec<DeclaredArgument>, LaunchError> {
-    declared(file, &[])
+    declared(&absolute(file), &[])
 }
 
 /// The same when `arguments` are given: the path of an included file may depend

@@ -20,6 +20,7 @@ use crate::substitution::truth;
 /// for an argument that no file declares, [`LaunchError::File`] when a file
 /// cannot be read.
 pub fn resolve(file: &Path, arguments: &[(String, String)]) -> Result<Plan, LaunchError> {
+    let file = &absolute(file);
     let declared = arguments::declared(file, arguments)?;
     if let Some((name, _)) = arguments.iter().find(|(name, _)| declared.iter().all(|d| d.name != *name)) {
         let known = arguments::known(&declared);
@@ -35,6 +36,12 @@ pub fn resolve(file: &Path, arguments: &[(String, String)]) -> Result<Plan, Laun
     };
     resolver.all(&launch_file.path, &launch_file.actions)?;
     Ok(resolver.plan)
+}
+
+/// The outermost file's path: `$(dirname)` is absolute in ROS, so that it means
+/// the same in an included file.
+pub(super) fn absolute(file: &Path) -> PathBuf {
+    std::path::absolute(file).unwrap_or_else(|_| file.to_owned())
 }
 
 /// The path by which a file is recognised when it includes itself.

@@ -87,3 +87,10 @@ fn all_run_in_one_process() {
         assert_eq!(compose(&plan).map(|nodes| nodes.len()), Ok(plan.nodes.len()));
     }
 }
+
+/// `$(dirname)` of a file given by a relative path was joined to it twice.
+#[test]
+fn a_relative_path_finds_what_the_file_includes() {
+    let path = Path::new("../launch/recovered.launch.yaml");
+    assert_eq!(names(&resolve(path, &[]).expect("resolves")), ["detector", "unwrap", "modulo_camera"]);
+}

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use modulo_core::Detection;
+use modulo_msgs::std_msgs::Time;
 use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray};
 use modulo_runtime::{
     Context, Cue, Flow, Message, MessageKind, Node, Parameters, Refusal, StampedFrame, StepError, Topic,
@@ -58,6 +60,7 @@ impl Detector {
             cx.emit(ANNOTATED, Message::Image(Arc::new(image)));
         }
         let header = &image.header;
+        tracing::info!("{}", line(image.header.stamp, &found));
         let detections =
             found.iter().map(|detection| Detection2D::from_detection(detection, header)).collect();
         let array = Detection2DArray { header: header.clone(), detections };
@@ -71,6 +74,15 @@ impl Detector {
             (size, _) => size.to_string(),
         }
     }
+}
+
+/// One line a frame for the log: stamp, count, class score (x1 y1 x2 y2) px.
+fn line(stamp: Time, found: &[Detection]) -> String {
+    let boxes = found.iter().map(|Detection { bbox: b, score, class }| {
+        format!("{class} {score:.2} ({:.0} {:.0} {:.0} {:.0})", b.x1, b.y1, b.x2, b.y2)
+    });
+    let boxes = boxes.collect::<Vec<_>>().join(", ");
+    format!("{}.{:09} {} boxes: {boxes}", stamp.sec, stamp.nanosec, found.len())
 }
 
 fn warm_up(engine: &mut dyn Engine, size: InputSize) -> Result<(), EngineError> {

@@ -1,9 +1,10 @@
 //! The wire: the suite's nodes on a zenoh session, speaking the rmw_zenoh
 //! convention. The only file that names zenoh.
 //!
-//! Sessions of one machine find each other without a router: each tries to
-//! listen on one loopback port of the domain, and all connect to it. A router
-//! on port 7447 is used when there is one.
+//! Sessions of one machine find each other without a router: the first one
+//! listens on a loopback port of the domain, all others connect to it and learn
+//! of each other there. When it ends, the next new session takes its place. A
+//! router on port 7447 is used when there is one.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
@@ -75,7 +76,7 @@ impl ZenohTransport {
     /// [`TransportError`] with what zenoh says.
     pub fn open(domain: u32, clock: Arc<dyn Clock>) -> Result<Self, TransportError> {
         let failed = |why: zenoh::Error| TransportError::new(format!("zenoh session, domain {domain}"), why);
-        let session = zenoh::open(configuration(domain)?).wait().map_err(failed)?;
+        let session = open_session(domain)?;
         let graph = Arc::new(Mutex::new(Graph::default()));
         let watch = session
             .liveliness()
@@ -401,13 +402,40 @@ impl Gaps {
     }
 }
 
-fn configuration(domain: u32) -> Result<Config, TransportError> {
+/// What a session is to the others of its machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Role {
+    /// Listens on the meeting port.
+    Host,
+    /// Connects to it, again and again if it must.
+    Guest,
+}
+
+fn open_session(domain: u32) -> Result<Session, TransportError> {
+    let open = |role| {
+        let opened = zenoh::open(configuration(domain, role)?).wait();
+        opened.map_err(|why| TransportError::new(format!("zenoh session, domain {domain}"), why))
+    };
+    // Another session may take the port between the look and the opening; the
+    // operating system lets one of them have it.
+    let free = std::net::TcpListener::bind(("127.0.0.1", meeting_port(domain))).is_ok();
+    if free && let Ok(session) = open(Role::Host) {
+        return Ok(session);
+    }
+    open(Role::Guest)
+}
+
+fn meeting_port(domain: u32) -> u16 {
+    u16::try_from(domain).unwrap_or(u16::MAX).saturating_add(MEETING_PORT)
+}
+
+fn configuration(domain: u32, role: Role) -> Result<Config, TransportError> {
     let mut config = match std::env::var("ZENOH_SESSION_CONFIG_URI") {
         Ok(path) => Config::from_file(&path)
             .map_err(|why| TransportError::new(format!("ZENOH_SESSION_CONFIG_URI = {path}"), why))?,
         Err(_) => {
             let mut config = Config::default();
-            for (key, value) in defaults(domain) {
+            for (key, value) in defaults(domain, role) {
                 insert(&mut config, key, &value)?;
             }
             config
@@ -432,17 +460,23 @@ fn insert(config: &mut Config, key: &str, value: &str) -> Result<(), TransportEr
 /// rmw_zenoh's session, plus the meeting port, plus queues that hold a whole
 /// image: with zenoh's default of two batches a 1.4 MB image is dropped as soon
 /// as its reader is a millisecond late.
-fn defaults(domain: u32) -> Vec<(&'static str, String)> {
-    let meeting = u32::from(MEETING_PORT).saturating_add(domain).min(u32::from(u16::MAX));
+fn defaults(domain: u32, role: Role) -> Vec<(&'static str, String)> {
+    let meeting = format!("\"tcp/127.0.0.1:{}\"", meeting_port(domain));
+    let (listen, connect) = match role {
+        Role::Host => (format!(", {meeting}"), String::new()),
+        Role::Guest => (String::new(), format!(", {meeting}")),
+    };
     vec![
         ("mode", "\"peer\"".into()),
-        ("connect/endpoints", format!("[\"tcp/127.0.0.1:7447\", \"tcp/127.0.0.1:{meeting}\"]")),
+        ("connect/endpoints", format!("[\"tcp/127.0.0.1:7447\"{connect}]")),
         ("connect/timeout_ms", "-1".into()),
         ("connect/exit_on_failure", "false".into()),
         ("connect/retry", "{ period_init_ms: 100, period_max_ms: 1000, period_increase_factor: 2 }".into()),
-        ("listen/endpoints", format!("[\"tcp/127.0.0.1:0\", \"tcp/127.0.0.1:{meeting}\"]")),
-        ("listen/exit_on_failure", "false".into()),
+        ("listen/endpoints", format!("[\"tcp/127.0.0.1:0\"{listen}]")),
+        ("listen/exit_on_failure", "true".into()),
         ("listen/timeout_ms", "0".into()),
+        // Nobody else has to be there.
+        ("open/return_conditions/connect_scouted", "false".into()),
         ("scouting/multicast/enabled", "false".into()),
         ("scouting/gossip/enabled", "true".into()),
         ("timestamping/enabled", "true".into()),

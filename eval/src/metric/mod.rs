@@ -1,0 +1,3 @@
+//! What is counted, one file a metric.
+
+pub mod average_precision;
