@@ -14,7 +14,7 @@ const FLOORS: [&[&str]; 7] = [
     &["modulo-bags"],
     &["modulo-runtime"],
     &["modulo-msgs"],
-    &["modulo-core"],
+    &["modulo-core", "modulo-models"],
 ];
 
 fn floor_of(name: &str) -> Option<usize> {
