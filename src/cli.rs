@@ -30,6 +30,11 @@ pub enum Command {
     /// Read and set parameters of running nodes
     #[command(subcommand)]
     Param(Param),
+    /// Fetch official detection models, check any
+    #[command(subcommand)]
+    Model(Model),
+    /// Say which engine is used, how to get the faster one and how nodes meet
+    Doctor,
 }
 
 /// `modulo launch`
@@ -190,6 +195,52 @@ pub enum Param {
         /// New value
         value: String,
     },
+}
+
+/// `modulo model`
+#[derive(Subcommand)]
+pub enum Model {
+    /// Download an official YOLOv10 export, checked by sha256 (weights: AGPL-3.0)
+    Fetch(ModelFetch),
+    /// Say what a model takes and gives, on which engine, and how fast it is
+    Check(ModelCheck),
+}
+
+/// `modulo model fetch`
+#[derive(Args)]
+pub struct ModelFetch {
+    /// yolov10n, yolov10s, yolov10m, yolov10b, yolov10l or yolov10x
+    pub name: String,
+    /// Folder for NAME.onnx
+    #[arg(short, long, value_name = "FOLDER", default_value = "./")]
+    pub out: PathBuf,
+    /// Another address of the file, such as a mirror's
+    #[arg(long)]
+    pub url: Option<String>,
+    /// sha256 that the file must have, instead of the one known here
+    #[arg(long, value_name = "HEX")]
+    pub sha256: Option<String>,
+}
+
+/// `modulo model check`
+#[derive(Args)]
+pub struct ModelCheck {
+    /// ONNX file
+    pub file: PathBuf,
+    /// Inference engine
+    #[arg(long, value_enum, default_value_t = ModelEngine::Auto)]
+    pub engine: ModelEngine,
+}
+
+/// Inference engine of `modulo model check`.
+#[derive(Clone, Copy, ValueEnum)]
+pub enum ModelEngine {
+    /// ONNX Runtime where its library is found, else rten
+    Auto,
+    /// ONNX Runtime
+    Ort,
+    /// rten, built in
+    Rten,
 }
 
 /// Reads the command line. A link named after a node runs that node.

@@ -1,8 +1,10 @@
 //! One file a subcommand.
 
 mod bag;
+mod doctor;
 mod eval;
 mod launch;
+mod model;
 mod param;
 mod run;
 
@@ -25,6 +27,8 @@ pub fn dispatch(command: Command) -> Result<Ended, Failure> {
         Command::Bag(args) => bag::bag(&args),
         Command::Eval(args) => eval::eval(&args),
         Command::Param(args) => param::param(&args),
+        Command::Model(args) => model::model(&args),
+        Command::Doctor => doctor::doctor(),
     }
 }
 

@@ -20,8 +20,8 @@ mod parameter;
 mod post;
 mod pre;
 
-pub use engine::{EngineChoice, EngineError};
+pub use engine::{EngineChoice, EngineError, onnxruntime_library, onnxruntime_places};
 pub use error::DetectorError;
-pub use model::{ModelInfo, describe};
+pub use model::{ModelInfo, Speed, describe, measure};
 pub use node::Detector;
 pub use parameter::declare;

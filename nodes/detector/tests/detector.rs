@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use modulo_core::Frame;
-use modulo_detector::{Detector, EngineChoice, declare, describe};
+use modulo_detector::{Detector, EngineChoice, declare, describe, measure};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::{
@@ -255,4 +255,32 @@ fn broken_model_files_are_refused_or_work() {
     }
     std::fs::write(&model, &whole[..whole.len() / 2]).expect("written");
     assert!(refusal(&model, &[]).contains("cannot load"));
+}
+
+/// A clock on which every look takes longer than the one before.
+#[derive(Default)]
+struct Slower(std::sync::atomic::AtomicU64);
+
+impl modulo_runtime::Clock for Slower {
+    fn now_ns(&self) -> u64 {
+        0
+    }
+
+    fn ticks_ns(&self) -> u64 {
+        let looks = self.0.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        looks * looks
+    }
+}
+
+#[test]
+fn speed_is_the_median_run_at_each_size() {
+    let runs = std::num::NonZeroUsize::new(3).expect("not zero");
+    let timed = |file: &str, sizes: &[(usize, usize)]| {
+        let speeds =
+            measure(&data(file), EngineChoice::Rten, 1, sizes, runs, &Slower::default()).expect("runs");
+        speeds.iter().map(|speed| (speed.height, speed.width, speed.median_ns)).collect::<Vec<_>>()
+    };
+    // Looks 0 to 5 are at 0, 1, 4, 9, 16, 25: the runs take 1, 5, 9; then 13, 17, 21.
+    assert_eq!(timed("rows.onnx", &[(64, 96), (128, 128)]), [(64, 96, 5), (128, 128, 17)]);
+    assert_eq!(timed("static_96x64.onnx", &[(192, 640), (384, 1248)]), [(64, 96, 5)], "it takes no other");
 }

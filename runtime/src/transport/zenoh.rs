@@ -425,7 +425,8 @@ fn open_session(domain: u32) -> Result<Session, TransportError> {
     open(Role::Guest)
 }
 
-fn meeting_port(domain: u32) -> u16 {
+/// The loopback port on which the sessions of `domain` meet.
+pub fn meeting_port(domain: u32) -> u16 {
     u16::try_from(domain).unwrap_or(u16::MAX).saturating_add(MEETING_PORT)
 }
 

@@ -9,7 +9,7 @@ mod rten;
 
 use std::fmt;
 use std::num::NonZeroUsize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use ndarray::{Array2, ArrayView4};
 
@@ -136,6 +136,20 @@ pub struct Opened {
     pub engine: Box<dyn Engine>,
     /// The library used, or why `auto` took rten.
     pub note: String,
+}
+
+/// Where the ONNX Runtime library lies that `auto` takes.
+///
+/// # Errors
+/// [`EngineError::NoLibrary`]: `auto` takes rten.
+pub fn onnxruntime_library() -> Result<String, EngineError> {
+    onnxruntime::library().map(|found| found.place)
+}
+
+/// The places where ONNX Runtime is looked for, in order; one without a folder
+/// is left to the system's loader.
+pub fn onnxruntime_places() -> Vec<PathBuf> {
+    library::places_here()
 }
 
 /// Loads `model` with the engine asked for. `auto` falls back to rten when no

@@ -3,7 +3,7 @@
 //! The library is loaded at run time, once a process, and never downloaded.
 
 use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
 use ndarray::{Array2, ArrayView4, Ix3};
@@ -38,10 +38,8 @@ pub fn library() -> Result<Library, EngineError> {
     if let Some(library) = loaded.as_ref() {
         return Ok(library.clone());
     }
-    let variable = std::env::var_os("ORT_DYLIB_PATH").map(PathBuf::from);
-    let program = std::env::current_exe().ok();
     let mut looked = Vec::new();
-    for place in library::places(variable, program.as_deref()) {
+    for place in library::places_here() {
         match load(&place) {
             Ok(environment) => {
                 let library = Library { environment, place: place.display().to_string() };

@@ -3,12 +3,14 @@
 //! No engine is named here: engines bring a [`Signature`], this judges it.
 
 mod names;
+mod speed;
 
 use std::fmt;
 use std::num::NonZeroUsize;
 use std::path::Path;
 
 pub use names::Names;
+pub use speed::{Speed, measure};
 
 use crate::engine::{self, EngineChoice, EngineError, Signature};
 use crate::error::DetectorError;

@@ -1,0 +1,84 @@
+//! `modulo model`: fetch an official export, check any model.
+
+use std::num::NonZeroUsize;
+use std::path::Path;
+
+use anyhow::Context;
+use indicatif::{ProgressBar, ProgressStyle};
+use modulo_detector::{EngineChoice, ModelInfo, describe, measure};
+use modulo_models::{Fetched, LICENCE, Request, fetch, official};
+use modulo_runtime::SystemClock;
+
+use super::{start_log, usage};
+use crate::cli::{Model, ModelCheck, ModelEngine, ModelFetch};
+use crate::{Ended, Failure};
+
+/// (height, width) at which speed is measured: the scenes' and KITTI's, padded.
+const SIZES: [(usize, usize); 2] = [(192, 640), (384, 1248)];
+const RUNS: NonZeroUsize = NonZeroUsize::MIN.saturating_add(19);
+/// Class names that are shown.
+const SHOWN: usize = 8;
+
+/// Runs one of the model commands.
+pub fn model(args: &Model) -> Result<Ended, Failure> {
+    start_log(Some("warn"));
+    match args {
+        Model::Fetch(args) => fetch_official(args),
+        Model::Check(args) => check(args),
+    }
+}
+
+fn fetch_official(args: &ModelFetch) -> Result<Ended, Failure> {
+    let model = official(&args.name).map_err(usage)?;
+    let (bytes, sha256) = model.pinned(args.sha256.as_deref()).map_err(usage)?;
+    let url = args.url.clone().unwrap_or_else(|| model.url());
+    let file = args.out.join(model.file_name());
+    eprintln!("{}: the weights are licensed {LICENCE} by their authors, not as this program", model.name);
+    let bar = bar()?;
+    let progress = |got, total: Option<u64>| {
+        if let Some(total) = total {
+            bar.set_length(total);
+        }
+        bar.set_position(got);
+    };
+    let fetched = fetch(&Request { url: &url, file: &file, sha256, bytes }, &progress);
+    bar.finish_and_clear();
+    match fetched? {
+        Fetched::Downloaded => println!("{}", file.display()),
+        Fetched::AlreadyThere => println!("{} (was there already)", file.display()),
+    }
+    Ok(Ended::Done)
+}
+
+/// On standard error; silent where that is no terminal.
+fn bar() -> anyhow::Result<ProgressBar> {
+    let style = "{wide_bar} {bytes}/{total_bytes} {bytes_per_sec} {eta}";
+    Ok(ProgressBar::no_length().with_style(ProgressStyle::with_template(style).context("progress bar")?))
+}
+
+fn check(args: &ModelCheck) -> Result<Ended, Failure> {
+    let engine = match args.engine {
+        ModelEngine::Auto => EngineChoice::Auto,
+        ModelEngine::Ort => EngineChoice::OnnxRuntime,
+        ModelEngine::Rten => EngineChoice::Rten,
+    };
+    let info = describe(&args.file, engine, 0)?;
+    print_info(&args.file, &info);
+    for speed in measure(&args.file, engine, 0, &SIZES, RUNS, &SystemClock::default())? {
+        let ms = speed.median_ns as f64 / 1e6;
+        println!("speed    {ms:.1} ms at {}x{}, median of {RUNS} runs", speed.width, speed.height);
+    }
+    Ok(Ended::Done)
+}
+
+fn print_info(file: &Path, info: &ModelInfo) {
+    let (height, width) =
+        info.size.map_or(("H".into(), "W".into()), |(height, width)| (height.to_string(), width.to_string()));
+    let names = info.classes.iter().take(SHOWN).map(String::as_str).collect::<Vec<_>>().join(", ");
+    let more = if info.classes.len() > SHOWN { ", ..." } else { "" };
+    println!("model    {}", file.display());
+    println!("input    {} [1, 3, {height}, {width}]", info.input);
+    println!("output   {} [1, N, 6]: x1, y1, x2, y2, score, class", info.output);
+    println!("classes  {}: {names}{more}", info.classes.len());
+    println!("engine   {} ({}), {} threads", info.engine, info.note, info.threads);
+}
