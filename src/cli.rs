@@ -166,6 +166,12 @@ pub struct Eval {
     /// Folder for STREAM.json, scores.json, summary.json and, with --images, PNG
     #[arg(short, long, value_name = "FOLDER")]
     pub out: PathBuf,
+    /// Write the messages on --topics into this new bag folder
+    #[arg(long, value_name = "FOLDER", requires = "topics")]
+    pub bag: Option<PathBuf>,
+    /// Topics for --bag
+    #[arg(long, value_name = "TOPIC", num_args = 1.., requires = "bag")]
+    pub topics: Vec<String>,
     /// Write every image that a detector saw as PNG
     #[arg(long)]
     pub images: bool,

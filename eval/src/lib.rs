@@ -6,14 +6,18 @@
 //! parameters give the same files.
 
 pub mod metric;
+mod record;
 mod write;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use modulo_bags::bag::BagError;
 use modulo_bags::image_out::{SaveError, save_png};
+use modulo_bags::record::Recorder;
 use modulo_bags::source::{GroundTruth, from_detections};
 use modulo_core::Detection;
+use modulo_msgs::cdr::CdrError;
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::Message;
 use modulo_runtime::driver::RunError;
@@ -61,6 +65,12 @@ pub enum EvalError {
     /// An image could not be written.
     #[error(transparent)]
     Save(#[from] SaveError),
+    /// The bag could not be written.
+    #[error(transparent)]
+    Bag(#[from] BagError),
+    /// A message is too large for CDR.
+    #[error(transparent)]
+    Cdr(#[from] CdrError),
     /// A file or folder could not be written.
     #[error("{path}: {why}")]
     File {
@@ -82,6 +92,8 @@ pub struct Plan {
     pub images: Images,
     /// For images and results.
     pub folder: PathBuf,
+    /// Topics that go into the bag, if there is one.
+    pub bagged: Vec<String>,
 }
 
 /// Boxes and truth of every frame so far; a frame without an answer has none.
@@ -103,17 +115,27 @@ pub struct Score {
 }
 
 impl Evaluation {
-    /// Drives source `source` of `chain` to its end and adds its frames.
+    /// Drives source `source` of `chain` to its end and adds its frames, and
+    /// the messages on `plan.bagged` to `bag`.
     ///
     /// # Errors
-    /// [`EvalError`] when a step fails or an image cannot be written.
-    pub fn add(&mut self, chain: &mut Lockstep<'_>, source: usize, plan: &Plan) -> Result<(), EvalError> {
+    /// [`EvalError`] when a step fails or a file cannot be written.
+    pub fn add(
+        &mut self,
+        chain: &mut Lockstep<'_>,
+        source: usize,
+        plan: &Plan,
+        mut bag: Option<&mut Recorder>,
+    ) -> Result<(), EvalError> {
         let images = plan.streams.iter().filter(|_| plan.images == Images::Save);
         for folder in images.map(|s| plan.folder.join(&s.name)).chain([plan.folder.clone()]) {
             std::fs::create_dir_all(&folder).map_err(|why| EvalError::File { path: folder, why })?;
         }
         for tick in 0.. {
             let Some(out) = chain.tick(source, tick * INTERVAL_NS)? else { break };
+            if let Some(recorder) = bag.as_deref_mut() {
+                record::record(recorder, &out, &plan.bagged)?;
+            }
             self.add_frame(&out, plan)?;
         }
         Ok(())

@@ -3,6 +3,8 @@
 use std::path::Path;
 
 use anyhow::{Context, anyhow};
+use modulo_bags::bag::Compression;
+use modulo_bags::record::Recorder;
 use modulo_eval::{Evaluation, Images, Plan, Score, Stream};
 use modulo_launch::Summary;
 use modulo_runtime::driver::lockstep::Lockstep;
@@ -19,14 +21,16 @@ pub fn eval(args: &Eval) -> Result<Ended, Failure> {
     start_log(Some("warn"));
     let arguments = pairs(&args.arguments)?;
     let mut evaluation = Evaluation::default();
+    let mut bag = args.bag.as_ref().map(|folder| Recorder::create(folder, Compression::Zstd)).transpose()?;
     let mut reports = Vec::new();
     if args.source.is_empty() {
-        reports = run(args, &arguments, &mut evaluation)?;
+        reports = run(args, &arguments, &mut evaluation, bag.as_mut())?;
     }
     for source in &args.source {
         let arguments = [arguments.clone(), vec![("source".to_owned(), source.clone())]].concat();
-        reports.extend(run(args, &arguments, &mut evaluation)?);
+        reports.extend(run(args, &arguments, &mut evaluation, bag.as_mut())?);
     }
+    bag.map(Recorder::finish).transpose()?;
     evaluation.write(&args.out)?;
     let summary = Summary::new(&reports, []);
     print!("{summary}");
@@ -44,6 +48,7 @@ fn run(
     args: &Eval,
     arguments: &[(String, String)],
     evaluation: &mut Evaluation,
+    bag: Option<&mut Recorder>,
 ) -> Result<Vec<NodeReport>, Failure> {
     let made = nodes(&args.file, arguments)?;
     let source = made.iter().position(|(node, _)| node.period().is_some());
@@ -54,9 +59,10 @@ fn run(
         truth: topic_of(&made[source].0.outputs(), MessageKind::Detections, &made[source].1)?,
         images: if args.images { Images::Save } else { Images::Discard },
         folder: args.out.clone(),
+        bagged: args.topics.clone(),
     };
     let mut recorded: Vec<String> = plan.streams.iter().map(|s| s.detections.clone()).collect();
-    recorded.extend(plan.truth.clone());
+    recorded.extend(plan.truth.iter().chain(&plan.bagged).cloned());
     if plan.images == Images::Save {
         recorded.extend(plan.streams.iter().map(|s| s.images.clone()));
     }
@@ -65,7 +71,7 @@ fn run(
     for (node, place) in made {
         chain.add(node, &place)?;
     }
-    evaluation.add(&mut chain, source, &plan)?;
+    evaluation.add(&mut chain, source, &plan, bag)?;
     Ok(chain.finish())
 }
 

@@ -73,7 +73,7 @@ fn arguments_reach_the_nodes() {
 fn every_argument_has_a_default_and_a_description() {
     for name in ["raw", "recovered", "compare", "suite"] {
         let declared = declared_arguments(&file(name)).expect("readable");
-        assert!(declared.len() >= 16, "{name}");
+        assert!(declared.len() >= 15, "{name}");
         for argument in declared {
             assert!(argument.default.is_some() && argument.description.is_some(), "{name}: {argument:?}");
         }

@@ -8,7 +8,7 @@ use modulo_runtime::{Descriptor, Parameters, Refusal, Value};
 use crate::classes::Classes;
 use crate::engine::EngineChoice;
 use crate::input_size::InputSize;
-use crate::model::Layout;
+use crate::model::{DEMO, Layout};
 
 /// The streams that have a short name.
 const STREAMS: [&str; 4] = ["modulo", "recovered", "saturated", "ideal"];
@@ -17,7 +17,13 @@ const STREAMS: [&str; 4] = ["modulo", "recovered", "saturated", "ideal"];
 pub fn declare() -> Vec<Descriptor> {
     let text = |text: &str| Value::String(text.to_owned());
     vec![
-        Descriptor::new("model", text(""), Allowed::Any, "Path of the ONNX model; required.").fixed(),
+        Descriptor::new(
+            "model",
+            text(DEMO),
+            Allowed::Any,
+            "Path of the ONNX model, or demo: the embedded demonstration, not for roads.",
+        )
+        .fixed(),
         Descriptor::new(
             "engine",
             text("auto"),
@@ -94,7 +100,7 @@ impl Startup {
     pub fn read(parameters: &Parameters) -> Result<Self, Refusal> {
         let model = parameters.string("model");
         if model.is_empty() {
-            let why = "must be the path of an ONNX detector, such as model:=/data/yolov10n.onnx";
+            let why = "must be demo, or the path of an ONNX detector, such as model:=/data/yolov10n.onnx";
             return Err(Refusal::new("model", "''", why));
         }
         let engine = parameters.string("engine");

@@ -186,7 +186,8 @@ impl Live<'_> {
     }
 
     fn run_source(&mut self, requests: &Receiver<ParameterRequest>) -> Result<(), RunError> {
-        let mut due = self.clock.ticks_ns();
+        // Whoever watches the graph, as a recorder does, has subscribed by then.
+        let mut due = self.clock.ticks_ns() + nanoseconds(self.transport.settling());
         while self.stop.urgency() == Urgency::None {
             self.answer_requests(requests)?;
             let now = self.clock.ticks_ns();

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use ndarray::{Array2, ArrayView4};
 
-use crate::model::{Layout, Port};
+use crate::model::{Layout, Port, embedded};
 
 /// A loaded model, ready to run.
 pub trait Engine: Send {
@@ -156,7 +156,9 @@ pub fn onnxruntime_places() -> Vec<PathBuf> {
 /// library is found, never because a model does not load.
 pub fn open(model: &Path, choice: EngineChoice, threads: NonZeroUsize) -> Result<Opened, EngineError> {
     // A missing file is the commonest mistake; both engines tell it at length.
-    std::fs::File::open(model).map_err(|error| EngineError::load(model, "the system", error))?;
+    if embedded(model).is_none() {
+        std::fs::File::open(model).map_err(|error| EngineError::load(model, "the system", error))?;
+    }
     let with_rten = |note| {
         let engine: Box<dyn Engine> = Box::new(rten::Rten::load(model, threads)?);
         Ok(Opened { engine, note })

@@ -8,7 +8,7 @@ use ndarray::{Array2, ArrayView4};
 use rten::{DataType, Dimension, Model, NodeId, RunOptions, ThreadPool, ValueType, ValueView};
 
 use super::{Engine, EngineError, Signature};
-use crate::model::{Element, Layout, Port};
+use crate::model::{Element, Layout, Port, embedded};
 
 const NAME: &str = "rten";
 
@@ -28,7 +28,10 @@ impl Rten {
     /// [`EngineError::Load`] or [`EngineError::Shape`].
     pub fn load(path: &Path, threads: NonZeroUsize) -> Result<Self, EngineError> {
         let failed = |why: String| EngineError::load(path, NAME, why);
-        let bytes = std::fs::read(path).map_err(|error| failed(error.to_string()))?;
+        let bytes = match embedded(path) {
+            Some(bytes) => bytes.to_vec(),
+            None => std::fs::read(path).map_err(|error| failed(error.to_string()))?,
+        };
         let model = Model::load(bytes).map_err(|error| failed(error.to_string()))?;
         let layout = Layout::of(path, &signature(&model))?;
         let input = model.node_id(&layout.input).map_err(|error| failed(error.to_string()))?;

@@ -2,6 +2,7 @@
 //!
 //! No engine is named here: engines bring a [`Signature`], this judges it.
 
+mod embedded;
 mod names;
 mod speed;
 
@@ -9,6 +10,7 @@ use std::fmt;
 use std::num::NonZeroUsize;
 use std::path::Path;
 
+pub use embedded::{DEMO, embedded};
 pub use names::Names;
 pub use speed::{Speed, measure};
 

@@ -1,0 +1,133 @@
+//! The camera node's step, without transport.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+
+use modulo_camera::{ModuloCamera, declare};
+use modulo_core::Frame;
+use modulo_msgs::std_msgs::{Header, Time};
+use modulo_runtime::{
+    Context, Cue, Flow, ManualClock, Message, Node, Parameters, StampedFrame, StepError, Yield,
+};
+use ndarray::Array3;
+
+const ALL: [bool; 4] = [true; 4];
+
+fn parameters(changes: &[(&str, &str)]) -> Parameters {
+    let changes: Vec<_> = changes.iter().map(|(n, v)| ((*n).to_owned(), (*v).to_owned())).collect();
+    Parameters::declare(declare()).with_text(&changes).expect("possible")
+}
+
+fn camera(changes: &[(&str, &str)]) -> ModuloCamera {
+    ModuloCamera::new(&parameters(changes)).expect("a camera")
+}
+
+fn step(
+    node: &mut ModuloCamera,
+    cue: Cue,
+    wanted: &[bool],
+) -> Result<(Flow, Vec<(usize, Message)>), StepError> {
+    let clock = ManualClock::at(5_000_000_007);
+    let mut cx = Context::new(&clock, wanted);
+    let flow = node.step(cue, &mut cx)?;
+    let Yield { messages, .. } = cx.finish();
+    Ok((flow, messages))
+}
+
+fn frame(messages: &[(usize, Message)], output: usize) -> &StampedFrame {
+    let found = messages.iter().find(|(index, _)| *index == output).map(|(_, message)| message);
+    let Some(Message::Image(image)) = found else { panic!("no image on output {output}") };
+    image
+}
+
+/// An 8-bit ramp as one PNG.
+fn ramp(folder: &Path) -> String {
+    let path = folder.join("ramp.png");
+    let pixels = Array3::from_shape_fn((4, 64, 3), |(_, j, _)| (4 * j) as u8);
+    modulo_bags::image_out::save_png(&path, &Frame::from_u8(pixels).expect("a frame")).expect("writable");
+    path.display().to_string()
+}
+
+#[test]
+fn the_streams_follow_equation_one() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut node = camera(&[("source", &ramp(folder.path())), ("alpha", "2")]);
+    let (flow, sent) = step(&mut node, Cue::Tick, &ALL).expect("a frame");
+    assert_eq!(flow, Flow::Continue);
+    let (Frame::U8(modulo), Frame::U8(saturated)) = (&frame(&sent, 0).frame, &frame(&sent, 1).frame) else {
+        panic!("8 bits")
+    };
+    for j in 0..64 {
+        let x = 2 * 4 * j;
+        assert_eq!(usize::from(modulo[(0, j, 0)]), x % 256);
+        assert_eq!(usize::from(saturated[(0, j, 0)]), x.min(255));
+    }
+    let expected = Header { stamp: Time::from_ns(5_000_000_007), frame_id: "camera".into() };
+    for output in 0..3 {
+        assert_eq!(frame(&sent, output).header, expected);
+    }
+    assert_eq!(step(&mut node, Cue::Tick, &ALL).expect("the end").0, Flow::Done);
+}
+
+#[test]
+fn a_scene_brings_its_truth_before_its_images() {
+    let mut node = camera(&[("source", "scene://day?seed=3&frames=2&width=320&height=96")]);
+    let (_, sent) = step(&mut node, Cue::Tick, &ALL).expect("a frame");
+    let (output, Message::Detections(truth)) = &sent[0] else { panic!("truth comes first") };
+    assert_eq!(*output, 3);
+    assert!(!truth.detections.is_empty());
+    assert_eq!(truth.header, frame(&sent, 0).header);
+}
+
+#[test]
+fn noise_depends_on_seed_and_frame_alone() {
+    let run = |seed: &str, wanted: &[bool]| {
+        let scene = ("source", "scene://night?seed=1&frames=3&width=96&height=32");
+        let mut node = camera(&[scene, ("read_noise", "3"), ("shot_noise", "0.1"), ("seed", seed)]);
+        let mut last = None;
+        for _ in 0..3 {
+            let (_, sent) = step(&mut node, Cue::Tick, wanted).expect("a frame");
+            last = Some(frame(&sent, 0).frame.clone());
+        }
+        last
+    };
+    let alone = [true, false, false, false];
+    assert_eq!(run("7", &ALL), run("7", &alone), "whoever else listens");
+    assert_ne!(run("7", &ALL), run("8", &ALL));
+}
+
+#[test]
+fn limit_loop_and_period_are_as_asked() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let source = ramp(folder.path());
+    let mut node = camera(&[("source", &source), ("loop", "true"), ("frames", "3"), ("rate", "4")]);
+    assert_eq!(node.period(), Some(Duration::from_millis(250)));
+    let flows: Vec<_> = (0..3).map(|_| step(&mut node, Cue::Tick, &ALL).expect("a frame").0).collect();
+    assert_eq!(flows, [Flow::Continue, Flow::Continue, Flow::Done]);
+}
+
+#[test]
+fn a_topic_is_sensed_with_its_header() {
+    let mut node = camera(&[("source", "topic:/front/image_raw"), ("alpha", "2")]);
+    assert_eq!(node.inputs()[0].name, "/front/image_raw");
+    assert_eq!(node.period(), None);
+    let header = Header { stamp: Time::from_ns(42), frame_id: "front".into() };
+    let pixels = Array3::from_elem((2, 2, 1), 40_000u16);
+    let image =
+        Arc::new(StampedFrame { header: header.clone(), frame: Frame::from_u16(pixels).expect("a frame") });
+    let cue = Cue::Message { input: 0, message: Message::Image(image) };
+    let (_, sent) = step(&mut node, cue, &ALL).expect("a frame");
+    assert_eq!(frame(&sent, 0).header, header);
+    let Frame::U8(modulo) = &frame(&sent, 0).frame else { panic!("8 bits") };
+    // 2 * 256 * 40000 / 65536 = 312.5
+    assert_eq!(modulo[(0, 0, 0)], 56);
+}
+
+#[test]
+fn what_is_impossible_is_refused_with_the_parameter() {
+    for (name, value) in [("source", "/no/such/folder"), ("source", "scene://dusk")] {
+        let refusal = ModuloCamera::new(&parameters(&[(name, value)])).err().expect("refused").to_string();
+        assert!(refusal.contains(name) && refusal.contains(value), "{refusal}");
+    }
+}

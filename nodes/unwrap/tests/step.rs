@@ -1,0 +1,83 @@
+//! The unwrap node's step, without transport.
+
+use std::sync::Arc;
+
+use modulo_core::sensor::{Sensor, SensorConfig};
+use modulo_core::{Frame, Psf};
+use modulo_msgs::std_msgs::{Header, Time};
+use modulo_runtime::{
+    Context, Cue, Flow, ManualClock, Message, Node, Parameters, StampedFrame, StepError, Yield,
+};
+use modulo_unwrap::{UnwrapNode, declare};
+use ndarray::Array3;
+
+fn parameters(changes: &[(&str, &str)]) -> Parameters {
+    let changes: Vec<_> = changes.iter().map(|(n, v)| ((*n).to_owned(), (*v).to_owned())).collect();
+    Parameters::declare(declare()).with_text(&changes).expect("possible")
+}
+
+fn header() -> Header {
+    Header { stamp: Time::from_ns(1_700_000_000_123_456_789), frame_id: "front".into() }
+}
+
+/// A smooth scene that wraps at alpha = 2: its modulo and its ideal frame.
+fn exposure(bits: u8) -> (Frame, Frame) {
+    let radiance = Array3::from_shape_fn((24, 40, 3), |(i, j, c)| {
+        0.5 + 0.49 * ((i as f32 / 7.0).sin() * (j as f32 / 9.0 + c as f32).cos())
+    });
+    let config = SensorConfig { bits, alpha: 2.0, psf: Psf::None, read_noise: 0.0, shot_noise: 0.0 };
+    let exposure = Sensor::new(config).expect("a sensor").expose(radiance.view(), 0).expect("an image");
+    assert!(exposure.wraps().iter().any(|&k| k > 0), "the scene must wrap");
+    (exposure.modulo(), exposure.ideal())
+}
+
+fn step(node: &mut UnwrapNode, frame: Frame, wanted: &[bool]) -> Result<Vec<(usize, Message)>, StepError> {
+    let clock = ManualClock::at(0);
+    let mut cx = Context::new(&clock, wanted);
+    let image = Arc::new(StampedFrame { header: header(), frame });
+    let flow = node.step(Cue::Message { input: 0, message: Message::Image(image) }, &mut cx)?;
+    assert_eq!(flow, Flow::Continue);
+    let Yield { messages, .. } = cx.finish();
+    Ok(messages)
+}
+
+fn image(message: &Message) -> &StampedFrame {
+    let Message::Image(image) = message else { panic!("an image is expected, not {message:?}") };
+    image
+}
+
+#[test]
+fn the_recovered_image_is_the_ideal_one_with_the_same_header() {
+    let (modulo, ideal) = exposure(8);
+    for method in modulo_core::unwrap::METHODS {
+        let mut node = UnwrapNode::new(&parameters(&[("method", method), ("alpha", "2")])).expect("a node");
+        let sent = step(&mut node, modulo.clone(), &[true, true]).expect("a good frame");
+        assert_eq!(sent.len(), 2, "{method}");
+        let (recovered, hdr) = (image(&sent[0].1), image(&sent[1].1));
+        assert_eq!((&recovered.header, &hdr.header), (&header(), &header()), "{method}");
+        assert_eq!(recovered.frame, ideal, "{method}");
+        assert_eq!(hdr.frame.depth(), 16, "{method}");
+    }
+}
+
+#[test]
+fn what_nobody_reads_is_not_made() {
+    let (modulo, _) = exposure(8);
+    let mut node = UnwrapNode::new(&parameters(&[("alpha", "2")])).expect("a node");
+    assert!(step(&mut node, modulo.clone(), &[false, false]).expect("a good frame").is_empty());
+    assert_eq!(step(&mut node, modulo, &[false, true]).expect("a good frame")[0].0, 1);
+}
+
+#[test]
+fn a_frame_of_another_sensor_is_skipped_and_the_node_lives() {
+    let (ten_bits, _) = exposure(10);
+    let (eight_bits, ideal) = exposure(8);
+    let mut node = UnwrapNode::new(&parameters(&[("alpha", "2")])).expect("a node");
+    let error = step(&mut node, ten_bits.clone(), &[true, false]).expect_err("values above 255");
+    assert!(matches!(&error, StepError::Skip(why) if why.contains("255") || why.contains("8")), "{error}");
+    let sent = step(&mut node, eight_bits, &[true, false]).expect("a good frame");
+    assert_eq!(image(&sent[0].1).frame, ideal);
+
+    node.configure(&parameters(&[("alpha", "2"), ("bits", "10")])).expect("possible");
+    assert!(step(&mut node, ten_bits, &[true, false]).is_ok());
+}
