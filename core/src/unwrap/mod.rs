@@ -5,13 +5,16 @@
 
 mod congruence;
 mod itoh;
+mod lines;
 mod poisson;
 mod spud;
+mod wrapped;
 
 use ndarray::{Array3, ArrayView3};
 
 pub use crate::range::{Range, RangeError};
 pub use itoh::Itoh;
+pub use lines::Lines;
 pub use poisson::ThresholdOn;
 pub use spud::Spud;
 
@@ -20,7 +23,7 @@ use crate::frame::{Frame, FrameError};
 use crate::plane::{check_shape, place_of};
 
 /// The names that [`by_name`] knows.
-pub const METHODS: &[&str] = &["spud", "itoh"];
+pub const METHODS: &[&str] = &["spud", "itoh", "lines"];
 
 /// A way to find the wrap counts of a modulo image.
 pub trait Unwrap: Send {
@@ -120,6 +123,7 @@ pub fn by_name(name: &str, options: &Options) -> Result<Box<dyn Unwrap>, UnwrapE
     match name {
         "spud" => Ok(Box::new(Spud::new(options.tau, options.threshold_on)?)),
         "itoh" => Ok(Box::new(Itoh::default())),
+        "lines" => Ok(Box::new(Lines::default())),
         _ => Err(UnwrapError::Method { name: name.to_owned() }),
     }
 }
