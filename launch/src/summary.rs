@@ -112,10 +112,8 @@ impl Summary {
     }
 
     fn add_detections(&mut self, report: &NodeReport) {
-        if report.classes.is_empty() {
-            return;
-        }
-        let stream = report.facts.get("stream").unwrap_or(&report.node);
+        // A node that reads no stream detects nothing: its boxes are ground truth.
+        let Some(stream) = report.facts.get("stream") else { return };
         let classes = self.detections.entry(stream.clone()).or_default();
         report.classes.iter().for_each(|(class, n)| *classes.entry(class.clone()).or_default() += n);
     }
