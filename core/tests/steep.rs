@@ -54,6 +54,8 @@ fn bump(dim: (usize, usize, usize), bits: u8, centre: (f64, f64), radius: f64, h
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { cases: 2000, max_global_rejects: 20_000, ..ProptestConfig::default() })]
+
     /// Under the condition that the method states, on any size, at any depth.
     #[test]
     fn lines_undoes_the_wrap_of_steep_bumps(
@@ -96,4 +98,23 @@ fn lines_crosses_edges_along_whole_lines() {
         assert!(!small(&x, 8, violated), "the edge must be steep");
         assert_eq!(recover("lines", &x, 8, 3.0), x.mapv(|x| x as f32), "turned: {turned}");
     }
+}
+
+/// A cliff that grows from 0 to more than two peaks, with a smooth way round its upper end.
+#[test]
+fn tree_goes_round_a_cliff() {
+    let slope = [10, 7, 5];
+    let x = Array3::from_shape_fn((64, 48, 3), |(i, j, c)| if j < 24 { 9 } else { 9 + slope[c] * i as u32 });
+    assert!(!small(&x, 8, ACROSS), "the cliff must be steep");
+    assert_eq!(recover("tree", &x, 8, 3.0), x.mapv(|x| x as f32));
+    assert_ne!(recover("itoh", &x, 8, 3.0), x.mapv(|x| x as f32));
+}
+
+/// What the range excludes is refused, so that a hard edge below half of the range is no riddle.
+#[test]
+fn tree_keeps_to_the_range() {
+    let x =
+        Array3::from_shape_fn((16, 16, 1), |(i, j, _)| if i > 3 && j > 4 { 300 } else { 20 + 8 * i as u32 });
+    let flat = x.mapv(|x| if x == 300 { 300 } else { 200 });
+    assert_eq!(recover("tree", &flat, 8, 1.5), flat.mapv(|x| x as f32));
 }

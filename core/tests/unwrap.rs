@@ -91,7 +91,9 @@ proptest! {
         prop_assume!(known && itoh_holds(&x, bits));
         // tau > 0 may flatten such rough images; least squares may not.
         assert_exact("spud", &Options { tau: 0.0, ..Options::default() }, &x, bits, range);
-        assert_exact("itoh", &Options::default(), &x, bits, range);
+        for method in ["itoh", "tree"] {
+            assert_exact(method, &Options::default(), &x, bits, range);
+        }
     }
 
     #[test]

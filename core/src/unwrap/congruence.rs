@@ -44,8 +44,12 @@ fn floor(value: f32) -> i32 {
 /// Finds the absolute offset of `k`, clamps to the range, and writes one channel of `out`,
 /// which is prepared: of the image's shape, in standard layout.
 pub(super) fn place(k: &[i32], y: &[f32], range: Range, channel: usize, out: &mut Recovered) {
+    place_at(zero_level(k, i32::from(range.most_wraps())), k, y, range, channel, out);
+}
+
+/// [`place`] with `zero`, the count that stands for k = 0.
+pub(super) fn place_at(zero: i32, k: &[i32], y: &[f32], range: Range, channel: usize, out: &mut Recovered) {
     let most = i32::from(range.most_wraps());
-    let zero = zero_level(k, most);
     let k = k.iter().map(|k| (k.saturating_sub(zero)).clamp(0, most) as u8);
     let peak = range.peak();
     let channels = out.x.dim().2;
@@ -59,7 +63,7 @@ pub(super) fn place(k: &[i32], y: &[f32], range: Range, channel: usize, out: &mu
 
 /// The count that stands for k = 0: of all levels that leave nearly as many pixels in
 /// `0..=most` as the best does, the highest, which makes the image darkest.
-fn zero_level(k: &[i32], most: i32) -> i32 {
+pub(super) fn zero_level(k: &[i32], most: i32) -> i32 {
     let (Some(&low), Some(&high)) = (k.iter().min(), k.iter().max()) else { return 0 };
     let mut counts = vec![0usize; high.abs_diff(low) as usize + 1];
     k.iter().for_each(|&k| counts[k.abs_diff(low) as usize] += 1);

@@ -8,6 +8,7 @@ mod itoh;
 mod lines;
 mod poisson;
 mod spud;
+mod tree;
 mod wrapped;
 
 use ndarray::{Array3, ArrayView3};
@@ -17,13 +18,14 @@ pub use itoh::Itoh;
 pub use lines::Lines;
 pub use poisson::ThresholdOn;
 pub use spud::Spud;
+pub use tree::Tree;
 
 use crate::dct::DctError;
 use crate::frame::{Frame, FrameError};
 use crate::plane::{check_shape, place_of};
 
 /// The names that [`by_name`] knows.
-pub const METHODS: &[&str] = &["spud", "itoh", "lines"];
+pub const METHODS: &[&str] = &["spud", "itoh", "lines", "tree"];
 
 /// A way to find the wrap counts of a modulo image.
 pub trait Unwrap: Send {
@@ -124,6 +126,7 @@ pub fn by_name(name: &str, options: &Options) -> Result<Box<dyn Unwrap>, UnwrapE
         "spud" => Ok(Box::new(Spud::new(options.tau, options.threshold_on)?)),
         "itoh" => Ok(Box::new(Itoh::default())),
         "lines" => Ok(Box::new(Lines::default())),
+        "tree" => Ok(Box::new(Tree::default())),
         _ => Err(UnwrapError::Method { name: name.to_owned() }),
     }
 }

@@ -1,6 +1,7 @@
 //! The horizontal gradient, unwrapped down its columns.
 
 use super::majority::{Ballot, Doubt, STEEP, Vote};
+use crate::unwrap::Range;
 use crate::unwrap::wrapped::{raised, size, turns};
 
 /// Buffers, and n of `d_x x = g + n * 2^b`.
@@ -29,7 +30,7 @@ struct Candidate {
 
 impl Gradient {
     /// n, H x (W-1), for `codes`, H x W.
-    pub(super) fn unwrap(&mut self, codes: &[u16], width: usize) -> &[i16] {
+    pub(super) fn unwrap(&mut self, codes: &[u16], width: usize, range: Range) -> &[i16] {
         let columns = width - 1;
         self.n.clear();
         if columns == 0 {
@@ -39,7 +40,7 @@ impl Gradient {
         self.candidates.resize(columns, Candidate::default());
         self.follow_columns(codes, width);
         self.count();
-        self.anchor(codes, width);
+        self.anchor(codes, width, Doubt::new(range));
         for row in self.n.chunks_exact_mut(columns) {
             row.iter_mut().zip(&self.anchors).for_each(|(n, anchor)| *n = n.wrapping_sub(*anchor));
         }
@@ -76,10 +77,9 @@ impl Gradient {
 
     /// The relative n that stands for 0 in each column: its majority, or in doubt what
     /// follows from the column to the left and `d_x d_x x`.
-    fn anchor(&mut self, codes: &[u16], width: usize) {
+    fn anchor(&mut self, codes: &[u16], width: usize, mut doubt: Doubt) {
         self.anchors.clear();
         let height = codes.len() / width;
-        let mut doubt = Doubt::default();
         for (column, candidate) in self.candidates.iter().enumerate() {
             let (agree, steep) = (candidate.agree as usize, candidate.steep as usize);
             let mut anchor = candidate.value;
@@ -89,8 +89,8 @@ impl Gradient {
                     .count(column_of(&self.n, column, self.candidates.len(), &mut self.line))
                     .value;
             }
-            if let Some(&left) = self.anchors.last()
-                && doubt.arises(agree, steep, height)
+            if doubt.arises(agree, steep, height)
+                && let Some(&left) = self.anchors.last()
             {
                 let opinion = second_opinion(codes, width, &self.n, column, left, &mut self.line);
                 let Vote { value, .. } = self.ballot.count(opinion);

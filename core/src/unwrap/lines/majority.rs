@@ -1,7 +1,6 @@
 //! What most of a line says, and when a second opinion is due.
 
-/// Lines that a departure from the majority may last: no scene is steep for longer.
-const LONGEST: usize = 12;
+use crate::unwrap::Range;
 
 /// Differences of more than this, a quarter of the peak, are steep.
 pub(super) const STEEP: u16 = 1 << 14;
@@ -42,24 +41,33 @@ impl Ballot {
     }
 }
 
-/// Whether lines follow their majority. An edge along a whole line is unanimous and wrong;
-/// it is steep, and once entered it holds until the second opinion leaves it.
-#[derive(Default)]
+/// Whether lines follow their majority. An edge along a whole line is unanimous and wrong; it is
+/// steep, or the line before it is, and once entered it holds until the second opinion leaves it.
 pub(super) struct Doubt {
+    longest: usize,
     departed: bool,
     lasted: usize,
+    steep_before: bool,
 }
 
 impl Doubt {
-    /// Whether a line of `length` needs a second opinion: below 80 % agree,
-    /// more than a quarter is steep, or the line before departed from its majority.
-    pub(super) fn arises(&self, agree: usize, steep: usize, length: usize) -> bool {
-        agree * 5 < length * 4 || steep * 4 > length || self.departed
+    /// Half a peak a line leaves the range after 2 alpha lines: no departure lasts longer.
+    pub fn new(range: Range) -> Self {
+        let longest = 2 * usize::from(range.most_wraps()) + 2;
+        Self { longest, departed: false, lasted: 0, steep_before: false }
+    }
+
+    /// Whether the next line, of `length`, needs a second opinion: below 80 % agree, more than a
+    /// quarter is steep here or in the line before, or that departed from its majority.
+    pub fn arises(&mut self, agree: usize, steep: usize, length: usize) -> bool {
+        let steep_here = steep * 4 > length;
+        let steep = std::mem::replace(&mut self.steep_before, steep_here) || steep_here;
+        agree * 5 < length * 4 || steep || self.departed
     }
 
     /// Takes note of what the second opinion was.
-    pub(super) fn settle(&mut self, majority: i16, opinion: i16) {
+    pub fn settle(&mut self, majority: i16, opinion: i16) {
         self.lasted = if majority == opinion { 0 } else { self.lasted + 1 };
-        self.departed = (1..=LONGEST).contains(&self.lasted);
+        self.departed = (1..=self.longest).contains(&self.lasted);
     }
 }

@@ -44,8 +44,8 @@ impl Unwrap for Lines {
         for channel in 0..channels {
             plane::take_from_frame(y, channel, &mut self.y);
             wrapped::codes(&self.y, range, &mut self.codes);
-            let n = self.gradient.unwrap(&self.codes, width);
-            let k = self.rows.integrate(&self.codes, n, width);
+            let n = self.gradient.unwrap(&self.codes, width, range);
+            let k = self.rows.integrate(&self.codes, n, width, range);
             congruence::place(k, &self.y, range, channel, out);
         }
         Ok(())

@@ -1,6 +1,7 @@
 //! Sums of the unwrapped gradient along rows, and rows joined to an image.
 
 use super::majority::{Ballot, Doubt, STEEP, Vote};
+use crate::unwrap::Range;
 use crate::unwrap::wrapped::{raised, size, turns};
 
 /// Buffers, and the wrap counts relative to the first pixel.
@@ -16,9 +17,9 @@ pub(super) struct Rows {
 
 impl Rows {
     /// k of `codes`, H x W, up to a constant, from `n`, H x (W-1), of its horizontal gradient.
-    pub(super) fn integrate(&mut self, codes: &[u16], n: &[i16], width: usize) -> &[i32] {
+    pub(super) fn integrate(&mut self, codes: &[u16], n: &[i16], width: usize, range: Range) -> &[i32] {
         self.out.clear();
-        let mut doubt = Doubt::default();
+        let mut doubt = Doubt::new(range);
         let mut last = 0;
         for (i, y) in codes.chunks_exact(width).enumerate() {
             self.k.rotate_right(1);
@@ -41,7 +42,7 @@ impl Rows {
         first_opinion(y, up, &self.k, &mut self.line);
         let majority = self.majority(last);
         let steep = y.iter().zip(up).filter(|&(&y, &up)| size(raised(up, y)) > STEEP).count();
-        if further.is_empty() || !doubt.arises(majority.count, steep, width) {
+        if !doubt.arises(majority.count, steep, width) || further.is_empty() {
             return majority.value;
         }
         second_opinion(y, up, &further[further.len() - width..], &self.k, &mut self.line);
