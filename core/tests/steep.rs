@@ -78,11 +78,13 @@ proptest! {
 }
 
 #[test]
-fn lines_is_exact_where_first_differences_fail() {
+fn second_order_is_exact_where_first_differences_fail() {
     let x = bump((96, 128, 3), 8, (0.5, 0.5), 6.0, 7.0);
     assert!(small(&x, 8, MIXED) && !small(&x, 8, ACROSS), "the example must be steep and smooth");
     let truth = x.mapv(|x| x as f32);
-    assert_eq!(recover("lines", &x, 8, 8.0), truth);
+    for method in ["lines", "gradient_tree"] {
+        assert_eq!(recover(method, &x, 8, 8.0), truth, "{method}");
+    }
     for method in ["spud", "itoh"] {
         assert_ne!(recover(method, &x, 8, 8.0), truth, "{method}");
     }
@@ -90,13 +92,15 @@ fn lines_is_exact_where_first_differences_fail() {
 
 /// An edge of the lens's width along the whole image: what joins most columns is unanimous and wrong.
 #[test]
-fn lines_crosses_edges_along_whole_lines() {
+fn second_order_crosses_edges_along_whole_lines() {
     let edge = |at: usize| (600.0 / (1.0 + (-1.2 * (at as f64 - 30.2)).exp())) as u32;
     for turned in [false, true] {
         let x = Array3::from_shape_fn((64, 64, 1), |(i, j, _)| 40 + edge(if turned { j } else { i }));
         let violated = if turned { ACROSS } else { DOWN };
         assert!(!small(&x, 8, violated), "the edge must be steep");
-        assert_eq!(recover("lines", &x, 8, 3.0), x.mapv(|x| x as f32), "turned: {turned}");
+        for method in ["lines", "gradient_tree"] {
+            assert_eq!(recover(method, &x, 8, 3.0), x.mapv(|x| x as f32), "{method}, turned: {turned}");
+        }
     }
 }
 

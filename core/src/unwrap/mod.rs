@@ -4,6 +4,7 @@
 //! method can be wrong about k and about nothing else.
 
 mod congruence;
+mod gradient_tree;
 mod itoh;
 mod lines;
 mod poisson;
@@ -14,6 +15,7 @@ mod wrapped;
 use ndarray::{Array3, ArrayView3};
 
 pub use crate::range::{Range, RangeError};
+pub use gradient_tree::GradientTree;
 pub use itoh::Itoh;
 pub use lines::Lines;
 pub use poisson::ThresholdOn;
@@ -25,7 +27,7 @@ use crate::frame::{Frame, FrameError};
 use crate::plane::{check_shape, place_of};
 
 /// The names that [`by_name`] knows.
-pub const METHODS: &[&str] = &["spud", "itoh", "lines", "tree"];
+pub const METHODS: &[&str] = &["spud", "itoh", "lines", "tree", "gradient_tree"];
 
 /// A way to find the wrap counts of a modulo image.
 pub trait Unwrap: Send {
@@ -127,6 +129,7 @@ pub fn by_name(name: &str, options: &Options) -> Result<Box<dyn Unwrap>, UnwrapE
         "itoh" => Ok(Box::new(Itoh::default())),
         "lines" => Ok(Box::new(Lines::default())),
         "tree" => Ok(Box::new(Tree::default())),
+        "gradient_tree" => Ok(Box::new(GradientTree::default())),
         _ => Err(UnwrapError::Method { name: name.to_owned() }),
     }
 }

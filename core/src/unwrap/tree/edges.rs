@@ -32,6 +32,14 @@ impl Direction {
             Self::Down => width,
         }
     }
+
+    /// Whether `pixel` has that neighbour, in an image of `width` and `count` pixels.
+    pub fn reaches(self, pixel: usize, width: usize, count: usize) -> bool {
+        match self {
+            Self::Right => !(pixel + 1).is_multiple_of(width),
+            Self::Down => pixel + width < count,
+        }
+    }
 }
 
 /// Key of a change of `sum`, absolute values summed over three channels, 2^16 a peak.

@@ -14,9 +14,9 @@ mod edges;
 mod pixels;
 mod regions;
 
-use edges::{Direction, Edge, sort};
-use pixels::{Bounds, read};
-use regions::{Region, Regions, Triple};
+pub(super) use edges::{Direction, Edge, key, sort};
+pub(super) use pixels::{Bounds, read};
+pub(super) use regions::{LARGE, Region, Regions, Triple, subtract};
 
 use super::{Range, Recovered, Unwrap, UnwrapError, check_frame, congruence};
 use crate::frame::Frame;
@@ -70,16 +70,12 @@ impl Grower {
         self.regions.reset(pixels.iter().map(|&p| Region { low: [0; 3], high: bounds.highest(p), size: 1 }));
         self.edges.clear();
         for here in 0..pixels.len() {
-            let mut reach = |direction: Direction| {
-                let there = here + direction.stride(width);
-                let ends = [here, there].map(|index| (index as u32, pixels[index]));
-                self.edges.push(Edge::between(ends[0], ends[1], n(direction, here)));
-            };
-            if (here + 1) % width != 0 {
-                reach(Direction::Right);
-            }
-            if here + width < pixels.len() {
-                reach(Direction::Down);
+            for direction in [Direction::Right, Direction::Down] {
+                if direction.reaches(here, width, pixels.len()) {
+                    let there = here + direction.stride(width);
+                    let [from, to] = [here, there].map(|index| (index as u32, pixels[index]));
+                    self.edges.push(Edge::between(from, to, n(direction, here)));
+                }
             }
         }
         sort(&self.edges, FLAT, &mut self.sorted);
