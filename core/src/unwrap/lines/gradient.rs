@@ -13,19 +13,19 @@ pub(super) struct Gradient {
     /// H x (W-1).
     n: Vec<i16>,
     /// By column: what most of it may say, and how much of it is steep.
-    candidates: Vec<Candidate>,
+    candidates: Candidates,
     anchors: Vec<i16>,
     line: Vec<i16>,
     ballot: Ballot,
 }
 
-/// A column's majority while it is being counted.
-#[derive(Clone, Copy, Default)]
-struct Candidate {
-    value: i16,
-    lead: i32,
-    agree: u32,
-    steep: u32,
+/// The columns' majorities while they are being counted; apart, so that a row is one loop of the machine's vectors.
+#[derive(Default)]
+struct Candidates {
+    value: Vec<i16>,
+    lead: Vec<i32>,
+    agree: Vec<u32>,
+    steep: Vec<u32>,
 }
 
 impl Gradient {
@@ -36,10 +36,9 @@ impl Gradient {
         if columns == 0 {
             return &self.n;
         }
-        self.candidates.clear();
-        self.candidates.resize(columns, Candidate::default());
+        self.candidates.reset(columns);
         self.follow_columns(codes, width);
-        self.count();
+        self.n.chunks_exact(columns).for_each(|n| self.candidates.count(n));
         self.anchor(codes, width, Doubt::new(range));
         for row in self.n.chunks_exact_mut(columns) {
             row.iter_mut().zip(&self.anchors).for_each(|(n, anchor)| *n = n.wrapping_sub(*anchor));
@@ -60,18 +59,9 @@ impl Gradient {
                     .zip(pairs)
                     .for_each(|(n, (&above, &here))| *n = n.wrapping_add(turns(above, here)));
             }
-            let votes = self.candidates.iter_mut().zip(&n).zip(&self.here);
-            votes.for_each(|((candidate, &n), &g)| candidate.vote(n, g));
+            self.candidates.vote(&n, &self.here);
             self.n.extend_from_slice(&n);
             std::mem::swap(&mut self.here, &mut self.above);
-        }
-    }
-
-    /// How many of each column agree with its candidate.
-    fn count(&mut self) {
-        for row in self.n.chunks_exact(self.candidates.len()) {
-            let votes = self.candidates.iter_mut().zip(row);
-            votes.for_each(|(candidate, &n)| candidate.agree += u32::from(n == candidate.value));
         }
     }
 
@@ -80,14 +70,12 @@ impl Gradient {
     fn anchor(&mut self, codes: &[u16], width: usize, mut doubt: Doubt) {
         self.anchors.clear();
         let height = codes.len() / width;
-        for (column, candidate) in self.candidates.iter().enumerate() {
-            let (agree, steep) = (candidate.agree as usize, candidate.steep as usize);
-            let mut anchor = candidate.value;
+        let columns = width - 1;
+        for column in 0..columns {
+            let Candidates { value, agree, steep, .. } = &self.candidates;
+            let (mut anchor, agree, steep) = (value[column], agree[column] as usize, steep[column] as usize);
             if agree * 2 <= height {
-                anchor = self
-                    .ballot
-                    .count(column_of(&self.n, column, self.candidates.len(), &mut self.line))
-                    .value;
+                anchor = self.ballot.count(column_of(&self.n, column, columns, &mut self.line)).value;
             }
             if doubt.arises(agree, steep, height)
                 && let Some(&left) = self.anchors.last()
@@ -102,12 +90,29 @@ impl Gradient {
     }
 }
 
-impl Candidate {
+impl Candidates {
+    fn reset(&mut self, columns: usize) {
+        *self = Self {
+            value: vec![0; columns],
+            lead: vec![0; columns],
+            agree: vec![0; columns],
+            steep: vec![0; columns],
+        };
+    }
+
     /// Boyer and Moore's majority vote: a value that more than half of a column has ends as candidate.
-    fn vote(&mut self, n: i16, g: u16) {
-        self.value = if self.lead == 0 { n } else { self.value };
-        self.lead += if n == self.value { 1 } else { -1 };
-        self.steep += u32::from(size(g) > STEEP);
+    fn vote(&mut self, n: &[i16], g: &[u16]) {
+        for ((value, lead), &n) in self.value.iter_mut().zip(&mut self.lead).zip(n) {
+            *value = if *lead == 0 { n } else { *value };
+            *lead += if n == *value { 1 } else { -1 };
+        }
+        self.steep.iter_mut().zip(g).for_each(|(steep, &g)| *steep += u32::from(size(g) > STEEP));
+    }
+
+    /// Counts who agrees with the candidates, once they are chosen.
+    fn count(&mut self, n: &[i16]) {
+        let votes = self.agree.iter_mut().zip(&self.value).zip(n);
+        votes.for_each(|((agree, value), n)| *agree += u32::from(value == n));
     }
 }
 
