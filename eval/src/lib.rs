@@ -5,18 +5,20 @@
 //! Nothing here goes through a transport or reads a clock; the same frames and
 //! parameters give the same files.
 
+mod grid;
 pub mod metric;
 mod record;
 mod write;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use modulo_bags::bag::BagError;
 use modulo_bags::image_out::{SaveError, save_png};
 use modulo_bags::record::Recorder;
 use modulo_bags::source::{GroundTruth, from_detections};
-use modulo_core::Detection;
+use modulo_core::{Detection, Frame};
 use modulo_msgs::cdr::CdrError;
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::Message;
@@ -24,9 +26,6 @@ use modulo_runtime::driver::RunError;
 use modulo_runtime::driver::lockstep::{Lockstep, OnTopic};
 
 use metric::average_precision::{Scored, by_class, mean};
-
-/// Time between two frames whose source has no stamps, ns.
-const INTERVAL_NS: u64 = 100_000_000;
 
 /// A detector of the chain and the image stream it reads.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -37,13 +36,15 @@ pub struct Stream {
     pub images: String,
     /// Topic of the boxes.
     pub detections: String,
+    /// Topic of the images with the boxes drawn, where the detector has one.
+    pub annotated: Option<String>,
 }
 
 impl Stream {
     /// The stream of images on `images` with boxes on `detections`.
-    pub fn new(images: &str, detections: &str) -> Self {
+    pub fn new(images: String, detections: String, annotated: Option<String>) -> Self {
         let name = images.trim_start_matches('/').replace('/', ".");
-        Self { name, images: images.to_owned(), detections: detections.to_owned() }
+        Self { name, images, detections, annotated }
     }
 }
 
@@ -52,7 +53,8 @@ impl Stream {
 pub enum Images {
     /// Nothing.
     Discard,
-    /// `FOLDER/STREAM/NUMBER.png`.
+    /// `FOLDER/STREAM/NUMBER.png`, and `FOLDER/grid.png`: the last frame of every
+    /// stream with its boxes, two columns, in the order of the detectors.
     Save,
 }
 
@@ -84,6 +86,8 @@ pub enum EvalError {
 /// What is evaluated, and where its files go.
 #[derive(Clone, Debug)]
 pub struct Plan {
+    /// Time between two frames whose source has no stamps.
+    pub interval: Duration,
     /// The detectors.
     pub streams: Vec<Stream>,
     /// Topic of the ground truth.
@@ -131,8 +135,9 @@ impl Evaluation {
         for folder in images.map(|s| plan.folder.join(&s.name)).chain([plan.folder.clone()]) {
             std::fs::create_dir_all(&folder).map_err(|why| EvalError::File { path: folder, why })?;
         }
-        for tick in 0.. {
-            let Some(out) = chain.tick(source, tick * INTERVAL_NS)? else { break };
+        let interval = u64::try_from(plan.interval.as_nanos()).unwrap_or(u64::MAX);
+        for tick in 0u64.. {
+            let Some(out) = chain.tick(source, tick.saturating_mul(interval))? else { break };
             if let Some(recorder) = bag.as_deref_mut() {
                 record::record(recorder, &out, &plan.bagged)?;
             }
@@ -149,6 +154,13 @@ impl Evaluation {
             self.boxes.entry(stream.name.clone()).or_default().push(found);
             if plan.images == Images::Save {
                 save(out, stream, &plan.folder, number)?;
+            }
+        }
+        if plan.images == Images::Save {
+            let topics = plan.streams.iter().filter_map(|s| s.annotated.as_deref());
+            let frames: Vec<&Frame> = topics.filter_map(|topic| image(out, topic)).collect();
+            if let Some(picture) = grid::grid(&frames) {
+                save_png(&plan.folder.join("grid.png"), &picture)?;
             }
         }
         let truth = plan.truth.as_deref().and_then(|topic| arrays(out, topic).next());
@@ -198,10 +210,15 @@ fn arrays<'a>(out: &'a [OnTopic], topic: &'a str) -> impl Iterator<Item = &'a De
 }
 
 fn save(out: &[OnTopic], stream: &Stream, folder: &Path, number: usize) -> Result<(), EvalError> {
-    for (_, message) in out.iter().filter(|(topic, _)| *topic == stream.images) {
-        if let Message::Image(image) = message {
-            save_png(&folder.join(&stream.name).join(write::file_name(number)), &image.frame)?;
-        }
+    if let Some(frame) = image(out, &stream.images) {
+        save_png(&folder.join(&stream.name).join(write::file_name(number)), frame)?;
     }
     Ok(())
+}
+
+fn image<'a>(out: &'a [OnTopic], topic: &str) -> Option<&'a Frame> {
+    out.iter().filter(|(name, _)| name == topic).find_map(|(_, message)| match message {
+        Message::Image(image) => Some(&image.frame),
+        _ => None,
+    })
 }

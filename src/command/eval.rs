@@ -55,6 +55,7 @@ fn run(
     let source = source.with_context(|| format!("{}: no node is a source of frames", args.file.display()));
     let source = source.map_err(usage)?;
     let plan = Plan {
+        interval: made[source].0.period().unwrap_or_default(),
         streams: streams(&made)?,
         truth: topic_of(&made[source].0.outputs(), MessageKind::Detections, &made[source].1)?,
         images: if args.images { Images::Save } else { Images::Discard },
@@ -64,7 +65,9 @@ fn run(
     let mut recorded: Vec<String> = plan.streams.iter().map(|s| s.detections.clone()).collect();
     recorded.extend(plan.truth.iter().chain(&plan.bagged).cloned());
     if plan.images == Images::Save {
-        recorded.extend(plan.streams.iter().map(|s| s.images.clone()));
+        let images = plan.streams.iter().map(|s| Some(s.images.clone()));
+        let annotated = plan.streams.iter().map(|s| s.annotated.clone());
+        recorded.extend(images.chain(annotated).flatten());
     }
     let timer = SystemClock::default();
     let mut chain = Lockstep::new(&timer, recorded);
@@ -94,8 +97,9 @@ fn streams(made: &Made) -> Result<Vec<Stream>, Failure> {
     for (node, place) in made {
         let images = topic_of(&node.inputs(), MessageKind::Image, place)?;
         let boxes = topic_of(&node.outputs(), MessageKind::Detections, place)?;
+        let annotated = topic_of(&node.outputs(), MessageKind::Image, place)?;
         if let (Some(images), Some(boxes)) = (images, boxes) {
-            streams.push(Stream::new(&images, &boxes));
+            streams.push(Stream::new(images, boxes, annotated));
         }
     }
     if streams.is_empty() {

@@ -75,14 +75,15 @@ impl ModuloCamera {
         }
         let exposure =
             cx.stage("sense", || self.sensor.expose(radiance.view(), seed)).map_err(|why| why.to_string())?;
-        let streams: [(usize, fn(&Exposure) -> Frame); 3] =
-            [(MODULO, Exposure::modulo), (SATURATED, Exposure::saturated), (IDEAL, Exposure::ideal)];
-        for (output, stream) in streams {
+        let mut send = |output, frame: fn(&Exposure) -> Frame| {
             if cx.wanted(output) {
-                let image = StampedFrame { header: header.clone(), frame: stream(&exposure) };
+                let image = StampedFrame { header: header.clone(), frame: frame(&exposure) };
                 cx.emit(output, Message::Image(Arc::new(image)));
             }
-        }
+        };
+        send(MODULO, Exposure::modulo);
+        send(SATURATED, Exposure::saturated);
+        send(IDEAL, Exposure::ideal);
         Ok(())
     }
 

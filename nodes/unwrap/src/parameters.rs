@@ -9,7 +9,7 @@ pub fn declare() -> Vec<Descriptor> {
     vec![
         Descriptor::new(
             "method",
-            Value::String("spud".into()),
+            Value::String("lines".into()),
             Allowed::Words(unwrap::METHODS),
             "how the wraps are undone",
         ),
