@@ -20,6 +20,7 @@ fn the_sample_is_made_by_its_command() {
         "eval",
         "launch/recovered.launch.yaml",
         source,
+        "rate:=4",
         "engine:=rten",
         "-o",
         out.to_str().expect("UTF-8"),
