@@ -7,13 +7,14 @@ use std::process::Command;
 use serde_json::Value;
 
 /// Crates from the top floor down; those on one floor do not know each other.
-const FLOORS: [&[&str]; 7] = [
+const FLOORS: [&[&str]; 8] = [
     &["modulo"],
-    &["modulo-launch", "modulo-eval"],
+    &["modulo-launch", "modulo-eval", "modulo-study"],
     &["modulo-camera", "modulo-unwrap", "modulo-detector"],
     &["modulo-bags"],
     &["modulo-runtime"],
     &["modulo-msgs"],
+    &["modulo-images"],
     &["modulo-core", "modulo-models"],
 ];
 

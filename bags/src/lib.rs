@@ -6,7 +6,6 @@
 
 pub mod bag;
 pub mod capture;
-pub mod image_out;
 pub mod import;
 pub mod play;
 pub mod record;

@@ -19,8 +19,10 @@ mod plane;
 mod range;
 pub mod scene;
 pub mod sensor;
+mod simd;
 pub mod tone;
 pub mod unwrap;
+mod workers;
 
 pub use boxes::{BBox, Detection};
 pub use frame::{Frame, FrameError};
@@ -29,3 +31,4 @@ pub use optics::Psf;
 pub use range::{Range, RangeError};
 pub use sensor::{Exposure, Sensor, SensorConfig, SensorError};
 pub use unwrap::{Recovered, Unwrap, UnwrapError};
+pub use workers::{MAX_THREADS, WorkersError};

@@ -15,10 +15,10 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use modulo_bags::bag::BagError;
-use modulo_bags::image_out::{SaveError, save_png};
 use modulo_bags::record::Recorder;
 use modulo_bags::source::{GroundTruth, from_detections};
 use modulo_core::{Detection, Frame};
+use modulo_images::{SaveError, save_png};
 use modulo_msgs::cdr::CdrError;
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::Message;

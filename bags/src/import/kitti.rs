@@ -7,13 +7,14 @@
 use std::path::{Path, PathBuf};
 
 use modulo_core::Frame;
+use modulo_images::{Pixels, read_image};
 use modulo_msgs::cdr::{self, CdrError};
 use modulo_msgs::image::encode_frame;
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{MessageKind, Qos};
 
 use crate::bag::{BagError, BagTopic, BagWriter, Compression, TopicId};
-use crate::source::{KittiFolder, Pixels, SourceError, read_image, to_detections};
+use crate::source::{KittiFolder, SourceError, to_detections};
 use crate::{GROUND_TRUTH_TOPIC, IMAGE_TOPIC};
 
 /// Stamp of the first frame: 2011-09-26T00:00:00Z, the day of the recordings.

@@ -5,15 +5,14 @@ use std::collections::HashMap;
 use std::io::Cursor;
 use std::path::Path;
 
+use modulo_images::{ImageError, Pixels, White, decode};
 use modulo_msgs::cdr;
 use modulo_msgs::sensor_msgs::{CompressedImage, Image};
 use modulo_msgs::std_msgs::Header;
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::MessageKind;
 
-use super::image_file::decode;
-use super::radiance::White;
-use super::{GroundTruth, Pixels, Source, SourceError, SourceFrame, SourceOptions, from_detections};
+use super::{GroundTruth, Source, SourceError, SourceFrame, SourceOptions, from_detections};
 use crate::GROUND_TRUTH_TOPIC;
 use crate::bag::{BagReader, Messages, RawMessage, Selection, TopicCount};
 
@@ -126,7 +125,7 @@ fn read_message(message: &RawMessage) -> Result<(Header, Pixels), SourceError> {
 }
 
 fn bad(message: &RawMessage, why: impl std::fmt::Display) -> SourceError {
-    SourceError::Image { origin: origin(message), why: why.to_string() }
+    ImageError::Undecodable { origin: origin(message), why: why.to_string() }
 }
 
 fn origin(message: &RawMessage) -> String {

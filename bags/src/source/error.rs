@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use modulo_images::ImageError;
+
 use crate::bag::BagError;
 
 /// Why a frame could not be had: the file, what was found, what is possible.
@@ -39,34 +41,9 @@ pub enum SourceError {
         /// What the system said.
         source: std::io::Error,
     },
-    /// An image that does not decode.
-    #[error("{origin}: {why}")]
-    Image {
-        /// The file, or topic and stamp.
-        origin: String,
-        /// What is wrong with it.
-        why: String,
-    },
-    /// NaN or infinity in a float image.
-    #[error("{origin}: {value} at x {x}, y {y}, channel {channel}; every sample must be finite")]
-    NotFinite {
-        /// The file, or topic and stamp.
-        origin: String,
-        /// Column.
-        x: usize,
-        /// Row.
-        y: usize,
-        /// Channel, 0 is red.
-        channel: usize,
-        /// NaN or an infinity.
-        value: f32,
-    },
-    /// A `white` that is no radiance.
-    #[error("white = {white}: must be a finite number, 0 (automatic) or above")]
-    White {
-        /// The value that was offered.
-        white: f32,
-    },
+    /// An image that cannot be had.
+    #[error(transparent)]
+    Image(#[from] ImageError),
     /// A label line that cannot be read.
     #[error("{}:{line}: {why}", path.display())]
     Label {

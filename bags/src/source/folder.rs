@@ -3,8 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::image_file::{EXTENSIONS, read_image};
-use super::radiance::White;
+use modulo_images::{EXTENSIONS, White, read_image};
+
 use super::{FRAME_ID, Source, SourceError, SourceFrame};
 
 /// A folder of images as a source. The list is taken once, when it is opened.

@@ -7,9 +7,7 @@ mod bag;
 mod error;
 mod folder;
 mod ground_truth;
-mod image_file;
 mod kitti;
-mod radiance;
 mod scene;
 
 use std::path::Path;
@@ -20,7 +18,6 @@ pub use bag::BagSource;
 pub use error::SourceError;
 pub use folder::FolderSource;
 pub use ground_truth::{GroundTruth, from_detections, to_detections};
-pub use image_file::{EXTENSIONS, Pixels, read_image};
 pub use kitti::{KittiFolder, KittiSource};
 pub use scene::SceneSource;
 

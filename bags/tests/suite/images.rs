@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use image::{ImageBuffer, Rgb, Rgba};
-use modulo_bags::image_out::save_png;
 use modulo_bags::source::{SourceFrame, SourceOptions, open};
 use modulo_core::Frame;
+use modulo_images::save_png;
 use ndarray::Array3;
 
 use crate::writing::frame;

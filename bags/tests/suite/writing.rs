@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, RawMessage, Selection};
-use modulo_bags::image_out::save_png;
 use modulo_core::Frame;
+use modulo_images::save_png;
 use modulo_runtime::Qos;
 use ndarray::Array3;
 

@@ -25,6 +25,7 @@ pub use tree::Tree;
 use crate::dct::DctError;
 use crate::frame::{Frame, FrameError};
 use crate::plane::{check_shape, place_of};
+use crate::workers::WorkersError;
 
 /// The names that [`by_name`] knows.
 pub const METHODS: &[&str] = &["spud", "itoh", "lines", "tree", "gradient_tree"];
@@ -54,12 +55,29 @@ pub struct Recovered {
 }
 
 /// What a method says of its own result.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
-    /// Name of the method, as in [`METHODS`]; empty before the first image.
-    pub method: &'static str,
+    /// Name of the method that did it, as in [`METHODS`], or [`PASS_THROUGH`]; empty before the first image.
+    pub rung: &'static str,
+    /// What of y speaks against the result, where the method looked at it.
+    pub signal: Option<Signal>,
     /// Whether the method vouches for k; `None`: it makes no claim.
     pub trusted: Option<bool>,
+}
+
+/// The rung of `auto` that changes nothing: no wrap was seen.
+pub const PASS_THROUGH: &str = "pass_through";
+
+/// How far y departs from what the methods assume; all of it measured on y alone, all channels together.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Signal {
+    /// Fraction of the 2 x 2 loops around which the wrapped differences do not sum to 0.
+    pub residues: f32,
+    /// Fraction of the 2 x 2 loops whose wrapped mixed difference `|M_b(d_x d_y y)|` is above 3/8 of the peak
+    /// (96 of 256).
+    pub steep: f32,
+    /// Mean share of a row that agrees on how it continues the row above, 0 to 1.
+    pub consensus: f32,
 }
 
 /// What the methods can be told; each reads its own.
@@ -69,12 +87,14 @@ pub struct Options {
     pub tau: f64,
     /// What SPUD's threshold acts on.
     pub threshold_on: ThresholdOn,
+    /// Threads a method may use, 1 to [`MAX_THREADS`](crate::MAX_THREADS); the result does not depend on it.
+    pub threads: usize,
 }
 
 impl Default for Options {
-    /// The paper's: tau = 0.1, on phi.
+    /// The paper's: tau = 0.1, on phi; one thread.
     fn default() -> Self {
-        Self { tau: 0.1, threshold_on: ThresholdOn::Phi }
+        Self { tau: 0.1, threshold_on: ThresholdOn::Phi, threads: 1 }
     }
 }
 
@@ -96,6 +116,9 @@ pub enum UnwrapError {
     /// An image without pixels, or of a wrong number of channels.
     #[error(transparent)]
     Shape(#[from] FrameError),
+    /// Threads that cannot be had.
+    #[error(transparent)]
+    Workers(#[from] WorkersError),
     /// A plane that does not fit its transform.
     #[error(transparent)]
     Transform(#[from] DctError),
@@ -143,7 +166,7 @@ impl Recovered {
         if self.k.dim() != dim || !self.k.is_standard_layout() {
             self.k = Array3::zeros(dim);
         }
-        self.report = Report { method, trusted: None };
+        self.report = Report { rung: method, signal: None, trusted: None };
     }
 }
 

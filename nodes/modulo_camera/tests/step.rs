@@ -45,7 +45,7 @@ fn frame(messages: &[(usize, Message)], output: usize) -> &StampedFrame {
 fn ramp(folder: &Path) -> String {
     let path = folder.join("ramp.png");
     let pixels = Array3::from_shape_fn((4, 64, 3), |(_, j, _)| (4 * j) as u8);
-    modulo_bags::image_out::save_png(&path, &Frame::from_u8(pixels).expect("a frame")).expect("writable");
+    modulo_images::save_png(&path, &Frame::from_u8(pixels).expect("a frame")).expect("writable");
     path.display().to_string()
 }
 

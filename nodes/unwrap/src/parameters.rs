@@ -47,7 +47,7 @@ pub fn method(parameters: &Parameters) -> Result<Box<dyn Unwrap>, Refusal> {
         "rho" => ThresholdOn::Rho,
         _ => ThresholdOn::Phi,
     };
-    let options = Options { tau: parameters.double("tau"), threshold_on };
+    let options = Options { tau: parameters.double("tau"), threshold_on, ..Options::default() };
     unwrap::by_name(name, &options).map_err(|why| Refusal::new("method", name, why.to_string()))
 }
 

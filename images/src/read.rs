@@ -10,7 +10,7 @@ use image::{DynamicImage, ImageBuffer, ImageReader, Luma, LumaA, Rgb, Rgba};
 use modulo_core::Frame;
 use ndarray::Array3;
 
-use super::SourceError;
+use crate::error::ImageError;
 
 /// Extensions that are taken for images, in lower case.
 pub const EXTENSIONS: [&str; 5] = ["png", "jpg", "jpeg", "exr", "hdr"];
@@ -27,16 +27,19 @@ pub enum Pixels {
 /// Reads one image file; its content, not its name, tells the format.
 ///
 /// # Errors
-/// [`SourceError`] when the file is missing, cut short, of an unknown format,
+/// [`ImageError`] when the file is missing, cut short, of an unknown format,
 /// or holds NaN or an infinity.
-pub fn read_image(path: &Path) -> Result<Pixels, SourceError> {
-    let file = File::open(path).map_err(|e| SourceError::io(path, e))?;
+pub fn read_image(path: &Path) -> Result<Pixels, ImageError> {
+    let file = File::open(path).map_err(|e| ImageError::Io { path: path.to_owned(), source: e })?;
     decode(BufReader::new(file), &path.display().to_string())
 }
 
 /// Decodes one image; `origin` is what errors call it.
-pub(crate) fn decode(data: impl BufRead + Seek, origin: &str) -> Result<Pixels, SourceError> {
-    let bad = |why: String| SourceError::Image { origin: origin.to_owned(), why };
+///
+/// # Errors
+/// As [`read_image`].
+pub fn decode(data: impl BufRead + Seek, origin: &str) -> Result<Pixels, ImageError> {
+    let bad = |why: String| ImageError::Undecodable { origin: origin.to_owned(), why };
     let reader = ImageReader::new(data).with_guessed_format().map_err(|e| bad(e.to_string()))?;
     let image = reader.decode().map_err(|e| bad(e.to_string()))?;
     let pixels = match image {
@@ -79,10 +82,10 @@ where
     pixels
 }
 
-fn finite(linear: Array3<f32>, origin: &str) -> Result<Pixels, SourceError> {
+fn finite(linear: Array3<f32>, origin: &str) -> Result<Pixels, ImageError> {
     match linear.indexed_iter().find(|(_, v)| !v.is_finite()) {
         Some(((y, x, channel), &value)) => {
-            Err(SourceError::NotFinite { origin: origin.to_owned(), x, y, channel, value })
+            Err(ImageError::NotFinite { origin: origin.to_owned(), x, y, channel, value })
         }
         None => Ok(Pixels::Linear(linear)),
     }

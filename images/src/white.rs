@@ -3,24 +3,28 @@
 use modulo_core::Frame;
 use ndarray::Array3;
 
-use super::{Pixels, SourceError};
+use crate::error::ImageError;
+use crate::read::Pixels;
 
 /// The largest `f32` below 1: what reaches the peak is clamped to it.
 const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 
 /// The linear radiance that maps to the peak, given or found once.
 #[derive(Debug)]
-pub(crate) struct White(f32);
+pub struct White(f32);
 
 impl White {
     /// `white` > 0 is used as it is; 0 stands for the largest value of the
     /// first float image that is not black.
-    pub(crate) fn new(white: f32) -> Result<Self, SourceError> {
-        if white.is_finite() && white >= 0.0 { Ok(Self(white)) } else { Err(SourceError::White { white }) }
+    ///
+    /// # Errors
+    /// [`ImageError::White`] for a negative, infinite or NaN `white`.
+    pub fn new(white: f32) -> Result<Self, ImageError> {
+        if white.is_finite() && white >= 0.0 { Ok(Self(white)) } else { Err(ImageError::White { white }) }
     }
 
     /// Radiance in `[0, 1)`, same shape.
-    pub(crate) fn radiance(&mut self, pixels: Pixels) -> Array3<f32> {
+    pub fn radiance(&mut self, pixels: Pixels) -> Array3<f32> {
         match pixels {
             Pixels::Codes(Frame::U8(codes)) => codes.mapv(|v| f32::from(v) / 256.0),
             Pixels::Codes(Frame::U16(codes)) => codes.mapv(|v| f32::from(v) / 65536.0),

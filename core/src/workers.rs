@@ -1,0 +1,79 @@
+//! [`Workers`]: the threads that a caller allows, none of them by default.
+//!
+//! Results never depend on how many there are: work is cut by the image, not by
+//! the threads.
+
+use rayon::iter::{IndexedParallelIterator, IntoParallelRefMutIterator, ParallelIterator};
+
+/// Most threads that can be asked for.
+pub const MAX_THREADS: usize = 256;
+
+/// One thread (the caller's own), or a pool.
+pub(crate) struct Workers {
+    pool: Option<rayon::ThreadPool>,
+}
+
+/// Why there are no such workers.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum WorkersError {
+    /// No thread, or too many.
+    #[error("threads is {threads}, 1 to {MAX_THREADS} are possible")]
+    Threads {
+        /// Asked for.
+        threads: usize,
+    },
+    /// The system refused.
+    #[error("{threads} threads cannot be started: {why}")]
+    Refused {
+        /// Asked for.
+        threads: usize,
+        /// What the system said.
+        why: String,
+    },
+}
+
+impl Workers {
+    /// `threads` in 1 to [`MAX_THREADS`]; 1 starts none.
+    pub fn new(threads: usize) -> Result<Self, WorkersError> {
+        if !(1..=MAX_THREADS).contains(&threads) {
+            return Err(WorkersError::Threads { threads });
+        }
+        if threads == 1 {
+            return Ok(Self { pool: None });
+        }
+        let refused =
+            |why: rayon::ThreadPoolBuildError| WorkersError::Refused { threads, why: why.to_string() };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(refused)?;
+        Ok(Self { pool: Some(pool) })
+    }
+
+    /// `work` on every item with its index, side by side where there are threads.
+    pub fn each<T: Send>(&self, items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
+        match &self.pool {
+            None => items.iter_mut().enumerate().for_each(|(index, item)| work(index, item)),
+            Some(pool) => {
+                pool.install(|| items.par_iter_mut().enumerate().for_each(|(index, item)| work(index, item)));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_item_is_worked_on_once() {
+        for threads in [1, 2, 5] {
+            let mut items = vec![1; 37];
+            Workers::new(threads).unwrap().each(&mut items, |index, item| *item += index);
+            assert_eq!(items, (1..38).collect::<Vec<_>>(), "{threads} threads");
+        }
+    }
+
+    #[test]
+    fn no_thread_is_refused() {
+        assert_eq!(Workers::new(0).err(), Some(WorkersError::Threads { threads: 0 }));
+        assert!(Workers::new(MAX_THREADS + 1).is_err());
+    }
+}
