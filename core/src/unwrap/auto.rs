@@ -1,0 +1,91 @@
+//! Auto: as much model as the frame needs, and a word on whether to trust it.
+//!
+//! The first rung, `lines`, looks at every 2 x 2 loop of y on its way; what it saw decides
+//! what follows:
+//!
+//! | seen in y | rung | trusted |
+//! |---|---|---|
+//! | no wrapped difference at all | pass_through | yes |
+//! | hardly a steep loop, rows agree | lines | yes |
+//! | few steep loops | gradient_tree | yes |
+//! | more | gradient_tree | no |
+//!
+//! Trust is given on y alone. What leaves no trace in y cannot be seen here: a region with
+//! a sharp contour of exactly whole peaks, and a whole channel brighter than the peak.
+
+use super::{GradientTree, Lines, Options, PASS_THROUGH, Range, Recovered, Signal, Unwrap, UnwrapError};
+use crate::frame::Frame;
+
+/// How much may speak against a rung before `auto` leaves it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrustLimits {
+    /// `lines`: greatest [`Signal::steep`], a fraction of the loops.
+    pub lines: f64,
+    /// `lines`: least [`Signal::consensus`], a fraction of the columns.
+    pub consensus: f64,
+    /// `gradient_tree`: greatest [`Signal::steep`], a fraction of the loops.
+    pub gradient_tree: f64,
+}
+
+impl Default for TrustLimits {
+    /// 1e-5, 0.95 and 1e-4.
+    fn default() -> Self {
+        Self { lines: 1e-5, consensus: 0.95, gradient_tree: 1e-4 }
+    }
+}
+
+/// The ladder with its rungs' buffers.
+pub struct Auto {
+    limits: TrustLimits,
+    lines: Lines,
+    gradient_tree: GradientTree,
+}
+
+/// What the signal of `lines` asks for.
+enum Verdict {
+    PassThrough,
+    Lines,
+    Climb { trusted: bool },
+}
+
+impl Auto {
+    /// With the limits of `options`.
+    pub fn new(options: &Options) -> Self {
+        Self { limits: options.trust, lines: Lines::default(), gradient_tree: GradientTree::default() }
+    }
+
+    fn judge(&self, lines: &Recovered) -> Verdict {
+        let Some(Signal { steep, consensus, .. }) = lines.report.signal else {
+            return Verdict::Climb { trusted: false };
+        };
+        let (steep, consensus) = (f64::from(steep), f64::from(consensus));
+        if steep <= self.limits.lines && consensus >= self.limits.consensus {
+            let wrapped = lines.k.iter().any(|&k| k > 0);
+            return if wrapped { Verdict::Lines } else { Verdict::PassThrough };
+        }
+        Verdict::Climb { trusted: steep <= self.limits.gradient_tree }
+    }
+}
+
+impl Unwrap for Auto {
+    fn name(&self) -> &'static str {
+        "auto"
+    }
+
+    fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
+        self.lines.unwrap(y, range, out)?;
+        let signal = out.report.signal;
+        match self.judge(out) {
+            Verdict::PassThrough => out.report.rung = PASS_THROUGH,
+            Verdict::Lines => {}
+            Verdict::Climb { trusted } => {
+                self.gradient_tree.unwrap(y, range, out)?;
+                out.report.signal = signal;
+                out.report.trusted = Some(trusted);
+                return Ok(());
+            }
+        }
+        out.report.trusted = Some(true);
+        Ok(())
+    }
+}
