@@ -9,6 +9,7 @@ mod gradient_tree;
 mod itoh;
 mod lines;
 mod poisson;
+mod quality_guided;
 mod spud;
 mod tree;
 mod wrapped;
@@ -21,6 +22,7 @@ pub use gradient_tree::GradientTree;
 pub use itoh::Itoh;
 pub use lines::Lines;
 pub use poisson::ThresholdOn;
+pub use quality_guided::QualityGuided;
 pub use spud::Spud;
 pub use tree::Tree;
 
@@ -30,7 +32,7 @@ use crate::plane::{check_shape, place_of};
 use crate::workers::WorkersError;
 
 /// The names that [`by_name`] knows.
-pub const METHODS: &[&str] = &["auto", "spud", "itoh", "lines", "tree", "gradient_tree"];
+pub const METHODS: &[&str] = &["auto", "spud", "itoh", "lines", "tree", "gradient_tree", "quality_guided"];
 
 /// A way to find the wrap counts of a modulo image.
 pub trait Unwrap: Send {
@@ -158,6 +160,7 @@ pub fn by_name(name: &str, options: &Options) -> Result<Box<dyn Unwrap>, UnwrapE
         "lines" => Ok(Box::new(Lines::default())),
         "tree" => Ok(Box::new(Tree::default())),
         "gradient_tree" => Ok(Box::new(GradientTree::default())),
+        "quality_guided" => Ok(Box::new(QualityGuided::default())),
         _ => Err(UnwrapError::Method { name: name.to_owned() }),
     }
 }

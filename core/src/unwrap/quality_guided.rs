@@ -1,0 +1,143 @@
+//! Quality-guided: the classical reference, Herraez et al. 2002 (Appl. Opt. 41, 7437), each channel on its own.
+//!
+//! A pixel is reliable where wrapped differences change little through it, in four directions:
+//! ```text
+//! D^2 = sum over {horizontal, vertical, 2 diagonals} of (M_b(y_before - y) - M_b(y - y_after))^2
+//! ```
+//! An edge has the sum of its ends' D^2; edges are taken from the smallest on, and each joins two groups of
+//! pixels by Itoh's step. Pixels on the border of the image have no D and come last, as in scikit-image's
+//! `unwrap_phase` without wrap-around.
+//!
+//! Exact when first differences stay below half a peak. It knows no range but for the absolute offset.
+
+use super::wrapped::{codes, difference, turns};
+use super::{Range, Recovered, Unwrap, UnwrapError, check_frame, congruence};
+use crate::frame::Frame;
+use crate::plane;
+
+/// D^2 of a pixel on the border, more than any other has: four squares of less than 2^17.
+const BORDER: u64 = 1 << 36;
+
+/// The method with its buffers.
+#[derive(Default)]
+pub struct QualityGuided {
+    y: Vec<f32>,
+    codes: Vec<u16>,
+    unreliability: Vec<u64>,
+    edges: Vec<Edge>,
+    groups: Groups,
+    k: Vec<i32>,
+}
+
+/// Ordered by unreliability, then by place: right before down.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Edge {
+    unreliability: u64,
+    from: u32,
+    to: u32,
+}
+
+impl Unwrap for QualityGuided {
+    fn name(&self) -> &'static str {
+        "quality_guided"
+    }
+
+    fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
+        check_frame(y, range)?;
+        out.prepare(y.dim(), self.name());
+        let (_, width, channels) = y.dim();
+        for channel in 0..channels {
+            plane::take_from_frame(y, channel, &mut self.y);
+            codes(&self.y, range, &mut self.codes);
+            self.grow(width);
+            congruence::place(&self.k, &self.y, range, channel, out);
+        }
+        Ok(())
+    }
+}
+
+impl QualityGuided {
+    /// `k` becomes the wrap counts of the codes relative to one pixel.
+    fn grow(&mut self, width: usize) {
+        let codes = &self.codes;
+        self.unreliability.clear();
+        self.unreliability.extend((0..codes.len()).map(|here| unreliability(codes, width, here)));
+        self.edges.clear();
+        for here in 0..codes.len() {
+            let right = (!(here + 1).is_multiple_of(width)).then_some(here + 1);
+            let down = Some(here + width).filter(|&there| there < codes.len());
+            for there in [right, down].into_iter().flatten() {
+                let unreliability = self.unreliability[here] + self.unreliability[there];
+                self.edges.push(Edge { unreliability, from: here as u32, to: there as u32 });
+            }
+        }
+        self.edges.sort_unstable();
+        self.groups.reset(codes.len());
+        for Edge { from, to, .. } in &self.edges {
+            self.groups.join(*from, *to, turns(codes[*from as usize], codes[*to as usize]).into());
+        }
+        self.k.clear();
+        self.k.extend((0..codes.len() as u32).map(|node| self.groups.find(node).1));
+    }
+}
+
+/// D^2, in units of `codes`.
+fn unreliability(codes: &[u16], width: usize, here: usize) -> u64 {
+    let column = here % width;
+    if column == 0 || column + 1 == width || here < width || here + width >= codes.len() {
+        return BORDER;
+    }
+    let bend = |stride: usize| {
+        let [before, at, after] = [here - stride, here, here + stride].map(|index| codes[index]);
+        i64::from(difference(at, before)) - i64::from(difference(after, at))
+    };
+    [1, width - 1, width, width + 1].into_iter().map(|stride| bend(stride).pow(2) as u64).sum()
+}
+
+/// Groups of pixels: a union-find with each node's count relative to its group's root.
+#[derive(Default)]
+struct Groups {
+    /// Parent, and the node's count minus its parent's; a root is its own parent.
+    nodes: Vec<(u32, i32)>,
+    sizes: Vec<u32>,
+}
+
+impl Groups {
+    fn reset(&mut self, count: usize) {
+        self.nodes.clear();
+        self.nodes.extend((0..count as u32).map(|node| (node, 0)));
+        self.sizes.clear();
+        self.sizes.resize(count, 1);
+    }
+
+    /// Root, and the node's count minus the root's. Halves the path.
+    fn find(&mut self, mut node: u32) -> (u32, i32) {
+        let mut total = 0;
+        loop {
+            let (parent, offset) = self.nodes[node as usize];
+            if parent == node {
+                return (node, total);
+            }
+            let (above, further) = self.nodes[parent as usize];
+            self.nodes[node as usize] = (above, offset + further);
+            total += offset + further;
+            node = above;
+        }
+    }
+
+    /// `to` is `step` above `from`.
+    fn join(&mut self, from: u32, to: u32, step: i32) {
+        let ((from, below), (to, above)) = (self.find(from), self.find(to));
+        if from == to {
+            return;
+        }
+        let step = below + step - above;
+        let (parent, child, step) = if self.sizes[from as usize] >= self.sizes[to as usize] {
+            (from, to, step)
+        } else {
+            (to, from, -step)
+        };
+        self.nodes[child as usize] = (parent, step);
+        self.sizes[parent as usize] += self.sizes[child as usize];
+    }
+}
