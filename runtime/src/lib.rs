@@ -8,6 +8,7 @@
 pub mod clock;
 pub mod diagnostics;
 pub mod driver;
+pub mod imaging;
 pub mod inbox;
 pub mod message;
 pub mod name;

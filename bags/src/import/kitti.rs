@@ -115,7 +115,7 @@ impl Import {
 }
 
 fn codes(image: &Path) -> Result<Frame, ImportError> {
-    match read_image(image)? {
+    match read_image(image).map_err(SourceError::from)? {
         Pixels::Codes(frame) => Ok(frame),
         Pixels::Linear(_) => Err(ImportError::Float { path: image.to_owned() }),
     }

@@ -125,7 +125,7 @@ fn read_message(message: &RawMessage) -> Result<(Header, Pixels), SourceError> {
 }
 
 fn bad(message: &RawMessage, why: impl std::fmt::Display) -> SourceError {
-    ImageError::Undecodable { origin: origin(message), why: why.to_string() }
+    ImageError::Undecodable { origin: origin(message), why: why.to_string() }.into()
 }
 
 fn origin(message: &RawMessage) -> String {

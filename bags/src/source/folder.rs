@@ -41,13 +41,14 @@ impl Source for FolderSource {
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
         let path = self.images.get(self.next)?;
         self.next += 1;
-        Some(read_image(path).map(|pixels| SourceFrame {
+        let frame = read_image(path).map(|pixels| SourceFrame {
             radiance: self.white.radiance(pixels),
             name: stem(path),
             stamp_ns: None,
             frame_id: FRAME_ID.to_owned(),
             ground_truth: None,
-        }))
+        });
+        Some(frame.map_err(SourceError::from))
     }
 
     fn len(&self) -> Option<usize> {

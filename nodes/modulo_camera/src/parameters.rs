@@ -2,9 +2,8 @@
 
 use std::time::Duration;
 
-use modulo_core::optics::Psf;
-use modulo_core::sensor::{Sensor, SensorConfig, SensorError};
-use modulo_runtime::{Allowed, Descriptor, Parameters, Refusal, Value};
+use modulo_core::sensor::{Sensor, SensorConfig};
+use modulo_runtime::{Allowed, Descriptor, Parameters, Refusal, Value, imaging};
 
 /// The node's parameters.
 pub fn declare() -> Vec<Descriptor> {
@@ -14,7 +13,7 @@ pub fn declare() -> Vec<Descriptor> {
     let integer = |name, default, from, to, text| {
         Descriptor::new(name, Value::Integer(default), Allowed::Integers { from, to }, text)
     };
-    vec![
+    let mut declared = vec![
         Descriptor::new(
             "source",
             Value::String(String::new()),
@@ -33,50 +32,28 @@ pub fn declare() -> Vec<Descriptor> {
         double("white", 0.0, 1e12, "linear radiance that maps to the peak, for EXR and HDR images; 0: the brightest \
              value of the first one")
             .fixed(),
-        integer("bits", 8, 1, 16, "bits of the sensor's converter; the peak is 2^bits"),
-        Descriptor::new(
-            "alpha",
-            Value::Double(4.0),
-            Allowed::Doubles { from: 1e-3, to: 256.0 },
-            "saturation factor: brightest radiance of the scene over the sensor's peak",
-        ),
-        Descriptor::new(
-            "psf",
-            Value::String("gaussian".into()),
-            Allowed::Words(&["gaussian", "paper7"]),
-            "blur of the lens: gaussian of psf_sigma, or the paper's fixed 7 taps (about 1.4 px)",
-        ),
-        double("psf_sigma", 0.0, 100.0, "sigma of the lens blur in px; 0: a perfect lens"),
         double("read_noise", 0.0, 65536.0, "sigma of the read noise in code units"),
         double("shot_noise", 0.0, 65536.0, "shot noise has sigma sqrt(shot_noise * x) in code units"),
         integer("seed", 0, 0, i64::MAX, "seed of the noise"),
         double("rate", 10.0, 10_000.0, "frames per second; 0: as fast as they can be made"),
         Descriptor::new("loop", Value::Bool(false), Allowed::Any, "start again when the source is over").fixed(),
         integer("frames", 0, 0, i64::MAX, "frames to send before ending; 0: all"),
-    ]
+    ];
+    declared.extend(imaging::declare_range());
+    declared.extend(imaging::declare_lens());
+    declared
 }
 
 /// The sensor that the parameters describe.
 pub fn sensor(parameters: &Parameters) -> Result<Sensor, Refusal> {
-    let sigma = parameters.double("psf_sigma");
-    let psf = match parameters.string("psf") {
-        "paper7" => Psf::Paper7,
-        _ if sigma == 0.0 => Psf::None,
-        _ => Psf::Gaussian { sigma },
-    };
     let config = SensorConfig {
-        bits: u8::try_from(parameters.integer("bits")).unwrap_or(u8::MAX),
+        bits: imaging::bits(parameters),
         alpha: parameters.double("alpha"),
-        psf,
+        psf: imaging::psf(parameters),
         read_noise: parameters.double("read_noise"),
         shot_noise: parameters.double("shot_noise"),
     };
-    Sensor::new(config).map_err(|why| refusal(parameters, &why))
-}
-
-fn refusal(parameters: &Parameters, why: &SensorError) -> Refusal {
-    let alpha = parameters.double("alpha");
-    Refusal::new("alpha", alpha, why.to_string())
+    Sensor::new(config).map_err(|why| imaging::refuse(parameters, &why))
 }
 
 /// Seed of the noise.

@@ -2,9 +2,11 @@
 //! detector and 16 bit in counts (HDR) for whoever wants the radiance.
 //!
 //! The header of the modulo image is copied. The node never guesses bits or
-//! alpha: they are parameters, as the sensor's are.
+//! alpha: they are parameters, as the sensor's are. What it thinks of each frame
+//! goes to `/diagnostics`.
 
 mod parameters;
+mod recovery;
 
 use std::sync::Arc;
 
@@ -15,19 +17,23 @@ use modulo_core::unwrap::{Recovered, Unwrap};
 use modulo_msgs::std_msgs::Header;
 use modulo_runtime::{
     Context, Cue, Flow, Message, MessageKind, Node, Parameters, Refusal, StampedFrame, StepError, Topic,
+    imaging,
 };
+use recovery::Tally;
 
 pub use parameters::declare;
 
 /// Output indices, in the order of [`Node::outputs`].
 const RECOVERED: usize = 0;
 const HDR: usize = 1;
+const DIAGNOSTICS: usize = 2;
 
 /// The node's step.
 pub struct UnwrapNode {
     method: Box<dyn Unwrap>,
     range: Range,
     recovered: Recovered,
+    tally: Tally,
 }
 
 impl UnwrapNode {
@@ -38,8 +44,9 @@ impl UnwrapNode {
     pub fn new(parameters: &Parameters) -> Result<Self, Refusal> {
         Ok(Self {
             method: parameters::method(parameters)?,
-            range: parameters::range(parameters)?,
+            range: imaging::range(parameters)?,
             recovered: Recovered::default(),
+            tally: Tally::default(),
         })
     }
 
@@ -47,6 +54,11 @@ impl UnwrapNode {
         let skip = |why: String| StepError::Skip(why);
         cx.stage("unwrap", || self.method.unwrap(&modulo.frame, self.range, &mut self.recovered))
             .map_err(|why| skip(why.to_string()))?;
+        self.tally.count(&self.recovered.report);
+        if cx.wanted(DIAGNOSTICS) {
+            let said = recovery::describe(&modulo.header, self.method.name(), &self.recovered.report);
+            cx.emit(DIAGNOSTICS, Message::Diagnostics(Arc::new(said)));
+        }
         if cx.wanted(RECOVERED) {
             let frame = cx
                 .stage("tone", || tone::linear8(&self.recovered.x, self.range))
@@ -71,11 +83,16 @@ impl Node for UnwrapNode {
     }
 
     fn outputs(&self) -> Vec<Topic> {
-        vec![Topic::new("recovered", MessageKind::Image), Topic::new("hdr", MessageKind::Image)]
+        vec![
+            Topic::new("recovered", MessageKind::Image),
+            Topic::new("hdr", MessageKind::Image),
+            Topic::new("/diagnostics", MessageKind::Diagnostics),
+        ]
     }
 
     fn configure(&mut self, parameters: &Parameters) -> Result<(), Refusal> {
-        *self = Self::new(parameters)?;
+        let Self { method, range, .. } = Self::new(parameters)?;
+        (self.method, self.range) = (method, range);
         Ok(())
     }
 
@@ -89,6 +106,8 @@ impl Node for UnwrapNode {
     }
 
     fn facts(&self) -> Vec<(&'static str, String)> {
-        vec![("method", self.method.name().to_owned())]
+        let mut facts = vec![("method", self.method.name().to_owned())];
+        facts.extend(self.tally.facts());
+        facts
     }
 }

@@ -81,3 +81,40 @@ fn a_frame_of_another_sensor_is_skipped_and_the_node_lives() {
     node.configure(&parameters(&[("alpha", "2"), ("bits", "10")])).expect("possible");
     assert!(step(&mut node, ten_bits, &[true, false]).is_ok());
 }
+
+#[test]
+fn each_frame_is_described_with_its_own_stamp_and_counted() {
+    let (modulo, _) = exposure(8);
+    let mut node = UnwrapNode::new(&parameters(&[("alpha", "2")])).expect("a node");
+    // For its description alone no frame is unwrapped.
+    assert!(step(&mut node, modulo.clone(), &[false, false, true]).expect("a good frame").is_empty());
+    let sent = step(&mut node, modulo.clone(), &[true, false, true]).expect("a good frame");
+    let [(2, Message::Diagnostics(said)), (0, _)] = &sent[..] else {
+        panic!("a description is expected: {sent:?}")
+    };
+    assert_eq!(said.header, header());
+    let value =
+        |key: &str| said.status[0].values.iter().find(|pair| pair.key == key).map(|pair| pair.value.clone());
+    assert_eq!(value("method").as_deref(), Some("auto"));
+    assert_eq!(value("trusted").as_deref(), Some("true"), "{said:?}");
+
+    // A new alpha is a new method, but the count goes on.
+    node.configure(&parameters(&[("alpha", "2.5"), ("method", "itoh")])).expect("possible");
+    let sent = step(&mut node, modulo, &[true, false, true]).expect("a good frame");
+    let [(2, Message::Diagnostics(said)), (0, _)] = &sent[..] else {
+        panic!("a description is expected: {sent:?}")
+    };
+    assert!(said.status[0].values.iter().all(|pair| pair.key != "trusted"), "itoh makes no claim");
+    let facts = node.facts();
+    assert!(facts.contains(&("trusted", "1 of 2 frames".to_owned())), "{facts:?}");
+}
+
+#[test]
+fn what_only_one_method_reads_is_checked_for_all() {
+    for (name, value) in
+        [("threads", "0"), ("trust_lines", "-0.1"), ("trust_consensus", "1.5"), ("tau", "-1")]
+    {
+        let refused = Parameters::declare(declare()).with_text(&[(name.to_owned(), value.to_owned())]);
+        assert!(refused.is_err_and(|why| why.to_string().contains(name)), "{name} = {value}");
+    }
+}

@@ -1,0 +1,64 @@
+//! What is said of each recovered frame on `/diagnostics`, and counted for the summary.
+//!
+//! Nothing is judged here: rung, signal and trust are the method's own.
+
+use std::collections::BTreeMap;
+
+use modulo_core::unwrap::{Report, Signal};
+use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
+use modulo_msgs::std_msgs::Header;
+
+/// Frames by rung, and how many of them were trusted.
+#[derive(Default)]
+pub struct Tally {
+    rungs: BTreeMap<&'static str, u64>,
+    trusted: u64,
+}
+
+impl Tally {
+    /// Counts one frame.
+    pub fn count(&mut self, report: &Report) {
+        *self.rungs.entry(report.rung).or_default() += 1;
+        self.trusted += u64::from(report.trusted == Some(true));
+    }
+
+    /// `("rungs", "lines 58, gradient_tree 2")` and `("trusted", "58 of 60 frames")`; nothing before the first frame.
+    pub fn facts(&self) -> Vec<(&'static str, String)> {
+        let frames: u64 = self.rungs.values().sum();
+        if frames == 0 {
+            return Vec::new();
+        }
+        let rungs: Vec<String> = self.rungs.iter().map(|(rung, count)| format!("{rung} {count}")).collect();
+        vec![("rungs", rungs.join(", ")), ("trusted", format!("{} of {frames} frames", self.trusted))]
+    }
+}
+
+/// One frame's recovery, stamped as its image.
+pub fn describe(header: &Header, method: &str, report: &Report) -> DiagnosticArray {
+    let (level, message) = match report.trusted {
+        Some(true) => (DiagnosticStatus::OK, "trusted"),
+        Some(false) => (DiagnosticStatus::WARN, "not trusted: y departs from what the method assumes"),
+        None => (DiagnosticStatus::OK, "the method makes no claim"),
+    };
+    let mut values = vec![("method", method.to_owned()), ("rung", report.rung.to_owned())];
+    if let Some(trusted) = report.trusted {
+        values.push(("trusted", trusted.to_string()));
+    }
+    if let Some(Signal { residues, steep, consensus }) = report.signal {
+        let share = |value: f32| format!("{value:.3e}");
+        values.extend([
+            ("residues", share(residues)),
+            ("steep", share(steep)),
+            ("consensus", share(consensus)),
+        ]);
+    }
+    let values = values.into_iter().map(|(key, value)| KeyValue { key: key.to_owned(), value }).collect();
+    let status = DiagnosticStatus {
+        level,
+        name: "unwrap: recovery".into(),
+        message: message.into(),
+        hardware_id: String::new(),
+        values,
+    };
+    DiagnosticArray { header: header.clone(), status: vec![status] }
+}
