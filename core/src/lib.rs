@@ -10,6 +10,7 @@
 
 pub mod boxes;
 pub mod dct;
+pub mod deblur;
 pub mod frame;
 pub mod gradient;
 pub mod letterbox;
@@ -25,6 +26,7 @@ pub mod unwrap;
 mod workers;
 
 pub use boxes::{BBox, Detection};
+pub use deblur::Deblur;
 pub use frame::{Frame, FrameError};
 pub use letterbox::Letterbox;
 pub use optics::Psf;
