@@ -40,8 +40,8 @@ fn compare_has_a_detector_for_each_stream() {
     assert_eq!(inputs, expected);
     assert_eq!(names(&plan)[..4], expected.map(|stream| format!("detector_{stream}")));
     assert_eq!(
-        parameter(&plan.nodes[5], "wait_for"),
-        "[unwrap, detector_modulo, detector_recovered, detector_saturated, detector_ideal]"
+        parameter(&plan.nodes[4], "wait_for"),
+        "[detector_modulo, detector_recovered, detector_saturated, detector_ideal]"
     );
 }
 
@@ -93,4 +93,14 @@ fn all_run_in_one_process() {
 fn a_relative_path_finds_what_the_file_includes() {
     let path = Path::new("../launch/recovered.launch.yaml");
     assert_eq!(names(&resolve(path, &[]).expect("resolves")), ["detector", "unwrap", "modulo_camera"]);
+}
+
+/// The launch file knows the lens, so that undoing its blur is a matter of yes or no.
+#[test]
+fn deblur_hands_the_lens_to_unwrap() {
+    let undone = |deblur: &str| {
+        let plan = plan("recovered", &[("psf_sigma", "1.4"), ("deblur", deblur)]);
+        parameter(&plan.nodes[1], "psf_sigma").to_owned()
+    };
+    assert_eq!((undone("false").as_str(), undone("true").as_str()), ("0.0", "1.4"));
 }
