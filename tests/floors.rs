@@ -60,11 +60,11 @@ fn sources(folder: &Path, found: &mut Vec<(PathBuf, String)>) {
 }
 
 #[test]
-fn each_library_is_named_in_one_file() {
+fn each_library_is_named_in_one_place() {
     let mut files = Vec::new();
     sources(Path::new(env!("CARGO_MANIFEST_DIR")), &mut files);
     for (library, home) in [
-        ("zenoh", "runtime/src/transport/zenoh.rs"),
+        ("zenoh", "runtime/src/transport/zenoh/"),
         ("ort", "nodes/detector/src/engine/onnxruntime.rs"),
         ("rten", "nodes/detector/src/engine/rten.rs"),
     ] {
@@ -75,7 +75,11 @@ fn each_library_is_named_in_one_file() {
             })
         };
         let found: Vec<_> = files.iter().filter(|(_, text)| named(text)).map(|(path, _)| path).collect();
-        assert_eq!(found, [Path::new(home)], "{library}");
+        assert!(!found.is_empty(), "{library} is nowhere");
+        assert!(
+            found.iter().all(|path| path.starts_with(home)),
+            "{library} belongs to {home} alone: {found:?}"
+        );
     }
 }
 

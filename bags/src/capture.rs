@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
+use modulo_runtime::transport::gaps::Gaps;
 use modulo_runtime::transport::keys::{self, Endpoint, EntityKind};
 use modulo_runtime::transport::zenoh::{RawSample, ZenohTransport};
 use modulo_runtime::transport::{Guard, TransportError};
@@ -105,20 +106,18 @@ fn bag_topic(endpoint: &Endpoint) -> BagTopic {
     topic
 }
 
-/// Counts holes in the sequence numbers of each publisher.
+/// Samples that never came, by topic.
 #[derive(Default)]
 struct Losses {
-    last: BTreeMap<[u8; 16], i64>,
+    gaps: Gaps,
     by_topic: BTreeMap<String, u64>,
 }
 
 impl Losses {
     fn note(&mut self, topic: &str, sample: &RawSample) {
-        let Some(attachment) = &sample.attachment else { return };
-        let last = self.last.insert(attachment.gid, attachment.sequence);
-        let missing = last.map_or(0, |last| attachment.sequence - last - 1);
+        let missing = sample.attachment.as_ref().map_or(0, |attachment| self.gaps.step(attachment));
         if missing > 0 {
-            *self.by_topic.entry(topic.to_owned()).or_default() += missing.unsigned_abs();
+            *self.by_topic.entry(topic.to_owned()).or_default() += missing;
         }
     }
 }

@@ -2,7 +2,7 @@
 //! clock and transport.
 //!
 //! A node is a pure step ([`Node`]); nothing in this crate knows what any node
-//! computes, and only `transport/zenoh.rs` and `clock.rs` know the wire and the
+//! computes, and only `transport/zenoh` and `clock.rs` know the wire and the
 //! wall clock.
 
 pub mod clock;

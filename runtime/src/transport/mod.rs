@@ -1,6 +1,7 @@
 //! How messages get from node to node. Two carriers behind one trait: `local`
 //! within a process (shared, never serialised) and `zenoh` between processes.
 
+pub mod gaps;
 pub mod graph;
 pub mod keys;
 pub mod local;

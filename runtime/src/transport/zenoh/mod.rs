@@ -1,0 +1,201 @@
+//! The wire: the suite's nodes on a zenoh session, speaking the rmw_zenoh
+//! convention. The only folder that names zenoh.
+//!
+//! Sessions of one machine find each other without a router: the first one
+//! listens on a loopback port of the domain, all others connect to it and learn
+//! of each other there. When it ends, the next new session takes its place. A
+//! router on port 7447 is used when there is one.
+
+mod service;
+mod session;
+mod topic;
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use zenoh::liveliness::LivelinessToken;
+use zenoh::pubsub::Subscriber;
+use zenoh::sample::SampleKind;
+use zenoh::{Session, Wait};
+
+pub use session::meeting_port;
+pub use topic::{RawOutlet, RawSample};
+
+use super::gaps::Gaps;
+use super::graph::Graph;
+use super::keys::{self, Endpoint, EntityKind, Token};
+use super::{Address, Guard, Inlet, Outlet, ParameterPort, Parcel, Transport, TransportError};
+use crate::clock::Clock;
+use crate::inbox::Inbox;
+use crate::name::Place;
+
+/// A zenoh session in one ROS domain.
+pub struct ZenohTransport {
+    session: Session,
+    domain: u32,
+    clock: Arc<dyn Clock>,
+    graph: Arc<Mutex<Graph>>,
+    next_id: AtomicU64,
+    node_ids: Mutex<BTreeMap<String, u64>>,
+    _watch: Subscriber<()>,
+}
+
+struct ZenohInlet {
+    lost: Arc<AtomicU64>,
+    _subscription: Guard,
+}
+
+impl ZenohTransport {
+    /// Opens a session in `domain`. `ZENOH_SESSION_CONFIG_URI` replaces the
+    /// configuration, `ZENOH_CONFIG_OVERRIDE` ("key=json5;key=json5") changes
+    /// single keys of it.
+    ///
+    /// # Errors
+    /// [`TransportError`] with what zenoh says.
+    pub fn open(domain: u32, clock: Arc<dyn Clock>) -> Result<Self, TransportError> {
+        let failed = |why: zenoh::Error| TransportError::new(format!("zenoh session, domain {domain}"), why);
+        let session = session::open_session(domain)?;
+        let graph = Arc::new(Mutex::new(Graph::default()));
+        let watch = session
+            .liveliness()
+            .declare_subscriber(keys::token_selector(domain))
+            .history(true)
+            .callback({
+                let graph = graph.clone();
+                move |sample| {
+                    let mut graph = lock(&graph);
+                    match sample.kind() {
+                        SampleKind::Put => graph.appear(sample.key_expr().as_str()),
+                        SampleKind::Delete => graph.disappear(sample.key_expr().as_str()),
+                    }
+                }
+            })
+            .wait()
+            .map_err(failed)?;
+        Ok(Self {
+            session,
+            domain,
+            clock,
+            graph,
+            next_id: AtomicU64::new(0),
+            node_ids: Mutex::default(),
+            _watch: watch,
+        })
+    }
+
+    /// The graph as it is now.
+    pub fn graph(&self) -> Graph {
+        lock(&self.graph).clone()
+    }
+
+    /// Ends the session after everything sent has left.
+    pub fn close(self) {
+        if let Err(why) = self.session.close().wait() {
+            tracing::warn!("zenoh session did not close: {why}");
+        }
+    }
+
+    fn new_id(&self) -> u64 {
+        self.next_id.fetch_add(1, Ordering::Relaxed)
+    }
+
+    fn token(&self, node: &Place, kind: EntityKind, endpoint: Option<Endpoint>) -> Token {
+        let node_id = *lock(&self.node_ids).entry(node.fully_qualified()).or_insert_with(|| self.new_id());
+        let entity_id = if kind == EntityKind::Node { node_id } else { self.new_id() };
+        Token {
+            domain: self.domain,
+            session: self.session.zid().to_string(),
+            node_id,
+            entity_id,
+            kind,
+            namespace: node.namespace.clone(),
+            node: node.name.clone(),
+            endpoint,
+        }
+    }
+
+    fn declare(&self, token: &Token) -> Result<LivelinessToken, TransportError> {
+        let key = token.to_key();
+        self.session
+            .liveliness()
+            .declare_token(key.clone())
+            .wait()
+            .map_err(|why| TransportError::new(format!("token {key}"), why))
+    }
+
+    fn key(&self, endpoint: &Endpoint) -> String {
+        keys::data_key(self.domain, &endpoint.topic, &endpoint.dds_type, &endpoint.type_hash)
+    }
+}
+
+impl Transport for ZenohTransport {
+    fn advertise(&self, node: &Place, address: &Address) -> Result<Box<dyn Outlet>, TransportError> {
+        Ok(Box::new(self.advertise_raw(node, &topic_endpoint(address))?))
+    }
+
+    fn subscribe(
+        &self,
+        node: &Place,
+        address: &Address,
+        inbox: Arc<Inbox<Parcel>>,
+        slot: usize,
+    ) -> Result<Box<dyn Inlet>, TransportError> {
+        let lost = Arc::new(AtomicU64::new(0));
+        let gaps = Mutex::new(Gaps::default());
+        let counter = lost.clone();
+        let take = move |sample: RawSample| {
+            if let Some(attachment) = &sample.attachment {
+                counter.fetch_add(lock(&gaps).step(attachment), Ordering::Relaxed);
+            }
+            inbox.push(slot, Parcel::Bytes(sample.payload));
+        };
+        let subscription = self.subscribe_raw(node, &topic_endpoint(address), take)?;
+        Ok(Box::new(ZenohInlet { lost, _subscription: subscription }))
+    }
+
+    fn announce(&self, node: &Place) -> Result<Guard, TransportError> {
+        Ok(Box::new(self.declare(&self.token(node, EntityKind::Node, None))?))
+    }
+
+    fn serve_parameters(&self, node: &Place, port: ParameterPort) -> Result<Guard, TransportError> {
+        self.serve_six(node, port)
+    }
+
+    fn is_ready(&self, node: &str) -> bool {
+        lock(&self.graph).has_node(node)
+    }
+
+    fn has_publisher(&self, topic: &str) -> bool {
+        lock(&self.graph).endpoints(EntityKind::Publisher, topic).next().is_some()
+    }
+
+    /// A token's end travels in another queue than the data and may overtake it.
+    fn settling(&self) -> Duration {
+        Duration::from_millis(300)
+    }
+}
+
+impl Inlet for ZenohInlet {
+    fn lost(&self) -> u64 {
+        self.lost.load(Ordering::Relaxed)
+    }
+}
+
+fn topic_endpoint(address: &Address) -> Endpoint {
+    Endpoint {
+        topic: address.topic.clone(),
+        dds_type: modulo_msgs::dds_name(address.kind.type_name()),
+        type_hash: address.kind.type_hash(),
+        qos: keys::qos_string(address.qos).to_owned(),
+    }
+}
+
+fn stamp(clock: &dyn Clock) -> i64 {
+    i64::try_from(clock.now_ns()).unwrap_or(i64::MAX)
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

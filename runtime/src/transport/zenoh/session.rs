@@ -1,0 +1,95 @@
+//! Opening a session: rmw_zenoh's configuration, and how sessions of one machine meet.
+
+use zenoh::{Config, Session, Wait};
+
+use super::TransportError;
+
+/// First of the loopback ports on which sessions meet, one a domain.
+const MEETING_PORT: u16 = 7450;
+
+/// What a session is to the others of its machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Role {
+    /// Listens on the meeting port.
+    Host,
+    /// Connects to it, again and again if it must.
+    Guest,
+}
+
+/// A session in `domain`, on the meeting port where that is free.
+pub(super) fn open_session(domain: u32) -> Result<Session, TransportError> {
+    let open = |role| {
+        let opened = zenoh::open(configuration(domain, role)?).wait();
+        opened.map_err(|why| TransportError::new(format!("zenoh session, domain {domain}"), why))
+    };
+    // Another session may take the port between the look and the opening; the
+    // operating system lets one of them have it.
+    let free = std::net::TcpListener::bind(("127.0.0.1", meeting_port(domain))).is_ok();
+    if free && let Ok(session) = open(Role::Host) {
+        return Ok(session);
+    }
+    open(Role::Guest)
+}
+
+/// The loopback port on which the sessions of `domain` meet.
+pub fn meeting_port(domain: u32) -> u16 {
+    u16::try_from(domain).unwrap_or(u16::MAX).saturating_add(MEETING_PORT)
+}
+
+fn configuration(domain: u32, role: Role) -> Result<Config, TransportError> {
+    let mut config = match std::env::var("ZENOH_SESSION_CONFIG_URI") {
+        Ok(path) => Config::from_file(&path)
+            .map_err(|why| TransportError::new(format!("ZENOH_SESSION_CONFIG_URI = {path}"), why))?,
+        Err(_) => {
+            let mut config = Config::default();
+            for (key, value) in defaults(domain, role) {
+                insert(&mut config, key, &value)?;
+            }
+            config
+        }
+    };
+    let overrides = std::env::var("ZENOH_CONFIG_OVERRIDE").unwrap_or_default();
+    for pair in overrides.split(';').filter(|pair| !pair.trim().is_empty()) {
+        let (key, value) = pair.split_once('=').ok_or_else(|| {
+            TransportError::new("ZENOH_CONFIG_OVERRIDE", format!("'{pair}' is not key=json5"))
+        })?;
+        insert(&mut config, key.trim(), value.trim())?;
+    }
+    Ok(config)
+}
+
+fn insert(config: &mut Config, key: &str, value: &str) -> Result<(), TransportError> {
+    config
+        .insert_json5(key, value)
+        .map_err(|why| TransportError::new(format!("zenoh configuration {key} = {value}"), why))
+}
+
+/// rmw_zenoh's session, plus the meeting port, plus queues that hold a whole
+/// image: with zenoh's default of two batches a 1.4 MB image is dropped as soon
+/// as its reader is a millisecond late.
+fn defaults(domain: u32, role: Role) -> Vec<(&'static str, String)> {
+    let meeting = format!("\"tcp/127.0.0.1:{}\"", meeting_port(domain));
+    let (listen, connect) = match role {
+        Role::Host => (format!(", {meeting}"), String::new()),
+        Role::Guest => (String::new(), format!(", {meeting}")),
+    };
+    vec![
+        ("mode", "\"peer\"".into()),
+        ("connect/endpoints", format!("[\"tcp/127.0.0.1:7447\"{connect}]")),
+        ("connect/timeout_ms", "-1".into()),
+        ("connect/exit_on_failure", "false".into()),
+        ("connect/retry", "{ period_init_ms: 100, period_max_ms: 1000, period_increase_factor: 2 }".into()),
+        ("listen/endpoints", format!("[\"tcp/127.0.0.1:0\"{listen}]")),
+        ("listen/exit_on_failure", "true".into()),
+        ("listen/timeout_ms", "0".into()),
+        // Nobody else has to be there.
+        ("open/return_conditions/connect_scouted", "false".into()),
+        ("scouting/multicast/enabled", "false".into()),
+        ("scouting/gossip/enabled", "true".into()),
+        ("timestamping/enabled", "true".into()),
+        ("queries_default_timeout", "600000".into()),
+        ("transport/link/tx/queue/size/data", "16".into()),
+        ("transport/link/tx/queue/congestion_control/drop/wait_before_drop", "20000".into()),
+        ("transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments", "200000".into()),
+    ]
+}
