@@ -25,6 +25,21 @@ pub const MAX_SIGMA: f64 = 100.0;
 const PAPER_TAPS: [f32; 7] = [0.03125, 0.109375, 0.21875, 0.28125, 0.21875, 0.109375, 0.03125];
 
 impl Psf {
+    /// The blur of a lens by its sigma alone, px: 0 is a perfect lens, else a Gaussian, whose sigma
+    /// [`Sensor::new`](crate::Sensor::new) checks.
+    pub fn of_sigma(sigma: f64) -> Self {
+        if sigma == 0.0 { Self::None } else { Self::Gaussian { sigma } }
+    }
+
+    /// Sigma in px: 0 for a perfect lens, 1.4 for [`Psf::Paper7`].
+    pub fn sigma(self) -> f64 {
+        match self {
+            Self::None => 0.0,
+            Self::Paper7 => 1.4,
+            Self::Gaussian { sigma } => sigma,
+        }
+    }
+
     /// The kernel along one side, odd in length, sum 1; the single tap 1 for [`Psf::None`].
     pub fn taps(self) -> Vec<f32> {
         match self {

@@ -3,3 +3,19 @@
 //!
 //! Nothing here knows a node, a message or a topic; every figure is measured on
 //! the same `core` that the nodes run.
+
+pub mod bench;
+mod error;
+mod event;
+pub mod metric;
+mod shown;
+pub mod simulate;
+mod store;
+
+pub use error::StudyError;
+pub use event::{Event, Skipped};
+
+/// Refuses an empty list.
+fn need<T>(what: &'static str, list: &[T]) -> Result<(), StudyError> {
+    if list.is_empty() { Err(StudyError::Empty { what }) } else { Ok(()) }
+}

@@ -1,0 +1,79 @@
+//! [`Meta`]: what the figures were measured on.
+
+use std::collections::BTreeMap;
+
+use modulo_core::Psf;
+use serde::{Deserialize, Serialize};
+
+use super::frames::Found;
+use super::{Request, device};
+
+/// One for a folder of results.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Meta {
+    /// Name of the processor.
+    pub device: String,
+    /// Processors that this process may use.
+    pub processors: usize,
+    /// Of this crate.
+    pub version: String,
+    /// The folder of frames, or `own scenes`.
+    pub source: String,
+    /// Sizes of the frames, most frequent first.
+    pub sizes: Vec<Size>,
+    /// The kernel: `none`, `gaussian` or `paper7`.
+    pub psf: String,
+    /// b.
+    pub bits: u8,
+    /// Sigma of the read noise, code units.
+    pub read_noise: f64,
+    /// Seed of the noise.
+    pub seed: u64,
+    /// Timed calls for each frame.
+    pub repeats: usize,
+}
+
+/// How many frames are of one size.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Size {
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// 1 or 3.
+    pub channels: usize,
+    /// Frames of this size.
+    pub frames: usize,
+}
+
+impl Meta {
+    pub(super) fn new(request: &Request, frames: &[Found]) -> Self {
+        let folder = request.frames.as_ref().map(|folder| folder.display().to_string());
+        let psf = match request.psf {
+            Psf::None => "none",
+            Psf::Gaussian { .. } => "gaussian",
+            Psf::Paper7 => "paper7",
+        };
+        Self {
+            device: device::processor(),
+            processors: device::processors(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            source: folder.unwrap_or_else(|| "own scenes".to_owned()),
+            sizes: sizes(frames),
+            psf: psf.to_owned(),
+            bits: request.bits,
+            read_noise: request.read_noise,
+            seed: request.seed,
+            repeats: request.repeats,
+        }
+    }
+}
+
+fn sizes(frames: &[Found]) -> Vec<Size> {
+    let mut counts = BTreeMap::new();
+    frames.iter().for_each(|frame| *counts.entry(frame.dim).or_insert(0) += 1);
+    let size = |((height, width, channels), frames)| Size { width, height, channels, frames };
+    let mut sizes: Vec<Size> = counts.into_iter().map(size).collect();
+    sizes.sort_by_key(|size| std::cmp::Reverse(size.frames));
+    sizes
+}

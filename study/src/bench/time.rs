@@ -1,0 +1,99 @@
+//! The stopwatch: calls of one method on all frames.
+
+use std::time::Instant;
+
+use modulo_core::{Recovered, Unwrap, UnwrapError, tone};
+
+use super::frames::Sample;
+use crate::StudyError;
+use crate::metric::{exact_share, mse, psnr_db};
+use crate::shown::shown;
+
+/// What a method took and gave.
+pub struct Measured {
+    /// ms of every timed call, ascending.
+    times: Vec<f64>,
+    /// Median over frames of the interquartile range of its calls over their median.
+    pub spread: f64,
+    /// Samples of all frames.
+    pub samples: u64,
+    exact: f64,
+    squares: f64,
+}
+
+/// Per frame one call that makes buffers and caches warm, then `repeats` that are timed.
+pub fn measure(method: &mut dyn Unwrap, samples: &[Sample], repeats: usize) -> Result<Measured, StudyError> {
+    let mut out = Recovered::default();
+    let mut all = Measured { times: Vec::new(), spread: 0.0, samples: 0, exact: 0.0, squares: 0.0 };
+    let mut spreads = Vec::new();
+    for sample in samples {
+        method.unwrap(&sample.modulo, sample.range, &mut out)?;
+        all.score(sample, &out)?;
+        let mut times = Vec::with_capacity(repeats);
+        for _ in 0..repeats {
+            let start = Instant::now();
+            method.unwrap(&sample.modulo, sample.range, &mut out)?;
+            times.push(start.elapsed().as_secs_f64() * 1e3);
+        }
+        times.sort_by(f64::total_cmp);
+        spreads.push((quantile(&times, 0.75) - quantile(&times, 0.25)) / quantile(&times, 0.5).max(1e-9));
+        all.times.append(&mut times);
+    }
+    all.times.sort_by(f64::total_cmp);
+    spreads.sort_by(f64::total_cmp);
+    all.spread = quantile(&spreads, 0.5);
+    Ok(all)
+}
+
+impl Measured {
+    fn score(&mut self, sample: &Sample, out: &Recovered) -> Result<(), StudyError> {
+        let picture = tone::linear8(&out.x, sample.range).map_err(UnwrapError::from)?;
+        let count = sample.wraps.len() as f64;
+        self.samples += sample.wraps.len() as u64;
+        self.exact += count * exact_share(&out.k, &sample.wraps)?;
+        self.squares += count * mse(&shown(picture), &sample.ideal)?;
+        Ok(())
+    }
+
+    /// Quantile `q` (0 to 1) of all calls, ms.
+    pub fn ms(&self, q: f64) -> f64 {
+        quantile(&self.times, q)
+    }
+
+    /// Share of exact wrap counts over all frames, 0 to 1.
+    pub fn exact_k(&self) -> f64 {
+        // The shares were divided and multiplied again: whole counts but for rounding.
+        self.exact.round() / self.samples.max(1) as f64
+    }
+
+    /// From the mean square over all frames; `None`: no difference.
+    pub fn psnr_db(&self) -> Option<f64> {
+        psnr_db(self.squares / self.samples.max(1) as f64)
+    }
+}
+
+/// Linear between the two nearest of the `sorted` values (numpy's default); 0 without values.
+fn quantile(sorted: &[f64], q: f64) -> f64 {
+    let place = q * sorted.len().saturating_sub(1) as f64;
+    let low = place.floor() as usize;
+    match (sorted.get(low), sorted.get(low + 1)) {
+        (Some(a), Some(b)) => a + (b - a) * (place - low as f64),
+        (Some(a), None) => *a,
+        _ => 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_numpys() {
+        let sorted = [1.0, 2.0, 4.0, 8.0];
+        let got = [0.0, 0.05, 0.5, 0.75, 0.95, 1.0].map(|q| quantile(&sorted, q));
+        // numpy.quantile([1, 2, 4, 8], [0, .05, .5, .75, .95, 1])
+        let want = [1.0, 1.15, 3.0, 5.0, 7.4, 8.0];
+        assert!(got.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-12), "{got:?}");
+        assert_eq!(quantile(&[], 0.5), 0.0);
+    }
+}
