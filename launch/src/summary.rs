@@ -26,6 +26,8 @@ pub struct Summary {
     pub latency_ms: BTreeMap<String, Percentiles>,
     /// The inference engines that really ran, joined with `+` when they differ.
     pub engine: Option<String>,
+    /// What unwrapping took, such as `lines 58, gradient_tree 2; trusted 60 of 60 frames`, by node.
+    pub unwrapped: BTreeMap<String, String>,
     /// Messages by topic.
     pub topics: BTreeMap<String, TopicCounts>,
     /// Restarts after crashes, by process; only those that had one.
@@ -67,6 +69,9 @@ impl Summary {
             summary.frames += frames(report);
             summary.add_topics(report);
             summary.add_detections(report);
+            if let (Some(rungs), Some(trusted)) = (report.facts.get("rungs"), report.facts.get("trusted")) {
+                summary.unwrapped.insert(report.node.clone(), format!("{rungs}; trusted {trusted}"));
+            }
             for (stage, buckets) in &report.stages {
                 let merged = stages.entry(stage).or_default();
                 buckets.iter().for_each(|(bound, count)| *merged.entry(*bound).or_default() += count);

@@ -33,13 +33,13 @@ pub fn bag(args: &Bag) -> Result<Ended, Failure> {
         Bag::Recover { bag, out } => {
             let reader = BagReader::open(bag)?;
             for topic in bag::recover(&reader, out, bag::Compression::None)? {
-                println!("{}: {} messages", topic.topic.name, topic.messages);
+                say!("{}: {} messages", topic.topic.name, topic.messages);
             }
             Ok(loss(&reader))
         }
         Bag::Import(BagImport::Kitti { folder, out }) => {
             let report = import_kitti(folder, out, &ImportOptions::default())?;
-            println!("{} frames, {} labelled, {} objects", report.frames, report.labelled, report.objects);
+            say!("{} frames, {} labelled, {} objects", report.frames, report.labelled, report.objects);
             Ok(Ended::Done)
         }
     }
@@ -78,7 +78,7 @@ fn record(args: &BagRecord) -> Result<Ended, Failure> {
     transport.close();
     for topic in &captured.topics {
         let lost = captured.lost.get(&topic.topic.name).copied().unwrap_or(0);
-        println!("{}: {} messages, {lost} lost", topic.topic.name, topic.messages);
+        say!("{}: {} messages, {lost} lost", topic.topic.name, topic.messages);
     }
     Ok(if captured.lost.is_empty() { Ended::Done } else { Ended::WithLoss })
 }
@@ -103,7 +103,7 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
     let sent = replay(&transport, &*clock, &mut player, &remaps, &stop)?;
     transport.close();
     for (topic, count) in sent {
-        println!("{topic}: {count} messages");
+        say!("{topic}: {count} messages");
     }
     Ok(ended)
 }

@@ -16,9 +16,9 @@ const ZENOH_VARIABLES: [&str; 2] = ["ZENOH_SESSION_CONFIG_URI", "ZENOH_CONFIG_OV
 /// Prints what is there, what is not and what to do about it.
 pub fn doctor() -> Result<Ended, Failure> {
     let (os, arch) = (std::env::consts::OS, std::env::consts::ARCH);
-    println!("modulo   {} on {os} {arch}", env!("CARGO_PKG_VERSION"));
+    say!("modulo   {} on {os} {arch}", env!("CARGO_PKG_VERSION"));
     let threads = std::thread::available_parallelism().map_or(1, |threads| threads.get());
-    println!("threads  {threads}");
+    say!("threads  {threads}");
     engine();
     transport();
     Ok(Ended::Done)
@@ -27,10 +27,10 @@ pub fn doctor() -> Result<Ended, Failure> {
 fn engine() {
     let taken = onnxruntime_library();
     match &taken {
-        Ok(place) => println!("engine   auto takes ort, ONNX Runtime from {place}"),
-        Err(_) => println!("engine   auto takes rten, built in; no ONNX Runtime library was found"),
+        Ok(place) => say!("engine   auto takes ort, ONNX Runtime from {place}"),
+        Err(_) => say!("engine   auto takes rten, built in; no ONNX Runtime library was found"),
     }
-    println!("looked   in this order:");
+    say!("looked   in this order:");
     for place in onnxruntime_places() {
         let chosen = taken.as_ref().is_ok_and(|taken| Path::new(taken) == place);
         let by_loader = place.parent().is_none_or(|folder| folder.as_os_str().is_empty());
@@ -40,11 +40,10 @@ fn engine() {
             (false, false) if place.exists() => "there, not taken",
             (false, false) => "not there",
         };
-        println!("         {} ({found})", place.display());
+        say!("         {} ({found})", place.display());
     }
-    if let Err(why) = taken {
-        println!("         {why}");
-        println!("faster   python tools/install_onnxruntime.py, then the export line that it prints");
+    if taken.is_err() {
+        say!("faster   python tools/install_onnxruntime.py, then the export line that it prints");
     }
 }
 
@@ -52,7 +51,7 @@ fn transport() {
     let number = match domain() {
         Ok(number) => number,
         Err(Failure::Usage(why) | Failure::Run(why)) => {
-            println!("domain   {why:#}");
+            say!("domain   {why:#}");
             return;
         }
     };
@@ -61,18 +60,18 @@ fn transport() {
     } else {
         "ROS_DOMAIN_ID is not set"
     };
-    println!("domain   {number} ({from})");
+    say!("domain   {number} ({from})");
     for name in ZENOH_VARIABLES {
         match std::env::var(name) {
-            Ok(value) => println!("zenoh    {name} = {value}"),
-            Err(_) => println!("zenoh    {name} is not set"),
+            Ok(value) => say!("zenoh    {name} = {value}"),
+            Err(_) => say!("zenoh    {name} is not set"),
         }
     }
     let port = meeting_port(number);
     match TcpListener::bind(("127.0.0.1", port)) {
-        Ok(_) => println!("meeting  127.0.0.1:{port} is free: the next node listens there"),
+        Ok(_) => say!("meeting  127.0.0.1:{port} is free: the next node listens there"),
         Err(why) => {
-            println!("meeting  127.0.0.1:{port} is taken, by nodes of this domain or another program ({why})")
+            say!("meeting  127.0.0.1:{port} is taken, by nodes of this domain or another program ({why})")
         }
     }
 }

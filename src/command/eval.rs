@@ -41,7 +41,7 @@ pub fn eval(args: &Eval) -> Result<Ended, Failure> {
 
 fn print_score(stream: &str, score: &Score) {
     let classes: Vec<_> = score.classes.iter().map(|(c, (ap, n))| format!("{c} {ap:.3} ({n})")).collect();
-    println!("AP50 on {stream}: {:.3}; {}", score.ap50, classes.join(", "));
+    say!("AP50 on {stream}: {:.3}; {}", score.ap50, classes.join(", "));
 }
 
 fn run(

@@ -23,7 +23,7 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
     }
     let plan = modulo_launch::resolve(&args.file, &pairs(&args.arguments)?).map_err(usage)?;
     if args.print {
-        println!("{plan}");
+        say!("{plan}");
         return Ok(Ended::Done);
     }
     let summary = if args.compose { run_composed(&plan)? } else { run_processes(plan)? };
@@ -37,12 +37,12 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
 fn show_args(file: &Path) -> Result<Ended, Failure> {
     for argument in modulo_launch::declared_arguments(file).map_err(usage)? {
         let default = argument.default.map_or("required".to_owned(), |text| format!("default '{text}'"));
-        println!("{} ({default})", argument.name);
+        say!("{} ({default})", argument.name);
         if let Some(description) = argument.description {
-            println!("    {description}");
+            say!("    {description}");
         }
         if !argument.choices.is_empty() {
-            println!("    one of {}", argument.choices.join(", "));
+            say!("    one of {}", argument.choices.join(", "));
         }
     }
     Ok(Ended::Done)

@@ -1,5 +1,13 @@
 //! One file a subcommand.
 
+/// `println!` for a reader that may leave, such as `head`: that is nobody's mistake.
+macro_rules! say {
+    ($($text:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stdout(), $($text)*);
+    }};
+}
+
 mod bag;
 mod doctor;
 mod eval;

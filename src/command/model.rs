@@ -44,8 +44,8 @@ fn fetch_official(args: &ModelFetch) -> Result<Ended, Failure> {
     let fetched = fetch(&Request { url: &url, file: &file, sha256, bytes }, &progress);
     bar.finish_and_clear();
     match fetched? {
-        Fetched::Downloaded => println!("{}", file.display()),
-        Fetched::AlreadyThere => println!("{} (was there already)", file.display()),
+        Fetched::Downloaded => say!("{}", file.display()),
+        Fetched::AlreadyThere => say!("{} (was there already)", file.display()),
     }
     Ok(Ended::Done)
 }
@@ -66,7 +66,7 @@ fn check(args: &ModelCheck) -> Result<Ended, Failure> {
     print_info(&args.file, &info);
     for speed in measure(&args.file, engine, 0, &SIZES, RUNS, &SystemClock::default())? {
         let ms = speed.median_ns as f64 / 1e6;
-        println!("speed    {ms:.1} ms at {}x{}, median of {RUNS} runs", speed.width, speed.height);
+        say!("speed    {ms:.1} ms at {}x{}, median of {RUNS} runs", speed.width, speed.height);
     }
     Ok(Ended::Done)
 }
@@ -76,9 +76,9 @@ fn print_info(file: &Path, info: &ModelInfo) {
         info.size.map_or(("H".into(), "W".into()), |(height, width)| (height.to_string(), width.to_string()));
     let names = info.classes.iter().take(SHOWN).map(String::as_str).collect::<Vec<_>>().join(", ");
     let more = if info.classes.len() > SHOWN { ", ..." } else { "" };
-    println!("model    {}", file.display());
-    println!("input    {} [1, 3, {height}, {width}]", info.input);
-    println!("output   {} [1, N, 6]: x1, y1, x2, y2, score, class", info.output);
-    println!("classes  {}: {names}{more}", info.classes.len());
-    println!("engine   {} ({}), {} threads", info.engine, info.note, info.threads);
+    say!("model    {}", file.display());
+    say!("input    {} [1, 3, {height}, {width}]", info.input);
+    say!("output   {} [1, N, 6]: x1, y1, x2, y2, score, class", info.output);
+    say!("classes  {}: {names}{more}", info.classes.len());
+    say!("engine   {} ({}), {} threads", info.engine, info.note, info.threads);
 }

@@ -28,13 +28,13 @@ pub fn param(args: &Param) -> Result<Ended, Failure> {
         Param::List { node } => {
             let names = list(&transport, node)?;
             for (name, value) in names.iter().zip(get(&transport, node, &names)?) {
-                println!("{name}: {}", shown(value));
+                say!("{name}: {}", shown(value));
             }
         }
         Param::Get { node, name } => {
             let value = get(&transport, node, std::slice::from_ref(name))?.pop().unwrap_or_default();
             let known = from_ros(value.clone()).is_ok();
-            println!("{}", shown(value));
+            say!("{}", shown(value));
             if !known {
                 return Err(Failure::Run(anyhow!("{node} has no parameter '{name}'")));
             }
@@ -91,7 +91,7 @@ fn set(transport: &ZenohTransport, node: &str, name: &str, text: &str) -> anyhow
     let answer = call(transport, node, Service::Set, cdr::to_vec(&SetParametersRequest { parameters })?)?;
     match cdr::from_slice::<SetParametersResponse>(&answer)?.results.pop() {
         Some(result) if result.successful => {
-            println!("{node} {name} = {value}");
+            say!("{node} {name} = {value}");
             Ok(())
         }
         Some(result) => Err(anyhow!("{node} refused: {}", result.reason)),

@@ -53,14 +53,11 @@ fn leave_report(report: &NodeReport) -> Result<(), Failure> {
 }
 
 fn print_help(kind: &Kind) {
-    println!("{}: {}\n", kind.name, kind.about);
-    println!("Usage: modulo run {0} [--ros-args -p NAME:=VALUE ...]\n\nParameters:", kind.name);
+    say!("{}: {}\n", kind.name, kind.about);
+    say!("Usage: modulo run {0} [--ros-args -p NAME:=VALUE ...]\n\nParameters:", kind.name);
     for descriptor in kind.parameters().descriptors() {
         let Descriptor { name, default, allowed, read_only, description } = descriptor;
         let fixed = if *read_only { ", fixed at the start" } else { "" };
-        println!(
-            "  {name} ({}, {allowed}, default {default}{fixed})\n      {description}",
-            default.type_name()
-        );
+        say!("  {name} ({}, {allowed}, default {default}{fixed})\n      {description}", default.type_name());
     }
 }

@@ -1,5 +1,6 @@
 //! The `unwrap` node: a modulo image in, the recovered image out, 8 bit for a
-//! detector and 16 bit in counts (HDR) for whoever wants the radiance.
+//! detector, sharpened where the lens is known, and 16 bit in counts (HDR), exactly
+//! what the sensor saw, for whoever wants the radiance.
 //!
 //! The header of the modulo image is copied. The node never guesses bits or
 //! alpha: they are parameters, as the sensor's are. What it thinks of each frame
@@ -10,10 +11,9 @@ mod recovery;
 
 use std::sync::Arc;
 
-use modulo_core::Frame;
-use modulo_core::Range;
-use modulo_core::tone;
+use modulo_core::deblur::Deblur;
 use modulo_core::unwrap::{Recovered, Unwrap};
+use modulo_core::{Frame, Psf, Range, tone};
 use modulo_msgs::std_msgs::Header;
 use modulo_runtime::{
     Context, Cue, Flow, Message, MessageKind, Node, Parameters, Refusal, StampedFrame, StepError, Topic,
@@ -32,6 +32,8 @@ const DIAGNOSTICS: usize = 2;
 pub struct UnwrapNode {
     method: Box<dyn Unwrap>,
     range: Range,
+    /// Undoes the lens in what a detector gets, if the lens is known.
+    deblur: Option<Deblur>,
     recovered: Recovered,
     tally: Tally,
 }
@@ -42,9 +44,11 @@ impl UnwrapNode {
     /// # Errors
     /// [`Refusal`] with the parameter that is not possible.
     pub fn new(parameters: &Parameters) -> Result<Self, Refusal> {
+        let lens = imaging::psf(parameters);
         Ok(Self {
             method: parameters::method(parameters)?,
             range: imaging::range(parameters)?,
+            deblur: (lens != Psf::None).then(|| Deblur::new(lens)),
             recovered: Recovered::default(),
             tally: Tally::default(),
         })
@@ -60,9 +64,12 @@ impl UnwrapNode {
             cx.emit(DIAGNOSTICS, Message::Diagnostics(Arc::new(said)));
         }
         if cx.wanted(RECOVERED) {
-            let frame = cx
-                .stage("tone", || tone::linear8(&self.recovered.x, self.range))
-                .map_err(|why| skip(why.to_string()))?;
+            let x = &self.recovered.x;
+            let frame = match &mut self.deblur {
+                None => cx.stage("tone", || tone::linear8(x, self.range)),
+                Some(deblur) => cx.stage("deblur", || deblur.linear8(x, self.range)),
+            };
+            let frame = frame.map_err(|why| skip(why.to_string()))?;
             cx.emit(RECOVERED, stamped(&modulo.header, frame));
         }
         if cx.wanted(HDR) {
@@ -91,8 +98,8 @@ impl Node for UnwrapNode {
     }
 
     fn configure(&mut self, parameters: &Parameters) -> Result<(), Refusal> {
-        let Self { method, range, .. } = Self::new(parameters)?;
-        (self.method, self.range) = (method, range);
+        let Self { method, range, deblur, .. } = Self::new(parameters)?;
+        (self.method, self.range, self.deblur) = (method, range, deblur);
         Ok(())
     }
 

@@ -118,3 +118,39 @@ fn what_only_one_method_reads_is_checked_for_all() {
         assert!(refused.is_err_and(|why| why.to_string().contains(name)), "{name} = {value}");
     }
 }
+
+#[test]
+fn a_known_lens_is_undone_in_the_image_for_the_detector_alone() {
+    let bars =
+        Array3::from_shape_fn((24, 40, 3), |(i, j, _)| if (i / 6 + j / 5) % 2 == 0 { 0.1 } else { 0.3 });
+    let config = SensorConfig {
+        bits: 8,
+        alpha: 2.0,
+        psf: Psf::Gaussian { sigma: 1.0 },
+        read_noise: 0.0,
+        shot_noise: 0.0,
+    };
+    let expose = |psf| {
+        Sensor::new(SensorConfig { psf, ..config })
+            .expect("a sensor")
+            .expose(bars.view(), 0)
+            .expect("an image")
+    };
+    let (blurred, sharp) = (expose(config.psf), expose(Psf::None));
+    let run = |psf_sigma| {
+        let mut node =
+            UnwrapNode::new(&parameters(&[("alpha", "2"), ("psf_sigma", psf_sigma)])).expect("a node");
+        step(&mut node, blurred.modulo(), &[true, true]).expect("a good frame")
+    };
+    let (blurry, sharpened) = (run("0"), run("1.0"));
+    let error = |sent: &Message| {
+        let difference = image(sent).frame.to_f32() - sharp.ideal().to_f32();
+        difference.mapv(|d| d * d).sum()
+    };
+    assert!(error(&sharpened[0].1) * 3.0 < error(&blurry[0].1), "sharper than before");
+    assert_eq!(
+        image(&sharpened[1].1).frame,
+        image(&blurry[1].1).frame,
+        "the radiance is what the sensor saw"
+    );
+}

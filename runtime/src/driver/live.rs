@@ -28,7 +28,7 @@ const DRAIN_LIMIT_NS: u64 = 2_000_000_000;
 const RESULTS_WAITING: usize = 64;
 
 /// A node with everything it needs to run.
-pub struct Live<'a> {
+struct Live<'a> {
     node: Box<dyn Node>,
     place: Place,
     parameters: Arc<Mutex<Parameters>>,
