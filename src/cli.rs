@@ -1,5 +1,8 @@
 //! The command line, as clap reads it.
 
+pub mod graph;
+pub mod study;
+
 use std::ffi::OsString;
 use std::path::PathBuf;
 
@@ -27,9 +30,26 @@ pub enum Command {
     Bag(Bag),
     /// Run a launch file in lockstep: every frame once, nothing dropped, boxes as JSON
     Eval(Eval),
+    /// Send one's own pictures through the sensor and the unwrapping methods
+    Simulate(study::Simulate),
+    /// Measure the unwrapping methods
+    #[command(subcommand)]
+    Bench(study::Bench),
+    /// Run the scenes on which methods fail, and show where each one does
+    Stability {
+        /// Folder for index.html, results.json and the pictures
+        #[arg(short, long, value_name = "FOLDER")]
+        out: PathBuf,
+    },
     /// Read and set parameters of running nodes
     #[command(subcommand)]
     Param(Param),
+    /// List topics, show what is on them and how fast
+    #[command(subcommand)]
+    Topic(graph::Topic),
+    /// List nodes, show what they publish, read and serve
+    #[command(subcommand)]
+    Node(graph::Node),
     /// Fetch official detection models, check any
     #[command(subcommand)]
     Model(Model),

@@ -13,7 +13,7 @@ mod encode;
 mod error;
 
 use serde::Serialize;
-use serde::de::DeserializeOwned;
+use serde::de::{DeserializeOwned, DeserializeSeed};
 
 pub use self::error::CdrError;
 
@@ -37,4 +37,15 @@ pub fn to_vec<T: Serialize + ?Sized>(message: &T) -> Result<Vec<u8>, CdrError> {
 /// [`CdrError`] with the offset, what was expected there and what was found.
 pub fn from_slice<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, CdrError> {
     T::deserialize(&mut decode::Decoder::new(bytes)?)
+}
+
+/// What `seed` makes of the message in `bytes`, which begin with the encapsulation.
+///
+/// # Errors
+/// As [`from_slice`].
+pub(crate) fn from_slice_seed<'b, S: DeserializeSeed<'b>>(
+    seed: S,
+    bytes: &'b [u8],
+) -> Result<S::Value, CdrError> {
+    seed.deserialize(&mut decode::Decoder::new(bytes)?)
 }

@@ -10,6 +10,7 @@ pub mod cdr;
 pub mod definition;
 mod detection;
 pub mod diagnostic_msgs;
+pub mod dynamic;
 pub mod geometry_msgs;
 pub mod image;
 pub mod interface;

@@ -11,10 +11,12 @@ macro_rules! say {
 mod bag;
 mod doctor;
 mod eval;
+mod graph;
 mod launch;
 mod model;
 mod param;
 mod run;
+mod study;
 
 use std::io::IsTerminal;
 use std::sync::Arc;
@@ -34,7 +36,12 @@ pub fn dispatch(command: Command) -> Result<Ended, Failure> {
         Command::Run(args) => run::run(&args),
         Command::Bag(args) => bag::bag(&args),
         Command::Eval(args) => eval::eval(&args),
+        Command::Simulate(args) => study::simulate(&args),
+        Command::Bench(command) => study::bench(&command),
+        Command::Stability { out } => study::stability(&out),
         Command::Param(args) => param::param(&args),
+        Command::Topic(args) => graph::topic(&args),
+        Command::Node(args) => graph::node(&args),
         Command::Model(args) => model::model(&args),
         Command::Doctor => doctor::doctor(),
     }

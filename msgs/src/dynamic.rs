@@ -1,0 +1,291 @@
+//! Messages whose type is known only when the program runs: CDR and a type
+//! description in, a tree of values out, shown as `ros2 topic echo` shows it.
+//!
+//! Nothing is guessed: without the description there is no value.
+
+use std::fmt;
+
+use serde::Deserialize;
+use serde::de::{DeserializeSeed, Deserializer, SeqAccess, Visitor};
+
+use crate::cdr::{self, CdrError};
+use crate::type_description_interfaces::{Field, FieldType, TypeDescription};
+
+/// A value of any message type.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Dynamic {
+    /// `bool`
+    Bool(bool),
+    /// Any integer.
+    Integer(i128),
+    /// `float32`, `float64`
+    Float(f64),
+    /// `string`
+    Text(String),
+    /// `uint8[]`, `byte[]`
+    Bytes(Vec<u8>),
+    /// An array or a sequence of anything else.
+    List(Vec<Dynamic>),
+    /// A message, in order of its definition.
+    Message(Vec<(String, Dynamic)>),
+}
+
+/// Reads `bytes` (CDR with its encapsulation) as a message of the described type.
+///
+/// # Errors
+/// [`CdrError`] when the bytes are no such message, or the description needs a type that it lacks.
+pub fn from_slice(description: &TypeDescription, bytes: &[u8]) -> Result<Dynamic, CdrError> {
+    let fields = &description.type_description.fields;
+    cdr::from_slice_seed(Fields { fields, description }, bytes)
+}
+
+#[derive(Clone, Copy)]
+struct Fields<'t> {
+    fields: &'t [Field],
+    description: &'t TypeDescription,
+}
+
+#[derive(Clone, Copy)]
+struct Value<'t> {
+    r#type: &'t FieldType,
+    description: &'t TypeDescription,
+}
+
+/// One element of an array or sequence, or what stands alone.
+#[derive(Clone, Copy)]
+struct Element<'t>(Value<'t>);
+
+const UINT8: u8 = 3;
+const BYTE: u8 = 16;
+
+impl<'de> DeserializeSeed<'de> for Fields<'_> {
+    type Value = Dynamic;
+
+    fn deserialize<D: Deserializer<'de>>(self, decoder: D) -> Result<Dynamic, D::Error> {
+        if self.fields.is_empty() {
+            // An empty message travels as one byte.
+            return u8::deserialize(decoder).map(|_| Dynamic::Message(Vec::new()));
+        }
+        decoder.deserialize_tuple(self.fields.len(), self)
+    }
+}
+
+impl<'de> Visitor<'de> for Fields<'_> {
+    type Value = Dynamic;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "a message of {} fields", self.fields.len())
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut values: A) -> Result<Dynamic, A::Error> {
+        let mut message = Vec::with_capacity(self.fields.len());
+        for field in self.fields {
+            let value = Value { r#type: &field.r#type, description: self.description };
+            let Some(value) = values.next_element_seed(value)? else { break };
+            message.push((field.name.clone(), value));
+        }
+        Ok(Dynamic::Message(message))
+    }
+}
+
+impl<'de> DeserializeSeed<'de> for Value<'_> {
+    type Value = Dynamic;
+
+    fn deserialize<D: Deserializer<'de>>(self, decoder: D) -> Result<Dynamic, D::Error> {
+        let (one, many) = (self.r#type.type_id % 48, self.r#type.type_id / 48);
+        let capacity = usize::try_from(self.r#type.capacity).unwrap_or(usize::MAX);
+        match (many, one) {
+            (0, _) => Element(self).deserialize(decoder),
+            (2 | 3, UINT8 | BYTE) => decoder.deserialize_byte_buf(Octets),
+            (1, _) => decoder.deserialize_tuple(capacity, Element(self)),
+            _ => decoder.deserialize_seq(Element(self)),
+        }
+    }
+}
+
+impl<'de> Visitor<'de> for Element<'_> {
+    type Value = Dynamic;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("elements of a sequence")
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut values: A) -> Result<Dynamic, A::Error> {
+        let mut list = Vec::new();
+        while let Some(value) = values.next_element_seed(self)? {
+            list.push(value);
+        }
+        Ok(Dynamic::List(list))
+    }
+}
+
+impl<'de> DeserializeSeed<'de> for Element<'_> {
+    type Value = Dynamic;
+
+    fn deserialize<D: Deserializer<'de>>(self, decoder: D) -> Result<Dynamic, D::Error> {
+        let Self(Value { r#type, description }) = self;
+        Ok(match r#type.type_id % 48 {
+            FieldType::NESTED => {
+                let name = &r#type.nested_type_name;
+                let nested = description.referenced_type_descriptions.iter().find(|t| t.type_name == *name);
+                let missing = || serde::de::Error::custom(format!("type {name} is not described"));
+                let fields = &nested.ok_or_else(missing)?.fields;
+                Fields { fields, description }.deserialize(decoder)?
+            }
+            2 => Dynamic::Integer(i8::deserialize(decoder)?.into()),
+            UINT8 | BYTE => Dynamic::Integer(u8::deserialize(decoder)?.into()),
+            4 => Dynamic::Integer(i16::deserialize(decoder)?.into()),
+            5 => Dynamic::Integer(u16::deserialize(decoder)?.into()),
+            6 => Dynamic::Integer(i32::deserialize(decoder)?.into()),
+            7 => Dynamic::Integer(u32::deserialize(decoder)?.into()),
+            8 => Dynamic::Integer(i64::deserialize(decoder)?.into()),
+            9 => Dynamic::Integer(u64::deserialize(decoder)?.into()),
+            10 => Dynamic::Float(f32::deserialize(decoder)?.into()),
+            11 => Dynamic::Float(f64::deserialize(decoder)?),
+            15 => Dynamic::Bool(bool::deserialize(decoder)?),
+            17 | 21 => Dynamic::Text(String::deserialize(decoder)?),
+            other => return Err(serde::de::Error::custom(format!("type id {other} cannot be shown"))),
+        })
+    }
+}
+
+struct Octets;
+
+impl Visitor<'_> for Octets {
+    type Value = Dynamic;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("bytes")
+    }
+
+    fn visit_bytes<E>(self, bytes: &[u8]) -> Result<Dynamic, E> {
+        Ok(Dynamic::Bytes(bytes.to_vec()))
+    }
+}
+
+/// Elements of an array that are shown; what is beyond is counted.
+const SHOWN: usize = 128;
+
+/// As YAML, long arrays cut.
+impl fmt::Display for Dynamic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.write(f, 0)
+    }
+}
+
+impl Dynamic {
+    fn write(&self, f: &mut fmt::Formatter<'_>, depth: usize) -> fmt::Result {
+        match self {
+            Self::Message(fields) => {
+                fields.iter().try_for_each(|(name, value)| value.write_field(f, name, depth))
+            }
+            value => writeln!(f, "{:1$}{2}", "", 2 * depth, Inline(value)),
+        }
+    }
+
+    fn write_field(&self, f: &mut fmt::Formatter<'_>, name: &str, depth: usize) -> fmt::Result {
+        let indent = 2 * depth;
+        match self {
+            Self::Message(fields) if !fields.is_empty() => {
+                writeln!(f, "{:indent$}{name}:", "")?;
+                self.write(f, depth + 1)
+            }
+            Self::List(items) if items.iter().any(|item| matches!(item, Self::Message(_))) => {
+                writeln!(f, "{:indent$}{name}:", "")?;
+                for item in items.iter().take(SHOWN) {
+                    writeln!(f, "{:indent$}-", "")?;
+                    item.write(f, depth + 1)?;
+                }
+                write_rest(f, items.len(), indent)
+            }
+            value => writeln!(f, "{:indent$}{name}: {}", "", Inline(value)),
+        }
+    }
+}
+
+fn write_rest(f: &mut fmt::Formatter<'_>, length: usize, indent: usize) -> fmt::Result {
+    if length > SHOWN { writeln!(f, "{:indent$}# and {} more", "", length - SHOWN) } else { Ok(()) }
+}
+
+/// A value on the line of its name.
+struct Inline<'v>(&'v Dynamic);
+
+impl fmt::Display for Inline<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            Dynamic::Bool(value) => write!(f, "{value}"),
+            Dynamic::Integer(value) => write!(f, "{value}"),
+            Dynamic::Float(value) => write!(f, "{value:?}"),
+            Dynamic::Text(text) => write!(f, "{text:?}"),
+            Dynamic::Bytes(bytes) => write_list(f, bytes.iter(), bytes.len()),
+            Dynamic::List(items) => write_list(f, items.iter().map(Inline), items.len()),
+            Dynamic::Message(_) => f.write_str("{}"),
+        }
+    }
+}
+
+fn write_list<T: fmt::Display>(
+    f: &mut fmt::Formatter<'_>,
+    items: impl Iterator<Item = T>,
+    length: usize,
+) -> fmt::Result {
+    f.write_str("[")?;
+    for (index, item) in items.take(SHOWN).enumerate() {
+        let comma = if index == 0 { "" } else { ", " };
+        write!(f, "{comma}{item}")?;
+    }
+    if length > SHOWN {
+        write!(f, ", '... {} more'", length - SHOWN)?;
+    }
+    f.write_str("]")
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
+    use crate::interface::names;
+    use crate::rihs::type_description;
+    use crate::std_msgs::{Header, Time};
+
+    fn shown<T: serde::Serialize>(name: &str, message: &T) -> String {
+        let bytes = cdr::to_vec(message).unwrap();
+        from_slice(&type_description(name).unwrap(), &bytes).unwrap().to_string()
+    }
+
+    #[test]
+    fn shows_what_was_written() {
+        let values = vec![KeyValue { key: "rung".into(), value: "lines".into() }];
+        let status =
+            DiagnosticStatus { level: 1, name: "unwrap".into(), values, ..DiagnosticStatus::default() };
+        let header = Header { stamp: Time { sec: 7, nanosec: 5 }, frame_id: "front \"left\"".into() };
+        let array = DiagnosticArray { header, status: vec![status] };
+        let text = shown("diagnostic_msgs/msg/DiagnosticArray", &array);
+        let expected = "header:\n  stamp:\n    sec: 7\n    nanosec: 5\n  frame_id: \"front \\\"left\\\"\"\nstatus:\n-\n  \
+                        level: 1\n  name: \"unwrap\"\n  message: \"\"\n  hardware_id: \"\"\n  values:\n  -\n    \
+                        key: \"rung\"\n    value: \"lines\"\n";
+        assert_eq!(text, expected);
+    }
+
+    #[test]
+    fn long_arrays_are_cut_and_counted() {
+        let image = crate::sensor_msgs::Image { data: vec![7; 1000].into(), ..Default::default() };
+        let text = shown("sensor_msgs/msg/Image", &image);
+        assert!(text.contains("7, '... 872 more']") && text.len() < 1000, "{text}");
+    }
+
+    proptest! {
+        #[test]
+        fn no_bytes_panic_and_no_length_is_believed(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+            let bytes = [&[0, 1, 0, 0], &bytes[..]].concat();
+            for name in names().filter(|name| name.contains("/msg/")) {
+                let description = type_description(name).unwrap();
+                if let Ok(value) = from_slice(&description, &bytes) {
+                    let _ = value.to_string();
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,273 @@
+//! `modulo topic` and `modulo node`: who is there, and what they say. No ROS is needed.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::time::Duration;
+
+use anyhow::{Context, anyhow};
+use modulo_msgs::{dynamic, rihs, ros_name};
+use modulo_runtime::signals::end_on_signals;
+use modulo_runtime::transport::gaps::Gaps;
+use modulo_runtime::transport::graph::Graph;
+use modulo_runtime::transport::keys::{Endpoint, EntityKind, Token};
+use modulo_runtime::transport::zenoh::{RawSample, ZenohTransport};
+use modulo_runtime::transport::{Guard, Transport};
+use modulo_runtime::{Place, Stop, Urgency};
+
+use super::open_session;
+use crate::cli::graph::{Echo, Node, Topic};
+use crate::{Ended, Failure};
+
+/// The graph is as it is when nothing has changed for this long.
+const CALM: Duration = Duration::from_millis(300);
+/// How long a topic or node may take to appear.
+const PATIENCE: Duration = Duration::from_secs(5);
+const GLANCE: Duration = Duration::from_millis(20);
+
+/// Runs one of the topic commands.
+pub fn topic(args: &Topic) -> Result<Ended, Failure> {
+    let (_clock, transport) = open_session()?;
+    match args {
+        Topic::List { show_types } => {
+            for (topic, types) in topics(&calm(&transport)) {
+                let types: Vec<String> = types.into_iter().collect();
+                let shown = if *show_types { format!(" [{}]", types.join(", ")) } else { String::new() };
+                say!("{topic}{shown}");
+            }
+        }
+        Topic::Info { topic, verbose } => info(&found(&transport, topic)?, &absolute(topic), *verbose),
+        Topic::Echo(args) => echo(&transport, args)?,
+        Topic::Hz { topic, window } => hz(&transport, topic, *window as usize)?,
+    }
+    transport.close();
+    Ok(Ended::Done)
+}
+
+/// Runs one of the node commands.
+pub fn node(args: &Node) -> Result<Ended, Failure> {
+    let (_clock, transport) = open_session()?;
+    let graph = calm(&transport);
+    let nodes = graph.tokens().filter(|t| t.kind == EntityKind::Node).map(Token::node_name);
+    let nodes: BTreeSet<String> = nodes.collect();
+    match args {
+        Node::List => nodes.iter().for_each(|node| say!("{node}")),
+        Node::Info { node } => {
+            let node = absolute(node);
+            if !nodes.contains(&node) {
+                let known: Vec<_> = nodes.into_iter().collect();
+                return Err(anyhow!("no node {node}; there are {}", known.join(", ")).into());
+            }
+            describe(&graph, &node);
+        }
+    }
+    transport.close();
+    Ok(Ended::Done)
+}
+
+fn absolute(name: &str) -> String {
+    format!("/{}", name.trim_matches('/'))
+}
+
+/// The graph, once it has stopped changing.
+fn calm(transport: &ZenohTransport) -> Graph {
+    let (mut graph, mut unchanged, mut waited) = (transport.graph(), Duration::ZERO, Duration::ZERO);
+    while unchanged < CALM && waited < PATIENCE {
+        std::thread::sleep(GLANCE);
+        waited += GLANCE;
+        let now = transport.graph();
+        unchanged = if now.tokens().eq(graph.tokens()) { unchanged + GLANCE } else { Duration::ZERO };
+        graph = now;
+    }
+    graph
+}
+
+/// Types of each topic that anybody publishes or reads.
+fn topics(graph: &Graph) -> BTreeMap<String, BTreeSet<String>> {
+    let mut topics: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for token in graph.tokens().filter(|t| is_topic(t.kind)) {
+        if let Some(Endpoint { topic, dds_type, .. }) = &token.endpoint {
+            topics.entry(topic.clone()).or_default().insert(type_name(dds_type));
+        }
+    }
+    topics
+}
+
+fn is_topic(kind: EntityKind) -> bool {
+    matches!(kind, EntityKind::Publisher | EntityKind::Subscription)
+}
+
+fn type_name(dds_type: &str) -> String {
+    ros_name(dds_type)
+}
+
+/// The graph, once somebody is on `topic`.
+fn found(transport: &ZenohTransport, topic: &str) -> anyhow::Result<Graph> {
+    let topic = absolute(topic);
+    let mut waited = Duration::ZERO;
+    loop {
+        let graph = transport.graph();
+        if topics(&graph).contains_key(&topic) {
+            return Ok(calm(transport));
+        }
+        if waited >= PATIENCE {
+            let known: Vec<String> = topics(&graph).into_keys().collect();
+            let known = if known.is_empty() { "no topic at all".to_owned() } else { known.join(", ") };
+            return Err(anyhow!("nobody is on {topic}; there is {known}"));
+        }
+        std::thread::sleep(GLANCE);
+        waited += GLANCE;
+    }
+}
+
+fn info(graph: &Graph, topic: &str, verbose: bool) {
+    let types: Vec<String> = topics(graph).remove(topic).into_iter().flatten().collect();
+    say!("Type: {}", types.join(", "));
+    for (title, kind) in [("Publisher", EntityKind::Publisher), ("Subscription", EntityKind::Subscription)] {
+        let endpoints: Vec<&Token> = graph.endpoints(kind, topic).collect();
+        say!("{title} count: {}", endpoints.len());
+        if verbose {
+            for token in endpoints {
+                let Some(endpoint) = &token.endpoint else { continue };
+                say!(
+                    "  {}: {} {} qos {}",
+                    token.node_name(),
+                    type_name(&endpoint.dds_type),
+                    endpoint.type_hash,
+                    endpoint.qos
+                );
+            }
+        }
+    }
+    if types.len() > 1 {
+        say!("These do not hear each other: the types differ.");
+    }
+}
+
+fn describe(graph: &Graph, node: &str) {
+    say!("{node}");
+    for (title, kind) in [
+        ("Subscribers", EntityKind::Subscription),
+        ("Publishers", EntityKind::Publisher),
+        ("Service Servers", EntityKind::Server),
+        ("Service Clients", EntityKind::Client),
+    ] {
+        say!("  {title}:");
+        let own = graph.tokens().filter(|t| t.kind == kind && t.node_name() == node);
+        let lines: BTreeSet<String> = own
+            .filter_map(|t| t.endpoint.as_ref())
+            .map(|e| format!("    {}: {}", e.topic, type_name(&e.dds_type)))
+            .collect();
+        lines.iter().for_each(|line| say!("{line}"));
+    }
+}
+
+/// A subscription to what is published on `topic`: its type, and the samples as they come.
+struct Listening {
+    type_name: String,
+    samples: Receiver<RawSample>,
+    stop: Stop,
+    _guards: (Guard, Guard),
+}
+
+impl Listening {
+    fn start(transport: &ZenohTransport, topic: &str) -> anyhow::Result<Self> {
+        let stop = Stop::default();
+        end_on_signals(&stop).context("signal handlers")?;
+        let (graph, topic) = (found(transport, topic)?, absolute(topic));
+        let publisher = graph.endpoints(EntityKind::Publisher, &topic).next();
+        let any = publisher.or_else(|| graph.endpoints(EntityKind::Subscription, &topic).next());
+        let endpoint = any.and_then(|token| token.endpoint.clone()).context("the topic went away")?;
+        let place = Place { name: "modulo_topic".into(), namespace: "/".into(), remaps: Vec::new() };
+        let node = transport.announce(&place)?;
+        let (sender, samples) = channel();
+        // Fails only when the command has ended.
+        let subscription =
+            transport.subscribe_raw(&place, &endpoint, move |sample| drop(sender.send(sample)))?;
+        Ok(Self { type_name: type_name(&endpoint.dds_type), samples, stop, _guards: (subscription, node) })
+    }
+
+    /// The next sample within `patience`.
+    fn next(&self, patience: Duration) -> Option<RawSample> {
+        match self.samples.recv_timeout(patience) {
+            Ok(sample) => Some(sample),
+            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => None,
+        }
+    }
+
+    fn goes_on(&self) -> bool {
+        self.stop.urgency() == Urgency::None
+    }
+}
+
+fn echo(transport: &ZenohTransport, args: &Echo) -> anyhow::Result<()> {
+    let listening = Listening::start(transport, &args.topic)?;
+    let name = &listening.type_name;
+    let description = rihs::type_description(name);
+    let description = description.with_context(|| format!("{name} is no type that modulo knows"))?;
+    while listening.goes_on() {
+        let Some(sample) = listening.next(GLANCE) else { continue };
+        let value = dynamic::from_slice(&description, &sample.payload)?;
+        say!("{value}---");
+        if args.once {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// Once a second: rate, and how even it is.
+fn hz(transport: &ZenohTransport, topic: &str, window: usize) -> anyhow::Result<()> {
+    let listening = Listening::start(transport, topic)?;
+    let clock = modulo_runtime::SystemClock::default();
+    let now = || modulo_runtime::Clock::ticks_ns(&clock) as f64 / 1e9;
+    let (mut arrived, mut gaps, mut lost, mut due) = (VecDeque::new(), Gaps::default(), 0, now() + 1.0);
+    while listening.goes_on() {
+        if let Some(sample) = listening.next(GLANCE) {
+            arrived.push_back(now());
+            lost += sample.attachment.map_or(0, |attachment| gaps.step(&attachment));
+            if arrived.len() > window {
+                arrived.pop_front();
+            }
+        }
+        if now() >= due {
+            due += 1.0;
+            say!("{}", rate(arrived.make_contiguous(), lost));
+        }
+    }
+    Ok(())
+}
+
+/// As `ros2 topic hz` says it, and what was lost.
+fn rate(arrived: &[f64], lost: u64) -> String {
+    let periods: Vec<f64> = arrived.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    if periods.is_empty() {
+        return "no new messages".to_owned();
+    }
+    let mean = periods.iter().sum::<f64>() / periods.len() as f64;
+    let variance = periods.iter().map(|period| (period - mean).powi(2)).sum::<f64>() / periods.len() as f64;
+    let (least, most) =
+        periods.iter().fold((f64::MAX, 0f64), |(a, b), &period| (a.min(period), b.max(period)));
+    format!(
+        "average rate: {:.3}\n\tmin: {least:.3}s max: {most:.3}s std dev: {:.5}s window: {} lost: {lost}",
+        1.0 / mean.max(1e-9),
+        variance.sqrt(),
+        arrived.len()
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rate_is_messages_over_time() {
+        assert_eq!(rate(&[], 0), "no new messages");
+        assert_eq!(rate(&[5.0], 0), "no new messages");
+        let said = rate(&[0.0, 0.1, 0.2, 0.4], 3);
+        assert!(
+            said.starts_with("average rate: 7.500\n\tmin: 0.100s max: 0.200s std dev: 0.04714s"),
+            "{said}"
+        );
+        assert!(said.ends_with("window: 4 lost: 3"));
+    }
+}
