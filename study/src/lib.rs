@@ -10,6 +10,7 @@ mod event;
 pub mod metric;
 mod shown;
 pub mod simulate;
+pub mod stability;
 mod store;
 
 pub use error::StudyError;

@@ -1,0 +1,31 @@
+//! Even slopes around the limit of half a peak a pixel.
+
+use super::super::canvas::Canvas;
+use super::super::case::{Case, Family};
+use super::super::expect::Expect;
+
+pub fn cases() -> Vec<Case> {
+    let lost = Expect::Fails(0.0, "the slope falls in y where it rises in x");
+    vec![
+        ramp(127).why("one code below the limit"),
+        ramp(128)
+            .why("the limit itself: M_b(128) is -128, the condition is a strict one")
+            .unobservable("a slope that falls by 128 codes a pixel")
+            .all(lost),
+        ramp(129)
+            .why("one code above the limit")
+            .unobservable("a slope that falls by 127 codes a pixel")
+            .all(lost),
+    ]
+}
+
+/// A power of two as alpha keeps the codes whole.
+fn ramp(codes: i32) -> Case {
+    Case::new(
+        Family::Ramps,
+        format!("ramp_{codes}"),
+        format!("dark, then {codes} codes more in each of 40 columns, then even"),
+        move || Canvas::ramp(f64::from(codes)).white(),
+    )
+    .alpha(64.0)
+}

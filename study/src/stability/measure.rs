@@ -1,0 +1,68 @@
+//! One method on one scene, in figures. Nothing here knows what was expected.
+
+use modulo_core::unwrap::{Options, Report, by_name};
+use modulo_core::{Exposure, Frame, Recovered};
+use ndarray::{Array3, Axis};
+
+use crate::StudyError;
+use crate::metric::exact_share;
+
+/// How well k was recovered.
+#[derive(Clone, Copy, Debug)]
+pub struct Score {
+    /// Share of the samples with the right k, 0 to 1.
+    pub exact: f64,
+    /// The same, after the one constant in each channel that suits most of its samples.
+    pub up_to_offset: f64,
+    /// Peak signal-to-noise ratio of x_hat against x in dB, the peak being `alpha * 2^b`; `None` without any error.
+    pub psnr: Option<f64>,
+    /// What the method says of it.
+    pub report: Report,
+}
+
+/// Unwraps `y` with `method`, one thread, and holds the result against `truth`; x_hat comes with the figures.
+///
+/// # Errors
+/// [`StudyError::Unwrap`] as the method gives it.
+pub fn score(method: &str, y: &Frame, truth: &Exposure) -> Result<(Score, Array3<f32>), StudyError> {
+    let mut out = Recovered::default();
+    by_name(method, &Options::default())?.unwrap(y, truth.range(), &mut out)?;
+    let wraps = truth.wraps();
+    let off = out.k.mapv(i16::from) - wraps.mapv(i16::from);
+    let score = Score {
+        exact: exact_share(&out.k, &wraps)?,
+        up_to_offset: up_to_offset(&off),
+        psnr: psnr(&out.x, truth),
+        report: out.report,
+    };
+    Ok((score, out.x))
+}
+
+/// Share of the samples whose error is their channel's most frequent one.
+fn up_to_offset(off: &Array3<i16>) -> f64 {
+    let most_frequent = |channel| {
+        let mut counts = [0usize; 511];
+        off.index_axis(Axis(2), channel).iter().for_each(|off| counts[usize::from(off.abs_diff(-255))] += 1);
+        counts.into_iter().max().unwrap_or(0)
+    };
+    (0..off.dim().2).map(most_frequent).sum::<usize>() as f64 / off.len() as f64
+}
+
+fn psnr(x: &Array3<f32>, truth: &Exposure) -> Option<f64> {
+    let squares = x.iter().zip(truth.x()).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
+    let mean = squares.sum::<f64>() / x.len() as f64;
+    (mean > 0.0).then(|| 10.0 * (truth.range().limit().powi(2) / mean).log10())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_offset_is_forgiven_in_each_channel_alone() {
+        let mut off = Array3::from_shape_fn((10, 10, 3), |(_, _, channel)| channel as i16 * 255 - 255);
+        assert_eq!(up_to_offset(&off), 1.0);
+        off[(0, 0, 1)] = 1;
+        assert_eq!(up_to_offset(&off), 299.0 / 300.0);
+    }
+}
