@@ -70,7 +70,7 @@ fn figure(path: &str, scene: &SceneRow, caption: &str, class: &str) -> String {
     let (height, width, _) = scene.shape;
     let size = if width < TINY { "tiny" } else { "" };
     format!(
-        "<figure class=\"{class}\"><img class=\"{size}\" loading=\"lazy\" src=\"{path}\" width=\"{width}\" height=\"{height}\" alt=\"\">\
+        "<figure class=\"{class}\"><img class=\"{size}\" src=\"{path}\" width=\"{width}\" height=\"{height}\" alt=\"\">\
          <figcaption>{caption}</figcaption></figure>\n"
     )
 }
