@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use modulo_core::{SensorError, UnwrapError};
 use modulo_images::{ImageError, SaveError};
 
+use crate::chart::ChartError;
 use crate::metric::ShapesDiffer;
 
 /// Names the thing, its value and what is possible.
@@ -48,6 +49,9 @@ pub enum StudyError {
         /// Where it stops making sense.
         source: serde_json::Error,
     },
+    /// A chart that could not be drawn.
+    #[error(transparent)]
+    Chart(#[from] ChartError),
     /// A picture that could not be read, or a white that is none.
     #[error(transparent)]
     Image(#[from] ImageError),

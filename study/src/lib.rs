@@ -5,6 +5,7 @@
 //! the same `core` that the nodes run.
 
 pub mod bench;
+pub mod chart;
 mod error;
 mod event;
 pub mod metric;

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use crate::StudyError;
 
@@ -27,4 +28,10 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), StudyError> {
     fs::write(&beside, bytes)
         .and_then(|()| fs::rename(&beside, path))
         .map_err(|source| StudyError::Io { path: path.to_owned(), source })
+}
+
+/// Reads what [`write_json`] wrote.
+pub(crate) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, StudyError> {
+    let text = fs::read(path).map_err(|source| StudyError::Io { path: path.to_owned(), source })?;
+    serde_json::from_slice(&text).map_err(|source| StudyError::Json { path: path.to_owned(), source })
 }

@@ -1,0 +1,147 @@
+//! The frontier: how exact a method is, and what that costs.
+
+use std::path::{Path, PathBuf};
+
+use super::{Axis, Chart, Direction, Panel, Point, Scale, Series, Unit};
+use crate::StudyError;
+use crate::bench::{META, Meta, Row};
+use crate::store::read_json;
+
+/// Draws the frontier of a list of results as `frontier.svg` and `frontier.png` beside it; returns the two.
+///
+/// # Errors
+/// [`StudyError`] when the list cannot be read or the pictures cannot be written.
+pub fn draw_frontier(results: &Path) -> Result<[PathBuf; 2], StudyError> {
+    let stem = results.with_file_name("frontier");
+    frontier_from(results)?.save(&stem)?;
+    Ok(["svg", "png"].map(|extension| stem.with_extension(extension)))
+}
+
+/// The chart of `results` (a list of [`Row`]) and of the [`META`] beside it, if there is one.
+///
+/// # Errors
+/// [`StudyError`] when one of them cannot be read, or holds no row.
+pub fn frontier_from(results: &Path) -> Result<Chart, StudyError> {
+    let rows: Vec<Row> = read_json(results)?;
+    crate::need("the list of results", &rows)?;
+    let meta = results.with_file_name(META);
+    let meta: Option<Meta> = if meta.exists() { Some(read_json(&meta)?) } else { None };
+    let exact = series(&rows, |row| row.exact_k);
+    let wrong = series(&rows, |row| 1.0 - row.exact_k);
+    let percent = |label: &str, scale, direction| Axis {
+        label: label.to_owned(),
+        scale,
+        unit: Unit::Percent,
+        direction,
+    };
+    let linear = Scale::Linear { from: 0.0, to: 1.0 };
+    Ok(Chart {
+        title: "Unwrapping: what is exact, and what it costs".to_owned(),
+        subtitle: subtitle(&rows, meta.as_ref()),
+        footer: footer(&rows, meta.as_ref()),
+        panels: vec![
+            Panel { x: time(), y: percent("exact wrap counts", linear, Direction::Up), series: exact },
+            Panel { x: time(), y: percent("wrong wrap counts", Scale::Log, Direction::Down), series: wrong },
+        ],
+    })
+}
+
+fn time() -> Axis {
+    let label = "time a frame, ms (median)".to_owned();
+    Axis { label, scale: Scale::Log, unit: Unit::Plain, direction: Direction::Up }
+}
+
+/// A line for each method, thread count and blur, over alpha.
+fn series(rows: &[Row], value: impl Fn(&Row) -> f64) -> Vec<Series> {
+    let mut sorted: Vec<&Row> = rows.iter().collect();
+    sorted.sort_by(|a, b| a.alpha.total_cmp(&b.alpha));
+    let mut series: Vec<Series> = Vec::new();
+    for row in rows {
+        let name = name(row, rows);
+        if series.iter().any(|s| s.name == name) {
+            continue;
+        }
+        let own = sorted.iter().filter(|r| (&r.method, r.threads) == (&row.method, row.threads));
+        let own = own.filter(|r| r.psf_sigma == row.psf_sigma);
+        let point = |r: &&Row| Point { x: r.ms_p50, y: value(r), label: r.alpha.to_string() };
+        series.push(Series { name, points: own.map(point).collect() });
+    }
+    series
+}
+
+/// The method, with threads and blur where they differ between rows.
+fn name(row: &Row, rows: &[Row]) -> String {
+    let mut name = row.method.clone();
+    if distinct(rows.iter().map(|r| r.threads.to_string())).len() > 1 {
+        name += &format!(", {}", threads(row.threads));
+    }
+    if distinct(rows.iter().map(|r| r.psf_sigma.to_string())).len() > 1 {
+        name += &format!(", blur {} px", row.psf_sigma);
+    }
+    name
+}
+
+fn subtitle(rows: &[Row], meta: Option<&Meta>) -> String {
+    let frames = distinct(rows.iter().map(|row| row.frames.to_string())).join(" or ");
+    let mut parts = vec![format!("{frames} frames")];
+    let counts = distinct(rows.iter().map(|row| row.threads.to_string()));
+    let blurs = distinct(rows.iter().map(|row| row.psf_sigma.to_string()));
+    let lens = format!("lens blur of sigma {} px", blurs.join(", "));
+    let used = match rows {
+        [row, ..] if counts.len() == 1 => threads(row.threads),
+        _ => format!("{} threads", counts.join(", ")),
+    };
+    match meta {
+        None => parts.extend([lens, used]),
+        Some(meta) => {
+            parts[0] += &format!(" of {}", sizes(meta));
+            let kernel = if meta.psf == "paper7" { " (the paper's 7 taps)" } else { "" };
+            parts.extend([format!("{lens}{kernel}"), format!("{} bits", meta.bits)]);
+            parts.extend((meta.read_noise > 0.0).then(|| format!("read noise of sigma {}", meta.read_noise)));
+            parts.extend([used, format!("{} ({} processors)", meta.device, meta.processors)]);
+        }
+    }
+    parts.join(" · ")
+}
+
+fn sizes(meta: &Meta) -> String {
+    let size = |s: &crate::bench::Size| format!("{} x {} x {}", s.width, s.height, s.channels);
+    match meta.sizes.as_slice() {
+        [] => "no size".to_owned(),
+        [one] => format!("{} px", size(one)),
+        [first, ..] => format!("mostly {} px", size(first)),
+    }
+}
+
+fn footer(rows: &[Row], meta: Option<&Meta>) -> String {
+    let samples = rows.iter().filter_map(|row| row.samples).max();
+    let zero = match samples {
+        Some(samples) => format!("0 %: not one of {samples} samples"),
+        None => "0 %: not one sample".to_owned(),
+    };
+    let calls = match meta {
+        Some(meta) => format!("median over frames and {} calls each after a warm one", meta.repeats),
+        None => "median over frames and calls".to_owned(),
+    };
+    let version = meta.map_or_else(String::new, |meta| format!(" modulo {}.", meta.version));
+    format!(
+        "Numbers at the points: alpha, the saturation factor. Wrong: another k than the true one, all channels \
+         counted, no shift forgiven; {zero}. Time: wall clock of one call, {calls}. Towards the upper left is \
+         better.{version}"
+    )
+}
+
+fn threads(count: usize) -> String {
+    if count == 1 { "1 thread".to_owned() } else { format!("{count} threads") }
+}
+
+/// Without repetitions, in the order of first appearance.
+fn distinct(texts: impl Iterator<Item = String>) -> Vec<String> {
+    let mut found: Vec<String> = Vec::new();
+    for text in texts {
+        if !found.contains(&text) {
+            found.push(text);
+        }
+    }
+    found
+}
