@@ -67,13 +67,22 @@ pub(super) fn zero_level(k: &[i32], most: i32) -> i32 {
     let (Some(&low), Some(&high)) = (k.iter().min(), k.iter().max()) else { return 0 };
     let mut counts = vec![0usize; high.abs_diff(low) as usize + 1];
     k.iter().for_each(|&k| counts[k.abs_diff(low) as usize] += 1);
+    low.saturating_add(zero_of(&counts, most) as i32)
+}
+
+/// [`zero_level`] of `counts` pixels at each level, as an index; a level below the
+/// first holds no more pixels than the first itself.
+pub(super) fn zero_of(counts: &[usize], most: i32) -> usize {
+    let pixels = counts.iter().sum();
     let in_range = |zero: usize| counts[zero..].iter().take(most as usize + 1).sum::<usize>();
-    // A level below `low` holds no more pixels than `low` itself.
     let shares: Vec<usize> = (0..counts.len()).map(in_range).collect();
     let best = shares.iter().max().copied().unwrap_or(0);
-    let enough = best as f64 - TOLERANCE * k.len() as f64;
-    let zero = shares.iter().rposition(|&share| share as f64 >= enough).unwrap_or(0);
-    low.saturating_add(zero as i32)
+    shares.iter().rposition(|&share| is_enough(share, best, pixels)).unwrap_or(0)
+}
+
+/// Whether `share` is nearly `best`, of `pixels`.
+pub(super) fn is_enough(share: usize, best: usize, pixels: usize) -> bool {
+    share as f64 >= best as f64 - TOLERANCE * pixels as f64
 }
 
 #[cfg(test)]

@@ -1,7 +1,70 @@
-//! Arithmetic modulo 2^b that the machine's own 16-bit wrapping does: a code of
-//! b bits stands in the upper b of 16 bits, so that one peak is one full turn.
+//! Arithmetic modulo 2^b that the machine's own wrapping does: a code of b bits
+//! stands in the upper b bits of a word, so that one peak is one full turn.
 
 use super::Range;
+
+/// An unsigned machine word; all arithmetic on it is modulo one turn.
+pub(super) trait Word: Copy + Default + Ord + Send + Sync + Into<u16> {
+    /// Width.
+    const BITS: u8;
+    /// Half a turn.
+    const HALF: Self;
+
+    /// The lower bits of `value`.
+    fn low(value: u16) -> Self;
+    /// The sum.
+    fn plus(self, other: Self) -> Self;
+    /// The difference.
+    fn minus(self, other: Self) -> Self;
+
+    /// 1 if `condition`, else 0.
+    #[inline(always)]
+    fn one_if(condition: bool) -> Self {
+        Self::low(u16::from(condition))
+    }
+
+    /// Half a turn further, which makes the order of differences that of codes.
+    #[inline(always)]
+    fn raise(self) -> Self {
+        self.minus(Self::HALF)
+    }
+}
+
+impl Word for u8 {
+    const BITS: u8 = 8;
+    const HALF: Self = 1 << 7;
+
+    #[inline(always)]
+    fn low(value: u16) -> Self {
+        value as u8
+    }
+    #[inline(always)]
+    fn plus(self, other: Self) -> Self {
+        self.wrapping_add(other)
+    }
+    #[inline(always)]
+    fn minus(self, other: Self) -> Self {
+        self.wrapping_sub(other)
+    }
+}
+
+impl Word for u16 {
+    const BITS: u8 = 16;
+    const HALF: Self = 1 << 15;
+
+    #[inline(always)]
+    fn low(value: u16) -> Self {
+        value
+    }
+    #[inline(always)]
+    fn plus(self, other: Self) -> Self {
+        self.wrapping_add(other)
+    }
+    #[inline(always)]
+    fn minus(self, other: Self) -> Self {
+        self.wrapping_sub(other)
+    }
+}
 
 /// `y` (integers below 2^b) as codes, replacing what `codes` held.
 pub(super) fn codes(y: &[f32], range: Range, codes: &mut Vec<u16>) {
@@ -15,25 +78,37 @@ pub(super) fn difference(from: u16, to: u16) -> i16 {
     to.wrapping_sub(from) as i16
 }
 
+/// [`turn`] as a signed number.
+pub(super) fn turns(from: u16, to: u16) -> i16 {
+    turn(from, to) as i16
+}
+
 /// The n in {-1, 0, 1} with `M_b(to - from) = to - from + n * 2^b`.
 ///
-/// For codes (`u16`) and, as the order is the same, for differences shifted up by [`raised`].
-pub(super) fn turns(from: u16, to: u16) -> i16 {
-    let wrapped = difference(from, to);
-    i16::from((to < from) & (wrapped >= 0)) - i16::from((to > from) & (wrapped < 0))
+/// For codes and, as the order is the same, for differences shifted up by [`raised`].
+#[inline(always)]
+pub(super) fn turn<W: Word>(from: W, to: W) -> W {
+    W::one_if(to < from).minus(W::one_if(to.minus(from) >= W::HALF))
 }
 
 /// M_b(to - from) plus half a peak, which makes it a code itself.
-pub(super) fn raised(from: u16, to: u16) -> u16 {
-    to.wrapping_sub(from) ^ HALF
+#[inline(always)]
+pub(super) fn raised<W: Word>(from: W, to: W) -> W {
+    to.minus(from).raise()
 }
 
 /// The absolute value of a difference that [`raised`] gave.
-pub(super) fn size(raised: u16) -> u16 {
-    raised.abs_diff(HALF)
+#[inline(always)]
+pub(super) fn size<W: Word>(raised: W) -> W {
+    if raised < W::HALF { W::HALF.minus(raised) } else { raised.minus(W::HALF) }
 }
 
-const HALF: u16 = 1 << 15;
+/// `size(raised) > eighths / 8` of the peak, in fewer steps.
+#[inline(always)]
+pub(super) fn exceeds<W: Word>(raised: W, eighths: u16) -> bool {
+    let limit = W::low(eighths << (W::BITS - 3));
+    raised.minus(W::HALF.minus(limit)) > limit.plus(limit)
+}
 
 #[cfg(test)]
 mod tests {
@@ -42,18 +117,42 @@ mod tests {
     use super::*;
     use crate::gradient::{wrap_centered, wraps_across};
 
+    /// As a number from minus half a turn on.
+    fn signed<W: Word>(word: W) -> i32 {
+        i32::from(word.raise().into()) - i32::from(W::HALF.into())
+    }
+
+    /// All of it against the definition, for codes `a` and `b` of `bits` bits.
+    fn check<W: Word + std::fmt::Debug>(a: u16, b: u16, bits: u8) {
+        let mask = ((1u32 << bits) - 1) as u16;
+        let y = [a & mask, b & mask];
+        let [from, to] = y.map(|y| W::low(y << (W::BITS - bits)));
+        let scale = f32::from(1u16 << (W::BITS - bits));
+        let change = f32::from(y[1]) - f32::from(y[0]);
+        let want = wrap_centered(change, bits) * scale;
+        assert_eq!(signed(to.minus(from)) as f32, want);
+        assert_eq!(signed(turn(from, to)), wraps_across(change, bits));
+        let raised = raised(from, to);
+        assert_eq!(f32::from(size(raised).into()), want.abs());
+        for eighths in 1..4 {
+            let limit = u16::from(eighths as u8) << (W::BITS - 3);
+            assert_eq!(exceeds(raised, eighths), size(raised).into() > limit);
+        }
+    }
+
     proptest! {
         #[test]
-        fn is_the_arithmetic_of_the_definition(a in any::<u16>(), b in any::<u16>(), bits in 1u8..=16) {
-            let range = Range::new(bits, 1.0).unwrap();
-            let y = [a, b].map(|value| f32::from(value >> (16 - bits)));
+        fn is_the_arithmetic_of_the_definition(a: u16, b: u16, bits in 1u8..=16) {
+            check::<u16>(a, b, bits);
+            check::<u8>(a, b, 1 + (bits - 1) % 8);
+        }
+
+        #[test]
+        fn codes_stand_in_the_upper_bits(a: u16, bits in 1u8..=16) {
+            let y = a >> (16 - bits);
             let mut shifted = Vec::new();
-            codes(&y, range, &mut shifted);
-            let (from, to, scale) = (shifted[0], shifted[1], f32::from(1u16 << (16 - bits)));
-            let want = wrap_centered(y[1] - y[0], bits);
-            prop_assert_eq!(f32::from(difference(from, to)), want * scale);
-            prop_assert_eq!(i32::from(turns(from, to)), wraps_across(y[1] - y[0], bits));
-            prop_assert_eq!(f32::from(size(raised(from, to))), want.abs() * scale);
+            codes(&[f32::from(y)], Range::new(bits, 1.0).unwrap(), &mut shifted);
+            prop_assert_eq!(shifted, [y << (16 - bits)]);
         }
 
         #[test]

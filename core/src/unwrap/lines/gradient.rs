@@ -1,141 +1,115 @@
-//! The horizontal gradient, unwrapped down its columns.
+//! The horizontal gradient, unwrapped down its columns, and what speaks against that.
 
-use super::majority::{Ballot, Doubt, STEEP, Vote};
-use crate::unwrap::Range;
-use crate::unwrap::wrapped::{raised, size, turns};
+use super::lanes::{Block, COUNTABLE, LANES, Layout};
+use super::majority::STEEP;
+use crate::unwrap::wrapped::{Word, exceeds, raised, turn};
 
-/// Buffers, and n of `d_x x = g + n * 2^b`.
+/// Eighths of the peak above which a mixed difference counts for [`Signal::steep`](crate::unwrap::Signal).
+const SUSPECT: u16 = 3;
+
+/// n of `d_x x = g + n * 2^b`, 0 in the first row, and counts of what was seen in each column.
 #[derive(Default)]
-pub(super) struct Gradient {
-    /// g of this row and of the one above, raised by half a peak.
-    here: Vec<u16>,
-    above: Vec<u16>,
-    /// H x (W-1).
-    n: Vec<i16>,
-    /// By column: what most of it may say, and how much of it is steep.
-    candidates: Candidates,
-    anchors: Vec<i16>,
-    line: Vec<i16>,
-    ballot: Ballot,
+pub(super) struct Gradient<W> {
+    columns: Vec<Columns<W>>,
+    /// Rows that the columns' counters have counted.
+    counted: usize,
+    /// By lane: rows in which n is 0.
+    pub zeros: Vec<u32>,
+    /// By lane: rows in which g is steep.
+    pub steep: Vec<u32>,
+    /// 2 x 2 loops whose mixed difference is suspect.
+    pub suspect: u64,
+    /// 2 x 2 loops around which the wrapped differences do not sum to 0.
+    pub residues: u64,
 }
 
-/// The columns' majorities while they are being counted; apart, so that a row is one loop of the machine's vectors.
-#[derive(Default)]
-struct Candidates {
-    value: Vec<i16>,
-    lead: Vec<i32>,
-    agree: Vec<u32>,
-    steep: Vec<u32>,
+/// Neighbouring columns.
+#[derive(Clone)]
+struct Columns<W> {
+    n: Block<W>,
+    zeros: Block<W>,
+    steep: Block<W>,
+    suspect: Block<W>,
+    residues: Block<W>,
 }
 
-impl Gradient {
-    /// n, H x (W-1), for `codes`, H x W.
-    pub(super) fn unwrap(&mut self, codes: &[u16], width: usize, range: Range) -> &[i16] {
-        let columns = width - 1;
-        self.n.clear();
-        if columns == 0 {
-            return &self.n;
+impl<W: Word> Gradient<W> {
+    /// Before the first row.
+    pub fn start(&mut self, layout: Layout) {
+        let none = [W::default(); LANES];
+        let fresh = Columns { n: none, zeros: none, steep: none, suspect: none, residues: none };
+        self.columns.clear();
+        self.columns.resize(layout.lanes() / LANES, fresh);
+        for counts in [&mut self.zeros, &mut self.steep] {
+            counts.clear();
+            counts.resize(layout.lanes(), 0);
         }
-        self.candidates.reset(columns);
-        self.follow_columns(codes, width);
-        self.n.chunks_exact(columns).for_each(|n| self.candidates.count(n));
-        self.anchor(codes, width, Doubt::new(range));
-        for row in self.n.chunks_exact_mut(columns) {
-            row.iter_mut().zip(&self.anchors).for_each(|(n, anchor)| *n = n.wrapping_sub(*anchor));
-        }
-        &self.n
+        (self.counted, self.suspect, self.residues) = (0, 0, 0);
     }
 
-    /// n up to a constant a column, 0 in the first row.
-    fn follow_columns(&mut self, codes: &[u16], width: usize) {
-        let columns = width - 1;
-        let mut n = vec![0i16; columns];
-        for (i, row) in codes.chunks_exact(width).enumerate() {
-            self.here.clear();
-            self.here.extend(row.iter().zip(&row[1..]).map(|(&left, &right)| raised(left, right)));
-            if i > 0 {
-                let pairs = self.above.iter().zip(&self.here);
-                n.iter_mut()
-                    .zip(pairs)
-                    .for_each(|(n, (&above, &here))| *n = n.wrapping_add(turns(above, here)));
+    /// Takes the next row `here` below `up`, the first one below itself, each longer than
+    /// its lanes by one pixel; `steps` becomes the change of k to the right, up to a constant a column.
+    #[inline(always)]
+    pub fn follow(&mut self, up: &[W], here: &[W], channels: usize, steps: &mut [W]) {
+        if self.counted == COUNTABLE {
+            self.settle();
+        }
+        self.counted += 1;
+        for (i, (columns, steps)) in self.columns.iter_mut().zip(steps.as_chunks_mut().0).enumerate() {
+            let at = i * LANES;
+            let block = |row: &[W], at: usize| -> Option<Block<W>> { row[at..].first_chunk().copied() };
+            let pixels =
+                (block(up, at), block(up, at + channels), block(here, at), block(here, at + channels));
+            if let (Some(up), Some(up_right), Some(left), Some(right)) = pixels {
+                columns.follow([&up, &up_right], [&left, &right], steps);
             }
-            self.candidates.vote(&n, &self.here);
-            self.n.extend_from_slice(&n);
-            std::mem::swap(&mut self.here, &mut self.above);
         }
     }
 
-    /// The relative n that stands for 0 in each column: its majority, or in doubt what
-    /// follows from the column to the left and `d_x d_x x`.
-    fn anchor(&mut self, codes: &[u16], width: usize, mut doubt: Doubt) {
-        self.anchors.clear();
-        let height = codes.len() / width;
-        let columns = width - 1;
-        for column in 0..columns {
-            let Candidates { value, agree, steep, .. } = &self.candidates;
-            let (mut anchor, agree, steep) = (value[column], agree[column] as usize, steep[column] as usize);
-            if agree * 2 <= height {
-                anchor = self.ballot.count(column_of(&self.n, column, columns, &mut self.line)).value;
-            }
-            if doubt.arises(agree, steep, height)
-                && let Some(&left) = self.anchors.last()
-            {
-                let opinion = second_opinion(codes, width, &self.n, column, left, &mut self.line);
-                let Vote { value, .. } = self.ballot.count(opinion);
-                doubt.settle(anchor, value);
-                anchor = value;
-            }
-            self.anchors.push(anchor);
+    /// Adds what was counted to the totals.
+    pub fn settle(&mut self) {
+        self.counted = 0;
+        let totals = self.zeros.as_chunks_mut::<LANES>().0.iter_mut().zip(self.steep.as_chunks_mut().0);
+        for (columns, (zeros, steep)) in self.columns.iter_mut().zip(totals) {
+            add(&mut columns.zeros, zeros);
+            add(&mut columns.steep, steep);
+            self.suspect += take(&mut columns.suspect);
+            self.residues += take(&mut columns.residues);
         }
     }
 }
 
-impl Candidates {
-    fn reset(&mut self, columns: usize) {
-        *self = Self {
-            value: vec![0; columns],
-            lead: vec![0; columns],
-            agree: vec![0; columns],
-            steep: vec![0; columns],
-        };
-    }
-
-    /// Boyer and Moore's majority vote: a value that more than half of a column has ends as candidate.
-    fn vote(&mut self, n: &[i16], g: &[u16]) {
-        for ((value, lead), &n) in self.value.iter_mut().zip(&mut self.lead).zip(n) {
-            *value = if *lead == 0 { n } else { *value };
-            *lead += if n == *value { 1 } else { -1 };
+impl<W: Word> Columns<W> {
+    #[inline(always)]
+    fn follow(
+        &mut self,
+        [up, up_right]: [&Block<W>; 2],
+        [left, right]: [&Block<W>; 2],
+        steps: &mut Block<W>,
+    ) {
+        for i in 0..LANES {
+            let (above, here) = (raised(up[i], up_right[i]), raised(left[i], right[i]));
+            let n = self.n[i].plus(turn(above, here));
+            self.n[i] = n;
+            steps[i] = n.plus(turn(left[i], right[i]));
+            self.zeros[i] = self.zeros[i].plus(W::one_if(n == W::default()));
+            self.steep[i] = self.steep[i].plus(W::one_if(exceeds(here, STEEP)));
+            let suspect = exceeds(raised(above, here), SUSPECT);
+            self.suspect[i] = self.suspect[i].plus(W::one_if(suspect));
+            // Both orders give M_b(d_x d_y y); they differ in whether the difference of differences wraps.
+            let differ = (here < above) != (raised(up_right[i], right[i]) < raised(up[i], left[i]));
+            self.residues[i] = self.residues[i].plus(W::one_if(differ));
         }
-        self.steep.iter_mut().zip(g).for_each(|(steep, &g)| *steep += u32::from(size(g) > STEEP));
-    }
-
-    /// Counts who agrees with the candidates, once they are chosen.
-    fn count(&mut self, n: &[i16]) {
-        let votes = self.agree.iter_mut().zip(&self.value).zip(n);
-        votes.for_each(|((agree, value), n)| *agree += u32::from(value == n));
     }
 }
 
-fn column_of<'a>(n: &[i16], column: usize, columns: usize, line: &'a mut Vec<i16>) -> &'a [i16] {
-    line.clear();
-    line.extend(n.chunks_exact(columns).map(|row| row[column]));
-    line
+fn add<W: Word>(counts: &mut Block<W>, totals: &mut Block<u32>) {
+    totals.iter_mut().zip(&*counts).for_each(|(total, &count)| *total += u32::from(count.into()));
+    *counts = [W::default(); LANES];
 }
 
-/// By row: the anchor of `column` (> 0) if `M_b(d_x d_x y) = d_x d_x x` there.
-fn second_opinion<'a>(
-    codes: &[u16],
-    width: usize,
-    n: &[i16],
-    column: usize,
-    left_anchor: i16,
-    line: &'a mut Vec<i16>,
-) -> &'a [i16] {
-    line.clear();
-    line.extend(codes.chunks_exact(width).zip(n.chunks_exact(width - 1)).map(|(y, n)| {
-        let (left, here) = (raised(y[column - 1], y[column]), raised(y[column], y[column + 1]));
-        let want = n[column - 1].wrapping_sub(left_anchor).wrapping_add(turns(left, here));
-        n[column].wrapping_sub(want)
-    }));
-    line
+fn take<W: Word>(counts: &mut Block<W>) -> u64 {
+    let sum = counts.iter().map(|&count| u64::from(count.into())).sum();
+    *counts = [W::default(); LANES];
+    sum
 }

@@ -1,48 +1,46 @@
 //! What most of a line says, and when a second opinion is due.
 
 use crate::unwrap::Range;
+use crate::unwrap::wrapped::Word;
 
-/// Differences of more than this, a quarter of the peak, are steep.
-pub(super) const STEEP: u16 = 1 << 14;
+/// Differences of more than this, a quarter of the peak, are steep; in eighths.
+pub(super) const STEEP: u16 = 2;
 
 /// How many values of a line say the same.
 #[derive(Clone, Copy)]
-pub(super) struct Vote {
+pub(super) struct Vote<W> {
     /// What they say.
-    pub value: i16,
+    pub value: W,
     /// How many they are.
     pub count: usize,
 }
 
 /// A counter for every value, all zero between two counts.
+#[derive(Default)]
 pub(super) struct Ballot {
     counts: Vec<u32>,
 }
 
-impl Default for Ballot {
-    fn default() -> Self {
-        Self { counts: vec![0; 1 << 16] }
-    }
-}
-
 impl Ballot {
     /// The most frequent of `values`; of equals, the one that is first complete.
-    pub(super) fn count(&mut self, values: &[i16]) -> Vote {
-        let mut best = Vote { value: 0, count: 0 };
+    pub(super) fn count<W: Word>(&mut self, values: &[W]) -> Vote<W> {
+        self.counts.resize(1 << W::BITS, 0);
+        let mut best = Vote { value: W::default(), count: 0 };
         for &value in values {
-            let count = &mut self.counts[usize::from(value as u16)];
+            let count = &mut self.counts[usize::from(value.into())];
             *count += 1;
             if *count as usize > best.count {
                 best = Vote { value, count: *count as usize };
             }
         }
-        values.iter().for_each(|&value| self.counts[usize::from(value as u16)] = 0);
+        values.iter().for_each(|&value| self.counts[usize::from(value.into())] = 0);
         best
     }
 }
 
 /// Whether lines follow their majority. An edge along a whole line is unanimous and wrong; it is
 /// steep, or the line before it is, and once entered it holds until the second opinion leaves it.
+#[derive(Clone, Copy)]
 pub(super) struct Doubt {
     longest: usize,
     departed: bool,
@@ -65,9 +63,9 @@ impl Doubt {
         agree * 5 < length * 4 || steep || self.departed
     }
 
-    /// Takes note of what the second opinion was.
-    pub fn settle(&mut self, majority: i16, opinion: i16) {
-        self.lasted = if majority == opinion { 0 } else { self.lasted + 1 };
+    /// Takes note of whether the second opinion `departs` from the majority.
+    pub fn settle(&mut self, departs: bool) {
+        self.lasted = if departs { self.lasted + 1 } else { 0 };
         self.departed = (1..=self.longest).contains(&self.lasted);
     }
 }

@@ -5,9 +5,14 @@
 //! ```text
 //! g = M_b(d_x y),   d_x x = g + n P,   d_y n = (M_b(d_y g) - d_y g) / P   if |d_x d_y x| < P/2
 //! ```
-//! 1. `gradient`: n down each column; most of a column is flat, which gives its constant.
-//! 2. `rows`: sums along each row, rows joined by what most of their columns say.
-//! 3. The absolute offset, as every method has it.
+//! 1. `gradient`: n down each column, up to a constant; `sums`: what that makes of k along each row.
+//! 2. `rows`: rows joined by what most of their columns say; columns' constants cancel out there.
+//! 3. `columns`: most of a column is flat, which gives its constant.
+//! 4. `levels`: the absolute offset, as every method has it.
+//!
+//! Codes and counts stand in words that wrap by themselves, of 8 bits where that holds all counts.
+//! Steps 1 and 2 are one pass over y, row by row, all channels together; they see what
+//! speaks against the result ([`Signal`]).
 //!
 //! Exact when `|d_x d_y x| < P/2` everywhere and, in each column and row, most
 //! differences to the neighbour are below P/2 -- or, where an edge runs along most of
@@ -15,21 +20,36 @@
 //! what a sharp lens shows: an edge of more than P/2 that ends within the image breaks the
 //! condition at its end, and the error runs along the line. Hot pixels leave streaks.
 
+mod columns;
 mod gradient;
+mod image;
+mod lanes;
+mod levels;
 mod majority;
 mod rows;
+mod sums;
 
-use super::{Range, Recovered, Unwrap, UnwrapError, check_frame, congruence, wrapped};
+use columns::{Anchors, Summed};
+use gradient::Gradient;
+use image::Samples;
+use lanes::Layout;
+use levels::Levels;
+use rows::Rows;
+use sums::Sums;
+
+use super::wrapped::Word;
+use super::{Range, Recovered, Signal, Unwrap, UnwrapError, check_frame};
 use crate::frame::Frame;
-use crate::plane;
+use crate::simd::widest;
+
+/// Largest wrap count for which words of 8 bits hold every k, and errors of as much again.
+const NARROW: u8 = 63;
 
 /// The method with its buffers; each channel on its own, O(pixels).
 #[derive(Default)]
 pub struct Lines {
-    y: Vec<f32>,
-    codes: Vec<u16>,
-    gradient: gradient::Gradient,
-    rows: rows::Rows,
+    bytes: Work<u8>,
+    words: Work<u16>,
 }
 
 impl Unwrap for Lines {
@@ -40,14 +60,87 @@ impl Unwrap for Lines {
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         check_frame(y, range)?;
         out.prepare(y.dim(), self.name());
-        let (_, width, channels) = y.dim();
-        for channel in 0..channels {
-            plane::take_from_frame(y, channel, &mut self.y);
-            wrapped::codes(&self.y, range, &mut self.codes);
-            let n = self.gradient.unwrap(&self.codes, width, range);
-            let k = self.rows.integrate(&self.codes, n, width, range);
-            congruence::place(k, &self.y, range, channel, out);
+        let (height, width, channels) = y.dim();
+        let layout = Layout { height, width, channels };
+        match y {
+            Frame::U8(pixels) => {
+                let pixels = pixels.as_standard_layout();
+                let samples = Samples::new(pixels.as_slice().unwrap_or_default(), layout, range);
+                if range.bits() <= 8 && range.most_wraps() <= NARROW {
+                    self.bytes.unwrap(&samples, layout, range, out);
+                } else {
+                    self.words.unwrap(&samples, layout, range, out);
+                }
+            }
+            Frame::U16(pixels) => {
+                let pixels = pixels.as_standard_layout();
+                let samples = Samples::new(pixels.as_slice().unwrap_or_default(), layout, range);
+                self.words.unwrap(&samples, layout, range, out);
+            }
         }
         Ok(())
+    }
+}
+
+/// Buffers for codes in words of one width.
+#[derive(Default)]
+struct Work<W> {
+    /// The row at hand, the one above and the one above that.
+    codes: [Vec<W>; 3],
+    gradient: Gradient<W>,
+    sums: Sums<W>,
+    rows: Rows<W>,
+    anchors: Anchors<W>,
+    offsets: Vec<W>,
+}
+
+impl<W: Word> Work<W> {
+    fn unwrap<S>(&mut self, samples: &Samples<'_, S>, layout: Layout, range: Range, out: &mut Recovered)
+    where
+        S: Copy + Into<u16>,
+    {
+        self.gradient.start(layout);
+        self.sums.start(layout);
+        self.rows.start(layout, range);
+        for i in 0..layout.height {
+            widest(
+                #[inline(always)]
+                || self.take_row(i, samples, layout),
+            );
+        }
+        self.gradient.settle();
+        self.anchors.find(&self.gradient, &Summed { samples, layout, rows: &self.rows }, range);
+        let levels = Levels { layout, rows: &self.rows, anchors: &self.anchors.sums };
+        let offsets = &mut self.offsets;
+        widest(
+            #[inline(always)]
+            || {
+                let zero = levels.zero(range.most_wraps(), offsets);
+                levels.write(samples, zero, range, offsets, out);
+            },
+        );
+        out.report.signal = Some(self.signal(layout));
+    }
+
+    #[inline(always)]
+    fn take_row<S: Copy + Into<u16>>(&mut self, i: usize, samples: &Samples<'_, S>, layout: Layout) {
+        self.codes.rotate_right(1);
+        samples.read(i, &mut self.codes[0]);
+        let [here, up, upper] = &self.codes;
+        let up = if i == 0 { here } else { up };
+        self.gradient.follow(up, here, layout.channels, self.sums.steps());
+        self.sums.widen();
+        self.rows.append(&self.sums, [here, up, upper]);
+    }
+
+    fn signal(&self, Layout { height, width, channels }: Layout) -> Signal {
+        let share = |count: u64, of: usize| if of == 0 { 0.0 } else { count as f32 / of as f32 };
+        let joints = (height - 1) * channels;
+        let loops = joints * (width - 1);
+        Signal {
+            residues: share(self.gradient.residues, loops),
+            steep: share(self.gradient.suspect, loops),
+            consensus: if joints == 0 { 1.0 } else { share(self.rows.agreeing, joints * width) },
+        }
     }
 }

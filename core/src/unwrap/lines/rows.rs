@@ -1,98 +1,161 @@
-//! Sums of the unwrapped gradient along rows, and rows joined to an image.
+//! Rows: sums of the gradient's wraps along each, joined by what most of their columns say.
 
+use super::lanes::{Block, COUNTABLE, LANES, Layout, by_channel, tiled};
 use super::majority::{Ballot, Doubt, STEEP, Vote};
+use super::sums::Sums;
 use crate::unwrap::Range;
-use crate::unwrap::wrapped::{raised, size, turns};
+use crate::unwrap::wrapped::{Word, exceeds, raised, turn};
 
-/// Buffers, and the wrap counts relative to the first pixel.
+/// Wrap counts relative to each row's first pixel, and what joins the rows.
 #[derive(Default)]
-pub(super) struct Rows {
-    /// Of this row, of the row above and of the one above that.
-    k: [Vec<i16>; 3],
-    /// By column: what joins this row to the one above.
-    line: Vec<i16>,
+pub(super) struct Rows<W> {
+    layout: Layout,
+    /// A row of zeros, then the image's rows.
+    k: Vec<W>,
+    /// By row and channel: what to add to the row's k.
+    pub joins: Vec<[W; 3]>,
+    doubts: Vec<Doubt>,
+    line: Vec<W>,
     ballot: Ballot,
-    out: Vec<i32>,
+    /// Columns that agree, over all rows and channels.
+    pub agreeing: u64,
 }
 
-impl Rows {
-    /// k of `codes`, H x W, up to a constant, from `n`, H x (W-1), of its horizontal gradient.
-    pub(super) fn integrate(&mut self, codes: &[u16], n: &[i16], width: usize, range: Range) -> &[i32] {
-        self.out.clear();
-        let mut doubt = Doubt::new(range);
-        let mut last = 0;
-        for (i, y) in codes.chunks_exact(width).enumerate() {
-            self.k.rotate_right(1);
-            sum(y, &n[i * (width - 1)..(i + 1) * (width - 1)], &mut self.k[0]);
-            if i > 0 {
-                let above = &codes[..i * width];
-                last = self.join(y, above, last, &mut doubt);
-                self.k[0].iter_mut().for_each(|k| *k = k.wrapping_add(last));
-            }
-            self.out.extend(self.k[0].iter().map(|&k| i32::from(k)));
-        }
-        &self.out
+/// A row of codes, the one above and the one above that.
+pub(super) type Neighbours<'a, W> = [&'a [W]; 3];
+
+/// By channel: columns that say what was guessed, and columns that are steep.
+struct Census {
+    agree: [usize; 3],
+    steep: [usize; 3],
+}
+
+impl<W: Word> Rows<W> {
+    /// Before the first row.
+    pub fn start(&mut self, layout: Layout, range: Range) {
+        self.layout = layout;
+        self.k.resize((layout.height + 1) * layout.lanes(), W::default());
+        self.k[..layout.lanes()].fill(W::default());
+        self.joins.clear();
+        self.doubts.clear();
+        self.doubts.resize(layout.channels, Doubt::new(range));
+        self.agreeing = 0;
     }
 
-    /// What to add to this row's k so that it continues the rows `above` it: what most
-    /// columns say if `|d_y x|` is small, or in doubt if `|d_y d_y x|` is.
-    fn join(&mut self, y: &[u16], above: &[u16], last: i16, doubt: &mut Doubt) -> i16 {
-        let width = y.len();
-        let (further, up) = above.split_at(above.len() - width);
-        first_opinion(y, up, &self.k, &mut self.line);
-        let majority = self.majority(last);
-        let steep = y.iter().zip(up).filter(|&(&y, &up)| size(raised(up, y)) > STEEP).count();
-        if !doubt.arises(majority.count, steep, width) || further.is_empty() {
-            return majority.value;
+    /// k of row `i`, 0 in its first pixel.
+    pub fn k(&self, i: usize) -> &[W] {
+        &self.k[(i + 1) * self.layout.lanes()..][..self.layout.lanes()]
+    }
+
+    /// Sums up the next row, `codes[0]`, and joins it to those above.
+    #[inline(always)]
+    pub fn append(&mut self, sums: &Sums<W>, codes: Neighbours<'_, W>) {
+        let [y, up, _] = codes;
+        let i = self.joins.len();
+        let mut guess = [W::default(); 3];
+        let channels = self.layout.channels;
+        // The first pixel's k is 0 in every row.
+        guess.iter_mut().zip(up.iter().zip(y)).for_each(|(guess, (&up, &y))| *guess = turn(up, y));
+        let census = self.sum(i, sums, [y, up], &tiled(guess, channels));
+        let mut join = self.joins.last().copied().unwrap_or_default();
+        if i > 0 {
+            for channel in 0..channels {
+                let vote = Vote { value: guess[channel], count: census.agree[channel] };
+                let vote = self.join(i, codes, channel, vote, census.steep[channel]);
+                join[channel] = join[channel].plus(vote.value);
+                self.agreeing += vote.count as u64;
+            }
         }
-        second_opinion(y, up, &further[further.len() - width..], &self.k, &mut self.line);
+        self.joins.push(join);
+    }
+
+    /// Writes k of row `i` and counts who says that it continues the row above by `guess`.
+    #[inline(always)]
+    fn sum(&mut self, i: usize, sums: &Sums<W>, [y, up]: [&[W]; 2], guess: &Block<W>) -> Census {
+        let lanes = self.layout.lanes();
+        let (above, here) = self.k[i * lanes..].split_at_mut(lanes);
+        let mut census = Census { agree: [0; 3], steep: [0; 3] };
+        let mut sum = [W::default(); LANES];
+        for first in (0..lanes).step_by(COUNTABLE * LANES) {
+            let (mut agree, mut steep) = ([W::default(); LANES], [W::default(); LANES]);
+            for at in (first..lanes.min(first + COUNTABLE * LANES)).step_by(LANES) {
+                sums.advance(at, &mut sum);
+                here[at..][..LANES].copy_from_slice(&sum);
+                let (y, up, above) = (&y[at..][..LANES], &up[at..][..LANES], &above[at..][..LANES]);
+                for l in 0..LANES {
+                    let says = turn(up[l], y[l]).plus(above[l]).minus(sum[l]);
+                    agree[l] = agree[l].plus(W::one_if(says == guess[l]));
+                    steep[l] = steep[l].plus(W::one_if(exceeds(raised(up[l], y[l]), STEEP)));
+                }
+            }
+            by_channel(&agree, self.layout.channels, &mut census.agree);
+            by_channel(&steep, self.layout.channels, &mut census.steep);
+        }
+        census.forget_copies(self.layout, [y, up, above, here], guess);
+        census
+    }
+
+    /// What most columns of `channel` say of the step from row `i - 1` to `i` if `|d_y x|` is small,
+    /// or in doubt if `|d_y d_y x|` is; `guess` is how many say the expected.
+    fn join(
+        &mut self,
+        i: usize,
+        codes: Neighbours<'_, W>,
+        channel: usize,
+        guess: Vote<W>,
+        steep: usize,
+    ) -> Vote<W> {
+        let width = self.layout.width;
+        let mut majority = guess;
+        let counted = guess.count * 2 <= width;
+        if counted {
+            self.first_opinion(i, codes, channel);
+            majority = self.ballot.count(&self.line);
+        }
+        if !self.doubts[channel].arises(majority.count, steep, width) || i == 1 {
+            return majority;
+        }
+        if !counted {
+            self.first_opinion(i, codes, channel);
+        }
+        self.second_opinion(i, codes, channel);
         let opinion = self.ballot.count(&self.line);
         // Noise blurs second differences more than first ones.
         let chosen = if opinion.count * 10 > majority.count * 9 { opinion } else { majority };
-        doubt.settle(majority.value, chosen.value);
-        chosen.value
+        self.doubts[channel].settle(chosen.value != majority.value);
+        chosen
     }
 
-    /// Of what the columns say; mostly it is what it was a row above.
-    fn majority(&mut self, last: i16) -> Vote {
-        let count = self.line.iter().filter(|&&value| value == last).count();
-        if count * 2 > self.line.len() { Vote { value: last, count } } else { self.ballot.count(&self.line) }
+    /// By column: the step from row `i - 1` to `i`, if `|d_y x|` is below half a peak.
+    fn first_opinion(&mut self, i: usize, [y, up, _]: Neighbours<'_, W>, channel: usize) {
+        let (above, here) = self.k[i * self.layout.lanes()..].split_at(self.layout.lanes());
+        let lanes = (channel..self.layout.samples()).step_by(self.layout.channels);
+        self.line.clear();
+        self.line.extend(lanes.map(|l| turn(up[l], y[l]).plus(above[l]).minus(here[l])));
+    }
+
+    /// Adds to that, by column, the n of `d_y x = M_b(d_y y) + n * 2^b`, if `|d_y d_y x|` is below
+    /// half a peak: the n one row above, and one more where the difference itself wraps.
+    fn second_opinion(&mut self, i: usize, [y, up, upper]: Neighbours<'_, W>, channel: usize) {
+        let (k_upper, k_up) = self.k[(i - 1) * self.layout.lanes()..].split_at(self.layout.lanes());
+        let step = self.joins[i - 1][channel].minus(self.joins[i - 2][channel]);
+        let lanes = (channel..self.layout.samples()).step_by(self.layout.channels);
+        for (value, l) in self.line.iter_mut().zip(lanes) {
+            let n_up = k_up[l].minus(k_upper[l]).plus(step).minus(turn(upper[l], up[l]));
+            let n = n_up.plus(turn(raised(upper[l], up[l]), raised(up[l], y[l])));
+            *value = value.plus(n);
+        }
     }
 }
 
-/// k along one row, 0 at its start.
-fn sum(y: &[u16], n: &[i16], k: &mut Vec<i16>) {
-    k.clear();
-    k.push(0);
-    k.extend(y.iter().zip(&y[1..]).zip(n).map(|((&left, &right), &n)| turns(left, right).wrapping_add(n)));
-    let mut total = 0i16;
-    for k in k {
-        total = total.wrapping_add(*k);
-        *k = total;
-    }
-}
-
-/// By column: what joins row `y` to the row `up`, if `|d_y x|` is below half a peak.
-fn first_opinion(y: &[u16], up: &[u16], [k, k_up, _]: &[Vec<i16>; 3], line: &mut Vec<i16>) {
-    line.clear();
-    let counts = k.iter().zip(k_up);
-    line.extend(
-        y.iter()
-            .zip(up)
-            .zip(counts)
-            .map(|((&y, &up), (k, k_up))| turns(up, y).wrapping_add(*k_up).wrapping_sub(*k)),
-    );
-}
-
-/// Adds to that, by column, the n of `d_y x = M_b(d_y y) + n * 2^b`, if `|d_y d_y x|` is below
-/// half a peak: the n one row above, and one more where the difference itself wraps.
-fn second_opinion(y: &[u16], up: &[u16], upper: &[u16], k: &[Vec<i16>; 3], line: &mut [i16]) {
-    let [_, k_up, k_upper] = k;
-    let codes = y.iter().zip(up).zip(upper);
-    let counts = k_up.iter().zip(k_upper);
-    for ((value, ((&y, &up), &upper)), (&k_up, &k_upper)) in line.iter_mut().zip(codes).zip(counts) {
-        let n_up = k_up.wrapping_sub(k_upper).wrapping_sub(turns(upper, up));
-        let n = n_up.wrapping_add(turns(raised(upper, up), raised(up, y)));
-        *value = value.wrapping_add(n);
+impl Census {
+    /// The last pixel was counted as often as it was copied.
+    fn forget_copies<W: Word>(&mut self, layout: Layout, [y, up, above, k]: [&[W]; 4], guess: &Block<W>) {
+        for (channel, &guess) in guess.iter().enumerate().take(layout.channels) {
+            let l = layout.last(channel);
+            let says = turn(up[l], y[l]).plus(above[l]).minus(k[l]);
+            self.agree[channel] -= layout.copies() * usize::from(says == guess);
+            self.steep[channel] -= layout.copies() * usize::from(exceeds(raised(up[l], y[l]), STEEP));
+        }
     }
 }

@@ -1,0 +1,95 @@
+//! Columns: which n of each stands for 0, by what most of it says.
+
+use super::gradient::Gradient;
+use super::image::Samples;
+use super::lanes::Layout;
+use super::majority::{Ballot, Doubt};
+use super::rows::Rows;
+use crate::unwrap::Range;
+use crate::unwrap::wrapped::{Word, raised, turn};
+
+/// Buffers, and what the columns' anchors sum up to.
+#[derive(Default)]
+pub(super) struct Anchors<W> {
+    anchors: Vec<W>,
+    /// By lane: what to add to k of every row.
+    pub sums: Vec<W>,
+    line: Vec<W>,
+    ballot: Ballot,
+}
+
+/// An image whose rows are summed up.
+pub(super) struct Summed<'a, S, W> {
+    pub samples: &'a Samples<'a, S>,
+    pub layout: Layout,
+    pub rows: &'a Rows<W>,
+}
+
+impl<W: Word> Anchors<W> {
+    /// The anchor of each column is its majority, or in doubt what follows from the column to
+    /// the left and `d_x d_x x`.
+    pub fn find<S: Copy + Into<u16>>(&mut self, seen: &Gradient<W>, summed: &Summed<'_, S, W>, range: Range) {
+        let Layout { height, channels, .. } = summed.layout;
+        let mut doubts = [Doubt::new(range); 3];
+        self.anchors.clear();
+        for lane in 0..summed.layout.last(0) {
+            let (agree, steep) = (seen.zeros[lane] as usize, seen.steep[lane] as usize);
+            let (mut anchor, mut count) = (W::default(), agree);
+            if agree * 2 <= height {
+                summed.column(lane, &mut self.line);
+                let majority = self.ballot.count(&self.line);
+                (anchor, count) = (majority.value, majority.count);
+            }
+            let doubt = &mut doubts[lane % channels];
+            if doubt.arises(count, steep, height) && lane >= channels {
+                summed.second_opinion(lane, self.anchors[lane - channels], &mut self.line);
+                let opinion = self.ballot.count(&self.line).value;
+                doubt.settle(anchor != opinion);
+                anchor = opinion;
+            }
+            self.anchors.push(anchor);
+        }
+        self.sum(summed.layout);
+    }
+
+    fn sum(&mut self, layout: Layout) {
+        self.sums.clear();
+        self.sums.resize(layout.lanes(), W::default());
+        for lane in layout.channels..layout.lanes() {
+            let left = lane - layout.channels;
+            let anchor = self.anchors.get(left).copied().unwrap_or_default();
+            self.sums[lane] = self.sums[left].minus(anchor);
+        }
+    }
+}
+
+impl<S: Copy + Into<u16>, W: Word> Summed<'_, S, W> {
+    /// (code, k) of a sample; k up to constants a row and a column.
+    fn at(&self, row: usize, lane: usize) -> (W, W) {
+        (self.samples.code(row, lane), self.rows.k(row)[lane])
+    }
+
+    /// n at `lane`, by row.
+    fn column(&self, lane: usize, line: &mut Vec<W>) {
+        line.clear();
+        line.extend((0..self.layout.height).map(|row| {
+            let ((left, k), (right, k_right)) =
+                (self.at(row, lane), self.at(row, lane + self.layout.channels));
+            k_right.minus(k).minus(turn(left, right))
+        }));
+    }
+
+    /// By row: the anchor at `lane` (not in the first column) if `M_b(d_x d_x y) = d_x d_x x` there.
+    fn second_opinion(&self, lane: usize, left_anchor: W, line: &mut Vec<W>) {
+        let channels = self.layout.channels;
+        line.clear();
+        line.extend((0..self.layout.height).map(|row| {
+            let [(y0, k0), (y1, k1), (y2, k2)] =
+                [lane - channels, lane, lane + channels].map(|lane| self.at(row, lane));
+            let [left, here] = [(y0, y1, k0, k1), (y1, y2, k1, k2)]
+                .map(|(from, to, k_from, k_to)| k_to.minus(k_from).minus(turn(from, to)));
+            let want = left.minus(left_anchor).plus(turn(raised(y0, y1), raised(y1, y2)));
+            here.minus(want)
+        }));
+    }
+}

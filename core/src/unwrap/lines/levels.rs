@@ -1,0 +1,172 @@
+//! Levels: which count stands for k = 0, and the result written from it.
+
+use super::image::Samples;
+use super::lanes::{Block, COUNTABLE, LANES, Layout, by_channel, tiled};
+use super::rows::Rows;
+use crate::unwrap::wrapped::Word;
+use crate::unwrap::{Range, Recovered, congruence};
+
+/// k of the image, in rows and what to add by row and by column.
+pub(super) struct Levels<'a, W> {
+    pub layout: Layout,
+    pub rows: &'a Rows<W>,
+    /// By lane.
+    pub anchors: &'a [W],
+}
+
+/// By channel: the least and the greatest k, raised by half a turn.
+struct Extent<W> {
+    low: [W; 3],
+    high: [W; 3],
+}
+
+impl<W: Word> Levels<'_, W> {
+    /// By channel: the level that stands for k = 0, raised. `sums` is a buffer.
+    #[inline(always)]
+    pub fn zero(&self, most: u8, sums: &mut Vec<W>) -> [W; 3] {
+        let extent = self.extent(sums);
+        let span = |channel: usize| extent.high[channel].minus(extent.low[channel]).into();
+        let mut zero = extent.low;
+        if (0..self.layout.channels).all(|channel| span(channel) <= u16::from(most)) {
+            self.climb(&mut zero, sums);
+        } else {
+            for (channel, zero) in zero[..self.layout.channels].iter_mut().enumerate() {
+                let counts = self.histogram(channel, extent.low[channel], span(channel), sums);
+                *zero = zero.plus(W::low(congruence::zero_of(&counts, most.into()) as u16));
+            }
+        }
+        zero
+    }
+
+    /// Every k is in range: a level leaves out what is below it.
+    #[inline(always)]
+    fn climb(&self, zero: &mut [W; 3], sums: &mut Vec<W>) {
+        let Layout { height, width, channels } = self.layout;
+        let pixels = height * width;
+        let mut below = [0; 3];
+        for _ in 0..=u8::MAX {
+            let counts = self.count(zero, sums);
+            let before = *zero;
+            for channel in 0..channels {
+                let enough = congruence::is_enough(pixels - below[channel] - counts[channel], pixels, pixels);
+                below[channel] += if enough { counts[channel] } else { 0 };
+                zero[channel] = zero[channel].plus(W::one_if(enough));
+            }
+            if before == *zero {
+                return;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn extent(&self, sums: &mut Vec<W>) -> Extent<W> {
+        let first = W::HALF;
+        let (mut low, mut high) = ([first; LANES], [first; LANES]);
+        for i in 0..self.layout.height {
+            self.offsets(i, [W::HALF; 3], sums);
+            let blocks = self.rows.k(i).as_chunks::<LANES>().0.iter().zip(sums.as_chunks().0);
+            for (k, sums) in blocks {
+                let k = add(k, sums);
+                low.iter_mut().zip(&k).for_each(|(low, &k)| *low = k.min(*low));
+                high.iter_mut().zip(&k).for_each(|(high, &k)| *high = k.max(*high));
+            }
+        }
+        let mut extent = Extent { low: [first; 3], high: [first; 3] };
+        for lane in 0..LANES {
+            let channel = lane % self.layout.channels;
+            extent.low[channel] = extent.low[channel].min(low[lane]);
+            extent.high[channel] = extent.high[channel].max(high[lane]);
+        }
+        extent
+    }
+
+    /// How many pixels of each channel are at `level`.
+    #[inline(always)]
+    fn count(&self, level: &[W; 3], sums: &mut Vec<W>) -> [usize; 3] {
+        let Layout { channels, .. } = self.layout;
+        let level = tiled(*level, channels);
+        let mut total = [0; 3];
+        for i in 0..self.layout.height {
+            self.offsets(i, [W::HALF; 3], sums);
+            let (k, sums) = (self.rows.k(i).as_chunks::<LANES>().0, sums.as_chunks::<LANES>().0);
+            for (k, sums) in k.chunks(COUNTABLE).zip(sums.chunks(COUNTABLE)) {
+                let mut count = [W::default(); LANES];
+                for (k, sums) in k.iter().zip(sums) {
+                    let k = add(k, sums);
+                    for l in 0..LANES {
+                        count[l] = count[l].plus(W::one_if(k[l] == level[l]));
+                    }
+                }
+                by_channel(&count, channels, &mut total);
+            }
+            for channel in 0..channels {
+                let lane = self.layout.last(channel);
+                let is = self.rows.k(i)[lane].plus(sums[lane / LANES][lane % LANES]) == level[channel];
+                total[channel] -= self.layout.copies() * usize::from(is);
+            }
+        }
+        total
+    }
+
+    fn histogram(&self, channel: usize, low: W, span: u16, sums: &mut Vec<W>) -> Vec<usize> {
+        let mut counts = vec![0; usize::from(span) + 1];
+        for i in 0..self.layout.height {
+            self.offsets(i, [W::HALF; 3], sums);
+            let k = self.rows.k(i).iter().zip(&*sums).take(self.layout.samples());
+            for (&k, &sum) in k.skip(channel).step_by(self.layout.channels) {
+                counts[usize::from(k.plus(sum).minus(low).into())] += 1;
+            }
+        }
+        counts
+    }
+
+    /// `sums` becomes, by lane, what is to be added to row `i` for k to start at `start`.
+    #[inline(always)]
+    fn offsets(&self, i: usize, start: [W; 3], sums: &mut Vec<W>) {
+        if i > 0 && self.rows.joins[i] == self.rows.joins[i - 1] {
+            return;
+        }
+        let mut pixel = start;
+        pixel.iter_mut().zip(self.rows.joins[i]).for_each(|(start, join)| *start = start.plus(join));
+        let pixel = tiled(pixel, self.layout.channels);
+        sums.resize(self.layout.lanes(), W::default());
+        let blocks = sums.as_chunks_mut::<LANES>().0.iter_mut().zip(self.anchors.as_chunks().0);
+        blocks.for_each(|(sums, anchors)| *sums = add(anchors, &pixel));
+    }
+
+    /// Writes `out`, with `zero` as k = 0 and all beyond `most` clamped.
+    #[inline(always)]
+    pub fn write<S>(
+        &self,
+        samples: &Samples<'_, S>,
+        zero: [W; 3],
+        range: Range,
+        sums: &mut Vec<W>,
+        out: &mut Recovered,
+    ) where
+        S: Copy + Into<u16>,
+    {
+        let (Some(x), Some(counts)) = (out.x.as_slice_mut(), out.k.as_slice_mut()) else { return };
+        let (bits, most) = (range.bits(), W::low(range.most_wraps().into()));
+        let length = self.layout.samples();
+        // Half a turn stands for k = 0.
+        let start = zero.map(W::raise).map(|zero| W::HALF.minus(zero));
+        let rows = x.chunks_exact_mut(length).zip(counts.chunks_exact_mut(length));
+        for (i, (x, counts)) in rows.enumerate() {
+            self.offsets(i, start, sums);
+            let k = self.rows.k(i).iter().zip(&*sums);
+            for (((x, count), &y), (&k, &sum)) in x.iter_mut().zip(counts).zip(samples.row(i)).zip(k) {
+                let k: u16 = k.plus(sum).max(W::HALF).minus(W::HALF).min(most).into();
+                *x = (i32::from(y.into()) + (i32::from(k) << bits)) as f32;
+                *count = k as u8;
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn add<W: Word>(a: &Block<W>, b: &Block<W>) -> Block<W> {
+    let mut sum = *a;
+    sum.iter_mut().zip(b).for_each(|(sum, &b)| *sum = sum.plus(b));
+    sum
+}

@@ -1,0 +1,282 @@
+//! `lines` against its definition, written out pixel by pixel on planes of integers.
+
+// Helpers of tests may unwrap as tests do.
+#![allow(clippy::unwrap_used)]
+
+use modulo_core::unwrap::{Options, Signal, by_name};
+use modulo_core::{Frame, Range, Recovered};
+use ndarray::Array3;
+use proptest::prelude::*;
+
+/// One channel, and the arithmetic on it.
+struct Plane {
+    y: Vec<Vec<i64>>,
+    peak: i64,
+    most: i64,
+    /// Counts are kept modulo this.
+    word: i64,
+}
+
+/// Counts for the signal: residues, steep loops, agreeing columns.
+#[derive(Default)]
+struct Seen([usize; 3]);
+
+fn centered(value: i64, turn: i64) -> i64 {
+    (value + turn / 2).rem_euclid(turn) - turn / 2
+}
+
+/// The most frequent value, of equals the first complete, and how often it is there.
+fn mode(values: &[i64]) -> (i64, usize) {
+    let count = |upto: usize| values[..=upto].iter().filter(|&&v| v == values[upto]).count();
+    let mut best = (0, 0);
+    for (i, &value) in values.iter().enumerate() {
+        if count(i) > best.1 {
+            best = (value, count(i));
+        }
+    }
+    best
+}
+
+/// Whether each line in turn follows its majority.
+#[derive(Default)]
+struct Doubt {
+    lasted: i64,
+    departed: bool,
+    steep_before: bool,
+}
+
+impl Doubt {
+    fn arises(&mut self, agree: usize, steep: usize, length: usize) -> bool {
+        let before = std::mem::replace(&mut self.steep_before, 4 * steep > length);
+        5 * agree < 4 * length || before || self.steep_before || self.departed
+    }
+
+    fn settle(&mut self, departs: bool, most: i64) {
+        self.lasted = if departs { self.lasted + 1 } else { 0 };
+        self.departed = departs && self.lasted <= 2 * most + 2;
+    }
+}
+
+impl Plane {
+    fn m(&self, value: i64) -> i64 {
+        centered(value, self.peak)
+    }
+
+    fn count(&self, value: i64) -> i64 {
+        centered(value, self.word)
+    }
+
+    /// n of `M_b(change) = change + n 2^b`.
+    fn turn(&self, change: i64) -> i64 {
+        (self.m(change) - change) / self.peak
+    }
+
+    /// M_b of the difference from pixel (i, j) to (i + di, j + dj).
+    fn d(&self, (i, j): (usize, usize), (di, dj): (usize, usize)) -> i64 {
+        self.m(self.y[i + di][j + dj] - self.y[i][j])
+    }
+
+    fn steep(&self, difference: i64) -> bool {
+        8 * difference.abs() > 2 * self.peak
+    }
+
+    fn unwrap(&self, seen: &mut Seen) -> Vec<Vec<i64>> {
+        let (height, width) = (self.y.len(), self.y[0].len());
+        let mut n = vec![vec![0; width - 1]; height];
+        for (i, j) in (1..height).flat_map(|i| (0..width - 1).map(move |j| (i, j))) {
+            let mixed = self.d((i, j), (0, 1)) - self.d((i - 1, j), (0, 1));
+            n[i][j] = self.count(n[i - 1][j] + self.turn(mixed));
+            let round = mixed + self.d((i - 1, j), (1, 0)) - self.d((i - 1, j + 1), (1, 0));
+            seen.0[0] += usize::from(round != 0);
+            seen.0[1] += usize::from(8 * self.m(mixed).abs() > 3 * self.peak);
+        }
+        self.anchor(&mut n);
+        let mut k = vec![vec![0; width]; height];
+        for (i, j) in (0..height).flat_map(|i| (1..width).map(move |j| (i, j))) {
+            k[i][j] = self.count(k[i][j - 1] + self.turn(self.y[i][j] - self.y[i][j - 1]) + n[i][j - 1]);
+        }
+        self.join(&mut k, seen);
+        self.place(k)
+    }
+
+    fn anchor(&self, n: &mut [Vec<i64>]) {
+        let (height, mut doubt) = (n.len(), Doubt::default());
+        for j in 0..n[0].len() {
+            let line: Vec<_> = n.iter().map(|n| n[j]).collect();
+            let (mut anchor, agree) = mode(&line);
+            let steep = (0..height).filter(|&i| self.steep(self.d((i, j), (0, 1)))).count();
+            if doubt.arises(agree, steep, height) && j > 0 {
+                let second = |i: usize| {
+                    let change = self.d((i, j), (0, 1)) - self.d((i, j - 1), (0, 1));
+                    self.count(line[i] - n[i][j - 1] - self.turn(change))
+                };
+                let (opinion, _) = mode(&(0..height).map(second).collect::<Vec<_>>());
+                doubt.settle(opinion != anchor, self.most);
+                anchor = opinion;
+            }
+            n.iter_mut().for_each(|n| n[j] = self.count(n[j] - anchor));
+        }
+    }
+
+    fn join(&self, k: &mut [Vec<i64>], seen: &mut Seen) {
+        let (width, mut doubt) = (k[0].len(), Doubt::default());
+        for i in 1..k.len() {
+            let turn = |i: usize, j: usize| self.turn(self.y[i][j] - self.y[i - 1][j]);
+            let first: Vec<_> = (0..width).map(|j| self.count(turn(i, j) + k[i - 1][j] - k[i][j])).collect();
+            let (mut join, mut agree) = mode(&first);
+            let steep = (0..width).filter(|&j| self.steep(self.d((i - 1, j), (1, 0)))).count();
+            if doubt.arises(agree, steep, width) && i > 1 {
+                let second = |j: usize| {
+                    let change = self.d((i - 1, j), (1, 0)) - self.d((i - 2, j), (1, 0));
+                    let n_up = k[i - 1][j] - k[i - 2][j] - turn(i - 1, j);
+                    self.count(first[j] + n_up + self.turn(change))
+                };
+                let (opinion, count) = mode(&(0..width).map(second).collect::<Vec<_>>());
+                let departs = 10 * count > 9 * agree && opinion != join;
+                if 10 * count > 9 * agree {
+                    (join, agree) = (opinion, count);
+                }
+                doubt.settle(departs, self.most);
+            }
+            seen.0[2] += agree;
+            k[i].iter_mut().for_each(|k| *k = self.count(*k + join));
+        }
+    }
+
+    /// The highest level that holds nearly as many pixels as the best becomes 0.
+    fn place(&self, mut k: Vec<Vec<i64>>) -> Vec<Vec<i64>> {
+        let all: Vec<_> = k.iter().flatten().copied().collect();
+        let (low, high) = (*all.iter().min().unwrap(), *all.iter().max().unwrap());
+        let mut levels = vec![0usize; (high - low + 1) as usize];
+        all.iter().for_each(|k| levels[(k - low) as usize] += 1);
+        let share = |zero: i64| -> usize {
+            levels[(zero - low) as usize..].iter().take(self.most as usize + 1).sum()
+        };
+        let best = (low..=high).map(share).max().unwrap();
+        let near = |&zero: &i64| share(zero) as f64 >= best as f64 - 0.02 * all.len() as f64;
+        let zero = (low..=high).rev().find(near).unwrap();
+        k.iter_mut().flatten().for_each(|k| *k = self.count(*k - zero).clamp(0, self.most));
+        k
+    }
+}
+
+fn reference(y: &Array3<u16>, range: Range, word: i64) -> (Array3<u8>, Signal) {
+    let (height, width, channels) = y.dim();
+    let (mut k, mut seen) = (Array3::zeros(y.dim()), Seen::default());
+    for c in 0..channels {
+        let row = |i: usize| (0..width).map(|j| i64::from(y[[i, j, c]])).collect();
+        let y = (0..height).map(row).collect();
+        let plane = Plane { y, peak: range.peak() as i64, most: range.most_wraps().into(), word };
+        for (i, row) in plane.unwrap(&mut seen).into_iter().enumerate() {
+            row.into_iter().enumerate().for_each(|(j, found)| k[[i, j, c]] = found as u8);
+        }
+    }
+    let joints = (height - 1) * channels;
+    let share = |count: usize, of: usize| if of == 0 { 0.0 } else { count as f32 / of as f32 };
+    let loops = joints * (width - 1);
+    let consensus = if joints == 0 { 1.0 } else { share(seen.0[2], joints * width) };
+    (k, Signal { residues: share(seen.0[0], loops), steep: share(seen.0[1], loops), consensus })
+}
+
+fn lines(y: &Frame, range: Range) -> Recovered {
+    let mut out = Recovered::default();
+    by_name("lines", &Options::default()).unwrap().unwrap(y, range, &mut out).unwrap();
+    out
+}
+
+/// By either depth of `y`, where it has both.
+fn assert_is_the_definition(y: &Array3<u16>, range: Range) {
+    let check = |frame: Frame, word: i64| {
+        let (k, signal) = reference(y, range, word);
+        let out = lines(&frame, range);
+        assert_eq!(out.x, y.mapv(f32::from) + k.mapv(f32::from) * range.peak(), "word {word}, {range:?}");
+        assert_eq!((out.k, out.report.signal), (k, Some(signal)), "word {word}, {range:?}");
+    };
+    if range.bits() <= 8 {
+        let word = if range.alpha() <= 64.0 { 1 << 8 } else { 1 << 16 };
+        check(Frame::from_u8(y.mapv(|y| y as u8)).unwrap(), word);
+    }
+    check(Frame::from_u16(y.clone()).unwrap(), 1 << 16);
+}
+
+/// Slopes of any steepness with noise of any strength, in units of the peak.
+fn image(
+    dim: (usize, usize, usize),
+    bits: u8,
+    slope: (f64, f64),
+    bend: f64,
+    noise: f64,
+    seed: u32,
+) -> Array3<u16> {
+    let peak = f64::from(1u32 << bits);
+    let mut state = seed | 1;
+    Array3::from_shape_fn(dim, |(i, j, c)| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let random = f64::from(state >> 8) / f64::from(1u32 << 24) - 0.5;
+        let (i, j) = (i as f64 / 40.0, j as f64 / 40.0);
+        let x = slope.0 * i + slope.1 * j + bend * (i * j + c as f64 * i * i) + noise * random;
+        ((x * peak).rem_euclid(peak) as u32 % (1 << bits)) as u16
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
+
+    #[test]
+    fn is_what_its_definition_says(
+        dim in (1usize..=40, 1usize..=40, prop_oneof![Just(1usize), Just(3)]),
+        bits in 4u8..=16,
+        alpha in prop_oneof![4 => 1f64..=20.0, 1 => 20f64..=256.0],
+        slope in (-30f64..30.0, -30f64..30.0),
+        bend in prop_oneof![Just(0.0), -8f64..8.0],
+        noise in prop_oneof![Just(0.0), 0f64..0.5, Just(4.0)],
+        seed: u32,
+    ) {
+        let y = image(dim, bits, slope, bend, noise, seed);
+        assert_is_the_definition(&y, Range::new(bits, alpha).unwrap());
+    }
+
+    #[test]
+    fn any_image_is_congruent(
+        dim in (1usize..=64, 1usize..=64, prop_oneof![Just(1usize), Just(3)]),
+        bits in 1u8..=16,
+        alpha in 1e-3f64..=256.0,
+        seed: u32,
+    ) {
+        let range = Range::new(bits, alpha).unwrap();
+        let y = image(dim, bits, (0.0, 0.0), 0.0, 4.0, seed);
+        let out = lines(&Frame::from_u16(y.clone()).unwrap(), range);
+        prop_assert!(out.k.iter().all(|&k| k <= range.most_wraps()));
+        prop_assert_eq!(out.x, y.mapv(f32::from) + out.k.mapv(f32::from) * range.peak());
+    }
+
+    /// Under the stated condition, in words of 8 bits.
+    #[test]
+    fn undoes_the_wrap_of_steep_slopes(
+        dim in (2usize..=40, 2usize..=40, prop_oneof![Just(1usize), Just(3)]),
+        bits in 5u8..=8,
+        slope in (0f64..0.12, 0f64..0.12),
+        bend in (0f64..0.008, 0f64..0.008),
+    ) {
+        let peak = f64::from(1u32 << bits);
+        let x = Array3::from_shape_fn(dim, |(i, j, c)| {
+            let (i, j) = (i as f64, (j + c) as f64);
+            ((slope.0 * i + slope.1 * j + bend.0 * i * i + bend.1 * i * j) * peak) as u32
+        });
+        let most = *x.iter().max().unwrap() >> bits;
+        let dark = |c| x.iter().skip(c).step_by(dim.2).filter(|&&x| x >> bits == 0).count() * 50;
+        prop_assume!(most < 64 && (0..dim.2).all(|c| dark(c) > dim.0 * dim.1));
+        let y = Frame::from_u8(x.mapv(|x| (x & ((1 << bits) - 1)) as u8)).unwrap();
+        let out = lines(&y, Range::new(bits, f64::from(most + 1)).unwrap());
+        prop_assert_eq!(out.x, x.mapv(|x| x as f32));
+    }
+}
+
+/// Counters of 8 bits overflow neither in long rows nor in long columns.
+#[test]
+fn long_lines_are_counted() {
+    let range = Range::new(8, 4.0).unwrap();
+    for (dim, noise) in [((3, 8200, 1), 0.0), ((3, 8200, 3), 0.3), ((600, 3, 3), 0.3), ((600, 33, 1), 0.0)] {
+        assert_is_the_definition(&image(dim, 8, (1.0, 1.5), 0.0, noise, 7), range);
+    }
+}
