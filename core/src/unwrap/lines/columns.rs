@@ -64,32 +64,33 @@ impl<W: Word> Anchors<W> {
 }
 
 impl<S: Copy + Into<u16>, W: Word> Summed<'_, S, W> {
-    /// (code, k) of a sample; k up to constants a row and a column.
-    fn at(&self, row: usize, lane: usize) -> (W, W) {
-        (self.samples.code(row, lane), self.rows.k(row)[lane])
+    /// Rows of samples and of k; k up to constants a row and a column.
+    fn rows(&self) -> impl Iterator<Item = (&[S], &[W])> {
+        (0..self.layout.height).map(|row| (self.samples.row(row), self.rows.k(row)))
+    }
+
+    /// n from lane `from` of a row to its right neighbour, and their difference raised.
+    #[inline(always)]
+    fn across(&self, (y, k): (&[S], &[W]), from: usize) -> (W, W) {
+        let to = from + self.layout.channels;
+        let [left, right] = [y[from], y[to]].map(|sample| self.samples.shifted::<W>(sample));
+        (k[to].minus(k[from]).minus(turn(left, right)), raised(left, right))
     }
 
     /// n at `lane`, by row.
     fn column(&self, lane: usize, line: &mut Vec<W>) {
         line.clear();
-        line.extend((0..self.layout.height).map(|row| {
-            let ((left, k), (right, k_right)) =
-                (self.at(row, lane), self.at(row, lane + self.layout.channels));
-            k_right.minus(k).minus(turn(left, right))
-        }));
+        line.extend(self.rows().map(|row| self.across(row, lane).0));
     }
 
     /// By row: the anchor at `lane` (not in the first column) if `M_b(d_x d_x y) = d_x d_x x` there.
     fn second_opinion(&self, lane: usize, left_anchor: W, line: &mut Vec<W>) {
-        let channels = self.layout.channels;
         line.clear();
-        line.extend((0..self.layout.height).map(|row| {
-            let [(y0, k0), (y1, k1), (y2, k2)] =
-                [lane - channels, lane, lane + channels].map(|lane| self.at(row, lane));
-            let [left, here] = [(y0, y1, k0, k1), (y1, y2, k1, k2)]
-                .map(|(from, to, k_from, k_to)| k_to.minus(k_from).minus(turn(from, to)));
-            let want = left.minus(left_anchor).plus(turn(raised(y0, y1), raised(y1, y2)));
-            here.minus(want)
+        line.extend(self.rows().map(|row| {
+            let (n_left, left) = self.across(row, lane - self.layout.channels);
+            let (n, here) = self.across(row, lane);
+            let want = n_left.minus(left_anchor).plus(turn(left, here));
+            n.minus(want)
         }));
     }
 }

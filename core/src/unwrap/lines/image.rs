@@ -18,12 +18,14 @@ impl<'a, S: Copy + Into<u16>> Samples<'a, S> {
     }
 
     /// Row `i` as it is.
+    #[inline(always)]
     pub fn row(&self, i: usize) -> &'a [S] {
         &self.samples[i * self.layout.samples()..][..self.layout.samples()]
     }
 
+    /// As a code.
     #[inline(always)]
-    fn shifted<W: Word>(&self, sample: S) -> W {
+    pub fn shifted<W: Word>(&self, sample: S) -> W {
         W::low(sample.into() << (W::BITS - self.bits))
     }
 
@@ -37,10 +39,5 @@ impl<'a, S: Copy + Into<u16>> Samples<'a, S> {
         while codes.len() < self.layout.lanes() + channels {
             codes.extend_from_within(pixel..pixel + channels);
         }
-    }
-
-    /// The code at `lane` of `row`.
-    pub fn code<W: Word>(&self, row: usize, lane: usize) -> W {
-        self.shifted(self.samples[row * self.layout.samples() + lane])
     }
 }

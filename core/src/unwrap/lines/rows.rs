@@ -43,6 +43,7 @@ impl<W: Word> Rows<W> {
     }
 
     /// k of row `i`, 0 in its first pixel.
+    #[inline(always)]
     pub fn k(&self, i: usize) -> &[W] {
         &self.k[(i + 1) * self.layout.lanes()..][..self.layout.lanes()]
     }
@@ -80,9 +81,10 @@ impl<W: Word> Rows<W> {
             let (mut agree, mut steep) = ([W::default(); LANES], [W::default(); LANES]);
             for at in (first..lanes.min(first + COUNTABLE * LANES)).step_by(LANES) {
                 sums.advance(at, &mut sum);
-                here[at..][..LANES].copy_from_slice(&sum);
                 let (y, up, above) = (&y[at..][..LANES], &up[at..][..LANES], &above[at..][..LANES]);
+                let here = &mut here[at..][..LANES];
                 for l in 0..LANES {
+                    here[l] = sum[l];
                     let says = turn(up[l], y[l]).plus(above[l]).minus(sum[l]);
                     agree[l] = agree[l].plus(W::one_if(says == guess[l]));
                     steep[l] = steep[l].plus(W::one_if(exceeds(raised(up[l], y[l]), STEEP)));
