@@ -47,6 +47,11 @@ impl Workers {
         Ok(Self { pool: Some(pool) })
     }
 
+    /// The caller's own thread.
+    pub fn own() -> Self {
+        Self { pool: None }
+    }
+
     /// `work` on every item with its index, side by side where there are threads.
     pub fn each<T: Send>(&self, items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
         match &self.pool {

@@ -1,45 +1,11 @@
 //! From an estimate to integers: wrap counts that agree with y, and the
 //! absolute offset that gradients cannot give.
 
-use std::f64::consts::TAU;
-
 use super::{Range, Recovered};
-
-/// Bins of one period in which the phase of the residual is counted.
-const BINS: usize = 256;
 
 /// Share of the pixels that may fall out of range for a smaller offset: hot pixels
 /// and small wrong regions must not lift the whole image.
 const TOLERANCE: f64 = 0.02;
-
-/// `k = round((phi + s - y) / 2^b)`, where s is the fractional offset that phi lacks.
-pub(super) fn nearest(phi: &[f32], y: &[f32], range: Range, k: &mut Vec<i32>) {
-    let turn = 1.0 / range.peak();
-    let shift = mean_phase(phi, y, turn);
-    k.clear();
-    k.extend(phi.iter().zip(y).map(|(phi, y)| floor((phi - y) * turn + shift + 0.5)));
-}
-
-/// Circular mean of `(y - phi) / 2^b`, in turns.
-fn mean_phase(phi: &[f32], y: &[f32], turn: f32) -> f32 {
-    let mut counts = [0u32; BINS];
-    for (phi, y) in phi.iter().zip(y) {
-        counts[floor((y - phi) * turn * BINS as f32).rem_euclid(BINS as i32) as usize] += 1;
-    }
-    let (mut sine, mut cosine) = (0.0, 0.0);
-    for (bin, &count) in counts.iter().enumerate() {
-        let angle = TAU * (bin as f64 + 0.5) / BINS as f64;
-        sine += f64::from(count) * angle.sin();
-        cosine += f64::from(count) * angle.cos();
-    }
-    (sine.atan2(cosine) / TAU) as f32
-}
-
-/// Without the call into the maths library that `f32::floor` is on plain x86-64.
-fn floor(value: f32) -> i32 {
-    let truncated = value as i32;
-    truncated - i32::from(truncated as f32 > value)
-}
 
 /// Finds the absolute offset of `k`, clamps to the range, and writes one channel of `out`,
 /// which is prepared: of the image's shape, in standard layout.
@@ -103,26 +69,5 @@ mod tests {
         assert_eq!(zero_level(&k, 1), 3);
         k[..30].fill(2);
         assert_eq!(zero_level(&k, 2), 2, "more than 2 % are no outliers");
-    }
-
-    #[test]
-    fn floors_like_the_library() {
-        for value in [-2.0, -1.5, -0.0, 0.0, 0.9, 1.0, -1e-9, 1e6 + 0.5] {
-            assert_eq!(floor(value), value.floor() as i32);
-        }
-    }
-
-    #[test]
-    fn finds_the_shift_between_estimate_and_image() {
-        let range = Range::new(8, 4.0).unwrap();
-        let x: Vec<f32> = (0..400).map(|i| (i * 5 / 2) as f32).collect();
-        let y: Vec<f32> = x.iter().map(|x| x % 256.0).collect();
-        for shift in [0.0, 37.3, -128.0, -499.5] {
-            let phi: Vec<f32> = x.iter().map(|x| x + shift).collect();
-            let mut k = Vec::new();
-            nearest(&phi, &y, range, &mut k);
-            let offset = k[0];
-            assert!(k.iter().zip(&x).all(|(k, x)| k - offset == (x / 256.0) as i32), "shift {shift}");
-        }
     }
 }

@@ -5,9 +5,12 @@
 
 mod auto;
 mod congruence;
+mod divergence;
 mod gradient_tree;
 mod itoh;
+mod least_squares;
 mod lines;
+mod nearest;
 mod poisson;
 mod quality_guided;
 mod spud;
@@ -20,19 +23,20 @@ pub use crate::range::{Range, RangeError};
 pub use auto::{Auto, TrustLimits};
 pub use gradient_tree::GradientTree;
 pub use itoh::Itoh;
+pub use least_squares::LeastSquares;
 pub use lines::Lines;
 pub use poisson::ThresholdOn;
 pub use quality_guided::QualityGuided;
 pub use spud::Spud;
 pub use tree::Tree;
 
-use crate::dct::DctError;
 use crate::frame::{Frame, FrameError};
 use crate::plane::{check_shape, place_of};
 use crate::workers::WorkersError;
 
 /// The names that [`by_name`] knows.
-pub const METHODS: &[&str] = &["auto", "spud", "itoh", "lines", "tree", "gradient_tree", "quality_guided"];
+pub const METHODS: &[&str] =
+    &["auto", "spud", "least_squares", "itoh", "lines", "tree", "gradient_tree", "quality_guided"];
 
 /// A way to find the wrap counts of a modulo image.
 pub trait Unwrap: Send {
@@ -125,9 +129,6 @@ pub enum UnwrapError {
     /// Threads that cannot be had.
     #[error(transparent)]
     Workers(#[from] WorkersError),
-    /// A plane that does not fit its transform.
-    #[error(transparent)]
-    Transform(#[from] DctError),
     /// A sample that the sensor cannot have delivered.
     #[error(
         "y at (row {row}, column {column}, channel {channel}) is {value}, 0 to {most} is possible with {bits} bits"
@@ -155,11 +156,12 @@ pub enum UnwrapError {
 pub fn by_name(name: &str, options: &Options) -> Result<Box<dyn Unwrap>, UnwrapError> {
     match name {
         "auto" => Ok(Box::new(Auto::new(options))),
-        "spud" => Ok(Box::new(Spud::new(options.tau, options.threshold_on)?)),
+        "spud" => Ok(Box::new(Spud::with_threads(options.tau, options.threshold_on, options.threads)?)),
+        "least_squares" => Ok(Box::new(LeastSquares::new(options.threads)?)),
         "itoh" => Ok(Box::new(Itoh::default())),
         "lines" => Ok(Box::new(Lines::default())),
         "tree" => Ok(Box::new(Tree::default())),
-        "gradient_tree" => Ok(Box::new(GradientTree::default())),
+        "gradient_tree" => Ok(Box::new(GradientTree::new(options.threads)?)),
         "quality_guided" => Ok(Box::new(QualityGuided::default())),
         _ => Err(UnwrapError::Method { name: name.to_owned() }),
     }

@@ -3,7 +3,8 @@
 
 use std::f64::consts::PI;
 
-use crate::dct::{Dct2, DctError};
+use crate::dct::{Change, Grid, Place, REALS};
+use crate::workers::Workers;
 
 /// Which coefficients SPUD's threshold looks at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -15,47 +16,59 @@ pub enum ThresholdOn {
     Rho,
 }
 
-/// A solver for planes of one size.
-pub(super) struct Poisson {
-    dct: Dct2,
-    down: Vec<f32>,
+/// A solver for images of one size; `Out` is what is kept of sixteen samples of phi.
+pub(super) struct Poisson<Out> {
+    pub grid: Grid<Out>,
+    down: Vec<[f32; REALS]>,
     across: Vec<f32>,
 }
 
-impl Poisson {
-    pub(super) fn new(height: usize, width: usize) -> Self {
-        Self { dct: Dct2::new(height, width), down: eigenvalues(height), across: eigenvalues(width) }
+impl<Out: Copy + Default + Send + Sync> Poisson<Out> {
+    /// `dim` is (height, width, channels), all at least 1; each channel is solved on its own.
+    pub fn new(dim: (usize, usize, usize), workers: usize) -> Self {
+        let mut down = vec![[0.0; REALS]; dim.0.div_ceil(REALS)];
+        down.as_flattened_mut().iter_mut().zip(eigenvalues(dim.0)).for_each(|(to, value)| *to = value);
+        Self { grid: Grid::new(dim, workers), down, across: eigenvalues(dim.1).collect() }
     }
 
-    pub(super) fn dim(&self) -> (usize, usize) {
-        self.dct.dim()
-    }
-
-    /// `rho` (the divergence `D^T g`, row-major) becomes the phi of mean 0 with `D^T D phi = rho`.
+    /// Keeps the phi of mean 0 with `D^T D phi = rho` of the divergence `D^T g` that `rho` gives.
     ///
-    /// Coefficients of magnitude `tau` (code units) or less are dropped, before or after the division.
-    pub(super) fn solve(&mut self, rho: &mut [f32], tau: f32, on: ThresholdOn) -> Result<(), DctError> {
-        self.dct.forward(rho)?;
-        let width = self.across.len();
-        for (row, &vertical) in rho.chunks_exact_mut(width).zip(&self.down) {
-            let coefficients =
-                row.iter_mut().zip(&self.across).map(|(c, &horizontal)| (c, vertical + horizontal));
-            match on {
-                ThresholdOn::Phi => coefficients.for_each(|(c, value)| *c = above(*c / value, tau)),
-                ThresholdOn::Rho => coefficients.for_each(|(c, value)| *c = above(*c, tau) / value),
+    /// Coefficients of magnitude `tau` (in the unit of rho) or less are dropped, before or after the division.
+    pub fn solve(
+        &mut self,
+        workers: &Workers,
+        rho: impl Fn(Place) -> [f32; REALS] + Sync,
+        (tau, on): (f32, ThresholdOn),
+        keep: impl Fn(Place, [f32; REALS]) -> Out + Sync,
+    ) {
+        let Self { grid, down, across } = self;
+        let (down, across) = (&down[..], &across[..]);
+        match on {
+            ThresholdOn::Phi => {
+                let rule = move |v: f32, h: f32, c: f32| above(divided(c, v + h), tau);
+                grid.filter(workers, rho, &Change { down, across, rule }, keep);
+            }
+            ThresholdOn::Rho => {
+                let rule = move |v: f32, h: f32, c: f32| divided(above(c, tau), v + h);
+                grid.filter(workers, rho, &Change { down, across, rule }, keep);
             }
         }
-        // 0/0 above: a gradient says nothing about the mean.
-        rho[0] = 0.0;
-        self.dct.inverse(rho)
     }
 }
 
 /// `2 - 2 cos(pi i / n)` = `4 sin^2(pi i / 2n)`, which keeps its digits at small i.
-fn eigenvalues(n: usize) -> Vec<f32> {
-    (0..n).map(|i| (4.0 * (PI * i as f64 / (2 * n) as f64).sin().powi(2)) as f32).collect()
+fn eigenvalues(n: usize) -> impl Iterator<Item = f32> {
+    (0..n).map(move |i| (4.0 * (PI * i as f64 / (2 * n) as f64).sin().powi(2)) as f32)
 }
 
+/// 0/0 becomes 0: a gradient says nothing about the mean.
+#[inline(always)]
+fn divided(coefficient: f32, eigenvalue: f32) -> f32 {
+    let quotient = coefficient / eigenvalue;
+    if eigenvalue > 0.0 { quotient } else { 0.0 }
+}
+
+#[inline(always)]
 fn above(coefficient: f32, tau: f32) -> f32 {
     if coefficient.abs() > tau { coefficient } else { 0.0 }
 }

@@ -3,34 +3,51 @@
 
 use ndarray::{Array3, ArrayView3, Axis};
 
+use super::divergence::Codes;
+use super::nearest::{self, Counting, Histogram};
 use super::poisson::{Poisson, ThresholdOn};
-use super::{Range, Recovered, Unwrap, UnwrapError, check_codes, check_frame, congruence};
+use super::{Range, Recovered, Unwrap, UnwrapError, check_codes};
+use crate::dct::{self, Place, REALS};
 use crate::frame::Frame;
+use crate::simd::widest;
+use crate::workers::Workers;
 use crate::{gradient, plane};
+
+/// 2^16, the peak of [`Codes`].
+const PEAK: f64 = 65536.0;
 
 /// SPUD with its buffers; replans when the image size changes.
 pub struct Spud {
     tau: f64,
     on: ThresholdOn,
-    poisson: Poisson,
-    y: Vec<f32>,
-    gx: Vec<f32>,
-    gy: Vec<f32>,
-    phi: Vec<f32>,
-    k: Vec<i32>,
+    threads: usize,
+    workers: Workers,
+    codes: Codes,
+    poisson: Poisson<[i16; REALS]>,
+    histograms: Vec<[Histogram; 3]>,
 }
 
 impl Spud {
-    /// `tau` >= 0 in units of the peak; 0 is plain least squares.
+    /// `tau` >= 0 in units of the peak; one thread.
     ///
     /// # Errors
     /// [`UnwrapError::Tau`] for a negative, infinite or NaN `tau`.
     pub fn new(tau: f64, on: ThresholdOn) -> Result<Self, UnwrapError> {
+        Self::with_threads(tau, on, 1)
+    }
+
+    /// [`Spud::new`] with `threads`, 1 to [`MAX_THREADS`](crate::MAX_THREADS).
+    ///
+    /// # Errors
+    /// [`UnwrapError::Tau`] for a negative, infinite or NaN `tau`, [`UnwrapError::Workers`] for the threads.
+    pub fn with_threads(tau: f64, on: ThresholdOn, threads: usize) -> Result<Self, UnwrapError> {
         if !(tau >= 0.0 && tau.is_finite()) {
             return Err(UnwrapError::Tau { tau });
         }
-        let [y, gx, gy, phi] = [const { Vec::new() }; 4];
-        Ok(Self { tau, on, poisson: Poisson::new(1, 1), y, gx, gy, phi, k: Vec::new() })
+        let workers = Workers::new(threads)?;
+        let histograms = vec![std::array::from_fn(|_| Histogram::new()); threads];
+        let poisson = Poisson::new((1, 1, 1), threads);
+        Ok(Self { tau, on, threads, workers, codes: Codes::default(), poisson, histograms })
     }
 
     /// Phi of eq. 3, before congruence: H x W x C in code units, mean 0 in each channel.
@@ -44,29 +61,113 @@ impl Spud {
         check_codes(y, range, range.peak())?;
         let (height, width, channels) = y.dim();
         let mut out = Array3::zeros(y.dim());
+        let mut poisson = Poisson::<[f32; REALS]>::new((height, width, 1), self.threads);
+        let threshold = ((self.tau * f64::from(range.peak())) as f32, self.on);
+        let (mut plane, mut rho) = (Vec::new(), vec![0.0; height * width]);
         for channel in 0..channels {
-            plane::take(y, channel, &mut self.y);
-            self.solve_plane(height, width, range)?;
-            let channel = out.index_axis_mut(Axis(2), channel);
-            channel.into_iter().zip(&self.phi).for_each(|(out, &phi)| *out = phi);
+            plane::take(y, channel, &mut plane);
+            divergence(&plane, width, range, &mut rho);
+            poisson.solve(&self.workers, |place| dct::at(&rho, width, place), threshold, |_, phi| phi);
+            for ((row, column), out) in out.index_axis_mut(Axis(2), channel).indexed_iter_mut() {
+                *out = poisson.grid.out(Place { row, sample: column - column % REALS })[column % REALS];
+            }
         }
         Ok(out)
     }
 
-    /// From `self.y` to `self.phi`.
-    fn solve_plane(&mut self, height: usize, width: usize, range: Range) -> Result<(), UnwrapError> {
-        if self.poisson.dim() != (height, width) {
-            self.poisson = Poisson::new(height, width);
+    /// [`Unwrap::unwrap`] under the name of another method.
+    pub(super) fn unwrap_as(
+        &mut self,
+        name: &'static str,
+        y: &Frame,
+        range: Range,
+        out: &mut Recovered,
+    ) -> Result<(), UnwrapError> {
+        self.codes.read(y, range)?;
+        out.prepare(y.dim(), name);
+        if self.poisson.grid.dim() != y.dim() {
+            self.poisson = Poisson::new(y.dim(), self.threads);
         }
-        gradient::dx(&self.y, width, &mut self.gx);
-        gradient::dy(&self.y, width, &mut self.gy);
-        for d in self.gx.iter_mut().chain(&mut self.gy) {
-            *d = gradient::wrap_centered(*d, range.bits());
+        let codes = &self.codes;
+        self.poisson.solve(
+            &self.workers,
+            #[inline(always)]
+            |place| codes.divergence(place),
+            ((self.tau * PEAK) as f32, self.on),
+            #[inline(always)]
+            |place, phi| nearest::residuals(phi, codes.at(place)),
+        );
+        let countings = self.count(range);
+        self.place(countings, range, out);
+        Ok(())
+    }
+
+    /// How residuals become wrap counts, by channel.
+    fn count(&mut self, range: Range) -> [Counting; 3] {
+        let grid = &self.poisson.grid;
+        let (height, width, channels) = grid.dim();
+        let each = height.div_ceil(self.threads);
+        self.workers.each(&mut self.histograms, |part, histograms| {
+            histograms.iter_mut().for_each(Histogram::clear);
+            let rows = (part * each).min(height)..((part + 1) * each).min(height);
+            for sample in (0..width * channels).step_by(REALS) {
+                let inside = REALS.min(width * channels - sample);
+                for residuals in &grid.outs(sample)[rows.clone()] {
+                    for (lane, &residual) in residuals[..inside].iter().enumerate() {
+                        histograms[(sample + lane) % channels].count(residual);
+                    }
+                }
+            }
+        });
+        let [all, others @ ..] = &mut self.histograms[..] else { return Default::default() };
+        for other in others {
+            all.iter_mut().zip(other).for_each(|(all, other)| all.add(other));
         }
-        self.phi.resize(height * width, 0.0);
-        gradient::adjoint(&self.gx, &self.gy, width, &mut self.phi);
-        let tau = (self.tau * f64::from(range.peak())) as f32;
-        Ok(self.poisson.solve(&mut self.phi, tau, self.on)?)
+        std::array::from_fn(|channel| all[channel].counting(range.most_wraps()))
+    }
+
+    /// Writes `out`, which is prepared.
+    fn place(&self, countings: [Counting; 3], range: Range, out: &mut Recovered) {
+        let (height, width, channels) = self.poisson.grid.dim();
+        let stride = width * channels;
+        let (Some(x), Some(k)) = (out.x.as_slice_mut(), out.k.as_slice_mut()) else { return };
+        let each = height.div_ceil(self.threads).next_multiple_of(REALS);
+        let (x, k) = (x.chunks_mut(each * stride), k.chunks_mut(each * stride));
+        let mut parts: Vec<(&mut [f32], &mut [u8])> = x.zip(k).collect();
+        self.workers.each(&mut parts, |part, (x, k)| {
+            let rows = part * each;
+            widest(
+                #[inline(always)]
+                || self.place_rows(rows, stride, countings, range, x, k),
+            );
+        });
+    }
+
+    #[inline(always)]
+    fn place_rows(
+        &self,
+        first: usize,
+        stride: usize,
+        countings: [Counting; 3],
+        range: Range,
+        x: &mut [f32],
+        k: &mut [u8],
+    ) {
+        let channels = self.poisson.grid.dim().2;
+        let (scale, peak) = (range.peak() / PEAK as f32, range.peak());
+        for (row, (x, k)) in (first..).zip(x.chunks_exact_mut(stride).zip(k.chunks_exact_mut(stride))) {
+            let runs = x.chunks_mut(REALS).zip(k.chunks_mut(REALS)).enumerate();
+            for (run, (x, k)) in runs {
+                let place = Place { row, sample: run * REALS };
+                let (residuals, codes) = (self.poisson.grid.out(place), self.codes.at(place));
+                let lanes: [Counting; REALS] =
+                    std::array::from_fn(|lane| countings[(place.sample + lane) % channels]);
+                for (lane, (x, k)) in x.iter_mut().zip(k).enumerate() {
+                    *k = lanes[lane].wraps(residuals[lane]);
+                    *x = f32::from(codes[lane]) * scale + f32::from(*k) * peak;
+                }
+            }
+        }
     }
 }
 
@@ -76,15 +177,17 @@ impl Unwrap for Spud {
     }
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        check_frame(y, range)?;
-        out.prepare(y.dim(), self.name());
-        let (height, width, channels) = y.dim();
-        for channel in 0..channels {
-            plane::take_from_frame(y, channel, &mut self.y);
-            self.solve_plane(height, width, range)?;
-            congruence::nearest(&self.phi, &self.y, range, &mut self.k);
-            congruence::place(&self.k, &self.y, range, channel, out);
-        }
-        Ok(())
+        self.unwrap_as(self.name(), y, range, out)
     }
+}
+
+/// `D^T M_b(D y)` of a plane of real numbers.
+fn divergence(y: &[f32], width: usize, range: Range, rho: &mut [f32]) {
+    let (mut gx, mut gy) = (Vec::new(), Vec::new());
+    gradient::dx(y, width, &mut gx);
+    gradient::dy(y, width, &mut gy);
+    for d in gx.iter_mut().chain(&mut gy) {
+        *d = gradient::wrap_centered(*d, range.bits());
+    }
+    gradient::adjoint(&gx, &gy, width, rho);
 }

@@ -1,24 +1,27 @@
 //! The orthonormal two-dimensional cosine transform, of any size.
 //!
-//! This is the one file that names the transform library; a plan owns its
-//! scratch, so a transform allocates nothing.
+//! From short to long: [`radix`] and [`odd`] are single transforms, [`fft`] makes
+//! one length of them, [`chirp`] the lengths that have no such factors,
+//! [`cosine`] a cosine transform, and [`grid`] that of an image. Everything works
+//! on [`lanes`]. A plan owns its scratch, so a transform allocates nothing.
 
-use std::f32::consts::SQRT_2;
-use std::sync::Arc;
+mod chirp;
+mod cosine;
+mod fft;
+mod grid;
+mod lanes;
+mod odd;
+mod radix;
+mod tile;
 
-use rustdct::{DctPlanner, TransformType2And3};
+pub(crate) use grid::{Change, Grid, Place};
+pub(crate) use lanes::REALS;
 
-/// Side of the square blocks that a transpose moves at once: two of them fit in the first cache.
-const BLOCK: usize = 16;
+use crate::workers::Workers;
 
 /// A plan for planes of one size, row-major `f32`.
 pub struct Dct2 {
-    height: usize,
-    width: usize,
-    along_row: Arc<dyn TransformType2And3<f32>>,
-    along_column: Arc<dyn TransformType2And3<f32>>,
-    turned: Vec<f32>,
-    scratch: Vec<f32>,
+    grid: Grid<[f32; REALS]>,
 }
 
 /// A plane that is not of the size that was planned.
@@ -33,33 +36,16 @@ pub struct DctError {
     pub width: usize,
 }
 
-#[derive(Clone, Copy)]
-enum Direction {
-    Forward,
-    Inverse,
-}
-
 impl Dct2 {
     /// Plans transforms of `height` x `width` planes; sides of 0 count as 1.
     pub fn new(height: usize, width: usize) -> Self {
-        let (height, width) = (height.max(1), width.max(1));
-        let mut planner = DctPlanner::new();
-        let along_row = planner.plan_dct2(width);
-        let along_column = planner.plan_dct2(height);
-        let scratch = along_row.get_scratch_len().max(along_column.get_scratch_len());
-        Self {
-            height,
-            width,
-            along_row,
-            along_column,
-            turned: vec![0.0; height * width],
-            scratch: vec![0.0; scratch],
-        }
+        Self { grid: Grid::new((height.max(1), width.max(1), 1), 1) }
     }
 
     /// (height, width) of the planes that this plan transforms.
     pub fn dim(&self) -> (usize, usize) {
-        (self.height, self.width)
+        let (height, width, _) = self.grid.dim();
+        (height, width)
     }
 
     /// DCT-II in place: `X[u,v] = s_u s_v sum x[i,j] cos(pi u (i+1/2)/H) cos(pi v (j+1/2)/W)`
@@ -68,7 +54,15 @@ impl Dct2 {
     /// # Errors
     /// [`DctError`] when the plane is not of the planned size.
     pub fn forward(&mut self, plane: &mut [f32]) -> Result<(), DctError> {
-        self.both_sides(plane, Direction::Forward)
+        self.check(plane)?;
+        let (height, width) = self.dim();
+        self.grid.forward(&Workers::own(), |place| at(plane, width, place));
+        for place in places(height, width) {
+            let samples = run(plane, width, place);
+            let coefficients = self.grid.coefficients(place);
+            samples.copy_from_slice(&coefficients[..samples.len()]);
+        }
+        Ok(())
     }
 
     /// DCT-III in place, the inverse of [`Dct2::forward`].
@@ -76,55 +70,50 @@ impl Dct2 {
     /// # Errors
     /// [`DctError`] when the plane is not of the planned size.
     pub fn inverse(&mut self, plane: &mut [f32]) -> Result<(), DctError> {
-        self.both_sides(plane, Direction::Inverse)
-    }
-
-    fn both_sides(&mut self, plane: &mut [f32], direction: Direction) -> Result<(), DctError> {
-        let (height, width) = (self.height, self.width);
-        if plane.len() != height * width {
-            return Err(DctError { got: plane.len(), height, width });
+        self.check(plane)?;
+        let (height, width) = self.dim();
+        for place in places(height, width) {
+            self.grid.set_coefficients(place, at(plane, width, place));
         }
-        each_row(plane, self.along_row.as_ref(), &mut self.scratch, direction);
-        transpose(plane, &mut self.turned, width);
-        each_row(&mut self.turned, self.along_column.as_ref(), &mut self.scratch, direction);
-        transpose(&self.turned, plane, height);
+        self.grid.inverse(&Workers::own(), |_, samples| samples);
+        for place in places(height, width) {
+            let samples = run(plane, width, place);
+            samples.copy_from_slice(&self.grid.out(place)[..samples.len()]);
+        }
         Ok(())
     }
-}
 
-fn each_row(plane: &mut [f32], dct: &dyn TransformType2And3<f32>, scratch: &mut [f32], direction: Direction) {
-    let scratch = &mut scratch[..dct.get_scratch_len()];
-    let scale = (2.0 / dct.len() as f32).sqrt();
-    for row in plane.chunks_exact_mut(dct.len()) {
-        match direction {
-            Direction::Forward => {
-                dct.process_dct2_with_scratch(row, scratch);
-                row[0] /= SQRT_2;
-            }
-            Direction::Inverse => {
-                // The library halves the first term, the orthonormal inverse takes it by 1/sqrt(2).
-                row[0] *= SQRT_2;
-                dct.process_dct3_with_scratch(row, scratch);
-            }
+    fn check(&self, plane: &[f32]) -> Result<(), DctError> {
+        let (height, width) = self.dim();
+        if plane.len() == height * width {
+            return Ok(());
         }
-        row.iter_mut().for_each(|sample| *sample *= scale);
+        Err(DctError { got: plane.len(), height, width })
     }
 }
 
-/// `to` (W x H) becomes the transpose of `from` (H x W).
-fn transpose(from: &[f32], to: &mut [f32], width: usize) {
-    let height = from.len() / width;
-    for top in (0..height).step_by(BLOCK) {
-        let rows = BLOCK.min(height - top);
-        for left in (0..width).step_by(BLOCK) {
-            for column in left..(left + BLOCK).min(width) {
-                let line = &mut to[column * height + top..][..rows];
-                for (sample, row) in line.iter_mut().zip(from[top * width + column..].iter().step_by(width)) {
-                    *sample = *row;
-                }
-            }
+/// Sixteen samples of a row-major plane, 0 beyond the end of the row.
+#[inline(always)]
+pub(crate) fn at(plane: &[f32], width: usize, Place { row, sample }: Place) -> [f32; REALS] {
+    let row = &plane[row * width..][..width];
+    match row[sample..].first_chunk() {
+        Some(samples) => *samples,
+        None => {
+            let mut out = [0.0; REALS];
+            out[..width - sample].copy_from_slice(&row[sample..]);
+            out
         }
     }
+}
+
+/// The samples that [`at`] reads.
+fn run(plane: &mut [f32], width: usize, Place { row, sample }: Place) -> &mut [f32] {
+    &mut plane[row * width..][sample..width.min(sample + REALS)]
+}
+
+/// All runs of sixteen samples.
+fn places(height: usize, width: usize) -> impl Iterator<Item = Place> {
+    (0..height).flat_map(move |row| (0..width).step_by(REALS).map(move |sample| Place { row, sample }))
 }
 
 #[cfg(test)]

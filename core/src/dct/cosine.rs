@@ -1,0 +1,126 @@
+//! Makhoul's cosine transform: a permutation, one Fourier transform of the same
+//! length, and a turn of each pair of coefficients. Two real sequences share a
+//! complex one. Orthonormal; the scales are in the turns.
+//!
+//! J. Makhoul, "A fast cosine transform in one and two dimensions", IEEE Trans.
+//! ASSP 28(1), 1980.
+
+use std::f64::consts::PI;
+
+use super::chirp::Chirp;
+use super::fft::{Fft, Side};
+use super::lanes::{Complex, Plain, Turn};
+
+/// DCT-II and DCT-III of one length.
+pub(super) struct Cosine {
+    n: usize,
+    fourier: Fourier,
+    /// For k = 0 to n/2, scaled; the same for both directions.
+    turns: Vec<Turn>,
+}
+
+/// How the Fourier transform is done: by the factors of its length, or around them.
+enum Fourier {
+    Factors(Fft),
+    Chirp(Chirp),
+}
+
+/// The two buffers of a transform.
+#[derive(Default)]
+pub(super) struct Buffers {
+    first: Vec<Complex>,
+    second: Vec<Complex>,
+}
+
+impl Buffers {
+    /// Where the input of the next transform belongs.
+    pub fn input(&mut self) -> &mut [Complex] {
+        &mut self.first
+    }
+
+    /// Where the last transform has left its result.
+    pub fn result(&mut self) -> &mut [Complex] {
+        &mut self.first
+    }
+}
+
+impl Cosine {
+    /// `n` is at least 1.
+    pub fn new(n: usize) -> Self {
+        // Pairs come as sums and differences, twice what they should be.
+        let scale = |k| (if k == 0 { 1.0 } else { 0.5 } / n as f64).sqrt();
+        let turn = |k: usize| {
+            let (sin, cos) = (PI * k as f64 / (2 * n) as f64).sin_cos();
+            Turn { cos: (scale(k) * cos) as f32, sin: (scale(k) * sin) as f32 }
+        };
+        let fourier = match Fft::new(n) {
+            Some(fft) => Fourier::Factors(fft),
+            None => Fourier::Chirp(Chirp::new(n)),
+        };
+        Self { n, fourier, turns: (0..=n / 2).map(turn).collect() }
+    }
+
+    pub fn buffers(&self) -> Buffers {
+        let room = match &self.fourier {
+            Fourier::Factors(_) => self.n,
+            Fourier::Chirp(chirp) => chirp.room(),
+        };
+        Buffers { first: vec![Complex::default(); room], second: vec![Complex::default(); room] }
+    }
+
+    /// Where sample `i` stands before a forward and after an inverse transform.
+    #[inline(always)]
+    pub fn position(&self, i: usize) -> usize {
+        if i.is_multiple_of(2) { i / 2 } else { self.n - 1 - i / 2 }
+    }
+
+    /// The Fourier transform in the middle of either direction.
+    pub fn fourier(&self, buffers: &mut Buffers) {
+        let Buffers { first, second } = buffers;
+        let side = match &self.fourier {
+            Fourier::Factors(fft) => fft.forward(first, second),
+            Fourier::Chirp(chirp) => chirp.forward(first, second),
+        };
+        if side == Side::Second {
+            std::mem::swap(first, second);
+        }
+    }
+
+    /// The pairs (k, n - k) that belong together, 0 and a possible n/2 with themselves.
+    #[inline(always)]
+    pub fn pairs(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
+        let n = self.n;
+        (0..=n / 2).map(move |k| (k, (n - k) % n))
+    }
+
+    /// Coefficients k and n - k of both sequences, from what [`Cosine::fourier`] gave there.
+    #[inline(always)]
+    pub fn coefficients(&self, k: usize, [p, q]: [Complex; 2]) -> [Complex; 2] {
+        let Turn { cos, sin } = self.turns[k];
+        if k == 0 {
+            return [p.scaled(cos); 2];
+        }
+        let (re, im) = (
+            Complex { re: p.re.plus(q.re), im: p.im.plus(q.im) },
+            Complex { re: p.im.minus(q.im), im: q.re.minus(p.re) },
+        );
+        [im.scaled_plus::<Plain>(sin, re.scaled(cos)), im.scaled_plus::<Plain>(-cos, re.scaled(sin))]
+    }
+
+    /// What [`Cosine::fourier`] needs at k and n - k to give the samples, parts swapped, at their positions.
+    #[inline(always)]
+    pub fn spectrum(&self, k: usize, [x, y]: [Complex; 2]) -> [Complex; 2] {
+        let Turn { cos, sin } = self.turns[k];
+        if k == 0 {
+            return [x.scaled(cos).swapped(); 2];
+        }
+        // a and b: the spectra of the two sequences, at k.
+        let re = y.scaled_plus::<Plain>(sin, x.scaled(cos));
+        let im = y.scaled_plus::<Plain>(-cos, x.scaled(sin));
+        let (a_re, b_re, a_im, b_im) = (re.re, re.im, im.re, im.im);
+        [
+            Complex { re: a_im.plus(b_re), im: a_re.minus(b_im) },
+            Complex { re: b_re.minus(a_im), im: a_re.plus(b_im) },
+        ]
+    }
+}

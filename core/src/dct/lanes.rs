@@ -1,0 +1,162 @@
+//! Lanes: the same step of several independent transforms at once, so that no
+//! radix needs a shuffle. Plain loops over arrays, which the compiler turns into
+//! the vectors of the machine.
+
+/// Independent complex transforms side by side.
+pub(super) const LANES: usize = 8;
+
+/// Real sequences side by side: two in each complex transform.
+pub(crate) const REALS: usize = 2 * LANES;
+
+/// One real number of each transform.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(align(32))]
+pub(super) struct Lanes(pub [f32; LANES]);
+
+/// One complex number of each transform.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(align(64))]
+pub(super) struct Complex {
+    pub re: Lanes,
+    pub im: Lanes,
+}
+
+/// `exp(-i angle)` or what a table makes of it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Turn {
+    pub cos: f32,
+    pub sin: f32,
+}
+
+/// How `a * b + c` is rounded. One of the two serves a machine, so that its results never vary.
+pub(super) trait Arithmetic {
+    fn multiply_add(a: f32, b: f32, c: f32) -> f32;
+}
+
+/// Once: for machines that do it in one instruction.
+pub(super) struct Fused;
+
+/// Twice: where a fused multiply-add would be a call into the maths library.
+pub(super) struct Plain;
+
+impl Arithmetic for Fused {
+    #[inline(always)]
+    fn multiply_add(a: f32, b: f32, c: f32) -> f32 {
+        a.mul_add(b, c)
+    }
+}
+
+impl Arithmetic for Plain {
+    #[inline(always)]
+    fn multiply_add(a: f32, b: f32, c: f32) -> f32 {
+        a * b + c
+    }
+}
+
+/// Whether this machine is one for [`Fused`].
+#[inline]
+pub(super) fn fuses() -> bool {
+    #[cfg(target_arch = "x86_64")]
+    return is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
+    #[cfg(not(target_arch = "x86_64"))]
+    return cfg!(target_arch = "aarch64");
+}
+
+impl Lanes {
+    #[inline(always)]
+    pub fn map(self, other: Self, with: impl Fn(f32, f32) -> f32) -> Self {
+        let mut out = self;
+        for (out, other) in out.0.iter_mut().zip(other.0) {
+            *out = with(*out, other);
+        }
+        out
+    }
+
+    #[inline(always)]
+    pub fn plus(self, other: Self) -> Self {
+        self.map(other, |a, b| a + b)
+    }
+
+    #[inline(always)]
+    pub fn minus(self, other: Self) -> Self {
+        self.map(other, |a, b| a - b)
+    }
+
+    #[inline(always)]
+    pub fn scaled(self, by: f32) -> Self {
+        self.map(self, |a, _| a * by)
+    }
+
+    /// `self * by + other`
+    #[inline(always)]
+    pub fn scaled_plus<A: Arithmetic>(self, by: f32, other: Self) -> Self {
+        self.map(other, |a, b| A::multiply_add(a, by, b))
+    }
+}
+
+impl Complex {
+    /// The first half of `reals` in the real parts, the second in the imaginary parts.
+    #[inline(always)]
+    pub fn of(reals: [f32; REALS]) -> Self {
+        let mut out = Self::default();
+        out.re.0.copy_from_slice(&reals[..LANES]);
+        out.im.0.copy_from_slice(&reals[LANES..]);
+        out
+    }
+
+    /// What [`Complex::of`] took.
+    #[inline(always)]
+    pub fn reals(self) -> [f32; REALS] {
+        let mut out = [0.0; REALS];
+        out[..LANES].copy_from_slice(&self.re.0);
+        out[LANES..].copy_from_slice(&self.im.0);
+        out
+    }
+
+    #[inline(always)]
+    pub fn plus(self, other: Self) -> Self {
+        Self { re: self.re.plus(other.re), im: self.im.plus(other.im) }
+    }
+
+    #[inline(always)]
+    pub fn minus(self, other: Self) -> Self {
+        Self { re: self.re.minus(other.re), im: self.im.minus(other.im) }
+    }
+
+    #[inline(always)]
+    pub fn scaled(self, by: f32) -> Self {
+        Self { re: self.re.scaled(by), im: self.im.scaled(by) }
+    }
+
+    #[inline(always)]
+    pub fn scaled_plus<A: Arithmetic>(self, by: f32, other: Self) -> Self {
+        Self { re: self.re.scaled_plus::<A>(by, other.re), im: self.im.scaled_plus::<A>(by, other.im) }
+    }
+
+    /// `self * (cos - i sin)`
+    #[inline(always)]
+    pub fn turned<A: Arithmetic>(self, Turn { cos, sin }: Turn) -> Self {
+        Self {
+            re: self.im.scaled_plus::<A>(sin, self.re.scaled(cos)),
+            im: self.re.scaled_plus::<A>(-sin, self.im.scaled(cos)),
+        }
+    }
+
+    /// `self - i other`
+    #[inline(always)]
+    pub fn minus_i(self, other: Self) -> Self {
+        Self { re: self.re.plus(other.im), im: self.im.minus(other.re) }
+    }
+
+    /// `self + i other`
+    #[inline(always)]
+    pub fn plus_i(self, other: Self) -> Self {
+        Self { re: self.re.minus(other.im), im: self.im.plus(other.re) }
+    }
+
+    /// Real and imaginary parts exchanged, which turns a forward transform into an inverse one.
+    #[inline(always)]
+    pub fn swapped(self) -> Self {
+        Self { re: self.im, im: self.re }
+    }
+}

@@ -1,0 +1,83 @@
+//! Transforms of any odd length, by their definition with its symmetry used:
+//! `X_j` and `X_(R-j)` share `sum_k cos(2 pi j k / R) (x_k + x_(R-k))` and
+//! `sum_k sin(2 pi j k / R) (x_k - x_(R-k))`, k = 1 to (R-1)/2.
+
+use std::f64::consts::TAU;
+
+use super::lanes::{Arithmetic, Complex, Turn};
+
+/// The longest.
+pub(super) const MOST: usize = 73;
+
+/// Pairs of outputs that are summed at once: their sums stay in registers.
+const BLOCK: usize = 3;
+
+/// cos and sin of all j and k, in the order in which they are read.
+pub(super) struct Odd {
+    pairs: usize,
+    /// By block of j, by k, by j in the block; 0 where the last block has no j.
+    turns: Vec<[Turn; BLOCK]>,
+}
+
+/// Room for the sums and differences of inputs.
+pub(super) struct Folded {
+    even: [Complex; MOST / 2],
+    odd: [Complex; MOST / 2],
+}
+
+impl Folded {
+    #[inline(always)]
+    pub fn new() -> Self {
+        Self { even: [Complex::default(); MOST / 2], odd: [Complex::default(); MOST / 2] }
+    }
+}
+
+impl Odd {
+    /// `radix` is odd, 3 to [`MOST`].
+    pub fn new(radix: usize) -> Self {
+        let pairs = radix / 2;
+        let turn = |j: usize, k: usize| {
+            let (sin, cos) = (TAU * ((j * k) % radix) as f64 / radix as f64).sin_cos();
+            Turn { cos: cos as f32, sin: sin as f32 }
+        };
+        let block = |first: usize, k| std::array::from_fn(|j| turn(first + j, k));
+        let firsts = (1..=pairs).step_by(BLOCK);
+        Self { pairs, turns: firsts.flat_map(|first| (1..=pairs).map(move |k| block(first, k))).collect() }
+    }
+
+    /// `take(i)` gives x_i, `put(j, X_j)` receives each output once.
+    #[inline(always)]
+    pub fn transform<A: Arithmetic>(
+        &self,
+        Folded { even, odd }: &mut Folded,
+        take: impl Fn(usize) -> Complex,
+        mut put: impl FnMut(usize, Complex),
+    ) {
+        let radix = 2 * self.pairs + 1;
+        let first = take(0);
+        let (even, odd) = (&mut even[..self.pairs], &mut odd[..self.pairs]);
+        let mut sum = first;
+        for (k, (even, odd)) in even.iter_mut().zip(odd.iter_mut()).enumerate() {
+            let (a, b) = (take(k + 1), take(radix - 1 - k));
+            (*even, *odd) = (a.plus(b), a.minus(b));
+            sum = sum.plus(*even);
+        }
+        put(0, sum);
+        for (block, turns) in self.turns.chunks_exact(self.pairs).enumerate() {
+            let (mut cosines, mut sines) = ([first; BLOCK], [Complex::default(); BLOCK]);
+            for ((even, odd), turns) in even.iter().zip(odd.iter()).zip(turns) {
+                for j in 0..BLOCK {
+                    cosines[j] = even.scaled_plus::<A>(turns[j].cos, cosines[j]);
+                    sines[j] = odd.scaled_plus::<A>(turns[j].sin, sines[j]);
+                }
+            }
+            for j in 0..BLOCK {
+                let out = BLOCK * block + j + 1;
+                if out <= self.pairs {
+                    put(out, cosines[j].minus_i(sines[j]));
+                    put(radix - out, cosines[j].plus_i(sines[j]));
+                }
+            }
+        }
+    }
+}

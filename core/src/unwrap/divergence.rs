@@ -1,0 +1,114 @@
+//! The divergence of the wrapped gradients of an image, `D^T M_b(D y)`, straight from its codes.
+//!
+//! A code of b bits stands in the upper b of 16 bits, so that M_b is what the
+//! machine's own wrapping does.
+
+use super::{Range, UnwrapError, check_frame};
+use crate::dct::{Place, REALS};
+use crate::frame::Frame;
+use crate::plane::check_shape;
+use crate::simd::widest;
+
+/// An interleaved image whose peak is 2^16.
+#[derive(Default)]
+pub(super) struct Codes {
+    samples: Vec<u16>,
+    stride: usize,
+    channels: usize,
+}
+
+impl Codes {
+    /// Takes the codes of `y`.
+    ///
+    /// # Errors
+    /// [`UnwrapError`] when `y` has a code that `range` has not, or is no image.
+    pub fn read(&mut self, y: &Frame, range: Range) -> Result<(), UnwrapError> {
+        check_shape(y.dim())?;
+        (self.stride, self.channels) = (y.width() * y.channels(), y.channels());
+        let seen = match y {
+            Frame::U8(pixels) => fill(&mut self.samples, pixels.as_standard_layout().as_slice(), range),
+            Frame::U16(pixels) => fill(&mut self.samples, pixels.as_standard_layout().as_slice(), range),
+        };
+        // Bits that no code has come from a sample that has them.
+        if u32::from(seen) >> range.bits() == 0 { Ok(()) } else { check_frame(y, range) }
+    }
+
+    /// Sixteen codes, 0 beyond the end of the row.
+    #[inline(always)]
+    pub fn at(&self, Place { row, sample }: Place) -> [u16; REALS] {
+        let row = &self.samples[row * self.stride..][..self.stride];
+        row[sample..].first_chunk().copied().unwrap_or_else(|| {
+            std::array::from_fn(|lane| row.get(sample + lane).copied().unwrap_or_default())
+        })
+    }
+
+    /// Sixteen samples of the divergence, 0 beyond the end of the row; half a peak is 2^15.
+    #[inline(always)]
+    pub fn divergence(&self, place @ Place { row, sample }: Place) -> [f32; REALS] {
+        let here = row * self.stride + sample;
+        let last = sample + REALS + self.channels > self.stride;
+        let top = row == 0 || here + self.stride + REALS > self.samples.len();
+        if top || last || sample < self.channels {
+            return self.divergence_at_border(place);
+        }
+        let chunk = |at: usize| self.samples[at..].first_chunk().copied().unwrap_or([0; REALS]);
+        let middle = chunk(here);
+        let [left, right] = [chunk(here - self.channels), chunk(here + self.channels)];
+        let [above, below] = [chunk(here - self.stride), chunk(here + self.stride)];
+        let mut out = [0.0; REALS];
+        for lane in 0..REALS {
+            let horizontal = difference(left[lane], middle[lane]) - difference(middle[lane], right[lane]);
+            let vertical = difference(above[lane], middle[lane]) - difference(middle[lane], below[lane]);
+            out[lane] = (horizontal + vertical) as f32;
+        }
+        out
+    }
+
+    #[inline(never)]
+    fn divergence_at_border(&self, Place { row, sample }: Place) -> [f32; REALS] {
+        let start = row * self.stride;
+        let inside = self.stride.saturating_sub(sample).min(REALS);
+        let mut out = [0.0; REALS];
+        for (lane, out) in out.iter_mut().enumerate().take(inside) {
+            let (at, here) = (sample + lane, start + sample + lane);
+            let toward = |there: usize| difference(self.samples[there], self.samples[here]);
+            let mut sum = 0;
+            sum += if at >= self.channels { toward(here - self.channels) } else { 0 };
+            sum -= if at + self.channels < self.stride {
+                difference(self.samples[here], self.samples[here + self.channels])
+            } else {
+                0
+            };
+            sum += if row > 0 { toward(here - self.stride) } else { 0 };
+            sum -= self
+                .samples
+                .get(here + self.stride)
+                .map_or(0, |&below| difference(self.samples[here], below));
+            *out = sum as f32;
+        }
+        out
+    }
+}
+
+/// Shifts all samples up, and tells which bits they had.
+fn fill<T: Copy + Into<u16>>(codes: &mut Vec<u16>, samples: Option<&[T]>, range: Range) -> u16 {
+    let samples = samples.unwrap_or_default();
+    codes.resize(samples.len(), 0);
+    widest(
+        #[inline(always)]
+        || {
+            let mut seen = 0;
+            for (code, &sample) in codes.iter_mut().zip(samples) {
+                let sample = sample.into();
+                seen |= sample;
+                *code = sample << (16 - range.bits());
+            }
+            seen
+        },
+    )
+}
+
+#[inline(always)]
+fn difference(from: u16, to: u16) -> i32 {
+    i32::from(to.wrapping_sub(from).cast_signed())
+}
