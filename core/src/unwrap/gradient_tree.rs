@@ -1,37 +1,66 @@
 //! Gradient tree: the tree over each gradient image first, then over the image.
 //!
 //! With g = M_b(d y) and d x = g + n 2^b, a spanning tree over the pixels of g finds n as
-//! `tree` finds k, along edges in the order of `sum_c |M_b(d g_c)|`: exact where *second* differences
+//! `tree` finds k, along edges in the order of `M_b(d g)`: exact where *second* differences
 //! stay below half a peak. Most gradients are small; they are the sea, one node with n = 0, to
 //! which each other gradient has an edge as long as the steepest one nearby, too.
-//! The range bounds n as it bounds k. Then `tree` takes the edges in the order of `sum_c |g + n 2^b|`.
+//! The range bounds n as it bounds k. Then `tree` takes the edges in the order of `g + n 2^b`.
 //!
 //! Slower than `lines`, but an error stays where it is: it bears noise, and edges that end within
 //! the image. It fails on edges of a sharp lens and on lines one pixel wide, where second
 //! differences wrap as well.
 
 use super::tree::{
-    Bounds, Direction, Edge, Grower, LARGE, Region, Regions, Triple, key, read, sort, subtract,
+    Bounds, Direction, Forest, Ground, Image, MOST, Pixels, Quad, SEA, add, first, of_difference, place,
+    second, subtract, turns,
 };
-use super::wrapped::{raised, size, turns};
-use super::{Range, Recovered, Unwrap, UnwrapError, check_frame};
+use super::{Range, Recovered, Unwrap, UnwrapError, WorkersError, check_frame};
 use crate::frame::Frame;
+use crate::workers::Workers;
 
-/// Gradients are sea where their sizes, summed over three channels, stay below this
-/// (48 of 256 codes) within [`NEARBY`] pixels along the gradient.
-const SEA: u32 = 48 << 8;
+/// Second differences up to this key are flat.
+const FLAT: u16 = 8 << 6;
+
+/// Gradients are sea where no key nearby is larger: 128 of 256 codes.
+const SEA_LEVEL: u16 = 128 << 6;
+
+/// How many pixels along the gradient are nearby.
 const NEARBY: usize = 2;
 
-/// The node of the sea.
-const SEA_NODE: u32 = 0;
-
 /// The method with its buffers.
-#[derive(Default)]
 pub struct GradientTree {
-    pixels: Vec<[u16; 3]>,
-    right: Gradient,
-    down: Gradient,
-    grower: Grower,
+    workers: Workers,
+    pixels: Pixels,
+    mixed: Vec<u16>,
+    slopes: [Slope; 2],
+    forest: Forest,
+}
+
+impl Default for GradientTree {
+    /// On the caller's own thread.
+    fn default() -> Self {
+        Self::on(Workers::own())
+    }
+}
+
+impl GradientTree {
+    /// On `threads` threads; the result does not depend on it.
+    ///
+    /// # Errors
+    /// [`WorkersError`] when they cannot be had.
+    pub fn new(threads: usize) -> Result<Self, WorkersError> {
+        Ok(Self::on(Workers::new(threads)?))
+    }
+
+    fn on(workers: Workers) -> Self {
+        Self {
+            workers,
+            pixels: Pixels::default(),
+            mixed: Vec::new(),
+            slopes: [Direction::Right, Direction::Down].map(Slope::new),
+            forest: Forest::default(),
+        }
+    }
 }
 
 impl Unwrap for GradientTree {
@@ -42,127 +71,175 @@ impl Unwrap for GradientTree {
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         check_frame(y, range)?;
         out.prepare(y.dim(), self.name());
-        read(y, range, &mut self.pixels);
-        let right = self.right.unwrap(&self.pixels, y.width(), Direction::Right, range);
-        let down = self.down.unwrap(&self.pixels, y.width(), Direction::Down, range);
-        self.grower.grow(&self.pixels, y.width(), range, |direction, pixel| match direction {
-            Direction::Right => right[pixel],
-            Direction::Down => down[pixel],
-        });
-        self.grower.place(y, range, out);
+        self.pixels.read(y, range);
+        let (pixels, mixed, bounds) = (&self.pixels, &mut self.mixed, Bounds::new(range));
+        second(pixels.planes(), (1, y.width()), mixed);
+        let mixed = &*mixed;
+        self.workers.each(&mut self.slopes, |_, slope| slope.unwrap(pixels, mixed, bounds));
+        let [right, down] = &self.slopes;
+        let (keys, n) = ([&right.keys[..], &down.keys], [&right.n[..], &down.n]);
+        let image = Image { pixels, bounds, keys, n };
+        self.forest.grow(&image);
+        place(&mut self.forest, pixels, range, out);
         Ok(())
     }
 }
 
 /// The gradient in one direction. Everything is as large as the image: at pixel p is the
-/// difference to p's neighbour, and none (`sizes` 0) where there is no neighbour.
-#[derive(Default)]
-struct Gradient {
-    /// Raised by half a peak.
-    g: Vec<[u16; 3]>,
-    /// |g| summed over channels, 2^16 a peak.
-    sizes: Vec<u32>,
-    /// The node of each pixel; [`SEA_NODE`] for all of the sea.
-    nodes: Vec<u32>,
-    /// Pixel of node 1, 2, ...
-    land: Vec<usize>,
-    edges: Vec<Edge>,
-    sorted: Vec<Edge>,
-    regions: Regions,
-    n: Vec<Triple>,
+/// difference to p's neighbour.
+struct Slope {
+    direction: Direction,
+    /// Of the gradient.
+    keys: Vec<u16>,
+    /// Of the gradient's change in its own direction.
+    bends: Vec<u16>,
+    /// The greatest key nearby.
+    steepest: Vec<u16>,
+    forest: Forest,
+    n: Vec<Quad>,
+    /// The pixels at which n is not 0.
+    changed: Vec<u32>,
 }
 
-impl Gradient {
-    /// n at each pixel; 0 for the sea and what could not be joined to it.
-    fn unwrap(&mut self, pixels: &[[u16; 3]], width: usize, direction: Direction, range: Range) -> &[Triple] {
-        self.differentiate(pixels, width, direction);
-        self.find_land(width, direction);
-        self.bound(pixels, direction.stride(width), range);
-        for here in 0..pixels.len() {
-            if direction.reaches(here, width, pixels.len()) {
-                self.connect(here, Direction::Right, direction, width);
-                self.connect(here, Direction::Down, direction, width);
-            }
-        }
-        sort(&self.edges, 0, &mut self.sorted);
-        self.regions.join_all(&self.sorted);
-        self.read_off(pixels.len());
-        &self.n
-    }
-
-    fn differentiate(&mut self, pixels: &[[u16; 3]], width: usize, direction: Direction) {
-        let stride = direction.stride(width);
-        self.g.clear();
-        self.g.resize(pixels.len(), [0; 3]);
-        self.sizes.clear();
-        self.sizes.resize(pixels.len(), 0);
-        for here in 0..pixels.len().saturating_sub(stride) {
-            if direction.reaches(here, width, pixels.len()) {
-                let (from, to) = (pixels[here], pixels[here + stride]);
-                self.g[here] = [0, 1, 2].map(|lane| raised(from[lane], to[lane]));
-                self.sizes[here] = self.g[here].iter().map(|&g| u32::from(size(g))).sum();
-            }
+impl Slope {
+    fn new(direction: Direction) -> Self {
+        let (keys, bends, steepest) = (Vec::new(), Vec::new(), Vec::new());
+        Self {
+            direction,
+            keys,
+            bends,
+            steepest,
+            forest: Forest::default(),
+            n: Vec::new(),
+            changed: Vec::new(),
         }
     }
 
-    /// Numbers the nodes, and ties each to the sea: twice the steepest gradient nearby is how unlikely n = 0 is.
+    /// Finds n and the keys of `g + n 2^b`; n is 0 for the sea and for what could not be joined to it.
+    fn unwrap(&mut self, pixels: &Pixels, mixed: &[u16], bounds: Bounds) {
+        let stride = pixels.stride(self.direction);
+        first(pixels.planes(), stride, &mut self.keys);
+        if self.direction == Direction::Right {
+            // There the difference is across the edge of the image.
+            self.keys.chunks_exact_mut(pixels.width()).for_each(|row| row[row.len() - 1] = 0);
+        }
+        second(pixels.planes(), (stride, stride), &mut self.bends);
+        self.find_steepest(stride);
+        let keys = match self.direction {
+            Direction::Right => [&self.bends[..], mixed],
+            Direction::Down => [mixed, &self.bends],
+        };
+        let ground = Gradient { pixels, bounds, direction: self.direction, steepest: &self.steepest, keys };
+        self.forest.grow(&ground);
+        self.read_off(pixels);
+    }
+
     /// Beside an edge of the image nearby reaches round into the next row, which only makes more land.
-    fn find_land(&mut self, width: usize, direction: Direction) {
-        let stride = direction.stride(width);
-        let count = self.g.len();
-        self.nodes.clear();
-        self.nodes.resize(count, SEA_NODE);
-        self.land.clear();
-        self.edges.clear();
-        for here in (0..count).filter(|&here| direction.reaches(here, width, count)) {
-            let nearby =
-                (0..=2 * NEARBY).filter_map(|step| (here + step * stride).checked_sub(NEARBY * stride));
-            let steepest = nearby.filter_map(|there| self.sizes.get(there)).max().copied().unwrap_or(0);
-            if steepest > SEA {
-                self.land.push(here);
-                let node = self.land.len() as u32;
-                self.nodes[here] = node;
-                self.edges.push(Edge { key: key(2 * steepest), from: SEA_NODE, to: node, step: [0; 3] });
-            }
+    fn find_steepest(&mut self, stride: usize) {
+        let count = self.keys.len();
+        self.steepest.clear();
+        self.steepest.extend_from_slice(&self.keys);
+        for reach in (1..=NEARBY).map(|n| n * stride).filter(|&reach| reach < count) {
+            let (all, keys) = (&mut self.steepest, &self.keys);
+            all[reach..].iter_mut().zip(keys).for_each(|(most, &key)| *most = key.max(*most));
+            all.iter_mut().zip(&keys[reach..]).for_each(|(most, &key)| *most = key.max(*most));
         }
     }
 
-    /// Starts the regions. With k at both ends in 0 to `highest`, n = k_to - k_from - turns
-    /// has its least and greatest value.
-    fn bound(&mut self, pixels: &[[u16; 3]], stride: usize, range: Range) {
-        let bounds = Bounds::new(range);
-        let sea = Region { low: [0; 3], high: [0; 3], size: LARGE };
-        let land = self.land.iter().map(|&here| {
-            let (from, to) = (pixels[here], pixels[here + stride]);
-            let turns = [0, 1, 2].map(|lane| turns(from[lane], to[lane]));
-            let low = subtract(subtract([0; 3], bounds.highest(from)), turns);
-            Region { low, high: subtract(bounds.highest(to), turns), size: 1 }
-        });
-        self.regions.reset(std::iter::once(sea).chain(land));
+    fn read_off(&mut self, pixels: &Pixels) {
+        if self.n.len() == pixels.count() {
+            self.changed.iter().for_each(|&at| self.n[at as usize] = [0; 4]);
+        } else {
+            self.n.clear();
+            self.n.resize(pixels.count(), [0; 4]);
+        }
+        self.changed.clear();
+        self.forest.regions.flatten();
+        let (rows, columns) = extent(pixels, self.direction);
+        for start in (0..rows).map(|row| row * pixels.width()) {
+            (start..start + columns).for_each(|at| self.read_off_at(at, pixels));
+        }
     }
 
-    /// An edge from the gradient at `here` to the next one `along`, unless both are sea or there is none.
-    fn connect(&mut self, here: usize, along: Direction, direction: Direction, width: usize) {
-        let count = self.g.len();
-        let there = here + along.stride(width);
-        if !along.reaches(here, width, count) || !direction.reaches(there, width, count) {
+    #[inline(always)]
+    fn read_off_at(&mut self, at: usize, pixels: &Pixels) {
+        let (regions, run) = (&self.forest.regions, self.forest.run_of[at]);
+        if run == SEA || regions.root(run) != regions.root(SEA) {
             return;
         }
-        let ends = [here, there].map(|pixel| (self.nodes[pixel], self.g[pixel]));
-        if ends[0].0 != ends[1].0 {
-            self.edges.push(Edge::between(ends[0], ends[1], [0; 3]));
+        let above_root = add(self.forest.offset[at], regions.above_root(run));
+        let n = subtract(above_root, regions.above_root(SEA));
+        if n != [0; 4] {
+            let stride = pixels.stride(self.direction);
+            self.n[at] = n;
+            self.changed.push(at as u32);
+            self.keys[at] = of_difference(pixels.code(at), pixels.code(at + stride), n);
         }
     }
+}
 
-    fn read_off(&mut self, count: usize) {
-        self.n.clear();
-        self.n.resize(count, [0; 3]);
-        let (sea, level) = self.regions.find(SEA_NODE);
-        for (node, &pixel) in (1..).zip(&self.land) {
-            let (root, offset) = self.regions.find(node);
-            if root == sea {
-                self.n[pixel] = subtract(offset, level);
-            }
-        }
+/// Rows and columns that have a neighbour in that direction.
+fn extent(pixels: &Pixels, direction: Direction) -> (usize, usize) {
+    let (rows, columns) = (pixels.count() / pixels.width(), pixels.width());
+    match direction {
+        Direction::Right => (rows, columns - 1),
+        Direction::Down => (rows - 1, columns),
+    }
+}
+
+/// The gradient image as a ground: its counts are n.
+struct Gradient<'a> {
+    pixels: &'a Pixels,
+    bounds: Bounds,
+    direction: Direction,
+    steepest: &'a [u16],
+    keys: [&'a [u16]; 2],
+}
+
+impl Ground for Gradient<'_> {
+    #[inline(always)]
+    fn width(&self) -> usize {
+        self.pixels.width()
+    }
+
+    #[inline(always)]
+    fn extent(&self) -> (usize, usize) {
+        extent(self.pixels, self.direction)
+    }
+
+    #[inline(always)]
+    fn flat(&self) -> u16 {
+        FLAT
+    }
+
+    fn has_sea(&self) -> bool {
+        true
+    }
+
+    /// Twice the steepest gradient nearby is how unlikely n = 0 is.
+    #[inline(always)]
+    fn tie(&self, at: usize) -> Option<u16> {
+        let steepest = self.steepest[at];
+        (steepest > SEA_LEVEL).then(|| steepest.saturating_mul(2).min(MOST))
+    }
+
+    /// With k at both ends in 0 to `highest`, n = k_to - k_from - turns has its least and greatest value.
+    #[inline(always)]
+    fn interval(&self, at: usize) -> (Quad, Quad) {
+        let ends = [at, at + self.pixels.stride(self.direction)].map(|at| self.pixels.code(at));
+        let [below, above] = ends.map(|code| self.bounds.highest(code));
+        let turns = turns(ends[0], ends[1]);
+        (subtract(subtract([0; 4], below), turns), subtract(above, turns))
+    }
+
+    #[inline(always)]
+    fn key(&self, to: Direction, at: usize) -> u16 {
+        self.keys[to as usize][at]
+    }
+
+    #[inline(always)]
+    fn step(&self, to: Direction, at: usize) -> Quad {
+        let stride = self.pixels.stride(self.direction);
+        turns(self.pixels.difference(at, stride), self.pixels.difference(at + self.pixels.stride(to), stride))
     }
 }

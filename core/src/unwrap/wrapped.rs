@@ -98,7 +98,7 @@ pub(super) fn raised<W: Word>(from: W, to: W) -> W {
 }
 
 /// The absolute value of a difference that [`raised`] gave.
-#[inline(always)]
+#[cfg(test)]
 pub(super) fn size<W: Word>(raised: W) -> W {
     if raised < W::HALF { W::HALF.minus(raised) } else { raised.minus(W::HALF) }
 }

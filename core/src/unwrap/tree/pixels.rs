@@ -1,22 +1,112 @@
-//! Pixels of three codes, and how far each may have wrapped.
+//! Codes of an image, once as planes for what is done in wide vectors and once by
+//! pixel for what jumps about; and how often each pixel may have wrapped.
 
-use super::regions::Triple;
+use ndarray::ArrayView3;
+
 use crate::frame::Frame;
-use crate::plane;
 use crate::unwrap::{Range, wrapped};
 
-/// Codes of red, green, blue; of a mono image three times the same, so that keys compare.
-pub(in crate::unwrap) fn read(y: &Frame, range: Range, pixels: &mut Vec<[u16; 3]>) {
-    let (height, width, channels) = y.dim();
-    let (mut plane, mut codes) = (Vec::new(), Vec::new());
-    pixels.resize(height * width, [0; 3]);
-    for lane in 0..3 {
-        if lane < channels {
-            plane::take_from_frame(y, lane, &mut plane);
-            wrapped::codes(&plane, range, &mut codes);
+/// One number for each of red, green, blue, and a fourth that is always the same, so that a machine's
+/// word holds all.
+pub(in crate::unwrap) type Quad = [i16; 4];
+
+#[inline(always)]
+pub(in crate::unwrap) fn add(a: Quad, b: Quad) -> Quad {
+    std::array::from_fn(|lane| a[lane].wrapping_add(b[lane]))
+}
+
+/// a - b.
+#[inline(always)]
+pub(in crate::unwrap) fn subtract(a: Quad, b: Quad) -> Quad {
+    std::array::from_fn(|lane| a[lane].wrapping_sub(b[lane]))
+}
+
+/// The way from a pixel to its neighbour.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(in crate::unwrap) enum Direction {
+    Right,
+    Down,
+}
+
+/// An image in codes of [`wrapped`]. A mono image has three equal channels, so that keys compare.
+#[derive(Default)]
+pub(in crate::unwrap) struct Pixels {
+    width: usize,
+    planes: [Vec<u16>; 3],
+    quads: Vec<[u16; 4]>,
+}
+
+impl Pixels {
+    /// Takes the pixels of `y`, of which [`check_frame`](crate::unwrap::check_frame) approved.
+    pub fn read(&mut self, y: &Frame, range: Range) {
+        self.width = y.width();
+        let shift = 16 - range.bits();
+        match y {
+            Frame::U8(pixels) => self.take(pixels.view(), shift),
+            Frame::U16(pixels) => self.take(pixels.view(), shift),
         }
-        pixels.iter_mut().zip(&codes).for_each(|(pixel, &code)| pixel[lane] = code);
     }
+
+    fn take<T: Copy + Into<u16>>(&mut self, y: ArrayView3<'_, T>, shift: u8) {
+        let channels = y.dim().2;
+        let y = y.as_standard_layout();
+        let samples = y.as_slice().unwrap_or_default();
+        let code = |sample: T| sample.into() << shift;
+        self.quads.clear();
+        match channels {
+            1 => self.quads.extend(samples.iter().map(|&y| [code(y), code(y), code(y), 0])),
+            _ => self.quads.extend(samples.chunks_exact(3).map(|y| [code(y[0]), code(y[1]), code(y[2]), 0])),
+        }
+        for (lane, plane) in self.planes.iter_mut().enumerate() {
+            plane.clear();
+            plane.extend(self.quads.iter().map(|quad| quad[lane]));
+        }
+    }
+
+    /// The number of pixels.
+    #[inline(always)]
+    pub fn count(&self) -> usize {
+        self.quads.len()
+    }
+
+    /// Columns.
+    #[inline(always)]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    pub fn planes(&self) -> [&[u16]; 3] {
+        [&self.planes[0], &self.planes[1], &self.planes[2]]
+    }
+
+    /// The neighbour's index minus the pixel's.
+    #[inline(always)]
+    pub fn stride(&self, direction: Direction) -> usize {
+        match direction {
+            Direction::Right => 1,
+            Direction::Down => self.width,
+        }
+    }
+
+    /// Codes of the pixel `at`.
+    #[inline(always)]
+    pub fn code(&self, at: usize) -> [u16; 4] {
+        self.quads[at]
+    }
+
+    /// M_b of the difference to the pixel `stride` ahead, raised by half a peak.
+    #[inline(always)]
+    pub fn difference(&self, at: usize, stride: usize) -> [u16; 4] {
+        let (from, to) = (self.quads[at], self.quads[at + stride]);
+        std::array::from_fn(|lane| wrapped::raised(from[lane], to[lane]))
+    }
+}
+
+/// [`wrapped::turns`] by lane, in arithmetic that the machine does on all lanes at once.
+#[inline(always)]
+pub(in crate::unwrap) fn turns(from: [u16; 4], to: [u16; 4]) -> Quad {
+    let plain: [i32; 4] = std::array::from_fn(|lane| i32::from(to[lane]) - i32::from(from[lane]));
+    plain.map(|plain| ((i32::from(plain as i16) - plain) >> 16) as i16)
 }
 
 /// The greatest k that `y + k * 2^b < alpha * 2^b` leaves.
@@ -25,17 +115,53 @@ pub(in crate::unwrap) struct Bounds {
     most: i16,
     /// Codes from here on have one wrap less.
     room: u32,
+    /// The code of full scale.
+    top: u16,
 }
 
 impl Bounds {
     pub fn new(range: Range) -> Self {
         let most = range.most_wraps();
         let room = range.limit() - f64::from(most) * f64::from(range.peak());
-        Self { most: i16::from(most), room: (room.ceil() as u32) << (16 - range.bits()) }
+        let room = (room.ceil() as u32) << (16 - range.bits());
+        let step = 1 << (16 - range.bits());
+        Self { most: i16::from(most), room, top: (room - step) as u16 }
     }
 
     /// At least 0.
-    pub fn highest(self, pixel: [u16; 3]) -> Triple {
+    #[inline(always)]
+    pub fn highest(self, pixel: [u16; 4]) -> Quad {
         pixel.map(|code| (self.most - i16::from(u32::from(code) >= self.room)).max(0))
+    }
+
+    /// [`highest`](Self::highest) of a pixel at full scale in every channel; `None` of any other.
+    #[inline(always)]
+    pub fn at_full_scale(self, pixel: [u16; 4]) -> Option<Quad> {
+        (pixel[..3] == [self.top; 3]).then_some([self.most; 4])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn turns_of_all_lanes_are_those_of_each(from: [u16; 4], to: [u16; 4]) {
+            prop_assert_eq!(turns(from, to), std::array::from_fn(|lane| wrapped::turns(from[lane], to[lane])));
+        }
+    }
+
+    #[test]
+    fn full_scale_is_the_last_code_of_the_last_wrap() {
+        for (alpha, top) in [(4.0, 255), (1.5, 127), (1.0, 255), (2.25, 63)] {
+            let range = Range::new(8, alpha).unwrap();
+            let most = i16::from(range.most_wraps());
+            let code = |value: u16| [value << 8, value << 8, value << 8, 0];
+            assert_eq!(Bounds::new(range).at_full_scale(code(top)), Some([most; 4]), "alpha {alpha}");
+            assert_eq!(Bounds::new(range).at_full_scale(code(top - 1)), None);
+        }
     }
 }

@@ -1,12 +1,9 @@
 //! Regions that grow together: a union-find that knows each node's wrap counts
 //! relative to its region's root, and in which interval the root's may lie.
 
-use super::edges::Edge;
+use super::pixels::{Quad, add, subtract};
 
-/// One number for each of red, green, blue.
-pub(in crate::unwrap) type Triple = [i16; 3];
-
-/// Regions up to this many nodes (hot pixels, noise) do not constrain one of [`LARGE`] or more.
+/// Regions up to this many pixels (hot pixels, noise) do not constrain one of [`LARGE`] or more.
 const SMALL: u32 = 6;
 pub(in crate::unwrap) const LARGE: u32 = 64;
 
@@ -21,36 +18,91 @@ pub(in crate::unwrap) struct Regions {
 struct Node {
     parent: u32,
     /// This node's value minus its parent's.
-    offset: Triple,
+    offset: Quad,
 }
 
 /// Valid at the index of a root.
 #[derive(Clone, Copy)]
 pub(in crate::unwrap) struct Region {
     /// Least and greatest value that the root may have.
-    pub low: Triple,
-    pub high: Triple,
-    /// Number of nodes.
+    pub low: Quad,
+    pub high: Quad,
+    /// Number of pixels.
     pub size: u32,
 }
 
-impl Regions {
-    /// Starts anew with one region a node.
-    pub fn reset(&mut self, regions: impl Iterator<Item = Region>) {
-        self.regions.clear();
-        self.regions.extend(regions);
-        self.nodes.clear();
-        self.nodes.extend((0..self.regions.len() as u32).map(|parent| Node { parent, offset: [0; 3] }));
+impl Region {
+    /// Whether a channel has no value left.
+    fn is_empty(&self) -> bool {
+        (0..4).fold(false, |empty, lane| empty | (self.low[lane] > self.high[lane]))
     }
 
-    /// Joins along `edges`, in their order; an edge whose ends are joined already says nothing.
-    pub fn join_all(&mut self, edges: &[Edge]) {
-        edges.iter().for_each(|edge| self.join(edge));
+    /// With a part that is `step` above, if a value is left for both.
+    pub fn and(&self, part: &Region, step: Quad) -> Option<Region> {
+        let mut joint = Region { size: self.size.saturating_add(part.size), ..*self };
+        for (lane, step) in step.into_iter().enumerate() {
+            joint.low[lane] = self.low[lane].max(part.low[lane].saturating_sub(step));
+            joint.high[lane] = self.high[lane].min(part.high[lane].saturating_sub(step));
+        }
+        (!joint.is_empty()).then_some(joint)
+    }
+
+    /// [`and`](Self::and), but a small part has no say in a large region.
+    fn with(&self, part: &Region, step: Quad) -> Option<Region> {
+        if self.size < LARGE || part.size > SMALL {
+            return self.and(part, step);
+        }
+        Some(Region { size: self.size.saturating_add(part.size), ..*self })
+    }
+}
+
+impl Regions {
+    /// Starts anew without a node.
+    pub fn clear(&mut self) {
+        self.nodes.clear();
+        self.regions.clear();
+    }
+
+    /// Adds a node that is a region of its own; its number.
+    pub fn push(&mut self, region: Region) -> u32 {
+        let node = self.nodes.len() as u32;
+        self.nodes.push(Node { parent: node, offset: [0; 4] });
+        self.regions.push(region);
+        node
+    }
+
+    /// Replaces what is known of a node that is not joined yet.
+    pub fn set(&mut self, node: u32, region: Region) {
+        self.regions[node as usize] = region;
+    }
+
+    /// Hangs every node under its root.
+    pub fn flatten(&mut self) {
+        for node in 0..self.count() {
+            let (parent, offset) = self.find(node);
+            self.nodes[node as usize] = Node { parent, offset };
+        }
+    }
+
+    /// Root of `node`'s region, after [`flatten`](Self::flatten).
+    pub fn root(&self, node: u32) -> u32 {
+        self.nodes[node as usize].parent
+    }
+
+    /// `node`'s value minus its root's, after [`flatten`](Self::flatten).
+    pub fn above_root(&self, node: u32) -> Quad {
+        self.nodes[node as usize].offset
+    }
+
+    /// The number of nodes.
+    pub fn count(&self) -> u32 {
+        self.nodes.len() as u32
     }
 
     /// Root of `node`'s region, and the node's value minus the root's. Halves the path.
-    pub fn find(&mut self, mut node: u32) -> (u32, Triple) {
-        let mut total = [0; 3];
+    #[inline(always)]
+    pub fn find(&mut self, mut node: u32) -> (u32, Quad) {
+        let mut total = [0; 4];
         loop {
             let Node { parent, offset } = self.nodes[node as usize];
             if parent == node {
@@ -58,6 +110,9 @@ impl Regions {
             }
             let above = self.nodes[parent as usize];
             total = add(total, add(offset, above.offset));
+            if above.parent == parent {
+                return (parent, total);
+            }
             self.nodes[node as usize] = Node { parent: above.parent, offset: add(offset, above.offset) };
             node = above.parent;
         }
@@ -68,54 +123,37 @@ impl Regions {
         self.regions[root as usize]
     }
 
-    /// Root of the region with most nodes.
+    /// Root of the region with most pixels.
     pub fn largest(&self) -> u32 {
         let roots = self.nodes.iter().enumerate().filter(|(index, node)| node.parent as usize == *index);
         let sizes = roots.map(|(index, _)| (self.regions[index].size, index as u32));
         sizes.max_by_key(|&(size, index)| (size, std::cmp::Reverse(index))).map_or(0, |(_, index)| index)
     }
 
-    /// Joins the two ends' regions, unless no value of the joint root would be possible.
-    fn join(&mut self, edge: &Edge) {
-        let ((from, from_offset), (to, to_offset)) = (self.find(edge.from), self.find(edge.to));
-        if from == to {
-            return;
-        }
-        // The root `to` minus the root `from`.
-        let step = subtract(add(from_offset, edge.step), to_offset);
-        let (a, b) = (self.regions[from as usize], self.regions[to as usize]);
-        if a.size >= b.size {
-            self.attach(from, to, step);
-        } else {
-            self.attach(to, from, subtract([0; 3], step));
+    /// Joins the two nodes' regions, `to` being `step` above `from`, unless no value of the joint
+    /// root would be possible. An edge within one region says nothing.
+    #[inline(always)]
+    pub fn join(&mut self, from: u32, to: u32, step: impl FnOnce() -> Quad) {
+        let ((from, below), (to, above)) = (self.find(from), self.find(to));
+        if from != to {
+            // The root `to` minus the root `from`.
+            self.attach(from, to, subtract(add(below, step()), above));
         }
     }
 
-    /// Hangs root `child` under root `parent`, `step` above it.
-    fn attach(&mut self, parent: u32, child: u32, step: Triple) {
-        let (a, b) = (self.regions[parent as usize], self.regions[child as usize]);
-        let size = a.size.saturating_add(b.size);
-        let mut joint = Region { size, ..a };
-        if a.size < LARGE || b.size > SMALL {
-            for (lane, step) in step.into_iter().enumerate() {
-                joint.low[lane] = a.low[lane].max(b.low[lane].saturating_sub(step));
-                joint.high[lane] = a.high[lane].min(b.high[lane].saturating_sub(step));
-            }
-        }
-        if joint.low.iter().zip(&joint.high).all(|(low, high)| low <= high) {
+    fn attach(&mut self, from: u32, to: u32, step: Quad) {
+        let (a, b) = (self.regions[from as usize], self.regions[to as usize]);
+        let (parent, child, step, joint) = if a.size >= b.size {
+            (from, to, step, a.with(&b, step))
+        } else {
+            let step = subtract([0; 4], step);
+            (to, from, step, b.with(&a, step))
+        };
+        if let Some(joint) = joint {
             self.regions[parent as usize] = joint;
             self.nodes[child as usize] = Node { parent, offset: step };
         }
     }
-}
-
-fn add(a: Triple, b: Triple) -> Triple {
-    [a[0].wrapping_add(b[0]), a[1].wrapping_add(b[1]), a[2].wrapping_add(b[2])]
-}
-
-/// a - b.
-pub(in crate::unwrap) fn subtract(a: Triple, b: Triple) -> Triple {
-    [a[0].wrapping_sub(b[0]), a[1].wrapping_sub(b[1]), a[2].wrapping_sub(b[2])]
 }
 
 #[cfg(test)]
@@ -123,6 +161,14 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+
+    fn of_nodes(count: usize, low: i16, high: i16) -> Regions {
+        let mut regions = Regions::default();
+        (0..count).for_each(|_| {
+            regions.push(Region { low: [low; 4], high: [high; 4], size: 1 });
+        });
+        regions
+    }
 
     proptest! {
         /// Against known values: whatever is joined in whatever order has the right differences.
@@ -132,20 +178,20 @@ mod tests {
             pairs in proptest::collection::vec((any::<prop::sample::Index>(), any::<prop::sample::Index>()), 1..80),
         ) {
             let n = values.len();
-            let mut regions = Regions::default();
-            regions.reset((0..n).map(|_| Region { low: [-99; 3], high: [99; 3], size: 1 }));
+            let mut regions = of_nodes(n, -99, 99);
             let mut label: Vec<usize> = (0..n).collect();
             for (from, to) in pairs.iter().map(|(a, b)| (a.index(n), b.index(n))) {
-                let step = [values[to] - values[from]; 3];
-                regions.join_all(&[Edge { key: 0, from: from as u32, to: to as u32, step }]);
+                regions.join(from as u32, to as u32, || [values[to] - values[from]; 4]);
                 let (old, new) = (label[to], label[from]);
                 label.iter_mut().filter(|label| **label == old).for_each(|label| *label = new);
             }
+            regions.flatten();
             for (a, b) in (0..n).flat_map(|a| (0..n).map(move |b| (a, b))) {
-                let ((root_a, offset_a), (root_b, offset_b)) = (regions.find(a as u32), regions.find(b as u32));
+                let [root_a, root_b] = [a, b].map(|node| regions.root(node as u32));
                 prop_assert_eq!(root_a == root_b, label[a] == label[b]);
                 if root_a == root_b {
-                    prop_assert_eq!(offset_b[0] - offset_a[0], values[b] - values[a]);
+                    let [low, high] = [a, b].map(|node| regions.above_root(node as u32)[0]);
+                    prop_assert_eq!(high - low, values[b] - values[a]);
                 }
             }
         }
@@ -153,13 +199,12 @@ mod tests {
 
     #[test]
     fn refuses_what_leaves_the_interval() {
-        let mut regions = Regions::default();
-        regions.reset((0..3).map(|_| Region { low: [0; 3], high: [1; 3], size: 1 }));
-        let edge = |from, to, step| Edge { key: 0, from, to, step: [step; 3] };
-        regions.join_all(&[edge(0, 1, 1), edge(1, 2, 1)]);
+        let mut regions = of_nodes(3, 0, 1);
+        regions.join(0, 1, || [1; 4]);
+        regions.join(1, 2, || [1; 4]);
         let ((a, _), (b, _), (c, _)) = (regions.find(0), regions.find(1), regions.find(2));
         assert!(a == b && b != c, "0, 1, 2 do not fit in 0 to 1");
-        assert_eq!((regions.region(a).low, regions.region(a).high), ([0; 3], [0; 3]));
+        assert_eq!((regions.region(a).low, regions.region(a).high), ([0; 4], [0; 4]));
         assert_eq!(regions.largest(), a);
     }
 }
