@@ -1,7 +1,7 @@
 //! One panel: grid, axes, series, labels at the points.
 
 use super::axis::Ruler;
-use super::canvas::{Anchor, Canvas, FAINT, GREY, INK, Spot, Turn};
+use super::canvas::{Anchor, Canvas, FAINT, GREY, INK, Shape, Spot, Turn, WHITE};
 use super::label::{Area, Crowd, Wanted, nearest};
 use super::style::{RADIUS, Style};
 use super::{Panel, Point, Series};
@@ -95,6 +95,9 @@ fn note(canvas: &mut Canvas, crowd: &mut Crowd, style: Style, spot: Spot, text: 
     if distance(edge, spot) > RADIUS + 9.0 {
         canvas.line(vec![spot, edge], style.colour, 0.6);
     }
+    // A line that had to pass there stops at the text.
+    let corners = [(area.0, area.1), (area.2, area.1), (area.2, area.3), (area.0, area.3)];
+    canvas.shapes.push(Shape::Area { spots: corners.to_vec(), colour: WHITE });
     canvas.text((area.0, area.3 - NOTE * 0.14), text, NOTE, style.colour, Anchor::Start);
 }
 
