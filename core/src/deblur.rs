@@ -5,14 +5,15 @@
 
 use std::f64::consts::PI;
 
-use ndarray::{Array3, Axis};
+use ndarray::Array3;
 
-use crate::dct::Dct2;
+use crate::dct::{self, Change, Grid, REALS};
 use crate::frame::{Frame, FrameError};
 use crate::optics::Psf;
-use crate::plane::{self, check_shape};
+use crate::plane::check_shape;
 use crate::range::Range;
 use crate::tone;
+use crate::workers::Workers;
 
 /// Power of the noise over that of the image, the same at all frequencies.
 pub const NSR: f64 = 4e-4;
@@ -23,17 +24,15 @@ const HALF_A_CODE: f32 = 0.5;
 /// The filter of one lens with its buffers; replans when the image size changes.
 pub struct Deblur {
     taps: Vec<f32>,
-    nsr: f64,
-    dct: Dct2,
-    plane: Vec<f32>,
-    sharp: Array3<f32>,
+    grid: Grid<[f32; REALS]>,
+    down: Vec<[f32; REALS]>,
+    across: Vec<f32>,
 }
 
 impl Deblur {
     /// For images that `psf` has blurred.
     pub fn new(psf: Psf) -> Self {
-        let sharp = Array3::zeros((0, 0, 0));
-        Self { taps: psf.taps(), nsr: NSR, dct: Dct2::new(1, 1), plane: Vec::new(), sharp }
+        Self { taps: psf.taps(), grid: Grid::new((1, 1, 1), 1), down: vec![[1.0; REALS]], across: vec![1.0] }
     }
 
     /// The sharp image as [`tone::linear8`] shows it; `x` (H x W x C, code units) comes from whole codes.
@@ -41,8 +40,11 @@ impl Deblur {
     /// # Errors
     /// [`FrameError`] when `x` is not of an image's shape.
     pub fn linear8(&mut self, x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
-        self.filter(x, range)?;
-        tone::linear8(&self.sharp, range)
+        if self.taps.len() == 1 {
+            return tone::linear8(x, range);
+        }
+        let scale = 255.0 / range.limit();
+        Frame::from_u8(self.sharpen(x, range, |x| tone::to_u8(x, scale))?)
     }
 
     /// The sharp image as [`tone::counts16`] shows it; `x` (H x W x C, code units) comes from whole codes.
@@ -50,38 +52,62 @@ impl Deblur {
     /// # Errors
     /// [`FrameError`] when `x` is not of an image's shape.
     pub fn counts16(&mut self, x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
-        self.filter(x, range)?;
-        tone::counts16(&self.sharp)
+        if self.taps.len() == 1 {
+            return tone::counts16(x);
+        }
+        Frame::from_u16(self.sharpen(x, range, tone::to_u16)?)
     }
 
-    fn filter(&mut self, x: &Array3<f32>, range: Range) -> Result<(), FrameError> {
-        let (height, width, channels) = x.dim();
+    /// `X H / (H^2 + NSR)`, clamped to `[0, alpha 2^b)`, and what `show` makes of it.
+    fn sharpen<T: Clone + Default>(
+        &mut self,
+        x: &Array3<f32>,
+        range: Range,
+        show: impl Fn(f32) -> T,
+    ) -> Result<Array3<T>, FrameError> {
         check_shape(x.dim())?;
-        if self.dct.dim() != (height, width) {
-            self.dct = Dct2::new(height, width);
-        }
-        self.sharp.clone_from(x);
-        if self.taps.len() == 1 {
-            return Ok(());
-        }
-        let (down, across) = (transfer(&self.taps, height), transfer(&self.taps, width));
-        for channel in 0..channels {
-            plane::take(x.view(), channel, &mut self.plane);
-            self.plane.iter_mut().for_each(|x| *x += HALF_A_CODE);
-            // The plan is of this very size.
-            let _ = self.dct.forward(&mut self.plane);
-            for (row, down) in self.plane.chunks_exact_mut(width).zip(&down) {
-                for (c, across) in row.iter_mut().zip(&across) {
+        self.plan(x.dim());
+        let x = x.as_standard_layout();
+        let samples = x.as_slice().unwrap_or_default();
+        let (_, width, channels) = x.dim();
+        let stride = width * channels;
+        let (change, most) = (
+            Change {
+                down: &self.down,
+                across: &self.across,
+                rule: |down: f32, across: f32, c: f32| {
                     let h = down * across;
-                    *c *= h / (h * h + self.nsr as f32);
-                }
+                    c * (h / (h * h + NSR as f32))
+                },
+            },
+            (range.limit() as f32).next_down(),
+        );
+        self.grid.filter(
+            &Workers::own(),
+            #[inline(always)]
+            |place| dct::at(samples, stride, place).map(|x| x + HALF_A_CODE),
+            &change,
+            #[inline(always)]
+            |_, values| values.map(|value| value.clamp(0.0, most)),
+        );
+        let mut sharp = Array3::default(x.dim());
+        for (row, out) in sharp.as_slice_mut().unwrap_or_default().chunks_exact_mut(stride).enumerate() {
+            for (run, out) in out.chunks_mut(REALS).enumerate() {
+                let values = self.grid.out(dct::Place { row, sample: run * REALS });
+                out.iter_mut().zip(values).for_each(|(out, &value)| *out = show(value));
             }
-            let _ = self.dct.inverse(&mut self.plane);
-            let sharp = self.sharp.index_axis_mut(Axis(2), channel);
-            let most = (range.limit() as f32).next_down();
-            sharp.into_iter().zip(&self.plane).for_each(|(to, &from)| *to = from.clamp(0.0, most));
         }
-        Ok(())
+        Ok(sharp)
+    }
+
+    fn plan(&mut self, dim @ (height, width, _): (usize, usize, usize)) {
+        if self.grid.dim() != dim {
+            self.grid = Grid::new(dim, 1);
+            self.across = transfer(&self.taps, width);
+            self.down = vec![[0.0; REALS]; height.div_ceil(REALS)];
+            let down = self.down.as_flattened_mut().iter_mut().zip(transfer(&self.taps, height));
+            down.for_each(|(to, value)| *to = value);
+        }
     }
 }
 

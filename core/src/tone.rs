@@ -7,6 +7,7 @@ use ndarray::Array3;
 
 use crate::frame::{Frame, FrameError};
 use crate::range::Range;
+use crate::simd::widest;
 
 /// `round(255 * x / (alpha * 2^b))`, clamped to 0..255, as [`Frame::U8`].
 ///
@@ -14,7 +15,10 @@ use crate::range::Range;
 /// [`FrameError`] when `x` (H x W x C, code units) is not of an image's shape.
 pub fn linear8(x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
     let scale = 255.0 / range.limit();
-    Frame::from_u8(x.mapv(|x| to_u8(x, scale)))
+    Frame::from_u8(widest(
+        #[inline(always)]
+        || x.mapv(|x| to_u8(x, scale)),
+    ))
 }
 
 /// `round(x)`, clamped to 0..65535, as [`Frame::U16`]: the HDR image in code units.
@@ -22,12 +26,19 @@ pub fn linear8(x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
 /// # Errors
 /// [`FrameError`] when `x` (H x W x C, code units) is not of an image's shape.
 pub fn counts16(x: &Array3<f32>) -> Result<Frame, FrameError> {
-    Frame::from_u16(x.mapv(|x| (f64::from(x) + 0.5) as u16))
+    Frame::from_u16(x.mapv(to_u16))
 }
 
 /// `scale` is `255 / (alpha * 2^b)`; `as` clamps and sends NaN to 0.
+#[inline(always)]
 pub(crate) fn to_u8(x: f32, scale: f64) -> u8 {
     (f64::from(x) * scale + 0.5) as u8
+}
+
+/// `as` clamps and sends NaN to 0.
+#[inline(always)]
+pub(crate) fn to_u16(x: f32) -> u16 {
+    (f64::from(x) + 0.5) as u16
 }
 
 #[cfg(test)]

@@ -34,8 +34,8 @@ struct Shape {
 /// Neighbouring bands, the share of one worker.
 struct Stripe<Out> {
     bands: std::ops::Range<usize>,
-    /// By band and row, rows filled up to whole blocks.
-    spectrum: Vec<Complex>,
+    /// By band and block.
+    spectrum: Vec<Tile>,
     /// By band and row.
     out: Vec<Out>,
     buffers: Buffers,
@@ -80,10 +80,6 @@ impl Shape {
     fn blocks(self) -> usize {
         self.height.div_ceil(REALS)
     }
-
-    fn rows_filled(self) -> usize {
-        self.blocks() * REALS
-    }
 }
 
 /// `count` things in at most `parts` runs of `each`.
@@ -99,7 +95,7 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
         shape.bands_each = shape.bands().div_ceil(parts.max(1));
         shape.blocks_each = shape.blocks().div_ceil(parts.max(1));
         let stripe = |bands: std::ops::Range<usize>| Stripe {
-            spectrum: vec![Complex::default(); bands.len() * shape.rows_filled()],
+            spectrum: vec![Tile::default(); bands.len() * shape.blocks()],
             out: vec![Out::default(); bands.len() * height],
             buffers: down.buffers(),
             bands,
@@ -222,7 +218,7 @@ impl<Out> Stripe<Out> {
             },
         );
         down.fourier(&mut self.buffers);
-        let to = &mut self.spectrum[band * shape.rows_filled()..][..shape.height];
+        let to = self.spectrum[band * shape.blocks()..][..shape.blocks()].as_flattened_mut();
         widest(
             #[inline(always)]
             || {
@@ -338,7 +334,7 @@ impl Slab {
         let first = block * shape.bands();
         widest(
             #[inline(always)]
-            || self.load(shape, |column| column, |band| tiles[first + band]),
+            || self.load(shape, |column| column, |band| &tiles[first + band]),
         );
         self.tiles = tiles;
         for buffers in &mut self.channels {
@@ -361,9 +357,16 @@ impl Slab {
 
     /// Takes the columns of a block apart by channel, each to its `position`.
     #[inline(always)]
-    fn load(&mut self, shape: Shape, position: impl Fn(usize) -> usize, tile: impl Fn(usize) -> Tile) {
+    fn load<'a>(
+        &mut self,
+        shape: Shape,
+        position: impl Fn(usize) -> usize,
+        tile: impl Fn(usize) -> &'a Tile,
+    ) {
         for band in 0..shape.bands() {
-            for (sample, lanes) in (band * REALS..shape.samples()).zip(transpose(&tile(band))) {
+            let mut turned = Tile::default();
+            transpose(tile(band), &mut turned);
+            for (sample, &lanes) in (band * REALS..shape.samples()).zip(&turned) {
                 let (column, channel) = (sample / shape.channels, sample % shape.channels);
                 self.channels[channel].input()[position(column)] = lanes;
             }
@@ -386,18 +389,21 @@ impl Slab {
                 let (column, channel) = (sample / shape.channels, sample % shape.channels);
                 *lanes = finish(self.channels[channel].result()[position(column)]);
             }
-            *tile = transpose(&turned);
+            transpose(&turned, tile);
         }
     }
 }
 
 /// The tile of `block` by its band.
 #[inline(always)]
-fn of_stripes<Out>(shape: Shape, block: usize, stripes: &[Stripe<Out>]) -> impl Fn(usize) -> Tile {
+fn of_stripes<'a, Out>(
+    shape: Shape,
+    block: usize,
+    stripes: &'a [Stripe<Out>],
+) -> impl Fn(usize) -> &'a Tile + use<'a, Out> {
     move |band| {
         let stripe = &stripes[band / shape.bands_each];
-        let row = (band - stripe.bands.start) * shape.rows_filled() + block * REALS;
-        stripe.spectrum[row..].first_chunk().copied().unwrap_or_default()
+        &stripe.spectrum[(band - stripe.bands.start) * shape.blocks() + block]
     }
 }
 
