@@ -17,9 +17,9 @@ struct Plane {
     word: i64,
 }
 
-/// Counts for the signal: residues, steep loops, agreeing columns.
+/// Counts for the signal: residues, steep loops, agreeing columns, clamped samples.
 #[derive(Default)]
-struct Seen([usize; 3]);
+struct Seen([usize; 4]);
 
 fn centered(value: i64, turn: i64) -> i64 {
     (value + turn / 2).rem_euclid(turn) - turn / 2
@@ -96,7 +96,7 @@ impl Plane {
             k[i][j] = self.count(k[i][j - 1] + self.turn(self.y[i][j] - self.y[i][j - 1]) + n[i][j - 1]);
         }
         self.join(&mut k, seen);
-        self.place(k)
+        self.place(k, seen)
     }
 
     fn anchor(&self, n: &mut [Vec<i64>]) {
@@ -144,7 +144,7 @@ impl Plane {
     }
 
     /// The highest level that holds nearly as many pixels as the best becomes 0.
-    fn place(&self, mut k: Vec<Vec<i64>>) -> Vec<Vec<i64>> {
+    fn place(&self, mut k: Vec<Vec<i64>>, seen: &mut Seen) -> Vec<Vec<i64>> {
         let all: Vec<_> = k.iter().flatten().copied().collect();
         let (low, high) = (*all.iter().min().unwrap(), *all.iter().max().unwrap());
         let mut levels = vec![0usize; (high - low + 1) as usize];
@@ -155,6 +155,7 @@ impl Plane {
         let best = (low..=high).map(share).max().unwrap();
         let near = |&zero: &i64| share(zero) as f64 >= best as f64 - 0.02 * all.len() as f64;
         let zero = (low..=high).rev().find(near).unwrap();
+        seen.0[3] += all.len() - share(zero);
         k.iter_mut().flatten().for_each(|k| *k = self.count(*k - zero).clamp(0, self.most));
         k
     }
@@ -175,7 +176,8 @@ fn reference(y: &Array3<u16>, range: Range, word: i64) -> (Array3<u8>, Signal) {
     let share = |count: usize, of: usize| if of == 0 { 0.0 } else { count as f32 / of as f32 };
     let loops = joints * (width - 1);
     let consensus = if joints == 0 { 1.0 } else { share(seen.0[2], joints * width) };
-    (k, Signal { residues: share(seen.0[0], loops), steep: share(seen.0[1], loops), consensus })
+    let (residues, steep) = (share(seen.0[0], loops), share(seen.0[1], loops));
+    (k, Signal { residues, steep, consensus, clamped: share(seen.0[3], y.len()) })
 }
 
 fn lines(y: &Frame, range: Range) -> Recovered {

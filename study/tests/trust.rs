@@ -11,8 +11,7 @@ use modulo_images::{EXTENSIONS, White, read_image};
 use ndarray::Array3;
 
 const ALPHAS: [f64; 9] = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0];
-const BLURS: [Psf; 4] =
-    [Psf::None, Psf::Gaussian { sigma: 0.8 }, Psf::Gaussian { sigma: 1.1 }, Psf::Paper7];
+const BLURS: [Psf; 4] = [Psf::None, Psf::Gaussian { sigma: 0.8 }, Psf::Gaussian { sigma: 1.1 }, Psf::Paper7];
 const NOISES: [f64; 4] = [0.0, 2.0, 5.0, 10.0];
 /// Without `MODULO_TRUST=all`; shares no factor with the numbers above.
 const STRIDE: usize = 23;
@@ -47,10 +46,10 @@ struct Tally {
 impl Tally {
     fn take(&mut self, name: &str, radiance: &Array3<f32>, (alpha, psf, read_noise): (f64, Psf, f64)) {
         let config = SensorConfig { bits: 8, alpha, psf, read_noise, shot_noise: 0.0 };
-        let exposure = Sensor::new(config).unwrap().expose(radiance.view(), 1).unwrap();
+        let exposure = Sensor::new(config).expect("a sensor").expose(radiance.view(), 1).expect("an image");
         let mut out = Recovered::default();
-        let mut auto = by_name("auto", &Options::default()).unwrap();
-        auto.unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
+        let mut auto = by_name("auto", &Options::default()).expect("listed");
+        auto.unwrap(&exposure.modulo(), exposure.range(), &mut out).expect("codes of that sensor");
         let truth = exposure.wraps();
         let right = out.k.iter().zip(&truth).filter(|(k, truth)| k == truth).count();
         let exact = right as f64 / truth.len() as f64;
@@ -58,7 +57,8 @@ impl Tally {
         if out.report.trusted == Some(true) {
             self.trusted += 1;
             if exact < 0.999 {
-                let what = format!("{name} alpha {alpha} {psf:?} noise {read_noise}: {exact:.5} {:?}", out.report);
+                let what =
+                    format!("{name} alpha {alpha} {psf:?} noise {read_noise}: {exact:.5} {:?}", out.report);
                 println!("trusted and wrong: {what}");
                 self.wrong.push(what);
             }

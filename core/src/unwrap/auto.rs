@@ -6,7 +6,7 @@
 //! | seen in y | rung | trusted |
 //! |---|---|---|
 //! | no wrapped difference at all | pass_through | yes |
-//! | hardly a steep loop, rows agree | lines | yes |
+//! | hardly a steep loop, rows agree, all counts in range | lines | yes |
 //! | few steep loops | gradient_tree | yes |
 //! | more | gradient_tree | no |
 //!
@@ -55,11 +55,11 @@ impl Auto {
     }
 
     fn judge(&self, lines: &Recovered) -> Verdict {
-        let Some(Signal { steep, consensus, .. }) = lines.report.signal else {
+        let Some(Signal { steep, consensus, clamped, .. }) = lines.report.signal else {
             return Verdict::Climb { trusted: false };
         };
         let (steep, consensus) = (f64::from(steep), f64::from(consensus));
-        if steep <= self.limits.lines && consensus >= self.limits.consensus {
+        if steep <= self.limits.lines && consensus >= self.limits.consensus && clamped == 0.0 {
             let wrapped = lines.k.iter().any(|&k| k > 0);
             return if wrapped { Verdict::Lines } else { Verdict::PassThrough };
         }

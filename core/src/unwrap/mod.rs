@@ -86,6 +86,8 @@ pub struct Signal {
     pub steep: f32,
     /// Mean share of a row that agrees on how it continues the row above, 0 to 1.
     pub consensus: f32,
+    /// Fraction of the samples whose count left the range and was clamped: they contradict the rest.
+    pub clamped: f32,
 }
 
 /// What the methods can be told; each reads its own.

@@ -44,13 +44,11 @@ pub fn describe(header: &Header, method: &str, report: &Report) -> DiagnosticArr
     if let Some(trusted) = report.trusted {
         values.push(("trusted", trusted.to_string()));
     }
-    if let Some(Signal { residues, steep, consensus }) = report.signal {
+    if let Some(Signal { residues, steep, consensus, clamped }) = report.signal {
         let share = |value: f32| format!("{value:.3e}");
-        values.extend([
-            ("residues", share(residues)),
-            ("steep", share(steep)),
-            ("consensus", share(consensus)),
-        ]);
+        let shares =
+            [("residues", residues), ("steep", steep), ("consensus", consensus), ("clamped", clamped)];
+        values.extend(shares.map(|(name, value)| (name, share(value))));
     }
     let values = values.into_iter().map(|(key, value)| KeyValue { key: key.to_owned(), value }).collect();
     let status = DiagnosticStatus {

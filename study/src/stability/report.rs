@@ -91,6 +91,8 @@ pub struct SignalRow {
     pub steep: f32,
     /// Share of the columns.
     pub consensus: f32,
+    /// Fraction of the samples.
+    pub clamped: f32,
 }
 
 /// What came of an expectation.
@@ -117,8 +119,8 @@ pub struct RefusalRow {
 }
 
 impl From<Signal> for SignalRow {
-    fn from(Signal { residues, steep, consensus }: Signal) -> Self {
-        Self { residues, steep, consensus }
+    fn from(Signal { residues, steep, consensus, clamped }: Signal) -> Self {
+        Self { residues, steep, consensus, clamped }
     }
 }
 

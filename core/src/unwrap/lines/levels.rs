@@ -14,6 +14,12 @@ pub(super) struct Levels<'a, W> {
     pub anchors: &'a [W],
 }
 
+/// By channel: the level that stands for k = 0, raised, and how many samples leave the range for it.
+pub(super) struct Zero<W> {
+    level: [W; 3],
+    pub outside: usize,
+}
+
 /// By channel: the least and the greatest k, raised by half a turn.
 struct Extent<W> {
     low: [W; 3],
@@ -21,18 +27,21 @@ struct Extent<W> {
 }
 
 impl<W: Word> Levels<'_, W> {
-    /// By channel: the level that stands for k = 0, raised. `sums` is a buffer.
+    /// `sums` is a buffer.
     #[inline(always)]
-    pub fn zero(&self, most: u8, sums: &mut Vec<W>) -> [W; 3] {
+    pub fn zero(&self, most: u8, sums: &mut Vec<W>) -> Zero<W> {
         let extent = self.extent(sums);
         let span = |channel: usize| extent.high[channel].minus(extent.low[channel]).into();
-        let mut zero = extent.low;
+        let mut zero = Zero { level: extent.low, outside: 0 };
         if (0..self.layout.channels).all(|channel| span(channel) <= u16::from(most)) {
             self.climb(&mut zero, sums);
         } else {
-            for (channel, zero) in zero[..self.layout.channels].iter_mut().enumerate() {
+            for (channel, level) in zero.level[..self.layout.channels].iter_mut().enumerate() {
                 let counts = self.histogram(channel, extent.low[channel], span(channel), sums);
-                *zero = zero.plus(W::low(congruence::zero_of(&counts, most.into()) as u16));
+                let index = congruence::zero_of(&counts, most.into());
+                let inside = counts[index..].iter().take(usize::from(most) + 1);
+                zero.outside += counts.iter().sum::<usize>() - inside.sum::<usize>();
+                *level = level.plus(W::low(index as u16));
             }
         }
         zero
@@ -40,22 +49,23 @@ impl<W: Word> Levels<'_, W> {
 
     /// Every k is in range: a level leaves out what is below it.
     #[inline(always)]
-    fn climb(&self, zero: &mut [W; 3], sums: &mut Vec<W>) {
+    fn climb(&self, zero: &mut Zero<W>, sums: &mut Vec<W>) {
         let Layout { height, width, channels } = self.layout;
         let pixels = height * width;
         let mut below = [0; 3];
         for _ in 0..=u8::MAX {
-            let counts = self.count(zero, sums);
-            let before = *zero;
+            let counts = self.count(&zero.level, sums);
+            let before = zero.level;
             for channel in 0..channels {
                 let enough = congruence::is_enough(pixels - below[channel] - counts[channel], pixels, pixels);
                 below[channel] += if enough { counts[channel] } else { 0 };
-                zero[channel] = zero[channel].plus(W::one_if(enough));
+                zero.level[channel] = zero.level[channel].plus(W::one_if(enough));
             }
-            if before == *zero {
-                return;
+            if before == zero.level {
+                break;
             }
         }
+        zero.outside = below.iter().sum();
     }
 
     #[inline(always)]
@@ -139,7 +149,7 @@ impl<W: Word> Levels<'_, W> {
     pub fn write<S>(
         &self,
         samples: &Samples<'_, S>,
-        zero: [W; 3],
+        zero: &Zero<W>,
         range: Range,
         sums: &mut Vec<W>,
         out: &mut Recovered,
@@ -150,7 +160,7 @@ impl<W: Word> Levels<'_, W> {
         let (bits, most) = (range.bits(), W::low(range.most_wraps().into()));
         let length = self.layout.samples();
         // Half a turn stands for k = 0.
-        let start = zero.map(W::raise).map(|zero| W::HALF.minus(zero));
+        let start = zero.level.map(W::raise).map(|zero| W::HALF.minus(zero));
         let rows = x.chunks_exact_mut(length).zip(counts.chunks_exact_mut(length));
         for (i, (x, counts)) in rows.enumerate() {
             self.offsets(i, start, sums);

@@ -112,14 +112,15 @@ impl<W: Word> Work<W> {
         self.anchors.find(&self.gradient, &Summed { samples, layout, rows: &self.rows }, range);
         let levels = Levels { layout, rows: &self.rows, anchors: &self.anchors.sums };
         let offsets = &mut self.offsets;
-        widest(
+        let outside = widest(
             #[inline(always)]
             || {
                 let zero = levels.zero(range.most_wraps(), offsets);
-                levels.write(samples, zero, range, offsets, out);
+                levels.write(samples, &zero, range, offsets, out);
+                zero.outside
             },
         );
-        out.report.signal = Some(self.signal(layout));
+        out.report.signal = Some(self.signal(layout, outside));
     }
 
     #[inline(always)]
@@ -133,7 +134,7 @@ impl<W: Word> Work<W> {
         self.rows.append(&self.sums, [here, up, upper]);
     }
 
-    fn signal(&self, Layout { height, width, channels }: Layout) -> Signal {
+    fn signal(&self, Layout { height, width, channels }: Layout, outside: usize) -> Signal {
         let share = |count: u64, of: usize| if of == 0 { 0.0 } else { count as f32 / of as f32 };
         let joints = (height - 1) * channels;
         let loops = joints * (width - 1);
@@ -141,6 +142,7 @@ impl<W: Word> Work<W> {
             residues: share(self.gradient.residues, loops),
             steep: share(self.gradient.suspect, loops),
             consensus: if joints == 0 { 1.0 } else { share(self.rows.agreeing, joints * width) },
+            clamped: share(outside as u64, height * width * channels),
         }
     }
 }
