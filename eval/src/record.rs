@@ -2,9 +2,8 @@
 
 use modulo_bags::bag::BagTopic;
 use modulo_bags::record::Recorder;
-use modulo_msgs::std_msgs::Header;
+use modulo_runtime::Topic;
 use modulo_runtime::driver::lockstep::OnTopic;
-use modulo_runtime::{Message, Topic};
 
 use crate::EvalError;
 
@@ -12,20 +11,10 @@ use crate::EvalError;
 pub(crate) fn record(recorder: &mut Recorder, out: &[OnTopic], topics: &[String]) -> Result<(), EvalError> {
     for (topic, message) in out.iter().filter(|(topic, _)| topics.contains(topic)) {
         let bytes = message.encode()?;
-        let stamp = header(message).stamp.as_ns();
+        let stamp = message.stamp().as_ns();
         let kind = message.kind();
         let bag_topic = BagTopic::new(topic, kind.type_name(), Topic::new(topic, kind).qos);
         recorder.record(&bag_topic, stamp, stamp, &bytes)?;
     }
     Ok(())
-}
-
-fn header(message: &Message) -> &Header {
-    match message {
-        Message::Image(image) => &image.header,
-        Message::CompressedImage(image) => &image.header,
-        Message::CameraInfo(info) => &info.header,
-        Message::Detections(array) => &array.header,
-        Message::Diagnostics(array) => &array.header,
-    }
 }

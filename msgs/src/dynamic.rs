@@ -271,7 +271,7 @@ mod tests {
 
     #[test]
     fn long_arrays_are_cut_and_counted() {
-        let image = crate::sensor_msgs::Image { data: vec![7; 1000].into(), ..Default::default() };
+        let image = crate::sensor_msgs::Image { data: vec![7; 1000], ..Default::default() };
         let text = shown("sensor_msgs/msg/Image", &image);
         assert!(text.contains("7, '... 872 more']") && text.len() < 1000, "{text}");
     }

@@ -14,6 +14,7 @@ pub mod message;
 pub mod name;
 pub mod node;
 pub mod parameter;
+pub mod parameter_events;
 pub mod parameter_service;
 pub mod report;
 pub mod ros_args;

@@ -6,8 +6,10 @@ use std::sync::Arc;
 use modulo_core::Frame;
 use modulo_msgs::cdr;
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
+use modulo_msgs::rcl_interfaces::{Log, ParameterEvent};
+use modulo_msgs::rosgraph_msgs::Clock;
 use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image};
-use modulo_msgs::std_msgs::Header;
+use modulo_msgs::std_msgs::{Header, Time};
 use modulo_msgs::vision_msgs::Detection2DArray;
 
 /// An image with the header of the exposure it came from.
@@ -33,6 +35,12 @@ pub enum MessageKind {
     Detections,
     /// `diagnostic_msgs/msg/DiagnosticArray`
     Diagnostics,
+    /// `rcl_interfaces/msg/ParameterEvent`
+    ParameterEvent,
+    /// `rcl_interfaces/msg/Log`
+    Log,
+    /// `rosgraph_msgs/msg/Clock`
+    Clock,
 }
 
 /// One message, cheap to clone.
@@ -48,6 +56,12 @@ pub enum Message {
     Detections(Arc<Detection2DArray>),
     /// `diagnostic_msgs/msg/DiagnosticArray`
     Diagnostics(Arc<DiagnosticArray>),
+    /// `rcl_interfaces/msg/ParameterEvent`
+    ParameterEvent(Arc<ParameterEvent>),
+    /// `rcl_interfaces/msg/Log`
+    Log(Arc<Log>),
+    /// `rosgraph_msgs/msg/Clock`
+    Clock(Clock),
 }
 
 impl Message {
@@ -59,6 +73,23 @@ impl Message {
             Self::CameraInfo(_) => MessageKind::CameraInfo,
             Self::Detections(_) => MessageKind::Detections,
             Self::Diagnostics(_) => MessageKind::Diagnostics,
+            Self::ParameterEvent(_) => MessageKind::ParameterEvent,
+            Self::Log(_) => MessageKind::Log,
+            Self::Clock(_) => MessageKind::Clock,
+        }
+    }
+
+    /// When what it tells of was.
+    pub fn stamp(&self) -> Time {
+        match self {
+            Self::Image(image) => image.header.stamp,
+            Self::CompressedImage(image) => image.header.stamp,
+            Self::CameraInfo(info) => info.header.stamp,
+            Self::Detections(array) => array.header.stamp,
+            Self::Diagnostics(array) => array.header.stamp,
+            Self::ParameterEvent(event) => event.stamp,
+            Self::Log(log) => log.stamp,
+            Self::Clock(clock) => clock.clock,
         }
     }
 }
@@ -74,6 +105,18 @@ pub struct DecodeError {
 }
 
 impl MessageKind {
+    /// All of them.
+    pub const ALL: [Self; 8] = [
+        Self::Image,
+        Self::CompressedImage,
+        Self::CameraInfo,
+        Self::Detections,
+        Self::Diagnostics,
+        Self::ParameterEvent,
+        Self::Log,
+        Self::Clock,
+    ];
+
     /// ROS name of the type.
     pub fn type_name(self) -> &'static str {
         match self {
@@ -82,14 +125,15 @@ impl MessageKind {
             Self::CameraInfo => "sensor_msgs/msg/CameraInfo",
             Self::Detections => "vision_msgs/msg/Detection2DArray",
             Self::Diagnostics => "diagnostic_msgs/msg/DiagnosticArray",
+            Self::ParameterEvent => "rcl_interfaces/msg/ParameterEvent",
+            Self::Log => "rcl_interfaces/msg/Log",
+            Self::Clock => "rosgraph_msgs/msg/Clock",
         }
     }
 
     /// The kind of this ROS type, if the suite knows it.
     pub fn from_type_name(name: &str) -> Option<Self> {
-        [Self::Image, Self::CompressedImage, Self::CameraInfo, Self::Detections, Self::Diagnostics]
-            .into_iter()
-            .find(|kind| kind.type_name() == name)
+        Self::ALL.into_iter().find(|kind| kind.type_name() == name)
     }
 
     /// `RIHS01_...` of the type.
@@ -110,6 +154,9 @@ impl Message {
             Self::CameraInfo(message) => cdr::to_vec(&**message),
             Self::Detections(message) => cdr::to_vec(&**message),
             Self::Diagnostics(message) => cdr::to_vec(&**message),
+            Self::ParameterEvent(message) => cdr::to_vec(&**message),
+            Self::Log(message) => cdr::to_vec(&**message),
+            Self::Clock(message) => cdr::to_vec(message),
         }
     }
 
@@ -130,6 +177,9 @@ impl Message {
             MessageKind::CameraInfo => Self::CameraInfo(parse(bytes).map_err(bad)?),
             MessageKind::Detections => Self::Detections(parse(bytes).map_err(bad)?),
             MessageKind::Diagnostics => Self::Diagnostics(parse(bytes).map_err(bad)?),
+            MessageKind::ParameterEvent => Self::ParameterEvent(parse(bytes).map_err(bad)?),
+            MessageKind::Log => Self::Log(parse(bytes).map_err(bad)?),
+            MessageKind::Clock => Self::Clock(cdr::from_slice(bytes).map_err(|e| bad(e.to_string()))?),
         })
     }
 }

@@ -12,6 +12,18 @@ pub enum Qos {
     Results,
     /// Reliable and transient local, keep last 1: a late reader still gets it.
     Latched,
+    /// `/clock`: best effort, keep last 1.
+    Clock,
+    /// `/parameter_events`: reliable, keep last 1000.
+    Events,
+    /// `/rosout`: reliable, keep last 1000, transient local, forgotten after 10 s.
+    Logs,
+}
+
+impl Qos {
+    /// All of them.
+    pub const ALL: [Self; 6] =
+        [Self::Images, Self::Results, Self::Latched, Self::Clock, Self::Events, Self::Logs];
 }
 
 /// A topic that a node reads or writes.
@@ -32,6 +44,10 @@ impl Topic {
         let qos = match kind {
             MessageKind::Image | MessageKind::CompressedImage | MessageKind::CameraInfo => Qos::Images,
             MessageKind::Detections | MessageKind::Diagnostics => Qos::Results,
+            MessageKind::ParameterEvent => Qos::Events,
+            MessageKind::Log => Qos::Logs,
+            // As `rclcpp::ClockQoS`: the newest time, best effort.
+            MessageKind::Clock => Qos::Clock,
         };
         Self { name: name.into(), kind, qos }
     }

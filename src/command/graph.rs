@@ -1,7 +1,7 @@
 //! `modulo topic` and `modulo node`: who is there, and what they say. No ROS is needed.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
@@ -188,10 +188,7 @@ impl Listening {
 
     /// The next sample within `patience`.
     fn next(&self, patience: Duration) -> Option<RawSample> {
-        match self.samples.recv_timeout(patience) {
-            Ok(sample) => Some(sample),
-            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => None,
-        }
+        self.samples.recv_timeout(patience).ok()
     }
 
     fn goes_on(&self) -> bool {

@@ -19,10 +19,14 @@ pub fn yaml(qos: Qos) -> String {
         Qos::Images => (5, "best_effort", "volatile"),
         Qos::Results => (10, "reliable", "volatile"),
         Qos::Latched => (1, "reliable", "transient_local"),
+        Qos::Clock => (1, "best_effort", "volatile"),
+        Qos::Events => (1000, "reliable", "volatile"),
+        Qos::Logs => (1000, "reliable", "transient_local"),
     };
+    let lifespan = if qos == Qos::Logs { "sec: 10\n    nsec: 0" } else { INFINITE };
     format!(
         "- history: keep_last\n  depth: {depth}\n  reliability: {reliability}\n  durability: {durability}\n  \
-         deadline:\n    {INFINITE}\n  lifespan:\n    {INFINITE}\n  liveliness: automatic\n  \
+         deadline:\n    {INFINITE}\n  lifespan:\n    {lifespan}\n  liveliness: automatic\n  \
          liveliness_lease_duration:\n    {INFINITE}\n  avoid_ros_namespace_conventions: false\n"
     )
 }
@@ -31,6 +35,9 @@ pub fn yaml(qos: Qos) -> String {
 /// [`Qos::Results`] when it says nothing.
 pub fn parse(yaml: &str) -> Qos {
     let words = in_words(yaml);
+    if let Some(known) = Qos::ALL.into_iter().find(|qos| self::yaml(*qos) == words) {
+        return known;
+    }
     let first = |key: &str| words.lines().find_map(|line| value(line, key));
     if first("durability") == Some("transient_local") {
         Qos::Latched
@@ -67,7 +74,7 @@ mod tests {
 
     #[test]
     fn profiles_return() {
-        for qos in [Qos::Images, Qos::Results, Qos::Latched] {
+        for qos in Qos::ALL {
             assert_eq!(parse(&yaml(qos)), qos);
             assert_eq!(in_words(&yaml(qos)), yaml(qos));
         }

@@ -13,6 +13,7 @@ use crate::message::Message;
 use crate::name::Place;
 use crate::node::{Context, Cue, Flow, Node, StepError, Yield};
 use crate::parameter::{Parameters, Refusal};
+use crate::parameter_events::ParameterEvents;
 use crate::report::{NodeReport, add};
 use crate::stop::{Stop, Urgency};
 use crate::transport::{
@@ -39,6 +40,7 @@ struct Live<'a> {
     outlets: Vec<(Address, Box<dyn Outlet>)>,
     inputs: Inputs,
     diagnostics: Diagnostics,
+    parameter_events: ParameterEvents,
 }
 
 /// The present subscriptions; renewed as a whole when the inputs change.
@@ -72,6 +74,7 @@ pub fn run(
         .map(|address| transport.advertise(&place, &address).map(|outlet| (address, outlet)))
         .collect::<Result<_, _>>()?;
     let diagnostics = Diagnostics::new(&place, transport)?;
+    let parameter_events = ParameterEvents::new(&place, transport)?;
     let live = Live {
         report: NodeReport::new(place.fully_qualified()),
         node,
@@ -83,6 +86,7 @@ pub fn run(
         outlets,
         inputs: Inputs::none(),
         diagnostics,
+        parameter_events,
     };
     live.run()
 }
@@ -93,6 +97,7 @@ impl Live<'_> {
         self.subscribe()?;
         let requests = self.serve_parameters()?;
         let announced = self.transport.announce(&self.place)?;
+        self.parameter_events.started(self.clock.now_ns(), &self.settings());
         tracing::info!(node = %self.report.node, "ready");
         let ended = match self.node.period() {
             Some(_) => self.run_source(&requests.1),
@@ -179,8 +184,10 @@ impl Live<'_> {
     }
 
     fn change(&mut self, request: &ParameterRequest) -> Result<(), Refusal> {
-        let next = self.settings().with(&request.changes, true)?;
+        let before = self.settings();
+        let next = before.with(&request.changes, true)?;
         self.node.configure(&next)?;
+        self.parameter_events.changed(self.clock.now_ns(), &before, &next);
         *self.parameters.lock().unwrap_or_else(PoisonError::into_inner) = next;
         Ok(())
     }

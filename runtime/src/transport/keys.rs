@@ -155,11 +155,17 @@ pub fn qos_string(qos: Qos) -> &'static str {
         Qos::Images => "2::,5:,:,:,,",
         Qos::Results => "::,10:,:,:,,",
         Qos::Latched => ":1:,1:,:,:,,",
+        Qos::Clock => "2::,1:,:,:,,",
+        Qos::Events => "::,1000:,:,:,,",
+        Qos::Logs => ":1:,1000:,:10,0:,,",
     }
 }
 
 /// The nearest of the suite's profiles to a token's QoS.
 pub fn qos_of(text: &str) -> Qos {
+    if let Some(known) = Qos::ALL.into_iter().find(|qos| qos_string(*qos) == text) {
+        return known;
+    }
     let mut fields = text.split(':');
     match (fields.next(), fields.next()) {
         (_, Some("1")) => Qos::Latched,

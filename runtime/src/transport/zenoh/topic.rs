@@ -41,8 +41,8 @@ impl ZenohTransport {
     /// [`TransportError`] with what zenoh says.
     pub fn advertise_raw(&self, node: &Place, endpoint: &Endpoint) -> Result<RawOutlet, TransportError> {
         let reliability = match keys::qos_of(&endpoint.qos) {
-            Qos::Images => Reliability::BestEffort,
-            Qos::Results | Qos::Latched => Reliability::Reliable,
+            Qos::Images | Qos::Clock => Reliability::BestEffort,
+            Qos::Results | Qos::Latched | Qos::Events | Qos::Logs => Reliability::Reliable,
         };
         let publisher = self
             .session
