@@ -1,0 +1,102 @@
+//! What happens to a node's parameters, told to everybody on `/parameter_events`.
+
+use std::sync::Arc;
+
+use modulo_msgs::rcl_interfaces::{Parameter, ParameterEvent};
+use modulo_msgs::std_msgs::Time;
+
+use crate::message::{Message, MessageKind};
+use crate::name::Place;
+use crate::parameter::Parameters;
+use crate::parameter_service::to_ros;
+use crate::topic::Topic;
+use crate::transport::{Address, Outlet, Transport, TransportError};
+
+/// The `/parameter_events` publisher of one node.
+pub struct ParameterEvents {
+    node: String,
+    outlet: Box<dyn Outlet>,
+}
+
+impl ParameterEvents {
+    /// Advertises `/parameter_events` for the node at `place`.
+    ///
+    /// # Errors
+    /// [`TransportError`] when the carrier refuses.
+    pub fn new(place: &Place, transport: &dyn Transport) -> Result<Self, TransportError> {
+        let Topic { name, kind, qos } = Topic::new("/parameter_events", MessageKind::ParameterEvent);
+        let outlet = transport.advertise(place, &Address { topic: name, kind, qos })?;
+        Ok(Self { node: place.fully_qualified(), outlet })
+    }
+
+    /// All parameters are new: the node has started.
+    pub fn started(&self, now_ns: u64, set: &Parameters) {
+        let all = set.descriptors().iter().map(|d| parameter(set, d.name)).collect();
+        self.put(now_ns, |event| event.new_parameters = all);
+    }
+
+    /// `before` became `now`. Nothing is said when they are equal.
+    pub fn changed(&self, now_ns: u64, before: &Parameters, now: &Parameters) {
+        let names = now.descriptors().iter().map(|d| d.name);
+        let changed: Vec<_> =
+            names.filter(|name| before.get(name) != now.get(name)).map(|name| parameter(now, name)).collect();
+        if !changed.is_empty() {
+            self.put(now_ns, |event| event.changed_parameters = changed);
+        }
+    }
+
+    fn put(&self, now_ns: u64, fill: impl FnOnce(&mut ParameterEvent)) {
+        let stamp = Time::from_ns(now_ns);
+        let mut event = ParameterEvent { stamp, node: self.node.clone(), ..ParameterEvent::default() };
+        fill(&mut event);
+        if let Err(why) = self.outlet.put(&Message::ParameterEvent(Arc::new(event))) {
+            tracing::debug!("{why}");
+        }
+    }
+}
+
+fn parameter(set: &Parameters, name: &str) -> Parameter {
+    Parameter { name: name.to_owned(), value: to_ros(set.get(name)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+    use crate::inbox::{Inbox, Keep, Taken};
+    use crate::parameter::{Allowed, Descriptor, Value};
+    use crate::transport::Parcel;
+    use crate::transport::local::LocalTransport;
+
+    #[test]
+    fn starts_and_changes_are_told_and_nothing_else() {
+        let transport = LocalTransport::default();
+        let place = Place { name: "detector".into(), namespace: "/front".into(), remaps: Vec::new() };
+        let Topic { name, kind, qos } = Topic::new("/parameter_events", MessageKind::ParameterEvent);
+        let inbox = Arc::new(Inbox::new(&[Keep::Last(8)]));
+        let address = Address { topic: name, kind, qos };
+        let _inlet = transport.subscribe(&place, &address, inbox.clone(), 0).expect("a local topic");
+        let events = ParameterEvents::new(&place, &transport).expect("a local topic");
+
+        let alpha = Descriptor::new("alpha", Value::Double(4.0), Allowed::Any, "reach");
+        let bits = Descriptor::new("bits", Value::Integer(8), Allowed::Any, "width");
+        let before = Parameters::declare(vec![alpha, bits]);
+        let after = before.with(&[("alpha".into(), Value::Double(2.0))], true).expect("possible");
+        events.started(5_000_000_007, &before);
+        events.changed(6, &before, &before);
+        events.changed(7, &before, &after);
+
+        let next = || match inbox.take(Duration::from_millis(10)) {
+            Taken::Item(_, Parcel::Message(Message::ParameterEvent(event))) => Some(event),
+            _ => None,
+        };
+        let started = next().expect("the start");
+        assert_eq!((started.node.as_str(), started.stamp), ("/front/detector", Time { sec: 5, nanosec: 7 }));
+        assert_eq!(started.new_parameters.len(), 2);
+        let changed = next().expect("the change");
+        let [parameter] = &changed.changed_parameters[..] else { panic!("one change: {changed:?}") };
+        assert_eq!((parameter.name.as_str(), parameter.value.double_value), ("alpha", 2.0));
+        assert!(next().is_none(), "a change to the same value is none");
+    }
+}
