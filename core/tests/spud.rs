@@ -6,8 +6,8 @@
 
 use std::f64::consts::PI;
 
-use modulo_core::unwrap::{Spud, ThresholdOn};
-use modulo_core::{Range, UnwrapError};
+use modulo_core::unwrap::{Options, Spud, ThresholdOn, by_name};
+use modulo_core::{Frame, Range, Recovered, UnwrapError};
 use ndarray::{Array2, Array3, Axis};
 
 /// The scene of `spud_reference.py`, in code units.
@@ -104,4 +104,42 @@ fn takes_the_peak_but_nothing_beyond_and_no_nan() {
     y[(1, 2, 0)] = f32::NAN;
     assert!(spud.solve(y.view(), range).is_err());
     assert!(Spud::new(f64::NAN, ThresholdOn::Phi).is_err() && Spud::new(-0.1, ThresholdOn::Rho).is_err());
+}
+
+#[test]
+fn threads_change_nothing() {
+    for (height, width, channels, bits) in [(1, 1, 1, 8), (33, 50, 3, 8), (70, 79, 3, 12), (5, 300, 1, 3)] {
+        let range = Range::new(bits, 4.0).unwrap();
+        let x = scene(height, width, channels).mapv(|x| x as u32 & ((1 << bits) - 1));
+        let y = match bits {
+            ..=8 => Frame::from_u8(x.mapv(|x| x as u8)),
+            _ => Frame::from_u16(x.mapv(|x| x as u16)),
+        }
+        .unwrap();
+        let recover = |threads| {
+            let options = Options { threads, ..Options::default() };
+            let mut out = Recovered::default();
+            by_name("spud", &options).unwrap().unwrap(&y, range, &mut out).unwrap();
+            (out, Spud::with_threads(0.1, ThresholdOn::Phi, threads).unwrap().solve(y.to_f32().view(), range))
+        };
+        let alone = recover(1);
+        for threads in [2, 3, 7] {
+            assert!(recover(threads) == alone, "{height} x {width} x {channels}: {threads} threads");
+        }
+    }
+}
+
+/// From codes to counts in integers is the same as from phi in real numbers.
+#[test]
+fn counts_are_those_next_to_phi() {
+    let range = Range::new(8, 4.0).unwrap();
+    let x = Array3::from_shape_fn((90, 131, 3), |(i, j, c)| (3 * i + 2 * j + 40 * c) as f32);
+    let y = Frame::from_u8(x.mapv(|x| x as u32 as u8)).unwrap();
+    let mut out = Recovered::default();
+    for method in ["spud", "least_squares"] {
+        by_name(method, &Options::default()).unwrap().unwrap(&y, range, &mut out).unwrap();
+        let right = out.x.iter().zip(&x).filter(|(a, b)| a == b).count();
+        assert_eq!(right, x.len(), "{method}");
+        assert_eq!(out.report.rung, method);
+    }
 }
