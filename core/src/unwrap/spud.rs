@@ -112,9 +112,10 @@ impl Spud {
             let rows = (part * each).min(height)..((part + 1) * each).min(height);
             for sample in (0..width * channels).step_by(REALS) {
                 let inside = REALS.min(width * channels - sample);
+                let channel: [usize; REALS] = std::array::from_fn(|lane| (sample + lane) % channels);
                 for residuals in &grid.outs(sample)[rows.clone()] {
-                    for (lane, &residual) in residuals[..inside].iter().enumerate() {
-                        histograms[(sample + lane) % channels].count(residual);
+                    for (&residual, &channel) in residuals[..inside].iter().zip(&channel) {
+                        histograms[channel].count(residual);
                     }
                 }
             }
@@ -155,17 +156,22 @@ impl Spud {
     ) {
         let channels = self.poisson.grid.dim().2;
         let (scale, peak) = (range.peak() / PEAK as f32, range.peak());
+        // By channel of the first sample of a run.
+        let lanes: [[Counting; REALS]; 3] =
+            std::array::from_fn(|first| std::array::from_fn(|lane| countings[(first + lane) % channels]));
         for (row, (x, k)) in (first..).zip(x.chunks_exact_mut(stride).zip(k.chunks_exact_mut(stride))) {
             let runs = x.chunks_mut(REALS).zip(k.chunks_mut(REALS)).enumerate();
             for (run, (x, k)) in runs {
                 let place = Place { row, sample: run * REALS };
                 let (residuals, codes) = (self.poisson.grid.out(place), self.codes.at(place));
-                let lanes: [Counting; REALS] =
-                    std::array::from_fn(|lane| countings[(place.sample + lane) % channels]);
-                for (lane, (x, k)) in x.iter_mut().zip(k).enumerate() {
-                    *k = lanes[lane].wraps(residuals[lane]);
-                    *x = f32::from(codes[lane]) * scale + f32::from(*k) * peak;
+                let lanes = &lanes[place.sample % channels];
+                let (mut all_x, mut all_k) = ([0.0; REALS], [0; REALS]);
+                for lane in 0..REALS {
+                    all_k[lane] = lanes[lane].wraps(residuals[lane]);
+                    all_x[lane] = f32::from(codes[lane]) * scale + f32::from(all_k[lane]) * peak;
                 }
+                x.copy_from_slice(&all_x[..x.len()]);
+                k.copy_from_slice(&all_k[..k.len()]);
             }
         }
     }
