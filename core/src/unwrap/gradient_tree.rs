@@ -18,11 +18,11 @@ use super::{Range, Recovered, Unwrap, UnwrapError, WorkersError, check_frame};
 use crate::frame::Frame;
 use crate::workers::Workers;
 
-/// Second differences up to this key are flat.
-const FLAT: u16 = 8 << 6;
+/// Second differences up to this key, 80 of 256 codes, are flat.
+const FLAT: u16 = 80 << 6;
 
-/// Gradients are sea where no key nearby is larger: 128 of 256 codes.
-const SEA_LEVEL: u16 = 128 << 6;
+/// Gradients are sea where no key nearby is larger: 160 of 256 codes.
+const SEA_LEVEL: u16 = 160 << 6;
 
 /// How many pixels along the gradient are nearby.
 const NEARBY: usize = 2;

@@ -4,8 +4,8 @@ use super::forest::{Forest, Ground};
 use super::pixels::{Bounds, Direction, Pixels, Quad, add, turns};
 use crate::unwrap::{Range, Recovered, congruence};
 
-/// Keys up to this, 24 of 256 codes, are as good as flat.
-const FLAT: u16 = 24 << 6;
+/// Keys up to this, 56 of 256 codes, are as good as flat.
+const FLAT: u16 = 56 << 6;
 
 /// Differences are `M_b(d y) + n * 2^b`.
 pub(in crate::unwrap) struct Image<'a> {
@@ -68,7 +68,11 @@ impl Image<'_> {
     fn is_plateau(&self, at: usize) -> bool {
         let width = self.pixels.width();
         let column = at % width;
-        let inside = column > 0 && column + 1 < width && at >= width && at + width < self.pixels.count();
+        let inside = self.pixels.has_colours()
+            && column > 0
+            && column + 1 < width
+            && at >= width
+            && at + width < self.pixels.count();
         let code = self.pixels.code(at);
         inside
             && [at - width, at, at + width]

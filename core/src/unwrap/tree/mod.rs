@@ -6,7 +6,8 @@
 //! `0 <= y + k 2^b < alpha 2^b` leaves its k; a merge that would empty it is refused.
 //!
 //! The sensor holds radiance below full scale, so that what is brighter lies there, on a plateau:
-//! 3 x 3 pixels of exactly the code of full scale in every channel are taken for k = ceil(alpha) - 1.
+//! 3 x 3 pixels of exactly the code of full scale in all of three channels are taken for
+//! k = ceil(alpha) - 1, from 8 bits on.
 //! An image that has such a plateau at another k is not understood.
 //!
 //! Exact when first differences stay below half a peak along some path to every pixel, and

@@ -34,12 +34,14 @@ pub(in crate::unwrap) struct Pixels {
     width: usize,
     planes: [Vec<u16>; 3],
     quads: Vec<[u16; 4]>,
+    has_colours: bool,
 }
 
 impl Pixels {
     /// Takes the pixels of `y`, of which [`check_frame`](crate::unwrap::check_frame) approved.
     pub fn read(&mut self, y: &Frame, range: Range) {
         self.width = y.width();
+        self.has_colours = y.channels() == 3;
         let shift = 16 - range.bits();
         match y {
             Frame::U8(pixels) => self.take(pixels.view(), shift),
@@ -61,6 +63,11 @@ impl Pixels {
             plane.clear();
             plane.extend(self.quads.iter().map(|quad| quad[lane]));
         }
+    }
+
+    /// Whether the channels are more than one.
+    pub fn has_colours(&self) -> bool {
+        self.has_colours
     }
 
     /// The number of pixels.
@@ -117,6 +124,8 @@ pub(in crate::unwrap) struct Bounds {
     room: u32,
     /// The code of full scale.
     top: u16,
+    /// Whether there are 8 bits or more.
+    fine: bool,
 }
 
 impl Bounds {
@@ -125,7 +134,7 @@ impl Bounds {
         let room = range.limit() - f64::from(most) * f64::from(range.peak());
         let room = (room.ceil() as u32) << (16 - range.bits());
         let step = 1 << (16 - range.bits());
-        Self { most: i16::from(most), room, top: (room - step) as u16 }
+        Self { most: i16::from(most), room, top: (room - step) as u16, fine: range.bits() >= 8 }
     }
 
     /// At least 0.
@@ -134,10 +143,11 @@ impl Bounds {
         pixel.map(|code| (self.most - i16::from(u32::from(code) >= self.room)).max(0))
     }
 
-    /// [`highest`](Self::highest) of a pixel at full scale in every channel; `None` of any other.
+    /// [`highest`](Self::highest) of a pixel at full scale in every channel; `None` of any other,
+    /// and of all where codes are so few that plateaus are everywhere.
     #[inline(always)]
     pub fn at_full_scale(self, pixel: [u16; 4]) -> Option<Quad> {
-        (pixel[..3] == [self.top; 3]).then_some([self.most; 4])
+        (self.fine && pixel[..3] == [self.top; 3]).then_some([self.most; 4])
     }
 }
 
