@@ -206,7 +206,7 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
 }
 
 impl<Out> Stripe<Out> {
-    fn forward(&mut self, shape: Shape, down: &Cosine, band: usize, load: impl Fn(Place) -> [f32; REALS]) {
+    fn forward(&mut self, shape: Shape, down: &Cosine, band: usize, load: &impl Fn(Place) -> [f32; REALS]) {
         let sample = (self.bands.start + band) * REALS;
         widest(
             #[inline(always)]
@@ -236,7 +236,7 @@ impl<Out> Stripe<Out> {
         down: &Cosine,
         band: usize,
         slabs: &[Slab],
-        keep: impl Fn(Place, [f32; REALS]) -> Out,
+        keep: &impl Fn(Place, [f32; REALS]) -> Out,
     ) {
         let bands = shape.bands();
         let index = self.bands.start + band;
