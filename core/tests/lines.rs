@@ -17,9 +17,13 @@ struct Plane {
     word: i64,
 }
 
-/// Counts for the signal: residues, steep loops, agreeing columns, clamped samples.
-#[derive(Default)]
-struct Seen([usize; 4]);
+/// For the signal: counts, and the share of the weakest line.
+struct Seen {
+    residues: usize,
+    steep: usize,
+    clamped: usize,
+    weakest: f32,
+}
 
 fn centered(value: i64, turn: i64) -> i64 {
     (value + turn / 2).rem_euclid(turn) - turn / 2
@@ -87,10 +91,10 @@ impl Plane {
             let mixed = self.d((i, j), (0, 1)) - self.d((i - 1, j), (0, 1));
             n[i][j] = self.count(n[i - 1][j] + self.turn(mixed));
             let round = mixed + self.d((i - 1, j), (1, 0)) - self.d((i - 1, j + 1), (1, 0));
-            seen.0[0] += usize::from(round != 0);
-            seen.0[1] += usize::from(8 * self.m(mixed).abs() > 3 * self.peak);
+            seen.residues += usize::from(round != 0);
+            seen.steep += usize::from(8 * self.m(mixed).abs() > 3 * self.peak);
         }
-        self.anchor(&mut n);
+        self.anchor(&mut n, seen);
         let mut k = vec![vec![0; width]; height];
         for (i, j) in (0..height).flat_map(|i| (1..width).map(move |j| (i, j))) {
             k[i][j] = self.count(k[i][j - 1] + self.turn(self.y[i][j] - self.y[i][j - 1]) + n[i][j - 1]);
@@ -99,21 +103,22 @@ impl Plane {
         self.place(k, seen)
     }
 
-    fn anchor(&self, n: &mut [Vec<i64>]) {
+    fn anchor(&self, n: &mut [Vec<i64>], seen: &mut Seen) {
         let (height, mut doubt) = (n.len(), Doubt::default());
         for j in 0..n[0].len() {
             let line: Vec<_> = n.iter().map(|n| n[j]).collect();
-            let (mut anchor, agree) = mode(&line);
+            let (mut anchor, mut agree) = mode(&line);
             let steep = (0..height).filter(|&i| self.steep(self.d((i, j), (0, 1)))).count();
             if doubt.arises(agree, steep, height) && j > 0 {
                 let second = |i: usize| {
                     let change = self.d((i, j), (0, 1)) - self.d((i, j - 1), (0, 1));
                     self.count(line[i] - n[i][j - 1] - self.turn(change))
                 };
-                let (opinion, _) = mode(&(0..height).map(second).collect::<Vec<_>>());
+                let (opinion, count) = mode(&(0..height).map(second).collect::<Vec<_>>());
                 doubt.settle(opinion != anchor, self.most);
-                anchor = opinion;
+                (anchor, agree) = (opinion, count);
             }
+            seen.weakest = seen.weakest.min(agree as f32 / height as f32);
             n.iter_mut().for_each(|n| n[j] = self.count(n[j] - anchor));
         }
     }
@@ -138,7 +143,7 @@ impl Plane {
                 }
                 doubt.settle(departs, self.most);
             }
-            seen.0[2] += agree;
+            seen.weakest = seen.weakest.min(agree as f32 / width as f32);
             k[i].iter_mut().for_each(|k| *k = self.count(*k + join));
         }
     }
@@ -155,7 +160,7 @@ impl Plane {
         let best = (low..=high).map(share).max().unwrap();
         let near = |&zero: &i64| share(zero) as f64 >= best as f64 - 0.02 * all.len() as f64;
         let zero = (low..=high).rev().find(near).unwrap();
-        seen.0[3] += all.len() - share(zero);
+        seen.clamped += all.len() - share(zero);
         k.iter_mut().flatten().for_each(|k| *k = self.count(*k - zero).clamp(0, self.most));
         k
     }
@@ -163,7 +168,8 @@ impl Plane {
 
 fn reference(y: &Array3<u16>, range: Range, word: i64) -> (Array3<u8>, Signal) {
     let (height, width, channels) = y.dim();
-    let (mut k, mut seen) = (Array3::zeros(y.dim()), Seen::default());
+    let (mut k, mut seen) =
+        (Array3::zeros(y.dim()), Seen { residues: 0, steep: 0, clamped: 0, weakest: 1.0 });
     for c in 0..channels {
         let row = |i: usize| (0..width).map(|j| i64::from(y[[i, j, c]])).collect();
         let y = (0..height).map(row).collect();
@@ -172,12 +178,11 @@ fn reference(y: &Array3<u16>, range: Range, word: i64) -> (Array3<u8>, Signal) {
             row.into_iter().enumerate().for_each(|(j, found)| k[[i, j, c]] = found as u8);
         }
     }
-    let joints = (height - 1) * channels;
     let share = |count: usize, of: usize| if of == 0 { 0.0 } else { count as f32 / of as f32 };
-    let loops = joints * (width - 1);
-    let consensus = if joints == 0 { 1.0 } else { share(seen.0[2], joints * width) };
-    let (residues, steep) = (share(seen.0[0], loops), share(seen.0[1], loops));
-    (k, Signal { residues, steep, consensus, clamped: share(seen.0[3], y.len()) })
+    let loops = (height - 1) * (width - 1) * channels;
+    let Seen { residues, steep, clamped, weakest } = seen;
+    let (residues, steep) = (share(residues, loops), share(steep, loops));
+    (k, Signal { residues, steep, consensus: weakest, clamped: share(clamped, y.len()) })
 }
 
 fn lines(y: &Frame, range: Range) -> Recovered {

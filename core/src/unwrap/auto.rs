@@ -6,7 +6,7 @@
 //! | seen in y | rung | trusted |
 //! |---|---|---|
 //! | no wrapped difference at all | pass_through | yes |
-//! | hardly a steep loop, rows agree, all counts in range | lines | yes |
+//! | hardly a steep loop, each line agrees, all counts in range | lines | yes |
 //! | few steep loops | gradient_tree | yes |
 //! | more | gradient_tree | no |
 //!
@@ -21,16 +21,16 @@ use crate::frame::Frame;
 pub struct TrustLimits {
     /// `lines`: greatest [`Signal::steep`], a fraction of the loops.
     pub lines: f64,
-    /// `lines`: least [`Signal::consensus`], a fraction of the columns.
+    /// `lines`: least [`Signal::consensus`], a fraction of a line.
     pub consensus: f64,
     /// `gradient_tree`: greatest [`Signal::steep`], a fraction of the loops.
     pub gradient_tree: f64,
 }
 
 impl Default for TrustLimits {
-    /// 1e-5, 0.95 and 1e-4.
+    /// 1e-5, 0.75 and 1e-4.
     fn default() -> Self {
-        Self { lines: 1e-5, consensus: 0.95, gradient_tree: 1e-4 }
+        Self { lines: 1e-5, consensus: 0.75, gradient_tree: 1e-4 }
     }
 }
 
@@ -49,9 +49,13 @@ enum Verdict {
 }
 
 impl Auto {
-    /// With the limits of `options`.
-    pub fn new(options: &Options) -> Self {
-        Self { limits: options.trust, lines: Lines::default(), gradient_tree: GradientTree::default() }
+    /// With the limits and the threads of `options`.
+    ///
+    /// # Errors
+    /// [`UnwrapError::Workers`] when the threads cannot be had.
+    pub fn new(options: &Options) -> Result<Self, UnwrapError> {
+        let gradient_tree = GradientTree::new(options.threads)?;
+        Ok(Self { limits: options.trust, lines: Lines::default(), gradient_tree })
     }
 
     fn judge(&self, lines: &Recovered) -> Verdict {

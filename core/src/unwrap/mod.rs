@@ -84,7 +84,8 @@ pub struct Signal {
     /// Fraction of the 2 x 2 loops whose wrapped mixed difference `|M_b(d_x d_y y)|` is above 3/8 of the peak
     /// (96 of 256).
     pub steep: f32,
-    /// Mean share of a row that agrees on how it continues the row above, 0 to 1.
+    /// Of all rows and columns, the least share of one that agrees on how it continues the one before, 0 to 1:
+    /// an error that runs along lines divides the line at which it starts.
     pub consensus: f32,
     /// Fraction of the samples whose count left the range and was clamped: they contradict the rest.
     pub clamped: f32,
@@ -97,7 +98,8 @@ pub struct Options {
     pub tau: f64,
     /// What SPUD's threshold acts on.
     pub threshold_on: ThresholdOn,
-    /// Threads a method may use, 1 to [`MAX_THREADS`](crate::MAX_THREADS); the result does not depend on it.
+    /// Threads a method may use where that pays, 1 to [`MAX_THREADS`](crate::MAX_THREADS); the result does not
+    /// depend on it.
     pub threads: usize,
     /// When `auto` trusts a rung.
     pub trust: TrustLimits,
@@ -157,7 +159,7 @@ pub enum UnwrapError {
 /// [`UnwrapError::Method`] lists the names; [`UnwrapError::Tau`] for a negative or NaN threshold.
 pub fn by_name(name: &str, options: &Options) -> Result<Box<dyn Unwrap>, UnwrapError> {
     match name {
-        "auto" => Ok(Box::new(Auto::new(options))),
+        "auto" => Ok(Box::new(Auto::new(options)?)),
         "spud" => Ok(Box::new(Spud::with_threads(options.tau, options.threshold_on, options.threads)?)),
         "least_squares" => Ok(Box::new(LeastSquares::new(options.threads)?)),
         "itoh" => Ok(Box::new(Itoh::default())),

@@ -31,7 +31,7 @@ pub fn declare() -> Vec<Descriptor> {
         share(
             "trust_consensus",
             trust.consensus,
-            "auto: least mean share of a row that must agree for lines to be trusted",
+            "auto: least share of every row and column that must agree for lines to be trusted",
         ),
         share(
             "trust_gradient_tree",

@@ -89,7 +89,7 @@ pub struct SignalRow {
     pub residues: f32,
     /// Fraction of the loops.
     pub steep: f32,
-    /// Share of the columns.
+    /// Share of the weakest line.
     pub consensus: f32,
     /// Fraction of the samples.
     pub clamped: f32,

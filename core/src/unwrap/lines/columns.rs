@@ -16,6 +16,8 @@ pub(super) struct Anchors<W> {
     pub sums: Vec<W>,
     line: Vec<W>,
     ballot: Ballot,
+    /// Rows that agree at the column where fewest do, of one channel.
+    pub weakest: usize,
 }
 
 /// An image whose rows are summed up.
@@ -30,6 +32,7 @@ impl<W: Word> Anchors<W> {
     /// the left and `d_x d_x x`.
     pub fn find<S: Copy + Into<u16>>(&mut self, seen: &Gradient<W>, summed: &Summed<'_, S, W>, range: Range) {
         let Layout { height, channels, .. } = summed.layout;
+        self.weakest = height;
         let mut doubts = [Doubt::new(range); 3];
         self.anchors.clear();
         for lane in 0..summed.layout.last(0) {
@@ -43,10 +46,11 @@ impl<W: Word> Anchors<W> {
             let doubt = &mut doubts[lane % channels];
             if doubt.arises(count, steep, height) && lane >= channels {
                 summed.second_opinion(lane, self.anchors[lane - channels], &mut self.line);
-                let opinion = self.ballot.count(&self.line).value;
-                doubt.settle(anchor != opinion);
-                anchor = opinion;
+                let opinion = self.ballot.count(&self.line);
+                doubt.settle(anchor != opinion.value);
+                (anchor, count) = (opinion.value, opinion.count);
             }
+            self.weakest = self.weakest.min(count);
             self.anchors.push(anchor);
         }
         self.sum(summed.layout);

@@ -136,12 +136,13 @@ impl<W: Word> Work<W> {
 
     fn signal(&self, Layout { height, width, channels }: Layout, outside: usize) -> Signal {
         let share = |count: u64, of: usize| if of == 0 { 0.0 } else { count as f32 / of as f32 };
-        let joints = (height - 1) * channels;
-        let loops = joints * (width - 1);
+        let loops = (height - 1) * (width - 1) * channels;
+        let [row, column] =
+            [share(self.rows.weakest as u64, width), share(self.anchors.weakest as u64, height)];
         Signal {
             residues: share(self.gradient.residues, loops),
             steep: share(self.gradient.suspect, loops),
-            consensus: if joints == 0 { 1.0 } else { share(self.rows.agreeing, joints * width) },
+            consensus: row.min(column),
             clamped: share(outside as u64, height * width * channels),
         }
     }

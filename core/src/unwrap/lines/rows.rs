@@ -17,8 +17,8 @@ pub(super) struct Rows<W> {
     doubts: Vec<Doubt>,
     line: Vec<W>,
     ballot: Ballot,
-    /// Columns that agree, over all rows and channels.
-    pub agreeing: u64,
+    /// Columns that agree at the row where fewest do, of one channel.
+    pub weakest: usize,
 }
 
 /// A row of codes, the one above and the one above that.
@@ -39,7 +39,7 @@ impl<W: Word> Rows<W> {
         self.joins.clear();
         self.doubts.clear();
         self.doubts.resize(layout.channels, Doubt::new(range));
-        self.agreeing = 0;
+        self.weakest = layout.width;
     }
 
     /// k of row `i`, 0 in its first pixel.
@@ -64,7 +64,7 @@ impl<W: Word> Rows<W> {
                 let vote = Vote { value: guess[channel], count: census.agree[channel] };
                 let vote = self.join(i, codes, channel, vote, census.steep[channel]);
                 join[channel] = join[channel].plus(vote.value);
-                self.agreeing += vote.count as u64;
+                self.weakest = self.weakest.min(vote.count);
             }
         }
         self.joins.push(join);
