@@ -10,12 +10,15 @@
 //! the image. It fails on edges of a sharp lens and on lines one pixel wide, where second
 //! differences wrap as well.
 
+use std::ops::Range as Indices;
+
 use super::tree::{
-    Bounds, Direction, Forest, Ground, Image, MOST, Pixels, Quad, SEA, add, first, of_difference, place,
-    second, subtract, turns,
+    Bounds, Direction, FLAT as FLAT_FIRST, Forest, Ground, Image, MOST, Pixels, Quad, Region, SEA, first,
+    of_difference, place, second, subtract, turns,
 };
 use super::{Range, Recovered, Unwrap, UnwrapError, WorkersError, check_frame};
 use crate::frame::Frame;
+use crate::simd::widest;
 use crate::workers::Workers;
 
 /// Second differences up to this key, 80 of 256 codes, are flat.
@@ -31,7 +34,6 @@ const NEARBY: usize = 2;
 pub struct GradientTree {
     workers: Workers,
     pixels: Pixels,
-    mixed: Vec<u16>,
     slopes: [Slope; 2],
     forest: Forest,
 }
@@ -56,7 +58,6 @@ impl GradientTree {
         Self {
             workers,
             pixels: Pixels::default(),
-            mixed: Vec::new(),
             slopes: [Direction::Right, Direction::Down].map(Slope::new),
             forest: Forest::default(),
         }
@@ -72,15 +73,17 @@ impl Unwrap for GradientTree {
         check_frame(y, range)?;
         out.prepare(y.dim(), self.name());
         self.pixels.read(y, range);
-        let (pixels, mixed, bounds) = (&self.pixels, &mut self.mixed, Bounds::new(range));
-        second(pixels.planes(), (1, y.width()), mixed);
-        let mixed = &*mixed;
-        self.workers.each(&mut self.slopes, |_, slope| slope.unwrap(pixels, mixed, bounds));
+        let (pixels, bounds) = (&self.pixels, Bounds::new(range));
+        self.workers.each(&mut self.slopes, |_, slope| slope.unwrap(pixels, bounds));
         let [right, down] = &self.slopes;
-        let (keys, n) = ([&right.keys[..], &down.keys], [&right.n[..], &down.n]);
-        let image = Image { pixels, bounds, keys, n };
-        self.forest.grow(&image);
-        place(&mut self.forest, pixels, range, out);
+        self.forest.grow(&Image {
+            pixels,
+            bounds,
+            keys: [&right.keys, &down.keys],
+            breaks: [&right.breaks, &down.breaks],
+            n: [&right.n, &down.n],
+        });
+        place(&self.forest, y, range, out);
         Ok(())
     }
 }
@@ -91,10 +94,14 @@ struct Slope {
     direction: Direction,
     /// Of the gradient.
     keys: Vec<u16>,
-    /// Of the gradient's change in its own direction.
-    bends: Vec<u16>,
+    /// Of the image: where the gradient is not flat, wraps, or has an n.
+    breaks: Vec<u8>,
+    /// Of the gradient image, to the right and down.
+    bends: [Vec<u8>; 2],
     /// The greatest key nearby.
     steepest: Vec<u16>,
+    /// Whether that is above [`SEA_LEVEL`].
+    land: Vec<u8>,
     forest: Forest,
     n: Vec<Quad>,
     /// The pixels at which n is not 0.
@@ -103,12 +110,13 @@ struct Slope {
 
 impl Slope {
     fn new(direction: Direction) -> Self {
-        let (keys, bends, steepest) = (Vec::new(), Vec::new(), Vec::new());
         Self {
             direction,
-            keys,
-            bends,
-            steepest,
+            keys: Vec::new(),
+            breaks: Vec::new(),
+            bends: [Vec::new(), Vec::new()],
+            steepest: Vec::new(),
+            land: Vec::new(),
             forest: Forest::default(),
             n: Vec::new(),
             changed: Vec::new(),
@@ -116,34 +124,46 @@ impl Slope {
     }
 
     /// Finds n and the keys of `g + n 2^b`; n is 0 for the sea and for what could not be joined to it.
-    fn unwrap(&mut self, pixels: &Pixels, mixed: &[u16], bounds: Bounds) {
+    fn unwrap(&mut self, pixels: &Pixels, bounds: Bounds) {
         let stride = pixels.stride(self.direction);
-        first(pixels.planes(), stride, &mut self.keys);
+        first(pixels.planes(), stride, FLAT_FIRST, &mut self.keys, &mut self.breaks);
         if self.direction == Direction::Right {
             // There the difference is across the edge of the image.
             self.keys.chunks_exact_mut(pixels.width()).for_each(|row| row[row.len() - 1] = 0);
         }
-        second(pixels.planes(), (stride, stride), &mut self.bends);
-        self.find_steepest(stride);
-        let keys = match self.direction {
-            Direction::Right => [&self.bends[..], mixed],
-            Direction::Down => [mixed, &self.bends],
-        };
-        let ground = Gradient { pixels, bounds, direction: self.direction, steepest: &self.steepest, keys };
-        self.forest.grow(&ground);
+        for (bends, step) in self.bends.iter_mut().zip([1, pixels.width()]) {
+            second(pixels.planes(), (stride, step), FLAT, bends);
+        }
+        self.find_land(stride);
+        let Self { direction, steepest, land, bends: [right, down], forest, .. } = self;
+        forest.grow(&Gradient {
+            pixels,
+            bounds,
+            direction: *direction,
+            steepest,
+            land,
+            breaks: [right, down],
+        });
         self.read_off(pixels);
     }
 
     /// Beside an edge of the image nearby reaches round into the next row, which only makes more land.
-    fn find_steepest(&mut self, stride: usize) {
-        let count = self.keys.len();
-        self.steepest.clear();
-        self.steepest.extend_from_slice(&self.keys);
-        for reach in (1..=NEARBY).map(|n| n * stride).filter(|&reach| reach < count) {
-            let (all, keys) = (&mut self.steepest, &self.keys);
-            all[reach..].iter_mut().zip(keys).for_each(|(most, &key)| *most = key.max(*most));
-            all.iter_mut().zip(&keys[reach..]).for_each(|(most, &key)| *most = key.max(*most));
-        }
+    fn find_land(&mut self, stride: usize) {
+        let Self { keys, steepest, land, bends: [right, _], .. } = self;
+        steepest.clear();
+        steepest.extend_from_slice(keys);
+        land.resize(keys.len(), 0);
+        widest(|| {
+            for reach in (1..=NEARBY).map(|n| n * stride).filter(|&reach| reach < keys.len()) {
+                steepest[reach..].iter_mut().zip(&*keys).for_each(|(most, &key)| *most = key.max(*most));
+                steepest.iter_mut().zip(&keys[reach..]).for_each(|(most, &key)| *most = key.max(*most));
+            }
+            land.iter_mut().zip(&*steepest).for_each(|(land, &key)| *land = u8::from(key > SEA_LEVEL));
+            let next = land.get(1..).unwrap_or_default();
+            for ((cut, here), next) in right.iter_mut().zip(&*land).zip(next) {
+                *cut = (*cut & here) | (here ^ next);
+            }
+        });
     }
 
     fn read_off(&mut self, pixels: &Pixels) {
@@ -154,26 +174,18 @@ impl Slope {
             self.n.resize(pixels.count(), [0; 4]);
         }
         self.changed.clear();
-        self.forest.regions.flatten();
-        let (rows, columns) = extent(pixels, self.direction);
-        for start in (0..rows).map(|row| row * pixels.width()) {
-            (start..start + columns).for_each(|at| self.read_off_at(at, pixels));
-        }
-    }
-
-    #[inline(always)]
-    fn read_off_at(&mut self, at: usize, pixels: &Pixels) {
-        let (regions, run) = (&self.forest.regions, self.forest.run_of[at]);
-        if run == SEA || regions.root(run) != regions.root(SEA) {
-            return;
-        }
-        let above_root = add(self.forest.offset[at], regions.above_root(run));
-        let n = subtract(above_root, regions.above_root(SEA));
-        if n != [0; 4] {
-            let stride = pixels.stride(self.direction);
-            self.n[at] = n;
-            self.changed.push(at as u32);
-            self.keys[at] = of_difference(pixels.code(at), pixels.code(at + stride), n);
+        let (regions, stride) = (&self.forest.regions, pixels.stride(self.direction));
+        for segment in self.forest.segments.iter().filter(|segment| segment.node != SEA) {
+            let n = subtract(regions.above_root(segment.node), regions.above_root(SEA));
+            if n == [0; 4] || regions.root(segment.node) != regions.root(SEA) {
+                continue;
+            }
+            for at in segment.pixels() {
+                self.n[at] = n;
+                self.changed.push(at as u32);
+                self.keys[at] = of_difference(pixels.code(at), pixels.code(at + stride), n);
+                self.breaks[at] = 1;
+            }
         }
     }
 }
@@ -193,7 +205,8 @@ struct Gradient<'a> {
     bounds: Bounds,
     direction: Direction,
     steepest: &'a [u16],
-    keys: [&'a [u16]; 2],
+    land: &'a [u8],
+    breaks: [&'a [u8]; 2],
 }
 
 impl Ground for Gradient<'_> {
@@ -212,34 +225,51 @@ impl Ground for Gradient<'_> {
         FLAT
     }
 
-    fn has_sea(&self) -> bool {
-        true
+    #[inline(always)]
+    fn breaks(&self, to: Direction) -> &[u8] {
+        self.breaks[to as usize]
+    }
+
+    #[inline(always)]
+    fn land(&self) -> Option<&[u8]> {
+        Some(self.land)
     }
 
     /// Twice the steepest gradient nearby is how unlikely n = 0 is.
     #[inline(always)]
-    fn tie(&self, at: usize) -> Option<u16> {
-        let steepest = self.steepest[at];
-        (steepest > SEA_LEVEL).then(|| steepest.saturating_mul(2).min(MOST))
+    fn tie(&self, at: usize) -> u16 {
+        self.steepest[at].saturating_mul(2).min(MOST)
     }
 
     /// With k at both ends in 0 to `highest`, n = k_to - k_from - turns has its least and greatest value.
     #[inline(always)]
-    fn interval(&self, at: usize) -> (Quad, Quad) {
-        let ends = [at, at + self.pixels.stride(self.direction)].map(|at| self.pixels.code(at));
-        let [below, above] = ends.map(|code| self.bounds.highest(code));
-        let turns = turns(ends[0], ends[1]);
-        (subtract(subtract([0; 4], below), turns), subtract(above, turns))
+    fn interval(&self, pixels: Indices<usize>) -> Region {
+        Region::of_equal(pixels, |at| {
+            let ends = [at, at + self.pixels.stride(self.direction)].map(|at| self.pixels.code(at));
+            let [below, above] = ends.map(|code| self.bounds.highest(code));
+            let turns = turns(ends[0], ends[1]);
+            (subtract(subtract([0; 4], below), turns), subtract(above, turns))
+        })
     }
 
     #[inline(always)]
     fn key(&self, to: Direction, at: usize) -> u16 {
-        self.keys[to as usize][at]
+        let [from, to] = self.ends(to, at);
+        of_difference(from, to, [0; 4])
     }
 
     #[inline(always)]
     fn step(&self, to: Direction, at: usize) -> Quad {
+        let [from, to] = self.ends(to, at);
+        turns(from, to)
+    }
+}
+
+impl Gradient<'_> {
+    /// The gradients here and at the neighbour, raised.
+    #[inline(always)]
+    fn ends(&self, to: Direction, at: usize) -> [[u16; 4]; 2] {
         let stride = self.pixels.stride(self.direction);
-        turns(self.pixels.difference(at, stride), self.pixels.difference(at + self.pixels.stride(to), stride))
+        [at, at + self.pixels.stride(to)].map(|at| self.pixels.difference(at, stride))
     }
 }

@@ -1,12 +1,17 @@
 //! Regions over a grid of pixels, grown along its edges from the flattest on (Kruskal).
 //!
-//! 1. Runs: flat neighbours along a row are one node from the start, and flat edges join runs of
-//!    neighbouring rows, in the order of the image.
-//! 2. What edges are left between regions are sorted by key, and join in that order.
+//! 1. Segments: neighbours along a row between which the change is flat and the count the same are one node
+//!    from the start, and flat edges join segments along rows and between them, in the order of the image.
+//! 2. Of the edges left between two segments that touch, the flattest are sorted by key, and join in that order.
+//!
+//! What is not known of a pixel is never stored by pixel: most of an image is long segments.
+
+use std::ops::Range;
 
 use super::order::{Edge, Kind, Order};
-use super::pixels::{Direction, Quad, add, subtract};
+use super::pixels::{Direction, Quad};
 use super::regions::{LARGE, Region, Regions};
+use super::segments::{Segment, each_contact, each_set};
 
 /// The node of all that is sea; no region of the others knows of it unless it is joined.
 pub(in crate::unwrap) const SEA: u32 = 0;
@@ -19,41 +24,46 @@ pub(in crate::unwrap) trait Ground {
     fn extent(&self) -> (usize, usize);
     /// Edges up to this key are flat.
     fn flat(&self) -> u16;
-    /// The key at which a pixel is tied to the sea, which has 0; `None`: it is sea itself.
-    fn tie(&self, at: usize) -> Option<u16>;
-    /// Which counts the pixel may have.
-    fn interval(&self, at: usize) -> (Quad, Quad);
+    /// By pixel, 1 where the edge to the neighbour is not flat or the count changes, else 0. To the right it is 1 at
+    /// the shore and 0 in the sea.
+    fn breaks(&self, to: Direction) -> &[u8];
+    /// By pixel, 0 in the sea, which has count 0; `None`: there is no sea.
+    fn land(&self) -> Option<&[u8]>;
+    /// The key at which a pixel on land is tied to the sea.
+    fn tie(&self, at: usize) -> u16;
+    /// Which counts the pixels may have if they have one: the first of `pixels` for which there is one.
+    fn interval(&self, pixels: Range<usize>) -> Region;
     /// How much changes to the neighbour.
     fn key(&self, to: Direction, at: usize) -> u16;
     /// By how much the count changes to the neighbour.
     fn step(&self, to: Direction, at: usize) -> Quad;
-    /// Whether there is a sea.
-    fn has_sea(&self) -> bool;
 }
 
-/// The regions, and each pixel's place in them.
+/// The regions, and which pixels are in them.
 #[derive(Default)]
 pub(in crate::unwrap) struct Forest {
     pub regions: Regions,
-    /// The node of each pixel.
-    pub run_of: Vec<u32>,
-    /// Each pixel's count minus its node's.
-    pub offset: Vec<Quad>,
+    /// Row by row; each has a node of its own unless it is sea.
+    pub segments: Vec<Segment>,
+    /// The first segment of each row, and the end of the last.
+    rows: Vec<usize>,
     order: Order,
 }
 
 impl Forest {
     /// Joins what can be joined.
     pub fn grow<G: Ground>(&mut self, ground: &G) {
-        let (rows, _) = ground.extent();
+        let (rows, columns) = ground.extent();
         self.regions.clear();
-        let level = [0; 4];
-        self.regions.push(Region { low: level, high: level, size: if ground.has_sea() { LARGE } else { 0 } });
-        // What is not reached below is never read.
-        self.run_of.resize(ground.width() * rows, SEA);
-        self.offset.resize(ground.width() * rows, [0; 4]);
-        for row in 0..rows {
-            self.run_along(ground, row);
+        self.segments.clear();
+        self.rows.clear();
+        self.rows.push(0);
+        let (level, size) = ([0; 4], if ground.land().is_some() { LARGE } else { 0 });
+        self.regions.push(Region { low: level, high: level, size });
+        for row in (0..rows).filter(|_| columns > 0) {
+            self.split(ground, row * ground.width(), columns);
+            self.rows.push(self.segments.len());
+            self.join_along(ground, row);
             if row > 0 {
                 self.join_to_row_above(ground, row);
             }
@@ -61,116 +71,98 @@ impl Forest {
         self.regions.flatten();
         self.collect(ground);
         self.join_in_order(ground);
+        self.regions.flatten();
     }
 
-    fn run_along<G: Ground>(&mut self, ground: &G, row: usize) {
-        let (_, columns) = ground.extent();
-        let start = row * ground.width();
-        let mut current: Option<(u32, Region, Quad)> = None;
-        for at in start..start + columns {
-            if ground.tie(at).is_none() && ground.has_sea() {
-                self.finish(&mut current);
-                self.run_of[at] = SEA;
-                self.offset[at] = [0; 4];
-                continue;
-            }
-            let (low, high) = ground.interval(at);
-            let pixel = Region { low, high, size: 1 };
-            let longer = current.filter(|_| ground.key(Direction::Right, at - 1) <= ground.flat()).and_then(
-                |(run, region, offset)| {
-                    let offset = add(offset, ground.step(Direction::Right, at - 1));
-                    region.and(&pixel, offset).map(|region| (run, region, offset))
-                },
-            );
-            let longer = longer.unwrap_or_else(|| {
-                self.finish(&mut current);
-                (self.regions.push(pixel), pixel, [0; 4])
-            });
-            (self.run_of[at], self.offset[at]) = (longer.0, longer.2);
-            current = Some(longer);
+    /// The segments of the row that starts at `start`.
+    fn split<G: Ground>(&mut self, ground: &G, start: usize, columns: usize) {
+        let mut from = start;
+        let end = start + columns;
+        each_set(&ground.breaks(Direction::Right)[start..end - 1], |column| {
+            self.push(ground, from..start + column + 1);
+            from = start + column + 1;
+        });
+        self.push(ground, from..end);
+    }
+
+    #[inline(always)]
+    fn push<G: Ground>(&mut self, ground: &G, pixels: Range<usize>) {
+        let (mut start, end) = (pixels.start, pixels.end);
+        if ground.land().is_some_and(|land| land[start] == 0) {
+            self.segments.push(Segment { start: start as u32, end: end as u32, node: SEA });
+            return;
         }
-        self.finish(&mut current);
+        while start < end {
+            let region = ground.interval(start..end);
+            let next = start + region.size as usize;
+            let node = self.regions.push(region);
+            self.segments.push(Segment { start: start as u32, end: next as u32, node });
+            start = next;
+        }
     }
 
-    fn finish(&mut self, current: &mut Option<(u32, Region, Quad)>) {
-        if let Some((run, region, _)) = current.take() {
-            self.regions.set(run, region);
+    fn join_along<G: Ground>(&mut self, ground: &G, row: usize) {
+        for pair in self.segments[self.rows[row]..self.rows[row + 1]].windows(2) {
+            let at = pair[0].end as usize - 1;
+            let land = pair[0].node != SEA && pair[1].node != SEA;
+            if land && ground.key(Direction::Right, at) <= ground.flat() {
+                self.regions.join(pair[0].node, pair[1].node, || ground.step(Direction::Right, at));
+            }
         }
     }
 
     fn join_to_row_above<G: Ground>(&mut self, ground: &G, row: usize) {
-        let (_, columns) = ground.extent();
-        let start = row * ground.width();
-        let mut last = (SEA, SEA);
-        for below in start..start + columns {
-            let above = below - ground.width();
-            let pair = (self.run_of[above], self.run_of[below]);
-            let land = pair.0 != SEA && pair.1 != SEA;
-            if pair != last && land && ground.key(Direction::Down, above) <= ground.flat() {
-                last = pair;
-                self.join(ground, Direction::Down, above, below);
+        let Self { regions, segments, rows, .. } = self;
+        let [above, below] = [row - 1, row].map(|row| &segments[rows[row]..rows[row + 1]]);
+        let breaks = ground.breaks(Direction::Down);
+        each_contact(above, below, ground.width(), |a, b, mut pixels| {
+            if a.node == SEA || b.node == SEA {
+                return;
             }
-        }
+            if breaks[pixels.clone()].contains(&0) {
+                regions.join(a.node, b.node, || [0; 4]);
+            } else if let Some(at) = pixels.find(|&at| ground.key(Direction::Down, at) <= ground.flat()) {
+                regions.join(a.node, b.node, || ground.step(Direction::Down, at));
+            }
+        });
     }
 
-    #[inline(always)]
-    fn join<G: Ground>(&mut self, ground: &G, direction: Direction, from: usize, to: usize) {
-        let (below, above) = (self.offset[from], self.offset[to]);
-        let step = || subtract(add(below, ground.step(direction, from)), above);
-        self.regions.join(self.run_of[from], self.run_of[to], step);
-    }
-
-    /// Edges between different regions, and each run's shortest tie to the sea.
+    /// The flattest edge of each contact of different regions, and each segment's shortest tie to the sea.
     fn collect<G: Ground>(&mut self, ground: &G) {
-        let (rows, columns) = ground.extent();
-        self.order.clear();
-        for row in 0..rows {
-            let start = row * ground.width();
-            let mut tie: Option<(u16, usize)> = None;
-            for at in start..start + columns {
-                let last = at + 1 == start + columns;
-                if !last {
-                    self.push_between(ground, Direction::Right, at, at + 1);
+        let Self { regions, segments, rows, order } = self;
+        order.clear();
+        let differ = |a: &Segment, b: &Segment| regions.root(a.node) != regions.root(b.node);
+        for row in 1..rows.len() {
+            let here = &segments[rows[row - 1]..rows[row]];
+            for pair in here.windows(2).filter(|pair| differ(&pair[0], &pair[1])) {
+                let at = pair[0].end as usize - 1;
+                order.push(Edge::new(ground.key(Direction::Right, at), Kind::Right, at, &pair[0], &pair[1]));
+            }
+            let below = rows.get(row + 1).map_or(&[][..], |&end| &segments[rows[row]..end]);
+            each_contact(here, below, ground.width(), |a, b, pixels| {
+                if differ(a, b) {
+                    let flattest = pixels.map(|at| (ground.key(Direction::Down, at), at)).min();
+                    flattest
+                        .into_iter()
+                        .for_each(|(key, at)| order.push(Edge::new(key, Kind::Down, at, a, b)));
                 }
-                if row + 1 < rows {
-                    self.push_between(ground, Direction::Down, at, at + ground.width());
-                }
-                if let Some(key) = ground.tie(at) {
-                    tie = tie.filter(|&(least, _)| least <= key).or(Some((key, at)));
-                    if last || self.run_of[at + 1] != self.run_of[at] {
-                        tie.take().into_iter().for_each(|(key, at)| self.push(key, Kind::Tie, at));
-                    }
-                }
+            });
+            for segment in here.iter().filter(|segment| segment.node != SEA && ground.land().is_some()) {
+                let shortest = segment.pixels().map(|at| (ground.tie(at), at)).min();
+                shortest.into_iter().for_each(|(key, at)| order.push(Edge::tie(key, at, segment)));
             }
         }
-    }
-
-    #[inline(always)]
-    fn push_between<G: Ground>(&mut self, ground: &G, direction: Direction, from: usize, to: usize) {
-        let (a, b) = (self.run_of[from], self.run_of[to]);
-        if a != b && self.regions.root(a) != self.regions.root(b) {
-            let kind = if direction == Direction::Right { Kind::Right } else { Kind::Down };
-            self.push(ground.key(direction, from), kind, from);
-        }
-    }
-
-    fn push(&mut self, key: u16, kind: Kind, at: usize) {
-        self.order.push(Edge { key, kind, at: at as u32 });
     }
 
     fn join_in_order<G: Ground>(&mut self, ground: &G) {
-        let mut order = std::mem::take(&mut self.order);
+        let Self { regions, order, .. } = self;
         order.each(ground.flat(), |edge| {
             let at = edge.at as usize;
-            match edge.kind {
-                Kind::Right => self.join(ground, Direction::Right, at, at + 1),
-                Kind::Down => self.join(ground, Direction::Down, at, at + ground.width()),
-                Kind::Tie => {
-                    let offset = self.offset[at];
-                    self.regions.join(SEA, self.run_of[at], || subtract([0; 4], offset));
-                }
-            }
+            regions.join(edge.from, edge.to, || match edge.kind {
+                Kind::Right => ground.step(Direction::Right, at),
+                Kind::Down => ground.step(Direction::Down, at),
+                Kind::Tie => [0; 4],
+            });
         });
-        self.order = order;
     }
 }

@@ -1,18 +1,29 @@
 //! The image as a ground: its counts are k.
 
+use std::ops::Range;
+
+use ndarray::ArrayView3;
+
 use super::forest::{Forest, Ground};
+use super::keys::MOST;
 use super::pixels::{Bounds, Direction, Pixels, Quad, add, turns};
-use crate::unwrap::{Range, Recovered, congruence};
+use super::regions::Region;
+use super::segments::Segment;
+use crate::frame::Frame;
+use crate::simd::widest;
+use crate::unwrap::{Range as RangeOfX, Recovered, congruence};
 
 /// Keys up to this, 56 of 256 codes, are as good as flat.
-const FLAT: u16 = 56 << 6;
+pub(in crate::unwrap) const FLAT: u16 = 56 << 6;
 
 /// Differences are `M_b(d y) + n * 2^b`.
 pub(in crate::unwrap) struct Image<'a> {
     pub pixels: &'a Pixels,
     pub bounds: Bounds,
-    /// By pixel, to the right and down.
+    /// By pixel, to the right and down, of [`first`](super::first) with [`FLAT`].
     pub keys: [&'a [u16]; 2],
+    /// Like `keys`, and 1 where n is not 0.
+    pub breaks: [&'a [u8]; 2],
     /// Like `keys`, or empty where all are 0.
     pub n: [&'a [Quad]; 2],
 }
@@ -33,22 +44,30 @@ impl Ground for Image<'_> {
         FLAT
     }
 
-    fn has_sea(&self) -> bool {
-        false
+    #[inline(always)]
+    fn breaks(&self, to: Direction) -> &[u8] {
+        self.breaks[to as usize]
     }
 
     #[inline(always)]
-    fn tie(&self, _at: usize) -> Option<u16> {
+    fn land(&self) -> Option<&[u8]> {
         None
     }
 
     #[inline(always)]
-    fn interval(&self, at: usize) -> (Quad, Quad) {
-        let code = self.pixels.code(at);
-        match self.bounds.at_full_scale(code).filter(|_| self.is_plateau(at)) {
-            Some(most) => (most, most),
-            None => ([0; 4], self.bounds.highest(code)),
-        }
+    fn tie(&self, _at: usize) -> u16 {
+        MOST
+    }
+
+    #[inline(always)]
+    fn interval(&self, pixels: Range<usize>) -> Region {
+        Region::of_equal(pixels, |at| {
+            let code = self.pixels.code(at);
+            match self.bounds.at_full_scale(code).filter(|_| self.is_plateau(at)) {
+                Some(most) => (most, most),
+                None => ([0; 4], self.bounds.highest(code)),
+            }
+        })
     }
 
     #[inline(always)]
@@ -82,45 +101,57 @@ impl Image<'_> {
 }
 
 /// Writes `out`: the largest region at the offset that keeps it in range, others at their least.
-pub(in crate::unwrap) fn place(forest: &mut Forest, pixels: &Pixels, range: Range, out: &mut Recovered) {
-    let base = bases(forest, range, out.k.dim().2);
-    let shift = 16 - range.bits();
-    let (most, peak) = (i16::from(range.most_wraps()), range.peak());
-    let channels = out.k.dim().2;
-    let (Some(x), Some(counts)) = (out.x.as_slice_mut(), out.k.as_slice_mut()) else { return };
-    let targets = x.chunks_exact_mut(channels).zip(counts.chunks_exact_mut(channels));
-    for (at, (x, count)) in targets.enumerate() {
-        let k = add(forest.offset[at], base[forest.run_of[at] as usize]);
-        let code = pixels.code(at);
-        for channel in 0..channels {
-            let k = k[channel].clamp(0, most);
-            count[channel] = k as u8;
-            x[channel] = f32::from(code[channel] >> shift) + f32::from(k) * peak;
-        }
+pub(in crate::unwrap) fn place(forest: &Forest, y: &Frame, range: RangeOfX, out: &mut Recovered) {
+    match out.k.dim().2 {
+        1 => write_counts::<1>(forest, range, out),
+        _ => write_counts::<3>(forest, range, out),
+    }
+    match y {
+        Frame::U8(y) => write_radiance(y.view(), range, out),
+        Frame::U16(y) => write_radiance(y.view(), range, out),
     }
 }
 
-/// By node, the k of its value 0.
-fn bases(forest: &mut Forest, range: Range, channels: usize) -> Vec<Quad> {
-    forest.regions.flatten();
+fn write_counts<const CHANNELS: usize>(forest: &Forest, range: RangeOfX, out: &mut Recovered) {
     let regions = &forest.regions;
     let main = regions.largest();
-    let mut level = [0; 4];
-    let mut k = Vec::with_capacity(forest.run_of.len());
-    for (channel, level) in level.iter_mut().enumerate().take(channels) {
-        let of_main = forest.run_of.iter().zip(&forest.offset).filter(|(run, _)| regions.root(**run) == main);
-        k.clear();
-        k.extend(
-            of_main.map(|(&run, offset)| {
-                i32::from(offset[channel].wrapping_add(regions.above_root(run)[channel]))
-            }),
-        );
-        *level = -congruence::zero_level(&k, i32::from(range.most_wraps())) as i16;
+    let most = i16::from(range.most_wraps());
+    let level = level(forest, main, most);
+    let Some(counts) = out.k.as_slice_mut() else { return };
+    let (counts, _) = counts.as_chunks_mut::<CHANNELS>();
+    for segment in &forest.segments {
+        let root = regions.root(segment.node);
+        let base = if root == main { level } else { regions.region(root).low };
+        let k = add(base, regions.above_root(segment.node)).map(|k| k.clamp(0, most) as u8);
+        counts[segment.pixels()].fill(std::array::from_fn(|channel| k[channel]));
     }
-    let base = |node| {
-        let root = regions.root(node);
-        let level = if root == main { level } else { regions.region(root).low };
-        add(level, regions.above_root(node))
-    };
-    (0..regions.count()).map(base).collect()
+}
+
+fn write_radiance<T: Copy + Into<f32>>(y: ArrayView3<'_, T>, range: RangeOfX, out: &mut Recovered) {
+    let y = y.as_standard_layout();
+    let (Some(y), Some(x), Some(k)) = (y.as_slice(), out.x.as_slice_mut(), out.k.as_slice()) else { return };
+    let peak = range.peak();
+    widest(|| {
+        for ((x, y), k) in x.iter_mut().zip(y).zip(k) {
+            *x = (*y).into() + f32::from(*k) * peak;
+        }
+    });
+}
+
+/// By channel, the k of the root `main`.
+fn level(forest: &Forest, main: u32, most: i16) -> Quad {
+    let regions = &forest.regions;
+    let parts = || forest.segments.iter().filter(|segment| regions.root(segment.node) == main);
+    let offset = |segment: &Segment, lane: usize| regions.above_root(segment.node)[lane];
+    let mut counts = Vec::new();
+    std::array::from_fn(|lane| {
+        let offsets = || parts().map(|segment| offset(segment, lane));
+        let (low, high) = (offsets().min().unwrap_or(0), offsets().max().unwrap_or(0));
+        counts.clear();
+        counts.resize(usize::from(high.abs_diff(low)) + 1, 0);
+        for segment in parts() {
+            counts[usize::from(offset(segment, lane).abs_diff(low))] += segment.pixels().len();
+        }
+        -(low + congruence::zero_of(&counts, most.into()) as i16)
+    })
 }

@@ -6,7 +6,7 @@
 
 use super::pixels::Quad;
 use crate::simd::widest;
-use crate::unwrap::wrapped::difference;
+use crate::unwrap::wrapped::{difference, raised};
 
 /// Of the change `M_b(to - from) + n * 2^b`, 2^14 a peak.
 pub(in crate::unwrap) fn of_difference(from: [u16; 4], to: [u16; 4], n: Quad) -> u16 {
@@ -21,44 +21,71 @@ pub(in crate::unwrap) const MOST: u16 = u16::MAX - 1;
 
 /// The same of differences without n: the largest is 3/2 + 2 peaks, which 16 bits hold.
 #[inline(always)]
-fn of_wrapped(r: u16, g: u16, b: u16) -> u16 {
-    let [r, g, b] = [r, g, b].map(|d| (d as i16) >> 2);
+fn of_wrapped(d: [u16; 3]) -> u16 {
+    let [r, g, b] = d.map(|d| (d as i16) >> 2);
     let spread = r.max(g).max(b) - r.min(g).min(b);
     r.unsigned_abs() + g.unsigned_abs() + b.unsigned_abs() + 2 * spread as u16
 }
 
-/// By pixel, the key of the difference to the pixel `stride` ahead; 0 where there is none.
-/// Of the last column the right neighbour is the next row's first; nobody asks.
-pub(in crate::unwrap) fn first(planes: [&[u16]; 3], stride: usize, keys: &mut Vec<u16>) {
+/// The key from code to code, and 1 if it is above `flat` or a channel wraps, else 0.
+#[inline(always)]
+fn edge(from: [u16; 3], to: [u16; 3], flat: u16) -> (u16, u8) {
+    let d: [u16; 3] = std::array::from_fn(|c| to[c].wrapping_sub(from[c]));
+    // A turn is a borrow without a sign, or a sign without a borrow: both are the uppermost bit.
+    let borrow = |c: usize| (!to[c] & from[c]) | (!(to[c] ^ from[c]) & d[c]);
+    let turn = |c: usize| borrow(c) ^ d[c];
+    let turned = (turn(0) | turn(1) | turn(2)) >> 15;
+    let key = of_wrapped(d);
+    (key, (turned | u16::from(key > flat)) as u8)
+}
+
+/// By pixel, the key of the difference to the pixel `stride` ahead, and 1 where it is above `flat` or wraps in a
+/// channel, else 0; 0 where there is none. Of the last column the right neighbour is the next row's first.
+pub(in crate::unwrap) fn first(
+    planes: [&[u16]; 3],
+    stride: usize,
+    flat: u16,
+    keys: &mut Vec<u16>,
+    breaks: &mut Vec<u8>,
+) {
     let count = planes[0].len();
-    keys.clear();
-    keys.resize(count, 0);
     let reach = count.saturating_sub(stride);
-    let from = planes.map(|plane| &plane[..reach]);
-    let to = planes.map(|plane| &plane[count - reach..]);
+    keys.resize(count, 0);
+    breaks.resize(count, 0);
+    keys[reach..].fill(0);
+    breaks[reach..].fill(0);
+    let [from, to] = [0, count - reach].map(|at| planes.map(|plane| &plane[at..at + reach]));
+    let (keys, breaks) = (&mut keys[..reach], &mut breaks[..reach]);
     widest(|| {
-        for (i, key) in keys[..reach].iter_mut().enumerate() {
-            let d = |c: usize| to[c][i].wrapping_sub(from[c][i]);
-            *key = of_wrapped(d(0), d(1), d(2));
+        let ([r0, g0, b0], [r1, g1, b1]) = (from, to);
+        for i in 0..reach {
+            (keys[i], breaks[i]) = edge([r0[i], g0[i], b0[i]], [r1[i], g1[i], b1[i]], flat);
         }
     });
 }
 
-/// [`first`] of the difference's difference: `y` at 0, minus at `a`, minus at `b`, plus at `a + b`.
-pub(in crate::unwrap) fn second(planes: [&[u16]; 3], (a, b): (usize, usize), keys: &mut Vec<u16>) {
+/// The second of [`first`] for the difference to the pixel `a` ahead and the same at the pixel `b` ahead.
+pub(in crate::unwrap) fn second(
+    planes: [&[u16]; 3],
+    (a, b): (usize, usize),
+    flat: u16,
+    breaks: &mut Vec<u8>,
+) {
     let count = planes[0].len();
-    keys.clear();
-    keys.resize(count, 0);
     let reach = count.saturating_sub(a + b);
+    breaks.resize(count, 0);
+    breaks[reach..].fill(0);
     if reach == 0 {
         return;
     }
-    let corner = |at: usize| planes.map(|plane| &plane[at..at + reach]);
-    let (y0, ya, yb, yab) = (corner(0), corner(a), corner(b), corner(a + b));
+    let corners = [0, a, b, a + b].map(|at| planes.map(|plane| &plane[at..at + reach]));
+    let breaks = &mut breaks[..reach];
     widest(|| {
-        for (i, key) in keys[..reach].iter_mut().enumerate() {
-            let d = |c: usize| y0[c][i].wrapping_sub(ya[c][i]).wrapping_sub(yb[c][i]).wrapping_add(yab[c][i]);
-            *key = of_wrapped(d(0), d(1), d(2));
+        let [[r0, g0, b0], [ra, ga, ba], [rb, gb, bb], [rc, gc, bc]] = corners;
+        for i in 0..reach {
+            let from = [raised(r0[i], ra[i]), raised(g0[i], ga[i]), raised(b0[i], ba[i])];
+            let to = [raised(rb[i], rc[i]), raised(gb[i], gc[i]), raised(bb[i], bc[i])];
+            breaks[i] = edge(from, to, flat).1;
         }
     });
 }
@@ -68,24 +95,33 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::unwrap::tree::turns;
 
     proptest! {
         #[test]
         fn keys_of_the_image_are_those_of_its_pixels(
             codes in proptest::collection::vec(any::<[u16; 3]>(), 1..40),
             stride in 1usize..12,
+            flat: u16,
         ) {
             let planes = [0, 1, 2].map(|lane| codes.iter().map(|code| code[lane]).collect::<Vec<_>>());
             let planes = [&planes[0][..], &planes[1], &planes[2]];
             let quad = |at: usize| [codes[at][0], codes[at][1], codes[at][2], 0];
-            let (mut once, mut twice) = (Vec::new(), Vec::new());
-            first(planes, stride, &mut once);
-            second(planes, (1, stride), &mut twice);
+            let (mut keys, mut once, mut twice) = (Vec::new(), Vec::new(), Vec::new());
+            first(planes, stride, flat, &mut keys, &mut once);
+            second(planes, (1, stride), flat, &mut twice);
+            let is_break = |from, to| {
+                u8::from(of_difference(from, to, [0; 4]) > flat || turns(from, to) != [0; 4])
+            };
+            let step = |at: usize| {
+                std::array::from_fn(|lane| raised(quad(at)[lane], quad(at + 1)[lane]))
+            };
             for at in 0..codes.len() {
-                let want = |reach: usize, key: &dyn Fn() -> u16| if at + reach < codes.len() { key() } else { 0 };
-                prop_assert_eq!(once[at], want(stride, &|| of_difference(quad(at), quad(at + stride), [0; 4])));
-                let step = |at: usize| std::array::from_fn(|lane| quad(at + 1)[lane].wrapping_sub(quad(at)[lane]));
-                prop_assert_eq!(twice[at], want(stride + 1, &|| of_difference(step(at), step(at + stride), [0; 4])));
+                let there = at + stride < codes.len();
+                prop_assert_eq!(keys[at], if there { of_difference(quad(at), quad(at + stride), [0; 4]) } else { 0 });
+                prop_assert_eq!(once[at], if there { is_break(quad(at), quad(at + stride)) } else { 0 });
+                let there = at + stride + 1 < codes.len();
+                prop_assert_eq!(twice[at], if there { is_break(step(at), step(at + stride)) } else { 0 });
             }
         }
     }

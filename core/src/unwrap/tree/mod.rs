@@ -21,11 +21,13 @@ mod keys;
 mod order;
 mod pixels;
 mod regions;
+mod segments;
 
 pub(super) use forest::{Forest, Ground, SEA};
-pub(super) use image::{Image, place};
+pub(super) use image::{FLAT, Image, place};
 pub(super) use keys::{MOST, first, of_difference, second};
-pub(super) use pixels::{Bounds, Direction, Pixels, Quad, add, subtract, turns};
+pub(super) use pixels::{Bounds, Direction, Pixels, Quad, subtract, turns};
+pub(super) use regions::Region;
 
 use super::{Range, Recovered, Unwrap, UnwrapError, check_frame};
 use crate::frame::Frame;
@@ -34,8 +36,8 @@ use crate::frame::Frame;
 #[derive(Default)]
 pub struct Tree {
     pixels: Pixels,
-    right: Vec<u16>,
-    down: Vec<u16>,
+    keys: [Vec<u16>; 2],
+    breaks: [Vec<u8>; 2],
     forest: Forest,
 }
 
@@ -48,12 +50,19 @@ impl Unwrap for Tree {
         check_frame(y, range)?;
         out.prepare(y.dim(), self.name());
         self.pixels.read(y, range);
-        first(self.pixels.planes(), 1, &mut self.right);
-        first(self.pixels.planes(), y.width(), &mut self.down);
-        let keys = [&self.right[..], &self.down];
-        let image = Image { pixels: &self.pixels, bounds: Bounds::new(range), keys, n: [&[], &[]] };
-        self.forest.grow(&image);
-        place(&mut self.forest, &self.pixels, range, out);
+        let Self { pixels, keys, breaks, forest } = self;
+        for ((keys, breaks), stride) in keys.iter_mut().zip(&mut *breaks).zip([1, y.width()]) {
+            first(pixels.planes(), stride, FLAT, keys, breaks);
+        }
+        let ([right, down], [right_breaks, down_breaks]) = (keys, breaks);
+        forest.grow(&Image {
+            pixels,
+            bounds: Bounds::new(range),
+            keys: [right, down],
+            breaks: [right_breaks, down_breaks],
+            n: [&[], &[]],
+        });
+        place(forest, y, range, out);
         Ok(())
     }
 }

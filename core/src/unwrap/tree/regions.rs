@@ -1,6 +1,8 @@
 //! Regions that grow together: a union-find that knows each node's wrap counts
 //! relative to its region's root, and in which interval the root's may lie.
 
+use std::ops::Range;
+
 use super::pixels::{Quad, add, subtract};
 
 /// Regions up to this many pixels (hot pixels, noise) do not constrain one of [`LARGE`] or more.
@@ -32,6 +34,23 @@ pub(in crate::unwrap) struct Region {
 }
 
 impl Region {
+    /// Of the first pixels that can have one value, at least one; `interval` is each one's least and greatest.
+    #[inline(always)]
+    pub fn of_equal(pixels: Range<usize>, interval: impl Fn(usize) -> (Quad, Quad)) -> Self {
+        let pixel = |at: usize| {
+            let (low, high) = interval(at);
+            Self { low, high, size: 1 }
+        };
+        let mut region = pixel(pixels.start);
+        for at in pixels.skip(1) {
+            match region.and(&pixel(at), [0; 4]) {
+                Some(joint) => region = joint,
+                None => break,
+            }
+        }
+        region
+    }
+
     /// Whether a channel has no value left.
     fn is_empty(&self) -> bool {
         (0..4).fold(false, |empty, lane| empty | (self.low[lane] > self.high[lane]))
@@ -69,11 +88,6 @@ impl Regions {
         self.nodes.push(Node { parent: node, offset: [0; 4] });
         self.regions.push(region);
         node
-    }
-
-    /// Replaces what is known of a node that is not joined yet.
-    pub fn set(&mut self, node: u32, region: Region) {
-        self.regions[node as usize] = region;
     }
 
     /// Hangs every node under its root.
