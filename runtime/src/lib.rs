@@ -22,6 +22,7 @@ pub mod signals;
 pub mod stop;
 pub mod topic;
 pub mod transport;
+pub mod type_description_service;
 
 pub use clock::{Clock, ManualClock, SystemClock};
 pub use message::{Message, MessageKind, StampedFrame};

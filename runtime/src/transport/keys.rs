@@ -174,7 +174,10 @@ pub fn qos_of(text: &str) -> Qos {
     }
 }
 
-/// QoS of a service: reliable, keep last 10.
+/// QoS of the parameter services: reliable, keep last 1000.
+pub const PARAMETER_QOS: &str = "::,1000:,:,:,,";
+
+/// QoS of other services: reliable, keep last 10.
 pub const SERVICE_QOS: &str = "::,10:,:,:,,";
 
 /// What goes with every sample; readers drop samples without it.

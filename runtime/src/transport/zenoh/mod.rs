@@ -160,7 +160,7 @@ impl Transport for ZenohTransport {
     }
 
     fn serve_parameters(&self, node: &Place, port: ParameterPort) -> Result<Guard, TransportError> {
-        self.serve_six(node, port)
+        self.serve(node, port)
     }
 
     fn is_ready(&self, node: &str) -> bool {

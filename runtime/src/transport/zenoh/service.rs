@@ -1,9 +1,11 @@
-//! Services: calls of others', answers of our parameter services.
+//! Services: calls of others', answers of the services that every ROS 2 node has.
 
+use std::sync::Arc;
 use std::sync::mpsc::channel;
 use std::thread;
 use std::time::Duration;
 
+use modulo_msgs::cdr::CdrError;
 use zenoh::Wait;
 use zenoh::query::{ConsolidationMode, Query, QueryTarget};
 
@@ -13,6 +15,7 @@ use crate::name::Place;
 use crate::parameter_service::Service;
 use crate::transport::keys::{self, Attachment, Endpoint, EntityKind};
 use crate::transport::{Guard, ParameterPort, TransportError};
+use crate::type_description_service;
 
 impl ZenohTransport {
     /// Calls a service and waits for its answer.
@@ -46,14 +49,16 @@ impl ZenohTransport {
         }
     }
 
-    /// Six queryables that feed one thread: a request may wait for the frame at
+    /// Queryables that feed one thread: a request may wait for the frame at
     /// hand, and zenoh's own threads must not wait with it.
-    pub(super) fn serve_six(&self, node: &Place, port: ParameterPort) -> Result<Guard, TransportError> {
-        let (queue, queries) = channel::<(Service, Query)>();
+    pub(super) fn serve(&self, node: &Place, port: ParameterPort) -> Result<Guard, TransportError> {
+        let handlers = handlers(port);
+        let (queue, queries) = channel::<(usize, Query)>();
         let mut guards: Vec<Guard> = Vec::new();
-        for service in Service::ALL {
-            let (name, ros_type) = service.name_and_type();
-            let endpoint = service_endpoint(format!("{}/{name}", node.fully_qualified()), ros_type);
+        for (index, handler) in handlers.iter().enumerate() {
+            let topic = format!("{}/{}", node.fully_qualified(), handler.name);
+            let endpoint =
+                Endpoint { qos: handler.qos.to_owned(), ..service_endpoint(topic, handler.ros_type) };
             let queue = queue.clone();
             let queryable = self
                 .session
@@ -61,7 +66,7 @@ impl ZenohTransport {
                 .complete(true)
                 .callback(move |query| {
                     // Fails only while the node is ending; the caller's timeout tells.
-                    let _ = queue.send((service, query));
+                    let _ = queue.send((index, query));
                 })
                 .wait()
                 .map_err(|why| TransportError::new(format!("service {}", endpoint.topic), why))?;
@@ -70,17 +75,47 @@ impl ZenohTransport {
         }
         let clock = self.clock.clone();
         thread::Builder::new()
-            .name("parameters".into())
+            .name("services".into())
             .spawn(move || {
-                for (service, query) in queries {
-                    if let Err(why) = reply(service, &query, &port, &*clock) {
-                        tracing::warn!("parameter service: {why}");
+                for (index, query) in queries {
+                    if let Err(why) = reply(&handlers[index], &query, &*clock) {
+                        tracing::warn!("service {}: {why}", handlers[index].name);
                     }
                 }
             })
-            .map_err(|why| TransportError::new("thread of the parameter services", why))?;
+            .map_err(|why| TransportError::new("thread of the services", why))?;
         Ok(Box::new(guards))
     }
+}
+
+/// One service of a node.
+struct Handler {
+    name: &'static str,
+    ros_type: &'static str,
+    qos: &'static str,
+    answer: Answer,
+}
+
+/// From request to response.
+type Answer = Box<dyn Fn(&[u8]) -> Result<Vec<u8>, CdrError> + Send>;
+
+/// The services that every ROS 2 node has.
+fn handlers(port: ParameterPort) -> Vec<Handler> {
+    let port = Arc::new(port);
+    let parameters = Service::ALL.map(|service| {
+        let (name, ros_type) = service.name_and_type();
+        let port = port.clone();
+        let answer = Box::new(move |request: &[u8]| service.answer(request, &port));
+        Handler { name, ros_type, qos: keys::PARAMETER_QOS, answer }
+    });
+    let (name, ros_type) = type_description_service::NAME_AND_TYPE;
+    let described = Handler {
+        name,
+        ros_type,
+        qos: keys::SERVICE_QOS,
+        answer: Box::new(type_description_service::answer),
+    };
+    parameters.into_iter().chain([described]).collect()
 }
 
 fn service_endpoint(name: String, ros_type: &str) -> Endpoint {
@@ -93,11 +128,11 @@ fn service_endpoint(name: String, ros_type: &str) -> Endpoint {
 }
 
 /// Answers one service call; a call without payload or attachment is none.
-fn reply(service: Service, query: &Query, port: &ParameterPort, clock: &dyn Clock) -> Result<(), String> {
+fn reply(handler: &Handler, query: &Query, clock: &dyn Clock) -> Result<(), String> {
     let attachment = query.attachment().map(|a| a.to_bytes());
     let caller = attachment.as_deref().and_then(Attachment::parse).ok_or("a request without attachment")?;
     let request = query.payload().ok_or("a request without payload")?.to_bytes();
-    let answer = service.answer(&request, port).map_err(|why| why.to_string())?;
+    let answer = (handler.answer)(&request).map_err(|why| why.to_string())?;
     let attachment = Attachment { stamp_ns: stamp(clock), ..caller }.to_bytes();
     let reply = query.reply(query.key_expr().clone(), answer).attachment(attachment.as_slice());
     reply.wait().map_err(|why| why.to_string())
