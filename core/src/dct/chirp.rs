@@ -6,7 +6,7 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::fft::{Fft, Side};
+use super::fft::Fft;
 use super::lanes::{Arithmetic, Complex, Fused, Plain, Turn, fuses};
 use crate::simd::widest;
 
@@ -34,43 +34,44 @@ impl Chirp {
         Self { chirp, response: response(n, room, angle), fft }
     }
 
-    /// Length of the buffers.
-    pub fn room(&self) -> usize {
+    /// Length of the data.
+    pub fn len(&self) -> usize {
         self.response.len()
     }
 
-    /// As [`Fft::forward`], in buffers of length [`Chirp::room`] whose rear it overwrites.
-    pub fn forward(&self, first: &mut [Complex], second: &mut [Complex]) -> Side {
+    /// Length of the scratch.
+    pub fn room(&self) -> usize {
+        self.fft.room()
+    }
+
+    /// As [`Fft::forward`], on data of length [`Chirp::len`] whose rear it overwrites.
+    pub fn forward(&self, data: &mut [Complex], scratch: &mut [Complex]) {
         if fuses() {
             widest(
                 #[inline(always)]
-                || self.enter::<Fused>(first),
+                || self.enter::<Fused>(data),
             );
         } else {
-            self.enter::<Plain>(first);
+            self.enter::<Plain>(data);
         }
-        let side = self.fft.forward(first, second);
-        let (first, second) = if side == Side::First { (first, second) } else { (second, first) };
+        self.fft.forward(data, scratch);
         if fuses() {
             widest(
                 #[inline(always)]
-                || self.convolve::<Fused>(first),
+                || self.convolve::<Fused>(data),
             );
         } else {
-            self.convolve::<Plain>(first);
+            self.convolve::<Plain>(data);
         }
-        self.fft.forward(first, second);
-        // The same length twice ends where it began.
-        let result = if side == Side::First { first } else { second };
+        self.fft.forward(data, scratch);
         if fuses() {
             widest(
                 #[inline(always)]
-                || self.leave::<Fused>(result),
+                || self.leave::<Fused>(data),
             );
         } else {
-            self.leave::<Plain>(result);
+            self.leave::<Plain>(data);
         }
-        Side::First
     }
 
     #[inline(always)]
@@ -132,12 +133,10 @@ mod tests {
                 .collect();
             let chirp = Chirp::new(n);
             let (mut got, mut want) = (samples.clone(), samples);
-            got.resize(chirp.room(), Complex::default());
-            let (mut a, mut b) = (got.clone(), want.clone());
-            assert_eq!(chirp.forward(&mut got, &mut a), Side::First);
-            if Fft::new(n).unwrap().forward(&mut want, &mut b) == Side::Second {
-                want = b;
-            }
+            got.resize(chirp.len(), Complex::default());
+            chirp.forward(&mut got, &mut vec![Complex::default(); chirp.room()]);
+            let fft = Fft::new(n).unwrap();
+            fft.forward(&mut want, &mut vec![Complex::default(); fft.room()]);
             for (got, want) in got.iter().zip(&want) {
                 let worst =
                     got.reals().iter().zip(want.reals()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);

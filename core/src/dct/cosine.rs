@@ -8,7 +8,7 @@
 use std::f64::consts::PI;
 
 use super::chirp::Chirp;
-use super::fft::{Fft, Side};
+use super::fft::Fft;
 use super::lanes::{Complex, Plain, Turn};
 
 /// DCT-II and DCT-III of one length.
@@ -23,25 +23,6 @@ pub(super) struct Cosine {
 enum Fourier {
     Factors(Fft),
     Chirp(Chirp),
-}
-
-/// The two buffers of a transform.
-#[derive(Default)]
-pub(super) struct Buffers {
-    first: Vec<Complex>,
-    second: Vec<Complex>,
-}
-
-impl Buffers {
-    /// Where the input of the next transform belongs.
-    pub fn input(&mut self) -> &mut [Complex] {
-        &mut self.first
-    }
-
-    /// Where the last transform has left its result.
-    pub fn result(&mut self) -> &mut [Complex] {
-        &mut self.first
-    }
 }
 
 impl Cosine {
@@ -60,12 +41,12 @@ impl Cosine {
         Self { n, fourier, turns: (0..=n / 2).map(turn).collect() }
     }
 
-    pub fn buffers(&self) -> Buffers {
-        let room = match &self.fourier {
-            Fourier::Factors(_) => self.n,
-            Fourier::Chirp(chirp) => chirp.room(),
-        };
-        Buffers { first: vec![Complex::default(); room], second: vec![Complex::default(); room] }
+    /// Length of the data of [`Cosine::fourier`], and of its scratch.
+    pub fn room(&self) -> [usize; 2] {
+        match &self.fourier {
+            Fourier::Factors(fft) => [self.n, fft.room()],
+            Fourier::Chirp(chirp) => [chirp.len(), chirp.room()],
+        }
     }
 
     /// Where sample `i` stands before a forward and after an inverse transform.
@@ -74,15 +55,11 @@ impl Cosine {
         if i.is_multiple_of(2) { i / 2 } else { self.n - 1 - i / 2 }
     }
 
-    /// The Fourier transform in the middle of either direction.
-    pub fn fourier(&self, buffers: &mut Buffers) {
-        let Buffers { first, second } = buffers;
-        let side = match &self.fourier {
-            Fourier::Factors(fft) => fft.forward(first, second),
-            Fourier::Chirp(chirp) => chirp.forward(first, second),
-        };
-        if side == Side::Second {
-            std::mem::swap(first, second);
+    /// The Fourier transform in the middle of either direction, in place.
+    pub fn fourier(&self, data: &mut [Complex], scratch: &mut [Complex]) {
+        match &self.fourier {
+            Fourier::Factors(fft) => fft.forward(data, scratch),
+            Fourier::Chirp(chirp) => chirp.forward(data, scratch),
         }
     }
 

@@ -1,5 +1,6 @@
-//! Stockham's Fourier transform of lanes: natural order in and out, between two
-//! buffers, one pass a factor of the length.
+//! Stockham's Fourier transform of lanes: natural order in and out, one pass a
+//! factor of the length. The first goes through memory, and the others through
+//! what it leaves one short transform after the other, in the nearest cache.
 
 use std::f64::consts::TAU;
 
@@ -10,7 +11,10 @@ use crate::simd::widest;
 
 /// A forward transform of one length, which has no prime factor above [`odd::MOST`].
 pub(super) struct Fft {
-    passes: Vec<Pass>,
+    /// Of the whole; none at length 1.
+    first: Option<Pass>,
+    /// Of each of the transforms that the first leaves.
+    others: Vec<Pass>,
 }
 
 /// `count` transforms of length `radix`, each on `stride` neighbours.
@@ -31,13 +35,6 @@ enum Kind {
     Odd(Odd),
 }
 
-/// Which of the two buffers a transform has left its result in.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Side {
-    First,
-    Second,
-}
-
 impl Fft {
     /// `None` when `n` has a prime factor above [`odd::MOST`].
     pub fn new(n: usize) -> Option<Self> {
@@ -50,41 +47,52 @@ impl Fft {
     }
 
     fn by(radices: &[usize]) -> Self {
-        let mut rest: usize = radices.iter().product();
+        let [radix, others @ ..] = radices else { return Self { first: None, others: Vec::new() } };
+        let mut rest: usize = others.iter().product();
+        let first = Some(Pass::new(*radix, rest, 1));
         let mut stride = 1;
         let pass = |&radix: &usize| {
             rest /= radix;
             stride *= radix;
             Pass::new(radix, rest, stride / radix)
         };
-        Self { passes: radices.iter().map(pass).collect() }
+        Self { first, others: others.iter().map(pass).collect() }
     }
 
-    /// Where [`Fft::forward`] leaves its result.
-    pub fn side(&self) -> Side {
-        if self.passes.len().is_multiple_of(2) { Side::First } else { Side::Second }
+    /// Length of the scratch that [`Fft::forward`] needs.
+    pub fn room(&self) -> usize {
+        self.first.as_ref().map_or(0, |pass| (pass.radix + 2) * pass.count)
     }
 
-    /// Transforms what `first` holds; both are of the planned length.
-    pub fn forward(&self, first: &mut [Complex], second: &mut [Complex]) -> Side {
+    /// Transforms `data`, of the planned length, in place.
+    pub fn forward(&self, data: &mut [Complex], scratch: &mut [Complex]) {
         // Without fused multiply-add there are no wider vectors either, see `widest`.
         if fuses() {
             widest(
                 #[inline(always)]
-                || self.run::<Fused>(first, second),
+                || self.run::<Fused>(data, scratch),
             )
         } else {
-            self.run::<Plain>(first, second)
+            self.run::<Plain>(data, scratch)
         }
-        self.side()
     }
 
     #[inline(always)]
-    fn run<A: Arithmetic>(&self, first: &mut [Complex], second: &mut [Complex]) {
-        let (mut from, mut to) = (first, second);
-        for pass in &self.passes {
-            pass.run::<A>(from, to);
-            (from, to) = (to, from);
+    fn run<A: Arithmetic>(&self, data: &mut [Complex], scratch: &mut [Complex]) {
+        let Some(first) = &self.first else { return };
+        let (apart, near) = scratch.split_at_mut(data.len());
+        first.run::<A>((data, 1), (apart, 1));
+        let Some((last, middle)) = self.others.split_last() else { return data.copy_from_slice(apart) };
+        // What is left are transforms that are short enough to stay near, one after the other.
+        let (mut near, mut other) = near.split_at_mut(first.count);
+        for q in 0..first.radix {
+            let mut from = (&apart[q..], first.radix);
+            for pass in middle {
+                pass.run::<A>(from, (near, 1));
+                (near, other) = (other, near);
+                from = (other, 1);
+            }
+            last.run::<A>(from, (&mut data[q..], first.radix));
         }
     }
 }
@@ -118,13 +126,34 @@ impl Pass {
         Self { kind, radix, count, stride, turns }
     }
 
+    /// From and to every so manieth number. A function would be called by its shim, and that is not inlined.
     #[inline(always)]
-    fn run<A: Arithmetic>(&self, from: &[Complex], to: &mut [Complex]) {
+    fn run<A: Arithmetic>(&self, from: (&[Complex], usize), to: (&mut [Complex], usize)) {
         match &self.kind {
-            Kind::Two => self.short::<A, 2>(from, to, radix::two),
-            Kind::Three => self.short::<A, 3>(from, to, radix::three::<A>),
-            Kind::Four => self.short::<A, 4>(from, to, radix::four),
-            Kind::Five => self.short::<A, 5>(from, to, radix::five::<A>),
+            Kind::Two => self.short::<A, 2>(
+                from,
+                to,
+                #[inline(always)]
+                |[a, b]| radix::two([a, b]),
+            ),
+            Kind::Three => self.short::<A, 3>(
+                from,
+                to,
+                #[inline(always)]
+                |inputs| radix::three::<A>(inputs),
+            ),
+            Kind::Four => self.short::<A, 4>(
+                from,
+                to,
+                #[inline(always)]
+                |[a, b, c, d]| radix::four([a, b, c, d]),
+            ),
+            Kind::Five => self.short::<A, 5>(
+                from,
+                to,
+                #[inline(always)]
+                |inputs| radix::five::<A>(inputs),
+            ),
             Kind::Odd(odd) => self.long::<A>(odd, from, to),
         }
     }
@@ -132,21 +161,28 @@ impl Pass {
     #[inline(always)]
     fn short<A: Arithmetic, const R: usize>(
         &self,
-        from: &[Complex],
-        to: &mut [Complex],
+        (from, step): (&[Complex], usize),
+        (to, out_step): (&mut [Complex], usize),
         transform: impl Fn([Complex; R]) -> [Complex; R],
     ) {
         let apart = self.count * self.stride;
-        for (p, out) in to.chunks_exact_mut(R * self.stride).enumerate() {
-            let inputs: [&[Complex]; R] =
-                std::array::from_fn(|i| &from[i * apart + p * self.stride..][..self.stride]);
-            let turns = &self.turns[p * (R - 1)..][..R - 1];
+        for (p, turns) in self.turns.chunks_exact(R - 1).enumerate() {
+            let first = p * self.stride;
+            let mut inputs = [from; R];
+            for (i, input) in inputs.iter_mut().enumerate() {
+                *input = &from[(i * apart + first) * step..];
+            }
+            let out = &mut to[R * first * out_step..];
             for q in 0..self.stride {
-                let result = transform(std::array::from_fn(|i| inputs[i][q]));
-                out[q] = result[0];
+                let mut values = [Complex::default(); R];
+                for (value, input) in values.iter_mut().zip(&inputs) {
+                    *value = input[q * step];
+                }
+                let result = transform(values);
+                out[q * out_step] = result[0];
                 for j in 1..R {
                     // The first transform of a pass, and so all of the last pass, turns by nothing.
-                    out[j * self.stride + q] =
+                    out[(j * self.stride + q) * out_step] =
                         if p == 0 { result[j] } else { result[j].turned::<A>(turns[j - 1]) };
                 }
             }
@@ -154,17 +190,25 @@ impl Pass {
     }
 
     #[inline(always)]
-    fn long<A: Arithmetic>(&self, odd: &Odd, from: &[Complex], to: &mut [Complex]) {
+    fn long<A: Arithmetic>(
+        &self,
+        odd: &Odd,
+        (from, step): (&[Complex], usize),
+        (to, out_step): (&mut [Complex], usize),
+    ) {
         let apart = self.count * self.stride;
         let mut room = Folded::new();
-        for (p, out) in to.chunks_exact_mut(self.radix * self.stride).enumerate() {
-            let turns = &self.turns[p * (self.radix - 1)..][..self.radix - 1];
+        for (p, turns) in self.turns.chunks_exact(self.radix - 1).enumerate() {
+            let first = p * self.stride;
+            let out = &mut to[self.radix * first * out_step..];
             for q in 0..self.stride {
                 odd.transform::<A>(
                     &mut room,
-                    |i| from[i * apart + p * self.stride + q],
+                    #[inline(always)]
+                    |i| from[(i * apart + first + q) * step],
+                    #[inline(always)]
                     |j, value| {
-                        out[j * self.stride + q] =
+                        out[(j * self.stride + q) * out_step] =
                             if j == 0 { value } else { value.turned::<A>(turns[j - 1]) };
                     },
                 );
@@ -187,12 +231,9 @@ mod tests {
                 sample.re.0 = std::array::from_fn(|lane| value(i, lane));
                 sample.im.0 = std::array::from_fn(|lane| value(i + 5, lane));
             }
-            let mut second = first.clone();
             let fft = Fft::new(n).unwrap();
-            let got = match fft.forward(&mut first, &mut second) {
-                Side::First => first,
-                Side::Second => second,
-            };
+            let mut got = first;
+            fft.forward(&mut got, &mut vec![Complex::default(); fft.room()]);
             for (k, lane) in (0..n).flat_map(|k| (0..LANES).map(move |lane| (k, lane))) {
                 let (mut re, mut im) = (0.0, 0.0);
                 for i in 0..n {

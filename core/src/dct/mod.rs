@@ -2,8 +2,8 @@
 //!
 //! From short to long: [`radix`] and [`odd`] are single transforms, [`fft`] makes
 //! one length of them, [`chirp`] the lengths that have no such factors,
-//! [`cosine`] a cosine transform, and [`grid`] that of an image. Everything works
-//! on [`lanes`]. A plan owns its scratch, so a transform allocates nothing.
+//! [`cosine`] a cosine transform, [`stripe`] those of columns, [`slab`] those of
+//! rows, and [`grid`] that of an image. Everything works on [`lanes`]. A plan owns its scratch, so a transform allocates nothing.
 
 mod chirp;
 mod cosine;
@@ -12,16 +12,16 @@ mod grid;
 mod lanes;
 mod odd;
 mod radix;
+mod slab;
+mod stripe;
 mod tile;
 
 pub(crate) use grid::{Change, Grid, Place};
 pub(crate) use lanes::REALS;
 
-use crate::workers::Workers;
-
 /// A plan for planes of one size, row-major `f32`.
 pub struct Dct2 {
-    grid: Grid<[f32; REALS]>,
+    grid: Grid<()>,
 }
 
 /// A plane that is not of the size that was planned.
@@ -55,13 +55,15 @@ impl Dct2 {
     /// [`DctError`] when the plane is not of the planned size.
     pub fn forward(&mut self, plane: &mut [f32]) -> Result<(), DctError> {
         self.check(plane)?;
-        let (height, width) = self.dim();
-        self.grid.forward(&Workers::own(), |place| at(plane, width, place));
-        for place in places(height, width) {
-            let samples = run(plane, width, place);
-            let coefficients = self.grid.coefficients(place);
-            samples.copy_from_slice(&coefficients[..samples.len()]);
-        }
+        let (_, width) = self.dim();
+        self.grid.forward_down(
+            #[inline(always)]
+            |place| at(plane, width, place),
+        );
+        self.grid.forward_across(
+            #[inline(always)]
+            |place, values| put(plane, width, place, values),
+        );
         Ok(())
     }
 
@@ -71,15 +73,15 @@ impl Dct2 {
     /// [`DctError`] when the plane is not of the planned size.
     pub fn inverse(&mut self, plane: &mut [f32]) -> Result<(), DctError> {
         self.check(plane)?;
-        let (height, width) = self.dim();
-        for place in places(height, width) {
-            self.grid.set_coefficients(place, at(plane, width, place));
-        }
-        self.grid.inverse(&Workers::own(), |_, samples| samples);
-        for place in places(height, width) {
-            let samples = run(plane, width, place);
-            samples.copy_from_slice(&self.grid.out(place)[..samples.len()]);
-        }
+        let (_, width) = self.dim();
+        self.grid.inverse_across(
+            #[inline(always)]
+            |place| at(plane, width, place),
+        );
+        self.grid.inverse_up(
+            #[inline(always)]
+            |place, values| put(plane, width, place, values),
+        );
         Ok(())
     }
 
@@ -98,22 +100,26 @@ pub(crate) fn at(plane: &[f32], width: usize, Place { row, sample }: Place) -> [
     let row = &plane[row * width..][..width];
     match row[sample..].first_chunk() {
         Some(samples) => *samples,
-        None => {
-            let mut out = [0.0; REALS];
-            out[..width - sample].copy_from_slice(&row[sample..]);
-            out
-        }
+        None => tail(&row[sample..]),
     }
 }
 
-/// The samples that [`at`] reads.
-fn run(plane: &mut [f32], width: usize, Place { row, sample }: Place) -> &mut [f32] {
-    &mut plane[row * width..][sample..width.min(sample + REALS)]
+#[cold]
+#[inline(never)]
+fn tail(rest: &[f32]) -> [f32; REALS] {
+    let mut out = [0.0; REALS];
+    out.iter_mut().zip(rest).for_each(|(out, &sample)| *out = sample);
+    out
 }
 
-/// All runs of sixteen samples.
-fn places(height: usize, width: usize) -> impl Iterator<Item = Place> {
-    (0..height).flat_map(move |row| (0..width).step_by(REALS).map(move |sample| Place { row, sample }))
+/// Writes the samples that [`at`] reads.
+#[inline(always)]
+fn put(plane: &mut [f32], width: usize, Place { row, sample }: Place, values: [f32; REALS]) {
+    let row = &mut plane[row * width..][..width];
+    match row[sample..].first_chunk_mut() {
+        Some(samples) => *samples = values,
+        None => row[sample..].iter_mut().zip(values).for_each(|(sample, value)| *sample = value),
+    }
 }
 
 #[cfg(test)]

@@ -3,47 +3,76 @@
 
 use super::lanes::{Complex, LANES, Lanes, REALS};
 
-/// Rows of one band, or after [`transpose`] columns of one block.
+/// Rows of one band, or columns of one block.
 pub(super) type Tile = [Complex; REALS];
 
-/// Rows become columns.
+/// Rows that `take` gives become columns that `put` receives.
 #[inline(always)]
-pub(super) fn transpose(from: &Tile, to: &mut Tile) {
-    for half in 0..2 {
-        let upper: [Lanes; LANES] = std::array::from_fn(|row| from[half * LANES + row].re);
-        let lower: [Lanes; LANES] = std::array::from_fn(|row| from[half * LANES + row].im);
-        for (column, (upper, lower)) in turned(upper).into_iter().zip(turned(lower)).enumerate() {
-            if half == 0 {
-                (to[column].re, to[LANES + column].re) = (upper, lower);
-            } else {
-                (to[column].im, to[LANES + column].im) = (upper, lower);
-            }
-        }
+pub(super) fn transpose(take: impl Fn(usize) -> Complex, mut put: impl FnMut(usize, Complex)) {
+    // One half of all rows after the other: sixteen of them are as many as there are registers.
+    let upper = turned(eight(
+        #[inline(always)]
+        |row| take(row).re,
+    ));
+    let lower = turned(eight(
+        #[inline(always)]
+        |row| take(LANES + row).re,
+    ));
+    for column in 0..LANES {
+        put(column, Complex { re: upper[column], im: lower[column] });
+    }
+    let upper = turned(eight(
+        #[inline(always)]
+        |row| take(row).im,
+    ));
+    let lower = turned(eight(
+        #[inline(always)]
+        |row| take(LANES + row).im,
+    ));
+    for column in 0..LANES {
+        put(LANES + column, Complex { re: upper[column], im: lower[column] });
     }
 }
 
-/// Eight rows of eight, by exchanges at distance 4, 2 and 1 between pairs of whole rows.
 #[inline(always)]
-fn turned(rows: [Lanes; LANES]) -> [Lanes; LANES] {
-    exchanged::<1>(exchanged::<2>(exchanged::<4>(rows)))
+fn eight(of: impl Fn(usize) -> Lanes) -> [Lanes; LANES] {
+    [of(0), of(1), of(2), of(3), of(4), of(5), of(6), of(7)]
 }
 
-/// Swaps the off-diagonal quarters of all 2D x 2D squares.
+/// Eight rows of eight, by the interleavings that vector machines have: of numbers, of pairs, of halves.
 #[inline(always)]
-fn exchanged<const D: usize>(rows: [Lanes; LANES]) -> [Lanes; LANES] {
-    std::array::from_fn(
-        #[inline(always)]
-        |row| {
-            let (own, other) = (rows[row].0, rows[row ^ D].0);
-            let mut out = own;
-            for (column, out) in out.iter_mut().enumerate() {
-                if column & D != row & D {
-                    *out = other[column ^ D];
-                }
-            }
-            Lanes(out)
-        },
-    )
+fn turned([a, b, c, d, e, f, g, h]: [Lanes; LANES]) -> [Lanes; LANES] {
+    let ([a, b], [c, d]) = (ones(a, b), ones(c, d));
+    let ([e, f], [g, h]) = (ones(e, f), ones(g, h));
+    let ([a, b], [c, d]) = (twos(a, c), twos(b, d));
+    let ([e, f], [g, h]) = (twos(e, g), twos(f, h));
+    let ([a, e], [b, f]) = (fours(a, e), fours(b, f));
+    let ([c, g], [d, h]) = (fours(c, g), fours(d, h));
+    [a, b, c, d, e, f, g, h]
+}
+
+#[inline(always)]
+fn ones(Lanes(a): Lanes, Lanes(b): Lanes) -> [Lanes; 2] {
+    [
+        Lanes([a[0], b[0], a[1], b[1], a[4], b[4], a[5], b[5]]),
+        Lanes([a[2], b[2], a[3], b[3], a[6], b[6], a[7], b[7]]),
+    ]
+}
+
+#[inline(always)]
+fn twos(Lanes(a): Lanes, Lanes(b): Lanes) -> [Lanes; 2] {
+    [
+        Lanes([a[0], a[1], b[0], b[1], a[4], a[5], b[4], b[5]]),
+        Lanes([a[2], a[3], b[2], b[3], a[6], a[7], b[6], b[7]]),
+    ]
+}
+
+#[inline(always)]
+fn fours(Lanes(a): Lanes, Lanes(b): Lanes) -> [Lanes; 2] {
+    [
+        Lanes([a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]),
+        Lanes([a[4], a[5], a[6], a[7], b[4], b[5], b[6], b[7]]),
+    ]
 }
 
 #[cfg(test)]
@@ -55,7 +84,7 @@ mod tests {
         let tile: Tile =
             std::array::from_fn(|row| Complex::of(std::array::from_fn(|column| (row * 16 + column) as f32)));
         let mut turned = Tile::default();
-        transpose(&tile, &mut turned);
+        transpose(|row| tile[row], |column, lanes| turned[column] = lanes);
         for (row, column) in (0..16).flat_map(|row| (0..16).map(move |column| (row, column))) {
             assert_eq!(turned[column].reals()[row], tile[row].reals()[column]);
         }
