@@ -72,8 +72,9 @@ impl Unwrap for GradientTree {
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         check_frame(y, range)?;
         out.prepare(y.dim(), self.name());
-        self.pixels.read(y, range);
-        let (pixels, bounds) = (&self.pixels, Bounds::new(range));
+        let bounds = Bounds::new(range);
+        self.pixels.read(y, range, bounds);
+        let pixels = &self.pixels;
         self.workers.each(&mut self.slopes, |_, slope| slope.unwrap(pixels, bounds));
         let [right, down] = &self.slopes;
         self.forest.grow(&Image {
@@ -96,8 +97,8 @@ struct Slope {
     keys: Vec<u16>,
     /// Of the image: where the gradient is not flat, wraps, or has an n.
     breaks: Vec<u8>,
-    /// Of the gradient image, to the right and down.
-    bends: [Vec<u8>; 2],
+    /// Of the gradient image, to the right and down: keys, and where it is not flat, or wraps.
+    bends: [(Vec<u16>, Vec<u8>); 2],
     /// The greatest key nearby.
     steepest: Vec<u16>,
     /// Whether that is above [`SEA_LEVEL`].
@@ -114,7 +115,7 @@ impl Slope {
             direction,
             keys: Vec::new(),
             breaks: Vec::new(),
-            bends: [Vec::new(), Vec::new()],
+            bends: Default::default(),
             steepest: Vec::new(),
             land: Vec::new(),
             forest: Forest::default(),
@@ -131,25 +132,20 @@ impl Slope {
             // There the difference is across the edge of the image.
             self.keys.chunks_exact_mut(pixels.width()).for_each(|row| row[row.len() - 1] = 0);
         }
-        for (bends, step) in self.bends.iter_mut().zip([1, pixels.width()]) {
-            second(pixels.planes(), (stride, step), FLAT, bends);
+        for ((keys, breaks), step) in self.bends.iter_mut().zip([1, pixels.width()]) {
+            second(pixels.planes(), (stride, step), FLAT, keys, breaks);
         }
         self.find_land(stride);
         let Self { direction, steepest, land, bends: [right, down], forest, .. } = self;
-        forest.grow(&Gradient {
-            pixels,
-            bounds,
-            direction: *direction,
-            steepest,
-            land,
-            breaks: [right, down],
-        });
+        let (keys, breaks): ([&[u16]; 2], [&[u8]; 2]) = ([&right.0, &down.0], [&right.1, &down.1]);
+        let direction = *direction;
+        forest.grow(&Gradient { pixels, bounds, direction, steepest, land, keys, breaks });
         self.read_off(pixels);
     }
 
     /// Beside an edge of the image nearby reaches round into the next row, which only makes more land.
     fn find_land(&mut self, stride: usize) {
-        let Self { keys, steepest, land, bends: [right, _], .. } = self;
+        let Self { keys, steepest, land, bends: [(_, right), _], .. } = self;
         steepest.clear();
         steepest.extend_from_slice(keys);
         land.resize(keys.len(), 0);
@@ -206,6 +202,7 @@ struct Gradient<'a> {
     direction: Direction,
     steepest: &'a [u16],
     land: &'a [u8],
+    keys: [&'a [u16]; 2],
     breaks: [&'a [u8]; 2],
 }
 
@@ -254,22 +251,12 @@ impl Ground for Gradient<'_> {
 
     #[inline(always)]
     fn key(&self, to: Direction, at: usize) -> u16 {
-        let [from, to] = self.ends(to, at);
-        of_difference(from, to, [0; 4])
+        self.keys[to as usize][at]
     }
 
     #[inline(always)]
     fn step(&self, to: Direction, at: usize) -> Quad {
-        let [from, to] = self.ends(to, at);
-        turns(from, to)
-    }
-}
-
-impl Gradient<'_> {
-    /// The gradients here and at the neighbour, raised.
-    #[inline(always)]
-    fn ends(&self, to: Direction, at: usize) -> [[u16; 4]; 2] {
         let stride = self.pixels.stride(self.direction);
-        [at, at + self.pixels.stride(to)].map(|at| self.pixels.difference(at, stride))
+        turns(self.pixels.difference(at, stride), self.pixels.difference(at + self.pixels.stride(to), stride))
     }
 }

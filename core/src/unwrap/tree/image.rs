@@ -61,6 +61,9 @@ impl Ground for Image<'_> {
 
     #[inline(always)]
     fn interval(&self, pixels: Range<usize>) -> Region {
+        if !self.pixels.limited()[pixels.clone()].contains(&1) {
+            return Region { low: [0; 4], high: self.bounds.widest(), size: pixels.len() as u32 };
+        }
         Region::of_equal(pixels, |at| {
             let code = self.pixels.code(at);
             match self.bounds.at_full_scale(code).filter(|_| self.is_plateau(at)) {

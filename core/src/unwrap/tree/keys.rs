@@ -64,28 +64,31 @@ pub(in crate::unwrap) fn first(
     });
 }
 
-/// The second of [`first`] for the difference to the pixel `a` ahead and the same at the pixel `b` ahead.
+/// [`first`] for the difference to the pixel `a` ahead and the same at the pixel `b` ahead.
 pub(in crate::unwrap) fn second(
     planes: [&[u16]; 3],
     (a, b): (usize, usize),
     flat: u16,
+    keys: &mut Vec<u16>,
     breaks: &mut Vec<u8>,
 ) {
     let count = planes[0].len();
     let reach = count.saturating_sub(a + b);
+    keys.resize(count, 0);
     breaks.resize(count, 0);
+    keys[reach..].fill(0);
     breaks[reach..].fill(0);
     if reach == 0 {
         return;
     }
     let corners = [0, a, b, a + b].map(|at| planes.map(|plane| &plane[at..at + reach]));
-    let breaks = &mut breaks[..reach];
+    let (keys, breaks) = (&mut keys[..reach], &mut breaks[..reach]);
     widest(|| {
         let [[r0, g0, b0], [ra, ga, ba], [rb, gb, bb], [rc, gc, bc]] = corners;
         for i in 0..reach {
             let from = [raised(r0[i], ra[i]), raised(g0[i], ga[i]), raised(b0[i], ba[i])];
             let to = [raised(rb[i], rc[i]), raised(gb[i], gc[i]), raised(bb[i], bc[i])];
-            breaks[i] = edge(from, to, flat).1;
+            (keys[i], breaks[i]) = edge(from, to, flat);
         }
     });
 }
@@ -107,21 +110,23 @@ mod tests {
             let planes = [0, 1, 2].map(|lane| codes.iter().map(|code| code[lane]).collect::<Vec<_>>());
             let planes = [&planes[0][..], &planes[1], &planes[2]];
             let quad = |at: usize| [codes[at][0], codes[at][1], codes[at][2], 0];
-            let (mut keys, mut once, mut twice) = (Vec::new(), Vec::new(), Vec::new());
-            first(planes, stride, flat, &mut keys, &mut once);
-            second(planes, (1, stride), flat, &mut twice);
-            let is_break = |from, to| {
-                u8::from(of_difference(from, to, [0; 4]) > flat || turns(from, to) != [0; 4])
+            let (mut keys, mut breaks) = (Vec::new(), Vec::new());
+            let edge = |from, to| {
+                let key = of_difference(from, to, [0; 4]);
+                (key, u8::from(key > flat || turns(from, to) != [0; 4]))
             };
-            let step = |at: usize| {
-                std::array::from_fn(|lane| raised(quad(at)[lane], quad(at + 1)[lane]))
-            };
+            first(planes, stride, flat, &mut keys, &mut breaks);
             for at in 0..codes.len() {
                 let there = at + stride < codes.len();
-                prop_assert_eq!(keys[at], if there { of_difference(quad(at), quad(at + stride), [0; 4]) } else { 0 });
-                prop_assert_eq!(once[at], if there { is_break(quad(at), quad(at + stride)) } else { 0 });
+                let want = if there { edge(quad(at), quad(at + stride)) } else { (0, 0) };
+                prop_assert_eq!((keys[at], breaks[at]), want);
+            }
+            second(planes, (1, stride), flat, &mut keys, &mut breaks);
+            let step = |at: usize| std::array::from_fn(|lane| raised(quad(at)[lane], quad(at + 1)[lane]));
+            for at in 0..codes.len() {
                 let there = at + stride + 1 < codes.len();
-                prop_assert_eq!(twice[at], if there { is_break(step(at), step(at + stride)) } else { 0 });
+                let want = if there { edge(step(at), step(at + stride)) } else { (0, 0) };
+                prop_assert_eq!((keys[at], breaks[at]), want);
             }
         }
     }

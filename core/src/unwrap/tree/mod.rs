@@ -49,7 +49,8 @@ impl Unwrap for Tree {
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         check_frame(y, range)?;
         out.prepare(y.dim(), self.name());
-        self.pixels.read(y, range);
+        let bounds = Bounds::new(range);
+        self.pixels.read(y, range, bounds);
         let Self { pixels, keys, breaks, forest } = self;
         for ((keys, breaks), stride) in keys.iter_mut().zip(&mut *breaks).zip([1, y.width()]) {
             first(pixels.planes(), stride, FLAT, keys, breaks);
@@ -57,7 +58,7 @@ impl Unwrap for Tree {
         let ([right, down], [right_breaks, down_breaks]) = (keys, breaks);
         forest.grow(&Image {
             pixels,
-            bounds: Bounds::new(range),
+            bounds,
             keys: [right, down],
             breaks: [right_breaks, down_breaks],
             n: [&[], &[]],

@@ -4,6 +4,7 @@
 use ndarray::ArrayView3;
 
 use crate::frame::Frame;
+use crate::simd::widest;
 use crate::unwrap::{Range, wrapped};
 
 /// One number for each of red, green, blue, and a fourth that is always the same, so that a machine's
@@ -34,12 +35,13 @@ pub(in crate::unwrap) struct Pixels {
     width: usize,
     planes: [Vec<u16>; 3],
     quads: Vec<[u16; 4]>,
+    limited: Vec<u8>,
     has_colours: bool,
 }
 
 impl Pixels {
     /// Takes the pixels of `y`, of which [`check_frame`](crate::unwrap::check_frame) approved.
-    pub fn read(&mut self, y: &Frame, range: Range) {
+    pub fn read(&mut self, y: &Frame, range: Range, bounds: Bounds) {
         self.width = y.width();
         self.has_colours = y.channels() == 3;
         let shift = 16 - range.bits();
@@ -47,6 +49,11 @@ impl Pixels {
             Frame::U8(pixels) => self.take(pixels.view(), shift),
             Frame::U16(pixels) => self.take(pixels.view(), shift),
         }
+        let count = self.count();
+        self.limited.resize(count, 0);
+        let [r, g, b] = &self.planes;
+        let (limited, r, g, b) = (&mut self.limited[..count], &r[..count], &g[..count], &b[..count]);
+        widest(|| (0..count).for_each(|i| limited[i] = bounds.limits([r[i], g[i], b[i]])));
     }
 
     fn take<T: Copy + Into<u16>>(&mut self, y: ArrayView3<'_, T>, shift: u8) {
@@ -84,6 +91,11 @@ impl Pixels {
 
     pub fn planes(&self) -> [&[u16]; 3] {
         [&self.planes[0], &self.planes[1], &self.planes[2]]
+    }
+
+    /// 1 where [`Bounds::limits`] says so, else 0.
+    pub fn limited(&self) -> &[u8] {
+        &self.limited
     }
 
     /// The neighbour's index minus the pixel's.
@@ -135,6 +147,19 @@ impl Bounds {
         let room = (room.ceil() as u32) << (16 - range.bits());
         let step = 1 << (16 - range.bits());
         Self { most: i16::from(most), room, top: (room - step) as u16, fine: range.bits() >= 8 }
+    }
+
+    /// What is [`highest`](Self::highest) where nothing limits it.
+    pub fn widest(self) -> Quad {
+        [self.most; 4]
+    }
+
+    /// 1 where a count may be less than the most, or more than the least: else 0.
+    #[inline(always)]
+    fn limits(self, [r, g, b]: [u16; 3]) -> u8 {
+        let plateau = (r == self.top) & (g == self.top) & (b == self.top);
+        let last = (self.room - 1) as u16;
+        u8::from(plateau | (r > last) | (g > last) | (b > last))
     }
 
     /// At least 0.
