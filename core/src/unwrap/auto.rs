@@ -7,7 +7,7 @@
 //! |---|---|---|
 //! | no wrapped difference at all | pass_through | yes |
 //! | hardly a steep loop, each line agrees, all counts in range | lines | yes |
-//! | few steep loops | gradient_tree | yes |
+//! | few steep loops | gradient_tree | if all counts are in range |
 //! | more | gradient_tree | no |
 //!
 //! Trust is given on y alone. What leaves no trace in y cannot be seen here: a region with
@@ -85,7 +85,8 @@ impl Unwrap for Auto {
             Verdict::Climb { trusted } => {
                 self.gradient_tree.unwrap(y, range, out)?;
                 out.report.signal = signal;
-                out.report.trusted = Some(trusted);
+                // What contradicts itself is not trusted, whatever y looks like.
+                out.report.trusted = Some(trusted && out.report.trusted.is_none());
                 return Ok(());
             }
         }

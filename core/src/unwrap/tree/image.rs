@@ -103,11 +103,15 @@ impl Image<'_> {
     }
 }
 
-/// Writes `out`: the largest region at the offset that keeps it in range, others at their least.
+/// Writes `out`: the largest region at the offset that keeps it in range, others at their least. A result
+/// of which some had to be clamped contradicts itself: it is not to be trusted.
 pub(in crate::unwrap) fn place(forest: &Forest, y: &Frame, range: RangeOfX, out: &mut Recovered) {
-    match out.k.dim().2 {
+    let outside = match out.k.dim().2 {
         1 => write_counts::<1>(forest, range, out),
         _ => write_counts::<3>(forest, range, out),
+    };
+    if outside > 0 {
+        out.report.trusted = Some(false);
     }
     match y {
         Frame::U8(y) => write_radiance(y.view(), range, out),
@@ -115,19 +119,23 @@ pub(in crate::unwrap) fn place(forest: &Forest, y: &Frame, range: RangeOfX, out:
     }
 }
 
-fn write_counts<const CHANNELS: usize>(forest: &Forest, range: RangeOfX, out: &mut Recovered) {
+/// Returns how many segments leave the range.
+fn write_counts<const CHANNELS: usize>(forest: &Forest, range: RangeOfX, out: &mut Recovered) -> usize {
     let regions = &forest.regions;
     let main = regions.largest();
     let most = i16::from(range.most_wraps());
     let level = level(forest, main, most);
-    let Some(counts) = out.k.as_slice_mut() else { return };
+    let Some(counts) = out.k.as_slice_mut() else { return 0 };
+    let mut outside = 0;
     let (counts, _) = counts.as_chunks_mut::<CHANNELS>();
     for segment in &forest.segments {
         let root = regions.root(segment.node);
         let base = if root == main { level } else { regions.region(root).low };
-        let k = add(base, regions.above_root(segment.node)).map(|k| k.clamp(0, most) as u8);
-        counts[segment.pixels()].fill(std::array::from_fn(|channel| k[channel]));
+        let k = add(base, regions.above_root(segment.node));
+        outside += usize::from(k[..CHANNELS].iter().any(|k| !(0..=most).contains(k)));
+        counts[segment.pixels()].fill(std::array::from_fn(|channel| k[channel].clamp(0, most) as u8));
     }
+    outside
 }
 
 fn write_radiance<T: Copy + Into<f32>>(y: ArrayView3<'_, T>, range: RangeOfX, out: &mut Recovered) {
