@@ -87,8 +87,9 @@ fn each_library_is_named_in_one_place() {
 fn the_wall_clock_is_read_in_one_file() {
     let mut files = Vec::new();
     sources(Path::new(env!("CARGO_MANIFEST_DIR")), &mut files);
-    // The launcher waits for processes, which have no other time than the wall's.
-    let allowed = |path: &Path| path == Path::new("runtime/src/clock.rs") || path.starts_with("launch");
+    // The launcher waits for processes, which have no other time than the wall's; a benchmark measures it.
+    let homes = ["runtime/src/clock.rs", "study/src/stopwatch.rs", "launch"];
+    let allowed = |path: &Path| homes.iter().any(|home| path.starts_with(home));
     let found: Vec<_> = files
         .iter()
         .filter(|(path, text)| {

@@ -12,6 +12,7 @@ pub mod metric;
 mod shown;
 pub mod simulate;
 pub mod stability;
+mod stopwatch;
 mod store;
 
 pub use error::StudyError;

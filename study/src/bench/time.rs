@@ -1,13 +1,12 @@
 //! The stopwatch: calls of one method on all frames.
 
-use std::time::Instant;
-
 use modulo_core::{Recovered, Unwrap, UnwrapError, tone};
 
 use super::frames::Sample;
 use crate::StudyError;
 use crate::metric::{exact_share, mse, psnr_db};
 use crate::shown::shown;
+use crate::stopwatch::timed;
 
 /// What a method took and gave.
 pub struct Measured {
@@ -31,9 +30,9 @@ pub fn measure(method: &mut dyn Unwrap, samples: &[Sample], repeats: usize) -> R
         all.score(sample, &out)?;
         let mut times = Vec::with_capacity(repeats);
         for _ in 0..repeats {
-            let start = Instant::now();
-            method.unwrap(&sample.modulo, sample.range, &mut out)?;
-            times.push(start.elapsed().as_secs_f64() * 1e3);
+            let (unwrapped, ms) = timed(|| method.unwrap(&sample.modulo, sample.range, &mut out));
+            unwrapped?;
+            times.push(ms);
         }
         times.sort_by(f64::total_cmp);
         spreads.push((quantile(&times, 0.75) - quantile(&times, 0.25)) / quantile(&times, 0.5).max(1e-9));

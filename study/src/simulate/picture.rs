@@ -1,7 +1,6 @@
 //! One picture through the sensor and the methods, results to the folder.
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use modulo_core::{Exposure, Recovered, Sensor, Unwrap, tone};
 use modulo_images::{White, read_image, save_png};
@@ -11,6 +10,7 @@ use super::{Request, Row};
 use crate::StudyError;
 use crate::metric::{exact_share, mse, psnr_db, ssim};
 use crate::shown::shown;
+use crate::stopwatch::timed;
 
 /// A picture of the request.
 pub struct Picture<'a> {
@@ -44,9 +44,8 @@ impl Picture<'_> {
     fn recover(&self, exposure: &Exposure, method: &mut dyn Unwrap) -> Result<Row, StudyError> {
         let (range, modulo) = (exposure.range(), exposure.modulo());
         let mut recovered = Recovered::default();
-        let start = Instant::now();
-        method.unwrap(&modulo, range, &mut recovered)?;
-        let ms = start.elapsed().as_secs_f64() * 1e3;
+        let (unwrapped, ms) = timed(|| method.unwrap(&modulo, range, &mut recovered));
+        unwrapped?;
         let picture = tone::linear8(&recovered.x, range).map_err(modulo_core::UnwrapError::from)?;
         save_png(&self.place(range.alpha(), method.name()), &picture)?;
         let (ideal, picture) = (shown(exposure.ideal()), shown(picture));
