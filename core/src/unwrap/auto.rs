@@ -5,8 +5,7 @@
 //!
 //! | seen in y | rung | trusted |
 //! |---|---|---|
-//! | no wrapped difference at all | pass_through | yes |
-//! | hardly a steep loop, each line agrees, all counts in range | lines | yes |
+//! | hardly a steep loop, each line agrees, all counts in range | lines; pass_through if all k are 0 | yes |
 //! | few steep loops | gradient_tree | if all counts are in range |
 //! | more | gradient_tree | no |
 //!

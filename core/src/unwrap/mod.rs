@@ -73,10 +73,10 @@ pub struct Report {
     pub trusted: Option<bool>,
 }
 
-/// The rung of `auto` that changes nothing: no wrap was seen.
+/// The rung of `auto` that changes nothing: all k are 0.
 pub const PASS_THROUGH: &str = "pass_through";
 
-/// How far y departs from what the methods assume; all of it measured on y alone, all channels together.
+/// How far y departs from what `lines` assumes, seen on its way over y, all channels together; no truth is needed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Signal {
     /// Fraction of the 2 x 2 loops around which the wrapped differences do not sum to 0.
