@@ -15,7 +15,7 @@ const FLOORS: [&[&str]; 8] = [
     &["modulo-runtime"],
     &["modulo-msgs"],
     &["modulo-images"],
-    &["modulo-core", "modulo-models"],
+    &["modulo-core", "modulo-charts", "modulo-models"],
 ];
 
 fn floor_of(name: &str) -> Option<usize> {

@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::anyhow;
 use indicatif::{ProgressBar, ProgressStyle};
 use modulo_core::Psf;
-use modulo_study::{Event, bench, chart, simulate, stability};
+use modulo_study::{Event, bench, frontier, simulate, stability};
 
 use crate::cli::study::{Bench, BenchUnwrap, Lens, Sensor, Simulate};
 use crate::{Ended, Failure};
@@ -62,7 +62,7 @@ pub fn bench(command: &Bench) -> Result<Ended, Failure> {
     match command {
         Bench::Unwrap(args) => bench_unwrap(args),
         Bench::Chart { folder } => {
-            for file in chart::draw_frontier(&folder.join(bench::RESULTS))? {
+            for file in frontier::draw_frontier(&folder.join(bench::RESULTS))? {
                 say!("{}", file.display());
             }
             Ok(Ended::Done)
@@ -107,7 +107,7 @@ fn bench_unwrap(args: &BenchUnwrap) -> Result<Ended, Failure> {
             100.0 * row.exact_k
         );
     }
-    for file in chart::draw_frontier(&args.out.join(bench::RESULTS))? {
+    for file in frontier::draw_frontier(&args.out.join(bench::RESULTS))? {
         say!("{}", file.display());
     }
     Ok(if outcome.skipped.is_empty() { Ended::Done } else { Ended::WithLoss })

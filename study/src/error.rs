@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
+use modulo_charts::ChartError;
 use modulo_core::{SensorError, UnwrapError};
 use modulo_images::{ImageError, SaveError};
 
-use crate::chart::ChartError;
 use crate::metric::ShapesDiffer;
 
 /// Names the thing, its value and what is possible.

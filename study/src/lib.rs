@@ -5,9 +5,9 @@
 //! the same `core` that the nodes run.
 
 pub mod bench;
-pub mod chart;
 mod error;
 mod event;
+pub mod frontier;
 pub mod metric;
 mod shown;
 pub mod simulate;

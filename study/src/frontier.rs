@@ -2,19 +2,22 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{Axis, Chart, Direction, Panel, Point, Scale, Series, Unit};
+use modulo_charts::{Axis, Chart, Direction, Look, Panel, Point, Scale, Series, Tone, Unit};
+
 use crate::StudyError;
 use crate::bench::{META, Meta, Row};
-use crate::store::read_json;
+use crate::store::{read_json, write};
 
 /// Draws the frontier of a list of results as `frontier.svg` and `frontier.png` beside it; returns the two.
 ///
 /// # Errors
 /// [`StudyError`] when the list cannot be read or the pictures cannot be written.
 pub fn draw_frontier(results: &Path) -> Result<[PathBuf; 2], StudyError> {
-    let stem = results.with_file_name("frontier");
-    frontier_from(results)?.save(&stem)?;
-    Ok(["svg", "png"].map(|extension| stem.with_extension(extension)))
+    let chart = frontier_from(results)?;
+    let files = ["frontier.svg", "frontier.png"].map(|name| results.with_file_name(name));
+    write(&files[0], chart.svg()?.as_bytes())?;
+    write(&files[1], &chart.png()?)?;
+    Ok(files)
 }
 
 /// The chart of `results` (a list of [`Row`]) and of the [`META`] beside it, if there is one.
@@ -63,8 +66,14 @@ fn series(rows: &[Row], value: impl Fn(&Row) -> f64) -> Vec<Series> {
         }
         let own = sorted.iter().filter(|r| (&r.method, r.threads) == (&row.method, row.threads));
         let own = own.filter(|r| r.psf_sigma == row.psf_sigma);
-        let point = |r: &&Row| Point { x: r.ms_p50, y: value(r), label: r.alpha.to_string() };
-        series.push(Series { name, points: own.map(point).collect() });
+        let point = |r: &&Row| Point {
+            x: r.ms_p50,
+            y: value(r),
+            label: r.alpha.to_string(),
+            hover: format!("{name}, alpha {}: {:.3} ms, {:.4} % exact", r.alpha, r.ms_p50, 100.0 * r.exact_k),
+            tone: Tone::Full,
+        };
+        series.push(Series { points: own.map(point).collect(), look: Look::Joined, name });
     }
     series
 }

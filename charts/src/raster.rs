@@ -7,8 +7,8 @@ use tiny_skia::{
 };
 use ttf_parser::OutlineBuilder;
 
-use super::ChartError;
-use super::canvas::{Anchor, Canvas, Colour, Shape, Spot, Turn, WHITE};
+use crate::ChartError;
+use crate::canvas::{Anchor, Canvas, Colour, Shape, Spot, Turn, WHITE};
 
 /// Pixels of the PNG for one of the chart, along each side.
 const ZOOM: f32 = 2.0;
@@ -31,7 +31,7 @@ fn draw(pixels: &mut Pixmap, canvas: &Canvas, shape: &Shape) {
         Shape::Line { spots, colour, width, dash } => {
             stroke(pixels, path(spots, false), *colour, *width, *dash);
         }
-        Shape::Area { spots, colour } => {
+        Shape::Area { spots, colour, .. } => {
             fill(pixels, path(spots, true), *colour, Transform::identity());
             stroke(pixels, path(spots, true), WHITE, 1.0, 0.0);
         }

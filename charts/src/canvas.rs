@@ -1,12 +1,13 @@
 //! [`Canvas`]: the shapes of a chart, before they are SVG or pixels.
 
-use super::font::Font;
+use crate::font::Font;
 
 /// Red, green, blue.
 pub type Colour = [u8; 3];
 
 pub const INK: Colour = [0x22, 0x22, 0x22];
 pub const GREY: Colour = [0x55, 0x55, 0x55];
+pub const FADED: Colour = [0xbd, 0xbd, 0xbd];
 pub const FAINT: Colour = [0xe4, 0xe4, 0xe4];
 pub const WHITE: Colour = [0xff; 3];
 
@@ -33,8 +34,8 @@ pub enum Turn {
 pub enum Shape {
     /// An open line; `dash` is the length of its strokes, 0 for an unbroken one.
     Line { spots: Vec<Spot>, colour: Colour, width: f32, dash: f32 },
-    /// A filled polygon with a white edge.
-    Area { spots: Vec<Spot>, colour: Colour },
+    /// A filled polygon with a white edge; `hover` is shown while a pointer is on it.
+    Area { spots: Vec<Spot>, colour: Colour, hover: String },
     /// A text whose baseline is at `spot`, `width` px long.
     Text { spot: Spot, text: String, size: f32, colour: Colour, anchor: Anchor, turn: Turn, width: f32 },
 }

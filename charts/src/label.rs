@@ -1,7 +1,7 @@
 //! Where labels go: near their points, on nothing else.
 
-use super::canvas::Spot;
-use super::style::RADIUS;
+use crate::canvas::Spot;
+use crate::style::RADIUS;
 
 /// left, top, right, bottom, px.
 pub type Area = (f32, f32, f32, f32);

@@ -1,28 +1,7 @@
-//! Charts as SVG and PNG, on any machine: the font is in the program.
-//!
-//! A [`Chart`] is data; [`Chart::svg`] and [`Chart::png`] draw the same shapes.
-//! Colours are those of Okabe and Ito, markers tell the series apart without
-//! them, and labels never lie on each other. Nothing here knows a method.
+//! [`Chart`]: panels beside each other, with one legend.
 
-mod axis;
-mod canvas;
-mod font;
-mod frontier;
-mod label;
-mod legend;
-mod panel;
-mod raster;
-mod style;
-mod svg;
-
-use std::path::Path;
-
-pub use axis::{Axis, Direction, Scale, Unit};
-pub use frontier::{draw_frontier, frontier_from};
-
-use crate::StudyError;
-use crate::store::write;
-use canvas::{Anchor, Canvas, GREY, INK};
+use crate::canvas::{Anchor, Canvas, GREY, INK};
+use crate::{Axis, ChartError, font, legend, panel, raster, svg};
 
 /// One or more panels side by side with a common legend.
 #[derive(Clone, Debug, PartialEq)]
@@ -48,17 +27,40 @@ pub struct Panel {
     pub series: Vec<Series>,
 }
 
-/// Points joined by a line.
+/// Points of one kind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series {
     /// Stands in the legend.
     pub name: String,
     /// In the order in which the line joins them.
     pub points: Vec<Point>,
+    /// What is drawn of them.
+    pub look: Look,
+}
+
+/// What is drawn of a series.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Look {
+    /// Markers and a line through them.
+    Joined,
+    /// Markers alone.
+    Marks,
+    /// The line alone.
+    Line,
+}
+
+/// How much a marker stands out.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Tone {
+    /// In the colour of its series.
+    #[default]
+    Full,
+    /// In grey: there, but not the point.
+    Faded,
 }
 
 /// One marker.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Point {
     /// Across, in the unit of the axis; a point that is not finite is left out.
     pub x: f64,
@@ -66,25 +68,10 @@ pub struct Point {
     pub y: f64,
     /// Written beside it; may be empty.
     pub label: String,
-}
-
-/// Why there is no PNG.
-#[derive(Debug, thiserror::Error)]
-pub enum ChartError {
-    /// The embedded font.
-    #[error("the font of the charts cannot be read: {0}")]
-    Font(#[from] ttf_parser::FaceParsingError),
-    /// More pixels than fit.
-    #[error("a chart of {width} x {height} px cannot be painted")]
-    Size {
-        /// Columns.
-        width: u32,
-        /// Rows.
-        height: u32,
-    },
-    /// The encoder refused.
-    #[error("chart: {0}")]
-    Encode(#[from] image::ImageError),
+    /// Shown while a pointer is on it, in the SVG; may be empty.
+    pub hover: String,
+    /// How much it stands out.
+    pub tone: Tone,
 }
 
 const WIDTH: f32 = 1200.0;
@@ -109,15 +96,6 @@ impl Chart {
         raster::png(&self.canvas()?)
     }
 
-    /// Writes `STEM.svg` and `STEM.png`.
-    ///
-    /// # Errors
-    /// [`StudyError`] when it cannot be drawn or written.
-    pub fn save(&self, stem: &Path) -> Result<(), StudyError> {
-        write(&stem.with_extension("svg"), self.svg()?.as_bytes())?;
-        write(&stem.with_extension("png"), &self.png()?)
-    }
-
     fn canvas(&self) -> Result<Canvas, ChartError> {
         let font = font::Font::new()?;
         let names = self.names();
@@ -136,12 +114,12 @@ impl Chart {
         Ok(canvas)
     }
 
-    /// Names of the series, in the order of their first appearance.
-    fn names(&self) -> Vec<&str> {
-        let mut names: Vec<&str> = Vec::new();
+    /// Names and looks of the series, in the order of their first appearance.
+    fn names(&self) -> Vec<(&str, Look)> {
+        let mut names: Vec<(&str, Look)> = Vec::new();
         for series in self.panels.iter().flat_map(|panel| &panel.series) {
-            if !names.contains(&series.name.as_str()) {
-                names.push(&series.name);
+            if names.iter().all(|(name, _)| *name != series.name) {
+                names.push((&series.name, series.look));
             }
         }
         names

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::canvas::{Anchor, Canvas, Colour, Shape, Spot, Turn, WHITE};
+use crate::canvas::{Anchor, Canvas, Colour, Shape, Spot, Turn, WHITE};
 
 /// The whole document.
 pub fn text(canvas: &Canvas) -> String {
@@ -30,12 +30,13 @@ fn push(out: &mut String, shape: &Shape) {
                 hex(*colour)
             )
         }
-        Shape::Area { spots, colour } => writeln!(
+        Shape::Area { spots, colour, hover } => writeln!(
             out,
-            "<polygon points=\"{}\" fill=\"{}\" stroke=\"{}\" stroke-width=\"1\"/>",
+            "<polygon points=\"{}\" fill=\"{}\" stroke=\"{}\" stroke-width=\"1\">{}</polygon>",
             points(spots),
             hex(*colour),
-            hex(WHITE)
+            hex(WHITE),
+            if hover.is_empty() { String::new() } else { format!("<title>{}</title>", escaped(hover)) }
         ),
         Shape::Text { spot: (x, y), text, size, colour, anchor, turn, width } => {
             let anchor = match anchor {

@@ -1,13 +1,11 @@
-//! Charts: what is drawn, and that it can be read.
+//! The frontier chart: what is drawn, and that it can be read.
 
 use std::path::Path;
 
 use modulo_images::{Pixels, decode};
 use modulo_study::StudyError;
 use modulo_study::bench::Row;
-use modulo_study::chart::{
-    Axis, Chart, Direction, Panel, Point, Scale, Series, Unit, draw_frontier, frontier_from,
-};
+use modulo_study::frontier::{draw_frontier, frontier_from};
 
 /// left, top, right, bottom of each text of an SVG that is not turned.
 fn texts(svg: &str) -> Vec<(String, [f64; 4])> {
@@ -106,28 +104,4 @@ fn results_that_are_none_are_named() {
     assert!(why.contains("results.json") && why.contains("alpha"), "{why}");
     std::fs::write(&path, "[]").unwrap();
     assert!(matches!(frontier_from(&path), Err(StudyError::Empty { .. })));
-}
-
-#[test]
-fn any_text_and_any_number_can_be_drawn() {
-    let axis =
-        |scale| Axis { label: "a < b & c".to_owned(), scale, unit: Unit::Plain, direction: Direction::Up };
-    let values = [f64::NAN, f64::INFINITY, -1.0, 0.0, 1e-300, 1e300, 3.0];
-    let point = |&value: &f64| Point { x: value, y: 2.0, label: "\u{10ffff}<".to_owned() };
-    let series = vec![Series { name: "all".to_owned(), points: values.iter().map(point).collect() }];
-    for scale in [Scale::Log, Scale::Linear { from: -2.0, to: 5.0 }, Scale::Linear { from: 1.0, to: 1.0 }] {
-        let panel = Panel { x: axis(scale), y: axis(Scale::Log), series: series.clone() };
-        let chart = Chart {
-            title: String::new(),
-            subtitle: String::new(),
-            footer: String::new(),
-            panels: vec![panel],
-        };
-        let svg = chart.svg().unwrap();
-        assert!(
-            svg.contains("a &lt; b &amp; c") && !svg.contains("NaN") && !svg.contains("inf"),
-            "{scale:?}"
-        );
-        assert!(!chart.png().unwrap().is_empty());
-    }
 }

@@ -2,7 +2,8 @@
 
 use std::f32::consts::{PI, TAU};
 
-use super::canvas::{Canvas, Colour, Shape, Spot};
+use crate::Tone;
+use crate::canvas::{Canvas, Colour, FADED, Shape, Spot};
 
 /// Okabe and Ito's palette, which the colour-blind can tell apart; its yellow is left out, for it is
 /// faint on white.
@@ -37,9 +38,18 @@ impl Style {
         canvas.shapes.push(Shape::Line { spots, colour: self.colour, width: 1.8, dash: self.dash });
     }
 
-    pub fn mark(&self, canvas: &mut Canvas, (x, y): Spot) {
+    /// The marker at a spot; `hover` is shown while a pointer is on it.
+    pub fn mark(&self, canvas: &mut Canvas, (x, y): Spot, tone: Tone, hover: &str) {
         let spots = self.outline().into_iter().map(|(dx, dy)| (x + RADIUS * dx, y + RADIUS * dy)).collect();
-        canvas.shapes.push(Shape::Area { spots, colour: self.colour });
+        let hover = hover.to_owned();
+        canvas.shapes.push(Shape::Area { spots, colour: self.toned(tone), hover });
+    }
+
+    pub fn toned(&self, tone: Tone) -> Colour {
+        match tone {
+            Tone::Full => self.colour,
+            Tone::Faded => FADED,
+        }
     }
 
     /// Around (0, 0), within a circle of about 1.

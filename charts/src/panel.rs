@@ -1,0 +1,154 @@
+//! One panel: grid, axes, series, labels at the points.
+
+use crate::axis::Ruler;
+use crate::canvas::{Anchor, Canvas, Colour, FAINT, GREY, INK, Shape, Spot, Turn, WHITE};
+use crate::label::{Area, Crowd, Wanted, nearest};
+use crate::style::{RADIUS, Style};
+use crate::{Look, Panel, Point, Series, Tone};
+
+const TICK: f32 = 11.5;
+const NOTE: f32 = 11.0;
+/// Room for the labels of the axes, px.
+const LEFT: f32 = 76.0;
+const BELOW: f32 = 50.0;
+/// Points of a series nearer than this share a label, px.
+const NEAR: f32 = 16.0;
+
+/// Draws `panel` into (left, top, width, height); the place in `names` gives each series its style.
+pub fn draw(canvas: &mut Canvas, panel: &Panel, names: &[(&str, Look)], (left, top, width, height): Area) {
+    let area = (left + LEFT, top, left + width, top + height - BELOW);
+    let points = || panel.series.iter().flat_map(|series| &series.points).filter(|point| is_finite(point));
+    let x = panel.x.ruler(points().map(|point| point.x));
+    let y = panel.y.ruler(points().map(|point| point.y));
+    grid(canvas, area, &x, &y);
+    titles(canvas, panel, area, left);
+    let spot = |point: &Point| {
+        let (across, up) = (x.place(point.x), y.place(point.y));
+        (area.0 + across * (area.2 - area.0), area.3 - up * (area.3 - area.1))
+    };
+    let placed = panel.series.iter().map(|series| Placed::new(series, names, spot)).collect::<Vec<_>>();
+    let mut crowd = Crowd { within: area, taken: Vec::new(), lines: Vec::new() };
+    placed.iter().for_each(|series| series.line(canvas, &mut crowd));
+    placed.iter().for_each(|series| series.marks(canvas, &mut crowd, Tone::Faded));
+    placed.iter().for_each(|series| series.marks(canvas, &mut crowd, Tone::Full));
+    placed.iter().for_each(|series| series.notes(canvas, &mut crowd));
+}
+
+/// A series whose points have their spots.
+struct Placed<'a> {
+    style: Style,
+    look: Look,
+    points: Vec<(Spot, &'a Point)>,
+}
+
+impl<'a> Placed<'a> {
+    fn new(series: &'a Series, names: &[(&str, Look)], spot: impl Fn(&Point) -> Spot) -> Self {
+        let index = names.iter().position(|(name, _)| *name == series.name).unwrap_or_default();
+        let finite = series.points.iter().filter(|point| is_finite(point));
+        Self {
+            style: Style::of(index),
+            look: series.look,
+            points: finite.map(|point| (spot(point), point)).collect(),
+        }
+    }
+
+    fn line(&self, canvas: &mut Canvas, crowd: &mut Crowd) {
+        if self.look != Look::Marks {
+            crowd.lines.extend(self.points.windows(2).map(|pair| (pair[0].0, pair[1].0)));
+            self.style.line(canvas, self.points.iter().map(|(spot, _)| *spot).collect());
+        }
+    }
+
+    fn marks(&self, canvas: &mut Canvas, crowd: &mut Crowd, tone: Tone) {
+        if self.look != Look::Line {
+            for (spot, point) in self.points.iter().filter(|(_, point)| point.tone == tone) {
+                crowd.mark(*spot);
+                self.style.mark(canvas, *spot, tone, &point.hover);
+            }
+        }
+    }
+
+    fn notes(&self, canvas: &mut Canvas, crowd: &mut Crowd) {
+        for (spot, text, tone) in groups(&self.points) {
+            note(canvas, crowd, self.style.toned(tone), spot, &text);
+        }
+    }
+}
+
+fn is_finite(point: &Point) -> bool {
+    point.x.is_finite() && point.y.is_finite()
+}
+
+fn grid(canvas: &mut Canvas, (left, top, right, bottom): Area, x: &Ruler, y: &Ruler) {
+    for (value, text) in &x.ticks {
+        let at = left + x.place(*value) * (right - left);
+        canvas.line(vec![(at, top), (at, bottom)], FAINT, 1.0);
+        canvas.text((at, bottom + 17.0), text, TICK, GREY, Anchor::Middle);
+    }
+    for (value, text) in &y.ticks {
+        let at = bottom - y.place(*value) * (bottom - top);
+        canvas.line(vec![(left, at), (right, at)], FAINT, 1.0);
+        canvas.text((left - 7.0, at + TICK * 0.36), text, TICK, GREY, Anchor::End);
+    }
+    canvas.line(vec![(left, top), (left, bottom), (right, bottom)], GREY, 1.2);
+}
+
+fn titles(canvas: &mut Canvas, panel: &Panel, (left, top, right, bottom): Area, edge: f32) {
+    let (middle, height) = ((left + right) / 2.0, (top + bottom) / 2.0);
+    canvas.text((middle, bottom + 38.0), &panel.x.label, 12.5, INK, Anchor::Middle);
+    canvas.turned((edge + 12.0, height), &panel.y.label, 12.5, INK, (Anchor::Middle, Turn::Upwards));
+}
+
+/// Neighbours of a series that would share a place share a label: "2, 3" or "1.5 to 4", at their middle one.
+fn groups(points: &[(Spot, &Point)]) -> Vec<(Spot, String, Tone)> {
+    let mut groups: Vec<Vec<&(Spot, &Point)>> = Vec::new();
+    for labelled in points.iter().filter(|(_, point)| !point.label.is_empty()) {
+        match groups.last_mut() {
+            Some(group) if near(group[0], labelled) => group.push(labelled),
+            _ => groups.push(vec![labelled]),
+        }
+    }
+    let text = |group: &[&(Spot, &Point)]| match group {
+        [one] => one.1.label.clone(),
+        [one, two] => format!("{}, {}", one.1.label, two.1.label),
+        _ => format!("{} to {}", group[0].1.label, group[group.len() - 1].1.label),
+    };
+    groups.iter().map(|group| (group[group.len() / 2].0, text(group), group[0].1.tone)).collect()
+}
+
+fn near(a: &(Spot, &Point), b: &(Spot, &Point)) -> bool {
+    a.1.tone == b.1.tone && distance(a.0, b.0) < NEAR
+}
+
+/// Writes the label where there is room, with a thin line to its point when that is not beside it.
+fn note(canvas: &mut Canvas, crowd: &mut Crowd, colour: Colour, spot: Spot, text: &str) {
+    let wanted = Wanted { spot, width: canvas.font.width(text, NOTE), height: NOTE };
+    let Some(area) = crowd.place(&wanted) else { return };
+    let edge = nearest(spot, area);
+    if distance(edge, spot) > RADIUS + 9.0 {
+        canvas.line(vec![spot, edge], colour, 0.6);
+    }
+    // A line that had to pass there stops at the text.
+    let corners = [(area.0, area.1), (area.2, area.1), (area.2, area.3), (area.0, area.3)];
+    canvas.shapes.push(Shape::Area { spots: corners.to_vec(), colour: WHITE, hover: String::new() });
+    canvas.text((area.0, area.3 - NOTE * 0.14), text, NOTE, colour, Anchor::Start);
+}
+
+fn distance(a: Spot, b: Spot) -> f32 {
+    (a.0 - b.0).hypot(a.1 - b.1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn near_points_share_a_label() {
+        let labelled = |label: &str| Point { label: label.to_owned(), ..Point::default() };
+        let points = ["1.5", "2", "3", "4", "8"].map(labelled);
+        let spots = [0.0, 5.0, 9.0, 80.0, 90.0].map(|x| (x, 0.0));
+        let placed: Vec<(Spot, &Point)> = spots.into_iter().zip(&points).collect();
+        let texts: Vec<String> = groups(&placed).into_iter().map(|(_, text, _)| text).collect();
+        assert_eq!(texts, ["1.5 to 3", "4, 8"]);
+    }
+}
