@@ -8,6 +8,7 @@
 mod grid;
 pub mod metric;
 mod record;
+pub mod results;
 mod write;
 
 use std::collections::BTreeMap;

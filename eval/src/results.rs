@@ -1,0 +1,221 @@
+//! [`Results`]: what a grid of cells measured, as `results.json` holds it.
+//!
+//! Figures are fractions unless their name carries a unit. Everything but
+//! [`Cell::latency_ms`] is the same on every run of the same command. Nothing is
+//! computed here.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+/// Name of the file.
+pub const RESULTS: &str = "results.json";
+/// The same as a table, one row a cell.
+pub const TABLE: &str = "results.csv";
+
+/// `results.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Results {
+    /// What was asked for; only results of equal setups can be put together.
+    pub setup: Setup,
+    /// What was looked at.
+    pub input: Input,
+    /// What each figure of a cell means, by its name in the cell.
+    pub definitions: BTreeMap<String, String>,
+    /// The cells that are done, in the order of the grid. A killed run and a shard have fewer than
+    /// [`Setup::cells`].
+    pub cells: Vec<Cell>,
+}
+
+/// What was asked for.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Setup {
+    /// Version of the program.
+    pub version: String,
+    /// Which protocol the frames went through.
+    pub protocol: Protocol,
+    /// The data, as it was given on the command line.
+    pub source: String,
+    /// Bits of the simulated sensor.
+    pub bits: u8,
+    /// Seed of noise and bootstrap.
+    pub seed: u64,
+    /// Objects that count in `ap50` and `ap50_95`.
+    pub difficulty: Difficulty,
+    /// Engine that was asked for: `auto`, `ort` or `rten`.
+    pub engine: String,
+    /// Class of a model to class of the labels; a class that is neither here nor among the labels' own is dropped.
+    pub class_map: BTreeMap<String, String>,
+    /// Class of the labels to the group it is scored in, such as `vehicle`.
+    pub groups: BTreeMap<String, String>,
+    /// Models by the name that cells call them, each with its sha256.
+    pub models: BTreeMap<String, String>,
+    /// Number of cells of the whole grid, all shards together.
+    pub cells: usize,
+}
+
+/// What was looked at.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Input {
+    /// Frames that every cell saw.
+    pub frames: usize,
+    /// Frames of them that somebody labelled; only these are scored.
+    pub labelled: usize,
+    /// Different drives among them; 0 where the data does not tell.
+    pub drives: usize,
+    /// sha256 over the names of the frames and their labels, hexadecimal.
+    pub digest: String,
+    /// What was left out, or is doubtful, a line each.
+    pub warnings: Vec<String>,
+    /// Classes of the labels that no model has a twin for (never found), and of the models that no label has.
+    pub without_twin: BTreeMap<String, Vec<String>>,
+}
+
+/// The way of a frame to the detector.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Protocol {
+    /// The suite's own nodes.
+    #[default]
+    Suite,
+    /// What the paper's scripts did.
+    Paper,
+}
+
+/// KITTI's steps of difficulty.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Difficulty {
+    /// At least 40 px high, fully visible, at most 15 % outside the image.
+    Easy,
+    /// At least 25 px high, at most partly occluded, at most 30 % outside.
+    #[default]
+    Moderate,
+    /// At least 25 px high, at most largely occluded, at most 50 % outside.
+    Hard,
+}
+
+/// What an image has to be called to be one of the four of the paper.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Stream {
+    /// All of the scene's range; with [`Point::psf_sigma`] 0 the sharp ideal.
+    Ideal,
+    /// Clipped at the peak.
+    Saturated,
+    /// Wrapped at the peak.
+    Modulo,
+    /// Unwrapped.
+    Recovered,
+}
+
+/// Where a cell lies in the grid.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Point {
+    /// What the detector saw.
+    pub stream: Stream,
+    /// Unwrapping method; `None` but for [`Stream::Recovered`].
+    pub method: Option<String>,
+    /// Whether the lens was undone; only [`Stream::Recovered`] is.
+    pub deblur: bool,
+    /// Saturation factor.
+    pub alpha: f64,
+    /// Blur of the lens, px. Every alpha has an [`Stream::Ideal`] at 0, whatever lenses were asked for.
+    pub psf_sigma: f64,
+    /// Sigma of the read noise, code units.
+    pub noise: f64,
+    /// Name of the model in [`Setup::models`].
+    pub model: String,
+    /// Input size of the model: `auto`, or `WIDTHxHEIGHT`.
+    pub input: String,
+}
+
+/// One cell of the grid.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Cell {
+    /// Where it lies.
+    #[serde(flatten)]
+    pub point: Point,
+    /// Frames that were scored.
+    pub frames: usize,
+    /// Frames of them for which no answer came; they count as frames without a detection.
+    pub unanswered: usize,
+    /// AP at IoU 0.5 by group (`vehicle`, `person`); `None` (`null`) where no object counts.
+    pub ap50: BTreeMap<String, Option<f64>>,
+    /// Mean over groups of the mean AP at IoU 0.50, 0.55, ..., 0.95.
+    pub ap50_95: Option<f64>,
+    /// Objects that count, by group.
+    pub objects: BTreeMap<String, usize>,
+    /// AP by class of the labels, classes with a twin alone.
+    pub classes: BTreeMap<String, ClassScore>,
+    /// AP50 by difficulty (`easy`, `moderate`, `hard`), then by group.
+    pub difficulty: BTreeMap<Difficulty, BTreeMap<String, Option<f64>>>,
+    /// Precision at IoU 0.5 at the recalls 0, 0.01, ..., 1, by group.
+    pub precision: BTreeMap<String, Vec<f64>>,
+    /// Bootstrap 95 % intervals, low and high, by figure: `ap50.vehicle`, `ap50_95`, `paper.f1`, ...
+    pub interval95: BTreeMap<String, [f64; 2]>,
+    /// The paper's three figures.
+    pub paper: Paper,
+    /// Share of the samples whose wrap count is the true one; recovered streams alone, as what follows.
+    pub exact_k: Option<f64>,
+    /// Share of the frames that the method vouches for; `None` where it makes no claim.
+    pub trusted: Option<f64>,
+    /// PSNR against the ideal image of the same lens, dB; `None` where nothing differs.
+    pub psnr_db: Option<f64>,
+    /// Mean SSIM against that image.
+    pub ssim: Option<f64>,
+    /// PSNR against the ideal image without a lens, dB.
+    pub psnr_sharp_db: Option<f64>,
+    /// Mean SSIM against that image.
+    pub ssim_sharp: Option<f64>,
+    /// Durations by stage: `sense`, `unwrap`, `tone` or `deblur`, `pre`, `infer`, `post`, ms.
+    pub latency_ms: BTreeMap<String, Percentiles>,
+    /// What they were measured on.
+    pub device: Device,
+}
+
+/// AP of one class.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ClassScore {
+    /// At IoU 0.5.
+    pub ap50: f64,
+    /// Mean over IoU 0.50, 0.55, ..., 0.95.
+    pub ap50_95: f64,
+    /// Objects that count.
+    pub objects: usize,
+}
+
+/// IoU, F1 and accuracy as the paper's scripts compute them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Paper {
+    /// Mean over images of the mean IoU of its true positives.
+    pub iou: f64,
+    /// Mean over images of F1.
+    pub f1: f64,
+    /// Mean over images of TP / (TP + FP + FN).
+    pub accuracy: f64,
+}
+
+/// Quantiles of a stage over the frames of a cell, ms.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Percentiles {
+    /// Median.
+    pub p50: f64,
+    /// 95 % were not slower.
+    pub p95: f64,
+    /// 99 % were not slower.
+    pub p99: f64,
+}
+
+/// What durations were measured on.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Device {
+    /// The processor's own name.
+    pub processor: String,
+    /// The engine that really ran.
+    pub engine: String,
+    /// Threads of one inference.
+    pub threads: usize,
+    /// Frames that were worked on side by side.
+    pub jobs: usize,
+}
