@@ -12,9 +12,23 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 /// ROS-style node suite.
 #[derive(Parser)]
 #[command(name = "modulo", version, arg_required_else_help = true)]
-struct Cli {
+pub struct Cli {
+    /// What stands in topic keys for the hash of a type; none for ROS 2 Humble
+    /// [default: MODULO_TYPE_HASH, else rihs01]
+    #[arg(long, global = true, value_enum)]
+    pub hash: Option<Hash>,
+    /// What to do.
     #[command(subcommand)]
-    command: Command,
+    pub command: Command,
+}
+
+/// What stands in topic keys for the hash of a type.
+#[derive(Clone, Copy, ValueEnum)]
+pub enum Hash {
+    /// The hash, as ROS 2 writes it since Iron
+    Rihs01,
+    /// TypeHashNotSupported, as ROS 2 Humble writes it
+    None,
 }
 
 /// What to do.
@@ -270,12 +284,12 @@ pub enum ModelEngine {
 }
 
 /// Reads the command line. A link named after a node runs that node.
-pub fn parse() -> Command {
+pub fn parse() -> Cli {
     let mut arguments: Vec<OsString> = std::env::args_os().collect();
     let called = arguments.first().map(PathBuf::from).unwrap_or_default();
     let called = called.file_stem().and_then(|name| name.to_str()).unwrap_or_default();
     if crate::registry::KINDS.iter().any(|kind| kind.name == called) {
         arguments.splice(0..1, ["modulo", "run", called].map(OsString::from));
     }
-    Cli::parse_from(arguments).command
+    Cli::parse_from(arguments)
 }

@@ -3,9 +3,9 @@
 mod harness;
 
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use harness::{Background, Bench, arg, model, text};
+use harness::{Background, Bench, arg, model, text, wait_until};
 use modulo_bags::bag::{BagReader, Selection};
 use modulo_msgs::cdr;
 use modulo_msgs::sensor_msgs::Image;
@@ -22,14 +22,6 @@ fn images(bag: &Path, topic: &str) -> Vec<Image> {
     let bag = BagReader::open(bag).expect("a whole bag");
     let messages = bag.messages(&Selection::of([topic]));
     messages.map(|m| cdr::from_slice(&m.expect("readable").data).expect("an image")).collect()
-}
-
-fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
-    let start = Instant::now();
-    while !done() {
-        assert!(start.elapsed() < Duration::from_secs(60), "waited in vain: {what}");
-        std::thread::sleep(Duration::from_millis(50));
-    }
 }
 
 /// A recording that has begun.

@@ -102,7 +102,9 @@ impl Wires {
 fn bag_topic(endpoint: &Endpoint) -> BagTopic {
     let type_name = modulo_msgs::ros_name(&endpoint.dds_type);
     let mut topic = BagTopic::new(&endpoint.topic, &type_name, keys::qos_of(&endpoint.qos));
-    topic.type_hash.clone_from(&endpoint.type_hash);
+    if endpoint.type_hash != keys::NO_HASH {
+        topic.type_hash.clone_from(&endpoint.type_hash);
+    }
     topic
 }
 

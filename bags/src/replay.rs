@@ -132,7 +132,7 @@ fn endpoint(topic: &BagTopic, place: &Place) -> Result<Endpoint, TransportError>
     Ok(Endpoint {
         topic: place.resolve(&topic.name).map_err(named)?,
         dds_type: modulo_msgs::dds_name(&topic.type_name),
-        type_hash: if topic.type_hash.is_empty() { computed() } else { topic.type_hash.clone() },
+        type_hash: if topic.type_hash.starts_with("RIHS") { topic.type_hash.clone() } else { computed() },
         qos: keys::qos_string(qos::parse(&topic.qos)).to_owned(),
     })
 }

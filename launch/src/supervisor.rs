@@ -26,9 +26,6 @@ use crate::summary::{NodeReport, Summary, read_reports};
 
 use job::Job;
 
-/// The variable that tells a node where to leave its report.
-pub const REPORT_DIR: &str = "MODULO_REPORT_DIR";
-
 /// What a plan needs to be run.
 #[derive(Clone)]
 pub struct Supervision {
@@ -184,7 +181,8 @@ pub async fn run_until(
     let reports =
         tempfile::tempdir().map_err(|e| start_error("launcher", format!("folder of reports: {e}")))?;
     plan.messages.iter().for_each(|message| (how.print)(Channel::Out, &format!("[launch] {message}")));
-    let jobs = job::all(&plan, how, reports.path())?;
+    let state = tempfile::tempdir().map_err(|e| start_error("launcher", format!("folder of state: {e}")))?;
+    let jobs = job::all(&plan, how, reports.path(), state.path())?;
     let begin = Instant::now();
     let (ending, processes) = supervise(jobs, how, stop).await;
     Ok(Outcome { ending, processes, reports: read_reports(reports.path()), elapsed: begin.elapsed() })

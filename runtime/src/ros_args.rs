@@ -20,6 +20,20 @@ pub struct RosArgs {
     pub parameters: Vec<Setting>,
     /// `--log-level level`, for the whole process.
     pub log_level: Option<String>,
+    /// `--disable-rosout-logs`, `--enable-rosout-logs`: whether `/rosout` is published.
+    pub rosout: Switch,
+    /// `--disable-stdout-logs`, `--enable-stdout-logs`: whether log lines are shown.
+    pub stdout: Switch,
+}
+
+/// Whether something is done; the last one on the command line wins.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Switch {
+    /// It is.
+    #[default]
+    On,
+    /// It is not.
+    Off,
 }
 
 /// Parameters as the command line gives them.
@@ -84,17 +98,23 @@ impl RosArgs {
     }
 
     fn flag<'a>(&mut self, flag: &str, rest: &mut impl Iterator<Item = &'a String>) -> Result<(), ArgsError> {
-        let switches = [
-            "--enable-rosout-logs",
-            "--disable-rosout-logs",
-            "--enable-stdout-logs",
-            "--disable-stdout-logs",
-            "--enable-external-lib-logs",
-            "--disable-external-lib-logs",
-        ];
-        if switches.contains(&flag) {
-            return Ok(());
+        match flag {
+            "--enable-rosout-logs" => self.rosout = Switch::On,
+            "--disable-rosout-logs" => self.rosout = Switch::Off,
+            "--enable-stdout-logs" => self.stdout = Switch::On,
+            "--disable-stdout-logs" => self.stdout = Switch::Off,
+            // Of rcl's log files, which are not written here.
+            "--enable-external-lib-logs" | "--disable-external-lib-logs" => {}
+            _ => return self.flag_with_value(flag, rest),
         }
+        Ok(())
+    }
+
+    fn flag_with_value<'a>(
+        &mut self,
+        flag: &str,
+        rest: &mut impl Iterator<Item = &'a String>,
+    ) -> Result<(), ArgsError> {
         let wrong = |why| ArgsError::Argument { argument: flag.to_owned(), why };
         let value = rest.next().ok_or(wrong("needs a value or is unknown"))?;
         match flag {
@@ -160,9 +180,6 @@ impl RosArgs {
                 Setting::File(path) => found.extend(read_file(path, place)?),
             }
         }
-        // The launch files' common arguments also hold what the driver knows by
-        // another way; ROS accepts it everywhere.
-        found.retain(|(name, _)| name != "use_sim_time");
         Ok(found)
     }
 }
@@ -269,6 +286,10 @@ mod tests {
         assert_eq!(place.resolve("modulo").as_deref(), Ok("/raw"));
         assert_eq!(args.parameters_for(&place), Ok(vec![("alpha".into(), "2.5".into())]));
         assert_eq!(args.log_level.as_deref(), Some("info"));
+        assert_eq!((args.rosout, args.stdout), (Switch::Off, Switch::On));
+        let (args, _) = parse("--ros-args --disable-rosout-logs --enable-rosout-logs --disable-stdout-logs")
+            .expect("a valid line");
+        assert_eq!((args.rosout, args.stdout), (Switch::On, Switch::Off));
     }
 
     #[test]

@@ -5,8 +5,10 @@ use std::time::Duration;
 
 use modulo_core::Frame;
 use modulo_msgs::std_msgs::{Header, Time};
-use modulo_runtime::driver::{composed, live, lockstep::Lockstep};
+use modulo_runtime::driver::live::{self, Subject};
+use modulo_runtime::driver::{composed, lockstep::Lockstep};
 use modulo_runtime::transport::Transport;
+use modulo_runtime::transport::keys::Hashes;
 use modulo_runtime::transport::local::LocalTransport;
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::{
@@ -157,9 +159,9 @@ fn a_node_that_waits_in_vain_says_for_whom() {
         waiting_for("[nobody]").with_text(&[("wait_timeout".into(), "0.05".into())]).expect("valid");
     let transport = LocalTransport::default();
     let node = Box::new(Counter { next: 0, count: 1 });
-    let error =
-        live::run(node, parameters, place("counter"), &transport, &SystemClock::default(), Stop::default())
-            .expect_err("nobody is not there");
+    let subject = Subject { node, parameters, place: place("counter"), saved: None };
+    let error = live::run(subject, &transport, &SystemClock::default(), Stop::default())
+        .expect_err("nobody is not there");
     assert!(error.to_string().contains("/nobody"), "{error}");
 }
 
@@ -169,13 +171,16 @@ fn zenoh_carries_a_chain_between_sessions() {
     const DOMAIN: u32 = 201;
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
     let stop = Stop::default();
-    let session = || ZenohTransport::open(DOMAIN, clock.clone()).expect("a session on loopback");
+    let session =
+        || ZenohTransport::open(DOMAIN, Hashes::Rihs01, clock.clone()).expect("a session on loopback");
     let (one, two, three) = (session(), session(), session());
     let reports = std::thread::scope(|scope| {
         let run = |node: Box<dyn Node>, name, wait_for, transport| {
             let (clock, stop) = (clock.clone(), stop.clone());
             let transport: &dyn Transport = transport;
-            scope.spawn(move || live::run(node, waiting_for(wait_for), place(name), transport, &*clock, stop))
+            let subject =
+                Subject { node, parameters: waiting_for(wait_for), place: place(name), saved: None };
+            scope.spawn(move || live::run(subject, transport, &*clock, stop))
         };
         let last = run(Box::new(Increment { input: "b", output: "c", bad: None }), "second", "", &three);
         let middle =

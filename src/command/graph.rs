@@ -138,8 +138,8 @@ fn info(graph: &Graph, topic: &str, verbose: bool) {
             }
         }
     }
-    if types.len() > 1 {
-        say!("These do not hear each other: the types differ.");
+    for conflict in graph.conflicts_on(topic) {
+        say!("{conflict}");
     }
 }
 

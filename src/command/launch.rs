@@ -10,7 +10,7 @@ use modulo_runtime::driver::composed::{self, Member};
 use modulo_runtime::signals::end_on_signals;
 use modulo_runtime::{Clock, Parameters, Place, Stop, SystemClock};
 
-use super::{pairs, start_log, usage};
+use super::{hash, pairs, start_log, usage};
 use crate::cli::Launch;
 use crate::registry::{self, Kind};
 use crate::{Ended, Failure};
@@ -48,7 +48,11 @@ fn show_args(file: &Path) -> Result<Ended, Failure> {
     Ok(Ended::Done)
 }
 
-fn run_processes(plan: Plan) -> Result<Summary, Failure> {
+fn run_processes(mut plan: Plan) -> Result<Summary, Failure> {
+    let word = hash::word(hash::chosen()?);
+    for node in &mut plan.nodes {
+        node.process.env.entry(hash::VARIABLE.to_owned()).or_insert(Some(word.to_owned()));
+    }
     let supervision = Supervision::on_terminal()?;
     let runtime = tokio::runtime::Runtime::new().context("tokio runtime")?;
     let outcome = runtime.block_on(modulo_launch::run(plan, &supervision))?;

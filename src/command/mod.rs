@@ -12,6 +12,7 @@ mod bag;
 mod doctor;
 mod eval;
 mod graph;
+mod hash;
 mod launch;
 mod model;
 mod param;
@@ -22,16 +23,21 @@ use std::io::IsTerminal;
 use std::sync::Arc;
 
 use anyhow::{Context, anyhow};
+use modulo_runtime::ros_args::Switch;
+use modulo_runtime::rosout::RosoutLayer;
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::{Clock, SystemClock};
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::util::SubscriberInitExt;
 
-use crate::cli::Command;
+use crate::cli::{Cli, Command};
 use crate::{Ended, Failure};
 
-/// Runs `command`.
-pub fn dispatch(command: Command) -> Result<Ended, Failure> {
-    match command {
+/// Runs the command of `cli`.
+pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
+    cli.hash.into_iter().for_each(hash::choose);
+    match cli.command {
         Command::Launch(args) => launch::launch(&args),
         Command::Run(args) => run::run(&args),
         Command::Bag(args) => bag::bag(&args),
@@ -53,18 +59,24 @@ fn usage(why: impl Into<anyhow::Error>) -> Failure {
 
 /// Logs go to standard error; `RUST_LOG` chooses, `info` of the suite without.
 fn start_log(level: Option<&str>) {
+    start_log_with(level, Switch::On, None);
+}
+
+/// The log of a node: `shown` on standard error or not, and on `/rosout` too.
+fn start_log_with(level: Option<&str>, shown: Switch, rosout: Option<RosoutLayer>) {
     let default = format!(
         "warn,modulo={0},modulo_camera={0},modulo_unwrap={0},modulo_detector={0},\
                            modulo_runtime={0},modulo_bags={0},modulo_launch={0}",
         level.unwrap_or("info")
     );
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
-    let log = tracing_subscriber::fmt()
-        .with_env_filter(filter)
+    let lines = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal());
+        .with_ansi(std::io::stderr().is_terminal())
+        .with_target(false);
+    let lines = (shown == Switch::On).then_some(lines);
     // Fails only when a log was started before, which then goes on.
-    let _ = log.with_target(false).try_init();
+    let _ = tracing_subscriber::registry().with(filter).with(lines).with(rosout).try_init();
 }
 
 fn domain() -> Result<u32, Failure> {
@@ -76,7 +88,7 @@ fn domain() -> Result<u32, Failure> {
 /// The machine's clock and a session in the domain of the environment.
 fn open_session() -> Result<(Arc<dyn Clock>, ZenohTransport), Failure> {
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
-    let transport = ZenohTransport::open(domain()?, clock.clone())?;
+    let transport = ZenohTransport::open(domain()?, hash::chosen()?, clock.clone())?;
     Ok((clock, transport))
 }
 

@@ -1,14 +1,16 @@
 //! `modulo run NODE`: one node in this process, on the wire.
 
-use std::path::PathBuf;
+use std::sync::Arc;
 
 use anyhow::Context;
-use modulo_runtime::driver::live;
-use modulo_runtime::ros_args::RosArgs;
+use modulo_runtime::driver::live::{self, Subject};
+use modulo_runtime::ros_args::{RosArgs, Switch};
+use modulo_runtime::rosout::{self, LogQueue};
+use modulo_runtime::saved_parameters::SavedParameters;
 use modulo_runtime::signals::end_on_signals;
-use modulo_runtime::{Descriptor, NodeReport, Stop};
+use modulo_runtime::{Descriptor, NodeReport, Stop, SystemClock, launcher};
 
-use super::{open_session, start_log, usage};
+use super::{hash, open_session, start_log_with, usage};
 use crate::cli::Run;
 use crate::registry::{self, Kind};
 use crate::{Ended, Failure};
@@ -21,30 +23,56 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
         print_help(kind);
         return Ok(Ended::Done);
     }
+    let own = match &own[..] {
+        [option, value, rest @ ..] if option == "--hash" => {
+            hash::choose(hash::parse(value)?);
+            rest
+        }
+        own => own,
+    };
     if let Some(argument) = own.first() {
         return Err(usage(anyhow::anyhow!("{}: '{argument}' is unknown; try --help", kind.name)));
     }
-    start_log(ros.log_level.as_deref());
+    let log = start_log(&ros);
     let stop = Stop::default();
     end_on_signals(&stop).context("signal handlers")?;
+    launcher::end_with_launcher(&stop).context("watch of the launcher")?;
 
     let place = ros.place(kind.name).map_err(usage)?;
     let settings = ros.parameters_for(&place).map_err(usage)?;
     let named = place.fully_qualified();
     let refused = |why: anyhow::Error| usage(why.context(named.clone()));
     let parameters = kind.parameters().with_text(&settings).map_err(|why| refused(why.into()))?;
+    let saved = launcher::folder(launcher::STATE_DIR).map(|folder| SavedParameters::new(&folder, &place));
+    let parameters = match &saved {
+        Some(saved) => saved.restore(parameters),
+        None => parameters,
+    };
     let node = kind.make(&parameters).map_err(refused)?;
 
     let (clock, transport) = open_session()?;
-    let report = live::run(node, parameters, place, &transport, &*clock, stop)?;
+    let rosout = log.map(|log| log.publish(&place, &transport)).transpose()?;
+    let subject = Subject { node, parameters, place, saved };
+    let report = live::run(subject, &transport, &*clock, stop)?;
+    drop(rosout);
     transport.close();
     leave_report(&report)?;
     Ok(Ended::Done)
 }
 
+/// Starts the log; what goes to `/rosout` waits in the queue.
+fn start_log(ros: &RosArgs) -> Option<LogQueue> {
+    let (layer, queue) = match ros.rosout {
+        Switch::On => Some(rosout::layer(Arc::new(SystemClock::default()))).unzip(),
+        Switch::Off => (None, None),
+    };
+    start_log_with(ros.log_level.as_deref(), ros.stdout, layer);
+    queue
+}
+
 /// The launcher adds up what its nodes leave here.
 fn leave_report(report: &NodeReport) -> Result<(), Failure> {
-    let Some(folder) = std::env::var_os("MODULO_REPORT_DIR").map(PathBuf::from) else { return Ok(()) };
+    let Some(folder) = launcher::folder(launcher::REPORT_DIR) else { return Ok(()) };
     let name = report.node.trim_matches('/').replace('/', ".");
     let file = folder.join(format!("{name}.json"));
     let text = serde_json::to_string(report).context("node report")?;

@@ -3,9 +3,12 @@
 
 #![allow(dead_code, reason = "each test binary uses its part")]
 
+pub mod peer;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 use serde_json::Value;
 use tempfile::TempDir;
@@ -14,7 +17,7 @@ use tempfile::TempDir;
 pub struct Bench {
     /// Files of this test.
     pub folder: TempDir,
-    domain: u32,
+    pub domain: u32,
 }
 
 impl Bench {
@@ -36,6 +39,10 @@ impl Bench {
             .current_dir(env!("CARGO_MANIFEST_DIR"))
             .env("ROS_DOMAIN_ID", self.domain.to_string())
             .env_remove("MODULO_REPORT_DIR")
+            .env_remove("MODULO_STATE_DIR")
+            .env_remove("MODULO_LAUNCHER_PID")
+            .env_remove("ZENOH_SESSION_CONFIG_URI")
+            .env_remove("ZENOH_CONFIG_OVERRIDE")
             .env_remove("RUST_LOG")
             .stdin(Stdio::null());
         command
@@ -65,6 +72,15 @@ impl Bench {
             image.save(folder.join(format!("{number:06}.png"))).expect("a writable folder");
         }
         folder
+    }
+}
+
+/// Waits until `done`, at most a minute.
+pub fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !done() {
+        assert!(start.elapsed() < Duration::from_secs(60), "waited in vain: {what}");
+        std::thread::sleep(Duration::from_millis(50));
     }
 }
 

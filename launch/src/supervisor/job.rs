@@ -4,11 +4,12 @@ use std::path::Path;
 use std::process::ExitStatus;
 use std::time::{Duration, Instant};
 
+use modulo_runtime::launcher;
 use tokio::sync::watch;
 
 use super::command::{self, CommandLine};
 use super::running::Running;
-use super::{Channel, Print, ProcessEnd, ProcessOutcome, REPORT_DIR, Supervision};
+use super::{Channel, Print, ProcessEnd, ProcessOutcome, Supervision};
 use crate::error::LaunchError;
 use crate::plan::{Plan, ProcessPlan, Respawn};
 use crate::substitution::SUITE;
@@ -36,12 +37,23 @@ pub(super) struct Job {
     pub process: ProcessPlan,
 }
 
-/// The jobs of `plan`. Nodes leave their reports in `reports`.
-pub(super) fn all(plan: &Plan, how: &Supervision, reports: &Path) -> Result<Vec<Job>, LaunchError> {
+/// The jobs of `plan`. Nodes leave their reports in `reports`, and in `state`
+/// what outlasts their crash.
+pub(super) fn all(
+    plan: &Plan,
+    how: &Supervision,
+    reports: &Path,
+    state: &Path,
+) -> Result<Vec<Job>, LaunchError> {
+    let told = [
+        (launcher::REPORT_DIR, reports.display().to_string()),
+        (launcher::STATE_DIR, state.display().to_string()),
+        (launcher::PID, std::process::id().to_string()),
+    ];
     let nodes = plan.nodes.iter().map(|node| {
         let origin = if node.package == SUITE { Origin::Suite } else { Origin::Foreign };
         let mut process = node.process.clone();
-        process.env.insert(REPORT_DIR.to_owned(), Some(reports.display().to_string()));
+        process.env.extend(told.iter().map(|(name, value)| ((*name).to_owned(), Some(value.clone()))));
         Ok(Job { origin, command: command::of_node(node, &how.suite)?, process })
     });
     let executables = plan.executables.iter().map(|executable| {

@@ -5,11 +5,12 @@ use std::sync::Arc;
 use std::thread;
 
 use super::RunError;
-use super::live;
+use super::live::{self, Subject};
 use crate::clock::Clock;
 use crate::name::Place;
 use crate::node::Node;
-use crate::parameter::Parameters;
+use crate::node_time::is_simulated;
+use crate::parameter::{Parameters, Refusal};
 use crate::report::NodeReport;
 use crate::stop::{Stop, Urgency};
 use crate::transport::local::LocalTransport;
@@ -41,6 +42,10 @@ pub struct Member {
 /// # Errors
 /// The first member's [`RunError`].
 pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<Vec<NodeReport>, RunError> {
+    if members.iter().any(|member| is_simulated(&member.parameters)) {
+        let why = "nobody in this one process tells the time on /clock; start the nodes as processes";
+        return Err(Refusal::new("use_sim_time", true, why).into());
+    }
     let transport = LocalTransport::default();
     thread::scope(|scope| {
         let threads: Vec<_> = members
@@ -49,9 +54,10 @@ pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<
                 let (transport, stop) = (&transport, stop.clone());
                 scope.spawn(move || {
                     let end = stop.clone();
-                    let result =
-                        live::run(member.node, member.parameters, member.place, transport, &**clock, stop);
-                    match (&result, member.on_exit) {
+                    let Member { node, parameters, place, on_exit } = member;
+                    let subject = Subject { node, parameters, place, saved: None };
+                    let result = live::run(subject, transport, &**clock, stop);
+                    match (&result, on_exit) {
                         (Err(_), _) => end.ask(Urgency::Now),
                         (Ok(_), OnExit::Shutdown) => end.ask(Urgency::Drain),
                         (Ok(_), OnExit::Continue) => {}

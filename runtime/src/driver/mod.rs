@@ -11,6 +11,7 @@ use std::time::Duration;
 use crate::message::MessageKind;
 use crate::name::{NameError, Place};
 use crate::node::Node;
+use crate::node_time;
 use crate::parameter::Allowed;
 use crate::parameter::{Descriptor, Parameters, Refusal, Value};
 use crate::topic::Topic;
@@ -51,6 +52,7 @@ pub enum RunError {
 /// Parameters that the driver itself understands, for every node.
 pub fn declare_common() -> Vec<Descriptor> {
     vec![
+        node_time::declare(),
         Descriptor::new(
             "wait_for",
             Value::Strings(Vec::new()),

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::keys::Attachment;
+use super::attachment::Attachment;
 
 /// Counts the holes in the sequence numbers of each publisher.
 #[derive(Debug, Default)]

@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 
+use super::conflict::{self, Conflict};
 use super::keys::{EntityKind, Token};
 
 /// Every entity that is alive now.
@@ -17,6 +18,17 @@ impl Graph {
         if let Some(token) = Token::parse(key) {
             self.tokens.insert(key.to_owned(), token);
         }
+    }
+
+    /// Whoever does not fit to `token`.
+    pub fn conflicts_with<'a>(&'a self, token: &'a Token) -> impl Iterator<Item = (&'a Token, Conflict)> {
+        self.tokens().filter_map(|other| Some((other, conflict::between(token, other)?)))
+    }
+
+    /// All that do not fit to each other on `topic`.
+    pub fn conflicts_on(&self, topic: &str) -> Vec<Conflict> {
+        let givers = self.endpoints(EntityKind::Publisher, topic);
+        givers.flat_map(|giver| self.conflicts_with(giver)).map(|(_, conflict)| conflict).collect()
     }
 
     /// A token went away.

@@ -32,9 +32,9 @@ struct Subscriber {
 }
 
 /// Runs its closure when dropped: takes a declaration out of the graph.
-struct Undeclare<F: FnMut() + Send>(F);
+struct Undeclare<F: FnMut() + Send + Sync>(F);
 
-impl<F: FnMut() + Send> Drop for Undeclare<F> {
+impl<F: FnMut() + Send + Sync> Drop for Undeclare<F> {
     fn drop(&mut self) {
         (self.0)();
     }

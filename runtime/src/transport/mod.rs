@@ -1,10 +1,13 @@
 //! How messages get from node to node. Two carriers behind one trait: `local`
 //! within a process (shared, never serialised) and `zenoh` between processes.
 
+pub mod attachment;
+pub mod conflict;
 pub mod gaps;
 pub mod graph;
 pub mod keys;
 pub mod local;
+pub mod profile;
 pub mod zenoh;
 
 use std::sync::Arc;
@@ -63,7 +66,7 @@ pub trait Outlet: Send {
 }
 
 /// A subscription. Dropping it takes it out of the graph.
-pub trait Inlet: Send {
+pub trait Inlet: Send + Sync {
     /// Messages known to be lost on the way here.
     fn lost(&self) -> u64;
 }
@@ -86,7 +89,7 @@ pub struct ParameterPort {
 }
 
 /// Something that must stay alive for a declaration to hold.
-pub type Guard = Box<dyn Send>;
+pub type Guard = Box<dyn Send + Sync>;
 
 /// A carrier of messages.
 pub trait Transport: Send + Sync {

@@ -9,6 +9,7 @@
 mod service;
 mod session;
 mod topic;
+mod watch;
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -17,7 +18,6 @@ use std::time::Duration;
 
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
-use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
 pub use session::meeting_port;
@@ -25,7 +25,7 @@ pub use topic::{RawOutlet, RawSample};
 
 use super::gaps::Gaps;
 use super::graph::Graph;
-use super::keys::{self, Endpoint, EntityKind, Token};
+use super::keys::{self, Endpoint, EntityKind, Hashes, Token};
 use super::{Address, Guard, Inlet, Outlet, ParameterPort, Parcel, Transport, TransportError};
 use crate::clock::Clock;
 use crate::inbox::Inbox;
@@ -35,6 +35,7 @@ use crate::name::Place;
 pub struct ZenohTransport {
     session: Session,
     domain: u32,
+    hashes: Hashes,
     clock: Arc<dyn Clock>,
     graph: Arc<Mutex<Graph>>,
     next_id: AtomicU64,
@@ -50,33 +51,18 @@ struct ZenohInlet {
 impl ZenohTransport {
     /// Opens a session in `domain`. `ZENOH_SESSION_CONFIG_URI` replaces the
     /// configuration, `ZENOH_CONFIG_OVERRIDE` ("key=json5;key=json5") changes
-    /// single keys of it.
+    /// single keys of it. `hashes` is what the others of the domain write.
     ///
     /// # Errors
     /// [`TransportError`] with what zenoh says.
-    pub fn open(domain: u32, clock: Arc<dyn Clock>) -> Result<Self, TransportError> {
-        let failed = |why: zenoh::Error| TransportError::new(format!("zenoh session, domain {domain}"), why);
+    pub fn open(domain: u32, hashes: Hashes, clock: Arc<dyn Clock>) -> Result<Self, TransportError> {
         let session = session::open_session(domain)?;
         let graph = Arc::new(Mutex::new(Graph::default()));
-        let watch = session
-            .liveliness()
-            .declare_subscriber(keys::token_selector(domain))
-            .history(true)
-            .callback({
-                let graph = graph.clone();
-                move |sample| {
-                    let mut graph = lock(&graph);
-                    match sample.kind() {
-                        SampleKind::Put => graph.appear(sample.key_expr().as_str()),
-                        SampleKind::Delete => graph.disappear(sample.key_expr().as_str()),
-                    }
-                }
-            })
-            .wait()
-            .map_err(failed)?;
+        let watch = watch::start(&session, domain, &graph)?;
         Ok(Self {
             session,
             domain,
+            hashes,
             clock,
             graph,
             next_id: AtomicU64::new(0),
@@ -125,6 +111,23 @@ impl ZenohTransport {
             .map_err(|why| TransportError::new(format!("token {key}"), why))
     }
 
+    /// What stands for `hash` on this wire.
+    fn hash(&self, hash: String) -> String {
+        match self.hashes {
+            Hashes::Rihs01 => hash,
+            Hashes::None => keys::NO_HASH.to_owned(),
+        }
+    }
+
+    fn topic_endpoint(&self, address: &Address) -> Endpoint {
+        Endpoint {
+            topic: address.topic.clone(),
+            dds_type: modulo_msgs::dds_name(address.kind.type_name()),
+            type_hash: self.hash(address.kind.type_hash()),
+            qos: keys::qos_string(address.qos).to_owned(),
+        }
+    }
+
     fn key(&self, endpoint: &Endpoint) -> String {
         keys::data_key(self.domain, &endpoint.topic, &endpoint.dds_type, &endpoint.type_hash)
     }
@@ -132,7 +135,7 @@ impl ZenohTransport {
 
 impl Transport for ZenohTransport {
     fn advertise(&self, node: &Place, address: &Address) -> Result<Box<dyn Outlet>, TransportError> {
-        Ok(Box::new(self.advertise_raw(node, &topic_endpoint(address))?))
+        Ok(Box::new(self.advertise_raw(node, &self.topic_endpoint(address))?))
     }
 
     fn subscribe(
@@ -151,7 +154,7 @@ impl Transport for ZenohTransport {
             }
             inbox.push(slot, Parcel::Bytes(sample.payload));
         };
-        let subscription = self.subscribe_raw(node, &topic_endpoint(address), take)?;
+        let subscription = self.subscribe_raw(node, &self.topic_endpoint(address), take)?;
         Ok(Box::new(ZenohInlet { lost, _subscription: subscription }))
     }
 
@@ -180,15 +183,6 @@ impl Transport for ZenohTransport {
 impl Inlet for ZenohInlet {
     fn lost(&self) -> u64 {
         self.lost.load(Ordering::Relaxed)
-    }
-}
-
-fn topic_endpoint(address: &Address) -> Endpoint {
-    Endpoint {
-        topic: address.topic.clone(),
-        dds_type: modulo_msgs::dds_name(address.kind.type_name()),
-        type_hash: address.kind.type_hash(),
-        qos: keys::qos_string(address.qos).to_owned(),
     }
 }
 

@@ -13,7 +13,8 @@ use super::{ZenohTransport, stamp};
 use crate::clock::Clock;
 use crate::name::Place;
 use crate::parameter_service::Service;
-use crate::transport::keys::{self, Attachment, Endpoint, EntityKind};
+use crate::transport::attachment::Attachment;
+use crate::transport::keys::{self, Endpoint, EntityKind};
 use crate::transport::{Guard, ParameterPort, TransportError};
 use crate::type_description_service;
 
@@ -29,7 +30,7 @@ impl ZenohTransport {
         request: Vec<u8>,
         patience: Duration,
     ) -> Result<Vec<u8>, TransportError> {
-        let endpoint = service_endpoint(service.to_owned(), ros_type);
+        let endpoint = self.service_endpoint(service.to_owned(), ros_type);
         let failed = |why: &dyn std::fmt::Display| TransportError::new(format!("call of {service}"), why);
         let attachment = Attachment { sequence: 1, stamp_ns: stamp(&*self.clock), gid: [0; 16] };
         let replies = self
@@ -42,10 +43,26 @@ impl ZenohTransport {
             .timeout(patience)
             .wait()
             .map_err(|why| failed(&why))?;
-        let reply = replies.recv().map_err(|_| failed(&"nobody answered; is the node there?"))?;
+        let reply = replies.recv().map_err(|_| failed(&self.why_nobody_answers(&endpoint)))?;
         match reply.result() {
             Ok(sample) => Ok(sample.payload().to_bytes().into_owned()),
             Err(_) => Err(failed(&"the node answered with an error")),
+        }
+    }
+
+    /// A server with another hash is another key to zenoh.
+    fn why_nobody_answers(&self, asked: &Endpoint) -> String {
+        let graph = self.graph();
+        let servers = graph.endpoints(EntityKind::Server, &asked.topic);
+        let other = servers.filter_map(|t| t.endpoint.as_ref()).find(|e| e.type_hash != asked.type_hash);
+        match other {
+            Some(other) if other.type_hash == keys::NO_HASH => {
+                "the node is one without type hashes, as in ROS 2 Humble: use --hash none".to_owned()
+            }
+            Some(other) => {
+                format!("the node has {}, this command {}", other.type_hash, asked.type_hash)
+            }
+            None => "nobody answered; is the node there?".to_owned(),
         }
     }
 
@@ -58,7 +75,7 @@ impl ZenohTransport {
         for (index, handler) in handlers.iter().enumerate() {
             let topic = format!("{}/{}", node.fully_qualified(), handler.name);
             let endpoint =
-                Endpoint { qos: handler.qos.to_owned(), ..service_endpoint(topic, handler.ros_type) };
+                Endpoint { qos: handler.qos.to_owned(), ..self.service_endpoint(topic, handler.ros_type) };
             let queue = queue.clone();
             let queryable = self
                 .session
@@ -85,6 +102,15 @@ impl ZenohTransport {
             })
             .map_err(|why| TransportError::new("thread of the services", why))?;
         Ok(Box::new(guards))
+    }
+
+    fn service_endpoint(&self, name: String, ros_type: &str) -> Endpoint {
+        Endpoint {
+            topic: name,
+            dds_type: modulo_msgs::dds_name(ros_type),
+            type_hash: self.hash(modulo_msgs::type_hash(ros_type).unwrap_or_default()),
+            qos: keys::SERVICE_QOS.to_owned(),
+        }
     }
 }
 
@@ -116,15 +142,6 @@ fn handlers(port: ParameterPort) -> Vec<Handler> {
         answer: Box::new(type_description_service::answer),
     };
     parameters.into_iter().chain([described]).collect()
-}
-
-fn service_endpoint(name: String, ros_type: &str) -> Endpoint {
-    Endpoint {
-        topic: name,
-        dds_type: modulo_msgs::dds_name(ros_type),
-        type_hash: modulo_msgs::type_hash(ros_type).unwrap_or_default(),
-        qos: keys::SERVICE_QOS.to_owned(),
-    }
 }
 
 /// Answers one service call; a call without payload or attachment is none.

@@ -38,9 +38,9 @@ pub fn meeting_port(domain: u32) -> u16 {
 
 fn configuration(domain: u32, role: Role) -> Result<Config, TransportError> {
     let mut config = match std::env::var("ZENOH_SESSION_CONFIG_URI") {
-        Ok(path) => Config::from_file(&path)
+        Ok(path) if !path.is_empty() => Config::from_file(&path)
             .map_err(|why| TransportError::new(format!("ZENOH_SESSION_CONFIG_URI = {path}"), why))?,
-        Err(_) => {
+        _ => {
             let mut config = Config::default();
             for (key, value) in defaults(domain, role) {
                 insert(&mut config, key, &value)?;
@@ -53,7 +53,8 @@ fn configuration(domain: u32, role: Role) -> Result<Config, TransportError> {
         let (key, value) = pair.split_once('=').ok_or_else(|| {
             TransportError::new("ZENOH_CONFIG_OVERRIDE", format!("'{pair}' is not key=json5"))
         })?;
-        insert(&mut config, key.trim(), value.trim())?;
+        insert(&mut config, key.trim(), value.trim())
+            .map_err(|why| TransportError::new("ZENOH_CONFIG_OVERRIDE", why))?;
     }
     Ok(config)
 }
@@ -88,6 +89,8 @@ fn defaults(domain: u32, role: Role) -> Vec<(&'static str, String)> {
         ("scouting/gossip/enabled", "true".into()),
         ("timestamping/enabled", "true".into()),
         ("queries_default_timeout", "600000".into()),
+        // One key turns it on: large payloads then go through shared memory.
+        ("transport/shared_memory/enabled", "false".into()),
         ("transport/link/tx/queue/size/data", "16".into()),
         ("transport/link/tx/queue/congestion_control/drop/wait_before_drop", "20000".into()),
         ("transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments", "200000".into()),

@@ -2,23 +2,32 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
+use std::time::Duration;
 
 use zenoh::Wait;
 use zenoh::liveliness::LivelinessToken;
-use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Reliability};
+use zenoh::sample::Sample;
+use zenoh_ext::{
+    AdvancedPublisher, AdvancedPublisherBuilderExt, AdvancedSubscriberBuilderExt, CacheConfig, HistoryConfig,
+    MissDetectionConfig, RecoveryConfig,
+};
 
 use super::{ZenohTransport, stamp};
 use crate::clock::Clock;
 use crate::message::Message;
 use crate::name::Place;
-use crate::topic::Qos;
-use crate::transport::keys::{self, Attachment, Endpoint, EntityKind};
+use crate::transport::attachment::Attachment;
+use crate::transport::keys::{Endpoint, EntityKind};
+use crate::transport::profile::{self, Durability, Profile};
 use crate::transport::{Guard, Outlet, TransportError};
+
+/// How often a publisher for late readers says the number of its last sample.
+const HEARTBEAT: Duration = Duration::from_secs(1);
 
 /// A publisher of ready-made CDR. Dropping it takes it out of the graph.
 pub struct RawOutlet {
-    publisher: Publisher<'static>,
+    publisher: AdvancedPublisher<'static>,
     clock: Arc<dyn Clock>,
     gid: [u8; 16],
     sequence: AtomicI64,
@@ -40,18 +49,12 @@ impl ZenohTransport {
     /// # Errors
     /// [`TransportError`] with what zenoh says.
     pub fn advertise_raw(&self, node: &Place, endpoint: &Endpoint) -> Result<RawOutlet, TransportError> {
-        let reliability = match keys::qos_of(&endpoint.qos) {
-            Qos::Images | Qos::Clock => Reliability::BestEffort,
-            Qos::Results | Qos::Latched | Qos::Events | Qos::Logs => Reliability::Reliable,
-        };
+        let profile = Profile::parse(&endpoint.qos);
+        let endpoint = Endpoint { type_hash: self.hash(endpoint.type_hash.clone()), ..endpoint.clone() };
         let publisher = self
-            .session
-            .declare_publisher(self.key(endpoint))
-            .congestion_control(CongestionControl::Drop)
-            .reliability(reliability)
-            .wait()
+            .publisher(self.key(&endpoint), profile)
             .map_err(|why| TransportError::new(format!("publisher of {}", endpoint.topic), why))?;
-        let token = self.token(node, EntityKind::Publisher, Some(endpoint.clone()));
+        let token = self.token(node, EntityKind::Publisher, Some(endpoint));
         Ok(RawOutlet {
             publisher,
             clock: self.clock.clone(),
@@ -72,20 +75,64 @@ impl ZenohTransport {
         endpoint: &Endpoint,
         take: impl Fn(RawSample) + Send + Sync + 'static,
     ) -> Result<Guard, TransportError> {
+        let take = move |sample: Sample| {
+            let attachment = sample.attachment().map(|a| a.to_bytes());
+            take(RawSample {
+                payload: sample.payload().to_bytes().into_owned(),
+                attachment: attachment.as_deref().and_then(Attachment::parse),
+            });
+        };
         let subscriber = self
-            .session
-            .declare_subscriber(self.key(endpoint))
-            .callback(move |sample| {
-                let attachment = sample.attachment().map(|a| a.to_bytes());
-                take(RawSample {
-                    payload: sample.payload().to_bytes().into_owned(),
-                    attachment: attachment.as_deref().and_then(Attachment::parse),
-                });
-            })
-            .wait()
+            .subscriber(self.key(endpoint), Profile::parse(&endpoint.qos), take)
             .map_err(|why| TransportError::new(format!("subscription of {}", endpoint.topic), why))?;
         let token = self.declare(&self.token(node, EntityKind::Subscription, Some(endpoint.clone())))?;
         Ok(Box::new((subscriber, token)))
+    }
+
+    /// As rmw_zenoh: nobody is ever waited for, and whoever is to serve late
+    /// readers keeps its last samples.
+    fn publisher(&self, key: String, profile: Profile) -> zenoh::Result<AdvancedPublisher<'static>> {
+        let reliable = profile.reliability == profile::Reliability::Reliable;
+        let publisher = self
+            .session
+            .declare_publisher(key)
+            .congestion_control(CongestionControl::Drop)
+            .reliability(if reliable { Reliability::Reliable } else { Reliability::BestEffort })
+            .advanced();
+        match profile.durability {
+            Durability::Volatile => publisher.wait(),
+            Durability::TransientLocal => {
+                let kept = CacheConfig::default().max_samples(profile.depth);
+                let publisher = publisher.cache(kept).publisher_detection();
+                if !reliable {
+                    return publisher.wait();
+                }
+                let misses = MissDetectionConfig::default().sporadic_heartbeat(HEARTBEAT);
+                publisher.sample_miss_detection(misses).wait()
+            }
+        }
+    }
+
+    /// As rmw_zenoh: whoever asks for the last samples from before it came gets
+    /// them, and those of publishers that it finds later.
+    fn subscriber(
+        &self,
+        key: String,
+        profile: Profile,
+        take: impl Fn(Sample) + Send + Sync + 'static,
+    ) -> zenoh::Result<Guard> {
+        let subscriber = self.session.declare_subscriber(key).callback(take);
+        if profile.durability == Durability::Volatile {
+            return Ok(Box::new(subscriber.wait()?));
+        }
+        let history = HistoryConfig::default().detect_late_publishers().max_samples(profile.depth);
+        let subscriber = subscriber.history(history).subscriber_detection();
+        Ok(match profile.reliability {
+            profile::Reliability::BestEffort => Box::new(subscriber.wait()?),
+            profile::Reliability::Reliable => {
+                Box::new(subscriber.recovery(RecoveryConfig::default().heartbeat()).wait()?)
+            }
+        })
     }
 }
 

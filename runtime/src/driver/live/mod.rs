@@ -1,40 +1,56 @@
 //! The live driver: one node on a transport, until its source is over or
 //! somebody says stop. The newest frame wins; each replaced one is counted.
 
+mod inputs;
+
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use super::{RunError, addresses, facts_of, keeps_latest, wait_for};
+use super::{RunError, addresses, facts_of, wait_for};
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
-use crate::inbox::{Inbox, Keep, Taken};
+use crate::inbox::Taken;
 use crate::message::Message;
 use crate::name::Place;
 use crate::node::{Context, Cue, Flow, Node, StepError, Yield};
+use crate::node_time::NodeTime;
 use crate::parameter::{Parameters, Refusal};
 use crate::parameter_events::ParameterEvents;
 use crate::report::{NodeReport, add};
+use crate::saved_parameters::SavedParameters;
 use crate::stop::{Stop, Urgency};
 use crate::transport::{
-    Address, Guard, Inlet, Outlet, ParameterPort, ParameterRequest, Parcel, Transport, TransportError,
+    Address, Guard, Outlet, ParameterPort, ParameterRequest, Parcel, Transport, TransportError,
 };
+use inputs::Inputs;
 
 /// How long the loop sleeps at most before it looks at its flags.
 const GLANCE: Duration = Duration::from_millis(20);
 /// A draining node gives up this long after its last message, even if its
 /// upstream is still there.
 const DRAIN_LIMIT_NS: u64 = 2_000_000_000;
-/// Messages of a results topic that wait for a busy node.
-const RESULTS_WAITING: usize = 64;
+
+/// Who is to be run.
+pub struct Subject {
+    /// The step.
+    pub node: Box<dyn Node>,
+    /// Its parameters.
+    pub parameters: Parameters,
+    /// Its name and remaps.
+    pub place: Place,
+    /// Where accepted changes of its parameters outlast a crash.
+    pub saved: Option<SavedParameters>,
+}
 
 /// A node with everything it needs to run.
 struct Live<'a> {
     node: Box<dyn Node>,
     place: Place,
     parameters: Arc<Mutex<Parameters>>,
+    saved: Option<SavedParameters>,
     transport: &'a dyn Transport,
-    clock: &'a dyn Clock,
+    time: NodeTime<'a>,
     stop: Stop,
     report: NodeReport,
     outlets: Vec<(Address, Box<dyn Outlet>)>,
@@ -43,31 +59,17 @@ struct Live<'a> {
     parameter_events: ParameterEvents,
 }
 
-/// The present subscriptions; renewed as a whole when the inputs change.
-struct Inputs {
-    addresses: Vec<Address>,
-    inbox: Arc<Inbox<Parcel>>,
-    inlets: Vec<Box<dyn Inlet>>,
-}
-
-impl Inputs {
-    fn none() -> Self {
-        Self { addresses: Vec::new(), inbox: Arc::new(Inbox::new(&[])), inlets: Vec::new() }
-    }
-}
-
-/// Runs `node` at `place` until it is done; returns what it did.
+/// Runs a node until it is done; returns what it did.
 ///
 /// # Errors
 /// [`RunError`] when a name, the transport or the step itself fails.
 pub fn run(
-    node: Box<dyn Node>,
-    parameters: Parameters,
-    place: Place,
+    subject: Subject,
     transport: &dyn Transport,
     clock: &dyn Clock,
     stop: Stop,
 ) -> Result<NodeReport, RunError> {
+    let Subject { node, parameters, place, saved } = subject;
     let outputs = addresses(&place, &node.outputs())?;
     let outlets = outputs
         .into_iter()
@@ -80,8 +82,9 @@ pub fn run(
         node,
         place,
         parameters: Arc::new(Mutex::new(parameters)),
+        saved,
         transport,
-        clock,
+        time: NodeTime::new(clock),
         stop,
         outlets,
         inputs: Inputs::none(),
@@ -95,9 +98,10 @@ impl Live<'_> {
     fn run(mut self) -> Result<NodeReport, RunError> {
         self.wait_for_others()?;
         self.subscribe()?;
+        self.time.follow(&self.settings(), &self.place, self.transport)?;
         let requests = self.serve_parameters()?;
         let announced = self.transport.announce(&self.place)?;
-        self.parameter_events.started(self.clock.now_ns(), &self.settings());
+        self.parameter_events.started(self.time.now_ns(), &self.settings());
         tracing::info!(node = %self.report.node, "ready");
         let ended = match self.node.period() {
             Some(_) => self.run_source(&requests.1),
@@ -105,20 +109,20 @@ impl Live<'_> {
         };
         // Out of the graph before the outlets go, so that nobody waits for us.
         drop((announced, requests.0));
-        self.account_inputs();
+        std::mem::replace(&mut self.inputs, Inputs::none()).account(&mut self.report);
         self.report.facts.extend(facts_of(&*self.node));
         ended.map(|()| self.report)
     }
 
     fn wait_for_others(&self) -> Result<(), RunError> {
         let (mut missing, patience) = wait_for(&self.place, &self.settings())?;
-        let start = self.clock.ticks_ns();
+        let start = self.time.ticks_ns();
         loop {
             missing.retain(|node| !self.transport.is_ready(node));
             if missing.is_empty() || self.stop.urgency() != Urgency::None {
                 return Ok(());
             }
-            if self.clock.ticks_ns().saturating_sub(start) > nanoseconds(patience) {
+            if self.time.ticks_ns().saturating_sub(start) > nanoseconds(patience) {
                 let (node, seconds) = (self.report.node.clone(), patience.as_secs());
                 return Err(RunError::Waited { node, seconds, missing: missing.join(", ") });
             }
@@ -131,30 +135,9 @@ impl Live<'_> {
         if addresses == self.inputs.addresses {
             return Ok(());
         }
-        let keep: Vec<Keep> = addresses
-            .iter()
-            .map(|a| if keeps_latest(a.kind) { Keep::Latest } else { Keep::Last(RESULTS_WAITING) })
-            .collect();
-        let inbox = Arc::new(Inbox::new(&keep));
-        let inlets = addresses
-            .iter()
-            .enumerate()
-            .map(|(slot, address)| self.transport.subscribe(&self.place, address, inbox.clone(), slot))
-            .collect::<Result<_, _>>()?;
-        self.account_inputs();
-        self.inputs = Inputs { addresses, inbox, inlets };
+        let renewed = Inputs::subscribe(addresses, &self.place, self.transport)?;
+        std::mem::replace(&mut self.inputs, renewed).account(&mut self.report);
         Ok(())
-    }
-
-    /// Books what the present subscriptions received and lost.
-    fn account_inputs(&mut self) {
-        for (slot, address) in self.inputs.addresses.iter().enumerate() {
-            let tally = self.inputs.inbox.tally(slot);
-            let lost = self.inputs.inlets.get(slot).map_or(0, |inlet| inlet.lost());
-            add(&mut self.report.received, &address.topic, tally.received);
-            add(&mut self.report.dropped, &address.topic, tally.dropped + lost);
-        }
-        self.inputs = Inputs::none();
     }
 
     fn serve_parameters(&self) -> Result<(Guard, Receiver<ParameterRequest>), TransportError> {
@@ -177,6 +160,7 @@ impl Live<'_> {
                 tracing::warn!(node = %self.report.node, "{refusal}");
             }
             self.subscribe()?;
+            self.time.follow(&self.settings(), &self.place, self.transport)?;
             // Nobody may be waiting for the answer any more.
             let _ = request.answer.send(answer);
         }
@@ -187,17 +171,20 @@ impl Live<'_> {
         let before = self.settings();
         let next = before.with(&request.changes, true)?;
         self.node.configure(&next)?;
-        self.parameter_events.changed(self.clock.now_ns(), &before, &next);
+        self.parameter_events.changed(self.time.now_ns(), &before, &next);
+        if let Some(saved) = &self.saved {
+            saved.keep(&next);
+        }
         *self.parameters.lock().unwrap_or_else(PoisonError::into_inner) = next;
         Ok(())
     }
 
     fn run_source(&mut self, requests: &Receiver<ParameterRequest>) -> Result<(), RunError> {
         // Whoever watches the graph, as a recorder does, has subscribed by then.
-        let mut due = self.clock.ticks_ns() + nanoseconds(self.transport.settling());
+        let mut due = self.time.ticks_ns() + nanoseconds(self.transport.settling());
         while self.stop.urgency() == Urgency::None {
             self.answer_requests(requests)?;
-            let now = self.clock.ticks_ns();
+            let now = self.time.ticks_ns();
             if now < due {
                 std::thread::sleep(GLANCE.min(Duration::from_nanos(due - now)));
                 continue;
@@ -207,13 +194,13 @@ impl Live<'_> {
             }
             let period = nanoseconds(self.node.period().unwrap_or_default());
             // A source that is late goes on from now; it does not catch up in a burst.
-            due = (due + period).max(self.clock.ticks_ns().saturating_sub(period));
+            due = (due + period).max(self.time.ticks_ns().saturating_sub(period));
         }
         Ok(())
     }
 
     fn run_listener(&mut self, requests: &Receiver<ParameterRequest>) -> Result<(), RunError> {
-        let mut last_work = self.clock.ticks_ns();
+        let mut last_work = self.time.ticks_ns();
         loop {
             self.answer_requests(requests)?;
             let inbox = self.inputs.inbox.clone();
@@ -222,11 +209,11 @@ impl Live<'_> {
                     if self.handle(slot, parcel)? == Flow::Done {
                         return Ok(());
                     }
-                    last_work = self.clock.ticks_ns();
+                    last_work = self.time.ticks_ns();
                 }
                 Taken::Nothing => {
-                    let idle = self.clock.ticks_ns().saturating_sub(last_work);
-                    self.diagnostics.publish_when_due(self.clock, &self.report, &*self.node);
+                    let idle = self.time.ticks_ns().saturating_sub(last_work);
+                    self.diagnostics.publish_when_due(&self.time, &self.report, &*self.node);
                     if self.stop.urgency() == Urgency::Drain && self.is_drained(idle) {
                         return Ok(());
                     }
@@ -257,7 +244,7 @@ impl Live<'_> {
 
     fn step(&mut self, cue: Cue, topic: Option<&str>) -> Result<Flow, RunError> {
         let wanted: Vec<bool> = self.outlets.iter().map(|(_, outlet)| outlet.wanted()).collect();
-        let mut cx = Context::new(self.clock, &wanted);
+        let mut cx = Context::new(&self.time, &wanted);
         let result = self.node.step(cue, &mut cx);
         let Yield { messages, stages } = cx.finish();
         for (stage, duration) in stages {
@@ -266,7 +253,7 @@ impl Live<'_> {
         for (output, message) in messages {
             self.send(output, &message);
         }
-        self.diagnostics.publish_when_due(self.clock, &self.report, &*self.node);
+        self.diagnostics.publish_when_due(&self.time, &self.report, &*self.node);
         match result {
             Ok(flow) => Ok(flow),
             Err(StepError::Skip(why)) => {

@@ -1,0 +1,149 @@
+//! [`NodeTime`]: what time it is for a node. The machine's, or that of `/clock`
+//! while `use_sim_time` is on; as in ROS 2, 0 until the first message has come.
+//!
+//! Stamps follow it. Periods, waits and durations never do: they are the
+//! machine's.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use crate::clock::Clock;
+use crate::inbox::{Inbox, Keep, Taken};
+use crate::message::{Message, MessageKind};
+use crate::name::Place;
+use crate::parameter::{Allowed, Descriptor, Parameters, Value};
+use crate::topic::Topic;
+use crate::transport::{Address, Inlet, Parcel, Transport, TransportError};
+
+const PARAMETER: &str = "use_sim_time";
+
+/// The parameter that every node has for it.
+pub fn declare() -> Descriptor {
+    let about = "stamps are of the time on /clock (0 before its first message) instead of the machine's";
+    Descriptor::new(PARAMETER, Value::Bool(false), Allowed::Any, about)
+}
+
+/// Whether `parameters` ask for the time on `/clock`.
+pub fn is_simulated(parameters: &Parameters) -> bool {
+    parameters.get(PARAMETER) == Some(&Value::Bool(true))
+}
+
+/// The clock of one node.
+pub struct NodeTime<'a> {
+    machine: &'a dyn Clock,
+    /// The latest time that was on `/clock`, ns.
+    told: AtomicU64,
+    simulation: Option<Simulation>,
+}
+
+/// A subscription of `/clock`.
+struct Simulation {
+    inbox: Arc<Inbox<Parcel>>,
+    _inlet: Box<dyn Inlet>,
+}
+
+impl<'a> NodeTime<'a> {
+    /// The time of `machine`, until told otherwise.
+    pub fn new(machine: &'a dyn Clock) -> Self {
+        Self { machine, told: AtomicU64::new(0), simulation: None }
+    }
+
+    /// Goes over to the time that `parameters` ask for.
+    ///
+    /// # Errors
+    /// [`TransportError`] when `/clock` cannot be subscribed.
+    pub fn follow(
+        &mut self,
+        parameters: &Parameters,
+        place: &Place,
+        transport: &dyn Transport,
+    ) -> Result<(), TransportError> {
+        match (is_simulated(parameters), &self.simulation) {
+            (true, None) => self.simulation = Some(Simulation::start(place, transport)?),
+            (false, Some(_)) => self.simulation = None,
+            (true, Some(_)) | (false, None) => {}
+        }
+        Ok(())
+    }
+}
+
+impl Simulation {
+    fn start(place: &Place, transport: &dyn Transport) -> Result<Self, TransportError> {
+        let Topic { name, kind, qos } = Topic::new("/clock", MessageKind::Clock);
+        let inbox = Arc::new(Inbox::new(&[Keep::Latest]));
+        let address = Address { topic: name, kind, qos };
+        let inlet = transport.subscribe(place, &address, inbox.clone(), 0)?;
+        Ok(Self { inbox, _inlet: inlet })
+    }
+
+    /// The time that has come since the last look, ns.
+    fn news(&self) -> Option<u64> {
+        let Taken::Item(_, parcel) = self.inbox.take(Duration::ZERO) else { return None };
+        match parcel.open(MessageKind::Clock) {
+            Ok(Message::Clock(clock)) => Some(clock.clock.as_ns()),
+            Ok(_) => None,
+            Err(why) => {
+                tracing::warn!("/clock: {why}");
+                None
+            }
+        }
+    }
+}
+
+impl Clock for NodeTime<'_> {
+    fn now_ns(&self) -> u64 {
+        let Some(simulation) = &self.simulation else { return self.machine.now_ns() };
+        if let Some(now) = simulation.news() {
+            self.told.store(now, Ordering::Relaxed);
+        }
+        self.told.load(Ordering::Relaxed)
+    }
+
+    fn ticks_ns(&self) -> u64 {
+        self.machine.ticks_ns()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use modulo_msgs::rosgraph_msgs;
+    use modulo_msgs::std_msgs::Time;
+
+    use super::*;
+    use crate::clock::ManualClock;
+    use crate::transport::local::LocalTransport;
+
+    #[test]
+    fn the_time_on_clock_holds_while_it_is_asked_for() {
+        let transport = LocalTransport::default();
+        let place = Place { name: "camera".into(), namespace: "/".into(), remaps: Vec::new() };
+        let Topic { name, kind, qos } = Topic::new("/clock", MessageKind::Clock);
+        let simulator = transport.advertise(&place, &Address { topic: name, kind, qos }).expect("local");
+        let tell = |ns| {
+            let clock = rosgraph_msgs::Clock { clock: Time::from_ns(ns) };
+            simulator.put(&Message::Clock(clock)).expect("local");
+        };
+        let asked = |on| {
+            let set = Parameters::declare(vec![declare()]);
+            set.with(&[(PARAMETER.into(), Value::Bool(on))], true).expect("live")
+        };
+        let machine = ManualClock::at(77);
+        let mut time = NodeTime::new(&machine);
+        let mut follow = |on, time: &mut NodeTime<'_>| {
+            time.follow(&asked(on), &place, &transport).expect("local");
+        };
+        follow(false, &mut time);
+        tell(3);
+        assert_eq!(time.now_ns(), 77);
+        follow(true, &mut time);
+        assert_eq!(time.now_ns(), 0, "before the first message");
+        tell(5);
+        tell(6_000_000_007);
+        assert_eq!((time.now_ns(), time.now_ns()), (6_000_000_007, 6_000_000_007));
+        tell(4);
+        assert_eq!((time.now_ns(), time.ticks_ns()), (4, 77), "a simulation may start anew");
+        follow(false, &mut time);
+        assert_eq!(time.now_ns(), 77);
+    }
+}

@@ -1,0 +1,222 @@
+//! `/rosout`: a node's log lines as `rcl_interfaces/msg/Log`.
+//!
+//! [`layer`] takes the suite's own lines, never those of the libraries that
+//! carry them, so that publishing a line makes no other. A line waits in a
+//! bounded queue; where it is full the line is counted, and nobody waits.
+
+use std::fmt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
+use modulo_msgs::rcl_interfaces::Log;
+use modulo_msgs::std_msgs::Time;
+use tracing::field::{Field, Visit};
+use tracing::{Event, Level, Subscriber};
+use tracing_subscriber::Layer;
+use tracing_subscriber::layer::Context;
+
+use crate::clock::Clock;
+use crate::message::{Message, MessageKind};
+use crate::name::Place;
+use crate::topic::Topic;
+use crate::transport::{Address, Guard, Outlet, Transport, TransportError};
+
+/// Lines that wait for the wire at most; also what a late reader still gets.
+const WAITING: usize = 1000;
+/// How long the publishing thread sleeps at most before it looks at its flag.
+const GLANCE: Duration = Duration::from_millis(20);
+
+/// Takes log lines off the threads that write them.
+pub struct RosoutLayer {
+    queue: SyncSender<Log>,
+    full: Arc<AtomicU64>,
+    clock: Arc<dyn Clock>,
+}
+
+/// The lines that [`RosoutLayer`] took.
+pub struct LogQueue {
+    lines: Receiver<Log>,
+    full: Arc<AtomicU64>,
+}
+
+/// A layer for `tracing_subscriber`, and where its lines come out, stamped with
+/// the time of `clock`.
+pub fn layer(clock: Arc<dyn Clock>) -> (RosoutLayer, LogQueue) {
+    let (queue, lines) = sync_channel(WAITING);
+    let full = Arc::new(AtomicU64::new(0));
+    (RosoutLayer { queue, full: full.clone(), clock }, LogQueue { lines, full })
+}
+
+impl<S: Subscriber> Layer<S> for RosoutLayer {
+    fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
+        let metadata = event.metadata();
+        if !metadata.target().starts_with("modulo") {
+            return;
+        }
+        let mut text = Text::default();
+        event.record(&mut text);
+        let line = Log {
+            stamp: Time::from_ns(self.clock.now_ns()),
+            level: level(*metadata.level()),
+            name: String::new(),
+            msg: text.message + &text.fields,
+            file: metadata.file().unwrap_or_default().to_owned(),
+            function: metadata.module_path().unwrap_or_default().to_owned(),
+            line: metadata.line().unwrap_or_default(),
+        };
+        if self.queue.try_send(line).is_err() {
+            self.full.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+fn level(level: Level) -> u8 {
+    match level {
+        Level::ERROR => Log::ERROR,
+        Level::WARN => Log::WARN,
+        Level::INFO => Log::INFO,
+        _ => Log::DEBUG,
+    }
+}
+
+/// An event's message, and its other fields behind it.
+#[derive(Default)]
+struct Text {
+    message: String,
+    fields: String,
+}
+
+impl Visit for Text {
+    fn record_debug(&mut self, field: &Field, value: &dyn fmt::Debug) {
+        match field.name() {
+            "message" => self.message = format!("{value:?}"),
+            // The logger's name says it.
+            "node" => {}
+            name => self.fields += &format!(" {name}={value:?}"),
+        }
+    }
+}
+
+impl LogQueue {
+    /// Publishes the lines as those of the node at `place`, the waiting ones
+    /// first, until the guard is dropped.
+    ///
+    /// # Errors
+    /// [`TransportError`] when the carrier refuses.
+    pub fn publish(self, place: &Place, transport: &dyn Transport) -> Result<Guard, TransportError> {
+        let Topic { name, kind, qos } = Topic::new("/rosout", MessageKind::Log);
+        let outlet = transport.advertise(place, &Address { topic: name, kind, qos })?;
+        // As rcl names a node's logger.
+        let logger = place.fully_qualified().trim_matches('/').replace('/', ".");
+        let ended = Arc::new(AtomicBool::new(false));
+        let told = ended.clone();
+        let thread = thread::Builder::new()
+            .name("rosout".into())
+            .spawn(move || self.publish_until(&told, &logger, &*outlet))
+            .map_err(|why| TransportError::new("thread of /rosout", why))?;
+        Ok(Box::new(Publishing { ended, thread: Some(thread) }))
+    }
+
+    fn publish_until(&self, ended: &AtomicBool, logger: &str, outlet: &dyn Outlet) {
+        loop {
+            // Read before the queue: what was written before the end is in it.
+            let last = ended.load(Ordering::Acquire);
+            let line = match self.lines.recv_timeout(if last { Duration::ZERO } else { GLANCE }) {
+                Ok(line) => line,
+                Err(RecvTimeoutError::Timeout) if !last => continue,
+                Err(_) => return,
+            };
+            let lost = self.full.swap(0, Ordering::Relaxed);
+            if lost > 0 {
+                put(outlet, logger, about_lost(lost, &line));
+            }
+            put(outlet, logger, line);
+        }
+    }
+}
+
+/// Whoever reads `/rosout` alone must not miss in silence.
+fn about_lost(lost: u64, next: &Log) -> Log {
+    let msg = format!("{lost} lines are missing here: they came faster than they could be sent");
+    Log { stamp: next.stamp, level: Log::WARN, msg, ..Log::default() }
+}
+
+/// A line that the wire does not take is only on standard error.
+fn put(outlet: &dyn Outlet, logger: &str, line: Log) {
+    let _ = outlet.put(&Message::Log(Arc::new(Log { name: logger.to_owned(), ..line })));
+}
+
+/// Ends the publishing thread once it has sent what waits.
+struct Publishing {
+    ended: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Drop for Publishing {
+    fn drop(&mut self) {
+        self.ended.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use tracing_subscriber::layer::SubscriberExt;
+
+    use super::*;
+    use crate::clock::ManualClock;
+    use crate::inbox::{Inbox, Keep, Taken};
+    use crate::transport::Parcel;
+    use crate::transport::local::LocalTransport;
+
+    fn logs(inbox: &Inbox<Parcel>) -> Vec<Arc<Log>> {
+        std::iter::from_fn(|| match inbox.take(Duration::ZERO) {
+            Taken::Item(_, Parcel::Message(Message::Log(log))) => Some(log),
+            _ => None,
+        })
+        .collect()
+    }
+
+    /// What `write` logs, as it is on `/rosout` of `/car/eye`.
+    fn published(write: impl FnOnce()) -> Vec<Arc<Log>> {
+        let (layer, queue) = layer(Arc::new(ManualClock::at(5_000_000_007)));
+        tracing::subscriber::with_default(tracing_subscriber::registry().with(layer), write);
+        let transport = LocalTransport::default();
+        let place = Place::new("eye", "/car", &[]).expect("valid");
+        let inbox = Arc::new(Inbox::new(&[Keep::Last(2 * WAITING)]));
+        let Topic { name, kind, qos } = Topic::new("/rosout", MessageKind::Log);
+        let address = Address { topic: name, kind, qos };
+        let _inlet = transport.subscribe(&place, &address, inbox.clone(), 0).expect("local");
+        drop(queue.publish(&place, &transport).expect("local"));
+        logs(&inbox)
+    }
+
+    #[test]
+    fn a_line_is_published_with_what_ros_knows_of_it() {
+        let line = line!() + 2;
+        let logs = published(|| {
+            tracing::warn!(node = %"/car/eye", topic = "/modulo", "skipped: {}", "short");
+            tracing::debug!("deep");
+            tracing::info!(target: "zenoh::net", "the carrier's own");
+        });
+        let [warned, deep] = &logs[..] else { panic!("two lines: {logs:?}") };
+        assert_eq!((warned.level, warned.msg.as_str()), (Log::WARN, "skipped: short topic=\"/modulo\""));
+        assert_eq!((warned.name.as_str(), warned.stamp), ("car.eye", Time { sec: 5, nanosec: 7 }));
+        assert!(warned.file.ends_with("rosout.rs") && warned.function.contains("rosout"), "{warned:?}");
+        assert_eq!(warned.line, line);
+        assert_eq!((deep.level, deep.msg.as_str()), (Log::DEBUG, "deep"));
+    }
+
+    #[test]
+    fn too_many_lines_are_counted_and_nobody_waits() {
+        let logs = published(|| (0..WAITING + 7).for_each(|number| tracing::info!("{number}")));
+        assert_eq!(logs.len(), WAITING + 1);
+        assert_eq!((logs[0].level, logs[0].msg.starts_with("7 lines")), (Log::WARN, true), "{:?}", logs[0]);
+        assert_eq!(logs[WAITING].msg, (WAITING - 1).to_string());
+    }
+}

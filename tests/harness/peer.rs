@@ -1,0 +1,80 @@
+//! [`Peer`]: a ROS node in the test's own process.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use modulo_runtime::inbox::{Inbox, Keep, Taken};
+use modulo_runtime::transport::keys::Hashes;
+use modulo_runtime::transport::zenoh::ZenohTransport;
+use modulo_runtime::transport::{Address, Guard, Inlet, Outlet, Parcel, Transport};
+use modulo_runtime::{Clock, Message, MessageKind, Place, SystemClock, Topic};
+
+use super::Bench;
+
+/// A node `/peer` on the domain of a bench.
+pub struct Peer {
+    pub transport: ZenohTransport,
+    pub place: Place,
+    _announced: Guard,
+}
+
+/// What comes on a topic.
+pub struct Heard {
+    kind: MessageKind,
+    inbox: Arc<Inbox<Parcel>>,
+    _inlet: Box<dyn Inlet>,
+}
+
+impl Peer {
+    pub fn new(bench: &Bench) -> Self {
+        Self::with_hashes(bench, Hashes::Rihs01)
+    }
+
+    pub fn with_hashes(bench: &Bench, hashes: Hashes) -> Self {
+        let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
+        let transport = ZenohTransport::open(bench.domain, hashes, clock).expect("a session on loopback");
+        let place = Place::new("peer", "/", &[]).expect("a name");
+        let announced = transport.announce(&place).expect("a token");
+        Self { transport, place, _announced: announced }
+    }
+
+    pub fn advertise(&self, topic: &str, kind: MessageKind) -> Box<dyn Outlet> {
+        self.transport.advertise(&self.place, &address(topic, kind)).expect("a publisher")
+    }
+
+    pub fn hear(&self, topic: &str, kind: MessageKind) -> Heard {
+        let inbox = Arc::new(Inbox::new(&[Keep::Last(1000)]));
+        let address = address(topic, kind);
+        let inlet =
+            self.transport.subscribe(&self.place, &address, inbox.clone(), 0).expect("a subscription");
+        Heard { kind, inbox, _inlet: inlet }
+    }
+}
+
+fn address(topic: &str, kind: MessageKind) -> Address {
+    let Topic { name, kind, qos } = Topic::new(topic, kind);
+    Address { topic: name, kind, qos }
+}
+
+impl Heard {
+    /// The next message within `patience`.
+    pub fn next(&self, patience: Duration) -> Option<Message> {
+        match self.inbox.take(patience) {
+            Taken::Item(_, parcel) => Some(parcel.open(self.kind).expect("a message of its kind")),
+            Taken::Nothing => None,
+        }
+    }
+
+    /// The first message for which `wanted` holds.
+    pub fn until(&self, what: &str, wanted: impl Fn(&Message) -> bool) -> Message {
+        let start = Instant::now();
+        while start.elapsed() < Duration::from_secs(30) {
+            if let Some(message) = self.next(Duration::from_millis(100))
+                && wanted(&message)
+            {
+                return message;
+            }
+        }
+        panic!("waited in vain: {what}");
+    }
+}

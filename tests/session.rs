@@ -1,0 +1,130 @@
+//! How sessions meet and are configured: a router, shared memory, the
+//! variables of rmw_zenoh, and what is said when one of them is wrong.
+
+mod harness;
+
+use std::net::TcpListener;
+use std::process::Command;
+use std::time::Duration;
+
+use harness::peer::Peer;
+use harness::{Bench, arg, json, model, text, wait_until};
+use modulo_runtime::MessageKind;
+use modulo_runtime::transport::Transport;
+use modulo_runtime::transport::zenoh::meeting_port;
+use zenoh::Wait;
+
+/// The meeting port is taken by somebody who does not speak zenoh: nodes then
+/// see each other through the router alone.
+#[test]
+fn a_router_is_used_when_there_is_one() {
+    let bench = Bench::new(141);
+    let _deaf = TcpListener::bind(("127.0.0.1", meeting_port(bench.domain))).expect("a free port");
+    let mut config = zenoh::Config::default();
+    for (key, value) in [
+        ("mode", "\"router\""),
+        ("listen/endpoints", "[\"tcp/127.0.0.1:7447\"]"),
+        ("scouting/multicast/enabled", "false"),
+    ] {
+        config.insert_json5(key, value).expect("a known key");
+    }
+    let _router = zenoh::open(config).wait().expect("port 7447 is free");
+    let _unwrap = bench.start(&["run", "unwrap"]);
+    wait_until("the node behind the router", || {
+        text(&bench.run(&["node", "list"])).lines().any(|line| line == "/unwrap")
+    });
+    let got = bench.run(&["param", "get", "/unwrap", "method"]);
+    assert_eq!(got.status.code(), Some(0), "{}", text(&got));
+}
+
+/// One key turns it on, and frames then really lie in shared memory.
+#[test]
+fn images_go_through_shared_memory() {
+    let bench = Bench::new(142);
+    let (source, model) = (arg("source", bench.images(20)), arg("model", model()));
+    let summary = bench.path("summary.json");
+    let file = summary.display().to_string();
+    let mut launch = bench.modulo(&["launch", "launch/recovered.launch.yaml", &source, &model]);
+    launch.args(["engine:=rten", "rate:=10", "--summary", &file]);
+    let running = harness::Background(
+        launch
+            .env("ZENOH_CONFIG_OVERRIDE", "transport/shared_memory/enabled=true")
+            .spawn()
+            .expect("it starts"),
+    );
+    let pid = running.0.id().to_string();
+    wait_until("a node with shared memory of zenoh", || {
+        let nodes = Command::new("pgrep").args(["-P", &pid]).output().expect("pgrep runs");
+        String::from_utf8_lossy(&nodes.stdout).lines().any(|node| {
+            let maps = std::fs::read_to_string(format!("/proc/{node}/maps")).unwrap_or_default();
+            maps.lines().any(|line| line.contains("/dev/shm/"))
+        })
+    });
+    let mut running = running;
+    assert_eq!(running.0.wait().expect("it ends").code(), Some(0));
+    let summary = json(&summary);
+    assert_eq!(summary["frames"], 20, "{summary}");
+    assert_eq!(summary["topics"]["/recovered"]["in"], 20, "{summary}");
+}
+
+#[test]
+fn without_the_key_nothing_is_shared() {
+    let bench = Bench::new(143);
+    let unwrap = bench.start(&["run", "unwrap"]);
+    let peer = Peer::new(&bench);
+    wait_until("the node", || peer.transport.is_ready("/unwrap"));
+    let _reader = peer.hear("/recovered", MessageKind::Image);
+    let maps = std::fs::read_to_string(format!("/proc/{}/maps", unwrap.0.id())).expect("it runs");
+    assert!(!maps.contains("/dev/shm/"), "{maps}");
+}
+
+#[test]
+fn what_is_wrong_with_a_variable_is_said() {
+    let bench = Bench::new(144);
+    let missing = bench.path("missing.json5");
+    let broken = bench.path("broken.json5");
+    std::fs::write(&broken, "{ mode: \"pear\" }").expect("writable");
+    let (missing, broken) = (missing.display().to_string(), broken.display().to_string());
+    for (variable, value, named) in [
+        ("ZENOH_SESSION_CONFIG_URI", missing.as_str(), "missing.json5"),
+        ("ZENOH_SESSION_CONFIG_URI", broken.as_str(), "pear"),
+        ("ZENOH_CONFIG_OVERRIDE", "mode", "key=json5"),
+        ("ZENOH_CONFIG_OVERRIDE", "no/such/key=1", "no/such/key"),
+        ("ZENOH_CONFIG_OVERRIDE", "mode=\"pear\"", "mode"),
+        ("ROS_DOMAIN_ID", "500", "0 to 232"),
+    ] {
+        let output = bench.modulo(&["node", "list"]).env(variable, value).output().expect("it starts");
+        let said = text(&output);
+        assert!(matches!(output.status.code(), Some(1 | 2)), "{variable}={value}: {said}");
+        assert!(said.contains(variable) && said.contains(named), "{variable}={value}: {said}");
+        assert!(!said.contains("panicked"), "{said}");
+    }
+}
+
+/// A file replaces the configuration; single keys go above it.
+#[test]
+fn a_configuration_file_is_used() {
+    let bench = Bench::new(145);
+    let port = TcpListener::bind("127.0.0.1:0").and_then(|l| l.local_addr()).expect("a free port").port();
+    let file = |name: &str, way: &str| {
+        let path = bench.path(name);
+        let text = format!(
+            "{{ mode: \"peer\", {way}: {{ endpoints: [\"tcp/127.0.0.1:{port}\"] }}, \
+             scouting: {{ multicast: {{ enabled: false }} }} }}"
+        );
+        std::fs::write(&path, text).expect("writable");
+        path
+    };
+    let (listens, connects) = (file("listens.json5", "listen"), file("connects.json5", "connect"));
+    let mut node = bench.modulo(&["run", "unwrap"]);
+    let node = node.env("ZENOH_SESSION_CONFIG_URI", listens).spawn().expect("it starts");
+    let _node = harness::Background(node);
+    wait_until("the node through the file's endpoint", || {
+        let mut list = bench.modulo(&["node", "list"]);
+        let list = list.env("ZENOH_SESSION_CONFIG_URI", &connects).output().expect("it starts");
+        text(&list).lines().any(|line| line == "/unwrap")
+    });
+    std::thread::sleep(Duration::from_millis(200));
+    let elsewhere = bench.run(&["node", "list"]);
+    assert!(!text(&elsewhere).contains("/unwrap"), "the file's session is another network");
+}
