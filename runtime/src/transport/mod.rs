@@ -7,6 +7,7 @@ pub mod gaps;
 pub mod graph;
 pub mod keys;
 pub mod local;
+pub mod payload;
 pub mod profile;
 pub mod zenoh;
 
@@ -18,6 +19,7 @@ use crate::message::{DecodeError, Message, MessageKind};
 use crate::name::Place;
 use crate::parameter::{Parameters, Refusal, Value};
 use crate::topic::Qos;
+use payload::Payload;
 
 /// A topic as the graph sees it: absolute and remapped.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -37,7 +39,7 @@ pub enum Parcel {
     /// From the same process.
     Message(Message),
     /// CDR from another one.
-    Bytes(Vec<u8>),
+    Bytes(Payload),
 }
 
 impl Parcel {

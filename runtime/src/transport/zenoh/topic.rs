@@ -1,10 +1,12 @@
 //! Publishers and subscriptions of ready-made CDR.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 
 use zenoh::Wait;
+use zenoh::bytes::ZBytes;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::qos::{CongestionControl, Reliability};
 use zenoh::sample::Sample;
@@ -19,6 +21,7 @@ use crate::message::Message;
 use crate::name::Place;
 use crate::transport::attachment::Attachment;
 use crate::transport::keys::{Endpoint, EntityKind};
+use crate::transport::payload::Payload;
 use crate::transport::profile::{self, Durability, Profile};
 use crate::transport::{Guard, Outlet, TransportError};
 
@@ -38,7 +41,7 @@ pub struct RawOutlet {
 #[derive(Clone, Debug)]
 pub struct RawSample {
     /// CDR with its encapsulation header.
-    pub payload: Vec<u8>,
+    pub payload: Payload,
     /// What came with it; nodes of a ROS stack always send one.
     pub attachment: Option<Attachment>,
 }
@@ -78,7 +81,7 @@ impl ZenohTransport {
         let take = move |sample: Sample| {
             let attachment = sample.attachment().map(|a| a.to_bytes());
             take(RawSample {
-                payload: sample.payload().to_bytes().into_owned(),
+                payload: payload(sample.payload()),
                 attachment: attachment.as_deref().and_then(Attachment::parse),
             });
         };
@@ -133,6 +136,26 @@ impl ZenohTransport {
                 Box::new(subscriber.recovery(RecoveryConfig::default().heartbeat()).wait()?)
             }
         })
+    }
+}
+
+/// A smaller payload is copied: it would keep a whole receive buffer from being
+/// used again.
+const LARGE: usize = 65_536;
+
+/// A payload that arrived in one piece and is left where it is.
+struct InPlace(ZBytes);
+
+impl AsRef<[u8]> for InPlace {
+    fn as_ref(&self) -> &[u8] {
+        self.0.slices().next().unwrap_or_default()
+    }
+}
+
+fn payload(bytes: &ZBytes) -> Payload {
+    match bytes.to_bytes() {
+        Cow::Borrowed(slice) if slice.len() >= LARGE => Payload::new(InPlace(bytes.clone())),
+        copied => Payload::new(copied.into_owned()),
     }
 }
 
