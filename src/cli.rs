@@ -1,5 +1,6 @@
 //! The command line, as clap reads it.
 
+pub mod bag;
 pub mod graph;
 pub mod study;
 
@@ -39,9 +40,9 @@ pub enum Command {
     /// Run one node: modulo_camera, unwrap or detector
     #[command(disable_help_flag = true)]
     Run(Run),
-    /// Record, replay, describe, import and repair bags
+    /// Record, replay, describe, convert, import and repair bags
     #[command(subcommand)]
-    Bag(Bag),
+    Bag(bag::Bag),
     /// Run a launch file in lockstep: every frame once, nothing dropped, boxes as JSON
     Eval(Eval),
     /// Send one's own pictures through the sensor and the unwrapping methods
@@ -100,91 +101,6 @@ pub struct Run {
     /// --ros-args ... as ROS 2 writes them, or --help
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
     pub arguments: Vec<String>,
-}
-
-/// `modulo bag`
-#[derive(Subcommand)]
-pub enum Bag {
-    /// Record topics until SIGINT or SIGTERM
-    Record(BagRecord),
-    /// Replay a bag into the graph
-    Play(BagPlay),
-    /// Say what is in a bag
-    Info {
-        /// Bag folder or .mcap file
-        bag: PathBuf,
-    },
-    /// Rewrite a damaged bag as far as it can be read
-    Recover {
-        /// Bag folder or .mcap file
-        bag: PathBuf,
-        /// New bag folder
-        out: PathBuf,
-    },
-    /// Make a bag of a data set
-    #[command(subcommand)]
-    Import(BagImport),
-}
-
-/// `modulo bag import`
-#[derive(Subcommand)]
-pub enum BagImport {
-    /// A KITTI object or sequence folder, with its labels as ground truth
-    Kitti {
-        /// Folder that holds image_2 or image_02
-        folder: PathBuf,
-        /// New bag folder
-        out: PathBuf,
-    },
-}
-
-/// `modulo bag record`
-#[derive(Args)]
-pub struct BagRecord {
-    /// Topics to record, all without any
-    pub topics: Vec<String>,
-    /// New bag folder
-    #[arg(short, long, value_name = "FOLDER")]
-    pub output: PathBuf,
-    /// Compression of the chunks
-    #[arg(long, value_enum, default_value_t = Compression::None)]
-    pub compression: Compression,
-}
-
-/// Compression of a bag's chunks.
-#[derive(Clone, Copy, ValueEnum)]
-pub enum Compression {
-    /// As rosbag2 does by default
-    None,
-    /// Fast
-    Lz4,
-    /// Small
-    Zstd,
-}
-
-/// `modulo bag play`
-#[derive(Args)]
-pub struct BagPlay {
-    /// Bag folder or .mcap file
-    pub bag: PathBuf,
-    /// Speed: 2 is twice as fast
-    #[arg(short, long, default_value_t = 1.0)]
-    pub rate: f64,
-    /// Start again at the end
-    #[arg(short, long)]
-    pub r#loop: bool,
-    /// Seconds to leave out at the start
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
-    pub start_offset: f64,
-    /// Topics to replay, all without any
-    #[arg(long, value_name = "TOPIC", num_args = 1..)]
-    pub topics: Option<Vec<String>>,
-    /// Rename topics, from:=to
-    #[arg(long, value_name = "RULE", num_args = 1..)]
-    pub remap: Vec<String>,
-    /// Nodes (fully qualified) that must be ready before the first message
-    #[arg(long, value_name = "NODE", num_args = 1..)]
-    pub wait_for: Vec<String>,
 }
 
 /// `modulo eval`

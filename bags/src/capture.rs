@@ -14,6 +14,8 @@ use modulo_runtime::{Clock, Place, Stop, Urgency};
 use crate::bag::{BagError, BagTopic, TopicCount};
 use crate::record::Recorder;
 
+/// The name of the node in ROS 2, too.
+const NODE: &str = "rosbag2_recorder";
 /// How often the graph is looked at for new topics.
 const GLANCE: Duration = Duration::from_millis(50);
 
@@ -50,13 +52,14 @@ pub fn capture(
     stop: &Stop,
 ) -> Result<Captured, CaptureError> {
     let (samples, arrived) = channel();
-    let place = Place { name: "recorder".into(), namespace: "/".into(), remaps: Vec::new() };
+    let place = Place { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() };
     let _node = modulo_runtime::transport::Transport::announce(transport, &place)?;
     let mut wires = Wires { known: BTreeSet::new(), guards: Vec::new(), samples };
     let mut losses = Losses::default();
     while stop.urgency() == Urgency::None {
         wires.subscribe_new(transport, &place, &mut recorder, topics)?;
         write_arrived(&arrived, GLANCE, clock, &mut recorder, &mut losses)?;
+        recorder.settle(clock.now_ns())?;
     }
     drop(wires);
     write_arrived(&arrived, Duration::ZERO, clock, &mut recorder, &mut losses)?;
@@ -88,7 +91,21 @@ impl Wires {
                 continue;
             }
             let topic = bag_topic(endpoint);
-            recorder.announce(&topic)?;
+            if topic.schema.is_empty() {
+                tracing::warn!(
+                    "{} is recorded without a definition: this suite has none of {}",
+                    topic.name,
+                    topic.type_name
+                );
+            }
+            match recorder.announce(&topic) {
+                // One publisher that is wrong must not end the recording of all others.
+                Err(why @ BagError::TypeConflict { .. }) => {
+                    tracing::warn!("{why}: not recorded");
+                    continue;
+                }
+                announced => announced?,
+            }
             let samples = self.samples.clone();
             self.guards.push(transport.subscribe_raw(place, endpoint, move |sample| {
                 // Fails only when the recording has ended.

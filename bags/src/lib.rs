@@ -6,7 +6,9 @@
 
 pub mod bag;
 pub mod capture;
+pub mod control;
 pub mod import;
+pub mod pace;
 pub mod play;
 pub mod record;
 pub mod replay;

@@ -1,4 +1,5 @@
-//! [`Player`]: messages of a bag, each with the time when it is due.
+//! [`Player`]: messages of a bag, each with its place on the timeline of the
+//! replay.
 //!
 //! The caller owns clock and transport: it waits until a message is due and
 //! sends the payload as it is.
@@ -17,23 +18,17 @@ pub enum Repeat {
     Forever,
 }
 
-/// How a bag is replayed.
-#[derive(Clone, Debug, PartialEq)]
+/// What of a bag is replayed.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PlayOptions {
-    /// Speed: 2 is twice as fast; finite and above 0.
-    pub rate: f64,
     /// Bag time that is left out at the start, and at each repetition.
     pub start_offset: Duration,
+    /// Bag time that is played; `None` is all of it.
+    pub duration: Option<Duration>,
     /// What happens at the end.
     pub repeat: Repeat,
     /// Names of topics; `None` is all of them.
     pub topics: Option<Vec<String>>,
-}
-
-impl Default for PlayOptions {
-    fn default() -> Self {
-        Self { rate: 1.0, start_offset: Duration::ZERO, repeat: Repeat::Once, topics: None }
-    }
 }
 
 /// Why a replay is not possible.
@@ -58,8 +53,9 @@ pub enum PlayError {
 /// A message and when to send it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Due {
-    /// Since the start of the replay, in real time.
-    pub after: Duration,
+    /// Position on the timeline of the replay, ns: bag time since its start,
+    /// rounds one after the other.
+    pub position: u64,
     /// Topic, log time and payload.
     pub message: RawMessage,
 }
@@ -69,14 +65,11 @@ pub struct Player {
     bag: BagReader,
     selection: Selection,
     messages: Messages,
-    rate: f64,
     repeat: Repeat,
-    /// Log time that stands for the start of a round.
-    start: u64,
-    /// Bag time of the rounds before this one, ns.
-    played: u64,
-    /// Bag time of one round, ns.
-    round: u64,
+    /// First and last log time of a round.
+    window: (u64, u64),
+    /// Position at which this round began, ns.
+    began: u64,
     /// Whether this round had a message: one without any is never repeated.
     heard: bool,
 }
@@ -85,55 +78,77 @@ impl Player {
     /// Prepares the replay of `bag`.
     ///
     /// # Errors
-    /// [`PlayError`] for a rate or an offset that is not possible.
+    /// [`PlayError::StartOffset`] for an offset behind the end.
     pub fn new(bag: BagReader, options: &PlayOptions) -> Result<Self, PlayError> {
-        let rate = options.rate;
-        if !rate.is_finite() || rate <= 0.0 {
-            return Err(PlayError::Rate { rate });
-        }
         let (first, last) = bag.span().unwrap_or_default();
-        let offset = u64::try_from(options.start_offset.as_nanos()).unwrap_or(u64::MAX);
-        let start = first.checked_add(offset).filter(|&start| start <= last);
+        let start = first.checked_add(ns(options.start_offset)).filter(|&start| start <= last);
         let Some(start) = start else {
             let duration = Duration::from_nanos(last - first);
             return Err(PlayError::StartOffset { offset: options.start_offset, duration });
         };
+        let end = options.duration.map_or(last, |duration| last.min(start.saturating_add(ns(duration))));
         let selection = Selection { topics: options.topics.clone(), start_ns: Some(start) };
         let messages = bag.messages(&selection);
-        let (repeat, round) = (options.repeat, last - start);
-        Ok(Self { bag, selection, messages, rate, repeat, start, played: 0, round, heard: false })
+        let (repeat, window) = (options.repeat, (start, end));
+        Ok(Self { bag, selection, messages, repeat, window, began: 0, heard: false })
     }
 
     /// The next message; `None` at the end, and after an error.
     pub fn next_due(&mut self) -> Option<Result<Due, BagError>> {
+        let (start, end) = self.window;
         loop {
             match self.messages.next() {
-                Some(Ok(message)) => {
+                Some(Ok(message)) if message.log_time <= end => {
                     self.heard = true;
-                    return Some(Ok(self.due(message)));
+                    let position = self.began.saturating_add(message.log_time.saturating_sub(start));
+                    return Some(Ok(Due { position, message }));
                 }
                 Some(Err(error)) => {
                     self.repeat = Repeat::Once;
                     return Some(Err(error));
                 }
-                None if self.repeat == Repeat::Once || !self.heard => return None,
-                None => {
+                _ if self.repeat == Repeat::Once || !self.heard => return None,
+                _ => {
                     self.heard = false;
-                    self.played = self.played.saturating_add(self.round);
+                    self.began = self.began.saturating_add(end - start);
                     self.messages = self.bag.messages(&self.selection);
                 }
             }
         }
     }
 
+    /// Goes on at `log_time`, ns since the epoch; the position of that moment,
+    /// or `None` when it is not within the round.
+    pub fn seek(&mut self, log_time: u64) -> Option<u64> {
+        let (start, end) = self.window;
+        if !(start..=end).contains(&log_time) {
+            return None;
+        }
+        let selection = Selection { start_ns: Some(log_time), ..self.selection.clone() };
+        self.messages = self.bag.messages(&selection);
+        self.began = 0;
+        // What is left of this round may hold nothing; the next one does not.
+        self.heard = true;
+        Some(log_time - start)
+    }
+
+    /// The bag's time at `position`, ns since the epoch.
+    pub fn log_time(&self, position: u64) -> u64 {
+        let (start, end) = self.window;
+        let round = end - start;
+        start
+            + match self.repeat {
+                Repeat::Forever if round > 0 => position % round,
+                _ => position.min(round),
+            }
+    }
+
     /// The bag.
     pub fn bag(&self) -> &BagReader {
         &self.bag
     }
+}
 
-    fn due(&self, message: RawMessage) -> Due {
-        let bag_time = self.played.saturating_add(message.log_time.saturating_sub(self.start));
-        let seconds = bag_time as f64 / 1e9 / self.rate;
-        Due { after: Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX), message }
-    }
+fn ns(duration: Duration) -> u64 {
+    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
 }

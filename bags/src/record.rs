@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use crate::bag::{BagError, BagTopic, BagWriter, Compression, TopicCount};
+use crate::bag::{BagError, BagTopic, BagWriter, TopicCount, WriteOptions};
 
 /// A recording that goes on until [`Recorder::finish`].
 pub struct Recorder {
@@ -17,8 +17,8 @@ impl Recorder {
     ///
     /// # Errors
     /// [`BagError`] when the folder is there already, or cannot be made.
-    pub fn create(folder: &Path, compression: Compression) -> Result<Self, BagError> {
-        Ok(Self { bag: BagWriter::create(folder, compression)? })
+    pub fn create(folder: &Path, options: impl Into<WriteOptions>) -> Result<Self, BagError> {
+        Ok(Self { bag: BagWriter::create(folder, options)? })
     }
 
     /// Adds `topic` before its first message, so that it is in the bag even if
@@ -46,18 +46,13 @@ impl Recorder {
         self.bag.write(id, log_time, publish_time, payload)
     }
 
-    /// Has the disk confirm what came so far; for pauses, since a bag flushes
-    /// by itself only when messages come.
+    /// Once a second of `now`, ns since the epoch, has the disk confirm what
+    /// came so far; for pauses, since messages do that by themselves.
     ///
     /// # Errors
     /// [`BagError`] when the disk does not take it.
-    pub fn flush(&mut self) -> Result<(), BagError> {
-        self.bag.flush()
-    }
-
-    /// The topics so far with their counts.
-    pub fn counts(&self) -> &[TopicCount] {
-        self.bag.topics()
+    pub fn settle(&mut self, now: u64) -> Result<(), BagError> {
+        self.bag.settle(now)
     }
 
     /// Completes the bag and returns the counts.

@@ -1,18 +1,27 @@
 //! Replaying a bag into a running graph: each payload is sent as it was
-//! recorded, on its topic, when it is due.
+//! recorded, on its topic, when it is due. Services of the node
+//! `/rosbag2_player` drive it.
+
+mod outlets;
 
 use std::collections::BTreeMap;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
 
-use modulo_runtime::transport::keys::{self, Endpoint};
-use modulo_runtime::transport::zenoh::{RawOutlet, ZenohTransport};
-use modulo_runtime::transport::{Transport, TransportError};
+use modulo_runtime::transport::keys;
+use modulo_runtime::transport::zenoh::{RawService, ZenohTransport};
+use modulo_runtime::transport::{Guard, Transport, TransportError};
 use modulo_runtime::{Clock, Place, Stop, Urgency};
 
-use crate::bag::{BagError, BagTopic, qos};
-use crate::play::Player;
+use self::outlets::{Outlets, TimeOutlet};
+use crate::bag::BagError;
+use crate::control::{Answer, Command, Order, Service};
+use crate::pace::{Motion, Pace};
+use crate::play::{Due, Player};
 
+/// The name of the node in ROS 2, too.
+const NODE: &str = "rosbag2_player";
 /// The longest sleep between two looks at the stop flag.
 const GLANCE: Duration = Duration::from_millis(20);
 
@@ -61,8 +70,17 @@ pub fn wait_for(
     }
 }
 
-/// Sends every message of `player` when it is due, its topics renamed by
-/// `remaps`; returns how many were sent, by topic.
+/// How a replay is sent.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ReplayOptions {
+    /// (from, to) pairs for the names of topics.
+    pub remaps: Vec<(String, String)>,
+    /// The bag's time on `/clock`, so many times a second; finite and above 0.
+    pub clock_hz: Option<f64>,
+}
+
+/// Sends every message of `player` when it is due by `pace`, which starts here;
+/// returns how many were sent, by topic.
 ///
 /// # Errors
 /// [`ReplayError`] when the bag cannot be read on or the wire does not take it.
@@ -70,69 +88,149 @@ pub fn replay(
     transport: &ZenohTransport,
     clock: &dyn Clock,
     player: &mut Player,
-    remaps: &[(String, String)],
+    pace: Pace,
+    options: &ReplayOptions,
     stop: &Stop,
 ) -> Result<BTreeMap<String, u64>, ReplayError> {
-    let place = Place { name: "player".into(), namespace: "/".into(), remaps: remaps.to_vec() };
-    let mut outlets = BTreeMap::new();
-    for count in player.bag().topics() {
-        let endpoint = endpoint(&count.topic, &place)?;
-        let outlet = transport.advertise_raw(&place, &endpoint)?;
-        outlets.insert(count.topic.name.clone(), (endpoint.topic, outlet));
-    }
+    let place = Place { name: NODE.into(), namespace: "/".into(), remaps: options.remaps.clone() };
+    let time = options.clock_hz.map(|hz| TimeOutlet::declare(transport, &place, hz)).transpose()?;
+    let outlets = Outlets::declare(transport, &place, player.bag(), time.as_ref())?;
+    let (_services, orders) = serve(transport, &place)?;
     let _node = transport.announce(&place)?;
     wait_until_heard(&outlets, clock, stop);
-    let sent = send_all(&outlets, clock, player, stop);
+    let mut replay = Replay { clock, player, pace, ahead: None, outlets, time, orders };
+    replay.pace.jump(clock.ticks_ns(), 0);
+    let done = replay.run(stop);
     // What was put last must have left before the publishers go.
     thread::sleep(transport.settling());
-    sent
+    done.map(|()| replay.outlets.sent())
+}
+
+/// The services of the node, and where their calls arrive.
+fn serve(transport: &ZenohTransport, place: &Place) -> Result<(Guard, Receiver<Order>), TransportError> {
+    let (queue, orders) = channel();
+    let services = Service::ALL.map(|service| {
+        let (name, ros_type) = service.name_and_type();
+        let queue = queue.clone();
+        let answer = Box::new(move |request: &[u8]| Ok(service.call(request, &queue)?));
+        RawService { name, ros_type, qos: keys::SERVICE_QOS, answer }
+    });
+    Ok((transport.serve_raw(place, services.into())?, orders))
 }
 
 /// Discovery takes a moment: the first message should not go out before those
 /// who are already there have found us. Nobody has to be there.
-fn wait_until_heard(outlets: &BTreeMap<String, (String, RawOutlet)>, clock: &dyn Clock, stop: &Stop) {
+fn wait_until_heard(outlets: &Outlets, clock: &dyn Clock, stop: &Stop) {
     let start = clock.ticks_ns();
-    let heard = || outlets.values().any(|(_, outlet)| outlet.wanted());
-    while !heard() && clock.ticks_ns() - start < 500_000_000 && stop.urgency() == Urgency::None {
+    while !outlets.wanted() && clock.ticks_ns() - start < 500_000_000 && stop.urgency() == Urgency::None {
         thread::sleep(GLANCE);
     }
 }
 
-fn send_all(
-    outlets: &BTreeMap<String, (String, RawOutlet)>,
-    clock: &dyn Clock,
-    player: &mut Player,
-    stop: &Stop,
-) -> Result<BTreeMap<String, u64>, ReplayError> {
-    let mut sent = BTreeMap::new();
-    let start = clock.ticks_ns();
-    while let Some(due) = player.next_due() {
-        let due = due?;
-        let at = start.saturating_add(u64::try_from(due.after.as_nanos()).unwrap_or(u64::MAX));
-        while clock.ticks_ns() < at {
-            if stop.urgency() != Urgency::None {
-                return Ok(sent);
-            }
-            thread::sleep(GLANCE.min(Duration::from_nanos(at.saturating_sub(clock.ticks_ns()))));
-        }
-        if let Some((name, outlet)) = outlets.get(&due.message.topic.name) {
-            outlet.put(due.message.data)?;
-            *sent.entry(name.clone()).or_default() += 1;
-        }
-    }
-    Ok(sent)
+/// A replay on its way.
+struct Replay<'a> {
+    clock: &'a dyn Clock,
+    player: &'a mut Player,
+    pace: Pace,
+    /// The next message.
+    ahead: Option<Due>,
+    outlets: Outlets,
+    time: Option<TimeOutlet>,
+    orders: Receiver<Order>,
 }
 
-fn endpoint(topic: &BagTopic, place: &Place) -> Result<Endpoint, TransportError> {
-    let named = |why: modulo_runtime::name::NameError| TransportError::new("topic of the bag", why);
-    let computed = || {
-        let text = String::from_utf8_lossy(&topic.schema);
-        modulo_msgs::type_hash_of_schema(&topic.type_name, &text).unwrap_or_default()
-    };
-    Ok(Endpoint {
-        topic: place.resolve(&topic.name).map_err(named)?,
-        dds_type: modulo_msgs::dds_name(&topic.type_name),
-        type_hash: if topic.type_hash.starts_with("RIHS") { topic.type_hash.clone() } else { computed() },
-        qos: keys::qos_string(qos::parse(&topic.qos)).to_owned(),
-    })
+impl Replay<'_> {
+    fn run(&mut self, stop: &Stop) -> Result<(), ReplayError> {
+        while stop.urgency() == Urgency::None && self.look_ahead()? {
+            let now = self.clock.ticks_ns();
+            if let Some(time) = &mut self.time {
+                time.tell(now, self.player.log_time(self.pace.position(now)))?;
+            }
+            if self.ticks_until_due(now) == Some(0) {
+                self.send_next()?;
+            }
+            let patience = self.patience();
+            match self.orders.recv_timeout(patience) {
+                Ok(order) => {
+                    let answer = self.carry_out(order.command)?;
+                    // Fails only when the caller has gone.
+                    let _ = order.answer.send(answer);
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => thread::sleep(patience),
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether there is a next message.
+    fn look_ahead(&mut self) -> Result<bool, BagError> {
+        if self.ahead.is_none() {
+            self.ahead = self.player.next_due().transpose()?;
+        }
+        Ok(self.ahead.is_some())
+    }
+
+    /// `None` while paused, and at the end.
+    fn ticks_until_due(&self, now: u64) -> Option<u64> {
+        let due = self.ahead.as_ref()?;
+        Some(self.pace.ticks_of(due.position)?.saturating_sub(now))
+    }
+
+    /// How long nothing has to be done.
+    fn patience(&self) -> Duration {
+        let now = self.clock.ticks_ns();
+        let time = self.time.as_ref().map(|time| time.ticks_until_due(now));
+        let next = [self.ticks_until_due(now), time].into_iter().flatten().min();
+        next.map_or(GLANCE, |ticks| GLANCE.min(Duration::from_nanos(ticks)))
+    }
+
+    /// Sends the next message; its position.
+    fn send_next(&mut self) -> Result<Option<u64>, TransportError> {
+        let Some(due) = self.ahead.take() else { return Ok(None) };
+        self.outlets.send(due.message)?;
+        Ok(Some(due.position))
+    }
+
+    fn carry_out(&mut self, command: Command) -> Result<Answer, ReplayError> {
+        let now = self.clock.ticks_ns();
+        let (mut done, mut played) = (true, 0);
+        match command {
+            Command::Tell => {}
+            Command::Move(motion) => {
+                let other =
+                    if self.pace.motion() == Motion::Paused { Motion::Running } else { Motion::Paused };
+                self.pace.set_motion(now, motion.unwrap_or(other));
+            }
+            Command::SetRate(rate) => done = self.pace.set_rate(now, rate).is_ok(),
+            Command::Step(number) => {
+                played = self.step(now, number.unwrap_or(u64::MAX))?;
+                done = played > 0;
+            }
+            Command::Seek(log_time) => {
+                let position = self.player.seek(log_time);
+                done = position.is_some();
+                if let Some(position) = position {
+                    self.ahead = None;
+                    self.pace.jump(now, position);
+                }
+            }
+        }
+        Ok(Answer { done, played, motion: self.pace.motion(), rate: self.pace.rate() })
+    }
+
+    /// Plays up to `number` messages at once, if the replay is paused; how many.
+    fn step(&mut self, now: u64, number: u64) -> Result<u64, ReplayError> {
+        if self.pace.motion() != Motion::Paused {
+            return Ok(0);
+        }
+        let mut played = 0;
+        while played < number && self.look_ahead()? {
+            if let Some(position) = self.send_next()? {
+                self.pace.jump(now, position);
+            }
+            played += 1;
+        }
+        Ok(played)
+    }
 }

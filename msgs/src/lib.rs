@@ -16,6 +16,7 @@ pub mod image;
 pub mod interface;
 pub mod rcl_interfaces;
 pub mod rihs;
+pub mod rosbag2_interfaces;
 pub mod rosgraph_msgs;
 pub mod schema;
 pub mod sensor_msgs;

@@ -1,19 +1,20 @@
-//! `modulo bag`: record, play, info, recover, import.
+//! `modulo bag`: record, play, info, recover, convert, import.
 
 use std::time::Duration;
 
-use anyhow::Context;
-use modulo_bags::bag::{self, BagInfo, BagReader};
+use anyhow::{Context, anyhow};
+use modulo_bags::bag::{self, BagInfo, BagReader, Split, WriteOptions};
 use modulo_bags::capture::capture;
 use modulo_bags::import::{ImportOptions, import_kitti};
+use modulo_bags::pace::{Motion, Pace};
 use modulo_bags::play::{PlayOptions, Player, Repeat};
 use modulo_bags::record::Recorder;
-use modulo_bags::replay::{replay, wait_for};
+use modulo_bags::replay::{ReplayOptions, replay, wait_for};
 use modulo_runtime::Stop;
 use modulo_runtime::signals::end_on_signals;
 
 use super::{open_session, pairs, start_log, usage};
-use crate::cli::{Bag, BagImport, BagPlay, BagRecord, Compression};
+use crate::cli::bag::{Bag, BagCopy, BagImport, BagPlay, BagRecord, Compression, Form};
 use crate::{Ended, Failure};
 
 /// How long `--wait-for` waits.
@@ -27,22 +28,39 @@ pub fn bag(args: &Bag) -> Result<Ended, Failure> {
         Bag::Play(args) => play(args),
         Bag::Info { bag } => {
             let reader = BagReader::open(bag)?;
-            print!("{}", BagInfo::from(&reader));
+            say!("{}", BagInfo::from(&reader).to_string().trim_end());
             Ok(loss(&reader))
         }
-        Bag::Recover { bag, out } => {
-            let reader = BagReader::open(bag)?;
-            for topic in bag::recover(&reader, out, bag::Compression::None)? {
-                say!("{}: {} messages", topic.topic.name, topic.messages);
-            }
-            Ok(loss(&reader))
-        }
+        Bag::Recover(args) => copy(&BagReader::salvage(&args.bag)?, args),
+        Bag::Convert(args) => copy(&BagReader::open(&args.bag)?, args),
         Bag::Import(BagImport::Kitti { folder, out }) => {
             let report = import_kitti(folder, out, &ImportOptions::default())?;
             say!("{} frames, {} labelled, {} objects", report.frames, report.labelled, report.objects);
             Ok(Ended::Done)
         }
     }
+}
+
+fn copy(reader: &BagReader, args: &BagCopy) -> Result<Ended, Failure> {
+    let copied = bag::copy(reader, &args.out, write_options(&args.form))?;
+    for topic in copied.topics {
+        say!("{}: {} messages", topic.topic.name, topic.messages);
+    }
+    let ended = loss(reader);
+    let Some(why) = copied.broke else { return Ok(ended) };
+    eprintln!("modulo: {why}");
+    Ok(Ended::WithLoss)
+}
+
+fn write_options(form: &Form) -> WriteOptions {
+    let compression = match form.compression {
+        Compression::None => bag::Compression::None,
+        Compression::Lz4 => bag::Compression::Lz4,
+        Compression::Zstd => bag::Compression::Zstd,
+    };
+    let max_bytes = Some(form.max_bag_size).filter(|max| *max > 0);
+    let max_duration = Some(Duration::from_secs(form.max_bag_duration)).filter(|max| !max.is_zero());
+    WriteOptions { compression, split: Split { max_bytes, max_duration } }
 }
 
 /// A bag that could not be read whole is said, and ends with exit code 3.
@@ -65,12 +83,7 @@ fn stop_on_signals() -> Result<Stop, Failure> {
 
 fn record(args: &BagRecord) -> Result<Ended, Failure> {
     let stop = stop_on_signals()?;
-    let compression = match args.compression {
-        Compression::None => bag::Compression::None,
-        Compression::Lz4 => bag::Compression::Lz4,
-        Compression::Zstd => bag::Compression::Zstd,
-    };
-    let recorder = Recorder::create(&args.output, compression)?;
+    let recorder = Recorder::create(&args.output, write_options(&args.form))?;
     let (clock, transport) = open_session()?;
     let topics = Some(args.topics.as_slice()).filter(|topics| !topics.is_empty());
     tracing::info!("recording into {}; SIGINT ends it", args.output.display());
@@ -85,25 +98,32 @@ fn record(args: &BagRecord) -> Result<Ended, Failure> {
 
 fn play(args: &BagPlay) -> Result<Ended, Failure> {
     let stop = stop_on_signals()?;
-    let remaps = pairs(&args.remap)?;
     let reader = BagReader::open(&args.bag)?;
     let ended = loss(&reader);
-    let start_offset = Duration::try_from_secs_f64(args.start_offset)
-        .with_context(|| format!("--start-offset {}", args.start_offset))
-        .map_err(usage)?;
+    let duration = args.playback_duration.map(|given| seconds("--playback-duration", given)).transpose()?;
     let options = PlayOptions {
-        rate: args.rate,
-        start_offset,
+        start_offset: seconds("--start-offset", args.start_offset)?,
+        duration,
         repeat: if args.r#loop { Repeat::Forever } else { Repeat::Once },
         topics: args.topics.clone(),
     };
     let mut player = Player::new(reader, &options).map_err(usage)?;
+    let motion = if args.start_paused { Motion::Paused } else { Motion::Running };
+    let pace = Pace::new(0, args.rate, motion).map_err(usage)?;
+    if let Some(hz) = args.clock.filter(|hz| !(hz.is_finite() && *hz > 0.0)) {
+        return Err(usage(anyhow!("--clock {hz}: must be a finite number above 0")));
+    }
+    let options = ReplayOptions { remaps: pairs(&args.remap)?, clock_hz: args.clock };
     let (clock, transport) = open_session()?;
     wait_for(&transport, &*clock, &args.wait_for, PATIENCE, &stop)?;
-    let sent = replay(&transport, &*clock, &mut player, &remaps, &stop)?;
+    let sent = replay(&transport, &*clock, &mut player, pace, &options, &stop)?;
     transport.close();
     for (topic, count) in sent {
         say!("{topic}: {count} messages");
     }
     Ok(ended)
+}
+
+fn seconds(option: &str, given: f64) -> Result<Duration, Failure> {
+    Duration::try_from_secs_f64(given).with_context(|| format!("{option} {given}")).map_err(usage)
 }

@@ -14,14 +14,14 @@ pub enum BagError {
         /// What the system said.
         source: std::io::Error,
     },
-    /// A file that never was an MCAP file.
-    #[error("{}: not an MCAP file, its first bytes are not the MCAP magic", path.display())]
-    NotMcap {
+    /// A file that never was a bag.
+    #[error("{}: not a bag, its first bytes are not those of MCAP, SQLite or ROS 1", path.display())]
+    NotBag {
         /// The file.
         path: PathBuf,
     },
     /// A folder that holds no bag.
-    #[error("{}: no bag here, a metadata.yaml or a .mcap file is needed", path.display())]
+    #[error("{}: no bag here, a metadata.yaml or a .mcap, .db3 or .bag file is needed", path.display())]
     NoBag {
         /// The folder.
         path: PathBuf,
@@ -49,6 +49,22 @@ pub enum BagError {
     /// The bytes of an indexed file are not what its index says.
     #[error("{}: {why}; `modulo bag recover` may save the rest", path.display())]
     Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        why: String,
+    },
+    /// An SQLite file that is not one of rosbag2, or broken.
+    #[error("{}: {why}; `sqlite3 FILE .recover` may save what is in a broken file", path.display())]
+    Sqlite {
+        /// The file.
+        path: PathBuf,
+        /// What SQLite says.
+        why: String,
+    },
+    /// A ROS 1 bag that cannot be read on.
+    #[error("{}: {why}; `rosbag reindex` of ROS 1 may save a bag that was not closed", path.display())]
+    Ros1 {
         /// The file.
         path: PathBuf,
         /// What is wrong.
@@ -108,10 +124,18 @@ impl BagError {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum BagWarning {
     /// A recorder that was stopped before it wrote `metadata.yaml`.
-    #[error("{}: no metadata.yaml, all .mcap files are read by their start time", path.display())]
+    #[error("{}: no metadata.yaml, all files are read by their start time", path.display())]
     NoMetadata {
         /// The folder.
         path: PathBuf,
+    },
+    /// A `metadata.yaml` that is not one.
+    #[error("{}: {why}; all files of its folder are read by their start time", path.display())]
+    BadMetadata {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        why: String,
     },
     /// A whole file without an index.
     #[error("{}: no index, the whole file was scanned", path.display())]
@@ -141,21 +165,33 @@ pub enum BagWarning {
         /// What is wrong with it.
         why: String,
     },
-    /// A topic that is not CDR.
-    #[error("{}: topic '{topic}' is left out, its messages are '{encoding}' and not cdr", path.display())]
-    Encoding {
+    /// A topic whose messages are not given out.
+    #[error("{}: topic '{topic}' is left out with its {messages} messages: {why}", path.display())]
+    LeftOut {
         /// The file.
         path: PathBuf,
         /// The topic.
         topic: String,
-        /// Its message encoding.
-        encoding: String,
+        /// How many messages it has.
+        messages: u64,
+        /// What of it is not supported.
+        why: String,
+    },
+    /// A topic of a type that neither the bag nor the suite defines.
+    #[error("{}: topic '{topic}': the bag does not define {type_name}, nor does this suite", path.display())]
+    NoDefinition {
+        /// The file.
+        path: PathBuf,
+        /// The topic.
+        topic: String,
+        /// Its type.
+        type_name: String,
     },
 }
 
 impl BagWarning {
     /// Whether messages that were recorded cannot be read.
     pub fn is_loss(&self) -> bool {
-        matches!(self, Self::Truncated { .. } | Self::Skipped { .. } | Self::Encoding { .. })
+        matches!(self, Self::Truncated { .. } | Self::Skipped { .. } | Self::LeftOut { .. })
     }
 }

@@ -9,10 +9,12 @@ const NS: u64 = 1_000_000_000;
 /// What a bag holds.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BagInfo {
-    /// Names of the MCAP files, in order.
+    /// Names of the files, in order.
     pub files: Vec<String>,
     /// Size of all files, bytes.
     pub size: u64,
+    /// The storage's name in rosbag2.
+    pub storage_id: &'static str,
     /// The ROS distribution of the recorder, where it is known.
     pub ros_distro: Option<String>,
     /// First and last log time, ns since the epoch; `None` without messages.
@@ -30,6 +32,7 @@ impl From<&BagReader> for BagInfo {
         Self {
             files: bag.files().map(name).collect(),
             size: bag.size(),
+            storage_id: bag.storage_id(),
             ros_distro: bag.ros_distro().map(str::to_owned),
             span: bag.span(),
             topics: bag.topics(),
@@ -51,7 +54,7 @@ impl fmt::Display for BagInfo {
         let duration = end.saturating_sub(start);
         writeln!(f, "Files:             {}", self.files.join("\n                   "))?;
         writeln!(f, "Bag size:          {}", Bytes(self.size))?;
-        writeln!(f, "Storage id:        mcap")?;
+        writeln!(f, "Storage id:        {}", self.storage_id)?;
         writeln!(f, "ROS Distro:        {}", self.ros_distro.as_deref().unwrap_or("unknown"))?;
         writeln!(f, "Duration:          {}.{:09}s", duration / NS, duration % NS)?;
         writeln!(f, "Start:             {}", Utc(start))?;

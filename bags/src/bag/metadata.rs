@@ -31,28 +31,39 @@ pub(super) struct Metadata {
     pub(super) ros_distro: Option<String>,
 }
 
+/// What is written about one file.
+#[derive(Clone, Debug)]
+pub(super) struct FileContents {
+    pub(super) name: String,
+    /// First and last log time; `None` for an empty file.
+    pub(super) span: Option<(u64, u64)>,
+    pub(super) messages: u64,
+}
+
 /// What is written about a bag.
 pub(super) struct Contents<'a> {
-    pub(super) file: &'a str,
-    /// First and last log time; `None` for an empty bag.
-    pub(super) span: Option<(u64, u64)>,
+    pub(super) files: &'a [FileContents],
     pub(super) topics: &'a [TopicCount],
 }
 
-/// Reads a `metadata.yaml` of any version and checks that the bag is one of
-/// MCAP files, compressed inside if at all.
+/// Reads a `metadata.yaml` of any version and checks that its files are of a
+/// form that is read here.
 pub(super) fn read(path: &Path) -> Result<Metadata, BagError> {
     let text = std::fs::read_to_string(path).map_err(|e| BagError::io(path, e))?;
     let metadata = parse(&text).map_err(|why| BagError::Metadata { path: path.to_owned(), why })?;
     let refuse = |what, found: &str, possible| {
         Err(BagError::Unsupported { path: path.to_owned(), what, found: found.to_owned(), possible })
     };
-    if metadata.storage_identifier != "mcap" {
-        return refuse("storage", &metadata.storage_identifier, "mcap");
+    if !["mcap", "sqlite3"].contains(&metadata.storage_identifier.as_str()) {
+        return refuse("storage", &metadata.storage_identifier, "mcap or sqlite3");
     }
-    // rosbag2 compresses either whole files or single messages outside of MCAP.
+    // rosbag2 compresses either whole files or single messages.
     if !["", "none", "storage"].contains(&metadata.compression_mode.to_ascii_lowercase().as_str()) {
-        return refuse("compression_mode", &metadata.compression_mode, "none (chunks may be compressed)");
+        return refuse(
+            "compression_mode",
+            &metadata.compression_mode,
+            "none or storage, which `ros2 bag convert` makes",
+        );
     }
     Ok(metadata)
 }
@@ -70,21 +81,30 @@ pub(super) fn document(contents: &Contents<'_>) -> String {
 
 /// The same without its root, as the MCAP metadata record holds it.
 pub(super) fn mapping(contents: &Contents<'_>) -> String {
-    let (start, end) = contents.span.unwrap_or_default();
-    let duration = end - start;
-    let messages: u64 = contents.topics.iter().map(|t| t.messages).sum();
-    let file = quoted(contents.file);
-    let mut topics = String::new();
-    for counted in contents.topics {
-        topics += &topic(counted);
-    }
+    let spans = contents.files.iter().filter_map(|file| file.span);
+    let (start, end) = spans.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))).unwrap_or_default();
+    let messages: u64 = contents.files.iter().map(|file| file.messages).sum();
+    let paths: String = contents.files.iter().map(|file| format!("  - {}\n", quoted(&file.name))).collect();
+    let files: String = contents.files.iter().map(file).collect();
+    let topics: String = contents.topics.iter().map(topic).collect();
     let list = if topics.is_empty() { " []\n" } else { "\n" };
     format!(
-        "version: 9\nstorage_identifier: mcap\nduration:\n  nanoseconds: {duration}\nstarting_time:\n  \
+        "version: 9\nstorage_identifier: mcap\nduration:\n  nanoseconds: {}\nstarting_time:\n  \
          nanoseconds_since_epoch: {start}\nmessage_count: {messages}\ntopics_with_message_count:{list}{topics}\
-         compression_format: \"\"\ncompression_mode: \"\"\nrelative_file_paths:\n  - {file}\nfiles:\n  \
-         - path: {file}\n    starting_time:\n      nanoseconds_since_epoch: {start}\n    duration:\n      \
-         nanoseconds: {duration}\n    message_count: {messages}\ncustom_data: ~\nros_distro: {ROS_DISTRO}\n"
+         compression_format: \"\"\ncompression_mode: \"\"\nrelative_file_paths:\n{paths}files:\n{files}\
+         custom_data: ~\nros_distro: {ROS_DISTRO}\n",
+        end - start
+    )
+}
+
+fn file(file: &FileContents) -> String {
+    let (start, end) = file.span.unwrap_or_default();
+    format!(
+        "  - path: {}\n    starting_time:\n      nanoseconds_since_epoch: {start}\n    duration:\n      \
+         nanoseconds: {}\n    message_count: {}\n",
+        quoted(&file.name),
+        end - start,
+        file.messages
     )
 }
 
@@ -131,7 +151,8 @@ mod tests {
     use super::*;
 
     fn text_of(topics: &[TopicCount]) -> String {
-        document(&Contents { file: "a \"b\"_0.mcap", span: Some((5, 9)), topics })
+        let name = "a \"b\"_0.mcap".to_owned();
+        document(&Contents { files: &[FileContents { name, span: Some((5, 9)), messages: 4 }], topics })
     }
 
     #[test]
@@ -154,12 +175,19 @@ mod tests {
     }
 
     #[test]
-    fn other_storage_is_refused_by_name() {
+    fn what_is_not_read_is_refused_by_name() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let path = folder.path().join(FILE_NAME);
-        std::fs::write(&path, text_of(&[]).replace("identifier: mcap", "identifier: sqlite3"))
-            .expect("written");
-        let error = read(&path).expect_err("sqlite3").to_string();
-        assert!(error.contains("sqlite3") && error.contains("mcap"), "{error}");
+        for (ours, other, named) in [
+            ("identifier: mcap", "identifier: lance", "lance"),
+            ("compression_mode: \"\"", "compression_mode: FILE", "FILE"),
+            ("compression_mode: \"\"", "compression_mode: message", "message"),
+        ] {
+            let text = text_of(&[]).replace(ours, other);
+            assert!(text.contains(other));
+            std::fs::write(&path, text).expect("written");
+            let error = read(&path).expect_err(other).to_string();
+            assert!(error.contains(named), "{error}");
+        }
     }
 }

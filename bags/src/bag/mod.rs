@@ -1,17 +1,22 @@
-//! rosbag2 bags in MCAP: read, write, describe, repair.
+//! Bags: MCAP read, written and repaired; rosbag2's SQLite and ROS 1 read.
 //!
-//! Payloads pass through as they are, CDR with its encapsulation; no message is
-//! decoded here. A damaged bag is read as far as it goes and what is lost is
+//! Payloads pass through as they are, CDR with its encapsulation; only those of
+//! ROS 1, which are none, are written anew. A damaged bag is read as far as it goes and what is lost is
 //! said in a [`BagWarning`], never in silence.
 
+mod copy;
 mod error;
-mod file;
 mod info;
+mod mcap_file;
+mod merge;
 mod metadata;
 pub mod qos;
 mod reader;
-mod recover;
+mod ros1;
 mod scan;
+mod sqlite;
+mod storage;
+mod volume;
 mod writer;
 
 use std::path::Path;
@@ -19,11 +24,11 @@ use std::sync::Arc;
 
 use modulo_runtime::Qos;
 
+pub use copy::{Copied, copy};
 pub use error::{BagError, BagWarning};
 pub use info::BagInfo;
 pub use reader::{BagReader, Messages, Selection};
-pub use recover::recover;
-pub use writer::{BagWriter, Compression, TopicId};
+pub use writer::{BagWriter, Compression, Split, TopicId, WriteOptions};
 
 /// A topic of a bag: what its channel and its schema say.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
@@ -79,12 +84,12 @@ pub struct RawMessage {
     pub data: Vec<u8>,
 }
 
-/// Whether `path` is a bag: a `.mcap` file, or a folder with `metadata.yaml`
-/// or with `.mcap` files.
+/// Whether `path` is a bag: a `.mcap`, `.db3` or `.bag` file, or a folder with
+/// `metadata.yaml` or with such files.
 pub fn is_bag(path: &Path) -> bool {
     if path.is_dir() {
         return path.join(metadata::FILE_NAME).is_file()
-            || reader::mcap_files(path).is_ok_and(|files| !files.is_empty());
+            || storage::files_in(path).is_ok_and(|files| !files.is_empty());
     }
-    reader::is_mcap(path)
+    storage::is_storage(path)
 }

@@ -1,16 +1,18 @@
-//! [`BagReader`]: a `.mcap` file or a bag folder, its messages in log-time order.
+//! [`BagReader`]: a file or a bag folder, its messages in log-time order.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::file::{BagFile, FileMessages};
-use super::{BagError, BagWarning, RawMessage, TopicCount, metadata};
+use super::merge::{Merge, Part};
+use super::metadata::{self, Metadata};
+use super::storage::{self, Cursor, Index, Storage};
+use super::{BagError, BagWarning, RawMessage, TopicCount};
 
 /// An opened bag: what is in it is known, no message is read yet.
 #[derive(Debug)]
 pub struct BagReader {
     path: PathBuf,
-    files: Vec<(PathBuf, Arc<BagFile>)>,
+    files: Vec<(PathBuf, Arc<dyn Storage>)>,
     ros_distro: Option<String>,
     warnings: Vec<BagWarning>,
 }
@@ -36,36 +38,47 @@ impl Selection {
 }
 
 impl BagReader {
-    /// Opens a `.mcap` file, or a folder with `metadata.yaml` or `.mcap` files.
-    /// A file without a summary, such as a truncated one, is scanned.
+    /// Opens a file (MCAP, rosbag2's SQLite, ROS 1), or a folder with
+    /// `metadata.yaml` or with such files. An MCAP file without a summary, such
+    /// as a truncated one, is scanned.
     ///
     /// # Errors
-    /// [`BagError`] when there is no bag, or one that is not MCAP.
+    /// [`BagError`] when there is no bag, or one in a form that is not read.
     pub fn open(path: &Path) -> Result<Self, BagError> {
+        Self::open_with(path, Index::Believed)
+    }
+
+    /// As [`BagReader::open`], but scans every MCAP file: what is broken inside
+    /// of one with a good index is then known, and read around.
+    ///
+    /// # Errors
+    /// As [`BagReader::open`].
+    pub fn salvage(path: &Path) -> Result<Self, BagError> {
+        Self::open_with(path, Index::Ignored)
+    }
+
+    fn open_with(path: &Path, index: Index) -> Result<Self, BagError> {
         let mut warnings = Vec::new();
         let mut ros_distro = None;
-        let (paths, ordered) = if !path.is_dir() {
-            (vec![path.to_owned()], true)
-        } else if path.join(metadata::FILE_NAME).is_file() {
-            let metadata = metadata::read(&path.join(metadata::FILE_NAME))?;
-            ros_distro = metadata.ros_distro;
-            (metadata.relative_file_paths.iter().map(|name| path.join(name)).collect(), true)
-        } else {
-            warnings.push(BagWarning::NoMetadata { path: path.to_owned() });
-            (mcap_files(path)?, false)
+        let paths = match metadata_of(path, &mut warnings)? {
+            Some(metadata) => {
+                let paths = metadata.relative_file_paths.iter().map(|name| place(path, name)).collect();
+                ros_distro = metadata.ros_distro;
+                paths
+            }
+            None if path.is_dir() => storage::files_in(path)?,
+            None => vec![path.to_owned()],
         };
         if paths.is_empty() {
             return Err(BagError::NoBag { path: path.to_owned() });
         }
         let mut files = Vec::new();
         for path in paths {
-            let file = BagFile::open(&path)?;
-            warnings.extend(file.warnings.iter().cloned());
-            files.push((path, Arc::new(file)));
+            let file = storage::open(&path, index)?;
+            warnings.extend(file.warnings().iter().cloned());
+            files.push((path, file));
         }
-        if !ordered {
-            files.sort_by_key(|(_, file)| file.span());
-        }
+        files.sort_by_key(|(_, file)| file.span().map_or(u64::MAX, |(start, _)| start));
         Ok(Self { path: path.to_owned(), files, ros_distro, warnings })
     }
 
@@ -74,14 +87,19 @@ impl BagReader {
         &self.path
     }
 
-    /// The MCAP files, in order.
+    /// The storage's name in rosbag2: `mcap`, `sqlite3` or `rosbag_v2`.
+    pub fn storage_id(&self) -> &'static str {
+        self.files.first().map_or("mcap", |(_, file)| file.id())
+    }
+
+    /// The files, by their first message.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         self.files.iter().map(|(path, _)| path.as_path())
     }
 
     /// Size of all files, bytes.
     pub fn size(&self) -> u64 {
-        self.files.iter().map(|(_, file)| file.size).sum()
+        self.files.iter().map(|(_, file)| file.size()).sum()
     }
 
     /// The ROS distribution that `metadata.yaml` names.
@@ -121,62 +139,56 @@ impl BagReader {
         self.topics().iter().map(|t| t.messages).sum()
     }
 
-    /// The selected messages, in log-time order within each file, file by file.
+    /// The selected messages in log-time order, over all files.
     pub fn messages(&self, selection: &Selection) -> Messages {
-        let files: Vec<_> = self.files.iter().rev().map(|(_, file)| Arc::clone(file)).collect();
-        Messages { files, current: None, selection: selection.clone() }
+        let from = selection.start_ns.unwrap_or(0);
+        let parts = self.files.iter().filter_map(|(_, file)| {
+            let (start, _) = file.span().filter(|(_, end)| *end >= from)?;
+            let (file, selection) = (Arc::clone(file), selection.clone());
+            Some(Part { start, open: Box::new(move || file.messages(&selection)) })
+        });
+        Messages { merged: Some(Merge::of(parts.collect())) }
     }
 }
 
 /// Messages of a bag; ends after the first error.
 pub struct Messages {
-    /// Files that are still to come, the next one last.
-    files: Vec<Arc<BagFile>>,
-    current: Option<FileMessages>,
-    selection: Selection,
-}
-
-impl Messages {
-    fn advance(&mut self) -> Result<Option<RawMessage>, BagError> {
-        loop {
-            if let Some(current) = &mut self.current
-                && let Some(message) = current.next()?
-            {
-                return Ok(Some(message));
-            }
-            let Some(file) = self.files.pop() else { return Ok(None) };
-            self.current = FileMessages::open(file, &self.selection)?;
-        }
-    }
+    merged: Option<Merge>,
 }
 
 impl Iterator for Messages {
     type Item = Result<RawMessage, BagError>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let next = self.advance();
+        let next = self.merged.as_mut()?.next();
         if !matches!(next, Ok(Some(_))) {
-            self.files.clear();
-            self.current = None;
+            self.merged = None;
         }
         next.transpose()
     }
 }
 
-pub(super) fn is_mcap(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mcap"))
+/// The `metadata.yaml` of the folder `path`; one that is missing or cannot be
+/// read is a warning, since the files themselves say all that is needed.
+fn metadata_of(path: &Path, warnings: &mut Vec<BagWarning>) -> Result<Option<Metadata>, BagError> {
+    if !path.is_dir() {
+        return Ok(None);
+    }
+    match metadata::read(&path.join(metadata::FILE_NAME)) {
+        Ok(metadata) => return Ok(Some(metadata)),
+        Err(BagError::Metadata { path, why }) => warnings.push(BagWarning::BadMetadata { path, why }),
+        Err(BagError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+            warnings.push(BagWarning::NoMetadata { path: path.to_owned() });
+        }
+        Err(other) => return Err(other),
+    }
+    Ok(None)
 }
 
-/// The `.mcap` files of a folder, by name.
-pub(super) fn mcap_files(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
-    let io = |e| BagError::io(folder, e);
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(io)? {
-        let path = entry.map_err(io)?.path();
-        if path.is_file() && is_mcap(&path) {
-            files.push(path);
-        }
-    }
-    files.sort();
-    Ok(files)
+/// Where the file is that metadata calls `name`. Before version 4 the name has
+/// the folder's own in front.
+fn place(folder: &Path, name: &str) -> PathBuf {
+    let listed = folder.join(name);
+    let bare = Path::new(name).file_name().map(|name| folder.join(name));
+    bare.filter(|bare| !listed.exists() && bare.exists()).unwrap_or(listed)
 }

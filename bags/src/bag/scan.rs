@@ -14,7 +14,7 @@ use mcap::records::{ChunkHeader, ChunkIndex, Record, Statistics, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{McapError, Summary, parse_record};
 
-use super::file::MAX_CHUNK;
+use super::mcap_file::MAX_CHUNK;
 use super::{BagError, BagWarning};
 
 /// Opcode and length in front of every record.
@@ -56,7 +56,7 @@ pub(super) fn scan(path: &Path, mut file: File, size: u64) -> Result<Scan, BagEr
     let end = loop {
         match reader.next_event() {
             None => break Some("no end of data".to_owned()),
-            Some(Err(McapError::BadMagic)) => return Err(BagError::NotMcap { path: path.to_owned() }),
+            Some(Err(McapError::BadMagic)) => return Err(BagError::NotBag { path: path.to_owned() }),
             Some(Err(e)) => break Some(e.to_string()),
             Some(Ok(LinearReadEvent::ReadRequest(need))) => {
                 let read = file.read(reader.insert(need)).map_err(|e| BagError::io(path, e))?;

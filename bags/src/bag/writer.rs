@@ -4,19 +4,15 @@
 //! the disk: what a reader finds after a crash or a power cut. No clock is
 //! read; a bag is never overwritten.
 
-use std::collections::{BTreeMap, HashMap};
-use std::fs::File;
-use std::io::BufWriter;
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 
-use mcap::records::{MessageHeader, Metadata as MetadataRecord};
+use super::metadata::{self, Contents, FileContents};
+use super::volume::Volume;
+use super::{BagError, BagTopic, TopicCount};
 
-use super::metadata::{self, Contents};
-use super::{BagError, BagTopic, TopicCount, qos};
-
-/// Chunks are closed at this size, bytes.
-const CHUNK: u64 = 4 << 20;
 /// Log time between two flushes, ns.
 const FLUSH_EVERY: u64 = 1_000_000_000;
 
@@ -32,6 +28,31 @@ pub enum Compression {
     Zstd,
 }
 
+/// When a bag goes on in a new file; a file has at least one message.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Split {
+    /// Before its messages take more than this many bytes on the disk; its
+    /// index comes on top. A chunk that is not yet compressed counts in full.
+    pub max_bytes: Option<u64>,
+    /// Before it lasts longer than this, in log time.
+    pub max_duration: Option<Duration>,
+}
+
+/// How a bag is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WriteOptions {
+    /// Of the chunks.
+    pub compression: Compression,
+    /// Into several files; one by default.
+    pub split: Split,
+}
+
+impl From<Compression> for WriteOptions {
+    fn from(compression: Compression) -> Self {
+        Self { compression, ..Self::default() }
+    }
+}
+
 /// A topic of the [`BagWriter`] that gave it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct TopicId(usize);
@@ -39,15 +60,14 @@ pub struct TopicId(usize);
 /// A bag that is being written.
 pub struct BagWriter {
     folder: PathBuf,
-    path: PathBuf,
-    file_name: String,
-    mcap: mcap::Writer<BufWriter<File>>,
-    disk: File,
+    name: String,
+    options: WriteOptions,
+    volume: Volume,
+    done: Vec<FileContents>,
     topics: Vec<TopicCount>,
-    channels: Vec<u16>,
     by_name: HashMap<String, TopicId>,
-    span: Option<(u64, u64)>,
-    flushed: u64,
+    /// Log time of the last flush; `None` before the first message.
+    flushed: Option<u64>,
 }
 
 impl BagWriter {
@@ -56,27 +76,20 @@ impl BagWriter {
     /// # Errors
     /// [`BagError::Exists`] when `folder` is there, [`BagError`] when it cannot
     /// be made.
-    pub fn create(folder: &Path, compression: Compression) -> Result<Self, BagError> {
+    pub fn create(folder: &Path, options: impl Into<WriteOptions>) -> Result<Self, BagError> {
         let name = folder.file_name().ok_or_else(|| BagError::Name { path: folder.to_owned() })?;
-        let file_name = format!("{}_0.mcap", name.to_string_lossy());
+        let (name, options) = (name.to_string_lossy().into_owned(), options.into());
         make_folder(folder)?;
-        let path = folder.join(&file_name);
-        let file = File::create_new(&path).map_err(|e| BagError::io(&path, e))?;
-        let disk = file.try_clone().map_err(|e| BagError::io(&path, e))?;
-        let mcap = options(compression)
-            .create(BufWriter::new(file))
-            .map_err(|source| BagError::Write { path: path.clone(), source })?;
+        let volume = Volume::create(folder, format!("{name}_0.mcap"), options.compression)?;
         Ok(Self {
             folder: folder.to_owned(),
-            path,
-            file_name,
-            mcap,
-            disk,
+            name,
+            options,
+            volume,
+            done: Vec::new(),
             topics: Vec::new(),
-            channels: Vec::new(),
             by_name: HashMap::new(),
-            span: None,
-            flushed: 0,
+            flushed: None,
         })
     }
 
@@ -93,21 +106,11 @@ impl BagWriter {
             let (topic, known, given) = (topic.name.clone(), known.clone(), topic.type_name.clone());
             return Err(BagError::TypeConflict { topic, known, given });
         }
-        let channel = self.add_channel(topic).map_err(|source| self.failed(source))?;
+        self.volume.add(topic)?;
         let id = TopicId(self.topics.len());
         self.topics.push(TopicCount { topic: Arc::new(topic.clone()), messages: 0 });
-        self.channels.push(channel);
         self.by_name.insert(topic.name.clone(), id);
         Ok(id)
-    }
-
-    fn add_channel(&mut self, topic: &BagTopic) -> Result<u16, mcap::McapError> {
-        let schema = self.mcap.add_schema(&topic.type_name, &topic.schema_encoding, &topic.schema)?;
-        let metadata = BTreeMap::from([
-            ("offered_qos_profiles".to_owned(), qos::in_words(&topic.qos)),
-            ("topic_type_hash".to_owned(), topic.type_hash.clone()),
-        ]);
-        self.mcap.add_channel(schema, &topic.name, "cdr", &metadata)
     }
 
     /// Writes one message: CDR with its encapsulation, times in ns since the epoch.
@@ -121,33 +124,46 @@ impl BagWriter {
         publish_time: u64,
         data: &[u8],
     ) -> Result<(), BagError> {
-        let known = self.channels.len();
-        let (Some(&channel_id), Some(counted)) = (self.channels.get(id.0), self.topics.get_mut(id.0)) else {
-            return Err(BagError::UnknownTopic { number: id.0, known });
-        };
-        counted.messages += 1;
-        let header = MessageHeader { channel_id, sequence: 0, log_time, publish_time };
-        let written = self.mcap.write_to_known_channel(&header, data);
-        written.map_err(|source| self.failed(source))?;
-        let (start, end) = self.span.unwrap_or((log_time, log_time));
-        if self.span.is_none() {
-            self.flushed = log_time;
+        if self.is_full(log_time, data.len()) {
+            self.next_file()?;
         }
-        self.span = Some((start.min(log_time), end.max(log_time)));
-        if log_time.abs_diff(self.flushed) >= FLUSH_EVERY {
-            self.flushed = log_time;
-            self.flush()?;
-        }
-        Ok(())
+        self.volume.write(id.0, log_time, publish_time, data)?;
+        self.topics[id.0].messages += 1;
+        self.settle(log_time)
     }
 
-    /// Closes the chunk and has the disk confirm all that was written so far.
+    /// Flushes when the last flush was a second of log time before `now`, ns
+    /// since the epoch. Messages do that by themselves; this is for pauses.
     ///
     /// # Errors
     /// [`BagError`] when the disk does not take it.
-    pub fn flush(&mut self) -> Result<(), BagError> {
-        self.mcap.flush().map_err(|source| self.failed(source))?;
-        self.disk.sync_data().map_err(|e| BagError::io(&self.path, e))
+    pub fn settle(&mut self, now: u64) -> Result<(), BagError> {
+        let flushed = *self.flushed.get_or_insert(now);
+        if now.abs_diff(flushed) < FLUSH_EVERY {
+            return Ok(());
+        }
+        self.flushed = Some(now);
+        self.volume.flush()
+    }
+
+    /// Whether a message of `length` bytes at `log_time` belongs into a new file.
+    fn is_full(&self, log_time: u64, length: usize) -> bool {
+        let Some((start, _)) = self.volume.span() else { return false };
+        let Split { max_bytes, max_duration } = self.options.split;
+        let lasts = Duration::from_nanos(log_time.saturating_sub(start));
+        max_duration.is_some_and(|max| lasts > max)
+            || max_bytes.is_some_and(|max| self.volume.size_with(length) > max)
+    }
+
+    fn next_file(&mut self) -> Result<(), BagError> {
+        let name = format!("{}_{}.mcap", self.name, self.done.len() + 1);
+        let mut volume = Volume::create(&self.folder, name, self.options.compression)?;
+        for counted in &self.topics {
+            volume.add(&counted.topic)?;
+        }
+        let full = std::mem::replace(&mut self.volume, volume);
+        self.done.push(full.finish(&self.topics)?);
+        Ok(())
     }
 
     /// The topics so far with their counts, in the order they were added.
@@ -161,22 +177,11 @@ impl BagWriter {
     /// # Errors
     /// [`BagError`] when the disk does not take it.
     pub fn finish(mut self) -> Result<Vec<TopicCount>, BagError> {
-        let contents = Contents { file: &self.file_name, span: self.span, topics: &self.topics };
-        let record = MetadataRecord {
-            name: "rosbag2".to_owned(),
-            metadata: BTreeMap::from([("serialized_metadata".to_owned(), metadata::mapping(&contents))]),
-        };
-        let document = metadata::document(&contents);
-        let finished = self.mcap.write_metadata(&record).and_then(|()| self.mcap.finish().map(drop));
-        finished.map_err(|source| self.failed(source))?;
-        self.disk.sync_data().map_err(|e| BagError::io(&self.path, e))?;
+        self.done.push(self.volume.finish(&self.topics)?);
+        let document = metadata::document(&Contents { files: &self.done, topics: &self.topics });
         let path = self.folder.join(metadata::FILE_NAME);
         std::fs::write(&path, document).map_err(|e| BagError::io(&path, e))?;
         Ok(self.topics)
-    }
-
-    fn failed(&self, source: mcap::McapError) -> BagError {
-        BagError::Write { path: self.path.clone(), source }
     }
 }
 
@@ -188,19 +193,4 @@ fn make_folder(folder: &Path) -> Result<(), BagError> {
         std::io::ErrorKind::AlreadyExists => BagError::Exists { path: folder.to_owned() },
         _ => BagError::io(folder, e),
     })
-}
-
-fn options(compression: Compression) -> mcap::WriteOptions {
-    let compression = match compression {
-        Compression::None => None,
-        Compression::Lz4 => Some(mcap::Compression::Lz4),
-        Compression::Zstd => Some(mcap::Compression::Zstd),
-    };
-    // One thread: the same messages are the same bytes on every machine.
-    mcap::WriteOptions::new()
-        .profile("ros2")
-        .library(concat!("modulo ", env!("CARGO_PKG_VERSION")))
-        .compression(compression)
-        .compression_threads(0)
-        .chunk_size(Some(CHUNK))
 }

@@ -12,7 +12,7 @@ pub enum SourceError {
     /// Nothing is there.
     #[error(
         "{}: no such path; possible are scene://PRESET, an image (png, jpg, jpeg, exr, hdr), a folder of images, \
-         a KITTI folder (image_2 or image_02 inside), a .mcap file or a bag folder", path.display()
+         a KITTI folder (image_2 or image_02 inside), a .mcap, .db3 or ROS 1 .bag file or a bag folder", path.display()
     )]
     Missing {
         /// The path that was asked for.
@@ -28,7 +28,7 @@ pub enum SourceError {
         path: PathBuf,
     },
     /// A file that is not an image by its name.
-    #[error("{}: not an image, possible are png, jpg, jpeg, exr, hdr and .mcap", path.display())]
+    #[error("{}: not an image, possible are png, jpg, jpeg, exr, hdr, .mcap, .db3 and .bag", path.display())]
     Extension {
         /// The file.
         path: PathBuf,

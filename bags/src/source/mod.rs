@@ -73,8 +73,8 @@ pub struct SourceOptions {
 /// Coordinate frame of images that name none.
 const FRAME_ID: &str = "camera";
 
-/// Opens what `spec` names: a scene (`scene://PRESET?seed=N`), a bag (`.mcap`, or a folder with `metadata.yaml`
-/// or `.mcap` files), a KITTI folder (with `image_2` or `image_02`), a folder
+/// Opens what `spec` names: a scene (`scene://PRESET?seed=N`), a bag (a `.mcap`, `.db3` or ROS 1 `.bag`
+/// file, or a folder with `metadata.yaml` or such files), a KITTI folder (with `image_2` or `image_02`), a folder
 /// of images, or one image.
 ///
 /// # Errors

@@ -117,5 +117,5 @@ fn what_is_no_bag_says_so() {
     assert!(error.contains("metadata.yaml"), "{error}");
     let text = folder.path().join("text.mcap");
     std::fs::write(&text, "this is a text and no recording").expect("written");
-    assert!(matches!(BagReader::open(&text), Err(BagError::NotMcap { .. })));
+    assert!(matches!(BagReader::open(&text), Err(BagError::NotBag { .. })));
 }

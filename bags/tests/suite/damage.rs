@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::LazyLock;
 
-use modulo_bags::bag::{BagReader, BagWarning, BagWriter, Compression, Selection, recover};
+use modulo_bags::bag::{BagReader, BagWarning, BagWriter, Compression, Selection, copy};
 use proptest::prelude::*;
 
 use crate::writing::{COMPRESSIONS, Line, read_all, topic, write_bag};
@@ -96,13 +96,43 @@ fn recovery_makes_a_whole_bag_of_what_is_left() {
     let cut = [&bytes[..bytes.len() / 2], &[0; 100]].concat();
     let damaged = open(&folder.path().join("cut.mcap"), &cut);
     let out = folder.path().join("saved");
-    recover(&damaged, &out, Compression::Lz4).expect("recovered");
+    copy(&damaged, &out, Compression::Lz4).expect("recovered");
     let saved = BagReader::open(&out).expect("a bag");
     assert!(saved.warnings().is_empty(), "{:?}", saved.warnings());
     let messages = read_all(&saved, &Selection::default());
     assert!(!messages.is_empty());
     assert_eq!(messages, read_all(&damaged, &Selection::default()));
     assert_eq!(saved.topics(), damaged.topics());
+}
+
+#[test]
+fn a_broken_chunk_is_read_around() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for compression in COMPRESSIONS {
+        let mut bytes = whole(compression);
+        let chunks = mcap::Summary::read(&bytes).expect("whole").expect("indexed").chunk_indexes;
+        let broken = &chunks[1];
+        // Opcode and length of the record, then what the chunk says of itself.
+        let head = 9 + 40 + broken.compression.len();
+        let data = usize::try_from(broken.chunk_start_offset).expect("small") + head;
+        bytes[data..data + 9].fill(0xff);
+        let path = folder.path().join("broken.mcap");
+        std::fs::write(&path, &bytes).expect("written");
+
+        let salvaged = BagReader::salvage(&path).expect("a bag");
+        let left = read_all(&salvaged, &Selection::default()).len();
+        let inside = |l: &&Line| (broken.message_start_time..=broken.message_end_time).contains(&l.1);
+        assert_eq!(left, lines().len() - lines().iter().filter(inside).count(), "{compression:?}");
+        assert!(salvaged.warnings().iter().any(|w| matches!(w, BagWarning::Skipped { .. })));
+        assert!(!salvaged.warnings().iter().any(|w| matches!(w, BagWarning::NoIndex { .. })));
+
+        // Without the scan, a copy ends at the break, and says so.
+        let out = folder.path().join(format!("{compression:?}"));
+        let copied = copy(&BagReader::open(&path).expect("a bag"), &out, compression).expect("copied");
+        assert!(copied.broke.is_some());
+        let first = lines().iter().filter(|l| l.1 < broken.message_start_time).count();
+        assert_eq!(BagReader::open(&out).expect("a whole bag").message_count(), first as u64);
+    }
 }
 
 #[test]

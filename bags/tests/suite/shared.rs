@@ -46,6 +46,10 @@ fn recordings_of_others_are_read_whole() {
         ("rosbag2/rosbag2_tests/resources/mcap/cdr_test", 7),
         ("rosbags-rs/test_bag_mcap", 188),
         ("derived_kitti/drive_0011_5f_png_mcap", 5),
+        ("rosbag2/rosbag2_py/test/resources/sqlite3/talker", 20),
+        ("rosbag2/rosbag2_tests/resources/sqlite3/cdr_test", 7),
+        ("rosbags-rs/test_bag_sqlite3", 188),
+        ("rosbags-rs/test_bag_sqlite3/test_bag_sqlite3.db3", 188),
     ] {
         let bag = BagReader::open(&data.join("bags").join(name)).unwrap_or_else(|e| panic!("{e}"));
         let read = read_all(&bag, &Selection::default());
@@ -55,9 +59,27 @@ fn recordings_of_others_are_read_whole() {
         assert!(read.iter().all(|m| m.data.starts_with(&[0, 1, 0, 0])), "{name}");
         assert!(!bag.warnings().iter().any(|w| w.is_loss()), "{name}: {:?}", bag.warnings());
     }
-    let sqlite = data.join("bags/rosbag2/rosbag2_tests/resources/sqlite3/cdr_test");
-    let error = BagReader::open(&sqlite).expect_err("sqlite").to_string();
-    assert!(error.contains("sqlite3") && error.contains("mcap"), "{error}");
+}
+
+/// The same recording in both storages.
+#[test]
+fn both_storages_hold_the_same() {
+    let Some(data) = data() else { return };
+    for (mcap, sqlite) in [
+        ("rosbag2/rosbag2_tests/resources/mcap/cdr_test", "rosbag2/rosbag2_tests/resources/sqlite3/cdr_test"),
+        ("rosbag2/rosbag2_py/test/resources/mcap/talker", "rosbag2/rosbag2_py/test/resources/sqlite3/talker"),
+    ] {
+        let [mcap, sqlite] = [mcap, sqlite].map(|name| {
+            let bag = BagReader::open(&data.join("bags").join(name)).unwrap_or_else(|e| panic!("{e}"));
+            let mut all: Vec<_> = read_all(&bag, &Selection::default())
+                .into_iter()
+                .map(|m| (m.log_time, m.topic.name.clone(), m.topic.type_name.clone(), m.data))
+                .collect();
+            all.sort();
+            all
+        });
+        assert!(!mcap.is_empty() && mcap == sqlite);
+    }
 }
 
 #[test]

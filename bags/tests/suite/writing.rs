@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, RawMessage, Selection};
+use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, RawMessage, Selection, WriteOptions};
 use modulo_core::Frame;
 use modulo_images::save_png;
 use modulo_runtime::Qos;
@@ -20,8 +20,8 @@ pub fn topic(i: usize) -> BagTopic {
 }
 
 /// Writes `lines` as they come; sent 7 ns before they were recorded.
-pub fn write_bag(folder: &Path, compression: Compression, lines: &[Line]) {
-    let mut bag = BagWriter::create(folder, compression).expect("a new folder");
+pub fn write_bag(folder: &Path, options: impl Into<WriteOptions>, lines: &[Line]) {
+    let mut bag = BagWriter::create(folder, options).expect("a new folder");
     for (i, log_time, data) in lines {
         let id = bag.topic(&topic(*i)).expect("one type");
         bag.write(id, *log_time, log_time.saturating_sub(7), data).expect("written");

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 
 use modulo_msgs::cdr::{self, CdrError};
 use modulo_msgs::{
-    Interface, builtin, diagnostic_msgs, geometry_msgs, rcl_interfaces, rosgraph_msgs, sensor_msgs,
-    service_msgs, std_msgs, std_srvs, type_description_interfaces, vision_msgs,
+    Interface, builtin, diagnostic_msgs, geometry_msgs, rcl_interfaces, rosbag2_interfaces, rosgraph_msgs,
+    sensor_msgs, service_msgs, std_msgs, std_srvs, type_description_interfaces, vision_msgs,
 };
 use serde::Deserialize;
 
@@ -67,6 +67,9 @@ structs! {
         Detection2DArray;
     diagnostic_msgs: KeyValue, DiagnosticStatus, DiagnosticArray;
     rosgraph_msgs: Clock;
+    rosbag2_interfaces: PauseRequest, PauseResponse, ResumeRequest, ResumeResponse, TogglePausedRequest,
+        TogglePausedResponse, IsPausedRequest, IsPausedResponse, SetRateRequest, SetRateResponse, GetRateRequest,
+        GetRateResponse, PlayNextRequest, PlayNextResponse, BurstRequest, BurstResponse, SeekRequest, SeekResponse;
     service_msgs: ServiceEventInfo;
     std_srvs: EmptyRequest, EmptyResponse, SetBoolRequest, SetBoolResponse, TriggerRequest, TriggerResponse;
     type_description_interfaces: FieldType, Field, IndividualTypeDescription, TypeDescription, TypeSource,

@@ -20,6 +20,7 @@ use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
 use zenoh::{Session, Wait};
 
+pub use service::{RawAnswer, RawService};
 pub use session::meeting_port;
 pub use topic::{RawOutlet, RawSample};
 

@@ -1,11 +1,11 @@
 //! Services: calls of others', answers of the services that every ROS 2 node has.
 
+use std::error::Error;
 use std::sync::Arc;
 use std::sync::mpsc::channel;
 use std::thread;
 use std::time::Duration;
 
-use modulo_msgs::cdr::CdrError;
 use zenoh::Wait;
 use zenoh::query::{ConsolidationMode, Query, QueryTarget};
 
@@ -66,10 +66,17 @@ impl ZenohTransport {
         }
     }
 
+    /// The services that every ROS 2 node has.
+    pub(super) fn serve(&self, node: &Place, port: ParameterPort) -> Result<Guard, TransportError> {
+        self.serve_raw(node, handlers(port))
+    }
+
     /// Queryables that feed one thread: a request may wait for the frame at
     /// hand, and zenoh's own threads must not wait with it.
-    pub(super) fn serve(&self, node: &Place, port: ParameterPort) -> Result<Guard, TransportError> {
-        let handlers = handlers(port);
+    ///
+    /// # Errors
+    /// [`TransportError`] with what zenoh says.
+    pub fn serve_raw(&self, node: &Place, handlers: Vec<RawService>) -> Result<Guard, TransportError> {
         let (queue, queries) = channel::<(usize, Query)>();
         let mut guards: Vec<Guard> = Vec::new();
         for (index, handler) in handlers.iter().enumerate() {
@@ -114,38 +121,41 @@ impl ZenohTransport {
     }
 }
 
-/// One service of a node.
-struct Handler {
-    name: &'static str,
-    ros_type: &'static str,
-    qos: &'static str,
-    answer: Answer,
+/// One service of a node, in CDR with its encapsulation header.
+pub struct RawService {
+    /// Name below the node's.
+    pub name: &'static str,
+    /// Such as `std_srvs/srv/Trigger`.
+    pub ros_type: &'static str,
+    /// As tokens carry it.
+    pub qos: &'static str,
+    /// From request to response; an error is logged, and the caller not answered.
+    pub answer: RawAnswer,
 }
 
-/// From request to response.
-type Answer = Box<dyn Fn(&[u8]) -> Result<Vec<u8>, CdrError> + Send>;
+/// From a request's bytes to a response's.
+pub type RawAnswer = Box<dyn Fn(&[u8]) -> Result<Vec<u8>, Box<dyn Error>> + Send>;
 
-/// The services that every ROS 2 node has.
-fn handlers(port: ParameterPort) -> Vec<Handler> {
+fn handlers(port: ParameterPort) -> Vec<RawService> {
     let port = Arc::new(port);
     let parameters = Service::ALL.map(|service| {
         let (name, ros_type) = service.name_and_type();
         let port = port.clone();
-        let answer = Box::new(move |request: &[u8]| service.answer(request, &port));
-        Handler { name, ros_type, qos: keys::PARAMETER_QOS, answer }
+        let answer = Box::new(move |request: &[u8]| Ok(service.answer(request, &port)?));
+        RawService { name, ros_type, qos: keys::PARAMETER_QOS, answer }
     });
     let (name, ros_type) = type_description_service::NAME_AND_TYPE;
-    let described = Handler {
+    let described = RawService {
         name,
         ros_type,
         qos: keys::SERVICE_QOS,
-        answer: Box::new(type_description_service::answer),
+        answer: Box::new(|request| Ok(type_description_service::answer(request)?)),
     };
     parameters.into_iter().chain([described]).collect()
 }
 
 /// Answers one service call; a call without payload or attachment is none.
-fn reply(handler: &Handler, query: &Query, clock: &dyn Clock) -> Result<(), String> {
+fn reply(handler: &RawService, query: &Query, clock: &dyn Clock) -> Result<(), String> {
     let attachment = query.attachment().map(|a| a.to_bytes());
     let caller = attachment.as_deref().and_then(Attachment::parse).ok_or("a request without attachment")?;
     let request = query.payload().ok_or("a request without payload")?.to_bytes();

@@ -11,6 +11,7 @@ use mcap::sans_io::indexed_reader::{IndexedReadEvent, IndexedReader, IndexedRead
 use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
 
 use super::scan::{Loose, scan};
+use super::storage::{Cursor, Index, Storage};
 use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount};
 
 /// No chunk may unpack to more, bytes: recorders write a few MiB.
@@ -18,42 +19,57 @@ pub(super) const MAX_CHUNK: usize = 1 << 30;
 
 /// What there is in one file, and where.
 #[derive(Debug)]
-pub(super) struct BagFile {
+pub(super) struct McapFile {
     path: PathBuf,
-    pub(super) size: u64,
+    size: u64,
     summary: Summary,
     loose: Vec<Loose>,
     topics: HashMap<u16, Arc<BagTopic>>,
-    pub(super) warnings: Vec<BagWarning>,
+    warnings: Vec<BagWarning>,
 }
 
-impl BagFile {
+impl McapFile {
     /// Takes the file's summary, or scans the file when that is not usable.
-    pub(super) fn open(path: &Path) -> Result<Self, BagError> {
+    pub(super) fn open(path: &Path, index: Index) -> Result<Self, BagError> {
         let io = |e| BagError::io(path, e);
         let mut file = File::open(path).map_err(io)?;
         let size = file.metadata().map_err(io)?.len();
-        let summary = read_summary(&mut file, size).filter(|summary| is_complete(summary, size));
+        let summary = match index {
+            Index::Believed => read_summary(&mut file, size).filter(|summary| is_complete(summary, size)),
+            Index::Ignored => None,
+        };
         let (summary, loose, mut warnings) = match summary {
             Some(summary) => (summary, Vec::new(), Vec::new()),
             None => {
                 file.rewind().map_err(io)?;
-                let found = scan(path, file, size)?;
+                let mut found = scan(path, file, size)?;
+                // Nobody asked for the index.
+                found
+                    .warnings
+                    .retain(|w| index == Index::Believed || !matches!(w, BagWarning::NoIndex { .. }));
                 (found.summary, found.loose, found.warnings)
             }
         };
         let topics = cdr_topics(path, &summary, &mut warnings);
         Ok(Self { path: path.to_owned(), size, summary, loose, topics, warnings })
     }
+}
 
-    /// First and last log time; `None` without messages.
-    pub(super) fn span(&self) -> Option<(u64, u64)> {
+impl Storage for McapFile {
+    fn id(&self) -> &'static str {
+        "mcap"
+    }
+
+    fn size(&self) -> u64 {
+        self.size
+    }
+
+    fn span(&self) -> Option<(u64, u64)> {
         let stats = self.summary.stats.as_ref().filter(|stats| stats.message_count > 0)?;
         Some((stats.message_start_time, stats.message_end_time))
     }
 
-    /// The topics, by their number in the file.
-    pub(super) fn topics(&self) -> Vec<TopicCount> {
+    fn topics(&self) -> Vec<TopicCount> {
         let counts = self.summary.stats.as_ref().map(|stats| &stats.channel_message_counts);
         let messages = |id| counts.and_then(|counts| counts.get(id)).copied().unwrap_or(0);
         let mut topics: Vec<_> = self.topics.iter().collect();
@@ -62,6 +78,15 @@ impl BagFile {
             .into_iter()
             .map(|(id, topic)| TopicCount { topic: Arc::clone(topic), messages: messages(id) })
             .collect()
+    }
+
+    fn warnings(&self) -> &[BagWarning] {
+        &self.warnings
+    }
+
+    fn messages(self: Arc<Self>, selection: &Selection) -> Result<Option<Box<dyn Cursor>>, BagError> {
+        let messages = McapMessages::open(self, selection)?;
+        Ok(messages.map(|messages| Box::new(messages) as Box<dyn Cursor>))
     }
 }
 
@@ -99,10 +124,12 @@ fn cdr_topics(path: &Path, summary: &Summary, warnings: &mut Vec<BagWarning>) ->
         if channel.message_encoding == "cdr" {
             topics.insert(id, Arc::new(topic(channel)));
         } else {
-            warnings.push(BagWarning::Encoding {
+            let counts = summary.stats.as_ref().map(|stats| &stats.channel_message_counts);
+            warnings.push(BagWarning::LeftOut {
                 path: path.to_owned(),
                 topic: channel.topic.clone(),
-                encoding: channel.message_encoding.clone(),
+                messages: counts.and_then(|counts| counts.get(&id)).copied().unwrap_or(0),
+                why: format!("they are '{}', cdr is needed", channel.message_encoding),
             });
         }
     }
@@ -123,8 +150,8 @@ fn topic(channel: &mcap::Channel<'_>) -> BagTopic {
 }
 
 /// The selected messages of one file.
-pub(super) struct FileMessages {
-    index: Arc<BagFile>,
+struct McapMessages {
+    index: Arc<McapFile>,
     file: File,
     wanted: HashMap<u16, Arc<BagTopic>>,
     chunked: IndexedReader,
@@ -134,8 +161,8 @@ pub(super) struct FileMessages {
     ahead: Option<RawMessage>,
 }
 
-impl FileMessages {
-    pub(super) fn open(index: Arc<BagFile>, selection: &Selection) -> Result<Option<Self>, BagError> {
+impl McapMessages {
+    fn open(index: Arc<McapFile>, selection: &Selection) -> Result<Option<Self>, BagError> {
         let wanted: HashMap<_, _> = index
             .topics
             .iter()
@@ -158,17 +185,6 @@ impl FileMessages {
         let loose = index.loose.iter().filter(is_wanted).rev().copied().collect();
         let file = File::open(&index.path).map_err(|e| BagError::io(&index.path, e))?;
         Ok(Some(Self { index, file, wanted, chunked, loose, ahead: None }))
-    }
-
-    pub(super) fn next(&mut self) -> Result<Option<RawMessage>, BagError> {
-        if self.ahead.is_none() {
-            self.ahead = self.next_chunked()?;
-        }
-        match (&self.ahead, self.loose.last()) {
-            (Some(ahead), Some(loose)) if loose.log_time < ahead.log_time => self.next_loose(),
-            (None, Some(_)) => self.next_loose(),
-            _ => Ok(self.ahead.take()),
-        }
     }
 
     fn next_chunked(&mut self) -> Result<Option<RawMessage>, BagError> {
@@ -203,8 +219,21 @@ impl FileMessages {
     }
 }
 
+impl Cursor for McapMessages {
+    fn next(&mut self) -> Result<Option<RawMessage>, BagError> {
+        if self.ahead.is_none() {
+            self.ahead = self.next_chunked()?;
+        }
+        match (&self.ahead, self.loose.last()) {
+            (Some(ahead), Some(loose)) if loose.log_time < ahead.log_time => self.next_loose(),
+            (None, Some(_)) => self.next_loose(),
+            _ => Ok(self.ahead.take()),
+        }
+    }
+}
+
 /// Bytes of the file; a length beyond its end is refused before it is allocated.
-fn read_at(file: &mut File, index: &BagFile, offset: u64, length: usize) -> Result<Vec<u8>, BagError> {
+fn read_at(file: &mut File, index: &McapFile, offset: u64, length: usize) -> Result<Vec<u8>, BagError> {
     let end = offset.checked_add(length as u64).filter(|&end| end <= index.size);
     if end.is_none() {
         let why = format!("{length} bytes at {offset} are beyond its end at {}", index.size);

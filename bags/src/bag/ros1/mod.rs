@@ -1,0 +1,210 @@
+//! [`Ros1File`]: a `.bag` file of ROS 1, as if ROS 2 had recorded it. Images and
+//! what belongs to them are converted, all else is said to be left out.
+
+mod header;
+mod message;
+
+use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use modulo_runtime::Qos;
+use rosbag::record_types::Connection;
+use rosbag::{ChunkRecord, IndexRecord, MessageRecord, RosBag};
+
+use self::message::Convert;
+use super::merge::{Merge, Part};
+use super::storage::{Cursor, Storage};
+use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount};
+
+/// The header is padded to this size.
+const HEADER: u64 = 8192;
+
+/// What there is in one file, and where.
+pub(super) struct Ros1File {
+    path: PathBuf,
+    bag: Arc<RosBag>,
+    size: u64,
+    chunks: Vec<ChunkPlace>,
+    connections: BTreeMap<u32, Converted>,
+    warnings: Vec<BagWarning>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct ChunkPlace {
+    offset: u64,
+    span: (u64, u64),
+}
+
+/// A connection whose messages are converted.
+#[derive(Clone)]
+struct Converted {
+    topic: Arc<BagTopic>,
+    convert: Convert,
+    messages: u64,
+}
+
+impl Ros1File {
+    /// Takes the bag's index, which must be there.
+    pub(super) fn open(path: &Path) -> Result<Self, BagError> {
+        let io = |e| BagError::io(path, e);
+        let broken = |why| BagError::Ros1 { path: path.to_owned(), why };
+        let file = std::fs::File::open(path).map_err(io)?;
+        let size = file.metadata().map_err(io)?.len();
+        let mut start = Vec::new();
+        file.take(HEADER).read_to_end(&mut start).map_err(io)?;
+        header::check(&start, size).map_err(broken)?;
+        let bag = RosBag::new(path).map_err(io)?;
+        let index = read_index(&bag).map_err(|e| broken(e.to_string()))?;
+        let (mut connections, mut warnings) = (BTreeMap::new(), Vec::new());
+        for (id, (connection, messages)) in index.connections {
+            match convert(&connection) {
+                Ok((topic, convert)) => {
+                    connections.insert(id, Converted { topic: Arc::new(topic), convert, messages });
+                }
+                Err(why) => {
+                    let (path, topic) = (path.to_owned(), connection.storage_topic.to_owned());
+                    warnings.push(BagWarning::LeftOut { path, topic, messages, why });
+                }
+            }
+        }
+        let chunks = index.chunks;
+        Ok(Self { path: path.to_owned(), bag: Arc::new(bag), size, chunks, connections, warnings })
+    }
+}
+
+struct Index<'a> {
+    chunks: Vec<ChunkPlace>,
+    /// With the number of their messages.
+    connections: BTreeMap<u32, (Connection<'a>, u64)>,
+}
+
+fn read_index(bag: &RosBag) -> rosbag::Result<Index<'_>> {
+    let mut index = Index { chunks: Vec::new(), connections: BTreeMap::new() };
+    let mut counts: HashMap<u32, u64> = HashMap::new();
+    for record in bag.index_records() {
+        match record? {
+            IndexRecord::Connection(connection) => {
+                index.connections.insert(connection.id, (connection, 0));
+            }
+            IndexRecord::ChunkInfo(info) => {
+                let span = (info.start_time, info.end_time);
+                index.chunks.push(ChunkPlace { offset: info.chunk_pos, span });
+                for entry in info.entries() {
+                    *counts.entry(entry.conn_id).or_default() += u64::from(entry.count);
+                }
+            }
+            IndexRecord::IndexData(_) => {}
+        }
+    }
+    for (id, (_, messages)) in &mut index.connections {
+        *messages = counts.get(id).copied().unwrap_or(0);
+    }
+    Ok(index)
+}
+
+/// The topic of `connection` in ROS 2, or why it has none.
+fn convert(connection: &Connection<'_>) -> Result<(BagTopic, Convert), String> {
+    let kind = connection.tp;
+    let known = message::known(kind).ok_or_else(|| {
+        format!("of the types of ROS 1, {} are converted, not {kind}", message::known_names())
+    })?;
+    let md5: String = connection.md5sum.iter().map(|byte| format!("{byte:02x}")).collect();
+    if md5 != known.md5 {
+        return Err(format!("its {kind} has the MD5 sum {md5}, that of ROS 1 {}", known.md5));
+    }
+    let qos = if connection.latching { Qos::Latched } else { Qos::Results };
+    Ok((BagTopic::new(connection.storage_topic, known.ros2, qos), known.convert))
+}
+
+impl std::fmt::Debug for Ros1File {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Ros1File").field("path", &self.path).field("size", &self.size).finish_non_exhaustive()
+    }
+}
+
+impl Storage for Ros1File {
+    fn id(&self) -> &'static str {
+        "rosbag_v2"
+    }
+
+    fn size(&self) -> u64 {
+        self.size
+    }
+
+    fn span(&self) -> Option<(u64, u64)> {
+        let spans = self.chunks.iter().map(|chunk| chunk.span);
+        spans.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+    }
+
+    /// Several connections may publish one topic.
+    fn topics(&self) -> Vec<TopicCount> {
+        let counted = |c: &Converted| TopicCount { topic: Arc::clone(&c.topic), messages: c.messages };
+        self.connections.values().map(counted).collect()
+    }
+
+    fn warnings(&self) -> &[BagWarning] {
+        &self.warnings
+    }
+
+    fn messages(self: Arc<Self>, selection: &Selection) -> Result<Option<Box<dyn Cursor>>, BagError> {
+        let wanted = self.connections.iter().filter(|(_, c)| selection.has(&c.topic.name));
+        let wanted: HashMap<_, _> = wanted.map(|(id, c)| (*id, c.clone())).collect();
+        if wanted.is_empty() {
+            return Ok(None);
+        }
+        let from = selection.start_ns.unwrap_or(0);
+        let wanted = Arc::new(wanted);
+        let chunks = self.chunks.iter().filter(|chunk| chunk.span.1 >= from);
+        let part = |chunk: &ChunkPlace| {
+            let (file, wanted, chunk) = (Arc::clone(&self), Arc::clone(&wanted), *chunk);
+            Part {
+                start: chunk.span.0,
+                open: Box::new(move || {
+                    let messages = file.read_chunk(chunk, &wanted, from);
+                    let messages = messages.map_err(|why| BagError::Ros1 { path: file.path.clone(), why })?;
+                    Ok(Some(Box::new(ChunkMessages(messages.into()))))
+                }),
+            }
+        };
+        Ok(Some(Box::new(Merge::of(chunks.map(part).collect()))))
+    }
+}
+
+impl Ros1File {
+    /// The wanted messages of one chunk.
+    fn read_chunk(
+        &self,
+        chunk: ChunkPlace,
+        wanted: &HashMap<u32, Converted>,
+        from: u64,
+    ) -> Result<Vec<RawMessage>, String> {
+        let at = |why: String| format!("chunk at byte {}: {why}", chunk.offset);
+        let mut records = self.bag.chunk_records();
+        records.seek(chunk.offset).map_err(|e| at(e.to_string()))?;
+        let Some(Ok(ChunkRecord::Chunk(chunk))) = records.next() else {
+            return Err(at("not a chunk, or a broken one".to_owned()));
+        };
+        let mut messages = Vec::new();
+        for record in chunk.messages() {
+            let MessageRecord::MessageData(record) = record.map_err(|e| at(e.to_string()))? else { continue };
+            let Some(converted) = wanted.get(&record.conn_id).filter(|_| record.time >= from) else {
+                continue;
+            };
+            let data = (converted.convert)(record.data).map_err(at)?;
+            let (topic, time) = (Arc::clone(&converted.topic), record.time);
+            messages.push(RawMessage { topic, log_time: time, publish_time: time, data });
+        }
+        messages.sort_by_key(|message| message.log_time);
+        Ok(messages)
+    }
+}
+
+struct ChunkMessages(VecDeque<RawMessage>);
+
+impl Cursor for ChunkMessages {
+    fn next(&mut self) -> Result<Option<RawMessage>, BagError> {
+        Ok(self.0.pop_front())
+    }
+}

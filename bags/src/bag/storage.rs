@@ -1,0 +1,84 @@
+//! [`Storage`]: one file of a bag, whatever its form. Which form it is in, its
+//! first bytes say.
+
+use std::fmt::Debug;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::mcap_file::McapFile;
+use super::ros1::Ros1File;
+use super::sqlite::SqliteFile;
+use super::{BagError, BagWarning, RawMessage, Selection, TopicCount};
+
+/// What the files of a bag are called by.
+const EXTENSIONS: [&str; 3] = ["mcap", "db3", "bag"];
+
+/// An opened file: what is in it is known.
+pub(super) trait Storage: Debug + Send + Sync {
+    /// The storage's name in rosbag2.
+    fn id(&self) -> &'static str;
+
+    /// Bytes.
+    fn size(&self) -> u64;
+
+    /// First and last log time, ns since the epoch; `None` without messages.
+    fn span(&self) -> Option<(u64, u64)>;
+
+    /// The topics with their counts, as the file numbers them.
+    fn topics(&self) -> Vec<TopicCount>;
+
+    /// What this file lacks.
+    fn warnings(&self) -> &[BagWarning];
+
+    /// The selected messages; `None` when no topic is selected.
+    fn messages(self: Arc<Self>, selection: &Selection) -> Result<Option<Box<dyn Cursor>>, BagError>;
+}
+
+/// Whether the index of an MCAP file is taken as it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Index {
+    /// It is, where it agrees with itself.
+    Believed,
+    /// The file is walked over, and whole chunks are read beside broken ones.
+    Ignored,
+}
+
+/// Messages in log-time order.
+pub(super) trait Cursor: Send {
+    fn next(&mut self) -> Result<Option<RawMessage>, BagError>;
+}
+
+/// Opens the file `path`.
+pub(super) fn open(path: &Path, index: Index) -> Result<Arc<dyn Storage>, BagError> {
+    let mut start = Vec::new();
+    let file = File::open(path).map_err(|e| BagError::io(path, e))?;
+    file.take(16).read_to_end(&mut start).map_err(|e| BagError::io(path, e))?;
+    Ok(if start.starts_with(b"SQLite format 3\0") {
+        Arc::new(SqliteFile::open(path)?)
+    } else if start.starts_with(b"#ROSBAG V") {
+        Arc::new(Ros1File::open(path)?)
+    } else {
+        Arc::new(McapFile::open(path, index)?)
+    })
+}
+
+/// Whether `path` is called as a file of a bag is.
+pub(super) fn is_storage(path: &Path) -> bool {
+    path.extension().is_some_and(|e| EXTENSIONS.iter().any(|known| e.eq_ignore_ascii_case(known)))
+}
+
+/// The files of a bag in `folder`, by name.
+pub(super) fn files_in(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
+    let io = |e| BagError::io(folder, e);
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(io)? {
+        let path = entry.map_err(io)?.path();
+        if path.is_file() && is_storage(&path) {
+            files.push(path);
+        }
+    }
+    files.sort();
+    Ok(files)
+}

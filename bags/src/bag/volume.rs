@@ -1,0 +1,159 @@
+//! [`Volume`]: one MCAP file of a bag that is being written.
+//!
+//! A chunk is closed at 4 MiB and handed to the system there and then: what a
+//! reader finds after a crash is whole up to the last one.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+
+use mcap::McapError;
+use mcap::records::{MessageHeader, Metadata as MetadataRecord};
+
+use super::metadata::{self, Contents, FileContents};
+use super::{BagError, BagTopic, Compression, TopicCount, qos};
+
+/// Chunks are closed at this size, bytes.
+const CHUNK: u64 = 4 << 20;
+/// Bytes of a message record beside its data: opcode, length, channel,
+/// sequence and two times.
+const MESSAGE_HEAD: u64 = 31;
+
+/// One file that is being written.
+pub(super) struct Volume {
+    path: PathBuf,
+    mcap: mcap::Writer<BufWriter<File>>,
+    disk: File,
+    channels: Vec<u16>,
+    counts: Vec<u64>,
+    contents: FileContents,
+    /// The file's size without its open chunk, bytes.
+    closed: u64,
+    /// Bytes of messages in the open chunk, before compression.
+    pending: u64,
+}
+
+impl Volume {
+    /// Makes the file `name` in `folder`.
+    pub(super) fn create(folder: &Path, name: String, compression: Compression) -> Result<Self, BagError> {
+        let path = folder.join(&name);
+        let io = |e| BagError::io(&path, e);
+        let file = File::create_new(&path).map_err(io)?;
+        let disk = file.try_clone().map_err(io)?;
+        // A file whose folder is not on the disk is not there after a power cut.
+        File::open(folder).and_then(|folder| folder.sync_all()).map_err(io)?;
+        let mcap = options(compression)
+            .create(BufWriter::new(file))
+            .map_err(|source| BagError::Write { path: path.clone(), source })?;
+        let contents = FileContents { name, span: None, messages: 0 };
+        let (channels, counts) = (Vec::new(), Vec::new());
+        Ok(Self { path, mcap, disk, channels, counts, contents, closed: 0, pending: 0 })
+    }
+
+    /// Adds the next topic of the bag.
+    pub(super) fn add(&mut self, topic: &BagTopic) -> Result<(), BagError> {
+        let channel = self.add_channel(topic).map_err(|source| self.failed(source))?;
+        self.channels.push(channel);
+        self.counts.push(0);
+        Ok(())
+    }
+
+    fn add_channel(&mut self, topic: &BagTopic) -> Result<u16, McapError> {
+        let schema = self.mcap.add_schema(&topic.type_name, &topic.schema_encoding, &topic.schema)?;
+        let metadata = BTreeMap::from([
+            ("offered_qos_profiles".to_owned(), qos::in_words(&topic.qos)),
+            ("topic_type_hash".to_owned(), topic.type_hash.clone()),
+        ]);
+        self.mcap.add_channel(schema, &topic.name, "cdr", &metadata)
+    }
+
+    /// Writes a message of topic number `topic`.
+    pub(super) fn write(
+        &mut self,
+        topic: usize,
+        log_time: u64,
+        publish_time: u64,
+        data: &[u8],
+    ) -> Result<(), BagError> {
+        let known = self.channels.len();
+        let Some(&channel_id) = self.channels.get(topic) else {
+            return Err(BagError::UnknownTopic { number: topic, known });
+        };
+        if self.pending > CHUNK {
+            self.close_chunk()?;
+        }
+        let header = MessageHeader { channel_id, sequence: 0, log_time, publish_time };
+        let written = self.mcap.write_to_known_channel(&header, data);
+        written.map_err(|source| self.failed(source))?;
+        self.counts[topic] += 1;
+        self.pending += MESSAGE_HEAD + data.len() as u64;
+        let (start, end) = self.contents.span.unwrap_or((log_time, log_time));
+        self.contents.span = Some((start.min(log_time), end.max(log_time)));
+        self.contents.messages += 1;
+        Ok(())
+    }
+
+    /// The file's size with a message of `more` bytes; at most, since the open
+    /// chunk may become smaller when it is compressed.
+    pub(super) fn size_with(&self, more: usize) -> u64 {
+        self.closed + self.pending + MESSAGE_HEAD + more as u64
+    }
+
+    /// First and last log time; `None` without messages.
+    pub(super) fn span(&self) -> Option<(u64, u64)> {
+        self.contents.span
+    }
+
+    fn close_chunk(&mut self) -> Result<(), BagError> {
+        self.mcap.flush().map_err(|source| self.failed(source))?;
+        self.closed = self.disk.metadata().map_err(|e| BagError::io(&self.path, e))?.len();
+        self.pending = 0;
+        Ok(())
+    }
+
+    /// Has the disk confirm all that was written so far.
+    pub(super) fn flush(&mut self) -> Result<(), BagError> {
+        if self.pending == 0 {
+            return Ok(());
+        }
+        self.close_chunk()?;
+        self.disk.sync_data().map_err(|e| BagError::io(&self.path, e))
+    }
+
+    /// Writes the index, and what is in this file as rosbag2 says it.
+    pub(super) fn finish(mut self, topics: &[TopicCount]) -> Result<FileContents, BagError> {
+        let here = |(counted, &messages): (&TopicCount, _)| TopicCount { messages, ..counted.clone() };
+        let topics: Vec<_> = topics.iter().zip(&self.counts).map(here).collect();
+        let text =
+            metadata::mapping(&Contents { files: std::slice::from_ref(&self.contents), topics: &topics });
+        let record = MetadataRecord {
+            name: "rosbag2".to_owned(),
+            metadata: BTreeMap::from([("serialized_metadata".to_owned(), text)]),
+        };
+        let finished = self.mcap.write_metadata(&record).and_then(|()| self.mcap.finish().map(drop));
+        finished.map_err(|source| self.failed(source))?;
+        self.disk.sync_data().map_err(|e| BagError::io(&self.path, e))?;
+        Ok(self.contents)
+    }
+
+    fn failed(&self, source: McapError) -> BagError {
+        BagError::Write { path: self.path.clone(), source }
+    }
+}
+
+fn options(compression: Compression) -> mcap::WriteOptions {
+    let compression = match compression {
+        Compression::None => None,
+        Compression::Lz4 => Some(mcap::Compression::Lz4),
+        Compression::Zstd => Some(mcap::Compression::Zstd),
+    };
+    // One thread: the same messages are the same bytes on every machine. Chunks
+    // are closed here, not by the library, which would leave their end in memory.
+    mcap::WriteOptions::new()
+        .profile("ros2")
+        .library(concat!("modulo ", env!("CARGO_PKG_VERSION")))
+        .compression(compression)
+        .compression_threads(0)
+        .chunk_size(None)
+}

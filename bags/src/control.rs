@@ -1,0 +1,161 @@
+//! The services of a player, as `rosbag2_player` has them: from a request's
+//! bytes to a [`Command`], from its [`Answer`] to a response's bytes.
+//!
+//! The replay itself carries a command out, between two messages.
+
+use std::sync::mpsc::{Sender, channel};
+
+use modulo_msgs::cdr::{self, CdrError};
+use modulo_msgs::rosbag2_interfaces::{
+    BurstRequest, BurstResponse, GetRateResponse, IsPausedResponse, PauseResponse, PlayNextResponse,
+    ResumeResponse, SeekRequest, SeekResponse, SetRateRequest, SetRateResponse, TogglePausedResponse,
+};
+
+use crate::pace::Motion;
+
+/// A service of the player.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Service {
+    /// `~/pause`
+    Pause,
+    /// `~/resume`
+    Resume,
+    /// `~/toggle_paused`
+    TogglePaused,
+    /// `~/is_paused`
+    IsPaused,
+    /// `~/get_rate`
+    GetRate,
+    /// `~/set_rate`
+    SetRate,
+    /// `~/play_next`
+    PlayNext,
+    /// `~/burst`
+    Burst,
+    /// `~/seek`
+    Seek,
+}
+
+/// What the replay is asked to do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Command {
+    /// Stop, or go on; `None`: the other of the two.
+    Move(Option<Motion>),
+    /// Only say how it goes on.
+    Tell,
+    /// Change the speed.
+    SetRate(f64),
+    /// Play so many messages at once, while paused; `None`: all that are left.
+    Step(Option<u64>),
+    /// Go on at this log time, ns since the epoch.
+    Seek(u64),
+}
+
+/// What the replay says when it has carried out a command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Answer {
+    /// Whether it was possible.
+    pub done: bool,
+    /// How many messages were played at once.
+    pub played: u64,
+    /// Whether it goes on now.
+    pub motion: Motion,
+    /// Speed now.
+    pub rate: f64,
+}
+
+/// A command and where its answer goes.
+#[derive(Debug)]
+pub struct Order {
+    /// What to do.
+    pub command: Command,
+    /// Who asked.
+    pub answer: Sender<Answer>,
+}
+
+/// Why a call gets no response.
+#[derive(Debug, thiserror::Error)]
+pub enum ServiceError {
+    /// A request that cannot be read.
+    #[error(transparent)]
+    Cdr(#[from] CdrError),
+    /// The replay has ended.
+    #[error("the replay has ended")]
+    Ended,
+}
+
+impl Service {
+    /// All of them.
+    pub const ALL: [Self; 9] = [
+        Self::Pause,
+        Self::Resume,
+        Self::TogglePaused,
+        Self::IsPaused,
+        Self::GetRate,
+        Self::SetRate,
+        Self::PlayNext,
+        Self::Burst,
+        Self::Seek,
+    ];
+
+    /// Name below the node's, and ROS type.
+    pub fn name_and_type(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Pause => ("pause", "rosbag2_interfaces/srv/Pause"),
+            Self::Resume => ("resume", "rosbag2_interfaces/srv/Resume"),
+            Self::TogglePaused => ("toggle_paused", "rosbag2_interfaces/srv/TogglePaused"),
+            Self::IsPaused => ("is_paused", "rosbag2_interfaces/srv/IsPaused"),
+            Self::GetRate => ("get_rate", "rosbag2_interfaces/srv/GetRate"),
+            Self::SetRate => ("set_rate", "rosbag2_interfaces/srv/SetRate"),
+            Self::PlayNext => ("play_next", "rosbag2_interfaces/srv/PlayNext"),
+            Self::Burst => ("burst", "rosbag2_interfaces/srv/Burst"),
+            Self::Seek => ("seek", "rosbag2_interfaces/srv/Seek"),
+        }
+    }
+
+    /// Hands `request` to the replay and waits for what it says.
+    ///
+    /// # Errors
+    /// [`ServiceError`] when the request cannot be read, or nobody answers.
+    pub fn call(self, request: &[u8], replay: &Sender<Order>) -> Result<Vec<u8>, ServiceError> {
+        let (answer, answered) = channel();
+        let command = self.command(request)?;
+        replay.send(Order { command, answer }).map_err(|_| ServiceError::Ended)?;
+        Ok(self.response(answered.recv().map_err(|_| ServiceError::Ended)?)?)
+    }
+
+    /// What `request` asks for.
+    ///
+    /// # Errors
+    /// [`CdrError`] when it cannot be read.
+    pub fn command(self, request: &[u8]) -> Result<Command, CdrError> {
+        Ok(match self {
+            Self::Pause => Command::Move(Some(Motion::Paused)),
+            Self::Resume => Command::Move(Some(Motion::Running)),
+            Self::TogglePaused => Command::Move(None),
+            Self::IsPaused | Self::GetRate => Command::Tell,
+            Self::SetRate => Command::SetRate(cdr::from_slice::<SetRateRequest>(request)?.rate),
+            Self::PlayNext => Command::Step(Some(1)),
+            Self::Burst => {
+                let number = cdr::from_slice::<BurstRequest>(request)?.num_messages;
+                Command::Step((number > 0).then_some(number))
+            }
+            Self::Seek => Command::Seek(cdr::from_slice::<SeekRequest>(request)?.time.as_ns()),
+        })
+    }
+
+    fn response(self, answer: Answer) -> Result<Vec<u8>, CdrError> {
+        let Answer { done: success, played: actually_burst, motion, rate } = answer;
+        match self {
+            Self::Pause => cdr::to_vec(&PauseResponse),
+            Self::Resume => cdr::to_vec(&ResumeResponse),
+            Self::TogglePaused => cdr::to_vec(&TogglePausedResponse),
+            Self::IsPaused => cdr::to_vec(&IsPausedResponse { paused: motion == Motion::Paused }),
+            Self::GetRate => cdr::to_vec(&GetRateResponse { rate }),
+            Self::SetRate => cdr::to_vec(&SetRateResponse { success }),
+            Self::PlayNext => cdr::to_vec(&PlayNextResponse { success }),
+            Self::Burst => cdr::to_vec(&BurstResponse { actually_burst }),
+            Self::Seek => cdr::to_vec(&SeekResponse { success }),
+        }
+    }
+}

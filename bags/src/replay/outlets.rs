@@ -1,0 +1,127 @@
+//! The publishers of a replay: one a topic of the bag, and `/clock`.
+
+use std::collections::BTreeMap;
+
+use modulo_msgs::builtin::Time;
+use modulo_msgs::rosgraph_msgs;
+use modulo_msgs::{Interface, cdr};
+use modulo_runtime::transport::TransportError;
+use modulo_runtime::transport::keys::{self, Endpoint};
+use modulo_runtime::transport::zenoh::{RawOutlet, ZenohTransport};
+use modulo_runtime::{Place, Qos};
+
+use crate::bag::{BagReader, BagTopic, RawMessage, qos};
+
+/// What stands for the hash of a type that nobody knows, as ROS 2 Humble has it.
+const NO_HASH: &str = "TypeHashNotSupported";
+
+/// Publishers of the topics of a bag.
+pub(super) struct Outlets {
+    by_topic: BTreeMap<String, Named>,
+}
+
+struct Named {
+    /// In the graph.
+    name: String,
+    outlet: RawOutlet,
+    sent: u64,
+}
+
+impl Outlets {
+    /// Declares all topics of `bag`, but for that of `time`, which has only one
+    /// truth.
+    pub(super) fn declare(
+        transport: &ZenohTransport,
+        place: &Place,
+        bag: &BagReader,
+        time: Option<&TimeOutlet>,
+    ) -> Result<Self, TransportError> {
+        let mut by_topic = BTreeMap::new();
+        for counted in bag.topics() {
+            let endpoint = endpoint(&counted.topic, place)?;
+            if time.is_some_and(|time| time.name == endpoint.topic) {
+                tracing::warn!("{} of the bag is left out: --clock publishes it", endpoint.topic);
+                continue;
+            }
+            let outlet = transport.advertise_raw(place, &endpoint)?;
+            let named = Named { name: endpoint.topic, outlet, sent: 0 };
+            by_topic.insert(counted.topic.name.clone(), named);
+        }
+        Ok(Self { by_topic })
+    }
+
+    /// Whether anybody reads one of the topics.
+    pub(super) fn wanted(&self) -> bool {
+        self.by_topic.values().any(|named| named.outlet.wanted())
+    }
+
+    /// Sends `message` as it is.
+    pub(super) fn send(&mut self, message: RawMessage) -> Result<(), TransportError> {
+        let Some(named) = self.by_topic.get_mut(&message.topic.name) else { return Ok(()) };
+        named.outlet.put(message.data)?;
+        named.sent += 1;
+        Ok(())
+    }
+
+    /// How many messages were sent, by topic; only those that had one.
+    pub(super) fn sent(&self) -> BTreeMap<String, u64> {
+        let mut sent = BTreeMap::new();
+        for named in self.by_topic.values().filter(|named| named.sent > 0) {
+            *sent.entry(named.name.clone()).or_default() += named.sent;
+        }
+        sent
+    }
+}
+
+/// The publisher of the bag's time.
+pub(super) struct TimeOutlet {
+    name: String,
+    outlet: RawOutlet,
+    /// Ticks between two messages, ns.
+    every: u64,
+    next: u64,
+}
+
+impl TimeOutlet {
+    /// Declares `/clock`, told `hz` times a second.
+    pub(super) fn declare(
+        transport: &ZenohTransport,
+        place: &Place,
+        hz: f64,
+    ) -> Result<Self, TransportError> {
+        let endpoint = endpoint(&BagTopic::new("/clock", rosgraph_msgs::Clock::NAME, Qos::Clock), place)?;
+        let outlet = transport.advertise_raw(place, &endpoint)?;
+        Ok(Self { name: endpoint.topic, outlet, every: (1e9 / hz) as u64, next: 0 })
+    }
+
+    /// Tells `time`, ns since the epoch, if that is due at `now`.
+    pub(super) fn tell(&mut self, now: u64, time: u64) -> Result<(), TransportError> {
+        if now < self.next {
+            return Ok(());
+        }
+        // One that is late is not made up for.
+        self.next = self.next.saturating_add(self.every).max(now);
+        let message = rosgraph_msgs::Clock { clock: Time::from_ns(time) };
+        let payload = cdr::to_vec(&message).map_err(|why| TransportError::new("time of the bag", why))?;
+        self.outlet.put(payload)
+    }
+
+    /// How long after `now` the next message is due.
+    pub(super) fn ticks_until_due(&self, now: u64) -> u64 {
+        self.next.saturating_sub(now)
+    }
+}
+
+fn endpoint(topic: &BagTopic, place: &Place) -> Result<Endpoint, TransportError> {
+    let named = |why: modulo_runtime::name::NameError| TransportError::new("topic of the bag", why);
+    let computed = || {
+        let text = String::from_utf8_lossy(&topic.schema);
+        modulo_msgs::type_hash_of_schema(&topic.type_name, &text).unwrap_or_else(|_| NO_HASH.to_owned())
+    };
+    Ok(Endpoint {
+        topic: place.resolve(&topic.name).map_err(named)?,
+        dds_type: modulo_msgs::dds_name(&topic.type_name),
+        type_hash: if topic.type_hash.starts_with("RIHS") { topic.type_hash.clone() } else { computed() },
+        qos: keys::qos_string(qos::parse(&topic.qos)).to_owned(),
+    })
+}

@@ -1,0 +1,147 @@
+//! Bags of several files: written split, read as one.
+
+use std::path::Path;
+use std::time::Duration;
+
+use modulo_bags::bag::{BagReader, BagWarning, Selection, Split, WriteOptions};
+use proptest::prelude::*;
+
+use crate::writing::{COMPRESSIONS, Line, read_all, topic, write_bag};
+
+/// Messages every 100 ms on two topics by turns.
+fn lines(count: usize, length: usize) -> Vec<Line> {
+    (0..count).map(|i| (i % 2, i as u64 * 100_000_000, vec![(i * 7) as u8; length])).collect()
+}
+
+fn split(max_bytes: Option<u64>, max_duration: Option<Duration>) -> WriteOptions {
+    WriteOptions { split: Split { max_bytes, max_duration }, ..WriteOptions::default() }
+}
+
+fn names(bag: &BagReader) -> Vec<String> {
+    bag.files().map(|path| path.file_name().expect("a name").to_string_lossy().into_owned()).collect()
+}
+
+fn messages_of(path: &Path) -> u64 {
+    BagReader::open(path).expect("a whole file").message_count()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn no_file_is_larger_than_it_may(max in 1000_u64..40_000, length in 1..5_000_usize, which in 0..3_usize) {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("bag");
+        let lines = lines(40, length);
+        let options = WriteOptions { compression: COMPRESSIONS[which], ..split(Some(max), None) };
+        write_bag(&path, options, &lines);
+        let bag = BagReader::open(&path).expect("a bag");
+        prop_assert!(bag.warnings().is_empty(), "{:?}", bag.warnings());
+        let expected: Vec<_> = (0..bag.files().count()).map(|i| format!("bag_{i}.mcap")).collect();
+        prop_assert_eq!(names(&bag), expected);
+        for file in bag.files() {
+            // The index comes on top: its size does not depend on that of the messages.
+            let size = std::fs::metadata(file).expect("a file").len();
+            prop_assert!(messages_of(file) == 1 || size <= max + 8_000, "{} of {}", size, max);
+        }
+        let read: Vec<_> = read_all(&bag, &Selection::default()).into_iter().map(|m| (m.log_time, m.data)).collect();
+        prop_assert_eq!(read, lines.iter().map(|l| (l.1, l.2.clone())).collect::<Vec<_>>());
+    }
+}
+
+#[test]
+fn a_large_bag_has_few_files() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("bag");
+    write_bag(&path, split(Some(100_000), None), &lines(100, 10_000));
+    // Nine of 10 kB fit in 100 kB with what is beside them.
+    assert_eq!(BagReader::open(&path).expect("a bag").files().count(), 12);
+}
+
+#[test]
+fn a_bag_is_split_by_time_and_its_metadata_says_so() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("bag");
+    write_bag(&path, split(None, Some(Duration::from_secs(1))), &lines(30, 5));
+    let bag = BagReader::open(&path).expect("a bag");
+    assert_eq!(bag.files().map(messages_of).collect::<Vec<_>>(), [11, 11, 8]);
+    for file in bag.files() {
+        assert_eq!(BagReader::open(file).expect("a file").topics().len(), 2, "each file has all topics");
+    }
+    let metadata = std::fs::read_to_string(path.join("metadata.yaml")).expect("readable");
+    for text in [
+        "relative_file_paths:\n    - \"bag_0.mcap\"\n    - \"bag_1.mcap\"\n    - \"bag_2.mcap\"\n",
+        "    - path: \"bag_1.mcap\"\n      starting_time:\n        nanoseconds_since_epoch: 1100000000\n      \
+         duration:\n        nanoseconds: 1000000000\n      message_count: 11\n",
+        "  duration:\n    nanoseconds: 2900000000\n  starting_time:\n    nanoseconds_since_epoch: 0\n",
+        "  message_count: 30\n",
+    ] {
+        assert!(metadata.contains(text), "{text}\nnot in\n{metadata}");
+    }
+}
+
+/// A recorder that died between two files leaves no metadata.
+#[test]
+fn files_without_metadata_are_one_bag() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("bag");
+    write_bag(&path, split(None, Some(Duration::from_secs(1))), &lines(30, 5));
+    for broken in [None, Some(""), Some("rosbag2_bagfile_information:\n  version: 9\n  storage_id")] {
+        let metadata = path.join("metadata.yaml");
+        match broken {
+            None => std::fs::remove_file(&metadata).expect("there"),
+            Some(text) => std::fs::write(&metadata, text).expect("written"),
+        }
+        let bag = BagReader::open(&path).expect("a bag");
+        let read = read_all(&bag, &Selection::default());
+        assert_eq!(
+            read.iter().map(|m| m.log_time / 100_000_000).collect::<Vec<_>>(),
+            (0..30).collect::<Vec<_>>()
+        );
+        let told = bag.warnings().iter().any(|w| match w {
+            BagWarning::NoMetadata { .. } => broken.is_none(),
+            BagWarning::BadMetadata { .. } => broken.is_some(),
+            _ => false,
+        });
+        assert!(told && !bag.warnings().iter().any(BagWarning::is_loss), "{:?}", bag.warnings());
+    }
+}
+
+/// Times of several files may overlap: log time counts, not the file.
+#[test]
+fn overlapping_files_are_read_in_time() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let lines = lines(30, 5);
+    let bag = folder.path().join("bag");
+    std::fs::create_dir(&bag).expect("a folder");
+    for file in 0..3 {
+        let some: Vec<_> =
+            lines.iter().enumerate().filter(|(i, _)| i % 3 == file).map(|(_, l)| l.clone()).collect();
+        let own = folder.path().join(format!("own_{file}"));
+        write_bag(&own, WriteOptions::default(), &some);
+        // The latest by name begins first.
+        let name = format!("part_{}.mcap", 9 - file);
+        std::fs::rename(own.join(format!("own_{file}_0.mcap")), bag.join(name)).expect("moved");
+    }
+    let bag = BagReader::open(&bag).expect("a bag");
+    let times = |selection: &Selection| -> Vec<u64> {
+        read_all(&bag, selection).iter().map(|m| m.log_time / 100_000_000).collect()
+    };
+    assert_eq!(times(&Selection::default()), (0..30).collect::<Vec<_>>());
+    let late = Selection { topics: Some(vec![topic(1).name]), start_ns: Some(2_500_000_000) };
+    assert_eq!(times(&late), [25, 27, 29]);
+}
+
+/// Before version 4 the listed names had the folder's own in front.
+#[test]
+fn old_metadata_names_files_with_their_folder() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("bag");
+    write_bag(&path, WriteOptions::default(), &lines(3, 5));
+    let old = "rosbag2_bagfile_information:\n  version: 3\n  storage_identifier: mcap\n  \
+               relative_file_paths:\n    - bag/bag_0.mcap\n  duration:\n    nanoseconds: 1\n  starting_time:\n    \
+               nanoseconds_since_epoch: 1\n  message_count: 3\n  topics_with_message_count: []\n  \
+               compression_format: \"\"\n  compression_mode: \"\"\n";
+    std::fs::write(path.join("metadata.yaml"), old).expect("written");
+    assert_eq!(BagReader::open(&path).expect("a bag").message_count(), 3);
+}

@@ -1,0 +1,384 @@
+//! Bags with the shipped binary: recorded, killed, split, replayed, driven.
+
+mod harness;
+
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, channel};
+use std::thread::sleep;
+use std::time::{Duration, Instant, SystemTime};
+
+use harness::{Bench, shared, text};
+use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, Selection};
+use modulo_msgs::builtin::Time;
+use modulo_msgs::rosbag2_interfaces as player;
+use modulo_msgs::{cdr, rosgraph_msgs};
+use modulo_runtime::transport::keys::{self, Endpoint};
+use modulo_runtime::transport::zenoh::{RawSample, ZenohTransport};
+use modulo_runtime::transport::{Guard, Transport};
+use modulo_runtime::{Place, Qos, SystemClock};
+
+const IMAGE: &str = "sensor_msgs/msg/Image";
+/// When the bags here begin, ns since the epoch.
+const START: u64 = 1_700_000_000_000_000_000;
+const MS: u64 = 1_000_000;
+
+/// A bag of `count` messages on /data, `every` ms apart, each `length` bytes with
+/// its number in front.
+fn write_bag(path: &Path, count: u32, every: u64, length: usize) {
+    let mut bag = BagWriter::create(path, Compression::None).expect("a new bag");
+    let topic = bag.topic(&BagTopic::new("/data", IMAGE, Qos::Images)).expect("a topic");
+    for number in 0..count {
+        let mut payload = vec![0; length.max(8)];
+        payload[4..8].copy_from_slice(&number.to_le_bytes());
+        let time = START + u64::from(number) * every * MS;
+        bag.write(topic, time, time, &payload).expect("writable");
+    }
+    bag.finish().expect("writable");
+}
+
+fn number(payload: &[u8]) -> u32 {
+    u32::from_le_bytes(payload[4..8].try_into().expect("4 bytes"))
+}
+
+/// (log time, number) of all messages on /data.
+fn numbers(bag: &Path) -> Vec<(u64, u32)> {
+    let bag = BagReader::open(bag).expect("a bag");
+    let messages = bag.messages(&Selection::of(["/data"])).map(|m| m.expect("readable"));
+    messages.map(|m| (m.log_time, number(&m.data))).collect()
+}
+
+fn utf8(path: &Path) -> &str {
+    path.to_str().expect("UTF-8")
+}
+
+fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !done() {
+        assert!(start.elapsed() < Duration::from_secs(60), "waited in vain: {what}");
+        sleep(Duration::from_millis(20));
+    }
+}
+
+/// `modulo bag record` in the background, ended with the test.
+struct Recorder(Child);
+
+impl Recorder {
+    fn start(bench: &Bench, bag: &Path, arguments: &[&str]) -> Self {
+        let all = [&["bag", "record", "-o", utf8(bag)], arguments].concat();
+        let child = bench.modulo(&all).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
+        let recorder = Self(child.expect("the binary starts"));
+        wait_until("the bag's folder", || bag.is_dir());
+        recorder
+    }
+
+    fn signal(&self, name: &str) {
+        let sent = Command::new("kill").args([&format!("-{name}"), &self.0.id().to_string()]).status();
+        assert!(sent.is_ok_and(|status| status.success()), "the process is there");
+    }
+
+    /// Sends a signal and waits for the end: exit code and standard output.
+    fn end(mut self, signal: &str) -> (Option<i32>, String) {
+        self.signal(signal);
+        let code = self.0.wait().expect("it ends").code();
+        let mut said = String::new();
+        let out = self.0.stdout.take().expect("piped");
+        std::io::Read::read_to_string(&mut { out }, &mut said).expect("UTF-8");
+        (code, said)
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Plays `bag` to its end for a recorder that is there.
+fn play(bench: &Bench, bag: &Path, arguments: &[&str]) {
+    let output =
+        bench.run(&[&["bag", "play", utf8(bag), "--wait-for", "/rosbag2_recorder"], arguments].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+}
+
+#[test]
+fn a_killed_recorder_keeps_all_but_its_last_second() {
+    let bench = Bench::new(141);
+    let source = bench.path("source");
+    write_bag(&source, 40, 50, 100_000);
+
+    // Killed while messages come.
+    let (bag, saved) = (bench.path("killed"), bench.path("saved"));
+    let recorder = Recorder::start(&bench, &bag, &[]);
+    let playing = bench.start(&["bag", "play", utf8(&source), "--loop", "--wait-for", "/rosbag2_recorder"]);
+    let file = bag.join("killed_0.mcap");
+    wait_until("four seconds of messages", || std::fs::metadata(&file).is_ok_and(|f| f.len() > 8_000_000));
+    let killed = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).expect("after 1970");
+    assert_eq!(recorder.end("KILL").0, None);
+    drop(playing);
+    let recovered = bench.run(&["bag", "recover", utf8(&bag), utf8(&saved)]);
+    assert_eq!(recovered.status.code(), Some(3), "the end is lost: {}", text(&recovered));
+    let kept = numbers(&saved);
+    assert!(kept.windows(2).all(|pair| pair[1].1 == (pair[0].1 + 1) % 40), "{kept:?}");
+    let last = Duration::from_nanos(kept.last().expect("messages").0);
+    let lost = killed.saturating_sub(last);
+    assert!(lost < Duration::from_millis(1200), "{lost:?} before the kill are lost");
+
+    // Killed in a pause: a second after the last message nothing is missing.
+    let (bag, saved) = (bench.path("paused"), bench.path("all"));
+    let recorder = Recorder::start(&bench, &bag, &[]);
+    play(&bench, &source, &["--rate", "4"]);
+    sleep(Duration::from_millis(1300));
+    recorder.end("KILL");
+    bench.run(&["bag", "recover", utf8(&bag), utf8(&saved)]);
+    assert_eq!(numbers(&saved).iter().map(|n| n.1).collect::<Vec<_>>(), (0..40).collect::<Vec<_>>());
+    assert!(BagReader::open(&saved).expect("a bag").warnings().is_empty());
+}
+
+#[test]
+fn a_terminated_recorder_leaves_a_whole_bag_in_parts() {
+    let bench = Bench::new(142);
+    let (source, bag) = (bench.path("source"), bench.path("bag"));
+    write_bag(&source, 30, 100, 1000);
+    let recorder =
+        Recorder::start(&bench, &bag, &["--all", "--max-bag-duration", "1", "--compression", "lz4"]);
+    play(&bench, &source, &[]);
+    let (code, said) = recorder.end("TERM");
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("/data: 30 messages, 0 lost"), "{said}");
+    let read = BagReader::open(&bag).expect("a bag");
+    assert!(read.warnings().is_empty(), "{:?}", read.warnings());
+    assert_eq!(read.files().count(), 3);
+    assert_eq!(numbers(&bag).iter().map(|n| n.1).collect::<Vec<_>>(), (0..30).collect::<Vec<_>>());
+
+    let both = bench.run(&["bag", "record", "-a", "/data", "-o", utf8(&bench.path("both"))]);
+    assert_eq!(both.status.code(), Some(2), "{}", text(&both));
+
+    // Converted: parts by size, the same messages.
+    let small = bench.path("small");
+    let output = bench.run(&["bag", "convert", utf8(&bag), utf8(&small), "--max-bag-size", "4000"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    assert_eq!(numbers(&small), numbers(&bag));
+    assert!(BagReader::open(&small).expect("a bag").files().count() >= 10);
+    let info = text(&bench.run(&["bag", "info", utf8(&small)]));
+    assert!(
+        info.contains("small_0.mcap\n                   small_1.mcap")
+            && info.contains("Messages:          30"),
+        "{info}"
+    );
+}
+
+/// A recorder that cannot keep up says how much it lost, and ends with 3.
+#[test]
+fn what_a_recorder_lost_is_counted() {
+    let bench = Bench::new(143);
+    let (source, bag) = (bench.path("source"), bench.path("bag"));
+    write_bag(&source, 60, 40, 1_000_000);
+    let recorder = Recorder::start(&bench, &bag, &["/data"]);
+    std::thread::scope(|scope| {
+        scope.spawn(|| play(&bench, &source, &[]));
+        let file = bag.join("bag_0.mcap");
+        wait_until("the first messages", || std::fs::metadata(&file).is_ok_and(|f| f.len() > 1_000_000));
+        recorder.signal("STOP");
+        sleep(Duration::from_millis(1200));
+        recorder.signal("CONT");
+    });
+    let (code, said) = recorder.end("INT");
+    assert_eq!(code, Some(3), "{said}");
+    let kept = numbers(&bag);
+    assert_eq!(kept.last().map(|n| n.1), Some(59), "the last message came, so every gap is seen");
+    assert!(kept.len() < 60);
+    assert_eq!(kept[0].1, 0);
+    assert!(said.contains(&format!("/data: {} messages, {} lost", kept.len(), 60 - kept.len())), "{said}");
+}
+
+/// A client of `/rosbag2_player`.
+struct Remote {
+    transport: ZenohTransport,
+}
+
+impl Remote {
+    fn new(domain: u32) -> Self {
+        Self { transport: ZenohTransport::open(domain, Arc::new(SystemClock::default())).expect("a session") }
+    }
+
+    fn call(&self, name: &str, request: Vec<u8>) -> Vec<u8> {
+        let service = format!("/rosbag2_player/{}", snake(name));
+        let ros_type = format!("rosbag2_interfaces/srv/{name}");
+        self.transport.call(&service, &ros_type, request, Duration::from_secs(10)).expect("answered")
+    }
+
+    /// What comes on `topic`.
+    fn listen(&self, topic: &str, type_name: &str, qos: Qos) -> (Guard, Receiver<RawSample>) {
+        let place = Place { name: "listener".into(), namespace: "/".into(), remaps: Vec::new() };
+        let endpoint = Endpoint {
+            topic: topic.into(),
+            dds_type: modulo_msgs::dds_name(type_name),
+            type_hash: modulo_msgs::type_hash(type_name).expect("known"),
+            qos: keys::qos_string(qos).into(),
+        };
+        let (samples, arrived) = channel();
+        let take = move |sample| drop(samples.send(sample));
+        (self.transport.subscribe_raw(&place, &endpoint, take).expect("a subscription"), arrived)
+    }
+}
+
+/// Calls a service of the player and reads its response.
+macro_rules! call {
+    ($remote:expr, $name:literal, $request:expr) => {
+        cdr::from_slice(&$remote.call($name, cdr::to_vec(&$request).expect("short"))).expect("a response")
+    };
+}
+
+/// `PlayNext` as `play_next`.
+fn snake(name: &str) -> String {
+    let mut text = String::new();
+    for c in name.chars() {
+        if c.is_ascii_uppercase() && !text.is_empty() {
+            text.push('_');
+        }
+        text.push(c.to_ascii_lowercase());
+    }
+    text
+}
+
+fn arrived(samples: &Receiver<RawSample>) -> Vec<u32> {
+    sleep(Duration::from_millis(300));
+    samples.try_iter().map(|sample| number(&sample.payload)).collect()
+}
+
+#[test]
+fn a_replay_is_driven_by_services_and_tells_the_time() {
+    let bench = Bench::new(144);
+    let remote = Remote::new(144);
+    let source = bench.path("source");
+    write_bag(&source, 20, 100, 100);
+    let (_data, data) = remote.listen("/data", IMAGE, Qos::Images);
+    let (_time, time) = remote.listen("/clock", "rosgraph_msgs/msg/Clock", Qos::Clock);
+    let mut playing = bench.start(&["bag", "play", utf8(&source), "--start-paused", "--clock", "50"]);
+    wait_until("the player", || remote.transport.is_ready("/rosbag2_player"));
+    sleep(Duration::from_millis(700));
+
+    let paused: player::IsPausedResponse = call!(remote, "IsPaused", player::IsPausedRequest);
+    assert!(paused.paused);
+    assert!(arrived(&data).is_empty());
+    let clock = |samples: &Receiver<RawSample>| -> Vec<u64> {
+        let times =
+            samples.try_iter().map(|s| cdr::from_slice::<rosgraph_msgs::Clock>(&s.payload).expect("a time"));
+        times.map(|time| time.clock.as_ns()).collect()
+    };
+    let still = clock(&time);
+    assert!(still.len() > 10 && still.iter().all(|t| *t == START), "{still:?}");
+
+    let next: player::PlayNextResponse = call!(remote, "PlayNext", player::PlayNextRequest);
+    assert!(next.success);
+    assert_eq!(arrived(&data), [0]);
+    let burst: player::BurstResponse = call!(remote, "Burst", player::BurstRequest { num_messages: 3 });
+    assert_eq!(burst.actually_burst, 3);
+    assert_eq!(arrived(&data), [1, 2, 3]);
+    assert_eq!(clock(&time).last(), Some(&(START + 300 * MS)), "a step takes the clock along");
+
+    let rate: player::SetRateResponse = call!(remote, "SetRate", player::SetRateRequest { rate: 0.0 });
+    assert!(!rate.success, "0 is no rate");
+    let rate: player::SetRateResponse = call!(remote, "SetRate", player::SetRateRequest { rate: 2.0 });
+    assert!(rate.success);
+    let rate: player::GetRateResponse = call!(remote, "GetRate", player::GetRateRequest);
+    assert_eq!(rate.rate, 2.0);
+    let seek = |ns: u64| -> bool {
+        let response: player::SeekResponse =
+            call!(remote, "Seek", player::SeekRequest { time: Time::from_ns(START + ns) });
+        response.success
+    };
+    assert!(!seek(5_000 * MS), "the bag lasts 1.9 s");
+    assert!(seek(950 * MS));
+
+    let began = Instant::now();
+    let _: player::ResumeResponse = call!(remote, "Resume", player::ResumeRequest);
+    let code = playing.0.wait().expect("it ends").code();
+    assert_eq!(code, Some(0));
+    // 0.95 s of the bag at twice the speed, and what the end of a session takes.
+    assert!(began.elapsed() > Duration::from_millis(475), "{:?}", began.elapsed());
+    assert_eq!(arrived(&data), (10..20).collect::<Vec<_>>());
+    let ran = clock(&time);
+    assert!(ran.is_sorted() && ran.last().is_some_and(|t| *t > START + 1_800 * MS), "{ran:?}");
+}
+
+#[test]
+fn a_replay_is_toggled_cut_and_repeated() {
+    let bench = Bench::new(145);
+    let remote = Remote::new(145);
+    let source = bench.path("source");
+    write_bag(&source, 20, 100, 100);
+    let (_data, data) = remote.listen("/renamed", IMAGE, Qos::Images);
+    let (_time, time) = remote.listen("/clock", "rosgraph_msgs/msg/Clock", Qos::Clock);
+    let arguments = ["bag", "play", utf8(&source), "--start-offset", "0.5", "--playback-duration", "0.25"];
+    let arguments = [&arguments[..], &["--loop", "--rate", "0.5", "--remap", "/data:=/renamed"]].concat();
+    let playing = bench.start(&arguments);
+    let mut came = Vec::new();
+    wait_until("two rounds", || {
+        came.extend(data.try_iter().map(|s| number(&s.payload)));
+        came.len() >= 7
+    });
+    assert_eq!(came[..7], [5, 6, 7, 5, 6, 7, 5]);
+    let _: player::TogglePausedResponse = call!(remote, "TogglePaused", player::TogglePausedRequest);
+    arrived(&data);
+    sleep(Duration::from_millis(700));
+    assert!(arrived(&data).is_empty(), "paused");
+    let _: player::TogglePausedResponse = call!(remote, "TogglePaused", player::TogglePausedRequest);
+    sleep(Duration::from_millis(1000));
+    assert!(!arrived(&data).is_empty(), "it goes on");
+    let next: player::PlayNextResponse = call!(remote, "PlayNext", player::PlayNextRequest);
+    assert!(!next.success, "only while paused");
+    assert_eq!(playing.interrupt(), Some(0));
+    assert_eq!(time.try_iter().count(), 0, "no time without --clock");
+}
+
+#[test]
+fn impossible_options_are_refused() {
+    let bench = Bench::new(146);
+    let source = bench.path("source");
+    write_bag(&source, 2, 100, 100);
+    for (option, value) in [
+        ("--rate", "0"),
+        ("--rate", "-1"),
+        ("--rate", "NaN"),
+        ("--clock", "0"),
+        ("--start-offset", "9"),
+        ("--playback-duration", "-1"),
+        ("--remap", "nothing"),
+    ] {
+        let output = bench.run(&["bag", "play", utf8(&source), &format!("{option}={value}")]);
+        assert_eq!(output.status.code(), Some(2), "{option} {value}: {}", text(&output));
+    }
+}
+
+/// Bags that others recorded.
+#[test]
+fn recordings_of_others_are_described() {
+    let Some(shared) = shared() else { return };
+    let bench = Bench::new(147);
+    for (name, storage, messages) in [
+        ("rerun_rosbag2_2025_09_10-13_03_56_0.mcap", "mcap", 194),
+        ("rosbag2/rosbag2_py/test/resources/mcap/talker", "mcap", 20),
+        ("rosbag2/rosbag2_py/test/resources/sqlite3/talker", "sqlite3", 20),
+        ("rosbag2/rosbag2_tests/resources/mcap/cdr_test", "mcap", 7),
+        ("rosbag2/rosbag2_tests/resources/sqlite3/cdr_test", "sqlite3", 7),
+        ("rosbags-rs/test_bag_mcap", "mcap", 188),
+        ("rosbags-rs/test_bag_sqlite3", "sqlite3", 188),
+        ("derived_kitti/drive_0011_5f_png_mcap", "mcap", 5),
+    ] {
+        let bag = shared.join("data/bags").join(name);
+        let output = bench.run(&["bag", "info", utf8(&bag)]);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+        let said = text(&output);
+        for line in [format!("Storage id:        {storage}"), format!("Messages:          {messages}")] {
+            assert!(said.lines().any(|l| l == line), "{name}: {line}\nnot in\n{said}");
+        }
+        let out = bench.path(&name.replace(['/', '.'], "_"));
+        let output = bench.run(&["bag", "convert", utf8(&bag), utf8(&out), "--compression", "zstd"]);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+        assert_eq!(BagReader::open(&out).expect("a bag").message_count(), messages);
+    }
+}

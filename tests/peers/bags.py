@@ -1,0 +1,141 @@
+"""Bags of the suite read by PyPI rosbags, mcap and mcap-ros2-support, and theirs
+by the suite.
+
+    venv/bin/python bags.py target/release/modulo
+
+Needs the packages that read_bag.py names. The images are made here.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
+
+from read_bag import check
+
+ROOT = Path(__file__).resolve().parents[2]
+START = 1_700_000_000_000_000_000
+FRAMES = 12
+
+
+def modulo(*arguments: str, code: int = 0) -> str:
+    done = subprocess.run([MODULO, *arguments], cwd=ROOT, text=True, capture_output=True, timeout=300)
+    assert done.returncode == code, (arguments, done.returncode, done.stdout, done.stderr)
+    return done.stdout + done.stderr
+
+
+def recorded(folder: Path, name: str, *options: str) -> None:
+    """A launch of the suite, recorded, and read by the peers."""
+    bag = folder / name
+    recorder = subprocess.Popen([MODULO, "bag", "record", "--all", "-o", str(bag), *options], cwd=ROOT)
+    while not bag.is_dir():
+        time.sleep(0.05)
+    modulo("launch", "launch/recovered.launch.yaml", "source:=scene://tunnel?frames=24", "rate:=8", "engine:=rten")
+    recorder.send_signal(signal.SIGINT)
+    assert recorder.wait(30) in (0, 3)
+    counts = check(bag)
+    assert counts["/modulo"] > 0 and counts["/detector/detections"] > 0, counts
+    print(name, len(list(bag.glob("*.mcap"))), "files:", dict(counts))
+
+
+def messages(store, two: bool):
+    """(topic, type, stamp, message) of images with random pixels, plain and as a file."""
+    time_type, header_type = store.types["builtin_interfaces/msg/Time"], store.types["std_msgs/msg/Header"]
+    image_type = store.types["sensor_msgs/msg/Image"]
+    file_type = store.types["sensor_msgs/msg/CompressedImage"]
+    random = np.random.default_rng(7)
+    for number in range(FRAMES):
+        stamp = START + number * 100_000_000
+        sequence = {} if two else {"seq": number}
+        at = time_type(sec=stamp // 10**9, nanosec=stamp % 10**9)
+        header = header_type(stamp=at, frame_id="camera", **sequence)
+        pixels = random.integers(0, 256, 48 * 64 * 3, dtype=np.uint8)
+        image = image_type(header=header, height=48, width=64, encoding="rgb8", is_bigendian=0, step=192, data=pixels)
+        yield "/camera/image_raw", "sensor_msgs/msg/Image", stamp, image
+        data = random.integers(0, 256, 999, dtype=np.uint8)
+        yield "/camera/compressed", "sensor_msgs/msg/CompressedImage", stamp + 1, file_type(header=header, format="png", data=data)
+        text = store.types["std_msgs/msg/String"](data=f"number {number}")
+        yield "/text", "std_msgs/msg/String", stamp + 2, text
+
+
+def write(writer, store, serialize, two: bool) -> None:
+    with writer:
+        connections = {}
+        for topic, kind, stamp, message in messages(store, two):
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=store)
+            writer.write(connections[topic], stamp, serialize(message, kind))
+
+
+def returned(bag: Path) -> list:
+    """What the peers find in a bag."""
+    with AnyReader([bag]) as reader:
+        found = []
+        for connection, stamp, raw in reader.messages():
+            message = reader.deserialize(raw, connection.msgtype)
+            data = message.data if isinstance(message.data, str) else message.data.tobytes()
+            found.append((connection.topic, stamp, data))
+        return found
+
+
+def converted(folder: Path, name: str, bag: Path, ros1: bool) -> None:
+    """A bag of a peer, through the suite, and back to the peer."""
+    out = folder / f"{name}_converted"
+    said = modulo("bag", "convert", str(bag), str(out), "--compression", "zstd", "-b", "60000", code=3 if ros1 else 0)
+    check(out)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    expected = [
+        (topic, stamp, m.data if isinstance(m.data, str) else m.data.tobytes())
+        for topic, _, stamp, m in messages(store, True)
+        if not (ros1 and topic == "/text")
+    ]
+    assert returned(out) == expected, name
+    assert ("/text" in said and "12 messages" in said) or not ros1, said
+    print(name, "returned with", len(expected), "messages in", len(list(out.glob("*.mcap"))), "files")
+
+
+def main() -> None:
+    os.environ["ROS_DOMAIN_ID"] = "149"
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        recorded(folder, "plain")
+        recorded(folder, "zstd_by_time", "--compression", "zstd", "--max-bag-duration", "1")
+        recorded(folder, "lz4_by_size", "--compression", "lz4", "--max-bag-size", "4000000")
+        store = get_typestore(Stores.ROS2_JAZZY)
+        for plugin in StoragePlugin:
+            name = f"ros2_{plugin.name.lower()}"
+            write(Writer2(folder / name, version=9, storage_plugin=plugin), store, store.serialize_cdr, True)
+            converted(folder, name, folder / name, False)
+        packed = Writer2(folder / "ros2_zstd", version=9, storage_plugin=StoragePlugin.MCAP)
+        packed.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
+        write(packed, store, store.serialize_cdr, True)
+        converted(folder, "ros2_zstd", folder / "ros2_zstd", False)
+        whole = Writer2(folder / "ros2_file", version=9, storage_plugin=StoragePlugin.SQLITE3)
+        whole.set_compression(CompressionMode.FILE, CompressionFormat.ZSTD)
+        write(whole, store, store.serialize_cdr, True)
+        said = modulo("bag", "info", str(folder / "ros2_file"), code=1)
+        assert "compression_mode" in said and "ros2 bag convert" in said, said
+        store = get_typestore(Stores.ROS1_NOETIC)
+        for form in [None, *Writer1.CompressionFormat]:
+            name = f"ros1_{form.name.lower() if form else 'plain'}"
+            writer = Writer1(folder / f"{name}.bag")
+            if form:
+                writer.set_compression(form)
+            write(writer, store, store.serialize_ros1, False)
+            converted(folder, name, folder / f"{name}.bag", True)
+    print("all agreed")
+
+
+if __name__ == "__main__":
+    MODULO = str(Path(sys.argv[1]).resolve())
+    main()
