@@ -88,6 +88,9 @@ pub struct Launch {
     /// Say what the file would start, and end
     #[arg(long, conflicts_with_all = ["compose", "summary"])]
     pub print: bool,
+    /// Say every mistake in the file with its line, or that there is none, and end
+    #[arg(long, conflicts_with_all = ["compose", "summary", "print", "show_args"])]
+    pub check: bool,
     /// List the file's arguments, and end
     #[arg(long, short = 's', conflicts_with_all = ["compose", "summary", "print"])]
     pub show_args: bool,
@@ -130,10 +133,13 @@ pub struct Eval {
 /// `modulo param`
 #[derive(Subcommand)]
 pub enum Param {
-    /// Names and values of a node's parameters
+    /// Names of a node's parameters, of all nodes without one
     List {
         /// Fully qualified node name, such as /detector
-        node: String,
+        node: Option<String>,
+        /// With their types
+        #[arg(long)]
+        param_type: bool,
     },
     /// One value
     Get {
@@ -141,6 +147,22 @@ pub enum Param {
         node: String,
         /// Parameter
         name: String,
+        /// The value alone
+        #[arg(long)]
+        hide_type: bool,
+    },
+    /// Type, meaning and range of parameters
+    Describe {
+        /// Fully qualified node name
+        node: String,
+        /// Parameters
+        #[arg(required = true)]
+        names: Vec<String>,
+    },
+    /// All values as a file for --params-file
+    Dump {
+        /// Fully qualified node name
+        node: String,
     },
     /// Change one value; the node may refuse
     Set {

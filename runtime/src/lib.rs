@@ -5,6 +5,7 @@
 //! computes, and only `transport/zenoh` and `clock.rs` know the wire and the
 //! wall clock.
 
+pub mod bridge;
 pub mod clock;
 pub mod diagnostics;
 pub mod driver;
@@ -17,7 +18,9 @@ pub mod node;
 pub mod node_time;
 pub mod parameter;
 pub mod parameter_events;
+pub mod parameter_file;
 pub mod parameter_service;
+pub mod parameter_text;
 pub mod report;
 pub mod ros_args;
 pub mod rosout;
@@ -27,6 +30,7 @@ pub mod stop;
 pub mod topic;
 pub mod transport;
 pub mod type_description_service;
+mod yaml_text;
 
 pub use clock::{Clock, ManualClock, SystemClock};
 pub use message::{Message, MessageKind, StampedFrame};

@@ -1,25 +1,12 @@
 //! Parameters as ROS 2 has them: declared once with type, range and
 //! description, validated as a set, never accepted and ignored.
 
+mod value;
+
 use std::collections::BTreeMap;
 use std::fmt;
 
-use serde::{Deserialize, Serialize};
-
-/// A parameter's value.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Value {
-    /// `bool`
-    Bool(bool),
-    /// `integer`
-    Integer(i64),
-    /// `double`
-    Double(f64),
-    /// `string`
-    String(String),
-    /// `string_array`
-    Strings(Vec<String>),
-}
+pub use value::Value;
 
 /// What a parameter may be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -98,78 +85,6 @@ impl Refusal {
 pub struct Parameters {
     declared: Vec<Descriptor>,
     values: BTreeMap<&'static str, Value>,
-}
-
-impl fmt::Display for Value {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Bool(v) => write!(f, "{v}"),
-            Self::Integer(v) => write!(f, "{v}"),
-            Self::Double(v) => write!(f, "{v}"),
-            Self::String(v) => write!(f, "'{v}'"),
-            Self::Strings(v) => write!(f, "[{}]", v.join(", ")),
-        }
-    }
-}
-
-impl Value {
-    /// The type's name as ROS 2 writes it.
-    pub fn type_name(&self) -> &'static str {
-        match self {
-            Self::Bool(_) => "bool",
-            Self::Integer(_) => "integer",
-            Self::Double(_) => "double",
-            Self::String(_) => "string",
-            Self::Strings(_) => "string_array",
-        }
-    }
-
-    /// Reads `text` (a command line's or a YAML scalar's) as a value of this
-    /// value's type. An array is written `[a, b]` or `a, b`.
-    pub fn parse_like(&self, text: &str) -> Option<Value> {
-        let text = text.trim();
-        Some(match self {
-            Self::Bool(_) => Self::Bool(match text.to_ascii_lowercase().as_str() {
-                "true" | "yes" | "on" | "1" => true,
-                "false" | "no" | "off" | "0" => false,
-                _ => return None,
-            }),
-            Self::Integer(_) => Self::Integer(text.parse().ok()?),
-            Self::Double(_) => Self::Double(text.parse().ok()?),
-            Self::String(_) => Self::String(unquote(text).to_owned()),
-            Self::Strings(_) => {
-                let list = text.strip_prefix('[').and_then(|t| t.strip_suffix(']')).unwrap_or(text);
-                Self::Strings(
-                    list.split(',')
-                        .map(|item| unquote(item.trim()).to_owned())
-                        .filter(|item| !item.is_empty())
-                        .collect(),
-                )
-            }
-        })
-    }
-
-    /// This value as the type of `like`: an integer is also a double, a word
-    /// is also a list of one word. Nothing else is converted.
-    fn coerced(self, like: &Value) -> Option<Value> {
-        Some(match (self, like) {
-            (Self::Integer(v), Self::Double(_)) => Self::Double(v as f64),
-            (Self::String(v), Self::Strings(_)) => {
-                Self::Strings(if v.is_empty() { Vec::new() } else { vec![v] })
-            }
-            (value, like) if value.type_name() == like.type_name() => value,
-            _ => return None,
-        })
-    }
-}
-
-fn unquote(text: &str) -> &str {
-    for quote in ['"', '\''] {
-        if let Some(inner) = text.strip_prefix(quote).and_then(|t| t.strip_suffix(quote)) {
-            return inner;
-        }
-    }
-    text
 }
 
 impl Descriptor {
@@ -389,13 +304,5 @@ mod tests {
         let change = [("bits".to_owned(), Value::Integer(10))];
         assert!(set().with(&change, false).is_ok());
         assert!(set().with(&change, true).is_err());
-    }
-
-    #[test]
-    fn lists_read_with_and_without_brackets() {
-        let expected = ["a".to_owned(), "b".to_owned()];
-        for list in ["[a, b]", "a,b", "[\"a\", 'b']"] {
-            assert_eq!(text("wait_for", list).expect("a list").strings("wait_for"), expected);
-        }
     }
 }

@@ -170,7 +170,8 @@ fn describe(name: &str, descriptor: Option<&Descriptor>) -> ParameterDescriptor 
     let mut ros = ParameterDescriptor {
         name: descriptor.name.to_owned(),
         r#type: to_ros(Some(&descriptor.default)).r#type,
-        description: descriptor.description.to_owned(),
+        // ROS 2 has no field for it.
+        description: format!("{} (default {})", descriptor.description, descriptor.default.to_yaml()),
         read_only: descriptor.read_only,
         ..Default::default()
     };
@@ -260,6 +261,7 @@ mod tests {
         let answer = Service::Describe.answer(&request, &port).expect("readable");
         let described = cdr::from_slice::<DescribeParametersResponse>(&answer).expect("decodes").descriptors;
         assert_eq!(described[0].floating_point_range[0].to_value, 256.0);
+        assert_eq!(described[0].description, "saturation factor (default 4.0)");
     }
 
     #[test]

@@ -3,37 +3,52 @@
 
 use std::path::PathBuf;
 
-use saphyr::{LoadableYamlNode, Scalar, Yaml};
-
 use crate::name::{NameError, Place};
+use crate::parameter_file;
 
 /// The ROS part of a command line.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RosArgs {
-    /// `-r __node:=name`
-    pub name: Option<String>,
-    /// `-r __ns:=/namespace`
-    pub namespace: Option<String>,
-    /// `-r from:=to`
-    pub remaps: Vec<(String, String)>,
+    /// `-r from:=to` in order; the first that fits is used.
+    pub remaps: Vec<Remap>,
     /// `-p name:=value` and parameter files, in order; later ones win.
     pub parameters: Vec<Setting>,
-    /// `--log-level level`, for the whole process.
-    pub log_level: Option<String>,
-    /// `--disable-rosout-logs`, `--enable-rosout-logs`: whether `/rosout` is published.
-    pub rosout: Switch,
-    /// `--disable-stdout-logs`, `--enable-stdout-logs`: whether log lines are shown.
-    pub stdout: Switch,
+    /// `--log-level level` and `--log-level logger:=level` in order; later ones win.
+    pub log_levels: Vec<LogLevel>,
+    /// What `--disable-rosout-logs` and `--enable-rosout-logs` leave.
+    pub rosout_logs: Logs,
+    /// What `--disable-stdout-logs` and `--enable-stdout-logs` leave.
+    pub stdout_logs: Logs,
 }
 
-/// Whether something is done; the last one on the command line wins.
+/// Whether logs go somewhere.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Switch {
-    /// It is.
+pub enum Logs {
+    /// They do.
     #[default]
-    On,
-    /// It is not.
-    Off,
+    Enabled,
+    /// They do not.
+    Disabled,
+}
+
+/// A remapping rule.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Remap {
+    /// Name of the node it is for, if the rule names one.
+    pub node: Option<String>,
+    /// `__node`, `__ns`, or the name of a topic or service.
+    pub from: String,
+    /// What it becomes.
+    pub to: String,
+}
+
+/// A level of the log, as ROS 2 names them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LogLevel {
+    /// Name of a logger; all of them when `None`.
+    pub logger: Option<String>,
+    /// As `tracing` names it: `debug`, `info`, `warn` or `error`.
+    pub level: &'static str,
 }
 
 /// Parameters as the command line gives them.
@@ -74,6 +89,9 @@ pub enum ArgsError {
 }
 
 const RULE: &str = "is not a rule 'from:=to'";
+const LEVEL: &str = "is no log level; debug, info, warn, error, fatal and LOGGER:=LEVEL are possible";
+const UNKNOWN: &str = "is unknown; -r, -p, --params-file, --log-level, --enclave, --log-config-file, \
+                       --log-file-name and --enable|disable-rosout|stdout|external-lib-logs are possible";
 
 impl RosArgs {
     /// Reads everything behind `--ros-args` up to `--`. Returns also what stands
@@ -99,48 +117,58 @@ impl RosArgs {
 
     fn flag<'a>(&mut self, flag: &str, rest: &mut impl Iterator<Item = &'a String>) -> Result<(), ArgsError> {
         match flag {
-            "--enable-rosout-logs" => self.rosout = Switch::On,
-            "--disable-rosout-logs" => self.rosout = Switch::Off,
-            "--enable-stdout-logs" => self.stdout = Switch::On,
-            "--disable-stdout-logs" => self.stdout = Switch::Off,
-            // Of rcl's log files, which are not written here.
+            "--enable-rosout-logs" => self.rosout_logs = Logs::Enabled,
+            "--disable-rosout-logs" => self.rosout_logs = Logs::Disabled,
+            "--enable-stdout-logs" => self.stdout_logs = Logs::Enabled,
+            "--disable-stdout-logs" => self.stdout_logs = Logs::Disabled,
+            // There is no such library here, no log file, and no secure enclave.
             "--enable-external-lib-logs" | "--disable-external-lib-logs" => {}
-            _ => return self.flag_with_value(flag, rest),
+            _ => return self.option(flag, rest.next()),
         }
         Ok(())
     }
 
-    fn flag_with_value<'a>(
-        &mut self,
-        flag: &str,
-        rest: &mut impl Iterator<Item = &'a String>,
-    ) -> Result<(), ArgsError> {
+    fn option(&mut self, flag: &str, value: Option<&String>) -> Result<(), ArgsError> {
         let wrong = |why| ArgsError::Argument { argument: flag.to_owned(), why };
-        let value = rest.next().ok_or(wrong("needs a value or is unknown"))?;
+        let value = || value.ok_or(wrong("needs a value"));
         match flag {
-            "-r" | "--remap" => self.remap(value),
-            "-p" | "--param" => self.parameter(value),
+            "-r" | "--remap" => self.remap(value()?),
+            "-p" | "--param" => self.parameter(value()?),
             "--params-file" => {
-                self.parameters.push(Setting::File(value.into()));
+                self.parameters.push(Setting::File(value()?.into()));
                 Ok(())
             }
-            "--log-level" => {
-                self.log_level = Some(value.clone());
-                Ok(())
-            }
-            "-e" | "--enclave" | "--log-config-file" | "--log-file-name" => Ok(()),
-            _ => Err(wrong("is unknown; -r, -p, --params-file, --log-level, --enclave are possible")),
+            "--log-level" => self.log_level(value()?),
+            "-e" | "--enclave" | "--log-config-file" | "--log-file-name" => value().map(|_| ()),
+            _ => Err(wrong(UNKNOWN)),
         }
     }
 
     fn remap(&mut self, rule: &str) -> Result<(), ArgsError> {
         let (from, to) = split_rule(rule)?;
-        let (_, from) = split_node(from);
-        match from {
-            "__node" | "__name" => self.name = Some(to.to_owned()),
-            "__ns" => self.namespace = Some(to.to_owned()),
-            _ => self.remaps.push((strip_scheme(from).to_owned(), strip_scheme(to).to_owned())),
-        }
+        let (node, from) = split_node(from);
+        let from = if from == "__name" { "__node" } else { strip_scheme(from) };
+        self.remaps.push(Remap {
+            node: node.map(str::to_owned),
+            from: from.to_owned(),
+            to: strip_scheme(to).to_owned(),
+        });
+        Ok(())
+    }
+
+    fn log_level(&mut self, rule: &str) -> Result<(), ArgsError> {
+        let (logger, level) = match rule.split_once(":=") {
+            Some((logger, level)) => (Some(logger.to_owned()), level),
+            None => (None, rule),
+        };
+        let level = match level.to_ascii_lowercase().as_str() {
+            "debug" => "debug",
+            "info" => "info",
+            "warn" => "warn",
+            "error" | "fatal" => "error",
+            _ => return Err(ArgsError::Argument { argument: rule.to_owned(), why: LEVEL }),
+        };
+        self.log_levels.push(LogLevel { logger, level });
         Ok(())
     }
 
@@ -156,12 +184,29 @@ impl RosArgs {
     }
 
     /// Where the node lies, `default_name` unless the arguments say otherwise.
+    /// As in `rcl`, a rule for a node means its new name, except the one that gives it.
     ///
     /// # Errors
     /// [`NameError`] when a name is none.
     pub fn place(&self, default_name: &str) -> Result<Place, NameError> {
-        let name = self.name.as_deref().unwrap_or(default_name);
-        Place::new(name, self.namespace.as_deref().unwrap_or("/"), &self.remaps)
+        let name = self.first("__node", default_name).unwrap_or(default_name);
+        let remaps: Vec<_> = self
+            .remaps
+            .iter()
+            .filter(|rule| rule.is_for(name) && !rule.from.starts_with("__"))
+            .map(|rule| (rule.from.clone(), rule.to.clone()))
+            .collect();
+        Place::new(name, self.first("__ns", name).unwrap_or("/"), &remaps)
+    }
+
+    /// The level of the logger `name`; a node's has the node's name.
+    pub fn log_level_of(&self, name: &str) -> Option<&'static str> {
+        let meant = |rule: &&LogLevel| rule.logger.as_ref().is_none_or(|logger| logger == name);
+        self.log_levels.iter().rfind(meant).map(|rule| rule.level)
+    }
+
+    fn first(&self, from: &str, node: &str) -> Option<&str> {
+        self.remaps.iter().find(|rule| rule.from == from && rule.is_for(node)).map(|rule| rule.to.as_str())
     }
 
     /// Parameters for the node at `place` as (name, text), in order.
@@ -177,10 +222,16 @@ impl RosArgs {
                         found.push((name.clone(), value.clone()));
                     }
                 }
-                Setting::File(path) => found.extend(read_file(path, place)?),
+                Setting::File(path) => found.extend(parameter_file::read(path, place)?),
             }
         }
         Ok(found)
+    }
+}
+
+impl Remap {
+    fn is_for(&self, name: &str) -> bool {
+        self.node.as_ref().is_none_or(|node| node == name)
     }
 }
 
@@ -198,73 +249,6 @@ fn split_node(name: &str) -> (Option<&str>, &str) {
 
 fn strip_scheme(name: &str) -> &str {
     name.strip_prefix("rostopic://").or_else(|| name.strip_prefix("rosservice://")).unwrap_or(name)
-}
-
-fn read_file(path: &std::path::Path, place: &Place) -> Result<Vec<(String, String)>, ArgsError> {
-    let wrong = |why: String| ArgsError::File { path: path.display().to_string(), why };
-    let text = std::fs::read_to_string(path).map_err(|why| wrong(why.to_string()))?;
-    let documents = Yaml::load_from_str(&text).map_err(|why| wrong(why.to_string()))?;
-    let Some(nodes) = documents.first().and_then(Yaml::as_mapping) else {
-        return Err(wrong("must be a mapping of node names".into()));
-    };
-    let mut found = Vec::new();
-    for (pattern, body) in nodes {
-        let pattern = pattern.as_str().unwrap_or_default();
-        if !matches_node(pattern, place) {
-            continue;
-        }
-        let parameters = body
-            .as_mapping_get("ros__parameters")
-            .and_then(Yaml::as_mapping)
-            .ok_or_else(|| wrong(format!("'{pattern}' has no mapping 'ros__parameters'")))?;
-        for (name, value) in parameters {
-            flatten(name.as_str().unwrap_or_default(), value, &mut found);
-        }
-    }
-    Ok(found)
-}
-
-/// Whether a key of a parameter file, with `*` for one part and `**` for any,
-/// means the node at `place`.
-fn matches_node(pattern: &str, place: &Place) -> bool {
-    let full = place.fully_qualified();
-    let name: Vec<&str> = full.split('/').filter(|p| !p.is_empty()).collect();
-    let pattern: Vec<&str> = pattern.split('/').filter(|p| !p.is_empty()).collect();
-    fn matches(pattern: &[&str], name: &[&str]) -> bool {
-        match (pattern, name) {
-            ([], []) => true,
-            (["**", rest @ ..], _) => (0..=name.len()).any(|skip| matches(rest, &name[skip..])),
-            (["*", rest @ ..], [_, name @ ..]) => matches(rest, name),
-            ([part, rest @ ..], [first, name @ ..]) => part == first && matches(rest, name),
-            _ => false,
-        }
-    }
-    matches(&pattern, &name)
-}
-
-fn flatten(name: &str, value: &Yaml<'_>, found: &mut Vec<(String, String)>) {
-    if let Some(mapping) = value.as_mapping() {
-        for (key, value) in mapping {
-            flatten(&format!("{name}.{}", key.as_str().unwrap_or_default()), value, found);
-        }
-        return;
-    }
-    let text = match value.as_sequence() {
-        Some(list) => format!("[{}]", list.iter().map(scalar).collect::<Vec<_>>().join(", ")),
-        None => scalar(value),
-    };
-    found.push((name.to_owned(), text));
-}
-
-fn scalar(value: &Yaml<'_>) -> String {
-    match value {
-        Yaml::Value(Scalar::String(text)) => text.to_string(),
-        Yaml::Value(Scalar::Boolean(v)) => v.to_string(),
-        Yaml::Value(Scalar::Integer(v)) => v.to_string(),
-        Yaml::Value(Scalar::FloatingPoint(v)) => v.to_string(),
-        Yaml::Representation(text, ..) => text.to_string(),
-        _ => String::new(),
-    }
 }
 
 #[cfg(test)]
@@ -285,19 +269,39 @@ mod tests {
         assert_eq!(place.fully_qualified(), "/car/eye");
         assert_eq!(place.resolve("modulo").as_deref(), Ok("/raw"));
         assert_eq!(args.parameters_for(&place), Ok(vec![("alpha".into(), "2.5".into())]));
-        assert_eq!(args.log_level.as_deref(), Some("info"));
-        assert_eq!((args.rosout, args.stdout), (Switch::Off, Switch::On));
-        let (args, _) = parse("--ros-args --disable-rosout-logs --enable-rosout-logs --disable-stdout-logs")
-            .expect("a valid line");
-        assert_eq!((args.rosout, args.stdout), (Switch::On, Switch::Off));
+        assert_eq!(args.log_levels, [LogLevel { logger: None, level: "info" }]);
+    }
+
+    #[test]
+    fn a_rule_for_a_node_means_that_node_alone() {
+        let line = "--ros-args -r camera:__node:=eye -r other:__ns:=/no -r eye:__ns:=/car -r eye:a:=/b \
+                    -r other:c:=/d -r c:=/e -r c:=/f -r rostopic://g:=rostopic:///h";
+        let (args, _) = parse(line).expect("a valid line");
+        let place = args.place("camera").expect("valid names");
+        assert_eq!(place.fully_qualified(), "/car/eye");
+        for (from, to) in [("a", "/b"), ("c", "/e"), ("g", "/h"), ("x", "/car/x")] {
+            assert_eq!(place.resolve(from).as_deref(), Ok(to), "{from}");
+        }
+        assert_eq!(args.place("unwrap").expect("valid").fully_qualified(), "/unwrap");
+    }
+
+    #[test]
+    fn log_levels_are_for_all_or_for_one_logger() {
+        let line = "--ros-args --log-level DEBUG --log-level rcl:=fatal --disable-stdout-logs --disable-rosout-logs \
+                    --enable-rosout-logs --log-config-file f --disable-external-lib-logs";
+        let (args, _) = parse(line).expect("a valid line");
+        assert_eq!((args.log_level_of("eye"), args.log_level_of("rcl")), (Some("debug"), Some("error")));
+        assert_eq!((args.rosout_logs, args.stdout_logs), (Logs::Enabled, Logs::Disabled));
     }
 
     #[test]
     fn refuses_what_it_does_not_know() {
         for (line, named) in [
-            ("--ros-args --frobnicate x", "--frobnicate"),
+            ("--ros-args --frobnicate", "--frobnicate' is unknown; -r, -p"),
             ("--ros-args -p alpha=2", "alpha=2"),
-            ("--ros-args -r", "-r"),
+            ("--ros-args -r", "-r' needs a value"),
+            ("--ros-args --log-level loud", "loud' is no log level"),
+            ("--ros-args alpha:=2", "alpha:=2' is unknown"),
         ] {
             let message = parse(line).expect_err("must be refused").to_string();
             assert!(message.contains(named), "{message}");
@@ -305,17 +309,15 @@ mod tests {
     }
 
     #[test]
-    fn parameter_files_have_wildcards_and_nesting() {
+    fn later_settings_come_later() {
         let file = std::env::temp_dir().join(format!("modulo-ros-args-{}.yaml", std::process::id()));
-        let text = "/**:\n  ros__parameters:\n    alpha: 2\n    list: [a, b]\n/car/*:\n  ros__parameters:\n    \
-                    trust: {limit: 0.5}\n/other/eye:\n  ros__parameters: {alpha: 9}\n";
-        std::fs::write(&file, text).expect("temp dir is writable");
-        let place = Place::new("eye", "/car", &[]).expect("valid");
-        let (args, _) = parse(&format!("--ros-args --params-file {}", file.display())).expect("valid");
-        let found = args.parameters_for(&place);
+        std::fs::write(&file, "/**:\n  ros__parameters: {alpha: 2}\n").expect("temp dir is writable");
+        let line =
+            format!("--ros-args -p alpha:=1 --params-file {} -p alpha:=3 -p n:alpha:=4", file.display());
+        let found = parse(&line).map(|(args, _)| args.parameters_for(&args.place("n").expect("valid")));
         std::fs::remove_file(&file).expect("was written");
-        let expected = [("alpha", "2"), ("list", "[a, b]"), ("trust.limit", "0.5")];
-        assert_eq!(found, Ok(expected.map(|(n, v)| (n.to_owned(), v.to_owned())).to_vec()));
+        let values: Vec<_> = found.expect("valid").expect("readable").into_iter().map(|(_, v)| v).collect();
+        assert_eq!(values, ["1", "2", "3", "4"]);
     }
 
     #[test]

@@ -64,12 +64,12 @@ pub fn node(args: &Node) -> Result<Ended, Failure> {
     Ok(Ended::Done)
 }
 
-fn absolute(name: &str) -> String {
+pub fn absolute(name: &str) -> String {
     format!("/{}", name.trim_matches('/'))
 }
 
 /// The graph, once it has stopped changing.
-fn calm(transport: &ZenohTransport) -> Graph {
+pub fn calm(transport: &ZenohTransport) -> Graph {
     let (mut graph, mut unchanged, mut waited) = (transport.graph(), Duration::ZERO, Duration::ZERO);
     while unchanged < CALM && waited < PATIENCE {
         std::thread::sleep(GLANCE);

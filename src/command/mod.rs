@@ -23,7 +23,7 @@ use std::io::IsTerminal;
 use std::sync::Arc;
 
 use anyhow::{Context, anyhow};
-use modulo_runtime::ros_args::Switch;
+use modulo_runtime::ros_args::Logs;
 use modulo_runtime::rosout::RosoutLayer;
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::{Clock, SystemClock};
@@ -59,11 +59,11 @@ fn usage(why: impl Into<anyhow::Error>) -> Failure {
 
 /// Logs go to standard error; `RUST_LOG` chooses, `info` of the suite without.
 fn start_log(level: Option<&str>) {
-    start_log_with(level, Switch::On, None);
+    start_log_with(level, Logs::Enabled, None);
 }
 
 /// The log of a node: `shown` on standard error or not, and on `/rosout` too.
-fn start_log_with(level: Option<&str>, shown: Switch, rosout: Option<RosoutLayer>) {
+fn start_log_with(level: Option<&str>, shown: Logs, rosout: Option<RosoutLayer>) {
     let default = format!(
         "warn,modulo={0},modulo_camera={0},modulo_unwrap={0},modulo_detector={0},\
                            modulo_runtime={0},modulo_bags={0},modulo_launch={0}",
@@ -74,7 +74,7 @@ fn start_log_with(level: Option<&str>, shown: Switch, rosout: Option<RosoutLayer
         .with_writer(std::io::stderr)
         .with_ansi(std::io::stderr().is_terminal())
         .with_target(false);
-    let lines = (shown == Switch::On).then_some(lines);
+    let lines = (shown == Logs::Enabled).then_some(lines);
     // Fails only when a log was started before, which then goes on.
     let _ = tracing_subscriber::registry().with(filter).with(lines).with(rosout).try_init();
 }

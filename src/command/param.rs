@@ -1,20 +1,26 @@
 //! `modulo param`: parameters of running nodes, through the services that
 //! `ros2 param` uses.
 
+use std::collections::BTreeSet;
+use std::io::Write as _;
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use modulo_msgs::cdr;
 use modulo_msgs::rcl_interfaces::{
-    GetParametersRequest, GetParametersResponse, ListParametersRequest, ListParametersResponse, Parameter,
+    DescribeParametersRequest, DescribeParametersResponse, GetParametersRequest, GetParametersResponse,
+    ListParametersRequest, ListParametersResponse, Parameter, ParameterDescriptor, ParameterType,
     ParameterValue, SetParametersRequest, SetParametersResponse,
 };
-use modulo_runtime::Value;
 use modulo_runtime::parameter_service::{Service, from_ros, to_ros};
+use modulo_runtime::parameter_text::{bare, described, labelled, type_name};
 use modulo_runtime::transport::Transport;
+use modulo_runtime::transport::graph::Graph;
+use modulo_runtime::transport::keys::{EntityKind, Token};
 use modulo_runtime::transport::zenoh::ZenohTransport;
+use modulo_runtime::{Value, parameter_file};
 
-use super::open_session;
+use super::{graph, open_session};
 use crate::cli::Param;
 use crate::{Ended, Failure};
 
@@ -25,19 +31,34 @@ const PATIENCE: Duration = Duration::from_secs(5);
 pub fn param(args: &Param) -> Result<Ended, Failure> {
     let (_clock, transport) = open_session()?;
     match args {
-        Param::List { node } => {
-            let names = list(&transport, node)?;
-            for (name, value) in names.iter().zip(get(&transport, node, &names)?) {
-                say!("{name}: {}", shown(value));
+        Param::List { node: Some(node), param_type } => print_names(&transport, node, *param_type)?,
+        Param::List { node: None, param_type } => {
+            for node in serving(&graph::calm(&transport)) {
+                say!("{node}:");
+                print_names(&transport, &node, *param_type)?;
             }
         }
-        Param::Get { node, name } => {
+        Param::Get { node, name, hide_type } => {
             let value = get(&transport, node, std::slice::from_ref(name))?.pop().unwrap_or_default();
-            let known = from_ros(value.clone()).is_ok();
-            say!("{}", shown(value));
-            if !known {
+            if value.r#type == ParameterType::NOT_SET {
                 return Err(Failure::Run(anyhow!("{node} has no parameter '{name}'")));
             }
+            say!("{}", if *hide_type { bare(&value) } else { labelled(&value) });
+        }
+        Param::Describe { node, names } => {
+            for descriptor in describe(&transport, node, names)? {
+                if descriptor.r#type == ParameterType::NOT_SET {
+                    return Err(Failure::Run(anyhow!("{node} has no parameter '{}'", descriptor.name)));
+                }
+                say!("{}", described(&descriptor));
+            }
+        }
+        Param::Dump { node } => {
+            let names = list(&transport, node)?;
+            let values = get(&transport, node, &names)?;
+            let all: Vec<_> = names.into_iter().zip(values).collect();
+            let node = graph::absolute(node);
+            let _ = std::io::stdout().write_all(parameter_file::write(&node, &all).as_bytes());
         }
         Param::Set { node, name, value } => set(&transport, node, name, value)?,
     }
@@ -45,8 +66,26 @@ pub fn param(args: &Param) -> Result<Ended, Failure> {
     Ok(Ended::Done)
 }
 
-fn shown(value: ParameterValue) -> String {
-    from_ros(value).map_or_else(|_| "not set".to_owned(), |value| value.to_string())
+/// The nodes whose parameters can be asked for.
+fn serving(graph: &Graph) -> BTreeSet<String> {
+    let lists = |token: &Token| {
+        let endpoint = token.endpoint.as_ref()?;
+        endpoint.topic.strip_suffix("/list_parameters").map(str::to_owned)
+    };
+    graph.tokens().filter(|token| token.kind == EntityKind::Server).filter_map(lists).collect()
+}
+
+fn print_names(transport: &ZenohTransport, node: &str, types: bool) -> anyhow::Result<()> {
+    let mut names = list(transport, node)?;
+    names.sort();
+    if !types {
+        names.iter().for_each(|name| say!("  {name}"));
+        return Ok(());
+    }
+    for descriptor in describe(transport, node, &names)? {
+        say!("  {} (type: {})", descriptor.name, type_name(descriptor.r#type));
+    }
+    Ok(())
 }
 
 /// Calls one of the node's parameter services, once the node has been found.
@@ -56,7 +95,7 @@ fn call(
     service: Service,
     request: Vec<u8>,
 ) -> anyhow::Result<Vec<u8>> {
-    let node = format!("/{}", node.trim_matches('/'));
+    let node = graph::absolute(node);
     for _ in 0..PATIENCE.as_millis() / 20 {
         if transport.is_ready(&node) {
             break;
@@ -80,6 +119,16 @@ fn get(transport: &ZenohTransport, node: &str, names: &[String]) -> anyhow::Resu
     Ok(cdr::from_slice::<GetParametersResponse>(&answer)?.values)
 }
 
+fn describe(
+    transport: &ZenohTransport,
+    node: &str,
+    names: &[String],
+) -> anyhow::Result<Vec<ParameterDescriptor>> {
+    let request = cdr::to_vec(&DescribeParametersRequest { names: names.to_vec() })?;
+    let answer = call(transport, node, Service::Describe, request)?;
+    Ok(cdr::from_slice::<DescribeParametersResponse>(&answer)?.descriptors)
+}
+
 /// The present value tells the type that the text is read as.
 fn set(transport: &ZenohTransport, node: &str, name: &str, text: &str) -> anyhow::Result<()> {
     let present = get(transport, node, &[name.to_owned()])?.pop().unwrap_or_default();
@@ -91,10 +140,10 @@ fn set(transport: &ZenohTransport, node: &str, name: &str, text: &str) -> anyhow
     let answer = call(transport, node, Service::Set, cdr::to_vec(&SetParametersRequest { parameters })?)?;
     match cdr::from_slice::<SetParametersResponse>(&answer)?.results.pop() {
         Some(result) if result.successful => {
-            say!("{node} {name} = {value}");
+            say!("Set parameter successful");
             Ok(())
         }
-        Some(result) => Err(anyhow!("{node} refused: {}", result.reason)),
+        Some(result) => Err(anyhow!("Setting parameter failed: {}", result.reason)),
         None => Err(anyhow!("{node} gave no result")),
     }
 }

@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use modulo_runtime::driver::live::{self, Subject};
-use modulo_runtime::ros_args::{RosArgs, Switch};
+use modulo_runtime::ros_args::{Logs, RosArgs};
 use modulo_runtime::rosout::{self, LogQueue};
 use modulo_runtime::saved_parameters::SavedParameters;
 use modulo_runtime::signals::end_on_signals;
-use modulo_runtime::{Descriptor, NodeReport, Stop, SystemClock, launcher};
+use modulo_runtime::{Descriptor, NodeReport, Place, Stop, SystemClock, launcher};
 
 use super::{hash, open_session, start_log_with, usage};
 use crate::cli::Run;
@@ -33,12 +33,12 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
     if let Some(argument) = own.first() {
         return Err(usage(anyhow::anyhow!("{}: '{argument}' is unknown; try --help", kind.name)));
     }
-    let log = start_log(&ros);
+    let place = ros.place(kind.name).map_err(usage)?;
+    let log = start_log(&ros, &place);
     let stop = Stop::default();
     end_on_signals(&stop).context("signal handlers")?;
     launcher::end_with_launcher(&stop).context("watch of the launcher")?;
 
-    let place = ros.place(kind.name).map_err(usage)?;
     let settings = ros.parameters_for(&place).map_err(usage)?;
     let named = place.fully_qualified();
     let refused = |why: anyhow::Error| usage(why.context(named.clone()));
@@ -61,12 +61,12 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
 }
 
 /// Starts the log; what goes to `/rosout` waits in the queue.
-fn start_log(ros: &RosArgs) -> Option<LogQueue> {
-    let (layer, queue) = match ros.rosout {
-        Switch::On => Some(rosout::layer(Arc::new(SystemClock::default()))).unzip(),
-        Switch::Off => (None, None),
+fn start_log(ros: &RosArgs, place: &Place) -> Option<LogQueue> {
+    let (layer, queue) = match ros.rosout_logs {
+        Logs::Enabled => Some(rosout::layer(Arc::new(SystemClock::default()))).unzip(),
+        Logs::Disabled => (None, None),
     };
-    start_log_with(ros.log_level.as_deref(), ros.stdout, layer);
+    start_log_with(ros.log_level_of(&place.name), ros.stdout_logs, layer);
     queue
 }
 

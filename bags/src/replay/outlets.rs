@@ -12,9 +12,6 @@ use modulo_runtime::{Place, Qos};
 
 use crate::bag::{BagReader, BagTopic, RawMessage, qos};
 
-/// What stands for the hash of a type that nobody knows, as ROS 2 Humble has it.
-const NO_HASH: &str = "TypeHashNotSupported";
-
 /// Publishers of the topics of a bag.
 pub(super) struct Outlets {
     by_topic: BTreeMap<String, Named>,
@@ -116,7 +113,7 @@ fn endpoint(topic: &BagTopic, place: &Place) -> Result<Endpoint, TransportError>
     let named = |why: modulo_runtime::name::NameError| TransportError::new("topic of the bag", why);
     let computed = || {
         let text = String::from_utf8_lossy(&topic.schema);
-        modulo_msgs::type_hash_of_schema(&topic.type_name, &text).unwrap_or_else(|_| NO_HASH.to_owned())
+        modulo_msgs::type_hash_of_schema(&topic.type_name, &text).unwrap_or_else(|_| keys::NO_HASH.to_owned())
     };
     Ok(Endpoint {
         topic: place.resolve(&topic.name).map_err(named)?,

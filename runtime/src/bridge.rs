@@ -1,0 +1,209 @@
+//! What a bridge to another ROS graph forwards: its parameters, and the plan that
+//! they make. No transport is known here, and none of the other graph's; the
+//! bridge itself is `nodes/ros2_bridge`.
+//!
+//! Nothing can go round in a circle: a topic is forwarded in one direction, so
+//! that the bridge never reads on a side what it publishes there.
+
+use std::collections::BTreeMap;
+
+use modulo_msgs::{dds_name, rihs};
+
+use crate::name::Place;
+use crate::parameter::{Allowed, Descriptor, Parameters, Refusal, Value};
+use crate::topic::Qos;
+use crate::transport::keys::{self, Endpoint};
+
+const OUTWARD: &str = "zenoh_to_dds";
+const INWARD: &str = "dds_to_zenoh";
+const NODES: &str = "parameters_of";
+
+/// Which way a topic goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Direction {
+    /// From the DDS graph to the suite.
+    DdsToZenoh,
+    /// From the suite to the DDS graph.
+    ZenohToDds,
+}
+
+/// A topic that is forwarded.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Route {
+    /// Absolute name, the same on both sides.
+    pub topic: String,
+    /// Such as `sensor_msgs/msg/Image`.
+    pub ros_type: String,
+    /// Hash of that type.
+    pub type_hash: String,
+    /// Which way.
+    pub direction: Direction,
+    /// How it is carried on both sides.
+    pub qos: Qos,
+}
+
+/// Everything that is forwarded.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Plan {
+    /// The topics.
+    pub routes: Vec<Route>,
+    /// Nodes of the suite, fully qualified, whose parameter services the DDS graph can call.
+    pub nodes: Vec<String>,
+}
+
+/// The bridge's parameters.
+pub fn declare() -> Vec<Descriptor> {
+    let list = |name, text| Descriptor::new(name, Value::Strings(Vec::new()), Allowed::Any, text).fixed();
+    vec![
+        list(
+            OUTWARD,
+            "topics of the suite for the DDS graph, as topic:type, /recovered:sensor_msgs/msg/Image",
+        ),
+        list(INWARD, "topics of the DDS graph for the suite, as topic:type"),
+        list(NODES, "nodes of the suite whose parameters the DDS graph can read and set, such as /detector"),
+    ]
+}
+
+impl Plan {
+    /// The plan of a bridge at `place`.
+    ///
+    /// # Errors
+    /// [`Refusal`] of an entry that is no `topic:type`, has a type that the
+    /// suite does not know, or would go both ways.
+    pub fn new(parameters: &Parameters, place: &Place) -> Result<Self, Refusal> {
+        let mut routes = Vec::new();
+        let mut known: BTreeMap<String, &str> = BTreeMap::new();
+        for (list, direction) in [(OUTWARD, Direction::ZenohToDds), (INWARD, Direction::DdsToZenoh)] {
+            for entry in parameters.strings(list) {
+                let route = route(list, entry, direction, place)?;
+                if let Some(other) = known.insert(route.topic.clone(), list) {
+                    let why = if other == list {
+                        "is there twice".to_owned()
+                    } else {
+                        format!("is in {other} too: a topic that goes both ways never ends")
+                    };
+                    return Err(Refusal::new(list, entry, why));
+                }
+                routes.push(route);
+            }
+        }
+        let nodes = parameters
+            .strings(NODES)
+            .iter()
+            .map(|node| place.resolve(node).map_err(|why| Refusal::new(NODES, node, why.to_string())));
+        Ok(Self { routes, nodes: nodes.collect::<Result<_, _>>()? })
+    }
+}
+
+fn route(list: &str, entry: &str, direction: Direction, place: &Place) -> Result<Route, Refusal> {
+    let refuse = |why: String| Refusal::new(list, entry, why);
+    let (topic, ros_type) = entry
+        .split_once(':')
+        .ok_or_else(|| refuse("must be topic:type, such as /recovered:sensor_msgs/msg/Image".to_owned()))?;
+    let topic = place.resolve(topic.trim()).map_err(|why| refuse(why.to_string()))?;
+    let ros_type = ros_type.trim();
+    let type_hash = rihs::type_hash(ros_type).filter(|_| ros_type.contains("/msg/")).ok_or_else(|| {
+        let known = modulo_msgs::interface::names().filter(|name| name.contains("/msg/"));
+        refuse(format!("the type is unknown, known are {}", known.collect::<Vec<_>>().join(", ")))
+    })?;
+    Ok(Route { topic, ros_type: ros_type.to_owned(), type_hash, direction, qos: qos_for(ros_type) })
+}
+
+/// As the suite's own topics of that type.
+fn qos_for(ros_type: &str) -> Qos {
+    match ros_type {
+        "sensor_msgs/msg/Image" | "sensor_msgs/msg/CompressedImage" | "sensor_msgs/msg/CameraInfo" => {
+            Qos::Images
+        }
+        "rosgraph_msgs/msg/Clock" => Qos::Clock,
+        "rcl_interfaces/msg/ParameterEvent" => Qos::Events,
+        "rcl_interfaces/msg/Log" => Qos::Logs,
+        _ => Qos::Results,
+    }
+}
+
+impl Route {
+    /// The endpoint on the suite's side.
+    pub fn endpoint(&self) -> Endpoint {
+        Endpoint {
+            topic: self.topic.clone(),
+            dds_type: dds_name(&self.ros_type),
+            type_hash: self.type_hash.clone(),
+            qos: keys::qos_string(self.qos).to_owned(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use proptest::prelude::*;
+
+    const IMAGE: &str = "sensor_msgs/msg/Image";
+
+    fn plan(outward: &[&str], inward: &[&str], nodes: &[&str]) -> Result<Plan, String> {
+        let list = |items: &[&str]| Value::Strings(items.iter().map(|item| (*item).to_owned()).collect());
+        let set = [(OUTWARD, outward), (INWARD, inward), (NODES, nodes)];
+        let changes: Vec<_> = set.iter().map(|(name, items)| ((*name).to_owned(), list(items))).collect();
+        let parameters = Parameters::declare(declare()).with(&changes, false).expect("lists");
+        let place = Place::new("ros2_bridge", "/car", &[("old".into(), "/new".into())]).expect("valid");
+        Plan::new(&parameters, &place).map_err(|refusal| refusal.to_string())
+    }
+
+    #[test]
+    fn topics_have_one_direction_and_the_quality_of_their_type() {
+        let out = format!("recovered:{IMAGE}");
+        let plan =
+            plan(&[&out], &["/tf_is_not:rosgraph_msgs/msg/Clock", "old:std_msgs/msg/String"], &["/detector"])
+                .expect("valid");
+        let found: Vec<_> = plan.routes.iter().map(|r| (r.topic.as_str(), r.direction, r.qos)).collect();
+        let expected = [
+            ("/car/recovered", Direction::ZenohToDds, Qos::Images),
+            ("/tf_is_not", Direction::DdsToZenoh, Qos::Clock),
+            ("/new", Direction::DdsToZenoh, Qos::Results),
+        ];
+        assert_eq!(found, expected);
+        assert_eq!(plan.nodes, ["/detector"]);
+        let endpoint = plan.routes[0].endpoint();
+        assert_eq!(endpoint.dds_type, "sensor_msgs::msg::dds_::Image_");
+        assert!(endpoint.type_hash.starts_with("RIHS01_"), "{endpoint:?}");
+    }
+
+    #[test]
+    fn refusals_name_the_entry_and_the_remedy() {
+        for (outward, inward, why) in [
+            (&["/a"][..], &[][..], "'zenoh_to_dds' = /a: must be topic:type"),
+            (&["/a:b/msg/C"], &[], "the type is unknown, known are "),
+            (&["/a:std_srvs/srv/SetBool"], &[], "the type is unknown"),
+            (&["a b:std_msgs/msg/String"], &[], "is not a ROS name"),
+            (&["/a:std_msgs/msg/String", "/a:std_msgs/msg/String"], &[], "is there twice"),
+            (&["/a:std_msgs/msg/String"], &["/a:std_msgs/msg/String"], "is in zenoh_to_dds too"),
+            (&["/new:std_msgs/msg/String"], &["old:std_msgs/msg/String"], "is in zenoh_to_dds too"),
+        ] {
+            let error = plan(outward, inward, &[]).expect_err(why);
+            assert!(error.contains(why), "{error}");
+        }
+        assert!(plan(&[], &[], &["1st"]).is_err());
+    }
+
+    proptest! {
+        /// On no side does the bridge read what it publishes there.
+        #[test]
+        fn nothing_goes_round(outward in topics(), inward in topics()) {
+            let entries = |topics: Vec<String>| topics.iter().map(|t| format!("{t}:{IMAGE}")).collect::<Vec<_>>();
+            let (outward, inward) = (entries(outward), entries(inward));
+            let outward: Vec<&str> = outward.iter().map(String::as_str).collect();
+            let inward: Vec<&str> = inward.iter().map(String::as_str).collect();
+            if let Ok(plan) = plan(&outward, &inward, &[]) {
+                let topics: BTreeSet<_> = plan.routes.iter().map(|route| &route.topic).collect();
+                prop_assert_eq!(topics.len(), outward.len() + inward.len());
+            }
+        }
+    }
+
+    fn topics() -> impl Strategy<Value = Vec<String>> {
+        prop::collection::vec("(/car/)?(a|b|old)|/new|~/a", 0..3)
+    }
+}

@@ -1,0 +1,256 @@
+//! Parameter files as `rcl_yaml_param_parser` reads and `ros2 param dump` writes
+//! them:
+//!
+//! ```yaml
+//! /**:                      # any node; /* is one part of a name, /** any number
+//!   ros__parameters:
+//!     alpha: 4.0
+//! /front/unwrap:            # or nested: front: {unwrap: {ros__parameters: ...}}
+//!   ros__parameters:
+//!     trust: {limit: 0.5}   # the parameter trust.limit
+//! ```
+//!
+//! Later entries win over earlier ones. No type is known here: values stay text.
+
+use std::path::Path;
+
+use modulo_msgs::rcl_interfaces::ParameterValue;
+use saphyr::Yaml as Node;
+
+use crate::name::Place;
+use crate::parameter_text::{self, Yaml};
+use crate::ros_args::ArgsError;
+use crate::yaml_text;
+
+/// The key under which a node's parameters stand.
+const PARAMETERS: &str = "ros__parameters";
+
+/// The parameters in the file at `path` for the node at `place`, as (name,
+/// text), in order.
+///
+/// # Errors
+/// [`ArgsError::File`] when it cannot be read or is no parameter file.
+pub fn read(path: &Path, place: &Place) -> Result<Vec<(String, String)>, ArgsError> {
+    let wrong = |why: String| ArgsError::File { path: path.display().to_string(), why };
+    let text = std::fs::read_to_string(path).map_err(|why| wrong(why.to_string()))?;
+    parse(&text, place).map_err(wrong)
+}
+
+fn parse(text: &str, place: &Place) -> Result<Vec<(String, String)>, String> {
+    let documents = yaml_text::documents(text)?;
+    let mut found = Vec::new();
+    match documents.first() {
+        Some(Node::Mapping(nodes)) if documents.len() == 1 => {
+            for (name, body) in nodes {
+                node(&key(name)?, body, place, &mut found)?;
+            }
+            Ok(found)
+        }
+        _ => Err("must be one mapping of node names".into()),
+    }
+}
+
+/// One node, or a namespace with several.
+fn node(
+    pattern: &str,
+    body: &Node<'_>,
+    place: &Place,
+    found: &mut Vec<(String, String)>,
+) -> Result<(), String> {
+    let Node::Mapping(entries) = body else {
+        return Err(format!("'{pattern}' has no mapping '{PARAMETERS}'"));
+    };
+    for (name, value) in entries {
+        let name = key(name)?;
+        if name != PARAMETERS {
+            node(&format!("{pattern}/{name}"), value, place, found)?;
+            continue;
+        }
+        let Node::Mapping(parameters) = value else {
+            return Err(format!("'{PARAMETERS}' of '{pattern}' must be a mapping"));
+        };
+        for (name, value) in parameters {
+            let mut all = Vec::new();
+            flatten(&key(name)?, value, &mut all)?;
+            found.extend(all.into_iter().filter(|_| matches(pattern, place)));
+        }
+    }
+    Ok(())
+}
+
+fn key(node: &Node<'_>) -> Result<String, String> {
+    match node {
+        Node::Representation(text, ..) => Ok(text.to_string()),
+        _ => Err("a key must be a word".to_owned()),
+    }
+}
+
+/// Whether the name of a node in a file, with `*` for one part of a name and
+/// `**` for any number, means the node at `place`.
+fn matches(pattern: &str, place: &Place) -> bool {
+    fn all(pattern: &[&str], name: &[&str]) -> bool {
+        match (pattern, name) {
+            ([], []) => true,
+            (["**", rest @ ..], _) => (0..=name.len()).any(|skip| all(rest, &name[skip..])),
+            (["*", rest @ ..], [_, name @ ..]) => all(rest, name),
+            ([part, rest @ ..], [first, name @ ..]) => part == first && all(rest, name),
+            _ => false,
+        }
+    }
+    all(&parts(pattern), &parts(&place.fully_qualified()))
+}
+
+fn parts(name: &str) -> Vec<&str> {
+    name.split('/').filter(|part| !part.is_empty()).collect()
+}
+
+/// Nested mappings are names with dots.
+fn flatten(name: &str, value: &Node<'_>, found: &mut Vec<(String, String)>) -> Result<(), String> {
+    let no_value = || format!("parameter '{name}' has no value that a parameter can have");
+    let text = match value {
+        Node::Mapping(inner) => {
+            return inner
+                .iter()
+                .try_for_each(|(part, value)| flatten(&format!("{name}.{}", key(part)?), value, found));
+        }
+        Node::Sequence(items) => {
+            let items: Option<Vec<String>> = items.iter().map(yaml_text::scalar).collect();
+            format!("[{}]", items.ok_or_else(no_value)?.join(", "))
+        }
+        scalar => yaml_text::scalar(scalar).ok_or_else(no_value)?,
+    };
+    found.push((name.to_owned(), text));
+    Ok(())
+}
+
+/// What `ros2 param dump` prints: the parameters of the fully qualified `node`,
+/// by name, dots as nesting. Parameters that are not set are left out.
+pub fn write(node: &str, parameters: &[(String, ParameterValue)]) -> String {
+    let mut sorted: Vec<_> = parameters.iter().collect();
+    sorted.sort_by(|a, b| a.0.split('.').cmp(b.0.split('.')));
+    let mut text = format!("{node}:\n  {PARAMETERS}:\n");
+    let mut open: Vec<&str> = Vec::new();
+    for (name, value) in sorted {
+        let Some(value) = parameter_text::yaml(value) else { continue };
+        let (groups, last) = name.rsplit_once('.').unwrap_or(("", name));
+        let groups: Vec<&str> = groups.split('.').filter(|group| !group.is_empty()).collect();
+        let common = open.iter().zip(&groups).take_while(|(a, b)| a == b).count();
+        open.truncate(common);
+        for group in &groups[common..] {
+            text += &format!("{:1$}{group}:\n", "", 4 + 2 * open.len());
+            open.push(group);
+        }
+        let indent = " ".repeat(4 + 2 * open.len());
+        text += &match value {
+            Yaml::Scalar(scalar) => format!("{indent}{last}: {scalar}\n"),
+            Yaml::List(items) if items.is_empty() => format!("{indent}{last}: []\n"),
+            Yaml::List(items) => {
+                let items: String = items.iter().map(|item| format!("{indent}- {item}\n")).collect();
+                format!("{indent}{last}:\n{items}")
+            }
+        };
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parameter::Value;
+    use crate::parameter_service::to_ros;
+
+    fn read(text: &str) -> Result<Vec<(String, String)>, String> {
+        parse(text, &Place::new("eye", "/car", &[]).expect("valid"))
+    }
+
+    fn pairs(expected: &[(&str, &str)]) -> Vec<(String, String)> {
+        expected.iter().map(|(name, text)| ((*name).to_owned(), (*text).to_owned())).collect()
+    }
+
+    /// The rule of `rclcpp`: `/*` is one part of a name, `/**` any number.
+    #[test]
+    fn wildcards_mean_what_they_mean_in_ros() {
+        let place = Place::new("eye", "/car", &[]).expect("valid");
+        for (pattern, meant) in [
+            ("/**", true),
+            ("**", true),
+            ("/car/eye", true),
+            ("car/eye", true),
+            ("/*/eye", true),
+            ("/car/*", true),
+            ("/car/**", true),
+            ("/car/eye/**", true),
+            ("/**/eye", true),
+            ("/*/*", true),
+            ("/*", false),
+            ("/eye", false),
+            ("eye", false),
+            ("/car", false),
+            ("/*/*/*", false),
+            ("/**/ear", false),
+            ("/ca*/eye", false),
+        ] {
+            assert_eq!(matches(pattern, &place), meant, "{pattern}");
+        }
+    }
+
+    #[test]
+    fn later_entries_come_later_whatever_they_are() {
+        let text = "/car/eye:\n  ros__parameters: {alpha: 2}\n/**:\n  ros__parameters: {alpha: 3, beta: 1}\n\
+                    /other:\n  ros__parameters: {alpha: 4}\n";
+        assert_eq!(read(text), Ok(pairs(&[("alpha", "2"), ("alpha", "3"), ("beta", "1")])));
+    }
+
+    #[test]
+    fn names_and_parameters_nest() {
+        let text = "car:\n  eye:\n    ros__parameters:\n      trust: {limit: 0.5, deep: {on: true}}\n      \
+                    list: [a, 'b, c', 3]\n  ear:\n    ros__parameters: {list: [d]}\n";
+        let expected = [("trust.limit", "0.5"), ("trust.deep.on", "true"), ("list", "[a, 'b, c', 3]")];
+        assert_eq!(read(text), Ok(pairs(&expected)));
+    }
+
+    #[test]
+    fn quotes_and_notation_stay() {
+        let text = "/**:\n  ros__parameters: {a: 4.0, b: '8', c: \"x\", d: 1.0e+3}\n";
+        assert_eq!(read(text), Ok(pairs(&[("a", "4.0"), ("b", "'8'"), ("c", "'x'"), ("d", "1.0e+3")])));
+    }
+
+    #[test]
+    fn what_is_no_parameter_file_says_why() {
+        for (text, why) in [
+            ("[a]", "must be one mapping of node names"),
+            ("", "must be one mapping of node names"),
+            ("/eye: 3", "'/eye' has no mapping 'ros__parameters'"),
+            ("/eye: {alpha: 3}", "'/eye/alpha' has no mapping"),
+            ("/eye: {ros__parameters: 3}", "'ros__parameters' of '/eye' must be a mapping"),
+            ("/eye: {ros__parameters: {a: [{b: 1}]}}", "parameter 'a' has no value"),
+            ("a: [1", "line"),
+        ] {
+            let error = read(text).expect_err(text);
+            assert!(error.contains(why), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn what_is_written_is_what_ros2_param_dump_prints_and_reads_back() {
+        let set = [
+            ("wait_for", Value::Strings(vec!["a".into(), "b c".into()])),
+            ("alpha", Value::Double(4.0)),
+            ("trust.limit", Value::Integer(3)),
+            ("trust.deep.on", Value::Bool(true)),
+            ("none", Value::Strings(Vec::new())),
+            ("input", Value::String("no".into())),
+        ];
+        let values: Vec<_> = set.iter().map(|(name, v)| ((*name).to_owned(), to_ros(Some(v)))).collect();
+        let text = write("/car/eye", &values);
+        let expected = "/car/eye:\n  ros__parameters:\n    alpha: 4.0\n    input: 'no'\n    none: []\n    trust:\n      \
+                        deep:\n        on: true\n      limit: 3\n    wait_for:\n    - a\n    - 'b c'\n";
+        assert_eq!(text, expected);
+        let back = read(&text).expect("readable");
+        assert_eq!(back.len(), set.len());
+        for (name, value) in &set {
+            let (_, text) = back.iter().find(|(other, _)| other == name).expect("is there");
+            assert_eq!(value.parse_like(text).as_ref(), Some(value), "{name}");
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! Values and descriptors of parameters as `ros2 param get` and `describe` print
+//! them and as `ros2 param dump` writes them. Of any node's parameters, also of
+//! types that none of the suite has.
+
+use modulo_msgs::rcl_interfaces::{ParameterDescriptor, ParameterType, ParameterValue};
+
+use crate::yaml_text::{of_double, of_string};
+
+/// A value as YAML scalars.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Yaml {
+    /// One.
+    Scalar(String),
+    /// An array.
+    List(Vec<String>),
+}
+
+/// The value as YAML; `None` when it is not set.
+pub fn yaml(value: &ParameterValue) -> Option<Yaml> {
+    Some(match value.r#type {
+        ParameterType::BOOL => Yaml::Scalar(value.bool_value.to_string()),
+        ParameterType::INTEGER => Yaml::Scalar(value.integer_value.to_string()),
+        ParameterType::DOUBLE => Yaml::Scalar(of_double(value.double_value)),
+        ParameterType::STRING => Yaml::Scalar(of_string(&value.string_value)),
+        ParameterType::BYTE_ARRAY => list(&value.byte_array_value, u8::to_string),
+        ParameterType::BOOL_ARRAY => list(&value.bool_array_value, bool::to_string),
+        ParameterType::INTEGER_ARRAY => list(&value.integer_array_value, i64::to_string),
+        ParameterType::DOUBLE_ARRAY => list(&value.double_array_value, |v| of_double(*v)),
+        ParameterType::STRING_ARRAY => list(&value.string_array_value, |v| of_string(v)),
+        _ => return None,
+    })
+}
+
+fn list<T>(items: &[T], text: impl Fn(&T) -> String) -> Yaml {
+    Yaml::List(items.iter().map(text).collect())
+}
+
+/// The value with its type, as `ros2 param get` prints it: `Double value is: 4.0`.
+pub fn labelled(value: &ParameterValue) -> String {
+    let kind = match value.r#type {
+        ParameterType::BOOL | ParameterType::BOOL_ARRAY => "Boolean",
+        ParameterType::INTEGER | ParameterType::INTEGER_ARRAY => "Integer",
+        ParameterType::DOUBLE | ParameterType::DOUBLE_ARRAY => "Double",
+        ParameterType::STRING | ParameterType::STRING_ARRAY => "String",
+        ParameterType::BYTE_ARRAY => "Byte",
+        _ => return "Parameter not set.".to_owned(),
+    };
+    let is = if matches!(yaml(value), Some(Yaml::List(_))) { "values are" } else { "value is" };
+    format!("{kind} {is}: {}", bare(value))
+}
+
+/// The value alone, in Python's notation as `ros2 param get --hide-type` prints it.
+pub fn bare(value: &ParameterValue) -> String {
+    let python = |text: &str| match text {
+        "true" => "True".to_owned(),
+        "false" => "False".to_owned(),
+        number => number.to_owned(),
+    };
+    match value.r#type {
+        ParameterType::STRING => value.string_value.clone(),
+        ParameterType::STRING_ARRAY => {
+            let items =
+                value.string_array_value.iter().map(|item| format!("'{}'", item.replace('\'', "\\'")));
+            format!("[{}]", items.collect::<Vec<_>>().join(", "))
+        }
+        _ => match yaml(value) {
+            None => "None".to_owned(),
+            Some(Yaml::Scalar(text)) => python(&text),
+            Some(Yaml::List(items)) => {
+                format!("[{}]", items.iter().map(|item| python(item)).collect::<Vec<_>>().join(", "))
+            }
+        },
+    }
+}
+
+/// The name of a [`ParameterType`], as `ros2 param` prints it.
+pub fn type_name(code: u8) -> &'static str {
+    match code {
+        ParameterType::BOOL => "boolean",
+        ParameterType::INTEGER => "integer",
+        ParameterType::DOUBLE => "double",
+        ParameterType::STRING => "string",
+        ParameterType::BYTE_ARRAY => "byte array",
+        ParameterType::BOOL_ARRAY => "boolean array",
+        ParameterType::INTEGER_ARRAY => "integer array",
+        ParameterType::DOUBLE_ARRAY => "double array",
+        ParameterType::STRING_ARRAY => "string array",
+        _ => "not set",
+    }
+}
+
+/// What `ros2 param describe` prints of a parameter.
+pub fn described(descriptor: &ParameterDescriptor) -> String {
+    let mut lines = vec![
+        format!("Parameter name: {}", descriptor.name),
+        format!("  Type: {}", type_name(descriptor.r#type)),
+    ];
+    if !descriptor.description.is_empty() {
+        lines.push(format!("  Description: {}", descriptor.description));
+    }
+    lines.push("  Constraints:".to_owned());
+    if descriptor.read_only {
+        lines.push("    Read only: true".to_owned());
+    }
+    let doubles = descriptor.floating_point_range.first();
+    let doubles = doubles.map(|r| [r.from_value, r.to_value, r.step].map(of_double));
+    let integers = descriptor.integer_range.first();
+    let integers = integers.map(|r| [r.from_value.to_string(), r.to_value.to_string(), r.step.to_string()]);
+    if let Some([from, to, step]) = doubles.or(integers) {
+        lines.extend([format!("    Min value: {from}"), format!("    Max value: {to}")]);
+        if !matches!(step.as_str(), "0" | "0.0") {
+            lines.push(format!("    Step: {step}"));
+        }
+    }
+    if !descriptor.additional_constraints.is_empty() {
+        lines.push(format!("    Additional constraints: {}", descriptor.additional_constraints));
+    }
+    lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parameter::Value;
+    use crate::parameter_service::to_ros;
+    use modulo_msgs::rcl_interfaces::FloatingPointRange;
+
+    #[test]
+    fn values_look_as_ros2_param_get_prints_them() {
+        for (value, shown) in [
+            (Value::Bool(true), "Boolean value is: True"),
+            (Value::Integer(8), "Integer value is: 8"),
+            (Value::Double(4.0), "Double value is: 4.0"),
+            (Value::String("recovered".into()), "String value is: recovered"),
+            (Value::Strings(vec!["a".into(), "b c".into()]), "String values are: ['a', 'b c']"),
+        ] {
+            assert_eq!(labelled(&to_ros(Some(&value))), shown);
+        }
+        assert_eq!(labelled(&to_ros(None)), "Parameter not set.");
+        let bools = ParameterValue {
+            r#type: ParameterType::BOOL_ARRAY,
+            bool_array_value: vec![true, false],
+            ..ParameterValue::default()
+        };
+        assert_eq!(labelled(&bools), "Boolean values are: [True, False]");
+        assert_eq!(yaml(&bools), Some(Yaml::List(vec!["true".into(), "false".into()])));
+    }
+
+    #[test]
+    fn descriptors_look_as_ros2_param_describe_prints_them() {
+        let descriptor = ParameterDescriptor {
+            name: "alpha".into(),
+            r#type: ParameterType::DOUBLE,
+            description: "saturation factor".into(),
+            read_only: true,
+            floating_point_range: vec![FloatingPointRange { from_value: 0.1, to_value: 256.0, step: 0.0 }],
+            ..ParameterDescriptor::default()
+        };
+        let expected = "Parameter name: alpha\n  Type: double\n  Description: saturation factor\n  Constraints:\n    \
+                        Read only: true\n    Min value: 0.1\n    Max value: 256.0";
+        assert_eq!(described(&descriptor), expected);
+    }
+}

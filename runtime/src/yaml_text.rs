@@ -1,0 +1,134 @@
+//! YAML as ROS 2 parameters need it: a tree whose scalars keep their text and
+//! quotes, and strings written so that they read back. No parameter is known here.
+
+use saphyr::{ScalarStyle, Yaml, YamlLoader};
+use saphyr_parser::Parser;
+
+/// Reads the documents in `text`; scalars are [`Yaml::Representation`].
+///
+/// # Errors
+/// What is not YAML, with its line, as text.
+pub fn documents(text: &str) -> Result<Vec<Yaml<'_>>, String> {
+    let mut loader = YamlLoader::<Yaml<'_>>::default();
+    loader.early_parse(false);
+    Parser::new_from_str(text).load(&mut loader, true).map_err(|why| why.to_string())?;
+    match loader.error() {
+        Some(why) => Err(why.to_string()),
+        None => Ok(loader.into_documents()),
+    }
+}
+
+/// The text of a scalar; that of a quoted one is quoted again, so that it stays a string.
+pub fn scalar(node: &Yaml<'_>) -> Option<String> {
+    match node {
+        Yaml::Representation(text, ScalarStyle::Plain, _) => Some(text.to_string()),
+        Yaml::Representation(text, ..) => Some(quoted(text)),
+        _ => None,
+    }
+}
+
+/// The string that `text` stands for: itself, unless it is quoted.
+pub fn string(text: &str) -> Option<String> {
+    if !text.starts_with(['"', '\'']) {
+        return Some(text.to_owned());
+    }
+    match documents(text).ok()?.as_slice() {
+        [Yaml::Representation(inner, ..)] => Some(inner.to_string()),
+        _ => None,
+    }
+}
+
+/// The strings of a list `[a, 'b']`, or of `a, b`.
+pub fn strings(text: &str) -> Option<Vec<String>> {
+    if !text.starts_with('[') {
+        let items = text.split(',').map(str::trim).filter(|item| !item.is_empty());
+        return items.map(string).collect();
+    }
+    match documents(text).ok()?.as_slice() {
+        [Yaml::Sequence(items)] => items.iter().map(inner).collect(),
+        _ => None,
+    }
+}
+
+fn inner(node: &Yaml<'_>) -> Option<String> {
+    match node {
+        Yaml::Representation(text, ..) => Some(text.to_string()),
+        _ => None,
+    }
+}
+
+/// A string as a YAML scalar: plain where no reader takes it for anything else.
+pub fn of_string(text: &str) -> String {
+    let word = |c: char| c.is_ascii_alphanumeric() || "_/.+-?&=".contains(c);
+    let plain = text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '/' || c == '_')
+        && text.replace("://", "").chars().all(word);
+    let reserved = ["null", "true", "false", "yes", "no", "on", "off", "y", "n"];
+    if plain && !reserved.contains(&text.to_ascii_lowercase().as_str()) {
+        return text.to_owned();
+    }
+    quoted(text)
+}
+
+fn quoted(text: &str) -> String {
+    if !text.contains(char::is_control) {
+        return format!("'{}'", text.replace('\'', "''"));
+    }
+    let escaped = text.chars().map(|c| match c {
+        '"' | '\\' => format!("\\{c}"),
+        c if c.is_control() => format!("\\U{:08x}", u32::from(c)),
+        c => c.to_string(),
+    });
+    format!("\"{}\"", escaped.collect::<String>())
+}
+
+/// A double with its decimal point.
+pub fn of_double(value: f64) -> String {
+    if value.is_nan() {
+        return ".nan".to_owned();
+    }
+    if value.is_infinite() {
+        return if value > 0.0 { ".inf" } else { "-.inf" }.to_owned();
+    }
+    let text = format!("{value:?}");
+    // YAML 1.1 wants a decimal point and a sign in the exponent.
+    match text.split_once('e') {
+        None => text,
+        Some((mantissa, exponent)) => {
+            let point = if mantissa.contains('.') { "" } else { ".0" };
+            let sign = if exponent.starts_with('-') { "" } else { "+" };
+            format!("{mantissa}{point}e{sign}{exponent}")
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strings_are_quoted_only_where_they_must() {
+        for (text, written) in [
+            ("recovered", "recovered"),
+            ("scene://day?seed=1&frames=2", "scene://day?seed=1&frames=2"),
+            ("/a/b.onnx", "/a/b.onnx"),
+            ("", "''"),
+            ("no", "'no'"),
+            ("640x480", "'640x480'"),
+            ("it's", "'it''s'"),
+            ("a: b", "'a: b'"),
+            ("a\nb", "\"a\\U0000000ab\""),
+        ] {
+            assert_eq!(of_string(text), written);
+            assert_eq!(string(written).as_deref(), Some(text));
+        }
+    }
+
+    #[test]
+    fn doubles_keep_their_point() {
+        for (value, written) in
+            [(4.0, "4.0"), (0.25, "0.25"), (1e300, "1.0e+300"), (1.5e-9, "1.5e-9"), (f64::INFINITY, ".inf")]
+        {
+            assert_eq!(of_double(value), written);
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! Parameters from one declaration: the table in the documentation, `--help`,
+//! the descriptors of a running node, and the commands that read and set them.
+
+mod harness;
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::process::Command;
+
+use harness::{Background, Bench, text};
+use modulo_runtime::Descriptor;
+use modulo_runtime::driver::declare_common;
+
+/// Every node with its parameters.
+fn nodes() -> [(&'static str, Vec<Descriptor>); 4] {
+    [
+        ("modulo_camera", modulo_camera::declare()),
+        ("unwrap", modulo_unwrap::declare()),
+        ("detector", modulo_detector::declare()),
+        ("every node", declare_common()),
+    ]
+}
+
+const TABLE: &str = "docs/parameters.md";
+const REWRITE: &str = "MODULO_REWRITE=1 cargo test --workspace --test parameters";
+
+fn table() -> String {
+    let mut page = format!(
+        "# Parameters\n\nMade from the declarations in the nodes by `{REWRITE}`.\n\n\
+         *Fixed* parameters are given at the start; the others can also be set while the node runs.\n"
+    );
+    for (node, declared) in nodes() {
+        let _ = write!(
+            page,
+            "\n## {node}\n\n| parameter | type | default | possible | |\n|---|---|---|---|---|\n"
+        );
+        for Descriptor { name, default, allowed, read_only, description } in declared {
+            let fixed = if read_only { "*Fixed.* " } else { "" };
+            let kind = default.type_name();
+            let description = description.replace('|', "\\|");
+            let default = default.to_yaml();
+            let _ = writeln!(page, "| `{name}` | {kind} | `{default}` | {allowed} | {fixed}{description} |");
+        }
+    }
+    page
+}
+
+#[test]
+fn the_documentation_says_what_the_nodes_declare() {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(TABLE);
+    if std::env::var_os("MODULO_REWRITE").is_some() {
+        std::fs::write(&file, table()).expect("writable");
+    }
+    let written = std::fs::read_to_string(&file).unwrap_or_default();
+    assert!(written == table(), "{TABLE} is not what the nodes declare; {REWRITE} writes it anew");
+}
+
+/// `modulo run NODE --help`, and a link named after the node.
+#[test]
+fn help_says_what_the_nodes_declare() {
+    let bench = Bench::new(171);
+    for (node, declared) in &nodes()[..3] {
+        let help = bench.run(&["run", node, "--help"]);
+        let said = text(&help);
+        for descriptor in declared.iter().chain(&declare_common()) {
+            assert!(said.contains(&format!("  {} (", descriptor.name)), "{node}: {}", descriptor.name);
+            assert!(said.contains(descriptor.description), "{node}: {}", descriptor.name);
+        }
+        let link = bench.path(node);
+        std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_modulo"), &link).expect("a link");
+        let linked = Command::new(&link).arg("--help").output().expect("the link starts");
+        assert_eq!((linked.status.code(), text(&linked)), (Some(0), said));
+    }
+}
+
+/// A node, ended with the test, once it has told its parameters.
+fn unwrap(bench: &Bench, arguments: &[&str]) -> Background {
+    let node = bench.start(&[&["run", "unwrap", "--ros-args"], arguments].concat());
+    let named = arguments.iter().find_map(|argument| argument.strip_prefix("__node:=")).expect("a name");
+    let listed = bench.run(&["param", "list", &format!("/front/{named}")]);
+    assert_eq!(listed.status.code(), Some(0), "{}", text(&listed));
+    node
+}
+
+fn out(bench: &Bench, arguments: &[&str]) -> String {
+    let output = bench.run(arguments);
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output));
+    String::from_utf8(output.stdout).expect("UTF-8")
+}
+
+#[test]
+fn a_running_node_tells_and_takes_parameters_as_ros2_param_shows_them() {
+    let bench = Bench::new(172);
+    let place = ["-r", "unwrap:__node:=u", "-r", "other:__node:=v", "-r", "__ns:=/front"];
+    let named = ["-r", "__node:=u", "-r", "__ns:=/front", "-p", "alpha:=2", "-p", "v:alpha:=3"];
+    let node = unwrap(&bench, &named);
+
+    let listed = out(&bench, &["param", "list"]);
+    assert!(listed.starts_with("/front/u:\n  alpha\n"), "{listed}");
+    let typed = out(&bench, &["param", "list", "/front/u", "--param-type"]);
+    assert!(
+        typed.contains("  bits (type: integer)\n") && typed.contains("  wait_for (type: string array)\n")
+    );
+    for (name, expected) in [
+        ("alpha", "Double value is: 2.0\n"),
+        ("bits", "Integer value is: 8\n"),
+        ("method", "String value is: auto\n"),
+        ("wait_for", "String values are: []\n"),
+    ] {
+        assert_eq!(out(&bench, &["param", "get", "/front/u", name]), expected);
+    }
+    assert_eq!(out(&bench, &["param", "get", "--hide-type", "/front/u", "alpha"]), "2.0\n");
+    let described = out(&bench, &["param", "describe", "/front/u", "alpha", "wait_timeout"]);
+    let expected = "Parameter name: alpha\n  Type: double\n  Description: ";
+    assert!(described.starts_with(expected), "{described}");
+    for line in ["(default 4.0)", "    Min value: ", "    Max value: 256.0", "    Read only: true"] {
+        assert!(described.contains(line), "{described}");
+    }
+
+    assert_eq!(out(&bench, &["param", "set", "/front/u", "alpha", "3"]), "Set parameter successful\n");
+    assert_eq!(out(&bench, &["param", "get", "/front/u", "alpha"]), "Double value is: 3.0\n");
+    for (name, value, why) in [
+        ("alpha", "0", "Setting parameter failed: parameter 'alpha' = 0"),
+        ("wait_timeout", "1", "is read-only"),
+        ("method", "magic", "must be one of"),
+        ("alhpa", "1", "unknown parameter, known are"),
+    ] {
+        let refused = bench.run(&["param", "set", "/front/u", name, value]);
+        assert_eq!(refused.status.code(), Some(1), "{name}");
+        assert!(text(&refused).contains(why), "{}", text(&refused));
+    }
+    assert_eq!(bench.run(&["param", "get", "/front/u", "alhpa"]).status.code(), Some(1));
+    assert_eq!(node.interrupt(), Some(0));
+    let node = bench.start(&[&["run", "unwrap", "--ros-args"], place.as_slice()].concat());
+    assert!(out(&bench, &["param", "list", "/front/u"]).contains("alpha"));
+    assert_eq!(node.interrupt(), Some(0));
+}
+
+/// What `dump` prints starts the same node again.
+#[test]
+fn a_dump_is_a_parameter_file() {
+    let bench = Bench::new(173);
+    let place = ["-r", "__node:=u", "-r", "__ns:=/front"];
+    let set = ["-p", "alpha:=2.5", "-p", "method:=lines", "-p", "wait_timeout:=7", "-p", "tau:=.25"];
+    let first = unwrap(&bench, &[place.as_slice(), &set].concat());
+    let dumped = out(&bench, &["param", "dump", "/front/u"]);
+    assert_eq!(first.interrupt(), Some(0));
+    assert!(dumped.starts_with("/front/u:\n  ros__parameters:\n    alpha: 2.5\n"), "{dumped}");
+    let file = bench.path("dump.yaml");
+    std::fs::write(&file, &dumped).expect("writable");
+    let file = file.to_str().expect("UTF-8");
+    let second = unwrap(&bench, &[place.as_slice(), &["--params-file", file]].concat());
+    assert_eq!(out(&bench, &["param", "dump", "/front/u"]), dumped);
+    assert_eq!(second.interrupt(), Some(0));
+}
+
+#[test]
+fn wrong_ros_arguments_end_with_exit_code_2_and_one_line() {
+    let bench = Bench::new(174);
+    let file = bench.path("bad.yaml");
+    std::fs::write(&file, "/**:\n  ros__parameters: {alpha: wide}\n").expect("writable");
+    let file = file.to_str().expect("UTF-8");
+    for (arguments, why) in [
+        (&["--frobnicate"][..], "--frobnicate"),
+        (&["-p", "alpha=2"], "alpha=2"),
+        (&["-p", "alpha:=wide"], "wide: is not a double"),
+        (&["-p", "alhpa:=2"], "unknown parameter"),
+        (&["--log-level", "loud"], "is no log level"),
+        (&["--params-file", "/no/such.yaml"], "/no/such.yaml"),
+        (&["--params-file", file], "wide: is not a double"),
+        (&["-r", "__node:=1st"], "'1st' is not a ROS name"),
+        (&["--", "alpha"], "'alpha' is unknown"),
+    ] {
+        let output = bench.run(&[&["run", "unwrap", "--ros-args"], arguments].concat());
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", text(&output));
+        let said = text(&output);
+        assert!(said.contains(why) && said.lines().count() == 1, "{arguments:?}: {said}");
+    }
+}
