@@ -177,3 +177,43 @@ fn a_refusing_node_ends_the_launch() {
     assert_eq!(output.status.code(), Some(1), "{}", text(&output));
     assert!(text(&output).contains("/no/such/model.onnx"));
 }
+
+#[test]
+fn check_says_ok_or_every_mistake_with_its_line() {
+    let bench = Bench::new(108);
+    for file in ["raw", "recovered", "compare", "suite"] {
+        let file = format!("launch/{file}.launch.yaml");
+        let output = bench.run(&["launch", "--check", &file]);
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+        assert!(text(&output).starts_with(&format!("{file}: ok, ")), "{}", text(&output));
+    }
+    let file = bench.path("bad.launch.yaml");
+    let bad =
+        "launch:\n  - log: { message: \"$(var nope)\" }\n  - timer: { period: \"soon\", children: [] }\n";
+    std::fs::write(&file, bad).expect("writable");
+    let output = bench.run(&["launch", "--check", file.to_str().expect("UTF-8")]);
+    let said = text(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("bad.launch.yaml:2: undefined variable 'nope'"), "{said}");
+    assert!(said.contains("bad.launch.yaml:3: period = 'soon'") && said.contains("2 mistakes"), "{said}");
+}
+
+/// The declarations of the nodes are part of what a launch file can break.
+#[test]
+fn check_knows_the_parameters_of_the_suite() {
+    let bench = Bench::new(109);
+    let file = bench.path("bad.launch.yaml");
+    let bad = "launch:\n  - node: { pkg: modulo, exec: unwarp }\n  - node:\n      pkg: modulo\n      exec: unwrap\n      \
+               param: [{ name: alhpa, value: 2.0 }, { name: bits, value: 99 }]\n";
+    std::fs::write(&file, bad).expect("writable");
+    let output = bench.run(&["launch", "--check", file.to_str().expect("UTF-8")]);
+    let said = text(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    for mistake in [
+        "bad.launch.yaml:2: node 'unwarp' is unknown",
+        "bad.launch.yaml:3: parameter 'alhpa' = 2.0: unknown parameter",
+        "bad.launch.yaml:3: parameter 'bits' = 99: must be in 1 to 16",
+    ] {
+        assert!(said.contains(mistake), "{said}");
+    }
+}

@@ -15,7 +15,7 @@ pub(crate) use structure::Include;
 pub(crate) use value::{Parameter, ParameterValue};
 
 use crate::attributes::{Attributes, Text};
-use crate::error::{LaunchError, listed};
+use crate::error::{LaunchError, Mistakes, listed};
 use crate::yaml::{self, Content, Item};
 
 /// A launch file.
@@ -69,7 +69,7 @@ pub(crate) enum Kind {
 struct Reader {
     name: &'static str,
     keys: &'static [&'static str],
-    read: fn(&Attributes<'_>) -> Result<Kind, LaunchError>,
+    read: fn(&Attributes<'_>) -> Result<Kind, Mistakes>,
 }
 
 const READERS: [Reader; 15] = [
@@ -93,35 +93,35 @@ const READERS: [Reader; 15] = [
 /// Reads the launch file at `path`.
 ///
 /// # Errors
-/// [`LaunchError::File`] when it cannot be opened, [`LaunchError::At`] for the
-/// first thing in it that is not a launch file.
-pub(crate) fn read_file(path: &Path) -> Result<LaunchFile, LaunchError> {
+/// [`LaunchError::File`] when it cannot be opened, [`LaunchError::At`] for each
+/// action in it that is none.
+pub(crate) fn read_file(path: &Path) -> Result<LaunchFile, Mistakes> {
     let text = std::fs::read_to_string(path).map_err(|e| LaunchError::file(path, e))?;
     let root = yaml::read(path, &text)?;
     let attributes = Attributes::read(path, "launch file", &root, &["launch"])?;
     if attributes.item("launch").is_none() {
-        return Err(attributes.missing("launch"));
+        return Err(attributes.missing("launch").into());
     }
     Ok(LaunchFile { path: path.to_owned(), actions: read_all(path, attributes.list("launch")?)? })
 }
 
 /// Reads a list of actions.
-fn read_all(file: &Path, items: &[Item]) -> Result<Vec<Action>, LaunchError> {
-    items.iter().map(|item| read(file, item)).collect()
+fn read_all(file: &Path, items: &[Item]) -> Result<Vec<Action>, Mistakes> {
+    Mistakes::gather(items.iter().map(|item| read(file, item)))
 }
 
-fn read(file: &Path, item: &Item) -> Result<Action, LaunchError> {
+fn read(file: &Path, item: &Item) -> Result<Action, Mistakes> {
     let (key, body) = match &item.content {
         Content::Map(pairs) if pairs.len() == 1 => &pairs[0],
         _ => {
             let message = format!("expected one action '- name: attributes', found {}", item.described());
-            return Err(LaunchError::at(file, item.line, message));
+            return Err(LaunchError::at(file, item.line, message).into());
         }
     };
     let Some(reader) = READERS.iter().find(|reader| reader.name == key.name) else {
         let known = listed(READERS.iter().map(|reader| reader.name), "");
         let message = format!("unknown action '{}', known actions are {known}", key.name);
-        return Err(LaunchError::at(file, key.line, message));
+        return Err(LaunchError::at(file, key.line, message).into());
     };
     if let ("group", Content::List(children)) = (reader.name, &body.content) {
         let kind = Kind::Group { scoped: None, children: read_all(file, children)? };

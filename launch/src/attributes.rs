@@ -64,15 +64,43 @@ impl<'a> Attributes<'a> {
         self.item(key).map(|item| self.scalar(key, item, &[ScalarType::String])).transpose()
     }
 
+    /// The string `key` as it is: ROS 2 evaluates no substitution in it.
+    pub fn plain(&self, key: &str) -> Result<Option<Text>, LaunchError> {
+        let text = self.text(key)?;
+        match text {
+            Some(text) if text.template.as_plain().is_none() => {
+                Err(self.refuse(text.line, format!("{key}: ROS 2 evaluates no substitution here")))
+            }
+            text => Ok(text),
+        }
+    }
+
+    /// The bool `key`; ROS 2 takes any string for true here.
+    pub fn literal_bool(&self, key: &str) -> Result<Option<Text>, LaunchError> {
+        match self.item(key) {
+            Some(item @ Item { content: Content::Scalar(_, ScalarType::String), .. }) => {
+                Err(self.refuse(item.line, mismatch(key, item, &[ScalarType::Bool])))
+            }
+            _ => self.bool(key),
+        }
+    }
+
     /// The bool `key`, or a string that will be one.
     pub fn bool(&self, key: &str) -> Result<Option<Text>, LaunchError> {
         self.item(key).map(|item| self.scalar(key, item, &[ScalarType::Bool, ScalarType::String])).transpose()
     }
 
-    /// The number `key`, or a string that will be one.
+    /// The number `key`, or a string that will be one. ROS 2 asks for a decimal point.
     pub fn number(&self, key: &str) -> Result<Option<Text>, LaunchError> {
         self.item(key)
-            .map(|item| self.scalar(key, item, &[ScalarType::Number, ScalarType::String]))
+            .map(|item| self.scalar(key, item, &[ScalarType::Float, ScalarType::String]))
+            .transpose()
+    }
+
+    /// The integer `key`, or a string that will be one.
+    pub fn integer(&self, key: &str) -> Result<Option<Text>, LaunchError> {
+        self.item(key)
+            .map(|item| self.scalar(key, item, &[ScalarType::Integer, ScalarType::String]))
             .transpose()
     }
 
@@ -97,9 +125,13 @@ impl<'a> Attributes<'a> {
         }
     }
 
-    /// The mappings in the list `key`, each with `known` keys only.
+    /// The mappings in the list `key`, each with `known` keys only. ROS 2 refuses an empty list.
     pub fn entries(&self, key: &'a str, known: &[&str]) -> Result<Vec<Attributes<'a>>, LaunchError> {
-        self.list(key)?.iter().map(|item| Attributes::read(self.file, key, item, known)).collect()
+        let items = self.list(key)?;
+        if let (Some(item), []) = (self.item(key), items) {
+            return Err(self.refuse(item.line, format!("{key}: the list is empty, leave it out")));
+        }
+        items.iter().map(|item| Attributes::read(self.file, key, item, known)).collect()
     }
 
     /// The (name, value) pairs of the list `key`, with those two key names.
@@ -127,11 +159,13 @@ impl<'a> Attributes<'a> {
 fn mismatch(key: &str, item: &Item, allowed: &[ScalarType]) -> String {
     let expected = match allowed.first() {
         Some(ScalarType::Bool) => "true or false",
-        Some(ScalarType::Number) if allowed.contains(&ScalarType::Bool) => "a value",
-        Some(ScalarType::Number) => "a number",
+        Some(ScalarType::Integer) if allowed.contains(&ScalarType::Bool) => "a value",
+        Some(ScalarType::Integer) => "an integer",
+        Some(ScalarType::Float) => "a number",
         _ => "a string",
     };
     let remedy = match (&item.content, expected) {
+        (Content::Scalar(text, ScalarType::Integer), "a number") => format!(", write {text}.0"),
         (Content::Scalar(text, kind), "a string") if *kind != ScalarType::Null => {
             format!(", write \"{text}\"")
         }

@@ -53,7 +53,12 @@ fn composed(node: &NodePlan) -> Result<ComposedNode, LaunchError> {
         kind: node.executable.clone(),
         name: node.name.clone().unwrap_or_else(|| node.executable.clone()),
         namespace: node.namespace.clone(),
-        parameters: node.parameters.iter().map(|(name, value)| (name.clone(), value.text.clone())).collect(),
+        parameters: node
+            .shared_parameters
+            .iter()
+            .chain(&node.parameters)
+            .map(|(name, value)| (name.clone(), value.text.clone()))
+            .collect(),
         remaps: node.remaps.clone(),
     })
 }

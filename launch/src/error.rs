@@ -40,6 +40,9 @@ pub enum LaunchError {
         /// What was tried, and why it failed.
         why: String,
     },
+    /// Something that is wrong only because of an earlier mistake; never shown.
+    #[error("follows from an earlier mistake")]
+    Consequence,
     /// A plan that cannot run inside one process.
     #[error("{process} cannot run in one process: {why}")]
     NotComposable {
@@ -48,6 +51,47 @@ pub enum LaunchError {
         /// Which property of it stands in the way.
         why: String,
     },
+}
+
+/// Everything that is wrong with a launch file; never empty.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mistakes(Vec<LaunchError>);
+
+impl Mistakes {
+    /// All of them, in the order of the file.
+    pub fn all(&self) -> &[LaunchError] {
+        &self.0
+    }
+
+    /// The first one.
+    pub fn into_first(self) -> LaunchError {
+        let none = LaunchError::at(Path::new(""), 0, "is wrong");
+        self.0.into_iter().next().unwrap_or(none)
+    }
+
+    /// Those that are not `dropped`; no mistake when none is left.
+    pub(crate) fn without(self, dropped: &LaunchError) -> Result<(), Self> {
+        let left: Vec<_> = self.0.into_iter().filter(|mistake| mistake != dropped).collect();
+        if left.is_empty() { Ok(()) } else { Err(Self(left)) }
+    }
+
+    /// The values, if all are there, else the mistakes of all that are not.
+    pub(crate) fn gather<T>(results: impl IntoIterator<Item = Result<T, Self>>) -> Result<Vec<T>, Self> {
+        let (mut values, mut mistakes) = (Vec::new(), Vec::new());
+        for result in results {
+            match result {
+                Ok(value) => values.push(value),
+                Err(Self(more)) => mistakes.extend(more),
+            }
+        }
+        if mistakes.is_empty() { Ok(values) } else { Err(Self(mistakes)) }
+    }
+}
+
+impl From<LaunchError> for Mistakes {
+    fn from(error: LaunchError) -> Self {
+        Self(vec![error])
+    }
 }
 
 impl LaunchError {

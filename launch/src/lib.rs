@@ -17,7 +17,8 @@ pub mod supervisor;
 mod yaml;
 
 pub use compose::{ComposedNode, compose};
-pub use error::LaunchError;
-pub use plan::{DeclaredArgument, NodePlan, Plan, declared_arguments, resolve, ros_arguments};
+pub use error::{LaunchError, Mistakes};
+pub use plan::{DeclaredArgument, NodePlan, Plan, check, declared_arguments, resolve, ros_arguments};
+pub use substitution::SUITE;
 pub use summary::{NodeReport, Summary};
 pub use supervisor::{Ending, Outcome, Supervision, run};

@@ -18,7 +18,7 @@ use serde::Serialize;
 
 pub use arguments::{DeclaredArgument, declared_arguments};
 pub use parameter::ParameterText;
-pub use resolve::resolve;
+pub use resolve::{check, resolve};
 
 /// Everything that a launch file starts.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -44,10 +44,13 @@ pub struct NodePlan {
     pub name: Option<String>,
     /// Its namespace, absolute, `/` for none.
     pub namespace: String,
-    /// (name, value) in order; a later one of the same name wins.
-    pub parameters: Vec<(String, ParameterText)>,
+    /// (name, value) from `set_parameter`, for all nodes that follow it; a
+    /// later one of the same name wins, and all that follows here wins over them.
+    pub shared_parameters: Vec<(String, ParameterText)>,
     /// Parameter files, read before `parameters`.
     pub parameter_files: Vec<PathBuf>,
+    /// (name, value) in order; a later one of the same name wins.
+    pub parameters: Vec<(String, ParameterText)>,
     /// (from, to) in order; the first that fits is used.
     pub remaps: Vec<(String, String)>,
     /// Arguments before `--ros-args`.
@@ -56,6 +59,9 @@ pub struct NodePlan {
     pub ros_args: Vec<String>,
     /// How it is run.
     pub process: ProcessPlan,
+    /// Launch file and line that declare it.
+    #[serde(skip)]
+    pub declared_at: (PathBuf, usize),
 }
 
 /// A program that is no node.
@@ -144,7 +150,7 @@ impl NodePlan {
 }
 
 /// The arguments that tell a node's program who it is:
-/// `args --ros-args -r __node:=... -r __ns:=... --params-file ... -p ... -r ...`.
+/// `args --ros-args -r __node:=... -r __ns:=... -p ... --params-file ... -p ... -r ...`.
 pub fn ros_arguments(node: &NodePlan) -> Vec<String> {
     let mut all = node.args.clone();
     all.push("--ros-args".to_owned());
@@ -153,8 +159,10 @@ pub fn ros_arguments(node: &NodePlan) -> Vec<String> {
         push("-r", format!("__node:={name}"));
     }
     push("-r", format!("__ns:={}", node.namespace));
+    let set = |(name, value): &(String, ParameterText)| format!("{name}:={}", value.as_yaml());
+    node.shared_parameters.iter().for_each(|parameter| push("-p", set(parameter)));
     node.parameter_files.iter().for_each(|file| push("--params-file", file.display().to_string()));
-    node.parameters.iter().for_each(|(name, value)| push("-p", format!("{name}:={}", value.as_yaml())));
+    node.parameters.iter().for_each(|parameter| push("-p", set(parameter)));
     node.remaps.iter().for_each(|(from, to)| push("-r", format!("{from}:={to}")));
     all.extend(node.ros_args.iter().cloned());
     all

@@ -2,8 +2,10 @@
 //! be: the grammar of ROS 2's `launch` frontend. Nothing is executed here and no
 //! Python or shell is ever evaluated.
 //!
-//! Outside of `$(...)` a backslash makes the next character plain. Inside,
-//! arguments are separated by spaces, may be quoted with `'` or `"`, and nest.
+//! A backslash makes the next character plain, and so must it a dollar that
+//! opens no substitution. Inside of `$(...)` arguments are separated by one space
+//! each, may be quoted with `'` or `"`, and nest. What ROS 2 refuses or reads in
+//! another way than it looks is refused.
 
 mod evaluate;
 mod function;
@@ -12,7 +14,7 @@ mod package;
 pub use evaluate::Surroundings;
 pub(crate) use evaluate::truth;
 pub use function::Function;
-pub(crate) use package::SUITE;
+pub use package::SUITE;
 
 /// No launch file nests substitutions deeper than this; keeps recursion bounded.
 const DEEPEST: usize = 32;
@@ -35,8 +37,19 @@ pub enum Part {
 
 /// Why a text is not a valid template, or has no value.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct SubstitutionError(pub String);
+pub enum SubstitutionError {
+    /// What is wrong and what is possible.
+    #[error("{0}")]
+    Invalid(String),
+    /// A variable that nothing has set.
+    #[error("undefined variable '{name}', defined here are {known}")]
+    Undefined {
+        /// Its name.
+        name: String,
+        /// Those that are set.
+        known: String,
+    },
+}
 
 impl Template {
     /// Parses `text`.
@@ -46,8 +59,7 @@ impl Template {
     /// or has another number of arguments than it takes.
     pub fn parse(text: &str) -> Result<Self, SubstitutionError> {
         let mut reader = Reader { text, rest: text };
-        let template = reader.until(Until::End, 0)?;
-        Ok(template)
+        reader.template(Place::Text, 0)
     }
 
     /// A text without substitutions.
@@ -72,13 +84,31 @@ impl Template {
     }
 }
 
-/// What ends a template.
+/// Where a template stands.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Until {
-    End,
-    Quote(char),
-    /// A space or `)`: an argument without quotes.
-    Argument,
+enum Place {
+    /// A whole text; it ends with it.
+    Text,
+    /// An argument in quotes.
+    Quoted(char),
+    /// An argument without quotes; a space or `)` ends it.
+    Bare,
+    /// The same below a quoted argument, where ROS 2 takes quotes for plain text.
+    BareInQuotes,
+}
+
+impl Place {
+    /// Where the arguments of a substitution stand that stands here.
+    fn arguments(self) -> Self {
+        match self {
+            Self::Text | Self::Bare => Self::Bare,
+            Self::Quoted(_) | Self::BareInQuotes => Self::BareInQuotes,
+        }
+    }
+
+    fn is_bare(self) -> bool {
+        matches!(self, Self::Bare | Self::BareInQuotes)
+    }
 }
 
 struct Reader<'a> {
@@ -94,28 +124,29 @@ impl Reader<'_> {
     }
 
     fn refuse<T>(&self, why: &str) -> Result<T, SubstitutionError> {
-        Err(SubstitutionError(format!("'{}': {why}", self.text)))
+        Err(SubstitutionError::Invalid(format!("'{}': {why}", self.text)))
     }
 
-    fn until(&mut self, end: Until, depth: usize) -> Result<Template, SubstitutionError> {
+    fn template(&mut self, place: Place, depth: usize) -> Result<Template, SubstitutionError> {
         let mut template = Template::default();
         loop {
             if self.rest.starts_with("$(") {
-                template.parts.push(self.call(depth + 1)?);
+                template.parts.push(self.call(place.arguments(), depth + 1)?);
                 continue;
             }
-            if end == Until::Argument && self.rest.starts_with([' ', ')']) {
+            if place.is_bare() && self.rest.starts_with([' ', ')']) {
                 return Ok(template);
             }
-            match (self.take(), end) {
-                (None, Until::End) => return Ok(template),
-                (None, Until::Quote(quote)) => {
+            match (self.take(), place) {
+                (None, Place::Text) => return Ok(template),
+                (None, Place::Quoted(quote)) => {
                     return self.refuse(&format!("the quote {quote} does not end"));
                 }
-                (None, Until::Argument) => return self.refuse("a substitution does not end, ')' is missing"),
-                (Some('\\'), _) => template.push(self.take().unwrap_or('\\')),
-                (Some(c), Until::Quote(quote)) if c == quote => return Ok(template),
-                (Some(c @ ('(' | '\'' | '"')), Until::Argument) => {
+                (None, _) => return self.refuse("a substitution does not end, ')' is missing"),
+                (Some('\\'), _) => template.push(self.escaped(place)?),
+                (Some(c), Place::Quoted(quote)) if c == quote => return Ok(template),
+                (Some('$'), _) => return self.refuse("a dollar without '(', write \\$ for a plain one"),
+                (Some(c @ ('(' | '\'' | '"')), _) if place.is_bare() => {
                     return self.refuse(&format!("write \\{c} or quote the argument"));
                 }
                 (Some(c), _) => template.push(c),
@@ -123,7 +154,20 @@ impl Reader<'_> {
         }
     }
 
-    fn call(&mut self, depth: usize) -> Result<Part, SubstitutionError> {
+    /// The character behind a backslash.
+    fn escaped(&mut self, place: Place) -> Result<char, SubstitutionError> {
+        match self.take() {
+            Some(' ') if place.is_bare() => self.refuse("quote an argument that has a space in it"),
+            Some('\n') => self.refuse("a backslash before a line break has no meaning"),
+            // ROS 2 looks one character back and takes what follows for escaped.
+            Some('\\') if self.rest.starts_with(['$', '(', ')']) => {
+                self.refuse("two backslashes before a dollar or a parenthesis are read in two ways")
+            }
+            c => Ok(c.unwrap_or('\\')),
+        }
+    }
+
+    fn call(&mut self, place: Place, depth: usize) -> Result<Part, SubstitutionError> {
         if depth > DEEPEST {
             return self.refuse("substitutions are nested too deeply");
         }
@@ -132,27 +176,27 @@ impl Reader<'_> {
         let (name, rest) = self.rest.split_at(end);
         let function = Function::named(name)?;
         self.rest = rest;
-        let arguments = self.arguments(depth)?;
+        let arguments = self.arguments(place, depth)?;
         function.check_count(arguments.len())?;
         Ok(Part::Call(function, arguments))
     }
 
-    fn arguments(&mut self, depth: usize) -> Result<Vec<Template>, SubstitutionError> {
+    fn arguments(&mut self, place: Place, depth: usize) -> Result<Vec<Template>, SubstitutionError> {
         let mut arguments = Vec::new();
         loop {
-            let spaced = self.rest.starts_with(' ');
-            self.rest = self.rest.trim_start_matches(' ');
-            match self.rest.chars().next() {
-                Some(')') => {
+            match self.take() {
+                Some(')') => return Ok(arguments),
+                Some(' ') => {}
+                None => return self.refuse("a substitution does not end, ')' is missing"),
+                Some(_) => return self.refuse("a space is missing before an argument"),
+            }
+            match (self.rest.chars().next(), place) {
+                (Some(' ' | ')'), _) => return self.refuse("one space, no more, goes before an argument"),
+                (Some(quote @ ('\'' | '"')), Place::Bare) => {
                     self.take();
-                    return Ok(arguments);
+                    arguments.push(self.template(Place::Quoted(quote), depth)?);
                 }
-                Some(_) if !spaced => return self.refuse("a space is missing before an argument"),
-                Some(quote @ ('\'' | '"')) => {
-                    self.take();
-                    arguments.push(self.until(Until::Quote(quote), depth)?);
-                }
-                _ => arguments.push(self.until(Until::Argument, depth)?),
+                _ => arguments.push(self.template(place, depth)?),
             }
         }
     }
@@ -177,10 +221,10 @@ mod tests {
     }
 
     #[test]
-    fn escapes_and_lone_dollars_are_plain() {
+    fn escapes_are_plain() {
         for (text, plain) in [
             (r"\$(var x)", "$(var x)"),
-            ("5 $ and $x", "5 $ and $x"),
+            (r"5 \$ and \$x", "5 $ and $x"),
             (r"a\\b", r"a\b"),
             ("it's (\"fine\")", "it's (\"fine\")"),
             ("", ""),
@@ -193,7 +237,7 @@ mod tests {
     #[test]
     fn arguments_may_be_quoted_and_escaped() {
         let expected = [call(Function::Env, vec![Template::plain("X"), Template::plain("a b')")])];
-        for text in [r#"$(env X "a b')")"#, r"$(env X 'a b\')')", r"$(env  X  a\ b\'\) )"] {
+        for text in [r#"$(env X "a b')")"#, r"$(env X 'a b\')')", r#"$(env X "a b\')")"#] {
             assert_eq!(Template::parse(text).expect(text).parts, expected, "{text}");
         }
         assert_eq!(
@@ -217,6 +261,12 @@ mod tests {
             ("$(not a b)", "$(not) takes 1 argument, not 2"),
             ("$(var a(b)", "write \\( or quote"),
             ("$(var 'a''b')", "a space is missing"),
+            ("$(env  X)", "one space, no more"),
+            ("$(var x )", "one space, no more"),
+            ("5 $", "write \\$ for a plain one"),
+            (r"\\$(var x)", "two backslashes before"),
+            (r"$(env X a\ b)", "quote an argument that has a space"),
+            ("$(var '$(var \"y\")')", "write \\\" or quote"),
         ] {
             let error = Template::parse(text).expect_err(text).to_string();
             assert!(error.contains(message), "{error}");
@@ -232,10 +282,11 @@ mod tests {
 
         #[test]
         fn quoting_any_text_keeps_it(text in "\\PC{0,20}") {
-            let escaped: String = text.chars().flat_map(|c| ['\\', c]).collect();
+            let escaped: String =
+                text.chars().filter(|c| *c != '\\').flat_map(|c| ['\\', c]).collect();
             let parsed = Template::parse(&format!("$(var '{escaped}')")).expect("valid");
             let Part::Call(Function::Var, arguments) = &parsed.parts[0] else { panic!("a call") };
-            prop_assert_eq!(arguments[0].as_plain(), Some(text.as_str()));
+            prop_assert_eq!(arguments[0].as_plain().map(str::to_owned), Some(text.replace('\\', "")));
         }
     }
 }

@@ -47,8 +47,10 @@ pub(crate) enum ScalarType {
     String,
     /// `true`, `no`, ...
     Bool,
-    /// An integer or a float.
-    Number,
+    /// An integer.
+    Integer,
+    /// A number with a decimal point.
+    Float,
     /// Nothing, `~` or `null`.
     Null,
 }
@@ -59,22 +61,54 @@ impl ScalarType {
         match text.to_ascii_lowercase().as_str() {
             "" | "~" | "null" => Self::Null,
             "true" | "false" | "yes" | "no" | "on" | "off" => Self::Bool,
-            lower => match is_number(lower) {
-                true => Self::Number,
-                false => Self::String,
-            },
+            lower if is_integer(lower) => Self::Integer,
+            lower if is_float(lower) => Self::Float,
+            _ => Self::String,
         }
     }
 }
 
-fn is_number(lower: &str) -> bool {
-    let magnitude = lower.strip_prefix(['+', '-']).unwrap_or(lower);
-    let starts = magnitude.starts_with(|c: char| c.is_ascii_digit() || c == '.');
-    let special = matches!(magnitude, ".inf" | ".nan");
-    let radix = ["0x", "0o", "0b"]
-        .iter()
-        .any(|p| magnitude.strip_prefix(p).is_some_and(|d| d.chars().all(|c| c.is_ascii_hexdigit())));
-    special || radix || (starts && magnitude.parse::<f64>().is_ok())
+fn magnitude(lower: &str) -> &str {
+    lower.strip_prefix(['+', '-']).unwrap_or(lower)
+}
+
+fn digits(text: &str) -> bool {
+    !text.is_empty() && text.chars().all(|c| c.is_ascii_digit())
+}
+
+fn is_integer(lower: &str) -> bool {
+    let magnitude = magnitude(lower);
+    let hexadecimal = magnitude
+        .strip_prefix("0x")
+        .is_some_and(|rest| !rest.is_empty() && rest.chars().all(|c| c.is_ascii_hexdigit()));
+    hexadecimal || (digits(magnitude) && (magnitude == "0" || !magnitude.starts_with('0')))
+}
+
+/// With a decimal point, and a signed exponent if it has one.
+fn is_float(lower: &str) -> bool {
+    let magnitude = magnitude(lower);
+    let (mantissa, exponent) = magnitude.split_once('e').unwrap_or((magnitude, "+0"));
+    let Some((whole, fraction)) = mantissa.split_once('.') else { return false };
+    let plain = (digits(whole) && (fraction.is_empty() || digits(fraction)))
+        || (whole.is_empty() && digits(fraction));
+    let signed = exponent.strip_prefix(['+', '-']).is_some_and(digits);
+    matches!(magnitude, ".inf" | ".nan") || (plain && signed)
+}
+
+/// Whether one YAML reader takes the plain scalar `text` for a number or a date
+/// and another does not: `010`, `1e5`, `1_000`, `12:30`, `2011-09-26`.
+fn is_doubtful(text: &str) -> bool {
+    let lower = text.to_ascii_lowercase();
+    let magnitude = magnitude(&lower);
+    let based = ["0x", "0o", "0b"].iter().filter_map(|prefix| magnitude.strip_prefix(prefix)).next();
+    let decimal = magnitude.trim_start_matches('.').starts_with(|c: char| c.is_ascii_digit())
+        && magnitude.matches('.').count() < 2
+        && magnitude.chars().all(|c| c.is_ascii_digit() || "_:.+-e".contains(c));
+    let numeric = match based {
+        Some(digits) => digits.chars().all(|c| c.is_ascii_hexdigit() || c == '_'),
+        None => decimal,
+    };
+    numeric && ScalarType::of_plain(text) == ScalarType::String
 }
 
 impl Item {
@@ -83,7 +117,8 @@ impl Item {
         match &self.content {
             Content::Scalar(text, ScalarType::String) => format!("the string '{text}'"),
             Content::Scalar(text, ScalarType::Bool) => format!("the bool {text}"),
-            Content::Scalar(text, ScalarType::Number) => format!("the number {text}"),
+            Content::Scalar(text, ScalarType::Integer) => format!("the integer {text}"),
+            Content::Scalar(text, ScalarType::Float) => format!("the number {text}"),
             Content::Scalar(_, ScalarType::Null) => "nothing".to_owned(),
             Content::List(_) => "a list".to_owned(),
             Content::Map(_) => "a mapping".to_owned(),
@@ -145,6 +180,10 @@ impl<'a> Reader<'a> {
                 return Err(self.refuse(line, "a YAML tag"));
             }
             Event::Alias(_) => return Err(self.refuse(line, "a YAML alias")),
+            Event::Scalar(text, ScalarStyle::Plain, _, _) if is_doubtful(&text) => {
+                let message = format!("{text} is read in different ways by YAML readers, write \"{text}\"");
+                return Err(LaunchError::at(self.file, line, message));
+            }
             Event::Scalar(text, ScalarStyle::Plain, _, _) => {
                 let kind = ScalarType::of_plain(&text);
                 Content::Scalar(text.into_owned(), kind)
@@ -198,7 +237,7 @@ mod tests {
     fn text_is_kept_and_lines_count() {
         let root = parse("a: 4.0\nb:\n  - 'x'\n  - yes\n").expect("valid");
         let Content::Map(pairs) = root.content else { panic!("a mapping") };
-        assert_eq!(pairs[0].1.content, Content::Scalar("4.0".into(), ScalarType::Number));
+        assert_eq!(pairs[0].1.content, Content::Scalar("4.0".into(), ScalarType::Float));
         let Content::List(items) = &pairs[1].1.content else { panic!("a list") };
         assert_eq!((items[0].line, items[1].line), (3, 4));
         assert_eq!(items[1].content, Content::Scalar("yes".into(), ScalarType::Bool));
@@ -207,11 +246,12 @@ mod tests {
     #[test]
     fn plain_scalars_have_the_types_of_yaml() {
         for (text, kind) in [
-            ("4", ScalarType::Number),
-            ("-1.5e3", ScalarType::Number),
-            ("0x1f", ScalarType::Number),
-            (".5", ScalarType::Number),
-            (".inf", ScalarType::Number),
+            ("4", ScalarType::Integer),
+            ("-1.5e+3", ScalarType::Float),
+            ("0x1f", ScalarType::Integer),
+            (".5", ScalarType::Float),
+            ("4.", ScalarType::Float),
+            (".inf", ScalarType::Float),
             ("Off", ScalarType::Bool),
             ("~", ScalarType::Null),
             ("inf", ScalarType::String),
@@ -230,6 +270,12 @@ mod tests {
             ("a: &x 1\nb: *x\n", "f.yaml:2: a YAML alias"),
             ("a: !!str 1\n", "f.yaml:1: a YAML tag"),
             ("a: 1\n---\nb: 1\n", "f.yaml:3: a second YAML document"),
+            ("a: 010\n", "f.yaml:1: 010 is read in different ways by YAML readers, write \"010\""),
+            ("a: [1e5]\n", "f.yaml:1: 1e5 is read"),
+            ("a: 2011_09_26\n", "f.yaml:1: 2011_09_26 is read"),
+            ("a: 2011-09-26\n", "f.yaml:1: 2011-09-26 is read"),
+            ("a: 12:30\n", "f.yaml:1: 12:30 is read"),
+            ("a: 0b11\n", "f.yaml:1: 0b11 is read"),
             ("? [a]\n: 1\n", "f.yaml:1: a key that is not a word"),
             ("a: [1\nb: 2\n", "f.yaml:"),
             ("", "f.yaml:1: is empty"),

@@ -5,8 +5,9 @@ use std::sync::Arc;
 
 use anyhow::{Context, anyhow};
 use modulo_launch::plan::OnExit;
-use modulo_launch::{ComposedNode, Plan, Summary, Supervision};
+use modulo_launch::{ComposedNode, NodePlan, Plan, Summary, Supervision};
 use modulo_runtime::driver::composed::{self, Member};
+use modulo_runtime::ros_args::RosArgs;
 use modulo_runtime::signals::end_on_signals;
 use modulo_runtime::{Clock, Parameters, Place, Stop, SystemClock};
 
@@ -20,6 +21,9 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
     start_log(None);
     if args.show_args {
         return show_args(&args.file);
+    }
+    if args.check {
+        return check(args);
     }
     let plan = modulo_launch::resolve(&args.file, &pairs(&args.arguments)?).map_err(usage)?;
     if args.print {
@@ -46,6 +50,46 @@ fn show_args(file: &Path) -> Result<Ended, Failure> {
         }
     }
     Ok(Ended::Done)
+}
+
+/// What the file says, and whether its nodes take the parameters that it gives.
+fn check(args: &Launch) -> Result<Ended, Failure> {
+    let file = args.file.display();
+    let mistakes = match modulo_launch::check(&args.file, &pairs(&args.arguments)?) {
+        Ok(plan) => {
+            let mistakes: Vec<String> = plan.nodes.iter().flat_map(refusals).collect();
+            if mistakes.is_empty() {
+                say!("{file}: ok, {} nodes, {} executables", plan.nodes.len(), plan.executables.len());
+                return Ok(Ended::Done);
+            }
+            mistakes
+        }
+        Err(mistakes) => mistakes.all().iter().map(ToString::to_string).collect(),
+    };
+    mistakes.iter().for_each(|mistake| say!("{mistake}"));
+    Err(Failure::Run(anyhow!("{file}: {} mistakes", mistakes.len())))
+}
+
+/// Every parameter of a node of the suite that it would refuse.
+fn refusals(node: &NodePlan) -> Vec<String> {
+    if node.package != modulo_launch::SUITE {
+        return Vec::new();
+    }
+    let (file, line) = &node.declared_at;
+    let at = |why: anyhow::Error| format!("{}:{line}: {why:#}", file.display());
+    let settings = || -> anyhow::Result<_> {
+        let kind = registry::kind(&node.executable)?;
+        let (ros, _) = RosArgs::parse(&modulo_launch::ros_arguments(node))?;
+        let place = ros.place(kind.name)?;
+        Ok((kind.parameters(), ros.parameters_for(&place)?))
+    };
+    match settings() {
+        Ok((declared, settings)) => {
+            let refused = settings.iter().filter_map(|s| declared.with_text(std::slice::from_ref(s)).err());
+            refused.map(|why| at(why.into())).collect()
+        }
+        Err(why) => vec![at(why)],
+    }
 }
 
 fn run_processes(mut plan: Plan) -> Result<Summary, Failure> {

@@ -2,7 +2,7 @@
 
 use super::Kind;
 use crate::attributes::{Attributes, Text};
-use crate::error::LaunchError;
+use crate::error::{LaunchError, Mistakes};
 
 /// A declared launch argument.
 #[derive(Clone, Debug)]
@@ -17,24 +17,28 @@ pub(crate) struct Argument {
     pub choices: Vec<Text>,
 }
 
-pub(super) fn argument(attributes: &Attributes<'_>) -> Result<Kind, LaunchError> {
+pub(super) fn argument(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {
     let choices = attributes.entries("choice", &["value"])?;
     Ok(Kind::Argument(Argument {
-        name: attributes.required("name")?,
+        name: attributes.plain("name")?.ok_or_else(|| attributes.missing("name"))?,
         default: attributes.text("default")?,
-        description: attributes.text("description")?,
-        choices: choices.iter().map(|choice| choice.required("value")).collect::<Result<_, _>>()?,
+        description: attributes.plain("description")?,
+        choices: choices.iter().map(choice).collect::<Result<_, _>>()?,
     }))
 }
 
-pub(super) fn variable(attributes: &Attributes<'_>) -> Result<Kind, LaunchError> {
+fn choice(choice: &Attributes<'_>) -> Result<Text, LaunchError> {
+    choice.plain("value")?.ok_or_else(|| choice.missing("value"))
+}
+
+pub(super) fn variable(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {
     Ok(Kind::Let { name: attributes.required("name")?, value: attributes.required("value")? })
 }
 
-pub(super) fn set_environment(attributes: &Attributes<'_>) -> Result<Kind, LaunchError> {
+pub(super) fn set_environment(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {
     Ok(Kind::SetEnvironment { name: attributes.required("name")?, value: attributes.required("value")? })
 }
 
-pub(super) fn unset_environment(attributes: &Attributes<'_>) -> Result<Kind, LaunchError> {
+pub(super) fn unset_environment(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {
     Ok(Kind::UnsetEnvironment { name: attributes.required("name")? })
 }

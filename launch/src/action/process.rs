@@ -2,7 +2,7 @@
 
 use super::{Kind, Parameter, value};
 use crate::attributes::{Attributes, Text};
-use crate::error::LaunchError;
+use crate::error::{LaunchError, Mistakes};
 
 pub(super) const NODE_KEYS: &[&str] = &[
     "pkg",
@@ -76,7 +76,7 @@ pub(crate) struct NodeAction {
     pub process: ProcessAction,
 }
 
-pub(super) fn node(attributes: &Attributes<'_>) -> Result<Kind, LaunchError> {
+pub(super) fn node(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {
     Ok(Kind::Node(Box::new(NodeAction {
         package: attributes.required("pkg")?,
         executable: attributes.required("exec")?,
@@ -90,7 +90,7 @@ pub(super) fn node(attributes: &Attributes<'_>) -> Result<Kind, LaunchError> {
     })))
 }
 
-pub(super) fn executable(attributes: &Attributes<'_>) -> Result<Kind, LaunchError> {
+pub(super) fn executable(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {
     let command = attributes.required("cmd")?;
     Ok(Kind::Executable(Box::new(ExecutableAction { command, process: process(attributes)? })))
 }
@@ -102,7 +102,7 @@ fn process(attributes: &Attributes<'_>) -> Result<ProcessAction, LaunchError> {
         output: attributes.text("output")?,
         respawn: attributes.bool("respawn")?,
         respawn_delay: attributes.number("respawn_delay")?,
-        respawn_max_retries: attributes.number("respawn_max_retries")?,
+        respawn_max_retries: attributes.integer("respawn_max_retries")?,
         cwd: attributes.text("cwd")?,
         on_exit: attributes.text("on_exit")?,
         sigterm_timeout: attributes.number("sigterm_timeout")?,

@@ -3,7 +3,7 @@
 
 use super::{Kind, read_all, value};
 use crate::attributes::{Attributes, Text};
-use crate::error::LaunchError;
+use crate::error::Mistakes;
 
 /// Another launch file, with values for its arguments.
 #[derive(Clone, Debug)]
@@ -14,39 +14,39 @@ pub(crate) struct Include {
     pub arguments: Vec<(Text, Text)>,
 }
 
-pub(super) fn group(attributes: &Attributes<'_>) -> Result<Kind, LaunchError> {
+pub(super) fn group(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {
     let children = read_all(attributes.file, attributes.list("children")?)?;
-    Ok(Kind::Group { scoped: attributes.bool("scoped")?, children })
+    Ok(Kind::Group { scoped: attributes.literal_bool("scoped")?, children })
 }
 
-pub(super) fn push_namespace(attributes: &Attributes<'_>) -> Result<Kind, LaunchError> {
+pub(super) fn push_namespace(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {
     Ok(Kind::PushNamespace(attributes.required("namespace")?))
 }
 
-pub(super) fn include(attributes: &Attributes<'_>) -> Result<Kind, LaunchError> {
+pub(super) fn include(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {
     let file = attributes.required("file")?;
     Ok(Kind::Include(Include { file, arguments: attributes.pairs("arg", ["name", "value"])? }))
 }
 
-pub(super) fn timer(attributes: &Attributes<'_>) -> Result<Kind, LaunchError> {
+pub(super) fn timer(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {
     let period = attributes.number("period")?.ok_or_else(|| attributes.missing("period"))?;
     Ok(Kind::Timer { period, children: read_all(attributes.file, attributes.list("children")?)? })
 }
 
-pub(super) fn log(attributes: &Attributes<'_>) -> Result<Kind, LaunchError> {
+pub(super) fn log(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {
     Ok(Kind::Log(attributes.required("message")?))
 }
 
-pub(super) fn set_parameter(attributes: &Attributes<'_>) -> Result<Kind, LaunchError> {
+pub(super) fn set_parameter(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {
     let item = attributes.item("value").ok_or_else(|| attributes.missing("value"))?;
     Ok(Kind::SetParameter { name: attributes.required("name")?, value: value::read(attributes, item)? })
 }
 
-pub(super) fn set_remap(attributes: &Attributes<'_>) -> Result<Kind, LaunchError> {
+pub(super) fn set_remap(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {
     Ok(Kind::SetRemap { from: attributes.required("from")?, to: attributes.required("to")? })
 }
 
-pub(super) fn set_use_sim_time(attributes: &Attributes<'_>) -> Result<Kind, LaunchError> {
+pub(super) fn set_use_sim_time(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {
     let value = attributes.bool("value")?;
     Ok(Kind::SetUseSimTime(value.ok_or_else(|| attributes.missing("value"))?))
 }

@@ -7,7 +7,8 @@ use crate::substitution::{Part, Template};
 use crate::yaml::{Content, Item, ScalarType};
 
 const KEYS: [&str; 5] = ["name", "value", "type", "param", "from"];
-const SCALARS: [ScalarType; 3] = [ScalarType::Number, ScalarType::Bool, ScalarType::String];
+const SCALARS: [ScalarType; 4] =
+    [ScalarType::Integer, ScalarType::Float, ScalarType::Bool, ScalarType::String];
 /// The parameter types of ROS 2's launch files.
 const TYPES: [&str; 8] =
     ["int", "float", "bool", "str", "list_of_int", "list_of_float", "list_of_bool", "list_of_str"];
@@ -54,7 +55,9 @@ fn collect(
         let name = joined(outer, entry.required("name")?);
         match (entry.item("value"), entry.item("param")) {
             (Some(item), None) => {
-                all.push(Parameter::Value { name, value: read(&entry, item)?, kind: kind(&entry)? });
+                let kind = kind(&entry)?;
+                check_types(&entry, item, kind)?;
+                all.push(Parameter::Value { name, value: read(&entry, item)?, kind });
             }
             (None, Some(_)) => collect(&entry, Some(&name), all)?,
             _ => return Err(entry.refuse(entry.line, "one of 'value' and 'param' is needed")),
@@ -81,11 +84,52 @@ fn kind(entry: &Attributes<'_>) -> Result<Option<&'static str>, LaunchError> {
     })
 }
 
-/// The value of a parameter in `item`.
+/// ROS 2 converts strings to the type that is asked for, and nothing else; a
+/// list has items of one type besides strings with substitutions.
+fn check_types(entry: &Attributes<'_>, item: &Item, kind: Option<&str>) -> Result<(), LaunchError> {
+    let (items, of) = match (&item.content, kind) {
+        (Content::List(items), Some(kind)) => match kind.strip_prefix("list_of_") {
+            Some(of) => (items.as_slice(), Some(of)),
+            None => return Err(entry.refuse(item.line, format!("value: is a list, must be of type {kind}"))),
+        },
+        (Content::List(items), None) => (items.as_slice(), None),
+        (_, kind) => (std::slice::from_ref(item), kind.filter(|kind| !kind.starts_with("list_of_"))),
+    };
+    let type_of = |item: &Item| match &item.content {
+        Content::Scalar(text, ScalarType::String) if text.contains("$(") => None,
+        Content::Scalar(_, ScalarType::String) => Some("str"),
+        Content::Scalar(_, ScalarType::Bool) => Some("bool"),
+        Content::Scalar(_, ScalarType::Integer) => Some("int"),
+        Content::Scalar(_, ScalarType::Float) => Some("float"),
+        _ => None,
+    };
+    let first = items.iter().find_map(type_of);
+    for item in items {
+        let given = type_of(item);
+        let wrong = |must: &str| {
+            let why = format!("value: {} must be of type {must}", item.described());
+            Err(entry.refuse(item.line, why))
+        };
+        match (given, of, first) {
+            (Some(given), Some(of), _) if given != of && given != "str" => return wrong(of),
+            (Some(given), None, Some(first)) if given != first => {
+                return wrong(&format!("{first} as the first in its list"));
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
+/// The value of a parameter in `item`. An empty list has no type in ROS 2.
 pub(super) fn read(attributes: &Attributes<'_>, item: &Item) -> Result<ParameterValue, LaunchError> {
     let Content::List(items) = &item.content else {
         return Ok(ParameterValue::Scalar(attributes.scalar("value", item, &SCALARS)?));
     };
+    if items.is_empty() {
+        let why = "value: an empty list has no type for ROS 2, leave the parameter out";
+        return Err(attributes.refuse(item.line, why));
+    }
     let scalars: Result<_, _> = items
         .iter()
         .map(|item| {

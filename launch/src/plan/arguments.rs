@@ -9,7 +9,7 @@ use super::resolve::{absolute, identity, included};
 use super::scope::Scope;
 use super::value::argument_value;
 use crate::action::{self, Action, Kind, LaunchFile};
-use crate::error::{LaunchError, listed};
+use crate::error::{LaunchError, Mistakes, listed};
 
 /// An argument of a launch file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -29,7 +29,7 @@ pub struct DeclaredArgument {
 /// # Errors
 /// As [`super::resolve`], for what cannot be read.
 pub fn declared_arguments(file: &Path) -> Result<Vec<DeclaredArgument>, LaunchError> {
-    declared(&absolute(file), &[])
+    declared(&absolute(file), &[]).map_err(Mistakes::into_first)
 }
 
 /// The same when `arguments` are given: the path of an included file may depend
@@ -37,7 +37,7 @@ pub fn declared_arguments(file: &Path) -> Result<Vec<DeclaredArgument>, LaunchEr
 pub(super) fn declared(
     file: &Path,
     arguments: &[(String, String)],
-) -> Result<Vec<DeclaredArgument>, LaunchError> {
+) -> Result<Vec<DeclaredArgument>, Mistakes> {
     let launch_file = action::read_file(file)?;
     let mut collector = Collector {
         found: Vec::new(),
@@ -100,7 +100,7 @@ impl Collector {
             Kind::Group { children, .. } | Kind::Timer { children, .. } => self.all(file, children),
             Kind::Include(include) => {
                 // A file that is not there counts only if it is really included.
-                match included(file, include, self.scope.at(file)) {
+                match included(include, self.scope.at(file)) {
                     Ok(inner) => self.include(&inner, file, include),
                     Err(_) => Ok(()),
                 }

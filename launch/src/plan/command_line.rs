@@ -1,14 +1,14 @@
 //! Splitting a command line into words as a shell would, without running one:
 //! quotes group, a backslash makes the next character plain, and the value of a
-//! substitution is never split.
+//! substitution is never split. As in ROS 2, no quote spans a substitution.
 
 use crate::substitution::{Part, SubstitutionError, Surroundings, Template};
 
 /// The words of `template`.
 ///
 /// # Errors
-/// [`SubstitutionError`] for a quote that does not end or a substitution
-/// without a value.
+/// [`SubstitutionError`] for a quote that does not end or spans a substitution,
+/// and for a substitution without a value.
 pub(super) fn words(
     template: &Template,
     around: &Surroundings<'_>,
@@ -17,6 +17,10 @@ pub(super) fn words(
     for part in &template.parts {
         match part {
             Part::Text(text) => splitter.text(text),
+            Part::Call(..) if splitter.quote.is_some() => {
+                let why = "a quote spans a substitution; leave it out, the value is one word anyway";
+                return Err(SubstitutionError::Invalid(why.to_owned()));
+            }
             Part::Call(..) => splitter.word.get_or_insert_default().push_str(&part.evaluate(around)?),
         }
     }
@@ -53,7 +57,7 @@ impl Splitter {
 
     fn finish(mut self) -> Result<Vec<String>, SubstitutionError> {
         if let Some(quote) = self.quote {
-            return Err(SubstitutionError(format!("the quote {quote} does not end")));
+            return Err(SubstitutionError::Invalid(format!("the quote {quote} does not end")));
         }
         self.words.extend(self.word);
         Ok(self.words)
@@ -80,7 +84,7 @@ mod tests {
             ["sh", "-c", "echo \"x y\"", "a bz"]
         );
         assert_eq!(split("a '' b\"c d\"e").expect("valid"), ["a", "", "bc de"]);
-        assert_eq!(split("'-p $(var v)'").expect("valid"), ["-p a b"]);
+        assert!(split("'-p $(var v)'").is_err());
         assert!(split("  ").expect("valid").is_empty());
         assert!(split("'a").is_err());
     }

@@ -25,6 +25,9 @@ impl ParameterText {
     pub(super) fn scalar(text: String, kind: Option<&'static str>) -> Result<Self, String> {
         let text = match kind {
             Some(of) if !of.starts_with("list_of_") => typed(text, of)?,
+            None if ScalarType::of_plain(&text) == ScalarType::Null => {
+                return Err(format!("= '{text}' is nothing to ROS 2, give it type: \"str\""));
+            }
             _ => text,
         };
         Ok(Self { text, kind })

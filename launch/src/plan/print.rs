@@ -16,6 +16,7 @@ impl fmt::Display for NodePlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = self.fully_qualified().unwrap_or_else(|| format!("{} (its own name)", self.namespace));
         writeln!(f, "node {name}: {}/{}", self.package, self.executable)?;
+        self.shared_parameters.iter().try_for_each(|(name, value)| writeln!(f, "  {name} = {value}"))?;
         for file in &self.parameter_files {
             writeln!(f, "  params {}", file.display())?;
         }

@@ -50,7 +50,7 @@ pub(super) fn node(action: &NodeAction, place: &Place<'_>) -> Result<NodePlan, L
     let given = view.optional(&action.process.name)?;
     let name = given.or_else(|| (package == SUITE).then(|| executable.clone()));
     let label = view.optional(&action.label)?.or_else(|| name.clone()).unwrap_or_else(|| executable.clone());
-    let (parameter_files, parameters) = all_parameters(&action.parameters, place)?;
+    let (parameter_files, parameters) = own_parameters(&action.parameters, place)?;
     let mut remaps = place.scope.remaps.clone();
     remaps.extend(view.pairs(&action.remaps)?);
     let namespace = place.scope.joined(&view.optional(&action.namespace)?.unwrap_or_default());
@@ -60,12 +60,14 @@ pub(super) fn node(action: &NodeAction, place: &Place<'_>) -> Result<NodePlan, L
         executable,
         name,
         namespace,
-        parameters,
+        shared_parameters: place.scope.parameters.clone(),
         parameter_files,
+        parameters,
         remaps,
         args: words(action.args.as_ref(), place)?,
         ros_args: words(action.ros_args.as_ref(), place)?,
         process: process(&action.process, label, place)?,
+        declared_at: (place.file.to_owned(), place.line),
     })
 }
 
@@ -82,8 +84,8 @@ fn check_names(
 
 type Parameters = (Vec<PathBuf>, Vec<(String, super::ParameterText)>);
 
-fn all_parameters(own: &[Parameter], place: &Place<'_>) -> Result<Parameters, LaunchError> {
-    let (mut files, mut values) = (Vec::new(), place.scope.parameters.clone());
+fn own_parameters(own: &[Parameter], place: &Place<'_>) -> Result<Parameters, LaunchError> {
+    let (mut files, mut values) = (Vec::new(), Vec::new());
     for parameter in own {
         match parameter {
             Parameter::File(text) => {

@@ -1,5 +1,6 @@
 //! From a launch file and arguments to a [`Plan`]: actions are done in the order
-//! of the file, each in the scope that the earlier ones left. Nothing is started.
+//! of the file, each in the scope that the earlier ones left. A mistake does not
+//! hide the next one. Nothing is started.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -9,7 +10,7 @@ use super::value::{argument_value, parameter_value};
 use super::{ParameterText, Plan, arguments, process};
 use crate::action::{self, Action, Condition, Include, Kind, LaunchFile};
 use crate::attributes::Text;
-use crate::error::LaunchError;
+use crate::error::{LaunchError, Mistakes};
 use crate::substitution::truth;
 
 /// Reads `file` and works it out with `arguments`, the (name, value) pairs of
@@ -20,12 +21,23 @@ use crate::substitution::truth;
 /// for an argument that no file declares, [`LaunchError::File`] when a file
 /// cannot be read.
 pub fn resolve(file: &Path, arguments: &[(String, String)]) -> Result<Plan, LaunchError> {
+    check(file, arguments).map_err(Mistakes::into_first)
+}
+
+/// As [`resolve`], with every mistake and not only the first one. What merely
+/// follows from an earlier mistake is left out. Values are looked at once every
+/// file can be read.
+///
+/// # Errors
+/// As [`resolve`].
+pub fn check(file: &Path, arguments: &[(String, String)]) -> Result<Plan, Mistakes> {
     let file = &absolute(file);
     let declared = arguments::declared(file, arguments)?;
-    if let Some((name, _)) = arguments.iter().find(|(name, _)| declared.iter().all(|d| d.name != *name)) {
+    let unknown = arguments.iter().filter(|(name, _)| declared.iter().all(|d| d.name != *name));
+    Mistakes::gather(unknown.map(|(name, _)| {
         let known = arguments::known(&declared);
-        return Err(LaunchError::UnknownArgument { name: name.clone(), known });
-    }
+        Err::<(), _>(LaunchError::UnknownArgument { name: name.clone(), known }.into())
+    }))?;
     let launch_file = action::read_file(file)?;
     let mut resolver = Resolver {
         plan: Plan::default(),
@@ -49,20 +61,25 @@ pub(super) fn identity(file: &Path) -> PathBuf {
     file.canonicalize().unwrap_or_else(|_| file.to_owned())
 }
 
-/// The included file; a relative path starts at the including one.
-pub(super) fn included(file: &Path, include: &Include, view: View<'_>) -> Result<LaunchFile, LaunchError> {
+/// The included file. ROS 2 takes a relative path from the folder in which the
+/// launch is started, which is nobody's intention.
+pub(super) fn included(include: &Include, view: View<'_>) -> Result<LaunchFile, Mistakes> {
     let path = PathBuf::from(view.string(&include.file)?);
-    let path = file.parent().map_or_else(|| path.clone(), |folder| folder.join(&path));
+    if path.is_relative() {
+        let path = path.display();
+        let why = format!("include: '{path}' starts at any working folder, write $(dirname)/{path}");
+        return Err(view.refuse(&include.file, why).into());
+    }
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     if !name.ends_with(".yaml") && !name.ends_with(".yml") {
         let why = format!("include: '{name}' is not YAML, only .launch.yaml files can be included");
-        return Err(view.refuse(&include.file, why));
+        return Err(view.refuse(&include.file, why).into());
     }
-    action::read_file(&path).map_err(|error| match error {
-        LaunchError::File { file, why } => {
-            view.refuse(&include.file, format!("include: {}: {why}", file.display()))
+    action::read_file(&path).map_err(|mistakes| match mistakes.all() {
+        [LaunchError::File { file, why }] => {
+            view.refuse(&include.file, format!("include: {}: {why}", file.display())).into()
         }
-        other => other,
+        _ => mistakes,
     })
 }
 
@@ -77,13 +94,25 @@ struct Resolver {
 }
 
 impl Resolver {
-    fn all(&mut self, file: &Path, actions: &[Action]) -> Result<(), LaunchError> {
-        actions.iter().try_for_each(|action| {
-            if applies(&action.condition, self.scope.at(file))? { self.one(file, action) } else { Ok(()) }
-        })
+    fn all(&mut self, file: &Path, actions: &[Action]) -> Result<(), Mistakes> {
+        Mistakes::gather(actions.iter().map(|action| self.one(file, action))).map(|_| ())
     }
 
-    fn one(&mut self, file: &Path, action: &Action) -> Result<(), LaunchError> {
+    fn one(&mut self, file: &Path, action: &Action) -> Result<(), Mistakes> {
+        let done = match applies(&action.condition, self.scope.at(file)) {
+            Ok(true) => self.apply(file, action),
+            Ok(false) => Ok(()),
+            Err(mistake) => Err(mistake.into()),
+        };
+        if done.is_err()
+            && let Kind::Argument(action::Argument { name, .. }) | Kind::Let { name, .. } = &action.kind
+        {
+            self.scope.broken.extend(name.template.as_plain().map(str::to_owned));
+        }
+        done.or_else(|mistakes| mistakes.without(&LaunchError::Consequence))
+    }
+
+    fn apply(&mut self, file: &Path, action: &Action) -> Result<(), Mistakes> {
         let view = self.scope.at(file);
         match &action.kind {
             Kind::Argument(argument) => {
@@ -144,49 +173,48 @@ impl Resolver {
         process::Place { file, line, view: scope.at(file), scope, outside, start_after: *start_after }
     }
 
-    fn group(&mut self, file: &Path, scoped: Option<&Text>, children: &[Action]) -> Result<(), LaunchError> {
+    fn group(&mut self, file: &Path, scoped: Option<&Text>, children: &[Action]) -> Result<(), Mistakes> {
         let scoped = scoped.map(|text| self.scope.at(file).bool("scoped", text)).transpose()?;
         let outer = self.scope.clone();
-        self.all(file, children)?;
+        let done = self.all(file, children);
         if scoped.unwrap_or(true) {
             self.scope = outer;
         }
-        Ok(())
+        done
     }
 
-    fn timer(&mut self, file: &Path, period: &Text, children: &[Action]) -> Result<(), LaunchError> {
+    fn timer(&mut self, file: &Path, period: &Text, children: &[Action]) -> Result<(), Mistakes> {
         let before = self.start_after;
         self.start_after += Duration::from_secs_f64(self.scope.at(file).number("period", period)?);
-        self.all(file, children)?;
+        let done = self.all(file, children);
         self.start_after = before;
-        Ok(())
+        done
     }
 
     /// As in ROS 2, an included file works in the scope of the including one.
-    fn include(&mut self, file: &Path, line: usize, include: &Include) -> Result<(), LaunchError> {
+    fn include(&mut self, file: &Path, line: usize, include: &Include) -> Result<(), Mistakes> {
         let view = self.scope.at(file);
-        let launch_file = included(file, include, view)?;
+        let launch_file = included(include, view)?;
         let arguments = view.pairs(&include.arguments)?;
         let identity = identity(&launch_file.path);
         if self.open.contains(&identity) {
             let why = format!("include: {} includes itself", launch_file.path.display());
-            return Err(LaunchError::at(file, line, why));
+            return Err(LaunchError::at(file, line, why).into());
         }
         let declared = arguments::declared(&launch_file.path, &[])?;
         for ((name, _), (text, _)) in arguments.iter().zip(&include.arguments) {
             if declared.iter().all(|d| d.name != *name) {
                 let known = arguments::known(&declared);
                 let path = launch_file.path.display();
-                return Err(
-                    view.refuse(text, format!("include: {path} declares no argument '{name}', {known}"))
-                );
+                let why = format!("include: {path} declares no argument '{name}', {known}");
+                return Err(view.refuse(text, why).into());
             }
         }
         self.scope.variables.extend(arguments);
         self.open.push(identity);
-        self.all(&launch_file.path, &launch_file.actions)?;
+        let done = self.all(&launch_file.path, &launch_file.actions);
         self.open.pop();
-        Ok(())
+        done
     }
 }
 

@@ -1,7 +1,7 @@
 //! [`Scope`]: what holds at a place of a launch file. A group that is scoped
 //! works on a copy.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use super::ParameterText;
@@ -23,6 +23,8 @@ pub(super) struct Scope {
     pub parameters: Vec<(String, ParameterText)>,
     /// From `set_remap`.
     pub remaps: Vec<(String, String)>,
+    /// Variables that have no value because of a mistake.
+    pub broken: BTreeSet<String>,
 }
 
 impl Scope {
@@ -34,6 +36,7 @@ impl Scope {
             namespace: "/".to_owned(),
             parameters: Vec::new(),
             remaps: Vec::new(),
+            broken: BTreeSet::new(),
         }
     }
 
@@ -74,7 +77,12 @@ impl View<'_> {
 
     /// `result` with the line of `text` in its error.
     pub fn locate<T>(&self, text: &Text, result: Result<T, SubstitutionError>) -> Result<T, LaunchError> {
-        result.map_err(|e| self.refuse(text, e))
+        result.map_err(|error| match &error {
+            SubstitutionError::Undefined { name, .. } if self.scope.broken.contains(name) => {
+                LaunchError::Consequence
+            }
+            _ => self.refuse(text, error),
+        })
     }
 
     /// An error at `text`.

@@ -57,7 +57,7 @@ fn call(
             Some(value) => value.clone(),
             None => {
                 let name = argument(0);
-                return Err(SubstitutionError(format!(
+                return Err(SubstitutionError::Invalid(format!(
                     "environment variable {name} is not set, $(env {name} DEFAULT) gives it a default"
                 )));
             }
@@ -87,7 +87,7 @@ fn variable(
 ) -> Result<String, SubstitutionError> {
     around.variables.get(name).or(default).cloned().ok_or_else(|| {
         let known = listed(around.variables.keys(), "none");
-        SubstitutionError(format!("undefined variable '{name}', defined here are {known}"))
+        SubstitutionError::Undefined { name: name.to_owned(), known }
     })
 }
 
@@ -99,7 +99,7 @@ pub(crate) fn truth(text: &str) -> Result<bool, SubstitutionError> {
     match text.trim().to_ascii_lowercase().as_str() {
         "true" | "1" => Ok(true),
         "false" | "0" => Ok(false),
-        _ => Err(SubstitutionError(format!("'{text}' is no condition, true, 1, false and 0 are"))),
+        _ => Err(SubstitutionError::Invalid(format!("'{text}' is no condition, true, 1, false and 0 are"))),
     }
 }
 

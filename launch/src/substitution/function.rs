@@ -74,7 +74,7 @@ impl Function {
         if let Some((_, function, ..)) = KNOWN.iter().find(|known| known.0 == name) {
             return Ok(*function);
         }
-        Err(SubstitutionError(match REFUSED.iter().find(|refused| refused.0 == name) {
+        Err(SubstitutionError::Invalid(match REFUSED.iter().find(|refused| refused.0 == name) {
             Some((_, why)) => format!("$({name}) is not supported: {why}"),
             None => {
                 let known = listed(KNOWN.iter().map(|known| known.0), "");
@@ -96,6 +96,6 @@ impl Function {
             (a, b) if a == b => format!("{a} arguments"),
             (a, b) => format!("{a} or {b} arguments"),
         };
-        Err(SubstitutionError(format!("$({name}) takes {takes}, not {given}")))
+        Err(SubstitutionError::Invalid(format!("$({name}) takes {takes}, not {given}")))
     }
 }

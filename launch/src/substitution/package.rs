@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::{SubstitutionError, Surroundings};
 
 /// The package that this suite is.
-pub(crate) const SUITE: &str = "modulo";
+pub const SUITE: &str = "modulo";
 
 /// A file by which the suite's own share folder is known.
 const MARKER: &str = "launch/suite.launch.yaml";
@@ -64,5 +64,5 @@ fn installed(package: &str, around: &Surroundings<'_>) -> Result<PathBuf, Substi
             format!("looked at {}", places.join(", "))
         }
     };
-    Err(SubstitutionError(format!("package '{package}' is not found, {places}")))
+    Err(SubstitutionError::Invalid(format!("package '{package}' is not found, {places}")))
 }

@@ -1,5 +1,6 @@
 //! Launch files from text to plan to processes.
 
+mod grammar;
 mod plans;
 mod refusals;
 mod shipped;

@@ -32,7 +32,7 @@ launch:
         - { name: "gain", value: "$(var gain)", type: "float" }
         - { name: "list", value: ["a", "b c", "$(var gain)"] }
         - { name: "text", value: "12", type: "str" }
-        - { name: "empty", value: "" }
+        - { name: "empty", value: "", type: "str" }
         - { name: "filter", param: [{ name: "size", value: 3 }] }
       remap: [{ from: "modulo", to: "/camera/image" }]
       env: [{ name: "A", value: "$(var gain)" }]
@@ -90,6 +90,17 @@ fn a_parameter_file_comes_before_parameters() {
     assert_eq!(ros_arguments(&node), ["--ros-args", "-r", "__ns:=/", "--params-file", &file, "-p", "a:=1"]);
 }
 
+/// As in `launch_ros`: what is set for all nodes gives way to a node's own file.
+#[test]
+fn parameters_of_all_nodes_come_before_those_of_one() {
+    let text = "launch:\n  - set_parameter: { name: a, value: 1 }\n  - node:\n      pkg: modulo\n      exec: unwrap\n      \
+                param: [{ name: a, value: 2 }, { from: $(dirname)/p.yaml }]\n";
+    let files = Files::new(text).with("p.yaml", "");
+    let node = files.resolve(&[]).expect("resolves").nodes.remove(0);
+    let file = files.path("p.yaml").display().to_string();
+    assert_eq!(ros_arguments(&node)[5..], ["-p", "a:=1", "--params-file", &file, "-p", "a:=2"]);
+}
+
 #[test]
 fn a_group_keeps_its_changes_unless_it_is_not_scoped() {
     let inner = "
@@ -107,12 +118,12 @@ fn a_group_keeps_its_changes_unless_it_is_not_scoped() {
     for node in [&scoped.nodes[0], &open.nodes[0], &open.nodes[1]] {
         assert_eq!(node.namespace, "/inner");
         assert_eq!(node.process.env["MODULO_TEST_X"].as_deref(), Some("inner"));
-        assert_eq!((node.parameters.len(), node.remaps.len()), (1, 1));
+        assert_eq!((node.shared_parameters.len(), node.remaps.len()), (1, 1));
     }
     assert_eq!(labels(&open), ["in", "inner"]);
     let after = &scoped.nodes[1];
     assert_eq!((labels(&scoped)[1], after.namespace.as_str()), ("outer", "/"));
-    assert!(after.parameters.is_empty() && after.remaps.is_empty() && after.process.env.is_empty());
+    assert!(after.shared_parameters.is_empty() && after.remaps.is_empty() && after.process.env.is_empty());
 }
 
 #[test]
@@ -148,7 +159,7 @@ fn includes_take_arguments_and_know_their_own_folder() {
 launch:
   - arg: { name: who, default: x }
   - include:
-      file: sub.launch.yaml
+      file: $(dirname)/sub.launch.yaml
       arg: [{ name: name, value: $(var who)_$(var who) }]";
     let files = Files::new(text).with(
         "sub.launch.yaml",
@@ -165,7 +176,7 @@ fn timers_add_up_and_logs_are_kept() {
 launch:
   - log: { message: hello $(env HOME none) }
   - timer:
-      period: 1
+      period: 1.0
       children:
         - timer: { period: 0.5, children: [{ executable: { cmd: a } }] }
   - executable: { cmd: b }";
@@ -187,7 +198,7 @@ fn the_environment_of_the_launcher_can_be_hidden() {
 #[test]
 fn sim_time_is_a_parameter_of_all_later_nodes() {
     let text = "launch:\n  - set_use_sim_time: { value: true }\n  - node: { pkg: p, exec: e }";
-    assert_eq!(plan(text, &[]).nodes[0].parameters[0].0, "use_sim_time");
+    assert_eq!(plan(text, &[]).nodes[0].shared_parameters[0].0, "use_sim_time");
 }
 
 #[test]
@@ -195,7 +206,7 @@ fn declared_arguments_are_listed_once_with_their_defaults_as_written() {
     let text = "
 launch:
   - arg: { name: a, default: $(var b none), description: first }
-  - include: { file: sub.launch.yaml }";
+  - include: { file: $(dirname)/sub.launch.yaml }";
     let sub = "launch:\n  - arg: { name: a }\n  - arg: { name: b, choice: [{ value: '1' }] }\n";
     let files = Files::new(text).with("sub.launch.yaml", sub);
     let declared = declared_arguments(&files.path("main.launch.yaml")).expect("readable");

@@ -24,10 +24,15 @@ const MISTAKES: &[(&str, &str)] = &[
     ("- log: { message: yes }", "2: log: message: expected a string, found the bool yes, write \"yes\""),
     ("- log: { message: }", "2: log: message: expected a string, found nothing"),
     ("- log: { message: a, if: true }", "2: log: if: expected a string, found the bool true, write \"true\""),
-    ("- group: { scoped: 3 }", "2: group: scoped: expected true or false, found the number 3"),
+    ("- group: { scoped: 3 }", "2: group: scoped: expected true or false, found the integer 3"),
+    ("- group: { scoped: 'false' }", "2: group: scoped: expected true or false, found the string 'false'"),
     ("- group: { children: a }", "2: group: children: expected a list, found the string 'a'"),
     ("- timer: { period: soon, children: [] }", "2: period = 'soon' must be a number"),
-    ("- timer: { period: -1, children: [] }", "2: period = '-1' must be a number in 0"),
+    ("- timer: { period: -1.0, children: [] }", "2: period = '-1.0' must be a number in 0"),
+    (
+        "- timer: { period: 1, children: [] }",
+        "2: timer: period: expected a number, found the integer 1, write 1.0",
+    ),
     ("- log:\n    message: \"$(var nope)\"", "3: undefined variable 'nope', defined here are none"),
     ("- log: { message: \"$(eval '1')\" }", "2: log: message: $(eval) is not supported: it runs Python"),
     ("- log: { message: \"$(var x\" }", "2: log: message: '$(var x': a substitution does not end"),
@@ -39,9 +44,13 @@ const MISTAKES: &[(&str, &str)] = &[
         "3: argument 'x' = 'c' must be one of a, b",
     ),
     ("- arg: { name: x, choice: [a] }", "2: choice: expected a mapping of attributes, found the string 'a'"),
-    ("- include: { file: none.launch.yaml }", "2: include: none.launch.yaml: No such file"),
-    ("- include: { file: demo.launch.py }", "2: include: 'demo.launch.py' is not YAML"),
-    ("- include: { file: main.launch.yaml }", "2: include: main.launch.yaml includes itself"),
+    ("- include: { file: $(dirname)/none.launch.yaml }", "2: include: none.launch.yaml: No such file"),
+    ("- include: { file: $(dirname)/demo.launch.py }", "2: include: 'demo.launch.py' is not YAML"),
+    ("- include: { file: $(dirname)/main.launch.yaml }", "2: include: main.launch.yaml includes itself"),
+    (
+        "- include: { file: none.launch.yaml }",
+        "2: include: 'none.launch.yaml' starts at any working folder, write $(dirname)/none.launch.yaml",
+    ),
     ("- node: { pkg: p, exec: e, name: 1st }", "2: node: '1st' is not a ROS name"),
     ("- node: { pkg: p, exec: e, namespace: a b }", "2: node: '/a b' is not a ROS name"),
     ("- node: { pkg: p, exec: e, remap: [{ from: a }] }", "2: remap: key 'to' is missing"),
@@ -62,9 +71,29 @@ const MISTAKES: &[(&str, &str)] = &[
         "2: parameter 'a' = x is no int",
     ),
     (
-        "- node: { pkg: p, exec: e, param: [{ name: a, value: [], type: int }] }",
-        "2: parameter 'a' is a list, must be a int",
+        "- node: { pkg: p, exec: e, param: [{ name: a, value: [1], type: int }] }",
+        "2: param: value: is a list, must be of type int",
     ),
+    (
+        "- node: { pkg: p, exec: e, param: [{ name: a, value: 4, type: float }] }",
+        "2: param: value: the integer 4 must be of type float",
+    ),
+    (
+        "- node: { pkg: p, exec: e, param: [{ name: a, value: [1, 2.0] }] }",
+        "2: param: value: the number 2.0 must be of type int as the first in its list",
+    ),
+    (
+        "- node: { pkg: p, exec: e, param: [{ name: a, value: [] }] }",
+        "2: param: value: an empty list has no type for ROS 2",
+    ),
+    (
+        "- node: { pkg: p, exec: e, param: [{ name: a, value: '' }] }",
+        "2: parameter 'a' = '' is nothing to ROS 2, give it type: \"str\"",
+    ),
+    ("- node: { pkg: p, exec: e, param: [] }", "2: node: param: the list is empty, leave it out"),
+    ("- log: { message: costs 5 $ }", "2: log: message: 'costs 5 $': a dollar without '('"),
+    ("- arg: { name: $(var x) }", "2: arg: name: ROS 2 evaluates no substitution here"),
+    ("- log: { message: 010 }", "2: 010 is read in different ways by YAML readers, write \"010\""),
     (
         "- node: { pkg: p, exec: e, param: [{ name: a, value: 1, type: long }] }",
         "2: param: type: unknown 'long', known are int, float",
@@ -88,7 +117,7 @@ fn mistakes_are_named_with_their_line() {
 fn a_file_that_is_no_launch_file_is_refused() {
     for (text, message) in [
         ("", "main.launch.yaml:1: is empty"),
-        ("launch: 3\n", "main.launch.yaml:1: launch file: launch: expected a list, found the number 3"),
+        ("launch: 3\n", "main.launch.yaml:1: launch file: launch: expected a list, found the integer 3"),
         ("lunch: []\n", "main.launch.yaml:1: launch file: unknown key 'lunch', known keys are launch"),
         ("- a\n", "main.launch.yaml:1: launch file: expected a mapping"),
         ("launch: [\n", "main.launch.yaml:"),
@@ -107,7 +136,7 @@ fn a_mistake_in_a_branch_not_taken_is_still_one() {
 #[test]
 fn an_unknown_argument_is_refused_with_the_declared_ones() {
     let include = "launch:\n  - arg: { name: outer, default: '' }\n  \
-                   - include: { file: b.launch.yaml, arg: [{ name: fixed, value: x }] }\n";
+                   - include: { file: $(dirname)/b.launch.yaml, arg: [{ name: fixed, value: x }] }\n";
     let inner = "launch:\n  - arg: { name: inner, default: '' }\n  - arg: { name: fixed }\n";
     let files = Files::new(include).with("b.launch.yaml", inner);
     assert!(files.resolve(&[("inner", "1"), ("outer", "2")]).is_ok());
@@ -120,8 +149,7 @@ fn an_unknown_argument_is_refused_with_the_declared_ones() {
 
 #[test]
 fn an_include_gives_only_declared_arguments() {
-    let include =
-        "launch:\n  - include:\n      file: b.launch.yaml\n      arg:\n        - { name: inptu, value: x }\n";
+    let include = "launch:\n  - include:\n      file: $(dirname)/b.launch.yaml\n      arg:\n        - { name: inptu, value: x }\n";
     let files = Files::new(include).with("b.launch.yaml", "launch:\n  - arg: { name: input, default: '' }\n");
     let refusal = files.refusal(&[]);
     let expected =
@@ -131,14 +159,52 @@ fn an_include_gives_only_declared_arguments() {
 
 #[test]
 fn a_mistake_in_an_included_file_has_that_files_line() {
-    let files = Files::new("launch:\n  - include: { file: b.launch.yaml }\n")
+    let files = Files::new("launch:\n  - include: { file: $(dirname)/b.launch.yaml }\n")
         .with("b.launch.yaml", "launch:\n\n  - nod: {}\n");
     assert!(files.refusal(&[]).starts_with("b.launch.yaml:3: unknown action"));
 }
 
 #[test]
 fn files_that_include_each_other_are_refused() {
-    let files = Files::new("launch:\n  - include: { file: b.launch.yaml }\n")
-        .with("b.launch.yaml", "launch:\n  - include: { file: main.launch.yaml }\n");
+    let files = Files::new("launch:\n  - include: { file: $(dirname)/b.launch.yaml }\n")
+        .with("b.launch.yaml", "launch:\n  - include: { file: $(dirname)/main.launch.yaml }\n");
     assert!(files.refusal(&[]).starts_with("b.launch.yaml:2: include: main.launch.yaml includes itself"));
+}
+
+/// What follows from a mistake is not told again.
+#[test]
+fn every_mistake_is_found_and_nothing_that_follows_from_one() {
+    let all = |text: &str| {
+        let files = Files::new(text).with("b.launch.yaml", "launch:\n  - nod: {}\n  - log: {}\n");
+        let mistakes = modulo_launch::check(&files.path("main.launch.yaml"), &[]).expect_err("is wrong");
+        let folder = format!("{}/", files.0.path().display());
+        mistakes.all().iter().map(|mistake| mistake.to_string().replace(&folder, "")).collect::<Vec<_>>()
+    };
+    let begins = |found: Vec<String>, expected: &[&str]| {
+        assert_eq!(found.len(), expected.len(), "{found:#?}");
+        found.iter().zip(expected).for_each(|(found, begin)| assert!(found.starts_with(begin), "{found}"));
+    };
+    let read = "launch:\n  - noed: {}\n  - group:\n    - log: { message: 4 }\n    - let: { name: x }\n  - timer: {}\n";
+    begins(
+        all(read),
+        &[
+            "main.launch.yaml:2: unknown action",
+            "main.launch.yaml:4: log",
+            "main.launch.yaml:5: let",
+            "main.launch.yaml:6: timer",
+        ],
+    );
+    let resolved = "launch:\n  - arg: { name: bag }\n  - executable: { cmd: play $(var bag) }\n  \
+                    - log: { message: $(var nope) }\n  - include: { file: $(dirname)/b.launch.yaml }\n  \
+                    - group:\n    - log: { message: a, if: maybe }\n  - log: { message: a, unless: $(var bag) }\n";
+    begins(
+        all(resolved),
+        &[
+            "main.launch.yaml:2: argument 'bag' has no value",
+            "main.launch.yaml:4: undefined variable 'nope'",
+            "b.launch.yaml:2: unknown action 'nod'",
+            "b.launch.yaml:3: log: key 'message' is missing",
+            "main.launch.yaml:7: if: 'maybe' is no condition",
+        ],
+    );
 }

@@ -33,8 +33,9 @@ impl Lines {
     }
 }
 
-/// An `executable` action that runs `script`.
+/// An `executable` action that runs `script`; a dollar is the shell's.
 fn sh(name: &str, script: &str, more: &str) -> String {
+    let script = script.replace('$', "\\$");
     format!("  - executable:\n      name: {name}\n      cmd: /bin/sh -c \"{script}\"\n{more}")
 }
 
@@ -161,7 +162,7 @@ async fn a_missing_package_is_found_out_before_anything_starts() {
 #[tokio::test]
 async fn a_timer_delays_a_start_and_a_shutdown_cancels_it() {
     let lines = Lines::default();
-    let late = "  - timer: { period: 1000, children: [{ executable: { cmd: echo late, name: late } }] }\n"
+    let late = "  - timer: { period: 1000.0, children: [{ executable: { cmd: echo late, name: late } }] }\n"
         .to_owned();
     let outcome = outcome(&[late, sh("last", "echo now", LAST)], &lines).await.expect("runs");
     assert_eq!(end(&outcome, "late"), &ProcessEnd::ShutDown);
