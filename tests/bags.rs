@@ -14,7 +14,7 @@ use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, Selection};
 use modulo_msgs::builtin::Time;
 use modulo_msgs::rosbag2_interfaces as player;
 use modulo_msgs::{cdr, rosgraph_msgs};
-use modulo_runtime::transport::keys::{self, Endpoint};
+use modulo_runtime::transport::keys::{self, Endpoint, Hashes};
 use modulo_runtime::transport::zenoh::{RawSample, ZenohTransport};
 use modulo_runtime::transport::{Guard, Transport};
 use modulo_runtime::{Place, Qos, SystemClock};
@@ -201,7 +201,7 @@ struct Remote {
 
 impl Remote {
     fn new(domain: u32) -> Self {
-        Self { transport: ZenohTransport::open(domain, Arc::new(SystemClock::default())).expect("a session") }
+        Self { transport: ZenohTransport::open(domain, Hashes::Rihs01, Arc::new(SystemClock::default())).expect("a session") }
     }
 
     fn call(&self, name: &str, request: Vec<u8>) -> Vec<u8> {

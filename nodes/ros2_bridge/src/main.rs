@@ -1,0 +1,54 @@
+//! `ros2_bridge`: a node in two graphs, that of the suite on zenoh and that of a
+//! ROS 2 on DDS. It forwards topics as bytes and calls of the parameter services.
+//!
+//! What is forwarded is `modulo_runtime::bridge::Plan`; no message is decoded
+//! here, and none goes back to the side that it came from.
+
+mod parameters;
+mod topics;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::Context as _;
+use modulo_runtime::bridge::{self, Plan};
+use modulo_runtime::ros_args::RosArgs;
+use modulo_runtime::signals::end_on_signals;
+use modulo_runtime::transport::Transport as _;
+use modulo_runtime::transport::zenoh::ZenohTransport;
+use modulo_runtime::{Parameters, Stop, SystemClock, Urgency};
+
+/// How long one look for messages of the DDS graph takes.
+const GLANCE: Duration = Duration::from_millis(10);
+
+fn main() -> anyhow::Result<()> {
+    tracing_subscriber::fmt().with_writer(std::io::stderr).with_target(false).init();
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let (ros, _) = RosArgs::parse(&arguments)?;
+    let place = ros.place("ros2_bridge")?;
+    let settings = ros.parameters_for(&place)?;
+    let plan = Plan::new(&Parameters::declare(bridge::declare()).with_text(&settings)?, &place)?;
+
+    let domain = std::env::var("ROS_DOMAIN_ID").unwrap_or_else(|_| "0".to_owned());
+    let domain = domain.trim().parse().with_context(|| format!("ROS_DOMAIN_ID = '{domain}'"))?;
+    let transport = Arc::new(ZenohTransport::open(domain, Arc::new(SystemClock::default()))?);
+    let dds = r2r::Context::create().context("ROS 2")?;
+    let mut node = r2r::Node::create(dds, &place.name, &place.namespace).context("ROS 2 node")?;
+
+    let stop = Stop::default();
+    end_on_signals(&stop).context("signal handlers")?;
+    let mut wires = Vec::new();
+    for route in &plan.routes {
+        wires.push(topics::forward(route, &place, &transport, &mut node)?);
+        tracing::info!("{} ({}): {:?}", route.topic, route.ros_type, route.direction);
+    }
+    for suite_node in &plan.nodes {
+        parameters::offer(suite_node, &transport, &mut node)?;
+        tracing::info!("parameters of {suite_node}");
+    }
+    let _ready = transport.announce(&place)?;
+    while stop.urgency() == Urgency::None {
+        node.spin_once(GLANCE);
+    }
+    Ok(())
+}
