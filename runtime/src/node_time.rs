@@ -130,7 +130,7 @@ mod tests {
         };
         let machine = ManualClock::at(77);
         let mut time = NodeTime::new(&machine);
-        let mut follow = |on, time: &mut NodeTime<'_>| {
+        let follow = |on, time: &mut NodeTime<'_>| {
             time.follow(&asked(on), &place, &transport).expect("local");
         };
         follow(false, &mut time);
