@@ -105,6 +105,7 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
     }
 
     /// Forward transform of what `load` gives, `change`, inverse transform, `keep`.
+    #[expect(clippy::redundant_closure, reason = "a reference is called by its shim, which is not inlined")]
     pub fn filter(
         &mut self,
         workers: &Workers,
@@ -124,7 +125,14 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
         workers.each(stripes, |_, stripe| {
             stripe.bands().for_each(|band| {
                 let tile = |block: usize| slabs[block / shape.blocks_each].tile(across, block, band);
-                stripe.inverse(shape, down, band, tile, &keep);
+                stripe.inverse(
+                    shape,
+                    down,
+                    band,
+                    tile,
+                    #[inline(always)]
+                    |place, values| keep(place, values),
+                );
             });
         });
     }

@@ -98,19 +98,14 @@ impl Complex {
     /// The first half of `reals` in the real parts, the second in the imaginary parts.
     #[inline(always)]
     pub fn of(reals: [f32; REALS]) -> Self {
-        let mut out = Self::default();
-        out.re.0.copy_from_slice(&reals[..LANES]);
-        out.im.0.copy_from_slice(&reals[LANES..]);
-        out
+        let half = |half: Option<&[f32; LANES]>| half.copied().map(Lanes).unwrap_or_default();
+        Self { re: half(reals.first_chunk()), im: half(reals.last_chunk()) }
     }
 
     /// What [`Complex::of`] took.
     #[inline(always)]
     pub fn reals(self) -> [f32; REALS] {
-        let mut out = [0.0; REALS];
-        out[..LANES].copy_from_slice(&self.re.0);
-        out[LANES..].copy_from_slice(&self.im.0);
-        out
+        [self.re.0, self.im.0].as_flattened().first_chunk().copied().unwrap_or_default()
     }
 
     #[inline(always)]

@@ -6,73 +6,36 @@ use super::lanes::{Complex, LANES, Lanes, REALS};
 /// Rows of one band, or columns of one block.
 pub(super) type Tile = [Complex; REALS];
 
+/// Sixteen rows of sixteen numbers, in halves.
+type Square = [[f32; LANES]; 2 * REALS];
+
 /// Rows that `take` gives become columns that `put` receives.
 #[inline(always)]
 pub(super) fn transpose(take: impl Fn(usize) -> Complex, mut put: impl FnMut(usize, Complex)) {
-    // One half of all rows after the other: sixteen of them are as many as there are registers.
-    let upper = turned(eight(
-        #[inline(always)]
-        |row| take(row).re,
-    ));
-    let lower = turned(eight(
-        #[inline(always)]
-        |row| take(LANES + row).re,
-    ));
-    for column in 0..LANES {
-        put(column, Complex { re: upper[column], im: lower[column] });
+    let (mut square, mut other) = (Square::default(), Square::default());
+    for (row, to) in square.as_chunks_mut().0.iter_mut().enumerate() {
+        let Complex { re, im } = take(row);
+        *to = [re.0, im.0];
     }
-    let upper = turned(eight(
-        #[inline(always)]
-        |row| take(row).im,
-    ));
-    let lower = turned(eight(
-        #[inline(always)]
-        |row| take(LANES + row).im,
-    ));
-    for column in 0..LANES {
-        put(LANES + column, Complex { re: upper[column], im: lower[column] });
+    for _ in 0..REALS.ilog2() / 2 {
+        riffle(&square, &mut other);
+        riffle(&other, &mut square);
+    }
+    for (column, &[re, im]) in square.as_chunks().0.iter().enumerate() {
+        put(column, Complex { re: Lanes(re), im: Lanes(im) });
     }
 }
 
+/// One half between the other, as cards are shuffled: the uppermost bit of each index becomes its lowest. Half as
+/// often as an index has bits, it exchanges row and column. Loops like this one become shuffles of whole vectors,
+/// which lists of elements do not.
 #[inline(always)]
-fn eight(of: impl Fn(usize) -> Lanes) -> [Lanes; LANES] {
-    [of(0), of(1), of(2), of(3), of(4), of(5), of(6), of(7)]
-}
-
-/// Eight rows of eight, by the interleavings that vector machines have: of numbers, of pairs, of halves.
-#[inline(always)]
-fn turned([a, b, c, d, e, f, g, h]: [Lanes; LANES]) -> [Lanes; LANES] {
-    let ([a, b], [c, d]) = (ones(a, b), ones(c, d));
-    let ([e, f], [g, h]) = (ones(e, f), ones(g, h));
-    let ([a, b], [c, d]) = (twos(a, c), twos(b, d));
-    let ([e, f], [g, h]) = (twos(e, g), twos(f, h));
-    let ([a, e], [b, f]) = (fours(a, e), fours(b, f));
-    let ([c, g], [d, h]) = (fours(c, g), fours(d, h));
-    [a, b, c, d, e, f, g, h]
-}
-
-#[inline(always)]
-fn ones(Lanes(a): Lanes, Lanes(b): Lanes) -> [Lanes; 2] {
-    [
-        Lanes([a[0], b[0], a[1], b[1], a[4], b[4], a[5], b[5]]),
-        Lanes([a[2], b[2], a[3], b[3], a[6], b[6], a[7], b[7]]),
-    ]
-}
-
-#[inline(always)]
-fn twos(Lanes(a): Lanes, Lanes(b): Lanes) -> [Lanes; 2] {
-    [
-        Lanes([a[0], a[1], b[0], b[1], a[4], a[5], b[4], b[5]]),
-        Lanes([a[2], a[3], b[2], b[3], a[6], a[7], b[6], b[7]]),
-    ]
-}
-
-#[inline(always)]
-fn fours(Lanes(a): Lanes, Lanes(b): Lanes) -> [Lanes; 2] {
-    [
-        Lanes([a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]]),
-        Lanes([a[4], a[5], a[6], a[7], b[4], b[5], b[6], b[7]]),
-    ]
+fn riffle(from: &Square, to: &mut Square) {
+    let (first, second) = from.split_at(REALS);
+    let (first, second) = (first.as_flattened(), second.as_flattened());
+    for ((pair, &a), &b) in to.as_flattened_mut().as_chunks_mut().0.iter_mut().zip(first).zip(second) {
+        *pair = [a, b];
+    }
 }
 
 #[cfg(test)]

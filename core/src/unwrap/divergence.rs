@@ -36,10 +36,11 @@ impl Codes {
     /// Sixteen codes, 0 beyond the end of the row.
     #[inline(always)]
     pub fn at(&self, Place { row, sample }: Place) -> [u16; REALS] {
-        let row = &self.samples[row * self.stride..][..self.stride];
-        row[sample..].first_chunk().copied().unwrap_or_else(|| {
-            std::array::from_fn(|lane| row.get(sample + lane).copied().unwrap_or_default())
-        })
+        let rest = &self.samples[row * self.stride..][..self.stride][sample..];
+        match rest.first_chunk() {
+            Some(codes) => *codes,
+            None => tail(rest),
+        }
     }
 
     /// Sixteen samples of the divergence, 0 beyond the end of the row; half a peak is 2^15.
@@ -88,6 +89,12 @@ impl Codes {
         }
         out
     }
+}
+
+#[cold]
+#[inline(never)]
+fn tail(rest: &[u16]) -> [u16; REALS] {
+    std::array::from_fn(|lane| rest.get(lane).copied().unwrap_or_default())
 }
 
 /// Shifts all samples up, and tells which bits they had.

@@ -19,14 +19,19 @@ const CODES_A_STEP: f32 = 65536.0 / FINE as f32;
 /// Residuals that are too large or too small.
 const LIMIT: f32 = 32767.0;
 
+/// What a number from 0 to this loses when it is added is its fraction; its integer is left in the lowest bits.
+const WHOLE: f32 = 8_388_608.0;
+
 /// `(phi - code)` in steps, rounded down (within 1/256 of a step); both in units whose peak is 2^16.
 #[inline(always)]
 pub(super) fn residuals(phi: [f32; REALS], codes: [u16; REALS]) -> [i16; REALS] {
     let mut steps = [0; REALS];
     for ((step, phi), code) in steps.iter_mut().zip(phi).zip(codes) {
-        let value = ((phi - f32::from(code)) * (1.0 / CODES_A_STEP)).clamp(-LIMIT, LIMIT);
-        // `floor` would be a call into the maths library on plain x86-64; here `as` rounds a positive number.
-        *step = ((value + (LIMIT + 1.0)) as i32 - (LIMIT as i32 + 1)) as i16;
+        let value = ((phi - f32::from(code)) * (1.0 / CODES_A_STEP)).clamp(-LIMIT, LIMIT) + (LIMIT + 1.0);
+        // `floor` would be a call into the maths library on plain x86-64, and `as` one number at a time.
+        let nearest = (value + WHOLE) - WHOLE;
+        let whole = if nearest > value { nearest - 1.0 } else { nearest };
+        *step = ((whole + WHOLE).to_bits() as u16 ^ (1 << 15)).cast_signed();
     }
     steps
 }
@@ -43,6 +48,14 @@ pub(super) struct Counting {
     offset: i32,
     zero: i32,
     most: i32,
+}
+
+/// As many [`Counting`]s side by side, by lane.
+#[derive(Clone, Copy)]
+pub(super) struct Countings {
+    offset: [i32; REALS],
+    zero: [i32; REALS],
+    most: [i32; REALS],
 }
 
 impl Histogram {
@@ -92,10 +105,22 @@ impl Histogram {
     }
 }
 
-impl Counting {
+impl Countings {
+    /// `of` each lane.
+    pub fn new(of: impl Fn(usize) -> Counting) -> Self {
+        let each = |part: fn(Counting) -> i32| std::array::from_fn(|lane| part(of(lane)));
+        Self { offset: each(|of| of.offset), zero: each(|of| of.zero), most: each(|of| of.most) }
+    }
+
+    /// Wrap counts of residuals.
     #[inline(always)]
-    pub fn wraps(self, residual: i16) -> u8 {
-        (wraps(i32::from(residual), self.offset) - self.zero).clamp(0, self.most) as u8
+    pub fn wraps(&self, residuals: &[i16; REALS]) -> [u8; REALS] {
+        let mut counts = [0; REALS];
+        for lane in 0..REALS {
+            let count = wraps(i32::from(residuals[lane]), self.offset[lane]) - self.zero[lane];
+            counts[lane] = count.max(0).min(self.most[lane]) as u8;
+        }
+        counts
     }
 }
 
@@ -117,8 +142,10 @@ mod tests {
                 x.iter().map(|&x| residuals([x + shift; REALS], [(x % 65536.0) as u16; REALS])[0]).collect();
             residuals.iter().for_each(|&residual| histogram.count(residual));
             let counting = histogram.counting(3);
+            let counting = Countings::new(|_| counting);
             for (x, residual) in x.iter().zip(residuals) {
-                assert_eq!(counting.wraps(residual), (x / 65536.0) as u8, "shift {shift}, x {x}");
+                let want = [(x / 65536.0) as u8; REALS];
+                assert_eq!(counting.wraps(&[residual; REALS]), want, "shift {shift}, x {x}");
             }
         }
     }

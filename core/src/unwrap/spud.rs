@@ -4,7 +4,7 @@
 use ndarray::{Array3, ArrayView3, Axis};
 
 use super::divergence::Codes;
-use super::nearest::{self, Counting, Histogram};
+use super::nearest::{self, Counting, Countings, Histogram};
 use super::poisson::{Poisson, ThresholdOn};
 use super::{Range, Recovered, Unwrap, UnwrapError, check_codes};
 use crate::dct::{self, Place, REALS};
@@ -144,6 +144,7 @@ impl Spud {
         });
     }
 
+    /// Sixteen rows at a time, so that what lies row below row is read as it lies.
     #[inline(always)]
     fn place_rows(
         &self,
@@ -155,23 +156,42 @@ impl Spud {
         k: &mut [u8],
     ) {
         let channels = self.poisson.grid.dim().2;
-        let (scale, peak) = (range.peak() / PEAK as f32, range.peak());
         // By channel of the first sample of a run.
-        let lanes: [[Counting; REALS]; 3] =
-            std::array::from_fn(|first| std::array::from_fn(|lane| countings[(first + lane) % channels]));
-        for (row, (x, k)) in (first..).zip(x.chunks_exact_mut(stride).zip(k.chunks_exact_mut(stride))) {
-            let runs = x.chunks_mut(REALS).zip(k.chunks_mut(REALS)).enumerate();
-            for (run, (x, k)) in runs {
-                let place = Place { row, sample: run * REALS };
-                let (residuals, codes) = (self.poisson.grid.out(place), self.codes.at(place));
-                let lanes = &lanes[place.sample % channels];
-                let (mut all_x, mut all_k) = ([0.0; REALS], [0; REALS]);
-                for lane in 0..REALS {
-                    all_k[lane] = lanes[lane].wraps(residuals[lane]);
-                    all_x[lane] = f32::from(codes[lane]) * scale + f32::from(all_k[lane]) * peak;
+        let lanes: [Countings; 3] =
+            std::array::from_fn(|first| Countings::new(|lane| countings[(first + lane) % channels]));
+        let blocks = x.chunks_mut(REALS * stride).zip(k.chunks_mut(REALS * stride));
+        for (row, (x, k)) in (first..).step_by(REALS).zip(blocks) {
+            for sample in (0..stride).step_by(REALS) {
+                let counting = &lanes[sample % channels];
+                let rows = x.chunks_exact_mut(stride).zip(k.chunks_exact_mut(stride));
+                for (row, (x, k)) in (row..).zip(rows) {
+                    self.place_run(
+                        Place { row, sample },
+                        counting,
+                        range,
+                        &mut x[sample..],
+                        &mut k[sample..],
+                    );
                 }
-                x.copy_from_slice(&all_x[..x.len()]);
-                k.copy_from_slice(&all_k[..k.len()]);
+            }
+        }
+    }
+
+    /// Sixteen samples, or those that are left of a row.
+    #[inline(always)]
+    fn place_run(&self, place: Place, counting: &Countings, range: Range, x: &mut [f32], k: &mut [u8]) {
+        let (scale, peak) = (range.peak() / PEAK as f32, range.peak());
+        let counts = counting.wraps(self.poisson.grid.out(place));
+        let codes = self.codes.at(place);
+        let mut radiance = [0.0; REALS];
+        for lane in 0..REALS {
+            radiance[lane] = f32::from(codes[lane]) * scale + f32::from(counts[lane]) * peak;
+        }
+        match (x.first_chunk_mut(), k.first_chunk_mut()) {
+            (Some(x), Some(k)) => (*x, *k) = (radiance, counts),
+            _ => {
+                x.iter_mut().zip(radiance).for_each(|(x, value)| *x = value);
+                k.iter_mut().zip(counts).for_each(|(k, value)| *k = value);
             }
         }
     }
