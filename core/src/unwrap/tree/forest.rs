@@ -3,14 +3,16 @@
 //! 1. Segments: neighbours along a row between which the change is flat and the count the same are one node
 //!    from the start, and flat edges join segments along rows and between them, in the order of the image.
 //! 2. Of the edges left between two segments that touch, the flattest are sorted by key, and join in that order.
+//!    They are noted down as edges between regions, with the step between their roots: in the order of keys
+//!    they jump about, and an image is too large for that.
 //!
 //! What is not known of a pixel is never stored by pixel: most of an image is long segments.
 
 use std::ops::Range;
 
-use super::order::{Edge, Kind, Order};
-use super::pixels::{Direction, Quad};
-use super::regions::{LARGE, Region, Regions};
+use super::order::{Edge, Order};
+use super::pixels::{Direction, Quad, add, subtract};
+use super::regions::{Coarse, LARGE, Region, Regions};
 use super::segments::{Segment, each_contact, each_set};
 
 /// The node of all that is sea; no region of the others knows of it unless it is joined.
@@ -48,6 +50,8 @@ pub(in crate::unwrap) struct Forest {
     /// The first segment of each row, and the end of the last.
     rows: Vec<usize>,
     order: Order,
+    /// The regions that flat edges leave.
+    coarse: Coarse,
 }
 
 impl Forest {
@@ -69,9 +73,11 @@ impl Forest {
             }
         }
         self.regions.flatten();
+        self.coarse.condense(&self.regions);
         self.collect(ground);
-        self.join_in_order(ground);
-        self.regions.flatten();
+        let Self { coarse, order, .. } = self;
+        order.each(ground.flat(), |edge| coarse.join(edge.from, edge.to, || edge.step()));
+        self.coarse.refine(&mut self.regions);
     }
 
     /// The segments of the row that starts at `start`.
@@ -129,40 +135,34 @@ impl Forest {
 
     /// The flattest edge of each contact of different regions, and each segment's shortest tie to the sea.
     fn collect<G: Ground>(&mut self, ground: &G) {
-        let Self { regions, segments, rows, order } = self;
+        let Self { regions, segments, rows, order, coarse } = self;
         order.clear();
         let differ = |a: &Segment, b: &Segment| regions.root(a.node) != regions.root(b.node);
+        let edge = |key, from: u32, to: u32, step: Quad| {
+            let step = subtract(add(regions.above_root(from), step), regions.above_root(to));
+            Edge::new(key, coarse.node(regions.root(from)), coarse.node(regions.root(to)), step)
+        };
         for row in 1..rows.len() {
             let here = &segments[rows[row - 1]..rows[row]];
             for pair in here.windows(2).filter(|pair| differ(&pair[0], &pair[1])) {
                 let at = pair[0].end as usize - 1;
-                order.push(Edge::new(ground.key(Direction::Right, at), Kind::Right, at, &pair[0], &pair[1]));
+                let (key, step) = (ground.key(Direction::Right, at), ground.step(Direction::Right, at));
+                order.push(edge(key, pair[0].node, pair[1].node, step));
             }
             let below = rows.get(row + 1).map_or(&[][..], |&end| &segments[rows[row]..end]);
             each_contact(here, below, ground.width(), |a, b, pixels| {
                 if differ(a, b) {
                     let flattest = pixels.map(|at| (ground.key(Direction::Down, at), at)).min();
-                    flattest
-                        .into_iter()
-                        .for_each(|(key, at)| order.push(Edge::new(key, Kind::Down, at, a, b)));
+                    if let Some((key, at)) = flattest {
+                        order.push(edge(key, a.node, b.node, ground.step(Direction::Down, at)));
+                    }
                 }
             });
             for segment in here.iter().filter(|segment| segment.node != SEA && ground.land().is_some()) {
-                let shortest = segment.pixels().map(|at| (ground.tie(at), at)).min();
-                shortest.into_iter().for_each(|(key, at)| order.push(Edge::tie(key, at, segment)));
+                if let Some(key) = segment.pixels().map(|at| ground.tie(at)).min() {
+                    order.push(edge(key, SEA, segment.node, [0; 4]));
+                }
             }
         }
-    }
-
-    fn join_in_order<G: Ground>(&mut self, ground: &G) {
-        let Self { regions, order, .. } = self;
-        order.each(ground.flat(), |edge| {
-            let at = edge.at as usize;
-            regions.join(edge.from, edge.to, || match edge.kind {
-                Kind::Right => ground.step(Direction::Right, at),
-                Kind::Down => ground.step(Direction::Down, at),
-                Kind::Tie => [0; 4],
-            });
-        });
     }
 }

@@ -1,40 +1,30 @@
 //! Edges in the order of their keys: a counting sort.
 
-use super::forest::SEA;
-use super::segments::Segment;
+use super::pixels::Quad;
 
 /// Keys of one bucket count as equal: 1/512 of a peak.
 const SHIFT: u32 = 5;
 const BUCKETS: usize = (u16::MAX >> SHIFT) as usize + 1;
 
-/// What an edge ties together.
-#[derive(Clone, Copy, PartialEq, Eq, Debug)]
-pub(super) enum Kind {
-    /// A pixel and its right neighbour.
-    Right,
-    /// A pixel and the one below it.
-    Down,
-    /// The sea and a pixel.
-    Tie,
-}
-
-/// From the pixel `at`; from node to node.
+/// From region to region, by number.
 #[derive(Clone, Copy)]
 pub(super) struct Edge {
-    pub at: u32,
     pub from: u32,
     pub to: u32,
-    pub key: u16,
-    pub kind: Kind,
+    /// By how much the root of `to` is above that of `from`.
+    step: [i16; 3],
+    key: u16,
 }
 
 impl Edge {
-    pub fn new(key: u16, kind: Kind, at: usize, from: &Segment, to: &Segment) -> Self {
-        Self { at: at as u32, from: from.node, to: to.node, key, kind }
+    pub fn new(key: u16, from: u32, to: u32, [r, g, b, _]: Quad) -> Self {
+        Self { from, to, step: [r, g, b], key }
     }
 
-    pub fn tie(key: u16, at: usize, segment: &Segment) -> Self {
-        Self { at: at as u32, from: SEA, to: segment.node, key, kind: Kind::Tie }
+    #[inline(always)]
+    pub fn step(&self) -> Quad {
+        let [r, g, b] = self.step;
+        [r, g, b, 0]
     }
 }
 

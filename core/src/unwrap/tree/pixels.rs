@@ -60,16 +60,22 @@ impl Pixels {
         let channels = y.dim().2;
         let y = y.as_standard_layout();
         let samples = y.as_slice().unwrap_or_default();
+        let count = samples.len() / channels;
+        self.planes.iter_mut().for_each(|plane| plane.resize(count, 0));
+        self.quads.resize(count, [0; 4]);
+        let [r, g, b] = &mut self.planes;
+        let (r, g, b, quads) = (&mut r[..count], &mut g[..count], &mut b[..count], &mut self.quads[..count]);
         let code = |sample: T| sample.into() << shift;
-        self.quads.clear();
-        match channels {
-            1 => self.quads.extend(samples.iter().map(|&y| [code(y), code(y), code(y), 0])),
-            _ => self.quads.extend(samples.chunks_exact(3).map(|y| [code(y[0]), code(y[1]), code(y[2]), 0])),
-        }
-        for (lane, plane) in self.planes.iter_mut().enumerate() {
-            plane.clear();
-            plane.extend(self.quads.iter().map(|quad| quad[lane]));
-        }
+        widest(|| match channels {
+            1 => (0..count)
+                .for_each(|i| (r[i], g[i], b[i]) = (code(samples[i]), code(samples[i]), code(samples[i]))),
+            _ => {
+                for (i, y) in samples.as_chunks::<3>().0.iter().enumerate() {
+                    (r[i], g[i], b[i]) = (code(y[0]), code(y[1]), code(y[2]));
+                }
+            }
+        });
+        widest(|| (0..count).for_each(|i| quads[i] = [r[i], g[i], b[i], 0]));
     }
 
     /// Whether the channels are more than one.
