@@ -4,6 +4,7 @@
 //! the threads.
 
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefMutIterator, ParallelIterator};
+use rayon::slice::ParallelSliceMut;
 
 /// Most threads that can be asked for.
 pub const MAX_THREADS: usize = 256;
@@ -61,6 +62,25 @@ impl Workers {
             }
         }
     }
+
+    /// `work` on `size` items of both at a time, with the index of their chunk; both are of one length.
+    pub fn each_chunk<A: Send, B: Send>(
+        &self,
+        (a, b): (&mut [A], &mut [B]),
+        size: usize,
+        work: impl Fn(usize, &mut [A], &mut [B]) + Sync,
+    ) {
+        match &self.pool {
+            None => {
+                let chunks = a.chunks_mut(size).zip(b.chunks_mut(size)).enumerate();
+                chunks.for_each(|(index, (a, b))| work(index, a, b));
+            }
+            Some(pool) => pool.install(|| {
+                let chunks = a.par_chunks_mut(size).zip(b.par_chunks_mut(size)).enumerate();
+                chunks.for_each(|(index, (a, b))| work(index, a, b));
+            }),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -73,6 +93,18 @@ mod tests {
             let mut items = vec![1; 37];
             Workers::new(threads).unwrap().each(&mut items, |index, item| *item += index);
             assert_eq!(items, (1..38).collect::<Vec<_>>(), "{threads} threads");
+        }
+    }
+
+    #[test]
+    fn chunks_keep_their_place() {
+        for threads in [1, 3] {
+            let (mut a, mut b) = ([0; 10], [0; 10]);
+            Workers::new(threads).unwrap().each_chunk((&mut a, &mut b), 4, |index, a, b| {
+                a.fill(index);
+                b.fill(index + a.len());
+            });
+            assert_eq!((a, b), ([0, 0, 0, 0, 1, 1, 1, 1, 2, 2], [4, 4, 4, 4, 5, 5, 5, 5, 4, 4]));
         }
     }
 

@@ -8,14 +8,17 @@ use super::{Range, Recovered};
 const TOLERANCE: f64 = 0.02;
 
 /// Finds the absolute offset of `k`, clamps to the range, and writes one channel of `out`,
-/// which is prepared: of the image's shape, in standard layout.
-pub(super) fn place(k: &[i32], y: &[f32], range: Range, channel: usize, out: &mut Recovered) {
-    place_at(zero_level(k, i32::from(range.most_wraps())), k, y, range, channel, out);
-}
-
-/// [`place`] with `zero`, the count that stands for k = 0.
-pub(super) fn place_at(zero: i32, k: &[i32], y: &[f32], range: Range, channel: usize, out: &mut Recovered) {
+/// which is prepared: of the image's shape, in standard layout. `levels` is a buffer.
+pub(super) fn place(
+    k: &[i32],
+    y: &[f32],
+    range: Range,
+    channel: usize,
+    levels: &mut Vec<usize>,
+    out: &mut Recovered,
+) {
     let most = i32::from(range.most_wraps());
+    let zero = zero_level(k, most, levels);
     let k = k.iter().map(|k| (k.saturating_sub(zero)).clamp(0, most) as u8);
     let peak = range.peak();
     let channels = out.x.dim().2;
@@ -29,11 +32,14 @@ pub(super) fn place_at(zero: i32, k: &[i32], y: &[f32], range: Range, channel: u
 
 /// The count that stands for k = 0: of all levels that leave nearly as many pixels in
 /// `0..=most` as the best does, the highest, which makes the image darkest.
-pub(super) fn zero_level(k: &[i32], most: i32) -> i32 {
+fn zero_level(k: &[i32], most: i32, levels: &mut Vec<usize>) -> i32 {
     let (Some(&low), Some(&high)) = (k.iter().min(), k.iter().max()) else { return 0 };
-    let mut counts = vec![0usize; high.abs_diff(low) as usize + 1];
-    k.iter().for_each(|&k| counts[k.abs_diff(low) as usize] += 1);
-    low.saturating_add(zero_of(&counts, most) as i32)
+    levels.clear();
+    // Steps of at most one from pixel to pixel: no image of this size needs more, so that none is made twice.
+    levels.reserve(k.len());
+    levels.resize(high.abs_diff(low) as usize + 1, 0);
+    k.iter().for_each(|&k| levels[k.abs_diff(low) as usize] += 1);
+    low.saturating_add(zero_of(levels, most) as i32)
 }
 
 /// [`zero_level`] of `counts` pixels at each level, as an index; a level below the
@@ -41,9 +47,8 @@ pub(super) fn zero_level(k: &[i32], most: i32) -> i32 {
 pub(super) fn zero_of(counts: &[usize], most: i32) -> usize {
     let pixels = counts.iter().sum();
     let in_range = |zero: usize| counts[zero..].iter().take(most as usize + 1).sum::<usize>();
-    let shares: Vec<usize> = (0..counts.len()).map(in_range).collect();
-    let best = shares.iter().max().copied().unwrap_or(0);
-    shares.iter().rposition(|&share| is_enough(share, best, pixels)).unwrap_or(0)
+    let best = (0..counts.len()).map(in_range).max().unwrap_or(0);
+    (0..counts.len()).rfind(|&zero| is_enough(in_range(zero), best, pixels)).unwrap_or(0)
 }
 
 /// Whether `share` is nearly `best`, of `pixels`.
@@ -57,8 +62,8 @@ mod tests {
 
     #[test]
     fn darkest_offset_that_keeps_the_image_in_range() {
-        assert_eq!(zero_level(&[5, 5, 6, 7], 3), 5);
-        assert_eq!(zero_level(&[-1, -1, 0, 0], 1), -1);
+        assert_eq!(zero_level(&[5, 5, 6, 7], 3, &mut Vec::new()), 5);
+        assert_eq!(zero_level(&[-1, -1, 0, 0], 1, &mut Vec::new()), -1);
     }
 
     #[test]
@@ -66,8 +71,8 @@ mod tests {
         let mut k = vec![3; 1000];
         k[500..].fill(4);
         k[..19].fill(-7);
-        assert_eq!(zero_level(&k, 1), 3);
+        assert_eq!(zero_level(&k, 1, &mut Vec::new()), 3);
         k[..30].fill(2);
-        assert_eq!(zero_level(&k, 2), 2, "more than 2 % are no outliers");
+        assert_eq!(zero_level(&k, 2, &mut Vec::new()), 2, "more than 2 % are no outliers");
     }
 }

@@ -84,7 +84,7 @@ impl Unwrap for GradientTree {
             breaks: [&right.breaks, &down.breaks],
             n: [&right.n, &down.n],
         });
-        place(&self.forest, y, range, out);
+        place(&mut self.forest, y, range, out);
         Ok(())
     }
 }
@@ -170,6 +170,7 @@ impl Slope {
             self.n.resize(pixels.count(), [0; 4]);
         }
         self.changed.clear();
+        self.changed.reserve(pixels.count());
         let (regions, stride) = (&self.forest.regions, pixels.stride(self.direction));
         for segment in self.forest.segments.iter().filter(|segment| segment.node != SEA) {
             let n = subtract(regions.above_root(segment.node), regions.above_root(SEA));

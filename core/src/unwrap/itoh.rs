@@ -11,6 +11,7 @@ use crate::plane;
 pub struct Itoh {
     y: Vec<f32>,
     k: Vec<i32>,
+    levels: Vec<usize>,
 }
 
 impl Unwrap for Itoh {
@@ -25,7 +26,7 @@ impl Unwrap for Itoh {
         for channel in 0..channels {
             plane::take_from_frame(y, channel, &mut self.y);
             integrate(&self.y, width, range.bits(), &mut self.k);
-            congruence::place(&self.k, &self.y, range, channel, out);
+            congruence::place(&self.k, &self.y, range, channel, &mut self.levels, out);
         }
         Ok(())
     }

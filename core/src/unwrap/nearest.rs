@@ -82,7 +82,7 @@ impl Histogram {
     pub fn counting(&self, most: u8) -> Counting {
         let shift = self.mean_phase();
         let offset = ((0.5 + shift) * f64::from(FINE) + 0.5).floor() as i32;
-        let mut levels = vec![0; (1 << 16) / FINE as usize + 2];
+        let mut levels = [0; (1 << 16) / FINE as usize + 2];
         let low = wraps(i32::from(i16::MIN), offset);
         for (residual, &count) in (i32::from(i16::MIN)..).zip(&self.counts) {
             levels[(wraps(residual, offset) - low) as usize] += count as usize;

@@ -27,6 +27,7 @@ pub struct QualityGuided {
     edges: Vec<Edge>,
     groups: Groups,
     k: Vec<i32>,
+    levels: Vec<usize>,
 }
 
 /// Ordered by unreliability, then by place: right before down.
@@ -50,7 +51,7 @@ impl Unwrap for QualityGuided {
             plane::take_from_frame(y, channel, &mut self.y);
             codes(&self.y, range, &mut self.codes);
             self.grow(width);
-            congruence::place(&self.k, &self.y, range, channel, out);
+            congruence::place(&self.k, &self.y, range, channel, &mut self.levels, out);
         }
         Ok(())
     }

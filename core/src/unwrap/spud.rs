@@ -133,9 +133,7 @@ impl Spud {
         let stride = width * channels;
         let (Some(x), Some(k)) = (out.x.as_slice_mut(), out.k.as_slice_mut()) else { return };
         let each = height.div_ceil(self.threads).next_multiple_of(REALS);
-        let (x, k) = (x.chunks_mut(each * stride), k.chunks_mut(each * stride));
-        let mut parts: Vec<(&mut [f32], &mut [u8])> = x.zip(k).collect();
-        self.workers.each(&mut parts, |part, (x, k)| {
+        self.workers.each_chunk((x, k), each * stride, |part, x, k| {
             let rows = part * each;
             widest(
                 #[inline(always)]

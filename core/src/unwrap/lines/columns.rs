@@ -32,6 +32,9 @@ impl<W: Word> Anchors<W> {
     /// the left and `d_x d_x x`.
     pub fn find<S: Copy + Into<u16>>(&mut self, seen: &Gradient<W>, summed: &Summed<'_, S, W>, range: Range) {
         let Layout { height, channels, .. } = summed.layout;
+        self.line.clear();
+        self.line.reserve(height);
+        self.ballot.start::<W>();
         self.weakest = height;
         let mut doubts = [Doubt::new(range); 3];
         self.anchors.clear();

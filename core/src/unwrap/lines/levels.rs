@@ -27,9 +27,11 @@ struct Extent<W> {
 }
 
 impl<W: Word> Levels<'_, W> {
-    /// `sums` is a buffer.
+    /// `sums` and `counts` are buffers.
     #[inline(always)]
-    pub fn zero(&self, most: u8, sums: &mut Vec<W>) -> Zero<W> {
+    pub fn zero(&self, most: u8, sums: &mut Vec<W>, counts: &mut Vec<usize>) -> Zero<W> {
+        counts.clear();
+        counts.reserve(1 << W::BITS);
         let extent = self.extent(sums);
         let span = |channel: usize| extent.high[channel].minus(extent.low[channel]).into();
         let mut zero = Zero { level: extent.low, outside: 0 };
@@ -37,8 +39,10 @@ impl<W: Word> Levels<'_, W> {
             self.climb(&mut zero, sums);
         } else {
             for (channel, level) in zero.level[..self.layout.channels].iter_mut().enumerate() {
-                let counts = self.histogram(channel, extent.low[channel], span(channel), sums);
-                let index = congruence::zero_of(&counts, most.into());
+                counts.clear();
+                counts.resize(usize::from(span(channel)) + 1, 0);
+                self.histogram(channel, extent.low[channel], sums, counts);
+                let index = congruence::zero_of(counts, most.into());
                 let inside = counts[index..].iter().take(usize::from(most) + 1);
                 zero.outside += counts.iter().sum::<usize>() - inside.sum::<usize>();
                 *level = level.plus(W::low(index as u16));
@@ -118,8 +122,8 @@ impl<W: Word> Levels<'_, W> {
         total
     }
 
-    fn histogram(&self, channel: usize, low: W, span: u16, sums: &mut Vec<W>) -> Vec<usize> {
-        let mut counts = vec![0; usize::from(span) + 1];
+    /// Counts how many pixels of `channel` are at each level from `low` on.
+    fn histogram(&self, channel: usize, low: W, sums: &mut Vec<W>, counts: &mut [usize]) {
         for i in 0..self.layout.height {
             self.offsets(i, [W::HALF; 3], sums);
             let k = self.rows.k(i).iter().zip(&*sums).take(self.layout.samples());
@@ -127,7 +131,6 @@ impl<W: Word> Levels<'_, W> {
                 counts[usize::from(k.plus(sum).minus(low).into())] += 1;
             }
         }
-        counts
     }
 
     /// `sums` becomes, by lane, what is to be added to row `i` for k to start at `start`.

@@ -22,9 +22,13 @@ pub(super) struct Ballot {
 }
 
 impl Ballot {
+    /// Makes room for values of `W`.
+    pub(super) fn start<W: Word>(&mut self) {
+        self.counts.resize(1 << W::BITS, 0);
+    }
+
     /// The most frequent of `values`; of equals, the one that is first complete.
     pub(super) fn count<W: Word>(&mut self, values: &[W]) -> Vote<W> {
-        self.counts.resize(1 << W::BITS, 0);
         let mut best = Vote { value: W::default(), count: 0 };
         for &value in values {
             let count = &mut self.counts[usize::from(value.into())];

@@ -92,6 +92,7 @@ struct Work<W> {
     rows: Rows<W>,
     anchors: Anchors<W>,
     offsets: Vec<W>,
+    counts: Vec<usize>,
 }
 
 impl<W: Word> Work<W> {
@@ -111,11 +112,11 @@ impl<W: Word> Work<W> {
         self.gradient.settle();
         self.anchors.find(&self.gradient, &Summed { samples, layout, rows: &self.rows }, range);
         let levels = Levels { layout, rows: &self.rows, anchors: &self.anchors.sums };
-        let offsets = &mut self.offsets;
+        let Self { offsets, counts, .. } = self;
         let outside = widest(
             #[inline(always)]
             || {
-                let zero = levels.zero(range.most_wraps(), offsets);
+                let zero = levels.zero(range.most_wraps(), offsets, counts);
                 levels.write(samples, &zero, range, offsets, out);
                 zero.outside
             },

@@ -39,6 +39,9 @@ impl<W: Word> Rows<W> {
         self.joins.clear();
         self.doubts.clear();
         self.doubts.resize(layout.channels, Doubt::new(range));
+        self.line.clear();
+        self.line.reserve(layout.width);
+        self.ballot.start::<W>();
         self.weakest = layout.width;
     }
 

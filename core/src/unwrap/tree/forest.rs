@@ -52,15 +52,15 @@ pub(in crate::unwrap) struct Forest {
     order: Order,
     /// The regions that flat edges leave.
     coarse: Coarse,
+    /// A buffer for who reads off the result.
+    pub levels: Vec<usize>,
 }
 
 impl Forest {
     /// Joins what can be joined.
     pub fn grow<G: Ground>(&mut self, ground: &G) {
         let (rows, columns) = ground.extent();
-        self.regions.clear();
-        self.segments.clear();
-        self.rows.clear();
+        self.make_room(rows, columns);
         self.rows.push(0);
         let (level, size) = ([0; 4], if ground.land().is_some() { LARGE } else { 0 });
         self.regions.push(Region { low: level, high: level, size });
@@ -78,6 +78,21 @@ impl Forest {
         let Self { coarse, order, .. } = self;
         order.each(ground.flat(), |edge| coarse.join(edge.from, edge.to, || edge.step()));
         self.coarse.refine(&mut self.regions);
+    }
+
+    /// For the most that images of this size can need, so that no later one needs more; what is not used of it is
+    /// never touched.
+    fn make_room(&mut self, rows: usize, columns: usize) {
+        let pixels = rows * columns;
+        self.regions.clear();
+        self.segments.clear();
+        self.rows.clear();
+        self.regions.reserve(pixels + 1);
+        self.segments.reserve(pixels);
+        self.rows.reserve(rows + 1);
+        self.coarse.reserve(pixels + 1);
+        // To the right, down, and to the sea.
+        self.order.start(3 * pixels);
     }
 
     /// The segments of the row that starts at `start`.
@@ -135,8 +150,7 @@ impl Forest {
 
     /// The flattest edge of each contact of different regions, and each segment's shortest tie to the sea.
     fn collect<G: Ground>(&mut self, ground: &G) {
-        let Self { regions, segments, rows, order, coarse } = self;
-        order.clear();
+        let Self { regions, segments, rows, order, coarse, .. } = self;
         let differ = |a: &Segment, b: &Segment| regions.root(a.node) != regions.root(b.node);
         let edge = |key, from: u32, to: u32, step: Quad| {
             let step = subtract(add(regions.above_root(from), step), regions.above_root(to));

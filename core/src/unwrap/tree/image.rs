@@ -105,7 +105,7 @@ impl Image<'_> {
 
 /// Writes `out`: the largest region at the offset that keeps it in range, others at their least. A result
 /// of which some had to be clamped contradicts itself: it is not to be trusted.
-pub(in crate::unwrap) fn place(forest: &Forest, y: &Frame, range: RangeOfX, out: &mut Recovered) {
+pub(in crate::unwrap) fn place(forest: &mut Forest, y: &Frame, range: RangeOfX, out: &mut Recovered) {
     let outside = match out.k.dim().2 {
         1 => write_counts::<1>(forest, range, out),
         _ => write_counts::<3>(forest, range, out),
@@ -120,11 +120,11 @@ pub(in crate::unwrap) fn place(forest: &Forest, y: &Frame, range: RangeOfX, out:
 }
 
 /// Returns how many segments leave the range.
-fn write_counts<const CHANNELS: usize>(forest: &Forest, range: RangeOfX, out: &mut Recovered) -> usize {
-    let regions = &forest.regions;
-    let main = regions.largest();
+fn write_counts<const CHANNELS: usize>(forest: &mut Forest, range: RangeOfX, out: &mut Recovered) -> usize {
+    let main = forest.regions.largest();
     let most = i16::from(range.most_wraps());
     let level = level(forest, main, most);
+    let regions = &forest.regions;
     let Some(counts) = out.k.as_slice_mut() else { return 0 };
     let mut outside = 0;
     let (counts, _) = counts.as_chunks_mut::<CHANNELS>();
@@ -150,19 +150,19 @@ fn write_radiance<T: Copy + Into<f32>>(y: ArrayView3<'_, T>, range: RangeOfX, ou
 }
 
 /// By channel, the k of the root `main`.
-fn level(forest: &Forest, main: u32, most: i16) -> Quad {
-    let regions = &forest.regions;
-    let parts = || forest.segments.iter().filter(|segment| regions.root(segment.node) == main);
+fn level(Forest { regions, segments, levels, .. }: &mut Forest, main: u32, most: i16) -> Quad {
+    let parts = || segments.iter().filter(|segment| regions.root(segment.node) == main);
     let offset = |segment: &Segment, lane: usize| regions.above_root(segment.node)[lane];
-    let mut counts = Vec::new();
+    levels.clear();
+    levels.reserve(1 << i16::BITS);
     std::array::from_fn(|lane| {
         let offsets = || parts().map(|segment| offset(segment, lane));
         let (low, high) = (offsets().min().unwrap_or(0), offsets().max().unwrap_or(0));
-        counts.clear();
-        counts.resize(usize::from(high.abs_diff(low)) + 1, 0);
+        levels.clear();
+        levels.resize(usize::from(high.abs_diff(low)) + 1, 0);
         for segment in parts() {
-            counts[usize::from(offset(segment, lane).abs_diff(low))] += segment.pixels().len();
+            levels[usize::from(offset(segment, lane).abs_diff(low))] += segment.pixels().len();
         }
-        -(low + congruence::zero_of(&counts, most.into()) as i16)
+        -(low + congruence::zero_of(levels, most.into()) as i16)
     })
 }

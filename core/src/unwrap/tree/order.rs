@@ -38,8 +38,12 @@ pub(super) struct Order {
 }
 
 impl Order {
-    pub fn clear(&mut self) {
+    /// Starts anew with room for `count` edges.
+    pub fn start(&mut self, count: usize) {
         self.edges.clear();
+        self.edges.reserve(count);
+        self.sorted.reserve(count.saturating_sub(self.sorted.len()));
+        self.next.resize(BUCKETS + 1, 0);
     }
 
     #[inline(always)]
@@ -53,8 +57,7 @@ impl Order {
         let Self { edges, sorted, next } = self;
         let Some(&filler) = edges.first() else { return };
         let bucket = |edge: &Edge| usize::from(edge.key.max(flat) >> SHIFT);
-        next.clear();
-        next.resize(BUCKETS + 1, 0);
+        next.fill(0);
         edges.iter().for_each(|edge| next[bucket(edge) + 1] += 1);
         for i in 1..next.len() {
             next[i] += next[i - 1];

@@ -91,6 +91,12 @@ impl Regions {
         self.regions.clear();
     }
 
+    /// Makes room for `nodes` of them, to be called when there are none.
+    pub fn reserve(&mut self, nodes: usize) {
+        self.nodes.reserve(nodes);
+        self.regions.reserve(nodes);
+    }
+
     /// Adds a node that is a region of its own; its number.
     pub fn push(&mut self, region: Region) -> u32 {
         let node = self.nodes.len() as u32;
@@ -180,6 +186,15 @@ impl Regions {
 }
 
 impl Coarse {
+    /// Makes room for as many nodes.
+    pub fn reserve(&mut self, nodes: usize) {
+        self.regions.clear();
+        self.regions.reserve(nodes);
+        self.nodes.reserve(nodes.saturating_sub(self.nodes.len()));
+        self.roots.clear();
+        self.roots.reserve(nodes);
+    }
+
     /// Makes a node of each region of `fine`, which is flat.
     pub fn condense(&mut self, fine: &Regions) {
         self.regions.clear();

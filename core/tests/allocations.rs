@@ -1,0 +1,83 @@
+//! No method asks for memory after its first frame, however different the next of the same size is.
+
+// Helpers of tests may unwrap as tests do; the allocator that counts is the system's.
+#![allow(clippy::unwrap_used, unsafe_code)]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+
+use modulo_core::unwrap::{METHODS, Options, by_name};
+use modulo_core::{Frame, Range, Recovered};
+use ndarray::Array3;
+
+/// The system's memory, with a count of how often this thread has asked for some.
+struct Counting;
+
+thread_local! {
+    static ASKED: Cell<u64> = const { Cell::new(0) };
+}
+
+// SAFETY: every call is passed on to the system's allocator as it came.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ASKED.set(ASKED.get() + 1);
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(memory, layout) }
+    }
+}
+
+#[global_allocator]
+static MEMORY: Counting = Counting;
+
+const DIM: (usize, usize) = (75, 138);
+
+/// A slope with an edge, and noise of up to `noise` codes over it.
+fn frame(bits: u8, channels: usize, noise: u32) -> Frame {
+    let mut seed = 1u32;
+    let x = Array3::from_shape_fn((DIM.0, DIM.1, channels), |(i, j, c)| {
+        seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let slope = (3 * i + 2 * j + 17 * c + if j > 70 && i > 30 { 90 } else { 0 }) as u32;
+        (slope + (seed >> 16) % (noise + 1)) & ((1 << bits) - 1)
+    });
+    match bits {
+        ..=8 => Frame::from_u8(x.mapv(|x| x as u8)).unwrap(),
+        _ => Frame::from_u16(x.mapv(|x| x as u16)).unwrap(),
+    }
+}
+
+/// How often `method` asks for memory for a frame after one with `first_noise`.
+fn asked(method: &str, bits: u8, channels: usize, first_noise: u32) -> u64 {
+    let range = Range::new(bits, 4.0).unwrap();
+    let mut unwrap = by_name(method, &Options::default()).unwrap();
+    let mut out = Recovered::default();
+    let [first, second] = [first_noise, 255].map(|noise| frame(bits, channels, noise));
+    unwrap.unwrap(&first, range, &mut out).unwrap();
+    let before = ASKED.get();
+    unwrap.unwrap(&second, range, &mut out).unwrap();
+    ASKED.get() - before
+}
+
+#[test]
+fn the_second_frame_needs_no_more_memory() {
+    for &method in METHODS {
+        // `auto` makes the memory of a rung when it first climbs there: its first frame has to.
+        let first_noise = if method == "auto" { 200 } else { 0 };
+        for (bits, channels) in [(8, 3), (8, 1), (12, 3)] {
+            assert_eq!(
+                asked(method, bits, channels, first_noise),
+                0,
+                "{method}, {bits} bits, {channels} channels"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_counter_counts() {
+    let before = ASKED.get();
+    let memory = std::hint::black_box(vec![1, 2, 3]);
+    assert!(ASKED.get() > before, "{memory:?}");
+}
