@@ -13,8 +13,8 @@
 use std::ops::Range as Indices;
 
 use super::tree::{
-    Bounds, Direction, FLAT as FLAT_FIRST, Forest, Ground, Image, MOST, Pixels, Quad, Region, SEA, first,
-    of_difference, place, second, subtract, turns,
+    Bounds, Direction, FLAT as FLAT_FIRST, Forest, Ground, Image, MOST, Pixels, Quad, Region, SEA, Sums,
+    first, of_difference, recover, second, subtract, turns,
 };
 use super::{Range, Recovered, Unwrap, UnwrapError, WorkersError, check_frame};
 use crate::frame::Frame;
@@ -36,6 +36,7 @@ pub struct GradientTree {
     pixels: Pixels,
     slopes: [Slope; 2],
     forest: Forest,
+    sums: Sums,
 }
 
 impl Default for GradientTree {
@@ -60,6 +61,7 @@ impl GradientTree {
             pixels: Pixels::default(),
             slopes: [Direction::Right, Direction::Down].map(Slope::new),
             forest: Forest::default(),
+            sums: Sums::default(),
         }
     }
 }
@@ -77,14 +79,15 @@ impl Unwrap for GradientTree {
         let pixels = &self.pixels;
         self.workers.each(&mut self.slopes, |_, slope| slope.unwrap(pixels, bounds));
         let [right, down] = &self.slopes;
-        self.forest.grow(&Image {
+        let image = Image {
             pixels,
             bounds,
             keys: [&right.keys, &down.keys],
             breaks: [&right.breaks, &down.breaks],
             n: [&right.n, &down.n],
-        });
-        place(&mut self.forest, y, range, out);
+            changed: [&right.changed, &down.changed],
+        };
+        recover(&image, &mut self.sums, &mut self.forest, y, range, out);
         Ok(())
     }
 }

@@ -60,7 +60,7 @@ impl Forest {
     /// Joins what can be joined.
     pub fn grow<G: Ground>(&mut self, ground: &G) {
         let (rows, columns) = ground.extent();
-        self.make_room(rows, columns);
+        self.make_room((rows, columns));
         self.rows.push(0);
         let (level, size) = ([0; 4], if ground.land().is_some() { LARGE } else { 0 });
         self.regions.push(Region { low: level, high: level, size });
@@ -82,7 +82,7 @@ impl Forest {
 
     /// For the most that images of this size can need, so that no later one needs more; what is not used of it is
     /// never touched.
-    fn make_room(&mut self, rows: usize, columns: usize) {
+    pub fn make_room(&mut self, (rows, columns): (usize, usize)) {
         let pixels = rows * columns;
         self.regions.clear();
         self.segments.clear();
@@ -93,6 +93,8 @@ impl Forest {
         self.coarse.reserve(pixels + 1);
         // To the right, down, and to the sea.
         self.order.start(3 * pixels);
+        self.levels.clear();
+        self.levels.reserve(1 << i16::BITS);
     }
 
     /// The segments of the row that starts at `start`.

@@ -26,6 +26,8 @@ pub(in crate::unwrap) struct Image<'a> {
     pub breaks: [&'a [u8]; 2],
     /// Like `keys`, or empty where all are 0.
     pub n: [&'a [Quad]; 2],
+    /// Like `keys`: the pixels at which n may be other than 0, in their order.
+    pub changed: [&'a [u32]; 2],
 }
 
 impl Ground for Image<'_> {
@@ -110,6 +112,11 @@ pub(in crate::unwrap) fn place(forest: &mut Forest, y: &Frame, range: RangeOfX, 
         1 => write_counts::<1>(forest, range, out),
         _ => write_counts::<3>(forest, range, out),
     };
+    finish(outside, y, range, out);
+}
+
+/// What is left to do when `out` has its counts, of which so many left the range.
+pub(super) fn finish(outside: usize, y: &Frame, range: RangeOfX, out: &mut Recovered) {
     if outside > 0 {
         out.report.trusted = Some(false);
     }
@@ -153,8 +160,6 @@ fn write_radiance<T: Copy + Into<f32>>(y: ArrayView3<'_, T>, range: RangeOfX, ou
 fn level(Forest { regions, segments, levels, .. }: &mut Forest, main: u32, most: i16) -> Quad {
     let parts = || segments.iter().filter(|segment| regions.root(segment.node) == main);
     let offset = |segment: &Segment, lane: usize| regions.above_root(segment.node)[lane];
-    levels.clear();
-    levels.reserve(1 << i16::BITS);
     std::array::from_fn(|lane| {
         let offsets = || parts().map(|segment| offset(segment, lane));
         let (low, high) = (offsets().min().unwrap_or(0), offsets().max().unwrap_or(0));

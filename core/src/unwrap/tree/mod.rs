@@ -10,6 +10,8 @@
 //! k = ceil(alpha) - 1, from 8 bits on.
 //! An image that has such a plateau at another k is not understood.
 //!
+//! Where all differences agree, `sums` gives what the tree would, and none is grown.
+//!
 //! Exact when first differences stay below half a peak along some path to every pixel, and
 //! that path is flatter than any that is wrong: an accident of `M_b(d y)` near 0 has to happen in
 //! three channels at once. It fails on islands, whose whole contour jumps by more than half
@@ -22,12 +24,15 @@ mod order;
 mod pixels;
 mod regions;
 mod segments;
+mod sums;
 
 pub(super) use forest::{Forest, Ground, SEA};
-pub(super) use image::{FLAT, Image, place};
+use image::place;
+pub(super) use image::{FLAT, Image};
 pub(super) use keys::{MOST, first, of_difference, second};
 pub(super) use pixels::{Bounds, Direction, Pixels, Quad, subtract, turns};
 pub(super) use regions::Region;
+pub(super) use sums::Sums;
 
 use super::{Range, Recovered, Unwrap, UnwrapError, check_frame};
 use crate::frame::Frame;
@@ -39,6 +44,25 @@ pub struct Tree {
     keys: [Vec<u16>; 2],
     breaks: [Vec<u8>; 2],
     forest: Forest,
+    sums: Sums,
+}
+
+/// Writes `out` from differences that are known: sums where they agree, a tree where not.
+pub(super) fn recover(
+    image: &Image<'_>,
+    sums: &mut Sums,
+    forest: &mut Forest,
+    y: &Frame,
+    range: Range,
+    out: &mut Recovered,
+) {
+    // Also for the frames that need no tree: a later one may.
+    forest.make_room(image.extent());
+    if sums.agree(image) {
+        return sums.place(y, range, out);
+    }
+    forest.grow(image);
+    place(forest, y, range, out);
 }
 
 impl Unwrap for Tree {
@@ -51,19 +75,20 @@ impl Unwrap for Tree {
         out.prepare(y.dim(), self.name());
         let bounds = Bounds::new(range);
         self.pixels.read(y, range, bounds);
-        let Self { pixels, keys, breaks, forest } = self;
+        let Self { pixels, keys, breaks, forest, sums } = self;
         for ((keys, breaks), stride) in keys.iter_mut().zip(&mut *breaks).zip([1, y.width()]) {
             first(pixels.planes(), stride, FLAT, keys, breaks);
         }
         let ([right, down], [right_breaks, down_breaks]) = (keys, breaks);
-        forest.grow(&Image {
+        let image = Image {
             pixels,
             bounds,
             keys: [right, down],
             breaks: [right_breaks, down_breaks],
             n: [&[], &[]],
-        });
-        place(forest, y, range, out);
+            changed: [&[], &[]],
+        };
+        recover(&image, sums, forest, y, range, out);
         Ok(())
     }
 }

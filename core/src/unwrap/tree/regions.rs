@@ -1,9 +1,12 @@
 //! Regions that grow together: a union-find that knows each node's wrap counts
 //! relative to its region's root, and in which interval the root's may lie.
 
+mod coarse;
+
 use std::ops::Range;
 
 use super::pixels::{Quad, add, subtract};
+pub(in crate::unwrap) use coarse::Coarse;
 
 /// Regions up to this many pixels (hot pixels, noise) do not constrain one of [`LARGE`] or more.
 const SMALL: u32 = 6;
@@ -14,15 +17,6 @@ pub(in crate::unwrap) const LARGE: u32 = 64;
 pub(in crate::unwrap) struct Regions {
     nodes: Vec<Node>,
     regions: Vec<Region>,
-}
-
-/// The regions of others, each as one node, so that little has to be at hand to join them.
-#[derive(Default)]
-pub(in crate::unwrap) struct Coarse {
-    regions: Regions,
-    /// By root of a region: its node here; and the other way round.
-    nodes: Vec<u32>,
-    roots: Vec<u32>,
 }
 
 #[derive(Clone, Copy)]
@@ -61,7 +55,7 @@ impl Region {
     }
 
     /// Whether a channel has no value left.
-    fn is_empty(&self) -> bool {
+    pub fn is_empty(&self) -> bool {
         (0..4).fold(false, |empty, lane| empty | (self.low[lane] > self.high[lane]))
     }
 
@@ -185,53 +179,6 @@ impl Regions {
     }
 }
 
-impl Coarse {
-    /// Makes room for as many nodes.
-    pub fn reserve(&mut self, nodes: usize) {
-        self.regions.clear();
-        self.regions.reserve(nodes);
-        self.nodes.reserve(nodes.saturating_sub(self.nodes.len()));
-        self.roots.clear();
-        self.roots.reserve(nodes);
-    }
-
-    /// Makes a node of each region of `fine`, which is flat.
-    pub fn condense(&mut self, fine: &Regions) {
-        self.regions.clear();
-        self.roots.clear();
-        self.nodes.resize(fine.nodes.len(), 0);
-        for (root, &region) in (0..).zip(&fine.regions).filter(|&(root, _)| fine.root(root) == root) {
-            self.nodes[root as usize] = self.regions.push(region);
-            self.roots.push(root);
-        }
-    }
-
-    /// The node that `root` has become.
-    #[inline(always)]
-    pub fn node(&self, root: u32) -> u32 {
-        self.nodes[root as usize]
-    }
-
-    /// [`Regions::join`] of nodes.
-    #[inline(always)]
-    pub fn join(&mut self, from: u32, to: u32, step: impl FnOnce() -> Quad) {
-        self.regions.join(from, to, step);
-    }
-
-    /// Joins the regions of `fine` as their nodes were.
-    pub fn refine(&mut self, fine: &mut Regions) {
-        self.regions.flatten();
-        for node in &mut fine.nodes {
-            let above = self.regions.nodes[self.nodes[node.parent as usize] as usize];
-            *node =
-                Node { parent: self.roots[above.parent as usize], offset: add(node.offset, above.offset) };
-        }
-        for (&root, &region) in self.roots.iter().zip(&self.regions.regions) {
-            fine.regions[root as usize] = region;
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -271,31 +218,6 @@ mod tests {
                 }
             }
         }
-    }
-
-    #[test]
-    fn what_joins_coarsely_joins_as_finely() {
-        let values = [3, 5, -2, 0, 7, 1];
-        let step = |from: usize, to: usize| [values[to] - values[from]; 4];
-        let (mut whole, mut fine, mut coarse) = (of_nodes(6, -9, 9), of_nodes(6, -9, 9), Coarse::default());
-        for (from, to) in [(0, 1), (3, 2), (1, 4)] {
-            for regions in [&mut whole, &mut fine] {
-                regions.join(from, to, || step(from as usize, to as usize));
-            }
-        }
-        fine.flatten();
-        coarse.condense(&fine);
-        let [from, to] = [4, 2].map(|node| fine.root(node));
-        let between_roots = step(from as usize, to as usize);
-        coarse.join(coarse.node(from), coarse.node(to), || between_roots);
-        whole.join(4, 2, || step(4, 2));
-        whole.flatten();
-        coarse.refine(&mut fine);
-        for node in 0..6 {
-            assert_eq!((fine.root(node), fine.above_root(node)), (whole.root(node), whole.above_root(node)));
-        }
-        assert_eq!(fine.region(fine.largest()).low, whole.region(whole.largest()).low);
-        assert_ne!(fine.root(5), fine.root(0));
     }
 
     #[test]

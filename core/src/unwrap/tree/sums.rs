@@ -1,0 +1,275 @@
+//! Where no loop of differences contradicts itself, every tree gives the same counts: they are summed up row by
+//! row, and no tree is grown.
+//!
+//! Sums go down the columns; a row agrees when its k changes along it as the differences there say. All k have to
+//! be possible together, too, for otherwise a tree would refuse an edge. What is summed up is then, count for count,
+//! what the tree would give.
+
+use super::forest::Ground;
+use super::image::{Image, finish};
+use super::pixels::{Direction, Quad};
+use super::regions::Region;
+use super::segments::each_set;
+use crate::frame::Frame;
+use crate::simd::widest;
+use crate::unwrap::wrapped::turn;
+use crate::unwrap::{Range, Recovered, congruence};
+
+/// Counts of that many pixels at once fit in 16 bits.
+const COUNTABLE: usize = 1 << 15;
+
+/// k by channel and pixel, relative to the first pixel, with buffers.
+#[derive(Default)]
+pub(in crate::unwrap) struct Sums {
+    k: [Vec<i16>; 3],
+    /// By channel: changes of k along a row, or to the next one.
+    steps: [Vec<i16>; 3],
+    levels: Vec<usize>,
+}
+
+impl Sums {
+    /// Sums up the differences of `image` as long as they agree; whether all did.
+    pub fn agree(&mut self, image: &Image<'_>) -> bool {
+        let (rows, width) = image.extent();
+        self.k.iter_mut().for_each(|k| k.resize(rows * width, 0));
+        self.steps.iter_mut().for_each(|steps| steps.resize(width, 0));
+        let [mut right, mut down] = image.changed;
+        for row in 0..rows {
+            if row > 0 {
+                let start = (row - 1) * width;
+                self.follow(image, Direction::Down, start, split_below(&mut down, start + width));
+                self.descend(row * width);
+            }
+            let start = row * width;
+            self.follow(image, Direction::Right, start, split_below(&mut right, start + width));
+            if row == 0 {
+                self.start();
+            }
+            if !self.row_agrees(start) {
+                return false;
+            }
+        }
+        self.is_possible(image)
+    }
+
+    /// `steps` become the changes from the row at `start`; `changed` are its pixels with an n.
+    fn follow(&mut self, image: &Image<'_>, to: Direction, start: usize, changed: &[u32]) {
+        let stride = image.pixels.stride(to);
+        for (channel, steps) in self.steps.iter_mut().enumerate() {
+            let codes = &image.pixels.planes()[channel][start..];
+            let ahead = codes.get(stride..).unwrap_or_default();
+            widest(
+                #[inline(always)]
+                || {
+                    for ((step, &from), &to) in steps.iter_mut().zip(codes).zip(ahead) {
+                        *step = turn(from, to).cast_signed();
+                    }
+                },
+            );
+            for &at in changed {
+                let step = &mut steps[at as usize - start];
+                *step = step.wrapping_add(image.n[to as usize][at as usize][channel]);
+            }
+        }
+    }
+
+    /// k of the first row.
+    fn start(&mut self) {
+        for (k, steps) in self.k.iter_mut().zip(&self.steps) {
+            let mut sum = 0i16;
+            for (k, step) in k.iter_mut().zip(steps) {
+                *k = sum;
+                sum = sum.wrapping_add(*step);
+            }
+        }
+    }
+
+    /// k of the row at `start` from that above.
+    fn descend(&mut self, start: usize) {
+        for (k, steps) in self.k.iter_mut().zip(&self.steps) {
+            let (above, here) = k.split_at_mut(start);
+            let above = &above[start - steps.len()..];
+            widest(
+                #[inline(always)]
+                || {
+                    for ((k, &above), &step) in here.iter_mut().zip(above).zip(steps) {
+                        *k = above.wrapping_add(step);
+                    }
+                },
+            );
+        }
+    }
+
+    fn row_agrees(&self, start: usize) -> bool {
+        self.k.iter().zip(&self.steps).all(|(k, steps)| {
+            let k = &k[start..start + steps.len()];
+            let differ = widest(
+                #[inline(always)]
+                || {
+                    let pairs = k.iter().zip(&k[1..]).zip(steps);
+                    pairs.fold(0, |differ, ((&from, &to), &step)| differ | (to.wrapping_sub(from) ^ step))
+                },
+            );
+            differ == 0
+        })
+    }
+
+    /// Whether there is a level at which every pixel's k is one that it may have.
+    fn is_possible(&self, image: &Image<'_>) -> bool {
+        let (mut low, mut high) = ([0i16; 4], image.bounds.widest());
+        for (lane, k) in self.k.iter().enumerate() {
+            let (least, most) = extent(k);
+            (low[lane], high[lane]) = (low[lane].saturating_sub(least), high[lane].saturating_sub(most));
+        }
+        let mut region = Some(Region { low, high, size: 1 }).filter(|region| !region.is_empty());
+        each_set(image.pixels.limited(), |at| {
+            region = region.and_then(|region| region.and(&image.interval(at..at + 1), self.at(at)));
+        });
+        region.is_some()
+    }
+
+    fn at(&self, at: usize) -> Quad {
+        let [r, g, b] = &self.k;
+        [r[at], g[at], b[at], 0]
+    }
+
+    /// Writes `out`, as [`place`](super::place) does.
+    pub fn place(&mut self, y: &Frame, range: Range, out: &mut Recovered) {
+        let mut outside = 0;
+        let zero: [i16; 3] = std::array::from_fn(|channel| {
+            let (low, _) = extent(&self.k[channel]);
+            self.count(channel);
+            let index = congruence::zero_of(&self.levels, range.most_wraps().into());
+            outside += self.levels[..index].iter().sum::<usize>();
+            low + index as i16
+        });
+        let Some(counts) = out.k.as_slice_mut() else { return };
+        let most = i16::from(range.most_wraps());
+        let count = |k: i16, zero: i16| k.wrapping_sub(zero).max(0).min(most) as u8;
+        let [r, g, b] = &self.k;
+        widest(
+            #[inline(always)]
+            || match y.channels() {
+                1 => counts.iter_mut().zip(r).for_each(|(out, &k)| *out = count(k, zero[0])),
+                _ => {
+                    let planes = r.iter().zip(g).zip(b);
+                    for (out, ((&r, &g), &b)) in counts.as_chunks_mut::<3>().0.iter_mut().zip(planes) {
+                        *out = [count(r, zero[0]), count(g, zero[1]), count(b, zero[2])];
+                    }
+                }
+            },
+        );
+        finish(outside, y, range, out);
+    }
+
+    /// `levels` become how many pixels have each k, from the least on; those are few, see [`Sums::is_possible`].
+    fn count(&mut self, channel: usize) {
+        let Self { k, levels, .. } = self;
+        let (low, high) = extent(&k[channel]);
+        levels.clear();
+        levels.reserve(1 << u8::BITS);
+        levels.extend((low..=high).map(|level| {
+            let of = |pixels: &[i16]| pixels.iter().map(|&k| u16::from(k == level)).sum::<u16>();
+            widest(
+                #[inline(always)]
+                || k[channel].chunks(COUNTABLE).map(|pixels| usize::from(of(pixels))).sum::<usize>(),
+            )
+        }));
+    }
+}
+
+/// Least and greatest of `k`, which is not empty.
+fn extent(k: &[i16]) -> (i16, i16) {
+    widest(
+        #[inline(always)]
+        || k.iter().fold((i16::MAX, i16::MIN), |(low, high), &k| (low.min(k), high.max(k))),
+    )
+}
+
+/// Takes those below `end` off the front of `changed`, which ascends.
+fn split_below<'a>(changed: &mut &'a [u32], end: usize) -> &'a [u32] {
+    let count = changed.iter().take_while(|&&at| (at as usize) < end).count();
+    let (below, rest) = changed.split_at(count);
+    *changed = rest;
+    below
+}
+
+#[cfg(test)]
+mod tests {
+    use ndarray::Array3;
+    use proptest::prelude::*;
+
+    use super::super::{Bounds, FLAT, Forest, Pixels, first, place};
+    use super::*;
+
+    /// What the sums and what a tree make of `y`; `None` where the sums do not agree.
+    fn both(y: &Frame, range: Range) -> (Option<Recovered>, Recovered) {
+        let (mut pixels, bounds) = (Pixels::default(), Bounds::new(range));
+        pixels.read(y, range, bounds);
+        let [right, down] = [1, y.width()].map(|stride| {
+            let (mut keys, mut breaks) = (Vec::new(), Vec::new());
+            first(pixels.planes(), stride, FLAT, &mut keys, &mut breaks);
+            (keys, breaks)
+        });
+        let image = Image {
+            pixels: &pixels,
+            bounds,
+            keys: [&right.0, &down.0],
+            breaks: [&right.1, &down.1],
+            n: [&[], &[]],
+            changed: [&[], &[]],
+        };
+        let (mut sums, mut forest, mut summed, mut grown) =
+            (Sums::default(), Forest::default(), Recovered::default(), Recovered::default());
+        summed.prepare(y.dim(), "tree");
+        grown.prepare(y.dim(), "tree");
+        let agree = sums.agree(&image);
+        if agree {
+            sums.place(y, range, &mut summed);
+        }
+        forest.grow(&image);
+        place(&mut forest, y, range, &mut grown);
+        (agree.then_some(summed), grown)
+    }
+
+    fn frame(x: &Array3<u32>) -> Frame {
+        Frame::from_u8(x.mapv(|x| x as u8)).unwrap()
+    }
+
+    proptest! {
+        /// Slopes with steps of any size: some agree, some do not, some leave the range.
+        #[test]
+        fn what_agrees_is_what_the_tree_gives(
+            (rows, columns) in (1usize..20, 1usize..20),
+            colours: bool,
+            (across, along) in (0u32..40, 0u32..40),
+            (edge, height) in (0usize..30, 0u32..200),
+            alpha in 1.0f64..6.0,
+        ) {
+            let channels = if colours { 3 } else { 1 };
+            let x = Array3::from_shape_fn((rows, columns, channels), |(i, j, c)| {
+                across * j as u32 + along * i as u32 + 31 * c as u32 + if i + j > edge { height } else { 0 }
+            });
+            let (summed, grown) = both(&frame(&x), Range::new(8, alpha).unwrap());
+            if let Some(summed) = summed {
+                prop_assert_eq!(summed, grown);
+            }
+        }
+    }
+
+    #[test]
+    fn slopes_agree_and_ends_of_edges_do_not() {
+        let range = Range::new(8, 4.0).unwrap();
+        let slope = |i: usize, j: usize| (20 * i + 25 * j) as u32;
+        let x = Array3::from_shape_fn((20, 24, 3), |(i, j, _)| slope(i, j));
+        let (summed, grown) = both(&frame(&x), range);
+        assert_eq!(summed.as_ref(), Some(&grown));
+        assert_eq!(grown.k, x.mapv(|x| (x >> 8) as u8));
+        let x = Array3::from_shape_fn((20, 24, 3), |(i, j, _)| {
+            slope(i, j) / 8 + if i > 9 { 12 * j as u32 } else { 0 }
+        });
+        assert_eq!(both(&frame(&x), range).0, None, "the edge grows from nothing to above half a peak");
+        let x = Array3::from_shape_fn((20, 24, 3), |(i, j, _)| slope(i, 2 * j));
+        assert_eq!(both(&frame(&x), range).0, None, "more than the range has");
+    }
+}
