@@ -1,6 +1,7 @@
 //! The command line, as clap reads it.
 
 pub mod bag;
+pub mod eval;
 pub mod graph;
 pub mod study;
 
@@ -43,8 +44,8 @@ pub enum Command {
     /// Record, replay, describe, convert, import and repair bags
     #[command(subcommand)]
     Bag(bag::Bag),
-    /// Run a launch file in lockstep: every frame once, nothing dropped, boxes as JSON
-    Eval(Eval),
+    /// Evaluate in lockstep, every frame once, nothing dropped: a launch file, or a grid over labelled frames
+    Eval(eval::Eval),
     /// Send one's own pictures through the sensor and the unwrapping methods
     Simulate(study::Simulate),
     /// Measure the unwrapping methods
@@ -104,30 +105,6 @@ pub struct Run {
     /// --ros-args ... as ROS 2 writes them, or --help
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
     pub arguments: Vec<String>,
-}
-
-/// `modulo eval`
-#[derive(Args)]
-pub struct Eval {
-    /// Launch file (ROS 2 YAML) with one camera
-    pub file: PathBuf,
-    /// Arguments as name:=value
-    pub arguments: Vec<String>,
-    /// Source of frames instead of the file's; may be given several times
-    #[arg(long, value_name = "SOURCE")]
-    pub source: Vec<String>,
-    /// Folder for STREAM.json, scores.json, summary.json and, with --images, PNG
-    #[arg(short, long, value_name = "FOLDER")]
-    pub out: PathBuf,
-    /// Write the messages on --topics into this new bag folder
-    #[arg(long, value_name = "FOLDER", requires = "topics")]
-    pub bag: Option<PathBuf>,
-    /// Topics for --bag
-    #[arg(long, value_name = "TOPIC", num_args = 1.., requires = "bag")]
-    pub topics: Vec<String>,
-    /// Write every image that a detector saw as PNG
-    #[arg(long)]
-    pub images: bool,
 }
 
 /// `modulo param`

@@ -14,6 +14,7 @@ pub mod deblur;
 pub mod frame;
 pub mod gradient;
 pub mod letterbox;
+pub mod metric;
 mod noise;
 pub mod optics;
 mod plane;

@@ -3,6 +3,8 @@
 //! Borders reflect without repeating the edge pixel (`gfedcb|abcdefgh|gfedcba`,
 //! OpenCV's `BORDER_REFLECT_101`).
 
+use ndarray::Array3;
+
 /// Point spread function, in pixels of the sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub enum Psf {
@@ -56,6 +58,16 @@ fn gaussian(sigma: f64) -> Vec<f32> {
         (-radius..=radius).map(|t| (-0.5 * (f64::from(t) / sigma).powi(2)).exp()).collect();
     let sum: f64 = weights.iter().sum();
     weights.iter().map(|weight| (weight / sum) as f32).collect()
+}
+
+/// `image` (H x W x C) as the lens shows it.
+pub fn blurred(image: Array3<f32>, psf: Psf) -> Array3<f32> {
+    let dim = image.dim();
+    let mut image = image.as_standard_layout().into_owned();
+    if let Some(samples) = image.as_slice_mut().filter(|samples| !samples.is_empty()) {
+        blur(samples, dim, &psf.taps());
+    }
+    image
 }
 
 /// Blurs `image` (H x W x C interleaved, `dim` its shape) in place with odd `taps` along both sides.

@@ -5,10 +5,15 @@
 //! Nothing here goes through a transport or reads a clock; the same frames and
 //! parameters give the same files.
 
-mod grid;
+pub mod classes;
+pub mod data;
+pub mod grid;
 pub mod metric;
+mod mosaic;
 mod record;
 pub mod results;
+pub mod store;
+mod table;
 mod write;
 
 use std::collections::BTreeMap;
@@ -160,7 +165,7 @@ impl Evaluation {
         if plan.images == Images::Save {
             let topics = plan.streams.iter().filter_map(|s| s.annotated.as_deref());
             let frames: Vec<&Frame> = topics.filter_map(|topic| image(out, topic)).collect();
-            if let Some(picture) = grid::grid(&frames) {
+            if let Some(picture) = mosaic::mosaic(&frames) {
                 save_png(&plan.folder.join("grid.png"), &picture)?;
             }
         }

@@ -5,6 +5,7 @@
 //! computed here.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
@@ -23,7 +24,7 @@ pub struct Results {
     /// What each figure of a cell means, by its name in the cell.
     pub definitions: BTreeMap<String, String>,
     /// The cells that are done, in the order of the grid. A killed run and a shard have fewer than
-    /// [`Setup::cells`].
+    /// [`Setup::grid`].
     pub cells: Vec<Cell>,
 }
 
@@ -50,8 +51,8 @@ pub struct Setup {
     pub groups: BTreeMap<String, String>,
     /// Models by the name that cells call them, each with its sha256.
     pub models: BTreeMap<String, String>,
-    /// Number of cells of the whole grid, all shards together.
-    pub cells: usize,
+    /// The whole grid, all shards together, in order.
+    pub grid: Vec<Point>,
 }
 
 /// What was looked at.
@@ -82,7 +83,7 @@ pub enum Protocol {
     Paper,
 }
 
-/// KITTI's steps of difficulty.
+/// KITTI's steps of difficulty, and none.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Difficulty {
@@ -93,6 +94,8 @@ pub enum Difficulty {
     Moderate,
     /// At least 25 px high, at most largely occluded, at most 50 % outside.
     Hard,
+    /// Every label: for data sets without such steps.
+    All,
 }
 
 /// What an image has to be called to be one of the four of the paper.
@@ -130,6 +133,38 @@ pub struct Point {
     pub input: String,
 }
 
+impl Stream {
+    /// As in the file.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ideal => "ideal",
+            Self::Saturated => "saturated",
+            Self::Modulo => "modulo",
+            Self::Recovered => "recovered",
+        }
+    }
+}
+
+impl fmt::Display for Point {
+    /// For people, such as `yolov10n recovered auto deblurred, alpha 4, blur 1.4 px`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { stream, method, deblur, alpha, psf_sigma, noise, model, input } = self;
+        write!(f, "{model} {}", stream.name())?;
+        method.iter().try_for_each(|method| write!(f, " {method}"))?;
+        if *deblur {
+            write!(f, " deblurred")?;
+        }
+        write!(f, ", alpha {alpha}, blur {psf_sigma} px")?;
+        if *noise > 0.0 {
+            write!(f, ", noise {noise}")?;
+        }
+        if input != "auto" {
+            write!(f, ", {input}")?;
+        }
+        Ok(())
+    }
+}
+
 /// One cell of the grid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
@@ -148,7 +183,7 @@ pub struct Cell {
     pub objects: BTreeMap<String, usize>,
     /// AP by class of the labels, classes with a twin alone.
     pub classes: BTreeMap<String, ClassScore>,
-    /// AP50 by difficulty (`easy`, `moderate`, `hard`), then by group.
+    /// AP50 by difficulty (`easy`, `moderate`, `hard`, `all`), then by group.
     pub difficulty: BTreeMap<Difficulty, BTreeMap<String, Option<f64>>>,
     /// Precision at IoU 0.5 at the recalls 0, 0.01, ..., 1, by group.
     pub precision: BTreeMap<String, Vec<f64>>,

@@ -1,4 +1,4 @@
-//! `modulo eval FILE`: a launch file's nodes in lockstep.
+//! `modulo eval FILE`: a launch file's nodes in lockstep; without FILE, the grid.
 
 use std::path::Path;
 
@@ -11,31 +11,43 @@ use modulo_runtime::driver::lockstep::Lockstep;
 use modulo_runtime::{MessageKind, Node, NodeReport, Place, SystemClock};
 
 use super::launch::prepare;
-use super::{pairs, start_log, usage};
-use crate::cli::Eval;
+use super::{grid, pairs, start_log, usage};
+use crate::cli::eval::{Eval, Verb};
 use crate::{Ended, Failure};
+
+/// Evaluates what is asked for.
+pub fn eval(args: &Eval) -> Result<Ended, Failure> {
+    start_log(Some("warn"));
+    if let Some(Verb::Merge { out, folders }) = &args.verb {
+        return grid::merge(out, folders);
+    }
+    let out = args.out.as_deref().context("--out is needed").map_err(usage)?;
+    match &args.file {
+        Some(file) => launch_file(args, file, out),
+        None => grid::grid(&args.grid, &args.source, out),
+    }
+}
 
 /// Runs every frame of the file's camera, or of each `--source`, through its
 /// nodes, and writes boxes and scores.
-pub fn eval(args: &Eval) -> Result<Ended, Failure> {
-    start_log(Some("warn"));
+fn launch_file(args: &Eval, file: &Path, out: &Path) -> Result<Ended, Failure> {
     let arguments = pairs(&args.arguments)?;
     let mut evaluation = Evaluation::default();
     let mut bag = args.bag.as_ref().map(|folder| Recorder::create(folder, Compression::Zstd)).transpose()?;
     let mut reports = Vec::new();
     if args.source.is_empty() {
-        reports = run(args, &arguments, &mut evaluation, bag.as_mut())?;
+        reports = run(args, (file, out), &arguments, &mut evaluation, bag.as_mut())?;
     }
     for source in &args.source {
         let arguments = [arguments.clone(), vec![("source".to_owned(), source.clone())]].concat();
-        reports.extend(run(args, &arguments, &mut evaluation, bag.as_mut())?);
+        reports.extend(run(args, (file, out), &arguments, &mut evaluation, bag.as_mut())?);
     }
     bag.map(Recorder::finish).transpose()?;
-    evaluation.write(&args.out)?;
+    evaluation.write(out)?;
     let summary = Summary::new(&reports, []);
     print!("{summary}");
     evaluation.scores().iter().for_each(|(stream, score)| print_score(stream, score));
-    summary.write(&args.out.join("summary.json"))?;
+    summary.write(&out.join("summary.json"))?;
     Ok(if summary.lost() { Ended::WithLoss } else { Ended::Done })
 }
 
@@ -46,20 +58,21 @@ fn print_score(stream: &str, score: &Score) {
 
 fn run(
     args: &Eval,
+    (file, out): (&Path, &Path),
     arguments: &[(String, String)],
     evaluation: &mut Evaluation,
     bag: Option<&mut Recorder>,
 ) -> Result<Vec<NodeReport>, Failure> {
-    let made = nodes(&args.file, arguments)?;
+    let made = nodes(file, arguments)?;
     let source = made.iter().position(|(node, _)| node.period().is_some());
-    let source = source.with_context(|| format!("{}: no node is a source of frames", args.file.display()));
+    let source = source.with_context(|| format!("{}: no node is a source of frames", file.display()));
     let source = source.map_err(usage)?;
     let plan = Plan {
         interval: made[source].0.period().unwrap_or_default(),
         streams: streams(&made)?,
         truth: topic_of(&made[source].0.outputs(), MessageKind::Detections, &made[source].1)?,
         images: if args.images { Images::Save } else { Images::Discard },
-        folder: args.out.clone(),
+        folder: out.to_owned(),
         bagged: args.topics.clone(),
     };
     let mut recorded: Vec<String> = plan.streams.iter().map(|s| s.detections.clone()).collect();

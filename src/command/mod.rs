@@ -12,6 +12,7 @@ mod bag;
 mod doctor;
 mod eval;
 mod graph;
+mod grid;
 mod hash;
 mod launch;
 mod model;

@@ -6,7 +6,7 @@ use modulo_charts::ChartError;
 use modulo_core::{SensorError, UnwrapError};
 use modulo_images::{ImageError, SaveError};
 
-use crate::metric::ShapesDiffer;
+use modulo_core::metric::ShapesDiffer;
 
 /// Names the thing, its value and what is possible.
 #[derive(Debug, thiserror::Error)]

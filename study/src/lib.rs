@@ -8,7 +8,6 @@ pub mod bench;
 mod error;
 mod event;
 pub mod frontier;
-pub mod metric;
 mod shown;
 pub mod simulate;
 pub mod stability;

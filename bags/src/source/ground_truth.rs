@@ -7,6 +7,9 @@ use modulo_core::{BBox, Detection};
 use modulo_msgs::std_msgs::Header;
 use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray};
 
+/// [`GroundTruth::occluded`] of a crowd: an area in which objects of the class are not told apart.
+pub const CROWD: i32 = 4;
+
 /// One labelled object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GroundTruth {
@@ -16,8 +19,8 @@ pub struct GroundTruth {
     pub class: String,
     /// Part of the object outside the image, 0 to 1; -1 where nobody said.
     pub truncated: f32,
-    /// 0 fully visible, 1 partly occluded, 2 largely occluded, 3 unknown; -1
-    /// where nobody said.
+    /// 0 fully visible, 1 partly occluded, 2 largely occluded, 3 unknown,
+    /// [`CROWD`]; -1 where nobody said.
     pub occluded: i32,
 }
 

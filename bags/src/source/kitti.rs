@@ -1,10 +1,12 @@
-//! KITTI folders: `image_2` with `label_2` (object set), or `image_02` with
-//! `label_object` and `label_track` (a drive), labels optional per frame.
+//! KITTI folders: `image_2` with `label_2` (object set), `image_02` with
+//! `label_object` and `label_track` (a drive), or `image_02/DRIVE` of the
+//! tracking set beside `label_02/DRIVE.txt`; labels optional per frame.
 //!
 //! Label lines are `type truncated occluded alpha x1 y1 x2 y2 h w l x y z ry`
 //! (15 columns, object development kit); a tracking line has the frame and the
 //! track in front of that (17 columns).
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use modulo_core::BBox;
@@ -20,7 +22,16 @@ const LAYOUTS: [(&str, &[&str]); 2] =
 #[derive(Debug)]
 pub struct KittiFolder {
     images: Vec<PathBuf>,
-    labels: Vec<PathBuf>,
+    labels: Labels,
+}
+
+/// Where labels are.
+#[derive(Debug)]
+enum Labels {
+    /// One file a frame, the folders by preference.
+    Folders(Vec<PathBuf>),
+    /// One file a drive, by frame; a frame without a line holds no object.
+    Drive(BTreeMap<u64, Vec<GroundTruth>>),
 }
 
 /// A KITTI folder as a source of labelled frames.
@@ -33,19 +44,37 @@ pub struct KittiSource {
 impl KittiFolder {
     /// Whether `path` has KITTI's folder of images.
     pub fn is_at(path: &Path) -> bool {
-        layout(path).is_some()
+        layout(path).is_some() || tracking_file(path).is_some()
     }
 
-    /// Lists the images of `path`, which holds `image_2` or `image_02`.
+    /// Lists the images of `path`, which holds `image_2` or `image_02`, or is a drive of the tracking set.
     ///
     /// # Errors
     /// [`SourceError`] when there is no such folder, or no image in it.
     pub fn open(path: &Path) -> Result<Self, SourceError> {
         let Some((images, labels)) = layout(path) else {
-            return Err(SourceError::Missing { path: path.join(LAYOUTS[0].0) });
+            let Some(file) = tracking_file(path) else {
+                return Err(SourceError::Missing { path: path.join(LAYOUTS[0].0) });
+            };
+            return Ok(Self { images: list_images(path)?, labels: Labels::Drive(read_drive(&file)?) });
         };
         let images = list_images(&path.join(images))?;
-        Ok(Self { images, labels: labels.iter().map(|name| path.join(name)).collect() })
+        Ok(Self { images, labels: Labels::Folders(labels.iter().map(|name| path.join(name)).collect()) })
+    }
+
+    /// As [`KittiFolder::open`], with the frames called `frames` alone, in that order.
+    ///
+    /// # Errors
+    /// [`SourceError::Missing`] for the first frame that is not there.
+    pub fn listed(path: &Path, frames: &[String]) -> Result<Self, SourceError> {
+        let Self { images, labels } = Self::open(path)?;
+        let by_name: BTreeMap<String, &PathBuf> = images.iter().map(|image| (stem(image), image)).collect();
+        let image = |frame: &String| {
+            let folder = images.first().and_then(|image| image.parent()).unwrap_or(path);
+            let missing = || SourceError::Missing { path: folder.join(format!("{frame}.png")) };
+            by_name.get(frame).map(|image| (*image).clone()).ok_or_else(missing)
+        };
+        Ok(Self { images: frames.iter().map(image).collect::<Result<_, _>>()?, labels })
     }
 
     /// The image files, sorted by name.
@@ -58,9 +87,17 @@ impl KittiFolder {
     /// # Errors
     /// [`SourceError`] naming file and line of a line that cannot be read.
     pub fn labels_of(&self, image: &Path) -> Result<Option<Vec<GroundTruth>>, SourceError> {
-        let name = format!("{}.txt", stem(image));
-        let file = self.labels.iter().map(|folder| folder.join(&name)).find(|file| file.is_file());
-        file.map(|file| read_labels(&file)).transpose()
+        match &self.labels {
+            Labels::Folders(folders) => {
+                let name = format!("{}.txt", stem(image));
+                let file = folders.iter().map(|folder| folder.join(&name)).find(|file| file.is_file());
+                file.map(|file| read_labels(&file)).transpose()
+            }
+            Labels::Drive(frames) => {
+                let number = stem(image).parse().ok();
+                Ok(number.map(|number: u64| frames.get(&number).cloned().unwrap_or_default()))
+            }
+        }
     }
 }
 
@@ -70,7 +107,14 @@ impl KittiSource {
     /// # Errors
     /// As [`KittiFolder::open`], and for a `white` that is no radiance.
     pub fn open(path: &Path, white: f32) -> Result<Self, SourceError> {
-        let folder = KittiFolder::open(path)?;
+        Self::of(KittiFolder::open(path)?, white)
+    }
+
+    /// The frames of `folder`.
+    ///
+    /// # Errors
+    /// [`SourceError`] for a `white` that is no radiance.
+    pub fn of(folder: KittiFolder, white: f32) -> Result<Self, SourceError> {
         let frames = FolderSource::of(folder.images.clone(), white)?;
         Ok(Self { folder, frames })
     }
@@ -97,6 +141,26 @@ impl Source for KittiSource {
 
 fn layout(path: &Path) -> Option<&'static (&'static str, &'static [&'static str])> {
     LAYOUTS.iter().find(|(images, _)| path.join(images).is_dir())
+}
+
+/// `label_02/DRIVE.txt` for `image_02/DRIVE`, if it is there.
+fn tracking_file(path: &Path) -> Option<PathBuf> {
+    let drive = path.file_name()?.to_str()?;
+    let file = path.parent()?.parent()?.join("label_02").join(format!("{drive}.txt"));
+    (path.is_dir() && file.is_file()).then_some(file)
+}
+
+fn read_drive(path: &Path) -> Result<BTreeMap<u64, Vec<GroundTruth>>, SourceError> {
+    let text = std::fs::read_to_string(path).map_err(|e| SourceError::io(path, e))?;
+    let mut frames: BTreeMap<u64, Vec<GroundTruth>> = BTreeMap::new();
+    for (line, text) in (1..).zip(text.lines()).filter(|(_, text)| !text.trim().is_empty()) {
+        let bad = |why| SourceError::Label { path: path.to_owned(), line, why };
+        let frame = text.split_whitespace().next().unwrap_or_default();
+        let frame =
+            frame.parse().map_err(|_| bad(format!("frame '{frame}' found, a whole number needed")))?;
+        frames.entry(frame).or_default().push(parse_label(text).map_err(bad)?);
+    }
+    Ok(frames)
 }
 
 fn read_labels(path: &Path) -> Result<Vec<GroundTruth>, SourceError> {

@@ -4,22 +4,28 @@
 //! never guesses a stamp that the data does not have.
 
 mod bag;
+mod coco;
 mod error;
 mod folder;
 mod ground_truth;
 mod kitti;
+mod list;
 mod scene;
+mod yolo;
 
 use std::path::Path;
 
 use ndarray::Array3;
 
 pub use bag::BagSource;
+pub use coco::CocoSource;
 pub use error::SourceError;
 pub use folder::FolderSource;
-pub use ground_truth::{GroundTruth, from_detections, to_detections};
+pub use ground_truth::{CROWD, GroundTruth, from_detections, to_detections};
 pub use kitti::{KittiFolder, KittiSource};
+pub use list::FrameList;
 pub use scene::SceneSource;
+pub use yolo::YoloSource;
 
 /// One recorded frame.
 #[derive(Clone, Debug, PartialEq)]

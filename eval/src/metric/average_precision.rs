@@ -1,24 +1,23 @@
-//! AP50: the mean over recall of the precision at IoU 0.5, as COCO defines it.
+//! AP50 by class, as a launch file's evaluation reports it.
 //!
-//! Within a frame and a class, detections take, by descending score, the free
-//! object with the largest IoU of at least 0.5. An object is an ignore region
-//! when it is less than 12 px high, more than half hidden, or `dontcare`: found
-//! or not, it neither helps nor harms. A detection less than 12 px high that
-//! finds nothing is left out as well. Precision is interpolated at 101 recalls.
+//! An object is ignored when it is less than 12 px high or more than half hidden;
+//! how detections are matched and averaged stands in [`super::matching`] and
+//! [`super::average`].
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use modulo_bags::source::GroundTruth;
+use modulo_bags::source::{CROWD, GroundTruth};
 use modulo_core::{BBox, Detection};
 
-const IOU: f32 = 0.5;
+use super::average;
+use super::matching::{Image, Role};
+use crate::classes::DONT_CARE;
+
+const IOU: f64 = 0.5;
 /// Objects below this height, px, do not count.
 const LEAST_HEIGHT: f32 = 12.0;
 /// The last of KITTI's occlusion steps that is at least half visible.
 const MOST_OCCLUDED: i32 = 1;
-const DONT_CARE: &str = "dontcare";
-/// Recalls at which COCO reads the curve: 0, 0.01, ..., 1.
-const RECALLS: usize = 101;
 
 /// One frame: what a detector said, and what is there.
 pub type Scored = (Vec<Detection>, Vec<GroundTruth>);
@@ -27,74 +26,40 @@ pub type Scored = (Vec<Detection>, Vec<GroundTruth>);
 /// number of these objects.
 pub fn by_class(frames: &[Scored]) -> BTreeMap<String, (f64, usize)> {
     let objects = frames.iter().flat_map(|(_, truth)| truth);
-    let classes: BTreeSet<&str> = objects.filter(|t| counts(t)).map(|t| t.class.as_str()).collect();
+    let classes: BTreeSet<&str> =
+        objects.filter(|t| role(t) == Role::Counts).map(|t| t.class.as_str()).collect();
     let score = |class: &str| {
-        let mut marks = Vec::new();
-        let mut total = 0;
-        for frame in frames {
-            total += mark(frame, class, &mut marks);
-        }
-        (class.to_owned(), (average(marks, total), total))
+        let images: Vec<Image> = frames.iter().map(|frame| image(frame, class)).collect();
+        let objects = images.iter().map(Image::objects).sum();
+        Some((class.to_owned(), (average::ap(&images, IOU)?, objects)))
     };
-    classes.into_iter().map(score).collect()
+    classes.into_iter().filter_map(score).collect()
 }
 
 /// The mean over classes; `None` when no object counts.
 pub fn mean(by_class: &BTreeMap<String, (f64, usize)>) -> Option<f64> {
-    let n = by_class.len();
-    (n > 0).then(|| by_class.values().map(|(ap, _)| ap).sum::<f64>() / n as f64)
+    let figures: Vec<f64> = by_class.values().map(|(ap, _)| *ap).collect();
+    (!figures.is_empty()).then(|| average::mean(&figures))
 }
 
-fn counts(truth: &GroundTruth) -> bool {
-    truth.class != DONT_CARE
-        && truth.bbox.y2 - truth.bbox.y1 >= LEAST_HEIGHT
-        && truth.occluded <= MOST_OCCLUDED
-}
-
-/// Adds (score, whether it is right) of the detections of `class` that count;
-/// returns how many objects do.
-fn mark((found, truth): &Scored, class: &str, marks: &mut Vec<(f32, bool)>) -> usize {
-    let of_class = truth.iter().filter(|t| t.class == class);
-    let (mut objects, ignored): (Vec<&GroundTruth>, Vec<_>) = of_class.partition(|t| counts(t));
-    let total = objects.len();
-    let mut found: Vec<&Detection> = found.iter().filter(|d| d.class == class).collect();
-    found.sort_by(|a, b| b.score.total_cmp(&a.score));
-    for detection in found {
-        let overlaps = objects.iter().enumerate().map(|(i, t)| (detection.bbox.iou(t.bbox), i));
-        let best = overlaps.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(iou, _)| *iou >= IOU);
-        if let Some((_, index)) = best {
-            objects.swap_remove(index);
-            marks.push((detection.score, true));
-        } else if !is_ignored(&detection.bbox, &ignored, truth) {
-            marks.push((detection.score, false));
-        }
+fn image((found, truth): &Scored, class: &str) -> Image {
+    let of_class = truth.iter().filter(|t| t.class == class || t.class == DONT_CARE);
+    let boxes = |d: &Detection| -> (BBox, f32) { (d.bbox, d.score) };
+    Image {
+        truth: of_class.map(|t| (t.bbox, role(t))).collect(),
+        found: found.iter().filter(|d| d.class == class).map(boxes).collect(),
+        least_height: LEAST_HEIGHT,
     }
-    total
 }
 
-fn is_ignored(bbox: &BBox, ignored: &[&GroundTruth], truth: &[GroundTruth]) -> bool {
-    let within = |area: &BBox| bbox.intersection(*area) >= IOU * bbox.area();
-    bbox.y2 - bbox.y1 < LEAST_HEIGHT
-        || ignored.iter().any(|t| bbox.iou(t.bbox) >= IOU)
-        || truth.iter().any(|t| t.class == DONT_CARE && within(&t.bbox))
-}
-
-/// COCO's average over 101 recalls of the best precision at that recall or above.
-fn average(mut marks: Vec<(f32, bool)>, total: usize) -> f64 {
-    marks.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let mut right = 0;
-    let mut curve: Vec<(f64, f64)> = Vec::with_capacity(marks.len());
-    for (seen, (_, is_right)) in (1u32..).zip(&marks) {
-        right += u32::from(*is_right);
-        curve.push((f64::from(right) / total as f64, f64::from(right) / f64::from(seen)));
+fn role(truth: &GroundTruth) -> Role {
+    let high = truth.bbox.y2 - truth.bbox.y1 >= LEAST_HEIGHT;
+    match truth.class.as_str() {
+        DONT_CARE => Role::Area,
+        _ if truth.occluded == CROWD => Role::Area,
+        _ if high && truth.occluded <= MOST_OCCLUDED => Role::Counts,
+        _ => Role::Ignored,
     }
-    let mut best: f64 = 0.0;
-    for point in curve.iter_mut().rev() {
-        best = best.max(point.1);
-        point.1 = best;
-    }
-    let at = |recall: f64| curve.iter().find(|(r, _)| *r >= recall).map_or(0.0, |(_, precision)| *precision);
-    (0..RECALLS).map(|i| at(i as f64 / (RECALLS - 1) as f64)).sum::<f64>() / RECALLS as f64
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ mod parameters;
 use std::sync::Arc;
 use std::time::Duration;
 
-use modulo_bags::source::{GroundTruth, SourceFrame, to_detections};
+use modulo_bags::source::{GroundTruth, Source, SourceFrame, to_detections};
 use modulo_core::Frame;
 use modulo_core::sensor::{Exposure, Sensor};
 use modulo_msgs::std_msgs::{Header, Time};
@@ -47,8 +47,20 @@ impl ModuloCamera {
     /// [`Refusal`] with the parameter that is not possible, such as a `source`
     /// that is not there.
     pub fn new(parameters: &Parameters) -> Result<Self, Refusal> {
+        Self::with(Feed::open(parameters)?, parameters)
+    }
+
+    /// A camera over a source that is open already; the parameter `source` is not looked at.
+    ///
+    /// # Errors
+    /// [`Refusal`] with the parameter that is not possible.
+    pub fn over(source: Box<dyn Source>, parameters: &Parameters) -> Result<Self, Refusal> {
+        Self::with(Feed::Frames { source, repeat: parameters.bool("loop") }, parameters)
+    }
+
+    fn with(feed: Feed, parameters: &Parameters) -> Result<Self, Refusal> {
         Ok(Self {
-            feed: Feed::open(parameters)?,
+            feed,
             sensor: parameters::sensor(parameters)?,
             seed: parameters::seed(parameters),
             period: parameters::period(parameters),

@@ -16,6 +16,7 @@ pub struct Lockstep<'a> {
     members: Vec<Member>,
     timer: &'a dyn Clock,
     recorded: Vec<String>,
+    stages: Vec<(&'static str, u64)>,
 }
 
 struct Member {
@@ -33,7 +34,7 @@ impl<'a> Lockstep<'a> {
     /// it. Messages on the topics of `recorded` count as wanted and are handed
     /// out by [`Lockstep::feed`].
     pub fn new(timer: &'a dyn Clock, recorded: Vec<String>) -> Self {
-        Self { members: Vec::new(), timer, recorded }
+        Self { members: Vec::new(), timer, recorded, stages: Vec::new() }
     }
 
     /// Adds a node. Messages reach nodes in the order in which these were added.
@@ -53,6 +54,7 @@ impl<'a> Lockstep<'a> {
     /// # Errors
     /// [`RunError::Fatal`] when a step cannot go on.
     pub fn tick(&mut self, member: usize, now_ns: u64) -> Result<Option<Vec<OnTopic>>, RunError> {
+        self.stages.clear();
         let mut pending = VecDeque::new();
         let flow = self.step(member, Cue::Tick, "source", now_ns, &mut pending)?;
         let out = self.carry(pending, now_ns)?;
@@ -65,7 +67,13 @@ impl<'a> Lockstep<'a> {
     /// # Errors
     /// [`RunError::Fatal`] when a step cannot go on.
     pub fn feed(&mut self, topic: &str, message: Message, now_ns: u64) -> Result<Vec<OnTopic>, RunError> {
+        self.stages.clear();
         self.carry(VecDeque::from([(topic.to_owned(), message)]), now_ns)
+    }
+
+    /// Durations of the stages of the last tick or feed, ns, in the order in which they ended.
+    pub fn stages(&self) -> &[(&'static str, u64)] {
+        &self.stages
     }
 
     /// What every node did.
@@ -116,6 +124,7 @@ impl<'a> Lockstep<'a> {
         let Yield { messages, stages } = cx.finish();
         for (stage, duration) in stages {
             member.report.book_stage(stage, duration);
+            self.stages.push((stage, duration));
         }
         for (output, message) in messages {
             if let Some(address) = member.outputs.get(output) {

@@ -4,9 +4,9 @@ use modulo_core::{Recovered, Unwrap, UnwrapError, tone};
 
 use super::frames::Sample;
 use crate::StudyError;
-use crate::metric::{exact_share, mse, psnr_db};
 use crate::shown::shown;
 use crate::stopwatch::timed;
+use modulo_core::metric::{exact_share, mse, psnr_db};
 
 /// What a method took and gave.
 pub struct Measured {

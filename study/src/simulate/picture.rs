@@ -8,9 +8,9 @@ use ndarray::Array3;
 
 use super::{Request, Row};
 use crate::StudyError;
-use crate::metric::{exact_share, mse, psnr_db, ssim};
 use crate::shown::shown;
 use crate::stopwatch::timed;
+use modulo_core::metric::{exact_share, mse, psnr_db, ssim};
 
 /// A picture of the request.
 pub struct Picture<'a> {

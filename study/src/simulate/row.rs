@@ -16,7 +16,7 @@ pub struct Row {
     /// `10 log10(255^2 / mse)` of the recovered 8-bit picture against the ideal one, over all samples;
     /// `None` (`null`) where they are equal and the ratio is infinite.
     pub psnr_db: Option<f64>,
-    /// Mean SSIM of these two pictures, as [`crate::metric::ssim`]; `None` below 11 px a side.
+    /// Mean SSIM of these two pictures, as [`modulo_core::metric::ssim`]; `None` below 11 px a side.
     pub ssim: Option<f64>,
     /// Share of the samples whose wrap count is the true one, 0 to 1.
     pub exact_k: f64,

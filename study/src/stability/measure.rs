@@ -5,7 +5,7 @@ use modulo_core::{Exposure, Frame, Recovered};
 use ndarray::{Array3, Axis};
 
 use crate::StudyError;
-use crate::metric::exact_share;
+use modulo_core::metric::exact_share;
 
 /// How well k was recovered.
 #[derive(Clone, Copy, Debug)]

@@ -1,6 +1,6 @@
 //! The metrics against scikit-image (`tests/peers/ssim_reference.py`).
 
-use modulo_study::metric::{LEAST_SIDE, mse, psnr_db, ssim};
+use modulo_core::metric::{LEAST_SIDE, mse, psnr_db, ssim};
 use ndarray::Array3;
 
 const GOLDEN: &str = include_str!("data/metric_golden.txt");

@@ -8,7 +8,7 @@ const GAP: usize = 4;
 
 /// `frames` row by row, all as large as the first; `None` without any, or when
 /// one is not 8 bit RGB of that size.
-pub fn grid(frames: &[&Frame]) -> Option<Frame> {
+pub fn mosaic(frames: &[&Frame]) -> Option<Frame> {
     let (height, width, channels) = frames.first()?.dim();
     let rows = frames.len().div_ceil(2);
     let size = (rows * (height + GAP) - GAP, 2 * width + GAP, 3);
@@ -35,7 +35,7 @@ mod tests {
     #[test]
     fn four_frames_are_two_rows_with_a_line_between() {
         let frames = [1, 2, 3, 4].map(plain);
-        let Some(Frame::U8(picture)) = grid(&frames.each_ref()) else { panic!("a picture") };
+        let Some(Frame::U8(picture)) = mosaic(&frames.each_ref()) else { panic!("a picture") };
         assert_eq!(picture.dim(), (2 + GAP + 2, 3 + GAP + 3, 3));
         let corners = [picture[(0, 0, 0)], picture[(0, 3 + GAP, 0)], picture[(2 + GAP, 0, 0)]];
         assert_eq!((corners, picture[(0, 3, 0)]), ([1, 2, 3], 255));
@@ -44,7 +44,7 @@ mod tests {
     #[test]
     fn frames_that_do_not_fit_give_none() {
         let small = Frame::from_u8(Array3::zeros((1, 1, 3))).expect("a frame");
-        assert_eq!(grid(&[&plain(1), &small]), None);
-        assert_eq!(grid(&[]), None);
+        assert_eq!(mosaic(&[&plain(1), &small]), None);
+        assert_eq!(mosaic(&[]), None);
     }
 }

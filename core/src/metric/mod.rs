@@ -1,7 +1,7 @@
 //! How near a recovered picture is to the true one.
 //!
 //! Pictures are compared as they are shown: 8 bits a sample, the same linear
-//! scale for both ([`modulo_core::tone::linear8`]). Nothing here knows a method.
+//! scale for both ([`crate::tone::linear8`]). Nothing here knows a method.
 
 mod exact;
 mod psnr;

@@ -1,0 +1,181 @@
+//! Images with COCO's labels: one JSON file with `images`, `annotations` and `categories`.
+//!
+//! Boxes are `x, y, width, height` in px. A crowd (`iscrowd` 1) is an area in which objects of its class are not
+//! told apart.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+
+use modulo_core::BBox;
+use serde::Deserialize;
+
+use super::folder::FolderSource;
+use super::{CROWD, GroundTruth, Source, SourceError, SourceFrame};
+
+/// Images of a COCO annotation file, in its order.
+#[derive(Debug)]
+pub struct CocoSource {
+    frames: FolderSource,
+    labels: HashMap<PathBuf, Vec<GroundTruth>>,
+}
+
+#[derive(Deserialize)]
+struct File {
+    images: Vec<Image>,
+    annotations: Vec<Annotation>,
+    categories: Vec<Category>,
+}
+
+#[derive(Deserialize)]
+struct Image {
+    id: u64,
+    file_name: String,
+}
+
+#[derive(Deserialize)]
+struct Annotation {
+    image_id: u64,
+    category_id: u64,
+    bbox: [f32; 4],
+    #[serde(default)]
+    iscrowd: u8,
+}
+
+#[derive(Deserialize)]
+struct Category {
+    id: u64,
+    name: String,
+}
+
+impl CocoSource {
+    /// Opens `annotations`; its images are in `images`, or, as the data set lies, beside the file, in `images`
+    /// beside it, or in `../NAME` for `instances_NAME.json`.
+    ///
+    /// # Errors
+    /// [`SourceError`] when the file is none, or its first image is nowhere.
+    pub fn open(annotations: &Path, images: Option<&Path>) -> Result<Self, SourceError> {
+        let text = std::fs::read(annotations).map_err(|why| SourceError::io(annotations, why))?;
+        let bad = |line, why: String| SourceError::Label { path: annotations.to_owned(), line, why };
+        let file: File = serde_json::from_slice(&text).map_err(|why| bad(why.line(), why.to_string()))?;
+        let folder = match images {
+            Some(folder) => folder.to_owned(),
+            None => folder_of(annotations, &file.images)?,
+        };
+        let names: HashMap<u64, &str> = file.categories.iter().map(|c| (c.id, c.name.as_str())).collect();
+        let mut by_image: HashMap<u64, Vec<GroundTruth>> = HashMap::new();
+        for annotation in &file.annotations {
+            let label = label(annotation, &names).map_err(|why| bad(1, why))?;
+            by_image.entry(annotation.image_id).or_default().push(label);
+        }
+        let paths: Vec<PathBuf> = file.images.iter().map(|image| folder.join(&image.file_name)).collect();
+        if paths.is_empty() {
+            return Err(SourceError::Empty { path: annotations.to_owned() });
+        }
+        let truth = |image: &Image| by_image.remove(&image.id).unwrap_or_default();
+        let labels = paths.iter().cloned().zip(file.images.iter().map(truth)).collect();
+        Ok(Self { frames: FolderSource::of(paths, 0.0)?, labels })
+    }
+}
+
+impl Source for CocoSource {
+    fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
+        let image = self.frames.upcoming()?.to_owned();
+        let frame = self.frames.next()?;
+        let ground_truth = self.labels.get(&image).cloned();
+        Some(frame.map(|frame| SourceFrame { ground_truth, ..frame }))
+    }
+
+    fn len(&self) -> Option<usize> {
+        self.frames.len()
+    }
+
+    fn rewind(&mut self) -> Result<(), SourceError> {
+        self.frames.rewind()
+    }
+}
+
+fn label(annotation: &Annotation, names: &HashMap<u64, &str>) -> Result<GroundTruth, String> {
+    let Annotation { image_id, category_id, bbox: [x, y, width, height], iscrowd } = annotation;
+    let class = names.get(category_id).ok_or_else(|| {
+        format!("image {image_id} has an object of category {category_id}, which `categories` does not name")
+    })?;
+    if !(x + y + width + height).is_finite() || *width < 0.0 || *height < 0.0 {
+        return Err(format!(
+            "image {image_id} has a box {x} {y} {width} {height}, finite and not negative needed"
+        ));
+    }
+    Ok(GroundTruth {
+        bbox: BBox { x1: *x, y1: *y, x2: x + width, y2: y + height },
+        class: (*class).to_owned(),
+        truncated: -1.0,
+        occluded: if *iscrowd == 1 { CROWD } else { -1 },
+    })
+}
+
+/// The folder in which the first image is.
+fn folder_of(annotations: &Path, images: &[Image]) -> Result<PathBuf, SourceError> {
+    let beside = annotations.parent().unwrap_or(Path::new(""));
+    let above = beside.join("..");
+    let stem = annotations.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let split = stem.rsplit('_').next().unwrap_or_default();
+    let folders = [
+        beside.to_owned(),
+        beside.join("images"),
+        above.join(split),
+        above.join("images").join(split),
+        above.join("images"),
+        above,
+    ];
+    let Some(first) = images.first() else { return Ok(beside.to_owned()) };
+    let found = folders.into_iter().find(|folder| folder.join(&first.file_name).is_file());
+    found.ok_or_else(|| SourceError::Missing { path: beside.join(&first.file_name) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TEXT: &str = r#"{"images": [{"id": 7, "file_name": "b.png"}, {"id": 3, "file_name": "a.png"}],
+        "annotations": [{"image_id": 7, "category_id": 2, "bbox": [1, 2, 3, 4]},
+                        {"image_id": 7, "category_id": 1, "bbox": [0, 0, 8, 8], "iscrowd": 1}],
+        "categories": [{"id": 1, "name": "person"}, {"id": 2, "name": "car"}]}"#;
+
+    fn write(text: &str) -> tempfile::TempDir {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::create_dir(folder.path().join("annotations")).expect("made");
+        std::fs::create_dir(folder.path().join("val")).expect("made");
+        std::fs::write(folder.path().join("annotations/instances_val.json"), text).expect("written");
+        for name in ["a.png", "b.png"] {
+            image::GrayImage::new(8, 8).save(folder.path().join("val").join(name)).expect("written");
+        }
+        folder
+    }
+
+    #[test]
+    fn images_come_in_the_order_of_the_file_with_their_boxes() {
+        let folder = write(TEXT);
+        let mut source =
+            CocoSource::open(&folder.path().join("annotations/instances_val.json"), None).expect("readable");
+        let first = source.next().expect("two").expect("readable");
+        let truth = first.ground_truth.expect("labelled");
+        assert_eq!(first.name, "b");
+        assert_eq!(truth[0].bbox, BBox { x1: 1.0, y1: 2.0, x2: 4.0, y2: 6.0 });
+        assert_eq!((truth[0].class.as_str(), truth[0].occluded, truth[1].occluded), ("car", -1, CROWD));
+        assert_eq!(source.next().expect("two").expect("readable").ground_truth, Some(vec![]));
+        assert!(source.next().is_none());
+    }
+
+    #[test]
+    fn what_is_no_annotation_file_says_so() {
+        for (text, told) in [
+            ("{}", "images"),
+            (&TEXT.replace("\"id\": 2", "\"id\": 9"), "category 2"),
+            (&TEXT.replace("3, 4]", "-3, 4]"), "not negative"),
+        ] {
+            let folder = write(text);
+            let path = folder.path().join("annotations/instances_val.json");
+            let why = CocoSource::open(&path, None).expect_err(told).to_string();
+            assert!(why.contains(told) && why.contains("instances_val.json"), "{why}");
+        }
+    }
+}

@@ -1,0 +1,192 @@
+//! Images with YOLO's labels: a text file an image, lines `class cx cy width height` as shares of the image, or
+//! `class x y x y ...`, a polygon, of which the box is taken.
+//!
+//! Labels lie where ultralytics looks for them: in `labels` beside `images`, else beside the image.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use modulo_core::BBox;
+use serde::Deserialize;
+
+use super::folder::{FolderSource, list_images};
+use super::{GroundTruth, Source, SourceError, SourceFrame};
+
+/// Files that may say what the classes are called.
+const NAME_FILES: [&str; 4] = ["data.yaml", "dataset.yaml", "classes.txt", "labels/classes.txt"];
+
+/// A folder of images with YOLO's labels.
+#[derive(Debug)]
+pub struct YoloSource {
+    frames: FolderSource,
+    names: BTreeMap<usize, String>,
+}
+
+impl YoloSource {
+    /// Opens `folder`: one that holds `images` and `labels`, a folder of images whose path has a part `images`, or
+    /// one with images and labels side by side. Class names come from `data.yaml`, `dataset.yaml` or
+    /// `classes.txt` there or up to two folders above; a class without one is called by its number.
+    ///
+    /// # Errors
+    /// [`SourceError`] when there is no image, or the names cannot be read.
+    pub fn open(folder: &Path) -> Result<Self, SourceError> {
+        if !folder.is_dir() {
+            return Err(SourceError::Missing { path: folder.to_owned() });
+        }
+        let inside = folder.join("images");
+        let images = list_images(if inside.is_dir() { &inside } else { folder })?;
+        Ok(Self { frames: FolderSource::of(images, 0.0)?, names: names(folder)? })
+    }
+
+    fn labels(
+        &self,
+        image: &Path,
+        (height, width): (usize, usize),
+    ) -> Result<Option<Vec<GroundTruth>>, SourceError> {
+        let Some(path) = label_files(image).into_iter().find(|path| path.is_file()) else { return Ok(None) };
+        let text = std::fs::read_to_string(&path).map_err(|why| SourceError::io(&path, why))?;
+        let lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
+        let label = |(line, text): (usize, &str)| {
+            let (class, bbox) = parse(text, width as f32, height as f32)
+                .map_err(|why| SourceError::Label { path: path.clone(), line, why })?;
+            let class = self.names.get(&class).cloned().unwrap_or_else(|| class.to_string());
+            Ok(GroundTruth { bbox, class, truncated: -1.0, occluded: -1 })
+        };
+        lines.map(label).collect::<Result<_, _>>().map(Some)
+    }
+}
+
+impl Source for YoloSource {
+    fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
+        let image = self.frames.upcoming()?.to_owned();
+        let frame = self.frames.next()?;
+        Some(frame.and_then(|frame| {
+            let (height, width, _) = frame.radiance.dim();
+            let ground_truth = self.labels(&image, (height, width))?;
+            Ok(SourceFrame { ground_truth, ..frame })
+        }))
+    }
+
+    fn len(&self) -> Option<usize> {
+        self.frames.len()
+    }
+
+    fn rewind(&mut self) -> Result<(), SourceError> {
+        self.frames.rewind()
+    }
+}
+
+/// Where the labels of an image may be.
+fn label_files(image: &Path) -> Vec<PathBuf> {
+    let parts: Vec<_> = image.components().collect();
+    let last = parts.iter().rposition(|part| part.as_os_str() == "images");
+    let swapped = last.map(|last| {
+        let swap = |(place, part): (usize, &std::path::Component<'_>)| match place {
+            place if place == last => std::ffi::OsString::from("labels"),
+            _ => part.as_os_str().to_owned(),
+        };
+        parts.iter().enumerate().map(swap).collect::<PathBuf>()
+    });
+    swapped.into_iter().chain([image.to_owned()]).map(|path| path.with_extension("txt")).collect()
+}
+
+/// (class, box in px) of a line.
+fn parse(line: &str, width: f32, height: f32) -> Result<(usize, BBox), String> {
+    let mut words = line.split_whitespace();
+    let class = words.next().unwrap_or_default();
+    let class = class.parse().map_err(|_| format!("class '{class}' found, a whole number needed"))?;
+    let number = |word: &str| {
+        let value = word.parse().ok().filter(|value: &f32| value.is_finite());
+        value.ok_or_else(|| format!("'{word}' found, a finite number needed"))
+    };
+    let numbers = words.map(number).collect::<Result<Vec<f32>, String>>()?;
+    let bbox = match numbers[..] {
+        [cx, cy, w, h] if w >= 0.0 && h >= 0.0 => BBox::from_centre((cx, cy), (w, h)),
+        [_, _, w, h] => return Err(format!("box of {w} x {h} found, 0 or more needed")),
+        [x, y, ..] if numbers.len() >= 6 && numbers.len() % 2 == 0 => {
+            let start = BBox { x1: x, y1: y, x2: x, y2: y };
+            numbers.chunks_exact(2).fold(start, |b, point| BBox {
+                x1: b.x1.min(point[0]),
+                y1: b.y1.min(point[1]),
+                x2: b.x2.max(point[0]),
+                y2: b.y2.max(point[1]),
+            })
+        }
+        _ => return Err(format!("{} columns found, 5 needed (7, 9, ... for a polygon)", numbers.len() + 1)),
+    };
+    Ok((class, BBox { x1: bbox.x1 * width, y1: bbox.y1 * height, x2: bbox.x2 * width, y2: bbox.y2 * height }))
+}
+
+/// `names:` of a data set's file: a list, or by number.
+#[derive(Deserialize)]
+struct DataFile {
+    names: Names,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Names {
+    List(Vec<String>),
+    ByNumber(BTreeMap<usize, String>),
+}
+
+fn names(folder: &Path) -> Result<BTreeMap<usize, String>, SourceError> {
+    let files = folder.ancestors().take(3).flat_map(|folder| NAME_FILES.map(|name| folder.join(name)));
+    let Some(path) = files.into_iter().find(|path| path.is_file()) else { return Ok(BTreeMap::new()) };
+    let text = std::fs::read_to_string(&path).map_err(|why| SourceError::io(&path, why))?;
+    if path.extension().is_some_and(|extension| extension == "txt") {
+        return Ok(text.lines().map(|line| line.trim().to_owned()).enumerate().collect());
+    }
+    let bad = |why: String| SourceError::Label { path: path.clone(), line: 1, why };
+    let file: DataFile =
+        serde_saphyr::from_str(&text).map_err(|why| bad(format!("no readable `names`: {why}")))?;
+    Ok(match file.names {
+        Names::List(list) => list.into_iter().enumerate().collect(),
+        Names::ByNumber(map) => map,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn boxes_are_shares_of_the_image() {
+        let (class, bbox) = parse("2 0.5 0.5 0.25 0.5", 200.0, 100.0).expect("five columns");
+        assert_eq!((class, bbox), (2, BBox { x1: 75.0, y1: 25.0, x2: 125.0, y2: 75.0 }));
+        let (_, bbox) = parse("0 0.1 0.2 0.5 0.9 0.3 0.4", 100.0, 100.0).expect("a polygon");
+        assert!((bbox.x1 - 10.0).abs() < 1e-4 && (bbox.y2 - 90.0).abs() < 1e-4, "{bbox:?}");
+    }
+
+    #[test]
+    fn bad_lines_say_what_is_needed() {
+        for (line, told) in [
+            ("car 0 0 1 1", "'car'"),
+            ("0 0 0 1", "4 columns found, 5 needed"),
+            ("0 0 0 nan 1", "'nan'"),
+            ("0 0.5 0.5 -1 1", "-1 x 1"),
+        ] {
+            let why = parse(line, 10.0, 10.0).expect_err(line);
+            assert!(why.contains(told), "{why}");
+        }
+    }
+
+    #[test]
+    fn labels_lie_where_ultralytics_looks() {
+        let files = label_files(Path::new("/data/images/val/1.jpg"));
+        assert_eq!(files, [Path::new("/data/labels/val/1.txt"), Path::new("/data/images/val/1.txt")]);
+        assert_eq!(label_files(Path::new("a/1.png")), [Path::new("a/1.txt")]);
+    }
+
+    #[test]
+    fn names_may_be_a_list_or_numbered() {
+        for (text, last) in
+            [("names: [car, person]", "person"), ("path: x\nnames:\n  0: car\n  1: bus\n", "bus")]
+        {
+            let folder = tempfile::tempdir().expect("a folder");
+            std::fs::write(folder.path().join("data.yaml"), text).expect("written");
+            let names = names(folder.path()).expect("readable");
+            assert_eq!((names[&0].as_str(), names[&1].as_str()), ("car", last));
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! Structural similarity of 8-bit pictures (Wang, Bovik, Sheikh, Simoncelli 2004).
+
+use ndarray::Array3;
+
+use super::{ShapesDiffer, check_shapes};
+use crate::simd::widest;
+
+/// Pictures with a shorter side have no window and so no SSIM, px.
+pub const LEAST_SIDE: usize = 11;
+
+const SIGMA: f64 = 1.5;
+/// (0.01 * 255)^2 and (0.03 * 255)^2.
+const C1: f64 = 6.5025;
+const C2: f64 = 58.5225;
+
+/// Weighted sums of a, b, a^2 + b^2 and ab under the window, a row of samples each.
+const MOMENTS: usize = 4;
+
+/// Mean SSIM, -1 to 1: an 11 x 11 Gaussian window of sigma 1.5 px at every place where it fits, `K1 = 0.01`,
+/// `K2 = 0.03`, peak 255, covariance without the sample correction; the mean over places and
+/// channels. `None` when a side is shorter than [`LEAST_SIDE`].
+///
+/// # Errors
+/// [`ShapesDiffer`].
+pub fn ssim(left: &Array3<u8>, right: &Array3<u8>) -> Result<Option<f64>, ShapesDiffer> {
+    check_shapes(left.dim(), right.dim())?;
+    let (height, width, channels) = left.dim();
+    if height.min(width) < LEAST_SIDE || channels == 0 {
+        return Ok(None);
+    }
+    let (left, right) = (left.as_standard_layout(), right.as_standard_layout());
+    let (Some(a), Some(b)) = (left.as_slice(), right.as_slice()) else { return Ok(None) };
+    let sum = widest(
+        #[inline(always)]
+        || sum_over_windows(a, b, width * channels, channels),
+    );
+    let places = (height - LEAST_SIDE + 1) * (width - LEAST_SIDE + 1);
+    Ok(Some(sum / (places * channels) as f64))
+}
+
+fn window() -> [f64; LEAST_SIDE] {
+    let middle = (LEAST_SIDE / 2) as f64;
+    let weights: [f64; LEAST_SIDE] =
+        std::array::from_fn(|i| (-0.5 * ((i as f64 - middle) / SIGMA).powi(2)).exp());
+    let sum: f64 = weights.iter().sum();
+    weights.map(|weight| weight / sum)
+}
+
+/// SSIM of every window of every channel, added up; rows are `stride` interleaved samples.
+#[inline(always)]
+fn sum_over_windows(a: &[u8], b: &[u8], stride: usize, channels: usize) -> f64 {
+    let window = window();
+    let inner = stride - (LEAST_SIDE - 1) * channels;
+    // The sums along the last eleven rows, row r in place r mod 11, so that each row is summed once.
+    let mut along = vec![vec![0.0; MOMENTS * inner]; LEAST_SIDE];
+    let mut products = vec![0.0; MOMENTS * stride];
+    let mut under = vec![0.0; MOMENTS * inner];
+    let mut sum = 0.0;
+    for (row, (a, b)) in a.chunks_exact(stride).zip(b.chunks_exact(stride)).enumerate() {
+        multiply(a, b, &mut products);
+        let sums = &mut along[row % LEAST_SIDE];
+        sums.fill(0.0);
+        for (sums, products) in sums.chunks_exact_mut(inner).zip(products.chunks_exact(stride)) {
+            window.iter().enumerate().for_each(|(t, &weight)| add(sums, &products[t * channels..], weight));
+        }
+        let Some(top) = (row + 1).checked_sub(LEAST_SIDE) else { continue };
+        under.fill(0.0);
+        for (below, &weight) in (top..).zip(&window) {
+            add(&mut under, &along[below % LEAST_SIDE], weight);
+        }
+        sum += of_row(&under, inner);
+    }
+    sum
+}
+
+/// Row by row of `products`: a, b, a^2 + b^2, ab.
+#[inline(always)]
+fn multiply(a: &[u8], b: &[u8], products: &mut [f64]) {
+    let (means, squares) = products.split_at_mut(2 * a.len());
+    let ((to_a, to_b), (to_squares, to_ab)) = (means.split_at_mut(a.len()), squares.split_at_mut(a.len()));
+    let to = to_a.iter_mut().zip(to_b).zip(to_squares.iter_mut().zip(to_ab));
+    for ((&a, &b), ((to_a, to_b), (to_squares, to_ab))) in a.iter().zip(b).zip(to) {
+        let (a, b) = (f64::from(a), f64::from(b));
+        (*to_a, *to_b, *to_squares, *to_ab) = (a, b, a * a + b * b, a * b);
+    }
+}
+
+/// SSIM of the windows of one row, added up.
+#[inline(always)]
+fn of_row(moments: &[f64], inner: usize) -> f64 {
+    let [a, b, squares, ab] = [0, 1, 2, 3].map(|moment| &moments[moment * inner..][..inner]);
+    let mut sum = 0.0;
+    for i in 0..inner {
+        let (mean, power) = (a[i] * b[i], a[i] * a[i] + b[i] * b[i]);
+        let luminance = (2.0 * mean + C1) / (power + C1);
+        sum += luminance * (2.0 * (ab[i] - mean) + C2) / (squares[i] - power + C2);
+    }
+    sum
+}
+
+#[inline(always)]
+fn add(sums: &mut [f64], values: &[f64], weight: f64) {
+    sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += weight * value);
+}

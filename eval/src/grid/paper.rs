@@ -1,0 +1,204 @@
+//! The paper's own way of a frame to the detector, step by step as its scripts go: `--protocol paper`.
+//!
+//! Nothing here is our default. Values are fractions of the peak until a
+//! detector needs 8 bits, which are cut, not rounded.
+
+use std::sync::Arc;
+
+use modulo_bags::source::SourceFrame;
+use modulo_core::unwrap::{Range, Spud, ThresholdOn};
+use modulo_core::{Frame, Psf, UnwrapError, optics};
+use modulo_msgs::std_msgs::Header;
+use modulo_runtime::{Clock, StampedFrame};
+use ndarray::Array3;
+
+use super::chain::{Passed, Stages};
+use super::recovery::Recovery;
+use super::{BITS, GridError};
+use crate::results::{Point, Stream};
+
+/// SPUD's threshold, units of the peak, on phi.
+const TAU: f64 = 0.1;
+
+/// The steps of one cell.
+pub struct PaperWay<'a> {
+    stream: Stream,
+    alpha: f64,
+    range: Range,
+    spud: Spud,
+    timer: &'a dyn Clock,
+}
+
+impl<'a> PaperWay<'a> {
+    /// For one cell; its lens is the paper's, whatever the point says.
+    ///
+    /// # Errors
+    /// [`GridError`] for an alpha that no sensor has.
+    pub fn new(point: &Point, timer: &'a dyn Clock) -> Result<Self, GridError> {
+        let range = Range::new(BITS, point.alpha).map_err(modulo_core::SensorError::from)?;
+        let spud = Spud::new(TAU, ThresholdOn::Phi)?;
+        Ok(Self { stream: point.stream, alpha: point.alpha, range, spud, timer })
+    }
+
+    /// One frame. A frame that SPUD refuses gives no image.
+    ///
+    /// # Errors
+    /// None but those that the type asks for.
+    pub fn pass(&mut self, frame: &SourceFrame) -> Result<Passed, GridError> {
+        let mut stages = Stages::new();
+        let start = self.timer.ticks_ns();
+        let mut image = match self.stream {
+            // The original frame, which never met a lens: codes of 8 bits.
+            Stream::Ideal => frame.radiance.mapv(|v| v * 256.0),
+            Stream::Saturated => self.exposed(frame).mapv(|v| v.clamp(0.0, 1.0) * 255.0),
+            Stream::Modulo | Stream::Recovered => self.exposed(frame).mapv(wrapped),
+        };
+        stages.push(("sense", self.timer.ticks_ns().saturating_sub(start)));
+        if self.stream == Stream::Recovered {
+            let start = self.timer.ticks_ns();
+            image = self.recovered(&image)?;
+            stages.push(("unwrap", self.timer.ticks_ns().saturating_sub(start)));
+        } else if self.stream == Stream::Modulo {
+            image.mapv_inplace(|v| v * 255.0);
+        }
+        let frame = Frame::from_u8(image.mapv(|v| v as u8)).map_err(UnwrapError::from)?;
+        let image = Some(Arc::new(StampedFrame { header: Header::default(), frame }));
+        Ok(Passed { image, stages, recovery: None::<Recovery> })
+    }
+
+    /// `alpha * blurred`, of the stretched image in [0, 1]; the blur lies before the scaling.
+    fn exposed(&self, frame: &SourceFrame) -> Array3<f32> {
+        let alpha = self.alpha as f32;
+        let x = stretched(&frame.radiance).mapv(|v| v / 255.0);
+        optics::blurred(x, Psf::Paper7).mapv(|v| v * alpha)
+    }
+
+    /// SPUD on the unquantised modulo image, then minimum and maximum of the whole tensor to 0 and 255.
+    fn recovered(&mut self, y: &Array3<f32>) -> Result<Array3<f32>, GridError> {
+        let peak = self.range.peak();
+        let codes = y.mapv(|v| v * peak);
+        let phi = self.spud.solve(codes.view(), self.range)?;
+        // The wrapped field is the gradient of x, so that phi is x up to its mean, in code units.
+        Ok(stretched(&phi))
+    }
+}
+
+/// `mod(x, 1)`, but a positive multiple of 1 stays 1.
+fn wrapped(x: f32) -> f32 {
+    let rest = x.rem_euclid(1.0);
+    if rest == 0.0 && x > 0.0 { 1.0 } else { rest }
+}
+
+/// Minimum and maximum over all channels to 0 and 255, cut to whole steps; all 0 where they are equal.
+fn stretched(values: &Array3<f32>) -> Array3<f32> {
+    let low = f64::from(values.iter().copied().fold(f32::INFINITY, f32::min));
+    let high = f64::from(values.iter().copied().fold(f32::NEG_INFINITY, f32::max));
+    // Multiplied first, so that an image that spans 0 to 255 stays as it is.
+    let step = |v: f32| ((f64::from(v) - low) * 255.0 / (high - low)).floor();
+    values.mapv(|v| if high > low { step(v) as f32 } else { 0.0 })
+}
+
+#[cfg(test)]
+mod tests {
+    use modulo_runtime::ManualClock;
+
+    use super::*;
+
+    /// One row of grey codes of 8 bits.
+    fn frame(codes: &[u8]) -> SourceFrame {
+        let radiance = Array3::from_shape_fn((1, codes.len(), 1), |(_, x, _)| f32::from(codes[x]) / 256.0);
+        let (name, frame_id) = (String::new(), String::new());
+        SourceFrame { radiance, name, stamp_ns: None, frame_id, ground_truth: None }
+    }
+
+    fn shown(stream: Stream, alpha: f64, frame: &SourceFrame) -> Vec<u8> {
+        let (method, model, input) = (None, "demo".into(), "auto".into());
+        let point = Point { stream, method, deblur: false, alpha, psf_sigma: 1.4, noise: 0.0, model, input };
+        let clock = ManualClock::default();
+        let passed = PaperWay::new(&point, &clock).expect("possible").pass(frame).expect("passed");
+        match &passed.image.expect("an image").frame {
+            Frame::U8(pixels) => pixels.iter().copied().collect(),
+            Frame::U16(_) => panic!("8 bits"),
+        }
+    }
+
+    /// 0 on the left, the brightest on the right, flat in between and at the ends beyond the lens.
+    fn steps(middle: u8) -> SourceFrame {
+        frame(&[vec![0; 20], vec![middle; 20], vec![255; 20]].concat())
+    }
+
+    #[test]
+    fn x_raw_is_stretched_over_all_channels_and_cut() {
+        let values = Array3::from_shape_vec((1, 2, 3), vec![10.0, 11.0, 12.0, 13.0, 14.0, 20.0]).expect("6");
+        let got: Vec<f32> = stretched(&values).iter().copied().collect();
+        assert_eq!(got, [0.0, 25.0, 51.0, 76.0, 102.0, 255.0]);
+        let all = frame(&(0..=255).collect::<Vec<u8>>());
+        let same: Vec<f32> = (0u8..=255).map(f32::from).collect();
+        assert_eq!(
+            stretched(&all.radiance).iter().copied().collect::<Vec<_>>(),
+            same,
+            "what spans all stays"
+        );
+        assert!(stretched(&Array3::from_elem((2, 2, 3), 0.4)).iter().all(|v| *v == 0.0));
+    }
+
+    #[test]
+    fn the_ideal_is_the_original_without_a_lens() {
+        let codes: Vec<u8> = (0..60).map(|i| if i % 2 == 0 { 3 } else { 200 }).collect();
+        assert_eq!(shown(Stream::Ideal, 4.0, &frame(&codes)), codes);
+    }
+
+    #[test]
+    fn the_blur_lies_before_the_scaling_and_the_clipping() {
+        let got = shown(Stream::Saturated, 2.0, &steps(0));
+        // The step from 0 to 1 behind seven taps, doubled, then clipped: half of the way is above the peak already.
+        let taps = [0.03125, 0.140625, 0.359375, 0.640625, 0.859375f64];
+        let want: Vec<u8> = taps.map(|share| (2.0 * share * 255.0).min(255.0) as u8).to_vec();
+        assert_eq!(got[37..42], want);
+        assert_eq!((got[30], got[50]), (0, 255));
+    }
+
+    #[test]
+    fn modulo_is_wrapped_in_float_and_cut_to_8_bits() {
+        // 100 / 255 * 3 = 1.176..., whose rest is 0.176...: 45 when rounded too, 44.99... when cut first.
+        let got = shown(Stream::Modulo, 3.0, &steps(101));
+        let rest = 101.0f64 * 3.0 / 255.0 - 1.0;
+        assert_eq!(got[30], (rest * 255.0) as u8);
+        assert_eq!(got[50], 255, "three times the peak is the peak, not 0");
+        assert_eq!(got[5], 0, "but nothing is nothing");
+        assert_eq!([wrapped(0.0), wrapped(1.0), wrapped(1.25), wrapped(2.0)], [0.0, 1.0, 0.25, 1.0]);
+    }
+
+    #[test]
+    fn spud_gets_the_unquantised_image_and_its_result_is_stretched() {
+        // A ramp whose steps are far below one code: quantised, it would be stairs of 8 pixels.
+        let radiance = Array3::from_shape_fn((32, 256, 3), |(_, x, _)| x as f32 / 256.0);
+        let ramp = SourceFrame { radiance, ..frame(&[0]) };
+        let got = shown(Stream::Recovered, 1.5, &ramp);
+        let row: Vec<u8> = (0..256).map(|x| got[(16 * 256 + x) * 3]).collect();
+        assert_eq!((got.iter().min(), got.iter().max()), (Some(&0), Some(&255)), "minimum and maximum");
+        let near = |x: usize| (i32::from(row[x]) - x as i32).abs() <= 2;
+        assert!((4..252).all(near), "{row:?}");
+    }
+
+    #[test]
+    fn spud_sees_less_than_a_code() {
+        let clock = ManualClock::default();
+        let point = Point {
+            stream: Stream::Recovered,
+            method: Some("spud".into()),
+            deblur: false,
+            alpha: 1.5,
+            psf_sigma: 1.4,
+            noise: 0.0,
+            model: "demo".into(),
+            input: "auto".into(),
+        };
+        let mut way = PaperWay::new(&point, &clock).expect("possible");
+        // Half a code from left to right, hidden from 8 bits; tau would drop it, so that the ramp is large in all.
+        let y = Array3::from_shape_fn((64, 64, 1), |(_, x, _)| 0.1 + x as f32 / 64.0 * 0.5 / 256.0);
+        way.spud = Spud::new(0.0, ThresholdOn::Phi).expect("possible");
+        let got = way.recovered(&y).expect("recovered");
+        assert!(got[(32, 60, 0)] > got[(32, 30, 0)] && got[(32, 30, 0)] > got[(32, 4, 0)]);
+    }
+}

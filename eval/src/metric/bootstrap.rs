@@ -1,0 +1,120 @@
+//! 95 % intervals by the bootstrap: whole drives, or frames where no drive is known, drawn with replacement.
+//!
+//! The draws depend on the seed and the number of units alone, so that cells of
+//! one grid see the same ones.
+
+/// Draws.
+const DRAWS: usize = 1000;
+
+/// What the intervals are.
+pub fn definition() -> &'static str {
+    "Bootstrap: drives (frames where fewer than two drives are known, for frames of one drive are near \
+     duplicates) are drawn with replacement 1000 times; the interval lies between the 2.5th and the 97.5th \
+     percentile of the figure. Figures without objects in a draw leave that draw out."
+}
+
+/// Units of a data set and how they are drawn.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Units {
+    of_frame: Vec<usize>,
+    count: usize,
+    seed: u64,
+}
+
+impl Units {
+    /// `drives`: the drive of each frame, where it is known.
+    pub fn new(drives: &[Option<String>], seed: u64) -> Self {
+        let mut names: Vec<&String> = drives.iter().flatten().collect();
+        names.sort();
+        names.dedup();
+        let known = names.len() >= 2 && drives.iter().all(Option::is_some);
+        let place = |(frame, drive): (usize, &Option<String>)| match drive {
+            Some(drive) if known => names.binary_search(&drive).unwrap_or(0),
+            _ => frame,
+        };
+        let of_frame = drives.iter().enumerate().map(place).collect();
+        Self { of_frame, count: if known { names.len() } else { drives.len() }, seed }
+    }
+
+    /// The interval of `figure`, which gets how often each frame was drawn; `None` with fewer than two units.
+    pub fn interval(&self, figure: impl Fn(&[u64]) -> Option<f64>) -> Option<[f64; 2]> {
+        if self.count < 2 {
+            return None;
+        }
+        let mut random = SplitMix(self.seed);
+        let mut figures: Vec<f64> = (0..DRAWS)
+            .filter_map(|_| {
+                let mut times = vec![0; self.count];
+                (0..self.count).for_each(|_| times[random.below(self.count)] += 1);
+                let weights: Vec<u64> = self.of_frame.iter().map(|&unit| times[unit]).collect();
+                figure(&weights)
+            })
+            .collect();
+        figures.sort_by(f64::total_cmp);
+        let at =
+            |share: f64| figures.get((share * (figures.len().saturating_sub(1)) as f64).round() as usize);
+        Some([*at(0.025)?, *at(0.975)?])
+    }
+}
+
+/// Sebastiano Vigna's splitmix64.
+struct SplitMix(u64);
+
+impl SplitMix {
+    fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    fn below(&mut self, n: usize) -> usize {
+        ((u128::from(self.next()) * n as u128) >> 64) as usize
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn drives(names: &[&str]) -> Vec<Option<String>> {
+        names.iter().map(|name| Some((*name).to_owned())).collect()
+    }
+
+    /// Weighted share of frames of value 1.
+    fn share(values: &[f64]) -> impl Fn(&[u64]) -> Option<f64> {
+        let values = values.to_vec();
+        move |weights| {
+            let sum: f64 = values.iter().zip(weights).map(|(v, w)| v * *w as f64).sum();
+            let all: u64 = weights.iter().sum();
+            (all > 0).then(|| sum / all as f64)
+        }
+    }
+
+    #[test]
+    fn covers_what_theory_says() {
+        let values: Vec<f64> = (0..400).map(|i| f64::from(i % 2)).collect();
+        let units = Units::new(&vec![None; 400], 7);
+        let [low, high] = units.interval(share(&values)).expect("400 units");
+        // 0.5 +- 1.96 sqrt(0.25 / 400)
+        assert!((low - 0.451).abs() < 0.01 && (high - 0.549).abs() < 0.01, "{low} {high}");
+        assert_eq!(units.interval(share(&values)), Some([low, high]), "the same draws again");
+        assert_ne!(Units::new(&vec![None; 400], 8).interval(share(&values)), Some([low, high]));
+    }
+
+    #[test]
+    fn a_drive_is_drawn_as_a_whole() {
+        let units = Units::new(&drives(&["a", "a", "b", "b"]), 1);
+        assert_eq!(units.count, 2);
+        let [low, high] = units.interval(share(&[1.0, 1.0, 0.0, 0.0])).expect("two drives");
+        assert_eq!((low, high), (0.0, 1.0));
+        let same = units.interval(|weights| Some((weights[0] == weights[1]) as u8 as f64));
+        assert_eq!(same, Some([1.0, 1.0]));
+    }
+
+    #[test]
+    fn one_drive_is_no_sample_so_frames_are_drawn() {
+        assert_eq!(Units::new(&drives(&["a", "a", "a"]), 1).count, 3);
+        assert_eq!(Units::new(&[None], 1).interval(|_| Some(1.0)), None);
+    }
+}

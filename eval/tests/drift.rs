@@ -1,0 +1,97 @@
+//! The test of the test: a step that reads the wall clock makes two runs differ, and the comparison sees it.
+
+use std::path::Path;
+use std::time::SystemTime;
+
+use modulo_bags::source::Source;
+use modulo_eval::classes::Groups;
+use modulo_eval::data::Data;
+use modulo_eval::grid::{Axes, GridError, Nodes, Pairs, Request, Shard, Suite, run};
+use modulo_eval::results::{Cell, Protocol, Stream};
+use modulo_msgs::vision_msgs::Detection2DArray;
+use modulo_runtime::{Context, Cue, Flow, Message, Node, Parameters, Refusal, StepError, SystemClock, Topic};
+
+/// The suite, but for a detector that looks at the wall clock.
+struct Drifting;
+
+struct Detector(Box<dyn Node>);
+
+impl Nodes for Drifting {
+    fn camera(&self, source: Box<dyn Source>, parameters: &Pairs) -> Result<Box<dyn Node>, GridError> {
+        Suite.camera(source, parameters)
+    }
+
+    fn unwrap(&self, parameters: &Pairs) -> Result<Box<dyn Node>, GridError> {
+        Suite.unwrap(parameters)
+    }
+
+    fn detector(&self, parameters: &Pairs) -> Result<Box<dyn Node>, GridError> {
+        Ok(Box::new(Detector(Suite.detector(parameters)?)))
+    }
+}
+
+impl Node for Detector {
+    fn inputs(&self) -> Vec<Topic> {
+        self.0.inputs()
+    }
+
+    fn outputs(&self) -> Vec<Topic> {
+        self.0.outputs()
+    }
+
+    fn configure(&mut self, parameters: &Parameters) -> Result<(), Refusal> {
+        self.0.configure(parameters)
+    }
+
+    fn step(&mut self, cue: Cue, cx: &mut Context<'_>) -> Result<Flow, StepError> {
+        let wanted = [true; 2];
+        let clock = SystemClock::default();
+        let mut inner = Context::new(&clock, &wanted[..1]);
+        let flow = self.0.step(cue, &mut inner)?;
+        // The mistake: boxes drift by what the clock says, up to 30 px.
+        let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
+        let drift = f64::from(now.subsec_nanos() % 30_011) / 1000.0;
+        for (output, message) in inner.finish().messages {
+            let Message::Detections(array) = message else { continue };
+            let mut array: Detection2DArray = (*array).clone();
+            array.detections.iter_mut().for_each(|d| d.bbox.center.position.x += drift);
+            cx.emit(output, Message::Detections(array.into()));
+        }
+        Ok(flow)
+    }
+}
+
+fn request(out: &Path) -> Request {
+    Request {
+        data: Data::Any("scene://day?seed=3&frames=3&width=320&height=128".to_owned()),
+        axes: Axes { streams: vec![Stream::Ideal], alphas: vec![2.0], ..Axes::default() },
+        protocol: Protocol::Suite,
+        class_map: None,
+        groups: Groups::default(),
+        difficulty: None,
+        engine: "rten".to_owned(),
+        threads: 1,
+        jobs: 1,
+        seed: 0,
+        shard: Shard::WHOLE,
+        out: out.to_owned(),
+    }
+}
+
+/// The cells of a fresh run, times apart.
+fn cells(nodes: &dyn Nodes) -> Vec<Cell> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let outcome = run(&request(folder.path()), nodes, &SystemClock::default(), &|_| {}).expect("evaluated");
+    let timeless = |cell: Cell| Cell { latency_ms: Default::default(), ..cell };
+    outcome.results.cells.into_iter().map(timeless).collect()
+}
+
+#[test]
+fn two_runs_are_the_same_and_a_look_at_the_clock_is_seen() {
+    let steady = cells(&Suite);
+    assert!(steady[0].ap50["vehicle"].is_some_and(|ap| ap > 0.2), "{:?}", steady[0].ap50);
+    assert_eq!(steady, cells(&Suite));
+    let drifting = cells(&Drifting);
+    assert_ne!(drifting, cells(&Drifting), "a wall clock in a step must not go unseen");
+    assert_ne!(drifting, steady);
+}

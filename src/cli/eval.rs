@@ -1,0 +1,174 @@
+//! Arguments of `modulo eval`.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand, ValueEnum};
+use modulo_eval::grid::Shard;
+
+use super::ModelEngine;
+
+/// `modulo eval`
+#[derive(Args)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+pub struct Eval {
+    /// What to do with results that are there
+    #[command(subcommand)]
+    pub verb: Option<Verb>,
+    /// Launch file (ROS 2 YAML) with one camera; without it, a grid over --kitti, --sequence, --yolo, --coco or
+    /// --source
+    pub file: Option<PathBuf>,
+    /// Arguments of the launch file as name:=value
+    #[arg(requires = "file")]
+    pub arguments: Vec<String>,
+    /// Source of frames: instead of the file's (several times), or the grid's: a bag, scene://PRESET
+    #[arg(long, value_name = "SOURCE")]
+    pub source: Vec<String>,
+    /// Folder for the results
+    #[arg(short, long, value_name = "FOLDER", required = true)]
+    pub out: Option<PathBuf>,
+    /// With FILE: write the messages on --topics into this new bag folder
+    #[arg(long, value_name = "FOLDER", requires_all = ["topics", "file"])]
+    pub bag: Option<PathBuf>,
+    /// Topics for --bag
+    #[arg(long, value_name = "TOPIC", num_args = 1.., requires = "bag")]
+    pub topics: Vec<String>,
+    /// With FILE: write every image that a detector saw as PNG
+    #[arg(long, requires = "file")]
+    pub images: bool,
+    #[command(flatten)]
+    pub grid: Grid,
+}
+
+/// `modulo eval VERB`
+#[derive(Subcommand)]
+pub enum Verb {
+    /// Put the results of shards together
+    Merge {
+        /// Folder for the whole
+        out: PathBuf,
+        /// Folders of the shards
+        #[arg(required = true)]
+        folders: Vec<PathBuf>,
+    },
+}
+
+/// The grid of `modulo eval`.
+#[derive(Args)]
+#[command(next_help_heading = "Grid, without FILE")]
+pub struct Grid {
+    /// KITTI object folder (image_2, label_2)
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["file", "sequence", "yolo", "coco", "source"])]
+    pub kitti: Option<PathBuf>,
+    /// Frames of --kitti to take: a file of lines FRAME [DRIVE], or `paper` for the paper's test images
+    #[arg(long, value_name = "FILE", requires = "kitti")]
+    pub list: Option<PathBuf>,
+    /// KITTI drives with tracking labels, each a drive of its own
+    #[arg(long, value_name = "FOLDER", num_args = 1.., conflicts_with_all = ["file", "yolo", "coco", "source"])]
+    pub sequence: Vec<PathBuf>,
+    /// Images with YOLO labels (images and labels, or side by side)
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["file", "coco", "source"])]
+    pub yolo: Option<PathBuf>,
+    /// COCO annotation file
+    #[arg(long, value_name = "JSON", conflicts_with_all = ["file", "source"])]
+    pub coco: Option<PathBuf>,
+    /// Images of --coco, where they are not found by themselves
+    #[arg(long, value_name = "FOLDER", requires = "coco")]
+    pub coco_images: Option<PathBuf>,
+    /// The way of a frame to the detector: the suite's nodes, or what the paper's scripts did
+    #[arg(long, value_enum, default_value_t = Protocol::Suite)]
+    pub protocol: Protocol,
+    /// What the detector sees; all four without any
+    #[arg(long, value_delimiter = ',', value_enum)]
+    pub stream: Vec<Stream>,
+    /// Unwrapping methods [default: auto,spud]
+    #[arg(long, value_delimiter = ',')]
+    pub method: Vec<String>,
+    /// Whether the lens is undone in what was recovered
+    #[arg(long, value_enum, default_value_t = Deblur::Both)]
+    pub deblur: Deblur,
+    /// Saturation factors
+    #[arg(long, value_delimiter = ',', default_value = "1.5,2,3,4")]
+    pub alpha: Vec<f64>,
+    /// Sigmas of the lens blur, px
+    #[arg(long, value_delimiter = ',', default_value = "1.4")]
+    pub psf_sigma: Vec<f64>,
+    /// Sigmas of the read noise, code units
+    #[arg(long, value_delimiter = ',', default_value = "0")]
+    pub noise: Vec<f64>,
+    /// Detection models: ONNX files, or demo
+    #[arg(long, value_delimiter = ',', default_value = "demo")]
+    pub model: Vec<PathBuf>,
+    /// Input sizes of the model: auto (no resizing) or WIDTHxHEIGHT [default: auto; 640x640 for the paper]
+    #[arg(long, value_delimiter = ',')]
+    pub input: Vec<String>,
+    /// Inference engine
+    #[arg(long, value_enum, default_value_t = ModelEngine::Auto)]
+    pub engine: ModelEngine,
+    /// Threads of one inference
+    #[arg(long, default_value_t = 1)]
+    pub threads: usize,
+    /// Frames worked on side by side; 0: as many as there are cores
+    #[arg(long, default_value_t = 0)]
+    pub jobs: usize,
+    /// Seed of noise and bootstrap
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Objects that count [default: moderate for KITTI's labels, all for YOLO's and COCO's]
+    #[arg(long, value_enum)]
+    pub difficulty: Option<Difficulty>,
+    /// File of lines `model's class: labels' class` instead of COCO to KITTI
+    #[arg(long, value_name = "FILE")]
+    pub class_map: Option<PathBuf>,
+    /// File of lines `labels' class: group` instead of vehicle and person
+    #[arg(long, value_name = "FILE")]
+    pub groups: Option<PathBuf>,
+    /// Work on part i of n of the cells alone
+    #[arg(long, value_name = "i/n", default_value = "1/1")]
+    pub shard: Shard,
+}
+
+/// The way of a frame to the detector.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Protocol {
+    /// The suite's nodes
+    Suite,
+    /// What the paper's scripts did
+    Paper,
+}
+
+/// What the detector sees.
+#[derive(Clone, Copy, ValueEnum)]
+pub enum Stream {
+    /// All of the scene's range
+    Ideal,
+    /// Clipped at the peak
+    Saturated,
+    /// Wrapped at the peak
+    Modulo,
+    /// Unwrapped
+    Recovered,
+}
+
+/// Whether the lens is undone.
+#[derive(Clone, Copy, ValueEnum)]
+pub enum Deblur {
+    /// With and without
+    Both,
+    /// Always
+    On,
+    /// Never
+    Off,
+}
+
+/// Objects that count.
+#[derive(Clone, Copy, ValueEnum)]
+pub enum Difficulty {
+    /// 40 px, fully visible
+    Easy,
+    /// 25 px, partly occluded
+    Moderate,
+    /// 25 px, largely occluded
+    Hard,
+    /// Every label
+    All,
+}

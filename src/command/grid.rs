@@ -1,0 +1,155 @@
+//! `modulo eval` without a launch file: the grid over labelled frames.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::anyhow;
+use indicatif::{ProgressBar, ProgressStyle};
+use modulo_bags::source::FrameList;
+use modulo_eval::classes::{ClassMap, Groups};
+use modulo_eval::data::Data;
+use modulo_eval::grid::{Axes, Event, GridError, Request, Suite, merge as merge_shards, run};
+use modulo_eval::results::{Cell, Difficulty, Protocol, Results, Stream};
+use modulo_runtime::SystemClock;
+
+use super::usage;
+use crate::cli::{ModelEngine, eval};
+use crate::{Ended, Failure};
+
+/// Works on the cells that are not done yet.
+pub fn grid(args: &eval::Grid, source: &[String], out: &Path) -> Result<Ended, Failure> {
+    let request = request(args, source, out)?;
+    let bar = ProgressBar::new(0);
+    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} frames, {eta} left: {msg}") {
+        bar.set_style(style);
+    }
+    let tell = |event: Event<'_>| match event {
+        Event::Resumed { cells: 0 } => {}
+        Event::Resumed { cells } => bar.suspend(|| eprintln!("modulo: {cells} cells are done already")),
+        Event::Cell { frames: (done, all), name } => {
+            bar.set_length(all);
+            bar.set_position(done);
+            bar.set_message(name.to_owned());
+        }
+        Event::Frame => bar.inc(1),
+        Event::Warning(warning) => bar.suspend(|| eprintln!("modulo: {warning}")),
+    };
+    let outcome = run(&request, &Suite, &SystemClock::default(), &tell).map_err(failure)?;
+    bar.finish_and_clear();
+    outcome.results.cells.iter().for_each(print_cell);
+    Ok(if outcome.lost() { Ended::WithLoss } else { Ended::Done })
+}
+
+/// Puts shards together.
+pub fn merge(out: &Path, folders: &[PathBuf]) -> Result<Ended, Failure> {
+    let results = merge_shards(out, folders).map_err(failure)?;
+    let Results { setup, input, cells, .. } = &results;
+    say!("{} of {} cells", cells.len(), setup.grid.len());
+    let whole = cells.len() == setup.grid.len() && input.warnings.is_empty();
+    Ok(if whole { Ended::Done } else { Ended::WithLoss })
+}
+
+fn request(args: &eval::Grid, source: &[String], out: &Path) -> Result<Request, Failure> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    Ok(Request {
+        data: data(args, source)?,
+        axes: axes(args),
+        protocol: protocol(args),
+        class_map: args.class_map.as_deref().map(ClassMap::read).transpose().map_err(failure)?,
+        groups: args.groups.as_deref().map_or(Ok(Groups::default()), Groups::read).map_err(failure)?,
+        difficulty: args.difficulty.map(|difficulty| match difficulty {
+            eval::Difficulty::Easy => Difficulty::Easy,
+            eval::Difficulty::Moderate => Difficulty::Moderate,
+            eval::Difficulty::Hard => Difficulty::Hard,
+            eval::Difficulty::All => Difficulty::All,
+        }),
+        engine: match args.engine {
+            ModelEngine::Auto => "auto",
+            ModelEngine::Ort => "ort",
+            ModelEngine::Rten => "rten",
+        }
+        .to_owned(),
+        threads: args.threads.max(1),
+        jobs: if args.jobs == 0 { cores } else { args.jobs },
+        seed: args.seed,
+        shard: args.shard,
+        out: out.to_owned(),
+    })
+}
+
+fn data(args: &eval::Grid, source: &[String]) -> Result<Data, Failure> {
+    let list = match args.list.as_deref() {
+        Some(path) if path == Path::new("paper") => Some(FrameList::paper()),
+        Some(path) => Some(FrameList::read(path)?),
+        None => None,
+    };
+    match (&args.kitti, &args.sequence[..], &args.yolo, &args.coco, source) {
+        (Some(folder), ..) => Ok(Data::Kitti { folder: folder.clone(), list }),
+        (None, [_, ..], ..) => Ok(Data::Sequences(args.sequence.clone())),
+        (None, [], Some(folder), ..) => Ok(Data::Yolo(folder.clone())),
+        (None, [], None, Some(annotations), _) => {
+            Ok(Data::Coco { annotations: annotations.clone(), images: args.coco_images.clone() })
+        }
+        (None, [], None, None, [source]) => Ok(Data::Any(source.clone())),
+        _ => Err(usage(anyhow!(
+            "nothing to evaluate: give a launch file, or one of --kitti, --sequence, --yolo, --coco, --source"
+        ))),
+    }
+}
+
+fn protocol(args: &eval::Grid) -> Protocol {
+    match args.protocol {
+        eval::Protocol::Suite => Protocol::Suite,
+        eval::Protocol::Paper => Protocol::Paper,
+    }
+}
+
+/// What is given, and for the rest what the protocol does by default.
+fn axes(args: &eval::Grid) -> Axes {
+    let default = Axes::for_protocol(protocol(args));
+    let streams = args.stream.iter().map(|stream| match stream {
+        eval::Stream::Ideal => Stream::Ideal,
+        eval::Stream::Saturated => Stream::Saturated,
+        eval::Stream::Modulo => Stream::Modulo,
+        eval::Stream::Recovered => Stream::Recovered,
+    });
+    let deblur = match args.deblur {
+        eval::Deblur::Both => default.deblur,
+        eval::Deblur::On => vec![true],
+        eval::Deblur::Off => vec![false],
+    };
+    Axes {
+        streams: given(streams.collect(), default.streams),
+        methods: given(args.method.clone(), default.methods),
+        deblur,
+        alphas: args.alpha.clone(),
+        psf_sigmas: args.psf_sigma.clone(),
+        noises: args.noise.clone(),
+        models: args.model.clone(),
+        inputs: given(args.input.clone(), default.inputs),
+    }
+}
+
+fn given<T>(list: Vec<T>, default: Vec<T>) -> Vec<T> {
+    if list.is_empty() { default } else { list }
+}
+
+fn failure(why: GridError) -> Failure {
+    match why {
+        GridError::Empty { .. } | GridError::Value { .. } | GridError::Table { .. } => usage(why),
+        why => why.into(),
+    }
+}
+
+fn print_cell(cell: &Cell) {
+    let percent =
+        |value: Option<f64>| value.map_or("    -".to_owned(), |value| format!("{:5.1}", 100.0 * value));
+    let groups: Vec<String> =
+        cell.ap50.iter().map(|(group, ap)| format!("{group} {}", percent(*ap))).collect();
+    say!(
+        "{:<64} AP50 {}  exact k {}  infer {:.1} ms",
+        cell.point.to_string(),
+        groups.join(" "),
+        percent(cell.exact_k),
+        cell.latency_ms.get("infer").map_or(0.0, |infer| infer.p50)
+    );
+}

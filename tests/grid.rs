@@ -1,0 +1,149 @@
+//! `modulo eval` as a grid, through the shipped binary: the same bytes again, killed and resumed, in shards.
+
+mod harness;
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use harness::{Bench, json, text};
+use serde_json::Value;
+
+/// Small enough for every cell to be over in a moment.
+const SCENE: &str = "scene://day?seed=3&frames=4&width=320&height=128";
+
+fn arguments(out: &Path) -> Vec<String> {
+    let out = out.to_str().expect("UTF-8");
+    let words = ["eval", "--source", SCENE, "--alpha", "2,4", "--engine", "rten", "-o", out];
+    words.map(str::to_owned).to_vec()
+}
+
+fn run(bench: &Bench, out: &Path, more: &[&str]) -> Option<i32> {
+    let arguments = arguments(out);
+    let all: Vec<&str> = arguments.iter().map(String::as_str).chain(more.iter().copied()).collect();
+    let output = bench.run(&all);
+    eprintln!("{}", text(&output));
+    output.status.code()
+}
+
+/// `results.json` without its times, and without what they were measured on.
+fn timeless(folder: &Path) -> Value {
+    let mut results = json(&folder.join("results.json"));
+    let cells = results["cells"].as_array_mut().expect("cells");
+    for cell in cells {
+        let cell = cell.as_object_mut().expect("a cell");
+        let times = cell.remove("latency_ms").expect("times");
+        cell.remove("device");
+        assert!(times["infer"]["p50"].as_f64().expect("a time") > 0.0, "{times}");
+    }
+    results
+}
+
+fn whole(bench: &Bench) -> PathBuf {
+    let out = bench.path("whole");
+    assert_eq!(run(bench, &out, &[]), Some(0));
+    out
+}
+
+#[test]
+fn the_same_command_gives_the_same_figures_however_it_is_cut() {
+    let bench = Bench::new(131);
+    let whole = whole(&bench);
+    let expected = timeless(&whole);
+    let cells = expected["cells"].as_array().expect("cells");
+    assert_eq!(cells.len(), 2 * 8, "two alphas, eight ways each");
+    assert!(whole.join("results.csv").is_file());
+
+    let again = bench.path("again");
+    assert_eq!(run(&bench, &again, &["--jobs", "1"]), Some(0));
+    assert_eq!(timeless(&again).to_string(), expected.to_string());
+
+    // As a Slurm array does it: processes that know nothing of each other.
+    let shards: Vec<PathBuf> = (1..=3).map(|i| bench.path(&format!("shard{i}"))).collect();
+    for (i, shard) in (1..).zip(&shards) {
+        assert_eq!(run(&bench, shard, &["--shard", &format!("{i}/3")]), Some(0));
+    }
+    let merged = bench.path("merged");
+    let folders: Vec<&str> = shards.iter().map(|shard| shard.to_str().expect("UTF-8")).collect();
+    let words = [vec!["eval", "merge", merged.to_str().expect("UTF-8")], folders].concat();
+    let part = bench.run(&words[..words.len() - 1]);
+    assert_eq!(part.status.code(), Some(3), "a shard is missing: {}", text(&part));
+    assert_eq!(bench.run(&words).status.code(), Some(0));
+    assert_eq!(timeless(&merged).to_string(), expected.to_string());
+}
+
+#[test]
+fn a_killed_run_goes_on_where_it_stopped() {
+    let bench = Bench::new(132);
+    let expected = timeless(&whole(&bench)).to_string();
+    let out = bench.path("killed");
+    let arguments = arguments(&out);
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    // Any moment will do; these are spread over the run.
+    for milliseconds in [900, 1500, 700] {
+        let mut child = bench.start(&words);
+        std::thread::sleep(Duration::from_millis(milliseconds));
+        let _ = child.0.kill();
+        let _ = child.0.wait();
+    }
+    let before = out.join("results.json").is_file().then(|| timeless(&out)["cells"].as_array().map(Vec::len));
+    eprintln!("cells after three kills: {before:?}");
+    assert_eq!(run(&bench, &out, &[]), Some(0));
+    assert_eq!(timeless(&out).to_string(), expected);
+
+    let start = Instant::now();
+    assert_eq!(run(&bench, &out, &[]), Some(0));
+    eprintln!("nothing left to do: {:?}", start.elapsed());
+    assert_eq!(timeless(&out).to_string(), expected);
+    assert_eq!(run(&bench, &out, &["--seed", "1"]), Some(1), "other figures must not be mixed in");
+}
+
+#[test]
+fn what_cannot_be_scored_is_said() {
+    let bench = Bench::new(133);
+    let kitti = bench.path("kitti");
+    let images = bench.images(3);
+    std::fs::create_dir(&kitti).expect("made");
+    std::fs::rename(images, kitti.join("image_2")).expect("moved");
+    let kitti = kitti.to_str().expect("UTF-8").to_owned();
+    let out = bench.path("out");
+    let eval = |more: &[&str]| {
+        let quick =
+            ["--stream", "ideal", "--alpha", "2", "--engine", "rten", "-o", out.to_str().expect("UTF-8")];
+        let words = [&["eval", "--kitti", &kitti][..], &quick[..], more].concat();
+        let output = bench.run(&words);
+        (output.status.code(), text(&output))
+    };
+    let (code, said) = eval(&[]);
+    assert!(code == Some(1) && said.contains("no labels") && said.contains("3 frames"), "{said}");
+
+    let labels = Path::new(&kitti).join("label_2");
+    std::fs::create_dir(&labels).expect("made");
+    let car = |x1: f32, x2: f32| format!("Car 0.00 0 0 {x1} 10 {x2} 50 1 1 1 1 1 1 0\n");
+    std::fs::write(labels.join("000000.txt"), car(10.0, 60.0) + &car(80.0, 140.0)).expect("written");
+    std::fs::write(labels.join("000001.txt"), "Car 0.00 0 0 ten\n").expect("written");
+    let (code, said) = eval(&[]);
+    assert_eq!(code, Some(3), "{said}");
+    for told in
+        ["1 frames are not readable", "000001.txt:1", "1 frames have no labels", "reach outside the image"]
+    {
+        assert!(said.contains(told), "{told}: {said}");
+    }
+    let results = json(&out.join("results.json"));
+    assert_eq!((&results["input"]["frames"], &results["input"]["labelled"]), (&3.into(), &1.into()));
+
+    let list = bench.path("list.txt");
+    let listed = |text: &str| {
+        std::fs::write(&list, text).expect("written");
+        std::fs::remove_dir_all(&out).ok();
+        eval(&["--list", list.to_str().expect("UTF-8")])
+    };
+    let (code, said) = listed("# nothing\n");
+    assert!(code == Some(1) && said.contains("list is empty"), "{said}");
+    let (code, said) = listed("000000\n000000\n");
+    assert!(code == Some(3) && said.contains("1 frames are there twice"), "{said}");
+    let (code, said) = listed("000009\n");
+    assert!(code == Some(1) && said.contains("000009.png"), "{said}");
+    let (code, said) = eval(&["--method", "magic"]);
+    assert!(code == Some(2) && said.contains("magic") && said.contains("spud"), "{said}");
+    assert_eq!(bench.run(&["eval", "-o", "/tmp/nowhere"]).status.code(), Some(2));
+}
