@@ -1,6 +1,8 @@
 //! [`Canvas`]: the shapes of a chart, before they are SVG or pixels.
 
 use crate::font::Font;
+use crate::label::Area;
+use crate::pictures::Picture;
 
 /// Red, green, blue.
 pub type Colour = [u8; 3];
@@ -36,6 +38,8 @@ pub enum Shape {
     Line { spots: Vec<Spot>, colour: Colour, width: f32, dash: f32 },
     /// A filled polygon with a white edge; `hover` is shown while a pointer is on it.
     Area { spots: Vec<Spot>, colour: Colour, hover: String },
+    /// A picture that fills (left, top, right, bottom).
+    Picture { area: Area, picture: Picture },
     /// A text whose baseline is at `spot`, `width` px long.
     Text { spot: Spot, text: String, size: f32, colour: Colour, anchor: Anchor, turn: Turn, width: f32 },
 }
@@ -55,6 +59,12 @@ impl Canvas {
 
     pub fn line(&mut self, spots: Vec<Spot>, colour: Colour, width: f32) {
         self.shapes.push(Shape::Line { spots, colour, width, dash: 0.0 });
+    }
+
+    /// A filled (left, top, right, bottom); `hover` is shown while a pointer is on it.
+    pub fn block(&mut self, (left, top, right, bottom): Area, colour: Colour, hover: &str) {
+        let spots = vec![(left, top), (right, top), (right, bottom), (left, bottom)];
+        self.shapes.push(Shape::Area { spots, colour, hover: hover.to_owned() });
     }
 
     pub fn text(&mut self, spot: Spot, text: &str, size: f32, colour: Colour, anchor: Anchor) {

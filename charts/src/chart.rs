@@ -1,125 +1,106 @@
-//! [`Chart`]: panels beside each other, with one legend.
+//! [`Chart`]: a title, what it is about, the body, the legend, how to read it.
 
-use crate::canvas::{Anchor, Canvas, GREY, INK};
-use crate::{Axis, ChartError, font, legend, panel, raster, svg};
+use crate::bars::Bars;
+use crate::canvas::{Canvas, GREY, INK};
+use crate::legend::Swatch;
+use crate::pictures::Pictures;
+use crate::series::Panel;
+use crate::{ChartError, font, legend, panel, raster, svg};
 
-/// One or more panels side by side with a common legend.
+/// Something to look at.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chart {
-    /// One line.
+    /// One line, wrapped where the page is narrow.
     pub title: String,
     /// What was measured on what; wrapped where it is long.
     pub subtitle: String,
     /// How to read it; wrapped where it is long.
     pub footer: String,
-    /// From left to right.
-    pub panels: Vec<Panel>,
+    /// What is drawn.
+    pub body: Body,
 }
 
-/// A pair of axes and what is drawn on them.
+/// What a chart is made of.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Panel {
-    /// Across.
-    pub x: Axis,
-    /// Upwards.
-    pub y: Axis,
-    /// Series of the same name look the same in all panels.
-    pub series: Vec<Series>,
+pub enum Body {
+    /// From left to right where there is room, else one below the other; their series have a common legend.
+    Panels(Vec<Panel>),
+    /// Lengths beside each other.
+    Bars(Bars),
+    /// A table of pictures.
+    Pictures(Pictures),
 }
 
-/// Points of one kind.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Series {
-    /// Stands in the legend.
-    pub name: String,
-    /// In the order in which the line joins them.
-    pub points: Vec<Point>,
-    /// What is drawn of them.
-    pub look: Look,
-}
-
-/// What is drawn of a series.
+/// How wide a chart may be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Look {
-    /// Markers and a line through them.
-    Joined,
-    /// Markers alone.
-    Marks,
-    /// The line alone.
-    Line,
+pub enum Page {
+    /// 1200 px: a desk, a sheet of paper.
+    Wide,
+    /// 560 px: a phone.
+    Narrow,
 }
 
-/// How much a marker stands out.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Tone {
-    /// In the colour of its series.
-    #[default]
-    Full,
-    /// In grey: there, but not the point.
-    Faded,
-}
-
-/// One marker.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Point {
-    /// Across, in the unit of the axis; a point that is not finite is left out.
-    pub x: f64,
-    /// Upwards, in the unit of the axis.
-    pub y: f64,
-    /// Written beside it; may be empty.
-    pub label: String,
-    /// Shown while a pointer is on it, in the SVG; may be empty.
-    pub hover: String,
-    /// How much it stands out.
-    pub tone: Tone,
-}
-
-const WIDTH: f32 = 1200.0;
 const MARGIN: f32 = 24.0;
-/// Height of a panel with its axis.
-const PANEL: f32 = 470.0;
+
+impl Page {
+    fn width(self) -> f32 {
+        match self {
+            Self::Wide => 1200.0,
+            Self::Narrow => 560.0,
+        }
+    }
+}
 
 impl Chart {
     /// The chart as SVG 1.1.
     ///
     /// # Errors
-    /// [`ChartError::Font`].
-    pub fn svg(&self) -> Result<String, ChartError> {
-        Ok(svg::text(&self.canvas()?))
+    /// [`ChartError::Font`]; [`ChartError::Encode`] of a picture.
+    pub fn svg(&self, page: Page) -> Result<String, ChartError> {
+        svg::text(&self.canvas(page)?)
     }
 
-    /// The same as PNG, twice the pixels of the SVG along each side.
+    /// [`Page::Wide`] as PNG, twice the pixels of the SVG along each side.
     ///
     /// # Errors
     /// [`ChartError`].
     pub fn png(&self) -> Result<Vec<u8>, ChartError> {
-        raster::png(&self.canvas()?)
+        raster::png(&self.canvas(Page::Wide)?)
     }
 
-    fn canvas(&self) -> Result<Canvas, ChartError> {
-        let font = font::Font::new()?;
-        let names = self.names();
-        let mut canvas = Canvas::new(WIDTH, font);
-        let mut y = MARGIN + 18.0;
-        canvas.text((MARGIN, y), &self.title, 20.0, INK, Anchor::Start);
-        y = canvas.paragraph((MARGIN, y + 22.0), &self.subtitle, 12.5, GREY);
-        let width = (WIDTH - MARGIN) / self.panels.len().max(1) as f32;
-        for (panel, index) in self.panels.iter().zip(0u8..) {
-            let left = MARGIN + width * f32::from(index);
-            panel::draw(&mut canvas, panel, &names, (left, y, width - MARGIN, PANEL));
-        }
-        y = legend::draw(&mut canvas, &names, (MARGIN, y + PANEL + 16.0));
+    fn canvas(&self, page: Page) -> Result<Canvas, ChartError> {
+        let mut canvas = Canvas::new(page.width(), font::Font::new()?);
+        let mut y = canvas.paragraph((MARGIN, MARGIN + 18.0), &self.title, 20.0, INK);
+        y = canvas.paragraph((MARGIN, y - 7.0), &self.subtitle, 12.5, GREY);
+        let names = self.body.names();
+        let width = canvas.width - MARGIN;
+        y = match &self.body {
+            Body::Panels(panels) => panel::draw_all(&mut canvas, panels, &names, (MARGIN, y, width)),
+            Body::Bars(bars) => bars.draw(&mut canvas, &names, (MARGIN, y, width)),
+            Body::Pictures(pictures) => pictures.draw(&mut canvas, (MARGIN, y, width)),
+        };
+        y = legend::draw(&mut canvas, &names, (MARGIN, y + 16.0));
         y = canvas.paragraph((MARGIN, y + 8.0), &self.footer, 11.0, GREY);
         canvas.height = (y + MARGIN / 2.0).ceil();
         Ok(canvas)
     }
+}
 
-    /// Names and looks of the series, in the order of their first appearance.
-    fn names(&self) -> Vec<(&str, Look)> {
-        let mut names: Vec<(&str, Look)> = Vec::new();
-        for series in self.panels.iter().flat_map(|panel| &panel.series) {
-            if names.iter().all(|(name, _)| *name != series.name) {
-                names.push((&series.name, series.look));
+impl Body {
+    /// What the legend explains, in the order of first appearance.
+    fn names(&self) -> Vec<(&str, Swatch)> {
+        let all: Vec<(&str, Swatch)> = match self {
+            Self::Panels(panels) => {
+                let series = panels.iter().flat_map(|panel| &panel.series);
+                series.map(|s| (s.name.as_str(), Swatch::Series(s.look))).collect()
+            }
+            Self::Bars(bars) => bars.parts().map(|name| (name, Swatch::Block)).collect(),
+            Self::Pictures(_) => Vec::new(),
+        };
+        let mut names: Vec<(&str, Swatch)> = Vec::new();
+        for named in all {
+            if names.iter().all(|(name, _)| *name != named.0) {
+                names.push(named);
             }
         }
         names

@@ -1,6 +1,6 @@
 //! [`ChartError`]: why a chart could not be drawn.
 
-/// Why there is no PNG.
+/// Why there is no chart.
 #[derive(Debug, thiserror::Error)]
 pub enum ChartError {
     /// The embedded font.
@@ -13,6 +13,16 @@ pub enum ChartError {
         width: u32,
         /// Rows.
         height: u32,
+    },
+    /// Samples and size do not fit.
+    #[error("a picture of {width} x {height} px has {found} samples, three a pixel are needed")]
+    Picture {
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Samples found.
+        found: usize,
     },
     /// The encoder refused.
     #[error("chart: {0}")]

@@ -6,6 +6,7 @@
 //! and no file is read or written.
 
 mod axis;
+mod bars;
 mod canvas;
 mod chart;
 mod error;
@@ -13,10 +14,15 @@ mod font;
 mod label;
 mod legend;
 mod panel;
+mod pictures;
 mod raster;
+mod series;
 mod style;
 mod svg;
 
 pub use axis::{Axis, Direction, Scale, Unit};
-pub use chart::{Chart, Look, Panel, Point, Series, Tone};
+pub use bars::{Bar, Bars};
+pub use chart::{Body, Chart, Page};
 pub use error::ChartError;
+pub use pictures::{Picture, Pictures};
+pub use series::{Look, Panel, Point, Series, Tone};

@@ -1,10 +1,11 @@
 //! One panel: grid, axes, series, labels at the points.
 
 use crate::axis::Ruler;
-use crate::canvas::{Anchor, Canvas, Colour, FAINT, GREY, INK, Shape, Spot, Turn, WHITE};
+use crate::canvas::{Anchor, Canvas, Colour, FAINT, GREY, INK, Spot, Turn, WHITE};
 use crate::label::{Area, Crowd, Wanted, nearest};
+use crate::legend::Swatch;
+use crate::series::{Look, Panel, Point, Series, Tone};
 use crate::style::{RADIUS, Style};
-use crate::{Look, Panel, Point, Series, Tone};
 
 const TICK: f32 = 11.5;
 const NOTE: f32 = 11.0;
@@ -14,8 +15,33 @@ const BELOW: f32 = 50.0;
 /// Points of a series nearer than this share a label, px.
 const NEAR: f32 = 16.0;
 
+/// Height of a panel with its axis.
+const HEIGHT: f32 = 470.0;
+/// Air between panels, px.
+const GAP: f32 = 24.0;
+/// A panel is not narrower, px.
+const LEAST: f32 = 350.0;
+
+/// Draws `panels` into (left, top, width), beside each other as many as have room; returns the y after them.
+pub fn draw_all(
+    canvas: &mut Canvas,
+    panels: &[Panel],
+    names: &[(&str, Swatch)],
+    (left, top, width): (f32, f32, f32),
+) -> f32 {
+    let columns = ((width / LEAST) as usize).clamp(1, panels.len().max(1));
+    let column = width / columns as f32;
+    for (index, panel) in panels.iter().enumerate() {
+        let x = left + column * (index % columns) as f32;
+        let y = top + (HEIGHT + GAP) * (index / columns) as f32;
+        draw(canvas, panel, names, (x, y, column - GAP, HEIGHT));
+    }
+    let rows = panels.len().div_ceil(columns) as f32;
+    top + rows * HEIGHT + (rows - 1.0).max(0.0) * GAP
+}
+
 /// Draws `panel` into (left, top, width, height); the place in `names` gives each series its style.
-pub fn draw(canvas: &mut Canvas, panel: &Panel, names: &[(&str, Look)], (left, top, width, height): Area) {
+fn draw(canvas: &mut Canvas, panel: &Panel, names: &[(&str, Swatch)], (left, top, width, height): Area) {
     let area = (left + LEFT, top, left + width, top + height - BELOW);
     let points = || panel.series.iter().flat_map(|series| &series.points).filter(|point| is_finite(point));
     let x = panel.x.ruler(points().map(|point| point.x));
@@ -42,7 +68,7 @@ struct Placed<'a> {
 }
 
 impl<'a> Placed<'a> {
-    fn new(series: &'a Series, names: &[(&str, Look)], spot: impl Fn(&Point) -> Spot) -> Self {
+    fn new(series: &'a Series, names: &[(&str, Swatch)], spot: impl Fn(&Point) -> Spot) -> Self {
         let index = names.iter().position(|(name, _)| *name == series.name).unwrap_or_default();
         let finite = series.points.iter().filter(|point| is_finite(point));
         Self {
@@ -129,8 +155,7 @@ fn note(canvas: &mut Canvas, crowd: &mut Crowd, colour: Colour, spot: Spot, text
         canvas.line(vec![spot, edge], colour, 0.6);
     }
     // A line that had to pass there stops at the text.
-    let corners = [(area.0, area.1), (area.2, area.1), (area.2, area.3), (area.0, area.3)];
-    canvas.shapes.push(Shape::Area { spots: corners.to_vec(), colour: WHITE, hover: String::new() });
+    canvas.block(area, WHITE, "");
     canvas.text((area.0, area.3 - NOTE * 0.14), text, NOTE, colour, Anchor::Start);
 }
 

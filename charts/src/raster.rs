@@ -3,12 +3,15 @@
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use tiny_skia::{
-    Color, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Stroke, StrokeDash, Transform,
+    Color, FillRule, FilterQuality, IntSize, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap,
+    PixmapPaint, Stroke, StrokeDash, Transform,
 };
 use ttf_parser::OutlineBuilder;
 
 use crate::ChartError;
 use crate::canvas::{Anchor, Canvas, Colour, Shape, Spot, Turn, WHITE};
+use crate::label::Area;
+use crate::pictures::Picture;
 
 /// Pixels of the PNG for one of the chart, along each side.
 const ZOOM: f32 = 2.0;
@@ -35,6 +38,7 @@ fn draw(pixels: &mut Pixmap, canvas: &Canvas, shape: &Shape) {
             fill(pixels, path(spots, true), *colour, Transform::identity());
             stroke(pixels, path(spots, true), WHITE, 1.0, 0.0);
         }
+        Shape::Picture { area, picture } => paste(pixels, *area, picture),
         Shape::Text { spot, text, size, colour, anchor, turn, width } => {
             let back = match anchor {
                 Anchor::Start => 0.0,
@@ -51,6 +55,17 @@ fn draw(pixels: &mut Pixmap, canvas: &Canvas, shape: &Shape) {
             fill(pixels, pen.builder.finish(), *colour, place);
         }
     }
+}
+
+/// Scales the picture into its area.
+fn paste(pixels: &mut Pixmap, (left, top, right, bottom): Area, picture: &Picture) {
+    let rgba = picture.rgb.chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], 255]).collect();
+    let size = IntSize::from_wh(picture.width, picture.height);
+    let Some(source) = size.and_then(|size| Pixmap::from_vec(rgba, size)) else { return };
+    let scale = ((right - left) / picture.width as f32, (bottom - top) / picture.height as f32);
+    let place = Transform::from_scale(scale.0, scale.1).post_translate(left, top);
+    let paint = PixmapPaint { quality: FilterQuality::Bilinear, ..PixmapPaint::default() };
+    pixels.draw_pixmap(0, 0, source.as_ref(), &paint, zoomed(place), None);
 }
 
 fn path(spots: &[Spot], closed: bool) -> Option<Path> {

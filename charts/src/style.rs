@@ -2,8 +2,8 @@
 
 use std::f32::consts::{PI, TAU};
 
-use crate::Tone;
 use crate::canvas::{Canvas, Colour, FADED, Shape, Spot};
+use crate::series::Tone;
 
 /// Okabe and Ito's palette, which the colour-blind can tell apart; its yellow is left out, for it is
 /// faint on white.

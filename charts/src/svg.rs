@@ -2,10 +2,25 @@
 
 use std::fmt::Write;
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use image::RgbImage;
+use image::codecs::jpeg::JpegEncoder;
+use image::imageops::{self, FilterType};
+
+use crate::ChartError;
+
 use crate::canvas::{Anchor, Canvas, Colour, Shape, Spot, Turn, WHITE};
+use crate::label::Area;
+use crate::pictures::Picture;
+
+/// Pixels of a picture for one of the chart, along each side.
+const FINEST: f32 = 2.0;
+/// Of JPEG, of 100.
+const QUALITY: u8 = 82;
 
 /// The whole document.
-pub fn text(canvas: &Canvas) -> String {
+pub fn text(canvas: &Canvas) -> Result<String, ChartError> {
     let (width, height) = (canvas.width, canvas.height);
     let mut out = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
@@ -13,9 +28,37 @@ pub fn text(canvas: &Canvas) -> String {
          <rect width=\"100%\" height=\"100%\" fill=\"{}\"/>\n",
         hex(WHITE)
     );
-    canvas.shapes.iter().for_each(|shape| push(&mut out, shape));
+    for shape in &canvas.shapes {
+        match shape {
+            Shape::Picture { area, picture } => image(&mut out, *area, picture)?,
+            shape => push(&mut out, shape),
+        }
+    }
     out.push_str("</svg>\n");
-    out
+    Ok(out)
+}
+
+/// The picture as JPEG within the document, at most [`FINEST`] pixels for one of the chart.
+fn image(out: &mut String, (left, top, right, bottom): Area, picture: &Picture) -> Result<(), ChartError> {
+    let (width, height) = (right - left, bottom - top);
+    let jpeg = jpeg(picture, (FINEST * width) as u32, (FINEST * height) as u32)?;
+    let data = STANDARD.encode(jpeg);
+    // Writing to a String cannot fail.
+    let _ = writeln!(
+        out,
+        "<image x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" \
+         preserveAspectRatio=\"none\" href=\"data:image/jpeg;base64,{data}\"/>"
+    );
+    Ok(())
+}
+
+fn jpeg(picture: &Picture, width: u32, height: u32) -> Result<Vec<u8>, ChartError> {
+    let pixels = RgbImage::from_raw(picture.width, picture.height, picture.rgb.to_vec()).unwrap_or_default();
+    let (width, height) = (width.clamp(1, picture.width), height.clamp(1, picture.height));
+    let small = imageops::resize(&pixels, width, height, FilterType::Triangle);
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, QUALITY).encode_image(&small)?;
+    Ok(bytes)
 }
 
 fn push(out: &mut String, shape: &Shape) {
@@ -38,6 +81,8 @@ fn push(out: &mut String, shape: &Shape) {
             hex(WHITE),
             if hover.is_empty() { String::new() } else { format!("<title>{}</title>", escaped(hover)) }
         ),
+        // Has a function of its own, for it can fail.
+        Shape::Picture { .. } => Ok(()),
         Shape::Text { spot: (x, y), text, size, colour, anchor, turn, width } => {
             let anchor = match anchor {
                 Anchor::Start => "start",

@@ -1,13 +1,21 @@
 //! Charts: any data can be drawn, and what is drawn can be told apart.
 
-use modulo_charts::{Axis, Chart, Direction, Look, Panel, Point, Scale, Series, Tone, Unit};
+use modulo_charts::{
+    Axis, Bar, Bars, Body, Chart, ChartError, Direction, Look, Page, Panel, Picture, Pictures, Point, Scale,
+    Series, Tone, Unit,
+};
 
 fn axis(scale: Scale) -> Axis {
     Axis { label: "a < b & c".to_owned(), scale, unit: Unit::Plain, direction: Direction::Up }
 }
 
 fn chart(panel: Panel) -> Chart {
-    Chart { title: String::new(), subtitle: String::new(), footer: String::new(), panels: vec![panel] }
+    Chart {
+        title: String::new(),
+        subtitle: String::new(),
+        footer: String::new(),
+        body: Body::Panels(vec![panel]),
+    }
 }
 
 #[test]
@@ -28,7 +36,7 @@ fn any_text_and_any_number_can_be_drawn() {
     for scale in [Scale::Log, Scale::Linear { from: -2.0, to: 5.0 }, Scale::Linear { from: 1.0, to: 1.0 }] {
         let panel = Panel { x: axis(scale), y: axis(Scale::Log), series: series.clone() };
         let chart = chart(panel);
-        let svg = chart.svg().unwrap();
+        let svg = chart.svg(Page::Wide).unwrap();
         assert!(
             svg.contains("a &lt; b &amp; c") && !svg.contains("NaN") && !svg.contains("inf"),
             "{scale:?}"
@@ -45,7 +53,7 @@ fn a_look_leaves_out_marks_or_line_and_faded_marks_are_grey() {
         let points = vec![point(1.0, tone), point(2.0, tone)];
         let series = vec![Series { name: "one".to_owned(), points, look }];
         let linear = Scale::Linear { from: 0.0, to: 3.0 };
-        let svg = chart(Panel { x: axis(linear), y: axis(linear), series }).svg().unwrap();
+        let svg = chart(Panel { x: axis(linear), y: axis(linear), series }).svg(Page::Wide).unwrap();
         let of = |what: &str, colour: &str| {
             svg.lines().filter(|line| line.starts_with(what) && line.contains(colour)).count()
         };
@@ -56,4 +64,64 @@ fn a_look_leaves_out_marks_or_line_and_faded_marks_are_grey() {
     assert_eq!(drawn(Look::Marks, Tone::Full), (0, 3, 0));
     assert_eq!(drawn(Look::Line, Tone::Full), (2, 0, 0));
     assert_eq!(drawn(Look::Marks, Tone::Faded), (0, 1, 2));
+}
+
+#[test]
+fn a_narrow_page_puts_panels_below_each_other() {
+    let panel = || Panel { x: axis(Scale::Log), y: axis(Scale::Log), series: vec![] };
+    let chart = Chart { body: Body::Panels(vec![panel(), panel()]), ..chart(panel()) };
+    let height = |page| {
+        let svg = chart.svg(page).unwrap();
+        let (_, rest) = svg.split_once(" height=\"").expect("a height");
+        rest.split('"').next().unwrap().parse::<f32>().unwrap()
+    };
+    assert!(height(Page::Narrow) > 1.8 * height(Page::Wide), "{} px", height(Page::Narrow));
+}
+
+#[test]
+fn bars_are_as_long_as_their_parts() {
+    let part = |name: &str, length| (name.to_owned(), length);
+    let row = |parts: Vec<(String, f64)>| Bar { label: "row".to_owned(), parts, note: "ms".to_owned() };
+    let rows = vec![row(vec![part("a", 10.0), part("b", 20.0)]), row(vec![part("b", 40.0)])];
+    let body = Body::Bars(Bars { label: "ms".to_owned(), rows });
+    for page in [Page::Wide, Page::Narrow] {
+        let svg = Chart {
+            body: body.clone(),
+            ..chart(Panel { x: axis(Scale::Log), y: axis(Scale::Log), series: vec![] })
+        }
+        .svg(page)
+        .unwrap();
+        let widths: Vec<f32> = svg
+            .lines()
+            .filter(|line| line.contains("<title>"))
+            .map(|line| {
+                let (_, points) = line.split_once("points=\"").expect("a polygon");
+                let numbers: Vec<f32> =
+                    points.split(['"', ' ', ',']).take(4).map(|n| n.parse().unwrap()).collect();
+                numbers[2] - numbers[0]
+            })
+            .collect();
+        assert_eq!(widths.len(), 3);
+        for (width, share) in widths.iter().zip([0.25, 0.5, 1.0]) {
+            assert!((width - share * widths[2]).abs() < 0.3, "{page:?}: {widths:?}");
+        }
+    }
+}
+
+#[test]
+fn pictures_lie_in_both_forms_and_wrong_sizes_are_refused() {
+    assert!(matches!(Picture::new(2, 2, vec![0; 11], vec![]), Err(ChartError::Picture { found: 11, .. })));
+    let picture = Picture::new(40, 20, [200, 30, 30].repeat(800), vec![([5.0, 5.0, 20.0, 15.0], 0)]).unwrap();
+    let rows = vec![("alpha 2".to_owned(), vec![Some(picture), None])];
+    let pictures = Pictures { columns: vec!["one".to_owned(), "two".to_owned()], rows };
+    let chart = Chart {
+        body: Body::Pictures(pictures),
+        ..chart(Panel { x: axis(Scale::Log), y: axis(Scale::Log), series: vec![] })
+    };
+    let svg = chart.svg(Page::Wide).unwrap();
+    assert_eq!(svg.matches("data:image/jpeg;base64,").count(), 1);
+    assert_eq!(svg.matches("<polyline").count(), 1, "one box");
+    let png = image::load_from_memory(&chart.png().unwrap()).unwrap().to_rgb8();
+    let red = png.pixels().filter(|p| p.0 == [200, 30, 30]).count();
+    assert!(red as f32 > 0.3 * (2.0 * 570.0 * 285.0 * 2.0), "{red} red pixels");
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use modulo_charts::{Axis, Chart, Direction, Look, Panel, Point, Scale, Series, Tone, Unit};
+use modulo_charts::{Axis, Body, Chart, Direction, Look, Page, Panel, Point, Scale, Series, Tone, Unit};
 
 use crate::StudyError;
 use crate::bench::{META, Meta, Row};
@@ -15,7 +15,7 @@ use crate::store::{read_json, write};
 pub fn draw_frontier(results: &Path) -> Result<[PathBuf; 2], StudyError> {
     let chart = frontier_from(results)?;
     let files = ["frontier.svg", "frontier.png"].map(|name| results.with_file_name(name));
-    write(&files[0], chart.svg()?.as_bytes())?;
+    write(&files[0], chart.svg(Page::Wide)?.as_bytes())?;
     write(&files[1], &chart.png()?)?;
     Ok(files)
 }
@@ -42,10 +42,10 @@ pub fn frontier_from(results: &Path) -> Result<Chart, StudyError> {
         title: "Unwrapping: what is exact, and what it costs".to_owned(),
         subtitle: subtitle(&rows, meta.as_ref()),
         footer: footer(&rows, meta.as_ref()),
-        panels: vec![
+        body: Body::Panels(vec![
             Panel { x: time(), y: percent("exact wrap counts", linear, Direction::Up), series: exact },
             Panel { x: time(), y: percent("wrong wrap counts", Scale::Log, Direction::Down), series: wrong },
-        ],
+        ]),
     })
 }
 

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use modulo_charts::Page;
 use modulo_images::{Pixels, decode};
 use modulo_study::StudyError;
 use modulo_study::bench::Row;
@@ -63,7 +64,7 @@ fn store(folder: &Path, rows: &[Row]) -> std::path::PathBuf {
 #[test]
 fn no_text_lies_on_another_or_leaves_the_picture() {
     let folder = tempfile::tempdir().unwrap();
-    let svg = frontier_from(&store(folder.path(), &crowded())).unwrap().svg().unwrap();
+    let svg = frontier_from(&store(folder.path(), &crowded())).unwrap().svg(Page::Wide).unwrap();
     let found = texts(&svg);
     assert!(found.len() > 16 + 16 * 2, "only {} texts", found.len());
     for (i, (text, a)) in found.iter().enumerate() {
