@@ -17,6 +17,9 @@ const NEAR: f32 = 16.0;
 
 /// Height of a panel with its axis.
 const HEIGHT: f32 = 470.0;
+/// And of more than [`FEW`] panels.
+const LOW: f32 = 270.0;
+const FEW: usize = 3;
 /// Air between panels, px.
 const GAP: f32 = 24.0;
 /// A panel is not narrower, px.
@@ -29,15 +32,16 @@ pub fn draw_all(
     names: &[(&str, Swatch)],
     (left, top, width): (f32, f32, f32),
 ) -> f32 {
+    let height = if panels.len() > FEW { LOW } else { HEIGHT };
     let columns = ((width / LEAST) as usize).clamp(1, panels.len().max(1));
     let column = width / columns as f32;
     for (index, panel) in panels.iter().enumerate() {
         let x = left + column * (index % columns) as f32;
-        let y = top + (HEIGHT + GAP) * (index / columns) as f32;
-        draw(canvas, panel, names, (x, y, column - GAP, HEIGHT));
+        let y = top + (height + GAP) * (index / columns) as f32;
+        draw(canvas, panel, names, (x, y, column - GAP, height));
     }
     let rows = panels.len().div_ceil(columns) as f32;
-    top + rows * HEIGHT + (rows - 1.0).max(0.0) * GAP
+    top + rows * height + (rows - 1.0).max(0.0) * GAP
 }
 
 /// Draws `panel` into (left, top, width, height); the place in `names` gives each series its style.

@@ -9,6 +9,7 @@
 //! own accord, or knows of messages and topics.
 
 pub mod boxes;
+pub mod bracket;
 pub mod dct;
 pub mod deblur;
 pub mod frame;
@@ -27,6 +28,7 @@ pub mod unwrap;
 mod workers;
 
 pub use boxes::{BBox, Detection};
+pub use bracket::{Bracket, BracketError};
 pub use deblur::Deblur;
 pub use frame::{Frame, FrameError};
 pub use letterbox::Letterbox;

@@ -5,15 +5,21 @@
 //! Nothing here goes through a transport or reads a clock; the same frames and
 //! parameters give the same files.
 
+pub mod budget;
+pub mod chart;
 pub mod classes;
 pub mod data;
 pub mod grid;
 pub mod metric;
 mod mosaic;
+mod pareto;
+mod published;
 mod record;
+pub mod report;
 pub mod results;
 pub mod store;
 mod table;
+mod wording;
 mod write;
 
 use std::collections::BTreeMap;

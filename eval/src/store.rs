@@ -37,7 +37,7 @@ pub fn save(folder: &Path, results: &Results) -> Result<(), GridError> {
 }
 
 /// Writes beside `path` and moves it there.
-fn replace(path: &Path, bytes: &[u8]) -> Result<(), GridError> {
+pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<(), GridError> {
     let mut beside = path.as_os_str().to_owned();
     beside.push(".part");
     std::fs::write(&beside, bytes)

@@ -50,6 +50,19 @@ pub enum Verb {
         #[arg(required = true)]
         folders: Vec<PathBuf>,
     },
+    /// Draw charts and report of a folder's results.json anew
+    Report {
+        /// Folder with results.json
+        folder: PathBuf,
+    },
+    /// Say which stream, method and model is the most accurate within a time
+    Budget {
+        /// Folder with results.json
+        folder: PathBuf,
+        /// Time from the captured image to the boxes, ms
+        #[arg(long)]
+        ms: f64,
+    },
 }
 
 /// The grid of `modulo eval`.

@@ -11,15 +11,18 @@ use modulo_runtime::driver::lockstep::Lockstep;
 use modulo_runtime::{MessageKind, Node, NodeReport, Place, SystemClock};
 
 use super::launch::prepare;
-use super::{grid, pairs, start_log, usage};
+use super::{grid, pairs, report, start_log, usage};
 use crate::cli::eval::{Eval, Verb};
 use crate::{Ended, Failure};
 
 /// Evaluates what is asked for.
 pub fn eval(args: &Eval) -> Result<Ended, Failure> {
     start_log(Some("warn"));
-    if let Some(Verb::Merge { out, folders }) = &args.verb {
-        return grid::merge(out, folders);
+    match &args.verb {
+        Some(Verb::Merge { out, folders }) => return grid::merge(out, folders),
+        Some(Verb::Report { folder }) => return report::report(folder),
+        Some(Verb::Budget { folder, ms }) => return report::budget(folder, *ms),
+        None => {}
     }
     let out = args.out.as_deref().context("--out is needed").map_err(usage)?;
     match &args.file {

@@ -11,7 +11,7 @@ use modulo_eval::grid::{Axes, Event, GridError, Request, Suite, merge as merge_s
 use modulo_eval::results::{Cell, Difficulty, Protocol, Results, Stream};
 use modulo_runtime::SystemClock;
 
-use super::usage;
+use super::{report, usage};
 use crate::cli::{ModelEngine, eval};
 use crate::{Ended, Failure};
 
@@ -36,6 +36,7 @@ pub fn grid(args: &eval::Grid, source: &[String], out: &Path) -> Result<Ended, F
     let outcome = run(&request, &Suite, &SystemClock::default(), &tell).map_err(failure)?;
     bar.finish_and_clear();
     outcome.results.cells.iter().for_each(print_cell);
+    report::report(out)?;
     Ok(if outcome.lost() { Ended::WithLoss } else { Ended::Done })
 }
 
@@ -43,6 +44,7 @@ pub fn grid(args: &eval::Grid, source: &[String], out: &Path) -> Result<Ended, F
 pub fn merge(out: &Path, folders: &[PathBuf]) -> Result<Ended, Failure> {
     let results = merge_shards(out, folders).map_err(failure)?;
     let Results { setup, input, cells, .. } = &results;
+    report::report(out)?;
     say!("{} of {} cells", cells.len(), setup.grid.len());
     let whole = cells.len() == setup.grid.len() && input.warnings.is_empty();
     Ok(if whole { Ended::Done } else { Ended::WithLoss })

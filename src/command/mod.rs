@@ -17,6 +17,7 @@ mod hash;
 mod launch;
 mod model;
 mod param;
+mod report;
 mod run;
 mod study;
 

@@ -77,6 +77,20 @@ pub enum GridError {
         /// Where it stops making sense.
         source: serde_json::Error,
     },
+    /// A folder without results.
+    #[error("{}: there are no results; modulo eval --out makes them", path.display())]
+    NoResults {
+        /// The file that is missing.
+        path: PathBuf,
+    },
+    /// A chart that could not be drawn.
+    #[error("chart {name}: {source}")]
+    Chart {
+        /// Its name.
+        name: String,
+        /// Why.
+        source: modulo_charts::ChartError,
+    },
     /// The data.
     #[error(transparent)]
     Source(#[from] SourceError),

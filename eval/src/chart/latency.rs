@@ -1,0 +1,36 @@
+//! Where the time of a frame goes: a bar a stream, method and model.
+
+use modulo_charts::{Bar, Bars, Body, Chart};
+
+use super::{Named, text};
+use crate::results::{Cell, Results};
+use crate::wording::{self, Conditions, SENSE, STAGES};
+
+/// One, at the alpha nearest to 4.
+pub fn charts(results: &Results, conditions: Conditions) -> Vec<Named> {
+    let of = |cell: &&Cell| wording::belongs(&cell.point, conditions) && wording::frame_ms(cell).is_some();
+    let cells: Vec<&Cell> = results.cells.iter().filter(of).collect();
+    let distance = |cell: &&Cell| (cell.point.alpha - 4.0).abs();
+    let Some(nearest) = cells.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))) else {
+        return Vec::new();
+    };
+    let alpha = nearest.point.alpha;
+    let rows = cells.iter().filter(|cell| cell.point.alpha == alpha).map(|cell| bar(cell)).collect();
+    let chart = Chart {
+        title: format!("Where the time of a frame goes, alpha {alpha}, {}", wording::conditions(conditions)),
+        subtitle: text::subtitle(results),
+        footer: "Medians over the frames of a cell, stage by stage. The capture and the simulation of the sensor are \
+                 not in it."
+            .to_owned(),
+        body: Body::Bars(Bars { label: "time a frame, ms".to_owned(), rows }),
+    };
+    vec![Named { name: format!("latency_{}", text::suffix(conditions)), chart }]
+}
+
+fn bar(cell: &Cell) -> Bar {
+    let label = format!("{}, {}", wording::stream(&cell.point), wording::model(&cell.point));
+    let timed = |stage: &&str| Some(((*stage).to_owned(), cell.latency_ms.get(*stage)?.p50));
+    let parts = STAGES.iter().filter(|stage| **stage != SENSE).filter_map(|stage| timed(&stage)).collect();
+    let note = wording::frame_ms(cell).map(|ms| format!("{ms:.1} ms")).unwrap_or_default();
+    Bar { label, parts, note }
+}

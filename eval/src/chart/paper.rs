@@ -1,0 +1,95 @@
+//! The paper's figures beside ours: a row a stream, a column a figure.
+
+use modulo_charts::{Axis, Body, Chart, Direction, Look, Panel, Point, Scale, Series, Tone, Unit};
+
+use super::{Named, text};
+use crate::published::{ALPHAS, Published};
+use crate::results::{Cell, Protocol, Results, Stream};
+use crate::wording::{self, Conditions, distinct};
+
+/// Name and value of the paper's figures.
+type Figure = (&'static str, fn(&Cell) -> f64);
+
+const FIGURES: [Figure; 3] =
+    [("IoU", |cell| cell.paper.iou), ("F1", |cell| cell.paper.f1), ("accuracy", |cell| cell.paper.accuracy)];
+const STREAMS: [Stream; 4] = [Stream::Saturated, Stream::Modulo, Stream::Recovered, Stream::Ideal];
+
+/// One for each model that the paper has too.
+pub fn charts(results: &Results, conditions: Conditions) -> Vec<Named> {
+    let of = |cell: &&Cell| wording::belongs(&cell.point, conditions);
+    let cells: Vec<&Cell> = results.cells.iter().filter(of).collect();
+    let models = distinct(cells.iter().map(|cell| (cell.point.model.clone(), cell.point.input.clone())));
+    let chart = |(model, input): (String, String)| {
+        let published = Published::of(&model)?;
+        let own = cells.iter().filter(|cell| (&cell.point.model, &cell.point.input) == (&model, &input));
+        Some(chart(results, &own.copied().collect::<Vec<_>>(), published, conditions))
+    };
+    models.into_iter().filter_map(chart).collect()
+}
+
+fn chart(results: &Results, cells: &[&Cell], published: &Published, conditions: Conditions) -> Named {
+    let model = cells.first().map(|cell| wording::model(&cell.point)).unwrap_or_default();
+    let protocol = match results.setup.protocol {
+        Protocol::Suite => "the suite's protocol",
+        Protocol::Paper => "the paper's protocol",
+    };
+    let panels = STREAMS.iter().flat_map(|stream| {
+        FIGURES.iter().enumerate().map(|(index, figure)| panel(cells, published, *stream, index, *figure))
+    });
+    let chart = Chart {
+        title: format!(
+            "The paper's figures beside ours, {model}, {}, {protocol}",
+            wording::conditions(conditions)
+        ),
+        subtitle: text::subtitle(results),
+        footer: format!(
+            "Paper: table 1, YOLOv10{} with its official weights on 100 KITTI images that are not named. Ours: {} \
+             labelled frames and the model file at hand; the figures are comparable in their course over alpha, not \
+             in their height.",
+            published.letter, results.input.labelled
+        ),
+        body: Body::Panels(panels.collect()),
+    };
+    Named { name: format!("paper_{}_{}", text::file_name(&model), text::suffix(conditions)), chart }
+}
+
+fn panel(
+    cells: &[&Cell],
+    published: &Published,
+    stream: Stream,
+    index: usize,
+    (name, value): Figure,
+) -> Panel {
+    let theirs = ALPHAS.iter().filter_map(|alpha| {
+        let figure = published.figures(stream, *alpha)?[index];
+        Some(point(*alpha, figure / 100.0, &format!("paper, {}, {name}", wording::stream_name(stream))))
+    });
+    let mut series = vec![Series { name: "paper".to_owned(), points: theirs.collect(), look: Look::Joined }];
+    let mut own: Vec<&&Cell> = cells.iter().filter(|cell| cell.point.stream == stream).collect();
+    own.sort_by(|a, b| a.point.alpha.total_cmp(&b.point.alpha));
+    for cell in own {
+        let called = wording::stream(&cell.point);
+        let ours = match called.split_once('(') {
+            Some((_, method)) => format!("ours, {}", method.trim_end_matches(')')),
+            None if called.ends_with("sharp") => "ours, sharp".to_owned(),
+            None => "ours".to_owned(),
+        };
+        let point = point(cell.point.alpha, value(cell), &format!("{ours}, {called}, {name}"));
+        match series.iter_mut().find(|series| series.name == ours) {
+            Some(series) => series.points.push(point),
+            None => series.push(Series { name: ours, points: vec![point], look: Look::Joined }),
+        }
+    }
+    let axis = |label: String, scale, unit| Axis { label, scale, unit, direction: Direction::Up };
+    let range = Scale::Linear { from: 0.0, to: 1.0 };
+    Panel {
+        x: axis("alpha".to_owned(), Scale::Log, Unit::Plain),
+        y: axis(format!("{name}, {}", wording::stream_name(stream)), range, Unit::Percent),
+        series,
+    }
+}
+
+fn point(alpha: f64, value: f64, what: &str) -> Point {
+    let hover = format!("{what}, alpha {alpha}: {:.1} %", 100.0 * value);
+    Point { x: alpha, y: value, label: String::new(), hover, tone: Tone::Full }
+}

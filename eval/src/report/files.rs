@@ -1,0 +1,67 @@
+//! The report of a folder of results, and its charts, as files.
+
+use std::path::{Path, PathBuf};
+
+use modulo_charts::ChartError;
+
+use crate::chart::{self, Drawn, Named};
+use crate::grid::GridError;
+use crate::results::RESULTS;
+use crate::store::{load, replace};
+
+/// Name of the page.
+pub const PAGE: &str = "report.html";
+/// Folder of the charts beside it.
+const CHARTS: &str = "charts";
+/// How the charts that hold pictures are called: those cannot be drawn from results alone.
+const PICTURES: &str = "pictures";
+
+/// Draws all charts of the results in `folder` into `folder/charts` and writes [`PAGE`]; charts with pictures that lie
+/// there are on it too. Returns the page's path.
+///
+/// # Errors
+/// [`GridError`] when there are no results, or a file cannot be read or written.
+pub fn write(folder: &Path) -> Result<PathBuf, GridError> {
+    let found = load(folder)?;
+    let results = found.ok_or_else(|| GridError::NoResults { path: folder.join(RESULTS) })?;
+    let mut drawn = Vec::new();
+    for named in chart::all(&results) {
+        drawn.push(save(&folder.join(CHARTS), &named)?);
+    }
+    drawn.extend(pictures(&folder.join(CHARTS))?);
+    let page = folder.join(PAGE);
+    replace(&page, super::page(&results, &drawn).as_bytes())?;
+    Ok(page)
+}
+
+/// Writes `NAME.svg`, `NAME.png` and, of pictures, `NAME.narrow.svg`.
+///
+/// # Errors
+/// [`GridError`] when it cannot be drawn or written.
+pub(crate) fn save(folder: &Path, named: &Named) -> Result<Drawn, GridError> {
+    std::fs::create_dir_all(folder).map_err(|why| GridError::io(folder, why))?;
+    let chart = |source: ChartError| GridError::Chart { name: named.name.clone(), source };
+    let drawn = named.draw().map_err(chart)?;
+    let file = |extension: &str| folder.join(format!("{}.{extension}", named.name));
+    replace(&file("svg"), drawn.wide.as_bytes())?;
+    replace(&file("png"), &named.chart.png().map_err(chart)?)?;
+    if named.name.starts_with(PICTURES) {
+        replace(&file("narrow.svg"), drawn.narrow.as_bytes())?;
+    }
+    Ok(drawn)
+}
+
+/// Those that lie in the folder, by name.
+fn pictures(folder: &Path) -> Result<Vec<Drawn>, GridError> {
+    let Ok(entries) = std::fs::read_dir(folder) else { return Ok(Vec::new()) };
+    let name = |path: PathBuf| Some(path.file_name()?.to_str()?.strip_suffix(".narrow.svg")?.to_owned());
+    let mut names: Vec<String> = entries.flatten().filter_map(|entry| name(entry.path())).collect();
+    names.sort();
+    let read = |path: PathBuf| std::fs::read_to_string(&path).map_err(|why| GridError::io(&path, why));
+    let load = |name: String| {
+        let wide = read(folder.join(format!("{name}.svg")))?;
+        let narrow = read(folder.join(format!("{name}.narrow.svg")))?;
+        Ok(Drawn { title: name.clone(), name, wide, narrow })
+    };
+    names.into_iter().map(load).collect()
+}

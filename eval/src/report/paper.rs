@@ -1,0 +1,71 @@
+//! The paper's two tables with ours beside them.
+
+use super::html::{Td, p, table};
+use crate::published::{CAPTURE_MS, Published};
+use crate::results::{Cell, Results, Stream};
+use crate::wording;
+
+/// Nothing where no model is one of the paper's.
+pub fn section(results: &Results) -> String {
+    let known = |cell: &Cell| Published::of(&cell.point.model).is_some();
+    if !results.cells.iter().any(known) {
+        return String::new();
+    }
+    let head =
+        ["stream", "model", "alpha", "lens px", "noise", "IoU", "paper", "F1", "paper", "accuracy", "paper"];
+    let rows: Vec<Vec<Td>> = results.cells.iter().filter_map(accuracy).collect();
+    let times: Vec<Vec<Td>> = results.cells.iter().filter_map(time).collect();
+    let time_head =
+        ["stream", "model", "alpha", "capture, assumed", "unwrap and tone", "detector", "sum", "paper"];
+    [
+        "<h2>The paper's tables</h2>\n".to_owned(),
+        p("Table 1, percent: its figures are of 100 KITTI images and of the official weights; SPUD stands behind its \
+           recovery. Ours are of the frames and the model named above."),
+        table(&head.map(str::to_owned), &rows),
+        p(&format!(
+            "Table 2, milliseconds: {CAPTURE_MS} ms a capture are the paper's assumption, one capture here. Ours are \
+             medians on the processor named below, the paper's are of an RTX 4070.",
+        )),
+        table(&time_head.map(str::to_owned), &times),
+    ]
+    .concat()
+}
+
+fn accuracy(cell: &Cell) -> Option<Vec<Td>> {
+    let published = Published::of(&cell.point.model)?.figures(cell.point.stream, cell.point.alpha);
+    let theirs = |index: usize| Td::number(published.map(|figures| figures[index]), 1);
+    let point = &cell.point;
+    let number = |value: f64| Td::Number(value.to_string(), Some(value));
+    let mut row =
+        vec![Td::text(wording::stream(point)), Td::text(wording::model(point)), number(point.alpha)];
+    row.extend([number(point.psf_sigma), number(point.noise)]);
+    for (index, ours) in [cell.paper.iou, cell.paper.f1, cell.paper.accuracy].into_iter().enumerate() {
+        row.extend([Td::percent(Some(ours)), theirs(index)]);
+    }
+    Some(row)
+}
+
+fn time(cell: &Cell) -> Option<Vec<Td>> {
+    let published = Published::of(&cell.point.model)?;
+    let sum = wording::frame_ms(cell)?;
+    let of = |stages: &[&str]| {
+        stages.iter().filter_map(|stage| cell.latency_ms.get(*stage)).map(|time| time.p50).sum::<f64>()
+    };
+    // The paper's third column is of three captures, which no stream here is.
+    let theirs = match cell.point.stream {
+        Stream::Saturated | Stream::Modulo => Some(published.ms[0]),
+        Stream::Recovered => Some(published.ms[1]),
+        Stream::Ideal => None,
+    };
+    let point = &cell.point;
+    Some(vec![
+        Td::text(wording::stream(point)),
+        Td::text(wording::model(point)),
+        Td::Number(point.alpha.to_string(), Some(point.alpha)),
+        Td::number(Some(CAPTURE_MS), 0),
+        Td::number(Some(of(&["unwrap", "tone", "deblur"])), 1),
+        Td::number(Some(of(&["pre", "infer", "post"])), 1),
+        Td::number(Some(CAPTURE_MS + sum), 1),
+        Td::number(theirs, 2),
+    ])
+}

@@ -1,0 +1,89 @@
+//! How cells are called by people, and what they cost. Pure.
+
+use crate::results::{Cell, Point, Stream};
+
+/// Sigma of the lens, px, and of the read noise, code units: what the paper's tables do not vary.
+pub type Conditions = (f64, f64);
+
+/// The stage that simulates the sensor; a real one costs no time of the processor.
+pub const SENSE: &str = "sense";
+
+/// The stages of a frame in their order.
+pub const STAGES: [&str; 7] = [SENSE, "unwrap", "tone", "deblur", "pre", "infer", "post"];
+
+/// What the detector saw: `recovered (auto, deblurred)`, `saturated`, `ideal, sharp`.
+pub fn stream(point: &Point) -> String {
+    let name = stream_name(point.stream);
+    match &point.method {
+        Some(method) if point.deblur => format!("{name} ({method}, deblurred)"),
+        Some(method) => format!("{name} ({method})"),
+        None if is_sharp_ideal(point) => format!("{name}, sharp"),
+        None => name.to_owned(),
+    }
+}
+
+/// The stream without its method.
+pub fn stream_name(stream: Stream) -> &'static str {
+    match stream {
+        Stream::Ideal => "ideal",
+        Stream::Saturated => "saturated",
+        Stream::Modulo => "modulo",
+        Stream::Recovered => "recovered",
+    }
+}
+
+/// `yolov10n 640x640`.
+pub fn model(point: &Point) -> String {
+    format!("{} {}", point.model, point.input)
+}
+
+/// `lens 1.4 px, noise 0`.
+pub fn conditions((psf_sigma, noise): Conditions) -> String {
+    format!("lens {psf_sigma} px, noise {noise}")
+}
+
+/// Of a cell.
+pub fn conditions_of(point: &Point) -> Conditions {
+    (point.psf_sigma, point.noise)
+}
+
+/// Whether a cell belongs to these conditions; the ideal image without a lens belongs to all lenses.
+pub fn belongs(point: &Point, (psf_sigma, noise): Conditions) -> bool {
+    point.noise == noise && (point.psf_sigma == psf_sigma || is_sharp_ideal(point))
+}
+
+/// All conditions of the cells, in the order of their first appearance. Where only the sharp ideal has no lens, that
+/// is no condition.
+pub fn all_conditions(cells: &[Cell]) -> Vec<Conditions> {
+    let real = cells.iter().filter(|cell| !is_sharp_ideal(&cell.point));
+    let found = distinct(real.map(|cell| conditions_of(&cell.point)));
+    if found.is_empty() { distinct(cells.iter().map(|cell| conditions_of(&cell.point))) } else { found }
+}
+
+fn is_sharp_ideal(point: &Point) -> bool {
+    point.stream == Stream::Ideal && point.psf_sigma == 0.0
+}
+
+/// Time from the captured image to the boxes, ms: the sum of the medians of all stages but [`SENSE`]; `None` where
+/// nothing was timed.
+pub fn frame_ms(cell: &Cell) -> Option<f64> {
+    let stages = cell.latency_ms.iter().filter(|(stage, _)| *stage != SENSE);
+    let medians: Vec<f64> = stages.map(|(_, time)| time.p50).collect();
+    (!medians.is_empty()).then(|| medians.iter().sum())
+}
+
+/// A fraction as 0 to 100 with one digit; `-` without one.
+pub fn percent(fraction: Option<f64>) -> String {
+    fraction.map_or_else(|| "-".to_owned(), |f| format!("{:.1}", 100.0 * f))
+}
+
+/// Without repetitions, in the order of first appearance.
+pub fn distinct<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
+    let mut found = Vec::new();
+    for value in values {
+        if !found.contains(&value) {
+            found.push(value);
+        }
+    }
+    found
+}

@@ -1,0 +1,37 @@
+//! `modulo eval report` and `modulo eval budget`: what a grid's results say.
+
+use std::path::Path;
+
+use anyhow::anyhow;
+use modulo_eval::grid::GridError;
+use modulo_eval::results::RESULTS;
+use modulo_eval::{budget, report as page, store};
+
+use super::usage;
+use crate::{Ended, Failure};
+
+/// Draws charts and page of the results in a folder.
+pub fn report(folder: &Path) -> Result<Ended, Failure> {
+    say!("{}", page::write(folder)?.display());
+    Ok(Ended::Done)
+}
+
+/// Prints the Pareto front at each alpha, lens and noise; `*` marks the choice within `ms`.
+pub fn budget(folder: &Path, ms: f64) -> Result<Ended, Failure> {
+    if !(ms > 0.0 && ms.is_finite()) {
+        return Err(usage(anyhow!("--ms is {ms}, more than 0 is possible")));
+    }
+    let results = store::load(folder)?;
+    let results = results.ok_or_else(|| GridError::NoResults { path: folder.join(RESULTS) })?;
+    for found in budget::within(&results, ms) {
+        say!("alpha {}, {}:", found.alpha, found.conditions);
+        for choice in &found.front {
+            let mark = if found.best.as_ref() == Some(choice) { '*' } else { ' ' };
+            say!("{mark} {:8.1} ms  AP50 {:5.1}  {}", choice.ms, 100.0 * choice.ap50, choice.name());
+        }
+        if found.best.is_none() {
+            say!("  nothing is within {ms} ms");
+        }
+    }
+    Ok(Ended::Done)
+}
