@@ -201,7 +201,10 @@ struct Remote {
 
 impl Remote {
     fn new(domain: u32) -> Self {
-        Self { transport: ZenohTransport::open(domain, Hashes::Rihs01, Arc::new(SystemClock::default())).expect("a session") }
+        Self {
+            transport: ZenohTransport::open(domain, Hashes::Rihs01, Arc::new(SystemClock::default()))
+                .expect("a session"),
+        }
     }
 
     fn call(&self, name: &str, request: Vec<u8>) -> Vec<u8> {

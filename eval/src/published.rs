@@ -98,6 +98,8 @@ impl Published {
             Stream::Saturated => at(&self.saturated),
             Stream::Modulo => at(&self.modulo),
             Stream::Recovered => at(&self.recovery),
+            // It assumes that these are ideal.
+            Stream::MultiExposure | Stream::MultiExposureStill => None,
         }
     }
 }

@@ -110,6 +110,12 @@ pub enum Stream {
     Modulo,
     /// Unwrapped.
     Recovered,
+    /// Three captures of a moving scene, one after the other, merged as a normal camera does.
+    #[serde(rename = "multi_exposure")]
+    MultiExposure,
+    /// The same three captures where nothing moves between them: what is left is the price of the motion.
+    #[serde(rename = "multi_exposure_still")]
+    MultiExposureStill,
 }
 
 /// Where a cell lies in the grid.
@@ -141,6 +147,8 @@ impl Stream {
             Self::Saturated => "saturated",
             Self::Modulo => "modulo",
             Self::Recovered => "recovered",
+            Self::MultiExposure => "multi_exposure",
+            Self::MultiExposureStill => "multi_exposure_still",
         }
     }
 }
@@ -191,6 +199,8 @@ pub struct Cell {
     pub interval95: BTreeMap<String, [f64; 2]>,
     /// The paper's three figures.
     pub paper: Paper,
+    /// The [`WORST`] frames with labels of lowest F1, the worst first.
+    pub worst: Vec<Worst>,
     /// Share of the samples whose wrap count is the true one; recovered streams alone, as what follows.
     pub exact_k: Option<f64>,
     /// Share of the frames that the method vouches for; `None` where it makes no claim.
@@ -205,8 +215,22 @@ pub struct Cell {
     pub ssim_sharp: Option<f64>,
     /// Durations by stage: `sense`, `unwrap`, `tone` or `deblur`, `pre`, `infer`, `post`, ms.
     pub latency_ms: BTreeMap<String, Percentiles>,
+    /// Frames by their whole time without `sense`: (upper bound in ms, frames); empty buckets are left out.
+    pub histogram: Vec<(f64, u64)>,
     /// What they were measured on.
     pub device: Device,
+}
+
+/// How many frames a cell names.
+pub const WORST: usize = 3;
+
+/// A frame on which a cell did badly.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Worst {
+    /// Among the frames that are scored, from 0.
+    pub number: usize,
+    /// As in [`Paper::f1`].
+    pub f1: f64,
 }
 
 /// AP of one class.

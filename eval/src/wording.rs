@@ -9,26 +9,16 @@ pub type Conditions = (f64, f64);
 pub const SENSE: &str = "sense";
 
 /// The stages of a frame in their order.
-pub const STAGES: [&str; 7] = [SENSE, "unwrap", "tone", "deblur", "pre", "infer", "post"];
+pub const STAGES: [&str; 8] = [SENSE, "merge", "unwrap", "tone", "deblur", "pre", "infer", "post"];
 
 /// What the detector saw: `recovered (auto, deblurred)`, `saturated`, `ideal, sharp`.
 pub fn stream(point: &Point) -> String {
-    let name = stream_name(point.stream);
+    let name = point.stream.name();
     match &point.method {
         Some(method) if point.deblur => format!("{name} ({method}, deblurred)"),
         Some(method) => format!("{name} ({method})"),
         None if is_sharp_ideal(point) => format!("{name}, sharp"),
         None => name.to_owned(),
-    }
-}
-
-/// The stream without its method.
-pub fn stream_name(stream: Stream) -> &'static str {
-    match stream {
-        Stream::Ideal => "ideal",
-        Stream::Saturated => "saturated",
-        Stream::Modulo => "modulo",
-        Stream::Recovered => "recovered",
     }
 }
 
@@ -70,6 +60,13 @@ pub fn frame_ms(cell: &Cell) -> Option<f64> {
     let stages = cell.latency_ms.iter().filter(|(stage, _)| *stage != SENSE);
     let medians: Vec<f64> = stages.map(|(_, time)| time.p50).collect();
     (!medians.is_empty()).then(|| medians.iter().sum())
+}
+
+/// The cells at the alpha nearest to 4, the paper's strongest.
+pub fn nearest_to_four<'a>(cells: &[&'a Cell]) -> Vec<&'a Cell> {
+    let distance = |cell: &&Cell| (cell.point.alpha - 4.0).abs();
+    let least = cells.iter().map(distance).fold(f64::INFINITY, f64::min);
+    cells.iter().filter(|cell| distance(cell) == least).copied().collect()
 }
 
 /// A fraction as 0 to 100 with one digit; `-` without one.

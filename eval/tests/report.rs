@@ -25,6 +25,7 @@ fn cell(stream: Stream, method: Option<&str>, alpha: f64, model: &str, psf_sigma
         (Stream::Recovered, _) => 0.05,
         (Stream::Saturated, _) => 0.07,
         (Stream::Modulo, _) => 0.1,
+        (Stream::MultiExposure | Stream::MultiExposureStill, _) => 0.02,
     };
     let infer = if model == "demo" { 9.0 } else { 40.0 };
     let ap50 = (if model == "demo" { 0.6 } else { 0.87 }) - loss * alpha;
@@ -54,6 +55,7 @@ fn cell(stream: Stream, method: Option<&str>, alpha: f64, model: &str, psf_sigma
         precision: BTreeMap::new(),
         interval95: map(&[("ap50.vehicle", [ap50 - 0.05, ap50 + 0.04])]),
         paper: Paper { iou: ap50 - 0.2, f1: ap50 - 0.35, accuracy: ap50 - 0.45 },
+        worst: Vec::new(),
         exact_k: (stream == Stream::Recovered).then_some(1.0 - loss),
         trusted: None,
         psnr_db: Some(20.0 + 1.0 / loss),
@@ -61,6 +63,7 @@ fn cell(stream: Stream, method: Option<&str>, alpha: f64, model: &str, psf_sigma
         psnr_sharp_db: None,
         ssim_sharp: None,
         latency_ms,
+        histogram: vec![(infer + unwrap, 15), (1.2 * (infer + unwrap), 5)],
         device: Device {
             processor: "A processor & more".to_owned(),
             engine: "rten".to_owned(),

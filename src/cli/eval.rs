@@ -90,7 +90,7 @@ pub struct Grid {
     /// The way of a frame to the detector: the suite's nodes, or what the paper's scripts did
     #[arg(long, value_enum, default_value_t = Protocol::Suite)]
     pub protocol: Protocol,
-    /// What the detector sees; all four without any
+    /// What the detector sees; the first four without any
     #[arg(long, value_delimiter = ',', value_enum)]
     pub stream: Vec<Stream>,
     /// Unwrapping methods [default: auto,spud]
@@ -160,6 +160,12 @@ pub enum Stream {
     Modulo,
     /// Unwrapped
     Recovered,
+    /// Three captures of a moving scene, merged
+    #[value(name = "multi_exposure")]
+    MultiExposure,
+    /// Three captures between which nothing moves, merged
+    #[value(name = "multi_exposure_still")]
+    MultiExposureStill,
 }
 
 /// Whether the lens is undone.

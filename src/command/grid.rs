@@ -7,7 +7,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use modulo_bags::source::FrameList;
 use modulo_eval::classes::{ClassMap, Groups};
 use modulo_eval::data::Data;
-use modulo_eval::grid::{Axes, Event, GridError, Request, Suite, merge as merge_shards, run};
+use modulo_eval::grid::{Axes, Event, GridError, Request, Suite, merge as merge_shards, run, show};
+use modulo_eval::report as page;
 use modulo_eval::results::{Cell, Difficulty, Protocol, Results, Stream};
 use modulo_runtime::SystemClock;
 
@@ -36,6 +37,10 @@ pub fn grid(args: &eval::Grid, source: &[String], out: &Path) -> Result<Ended, F
     let outcome = run(&request, &Suite, &SystemClock::default(), &tell).map_err(failure)?;
     bar.finish_and_clear();
     outcome.results.cells.iter().for_each(print_cell);
+    if outcome.results.cells.len() == outcome.results.setup.grid.len() {
+        let pictures = show(&request, &Suite, &SystemClock::default(), &outcome.results).map_err(failure)?;
+        page::keep(out, &pictures).map_err(failure)?;
+    }
     report::report(out)?;
     Ok(if outcome.lost() { Ended::WithLoss } else { Ended::Done })
 }
@@ -113,6 +118,8 @@ fn axes(args: &eval::Grid) -> Axes {
         eval::Stream::Saturated => Stream::Saturated,
         eval::Stream::Modulo => Stream::Modulo,
         eval::Stream::Recovered => Stream::Recovered,
+        eval::Stream::MultiExposure => Stream::MultiExposure,
+        eval::Stream::MultiExposureStill => Stream::MultiExposureStill,
     });
     let deblur = match args.deblur {
         eval::Deblur::Both => default.deblur,

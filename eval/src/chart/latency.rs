@@ -9,13 +9,9 @@ use crate::wording::{self, Conditions, SENSE, STAGES};
 /// One, at the alpha nearest to 4.
 pub fn charts(results: &Results, conditions: Conditions) -> Vec<Named> {
     let of = |cell: &&Cell| wording::belongs(&cell.point, conditions) && wording::frame_ms(cell).is_some();
-    let cells: Vec<&Cell> = results.cells.iter().filter(of).collect();
-    let distance = |cell: &&Cell| (cell.point.alpha - 4.0).abs();
-    let Some(nearest) = cells.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))) else {
-        return Vec::new();
-    };
-    let alpha = nearest.point.alpha;
-    let rows = cells.iter().filter(|cell| cell.point.alpha == alpha).map(|cell| bar(cell)).collect();
+    let cells = wording::nearest_to_four(&results.cells.iter().filter(of).collect::<Vec<_>>());
+    let Some(alpha) = cells.first().map(|cell| cell.point.alpha) else { return Vec::new() };
+    let rows = cells.iter().map(|cell| bar(cell)).collect();
     let chart = Chart {
         title: format!("Where the time of a frame goes, alpha {alpha}, {}", wording::conditions(conditions)),
         subtitle: text::subtitle(results),

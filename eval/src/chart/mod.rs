@@ -2,11 +2,15 @@
 
 mod alpha;
 mod frontier;
+mod histogram;
 mod latency;
 mod paper;
+pub(crate) mod pictures;
 mod text;
 
 use modulo_charts::{Chart, ChartError, Page};
+
+pub use pictures::Shot;
 
 use crate::results::Results;
 use crate::wording::{self, Conditions};
@@ -50,5 +54,12 @@ pub fn all(results: &Results) -> Vec<Named> {
     let each = |draw: fn(&Results, Conditions) -> Vec<Named>| {
         conditions.iter().flat_map(|conditions| draw(results, *conditions)).collect::<Vec<_>>()
     };
-    [each(frontier::charts), each(alpha::charts), each(paper::charts), each(latency::charts)].concat()
+    [
+        each(frontier::charts),
+        each(alpha::charts),
+        each(paper::charts),
+        each(latency::charts),
+        each(histogram::charts),
+    ]
+    .concat()
 }

@@ -62,7 +62,7 @@ fn panel(
 ) -> Panel {
     let theirs = ALPHAS.iter().filter_map(|alpha| {
         let figure = published.figures(stream, *alpha)?[index];
-        Some(point(*alpha, figure / 100.0, &format!("paper, {}, {name}", wording::stream_name(stream))))
+        Some(point(*alpha, figure / 100.0, &format!("paper, {}, {name}", stream.name())))
     });
     let mut series = vec![Series { name: "paper".to_owned(), points: theirs.collect(), look: Look::Joined }];
     let mut own: Vec<&&Cell> = cells.iter().filter(|cell| cell.point.stream == stream).collect();
@@ -84,7 +84,7 @@ fn panel(
     let range = Scale::Linear { from: 0.0, to: 1.0 };
     Panel {
         x: axis("alpha".to_owned(), Scale::Log, Unit::Plain),
-        y: axis(format!("{name}, {}", wording::stream_name(stream)), range, Unit::Percent),
+        y: axis(format!("{name}, {}", stream.name()), range, Unit::Percent),
         series,
     }
 }

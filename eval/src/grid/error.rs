@@ -94,6 +94,9 @@ pub enum GridError {
     /// The data.
     #[error(transparent)]
     Source(#[from] SourceError),
+    /// Captures that cannot be merged.
+    #[error(transparent)]
+    Bracket(#[from] modulo_core::BracketError),
     /// A sensor that does not exist.
     #[error(transparent)]
     Sensor(#[from] SensorError),

@@ -31,6 +31,16 @@ pub struct Frames {
     drive: usize,
 }
 
+/// A frame as it is read.
+pub struct Raw {
+    /// Counted over all drives.
+    pub place: usize,
+    /// Which drive.
+    pub drive: usize,
+    /// The frame, or why there is none.
+    pub frame: Result<SourceFrame, SourceError>,
+}
+
 /// What the first reading notes.
 #[derive(Default)]
 struct Notes {
@@ -89,15 +99,16 @@ impl Frames {
         self.drives.iter_mut().try_for_each(|(_, source)| source.rewind())
     }
 
-    /// The next one that is scored, with its number; after an error that was not there before, nothing.
-    pub fn next(&mut self) -> Option<Result<(usize, SourceFrame), SourceError>> {
-        loop {
-            let place = self.place;
-            let frame = self.advance()?;
-            if let Some(&number) = self.kept.get(&place) {
-                return Some(frame.map(|frame| (number, frame)));
-            }
-        }
+    /// Which of the scored frames lies at a place.
+    pub fn number_of(&self, place: usize) -> Option<usize> {
+        self.kept.get(&place).copied()
+    }
+
+    /// The next one, scored or not.
+    pub fn raw(&mut self) -> Option<Raw> {
+        let place = self.place;
+        let frame = self.advance()?;
+        Some(Raw { place, drive: self.drive, frame })
     }
 
     fn advance(&mut self) -> Option<Result<SourceFrame, SourceError>> {

@@ -8,9 +8,11 @@
 mod axes;
 mod chain;
 mod error;
+mod exposures;
 mod eye;
 mod frames;
 mod merge;
+mod moment;
 mod nodes;
 mod paper;
 mod recovery;
@@ -18,14 +20,17 @@ mod run;
 mod score;
 mod seen;
 mod setup;
+mod show;
 
 use std::path::PathBuf;
 
 pub use axes::Axes;
 pub use error::GridError;
+pub use exposures::CAPTURES;
 pub use merge::merge;
 pub use nodes::{Nodes, Pairs, Suite};
 pub use run::run;
+pub use show::show;
 
 use crate::classes::{ClassMap, Groups};
 use crate::data::Data;

@@ -59,6 +59,14 @@ impl Recovery {
     }
 }
 
+impl Recovery {
+    /// Of an image that was not unwrapped, and has no wrap counts.
+    pub fn of_merged(shown: &Frame, exposure: &Exposure, sharp: &Exposure) -> Option<Self> {
+        let (ideal, sharp) = (Likeness::of(shown, &exposure.ideal())?, Likeness::of(shown, &sharp.ideal())?);
+        Some(Self { ideal, sharp, ..Self::default() })
+    }
+}
+
 /// What the unwrapping node says of the frame.
 fn trusted(said: &DiagnosticArray) -> Option<bool> {
     let values = said.status.iter().flat_map(|status| &status.values);

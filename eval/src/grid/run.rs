@@ -6,6 +6,7 @@ use std::path::Path;
 use modulo_runtime::Clock;
 
 use super::chain::Chain;
+use super::exposures::{self, Exposures};
 use super::eye::{Eye, Lens, Memory};
 use super::frames::Frames;
 use super::nodes::Nodes;
@@ -14,7 +15,7 @@ use super::score::Scorer;
 use super::seen::{Way, look_at_all};
 use super::{Axes, Event, GridError, Outcome, Request, setup};
 use crate::metric::bootstrap::Units;
-use crate::results::{Cell, Device, Point, Protocol, Results};
+use crate::results::{Cell, Device, Point, Protocol, Results, Stream};
 use crate::store;
 
 /// Works on the cells that are not done yet, and writes `results.json` and `results.csv` into the request's folder
@@ -30,6 +31,7 @@ pub fn run(
     tell: &(dyn Fn(Event<'_>) + Sync),
 ) -> Result<Outcome, GridError> {
     let points = request.axes.points(request.protocol)?;
+    exposures::check(request, &points)?;
     let map = setup::class_map(request);
     let setup = setup::setup(request, &map, &points)?;
     let mut frames = Frames::inspect(&request.data)?;
@@ -44,8 +46,7 @@ pub fn run(
     let mine = points.iter().enumerate().filter(|(index, _)| request.shard.has(*index)).map(|(_, p)| p);
     let todo: Vec<&Point> = mine.clone().filter(|point| !is_done(&results, point)).collect();
     tell(Event::Resumed { cells: mine.count() - todo.len() });
-    let mut workshop =
-        Workshop { request, nodes, timer, eyes: Vec::new(), memory: Memory::default(), lens: None };
+    let mut workshop = Workshop::new(request, nodes, timer);
     let truths = frames.truths.clone();
     let (each, no_class) = (frames.len() as u64, BTreeSet::new());
     for (index, point) in todo.iter().enumerate() {
@@ -84,16 +85,22 @@ pub fn sort(cells: &mut [Cell], points: &[Point]) {
 }
 
 /// Detectors and what they remember, kept from cell to cell.
-struct Workshop<'a> {
+pub struct Workshop<'a> {
     request: &'a Request,
     nodes: &'a dyn Nodes,
     timer: &'a dyn Clock,
-    eyes: Vec<Eye<'a>>,
+    /// One a worker.
+    pub eyes: Vec<Eye<'a>>,
     memory: Memory,
     lens: Option<(String, String)>,
 }
 
 impl<'a> Workshop<'a> {
+    /// Without a detector.
+    pub fn new(request: &'a Request, nodes: &'a dyn Nodes, timer: &'a dyn Clock) -> Self {
+        Self { request, nodes, timer, eyes: Vec::new(), memory: Memory::default(), lens: None }
+    }
+
     fn work(
         &mut self,
         point: &Point,
@@ -102,20 +109,32 @@ impl<'a> Workshop<'a> {
     ) -> Result<Vec<super::seen::Seen>, GridError> {
         self.open_eyes(point)?;
         let ways = (0..self.eyes.len()).map(|_| self.way(point)).collect::<Result<Vec<_>, _>>()?;
-        look_at_all(frames, ways, &mut self.eyes, &self.memory, done)
+        let neighbours = exposures::neighbours(point.stream);
+        look_at_all((frames, neighbours), ways, &mut self.eyes, &self.memory, done)
     }
 
-    fn way(&self, point: &Point) -> Result<Way<'a>, GridError> {
+    /// The way of a frame to the detector of a cell.
+    ///
+    /// # Errors
+    /// [`GridError`] for a parameter that is not possible.
+    pub fn way(&self, point: &Point) -> Result<Way<'a>, GridError> {
         if self.request.protocol == Protocol::Paper {
             let mut way = PaperWay::new(point, self.timer)?;
-            return Ok(Box::new(move |_, frame| way.pass(&frame)));
+            return Ok(Box::new(move |moment| way.pass(&moment.frame)));
+        }
+        if matches!(point.stream, Stream::MultiExposure | Stream::MultiExposureStill) {
+            let mut way = Exposures::new(point, self.timer, self.request.seed)?;
+            return Ok(Box::new(move |moment| way.pass(&moment)));
         }
         let mut chain = Chain::new(self.nodes, self.timer, point, self.request.seed)?;
-        Ok(Box::new(move |number, frame| chain.pass(number, frame)))
+        Ok(Box::new(move |moment| chain.pass(moment.number, moment.frame)))
     }
 
-    /// Other detectors only where the model or its input size changes.
-    fn open_eyes(&mut self, point: &Point) -> Result<(), GridError> {
+    /// The detectors of a cell; other ones only where the model or its input size changes.
+    ///
+    /// # Errors
+    /// [`GridError`] for a model that does not run.
+    pub fn open_eyes(&mut self, point: &Point) -> Result<(), GridError> {
         let wanted = (point.model.clone(), point.input.clone());
         if self.lens.as_ref() == Some(&wanted) {
             return Ok(());

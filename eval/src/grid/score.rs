@@ -10,7 +10,7 @@ use super::seen::Seen;
 use crate::classes::{ClassMap, DONT_CARE, Groups, Part};
 use crate::metric::matching::{Image, Role};
 use crate::metric::{average, bootstrap, latency, paper};
-use crate::results::{Cell, ClassScore, Device, Difficulty, Paper, Point};
+use crate::results::{Cell, ClassScore, Device, Difficulty, Paper, Point, WORST, Worst};
 
 /// What all cells of a grid are scored with.
 pub struct Scorer<'a> {
@@ -61,6 +61,7 @@ impl Scorer<'_> {
             precision: by_group(&groups, |images| average::curve(images, 0.5).unwrap_or_default()),
             interval95: self.intervals(&groups, &papers),
             paper: paper::mean(&papers),
+            worst: self.worst(&papers),
             exact_k: (samples > 0).then(|| exact as f64 / samples as f64),
             trusted: (!claims.is_empty()).then(|| average::mean(&claims)),
             psnr_db,
@@ -68,6 +69,7 @@ impl Scorer<'_> {
             psnr_sharp_db,
             ssim_sharp,
             latency_ms: latency::by_stage(seen.iter().map(|seen| &seen.stages[..])),
+            histogram: latency::histogram(seen.iter().map(|seen| &seen.stages[..])),
             device,
         }
     }
@@ -151,6 +153,15 @@ impl Scorer<'_> {
             paper::of_image(found, &labels)
         };
         found.iter().zip(self.truths).map(of_image).collect()
+    }
+
+    fn worst(&self, papers: &[Paper]) -> Vec<Worst> {
+        let labelled = |number: &usize| self.truths[*number].iter().any(|label| label.class != DONT_CARE);
+        let numbers = (0..papers.len()).filter(labelled);
+        let mut worst: Vec<Worst> = numbers.map(|number| Worst { number, f1: papers[number].f1 }).collect();
+        worst.sort_by(|a, b| a.f1.total_cmp(&b.f1));
+        worst.truncate(WORST);
+        worst
     }
 
     fn intervals(&self, groups: &BTreeMap<&str, Vec<Image>>, papers: &[Paper]) -> BTreeMap<String, [f64; 2]> {

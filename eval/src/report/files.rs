@@ -34,11 +34,16 @@ pub fn write(folder: &Path) -> Result<PathBuf, GridError> {
     Ok(page)
 }
 
-/// Writes `NAME.svg`, `NAME.png` and, of pictures, `NAME.narrow.svg`.
+/// Keeps charts with pictures, for [`write`], which cannot draw them from results alone.
 ///
 /// # Errors
-/// [`GridError`] when it cannot be drawn or written.
-pub(crate) fn save(folder: &Path, named: &Named) -> Result<Drawn, GridError> {
+/// [`GridError`] when one cannot be drawn or written.
+pub fn keep(folder: &Path, pictures: &[Named]) -> Result<(), GridError> {
+    pictures.iter().try_for_each(|named| save(&folder.join(CHARTS), named).map(|_| ()))
+}
+
+/// Writes `NAME.svg`, `NAME.png` and, of pictures, `NAME.narrow.svg`.
+fn save(folder: &Path, named: &Named) -> Result<Drawn, GridError> {
     std::fs::create_dir_all(folder).map_err(|why| GridError::io(folder, why))?;
     let chart = |source: ChartError| GridError::Chart { name: named.name.clone(), source };
     let drawn = named.draw().map_err(chart)?;

@@ -13,7 +13,7 @@ mod setup;
 
 use crate::chart::Drawn;
 use crate::results::Results;
-pub use files::{PAGE, write};
+pub use files::{PAGE, keep, write};
 
 /// The whole page; `charts` are shown in their order.
 pub fn page(results: &Results, charts: &[Drawn]) -> String {

@@ -1,0 +1,61 @@
+//! How long frames take: their number over time, a line a stream and method, a panel a model.
+
+use modulo_charts::{Axis, Body, Chart, Direction, Look, Panel, Point, Scale, Series, Unit};
+
+use super::{Named, text};
+use crate::results::{Cell, Results};
+use crate::wording::{self, Conditions, distinct};
+
+/// Width of a bucket, as a factor.
+const BUCKET: f64 = 1.122_018_454_301_963_3;
+
+/// One, at the alpha nearest to 4.
+pub fn charts(results: &Results, conditions: Conditions) -> Vec<Named> {
+    let of = |cell: &&Cell| wording::belongs(&cell.point, conditions) && !cell.histogram.is_empty();
+    let cells: Vec<&Cell> = wording::nearest_to_four(&results.cells.iter().filter(of).collect::<Vec<_>>());
+    let Some(alpha) = cells.first().map(|cell| cell.point.alpha) else { return Vec::new() };
+    let models = distinct(cells.iter().map(|cell| wording::model(&cell.point)));
+    let chart = Chart {
+        title: format!("How long frames take, alpha {alpha}, {}", wording::conditions(conditions)),
+        subtitle: text::subtitle(results),
+        footer: "Share of the frames in buckets of 1/20 of a power of ten. From the captured image to the boxes; the \
+                 capture and the simulation of the sensor are not in it."
+            .to_owned(),
+        body: Body::Panels(models.iter().map(|model| panel(&cells, model)).collect()),
+    };
+    vec![Named { name: format!("histogram_{}", text::suffix(conditions)), chart }]
+}
+
+fn panel(cells: &[&Cell], model: &str) -> Panel {
+    let own = cells.iter().filter(|cell| wording::model(&cell.point) == model);
+    let series: Vec<Series> = own.map(|cell| series(cell)).collect();
+    let most = series.iter().flat_map(|series| &series.points).map(|point| point.y).fold(0.1, f64::max);
+    Panel {
+        x: Axis {
+            label: format!("time a frame, ms, {model}"),
+            scale: Scale::Log,
+            unit: Unit::Plain,
+            direction: Direction::Up,
+        },
+        y: Axis {
+            label: "frames".to_owned(),
+            scale: Scale::Linear { from: 0.0, to: most },
+            unit: Unit::Percent,
+            direction: Direction::Up,
+        },
+        series,
+    }
+}
+
+/// From 0 to 0, level within each bucket.
+fn series(cell: &Cell) -> Series {
+    let all: u64 = cell.histogram.iter().map(|(_, count)| count).sum();
+    let at = |x: f64, y: f64| Point { x, y, ..Point::default() };
+    let mut points = Vec::new();
+    for (bound, count) in &cell.histogram {
+        let share = *count as f64 / all.max(1) as f64;
+        let from = bound / BUCKET;
+        points.extend([at(from, 0.0), at(from, share), at(*bound, share), at(*bound, 0.0)]);
+    }
+    Series { name: wording::stream(&cell.point), points, look: Look::Line }
+}
