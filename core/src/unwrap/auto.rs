@@ -27,9 +27,9 @@ pub struct TrustLimits {
 }
 
 impl Default for TrustLimits {
-    /// 1e-5, 0.75 and 1e-4.
+    /// 1e-5, 0.70 and 2e-5.
     fn default() -> Self {
-        Self { lines: 1e-5, consensus: 0.75, gradient_tree: 1e-4 }
+        Self { lines: 1e-5, consensus: 0.70, gradient_tree: 2e-5 }
     }
 }
 
