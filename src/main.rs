@@ -41,6 +41,35 @@ fn main() -> ExitCode {
 }
 
 fn fail(code: u8, why: &anyhow::Error) -> ExitCode {
-    eprintln!("modulo: {why:#}");
+    eprintln!("modulo: {}", told(why));
     ExitCode::from(code)
+}
+
+/// The error and its causes in one line; an error that ends with its cause's words has said it.
+fn told(why: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in why.chain().map(ToString::to_string) {
+        if text.is_empty() {
+            text = cause;
+        } else if !text.ends_with(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use modulo_bags::bag::BagReader;
+
+    use super::told;
+
+    #[test]
+    fn no_cause_is_told_twice() {
+        let why = BagReader::open(std::path::Path::new("/no/such.mcap")).err().expect("is missing");
+        let text = told(&anyhow::Error::new(why).context("bag"));
+        assert!(text.starts_with("bag: ") && text.matches("os error").count() <= 1, "{text}");
+        let plain = told(&anyhow::anyhow!("inner").context("outer"));
+        assert_eq!(plain, "outer: inner");
+    }
 }

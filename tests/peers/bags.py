@@ -28,9 +28,9 @@ START = 1_700_000_000_000_000_000
 FRAMES = 12
 
 
-def modulo(*arguments: str, code: int = 0) -> str:
+def modulo(*arguments: str, codes: tuple = (0,)) -> str:
     done = subprocess.run([MODULO, *arguments], cwd=ROOT, text=True, capture_output=True, timeout=300)
-    assert done.returncode == code, (arguments, done.returncode, done.stdout, done.stderr)
+    assert done.returncode in codes, (arguments, done.returncode, done.stdout, done.stderr)
     return done.stdout + done.stderr
 
 
@@ -40,9 +40,13 @@ def recorded(folder: Path, name: str, *options: str) -> None:
     recorder = subprocess.Popen([MODULO, "bag", "record", "--all", "-o", str(bag), *options], cwd=ROOT)
     while not bag.is_dir():
         time.sleep(0.05)
-    modulo("launch", "launch/recovered.launch.yaml", "source:=scene://tunnel?frames=24", "rate:=8", "engine:=rten")
-    recorder.send_signal(signal.SIGINT)
-    assert recorder.wait(30) in (0, 3)
+    try:
+        # A detector that is too slow here drops frames, which is code 3.
+        scene = "source:=scene://tunnel?frames=24"
+        modulo("launch", "launch/recovered.launch.yaml", scene, "rate:=8", "engine:=rten", codes=(0, 3))
+    finally:
+        recorder.send_signal(signal.SIGINT)
+        assert recorder.wait(30) in (0, 3)
     counts = check(bag)
     assert counts["/modulo"] > 0 and counts["/detector/detections"] > 0, counts
     print(name, len(list(bag.glob("*.mcap"))), "files:", dict(counts))
@@ -91,8 +95,9 @@ def returned(bag: Path) -> list:
 def converted(folder: Path, name: str, bag: Path, ros1: bool) -> None:
     """A bag of a peer, through the suite, and back to the peer."""
     out = folder / f"{name}_converted"
-    said = modulo("bag", "convert", str(bag), str(out), "--compression", "zstd", "-b", "60000", code=3 if ros1 else 0)
-    check(out)
+    said = modulo("bag", "convert", str(bag), str(out), "--compression", "zstd", "-b", "60000", codes=(3 if ros1 else 0,))
+    # Neither rosbags nor ROS 1 writes down a quality of service.
+    check(out, qos=False)
     store = get_typestore(Stores.ROS2_JAZZY)
     expected = [
         (topic, stamp, m.data if isinstance(m.data, str) else m.data.tobytes())
@@ -123,7 +128,7 @@ def main() -> None:
         whole = Writer2(folder / "ros2_file", version=9, storage_plugin=StoragePlugin.SQLITE3)
         whole.set_compression(CompressionMode.FILE, CompressionFormat.ZSTD)
         write(whole, store, store.serialize_cdr, True)
-        said = modulo("bag", "info", str(folder / "ros2_file"), code=1)
+        said = modulo("bag", "info", str(folder / "ros2_file"), codes=(1,))
         assert "compression_mode" in said and "ros2 bag convert" in said, said
         store = get_typestore(Stores.ROS1_NOETIC)
         for form in [None, *Writer1.CompressionFormat]:

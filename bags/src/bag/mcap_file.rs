@@ -12,7 +12,7 @@ use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryRead
 
 use super::scan::{Loose, scan};
 use super::storage::{Cursor, Index, Storage};
-use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount};
+use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount, type_hash};
 
 /// No chunk may unpack to more, bytes: recorders write a few MiB.
 pub(super) const MAX_CHUNK: usize = 1 << 30;
@@ -139,13 +139,15 @@ fn cdr_topics(path: &Path, summary: &Summary, warnings: &mut Vec<BagWarning>) ->
 fn topic(channel: &mcap::Channel<'_>) -> BagTopic {
     let entry = |key: &str| channel.metadata.get(key).cloned().unwrap_or_default();
     let schema = channel.schema.as_ref();
+    let type_name = schema.map(|s| s.name.clone()).unwrap_or_default();
+    let definition = schema.map(|s| s.data.to_vec()).unwrap_or_default();
     BagTopic {
         name: channel.topic.clone(),
-        type_name: schema.map(|s| s.name.clone()).unwrap_or_default(),
-        type_hash: entry("topic_type_hash"),
+        type_hash: type_hash(entry("topic_type_hash"), &type_name, &definition),
+        type_name,
         qos: entry("offered_qos_profiles"),
         schema_encoding: schema.map(|s| s.encoding.clone()).unwrap_or_default(),
-        schema: schema.map(|s| s.data.to_vec()).unwrap_or_default(),
+        schema: definition,
     }
 }
 

@@ -37,7 +37,7 @@ pub struct BagTopic {
     pub name: String,
     /// Such as `sensor_msgs/msg/Image`.
     pub type_name: String,
-    /// `RIHS01_` and 64 hexadecimal digits; empty where the recorder had none.
+    /// `RIHS01_` and 64 hexadecimal digits, as recorded or by the definition; empty without either.
     pub type_hash: String,
     /// Offered quality of service, a YAML list as rosbag2 writes it; may be empty.
     pub qos: String,
@@ -60,6 +60,14 @@ impl BagTopic {
             schema: schema.into_bytes(),
         }
     }
+}
+
+/// The hash of a type, by its definition where the recorder wrote down none.
+fn type_hash(recorded: String, type_name: &str, schema: &[u8]) -> String {
+    if recorded.starts_with("RIHS") {
+        return recorded;
+    }
+    modulo_msgs::type_hash_of_schema(type_name, &String::from_utf8_lossy(schema)).unwrap_or_default()
 }
 
 /// A topic and how many messages the bag has of it.

@@ -98,6 +98,7 @@ fn topic(row: &Row<'_>, definitions: &HashMap<String, (String, String)>) -> rusq
     let (qos, type_hash) = (column(row, "offered_qos_profiles")?, column(row, "type_description_hash")?);
     if let Some((encoding, text)) = definitions.get(&type_name) {
         let (schema_encoding, schema) = (encoding.clone(), text.clone().into_bytes());
+        let type_hash = super::type_hash(type_hash, &type_name, &schema);
         return Ok(BagTopic { name, type_name, type_hash, qos, schema_encoding, schema });
     }
     let ours = BagTopic::new(&name, &type_name, super::qos::parse(&qos));

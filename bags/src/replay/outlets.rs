@@ -111,14 +111,11 @@ impl TimeOutlet {
 
 fn endpoint(topic: &BagTopic, place: &Place) -> Result<Endpoint, TransportError> {
     let named = |why: modulo_runtime::name::NameError| TransportError::new("topic of the bag", why);
-    let computed = || {
-        let text = String::from_utf8_lossy(&topic.schema);
-        modulo_msgs::type_hash_of_schema(&topic.type_name, &text).unwrap_or_else(|_| keys::NO_HASH.to_owned())
-    };
+    let type_hash = if topic.type_hash.is_empty() { keys::NO_HASH } else { &topic.type_hash };
     Ok(Endpoint {
         topic: place.resolve(&topic.name).map_err(named)?,
         dds_type: modulo_msgs::dds_name(&topic.type_name),
-        type_hash: if topic.type_hash.starts_with("RIHS") { topic.type_hash.clone() } else { computed() },
+        type_hash: type_hash.to_owned(),
         qos: keys::qos_string(qos::parse(&topic.qos)).to_owned(),
     })
 }
