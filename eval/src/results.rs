@@ -216,7 +216,7 @@ pub struct Cell {
     /// Durations by stage: `sense`, `unwrap`, `tone` or `deblur`, `pre`, `infer`, `post`, ms.
     pub latency_ms: BTreeMap<String, Percentiles>,
     /// Frames by their whole time without `sense`: (upper bound in ms, frames); empty buckets are left out.
-    pub histogram: Vec<(f64, u64)>,
+    pub latency_histogram: Vec<(f64, u64)>,
     /// What they were measured on.
     pub device: Device,
 }

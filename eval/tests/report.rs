@@ -63,7 +63,7 @@ fn cell(stream: Stream, method: Option<&str>, alpha: f64, model: &str, psf_sigma
         psnr_sharp_db: None,
         ssim_sharp: None,
         latency_ms,
-        histogram: vec![(infer + unwrap, 15), (1.2 * (infer + unwrap), 5)],
+        latency_histogram: vec![(infer + unwrap, 15), (1.2 * (infer + unwrap), 5)],
         device: Device {
             processor: "A processor & more".to_owned(),
             engine: "rten".to_owned(),

@@ -11,7 +11,7 @@ const BUCKET: f64 = 1.122_018_454_301_963_3;
 
 /// One, at the alpha nearest to 4.
 pub fn charts(results: &Results, conditions: Conditions) -> Vec<Named> {
-    let of = |cell: &&Cell| wording::belongs(&cell.point, conditions) && !cell.histogram.is_empty();
+    let of = |cell: &&Cell| wording::belongs(&cell.point, conditions) && !cell.latency_histogram.is_empty();
     let cells: Vec<&Cell> = wording::nearest_to_four(&results.cells.iter().filter(of).collect::<Vec<_>>());
     let Some(alpha) = cells.first().map(|cell| cell.point.alpha) else { return Vec::new() };
     let models = distinct(cells.iter().map(|cell| wording::model(&cell.point)));
@@ -49,10 +49,10 @@ fn panel(cells: &[&Cell], model: &str) -> Panel {
 
 /// From 0 to 0, level within each bucket.
 fn series(cell: &Cell) -> Series {
-    let all: u64 = cell.histogram.iter().map(|(_, count)| count).sum();
+    let all: u64 = cell.latency_histogram.iter().map(|(_, count)| count).sum();
     let at = |x: f64, y: f64| Point { x, y, ..Point::default() };
     let mut points = Vec::new();
-    for (bound, count) in &cell.histogram {
+    for (bound, count) in &cell.latency_histogram {
         let share = *count as f64 / all.max(1) as f64;
         let from = bound / BUCKET;
         points.extend([at(from, 0.0), at(from, share), at(*bound, share), at(*bound, 0.0)]);

@@ -69,7 +69,7 @@ impl Scorer<'_> {
             psnr_sharp_db,
             ssim_sharp,
             latency_ms: latency::by_stage(seen.iter().map(|seen| &seen.stages[..])),
-            histogram: latency::histogram(seen.iter().map(|seen| &seen.stages[..])),
+            latency_histogram: latency::histogram(seen.iter().map(|seen| &seen.stages[..])),
             device,
         }
     }
