@@ -82,7 +82,8 @@ fn request(out: &Path) -> Request {
 fn cells(nodes: &dyn Nodes) -> Vec<Cell> {
     let folder = tempfile::tempdir().expect("a folder");
     let outcome = run(&request(folder.path()), nodes, &SystemClock::default(), &|_| {}).expect("evaluated");
-    let timeless = |cell: Cell| Cell { latency_ms: Default::default(), ..cell };
+    let timeless =
+        |cell: Cell| Cell { latency_ms: Default::default(), latency_histogram: Vec::new(), ..cell };
     outcome.results.cells.into_iter().map(timeless).collect()
 }
 

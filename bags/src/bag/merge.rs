@@ -23,6 +23,8 @@ pub(super) struct Merge {
     /// Parts that are still closed, the earliest last.
     closed: Vec<Part>,
     open: Vec<Open>,
+    /// What comes after the message that was returned last.
+    broken: Option<BagError>,
 }
 
 impl Merge {
@@ -30,7 +32,7 @@ impl Merge {
     pub(super) fn of(mut parts: Vec<Part>) -> Self {
         parts.sort_by_key(|part| part.start);
         parts.reverse();
-        Self { closed: parts, open: Vec::new() }
+        Self { closed: parts, open: Vec::new(), broken: None }
     }
 
     /// The open part whose message is next.
@@ -47,6 +49,9 @@ impl Merge {
 
 impl Cursor for Merge {
     fn next(&mut self) -> Result<Option<RawMessage>, BagError> {
+        if let Some(why) = self.broken.take() {
+            return Err(why);
+        }
         while self.must_open() {
             let Some(part) = self.closed.pop() else { break };
             let Some(mut rest) = (part.open)()? else { continue };
@@ -56,9 +61,14 @@ impl Cursor for Merge {
         }
         let Some(index) = self.earliest() else { return Ok(None) };
         let part = &mut self.open[index];
-        Ok(Some(match part.rest.next()? {
-            Some(next) => std::mem::replace(&mut part.head, next),
-            None => self.open.remove(index).head,
+        Ok(Some(match part.rest.next() {
+            Ok(Some(next)) => std::mem::replace(&mut part.head, next),
+            Ok(None) => self.open.remove(index).head,
+            // The message at hand is whole: it is lost no more than those before it.
+            Err(why) => {
+                self.broken = Some(why);
+                self.open.remove(index).head
+            }
         }))
     }
 }

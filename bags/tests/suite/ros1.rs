@@ -215,7 +215,8 @@ fn a_bag_that_was_not_closed_is_refused_with_the_remedy() {
     open[at..at + 8].fill(0);
     for (bytes, word) in [
         (&open[..], "never closed"),
-        (&whole[..4700], "4700"),
+        (&whole[..4200], "4200"),
+        (&whole[..whole.len() - 5], "out of bounds"),
         (&whole[..30], "cut"),
         (b"#ROSBAG V1.2\n", "2.0"),
     ] {

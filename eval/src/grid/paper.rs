@@ -162,25 +162,24 @@ mod tests {
 
     #[test]
     fn modulo_is_wrapped_in_float_and_cut_to_8_bits() {
-        // 100 / 255 * 3 = 1.176..., whose rest is 0.176...: 45 when rounded too, 44.99... when cut first.
-        let got = shown(Stream::Modulo, 3.0, &steps(101));
-        let rest = 101.0f64 * 3.0 / 255.0 - 1.0;
-        assert_eq!(got[30], (rest * 255.0) as u8);
+        // 2.5 * 121 = 302.5 of 255: the rest is 47.5, which would be 48 if it were rounded.
+        assert_eq!(shown(Stream::Modulo, 2.5, &steps(121))[30], 47);
+        let got = shown(Stream::Modulo, 3.0, &steps(121));
         assert_eq!(got[50], 255, "three times the peak is the peak, not 0");
         assert_eq!(got[5], 0, "but nothing is nothing");
         assert_eq!([wrapped(0.0), wrapped(1.0), wrapped(1.25), wrapped(2.0)], [0.0, 1.0, 0.25, 1.0]);
     }
 
     #[test]
-    fn spud_gets_the_unquantised_image_and_its_result_is_stretched() {
-        // A ramp whose steps are far below one code: quantised, it would be stairs of 8 pixels.
+    fn what_spud_gives_is_stretched_over_all_channels() {
         let radiance = Array3::from_shape_fn((32, 256, 3), |(_, x, _)| x as f32 / 256.0);
         let ramp = SourceFrame { radiance, ..frame(&[0]) };
         let got = shown(Stream::Recovered, 1.5, &ramp);
         let row: Vec<u8> = (0..256).map(|x| got[(16 * 256 + x) * 3]).collect();
         assert_eq!((got.iter().min(), got.iter().max()), (Some(&0), Some(&255)), "minimum and maximum");
-        let near = |x: usize| (i32::from(row[x]) - x as i32).abs() <= 2;
-        assert!((4..252).all(near), "{row:?}");
+        // The lens bends the ends of the ramp, and tau takes small cosines away.
+        let near = |x: usize| (i32::from(row[x]) - x as i32).abs() <= 4;
+        assert!((0..256).all(near), "{row:?}");
     }
 
     #[test]
