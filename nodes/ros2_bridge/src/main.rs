@@ -15,6 +15,7 @@ use modulo_runtime::bridge::{self, Plan};
 use modulo_runtime::ros_args::RosArgs;
 use modulo_runtime::signals::end_on_signals;
 use modulo_runtime::transport::Transport as _;
+use modulo_runtime::transport::keys::Hashes;
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::{Parameters, Stop, SystemClock, Urgency};
 
@@ -31,7 +32,8 @@ fn main() -> anyhow::Result<()> {
 
     let domain = std::env::var("ROS_DOMAIN_ID").unwrap_or_else(|_| "0".to_owned());
     let domain = domain.trim().parse().with_context(|| format!("ROS_DOMAIN_ID = '{domain}'"))?;
-    let transport = Arc::new(ZenohTransport::open(domain, Arc::new(SystemClock::default()))?);
+    let clock = Arc::new(SystemClock::default());
+    let transport = Arc::new(ZenohTransport::open(domain, Hashes::default(), clock)?);
     let dds = r2r::Context::create().context("ROS 2")?;
     let mut node = r2r::Node::create(dds, &place.name, &place.namespace).context("ROS 2 node")?;
 

@@ -18,15 +18,15 @@ use r2r::{QosProfile, ServiceRequest, WrappedServiceTypeSupport};
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Offers the six services of `suite_node` to the DDS graph.
-pub fn offer(
-    suite_node: &str,
-    transport: &Arc<ZenohTransport>,
-    node: &mut r2r::Node,
-) -> anyhow::Result<()> {
+pub fn offer(suite_node: &str, transport: &Arc<ZenohTransport>, node: &mut r2r::Node) -> anyhow::Result<()> {
     for service in Service::ALL {
         match service {
-            Service::Describe => pass::<srv::DescribeParameters::Service>(service, suite_node, transport, node),
-            Service::GetTypes => pass::<srv::GetParameterTypes::Service>(service, suite_node, transport, node),
+            Service::Describe => {
+                pass::<srv::DescribeParameters::Service>(service, suite_node, transport, node)
+            }
+            Service::GetTypes => {
+                pass::<srv::GetParameterTypes::Service>(service, suite_node, transport, node)
+            }
             Service::Get => pass::<srv::GetParameters::Service>(service, suite_node, transport, node),
             Service::List => pass::<srv::ListParameters::Service>(service, suite_node, transport, node),
             Service::Set => pass::<srv::SetParameters::Service>(service, suite_node, transport, node),

@@ -9,6 +9,7 @@ use futures::StreamExt as _;
 use futures::executor::block_on;
 use modulo_runtime::bridge::{Direction, Route};
 use modulo_runtime::transport::Guard;
+use modulo_runtime::transport::payload::Payload;
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::{Place, Qos};
 use r2r::QosProfile;
@@ -60,7 +61,7 @@ fn outward(
     let publisher = node
         .create_publisher_untyped(&route.topic, &route.ros_type, profile(route.qos))
         .with_context(|| format!("publisher of {}", route.topic))?;
-    let (queue, samples) = sync_channel::<Vec<u8>>(QUEUE);
+    let (queue, samples) = sync_channel::<Payload>(QUEUE);
     let topic = route.topic.clone();
     thread::spawn(move || {
         for bytes in samples {
