@@ -45,7 +45,7 @@ pub enum Command {
     #[command(subcommand)]
     Bag(bag::Bag),
     /// Evaluate in lockstep, every frame once, nothing dropped: a launch file, or a grid over labelled frames
-    Eval(eval::Eval),
+    Eval(Box<eval::Eval>),
     /// Send one's own pictures through the sensor and the unwrapping methods
     Simulate(study::Simulate),
     /// Measure the unwrapping methods

@@ -66,7 +66,7 @@ mod tests {
 
     #[test]
     fn no_cause_is_told_twice() {
-        let why = BagReader::open(std::path::Path::new("/no/such.mcap")).err().expect("is missing");
+        let why = BagReader::open(std::path::Path::new("/no/such.mcap")).expect_err("is missing");
         let text = told(&anyhow::Error::new(why).context("bag"));
         assert!(text.starts_with("bag: ") && text.matches("os error").count() <= 1, "{text}");
         let plain = told(&anyhow::anyhow!("inner").context("outer"));

@@ -4,12 +4,15 @@
 use super::storage::Cursor;
 use super::{BagError, RawMessage};
 
+/// Opens a part; `None` when nothing of it is wanted.
+type OpenPart = Box<dyn FnOnce() -> Result<Option<Box<dyn Cursor>>, BagError> + Send>;
+
 /// A part that is not open yet.
 pub(super) struct Part {
     /// No message of it is earlier, ns since the epoch.
     pub(super) start: u64,
-    /// Opens it; `None` when nothing of it is wanted.
-    pub(super) open: Box<dyn FnOnce() -> Result<Option<Box<dyn Cursor>>, BagError> + Send>,
+    /// Opens it.
+    pub(super) open: OpenPart,
 }
 
 /// A part with its next message.

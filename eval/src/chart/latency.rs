@@ -26,7 +26,7 @@ pub fn charts(results: &Results, conditions: Conditions) -> Vec<Named> {
 fn bar(cell: &Cell) -> Bar {
     let label = format!("{}, {}", wording::stream(&cell.point), wording::model(&cell.point));
     let timed = |stage: &&str| Some(((*stage).to_owned(), cell.latency_ms.get(*stage)?.p50));
-    let parts = STAGES.iter().filter(|stage| **stage != SENSE).filter_map(|stage| timed(&stage)).collect();
+    let parts = STAGES.iter().filter(|stage| **stage != SENSE).filter_map(timed).collect();
     let note = wording::frame_ms(cell).map(|ms| format!("{ms:.1} ms")).unwrap_or_default();
     Bar { label, parts, note }
 }

@@ -172,11 +172,11 @@ impl Scorer<'_> {
                 intervals.insert(format!("ap50.{group}"), interval);
             }
         }
-        let figures: [(&str, fn(&Paper) -> f64); 3] =
-            [("iou", |p| p.iou), ("f1", |p| p.f1), ("accuracy", |p| p.accuracy)];
-        for (name, figure) in figures {
+        let figures = |paper: &Paper| [paper.iou, paper.f1, paper.accuracy];
+        for (index, name) in ["iou", "f1", "accuracy"].into_iter().enumerate() {
             let mean = |times: &[u64]| {
-                let sum: f64 = papers.iter().zip(times).map(|(paper, n)| figure(paper) * *n as f64).sum();
+                let weighted = papers.iter().zip(times).map(|(paper, n)| figures(paper)[index] * *n as f64);
+                let sum: f64 = weighted.sum();
                 Some(sum / times.iter().sum::<u64>().max(1) as f64)
             };
             if let Some(interval) = self.units.interval(mean) {

@@ -8,7 +8,7 @@ use crate::wording::{self, STAGES, distinct};
 pub fn section(results: &Results) -> String {
     let groups = distinct(results.cells.iter().flat_map(|cell| cell.ap50.keys().cloned()));
     let timed = |stage: &&str| results.cells.iter().any(|cell| cell.latency_ms.contains_key(*stage));
-    let stages: Vec<&str> = STAGES.into_iter().filter(|stage| timed(&stage)).collect();
+    let stages: Vec<&str> = STAGES.into_iter().filter(timed).collect();
     let rows: Vec<Vec<Td>> = results.cells.iter().map(|cell| row(cell, &groups, &stages)).collect();
     [
         "<h2>All cells</h2>\n".to_owned(),
