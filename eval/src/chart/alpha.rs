@@ -1,8 +1,8 @@
 //! Accuracy against the saturation factor: a line a stream and method, for one model.
 
-use modulo_charts::{Axis, Body, Chart, Direction, Look, Panel, Point, Scale, Series, Tone, Unit};
+use modulo_charts::{Body, Chart, Look, Panel, Point, Series, Tone};
 
-use super::{Named, text};
+use super::{Named, axis, text};
 use crate::results::{Cell, Results};
 use crate::wording::{self, Conditions, distinct};
 
@@ -43,18 +43,8 @@ fn panel(cells: &[&Cell], group: &str) -> Panel {
         Series { name, points, look: Look::Joined }
     };
     Panel {
-        x: Axis {
-            label: "alpha, the saturation factor".to_owned(),
-            scale: Scale::Log,
-            unit: Unit::Plain,
-            direction: Direction::Up,
-        },
-        y: Axis {
-            label: format!("AP50 of {group}"),
-            scale: Scale::Linear { from: 0.0, to: 1.0 },
-            unit: Unit::Percent,
-            direction: Direction::Up,
-        },
+        x: axis::log("alpha, the saturation factor"),
+        y: axis::percent(format!("AP50 of {group}"), 1.0),
         series: names.into_iter().map(series).collect(),
     }
 }

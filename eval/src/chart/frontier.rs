@@ -1,8 +1,8 @@
 //! Speed against accuracy: a point a model, stream and method, at one alpha.
 
-use modulo_charts::{Axis, Body, Chart, Direction, Look, Panel, Point, Scale, Series, Tone, Unit};
+use modulo_charts::{Body, Chart, Look, Panel, Point, Series, Tone};
 
-use super::{Named, text};
+use super::{Named, axis, text};
 use crate::pareto::{self, Offer};
 use crate::results::{Cell, Results, Stream};
 use crate::wording::{self, Conditions, distinct};
@@ -65,18 +65,8 @@ fn panel(cells: &[&Cell], group: &str) -> Panel {
     }
     series.push(Series { name: FRONT.to_owned(), points: steps(&front), look: Look::Line });
     Panel {
-        x: Axis {
-            label: "time a frame, ms (median)".to_owned(),
-            scale: Scale::Log,
-            unit: Unit::Plain,
-            direction: Direction::Up,
-        },
-        y: Axis {
-            label: format!("AP50 of {group}"),
-            scale: Scale::Linear { from: 0.0, to: 1.0 },
-            unit: Unit::Percent,
-            direction: Direction::Up,
-        },
+        x: axis::log("time a frame, ms (median)"),
+        y: axis::percent(format!("AP50 of {group}"), 1.0),
         series,
     }
 }

@@ -1,8 +1,8 @@
 //! How long frames take: their number over time, a line a stream and method, a panel a model.
 
-use modulo_charts::{Axis, Body, Chart, Direction, Look, Panel, Point, Scale, Series, Unit};
+use modulo_charts::{Body, Chart, Look, Panel, Point, Series};
 
-use super::{Named, text};
+use super::{Named, axis, text};
 use crate::results::{Cell, Results};
 use crate::wording::{self, Conditions, distinct};
 
@@ -30,21 +30,7 @@ fn panel(cells: &[&Cell], model: &str) -> Panel {
     let own = cells.iter().filter(|cell| wording::model(&cell.point) == model);
     let series: Vec<Series> = own.map(|cell| series(cell)).collect();
     let most = series.iter().flat_map(|series| &series.points).map(|point| point.y).fold(0.1, f64::max);
-    Panel {
-        x: Axis {
-            label: format!("time a frame, ms, {model}"),
-            scale: Scale::Log,
-            unit: Unit::Plain,
-            direction: Direction::Up,
-        },
-        y: Axis {
-            label: "frames".to_owned(),
-            scale: Scale::Linear { from: 0.0, to: most },
-            unit: Unit::Percent,
-            direction: Direction::Up,
-        },
-        series,
-    }
+    Panel { x: axis::log(format!("time a frame, ms, {model}")), y: axis::percent("frames", most), series }
 }
 
 /// From 0 to 0, level within each bucket.

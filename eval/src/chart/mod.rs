@@ -1,6 +1,7 @@
 //! The charts of a grid, one file each. Pure: results in, [`Chart`] out.
 
 mod alpha;
+mod axis;
 mod frontier;
 mod histogram;
 mod latency;

@@ -1,8 +1,8 @@
 //! The paper's figures beside ours: a row a stream, a column a figure.
 
-use modulo_charts::{Axis, Body, Chart, Direction, Look, Panel, Point, Scale, Series, Tone, Unit};
+use modulo_charts::{Body, Chart, Look, Panel, Point, Series, Tone};
 
-use super::{Named, text};
+use super::{Named, axis, text};
 use crate::published::{ALPHAS, Published};
 use crate::results::{Cell, Protocol, Results, Stream};
 use crate::wording::{self, Conditions, distinct};
@@ -80,13 +80,7 @@ fn panel(
             None => series.push(Series { name: ours, points: vec![point], look: Look::Joined }),
         }
     }
-    let axis = |label: String, scale, unit| Axis { label, scale, unit, direction: Direction::Up };
-    let range = Scale::Linear { from: 0.0, to: 1.0 };
-    Panel {
-        x: axis("alpha".to_owned(), Scale::Log, Unit::Plain),
-        y: axis(format!("{name}, {}", stream.name()), range, Unit::Percent),
-        series,
-    }
+    Panel { x: axis::log("alpha"), y: axis::percent(format!("{name}, {}", stream.name()), 1.0), series }
 }
 
 fn point(alpha: f64, value: f64, what: &str) -> Point {
