@@ -168,7 +168,7 @@ def main():
             rows.append(row)
             options.results.write_text(json.dumps(rows, indent=2) + "\n")
     if options.modulo:
-        subprocess.run([options.modulo, "bench", "chart", str(options.results)], check=True)
+        subprocess.run([options.modulo, "bench", "chart", str(options.results.parent)], check=True)
 
 
 if __name__ == "__main__":
