@@ -185,7 +185,8 @@ mod tests {
 
     use super::*;
 
-    fn of_nodes(count: usize, low: i16, high: i16) -> Regions {
+    /// So many regions of a node each, all with the same bounds.
+    pub(super) fn of_nodes(count: usize, low: i16, high: i16) -> Regions {
         let mut regions = Regions::default();
         (0..count).for_each(|_| {
             regions.push(Region { low: [low; 4], high: [high; 4], size: 1 });

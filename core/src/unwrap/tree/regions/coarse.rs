@@ -61,16 +61,8 @@ impl Coarse {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Region;
+    use super::super::tests::of_nodes;
     use super::*;
-
-    fn of_nodes(count: usize, low: i16, high: i16) -> Regions {
-        let mut regions = Regions::default();
-        (0..count).for_each(|_| {
-            regions.push(Region { low: [low; 4], high: [high; 4], size: 1 });
-        });
-        regions
-    }
 
     #[test]
     fn what_joins_coarsely_joins_as_finely() {
