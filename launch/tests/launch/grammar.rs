@@ -73,7 +73,8 @@ const ACTIONS: &[(&str, &[(&str, Is)])] = &[
 const PROCESS: &[(&str, Is)] = &[
     ("env", PAIR),
     ("output", Text),
-    ("respawn", BoolText),
+    // Not a bool: jazzy refuses one here.
+    ("respawn", Text),
     ("respawn_delay", Float),
     ("respawn_max_retries", Int),
     ("cwd", Text),

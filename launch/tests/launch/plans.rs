@@ -37,7 +37,7 @@ launch:
       remap: [{ from: "modulo", to: "/camera/image" }]
       env: [{ name: "A", value: "$(var gain)" }]
       output: "log"
-      respawn: true
+      respawn: "true"
       respawn_delay: 0.5
       respawn_max_retries: 3
       cwd: "/tmp"
