@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use crate::name::{NameError, Place};
-use crate::parameter_file;
+use crate::parameter::file;
 
 /// The ROS part of a command line.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -222,7 +222,7 @@ impl RosArgs {
                         found.push((name.clone(), value.clone()));
                     }
                 }
-                Setting::File(path) => found.extend(parameter_file::read(path, place)?),
+                Setting::File(path) => found.extend(file::read(path, place)?),
             }
         }
         Ok(found)

@@ -3,7 +3,7 @@
 
 use modulo_msgs::sensor_msgs::Image;
 use modulo_msgs::{cdr, ros_name, type_hash};
-use modulo_runtime::parameter_service::Service;
+use modulo_runtime::parameter::service::Service;
 use modulo_runtime::topic::Topic;
 use modulo_runtime::transport::attachment::Attachment;
 use modulo_runtime::transport::keys::{self, Endpoint, EntityKind, Token};

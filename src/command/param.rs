@@ -12,13 +12,14 @@ use modulo_msgs::rcl_interfaces::{
     ListParametersRequest, ListParametersResponse, Parameter, ParameterDescriptor, ParameterType,
     ParameterValue, SetParametersRequest, SetParametersResponse,
 };
-use modulo_runtime::parameter_service::{Service, from_ros, to_ros};
-use modulo_runtime::parameter_text::{bare, described, labelled, type_name};
+use modulo_runtime::Value;
+use modulo_runtime::parameter::file;
+use modulo_runtime::parameter::service::{Service, from_ros, to_ros};
+use modulo_runtime::parameter::text::{bare, described, labelled, type_name};
 use modulo_runtime::transport::Transport;
 use modulo_runtime::transport::graph::Graph;
 use modulo_runtime::transport::keys::{EntityKind, Token};
 use modulo_runtime::transport::zenoh::ZenohTransport;
-use modulo_runtime::{Value, parameter_file};
 
 use super::{graph, open_session};
 use crate::cli::Param;
@@ -58,7 +59,7 @@ pub fn param(args: &Param) -> Result<Ended, Failure> {
             let values = get(&transport, node, &names)?;
             let all: Vec<_> = names.into_iter().zip(values).collect();
             let node = graph::absolute(node);
-            let _ = std::io::stdout().write_all(parameter_file::write(&node, &all).as_bytes());
+            let _ = std::io::stdout().write_all(file::write(&node, &all).as_bytes());
         }
         Param::Set { node, name, value } => set(&transport, node, name, value)?,
     }

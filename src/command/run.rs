@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use modulo_runtime::driver::live::{self, Subject};
+use modulo_runtime::parameter::saved::SavedParameters;
 use modulo_runtime::ros_args::{Logs, RosArgs};
 use modulo_runtime::rosout::{self, LogQueue};
-use modulo_runtime::saved_parameters::SavedParameters;
 use modulo_runtime::signals::end_on_signals;
 use modulo_runtime::{Descriptor, NodeReport, Place, Stop, SystemClock, launcher};
 

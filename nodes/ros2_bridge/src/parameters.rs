@@ -9,7 +9,7 @@ use anyhow::Context as _;
 use futures::StreamExt as _;
 use futures::executor::block_on;
 use modulo_msgs::cdr;
-use modulo_runtime::parameter_service::Service;
+use modulo_runtime::parameter::service::Service;
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use r2r::rcl_interfaces::srv;
 use r2r::{QosProfile, ServiceRequest, WrappedServiceTypeSupport};

@@ -15,10 +15,10 @@ use crate::message::Message;
 use crate::name::Place;
 use crate::node::{Context, Cue, Flow, Node, StepError, Yield};
 use crate::node_time::NodeTime;
+use crate::parameter::events::ParameterEvents;
+use crate::parameter::saved::SavedParameters;
 use crate::parameter::{Parameters, Refusal};
-use crate::parameter_events::ParameterEvents;
 use crate::report::{NodeReport, add};
-use crate::saved_parameters::SavedParameters;
 use crate::stop::{Stop, Urgency};
 use crate::transport::{
     Address, Guard, Outlet, ParameterPort, ParameterRequest, Parcel, Transport, TransportError,

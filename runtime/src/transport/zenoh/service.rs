@@ -12,7 +12,7 @@ use zenoh::query::{ConsolidationMode, Query, QueryTarget};
 use super::{ZenohTransport, stamp};
 use crate::clock::Clock;
 use crate::name::Place;
-use crate::parameter_service::Service;
+use crate::parameter::service::Service;
 use crate::transport::attachment::Attachment;
 use crate::transport::keys::{self, Endpoint, EntityKind};
 use crate::transport::{Guard, ParameterPort, TransportError};

@@ -8,7 +8,7 @@ use modulo_msgs::std_msgs::Time;
 use crate::message::{Message, MessageKind};
 use crate::name::Place;
 use crate::parameter::Parameters;
-use crate::parameter_service::to_ros;
+use crate::parameter::service::to_ros;
 use crate::topic::Topic;
 use crate::transport::{Address, Outlet, Transport, TransportError};
 

@@ -18,9 +18,9 @@ use modulo_msgs::rcl_interfaces::ParameterValue;
 use saphyr::Yaml as Node;
 
 use crate::name::Place;
-use crate::parameter_text::{self, Yaml};
+use crate::parameter::text::{self, Yaml};
+use crate::parameter::yaml_text;
 use crate::ros_args::ArgsError;
-use crate::yaml_text;
 
 /// The key under which a node's parameters stand.
 const PARAMETERS: &str = "ros__parameters";
@@ -131,7 +131,7 @@ pub fn write(node: &str, parameters: &[(String, ParameterValue)]) -> String {
     let mut text = format!("{node}:\n  {PARAMETERS}:\n");
     let mut open: Vec<&str> = Vec::new();
     for (name, value) in sorted {
-        let Some(value) = parameter_text::yaml(value) else { continue };
+        let Some(value) = text::yaml(value) else { continue };
         let (groups, last) = name.rsplit_once('.').unwrap_or(("", name));
         let groups: Vec<&str> = groups.split('.').filter(|group| !group.is_empty()).collect();
         let common = open.iter().zip(&groups).take_while(|(a, b)| a == b).count();
@@ -157,7 +157,7 @@ pub fn write(node: &str, parameters: &[(String, ParameterValue)]) -> String {
 mod tests {
     use super::*;
     use crate::parameter::Value;
-    use crate::parameter_service::to_ros;
+    use crate::parameter::service::to_ros;
 
     fn read(text: &str) -> Result<Vec<(String, String)>, String> {
         parse(text, &Place::new("eye", "/car", &[]).expect("valid"))

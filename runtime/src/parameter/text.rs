@@ -4,7 +4,7 @@
 
 use modulo_msgs::rcl_interfaces::{ParameterDescriptor, ParameterType, ParameterValue};
 
-use crate::yaml_text::{of_double, of_string};
+use crate::parameter::yaml_text::{of_double, of_string};
 
 /// A value as YAML scalars.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -122,7 +122,7 @@ pub fn described(descriptor: &ParameterDescriptor) -> String {
 mod tests {
     use super::*;
     use crate::parameter::Value;
-    use crate::parameter_service::to_ros;
+    use crate::parameter::service::to_ros;
     use modulo_msgs::rcl_interfaces::FloatingPointRange;
 
     #[test]

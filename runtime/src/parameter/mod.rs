@@ -1,7 +1,13 @@
 //! Parameters as ROS 2 has them: declared once with type, range and
 //! description, validated as a set, never accepted and ignored.
 
+pub mod events;
+pub mod file;
+pub mod saved;
+pub mod service;
+pub mod text;
 mod value;
+mod yaml_text;
 
 use std::collections::BTreeMap;
 use std::fmt;
