@@ -7,6 +7,7 @@
 pub mod bag;
 pub mod capture;
 pub mod control;
+mod file_error;
 pub mod import;
 pub mod pace;
 pub mod play;
@@ -14,9 +15,18 @@ pub mod record;
 pub mod replay;
 pub mod source;
 
+use std::path::{Component, Path};
+
+pub use file_error::FileError;
+
 /// Where recorded images are in a bag that was imported here.
 pub const IMAGE_TOPIC: &str = "/camera/image_raw";
 
 /// Where labels are in a bag, as `vision_msgs/msg/Detection2DArray` with the
 /// stamps of the images.
 pub const GROUND_TRUTH_TOPIC: &str = "/ground_truth";
+
+/// Whether `path`, which a recording or a data set names, stays inside the folder that it is relative to.
+fn stays_inside(path: &Path) -> bool {
+    path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+}

@@ -6,6 +6,8 @@
 
 use std::time::Duration;
 
+use modulo_runtime::clock::nanos;
+
 use crate::bag::{BagError, BagReader, Messages, RawMessage, Selection};
 
 /// What happens at the end of the bag.
@@ -72,6 +74,7 @@ pub struct Player {
     began: u64,
     /// Whether this round had a message: one without any is never repeated.
     heard: bool,
+    left_out: u64,
 }
 
 impl Player {
@@ -80,20 +83,21 @@ impl Player {
     /// # Errors
     /// [`PlayError::StartOffset`] for an offset behind the end.
     pub fn new(bag: BagReader, options: &PlayOptions) -> Result<Self, PlayError> {
-        let (first, last) = bag.span().unwrap_or_default();
-        let start = first.checked_add(ns(options.start_offset)).filter(|&start| start <= last);
+        // An empty bag lasts no time at all.
+        let (first, last) = bag.span().unwrap_or((0, 0));
+        let start = first.checked_add(nanos(options.start_offset)).filter(|&start| start <= last);
         let Some(start) = start else {
             let duration = Duration::from_nanos(last - first);
             return Err(PlayError::StartOffset { offset: options.start_offset, duration });
         };
-        let end = options.duration.map_or(last, |duration| last.min(start.saturating_add(ns(duration))));
+        let end = options.duration.map_or(last, |duration| last.min(start.saturating_add(nanos(duration))));
         let selection = Selection { topics: options.topics.clone(), start_ns: Some(start) };
         let messages = bag.messages(&selection);
         let (repeat, window) = (options.repeat, (start, end));
-        Ok(Self { bag, selection, messages, repeat, window, began: 0, heard: false })
+        Ok(Self { bag, selection, messages, repeat, window, began: 0, heard: false, left_out: 0 })
     }
 
-    /// The next message; `None` at the end, and after an error.
+    /// The next message that can be read; `None` at the end, and after an error.
     pub fn next_due(&mut self) -> Option<Result<Due, BagError>> {
         let (start, end) = self.window;
         loop {
@@ -102,6 +106,10 @@ impl Player {
                     self.heard = true;
                     let position = self.began.saturating_add(message.log_time.saturating_sub(start));
                     return Some(Ok(Due { position, message }));
+                }
+                Some(Err(bad @ BagError::BadMessage { .. })) => {
+                    tracing::warn!("{bad}");
+                    self.left_out += 1;
                 }
                 Some(Err(error)) => {
                     self.repeat = Repeat::Once;
@@ -143,12 +151,13 @@ impl Player {
             }
     }
 
+    /// How many single messages could not be read so far.
+    pub fn left_out(&self) -> u64 {
+        self.left_out
+    }
+
     /// The bag.
     pub fn bag(&self) -> &BagReader {
         &self.bag
     }
-}
-
-fn ns(duration: Duration) -> u64 {
-    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
 }

@@ -43,7 +43,8 @@ impl Recorder {
         payload: &[u8],
     ) -> Result<(), BagError> {
         let id = self.bag.topic(topic)?;
-        self.bag.write(id, log_time, publish_time, payload)
+        self.bag.write(id, log_time, publish_time, payload)?;
+        self.bag.settle(log_time)
     }
 
     /// Once a second of `now`, ns since the epoch, has the disk confirm what

@@ -9,6 +9,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::thread;
 use std::time::Duration;
 
+use modulo_runtime::clock::nanos;
 use modulo_runtime::transport::keys;
 use modulo_runtime::transport::zenoh::{RawService, ZenohTransport};
 use modulo_runtime::transport::{Guard, Transport, TransportError};
@@ -56,7 +57,7 @@ pub fn wait_for(
     stop: &Stop,
 ) -> Result<(), ReplayError> {
     let start = clock.ticks_ns();
-    let limit = u64::try_from(patience.as_nanos()).unwrap_or(u64::MAX);
+    let limit = nanos(patience);
     loop {
         let missing: Vec<&str> =
             nodes.iter().filter(|n| !transport.is_ready(n)).map(String::as_str).collect();
@@ -152,7 +153,7 @@ impl Replay<'_> {
             let patience = self.patience();
             match self.orders.recv_timeout(patience) {
                 Ok(order) => {
-                    let answer = self.carry_out(order.command)?;
+                    let answer = self.carry_out(order.command, stop)?;
                     // Fails only when the caller has gone.
                     let _ = order.answer.send(answer);
                 }
@@ -192,7 +193,7 @@ impl Replay<'_> {
         Ok(Some(due.position))
     }
 
-    fn carry_out(&mut self, command: Command) -> Result<Answer, ReplayError> {
+    fn carry_out(&mut self, command: Command, stop: &Stop) -> Result<Answer, ReplayError> {
         let now = self.clock.ticks_ns();
         let (mut done, mut played) = (true, 0);
         match command {
@@ -204,7 +205,7 @@ impl Replay<'_> {
             }
             Command::SetRate(rate) => done = self.pace.set_rate(now, rate).is_ok(),
             Command::Step(number) => {
-                played = self.step(now, number.unwrap_or(u64::MAX))?;
+                played = self.step(now, number.unwrap_or(u64::MAX), stop)?;
                 done = played > 0;
             }
             Command::Seek(log_time) => {
@@ -219,13 +220,13 @@ impl Replay<'_> {
         Ok(Answer { done, played, motion: self.pace.motion(), rate: self.pace.rate() })
     }
 
-    /// Plays up to `number` messages at once, if the replay is paused; how many.
-    fn step(&mut self, now: u64, number: u64) -> Result<u64, ReplayError> {
+    /// Plays up to `number` messages at once, if the replay is paused and until it is stopped; how many.
+    fn step(&mut self, now: u64, number: u64, stop: &Stop) -> Result<u64, ReplayError> {
         if self.pace.motion() != Motion::Paused {
             return Ok(0);
         }
         let mut played = 0;
-        while played < number && self.look_ahead()? {
+        while played < number && stop.urgency() == Urgency::None && self.look_ahead()? {
             if let Some(position) = self.send_next()? {
                 self.pace.jump(now, position);
             }

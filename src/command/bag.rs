@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
-use modulo_bags::bag::{self, BagInfo, BagReader, Split, WriteOptions};
+use modulo_bags::bag::{self, BagInfo, BagReader, BagWarning, Split, WriteOptions};
 use modulo_bags::capture::capture;
 use modulo_bags::import::{ImportOptions, import_kitti};
 use modulo_bags::pace::{Motion, Pace};
@@ -29,7 +29,7 @@ pub fn bag(args: &Bag) -> Result<Ended, Failure> {
         Bag::Info { bag } => {
             let reader = BagReader::open(bag)?;
             say!("{}", BagInfo::from(&reader).to_string().trim_end());
-            Ok(loss(&reader))
+            Ok(loss(reader.warnings()))
         }
         Bag::Recover(args) => copy(&BagReader::salvage(&args.bag)?, args),
         Bag::Convert(args) => copy(&BagReader::open(&args.bag)?, args),
@@ -46,7 +46,7 @@ fn copy(reader: &BagReader, args: &BagCopy) -> Result<Ended, Failure> {
     for topic in copied.topics {
         say!("{}: {} messages", topic.topic.name, topic.messages);
     }
-    let ended = loss(reader);
+    let ended = loss(reader.warnings().iter().chain(&copied.left_out));
     let Some(why) = copied.broke else { return Ok(ended) };
     eprintln!("modulo: {why}");
     Ok(Ended::WithLoss)
@@ -63,10 +63,10 @@ fn write_options(form: &Form) -> WriteOptions {
     WriteOptions { compression, split: Split { max_bytes, max_duration } }
 }
 
-/// A bag that could not be read whole is said, and ends with exit code 3.
-fn loss(reader: &BagReader) -> Ended {
+/// Prints the warnings; with messages that cannot be read the exit code is 3.
+fn loss<'a>(warnings: impl IntoIterator<Item = &'a BagWarning>) -> Ended {
     let mut ended = Ended::Done;
-    for warning in reader.warnings() {
+    for warning in warnings {
         eprintln!("modulo: {warning}");
         if warning.is_loss() {
             ended = Ended::WithLoss;
@@ -99,7 +99,7 @@ fn record(args: &BagRecord) -> Result<Ended, Failure> {
 fn play(args: &BagPlay) -> Result<Ended, Failure> {
     let stop = stop_on_signals()?;
     let reader = BagReader::open(&args.bag)?;
-    let ended = loss(&reader);
+    let ended = loss(reader.warnings());
     let duration = args.playback_duration.map(|given| seconds("--playback-duration", given)).transpose()?;
     let options = PlayOptions {
         start_offset: seconds("--start-offset", args.start_offset)?,
@@ -120,6 +120,10 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
     transport.close();
     for (topic, count) in sent {
         say!("{topic}: {count} messages");
+    }
+    if player.left_out() > 0 {
+        eprintln!("modulo: {} messages that cannot be read were left out", player.left_out());
+        return Ok(Ended::WithLoss);
     }
     Ok(ended)
 }

@@ -1,39 +1,56 @@
 //! [`copy`]: a whole MCAP bag out of what can be read of another one, whether it
 //! is damaged or of another form.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::{BagError, BagReader, BagWriter, Selection, TopicCount, WriteOptions};
+use super::{BagError, BagReader, BagWarning, BagWriter, Selection, TopicCount, WriteOptions};
 
-/// What was copied.
+/// The result of [`copy`].
 #[derive(Debug)]
 pub struct Copied {
     /// The topics with their counts.
     pub topics: Vec<TopicCount>,
+    /// Single messages that were left out, by topic: those that cannot be read, and those of a topic's second type.
+    pub left_out: Vec<BagWarning>,
     /// Why `bag` could not be read to its end.
     pub broke: Option<BagError>,
 }
 
 /// Writes every message of `bag` that can be read to the new bag `out`, payload
-/// bytes and times unchanged. What could not be read is in the warnings of
-/// `bag`, and in [`Copied::broke`].
+/// bytes and times unchanged. What could not be copied is in the warnings of
+/// `bag`, in [`Copied::left_out`] and in [`Copied::broke`].
 ///
 /// # Errors
-/// [`BagError`] when `out` is there already, or cannot be written.
+/// [`BagError`] when `out` exists already, or cannot be written.
 pub fn copy(bag: &BagReader, out: &Path, options: impl Into<WriteOptions>) -> Result<Copied, BagError> {
     let mut writer = BagWriter::create(out, options)?;
     for counted in bag.topics() {
-        writer.topic(&counted.topic)?;
+        match writer.topic(&counted.topic) {
+            // Its messages are counted below, if there are any.
+            Err(BagError::TypeConflict { .. }) => {}
+            added => {
+                added?;
+            }
+        }
     }
+    // By topic: how many, and what is wrong with the first of them.
+    let mut left_out: BTreeMap<String, (u64, String)> = BTreeMap::new();
+    let mut leave_out = |topic: String, why| left_out.entry(topic).or_insert((0, why)).0 += 1;
     let mut broke = None;
     for message in bag.messages(&Selection::default()) {
         match message {
-            Ok(message) => {
-                let id = writer.topic(&message.topic)?;
-                writer.write(id, message.log_time, message.publish_time, &message.data)?;
-            }
+            Ok(message) => match writer.topic(&message.topic) {
+                Err(why @ BagError::TypeConflict { .. }) => {
+                    leave_out(message.topic.name.clone(), why.to_string());
+                }
+                id => writer.write(id?, message.log_time, message.publish_time, &message.data)?,
+            },
+            Err(BagError::BadMessage { topic, why, .. }) => leave_out(topic, why),
             Err(why) => broke = Some(why),
         }
     }
-    Ok(Copied { topics: writer.finish()?, broke })
+    let warning =
+        |(topic, (messages, why))| BagWarning::LeftOut { path: bag.path().to_owned(), topic, messages, why };
+    Ok(Copied { topics: writer.finish()?, left_out: left_out.into_iter().map(warning).collect(), broke })
 }

@@ -3,17 +3,14 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::FileError;
+
 /// Why a bag cannot be read or written.
 #[derive(Debug, thiserror::Error)]
 pub enum BagError {
     /// The system refused.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file or folder.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Io(#[from] FileError),
     /// A file that never was a bag.
     #[error("{}: not a bag, its first bytes are not those of MCAP, SQLite or ROS 1", path.display())]
     NotBag {
@@ -70,6 +67,18 @@ pub enum BagError {
         /// What is wrong.
         why: String,
     },
+    /// One message that cannot be read; the messages after it can.
+    #[error("{}: a message of topic '{topic}' cannot be read: {why}", path.display())]
+    BadMessage {
+        /// The file.
+        path: PathBuf,
+        /// The topic.
+        topic: String,
+        /// When it was recorded, ns since the epoch.
+        log_time: u64,
+        /// What is wrong.
+        why: String,
+    },
     /// Bags are never overwritten.
     #[error("{}: is already there; a bag is never overwritten, choose another name", path.display())]
     Exists {
@@ -111,10 +120,6 @@ pub enum BagError {
 }
 
 impl BagError {
-    pub(crate) fn io(path: &Path, source: std::io::Error) -> Self {
-        Self::Io { path: path.to_owned(), source }
-    }
-
     pub(super) fn damaged(path: &Path, why: impl std::fmt::Display) -> Self {
         Self::Damaged { path: path.to_owned(), why: why.to_string() }
     }
@@ -165,16 +170,16 @@ pub enum BagWarning {
         /// What is wrong with it.
         why: String,
     },
-    /// A topic whose messages are not given out.
-    #[error("{}: topic '{topic}' is left out with its {messages} messages: {why}", path.display())]
+    /// Messages of a topic that are not given out.
+    #[error("{}: {messages} messages of topic '{topic}' are left out: {why}", path.display())]
     LeftOut {
         /// The file.
         path: PathBuf,
         /// The topic.
         topic: String,
-        /// How many messages it has.
+        /// How many of its messages.
         messages: u64,
-        /// What of it is not supported.
+        /// What is wrong with them, or with the first of them.
         why: String,
     },
     /// A topic of a type that neither the bag nor the suite defines.

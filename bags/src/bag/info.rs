@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use jiff::Timestamp;
+
 use super::{BagReader, BagWarning, TopicCount};
 
 const NS: u64 = 1_000_000_000;
@@ -27,8 +29,12 @@ pub struct BagInfo {
 
 impl From<&BagReader> for BagInfo {
     fn from(bag: &BagReader) -> Self {
-        let name =
-            |path: &std::path::Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let name = |path: &std::path::Path| {
+            path.file_name()
+                .expect("the path of an opened file ends in a name")
+                .to_string_lossy()
+                .into_owned()
+        };
         Self {
             files: bag.files().map(name).collect(),
             size: bag.size(),
@@ -92,41 +98,7 @@ struct Utc(u64);
 
 impl fmt::Display for Utc {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (seconds, ns) = (self.0 / NS, self.0 % NS);
-        let (year, month, day) = civil(seconds / 86_400);
-        let (h, m, s) = (seconds / 3600 % 24, seconds / 60 % 60, seconds % 60);
-        write!(f, "{year}-{month:02}-{day:02} {h:02}:{m:02}:{s:02}.{ns:09} UTC ({seconds}.{ns:09})")
-    }
-}
-
-/// Year, month and day of the day `days` after 1970-01-01. Howard Hinnant,
-/// "chrono-Compatible Low-Level Date Algorithms", `civil_from_days`.
-fn civil(days: u64) -> (u64, u64, u64) {
-    let z = days + 719_468;
-    let (era, day_of_era) = (z / 146_097, z % 146_097);
-    let year = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year + year / 4 - year / 100);
-    let shifted = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * shifted + 2) / 5 + 1;
-    let month = if shifted < 10 { shifted + 3 } else { shifted - 9 };
-    (year + era * 400 + u64::from(month <= 2), month, day)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn dates_are_those_of_the_calendar() {
-        // As `date -u -d @N` prints them.
-        for (seconds, date) in [
-            (0, "1970-01-01 00:00:00"),
-            (951_782_400, "2000-02-29 00:00:00"),
-            (1_316_995_200, "2011-09-26 00:00:00"),
-            (4_107_542_399, "2100-02-28 23:59:59"),
-            (4_107_542_400, "2100-03-01 00:00:00"),
-        ] {
-            assert!(Utc(seconds * NS).to_string().starts_with(date), "{}", Utc(seconds * NS));
-        }
+        let time = Timestamp::from_nanosecond(self.0.into()).expect("64 bits of ns end in the year 2554");
+        write!(f, "{} ({}.{:09})", time.strftime("%Y-%m-%d %H:%M:%S.%9f UTC"), self.0 / NS, self.0 % NS)
     }
 }

@@ -13,6 +13,7 @@ use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryRead
 use super::scan::{Loose, scan};
 use super::storage::{Cursor, Index, Storage};
 use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount, type_hash};
+use crate::FileError;
 
 /// No chunk may unpack to more, bytes: recorders write a few MiB.
 pub(super) const MAX_CHUNK: usize = 1 << 30;
@@ -31,7 +32,7 @@ pub(super) struct McapFile {
 impl McapFile {
     /// Takes the file's summary, or scans the file when that is not usable.
     pub(super) fn open(path: &Path, index: Index) -> Result<Self, BagError> {
-        let io = |e| BagError::io(path, e);
+        let io = |e| FileError::new(path, e);
         let mut file = File::open(path).map_err(io)?;
         let size = file.metadata().map_err(io)?.len();
         let summary = match index {
@@ -185,7 +186,7 @@ impl McapMessages {
             .map_err(|e| BagError::damaged(&index.path, e))?;
         let is_wanted = |m: &&Loose| m.log_time >= start && wanted.contains_key(&m.channel);
         let loose = index.loose.iter().filter(is_wanted).rev().copied().collect();
-        let file = File::open(&index.path).map_err(|e| BagError::io(&index.path, e))?;
+        let file = File::open(&index.path).map_err(|e| FileError::new(&index.path, e))?;
         Ok(Some(Self { index, file, wanted, chunked, loose, ahead: None }))
     }
 
@@ -241,7 +242,7 @@ fn read_at(file: &mut File, index: &McapFile, offset: u64, length: usize) -> Res
         let why = format!("{length} bytes at {offset} are beyond its end at {}", index.size);
         return Err(BagError::damaged(&index.path, why));
     }
-    let io = |e| BagError::io(&index.path, e);
+    let io = |e| FileError::new(&index.path, e);
     let mut bytes = vec![0; length];
     file.seek(SeekFrom::Start(offset)).map_err(io)?;
     file.read_exact(&mut bytes).map_err(io)?;

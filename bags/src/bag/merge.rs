@@ -15,9 +15,12 @@ pub(super) struct Part {
     pub(super) open: OpenPart,
 }
 
-/// A part with its next message.
+/// A part with what comes next of it.
 struct Open {
-    head: RawMessage,
+    /// Log time of `head`.
+    time: u64,
+    /// A message, or [`BagError::BadMessage`], behind which there are others.
+    head: Result<RawMessage, BagError>,
     rest: Box<dyn Cursor>,
 }
 
@@ -26,7 +29,7 @@ pub(super) struct Merge {
     /// Parts that are still closed, the earliest last.
     closed: Vec<Part>,
     open: Vec<Open>,
-    /// What comes after the message that was returned last.
+    /// The error that ended a part; it comes after the message that was returned last.
     broken: Option<BagError>,
 }
 
@@ -40,38 +43,44 @@ impl Merge {
 
     /// The open part whose message is next.
     fn earliest(&self) -> Option<usize> {
-        (0..self.open.len()).min_by_key(|&i| self.open[i].head.log_time)
+        (0..self.open.len()).min_by_key(|&i| self.open[i].time)
+    }
+
+    /// Keeps the part `rest` open at `index`, unless it is over.
+    fn advance(&mut self, index: usize, mut rest: Box<dyn Cursor>) {
+        match rest.next().transpose() {
+            Some(Ok(message)) => {
+                self.open.insert(index, Open { time: message.log_time, head: Ok(message), rest });
+            }
+            Some(Err(BagError::BadMessage { path, topic, log_time, why })) => {
+                let head = Err(BagError::BadMessage { path, topic, log_time, why });
+                self.open.insert(index, Open { time: log_time, head, rest });
+            }
+            Some(Err(why)) => self.broken = Some(why),
+            None => {}
+        }
     }
 
     /// Whether a closed part may have an earlier message than the open ones.
     fn must_open(&self) -> bool {
-        let next = self.earliest().map(|i| self.open[i].head.log_time);
+        let next = self.earliest().map(|i| self.open[i].time);
         self.closed.last().is_some_and(|part| next.is_none_or(|next| part.start < next))
     }
 }
 
 impl Cursor for Merge {
     fn next(&mut self) -> Result<Option<RawMessage>, BagError> {
+        while self.broken.is_none() && self.must_open() {
+            let Some(part) = self.closed.pop() else { break };
+            let Some(rest) = (part.open)()? else { continue };
+            self.advance(self.open.len(), rest);
+        }
         if let Some(why) = self.broken.take() {
             return Err(why);
         }
-        while self.must_open() {
-            let Some(part) = self.closed.pop() else { break };
-            let Some(mut rest) = (part.open)()? else { continue };
-            if let Some(head) = rest.next()? {
-                self.open.push(Open { head, rest });
-            }
-        }
         let Some(index) = self.earliest() else { return Ok(None) };
-        let part = &mut self.open[index];
-        Ok(Some(match part.rest.next() {
-            Ok(Some(next)) => std::mem::replace(&mut part.head, next),
-            Ok(None) => self.open.remove(index).head,
-            // The message at hand is whole: it is lost no more than those before it.
-            Err(why) => {
-                self.broken = Some(why);
-                self.open.remove(index).head
-            }
-        }))
+        let Open { head, rest, .. } = self.open.remove(index);
+        self.advance(index, rest);
+        head.map(Some)
     }
 }

@@ -9,6 +9,7 @@ use std::path::Path;
 use serde::Deserialize;
 
 use super::{BagError, TopicCount, qos};
+use crate::{FileError, stays_inside};
 
 pub(super) const FILE_NAME: &str = "metadata.yaml";
 
@@ -49,7 +50,7 @@ pub(super) struct Contents<'a> {
 /// Reads a `metadata.yaml` of any version and checks that its files are of a
 /// form that is read here.
 pub(super) fn read(path: &Path) -> Result<Metadata, BagError> {
-    let text = std::fs::read_to_string(path).map_err(|e| BagError::io(path, e))?;
+    let text = std::fs::read_to_string(path).map_err(|e| FileError::new(path, e))?;
     let metadata = parse(&text).map_err(|why| BagError::Metadata { path: path.to_owned(), why })?;
     let refuse = |what, found: &str, possible| {
         Err(BagError::Unsupported { path: path.to_owned(), what, found: found.to_owned(), possible })
@@ -65,12 +66,20 @@ pub(super) fn read(path: &Path) -> Result<Metadata, BagError> {
             "none or storage, which `ros2 bag convert` makes",
         );
     }
+    if let Some(outside) = metadata.relative_file_paths.iter().find(|name| !stays_inside(Path::new(name))) {
+        return refuse(
+            "relative_file_paths",
+            outside,
+            "a path inside the folder of the bag, relative and without '..'; without metadata.yaml all files of \
+             the folder are read",
+        );
+    }
     Ok(metadata)
 }
 
 fn parse(text: &str) -> Result<Metadata, String> {
     let root: Result<Root, _> = serde_saphyr::from_str(text);
-    let first_line = |e: serde_saphyr::Error| e.to_string().lines().next().unwrap_or_default().to_owned();
+    let first_line = |e: serde_saphyr::Error| e.to_string().chars().take_while(|c| *c != '\n').collect();
     root.map(|root| root.rosbag2_bagfile_information).map_err(first_line)
 }
 

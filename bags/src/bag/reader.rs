@@ -151,7 +151,7 @@ impl BagReader {
     }
 }
 
-/// Messages of a bag; ends after the first error.
+/// Messages of a bag; ends after the first error that is not [`BagError::BadMessage`].
 pub struct Messages {
     merged: Option<Merge>,
 }
@@ -161,7 +161,7 @@ impl Iterator for Messages {
 
     fn next(&mut self) -> Option<Self::Item> {
         let next = self.merged.as_mut()?.next();
-        if !matches!(next, Ok(Some(_))) {
+        if !matches!(next, Ok(Some(_)) | Err(BagError::BadMessage { .. })) {
             self.merged = None;
         }
         next.transpose()
@@ -177,7 +177,7 @@ fn metadata_of(path: &Path, warnings: &mut Vec<BagWarning>) -> Result<Option<Met
     match metadata::read(&path.join(metadata::FILE_NAME)) {
         Ok(metadata) => return Ok(Some(metadata)),
         Err(BagError::Metadata { path, why }) => warnings.push(BagWarning::BadMetadata { path, why }),
-        Err(BagError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+        Err(BagError::Io(why)) if why.source.kind() == std::io::ErrorKind::NotFound => {
             warnings.push(BagWarning::NoMetadata { path: path.to_owned() });
         }
         Err(other) => return Err(other),

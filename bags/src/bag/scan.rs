@@ -16,6 +16,7 @@ use mcap::{McapError, Summary, parse_record};
 
 use super::mcap_file::MAX_CHUNK;
 use super::{BagError, BagWarning};
+use crate::FileError;
 
 /// Opcode and length in front of every record.
 const RECORD_HEAD: u64 = 9;
@@ -59,7 +60,7 @@ pub(super) fn scan(path: &Path, mut file: File, size: u64) -> Result<Scan, BagEr
             Some(Err(McapError::BadMagic)) => return Err(BagError::NotBag { path: path.to_owned() }),
             Some(Err(e)) => break Some(e.to_string()),
             Some(Ok(LinearReadEvent::ReadRequest(need))) => {
-                let read = file.read(reader.insert(need)).map_err(|e| BagError::io(path, e))?;
+                let read = file.read(reader.insert(need)).map_err(|e| FileError::new(path, e))?;
                 reader.notify_read(read);
             }
             Some(Ok(LinearReadEvent::Record { opcode: op::DATA_END, .. })) => break None,

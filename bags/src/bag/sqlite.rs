@@ -10,6 +10,7 @@ use rusqlite::{Connection, OpenFlags, Row};
 
 use super::storage::{Cursor, Storage};
 use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount};
+use crate::FileError;
 
 /// Messages that are read at once.
 const BATCH: u32 = 8;
@@ -26,7 +27,7 @@ pub(super) struct SqliteFile {
 
 impl SqliteFile {
     pub(super) fn open(path: &Path) -> Result<Self, BagError> {
-        let size = std::fs::metadata(path).map_err(|e| BagError::io(path, e))?.len();
+        let size = std::fs::metadata(path).map_err(|e| FileError::new(path, e))?.len();
         let mut warnings = Vec::new();
         let read = connect(path).and_then(|file| Ok((topics(&file, path, &mut warnings)?, span(&file)?)));
         let (topics, span) = read.map_err(|e| broken(path, &e))?;

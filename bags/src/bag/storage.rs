@@ -11,6 +11,7 @@ use super::mcap_file::McapFile;
 use super::ros1::Ros1File;
 use super::sqlite::SqliteFile;
 use super::{BagError, BagWarning, RawMessage, Selection, TopicCount};
+use crate::FileError;
 
 /// What the files of a bag are called by.
 const EXTENSIONS: [&str; 3] = ["mcap", "db3", "bag"];
@@ -53,8 +54,8 @@ pub(super) trait Cursor: Send {
 /// Opens the file `path`.
 pub(super) fn open(path: &Path, index: Index) -> Result<Arc<dyn Storage>, BagError> {
     let mut start = Vec::new();
-    let file = File::open(path).map_err(|e| BagError::io(path, e))?;
-    file.take(16).read_to_end(&mut start).map_err(|e| BagError::io(path, e))?;
+    let file = File::open(path).map_err(|e| FileError::new(path, e))?;
+    file.take(16).read_to_end(&mut start).map_err(|e| FileError::new(path, e))?;
     Ok(if start.starts_with(b"SQLite format 3\0") {
         Arc::new(SqliteFile::open(path)?)
     } else if start.starts_with(b"#ROSBAG V") {
@@ -71,7 +72,7 @@ pub(super) fn is_storage(path: &Path) -> bool {
 
 /// The files of a bag in `folder`, by name.
 pub(super) fn files_in(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
-    let io = |e| BagError::io(folder, e);
+    let io = |e| FileError::new(folder, e);
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(io)? {
         let path = entry.map_err(io)?.path();

@@ -13,6 +13,7 @@ use mcap::records::{MessageHeader, Metadata as MetadataRecord};
 
 use super::metadata::{self, Contents, FileContents};
 use super::{BagError, BagTopic, Compression, TopicCount, qos};
+use crate::FileError;
 
 /// Chunks are closed at this size, bytes.
 const CHUNK: u64 = 4 << 20;
@@ -38,7 +39,7 @@ impl Volume {
     /// Makes the file `name` in `folder`.
     pub(super) fn create(folder: &Path, name: String, compression: Compression) -> Result<Self, BagError> {
         let path = folder.join(&name);
-        let io = |e| BagError::io(&path, e);
+        let io = |e| FileError::new(&path, e);
         let file = File::create_new(&path).map_err(io)?;
         let disk = file.try_clone().map_err(io)?;
         // A file whose folder is not on the disk is not there after a power cut.
@@ -107,7 +108,7 @@ impl Volume {
 
     fn close_chunk(&mut self) -> Result<(), BagError> {
         self.mcap.flush().map_err(|source| self.failed(source))?;
-        self.closed = self.disk.metadata().map_err(|e| BagError::io(&self.path, e))?.len();
+        self.closed = self.disk.metadata().map_err(|e| FileError::new(&self.path, e))?.len();
         self.pending = 0;
         Ok(())
     }
@@ -118,7 +119,7 @@ impl Volume {
             return Ok(());
         }
         self.close_chunk()?;
-        self.disk.sync_data().map_err(|e| BagError::io(&self.path, e))
+        Ok(self.disk.sync_data().map_err(|e| FileError::new(&self.path, e))?)
     }
 
     /// Writes the index, and what is in this file as rosbag2 says it.
@@ -133,7 +134,7 @@ impl Volume {
         };
         let finished = self.mcap.write_metadata(&record).and_then(|()| self.mcap.finish().map(drop));
         finished.map_err(|source| self.failed(source))?;
-        self.disk.sync_data().map_err(|e| BagError::io(&self.path, e))?;
+        self.disk.sync_data().map_err(|e| FileError::new(&self.path, e))?;
         Ok(self.contents)
     }
 

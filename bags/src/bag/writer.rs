@@ -1,8 +1,8 @@
 //! [`BagWriter`]: a bag folder as `ros2 bag record` writes it.
 //!
-//! At least once a second of log time everything so far is a whole chunk on
-//! the disk: what a reader finds after a crash or a power cut. No clock is
-//! read; a bag is never overwritten.
+//! With [`BagWriter::settle`], as a recorder calls it, everything up to a second
+//! ago is a whole chunk on the disk: what a reader finds after a crash or a power
+//! cut. No clock is read; a bag is never overwritten.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -12,8 +12,9 @@ use std::time::Duration;
 use super::metadata::{self, Contents, FileContents};
 use super::volume::Volume;
 use super::{BagError, BagTopic, TopicCount};
+use crate::FileError;
 
-/// Log time between two flushes, ns.
+/// Time between two flushes, ns.
 const FLUSH_EVERY: u64 = 1_000_000_000;
 
 /// How chunks are compressed.
@@ -66,7 +67,7 @@ pub struct BagWriter {
     done: Vec<FileContents>,
     topics: Vec<TopicCount>,
     by_name: HashMap<String, TopicId>,
-    /// Log time of the last flush; `None` before the first message.
+    /// Time of the last flush; `None` before the first call of [`BagWriter::settle`].
     flushed: Option<u64>,
 }
 
@@ -129,11 +130,12 @@ impl BagWriter {
         }
         self.volume.write(id.0, log_time, publish_time, data)?;
         self.topics[id.0].messages += 1;
-        self.settle(log_time)
+        Ok(())
     }
 
-    /// Flushes when the last flush was a second of log time before `now`, ns
-    /// since the epoch. Messages do that by themselves; this is for pauses.
+    /// Flushes when the last flush was a second before `now`, ns since the epoch.
+    /// A recorder calls this after each message and in pauses; a copy, which can
+    /// be made again after a crash, has no need of it.
     ///
     /// # Errors
     /// [`BagError`] when the disk does not take it.
@@ -180,17 +182,17 @@ impl BagWriter {
         self.done.push(self.volume.finish(&self.topics)?);
         let document = metadata::document(&Contents { files: &self.done, topics: &self.topics });
         let path = self.folder.join(metadata::FILE_NAME);
-        std::fs::write(&path, document).map_err(|e| BagError::io(&path, e))?;
+        std::fs::write(&path, document).map_err(|e| FileError::new(&path, e))?;
         Ok(self.topics)
     }
 }
 
 fn make_folder(folder: &Path) -> Result<(), BagError> {
     if let Some(parent) = folder.parent() {
-        std::fs::create_dir_all(parent).map_err(|e| BagError::io(parent, e))?;
+        std::fs::create_dir_all(parent).map_err(|e| FileError::new(parent, e))?;
     }
     std::fs::create_dir(folder).map_err(|e| match e.kind() {
         std::io::ErrorKind::AlreadyExists => BagError::Exists { path: folder.to_owned() },
-        _ => BagError::io(folder, e),
+        _ => FileError::new(folder, e).into(),
     })
 }

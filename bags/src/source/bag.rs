@@ -109,7 +109,12 @@ fn read_labels(bag: &BagReader) -> Result<HashMap<u64, Vec<GroundTruth>>, Source
     for message in bag.messages(&Selection::of([GROUND_TRUTH_TOPIC])) {
         let message = message?;
         let array: Detection2DArray = cdr::from_slice(&message.data).map_err(|e| bad(&message, e))?;
-        labels.insert(array.header.stamp.as_ns(), from_detections(&array));
+        let (stamp, objects) = (array.header.stamp.as_ns(), from_detections(&array));
+        if *labels.entry(stamp).or_insert_with(|| objects.clone()) != objects {
+            let why =
+                format!("other labels have its stamp of {stamp} ns too; record each source into its own bag");
+            return Err(bad(&message, why));
+        }
     }
     Ok(labels)
 }

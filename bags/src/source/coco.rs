@@ -9,15 +9,16 @@ use std::path::{Path, PathBuf};
 use modulo_core::BBox;
 use serde::Deserialize;
 
-use super::folder::FolderSource;
-use super::{CROWD, GroundTruth, Source, SourceError, SourceFrame};
+use super::folder::{FolderSource, LabelledSource, Labels, stem};
+use super::{CROWD, GroundTruth, SourceError};
+use crate::{FileError, stays_inside};
 
 /// Images of a COCO annotation file, in its order.
+pub type CocoSource = LabelledSource<CocoLabels>;
+
+/// The objects of each image file of a COCO annotation file.
 #[derive(Debug)]
-pub struct CocoSource {
-    frames: FolderSource,
-    labels: HashMap<PathBuf, Vec<GroundTruth>>,
-}
+pub struct CocoLabels(HashMap<PathBuf, Vec<GroundTruth>>);
 
 #[derive(Deserialize)]
 struct File {
@@ -52,11 +53,16 @@ impl CocoSource {
     /// beside it, or in `../NAME` for `instances_NAME.json`.
     ///
     /// # Errors
-    /// [`SourceError`] when the file is none, or its first image is nowhere.
+    /// [`SourceError`] when the file is not a COCO annotation file, when it names an image outside of the folder of
+    /// images, or when its first image is not found.
     pub fn open(annotations: &Path, images: Option<&Path>) -> Result<Self, SourceError> {
-        let text = std::fs::read(annotations).map_err(|why| SourceError::io(annotations, why))?;
+        let text = std::fs::read(annotations).map_err(|why| FileError::new(annotations, why))?;
         let bad = |line, why: String| SourceError::Label { path: annotations.to_owned(), line, why };
         let file: File = serde_json::from_slice(&text).map_err(|why| bad(why.line(), why.to_string()))?;
+        if let Some(image) = file.images.iter().find(|image| !stays_inside(Path::new(&image.file_name))) {
+            let why = "must be a path inside the folder of images, relative and without '..'";
+            return Err(bad(1, format!("file_name '{}' of image {} {why}", image.file_name, image.id)));
+        }
         let folder = match images {
             Some(folder) => folder.to_owned(),
             None => folder_of(annotations, &file.images)?,
@@ -72,25 +78,14 @@ impl CocoSource {
             return Err(SourceError::Empty { path: annotations.to_owned() });
         }
         let truth = |image: &Image| by_image.remove(&image.id).unwrap_or_default();
-        let labels = paths.iter().cloned().zip(file.images.iter().map(truth)).collect();
+        let labels = CocoLabels(paths.iter().cloned().zip(file.images.iter().map(truth)).collect());
         Ok(Self { frames: FolderSource::of(paths, 0.0)?, labels })
     }
 }
 
-impl Source for CocoSource {
-    fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
-        let image = self.frames.upcoming()?.to_owned();
-        let frame = self.frames.next()?;
-        let ground_truth = self.labels.get(&image).cloned();
-        Some(frame.map(|frame| SourceFrame { ground_truth, ..frame }))
-    }
-
-    fn len(&self) -> Option<usize> {
-        self.frames.len()
-    }
-
-    fn rewind(&mut self) -> Result<(), SourceError> {
-        self.frames.rewind()
+impl Labels for CocoLabels {
+    fn labels(&self, image: &Path, _: (usize, usize)) -> Result<Option<Vec<GroundTruth>>, SourceError> {
+        Ok(self.0.get(image).cloned())
     }
 }
 
@@ -116,8 +111,8 @@ fn label(annotation: &Annotation, names: &HashMap<u64, &str>) -> Result<GroundTr
 fn folder_of(annotations: &Path, images: &[Image]) -> Result<PathBuf, SourceError> {
     let beside = annotations.parent().unwrap_or(Path::new(""));
     let above = beside.join("..");
-    let stem = annotations.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let split = stem.rsplit('_').next().unwrap_or_default();
+    let stem = stem(annotations);
+    let split = stem.rsplit_once('_').map_or(stem.as_str(), |(_, split)| split);
     let folders = [
         beside.to_owned(),
         beside.join("images"),
@@ -133,6 +128,7 @@ fn folder_of(annotations: &Path, images: &[Image]) -> Result<PathBuf, SourceErro
 
 #[cfg(test)]
 mod tests {
+    use super::super::Source;
     use super::*;
 
     const TEXT: &str = r#"{"images": [{"id": 7, "file_name": "b.png"}, {"id": 3, "file_name": "a.png"}],
@@ -171,6 +167,8 @@ mod tests {
             ("{}", "images"),
             (&TEXT.replace("\"id\": 2", "\"id\": 9"), "category 2"),
             (&TEXT.replace("3, 4]", "-3, 4]"), "not negative"),
+            (&TEXT.replace("a.png", "/etc/a.png"), "'/etc/a.png' of image 3"),
+            (&TEXT.replace("a.png", "x/../../val/a.png"), "without '..'"),
         ] {
             let folder = write(text);
             let path = folder.path().join("annotations/instances_val.json");

@@ -1,9 +1,10 @@
 //! [`SourceError`]: why there is no frame.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use modulo_images::ImageError;
 
+use crate::FileError;
 use crate::bag::BagError;
 
 /// Why a frame could not be had: the file, what was found, what is possible.
@@ -34,13 +35,8 @@ pub enum SourceError {
         path: PathBuf,
     },
     /// The system refused.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file or folder.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Io(#[from] FileError),
     /// An image that cannot be had.
     #[error(transparent)]
     Image(#[from] ImageError),
@@ -67,10 +63,4 @@ pub enum SourceError {
     /// A bag that cannot be read.
     #[error(transparent)]
     Bag(#[from] BagError),
-}
-
-impl SourceError {
-    pub(crate) fn io(path: &Path, source: std::io::Error) -> Self {
-        Self::Io { path: path.to_owned(), source }
-    }
 }

@@ -1,11 +1,14 @@
-//! [`FolderSource`]: the images of a folder, sorted by name; one file is a
-//! folder of one.
+//! [`FolderSource`]: the images of a folder, sorted by name with numbers by
+//! their value; one file is a folder of one. [`LabelledSource`]: the same with
+//! labels.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use modulo_images::{EXTENSIONS, White, read_image};
 
-use super::{FRAME_ID, Source, SourceError, SourceFrame};
+use super::{FRAME_ID, GroundTruth, Source, SourceError, SourceFrame};
+use crate::FileError;
 
 /// A folder of images as a source. The list is taken once, when it is opened.
 #[derive(Debug)]
@@ -29,11 +32,6 @@ impl FolderSource {
     /// A source of just these images, in this order.
     pub(crate) fn of(images: Vec<PathBuf>, white: f32) -> Result<Self, SourceError> {
         Ok(Self { images, next: 0, white: White::new(white)? })
-    }
-
-    /// The file that the next frame comes from.
-    pub(crate) fn upcoming(&self) -> Option<&Path> {
-        self.images.get(self.next).map(PathBuf::as_path)
     }
 }
 
@@ -61,9 +59,45 @@ impl Source for FolderSource {
     }
 }
 
-/// The images of a folder, by name; at least one.
+/// The labels of a set of image files.
+pub trait Labels: Send {
+    /// The objects in the file `image` of `size` (height, width) px; `None` when the file is not labelled.
+    ///
+    /// # Errors
+    /// [`SourceError`] with the file and the line of a label that cannot be read.
+    fn labels(&self, image: &Path, size: (usize, usize)) -> Result<Option<Vec<GroundTruth>>, SourceError>;
+}
+
+/// Image files with their labels as a source.
+#[derive(Debug)]
+pub struct LabelledSource<L> {
+    pub(super) frames: FolderSource,
+    pub(super) labels: L,
+}
+
+impl<L: Labels> Source for LabelledSource<L> {
+    fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
+        let image = self.frames.images.get(self.frames.next)?.clone();
+        let frame = self.frames.next()?;
+        Some(frame.and_then(|frame| {
+            let (height, width, _) = frame.radiance.dim();
+            let ground_truth = self.labels.labels(&image, (height, width))?;
+            Ok(SourceFrame { ground_truth, ..frame })
+        }))
+    }
+
+    fn len(&self) -> Option<usize> {
+        self.frames.len()
+    }
+
+    fn rewind(&mut self) -> Result<(), SourceError> {
+        self.frames.rewind()
+    }
+}
+
+/// The images of a folder, sorted by [`natural`]; at least one.
 pub(crate) fn list_images(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
-    let io = |e| SourceError::io(folder, e);
+    let io = |e| FileError::new(folder, e);
     let mut images = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(io)? {
         let path = entry.map_err(io)?.path();
@@ -71,13 +105,26 @@ pub(crate) fn list_images(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
             images.push(path);
         }
     }
-    images.sort();
+    images.sort_by_cached_key(|path| (path.file_name().map(natural), path.clone()));
     if images.is_empty() { Err(SourceError::Empty { path: folder.to_owned() }) } else { Ok(images) }
 }
 
-/// The file name without its extension.
+/// A key that sorts names with numbers by their value: `2.png` before `10.png`.
+fn natural(name: &OsStr) -> Vec<u8> {
+    let runs = name.as_encoded_bytes().chunk_by(|a, b| a.is_ascii_digit() && b.is_ascii_digit());
+    let key = |run: &[u8]| {
+        let zeros = run.iter().take_while(|&&digit| digit == b'0').count();
+        let number = &run[zeros..];
+        // Of two numbers without leading zeros the one with more digits is larger.
+        let digits = (number.len() as u64).to_be_bytes();
+        if run[0].is_ascii_digit() { [b"0", &digits[..], number].concat() } else { run.to_vec() }
+    };
+    runs.flat_map(key).collect()
+}
+
+/// The name of a file without its extension.
 pub(crate) fn stem(path: &Path) -> String {
-    path.file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    path.file_stem().expect("the path of a file ends in a name").to_string_lossy().into_owned()
 }
 
 fn one_image(path: &Path) -> Result<PathBuf, SourceError> {

@@ -11,8 +11,9 @@ use std::path::{Path, PathBuf};
 
 use modulo_core::BBox;
 
-use super::folder::{FolderSource, list_images, stem};
-use super::{GroundTruth, Source, SourceError, SourceFrame};
+use super::folder::{FolderSource, LabelledSource, Labels, list_images, stem};
+use super::{GroundTruth, SourceError};
+use crate::FileError;
 
 /// Folders of a KITTI folder: images, and labels by preference.
 const LAYOUTS: [(&str, &[&str]); 2] =
@@ -22,12 +23,12 @@ const LAYOUTS: [(&str, &[&str]); 2] =
 #[derive(Debug)]
 pub struct KittiFolder {
     images: Vec<PathBuf>,
-    labels: Labels,
+    labels: LabelFiles,
 }
 
 /// Where labels are.
 #[derive(Debug)]
-enum Labels {
+enum LabelFiles {
     /// One file a frame, the folders by preference.
     Folders(Vec<PathBuf>),
     /// One file a drive, by frame; a frame without a line holds no object.
@@ -35,11 +36,7 @@ enum Labels {
 }
 
 /// A KITTI folder as a source of labelled frames.
-#[derive(Debug)]
-pub struct KittiSource {
-    folder: KittiFolder,
-    frames: FolderSource,
-}
+pub type KittiSource = LabelledSource<KittiFolder>;
 
 impl KittiFolder {
     /// Whether `path` has KITTI's folder of images.
@@ -56,10 +53,10 @@ impl KittiFolder {
             let Some(file) = tracking_file(path) else {
                 return Err(SourceError::Missing { path: path.join(LAYOUTS[0].0) });
             };
-            return Ok(Self { images: list_images(path)?, labels: Labels::Drive(read_drive(&file)?) });
+            return Ok(Self { images: list_images(path)?, labels: LabelFiles::Drive(read_drive(&file)?) });
         };
         let images = list_images(&path.join(images))?;
-        Ok(Self { images, labels: Labels::Folders(labels.iter().map(|name| path.join(name)).collect()) })
+        Ok(Self { images, labels: LabelFiles::Folders(labels.iter().map(|name| path.join(name)).collect()) })
     }
 
     /// As [`KittiFolder::open`], with the frames called `frames` alone, in that order.
@@ -86,14 +83,14 @@ impl KittiFolder {
     ///
     /// # Errors
     /// [`SourceError`] naming file and line of a line that cannot be read.
-    pub fn labels_of(&self, image: &Path) -> Result<Option<Vec<GroundTruth>>, SourceError> {
+    pub(crate) fn labels_of(&self, image: &Path) -> Result<Option<Vec<GroundTruth>>, SourceError> {
         match &self.labels {
-            Labels::Folders(folders) => {
+            LabelFiles::Folders(folders) => {
                 let name = format!("{}.txt", stem(image));
                 let file = folders.iter().map(|folder| folder.join(&name)).find(|file| file.is_file());
                 file.map(|file| read_labels(&file)).transpose()
             }
-            Labels::Drive(frames) => {
+            LabelFiles::Drive(frames) => {
                 let number = stem(image).parse().ok();
                 Ok(number.map(|number: u64| frames.get(&number).cloned().unwrap_or_default()))
             }
@@ -116,26 +113,13 @@ impl KittiSource {
     /// [`SourceError`] for a `white` that is no radiance.
     pub fn of(folder: KittiFolder, white: f32) -> Result<Self, SourceError> {
         let frames = FolderSource::of(folder.images.clone(), white)?;
-        Ok(Self { folder, frames })
+        Ok(Self { frames, labels: folder })
     }
 }
 
-impl Source for KittiSource {
-    fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
-        let image = self.frames.upcoming()?.to_owned();
-        let frame = self.frames.next()?;
-        Some(frame.and_then(|frame| {
-            let ground_truth = self.folder.labels_of(&image)?;
-            Ok(SourceFrame { ground_truth, ..frame })
-        }))
-    }
-
-    fn len(&self) -> Option<usize> {
-        self.frames.len()
-    }
-
-    fn rewind(&mut self) -> Result<(), SourceError> {
-        self.frames.rewind()
+impl Labels for KittiFolder {
+    fn labels(&self, image: &Path, _: (usize, usize)) -> Result<Option<Vec<GroundTruth>>, SourceError> {
+        self.labels_of(image)
     }
 }
 
@@ -151,7 +135,7 @@ fn tracking_file(path: &Path) -> Option<PathBuf> {
 }
 
 fn read_drive(path: &Path) -> Result<BTreeMap<u64, Vec<GroundTruth>>, SourceError> {
-    let text = std::fs::read_to_string(path).map_err(|e| SourceError::io(path, e))?;
+    let text = std::fs::read_to_string(path).map_err(|e| FileError::new(path, e))?;
     let mut frames: BTreeMap<u64, Vec<GroundTruth>> = BTreeMap::new();
     for (line, text) in (1..).zip(text.lines()).filter(|(_, text)| !text.trim().is_empty()) {
         let bad = |why| SourceError::Label { path: path.to_owned(), line, why };
@@ -164,7 +148,7 @@ fn read_drive(path: &Path) -> Result<BTreeMap<u64, Vec<GroundTruth>>, SourceErro
 }
 
 fn read_labels(path: &Path) -> Result<Vec<GroundTruth>, SourceError> {
-    let text = std::fs::read_to_string(path).map_err(|e| SourceError::io(path, e))?;
+    let text = std::fs::read_to_string(path).map_err(|e| FileError::new(path, e))?;
     let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
     lines
         .map(|(i, line)| {

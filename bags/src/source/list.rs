@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::SourceError;
+use crate::FileError;
 
 /// The ids of the paper's test images.
 const PAPER: std::ops::RangeInclusive<u32> = 7385..=7485;
@@ -24,10 +25,11 @@ impl FrameList {
     /// # Errors
     /// [`SourceError`] when the file cannot be read or names no frame.
     pub fn read(path: &Path) -> Result<Self, SourceError> {
-        let text = std::fs::read_to_string(path).map_err(|why| SourceError::io(path, why))?;
+        let text = std::fs::read_to_string(path).map_err(|why| FileError::new(path, why))?;
         let (mut frames, mut drives) = (Vec::new(), BTreeMap::new());
         for (line, text) in (1..).zip(text.lines()) {
-            match text.split('#').next().unwrap_or_default().split_whitespace().collect::<Vec<_>>()[..] {
+            let entry = text.split_once('#').map_or(text, |(entry, _comment)| entry);
+            match entry.split_whitespace().collect::<Vec<_>>()[..] {
                 [] => {}
                 [frame] => frames.push(frame.to_owned()),
                 [frame, drive] => {

@@ -9,18 +9,19 @@ use std::path::{Path, PathBuf};
 use modulo_core::BBox;
 use serde::Deserialize;
 
-use super::folder::{FolderSource, list_images};
-use super::{GroundTruth, Source, SourceError, SourceFrame};
+use super::folder::{FolderSource, LabelledSource, Labels, list_images};
+use super::{GroundTruth, SourceError};
+use crate::FileError;
 
 /// Files that may say what the classes are called.
 const NAME_FILES: [&str; 4] = ["data.yaml", "dataset.yaml", "classes.txt", "labels/classes.txt"];
 
 /// A folder of images with YOLO's labels.
+pub type YoloSource = LabelledSource<YoloLabels>;
+
+/// The names of the classes of YOLO's labels, by number.
 #[derive(Debug)]
-pub struct YoloSource {
-    frames: FolderSource,
-    names: BTreeMap<usize, String>,
-}
+pub struct YoloLabels(BTreeMap<usize, String>);
 
 impl YoloSource {
     /// Opens `folder`: one that holds `images` and `labels`, a folder of images whose path has a part `images`, or
@@ -35,44 +36,26 @@ impl YoloSource {
         }
         let inside = folder.join("images");
         let images = list_images(if inside.is_dir() { &inside } else { folder })?;
-        Ok(Self { frames: FolderSource::of(images, 0.0)?, names: names(folder)? })
+        Ok(Self { frames: FolderSource::of(images, 0.0)?, labels: YoloLabels(names(folder)?) })
     }
+}
 
+impl Labels for YoloLabels {
     fn labels(
         &self,
         image: &Path,
         (height, width): (usize, usize),
     ) -> Result<Option<Vec<GroundTruth>>, SourceError> {
         let Some(path) = label_files(image).into_iter().find(|path| path.is_file()) else { return Ok(None) };
-        let text = std::fs::read_to_string(&path).map_err(|why| SourceError::io(&path, why))?;
+        let text = std::fs::read_to_string(&path).map_err(|why| FileError::new(&path, why))?;
         let lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
         let label = |(line, text): (usize, &str)| {
             let (class, bbox) = parse(text, width as f32, height as f32)
                 .map_err(|why| SourceError::Label { path: path.clone(), line, why })?;
-            let class = self.names.get(&class).cloned().unwrap_or_else(|| class.to_string());
+            let class = self.0.get(&class).cloned().unwrap_or_else(|| class.to_string());
             Ok(GroundTruth { bbox, class, truncated: -1.0, occluded: -1 })
         };
         lines.map(label).collect::<Result<_, _>>().map(Some)
-    }
-}
-
-impl Source for YoloSource {
-    fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
-        let image = self.frames.upcoming()?.to_owned();
-        let frame = self.frames.next()?;
-        Some(frame.and_then(|frame| {
-            let (height, width, _) = frame.radiance.dim();
-            let ground_truth = self.labels(&image, (height, width))?;
-            Ok(SourceFrame { ground_truth, ..frame })
-        }))
-    }
-
-    fn len(&self) -> Option<usize> {
-        self.frames.len()
-    }
-
-    fn rewind(&mut self) -> Result<(), SourceError> {
-        self.frames.rewind()
     }
 }
 
@@ -133,7 +116,7 @@ enum Names {
 fn names(folder: &Path) -> Result<BTreeMap<usize, String>, SourceError> {
     let files = folder.ancestors().take(3).flat_map(|folder| NAME_FILES.map(|name| folder.join(name)));
     let Some(path) = files.into_iter().find(|path| path.is_file()) else { return Ok(BTreeMap::new()) };
-    let text = std::fs::read_to_string(&path).map_err(|why| SourceError::io(&path, why))?;
+    let text = std::fs::read_to_string(&path).map_err(|why| FileError::new(&path, why))?;
     if path.extension().is_some_and(|extension| extension == "txt") {
         return Ok(text.lines().map(|line| line.trim().to_owned()).enumerate().collect());
     }

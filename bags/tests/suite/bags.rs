@@ -1,7 +1,7 @@
 //! Bags are read as they were written.
 
 use modulo_bags::bag::{
-    BagError, BagInfo, BagReader, BagTopic, BagWriter, Compression, RawMessage, Selection,
+    BagError, BagInfo, BagReader, BagTopic, BagWriter, Compression, RawMessage, Selection, copy,
 };
 use modulo_runtime::Qos;
 use proptest::prelude::*;
@@ -91,18 +91,50 @@ fn a_topic_has_one_type() {
     assert!(error.contains("/a") && error.contains("Image") && error.contains("String"), "{error}");
 }
 
+/// A foreign recorder may write one topic with two types: the first stays, the second is counted.
+#[test]
+fn a_copy_leaves_out_the_second_type_of_a_topic() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("two.mcap");
+    let mut mcap = mcap::Writer::new(std::fs::File::create(&path).expect("a file")).expect("a writer");
+    for (log_time, name) in
+        [(1, "std_msgs/msg/String"), (2, "sensor_msgs/msg/Image"), (3, "std_msgs/msg/String")]
+    {
+        let schema = mcap.add_schema(name, "ros2msg", b"").expect("a schema");
+        let channel_id = mcap.add_channel(schema, "/a", "cdr", &Default::default()).expect("a channel");
+        let header = mcap::records::MessageHeader { channel_id, sequence: 0, log_time, publish_time: 0 };
+        mcap.write_to_known_channel(&header, &[log_time as u8]).expect("written");
+    }
+    mcap.finish().expect("finished");
+    drop(mcap);
+    let out = folder.path().join("out");
+    let copied = copy(&BagReader::open(&path).expect("a bag"), &out, Compression::None).expect("copied");
+    let [left_out] = &copied.left_out[..] else { panic!("{:?}", copied.left_out) };
+    let told = left_out.to_string();
+    assert!(
+        left_out.is_loss() && told.contains("1 messages of topic '/a'") && told.contains("Image"),
+        "{told}"
+    );
+    let whole = BagReader::open(&out).expect("a bag");
+    assert!(whole.warnings().is_empty(), "{:?}", whole.warnings());
+    let read = read_all(&whole, &Selection::default());
+    assert_eq!(read.iter().map(|m| m.log_time).collect::<Vec<_>>(), [1, 3]);
+}
+
 #[test]
 fn info_prints_what_ros2_prints() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("bag");
-    let start = 1_316_995_200_000_000_000;
+    // As `date -u -d @4107542399` prints it: 2100 is no leap year.
+    let start = 4_107_542_399_000_000_000;
     write_bag(&path, Compression::None, &[(0, start, vec![]), (0, start + 1_500_000_000, vec![])]);
     let info = BagInfo::from(&BagReader::open(&path).expect("a bag")).to_string();
     for line in [
         "Files:             bag_0.mcap",
         "Storage id:        mcap",
         "Duration:          1.500000000s",
-        "Start:             2011-09-26 00:00:00.000000000 UTC (1316995200.000000000)",
+        "Start:             2100-02-28 23:59:59.000000000 UTC (4107542399.000000000)",
+        "End:               2100-03-01 00:00:00.500000000 UTC (4107542400.500000000)",
         "Messages:          2",
         "Topic information: Topic: /topic_0 | Type: std_msgs/msg/String | Count: 2 | Serialization Format: cdr",
     ] {

@@ -78,6 +78,7 @@ fn a_power_cut_leaves_what_was_flushed() {
     let id = bag.topic(&topic(0)).expect("new");
     for i in 0..25 {
         bag.write(id, i * 100_000_000, i, &[1, 2, 3]).expect("written");
+        bag.settle(i * 100_000_000).expect("flushed");
     }
     // The process dies here: nothing of it runs any more.
     std::mem::forget(bag);

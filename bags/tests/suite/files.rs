@@ -107,6 +107,24 @@ fn files_without_metadata_are_one_bag() {
     }
 }
 
+#[test]
+fn metadata_names_no_file_outside_of_its_bag() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let [path, secret] = ["bag", "secret"].map(|name| folder.path().join(name));
+    write_bag(&path, WriteOptions::default(), &lines(3, 5));
+    write_bag(&secret, WriteOptions::default(), &lines(4, 5));
+    let metadata = path.join("metadata.yaml");
+    let ours = std::fs::read_to_string(&metadata).expect("readable");
+    let absolute = secret.join("secret_0.mcap").display().to_string();
+    for outside in ["../secret/secret_0.mcap", &absolute, "x/../../secret/secret_0.mcap"] {
+        std::fs::write(&metadata, ours.replace("bag_0.mcap", outside)).expect("written");
+        let error = BagReader::open(&path).expect_err(outside).to_string();
+        assert!(error.contains(outside) && error.contains("inside the folder"), "{error}");
+    }
+    std::fs::write(&metadata, ours.replace("bag_0.mcap", "./bag_0.mcap")).expect("written");
+    assert_eq!(BagReader::open(&path).expect("inside").message_count(), 3);
+}
+
 /// Times of several files may overlap: log time counts, not the file.
 #[test]
 fn overlapping_files_are_read_in_time() {

@@ -43,6 +43,17 @@ fn codes_return_as_fractions_of_the_peak() {
 }
 
 #[test]
+fn numbers_in_names_are_in_order_of_their_value() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let names = ["1", "2", "9", "10", "a2", "a010", "a10", "b1_9", "b1_10", "b2"];
+    for name in names {
+        save_png(&folder.path().join(format!("{name}.png")), &frame(1)).expect("saved");
+    }
+    let found = frames(folder.path(), 0.0);
+    assert_eq!(found.iter().map(|f| f.name.as_str()).collect::<Vec<_>>(), names);
+}
+
+#[test]
 fn linear_values_are_scaled_by_white_and_alpha_is_dropped() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("sky.exr");

@@ -1,8 +1,10 @@
 //! ROS 1 bags, made here record by record.
 
 use std::path::Path;
+use std::time::Duration;
 
 use modulo_bags::bag::{BagReader, BagWarning, Compression, RawMessage, Selection, copy};
+use modulo_bags::play::{PlayError, PlayOptions, Player};
 use modulo_bags::source::{SourceOptions, open};
 use modulo_msgs::cdr;
 use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image};
@@ -203,6 +205,53 @@ fn it_is_converted_and_read_as_a_source() {
         }
         assert!(source.next().is_none());
     }
+}
+
+/// Two records of a chunk's index are swapped, as damage may leave them.
+#[test]
+fn a_chunk_that_ends_before_it_starts_is_read() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("swapped.bag");
+    let mut bytes = bag(&[("/image", IMAGE)], &[(1..4).map(|i| (0, i * S, image(i * S, i as u8))).collect()]);
+    let place = |name: &[u8]| bytes.windows(name.len()).position(|w| w == name).expect("there") + name.len();
+    let (start, end) = (place(b"start_time="), place(b"end_time="));
+    bytes[start..start + 8].copy_from_slice(&time(3 * S));
+    bytes[end..end + 8].copy_from_slice(&time(S));
+    std::fs::write(&path, &bytes).expect("written");
+    let read = || BagReader::open(&path).expect("a bag");
+    assert_eq!((read().span(), read_all(&read(), &Selection::default()).len()), (Some((S, 3 * S)), 3));
+    let late = PlayOptions { start_offset: Duration::from_secs(9), ..PlayOptions::default() };
+    let refused = Player::new(read(), &late).err().expect("beyond the end");
+    let duration = Duration::from_secs(2);
+    assert_eq!(refused, PlayError::StartOffset { offset: late.start_offset, duration });
+    let mut player = Player::new(read(), &PlayOptions::default()).expect("possible");
+    let due = std::iter::from_fn(|| player.next_due()).map(|due| due.expect("readable").position);
+    assert_eq!(due.collect::<Vec<_>>(), [0, S, 2 * S]);
+}
+
+#[test]
+fn a_message_that_cannot_be_converted_is_left_out_and_counted() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let cut = |at: u64| image(at, 2)[..20].to_vec();
+    let chunks = [
+        vec![(0, S, image(S, 1)), (0, 2 * S, cut(2 * S)), (0, 5 * S, image(5 * S, 5))],
+        vec![(0, 3 * S, cut(3 * S)), (0, 4 * S, image(4 * S, 4))],
+    ];
+    let old = write(folder.path(), &[("/image", IMAGE)], &chunks);
+    let order: Vec<_> = old.messages(&Selection::default()).map(|m| m.map(|m| m.log_time / S).ok()).collect();
+    assert_eq!(order, [Some(1), None, None, Some(4), Some(5)]);
+    let out = folder.path().join("new");
+    let copied = copy(&old, &out, Compression::None).expect("copied");
+    let [left_out] = &copied.left_out[..] else { panic!("{:?}", copied.left_out) };
+    assert!(left_out.is_loss() && copied.broke.is_none());
+    let told = left_out.to_string();
+    assert!(told.contains("2 messages of topic '/image'") && told.contains("20 bytes is cut"), "{told}");
+    let new = BagReader::open(&out).expect("a bag");
+    assert!(new.warnings().is_empty(), "{:?}", new.warnings());
+    assert_eq!(new.message_count(), 3);
+    let mut player = Player::new(old, &PlayOptions::default()).expect("possible");
+    assert_eq!(std::iter::from_fn(|| player.next_due()).filter(Result::is_ok).count(), 3);
+    assert_eq!(player.left_out(), 2);
 }
 
 #[test]

@@ -19,12 +19,13 @@ pub fn topic(i: usize) -> BagTopic {
     BagTopic::new(&format!("/topic_{i}"), "std_msgs/msg/String", Qos::Results)
 }
 
-/// Writes `lines` as they come; sent 7 ns before they were recorded.
+/// Writes `lines` as a recorder does, in their order; sent 7 ns before they were recorded.
 pub fn write_bag(folder: &Path, options: impl Into<WriteOptions>, lines: &[Line]) {
     let mut bag = BagWriter::create(folder, options).expect("a new folder");
     for (i, log_time, data) in lines {
         let id = bag.topic(&topic(*i)).expect("one type");
         bag.write(id, *log_time, log_time.saturating_sub(7), data).expect("written");
+        bag.settle(*log_time).expect("flushed");
     }
     bag.finish().expect("finished");
 }

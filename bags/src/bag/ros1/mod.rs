@@ -17,6 +17,7 @@ use self::message::Convert;
 use super::merge::{Merge, Part};
 use super::storage::{Cursor, Storage};
 use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount};
+use crate::FileError;
 
 /// The header is padded to this size.
 const HEADER: u64 = 8192;
@@ -48,7 +49,7 @@ struct Converted {
 impl Ros1File {
     /// Takes the bag's index, which must be there.
     pub(super) fn open(path: &Path) -> Result<Self, BagError> {
-        let io = |e| BagError::io(path, e);
+        let io = |e| FileError::new(path, e);
         let broken = |why| BagError::Ros1 { path: path.to_owned(), why };
         let file = std::fs::File::open(path).map_err(io)?;
         let size = file.metadata().map_err(io)?.len();
@@ -89,7 +90,9 @@ fn read_index(bag: &RosBag) -> rosbag::Result<Index<'_>> {
                 index.connections.insert(connection.id, (connection, 0));
             }
             IndexRecord::ChunkInfo(info) => {
-                let span = (info.start_time, info.end_time);
+                // A damaged index may have them the wrong way round.
+                let (start, end) = (info.start_time, info.end_time);
+                let span = (start.min(end), start.max(end));
                 index.chunks.push(ChunkPlace { offset: info.chunk_pos, span });
                 for entry in info.entries() {
                     *counts.entry(entry.conn_id).or_default() += u64::from(entry.count);
@@ -164,7 +167,7 @@ impl Storage for Ros1File {
                 open: Box::new(move || {
                     let messages = file.read_chunk(chunk, &wanted, from);
                     let messages = messages.map_err(|why| BagError::Ros1 { path: file.path.clone(), why })?;
-                    Ok(Some(Box::new(ChunkMessages(messages.into()))))
+                    Ok(Some(Box::new(ChunkMessages(messages))))
                 }),
             }
         };
@@ -173,13 +176,13 @@ impl Storage for Ros1File {
 }
 
 impl Ros1File {
-    /// The wanted messages of one chunk.
+    /// The wanted messages of one chunk, by log time.
     fn read_chunk(
         &self,
         chunk: ChunkPlace,
         wanted: &HashMap<u32, Converted>,
         from: u64,
-    ) -> Result<Vec<RawMessage>, String> {
+    ) -> Result<VecDeque<Result<RawMessage, BagError>>, String> {
         let at = |why: String| format!("chunk at byte {}: {why}", chunk.offset);
         let mut records = self.bag.chunk_records();
         records.seek(chunk.offset).map_err(|e| at(e.to_string()))?;
@@ -192,19 +195,25 @@ impl Ros1File {
             let Some(converted) = wanted.get(&record.conn_id).filter(|_| record.time >= from) else {
                 continue;
             };
-            let data = (converted.convert)(record.data).map_err(at)?;
-            let (topic, time) = (Arc::clone(&converted.topic), record.time);
-            messages.push(RawMessage { topic, log_time: time, publish_time: time, data });
+            let (topic, log_time) = (&converted.topic, record.time);
+            let message = match (converted.convert)(record.data) {
+                Ok(data) => Ok(RawMessage { topic: topic.clone(), log_time, publish_time: log_time, data }),
+                Err(why) => {
+                    let (path, topic) = (self.path.clone(), topic.name.clone());
+                    Err(BagError::BadMessage { path, topic, log_time, why })
+                }
+            };
+            messages.push((log_time, message));
         }
-        messages.sort_by_key(|message| message.log_time);
-        Ok(messages)
+        messages.sort_by_key(|(log_time, _)| *log_time);
+        Ok(messages.into_iter().map(|(_, message)| message).collect())
     }
 }
 
-struct ChunkMessages(VecDeque<RawMessage>);
+struct ChunkMessages(VecDeque<Result<RawMessage, BagError>>);
 
 impl Cursor for ChunkMessages {
     fn next(&mut self) -> Result<Option<RawMessage>, BagError> {
-        Ok(self.0.pop_front())
+        self.0.pop_front().transpose()
     }
 }
