@@ -17,6 +17,8 @@ mod spud;
 mod tree;
 mod wrapped;
 
+use std::str::FromStr;
+
 use ndarray::{Array3, ArrayView3};
 
 pub use crate::range::{Range, RangeError};
@@ -34,9 +36,56 @@ use crate::frame::{Frame, FrameError};
 use crate::plane::{check_shape, place_of};
 use crate::workers::WorkersError;
 
-/// The names that [`by_name`] knows.
-pub const METHODS: &[&str] =
-    &["auto", "spud", "least_squares", "itoh", "lines", "tree", "gradient_tree", "quality_guided"];
+/// One line a method: its type, its name, and how it is made.
+macro_rules! methods {
+    ($($method:ident $name:literal $make:expr,)*) => {
+        /// An unwrapping method.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Method {
+            $(#[doc = concat!("[`", stringify!($method), "`]")] $method,)*
+        }
+
+        /// The names of all methods.
+        pub const METHODS: &[&str] = &[$($name),*];
+
+        impl Method {
+            /// Every method with its name.
+            pub const ALL: [(&'static str, Self); METHODS.len()] = [$(($name, Self::$method)),*];
+
+            /// The method with these options.
+            ///
+            /// # Errors
+            /// [`UnwrapError::Tau`] for a negative or NaN threshold, [`UnwrapError::Workers`] for threads that cannot
+            /// be had.
+            pub fn build(self, options: &Options) -> Result<Box<dyn Unwrap>, UnwrapError> {
+                let make: fn(&Options) -> Result<Box<dyn Unwrap>, UnwrapError> = match self {
+                    $(Self::$method => $make,)*
+                };
+                make(options)
+            }
+        }
+    };
+}
+
+methods! {
+    Auto "auto" |options| Ok(Box::new(Auto::new(options)?)),
+    Spud "spud" |options| Ok(Box::new(Spud::with_threads(options.tau, options.threshold_on, options.threads)?)),
+    LeastSquares "least_squares" |options| Ok(Box::new(LeastSquares::new(options.threads)?)),
+    Itoh "itoh" |_| Ok(Box::new(Itoh::default())),
+    Lines "lines" |_| Ok(Box::new(Lines::default())),
+    Tree "tree" |_| Ok(Box::new(Tree::default())),
+    GradientTree "gradient_tree" |options| Ok(Box::new(GradientTree::new(options.threads)?)),
+    QualityGuided "quality_guided" |_| Ok(Box::new(QualityGuided::default())),
+}
+
+impl FromStr for Method {
+    type Err = UnwrapError;
+
+    fn from_str(name: &str) -> Result<Self, UnwrapError> {
+        let found = Self::ALL.iter().find(|(known, _)| *known == name);
+        found.map(|(_, method)| *method).ok_or_else(|| UnwrapError::Method { name: name.to_owned() })
+    }
+}
 
 /// A way to find the wrap counts of a modulo image.
 pub trait Unwrap: Send {
@@ -158,17 +207,7 @@ pub enum UnwrapError {
 /// # Errors
 /// [`UnwrapError::Method`] lists the names; [`UnwrapError::Tau`] for a negative or NaN threshold.
 pub fn by_name(name: &str, options: &Options) -> Result<Box<dyn Unwrap>, UnwrapError> {
-    match name {
-        "auto" => Ok(Box::new(Auto::new(options)?)),
-        "spud" => Ok(Box::new(Spud::with_threads(options.tau, options.threshold_on, options.threads)?)),
-        "least_squares" => Ok(Box::new(LeastSquares::new(options.threads)?)),
-        "itoh" => Ok(Box::new(Itoh::default())),
-        "lines" => Ok(Box::new(Lines::default())),
-        "tree" => Ok(Box::new(Tree::default())),
-        "gradient_tree" => Ok(Box::new(GradientTree::new(options.threads)?)),
-        "quality_guided" => Ok(Box::new(QualityGuided::default())),
-        _ => Err(UnwrapError::Method { name: name.to_owned() }),
-    }
+    name.parse::<Method>()?.build(options)
 }
 
 impl Recovered {
