@@ -8,7 +8,9 @@ pub mod study;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use modulo_detector::EngineChoice;
 
 /// See in extreme light: a modulo camera, its unwrapping and a detector as a
 /// ROS-style node suite.
@@ -182,20 +184,20 @@ pub struct ModelFetch {
 pub struct ModelCheck {
     /// ONNX file
     pub file: PathBuf,
-    /// Inference engine
-    #[arg(long, value_enum, default_value_t = ModelEngine::Auto)]
-    pub engine: ModelEngine,
+    /// Inference engine: ONNX Runtime (ort), rten, or auto for ONNX Runtime where its library is found, and rten elsewhere
+    #[arg(long, default_value = "auto", value_parser = words(EngineChoice::WORDS))]
+    pub engine: EngineChoice,
 }
 
-/// Inference engine of `modulo model check`.
-#[derive(Clone, Copy, ValueEnum)]
-pub enum ModelEngine {
-    /// ONNX Runtime where its library is found, else rten
-    Auto,
-    /// ONNX Runtime
-    Ort,
-    /// rten, built in
-    Rten,
+/// Reads one of the words of `table` as the value beside it.
+fn words<T, const N: usize>(table: [(&'static str, T); N]) -> impl TypedValueParser<Value = T>
+where
+    T: Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(table.each_ref().map(|(word, _)| *word)).map(move |given| {
+        let found = table.iter().find(|(word, _)| *word == given);
+        found.map(|(_, meant)| meant.clone()).expect("clap takes only the words of the table")
+    })
 }
 
 /// Reads the command line. A link named after a node runs that node.

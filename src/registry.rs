@@ -2,11 +2,11 @@
 //! all of them.
 
 use anyhow::Context;
-use modulo_camera::ModuloCamera;
-use modulo_detector::Detector;
-use modulo_runtime::driver::declare_common;
-use modulo_runtime::{Descriptor, Node, Parameters};
-use modulo_unwrap::UnwrapNode;
+use modulo_camera::{CameraParameters, ModuloCamera};
+use modulo_detector::{Detector, DetectorParameters};
+use modulo_runtime::driver::CommonParameters;
+use modulo_runtime::{Descriptor, Node, ParameterSet as _, Parameters};
+use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 
 /// One kind of node.
 pub struct Kind {
@@ -23,20 +23,20 @@ pub const KINDS: [Kind; 3] = [
     Kind {
         name: "modulo_camera",
         about: "a simulated modulo sensor over any source of frames",
-        declare: modulo_camera::declare,
-        make: |parameters| Ok(Box::new(ModuloCamera::new(parameters)?)),
+        declare: CameraParameters::descriptors,
+        make: |parameters| Ok(Box::new(ModuloCamera::new(&parameters.into())?)),
     },
     Kind {
         name: "unwrap",
         about: "modulo image in, recovered image out",
-        declare: modulo_unwrap::declare,
-        make: |parameters| Ok(Box::new(UnwrapNode::new(parameters)?)),
+        declare: UnwrapParameters::descriptors,
+        make: |parameters| Ok(Box::new(UnwrapNode::new(&parameters.into())?)),
     },
     Kind {
         name: "detector",
         about: "image in, bounding boxes out (YOLOv10, end to end)",
-        declare: modulo_detector::declare,
-        make: |parameters| Ok(Box::new(Detector::new(parameters)?)),
+        declare: DetectorParameters::descriptors,
+        make: |parameters| Ok(Box::new(Detector::new(&parameters.into())?)),
     },
 ];
 
@@ -51,9 +51,7 @@ pub fn kind(name: &str) -> anyhow::Result<&'static Kind> {
 impl Kind {
     /// Its parameters with their defaults.
     pub fn parameters(&self) -> Parameters {
-        let mut declared = (self.declare)();
-        declared.extend(declare_common());
-        Parameters::declare(declared)
+        Parameters::declare([(self.declare)(), CommonParameters::descriptors()].concat())
     }
 
     /// A node with these parameters.

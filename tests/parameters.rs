@@ -8,16 +8,16 @@ use std::path::Path;
 use std::process::Command;
 
 use harness::{Background, Bench, text};
-use modulo_runtime::Descriptor;
-use modulo_runtime::driver::declare_common;
+use modulo_runtime::driver::CommonParameters;
+use modulo_runtime::{Descriptor, ParameterSet as _};
 
 /// Every node with its parameters.
 fn nodes() -> [(&'static str, Vec<Descriptor>); 4] {
     [
-        ("modulo_camera", modulo_camera::declare()),
-        ("unwrap", modulo_unwrap::declare()),
-        ("detector", modulo_detector::declare()),
-        ("every node", declare_common()),
+        ("modulo_camera", modulo_camera::CameraParameters::descriptors()),
+        ("unwrap", modulo_unwrap::UnwrapParameters::descriptors()),
+        ("detector", modulo_detector::DetectorParameters::descriptors()),
+        ("every node", CommonParameters::descriptors()),
     ]
 }
 
@@ -62,7 +62,7 @@ fn help_says_what_the_nodes_declare() {
     for (node, declared) in &nodes()[..3] {
         let help = bench.run(&["run", node, "--help"]);
         let said = text(&help);
-        for descriptor in declared.iter().chain(&declare_common()) {
+        for descriptor in declared.iter().chain(&CommonParameters::descriptors()) {
             assert!(said.contains(&format!("  {} (", descriptor.name)), "{node}: {}", descriptor.name);
             assert!(said.contains(descriptor.description), "{node}: {}", descriptor.name);
         }
@@ -164,6 +164,7 @@ fn wrong_ros_arguments_end_with_exit_code_2_and_one_line() {
         (&["--frobnicate"][..], "--frobnicate"),
         (&["-p", "alpha=2"], "alpha=2"),
         (&["-p", "alpha:=wide"], "wide: is not a double"),
+        (&["-p", "alpha:=-1"], "'alpha' = -1: must be a finite number in 0.001 to 256"),
         (&["-p", "alhpa:=2"], "unknown parameter"),
         (&["--log-level", "loud"], "is no log level"),
         (&["--params-file", "/no/such.yaml"], "/no/such.yaml"),

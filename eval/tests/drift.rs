@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::time::SystemTime;
 
-use modulo_bags::source::Source;
+use modulo_detector::{DetectorParameters, EngineChoice};
 use modulo_eval::classes::Groups;
 use modulo_eval::data::Data;
-use modulo_eval::grid::{Axes, GridError, Nodes, Pairs, Request, Shard, Suite, run};
+use modulo_eval::grid::{Axes, GridError, Nodes, Request, Shard, Suite, run};
 use modulo_eval::results::{Cell, Protocol, Stream};
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::{Context, Cue, Flow, Message, Node, Parameters, Refusal, StepError, SystemClock, Topic};
@@ -17,16 +17,8 @@ struct Drifting;
 struct Detector(Box<dyn Node>);
 
 impl Nodes for Drifting {
-    fn camera(&self, source: Box<dyn Source>, parameters: &Pairs) -> Result<Box<dyn Node>, GridError> {
-        Suite.camera(source, parameters)
-    }
-
-    fn unwrap(&self, parameters: &Pairs) -> Result<Box<dyn Node>, GridError> {
-        Suite.unwrap(parameters)
-    }
-
-    fn detector(&self, parameters: &Pairs) -> Result<Box<dyn Node>, GridError> {
-        Ok(Box::new(Detector(Suite.detector(parameters)?)))
+    fn detector(&self, with: &DetectorParameters) -> Result<Box<dyn Node>, GridError> {
+        Ok(Box::new(Detector(Suite.detector(with)?)))
     }
 }
 
@@ -69,7 +61,7 @@ fn request(out: &Path) -> Request {
         class_map: None,
         groups: Groups::default(),
         difficulty: None,
-        engine: "rten".to_owned(),
+        engine: EngineChoice::Rten,
         threads: 1,
         jobs: 1,
         seed: 0,

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use modulo_detector::EngineChoice;
 use modulo_eval::data::Data;
 use modulo_eval::grid::{Axes, Event, GridError, Request, Shard, Suite, run, show};
 use modulo_eval::report;
@@ -23,7 +24,7 @@ fn request(data: Data, streams: &[Stream], out: &Path) -> Request {
         class_map: None,
         groups: Default::default(),
         difficulty: None,
-        engine: "rten".to_owned(),
+        engine: EngineChoice::Rten,
         threads: 1,
         jobs: 2,
         seed: 0,

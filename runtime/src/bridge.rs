@@ -10,13 +10,9 @@ use std::collections::BTreeMap;
 use modulo_msgs::{dds_name, rihs};
 
 use crate::name::Place;
-use crate::parameter::{Allowed, Descriptor, Parameters, Refusal, Value};
+use crate::parameter::Refusal;
 use crate::topic::Qos;
 use crate::transport::keys::{self, Endpoint};
-
-const OUTWARD: &str = "zenoh_to_dds";
-const INWARD: &str = "dds_to_zenoh";
-const NODES: &str = "parameters_of";
 
 /// Which way a topic goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,17 +47,16 @@ pub struct Plan {
     pub nodes: Vec<String>,
 }
 
-/// The bridge's parameters.
-pub fn declare() -> Vec<Descriptor> {
-    let list = |name, text| Descriptor::new(name, Value::Strings(Vec::new()), Allowed::Any, text).fixed();
-    vec![
-        list(
-            OUTWARD,
-            "topics of the suite for the DDS graph, as topic:type, /recovered:sensor_msgs/msg/Image",
-        ),
-        list(INWARD, "topics of the DDS graph for the suite, as topic:type"),
-        list(NODES, "nodes of the suite whose parameters the DDS graph can read and set, such as /detector"),
-    ]
+crate::parameters! {
+    /// The bridge's parameters.
+    pub struct BridgeParameters {
+        /// Topics of the suite that the DDS graph gets, each as topic:type, such as /recovered:sensor_msgs/msg/Image.
+        zenoh_to_dds: Vec<String> = Vec::new(); fixed,
+        /// Topics of the DDS graph that the suite gets, each as topic:type.
+        dds_to_zenoh: Vec<String> = Vec::new(); fixed,
+        /// Nodes of the suite whose parameters the DDS graph can read and set, such as /detector.
+        parameters_of: Vec<String> = Vec::new(); fixed,
+    }
 }
 
 impl Plan {
@@ -70,11 +65,14 @@ impl Plan {
     /// # Errors
     /// [`Refusal`] of an entry that is no `topic:type`, has a type that the
     /// suite does not know, or would go both ways.
-    pub fn new(parameters: &Parameters, place: &Place) -> Result<Self, Refusal> {
+    pub fn new(parameters: &BridgeParameters, place: &Place) -> Result<Self, Refusal> {
         let mut routes = Vec::new();
         let mut known: BTreeMap<String, &str> = BTreeMap::new();
-        for (list, direction) in [(OUTWARD, Direction::ZenohToDds), (INWARD, Direction::DdsToZenoh)] {
-            for entry in parameters.strings(list) {
+        for (list, entries, direction) in [
+            ("zenoh_to_dds", &parameters.zenoh_to_dds, Direction::ZenohToDds),
+            ("dds_to_zenoh", &parameters.dds_to_zenoh, Direction::DdsToZenoh),
+        ] {
+            for entry in entries {
                 let route = route(list, entry, direction, place)?;
                 if let Some(other) = known.insert(route.topic.clone(), list) {
                     let why = if other == list {
@@ -87,10 +85,10 @@ impl Plan {
                 routes.push(route);
             }
         }
-        let nodes = parameters
-            .strings(NODES)
-            .iter()
-            .map(|node| place.resolve(node).map_err(|why| Refusal::new(NODES, node, why.to_string())));
+        let resolve = |node: &String| {
+            place.resolve(node).map_err(|why| Refusal::new("parameters_of", node, why.to_string()))
+        };
+        let nodes = parameters.parameters_of.iter().map(resolve);
         Ok(Self { routes, nodes: nodes.collect::<Result<_, _>>()? })
     }
 }
@@ -144,10 +142,12 @@ mod tests {
     const IMAGE: &str = "sensor_msgs/msg/Image";
 
     fn plan(outward: &[&str], inward: &[&str], nodes: &[&str]) -> Result<Plan, String> {
-        let list = |items: &[&str]| Value::Strings(items.iter().map(|item| (*item).to_owned()).collect());
-        let set = [(OUTWARD, outward), (INWARD, inward), (NODES, nodes)];
-        let changes: Vec<_> = set.iter().map(|(name, items)| ((*name).to_owned(), list(items))).collect();
-        let parameters = Parameters::declare(declare()).with(&changes, false).expect("lists");
+        let list = |items: &[&str]| items.iter().map(|item| (*item).to_owned()).collect();
+        let parameters = BridgeParameters {
+            zenoh_to_dds: list(outward),
+            dds_to_zenoh: list(inward),
+            parameters_of: list(nodes),
+        };
         let place = Place::new("ros2_bridge", "/car", &[("old".into(), "/new".into())]).expect("valid");
         Plan::new(&parameters, &place).map_err(|refusal| refusal.to_string())
     }

@@ -9,24 +9,17 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use crate::clock::Clock;
+use crate::driver::CommonParameters;
 use crate::inbox::{Inbox, Keep, Taken};
 use crate::message::{Message, MessageKind};
 use crate::name::Place;
-use crate::parameter::{Allowed, Descriptor, Parameters, Value};
+use crate::parameter::Parameters;
 use crate::topic::Topic;
 use crate::transport::{Address, Inlet, Parcel, Transport, TransportError};
 
-const PARAMETER: &str = "use_sim_time";
-
-/// The parameter that every node has for it.
-pub fn declare() -> Descriptor {
-    let about = "stamps are of the time on /clock (0 before its first message) instead of the machine's";
-    Descriptor::new(PARAMETER, Value::Bool(false), Allowed::Any, about)
-}
-
 /// Whether `parameters` ask for the time on `/clock`.
 pub fn is_simulated(parameters: &Parameters) -> bool {
-    parameters.get(PARAMETER) == Some(&Value::Bool(true))
+    CommonParameters::from(parameters).use_sim_time
 }
 
 /// The clock of one node.
@@ -112,6 +105,7 @@ mod tests {
 
     use super::*;
     use crate::clock::ManualClock;
+    use crate::parameter::{ParameterSet as _, Value};
     use crate::transport::local::LocalTransport;
 
     #[test]
@@ -125,8 +119,8 @@ mod tests {
             simulator.put(&Message::Clock(clock)).expect("local");
         };
         let asked = |on| {
-            let set = Parameters::declare(vec![declare()]);
-            set.with(&[(PARAMETER.into(), Value::Bool(on))], true).expect("live")
+            let set = Parameters::declare(CommonParameters::descriptors());
+            set.with(&[("use_sim_time".into(), Value::Bool(on))], true).expect("live")
         };
         let machine = ManualClock::at(77);
         let mut time = NodeTime::new(&machine);

@@ -261,14 +261,14 @@ mod tests {
 
     #[test]
     fn reads_what_ros2_launch_writes() {
-        let line = "own --ros-args -r __node:=eye -r __ns:=/car -p alpha:=2.5 -p other:alpha:=9 -r modulo:=/raw \
+        let line = "own --ros-args -r __node:=eye -r __ns:=/car -p angle:=2.5 -p other:angle:=9 -r modulo:=/raw \
                     --log-level info --enclave /e --disable-rosout-logs -- more";
         let (args, own) = parse(line).expect("a valid line");
         assert_eq!(own, ["own", "more"]);
         let place = args.place("modulo_camera").expect("valid names");
         assert_eq!(place.fully_qualified(), "/car/eye");
         assert_eq!(place.resolve("modulo").as_deref(), Ok("/raw"));
-        assert_eq!(args.parameters_for(&place), Ok(vec![("alpha".into(), "2.5".into())]));
+        assert_eq!(args.parameters_for(&place), Ok(vec![("angle".into(), "2.5".into())]));
         assert_eq!(args.log_levels, [LogLevel { logger: None, level: "info" }]);
     }
 
@@ -298,10 +298,10 @@ mod tests {
     fn refuses_what_it_does_not_know() {
         for (line, named) in [
             ("--ros-args --frobnicate", "--frobnicate' is unknown; -r, -p"),
-            ("--ros-args -p alpha=2", "alpha=2"),
+            ("--ros-args -p angle=2", "angle=2"),
             ("--ros-args -r", "-r' needs a value"),
             ("--ros-args --log-level loud", "loud' is no log level"),
-            ("--ros-args alpha:=2", "alpha:=2' is unknown"),
+            ("--ros-args angle:=2", "angle:=2' is unknown"),
         ] {
             let message = parse(line).expect_err("must be refused").to_string();
             assert!(message.contains(named), "{message}");
@@ -311,9 +311,9 @@ mod tests {
     #[test]
     fn later_settings_come_later() {
         let file = std::env::temp_dir().join(format!("modulo-ros-args-{}.yaml", std::process::id()));
-        std::fs::write(&file, "/**:\n  ros__parameters: {alpha: 2}\n").expect("temp dir is writable");
+        std::fs::write(&file, "/**:\n  ros__parameters: {angle: 2}\n").expect("temp dir is writable");
         let line =
-            format!("--ros-args -p alpha:=1 --params-file {} -p alpha:=3 -p n:alpha:=4", file.display());
+            format!("--ros-args -p angle:=1 --params-file {} -p angle:=3 -p n:angle:=4", file.display());
         let found = parse(&line).map(|(args, _)| args.parameters_for(&args.place("n").expect("valid")));
         std::fs::remove_file(&file).expect("was written");
         let values: Vec<_> = found.expect("valid").expect("readable").into_iter().map(|(_, v)| v).collect();

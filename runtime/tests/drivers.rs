@@ -6,14 +6,14 @@ use std::time::Duration;
 use modulo_core::Frame;
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::driver::live::{self, Subject};
-use modulo_runtime::driver::{composed, lockstep::Lockstep};
+use modulo_runtime::driver::{CommonParameters, composed, lockstep::Lockstep};
 use modulo_runtime::transport::Transport;
 use modulo_runtime::transport::keys::Hashes;
 use modulo_runtime::transport::local::LocalTransport;
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::{
-    Clock, Context, Cue, Flow, ManualClock, Message, MessageKind, Node, NodeReport, Parameters, Place,
-    Refusal, StampedFrame, StepError, Stop, SystemClock, Topic,
+    Clock, Context, Cue, Flow, ManualClock, Message, MessageKind, Node, NodeReport, ParameterSet, Parameters,
+    Place, Refusal, StampedFrame, StepError, Stop, SystemClock, Topic,
 };
 use ndarray::Array3;
 
@@ -86,8 +86,8 @@ fn place(name: &str) -> Place {
 
 /// Common parameters with `wait_for` set.
 fn waiting_for(nodes: &str) -> Parameters {
-    Parameters::declare(modulo_runtime::driver::declare_common())
-        .with_text(&[("wait_for".into(), nodes.into()), ("wait_timeout".into(), "20".into())])
+    Parameters::declare(CommonParameters::descriptors())
+        .with_text(&[("wait_for", nodes), ("wait_timeout", "20")])
         .expect("valid")
 }
 
@@ -155,8 +155,7 @@ fn lockstep_gives_the_same_messages_every_time() {
 
 #[test]
 fn a_node_that_waits_in_vain_says_for_whom() {
-    let parameters =
-        waiting_for("[nobody]").with_text(&[("wait_timeout".into(), "0.05".into())]).expect("valid");
+    let parameters = waiting_for("[nobody]").with_text(&[("wait_timeout", "0.05")]).expect("valid");
     let transport = LocalTransport::default();
     let node = Box::new(Counter { next: 0, count: 1 });
     let subject = Subject { node, parameters, place: place("counter"), saved: None };

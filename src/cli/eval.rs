@@ -3,9 +3,11 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand, ValueEnum};
+use modulo_detector::EngineChoice;
 use modulo_eval::grid::Shard;
+use modulo_eval::results::{Difficulty, Protocol, Stream};
 
-use super::ModelEngine;
+use super::words;
 
 /// `modulo eval`
 #[derive(Args)]
@@ -88,10 +90,12 @@ pub struct Grid {
     #[arg(long, value_name = "FOLDER", requires = "coco")]
     pub coco_images: Option<PathBuf>,
     /// The way of a frame to the detector: the suite's nodes, or what the paper's scripts did
-    #[arg(long, value_enum, default_value_t = Protocol::Suite)]
+    #[arg(long, default_value = "suite", value_parser = words([("suite", Protocol::Suite), ("paper", Protocol::Paper)]))]
     pub protocol: Protocol,
-    /// What the detector sees; the first four without any
-    #[arg(long, value_delimiter = ',', value_enum)]
+    /// What the detector sees: all of the scene's range (ideal), clipped at the peak (saturated), wrapped at the peak
+    /// (modulo), unwrapped (recovered), or three captures merged, of a moving scene (multi_exposure) or of one in which
+    /// nothing moves (multi_exposure_still) [default: the first four]
+    #[arg(long, value_delimiter = ',', value_parser = words(STREAMS))]
     pub stream: Vec<Stream>,
     /// Unwrapping methods [default: auto,spud]
     #[arg(long, value_delimiter = ',')]
@@ -115,8 +119,8 @@ pub struct Grid {
     #[arg(long, value_delimiter = ',')]
     pub input: Vec<String>,
     /// Inference engine
-    #[arg(long, value_enum, default_value_t = ModelEngine::Auto)]
-    pub engine: ModelEngine,
+    #[arg(long, default_value = "auto", value_parser = words(EngineChoice::WORDS))]
+    pub engine: EngineChoice,
     /// Threads of one inference
     #[arg(long, default_value_t = 1)]
     pub threads: usize,
@@ -126,8 +130,9 @@ pub struct Grid {
     /// Seed of noise and bootstrap
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
-    /// Objects that count [default: moderate for KITTI's labels, all for YOLO's and COCO's]
-    #[arg(long, value_enum)]
+    /// Objects that count: from 40 px and fully visible (easy), from 25 px and partly occluded (moderate), from 25 px and
+    /// largely occluded (hard), or every label (all) [default: moderate for KITTI's labels, all for YOLO's and COCO's]
+    #[arg(long, value_parser = words(DIFFICULTIES))]
     pub difficulty: Option<Difficulty>,
     /// File of lines `model's class: labels' class` instead of COCO to KITTI
     #[arg(long, value_name = "FILE")]
@@ -140,33 +145,21 @@ pub struct Grid {
     pub shard: Shard,
 }
 
-/// The way of a frame to the detector.
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Protocol {
-    /// The suite's nodes
-    Suite,
-    /// What the paper's scripts did
-    Paper,
-}
+const STREAMS: [(&str, Stream); 6] = [
+    ("ideal", Stream::Ideal),
+    ("saturated", Stream::Saturated),
+    ("modulo", Stream::Modulo),
+    ("recovered", Stream::Recovered),
+    ("multi_exposure", Stream::MultiExposure),
+    ("multi_exposure_still", Stream::MultiExposureStill),
+];
 
-/// What the detector sees.
-#[derive(Clone, Copy, ValueEnum)]
-pub enum Stream {
-    /// All of the scene's range
-    Ideal,
-    /// Clipped at the peak
-    Saturated,
-    /// Wrapped at the peak
-    Modulo,
-    /// Unwrapped
-    Recovered,
-    /// Three captures of a moving scene, merged
-    #[value(name = "multi_exposure")]
-    MultiExposure,
-    /// Three captures between which nothing moves, merged
-    #[value(name = "multi_exposure_still")]
-    MultiExposureStill,
-}
+const DIFFICULTIES: [(&str, Difficulty); 4] = [
+    ("easy", Difficulty::Easy),
+    ("moderate", Difficulty::Moderate),
+    ("hard", Difficulty::Hard),
+    ("all", Difficulty::All),
+];
 
 /// Whether the lens is undone.
 #[derive(Clone, Copy, ValueEnum)]
@@ -177,17 +170,4 @@ pub enum Deblur {
     On,
     /// Never
     Off,
-}
-
-/// Objects that count.
-#[derive(Clone, Copy, ValueEnum)]
-pub enum Difficulty {
-    /// 40 px, fully visible
-    Easy,
-    /// 25 px, partly occluded
-    Moderate,
-    /// 25 px, largely occluded
-    Hard,
-    /// Every label
-    All,
 }

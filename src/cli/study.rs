@@ -2,7 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, Subcommand};
+use modulo_runtime::sensor_parameters::Lens;
+
+use super::words;
 
 /// `modulo simulate`
 #[derive(Args)]
@@ -69,8 +72,8 @@ pub struct Sensor {
     /// Sigma of the lens blur in px; 0: a perfect lens
     #[arg(long, default_value_t = 1.4)]
     pub psf_sigma: f64,
-    /// Blur of the lens
-    #[arg(long, value_enum, default_value_t = Lens::Gaussian)]
+    /// Blur of the lens: a Gaussian of --psf-sigma, or the paper's fixed 7 taps (about 1.4 px)
+    #[arg(long, default_value = "gaussian", value_parser = words(Lens::WORDS))]
     pub psf: Lens,
     /// Bits of the sensor's converter
     #[arg(long, default_value_t = 8)]
@@ -81,13 +84,4 @@ pub struct Sensor {
     /// Seed of the noise
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
-}
-
-/// What the lens does.
-#[derive(Clone, Copy, ValueEnum)]
-pub enum Lens {
-    /// A Gaussian of --psf-sigma
-    Gaussian,
-    /// The paper's fixed 7 taps, about 1.4 px
-    Paper7,
 }

@@ -9,11 +9,11 @@ use modulo_eval::classes::{ClassMap, Groups};
 use modulo_eval::data::Data;
 use modulo_eval::grid::{Axes, Event, GridError, Request, Suite, merge as merge_shards, run, show};
 use modulo_eval::report as page;
-use modulo_eval::results::{Cell, Difficulty, Protocol, Results, Stream};
+use modulo_eval::results::{Cell, Results};
 use modulo_runtime::SystemClock;
 
 use super::{report, usage};
-use crate::cli::{ModelEngine, eval};
+use crate::cli::eval;
 use crate::{Ended, Failure};
 
 /// Works on the cells that are not done yet.
@@ -60,21 +60,11 @@ fn request(args: &eval::Grid, source: &[String], out: &Path) -> Result<Request, 
     Ok(Request {
         data: data(args, source)?,
         axes: axes(args),
-        protocol: protocol(args),
+        protocol: args.protocol,
         class_map: args.class_map.as_deref().map(ClassMap::read).transpose().map_err(failure)?,
         groups: args.groups.as_deref().map_or(Ok(Groups::default()), Groups::read).map_err(failure)?,
-        difficulty: args.difficulty.map(|difficulty| match difficulty {
-            eval::Difficulty::Easy => Difficulty::Easy,
-            eval::Difficulty::Moderate => Difficulty::Moderate,
-            eval::Difficulty::Hard => Difficulty::Hard,
-            eval::Difficulty::All => Difficulty::All,
-        }),
-        engine: match args.engine {
-            ModelEngine::Auto => "auto",
-            ModelEngine::Ort => "ort",
-            ModelEngine::Rten => "rten",
-        }
-        .to_owned(),
+        difficulty: args.difficulty,
+        engine: args.engine,
         threads: args.threads.max(1),
         jobs: if args.jobs == 0 { cores } else { args.jobs },
         seed: args.seed,
@@ -103,31 +93,16 @@ fn data(args: &eval::Grid, source: &[String]) -> Result<Data, Failure> {
     }
 }
 
-fn protocol(args: &eval::Grid) -> Protocol {
-    match args.protocol {
-        eval::Protocol::Suite => Protocol::Suite,
-        eval::Protocol::Paper => Protocol::Paper,
-    }
-}
-
 /// What is given, and for the rest what the protocol does by default.
 fn axes(args: &eval::Grid) -> Axes {
-    let default = Axes::for_protocol(protocol(args));
-    let streams = args.stream.iter().map(|stream| match stream {
-        eval::Stream::Ideal => Stream::Ideal,
-        eval::Stream::Saturated => Stream::Saturated,
-        eval::Stream::Modulo => Stream::Modulo,
-        eval::Stream::Recovered => Stream::Recovered,
-        eval::Stream::MultiExposure => Stream::MultiExposure,
-        eval::Stream::MultiExposureStill => Stream::MultiExposureStill,
-    });
+    let default = Axes::for_protocol(args.protocol);
     let deblur = match args.deblur {
         eval::Deblur::Both => default.deblur,
         eval::Deblur::On => vec![true],
         eval::Deblur::Off => vec![false],
     };
     Axes {
-        streams: given(streams.collect(), default.streams),
+        streams: given(args.stream.clone(), default.streams),
         methods: given(args.method.clone(), default.methods),
         deblur,
         alphas: args.alpha.clone(),
@@ -144,7 +119,10 @@ fn given<T>(list: Vec<T>, default: Vec<T>) -> Vec<T> {
 
 fn failure(why: GridError) -> Failure {
     match why {
-        GridError::Empty { .. } | GridError::Value { .. } | GridError::Table { .. } => usage(why),
+        GridError::Empty { .. }
+        | GridError::Value { .. }
+        | GridError::Table { .. }
+        | GridError::Parameter(_) => usage(why),
         why => why.into(),
     }
 }

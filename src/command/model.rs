@@ -5,12 +5,12 @@ use std::path::Path;
 
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
-use modulo_detector::{EngineChoice, ModelInfo, describe, measure};
+use modulo_detector::{ModelInfo, describe, measure};
 use modulo_models::{Fetched, LICENCE, Request, fetch, official};
 use modulo_runtime::SystemClock;
 
 use super::{start_log, usage};
-use crate::cli::{Model, ModelCheck, ModelEngine, ModelFetch};
+use crate::cli::{Model, ModelCheck, ModelFetch};
 use crate::{Ended, Failure};
 
 /// (height, width) at which speed is measured: the scenes' and KITTI's, padded.
@@ -57,14 +57,9 @@ fn bar() -> anyhow::Result<ProgressBar> {
 }
 
 fn check(args: &ModelCheck) -> Result<Ended, Failure> {
-    let engine = match args.engine {
-        ModelEngine::Auto => EngineChoice::Auto,
-        ModelEngine::Ort => EngineChoice::OnnxRuntime,
-        ModelEngine::Rten => EngineChoice::Rten,
-    };
-    let info = describe(&args.file, engine, 0)?;
+    let info = describe(&args.file, args.engine, 0)?;
     print_info(&args.file, &info);
-    for speed in measure(&args.file, engine, 0, &SIZES, RUNS, &SystemClock::default())? {
+    for speed in measure(&args.file, args.engine, 0, &SIZES, RUNS, &SystemClock::default())? {
         let ms = speed.median_ns as f64 / 1e6;
         say!("speed    {ms:.1} ms at {}x{}, median of {RUNS} runs", speed.width, speed.height);
     }

@@ -4,10 +4,9 @@ use std::path::Path;
 
 use anyhow::anyhow;
 use indicatif::{ProgressBar, ProgressStyle};
-use modulo_core::Psf;
 use modulo_study::{Event, bench, frontier, simulate, stability};
 
-use crate::cli::study::{Bench, BenchUnwrap, Lens, Sensor, Simulate};
+use crate::cli::study::{Bench, BenchUnwrap, Simulate};
 use crate::{Ended, Failure};
 
 /// Sends pictures through the sensor and the methods.
@@ -17,7 +16,7 @@ pub fn simulate(args: &Simulate) -> Result<Ended, Failure> {
         out: args.out.clone(),
         alphas: args.alpha.clone(),
         methods: args.method.clone(),
-        psf: psf(&args.sensor),
+        psf: args.sensor.psf.of_sigma(args.sensor.psf_sigma),
         bits: args.sensor.bits,
         read_noise: args.sensor.read_noise,
         seed: args.sensor.seed,
@@ -77,7 +76,7 @@ fn bench_unwrap(args: &BenchUnwrap) -> Result<Ended, Failure> {
         out: args.out.clone(),
         methods: if args.method.is_empty() { all.methods } else { args.method.clone() },
         alphas: args.alpha.clone(),
-        psf: psf(&args.sensor),
+        psf: args.sensor.psf.of_sigma(args.sensor.psf_sigma),
         threads: args.threads.clone(),
         repeats: args.repeats,
         bits: args.sensor.bits,
@@ -124,13 +123,6 @@ pub fn stability(out: &Path) -> Result<Ended, Failure> {
     say!("{held} expectations held, {broken} broke");
     say!("{}", out.join("index.html").display());
     if broken > 0 { Err(anyhow!("{broken} expectations broke").into()) } else { Ok(Ended::Done) }
-}
-
-fn psf(sensor: &Sensor) -> Psf {
-    match sensor.psf {
-        Lens::Paper7 => Psf::Paper7,
-        Lens::Gaussian => Psf::of_sigma(sensor.psf_sigma),
-    }
 }
 
 /// A bar on a terminal, nothing elsewhere; what went wrong goes to standard error in any case.

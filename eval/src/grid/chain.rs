@@ -3,12 +3,14 @@
 use std::sync::Arc;
 
 use modulo_bags::source::{Source, SourceError, SourceFrame};
-use modulo_core::{Psf, Sensor, SensorConfig};
+use modulo_camera::CameraParameters;
+use modulo_core::Sensor;
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_runtime::driver::lockstep::{Lockstep, OnTopic};
-use modulo_runtime::{Clock, Message, Place, StampedFrame};
+use modulo_runtime::{Clock, Message, Place, SensorModel, StampedFrame};
+use modulo_unwrap::UnwrapParameters;
 
-use super::nodes::{Nodes, Pairs};
+use super::nodes::Nodes;
 use super::recovery::Recovery;
 use super::{BITS, GridError};
 use crate::results::{Point, Stream};
@@ -32,7 +34,7 @@ pub struct Chain<'a> {
     nodes: &'a dyn Nodes,
     timer: &'a dyn Clock,
     stream: Stream,
-    camera: Pairs,
+    camera: CameraParameters,
     unwrap: Option<Lockstep<'a>>,
     /// The truth's own sensors: the cell's, and the same without a lens.
     sensors: [Sensor; 2],
@@ -50,28 +52,21 @@ impl<'a> Chain<'a> {
         point: &Point,
         seed: u64,
     ) -> Result<Self, GridError> {
-        let config = |psf_sigma| SensorConfig {
-            bits: BITS,
-            alpha: point.alpha,
-            psf: Psf::of_sigma(psf_sigma),
+        let lens = |psf_sigma| CameraParameters {
             read_noise: point.noise,
-            shot_noise: 0.0,
+            sensor: SensorModel { bits: BITS, alpha: point.alpha, psf_sigma, ..SensorModel::default() },
+            ..CameraParameters::default()
         };
-        let range: Pairs = vec![("bits", BITS.to_string()), ("alpha", point.alpha.to_string())];
-        let lens = [("psf_sigma", point.psf_sigma.to_string())];
-        let mut camera = [range.clone(), lens.to_vec()].concat();
-        camera.push(("read_noise", point.noise.to_string()));
+        let camera = lens(point.psf_sigma);
         let unwrap = point.method.as_ref().map(|method| {
-            let mut pairs = [range, vec![("method", method.clone())]].concat();
-            if point.deblur {
-                pairs.extend(lens);
-            }
+            let (method, sensor) = (method.parse()?, camera.sensor.clone());
+            let with = UnwrapParameters { method, deblur: point.deblur, sensor, ..Default::default() };
             let topics = ["/recovered", "/hdr", "/diagnostics"].map(str::to_owned).to_vec();
             let mut chain = Lockstep::new(timer, topics);
-            chain.add(nodes.unwrap(&pairs)?, &place("unwrap"))?;
+            chain.add(nodes.unwrap(&with)?, &place("unwrap"))?;
             Ok::<_, GridError>(chain)
         });
-        let sensors = [Sensor::new(config(point.psf_sigma))?, Sensor::new(config(0.0))?];
+        let sensors = [camera.sensor()?, lens(0.0).sensor()?];
         Ok(Self { nodes, timer, stream: point.stream, camera, unwrap: unwrap.transpose()?, sensors, seed })
     }
 
@@ -80,7 +75,7 @@ impl<'a> Chain<'a> {
     /// # Errors
     /// [`GridError`] when a step cannot go on.
     pub fn pass(&mut self, number: usize, frame: SourceFrame) -> Result<Passed, GridError> {
-        let seed = self.seed.wrapping_add(number as u64) & i64::MAX as u64;
+        let seed = (self.seed.wrapping_add(number as u64) & i64::MAX as u64) as i64;
         let radiance = self.unwrap.is_some().then(|| frame.radiance.clone());
         let sensed = match self.stream {
             Stream::Ideal => "/ideal",
@@ -89,9 +84,9 @@ impl<'a> Chain<'a> {
             // Another way altogether.
             Stream::MultiExposure | Stream::MultiExposureStill => return Ok(Passed::default()),
         };
-        let pairs = [self.camera.clone(), vec![("seed", seed.to_string())]].concat();
+        let with = CameraParameters { seed, ..self.camera.clone() };
         let mut camera = Lockstep::new(self.timer, vec![sensed.to_owned()]);
-        camera.add(self.nodes.camera(Box::new(One(Some(frame))), &pairs)?, &place("camera"))?;
+        camera.add(self.nodes.camera(Box::new(One(Some(frame))), &with)?, &place("camera"))?;
         let out = camera.tick(0, now(number))?.unwrap_or_default();
         let mut passed =
             Passed { image: image(&out, sensed), stages: camera.stages().to_vec(), recovery: None };
@@ -102,6 +97,7 @@ impl<'a> Chain<'a> {
             passed.image = image(&out, "/recovered");
             if let (Some(shown), Some(counts)) = (&passed.image, image(&out, "/hdr")) {
                 let [blurred, sharp] = &self.sensors;
+                let seed = seed.unsigned_abs();
                 let [exposure, sharp] =
                     [blurred.expose(radiance.view(), seed)?, sharp.expose(radiance.view(), seed)?];
                 passed.recovery = Recovery::new(&counts.frame, &shown.frame, said(&out), &exposure, &sharp);

@@ -8,6 +8,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use modulo_core::{Detection, Frame};
+use modulo_detector::{DetectorParameters, EngineChoice};
 use modulo_runtime::driver::lockstep::Lockstep;
 use modulo_runtime::{Clock, Message, StampedFrame};
 
@@ -36,8 +37,8 @@ pub struct Memory(Mutex<HashMap<(usize, u64), Answer>>);
 pub struct Lens<'a> {
     /// ONNX file, or `demo`.
     pub model: &'a Path,
-    /// `auto`, `ort` or `rten`.
-    pub engine: &'a str,
+    /// The inference engine.
+    pub engine: EngineChoice,
     /// `auto` or `WIDTHxHEIGHT`.
     pub input: &'a str,
     /// Of one inference.
@@ -57,14 +58,15 @@ impl<'a> Eye<'a> {
     /// # Errors
     /// [`GridError`] when there is no such one.
     pub fn open(nodes: &dyn Nodes, timer: &'a dyn Clock, lens: &Lens<'_>) -> Result<Self, GridError> {
-        let node = nodes.detector(&vec![
-            ("model", lens.model.display().to_string()),
-            ("engine", lens.engine.to_owned()),
-            ("input", "/image".to_owned()),
-            ("input_size", lens.input.to_owned()),
-            ("threads", lens.threads.to_string()),
-            ("score_threshold", LEAST_SCORE.to_string()),
-        ])?;
+        let node = nodes.detector(&DetectorParameters {
+            model: lens.model.display().to_string(),
+            engine: lens.engine,
+            input: "/image".to_owned(),
+            input_size: lens.input.to_owned(),
+            threads: lens.threads,
+            score_threshold: LEAST_SCORE,
+            ..DetectorParameters::default()
+        })?;
         let fact = |(name, value)| (name == "engine").then_some(value);
         let engine = node.facts().into_iter().find_map(fact).unwrap_or_default();
         let mut chain = Lockstep::new(timer, vec!["/detector/detections".to_owned()]);

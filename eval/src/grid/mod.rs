@@ -24,11 +24,13 @@ mod show;
 
 use std::path::PathBuf;
 
+use modulo_detector::EngineChoice;
+
 pub use axes::Axes;
 pub use error::GridError;
 pub use exposures::CAPTURES;
 pub use merge::merge;
-pub use nodes::{Nodes, Pairs, Suite};
+pub use nodes::{Nodes, Suite};
 pub use run::run;
 pub use show::show;
 
@@ -56,8 +58,8 @@ pub struct Request {
     pub groups: Groups,
     /// Objects that count; `None`: as the data asks for.
     pub difficulty: Option<Difficulty>,
-    /// `auto`, `ort` or `rten`.
-    pub engine: String,
+    /// The inference engine.
+    pub engine: EngineChoice,
     /// Threads of one inference, 1 or more.
     pub threads: usize,
     /// Frames worked on side by side, 1 or more.

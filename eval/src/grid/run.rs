@@ -142,7 +142,7 @@ impl<'a> Workshop<'a> {
         let model = self.request.axes.models.iter().find(|path| Axes::model_name(path) == point.model);
         let model = model.ok_or(GridError::Empty { what: "the list of models" })?;
         let Request { engine, threads, jobs, .. } = self.request;
-        let lens = Lens { model, engine, input: &point.input, threads: *threads };
+        let lens = Lens { model, engine: *engine, input: &point.input, threads: *threads };
         self.eyes.clear();
         for _ in 0..*jobs {
             self.eyes.push(Eye::open(self.nodes, self.timer, &lens)?);

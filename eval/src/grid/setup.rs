@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use modulo_detector::{EngineChoice, describe};
+use modulo_detector::describe;
 use sha2::{Digest, Sha256};
 
 use super::frames::Frames;
@@ -34,7 +34,7 @@ pub fn setup(request: &Request, map: &ClassMap, points: &[Point]) -> Result<Setu
         bits: BITS,
         seed: request.seed,
         difficulty: request.difficulty.unwrap_or_else(|| request.data.difficulty()),
-        engine: request.engine.clone(),
+        engine: request.engine.to_string(),
         class_map: map.table.clone(),
         groups: request.groups.table().clone(),
         models: request.axes.models.iter().map(model).collect::<Result<_, GridError>>()?,
@@ -80,10 +80,10 @@ pub type Twins = BTreeMap<String, BTreeSet<String>>;
 pub fn twins(request: &Request, map: &ClassMap, frames: &mut Frames) -> Result<Twins, GridError> {
     let labels: BTreeSet<String> =
         of_labels(frames.truths.iter().flatten()).into_iter().map(str::to_owned).collect();
-    let engine = EngineChoice::from_word(&request.engine).unwrap_or(EngineChoice::Auto);
     let mut twins = Twins::new();
     for model in &request.axes.models {
-        let (name, own) = (Axes::model_name(model), describe(model, engine, request.threads)?.classes);
+        let (name, own) =
+            (Axes::model_name(model), describe(model, request.engine, request.threads)?.classes);
         let found: BTreeSet<String> =
             own.iter().filter_map(|class| map.twin(class)).map(str::to_owned).collect();
         // A model without names may mean anything.

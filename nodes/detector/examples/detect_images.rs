@@ -7,9 +7,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use modulo_core::Frame;
-use modulo_detector::{Detector, declare};
+use modulo_detector::{Detector, DetectorParameters};
 use modulo_msgs::std_msgs::Header;
-use modulo_runtime::{Context, Cue, Message, Node, Parameters, StampedFrame, SystemClock, Yield};
+use modulo_runtime::{Context, Cue, Message, Node, ParameterSet as _, StampedFrame, SystemClock, Yield};
 use ndarray::Array3;
 use serde_json::{Value, json};
 
@@ -18,8 +18,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [model, engine, folder] = &arguments[..] else {
         return Err("detect_images MODEL ENGINE FOLDER".into());
     };
-    let set = [("model".to_owned(), model.clone()), ("engine".to_owned(), engine.clone())];
-    let mut detector = Detector::new(&Parameters::declare(declare()).with_text(&set)?)?;
+    let mut detector =
+        Detector::new(&DetectorParameters::from_text(&[("model", model), ("engine", engine)])?)?;
     let mut boxes = BTreeMap::new();
     let mut spent = BTreeMap::<_, Vec<u64>>::new();
     for entry in std::fs::read_dir(folder)? {

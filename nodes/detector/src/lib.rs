@@ -24,7 +24,7 @@ pub use engine::{EngineChoice, EngineError, onnxruntime_library, onnxruntime_pla
 pub use error::DetectorError;
 pub use model::{DEMO, ModelInfo, Speed, describe, embedded, measure};
 pub use node::Detector;
-pub use parameter::declare;
+pub use parameter::DetectorParameters;
 
 /// The class map that the suite ships: COCO's names to KITTI's.
 pub const COCO_TO_KITTI: &str = include_str!("../class_maps/coco_to_kitti.yaml");

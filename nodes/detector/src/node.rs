@@ -1,5 +1,6 @@
 //! [`Detector`]: the node's step.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use modulo_core::Detection;
@@ -15,7 +16,7 @@ use crate::engine::{self, Engine, EngineError};
 use crate::error::DetectorError;
 use crate::input_size::InputSize;
 use crate::model::cores;
-use crate::parameter::{Settings, Startup};
+use crate::parameter::{DetectorParameters, Settings};
 use crate::post::detections;
 use crate::pre::Preprocessor;
 
@@ -24,7 +25,7 @@ const ANNOTATED: usize = 1;
 
 /// Finds objects in the images of one stream.
 pub struct Detector {
-    startup: Startup,
+    parameters: DetectorParameters,
     settings: Settings,
     engine: Box<dyn Engine>,
     note: String,
@@ -38,14 +39,14 @@ impl Detector {
     /// # Errors
     /// [`DetectorError::Parameter`] for a parameter that is not possible (with
     /// this model), [`DetectorError::Engine`] for a model that does not run.
-    pub fn new(parameters: &Parameters) -> Result<Self, DetectorError> {
-        let startup = Startup::read(parameters)?;
+    pub fn new(parameters: &DetectorParameters) -> Result<Self, DetectorError> {
+        let threads = cores(parameters.threads);
         let engine::Opened { mut engine, note } =
-            engine::open(&startup.model, startup.engine, cores(startup.threads))?;
-        let settings = Settings::read(parameters, engine.layout())?;
+            engine::open(parameters.model()?, parameters.engine, threads)?;
+        let settings = Settings::new(parameters, engine.layout())?;
         warm_up(engine.as_mut(), settings.input_size)?;
-        tracing::info!("model {} runs on {} ({note})", startup.model.display(), engine.name());
-        Ok(Self { startup, settings, engine, note, pre: Preprocessor::default() })
+        tracing::info!("model {} runs on {} ({note})", parameters.model, engine.name());
+        Ok(Self { parameters: parameters.clone(), settings, engine, note, pre: Preprocessor::default() })
     }
 
     fn detect(&mut self, image: &StampedFrame, cx: &mut Context<'_>) -> Result<(), String> {
@@ -103,12 +104,12 @@ impl Node for Detector {
     }
 
     fn configure(&mut self, parameters: &Parameters) -> Result<(), Refusal> {
-        let startup = Startup::read(parameters)?;
-        if startup != self.startup {
-            let asked = format!("{} on {:?}", startup.model.display(), startup.engine);
+        let parameters = DetectorParameters::from(parameters);
+        if !parameters.same_engine(&self.parameters) {
+            let asked = format!("{} on {}", parameters.model, parameters.engine);
             return Err(Refusal::new("model, engine, threads", asked, "read-only: set them at the start"));
         }
-        let settings = Settings::read(parameters, self.engine.layout())?;
+        let settings = Settings::new(&parameters, self.engine.layout())?;
         if settings.input_size != self.settings.input_size {
             warm_up(self.engine.as_mut(), settings.input_size)
                 .map_err(|error| Refusal::new("input_size", settings.input_size, error.to_string()))?;
@@ -126,14 +127,15 @@ impl Node for Detector {
     }
 
     fn facts(&self) -> Vec<(&'static str, String)> {
-        let file = self.startup.model.file_name().map(|name| name.to_string_lossy().into_owned());
+        let file =
+            Path::new(&self.parameters.model).file_name().map(|name| name.to_string_lossy().into_owned());
         vec![
             ("engine", self.engine.name().to_owned()),
             ("engine_from", self.note.clone()),
             ("stream", self.settings.input.clone()),
             ("model", file.unwrap_or_default()),
             ("input_size", self.shown_size()),
-            ("threads", cores(self.startup.threads).to_string()),
+            ("threads", cores(self.parameters.threads).to_string()),
         ]
     }
 }

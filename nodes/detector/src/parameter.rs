@@ -1,9 +1,8 @@
-//! The parameters, and what they mean once they are read.
+//! The parameters of the `detector` node, and what they mean for a model.
 
-use std::path::PathBuf;
+use std::path::Path;
 
-use modulo_runtime::parameter::Allowed;
-use modulo_runtime::{Descriptor, Parameters, Refusal, Value};
+use modulo_runtime::{ParameterSet as _, Place, Refusal};
 
 use crate::classes::Classes;
 use crate::engine::EngineChoice;
@@ -13,102 +12,48 @@ use crate::model::{DEMO, Layout};
 /// The streams that have a short name.
 const STREAMS: [&str; 4] = ["modulo", "recovered", "saturated", "ideal"];
 
-/// The detector's parameters.
-pub fn declare() -> Vec<Descriptor> {
-    let text = |text: &str| Value::String(text.to_owned());
-    vec![
-        Descriptor::new(
-            "model",
-            text(DEMO),
-            Allowed::Any,
-            "Path of the ONNX model, or demo: the embedded demonstration, not for roads.",
-        )
-        .fixed(),
-        Descriptor::new(
-            "engine",
-            text("auto"),
-            Allowed::Words(EngineChoice::WORDS),
-            "auto = ONNX Runtime (ort) where its library is found, else rten.",
-        )
-        .fixed(),
-        Descriptor::new(
-            "input",
-            text("recovered"),
-            Allowed::Any,
-            "Stream to look at (the paper's p): modulo, recovered, saturated, ideal, or a topic from '/'.",
-        ),
-        Descriptor::new(
-            "score_threshold",
-            Value::Double(0.25),
-            Allowed::Doubles { from: 0.0, to: 1.0 },
-            "Detections below this score are not published.",
-        ),
-        Descriptor::new(
-            "max_det",
-            Value::Integer(300),
-            Allowed::Integers { from: 1, to: 1000 },
-            "At most so many detections a frame, the best ones.",
-        ),
-        Descriptor::new(
-            "input_size",
-            text("auto"),
-            Allowed::Any,
-            "Model input in px: auto (pad to multiples of 32, no resize) or WIDTHxHEIGHT (centred, never enlarged).",
-        ),
-        Descriptor::new(
-            "classes",
-            Value::Strings(Vec::new()),
-            Allowed::Any,
-            "Class names to publish, as called after class_map; empty = all.",
-        ),
-        Descriptor::new(
-            "class_map",
-            text(""),
-            Allowed::Any,
-            "Path of a file of lines 'from: to' that renames classes and drops all others; empty = none.",
-        ),
-        Descriptor::new(
-            "threads",
-            Value::Integer(0),
-            Allowed::Integers { from: 0, to: 64 },
-            "Threads of one inference; 0 = all cores.",
-        )
-        .fixed(),
-        Descriptor::new(
-            "bits",
-            Value::Integer(0),
-            Allowed::Integers { from: 0, to: 16 },
-            "Bits of the sensor behind the image; 0 = the whole range of the encoding, 8 or 16.",
-        ),
-    ]
+modulo_runtime::parameters! {
+    /// The parameters of the `detector` node.
+    pub struct DetectorParameters {
+        /// Path of the ONNX model, or demo for the embedded demonstration model, which is not made for roads.
+        model: String = DEMO.to_owned(); fixed,
+        /// Inference engine. auto takes ONNX Runtime (ort) where its library is found, and rten elsewhere.
+        engine: EngineChoice = EngineChoice::Auto => EngineChoice::WORDS; fixed,
+        /// Stream that the detector reads (the paper's p): modulo, recovered, saturated, ideal, or an absolute topic
+        /// such as /camera/image_raw.
+        input: String = "recovered".to_owned(),
+        /// Detections with a lower score are not published.
+        score_threshold: f64 = 0.25 => 0.0..=1.0,
+        /// Largest number of detections of a frame. Those with the best scores are kept.
+        max_det: usize = 300 => 1..=1000,
+        /// Size of the model's input in px: auto (padded to multiples of 32, never resized) or WIDTHxHEIGHT (centred,
+        /// never enlarged).
+        input_size: String = "auto".to_owned(),
+        /// Names of the classes to publish, as they are called after class_map. Empty: all classes.
+        classes: Vec<String> = Vec::new(),
+        /// Path of a file with lines 'from: to' that renames classes and drops all others. Empty: no renaming.
+        class_map: String = String::new(),
+        /// Number of threads of one inference. 0: as many as the machine has cores.
+        threads: usize = 0 => 0..=64; fixed,
+        /// Bits of the sensor that made the image. 0: the whole range of the encoding, 8 or 16 bits.
+        bits: u8 = 0 => 0..=16,
+    }
 }
 
-/// What is fixed at the start.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Startup {
-    /// The model's file.
-    pub model: PathBuf,
-    /// The engine asked for.
-    pub engine: EngineChoice,
-    /// Threads asked for, 0 = all cores.
-    pub threads: usize,
-}
-
-impl Startup {
-    /// # Errors
-    /// [`Refusal`] when no model is named.
-    pub fn read(parameters: &Parameters) -> Result<Self, Refusal> {
-        let model = parameters.string("model");
-        if model.is_empty() {
+impl DetectorParameters {
+    /// The path of the model.
+    pub(crate) fn model(&self) -> Result<&Path, Refusal> {
+        self.check()?;
+        if self.model.is_empty() {
             let why = "must be demo, or the path of an ONNX detector, such as model:=/data/yolov10n.onnx";
             return Err(Refusal::new("model", "''", why));
         }
-        let engine = parameters.string("engine");
-        let engine = EngineChoice::from_word(engine).ok_or_else(|| {
-            Refusal::new("engine", engine, format!("must be one of {}", EngineChoice::WORDS.join(", ")))
-        })?;
-        let threads = usize::try_from(parameters.integer("threads")).unwrap_or(0);
-        Ok(Self { model: PathBuf::from(model), engine, threads })
+        Ok(Path::new(&self.model))
+    }
+
+    /// Whether `other` needs the same loaded model.
+    pub(crate) fn same_engine(&self, other: &Self) -> bool {
+        (&self.model, self.engine, self.threads) == (&other.model, other.engine, other.threads)
     }
 }
 
@@ -130,30 +75,27 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Reads the parameters for a model of this `layout`.
+    /// What the parameters mean for a model of this `layout`.
     ///
     /// # Errors
     /// [`Refusal`] of the first one that is not possible.
-    pub fn read(parameters: &Parameters, layout: &Layout) -> Result<Self, Refusal> {
-        let size = parameters.string("input_size");
+    pub fn new(parameters: &DetectorParameters, layout: &Layout) -> Result<Self, Refusal> {
+        parameters.check()?;
+        let size = &parameters.input_size;
         Ok(Self {
-            input: input(parameters.string("input"))?,
-            score_threshold: parameters.double("score_threshold") as f32,
-            max_det: usize::try_from(parameters.integer("max_det")).unwrap_or(1),
+            input: input(&parameters.input)?,
+            score_threshold: parameters.score_threshold as f32,
+            max_det: parameters.max_det,
             input_size: InputSize::parse(size, layout.size)
                 .map_err(|why| Refusal::new("input_size", size, why))?,
-            classes: Classes::new(
-                &layout.names,
-                parameters.string("class_map"),
-                parameters.strings("classes"),
-            )?,
-            bits: u8::try_from(parameters.integer("bits")).unwrap_or(0),
+            classes: Classes::new(&layout.names, &parameters.class_map, &parameters.classes)?,
+            bits: parameters.bits,
         })
     }
 }
 
 fn input(name: &str) -> Result<String, Refusal> {
-    if STREAMS.contains(&name) || is_topic(name) {
+    if STREAMS.contains(&name) || (name.starts_with('/') && Place::default().resolve(name).is_ok()) {
         return Ok(name.to_owned());
     }
     let why =
@@ -161,25 +103,9 @@ fn input(name: &str) -> Result<String, Refusal> {
     Err(Refusal::new("input", name, why))
 }
 
-/// Whether `name` is an absolute ROS 2 topic name.
-fn is_topic(name: &str) -> bool {
-    let token = |token: &str| {
-        token.starts_with(|first: char| first.is_ascii_alphabetic() || first == '_')
-            && token.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '_')
-    };
-    name.strip_prefix('/').is_some_and(|tokens| tokens.split('/').all(token))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn every_default_is_allowed() {
-        for descriptor in declare() {
-            assert_eq!(descriptor.accept(descriptor.default.clone()), Ok(descriptor.default.clone()));
-        }
-    }
 
     #[test]
     fn an_input_is_a_stream_or_a_topic() {

@@ -39,20 +39,18 @@ fn detection(row: ArrayView1<'_, f32>, letterbox: &Letterbox, settings: &Setting
 mod tests {
     use std::path::Path;
 
-    use modulo_runtime::Parameters;
+    use modulo_runtime::ParameterSet as _;
     use proptest::prelude::*;
 
     use super::*;
     use crate::model::{Layout, Names};
-    use crate::parameter::declare;
+    use crate::parameter::DetectorParameters;
 
     fn settings(changes: &[(&str, &str)]) -> Settings {
         let names = Names::of(Path::new("none"), Some("{0: 'person', 1: 'bicycle', 2: 'car'}"));
         let layout = Layout { input: "images".into(), output: "output0".into(), size: None, names };
-        let changes: Vec<_> =
-            changes.iter().map(|(name, value)| (name.to_string(), value.to_string())).collect();
-        let parameters = Parameters::declare(declare()).with_text(&changes).expect("possible");
-        Settings::read(&parameters, &layout).expect("readable")
+        let parameters = DetectorParameters::from_text(changes).expect("possible");
+        Settings::new(&parameters, &layout).expect("readable")
     }
 
     fn found(rows: &[[f32; 6]], changes: &[(&str, &str)]) -> Vec<Detection> {

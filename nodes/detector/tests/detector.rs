@@ -4,11 +4,12 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use modulo_core::Frame;
-use modulo_detector::{Detector, EngineChoice, declare, describe, measure};
+use modulo_detector::{Detector, DetectorError, DetectorParameters, EngineChoice, describe, measure};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::{
-    Context, Cue, ManualClock, Message, MessageKind, Node, Parameters, StampedFrame, StepError, Yield,
+    Context, Cue, ManualClock, Message, MessageKind, Node, ParameterSet, Parameters, StampedFrame, StepError,
+    Yield,
 };
 use ndarray::Array3;
 
@@ -18,20 +19,20 @@ fn data(file: &str) -> PathBuf {
 
 fn parameters(model: &Path, changes: &[(&str, &str)]) -> Parameters {
     let model = model.to_str().expect("a path");
-    let all: Vec<_> = [("model", model), ("engine", "rten")]
-        .iter()
-        .chain(changes)
-        .map(|(name, value)| (name.to_string(), value.to_string()))
-        .collect();
-    Parameters::declare(declare()).with_text(&all).expect("allowed")
+    let all: Vec<_> = [("model", model), ("engine", "rten")].iter().chain(changes).copied().collect();
+    Parameters::declare(DetectorParameters::descriptors()).with_text(&all).expect("allowed")
+}
+
+fn opened(model: &Path, changes: &[(&str, &str)]) -> Result<Detector, DetectorError> {
+    Detector::new(&(&parameters(model, changes)).into())
 }
 
 fn detector(file: &str, changes: &[(&str, &str)]) -> Detector {
-    Detector::new(&parameters(&data(file), changes)).expect("a detector")
+    opened(&data(file), changes).expect("a detector")
 }
 
 fn refusal(model: &Path, changes: &[(&str, &str)]) -> String {
-    match Detector::new(&parameters(model, changes)) {
+    match opened(model, changes) {
         Ok(_) => panic!("{} with {changes:?} must be refused", model.display()),
         Err(error) => error.to_string(),
     }
@@ -182,7 +183,7 @@ fn names_come_from_metadata_then_a_file_then_numbers() {
     let known = |model: &Path| describe(model, EngineChoice::Rten, 1).expect("a model").classes;
     assert_eq!(known(&data("rows.onnx")), ["person", "bicycle", "car"]);
     assert_eq!(known(&model), Vec::<String>::new());
-    let mut node = Detector::new(&parameters(&model, &[])).expect("a detector");
+    let mut node = opened(&model, &[]).expect("a detector");
     assert_eq!(classes(&detections(&mut node, grey(64, 64, 0)))[0].0, "0");
     std::fs::write(folder.path().join("mine.names"), "walker\n\nauto\n").expect("written");
     assert_eq!(known(&model), ["walker", "1", "auto"]);
@@ -248,7 +249,7 @@ fn broken_model_files_are_refused_or_work() {
         flipped[at] ^= 0xff;
         for bytes in [&whole[..at], &flipped] {
             std::fs::write(&model, bytes).expect("written");
-            if let Ok(mut node) = Detector::new(&parameters(&model, &[("threads", "1")])) {
+            if let Ok(mut node) = opened(&model, &[("threads", "1")]) {
                 step(&mut node, grey(8, 8, 0), [true, true]);
             }
         }

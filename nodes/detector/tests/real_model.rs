@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use modulo_core::{Detection, Frame};
-use modulo_detector::{Detector, declare};
+use modulo_detector::{Detector, DetectorParameters};
 use modulo_msgs::std_msgs::Header;
-use modulo_runtime::{Context, Cue, Message, Node, Parameters, StampedFrame, SystemClock, Yield};
+use modulo_runtime::{Context, Cue, Message, Node, ParameterSet as _, StampedFrame, SystemClock, Yield};
 use ndarray::Array3;
 
 const MODEL: &str = "models/yolov10n_dyn_w16.onnx";
@@ -29,9 +29,9 @@ fn detector(shared: &Path, engine: &str, changes: &[(&str, &str)]) -> Result<Det
     let all: Vec<_> = [("model", model.to_str().expect("a path")), ("engine", engine)]
         .iter()
         .chain(changes)
-        .map(|(name, value)| (name.to_string(), value.to_string()))
+        .copied()
         .collect();
-    let parameters = Parameters::declare(declare()).with_text(&all).expect("allowed");
+    let parameters = DetectorParameters::from_text(&all).expect("allowed");
     Detector::new(&parameters).map_err(|error| error.to_string())
 }
 

@@ -2,8 +2,10 @@
 
 use modulo_bags::source::{self, Source, SourceError, SourceFrame, SourceOptions};
 use modulo_core::Frame;
-use modulo_runtime::{Parameters, Refusal};
+use modulo_runtime::Refusal;
 use ndarray::Array3;
+
+use crate::parameters::CameraParameters;
 
 /// A source of frames, or a topic that brings them.
 pub enum Feed {
@@ -20,16 +22,16 @@ pub enum Feed {
 
 impl Feed {
     /// Opens what the parameter `source` names.
-    pub fn open(parameters: &Parameters) -> Result<Self, Refusal> {
-        let spec = parameters.string("source");
+    pub fn open(parameters: &CameraParameters) -> Result<Self, Refusal> {
+        let spec = &parameters.source;
         if let Some(name) = spec.strip_prefix("topic:") {
             return Ok(Self::Topic(name.to_owned()));
         }
-        let topic = Some(parameters.string("source_topic").to_owned()).filter(|t| !t.is_empty());
-        let options = SourceOptions { white: parameters.double("white") as f32, topic };
+        let topic = Some(parameters.source_topic.clone()).filter(|t| !t.is_empty());
+        let options = SourceOptions { white: parameters.white as f32, topic };
         let source =
             source::open(spec, &options).map_err(|why| Refusal::new("source", spec, why.to_string()))?;
-        Ok(Self::Frames { source, repeat: parameters.bool("loop") })
+        Ok(Self::Frames { source, repeat: parameters.r#loop })
     }
 
     /// The next frame; `None` at the end, and always for a topic.

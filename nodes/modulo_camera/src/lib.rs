@@ -22,7 +22,7 @@ use modulo_runtime::{
 use ndarray::Array3;
 
 use feed::Feed;
-pub use parameters::declare;
+pub use parameters::CameraParameters;
 
 /// Output indices, in the order of [`Node::outputs`].
 const MODULO: usize = 0;
@@ -46,7 +46,7 @@ impl ModuloCamera {
     /// # Errors
     /// [`Refusal`] with the parameter that is not possible, such as a `source`
     /// that is not there.
-    pub fn new(parameters: &Parameters) -> Result<Self, Refusal> {
+    pub fn new(parameters: &CameraParameters) -> Result<Self, Refusal> {
         Self::with(Feed::open(parameters)?, parameters)
     }
 
@@ -54,17 +54,17 @@ impl ModuloCamera {
     ///
     /// # Errors
     /// [`Refusal`] with the parameter that is not possible.
-    pub fn over(source: Box<dyn Source>, parameters: &Parameters) -> Result<Self, Refusal> {
-        Self::with(Feed::Frames { source, repeat: parameters.bool("loop") }, parameters)
+    pub fn over(source: Box<dyn Source>, parameters: &CameraParameters) -> Result<Self, Refusal> {
+        Self::with(Feed::Frames { source, repeat: parameters.r#loop }, parameters)
     }
 
-    fn with(feed: Feed, parameters: &Parameters) -> Result<Self, Refusal> {
+    fn with(feed: Feed, parameters: &CameraParameters) -> Result<Self, Refusal> {
         Ok(Self {
             feed,
-            sensor: parameters::sensor(parameters)?,
-            seed: parameters::seed(parameters),
-            period: parameters::period(parameters),
-            limit: parameters::limit(parameters),
+            sensor: parameters.sensor()?,
+            seed: parameters.seed.unsigned_abs(),
+            period: parameters.period(),
+            limit: parameters.limit(),
             sent: 0,
         })
     }
@@ -140,10 +140,11 @@ impl Node for ModuloCamera {
     }
 
     fn configure(&mut self, parameters: &Parameters) -> Result<(), Refusal> {
-        self.sensor = parameters::sensor(parameters)?;
-        self.seed = parameters::seed(parameters);
-        self.period = parameters::period(parameters);
-        self.limit = parameters::limit(parameters);
+        let parameters = CameraParameters::from(parameters);
+        self.sensor = parameters.sensor()?;
+        self.seed = parameters.seed.unsigned_abs();
+        self.period = parameters.period();
+        self.limit = parameters.limit();
         Ok(())
     }
 

@@ -3,76 +3,58 @@
 use std::time::Duration;
 
 use modulo_core::sensor::{Sensor, SensorConfig};
-use modulo_runtime::{Allowed, Descriptor, Parameters, Refusal, Value, imaging};
+use modulo_runtime::{ParameterSet as _, Refusal, SensorModel};
 
-/// The node's parameters.
-pub fn declare() -> Vec<Descriptor> {
-    let double = |name, default, to, text| {
-        Descriptor::new(name, Value::Double(default), Allowed::Doubles { from: 0.0, to }, text)
-    };
-    let integer = |name, default, from, to, text| {
-        Descriptor::new(name, Value::Integer(default), Allowed::Integers { from, to }, text)
-    };
-    let mut declared = vec![
-        Descriptor::new(
-            "source",
-            Value::String(String::new()),
-            Allowed::Any,
-            "where frames come from: a folder of images (png, jpg, exr, hdr), one image, a KITTI folder, a bag, \
-             scene://NAME, or topic:NAME for an Image topic of a running stack",
-        )
-        .fixed(),
-        Descriptor::new(
-            "source_topic",
-            Value::String(String::new()),
-            Allowed::Any,
-            "image topic to read when source is a bag with several; empty: the only one",
-        )
-        .fixed(),
-        double("white", 0.0, 1e12, "linear radiance that maps to the peak, for EXR and HDR images; 0: the brightest \
-             value of the first one")
-            .fixed(),
-        double("read_noise", 0.0, 65536.0, "sigma of the read noise in code units"),
-        double("shot_noise", 0.0, 65536.0, "shot noise has sigma sqrt(shot_noise * x) in code units"),
-        integer("seed", 0, 0, i64::MAX, "seed of the noise"),
-        double("rate", 10.0, 10_000.0, "frames per second; 0: as fast as they can be made"),
-        Descriptor::new("loop", Value::Bool(false), Allowed::Any, "start again when the source is over").fixed(),
-        integer("frames", 0, 0, i64::MAX, "frames to send before ending; 0: all"),
-    ];
-    declared.extend(imaging::declare_range());
-    declared.extend(imaging::declare_lens());
-    declared
-}
-
-/// The sensor that the parameters describe.
-pub fn sensor(parameters: &Parameters) -> Result<Sensor, Refusal> {
-    let config = SensorConfig {
-        bits: imaging::bits(parameters),
-        alpha: parameters.double("alpha"),
-        psf: imaging::psf(parameters),
-        read_noise: parameters.double("read_noise"),
-        shot_noise: parameters.double("shot_noise"),
-    };
-    Sensor::new(config).map_err(|why| imaging::refuse(parameters, &why))
-}
-
-/// Seed of the noise.
-pub fn seed(parameters: &Parameters) -> u64 {
-    parameters.integer("seed").unsigned_abs()
-}
-
-/// Time between two frames; zero: as fast as they can be made.
-pub fn period(parameters: &Parameters) -> Duration {
-    match parameters.double("rate") {
-        0.0 => Duration::ZERO,
-        rate => Duration::from_secs_f64(1.0 / rate.max(1e-6)),
+modulo_runtime::parameters! {
+    /// The parameters of the `modulo_camera` node.
+    pub struct CameraParameters {
+        /// Where the frames come from: a folder of images (png, jpg, exr, hdr), one image, a KITTI folder, a bag,
+        /// scene://NAME, or topic:NAME for an Image topic of a running stack.
+        source: String = String::new(); fixed,
+        /// The image topic to read from a source that is a bag. Empty: the only image topic of the bag.
+        source_topic: String = String::new(); fixed,
+        /// Linear radiance of an EXR or HDR image that becomes full scale. 0: the brightest value of the first image.
+        white: f64 = 0.0 => 0.0..=1e12; fixed,
+        /// Standard deviation of the read noise in code units.
+        read_noise: f64 = 0.0 => 0.0..=65536.0,
+        /// Strength of the shot noise: its standard deviation at the signal x is sqrt(shot_noise * x) in code units.
+        shot_noise: f64 = 0.0 => 0.0..=65536.0,
+        /// Seed of the noise.
+        seed: i64 = 0 => 0..=i64::MAX,
+        /// Frames per second. 0: as fast as the node can make them.
+        rate: f64 = 10.0 => 0.0..=10_000.0,
+        /// Starts again at the first frame after the last one.
+        r#loop: bool = false; fixed,
+        /// Number of frames to send before the node ends. 0: all frames of the source.
+        frames: i64 = 0 => 0..=i64::MAX,
+        ..sensor: SensorModel,
     }
 }
 
-/// Frames to send, if not all.
-pub fn limit(parameters: &Parameters) -> Option<u64> {
-    match parameters.integer("frames").unsigned_abs() {
-        0 => None,
-        frames => Some(frames),
+impl CameraParameters {
+    /// The simulated sensor.
+    ///
+    /// # Errors
+    /// [`Refusal`] of the first parameter that is out of its range.
+    pub fn sensor(&self) -> Result<Sensor, Refusal> {
+        self.check()?;
+        let SensorModel { bits, alpha, .. } = self.sensor;
+        let Self { read_noise, shot_noise, .. } = *self;
+        let sensor =
+            Sensor::new(SensorConfig { bits, alpha, psf: self.sensor.psf(), read_noise, shot_noise });
+        Ok(sensor.expect("the declared ranges lie within those of `Sensor`"))
+    }
+
+    /// Time between two frames. Zero: as fast as they can be made.
+    pub(crate) fn period(&self) -> Duration {
+        match self.rate {
+            0.0 => Duration::ZERO,
+            rate => Duration::from_secs_f64(1.0 / rate.max(1e-6)),
+        }
+    }
+
+    /// Number of frames to send, if not all.
+    pub(crate) fn limit(&self) -> Option<u64> {
+        Some(self.frames.unsigned_abs()).filter(|&frames| frames > 0)
     }
 }

@@ -4,19 +4,18 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use modulo_camera::{ModuloCamera, declare};
+use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_core::Frame;
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{
-    Context, Cue, Flow, ManualClock, Message, Node, Parameters, StampedFrame, StepError, Yield,
+    Context, Cue, Flow, ManualClock, Message, Node, ParameterSet as _, StampedFrame, StepError, Yield,
 };
 use ndarray::Array3;
 
 const ALL: [bool; 4] = [true; 4];
 
-fn parameters(changes: &[(&str, &str)]) -> Parameters {
-    let changes: Vec<_> = changes.iter().map(|(n, v)| ((*n).to_owned(), (*v).to_owned())).collect();
-    Parameters::declare(declare()).with_text(&changes).expect("possible")
+fn parameters(changes: &[(&str, &str)]) -> CameraParameters {
+    CameraParameters::from_text(changes).expect("possible")
 }
 
 fn camera(changes: &[(&str, &str)]) -> ModuloCamera {
@@ -129,5 +128,21 @@ fn what_is_impossible_is_refused_with_the_parameter() {
     for (name, value) in [("source", "/no/such/folder"), ("source", "scene://dusk")] {
         let refusal = ModuloCamera::new(&parameters(&[(name, value)])).err().expect("refused").to_string();
         assert!(refusal.contains(name) && refusal.contains(value), "{refusal}");
+    }
+}
+
+/// A structure can hold what the services would refuse; the node refuses it as well.
+#[test]
+fn a_value_out_of_range_is_refused_before_it_is_used() {
+    let below = CameraParameters { read_noise: -1.0, ..parameters(&[("source", "scene://day?frames=1")]) };
+    let refusal = ModuloCamera::new(&below).err().expect("refused").to_string();
+    assert!(refusal.contains("'read_noise' = -1") && refusal.contains("0 to 65536"), "{refusal}");
+}
+
+#[test]
+fn both_ends_of_each_range_are_a_sensor() {
+    for (alpha, noise, sigma) in [("0.001", "0", "0"), ("256", "65536", "100")] {
+        let pairs = [("alpha", alpha), ("read_noise", noise), ("shot_noise", noise), ("psf_sigma", sigma)];
+        assert!(parameters(&pairs).sensor().is_ok(), "{pairs:?}");
     }
 }

@@ -11,13 +11,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context as _;
-use modulo_runtime::bridge::{self, Plan};
+use modulo_runtime::bridge::{BridgeParameters, Plan};
 use modulo_runtime::ros_args::RosArgs;
 use modulo_runtime::signals::end_on_signals;
 use modulo_runtime::transport::Transport as _;
 use modulo_runtime::transport::keys::Hashes;
 use modulo_runtime::transport::zenoh::ZenohTransport;
-use modulo_runtime::{Parameters, Stop, SystemClock, Urgency};
+use modulo_runtime::{ParameterSet as _, Stop, SystemClock, Urgency};
 
 /// How long one look for messages of the DDS graph takes.
 const GLANCE: Duration = Duration::from_millis(10);
@@ -28,7 +28,7 @@ fn main() -> anyhow::Result<()> {
     let (ros, _) = RosArgs::parse(&arguments)?;
     let place = ros.place("ros2_bridge")?;
     let settings = ros.parameters_for(&place)?;
-    let plan = Plan::new(&Parameters::declare(bridge::declare()).with_text(&settings)?, &place)?;
+    let plan = Plan::new(&BridgeParameters::from_text(&settings)?, &place)?;
 
     let domain = std::env::var("ROS_DOMAIN_ID").unwrap_or_else(|_| "0".to_owned());
     let domain = domain.trim().parse().with_context(|| format!("ROS_DOMAIN_ID = '{domain}'"))?;

@@ -1,9 +1,9 @@
 //! The `unwrap` node: a modulo image in, the recovered image out, 8 bit for a
-//! detector, sharpened where the lens is known, and 16 bit in counts (HDR), exactly
+//! detector, sharpened on request, and 16 bit in counts (HDR), exactly
 //! what the sensor saw, for whoever wants the radiance.
 //!
-//! The header of the modulo image is copied. The node never guesses bits or
-//! alpha: they are parameters, as the sensor's are. What it thinks of each frame
+//! The header of the modulo image is copied. The node never guesses the sensor:
+//! its model is a group of parameters, as in the camera. What it thinks of each frame
 //! goes to `/diagnostics`.
 
 mod parameters;
@@ -13,15 +13,14 @@ use std::sync::Arc;
 
 use modulo_core::deblur::Deblur;
 use modulo_core::unwrap::{Recovered, Unwrap};
-use modulo_core::{Frame, Psf, Range, tone};
+use modulo_core::{Frame, Range, tone};
 use modulo_msgs::std_msgs::Header;
 use modulo_runtime::{
     Context, Cue, Flow, Message, MessageKind, Node, Parameters, Refusal, StampedFrame, StepError, Topic,
-    imaging,
 };
 use recovery::Tally;
 
-pub use parameters::declare;
+pub use parameters::UnwrapParameters;
 
 /// Output indices, in the order of [`Node::outputs`].
 const RECOVERED: usize = 0;
@@ -32,7 +31,7 @@ const DIAGNOSTICS: usize = 2;
 pub struct UnwrapNode {
     method: Box<dyn Unwrap>,
     range: Range,
-    /// Undoes the lens in what a detector gets, if the lens is known.
+    /// Removes the blur of the lens from `recovered`, if that is requested.
     deblur: Option<Deblur>,
     recovered: Recovered,
     tally: Tally,
@@ -43,12 +42,11 @@ impl UnwrapNode {
     ///
     /// # Errors
     /// [`Refusal`] with the parameter that is not possible.
-    pub fn new(parameters: &Parameters) -> Result<Self, Refusal> {
-        let lens = imaging::psf(parameters);
+    pub fn new(parameters: &UnwrapParameters) -> Result<Self, Refusal> {
         Ok(Self {
-            method: parameters::method(parameters)?,
-            range: imaging::range(parameters)?,
-            deblur: (lens != Psf::None).then(|| Deblur::new(lens)),
+            method: parameters.method()?,
+            range: parameters.sensor.range()?,
+            deblur: parameters.blur().map(Deblur::new),
             recovered: Recovered::default(),
             tally: Tally::default(),
         })
@@ -98,7 +96,7 @@ impl Node for UnwrapNode {
     }
 
     fn configure(&mut self, parameters: &Parameters) -> Result<(), Refusal> {
-        let Self { method, range, deblur, .. } = Self::new(parameters)?;
+        let Self { method, range, deblur, .. } = Self::new(&parameters.into())?;
         (self.method, self.range, self.deblur) = (method, range, deblur);
         Ok(())
     }

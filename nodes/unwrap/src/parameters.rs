@@ -1,91 +1,54 @@
 //! The parameters of the `unwrap` node, and what they mean.
 
-use modulo_core::MAX_THREADS;
-use modulo_core::unwrap::{self, Options, ThresholdOn, TrustLimits, Unwrap, UnwrapError};
-use modulo_runtime::{Allowed, Descriptor, Parameters, Refusal, Value, imaging};
+use modulo_core::unwrap::{Method, Options, ThresholdOn, TrustLimits, Unwrap, UnwrapError};
+use modulo_core::{MAX_THREADS, Psf};
+use modulo_runtime::{ParameterSet as _, Refusal, SensorModel};
 
-/// The node's parameters.
-pub fn declare() -> Vec<Descriptor> {
-    let Options { tau, threads, trust, .. } = Options::default();
-    let share = |name, default, text| {
-        Descriptor::new(name, Value::Double(default), Allowed::Doubles { from: 0.0, to: 1.0 }, text)
-    };
-    let mut declared = vec![
-        Descriptor::new(
-            "method",
-            Value::String("auto".into()),
-            Allowed::Words(unwrap::METHODS),
-            "how the wraps are undone; auto: as much model as the frame needs",
-        ),
-        Descriptor::new(
-            "threads",
-            Value::Integer(threads as i64),
-            Allowed::Integers { from: 1, to: MAX_THREADS as i64 },
-            "threads that unwrapping may use; the result does not depend on it",
-        ),
-        share(
-            "trust_lines",
-            trust.lines,
-            "auto: greatest share of steep 2 x 2 loops for which lines is trusted",
-        ),
-        share(
-            "trust_consensus",
-            trust.consensus,
-            "auto: least share of every row and column that must agree for lines to be trusted",
-        ),
-        share(
-            "trust_gradient_tree",
-            trust.gradient_tree,
-            "auto: greatest share of steep 2 x 2 loops for which gradient_tree is trusted",
-        ),
-        Descriptor::new(
-            "tau",
-            Value::Double(tau),
-            Allowed::Doubles { from: 0.0, to: 1e6 },
-            "spud: hard threshold, in units of the peak",
-        ),
-        Descriptor::new(
-            "threshold_on",
-            Value::String("phi".into()),
-            Allowed::Words(&["phi", "rho"]),
-            "spud: coefficients that the threshold acts on, after (phi) or before (rho) the division",
-        ),
-    ];
-    declared.extend(imaging::declare_range());
-    declared.extend(imaging::declare_lens().map(|lens| Descriptor {
-        description: match lens.name {
-            "psf" => {
-                "blur of the lens to undo: gaussian of psf_sigma, or the paper's fixed 7 taps (about 1.4 px)"
-            }
-            _ => "sigma of the lens blur to undo in `recovered`, px; 0: the blur stays",
-        },
-        ..lens
-    }));
-    declared
+modulo_runtime::parameters! {
+    /// The parameters of the `unwrap` node.
+    pub struct UnwrapParameters {
+        /// Unwrapping method. auto starts with lines and takes gradient_tree where the image is too steep for lines.
+        method: Method = Method::Auto => Method::ALL,
+        /// Number of threads that unwrapping may use. The result does not depend on it.
+        threads: usize = 1 => 1..=MAX_THREADS,
+        /// Removes the blur of the lens (psf, psf_sigma) from the recovered image after unwrapping. The hdr image keeps
+        /// it.
+        deblur: bool = false,
+        /// For auto: the largest fraction of steep 2 x 2 loops with which it trusts lines.
+        trust_lines: f64 = TrustLimits::default().lines => 0.0..=1.0,
+        /// For auto: the smallest fraction of each row and column that must agree before it trusts lines.
+        trust_consensus: f64 = TrustLimits::default().consensus => 0.0..=1.0,
+        /// For auto: the largest fraction of steep 2 x 2 loops with which it trusts gradient_tree.
+        trust_gradient_tree: f64 = TrustLimits::default().gradient_tree => 0.0..=1.0,
+        /// For spud: the hard threshold, in units of the peak.
+        tau: f64 = Options::default().tau => 0.0..=1e6,
+        /// For spud: the threshold acts on the coefficients after the division (phi) or before it (rho).
+        threshold_on: ThresholdOn = ThresholdOn::Phi => [("phi", ThresholdOn::Phi), ("rho", ThresholdOn::Rho)],
+        ..sensor: SensorModel,
+    }
 }
 
-/// The method that the parameters describe.
-pub fn method(parameters: &Parameters) -> Result<Box<dyn Unwrap>, Refusal> {
-    let threshold_on = match parameters.string("threshold_on") {
-        "rho" => ThresholdOn::Rho,
-        _ => ThresholdOn::Phi,
-    };
-    let options = Options {
-        tau: parameters.double("tau"),
-        threshold_on,
-        threads: usize::try_from(parameters.integer("threads")).unwrap_or(usize::MAX),
-        trust: TrustLimits {
-            lines: parameters.double("trust_lines"),
-            consensus: parameters.double("trust_consensus"),
-            gradient_tree: parameters.double("trust_gradient_tree"),
-        },
-    };
-    unwrap::by_name(parameters.string("method"), &options).map_err(|why| {
-        let name = match why {
-            UnwrapError::Workers(_) => "threads",
-            UnwrapError::Tau { .. } => "tau",
-            _ => "method",
+impl UnwrapParameters {
+    /// The unwrapping method with its options.
+    pub(crate) fn method(&self) -> Result<Box<dyn Unwrap>, Refusal> {
+        self.check()?;
+        let options = Options {
+            tau: self.tau,
+            threshold_on: self.threshold_on,
+            threads: self.threads,
+            trust: TrustLimits {
+                lines: self.trust_lines,
+                consensus: self.trust_consensus,
+                gradient_tree: self.trust_gradient_tree,
+            },
         };
-        Refusal::new(name, parameters.get(name).map(ToString::to_string).unwrap_or_default(), why.to_string())
-    })
+        // What is left of the errors is the machine's: it may have no more threads to give.
+        let refuse = |why: UnwrapError| Refusal::new("threads", self.threads, why.to_string());
+        self.method.build(&options).map_err(refuse)
+    }
+
+    /// The blur to remove from the recovered image.
+    pub(crate) fn blur(&self) -> Option<Psf> {
+        Some(self.sensor.psf()).filter(|psf| self.deblur && *psf != Psf::None)
+    }
 }

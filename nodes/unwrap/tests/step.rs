@@ -6,14 +6,17 @@ use modulo_core::sensor::{Sensor, SensorConfig};
 use modulo_core::{Frame, Psf};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{
-    Context, Cue, Flow, ManualClock, Message, Node, Parameters, StampedFrame, StepError, Yield,
+    Context, Cue, Flow, ManualClock, Message, Node, ParameterSet, Parameters, StampedFrame, StepError, Yield,
 };
-use modulo_unwrap::{UnwrapNode, declare};
+use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 use ndarray::Array3;
 
 fn parameters(changes: &[(&str, &str)]) -> Parameters {
-    let changes: Vec<_> = changes.iter().map(|(n, v)| ((*n).to_owned(), (*v).to_owned())).collect();
-    Parameters::declare(declare()).with_text(&changes).expect("possible")
+    Parameters::declare(UnwrapParameters::descriptors()).with_text(changes).expect("possible")
+}
+
+fn unwrap(changes: &[(&str, &str)]) -> UnwrapNode {
+    UnwrapNode::new(&(&parameters(changes)).into()).expect("a node")
 }
 
 fn header() -> Header {
@@ -50,7 +53,7 @@ fn image(message: &Message) -> &StampedFrame {
 fn the_recovered_image_is_the_ideal_one_with_the_same_header() {
     let (modulo, ideal) = exposure(8);
     for method in modulo_core::unwrap::METHODS {
-        let mut node = UnwrapNode::new(&parameters(&[("method", method), ("alpha", "2")])).expect("a node");
+        let mut node = unwrap(&[("method", method), ("alpha", "2")]);
         let sent = step(&mut node, modulo.clone(), &[true, true]).expect("a good frame");
         assert_eq!(sent.len(), 2, "{method}");
         let (recovered, hdr) = (image(&sent[0].1), image(&sent[1].1));
@@ -63,7 +66,7 @@ fn the_recovered_image_is_the_ideal_one_with_the_same_header() {
 #[test]
 fn what_nobody_reads_is_not_made() {
     let (modulo, _) = exposure(8);
-    let mut node = UnwrapNode::new(&parameters(&[("alpha", "2")])).expect("a node");
+    let mut node = unwrap(&[("alpha", "2")]);
     assert!(step(&mut node, modulo.clone(), &[false, false]).expect("a good frame").is_empty());
     assert_eq!(step(&mut node, modulo, &[false, true]).expect("a good frame")[0].0, 1);
 }
@@ -72,7 +75,7 @@ fn what_nobody_reads_is_not_made() {
 fn a_frame_of_another_sensor_is_skipped_and_the_node_lives() {
     let (ten_bits, _) = exposure(10);
     let (eight_bits, ideal) = exposure(8);
-    let mut node = UnwrapNode::new(&parameters(&[("alpha", "2")])).expect("a node");
+    let mut node = unwrap(&[("alpha", "2")]);
     let error = step(&mut node, ten_bits.clone(), &[true, false]).expect_err("values above 255");
     assert!(matches!(&error, StepError::Skip(why) if why.contains("255") || why.contains("8")), "{error}");
     let sent = step(&mut node, eight_bits, &[true, false]).expect("a good frame");
@@ -85,7 +88,7 @@ fn a_frame_of_another_sensor_is_skipped_and_the_node_lives() {
 #[test]
 fn each_frame_is_described_with_its_own_stamp_and_counted() {
     let (modulo, _) = exposure(8);
-    let mut node = UnwrapNode::new(&parameters(&[("alpha", "2")])).expect("a node");
+    let mut node = unwrap(&[("alpha", "2")]);
     // For its description alone no frame is unwrapped.
     assert!(step(&mut node, modulo.clone(), &[false, false, true]).expect("a good frame").is_empty());
     let sent = step(&mut node, modulo.clone(), &[true, false, true]).expect("a good frame");
@@ -114,13 +117,13 @@ fn what_only_one_method_reads_is_checked_for_all() {
     for (name, value) in
         [("threads", "0"), ("trust_lines", "-0.1"), ("trust_consensus", "1.5"), ("tau", "-1")]
     {
-        let refused = Parameters::declare(declare()).with_text(&[(name.to_owned(), value.to_owned())]);
+        let refused = UnwrapParameters::from_text(&[(name, value)]);
         assert!(refused.is_err_and(|why| why.to_string().contains(name)), "{name} = {value}");
     }
 }
 
 #[test]
-fn a_known_lens_is_undone_in_the_image_for_the_detector_alone() {
+fn deblur_sharpens_the_image_for_the_detector_and_leaves_the_radiance() {
     let bars =
         Array3::from_shape_fn((24, 40, 3), |(i, j, _)| if (i / 6 + j / 5) % 2 == 0 { 0.1 } else { 0.3 });
     let config = SensorConfig {
@@ -137,12 +140,11 @@ fn a_known_lens_is_undone_in_the_image_for_the_detector_alone() {
             .expect("an image")
     };
     let (blurred, sharp) = (expose(config.psf), expose(Psf::None));
-    let run = |psf_sigma| {
-        let mut node =
-            UnwrapNode::new(&parameters(&[("alpha", "2"), ("psf_sigma", psf_sigma)])).expect("a node");
+    let run = |deblur| {
+        let mut node = unwrap(&[("alpha", "2"), ("psf_sigma", "1.0"), ("deblur", deblur)]);
         step(&mut node, blurred.modulo(), &[true, true]).expect("a good frame")
     };
-    let (blurry, sharpened) = (run("0"), run("1.0"));
+    let (blurry, sharpened) = (run("false"), run("true"));
     let error = |sent: &Message| {
         let difference = image(sent).frame.to_f32() - sharp.ideal().to_f32();
         difference.mapv(|d| d * d).sum()

@@ -11,9 +11,7 @@ use std::time::Duration;
 use crate::message::MessageKind;
 use crate::name::{NameError, Place};
 use crate::node::Node;
-use crate::node_time;
-use crate::parameter::Allowed;
-use crate::parameter::{Descriptor, Parameters, Refusal, Value};
+use crate::parameter::{Parameters, Refusal};
 use crate::topic::Topic;
 use crate::transport::{Address, TransportError};
 
@@ -49,33 +47,23 @@ pub enum RunError {
     },
 }
 
-/// Parameters that the driver itself understands, for every node.
-pub fn declare_common() -> Vec<Descriptor> {
-    vec![
-        node_time::declare(),
-        Descriptor::new(
-            "wait_for",
-            Value::Strings(Vec::new()),
-            Allowed::Any,
-            "names of nodes that must be ready before this one reports ready or sends its first frame",
-        )
-        .fixed(),
-        Descriptor::new(
-            "wait_timeout",
-            Value::Double(60.0),
-            Allowed::Doubles { from: 0.0, to: 3600.0 },
-            "seconds to wait for the nodes of wait_for before giving up",
-        )
-        .fixed(),
-    ]
+crate::parameters! {
+    /// The parameters that the driver itself reads, for every node.
+    pub struct CommonParameters {
+        /// Takes stamps from the topic /clock instead of the machine's clock. The time is 0 before the first message
+        /// on /clock.
+        use_sim_time: bool = false,
+        /// Names of the nodes that must be ready before this node reports ready or sends its first frame.
+        wait_for: Vec<String> = Vec::new(); fixed,
+        /// Time in seconds to wait for the nodes of wait_for. The node fails when they are not ready by then.
+        wait_timeout: f64 = 60.0 => 0.0..=3600.0; fixed,
+    }
 }
 
 fn wait_for(place: &Place, parameters: &Parameters) -> Result<(Vec<String>, Duration), NameError> {
-    let Some(Value::Strings(names)) = parameters.get("wait_for") else {
-        return Ok((Vec::new(), Duration::ZERO));
-    };
-    let names = names.iter().map(|name| place.resolve(name)).collect::<Result<_, _>>()?;
-    Ok((names, Duration::from_secs_f64(parameters.double("wait_timeout"))))
+    let CommonParameters { wait_for, wait_timeout, .. } = parameters.into();
+    let names = wait_for.iter().map(|name| place.resolve(name)).collect::<Result<_, _>>()?;
+    Ok((names, Duration::from_secs_f64(wait_timeout)))
 }
 
 fn address(place: &Place, topic: &Topic) -> Result<Address, NameError> {

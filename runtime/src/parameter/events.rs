@@ -65,7 +65,7 @@ mod tests {
 
     use super::*;
     use crate::inbox::{Inbox, Keep, Taken};
-    use crate::parameter::{Allowed, Descriptor, Value};
+    use crate::parameter::{ParameterSet as _, Value, sample::Set};
     use crate::transport::Parcel;
     use crate::transport::local::LocalTransport;
 
@@ -79,10 +79,8 @@ mod tests {
         let _inlet = transport.subscribe(&place, &address, inbox.clone(), 0).expect("a local topic");
         let events = ParameterEvents::new(&place, &transport).expect("a local topic");
 
-        let alpha = Descriptor::new("alpha", Value::Double(4.0), Allowed::Any, "reach");
-        let bits = Descriptor::new("bits", Value::Integer(8), Allowed::Any, "width");
-        let before = Parameters::declare(vec![alpha, bits]);
-        let after = before.with(&[("alpha".into(), Value::Double(2.0))], true).expect("possible");
+        let before = Parameters::declare(Set::descriptors());
+        let after = before.with(&[("angle".into(), Value::Double(2.0))], true).expect("possible");
         events.started(5_000_000_007, &before);
         events.changed(6, &before, &before);
         events.changed(7, &before, &after);
@@ -93,10 +91,10 @@ mod tests {
         };
         let started = next().expect("the start");
         assert_eq!((started.node.as_str(), started.stamp), ("/front/detector", Time { sec: 5, nanosec: 7 }));
-        assert_eq!(started.new_parameters.len(), 2);
+        assert_eq!(started.new_parameters.len(), Set::descriptors().len());
         let changed = next().expect("the change");
         let [parameter] = &changed.changed_parameters[..] else { panic!("one change: {changed:?}") };
-        assert_eq!((parameter.name.as_str(), parameter.value.double_value), ("alpha", 2.0));
+        assert_eq!((parameter.name.as_str(), parameter.value.double_value), ("angle", 2.0));
         assert!(next().is_none(), "a change to the same value is none");
     }
 }

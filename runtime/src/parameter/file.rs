@@ -4,7 +4,7 @@
 //! ```yaml
 //! /**:                      # any node; /* is one part of a name, /** any number
 //!   ros__parameters:
-//!     alpha: 4.0
+//!     angle: 4.0
 //! /front/unwrap:            # or nested: front: {unwrap: {ros__parameters: ...}}
 //!   ros__parameters:
 //!     trust: {limit: 0.5}   # the parameter trust.limit
@@ -196,9 +196,9 @@ mod tests {
 
     #[test]
     fn later_entries_come_later_whatever_they_are() {
-        let text = "/car/eye:\n  ros__parameters: {alpha: 2}\n/**:\n  ros__parameters: {alpha: 3, beta: 1}\n\
-                    /other:\n  ros__parameters: {alpha: 4}\n";
-        assert_eq!(read(text), Ok(pairs(&[("alpha", "2"), ("alpha", "3"), ("beta", "1")])));
+        let text = "/car/eye:\n  ros__parameters: {angle: 2}\n/**:\n  ros__parameters: {angle: 3, beta: 1}\n\
+                    /other:\n  ros__parameters: {angle: 4}\n";
+        assert_eq!(read(text), Ok(pairs(&[("angle", "2"), ("angle", "3"), ("beta", "1")])));
     }
 
     #[test]
@@ -221,7 +221,7 @@ mod tests {
             ("[a]", "must be one mapping of node names"),
             ("", "must be one mapping of node names"),
             ("/eye: 3", "'/eye' has no mapping 'ros__parameters'"),
-            ("/eye: {alpha: 3}", "'/eye/alpha' has no mapping"),
+            ("/eye: {angle: 3}", "'/eye/angle' has no mapping"),
             ("/eye: {ros__parameters: 3}", "'ros__parameters' of '/eye' must be a mapping"),
             ("/eye: {ros__parameters: {a: [{b: 1}]}}", "parameter 'a' has no value"),
             ("a: [1", "line"),
@@ -235,7 +235,7 @@ mod tests {
     fn what_is_written_is_what_ros2_param_dump_prints_and_reads_back() {
         let set = [
             ("wait_for", Value::Strings(vec!["a".into(), "b c".into()])),
-            ("alpha", Value::Double(4.0)),
+            ("angle", Value::Double(4.0)),
             ("trust.limit", Value::Integer(3)),
             ("trust.deep.on", Value::Bool(true)),
             ("none", Value::Strings(Vec::new())),
@@ -243,7 +243,7 @@ mod tests {
         ];
         let values: Vec<_> = set.iter().map(|(name, v)| ((*name).to_owned(), to_ros(Some(v)))).collect();
         let text = write("/car/eye", &values);
-        let expected = "/car/eye:\n  ros__parameters:\n    alpha: 4.0\n    input: 'no'\n    none: []\n    trust:\n      \
+        let expected = "/car/eye:\n  ros__parameters:\n    angle: 4.0\n    input: 'no'\n    none: []\n    trust:\n      \
                         deep:\n        on: true\n      limit: 3\n    wait_for:\n    - a\n    - 'b c'\n";
         assert_eq!(text, expected);
         let back = read(&text).expect("readable");

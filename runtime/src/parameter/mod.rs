@@ -6,16 +6,18 @@ pub mod file;
 pub mod saved;
 pub mod service;
 pub mod text;
+pub mod typed;
 mod value;
 mod yaml_text;
 
 use std::collections::BTreeMap;
 use std::fmt;
 
+pub use typed::ParameterSet;
 pub use value::Value;
 
 /// What a parameter may be.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Allowed {
     /// Anything of its type.
     Any,
@@ -34,7 +36,7 @@ pub enum Allowed {
         to: f64,
     },
     /// One of these words.
-    Words(&'static [&'static str]),
+    Words(Vec<&'static str>),
 }
 
 /// The declaration of one parameter: its default gives the type.
@@ -50,20 +52,6 @@ pub struct Descriptor {
     pub read_only: bool,
     /// One sentence, with the unit.
     pub description: &'static str,
-}
-
-impl Descriptor {
-    /// A parameter that can be changed while the node runs.
-    pub fn new(name: &'static str, default: Value, allowed: Allowed, description: &'static str) -> Self {
-        Self { name, default, allowed, read_only: false, description }
-    }
-
-    /// The same, fixed at the start.
-    #[must_use]
-    pub fn fixed(mut self) -> Self {
-        self.read_only = true;
-        self
-    }
 }
 
 /// Why a parameter was refused: one line with name, value and remedy.
@@ -105,10 +93,10 @@ impl Descriptor {
         let value = value
             .coerced(&self.default)
             .ok_or_else(|| refuse(format!("is a {given}, must be a {}", self.default.type_name())))?;
-        match (&value, self.allowed) {
+        match (&value, &self.allowed) {
             (_, Allowed::Any) => Ok(value),
-            (Value::Integer(v), Allowed::Integers { from, to }) if (from..=to).contains(v) => Ok(value),
-            (Value::Double(v), Allowed::Doubles { from, to }) if (from..=to).contains(v) => Ok(value),
+            (Value::Integer(v), Allowed::Integers { from, to }) if (from..=to).contains(&v) => Ok(value),
+            (Value::Double(v), Allowed::Doubles { from, to }) if (from..=to).contains(&v) => Ok(value),
             (Value::String(v), Allowed::Words(words)) if words.contains(&v.as_str()) => Ok(value),
             (_, allowed) => Err(refuse(format!("must be {allowed}"))),
         }
@@ -169,15 +157,16 @@ impl Parameters {
     ///
     /// # Errors
     /// [`Refusal`] of the first one that is not possible.
-    pub fn with_text(&self, changes: &[(String, String)]) -> Result<Self, Refusal> {
+    pub fn with_text<S: AsRef<str>>(&self, changes: &[(S, S)]) -> Result<Self, Refusal> {
         let typed: Result<Vec<_>, _> = changes
             .iter()
             .map(|(name, text)| {
+                let (name, text) = (name.as_ref(), text.as_ref());
                 let descriptor = self.descriptor(name).ok_or_else(|| self.unknown(name, text))?;
                 let value = descriptor.default.parse_like(text).ok_or_else(|| {
                     Refusal::new(name, text, format!("is not a {}", descriptor.default.type_name()))
                 })?;
-                Ok((name.clone(), value))
+                Ok((name.to_owned(), value))
             })
             .collect();
         self.with(&typed?, false)
@@ -187,59 +176,35 @@ impl Parameters {
         let known: Vec<_> = self.declared.iter().map(|d| d.name).collect();
         Refusal::new(name, value, format!("unknown parameter, known are {}", known.join(", ")))
     }
+}
 
-    /// A declared `bool`.
-    ///
-    /// # Panics
-    /// When no `bool` of that name was declared: an error in the node's code.
-    pub fn bool(&self, name: &str) -> bool {
-        match self.get(name) {
-            Some(Value::Bool(v)) => *v,
-            other => panic!("parameter '{name}' is read as bool but declared as {other:?}"),
+#[cfg(test)]
+mod sample {
+    crate::parameters! {
+        /// A part of another set.
+        pub struct Part {
+            /// Two lines of help
+            /// are one sentence.
+            share: f64 = 0.5 => 0.0..=1.0,
         }
     }
 
-    /// A declared `integer`.
-    ///
-    /// # Panics
-    /// When no `integer` of that name was declared: an error in the node's code.
-    pub fn integer(&self, name: &str) -> i64 {
-        match self.get(name) {
-            Some(Value::Integer(v)) => *v,
-            other => panic!("parameter '{name}' is read as integer but declared as {other:?}"),
-        }
-    }
-
-    /// A declared `double`.
-    ///
-    /// # Panics
-    /// When no `double` of that name was declared: an error in the node's code.
-    pub fn double(&self, name: &str) -> f64 {
-        match self.get(name) {
-            Some(Value::Double(v)) => *v,
-            other => panic!("parameter '{name}' is read as double but declared as {other:?}"),
-        }
-    }
-
-    /// A declared `string`.
-    ///
-    /// # Panics
-    /// When no `string` of that name was declared: an error in the node's code.
-    pub fn string(&self, name: &str) -> &str {
-        match self.get(name) {
-            Some(Value::String(v)) => v,
-            other => panic!("parameter '{name}' is read as string but declared as {other:?}"),
-        }
-    }
-
-    /// A declared `string_array`.
-    ///
-    /// # Panics
-    /// When no `string_array` of that name was declared: an error in the node's code.
-    pub fn strings(&self, name: &str) -> &[String] {
-        match self.get(name) {
-            Some(Value::Strings(v)) => v,
-            other => panic!("parameter '{name}' is read as string_array but declared as {other:?}"),
+    crate::parameters! {
+        /// The parameters of a node, for the tests: one of each type.
+        pub struct Set {
+            /// A double.
+            angle: f64 = 4.0 => 0.001..=1024.0,
+            /// An integer.
+            bits: u8 = 8 => 1..=16; fixed,
+            /// A word.
+            engine: u8 = 0 => [("auto", 0), ("ort", 1), ("rten", 2)],
+            /// A list.
+            wait_for: Vec<String> = Vec::new(),
+            /// A text.
+            model: String = "a.onnx".to_owned(); fixed,
+            /// A switch.
+            r#loop: bool = false,
+            ..part: Part,
         }
     }
 }
@@ -247,46 +212,32 @@ impl Parameters {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use sample::Set;
 
     fn set() -> Parameters {
-        Parameters::declare(vec![
-            Descriptor::new(
-                "alpha",
-                Value::Double(4.0),
-                Allowed::Doubles { from: 0.001, to: 1024.0 },
-                "saturation factor",
-            ),
-            Descriptor::new("bits", Value::Integer(8), Allowed::Integers { from: 1, to: 16 }, "bits").fixed(),
-            Descriptor::new(
-                "engine",
-                Value::String("auto".into()),
-                Allowed::Words(&["auto", "ort", "rten"]),
-                "engine",
-            ),
-            Descriptor::new("wait_for", Value::Strings(vec![]), Allowed::Any, "nodes"),
-        ])
+        Parameters::declare(Set::descriptors())
     }
 
     fn text(name: &str, value: &str) -> Result<Parameters, Refusal> {
-        set().with_text(&[(name.into(), value.into())])
+        set().with_text(&[(name, value)])
     }
 
     #[test]
     fn an_integer_is_also_a_double() {
-        assert_eq!(text("alpha", "2").expect("2 is a double").double("alpha"), 2.0);
-        let changed = set().with(&[("alpha".into(), Value::Integer(3))], true).expect("3 is a double");
-        assert_eq!(changed.double("alpha"), 3.0);
+        assert_eq!(text("angle", "2").expect("2 is a double").get("angle"), Some(&Value::Double(2.0)));
+        let changed = set().with(&[("angle".into(), Value::Integer(3))], true).expect("3 is a double");
+        assert_eq!(changed.get("angle"), Some(&Value::Double(3.0)));
     }
 
     #[test]
     fn refusals_name_parameter_value_and_remedy() {
         for (name, value, remedy) in [
-            ("alpha", "0", "0.001 to 1024"),
-            ("alpha", "NaN", "finite"),
+            ("angle", "0", "0.001 to 1024"),
+            ("angle", "NaN", "finite"),
             ("bits", "17", "1 to 16"),
             ("bits", "eight", "integer"),
             ("engine", "tensorrt", "auto, ort, rten"),
-            ("gain", "1", "alpha, bits, engine"),
+            ("gain", "1", "angle, bits, engine"),
         ] {
             let message = text(name, value).expect_err("must be refused").to_string();
             assert!(
@@ -300,9 +251,9 @@ mod tests {
     fn a_set_is_applied_whole_or_not_at_all() {
         let before = set();
         let changes =
-            [("alpha".to_owned(), Value::Double(2.0)), ("engine".to_owned(), Value::String("cuda".into()))];
+            [("angle".to_owned(), Value::Double(2.0)), ("engine".to_owned(), Value::String("cuda".into()))];
         assert!(before.with(&changes, true).is_err());
-        assert_eq!(before.double("alpha"), 4.0);
+        assert_eq!(before, set());
     }
 
     #[test]

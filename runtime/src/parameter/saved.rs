@@ -79,15 +79,10 @@ impl SavedParameters {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::parameter::{Allowed, Descriptor};
+    use crate::parameter::{ParameterSet as _, sample::Set};
 
     fn launched() -> Parameters {
-        let alpha = Allowed::Doubles { from: 1.0, to: 64.0 };
-        Parameters::declare(vec![
-            Descriptor::new("alpha", Value::Double(4.0), alpha, "reach"),
-            Descriptor::new("wait_for", Value::Strings(vec![]), Allowed::Any, "nodes"),
-            Descriptor::new("model", Value::String("a.onnx".into()), Allowed::Any, "file").fixed(),
-        ])
+        Parameters::declare(Set::descriptors())
     }
 
     #[test]
@@ -98,14 +93,17 @@ mod tests {
         assert_eq!(saved.restore(launched()), launched(), "at the first start");
 
         let list = Value::Strings(vec!["a, b".into(), "'".into()]);
-        let changes = [("alpha".to_owned(), Value::Double(2.5)), ("wait_for".to_owned(), list)];
+        let changes = [("angle".to_owned(), Value::Double(2.5)), ("wait_for".to_owned(), list)];
         let accepted = launched().with(&changes, true).expect("possible");
         saved.keep(&accepted);
         assert_eq!(SavedParameters::new(folder.path(), &place).restore(launched()), accepted);
 
         // A fixed one comes from the launch, whatever it was before.
         let other = launched().with(&[("model".into(), Value::String("b.onnx".into()))], false);
-        assert_eq!(saved.restore(other.expect("possible")).string("model"), "b.onnx");
+        assert_eq!(
+            saved.restore(other.expect("possible")).get("model"),
+            Some(&Value::String("b.onnx".into()))
+        );
         let elsewhere = Place::new("eye", "/", &[]).expect("valid");
         assert_eq!(SavedParameters::new(folder.path(), &elsewhere).restore(launched()), launched());
     }
@@ -116,11 +114,11 @@ mod tests {
         let place = Place::new("eye", "/", &[]).expect("valid");
         let saved = SavedParameters::new(folder.path(), &place);
         let file = folder.path().join("eye.json");
-        for text in ["", "{", "[[\"alpha\", {\"Double\": 0.0}]]", "[[\"gone\", {\"Bool\": true}]]"] {
+        for text in ["", "{", "[[\"angle\", {\"Double\": 0.0}]]", "[[\"gone\", {\"Bool\": true}]]"] {
             fs::write(&file, text).expect("writable");
             assert_eq!(saved.restore(launched()), launched(), "{text}");
         }
-        fs::write(&file, "[[\"gone\", {\"Bool\": true}], [\"alpha\", {\"Double\": 3.0}]]").expect("writable");
-        assert_eq!(saved.restore(launched()).double("alpha"), 3.0);
+        fs::write(&file, "[[\"gone\", {\"Bool\": true}], [\"angle\", {\"Double\": 3.0}]]").expect("writable");
+        assert_eq!(saved.restore(launched()).get("angle"), Some(&Value::Double(3.0)));
     }
 }

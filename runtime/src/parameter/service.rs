@@ -175,14 +175,15 @@ fn describe(name: &str, descriptor: Option<&Descriptor>) -> ParameterDescriptor 
         read_only: descriptor.read_only,
         ..Default::default()
     };
-    match descriptor.allowed {
+    match &descriptor.allowed {
         Allowed::Any => {}
         Allowed::Words(_) => ros.additional_constraints = descriptor.allowed.to_string(),
         Allowed::Integers { from, to } => {
-            ros.integer_range = vec![IntegerRange { from_value: from, to_value: to, step: 0 }];
+            ros.integer_range = vec![IntegerRange { from_value: *from, to_value: *to, step: 0 }];
         }
         Allowed::Doubles { from, to } => {
-            ros.floating_point_range = vec![FloatingPointRange { from_value: from, to_value: to, step: 0.0 }];
+            ros.floating_point_range =
+                vec![FloatingPointRange { from_value: *from, to_value: *to, step: 0.0 }];
         }
     }
     ros
@@ -191,16 +192,12 @@ fn describe(name: &str, descriptor: Option<&Descriptor>) -> ParameterDescriptor 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::parameter::Parameters;
+    use crate::parameter::{ParameterSet as _, Parameters, sample::Set};
     use std::sync::{Arc, Mutex};
 
     /// A port whose node applies what it is asked, in a thread of its own.
     fn port() -> ParameterPort {
-        let alpha = Allowed::Doubles { from: 0.1, to: 256.0 };
-        let set = Parameters::declare(vec![
-            Descriptor::new("alpha", Value::Double(4.0), alpha, "saturation factor"),
-            Descriptor::new("input", Value::String("recovered".into()), Allowed::Any, "stream"),
-        ]);
+        let set = Parameters::declare(Set::descriptors());
         let set = Arc::new(Mutex::new(set));
         let (requests, inbox) = channel::<ParameterRequest>();
         let applied = set.clone();
@@ -222,25 +219,25 @@ mod tests {
     fn set_answers_each_and_changes_only_what_is_possible() {
         let port = port();
         let parameters =
-            vec![parameter("alpha", Value::Double(0.0)), parameter("input", Value::String("modulo".into()))];
+            vec![parameter("angle", Value::Double(0.0)), parameter("engine", Value::String("ort".into()))];
         let request = cdr::to_vec(&SetParametersRequest { parameters }).expect("encodes");
         let answer = Service::Set.answer(&request, &port).expect("readable");
         let results = cdr::from_slice::<SetParametersResponse>(&answer).expect("decodes").results;
-        assert!(!results[0].successful && results[0].reason.contains("0.1 to 256"), "{:?}", results[0]);
+        assert!(!results[0].successful && results[0].reason.contains("0.001 to 1024"), "{:?}", results[0]);
         assert!(results[1].successful);
-        assert_eq!((port.read)().string("input"), "modulo");
-        assert_eq!((port.read)().double("alpha"), 4.0);
+        assert_eq!((port.read)().get("engine"), Some(&Value::String("ort".into())));
+        assert_eq!((port.read)().get("angle"), Some(&Value::Double(4.0)));
     }
 
     #[test]
     fn atomically_is_all_or_nothing() {
         let port = port();
-        let parameters = vec![parameter("alpha", Value::Integer(3)), parameter("gamma", Value::Bool(true))];
+        let parameters = vec![parameter("angle", Value::Integer(3)), parameter("gamma", Value::Bool(true))];
         let request = cdr::to_vec(&SetParametersAtomicallyRequest { parameters }).expect("encodes");
         let answer = Service::SetAtomically.answer(&request, &port).expect("readable");
         let result = cdr::from_slice::<SetParametersAtomicallyResponse>(&answer).expect("decodes").result;
         assert!(!result.successful && result.reason.contains("gamma"));
-        assert_eq!((port.read)().double("alpha"), 4.0);
+        assert_eq!((port.read)().get("angle"), Some(&Value::Double(4.0)));
     }
 
     #[test]
@@ -249,9 +246,9 @@ mod tests {
         let request = cdr::to_vec(&ListParametersRequest::default()).expect("encodes");
         let answer = Service::List.answer(&request, &port).expect("readable");
         let listed = cdr::from_slice::<ListParametersResponse>(&answer).expect("decodes").result.names;
-        assert_eq!(listed, ["alpha", "input"]);
+        assert_eq!(listed, ["angle", "bits", "engine", "wait_for", "model", "loop", "share"]);
 
-        let request = cdr::to_vec(&GetParametersRequest { names: vec!["alpha".into(), "nix".into()] })
+        let request = cdr::to_vec(&GetParametersRequest { names: vec!["angle".into(), "nix".into()] })
             .expect("encodes");
         let answer = Service::Get.answer(&request, &port).expect("readable");
         let values = cdr::from_slice::<GetParametersResponse>(&answer).expect("decodes").values;
@@ -260,8 +257,8 @@ mod tests {
         let request = cdr::to_vec(&DescribeParametersRequest { names: listed }).expect("encodes");
         let answer = Service::Describe.answer(&request, &port).expect("readable");
         let described = cdr::from_slice::<DescribeParametersResponse>(&answer).expect("decodes").descriptors;
-        assert_eq!(described[0].floating_point_range[0].to_value, 256.0);
-        assert_eq!(described[0].description, "saturation factor (default 4.0)");
+        assert_eq!(described[0].floating_point_range[0].to_value, 1024.0);
+        assert_eq!(described[0].description, "A double. (default 4.0)");
     }
 
     #[test]

@@ -149,14 +149,14 @@ mod tests {
     #[test]
     fn descriptors_look_as_ros2_param_describe_prints_them() {
         let descriptor = ParameterDescriptor {
-            name: "alpha".into(),
+            name: "angle".into(),
             r#type: ParameterType::DOUBLE,
-            description: "saturation factor".into(),
+            description: "an angle".into(),
             read_only: true,
             floating_point_range: vec![FloatingPointRange { from_value: 0.1, to_value: 256.0, step: 0.0 }],
             ..ParameterDescriptor::default()
         };
-        let expected = "Parameter name: alpha\n  Type: double\n  Description: saturation factor\n  Constraints:\n    \
+        let expected = "Parameter name: angle\n  Type: double\n  Description: an angle\n  Constraints:\n    \
                         Read only: true\n    Min value: 0.1\n    Max value: 256.0";
         assert_eq!(described(&descriptor), expected);
     }

@@ -43,17 +43,15 @@ pub enum EngineChoice {
 }
 
 impl EngineChoice {
-    /// The words of the parameter `engine`.
-    pub const WORDS: &'static [&'static str] = &["auto", "ort", "rten"];
+    /// Every choice with its word, as the parameter `engine` has it.
+    pub const WORDS: [(&'static str, Self); 3] =
+        [("auto", Self::Auto), ("ort", Self::OnnxRuntime), ("rten", Self::Rten)];
+}
 
-    /// Reads one of [`EngineChoice::WORDS`].
-    pub fn from_word(word: &str) -> Option<Self> {
-        match word {
-            "auto" => Some(Self::Auto),
-            "ort" => Some(Self::OnnxRuntime),
-            "rten" => Some(Self::Rten),
-            _ => None,
-        }
+impl fmt::Display for EngineChoice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let word = Self::WORDS.iter().find(|(_, choice)| choice == self).map(|(word, _)| *word);
+        f.write_str(word.expect("every choice has a word"))
     }
 }
 
