@@ -9,7 +9,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use modulo_detector::EngineChoice;
 
 /// See in extreme light: a modulo camera, its unwrapping and a detector as a
@@ -150,6 +150,7 @@ pub enum Param {
         /// Parameter
         name: String,
         /// New value
+        #[arg(allow_hyphen_values = true)]
         value: String,
     },
 }
@@ -200,7 +201,8 @@ where
     })
 }
 
-/// Reads the command line. A link named after a node runs that node.
+/// Reads the command line. A link named after a node runs that node. Every option takes a negative number, so that its
+/// refusal names the possible range.
 pub fn parse() -> Cli {
     let mut arguments: Vec<OsString> = std::env::args_os().collect();
     let called = arguments.first().map(PathBuf::from).unwrap_or_default();
@@ -208,5 +210,15 @@ pub fn parse() -> Cli {
     if crate::registry::KINDS.iter().any(|kind| kind.name == called) {
         arguments.splice(0..1, ["modulo", "run", called].map(OsString::from));
     }
-    Cli::parse_from(arguments)
+    let matches = with_negative_numbers(Cli::command()).get_matches_from(arguments);
+    Cli::from_arg_matches(&matches).unwrap_or_else(|why| why.exit())
+}
+
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let takes = |argument: clap::Arg| match argument.get_action().takes_values() {
+        // A list such as -4,2 is not a number.
+        true if argument.get_value_delimiter().is_some() => argument.allow_hyphen_values(true),
+        value => argument.allow_negative_numbers(value),
+    };
+    command.mut_args(takes).mut_subcommands(with_negative_numbers)
 }

@@ -121,6 +121,8 @@ fn a_running_node_tells_and_takes_parameters_as_ros2_param_shows_them() {
     assert_eq!(out(&bench, &["param", "get", "/front/u", "alpha"]), "Double value is: 3.0\n");
     for (name, value, why) in [
         ("alpha", "0", "Setting parameter failed: parameter 'alpha' = 0"),
+        ("alpha", "-4.0", "parameter 'alpha' = -4: must be a finite number in 0.001 to 256"),
+        ("alpha", "-.5", "parameter 'alpha' = -0.5"),
         ("wait_timeout", "1", "is read-only"),
         ("method", "magic", "must be one of"),
         ("alhpa", "1", "unknown parameter, known are"),
@@ -152,6 +154,28 @@ fn a_dump_is_a_parameter_file() {
     let second = unwrap(&bench, &[place.as_slice(), &["--params-file", file]].concat());
     assert_eq!(out(&bench, &["param", "dump", "/front/u"]), dumped);
     assert_eq!(second.interrupt(), Some(0));
+}
+
+/// A negative number is a value, not an option: its refusal names the range.
+#[test]
+fn negative_values_reach_what_refuses_them() {
+    let bench = Bench::new(175);
+    let (out, launch) =
+        (bench.path("out"), concat!(env!("CARGO_MANIFEST_DIR"), "/launch/recovered.launch.yaml"));
+    let grid = ["eval", "--source", "scene://day?frames=1", "--out", out.to_str().expect("UTF-8")];
+    for (arguments, why) in [
+        (
+            [&grid[..], &["--noise", "-1"]].concat(),
+            "'read_noise' = -1: must be a finite number in 0 to 65536",
+        ),
+        ([&grid[..], &["--alpha", "-4,2"]].concat(), "'alpha' = -4: must be a finite number in 0.001 to 256"),
+        ([&grid[..], &["--threads", "-1"]].concat(), "invalid value '-1' for '--threads"),
+        (vec!["launch", launch, "--check", "alpha:=-1"], "'alpha' = -1: must be a finite number"),
+    ] {
+        let output = bench.run(&arguments);
+        assert_ne!(output.status.code(), Some(0), "{arguments:?}");
+        assert!(text(&output).contains(why), "{arguments:?}: {}", text(&output));
+    }
 }
 
 #[test]
