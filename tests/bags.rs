@@ -14,8 +14,9 @@ use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, Selection};
 use modulo_msgs::builtin::Time;
 use modulo_msgs::rosbag2_interfaces as player;
 use modulo_msgs::{cdr, rosgraph_msgs};
+use modulo_runtime::transport::RawSample;
 use modulo_runtime::transport::keys::{self, Endpoint, Hashes};
-use modulo_runtime::transport::zenoh::{RawSample, ZenohTransport};
+use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::transport::{Guard, Transport};
 use modulo_runtime::{Place, Qos, SystemClock};
 

@@ -158,7 +158,7 @@ fn a_latched_message_waits_for_late_readers() {
     let late = Peer::new(&bench);
     let hear = |qos: &str| {
         let (sender, samples) = std::sync::mpsc::channel();
-        let take = move |sample: modulo_runtime::transport::zenoh::RawSample| {
+        let take = move |sample: modulo_runtime::transport::RawSample| {
             let _ = sender.send((sample.payload[4], sample.attachment.map(|a| a.sequence)));
         };
         (late.transport.subscribe_raw(&late.place, &endpoint(qos), take).expect("declared"), samples)

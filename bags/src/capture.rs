@@ -2,13 +2,13 @@
 //! written as it comes, without decoding.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::Arc;
 use std::time::Duration;
 
-use modulo_runtime::transport::gaps::Gaps;
+use modulo_runtime::queue::{Arrived, Keep, Lane, Limit, Next, Queue};
 use modulo_runtime::transport::keys::{self, Endpoint, EntityKind};
-use modulo_runtime::transport::zenoh::{RawSample, ZenohTransport};
-use modulo_runtime::transport::{Guard, TransportError};
+use modulo_runtime::transport::zenoh::ZenohTransport;
+use modulo_runtime::transport::{Guard, RawSample, Transport, TransportError};
 use modulo_runtime::{Clock, Place, Stop, Urgency};
 
 use crate::bag::{BagError, BagTopic, TopicCount};
@@ -17,7 +17,12 @@ use crate::record::Recorder;
 /// The name of the node in ROS 2, too.
 const NODE: &str = "rosbag2_recorder";
 /// How often the graph is looked at for new topics.
-const GLANCE: Duration = Duration::from_millis(50);
+const GLANCE_NS: u64 = 50_000_000;
+/// Samples that wait for the disk. As rosbag2's cache of 100 MiB, and bounded in
+/// number for topics of tiny messages.
+const WAITING: Limit = Limit { messages: 1 << 20, bytes: 100 << 20 };
+/// After a stop, samples that wait are written for this long; the rest is lost and counted.
+const LAST_WRITES_NS: u64 = 500_000_000;
 
 /// Why a recording failed.
 #[derive(Debug, thiserror::Error)]
@@ -30,75 +35,85 @@ pub enum CaptureError {
     Transport(#[from] TransportError),
 }
 
-/// What a recording holds.
+/// The content of a recording.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Captured {
     /// Topics with their counts.
     pub topics: Vec<TopicCount>,
-    /// Messages that were lost on the way here, by topic.
+    /// Messages that were sent but are not in the bag, by topic: lost on the way
+    /// here, or dropped because the disk was too slow.
     pub lost: BTreeMap<String, u64>,
 }
 
-/// Records `topics` (`None`: all) of the graph of `transport` until `stop`.
-/// What has arrived by then is written.
+/// Records `topics` (`None`: all) of the graph of `transport` until `stop`. Samples
+/// wait for the disk in bounded memory; those for which there is no room are
+/// dropped and counted.
 ///
 /// # Errors
 /// [`CaptureError`] when a topic cannot be subscribed or the disk is full.
 pub fn capture(
     transport: &ZenohTransport,
-    clock: &dyn Clock,
-    mut recorder: Recorder,
+    clock: &Arc<dyn Clock>,
+    recorder: Recorder,
     topics: Option<&[String]>,
     stop: &Stop,
 ) -> Result<Captured, CaptureError> {
-    let (samples, arrived) = channel();
+    let queue = Arc::new(Queue::new(clock.clone(), WAITING));
+    stop.wakes(&queue);
     let place = Place { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() };
-    let _node = modulo_runtime::transport::Transport::announce(transport, &place)?;
-    let mut wires = Wires { known: BTreeSet::new(), guards: Vec::new(), samples };
-    let mut losses = Losses::default();
+    let _node = transport.announce(&place)?;
+    let mut capture = Capture {
+        transport,
+        place,
+        recorder,
+        queue,
+        known: BTreeSet::new(),
+        lanes: BTreeMap::new(),
+        guards: Vec::new(),
+    };
     while stop.urgency() == Urgency::None {
-        wires.subscribe_new(transport, &place, &mut recorder, topics)?;
-        write_arrived(&arrived, GLANCE, clock, &mut recorder, &mut losses)?;
-        recorder.settle(clock.now_ns())?;
+        capture.subscribe_new(topics)?;
+        let look = clock.ticks_ns() + GLANCE_NS;
+        // However fast samples come, the graph and the stop are looked at in between.
+        while stop.urgency() == Urgency::None && clock.ticks_ns() < look {
+            capture.write_next(Duration::from_nanos(look.saturating_sub(clock.ticks_ns())))?;
+        }
+        capture.recorder.settle(clock.now_ns())?;
     }
-    drop(wires);
-    write_arrived(&arrived, Duration::ZERO, clock, &mut recorder, &mut losses)?;
-    Ok(Captured { topics: recorder.finish()?, lost: losses.by_topic })
+    capture.finish(&**clock)
 }
 
-/// A sample and the topic it came on.
-type Arrival = (BagTopic, RawSample);
-
-struct Wires {
+/// A recording on its way.
+struct Capture<'a> {
+    transport: &'a ZenohTransport,
+    place: Place,
+    recorder: Recorder,
+    queue: Arc<Queue<RawSample>>,
+    /// Topic and type hash of each subscription, and of those that are refused.
     known: BTreeSet<(String, String)>,
+    lanes: BTreeMap<Lane, BagTopic>,
     guards: Vec<Guard>,
-    samples: Sender<Arrival>,
 }
 
-impl Wires {
-    fn subscribe_new(
-        &mut self,
-        transport: &ZenohTransport,
-        place: &Place,
-        recorder: &mut Recorder,
-        topics: Option<&[String]>,
-    ) -> Result<(), CaptureError> {
-        let graph = transport.graph();
+impl Capture<'_> {
+    fn subscribe_new(&mut self, topics: Option<&[String]>) -> Result<(), CaptureError> {
+        let graph = self.transport.graph();
         let publishers = graph.tokens().filter(|t| t.kind == EntityKind::Publisher);
         for endpoint in publishers.filter_map(|t| t.endpoint.as_ref()) {
-            let chosen = topics.is_none_or(|topics| topics.contains(&endpoint.topic));
+            let chosen =
+                topics.map_or(!is_hidden(&endpoint.topic), |topics| topics.contains(&endpoint.topic));
             if !chosen || !self.known.insert((endpoint.topic.clone(), endpoint.type_hash.clone())) {
                 continue;
             }
             let topic = bag_topic(endpoint);
             if topic.schema.is_empty() {
                 tracing::warn!(
-                    "{} is recorded without a definition: this suite has none of {}",
+                    "{} is recorded without a definition: this suite has no definition of {}",
                     topic.name,
                     topic.type_name
                 );
             }
-            match recorder.announce(&topic) {
+            match self.recorder.announce(&topic) {
                 // One publisher that is wrong must not end the recording of all others.
                 Err(why @ BagError::TypeConflict { .. }) => {
                     tracing::warn!("{why}: not recorded");
@@ -106,14 +121,46 @@ impl Wires {
                 }
                 announced => announced?,
             }
-            let samples = self.samples.clone();
-            self.guards.push(transport.subscribe_raw(place, endpoint, move |sample| {
-                // Fails only when the recording has ended.
-                let _ = samples.send((topic.clone(), sample));
-            })?);
+            let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::All));
+            self.lanes.insert(lane, topic);
+            let take = move |sample| drop(queue.push(lane, sample));
+            self.guards.push(self.transport.subscribe_raw(&self.place, endpoint, take)?);
         }
         Ok(())
     }
+
+    /// Writes the sample that arrived first; waits at most `patience` for one.
+    /// Returns whether there was one.
+    fn write_next(&mut self, patience: Duration) -> Result<bool, BagError> {
+        let Next::Item(Arrived { lane, stamp_ns, item }) = self.queue.take(Some(patience)) else {
+            return Ok(false);
+        };
+        let topic = &self.lanes[&lane];
+        let sent = item.attachment.map_or(stamp_ns, |a| u64::try_from(a.stamp_ns).unwrap_or(stamp_ns));
+        self.recorder.record(topic, stamp_ns, sent, &item.payload)?;
+        Ok(true)
+    }
+
+    /// Ends the subscriptions, writes what waits, within limits, and completes the bag.
+    fn finish(mut self, clock: &dyn Clock) -> Result<Captured, CaptureError> {
+        self.guards.clear();
+        let end = clock.ticks_ns() + LAST_WRITES_NS;
+        while clock.ticks_ns() < end && self.write_next(Duration::ZERO)? {}
+        let mut lost = BTreeMap::new();
+        for (lane, topic) in &self.lanes {
+            let tally = self.queue.close(*lane);
+            if tally.lost() + tally.unread > 0 {
+                *lost.entry(topic.name.clone()).or_default() += tally.lost() + tally.unread;
+            }
+        }
+        Ok(Captured { topics: self.recorder.finish()?, lost })
+    }
+}
+
+/// Whether ROS 2 hides `topic`: a part of its name begins with an underscore. As
+/// `ros2 bag record --all` does, such topics are only recorded by name.
+fn is_hidden(topic: &str) -> bool {
+    topic.split('/').any(|part| part.starts_with('_'))
 }
 
 fn bag_topic(endpoint: &Endpoint) -> BagTopic {
@@ -123,42 +170,4 @@ fn bag_topic(endpoint: &Endpoint) -> BagTopic {
         topic.type_hash.clone_from(&endpoint.type_hash);
     }
     topic
-}
-
-/// Samples that never came, by topic.
-#[derive(Default)]
-struct Losses {
-    gaps: Gaps,
-    by_topic: BTreeMap<String, u64>,
-}
-
-impl Losses {
-    fn note(&mut self, topic: &str, sample: &RawSample) {
-        let missing = sample.attachment.as_ref().map_or(0, |attachment| self.gaps.step(attachment));
-        if missing > 0 {
-            *self.by_topic.entry(topic.to_owned()).or_default() += missing;
-        }
-    }
-}
-
-/// Writes what has arrived, waiting at most `patience` for the first of it.
-fn write_arrived(
-    arrived: &Receiver<Arrival>,
-    patience: Duration,
-    clock: &dyn Clock,
-    recorder: &mut Recorder,
-    losses: &mut Losses,
-) -> Result<(), BagError> {
-    let mut patience = patience;
-    loop {
-        let (topic, sample) = match arrived.recv_timeout(patience) {
-            Ok(arrival) => arrival,
-            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => return Ok(()),
-        };
-        patience = Duration::ZERO;
-        losses.note(&topic.name, &sample);
-        let now = clock.now_ns();
-        let sent = sample.attachment.map_or(now, |a| u64::try_from(a.stamp_ns).unwrap_or(now));
-        recorder.record(&topic, now, sent, &sample.payload)?;
-    }
 }

@@ -11,6 +11,8 @@ use modulo_msgs::rosbag2_interfaces::{
     ResumeResponse, SeekRequest, SeekResponse, SetRateRequest, SetRateResponse, TogglePausedResponse,
 };
 
+use modulo_runtime::queue::Queued;
+
 use crate::pace::Motion;
 
 /// A service of the player.
@@ -73,6 +75,8 @@ pub struct Order {
     pub answer: Sender<Answer>,
 }
 
+impl Queued for Order {}
+
 /// Why a call gets no response.
 #[derive(Debug, thiserror::Error)]
 pub enum ServiceError {
@@ -113,14 +117,17 @@ impl Service {
         }
     }
 
-    /// Hands `request` to the replay and waits for what it says.
+    /// Hands `request` to the replay with `give`, which returns whether the replay took it, and
+    /// waits for the answer.
     ///
     /// # Errors
     /// [`ServiceError`] when the request cannot be read, or nobody answers.
-    pub fn call(self, request: &[u8], replay: &Sender<Order>) -> Result<Vec<u8>, ServiceError> {
+    pub fn call(self, request: &[u8], give: &dyn Fn(Order) -> bool) -> Result<Vec<u8>, ServiceError> {
         let (answer, answered) = channel();
         let command = self.command(request)?;
-        replay.send(Order { command, answer }).map_err(|_| ServiceError::Ended)?;
+        if !give(Order { command, answer }) {
+            return Err(ServiceError::Ended);
+        }
         Ok(self.response(answered.recv().map_err(|_| ServiceError::Ended)?)?)
     }
 

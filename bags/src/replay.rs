@@ -5,11 +5,12 @@
 mod outlets;
 
 use std::collections::BTreeMap;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
+use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
 use modulo_runtime::clock::nanos;
+use modulo_runtime::queue::{Keep, Limit, Next, Queue};
 use modulo_runtime::transport::keys;
 use modulo_runtime::transport::zenoh::{RawService, ZenohTransport};
 use modulo_runtime::transport::{Guard, Transport, TransportError};
@@ -23,8 +24,10 @@ use crate::play::{Due, Player};
 
 /// The name of the node in ROS 2, too.
 const NODE: &str = "rosbag2_player";
-/// The longest sleep between two looks at the stop flag.
+/// How often the graph is looked at while a node in it is awaited.
 const GLANCE: Duration = Duration::from_millis(20);
+/// Orders that wait for the replay; each caller waits for its answer.
+const ORDERS: Limit = Limit { messages: 64, bytes: usize::MAX };
 
 /// Why a replay failed.
 #[derive(Debug, thiserror::Error)]
@@ -87,7 +90,7 @@ pub struct ReplayOptions {
 /// [`ReplayError`] when the bag cannot be read on or the wire does not take it.
 pub fn replay(
     transport: &ZenohTransport,
-    clock: &dyn Clock,
+    clock: &Arc<dyn Clock>,
     player: &mut Player,
     pace: Pace,
     options: &ReplayOptions,
@@ -96,27 +99,36 @@ pub fn replay(
     let place = Place { name: NODE.into(), namespace: "/".into(), remaps: options.remaps.clone() };
     let time = options.clock_hz.map(|hz| TimeOutlet::declare(transport, &place, hz)).transpose()?;
     let outlets = Outlets::declare(transport, &place, player.bag(), time.as_ref())?;
-    let (_services, orders) = serve(transport, &place)?;
+    let orders = Arc::new(Queue::new(clock.clone(), ORDERS));
+    stop.wakes(&orders);
+    let _services = serve(transport, &place, &orders)?;
     let _node = transport.announce(&place)?;
+    let clock = &**clock;
     wait_until_heard(&outlets, clock, stop);
     let mut replay = Replay { clock, player, pace, ahead: None, outlets, time, orders };
     replay.pace.jump(clock.ticks_ns(), 0);
     let done = replay.run(stop);
     // What was put last must have left before the publishers go.
     thread::sleep(transport.settling());
+    replay.orders.end();
     done.map(|()| replay.outlets.sent())
 }
 
 /// The services of the node, and where their calls arrive.
-fn serve(transport: &ZenohTransport, place: &Place) -> Result<(Guard, Receiver<Order>), TransportError> {
-    let (queue, orders) = channel();
+fn serve(
+    transport: &ZenohTransport,
+    place: &Place,
+    orders: &Arc<Queue<Order>>,
+) -> Result<Guard, TransportError> {
+    let lane = orders.open(Keep::All);
     let services = Service::ALL.map(|service| {
         let (name, ros_type) = service.name_and_type();
-        let queue = queue.clone();
-        let answer = Box::new(move |request: &[u8]| Ok(service.call(request, &queue)?));
+        let orders = orders.clone();
+        let give = move |order| orders.push(lane, order).is_none();
+        let answer = Box::new(move |request: &[u8]| Ok(service.call(request, &give)?));
         RawService { name, ros_type, qos: keys::SERVICE_QOS, answer }
     });
-    Ok((transport.serve_raw(place, services.into())?, orders))
+    transport.serve_raw(place, services.into())
 }
 
 /// Discovery takes a moment: the first message should not go out before those
@@ -137,7 +149,7 @@ struct Replay<'a> {
     ahead: Option<Due>,
     outlets: Outlets,
     time: Option<TimeOutlet>,
-    orders: Receiver<Order>,
+    orders: Arc<Queue<Order>>,
 }
 
 impl Replay<'_> {
@@ -150,15 +162,10 @@ impl Replay<'_> {
             if self.ticks_until_due(now) == Some(0) {
                 self.send_next()?;
             }
-            let patience = self.patience();
-            match self.orders.recv_timeout(patience) {
-                Ok(order) => {
-                    let answer = self.carry_out(order.command, stop)?;
-                    // Fails only when the caller has gone.
-                    let _ = order.answer.send(answer);
-                }
-                Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => thread::sleep(patience),
+            if let Next::Item(arrived) = self.orders.take(self.patience()) {
+                let answer = self.carry_out(arrived.item.command, stop)?;
+                // Fails only when the caller has gone.
+                let _ = arrived.item.answer.send(answer);
             }
         }
         Ok(())
@@ -178,12 +185,15 @@ impl Replay<'_> {
         Some(self.pace.ticks_of(due.position)?.saturating_sub(now))
     }
 
-    /// How long nothing has to be done.
-    fn patience(&self) -> Duration {
+    /// Time until something is due; `None` while only an order can change anything.
+    fn patience(&self) -> Option<Duration> {
+        if self.ahead.is_none() {
+            // The next message is not read yet.
+            return Some(Duration::ZERO);
+        }
         let now = self.clock.ticks_ns();
         let time = self.time.as_ref().map(|time| time.ticks_until_due(now));
-        let next = [self.ticks_until_due(now), time].into_iter().flatten().min();
-        next.map_or(GLANCE, |ticks| GLANCE.min(Duration::from_nanos(ticks)))
+        [self.ticks_until_due(now), time].into_iter().flatten().min().map(Duration::from_nanos)
     }
 
     /// Sends the next message; its position.

@@ -107,7 +107,7 @@ impl Summary {
         for (topic, n) in &report.published {
             self.topics.entry(topic.clone()).or_default().sent += n;
         }
-        for (topic, n) in &report.dropped {
+        for (topic, n) in &report.dropped() {
             self.topics.entry(topic.clone()).or_default().dropped += n;
             *self.dropped.entry(topic.clone()).or_default() += n;
         }
@@ -175,7 +175,7 @@ mod tests {
             report(
                 &serde_json::json!({
                     "node": format!("/detector_{first}"), "received": {"/recovered": 50}, "published": {},
-                    "dropped": {"/recovered": 0}, "bad": {}, "classes": {"car": 3},
+                    "replaced": {"/recovered": 0}, "bad": {}, "classes": {"car": 3},
                     "facts": {"engine": "rten", "stream": "recovered"}, "stages": {"infer": buckets}
                 })
                 .to_string(),
@@ -186,7 +186,7 @@ mod tests {
     fn camera() -> NodeReport {
         report(
             r#"{"node": "/modulo_camera", "received": {}, "published": {"/modulo": 20, "/ideal": 7},
-                "dropped": {}, "bad": {}, "classes": {}, "facts": {"role": "source", "frames": "21"}, "stages": {}}"#,
+                "bad": {}, "classes": {}, "facts": {"role": "source", "frames": "21"}, "stages": {}}"#,
         )
     }
 
@@ -215,7 +215,7 @@ mod tests {
     fn a_drop_or_a_bad_message_is_a_loss() {
         for field in ["dropped", "bad"] {
             let mut node = NodeReport::new("/unwrap");
-            let counts = if field == "bad" { &mut node.bad } else { &mut node.dropped };
+            let counts = if field == "bad" { &mut node.bad } else { &mut node.replaced };
             counts.insert("/modulo".into(), 1);
             assert!(Summary::new(&[node], []).lost(), "{field}");
         }

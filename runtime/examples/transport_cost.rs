@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 
 use modulo_core::Frame;
 use modulo_msgs::std_msgs::{Header, Time};
-use modulo_runtime::inbox::{Inbox, Keep, Taken};
+use modulo_runtime::queue::{Keep, Limit, Queue};
 use modulo_runtime::transport::keys::Hashes;
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::transport::{Address, Transport};
@@ -136,7 +136,7 @@ fn send(frames: usize) {
 }
 
 fn receive(frames: usize, carrier: &str) {
-    let clock = Arc::new(SystemClock::default());
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
     let (transport, place, address) = ours();
     let session = raw("listen/endpoints");
     let raw = session.declare_subscriber(RAW_KEY).wait().expect("a subscriber");
@@ -153,10 +153,12 @@ fn receive(frames: usize, carrier: &str) {
             }
         }
     });
-    let inbox = Arc::new(Inbox::new(&[Keep::Last(30)]));
-    let inlet = transport.subscribe(&place, &address, inbox.clone(), 0).expect("a subscription");
+    let queue = Arc::new(Queue::new(clock.clone(), Limit { messages: 0, bytes: 0 }));
+    let (waiting, lane) = (queue.clone(), queue.open(Keep::Last(30)));
+    let deliver = Box::new(move |parcel| drop(waiting.push(lane, parcel)));
+    let _subscription = transport.subscribe(&place, &address, deliver).expect("a subscription");
     let (mut bytes, mut pixels, mut early) = (Vec::new(), Vec::new(), 0.0);
-    while let Taken::Item(_, parcel) = inbox.take(Duration::from_secs(5)) {
+    while let Some(parcel) = queue.take(Some(Duration::from_secs(5))).item() {
         let there = clock.now_ns();
         let Ok(Message::Image(image)) = parcel.open(MessageKind::Image) else { panic!("an image") };
         assert_eq!(image.frame.dim(), SHAPE);
@@ -184,7 +186,7 @@ fn receive(frames: usize, carrier: &str) {
         );
     }
     println!("{carrier:<8} reader's memory {early:.1} MiB -> {late:.1} MiB");
-    assert_eq!(lost as u64 + inbox.tally(0).dropped + inlet.lost(), 0, "frames of ours were lost");
+    assert_eq!(lost as u64 + queue.tally(lane).lost(), 0, "frames of ours were lost");
     assert!(late <= 1.2 * early, "memory grew from {early} to {late} MiB");
 }
 

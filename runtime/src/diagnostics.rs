@@ -7,12 +7,13 @@ use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 
 use crate::clock::Clock;
+use crate::driver::RunError;
 use crate::message::{Message, MessageKind};
 use crate::name::Place;
 use crate::node::Node;
 use crate::report::{NodeReport, quantile};
-use crate::topic::Qos;
-use crate::transport::{Address, Outlet, Transport, TransportError};
+use crate::topic::Topic;
+use crate::transport::{Address, Outlet, Transport};
 
 const PERIOD_NS: u64 = 1_000_000_000;
 
@@ -20,28 +21,31 @@ const PERIOD_NS: u64 = 1_000_000_000;
 pub struct Diagnostics {
     outlet: Box<dyn Outlet>,
     due: u64,
+    /// Messages that had been skipped when the last message was published.
+    bad: u64,
 }
 
 impl Diagnostics {
     /// Advertises `/diagnostics` for the node at `place`.
     ///
     /// # Errors
-    /// [`TransportError`] when the carrier refuses.
-    pub fn new(place: &Place, transport: &dyn Transport) -> Result<Self, TransportError> {
-        let address =
-            Address { topic: "/diagnostics".into(), kind: MessageKind::Diagnostics, qos: Qos::Results };
-        Ok(Self { outlet: transport.advertise(place, &address)?, due: 0 })
+    /// [`RunError`] when the carrier refuses.
+    pub fn new(place: &Place, transport: &dyn Transport) -> Result<Self, RunError> {
+        let address = Address::resolve(place, &Topic::new("/diagnostics", MessageKind::Diagnostics))?;
+        Ok(Self { outlet: transport.advertise(place, &address)?, due: 0, bad: 0 })
     }
 
-    /// Publishes `report` when a second has passed since the last time and
-    /// somebody reads it.
-    pub fn publish_when_due(&mut self, clock: &dyn Clock, report: &NodeReport, node: &dyn Node) {
-        let now = clock.ticks_ns();
-        if now < self.due || !self.outlet.wanted() {
-            return;
-        }
-        self.due = now + PERIOD_NS;
-        let message = Message::Diagnostics(Arc::new(describe(clock.now_ns(), report, node)));
+    /// Whether a second has passed since the last message, and the topic has a reader.
+    pub fn is_due(&self, clock: &dyn Clock) -> bool {
+        clock.ticks_ns() >= self.due && self.outlet.wanted()
+    }
+
+    /// Publishes `report`. The level is WARN when messages were skipped since the last time.
+    pub fn publish(&mut self, clock: &dyn Clock, report: &NodeReport, node: &dyn Node) {
+        self.due = clock.ticks_ns() + PERIOD_NS;
+        let bad = report.bad.values().sum();
+        let skipped = bad - std::mem::replace(&mut self.bad, bad);
+        let message = Message::Diagnostics(Arc::new(describe(clock.now_ns(), report, node, skipped)));
         if let Err(why) = self.outlet.put(&message) {
             tracing::debug!("{why}");
         }
@@ -49,7 +53,7 @@ impl Diagnostics {
 }
 
 /// The report as a diagnostics message.
-pub fn describe(now_ns: u64, report: &NodeReport, node: &dyn Node) -> DiagnosticArray {
+fn describe(now_ns: u64, report: &NodeReport, node: &dyn Node, skipped: u64) -> DiagnosticArray {
     let mut values = Vec::new();
     let mut say = |key: String, value: String| values.push(KeyValue { key, value });
     for (key, value) in node.facts() {
@@ -58,7 +62,8 @@ pub fn describe(now_ns: u64, report: &NodeReport, node: &dyn Node) -> Diagnostic
     for (what, counts) in [
         ("received", &report.received),
         ("published", &report.published),
-        ("dropped", &report.dropped),
+        ("replaced", &report.replaced),
+        ("lost", &report.lost),
         ("bad", &report.bad),
     ] {
         for (topic, count) in counts {
@@ -72,11 +77,10 @@ pub fn describe(now_ns: u64, report: &NodeReport, node: &dyn Node) -> Diagnostic
             }
         }
     }
-    let troubled = !report.bad.is_empty();
     let status = DiagnosticStatus {
-        level: if troubled { DiagnosticStatus::WARN } else { DiagnosticStatus::OK },
+        level: if skipped > 0 { DiagnosticStatus::WARN } else { DiagnosticStatus::OK },
         name: report.node.trim_start_matches('/').to_owned(),
-        message: if troubled { "bad messages were skipped".into() } else { "running".into() },
+        message: if skipped > 0 { format!("{skipped} bad messages were skipped") } else { "running".into() },
         hardware_id: String::new(),
         values,
     };

@@ -1,4 +1,4 @@
-//! What a node stands on: the step, its drivers, topics, inboxes, parameters,
+//! What a node stands on: the step, its drivers, topics, queues, parameters,
 //! clock and transport.
 //!
 //! A node is a pure step ([`Node`]); nothing in this crate knows what any node
@@ -9,13 +9,13 @@ pub mod bridge;
 pub mod clock;
 pub mod diagnostics;
 pub mod driver;
-pub mod inbox;
 pub mod launcher;
 pub mod message;
 pub mod name;
 pub mod node;
 pub mod node_time;
 pub mod parameter;
+pub mod queue;
 pub mod report;
 pub mod ros_args;
 pub mod rosout;

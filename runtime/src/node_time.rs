@@ -6,16 +6,14 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
 
 use crate::clock::Clock;
-use crate::driver::CommonParameters;
-use crate::inbox::{Inbox, Keep, Taken};
+use crate::driver::{CommonParameters, RunError};
 use crate::message::{Message, MessageKind};
 use crate::name::Place;
 use crate::parameter::Parameters;
 use crate::topic::Topic;
-use crate::transport::{Address, Inlet, Parcel, Transport, TransportError};
+use crate::transport::{Address, Guard, Parcel, Transport};
 
 /// Whether `parameters` ask for the time on `/clock`.
 pub fn is_simulated(parameters: &Parameters) -> bool {
@@ -26,71 +24,54 @@ pub fn is_simulated(parameters: &Parameters) -> bool {
 pub struct NodeTime<'a> {
     machine: &'a dyn Clock,
     /// The latest time that was on `/clock`, ns.
-    told: AtomicU64,
-    simulation: Option<Simulation>,
-}
-
-/// A subscription of `/clock`.
-struct Simulation {
-    inbox: Arc<Inbox<Parcel>>,
-    _inlet: Box<dyn Inlet>,
+    told: Arc<AtomicU64>,
+    /// The subscription of `/clock`.
+    simulation: Option<Guard>,
 }
 
 impl<'a> NodeTime<'a> {
     /// The time of `machine`, until told otherwise.
     pub fn new(machine: &'a dyn Clock) -> Self {
-        Self { machine, told: AtomicU64::new(0), simulation: None }
+        Self { machine, told: Arc::default(), simulation: None }
     }
 
     /// Goes over to the time that `parameters` ask for.
     ///
     /// # Errors
-    /// [`TransportError`] when `/clock` cannot be subscribed.
+    /// [`RunError`] when `/clock` cannot be subscribed.
     pub fn follow(
         &mut self,
         parameters: &Parameters,
         place: &Place,
         transport: &dyn Transport,
-    ) -> Result<(), TransportError> {
+    ) -> Result<(), RunError> {
         match (is_simulated(parameters), &self.simulation) {
-            (true, None) => self.simulation = Some(Simulation::start(place, transport)?),
+            (true, None) => self.simulation = Some(self.simulate(place, transport)?),
             (false, Some(_)) => self.simulation = None,
             (true, Some(_)) | (false, None) => {}
         }
         Ok(())
     }
-}
 
-impl Simulation {
-    fn start(place: &Place, transport: &dyn Transport) -> Result<Self, TransportError> {
-        let Topic { name, kind, qos } = Topic::new("/clock", MessageKind::Clock);
-        let inbox = Arc::new(Inbox::new(&[Keep::Latest]));
-        let address = Address { topic: name, kind, qos };
-        let inlet = transport.subscribe(place, &address, inbox.clone(), 0)?;
-        Ok(Self { inbox, _inlet: inlet })
-    }
-
-    /// The time that has come since the last look, ns.
-    fn news(&self) -> Option<u64> {
-        let Taken::Item(_, parcel) = self.inbox.take(Duration::ZERO) else { return None };
-        match parcel.open(MessageKind::Clock) {
-            Ok(Message::Clock(clock)) => Some(clock.clock.as_ns()),
-            Ok(_) => None,
-            Err(why) => {
-                tracing::warn!("/clock: {why}");
-                None
-            }
-        }
+    /// Subscribes to `/clock`; each message sets the time.
+    fn simulate(&self, place: &Place, transport: &dyn Transport) -> Result<Guard, RunError> {
+        let address = Address::resolve(place, &Topic::new("/clock", MessageKind::Clock))?;
+        let told = self.told.clone();
+        let deliver = move |parcel: Parcel| match parcel.open(MessageKind::Clock) {
+            Ok(Message::Clock(clock)) => told.store(clock.clock.as_ns(), Ordering::Relaxed),
+            Ok(other) => tracing::warn!("/clock: carries {:?}", other.kind()),
+            Err(why) => tracing::warn!("/clock: {why}"),
+        };
+        Ok(transport.subscribe(place, &address, Box::new(deliver))?)
     }
 }
 
 impl Clock for NodeTime<'_> {
     fn now_ns(&self) -> u64 {
-        let Some(simulation) = &self.simulation else { return self.machine.now_ns() };
-        if let Some(now) = simulation.news() {
-            self.told.store(now, Ordering::Relaxed);
+        match self.simulation {
+            Some(_) => self.told.load(Ordering::Relaxed),
+            None => self.machine.now_ns(),
         }
-        self.told.load(Ordering::Relaxed)
     }
 
     fn ticks_ns(&self) -> u64 {

@@ -15,6 +15,7 @@ pub type Histogram = BTreeMap<u64, u64>;
 
 /// What one node received, sent, lost, saw and how long its stages took.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct NodeReport {
     /// Fully qualified name, such as `/unwrap`.
     pub node: String,
@@ -22,8 +23,12 @@ pub struct NodeReport {
     pub received: BTreeMap<String, u64>,
     /// Messages that the node sent, by topic.
     pub published: BTreeMap<String, u64>,
-    /// Messages that were lost on the way or replaced by newer ones, by topic.
-    pub dropped: BTreeMap<String, u64>,
+    /// Images that newer ones replaced before the node took them, by topic.
+    pub replaced: BTreeMap<String, u64>,
+    /// Messages that were sent but never reached the node's step, by topic.
+    pub lost: BTreeMap<String, u64>,
+    /// Messages that waited when the node ended or changed its inputs, by topic.
+    pub unread: BTreeMap<String, u64>,
     /// Messages that could not be read or processed, by topic.
     pub bad: BTreeMap<String, u64>,
     /// Detections sent, by class.
@@ -58,9 +63,13 @@ impl NodeReport {
         }
     }
 
-    /// Messages lost or replaced, over all topics.
-    pub fn dropped_in_all(&self) -> u64 {
-        self.dropped.values().sum()
+    /// Messages that were replaced, lost or left unread, by topic.
+    pub fn dropped(&self) -> BTreeMap<String, u64> {
+        let mut dropped = BTreeMap::new();
+        for (topic, n) in self.replaced.iter().chain(&self.lost).chain(&self.unread) {
+            add(&mut dropped, topic, *n);
+        }
+        dropped
     }
 }
 
@@ -149,9 +158,10 @@ mod tests {
         let mut report = NodeReport::new("/unwrap");
         report.book_stage("unwrap", 5_300_000);
         report.book_stage("unwrap", 5_301_000);
-        add(&mut report.dropped, "/modulo", 3);
+        add(&mut report.replaced, "/modulo", 2);
+        add(&mut report.lost, "/modulo", 1);
         let text = serde_json::to_string(&report).expect("serialises");
         assert_eq!(serde_json::from_str::<NodeReport>(&text).expect("reads back"), report);
-        assert_eq!(report.dropped_in_all(), 3);
+        assert_eq!(report.dropped(), [("/modulo".to_owned(), 3)].into());
     }
 }

@@ -6,10 +6,7 @@
 
 use std::fmt;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
 
 use modulo_msgs::rcl_interfaces::Log;
 use modulo_msgs::std_msgs::Time;
@@ -19,35 +16,37 @@ use tracing_subscriber::Layer;
 use tracing_subscriber::layer::Context;
 
 use crate::clock::Clock;
+use crate::driver::RunError;
 use crate::message::{Message, MessageKind};
 use crate::name::Place;
+use crate::queue::{Keep, Lane, Limit, Next, Queue, Queued};
 use crate::topic::Topic;
 use crate::transport::{Address, Guard, Outlet, Transport, TransportError};
 
 /// Lines that wait for the wire at most; also what a late reader still gets.
 const WAITING: usize = 1000;
-/// How long the publishing thread sleeps at most before it looks at its flag.
-const GLANCE: Duration = Duration::from_millis(20);
+
+impl Queued for Log {}
 
 /// Takes log lines off the threads that write them.
 pub struct RosoutLayer {
-    queue: SyncSender<Log>,
-    full: Arc<AtomicU64>,
+    queue: Arc<Queue<Log>>,
+    lane: Lane,
     clock: Arc<dyn Clock>,
 }
 
 /// The lines that [`RosoutLayer`] took.
 pub struct LogQueue {
-    lines: Receiver<Log>,
-    full: Arc<AtomicU64>,
+    queue: Arc<Queue<Log>>,
+    lane: Lane,
 }
 
-/// A layer for `tracing_subscriber`, and where its lines come out, stamped with
+/// A layer for `tracing_subscriber`, and the queue in which its lines wait, stamped with
 /// the time of `clock`.
 pub fn layer(clock: Arc<dyn Clock>) -> (RosoutLayer, LogQueue) {
-    let (queue, lines) = sync_channel(WAITING);
-    let full = Arc::new(AtomicU64::new(0));
-    (RosoutLayer { queue, full: full.clone(), clock }, LogQueue { lines, full })
+    let queue = Arc::new(Queue::new(clock.clone(), Limit { messages: WAITING, bytes: usize::MAX }));
+    let lane = queue.open(Keep::All);
+    (RosoutLayer { queue: queue.clone(), lane, clock }, LogQueue { queue, lane })
 }
 
 impl<S: Subscriber> Layer<S> for RosoutLayer {
@@ -67,9 +66,8 @@ impl<S: Subscriber> Layer<S> for RosoutLayer {
             function: metadata.module_path().unwrap_or_default().to_owned(),
             line: metadata.line().unwrap_or_default(),
         };
-        if self.queue.try_send(line).is_err() {
-            self.full.fetch_add(1, Ordering::Relaxed);
-        }
+        // A line for which there is no room is counted by the queue.
+        self.queue.push(self.lane, line);
     }
 }
 
@@ -105,35 +103,29 @@ impl LogQueue {
     /// first, until the guard is dropped.
     ///
     /// # Errors
-    /// [`TransportError`] when the carrier refuses.
-    pub fn publish(self, place: &Place, transport: &dyn Transport) -> Result<Guard, TransportError> {
-        let Topic { name, kind, qos } = Topic::new("/rosout", MessageKind::Log);
-        let outlet = transport.advertise(place, &Address { topic: name, kind, qos })?;
+    /// [`RunError`] when the carrier refuses.
+    pub fn publish(self, place: &Place, transport: &dyn Transport) -> Result<Guard, RunError> {
+        let address = Address::resolve(place, &Topic::new("/rosout", MessageKind::Log))?;
+        let outlet = transport.advertise(place, &address)?;
         // As rcl names a node's logger.
         let logger = place.fully_qualified().trim_matches('/').replace('/', ".");
-        let ended = Arc::new(AtomicBool::new(false));
-        let told = ended.clone();
+        let queue = self.queue.clone();
         let thread = thread::Builder::new()
             .name("rosout".into())
-            .spawn(move || self.publish_until(&told, &logger, &*outlet))
+            .spawn(move || self.publish_until_end(&logger, &*outlet))
             .map_err(|why| TransportError::new("thread of /rosout", why))?;
-        Ok(Box::new(Publishing { ended, thread: Some(thread) }))
+        Ok(Box::new(Publishing { queue, thread: Some(thread) }))
     }
 
-    fn publish_until(&self, ended: &AtomicBool, logger: &str, outlet: &dyn Outlet) {
-        loop {
-            // Read before the queue: what was written before the end is in it.
-            let last = ended.load(Ordering::Acquire);
-            let line = match self.lines.recv_timeout(if last { Duration::ZERO } else { GLANCE }) {
-                Ok(line) => line,
-                Err(RecvTimeoutError::Timeout) if !last => continue,
-                Err(_) => return,
-            };
-            let lost = self.full.swap(0, Ordering::Relaxed);
-            if lost > 0 {
-                put(outlet, logger, about_lost(lost, &line));
+    fn publish_until_end(&self, logger: &str, outlet: &dyn Outlet) {
+        let mut told = 0;
+        while let Next::Item(arrived) = self.queue.take(None) {
+            let lost = self.queue.tally(self.lane).overflowed;
+            if lost > told {
+                put(outlet, logger, about_lost(lost - told, &arrived.item));
+                told = lost;
             }
-            put(outlet, logger, line);
+            put(outlet, logger, arrived.item);
         }
     }
 }
@@ -151,13 +143,13 @@ fn put(outlet: &dyn Outlet, logger: &str, line: Log) {
 
 /// Ends the publishing thread once it has sent what waits.
 struct Publishing {
-    ended: Arc<AtomicBool>,
+    queue: Arc<Queue<Log>>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Drop for Publishing {
     fn drop(&mut self) {
-        self.ended.store(true, Ordering::Release);
+        self.queue.end();
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -166,21 +158,14 @@ impl Drop for Publishing {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::mpsc::channel;
+
     use tracing_subscriber::layer::SubscriberExt;
 
     use super::*;
     use crate::clock::ManualClock;
-    use crate::inbox::{Inbox, Keep, Taken};
     use crate::transport::Parcel;
     use crate::transport::local::LocalTransport;
-
-    fn logs(inbox: &Inbox<Parcel>) -> Vec<Arc<Log>> {
-        std::iter::from_fn(|| match inbox.take(Duration::ZERO) {
-            Taken::Item(_, Parcel::Message(Message::Log(log))) => Some(log),
-            _ => None,
-        })
-        .collect()
-    }
 
     /// What `write` logs, as it is on `/rosout` of `/car/eye`.
     fn published(write: impl FnOnce()) -> Vec<Arc<Log>> {
@@ -188,12 +173,18 @@ mod tests {
         tracing::subscriber::with_default(tracing_subscriber::registry().with(layer), write);
         let transport = LocalTransport::default();
         let place = Place::new("eye", "/car", &[]).expect("valid");
-        let inbox = Arc::new(Inbox::new(&[Keep::Last(2 * WAITING)]));
-        let Topic { name, kind, qos } = Topic::new("/rosout", MessageKind::Log);
-        let address = Address { topic: name, kind, qos };
-        let _inlet = transport.subscribe(&place, &address, inbox.clone(), 0).expect("local");
+        let address = Address::resolve(&place, &Topic::new("/rosout", MessageKind::Log)).expect("a name");
+        let (sender, arrived) = channel();
+        let deliver = Box::new(move |parcel| sender.send(parcel).expect("the test listens"));
+        let _subscription = transport.subscribe(&place, &address, deliver).expect("local");
         drop(queue.publish(&place, &transport).expect("local"));
-        logs(&inbox)
+        arrived
+            .try_iter()
+            .filter_map(|parcel| match parcel {
+                Parcel::Message(Message::Log(log)) => Some(log),
+                _ => None,
+            })
+            .collect()
     }
 
     #[test]

@@ -93,7 +93,7 @@ fn waiting_for(nodes: &str) -> Parameters {
 
 fn counts(report: &NodeReport) -> (u64, u64, u64, u64) {
     let sum = |counts: &std::collections::BTreeMap<String, u64>| counts.values().sum();
-    (sum(&report.received), sum(&report.published), sum(&report.dropped), sum(&report.bad))
+    (sum(&report.received), sum(&report.published), sum(&report.dropped()), sum(&report.bad))
 }
 
 #[test]
@@ -157,10 +157,10 @@ fn lockstep_gives_the_same_messages_every_time() {
 fn a_node_that_waits_in_vain_says_for_whom() {
     let parameters = waiting_for("[nobody]").with_text(&[("wait_timeout", "0.05")]).expect("valid");
     let transport = LocalTransport::default();
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
     let node = Box::new(Counter { next: 0, count: 1 });
     let subject = Subject { node, parameters, place: place("counter"), saved: None };
-    let error = live::run(subject, &transport, &SystemClock::default(), Stop::default())
-        .expect_err("nobody is not there");
+    let error = live::run(subject, &transport, &clock, Stop::default()).expect_err("nobody is not there");
     assert!(error.to_string().contains("/nobody"), "{error}");
 }
 
@@ -179,7 +179,7 @@ fn zenoh_carries_a_chain_between_sessions() {
             let transport: &dyn Transport = transport;
             let subject =
                 Subject { node, parameters: waiting_for(wait_for), place: place(name), saved: None };
-            scope.spawn(move || live::run(subject, transport, &*clock, stop))
+            scope.spawn(move || live::run(subject, transport, &clock, stop))
         };
         let last = run(Box::new(Increment { input: "b", output: "c", bad: None }), "second", "", &three);
         let middle =

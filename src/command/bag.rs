@@ -87,7 +87,7 @@ fn record(args: &BagRecord) -> Result<Ended, Failure> {
     let (clock, transport) = open_session()?;
     let topics = Some(args.topics.as_slice()).filter(|topics| !topics.is_empty());
     tracing::info!("recording into {}; SIGINT ends it", args.output.display());
-    let captured = capture(&transport, &*clock, recorder, topics, &stop)?;
+    let captured = capture(&transport, &clock, recorder, topics, &stop)?;
     transport.close();
     for topic in &captured.topics {
         let lost = captured.lost.get(&topic.topic.name).copied().unwrap_or(0);
@@ -116,7 +116,7 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
     let options = ReplayOptions { remaps: pairs(&args.remap)?, clock_hz: args.clock };
     let (clock, transport) = open_session()?;
     wait_for(&transport, &*clock, &args.wait_for, PATIENCE, &stop)?;
-    let sent = replay(&transport, &*clock, &mut player, pace, &options, &stop)?;
+    let sent = replay(&transport, &clock, &mut player, pace, &options, &stop)?;
     transport.close();
     for (topic, count) in sent {
         say!("{topic}: {count} messages");

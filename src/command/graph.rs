@@ -1,18 +1,18 @@
 //! `modulo topic` and `modulo node`: who is there, and what they say. No ROS is needed.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
-use std::sync::mpsc::{Receiver, channel};
+use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use modulo_msgs::{dynamic, rihs, ros_name};
+use modulo_runtime::queue::{Arrived, Keep, Lane, Limit, Next, Queue};
 use modulo_runtime::signals::end_on_signals;
-use modulo_runtime::transport::gaps::Gaps;
 use modulo_runtime::transport::graph::Graph;
 use modulo_runtime::transport::keys::{Endpoint, EntityKind, Token};
-use modulo_runtime::transport::zenoh::{RawSample, ZenohTransport};
-use modulo_runtime::transport::{Guard, Transport};
-use modulo_runtime::{Place, Stop, Urgency};
+use modulo_runtime::transport::zenoh::ZenohTransport;
+use modulo_runtime::transport::{Guard, RawSample, Transport};
+use modulo_runtime::{Clock, Place, Stop, Urgency};
 
 use super::open_session;
 use crate::cli::graph::{Echo, Node, Topic};
@@ -23,10 +23,12 @@ const CALM: Duration = Duration::from_millis(300);
 /// How long a topic or node may take to appear.
 const PATIENCE: Duration = Duration::from_secs(5);
 const GLANCE: Duration = Duration::from_millis(20);
+/// Samples that wait to be shown.
+const WAITING: Limit = Limit { messages: 4096, bytes: 64 << 20 };
 
 /// Runs one of the topic commands.
 pub fn topic(args: &Topic) -> Result<Ended, Failure> {
-    let (_clock, transport) = open_session()?;
+    let (clock, transport) = open_session()?;
     match args {
         Topic::List { show_types } => {
             for (topic, types) in topics(&calm(&transport)) {
@@ -36,8 +38,8 @@ pub fn topic(args: &Topic) -> Result<Ended, Failure> {
             }
         }
         Topic::Info { topic, verbose } => info(&found(&transport, topic)?, &absolute(topic), *verbose),
-        Topic::Echo(args) => echo(&transport, args)?,
-        Topic::Hz { topic, window } => hz(&transport, topic, *window as usize)?,
+        Topic::Echo(args) => echo(&transport, &clock, args)?,
+        Topic::Hz { topic, window } => hz(&transport, &clock, topic, *window as usize)?,
     }
     transport.close();
     Ok(Ended::Done)
@@ -164,13 +166,14 @@ fn describe(graph: &Graph, node: &str) {
 /// A subscription to what is published on `topic`: its type, and the samples as they come.
 struct Listening {
     type_name: String,
-    samples: Receiver<RawSample>,
+    samples: Arc<Queue<RawSample>>,
+    lane: Lane,
     stop: Stop,
     _guards: (Guard, Guard),
 }
 
 impl Listening {
-    fn start(transport: &ZenohTransport, topic: &str) -> anyhow::Result<Self> {
+    fn start(transport: &ZenohTransport, clock: &Arc<dyn Clock>, topic: &str) -> anyhow::Result<Self> {
         let stop = Stop::default();
         end_on_signals(&stop).context("signal handlers")?;
         let (graph, topic) = (found(transport, topic)?, absolute(topic));
@@ -179,16 +182,26 @@ impl Listening {
         let endpoint = any.and_then(|token| token.endpoint.clone()).context("the topic went away")?;
         let place = Place { name: "modulo_topic".into(), namespace: "/".into(), remaps: Vec::new() };
         let node = transport.announce(&place)?;
-        let (sender, samples) = channel();
-        // Fails only when the command has ended.
-        let subscription =
-            transport.subscribe_raw(&place, &endpoint, move |sample| drop(sender.send(sample)))?;
-        Ok(Self { type_name: type_name(&endpoint.dds_type), samples, stop, _guards: (subscription, node) })
+        let samples = Arc::new(Queue::new(clock.clone(), WAITING));
+        stop.wakes(&samples);
+        let (queue, lane) = (samples.clone(), samples.open(Keep::All));
+        let take = move |sample| drop(queue.push(lane, sample));
+        let subscription = transport.subscribe_raw(&place, &endpoint, take)?;
+        let type_name = type_name(&endpoint.dds_type);
+        Ok(Self { type_name, samples, lane, stop, _guards: (subscription, node) })
     }
 
-    /// The next sample within `patience`.
-    fn next(&self, patience: Duration) -> Option<RawSample> {
-        self.samples.recv_timeout(patience).ok()
+    /// The next sample within `patience`, `None`: without limit.
+    fn next(&self, patience: Option<Duration>) -> Option<Arrived<RawSample>> {
+        match self.samples.take(patience) {
+            Next::Item(arrived) => Some(arrived),
+            Next::Idle | Next::Ended => None,
+        }
+    }
+
+    /// Samples that were sent, but not shown.
+    fn lost(&self) -> u64 {
+        self.samples.tally(self.lane).lost()
     }
 
     fn goes_on(&self) -> bool {
@@ -196,39 +209,41 @@ impl Listening {
     }
 }
 
-fn echo(transport: &ZenohTransport, args: &Echo) -> anyhow::Result<()> {
-    let listening = Listening::start(transport, &args.topic)?;
+fn echo(transport: &ZenohTransport, clock: &Arc<dyn Clock>, args: &Echo) -> anyhow::Result<()> {
+    let listening = Listening::start(transport, clock, &args.topic)?;
     let name = &listening.type_name;
     let description = rihs::type_description(name);
     let description = description.with_context(|| format!("{name} is no type that modulo knows"))?;
     while listening.goes_on() {
-        let Some(sample) = listening.next(GLANCE) else { continue };
-        let value = dynamic::from_slice(&description, &sample.payload)?;
+        let Some(sample) = listening.next(None) else { continue };
+        let value = dynamic::from_slice(&description, &sample.item.payload)?;
         say!("{value}---");
         if args.once {
             break;
         }
     }
+    if listening.lost() > 0 {
+        eprintln!("{} messages are not shown: they came faster than they could be printed", listening.lost());
+    }
     Ok(())
 }
 
 /// Once a second: rate, and how even it is.
-fn hz(transport: &ZenohTransport, topic: &str, window: usize) -> anyhow::Result<()> {
-    let listening = Listening::start(transport, topic)?;
-    let clock = modulo_runtime::SystemClock::default();
-    let now = || modulo_runtime::Clock::ticks_ns(&clock) as f64 / 1e9;
-    let (mut arrived, mut gaps, mut lost, mut due) = (VecDeque::new(), Gaps::default(), 0, now() + 1.0);
+fn hz(transport: &ZenohTransport, clock: &Arc<dyn Clock>, topic: &str, window: usize) -> anyhow::Result<()> {
+    let listening = Listening::start(transport, clock, topic)?;
+    let now = || clock.ticks_ns() as f64 / 1e9;
+    let (mut arrived, mut due) = (VecDeque::new(), now() + 1.0);
     while listening.goes_on() {
-        if let Some(sample) = listening.next(GLANCE) {
-            arrived.push_back(now());
-            lost += sample.attachment.map_or(0, |attachment| gaps.step(&attachment));
+        let patience = Duration::from_secs_f64((due - now()).max(0.0));
+        if let Some(sample) = listening.next(Some(patience)) {
+            arrived.push_back(sample.stamp_ns as f64 / 1e9);
             if arrived.len() > window {
                 arrived.pop_front();
             }
         }
         if now() >= due {
             due += 1.0;
-            say!("{}", rate(arrived.make_contiguous(), lost));
+            say!("{}", rate(arrived.make_contiguous(), listening.lost()));
         }
     }
     Ok(())

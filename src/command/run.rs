@@ -53,7 +53,7 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
     let (clock, transport) = open_session()?;
     let rosout = log.map(|log| log.publish(&place, &transport)).transpose()?;
     let subject = Subject { node, parameters, place, saved };
-    let report = live::run(subject, &transport, &*clock, stop)?;
+    let report = live::run(subject, &transport, &clock, stop)?;
     drop(rosout);
     transport.close();
     leave_report(&report)?;

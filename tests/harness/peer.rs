@@ -3,10 +3,10 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use modulo_runtime::inbox::{Inbox, Keep, Taken};
+use modulo_runtime::queue::{Keep, Limit, Queue};
 use modulo_runtime::transport::keys::Hashes;
 use modulo_runtime::transport::zenoh::ZenohTransport;
-use modulo_runtime::transport::{Address, Guard, Inlet, Outlet, Parcel, Transport};
+use modulo_runtime::transport::{Address, Guard, Outlet, Parcel, Transport};
 use modulo_runtime::{Clock, Message, MessageKind, Place, SystemClock, Topic};
 
 use super::Bench;
@@ -21,8 +21,8 @@ pub struct Peer {
 /// What comes on a topic.
 pub struct Heard {
     kind: MessageKind,
-    inbox: Arc<Inbox<Parcel>>,
-    _inlet: Box<dyn Inlet>,
+    queue: Arc<Queue<Parcel>>,
+    _subscription: Guard,
 }
 
 impl Peer {
@@ -43,11 +43,13 @@ impl Peer {
     }
 
     pub fn hear(&self, topic: &str, kind: MessageKind) -> Heard {
-        let inbox = Arc::new(Inbox::new(&[Keep::Last(1000)]));
-        let address = address(topic, kind);
-        let inlet =
-            self.transport.subscribe(&self.place, &address, inbox.clone(), 0).expect("a subscription");
-        Heard { kind, inbox, _inlet: inlet }
+        let clock = Arc::new(SystemClock::default());
+        let queue = Arc::new(Queue::new(clock, Limit { messages: 0, bytes: 0 }));
+        let (waiting, lane) = (queue.clone(), queue.open(Keep::Last(1000)));
+        let deliver = Box::new(move |parcel| drop(waiting.push(lane, parcel)));
+        let subscription =
+            self.transport.subscribe(&self.place, &address(topic, kind), deliver).expect("a subscription");
+        Heard { kind, queue, _subscription: subscription }
     }
 }
 
@@ -59,10 +61,8 @@ fn address(topic: &str, kind: MessageKind) -> Address {
 impl Heard {
     /// The next message within `patience`.
     pub fn next(&self, patience: Duration) -> Option<Message> {
-        match self.inbox.take(patience) {
-            Taken::Item(_, parcel) => Some(parcel.open(self.kind).expect("a message of its kind")),
-            Taken::Nothing => None,
-        }
+        let parcel = self.queue.take(Some(patience)).item()?;
+        Some(parcel.open(self.kind).expect("a message of its kind"))
     }
 
     /// The first message for which `wanted` holds.

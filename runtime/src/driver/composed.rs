@@ -36,6 +36,18 @@ pub struct Member {
     pub on_exit: OnExit,
 }
 
+/// Asks the other members to end, also when this one panics.
+struct AskOnDrop {
+    stop: Stop,
+    urgency: Urgency,
+}
+
+impl Drop for AskOnDrop {
+    fn drop(&mut self) {
+        self.stop.ask(self.urgency);
+    }
+}
+
 /// Runs all members until they are done; returns what each did, in their order.
 /// A member that fails ends the others too.
 ///
@@ -53,15 +65,15 @@ pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<
             .map(|member| {
                 let (transport, stop) = (&transport, stop.clone());
                 scope.spawn(move || {
-                    let end = stop.clone();
                     let Member { node, parameters, place, on_exit } = member;
                     let subject = Subject { node, parameters, place, saved: None };
-                    let result = live::run(subject, transport, &**clock, stop);
-                    match (&result, on_exit) {
-                        (Err(_), _) => end.ask(Urgency::Now),
-                        (Ok(_), OnExit::Shutdown) => end.ask(Urgency::Drain),
-                        (Ok(_), OnExit::Continue) => {}
-                    }
+                    let mut end = AskOnDrop { stop: stop.clone(), urgency: Urgency::Now };
+                    let result = live::run(subject, transport, clock, stop);
+                    end.urgency = match (&result, on_exit) {
+                        (Err(_), _) => Urgency::Now,
+                        (Ok(_), OnExit::Shutdown) => Urgency::Drain,
+                        (Ok(_), OnExit::Continue) => Urgency::None,
+                    };
                     result
                 })
             })

@@ -66,12 +66,8 @@ fn wait_for(place: &Place, parameters: &Parameters) -> Result<(Vec<String>, Dura
     Ok((names, Duration::from_secs_f64(wait_timeout)))
 }
 
-fn address(place: &Place, topic: &Topic) -> Result<Address, NameError> {
-    Ok(Address { topic: place.resolve(&topic.name)?, kind: topic.kind, qos: topic.qos })
-}
-
 fn addresses(place: &Place, topics: &[Topic]) -> Result<Vec<Address>, NameError> {
-    topics.iter().map(|topic| address(place, topic)).collect()
+    topics.iter().map(|topic| Address::resolve(place, topic)).collect()
 }
 
 fn facts_of(node: &dyn Node) -> impl Iterator<Item = (String, String)> {

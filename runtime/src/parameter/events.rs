@@ -5,12 +5,13 @@ use std::sync::Arc;
 use modulo_msgs::rcl_interfaces::{Parameter, ParameterEvent};
 use modulo_msgs::std_msgs::Time;
 
+use crate::driver::RunError;
 use crate::message::{Message, MessageKind};
 use crate::name::Place;
 use crate::parameter::Parameters;
 use crate::parameter::service::to_ros;
 use crate::topic::Topic;
-use crate::transport::{Address, Outlet, Transport, TransportError};
+use crate::transport::{Address, Outlet, Transport};
 
 /// The `/parameter_events` publisher of one node.
 pub struct ParameterEvents {
@@ -22,11 +23,10 @@ impl ParameterEvents {
     /// Advertises `/parameter_events` for the node at `place`.
     ///
     /// # Errors
-    /// [`TransportError`] when the carrier refuses.
-    pub fn new(place: &Place, transport: &dyn Transport) -> Result<Self, TransportError> {
-        let Topic { name, kind, qos } = Topic::new("/parameter_events", MessageKind::ParameterEvent);
-        let outlet = transport.advertise(place, &Address { topic: name, kind, qos })?;
-        Ok(Self { node: place.fully_qualified(), outlet })
+    /// [`RunError`] when the carrier refuses.
+    pub fn new(place: &Place, transport: &dyn Transport) -> Result<Self, RunError> {
+        let address = Address::resolve(place, &Topic::new("/parameter_events", MessageKind::ParameterEvent))?;
+        Ok(Self { node: place.fully_qualified(), outlet: transport.advertise(place, &address)? })
     }
 
     /// All parameters are new: the node has started.
@@ -61,10 +61,9 @@ fn parameter(set: &Parameters, name: &str) -> Parameter {
 
 #[cfg(test)]
 mod tests {
-    use std::time::Duration;
+    use std::sync::mpsc::channel;
 
     use super::*;
-    use crate::inbox::{Inbox, Keep, Taken};
     use crate::parameter::{ParameterSet as _, Value, sample::Set};
     use crate::transport::Parcel;
     use crate::transport::local::LocalTransport;
@@ -73,10 +72,11 @@ mod tests {
     fn starts_and_changes_are_told_and_nothing_else() {
         let transport = LocalTransport::default();
         let place = Place { name: "detector".into(), namespace: "/front".into(), remaps: Vec::new() };
-        let Topic { name, kind, qos } = Topic::new("/parameter_events", MessageKind::ParameterEvent);
-        let inbox = Arc::new(Inbox::new(&[Keep::Last(8)]));
-        let address = Address { topic: name, kind, qos };
-        let _inlet = transport.subscribe(&place, &address, inbox.clone(), 0).expect("a local topic");
+        let topic = Topic::new("/parameter_events", MessageKind::ParameterEvent);
+        let address = Address::resolve(&place, &topic).expect("a name");
+        let (sender, arrived) = channel();
+        let deliver = Box::new(move |parcel| sender.send(parcel).expect("the test listens"));
+        let _subscription = transport.subscribe(&place, &address, deliver).expect("a local topic");
         let events = ParameterEvents::new(&place, &transport).expect("a local topic");
 
         let before = Parameters::declare(Set::descriptors());
@@ -85,8 +85,8 @@ mod tests {
         events.changed(6, &before, &before);
         events.changed(7, &before, &after);
 
-        let next = || match inbox.take(Duration::from_millis(10)) {
-            Taken::Item(_, Parcel::Message(Message::ParameterEvent(event))) => Some(event),
+        let next = || match arrived.try_recv() {
+            Ok(Parcel::Message(Message::ParameterEvent(event))) => Some(event),
             _ => None,
         };
         let started = next().expect("the start");

@@ -14,9 +14,9 @@ use modulo_msgs::rcl_interfaces::{
 };
 
 use crate::parameter::{Allowed, Descriptor, Refusal, Value};
-use crate::transport::{ParameterPort, ParameterRequest};
+use crate::transport::{Claim, ParameterPort, ParameterRequest};
 
-/// How long a caller waits for the node to finish the frame at hand.
+/// How long a caller waits for the node to finish the frame at hand and to take the request.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// One of the six services.
@@ -128,8 +128,18 @@ fn change(parameters: Vec<Parameter>, port: &ParameterPort) -> Result<(), Refusa
     let shown = changes.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
     let ended = |why: &str| Refusal::new(shown.clone(), "?", why);
     let (answer, verdict) = channel();
-    port.requests.send(ParameterRequest { changes, answer }).map_err(|_| ended("the node is ending"))?;
-    verdict.recv_timeout(PATIENCE).map_err(|_| ended("the node did not answer within 10 s"))?
+    let claim = Claim::default();
+    let request = ParameterRequest { changes, answer, claim: claim.clone() };
+    if (port.request)(request).is_some() {
+        return Err(ended("the node is ending, or has too many requests; try again"));
+    }
+    match verdict.recv_timeout(PATIENCE) {
+        Ok(verdict) => verdict,
+        // From now on the node leaves the request alone.
+        Err(_) if claim.take() => Err(ended("the node did not answer within 10 s; the value is unchanged")),
+        // The node is applying it at this moment: its verdict counts.
+        Err(_) => verdict.recv().map_err(|_| ended("the node ended while it applied the value"))?,
+    }
 }
 
 /// A value as ROS writes it; `None` is `NOT_SET`.
@@ -208,7 +218,8 @@ mod tests {
                 request.answer.send(verdict).expect("the caller waits");
             }
         });
-        ParameterPort { read: Box::new(move || set.lock().expect("not poisoned").clone()), requests }
+        let read = Box::new(move || set.lock().expect("not poisoned").clone());
+        ParameterPort { read, request: Box::new(move |request| requests.send(request).err().map(|e| e.0)) }
     }
 
     fn parameter(name: &str, value: Value) -> Parameter {

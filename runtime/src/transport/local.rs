@@ -6,8 +6,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use super::{Address, Guard, Inlet, Outlet, ParameterPort, Parcel, Transport, TransportError};
-use crate::inbox::Inbox;
+use super::{Address, Deliver, Guard, Outlet, ParameterPort, Parcel, Transport, TransportError};
 use crate::message::Message;
 use crate::name::Place;
 
@@ -19,7 +18,8 @@ pub struct LocalTransport {
 
 #[derive(Default)]
 struct LocalGraph {
-    publishers: BTreeMap<String, usize>,
+    /// (topic, node) of each publisher.
+    publishers: Vec<(String, String)>,
     subscribers: BTreeMap<String, Vec<Subscriber>>,
     nodes: Vec<String>,
     next_id: u64,
@@ -27,8 +27,8 @@ struct LocalGraph {
 
 struct Subscriber {
     id: u64,
-    inbox: Arc<Inbox<Parcel>>,
-    slot: usize,
+    node: String,
+    deliver: Deliver,
 }
 
 /// Runs its closure when dropped: takes a declaration out of the graph.
@@ -46,10 +46,6 @@ struct LocalOutlet {
     _gone: Guard,
 }
 
-struct LocalInlet {
-    _gone: Guard,
-}
-
 impl LocalTransport {
     fn graph(&self) -> MutexGuard<'_, LocalGraph> {
         self.graph.lock().unwrap_or_else(PoisonError::into_inner)
@@ -64,52 +60,39 @@ impl Outlet for LocalOutlet {
     fn put(&self, message: &Message) -> Result<(), TransportError> {
         let graph = self.transport.graph();
         for subscriber in graph.subscribers.get(&self.topic).into_iter().flatten() {
-            subscriber.inbox.push(subscriber.slot, Parcel::Message(message.clone()));
+            (subscriber.deliver)(Parcel::Message(message.clone()));
         }
         Ok(())
     }
 }
 
-impl Inlet for LocalInlet {
-    fn lost(&self) -> u64 {
-        0
-    }
-}
-
 impl Transport for LocalTransport {
-    fn advertise(&self, _node: &Place, address: &Address) -> Result<Box<dyn Outlet>, TransportError> {
+    fn advertise(&self, node: &Place, address: &Address) -> Result<Box<dyn Outlet>, TransportError> {
         let topic = address.topic.clone();
-        *self.graph().publishers.entry(topic.clone()).or_default() += 1;
-        let gone = Undeclare({
-            let (transport, topic) = (self.clone(), topic.clone());
-            move || {
-                if let Some(count) = transport.graph().publishers.get_mut(&topic) {
-                    *count = count.saturating_sub(1);
-                }
+        let entry = (topic.clone(), node.fully_qualified());
+        self.graph().publishers.push(entry.clone());
+        let transport = self.clone();
+        let gone = Undeclare(move || {
+            let publishers = &mut transport.graph().publishers;
+            if let Some(index) = publishers.iter().position(|publisher| *publisher == entry) {
+                publishers.swap_remove(index);
             }
         });
         Ok(Box::new(LocalOutlet { transport: self.clone(), topic, _gone: Box::new(gone) }))
     }
 
-    fn subscribe(
-        &self,
-        _node: &Place,
-        address: &Address,
-        inbox: Arc<Inbox<Parcel>>,
-        slot: usize,
-    ) -> Result<Box<dyn Inlet>, TransportError> {
+    fn subscribe(&self, node: &Place, address: &Address, deliver: Deliver) -> Result<Guard, TransportError> {
         let mut graph = self.graph();
         let id = graph.next_id;
         graph.next_id += 1;
-        let subscriber = Subscriber { id, inbox, slot };
+        let subscriber = Subscriber { id, node: node.fully_qualified(), deliver };
         graph.subscribers.entry(address.topic.clone()).or_default().push(subscriber);
         let (transport, topic) = (self.clone(), address.topic.clone());
-        let gone = Undeclare(move || {
+        Ok(Box::new(Undeclare(move || {
             if let Some(list) = transport.graph().subscribers.get_mut(&topic) {
                 list.retain(|s| s.id != id);
             }
-        });
-        Ok(Box::new(LocalInlet { _gone: Box::new(gone) }))
+        })))
     }
 
     fn announce(&self, node: &Place) -> Result<Guard, TransportError> {
@@ -121,15 +104,21 @@ impl Transport for LocalTransport {
 
     /// Nobody outside the process can reach a local node.
     fn serve_parameters(&self, _node: &Place, port: ParameterPort) -> Result<Guard, TransportError> {
-        Ok(Box::new(port.requests))
+        Ok(Box::new(port))
     }
 
     fn is_ready(&self, node: &str) -> bool {
         self.graph().nodes.iter().any(|n| n == node)
     }
 
-    fn has_publisher(&self, topic: &str) -> bool {
-        self.graph().publishers.get(topic).is_some_and(|&count| count > 0)
+    fn publishers(&self, topic: &str) -> Vec<String> {
+        let graph = self.graph();
+        graph.publishers.iter().filter(|(on, _)| on == topic).map(|(_, node)| node.clone()).collect()
+    }
+
+    fn subscribers(&self, topic: &str) -> Vec<String> {
+        let graph = self.graph();
+        graph.subscribers.get(topic).into_iter().flatten().map(|s| s.node.clone()).collect()
     }
 
     fn settling(&self) -> Duration {
@@ -139,11 +128,13 @@ impl Transport for LocalTransport {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::mpsc::channel;
+
+    use modulo_msgs::vision_msgs::Detection2DArray;
+
     use super::*;
-    use crate::inbox::{Keep, Taken};
     use crate::message::MessageKind;
     use crate::topic::Qos;
-    use modulo_msgs::vision_msgs::Detection2DArray;
 
     #[test]
     fn declarations_end_with_their_guards() {
@@ -151,23 +142,24 @@ mod tests {
         let node = Place::new("n", "/", &[]).expect("valid");
         let address = Address { topic: "/t".into(), kind: MessageKind::Detections, qos: Qos::Results };
         let outlet = transport.advertise(&node, &address).expect("local");
-        assert!(!outlet.wanted() && transport.has_publisher("/t") && !transport.is_ready("/n"));
+        assert!(!outlet.wanted() && transport.publishers("/t") == ["/n"] && !transport.is_ready("/n"));
 
-        let inbox = Arc::new(Inbox::new(&[Keep::Latest]));
-        let inlet = transport.subscribe(&node, &address, inbox.clone(), 0).expect("local");
+        let (sender, arrived) = channel();
+        let deliver = Box::new(move |parcel| sender.send(parcel).expect("the test listens"));
+        let subscription = transport.subscribe(&node, &address, deliver).expect("local");
         let ready = transport.announce(&node).expect("local");
-        assert!(outlet.wanted() && transport.is_ready("/n"));
+        assert!(outlet.wanted() && transport.is_ready("/n") && transport.subscribers("/t") == ["/n"]);
 
         let array = Arc::new(Detection2DArray::default());
         outlet.put(&Message::Detections(array.clone())).expect("local");
-        let Taken::Item(0, Parcel::Message(Message::Detections(got))) = inbox.take(Duration::ZERO) else {
+        let Ok(Parcel::Message(Message::Detections(got))) = arrived.try_recv() else {
             panic!("the message must have arrived")
         };
         assert!(Arc::ptr_eq(&got, &array), "shared, not copied");
 
-        drop((inlet, ready));
+        drop((subscription, ready));
         assert!(!outlet.wanted() && !transport.is_ready("/n"));
         drop(outlet);
-        assert!(!transport.has_publisher("/t"));
+        assert!(transport.publishers("/t").is_empty());
     }
 }

@@ -12,13 +12,15 @@ pub mod profile;
 pub mod zenoh;
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
 
-use crate::inbox::Inbox;
 use crate::message::{DecodeError, Message, MessageKind};
-use crate::name::Place;
+use crate::name::{NameError, Place};
 use crate::parameter::{Parameters, Refusal, Value};
-use crate::topic::Qos;
+use crate::queue::Queued;
+use crate::topic::{Qos, Topic};
+use attachment::Attachment;
 use payload::Payload;
 
 /// A topic as the graph sees it: absolute and remapped.
@@ -32,15 +34,63 @@ pub struct Address {
     pub qos: Qos,
 }
 
-/// A message as it waits in an inbox: whole, or still as the wire brought it,
+impl Address {
+    /// The address of `topic` for the node at `place`: its name made absolute and remapped.
+    ///
+    /// # Errors
+    /// [`NameError`] when the name is not a ROS name.
+    pub fn resolve(place: &Place, topic: &Topic) -> Result<Self, NameError> {
+        Ok(Self { topic: place.resolve(&topic.name)?, kind: topic.kind, qos: topic.qos })
+    }
+}
+
+/// A sample as it came over the wire.
+#[derive(Clone, Debug)]
+pub struct RawSample {
+    /// CDR with its encapsulation header.
+    pub payload: Payload,
+    /// The number that the publisher gave it; nodes of a ROS stack always send one.
+    pub attachment: Option<Attachment>,
+}
+
+impl Queued for RawSample {
+    fn bytes(&self) -> usize {
+        self.payload.len()
+    }
+
+    fn attachment(&self) -> Option<&Attachment> {
+        self.attachment.as_ref()
+    }
+}
+
+/// A message as it waits in a queue: whole, or still as the wire brought it,
 /// so that a replaced image costs no decoding.
 #[derive(Clone, Debug)]
 pub enum Parcel {
     /// From the same process.
     Message(Message),
     /// CDR from another one.
-    Bytes(Payload),
+    Sample(RawSample),
 }
+
+impl Queued for Parcel {
+    fn bytes(&self) -> usize {
+        match self {
+            Self::Message(_) => 0,
+            Self::Sample(sample) => sample.bytes(),
+        }
+    }
+
+    fn attachment(&self) -> Option<&Attachment> {
+        match self {
+            Self::Message(_) => None,
+            Self::Sample(sample) => sample.attachment(),
+        }
+    }
+}
+
+/// Takes each message of a subscription, on a thread of the transport. It must not wait.
+pub type Deliver = Box<dyn Fn(Parcel) + Send + Sync>;
 
 impl Parcel {
     /// The message inside, which must be of `kind`.
@@ -50,7 +100,7 @@ impl Parcel {
     pub fn open(self, kind: MessageKind) -> Result<Message, DecodeError> {
         match self {
             Self::Message(message) => Ok(message),
-            Self::Bytes(bytes) => Message::decode(kind, &bytes),
+            Self::Sample(sample) => Message::decode(kind, &sample.payload),
         }
     }
 }
@@ -67,12 +117,6 @@ pub trait Outlet: Send {
     fn put(&self, message: &Message) -> Result<(), TransportError>;
 }
 
-/// A subscription. Dropping it takes it out of the graph.
-pub trait Inlet: Send + Sync {
-    /// Messages known to be lost on the way here.
-    fn lost(&self) -> u64;
-}
-
 /// A change of parameters asked for from outside, answered between two steps.
 #[derive(Debug)]
 pub struct ParameterRequest {
@@ -80,14 +124,27 @@ pub struct ParameterRequest {
     pub changes: Vec<(String, Value)>,
     /// Where the answer goes.
     pub answer: Sender<Result<(), Refusal>>,
+    /// Decides between the node that applies the request and the caller that gives up.
+    pub claim: Claim,
+}
+
+/// A right that exactly one of its holders gets: clones share it.
+#[derive(Clone, Debug, Default)]
+pub struct Claim(Arc<AtomicBool>);
+
+impl Claim {
+    /// Whether the caller is the first to ask.
+    pub fn take(&self) -> bool {
+        !self.0.swap(true, Ordering::SeqCst)
+    }
 }
 
 /// What a transport needs to serve a node's parameters.
 pub struct ParameterPort {
     /// Reads the current set.
     pub read: Box<dyn Fn() -> Parameters + Send + Sync>,
-    /// Takes requests to the node's loop.
-    pub requests: Sender<ParameterRequest>,
+    /// Hands a request to the node's loop; returns it when the node has too many or is ending.
+    pub request: Box<dyn Fn(ParameterRequest) -> Option<ParameterRequest> + Send + Sync>,
 }
 
 /// Something that must stay alive for a declaration to hold.
@@ -101,17 +158,11 @@ pub trait Transport: Send + Sync {
     /// [`TransportError`] when the carrier refuses.
     fn advertise(&self, node: &Place, address: &Address) -> Result<Box<dyn Outlet>, TransportError>;
 
-    /// Declares a subscription of `node`; messages go to `slot` of `inbox`.
+    /// Declares a subscription of `node`, which lasts until the guard is dropped.
     ///
     /// # Errors
     /// [`TransportError`] when the carrier refuses.
-    fn subscribe(
-        &self,
-        node: &Place,
-        address: &Address,
-        inbox: Arc<Inbox<Parcel>>,
-        slot: usize,
-    ) -> Result<Box<dyn Inlet>, TransportError>;
+    fn subscribe(&self, node: &Place, address: &Address, deliver: Deliver) -> Result<Guard, TransportError>;
 
     /// Shows `node` in the graph: from now on it counts as ready.
     ///
@@ -128,8 +179,11 @@ pub trait Transport: Send + Sync {
     /// Whether the node with this fully qualified name has been announced.
     fn is_ready(&self, node: &str) -> bool;
 
-    /// Whether anybody publishes `topic` now.
-    fn has_publisher(&self, topic: &str) -> bool;
+    /// Fully qualified names of the nodes that publish `topic` now.
+    fn publishers(&self, topic: &str) -> Vec<String>;
+
+    /// Fully qualified names of the nodes that subscribe to `topic` now.
+    fn subscribers(&self, topic: &str) -> Vec<String>;
 
     /// How long after the last publisher has gone a message may still be on
     /// its way.

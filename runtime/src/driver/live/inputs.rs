@@ -1,54 +1,69 @@
-//! [`Inputs`]: the present subscriptions of a live node and what waits in them.
+//! [`Inputs`]: the present subscriptions of a live node, a lane of its queue each.
 
 use std::sync::Arc;
 
+use super::{Event, EventQueue};
 use crate::driver::keeps_latest;
-use crate::inbox::{Inbox, Keep};
 use crate::name::Place;
+use crate::queue::{Keep, Lane, Tally};
 use crate::report::{NodeReport, add};
-use crate::transport::{Address, Inlet, Parcel, Transport, TransportError};
+use crate::transport::{Address, Guard, Transport, TransportError};
 
 /// Messages of a results topic that wait for a busy node.
 const RESULTS_WAITING: usize = 64;
 
 /// Renewed as a whole when the node's inputs change.
+#[derive(Default)]
 pub(super) struct Inputs {
     pub addresses: Vec<Address>,
-    pub inbox: Arc<Inbox<Parcel>>,
-    inlets: Vec<Box<dyn Inlet>>,
+    lanes: Vec<Lane>,
+    subscriptions: Vec<Guard>,
 }
 
 impl Inputs {
-    pub fn none() -> Self {
-        Self { addresses: Vec::new(), inbox: Arc::new(Inbox::new(&[])), inlets: Vec::new() }
-    }
-
     /// Subscribes the node at `place` to `addresses`.
     pub fn subscribe(
         addresses: Vec<Address>,
         place: &Place,
         transport: &dyn Transport,
+        queue: &Arc<EventQueue>,
     ) -> Result<Self, TransportError> {
-        let keep: Vec<Keep> = addresses
-            .iter()
-            .map(|a| if keeps_latest(a.kind) { Keep::Latest } else { Keep::Last(RESULTS_WAITING) })
-            .collect();
-        let inbox = Arc::new(Inbox::new(&keep));
-        let inlets = addresses
-            .iter()
-            .enumerate()
-            .map(|(slot, address)| transport.subscribe(place, address, inbox.clone(), slot))
-            .collect::<Result<_, _>>()?;
-        Ok(Self { addresses, inbox, inlets })
+        let mut inputs = Self { addresses, ..Self::default() };
+        for address in &inputs.addresses {
+            let keep = if keeps_latest(address.kind) { Keep::Latest } else { Keep::Last(RESULTS_WAITING) };
+            let lane = queue.open(keep);
+            inputs.lanes.push(lane);
+            let queue = queue.clone();
+            let deliver = Box::new(move |parcel| drop(queue.push(lane, Event::Message(parcel))));
+            inputs.subscriptions.push(transport.subscribe(place, address, deliver)?);
+        }
+        Ok(inputs)
+    }
+
+    /// Index of the input whose messages come in `lane`; `None` for a lane of earlier inputs.
+    pub fn index_of(&self, lane: Lane) -> Option<usize> {
+        self.lanes.iter().position(|&open| open == lane)
+    }
+
+    /// Adds what these subscriptions have received and lost so far to `report`.
+    pub fn count(&self, queue: &EventQueue, report: &mut NodeReport) {
+        for (address, &lane) in self.addresses.iter().zip(&self.lanes) {
+            book(report, &address.topic, queue.tally(lane));
+        }
     }
 
     /// Ends the subscriptions and books what they received and lost.
-    pub fn account(self, report: &mut NodeReport) {
-        for (slot, address) in self.addresses.iter().enumerate() {
-            let tally = self.inbox.tally(slot);
-            let lost = self.inlets.get(slot).map_or(0, |inlet| inlet.lost());
-            add(&mut report.received, &address.topic, tally.received);
-            add(&mut report.dropped, &address.topic, tally.dropped + lost);
+    pub fn close(mut self, queue: &EventQueue, report: &mut NodeReport) {
+        self.subscriptions.clear();
+        for (address, &lane) in self.addresses.iter().zip(&self.lanes) {
+            book(report, &address.topic, queue.close(lane));
         }
     }
+}
+
+fn book(report: &mut NodeReport, topic: &str, tally: Tally) {
+    add(&mut report.received, topic, tally.received);
+    add(&mut report.replaced, topic, tally.replaced);
+    add(&mut report.lost, topic, tally.lost());
+    add(&mut report.unread, topic, tally.unread);
 }

@@ -1,37 +1,48 @@
-//! The live driver: one node on a transport, until its source is over or
-//! somebody says stop. The newest frame wins; each replaced one is counted.
+//! The live driver: one node on a transport, until its source is over or it is
+//! told to stop. The newest frame wins, and each replaced one is counted; only a
+//! source of rate 0 waits for its readers ([`pacing`]).
 
 mod inputs;
+mod pacing;
 
-use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
+
+use modulo_msgs::std_msgs::Time;
 
 use super::{RunError, addresses, facts_of, wait_for};
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
-use crate::inbox::Taken;
-use crate::message::Message;
+use crate::message::{Message, MessageKind};
 use crate::name::Place;
 use crate::node::{Context, Cue, Flow, Node, StepError, Yield};
 use crate::node_time::NodeTime;
 use crate::parameter::events::ParameterEvents;
 use crate::parameter::saved::SavedParameters;
 use crate::parameter::{Parameters, Refusal};
+use crate::queue::{Arrived, Keep, Lane, Limit, Next, Queue, Queued};
 use crate::report::{NodeReport, add};
 use crate::stop::{Stop, Urgency};
+use crate::transport::attachment::Attachment;
 use crate::transport::{
     Address, Guard, Outlet, ParameterPort, ParameterRequest, Parcel, Transport, TransportError,
 };
 use inputs::Inputs;
+use pacing::Pacing;
 
-/// How long the loop sleeps at most before it looks at its flags.
-const GLANCE: Duration = Duration::from_millis(20);
+/// How often the graph is looked at while a change in it is awaited.
+const GRAPH_GLANCE: Duration = Duration::from_millis(20);
+/// How often a node without work looks at what is due each second.
+const IDLE: Duration = Duration::from_millis(250);
 /// A draining node gives up this long after its last message, even if its
 /// upstream is still there.
 const DRAIN_LIMIT_NS: u64 = 2_000_000_000;
+/// A paced source goes on when a reader that is there has not taken a frame for this long.
+const READER_LIMIT_NS: u64 = 60_000_000_000;
+/// Parameter requests that wait for a busy node; each caller waits for its answer.
+const REQUESTS: usize = 64;
 
-/// Who is to be run.
+/// The node that is to be run.
 pub struct Subject {
     /// The step.
     pub node: Box<dyn Node>,
@@ -43,6 +54,34 @@ pub struct Subject {
     pub saved: Option<SavedParameters>,
 }
 
+/// Something that the node's loop has to deal with.
+enum Event {
+    /// A message on one of the inputs.
+    Message(Parcel),
+    /// A request to change parameters.
+    Request(ParameterRequest),
+    /// A reader has taken a frame of this source.
+    Taken(Parcel),
+}
+
+impl Queued for Event {
+    fn bytes(&self) -> usize {
+        match self {
+            Self::Message(parcel) | Self::Taken(parcel) => parcel.bytes(),
+            Self::Request(_) => 0,
+        }
+    }
+
+    fn attachment(&self) -> Option<&Attachment> {
+        match self {
+            Self::Message(parcel) | Self::Taken(parcel) => parcel.attachment(),
+            Self::Request(_) => None,
+        }
+    }
+}
+
+type EventQueue = Queue<Event>;
+
 /// A node with everything it needs to run.
 struct Live<'a> {
     node: Box<dyn Node>,
@@ -52,9 +91,14 @@ struct Live<'a> {
     transport: &'a dyn Transport,
     time: NodeTime<'a>,
     stop: Stop,
+    queue: Arc<EventQueue>,
     report: NodeReport,
     outlets: Vec<(Address, Box<dyn Outlet>)>,
     inputs: Inputs,
+    /// Tells sources of rate 0 which frames this node has taken.
+    taken: Box<dyn Outlet>,
+    /// The readers of this node's own frames, if it is such a source.
+    pacing: Pacing,
     diagnostics: Diagnostics,
     parameter_events: ParameterEvents,
 }
@@ -66,7 +110,7 @@ struct Live<'a> {
 pub fn run(
     subject: Subject,
     transport: &dyn Transport,
-    clock: &dyn Clock,
+    clock: &Arc<dyn Clock>,
     stop: Stop,
 ) -> Result<NodeReport, RunError> {
     let Subject { node, parameters, place, saved } = subject;
@@ -75,21 +119,24 @@ pub fn run(
         .into_iter()
         .map(|address| transport.advertise(&place, &address).map(|outlet| (address, outlet)))
         .collect::<Result<_, _>>()?;
-    let diagnostics = Diagnostics::new(&place, transport)?;
-    let parameter_events = ParameterEvents::new(&place, transport)?;
+    let queue = Arc::new(Queue::new(clock.clone(), Limit { messages: REQUESTS, bytes: usize::MAX }));
+    stop.wakes(&queue);
     let live = Live {
         report: NodeReport::new(place.fully_qualified()),
         node,
-        place,
         parameters: Arc::new(Mutex::new(parameters)),
         saved,
         transport,
-        time: NodeTime::new(clock),
+        time: NodeTime::new(&**clock),
         stop,
+        queue,
         outlets,
-        inputs: Inputs::none(),
-        diagnostics,
-        parameter_events,
+        inputs: Inputs::default(),
+        taken: transport.advertise(&place, &Address::resolve(&place, &pacing::topic())?)?,
+        pacing: Pacing::default(),
+        diagnostics: Diagnostics::new(&place, transport)?,
+        parameter_events: ParameterEvents::new(&place, transport)?,
+        place,
     };
     live.run()
 }
@@ -99,17 +146,18 @@ impl Live<'_> {
         self.wait_for_others()?;
         self.subscribe()?;
         self.time.follow(&self.settings(), &self.place, self.transport)?;
-        let requests = self.serve_parameters()?;
+        let served = self.serve_parameters()?;
         let announced = self.transport.announce(&self.place)?;
         self.parameter_events.started(self.time.now_ns(), &self.settings());
         tracing::info!(node = %self.report.node, "ready");
         let ended = match self.node.period() {
-            Some(_) => self.run_source(&requests.1),
-            None => self.run_listener(&requests.1),
+            Some(_) => self.run_source(),
+            None => self.run_listener(),
         };
-        // Out of the graph before the outlets go, so that nobody waits for us.
-        drop((announced, requests.0));
-        std::mem::replace(&mut self.inputs, Inputs::none()).account(&mut self.report);
+        // Out of the graph before the outlets go, so that no other node waits for this one.
+        drop((announced, served));
+        self.queue.end();
+        std::mem::take(&mut self.inputs).close(&self.queue, &mut self.report);
         self.report.facts.extend(facts_of(&*self.node));
         ended.map(|()| self.report)
     }
@@ -126,7 +174,7 @@ impl Live<'_> {
                 let (node, seconds) = (self.report.node.clone(), patience.as_secs());
                 return Err(RunError::Waited { node, seconds, missing: missing.join(", ") });
             }
-            std::thread::sleep(Duration::from_millis(10));
+            std::thread::sleep(GRAPH_GLANCE);
         }
     }
 
@@ -135,35 +183,40 @@ impl Live<'_> {
         if addresses == self.inputs.addresses {
             return Ok(());
         }
-        let renewed = Inputs::subscribe(addresses, &self.place, self.transport)?;
-        std::mem::replace(&mut self.inputs, renewed).account(&mut self.report);
+        let renewed = Inputs::subscribe(addresses, &self.place, self.transport, &self.queue)?;
+        std::mem::replace(&mut self.inputs, renewed).close(&self.queue, &mut self.report);
         Ok(())
     }
 
-    fn serve_parameters(&self) -> Result<(Guard, Receiver<ParameterRequest>), TransportError> {
-        let (sender, receiver) = channel();
+    fn serve_parameters(&self) -> Result<Guard, TransportError> {
+        let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::All));
         let parameters = self.parameters.clone();
         let read = move || parameters.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let port = ParameterPort { read: Box::new(read), requests: sender };
-        Ok((self.transport.serve_parameters(&self.place, port)?, receiver))
+        let request = move |request| match queue.push(lane, Event::Request(request))? {
+            Event::Request(request) => Some(request),
+            Event::Message(_) | Event::Taken(_) => None,
+        };
+        let port = ParameterPort { read: Box::new(read), request: Box::new(request) };
+        self.transport.serve_parameters(&self.place, port)
     }
 
     fn settings(&self) -> Parameters {
         self.parameters.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// Applies what was asked for between two steps.
-    fn answer_requests(&mut self, requests: &Receiver<ParameterRequest>) -> Result<(), RunError> {
-        while let Ok(request) = requests.try_recv() {
-            let answer = self.change(&request);
-            if let Err(refusal) = &answer {
-                tracing::warn!(node = %self.report.node, "{refusal}");
-            }
-            self.subscribe()?;
-            self.time.follow(&self.settings(), &self.place, self.transport)?;
-            // Nobody may be waiting for the answer any more.
-            let _ = request.answer.send(answer);
+    /// Applies a request between two steps, unless its caller has given up.
+    fn answer(&mut self, request: &ParameterRequest) -> Result<(), RunError> {
+        if !request.claim.take() {
+            return Ok(());
         }
+        let answer = self.change(request);
+        if let Err(refusal) = &answer {
+            tracing::warn!(node = %self.report.node, "{refusal}");
+        }
+        self.subscribe()?;
+        self.time.follow(&self.settings(), &self.place, self.transport)?;
+        // Fails only when the caller has gone.
+        let _ = request.answer.send(answer);
         Ok(())
     }
 
@@ -171,78 +224,173 @@ impl Live<'_> {
         let before = self.settings();
         let next = before.with(&request.changes, true)?;
         self.node.configure(&next)?;
-        self.parameter_events.changed(self.time.now_ns(), &before, &next);
         if let Some(saved) = &self.saved {
             saved.keep(&next);
         }
-        *self.parameters.lock().unwrap_or_else(PoisonError::into_inner) = next;
+        // Stored before it is told: a listener that asks back reads the new value.
+        *self.parameters.lock().unwrap_or_else(PoisonError::into_inner) = next.clone();
+        self.parameter_events.changed(self.time.now_ns(), &before, &next);
         Ok(())
     }
 
-    fn run_source(&mut self, requests: &Receiver<ParameterRequest>) -> Result<(), RunError> {
-        // Whoever watches the graph, as a recorder does, has subscribed by then.
+    /// One frame each period, or with a period of zero as soon as every reader
+    /// has taken the last one.
+    fn run_source(&mut self) -> Result<(), RunError> {
+        let paced = self.node.period() == Some(Duration::ZERO);
+        let _told = if paced { Some(self.listen_to_readers()?) } else { None };
+        // A node that watches the graph, as a recorder does, has subscribed by then.
         let mut due = self.time.ticks_ns() + nanoseconds(self.transport.settling());
-        while self.stop.urgency() == Urgency::None {
-            self.answer_requests(requests)?;
-            let now = self.time.ticks_ns();
-            if now < due {
-                std::thread::sleep(GLANCE.min(Duration::from_nanos(due - now)));
-                continue;
+        loop {
+            self.wait_until(due)?;
+            if self.stop.urgency() != Urgency::None {
+                return Ok(());
             }
-            if self.step(Cue::Tick, None)? == Flow::Done {
-                break;
+            let (flow, messages) = self.step(Cue::Tick, "source")?;
+            if paced {
+                self.wait_for_readers()?;
+                self.note_frame(&messages);
             }
-            let period = nanoseconds(self.node.period().unwrap_or_default());
+            self.send_all(&messages);
+            if flow == Flow::Done {
+                return Ok(());
+            }
+            let period = self.node.period().map_or(0, nanoseconds);
             // A source that is late goes on from now; it does not catch up in a burst.
             due = (due + period).max(self.time.ticks_ns().saturating_sub(period));
         }
-        Ok(())
     }
 
-    fn run_listener(&mut self, requests: &Receiver<ParameterRequest>) -> Result<(), RunError> {
-        let mut last_work = self.time.ticks_ns();
+    fn listen_to_readers(&self) -> Result<Guard, RunError> {
+        let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::Last(REQUESTS)));
+        let deliver = Box::new(move |parcel| drop(queue.push(lane, Event::Taken(parcel))));
+        let address = Address::resolve(&self.place, &pacing::topic())?;
+        Ok(self.transport.subscribe(&self.place, &address, deliver)?)
+    }
+
+    /// Handles at most one event that waits, and all that come until `due`.
+    fn wait_until(&mut self, due: u64) -> Result<(), RunError> {
         loop {
-            self.answer_requests(requests)?;
-            let inbox = self.inputs.inbox.clone();
-            match inbox.take(GLANCE) {
-                Taken::Item(slot, parcel) => {
-                    if self.handle(slot, parcel)? == Flow::Done {
-                        return Ok(());
-                    }
-                    last_work = self.time.ticks_ns();
-                }
-                Taken::Nothing => {
-                    let idle = self.time.ticks_ns().saturating_sub(last_work);
-                    self.diagnostics.publish_when_due(&self.time, &self.report, &*self.node);
-                    if self.stop.urgency() == Urgency::Drain && self.is_drained(idle) {
-                        return Ok(());
-                    }
-                }
+            let patience = due.saturating_sub(self.time.ticks_ns());
+            match self.queue.take(Some(Duration::from_nanos(patience))) {
+                Next::Item(arrived) => drop(self.handle(arrived)?),
+                Next::Idle | Next::Ended => {}
             }
-            if self.stop.urgency() == Urgency::Now {
+            if self.time.ticks_ns() >= due || self.stop.urgency() != Urgency::None {
                 return Ok(());
             }
         }
     }
 
-    /// Nothing waits, and nothing more can come.
-    fn is_drained(&self, idle_ns: u64) -> bool {
-        let upstream = self.inputs.addresses.iter().any(|a| self.transport.has_publisher(&a.topic));
-        idle_ns > DRAIN_LIMIT_NS || (!upstream && idle_ns >= nanoseconds(self.transport.settling()))
+    fn wait_for_readers(&mut self) -> Result<(), RunError> {
+        let start = self.time.ticks_ns();
+        loop {
+            let missing = self.pacing.waits_for(self.transport);
+            if missing.is_empty() || self.stop.urgency() != Urgency::None {
+                return Ok(());
+            }
+            if self.time.ticks_ns().saturating_sub(start) > READER_LIMIT_NS {
+                let missing = missing.join(", ");
+                tracing::warn!(node = %self.report.node, "{missing} has not taken a frame for 60 s: going on");
+                return Ok(());
+            }
+            if let Next::Item(arrived) = self.queue.take(Some(GRAPH_GLANCE)) {
+                self.handle(arrived)?;
+            }
+        }
     }
 
-    fn handle(&mut self, slot: usize, parcel: Parcel) -> Result<Flow, RunError> {
-        let Some(address) = self.inputs.addresses.get(slot).cloned() else { return Ok(Flow::Continue) };
-        match parcel.open(address.kind) {
-            Ok(message) => self.step(Cue::Message { input: slot, message }, Some(&address.topic)),
-            Err(why) => {
-                self.skip(&address.topic, &why.to_string());
+    /// From now on, the readers of the images among `messages` are waited for.
+    fn note_frame(&mut self, messages: &[(usize, Message)]) {
+        let topic_of = |output: usize| self.outlets.get(output).map(|(address, _)| address.topic.as_str());
+        if let Some((stamp, topics)) = pacing::images(messages, topic_of) {
+            self.pacing.sent(stamp, topics);
+        }
+    }
+
+    fn run_listener(&mut self) -> Result<(), RunError> {
+        // When the last message came, or the drain began; and since when no publisher is left.
+        let (mut quiet_since, mut alone_since) = (None, None);
+        loop {
+            let draining = match self.stop.urgency() {
+                Urgency::Now => return Ok(()),
+                Urgency::Drain => true,
+                Urgency::None => false,
+            };
+            match self.queue.take(Some(if draining { GRAPH_GLANCE } else { IDLE })) {
+                Next::Item(arrived) => {
+                    if self.handle(arrived)? == Flow::Done {
+                        return Ok(());
+                    }
+                    (quiet_since, alone_since) = (None, None);
+                }
+                Next::Idle | Next::Ended if draining => {
+                    let now = self.time.ticks_ns();
+                    let quiet = now - *quiet_since.get_or_insert(now);
+                    let alone =
+                        if self.has_upstream() { None } else { Some(*alone_since.get_or_insert(now)) };
+                    let settled =
+                        alone.is_some_and(|since| now - since >= nanoseconds(self.transport.settling()));
+                    if settled || quiet > DRAIN_LIMIT_NS {
+                        return Ok(());
+                    }
+                }
+                Next::Idle | Next::Ended => self.tell_when_due(),
+            }
+        }
+    }
+
+    /// Whether more messages can come.
+    fn has_upstream(&self) -> bool {
+        self.inputs.addresses.iter().any(|address| !self.transport.publishers(&address.topic).is_empty())
+    }
+
+    fn handle(&mut self, arrived: Arrived<Event>) -> Result<Flow, RunError> {
+        match arrived.item {
+            Event::Message(parcel) => self.handle_message(arrived.lane, parcel),
+            Event::Request(request) => self.answer(&request).map(|()| Flow::Continue),
+            Event::Taken(parcel) => {
+                if let Ok(Message::Diagnostics(taken)) = parcel.open(MessageKind::Diagnostics) {
+                    self.pacing.note(&taken);
+                }
                 Ok(Flow::Continue)
             }
         }
     }
 
-    fn step(&mut self, cue: Cue, topic: Option<&str>) -> Result<Flow, RunError> {
+    fn handle_message(&mut self, lane: Lane, parcel: Parcel) -> Result<Flow, RunError> {
+        let input = self.inputs.index_of(lane).expect("a lane is closed together with its input");
+        let Address { topic, kind, .. } = self.inputs.addresses[input].clone();
+        let message = match parcel.open(kind) {
+            Ok(message) => message,
+            Err(why) => {
+                self.skip(&topic, &why.to_string());
+                return Ok(Flow::Continue);
+            }
+        };
+        let told = (kind == MessageKind::Image && self.taken.wanted()).then(|| message.stamp());
+        let passes_on =
+            self.outlets.iter().any(|(a, outlet)| a.kind == MessageKind::Image && outlet.wanted());
+        if let Some(stamp) = told.filter(|_| !passes_on) {
+            self.tell_taken(stamp, &[]);
+        }
+        let (flow, messages) = self.step(Cue::Message { input, message }, &topic)?;
+        self.send_all(&messages);
+        if let Some(stamp) = told.filter(|_| passes_on) {
+            let topic_of = |output: usize| self.outlets.get(output).map(|(a, _)| a.topic.as_str());
+            let topics = pacing::images(&messages, topic_of).map_or(Vec::new(), |(_, topics)| topics);
+            self.tell_taken(stamp, &topics);
+        }
+        Ok(flow)
+    }
+
+    fn tell_taken(&self, stamp: Time, topics: &[String]) {
+        if let Err(why) = self.taken.put(&pacing::taken(&self.report.node, stamp, topics)) {
+            tracing::warn!(node = %self.report.node, "{why}");
+        }
+    }
+
+    /// Runs one step; returns the messages that it left. `topic` is named when the step skips its input.
+    fn step(&mut self, cue: Cue, topic: &str) -> Result<(Flow, Vec<(usize, Message)>), RunError> {
         let wanted: Vec<bool> = self.outlets.iter().map(|(_, outlet)| outlet.wanted()).collect();
         let mut cx = Context::new(&self.time, &wanted);
         let result = self.node.step(cue, &mut cx);
@@ -250,18 +398,24 @@ impl Live<'_> {
         for (stage, duration) in stages {
             self.report.book_stage(stage, duration);
         }
-        for (output, message) in messages {
-            self.send(output, &message);
-        }
-        self.diagnostics.publish_when_due(&self.time, &self.report, &*self.node);
         match result {
-            Ok(flow) => Ok(flow),
+            Ok(flow) => Ok((flow, messages)),
             Err(StepError::Skip(why)) => {
-                self.skip(topic.unwrap_or("source"), &why);
-                Ok(Flow::Continue)
+                self.skip(topic, &why);
+                Ok((Flow::Continue, messages))
             }
-            Err(StepError::Fatal(why)) => Err(RunError::Fatal { node: self.report.node.clone(), why }),
+            Err(StepError::Fatal(why)) => {
+                self.send_all(&messages);
+                Err(RunError::Fatal { node: self.report.node.clone(), why })
+            }
         }
+    }
+
+    fn send_all(&mut self, messages: &[(usize, Message)]) {
+        for (output, message) in messages {
+            self.send(*output, message);
+        }
+        self.tell_when_due();
     }
 
     fn send(&mut self, output: usize, message: &Message) {
@@ -270,8 +424,17 @@ impl Live<'_> {
             Ok(()) => self.report.book_published(&address.topic, message),
             Err(why) => {
                 tracing::warn!(node = %self.report.node, "{why}");
-                add(&mut self.report.dropped, &address.topic, 1);
+                add(&mut self.report.lost, &address.topic, 1);
             }
+        }
+    }
+
+    /// Once a second, the node tells on `/diagnostics` how it does.
+    fn tell_when_due(&mut self) {
+        if self.diagnostics.is_due(&self.time) {
+            let mut report = self.report.clone();
+            self.inputs.count(&self.queue, &mut report);
+            self.diagnostics.publish(&self.time, &report, &*self.node);
         }
     }
 

@@ -22,14 +22,12 @@ use zenoh::{Session, Wait};
 
 pub use service::{RawAnswer, RawService};
 pub use session::meeting_port;
-pub use topic::{RawOutlet, RawSample};
+pub use topic::RawOutlet;
 
-use super::gaps::Gaps;
 use super::graph::Graph;
 use super::keys::{self, Endpoint, EntityKind, Hashes, Token};
-use super::{Address, Guard, Inlet, Outlet, ParameterPort, Parcel, Transport, TransportError};
+use super::{Address, Deliver, Guard, Outlet, ParameterPort, Parcel, Transport, TransportError};
 use crate::clock::Clock;
-use crate::inbox::Inbox;
 use crate::name::Place;
 
 /// A zenoh session in one ROS domain.
@@ -42,11 +40,6 @@ pub struct ZenohTransport {
     next_id: AtomicU64,
     node_ids: Mutex<BTreeMap<String, u64>>,
     _watch: Subscriber<()>,
-}
-
-struct ZenohInlet {
-    lost: Arc<AtomicU64>,
-    _subscription: Guard,
 }
 
 impl ZenohTransport {
@@ -139,24 +132,8 @@ impl Transport for ZenohTransport {
         Ok(Box::new(self.advertise_raw(node, &self.topic_endpoint(address))?))
     }
 
-    fn subscribe(
-        &self,
-        node: &Place,
-        address: &Address,
-        inbox: Arc<Inbox<Parcel>>,
-        slot: usize,
-    ) -> Result<Box<dyn Inlet>, TransportError> {
-        let lost = Arc::new(AtomicU64::new(0));
-        let gaps = Mutex::new(Gaps::default());
-        let counter = lost.clone();
-        let take = move |sample: RawSample| {
-            if let Some(attachment) = &sample.attachment {
-                counter.fetch_add(lock(&gaps).step(attachment), Ordering::Relaxed);
-            }
-            inbox.push(slot, Parcel::Bytes(sample.payload));
-        };
-        let subscription = self.subscribe_raw(node, &self.topic_endpoint(address), take)?;
-        Ok(Box::new(ZenohInlet { lost, _subscription: subscription }))
+    fn subscribe(&self, node: &Place, address: &Address, deliver: Deliver) -> Result<Guard, TransportError> {
+        self.subscribe_raw(node, &self.topic_endpoint(address), move |sample| deliver(Parcel::Sample(sample)))
     }
 
     fn announce(&self, node: &Place) -> Result<Guard, TransportError> {
@@ -171,19 +148,17 @@ impl Transport for ZenohTransport {
         lock(&self.graph).has_node(node)
     }
 
-    fn has_publisher(&self, topic: &str) -> bool {
-        lock(&self.graph).endpoints(EntityKind::Publisher, topic).next().is_some()
+    fn publishers(&self, topic: &str) -> Vec<String> {
+        lock(&self.graph).endpoints(EntityKind::Publisher, topic).map(Token::node_name).collect()
+    }
+
+    fn subscribers(&self, topic: &str) -> Vec<String> {
+        lock(&self.graph).endpoints(EntityKind::Subscription, topic).map(Token::node_name).collect()
     }
 
     /// A token's end travels in another queue than the data and may overtake it.
     fn settling(&self) -> Duration {
         Duration::from_millis(300)
-    }
-}
-
-impl Inlet for ZenohInlet {
-    fn lost(&self) -> u64 {
-        self.lost.load(Ordering::Relaxed)
     }
 }
 

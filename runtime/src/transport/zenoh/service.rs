@@ -2,7 +2,6 @@
 
 use std::error::Error;
 use std::sync::Arc;
-use std::sync::mpsc::channel;
 use std::thread;
 use std::time::Duration;
 
@@ -13,6 +12,7 @@ use super::{ZenohTransport, stamp};
 use crate::clock::Clock;
 use crate::name::Place;
 use crate::parameter::service::Service;
+use crate::queue::{Keep, Limit, Next, Queue, Queued};
 use crate::transport::attachment::Attachment;
 use crate::transport::keys::{self, Endpoint, EntityKind};
 use crate::transport::{Guard, ParameterPort, TransportError};
@@ -46,7 +46,7 @@ impl ZenohTransport {
         let reply = replies.recv().map_err(|_| failed(&self.why_nobody_answers(&endpoint)))?;
         match reply.result() {
             Ok(sample) => Ok(sample.payload().to_bytes().into_owned()),
-            Err(_) => Err(failed(&"the node answered with an error")),
+            Err(error) => Err(failed(&String::from_utf8_lossy(&error.payload().to_bytes()))),
         }
     }
 
@@ -72,12 +72,14 @@ impl ZenohTransport {
     }
 
     /// Queryables that feed one thread: a request may wait for the frame at
-    /// hand, and zenoh's own threads must not wait with it.
+    /// hand, and zenoh's own threads must not wait with it. A caller for whom
+    /// there is no room is answered with an error at once.
     ///
     /// # Errors
     /// [`TransportError`] with what zenoh says.
     pub fn serve_raw(&self, node: &Place, handlers: Vec<RawService>) -> Result<Guard, TransportError> {
-        let (queue, queries) = channel::<(usize, Query)>();
+        let queue = Arc::new(Queue::new(self.clock.clone(), Limit { messages: CALLS, bytes: usize::MAX }));
+        let lane = queue.open(Keep::All);
         let mut guards: Vec<Guard> = Vec::new();
         for (index, handler) in handlers.iter().enumerate() {
             let topic = format!("{}/{}", node.fully_qualified(), handler.name);
@@ -89,26 +91,30 @@ impl ZenohTransport {
                 .declare_queryable(self.key(&endpoint))
                 .complete(true)
                 .callback(move |query| {
-                    // Fails only while the node is ending; the caller's timeout tells.
-                    let _ = queue.send((index, query));
+                    if let Some(Call { query, .. }) = queue.push(lane, Call { service: index, query }) {
+                        refuse(&query, "the node is busy with other calls, or is ending; call again");
+                    }
                 })
                 .wait()
                 .map_err(|why| TransportError::new(format!("service {}", endpoint.topic), why))?;
             let token = self.declare(&self.token(node, EntityKind::Server, Some(endpoint)))?;
             guards.push(Box::new((queryable, token)));
         }
-        let clock = self.clock.clone();
+        let (clock, calls) = (self.clock.clone(), queue.clone());
         thread::Builder::new()
             .name("services".into())
             .spawn(move || {
-                for (index, query) in queries {
-                    if let Err(why) = reply(&handlers[index], &query, &*clock) {
-                        tracing::warn!("service {}: {why}", handlers[index].name);
+                while let Next::Item(arrived) = calls.take(None) {
+                    let Call { service, query } = arrived.item;
+                    let handler = &handlers[service];
+                    if let Err(why) = reply(handler, &query, &*clock) {
+                        tracing::warn!("service {}: {why}", handler.name);
+                        refuse(&query, &why);
                     }
                 }
             })
             .map_err(|why| TransportError::new("thread of the services", why))?;
-        Ok(Box::new(guards))
+        Ok(Box::new((guards, EndCalls(queue))))
     }
 
     fn service_endpoint(&self, name: String, ros_type: &str) -> Endpoint {
@@ -121,6 +127,34 @@ impl ZenohTransport {
     }
 }
 
+/// Calls that wait for a node at most; each caller waits for its answer.
+const CALLS: usize = 64;
+
+/// A call of one of a node's services.
+struct Call {
+    /// Index of the service.
+    service: usize,
+    query: Query,
+}
+
+impl Queued for Call {}
+
+/// Ends the thread that answers calls.
+struct EndCalls(Arc<Queue<Call>>);
+
+impl Drop for EndCalls {
+    fn drop(&mut self) {
+        self.0.end();
+    }
+}
+
+/// Tells the caller why it gets no response.
+fn refuse(query: &Query, why: &str) {
+    if let Err(failed) = query.reply_err(why).wait() {
+        tracing::debug!("a caller is gone: {failed}");
+    }
+}
+
 /// One service of a node, in CDR with its encapsulation header.
 pub struct RawService {
     /// Name below the node's.
@@ -129,7 +163,7 @@ pub struct RawService {
     pub ros_type: &'static str,
     /// As tokens carry it.
     pub qos: &'static str,
-    /// From request to response; an error is logged, and the caller not answered.
+    /// From request to response; an error is logged and sent to the caller.
     pub answer: RawAnswer,
 }
 

@@ -23,7 +23,7 @@ use crate::transport::attachment::Attachment;
 use crate::transport::keys::{Endpoint, EntityKind};
 use crate::transport::payload::Payload;
 use crate::transport::profile::{self, Durability, Profile};
-use crate::transport::{Guard, Outlet, TransportError};
+use crate::transport::{Guard, Outlet, RawSample, TransportError};
 
 /// How often a publisher for late readers says the number of its last sample.
 const HEARTBEAT: Duration = Duration::from_secs(1);
@@ -35,15 +35,6 @@ pub struct RawOutlet {
     gid: [u8; 16],
     sequence: AtomicI64,
     _token: LivelinessToken,
-}
-
-/// A sample as it came.
-#[derive(Clone, Debug)]
-pub struct RawSample {
-    /// CDR with its encapsulation header.
-    pub payload: Payload,
-    /// What came with it; nodes of a ROS stack always send one.
-    pub attachment: Option<Attachment>,
 }
 
 impl ZenohTransport {

@@ -1,0 +1,368 @@
+//! [`Queue`]: the one place where messages wait for a reader, be it a node, a
+//! recorder or a command. It is bounded, counts every message that is not read,
+//! stamps each one on arrival, and its reader blocks on a condition variable
+//! which [`Stop`](crate::stop::Stop) wakes.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use crate::clock::Clock;
+use crate::stop::Wake;
+use crate::transport::attachment::Attachment;
+use crate::transport::gaps::Gaps;
+
+/// How many messages wait in a lane, and which one goes when there is no room.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Keep {
+    /// Only the newest message: it replaces an older one, which is not a loss.
+    Latest,
+    /// The newest `n` messages, at least one; the oldest is lost when one more comes.
+    Last(usize),
+    /// All messages while the queue is within its [`Limit`]; a message that
+    /// comes when there is no room is lost.
+    All,
+}
+
+/// The most that the lanes with [`Keep::All`] hold together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limit {
+    /// Number of messages.
+    pub messages: usize,
+    /// Bytes of their payloads.
+    pub bytes: usize,
+}
+
+/// One of the lanes of a queue: the messages of one topic, or of one service.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Lane(u64);
+
+/// Counts of one lane. Of the messages that arrived, `received - replaced -
+/// overflowed - unread` were read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// Messages that arrived.
+    pub received: u64,
+    /// Messages that a newer one replaced before they were read ([`Keep::Latest`]).
+    pub replaced: u64,
+    /// Messages for which there was no room ([`Keep::Last`], [`Keep::All`]).
+    pub overflowed: u64,
+    /// Messages that still waited when the lane was closed.
+    pub unread: u64,
+    /// Messages that never arrived: gaps in the sequence numbers of the publishers.
+    pub missing: u64,
+}
+
+impl Tally {
+    /// Messages that were sent and should have been read, but were not.
+    pub fn lost(&self) -> u64 {
+        self.overflowed + self.missing
+    }
+}
+
+/// An item that can wait in a [`Queue`].
+pub trait Queued {
+    /// Bytes that it keeps in memory.
+    fn bytes(&self) -> usize {
+        0
+    }
+
+    /// The publisher's sequence number, if the item came over the wire.
+    fn attachment(&self) -> Option<&Attachment> {
+        None
+    }
+}
+
+/// An item with the circumstances of its arrival.
+#[derive(Debug, PartialEq, Eq)]
+pub struct Arrived<T> {
+    /// The lane it came in.
+    pub lane: Lane,
+    /// Wall time of its arrival, ns since the epoch.
+    pub stamp_ns: u64,
+    /// The item.
+    pub item: T,
+}
+
+/// The result of a wait.
+#[derive(Debug, PartialEq, Eq)]
+pub enum Next<T> {
+    /// The item that arrived first of all that wait.
+    Item(Arrived<T>),
+    /// No item came in time, or somebody called [`Wake::wake`].
+    Idle,
+    /// [`Queue::end`] was called, and no item waits.
+    Ended,
+}
+
+impl<T> Next<T> {
+    /// The item, if there is one.
+    pub fn item(self) -> Option<T> {
+        match self {
+            Self::Item(arrived) => Some(arrived.item),
+            Self::Idle | Self::Ended => None,
+        }
+    }
+}
+
+/// Waiting items, in lanes. Share it by `Arc`.
+pub struct Queue<T> {
+    state: Mutex<State<T>>,
+    changed: Condvar,
+    clock: Arc<dyn Clock>,
+    limit: Limit,
+}
+
+struct State<T> {
+    lanes: BTreeMap<Lane, Waiting<T>>,
+    opened: u64,
+    arrivals: u64,
+    /// Held by the lanes with [`Keep::All`].
+    held: Limit,
+    woken: bool,
+    ended: bool,
+}
+
+struct Waiting<T> {
+    keep: Keep,
+    items: VecDeque<(u64, u64, T)>,
+    tally: Tally,
+    gaps: Gaps,
+}
+
+impl<T: Queued> Queue<T> {
+    /// A queue without lanes, whose arrivals are stamped with the time of `clock`.
+    pub fn new(clock: Arc<dyn Clock>, limit: Limit) -> Self {
+        let state = State {
+            lanes: BTreeMap::new(),
+            opened: 0,
+            arrivals: 0,
+            held: Limit { messages: 0, bytes: 0 },
+            woken: false,
+            ended: false,
+        };
+        Self { state: Mutex::new(state), changed: Condvar::new(), clock, limit }
+    }
+
+    /// A new, empty lane.
+    pub fn open(&self, keep: Keep) -> Lane {
+        let mut state = self.lock();
+        let lane = Lane(state.opened);
+        state.opened += 1;
+        let waiting =
+            Waiting { keep, items: VecDeque::new(), tally: Tally::default(), gaps: Gaps::default() };
+        state.lanes.insert(lane, waiting);
+        lane
+    }
+
+    /// Puts `item` at the end of `lane` and never waits. Returns the item that
+    /// lost its place: an older one, or `item` itself when the limit is reached
+    /// or the lane is closed.
+    pub fn push(&self, lane: Lane, item: T) -> Option<T> {
+        let mut guard = self.lock();
+        let state = &mut *guard;
+        let Some(waiting) = state.lanes.get_mut(&lane).filter(|_| !state.ended) else { return Some(item) };
+        waiting.tally.received += 1;
+        if let Some(attachment) = item.attachment() {
+            waiting.tally.missing += waiting.gaps.step(attachment);
+        }
+        let displaced = match waiting.keep {
+            Keep::All => {
+                let bytes = state.held.bytes.saturating_add(item.bytes());
+                if state.held.messages >= self.limit.messages || bytes > self.limit.bytes {
+                    waiting.tally.overflowed += 1;
+                    return Some(item);
+                }
+                state.held = Limit { messages: state.held.messages + 1, bytes };
+                None
+            }
+            Keep::Latest => waiting.items.pop_front().inspect(|_| waiting.tally.replaced += 1),
+            Keep::Last(most) if waiting.items.len() >= most.max(1) => {
+                waiting.tally.overflowed += 1;
+                waiting.items.pop_front()
+            }
+            Keep::Last(_) => None,
+        };
+        waiting.items.push_back((state.arrivals, self.clock.now_ns(), item));
+        state.arrivals += 1;
+        drop(guard);
+        self.changed.notify_all();
+        displaced.map(|(_, _, item)| item)
+    }
+
+    /// Takes the item that arrived first over all lanes. Waits for one at most
+    /// `patience`, or without end when that is `None`.
+    pub fn take(&self, patience: Option<Duration>) -> Next<T> {
+        let state = self.lock();
+        let idle = |state: &mut State<T>| {
+            !state.woken && !state.ended && state.lanes.values().all(|waiting| waiting.items.is_empty())
+        };
+        let mut state = match patience {
+            Some(patience) => {
+                let waited = self.changed.wait_timeout_while(state, patience, idle);
+                waited.unwrap_or_else(PoisonError::into_inner).0
+            }
+            None => self.changed.wait_while(state, idle).unwrap_or_else(PoisonError::into_inner),
+        };
+        state.woken = false;
+        match state.pop_oldest() {
+            Some(arrived) => Next::Item(arrived),
+            None if state.ended => Next::Ended,
+            None => Next::Idle,
+        }
+    }
+
+    /// Counts of `lane`; zeros once it is closed.
+    pub fn tally(&self, lane: Lane) -> Tally {
+        self.lock().lanes.get(&lane).map_or(Tally::default(), |waiting| waiting.tally)
+    }
+
+    /// Closes `lane`: its waiting items are dropped and counted as unread.
+    /// Returns its counts; zeros when it was closed before.
+    pub fn close(&self, lane: Lane) -> Tally {
+        let mut state = self.lock();
+        let Some(mut waiting) = state.lanes.remove(&lane) else { return Tally::default() };
+        waiting.tally.unread = waiting.items.len() as u64;
+        if waiting.keep == Keep::All {
+            waiting.items.iter().for_each(|(_, _, item)| state.release(item));
+        }
+        waiting.tally
+    }
+
+    /// Accepts no more items. What waits can still be taken; then the reader
+    /// gets [`Next::Ended`].
+    pub fn end(&self) {
+        self.lock().ended = true;
+        self.changed.notify_all();
+    }
+
+    /// A poisoned lock only means that another thread panicked elsewhere: the
+    /// lanes themselves are always whole.
+    fn lock(&self) -> MutexGuard<'_, State<T>> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl<T: Queued> State<T> {
+    fn pop_oldest(&mut self) -> Option<Arrived<T>> {
+        let fronts = self.lanes.iter().filter_map(|(lane, w)| Some((w.items.front()?.0, *lane)));
+        let (_, lane) = fronts.min()?;
+        let waiting = self.lanes.get_mut(&lane)?;
+        let (_, stamp_ns, item) = waiting.items.pop_front()?;
+        if waiting.keep == Keep::All {
+            self.release(&item);
+        }
+        Some(Arrived { lane, stamp_ns, item })
+    }
+
+    fn release(&mut self, item: &T) {
+        self.held.messages -= 1;
+        self.held.bytes -= item.bytes();
+    }
+}
+
+impl<T: Queued + Send> Wake for Queue<T> {
+    /// Lets a waiting reader look around; the next [`Queue::take`] does not wait.
+    fn wake(&self) {
+        self.lock().woken = true;
+        self.changed.notify_all();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::clock::ManualClock;
+    use crate::stop::{Stop, Urgency};
+
+    const NOW: Option<Duration> = Some(Duration::ZERO);
+
+    impl Queued for usize {
+        fn bytes(&self) -> usize {
+            *self
+        }
+    }
+
+    fn queue(messages: usize, bytes: usize) -> Arc<Queue<usize>> {
+        Arc::new(Queue::new(Arc::new(ManualClock::at(9)), Limit { messages, bytes }))
+    }
+
+    #[test]
+    fn the_latest_replaces_and_is_counted() {
+        let queue = queue(0, 0);
+        let lane = queue.open(Keep::Latest);
+        assert_eq!((queue.push(lane, 1), queue.push(lane, 2)), (None, Some(1)));
+        assert_eq!(queue.take(NOW), Next::Item(Arrived { lane, stamp_ns: 9, item: 2 }));
+        assert_eq!(queue.take(NOW), Next::Idle);
+        assert_eq!(queue.tally(lane), Tally { received: 2, replaced: 1, ..Tally::default() });
+    }
+
+    #[test]
+    fn the_limit_holds_over_all_lanes_and_frees_with_them() {
+        let queue = queue(3, 100);
+        let [a, b] = [queue.open(Keep::All), queue.open(Keep::All)];
+        assert_eq!([queue.push(a, 60), queue.push(b, 60), queue.push(b, 40)], [None, Some(60), None]);
+        assert_eq!(queue.close(a), Tally { received: 1, unread: 1, ..Tally::default() });
+        assert_eq!(queue.push(a, 1), Some(1), "a closed lane takes no item");
+        assert_eq!([queue.push(b, 0), queue.push(b, 0), queue.push(b, 0)], [None, None, Some(0)]);
+        assert_eq!(queue.take(NOW).item(), Some(40));
+        let counted = Tally { received: 5, overflowed: 2, unread: 2, ..Tally::default() };
+        assert_eq!(queue.close(b), counted);
+    }
+
+    #[test]
+    fn a_reader_wakes_for_an_item_for_a_stop_and_for_the_end() {
+        let queue = queue(1, 1);
+        let lane = queue.open(Keep::Latest);
+        let stop = Stop::default();
+        stop.wakes(&queue);
+        let reader = std::thread::spawn({
+            let queue = queue.clone();
+            move || [queue.take(None).item(), queue.take(None).item(), queue.take(None).item()]
+        });
+        // Each step follows when the reader waits again or is still to come:
+        // a wake is kept until then.
+        queue.push(lane, 7);
+        while !queue.lock().lanes[&lane].items.is_empty() {
+            std::thread::yield_now();
+        }
+        stop.ask(Urgency::Drain);
+        while queue.lock().woken {
+            std::thread::yield_now();
+        }
+        queue.end();
+        assert_eq!(reader.join().expect("no panic"), [Some(7), None, None]);
+        assert_eq!((queue.take(None), queue.push(lane, 8)), (Next::Ended, Some(8)));
+    }
+
+    proptest! {
+        /// Each message is read or counted once, and those that are read come
+        /// in the order of their arrival.
+        #[test]
+        fn every_message_is_read_or_counted(
+            depth in 1usize..5,
+            most in 1usize..9,
+            pushes in prop::collection::vec((0usize..3, prop::bool::ANY), 0..60),
+        ) {
+            let queue = queue(most, usize::MAX);
+            let lanes = [Keep::Latest, Keep::Last(depth), Keep::All].map(|keep| queue.open(keep));
+            let mut read = Vec::new();
+            for (number, (lane, take)) in pushes.iter().enumerate() {
+                queue.push(lanes[*lane], number);
+                if *take {
+                    read.extend(queue.take(NOW).item());
+                }
+            }
+            let tallies = lanes.map(|lane| queue.close(lane));
+            let received: u64 = tallies.iter().map(|t| t.received).sum();
+            let rest: u64 = tallies.iter().map(|t| t.replaced + t.overflowed + t.unread).sum();
+            prop_assert_eq!(received, pushes.len() as u64);
+            prop_assert_eq!(read.len() as u64 + rest, received);
+            prop_assert!(read.is_sorted());
+            let state = queue.lock();
+            prop_assert_eq!(state.held, Limit { messages: 0, bytes: 0 });
+        }
+    }
+}
