@@ -212,7 +212,7 @@ fn check_knows_the_parameters_of_the_suite() {
     for mistake in [
         "bad.launch.yaml:2: node 'unwarp' is unknown",
         "bad.launch.yaml:3: parameter 'alhpa' = 2.0: unknown parameter",
-        "bad.launch.yaml:3: parameter 'bits' = 99: must be in 1 to 16",
+        "bad.launch.yaml:3: parameter 'bits' = 99: must be in 0 to 16",
     ] {
         assert!(said.contains(mistake), "{said}");
     }

@@ -28,6 +28,7 @@ fn the_sample_is_made_by_its_command() {
         bag.to_str().expect("UTF-8"),
         "--topics",
         "/modulo",
+        "/sensor_info",
         "/ground_truth",
     ]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output));

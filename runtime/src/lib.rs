@@ -19,6 +19,7 @@ pub mod queue;
 pub mod report;
 pub mod ros_args;
 pub mod rosout;
+pub mod sensor_info;
 pub mod sensor_parameters;
 pub mod signals;
 pub mod stop;

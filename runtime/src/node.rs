@@ -27,6 +27,8 @@ pub enum Cue {
 pub enum Flow {
     /// More may come.
     Continue,
+    /// The message at hand is kept; a later step answers it.
+    Kept,
     /// The source is exhausted: this node ends, and with it those that only
     /// read from it.
     Done,

@@ -59,6 +59,58 @@ impl SensorModel {
     }
 }
 
+crate::parameters! {
+    /// The sensor behind the images that a node reads. Each value that is not set here is taken from the
+    /// sensor description that the camera publishes with each frame.
+    pub struct SensorOverride {
+        /// Bits of the sensor's converter. 0: those of the camera's sensor description.
+        bits: u8 = 0 => 0..=16,
+        /// Saturation factor: the brightest radiance of the scene divided by the sensor's peak. 0: that of the
+        /// camera's sensor description.
+        alpha: f64 = 0.0 => 0.0..=256.0,
+        /// Shape of the lens blur: gaussian, or paper7 for the paper's fixed 7 taps (about 1.4 px).
+        psf: Lens = Lens::Gaussian => Lens::WORDS,
+        /// Standard deviation of the gaussian lens blur in px. 0: the blur of the camera's sensor description.
+        psf_sigma: f64 = 0.0 => 0.0..=MAX_SIGMA,
+    }
+}
+
+impl SensorOverride {
+    /// The sensor: the values set here, and those of the `camera` for all others.
+    ///
+    /// # Errors
+    /// [`Refusal`] of a value that is neither set nor described, or out of its range.
+    pub fn over(&self, camera: Option<&SensorModel>) -> Result<SensorModel, Refusal> {
+        let missing = |name| {
+            let why = "no sensor description has come on sensor_info; start the camera, or set the parameter";
+            Refusal::new(name, 0, why)
+        };
+        let bits = Some(self.bits).filter(|&bits| bits > 0).or_else(|| Some(camera?.bits));
+        let alpha = Some(self.alpha).filter(|&alpha| alpha > 0.0).or_else(|| Some(camera?.alpha));
+        let own_lens = self.psf == Lens::Paper7 || self.psf_sigma > 0.0;
+        let (psf, psf_sigma) = match camera {
+            Some(camera) if !own_lens => (camera.psf, camera.psf_sigma),
+            _ => (self.psf, self.psf_sigma),
+        };
+        let bits = bits.ok_or_else(|| missing("bits"))?;
+        let model = SensorModel { bits, alpha: alpha.ok_or_else(|| missing("alpha"))?, psf, psf_sigma };
+        model.check()?;
+        Ok(model)
+    }
+
+    /// Whether bits and saturation factor are known without the camera.
+    pub fn is_complete(&self) -> bool {
+        self.bits > 0 && self.alpha > 0.0
+    }
+}
+
+impl From<SensorModel> for SensorOverride {
+    fn from(model: SensorModel) -> Self {
+        let SensorModel { bits, alpha, psf, psf_sigma } = model;
+        Self { bits, alpha, psf, psf_sigma }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -72,6 +124,18 @@ mod tests {
         ] {
             assert_eq!(SensorModel::from_text(pairs).expect("possible").psf(), psf);
         }
+    }
+
+    #[test]
+    fn a_value_that_is_not_set_is_the_cameras() {
+        let camera = SensorModel { bits: 10, alpha: 3.0, psf: Lens::Paper7, psf_sigma: 0.0 };
+        let unset = SensorOverride::default();
+        assert_eq!(unset.over(Some(&camera)), Ok(camera.clone()));
+        assert_eq!(unset.over(None).expect_err("nothing is known").name, "bits");
+        let set = SensorOverride { alpha: 2.0, psf_sigma: 1.0, ..SensorOverride::default() };
+        let expected = SensorModel { bits: 10, alpha: 2.0, psf: Lens::Gaussian, psf_sigma: 1.0 };
+        assert_eq!(set.over(Some(&camera)), Ok(expected.clone()));
+        assert_eq!(SensorOverride::from(expected.clone()).over(Some(&camera)), Ok(expected));
     }
 
     #[test]

@@ -227,7 +227,8 @@ def receives_and_switches(binary):
 
 def is_received(binary):
     """An image of ours on the modulo topic is recovered exactly, and detected."""
-    with Suite(binary, "run", "unwrap"), Suite(binary, "run", "detector", "--ros-args", "-p", "engine:=rten"):
+    sensor = ["--ros-args", "-p", "bits:=8", "-p", "alpha:=4.0"]
+    with Suite(binary, "run", "unwrap", *sensor), Suite(binary, "run", "detector", "--ros-args", "-p", "engine:=rten"):
         peer = Peer()
         until("the nodes", lambda: {"unwrap", "detector"} <= {t[8] for t in peer.tokens() if t[5] == "NN"})
         hdr = peer.hear("/hdr", "sensor_msgs/msg/Image", SENSOR_DATA)

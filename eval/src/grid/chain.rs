@@ -59,7 +59,7 @@ impl<'a> Chain<'a> {
         };
         let camera = lens(point.psf_sigma);
         let unwrap = point.method.as_ref().map(|method| {
-            let (method, sensor) = (method.parse()?, camera.sensor.clone());
+            let (method, sensor) = (method.parse()?, camera.sensor.clone().into());
             let with = UnwrapParameters { method, deblur: point.deblur, sensor, ..Default::default() };
             let topics = ["/recovered", "/hdr", "/diagnostics"].map(str::to_owned).to_vec();
             let mut chain = Lockstep::new(timer, topics);

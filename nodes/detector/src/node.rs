@@ -6,6 +6,7 @@ use std::sync::Arc;
 use modulo_core::Detection;
 use modulo_msgs::std_msgs::Time;
 use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray};
+use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::{
     Context, Cue, Flow, Message, MessageKind, Node, Parameters, Refusal, StampedFrame, StepError, Topic,
 };
@@ -30,6 +31,10 @@ pub struct Detector {
     engine: Box<dyn Engine>,
     note: String,
     pre: Preprocessor,
+    /// What the camera says of the sensor behind its frames.
+    described: SensorHistory,
+    /// Whether a parameter that contradicts the camera was reported.
+    contradiction_told: bool,
 }
 
 impl Detector {
@@ -46,17 +51,25 @@ impl Detector {
         let settings = Settings::new(parameters, engine.layout())?;
         warm_up(engine.as_mut(), settings.input_size)?;
         tracing::info!("model {} runs on {} ({note})", parameters.model, engine.name());
-        Ok(Self { parameters: parameters.clone(), settings, engine, note, pre: Preprocessor::default() })
+        Ok(Self {
+            parameters: parameters.clone(),
+            settings,
+            engine,
+            note,
+            pre: Preprocessor::default(),
+            described: SensorHistory::default(),
+            contradiction_told: false,
+        })
     }
 
     fn detect(&mut self, image: &StampedFrame, cx: &mut Context<'_>) -> Result<(), String> {
+        let bits = self.bits(image.header.stamp);
         let Self { settings, engine, pre, .. } = self;
-        let letterbox = cx.stage("pre", || pre.fill(&image.frame, settings.bits, settings.input_size))?;
+        let letterbox = cx.stage("pre", || pre.fill(&image.frame, bits, settings.input_size))?;
         let rows = cx.stage("infer", || engine.run(pre.tensor())).map_err(|error| error.to_string())?;
         let found = cx.stage("post", || detections(&rows, &letterbox, settings));
         if cx.wanted(ANNOTATED) {
-            let frame =
-                cx.stage("draw", || annotated(&image.frame, settings.bits, &found, &settings.classes))?;
+            let frame = cx.stage("draw", || annotated(&image.frame, bits, &found, &settings.classes))?;
             let image = StampedFrame { header: image.header.clone(), frame };
             cx.emit(ANNOTATED, Message::Image(Arc::new(image)));
         }
@@ -67,6 +80,21 @@ impl Detector {
         let array = Detection2DArray { header: header.clone(), detections };
         cx.emit(DETECTIONS, Message::Detections(Arc::new(array)));
         Ok(())
+    }
+
+    /// Bits of the sensor that made the frame of `stamp`; 0: those of the encoding.
+    fn bits(&mut self, stamp: Time) -> u8 {
+        let camera = self.described.of(stamp).or(self.described.latest()).map(|sensor| sensor.bits);
+        match (self.settings.bits, camera) {
+            (0, camera) => camera.unwrap_or(0),
+            (own, Some(camera)) if own != camera => {
+                if !std::mem::replace(&mut self.contradiction_told, true) {
+                    tracing::warn!("the parameter bits {own} overrides the camera's {camera} bits");
+                }
+                own
+            }
+            (own, _) => own,
+        }
     }
 
     fn shown_size(&self) -> String {
@@ -93,7 +121,7 @@ fn warm_up(engine: &mut dyn Engine, size: InputSize) -> Result<(), EngineError> 
 
 impl Node for Detector {
     fn inputs(&self) -> Vec<Topic> {
-        vec![Topic::new(&self.settings.input, MessageKind::Image)]
+        vec![Topic::new(&self.settings.input, MessageKind::Image), sensor_info::topic()]
     }
 
     fn outputs(&self) -> Vec<Topic> {
@@ -114,15 +142,19 @@ impl Node for Detector {
             warm_up(self.engine.as_mut(), settings.input_size)
                 .map_err(|error| Refusal::new("input_size", settings.input_size, error.to_string()))?;
         }
-        self.settings = settings;
+        (self.settings, self.contradiction_told) = (settings, false);
         Ok(())
     }
 
     fn step(&mut self, cue: Cue, cx: &mut Context<'_>) -> Result<Flow, StepError> {
-        let Cue::Message { message: Message::Image(image), .. } = cue else {
-            return Err(StepError::Skip("the detector answers images alone".to_owned()));
-        };
-        self.detect(&image, cx).map_err(StepError::Skip)?;
+        match cue {
+            Cue::Message { message: Message::Image(image), .. } => self.detect(&image, cx),
+            Cue::Message { message: Message::Diagnostics(info), .. } => {
+                self.described.note(&info).map_err(|why| why.to_string())
+            }
+            Cue::Message { .. } | Cue::Tick => Err("the detector only answers images".to_owned()),
+        }
+        .map_err(StepError::Skip)?;
         Ok(Flow::Continue)
     }
 

@@ -35,7 +35,8 @@ modulo_runtime::parameters! {
         class_map: String = String::new(),
         /// Number of threads of one inference. 0: as many as the machine has cores.
         threads: usize = 0 => 0..=64; fixed,
-        /// Bits of the sensor that made the image. 0: the whole range of the encoding, 8 or 16 bits.
+        /// Bits of the sensor that made the image. 0: those of the camera's sensor description, and without one the
+        /// whole range of the encoding, 8 or 16 bits.
         bits: u8 = 0 => 0..=16,
     }
 }

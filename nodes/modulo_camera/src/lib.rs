@@ -18,6 +18,7 @@ use modulo_core::sensor::{Exposure, Sensor};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{
     Context, Cue, Flow, Message, MessageKind, Node, Parameters, Refusal, StampedFrame, StepError, Topic,
+    sensor_info,
 };
 use ndarray::Array3;
 
@@ -29,11 +30,14 @@ const MODULO: usize = 0;
 const SATURATED: usize = 1;
 const IDEAL: usize = 2;
 const GROUND_TRUTH: usize = 3;
+const SENSOR_INFO: usize = 4;
 
 /// The node's step.
 pub struct ModuloCamera {
     feed: Feed,
     sensor: Sensor,
+    /// Describes the sensor to the nodes that read its frames.
+    parameters: CameraParameters,
     seed: u64,
     period: Duration,
     limit: Option<u64>,
@@ -62,6 +66,7 @@ impl ModuloCamera {
         Ok(Self {
             feed,
             sensor: parameters.sensor()?,
+            parameters: parameters.clone(),
             seed: parameters.seed.unsigned_abs(),
             period: parameters.period(),
             limit: parameters.limit(),
@@ -82,6 +87,10 @@ impl ModuloCamera {
     fn sense(&mut self, radiance: &Array3<f32>, header: &Header, cx: &mut Context<'_>) -> Result<(), String> {
         let seed = self.seed.wrapping_add(self.sent);
         self.sent += 1;
+        // Before the frame that it describes, and for late readers also when there is no reader now.
+        let CameraParameters { sensor, read_noise, shot_noise, .. } = &self.parameters;
+        let noise = [("read_noise", *read_noise), ("shot_noise", *shot_noise)];
+        cx.emit(SENSOR_INFO, sensor_info::message(header, sensor, &noise));
         if ![MODULO, SATURATED, IDEAL].iter().any(|&output| cx.wanted(output)) {
             return Ok(());
         }
@@ -129,6 +138,7 @@ impl Node for ModuloCamera {
             Topic::new("saturated", MessageKind::Image),
             Topic::new("ideal", MessageKind::Image),
             Topic::new("ground_truth", MessageKind::Detections),
+            sensor_info::topic(),
         ]
     }
 
@@ -145,6 +155,7 @@ impl Node for ModuloCamera {
         self.seed = parameters.seed.unsigned_abs();
         self.period = parameters.period();
         self.limit = parameters.limit();
+        self.parameters = parameters;
         Ok(())
     }
 

@@ -21,8 +21,8 @@ modulo_runtime::parameters! {
         shot_noise: f64 = 0.0 => 0.0..=65536.0,
         /// Seed of the noise.
         seed: i64 = 0 => 0..=i64::MAX,
-        /// Frames per second. 0: as fast as the node can make them.
-        rate: f64 = 10.0 => 0.0..=10_000.0,
+        /// Frames per second. 0: the next frame as soon as every reader has taken the last one.
+        rate: f64 = 0.0 => 0.0..=10_000.0,
         /// Starts again at the first frame after the last one.
         r#loop: bool = false; fixed,
         /// Number of frames to send before the node ends. 0: all frames of the source.
@@ -45,7 +45,7 @@ impl CameraParameters {
         Ok(sensor.expect("the declared ranges lie within those of `Sensor`"))
     }
 
-    /// Time between two frames. Zero: as fast as they can be made.
+    /// Time between two frames. Zero: as fast as its readers take them.
     pub(crate) fn period(&self) -> Duration {
         match self.rate {
             0.0 => Duration::ZERO,

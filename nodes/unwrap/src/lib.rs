@@ -13,10 +13,13 @@ use std::sync::Arc;
 
 use modulo_core::deblur::Deblur;
 use modulo_core::unwrap::{Recovered, Unwrap};
-use modulo_core::{Frame, Range, tone};
-use modulo_msgs::std_msgs::Header;
+use modulo_core::{Frame, Psf, Range, tone};
+use modulo_msgs::diagnostic_msgs::DiagnosticArray;
+use modulo_msgs::std_msgs::{Header, Time};
+use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::{
-    Context, Cue, Flow, Message, MessageKind, Node, Parameters, Refusal, StampedFrame, StepError, Topic,
+    Context, Cue, Flow, Message, MessageKind, Node, Parameters, Refusal, SensorModel, StampedFrame,
+    StepError, Topic,
 };
 use recovery::Tally;
 
@@ -29,12 +32,26 @@ const DIAGNOSTICS: usize = 2;
 
 /// The node's step.
 pub struct UnwrapNode {
+    parameters: UnwrapParameters,
     method: Box<dyn Unwrap>,
+    /// What the camera says of the sensor behind each frame.
+    described: SensorHistory,
+    /// The sensor of the last frame, and what follows from it.
+    sensor: Option<Prepared>,
+    /// A frame whose sensor description has not come yet.
+    kept: Option<Arc<StampedFrame>>,
+    recovered: Recovered,
+    tally: Tally,
+    /// Whether a parameter that contradicts the camera was reported.
+    contradiction_told: bool,
+}
+
+/// A sensor and what is made from it once.
+struct Prepared {
+    model: SensorModel,
     range: Range,
     /// Removes the blur of the lens from `recovered`, if that is requested.
     deblur: Option<Deblur>,
-    recovered: Recovered,
-    tally: Tally,
 }
 
 impl UnwrapNode {
@@ -45,16 +62,71 @@ impl UnwrapNode {
     pub fn new(parameters: &UnwrapParameters) -> Result<Self, Refusal> {
         Ok(Self {
             method: parameters.method()?,
-            range: parameters.sensor.range()?,
-            deblur: parameters.blur().map(Deblur::new),
+            parameters: parameters.clone(),
+            described: SensorHistory::default(),
+            sensor: None,
+            kept: None,
             recovered: Recovered::default(),
             tally: Tally::default(),
+            contradiction_told: false,
         })
+    }
+
+    /// Prepares for the sensor that made the frame of `stamp`.
+    fn prepare(&mut self, stamp: Time) -> Result<(), Refusal> {
+        let camera = self.described.of(stamp);
+        let model = self.parameters.sensor.over(camera)?;
+        if let Some(camera) = camera
+            && (camera.bits, camera.alpha) != (model.bits, model.alpha)
+            && !std::mem::replace(&mut self.contradiction_told, true)
+        {
+            tracing::warn!(
+                "the parameters bits {} and alpha {} override the camera's bits {} and alpha {}",
+                model.bits,
+                model.alpha,
+                camera.bits,
+                camera.alpha
+            );
+        }
+        if self.sensor.as_ref().is_none_or(|prepared| prepared.model != model) {
+            let blur = Some(model.psf()).filter(|psf| self.parameters.deblur && *psf != Psf::None);
+            let (range, deblur) = (model.range()?, blur.map(Deblur::new));
+            self.sensor = Some(Prepared { model, range, deblur });
+        }
+        Ok(())
+    }
+
+    /// Unwraps `modulo`, or keeps it until the description of its sensor has come.
+    fn take(&mut self, modulo: Arc<StampedFrame>, cx: &mut Context<'_>) -> Result<Flow, StepError> {
+        let stamp = modulo.header.stamp;
+        if !self.parameters.sensor.is_complete() && self.described.of(stamp).is_none() {
+            return match self.kept.replace(modulo) {
+                None => Ok(Flow::Kept),
+                Some(_) => Err(StepError::Skip(
+                    "no sensor description came with the frame; start a camera that publishes sensor_info, or set \
+                     the parameters bits and alpha"
+                        .into(),
+                )),
+            };
+        }
+        self.prepare(stamp).map_err(|why| StepError::Skip(why.to_string()))?;
+        self.unwrap(&modulo, cx)?;
+        Ok(Flow::Continue)
+    }
+
+    /// Takes a sensor description; unwraps the frame that was kept for it.
+    fn describe(&mut self, info: &DiagnosticArray, cx: &mut Context<'_>) -> Result<Flow, StepError> {
+        self.described.note(info).map_err(|why| StepError::Skip(why.to_string()))?;
+        match self.kept.take_if(|kept| kept.header.stamp == info.header.stamp) {
+            Some(modulo) => self.take(modulo, cx),
+            None => Ok(Flow::Continue),
+        }
     }
 
     fn unwrap(&mut self, modulo: &StampedFrame, cx: &mut Context<'_>) -> Result<(), StepError> {
         let skip = |why: String| StepError::Skip(why);
-        cx.stage("unwrap", || self.method.unwrap(&modulo.frame, self.range, &mut self.recovered))
+        let Prepared { range, deblur, .. } = self.sensor.as_mut().expect("`prepare` comes before");
+        cx.stage("unwrap", || self.method.unwrap(&modulo.frame, *range, &mut self.recovered))
             .map_err(|why| skip(why.to_string()))?;
         self.tally.count(&self.recovered.report);
         if cx.wanted(DIAGNOSTICS) {
@@ -63,9 +135,9 @@ impl UnwrapNode {
         }
         if cx.wanted(RECOVERED) {
             let x = &self.recovered.x;
-            let frame = match &mut self.deblur {
-                None => cx.stage("tone", || tone::linear8(x, self.range)),
-                Some(deblur) => cx.stage("deblur", || deblur.linear8(x, self.range)),
+            let frame = match deblur {
+                None => cx.stage("tone", || tone::linear8(x, *range)),
+                Some(deblur) => cx.stage("deblur", || deblur.linear8(x, *range)),
             };
             let frame = frame.map_err(|why| skip(why.to_string()))?;
             cx.emit(RECOVERED, stamped(&modulo.header, frame));
@@ -84,7 +156,7 @@ fn stamped(header: &Header, frame: Frame) -> Message {
 
 impl Node for UnwrapNode {
     fn inputs(&self) -> Vec<Topic> {
-        vec![Topic::new("modulo", MessageKind::Image)]
+        vec![Topic::new("modulo", MessageKind::Image), sensor_info::topic()]
     }
 
     fn outputs(&self) -> Vec<Topic> {
@@ -96,18 +168,22 @@ impl Node for UnwrapNode {
     }
 
     fn configure(&mut self, parameters: &Parameters) -> Result<(), Refusal> {
-        let Self { method, range, deblur, .. } = Self::new(&parameters.into())?;
-        (self.method, self.range, self.deblur) = (method, range, deblur);
+        let parameters = UnwrapParameters::from(parameters);
+        self.method = parameters.method()?;
+        (self.parameters, self.sensor, self.contradiction_told) = (parameters, None, false);
         Ok(())
     }
 
     fn step(&mut self, cue: Cue, cx: &mut Context<'_>) -> Result<Flow, StepError> {
-        if let Cue::Message { message: Message::Image(modulo), .. } = cue
-            && (cx.wanted(RECOVERED) || cx.wanted(HDR))
-        {
-            self.unwrap(&modulo, cx)?;
+        match cue {
+            Cue::Message { message: Message::Image(modulo), .. }
+                if cx.wanted(RECOVERED) || cx.wanted(HDR) =>
+            {
+                self.take(modulo, cx)
+            }
+            Cue::Message { message: Message::Diagnostics(info), .. } => self.describe(&info, cx),
+            Cue::Message { .. } | Cue::Tick => Ok(Flow::Continue),
         }
-        Ok(Flow::Continue)
     }
 
     fn facts(&self) -> Vec<(&'static str, String)> {

@@ -1,8 +1,9 @@
 //! The parameters of the `unwrap` node, and what they mean.
 
+use modulo_core::MAX_THREADS;
 use modulo_core::unwrap::{Method, Options, ThresholdOn, TrustLimits, Unwrap, UnwrapError};
-use modulo_core::{MAX_THREADS, Psf};
-use modulo_runtime::{ParameterSet as _, Refusal, SensorModel};
+use modulo_runtime::sensor_parameters::SensorOverride;
+use modulo_runtime::{ParameterSet as _, Refusal};
 
 modulo_runtime::parameters! {
     /// The parameters of the `unwrap` node.
@@ -24,7 +25,7 @@ modulo_runtime::parameters! {
         tau: f64 = Options::default().tau => 0.0..=1e6,
         /// For spud: the threshold acts on the coefficients after the division (phi) or before it (rho).
         threshold_on: ThresholdOn = ThresholdOn::Phi => [("phi", ThresholdOn::Phi), ("rho", ThresholdOn::Rho)],
-        ..sensor: SensorModel,
+        ..sensor: SensorOverride,
     }
 }
 
@@ -45,10 +46,5 @@ impl UnwrapParameters {
         // What is left of the errors is the machine's: it may have no more threads to give.
         let refuse = |why: UnwrapError| Refusal::new("threads", self.threads, why.to_string());
         self.method.build(&options).map_err(refuse)
-    }
-
-    /// The blur to remove from the recovered image.
-    pub(crate) fn blur(&self) -> Option<Psf> {
-        Some(self.sensor.psf()).filter(|psf| self.deblur && *psf != Psf::None)
     }
 }

@@ -6,13 +6,16 @@ use modulo_core::sensor::{Sensor, SensorConfig};
 use modulo_core::{Frame, Psf};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{
-    Context, Cue, Flow, ManualClock, Message, Node, ParameterSet, Parameters, StampedFrame, StepError, Yield,
+    Context, Cue, Flow, ManualClock, Message, Node, ParameterSet, Parameters, SensorModel, StampedFrame,
+    StepError, Yield, sensor_info,
 };
 use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 use ndarray::Array3;
 
 fn parameters(changes: &[(&str, &str)]) -> Parameters {
-    Parameters::declare(UnwrapParameters::descriptors()).with_text(changes).expect("possible")
+    let sensor = [("bits", "8"), ("alpha", "4")];
+    let declared = Parameters::declare(UnwrapParameters::descriptors());
+    declared.with_text(&[&sensor, changes].concat()).expect("possible")
 }
 
 fn unwrap(changes: &[(&str, &str)]) -> UnwrapNode {
@@ -155,4 +158,36 @@ fn deblur_sharpens_the_image_for_the_detector_and_leaves_the_radiance() {
         image(&blurry[1].1).frame,
         "the radiance is what the sensor saw"
     );
+}
+
+/// The sensor of each frame comes from its own description, before or after it.
+#[test]
+fn each_frame_is_unwrapped_with_the_sensor_that_made_it() {
+    let mut node = UnwrapNode::new(&UnwrapParameters::default()).expect("a node");
+    let clock = ManualClock::at(0);
+    let mut feed = |input, message| {
+        let mut cx = Context::new(&clock, &[true, false, false]);
+        let flow = node.step(Cue::Message { input, message }, &mut cx);
+        (flow, cx.finish().messages)
+    };
+    let (modulo, ideal) = exposure(8);
+    let at = |ns| Header { stamp: Time::from_ns(ns), ..header() };
+    let frame = |ns| Message::Image(Arc::new(StampedFrame { header: at(ns), frame: modulo.clone() }));
+    let model = |alpha| SensorModel { alpha, ..SensorModel::default() };
+    let described = |ns, alpha| sensor_info::message(&at(ns), &model(alpha), &[]);
+
+    assert!(feed(1, described(1, 2.0)).1.is_empty());
+    assert!(feed(1, described(2, 4.0)).1.is_empty(), "the next frame has another sensor");
+    let (flow, sent) = feed(0, frame(1));
+    assert_eq!((flow, &image(&sent[0].1).frame), (Ok(Flow::Continue), &ideal));
+
+    let (flow, sent) = feed(0, frame(3));
+    assert_eq!((flow, sent.len()), (Ok(Flow::Kept), 0), "its description is on the way");
+    let (flow, sent) = feed(1, described(3, 2.0));
+    let answered = image(&sent[0].1);
+    assert_eq!((flow, &answered.header, &answered.frame), (Ok(Flow::Continue), &at(3), &ideal));
+
+    assert_eq!(feed(0, frame(4)).0, Ok(Flow::Kept));
+    let Err(StepError::Skip(why)) = feed(0, frame(5)).0 else { panic!("a frame without its sensor is lost") };
+    assert!(why.contains("sensor_info") && why.contains("alpha"), "{why}");
 }

@@ -375,10 +375,12 @@ impl Live<'_> {
         }
         let (flow, messages) = self.step(Cue::Message { input, message }, &topic)?;
         self.send_all(&messages);
-        if let Some(stamp) = told.filter(|_| passes_on) {
+        if passes_on && flow != Flow::Kept && self.taken.wanted() {
             let topic_of = |output: usize| self.outlets.get(output).map(|(a, _)| a.topic.as_str());
-            let topics = pacing::images(&messages, topic_of).map_or(Vec::new(), |(_, topics)| topics);
-            self.tell_taken(stamp, &topics);
+            let sent = pacing::images(&messages, topic_of);
+            if let Some((stamp, topics)) = sent.or(told.map(|stamp| (stamp, Vec::new()))) {
+                self.tell_taken(stamp, &topics);
+            }
         }
         Ok(flow)
     }

@@ -1,0 +1,143 @@
+//! The sensor description: each frame of a camera comes with the model of the
+//! sensor that made it, so that no other node has to guess or repeat it.
+//!
+//! The camera publishes it on [`TOPIC`] before each frame, with the stamp of the
+//! frame, as a `diagnostic_msgs/msg/DiagnosticArray`, which every ROS 2 node can
+//! read: one status named `sensor`, whose values are the parameters of the
+//! sensor by name (`bits`, `alpha`, `psf`, `psf_sigma`, and the noise). The topic
+//! is reliable and transient local, so that a late reader gets the last one.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
+use modulo_msgs::std_msgs::{Header, Time};
+
+use crate::message::{Message, MessageKind};
+use crate::parameter::{ParameterSet as _, Refusal};
+use crate::sensor_parameters::SensorModel;
+use crate::topic::{Qos, Topic};
+
+/// Name of the topic, relative to the namespace of the camera.
+pub const TOPIC: &str = "sensor_info";
+/// Frames whose description is remembered; more than ever wait for a node.
+const REMEMBERED: usize = 64;
+
+/// The topic, as cameras and their readers declare it.
+pub fn topic() -> Topic {
+    Topic { qos: Qos::Latched, ..Topic::new(TOPIC, MessageKind::Diagnostics) }
+}
+
+/// The description of the frame with this `header`; `more` are values that describe the sensor beyond its model.
+pub fn message(header: &Header, model: &SensorModel, more: &[(&'static str, f64)]) -> Message {
+    let more = more.iter().map(|(key, value)| (*key, value.to_string()));
+    let values = model.to_text().into_iter().chain(more);
+    let values = values.map(|(key, value)| KeyValue { key: key.to_owned(), value }).collect();
+    let status = DiagnosticStatus { name: "sensor".into(), values, ..DiagnosticStatus::default() };
+    Message::Diagnostics(Arc::new(DiagnosticArray { header: header.clone(), status: vec![status] }))
+}
+
+fn read(message: &DiagnosticArray) -> Result<SensorModel, Refusal> {
+    let known = SensorModel::descriptors();
+    let values = message.status.iter().flat_map(|status| &status.values);
+    let pairs: Vec<(&str, &str)> = values
+        .filter(|value| known.iter().any(|descriptor| descriptor.name == value.key))
+        .map(|value| (value.key.as_str(), value.value.as_str()))
+        .collect();
+    for name in ["bits", "alpha"] {
+        if !pairs.iter().any(|(key, _)| *key == name) {
+            return Err(Refusal::new(name, "missing", "the sensor description must contain it"));
+        }
+    }
+    SensorModel::from_text(&pairs)
+}
+
+/// The descriptions that have come, by the stamp of their frame.
+#[derive(Clone, Debug, Default)]
+pub struct SensorHistory {
+    by_stamp: VecDeque<(Time, SensorModel)>,
+}
+
+impl SensorHistory {
+    /// Takes a message of [`TOPIC`].
+    ///
+    /// # Errors
+    /// [`Refusal`] of the value that describes no sensor.
+    pub fn note(&mut self, message: &DiagnosticArray) -> Result<(), Refusal> {
+        let model = read(message)?;
+        if self.by_stamp.len() == REMEMBERED {
+            self.by_stamp.pop_front();
+        }
+        self.by_stamp.push_back((message.header.stamp, model));
+        Ok(())
+    }
+
+    /// The sensor that made the frame of `stamp`.
+    pub fn of(&self, stamp: Time) -> Option<&SensorModel> {
+        self.by_stamp.iter().rev().find(|(at, _)| *at == stamp).map(|(_, model)| model)
+    }
+
+    /// The sensor of the last description.
+    pub fn latest(&self) -> Option<&SensorModel> {
+        self.by_stamp.back().map(|(_, model)| model)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::sensor_parameters::Lens;
+
+    fn header(ns: u64) -> Header {
+        Header { stamp: Time::from_ns(ns), frame_id: "camera".into() }
+    }
+
+    fn description(ns: u64, model: &SensorModel) -> DiagnosticArray {
+        let Message::Diagnostics(array) = message(&header(ns), model, &[("read_noise", 0.5)]) else {
+            unreachable!("a description is a DiagnosticArray")
+        };
+        DiagnosticArray::clone(&array)
+    }
+
+    proptest! {
+        #[test]
+        fn a_description_gives_the_same_sensor(
+            bits in 1u8..=16,
+            alpha in 1e-3f64..256.0,
+            paper in any::<bool>(),
+            psf_sigma in 0.0f64..4.0,
+        ) {
+            let psf = if paper { Lens::Paper7 } else { Lens::Gaussian };
+            let model = SensorModel { bits, alpha, psf, psf_sigma };
+            prop_assert_eq!(read(&description(1, &model)), Ok(model));
+        }
+    }
+
+    #[test]
+    fn each_frame_has_its_own_sensor() {
+        let mut history = SensorHistory::default();
+        let model = |alpha| SensorModel { alpha, ..SensorModel::default() };
+        for n in 0..2 * REMEMBERED as u64 {
+            history.note(&description(n, &model(n as f64 + 1.0))).expect("a sensor");
+        }
+        let last = 2 * REMEMBERED as u64 - 1;
+        assert_eq!(history.of(Time::from_ns(last - 1)), Some(&model(last as f64)));
+        assert_eq!(history.latest(), Some(&model(last as f64 + 1.0)));
+        assert_eq!(history.of(Time::from_ns(0)), None, "too long ago");
+        assert_eq!(history.by_stamp.len(), REMEMBERED);
+    }
+
+    #[test]
+    fn a_description_without_a_sensor_is_refused() {
+        let mut history = SensorHistory::default();
+        let why = history.note(&DiagnosticArray::default()).expect_err("no values").to_string();
+        assert!(why.contains("bits") && why.contains("missing"), "{why}");
+        let mut array = description(1, &SensorModel::default());
+        array.status[0].values[1].value = "-4".into();
+        let why = history.note(&array).expect_err("a negative alpha").to_string();
+        assert!(why.contains("alpha") && why.contains("-4"), "{why}");
+        assert!(history.latest().is_none());
+    }
+}

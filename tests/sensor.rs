@@ -1,0 +1,75 @@
+//! Frames know their sensor: whatever changes at the camera reaches the other
+//! nodes with the very frame that it concerns.
+
+mod harness;
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use harness::peer::Peer;
+use harness::{Bench, wait_until};
+use modulo_core::Frame;
+use modulo_msgs::cdr;
+use modulo_msgs::rcl_interfaces::{
+    Parameter, ParameterType, ParameterValue, SetParametersRequest, SetParametersResponse,
+};
+use modulo_runtime::sensor_info::SensorHistory;
+use modulo_runtime::transport::Transport;
+use modulo_runtime::{Message, MessageKind};
+
+const ALPHAS: [f64; 4] = [2.0, 3.0, 2.5, 4.0];
+
+fn set_alpha(peer: &Peer, alpha: f64) {
+    let value =
+        ParameterValue { r#type: ParameterType::DOUBLE, double_value: alpha, ..ParameterValue::default() };
+    let parameters = vec![Parameter { name: "alpha".into(), value }];
+    let request = cdr::to_vec(&SetParametersRequest { parameters }).expect("short");
+    let (service, kind) = ("/modulo_camera/set_parameters", "rcl_interfaces/srv/SetParameters");
+    let answer = peer.transport.call(service, kind, request, Duration::from_secs(10)).expect("answered");
+    let results = cdr::from_slice::<SetParametersResponse>(&answer).expect("a response").results;
+    assert!(results[0].successful, "{}", results[0].reason);
+}
+
+/// While alpha changes 200 times at 30 Hz, each recovered frame equals the ideal
+/// one of the same exposure. A frame that was unwrapped with the alpha of another
+/// frame would differ: its scale, and most of its wraps, would be wrong.
+#[test]
+fn no_frame_is_unwrapped_with_the_alpha_of_another() {
+    let bench = Bench::new(181);
+    let source = "source:=scene://tunnel?seed=3&frames=100000";
+    let camera = ["-p", source, "-p", "psf_sigma:=1.4", "-p", "rate:=30", "-p", "wait_for:=[unwrap]"];
+    let _unwrap = bench.start(&["run", "unwrap"]);
+    let peer = Peer::new(&bench);
+    let [ideal, recovered] = ["/ideal", "/recovered"].map(|topic| peer.hear(topic, MessageKind::Image));
+    let described = peer.hear("/sensor_info", MessageKind::Diagnostics);
+    let running = bench.start(&[&["run", "modulo_camera", "--ros-args"][..], &camera].concat());
+    wait_until("the camera", || peer.transport.is_ready("/modulo_camera"));
+
+    let (mut ideals, mut recoveries) = (BTreeMap::<u64, Frame>::new(), BTreeMap::<u64, Frame>::new());
+    let (mut sensors, mut alphas) = (SensorHistory::default(), BTreeMap::new());
+    let mut compared = BTreeMap::new();
+    for change in 0..200 {
+        set_alpha(&peer, ALPHAS[change % ALPHAS.len()]);
+        for (heard, frames) in [(&ideal, &mut ideals), (&recovered, &mut recoveries)] {
+            while let Some(Message::Image(image)) = heard.next(Duration::from_millis(8)) {
+                frames.insert(image.header.stamp.as_ns(), image.frame.clone());
+            }
+        }
+        while let Some(Message::Diagnostics(info)) = described.next(Duration::ZERO) {
+            sensors.note(&info).expect("a sensor");
+            let alpha = sensors.of(info.header.stamp).expect("just taken").alpha;
+            alphas.insert(info.header.stamp.as_ns(), alpha);
+        }
+        recoveries.retain(|stamp, frame| {
+            let Some(expected) = ideals.remove(stamp) else { return true };
+            let alpha = alphas[stamp];
+            assert!(*frame == expected, "the frame of {stamp} ns, alpha {alpha}, differs");
+            *compared.entry(alpha.to_string()).or_insert(0) += 1;
+            false
+        });
+    }
+    drop(running);
+    println!("compared frames by alpha: {compared:?}");
+    assert_eq!(compared.len(), ALPHAS.len(), "{compared:?}");
+    assert!(compared.values().sum::<i32>() >= 60, "{compared:?}");
+}
