@@ -87,3 +87,62 @@ fn describe(now_ns: u64, report: &NodeReport, node: &dyn Node, skipped: u64) -> 
     let header = Header { stamp: Time::from_ns(now_ns), frame_id: String::new() };
     DiagnosticArray { header, status: vec![status] }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::channel;
+    use std::time::Duration;
+
+    use super::*;
+    use crate::clock::ManualClock;
+    use crate::node::{Context, Cue, Flow, StepError};
+    use crate::parameter::{Parameters, Refusal};
+    use crate::report::add;
+    use crate::transport::Parcel;
+    use crate::transport::local::LocalTransport;
+
+    struct Idle;
+
+    impl Node for Idle {
+        fn inputs(&self) -> Vec<Topic> {
+            Vec::new()
+        }
+        fn outputs(&self) -> Vec<Topic> {
+            Vec::new()
+        }
+        fn configure(&mut self, _: &Parameters) -> Result<(), Refusal> {
+            Ok(())
+        }
+        fn step(&mut self, _: Cue, _: &mut Context<'_>) -> Result<Flow, StepError> {
+            Ok(Flow::Done)
+        }
+    }
+
+    #[test]
+    fn the_topic_is_remapped_and_a_warning_ends_with_its_cause() {
+        let transport = LocalTransport::default();
+        let remaps = [("/diagnostics".to_owned(), "/health".to_owned())];
+        let place = Place::new("unwrap", "/", &remaps).expect("names");
+        let (sender, arrived) = channel();
+        let deliver = Box::new(move |parcel| sender.send(parcel).expect("the test listens"));
+        let address = Address::resolve(&place, &Topic::new("/health", MessageKind::Diagnostics));
+        let _subscription = transport.subscribe(&place, &address.expect("a name"), deliver).expect("local");
+        let mut diagnostics = Diagnostics::new(&place, &transport).expect("local");
+        let clock = ManualClock::at(0);
+        let mut report = NodeReport::new("/unwrap");
+        let mut levels = Vec::new();
+        for bad in [0, 2, 0, 1] {
+            add(&mut report.bad, "/modulo", bad);
+            assert!(diagnostics.is_due(&clock));
+            diagnostics.publish(&clock, &report, &Idle);
+            assert!(!diagnostics.is_due(&clock), "once a second");
+            clock.set(clock.now_ns() + Duration::from_secs(1).as_nanos() as u64);
+            let Ok(Parcel::Message(Message::Diagnostics(array))) = arrived.try_recv() else {
+                panic!("a message on the remapped topic")
+            };
+            levels.push(array.status[0].level);
+        }
+        let [ok, warn] = [DiagnosticStatus::OK, DiagnosticStatus::WARN];
+        assert_eq!(levels, [ok, warn, ok, warn]);
+    }
+}

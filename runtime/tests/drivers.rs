@@ -21,6 +21,12 @@ use ndarray::Array3;
 struct Counter {
     next: u8,
     count: u8,
+    period: Duration,
+}
+
+/// A counter at 33 frames per second.
+fn counter(count: u8) -> Box<dyn Node> {
+    Box::new(Counter { next: 0, count, period: Duration::from_millis(30) })
 }
 
 /// Adds one to every pixel; skips the frame with value `bad`.
@@ -28,6 +34,11 @@ struct Increment {
     input: &'static str,
     output: &'static str,
     bad: Option<u8>,
+    delay: Duration,
+}
+
+fn increment(input: &'static str, output: &'static str) -> Increment {
+    Increment { input, output, bad: None, delay: Duration::ZERO }
 }
 
 fn pixel(value: u8) -> Frame {
@@ -42,7 +53,7 @@ impl Node for Counter {
         vec![Topic::new("a", MessageKind::Image)]
     }
     fn period(&self) -> Option<Duration> {
-        Some(Duration::from_millis(30))
+        Some(self.period)
     }
     fn configure(&mut self, _: &Parameters) -> Result<(), Refusal> {
         Ok(())
@@ -74,6 +85,7 @@ impl Node for Increment {
         if self.bad == pixels.first().copied() {
             return Err(StepError::Skip("a bad frame".into()));
         }
+        std::thread::sleep(self.delay);
         let frame = cx.stage("increment", || pixel(pixels[(0, 0, 0)] + 1));
         cx.emit(0, Message::Image(Arc::new(StampedFrame { header: image.header.clone(), frame })));
         Ok(Flow::Continue)
@@ -96,28 +108,75 @@ fn counts(report: &NodeReport) -> (u64, u64, u64, u64) {
     (sum(&report.received), sum(&report.published), sum(&report.dropped()), sum(&report.bad))
 }
 
+fn member(node: Box<dyn Node>, name: &str, wait_for: &str, on_exit: composed::OnExit) -> composed::Member {
+    composed::Member { node, parameters: waiting_for(wait_for), place: place(name), on_exit }
+}
+
+/// A source of rate 0 waits for the slowest node, also behind one that is fast.
+#[test]
+fn a_paced_source_loses_no_frame_to_a_slow_reader() {
+    use composed::OnExit::{Continue, Shutdown};
+    let source = Box::new(Counter { next: 0, count: 30, period: Duration::ZERO });
+    let slow = Increment { delay: Duration::from_millis(15), ..increment("b", "c") };
+    let members = vec![
+        member(source, "counter", "[first]", Shutdown),
+        // It skips a frame, for which its reader must not be waited for.
+        member(Box::new(Increment { bad: Some(7), ..increment("a", "b") }), "first", "[second]", Continue),
+        member(Box::new(slow), "second", "", Continue),
+    ];
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
+    let reports = composed::run(members, &clock, &Stop::default()).expect("runs");
+    assert_eq!(
+        [0, 1, 2].map(|member| counts(&reports[member])),
+        [(0, 30, 0, 0), (30, 29, 0, 1), (29, 29, 0, 0)]
+    );
+}
+
+/// A step that panics at its first frame.
+struct Panic;
+
+impl Node for Panic {
+    fn inputs(&self) -> Vec<Topic> {
+        vec![Topic::new("a", MessageKind::Image)]
+    }
+    fn outputs(&self) -> Vec<Topic> {
+        Vec::new()
+    }
+    fn configure(&mut self, _: &Parameters) -> Result<(), Refusal> {
+        Ok(())
+    }
+    fn step(&mut self, _: Cue, _: &mut Context<'_>) -> Result<Flow, StepError> {
+        panic!("an error in the step")
+    }
+}
+
+#[test]
+fn a_member_that_panics_ends_the_others() {
+    let members = vec![
+        member(counter(255), "counter", "[broken]", composed::OnExit::Continue),
+        member(Box::new(Panic), "broken", "", composed::OnExit::Continue),
+    ];
+    let (sender, ended) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
+        let run = || composed::run(members, &clock, &Stop::default()).map(|reports| reports.len());
+        sender.send(std::panic::catch_unwind(std::panic::AssertUnwindSafe(run)).is_err())
+    });
+    // The counter alone would go on for 8 s.
+    assert_eq!(ended.recv_timeout(Duration::from_secs(5)), Ok(true), "the panic is passed on, and soon");
+}
+
 #[test]
 fn a_composed_chain_drains_to_its_last_frame() {
-    let member = |node: Box<dyn Node>, name, wait_for, on_exit| composed::Member {
-        node,
-        parameters: waiting_for(wait_for),
-        place: place(name),
-        on_exit,
-    };
     let members = vec![
-        member(Box::new(Counter { next: 0, count: 20 }), "counter", "[first]", composed::OnExit::Shutdown),
+        member(counter(20), "counter", "[first]", composed::OnExit::Shutdown),
         member(
-            Box::new(Increment { input: "a", output: "b", bad: Some(7) }),
+            Box::new(Increment { bad: Some(7), ..increment("a", "b") }),
             "first",
             "[second]",
             composed::OnExit::Continue,
         ),
-        member(
-            Box::new(Increment { input: "b", output: "c", bad: None }),
-            "second",
-            "",
-            composed::OnExit::Continue,
-        ),
+        member(Box::new(increment("b", "c")), "second", "", composed::OnExit::Continue),
     ];
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
     let reports = composed::run(members, &clock, &Stop::default()).expect("runs");
@@ -132,13 +191,9 @@ fn lockstep_gives_the_same_messages_every_time() {
     let run = || {
         let timer = ManualClock::at(0);
         let mut chain = Lockstep::new(&timer, vec!["/c".into()]);
-        chain.add(Box::new(Counter { next: 0, count: 3 }), &place("counter")).expect("names");
-        chain
-            .add(Box::new(Increment { input: "a", output: "b", bad: None }), &place("first"))
-            .expect("names");
-        chain
-            .add(Box::new(Increment { input: "b", output: "c", bad: None }), &place("second"))
-            .expect("names");
+        chain.add(counter(3), &place("counter")).expect("names");
+        chain.add(Box::new(increment("a", "b")), &place("first")).expect("names");
+        chain.add(Box::new(increment("b", "c")), &place("second")).expect("names");
         let mut bytes = Vec::new();
         while let Some(out) = chain.tick(0, 5).expect("runs") {
             for (topic, message) in out {
@@ -158,7 +213,7 @@ fn a_node_that_waits_in_vain_says_for_whom() {
     let parameters = waiting_for("[nobody]").with_text(&[("wait_timeout", "0.05")]).expect("valid");
     let transport = LocalTransport::default();
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
-    let node = Box::new(Counter { next: 0, count: 1 });
+    let node = counter(1);
     let subject = Subject { node, parameters, place: place("counter"), saved: None };
     let error = live::run(subject, &transport, &clock, Stop::default()).expect_err("nobody is not there");
     assert!(error.to_string().contains("/nobody"), "{error}");
@@ -181,10 +236,9 @@ fn zenoh_carries_a_chain_between_sessions() {
                 Subject { node, parameters: waiting_for(wait_for), place: place(name), saved: None };
             scope.spawn(move || live::run(subject, transport, &clock, stop))
         };
-        let last = run(Box::new(Increment { input: "b", output: "c", bad: None }), "second", "", &three);
-        let middle =
-            run(Box::new(Increment { input: "a", output: "b", bad: None }), "first", "[second]", &two);
-        let source = run(Box::new(Counter { next: 0, count: 20 }), "counter", "[first, second]", &one);
+        let last = run(Box::new(increment("b", "c")), "second", "", &three);
+        let middle = run(Box::new(increment("a", "b")), "first", "[second]", &two);
+        let source = run(counter(20), "counter", "[first, second]", &one);
         let source = source.join().expect("no panic").expect("runs");
         stop.ask(modulo_runtime::Urgency::Drain);
         [

@@ -1,21 +1,21 @@
 //! One topic from one graph to the other, as the bytes that both carry: CDR with
 //! its encapsulation header.
 
-use std::sync::mpsc::sync_channel;
+use std::sync::Arc;
 use std::thread;
 
 use anyhow::Context as _;
 use futures::StreamExt as _;
 use futures::executor::block_on;
 use modulo_runtime::bridge::{Direction, Route};
-use modulo_runtime::transport::Guard;
-use modulo_runtime::transport::payload::Payload;
+use modulo_runtime::queue::{Keep, Limit, Next, Queue};
 use modulo_runtime::transport::zenoh::ZenohTransport;
-use modulo_runtime::{Place, Qos};
+use modulo_runtime::transport::{Guard, RawSample};
+use modulo_runtime::{Place, Qos, SystemClock};
 use r2r::QosProfile;
 
-/// Messages on their way to the DDS graph; when it is slower, the newest is dropped.
-const QUEUE: usize = 8;
+/// Results on their way to the DDS graph. Of images, only the newest one waits.
+const RESULTS_WAITING: usize = 64;
 
 /// Forwards `route` while what is returned lives.
 pub fn forward(
@@ -61,22 +61,34 @@ fn outward(
     let publisher = node
         .create_publisher_untyped(&route.topic, &route.ros_type, profile(route.qos))
         .with_context(|| format!("publisher of {}", route.topic))?;
-    let (queue, samples) = sync_channel::<Payload>(QUEUE);
-    let topic = route.topic.clone();
+    let queue = Arc::new(Queue::new(Arc::new(SystemClock::default()), Limit { messages: 0, bytes: 0 }));
+    let keep = if route.qos == Qos::Images { Keep::Latest } else { Keep::Last(RESULTS_WAITING) };
+    let lane = queue.open(keep);
+    let (samples, topic) = (queue.clone(), route.topic.clone());
     thread::spawn(move || {
-        for bytes in samples {
-            if let Err(why) = publisher.publish_raw(&bytes) {
+        while let Next::Item(sample) = samples.take(None) {
+            if let Err(why) = publisher.publish_raw(&sample.item.payload) {
                 tracing::warn!("{topic}: {why}");
             }
         }
-    });
-    let topic = route.topic.clone();
-    let guard = transport.subscribe_raw(place, &route.endpoint(), move |sample| {
-        if queue.try_send(sample.payload).is_err() {
-            tracing::warn!("{topic}: the DDS graph is too slow, a message was dropped");
+        let lost = samples.close(lane).lost();
+        if lost > 0 {
+            tracing::warn!("{topic}: {lost} messages were lost, the DDS graph was too slow");
         }
-    })?;
-    Ok(guard)
+    });
+    let end = EndQueue(queue.clone());
+    let guard =
+        transport.subscribe_raw(place, &route.endpoint(), move |sample| drop(queue.push(lane, sample)))?;
+    Ok(Box::new((guard, end)))
+}
+
+/// Ends the thread that publishes what comes over zenoh.
+struct EndQueue(Arc<Queue<RawSample>>);
+
+impl Drop for EndQueue {
+    fn drop(&mut self) {
+        self.0.end();
+    }
 }
 
 fn profile(qos: Qos) -> QosProfile {
