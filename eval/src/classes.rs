@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use modulo_bags::source::GroundTruth;
-use modulo_detector::COCO_TO_KITTI;
+use modulo_detector::{COCO_TO_KITTI, parse_class_map};
 
 use crate::grid::GridError;
 
@@ -49,12 +49,12 @@ impl ClassMap {
 
     /// COCO's names to KITTI's; KITTI's own stay.
     pub fn kitti() -> Self {
-        Self { table: lines(COCO_TO_KITTI).unwrap_or_default(), others: Others::KittiKept }
+        Self { table: shipped(COCO_TO_KITTI), others: Others::KittiKept }
     }
 
     /// The paper's.
     pub fn paper() -> Self {
-        Self { table: lines(PAPER).unwrap_or_default(), others: Others::Dropped }
+        Self { table: shipped(PAPER), others: Others::Dropped }
     }
 
     /// A file's, which alone counts.
@@ -93,7 +93,7 @@ pub enum Part {
 
 impl Default for Groups {
     fn default() -> Self {
-        Self(lines(GROUPS).unwrap_or_default())
+        Self(shipped(GROUPS))
     }
 }
 
@@ -139,7 +139,7 @@ pub fn of_labels<'a>(labels: impl Iterator<Item = &'a GroundTruth>) -> BTreeSet<
 
 fn read(path: &Path) -> Result<Table, GridError> {
     let text = std::fs::read_to_string(path).map_err(|why| GridError::io(path, why))?;
-    let table = lines(&text).map_err(|why| GridError::Table { path: path.to_owned(), why })?;
+    let table = parse_class_map(&text).map_err(|why| GridError::Table { path: path.to_owned(), why })?;
     if table.is_empty() {
         let why = "names no class, at least one line 'from: to' is needed".to_owned();
         return Err(GridError::Table { path: path.to_owned(), why });
@@ -147,21 +147,9 @@ fn read(path: &Path) -> Result<Table, GridError> {
     Ok(table)
 }
 
-fn lines(text: &str) -> Result<Table, String> {
-    let mut table = Table::new();
-    for (number, line) in (1..).zip(text.lines()) {
-        let line = line.split('#').next().unwrap_or_default().trim();
-        if line.is_empty() {
-            continue;
-        }
-        let (from, to) =
-            line.split_once(':').ok_or_else(|| format!("line {number} is '{line}', must be 'from: to'"))?;
-        let [from, to] = [from, to].map(|word| word.trim().trim_matches(['\'', '"']).to_owned());
-        if table.insert(from.clone(), to).is_some() {
-            return Err(format!("line {number}: '{from}' is there twice"));
-        }
-    }
-    Ok(table)
+/// A map that is part of this program.
+fn shipped(text: &str) -> Table {
+    parse_class_map(text).expect("a test of this file reads the shipped maps")
 }
 
 #[cfg(test)]
@@ -171,7 +159,7 @@ mod tests {
     #[test]
     fn the_shipped_tables_are_readable_and_fit() {
         for text in [COCO_TO_KITTI, PAPER, GROUPS] {
-            assert!(!lines(text).expect("readable").is_empty());
+            assert!(!shipped(text).is_empty());
         }
         assert_eq!(Groups::default().names().into_iter().collect::<Vec<_>>(), ["person", "vehicle"]);
         let groups = Groups::default();
@@ -191,7 +179,7 @@ mod tests {
 
     #[test]
     fn a_line_that_is_no_pair_is_named() {
-        assert!(lines("a: b\nc d").expect_err("no colon").contains("line 2"));
-        assert!(lines("a: b\na: c").expect_err("twice").contains("twice"));
+        assert!(parse_class_map("a: b\nc d").expect_err("no colon").contains("line 2"));
+        assert!(parse_class_map("a: b\na: c").expect_err("twice").contains("twice"));
     }
 }

@@ -69,39 +69,43 @@ impl Classes {
     }
 }
 
-/// Reads lines `from: to`; `#` opens a comment, an empty `to` drops the class
-/// like a class that is not named at all.
+/// Reads a class map; an empty `to` drops the class like a class that is not
+/// named at all.
 fn read_map(path: &str, names: &Names) -> Result<BTreeMap<String, String>, String> {
     let text = std::fs::read_to_string(Path::new(path)).map_err(|error| error.to_string())?;
     let known = names.all();
-    let mut map = BTreeMap::new();
-    for (number, line) in (1..).zip(text.lines()) {
-        let line = line.split('#').next().unwrap_or_default().trim();
-        if line.is_empty() {
-            continue;
-        }
-        let (from, to) = line
-            .split_once(':')
-            .map(|(from, to)| (plain(from), plain(to)))
-            .ok_or_else(|| format!("line {number} is '{line}', must be 'from: to'"))?;
-        if !known.is_empty() && !known.iter().any(|name| name == from) {
-            return Err(format!(
-                "line {number}: the model has no class '{from}', known are {}",
-                some(&known)
-            ));
-        }
-        if !to.is_empty() {
-            map.insert(from.to_owned(), to.to_owned());
-        }
+    let mut map = parse_class_map(&text)?;
+    if let Some(from) = map.keys().find(|from| !known.is_empty() && !known.contains(from)) {
+        return Err(format!("the model has no class '{from}', known are {}", some(&known)));
     }
+    map.retain(|_, to| !to.is_empty());
     if map.is_empty() {
         return Err("maps no class, at least one line 'from: to' is needed".to_owned());
     }
     Ok(map)
 }
 
-fn plain(word: &str) -> &str {
-    word.trim().trim_matches(['\'', '"'])
+/// Parses the lines `from: to` of a class map; `#` opens a comment, names may be
+/// in quotes.
+///
+/// # Errors
+/// The first line that is not such a pair, or that names a class again.
+pub fn parse_class_map(text: &str) -> Result<BTreeMap<String, String>, String> {
+    let mut map = BTreeMap::new();
+    for (number, line) in (1..).zip(text.lines()) {
+        let line = line.split_once('#').map_or(line, |(pair, _comment)| pair).trim();
+        if line.is_empty() {
+            continue;
+        }
+        let (from, to) =
+            line.split_once(':').ok_or_else(|| format!("line {number} is '{line}', must be 'from: to'"))?;
+        let [from, to] = [from, to].map(|word| word.trim().trim_matches(['\'', '"']).to_owned());
+        if map.contains_key(&from) {
+            return Err(format!("line {number}: '{from}' is there twice"));
+        }
+        map.insert(from, to);
+    }
+    Ok(map)
 }
 
 fn some(names: &[String]) -> String {

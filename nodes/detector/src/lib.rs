@@ -20,6 +20,7 @@ mod parameter;
 mod post;
 mod pre;
 
+pub use classes::parse_class_map;
 pub use engine::{EngineChoice, EngineError, onnxruntime_library, onnxruntime_places};
 pub use error::DetectorError;
 pub use model::{DEMO, ModelInfo, Speed, describe, embedded, measure};
