@@ -26,6 +26,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use modulo_bags::FileError;
 use modulo_bags::bag::BagError;
 use modulo_bags::record::Recorder;
 use modulo_bags::source::{GroundTruth, from_detections};
@@ -34,10 +35,15 @@ use modulo_images::{SaveError, save_png};
 use modulo_msgs::cdr::CdrError;
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::Message;
+use modulo_runtime::clock::nanos;
 use modulo_runtime::driver::RunError;
 use modulo_runtime::driver::lockstep::{Lockstep, OnTopic};
 
 use metric::average_precision::{Scored, by_class, mean};
+use results::Difficulty;
+
+/// Time between two frames of a source that has neither stamps nor a rate.
+const NOMINAL_INTERVAL: Duration = Duration::from_millis(100);
 
 /// A detector of the chain and the image stream it reads.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -86,19 +92,14 @@ pub enum EvalError {
     #[error(transparent)]
     Cdr(#[from] CdrError),
     /// A file or folder could not be written.
-    #[error("{path}: {why}")]
-    File {
-        /// Which.
-        path: PathBuf,
-        /// What the system says.
-        why: std::io::Error,
-    },
+    #[error(transparent)]
+    File(#[from] FileError),
 }
 
 /// What is evaluated, and where its files go.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// Time between two frames whose source has no stamps.
+    /// Time between two frames whose source has no stamps; 100 ms in place of zero.
     pub interval: Duration,
     /// The detectors.
     pub streams: Vec<Stream>,
@@ -119,6 +120,9 @@ pub struct Evaluation {
     pub boxes: BTreeMap<String, Vec<Vec<Detection>>>,
     /// Objects of each frame; `None` where nobody labelled it.
     pub truth: Vec<Option<Vec<GroundTruth>>>,
+    /// Which of these objects count in [`Evaluation::scores`].
+    pub difficulty: Difficulty,
+    timeline: record::Timeline,
 }
 
 /// AP50 of one stream.
@@ -126,11 +130,18 @@ pub struct Evaluation {
 pub struct Score {
     /// Mean over classes.
     pub ap50: f64,
+    /// Which objects count.
+    pub difficulty: Difficulty,
     /// AP50 and number of objects by class.
     pub classes: BTreeMap<String, (f64, usize)>,
 }
 
 impl Evaluation {
+    /// Without a frame; objects of `difficulty` will count.
+    pub fn new(difficulty: Difficulty) -> Self {
+        Self { difficulty, ..Self::default() }
+    }
+
     /// Drives source `source` of `chain` to its end and adds its frames, and
     /// the messages on `plan.bagged` to `bag`.
     ///
@@ -145,11 +156,14 @@ impl Evaluation {
     ) -> Result<(), EvalError> {
         let images = plan.streams.iter().filter(|_| plan.images == Images::Save);
         for folder in images.map(|s| plan.folder.join(&s.name)).chain([plan.folder.clone()]) {
-            std::fs::create_dir_all(&folder).map_err(|why| EvalError::File { path: folder, why })?;
+            std::fs::create_dir_all(&folder).map_err(|why| FileError::new(&folder, why))?;
         }
-        let interval = u64::try_from(plan.interval.as_nanos()).unwrap_or(u64::MAX);
-        for tick in 0u64.. {
-            let Some(out) = chain.tick(source, tick.saturating_mul(interval))? else { break };
+        let interval = if plan.interval.is_zero() { NOMINAL_INTERVAL } else { plan.interval };
+        loop {
+            // The frames of all sources are on one timeline.
+            let now = (self.truth.len() as u64).saturating_mul(nanos(interval));
+            let Some(mut out) = chain.tick(source, now)? else { break };
+            self.timeline.place(&mut out, interval);
             if let Some(recorder) = bag.as_deref_mut() {
                 record::record(recorder, &out, &plan.bagged)?;
             }
@@ -186,8 +200,8 @@ impl Evaluation {
             let labelled = frames.iter().zip(&self.truth);
             let scored: Vec<Scored> =
                 labelled.filter_map(|(found, truth)| Some((found.clone(), truth.clone()?))).collect();
-            let classes = by_class(&scored);
-            Some((stream.clone(), Score { ap50: mean(&classes)?, classes }))
+            let classes = by_class(&scored, self.difficulty);
+            Some((stream.clone(), Score { ap50: mean(&classes)?, difficulty: self.difficulty, classes }))
         };
         self.boxes.iter().filter_map(score).collect()
     }
@@ -201,7 +215,7 @@ impl Evaluation {
     pub fn write(&self, folder: &Path) -> Result<(), EvalError> {
         let file = |name: String, text: String| {
             let path = folder.join(name);
-            std::fs::write(&path, text).map_err(|why| EvalError::File { path, why })
+            std::fs::write(&path, text).map_err(|why| FileError::new(&path, why))
         };
         for (name, frames) in &self.boxes {
             file(format!("{name}.json"), write::boxes(frames))?;
@@ -210,7 +224,7 @@ impl Evaluation {
         if scores.is_empty() {
             return Ok(());
         }
-        file("scores.json".to_owned(), write::scores(&scores))
+        Ok(file("scores.json".to_owned(), write::scores(&scores))?)
     }
 }
 

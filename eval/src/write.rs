@@ -24,12 +24,12 @@ pub fn boxes(frames: &[Vec<Detection>]) -> String {
     format!("{{\n{}\n}}\n", lines.join(",\n"))
 }
 
-/// `{"STREAM": {"ap50": f, "classes": {"CLASS": {"ap50": f, "objects": n}}}}`
+/// `{"STREAM": {"ap50": f, "difficulty": "moderate", "classes": {"CLASS": {"ap50": f, "objects": n}}}}`
 pub fn scores(scores: &BTreeMap<String, Score>) -> String {
     let class = |(ap50, objects): &(f64, usize)| json!({ "ap50": ap50, "objects": objects });
     let score = |score: &Score| {
         let classes: BTreeMap<&String, Value> = score.classes.iter().map(|(k, v)| (k, class(v))).collect();
-        json!({ "ap50": score.ap50, "classes": classes })
+        json!({ "ap50": score.ap50, "difficulty": score.difficulty, "classes": classes })
     };
     let all: BTreeMap<&String, Value> = scores.iter().map(|(stream, s)| (stream, score(s))).collect();
     format!("{:#}\n", json!(all))

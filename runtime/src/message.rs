@@ -92,6 +92,20 @@ impl Message {
             Self::Clock(clock) => clock.clock,
         }
     }
+
+    /// Sets the stamp that [`Message::stamp`] returns.
+    pub fn set_stamp(&mut self, stamp: Time) {
+        *match self {
+            Self::Image(image) => &mut Arc::make_mut(image).header.stamp,
+            Self::CompressedImage(image) => &mut Arc::make_mut(image).header.stamp,
+            Self::CameraInfo(info) => &mut Arc::make_mut(info).header.stamp,
+            Self::Detections(array) => &mut Arc::make_mut(array).header.stamp,
+            Self::Diagnostics(array) => &mut Arc::make_mut(array).header.stamp,
+            Self::ParameterEvent(event) => &mut Arc::make_mut(event).stamp,
+            Self::Log(log) => &mut Arc::make_mut(log).stamp,
+            Self::Clock(clock) => &mut clock.clock,
+        } = stamp;
+    }
 }
 
 /// Why bytes are not the message they should be.

@@ -131,7 +131,7 @@ pub struct Grid {
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
     /// Objects that count: from 40 px and fully visible (easy), from 25 px and partly occluded (moderate), from 25 px and
-    /// largely occluded (hard), or every label (all) [default: moderate for KITTI's labels, all for YOLO's and COCO's]
+    /// largely occluded (hard), or every label (all); with FILE, too [default: moderate; all for YOLO's and COCO's labels]
     #[arg(long, value_parser = words(DIFFICULTIES))]
     pub difficulty: Option<Difficulty>,
     /// File of lines `model's class: labels' class` instead of COCO to KITTI

@@ -35,7 +35,7 @@ pub fn eval(args: &Eval) -> Result<Ended, Failure> {
 /// nodes, and writes boxes and scores.
 fn launch_file(args: &Eval, file: &Path, out: &Path) -> Result<Ended, Failure> {
     let arguments = pairs(&args.arguments)?;
-    let mut evaluation = Evaluation::default();
+    let mut evaluation = Evaluation::new(args.grid.difficulty.unwrap_or_default());
     let mut bag = args.bag.as_ref().map(|folder| Recorder::create(folder, Compression::Zstd)).transpose()?;
     let mut reports = Vec::new();
     if args.source.is_empty() {
@@ -56,7 +56,7 @@ fn launch_file(args: &Eval, file: &Path, out: &Path) -> Result<Ended, Failure> {
 
 fn print_score(stream: &str, score: &Score) {
     let classes: Vec<_> = score.classes.iter().map(|(c, (ap, n))| format!("{c} {ap:.3} ({n})")).collect();
-    say!("AP50 on {stream}: {:.3}; {}", score.ap50, classes.join(", "));
+    say!("AP50 on {stream} ({} objects): {:.3}; {}", score.difficulty, score.ap50, classes.join(", "));
 }
 
 fn run(

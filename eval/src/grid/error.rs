@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use modulo_bags::FileError;
 use modulo_bags::source::SourceError;
 use modulo_core::SensorError;
 use modulo_detector::DetectorError;
@@ -62,13 +63,8 @@ pub enum GridError {
         cell: String,
     },
     /// The system refused.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file or folder.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
+    #[error(transparent)]
+    Io(#[from] FileError),
     /// A file of results that is none.
     #[error("{}: {source}", path.display())]
     Json {
@@ -116,6 +112,6 @@ pub enum GridError {
 
 impl GridError {
     pub(crate) fn io(path: &Path, source: std::io::Error) -> Self {
-        Self::Io { path: path.to_owned(), source }
+        FileError::new(path, source).into()
     }
 }

@@ -1,35 +1,32 @@
 //! AP50 by class, as a launch file's evaluation reports it.
 //!
-//! An object is ignored when it is less than 12 px high or more than half hidden;
-//! how detections are matched and averaged stands in [`super::matching`] and
+//! Which objects count is the rule of the grid, [`super::difficulty`]; how
+//! detections are matched and averaged is in [`super::matching`] and
 //! [`super::average`].
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use modulo_bags::source::{CROWD, GroundTruth};
+use modulo_bags::source::GroundTruth;
 use modulo_core::{BBox, Detection};
 
 use super::average;
 use super::matching::{Image, Role};
 use crate::classes::DONT_CARE;
+use crate::results::Difficulty;
 
 const IOU: f64 = 0.5;
-/// Objects below this height, px, do not count.
-const LEAST_HEIGHT: f32 = 12.0;
-/// The last of KITTI's occlusion steps that is at least half visible.
-const MOST_OCCLUDED: i32 = 1;
 
 /// One frame: what a detector said, and what is there.
 pub type Scored = (Vec<Detection>, Vec<GroundTruth>);
 
-/// AP50 of each class that has at least one object that counts, with the
-/// number of these objects.
-pub fn by_class(frames: &[Scored]) -> BTreeMap<String, (f64, usize)> {
+/// AP50 of each class that has at least one object that counts at `difficulty`,
+/// with the number of these objects.
+pub fn by_class(frames: &[Scored], difficulty: Difficulty) -> BTreeMap<String, (f64, usize)> {
     let objects = frames.iter().flat_map(|(_, truth)| truth);
     let classes: BTreeSet<&str> =
-        objects.filter(|t| role(t) == Role::Counts).map(|t| t.class.as_str()).collect();
+        objects.filter(|t| difficulty.role(t) == Role::Counts).map(|t| t.class.as_str()).collect();
     let score = |class: &str| {
-        let images: Vec<Image> = frames.iter().map(|frame| image(frame, class)).collect();
+        let images: Vec<Image> = frames.iter().map(|frame| image(frame, class, difficulty)).collect();
         let objects = images.iter().map(Image::objects).sum();
         Some((class.to_owned(), (average::ap(&images, IOU)?, objects)))
     };
@@ -42,23 +39,13 @@ pub fn mean(by_class: &BTreeMap<String, (f64, usize)>) -> Option<f64> {
     (!figures.is_empty()).then(|| average::mean(&figures))
 }
 
-fn image((found, truth): &Scored, class: &str) -> Image {
+fn image((found, truth): &Scored, class: &str, difficulty: Difficulty) -> Image {
     let of_class = truth.iter().filter(|t| t.class == class || t.class == DONT_CARE);
     let boxes = |d: &Detection| -> (BBox, f32) { (d.bbox, d.score) };
     Image {
-        truth: of_class.map(|t| (t.bbox, role(t))).collect(),
+        truth: of_class.map(|t| (t.bbox, difficulty.role(t))).collect(),
         found: found.iter().filter(|d| d.class == class).map(boxes).collect(),
-        least_height: LEAST_HEIGHT,
-    }
-}
-
-fn role(truth: &GroundTruth) -> Role {
-    let high = truth.bbox.y2 - truth.bbox.y1 >= LEAST_HEIGHT;
-    match truth.class.as_str() {
-        DONT_CARE => Role::Area,
-        _ if truth.occluded == CROWD => Role::Area,
-        _ if high && truth.occluded <= MOST_OCCLUDED => Role::Counts,
-        _ => Role::Ignored,
+        least_height: difficulty.least_height(),
     }
 }
 
@@ -79,39 +66,40 @@ mod tests {
     }
 
     fn ap(found: Vec<Detection>, truth: Vec<GroundTruth>) -> f64 {
-        by_class(&[(found, truth)])["car"].0
+        by_class(&[(found, truth)], Difficulty::Moderate)["car"].0
     }
 
     #[test]
     fn one_object_may_be_claimed_once() {
-        let truth = || vec![object(0.0, 20.0, 0), object(100.0, 20.0, 0)];
-        assert_eq!(ap(vec![detection(0.0, 20.0, 0.9), detection(100.0, 20.0, 0.8)], truth()), 1.0);
+        let truth = || vec![object(0.0, 30.0, 0), object(100.0, 30.0, 0)];
+        assert_eq!(ap(vec![detection(0.0, 30.0, 0.9), detection(100.0, 30.0, 0.8)], truth()), 1.0);
         // Precision 1 up to recall 0.5, that is at 51 of 101 recalls.
-        let twice = ap(vec![detection(0.0, 20.0, 0.9), detection(1.0, 20.0, 0.8)], truth());
+        let twice = ap(vec![detection(0.0, 30.0, 0.9), detection(1.0, 30.0, 0.8)], truth());
         assert!((twice - 51.0 / 101.0).abs() < 1e-12, "{twice}");
     }
 
     #[test]
     fn a_confident_mistake_costs_precision() {
-        let found = vec![detection(50.0, 20.0, 0.9), detection(0.0, 20.0, 0.8)];
-        assert_eq!(ap(found, vec![object(0.0, 20.0, 0)]), 0.5);
+        let found = vec![detection(50.0, 30.0, 0.9), detection(0.0, 30.0, 0.8)];
+        assert_eq!(ap(found, vec![object(0.0, 30.0, 0)]), 0.5);
     }
 
     #[test]
     fn ignore_regions_neither_help_nor_harm() {
-        let truth = || vec![object(0.0, 20.0, 0), object(100.0, 20.0, 2), object(200.0, 8.0, 0)];
-        let dont_care = GroundTruth { class: DONT_CARE.into(), ..object(300.0, 60.0, -1) };
+        let truth = || vec![object(0.0, 30.0, 0), object(100.0, 30.0, 2), object(200.0, 8.0, 0)];
+        let dont_care = GroundTruth { class: DONT_CARE.into(), ..object(300.0, 90.0, -1) };
         let truth = || [truth(), vec![dont_care.clone()]].concat();
-        let right = detection(0.0, 20.0, 0.5);
-        for bad in [detection(100.0, 20.0, 0.9), detection(200.0, 8.0, 0.9), detection(310.0, 20.0, 0.9)] {
+        let right = detection(0.0, 30.0, 0.5);
+        for bad in [detection(100.0, 30.0, 0.9), detection(200.0, 8.0, 0.9), detection(310.0, 30.0, 0.9)] {
             assert_eq!(ap(vec![bad, right.clone()], truth()), 1.0);
         }
-        assert_eq!(by_class(&[(vec![], truth())])["car"], (0.0, 1));
+        assert_eq!(by_class(&[(vec![], truth())], Difficulty::Moderate)["car"], (0.0, 1));
+        assert_eq!(by_class(&[(vec![], truth())], Difficulty::All)["car"], (0.0, 3));
     }
 
     #[test]
     fn without_objects_there_is_no_score() {
-        let scores = by_class(&[(vec![detection(0.0, 20.0, 0.9)], vec![])]);
+        let scores = by_class(&[(vec![detection(0.0, 30.0, 0.9)], vec![])], Difficulty::Moderate);
         assert!(scores.is_empty() && mean(&scores).is_none());
     }
 }

@@ -29,7 +29,7 @@ impl Units {
         names.dedup();
         let known = names.len() >= 2 && drives.iter().all(Option::is_some);
         let place = |(frame, drive): (usize, &Option<String>)| match drive {
-            Some(drive) if known => names.binary_search(&drive).unwrap_or(0),
+            Some(drive) if known => names.binary_search(&drive).expect("names are those of all drives"),
             _ => frame,
         };
         let of_frame = drives.iter().enumerate().map(place).collect();

@@ -45,6 +45,17 @@ impl Difficulty {
     }
 }
 
+impl std::fmt::Display for Difficulty {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Easy => "easy",
+            Self::Moderate => "moderate",
+            Self::Hard => "hard",
+            Self::All => "all",
+        })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use modulo_core::BBox;
