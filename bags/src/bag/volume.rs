@@ -33,6 +33,8 @@ pub(super) struct Volume {
     closed: u64,
     /// Bytes of messages in the open chunk, before compression.
     pending: u64,
+    /// Bytes of messages since the last flush, before compression.
+    unflushed: u64,
 }
 
 impl Volume {
@@ -49,7 +51,7 @@ impl Volume {
             .map_err(|source| BagError::Write { path: path.clone(), source })?;
         let contents = FileContents { name, span: None, messages: 0 };
         let (channels, counts) = (Vec::new(), Vec::new());
-        Ok(Self { path, mcap, disk, channels, counts, contents, closed: 0, pending: 0 })
+        Ok(Self { path, mcap, disk, channels, counts, contents, closed: 0, pending: 0, unflushed: 0 })
     }
 
     /// Adds the next topic of the bag.
@@ -89,6 +91,7 @@ impl Volume {
         written.map_err(|source| self.failed(source))?;
         self.counts[topic] += 1;
         self.pending += MESSAGE_HEAD + data.len() as u64;
+        self.unflushed += MESSAGE_HEAD + data.len() as u64;
         let (start, end) = self.contents.span.unwrap_or((log_time, log_time));
         self.contents.span = Some((start.min(log_time), end.max(log_time)));
         self.contents.messages += 1;
@@ -99,6 +102,11 @@ impl Volume {
     /// chunk may become smaller when it is compressed.
     pub(super) fn size_with(&self, more: usize) -> u64 {
         self.closed + self.pending + MESSAGE_HEAD + more as u64
+    }
+
+    /// Bytes of messages since the last [`Volume::flush`], before compression.
+    pub(super) fn unflushed(&self) -> u64 {
+        self.unflushed
     }
 
     /// First and last log time; `None` without messages.
@@ -115,10 +123,11 @@ impl Volume {
 
     /// Has the disk confirm all that was written so far.
     pub(super) fn flush(&mut self) -> Result<(), BagError> {
-        if self.pending == 0 {
+        if self.unflushed == 0 {
             return Ok(());
         }
         self.close_chunk()?;
+        self.unflushed = 0;
         Ok(self.disk.sync_data().map_err(|e| FileError::new(&self.path, e))?)
     }
 

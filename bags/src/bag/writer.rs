@@ -16,6 +16,9 @@ use crate::FileError;
 
 /// Time between two flushes, ns.
 const FLUSH_EVERY: u64 = 1_000_000_000;
+/// Bytes of messages between two flushes. The system takes much more at once, but then one flush of it keeps a recorder
+/// on a slow disk busy for many seconds, in which it does not end.
+const FLUSH_BYTES: u64 = 8 << 20;
 
 /// How chunks are compressed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -133,15 +136,15 @@ impl BagWriter {
         Ok(())
     }
 
-    /// Flushes when the last flush was a second before `now`, ns since the epoch.
-    /// A recorder calls this after each message and in pauses; a copy, which can
+    /// Flushes when the last flush was a second before `now`, ns since the epoch,
+    /// or 8 MiB of messages ago. A recorder calls this after each message and in pauses; a copy, which can
     /// be made again after a crash, has no need of it.
     ///
     /// # Errors
     /// [`BagError`] when the disk does not take it.
     pub fn settle(&mut self, now: u64) -> Result<(), BagError> {
         let flushed = *self.flushed.get_or_insert(now);
-        if now.abs_diff(flushed) < FLUSH_EVERY {
+        if now.abs_diff(flushed) < FLUSH_EVERY && self.volume.unflushed() < FLUSH_BYTES {
             return Ok(());
         }
         self.flushed = Some(now);
