@@ -8,9 +8,8 @@ use std::f64::consts::PI;
 use ndarray::Array3;
 
 use crate::dct::{self, Change, Grid, REALS};
-use crate::frame::{Frame, FrameError};
+use crate::frame::{Frame, FrameError, check_shape, in_order};
 use crate::optics::Psf;
-use crate::plane::check_shape;
 use crate::range::Range;
 use crate::tone;
 use crate::workers::Workers;
@@ -35,7 +34,8 @@ impl Deblur {
         Self { taps: psf.taps(), grid: Grid::new((1, 1, 1), 1), down: vec![[1.0; REALS]], across: vec![1.0] }
     }
 
-    /// The sharp image as [`tone::linear8`] shows it; `x` (H x W x C, code units) comes from whole codes.
+    /// `X H / (H^2 + NSR)`, clamped to `[0, alpha 2^b)`, as [`tone::linear8`] shows it; `x` (H x W x C, code
+    /// units) comes from whole codes.
     ///
     /// # Errors
     /// [`FrameError`] when `x` is not of an image's shape.
@@ -43,32 +43,10 @@ impl Deblur {
         if self.taps.len() == 1 {
             return tone::linear8(x, range);
         }
-        let scale = 255.0 / range.limit();
-        Frame::from_u8(self.sharpen(x, range, |x| tone::to_u8(x, scale))?)
-    }
-
-    /// The sharp image as [`tone::counts16`] shows it; `x` (H x W x C, code units) comes from whole codes.
-    ///
-    /// # Errors
-    /// [`FrameError`] when `x` is not of an image's shape.
-    pub fn counts16(&mut self, x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
-        if self.taps.len() == 1 {
-            return tone::counts16(x);
-        }
-        Frame::from_u16(self.sharpen(x, range, tone::to_u16)?)
-    }
-
-    /// `X H / (H^2 + NSR)`, clamped to `[0, alpha 2^b)`, and what `show` makes of it.
-    fn sharpen<T: Clone + Default>(
-        &mut self,
-        x: &Array3<f32>,
-        range: Range,
-        show: impl Fn(f32) -> T,
-    ) -> Result<Array3<T>, FrameError> {
         check_shape(x.dim())?;
         self.plan(x.dim());
         let x = x.as_standard_layout();
-        let samples = x.as_slice().unwrap_or_default();
+        let samples = in_order(x.view());
         let (_, width, channels) = x.dim();
         let stride = width * channels;
         let (change, most) = (
@@ -90,14 +68,14 @@ impl Deblur {
             #[inline(always)]
             |_, values| values.map(|value| value.clamp(0.0, most)),
         );
-        let mut sharp = Array3::default(x.dim());
-        for (row, out) in sharp.as_slice_mut().unwrap_or_default().chunks_exact_mut(stride).enumerate() {
+        let (mut shown, scale) = (vec![0; samples.len()], 255.0 / range.limit());
+        for (row, out) in shown.chunks_exact_mut(stride).enumerate() {
             for (run, out) in out.chunks_mut(REALS).enumerate() {
                 let values = self.grid.out(dct::Place { row, sample: run * REALS });
-                out.iter_mut().zip(values).for_each(|(out, &value)| *out = show(value));
+                out.iter_mut().zip(values).for_each(|(out, &value)| *out = tone::to_u8(value, scale));
             }
         }
-        Ok(sharp)
+        Frame::from_u8(Array3::from_shape_vec(x.dim(), shown).expect("one pixel is shown for each of x"))
     }
 
     fn plan(&mut self, dim @ (height, width, _): (usize, usize, usize)) {

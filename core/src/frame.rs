@@ -1,22 +1,31 @@
 //! [`Frame`]: the pixels of one image as a sensor or a screen delivers them.
 //!
-//! A frame has no stamp and no name; those belong to the message that carries
-//! it. A constructed frame is never empty, and always in standard layout.
+//! A frame has no stamp and no name; those belong to the message that carries it.
 
-use ndarray::Array3;
+use ndarray::{Array3, ArrayView3};
 
-/// Integer pixels, `H x W x C`, row-major and interleaved, `C` = 1 (mono) or
-/// 3 (red, green, blue); `H`, `W` >= 1.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Frame {
-    /// 8-bit samples, range 0 to 255.
-    U8(Array3<u8>),
-    /// 16-bit samples, range 0 to 65535.
-    U16(Array3<u16>),
+use crate::plane::place_of;
+
+/// An image that is valid by construction: `H x W x C` samples, `H`, `W` >= 1, `C` = 1 (mono) or 3 (red, green,
+/// blue), row-major and interleaved; samples of 32 bits are finite.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    samples: Samples,
 }
 
-/// Why pixels cannot be a [`Frame`].
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+/// The samples of a [`Frame`], `H x W x C`, in standard layout.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Samples {
+    /// 8-bit integers, range 0 to 255.
+    U8(Array3<u8>),
+    /// 16-bit integers, range 0 to 65535.
+    U16(Array3<u16>),
+    /// 32-bit floats, finite, of any range.
+    F32(Array3<f32>),
+}
+
+/// Error: these pixels cannot be a [`Frame`].
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FrameError {
     /// An image needs at least one row and one column.
     #[error("image of {height} x {width} pixels is empty, at least 1 x 1 is needed")]
@@ -26,11 +35,25 @@ pub enum FrameError {
         /// Columns found.
         width: usize,
     },
-    /// Only mono and RGB are images here.
+    /// Only mono and RGB images are supported.
     #[error("image has {channels} channels, 1 (mono) or 3 (RGB) are possible")]
     Channels {
         /// Channels found.
         channels: usize,
+    },
+    /// A float sample is NaN or infinite.
+    #[error(
+        "sample at (row {row}, column {column}, channel {channel}) is {value}, finite numbers are needed"
+    )]
+    NotFinite {
+        /// Row, from 0.
+        row: usize,
+        /// Column, from 0.
+        column: usize,
+        /// Channel, from 0.
+        channel: usize,
+        /// The sample found.
+        value: f32,
     },
 }
 
@@ -40,8 +63,7 @@ impl Frame {
     /// # Errors
     /// [`FrameError`] when a side is 0 or `C` is neither 1 nor 3.
     pub fn from_u8(pixels: Array3<u8>) -> Result<Self, FrameError> {
-        check(pixels.dim())?;
-        Ok(Self::U8(standard(pixels)))
+        Ok(Self { samples: Samples::U8(checked(pixels)?) })
     }
 
     /// Takes 16-bit pixels, `H x W x C`.
@@ -49,15 +71,51 @@ impl Frame {
     /// # Errors
     /// [`FrameError`] when a side is 0 or `C` is neither 1 nor 3.
     pub fn from_u16(pixels: Array3<u16>) -> Result<Self, FrameError> {
-        check(pixels.dim())?;
-        Ok(Self::U16(standard(pixels)))
+        Ok(Self { samples: Samples::U16(checked(pixels)?) })
+    }
+
+    /// Takes float pixels, `H x W x C`.
+    ///
+    /// # Errors
+    /// [`FrameError`] when a side is 0, `C` is neither 1 nor 3, or a sample is NaN or infinite.
+    pub fn from_f32(pixels: Array3<f32>) -> Result<Self, FrameError> {
+        let pixels = checked(pixels)?;
+        if let Some(index) = in_order(pixels.view()).iter().position(|value| !value.is_finite()) {
+            let (row, column, channel) = place_of(index, pixels.dim());
+            return Err(FrameError::NotFinite {
+                row,
+                column,
+                channel,
+                value: pixels[(row, column, channel)],
+            });
+        }
+        Ok(Self { samples: Samples::F32(pixels) })
+    }
+
+    /// The samples, of one of the three types.
+    pub fn samples(&self) -> &Samples {
+        &self.samples
+    }
+
+    /// The samples, without a copy.
+    pub fn into_samples(self) -> Samples {
+        self.samples
+    }
+
+    /// The samples of an 8-bit frame; `None` for any other.
+    pub fn as_u8(&self) -> Option<&Array3<u8>> {
+        match &self.samples {
+            Samples::U8(pixels) => Some(pixels),
+            Samples::U16(_) | Samples::F32(_) => None,
+        }
     }
 
     /// (height, width, channels).
     pub fn dim(&self) -> (usize, usize, usize) {
-        match self {
-            Self::U8(pixels) => pixels.dim(),
-            Self::U16(pixels) => pixels.dim(),
+        match &self.samples {
+            Samples::U8(pixels) => pixels.dim(),
+            Samples::U16(pixels) => pixels.dim(),
+            Samples::F32(pixels) => pixels.dim(),
         }
     }
 
@@ -76,24 +134,27 @@ impl Frame {
         self.dim().2
     }
 
-    /// Bits of one sample as stored: 8 or 16.
+    /// Bits of one sample as stored: 8, 16 or 32.
     pub fn depth(&self) -> u8 {
-        match self {
-            Self::U8(_) => 8,
-            Self::U16(_) => 16,
+        match &self.samples {
+            Samples::U8(_) => 8,
+            Samples::U16(_) => 16,
+            Samples::F32(_) => 32,
         }
     }
 
     /// The samples as `f32`, `H x W x C`, same values.
     pub fn to_f32(&self) -> Array3<f32> {
-        match self {
-            Self::U8(pixels) => pixels.mapv(f32::from),
-            Self::U16(pixels) => pixels.mapv(f32::from),
+        match &self.samples {
+            Samples::U8(pixels) => pixels.mapv(f32::from),
+            Samples::U16(pixels) => pixels.mapv(f32::from),
+            Samples::F32(pixels) => pixels.clone(),
         }
     }
 }
 
-fn check((height, width, channels): (usize, usize, usize)) -> Result<(), FrameError> {
+/// Refuses the shape of an array that cannot be an image.
+pub(crate) fn check_shape((height, width, channels): (usize, usize, usize)) -> Result<(), FrameError> {
     if height == 0 || width == 0 {
         return Err(FrameError::Empty { height, width });
     }
@@ -103,8 +164,15 @@ fn check((height, width, channels): (usize, usize, usize)) -> Result<(), FrameEr
     Ok(())
 }
 
-fn standard<T: Clone>(pixels: Array3<T>) -> Array3<T> {
-    if pixels.is_standard_layout() { pixels } else { pixels.as_standard_layout().into_owned() }
+/// The array in standard layout.
+fn checked<T: Clone>(pixels: Array3<T>) -> Result<Array3<T>, FrameError> {
+    check_shape(pixels.dim())?;
+    Ok(if pixels.is_standard_layout() { pixels } else { pixels.as_standard_layout().into_owned() })
+}
+
+/// The samples of an array in standard layout, row-major and interleaved.
+pub(crate) fn in_order<T>(pixels: ArrayView3<'_, T>) -> &[T] {
+    pixels.to_slice().expect("arrays of frames and results are in standard layout")
 }
 
 #[cfg(test)]
@@ -115,6 +183,15 @@ mod tests {
     fn refuses_empty_and_odd_channels() {
         assert_eq!(Frame::from_u8(Array3::zeros((0, 4, 3))), Err(FrameError::Empty { height: 0, width: 4 }));
         assert_eq!(Frame::from_u16(Array3::zeros((2, 4, 2))), Err(FrameError::Channels { channels: 2 }));
+        assert_eq!(Frame::from_f32(Array3::zeros((2, 0, 1))), Err(FrameError::Empty { height: 2, width: 0 }));
+    }
+
+    #[test]
+    fn a_sample_that_is_not_finite_is_named() {
+        let mut pixels = Array3::zeros((2, 4, 3));
+        pixels[(1, 2, 0)] = f32::INFINITY;
+        let error = FrameError::NotFinite { row: 1, column: 2, channel: 0, value: f32::INFINITY };
+        assert_eq!(Frame::from_f32(pixels), Err(error));
     }
 
     #[test]
@@ -122,7 +199,7 @@ mod tests {
         let reversed = Array3::from_shape_fn((2, 3, 1), |(i, j, _)| (3 * i + j) as u8)
             .reversed_axes()
             .permuted_axes([2, 1, 0]);
-        let Ok(Frame::U8(pixels)) = Frame::from_u8(reversed) else { panic!("2 x 3 x 1 is a frame") };
-        assert_eq!(pixels.as_slice(), Some(&[0u8, 1, 2, 3, 4, 5][..]));
+        let frame = Frame::from_u8(reversed).unwrap();
+        assert_eq!(in_order(frame.as_u8().unwrap().view()), [0, 1, 2, 3, 4, 5]);
     }
 }

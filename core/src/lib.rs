@@ -30,7 +30,7 @@ mod workers;
 pub use boxes::{BBox, Detection};
 pub use bracket::{Bracket, BracketError};
 pub use deblur::Deblur;
-pub use frame::{Frame, FrameError};
+pub use frame::{Frame, FrameError, Samples};
 pub use letterbox::Letterbox;
 pub use optics::Psf;
 pub use range::{Range, RangeError};

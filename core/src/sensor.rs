@@ -5,14 +5,17 @@
 
 use ndarray::{Array3, ArrayView3};
 
-use crate::frame::{Frame, FrameError};
+use crate::frame::{Frame, FrameError, check_shape};
 use crate::optics::{self, MAX_SIGMA, Psf};
-use crate::plane::{check_shape, place_of};
+use crate::plane::place_of;
 use crate::range::{Range, RangeError};
 use crate::{noise, tone};
 
-/// Largest `f32` below 1: full scale of radiance.
-const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
+/// The largest `f32` below 1, to which radiance of full scale and more is clamped.
+pub const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
+
+/// Why the frames of an exposure are valid.
+const IS_AN_IMAGE: &str = "`Sensor::expose` has checked the shape";
 
 /// Largest noise parameter, code units: the peak of 16 bits.
 const MAX_NOISE: f64 = 65536.0;
@@ -126,8 +129,7 @@ impl Sensor {
         noise::add(&mut x, self.shot_noise, self.read_noise, seed);
         let most = below(limit);
         x.iter_mut().for_each(|value| *value = value.clamp(0.0, most));
-        // The samples were collected from that very shape, so that the default never comes.
-        let x = Array3::from_shape_vec(dim, x).unwrap_or_default();
+        let x = Array3::from_shape_vec(dim, x).expect("x was collected from an array of this shape");
         Ok(Exposure { x, range: self.range })
     }
 }
@@ -171,7 +173,7 @@ impl Exposure {
     /// The ideal stream: `floor(x)` without wrap or clip, toned to 8 bits as [`tone::linear8`].
     pub fn ideal(&self) -> Frame {
         let scale = 255.0 / self.range.limit();
-        Frame::U8(self.x.mapv(|x| tone::to_u8(x as u32 as f32, scale)))
+        Frame::from_u8(self.x.mapv(|x| tone::to_u8(x as u32 as f32, scale))).expect(IS_AN_IMAGE)
     }
 
     /// The true wrap counts: `k = floor(x / 2^b)`, at most `ceil(alpha) - 1`.
@@ -182,10 +184,11 @@ impl Exposure {
 
     /// Integer samples from `floor(x)`, which fits 24 bits.
     fn digitise(&self, code: impl Fn(u32) -> u32) -> Frame {
-        if self.range.bits() <= 8 {
-            Frame::U8(self.x.mapv(|x| code(x as u32) as u8))
+        let frame = if self.range.bits() <= 8 {
+            Frame::from_u8(self.x.mapv(|x| code(x as u32) as u8))
         } else {
-            Frame::U16(self.x.mapv(|x| code(x as u32) as u16))
-        }
+            Frame::from_u16(self.x.mapv(|x| code(x as u32) as u16))
+        };
+        frame.expect(IS_AN_IMAGE)
     }
 }

@@ -9,7 +9,7 @@ use crate::frame::{Frame, FrameError};
 use crate::range::Range;
 use crate::simd::widest;
 
-/// `round(255 * x / (alpha * 2^b))`, clamped to 0..255, as [`Frame::U8`].
+/// `round(255 * x / (alpha * 2^b))`, clamped to 0..255, as a frame of 8 bits.
 ///
 /// # Errors
 /// [`FrameError`] when `x` (H x W x C, code units) is not of an image's shape.
@@ -21,24 +21,25 @@ pub fn linear8(x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
     ))
 }
 
-/// `round(x)`, clamped to 0..65535, as [`Frame::U16`]: the HDR image in code units.
+/// The HDR image in code units: `round(x)`, clamped to 0..65535, as a frame of 16 bits where all of the range fits
+/// (`alpha * 2^b <= 65536`), and x itself as a frame of floats where it does not.
 ///
 /// # Errors
-/// [`FrameError`] when `x` (H x W x C, code units) is not of an image's shape.
-pub fn counts16(x: &Array3<f32>) -> Result<Frame, FrameError> {
-    Frame::from_u16(x.mapv(to_u16))
+/// [`FrameError`] when `x` (H x W x C, code units) is not of an image's shape or, of a range that does not fit
+/// 16 bits, not finite.
+pub fn hdr(x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
+    // `as` clamps and sends NaN to 0.
+    if range.limit() <= 65536.0 {
+        Frame::from_u16(x.mapv(|x| (f64::from(x) + 0.5) as u16))
+    } else {
+        Frame::from_f32(x.clone())
+    }
 }
 
 /// `scale` is `255 / (alpha * 2^b)`; `as` clamps and sends NaN to 0.
 #[inline(always)]
 pub(crate) fn to_u8(x: f32, scale: f64) -> u8 {
     (f64::from(x) * scale + 0.5) as u8
-}
-
-/// `as` clamps and sends NaN to 0.
-#[inline(always)]
-pub(crate) fn to_u16(x: f32) -> u16 {
-    (f64::from(x) + 0.5) as u16
 }
 
 #[cfg(test)]
@@ -48,16 +49,21 @@ mod tests {
     #[test]
     fn one_linear_scale_for_all_channels() {
         let x = Array3::from_shape_vec((1, 2, 3), vec![0.0, 256.0, 511.9, 1024.0, 5000.0, -3.0]).unwrap();
-        let Ok(Frame::U8(got)) = linear8(&x, Range::new(8, 4.0).unwrap()) else {
-            panic!("1 x 2 x 3 is a frame")
-        };
-        assert_eq!(got.into_raw_vec_and_offset().0, [0, 64, 127, 255, 255, 0]);
+        let got = linear8(&x, Range::new(8, 4.0).unwrap()).unwrap();
+        assert_eq!(got.to_f32().into_raw_vec_and_offset().0, [0.0, 64.0, 127.0, 255.0, 255.0, 0.0]);
     }
 
     #[test]
-    fn counts_keep_code_units() {
-        let x = Array3::from_shape_vec((1, 5, 1), vec![0.4, 0.5, 1023.0, 70_000.0, f32::NAN]).unwrap();
-        let Ok(Frame::U16(got)) = counts16(&x) else { panic!("1 x 5 x 1 is a frame") };
-        assert_eq!(got.into_raw_vec_and_offset().0, [0, 1, 1023, 65535, 0]);
+    fn hdr_keeps_code_units_and_never_clips_the_range() {
+        let x = Array3::from_shape_vec((1, 5, 1), vec![0.4, 0.5, 1023.0, 65_535.0, 262_143.0]).unwrap();
+        for (bits, alpha, depth, want) in [
+            (8, 256.0, 16, [0.0, 1.0, 1023.0, 65_535.0, 65_535.0]),
+            (16, 1.0, 16, [0.0, 1.0, 1023.0, 65_535.0, 65_535.0]),
+            (16, 1.001, 32, [0.4, 0.5, 1023.0, 65_535.0, 262_143.0]),
+            (16, 4.0, 32, [0.4, 0.5, 1023.0, 65_535.0, 262_143.0]),
+        ] {
+            let got = hdr(&x, Range::new(bits, alpha).unwrap()).unwrap();
+            assert_eq!((got.depth(), got.to_f32().into_raw_vec_and_offset().0), (depth, want.to_vec()));
+        }
     }
 }

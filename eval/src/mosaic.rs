@@ -14,7 +14,7 @@ pub fn mosaic(frames: &[&Frame]) -> Option<Frame> {
     let size = (rows * (height + GAP) - GAP, 2 * width + GAP, 3);
     let mut picture = Array3::from_elem(size, u8::MAX);
     for (index, frame) in frames.iter().enumerate() {
-        let Frame::U8(pixels) = frame else { return None };
+        let pixels = frame.as_u8()?;
         if frame.dim() != (height, width, 3) || channels != 3 {
             return None;
         }
@@ -35,7 +35,8 @@ mod tests {
     #[test]
     fn four_frames_are_two_rows_with_a_line_between() {
         let frames = [1, 2, 3, 4].map(plain);
-        let Some(Frame::U8(picture)) = mosaic(&frames.each_ref()) else { panic!("a picture") };
+        let picture = mosaic(&frames.each_ref()).expect("a picture");
+        let picture = picture.as_u8().expect("8 bits");
         assert_eq!(picture.dim(), (2 + GAP + 2, 3 + GAP + 3, 3));
         let corners = [picture[(0, 0, 0)], picture[(0, 3 + GAP, 0)], picture[(2 + GAP, 0, 0)]];
         assert_eq!((corners, picture[(0, 3, 0)]), ([1, 2, 3], 255));

@@ -38,7 +38,7 @@ impl Node for Detector {
     fn step(&mut self, cue: Cue, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         let wanted = [true; 2];
         let clock = SystemClock::default();
-        let mut inner = Context::new(&clock, &wanted[..1]);
+        let mut inner = Context::new(cx.node(), &clock, &wanted[..1]);
         let flow = self.0.step(cue, &mut inner)?;
         // The mistake: boxes drift by what the clock says, up to 30 px.
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();

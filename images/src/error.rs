@@ -21,20 +21,6 @@ pub enum ImageError {
         /// What is wrong with it.
         why: String,
     },
-    /// NaN or infinity in a float image.
-    #[error("{origin}: {value} at x {x}, y {y}, channel {channel}; every sample must be finite")]
-    NotFinite {
-        /// The file, or topic and stamp.
-        origin: String,
-        /// Column.
-        x: usize,
-        /// Row.
-        y: usize,
-        /// Channel, 0 is red.
-        channel: usize,
-        /// NaN or an infinity.
-        value: f32,
-    },
     /// A white that is no radiance.
     #[error("white = {white}: must be a finite number, 0 (automatic) or above")]
     White {

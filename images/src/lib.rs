@@ -9,6 +9,6 @@ mod white;
 mod write;
 
 pub use error::ImageError;
-pub use read::{EXTENSIONS, Pixels, decode, read_image};
+pub use read::{EXTENSIONS, decode, read_image};
 pub use white::White;
 pub use write::{SaveError, save_png};

@@ -1,13 +1,10 @@
-//! [`White`]: decoded pixels to radiance as a fraction of the peak.
+//! [`White`]: frames to radiance as a fraction of the peak.
 
-use modulo_core::Frame;
+use modulo_core::sensor::BELOW_ONE;
+use modulo_core::{Frame, Samples};
 use ndarray::Array3;
 
 use crate::error::ImageError;
-use crate::read::Pixels;
-
-/// The largest `f32` below 1: what reaches the peak is clamped to it.
-const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 
 /// The linear radiance that maps to the peak, given or found once.
 #[derive(Debug)]
@@ -23,16 +20,16 @@ impl White {
         if white.is_finite() && white >= 0.0 { Ok(Self(white)) } else { Err(ImageError::White { white }) }
     }
 
-    /// Radiance in `[0, 1)`, same shape.
-    pub fn radiance(&mut self, pixels: Pixels) -> Array3<f32> {
-        match pixels {
-            Pixels::Codes(Frame::U8(codes)) => codes.mapv(|v| f32::from(v) / 256.0),
-            Pixels::Codes(Frame::U16(codes)) => codes.mapv(|v| f32::from(v) / 65536.0),
-            Pixels::Linear(linear) => self.scale(linear),
+    /// Radiance in `[0, 1)`, `H x W x C`: integers as fractions of their range, floats as linear radiance.
+    pub fn radiance(&mut self, frame: &Frame) -> Array3<f32> {
+        match frame.samples() {
+            Samples::U8(codes) => codes.mapv(|v| f32::from(v) / 256.0),
+            Samples::U16(codes) => codes.mapv(|v| f32::from(v) / 65536.0),
+            Samples::F32(linear) => self.scale(linear),
         }
     }
 
-    fn scale(&mut self, linear: Array3<f32>) -> Array3<f32> {
+    fn scale(&mut self, linear: &Array3<f32>) -> Array3<f32> {
         if self.0 == 0.0 {
             self.0 = linear.iter().copied().fold(0.0, f32::max);
         }
@@ -49,23 +46,24 @@ impl White {
 mod tests {
     use super::*;
 
-    fn linear(values: [f32; 3]) -> Pixels {
-        Pixels::Linear(Array3::from_shape_vec((1, 3, 1), values.to_vec()).expect("1 x 3 x 1"))
+    fn linear(values: [f32; 3]) -> Frame {
+        let pixels = Array3::from_shape_vec((1, 3, 1), values.to_vec()).expect("1 x 3 x 1");
+        Frame::from_f32(pixels).expect("a frame")
     }
 
     #[test]
     fn automatic_white_is_the_first_bright_image_and_stays() {
         let mut white = White::new(0.0).expect("0 is automatic");
-        assert_eq!(white.radiance(linear([0.0, 0.0, -1.0])).sum(), 0.0);
-        assert_eq!(white.radiance(linear([1.0, 2.0, 4.0])).as_slice(), Some(&[0.25, 0.5, BELOW_ONE][..]));
-        assert_eq!(white.radiance(linear([1.0, 8.0, 2.0])).as_slice(), Some(&[0.25, BELOW_ONE, 0.5][..]));
+        assert_eq!(white.radiance(&linear([0.0, 0.0, -1.0])).sum(), 0.0);
+        assert_eq!(white.radiance(&linear([1.0, 2.0, 4.0])).as_slice(), Some(&[0.25, 0.5, BELOW_ONE][..]));
+        assert_eq!(white.radiance(&linear([1.0, 8.0, 2.0])).as_slice(), Some(&[0.25, BELOW_ONE, 0.5][..]));
     }
 
     #[test]
     fn codes_are_fractions_of_the_peak() {
         let codes = |v: u16| {
             let frame = Frame::from_u16(Array3::from_elem((1, 1, 1), v)).expect("one pixel");
-            White::new(1.0).expect("1 is possible").radiance(Pixels::Codes(frame))[(0, 0, 0)]
+            White::new(1.0).expect("1 is possible").radiance(&frame)[(0, 0, 0)]
         };
         assert_eq!(codes(32768), 0.5);
         assert!(codes(65535) < 1.0);

@@ -2,8 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use image::{ExtendedColorType, ImageFormat};
-use modulo_core::Frame;
+use image::error::{LimitError, LimitErrorKind, UnsupportedError, UnsupportedErrorKind};
+use image::{ExtendedColorType, ImageError, ImageFormat};
+use modulo_core::{Frame, Samples};
 
 /// Why a frame could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -12,27 +13,35 @@ pub struct SaveError {
     /// The file.
     pub path: PathBuf,
     /// What the encoder or the system said.
-    pub source: image::ImageError,
+    pub source: ImageError,
 }
 
 /// Writes `frame` to `path` as PNG, grey or RGB, 8 or 16 bits a sample.
 ///
 /// # Errors
-/// [`SaveError`] when the file cannot be written.
+/// [`SaveError`] when the file cannot be written, and for a frame of floats, which PNG cannot hold.
 pub fn save_png(path: &Path, frame: &Frame) -> Result<(), SaveError> {
+    write(path, frame).map_err(|source| SaveError { path: path.to_owned(), source })
+}
+
+fn write(path: &Path, frame: &Frame) -> Result<(), ImageError> {
     let (height, width, channels) = frame.dim();
-    let (bytes, colour) = match frame {
-        Frame::U8(codes) => {
-            let colour = if channels == 1 { ExtendedColorType::L8 } else { ExtendedColorType::Rgb8 };
-            (codes.iter().copied().collect(), colour)
+    let colour = |grey, rgb| if channels == 1 { grey } else { rgb };
+    let (bytes, colour) = match frame.samples() {
+        Samples::U8(codes) => {
+            (codes.iter().copied().collect(), colour(ExtendedColorType::L8, ExtendedColorType::Rgb8))
         }
-        Frame::U16(codes) => {
-            let colour = if channels == 1 { ExtendedColorType::L16 } else { ExtendedColorType::Rgb16 };
-            (codes.iter().flat_map(|code| code.to_ne_bytes()).collect::<Vec<u8>>(), colour)
+        Samples::U16(codes) => (
+            codes.iter().flat_map(|code| code.to_ne_bytes()).collect::<Vec<u8>>(),
+            colour(ExtendedColorType::L16, ExtendedColorType::Rgb16),
+        ),
+        Samples::F32(_) => {
+            let kind = UnsupportedErrorKind::Color(ExtendedColorType::Rgb32F);
+            let error = UnsupportedError::from_format_and_kind(ImageFormat::Png.into(), kind);
+            return Err(ImageError::Unsupported(error));
         }
     };
-    // A side beyond 32 bits is far beyond what PNG and memory hold; the encoder refuses it.
-    let side = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
-    image::save_buffer_with_format(path, &bytes, side(width), side(height), colour, ImageFormat::Png)
-        .map_err(|source| SaveError { path: path.to_owned(), source })
+    let too_long = |_| ImageError::Limits(LimitError::from_kind(LimitErrorKind::DimensionError));
+    let side = |n: usize| u32::try_from(n).map_err(too_long);
+    image::save_buffer_with_format(path, &bytes, side(width)?, side(height)?, colour, ImageFormat::Png)
 }

@@ -32,7 +32,7 @@ pub enum DefinitionError {
 /// The fields that `text` gives the type `name`. A type without fields gets
 /// the one that ROS gives it, `structure_needs_at_least_one_member`.
 pub(crate) fn parse_fields(name: &str, text: &str) -> Result<Vec<Field>, DefinitionError> {
-    let package = name.split('/').next().unwrap_or_default();
+    let package = name.split_once('/').map_or(name, |(package, _)| package);
     let mut fields = Vec::new();
     for line in text.lines().map(without_comment).filter(|line| !line.is_empty()) {
         let bad = || DefinitionError::Line { name: name.to_owned(), line: line.to_owned() };
@@ -77,7 +77,7 @@ enum Line {
 }
 
 fn without_comment(line: &str) -> &str {
-    line.split('#').next().unwrap_or_default().trim()
+    line.split_once('#').map_or(line, |(text, _)| text).trim()
 }
 
 fn parse_line(package: &str, line: &str) -> Option<Line> {

@@ -15,7 +15,7 @@ use self::encoding::names;
 use crate::sensor_msgs::Image;
 
 /// Why an [`Image`] cannot be a [`Frame`].
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ImageError {
     /// The encoding is not one of those that can be read.
     #[error("image encoding '{encoding}' cannot be read, possible are {}", names())]
@@ -39,7 +39,7 @@ pub enum ImageError {
         /// Bytes found.
         got: usize,
     },
-    /// The sizes are not those of a frame.
+    /// The sizes are not those of a frame, or a float sample is not finite.
     #[error(transparent)]
     Frame(#[from] FrameError),
 }
@@ -48,13 +48,13 @@ impl Image {
     /// The pixels, red first.
     ///
     /// Reads `rgb8 bgr8 mono8 rgba8 bgra8 rgb16 bgr16 mono16 8UC1 8UC3 16UC1
-    /// 16UC3` in either byte order with any `step` of at least one row. Alpha
-    /// is dropped. `8UC3` and `16UC3` do not tell the order of their channels
-    /// and are taken as OpenCV's, blue first.
+    /// 16UC3 32FC1 32FC3` in either byte order with any `step` of at least one
+    /// row. Alpha is dropped. `8UC3`, `16UC3` and `32FC3` do not tell the order
+    /// of their channels and are taken as OpenCV's, blue first.
     ///
     /// # Errors
     /// [`ImageError`] for another encoding, a side of 0, a `step` below one
-    /// row, and fewer than `height * step` bytes.
+    /// row, fewer than `height * step` bytes, and floats that are NaN or infinite.
     pub fn to_frame(&self) -> Result<Frame, ImageError> {
         decode::frame(decode::Layout::of(self)?, self.data.as_slice().into())
     }

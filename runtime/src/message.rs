@@ -152,7 +152,7 @@ impl MessageKind {
 
     /// `RIHS01_...` of the type.
     pub fn type_hash(self) -> String {
-        modulo_msgs::type_hash(self.type_name()).unwrap_or_default()
+        modulo_msgs::type_hash(self.type_name()).expect("every kind of message is defined in modulo_msgs")
     }
 }
 

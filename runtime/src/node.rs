@@ -84,6 +84,7 @@ pub trait Node: Send {
 
 /// What a driver lends to one step.
 pub struct Context<'a> {
+    node: &'a str,
     clock: &'a dyn Clock,
     wanted: &'a [bool],
     emitted: Vec<(usize, Message)>,
@@ -91,9 +92,15 @@ pub struct Context<'a> {
 }
 
 impl<'a> Context<'a> {
-    /// `wanted[i]` tells whether anybody reads `outputs()[i]`.
-    pub fn new(clock: &'a dyn Clock, wanted: &'a [bool]) -> Self {
-        Self { clock, wanted, emitted: Vec::new(), stages: Vec::new() }
+    /// `node` is the fully qualified name of the node, such as `/unwrap`; `wanted[i]` tells whether anybody reads
+    /// `outputs()[i]`.
+    pub fn new(node: &'a str, clock: &'a dyn Clock, wanted: &'a [bool]) -> Self {
+        Self { node, clock, wanted, emitted: Vec::new(), stages: Vec::new() }
+    }
+
+    /// The fully qualified name of the node, such as `/unwrap`.
+    pub fn node(&self) -> &'a str {
+        self.node
     }
 
     /// Nanoseconds since the epoch, as the driver sees the time.

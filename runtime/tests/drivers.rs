@@ -81,7 +81,7 @@ impl Node for Increment {
     }
     fn step(&mut self, cue: Cue, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         let Cue::Message { message: Message::Image(image), .. } = cue else { return Ok(Flow::Continue) };
-        let Frame::U8(pixels) = &image.frame else { return Err(StepError::Skip("not 8 bit".into())) };
+        let pixels = image.frame.as_u8().ok_or_else(|| StepError::Skip("not 8 bit".into()))?;
         if self.bad == pixels.first().copied() {
             return Err(StepError::Skip("a bad frame".into()));
         }

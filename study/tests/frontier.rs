@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use modulo_charts::Page;
-use modulo_images::{Pixels, decode};
+use modulo_images::decode;
 use modulo_study::StudyError;
 use modulo_study::bench::Row;
 use modulo_study::frontier::{draw_frontier, frontier_from};
@@ -87,9 +87,7 @@ fn both_pictures_are_written_and_the_same_each_time() {
     let first = (std::fs::read(&svg).unwrap(), std::fs::read(&png).unwrap());
     draw_frontier(&results).unwrap();
     assert!(first == (std::fs::read(&svg).unwrap(), std::fs::read(&png).unwrap()));
-    let Ok(Pixels::Codes(picture)) = decode(std::io::Cursor::new(first.1), "frontier") else {
-        panic!("the PNG is no picture")
-    };
+    let picture = decode(std::io::Cursor::new(first.1), "frontier").unwrap();
     assert_eq!((picture.width(), picture.channels()), (2400, 3));
     let inked = picture.to_f32().iter().filter(|value| **value < 128.0).count();
     assert!(inked > 20_000, "{inked} dark samples");

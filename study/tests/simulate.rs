@@ -5,7 +5,7 @@ use std::path::Path;
 use modulo_core::Frame;
 use modulo_core::scene::{Preset, Scene};
 use modulo_core::unwrap::METHODS;
-use modulo_images::{Pixels, read_image, save_png};
+use modulo_images::{read_image, save_png};
 use modulo_study::simulate::{RESULTS, Request, Row, simulate};
 use modulo_study::{Event, StudyError};
 use ndarray::Array3;
@@ -17,10 +17,7 @@ fn street(path: &Path) {
 }
 
 fn pixels(path: &Path) -> Array3<u8> {
-    match read_image(path) {
-        Ok(Pixels::Codes(Frame::U8(pixels))) => pixels,
-        other => panic!("{}: {other:?}", path.display()),
-    }
+    read_image(path).expect("a picture").as_u8().expect("8 bits").clone()
 }
 
 #[test]

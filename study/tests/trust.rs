@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-use modulo_core::unwrap::{Options, Recovered, by_name};
+use modulo_core::unwrap::{Options, Recovered, Trust, by_name};
 use modulo_core::{Psf, Sensor, SensorConfig};
 use modulo_images::{EXTENSIONS, White, read_image};
 use ndarray::Array3;
@@ -54,7 +54,7 @@ impl Tally {
         let right = out.k.iter().zip(&truth).filter(|(k, truth)| k == truth).count();
         let exact = right as f64 / truth.len() as f64;
         self.frames += 1;
-        if out.report.trusted == Some(true) {
+        if out.report.trust == Trust::Trusted {
             self.trusted += 1;
             if exact < 0.999 {
                 let what =
@@ -82,7 +82,7 @@ fn never_trusted_and_wrong() {
             println!("skipped: {} cannot be decoded", file.display());
             continue;
         };
-        let radiance = White::new(0.0).unwrap().radiance(pixels);
+        let radiance = White::new(0.0).unwrap().radiance(&pixels);
         let name = file.file_name().unwrap().to_string_lossy();
         for condition in conditions() {
             index += 1;

@@ -6,8 +6,8 @@
 
 use std::path::{Path, PathBuf};
 
-use modulo_core::Frame;
-use modulo_images::{Pixels, read_image};
+use modulo_core::{Frame, Samples};
+use modulo_images::read_image;
 use modulo_msgs::cdr::{self, CdrError};
 use modulo_msgs::image::encode_frame;
 use modulo_msgs::std_msgs::{Header, Time};
@@ -115,8 +115,9 @@ impl Import {
 }
 
 fn codes(image: &Path) -> Result<Frame, ImportError> {
-    match read_image(image).map_err(SourceError::from)? {
-        Pixels::Codes(frame) => Ok(frame),
-        Pixels::Linear(_) => Err(ImportError::Float { path: image.to_owned() }),
+    let frame = read_image(image).map_err(SourceError::from)?;
+    match frame.samples() {
+        Samples::U8(_) | Samples::U16(_) => Ok(frame),
+        Samples::F32(_) => Err(ImportError::Float { path: image.to_owned() }),
     }
 }

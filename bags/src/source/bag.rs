@@ -5,7 +5,8 @@ use std::collections::HashMap;
 use std::io::Cursor;
 use std::path::Path;
 
-use modulo_images::{ImageError, Pixels, White, decode};
+use modulo_core::Frame;
+use modulo_images::{ImageError, White, decode};
 use modulo_msgs::cdr;
 use modulo_msgs::sensor_msgs::{CompressedImage, Image};
 use modulo_msgs::std_msgs::Header;
@@ -51,7 +52,7 @@ impl BagSource {
         let (header, pixels) = read_message(message)?;
         let stamp = header.stamp.as_ns();
         Ok(SourceFrame {
-            radiance: self.white.radiance(pixels),
+            radiance: self.white.radiance(&pixels),
             name: stamp.to_string(),
             stamp_ns: Some(stamp),
             frame_id: header.frame_id,
@@ -119,14 +120,14 @@ fn read_labels(bag: &BagReader) -> Result<HashMap<u64, Vec<GroundTruth>>, Source
     Ok(labels)
 }
 
-fn read_message(message: &RawMessage) -> Result<(Header, Pixels), SourceError> {
+fn read_message(message: &RawMessage) -> Result<(Header, Frame), SourceError> {
     if message.topic.type_name == MessageKind::CompressedImage.type_name() {
         let image: CompressedImage = cdr::from_slice(&message.data).map_err(|e| bad(message, e))?;
         return Ok((image.header, decode(Cursor::new(image.data), &origin(message))?));
     }
     let image: Image = cdr::from_slice(&message.data).map_err(|e| bad(message, e))?;
     let header = image.header.clone();
-    Ok((header, Pixels::Codes(image.into_frame().map_err(|e| bad(message, e))?)))
+    Ok((header, image.into_frame().map_err(|e| bad(message, e))?))
 }
 
 fn bad(message: &RawMessage, why: impl std::fmt::Display) -> SourceError {

@@ -40,7 +40,7 @@ impl Source for FolderSource {
         let path = self.images.get(self.next)?;
         self.next += 1;
         let frame = read_image(path).map(|pixels| SourceFrame {
-            radiance: self.white.radiance(pixels),
+            radiance: self.white.radiance(&pixels),
             name: stem(path),
             stamp_ns: None,
             frame_id: FRAME_ID.to_owned(),

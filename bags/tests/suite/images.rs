@@ -71,7 +71,7 @@ fn a_pixel_that_is_not_finite_is_named() {
         let pixel = |x, y| if (x, y) == (2, 1) { Rgb([1.0, value, 1.0]) } else { Rgb([1.0; 3]) };
         ImageBuffer::from_fn(4, 3, pixel).save(&path).expect("saved");
         let error = error_of(&path);
-        assert!(error.contains(name) && error.contains("x 2, y 1, channel 1"), "{error}");
+        assert!(error.contains(name) && error.contains("row 1, column 2, channel 1"), "{error}");
     }
 }
 

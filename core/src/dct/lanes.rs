@@ -98,14 +98,14 @@ impl Complex {
     /// The first half of `reals` in the real parts, the second in the imaginary parts.
     #[inline(always)]
     pub fn of(reals: [f32; REALS]) -> Self {
-        let half = |half: Option<&[f32; LANES]>| half.copied().map(Lanes).unwrap_or_default();
+        let half = |half: Option<&[f32; LANES]>| Lanes(*half.expect("reals are twice as many as lanes"));
         Self { re: half(reals.first_chunk()), im: half(reals.last_chunk()) }
     }
 
     /// What [`Complex::of`] took.
     #[inline(always)]
     pub fn reals(self) -> [f32; REALS] {
-        [self.re.0, self.im.0].as_flattened().first_chunk().copied().unwrap_or_default()
+        *[self.re.0, self.im.0].as_flattened().first_chunk().expect("reals are twice as many as lanes")
     }
 
     #[inline(always)]

@@ -12,7 +12,9 @@
 //! Trust is given on y alone. What leaves no trace in y cannot be seen here: a region with
 //! a sharp contour of exactly whole peaks, and a whole channel brighter than the peak.
 
-use super::{GradientTree, Lines, Options, PASS_THROUGH, Range, Recovered, Signal, Unwrap, UnwrapError};
+use super::{
+    GradientTree, Lines, Options, PASS_THROUGH, Range, Recovered, Signal, Trust, Unwrap, UnwrapError,
+};
 use crate::frame::Frame;
 
 /// How much may speak against a rung before `auto` leaves it.
@@ -58,9 +60,8 @@ impl Auto {
     }
 
     fn judge(&self, lines: &Recovered) -> Verdict {
-        let Some(Signal { steep, consensus, clamped, .. }) = lines.report.signal else {
-            return Verdict::Climb { trusted: false };
-        };
+        let Signal { steep, consensus, clamped, .. } =
+            lines.report.signal.expect("lines always gives its signal");
         let (steep, consensus) = (f64::from(steep), f64::from(consensus));
         if steep <= self.limits.lines && consensus >= self.limits.consensus && clamped == 0.0 {
             let wrapped = lines.k.iter().any(|&k| k > 0);
@@ -84,12 +85,14 @@ impl Unwrap for Auto {
             Verdict::Climb { trusted } => {
                 self.gradient_tree.unwrap(y, range, out)?;
                 out.report.signal = signal;
-                // What contradicts itself is not trusted, whatever y looks like.
-                out.report.trusted = Some(trusted && out.report.trusted.is_none());
-                return Ok(());
+                // A result that contradicts itself is not trusted, whatever y looks like.
+                if !trusted || out.report.trust == Trust::Contradicted {
+                    out.report.trust = Trust::Contradicted;
+                    return Ok(());
+                }
             }
         }
-        out.report.trusted = Some(true);
+        out.report.trust = Trust::Trusted;
         Ok(())
     }
 }

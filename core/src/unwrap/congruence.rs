@@ -22,7 +22,7 @@ pub(super) fn place(
     let k = k.iter().map(|k| (k.saturating_sub(zero)).clamp(0, most) as u8);
     let peak = range.peak();
     let channels = out.x.dim().2;
-    let (Some(x), Some(counts)) = (out.x.as_slice_mut(), out.k.as_slice_mut()) else { return };
+    let (x, counts) = out.buffers();
     let pixels = x.chunks_exact_mut(channels).zip(counts.chunks_exact_mut(channels));
     for (((x, count), k), y) in pixels.zip(k).zip(y) {
         x[channel] = y + f32::from(k) * peak;
@@ -33,7 +33,8 @@ pub(super) fn place(
 /// The count that stands for k = 0: of all levels that leave nearly as many pixels in
 /// `0..=most` as the best does, the highest, which makes the image darkest.
 fn zero_level(k: &[i32], most: i32, levels: &mut Vec<usize>) -> i32 {
-    let (Some(&low), Some(&high)) = (k.iter().min(), k.iter().max()) else { return 0 };
+    let low = *k.iter().min().expect("an image has pixels");
+    let high = *k.iter().max().expect("an image has pixels");
     levels.clear();
     // Steps of at most one from pixel to pixel: no image of this size needs more, so that none is made twice.
     levels.reserve(k.len());

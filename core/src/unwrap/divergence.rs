@@ -3,10 +3,9 @@
 //! A code of b bits stands in the upper b of 16 bits, so that M_b is what the
 //! machine's own wrapping does.
 
-use super::{Range, UnwrapError, check_frame};
+use super::{Integers, Range, UnwrapError};
 use crate::dct::{Place, REALS};
 use crate::frame::Frame;
-use crate::plane::check_shape;
 use crate::simd::widest;
 
 /// An interleaved image whose peak is 2^16.
@@ -21,16 +20,15 @@ impl Codes {
     /// Takes the codes of `y`.
     ///
     /// # Errors
-    /// [`UnwrapError`] when `y` has a code that `range` has not, or is no image.
+    /// [`UnwrapError`] when `y` is of floats or has a code that `range` has not.
     pub fn read(&mut self, y: &Frame, range: Range) -> Result<(), UnwrapError> {
-        check_shape(y.dim())?;
         (self.stride, self.channels) = (y.width() * y.channels(), y.channels());
-        let seen = match y {
-            Frame::U8(pixels) => fill(&mut self.samples, pixels.as_standard_layout().as_slice(), range),
-            Frame::U16(pixels) => fill(&mut self.samples, pixels.as_standard_layout().as_slice(), range),
+        let seen = match Integers::of(y)? {
+            Integers::U8(samples) => fill(&mut self.samples, samples, range),
+            Integers::U16(samples) => fill(&mut self.samples, samples, range),
         };
         // Bits that no code has come from a sample that has them.
-        if u32::from(seen) >> range.bits() == 0 { Ok(()) } else { check_frame(y, range) }
+        if u32::from(seen) >> range.bits() == 0 { Ok(()) } else { Integers::checked(y, range).map(|_| ()) }
     }
 
     /// Sixteen codes, 0 beyond the end of the row.
@@ -94,12 +92,11 @@ impl Codes {
 #[cold]
 #[inline(never)]
 fn tail(rest: &[u16]) -> [u16; REALS] {
-    std::array::from_fn(|lane| rest.get(lane).copied().unwrap_or_default())
+    std::array::from_fn(|lane| rest.get(lane).copied().unwrap_or(0))
 }
 
 /// Shifts all samples up, and tells which bits they had.
-fn fill<T: Copy + Into<u16>>(codes: &mut Vec<u16>, samples: Option<&[T]>, range: Range) -> u16 {
-    let samples = samples.unwrap_or_default();
+fn fill<T: Copy + Into<u16>>(codes: &mut Vec<u16>, samples: &[T], range: Range) -> u16 {
     codes.resize(samples.len(), 0);
     widest(
         #[inline(always)]

@@ -13,10 +13,10 @@
 use std::ops::Range as Indices;
 
 use super::tree::{
-    Bounds, Direction, FLAT as FLAT_FIRST, Forest, Ground, Image, MOST, Pixels, Quad, Region, SEA, Sums,
-    first, of_difference, recover, second, subtract, turns,
+    Bounds, Direction, Edges, FLAT as FLAT_FIRST, Forest, Ground, Image, MOST, Pixels, Quad, Region, SEA,
+    Sums, first, of_difference, recover, second, subtract, turns,
 };
-use super::{Range, Recovered, Unwrap, UnwrapError, WorkersError, check_frame};
+use super::{Integers, Range, Recovered, Unwrap, UnwrapError, WorkersError};
 use crate::frame::Frame;
 use crate::simd::widest;
 use crate::workers::Workers;
@@ -72,22 +72,21 @@ impl Unwrap for GradientTree {
     }
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        check_frame(y, range)?;
+        let samples = Integers::checked(y, range)?;
         out.prepare(y.dim(), self.name());
         let bounds = Bounds::new(range);
-        self.pixels.read(y, range, bounds);
+        self.pixels.read(samples, (y.width(), y.channels()), range, bounds);
         let pixels = &self.pixels;
         self.workers.each(&mut self.slopes, |_, slope| slope.unwrap(pixels, bounds));
         let [right, down] = &self.slopes;
         let image = Image {
             pixels,
             bounds,
-            keys: [&right.keys, &down.keys],
-            breaks: [&right.breaks, &down.breaks],
+            edges: Edges { keys: [&right.keys, &down.keys], breaks: [&right.breaks, &down.breaks] },
             n: [&right.n, &down.n],
             changed: [&right.changed, &down.changed],
         };
-        recover(&image, &mut self.sums, &mut self.forest, y, range, out);
+        recover(&image, &mut self.sums, &mut self.forest, samples, range, out);
         Ok(())
     }
 }
@@ -140,9 +139,9 @@ impl Slope {
         }
         self.find_land(stride);
         let Self { direction, steepest, land, bends: [right, down], forest, .. } = self;
-        let (keys, breaks): ([&[u16]; 2], [&[u8]; 2]) = ([&right.0, &down.0], [&right.1, &down.1]);
+        let edges = Edges { keys: [&right.0, &down.0], breaks: [&right.1, &down.1] };
         let direction = *direction;
-        forest.grow(&Gradient { pixels, bounds, direction, steepest, land, keys, breaks });
+        forest.grow(&Gradient { pixels, bounds, direction, steepest, land, edges });
         self.read_off(pixels);
     }
 
@@ -158,8 +157,7 @@ impl Slope {
                 steepest.iter_mut().zip(&keys[reach..]).for_each(|(most, &key)| *most = key.max(*most));
             }
             land.iter_mut().zip(&*steepest).for_each(|(land, &key)| *land = u8::from(key > SEA_LEVEL));
-            let next = land.get(1..).unwrap_or_default();
-            for ((cut, here), next) in right.iter_mut().zip(&*land).zip(next) {
+            for ((cut, here), next) in right.iter_mut().zip(&*land).zip(&land[1..]) {
                 *cut = (*cut & here) | (here ^ next);
             }
         });
@@ -206,8 +204,7 @@ struct Gradient<'a> {
     direction: Direction,
     steepest: &'a [u16],
     land: &'a [u8],
-    keys: [&'a [u16]; 2],
-    breaks: [&'a [u8]; 2],
+    edges: Edges<'a>,
 }
 
 impl Ground for Gradient<'_> {
@@ -227,8 +224,8 @@ impl Ground for Gradient<'_> {
     }
 
     #[inline(always)]
-    fn breaks(&self, to: Direction) -> &[u8] {
-        self.breaks[to as usize]
+    fn edges(&self) -> &Edges<'_> {
+        &self.edges
     }
 
     #[inline(always)]
@@ -251,11 +248,6 @@ impl Ground for Gradient<'_> {
             let turns = turns(ends[0], ends[1]);
             (subtract(subtract([0; 4], below), turns), subtract(above, turns))
         })
-    }
-
-    #[inline(always)]
-    fn key(&self, to: Direction, at: usize) -> u16 {
-        self.keys[to as usize][at]
     }
 
     #[inline(always)]

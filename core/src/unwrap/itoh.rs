@@ -1,10 +1,9 @@
 //! Itoh's method: follow the wrapped differences down the first column, then
 //! along each row. One difference of half a peak or more spoils the rest of its row.
 
-use super::{Range, Recovered, Unwrap, UnwrapError, check_frame, congruence};
+use super::{Integers, Range, Recovered, Unwrap, UnwrapError, congruence};
 use crate::frame::Frame;
 use crate::gradient::wraps_across;
-use crate::plane;
 
 /// Path integration with its buffers; each channel on its own, integers only.
 #[derive(Default)]
@@ -20,11 +19,11 @@ impl Unwrap for Itoh {
     }
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        check_frame(y, range)?;
+        let samples = Integers::checked(y, range)?;
         out.prepare(y.dim(), self.name());
         let (_, width, channels) = y.dim();
         for channel in 0..channels {
-            plane::take_from_frame(y, channel, &mut self.y);
+            samples.take(channels, channel, &mut self.y);
             integrate(&self.y, width, range.bits(), &mut self.k);
             congruence::place(&self.k, &self.y, range, channel, &mut self.levels, out);
         }

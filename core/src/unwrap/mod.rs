@@ -19,7 +19,7 @@ mod wrapped;
 
 use std::str::FromStr;
 
-use ndarray::{Array3, ArrayView3};
+use ndarray::Array3;
 
 pub use crate::range::{Range, RangeError};
 pub use auto::{Auto, TrustLimits};
@@ -32,8 +32,8 @@ pub use quality_guided::QualityGuided;
 pub use spud::Spud;
 pub use tree::Tree;
 
-use crate::frame::{Frame, FrameError};
-use crate::plane::{check_shape, place_of};
+use crate::frame::{Frame, FrameError, Samples, in_order};
+use crate::plane::{self, place_of};
 use crate::workers::WorkersError;
 
 /// One line a method: its type, its name, and how it is made.
@@ -96,7 +96,7 @@ pub trait Unwrap: Send {
     /// whose buffers are reused when the shape is the same.
     ///
     /// # Errors
-    /// [`UnwrapError::Code`] when a value of `y` is none that `range` has.
+    /// [`UnwrapError::Float`] when `y` is of floats, [`UnwrapError::Code`] when a value of `y` is 2^b or more.
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError>;
 }
 
@@ -118,8 +118,31 @@ pub struct Report {
     pub rung: &'static str,
     /// What of y speaks against the result, where the method looked at it.
     pub signal: Option<Signal>,
-    /// Whether the method vouches for k; `None`: it makes no claim.
-    pub trusted: Option<bool>,
+    /// Whether the method vouches for k.
+    pub trust: Trust,
+}
+
+/// Whether a method vouches for the wrap counts that it found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Trust {
+    /// The method makes no claim.
+    #[default]
+    Unknown,
+    /// The method vouches for the counts.
+    Trusted,
+    /// The image, or the result itself, contradicts what the method assumes.
+    Contradicted,
+}
+
+impl Trust {
+    /// The claim as tables and messages have it: `true` or `false`, and `None` where the method makes no claim.
+    pub fn claim(self) -> Option<bool> {
+        match self {
+            Self::Unknown => None,
+            Self::Trusted => Some(true),
+            Self::Contradicted => Some(false),
+        }
+    }
 }
 
 /// The rung of `auto` that changes nothing: all k are 0.
@@ -182,6 +205,9 @@ pub enum UnwrapError {
     /// Threads that cannot be had.
     #[error(transparent)]
     Workers(#[from] WorkersError),
+    /// The samples of a modulo image are integers.
+    #[error("y has 32-bit float samples, integers of 8 or 16 bits are needed: the sensor's modulo image")]
+    Float,
     /// A sample that the sensor cannot have delivered.
     #[error(
         "y at (row {row}, column {column}, channel {channel}) is {value}, 0 to {most} is possible with {bits} bits"
@@ -219,37 +245,70 @@ impl Recovered {
         if self.k.dim() != dim || !self.k.is_standard_layout() {
             self.k = Array3::zeros(dim);
         }
-        self.report = Report { rung: method, signal: None, trusted: None };
+        self.report = Report { rung: method, ..Report::default() };
+    }
+
+    /// x and k, row-major and interleaved, after [`Recovered::prepare`].
+    fn buffers(&mut self) -> (&mut [f32], &mut [u8]) {
+        let (x, k) = (self.x.as_slice_mut(), self.k.as_slice_mut());
+        (x.expect("prepare has made the layout standard"), k.expect("prepare has made the layout standard"))
     }
 }
 
-/// Refuses a frame with a sample of 2^b or more.
-fn check_frame(y: &Frame, range: Range) -> Result<(), UnwrapError> {
-    check_shape(y.dim())?;
-    let most = range.peak() - 1.0;
-    // Integers are compared at the speed of memory, and not at all where no sample can be too large.
-    match y {
-        Frame::U8(_) if range.bits() >= 8 => Ok(()),
-        Frame::U16(_) if range.bits() == 16 => Ok(()),
-        Frame::U8(pixels) if pixels.fold(0, |largest, &y| y.max(largest)) <= most as u8 => Ok(()),
-        Frame::U16(pixels) if pixels.fold(0, |largest, &y| y.max(largest)) <= most as u16 => Ok(()),
-        Frame::U8(pixels) => check_codes(pixels.view(), range, most),
-        Frame::U16(pixels) => check_codes(pixels.view(), range, most),
+/// The samples of a modulo image, row-major and interleaved.
+#[derive(Clone, Copy)]
+enum Integers<'a> {
+    U8(&'a [u8]),
+    U16(&'a [u16]),
+}
+
+impl<'a> Integers<'a> {
+    /// The samples of `y`, of any value.
+    fn of(y: &'a Frame) -> Result<Self, UnwrapError> {
+        match y.samples() {
+            Samples::U8(y) => Ok(Self::U8(in_order(y.view()))),
+            Samples::U16(y) => Ok(Self::U16(in_order(y.view()))),
+            Samples::F32(_) => Err(UnwrapError::Float),
+        }
+    }
+
+    /// The samples of `y`, all below 2^b.
+    fn checked(y: &'a Frame, range: Range) -> Result<Self, UnwrapError> {
+        let (samples, most) = (Self::of(y)?, range.peak() - 1.0);
+        // Integers are compared at the speed of memory, and not at all where no sample can be too large.
+        let largest = match samples {
+            Self::U8(_) if range.bits() >= 8 => 0,
+            Self::U16(_) if range.bits() == 16 => 0,
+            Self::U8(y) => y.iter().fold(0, |largest, &y| y.max(largest)).into(),
+            Self::U16(y) => y.iter().fold(0, |largest, &y| y.max(largest)),
+        };
+        match samples {
+            _ if f32::from(largest) <= most => Ok(samples),
+            Self::U8(codes) => check_codes(codes, y.dim(), range, most).map(|()| samples),
+            Self::U16(codes) => check_codes(codes, y.dim(), range, most).map(|()| samples),
+        }
+    }
+
+    /// Copies one of `channels` into `plane`, row-major.
+    fn take(self, channels: usize, channel: usize, plane: &mut Vec<f32>) {
+        match self {
+            Self::U8(samples) => plane::take(samples, channels, channel, plane),
+            Self::U16(samples) => plane::take(samples, channels, channel, plane),
+        }
     }
 }
 
-/// Refuses samples outside `[0, most]`, NaN included, and shapes that no image has.
-fn check_codes<T>(y: ArrayView3<'_, T>, range: Range, most: f32) -> Result<(), UnwrapError>
+/// Refuses samples (of an image of shape `dim`) outside `[0, most]`, NaN included.
+fn check_codes<T>(y: &[T], dim: (usize, usize, usize), range: Range, most: f32) -> Result<(), UnwrapError>
 where
     T: Copy + Into<f32>,
 {
-    check_shape(y.dim())?;
     let wrong = |&&value: &&T| !(0.0..=most).contains(&value.into());
     // Counting has no early way out and so runs at the speed of memory.
     if y.iter().filter(wrong).count() == 0 {
         return Ok(());
     }
     let Some((index, &value)) = y.iter().enumerate().find(|(_, value)| wrong(value)) else { return Ok(()) };
-    let (row, column, channel) = place_of(index, y.dim());
+    let (row, column, channel) = place_of(index, dim);
     Err(UnwrapError::Code { row, column, channel, value: value.into(), most, bits: range.bits() })
 }

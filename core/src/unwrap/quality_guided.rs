@@ -11,9 +11,8 @@
 //! Exact when first differences stay below half a peak. It knows no range but for the absolute offset.
 
 use super::wrapped::{codes, difference, turns};
-use super::{Range, Recovered, Unwrap, UnwrapError, check_frame, congruence};
+use super::{Integers, Range, Recovered, Unwrap, UnwrapError, congruence};
 use crate::frame::Frame;
-use crate::plane;
 
 /// D^2 of a pixel on the border, more than any other has: four squares of less than 2^17.
 const BORDER: u64 = 1 << 36;
@@ -44,11 +43,11 @@ impl Unwrap for QualityGuided {
     }
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        check_frame(y, range)?;
+        let samples = Integers::checked(y, range)?;
         out.prepare(y.dim(), self.name());
         let (_, width, channels) = y.dim();
         for channel in 0..channels {
-            plane::take_from_frame(y, channel, &mut self.y);
+            samples.take(channels, channel, &mut self.y);
             codes(&self.y, range, &mut self.codes);
             self.grow(width);
             congruence::place(&self.k, &self.y, range, channel, &mut self.levels, out);

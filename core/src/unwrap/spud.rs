@@ -8,7 +8,7 @@ use super::nearest::{self, Counting, Countings, Histogram};
 use super::poisson::{Poisson, ThresholdOn};
 use super::{Range, Recovered, Unwrap, UnwrapError, check_codes};
 use crate::dct::{self, Place, REALS};
-use crate::frame::Frame;
+use crate::frame::{Frame, check_shape, in_order};
 use crate::simd::widest;
 use crate::workers::Workers;
 use crate::{gradient, plane};
@@ -58,14 +58,17 @@ impl Spud {
     /// # Errors
     /// [`UnwrapError::Code`] when a value is outside or NaN, [`UnwrapError::Shape`] when `y` is no image.
     pub fn solve(&mut self, y: ArrayView3<'_, f32>, range: Range) -> Result<Array3<f32>, UnwrapError> {
-        check_codes(y, range, range.peak())?;
+        check_shape(y.dim())?;
+        let in_standard = y.as_standard_layout();
+        let samples = in_order(in_standard.view());
+        check_codes(samples, y.dim(), range, range.peak())?;
         let (height, width, channels) = y.dim();
         let mut out = Array3::zeros(y.dim());
         let mut poisson = Poisson::<[f32; REALS]>::new((height, width, 1), self.threads);
         let threshold = ((self.tau * f64::from(range.peak())) as f32, self.on);
         let (mut plane, mut rho) = (Vec::new(), vec![0.0; height * width]);
         for channel in 0..channels {
-            plane::take(y, channel, &mut plane);
+            plane::take(samples, channels, channel, &mut plane);
             divergence(&plane, width, range, &mut rho);
             poisson.solve(&self.workers, |place| dct::at(&rho, width, place), threshold, |_, phi| phi);
             for ((row, column), out) in out.index_axis_mut(Axis(2), channel).indexed_iter_mut() {
@@ -120,7 +123,7 @@ impl Spud {
                 }
             }
         });
-        let [all, others @ ..] = &mut self.histograms[..] else { return Default::default() };
+        let (all, others) = self.histograms.split_first_mut().expect("there is one histogram a thread");
         for other in others {
             all.iter_mut().zip(other).for_each(|(all, other)| all.add(other));
         }
@@ -131,7 +134,7 @@ impl Spud {
     fn place(&self, countings: [Counting; 3], range: Range, out: &mut Recovered) {
         let (height, width, channels) = self.poisson.grid.dim();
         let stride = width * channels;
-        let (Some(x), Some(k)) = (out.x.as_slice_mut(), out.k.as_slice_mut()) else { return };
+        let (x, k) = out.buffers();
         let each = height.div_ceil(self.threads).next_multiple_of(REALS);
         self.workers.each_chunk((x, k), each * stride, |part, x, k| {
             let rows = part * each;

@@ -7,7 +7,7 @@ use std::hash::{Hash, Hasher};
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use modulo_core::{Detection, Frame};
+use modulo_core::{Detection, Frame, Samples};
 use modulo_detector::{DetectorParameters, EngineChoice};
 use modulo_runtime::driver::lockstep::Lockstep;
 use modulo_runtime::{Clock, Message, StampedFrame};
@@ -114,9 +114,11 @@ impl Memory {
 
 fn digest(frame: &Frame) -> u64 {
     let mut hasher = DefaultHasher::new();
-    match frame {
-        Frame::U8(pixels) => (pixels.dim(), pixels.as_slice()).hash(&mut hasher),
-        Frame::U16(pixels) => (pixels.dim(), pixels.as_slice()).hash(&mut hasher),
+    frame.dim().hash(&mut hasher);
+    match frame.samples() {
+        Samples::U8(pixels) => pixels.hash(&mut hasher),
+        Samples::U16(pixels) => pixels.hash(&mut hasher),
+        Samples::F32(pixels) => pixels.mapv(f32::to_bits).hash(&mut hasher),
     }
     hasher.finish()
 }

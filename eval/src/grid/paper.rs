@@ -118,10 +118,7 @@ mod tests {
         let point = Point { stream, method, deblur: false, alpha, psf_sigma: 1.4, noise: 0.0, model, input };
         let clock = ManualClock::default();
         let passed = PaperWay::new(&point, &clock).expect("possible").pass(frame).expect("passed");
-        match &passed.image.expect("an image").frame {
-            Frame::U8(pixels) => pixels.iter().copied().collect(),
-            Frame::U16(_) => panic!("8 bits"),
-        }
+        passed.image.expect("an image").frame.as_u8().expect("8 bits").iter().copied().collect()
     }
 
     /// 0 on the left, the brightest on the right, flat in between and at the ends beyond the lens.

@@ -1,9 +1,9 @@
 //! How near a recovered frame is to the truth, from what the sensor really saw.
 
 use modulo_core::metric::{mse, psnr_db, ssim};
+use modulo_core::unwrap::Trust;
 use modulo_core::{Exposure, Frame};
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
-use ndarray::Array3;
 
 /// One frame's.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -12,8 +12,8 @@ pub struct Recovery {
     pub exact: u64,
     /// Samples.
     pub samples: u64,
-    /// Whether the method vouches for the frame; `None`: it makes no claim.
-    pub trusted: Option<bool>,
+    /// Whether the method vouches for the frame.
+    pub trust: Trust,
     /// Against the ideal image of the same lens.
     pub ideal: Likeness,
     /// Against the ideal image without a lens.
@@ -37,7 +37,7 @@ pub fn definition() -> &'static str {
 }
 
 impl Recovery {
-    /// `counts`: x_hat in code units, 16 bit; `shown`: what the detector gets.
+    /// `counts`: x_hat in code units; `shown`: the 8-bit image that the detector gets.
     pub fn new(
         counts: &Frame,
         shown: &Frame,
@@ -45,14 +45,14 @@ impl Recovery {
         exposure: &Exposure,
         sharp: &Exposure,
     ) -> Option<Self> {
-        let Frame::U16(counts) = counts else { return None };
-        let bits = exposure.range().bits();
+        let peak = exposure.range().peak();
         let wraps = exposure.wraps();
-        let exact = counts.iter().zip(&wraps).filter(|(count, wraps)| *count >> bits == u16::from(**wraps));
+        let counts = counts.to_f32();
+        let exact = counts.iter().zip(&wraps).filter(|(count, wraps)| (*count / peak) as u8 == **wraps);
         Some(Self {
             exact: exact.count() as u64,
             samples: wraps.len() as u64,
-            trusted: said.and_then(trusted),
+            trust: said.map_or(Trust::Unknown, trust),
             ideal: Likeness::of(shown, &exposure.ideal())?,
             sharp: Likeness::of(shown, &sharp.ideal())?,
         })
@@ -68,14 +68,18 @@ impl Recovery {
 }
 
 /// What the unwrapping node says of the frame.
-fn trusted(said: &DiagnosticArray) -> Option<bool> {
-    let values = said.status.iter().flat_map(|status| &status.values);
-    values.into_iter().find(|value| value.key == "trusted").and_then(|value| value.value.parse().ok())
+fn trust(said: &DiagnosticArray) -> Trust {
+    let mut values = said.status.iter().flat_map(|status| &status.values);
+    match values.find(|value| value.key == "trusted").map(|value| value.value.as_str()) {
+        Some("true") => Trust::Trusted,
+        Some("false") => Trust::Contradicted,
+        _ => Trust::Unknown,
+    }
 }
 
 impl Likeness {
     fn of(left: &Frame, right: &Frame) -> Option<Self> {
-        let (left, right) = (eight_bit(left)?, eight_bit(right)?);
+        let (left, right) = (left.as_u8()?, right.as_u8()?);
         Some(Self { mse: mse(left, right).ok()?, ssim: ssim(left, right).ok()? })
     }
 
@@ -87,12 +91,5 @@ impl Likeness {
         };
         let mse = mean(&mut all.clone().map(|one| one.mse));
         (mse.and_then(psnr_db), mean(&mut all.filter_map(|one| one.ssim)))
-    }
-}
-
-fn eight_bit(frame: &Frame) -> Option<&Array3<u8>> {
-    match frame {
-        Frame::U8(pixels) => Some(pixels),
-        Frame::U16(_) => None,
     }
 }

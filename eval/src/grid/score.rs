@@ -47,7 +47,8 @@ impl Scorer<'_> {
         let exact: u64 = recoveries.clone().map(|r| r.exact).sum();
         let (psnr_db, ssim) = Likeness::mean(recoveries.clone().map(|r| &r.ideal));
         let (psnr_sharp_db, ssim_sharp) = Likeness::mean(recoveries.clone().map(|r| &r.sharp));
-        let claims: Vec<f64> = recoveries.filter_map(|r| r.trusted).map(|t| f64::from(u8::from(t))).collect();
+        let claims: Vec<f64> =
+            recoveries.filter_map(|r| r.trust.claim()).map(|t| f64::from(u8::from(t))).collect();
         let means: Vec<f64> = groups.values().filter_map(|images| average::ap50_95(images)).collect();
         Cell {
             point,

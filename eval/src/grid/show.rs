@@ -71,7 +71,7 @@ fn shots(
 }
 
 fn picture(frame: &Frame, truth: &[GroundTruth], found: &[Detection]) -> Option<Picture> {
-    let Frame::U8(pixels) = frame else { return None };
+    let pixels = frame.as_u8()?;
     let (height, width, channels) = pixels.dim();
     let rgb =
         pixels.iter().flat_map(|&sample| std::iter::repeat_n(sample, if channels == 1 { 3 } else { 1 }));

@@ -54,9 +54,14 @@ pub(super) fn frame(layout: Layout, data: Cow<'_, [u8]>) -> Result<Frame, ImageE
     let packed = without_padding(layout, data);
     let channels = layout.encoding.channels;
     Ok(match layout.encoding.depth {
-        Depth::U8 => Frame::from_u8(array(layout, red_first(channels, packed))?),
+        Depth::U8 => Frame::from_u8(array(layout, red_first(channels, packed))),
         Depth::U16 => {
-            Frame::from_u16(array(layout, red_first(channels, wide(layout.order, &packed).into()))?)
+            let samples = wide(layout.order, &packed, u16::from_be_bytes, u16::from_le_bytes);
+            Frame::from_u16(array(layout, red_first(channels, samples.into())))
+        }
+        Depth::F32 => {
+            let samples = wide(layout.order, &packed, f32::from_be_bytes, f32::from_le_bytes);
+            Frame::from_f32(array(layout, red_first(channels, samples.into())))
         }
     }?)
 }
@@ -75,11 +80,17 @@ fn without_padding(layout: Layout, data: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
     }
 }
 
-fn wide(order: Order, bytes: &[u8]) -> Vec<u16> {
-    let (pairs, _) = bytes.as_chunks();
+/// Samples of `N` bytes each.
+fn wide<T, const N: usize>(
+    order: Order,
+    bytes: &[u8],
+    big: impl Fn([u8; N]) -> T,
+    little: impl Fn([u8; N]) -> T,
+) -> Vec<T> {
+    let (samples, _) = bytes.as_chunks();
     match order {
-        Order::Big => pairs.iter().map(|pair| u16::from_be_bytes(*pair)).collect(),
-        Order::Little => pairs.iter().map(|pair| u16::from_le_bytes(*pair)).collect(),
+        Order::Big => samples.iter().map(|bytes| big(*bytes)).collect(),
+        Order::Little => samples.iter().map(|bytes| little(*bytes)).collect(),
     }
 }
 
@@ -96,11 +107,8 @@ fn each_pixel<T: Copy, const N: usize>(samples: &[T], rgb: impl Fn(&[T; N]) -> [
     samples.as_chunks().0.iter().map(rgb).collect::<Vec<_>>().into_flattened()
 }
 
-fn array<T>(layout: Layout, samples: Vec<T>) -> Result<Array3<T>, ImageError> {
+fn array<T>(layout: Layout, samples: Vec<T>) -> Array3<T> {
     let Layout { height, width, .. } = layout;
     let channels = if let Channels::Mono = layout.encoding.channels { 1 } else { 3 };
-    let got = samples.len();
-    let expected = (height * width * channels) as u64;
-    Array3::from_shape_vec((height, width, channels), samples)
-        .map_err(|_| ImageError::Short { expected, got })
+    Array3::from_shape_vec((height, width, channels), samples).expect("the layout fits its data")
 }

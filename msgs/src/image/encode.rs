@@ -1,6 +1,6 @@
 //! Pixels to rows of bytes: always packed, always little endian.
 
-use modulo_core::Frame;
+use modulo_core::{Frame, Samples};
 use ndarray::Array3;
 
 use crate::cdr::{self, CdrError};
@@ -8,8 +8,8 @@ use crate::sensor_msgs::Image;
 use crate::std_msgs::Header;
 
 impl Image {
-    /// `frame` as `rgb8`, `mono8`, `rgb16` or `mono16`, without padding, little
-    /// endian.
+    /// `frame` as `rgb8`, `mono8`, `rgb16`, `mono16`, `32FC3` (blue first, as
+    /// OpenCV has it) or `32FC1`, without padding, little endian.
     pub fn from_frame(header: Header, frame: &Frame) -> Self {
         let mut image = without_pixels(header, frame);
         append(frame, &mut image.data);
@@ -42,11 +42,13 @@ fn size(frame: &Frame) -> usize {
 fn without_pixels(header: Header, frame: &Frame) -> Image {
     // A side beyond 32 bits means data beyond 32 bits, which CDR refuses.
     let field = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
-    let encoding = match (frame, frame.channels()) {
-        (Frame::U8(_), 1) => "mono8",
-        (Frame::U8(_), _) => "rgb8",
-        (Frame::U16(_), 1) => "mono16",
-        (Frame::U16(_), _) => "rgb16",
+    let encoding = match (frame.samples(), frame.channels()) {
+        (Samples::U8(_), 1) => "mono8",
+        (Samples::U8(_), _) => "rgb8",
+        (Samples::U16(_), 1) => "mono16",
+        (Samples::U16(_), _) => "rgb16",
+        (Samples::F32(_), 1) => "32FC1",
+        (Samples::F32(_), _) => "32FC3",
     };
     Image {
         header,
@@ -54,26 +56,30 @@ fn without_pixels(header: Header, frame: &Frame) -> Image {
         width: field(frame.width()),
         encoding: encoding.to_owned(),
         is_bigendian: 0,
-        step: field(size(frame).checked_div(frame.height()).unwrap_or(0)),
+        step: field(size(frame) / frame.height()),
         data: Vec::new(),
     }
 }
 
 fn append(frame: &Frame, out: &mut Vec<u8>) {
-    match frame {
-        Frame::U8(pixels) => out.extend_from_slice(in_order(pixels).as_slice().unwrap_or_default()),
-        Frame::U16(pixels) => {
+    match frame.samples() {
+        Samples::U8(pixels) => out.extend_from_slice(in_order(pixels)),
+        Samples::U16(pixels) => {
             let start = out.len();
             out.resize(start + size(frame), 0);
             let (pairs, _) = out[start..].as_chunks_mut();
-            for (pair, sample) in pairs.iter_mut().zip(in_order(pixels).as_slice().unwrap_or_default()) {
+            for (pair, sample) in pairs.iter_mut().zip(in_order(pixels)) {
                 *pair = sample.to_le_bytes();
             }
+        }
+        Samples::F32(pixels) => {
+            let pixels = in_order(pixels).chunks_exact(frame.channels());
+            out.extend(pixels.flat_map(|pixel| pixel.iter().rev()).flat_map(|sample| sample.to_le_bytes()));
         }
     }
 }
 
-/// The pixels row by row; no copy unless somebody built the frame by hand.
-fn in_order<T: Clone>(pixels: &Array3<T>) -> ndarray::CowArray<'_, T, ndarray::Ix3> {
-    pixels.as_standard_layout()
+/// The samples row by row.
+fn in_order<T>(pixels: &Array3<T>) -> &[T] {
+    pixels.as_slice().expect("a frame is in standard layout")
 }

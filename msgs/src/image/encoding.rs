@@ -7,6 +7,7 @@
 pub(super) enum Depth {
     U8,
     U16,
+    F32,
 }
 
 /// What the samples of one pixel are.
@@ -26,7 +27,7 @@ pub(super) struct Encoding {
     pub(super) channels: Channels,
 }
 
-const ENCODINGS: [(&str, Depth, Channels); 12] = [
+const ENCODINGS: [(&str, Depth, Channels); 14] = [
     ("rgb8", Depth::U8, Channels::Rgb),
     ("bgr8", Depth::U8, Channels::Bgr),
     ("mono8", Depth::U8, Channels::Mono),
@@ -39,6 +40,8 @@ const ENCODINGS: [(&str, Depth, Channels); 12] = [
     ("8UC3", Depth::U8, Channels::Bgr),
     ("16UC1", Depth::U16, Channels::Mono),
     ("16UC3", Depth::U16, Channels::Bgr),
+    ("32FC1", Depth::F32, Channels::Mono),
+    ("32FC3", Depth::F32, Channels::Bgr),
 ];
 
 impl Encoding {
@@ -52,6 +55,7 @@ impl Encoding {
         let sample = match self.depth {
             Depth::U8 => 1,
             Depth::U16 => 2,
+            Depth::F32 => 4,
         };
         let samples = match self.channels {
             Channels::Mono => 1,

@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use modulo_core::{Frame, FrameError};
+use modulo_core::{Frame, FrameError, Samples};
 use modulo_msgs::cdr;
 use modulo_msgs::image::{ImageError, encode_frame};
 use modulo_msgs::sensor_msgs::Image;
@@ -15,16 +15,16 @@ fn header() -> Header {
 }
 
 fn frames() -> impl Strategy<Value = Frame> {
-    (1..6_usize, 1..6_usize, prop_oneof![Just(1_usize), Just(3)], any::<bool>(), any::<u64>()).prop_map(
-        |(height, width, channels, wide, seed)| {
+    (1..6_usize, 1..6_usize, prop_oneof![Just(1_usize), Just(3)], 0..3, any::<u64>()).prop_map(
+        |(height, width, channels, depth, seed)| {
             let value = |(i, j, c): (usize, usize, usize)| {
                 ((seed >> (c * 8)) as usize).wrapping_add(i * 7919 + j * 31 * 257 + c) as u16
             };
             let dim = (height, width, channels);
-            let frame = if wide {
-                Frame::from_u16(Array3::from_shape_fn(dim, value))
-            } else {
-                Frame::from_u8(Array3::from_shape_fn(dim, |at| value(at) as u8))
+            let frame = match depth {
+                0 => Frame::from_u8(Array3::from_shape_fn(dim, |at| value(at) as u8)),
+                1 => Frame::from_u16(Array3::from_shape_fn(dim, value)),
+                _ => Frame::from_f32(Array3::from_shape_fn(dim, |at| f32::from(value(at)) / -3.0)),
             };
             frame.expect("a frame")
         },
@@ -44,7 +44,9 @@ fn written_as(frame: &Frame) -> &'static [(&'static str, &'static [usize], usize
             ("rgba8", &[0, 1, 2], 4),
             ("bgra8", &[2, 1, 0], 4),
         ],
-        _ => &[("rgb16", &[0, 1, 2], 3), ("bgr16", &[2, 1, 0], 3), ("16UC3", &[2, 1, 0], 3)],
+        (16, _) => &[("rgb16", &[0, 1, 2], 3), ("bgr16", &[2, 1, 0], 3), ("16UC3", &[2, 1, 0], 3)],
+        (_, 1) => &[("32FC1", &[0], 1)],
+        _ => &[("32FC3", &[2, 1, 0], 3)],
     }
 }
 
@@ -59,14 +61,14 @@ fn write(frame: &Frame, which: usize, padding: usize, extra: usize, is_bigendian
         for j in 0..width {
             for c in 0..channels {
                 let at = i * step + (j * samples + places[c]) * bytes;
-                match frame {
-                    Frame::U8(pixels) => data[at] = pixels[[i, j, c]],
-                    Frame::U16(pixels) if is_bigendian == 0 => {
-                        data[at..at + 2].copy_from_slice(&pixels[[i, j, c]].to_le_bytes());
-                    }
-                    Frame::U16(pixels) => {
-                        data[at..at + 2].copy_from_slice(&pixels[[i, j, c]].to_be_bytes());
-                    }
+                let sample = &mut data[at..at + bytes];
+                match frame.samples() {
+                    Samples::U8(pixels) => sample.copy_from_slice(&[pixels[[i, j, c]]]),
+                    Samples::U16(pixels) => sample.copy_from_slice(&pixels[[i, j, c]].to_le_bytes()),
+                    Samples::F32(pixels) => sample.copy_from_slice(&pixels[[i, j, c]].to_le_bytes()),
+                }
+                if is_bigendian != 0 {
+                    sample.reverse();
                 }
             }
         }
@@ -105,10 +107,10 @@ proptest! {
     #[test]
     fn nothing_panics(
         height in 0..4_u32, width in prop_oneof![0..4_u32, Just(u32::MAX)],
-        step in prop_oneof![0..20_u32, Just(u32::MAX)], bytes in 0..60_usize, which in 0..13_usize,
+        step in prop_oneof![0..20_u32, Just(u32::MAX)], bytes in 0..60_usize, which in 0..15_usize,
     ) {
         let encoding = ["rgb8", "bgr8", "mono8", "rgba8", "bgra8", "rgb16", "bgr16", "mono16", "8UC1", "8UC3",
-            "16UC1", "16UC3", "yuv422"][which];
+            "16UC1", "16UC3", "32FC1", "32FC3", "yuv422"][which];
         let data = vec![1; bytes];
         let header = header();
         let image = Image { header, height, width, encoding: encoding.into(), is_bigendian: 1, step, data };
@@ -120,14 +122,26 @@ proptest! {
 }
 
 #[test]
+fn floats_are_written_blue_first_as_opencv_does() {
+    let pixel = |values: Vec<f32>| {
+        let pixels = Array3::from_shape_vec((1, 1, values.len()), values).expect("one pixel");
+        Image::from_frame(header(), &Frame::from_f32(pixels).expect("a frame"))
+    };
+    let (mono, colour) = (pixel(vec![-0.5]), pixel(vec![1.0, 65_536.0, 0.25]));
+    assert_eq!((mono.encoding.as_str(), mono.step, &mono.data[..]), ("32FC1", 4, &[0, 0, 0, 0xbf][..]));
+    let bytes = [0, 0, 0x80, 0x3e, 0, 0, 0x80, 0x47, 0, 0, 0x80, 0x3f];
+    assert_eq!((colour.encoding.as_str(), colour.step, &colour.data[..]), ("32FC3", 12, &bytes[..]));
+}
+
+#[test]
 fn a_packed_image_keeps_its_buffer() {
     for (encoding, width) in [("rgb8", 2), ("mono8", 6)] {
         let data = vec![3; 24];
         let before = data.as_ptr();
         let image =
             Image { height: 4, width, encoding: encoding.into(), step: 6, data, ..Default::default() };
-        let Ok(Frame::U8(pixels)) = image.into_frame() else { panic!("{encoding} is an 8-bit frame") };
-        assert_eq!(pixels.as_ptr(), before, "{encoding}");
+        let frame = image.into_frame().expect("a frame");
+        assert_eq!(frame.as_u8().expect("8 bits").as_ptr(), before, "{encoding}");
     }
 }
 
@@ -154,6 +168,10 @@ fn errors_name_the_numbers() {
     assert_eq!(spoiled(|image| image.data.truncate(19)), ImageError::Short { expected: 20, got: 19 });
     let empty = spoiled(|image| image.width = 0);
     assert_eq!(empty, ImageError::Frame(FrameError::Empty { height: 2, width: 0 }));
+    let data = [1.0, 2.0, 3.0, f32::NAN].iter().flat_map(|sample: &f32| sample.to_le_bytes()).collect();
+    let floats = Image { height: 2, width: 2, encoding: "32FC1".into(), step: 8, data, ..Default::default() };
+    let why = floats.to_frame().expect_err("a depth camera's NaN").to_string();
+    assert!(why.contains("(row 1, column 1, channel 0) is NaN"), "{why}");
 }
 
 /// The best of many, so that a busy machine does not fail it.

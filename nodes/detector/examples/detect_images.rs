@@ -47,7 +47,7 @@ fn detect(detector: &mut Detector, path: &Path) -> Result<(Vec<Value>, Stages), 
     let frame = Frame::from_u8(Array3::from_shape_vec(shape, pixels.into_raw())?)?;
     let message = Message::Image(Arc::new(StampedFrame { header: Header::default(), frame }));
     let clock = SystemClock::default();
-    let mut cx = Context::new(&clock, &[true, false]);
+    let mut cx = Context::new("/detector", &clock, &[true, false]);
     detector.step(Cue::Message { input: 0, message }, &mut cx)?;
     let Yield { messages: sent, stages } = cx.finish();
     let found = match sent.first() {

@@ -14,24 +14,33 @@ const SHOWN: usize = 12;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Classes {
     names: Names,
+    map_file: String,
     map: Option<BTreeMap<String, String>>,
     published: Vec<String>,
     wanted: Vec<String>,
 }
 
 impl Classes {
-    /// `map_file` is a path or "" (no map); `wanted` names the classes to keep
-    /// as they are called after the map, empty = all.
+    /// `map_file` is a path or "" (no map); it is not read again if `last`, the classes
+    /// until now, have read it. `wanted` names the classes to keep as they are called
+    /// after the map, empty = all.
     ///
     /// # Errors
     /// [`Refusal`] of `class_map` or `classes`, with the names that are known.
-    pub fn new(names: &Names, map_file: &str, wanted: &[String]) -> Result<Self, Refusal> {
-        let map = match map_file {
-            "" => None,
-            path => Some(read_map(path, names).map_err(|why| Refusal::new("class_map", path, why))?),
+    pub fn new(
+        names: &Names,
+        map_file: &str,
+        wanted: &[String],
+        last: Option<&Self>,
+    ) -> Result<Self, Refusal> {
+        let map = match (last, map_file) {
+            (_, "") => None,
+            (Some(last), path) if last.map_file == path => last.map.clone(),
+            (_, path) => Some(read_map(path, names).map_err(|why| Refusal::new("class_map", path, why))?),
         };
-        let mut classes = Self { names: names.clone(), map, published: Vec::new(), wanted: Vec::new() };
-        for index in 0..names.all().len() {
+        let (names, map_file) = (names.clone(), map_file.to_owned());
+        let mut classes = Self { names, map_file, map, published: Vec::new(), wanted: Vec::new() };
+        for index in 0..classes.names.all().len() {
             if let Some(name) = classes.publish(index).filter(|name| !classes.published.contains(name)) {
                 classes.published.push(name);
             }
@@ -131,7 +140,7 @@ mod tests {
         file.write_all(map.as_bytes()).expect("written");
         let path = if map.is_empty() { "" } else { file.path().to_str().expect("a path") };
         let wanted: Vec<_> = wanted.iter().map(|name| (*name).to_owned()).collect();
-        Classes::new(&names(), path, &wanted).map_err(|refusal| refusal.to_string())
+        Classes::new(&names(), path, &wanted, None).map_err(|refusal| refusal.to_string())
     }
 
     #[test]
@@ -160,7 +169,8 @@ mod tests {
         }
         assert!(classes("car = car", &[]).expect_err("no colon").contains("line 1"));
         assert!(classes("# nothing", &[]).expect_err("empty").contains("maps no class"));
-        let missing = Classes::new(&names(), "/nowhere/map.yaml", &[]).expect_err("missing").to_string();
+        let missing =
+            Classes::new(&names(), "/nowhere/map.yaml", &[], None).expect_err("missing").to_string();
         assert!(missing.contains("/nowhere/map.yaml"), "{missing}");
     }
 

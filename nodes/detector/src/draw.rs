@@ -30,7 +30,7 @@ const WIDE: usize = 640;
 /// An RGB copy of `frame` with `found` drawn in; `bits` as in [`eight_bit`].
 ///
 /// # Errors
-/// One line when the pixels cannot be read.
+/// As [`eight_bit`].
 pub fn annotated(frame: &Frame, bits: u8, found: &[Detection], classes: &Classes) -> Result<Frame, String> {
     let mut canvas = Canvas::of(frame, bits)?;
     // The best are drawn last, over all others.
@@ -39,7 +39,7 @@ pub fn annotated(frame: &Frame, bits: u8, found: &[Detection], classes: &Classes
         canvas.outline(detection, colour);
         canvas.label(detection, colour);
     }
-    Frame::from_u8(canvas.pixels).map_err(|error| error.to_string())
+    Ok(Frame::from_u8(canvas.pixels).expect("the copy has the frame's size"))
 }
 
 struct Canvas {
@@ -56,8 +56,7 @@ impl Canvas {
         } else {
             samples.into_owned()
         };
-        let pixels =
-            Array3::from_shape_vec((height, width, 3), samples).map_err(|error| error.to_string())?;
+        let pixels = Array3::from_shape_vec((height, width, 3), samples).expect("three samples a pixel");
         Ok(Self { pixels, zoom: if width < WIDE { 1 } else { 2 } })
     }
 
@@ -129,16 +128,15 @@ mod tests {
     use crate::model::Names;
 
     fn classes() -> Classes {
-        Classes::new(&Names::of(Path::new("none"), Some("{0: 'person', 1: 'car'}")), "", &[]).expect("all")
+        Classes::new(&Names::of(Path::new("none"), Some("{0: 'person', 1: 'car'}")), "", &[], None)
+            .expect("all")
     }
 
     fn drawn(shape: (usize, usize, usize), bbox: BBox) -> Array3<u8> {
         let frame = Frame::from_u16(Array3::zeros(shape)).expect("a frame");
         let found = [Detection { bbox, score: 0.5, class: "car".into() }];
-        match annotated(&frame, 0, &found, &classes()).expect("drawn") {
-            Frame::U8(pixels) => pixels,
-            Frame::U16(_) => panic!("8 bits are for people"),
-        }
+        let drawn = annotated(&frame, 0, &found, &classes()).expect("drawn");
+        drawn.as_u8().expect("8 bits are for people").clone()
     }
 
     #[test]

@@ -10,8 +10,8 @@ const STRIDE: usize = 32;
 /// A model that keeps its best 300 cells needs at least as many: 128 x 128 has
 /// 336 on strides 8, 16 and 32.
 const LEAST: usize = 128;
-/// A larger side is a typing error, not a camera.
-const MOST: usize = 8192;
+/// Anybody who can reach the node may set the size: the tensors of a network take several GB beyond this.
+const MOST: usize = 2048;
 
 /// The size of the model's input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,6 +101,7 @@ mod tests {
     #[test]
     fn width_comes_first() {
         assert_eq!(InputSize::parse("640x384", None), Ok(InputSize::Fixed { height: 384, width: 640 }));
+        assert!(InputSize::parse("2048x2048", None).is_ok());
         assert_eq!(InputSize::Fixed { height: 384, width: 640 }.to_string(), "640x384");
         assert_eq!(InputSize::Auto.tensor(375, 1242), (384, 1248));
         assert_eq!(InputSize::Auto.tensor(1, 160), (128, 160));
@@ -108,9 +109,11 @@ mod tests {
 
     #[test]
     fn impossible_sizes_say_what_is_possible() {
-        for bad in ["", "640", "640x", "x640", "640x100", "0x640", "-32x32", "99999968x640", "640x640x3"] {
+        for bad in
+            ["", "640", "640x", "x640", "640x100", "0x640", "-32x32", "640x2080", "99999968x640", "640x640x3"]
+        {
             let why = InputSize::parse(bad, None).expect_err(bad);
-            assert!(why.contains("auto") && why.contains("32"), "{why}");
+            assert!(why.contains("auto") && why.contains("multiples of 32 in 32 to 2048"), "{why}");
         }
     }
 

@@ -48,7 +48,7 @@ impl Detector {
         let threads = cores(parameters.threads);
         let engine::Opened { mut engine, note } =
             engine::open(parameters.model()?, parameters.engine, threads)?;
-        let settings = Settings::new(parameters, engine.layout())?;
+        let settings = Settings::new(parameters, engine.layout(), None)?;
         warm_up(engine.as_mut(), settings.input_size)?;
         tracing::info!("model {} runs on {} ({note})", parameters.model, engine.name());
         Ok(Self {
@@ -137,7 +137,7 @@ impl Node for Detector {
             let asked = format!("{} on {}", parameters.model, parameters.engine);
             return Err(Refusal::new("model, engine, threads", asked, "read-only: set them at the start"));
         }
-        let settings = Settings::new(&parameters, self.engine.layout())?;
+        let settings = Settings::new(&parameters, self.engine.layout(), Some(&self.settings))?;
         if settings.input_size != self.settings.input_size {
             warm_up(self.engine.as_mut(), settings.input_size)
                 .map_err(|error| Refusal::new("input_size", settings.input_size, error.to_string()))?;
@@ -159,13 +159,13 @@ impl Node for Detector {
     }
 
     fn facts(&self) -> Vec<(&'static str, String)> {
-        let file =
-            Path::new(&self.parameters.model).file_name().map(|name| name.to_string_lossy().into_owned());
+        let model = Path::new(&self.parameters.model);
+        let file = model.file_name().unwrap_or(model.as_os_str());
         vec![
             ("engine", self.engine.name().to_owned()),
             ("engine_from", self.note.clone()),
             ("stream", self.settings.input.clone()),
-            ("model", file.unwrap_or_default()),
+            ("model", file.to_string_lossy().into_owned()),
             ("input_size", self.shown_size()),
             ("threads", cores(self.parameters.threads).to_string()),
         ]

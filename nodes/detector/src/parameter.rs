@@ -76,20 +76,24 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// What the parameters mean for a model of this `layout`.
+    /// What the parameters mean for a model of this `layout`; `last` is what ran until now.
     ///
     /// # Errors
     /// [`Refusal`] of the first one that is not possible.
-    pub fn new(parameters: &DetectorParameters, layout: &Layout) -> Result<Self, Refusal> {
+    pub fn new(
+        parameters: &DetectorParameters,
+        layout: &Layout,
+        last: Option<&Self>,
+    ) -> Result<Self, Refusal> {
         parameters.check()?;
-        let size = &parameters.input_size;
+        let (size, classes) = (&parameters.input_size, last.map(|last| &last.classes));
         Ok(Self {
             input: input(&parameters.input)?,
             score_threshold: parameters.score_threshold as f32,
             max_det: parameters.max_det,
             input_size: InputSize::parse(size, layout.size)
                 .map_err(|why| Refusal::new("input_size", size, why))?,
-            classes: Classes::new(&layout.names, &parameters.class_map, &parameters.classes)?,
+            classes: Classes::new(&layout.names, &parameters.class_map, &parameters.classes, classes)?,
             bits: parameters.bits,
         })
     }

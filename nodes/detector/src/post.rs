@@ -50,7 +50,7 @@ mod tests {
         let names = Names::of(Path::new("none"), Some("{0: 'person', 1: 'bicycle', 2: 'car'}"));
         let layout = Layout { input: "images".into(), output: "output0".into(), size: None, names };
         let parameters = DetectorParameters::from_text(changes).expect("possible");
-        Settings::new(&parameters, &layout).expect("readable")
+        Settings::new(&parameters, &layout, None).expect("readable")
     }
 
     fn found(rows: &[[f32; 6]], changes: &[(&str, &str)]) -> Vec<Detection> {

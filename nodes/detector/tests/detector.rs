@@ -50,7 +50,7 @@ fn grey(height: usize, width: usize, level: u8) -> Frame {
 /// All that one step sends and the stages that it books.
 fn step(node: &mut Detector, frame: Frame, wanted: [bool; 2]) -> (Vec<(usize, Message)>, Vec<&'static str>) {
     let clock = ManualClock::at(0);
-    let mut cx = Context::new(&clock, &wanted);
+    let mut cx = Context::new("/detector", &clock, &wanted);
     let message = Message::Image(Arc::new(image(frame)));
     node.step(Cue::Message { input: 0, message }, &mut cx).expect("a step");
     let Yield { messages: sent, stages } = cx.finish();
@@ -150,14 +150,14 @@ fn every_image_is_answered() {
 fn what_is_no_image_is_skipped() {
     let mut node = detector("rows.onnx", &[]);
     let clock = ManualClock::at(0);
-    let broken = image(Frame::U8(Array3::zeros((4, 4, 2))));
+    let broken = image(Frame::from_f32(Array3::zeros((4, 4, 3))).expect("a frame"));
     let array = Message::Detections(Arc::new(Detection2DArray::default()));
     for cue in [
         Cue::Tick,
         Cue::Message { input: 0, message: array },
         Cue::Message { input: 0, message: Message::Image(Arc::new(broken)) },
     ] {
-        let mut cx = Context::new(&clock, &[true, true]);
+        let mut cx = Context::new("/detector", &clock, &[true, true]);
         assert!(matches!(node.step(cue, &mut cx), Err(StepError::Skip(_))));
         assert!(cx.finish().messages.is_empty());
     }
@@ -173,6 +173,24 @@ fn bits_bring_the_sensor_to_the_models_range() {
         let told = classes(&detections(&mut node, dark(level)));
         assert!((told[0].1 - expected / 255.0).abs() < 1e-4, "{bits} bits: {told:?}");
     }
+}
+
+#[test]
+fn a_class_map_is_read_when_it_changes_and_not_again() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("map.yaml");
+    std::fs::write(&file, "person: walker\ncar: auto\n").expect("written");
+    let map = ("class_map", file.to_str().expect("a path"));
+    let mut node = detector("rows.onnx", &[map]);
+    std::fs::remove_file(&file).expect("removed");
+    let mut set = |changes: &[(&str, &str)]| node.configure(&parameters(&data("rows.onnx"), changes));
+    set(&[map, ("score_threshold", "0.5")]).expect("the map is known");
+    set(&[map, ("classes", "auto")]).expect("its names are known");
+    let why = set(&[map, ("classes", "car")]).expect_err("renamed by the map").to_string();
+    assert!(why.contains("walker, auto"), "{why}");
+    set(&[]).expect("no map");
+    let why = set(&[map]).expect_err("the file has gone").to_string();
+    assert!(why.contains("class_map") && why.contains("No such file"), "{why}");
 }
 
 #[test]

@@ -44,7 +44,7 @@ fn kitti(shared: &Path) -> Frame {
 /// Detections and the stages with their time in ms.
 fn look(detector: &mut Detector, frame: &Frame) -> (Vec<Detection>, Vec<(&'static str, f64)>) {
     let clock = SystemClock::default();
-    let mut cx = Context::new(&clock, &[true, true]);
+    let mut cx = Context::new("/detector", &clock, &[true, true]);
     let image = StampedFrame { header: Header::default(), frame: frame.clone() };
     let message = Message::Image(Arc::new(image));
     detector.step(Cue::Message { input: 0, message }, &mut cx).expect("a step");

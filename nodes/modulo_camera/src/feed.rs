@@ -1,9 +1,8 @@
 //! Where the camera's radiance comes from.
 
 use modulo_bags::source::{self, Source, SourceError, SourceFrame, SourceOptions};
-use modulo_core::Frame;
+use modulo_images::White;
 use modulo_runtime::Refusal;
-use ndarray::Array3;
 
 use crate::parameters::CameraParameters;
 
@@ -16,19 +15,25 @@ pub enum Feed {
         /// Whether it starts again at its end.
         repeat: bool,
     },
-    /// Brought by this topic.
-    Topic(String),
+    /// Brought by a topic.
+    Topic {
+        /// Name of the topic.
+        name: String,
+        /// What its float images are scaled by.
+        white: White,
+    },
 }
 
 impl Feed {
     /// Opens what the parameter `source` names.
     pub fn open(parameters: &CameraParameters) -> Result<Self, Refusal> {
-        let spec = &parameters.source;
+        let (spec, white) = (&parameters.source, parameters.white as f32);
         if let Some(name) = spec.strip_prefix("topic:") {
-            return Ok(Self::Topic(name.to_owned()));
+            let white = White::new(white).map_err(|why| Refusal::new("white", white, why.to_string()))?;
+            return Ok(Self::Topic { name: name.to_owned(), white });
         }
         let topic = Some(parameters.source_topic.clone()).filter(|t| !t.is_empty());
-        let options = SourceOptions { white: parameters.white as f32, topic };
+        let options = SourceOptions { white, topic };
         let source =
             source::open(spec, &options).map_err(|why| Refusal::new("source", spec, why.to_string()))?;
         Ok(Self::Frames { source, repeat: parameters.r#loop })
@@ -45,13 +50,4 @@ impl Feed {
             frame => frame.transpose(),
         }
     }
-}
-
-/// Radiance of a running stack's image: the fraction `v / 2^depth` of its
-/// sample range, `H x W x C` in `[0, 1)`.
-pub fn radiance(frame: &Frame) -> Array3<f32> {
-    let scale = 1.0 / f32::from(frame.depth()).exp2();
-    let mut radiance = frame.to_f32();
-    radiance.map_inplace(|v| *v *= scale);
-    radiance
 }

@@ -127,7 +127,7 @@ fn ground_truth(truth: &[GroundTruth], header: &Header) -> Message {
 impl Node for ModuloCamera {
     fn inputs(&self) -> Vec<Topic> {
         match &self.feed {
-            Feed::Topic(name) => vec![Topic::new(name, MessageKind::Image)],
+            Feed::Topic { name, .. } => vec![Topic::new(name, MessageKind::Image)],
             Feed::Frames { .. } => Vec::new(),
         }
     }
@@ -144,7 +144,7 @@ impl Node for ModuloCamera {
 
     fn period(&self) -> Option<Duration> {
         match self.feed {
-            Feed::Topic(_) => None,
+            Feed::Topic { .. } => None,
             Feed::Frames { .. } => Some(self.period),
         }
     }
@@ -166,7 +166,8 @@ impl Node for ModuloCamera {
                 self.publish(&frame, cx)?;
             }
             Cue::Message { message: Message::Image(image), .. } => {
-                let radiance = feed::radiance(&image.frame);
+                let Feed::Topic { white, .. } = &mut self.feed else { return Ok(Flow::Continue) };
+                let radiance = white.radiance(&image.frame);
                 self.sense(&radiance, &image.header, cx).map_err(StepError::Skip)?;
             }
             Cue::Message { .. } => {}

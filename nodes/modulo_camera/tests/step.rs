@@ -28,7 +28,7 @@ fn step(
     wanted: &[bool],
 ) -> Result<(Flow, Vec<(usize, Message)>), StepError> {
     let clock = ManualClock::at(5_000_000_007);
-    let mut cx = Context::new(&clock, wanted);
+    let mut cx = Context::new("/modulo_camera", &clock, wanted);
     let flow = node.step(cue, &mut cx)?;
     let Yield { messages, .. } = cx.finish();
     Ok((flow, messages))
@@ -54,9 +54,7 @@ fn the_streams_follow_equation_one() {
     let mut node = camera(&[("source", &ramp(folder.path())), ("alpha", "2")]);
     let (flow, sent) = step(&mut node, Cue::Tick, &ALL).expect("a frame");
     assert_eq!(flow, Flow::Continue);
-    let (Frame::U8(modulo), Frame::U8(saturated)) = (&frame(&sent, 0).frame, &frame(&sent, 1).frame) else {
-        panic!("8 bits")
-    };
+    let [modulo, saturated] = [0, 1].map(|output| frame(&sent, output).frame.as_u8().expect("8 bits"));
     for j in 0..64 {
         let x = 2 * 4 * j;
         assert_eq!(usize::from(modulo[(0, j, 0)]), x % 256);
@@ -118,9 +116,8 @@ fn a_topic_is_sensed_with_its_header() {
     let cue = Cue::Message { input: 0, message: Message::Image(image) };
     let (_, sent) = step(&mut node, cue, &ALL).expect("a frame");
     assert_eq!(frame(&sent, 0).header, header);
-    let Frame::U8(modulo) = &frame(&sent, 0).frame else { panic!("8 bits") };
     // 2 * 256 * 40000 / 65536 = 312.5
-    assert_eq!(modulo[(0, 0, 0)], 56);
+    assert_eq!(frame(&sent, 0).frame.as_u8().expect("8 bits")[(0, 0, 0)], 56);
 }
 
 #[test]

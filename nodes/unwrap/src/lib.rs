@@ -1,6 +1,6 @@
-//! The `unwrap` node: a modulo image in, the recovered image out, 8 bit for a
-//! detector, sharpened on request, and 16 bit in counts (HDR), exactly
-//! what the sensor saw, for whoever wants the radiance.
+//! The `unwrap` node: a modulo image in, the recovered image out, with 8 bits for a
+//! detector, sharpened on request, and as HDR: the counts that the sensor saw, exact,
+//! as integers of 16 bits where `alpha * 2^bits <= 65536`, else as floats.
 //!
 //! The header of the modulo image is copied. The node never guesses the sensor:
 //! its model is a group of parameters, as in the camera. What it thinks of each frame
@@ -61,8 +61,8 @@ impl UnwrapNode {
     /// [`Refusal`] with the parameter that is not possible.
     pub fn new(parameters: &UnwrapParameters) -> Result<Self, Refusal> {
         Ok(Self {
-            method: parameters.method()?,
             parameters: parameters.clone(),
+            method: parameters.method()?,
             described: SensorHistory::default(),
             sensor: None,
             kept: None,
@@ -130,7 +130,8 @@ impl UnwrapNode {
             .map_err(|why| skip(why.to_string()))?;
         self.tally.count(&self.recovered.report);
         if cx.wanted(DIAGNOSTICS) {
-            let said = recovery::describe(&modulo.header, self.method.name(), &self.recovered.report);
+            let said =
+                recovery::describe(cx.node(), &modulo.header, self.method.name(), &self.recovered.report);
             cx.emit(DIAGNOSTICS, Message::Diagnostics(Arc::new(said)));
         }
         if cx.wanted(RECOVERED) {
@@ -143,7 +144,7 @@ impl UnwrapNode {
             cx.emit(RECOVERED, stamped(&modulo.header, frame));
         }
         if cx.wanted(HDR) {
-            let frame = tone::counts16(&self.recovered.x).map_err(|why| skip(why.to_string()))?;
+            let frame = tone::hdr(&self.recovered.x, *range).map_err(|why| skip(why.to_string()))?;
             cx.emit(HDR, stamped(&modulo.header, frame));
         }
         Ok(())
@@ -168,9 +169,16 @@ impl Node for UnwrapNode {
     }
 
     fn configure(&mut self, parameters: &Parameters) -> Result<(), Refusal> {
-        let parameters = UnwrapParameters::from(parameters);
-        self.method = parameters.method()?;
-        (self.parameters, self.sensor, self.contradiction_told) = (parameters, None, false);
+        let (parameters, last) = (UnwrapParameters::from(parameters), &self.parameters);
+        // A method has threads, and buffers of the size of an image: it stays where nothing of it has changed.
+        if (parameters.method, parameters.options()) != (last.method, last.options()) {
+            self.method = parameters.method()?;
+        }
+        // A change of the sensor is seen at the next frame.
+        if parameters.deblur != last.deblur {
+            self.sensor = None;
+        }
+        (self.parameters, self.contradiction_told) = (parameters, false);
         Ok(())
     }
 

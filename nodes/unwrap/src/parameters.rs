@@ -30,10 +30,9 @@ modulo_runtime::parameters! {
 }
 
 impl UnwrapParameters {
-    /// The unwrapping method with its options.
-    pub(crate) fn method(&self) -> Result<Box<dyn Unwrap>, Refusal> {
-        self.check()?;
-        let options = Options {
+    /// The options of the unwrapping method.
+    pub(crate) fn options(&self) -> Options {
+        Options {
             tau: self.tau,
             threshold_on: self.threshold_on,
             threads: self.threads,
@@ -42,9 +41,14 @@ impl UnwrapParameters {
                 consensus: self.trust_consensus,
                 gradient_tree: self.trust_gradient_tree,
             },
-        };
+        }
+    }
+
+    /// The unwrapping method with its options.
+    pub(crate) fn method(&self) -> Result<Box<dyn Unwrap>, Refusal> {
+        self.check()?;
         // What is left of the errors is the machine's: it may have no more threads to give.
         let refuse = |why: UnwrapError| Refusal::new("threads", self.threads, why.to_string());
-        self.method.build(&options).map_err(refuse)
+        self.method.build(&self.options()).map_err(refuse)
     }
 }

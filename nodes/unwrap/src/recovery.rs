@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 
-use modulo_core::unwrap::{Report, Signal};
+use modulo_core::unwrap::{Report, Signal, Trust};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::Header;
 
@@ -19,7 +19,7 @@ impl Tally {
     /// Counts one frame.
     pub fn count(&mut self, report: &Report) {
         *self.rungs.entry(report.rung).or_default() += 1;
-        self.trusted += u64::from(report.trusted == Some(true));
+        self.trusted += u64::from(report.trust == Trust::Trusted);
     }
 
     /// `("rungs", "lines 58, gradient_tree 2")` and `("trusted", "58 of 60 frames")`; nothing before the first frame.
@@ -33,15 +33,17 @@ impl Tally {
     }
 }
 
-/// One frame's recovery, stamped as its image.
-pub fn describe(header: &Header, method: &str, report: &Report) -> DiagnosticArray {
-    let (level, message) = match report.trusted {
-        Some(true) => (DiagnosticStatus::OK, "trusted"),
-        Some(false) => (DiagnosticStatus::WARN, "not trusted: y departs from what the method assumes"),
-        None => (DiagnosticStatus::OK, "the method makes no claim"),
+/// One frame's recovery, stamped as its image, under the name that ROS gives a status of the fully qualified `node`.
+pub fn describe(node: &str, header: &Header, method: &str, report: &Report) -> DiagnosticArray {
+    let (level, message) = match report.trust {
+        Trust::Trusted => (DiagnosticStatus::OK, "trusted"),
+        Trust::Contradicted => {
+            (DiagnosticStatus::WARN, "not trusted: y departs from what the method assumes")
+        }
+        Trust::Unknown => (DiagnosticStatus::OK, "the method makes no claim"),
     };
     let mut values = vec![("method", method.to_owned()), ("rung", report.rung.to_owned())];
-    if let Some(trusted) = report.trusted {
+    if let Some(trusted) = report.trust.claim() {
         values.push(("trusted", trusted.to_string()));
     }
     if let Some(Signal { residues, steep, consensus, clamped }) = report.signal {
@@ -53,7 +55,7 @@ pub fn describe(header: &Header, method: &str, report: &Report) -> DiagnosticArr
     let values = values.into_iter().map(|(key, value)| KeyValue { key: key.to_owned(), value }).collect();
     let status = DiagnosticStatus {
         level,
-        name: "unwrap: recovery".into(),
+        name: format!("{}: recovery", node.trim_start_matches('/')),
         message: message.into(),
         hardware_id: String::new(),
         values,

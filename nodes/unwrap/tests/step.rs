@@ -38,8 +38,17 @@ fn exposure(bits: u8) -> (Frame, Frame) {
 }
 
 fn step(node: &mut UnwrapNode, frame: Frame, wanted: &[bool]) -> Result<Vec<(usize, Message)>, StepError> {
+    step_as("/unwrap", node, frame, wanted)
+}
+
+fn step_as(
+    name: &str,
+    node: &mut UnwrapNode,
+    frame: Frame,
+    wanted: &[bool],
+) -> Result<Vec<(usize, Message)>, StepError> {
     let clock = ManualClock::at(0);
-    let mut cx = Context::new(&clock, wanted);
+    let mut cx = Context::new(name, &clock, wanted);
     let image = Arc::new(StampedFrame { header: header(), frame });
     let flow = node.step(Cue::Message { input: 0, message: Message::Image(image) }, &mut cx)?;
     assert_eq!(flow, Flow::Continue);
@@ -116,6 +125,33 @@ fn each_frame_is_described_with_its_own_stamp_and_counted() {
 }
 
 #[test]
+fn two_nodes_differ_in_diagnostics() {
+    let (modulo, _) = exposure(8);
+    let mut node = unwrap(&[("alpha", "2")]);
+    for (name, status) in [("/unwrap", "unwrap: recovery"), ("/left/unwrap_b", "left/unwrap_b: recovery")] {
+        let sent = step_as(name, &mut node, modulo.clone(), &[true, false, true]).expect("a good frame");
+        let Message::Diagnostics(said) = &sent[0].1 else { panic!("a description is expected: {sent:?}") };
+        assert_eq!(said.status[0].name, status);
+    }
+}
+
+/// The oracle is the sensor: a range of 18 bits leaves no room in 16.
+#[test]
+fn hdr_has_every_count_of_a_range_beyond_16_bits() {
+    let radiance = Array3::from_shape_fn((24, 40, 3), |(i, j, c)| {
+        0.5 + 0.49 * ((i as f32 / 7.0).sin() * (j as f32 / 9.0 + c as f32).cos())
+    });
+    for (alpha, depth) in [(4.0, 32), (1.0, 16)] {
+        let config = SensorConfig { bits: 16, alpha, psf: Psf::None, read_noise: 0.0, shot_noise: 0.0 };
+        let exposure = Sensor::new(config).expect("a sensor").expose(radiance.view(), 0).expect("an image");
+        let mut node = unwrap(&[("bits", "16"), ("alpha", &alpha.to_string())]);
+        let sent = step(&mut node, exposure.modulo(), &[false, true]).expect("a good frame");
+        let hdr = &image(&sent[0].1).frame;
+        assert_eq!((hdr.depth(), hdr.to_f32()), (depth, exposure.x().mapv(f32::floor)), "alpha {alpha}");
+    }
+}
+
+#[test]
 fn what_only_one_method_reads_is_checked_for_all() {
     for (name, value) in
         [("threads", "0"), ("trust_lines", "-0.1"), ("trust_consensus", "1.5"), ("tau", "-1")]
@@ -166,7 +202,7 @@ fn each_frame_is_unwrapped_with_the_sensor_that_made_it() {
     let mut node = UnwrapNode::new(&UnwrapParameters::default()).expect("a node");
     let clock = ManualClock::at(0);
     let mut feed = |input, message| {
-        let mut cx = Context::new(&clock, &[true, false, false]);
+        let mut cx = Context::new("/unwrap", &clock, &[true, false, false]);
         let flow = node.step(Cue::Message { input, message }, &mut cx);
         (flow, cx.finish().messages)
     };

@@ -118,8 +118,8 @@ impl<'a> Lockstep<'a> {
         let wanted: Vec<bool> =
             self.members[index].outputs.iter().map(|a| self.is_wanted(&a.topic)).collect();
         let clock = StepClock { now: ManualClock::at(now_ns), timer: self.timer };
-        let mut cx = Context::new(&clock, &wanted);
         let member = &mut self.members[index];
+        let mut cx = Context::new(&member.report.node, &clock, &wanted);
         let result = member.node.step(cue, &mut cx);
         let Yield { messages, stages } = cx.finish();
         for (stage, duration) in stages {

@@ -87,7 +87,7 @@ impl Place {
     /// In `[0, 1)`; a float image reaches the peak with its own brightest value.
     fn radiance(&self) -> Result<Array3<f32>, StudyError> {
         match self {
-            Self::File(path) => Ok(White::new(0.0)?.radiance(read_image(path)?)),
+            Self::File(path) => Ok(White::new(0.0)?.radiance(&read_image(path)?)),
             Self::Scene(scene, frame) => Ok(scene.render(*frame, HEIGHT, WIDTH).radiance),
         }
     }

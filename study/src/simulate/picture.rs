@@ -22,8 +22,7 @@ pub struct Picture<'a> {
 impl Picture<'_> {
     /// Radiance in `[0, 1)`, H x W x C.
     pub fn read(&self) -> Result<Array3<f32>, StudyError> {
-        let pixels = read_image(self.file)?;
-        Ok(White::new(self.request.white)?.radiance(pixels))
+        Ok(White::new(self.request.white)?.radiance(&read_image(self.file)?))
     }
 
     /// All streams at one alpha, and a row for each method.
@@ -58,7 +57,7 @@ impl Picture<'_> {
             ssim: ssim(&picture, &ideal)?,
             exact_k: exact_share(&recovered.k, &exposure.wraps())?,
             rung: recovered.report.rung.to_owned(),
-            trusted: recovered.report.trusted,
+            trusted: recovered.report.trust.claim(),
             ms,
         })
     }

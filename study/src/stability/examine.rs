@@ -31,7 +31,7 @@ pub fn examine(case: &Case, album: &Album) -> Result<SceneRow, StudyError> {
             up_to_offset: score.up_to_offset,
             psnr_db: score.psnr,
             rung: report.rung,
-            trusted: report.trusted,
+            trusted: report.trust.claim(),
             signal: report.signal.map(SignalRow::from),
             verdict,
             picture: sheet.as_ref().map(|sheet| sheet.add(method, &x)).transpose()?,

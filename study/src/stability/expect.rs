@@ -2,6 +2,8 @@
 //!
 //! Expectations are lower bounds: a method that gets better never breaks one, one that gets worse does.
 
+use modulo_core::unwrap::Trust;
+
 use super::measure::Score;
 use super::report::Verdict;
 
@@ -73,7 +75,7 @@ impl Expect {
 
 /// The rule on trust: whoever vouches for k is right, unless nobody can know better.
 pub fn judge_trust(score: &Score, evidence: Evidence) -> Verdict {
-    let vouched = score.report.trusted == Some(true);
+    let vouched = score.report.trust == Trust::Trusted;
     if vouched && score.exact < RECOVERED && evidence == Evidence::Present {
         return Verdict::Broken(format!("vouches for k, of which {} is exact", percent(score.exact)));
     }
@@ -92,31 +94,32 @@ mod tests {
 
     use super::*;
 
-    fn score(exact: f64, up_to_offset: f64, trusted: Option<bool>) -> Score {
-        Score { exact, up_to_offset, psnr: None, report: Report { trusted, ..Report::default() } }
+    fn score(exact: f64, up_to_offset: f64, trust: Trust) -> Score {
+        Score { exact, up_to_offset, psnr: None, report: Report { trust, ..Report::default() } }
     }
 
     #[test]
     fn worse_is_broken_and_better_is_said() {
-        let worse =
-            |expect: Expect, exact| matches!(expect.judge(&score(exact, exact, None)), Verdict::Broken(_));
+        let worse = |expect: Expect, exact| {
+            matches!(expect.judge(&score(exact, exact, Trust::Unknown)), Verdict::Broken(_))
+        };
         assert!(worse(Expect::Exact, 0.99999) && !worse(Expect::Exact, 1.0));
         assert!(worse(Expect::AtLeast(0.9), 0.89) && !worse(Expect::AtLeast(0.9), 0.9));
         assert!(worse(Expect::Fails(0.5, ""), 0.49) && !worse(Expect::Fails(0.5, ""), 0.5));
-        assert_eq!(Expect::Fails(0.5, "").judge(&score(0.9991, 1.0, None)), Verdict::Better);
-        assert_eq!(Expect::UpToOffset.judge(&score(0.0, 1.0, None)), Verdict::Held);
-        assert_eq!(Expect::UpToOffset.judge(&score(1.0, 1.0, None)), Verdict::Better);
+        assert_eq!(Expect::Fails(0.5, "").judge(&score(0.9991, 1.0, Trust::Unknown)), Verdict::Better);
+        assert_eq!(Expect::UpToOffset.judge(&score(0.0, 1.0, Trust::Unknown)), Verdict::Held);
+        assert_eq!(Expect::UpToOffset.judge(&score(1.0, 1.0, Trust::Unknown)), Verdict::Better);
         assert!(worse(Expect::UpToOffset, 0.9));
     }
 
     #[test]
     fn only_absent_evidence_excuses_false_trust() {
-        let wrong = score(0.99, 1.0, Some(true));
+        let wrong = score(0.99, 1.0, Trust::Trusted);
         assert!(matches!(judge_trust(&wrong, Evidence::Present), Verdict::Broken(_)));
         assert_eq!(judge_trust(&wrong, Evidence::Absent("flat")), Verdict::Held);
-        assert_eq!(judge_trust(&score(0.99, 1.0, Some(false)), Evidence::Present), Verdict::Held);
-        assert_eq!(judge_trust(&score(0.99, 1.0, None), Evidence::Present), Verdict::Held);
-        assert_eq!(judge_trust(&score(1.0, 1.0, Some(true)), Evidence::Present), Verdict::Held);
+        assert_eq!(judge_trust(&score(0.99, 1.0, Trust::Contradicted), Evidence::Present), Verdict::Held);
+        assert_eq!(judge_trust(&score(0.99, 1.0, Trust::Unknown), Evidence::Present), Verdict::Held);
+        assert_eq!(judge_trust(&score(1.0, 1.0, Trust::Trusted), Evidence::Present), Verdict::Held);
     }
 
     #[test]

@@ -159,7 +159,7 @@ impl<W: Word> Levels<'_, W> {
     ) where
         S: Copy + Into<u16>,
     {
-        let (Some(x), Some(counts)) = (out.x.as_slice_mut(), out.k.as_slice_mut()) else { return };
+        let (x, counts) = out.buffers();
         let (bits, most) = (range.bits(), W::low(range.most_wraps().into()));
         let length = self.layout.samples();
         // Half a turn stands for k = 0.

@@ -38,7 +38,7 @@ use rows::Rows;
 use sums::Sums;
 
 use super::wrapped::Word;
-use super::{Range, Recovered, Signal, Unwrap, UnwrapError, check_frame};
+use super::{Integers, Range, Recovered, Signal, Unwrap, UnwrapError};
 use crate::frame::Frame;
 use crate::simd::widest;
 
@@ -58,24 +58,21 @@ impl Unwrap for Lines {
     }
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        check_frame(y, range)?;
+        let codes = Integers::checked(y, range)?;
         out.prepare(y.dim(), self.name());
         let (height, width, channels) = y.dim();
         let layout = Layout { height, width, channels };
-        match y {
-            Frame::U8(pixels) => {
-                let pixels = pixels.as_standard_layout();
-                let samples = Samples::new(pixels.as_slice().unwrap_or_default(), layout, range);
+        match codes {
+            Integers::U8(codes) => {
+                let samples = Samples::new(codes, layout, range);
                 if range.bits() <= 8 && range.most_wraps() <= NARROW {
                     self.bytes.unwrap(&samples, layout, range, out);
                 } else {
                     self.words.unwrap(&samples, layout, range, out);
                 }
             }
-            Frame::U16(pixels) => {
-                let pixels = pixels.as_standard_layout();
-                let samples = Samples::new(pixels.as_slice().unwrap_or_default(), layout, range);
-                self.words.unwrap(&samples, layout, range, out);
+            Integers::U16(codes) => {
+                self.words.unwrap(&Samples::new(codes, layout, range), layout, range, out)
             }
         }
         Ok(())

@@ -18,6 +18,15 @@ use super::segments::{Segment, each_contact, each_set};
 /// The node of all that is sea; no region of the others knows of it unless it is joined.
 pub(in crate::unwrap) const SEA: u32 = 0;
 
+/// The edges of a ground, by pixel, to the right neighbour and to the one below.
+#[derive(Clone, Copy)]
+pub(in crate::unwrap) struct Edges<'a> {
+    /// How much changes to the neighbour.
+    pub keys: [&'a [u16]; 2],
+    /// 1 where the edge is not flat or the count changes, else 0. To the right it is 1 at the shore and 0 in the sea.
+    pub breaks: [&'a [u8]; 2],
+}
+
 /// What a forest grows over: values that are known but for whole peaks.
 pub(in crate::unwrap) trait Ground {
     /// Columns of the image; pixel p's lower neighbour is p + width.
@@ -26,19 +35,28 @@ pub(in crate::unwrap) trait Ground {
     fn extent(&self) -> (usize, usize);
     /// Edges up to this key are flat.
     fn flat(&self) -> u16;
-    /// By pixel, 1 where the edge to the neighbour is not flat or the count changes, else 0. To the right it is 1 at
-    /// the shore and 0 in the sea.
-    fn breaks(&self, to: Direction) -> &[u8];
+    /// Its edges.
+    fn edges(&self) -> &Edges<'_>;
     /// By pixel, 0 in the sea, which has count 0; `None`: there is no sea.
     fn land(&self) -> Option<&[u8]>;
     /// The key at which a pixel on land is tied to the sea.
     fn tie(&self, at: usize) -> u16;
     /// Which counts the pixels may have if they have one: the first of `pixels` for which there is one.
     fn interval(&self, pixels: Range<usize>) -> Region;
-    /// How much changes to the neighbour.
-    fn key(&self, to: Direction, at: usize) -> u16;
     /// By how much the count changes to the neighbour.
     fn step(&self, to: Direction, at: usize) -> Quad;
+
+    /// [`Edges::breaks`] to the neighbours in one direction.
+    #[inline(always)]
+    fn breaks(&self, to: Direction) -> &[u8] {
+        self.edges().breaks[to as usize]
+    }
+
+    /// [`Edges::keys`] of one edge.
+    #[inline(always)]
+    fn key(&self, to: Direction, at: usize) -> u16 {
+        self.edges().keys[to as usize][at]
+    }
 }
 
 /// The regions, and which pixels are in them.

@@ -2,16 +2,13 @@
 
 use std::ops::Range;
 
-use ndarray::ArrayView3;
-
-use super::forest::{Forest, Ground};
+use super::forest::{Edges, Forest, Ground};
 use super::keys::MOST;
 use super::pixels::{Bounds, Direction, Pixels, Quad, add, turns};
 use super::regions::Region;
 use super::segments::Segment;
-use crate::frame::Frame;
 use crate::simd::widest;
-use crate::unwrap::{Range as RangeOfX, Recovered, congruence};
+use crate::unwrap::{Integers, Range as RangeOfX, Recovered, Trust, congruence};
 
 /// Keys up to this, 56 of 256 codes, are as good as flat.
 pub(in crate::unwrap) const FLAT: u16 = 56 << 6;
@@ -20,13 +17,11 @@ pub(in crate::unwrap) const FLAT: u16 = 56 << 6;
 pub(in crate::unwrap) struct Image<'a> {
     pub pixels: &'a Pixels,
     pub bounds: Bounds,
-    /// By pixel, to the right and down, of [`first`](super::first) with [`FLAT`].
-    pub keys: [&'a [u16]; 2],
-    /// Like `keys`, and 1 where n is not 0.
-    pub breaks: [&'a [u8]; 2],
-    /// Like `keys`, or empty where all are 0.
+    /// Of [`first`](super::first) with [`FLAT`]; broken also where n is not 0.
+    pub edges: Edges<'a>,
+    /// By pixel, to the right and down, or empty where all are 0.
     pub n: [&'a [Quad]; 2],
-    /// Like `keys`: the pixels at which n may be other than 0, in their order.
+    /// To the right and down: the pixels at which n may be other than 0, in their order.
     pub changed: [&'a [u32]; 2],
 }
 
@@ -47,8 +42,8 @@ impl Ground for Image<'_> {
     }
 
     #[inline(always)]
-    fn breaks(&self, to: Direction) -> &[u8] {
-        self.breaks[to as usize]
+    fn edges(&self) -> &Edges<'_> {
+        &self.edges
     }
 
     #[inline(always)]
@@ -73,11 +68,6 @@ impl Ground for Image<'_> {
                 None => ([0; 4], self.bounds.highest(code)),
             }
         })
-    }
-
-    #[inline(always)]
-    fn key(&self, to: Direction, at: usize) -> u16 {
-        self.keys[to as usize][at]
     }
 
     #[inline(always)]
@@ -107,7 +97,7 @@ impl Image<'_> {
 
 /// Writes `out`: the largest region at the offset that keeps it in range, others at their least. A result
 /// of which some had to be clamped contradicts itself: it is not to be trusted.
-pub(in crate::unwrap) fn place(forest: &mut Forest, y: &Frame, range: RangeOfX, out: &mut Recovered) {
+pub(in crate::unwrap) fn place(forest: &mut Forest, y: Integers<'_>, range: RangeOfX, out: &mut Recovered) {
     let outside = match out.k.dim().2 {
         1 => write_counts::<1>(forest, range, out),
         _ => write_counts::<3>(forest, range, out),
@@ -116,13 +106,13 @@ pub(in crate::unwrap) fn place(forest: &mut Forest, y: &Frame, range: RangeOfX, 
 }
 
 /// What is left to do when `out` has its counts, of which so many left the range.
-pub(super) fn finish(outside: usize, y: &Frame, range: RangeOfX, out: &mut Recovered) {
+pub(super) fn finish(outside: usize, y: Integers<'_>, range: RangeOfX, out: &mut Recovered) {
     if outside > 0 {
-        out.report.trusted = Some(false);
+        out.report.trust = Trust::Contradicted;
     }
     match y {
-        Frame::U8(y) => write_radiance(y.view(), range, out),
-        Frame::U16(y) => write_radiance(y.view(), range, out),
+        Integers::U8(y) => write_radiance(y, range, out),
+        Integers::U16(y) => write_radiance(y, range, out),
     }
 }
 
@@ -132,9 +122,8 @@ fn write_counts<const CHANNELS: usize>(forest: &mut Forest, range: RangeOfX, out
     let most = i16::from(range.most_wraps());
     let level = level(forest, main, most);
     let regions = &forest.regions;
-    let Some(counts) = out.k.as_slice_mut() else { return 0 };
     let mut outside = 0;
-    let (counts, _) = counts.as_chunks_mut::<CHANNELS>();
+    let (counts, _) = out.buffers().1.as_chunks_mut::<CHANNELS>();
     for segment in &forest.segments {
         let root = regions.root(segment.node);
         let base = if root == main { level } else { regions.region(root).low };
@@ -145,12 +134,11 @@ fn write_counts<const CHANNELS: usize>(forest: &mut Forest, range: RangeOfX, out
     outside
 }
 
-fn write_radiance<T: Copy + Into<f32>>(y: ArrayView3<'_, T>, range: RangeOfX, out: &mut Recovered) {
-    let y = y.as_standard_layout();
-    let (Some(y), Some(x), Some(k)) = (y.as_slice(), out.x.as_slice_mut(), out.k.as_slice()) else { return };
+fn write_radiance<T: Copy + Into<f32>>(y: &[T], range: RangeOfX, out: &mut Recovered) {
+    let (x, k) = out.buffers();
     let peak = range.peak();
     widest(|| {
-        for ((x, y), k) in x.iter_mut().zip(y).zip(k) {
+        for ((x, y), k) in x.iter_mut().zip(y).zip(&*k) {
             *x = (*y).into() + f32::from(*k) * peak;
         }
     });

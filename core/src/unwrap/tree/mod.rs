@@ -26,7 +26,7 @@ mod regions;
 mod segments;
 mod sums;
 
-pub(super) use forest::{Forest, Ground, SEA};
+pub(super) use forest::{Edges, Forest, Ground, SEA};
 use image::place;
 pub(super) use image::{FLAT, Image};
 pub(super) use keys::{MOST, first, of_difference, second};
@@ -34,7 +34,7 @@ pub(super) use pixels::{Bounds, Direction, Pixels, Quad, subtract, turns};
 pub(super) use regions::Region;
 pub(super) use sums::Sums;
 
-use super::{Range, Recovered, Unwrap, UnwrapError, check_frame};
+use super::{Integers, Range, Recovered, Unwrap, UnwrapError};
 use crate::frame::Frame;
 
 /// The method with its buffers.
@@ -52,7 +52,7 @@ pub(super) fn recover(
     image: &Image<'_>,
     sums: &mut Sums,
     forest: &mut Forest,
-    y: &Frame,
+    y: Integers<'_>,
     range: Range,
     out: &mut Recovered,
 ) {
@@ -71,10 +71,10 @@ impl Unwrap for Tree {
     }
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        check_frame(y, range)?;
+        let samples = Integers::checked(y, range)?;
         out.prepare(y.dim(), self.name());
         let bounds = Bounds::new(range);
-        self.pixels.read(y, range, bounds);
+        self.pixels.read(samples, (y.width(), y.channels()), range, bounds);
         let Self { pixels, keys, breaks, forest, sums } = self;
         for ((keys, breaks), stride) in keys.iter_mut().zip(&mut *breaks).zip([1, y.width()]) {
             first(pixels.planes(), stride, FLAT, keys, breaks);
@@ -83,12 +83,11 @@ impl Unwrap for Tree {
         let image = Image {
             pixels,
             bounds,
-            keys: [right, down],
-            breaks: [right_breaks, down_breaks],
+            edges: Edges { keys: [right, down], breaks: [right_breaks, down_breaks] },
             n: [&[], &[]],
             changed: [&[], &[]],
         };
-        recover(&image, sums, forest, y, range, out);
+        recover(&image, sums, forest, samples, range, out);
         Ok(())
     }
 }

@@ -1,11 +1,8 @@
 //! Codes of an image, once as planes for what is done in wide vectors and once by
 //! pixel for what jumps about; and how often each pixel may have wrapped.
 
-use ndarray::ArrayView3;
-
-use crate::frame::Frame;
 use crate::simd::widest;
-use crate::unwrap::{Range, wrapped};
+use crate::unwrap::{Integers, Range, wrapped};
 
 /// One number for each of red, green, blue, and a fourth that is always the same, so that a machine's
 /// word holds all.
@@ -40,14 +37,14 @@ pub(in crate::unwrap) struct Pixels {
 }
 
 impl Pixels {
-    /// Takes the pixels of `y`, of which [`check_frame`](crate::unwrap::check_frame) approved.
-    pub fn read(&mut self, y: &Frame, range: Range, bounds: Bounds) {
-        self.width = y.width();
-        self.has_colours = y.channels() == 3;
+    /// Takes the pixels of an image of so many columns and channels; all samples are below 2^b.
+    pub fn read(&mut self, y: Integers<'_>, (width, channels): (usize, usize), range: Range, bounds: Bounds) {
+        self.width = width;
+        self.has_colours = channels == 3;
         let shift = 16 - range.bits();
         match y {
-            Frame::U8(pixels) => self.take(pixels.view(), shift),
-            Frame::U16(pixels) => self.take(pixels.view(), shift),
+            Integers::U8(samples) => self.take(samples, channels, shift),
+            Integers::U16(samples) => self.take(samples, channels, shift),
         }
         let count = self.count();
         self.limited.resize(count, 0);
@@ -56,10 +53,7 @@ impl Pixels {
         widest(|| (0..count).for_each(|i| limited[i] = bounds.limits([r[i], g[i], b[i]])));
     }
 
-    fn take<T: Copy + Into<u16>>(&mut self, y: ArrayView3<'_, T>, shift: u8) {
-        let channels = y.dim().2;
-        let y = y.as_standard_layout();
-        let samples = y.as_slice().unwrap_or_default();
+    fn take<T: Copy + Into<u16>>(&mut self, samples: &[T], channels: usize, shift: u8) {
         let count = samples.len() / channels;
         self.planes.iter_mut().for_each(|plane| plane.resize(count, 0));
         self.quads.resize(count, [0; 4]);

@@ -10,10 +10,9 @@ use super::image::{Image, finish};
 use super::pixels::{Direction, Quad};
 use super::regions::Region;
 use super::segments::each_set;
-use crate::frame::Frame;
 use crate::simd::widest;
 use crate::unwrap::wrapped::turn;
-use crate::unwrap::{Range, Recovered, congruence};
+use crate::unwrap::{Integers, Range, Recovered, congruence};
 
 /// Counts of that many pixels at once fit in 16 bits.
 const COUNTABLE: usize = 1 << 15;
@@ -57,7 +56,7 @@ impl Sums {
         let stride = image.pixels.stride(to);
         for (channel, steps) in self.steps.iter_mut().enumerate() {
             let codes = &image.pixels.planes()[channel][start..];
-            let ahead = codes.get(stride..).unwrap_or_default();
+            let ahead = &codes[stride..];
             widest(
                 #[inline(always)]
                 || {
@@ -134,7 +133,7 @@ impl Sums {
     }
 
     /// Writes `out`, as [`place`](super::place) does.
-    pub fn place(&mut self, y: &Frame, range: Range, out: &mut Recovered) {
+    pub fn place(&mut self, y: Integers<'_>, range: Range, out: &mut Recovered) {
         let mut outside = 0;
         let zero: [i16; 3] = std::array::from_fn(|channel| {
             let (low, _) = extent(&self.k[channel]);
@@ -143,13 +142,14 @@ impl Sums {
             outside += self.levels[..index].iter().sum::<usize>();
             low + index as i16
         });
-        let Some(counts) = out.k.as_slice_mut() else { return };
+        let channels = out.k.dim().2;
+        let counts = out.buffers().1;
         let most = i16::from(range.most_wraps());
         let count = |k: i16, zero: i16| k.wrapping_sub(zero).max(0).min(most) as u8;
         let [r, g, b] = &self.k;
         widest(
             #[inline(always)]
-            || match y.channels() {
+            || match channels {
                 1 => counts.iter_mut().zip(r).for_each(|(out, &k)| *out = count(k, zero[0])),
                 _ => {
                     let planes = r.iter().zip(g).zip(b);
@@ -199,13 +199,15 @@ mod tests {
     use ndarray::Array3;
     use proptest::prelude::*;
 
-    use super::super::{Bounds, FLAT, Forest, Pixels, first, place};
+    use super::super::{Bounds, Edges, FLAT, Forest, Pixels, first, place};
     use super::*;
+    use crate::frame::Frame;
 
     /// What the sums and what a tree make of `y`; `None` where the sums do not agree.
     fn both(y: &Frame, range: Range) -> (Option<Recovered>, Recovered) {
         let (mut pixels, bounds) = (Pixels::default(), Bounds::new(range));
-        pixels.read(y, range, bounds);
+        let samples = Integers::checked(y, range).unwrap();
+        pixels.read(samples, (y.width(), y.channels()), range, bounds);
         let [right, down] = [1, y.width()].map(|stride| {
             let (mut keys, mut breaks) = (Vec::new(), Vec::new());
             first(pixels.planes(), stride, FLAT, &mut keys, &mut breaks);
@@ -214,8 +216,7 @@ mod tests {
         let image = Image {
             pixels: &pixels,
             bounds,
-            keys: [&right.0, &down.0],
-            breaks: [&right.1, &down.1],
+            edges: Edges { keys: [&right.0, &down.0], breaks: [&right.1, &down.1] },
             n: [&[], &[]],
             changed: [&[], &[]],
         };
@@ -225,10 +226,10 @@ mod tests {
         grown.prepare(y.dim(), "tree");
         let agree = sums.agree(&image);
         if agree {
-            sums.place(y, range, &mut summed);
+            sums.place(samples, range, &mut summed);
         }
         forest.grow(&image);
-        place(&mut forest, y, range, &mut grown);
+        place(&mut forest, samples, range, &mut grown);
         (agree.then_some(summed), grown)
     }
 

@@ -394,7 +394,7 @@ impl Live<'_> {
     /// Runs one step; returns the messages that it left. `topic` is named when the step skips its input.
     fn step(&mut self, cue: Cue, topic: &str) -> Result<(Flow, Vec<(usize, Message)>), RunError> {
         let wanted: Vec<bool> = self.outlets.iter().map(|(_, outlet)| outlet.wanted()).collect();
-        let mut cx = Context::new(&self.time, &wanted);
+        let mut cx = Context::new(&self.report.node, &self.time, &wanted);
         let result = self.node.step(cue, &mut cx);
         let Yield { messages, stages } = cx.finish();
         for (stage, duration) in stages {
