@@ -18,7 +18,7 @@ use crate::FileError;
 const FLUSH_EVERY: u64 = 1_000_000_000;
 /// Bytes of messages between two flushes. The system takes much more at once, but then one flush of it keeps a recorder
 /// on a slow disk busy for many seconds, in which it does not end.
-const FLUSH_BYTES: u64 = 8 << 20;
+const FLUSH_BYTES: u64 = 4 << 20;
 
 /// How chunks are compressed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -136,9 +136,9 @@ impl BagWriter {
         Ok(())
     }
 
-    /// Flushes when the last flush was a second before `now`, ns since the epoch,
-    /// or 8 MiB of messages ago. A recorder calls this after each message and in pauses; a copy, which can
-    /// be made again after a crash, has no need of it.
+    /// Flushes when the last flush was a second before `now`, ns since the epoch, or
+    /// 4 MiB of messages ago. A recorder calls this after each message and in pauses;
+    /// a copy, which can be made again after a crash, has no need of it.
     ///
     /// # Errors
     /// [`BagError`] when the disk does not take it.
