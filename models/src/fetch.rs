@@ -1,262 +1,163 @@
-//! [`fetch`]: one file over HTTP, resumed where it broke off, kept only when
-//! its sha256 is right. Never overwrites a file that is something else.
+//! [`fetch`]: downloads one file over HTTP and keeps it only if its sha256 is the expected one.
 
-use std::io::{self, Read};
+use std::fs::{File, Permissions};
+use std::io::{self, Read, Write};
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use ureq::http::{Response, Uri, header};
-use ureq::{Agent, Body};
+use sha2::{Digest, Sha256};
+use tempfile::NamedTempFile;
+use ureq::Agent;
+use ureq::http::Uri;
 
-use crate::part::{Part, sha256_of};
-
-/// Largest file that is fetched, bytes.
+/// Largest file that is fetched when the request does not state a length, bytes.
 pub const LIMIT: u64 = 512 << 20;
 const CONNECT: Duration = Duration::from_secs(10);
-/// A large file on a slow line may take hours, but not without a byte for this long.
+/// A large file on a slow line may take hours, but some byte must arrive within this time.
 const STALL: Duration = Duration::from_secs(30);
 
 /// What to fetch.
 #[derive(Clone, Debug)]
 pub struct Request<'a> {
-    /// `http://` or `https://`.
+    /// Address, `http://HOST/...` or `https://HOST/...`.
     pub url: &'a str,
-    /// Where it goes; its folder is made.
+    /// Path of the file to write; its folder is created.
     pub file: &'a Path,
-    /// 64 hex digits.
+    /// Expected sha256, 64 hex digits.
     pub sha256: &'a str,
-    /// Length, where known: a server that announces another is not listened to.
+    /// Expected length in bytes, if it is known.
     pub bytes: Option<u64>,
 }
 
 /// How the file came to be there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fetched {
-    /// It was downloaded, or the rest of it.
+    /// It was downloaded.
     Downloaded,
-    /// It was there, with the right sha256.
+    /// It existed already, with the expected sha256.
     AlreadyThere,
 }
 
-/// Why there is no file.
+/// Why the file could not be fetched.
 #[derive(Debug, thiserror::Error)]
 pub enum FetchError {
-    /// The URL is none.
-    #[error("url '{url}': must be http://HOST/... or https://HOST/...")]
-    Url {
-        /// As given.
-        url: String,
-    },
-    /// The sha256 is none.
+    /// This is not the URL of a file on an HTTP server.
+    #[error("url '{0}': must be http://HOST/... or https://HOST/...")]
+    Url(String),
+    /// This is not a sha256.
     #[error("sha256 '{0}': must be 64 hex digits")]
     Sha256(String),
-    /// No answer.
+    /// The server of a URL, which would fill a file, could not be reached.
     #[error(
-        "cannot reach {host}: {why}; download {url} on another machine and copy it to {}, \
-         or set a mirror with --url",
-        file.display()
+        "cannot reach {0}: {2}; download it on another machine and copy it to {file}, or set a mirror with --url",
+        file = .1.display()
     )]
-    Offline {
-        /// The host asked.
-        host: String,
-        /// What failed.
-        why: String,
-        /// The URL.
-        url: String,
-        /// Where it should lie.
-        file: PathBuf,
-    },
-    /// An answer, but no file.
-    #[error("{url}: the server answered {status}, needed is 200; set another address with --url")]
-    Status {
-        /// The URL.
-        url: String,
-        /// The HTTP status.
-        status: u16,
-    },
-    /// The connection ended before the file did.
-    #[error("{url}: broken off after {got} bytes: {why}; the same command goes on from there")]
-    Cut {
-        /// The URL.
-        url: String,
-        /// Bytes that are there now.
-        got: u64,
-        /// What failed.
-        why: String,
-    },
-    /// Longer or shorter than it may be.
-    #[error("{url}: has {got} bytes, allowed is {allowed}")]
-    Size {
-        /// The URL.
-        url: String,
-        /// Bytes announced, or received so far.
-        got: u64,
-        /// In words.
-        allowed: String,
-    },
-    /// All bytes came, but not the right ones.
-    #[error("{url}: sha256 is {got}, expected is {expected}; what was downloaded is removed")]
-    Wrong {
-        /// The URL.
-        url: String,
-        /// Of the bytes that came.
-        got: String,
-        /// As asked.
-        expected: String,
-    },
-    /// There is another file at the place.
+    Offline(String, PathBuf, ureq::Error),
+    /// The server of a URL answered with a status other than 200.
+    #[error("{0}: the server answered {1}, needed is 200; set another address with --url")]
+    Status(String, u16),
+    /// The download of a URL ended after so many bytes.
+    #[error("{0}: the connection broke after {1} bytes: {2}; run the command again")]
+    Cut(String, u64, String),
+    /// The file at a URL has so many bytes, but must have the length in words.
+    #[error("{0}: has {1} bytes, allowed is {2}")]
+    Size(String, u64, String),
+    /// The file at a URL has this sha256, but must have that one.
+    #[error("{0}: sha256 is {1}, expected is {2}; the downloaded file was removed")]
+    Wrong(String, String, String),
+    /// A file exists already with this sha256, but must have that one.
     #[error(
-        "{}: is there already with sha256 {got}, expected is {expected}; move it away or choose another folder",
-        file.display()
+        "{file}: exists already with sha256 {1}, expected is {2}; move it away or choose another folder",
+        file = .0.display()
     )]
-    Occupied {
-        /// The file.
-        file: PathBuf,
-        /// Of the file.
-        got: String,
-        /// As asked.
-        expected: String,
-    },
-    /// The disk said no.
-    #[error("{}: {why}", file.display())]
-    File {
-        /// The file.
-        file: PathBuf,
-        /// What the system said.
-        why: io::Error,
-    },
+    Occupied(PathBuf, String, String),
+    /// A file could not be read or written.
+    #[error("{file}: {1}", file = .0.display())]
+    File(PathBuf, io::Error),
 }
 
-/// Fetches a file, or finds it there. `progress` is told the bytes that are
-/// there and, where the server says so, the bytes of the whole.
+/// Downloads a file, or finds that it exists already. `progress` is called with the bytes received so far
+/// and, if it is known, the length of the file.
 ///
-/// A download that breaks off leaves `<file>.part`; the next call goes on from
-/// it with a `Range` request where the server can.
+/// The download goes to a temporary file beside the target, which it replaces in one step when it is complete and
+/// its sha256 is right. An existing file is never overwritten.
 ///
 /// # Errors
-/// [`FetchError`]. The file is then not there; a part of it may be.
+/// [`FetchError`]. Then nothing was written.
 pub fn fetch(request: &Request<'_>, progress: &dyn Fn(u64, Option<u64>)) -> Result<Fetched, FetchError> {
-    if request.sha256.len() != 64 || !request.sha256.bytes().all(|digit| digit.is_ascii_hexdigit()) {
+    let expected = request.sha256.to_ascii_lowercase();
+    if expected.len() != 64 || !expected.bytes().all(|digit| digit.is_ascii_hexdigit()) {
         return Err(FetchError::Sha256(request.sha256.to_owned()));
     }
-    let host = host(request.url).ok_or_else(|| FetchError::Url { url: request.url.to_owned() })?;
-    if let Some(got) = sha256_of(request.file).map_err(|why| request.disk(why))? {
-        return request.right(&got).then_some(Fetched::AlreadyThere).ok_or_else(|| request.occupied(got));
+    let disk = |why| FetchError::File(request.file.to_owned(), why);
+    match sha256_of(request.file) {
+        Ok(found) if found == expected => return Ok(Fetched::AlreadyThere),
+        Ok(found) => return Err(FetchError::Occupied(request.file.to_owned(), found, expected)),
+        Err(why) if why.kind() == io::ErrorKind::NotFound => {}
+        Err(why) => return Err(disk(why)),
     }
-    let mut part = open(request).map_err(|why| request.disk(why))?;
-    if !request.right(&part.sha256())
-        && let Err(why) = download(request, &host, &mut part, progress)
-    {
-        if part.len() == 0 {
-            part.remove().map_err(|why| request.disk(why))?;
-        }
-        return Err(why);
+    let uri: Uri = request.url.parse().map_err(|_| FetchError::Url(request.url.to_owned()))?;
+    let host = uri.host().filter(|_| matches!(uri.scheme_str(), Some("http" | "https")));
+    let agent = agent(host.ok_or_else(|| FetchError::Url(request.url.to_owned()))?, STALL);
+    let folder = request.file.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+    std::fs::create_dir_all(folder).map_err(disk)?;
+    // As any new file: the umask decides who may read it.
+    let mode = Permissions::from_mode(0o666);
+    let mut file = tempfile::Builder::new().permissions(mode).tempfile_in(folder).map_err(disk)?;
+    let found = request.download(&agent, &mut file, progress)?;
+    if found != expected {
+        return Err(FetchError::Wrong(request.url.to_owned(), found, expected));
     }
-    let got = part.sha256();
-    if !request.right(&got) {
-        part.remove().map_err(|why| request.disk(why))?;
-        let (url, expected) = (request.url.to_owned(), request.sha256.to_owned());
-        return Err(FetchError::Wrong { url, got, expected });
-    }
-    part.keep(request.file).map_err(|why| request.disk(why))?;
+    file.as_file().sync_all().map_err(disk)?;
+    file.persist_noclobber(request.file).map_err(|why| disk(why.error))?;
     Ok(Fetched::Downloaded)
 }
 
 impl Request<'_> {
-    fn right(&self, sha256: &str) -> bool {
-        self.sha256.eq_ignore_ascii_case(sha256)
+    /// Writes the file at the URL to `file`; returns its sha256.
+    fn download(
+        &self,
+        agent: &Agent,
+        file: &mut NamedTempFile,
+        progress: &dyn Fn(u64, Option<u64>),
+    ) -> Result<String, FetchError> {
+        let url = || self.url.to_owned();
+        let offline = |why| FetchError::Offline(url(), self.file.to_owned(), why);
+        let response = agent.get(self.url).call().map_err(offline)?;
+        if response.status() != 200 {
+            return Err(FetchError::Status(url(), response.status().as_u16()));
+        }
+        let total = response.body().content_length();
+        total.map_or(Ok(()), |total| self.check_length(total, true))?;
+        let mut body = response.into_body().into_reader();
+        let (mut hash, mut got, mut buffer) = (Sha256::new(), 0, vec![0; 1 << 16]);
+        loop {
+            let read = body.read(&mut buffer).map_err(|why| FetchError::Cut(url(), got, why.to_string()))?;
+            if read == 0 {
+                break;
+            }
+            got += read as u64;
+            self.check_length(got, false)?;
+            hash.update(&buffer[..read]);
+            file.write_all(&buffer[..read]).map_err(|why| FetchError::File(self.file.to_owned(), why))?;
+            progress(got, total.or(self.bytes));
+        }
+        match total.or(self.bytes) {
+            Some(total) if got < total => Err(FetchError::Cut(url(), got, format!("{total} were announced"))),
+            _ => Ok(hex(&hash.finalize())),
+        }
     }
 
-    fn disk(&self, why: io::Error) -> FetchError {
-        FetchError::File { file: self.file.to_owned(), why }
-    }
-
-    fn occupied(&self, got: String) -> FetchError {
-        FetchError::Occupied { file: self.file.to_owned(), got, expected: self.sha256.to_owned() }
-    }
-
-    fn cut(&self, got: u64, why: impl ToString) -> FetchError {
-        FetchError::Cut { url: self.url.to_owned(), got, why: why.to_string() }
-    }
-
-    /// Judges a length that the server announces.
-    fn judge(&self, announced: u64) -> Result<(), FetchError> {
+    /// Refuses a file of `bytes` bytes, or one that has so many already and is not `whole` yet.
+    fn check_length(&self, bytes: u64, whole: bool) -> Result<(), FetchError> {
         let allowed = match self.bytes {
-            Some(bytes) if bytes != announced => bytes.to_string(),
-            None if announced > LIMIT => format!("at most {LIMIT}"),
+            Some(exact) if bytes > exact || (whole && bytes != exact) => exact.to_string(),
+            None if bytes > LIMIT => format!("at most {LIMIT}"),
             _ => return Ok(()),
         };
-        Err(FetchError::Size { url: self.url.to_owned(), got: announced, allowed })
+        Err(FetchError::Size(self.url.to_owned(), bytes, allowed))
     }
-}
-
-fn open(request: &Request<'_>) -> io::Result<Part> {
-    if let Some(folder) = request.file.parent() {
-        std::fs::create_dir_all(folder)?;
-    }
-    Part::open(request.file)
-}
-
-fn download(
-    request: &Request<'_>,
-    host: &str,
-    part: &mut Part,
-    progress: &dyn Fn(u64, Option<u64>),
-) -> Result<(), FetchError> {
-    let mut response = ask(request, host, part.len())?;
-    if !continues(&response, part.len()) {
-        // A server without ranges, or one that has no such range: the part is
-        // of no use.
-        part.restart().map_err(|why| request.disk(why))?;
-        if response.status() != 200 {
-            response = ask(request, host, 0)?;
-        }
-    }
-    if !matches!(response.status().as_u16(), 200 | 206) {
-        return Err(FetchError::Status { url: request.url.to_owned(), status: response.status().as_u16() });
-    }
-    let total = response.body().content_length().map(|rest| rest.saturating_add(part.len()));
-    if let Some(total) = total {
-        request.judge(total)?;
-    }
-    receive(request, response, part, &|got| progress(got, total.or(request.bytes)))?;
-    match total.or(request.bytes) {
-        Some(total) if part.len() < total => Err(request.cut(part.len(), format!("{total} were announced"))),
-        _ => Ok(()),
-    }
-}
-
-/// Whether what comes follows the first `have` bytes. An answer without a file
-/// says nothing about those, and they stay.
-fn continues(response: &Response<Body>, have: u64) -> bool {
-    match response.status().as_u16() {
-        206 => {
-            let range = response.headers().get(header::CONTENT_RANGE).and_then(|range| range.to_str().ok());
-            let start = range.and_then(|range| range.strip_prefix("bytes ")?.split_once('-'));
-            start.and_then(|(start, _)| start.trim().parse().ok()) == Some(have)
-        }
-        200 | 416 => have == 0,
-        _ => true,
-    }
-}
-
-/// The host of an HTTP URL.
-fn host(url: &str) -> Option<String> {
-    let uri: Uri = url.parse().ok()?;
-    uri.host().filter(|_| matches!(uri.scheme_str(), Some("http" | "https"))).map(str::to_owned)
-}
-
-fn ask(request: &Request<'_>, host: &str, from: u64) -> Result<Response<Body>, FetchError> {
-    let mut call = agent(host, STALL).get(request.url);
-    if from > 0 {
-        call = call.header(header::RANGE, format!("bytes={from}-"));
-    }
-    call.call().map_err(|why| FetchError::Offline {
-        host: host.to_owned(),
-        why: reason(why),
-        url: request.url.to_owned(),
-        file: request.file.to_owned(),
-    })
 }
 
 fn agent(host: &str, stall: Duration) -> Agent {
@@ -267,42 +168,25 @@ fn agent(host: &str, stall: Duration) -> Agent {
         .timeout_per_read(Some(stall))
         .user_agent(concat!("modulo/", env!("CARGO_PKG_VERSION")));
     if matches!(host, "127.0.0.1" | "[::1]" | "localhost") {
-        // A proxy's own loopback is never what is meant.
+        // A proxy would look for the file on its own loopback interface.
         config = config.proxy(None);
     }
     config.build().new_agent()
 }
 
-fn reason(why: ureq::Error) -> String {
-    match why {
-        ureq::Error::HostNotFound => "no such host, or no network".to_owned(),
-        ureq::Error::Io(why) => why.to_string(),
-        why => why.to_string(),
+fn sha256_of(path: &Path) -> io::Result<String> {
+    let (mut file, mut hash, mut buffer) = (File::open(path)?, Sha256::new(), vec![0; 1 << 16]);
+    loop {
+        match file.read(&mut buffer)? {
+            0 => return Ok(hex(&hash.finalize())),
+            read => hash.update(&buffer[..read]),
+        }
     }
 }
 
-fn receive(
-    request: &Request<'_>,
-    response: Response<Body>,
-    part: &mut Part,
-    progress: &dyn Fn(u64),
-) -> Result<(), FetchError> {
-    let limit = request.bytes.unwrap_or(LIMIT);
-    let mut reader = response.into_body().into_reader();
-    let mut buffer = vec![0; 1 << 16];
-    loop {
-        let read = reader.read(&mut buffer).map_err(|why| request.cut(part.len(), why))?;
-        if read == 0 {
-            return Ok(());
-        }
-        part.append(&buffer[..read]).map_err(|why| request.disk(why))?;
-        if part.len() > limit {
-            let (url, got) = (request.url.to_owned(), part.len());
-            part.restart().map_err(|why| request.disk(why))?;
-            return Err(FetchError::Size { url, got, allowed: format!("at most {limit}") });
-        }
-        progress(part.len());
-    }
+/// Two lower-case hex digits for each byte, as hashes are written.
+pub fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 #[cfg(test)]
@@ -312,7 +196,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_server_that_says_nothing_is_given_up() {
+    fn a_silent_server_is_given_up() {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
         let url = format!("http://{}/", listener.local_addr().expect("an address"));
         let why = agent("127.0.0.1", Duration::from_millis(50)).get(url).call().expect_err("silence");
@@ -320,12 +204,11 @@ mod tests {
     }
 
     #[test]
-    fn sizes_are_judged_before_a_byte_comes() {
+    fn announced_lengths_are_checked_before_a_byte_comes() {
         let with = |bytes| Request { url: "u", file: Path::new("f"), sha256: "", bytes };
-        assert!(with(None).judge(LIMIT).is_ok());
-        assert!(with(None).judge(LIMIT + 1).is_err());
-        assert!(with(Some(7)).judge(7).is_ok());
-        assert!(with(Some(7)).judge(6).is_err());
-        assert!(with(Some(LIMIT + 1)).judge(LIMIT + 1).is_ok(), "a pinned length is trusted");
+        assert!(with(None).check_length(LIMIT, true).is_ok());
+        assert!(with(None).check_length(LIMIT + 1, true).is_err());
+        assert!(with(Some(7)).check_length(6, true).is_err() && with(Some(7)).check_length(6, false).is_ok());
+        assert!(with(Some(LIMIT + 1)).check_length(LIMIT + 1, true).is_ok(), "a stated length is trusted");
     }
 }

@@ -1,15 +1,14 @@
 //! Detection models: where official exports come from, and how to fetch them.
 //!
-//! Nothing is fetched that was not asked for by name, and no byte is kept that
-//! was not checked against a sha256. Models are files here: nothing is run.
+//! A model is fetched only when its name is given, and kept only when its sha256
+//! is right. Models are files here: no model is run.
 
-/// The embedded demonstration detector, ONNX: trained by this project on its own
-/// scenes alone. Its card is `models/README.md`.
+/// The embedded demonstration detector, ONNX, trained by this project on its own
+/// scenes only. Its card is `models/README.md`.
 pub const DEMO: &[u8] = include_bytes!("../demo.onnx");
 
 mod fetch;
 mod official;
-mod part;
 
-pub use fetch::{FetchError, Fetched, LIMIT, Request, fetch};
+pub use fetch::{FetchError, Fetched, LIMIT, Request, fetch, hex};
 pub use official::{LICENCE, OFFICIAL, Official, OfficialError, official};
