@@ -62,6 +62,17 @@ pub struct Ruler {
 }
 
 impl Axis {
+    /// Plain numbers by powers of ten, such as durations; large values are right or above.
+    pub fn log(label: impl Into<String>) -> Self {
+        Self { label: label.into(), scale: Scale::Log, unit: Unit::Plain, direction: Direction::Up }
+    }
+
+    /// Shares from 0 to `most` as percent, evenly; large values are right or above.
+    pub fn percent(label: impl Into<String>, most: f64) -> Self {
+        let scale = Scale::Linear { from: 0.0, to: most };
+        Self { scale, unit: Unit::Percent, ..Self::log(label) }
+    }
+
     /// Fits the axis to finite `values`.
     pub fn ruler(&self, values: impl Iterator<Item = f64> + Clone) -> Ruler {
         let (from, to, zero, ticks) = match self.scale {
@@ -101,7 +112,7 @@ impl Unit {
 
 /// Without the last digits that come of counting in binary.
 fn rounded(value: f64) -> f64 {
-    format!("{value:.9e}").parse().unwrap_or(value)
+    format!("{value:.9e}").parse().expect("a number that was just written")
 }
 
 /// Multiples of 1, 2 or 5 times a power of ten, about five of them.
@@ -141,7 +152,7 @@ mod tests {
     use super::*;
 
     fn axis(scale: Scale, unit: Unit) -> Axis {
-        Axis { label: String::new(), scale, unit, direction: Direction::Up }
+        Axis { scale, unit, ..Axis::log("") }
     }
 
     fn texts(ruler: &Ruler) -> Vec<&str> {

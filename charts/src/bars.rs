@@ -1,6 +1,6 @@
 //! [`Bars`]: lengths of several parts, a row each.
 
-use crate::axis::{Axis, Direction, Scale, Unit};
+use crate::axis::{Axis, Scale};
 use crate::canvas::{Anchor, Canvas, FAINT, GREY, INK};
 use crate::legend::Swatch;
 use crate::style::Style;
@@ -57,7 +57,8 @@ impl Bars {
             canvas.text((label.0, label.1), &row.label, SIZE, INK, label.2);
             let mut start = 0.0;
             for (name, length) in row.parts.iter().filter(|(_, length)| length.is_finite()) {
-                let style = names.iter().position(|(other, _)| other == name).unwrap_or_default();
+                let style = names.iter().position(|(other, _)| other == name);
+                let style = style.expect("the legend has the names of all parts");
                 let area = (place(start), y + 4.0, place(start + length), y + ROW - 4.0);
                 let hover = format!("{}, {name}: {length:.3}", row.label);
                 canvas.block(area, Style::of(style).colour, &hover);
@@ -77,8 +78,7 @@ impl Bars {
         let total = |row: &Bar| row.parts.iter().map(|(_, length)| length).sum::<f64>();
         let totals = self.rows.iter().map(total).filter(|total| total.is_finite());
         let most = totals.fold(f64::MIN_POSITIVE, f64::max);
-        let scale = Scale::Linear { from: 0.0, to: most };
-        let axis = Axis { label: String::new(), scale, unit: Unit::Plain, direction: Direction::Up };
+        let axis = Axis { scale: Scale::Linear { from: 0.0, to: most }, ..Axis::log("") };
         let place = move |value: f64| left + (value / most) as f32 * (right - left);
         for (value, text) in axis.ruler(std::iter::empty()).ticks {
             canvas.line(vec![(place(value), top), (place(value), bottom)], FAINT, 1.0);

@@ -1,6 +1,9 @@
 //! [`Font`]: DejaVu Sans from the program itself; no file, no system font.
 
-use ttf_parser::{Face, FaceParsingError, OutlineBuilder};
+use tiny_skia::{Path, PathBuilder};
+use ttf_parser::{Face, FaceParsingError, GlyphId, OutlineBuilder};
+
+use crate::canvas::Spot;
 
 /// The one typeface of all charts.
 pub struct Font(Face<'static>);
@@ -15,23 +18,16 @@ impl Font {
         text.chars().map(|c| self.advance(c, size)).sum()
     }
 
-    /// Draws the outlines of `text` from left to right; `move_to` is told the x of each glyph in px
-    /// and the px of a font unit.
-    pub fn outline<B: OutlineBuilder>(
-        &self,
-        text: &str,
-        size: f32,
-        builder: &mut B,
-        mut move_to: impl FnMut(&mut B, f32, f32),
-    ) {
-        let mut x = 0.0;
+    /// The outlines of `text` from left to right, its baseline at (0, 0); `None` where nothing is inked.
+    pub fn path(&self, text: &str, size: f32) -> Option<Path> {
+        let mut pen = Pen { builder: PathBuilder::new(), x: 0.0, scale: self.scale(size) };
         for c in text.chars() {
             if let Some(glyph) = self.0.glyph_index(c) {
-                move_to(builder, x, self.scale(size));
-                self.0.outline_glyph(glyph, builder);
+                self.0.outline_glyph(glyph, &mut pen);
             }
-            x += self.advance(c, size);
+            pen.x += self.advance(c, size);
         }
+        pen.builder.finish()
     }
 
     /// `text` in lines of at most `width` px, broken at spaces; a longer word has a line of its own.
@@ -50,12 +46,53 @@ impl Font {
     }
 
     fn advance(&self, c: char, size: f32) -> f32 {
-        let glyph = self.0.glyph_index(c).unwrap_or_default();
-        f32::from(self.0.glyph_hor_advance(glyph).unwrap_or_default()) * self.scale(size)
+        // Glyph 0 stands for what the font does not have.
+        let glyph = self.0.glyph_index(c).unwrap_or(GlyphId(0));
+        let advance = self.0.glyph_hor_advance(glyph).expect("every glyph of the font has an advance");
+        f32::from(advance) * self.scale(size)
     }
 
     fn scale(&self, size: f32) -> f32 {
         size / f32::from(self.0.units_per_em().max(1))
+    }
+}
+
+/// Glyphs in font units, y upwards, to a path in px, y downwards.
+struct Pen {
+    builder: PathBuilder,
+    x: f32,
+    scale: f32,
+}
+
+impl Pen {
+    fn at(&self, x: f32, y: f32) -> Spot {
+        (self.x + x * self.scale, -y * self.scale)
+    }
+}
+
+impl OutlineBuilder for Pen {
+    fn move_to(&mut self, x: f32, y: f32) {
+        let (x, y) = self.at(x, y);
+        self.builder.move_to(x, y);
+    }
+
+    fn line_to(&mut self, x: f32, y: f32) {
+        let (x, y) = self.at(x, y);
+        self.builder.line_to(x, y);
+    }
+
+    fn quad_to(&mut self, x1: f32, y1: f32, x: f32, y: f32) {
+        let ((x1, y1), (x, y)) = (self.at(x1, y1), self.at(x, y));
+        self.builder.quad_to(x1, y1, x, y);
+    }
+
+    fn curve_to(&mut self, x1: f32, y1: f32, x2: f32, y2: f32, x: f32, y: f32) {
+        let ((x1, y1), (x2, y2), (x, y)) = (self.at(x1, y1), self.at(x2, y2), self.at(x, y));
+        self.builder.cubic_to(x1, y1, x2, y2, x, y);
+    }
+
+    fn close(&mut self) {
+        self.builder.close();
     }
 }
 

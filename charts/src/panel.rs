@@ -73,10 +73,10 @@ struct Placed<'a> {
 
 impl<'a> Placed<'a> {
     fn new(series: &'a Series, names: &[(&str, Swatch)], spot: impl Fn(&Point) -> Spot) -> Self {
-        let index = names.iter().position(|(name, _)| *name == series.name).unwrap_or_default();
+        let index = names.iter().position(|(name, _)| *name == series.name);
         let finite = series.points.iter().filter(|point| is_finite(point));
         Self {
-            style: Style::of(index),
+            style: Style::of(index.expect("the legend has the names of all series")),
             look: series.look,
             points: finite.map(|point| (spot(point), point)).collect(),
         }

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use crate::ChartError;
 use crate::canvas::{Anchor, Canvas, Colour, GREY, INK, Shape, Spot};
 use crate::style::Style;
+use crate::{ChartError, raster};
 
 /// Pictures under the names of their columns.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,14 +18,10 @@ pub struct Pictures {
 /// A picture with boxes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// Red, green, blue of `height * width` pixels, row by row.
-    pub rgb: Arc<[u8]>,
-    /// left, top, right, bottom in px of the picture, and which of the colours.
-    pub boxes: Vec<([f32; 4], usize)>,
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    pub(crate) rgb: Arc<[u8]>,
+    pub(crate) boxes: Vec<([f32; 4], usize)>,
 }
 
 const SIZE: f32 = 12.5;
@@ -34,7 +30,8 @@ const GAP: f32 = 6.0;
 const LINE: f32 = 1.6;
 
 impl Picture {
-    /// Checks that `rgb` has three samples for each pixel.
+    /// A picture of `height` rows and `width` columns. `rgb` has the red, green and blue of each pixel, row by row;
+    /// a box has its left, top, right and bottom in px of the picture, and the index of its colour.
     ///
     /// # Errors
     /// [`ChartError::Picture`].
@@ -46,9 +43,17 @@ impl Picture {
     ) -> Result<Self, ChartError> {
         let needed = 3 * u64::from(width) * u64::from(height);
         if needed == 0 || rgb.len() as u64 != needed {
-            return Err(ChartError::Picture { width, height, found: rgb.len() });
+            return Err(ChartError::Picture(width, height, rgb.len()));
         }
         Ok(Self { width, height, rgb: rgb.into(), boxes })
+    }
+
+    /// The samples of the picture with its boxes drawn in, the first ones first, each with its label.
+    ///
+    /// # Errors
+    /// [`ChartError::Font`]; [`ChartError::Size`].
+    pub fn annotated(&self, labels: &[String]) -> Result<Vec<u8>, ChartError> {
+        raster::annotated(self, labels)
     }
 }
 
@@ -89,7 +94,7 @@ fn draw(canvas: &mut Canvas, picture: &Picture, (x, y): Spot, scale: f32) {
 }
 
 /// A colour that is seen on dark pictures too.
-fn bright(index: usize) -> Colour {
+pub fn bright(index: usize) -> Colour {
     const BLACK: Colour = [0; 3];
     match Style::of(index).colour {
         BLACK => [0xf0, 0xe4, 0x42],

@@ -3,42 +3,101 @@
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use tiny_skia::{
-    Color, FillRule, FilterQuality, IntSize, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap,
-    PixmapPaint, Stroke, StrokeDash, Transform,
+    Color, FillRule, FilterQuality, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, PixmapPaint, Rect,
+    Stroke, StrokeDash, Transform,
 };
-use ttf_parser::OutlineBuilder;
 
 use crate::ChartError;
 use crate::canvas::{Anchor, Canvas, Colour, Shape, Spot, Turn, WHITE};
+use crate::font::Font;
 use crate::label::Area;
-use crate::pictures::Picture;
+use crate::pictures::{Picture, bright};
 
 /// Pixels of the PNG for one of the chart, along each side.
 const ZOOM: f32 = 2.0;
+/// Thickness of the lines of a box on a picture, px.
+const LINE: f32 = 2.0;
+/// Size of the labels on pictures of fewer columns than this, and on wider ones, px.
+const WIDE: u32 = 640;
+const SMALL: f32 = 10.0;
+const LARGE: f32 = 15.0;
 
 /// An RGB PNG.
 pub fn png(canvas: &Canvas) -> Result<Vec<u8>, ChartError> {
     let (width, height) = ((canvas.width * ZOOM) as u32, (canvas.height * ZOOM) as u32);
-    let mut pixels = Pixmap::new(width, height).ok_or(ChartError::Size { width, height })?;
+    let mut pixels = Pixmap::new(width, height).ok_or(ChartError::Size(width, height))?;
     pixels.fill(Color::WHITE);
-    canvas.shapes.iter().for_each(|shape| draw(&mut pixels, canvas, shape));
-    // All is opaque, so that premultiplied is plain.
-    let rgb: Vec<u8> = pixels.data().chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+    canvas.shapes.iter().try_for_each(|shape| draw(&mut pixels, canvas, shape))?;
     let mut bytes = Vec::new();
-    PngEncoder::new(&mut bytes).write_image(&rgb, width, height, ExtendedColorType::Rgb8)?;
+    PngEncoder::new(&mut bytes).write_image(&rgb(&pixels), width, height, ExtendedColorType::Rgb8)?;
     Ok(bytes)
 }
 
-fn draw(pixels: &mut Pixmap, canvas: &Canvas, shape: &Shape) {
+/// The pixels of `picture` with its boxes, each with a label above it if there is room, else inside it.
+pub fn annotated(picture: &Picture, labels: &[String]) -> Result<Vec<u8>, ChartError> {
+    let font = Font::new()?;
+    let size = if picture.width < WIDE { SMALL } else { LARGE };
+    let height = (1.3 * size).ceil();
+    let mut pixels = pixmap(picture)?;
+    for ((corners, index), label) in picture.boxes.iter().zip(labels) {
+        if corners.iter().any(|at| !at.is_finite()) {
+            continue;
+        }
+        // Whole pixels, so that lines are sharp.
+        let [left, top, right, bottom] = corners.map(|at| at.round().clamp(-1e6, 1e6));
+        let colour = bright(*index);
+        let above = if top >= height { top - height } else { top };
+        let lines = [
+            (left, top, right, top + LINE),
+            (left, bottom - LINE, right, bottom),
+            (left, top, left + LINE, bottom),
+            (right - LINE, top, right, bottom),
+            (left, above, left + (font.width(label, size) + 2.0 * LINE).ceil(), above + height),
+        ];
+        for (left, top, right, bottom) in lines {
+            if let Some(area) = Rect::from_ltrb(left, top, right, bottom) {
+                pixels.fill_rect(area, &paint(colour), Transform::identity(), None);
+            }
+        }
+        let place = Transform::from_translate(left + LINE, above + size);
+        fill(&mut pixels, font.path(label, size), ink_on(colour), place);
+    }
+    Ok(rgb(&pixels))
+}
+
+/// Black or white, whichever is easier to read (luma of ITU-R BT.601).
+fn ink_on([red, green, blue]: Colour) -> Colour {
+    let luma = 299 * u32::from(red) + 587 * u32::from(green) + 114 * u32::from(blue);
+    if luma >= 128_000 { [0; 3] } else { WHITE }
+}
+
+/// Red, green, blue of each pixel. Every pixel is opaque, so that premultiplied samples are the plain ones.
+fn rgb(pixels: &Pixmap) -> Vec<u8> {
+    let mut rgb = Vec::with_capacity(pixels.data().len() / 4 * 3);
+    pixels.data().chunks_exact(4).for_each(|pixel| rgb.extend_from_slice(&pixel[..3]));
+    rgb
+}
+
+fn pixmap(picture: &Picture) -> Result<Pixmap, ChartError> {
+    let Picture { width, height, .. } = *picture;
+    let mut pixels = Pixmap::new(width, height).ok_or(ChartError::Size(width, height))?;
+    pixels.fill(Color::WHITE);
+    for (pixel, rgb) in pixels.data_mut().chunks_exact_mut(4).zip(picture.rgb.chunks_exact(3)) {
+        pixel[..3].copy_from_slice(rgb);
+    }
+    Ok(pixels)
+}
+
+fn draw(pixels: &mut Pixmap, canvas: &Canvas, shape: &Shape) -> Result<(), ChartError> {
     match shape {
         Shape::Line { spots, colour, width, dash } => {
             stroke(pixels, path(spots, false), *colour, *width, *dash);
         }
         Shape::Area { spots, colour, .. } => {
-            fill(pixels, path(spots, true), *colour, Transform::identity());
+            fill(pixels, path(spots, true), *colour, zoomed(Transform::identity()));
             stroke(pixels, path(spots, true), WHITE, 1.0, 0.0);
         }
-        Shape::Picture { area, picture } => paste(pixels, *area, picture),
+        Shape::Picture { area, picture } => paste(pixels, *area, picture)?,
         Shape::Text { spot, text, size, colour, anchor, turn, width } => {
             let back = match anchor {
                 Anchor::Start => 0.0,
@@ -50,22 +109,20 @@ fn draw(pixels: &mut Pixmap, canvas: &Canvas, shape: &Shape) {
                 Turn::Upwards => Transform::from_rotate(-90.0),
             };
             let place = turned.pre_translate(-back, 0.0).post_translate(spot.0, spot.1);
-            let mut pen = Pen { builder: PathBuilder::new(), x: 0.0, scale: 1.0 };
-            canvas.font.outline(text, *size, &mut pen, |pen, x, scale| (pen.x, pen.scale) = (x, scale));
-            fill(pixels, pen.builder.finish(), *colour, place);
+            fill(pixels, canvas.font.path(text, *size), *colour, zoomed(place));
         }
     }
+    Ok(())
 }
 
 /// Scales the picture into its area.
-fn paste(pixels: &mut Pixmap, (left, top, right, bottom): Area, picture: &Picture) {
-    let rgba = picture.rgb.chunks_exact(3).flat_map(|p| [p[0], p[1], p[2], 255]).collect();
-    let size = IntSize::from_wh(picture.width, picture.height);
-    let Some(source) = size.and_then(|size| Pixmap::from_vec(rgba, size)) else { return };
+fn paste(pixels: &mut Pixmap, (left, top, right, bottom): Area, picture: &Picture) -> Result<(), ChartError> {
+    let source = pixmap(picture)?;
     let scale = ((right - left) / picture.width as f32, (bottom - top) / picture.height as f32);
     let place = Transform::from_scale(scale.0, scale.1).post_translate(left, top);
     let paint = PixmapPaint { quality: FilterQuality::Bilinear, ..PixmapPaint::default() };
     pixels.draw_pixmap(0, 0, source.as_ref(), &paint, zoomed(place), None);
+    Ok(())
 }
 
 fn path(spots: &[Spot], closed: bool) -> Option<Path> {
@@ -92,7 +149,7 @@ fn zoomed(transform: Transform) -> Transform {
 
 fn fill(pixels: &mut Pixmap, path: Option<Path>, colour: Colour, transform: Transform) {
     if let Some(path) = path {
-        pixels.fill_path(&path, &paint(colour), FillRule::Winding, zoomed(transform), None);
+        pixels.fill_path(&path, &paint(colour), FillRule::Winding, transform, None);
     }
 }
 
@@ -102,44 +159,5 @@ fn stroke(pixels: &mut Pixmap, path: Option<Path>, colour: Colour, width: f32, d
         Stroke { width, dash, line_cap: LineCap::Butt, line_join: LineJoin::Round, ..Stroke::default() };
     if let Some(path) = path {
         pixels.stroke_path(&path, &paint(colour), &stroke, zoomed(Transform::identity()), None);
-    }
-}
-
-/// Glyphs in font units, y upwards, to a path in px, y downwards.
-struct Pen {
-    builder: PathBuilder,
-    x: f32,
-    scale: f32,
-}
-
-impl Pen {
-    fn at(&self, x: f32, y: f32) -> Spot {
-        (self.x + x * self.scale, -y * self.scale)
-    }
-}
-
-impl OutlineBuilder for Pen {
-    fn move_to(&mut self, x: f32, y: f32) {
-        let (x, y) = self.at(x, y);
-        self.builder.move_to(x, y);
-    }
-
-    fn line_to(&mut self, x: f32, y: f32) {
-        let (x, y) = self.at(x, y);
-        self.builder.line_to(x, y);
-    }
-
-    fn quad_to(&mut self, x1: f32, y1: f32, x: f32, y: f32) {
-        let ((x1, y1), (x, y)) = (self.at(x1, y1), self.at(x, y));
-        self.builder.quad_to(x1, y1, x, y);
-    }
-
-    fn curve_to(&mut self, x1: f32, y1: f32, x2: f32, y2: f32, x: f32, y: f32) {
-        let ((x1, y1), (x2, y2), (x, y)) = (self.at(x1, y1), self.at(x2, y2), self.at(x, y));
-        self.builder.cubic_to(x1, y1, x2, y2, x, y);
-    }
-
-    fn close(&mut self) {
-        self.builder.close();
     }
 }

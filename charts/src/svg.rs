@@ -53,7 +53,8 @@ fn image(out: &mut String, (left, top, right, bottom): Area, picture: &Picture) 
 }
 
 fn jpeg(picture: &Picture, width: u32, height: u32) -> Result<Vec<u8>, ChartError> {
-    let pixels = RgbImage::from_raw(picture.width, picture.height, picture.rgb.to_vec()).unwrap_or_default();
+    let pixels = RgbImage::from_raw(picture.width, picture.height, picture.rgb.to_vec());
+    let pixels = pixels.expect("a picture has three samples for each pixel");
     let (width, height) = (width.clamp(1, picture.width), height.clamp(1, picture.height));
     let small = imageops::resize(&pixels, width, height, FilterType::Triangle);
     let mut bytes = Vec::new();

@@ -1,21 +1,16 @@
 //! Charts: any data can be drawn, and what is drawn can be told apart.
 
 use modulo_charts::{
-    Axis, Bar, Bars, Body, Chart, ChartError, Direction, Look, Page, Panel, Picture, Pictures, Point, Scale,
-    Series, Tone, Unit,
+    Axis, Bar, Bars, Body, Chart, ChartError, Look, Page, Panel, Picture, Pictures, Point, Scale, Series,
+    Tone,
 };
 
 fn axis(scale: Scale) -> Axis {
-    Axis { label: "a < b & c".to_owned(), scale, unit: Unit::Plain, direction: Direction::Up }
+    Axis { scale, ..Axis::log("a < b & c") }
 }
 
-fn chart(panel: Panel) -> Chart {
-    Chart {
-        title: String::new(),
-        subtitle: String::new(),
-        footer: String::new(),
-        body: Body::Panels(vec![panel]),
-    }
+fn chart(body: Body) -> Chart {
+    Chart { title: String::new(), subtitle: String::new(), footer: String::new(), body }
 }
 
 #[test]
@@ -35,7 +30,7 @@ fn any_text_and_any_number_can_be_drawn() {
     }];
     for scale in [Scale::Log, Scale::Linear { from: -2.0, to: 5.0 }, Scale::Linear { from: 1.0, to: 1.0 }] {
         let panel = Panel { x: axis(scale), y: axis(Scale::Log), series: series.clone() };
-        let chart = chart(panel);
+        let chart = chart(Body::Panels(vec![panel]));
         let svg = chart.svg(Page::Wide).unwrap();
         assert!(
             svg.contains("a &lt; b &amp; c") && !svg.contains("NaN") && !svg.contains("inf"),
@@ -53,7 +48,8 @@ fn a_look_leaves_out_marks_or_line_and_faded_marks_are_grey() {
         let points = vec![point(1.0, tone), point(2.0, tone)];
         let series = vec![Series { name: "one".to_owned(), points, look }];
         let linear = Scale::Linear { from: 0.0, to: 3.0 };
-        let svg = chart(Panel { x: axis(linear), y: axis(linear), series }).svg(Page::Wide).unwrap();
+        let panel = Panel { x: axis(linear), y: axis(linear), series };
+        let svg = chart(Body::Panels(vec![panel])).svg(Page::Wide).unwrap();
         let of = |what: &str, colour: &str| {
             svg.lines().filter(|line| line.starts_with(what) && line.contains(colour)).count()
         };
@@ -69,7 +65,7 @@ fn a_look_leaves_out_marks_or_line_and_faded_marks_are_grey() {
 #[test]
 fn a_narrow_page_puts_panels_below_each_other() {
     let panel = || Panel { x: axis(Scale::Log), y: axis(Scale::Log), series: vec![] };
-    let chart = Chart { body: Body::Panels(vec![panel(), panel()]), ..chart(panel()) };
+    let chart = chart(Body::Panels(vec![panel(), panel()]));
     let height = |page| {
         let svg = chart.svg(page).unwrap();
         let (_, rest) = svg.split_once(" height=\"").expect("a height");
@@ -83,14 +79,9 @@ fn bars_are_as_long_as_their_parts() {
     let part = |name: &str, length| (name.to_owned(), length);
     let row = |parts: Vec<(String, f64)>| Bar { label: "row".to_owned(), parts, note: "ms".to_owned() };
     let rows = vec![row(vec![part("a", 10.0), part("b", 20.0)]), row(vec![part("b", 40.0)])];
-    let body = Body::Bars(Bars { label: "ms".to_owned(), rows });
+    let chart = chart(Body::Bars(Bars { label: "ms".to_owned(), rows }));
     for page in [Page::Wide, Page::Narrow] {
-        let svg = Chart {
-            body: body.clone(),
-            ..chart(Panel { x: axis(Scale::Log), y: axis(Scale::Log), series: vec![] })
-        }
-        .svg(page)
-        .unwrap();
+        let svg = chart.svg(page).unwrap();
         let widths: Vec<f32> = svg
             .lines()
             .filter(|line| line.contains("<title>"))
@@ -110,14 +101,11 @@ fn bars_are_as_long_as_their_parts() {
 
 #[test]
 fn pictures_lie_in_both_forms_and_wrong_sizes_are_refused() {
-    assert!(matches!(Picture::new(2, 2, vec![0; 11], vec![]), Err(ChartError::Picture { found: 11, .. })));
+    assert!(matches!(Picture::new(2, 2, vec![0; 11], vec![]), Err(ChartError::Picture(2, 2, 11))));
     let picture = Picture::new(40, 20, [200, 30, 30].repeat(800), vec![([5.0, 5.0, 20.0, 15.0], 0)]).unwrap();
     let rows = vec![("alpha 2".to_owned(), vec![Some(picture), None])];
-    let pictures = Pictures { columns: vec!["one".to_owned(), "two".to_owned()], rows };
-    let chart = Chart {
-        body: Body::Pictures(pictures),
-        ..chart(Panel { x: axis(Scale::Log), y: axis(Scale::Log), series: vec![] })
-    };
+    let columns = vec!["one".to_owned(), "two".to_owned()];
+    let chart = chart(Body::Pictures(Pictures { columns, rows }));
     let svg = chart.svg(Page::Wide).unwrap();
     assert_eq!(svg.matches("data:image/jpeg;base64,").count(), 1);
     assert_eq!(svg.matches("<polyline").count(), 1, "one box");

@@ -12,7 +12,6 @@ mod classes;
 mod draw;
 mod engine;
 mod error;
-mod font;
 mod input_size;
 mod model;
 mod node;
