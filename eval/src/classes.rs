@@ -113,7 +113,7 @@ impl Groups {
 
     /// All groups.
     pub fn names(&self) -> BTreeSet<&str> {
-        self.0.values().map(|value| value.split_whitespace().last().unwrap_or_default()).collect()
+        self.0.values().filter_map(|value| value.split_whitespace().last()).collect()
     }
 
     /// What `class` is to `group`.
@@ -139,10 +139,10 @@ pub fn of_labels<'a>(labels: impl Iterator<Item = &'a GroundTruth>) -> BTreeSet<
 
 fn read(path: &Path) -> Result<Table, GridError> {
     let text = std::fs::read_to_string(path).map_err(|why| GridError::io(path, why))?;
-    let table = parse_class_map(&text).map_err(|why| GridError::Table { path: path.to_owned(), why })?;
+    let table = parse_class_map(&text).map_err(|why| GridError::Table(path.to_owned(), why))?;
     if table.is_empty() {
         let why = "names no class, at least one line 'from: to' is needed".to_owned();
-        return Err(GridError::Table { path: path.to_owned(), why });
+        return Err(GridError::Table(path.to_owned(), why));
     }
     Ok(table)
 }

@@ -100,7 +100,7 @@ pub enum Difficulty {
 
 /// What an image has to be called to be one of the four of the paper.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "snake_case")]
 pub enum Stream {
     /// All of the scene's range; with [`Point::psf_sigma`] 0 the sharp ideal.
     Ideal,
@@ -111,10 +111,8 @@ pub enum Stream {
     /// Unwrapped.
     Recovered,
     /// Three captures of a moving scene, one after the other, merged as a normal camera does.
-    #[serde(rename = "multi_exposure")]
     MultiExposure,
     /// The same three captures where nothing moves between them: what is left is the price of the motion.
-    #[serde(rename = "multi_exposure_still")]
     MultiExposureStill,
 }
 

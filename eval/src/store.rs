@@ -14,7 +14,7 @@ pub fn load(folder: &Path) -> Result<Option<Results>, GridError> {
     let path = folder.join(RESULTS);
     match std::fs::read(&path) {
         Ok(text) => {
-            let json = |source| GridError::Json { path: path.clone(), source };
+            let json = |source| GridError::Json(path.clone(), source);
             serde_json::from_slice(&text).map(Some).map_err(json)
         }
         Err(why) if why.kind() == std::io::ErrorKind::NotFound => Ok(None),
@@ -29,11 +29,11 @@ pub fn load(folder: &Path) -> Result<Option<Results>, GridError> {
 pub fn save(folder: &Path, results: &Results) -> Result<(), GridError> {
     std::fs::create_dir_all(folder).map_err(|why| GridError::io(folder, why))?;
     let path = folder.join(RESULTS);
-    let mut text = serde_json::to_vec_pretty(results)
-        .map_err(|source| GridError::Json { path: path.clone(), source })?;
+    let mut text =
+        serde_json::to_vec_pretty(results).map_err(|source| GridError::Json(path.clone(), source))?;
     text.push(b'\n');
     replace(&path, &text)?;
-    replace(&folder.join(TABLE), table::csv(&results.cells).as_bytes())
+    replace(&folder.join(TABLE), &table::csv(&results.cells))
 }
 
 /// Writes beside `path` and moves it there.

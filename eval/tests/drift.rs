@@ -64,6 +64,7 @@ fn request(out: &Path) -> Request {
         engine: EngineChoice::Rten,
         threads: 1,
         jobs: 1,
+        processor: String::new(),
         seed: 0,
         shard: Shard::WHOLE,
         out: out.to_owned(),

@@ -27,6 +27,7 @@ fn request(data: Data, streams: &[Stream], out: &Path) -> Request {
         engine: EngineChoice::Rten,
         threads: 1,
         jobs: 2,
+        processor: String::new(),
         seed: 0,
         shard: Shard::WHOLE,
         out: out.to_owned(),

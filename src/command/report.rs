@@ -22,7 +22,7 @@ pub fn budget(folder: &Path, ms: f64) -> Result<Ended, Failure> {
         return Err(usage(anyhow!("--ms is {ms}, more than 0 is possible")));
     }
     let results = store::load(folder)?;
-    let results = results.ok_or_else(|| GridError::NoResults { path: folder.join(RESULTS) })?;
+    let results = results.ok_or_else(|| GridError::NoResults(folder.join(RESULTS)))?;
     for found in budget::within(&results, ms) {
         say!("alpha {}, {}:", found.alpha, found.conditions);
         for choice in &found.front {

@@ -79,6 +79,7 @@ fn bench_unwrap(args: &BenchUnwrap) -> Result<Ended, Failure> {
         psf: args.sensor.psf.of_sigma(args.sensor.psf_sigma),
         threads: args.threads.clone(),
         repeats: args.repeats,
+        device: processor(),
         bits: args.sensor.bits,
         read_noise: args.sensor.read_noise,
         seed: args.sensor.seed,
@@ -123,6 +124,16 @@ pub fn stability(out: &Path) -> Result<Ended, Failure> {
     say!("{held} expectations held, {broken} broke");
     say!("{}", out.join("index.html").display());
     if broken > 0 { Err(anyhow!("{broken} expectations broke").into()) } else { Ok(Ended::Done) }
+}
+
+/// The processor's model from `/proc/cpuinfo`, else its architecture.
+pub fn processor() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    match model {
+        Some((_, name)) => name.split_whitespace().collect::<Vec<_>>().join(" "),
+        None => std::env::consts::ARCH.to_owned(),
+    }
 }
 
 /// A bar on a terminal, nothing elsewhere; what went wrong goes to standard error in any case.

@@ -12,11 +12,8 @@ use modulo_core::metric::ShapesDiffer;
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
     /// Nothing to do.
-    #[error("{what} is empty, at least one is needed")]
-    Empty {
-        /// The list.
-        what: &'static str,
-    },
+    #[error("{0} is empty, at least one is needed")]
+    Empty(&'static str),
     /// A number out of its range.
     #[error("{what} is {value}, {possible} is possible")]
     Number {
@@ -28,27 +25,14 @@ pub enum StudyError {
         possible: &'static str,
     },
     /// A folder without one image that can be read.
-    #[error("{}: no image that can be read, one of .png .jpg .jpeg .exr .hdr is needed", folder.display())]
-    NoFrames {
-        /// The folder.
-        folder: PathBuf,
-    },
-    /// The system refused.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file or folder.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// A file of results that is none.
-    #[error("{}: {source}", path.display())]
-    Json {
-        /// The file.
-        path: PathBuf,
-        /// Where it stops making sense.
-        source: serde_json::Error,
-    },
+    #[error("{}: no image that can be read, one of .png .jpg .jpeg .exr .hdr is needed", .0.display())]
+    NoFrames(PathBuf),
+    /// A file or folder cannot be read or written.
+    #[error("{path}: {1}", path = .0.display())]
+    Io(PathBuf, #[source] std::io::Error),
+    /// A file is not a list of results.
+    #[error("{path}: {1}", path = .0.display())]
+    Json(PathBuf, #[source] serde_json::Error),
     /// A chart that could not be drawn.
     #[error(transparent)]
     Chart(#[from] ChartError),

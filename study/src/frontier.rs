@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use modulo_charts::{Axis, Body, Chart, Direction, Look, Page, Panel, Point, Scale, Series, Tone, Unit};
+use modulo_charts::{Axis, Body, Chart, Direction, Look, Page, Panel, Point, Series, Tone, Unit};
 
 use crate::StudyError;
 use crate::bench::{META, Meta, Row};
@@ -31,27 +31,18 @@ pub fn frontier_from(results: &Path) -> Result<Chart, StudyError> {
     let meta: Option<Meta> = if meta.exists() { Some(read_json(&meta)?) } else { None };
     let exact = series(&rows, |row| row.exact_k);
     let wrong = series(&rows, |row| 1.0 - row.exact_k);
-    let percent = |label: &str, scale, direction| Axis {
-        label: label.to_owned(),
-        scale,
-        unit: Unit::Percent,
-        direction,
-    };
-    let linear = Scale::Linear { from: 0.0, to: 1.0 };
+    let time = || Axis::log("time a frame, ms (median)");
+    let downwards =
+        Axis { unit: Unit::Percent, direction: Direction::Down, ..Axis::log("wrong wrap counts") };
     Ok(Chart {
         title: "Unwrapping: what is exact, and what it costs".to_owned(),
         subtitle: subtitle(&rows, meta.as_ref()),
         footer: footer(&rows, meta.as_ref()),
         body: Body::Panels(vec![
-            Panel { x: time(), y: percent("exact wrap counts", linear, Direction::Up), series: exact },
-            Panel { x: time(), y: percent("wrong wrap counts", Scale::Log, Direction::Down), series: wrong },
+            Panel { x: time(), y: Axis::percent("exact wrap counts", 1.0), series: exact },
+            Panel { x: time(), y: downwards, series: wrong },
         ]),
     })
-}
-
-fn time() -> Axis {
-    let label = "time a frame, ms (median)".to_owned();
-    Axis { label, scale: Scale::Log, unit: Unit::Plain, direction: Direction::Up }
 }
 
 /// A line for each method, thread count and blur, over alpha.

@@ -5,10 +5,12 @@
 
 mod exact;
 mod psnr;
+mod quantile;
 mod ssim;
 
 pub use exact::exact_share;
 pub use psnr::{mse, psnr_db};
+pub use quantile::quantile;
 pub use ssim::{LEAST_SIDE, ssim};
 
 /// Two pictures that cannot be compared.

@@ -1,8 +1,8 @@
 //! Accuracy against the saturation factor: a line a stream and method, for one model.
 
-use modulo_charts::{Body, Chart, Look, Panel, Point, Series, Tone};
+use modulo_charts::{Axis, Body, Look, Panel, Point, Series, Tone};
 
-use super::{Named, axis, text};
+use super::{Named, file_name, suffix};
 use crate::results::{Cell, Results};
 use crate::wording::{self, Conditions, distinct};
 
@@ -22,17 +22,13 @@ fn chart(results: &Results, cells: &[&Cell], model: &str, conditions: Conditions
     let mut cells: Vec<&Cell> = of_model.copied().collect();
     cells.sort_by(|a, b| a.point.alpha.total_cmp(&b.point.alpha));
     let groups = distinct(cells.iter().flat_map(|cell| cell.ap50.keys()));
-    let chart = Chart {
-        title: format!("Accuracy against alpha, {model}, {}", wording::conditions(conditions)),
-        subtitle: text::subtitle(results),
-        footer: "Alpha: the brightest radiance over what the sensor holds. AP50: average precision at IoU 0.5, \
-                 one-to-one matching, ignore regions left out. The sharp ideal is what the scene would look like \
-                 without a lens."
-            .to_owned(),
-        body: Body::Panels(groups.iter().map(|group| panel(&cells, group)).collect()),
-    };
-    let name = format!("alpha_{}_{}", text::file_name(model), text::suffix(conditions));
-    Named { name, chart }
+    let footer = "Alpha: the brightest radiance over what the sensor holds. AP50: average precision at IoU 0.5, \
+                  one-to-one matching, ignore regions left out. The sharp ideal is what the scene would look like \
+                  without a lens.";
+    let title = format!("Accuracy against alpha, {model}, {}", wording::conditions(conditions));
+    let body = Body::Panels(groups.iter().map(|group| panel(&cells, group)).collect());
+    let name = format!("alpha_{}_{}", file_name(model), suffix(conditions));
+    Named::new(name, title, results, footer.to_owned(), body)
 }
 
 fn panel(cells: &[&Cell], group: &str) -> Panel {
@@ -43,8 +39,8 @@ fn panel(cells: &[&Cell], group: &str) -> Panel {
         Series { name, points, look: Look::Joined }
     };
     Panel {
-        x: axis::log("alpha, the saturation factor"),
-        y: axis::percent(format!("AP50 of {group}"), 1.0),
+        x: Axis::log("alpha, the saturation factor"),
+        y: Axis::percent(format!("AP50 of {group}"), 1.0),
         series: names.into_iter().map(series).collect(),
     }
 }
@@ -52,9 +48,9 @@ fn panel(cells: &[&Cell], group: &str) -> Panel {
 fn point(cell: &Cell, group: &str) -> Option<Point> {
     let ap50 = (*cell.ap50.get(group)?)?;
     let interval = cell.interval95.get(&format!("ap50.{group}"));
-    let interval = interval
-        .map(|[low, high]| format!(" (95 % interval {:.1} to {:.1})", 100.0 * low, 100.0 * high))
-        .unwrap_or_default();
+    let interval = interval.map_or(String::new(), |[low, high]| {
+        format!(" (95 % interval {:.1} to {:.1})", 100.0 * low, 100.0 * high)
+    });
     let (stream, alpha) = (wording::stream(&cell.point), cell.point.alpha);
     let hover = format!("{stream}, alpha {alpha}: AP50 of {group} {:.1} %{interval}", 100.0 * ap50);
     Some(Point { x: alpha, y: ap50, label: String::new(), hover, tone: Tone::Full })

@@ -1,8 +1,8 @@
 //! Speed against accuracy: a point a model, stream and method, at one alpha.
 
-use modulo_charts::{Body, Chart, Look, Panel, Point, Series, Tone};
+use modulo_charts::{Axis, Body, Look, Panel, Point, Series, Tone};
 
-use super::{Named, axis, text};
+use super::{Named, suffix};
 use crate::pareto::{self, Offer};
 use crate::results::{Cell, Results, Stream};
 use crate::wording::{self, Conditions, distinct};
@@ -22,17 +22,14 @@ pub fn charts(results: &Results, conditions: Conditions) -> Vec<Named> {
 fn chart(results: &Results, cells: &[&Cell], alpha: f64, conditions: Conditions) -> Named {
     let cells: Vec<&Cell> = cells.iter().filter(|cell| cell.point.alpha == alpha).copied().collect();
     let groups = distinct(cells.iter().flat_map(|cell| cell.ap50.keys()));
-    let chart = Chart {
-        title: format!("Speed against accuracy, alpha {alpha}, {}", wording::conditions(conditions)),
-        subtitle: text::subtitle(results),
-        footer: "Time: the sum of the medians of unwrap, tone or deblur, pre, infer and post; the capture and the \
+    let footer = "Time: the sum of the medians of unwrap, tone or deblur, pre, infer and post; the capture and the \
                  simulation of the sensor are not in it. Grey: dominated, something else is both faster and more \
                  accurate. The ideal streams are no choice, for no sensor delivers them: they are not on the front. \
-                 Towards the upper left is better."
-            .to_owned(),
-        body: Body::Panels(groups.iter().map(|group| panel(&cells, group)).collect()),
-    };
-    Named { name: format!("frontier_alpha{alpha}_{}", text::suffix(conditions)), chart }
+                 Towards the upper left is better.";
+    let title = format!("Speed against accuracy, alpha {alpha}, {}", wording::conditions(conditions));
+    let body = Body::Panels(groups.iter().map(|group| panel(&cells, group)).collect());
+    let name = format!("frontier_alpha{alpha}_{}", suffix(conditions));
+    Named::new(name, title, results, footer.to_owned(), body)
 }
 
 fn panel(cells: &[&Cell], group: &str) -> Panel {
@@ -65,8 +62,8 @@ fn panel(cells: &[&Cell], group: &str) -> Panel {
     }
     series.push(Series { name: FRONT.to_owned(), points: steps(&front), look: Look::Line });
     Panel {
-        x: axis::log("time a frame, ms (median)"),
-        y: axis::percent(format!("AP50 of {group}"), 1.0),
+        x: Axis::log("time a frame, ms (median)"),
+        y: Axis::percent(format!("AP50 of {group}"), 1.0),
         series,
     }
 }

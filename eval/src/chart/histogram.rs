@@ -1,8 +1,8 @@
 //! How long frames take: their number over time, a line a stream and method, a panel a model.
 
-use modulo_charts::{Body, Chart, Look, Panel, Point, Series};
+use modulo_charts::{Axis, Body, Look, Panel, Point, Series};
 
-use super::{Named, axis, text};
+use super::{Named, suffix};
 use crate::results::{Cell, Results};
 use crate::wording::{self, Conditions, distinct};
 
@@ -15,22 +15,19 @@ pub fn charts(results: &Results, conditions: Conditions) -> Vec<Named> {
     let cells: Vec<&Cell> = wording::nearest_to_four(&results.cells.iter().filter(of).collect::<Vec<_>>());
     let Some(alpha) = cells.first().map(|cell| cell.point.alpha) else { return Vec::new() };
     let models = distinct(cells.iter().map(|cell| wording::model(&cell.point)));
-    let chart = Chart {
-        title: format!("How long frames take, alpha {alpha}, {}", wording::conditions(conditions)),
-        subtitle: text::subtitle(results),
-        footer: "Share of the frames in buckets of 1/20 of a power of ten. From the captured image to the boxes; the \
-                 capture and the simulation of the sensor are not in it."
-            .to_owned(),
-        body: Body::Panels(models.iter().map(|model| panel(&cells, model)).collect()),
-    };
-    vec![Named { name: format!("histogram_{}", text::suffix(conditions)), chart }]
+    let footer = "Share of the frames in buckets of 1/20 of a power of ten. From the captured image to the boxes; the \
+                 capture and the simulation of the sensor are not in it.";
+    let title = format!("How long frames take, alpha {alpha}, {}", wording::conditions(conditions));
+    let body = Body::Panels(models.iter().map(|model| panel(&cells, model)).collect());
+    let name = format!("histogram_{}", suffix(conditions));
+    vec![Named::new(name, title, results, footer.to_owned(), body)]
 }
 
 fn panel(cells: &[&Cell], model: &str) -> Panel {
     let own = cells.iter().filter(|cell| wording::model(&cell.point) == model);
     let series: Vec<Series> = own.map(|cell| series(cell)).collect();
     let most = series.iter().flat_map(|series| &series.points).map(|point| point.y).fold(0.1, f64::max);
-    Panel { x: axis::log(format!("time a frame, ms, {model}")), y: axis::percent("frames", most), series }
+    Panel { x: Axis::log(format!("time a frame, ms, {model}")), y: Axis::percent("frames", most), series }
 }
 
 /// From 0 to 0, level within each bucket.

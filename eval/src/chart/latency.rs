@@ -1,8 +1,8 @@
 //! Where the time of a frame goes: a bar a stream, method and model.
 
-use modulo_charts::{Bar, Bars, Body, Chart};
+use modulo_charts::{Bar, Bars, Body};
 
-use super::{Named, text};
+use super::{Named, suffix};
 use crate::results::{Cell, Results};
 use crate::wording::{self, Conditions, SENSE, STAGES};
 
@@ -12,21 +12,18 @@ pub fn charts(results: &Results, conditions: Conditions) -> Vec<Named> {
     let cells = wording::nearest_to_four(&results.cells.iter().filter(of).collect::<Vec<_>>());
     let Some(alpha) = cells.first().map(|cell| cell.point.alpha) else { return Vec::new() };
     let rows = cells.iter().map(|cell| bar(cell)).collect();
-    let chart = Chart {
-        title: format!("Where the time of a frame goes, alpha {alpha}, {}", wording::conditions(conditions)),
-        subtitle: text::subtitle(results),
-        footer: "Medians over the frames of a cell, stage by stage. The capture and the simulation of the sensor are \
-                 not in it."
-            .to_owned(),
-        body: Body::Bars(Bars { label: "time a frame, ms".to_owned(), rows }),
-    };
-    vec![Named { name: format!("latency_{}", text::suffix(conditions)), chart }]
+    let footer = "Medians over the frames of a cell, stage by stage. The capture and the simulation of the sensor are \
+                 not in it.";
+    let title = format!("Where the time of a frame goes, alpha {alpha}, {}", wording::conditions(conditions));
+    let body = Body::Bars(Bars { label: "time a frame, ms".to_owned(), rows });
+    let name = format!("latency_{}", suffix(conditions));
+    vec![Named::new(name, title, results, footer.to_owned(), body)]
 }
 
 fn bar(cell: &Cell) -> Bar {
     let label = format!("{}, {}", wording::stream(&cell.point), wording::model(&cell.point));
     let timed = |stage: &&str| Some(((*stage).to_owned(), cell.latency_ms.get(*stage)?.p50));
     let parts = STAGES.iter().filter(|stage| **stage != SENSE).filter_map(timed).collect();
-    let note = wording::frame_ms(cell).map(|ms| format!("{ms:.1} ms")).unwrap_or_default();
+    let note = wording::frame_ms(cell).map_or(String::new(), |ms| format!("{ms:.1} ms"));
     Bar { label, parts, note }
 }

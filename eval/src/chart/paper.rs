@@ -1,8 +1,8 @@
 //! The paper's figures beside ours: a row a stream, a column a figure.
 
-use modulo_charts::{Body, Chart, Look, Panel, Point, Series, Tone};
+use modulo_charts::{Axis, Body, Look, Panel, Point, Series, Tone};
 
-use super::{Named, axis, text};
+use super::{Named, file_name, suffix};
 use crate::published::{ALPHAS, Published};
 use crate::results::{Cell, Protocol, Results, Stream};
 use crate::wording::{self, Conditions, distinct};
@@ -18,17 +18,22 @@ const STREAMS: [Stream; 4] = [Stream::Saturated, Stream::Modulo, Stream::Recover
 pub fn charts(results: &Results, conditions: Conditions) -> Vec<Named> {
     let of = |cell: &&Cell| wording::belongs(&cell.point, conditions);
     let cells: Vec<&Cell> = results.cells.iter().filter(of).collect();
-    let models = distinct(cells.iter().map(|cell| (cell.point.model.clone(), cell.point.input.clone())));
-    let chart = |(model, input): (String, String)| {
-        let published = Published::of(&model)?;
-        let own = cells.iter().filter(|cell| (&cell.point.model, &cell.point.input) == (&model, &input));
-        Some(chart(results, &own.copied().collect::<Vec<_>>(), published, conditions))
+    let models = distinct(cells.iter().map(|cell| wording::model(&cell.point)));
+    let chart = |model: String| {
+        let own: Vec<&Cell> =
+            cells.iter().filter(|cell| wording::model(&cell.point) == model).copied().collect();
+        let published = Published::of(&own.first()?.point.model)?;
+        Some(chart(results, &own, (&model, published), conditions))
     };
     models.into_iter().filter_map(chart).collect()
 }
 
-fn chart(results: &Results, cells: &[&Cell], published: &Published, conditions: Conditions) -> Named {
-    let model = cells.first().map(|cell| wording::model(&cell.point)).unwrap_or_default();
+fn chart(
+    results: &Results,
+    cells: &[&Cell],
+    (model, published): (&str, Published),
+    conditions: Conditions,
+) -> Named {
     let protocol = match results.setup.protocol {
         Protocol::Suite => "the suite's protocol",
         Protocol::Paper => "the paper's protocol",
@@ -36,26 +41,22 @@ fn chart(results: &Results, cells: &[&Cell], published: &Published, conditions: 
     let panels = STREAMS.iter().flat_map(|stream| {
         FIGURES.iter().enumerate().map(|(index, figure)| panel(cells, published, *stream, index, *figure))
     });
-    let chart = Chart {
-        title: format!(
-            "The paper's figures beside ours, {model}, {}, {protocol}",
-            wording::conditions(conditions)
-        ),
-        subtitle: text::subtitle(results),
-        footer: format!(
-            "Paper: table 1, YOLOv10{} with its official weights on 100 KITTI images that are not named. Ours: {} \
-             labelled frames and the model file at hand; the figures are comparable in their course over alpha, not \
-             in their height.",
-            published.letter, results.input.labelled
-        ),
-        body: Body::Panels(panels.collect()),
-    };
-    Named { name: format!("paper_{}_{}", text::file_name(&model), text::suffix(conditions)), chart }
+    let title =
+        format!("The paper's figures beside ours, {model}, {}, {protocol}", wording::conditions(conditions));
+    let footer = format!(
+        "Paper: table 1, YOLOv10{} with its official weights on 100 KITTI images that are not named. Ours: {} \
+         labelled frames and the model file at hand; the figures are comparable in their course over alpha, not in \
+         their height.",
+        published.letter(),
+        results.input.labelled
+    );
+    let name = format!("paper_{}_{}", file_name(model), suffix(conditions));
+    Named::new(name, title, results, footer, Body::Panels(panels.collect()))
 }
 
 fn panel(
     cells: &[&Cell],
-    published: &Published,
+    published: Published,
     stream: Stream,
     index: usize,
     (name, value): Figure,
@@ -80,7 +81,7 @@ fn panel(
             None => series.push(Series { name: ours, points: vec![point], look: Look::Joined }),
         }
     }
-    Panel { x: axis::log("alpha"), y: axis::percent(format!("{name}, {}", stream.name()), 1.0), series }
+    Panel { x: Axis::log("alpha"), y: Axis::percent(format!("{name}, {}", stream.name()), 1.0), series }
 }
 
 fn point(alpha: f64, value: f64, what: &str) -> Point {

@@ -1,8 +1,8 @@
 //! Pictures with boxes: the paper's figure 2, and the worst frame of each stream.
 
-use modulo_charts::{Body, Chart, Picture, Pictures};
+use modulo_charts::{Body, Picture, Pictures};
 
-use super::{Named, text};
+use super::Named;
 use crate::results::{Cell, Point, Results, Stream};
 use crate::wording::{self, distinct};
 
@@ -68,16 +68,13 @@ type Row = (String, Vec<Option<Picture>>);
 
 fn named(results: &Results, name: &str, title: String, cells: &[&Cell], rows: Vec<Row>) -> Named {
     let columns = cells.iter().map(|cell| wording::stream(&cell.point)).collect();
-    let point = cells.first().map(|cell| &cell.point);
-    let of =
-        point.map(|p| format!("{}, {}", wording::model(p), wording::conditions(wording::conditions_of(p))));
-    let chart = Chart {
-        title,
-        subtitle: format!("{} · {}", of.unwrap_or_default(), text::subtitle(results)),
-        footer: FOOTER.to_owned(),
-        body: Body::Pictures(Pictures { columns, rows }),
-    };
-    Named { name: name.to_owned(), chart }
+    let body = Body::Pictures(Pictures { columns, rows });
+    let mut named = Named::new(name.to_owned(), title, results, FOOTER.to_owned(), body);
+    if let Some(Cell { point, .. }) = cells.first() {
+        let conditions = wording::conditions(wording::conditions_of(point));
+        named.chart.subtitle = format!("{}, {conditions} · {}", wording::model(point), named.chart.subtitle);
+    }
+    named
 }
 
 fn row(shots: &[Shot], cells: &[&Cell], number: usize) -> Vec<Option<Picture>> {

@@ -128,7 +128,7 @@ impl Axes {
             ("the list of input sizes", self.inputs.is_empty()),
         ] {
             if empty {
-                return Err(GridError::Empty { what });
+                return Err(GridError::Empty(what));
             }
         }
         if protocol == Protocol::Paper && (self.psf_sigmas != [1.4] || self.noises != [0.0]) {

@@ -13,11 +13,8 @@ use modulo_runtime::driver::RunError;
 #[derive(Debug, thiserror::Error)]
 pub enum GridError {
     /// Nothing to do.
-    #[error("{what} is empty, at least one is needed")]
-    Empty {
-        /// The list.
-        what: &'static str,
-    },
+    #[error("{0} is empty, at least one is needed")]
+    Empty(&'static str),
     /// A value that is none of the possible ones.
     #[error("{what} is {value}, {possible} is possible")]
     Value {
@@ -38,55 +35,27 @@ pub enum GridError {
         /// What is wrong with them.
         why: String,
     },
-    /// A class map that is none.
-    #[error("{}: {why}", path.display())]
-    Table {
-        /// The file.
-        path: PathBuf,
-        /// The line, and what is needed.
-        why: String,
-    },
-    /// Results of another setup.
-    #[error("{}: holds results of another setup: {what} differs; choose another folder, or remove it", path.display())]
-    OtherSetup {
-        /// The file.
-        path: PathBuf,
-        /// What is not the same.
-        what: String,
-    },
-    /// Results that contradict each other.
-    #[error("{}: cell {cell} was measured before with other figures", path.display())]
-    Contradiction {
-        /// The file.
-        path: PathBuf,
-        /// Where in the grid.
-        cell: String,
-    },
-    /// The system refused.
+    /// A file is not a class map; the line, and what is needed.
+    #[error("{path}: {1}", path = .0.display())]
+    Table(PathBuf, String),
+    /// A file holds results of another setup; what differs.
+    #[error("{path}: holds results of another setup: {1} differs; choose another folder, or remove it", path = .0.display())]
+    OtherSetup(PathBuf, &'static str),
+    /// The results of a file contradict others in a cell.
+    #[error("{path}: cell {1} was measured before with other figures", path = .0.display())]
+    Contradiction(PathBuf, String),
+    /// A file or folder cannot be read or written.
     #[error(transparent)]
     Io(#[from] FileError),
-    /// A file of results that is none.
-    #[error("{}: {source}", path.display())]
-    Json {
-        /// The file.
-        path: PathBuf,
-        /// Where it stops making sense.
-        source: serde_json::Error,
-    },
-    /// A folder without results.
-    #[error("{}: there are no results; modulo eval --out makes them", path.display())]
-    NoResults {
-        /// The file that is missing.
-        path: PathBuf,
-    },
-    /// A chart that could not be drawn.
-    #[error("chart {name}: {source}")]
-    Chart {
-        /// Its name.
-        name: String,
-        /// Why.
-        source: modulo_charts::ChartError,
-    },
+    /// A file does not hold results.
+    #[error("{path}: {1}", path = .0.display())]
+    Json(PathBuf, #[source] serde_json::Error),
+    /// The file of the results is missing.
+    #[error("{}: there are no results; modulo eval --out makes them", .0.display())]
+    NoResults(PathBuf),
+    /// The chart of this name could not be drawn.
+    #[error("chart {0}: {1}")]
+    Chart(String, #[source] modulo_charts::ChartError),
     /// The data.
     #[error(transparent)]
     Source(#[from] SourceError),

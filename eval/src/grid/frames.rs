@@ -78,7 +78,7 @@ impl Frames {
         let mut known: Vec<_> = frames.drive_of.iter().flatten().collect();
         known.sort();
         known.dedup();
-        let digest = notes.digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
+        let digest = modulo_models::hex(&notes.digest.finalize());
         let (all, drives) = (frames.truths.len(), known.len());
         let without_twin = BTreeMap::new();
         frames.input = Input { frames: seen, labelled: all, drives, digest, warnings, without_twin };

@@ -23,7 +23,7 @@ pub fn merge(out: &Path, folders: &[PathBuf]) -> Result<Results, GridError> {
             Some(all) => add(all, part, &path)?,
         }
     }
-    let mut all = all.ok_or(GridError::Empty { what: "the list of folders" })?;
+    let mut all = all.ok_or(GridError::Empty("the list of folders"))?;
     super::run::sort(&mut all.cells, &all.setup.grid);
     store::save(out, &all)?;
     Ok(all)
@@ -32,15 +32,14 @@ pub fn merge(out: &Path, folders: &[PathBuf]) -> Result<Results, GridError> {
 fn add(all: &mut Results, part: Results, path: &Path) -> Result<(), GridError> {
     same(path, &part, all)?;
     if part.setup.grid != all.setup.grid {
-        return Err(GridError::OtherSetup { path: path.to_owned(), what: "the grid".to_owned() });
+        return Err(GridError::OtherSetup(path.to_owned(), "the grid"));
     }
     for cell in part.cells {
         match all.cells.iter().find(|known| known.point == cell.point) {
             None => all.cells.push(cell),
             Some(known) if timeless(known) == timeless(&cell) => {}
             Some(_) => {
-                let cell = cell.point.to_string();
-                return Err(GridError::Contradiction { path: path.to_owned(), cell });
+                return Err(GridError::Contradiction(path.to_owned(), cell.point.to_string()));
             }
         }
     }
@@ -68,6 +67,6 @@ pub(super) fn same(path: &Path, old: &Results, new: &Results) -> Result<(), Grid
     ];
     match differing.iter().find(|(_, differs)| *differs) {
         None => Ok(()),
-        Some((what, _)) => Err(GridError::OtherSetup { path: path.to_owned(), what: (*what).to_owned() }),
+        Some((what, _)) => Err(GridError::OtherSetup(path.to_owned(), what)),
     }
 }

@@ -64,6 +64,8 @@ pub struct Request {
     pub threads: usize,
     /// Frames worked on side by side, 1 or more.
     pub jobs: usize,
+    /// Name of the processor, for the results.
+    pub processor: String,
     /// Of noise and bootstrap.
     pub seed: u64,
     /// The cells that are this process's.

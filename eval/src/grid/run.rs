@@ -140,7 +140,7 @@ impl<'a> Workshop<'a> {
             return Ok(());
         }
         let model = self.request.axes.models.iter().find(|path| Axes::model_name(path) == point.model);
-        let model = model.ok_or(GridError::Empty { what: "the list of models" })?;
+        let model = model.ok_or(GridError::Empty("the list of models"))?;
         let Request { engine, threads, jobs, .. } = self.request;
         let lens = Lens { model, engine: *engine, input: &point.input, threads: *threads };
         self.eyes.clear();
@@ -154,20 +154,10 @@ impl<'a> Workshop<'a> {
 
     fn device(&self) -> Device {
         Device {
-            processor: processor(),
+            processor: self.request.processor.clone(),
             engine: self.eyes.first().map(|eye| eye.engine.clone()).unwrap_or_default(),
             threads: self.request.threads,
             jobs: self.request.jobs,
         }
-    }
-}
-
-/// The processor's model from `/proc/cpuinfo`, else its architecture.
-fn processor() -> String {
-    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
-    match model {
-        Some((_, name)) => name.split_whitespace().collect::<Vec<_>>().join(" "),
-        None => std::env::consts::ARCH.to_owned(),
     }
 }

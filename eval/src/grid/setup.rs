@@ -47,7 +47,7 @@ fn sha256(model: &Path) -> Result<String, GridError> {
         Some(bytes) => bytes.to_vec(),
         None => std::fs::read(model).map_err(|why| GridError::io(model, why))?,
     };
-    Ok(Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(modulo_models::hex(&Sha256::digest(bytes)))
 }
 
 /// What the figures mean.

@@ -3,6 +3,10 @@
 //! The draws depend on the seed and the number of units alone, so that cells of
 //! one grid see the same ones.
 
+use modulo_core::metric::quantile;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
 /// Draws.
 const DRAWS: usize = 1000;
 
@@ -41,35 +45,17 @@ impl Units {
         if self.count < 2 {
             return None;
         }
-        let mut random = SplitMix(self.seed);
+        let mut random = Pcg64::seed_from_u64(self.seed);
         let mut figures: Vec<f64> = (0..DRAWS)
             .filter_map(|_| {
                 let mut times = vec![0; self.count];
-                (0..self.count).for_each(|_| times[random.below(self.count)] += 1);
+                (0..self.count).for_each(|_| times[random.random_range(0..self.count)] += 1);
                 let weights: Vec<u64> = self.of_frame.iter().map(|&unit| times[unit]).collect();
                 figure(&weights)
             })
             .collect();
         figures.sort_by(f64::total_cmp);
-        let at =
-            |share: f64| figures.get((share * (figures.len().saturating_sub(1)) as f64).round() as usize);
-        Some([*at(0.025)?, *at(0.975)?])
-    }
-}
-
-/// Sebastiano Vigna's splitmix64.
-struct SplitMix(u64);
-
-impl SplitMix {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    fn below(&mut self, n: usize) -> usize {
-        ((u128::from(self.next()) * n as u128) >> 64) as usize
+        Some([quantile(&figures, 0.025)?, quantile(&figures, 0.975)?])
     }
 }
 

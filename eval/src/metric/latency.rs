@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use modulo_core::metric::quantile;
+
 use crate::results::Percentiles;
 use crate::wording::SENSE;
 
@@ -43,10 +45,7 @@ pub fn histogram<'a>(frames: impl Iterator<Item = &'a [(&'static str, u64)]>) ->
 
 fn percentiles(mut ns: Vec<u64>) -> Percentiles {
     ns.sort_unstable();
-    let at = |q: f64| {
-        let rank = (q * ns.len() as f64).ceil() as usize;
-        ns.get(rank.saturating_sub(1)).map_or(0.0, |ns| *ns as f64 / 1e6)
-    };
+    let at = |q: f64| quantile(&ns, q).expect("a stage is listed with its first duration") as f64 / 1e6;
     Percentiles { p50: at(0.50), p95: at(0.95), p99: at(0.99) }
 }
 

@@ -1,22 +1,25 @@
 //! All cells, a row each.
 
-use super::html::{Td, p, table};
+use maud::{Markup, html};
+
+use super::table::{Td, table};
 use crate::results::{Cell, Results};
 use crate::wording::{self, STAGES, distinct};
 
 /// The table of everything.
-pub fn section(results: &Results) -> String {
+pub fn section(results: &Results) -> Markup {
     let groups = distinct(results.cells.iter().flat_map(|cell| cell.ap50.keys().cloned()));
     let timed = |stage: &&str| results.cells.iter().any(|cell| cell.latency_ms.contains_key(*stage));
     let stages: Vec<&str> = STAGES.into_iter().filter(timed).collect();
     let rows: Vec<Vec<Td>> = results.cells.iter().map(|cell| row(cell, &groups, &stages)).collect();
-    [
-        "<h2>All cells</h2>\n".to_owned(),
-        p("Figures in percent unless a unit is named; a click on a column's name sorts by it. The same figures, and \
-           more of them, are in results.json and results.csv beside this page."),
-        table(&head(&groups, &stages), &rows),
-    ]
-    .concat()
+    html! {
+        h2 { "All cells" }
+        p {
+            "Figures in percent unless a unit is named; a click on a column's name sorts by it. The same figures, and "
+            "more of them, are in results.json and results.csv beside this page."
+        }
+        (table(&head(&groups, &stages), &rows))
+    }
 }
 
 fn head(groups: &[String], stages: &[&str]) -> Vec<String> {
@@ -31,12 +34,12 @@ fn head(groups: &[String], stages: &[&str]) -> Vec<String> {
 fn row(cell: &Cell, groups: &[String], stages: &[&str]) -> Vec<Td> {
     let point = &cell.point;
     let mut row = vec![
-        Td::text(wording::stream(point)),
-        Td::Number(point.alpha.to_string(), Some(point.alpha)),
-        Td::Number(point.psf_sigma.to_string(), Some(point.psf_sigma)),
-        Td::Number(point.noise.to_string(), Some(point.noise)),
-        Td::text(&point.model),
-        Td::text(&point.input),
+        Td::Text(wording::stream(point)),
+        Td::setting(point.alpha),
+        Td::setting(point.psf_sigma),
+        Td::setting(point.noise),
+        Td::Text(point.model.clone()),
+        Td::Text(point.input.clone()),
         Td::Number(frames(cell), Some(cell.frames as f64)),
     ];
     row.extend(groups.iter().map(|group| Td::percent(cell.ap50.get(group).copied().flatten())));

@@ -23,7 +23,7 @@ const PICTURES: &str = "pictures";
 /// [`GridError`] when there are no results, or a file cannot be read or written.
 pub fn write(folder: &Path) -> Result<PathBuf, GridError> {
     let found = load(folder)?;
-    let results = found.ok_or_else(|| GridError::NoResults { path: folder.join(RESULTS) })?;
+    let results = found.ok_or_else(|| GridError::NoResults(folder.join(RESULTS)))?;
     let mut drawn = Vec::new();
     for named in chart::all(&results) {
         drawn.push(save(&folder.join(CHARTS), &named)?);
@@ -45,7 +45,7 @@ pub fn keep(folder: &Path, pictures: &[Named]) -> Result<(), GridError> {
 /// Writes `NAME.svg`, `NAME.png` and, of pictures, `NAME.narrow.svg`.
 fn save(folder: &Path, named: &Named) -> Result<Drawn, GridError> {
     std::fs::create_dir_all(folder).map_err(|why| GridError::io(folder, why))?;
-    let chart = |source: ChartError| GridError::Chart { name: named.name.clone(), source };
+    let chart = |source: ChartError| GridError::Chart(named.name.clone(), source);
     let drawn = named.draw().map_err(chart)?;
     let file = |extension: &str| folder.join(format!("{}.{extension}", named.name));
     replace(&file("svg"), drawn.wide.as_bytes())?;

@@ -1,37 +1,100 @@
-//! The report: one HTML file that needs no network and no script.
+//! The report: one HTML page that needs no network. Its script sorts tables; all figures are there without it.
 //!
-//! Pure: results and charts in, text out. Every cell of the results is a row of
-//! its last table; the script, a dozen lines, sorts tables and nothing else.
+//! Pure: results and charts in, text out. Every cell of the results is a row of its last table.
 
 mod cells;
-mod figures;
 mod files;
 mod glance;
-mod html;
 mod paper;
-mod setup;
+mod table;
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::chart::Drawn;
 use crate::results::Results;
+use crate::wording::distinct;
 pub use files::{PAGE, keep, write};
 
 /// The whole page; `charts` are shown in their order.
 pub fn page(results: &Results, charts: &[Drawn]) -> String {
     let (done, all) = (results.cells.len(), results.setup.grid.len());
-    let unfinished = if done < all {
-        format!(
-            "<p class=\"warning\">{done} of {all} cells are here: a part of the grid, or a run that was ended.</p>\n"
-        )
-    } else {
-        String::new()
+    let title = format!("modulo eval: {}", results.setup.source);
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (title) }
+                style { (PreEscaped(include_str!("style.css"))) }
+            }
+            body {
+                h1 { (title) }
+                @if done < all {
+                    p.warning { (done) " of " (all) " cells are here: a part of the grid, or a run that was ended." }
+                }
+                (glance::section(results))
+                (figures(charts))
+                (paper::section(results))
+                (cells::section(results))
+                (setup(results))
+                script { (PreEscaped(include_str!("sort.js"))) }
+            }
+        }
+    }
+    .into_string()
+}
+
+/// All charts; the first one of each kind is open.
+fn figures(charts: &[Drawn]) -> Markup {
+    // The kind is the part of the name before the first `_`.
+    let kind = |chart: &Drawn| chart.name.split('_').next().map(str::to_owned);
+    html! {
+        h2 { "Charts" }
+        p.note { "A pointer on a mark shows its cell." }
+        @for (index, chart) in charts.iter().enumerate() {
+            @if charts[..index].iter().all(|other| kind(other) != kind(chart)) { (figure(chart)) }
+            @else { details { summary { (chart.title) } (figure(chart)) } }
+        }
+    }
+}
+
+/// A chart for a desk and for a phone; the style sheet shows one of them.
+fn figure(Drawn { name, wide, narrow, .. }: &Drawn) -> Markup {
+    html! { figure id=(name) { div.broad { (PreEscaped(wide)) } div.narrow { (PreEscaped(narrow)) } } }
+}
+
+/// What the figures mean, and what they were measured on and with.
+fn setup(results: &Results) -> Markup {
+    let (setup, input) = (&results.setup, &results.input);
+    let pairs = |map: &std::collections::BTreeMap<String, String>| {
+        map.iter().map(|(from, to)| format!("{from} -> {to}")).collect::<Vec<_>>().join(", ")
     };
-    let body = [
-        unfinished,
-        glance::section(results),
-        figures::section(charts),
-        paper::section(results),
-        cells::section(results),
-        setup::section(results),
+    let twins = input.without_twin.iter().map(|(whose, classes)| format!("{whose}: {}", classes.join(", ")));
+    let devices = distinct(results.cells.iter().map(|cell| {
+        let device = &cell.device;
+        format!("{} on {}, {} threads, {} jobs", device.engine, device.processor, device.threads, device.jobs)
+    }));
+    let facts = [
+        ("modulo", setup.version.clone()),
+        ("source", setup.source.clone()),
+        ("frames", format!("{}, {} of them labelled, {} drives", input.frames, input.labelled, input.drives)),
+        ("digest of frames and labels", format!("sha256 {}", input.digest)),
+        ("protocol", format!("{:?}", setup.protocol).to_lowercase()),
+        ("sensor", format!("{} bits, seed {}", setup.bits, setup.seed)),
+        ("difficulty", format!("{:?}", setup.difficulty).to_lowercase()),
+        ("engine asked for", setup.engine.clone()),
+        ("measured with", devices.join("; ")),
+        ("models", pairs(&setup.models)),
+        ("classes of the model to those of the labels", pairs(&setup.class_map)),
+        ("classes of the labels to groups", pairs(&setup.groups)),
+        ("classes without a twin", twins.collect::<Vec<_>>().join("; ")),
     ];
-    html::document(&format!("modulo eval: {}", results.setup.source), &body.concat())
+    html! {
+        h2 { "Definitions" }
+        dl { @for (name, text) in &results.definitions { dt { (name) } dd { (text) } } }
+        h2 { "Configuration" }
+        @for warning in &input.warnings { p { (warning) } }
+        dl { @for (name, text) in &facts { dt { (name) } dd { @if text.is_empty() { "-" } @else { (text) } } } }
+    }
 }

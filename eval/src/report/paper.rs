@@ -1,45 +1,46 @@
 //! The paper's two tables with ours beside them.
 
-use super::html::{Td, p, table};
+use maud::{Markup, html};
+
+use super::table::{Td, table};
 use crate::grid::CAPTURES;
 use crate::published::{CAPTURE_MS, Published};
 use crate::results::{Cell, Results, Stream};
 use crate::wording;
 
 /// Nothing where no model is one of the paper's.
-pub fn section(results: &Results) -> String {
+pub fn section(results: &Results) -> Markup {
     let known = |cell: &Cell| Published::of(&cell.point.model).is_some();
-    if !results.cells.iter().any(known) {
-        return String::new();
-    }
     let head =
         ["stream", "model", "alpha", "lens px", "noise", "IoU", "paper", "F1", "paper", "accuracy", "paper"];
     let rows: Vec<Vec<Td>> = results.cells.iter().filter_map(accuracy).collect();
     let times: Vec<Vec<Td>> = results.cells.iter().filter_map(time).collect();
     let time_head =
         ["stream", "model", "alpha", "capture, assumed", "merge or unwrap, tone", "detector", "sum", "paper"];
-    [
-        "<h2>The paper's tables</h2>\n".to_owned(),
-        p("Table 1, percent: its figures are of 100 KITTI images and of the official weights; SPUD stands behind its \
-           recovery. Ours are of the frames and the model named above."),
-        table(&head.map(str::to_owned), &rows),
-        p(&format!(
-            "Table 2, milliseconds: {CAPTURE_MS} ms a capture are the paper's assumption, {CAPTURES} captures where \
-             exposures are merged. Ours are medians on the processor named below, the paper's are of an RTX 4070."
-        )),
-        table(&time_head.map(str::to_owned), &times),
-    ]
-    .concat()
+    html! {
+        @if results.cells.iter().any(known) {
+            h2 { "The paper's tables" }
+            p {
+                "Table 1, percent: its figures are of 100 KITTI images and of the official weights; SPUD stands behind "
+                "its recovery. Ours are of the frames and the model named above."
+            }
+            (table(&head, &rows))
+            p {
+                "Table 2, milliseconds: " (CAPTURE_MS) " ms a capture are the paper's assumption, " (CAPTURES)
+                " captures where exposures are merged. Ours are medians on the processor named below, the paper's are "
+                "of an RTX 4070."
+            }
+            (table(&time_head, &times))
+        }
+    }
 }
 
 fn accuracy(cell: &Cell) -> Option<Vec<Td>> {
     let published = Published::of(&cell.point.model)?.figures(cell.point.stream, cell.point.alpha);
     let theirs = |index: usize| Td::number(published.map(|figures| figures[index]), 1);
     let point = &cell.point;
-    let number = |value: f64| Td::Number(value.to_string(), Some(value));
-    let mut row =
-        vec![Td::text(wording::stream(point)), Td::text(wording::model(point)), number(point.alpha)];
-    row.extend([number(point.psf_sigma), number(point.noise)]);
+    let mut row = vec![Td::Text(wording::stream(point)), Td::Text(wording::model(point))];
+    row.extend([point.alpha, point.psf_sigma, point.noise].map(Td::setting));
     for (index, ours) in [cell.paper.iou, cell.paper.f1, cell.paper.accuracy].into_iter().enumerate() {
         row.extend([Td::percent(Some(ours)), theirs(index)]);
     }
@@ -53,18 +54,18 @@ fn time(cell: &Cell) -> Option<Vec<Td>> {
         stages.iter().filter_map(|stage| cell.latency_ms.get(*stage)).map(|time| time.p50).sum::<f64>()
     };
     let (captures, theirs) = match cell.point.stream {
-        Stream::Saturated | Stream::Modulo => (1.0, Some(published.ms[0])),
-        Stream::Recovered => (1.0, Some(published.ms[1])),
-        Stream::MultiExposure | Stream::MultiExposureStill => (CAPTURES as f64, Some(published.ms[2])),
+        Stream::Saturated | Stream::Modulo => (1.0, Some(published.ms()[0])),
+        Stream::Recovered => (1.0, Some(published.ms()[1])),
+        Stream::MultiExposure | Stream::MultiExposureStill => (CAPTURES as f64, Some(published.ms()[2])),
         // No sensor delivers it.
         Stream::Ideal => return None,
     };
     let capture = captures * CAPTURE_MS;
     let point = &cell.point;
     Some(vec![
-        Td::text(wording::stream(point)),
-        Td::text(wording::model(point)),
-        Td::Number(point.alpha.to_string(), Some(point.alpha)),
+        Td::Text(wording::stream(point)),
+        Td::Text(wording::model(point)),
+        Td::setting(point.alpha),
         Td::number(Some(capture), 0),
         Td::number(Some(of(&["merge", "unwrap", "tone", "deblur"])), 1),
         Td::number(Some(of(&["pre", "infer", "post"])), 1),

@@ -9,9 +9,7 @@ use modulo_images::{EXTENSIONS, White, read_image};
 use ndarray::Array3;
 
 use super::Request;
-use crate::StudyError;
-use crate::event::{Event, Skipped};
-use crate::shown::shown;
+use crate::{Event, Skipped, StudyError, shown};
 
 /// Size of the own scenes, px: that of most of KITTI's frames.
 const WIDTH: usize = 1242;
@@ -62,7 +60,7 @@ pub fn usable(
         }
     }
     match (&request.frames, found.is_empty()) {
-        (Some(folder), true) => Err(StudyError::NoFrames { folder: folder.clone() }),
+        (Some(folder), true) => Err(StudyError::NoFrames(folder.clone())),
         _ => Ok((found, skipped)),
     }
 }
@@ -109,7 +107,7 @@ fn own() -> Vec<Place> {
 
 /// The image files of `folder`, by name.
 fn list(folder: &Path) -> Result<Vec<PathBuf>, StudyError> {
-    let io = |source| StudyError::Io { path: folder.to_owned(), source };
+    let io = |source| StudyError::Io(folder.to_owned(), source);
     let mut files = Vec::new();
     for entry in fs::read_dir(folder).map_err(io)? {
         let path = entry.map_err(io)?.path();

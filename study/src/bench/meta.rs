@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use modulo_core::Psf;
 use serde::{Deserialize, Serialize};
 
+use super::Request;
 use super::frames::Found;
-use super::{Request, device};
 
 /// One for a folder of results.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -55,8 +55,8 @@ impl Meta {
             Psf::Paper7 => "paper7",
         };
         Self {
-            device: device::processor(),
-            processors: device::processors(),
+            device: request.device.clone(),
+            processors: std::thread::available_parallelism().map_or(1, usize::from),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             source: folder.unwrap_or_else(|| "own scenes".to_owned()),
             sizes: sizes(frames),

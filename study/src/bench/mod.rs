@@ -3,7 +3,6 @@
 //! Only [`Unwrap::unwrap`](modulo_core::Unwrap::unwrap) into buffers that fit is
 //! timed; reading, sensing and scoring never are.
 
-mod device;
 mod frames;
 mod meta;
 mod row;
@@ -14,9 +13,8 @@ use std::path::PathBuf;
 use modulo_core::unwrap::{METHODS, Options, by_name};
 use modulo_core::{MAX_THREADS, Psf, Sensor, SensorConfig, UnwrapError, WorkersError};
 
-use crate::event::{Event, Skipped};
 use crate::store::{make_folder, write_json};
-use crate::{StudyError, need};
+use crate::{Event, Skipped, StudyError, need, sensors};
 use frames::Sample;
 pub use meta::{Meta, Size};
 pub use row::Row;
@@ -49,6 +47,8 @@ pub struct Request {
     pub read_noise: f64,
     /// Seed of the noise.
     pub seed: u64,
+    /// Name of the processor, for the results.
+    pub device: String,
 }
 
 impl Default for Request {
@@ -66,6 +66,7 @@ impl Default for Request {
             bits: 8,
             read_noise: 0.0,
             seed: 0,
+            device: String::new(),
         }
     }
 }
@@ -132,7 +133,6 @@ fn measure(
 
 /// A sensor for each alpha; everything else is looked at too, so that a wrong request costs no time.
 fn check(request: &Request) -> Result<Vec<Sensor>, StudyError> {
-    need("the list of alphas", &request.alphas)?;
     need("the list of methods", &request.methods)?;
     need("the list of thread counts", &request.threads)?;
     if request.repeats == 0 {
@@ -147,7 +147,5 @@ fn check(request: &Request) -> Result<Vec<Sensor>, StudyError> {
         }
     }
     let Request { bits, psf, read_noise, .. } = *request;
-    let config = |alpha| SensorConfig { bits, alpha, psf, read_noise, shot_noise: 0.0 };
-    let sensor = |&alpha: &f64| Ok(Sensor::new(config(alpha))?);
-    request.alphas.iter().map(sensor).collect()
+    sensors(&request.alphas, SensorConfig { bits, alpha: 1.0, psf, read_noise, shot_noise: 0.0 })
 }

@@ -3,10 +3,9 @@
 use modulo_core::{Recovered, Unwrap, UnwrapError, tone};
 
 use super::frames::Sample;
-use crate::StudyError;
-use crate::shown::shown;
 use crate::stopwatch::timed;
-use modulo_core::metric::{exact_share, mse, psnr_db};
+use crate::{StudyError, shown};
+use modulo_core::metric::{exact_share, mse, psnr_db, quantile};
 
 /// What a method took and gave.
 pub struct Measured {
@@ -35,12 +34,12 @@ pub fn measure(method: &mut dyn Unwrap, samples: &[Sample], repeats: usize) -> R
             times.push(ms);
         }
         times.sort_by(f64::total_cmp);
-        spreads.push((quantile(&times, 0.75) - quantile(&times, 0.25)) / quantile(&times, 0.5).max(1e-9));
+        spreads.push((at(&times, 0.75) - at(&times, 0.25)) / at(&times, 0.5).max(1e-9));
         all.times.append(&mut times);
     }
     all.times.sort_by(f64::total_cmp);
     spreads.sort_by(f64::total_cmp);
-    all.spread = quantile(&spreads, 0.5);
+    all.spread = at(&spreads, 0.5);
     Ok(all)
 }
 
@@ -56,7 +55,7 @@ impl Measured {
 
     /// Quantile `q` (0 to 1) of all calls, ms.
     pub fn ms(&self, q: f64) -> f64 {
-        quantile(&self.times, q)
+        at(&self.times, q)
     }
 
     /// Share of exact wrap counts over all frames, 0 to 1.
@@ -71,28 +70,6 @@ impl Measured {
     }
 }
 
-/// Linear between the two nearest of the `sorted` values (numpy's default); 0 without values.
-fn quantile(sorted: &[f64], q: f64) -> f64 {
-    let place = q * sorted.len().saturating_sub(1) as f64;
-    let low = place.floor() as usize;
-    match (sorted.get(low), sorted.get(low + 1)) {
-        (Some(a), Some(b)) => a + (b - a) * (place - low as f64),
-        (Some(a), None) => *a,
-        _ => 0.0,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn quantiles_are_numpys() {
-        let sorted = [1.0, 2.0, 4.0, 8.0];
-        let got = [0.0, 0.05, 0.5, 0.75, 0.95, 1.0].map(|q| quantile(&sorted, q));
-        // numpy.quantile([1, 2, 4, 8], [0, .05, .5, .75, .95, 1])
-        let want = [1.0, 1.15, 3.0, 5.0, 7.4, 8.0];
-        assert!(got.iter().zip(want).all(|(a, b)| (a - b).abs() < 1e-12), "{got:?}");
-        assert_eq!(quantile(&[], 0.5), 0.0);
-    }
+fn at(sorted: &[f64], q: f64) -> f64 {
+    quantile(sorted, q).expect("there is a frame, and each is timed at least once")
 }

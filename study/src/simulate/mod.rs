@@ -3,20 +3,19 @@
 //! Every file is a scene of its own. Nothing of one file, not even the white
 //! found in it, is used for another.
 
-mod name;
 mod picture;
-mod row;
 
+use std::collections::HashSet;
 use std::path::PathBuf;
 
 use modulo_core::unwrap::{Options, by_name};
 use modulo_core::{Psf, Sensor, SensorConfig, Unwrap};
 use modulo_images::White;
 
-use crate::event::{Event, Skipped};
+use serde::{Deserialize, Serialize};
+
 use crate::store::{make_folder, write_json};
-use crate::{StudyError, need};
-pub use row::Row;
+use crate::{Event, Skipped, StudyError, need};
 
 /// Name of the list of results in the folder.
 pub const RESULTS: &str = "results.json";
@@ -61,6 +60,32 @@ impl Default for Request {
     }
 }
 
+/// How a method did on a picture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// The picture, as it was given.
+    pub file: String,
+    /// Saturation factor.
+    pub alpha: f64,
+    /// Blur of the lens, px.
+    pub psf_sigma: f64,
+    /// As in [`modulo_core::unwrap::METHODS`].
+    pub method: String,
+    /// `10 log10(255^2 / mse)` of the recovered 8-bit picture against the ideal one, over all samples;
+    /// `None` (`null`) where they are equal and the ratio is infinite.
+    pub psnr_db: Option<f64>,
+    /// Mean SSIM of these two pictures, as [`modulo_core::metric::ssim`]; `None` below 11 px a side.
+    pub ssim: Option<f64>,
+    /// Share of the samples whose wrap count is the true one, 0 to 1.
+    pub exact_k: f64,
+    /// What did it: the method's own name, or the rung that it chose.
+    pub rung: String,
+    /// Whether the method vouches for its result; `None`: it makes no claim.
+    pub trusted: Option<bool>,
+    /// One call, ms on one thread; `bench unwrap` is for timing.
+    pub ms: f64,
+}
+
 /// What came of it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Outcome {
@@ -82,7 +107,7 @@ pub struct Outcome {
 pub fn simulate(request: &Request, tell: &mut dyn FnMut(Event<'_>)) -> Result<Outcome, StudyError> {
     let (sensors, mut methods) = (sensors(request)?, methods(request)?);
     make_folder(&request.out)?;
-    let names = name::of(&request.files);
+    let names = names(&request.files);
     let total = request.files.len() * sensors.len();
     let mut outcome = Outcome::default();
     for (index, (file, name)) in request.files.iter().zip(&names).enumerate() {
@@ -113,16 +138,36 @@ pub fn simulate(request: &Request, tell: &mut dyn FnMut(Event<'_>)) -> Result<Ou
 /// A sensor for each alpha.
 fn sensors(request: &Request) -> Result<Vec<Sensor>, StudyError> {
     need("the list of files", &request.files)?;
-    need("the list of alphas", &request.alphas)?;
     White::new(request.white)?;
     let Request { bits, psf, read_noise, .. } = *request;
-    let config = |alpha| SensorConfig { bits, alpha, psf, read_noise, shot_noise: 0.0 };
-    let sensor = |&alpha: &f64| Ok(Sensor::new(config(alpha))?);
-    request.alphas.iter().map(sensor).collect()
+    crate::sensors(&request.alphas, SensorConfig { bits, alpha: 1.0, psf, read_noise, shot_noise: 0.0 })
 }
 
 fn methods(request: &Request) -> Result<Vec<Box<dyn Unwrap>>, StudyError> {
     need("the list of methods", &request.methods)?;
     let method = |name: &String| Ok(by_name(name, &Options::default())?);
     request.methods.iter().map(method).collect()
+}
+
+/// The stem of each file, with `-2`, `-3` and so on where another file has it already.
+fn names(files: &[PathBuf]) -> Vec<String> {
+    let mut taken = HashSet::new();
+    let free = |file: &PathBuf| {
+        let stem = file.file_stem().unwrap_or(file.as_os_str()).to_string_lossy().into_owned();
+        let numbered = (2..).map(|n: u32| format!("{stem}-{n}"));
+        let mut names = std::iter::once(stem.clone()).chain(numbered);
+        names.find(|name| taken.insert(name.clone())).unwrap_or(stem)
+    };
+    files.iter().map(free).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_stems_are_told_apart() {
+        let files = ["a/x.png", "b/x.png", "x-2.jpg", "x.exr", "y"].map(PathBuf::from);
+        assert_eq!(names(&files), ["x", "x-2", "x-2-2", "x-3", "y"]);
+    }
 }

@@ -7,9 +7,8 @@ use modulo_images::{White, read_image, save_png};
 use ndarray::Array3;
 
 use super::{Request, Row};
-use crate::StudyError;
-use crate::shown::shown;
 use crate::stopwatch::timed;
+use crate::{StudyError, shown};
 use modulo_core::metric::{exact_share, mse, psnr_db, ssim};
 
 /// A picture of the request.

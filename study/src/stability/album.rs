@@ -1,12 +1,13 @@
-//! [`Album`]: the pictures of a run, as files beside the page, or none at all.
+//! [`Album`]: the pictures of a run, as files beside the page, or none at all. Figures are never taken from pictures.
+//!
+//! One gamma for all, so that dark scenes show: radiance is `255 sqrt(x / (alpha 2^b))`, codes are `255 y / 2^b`.
 
 use std::path::{Path, PathBuf};
 
 use modulo_core::{Exposure, Frame, FrameError, SensorError};
 use modulo_images::save_png;
-use ndarray::{Array3, s};
+use ndarray::{Array3, Axis, concatenate, s};
 
-use super::picture;
 use crate::StudyError;
 
 /// The scene that shows what is peculiar to a method, for the documentation.
@@ -23,6 +24,9 @@ const FIGURES: &[(&str, &str)] = &[
 
 /// Rows of a scene that a figure shows.
 const ROWS: std::ops::Range<usize> = 32..160;
+
+/// Width of the white gap between the parts of a strip, px.
+const GAP: usize = 4;
 
 /// Where pictures go.
 pub struct Album {
@@ -61,8 +65,8 @@ impl Album {
     ) -> Result<Option<Sheet<'a>>, StudyError> {
         let Some(out) = self.out.as_deref() else { return Ok(None) };
         let limit = exposure.range().limit();
-        let truth = picture::radiance(&exposure.x().mapv(f32::floor), limit);
-        let modulo = picture::codes(y, exposure.range().peak());
+        let truth = radiance(&exposure.x().mapv(f32::floor), limit);
+        let modulo = codes(y, exposure.range().peak());
         let sheet = Sheet { out, scene, limit, truth, modulo };
         sheet.save(&sheet.path("truth"), &[&sheet.truth])?;
         sheet.save(&sheet.path("modulo"), &[&sheet.modulo])?;
@@ -76,7 +80,7 @@ impl Sheet<'_> {
     /// # Errors
     /// [`StudyError::Save`].
     pub fn add(&self, method: &str, x: &Array3<f32>) -> Result<String, StudyError> {
-        let result = picture::radiance(x, self.limit);
+        let result = radiance(x, self.limit);
         if FIGURES.contains(&(method, self.scene)) {
             let parts = [&self.truth, &self.modulo, &result]
                 .map(|picture| picture.slice(s![ROWS, .., ..]).to_owned());
@@ -94,7 +98,26 @@ impl Sheet<'_> {
     }
 
     fn save(&self, path: &str, pictures: &[&Array3<u8>]) -> Result<(), StudyError> {
-        let frame = picture::strip(pictures).map_err(|error: FrameError| SensorError::from(error))?;
+        let frame = strip(pictures).map_err(|error: FrameError| SensorError::from(error))?;
         Ok(save_png(&self.out.join(path), &frame)?)
     }
+}
+
+/// Radiance `x` (code units) of a sensor that reaches `limit`, as 8-bit pixels.
+fn radiance(x: &Array3<f32>, limit: f64) -> Array3<u8> {
+    let limit = limit as f32;
+    x.mapv(|x| (255.0 * (x / limit).max(0.0).sqrt() + 0.5) as u8)
+}
+
+/// Codes of a sensor with this `peak`, as 8-bit pixels.
+fn codes(y: &Frame, peak: f32) -> Array3<u8> {
+    y.to_f32().mapv(|y| (255.0 * y / peak + 0.5) as u8)
+}
+
+/// Pictures of one height and as many channels side by side, on white.
+fn strip(pictures: &[&Array3<u8>]) -> Result<Frame, FrameError> {
+    let (height, _, channels) = pictures[0].dim();
+    let gap = Array3::from_elem((height, GAP, channels), 255);
+    let parts: Vec<_> = pictures.iter().flat_map(|picture| [gap.view(), picture.view()]).skip(1).collect();
+    Frame::from_u8(concatenate(Axis(1), &parts).expect("all pictures show rows of the same scene"))
 }

@@ -9,8 +9,8 @@ use super::expect::{Evidence, Expect};
 /// Seed of the sensor's noise, the same in all cases.
 const SEED: u64 = 3;
 
-/// What cases have in common.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+/// What cases have in common, in the order of the report.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Family {
     /// Sharp edges from border to border.
@@ -42,23 +42,6 @@ pub enum Family {
 }
 
 impl Family {
-    /// All, in the order of the report.
-    pub const ALL: [Self; 13] = [
-        Self::Steps,
-        Self::Islands,
-        Self::Lamps,
-        Self::Poles,
-        Self::Horizons,
-        Self::Ramps,
-        Self::Noise,
-        Self::Levels,
-        Self::Colour,
-        Self::Bits,
-        Self::Sizes,
-        Self::Alpha,
-        Self::Streets,
-    ];
-
     /// Heading and one sentence.
     pub fn title(self) -> (&'static str, &'static str) {
         match self {

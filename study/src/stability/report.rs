@@ -1,6 +1,7 @@
 //! What a run found, as `results.json` has it.
 
-use modulo_core::unwrap::Signal;
+use std::collections::BTreeMap;
+
 use serde::Serialize;
 
 use super::case::Family;
@@ -74,25 +75,12 @@ pub struct Trial {
     pub rung: &'static str,
     /// As [`modulo_core::unwrap::Report`] has it.
     pub trusted: Option<bool>,
-    /// As [`modulo_core::unwrap::Report`] has it.
-    pub signal: Option<SignalRow>,
+    /// The fields of [`modulo_core::unwrap::Signal`] by name.
+    pub signal: Option<BTreeMap<&'static str, f32>>,
     /// What came of it.
     pub verdict: Verdict,
     /// Within the folder of the run.
     pub picture: Option<String>,
-}
-
-/// As [`Signal`].
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct SignalRow {
-    /// Fraction of the loops.
-    pub residues: f32,
-    /// Fraction of the loops.
-    pub steep: f32,
-    /// Share of the weakest line.
-    pub consensus: f32,
-    /// Fraction of the samples.
-    pub clamped: f32,
 }
 
 /// What came of an expectation.
@@ -116,12 +104,6 @@ pub struct RefusalRow {
     pub said: String,
     /// Whether the error names the thing and the value.
     pub held: bool,
-}
-
-impl From<Signal> for SignalRow {
-    fn from(Signal { residues, steep, consensus, clamped }: Signal) -> Self {
-        Self { residues, steep, consensus, clamped }
-    }
 }
 
 impl Verdict {

@@ -22,7 +22,7 @@ const SORTED: &[&str] = &["tree", "quality_guided"];
 /// Why methods of first order lose what is behind a soft but high edge.
 const RIM: &str = "first differences exceed half a peak on the edge and are taken for small ones";
 
-/// All cases, in the order of [`Family::ALL`](super::case::Family::ALL).
+/// All cases, in the order of [`Family`](super::case::Family).
 pub fn cases() -> Vec<Case> {
     [edges::cases(), bright::cases(), slopes::cases(), uneven::cases(), sensors::cases()]
         .into_iter()
