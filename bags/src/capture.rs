@@ -22,7 +22,7 @@ const GLANCE_NS: u64 = 50_000_000;
 /// number for topics of tiny messages.
 const WAITING: Limit = Limit { messages: 1 << 20, bytes: 100 << 20 };
 /// After a stop, samples that wait are written for this long; the rest is lost and counted.
-const LAST_WRITES_NS: u64 = 500_000_000;
+const LAST_WRITES_NS: u64 = 250_000_000;
 
 /// Why a recording failed.
 #[derive(Debug, thiserror::Error)]
