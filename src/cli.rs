@@ -88,6 +88,9 @@ pub struct Launch {
     /// Write the summary to this file as JSON
     #[arg(long, value_name = "FILE")]
     pub summary: Option<PathBuf>,
+    /// End with exit code 3 also when newer images replaced older ones
+    #[arg(long)]
+    pub strict: bool,
     /// Say what the file would start, and end
     #[arg(long, conflicts_with_all = ["compose", "summary"])]
     pub print: bool,

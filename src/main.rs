@@ -1,7 +1,7 @@
 //! The command `modulo`: parse, dispatch, exit code. No logic.
 //!
 //! Exit codes: 0 done, 1 failed, 2 wrong command line, 3 done but something was
-//! lost. Nowhere else is one made.
+//! lost that should never be. No other place makes one.
 
 mod cli;
 mod command;
@@ -13,7 +13,7 @@ use std::process::ExitCode;
 pub enum Ended {
     /// Done.
     Done,
-    /// Done, but frames were dropped, skipped or missing.
+    /// Done, but something was lost that should never be, such as a frame that could not be read or that a crash took.
     WithLoss,
 }
 

@@ -20,6 +20,11 @@ impl White {
         if white.is_finite() && white >= 0.0 { Ok(Self(white)) } else { Err(ImageError::White { white }) }
     }
 
+    /// Whether it was given, or has been taken from a float image.
+    pub fn is_known(&self) -> bool {
+        self.0 > 0.0
+    }
+
     /// Radiance in `[0, 1)`, `H x W x C`: integers as fractions of their range, floats as linear radiance.
     pub fn radiance(&mut self, frame: &Frame) -> Array3<f32> {
         match frame.samples() {

@@ -65,8 +65,7 @@ impl Mistakes {
 
     /// The first one.
     pub fn into_first(self) -> LaunchError {
-        let none = LaunchError::at(Path::new(""), 0, "is wrong");
-        self.0.into_iter().next().unwrap_or(none)
+        self.0.into_iter().next().expect("it is only made with at least one mistake")
     }
 
     /// Those that are not `dropped`; no mistake when none is left.

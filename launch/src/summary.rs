@@ -1,6 +1,7 @@
-//! [`Summary`]: the reports of all nodes added up. Percentiles come from merged
-//! counts, never from averages of percentiles. Nothing decides on an exit code here.
+//! [`Summary`]: the reports of all nodes and of all their lives added up. Percentiles come from merged
+//! counts, never from averages of percentiles.
 
+mod crash;
 mod table;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -8,8 +9,9 @@ use std::path::Path;
 
 use serde::Serialize;
 
+pub use crash::LostInCrash;
 pub use modulo_runtime::report::NodeReport;
-use modulo_runtime::report::{Histogram, quantile};
+use modulo_runtime::report::{Histogram, add, quantile};
 
 use crate::error::LaunchError;
 
@@ -20,8 +22,10 @@ pub struct Summary {
     pub frames: u64,
     /// Detections by stream and class.
     pub detections: BTreeMap<String, BTreeMap<String, u64>>,
-    /// Messages that were lost or replaced by newer ones, by topic.
+    /// Messages that were lost, replaced by newer ones or left unread, by topic.
     pub dropped: BTreeMap<String, u64>,
+    /// Messages that were lost because a node crashed, by topic and reader.
+    pub lost_in_crashes: Vec<LostInCrash>,
     /// Durations by stage.
     pub latency_ms: BTreeMap<String, Percentiles>,
     /// The inference engines that really ran, joined with `+` when they differ.
@@ -32,6 +36,9 @@ pub struct Summary {
     pub topics: BTreeMap<String, TopicCounts>,
     /// Restarts after crashes, by process; only those that had one.
     pub restarts: BTreeMap<String, u32>,
+    /// Topics that are read as best effort: the sender does not promise that all messages arrive.
+    #[serde(skip)]
+    pub best_effort: BTreeSet<String>,
 }
 
 /// Percentiles in milliseconds: upper bounds of the buckets they lie in.
@@ -54,23 +61,32 @@ pub struct TopicCounts {
     /// Sent.
     #[serde(rename = "out")]
     pub sent: u64,
-    /// Lost on the way or replaced by newer ones.
+    /// Replaced, lost or unread.
     pub dropped: u64,
-    /// Could not be read or processed.
+    /// Replaced by newer ones before a node took them.
+    pub replaced: u64,
+    /// Lost on the way.
+    pub lost: u64,
+    /// Left unread by a node that ended or changed its inputs.
+    pub unread: u64,
+    /// Could not be read, processed or sent.
     pub bad: u64,
 }
 
 impl Summary {
-    /// Adds up `reports`; `restarts` are (process, count).
+    /// Adds up `reports`, one for each life of each node; `restarts` are (process, count).
     pub fn new<'a>(reports: &[NodeReport], restarts: impl IntoIterator<Item = (&'a str, u32)>) -> Self {
-        let mut summary = Self { engine: engine(reports), ..Self::default() };
+        let lost_in_crashes = crash::losses(reports);
+        let mut summary = Self { engine: engine(reports), lost_in_crashes, ..Self::default() };
         let mut stages: BTreeMap<&str, Histogram> = BTreeMap::new();
         for report in reports {
             summary.frames += frames(report);
             summary.add_topics(report);
             summary.add_detections(report);
             if let (Some(rungs), Some(trusted)) = (report.facts.get("rungs"), report.facts.get("trusted")) {
-                summary.unwrapped.insert(report.node.clone(), format!("{rungs}; trusted {trusted}"));
+                let life = format!("{rungs}; trusted {trusted}");
+                let lives = summary.unwrapped.entry(report.node.clone()).or_default();
+                *lives = if lives.is_empty() { life } else { format!("{lives}; after a restart {life}") };
             }
             for (stage, buckets) in &report.stages {
                 let merged = stages.entry(stage).or_default();
@@ -85,9 +101,17 @@ impl Summary {
         summary
     }
 
-    /// Whether a message was dropped or could not be used.
-    pub fn lost(&self) -> bool {
-        self.topics.values().any(|counts| counts.dropped > 0 || counts.bad > 0)
+    /// Whether something was lost that should never be: the run ends with exit code 3.
+    ///
+    /// A live run promises the newest image, so an image that a newer one replaced, or that was dropped on its way to
+    /// a reader that was late, is only counted. So is one that was left unread at the end. With `strict` these are
+    /// losses too. These always are: a message that could not be read, processed or sent, a message lost on
+    /// the way of a reliable topic, and what was lost in a crash.
+    pub fn lost(&self, strict: bool) -> bool {
+        let broken = |(topic, n): (&String, &TopicCounts)| {
+            n.bad > 0 || (n.lost > 0 && !self.best_effort.contains(topic)) || (strict && n.dropped > 0)
+        };
+        !self.lost_in_crashes.is_empty() || self.topics.iter().any(broken)
     }
 
     /// Writes the summary to `file` as JSON.
@@ -101,26 +125,31 @@ impl Summary {
     }
 
     fn add_topics(&mut self, report: &NodeReport) {
-        for (topic, n) in &report.received {
-            self.topics.entry(topic.clone()).or_default().received += n;
-        }
-        for (topic, n) in &report.published {
-            self.topics.entry(topic.clone()).or_default().sent += n;
-        }
-        for (topic, n) in &report.dropped() {
-            self.topics.entry(topic.clone()).or_default().dropped += n;
-            *self.dropped.entry(topic.clone()).or_default() += n;
-        }
-        for (topic, n) in &report.bad {
-            self.topics.entry(topic.clone()).or_default().bad += n;
+        self.add_counts(&report.received, |topic| &mut topic.received);
+        self.add_counts(&report.published, |topic| &mut topic.sent);
+        self.add_counts(&report.replaced, |topic| &mut topic.replaced);
+        self.add_counts(&report.lost, |topic| &mut topic.lost);
+        self.add_counts(&report.unread, |topic| &mut topic.unread);
+        self.add_counts(&report.bad, |topic| &mut topic.bad);
+        let dropped = report.dropped();
+        self.add_counts(&dropped, |topic| &mut topic.dropped);
+        dropped.iter().for_each(|(topic, n)| add(&mut self.dropped, topic, *n));
+        self.best_effort.extend(report.best_effort.iter().cloned());
+    }
+
+    fn add_counts(&mut self, counts: &BTreeMap<String, u64>, field: fn(&mut TopicCounts) -> &mut u64) {
+        for (topic, n) in counts {
+            *field(self.topics.entry(topic.clone()).or_default()) += n;
         }
     }
 
     fn add_detections(&mut self, report: &NodeReport) {
-        // A node that reads no stream detects nothing: its boxes are ground truth.
-        let Some(stream) = report.facts.get("stream") else { return };
-        let classes = self.detections.entry(stream.clone()).or_default();
-        report.classes.iter().for_each(|(class, n)| *classes.entry(class.clone()).or_default() += n);
+        // Named also when nothing was found in it.
+        let read = report.facts.get("stream").map(|stream| (stream, BTreeMap::new()));
+        for (stream, found) in report.classes.iter().map(|(s, c)| (s, c.clone())).chain(read) {
+            let classes = self.detections.entry(stream.clone()).or_default();
+            found.iter().for_each(|(class, n)| add(classes, class, *n));
+        }
     }
 }
 
@@ -144,8 +173,7 @@ fn percentiles(histogram: &Histogram) -> Option<Percentiles> {
     Some(Percentiles { p50: at(0.50)?, p95: at(0.95)?, p99: at(0.99)? })
 }
 
-/// The reports in `folder`. One that cannot be read, as that of a node that was
-/// killed while it wrote, is left out with a warning.
+/// The reports in `folder`, one for each life of a node. One that cannot be read is left out with a warning.
 pub(crate) fn read_reports(folder: &Path) -> Vec<NodeReport> {
     let files = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let mut files: Vec<_> = files.filter(|file| file.extension().is_some_and(|e| e == "json")).collect();
@@ -175,7 +203,7 @@ mod tests {
             report(
                 &serde_json::json!({
                     "node": format!("/detector_{first}"), "received": {"/recovered": 50}, "published": {},
-                    "replaced": {"/recovered": 0}, "bad": {}, "classes": {"car": 3},
+                    "replaced": {"/recovered": 0}, "bad": {}, "classes": {"recovered": {"car": 3}},
                     "facts": {"engine": "rten", "stream": "recovered"}, "stages": {"infer": buckets}
                 })
                 .to_string(),
@@ -186,7 +214,7 @@ mod tests {
     fn camera() -> NodeReport {
         report(
             r#"{"node": "/modulo_camera", "received": {}, "published": {"/modulo": 20, "/ideal": 7},
-                "bad": {}, "classes": {}, "facts": {"role": "source", "frames": "21"}, "stages": {}}"#,
+                "facts": {"role": "source", "frames": "21"}, "stages": {}}"#,
         )
     }
 
@@ -198,7 +226,7 @@ mod tests {
         assert_eq!(summary.detections["recovered"]["car"], 6);
         assert_eq!(summary.topics["/recovered"].received, 100);
         assert_eq!(summary.engine.as_deref(), Some("rten"));
-        assert!(!summary.lost());
+        assert!(!summary.lost(true));
     }
 
     #[test]
@@ -211,14 +239,50 @@ mod tests {
         assert_eq!(Summary::new(&[source, unwrap], []).frames, 20);
     }
 
+    /// The table of exit code 3: what was counted, on a best-effort topic or a reliable one, and with `--strict`.
     #[test]
-    fn a_drop_or_a_bad_message_is_a_loss() {
-        for field in ["dropped", "bad"] {
-            let mut node = NodeReport::new("/unwrap");
-            let counts = if field == "bad" { &mut node.bad } else { &mut node.replaced };
-            counts.insert("/modulo".into(), 1);
-            assert!(Summary::new(&[node], []).lost(), "{field}");
+    fn only_what_should_never_be_lost_is_a_loss() {
+        type Field = fn(&mut NodeReport) -> &mut BTreeMap<String, u64>;
+        let fields: [(Field, [bool; 4]); 5] = [
+            // best effort, reliable, strict best effort, strict reliable
+            (|r| &mut r.received, [false, false, false, false]),
+            (|r| &mut r.replaced, [false, false, true, true]),
+            (|r| &mut r.unread, [false, false, true, true]),
+            (|r| &mut r.lost, [false, true, true, true]),
+            (|r| &mut r.bad, [true, true, true, true]),
+        ];
+        for (line, (field, expected)) in fields.into_iter().enumerate() {
+            let lost = |best_effort: bool, strict: bool| {
+                let mut node = NodeReport::new("/unwrap");
+                field(&mut node).insert("/t".into(), 1);
+                if best_effort {
+                    node.best_effort.insert("/t".into());
+                }
+                Summary::new(&[node], []).lost(strict)
+            };
+            let found = [lost(true, false), lost(false, false), lost(true, true), lost(false, true)];
+            assert_eq!(found, expected, "line {line}");
         }
+        let crashed = NodeReport { running: true, ..NodeReport::new("/unwrap") };
+        let mut summary = Summary::new(&[crashed], []);
+        assert!(!summary.lost(true), "a crash that took nothing");
+        let lost =
+            LostInCrash { topic: "/modulo".into(), node: "/unwrap".into(), lost: Some(1), sent: Some(9) };
+        summary.lost_in_crashes.push(lost);
+        assert!(summary.lost(false));
+    }
+
+    /// A node whose input was changed: each frame counts for the stream that it came from.
+    #[test]
+    fn detections_count_by_the_stream_of_their_frame() {
+        let node = report(
+            r#"{"node": "/detector", "classes": {"recovered": {"car": 2}, "modulo": {"car": 1, "bus": 4}},
+                "facts": {"stream": "ideal"}}"#,
+        );
+        let expected =
+            serde_json::json!({"recovered": {"car": 4}, "modulo": {"car": 2, "bus": 8}, "ideal": {}});
+        let summary = Summary::new(&[node.clone(), node], []);
+        assert_eq!(serde_json::to_value(&summary.detections).expect("serialises"), expected);
     }
 
     #[test]
@@ -236,7 +300,7 @@ mod tests {
         assert_eq!(json["latency_ms"]["infer"], serde_json::json!({"p50": 50.0, "p95": 95.0, "p99": 99.0}));
         assert_eq!(
             json["topics"]["/recovered"],
-            serde_json::json!({"in": 100, "out": 0, "dropped": 0, "bad": 0})
+            serde_json::json!({"in": 100, "out": 0, "dropped": 0, "replaced": 0, "lost": 0, "unread": 0, "bad": 0})
         );
         assert_eq!(json["restarts"], serde_json::json!({"detector": 2}));
         assert_eq!(json["dropped"], serde_json::json!({"/recovered": 0}));

@@ -108,8 +108,8 @@ pub enum ProcessEnd {
     ShutDown,
     /// By itself, otherwise; with the status in words.
     Crashed(String),
-    /// A node of this suite that refused its command line (exit status 2):
-    /// starting it again would change nothing.
+    /// A node of this suite that refused its command line at its first start (exit status 2): starting it again would
+    /// change nothing.
     Refused,
     /// It could not be started.
     NotStarted(String),

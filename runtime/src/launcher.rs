@@ -1,15 +1,17 @@
 //! What a launcher tells the nodes it starts, through their environment, and
 //! the end of a node whose launcher has gone.
 
+use std::ffi::OsString;
+use std::fs;
 use std::io;
 use std::os::unix::process::parent_id;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::Duration;
 
 use crate::stop::{Stop, Urgency};
 
-/// The folder in which a node leaves its report.
+/// The folder in which a node keeps its report.
 pub const REPORT_DIR: &str = "MODULO_REPORT_DIR";
 /// The folder in which a node keeps what must outlast its crash.
 pub const STATE_DIR: &str = "MODULO_STATE_DIR";
@@ -21,6 +23,24 @@ const GLANCE: Duration = Duration::from_millis(100);
 /// A folder that the launcher named, if there is one.
 pub fn folder(variable: &str) -> Option<PathBuf> {
     std::env::var_os(variable).map(PathBuf::from)
+}
+
+/// The file of the node with this fully qualified name in such a folder: `car.unwrap.json` for `/car/unwrap` and the
+/// ending `json`.
+pub fn file_of(folder: &Path, node: &str, ending: &str) -> PathBuf {
+    folder.join(format!("{}.{ending}", node.trim_matches('/').replace('/', ".")))
+}
+
+/// Replaces the content of `file`. Whoever reads it, also after a crash of this process, finds the old content or the
+/// new one, never a part. After a crash of the machine there is no promise.
+///
+/// # Errors
+/// What the system says; the old content is then still there.
+pub fn replace(file: &Path, content: &[u8]) -> io::Result<()> {
+    let mut beside: OsString = file.into();
+    beside.push(".new");
+    fs::write(&beside, content)?;
+    fs::rename(&beside, file)
 }
 
 /// From now on `stop` is asked for when the launcher is gone: a launcher that

@@ -1,6 +1,8 @@
 //! [`Node`]: a pure step. No thread, no clock and no transport in it; drivers
 //! bring those, so that live, composed and lockstep runs execute the same code.
 
+use std::cell::RefCell;
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use crate::clock::Clock;
@@ -61,6 +63,18 @@ pub trait Node: Send {
         None
     }
 
+    /// `Some` for a source that can go on at any frame: how many frames it has taken from its data so far. It is kept
+    /// before the frame is sent, so that a crash between the two loses this frame and never sends one twice.
+    fn position(&self) -> Option<u64> {
+        None
+    }
+
+    /// Goes on behind the first `position` frames, which an earlier life of this node has taken. Called at most once,
+    /// before the first step.
+    fn resume(&mut self, position: u64) {
+        let _ = position;
+    }
+
     /// Takes a whole validated set of parameters, between two steps.
     ///
     /// # Errors
@@ -87,6 +101,7 @@ pub struct Context<'a> {
     node: &'a str,
     clock: &'a dyn Clock,
     wanted: &'a [bool],
+    unwanted: RefCell<BTreeSet<usize>>,
     emitted: Vec<(usize, Message)>,
     stages: Vec<(&'static str, u64)>,
 }
@@ -95,7 +110,7 @@ impl<'a> Context<'a> {
     /// `node` is the fully qualified name of the node, such as `/unwrap`; `wanted[i]` tells whether anybody reads
     /// `outputs()[i]`.
     pub fn new(node: &'a str, clock: &'a dyn Clock, wanted: &'a [bool]) -> Self {
-        Self { node, clock, wanted, emitted: Vec::new(), stages: Vec::new() }
+        Self { node, clock, wanted, unwanted: RefCell::default(), emitted: Vec::new(), stages: Vec::new() }
     }
 
     /// The fully qualified name of the node, such as `/unwrap`.
@@ -108,9 +123,14 @@ impl<'a> Context<'a> {
         self.clock.now_ns()
     }
 
-    /// Whether anybody reads output `output`; what nobody reads need not be made.
+    /// Whether output `output` has a reader; a message without one need not be made. A step asks when it has a message
+    /// to send: a message that is not made then is counted as unwanted.
     pub fn wanted(&self, output: usize) -> bool {
-        self.wanted.get(output).copied().unwrap_or(false)
+        let wanted = self.wanted.get(output).copied().unwrap_or(false);
+        if !wanted {
+            self.unwanted.borrow_mut().insert(output);
+        }
+        wanted
     }
 
     /// Sends `message` on output `output` when the step has returned.
@@ -128,7 +148,7 @@ impl<'a> Context<'a> {
 
     /// What the step left.
     pub fn finish(self) -> Yield {
-        Yield { messages: self.emitted, stages: self.stages }
+        Yield { messages: self.emitted, unwanted: self.unwanted.into_inner(), stages: self.stages }
     }
 }
 
@@ -137,6 +157,8 @@ impl<'a> Context<'a> {
 pub struct Yield {
     /// Messages to send, by output.
     pub messages: Vec<(usize, Message)>,
+    /// Outputs for which the step had a message that it did not make, because they have no reader.
+    pub unwanted: BTreeSet<usize>,
     /// Durations of its stages, nanoseconds.
     pub stages: Vec<(&'static str, u64)>,
 }

@@ -47,7 +47,7 @@ pub struct Tally {
     pub replaced: u64,
     /// Messages for which there was no room ([`Keep::Last`], [`Keep::All`]).
     pub overflowed: u64,
-    /// Messages that still waited when the lane was closed.
+    /// Messages that wait now, or that still waited when the lane was closed.
     pub unread: u64,
     /// Messages that never arrived: gaps in the sequence numbers of the publishers.
     pub missing: u64,
@@ -214,7 +214,8 @@ impl<T: Queued> Queue<T> {
 
     /// Counts of `lane`; zeros once it is closed.
     pub fn tally(&self, lane: Lane) -> Tally {
-        self.lock().lanes.get(&lane).map_or(Tally::default(), |waiting| waiting.tally)
+        let tally = |lane: &Waiting<T>| Tally { unread: lane.items.len() as u64, ..lane.tally };
+        self.lock().lanes.get(&lane).map(tally).unwrap_or_default()
     }
 
     /// Closes `lane`: its waiting items are dropped and counted as unread.

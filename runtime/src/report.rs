@@ -1,10 +1,9 @@
-//! What a node did, in numbers: the report it leaves at its end, and that the
-//! launcher adds up.
+//! [`NodeReport`]: what a node did, in numbers. The launcher adds the reports of all nodes up.
 //!
 //! Durations are kept as mergeable histograms, so that percentiles over several
 //! processes are computed from counts and never from averages of percentiles.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
@@ -14,25 +13,38 @@ use crate::message::Message;
 pub type Histogram = BTreeMap<u64, u64>;
 
 /// What one node received, sent, lost, saw and how long its stages took.
+///
+/// Every message that reached a node was taken by a step, replaced or left unread:
+/// `received = taken + replaced + unread` for each topic. A message that could not be read was taken.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct NodeReport {
     /// Fully qualified name, such as `/unwrap`.
     pub node: String,
-    /// Messages that reached the node, by topic.
+    /// Whether the node was still running when this was written. A node that crashed leaves such a report.
+    pub running: bool,
+    /// Whether the node has changed its inputs while it ran.
+    pub swapped: bool,
+    /// Messages that reached the node, by topic. While the node runs, those that wait for it are left out.
     pub received: BTreeMap<String, u64>,
     /// Messages that the node sent, by topic.
     pub published: BTreeMap<String, u64>,
-    /// Images that newer ones replaced before the node took them, by topic.
+    /// Messages that the node did not make because the topic had no reader, by topic.
+    pub unwanted: BTreeMap<String, u64>,
+    /// Messages that a newer one replaced before the node took them, by topic.
     pub replaced: BTreeMap<String, u64>,
-    /// Messages that were sent but never reached the node's step, by topic.
+    /// Messages that were lost on their way to the node, by topic.
     pub lost: BTreeMap<String, u64>,
-    /// Messages that waited when the node ended or changed its inputs, by topic.
+    /// Messages that still waited when the node left the topic, by topic.
     pub unread: BTreeMap<String, u64>,
-    /// Messages that could not be read or processed, by topic.
+    /// Messages that could not be read, processed or sent, by topic.
     pub bad: BTreeMap<String, u64>,
-    /// Detections sent, by class.
-    pub classes: BTreeMap<String, u64>,
+    /// Topics that the node reads as best effort: the sender does not promise that all messages arrive.
+    pub best_effort: BTreeSet<String>,
+    /// Topics that the node reads whose last message every late reader gets: only the last one matters.
+    pub latched: BTreeSet<String>,
+    /// Detections sent, by the stream that they were found in and by class.
+    pub classes: BTreeMap<String, BTreeMap<String, u64>>,
     /// What really ran, such as `engine` = `rten`.
     pub facts: BTreeMap<String, String>,
     /// Durations by stage; buckets are (upper bound in microseconds, count).
@@ -52,21 +64,22 @@ impl NodeReport {
         *self.stages.entry(stage.to_owned()).or_default().entry(bucket).or_default() += 1;
     }
 
-    /// Books one sent message.
-    pub fn book_published(&mut self, topic: &str, message: &Message) {
+    /// Books one sent message, and its detections under the `stream` that the step read; a source reads none.
+    pub fn book_published(&mut self, topic: &str, message: &Message, stream: Option<&str>) {
         add(&mut self.published, topic, 1);
-        if let Message::Detections(array) = message {
+        if let (Message::Detections(array), Some(stream)) = (message, stream) {
+            let classes = self.classes.entry(stream.to_owned()).or_default();
             for detection in &array.detections {
                 let class = detection.results.first().map_or("", |r| r.hypothesis.class_id.as_str());
-                add(&mut self.classes, class, 1);
+                add(classes, class, 1);
             }
         }
     }
 
-    /// Messages that were replaced, lost or left unread, by topic.
+    /// Messages that reached no step although they were sent, by topic: replaced, lost or unread.
     pub fn dropped(&self) -> BTreeMap<String, u64> {
-        let mut dropped = BTreeMap::new();
-        for (topic, n) in self.replaced.iter().chain(&self.lost).chain(&self.unread) {
+        let mut dropped = self.replaced.clone();
+        for (topic, n) in self.lost.iter().chain(&self.unread) {
             add(&mut dropped, topic, *n);
         }
         dropped
@@ -158,10 +171,11 @@ mod tests {
         let mut report = NodeReport::new("/unwrap");
         report.book_stage("unwrap", 5_300_000);
         report.book_stage("unwrap", 5_301_000);
-        add(&mut report.replaced, "/modulo", 2);
-        add(&mut report.lost, "/modulo", 1);
+        add(&mut report.replaced, "/modulo", 3);
+        add(&mut report.lost, "/modulo", 4);
+        add(&mut report.unread, "/ideal", 1);
         let text = serde_json::to_string(&report).expect("serialises");
         assert_eq!(serde_json::from_str::<NodeReport>(&text).expect("reads back"), report);
-        assert_eq!(report.dropped(), [("/modulo".to_owned(), 3)].into());
+        assert_eq!(report.dropped(), [("/ideal".into(), 1), ("/modulo".into(), 7)].into());
     }
 }

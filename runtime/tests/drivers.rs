@@ -214,7 +214,7 @@ fn a_node_that_waits_in_vain_says_for_whom() {
     let transport = LocalTransport::default();
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
     let node = counter(1);
-    let subject = Subject { node, parameters, place: place("counter"), saved: None };
+    let subject = Subject { node, parameters, place: place("counter"), saved: None, report_file: None };
     let error = live::run(subject, &transport, &clock, Stop::default()).expect_err("nobody is not there");
     assert!(error.to_string().contains("/nobody"), "{error}");
 }
@@ -232,8 +232,13 @@ fn zenoh_carries_a_chain_between_sessions() {
         let run = |node: Box<dyn Node>, name, wait_for, transport| {
             let (clock, stop) = (clock.clone(), stop.clone());
             let transport: &dyn Transport = transport;
-            let subject =
-                Subject { node, parameters: waiting_for(wait_for), place: place(name), saved: None };
+            let subject = Subject {
+                node,
+                parameters: waiting_for(wait_for),
+                place: place(name),
+                saved: None,
+                report_file: None,
+            };
             scope.spawn(move || live::run(subject, transport, &clock, stop))
         };
         let last = run(Box::new(increment("b", "c")), "second", "", &three);

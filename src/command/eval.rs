@@ -48,10 +48,10 @@ fn launch_file(args: &Eval, file: &Path, out: &Path) -> Result<Ended, Failure> {
     bag.map(Recorder::finish).transpose()?;
     evaluation.write(out)?;
     let summary = Summary::new(&reports, []);
-    print!("{summary}");
-    evaluation.scores().iter().for_each(|(stream, score)| print_score(stream, score));
     summary.write(&out.join("summary.json"))?;
-    Ok(if summary.lost() { Ended::WithLoss } else { Ended::Done })
+    say!("{}", summary.to_string().trim_end());
+    evaluation.scores().iter().for_each(|(stream, score)| print_score(stream, score));
+    Ok(if summary.lost(false) { Ended::WithLoss } else { Ended::Done })
 }
 
 fn print_score(stream: &str, score: &Score) {
@@ -71,7 +71,7 @@ fn run(
     let source = source.with_context(|| format!("{}: no node is a source of frames", file.display()));
     let source = source.map_err(usage)?;
     let plan = Plan {
-        interval: made[source].0.period().unwrap_or_default(),
+        interval: made[source].0.period().expect("the source was found by its period"),
         streams: streams(&made)?,
         truth: topic_of(&made[source].0.outputs(), MessageKind::Detections, &made[source].1)?,
         images: if args.images { Images::Save } else { Images::Discard },

@@ -30,12 +30,17 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
         say!("{plan}");
         return Ok(Ended::Done);
     }
-    let summary = if args.compose { run_composed(&plan)? } else { run_processes(plan)? };
-    print!("{summary}");
+    let (summary, failure) = if args.compose { (run_composed(&plan)?, None) } else { run_processes(plan)? };
     if let Some(file) = &args.summary {
         summary.write(file)?;
     }
-    Ok(if summary.lost() { Ended::WithLoss } else { Ended::Done })
+    // The summary ends with a line break of its own.
+    say!("{}", summary.to_string().trim_end());
+    match failure {
+        Some(why) => Err(Failure::Run(why)),
+        None if summary.lost(args.strict) => Ok(Ended::WithLoss),
+        None => Ok(Ended::Done),
+    }
 }
 
 fn show_args(file: &Path) -> Result<Ended, Failure> {
@@ -92,7 +97,8 @@ fn refusals(node: &NodePlan) -> Vec<String> {
     }
 }
 
-fn run_processes(mut plan: Plan) -> Result<Summary, Failure> {
+/// The summary, and which processes failed, if one did.
+fn run_processes(mut plan: Plan) -> Result<(Summary, Option<anyhow::Error>), Failure> {
     let word = hash::word(hash::chosen()?);
     for node in &mut plan.nodes {
         node.process.env.entry(hash::VARIABLE.to_owned()).or_insert(Some(word.to_owned()));
@@ -100,12 +106,10 @@ fn run_processes(mut plan: Plan) -> Result<Summary, Failure> {
     let supervision = Supervision::on_terminal()?;
     let runtime = tokio::runtime::Runtime::new().context("tokio runtime")?;
     let outcome = runtime.block_on(modulo_launch::run(plan, &supervision))?;
-    if outcome.failed() {
-        let failed = outcome.processes.iter().filter(|p| p.end.is_failure());
-        let names: Vec<_> = failed.map(|p| format!("{} {}", p.label, p.end)).collect();
-        return Err(Failure::Run(anyhow!("failed: {}", names.join(", "))));
-    }
-    Ok(outcome.summary())
+    let failed = outcome.processes.iter().filter(|p| p.end.is_failure());
+    let names: Vec<_> = failed.map(|p| format!("{} {}", p.label, p.end)).collect();
+    let failure = (!names.is_empty()).then(|| anyhow!("failed: {}", names.join(", ")));
+    Ok((outcome.summary(), failure))
 }
 
 fn run_composed(plan: &Plan) -> Result<Summary, Failure> {

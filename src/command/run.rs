@@ -4,11 +4,12 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use modulo_runtime::driver::live::{self, Subject};
-use modulo_runtime::parameter::saved::SavedParameters;
+use modulo_runtime::report_file::ReportFile;
 use modulo_runtime::ros_args::{Logs, RosArgs};
 use modulo_runtime::rosout::{self, LogQueue};
+use modulo_runtime::saved_state::SavedState;
 use modulo_runtime::signals::end_on_signals;
-use modulo_runtime::{Descriptor, NodeReport, Place, Stop, SystemClock, launcher};
+use modulo_runtime::{Descriptor, Place, Stop, SystemClock, launcher};
 
 use super::{hash, open_session, start_log_with, usage};
 use crate::cli::Run;
@@ -43,20 +44,22 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
     let named = place.fully_qualified();
     let refused = |why: anyhow::Error| usage(why.context(named.clone()));
     let parameters = kind.parameters().with_text(&settings).map_err(|why| refused(why.into()))?;
-    let saved = launcher::folder(launcher::STATE_DIR).map(|folder| SavedParameters::new(&folder, &place));
+    let saved = launcher::folder(launcher::STATE_DIR).map(|folder| SavedState::new(&folder, &place));
     let parameters = match &saved {
         Some(saved) => saved.restore(parameters),
         None => parameters,
     };
+    let report_file =
+        launcher::folder(launcher::REPORT_DIR).map(|folder| ReportFile::create(&folder, &named));
+    let report_file = report_file.transpose().context("file of the node's report")?;
     let node = kind.make(&parameters).map_err(refused)?;
 
     let (clock, transport) = open_session()?;
     let rosout = log.map(|log| log.publish(&place, &transport)).transpose()?;
-    let subject = Subject { node, parameters, place, saved };
-    let report = live::run(subject, &transport, &clock, stop)?;
+    let subject = Subject { node, parameters, place, saved, report_file };
+    live::run(subject, &transport, &clock, stop)?;
     drop(rosout);
     transport.close();
-    leave_report(&report)?;
     Ok(Ended::Done)
 }
 
@@ -68,16 +71,6 @@ fn start_log(ros: &RosArgs, place: &Place) -> Option<LogQueue> {
     };
     start_log_with(ros.log_level_of(&place.name), ros.stdout_logs, layer);
     queue
-}
-
-/// The launcher adds up what its nodes leave here.
-fn leave_report(report: &NodeReport) -> Result<(), Failure> {
-    let Some(folder) = launcher::folder(launcher::REPORT_DIR) else { return Ok(()) };
-    let name = report.node.trim_matches('/').replace('/', ".");
-    let file = folder.join(format!("{name}.json"));
-    let text = serde_json::to_string(report).context("node report")?;
-    std::fs::write(&file, text).with_context(|| format!("node report {}", file.display()))?;
-    Ok(())
 }
 
 fn print_help(kind: &Kind) {

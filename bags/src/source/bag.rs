@@ -67,6 +67,18 @@ impl Source for BagSource {
         Some(message.map_err(SourceError::from).and_then(|message| self.frame(&message)))
     }
 
+    /// Reads the first frame alone: it may tell what stands for white.
+    fn skip(&mut self, frames: u64) {
+        if frames > 0 {
+            drop(self.next());
+        }
+        for _ in 1..frames {
+            if self.messages.next().is_none() {
+                return;
+            }
+        }
+    }
+
     fn len(&self) -> Option<usize> {
         usize::try_from(self.frames).ok()
     }

@@ -49,6 +49,17 @@ impl Source for FolderSource {
         Some(frame.map_err(SourceError::from))
     }
 
+    /// Reads only the float images that tell what stands for white.
+    fn skip(&mut self, frames: u64) {
+        for _ in 0..frames {
+            match self.images.get(self.next) {
+                None => return,
+                Some(image) if is_float(image) && !self.white.is_known() => drop(self.next()),
+                Some(_) => self.next += 1,
+            }
+        }
+    }
+
     fn len(&self) -> Option<usize> {
         Some(self.images.len())
     }
@@ -84,6 +95,10 @@ impl<L: Labels> Source for LabelledSource<L> {
             let ground_truth = self.labels.labels(&image, (height, width))?;
             Ok(SourceFrame { ground_truth, ..frame })
         }))
+    }
+
+    fn skip(&mut self, frames: u64) {
+        self.frames.skip(frames);
     }
 
     fn len(&self) -> Option<usize> {
@@ -129,6 +144,10 @@ pub(crate) fn stem(path: &Path) -> String {
 
 fn one_image(path: &Path) -> Result<PathBuf, SourceError> {
     if is_image(path) { Ok(path.to_owned()) } else { Err(SourceError::Extension { path: path.to_owned() }) }
+}
+
+fn is_float(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr") || e.eq_ignore_ascii_case("hdr"))
 }
 
 fn is_image(path: &Path) -> bool {

@@ -51,6 +51,15 @@ pub trait Source: Send {
     /// goes on with the frame behind the bad one.
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>>;
 
+    /// Goes on behind the next `frames` frames without reading them where that is possible.
+    fn skip(&mut self, frames: u64) {
+        for _ in 0..frames {
+            if self.next().is_none() {
+                return;
+            }
+        }
+    }
+
     /// How many frames there are from the start, if that is known.
     fn len(&self) -> Option<usize>;
 

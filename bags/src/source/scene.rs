@@ -38,6 +38,10 @@ impl Source for SceneSource {
         }))
     }
 
+    fn skip(&mut self, frames: u64) {
+        self.frame = self.frame.wrapping_add(frames as u32);
+    }
+
     fn len(&self) -> Option<usize> {
         Some(self.spec.frames as usize).filter(|frames| *frames > 0)
     }

@@ -3,6 +3,7 @@
 
 use std::fmt;
 
+use modulo_runtime::parameter::yaml_text::quoted;
 use serde::Serialize;
 
 use crate::yaml::ScalarType;
@@ -91,6 +92,21 @@ fn needs_quotes(text: &str, kind: ScalarType) -> bool {
     kind == ScalarType::String && (text.is_empty() || !text.chars().all(word))
 }
 
-fn quoted(text: &str) -> String {
-    if text.contains(['\'', '\n']) { format!("{text:?}") } else { format!("'{text}'") }
+#[cfg(test)]
+mod tests {
+    use modulo_runtime::parameter::yaml_text;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// `\'` and `\u{7f}` of Rust are not YAML.
+        #[test]
+        fn a_string_reads_back(text in "[ -~\n\t\u{7f}\u{85}é']{0,8}") {
+            let scalar = ParameterText::scalar(text.clone(), Some("str")).expect("any text is a string");
+            prop_assert_eq!(yaml_text::string(&scalar.as_yaml()), Some(text.clone()));
+            let list = ParameterText::list(vec![(text.clone(), ScalarType::String)], Some("list_of_str"));
+            prop_assert_eq!(yaml_text::strings(&list.expect("strings").as_yaml()), Some(vec![text]));
+        }
+    }
 }

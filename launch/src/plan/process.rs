@@ -37,7 +37,8 @@ pub(super) fn executable(
         return Err(place.view.refuse(&action.command, "executable: cmd is empty"));
     };
     let name = place.view.optional(&action.process.name)?;
-    let base = Path::new(program).file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let base =
+        Path::new(program).file_name().map_or(program.clone(), |name| name.to_string_lossy().into_owned());
     let process = process(&action.process, name.unwrap_or(base), place)?;
     Ok(ExecutablePlan { command, process })
 }

@@ -70,7 +70,7 @@ pub(super) fn included(include: &Include, view: View<'_>) -> Result<LaunchFile, 
         let why = format!("include: '{path}' starts at any working folder, write $(dirname)/{path}");
         return Err(view.refuse(&include.file, why).into());
     }
-    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
     if !name.ends_with(".yaml") && !name.ends_with(".yml") {
         let why = format!("include: '{name}' is not YAML, only .launch.yaml files can be included");
         return Err(view.refuse(&include.file, why).into());

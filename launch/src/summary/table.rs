@@ -34,6 +34,9 @@ impl fmt::Display for Summary {
         for (node, rungs) in &self.unwrapped {
             writeln!(f, "{}", fitted(&format!("{node} took {rungs}"), WIDTH))?;
         }
+        for lost in &self.lost_in_crashes {
+            writeln!(f, "{}", fitted(&lost.to_string(), WIDTH))?;
+        }
         for (process, count) in &self.restarts {
             writeln!(f, "{}", fitted(&format!("{process} crashed and was restarted {count} times"), WIDTH))?;
         }
@@ -76,7 +79,11 @@ mod tests {
         let summary = Summary {
             frames: n,
             engine: Some(long.clone()),
-            topics: [(long.clone(), TopicCounts { received: n, sent: n, dropped: n, bad: n })].into(),
+            topics: [(
+                long.clone(),
+                TopicCounts { received: n, sent: n, dropped: n, bad: n, ..TopicCounts::default() },
+            )]
+            .into(),
             latency_ms: [(long.clone(), Percentiles { p50: 1e6, p95: 1e6, p99: 1e6 })].into(),
             detections: [(long.clone(), (0..80).map(|i| (format!("class {i}"), i)).collect())].into(),
             restarts: [(long, 3)].into(),

@@ -31,7 +31,7 @@ pub(super) fn of_executable(executable: &ExecutablePlan, suite: &Path) -> Comman
     let mut words = executable.command.iter().cloned();
     let program = match words.next() {
         Some(word) if word == SUITE => suite.to_owned(),
-        word => word.unwrap_or_default().into(),
+        word => word.expect("the plan of an executable has a command that is not empty").into(),
     };
     CommandLine { program, arguments: words.collect() }
 }
@@ -62,6 +62,6 @@ fn installed(node: &NodePlan) -> Result<PathBuf, LaunchError> {
 fn variable(process: &ProcessPlan, name: &str) -> String {
     match process.env.get(name) {
         Some(value) => value.clone().unwrap_or_default(),
-        None => std::env::var(name).unwrap_or_default(),
+        None => std::env::var_os(name).unwrap_or_default().to_string_lossy().into_owned(),
     }
 }

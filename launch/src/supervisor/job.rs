@@ -83,7 +83,7 @@ impl Job {
             };
             let end = tokio::select! {
                 biased;
-                status = running.wait() => self.ended(status),
+                status = running.wait() => self.ended(status, restarts),
                 () = told_to_end(&mut told) => {
                     let status = running.shut_down(&self.process).await;
                     running.finish().await;
@@ -107,10 +107,14 @@ impl Job {
         }
     }
 
-    fn ended(&self, status: std::io::Result<ExitStatus>) -> ProcessEnd {
+    /// A node that refuses its arguments at its first start will always do so. At a restart it has accepted them
+    /// before: what has changed, such as a file that is not there, may change again.
+    fn ended(&self, status: std::io::Result<ExitStatus>, restarts: u32) -> ProcessEnd {
         match status {
             Ok(status) if status.success() => ProcessEnd::Exited,
-            Ok(status) if status.code() == Some(2) && self.origin == Origin::Suite => ProcessEnd::Refused,
+            Ok(status) if status.code() == Some(2) && self.origin == Origin::Suite && restarts == 0 => {
+                ProcessEnd::Refused
+            }
             Ok(status) => ProcessEnd::Crashed(status.to_string()),
             Err(error) => ProcessEnd::Crashed(error.to_string()),
         }

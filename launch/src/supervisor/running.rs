@@ -1,14 +1,16 @@
-//! [`Running`]: a started process that leads its own process group. When it is
-//! let go, everything in the group is killed.
+//! [`Running`]: a started process that leads its own process group. When it has
+//! ended or is let go, everything in the group is killed.
 
 use std::io;
 use std::process::{ExitStatus, Stdio};
 use std::time::Duration;
 
 use nix::sys::signal::{Signal, killpg};
+use nix::sys::wait::{Id, WaitPidFlag, WaitStatus, waitid};
 use nix::unistd::Pid;
 use tokio::io::{AsyncBufReadExt, AsyncRead, AsyncReadExt, BufReader};
 use tokio::process::{Child, Command};
+use tokio::signal::unix::{SignalKind, signal};
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
 
@@ -25,7 +27,8 @@ const LAST_WORDS: Duration = Duration::from_secs(1);
 /// A started process.
 pub(super) struct Running {
     child: Child,
-    group: Group,
+    /// `None` once the process was reaped: from then on the group's number may be that of another process.
+    group: Option<Group>,
     readers: Vec<JoinHandle<()>>,
     say: Box<dyn Fn(&str) + Send + Sync>,
 }
@@ -59,11 +62,21 @@ impl Running {
         let err = child.stderr.take().map(|err| forward(err, Channel::Err, label, print));
         let (print, label) = (print.clone(), label.clone());
         let say = Box::new(move |message: &str| print(Channel::Err, &format!("[{label}] {message}")));
-        Ok(Self { child, group, readers: out.into_iter().chain(err).collect(), say })
+        Ok(Self { child, group: Some(group), readers: out.into_iter().chain(err).collect(), say })
     }
 
-    /// Waits for the end of the process.
+    /// Waits for the end of the process and kills what is left of its group.
     pub async fn wait(&mut self) -> io::Result<ExitStatus> {
+        let mut children = signal(SignalKind::child())?;
+        while let Some(Group(leader)) = &self.group {
+            // It is not reaped here: until it is, no other process gets its number.
+            let flags = WaitPidFlag::WEXITED | WaitPidFlag::WNOWAIT | WaitPidFlag::WNOHANG;
+            if waitid(Id::Pid(*leader), flags)? == WaitStatus::StillAlive {
+                children.recv().await;
+            } else {
+                self.group = None;
+            }
+        }
         self.child.wait().await
     }
 
@@ -74,17 +87,21 @@ impl Running {
             (Signal::SIGTERM, process.sigkill_timeout, Signal::SIGKILL),
         ];
         for (signal, patience, next) in steps {
-            self.group.signal(signal);
-            if let Ok(status) = timeout(patience, self.child.wait()).await {
+            self.signal(signal);
+            if let Ok(status) = timeout(patience, self.wait()).await {
                 return status;
             }
             (self.say)(&format!("still runs {} s after {signal}, sending {next}", patience.as_secs_f64()));
         }
-        self.group.signal(Signal::SIGKILL);
-        self.child.wait().await
+        self.signal(Signal::SIGKILL);
+        self.wait().await
     }
 
-    /// Kills what is left of the group and shows the last output.
+    fn signal(&self, signal: Signal) {
+        self.group.iter().for_each(|group| group.signal(signal));
+    }
+
+    /// Shows the last output.
     pub async fn finish(self) {
         drop(self.group);
         for mut reader in self.readers {
@@ -132,4 +149,42 @@ fn forward(
             line.clear();
         }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+    use std::sync::mpsc::channel;
+
+    use super::*;
+    use crate::plan::{OnExit, Respawn};
+
+    /// A process that is gone is not signalled: its number may be that of another one.
+    #[tokio::test]
+    async fn a_group_is_forgotten_with_its_leader_and_nothing_of_it_is_left() {
+        let process = ProcessPlan {
+            label: "parent".into(),
+            env: [].into(),
+            cwd: None,
+            output: Output::Screen,
+            respawn: Respawn::Never,
+            on_exit: OnExit::Continue,
+            sigterm_timeout: Duration::ZERO,
+            sigkill_timeout: Duration::ZERO,
+            start_after: Duration::ZERO,
+        };
+        let arguments = ["-c".to_owned(), "sleep 1000 & echo $!".to_owned()].into();
+        let command = CommandLine { program: "/bin/sh".into(), arguments };
+        let (sender, lines) = channel();
+        let print: Print = Arc::new(move |_, line: &str| sender.send(line.to_owned()).expect("heard"));
+        let mut running = Running::start(&command, &process, &print).expect("starts");
+        assert!(running.wait().await.expect("ends").success());
+        assert!(running.group.is_none());
+        running.signal(Signal::SIGKILL);
+        // It holds the pipe open: the output ends with it.
+        running.finish().await;
+        let child = lines.recv().expect("the child's number").replace("[parent] ", "");
+        let state = std::fs::read_to_string(format!("/proc/{child}/stat")).unwrap_or_default();
+        assert!(state.is_empty() || state.contains(") Z "), "{state}");
+    }
 }

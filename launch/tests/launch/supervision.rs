@@ -183,12 +183,13 @@ async fn nodes_of_the_suite_are_run_by_it_and_report() {
     let files =
         Files::new("launch:\n  - node: { pkg: modulo, exec: unwrap, param: [{ name: bits, value: 8 }] }\n");
     let script = r#"echo "$@"
-echo '{"node": "/unwrap", "received": {}, "published": {"/recovered": 5}, "dropped": {}, "bad": {}, "classes": {}, "facts": {}, "stages": {}}' > "$MODULO_REPORT_DIR/unwrap.json""#;
+echo '{"node": "/unwrap", "published": {"/recovered": 5}}' > "$MODULO_REPORT_DIR/unwrap.1.json"
+echo '{"node": "/unwrap", "published": {"/recovered": 2}}' > "$MODULO_REPORT_DIR/unwrap.2.json""#;
     let lines = Lines::default();
     let how = lines.supervision(&suite(&files, script));
     let outcome = run_until(files.resolve(&[]).expect("resolves"), &how, pending()).await.expect("runs");
     assert_eq!(lines.all(), ["[unwrap] run unwrap --ros-args -r __node:=unwrap -r __ns:=/ -p bits:=8"]);
-    assert_eq!(outcome.summary().topics["/recovered"].sent, 5);
+    assert_eq!(outcome.summary().topics["/recovered"].sent, 7, "both lives are added up");
 }
 
 #[tokio::test]
@@ -204,6 +205,19 @@ async fn a_refused_command_line_is_not_tried_again() {
         (&ProcessEnd::Refused, &ProcessEnd::ShutDown)
     );
     assert!(outcome.failed());
+}
+
+/// A file on a network drive that is away for a moment ended the whole launch.
+#[tokio::test]
+async fn a_refusal_at_a_restart_is_tried_again() {
+    let files = Files::new("launch:\n  - node: { pkg: modulo, exec: unwrap, respawn: 'true' }\n");
+    let script = r#"life="$MODULO_STATE_DIR/life"
+echo >> "$life"
+case $(wc -l < "$life") in 1) exit 7;; 2) exit 2;; esac"#;
+    let how = Lines::default().supervision(&suite(&files, script));
+    let outcome = run_until(files.resolve(&[]).expect("resolves"), &how, pending()).await.expect("runs");
+    assert_eq!((end(&outcome, "unwrap"), outcome.processes[0].restarts), (&ProcessEnd::Exited, 2));
+    assert!(!outcome.failed());
 }
 
 #[tokio::test]

@@ -49,7 +49,7 @@ fn detect(detector: &mut Detector, path: &Path) -> Result<(Vec<Value>, Stages), 
     let clock = SystemClock::default();
     let mut cx = Context::new("/detector", &clock, &[true, false]);
     detector.step(Cue::Message { input: 0, message }, &mut cx)?;
-    let Yield { messages: sent, stages } = cx.finish();
+    let Yield { messages: sent, stages, .. } = cx.finish();
     let found = match sent.first() {
         Some((_, Message::Detections(array))) => array.detections.as_slice(),
         _ => &[],

@@ -53,7 +53,7 @@ fn step(node: &mut Detector, frame: Frame, wanted: [bool; 2]) -> (Vec<(usize, Me
     let mut cx = Context::new("/detector", &clock, &wanted);
     let message = Message::Image(Arc::new(image(frame)));
     node.step(Cue::Message { input: 0, message }, &mut cx).expect("a step");
-    let Yield { messages: sent, stages } = cx.finish();
+    let Yield { messages: sent, stages, .. } = cx.finish();
     (sent, stages.into_iter().map(|(name, _)| name).collect())
 }
 

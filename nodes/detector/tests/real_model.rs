@@ -48,7 +48,7 @@ fn look(detector: &mut Detector, frame: &Frame) -> (Vec<Detection>, Vec<(&'stati
     let image = StampedFrame { header: Header::default(), frame: frame.clone() };
     let message = Message::Image(Arc::new(image));
     detector.step(Cue::Message { input: 0, message }, &mut cx).expect("a step");
-    let Yield { messages: sent, stages } = cx.finish();
+    let Yield { messages: sent, stages, .. } = cx.finish();
     let array = sent.into_iter().find_map(|(_, message)| match message {
         Message::Detections(array) => Some(array),
         _ => None,

@@ -1,20 +1,15 @@
 //! Where the camera's radiance comes from.
 
-use modulo_bags::source::{self, Source, SourceError, SourceFrame, SourceOptions};
+use modulo_bags::source::{self, Source, SourceFrame, SourceOptions};
 use modulo_images::White;
-use modulo_runtime::Refusal;
+use modulo_runtime::{Refusal, StepError};
 
 use crate::parameters::CameraParameters;
 
 /// A source of frames, or a topic that brings them.
 pub enum Feed {
     /// Read frame by frame.
-    Frames {
-        /// What is read.
-        source: Box<dyn Source>,
-        /// Whether it starts again at its end.
-        repeat: bool,
-    },
+    Frames(Reel),
     /// Brought by a topic.
     Topic {
         /// Name of the topic.
@@ -22,6 +17,16 @@ pub enum Feed {
         /// What its float images are scaled by.
         white: White,
     },
+}
+
+/// A source that is read once or again and again.
+pub struct Reel {
+    source: Box<dyn Source>,
+    repeat: bool,
+    /// Whether a frame of this round was good.
+    given: bool,
+    /// What was wrong with the last bad frame.
+    bad: Option<String>,
 }
 
 impl Feed {
@@ -36,18 +41,51 @@ impl Feed {
         let options = SourceOptions { white, topic };
         let source =
             source::open(spec, &options).map_err(|why| Refusal::new("source", spec, why.to_string()))?;
-        Ok(Self::Frames { source, repeat: parameters.r#loop })
+        Ok(Self::Frames(Reel::new(source, parameters.r#loop)))
+    }
+}
+
+impl Reel {
+    /// The frames of `source` from its first one on; after its last one it is over, or starts again.
+    pub fn new(source: Box<dyn Source>, repeat: bool) -> Self {
+        Self { source, repeat, given: false, bad: None }
     }
 
-    /// The next frame; `None` at the end, and always for a topic.
-    pub fn next_frame(&mut self) -> Result<Option<SourceFrame>, SourceError> {
-        let Self::Frames { source, repeat } = self else { return Ok(None) };
-        match source.next() {
-            None if *repeat => {
-                source.rewind()?;
-                source.next().transpose()
+    /// The next frame; `None` at the end.
+    ///
+    /// # Errors
+    /// [`StepError::Skip`] for a frame that cannot be read, [`StepError::Fatal`] when the source is over and no frame
+    /// of it was good, or when it cannot start again.
+    pub fn next_frame(&mut self) -> Result<Option<SourceFrame>, StepError> {
+        let mut next = self.source.next();
+        if next.is_none() {
+            if let (false, Some(why)) = (self.given, self.bad.take()) {
+                return Err(StepError::Fatal(format!("no frame of the source is good: {why}")));
             }
-            frame => frame.transpose(),
+            if self.repeat {
+                self.source.rewind().map_err(|why| StepError::Fatal(why.to_string()))?;
+                self.given = false;
+                next = self.source.next();
+            }
         }
+        next.transpose().map_err(|why| self.refuse(why.to_string()))
+    }
+
+    /// Books that the last frame was good.
+    pub fn accept(&mut self) {
+        self.given = true;
+    }
+
+    /// Books what was wrong with the last frame, and returns the error that skips it.
+    pub fn refuse(&mut self, why: String) -> StepError {
+        self.bad = Some(why.clone());
+        StepError::Skip(why)
+    }
+
+    /// Goes on behind the first `frames` frames, good and bad ones, of all rounds.
+    pub fn skip(&mut self, frames: u64) {
+        let round = self.source.len().map(|frames| frames as u64).filter(|frames| self.repeat && *frames > 0);
+        self.source.skip(round.map_or(frames, |round| frames % round));
+        self.given = frames > 0;
     }
 }

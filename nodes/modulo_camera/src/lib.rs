@@ -22,7 +22,7 @@ use modulo_runtime::{
 };
 use ndarray::Array3;
 
-use feed::Feed;
+use feed::{Feed, Reel};
 pub use parameters::CameraParameters;
 
 /// Output indices, in the order of [`Node::outputs`].
@@ -41,7 +41,10 @@ pub struct ModuloCamera {
     seed: u64,
     period: Duration,
     limit: Option<u64>,
-    sent: u64,
+    /// Frames taken from the source since the launch, those that could not be read included.
+    taken: u64,
+    /// Frames sensed in this life of the node.
+    sensed: u64,
 }
 
 impl ModuloCamera {
@@ -59,7 +62,7 @@ impl ModuloCamera {
     /// # Errors
     /// [`Refusal`] with the parameter that is not possible.
     pub fn over(source: Box<dyn Source>, parameters: &CameraParameters) -> Result<Self, Refusal> {
-        Self::with(Feed::Frames { source, repeat: parameters.r#loop }, parameters)
+        Self::with(Feed::Frames(Reel::new(source, parameters.r#loop)), parameters)
     }
 
     fn with(feed: Feed, parameters: &CameraParameters) -> Result<Self, Refusal> {
@@ -70,23 +73,32 @@ impl ModuloCamera {
             seed: parameters.seed.unsigned_abs(),
             period: parameters.period(),
             limit: parameters.limit(),
-            sent: 0,
+            taken: 0,
+            sensed: 0,
         })
     }
 
     fn next_frame(&mut self) -> Result<Option<SourceFrame>, StepError> {
-        if self.limit.is_some_and(|limit| self.sent >= limit) {
+        let Feed::Frames(reel) = &mut self.feed else { return Ok(None) };
+        if self.limit.is_some_and(|limit| self.taken >= limit) {
             return Ok(None);
         }
-        self.feed.next_frame().map_err(|why| StepError::Fatal(why.to_string()))
+        let frame = reel.next_frame();
+        self.taken += u64::from(!matches!(frame, Ok(None) | Err(StepError::Fatal(_))));
+        frame
     }
 
-    /// Exposes to one frame and sends the streams that are wanted. Noise is
-    /// seeded by the frame's number, so that a frame looks the same whatever
-    /// came before it.
-    fn sense(&mut self, radiance: &Array3<f32>, header: &Header, cx: &mut Context<'_>) -> Result<(), String> {
-        let seed = self.seed.wrapping_add(self.sent);
-        self.sent += 1;
+    /// Exposes to frame number `number` and sends the streams that are wanted. Noise is
+    /// seeded by the number, so that a frame looks the same whatever came before it.
+    fn sense(
+        &mut self,
+        number: u64,
+        radiance: &Array3<f32>,
+        header: &Header,
+        cx: &mut Context<'_>,
+    ) -> Result<(), String> {
+        let seed = self.seed.wrapping_add(number);
+        self.sensed += 1;
         // Before the frame that it describes, and for late readers also when there is no reader now.
         let CameraParameters { sensor, read_noise, shot_noise, .. } = &self.parameters;
         let noise = [("read_noise", *read_noise), ("shot_noise", *shot_noise)];
@@ -115,8 +127,11 @@ impl ModuloCamera {
         if let Some(truth) = frame.ground_truth.as_deref().filter(|_| cx.wanted(GROUND_TRUTH)) {
             cx.emit(GROUND_TRUTH, ground_truth(truth, &header));
         }
-        self.sense(&frame.radiance, &header, cx)
-            .map_err(|why| StepError::Fatal(format!("frame {}: {why}", frame.name)))
+        let sensed = self.sense(self.taken - 1, &frame.radiance, &header, cx);
+        let Feed::Frames(reel) = &mut self.feed else { return Ok(()) };
+        sensed.map_err(|why| reel.refuse(format!("frame {}: {why}", frame.name)))?;
+        reel.accept();
+        Ok(())
     }
 }
 
@@ -128,7 +143,7 @@ impl Node for ModuloCamera {
     fn inputs(&self) -> Vec<Topic> {
         match &self.feed {
             Feed::Topic { name, .. } => vec![Topic::new(name, MessageKind::Image)],
-            Feed::Frames { .. } => Vec::new(),
+            Feed::Frames(_) => Vec::new(),
         }
     }
 
@@ -145,7 +160,18 @@ impl Node for ModuloCamera {
     fn period(&self) -> Option<Duration> {
         match self.feed {
             Feed::Topic { .. } => None,
-            Feed::Frames { .. } => Some(self.period),
+            Feed::Frames(_) => Some(self.period),
+        }
+    }
+
+    fn position(&self) -> Option<u64> {
+        matches!(self.feed, Feed::Frames(_)).then_some(self.taken)
+    }
+
+    fn resume(&mut self, position: u64) {
+        if let Feed::Frames(reel) = &mut self.feed {
+            reel.skip(position);
+            self.taken = position;
         }
     }
 
@@ -168,15 +194,16 @@ impl Node for ModuloCamera {
             Cue::Message { message: Message::Image(image), .. } => {
                 let Feed::Topic { white, .. } = &mut self.feed else { return Ok(Flow::Continue) };
                 let radiance = white.radiance(&image.frame);
-                self.sense(&radiance, &image.header, cx).map_err(StepError::Skip)?;
+                self.taken += 1;
+                self.sense(self.taken - 1, &radiance, &image.header, cx).map_err(StepError::Skip)?;
             }
             Cue::Message { .. } => {}
         }
-        let over = self.limit.is_some_and(|limit| self.sent >= limit);
+        let over = self.limit.is_some_and(|limit| self.taken >= limit);
         Ok(if over { Flow::Done } else { Flow::Continue })
     }
 
     fn facts(&self) -> Vec<(&'static str, String)> {
-        vec![("role", "source".into()), ("frames", self.sent.to_string())]
+        vec![("role", "source".into()), ("frames", self.sensed.to_string())]
     }
 }

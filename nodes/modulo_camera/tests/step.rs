@@ -143,3 +143,76 @@ fn both_ends_of_each_range_are_a_sensor() {
         assert!(parameters(&pairs).sensor().is_ok(), "{pairs:?}");
     }
 }
+
+/// A folder of `count` different images.
+fn folder_of(count: u8) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    for number in 0..count {
+        let pixels = Array3::from_elem((4, 8, 1), 20 * number);
+        let path = folder.path().join(format!("{number}.png"));
+        modulo_images::save_png(&path, &Frame::from_u8(pixels).expect("a frame")).expect("writable");
+    }
+    folder
+}
+
+/// A camera that goes on after a crash sends what it would have sent without one, noise included.
+#[test]
+fn it_goes_on_behind_the_last_frame() {
+    let folder = folder_of(5);
+    let images = folder.path().display().to_string();
+    let scene = "scene://night?seed=1&frames=5&width=96&height=32";
+    for (source, repeat) in [(images.as_str(), "false"), (&images, "true"), (scene, "false"), (scene, "true")]
+    {
+        let noisy = [("source", source), ("loop", repeat), ("read_noise", "3"), ("frames", "12")];
+        let frames = |node: &mut ModuloCamera| {
+            let mut sent = Vec::new();
+            while let Ok((flow, messages)) = step(node, Cue::Tick, &ALL) {
+                if !messages.is_empty() {
+                    sent.push(frame(&messages, 0).frame.clone());
+                }
+                if flow == Flow::Done {
+                    break;
+                }
+            }
+            sent
+        };
+        let mut whole = camera(&noisy);
+        let all = frames(&mut whole);
+        assert_eq!(all.len(), if repeat == "true" { 12 } else { 5 }, "{source}");
+        assert_eq!(whole.position(), Some(all.len() as u64));
+        for position in 0..all.len() {
+            let mut again = camera(&noisy);
+            again.resume(position as u64);
+            assert_eq!(again.position(), Some(position as u64));
+            assert_eq!(frames(&mut again), all[position..], "{source}, loop {repeat}, behind {position}");
+        }
+    }
+}
+
+#[test]
+fn a_bad_image_is_skipped_and_a_source_without_a_good_one_ends() {
+    for (bad, repeat) in [(&[1][..], "false"), (&[1], "true"), (&[0, 1, 2], "false"), (&[0, 1, 2], "true")] {
+        let folder = folder_of(3);
+        for number in bad {
+            std::fs::write(folder.path().join(format!("{number}.png")), "no picture").expect("writable");
+        }
+        let source = folder.path().display().to_string();
+        let mut node = camera(&[("source", &source), ("loop", repeat), ("frames", "7")]);
+        let steps: Vec<_> = (0..9).map(|_| step(&mut node, Cue::Tick, &ALL).map(|(flow, _)| flow)).collect();
+        let ended = steps.iter().position(|s| *s == Ok(Flow::Done) || matches!(s, Err(StepError::Fatal(_))));
+        let skipped = steps.iter().take(ended.expect("it ends"));
+        let skipped =
+            skipped.filter(|s| matches!(s, Err(StepError::Skip(why)) if why.contains(".png"))).count();
+        match (bad.len(), repeat) {
+            (1, "false") => assert_eq!((skipped, ended), (1, Some(3))),
+            (1, _) => assert_eq!((skipped, ended), (2, Some(6)), "7 frames: two rounds and one more"),
+            (..) => {
+                assert_eq!((skipped, ended), (3, Some(3)));
+                assert!(
+                    matches!(&steps[3], Err(StepError::Fatal(why)) if why.contains("2.png")),
+                    "{steps:?}"
+                );
+            }
+        }
+    }
+}

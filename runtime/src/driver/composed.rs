@@ -66,7 +66,7 @@ pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<
                 let (transport, stop) = (&transport, stop.clone());
                 scope.spawn(move || {
                     let Member { node, parameters, place, on_exit } = member;
-                    let subject = Subject { node, parameters, place, saved: None };
+                    let subject = Subject { node, parameters, place, saved: None, report_file: None };
                     let mut end = AskOnDrop { stop: stop.clone(), urgency: Urgency::Now };
                     let result = live::run(subject, transport, clock, stop);
                     end.urgency = match (&result, on_exit) {

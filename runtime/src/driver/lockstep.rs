@@ -119,16 +119,20 @@ impl<'a> Lockstep<'a> {
             self.members[index].outputs.iter().map(|a| self.is_wanted(&a.topic)).collect();
         let clock = StepClock { now: ManualClock::at(now_ns), timer: self.timer };
         let member = &mut self.members[index];
+        let stream = match &cue {
+            Cue::Message { input, .. } => member.node.inputs().get(*input).map(|topic| topic.name.clone()),
+            Cue::Tick => None,
+        };
         let mut cx = Context::new(&member.report.node, &clock, &wanted);
         let result = member.node.step(cue, &mut cx);
-        let Yield { messages, stages } = cx.finish();
+        let Yield { messages, stages, .. } = cx.finish();
         for (stage, duration) in stages {
             member.report.book_stage(stage, duration);
             self.stages.push((stage, duration));
         }
         for (output, message) in messages {
             if let Some(address) = member.outputs.get(output) {
-                member.report.book_published(&address.topic, &message);
+                member.report.book_published(&address.topic, &message, stream.as_deref());
                 pending.push_back((address.topic.clone(), message));
             }
         }

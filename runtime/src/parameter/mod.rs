@@ -3,12 +3,11 @@
 
 pub mod events;
 pub mod file;
-pub mod saved;
 pub mod service;
 pub mod text;
 pub mod typed;
 mod value;
-mod yaml_text;
+pub mod yaml_text;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -179,7 +178,7 @@ impl Parameters {
 }
 
 #[cfg(test)]
-mod sample {
+pub(crate) mod sample {
     crate::parameters! {
         /// A part of another set.
         pub struct Part {

@@ -69,7 +69,8 @@ pub fn of_string(text: &str) -> String {
     quoted(text)
 }
 
-fn quoted(text: &str) -> String {
+/// A string as a quoted YAML scalar.
+pub fn quoted(text: &str) -> String {
     if !text.contains(char::is_control) {
         return format!("'{}'", text.replace('\'', "''"));
     }

@@ -7,6 +7,7 @@ use crate::driver::keeps_latest;
 use crate::name::Place;
 use crate::queue::{Keep, Lane, Tally};
 use crate::report::{NodeReport, add};
+use crate::topic::Qos;
 use crate::transport::{Address, Guard, Transport, TransportError};
 
 /// Messages of a results topic that wait for a busy node.
@@ -45,10 +46,11 @@ impl Inputs {
         self.lanes.iter().position(|&open| open == lane)
     }
 
-    /// Adds what these subscriptions have received and lost so far to `report`.
+    /// Adds what these subscriptions have received and lost so far to `report`; what waits has not been received yet.
     pub fn count(&self, queue: &EventQueue, report: &mut NodeReport) {
         for (address, &lane) in self.addresses.iter().zip(&self.lanes) {
-            book(report, &address.topic, queue.tally(lane));
+            let tally = queue.tally(lane);
+            book(report, address, Tally { received: tally.received - tally.unread, unread: 0, ..tally });
         }
     }
 
@@ -56,14 +58,20 @@ impl Inputs {
     pub fn close(mut self, queue: &EventQueue, report: &mut NodeReport) {
         self.subscriptions.clear();
         for (address, &lane) in self.addresses.iter().zip(&self.lanes) {
-            book(report, &address.topic, queue.close(lane));
+            book(report, address, queue.close(lane));
         }
     }
 }
 
-fn book(report: &mut NodeReport, topic: &str, tally: Tally) {
-    add(&mut report.received, topic, tally.received);
+fn book(report: &mut NodeReport, Address { topic, qos, .. }: &Address, tally: Tally) {
+    add(&mut report.received, topic, tally.received - tally.overflowed);
     add(&mut report.replaced, topic, tally.replaced);
     add(&mut report.lost, topic, tally.lost());
     add(&mut report.unread, topic, tally.unread);
+    let of_its_kind = match qos {
+        Qos::Images | Qos::Clock => &mut report.best_effort,
+        Qos::Latched => &mut report.latched,
+        Qos::Results | Qos::Events | Qos::Logs => return,
+    };
+    of_its_kind.insert(topic.clone());
 }

@@ -18,10 +18,11 @@ use crate::name::Place;
 use crate::node::{Context, Cue, Flow, Node, StepError, Yield};
 use crate::node_time::NodeTime;
 use crate::parameter::events::ParameterEvents;
-use crate::parameter::saved::SavedParameters;
 use crate::parameter::{Parameters, Refusal};
 use crate::queue::{Arrived, Keep, Lane, Limit, Next, Queue, Queued};
 use crate::report::{NodeReport, add};
+use crate::report_file::{Moment, ReportFile};
+use crate::saved_state::SavedState;
 use crate::stop::{Stop, Urgency};
 use crate::transport::attachment::Attachment;
 use crate::transport::{
@@ -50,8 +51,10 @@ pub struct Subject {
     pub parameters: Parameters,
     /// Its name and remaps.
     pub place: Place,
-    /// Where accepted changes of its parameters outlast a crash.
-    pub saved: Option<SavedParameters>,
+    /// Where its parameters and its position outlast a crash.
+    pub saved: Option<SavedState>,
+    /// Where its account outlasts a crash.
+    pub report_file: Option<ReportFile>,
 }
 
 /// Something that the node's loop has to deal with.
@@ -87,7 +90,8 @@ struct Live<'a> {
     node: Box<dyn Node>,
     place: Place,
     parameters: Arc<Mutex<Parameters>>,
-    saved: Option<SavedParameters>,
+    saved: Option<SavedState>,
+    report_file: Option<ReportFile>,
     transport: &'a dyn Transport,
     time: NodeTime<'a>,
     stop: Stop,
@@ -113,7 +117,7 @@ pub fn run(
     clock: &Arc<dyn Clock>,
     stop: Stop,
 ) -> Result<NodeReport, RunError> {
-    let Subject { node, parameters, place, saved } = subject;
+    let Subject { node, parameters, place, saved, report_file } = subject;
     let outputs = addresses(&place, &node.outputs())?;
     let outlets = outputs
         .into_iter()
@@ -126,6 +130,7 @@ pub fn run(
         node,
         parameters: Arc::new(Mutex::new(parameters)),
         saved,
+        report_file,
         transport,
         time: NodeTime::new(&**clock),
         stop,
@@ -143,12 +148,17 @@ pub fn run(
 
 impl Live<'_> {
     fn run(mut self) -> Result<NodeReport, RunError> {
+        if let Some(position) = self.saved.as_ref().and_then(SavedState::position) {
+            tracing::info!(node = %self.report.node, "goes on behind frame {position}, as before the crash");
+            self.node.resume(position);
+        }
         self.wait_for_others()?;
         self.subscribe()?;
         self.time.follow(&self.settings(), &self.place, self.transport)?;
         let served = self.serve_parameters()?;
         let announced = self.transport.announce(&self.place)?;
         self.parameter_events.started(self.time.now_ns(), &self.settings());
+        self.keep_account(Moment::Edge);
         tracing::info!(node = %self.report.node, "ready");
         let ended = match self.node.period() {
             Some(_) => self.run_source(),
@@ -159,7 +169,21 @@ impl Live<'_> {
         self.queue.end();
         std::mem::take(&mut self.inputs).close(&self.queue, &mut self.report);
         self.report.facts.extend(facts_of(&*self.node));
+        self.report.running = ended.is_err();
+        if let Some(file) = &mut self.report_file {
+            file.write(&self.report, self.time.ticks_ns());
+        }
         ended.map(|()| self.report)
+    }
+
+    /// Brings the account on the disk up to date when that is due.
+    fn keep_account(&mut self, moment: Moment) {
+        let now = self.time.ticks_ns();
+        let Some(file) = self.report_file.as_mut().filter(|file| file.is_due(moment, now)) else { return };
+        let mut report = NodeReport { running: true, ..self.report.clone() };
+        self.inputs.count(&self.queue, &mut report);
+        report.facts.extend(facts_of(&*self.node));
+        file.write(&report, now);
     }
 
     fn wait_for_others(&self) -> Result<(), RunError> {
@@ -184,6 +208,7 @@ impl Live<'_> {
             return Ok(());
         }
         let renewed = Inputs::subscribe(addresses, &self.place, self.transport, &self.queue)?;
+        self.report.swapped |= !self.inputs.addresses.is_empty();
         std::mem::replace(&mut self.inputs, renewed).close(&self.queue, &mut self.report);
         Ok(())
     }
@@ -393,27 +418,54 @@ impl Live<'_> {
 
     /// Runs one step; returns the messages that it left. `topic` is named when the step skips its input.
     fn step(&mut self, cue: Cue, topic: &str) -> Result<(Flow, Vec<(usize, Message)>), RunError> {
+        let stream = match &cue {
+            Cue::Message { input, .. } => self.node.inputs().get(*input).map(|topic| topic.name.clone()),
+            Cue::Tick => None,
+        };
         let wanted: Vec<bool> = self.outlets.iter().map(|(_, outlet)| outlet.wanted()).collect();
         let mut cx = Context::new(&self.report.node, &self.time, &wanted);
         let result = self.node.step(cue, &mut cx);
-        let Yield { messages, stages } = cx.finish();
-        for (stage, duration) in stages {
-            self.report.book_stage(stage, duration);
-        }
+        let output = cx.finish();
+        self.book(&output, stream.as_deref());
         match result {
-            Ok(flow) => Ok((flow, messages)),
+            Ok(flow) => Ok((flow, output.messages)),
             Err(StepError::Skip(why)) => {
                 self.skip(topic, &why);
-                Ok((Flow::Continue, messages))
+                Ok((Flow::Continue, output.messages))
             }
             Err(StepError::Fatal(why)) => {
-                self.send_all(&messages);
+                if stream.is_some() {
+                    add(&mut self.report.bad, topic, 1);
+                }
+                self.send_all(&output.messages);
                 Err(RunError::Fatal { node: self.report.node.clone(), why })
             }
         }
     }
 
+    /// Books what a step has left, before it is sent: what a crash keeps from being sent is missed by its readers.
+    fn book(&mut self, output: &Yield, stream: Option<&str>) {
+        for (stage, duration) in &output.stages {
+            self.report.book_stage(stage, *duration);
+        }
+        for (output, message) in &output.messages {
+            if let Some((address, _)) = self.outlets.get(*output) {
+                self.report.book_published(&address.topic, message, stream);
+            }
+        }
+        for output in &output.unwanted {
+            if let Some((address, _)) = self.outlets.get(*output) {
+                add(&mut self.report.unwanted, &address.topic, 1);
+            }
+        }
+    }
+
+    /// Brings the accounts on the disk up to date, and then sends `messages`.
     fn send_all(&mut self, messages: &[(usize, Message)]) {
+        self.keep_account(if self.node.period().is_some() { Moment::Source } else { Moment::Step });
+        if let (Some(saved), Some(position)) = (&self.saved, self.node.position()) {
+            saved.keep_position(position);
+        }
         for (output, message) in messages {
             self.send(*output, message);
         }
@@ -422,17 +474,15 @@ impl Live<'_> {
 
     fn send(&mut self, output: usize, message: &Message) {
         let Some((address, outlet)) = self.outlets.get(output) else { return };
-        match outlet.put(message) {
-            Ok(()) => self.report.book_published(&address.topic, message),
-            Err(why) => {
-                tracing::warn!(node = %self.report.node, "{why}");
-                add(&mut self.report.lost, &address.topic, 1);
-            }
+        if let Err(why) = outlet.put(message) {
+            tracing::warn!(node = %self.report.node, "{why}");
+            add(&mut self.report.bad, &address.topic, 1);
         }
     }
 
-    /// Once a second, the node tells on `/diagnostics` how it does.
+    /// Once a second, the node tells on `/diagnostics` and in its file how it does.
     fn tell_when_due(&mut self) {
+        self.keep_account(Moment::Idle);
         if self.diagnostics.is_due(&self.time) {
             let mut report = self.report.clone();
             self.inputs.count(&self.queue, &mut report);

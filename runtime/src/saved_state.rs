@@ -1,5 +1,5 @@
-//! [`SavedParameters`]: what a node has accepted since its launch, kept in a
-//! file by the node, so that it is still so after a crash.
+//! [`SavedState`]: what must outlast a crash of a node. These are the parameters that it has accepted since its
+//! launch, and the position of a source.
 //!
 //! The folder lives as long as the launch: a file that is there at a node's
 //! start is of the same node before it crashed. Launch parameters of another
@@ -9,29 +9,34 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use crate::launcher;
 use crate::name::Place;
 use crate::parameter::{Parameters, Value};
 
-/// The file of one node.
-pub struct SavedParameters {
-    file: PathBuf,
+/// The files of one node.
+pub struct SavedState {
+    parameters: PathBuf,
+    position: PathBuf,
 }
 
-impl SavedParameters {
-    /// The file of the node at `place` in `folder`.
+impl SavedState {
+    /// The files of the node at `place` in `folder`.
     pub fn new(folder: &Path, place: &Place) -> Self {
-        let name = place.fully_qualified().trim_matches('/').replace('/', ".");
-        Self { file: folder.join(format!("{name}.json")) }
+        let file = |ending| launcher::file_of(folder, &place.fully_qualified(), ending);
+        Self { parameters: file("json"), position: file("position") }
     }
 
     /// `launched` with what was accepted before a crash. What cannot be read,
     /// or is not possible any more, is left out with a warning.
     pub fn restore(&self, launched: Parameters) -> Parameters {
-        let changes = match self.read() {
+        let changes: Vec<(String, Value)> = match read(&self.parameters) {
             Ok(Some(changes)) => changes,
             Ok(None) => return launched,
             Err(why) => {
-                tracing::warn!("parameters of before the crash, {}: {why}", self.file.display());
+                tracing::warn!(
+                    "{}: {why}; the parameters are those of the launch again",
+                    self.parameters.display()
+                );
                 return launched;
             }
         };
@@ -53,26 +58,41 @@ impl SavedParameters {
     /// of the change, not the node.
     pub fn keep(&self, accepted: &Parameters) {
         if let Err(why) = self.write(accepted) {
-            tracing::warn!("parameters would not outlast a crash, {}: {why}", self.file.display());
+            tracing::warn!("{}: {why}; the parameters would not outlast a crash", self.parameters.display());
         }
     }
 
-    fn read(&self) -> io::Result<Option<Vec<(String, Value)>>> {
-        match fs::read(&self.file) {
-            Ok(text) => Ok(Some(serde_json::from_slice(&text)?)),
-            Err(why) if why.kind() == io::ErrorKind::NotFound => Ok(None),
-            Err(why) => Err(why),
+    /// The position that was kept before a crash; `None` at the first start.
+    pub fn position(&self) -> Option<u64> {
+        read(&self.position).unwrap_or_else(|why| {
+            tracing::warn!("{}: {why}; the source starts from its beginning again", self.position.display());
+            None
+        })
+    }
+
+    /// Keeps the position of a source, to be called before the frame that leads to it is sent.
+    pub fn keep_position(&self, position: u64) {
+        if let Err(why) = launcher::replace(&self.position, position.to_string().as_bytes()) {
+            tracing::warn!(
+                "{}: {why}; after a crash the source would send frames again",
+                self.position.display()
+            );
         }
     }
 
-    /// Beside the file and then into its place: a crash between the two leaves
-    /// the older one whole.
     fn write(&self, accepted: &Parameters) -> io::Result<()> {
         let changeable = accepted.descriptors().iter().filter(|d| !d.read_only);
         let values: Vec<_> = changeable.filter_map(|d| Some((d.name, accepted.get(d.name)?))).collect();
-        let fresh = self.file.with_extension("new");
-        fs::write(&fresh, serde_json::to_vec(&values)?)?;
-        fs::rename(&fresh, &self.file)
+        launcher::replace(&self.parameters, &serde_json::to_vec(&values)?)
+    }
+}
+
+/// What `file` holds as JSON; `None` when there is no such file.
+fn read<T: serde::de::DeserializeOwned>(file: &Path) -> io::Result<Option<T>> {
+    match fs::read(file) {
+        Ok(text) => Ok(Some(serde_json::from_slice(&text)?)),
+        Err(why) if why.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(why) => Err(why),
     }
 }
 
@@ -89,14 +109,14 @@ mod tests {
     fn what_was_accepted_returns_and_nothing_else() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let place = Place::new("eye", "/car", &[]).expect("valid");
-        let saved = SavedParameters::new(folder.path(), &place);
+        let saved = SavedState::new(folder.path(), &place);
         assert_eq!(saved.restore(launched()), launched(), "at the first start");
 
         let list = Value::Strings(vec!["a, b".into(), "'".into()]);
         let changes = [("angle".to_owned(), Value::Double(2.5)), ("wait_for".to_owned(), list)];
         let accepted = launched().with(&changes, true).expect("possible");
         saved.keep(&accepted);
-        assert_eq!(SavedParameters::new(folder.path(), &place).restore(launched()), accepted);
+        assert_eq!(SavedState::new(folder.path(), &place).restore(launched()), accepted);
 
         // A fixed one comes from the launch, whatever it was before.
         let other = launched().with(&[("model".into(), Value::String("b.onnx".into()))], false);
@@ -105,14 +125,14 @@ mod tests {
             Some(&Value::String("b.onnx".into()))
         );
         let elsewhere = Place::new("eye", "/", &[]).expect("valid");
-        assert_eq!(SavedParameters::new(folder.path(), &elsewhere).restore(launched()), launched());
+        assert_eq!(SavedState::new(folder.path(), &elsewhere).restore(launched()), launched());
     }
 
     #[test]
     fn a_damaged_or_impossible_file_is_left_out() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let place = Place::new("eye", "/", &[]).expect("valid");
-        let saved = SavedParameters::new(folder.path(), &place);
+        let saved = SavedState::new(folder.path(), &place);
         let file = folder.path().join("eye.json");
         for text in ["", "{", "[[\"angle\", {\"Double\": 0.0}]]", "[[\"gone\", {\"Bool\": true}]]"] {
             fs::write(&file, text).expect("writable");
@@ -120,5 +140,18 @@ mod tests {
         }
         fs::write(&file, "[[\"gone\", {\"Bool\": true}], [\"angle\", {\"Double\": 3.0}]]").expect("writable");
         assert_eq!(saved.restore(launched()).get("angle"), Some(&Value::Double(3.0)));
+    }
+
+    #[test]
+    fn the_last_position_returns() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let place = Place::new("camera", "/", &[]).expect("valid");
+        let saved = SavedState::new(folder.path(), &place);
+        assert_eq!(saved.position(), None);
+        saved.keep_position(7);
+        saved.keep_position(u64::MAX);
+        assert_eq!(SavedState::new(folder.path(), &place).position(), Some(u64::MAX));
+        fs::write(folder.path().join("camera.position"), "1 2").expect("writable");
+        assert_eq!(saved.position(), None);
     }
 }

@@ -1,0 +1,178 @@
+//! [`LostInCrash`]: messages that nobody answered since a node crashed.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+
+use serde::Serialize;
+
+use super::NodeReport;
+
+/// Messages of one topic that a crash kept from one reader.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct LostInCrash {
+    /// The topic.
+    pub topic: String,
+    /// The node that reads it.
+    pub node: String,
+    /// How many were lost; `None` when the accounts cannot tell.
+    pub lost: Option<u64>,
+    /// How many there were; `None` when the accounts cannot tell.
+    pub sent: Option<u64>,
+}
+
+impl fmt::Display for LostInCrash {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { topic, node, .. } = self;
+        match (self.lost, self.sent) {
+            (Some(lost), Some(sent)) => {
+                write!(f, "lost in a crash: {lost} of {sent} frames of {topic} at {node}")
+            }
+            _ => write!(f, "lost in a crash: an unknown number of frames of {topic} at {node}"),
+        }
+    }
+}
+
+/// All lives of one node.
+struct Lives<'a>(Vec<&'a NodeReport>);
+
+impl<'a> Lives<'a> {
+    fn crashed(&self) -> bool {
+        self.0.iter().any(|life| life.running)
+    }
+
+    fn sum(&self, counts: fn(&'a NodeReport) -> &'a BTreeMap<String, u64>, topic: &str) -> u64 {
+        self.0.iter().filter_map(|life| counts(life).get(topic)).sum()
+    }
+
+    fn reads(&self) -> BTreeSet<&'a str> {
+        let topics =
+            self.0.iter().flat_map(|life| life.received.keys().filter(|t| !life.latched.contains(*t)));
+        topics.map(String::as_str).collect()
+    }
+
+    fn writes(&self, topic: &str) -> bool {
+        self.0.iter().any(|life| life.published.contains_key(topic) || life.unwanted.contains_key(topic))
+    }
+
+    /// Whether the node reads the same topics from its first start to its end. A life that crashed before it
+    /// subscribed reads none.
+    fn reads_always_the_same(&self) -> bool {
+        let mut inputs = self.0.iter().map(|life| &life.received).filter(|received| !received.is_empty());
+        let first = inputs.next();
+        !self.0.iter().any(|life| life.swapped)
+            && inputs.all(|other| first.is_some_and(|f| f.keys().eq(other.keys())))
+    }
+}
+
+/// What crashes took, for each reader of each topic.
+///
+/// A reader has to account for every message that its senders counted, and for every message that they did not make
+/// because the topic had no reader just then: those are the frames of the time in which it was down. What it has
+/// neither taken nor replaced nor left unread, and what was not lost on the way either, is missing:
+///
+/// `missing = sent + unwanted - received - lost`, each over all lives, where `received = taken + replaced + unread`.
+///
+/// A latched topic is left out, since a reader that comes back gets its last message. This holds for a node that reads a topic for the whole launch, which begins when all readers are ready. Without a
+/// crash nothing is missing by construction, so that only a pair of which the reader or a sender has crashed is looked
+/// at. Of a reader whose inputs were changed at run time, and of a topic whose sender is no node of the launch, the
+/// number is unknown: it is told that frames were lost, and not how many.
+pub(super) fn losses(reports: &[NodeReport]) -> Vec<LostInCrash> {
+    let mut nodes: BTreeMap<&str, Lives<'_>> = BTreeMap::new();
+    for report in reports {
+        nodes.entry(&report.node).or_insert_with(|| Lives(Vec::new())).0.push(report);
+    }
+    let mut losses = Vec::new();
+    for (name, reader) in &nodes {
+        for topic in reader.reads() {
+            let senders: Vec<&Lives<'_>> = nodes.values().filter(|node| node.writes(topic)).collect();
+            if !reader.crashed() && !senders.iter().any(|sender| sender.crashed()) {
+                continue;
+            }
+            let (lost, sent) = if senders.is_empty() || !reader.reads_always_the_same() {
+                (None, None)
+            } else {
+                let made =
+                    |node: &&Lives<'_>| node.sum(|r| &r.published, topic) + node.sum(|r| &r.unwanted, topic);
+                let made: u64 = senders.iter().map(made).sum();
+                let accounted = reader.sum(|r| &r.received, topic) + reader.sum(|r| &r.lost, topic);
+                (Some(made.saturating_sub(accounted)), Some(made))
+            };
+            if lost != Some(0) {
+                losses.push(LostInCrash { topic: topic.to_owned(), node: (*name).to_owned(), lost, sent });
+            }
+        }
+    }
+    losses
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn counts(counts: &[(&str, u64)]) -> BTreeMap<String, u64> {
+        counts.iter().map(|(topic, n)| ((*topic).to_owned(), *n)).collect()
+    }
+
+    fn camera(published: u64, unwanted: u64) -> NodeReport {
+        let (published, unwanted) = (counts(&[("/modulo", published)]), counts(&[("/modulo", unwanted)]));
+        NodeReport { published, unwanted, ..NodeReport::new("/camera") }
+    }
+
+    fn reader(topics: &[(&str, u64)]) -> NodeReport {
+        NodeReport { received: counts(topics), ..NodeReport::new("/unwrap") }
+    }
+
+    fn crashed(life: NodeReport) -> NodeReport {
+        NodeReport { running: true, ..life }
+    }
+
+    fn told(reports: &[NodeReport]) -> Vec<String> {
+        losses(reports).iter().map(ToString::to_string).collect()
+    }
+
+    #[test]
+    fn a_reader_that_crashed_misses_what_no_life_of_it_has_received() {
+        let lives =
+            |second| [camera(290, 10), crashed(reader(&[("/modulo", 100)])), reader(&[("/modulo", second)])];
+        assert_eq!(told(&lives(187)), ["lost in a crash: 13 of 300 frames of /modulo at /unwrap"]);
+        assert_eq!(told(&lives(200)), [""; 0]);
+        let mut lossy = lives(187);
+        lossy[2].lost = counts(&[("/modulo", 12)]);
+        assert_eq!(told(&lossy), ["lost in a crash: 1 of 300 frames of /modulo at /unwrap"]);
+    }
+
+    #[test]
+    fn a_sender_that_crashed_has_counted_a_frame_that_it_did_not_send() {
+        let lives = [crashed(camera(101, 0)), camera(199, 0), reader(&[("/modulo", 299)])];
+        assert_eq!(told(&lives), ["lost in a crash: 1 of 300 frames of /modulo at /unwrap"]);
+    }
+
+    #[test]
+    fn without_a_crash_nothing_is_lost_in_one() {
+        // A reader that joined late.
+        assert_eq!(told(&[camera(290, 10), reader(&[("/modulo", 100)])]), [""; 0]);
+    }
+
+    #[test]
+    fn a_life_that_never_subscribed_changes_nothing() {
+        let lives = [
+            camera(20, 10),
+            crashed(reader(&[])),
+            crashed(reader(&[("/modulo", 8)])),
+            reader(&[("/modulo", 12)]),
+        ];
+        assert_eq!(told(&lives), ["lost in a crash: 10 of 30 frames of /modulo at /unwrap"]);
+    }
+
+    #[test]
+    fn the_number_is_unknown_where_inputs_changed_or_the_sender_keeps_no_account() {
+        let unknown = "lost in a crash: an unknown number of frames of /modulo at /unwrap";
+        let lives = [crashed(reader(&[("/modulo", 100)])), reader(&[("/modulo", 80)])];
+        assert_eq!(told(&lives), [unknown], "a recording that is played");
+        let swapped = NodeReport { swapped: true, ..lives[0].clone() };
+        assert_eq!(told(&[camera(200, 0), swapped, lives[1].clone()]), [unknown]);
+        let other = reader(&[("/ideal", 80)]);
+        let found = told(&[camera(200, 0), lives[0].clone(), other]);
+        assert!(found.contains(&unknown.to_owned()), "{found:?}");
+    }
+}
