@@ -2,11 +2,10 @@
 
 mod harness;
 
-use std::process::Command;
 use std::time::{Duration, Instant};
 
 use harness::peer::Peer;
-use harness::{Background, Bench, arg, model, text, wait_until};
+use harness::{Background, Bench, arg, command_line, model, signal, text, wait_until};
 use modulo_runtime::MessageKind;
 use modulo_runtime::transport::Transport;
 
@@ -17,25 +16,15 @@ fn suite(bench: &Bench) -> Background {
     bench.start(&[&["launch", "launch/recovered.launch.yaml", &source, &model][..], &more].concat())
 }
 
-/// Process ids of the nodes of `launcher`, by the node's kind.
-fn node(launcher: &Background, kind: &str) -> Option<String> {
-    let parent = launcher.0.id().to_string();
-    let found = Command::new("pgrep").args(["-P", &parent, "-f", &format!("run {kind}")]).output();
-    let found = String::from_utf8(found.expect("pgrep runs").stdout).expect("numbers");
-    found.lines().next().map(str::to_owned)
-}
-
-fn kill(pid: &str) {
-    assert!(Command::new("kill").args(["-KILL", pid]).status().expect("kill runs").success());
-}
-
-fn is_alive(pid: &str) -> bool {
-    Command::new("kill").args(["-0", pid]).output().expect("kill runs").status.success()
+/// Process id of the node of `launcher` that is of this kind.
+fn node(launcher: &Background, kind: &str) -> Option<u32> {
+    let of_kind = |line: &str| line.contains(&format!(" run {kind} "));
+    launcher.children().into_iter().find(|(_, line)| of_kind(line)).map(|(pid, _)| pid)
 }
 
 #[test]
 fn a_crashed_node_is_back_with_its_last_accepted_parameters() {
-    let bench = Bench::new(131);
+    let bench = Bench::new();
     let running = suite(&bench);
     let peer = Peer::new(&bench);
     wait_until("the camera", || peer.transport.is_ready("/modulo_camera"));
@@ -48,13 +37,15 @@ fn a_crashed_node_is_back_with_its_last_accepted_parameters() {
 
     let [victim, unwrap, camera] =
         ["detector", "unwrap", "modulo_camera"].map(|kind| node(&running, kind).expect("it runs"));
-    let detections = peer.hear("/detector/detections", MessageKind::Detections);
-    detections.until("boxes before the crash", |_| true);
-    kill(&victim);
+    let (_heard, detections) = peer.listen("/detector/detections", MessageKind::Detections);
+    let publisher = || {
+        let sample = detections.recv_timeout(Duration::from_secs(30)).expect("boxes");
+        sample.attachment.expect("a node of ours sends one").gid
+    };
+    let first = publisher();
     let crashed = Instant::now();
-    wait_until("the crash", || node(&running, "detector").is_none_or(|pid| pid != victim));
-    while detections.next(Duration::ZERO).is_some() {}
-    detections.until("boxes after the crash", |_| true);
+    signal(victim, "KILL");
+    while publisher() == first {}
     let back = crashed.elapsed();
     println!("back after {back:?}");
     assert!(back < Duration::from_secs(2), "{back:?}");
@@ -78,13 +69,13 @@ fn a_crashed_node_is_back_with_its_last_accepted_parameters() {
 
 #[test]
 fn nodes_end_with_a_launcher_that_was_killed() {
-    let bench = Bench::new(132);
+    let bench = Bench::new();
     let mut running = suite(&bench);
     wait_until("the nodes", || node(&running, "modulo_camera").is_some());
     let nodes = ["detector", "unwrap", "modulo_camera"].map(|kind| node(&running, kind).expect("it runs"));
     running.0.kill().expect("it runs");
     running.0.wait().expect("it ends");
     let start = Instant::now();
-    wait_until("the end of the nodes", || !nodes.iter().any(|pid| is_alive(pid)));
+    wait_until("the end of the nodes", || !nodes.iter().any(|&pid| !command_line(pid).is_empty()));
     assert!(start.elapsed() < Duration::from_secs(10), "{:?}", start.elapsed());
 }

@@ -3,9 +3,8 @@
 mod harness;
 
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
 
-use harness::{Bench, json, text};
+use harness::{Bench, json, text, wait_until};
 use serde_json::Value;
 
 /// Small enough for every cell to be over in a moment.
@@ -47,7 +46,7 @@ fn whole(bench: &Bench) -> PathBuf {
 
 #[test]
 fn the_same_command_gives_the_same_figures_however_it_is_cut() {
-    let bench = Bench::new(131);
+    let bench = Bench::new();
     let whole = whole(&bench);
     let expected = timeless(&whole);
     let cells = expected["cells"].as_array().expect("cells");
@@ -74,33 +73,36 @@ fn the_same_command_gives_the_same_figures_however_it_is_cut() {
 
 #[test]
 fn a_killed_run_goes_on_where_it_stopped() {
-    let bench = Bench::new(132);
+    let bench = Bench::new();
     let expected = timeless(&whole(&bench)).to_string();
     let out = bench.path("killed");
     let arguments = arguments(&out);
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    // Any moment will do; these are spread over the run.
-    for milliseconds in [900, 1500, 700] {
-        let mut child = bench.start(&words);
-        std::thread::sleep(Duration::from_millis(milliseconds));
-        let _ = child.0.kill();
-        let _ = child.0.wait();
+    // With their times, which no second measurement repeats.
+    let cells = || match out.join("results.json") {
+        file if file.is_file() => json(&file)["cells"].as_array().expect("cells").clone(),
+        _ => Vec::new(),
+    };
+    for _ in 0..3 {
+        let (before, child) = (cells(), bench.start(&words));
+        wait_until("another cell is done", || cells().len() > before.len());
+        assert_eq!(child.end("KILL").0, None, "it was still at work");
+        assert!(before.iter().all(|cell| cells().contains(cell)), "a cell was made again");
     }
-    let before = out.join("results.json").is_file().then(|| timeless(&out)["cells"].as_array().map(Vec::len));
-    eprintln!("cells after three kills: {before:?}");
+    let before = cells();
     assert_eq!(run(&bench, &out, &[]), Some(0));
     assert_eq!(timeless(&out).to_string(), expected);
+    let whole = cells();
+    assert!(before.len() < whole.len() && before.iter().all(|cell| whole.contains(cell)));
 
-    let start = Instant::now();
     assert_eq!(run(&bench, &out, &[]), Some(0));
-    eprintln!("nothing left to do: {:?}", start.elapsed());
-    assert_eq!(timeless(&out).to_string(), expected);
+    assert_eq!(cells(), whole, "nothing was left to do");
     assert_eq!(run(&bench, &out, &["--seed", "1"]), Some(1), "other figures must not be mixed in");
 }
 
 #[test]
 fn what_cannot_be_scored_is_said() {
-    let bench = Bench::new(133);
+    let bench = Bench::new();
     let kitti = bench.path("kitti");
     let images = bench.images(3);
     std::fs::create_dir(&kitti).expect("made");

@@ -2,22 +2,8 @@
 
 mod harness;
 
-use std::path::PathBuf;
-
-use harness::{Bench, arg, classes, json, shared, text};
+use harness::{Bench, arg, classes, data, json, text};
 use serde_json::Value;
-
-fn eval(bench: &Bench, file: &str, shared: &std::path::Path, more: &[&str]) -> PathBuf {
-    let source = arg("source", shared.join("data/kitti_object"));
-    let model = arg("model", shared.join("models/yolov10n_dyn_w16.onnx"));
-    let out = bench.path("out");
-    let mut arguments = vec!["eval", file, &source, &model, "psf_sigma:=1.4", "engine:=rten"];
-    arguments.extend(more);
-    arguments.extend(["-o", out.to_str().expect("UTF-8")]);
-    let output = bench.run(&arguments);
-    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
-    out
-}
 
 fn boxes(file: &Value) -> Vec<&Vec<Value>> {
     let frames = file.as_object().expect("frames");
@@ -30,9 +16,17 @@ fn boxes(file: &Value) -> Vec<&Vec<Value>> {
 
 #[test]
 fn cars_and_persons_are_found_on_the_recovered_stream() {
-    let Some(shared) = shared() else { return };
-    let bench = Bench::new(121);
-    let out = eval(&bench, "launch/recovered.launch.yaml", &shared, &["alpha:=2"]);
+    let data = [("source", "data/kitti_object"), ("model", "models/yolov10n_dyn_w16.onnx")];
+    let [Some(source), Some(model)] = data.map(|(name, path)| Some(arg(name, data::shared(path)?))) else {
+        return;
+    };
+    let bench = Bench::new();
+    let out = bench.path("out");
+    let folder = out.to_str().expect("UTF-8");
+    let fixed =
+        ["eval", "launch/recovered.launch.yaml", "psf_sigma:=1.4", "engine:=rten", "alpha:=2", "-o", folder];
+    let output = bench.run(&[&fixed[..], &[&source, &model]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
     let summary = json(&out.join("summary.json"));
     assert_eq!(summary["frames"], 20, "{summary}");
     let found = classes(&summary, "recovered");

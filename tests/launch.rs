@@ -13,7 +13,7 @@ fn launch<'a>(file: &'a str, source: &'a str, model: &'a str, more: &[&'a str]) 
 
 #[test]
 fn three_processes_detect_on_every_frame_and_end_by_themselves() {
-    let bench = Bench::new(101);
+    let bench = Bench::new();
     let source = arg("source", bench.images(6));
     let model = arg("model", model());
     let summary = bench.path("summary.json");
@@ -32,7 +32,7 @@ fn three_processes_detect_on_every_frame_and_end_by_themselves() {
 
 #[test]
 fn processes_one_process_and_lockstep_give_the_same_boxes() {
-    let bench = Bench::new(102);
+    let bench = Bench::new();
     let source = arg("source", bench.images(5));
     let model = arg("model", model());
     let mut found = Vec::new();
@@ -63,7 +63,7 @@ fn processes_one_process_and_lockstep_give_the_same_boxes() {
 
 #[test]
 fn lockstep_writes_the_same_bytes_twice() {
-    let bench = Bench::new(103);
+    let bench = Bench::new();
     let source = arg("source", bench.images(4));
     let model = arg("model", model());
     let boxes = ["once", "twice"].map(|name| {
@@ -82,7 +82,7 @@ fn lockstep_writes_the_same_bytes_twice() {
 
 #[test]
 fn compare_runs_a_detector_on_each_stream() {
-    let bench = Bench::new(104);
+    let bench = Bench::new();
     let source = arg("source", bench.images(3));
     let model = arg("model", model());
     let file = bench.path("summary.json");
@@ -102,7 +102,7 @@ fn compare_runs_a_detector_on_each_stream() {
 /// Each is one line that names the thing, the value and what is allowed.
 #[test]
 fn bad_input_is_one_line_and_no_panic() {
-    let bench = Bench::new(105);
+    let bench = Bench::new();
     let images = bench.images(1);
     let source = arg("source", &images);
     let good_model = arg("model", model());
@@ -154,7 +154,7 @@ fn bad_input_is_one_line_and_no_panic() {
 
 #[test]
 fn an_unknown_launch_key_is_refused_with_its_line() {
-    let bench = Bench::new(106);
+    let bench = Bench::new();
     let file = bench.path("bad.launch.yaml");
     std::fs::write(&file, "launch:\n  - node:\n      pkg: modulo\n      exec: unwrap\n      paramz: []\n")
         .expect("writable");
@@ -170,7 +170,7 @@ fn an_unknown_launch_key_is_refused_with_its_line() {
 /// A refusal in a child process reaches the user, and the run ends.
 #[test]
 fn a_refusing_node_ends_the_launch() {
-    let bench = Bench::new(107);
+    let bench = Bench::new();
     let source = arg("source", bench.images(1));
     let model = arg("model", "/no/such/model.onnx");
     let output = bench.run(&launch("launch/recovered.launch.yaml", &source, &model, &[]));
@@ -180,7 +180,7 @@ fn a_refusing_node_ends_the_launch() {
 
 #[test]
 fn check_says_ok_or_every_mistake_with_its_line() {
-    let bench = Bench::new(108);
+    let bench = Bench::new();
     for file in ["raw", "recovered", "compare", "suite"] {
         let file = format!("launch/{file}.launch.yaml");
         let output = bench.run(&["launch", "--check", &file]);
@@ -201,7 +201,7 @@ fn check_says_ok_or_every_mistake_with_its_line() {
 /// The declarations of the nodes are part of what a launch file can break.
 #[test]
 fn check_knows_the_parameters_of_the_suite() {
-    let bench = Bench::new(109);
+    let bench = Bench::new();
     let file = bench.path("bad.launch.yaml");
     let bad = "launch:\n  - node: { pkg: modulo, exec: unwarp }\n  - node:\n      pkg: modulo\n      exec: unwrap\n      \
                param: [{ name: alhpa, value: 2.0 }, { name: bits, value: 99 }]\n";

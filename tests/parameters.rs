@@ -58,7 +58,7 @@ fn the_documentation_says_what_the_nodes_declare() {
 /// `modulo run NODE --help`, and a link named after the node.
 #[test]
 fn help_says_what_the_nodes_declare() {
-    let bench = Bench::new(171);
+    let bench = Bench::new();
     for (node, declared) in &nodes()[..3] {
         let help = bench.run(&["run", node, "--help"]);
         let said = text(&help);
@@ -90,7 +90,7 @@ fn out(bench: &Bench, arguments: &[&str]) -> String {
 
 #[test]
 fn a_running_node_tells_and_takes_parameters_as_ros2_param_shows_them() {
-    let bench = Bench::new(172);
+    let bench = Bench::new();
     let place = ["-r", "unwrap:__node:=u", "-r", "other:__node:=v", "-r", "__ns:=/front"];
     let named = ["-r", "__node:=u", "-r", "__ns:=/front", "-p", "alpha:=2", "-p", "v:alpha:=3"];
     let node = unwrap(&bench, &named);
@@ -141,7 +141,7 @@ fn a_running_node_tells_and_takes_parameters_as_ros2_param_shows_them() {
 /// What `dump` prints starts the same node again.
 #[test]
 fn a_dump_is_a_parameter_file() {
-    let bench = Bench::new(173);
+    let bench = Bench::new();
     let place = ["-r", "__node:=u", "-r", "__ns:=/front"];
     let set = ["-p", "alpha:=2.5", "-p", "method:=lines", "-p", "wait_timeout:=7", "-p", "tau:=.25"];
     let first = unwrap(&bench, &[place.as_slice(), &set].concat());
@@ -159,7 +159,7 @@ fn a_dump_is_a_parameter_file() {
 /// A negative number is a value, not an option: its refusal names the range.
 #[test]
 fn negative_values_reach_what_refuses_them() {
-    let bench = Bench::new(175);
+    let bench = Bench::new();
     let (out, launch) =
         (bench.path("out"), concat!(env!("CARGO_MANIFEST_DIR"), "/launch/recovered.launch.yaml"));
     let grid = ["eval", "--source", "scene://day?frames=1", "--out", out.to_str().expect("UTF-8")];
@@ -180,7 +180,7 @@ fn negative_values_reach_what_refuses_them() {
 
 #[test]
 fn wrong_ros_arguments_end_with_exit_code_2_and_one_line() {
-    let bench = Bench::new(174);
+    let bench = Bench::new();
     let file = bench.path("bad.yaml");
     std::fs::write(&file, "/**:\n  ros__parameters: {alpha: wide}\n").expect("writable");
     let file = file.to_str().expect("UTF-8");

@@ -35,7 +35,7 @@ fn stamp_of(message: &Message) -> Time {
 /// Whoever reads `/rosout` late gets what was said before.
 #[test]
 fn log_lines_are_on_rosout_and_outlast_their_moment() {
-    let bench = Bench::new(121);
+    let bench = Bench::new();
     let _unwrap = bench.start(&["run", "unwrap", "--ros-args", "-r", "__ns:=/car"]);
     let _quiet =
         bench.start(&["run", "unwrap", "--ros-args", "-r", "__node:=quiet", "--disable-rosout-logs"]);
@@ -59,7 +59,7 @@ fn log_lines_are_on_rosout_and_outlast_their_moment() {
 
 #[test]
 fn stamps_follow_the_clock_topic_while_use_sim_time_is_on() {
-    let bench = Bench::new(122);
+    let bench = Bench::new();
     let peer = Peer::new(&bench);
     let images = peer.hear("/modulo", MessageKind::Image);
     let clock = peer.advertise("/clock", MessageKind::Clock);
@@ -86,7 +86,7 @@ fn stamps_follow_the_clock_topic_while_use_sim_time_is_on() {
 /// zenoh is silent about a peer that speaks of another type: the node is not.
 #[test]
 fn a_peer_that_does_not_fit_is_reported_once() {
-    let bench = Bench::new(123);
+    let bench = Bench::new();
     let _unwrap = bench.start(&["run", "unwrap"]);
     let peer = Peer::new(&bench);
     wait_until("the node", || peer.transport.is_ready("/unwrap"));
@@ -119,7 +119,7 @@ fn a_peer_that_does_not_fit_is_reported_once() {
 /// `--hash none` speaks as ROS 2 Humble does, and says so to those that do not.
 #[test]
 fn without_hashes_it_speaks_with_humble() {
-    let bench = Bench::new(124);
+    let bench = Bench::new();
     let _unwrap = bench.start(&["--hash", "none", "run", "unwrap"]);
     let peer = Peer::with_hashes(&bench, Hashes::None);
     wait_until("the node", || peer.transport.is_ready("/unwrap"));
@@ -143,7 +143,7 @@ fn without_hashes_it_speaks_with_humble() {
 /// A late reader of a latched topic gets the last message, and no other.
 #[test]
 fn a_latched_message_waits_for_late_readers() {
-    let bench = Bench::new(125);
+    let bench = Bench::new();
     let peer = Peer::new(&bench);
     let endpoint = |qos: &str| Endpoint {
         topic: "/latched".into(),

@@ -13,7 +13,7 @@ fn sample() -> PathBuf {
 /// The command of the README makes the very bytes that are committed.
 #[test]
 fn the_sample_is_made_by_its_command() {
-    let bench = Bench::new(131);
+    let bench = Bench::new();
     let (bag, out) = (bench.path("tunnel"), bench.path("out"));
     let source = "source:=scene://tunnel?seed=3&frames=12";
     let output = bench.run(&[
@@ -41,7 +41,7 @@ fn the_sample_is_made_by_its_command() {
 
 #[test]
 fn the_sample_replayed_shows_traffic() {
-    let bench = Bench::new(132);
+    let bench = Bench::new();
     let bag = arg("bag", sample());
     let summary = bench.path("summary.json");
     let file = summary.display().to_string();

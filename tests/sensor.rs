@@ -37,7 +37,7 @@ fn set_alpha(peer: &Peer, alpha: f64) {
 /// frame would differ: its scale, and most of its wraps, would be wrong.
 #[test]
 fn no_frame_is_unwrapped_with_the_alpha_of_another() {
-    let bench = Bench::new(181);
+    let bench = Bench::new();
     let source = "source:=scene://tunnel?seed=3&frames=100000";
     let camera = ["-p", source, "-p", "psf_sigma:=1.4", "-p", "rate:=30", "-p", "wait_for:=[unwrap]"];
     let _unwrap = bench.start(&["run", "unwrap"]);

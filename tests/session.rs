@@ -4,8 +4,6 @@
 mod harness;
 
 use std::net::TcpListener;
-use std::process::Command;
-use std::time::Duration;
 
 use harness::peer::Peer;
 use harness::{Bench, arg, json, model, text, wait_until};
@@ -18,8 +16,8 @@ use zenoh::Wait;
 /// see each other through the router alone.
 #[test]
 fn a_router_is_used_when_there_is_one() {
-    let bench = Bench::new(141);
-    let _deaf = TcpListener::bind(("127.0.0.1", meeting_port(bench.domain))).expect("a free port");
+    let bench = Bench::new();
+    let _deaf = TcpListener::bind(("127.0.0.1", meeting_port(bench.domain.id))).expect("a free port");
     let mut config = zenoh::Config::default();
     for (key, value) in [
         ("mode", "\"router\""),
@@ -28,7 +26,11 @@ fn a_router_is_used_when_there_is_one() {
     ] {
         config.insert_json5(key, value).expect("a known key");
     }
-    let _router = zenoh::open(config).wait().expect("port 7447 is free");
+    let mut router = None;
+    wait_until("port 7447 is free", || {
+        router = zenoh::open(config.clone()).wait().ok();
+        router.is_some()
+    });
     let _unwrap = bench.start(&["run", "unwrap"]);
     wait_until("the node behind the router", || {
         text(&bench.run(&["node", "list"])).lines().any(|line| line == "/unwrap")
@@ -40,27 +42,22 @@ fn a_router_is_used_when_there_is_one() {
 /// One key turns it on, and frames then really lie in shared memory.
 #[test]
 fn images_go_through_shared_memory() {
-    let bench = Bench::new(142);
+    let bench = Bench::new();
     let (source, model) = (arg("source", bench.images(20)), arg("model", model()));
     let summary = bench.path("summary.json");
     let file = summary.display().to_string();
     let mut launch = bench.modulo(&["launch", "launch/recovered.launch.yaml", &source, &model]);
     launch.args(["engine:=rten", "rate:=10", "--summary", &file]);
-    let running = harness::Background(
+    let mut running = harness::Background(
         launch
             .env("ZENOH_CONFIG_OVERRIDE", "transport/shared_memory/enabled=true")
             .spawn()
             .expect("it starts"),
     );
-    let pid = running.0.id().to_string();
     wait_until("a node with shared memory of zenoh", || {
-        let nodes = Command::new("pgrep").args(["-P", &pid]).output().expect("pgrep runs");
-        String::from_utf8_lossy(&nodes.stdout).lines().any(|node| {
-            let maps = std::fs::read_to_string(format!("/proc/{node}/maps")).unwrap_or_default();
-            maps.lines().any(|line| line.contains("/dev/shm/"))
-        })
+        let maps = |node| std::fs::read_to_string(format!("/proc/{node}/maps")).unwrap_or_default();
+        running.children().into_iter().any(|(node, _)| maps(node).contains("/dev/shm/"))
     });
-    let mut running = running;
     assert_eq!(running.0.wait().expect("it ends").code(), Some(0));
     let summary = json(&summary);
     assert_eq!(summary["frames"], 20, "{summary}");
@@ -69,7 +66,7 @@ fn images_go_through_shared_memory() {
 
 #[test]
 fn without_the_key_nothing_is_shared() {
-    let bench = Bench::new(143);
+    let bench = Bench::new();
     let unwrap = bench.start(&["run", "unwrap"]);
     let peer = Peer::new(&bench);
     wait_until("the node", || peer.transport.is_ready("/unwrap"));
@@ -80,7 +77,7 @@ fn without_the_key_nothing_is_shared() {
 
 #[test]
 fn what_is_wrong_with_a_variable_is_said() {
-    let bench = Bench::new(144);
+    let bench = Bench::new();
     let missing = bench.path("missing.json5");
     let broken = bench.path("broken.json5");
     std::fs::write(&broken, "{ mode: \"pear\" }").expect("writable");
@@ -104,7 +101,7 @@ fn what_is_wrong_with_a_variable_is_said() {
 /// A file replaces the configuration; single keys go above it.
 #[test]
 fn a_configuration_file_is_used() {
-    let bench = Bench::new(145);
+    let bench = Bench::new();
     let port = TcpListener::bind("127.0.0.1:0").and_then(|l| l.local_addr()).expect("a free port").port();
     let file = |name: &str, way: &str| {
         let path = bench.path(name);
@@ -124,7 +121,6 @@ fn a_configuration_file_is_used() {
         let list = list.env("ZENOH_SESSION_CONFIG_URI", &connects).output().expect("it starts");
         text(&list).lines().any(|line| line == "/unwrap")
     });
-    std::thread::sleep(Duration::from_millis(200));
     let elsewhere = bench.run(&["node", "list"]);
     assert!(!text(&elsewhere).contains("/unwrap"), "the file's session is another network");
 }

@@ -3,7 +3,8 @@
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]
 
-use std::path::{Path, PathBuf};
+#[path = "../../tests/harness/data.rs"]
+mod data;
 
 use modulo_core::sensor::SensorConfig;
 use modulo_core::unwrap::{Options, by_name};
@@ -32,19 +33,9 @@ fn sharpness(radiance: &Array3<f32>, deblur: &mut Deblur) -> (f64, f64) {
     (psnr(&blurred, &ideal), psnr(&sharp, &ideal))
 }
 
-fn shared() -> Option<PathBuf> {
-    let default = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared");
-    let folder = std::env::var_os("MODULO_SHARED").map_or(default, PathBuf::from);
-    let folder = folder.join("data/kitti_object/image_2");
-    folder.is_dir().then_some(folder)
-}
-
 #[test]
 fn kitti_comes_within_31_decibels_of_the_sharp_image() {
-    let Some(folder) = shared() else {
-        println!("skipped: MODULO_SHARED has no data/kitti_object");
-        return;
-    };
+    let Some(folder) = data::shared("data/kitti_object/image_2") else { return };
     let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     files.sort();
     let mut deblur = Deblur::new(Psf::Paper7);

@@ -3,7 +3,9 @@
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]
 
-use std::path::PathBuf;
+#[path = "../../tests/harness/data.rs"]
+mod data;
+
 use std::time::Instant;
 
 use modulo_core::scene::{Preset, Scene};
@@ -44,17 +46,6 @@ fn report(title: &str, method: &str, exposures: &[Exposure]) -> f64 {
     share
 }
 
-/// Red, green, blue in `[0, 1)`, of every KITTI frame that is there.
-fn kitti() -> Vec<Array3<f32>> {
-    let shared = std::env::var_os("MODULO_SHARED").map(PathBuf::from);
-    let shared =
-        shared.unwrap_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared")));
-    let Ok(folder) = std::fs::read_dir(shared.join("data/kitti_object/image_2")) else { return Vec::new() };
-    let mut paths: Vec<_> = folder.map(|entry| entry.unwrap().path()).collect();
-    paths.sort();
-    paths.iter().map(|path| read(path)).collect()
-}
-
 fn read(path: &std::path::Path) -> Array3<f32> {
     let image = image::open(path).unwrap().to_rgb8();
     let dim = (image.height() as usize, image.width() as usize, 3);
@@ -80,12 +71,10 @@ fn rendered_scenes() {
 
 #[test]
 fn kitti_under_the_papers_lens() {
-    let frames = kitti();
-    if frames.is_empty() {
-        println!("skipped: no KITTI frames in MODULO_SHARED or ../shared");
-        return;
-    }
-    let exposures: Vec<_> = frames.iter().map(|frame| expose(frame, 4.0, Psf::Paper7)).collect();
+    let Some(folder) = data::shared("data/kitti_object/image_2") else { return };
+    let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    let exposures: Vec<_> = files.iter().map(|file| expose(&read(file), 4.0, Psf::Paper7)).collect();
     for method in METHODS {
         let share = report("kitti, alpha 4,", method, &exposures);
         if *method == "lines" {

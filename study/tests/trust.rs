@@ -3,6 +3,9 @@
 //! `MODULO_TRUST=all cargo test --release -p modulo-study --test trust -- --nocapture` takes all
 //! combinations; without it every 23rd is taken.
 
+#[path = "../../tests/harness/data.rs"]
+mod data;
+
 use std::path::{Path, PathBuf};
 
 use modulo_core::unwrap::{Options, Recovered, Trust, by_name};
@@ -68,13 +71,9 @@ impl Tally {
 
 #[test]
 fn never_trusted_and_wrong() {
-    let shared = std::env::var("MODULO_SHARED").unwrap_or_else(|_| "../../shared".into());
+    let Some(folder) = data::shared("data") else { return };
     let mut files = Vec::new();
-    images_below(&Path::new(&shared).join("data"), &mut files);
-    if files.is_empty() {
-        println!("skipped: no images below {shared}/data");
-        return;
-    }
+    images_below(&folder, &mut files);
     let stride = if std::env::var("MODULO_TRUST").is_ok_and(|all| all == "all") { 1 } else { STRIDE };
     let (mut tally, mut index) = (Tally::default(), 0);
     for file in &files {

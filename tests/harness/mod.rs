@@ -1,14 +1,16 @@
-//! Runs the shipped binary as a user would, each test in a ROS domain of its
-//! own so that tests do not hear each other.
+//! Runs the shipped binary as a user would, each test in a ROS domain of its own.
 
 #![allow(dead_code, reason = "each test binary uses its part")]
 
+pub mod data;
+mod live;
 pub mod peer;
+
+pub use live::{Domain, wait_until};
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
-use std::time::{Duration, Instant};
 
 use serde_json::Value;
 use tempfile::TempDir;
@@ -17,13 +19,12 @@ use tempfile::TempDir;
 pub struct Bench {
     /// Files of this test.
     pub folder: TempDir,
-    pub domain: u32,
+    pub domain: Domain,
 }
 
 impl Bench {
-    /// `domain` must be used by no other test.
-    pub fn new(domain: u32) -> Self {
-        Self { folder: tempfile::tempdir().expect("a temporary folder"), domain }
+    pub fn new() -> Self {
+        Self { folder: tempfile::tempdir().expect("a temporary folder"), domain: Domain::take() }
     }
 
     /// A path in the test's folder.
@@ -37,7 +38,7 @@ impl Bench {
         command
             .args(arguments)
             .current_dir(env!("CARGO_MANIFEST_DIR"))
-            .env("ROS_DOMAIN_ID", self.domain.to_string())
+            .env("ROS_DOMAIN_ID", self.domain.id.to_string())
             .env_remove("MODULO_REPORT_DIR")
             .env_remove("MODULO_STATE_DIR")
             .env_remove("MODULO_LAUNCHER_PID")
@@ -59,6 +60,15 @@ impl Bench {
         Background(child.expect("the binary starts"))
     }
 
+    /// Starts a recording into `bag`, and waits until the bag is there.
+    pub fn record(&self, bag: &Path, arguments: &[&str]) -> Background {
+        let all = [&["bag", "record", "-o", bag.to_str().expect("UTF-8")], arguments].concat();
+        let child = self.modulo(&all).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
+        let recording = Background(child.expect("the binary starts"));
+        wait_until("the bag's folder is there", || bag.is_dir());
+        recording
+    }
+
     /// `count` small images with a bright square that moves.
     pub fn images(&self, count: u32) -> PathBuf {
         let folder = self.path("images");
@@ -75,26 +85,45 @@ impl Bench {
     }
 }
 
-/// Waits until `done`, at most a minute.
-pub fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
-    let start = Instant::now();
-    while !done() {
-        assert!(start.elapsed() < Duration::from_secs(60), "waited in vain: {what}");
-        std::thread::sleep(Duration::from_millis(50));
-    }
-}
-
 /// A process that is ended with the test.
 pub struct Background(pub Child);
 
 impl Background {
     /// Sends SIGINT and waits for the end.
-    pub fn interrupt(mut self) -> Option<i32> {
-        let pid = self.0.id().to_string();
-        let sent = Command::new("kill").args(["-INT", &pid]).status();
-        assert!(sent.is_ok_and(|status| status.success()), "the process is there");
-        self.0.wait().expect("it ends").code()
+    pub fn interrupt(self) -> Option<i32> {
+        self.end("INT").0
     }
+
+    /// Sends a signal and waits for the end: exit code, and standard output where it is kept.
+    pub fn end(mut self, name: &str) -> (Option<i32>, String) {
+        signal(self.0.id(), name);
+        let code = self.0.wait().expect("it ends").code();
+        let out = self.0.stdout.take().map(std::io::read_to_string);
+        (code, out.transpose().expect("UTF-8").unwrap_or_default())
+    }
+
+    /// Process ids of its children, each with its command line.
+    pub fn children(&self) -> Vec<(u32, String)> {
+        let parent = format!("PPid:\t{}", self.0.id());
+        let all = std::fs::read_dir("/proc").expect("/proc is there").flatten();
+        let all = all.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
+        let is_child = |pid: &u32| {
+            let status = std::fs::read_to_string(format!("/proc/{pid}/status"));
+            status.is_ok_and(|status| status.lines().any(|line| line == parent))
+        };
+        all.filter(is_child).map(|pid| (pid, command_line(pid))).collect()
+    }
+}
+
+/// Its words; empty where the process has ended.
+pub fn command_line(pid: u32) -> String {
+    std::fs::read_to_string(format!("/proc/{pid}/cmdline")).unwrap_or_default().replace('\0', " ")
+}
+
+/// Sends the signal called `name`.
+pub fn signal(pid: u32, name: &str) {
+    let sent = Command::new("kill").args([&format!("-{name}"), &pid.to_string()]).status();
+    assert!(sent.is_ok_and(|status| status.success()), "process {pid} is there");
 }
 
 impl Drop for Background {
@@ -129,15 +158,4 @@ pub fn json(path: &Path) -> Value {
 pub fn classes(summary: &Value, stream: &str) -> BTreeMap<String, u64> {
     let classes = summary["detections"][stream].as_object().cloned().unwrap_or_default();
     classes.into_iter().map(|(class, n)| (class, n.as_u64().expect("a count"))).collect()
-}
-
-/// The shared test data, if it is here.
-pub fn shared() -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
-    let folder = std::env::var_os("MODULO_SHARED").map_or(beside, PathBuf::from);
-    let found = folder.join("data/kitti_object").is_dir();
-    if !found {
-        eprintln!("skipped: no test data at {} (MODULO_SHARED)", folder.display());
-    }
-    found.then_some(folder)
 }

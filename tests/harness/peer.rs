@@ -1,12 +1,13 @@
 //! [`Peer`]: a ROS node in the test's own process.
 
 use std::sync::Arc;
+use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use modulo_runtime::queue::{Keep, Limit, Queue};
-use modulo_runtime::transport::keys::Hashes;
+use modulo_runtime::transport::keys::{Endpoint, Hashes, qos_string};
 use modulo_runtime::transport::zenoh::ZenohTransport;
-use modulo_runtime::transport::{Address, Guard, Outlet, Parcel, Transport};
+use modulo_runtime::transport::{Address, Guard, Outlet, Parcel, RawSample, Transport};
 use modulo_runtime::{Clock, Message, MessageKind, Place, SystemClock, Topic};
 
 use super::Bench;
@@ -32,7 +33,7 @@ impl Peer {
 
     pub fn with_hashes(bench: &Bench, hashes: Hashes) -> Self {
         let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
-        let transport = ZenohTransport::open(bench.domain, hashes, clock).expect("a session on loopback");
+        let transport = ZenohTransport::open(bench.domain.id, hashes, clock).expect("a session on loopback");
         let place = Place::new("peer", "/", &[]).expect("a name");
         let announced = transport.announce(&place).expect("a token");
         Self { transport, place, _announced: announced }
@@ -40,6 +41,16 @@ impl Peer {
 
     pub fn advertise(&self, topic: &str, kind: MessageKind) -> Box<dyn Outlet> {
         self.transport.advertise(&self.place, &address(topic, kind)).expect("a publisher")
+    }
+
+    /// Samples on `topic` as they come.
+    pub fn listen(&self, topic: &str, kind: MessageKind) -> (Guard, Receiver<RawSample>) {
+        let Address { topic, qos, .. } = address(topic, kind);
+        let dds_type = modulo_msgs::dds_name(kind.type_name());
+        let endpoint = Endpoint { topic, dds_type, type_hash: kind.type_hash(), qos: qos_string(qos).into() };
+        let (samples, arrived) = channel();
+        let take = move |sample| drop(samples.send(sample));
+        (self.transport.subscribe_raw(&self.place, &endpoint, take).expect("a subscription"), arrived)
     }
 
     pub fn hear(&self, topic: &str, kind: MessageKind) -> Heard {

@@ -1,24 +1,15 @@
 //! Recordings of others; skipped where the data folder is absent.
 
-use std::path::{Path, PathBuf};
+#[path = "../../../tests/harness/data.rs"]
+mod data;
+
+use std::path::Path;
 
 use modulo_bags::bag::{BagReader, Selection};
 use modulo_bags::import::{ImportOptions, import_kitti};
 use modulo_bags::source::{SourceOptions, open};
 
 use crate::writing::read_all;
-
-/// The data folder: `$MODULO_SHARED/data`, or beside the workspace.
-fn data() -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared");
-    let root = std::env::var_os("MODULO_SHARED").map_or(beside, PathBuf::from);
-    let data = root.join("data");
-    if !data.is_dir() {
-        eprintln!("skipped: {} is not there", data.display());
-        return None;
-    }
-    Some(data)
-}
 
 /// Opens the source, reads it whole, returns (frames, labelled objects).
 fn walk(path: &Path, topic: Option<&str>) -> (usize, usize) {
@@ -39,7 +30,7 @@ fn walk(path: &Path, topic: Option<&str>) -> (usize, usize) {
 
 #[test]
 fn recordings_of_others_are_read_whole() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::shared("data") else { return };
     for (name, messages) in [
         ("rerun_rosbag2_2025_09_10-13_03_56_0.mcap", 194),
         ("rosbag2/rosbag2_py/test/resources/mcap/talker", 20),
@@ -64,7 +55,7 @@ fn recordings_of_others_are_read_whole() {
 /// The same recording in both storages.
 #[test]
 fn both_storages_hold_the_same() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::shared("data") else { return };
     for (mcap, sqlite) in [
         ("rosbag2/rosbag2_tests/resources/mcap/cdr_test", "rosbag2/rosbag2_tests/resources/sqlite3/cdr_test"),
         ("rosbag2/rosbag2_py/test/resources/mcap/talker", "rosbag2/rosbag2_py/test/resources/sqlite3/talker"),
@@ -84,7 +75,7 @@ fn both_storages_hold_the_same() {
 
 #[test]
 fn images_of_recordings_are_frames() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::shared("data") else { return };
     let rerun = data.join("bags/rerun_rosbag2_2025_09_10-13_03_56_0.mcap");
     let error = open(&rerun.display().to_string(), &SourceOptions::default()).err().expect("two topics");
     assert!(error.to_string().contains("/compressed_image, /image"), "{error}");
@@ -96,7 +87,7 @@ fn images_of_recordings_are_frames() {
 
 #[test]
 fn kitti_folders_are_read_and_imported_whole() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::shared("data") else { return };
     for (name, frames, objects) in
         [("kitti_object", 20, 105), ("kitti_object_crop", 3, 12), ("kitti_seq/drive_0011", 21, 37)]
     {
@@ -113,7 +104,7 @@ fn kitti_folders_are_read_and_imported_whole() {
 
 #[test]
 fn high_dynamic_range_files_load() {
-    let Some(data) = data() else { return };
+    let Some(data) = data::shared("data") else { return };
     assert_eq!(walk(&data.join("hdr/polyhaven"), None), (4, 0));
     assert_eq!(walk(&data.join("hdr/openexr_images/ScanLines_Desk.exr"), None), (1, 0));
     assert_eq!(walk(&data.join("bdd/unlabelled"), None), (3, 0));

@@ -1,7 +1,6 @@
 //! Structs, definitions and hashes say the same about every type.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 
 use modulo_msgs::rihs::type_description;
 use modulo_msgs::type_description_interfaces::{FieldType, IndividualTypeDescription, TypeDescription};
@@ -69,12 +68,8 @@ fn a_foreign_schema_may_use_short_names_and_crlf() {
 /// Every interface that ROS 2 reported, whether the suite defines it or not.
 #[test]
 fn schemas_of_the_whole_installation_hash_as_in_ros() {
-    let shared = std::env::var_os("MODULO_SHARED")
-        .map_or_else(|| PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared"), PathBuf::from);
-    let Ok(text) = std::fs::read_to_string(shared.join("ros/interfaces.json")) else {
-        println!("skipped: no ros/interfaces.json in {}", shared.display());
-        return;
-    };
+    let Some(file) = crate::data::shared("ros/interfaces.json") else { return };
+    let text = std::fs::read_to_string(file).expect("readable");
     let all: BTreeMap<String, Value> = serde_json::from_str(&text).expect("interfaces.json");
     let body = |name: &str| {
         let fields = all[name]["fields"].as_array().expect("fields");

@@ -1,7 +1,9 @@
-//! The node on a real model and real frames, which lie outside of the project:
-//! `$MODULO_SHARED`, else `../shared` beside it. Skipped where they are not.
+//! The node on a real model and real frames.
 
-use std::path::{Path, PathBuf};
+#[path = "../../../tests/harness/data.rs"]
+mod data;
+
+use std::path::Path;
 use std::sync::Arc;
 
 use modulo_core::{Detection, Frame};
@@ -13,19 +15,7 @@ use ndarray::Array3;
 const MODEL: &str = "models/yolov10n_dyn_w16.onnx";
 const FRAME: &str = "data/kitti_object/image_2/000008.png";
 
-/// The folder with models and data, or `None` after saying so.
-fn shared() -> Option<PathBuf> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
-    let folder = std::env::var_os("MODULO_SHARED").map_or_else(beside, PathBuf::from);
-    let there = folder.join(MODEL).exists() && folder.join(FRAME).exists();
-    if !there {
-        println!("skipped: no {MODEL} and {FRAME} in {}", folder.display());
-    }
-    there.then_some(folder)
-}
-
-fn detector(shared: &Path, engine: &str, changes: &[(&str, &str)]) -> Result<Detector, String> {
-    let model = shared.join(MODEL);
+fn detector(model: &Path, engine: &str, changes: &[(&str, &str)]) -> Result<Detector, String> {
     let all: Vec<_> = [("model", model.to_str().expect("a path")), ("engine", engine)]
         .iter()
         .chain(changes)
@@ -35,8 +25,8 @@ fn detector(shared: &Path, engine: &str, changes: &[(&str, &str)]) -> Result<Det
     Detector::new(&parameters).map_err(|error| error.to_string())
 }
 
-fn kitti(shared: &Path) -> Frame {
-    let pixels = image::open(shared.join(FRAME)).expect("an image").into_rgb8();
+fn kitti(file: &Path) -> Frame {
+    let pixels = image::open(file).expect("an image").into_rgb8();
     let shape = (pixels.height() as usize, pixels.width() as usize, 3);
     Frame::from_u8(Array3::from_shape_vec(shape, pixels.into_raw()).expect("its shape")).expect("a frame")
 }
@@ -64,14 +54,14 @@ fn cars(found: &[Detection]) -> usize {
 
 #[test]
 fn cars_are_found_inside_the_image() {
-    let Some(shared) = shared() else { return };
-    let frame = kitti(&shared);
+    let (Some(model), Some(file)) = (data::shared(MODEL), data::shared(FRAME)) else { return };
+    let frame = kitti(&file);
     let map = Path::new(env!("CARGO_MANIFEST_DIR")).join("class_maps/coco_to_kitti.yaml");
     let map = map.to_str().expect("a path");
     for changes in
         [&[][..], &[("input_size", "640x192")], &[("class_map", map), ("classes", "car,pedestrian")]]
     {
-        let mut detector = detector(&shared, "rten", changes).expect("a detector");
+        let mut detector = detector(&model, "rten", changes).expect("a detector");
         let (found, stages) = look(&mut detector, &frame);
         println!("{changes:?}: {} cars, {stages:?}", cars(&found));
         assert!(cars(&found) >= 4, "{found:?}");
@@ -85,8 +75,8 @@ fn cars_are_found_inside_the_image() {
 
 #[test]
 fn tiny_and_deep_images_are_answered() {
-    let Some(shared) = shared() else { return };
-    let mut detector = detector(&shared, "rten", &[]).expect("a detector");
+    let Some(model) = data::shared(MODEL) else { return };
+    let mut detector = detector(&model, "rten", &[]).expect("a detector");
     for (height, width, channels) in [(1, 1, 1), (7, 3, 3), (1, 600, 1)] {
         let frame = Frame::from_u16(Array3::from_elem((height, width, channels), 30_000)).expect("a frame");
         look(&mut detector, &frame);
@@ -95,17 +85,17 @@ fn tiny_and_deep_images_are_answered() {
 
 #[test]
 fn both_engines_say_the_same() {
-    let Some(shared) = shared() else { return };
-    let mut ort = match detector(&shared, "ort", &[]) {
+    let (Some(model), Some(file)) = (data::shared(MODEL), data::shared(FRAME)) else { return };
+    let mut ort = match detector(&model, "ort", &[]) {
         Ok(detector) => detector,
         Err(why) => {
             assert!(why.contains("ORT_DYLIB_PATH") && why.contains("rten"), "{why}");
-            println!("skipped: {why}");
+            data::skip(&why);
             return;
         }
     };
-    let mut rten = detector(&shared, "rten", &[]).expect("a detector");
-    let frame = kitti(&shared);
+    let mut rten = detector(&model, "rten", &[]).expect("a detector");
+    let frame = kitti(&file);
     let ((a, _), (b, _)) = (look(&mut ort, &frame), look(&mut rten, &frame));
     assert_eq!(a.len(), b.len());
     for one in &a {
@@ -114,6 +104,6 @@ fn both_engines_say_the_same() {
         let (iou, other) = best.max_by(|x, y| x.0.total_cmp(&y.0)).expect("a peer");
         assert!(iou >= 0.99 && (other.score - one.score).abs() <= 0.002, "{one:?} against {other:?}");
     }
-    let auto = detector(&shared, "auto", &[]).expect("a detector");
+    let auto = detector(&model, "auto", &[]).expect("a detector");
     assert!(auto.facts().contains(&("engine", "ort".to_owned())));
 }
