@@ -65,7 +65,7 @@ fn sum(summary: &Value, field: &str) -> u64 {
 #[test]
 fn every_frame_is_answered_or_counted_when_nodes_are_killed() {
     let rounds = std::env::var("MODULO_CRASH_ROUNDS").map_or(1, |text| text.parse().expect("a number"));
-    let bench = Bench::new(181);
+    let bench = Bench::new();
     let running = suite(&bench, &[]);
     let peer = Peer::new(&bench);
     wait_until("the camera", || peer.transport.is_ready("/modulo_camera"));
@@ -108,8 +108,8 @@ fn every_frame_is_answered_or_counted_when_nodes_are_killed() {
 /// A reader that stands still for half a second gets the newest image then.
 #[test]
 fn a_replaced_image_is_a_loss_only_when_that_is_asked_for() {
-    for (domain, more, code) in [(182, &[][..], 0), (183, &["--strict"], 3)] {
-        let bench = Bench::new(domain);
+    for (more, code) in [(&[][..], 0), (&["--strict"], 3)] {
+        let bench = Bench::new();
         let running = suite(&bench, more);
         let peer = Peer::new(&bench);
         wait_until("the camera", || peer.transport.is_ready("/modulo_camera"));
@@ -131,7 +131,7 @@ fn a_replaced_image_is_a_loss_only_when_that_is_asked_for() {
 /// One unreadable image among good ones: the others are sensed, and the exit code tells of it.
 #[test]
 fn an_unreadable_image_is_skipped_and_counted() {
-    let bench = Bench::new(184);
+    let bench = Bench::new();
     let images = bench.images(5);
     std::fs::write(images.join("000002.png"), "no picture").expect("writable");
     let (source, model) = (arg("source", images), arg("model", model()));
@@ -159,7 +159,7 @@ fn an_unreadable_image_is_skipped_and_counted() {
 /// `modulo launch FILE | head` ended with a panic and without the summary's file.
 #[test]
 fn a_closed_pipe_costs_neither_the_exit_code_nor_the_summary() {
-    let bench = Bench::new(185);
+    let bench = Bench::new();
     let (source, model) = (arg("source", bench.images(2)), arg("model", model()));
     let file = bench.path("summary.json").display().to_string();
     let arguments = [

@@ -120,7 +120,7 @@ fn the_input_is_swapped_while_the_suite_runs() {
 /// What the detector says of an image.
 fn detect(detector: &mut impl Node, image: &Image) -> Detection2DArray {
     let clock = ManualClock::at(0);
-    let mut cx = Context::new(&clock, &[true, false]);
+    let mut cx = Context::new("/detector", &clock, &[true, false]);
     let bytes = cdr::to_vec(image).expect("encodes");
     let message = Message::decode(MessageKind::Image, &bytes).expect("an image");
     detector.step(Cue::Message { input: 0, message }, &mut cx).expect("a step");

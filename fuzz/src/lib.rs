@@ -8,8 +8,11 @@ pub mod messages;
 pub mod texts;
 pub mod vision;
 
+/// The body of a target: it panics when a property does not hold for the input.
+pub type Target = fn(&[u8]);
+
 /// All targets by name.
-pub const TARGETS: [(&str, fn(&[u8])); 15] = [
+pub const TARGETS: [(&str, Target); 15] = [
     ("cdr", messages::cdr),
     ("dynamic", messages::dynamic),
     ("keys", messages::keys),

@@ -30,7 +30,7 @@ pub fn detector(data: &[u8]) {
         Parameters::declare(DetectorParameters::descriptors()).with_text(&changes).expect("allowed");
     let mut detector = Detector::new(&(&parameters).into()).expect("a model");
     let (clock, frame) = (ManualClock::at(0), Frame::from_u8(Array3::zeros((20, 30, 3))).expect("a frame"));
-    let mut cx = Context::new(&clock, &[true, true]);
+    let mut cx = Context::new("/detector", &clock, &[true, true]);
     let message = Message::Image(Arc::new(StampedFrame { header: Default::default(), frame }));
     detector.step(Cue::Message { input: 0, message }, &mut cx).expect("a step");
     for (_, message) in cx.finish().messages {
