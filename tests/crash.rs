@@ -22,6 +22,12 @@ fn node(launcher: &Background, kind: &str) -> Option<u32> {
     launcher.children().into_iter().find(|(_, line)| of_kind(line)).map(|(pid, _)| pid)
 }
 
+/// Whether a crash took a frame is a matter of timing; `tests/accounts.rs` looks at the accounts.
+fn end_after_crash(running: Background) {
+    let code = running.interrupt();
+    assert!(matches!(code, Some(0 | 3)), "{code:?}");
+}
+
 #[test]
 fn a_crashed_node_is_back_with_its_last_accepted_parameters() {
     let bench = Bench::new();
@@ -56,7 +62,7 @@ fn a_crashed_node_is_back_with_its_last_accepted_parameters() {
     }
     let now = ["unwrap", "modulo_camera"].map(|kind| node(&running, kind).expect("it runs"));
     assert_eq!(now, [unwrap, camera], "the neighbours have not noticed");
-    assert_eq!(running.interrupt(), Some(0));
+    end_after_crash(running);
 
     // Another launch is another life.
     let running = suite(&bench);
