@@ -184,7 +184,12 @@ mod tests {
         // It holds the pipe open: the output ends with it.
         running.finish().await;
         let child = lines.recv().expect("the child's number").replace("[parent] ", "");
-        let state = std::fs::read_to_string(format!("/proc/{child}/stat")).unwrap_or_default();
-        assert!(state.is_empty() || state.contains(") Z "), "{state}");
+        let state = || std::fs::read_to_string(format!("/proc/{child}/stat")).unwrap_or_default();
+        let ended = || state().is_empty() || state().contains(") Z ");
+        let start = std::time::Instant::now();
+        while !ended() && start.elapsed() < Duration::from_secs(5) {
+            tokio::time::sleep(Duration::from_millis(1)).await;
+        }
+        assert!(ended(), "{}", state());
     }
 }
