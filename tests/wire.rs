@@ -57,7 +57,8 @@ fn a_recorded_run_replayed_gives_the_same_boxes() {
     let recording = record(&bench, &again);
     let replayed = live.display().to_string();
     let bag = arg("bag", &replayed);
-    let output = bench.run(&["launch", "launch/replay.launch.yaml", &bag, &model, "engine:=rten"]);
+    let output =
+        bench.run(&["launch", "launch/replay.launch.yaml", &bag, &model, "engine:=rten", "play_rate:=0.5"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output));
     assert_eq!(recording.interrupt(), Some(0));
     assert_eq!(detections(&again), first);
