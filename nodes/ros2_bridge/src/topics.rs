@@ -61,7 +61,8 @@ fn outward(
     let publisher = node
         .create_publisher_untyped(&route.topic, &route.ros_type, profile(route.qos))
         .with_context(|| format!("publisher of {}", route.topic))?;
-    let queue = Arc::new(Queue::new(Arc::new(SystemClock::default()), Limit { messages: 0, bytes: 0 }));
+    let limit = Limit { messages: 0, bytes: 0 };
+    let queue = Arc::new(Queue::<RawSample>::new(Arc::new(SystemClock::default()), limit));
     let keep = if route.qos == Qos::Images { Keep::Latest } else { Keep::Last(RESULTS_WAITING) };
     let lane = queue.open(keep);
     let (samples, topic) = (queue.clone(), route.topic.clone());
