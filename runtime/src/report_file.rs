@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use crate::launcher;
 use crate::report::NodeReport;
 
-/// A listener writes at most this often: one write takes some 50 us.
+/// A listener writes at most this often.
 const AFTER_STEP_NS: u64 = 10_000_000;
 /// A node without work writes this often.
 const IDLE_NS: u64 = 1_000_000_000;

@@ -1,4 +1,4 @@
-//! [`LostInCrash`]: messages that nobody answered since a node crashed.
+//! [`LostInCrash`]: messages that were not answered because a node crashed.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -64,7 +64,7 @@ impl<'a> Lives<'a> {
     }
 }
 
-/// What crashes took, for each reader of each topic.
+/// Computes the messages that crashes took from each reader of each topic.
 ///
 /// A reader has to account for every message that its senders counted, and for every message that they did not make
 /// because the topic had no reader just then: those are the frames of the time in which it was down. What it has
@@ -72,8 +72,8 @@ impl<'a> Lives<'a> {
 ///
 /// `missing = sent + unwanted - received - lost`, each over all lives, where `received = taken + replaced + unread`.
 ///
-/// A latched topic is left out, since a reader that comes back gets its last message. This holds for a node that reads a topic for the whole launch, which begins when all readers are ready. Without a
-/// crash nothing is missing by construction, so that only a pair of which the reader or a sender has crashed is looked
+/// A latched topic is left out, since a reader that comes back gets its last message. This holds for a node that reads a
+/// topic for the whole launch, which begins when all readers are ready. Without a crash nothing is missing by construction, so that only a pair of which the reader or a sender has crashed is looked
 /// at. Of a reader whose inputs were changed at run time, and of a topic whose sender is no node of the launch, the
 /// number is unknown: it is told that frames were lost, and not how many.
 pub(super) fn losses(reports: &[NodeReport]) -> Vec<LostInCrash> {

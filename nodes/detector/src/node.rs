@@ -31,7 +31,7 @@ pub struct Detector {
     engine: Box<dyn Engine>,
     note: String,
     pre: Preprocessor,
-    /// What the camera says of the sensor behind its frames.
+    /// The sensor descriptions that the camera has sent.
     described: SensorHistory,
     /// Whether a parameter that contradicts the camera was reported.
     contradiction_told: bool,

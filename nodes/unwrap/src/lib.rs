@@ -34,7 +34,7 @@ const DIAGNOSTICS: usize = 2;
 pub struct UnwrapNode {
     parameters: UnwrapParameters,
     method: Box<dyn Unwrap>,
-    /// What the camera says of the sensor behind each frame.
+    /// The sensor descriptions that the camera has sent.
     described: SensorHistory,
     /// The sensor of the last frame, and what follows from it.
     sensor: Option<Prepared>,

@@ -4,6 +4,7 @@
 
 mod inputs;
 mod pacing;
+mod source;
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -38,8 +39,6 @@ const IDLE: Duration = Duration::from_millis(250);
 /// A draining node gives up this long after its last message, even if its
 /// upstream is still there.
 const DRAIN_LIMIT_NS: u64 = 2_000_000_000;
-/// A paced source goes on when a reader that is there has not taken a frame for this long.
-const READER_LIMIT_NS: u64 = 60_000_000_000;
 /// Parameter requests that wait for a busy node; each caller waits for its answer.
 const REQUESTS: usize = 64;
 
@@ -256,80 +255,6 @@ impl Live<'_> {
         *self.parameters.lock().unwrap_or_else(PoisonError::into_inner) = next.clone();
         self.parameter_events.changed(self.time.now_ns(), &before, &next);
         Ok(())
-    }
-
-    /// One frame each period, or with a period of zero as soon as every reader
-    /// has taken the last one.
-    fn run_source(&mut self) -> Result<(), RunError> {
-        let paced = self.node.period() == Some(Duration::ZERO);
-        let _told = if paced { Some(self.listen_to_readers()?) } else { None };
-        // A node that watches the graph, as a recorder does, has subscribed by then.
-        let mut due = self.time.ticks_ns() + nanoseconds(self.transport.settling());
-        loop {
-            self.wait_until(due)?;
-            if self.stop.urgency() != Urgency::None {
-                return Ok(());
-            }
-            let (flow, messages) = self.step(Cue::Tick, "source")?;
-            if paced {
-                self.wait_for_readers()?;
-                self.note_frame(&messages);
-            }
-            self.send_all(&messages);
-            if flow == Flow::Done {
-                return Ok(());
-            }
-            let period = self.node.period().map_or(0, nanoseconds);
-            // A source that is late goes on from now; it does not catch up in a burst.
-            due = (due + period).max(self.time.ticks_ns().saturating_sub(period));
-        }
-    }
-
-    fn listen_to_readers(&self) -> Result<Guard, RunError> {
-        let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::Last(REQUESTS)));
-        let deliver = Box::new(move |parcel| drop(queue.push(lane, Event::Taken(parcel))));
-        let address = Address::resolve(&self.place, &pacing::topic())?;
-        Ok(self.transport.subscribe(&self.place, &address, deliver)?)
-    }
-
-    /// Handles at most one event that waits, and all that come until `due`.
-    fn wait_until(&mut self, due: u64) -> Result<(), RunError> {
-        loop {
-            let patience = due.saturating_sub(self.time.ticks_ns());
-            match self.queue.take(Some(Duration::from_nanos(patience))) {
-                Next::Item(arrived) => drop(self.handle(arrived)?),
-                Next::Idle | Next::Ended => {}
-            }
-            if self.time.ticks_ns() >= due || self.stop.urgency() != Urgency::None {
-                return Ok(());
-            }
-        }
-    }
-
-    fn wait_for_readers(&mut self) -> Result<(), RunError> {
-        let start = self.time.ticks_ns();
-        loop {
-            let missing = self.pacing.waits_for(self.transport);
-            if missing.is_empty() || self.stop.urgency() != Urgency::None {
-                return Ok(());
-            }
-            if self.time.ticks_ns().saturating_sub(start) > READER_LIMIT_NS {
-                let missing = missing.join(", ");
-                tracing::warn!(node = %self.report.node, "{missing} has not taken a frame for 60 s: going on");
-                return Ok(());
-            }
-            if let Next::Item(arrived) = self.queue.take(Some(GRAPH_GLANCE)) {
-                self.handle(arrived)?;
-            }
-        }
-    }
-
-    /// From now on, the readers of the images among `messages` are waited for.
-    fn note_frame(&mut self, messages: &[(usize, Message)]) {
-        let topic_of = |output: usize| self.outlets.get(output).map(|(address, _)| address.topic.as_str());
-        if let Some((stamp, topics)) = pacing::images(messages, topic_of) {
-            self.pacing.sent(stamp, topics);
-        }
     }
 
     fn run_listener(&mut self) -> Result<(), RunError> {

@@ -1,0 +1,91 @@
+//! The loop of a source: one frame each period, or at the pace of its readers.
+
+use std::time::Duration;
+
+use super::{Event, GRAPH_GLANCE, Live, REQUESTS, nanoseconds, pacing};
+use crate::clock::Clock;
+use crate::driver::RunError;
+use crate::message::Message;
+use crate::node::{Cue, Flow};
+use crate::queue::{Keep, Next};
+use crate::stop::Urgency;
+use crate::transport::{Address, Guard};
+
+/// A paced source goes on when a reader that is there has not taken a frame for this long.
+const READER_LIMIT_NS: u64 = 60_000_000_000;
+
+impl Live<'_> {
+    /// One frame each period, or with a period of zero as soon as every reader
+    /// has taken the last one.
+    pub(super) fn run_source(&mut self) -> Result<(), RunError> {
+        let paced = self.node.period() == Some(Duration::ZERO);
+        let _told = if paced { Some(self.listen_to_readers()?) } else { None };
+        // A node that watches the graph, as a recorder does, has subscribed by then.
+        let mut due = self.time.ticks_ns() + nanoseconds(self.transport.settling());
+        loop {
+            self.wait_until(due)?;
+            if self.stop.urgency() != Urgency::None {
+                return Ok(());
+            }
+            let (flow, messages) = self.step(Cue::Tick, "source")?;
+            if paced {
+                self.wait_for_readers()?;
+                self.note_frame(&messages);
+            }
+            self.send_all(&messages);
+            if flow == Flow::Done {
+                return Ok(());
+            }
+            let period = self.node.period().map_or(0, nanoseconds);
+            // A source that is late goes on from now; it does not catch up in a burst.
+            due = (due + period).max(self.time.ticks_ns().saturating_sub(period));
+        }
+    }
+
+    fn listen_to_readers(&self) -> Result<Guard, RunError> {
+        let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::Last(REQUESTS)));
+        let deliver = Box::new(move |parcel| drop(queue.push(lane, Event::Taken(parcel))));
+        let address = Address::resolve(&self.place, &pacing::topic())?;
+        Ok(self.transport.subscribe(&self.place, &address, deliver)?)
+    }
+
+    /// Handles at most one event that waits, and all that come until `due`.
+    fn wait_until(&mut self, due: u64) -> Result<(), RunError> {
+        loop {
+            let patience = due.saturating_sub(self.time.ticks_ns());
+            match self.queue.take(Some(Duration::from_nanos(patience))) {
+                Next::Item(arrived) => drop(self.handle(arrived)?),
+                Next::Idle | Next::Ended => {}
+            }
+            if self.time.ticks_ns() >= due || self.stop.urgency() != Urgency::None {
+                return Ok(());
+            }
+        }
+    }
+
+    fn wait_for_readers(&mut self) -> Result<(), RunError> {
+        let start = self.time.ticks_ns();
+        loop {
+            let missing = self.pacing.waits_for(self.transport);
+            if missing.is_empty() || self.stop.urgency() != Urgency::None {
+                return Ok(());
+            }
+            if self.time.ticks_ns().saturating_sub(start) > READER_LIMIT_NS {
+                let missing = missing.join(", ");
+                tracing::warn!(node = %self.report.node, "{missing} has not taken a frame for 60 s: going on");
+                return Ok(());
+            }
+            if let Next::Item(arrived) = self.queue.take(Some(GRAPH_GLANCE)) {
+                self.handle(arrived)?;
+            }
+        }
+    }
+
+    /// From now on, the readers of the images among `messages` are waited for.
+    fn note_frame(&mut self, messages: &[(usize, Message)]) {
+        let topic_of = |output: usize| self.outlets.get(output).map(|(address, _)| address.topic.as_str());
+        if let Some((stamp, topics)) = pacing::images(messages, topic_of) {
+            self.pacing.sent(stamp, topics);
+        }
+    }
+}
