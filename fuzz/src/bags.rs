@@ -53,7 +53,7 @@ fn whole() -> Vec<u8> {
     std::fs::read(bag.join("bag_0.mcap")).expect("it is there")
 }
 
-/// What is read of `data` is copied into a bag that holds the same and lacks nothing.
+/// Copies the messages that can be read in `data` into a new bag, and checks that none is missing there.
 fn file(name: &str, data: &[u8]) {
     let folder = super::folder(&[(name, data)]);
     let path = folder.path().join(name);

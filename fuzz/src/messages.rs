@@ -1,4 +1,4 @@
-//! What comes from other nodes: messages, attachments, keys, definitions.
+//! Targets for input from other nodes: messages, attachments, keys, definitions.
 
 #[path = "../../msgs/tests/ros/wire.rs"]
 #[allow(dead_code, reason = "the list of all messages is what is needed of it")]

@@ -64,7 +64,7 @@ fn figure(Drawn { name, wide, narrow, .. }: &Drawn) -> Markup {
     html! { figure id=(name) { div.broad { (PreEscaped(wide)) } div.narrow { (PreEscaped(narrow)) } } }
 }
 
-/// What the figures mean, and what they were measured on and with.
+/// The definitions of the figures, and the data and settings that they were measured with.
 fn setup(results: &Results) -> Markup {
     let (setup, input) = (&results.setup, &results.input);
     let pairs = |map: &std::collections::BTreeMap<String, String>| {

@@ -6,7 +6,7 @@ use maud::{Markup, Render, html};
 pub enum Td {
     /// Sorted as a text.
     Text(String),
-    /// As it is shown, and what it is sorted by; `None` sorts first.
+    /// The text that is shown, and the number that it is sorted by; `None` sorts first.
     Number(String, Option<f64>),
 }
 

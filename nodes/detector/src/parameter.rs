@@ -76,7 +76,7 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// What the parameters mean for a model of this `layout`; `last` is what ran until now.
+    /// The settings that the parameters give for a model of this `layout`; `last` are the settings until now.
     ///
     /// # Errors
     /// [`Refusal`] of the first one that is not possible.

@@ -14,7 +14,7 @@ pub enum Feed {
     Topic {
         /// Name of the topic.
         name: String,
-        /// What its float images are scaled by.
+        /// The scale of its float images.
         white: White,
     },
 }
@@ -25,7 +25,7 @@ pub struct Reel {
     repeat: bool,
     /// Whether a frame of this round was good.
     given: bool,
-    /// What was wrong with the last bad frame.
+    /// The reason why the last bad frame could not be read.
     bad: Option<String>,
 }
 
