@@ -18,7 +18,7 @@ use modulo_runtime::transport::RawSample;
 use modulo_runtime::transport::keys::{self, Endpoint, Hashes};
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::transport::{Guard, Transport};
-use modulo_runtime::{Place, Qos, SystemClock};
+use modulo_runtime::{NodeName, Qos, SystemClock};
 
 const IMAGE: &str = "sensor_msgs/msg/Image";
 /// When the bags here begin, ns since the epoch.
@@ -216,7 +216,7 @@ impl Remote {
 
     /// What comes on `topic`.
     fn listen(&self, topic: &str, type_name: &str, qos: Qos) -> (Guard, Receiver<RawSample>) {
-        let place = Place { name: "listener".into(), namespace: "/".into(), remaps: Vec::new() };
+        let node_name = NodeName { name: "listener".into(), namespace: "/".into(), remaps: Vec::new() };
         let endpoint = Endpoint {
             topic: topic.into(),
             dds_type: modulo_msgs::dds_name(type_name),
@@ -225,7 +225,7 @@ impl Remote {
         };
         let (samples, arrived) = channel();
         let take = move |sample| drop(samples.send(sample));
-        (self.transport.subscribe_raw(&place, &endpoint, take).expect("a subscription"), arrived)
+        (self.transport.subscribe_raw(&node_name, &endpoint, take).expect("a subscription"), arrived)
     }
 }
 

@@ -99,7 +99,7 @@ fn a_peer_that_does_not_fit_is_reported_once() {
     };
     let image = "sensor_msgs::msg::dds_::Image_";
     let other = format!("RIHS01_{}", "0".repeat(64));
-    let advertise = || peer.transport.advertise_raw(&peer.place, &endpoint(image, &other)).expect("sent");
+    let advertise = || peer.transport.advertise_raw(&peer.node_name, &endpoint(image, &other)).expect("sent");
     let _first = advertise();
     let warned = log(logs.until("a warning", |m| log(m.clone()).level == Log::WARN));
     for word in ["/modulo", "/peer", "/unwrap", "sensor_msgs/msg/Image", &other] {
@@ -108,7 +108,7 @@ fn a_peer_that_does_not_fit_is_reported_once() {
     // The same again is nothing new; another type is.
     let _again = advertise();
     let text_type = endpoint("std_msgs::msg::dds_::String_", &other);
-    let _other = peer.transport.advertise_raw(&peer.place, &text_type).expect("sent");
+    let _other = peer.transport.advertise_raw(&peer.node_name, &text_type).expect("sent");
     let warned = log(logs.until("a warning", |m| log(m.clone()).level == Log::WARN));
     assert!(warned.msg.contains("std_msgs/msg/String"), "{}", warned.msg);
 
@@ -151,9 +151,10 @@ fn a_latched_message_waits_for_late_readers() {
         type_hash: MessageKind::Log.type_hash(),
         qos: qos.into(),
     };
-    let outlet = peer.transport.advertise_raw(&peer.place, &endpoint(":1:,1:,:,:,,")).expect("declared");
+    let publisher =
+        peer.transport.advertise_raw(&peer.node_name, &endpoint(":1:,1:,:,:,,")).expect("declared");
     for byte in [1, 2, 3] {
-        outlet.put(vec![0, 1, 0, 0, byte]).expect("sent");
+        publisher.put(vec![0, 1, 0, 0, byte]).expect("sent");
     }
     let late = Peer::new(&bench);
     let hear = |qos: &str| {
@@ -161,14 +162,14 @@ fn a_latched_message_waits_for_late_readers() {
         let take = move |sample: modulo_runtime::transport::RawSample| {
             let _ = sender.send((sample.payload[4], sample.attachment.map(|a| a.sequence)));
         };
-        (late.transport.subscribe_raw(&late.place, &endpoint(qos), take).expect("declared"), samples)
+        (late.transport.subscribe_raw(&late.node_name, &endpoint(qos), take).expect("declared"), samples)
     };
     let (_latched, samples) = hear(":1:,1:,:,:,,");
     assert_eq!(samples.recv_timeout(Duration::from_secs(10)), Ok((3, Some(3))));
     let (_volatile, only_new) = hear("::,1:,:,:,,");
     assert!(samples.recv_timeout(Duration::from_millis(500)).is_err(), "the last one, once");
-    wait_until("the publisher's readers", || outlet.wanted());
-    outlet.put(vec![0, 1, 0, 0, 4]).expect("sent");
+    wait_until("the publisher's readers", || publisher.wanted());
+    publisher.put(vec![0, 1, 0, 0, 4]).expect("sent");
     for samples in [&samples, &only_new] {
         assert_eq!(samples.recv_timeout(Duration::from_secs(10)), Ok((4, Some(4))));
     }

@@ -9,7 +9,7 @@ use modulo_runtime::queue::{Arrived, Keep, Lane, Limit, Next, Queue};
 use modulo_runtime::transport::keys::{self, Endpoint, EntityKind};
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::transport::{Guard, RawSample, Transport, TransportError};
-use modulo_runtime::{Clock, Place, Stop, Urgency};
+use modulo_runtime::{Clock, NodeName, Stop, Urgency};
 
 use crate::bag::{BagError, BagTopic, TopicCount};
 use crate::record::Recorder;
@@ -60,11 +60,11 @@ pub fn capture(
 ) -> Result<Captured, CaptureError> {
     let queue = Arc::new(Queue::new(clock.clone(), WAITING));
     stop.wakes(&queue);
-    let place = Place { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() };
-    let _node = transport.announce(&place)?;
+    let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() };
+    let _node = transport.announce(&node_name)?;
     let mut capture = Capture {
         transport,
-        place,
+        node_name,
         recorder,
         queue,
         known: BTreeSet::new(),
@@ -86,7 +86,7 @@ pub fn capture(
 /// A recording on its way.
 struct Capture<'a> {
     transport: &'a ZenohTransport,
-    place: Place,
+    node_name: NodeName,
     recorder: Recorder,
     queue: Arc<Queue<RawSample>>,
     /// Topic and type hash of each subscription, and of those that are refused.
@@ -124,7 +124,7 @@ impl Capture<'_> {
             let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::All));
             self.lanes.insert(lane, topic);
             let take = move |sample| drop(queue.push(lane, sample));
-            self.guards.push(self.transport.subscribe_raw(&self.place, endpoint, take)?);
+            self.guards.push(self.transport.subscribe_raw(&self.node_name, endpoint, take)?);
         }
         Ok(())
     }

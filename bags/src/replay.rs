@@ -2,7 +2,7 @@
 //! recorded, on its topic, when it is due. Services of the node
 //! `/rosbag2_player` drive it.
 
-mod outlets;
+mod publishers;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -14,9 +14,9 @@ use modulo_runtime::queue::{Keep, Limit, Next, Queue};
 use modulo_runtime::transport::keys;
 use modulo_runtime::transport::zenoh::{RawService, ZenohTransport};
 use modulo_runtime::transport::{Guard, Transport, TransportError};
-use modulo_runtime::{Clock, Place, Stop, Urgency};
+use modulo_runtime::{Clock, NodeName, Stop, Urgency};
 
-use self::outlets::{Outlets, TimeOutlet};
+use self::publishers::{Publishers, TimeOutlet};
 use crate::bag::BagError;
 use crate::control::{Answer, Command, Order, Service};
 use crate::pace::{Motion, Pace};
@@ -96,28 +96,28 @@ pub fn replay(
     options: &ReplayOptions,
     stop: &Stop,
 ) -> Result<BTreeMap<String, u64>, ReplayError> {
-    let place = Place { name: NODE.into(), namespace: "/".into(), remaps: options.remaps.clone() };
-    let time = options.clock_hz.map(|hz| TimeOutlet::declare(transport, &place, hz)).transpose()?;
-    let outlets = Outlets::declare(transport, &place, player.bag(), time.as_ref())?;
+    let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: options.remaps.clone() };
+    let time = options.clock_hz.map(|hz| TimeOutlet::declare(transport, &node_name, hz)).transpose()?;
+    let publishers = Publishers::declare(transport, &node_name, player.bag(), time.as_ref())?;
     let orders = Arc::new(Queue::new(clock.clone(), ORDERS));
     stop.wakes(&orders);
-    let _services = serve(transport, &place, &orders)?;
-    let _node = transport.announce(&place)?;
+    let _services = serve(transport, &node_name, &orders)?;
+    let _node = transport.announce(&node_name)?;
     let clock = &**clock;
-    wait_until_heard(&outlets, clock, stop);
-    let mut replay = Replay { clock, player, pace, ahead: None, outlets, time, orders };
+    wait_until_heard(&publishers, clock, stop);
+    let mut replay = Replay { clock, player, pace, ahead: None, publishers, time, orders };
     replay.pace.jump(clock.ticks_ns(), 0);
     let done = replay.run(stop);
     // What was put last must have left before the publishers go.
     thread::sleep(transport.settling());
     replay.orders.end();
-    done.map(|()| replay.outlets.sent())
+    done.map(|()| replay.publishers.sent())
 }
 
 /// The services of the node, and where their calls arrive.
 fn serve(
     transport: &ZenohTransport,
-    place: &Place,
+    node_name: &NodeName,
     orders: &Arc<Queue<Order>>,
 ) -> Result<Guard, TransportError> {
     let lane = orders.open(Keep::All);
@@ -128,14 +128,14 @@ fn serve(
         let answer = Box::new(move |request: &[u8]| Ok(service.call(request, &give)?));
         RawService { name, ros_type, qos: keys::SERVICE_QOS, answer }
     });
-    transport.serve_raw(place, services.into())
+    transport.serve_raw(node_name, services.into())
 }
 
 /// Discovery takes a moment: the first message should not go out before those
 /// who are already there have found us. Nobody has to be there.
-fn wait_until_heard(outlets: &Outlets, clock: &dyn Clock, stop: &Stop) {
+fn wait_until_heard(publishers: &Publishers, clock: &dyn Clock, stop: &Stop) {
     let start = clock.ticks_ns();
-    while !outlets.wanted() && clock.ticks_ns() - start < 500_000_000 && stop.urgency() == Urgency::None {
+    while !publishers.wanted() && clock.ticks_ns() - start < 500_000_000 && stop.urgency() == Urgency::None {
         thread::sleep(GLANCE);
     }
 }
@@ -147,7 +147,7 @@ struct Replay<'a> {
     pace: Pace,
     /// The next message.
     ahead: Option<Due>,
-    outlets: Outlets,
+    publishers: Publishers,
     time: Option<TimeOutlet>,
     orders: Arc<Queue<Order>>,
 }
@@ -199,7 +199,7 @@ impl Replay<'_> {
     /// Sends the next message; its position.
     fn send_next(&mut self) -> Result<Option<u64>, TransportError> {
         let Some(due) = self.ahead.take() else { return Ok(None) };
-        self.outlets.send(due.message)?;
+        self.publishers.send(due.message)?;
         Ok(Some(due.position))
     }
 

@@ -9,7 +9,9 @@ use modulo_eval::data::Data;
 use modulo_eval::grid::{Axes, GridError, Nodes, Request, Shard, Suite, run};
 use modulo_eval::results::{Cell, Protocol, Stream};
 use modulo_msgs::vision_msgs::Detection2DArray;
-use modulo_runtime::{Context, Cue, Flow, Message, Node, Parameters, Refusal, StepError, SystemClock, Topic};
+use modulo_runtime::{
+    Context, Flow, Message, Node, ParameterError, Parameters, StepError, SystemClock, Topic, Trigger,
+};
 
 /// The suite, but for a detector that looks at the wall clock.
 struct Drifting;
@@ -31,15 +33,15 @@ impl Node for Detector {
         self.0.outputs()
     }
 
-    fn configure(&mut self, parameters: &Parameters) -> Result<(), Refusal> {
+    fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
         self.0.configure(parameters)
     }
 
-    fn step(&mut self, cue: Cue, cx: &mut Context<'_>) -> Result<Flow, StepError> {
+    fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         let wanted = [true; 2];
         let clock = SystemClock::default();
         let mut inner = Context::new(cx.node(), &clock, &wanted[..1]);
-        let flow = self.0.step(cue, &mut inner)?;
+        let flow = self.0.step(trigger, &mut inner)?;
         // The mistake: boxes drift by what the clock says, up to 30 px.
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         let drift = f64::from(now.subsec_nanos() % 30_011) / 1000.0;

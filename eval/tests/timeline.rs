@@ -13,7 +13,7 @@ use modulo_eval::results::Difficulty;
 use modulo_eval::{Evaluation, Images, Plan};
 use modulo_images::save_png;
 use modulo_runtime::driver::lockstep::Lockstep;
-use modulo_runtime::{ManualClock, ParameterSet as _, Place};
+use modulo_runtime::{ManualClock, NodeName, ParameterSet as _};
 use ndarray::Array3;
 
 /// A KITTI folder of `frames` images with the values `seed`, `seed` + 8, ...: all pixels, and the x of an object.
@@ -49,7 +49,7 @@ fn record(sources: &[&Path], more: &[(&str, &str)], bag: &Path) {
         let timer = ManualClock::default();
         let mut chain = Lockstep::new(&timer, topics.clone());
         let camera = ModuloCamera::new(&parameters).expect("a camera");
-        chain.add(Box::new(camera), &Place::new("camera", "/", &[]).expect("a name")).expect("a node");
+        chain.add(Box::new(camera), &NodeName::new("camera", "/", &[]).expect("a name")).expect("a node");
         evaluation.add(&mut chain, 0, &plan, Some(&mut recorder)).expect("evaluated");
     }
     recorder.finish().expect("finished");

@@ -4,7 +4,7 @@ use modulo_launch::substitution::Template;
 use modulo_launch::{check, ros_arguments};
 use modulo_runtime::parameter::file;
 use modulo_runtime::ros_args::RosArgs;
-use modulo_runtime::{ParameterSet, Parameters, Place, Value};
+use modulo_runtime::{NodeName, ParameterSet, Parameters, Value};
 use modulo_unwrap::UnwrapParameters;
 
 /// A launch file: what it plans can be started, and a text stays the text that it is.
@@ -26,14 +26,14 @@ pub fn launch(data: &[u8]) {
 pub fn parameters(data: &[u8]) {
     let Ok(text) = std::str::from_utf8(data) else { return };
     let folder = super::folder(&[("a.yaml", data)]);
-    let place = Place::new("a", "/", &[]).expect("a name");
-    let mut found = file::read(&folder.path().join("a.yaml"), &place).unwrap_or_default();
+    let node_name = NodeName::new("a", "/", &[]).expect("a name");
+    let mut found = file::read(&folder.path().join("a.yaml"), &node_name).unwrap_or_default();
     let lines = std::iter::once("--ros-args").chain(text.lines().filter(|line| !line.contains("-file")));
     if let Ok((arguments, _)) = RosArgs::parse(&lines.map(str::to_owned).collect::<Vec<_>>())
-        && let Ok(place) = arguments.place("a")
+        && let Ok(node_name) = arguments.node_name("a")
     {
         let _ = arguments.log_level_of("a");
-        found.extend(arguments.parameters_for(&place).unwrap_or_default());
+        found.extend(arguments.parameters_for(&node_name).unwrap_or_default());
     }
     let kinds = [
         Value::Bool(false),

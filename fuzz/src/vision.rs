@@ -5,7 +5,7 @@ use std::sync::Arc;
 use modulo_core::unwrap::{METHODS, Options, Recovered, by_name};
 use modulo_core::{Frame, Range};
 use modulo_detector::{Detector, DetectorParameters};
-use modulo_runtime::{Context, Cue, ManualClock, Message, Node, ParameterSet, Parameters, StampedFrame};
+use modulo_runtime::{Context, ManualClock, Message, Node, ParameterSet, Parameters, StampedFrame, Trigger};
 use ndarray::Array3;
 
 /// A model whose three rows are the first 72 bytes, and whose classes' names the next 37: the boxes lie in the image,
@@ -32,7 +32,7 @@ pub fn detector(data: &[u8]) {
     let (clock, frame) = (ManualClock::at(0), Frame::from_u8(Array3::zeros((20, 30, 3))).expect("a frame"));
     let mut cx = Context::new("/detector", &clock, &[true, true]);
     let message = Message::Image(Arc::new(StampedFrame { header: Default::default(), frame }));
-    detector.step(Cue::Message { input: 0, message }, &mut cx).expect("a step");
+    detector.step(Trigger::Message { input: 0, message }, &mut cx).expect("a step");
     for (_, message) in cx.finish().messages {
         let Message::Detections(array) = message else { continue };
         let found: Vec<_> =

@@ -83,7 +83,7 @@ impl Summary {
             summary.frames += frames(report);
             summary.add_topics(report);
             summary.add_detections(report);
-            if let (Some(rungs), Some(trusted)) = (report.facts.get("rungs"), report.facts.get("trusted")) {
+            if let (Some(rungs), Some(trusted)) = (report.status.get("rungs"), report.status.get("trusted")) {
                 let life = format!("{rungs}; trusted {trusted}");
                 let lives = summary.unwrapped.entry(report.node.clone()).or_default();
                 *lives = if lives.is_empty() { life } else { format!("{lives}; after a restart {life}") };
@@ -145,7 +145,7 @@ impl Summary {
 
     fn add_detections(&mut self, report: &NodeReport) {
         // Named also when nothing was found in it.
-        let read = report.facts.get("stream").map(|stream| (stream, BTreeMap::new()));
+        let read = report.status.get("stream").map(|stream| (stream, BTreeMap::new()));
         for (stream, found) in report.classes.iter().map(|(s, c)| (s, c.clone())).chain(read) {
             let classes = self.detections.entry(stream.clone()).or_default();
             found.iter().for_each(|(class, n)| add(classes, class, *n));
@@ -155,16 +155,16 @@ impl Summary {
 
 /// A source says how many frames it sent; else its busiest topic does.
 fn frames(report: &NodeReport) -> u64 {
-    if report.facts.get("role").map(String::as_str) != Some("source") {
+    if report.status.get("role").map(String::as_str) != Some("source") {
         return 0;
     }
-    let said = report.facts.get("frames").and_then(|frames| frames.parse().ok());
+    let said = report.status.get("frames").and_then(|frames| frames.parse().ok());
     said.unwrap_or_else(|| report.published.values().copied().max().unwrap_or(0))
 }
 
 fn engine(reports: &[NodeReport]) -> Option<String> {
     let engines: BTreeSet<&str> =
-        reports.iter().filter_map(|report| report.facts.get("engine")).map(String::as_str).collect();
+        reports.iter().filter_map(|report| report.status.get("engine")).map(String::as_str).collect();
     (!engines.is_empty()).then(|| engines.into_iter().collect::<Vec<_>>().join("+"))
 }
 
@@ -204,7 +204,7 @@ mod tests {
                 &serde_json::json!({
                     "node": format!("/detector_{first}"), "received": {"/recovered": 50}, "published": {},
                     "replaced": {"/recovered": 0}, "bad": {}, "classes": {"recovered": {"car": 3}},
-                    "facts": {"engine": "rten", "stream": "recovered"}, "stages": {"infer": buckets}
+                    "status": {"engine": "rten", "stream": "recovered"}, "stages": {"infer": buckets}
                 })
                 .to_string(),
             )
@@ -214,7 +214,7 @@ mod tests {
     fn camera() -> NodeReport {
         report(
             r#"{"node": "/modulo_camera", "received": {}, "published": {"/modulo": 20, "/ideal": 7},
-                "facts": {"role": "source", "frames": "21"}, "stages": {}}"#,
+                "status": {"role": "source", "frames": "21"}, "stages": {}}"#,
         )
     }
 
@@ -235,7 +235,7 @@ mod tests {
         let unwrap =
             NodeReport { published: [("/recovered".into(), 99)].into(), ..NodeReport::new("/unwrap") };
         assert_eq!(Summary::new(&[source.clone(), unwrap.clone()], []).frames, 21);
-        source.facts.remove("frames");
+        source.status.remove("frames");
         assert_eq!(Summary::new(&[source, unwrap], []).frames, 20);
     }
 
@@ -277,7 +277,7 @@ mod tests {
     fn detections_count_by_the_stream_of_their_frame() {
         let node = report(
             r#"{"node": "/detector", "classes": {"recovered": {"car": 2}, "modulo": {"car": 1, "bus": 4}},
-                "facts": {"stream": "ideal"}}"#,
+                "status": {"stream": "ideal"}}"#,
         );
         let expected =
             serde_json::json!({"recovered": {"car": 4}, "modulo": {"car": 2, "bus": 8}, "ideal": {}});
@@ -288,7 +288,7 @@ mod tests {
     #[test]
     fn engines_that_differ_are_both_named() {
         let mut nodes = halves();
-        nodes[1].facts.insert("engine".into(), "ort".into());
+        nodes[1].status.insert("engine".into(), "ort".into());
         assert_eq!(Summary::new(&nodes, []).engine.as_deref(), Some("ort+rten"));
     }
 

@@ -13,7 +13,7 @@ use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::transport::keys::Hashes;
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::transport::{Address, Transport};
-use modulo_runtime::{Message, MessageKind, Place, Qos, StampedFrame, SystemClock};
+use modulo_runtime::{Message, MessageKind, NodeName, Qos, StampedFrame, SystemClock};
 use ndarray::Array3;
 
 const SHAPE: (usize, usize, usize) = (375, 1242, 3);
@@ -24,16 +24,16 @@ fn main() {
     let domain = std::env::var("ROS_DOMAIN_ID").map_or(0, |id| id.parse().expect("a number"));
     let clock = Arc::new(SystemClock::default());
     let transport = ZenohTransport::open(domain, Hashes::Rihs01, clock).expect("a session");
-    let place = Place::new("image_stream", "/", &[]).expect("a name");
+    let node_name = NodeName::new("image_stream", "/", &[]).expect("a name");
     let address = Address { topic: "/images".into(), kind: MessageKind::Image, qos: Qos::Images };
-    let outlet = transport.advertise(&place, &address).expect("a publisher");
+    let publisher = transport.advertise(&node_name, &address).expect("a publisher");
     let frame = Frame::from_u8(Array3::from_shape_fn(SHAPE, |(i, j, c)| (i + j + c) as u8)).expect("a frame");
     let send = |number: u32| {
         let header = Header { stamp: Time::from_ns(number.into()), frame_id: "camera".into() };
         let image = StampedFrame { header, frame: frame.clone() };
-        outlet.put(&Message::Image(Arc::new(image))).expect("sent");
+        publisher.put(&Message::Image(Arc::new(image))).expect("sent");
     };
-    while !outlet.wanted() {
+    while !publisher.wanted() {
         std::thread::sleep(Duration::from_millis(10));
     }
     std::thread::sleep(transport.settling());

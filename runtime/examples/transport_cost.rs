@@ -4,7 +4,7 @@
 //!
 //!     cargo run --release -p modulo-runtime --example transport_cost -- [SECONDS]
 //!
-//! Ours is a `Message::Image` into the outlet until its bytes are out of the
+//! Ours is a `Message::Image` into the publisher until its bytes are out of the
 //! inbox, and until it is a `Frame` again; raw is the same pixels into a buffer
 //! and into zenoh's `put` until the bytes are out of zenoh's channel. Both
 //! sessions have the same queues. Fails when a frame of ours is lost or the
@@ -21,7 +21,7 @@ use modulo_runtime::queue::{Keep, Limit, Queue};
 use modulo_runtime::transport::keys::Hashes;
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::transport::{Address, Transport};
-use modulo_runtime::{Clock, Message, MessageKind, Place, Qos, StampedFrame, SystemClock};
+use modulo_runtime::{Clock, Message, MessageKind, NodeName, Qos, StampedFrame, SystemClock};
 use ndarray::Array3;
 use zenoh::qos::{CongestionControl, Reliability};
 use zenoh::{Session, Wait};
@@ -71,12 +71,12 @@ fn compare(seconds: &str) {
     }
 }
 
-fn ours() -> (ZenohTransport, Place, Address) {
+fn ours() -> (ZenohTransport, NodeName, Address) {
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
     let transport = ZenohTransport::open(DOMAIN, Hashes::Rihs01, clock).expect("a session");
-    let place = Place::new("cost", "/", &[]).expect("a name");
+    let node_name = NodeName::new("cost", "/", &[]).expect("a name");
     let address = Address { topic: "/images".into(), kind: MessageKind::Image, qos: Qos::Images };
-    (transport, place, address)
+    (transport, node_name, address)
 }
 
 fn raw(endpoints: &str) -> Session {
@@ -103,16 +103,16 @@ fn raw(endpoints: &str) -> Session {
 /// Alternates between the two, half a period apart, until it is killed.
 fn send(frames: usize) {
     let clock = SystemClock::default();
-    let (transport, place, address) = ours();
-    let outlet = transport.advertise(&place, &address).expect("a publisher");
+    let (transport, node_name, address) = ours();
+    let publisher = transport.advertise(&node_name, &address).expect("a publisher");
     let session = raw("connect/endpoints");
-    let publisher = session
+    let raw_publisher = session
         .declare_publisher(RAW_KEY)
         .congestion_control(CongestionControl::Drop)
         .reliability(Reliability::BestEffort)
         .wait()
         .expect("a publisher");
-    while !outlet.wanted() || !publisher.matching_status().wait().is_ok_and(|s| s.matching()) {
+    while !publisher.wanted() || !raw_publisher.matching_status().wait().is_ok_and(|s| s.matching()) {
         std::thread::sleep(Duration::from_millis(10));
     }
     std::thread::sleep(Duration::from_millis(500));
@@ -124,12 +124,12 @@ fn send(frames: usize) {
         if number % 2 == 0 {
             let frame = Frame::from_u8(pixels.clone()).expect("a frame");
             let header = Header { stamp: Time::from_ns(clock.now_ns()), frame_id: "camera".into() };
-            outlet.put(&Message::Image(Arc::new(StampedFrame { header, frame }))).expect("sent");
+            publisher.put(&Message::Image(Arc::new(StampedFrame { header, frame }))).expect("sent");
         } else {
             let sent = clock.now_ns();
             let mut payload = ready.clone();
             payload[..8].copy_from_slice(&sent.to_le_bytes());
-            publisher.put(payload).wait().expect("sent");
+            raw_publisher.put(payload).wait().expect("sent");
         }
     }
     std::thread::sleep(Duration::from_secs(3600));
@@ -137,7 +137,7 @@ fn send(frames: usize) {
 
 fn receive(frames: usize, carrier: &str) {
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
-    let (transport, place, address) = ours();
+    let (transport, node_name, address) = ours();
     let session = raw("listen/endpoints");
     let raw = session.declare_subscriber(RAW_KEY).wait().expect("a subscriber");
     let (sender, arrived) = channel();
@@ -155,12 +155,12 @@ fn receive(frames: usize, carrier: &str) {
     });
     let queue = Arc::new(Queue::new(clock.clone(), Limit { messages: 0, bytes: 0 }));
     let (waiting, lane) = (queue.clone(), queue.open(Keep::Last(30)));
-    let deliver = Box::new(move |parcel| drop(waiting.push(lane, parcel)));
-    let _subscription = transport.subscribe(&place, &address, deliver).expect("a subscription");
+    let deliver = Box::new(move |incoming| drop(waiting.push(lane, incoming)));
+    let _subscription = transport.subscribe(&node_name, &address, deliver).expect("a subscription");
     let (mut bytes, mut pixels, mut early) = (Vec::new(), Vec::new(), 0.0);
-    while let Some(parcel) = queue.take(Some(Duration::from_secs(5))).item() {
+    while let Some(incoming) = queue.take(Some(Duration::from_secs(5))).item() {
         let there = clock.now_ns();
-        let Ok(Message::Image(image)) = parcel.open(MessageKind::Image) else { panic!("an image") };
+        let Ok(Message::Image(image)) = incoming.open(MessageKind::Image) else { panic!("an image") };
         assert_eq!(image.frame.dim(), SHAPE);
         let sent = image.header.stamp.as_ns();
         bytes.push((there - sent) as f64 / 1e6);

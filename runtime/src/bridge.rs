@@ -9,8 +9,8 @@ use std::collections::BTreeMap;
 
 use modulo_msgs::{dds_name, rihs};
 
-use crate::name::Place;
-use crate::parameter::Refusal;
+use crate::name::NodeName;
+use crate::parameter::ParameterError;
 use crate::topic::Qos;
 use crate::transport::keys::{self, Endpoint};
 
@@ -60,12 +60,12 @@ crate::parameters! {
 }
 
 impl Plan {
-    /// The plan of a bridge at `place`.
+    /// The plan of a bridge `node_name`.
     ///
     /// # Errors
-    /// [`Refusal`] of an entry that is no `topic:type`, has a type that the
+    /// [`ParameterError`] of an entry that is no `topic:type`, has a type that the
     /// suite does not know, or would go both ways.
-    pub fn new(parameters: &BridgeParameters, place: &Place) -> Result<Self, Refusal> {
+    pub fn new(parameters: &BridgeParameters, node_name: &NodeName) -> Result<Self, ParameterError> {
         let mut routes = Vec::new();
         let mut known: BTreeMap<String, &str> = BTreeMap::new();
         for (list, entries, direction) in [
@@ -73,32 +73,37 @@ impl Plan {
             ("dds_to_zenoh", &parameters.dds_to_zenoh, Direction::DdsToZenoh),
         ] {
             for entry in entries {
-                let route = route(list, entry, direction, place)?;
+                let route = route(list, entry, direction, node_name)?;
                 if let Some(other) = known.insert(route.topic.clone(), list) {
                     let why = if other == list {
                         "is there twice".to_owned()
                     } else {
                         format!("is in {other} too: a topic that goes both ways never ends")
                     };
-                    return Err(Refusal::new(list, entry, why));
+                    return Err(ParameterError::new(list, entry, why));
                 }
                 routes.push(route);
             }
         }
         let resolve = |node: &String| {
-            place.resolve(node).map_err(|why| Refusal::new("parameters_of", node, why.to_string()))
+            node_name.resolve(node).map_err(|why| ParameterError::new("parameters_of", node, why.to_string()))
         };
         let nodes = parameters.parameters_of.iter().map(resolve);
         Ok(Self { routes, nodes: nodes.collect::<Result<_, _>>()? })
     }
 }
 
-fn route(list: &str, entry: &str, direction: Direction, place: &Place) -> Result<Route, Refusal> {
-    let refuse = |why: String| Refusal::new(list, entry, why);
+fn route(
+    list: &str,
+    entry: &str,
+    direction: Direction,
+    node_name: &NodeName,
+) -> Result<Route, ParameterError> {
+    let refuse = |why: String| ParameterError::new(list, entry, why);
     let (topic, ros_type) = entry
         .split_once(':')
         .ok_or_else(|| refuse("must be topic:type, such as /recovered:sensor_msgs/msg/Image".to_owned()))?;
-    let topic = place.resolve(topic.trim()).map_err(|why| refuse(why.to_string()))?;
+    let topic = node_name.resolve(topic.trim()).map_err(|why| refuse(why.to_string()))?;
     let ros_type = ros_type.trim();
     let type_hash = rihs::type_hash(ros_type).filter(|_| ros_type.contains("/msg/")).ok_or_else(|| {
         let known = modulo_msgs::interface::names().filter(|name| name.contains("/msg/"));
@@ -148,8 +153,9 @@ mod tests {
             dds_to_zenoh: list(inward),
             parameters_of: list(nodes),
         };
-        let place = Place::new("ros2_bridge", "/car", &[("old".into(), "/new".into())]).expect("valid");
-        Plan::new(&parameters, &place).map_err(|refusal| refusal.to_string())
+        let node_name =
+            NodeName::new("ros2_bridge", "/car", &[("old".into(), "/new".into())]).expect("valid");
+        Plan::new(&parameters, &node_name).map_err(|refusal| refusal.to_string())
     }
 
     #[test]

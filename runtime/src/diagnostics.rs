@@ -9,35 +9,35 @@ use modulo_msgs::std_msgs::{Header, Time};
 use crate::clock::Clock;
 use crate::driver::RunError;
 use crate::message::{Message, MessageKind};
-use crate::name::Place;
+use crate::name::NodeName;
 use crate::node::Node;
 use crate::report::{NodeReport, quantile};
 use crate::topic::Topic;
-use crate::transport::{Address, Outlet, Transport};
+use crate::transport::{Address, Publisher, Transport};
 
 const PERIOD_NS: u64 = 1_000_000_000;
 
 /// The `/diagnostics` publisher of one node.
 pub struct Diagnostics {
-    outlet: Box<dyn Outlet>,
+    publisher: Box<dyn Publisher>,
     due: u64,
     /// Messages that had been skipped when the last message was published.
     bad: u64,
 }
 
 impl Diagnostics {
-    /// Advertises `/diagnostics` for the node at `place`.
+    /// Advertises `/diagnostics` for the node `node_name`.
     ///
     /// # Errors
     /// [`RunError`] when the carrier refuses.
-    pub fn new(place: &Place, transport: &dyn Transport) -> Result<Self, RunError> {
-        let address = Address::resolve(place, &Topic::new("/diagnostics", MessageKind::Diagnostics))?;
-        Ok(Self { outlet: transport.advertise(place, &address)?, due: 0, bad: 0 })
+    pub fn new(node_name: &NodeName, transport: &dyn Transport) -> Result<Self, RunError> {
+        let address = Address::resolve(node_name, &Topic::new("/diagnostics", MessageKind::Diagnostics))?;
+        Ok(Self { publisher: transport.advertise(node_name, &address)?, due: 0, bad: 0 })
     }
 
     /// Whether a second has passed since the last message, and the topic has a reader.
     pub fn is_due(&self, clock: &dyn Clock) -> bool {
-        clock.ticks_ns() >= self.due && self.outlet.wanted()
+        clock.ticks_ns() >= self.due && self.publisher.wanted()
     }
 
     /// Publishes `report`. The level is WARN when messages were skipped since the last time.
@@ -46,7 +46,7 @@ impl Diagnostics {
         let bad = report.bad.values().sum();
         let skipped = bad - std::mem::replace(&mut self.bad, bad);
         let message = Message::Diagnostics(Arc::new(describe(clock.now_ns(), report, node, skipped)));
-        if let Err(why) = self.outlet.put(&message) {
+        if let Err(why) = self.publisher.put(&message) {
             tracing::debug!("{why}");
         }
     }
@@ -56,7 +56,7 @@ impl Diagnostics {
 fn describe(now_ns: u64, report: &NodeReport, node: &dyn Node, skipped: u64) -> DiagnosticArray {
     let mut values = Vec::new();
     let mut say = |key: String, value: String| values.push(KeyValue { key, value });
-    for (key, value) in node.facts() {
+    for (key, value) in node.status() {
         say(key.to_owned(), value);
     }
     for (what, counts) in [
@@ -95,10 +95,10 @@ mod tests {
 
     use super::*;
     use crate::clock::ManualClock;
-    use crate::node::{Context, Cue, Flow, StepError};
-    use crate::parameter::{Parameters, Refusal};
+    use crate::node::{Context, Flow, StepError, Trigger};
+    use crate::parameter::{ParameterError, Parameters};
     use crate::report::add;
-    use crate::transport::Parcel;
+    use crate::transport::Incoming;
     use crate::transport::local::LocalTransport;
 
     struct Idle;
@@ -110,10 +110,10 @@ mod tests {
         fn outputs(&self) -> Vec<Topic> {
             Vec::new()
         }
-        fn configure(&mut self, _: &Parameters) -> Result<(), Refusal> {
+        fn configure(&mut self, _: &Parameters) -> Result<(), ParameterError> {
             Ok(())
         }
-        fn step(&mut self, _: Cue, _: &mut Context<'_>) -> Result<Flow, StepError> {
+        fn step(&mut self, _: Trigger, _: &mut Context<'_>) -> Result<Flow, StepError> {
             Ok(Flow::Done)
         }
     }
@@ -122,12 +122,13 @@ mod tests {
     fn the_topic_is_remapped_and_a_warning_ends_with_its_cause() {
         let transport = LocalTransport::default();
         let remaps = [("/diagnostics".to_owned(), "/health".to_owned())];
-        let place = Place::new("unwrap", "/", &remaps).expect("names");
+        let node_name = NodeName::new("unwrap", "/", &remaps).expect("names");
         let (sender, arrived) = channel();
-        let deliver = Box::new(move |parcel| sender.send(parcel).expect("the test listens"));
-        let address = Address::resolve(&place, &Topic::new("/health", MessageKind::Diagnostics));
-        let _subscription = transport.subscribe(&place, &address.expect("a name"), deliver).expect("local");
-        let mut diagnostics = Diagnostics::new(&place, &transport).expect("local");
+        let deliver = Box::new(move |incoming| sender.send(incoming).expect("the test listens"));
+        let address = Address::resolve(&node_name, &Topic::new("/health", MessageKind::Diagnostics));
+        let _subscription =
+            transport.subscribe(&node_name, &address.expect("a name"), deliver).expect("local");
+        let mut diagnostics = Diagnostics::new(&node_name, &transport).expect("local");
         let clock = ManualClock::at(0);
         let mut report = NodeReport::new("/unwrap");
         let mut levels = Vec::new();
@@ -137,7 +138,7 @@ mod tests {
             diagnostics.publish(&clock, &report, &Idle);
             assert!(!diagnostics.is_due(&clock), "once a second");
             clock.set(clock.now_ns() + Duration::from_secs(1).as_nanos() as u64);
-            let Ok(Parcel::Message(Message::Diagnostics(array))) = arrived.try_recv() else {
+            let Ok(Incoming::Message(Message::Diagnostics(array))) = arrived.try_recv() else {
                 panic!("a message on the remapped topic")
             };
             levels.push(array.status[0].level);

@@ -31,9 +31,9 @@ pub mod type_description_service;
 
 pub use clock::{Clock, ManualClock, SystemClock};
 pub use message::{Message, MessageKind, StampedFrame};
-pub use name::Place;
-pub use node::{Context, Cue, Flow, Node, StepError, Yield};
-pub use parameter::{Allowed, Descriptor, ParameterSet, Parameters, Refusal, Value};
+pub use name::NodeName;
+pub use node::{Context, Flow, Node, StepError, StepOutput, Trigger};
+pub use parameter::{Allowed, Descriptor, ParameterError, ParameterSet, Parameters, Value};
 pub use report::NodeReport;
 pub use sensor_parameters::SensorModel;
 pub use stop::{Stop, Urgency};

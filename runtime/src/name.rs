@@ -2,7 +2,7 @@
 
 /// What a node is called and where its topics lie.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Place {
+pub struct NodeName {
     /// Node name without slashes, such as `unwrap`.
     pub name: String,
     /// Namespace with a leading slash, `/` for none.
@@ -19,7 +19,7 @@ pub struct NameError {
     why: &'static str,
 }
 
-impl Place {
+impl NodeName {
     /// A node in the root namespace without remaps.
     ///
     /// # Errors
@@ -30,12 +30,12 @@ impl Place {
         for token in namespace.split('/').skip(1).filter(|_| namespace != "/") {
             check_token(token, &namespace)?;
         }
-        let mut place = Self { name: name.to_owned(), namespace, remaps: Vec::new() };
+        let mut node_name = Self { name: name.to_owned(), namespace, remaps: Vec::new() };
         for (from, to) in remaps {
-            let pair = (place.expand(from)?, place.expand(to)?);
-            place.remaps.push(pair);
+            let pair = (node_name.expand(from)?, node_name.expand(to)?);
+            node_name.remaps.push(pair);
         }
-        Ok(place)
+        Ok(node_name)
     }
 
     /// `/namespace/name`.
@@ -88,14 +88,14 @@ mod tests {
 
     #[test]
     fn resolves_as_ros_does() {
-        let place =
-            Place::new("detector", "/car", &[("recovered".into(), "/other/image".into())]).expect("valid");
-        assert_eq!(place.resolve("modulo").as_deref(), Ok("/car/modulo"));
-        assert_eq!(place.resolve("~/detections").as_deref(), Ok("/car/detector/detections"));
-        assert_eq!(place.resolve("/abs/topic").as_deref(), Ok("/abs/topic"));
-        assert_eq!(place.resolve("recovered").as_deref(), Ok("/other/image"));
-        assert_eq!(place.fully_qualified(), "/car/detector");
-        let root = Place::new("unwrap", "/", &[]).expect("valid");
+        let node_name =
+            NodeName::new("detector", "/car", &[("recovered".into(), "/other/image".into())]).expect("valid");
+        assert_eq!(node_name.resolve("modulo").as_deref(), Ok("/car/modulo"));
+        assert_eq!(node_name.resolve("~/detections").as_deref(), Ok("/car/detector/detections"));
+        assert_eq!(node_name.resolve("/abs/topic").as_deref(), Ok("/abs/topic"));
+        assert_eq!(node_name.resolve("recovered").as_deref(), Ok("/other/image"));
+        assert_eq!(node_name.fully_qualified(), "/car/detector");
+        let root = NodeName::new("unwrap", "/", &[]).expect("valid");
         assert_eq!(root.resolve("modulo").as_deref(), Ok("/modulo"));
         assert_eq!(root.fully_qualified(), "/unwrap");
     }
@@ -103,9 +103,9 @@ mod tests {
     #[test]
     fn refuses_what_is_no_name() {
         for bad in ["", "a//b", "1st", "a b", "/", "a/", "über"] {
-            assert!(Place::new("n", "", &[]).expect("valid").resolve(bad).is_err(), "{bad}");
+            assert!(NodeName::new("n", "", &[]).expect("valid").resolve(bad).is_err(), "{bad}");
         }
-        assert!(Place::new("bad name", "", &[]).is_err());
-        assert!(Place::new("n", "/1ns", &[]).is_err());
+        assert!(NodeName::new("bad name", "", &[]).is_err());
+        assert!(NodeName::new("n", "/1ns", &[]).is_err());
     }
 }

@@ -7,12 +7,12 @@ use std::time::Duration;
 
 use crate::clock::Clock;
 use crate::message::Message;
-use crate::parameter::{Parameters, Refusal};
+use crate::parameter::{ParameterError, Parameters};
 use crate::topic::Topic;
 
 /// Why a step is run.
 #[derive(Clone, Debug)]
-pub enum Cue {
+pub enum Trigger {
     /// A source's period has passed.
     Tick,
     /// A message came on `inputs()[input]`.
@@ -57,7 +57,7 @@ pub trait Node: Send {
     /// [`Context::wanted`] take an index into this list.
     fn outputs(&self) -> Vec<Topic>;
 
-    /// `Some` for a source: [`Cue::Tick`] comes this often (zero: as fast as
+    /// `Some` for a source: [`Trigger::Tick`] comes this often (zero: as fast as
     /// the frames can be made). `None` for a node that only answers messages.
     fn period(&self) -> Option<Duration> {
         None
@@ -78,20 +78,20 @@ pub trait Node: Send {
     /// Takes a whole validated set of parameters, between two steps.
     ///
     /// # Errors
-    /// [`Refusal`] with the parameter, its value and what is possible; the node
+    /// [`ParameterError`] with the parameter, its value and what is possible; the node
     /// then goes on exactly as before.
-    fn configure(&mut self, parameters: &Parameters) -> Result<(), Refusal>;
+    fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError>;
 
-    /// Does the work for one cue.
+    /// Does the work for one trigger.
     ///
     /// # Errors
     /// [`StepError::Skip`] for a bad input, [`StepError::Fatal`] when the node
     /// cannot go on.
-    fn step(&mut self, cue: Cue, cx: &mut Context<'_>) -> Result<Flow, StepError>;
+    fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError>;
 
     /// What really runs, as (key, value) for diagnostics and the summary, such
     /// as `("engine", "rten")` and `("stream", "recovered")`.
-    fn facts(&self) -> Vec<(&'static str, String)> {
+    fn status(&self) -> Vec<(&'static str, String)> {
         Vec::new()
     }
 }
@@ -147,14 +147,14 @@ impl<'a> Context<'a> {
     }
 
     /// What the step left.
-    pub fn finish(self) -> Yield {
-        Yield { messages: self.emitted, unwanted: self.unwanted.into_inner(), stages: self.stages }
+    pub fn finish(self) -> StepOutput {
+        StepOutput { messages: self.emitted, unwanted: self.unwanted.into_inner(), stages: self.stages }
     }
 }
 
 /// What one step left for its driver.
 #[derive(Debug)]
-pub struct Yield {
+pub struct StepOutput {
     /// Messages to send, by output.
     pub messages: Vec<(usize, Message)>,
     /// Outputs for which the step had a message that it did not make, because they have no reader.

@@ -10,10 +10,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use crate::clock::Clock;
 use crate::driver::{CommonParameters, RunError};
 use crate::message::{Message, MessageKind};
-use crate::name::Place;
+use crate::name::NodeName;
 use crate::parameter::Parameters;
 use crate::topic::Topic;
-use crate::transport::{Address, Guard, Parcel, Transport};
+use crate::transport::{Address, Guard, Incoming, Transport};
 
 /// Whether `parameters` ask for the time on `/clock`.
 pub fn is_simulated(parameters: &Parameters) -> bool {
@@ -42,11 +42,11 @@ impl<'a> NodeTime<'a> {
     pub fn follow(
         &mut self,
         parameters: &Parameters,
-        place: &Place,
+        node_name: &NodeName,
         transport: &dyn Transport,
     ) -> Result<(), RunError> {
         match (is_simulated(parameters), &self.simulation) {
-            (true, None) => self.simulation = Some(self.simulate(place, transport)?),
+            (true, None) => self.simulation = Some(self.simulate(node_name, transport)?),
             (false, Some(_)) => self.simulation = None,
             (true, Some(_)) | (false, None) => {}
         }
@@ -54,15 +54,15 @@ impl<'a> NodeTime<'a> {
     }
 
     /// Subscribes to `/clock`; each message sets the time.
-    fn simulate(&self, place: &Place, transport: &dyn Transport) -> Result<Guard, RunError> {
-        let address = Address::resolve(place, &Topic::new("/clock", MessageKind::Clock))?;
+    fn simulate(&self, node_name: &NodeName, transport: &dyn Transport) -> Result<Guard, RunError> {
+        let address = Address::resolve(node_name, &Topic::new("/clock", MessageKind::Clock))?;
         let told = self.told.clone();
-        let deliver = move |parcel: Parcel| match parcel.open(MessageKind::Clock) {
+        let deliver = move |incoming: Incoming| match incoming.open(MessageKind::Clock) {
             Ok(Message::Clock(clock)) => told.store(clock.clock.as_ns(), Ordering::Relaxed),
             Ok(other) => tracing::warn!("/clock: carries {:?}", other.kind()),
             Err(why) => tracing::warn!("/clock: {why}"),
         };
-        Ok(transport.subscribe(place, &address, Box::new(deliver))?)
+        Ok(transport.subscribe(node_name, &address, Box::new(deliver))?)
     }
 }
 
@@ -92,9 +92,9 @@ mod tests {
     #[test]
     fn the_time_on_clock_holds_while_it_is_asked_for() {
         let transport = LocalTransport::default();
-        let place = Place { name: "camera".into(), namespace: "/".into(), remaps: Vec::new() };
+        let node_name = NodeName { name: "camera".into(), namespace: "/".into(), remaps: Vec::new() };
         let Topic { name, kind, qos } = Topic::new("/clock", MessageKind::Clock);
-        let simulator = transport.advertise(&place, &Address { topic: name, kind, qos }).expect("local");
+        let simulator = transport.advertise(&node_name, &Address { topic: name, kind, qos }).expect("local");
         let tell = |ns| {
             let clock = rosgraph_msgs::Clock { clock: Time::from_ns(ns) };
             simulator.put(&Message::Clock(clock)).expect("local");
@@ -106,7 +106,7 @@ mod tests {
         let machine = ManualClock::at(77);
         let mut time = NodeTime::new(&machine);
         let follow = |on, time: &mut NodeTime<'_>| {
-            time.follow(&asked(on), &place, &transport).expect("local");
+            time.follow(&asked(on), &node_name, &transport).expect("local");
         };
         follow(false, &mut time);
         tell(3);

@@ -46,7 +46,7 @@ pub struct NodeReport {
     /// Detections sent, by the stream that they were found in and by class.
     pub classes: BTreeMap<String, BTreeMap<String, u64>>,
     /// What really ran, such as `engine` = `rten`.
-    pub facts: BTreeMap<String, String>,
+    pub status: BTreeMap<String, String>,
     /// Durations by stage; buckets are (upper bound in microseconds, count).
     #[serde(with = "pairs")]
     pub stages: BTreeMap<String, Histogram>,

@@ -3,7 +3,7 @@
 
 use std::path::PathBuf;
 
-use crate::name::{NameError, Place};
+use crate::name::{NameError, NodeName};
 use crate::parameter::file;
 
 /// The ROS part of a command line.
@@ -188,7 +188,7 @@ impl RosArgs {
     ///
     /// # Errors
     /// [`NameError`] when a name is none.
-    pub fn place(&self, default_name: &str) -> Result<Place, NameError> {
+    pub fn node_name(&self, default_name: &str) -> Result<NodeName, NameError> {
         let name = self.first("__node", default_name).unwrap_or(default_name);
         let remaps: Vec<_> = self
             .remaps
@@ -196,7 +196,7 @@ impl RosArgs {
             .filter(|rule| rule.is_for(name) && !rule.from.starts_with("__"))
             .map(|rule| (rule.from.clone(), rule.to.clone()))
             .collect();
-        Place::new(name, self.first("__ns", name).unwrap_or("/"), &remaps)
+        NodeName::new(name, self.first("__ns", name).unwrap_or("/"), &remaps)
     }
 
     /// The level of the logger `name`; a node's has the node's name.
@@ -209,20 +209,20 @@ impl RosArgs {
         self.remaps.iter().find(|rule| rule.from == from && rule.is_for(node)).map(|rule| rule.to.as_str())
     }
 
-    /// Parameters for the node at `place` as (name, text), in order.
+    /// Parameters for the node `node_name` as (name, text), in order.
     ///
     /// # Errors
     /// [`ArgsError::File`] when a parameter file cannot be read.
-    pub fn parameters_for(&self, place: &Place) -> Result<Vec<(String, String)>, ArgsError> {
+    pub fn parameters_for(&self, node_name: &NodeName) -> Result<Vec<(String, String)>, ArgsError> {
         let mut found = Vec::new();
         for setting in &self.parameters {
             match setting {
                 Setting::Value { node, name, value } => {
-                    if node.as_ref().is_none_or(|node| node.trim_start_matches('/') == place.name) {
+                    if node.as_ref().is_none_or(|node| node.trim_start_matches('/') == node_name.name) {
                         found.push((name.clone(), value.clone()));
                     }
                 }
-                Setting::File(path) => found.extend(file::read(path, place)?),
+                Setting::File(path) => found.extend(file::read(path, node_name)?),
             }
         }
         Ok(found)
@@ -265,10 +265,10 @@ mod tests {
                     --log-level info --enclave /e --disable-rosout-logs -- more";
         let (args, own) = parse(line).expect("a valid line");
         assert_eq!(own, ["own", "more"]);
-        let place = args.place("modulo_camera").expect("valid names");
-        assert_eq!(place.fully_qualified(), "/car/eye");
-        assert_eq!(place.resolve("modulo").as_deref(), Ok("/raw"));
-        assert_eq!(args.parameters_for(&place), Ok(vec![("angle".into(), "2.5".into())]));
+        let node_name = args.node_name("modulo_camera").expect("valid names");
+        assert_eq!(node_name.fully_qualified(), "/car/eye");
+        assert_eq!(node_name.resolve("modulo").as_deref(), Ok("/raw"));
+        assert_eq!(args.parameters_for(&node_name), Ok(vec![("angle".into(), "2.5".into())]));
         assert_eq!(args.log_levels, [LogLevel { logger: None, level: "info" }]);
     }
 
@@ -277,12 +277,12 @@ mod tests {
         let line = "--ros-args -r camera:__node:=eye -r other:__ns:=/no -r eye:__ns:=/car -r eye:a:=/b \
                     -r other:c:=/d -r c:=/e -r c:=/f -r rostopic://g:=rostopic:///h";
         let (args, _) = parse(line).expect("a valid line");
-        let place = args.place("camera").expect("valid names");
-        assert_eq!(place.fully_qualified(), "/car/eye");
+        let node_name = args.node_name("camera").expect("valid names");
+        assert_eq!(node_name.fully_qualified(), "/car/eye");
         for (from, to) in [("a", "/b"), ("c", "/e"), ("g", "/h"), ("x", "/car/x")] {
-            assert_eq!(place.resolve(from).as_deref(), Ok(to), "{from}");
+            assert_eq!(node_name.resolve(from).as_deref(), Ok(to), "{from}");
         }
-        assert_eq!(args.place("unwrap").expect("valid").fully_qualified(), "/unwrap");
+        assert_eq!(args.node_name("unwrap").expect("valid").fully_qualified(), "/unwrap");
     }
 
     #[test]
@@ -314,7 +314,7 @@ mod tests {
         std::fs::write(&file, "/**:\n  ros__parameters: {angle: 2}\n").expect("temp dir is writable");
         let line =
             format!("--ros-args -p angle:=1 --params-file {} -p angle:=3 -p n:angle:=4", file.display());
-        let found = parse(&line).map(|(args, _)| args.parameters_for(&args.place("n").expect("valid")));
+        let found = parse(&line).map(|(args, _)| args.parameters_for(&args.node_name("n").expect("valid")));
         std::fs::remove_file(&file).expect("was written");
         let values: Vec<_> = found.expect("valid").expect("readable").into_iter().map(|(_, v)| v).collect();
         assert_eq!(values, ["1", "2", "3", "4"]);
@@ -323,7 +323,9 @@ mod tests {
     #[test]
     fn a_missing_parameter_file_is_named() {
         let (args, _) = parse("--ros-args --params-file /no/such.yaml").expect("valid");
-        let place = args.place("n").expect("valid");
-        assert!(args.parameters_for(&place).expect_err("is missing").to_string().contains("/no/such.yaml"));
+        let node_name = args.node_name("n").expect("valid");
+        assert!(
+            args.parameters_for(&node_name).expect_err("is missing").to_string().contains("/no/such.yaml")
+        );
     }
 }

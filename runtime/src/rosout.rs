@@ -18,10 +18,10 @@ use tracing_subscriber::layer::Context;
 use crate::clock::Clock;
 use crate::driver::RunError;
 use crate::message::{Message, MessageKind};
-use crate::name::Place;
+use crate::name::NodeName;
 use crate::queue::{Keep, Lane, Limit, Next, Queue, Queued};
 use crate::topic::Topic;
-use crate::transport::{Address, Guard, Outlet, Transport, TransportError};
+use crate::transport::{Address, Guard, Publisher, Transport, TransportError};
 
 /// Lines that wait for the wire at most; also what a late reader still gets.
 const WAITING: usize = 1000;
@@ -99,33 +99,33 @@ impl Visit for Text {
 }
 
 impl LogQueue {
-    /// Publishes the lines as those of the node at `place`, the waiting ones
+    /// Publishes the lines as those of the node `node_name`, the waiting ones
     /// first, until the guard is dropped.
     ///
     /// # Errors
     /// [`RunError`] when the carrier refuses.
-    pub fn publish(self, place: &Place, transport: &dyn Transport) -> Result<Guard, RunError> {
-        let address = Address::resolve(place, &Topic::new("/rosout", MessageKind::Log))?;
-        let outlet = transport.advertise(place, &address)?;
+    pub fn publish(self, node_name: &NodeName, transport: &dyn Transport) -> Result<Guard, RunError> {
+        let address = Address::resolve(node_name, &Topic::new("/rosout", MessageKind::Log))?;
+        let publisher = transport.advertise(node_name, &address)?;
         // As rcl names a node's logger.
-        let logger = place.fully_qualified().trim_matches('/').replace('/', ".");
+        let logger = node_name.fully_qualified().trim_matches('/').replace('/', ".");
         let queue = self.queue.clone();
         let thread = thread::Builder::new()
             .name("rosout".into())
-            .spawn(move || self.publish_until_end(&logger, &*outlet))
+            .spawn(move || self.publish_until_end(&logger, &*publisher))
             .map_err(|why| TransportError::new("thread of /rosout", why))?;
         Ok(Box::new(Publishing { queue, thread: Some(thread) }))
     }
 
-    fn publish_until_end(&self, logger: &str, outlet: &dyn Outlet) {
+    fn publish_until_end(&self, logger: &str, publisher: &dyn Publisher) {
         let mut told = 0;
         while let Next::Item(arrived) = self.queue.take(None) {
             let lost = self.queue.tally(self.lane).overflowed;
             if lost > told {
-                put(outlet, logger, about_lost(lost - told, &arrived.item));
+                put(publisher, logger, about_lost(lost - told, &arrived.item));
                 told = lost;
             }
-            put(outlet, logger, arrived.item);
+            put(publisher, logger, arrived.item);
         }
     }
 }
@@ -137,8 +137,8 @@ fn about_lost(lost: u64, next: &Log) -> Log {
 }
 
 /// A line that the wire does not take is only on standard error.
-fn put(outlet: &dyn Outlet, logger: &str, line: Log) {
-    let _ = outlet.put(&Message::Log(Arc::new(Log { name: logger.to_owned(), ..line })));
+fn put(publisher: &dyn Publisher, logger: &str, line: Log) {
+    let _ = publisher.put(&Message::Log(Arc::new(Log { name: logger.to_owned(), ..line })));
 }
 
 /// Ends the publishing thread once it has sent what waits.
@@ -164,7 +164,7 @@ mod tests {
 
     use super::*;
     use crate::clock::ManualClock;
-    use crate::transport::Parcel;
+    use crate::transport::Incoming;
     use crate::transport::local::LocalTransport;
 
     /// What `write` logs, as it is on `/rosout` of `/car/eye`.
@@ -172,16 +172,16 @@ mod tests {
         let (layer, queue) = layer(Arc::new(ManualClock::at(5_000_000_007)));
         tracing::subscriber::with_default(tracing_subscriber::registry().with(layer), write);
         let transport = LocalTransport::default();
-        let place = Place::new("eye", "/car", &[]).expect("valid");
-        let address = Address::resolve(&place, &Topic::new("/rosout", MessageKind::Log)).expect("a name");
+        let node_name = NodeName::new("eye", "/car", &[]).expect("valid");
+        let address = Address::resolve(&node_name, &Topic::new("/rosout", MessageKind::Log)).expect("a name");
         let (sender, arrived) = channel();
-        let deliver = Box::new(move |parcel| sender.send(parcel).expect("the test listens"));
-        let _subscription = transport.subscribe(&place, &address, deliver).expect("local");
-        drop(queue.publish(&place, &transport).expect("local"));
+        let deliver = Box::new(move |incoming| sender.send(incoming).expect("the test listens"));
+        let _subscription = transport.subscribe(&node_name, &address, deliver).expect("local");
+        drop(queue.publish(&node_name, &transport).expect("local"));
         arrived
             .try_iter()
-            .filter_map(|parcel| match parcel {
-                Parcel::Message(Message::Log(log)) => Some(log),
+            .filter_map(|incoming| match incoming {
+                Incoming::Message(Message::Log(log)) => Some(log),
                 _ => None,
             })
             .collect()

@@ -10,7 +10,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::launcher;
-use crate::name::Place;
+use crate::name::NodeName;
 use crate::parameter::{Parameters, Value};
 
 /// The files of one node.
@@ -20,9 +20,9 @@ pub struct SavedState {
 }
 
 impl SavedState {
-    /// The files of the node at `place` in `folder`.
-    pub fn new(folder: &Path, place: &Place) -> Self {
-        let file = |ending| launcher::file_of(folder, &place.fully_qualified(), ending);
+    /// The files of the node `node_name` in `folder`.
+    pub fn new(folder: &Path, node_name: &NodeName) -> Self {
+        let file = |ending| launcher::file_of(folder, &node_name.fully_qualified(), ending);
         Self { parameters: file("json"), position: file("position") }
     }
 
@@ -108,15 +108,15 @@ mod tests {
     #[test]
     fn what_was_accepted_returns_and_nothing_else() {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        let place = Place::new("eye", "/car", &[]).expect("valid");
-        let saved = SavedState::new(folder.path(), &place);
+        let node_name = NodeName::new("eye", "/car", &[]).expect("valid");
+        let saved = SavedState::new(folder.path(), &node_name);
         assert_eq!(saved.restore(launched()), launched(), "at the first start");
 
         let list = Value::Strings(vec!["a, b".into(), "'".into()]);
         let changes = [("angle".to_owned(), Value::Double(2.5)), ("wait_for".to_owned(), list)];
         let accepted = launched().with(&changes, true).expect("possible");
         saved.keep(&accepted);
-        assert_eq!(SavedState::new(folder.path(), &place).restore(launched()), accepted);
+        assert_eq!(SavedState::new(folder.path(), &node_name).restore(launched()), accepted);
 
         // A fixed one comes from the launch, whatever it was before.
         let other = launched().with(&[("model".into(), Value::String("b.onnx".into()))], false);
@@ -124,15 +124,15 @@ mod tests {
             saved.restore(other.expect("possible")).get("model"),
             Some(&Value::String("b.onnx".into()))
         );
-        let elsewhere = Place::new("eye", "/", &[]).expect("valid");
+        let elsewhere = NodeName::new("eye", "/", &[]).expect("valid");
         assert_eq!(SavedState::new(folder.path(), &elsewhere).restore(launched()), launched());
     }
 
     #[test]
     fn a_damaged_or_impossible_file_is_left_out() {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        let place = Place::new("eye", "/", &[]).expect("valid");
-        let saved = SavedState::new(folder.path(), &place);
+        let node_name = NodeName::new("eye", "/", &[]).expect("valid");
+        let saved = SavedState::new(folder.path(), &node_name);
         let file = folder.path().join("eye.json");
         for text in ["", "{", "[[\"angle\", {\"Double\": 0.0}]]", "[[\"gone\", {\"Bool\": true}]]"] {
             fs::write(&file, text).expect("writable");
@@ -145,12 +145,12 @@ mod tests {
     #[test]
     fn the_last_position_returns() {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        let place = Place::new("camera", "/", &[]).expect("valid");
-        let saved = SavedState::new(folder.path(), &place);
+        let node_name = NodeName::new("camera", "/", &[]).expect("valid");
+        let saved = SavedState::new(folder.path(), &node_name);
         assert_eq!(saved.position(), None);
         saved.keep_position(7);
         saved.keep_position(u64::MAX);
-        assert_eq!(SavedState::new(folder.path(), &place).position(), Some(u64::MAX));
+        assert_eq!(SavedState::new(folder.path(), &node_name).position(), Some(u64::MAX));
         fs::write(folder.path().join("camera.position"), "1 2").expect("writable");
         assert_eq!(saved.position(), None);
     }

@@ -14,7 +14,7 @@ use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 
 use crate::message::{Message, MessageKind};
-use crate::parameter::{ParameterSet as _, Refusal};
+use crate::parameter::{ParameterError, ParameterSet as _};
 use crate::sensor_parameters::SensorModel;
 use crate::topic::{Qos, Topic};
 
@@ -37,7 +37,7 @@ pub fn message(header: &Header, model: &SensorModel, more: &[(&'static str, f64)
     Message::Diagnostics(Arc::new(DiagnosticArray { header: header.clone(), status: vec![status] }))
 }
 
-fn read(message: &DiagnosticArray) -> Result<SensorModel, Refusal> {
+fn read(message: &DiagnosticArray) -> Result<SensorModel, ParameterError> {
     let known = SensorModel::descriptors();
     let values = message.status.iter().flat_map(|status| &status.values);
     let pairs: Vec<(&str, &str)> = values
@@ -46,7 +46,7 @@ fn read(message: &DiagnosticArray) -> Result<SensorModel, Refusal> {
         .collect();
     for name in ["bits", "alpha"] {
         if !pairs.iter().any(|(key, _)| *key == name) {
-            return Err(Refusal::new(name, "missing", "the sensor description must contain it"));
+            return Err(ParameterError::new(name, "missing", "the sensor description must contain it"));
         }
     }
     SensorModel::from_text(&pairs)
@@ -62,8 +62,8 @@ impl SensorHistory {
     /// Takes a message of [`TOPIC`].
     ///
     /// # Errors
-    /// [`Refusal`] of the value that describes no sensor.
-    pub fn note(&mut self, message: &DiagnosticArray) -> Result<(), Refusal> {
+    /// [`ParameterError`] of the value that describes no sensor.
+    pub fn note(&mut self, message: &DiagnosticArray) -> Result<(), ParameterError> {
         let model = read(message)?;
         if self.by_stamp.len() == REMEMBERED {
             self.by_stamp.pop_front();

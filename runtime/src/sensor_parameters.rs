@@ -4,7 +4,7 @@
 use modulo_core::Range;
 use modulo_core::optics::{MAX_SIGMA, Psf};
 
-use crate::parameter::{ParameterSet as _, Refusal};
+use crate::parameter::{ParameterError, ParameterSet as _};
 
 /// Shape of the lens blur.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,8 +47,8 @@ impl SensorModel {
     /// Bits and saturation factor.
     ///
     /// # Errors
-    /// [`Refusal`] of the first value that is out of its range.
-    pub fn range(&self) -> Result<Range, Refusal> {
+    /// [`ParameterError`] of the first value that is out of its range.
+    pub fn range(&self) -> Result<Range, ParameterError> {
         self.check()?;
         Ok(Range::new(self.bits, self.alpha).expect("the declared ranges lie within those of `Range`"))
     }
@@ -79,11 +79,11 @@ impl SensorOverride {
     /// The sensor: the values set here, and those of the `camera` for all others.
     ///
     /// # Errors
-    /// [`Refusal`] of a value that is neither set nor described, or out of its range.
-    pub fn over(&self, camera: Option<&SensorModel>) -> Result<SensorModel, Refusal> {
+    /// [`ParameterError`] of a value that is neither set nor described, or out of its range.
+    pub fn over(&self, camera: Option<&SensorModel>) -> Result<SensorModel, ParameterError> {
         let missing = |name| {
             let why = "no sensor description has come on sensor_info; start the camera, or set the parameter";
-            Refusal::new(name, 0, why)
+            ParameterError::new(name, 0, why)
         };
         let bits = Some(self.bits).filter(|&bits| bits > 0).or_else(|| Some(camera?.bits));
         let alpha = Some(self.alpha).filter(|&alpha| alpha > 0.0).or_else(|| Some(camera?.alpha));

@@ -15,8 +15,8 @@ use modulo_runtime::transport::keys::Hashes;
 use modulo_runtime::transport::local::LocalTransport;
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::{
-    Clock, Context, Cue, Flow, ManualClock, Message, MessageKind, Node, NodeReport, ParameterSet, Parameters,
-    Place, Refusal, StampedFrame, StepError, Stop, SystemClock, Topic,
+    Clock, Context, Flow, ManualClock, Message, MessageKind, Node, NodeName, NodeReport, ParameterError,
+    ParameterSet, Parameters, StampedFrame, StepError, Stop, SystemClock, Topic, Trigger,
 };
 use ndarray::Array3;
 
@@ -60,10 +60,10 @@ impl Node for Counter {
     fn period(&self) -> Option<Duration> {
         Some(self.period)
     }
-    fn configure(&mut self, _: &Parameters) -> Result<(), Refusal> {
+    fn configure(&mut self, _: &Parameters) -> Result<(), ParameterError> {
         Ok(())
     }
-    fn step(&mut self, _: Cue, cx: &mut Context<'_>) -> Result<Flow, StepError> {
+    fn step(&mut self, _: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         if self.next == self.count {
             return Ok(Flow::Done);
         }
@@ -81,11 +81,13 @@ impl Node for Increment {
     fn outputs(&self) -> Vec<Topic> {
         vec![Topic::new(self.output, MessageKind::Image)]
     }
-    fn configure(&mut self, _: &Parameters) -> Result<(), Refusal> {
+    fn configure(&mut self, _: &Parameters) -> Result<(), ParameterError> {
         Ok(())
     }
-    fn step(&mut self, cue: Cue, cx: &mut Context<'_>) -> Result<Flow, StepError> {
-        let Cue::Message { message: Message::Image(image), .. } = cue else { return Ok(Flow::Continue) };
+    fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
+        let Trigger::Message { message: Message::Image(image), .. } = trigger else {
+            return Ok(Flow::Continue);
+        };
         let pixels = image.frame.as_u8().ok_or_else(|| StepError::Skip("not 8 bit".into()))?;
         if self.bad == pixels.first().copied() {
             return Err(StepError::Skip("a bad frame".into()));
@@ -97,8 +99,8 @@ impl Node for Increment {
     }
 }
 
-fn place(name: &str) -> Place {
-    Place::new(name, "/", &[]).expect("a valid name")
+fn node_name(name: &str) -> NodeName {
+    NodeName::new(name, "/", &[]).expect("a valid name")
 }
 
 /// Common parameters with `wait_for` set.
@@ -114,7 +116,7 @@ fn counts(report: &NodeReport) -> (u64, u64, u64, u64) {
 }
 
 fn member(node: Box<dyn Node>, name: &str, wait_for: &str, on_exit: composed::OnExit) -> composed::Member {
-    composed::Member { node, parameters: waiting_for(wait_for), place: place(name), on_exit }
+    composed::Member { node, parameters: waiting_for(wait_for), node_name: node_name(name), on_exit }
 }
 
 /// A source of rate 0 waits for the slowest node, also behind one that is fast.
@@ -147,10 +149,10 @@ impl Node for Panic {
     fn outputs(&self) -> Vec<Topic> {
         Vec::new()
     }
-    fn configure(&mut self, _: &Parameters) -> Result<(), Refusal> {
+    fn configure(&mut self, _: &Parameters) -> Result<(), ParameterError> {
         Ok(())
     }
-    fn step(&mut self, _: Cue, _: &mut Context<'_>) -> Result<Flow, StepError> {
+    fn step(&mut self, _: Trigger, _: &mut Context<'_>) -> Result<Flow, StepError> {
         panic!("an error in the step")
     }
 }
@@ -196,9 +198,9 @@ fn lockstep_gives_the_same_messages_every_time() {
     let run = || {
         let timer = ManualClock::at(0);
         let mut chain = Lockstep::new(&timer, vec!["/c".into()]);
-        chain.add(counter(3), &place("counter")).expect("names");
-        chain.add(Box::new(increment("a", "b")), &place("first")).expect("names");
-        chain.add(Box::new(increment("b", "c")), &place("second")).expect("names");
+        chain.add(counter(3), &node_name("counter")).expect("names");
+        chain.add(Box::new(increment("a", "b")), &node_name("first")).expect("names");
+        chain.add(Box::new(increment("b", "c")), &node_name("second")).expect("names");
         let mut bytes = Vec::new();
         while let Some(out) = chain.tick(0, 5).expect("runs") {
             for (topic, message) in out {
@@ -219,7 +221,8 @@ fn a_node_that_waits_in_vain_says_for_whom() {
     let transport = LocalTransport::default();
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
     let node = counter(1);
-    let subject = Subject { node, parameters, place: place("counter"), saved: None, report_file: None };
+    let subject =
+        Subject { node, parameters, node_name: node_name("counter"), saved: None, report_file: None };
     let error = live::run(subject, &transport, &clock, Stop::default()).expect_err("nobody is not there");
     assert!(error.to_string().contains("/nobody"), "{error}");
 }
@@ -240,7 +243,7 @@ fn zenoh_carries_a_chain_between_sessions() {
             let subject = Subject {
                 node,
                 parameters: waiting_for(wait_for),
-                place: place(name),
+                node_name: node_name(name),
                 saved: None,
                 report_file: None,
             };

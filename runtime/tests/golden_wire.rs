@@ -7,7 +7,7 @@ use modulo_runtime::parameter::service::Service;
 use modulo_runtime::topic::Topic;
 use modulo_runtime::transport::attachment::Attachment;
 use modulo_runtime::transport::keys::{self, Endpoint, EntityKind, Token};
-use modulo_runtime::{MessageKind, Place, Qos, type_description_service};
+use modulo_runtime::{MessageKind, NodeName, Qos, type_description_service};
 use serde_json::Value;
 
 fn golden() -> Value {
@@ -53,7 +53,7 @@ fn the_endpoints_of_every_node_are_those_of_rcl() {
             "{endpoint:?}"
         );
     };
-    let place = Place::new("golden", "/odmi", &[]).expect("a name");
+    let node_name = NodeName::new("golden", "/odmi", &[]).expect("a name");
     for (topic, kind) in [("/rosout", MessageKind::Log), ("/parameter_events", MessageKind::ParameterEvent)] {
         let Topic { name, kind, qos } = Topic::new(topic, kind);
         known(
@@ -72,7 +72,7 @@ fn the_endpoints_of_every_node_are_those_of_rcl() {
         known(
             EntityKind::Server,
             Endpoint {
-                topic: format!("{}/{name}", place.fully_qualified()),
+                topic: format!("{}/{name}", node_name.fully_qualified()),
                 dds_type: modulo_msgs::dds_name(ros_type),
                 type_hash: type_hash(ros_type).expect("known"),
                 qos: qos.into(),

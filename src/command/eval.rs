@@ -8,7 +8,7 @@ use modulo_bags::record::Recorder;
 use modulo_eval::{Evaluation, Images, Plan, Score, Stream};
 use modulo_launch::Summary;
 use modulo_runtime::driver::lockstep::Lockstep;
-use modulo_runtime::{MessageKind, Node, NodeReport, Place, SystemClock};
+use modulo_runtime::{MessageKind, Node, NodeName, NodeReport, SystemClock};
 
 use super::launch::prepare;
 use super::{grid, pairs, report, start_log, usage};
@@ -87,22 +87,22 @@ fn run(
     }
     let timer = SystemClock::default();
     let mut chain = Lockstep::new(&timer, recorded);
-    for (node, place) in made {
-        chain.add(node, &place)?;
+    for (node, node_name) in made {
+        chain.add(node, &node_name)?;
     }
     evaluation.add(&mut chain, source, &plan, bag)?;
     Ok(chain.finish())
 }
 
-type Made = Vec<(Box<dyn Node>, Place)>;
+type Made = Vec<(Box<dyn Node>, NodeName)>;
 
 fn nodes(file: &Path, arguments: &[(String, String)]) -> Result<Made, Failure> {
     let plan = modulo_launch::resolve(file, arguments).map_err(usage)?;
     let nodes = modulo_launch::compose(&plan).map_err(usage)?;
     let make = |node| {
-        let (kind, place, parameters) = prepare(node)?;
-        let step = kind.make(&parameters).with_context(|| place.fully_qualified())?;
-        Ok((step, place))
+        let (kind, node_name, parameters) = prepare(node)?;
+        let step = kind.make(&parameters).with_context(|| node_name.fully_qualified())?;
+        Ok((step, node_name))
     };
     nodes.iter().map(make).collect::<anyhow::Result<_>>().map_err(usage)
 }
@@ -110,10 +110,10 @@ fn nodes(file: &Path, arguments: &[(String, String)]) -> Result<Made, Failure> {
 /// The image and box topics of every node that turns images into boxes.
 fn streams(made: &Made) -> Result<Vec<Stream>, Failure> {
     let mut streams = Vec::new();
-    for (node, place) in made {
-        let images = topic_of(&node.inputs(), MessageKind::Image, place)?;
-        let boxes = topic_of(&node.outputs(), MessageKind::Detections, place)?;
-        let annotated = topic_of(&node.outputs(), MessageKind::Image, place)?;
+    for (node, node_name) in made {
+        let images = topic_of(&node.inputs(), MessageKind::Image, node_name)?;
+        let boxes = topic_of(&node.outputs(), MessageKind::Detections, node_name)?;
+        let annotated = topic_of(&node.outputs(), MessageKind::Image, node_name)?;
         if let (Some(images), Some(boxes)) = (images, boxes) {
             streams.push(Stream::new(images, boxes, annotated));
         }
@@ -127,8 +127,8 @@ fn streams(made: &Made) -> Result<Vec<Stream>, Failure> {
 fn topic_of(
     topics: &[modulo_runtime::Topic],
     kind: MessageKind,
-    place: &Place,
+    node_name: &NodeName,
 ) -> Result<Option<String>, Failure> {
     let topic = topics.iter().find(|topic| topic.kind == kind);
-    Ok(topic.map(|topic| place.resolve(&topic.name)).transpose()?)
+    Ok(topic.map(|topic| node_name.resolve(&topic.name)).transpose()?)
 }

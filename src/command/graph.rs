@@ -12,7 +12,7 @@ use modulo_runtime::transport::graph::Graph;
 use modulo_runtime::transport::keys::{Endpoint, EntityKind, Token};
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::transport::{Guard, RawSample, Transport};
-use modulo_runtime::{Clock, Place, Stop, Urgency};
+use modulo_runtime::{Clock, NodeName, Stop, Urgency};
 
 use super::open_session;
 use crate::cli::graph::{Echo, Node, Topic};
@@ -180,13 +180,13 @@ impl Listening {
         let publisher = graph.endpoints(EntityKind::Publisher, &topic).next();
         let any = publisher.or_else(|| graph.endpoints(EntityKind::Subscription, &topic).next());
         let endpoint = any.and_then(|token| token.endpoint.clone()).context("the topic went away")?;
-        let place = Place { name: "modulo_topic".into(), namespace: "/".into(), remaps: Vec::new() };
-        let node = transport.announce(&place)?;
+        let node_name = NodeName { name: "modulo_topic".into(), namespace: "/".into(), remaps: Vec::new() };
+        let node = transport.announce(&node_name)?;
         let samples = Arc::new(Queue::new(clock.clone(), WAITING));
         stop.wakes(&samples);
         let (queue, lane) = (samples.clone(), samples.open(Keep::All));
         let take = move |sample| drop(queue.push(lane, sample));
-        let subscription = transport.subscribe_raw(&place, &endpoint, take)?;
+        let subscription = transport.subscribe_raw(&node_name, &endpoint, take)?;
         let type_name = type_name(&endpoint.dds_type);
         Ok(Self { type_name, samples, lane, stop, _guards: (subscription, node) })
     }

@@ -9,7 +9,7 @@ use modulo_launch::{ComposedNode, NodePlan, Plan, Summary, Supervision};
 use modulo_runtime::driver::composed::{self, Member};
 use modulo_runtime::ros_args::RosArgs;
 use modulo_runtime::signals::end_on_signals;
-use modulo_runtime::{Clock, Parameters, Place, Stop, SystemClock};
+use modulo_runtime::{Clock, NodeName, Parameters, Stop, SystemClock};
 
 use super::{hash, pairs, start_log, usage};
 use crate::cli::Launch;
@@ -85,8 +85,8 @@ fn refusals(node: &NodePlan) -> Vec<String> {
     let settings = || -> anyhow::Result<_> {
         let kind = registry::kind(&node.executable)?;
         let (ros, _) = RosArgs::parse(&modulo_launch::ros_arguments(node))?;
-        let place = ros.place(kind.name)?;
-        Ok((kind.parameters(), ros.parameters_for(&place)?))
+        let node_name = ros.node_name(kind.name)?;
+        Ok((kind.parameters(), ros.parameters_for(&node_name)?))
     };
     match settings() {
         Ok((declared, settings)) => {
@@ -125,23 +125,23 @@ fn run_composed(plan: &Plan) -> Result<Summary, Failure> {
 fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
     let nodes = modulo_launch::compose(plan).map_err(usage)?;
     let member = |(node, on_exit): (&ComposedNode, OnExit)| {
-        let (kind, place, parameters) = prepare(node)?;
-        let step = kind.make(&parameters).with_context(|| place.fully_qualified())?;
+        let (kind, node_name, parameters) = prepare(node)?;
+        let step = kind.make(&parameters).with_context(|| node_name.fully_qualified())?;
         let on_exit = match on_exit {
             OnExit::Shutdown => composed::OnExit::Shutdown,
             OnExit::Continue => composed::OnExit::Continue,
         };
-        Ok(Member { node: step, parameters, place, on_exit })
+        Ok(Member { node: step, parameters, node_name, on_exit })
     };
     let on_exits = plan.nodes.iter().map(|node| node.process.on_exit);
     nodes.iter().zip(on_exits).map(member).collect::<anyhow::Result<_>>().map_err(usage)
 }
 
-/// Kind, place and parameters of one node of a plan.
-pub fn prepare(node: &ComposedNode) -> anyhow::Result<(&'static Kind, Place, Parameters)> {
+/// Kind, node_name and parameters of one node of a plan.
+pub fn prepare(node: &ComposedNode) -> anyhow::Result<(&'static Kind, NodeName, Parameters)> {
     let kind = registry::kind(&node.kind)?;
-    let place = Place::new(&node.name, &node.namespace, &node.remaps)?;
+    let node_name = NodeName::new(&node.name, &node.namespace, &node.remaps)?;
     let parameters =
-        kind.parameters().with_text(&node.parameters).with_context(|| place.fully_qualified())?;
-    Ok((kind, place, parameters))
+        kind.parameters().with_text(&node.parameters).with_context(|| node_name.fully_qualified())?;
+    Ok((kind, node_name, parameters))
 }

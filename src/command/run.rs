@@ -9,7 +9,7 @@ use modulo_runtime::ros_args::{Logs, RosArgs};
 use modulo_runtime::rosout::{self, LogQueue};
 use modulo_runtime::saved_state::SavedState;
 use modulo_runtime::signals::end_on_signals;
-use modulo_runtime::{Descriptor, Place, Stop, SystemClock, launcher};
+use modulo_runtime::{Descriptor, NodeName, Stop, SystemClock, launcher};
 
 use super::{hash, open_session, start_log_with, usage};
 use crate::cli::Run;
@@ -34,17 +34,17 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
     if let Some(argument) = own.first() {
         return Err(usage(anyhow::anyhow!("{}: '{argument}' is unknown; try --help", kind.name)));
     }
-    let place = ros.place(kind.name).map_err(usage)?;
-    let log = start_log(&ros, &place);
+    let node_name = ros.node_name(kind.name).map_err(usage)?;
+    let log = start_log(&ros, &node_name);
     let stop = Stop::default();
     end_on_signals(&stop).context("signal handlers")?;
     launcher::end_with_launcher(&stop).context("watch of the launcher")?;
 
-    let settings = ros.parameters_for(&place).map_err(usage)?;
-    let named = place.fully_qualified();
+    let settings = ros.parameters_for(&node_name).map_err(usage)?;
+    let named = node_name.fully_qualified();
     let refused = |why: anyhow::Error| usage(why.context(named.clone()));
     let parameters = kind.parameters().with_text(&settings).map_err(|why| refused(why.into()))?;
-    let saved = launcher::folder(launcher::STATE_DIR).map(|folder| SavedState::new(&folder, &place));
+    let saved = launcher::folder(launcher::STATE_DIR).map(|folder| SavedState::new(&folder, &node_name));
     let parameters = match &saved {
         Some(saved) => saved.restore(parameters),
         None => parameters,
@@ -55,8 +55,8 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
     let node = kind.make(&parameters).map_err(refused)?;
 
     let (clock, transport) = open_session()?;
-    let rosout = log.map(|log| log.publish(&place, &transport)).transpose()?;
-    let subject = Subject { node, parameters, place, saved, report_file };
+    let rosout = log.map(|log| log.publish(&node_name, &transport)).transpose()?;
+    let subject = Subject { node, parameters, node_name, saved, report_file };
     live::run(subject, &transport, &clock, stop)?;
     drop(rosout);
     transport.close();
@@ -64,12 +64,12 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
 }
 
 /// Starts the log; what goes to `/rosout` waits in the queue.
-fn start_log(ros: &RosArgs, place: &Place) -> Option<LogQueue> {
+fn start_log(ros: &RosArgs, node_name: &NodeName) -> Option<LogQueue> {
     let (layer, queue) = match ros.rosout_logs {
         Logs::Enabled => Some(rosout::layer(Arc::new(SystemClock::default()))).unzip(),
         Logs::Disabled => (None, None),
     };
-    start_log_with(ros.log_level_of(&place.name), ros.stdout_logs, layer);
+    start_log_with(ros.log_level_of(&node_name.name), ros.stdout_logs, layer);
     queue
 }
 

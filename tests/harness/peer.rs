@@ -7,22 +7,22 @@ use std::time::{Duration, Instant};
 use modulo_runtime::queue::{Keep, Limit, Queue};
 use modulo_runtime::transport::keys::{Endpoint, Hashes, qos_string};
 use modulo_runtime::transport::zenoh::ZenohTransport;
-use modulo_runtime::transport::{Address, Guard, Outlet, Parcel, RawSample, Transport};
-use modulo_runtime::{Clock, Message, MessageKind, Place, SystemClock, Topic};
+use modulo_runtime::transport::{Address, Guard, Incoming, Publisher, RawSample, Transport};
+use modulo_runtime::{Clock, Message, MessageKind, NodeName, SystemClock, Topic};
 
 use super::Bench;
 
 /// A node `/peer` on the domain of a bench.
 pub struct Peer {
     pub transport: ZenohTransport,
-    pub place: Place,
+    pub node_name: NodeName,
     _announced: Guard,
 }
 
 /// What comes on a topic.
 pub struct Heard {
     kind: MessageKind,
-    queue: Arc<Queue<Parcel>>,
+    queue: Arc<Queue<Incoming>>,
     _subscription: Guard,
 }
 
@@ -34,13 +34,13 @@ impl Peer {
     pub fn with_hashes(bench: &Bench, hashes: Hashes) -> Self {
         let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
         let transport = ZenohTransport::open(bench.domain.id, hashes, clock).expect("a session on loopback");
-        let place = Place::new("peer", "/", &[]).expect("a name");
-        let announced = transport.announce(&place).expect("a token");
-        Self { transport, place, _announced: announced }
+        let node_name = NodeName::new("peer", "/", &[]).expect("a name");
+        let announced = transport.announce(&node_name).expect("a token");
+        Self { transport, node_name, _announced: announced }
     }
 
-    pub fn advertise(&self, topic: &str, kind: MessageKind) -> Box<dyn Outlet> {
-        self.transport.advertise(&self.place, &address(topic, kind)).expect("a publisher")
+    pub fn advertise(&self, topic: &str, kind: MessageKind) -> Box<dyn Publisher> {
+        self.transport.advertise(&self.node_name, &address(topic, kind)).expect("a publisher")
     }
 
     /// Samples on `topic` as they come.
@@ -50,16 +50,18 @@ impl Peer {
         let endpoint = Endpoint { topic, dds_type, type_hash: kind.type_hash(), qos: qos_string(qos).into() };
         let (samples, arrived) = channel();
         let take = move |sample| drop(samples.send(sample));
-        (self.transport.subscribe_raw(&self.place, &endpoint, take).expect("a subscription"), arrived)
+        (self.transport.subscribe_raw(&self.node_name, &endpoint, take).expect("a subscription"), arrived)
     }
 
     pub fn hear(&self, topic: &str, kind: MessageKind) -> Heard {
         let clock = Arc::new(SystemClock::default());
         let queue = Arc::new(Queue::new(clock, Limit { messages: 0, bytes: 0 }));
         let (waiting, lane) = (queue.clone(), queue.open(Keep::Last(1000)));
-        let deliver = Box::new(move |parcel| drop(waiting.push(lane, parcel)));
-        let subscription =
-            self.transport.subscribe(&self.place, &address(topic, kind), deliver).expect("a subscription");
+        let deliver = Box::new(move |incoming| drop(waiting.push(lane, incoming)));
+        let subscription = self
+            .transport
+            .subscribe(&self.node_name, &address(topic, kind), deliver)
+            .expect("a subscription");
         Heard { kind, queue, _subscription: subscription }
     }
 }
@@ -72,8 +74,8 @@ fn address(topic: &str, kind: MessageKind) -> Address {
 impl Heard {
     /// The next message within `patience`.
     pub fn next(&self, patience: Duration) -> Option<Message> {
-        let parcel = self.queue.take(Some(patience)).item()?;
-        Some(parcel.open(self.kind).expect("a message of its kind"))
+        let incoming = self.queue.take(Some(patience)).item()?;
+        Some(incoming.open(self.kind).expect("a message of its kind"))
     }
 
     /// The first message for which `wanted` holds.

@@ -7,7 +7,7 @@ use modulo_camera::CameraParameters;
 use modulo_core::Sensor;
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_runtime::driver::lockstep::{Lockstep, OnTopic};
-use modulo_runtime::{Clock, Message, Place, SensorModel, StampedFrame};
+use modulo_runtime::{Clock, Message, NodeName, SensorModel, StampedFrame};
 use modulo_unwrap::UnwrapParameters;
 
 use super::nodes::Nodes;
@@ -63,7 +63,7 @@ impl<'a> Chain<'a> {
             let with = UnwrapParameters { method, deblur: point.deblur, sensor, ..Default::default() };
             let topics = ["/recovered", "/hdr", "/diagnostics"].map(str::to_owned).to_vec();
             let mut chain = Lockstep::new(timer, topics);
-            chain.add(nodes.unwrap(&with)?, &place("unwrap"))?;
+            chain.add(nodes.unwrap(&with)?, &node_name("unwrap"))?;
             Ok::<_, GridError>(chain)
         });
         let sensors = [camera.sensor()?, lens(0.0).sensor()?];
@@ -86,7 +86,7 @@ impl<'a> Chain<'a> {
         };
         let with = CameraParameters { seed, ..self.camera.clone() };
         let mut camera = Lockstep::new(self.timer, vec![sensed.to_owned()]);
-        camera.add(self.nodes.camera(Box::new(One(Some(frame))), &with)?, &place("camera"))?;
+        camera.add(self.nodes.camera(Box::new(One(Some(frame))), &with)?, &node_name("camera"))?;
         let out = camera.tick(0, now(number))?.unwrap_or_default();
         let mut passed =
             Passed { image: image(&out, sensed), stages: camera.stages().to_vec(), recovery: None };
@@ -113,8 +113,8 @@ pub fn now(number: usize) -> u64 {
 }
 
 /// A node in the root namespace; the names here are all ROS names.
-pub fn place(name: &str) -> Place {
-    Place { name: name.to_owned(), namespace: "/".to_owned(), remaps: Vec::new() }
+pub fn node_name(name: &str) -> NodeName {
+    NodeName { name: name.to_owned(), namespace: "/".to_owned(), remaps: Vec::new() }
 }
 
 fn image(out: &[OnTopic], topic: &str) -> Option<Arc<StampedFrame>> {

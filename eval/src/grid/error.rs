@@ -6,7 +6,7 @@ use modulo_bags::FileError;
 use modulo_bags::source::SourceError;
 use modulo_core::SensorError;
 use modulo_detector::DetectorError;
-use modulo_runtime::Refusal;
+use modulo_runtime::ParameterError;
 use modulo_runtime::driver::RunError;
 
 /// Names the thing, its value and what is possible.
@@ -70,7 +70,7 @@ pub enum GridError {
     Unwrap(#[from] modulo_core::UnwrapError),
     /// A parameter that a node refuses.
     #[error(transparent)]
-    Parameter(#[from] Refusal),
+    Parameter(#[from] ParameterError),
     /// A model that does not run.
     #[error(transparent)]
     Detector(#[from] DetectorError),

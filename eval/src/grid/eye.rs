@@ -12,7 +12,7 @@ use modulo_detector::{DetectorParameters, EngineChoice};
 use modulo_runtime::driver::lockstep::Lockstep;
 use modulo_runtime::{Clock, Message, StampedFrame};
 
-use super::chain::{Stages, now, place};
+use super::chain::{Stages, node_name, now};
 use super::nodes::Nodes;
 use super::{GridError, LEAST_SCORE};
 
@@ -68,9 +68,9 @@ impl<'a> Eye<'a> {
             ..DetectorParameters::default()
         })?;
         let fact = |(name, value)| (name == "engine").then_some(value);
-        let engine = node.facts().into_iter().find_map(fact).unwrap_or_default();
+        let engine = node.status().into_iter().find_map(fact).unwrap_or_default();
         let mut chain = Lockstep::new(timer, vec!["/detector/detections".to_owned()]);
-        chain.add(node, &place("detector"))?;
+        chain.add(node, &node_name("detector"))?;
         Ok(Self { chain, engine })
     }
 

@@ -78,7 +78,7 @@ fn check_names(
     remaps: &[(String, String)],
     place: &Place<'_>,
 ) -> Result<(), LaunchError> {
-    modulo_runtime::Place::new(name.unwrap_or("unnamed"), namespace, remaps)
+    modulo_runtime::NodeName::new(name.unwrap_or("unnamed"), namespace, remaps)
         .map(|_| ())
         .map_err(|e| LaunchError::at(place.file, place.line, format!("node: {e}")))
 }

@@ -9,7 +9,9 @@ use std::sync::Arc;
 use modulo_core::Frame;
 use modulo_detector::{Detector, DetectorParameters};
 use modulo_msgs::std_msgs::Header;
-use modulo_runtime::{Context, Cue, Message, Node, ParameterSet as _, StampedFrame, SystemClock, Yield};
+use modulo_runtime::{
+    Context, Message, Node, ParameterSet as _, StampedFrame, StepOutput, SystemClock, Trigger,
+};
 use ndarray::Array3;
 use serde_json::{Value, json};
 
@@ -30,7 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         stages.into_iter().for_each(|(stage, time)| spent.entry(stage).or_default().push(time));
     }
     println!("{}", serde_json::to_string(&boxes)?);
-    eprintln!("{:?}", detector.facts());
+    eprintln!("{:?}", detector.status());
     for (stage, mut times) in spent {
         times.sort_unstable();
         let ms = |at: usize| times[at] as f64 / 1e6;
@@ -48,8 +50,8 @@ fn detect(detector: &mut Detector, path: &Path) -> Result<(Vec<Value>, Stages), 
     let message = Message::Image(Arc::new(StampedFrame { header: Header::default(), frame }));
     let clock = SystemClock::default();
     let mut cx = Context::new("/detector", &clock, &[true, false]);
-    detector.step(Cue::Message { input: 0, message }, &mut cx)?;
-    let Yield { messages: sent, stages, .. } = cx.finish();
+    detector.step(Trigger::Message { input: 0, message }, &mut cx)?;
+    let StepOutput { messages: sent, stages, .. } = cx.finish();
     let found = match sent.first() {
         Some((_, Message::Detections(array))) => array.detections.as_slice(),
         _ => &[],

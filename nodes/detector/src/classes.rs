@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use modulo_runtime::Refusal;
+use modulo_runtime::ParameterError;
 
 use crate::model::Names;
 
@@ -26,17 +26,19 @@ impl Classes {
     /// after the map, empty = all.
     ///
     /// # Errors
-    /// [`Refusal`] of `class_map` or `classes`, with the names that are known.
+    /// [`ParameterError`] of `class_map` or `classes`, with the names that are known.
     pub fn new(
         names: &Names,
         map_file: &str,
         wanted: &[String],
         last: Option<&Self>,
-    ) -> Result<Self, Refusal> {
+    ) -> Result<Self, ParameterError> {
         let map = match (last, map_file) {
             (_, "") => None,
             (Some(last), path) if last.map_file == path => last.map.clone(),
-            (_, path) => Some(read_map(path, names).map_err(|why| Refusal::new("class_map", path, why))?),
+            (_, path) => {
+                Some(read_map(path, names).map_err(|why| ParameterError::new("class_map", path, why))?)
+            }
         };
         let (names, map_file) = (names.clone(), map_file.to_owned());
         let mut classes = Self { names, map_file, map, published: Vec::new(), wanted: Vec::new() };
@@ -48,7 +50,7 @@ impl Classes {
         for name in wanted {
             if !classes.possible(name) {
                 let why = format!("no such class, known are {}", some(&classes.published));
-                return Err(Refusal::new("classes", name, why));
+                return Err(ParameterError::new("classes", name, why));
             }
         }
         classes.wanted = wanted.to_vec();

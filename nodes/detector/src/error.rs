@@ -1,6 +1,6 @@
 //! [`DetectorError`]: why there is no detector.
 
-use modulo_runtime::Refusal;
+use modulo_runtime::ParameterError;
 
 use crate::engine::EngineError;
 
@@ -9,7 +9,7 @@ use crate::engine::EngineError;
 pub enum DetectorError {
     /// A parameter is not possible, alone or with this model.
     #[error(transparent)]
-    Parameter(#[from] Refusal),
+    Parameter(#[from] ParameterError),
     /// The model or the engine cannot be used.
     #[error(transparent)]
     Engine(#[from] EngineError),

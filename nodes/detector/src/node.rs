@@ -8,7 +8,8 @@ use modulo_msgs::std_msgs::Time;
 use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray};
 use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::{
-    Context, Cue, Flow, Message, MessageKind, Node, Parameters, Refusal, StampedFrame, StepError, Topic,
+    Context, Flow, Message, MessageKind, Node, ParameterError, Parameters, StampedFrame, StepError, Topic,
+    Trigger,
 };
 use ndarray::Array4;
 
@@ -131,34 +132,38 @@ impl Node for Detector {
         ]
     }
 
-    fn configure(&mut self, parameters: &Parameters) -> Result<(), Refusal> {
+    fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
         let parameters = DetectorParameters::from(parameters);
         if !parameters.same_engine(&self.parameters) {
             let asked = format!("{} on {}", parameters.model, parameters.engine);
-            return Err(Refusal::new("model, engine, threads", asked, "read-only: set them at the start"));
+            return Err(ParameterError::new(
+                "model, engine, threads",
+                asked,
+                "read-only: set them at the start",
+            ));
         }
         let settings = Settings::new(&parameters, self.engine.layout(), Some(&self.settings))?;
         if settings.input_size != self.settings.input_size {
             warm_up(self.engine.as_mut(), settings.input_size)
-                .map_err(|error| Refusal::new("input_size", settings.input_size, error.to_string()))?;
+                .map_err(|error| ParameterError::new("input_size", settings.input_size, error.to_string()))?;
         }
         (self.settings, self.contradiction_told) = (settings, false);
         Ok(())
     }
 
-    fn step(&mut self, cue: Cue, cx: &mut Context<'_>) -> Result<Flow, StepError> {
-        match cue {
-            Cue::Message { message: Message::Image(image), .. } => self.detect(&image, cx),
-            Cue::Message { message: Message::Diagnostics(info), .. } => {
+    fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
+        match trigger {
+            Trigger::Message { message: Message::Image(image), .. } => self.detect(&image, cx),
+            Trigger::Message { message: Message::Diagnostics(info), .. } => {
                 self.described.note(&info).map_err(|why| why.to_string())
             }
-            Cue::Message { .. } | Cue::Tick => Err("the detector only answers images".to_owned()),
+            Trigger::Message { .. } | Trigger::Tick => Err("the detector only answers images".to_owned()),
         }
         .map_err(StepError::Skip)?;
         Ok(Flow::Continue)
     }
 
-    fn facts(&self) -> Vec<(&'static str, String)> {
+    fn status(&self) -> Vec<(&'static str, String)> {
         let model = Path::new(&self.parameters.model);
         let file = model.file_name().unwrap_or(model.as_os_str());
         vec![

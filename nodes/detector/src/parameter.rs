@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use modulo_runtime::{ParameterSet as _, Place, Refusal};
+use modulo_runtime::{NodeName, ParameterError, ParameterSet as _};
 
 use crate::classes::Classes;
 use crate::engine::EngineChoice;
@@ -43,11 +43,11 @@ modulo_runtime::parameters! {
 
 impl DetectorParameters {
     /// The path of the model.
-    pub(crate) fn model(&self) -> Result<&Path, Refusal> {
+    pub(crate) fn model(&self) -> Result<&Path, ParameterError> {
         self.check()?;
         if self.model.is_empty() {
             let why = "must be demo, or the path of an ONNX detector, such as model:=/data/yolov10n.onnx";
-            return Err(Refusal::new("model", "''", why));
+            return Err(ParameterError::new("model", "''", why));
         }
         Ok(Path::new(&self.model))
     }
@@ -79,12 +79,12 @@ impl Settings {
     /// The settings that the parameters give for a model of this `layout`; `last` are the settings until now.
     ///
     /// # Errors
-    /// [`Refusal`] of the first one that is not possible.
+    /// [`ParameterError`] of the first one that is not possible.
     pub fn new(
         parameters: &DetectorParameters,
         layout: &Layout,
         last: Option<&Self>,
-    ) -> Result<Self, Refusal> {
+    ) -> Result<Self, ParameterError> {
         parameters.check()?;
         let (size, classes) = (&parameters.input_size, last.map(|last| &last.classes));
         Ok(Self {
@@ -92,20 +92,20 @@ impl Settings {
             score_threshold: parameters.score_threshold as f32,
             max_det: parameters.max_det,
             input_size: InputSize::parse(size, layout.size)
-                .map_err(|why| Refusal::new("input_size", size, why))?,
+                .map_err(|why| ParameterError::new("input_size", size, why))?,
             classes: Classes::new(&layout.names, &parameters.class_map, &parameters.classes, classes)?,
             bits: parameters.bits,
         })
     }
 }
 
-fn input(name: &str) -> Result<String, Refusal> {
-    if STREAMS.contains(&name) || (name.starts_with('/') && Place::default().resolve(name).is_ok()) {
+fn input(name: &str) -> Result<String, ParameterError> {
+    if STREAMS.contains(&name) || (name.starts_with('/') && NodeName::default().resolve(name).is_ok()) {
         return Ok(name.to_owned());
     }
     let why =
         format!("must be one of {}, or an absolute topic such as /camera/image_raw", STREAMS.join(", "));
-    Err(Refusal::new("input", name, why))
+    Err(ParameterError::new("input", name, why))
 }
 
 #[cfg(test)]

@@ -8,8 +8,8 @@ use modulo_detector::{Detector, DetectorError, DetectorParameters, EngineChoice,
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::{
-    Context, Cue, ManualClock, Message, MessageKind, Node, ParameterSet, Parameters, StampedFrame, StepError,
-    Yield,
+    Context, ManualClock, Message, MessageKind, Node, ParameterSet, Parameters, StampedFrame, StepError,
+    StepOutput, Trigger,
 };
 use ndarray::Array3;
 
@@ -52,8 +52,8 @@ fn step(node: &mut Detector, frame: Frame, wanted: [bool; 2]) -> (Vec<(usize, Me
     let clock = ManualClock::at(0);
     let mut cx = Context::new("/detector", &clock, &wanted);
     let message = Message::Image(Arc::new(image(frame)));
-    node.step(Cue::Message { input: 0, message }, &mut cx).expect("a step");
-    let Yield { messages: sent, stages, .. } = cx.finish();
+    node.step(Trigger::Message { input: 0, message }, &mut cx).expect("a step");
+    let StepOutput { messages: sent, stages, .. } = cx.finish();
     (sent, stages.into_iter().map(|(name, _)| name).collect())
 }
 
@@ -115,7 +115,7 @@ fn the_input_is_swapped_between_frames() {
     for input in ["modulo", "/camera/image_raw"] {
         node.configure(&parameters(&data("rows.onnx"), &[("input", input)])).expect("possible");
         assert_eq!((node.inputs()[0].name.as_str(), node.inputs()[0].kind), (input, MessageKind::Image));
-        assert!(node.facts().contains(&("stream", input.to_owned())));
+        assert!(node.status().contains(&("stream", input.to_owned())));
         assert_eq!(detections(&mut node, grey(64, 64, 0)).detections.len(), 3);
     }
     let refused =
@@ -152,13 +152,13 @@ fn what_is_no_image_is_skipped() {
     let clock = ManualClock::at(0);
     let broken = image(Frame::from_f32(Array3::zeros((4, 4, 3))).expect("a frame"));
     let array = Message::Detections(Arc::new(Detection2DArray::default()));
-    for cue in [
-        Cue::Tick,
-        Cue::Message { input: 0, message: array },
-        Cue::Message { input: 0, message: Message::Image(Arc::new(broken)) },
+    for trigger in [
+        Trigger::Tick,
+        Trigger::Message { input: 0, message: array },
+        Trigger::Message { input: 0, message: Message::Image(Arc::new(broken)) },
     ] {
         let mut cx = Context::new("/detector", &clock, &[true, true]);
-        assert!(matches!(node.step(cue, &mut cx), Err(StepError::Skip(_))));
+        assert!(matches!(node.step(trigger, &mut cx), Err(StepError::Skip(_))));
         assert!(cx.finish().messages.is_empty());
     }
 }
@@ -210,7 +210,7 @@ fn names_come_from_metadata_then_a_file_then_numbers() {
 #[test]
 fn a_static_model_says_its_size() {
     let node = detector("static_96x64.onnx", &[]);
-    assert!(node.facts().contains(&("input_size", "96x64".to_owned())));
+    assert!(node.status().contains(&("input_size", "96x64".to_owned())));
     let why = refusal(&data("static_96x64.onnx"), &[("input_size", "640x640")]);
     assert!(why.contains("input_size") && why.contains("640x640") && why.contains("96x64"), "{why}");
 }
@@ -218,9 +218,9 @@ fn a_static_model_says_its_size() {
 #[test]
 fn facts_name_what_runs() {
     let node = detector("rows.onnx", &[("threads", "1"), ("input", "saturated")]);
-    let facts = node.facts();
+    let status = node.status();
     for fact in [("engine", "rten"), ("model", "rows.onnx"), ("stream", "saturated"), ("threads", "1")] {
-        assert!(facts.contains(&(fact.0, fact.1.to_owned())), "{fact:?} in {facts:?}");
+        assert!(status.contains(&(fact.0, fact.1.to_owned())), "{fact:?} in {status:?}");
     }
 }
 

@@ -9,7 +9,9 @@ use std::sync::Arc;
 use modulo_core::{Detection, Frame};
 use modulo_detector::{Detector, DetectorParameters};
 use modulo_msgs::std_msgs::Header;
-use modulo_runtime::{Context, Cue, Message, Node, ParameterSet as _, StampedFrame, SystemClock, Yield};
+use modulo_runtime::{
+    Context, Message, Node, ParameterSet as _, StampedFrame, StepOutput, SystemClock, Trigger,
+};
 use ndarray::Array3;
 
 const MODEL: &str = "models/yolov10n_dyn_w16.onnx";
@@ -37,8 +39,8 @@ fn look(detector: &mut Detector, frame: &Frame) -> (Vec<Detection>, Vec<(&'stati
     let mut cx = Context::new("/detector", &clock, &[true, true]);
     let image = StampedFrame { header: Header::default(), frame: frame.clone() };
     let message = Message::Image(Arc::new(image));
-    detector.step(Cue::Message { input: 0, message }, &mut cx).expect("a step");
-    let Yield { messages: sent, stages, .. } = cx.finish();
+    detector.step(Trigger::Message { input: 0, message }, &mut cx).expect("a step");
+    let StepOutput { messages: sent, stages, .. } = cx.finish();
     let array = sent.into_iter().find_map(|(_, message)| match message {
         Message::Detections(array) => Some(array),
         _ => None,
@@ -105,5 +107,5 @@ fn both_engines_say_the_same() {
         assert!(iou >= 0.99 && (other.score - one.score).abs() <= 0.002, "{one:?} against {other:?}");
     }
     let auto = detector(&model, "auto", &[]).expect("a detector");
-    assert!(auto.facts().contains(&("engine", "ort".to_owned())));
+    assert!(auto.status().contains(&("engine", "ort".to_owned())));
 }

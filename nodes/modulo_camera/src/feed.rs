@@ -2,7 +2,7 @@
 
 use modulo_bags::source::{self, Source, SourceFrame, SourceOptions};
 use modulo_images::White;
-use modulo_runtime::{Refusal, StepError};
+use modulo_runtime::{ParameterError, StepError};
 
 use crate::parameters::CameraParameters;
 
@@ -31,16 +31,17 @@ pub struct Reel {
 
 impl Feed {
     /// Opens what the parameter `source` names.
-    pub fn open(parameters: &CameraParameters) -> Result<Self, Refusal> {
+    pub fn open(parameters: &CameraParameters) -> Result<Self, ParameterError> {
         let (spec, white) = (&parameters.source, parameters.white as f32);
         if let Some(name) = spec.strip_prefix("topic:") {
-            let white = White::new(white).map_err(|why| Refusal::new("white", white, why.to_string()))?;
+            let white =
+                White::new(white).map_err(|why| ParameterError::new("white", white, why.to_string()))?;
             return Ok(Self::Topic { name: name.to_owned(), white });
         }
         let topic = Some(parameters.source_topic.clone()).filter(|t| !t.is_empty());
         let options = SourceOptions { white, topic };
-        let source =
-            source::open(spec, &options).map_err(|why| Refusal::new("source", spec, why.to_string()))?;
+        let source = source::open(spec, &options)
+            .map_err(|why| ParameterError::new("source", spec, why.to_string()))?;
         Ok(Self::Frames(Reel::new(source, parameters.r#loop)))
     }
 }

@@ -17,8 +17,8 @@ use modulo_core::Frame;
 use modulo_core::sensor::{Exposure, Sensor};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{
-    Context, Cue, Flow, Message, MessageKind, Node, Parameters, Refusal, StampedFrame, StepError, Topic,
-    sensor_info,
+    Context, Flow, Message, MessageKind, Node, ParameterError, Parameters, StampedFrame, StepError, Topic,
+    Trigger, sensor_info,
 };
 use ndarray::Array3;
 
@@ -51,21 +51,21 @@ impl ModuloCamera {
     /// Opens the source and prepares the sensor.
     ///
     /// # Errors
-    /// [`Refusal`] with the parameter that is not possible, such as a `source`
+    /// [`ParameterError`] with the parameter that is not possible, such as a `source`
     /// that is not there.
-    pub fn new(parameters: &CameraParameters) -> Result<Self, Refusal> {
+    pub fn new(parameters: &CameraParameters) -> Result<Self, ParameterError> {
         Self::with(Feed::open(parameters)?, parameters)
     }
 
     /// A camera over a source that is open already; the parameter `source` is not looked at.
     ///
     /// # Errors
-    /// [`Refusal`] with the parameter that is not possible.
-    pub fn over(source: Box<dyn Source>, parameters: &CameraParameters) -> Result<Self, Refusal> {
+    /// [`ParameterError`] with the parameter that is not possible.
+    pub fn over(source: Box<dyn Source>, parameters: &CameraParameters) -> Result<Self, ParameterError> {
         Self::with(Feed::Frames(Reel::new(source, parameters.r#loop)), parameters)
     }
 
-    fn with(feed: Feed, parameters: &CameraParameters) -> Result<Self, Refusal> {
+    fn with(feed: Feed, parameters: &CameraParameters) -> Result<Self, ParameterError> {
         Ok(Self {
             feed,
             sensor: parameters.sensor()?,
@@ -175,7 +175,7 @@ impl Node for ModuloCamera {
         }
     }
 
-    fn configure(&mut self, parameters: &Parameters) -> Result<(), Refusal> {
+    fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
         let parameters = CameraParameters::from(parameters);
         self.sensor = parameters.sensor()?;
         self.seed = parameters.seed.unsigned_abs();
@@ -185,25 +185,25 @@ impl Node for ModuloCamera {
         Ok(())
     }
 
-    fn step(&mut self, cue: Cue, cx: &mut Context<'_>) -> Result<Flow, StepError> {
-        match cue {
-            Cue::Tick => {
+    fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
+        match trigger {
+            Trigger::Tick => {
                 let Some(frame) = self.next_frame()? else { return Ok(Flow::Done) };
                 self.publish(&frame, cx)?;
             }
-            Cue::Message { message: Message::Image(image), .. } => {
+            Trigger::Message { message: Message::Image(image), .. } => {
                 let Feed::Topic { white, .. } = &mut self.feed else { return Ok(Flow::Continue) };
                 let radiance = white.radiance(&image.frame);
                 self.taken += 1;
                 self.sense(self.taken - 1, &radiance, &image.header, cx).map_err(StepError::Skip)?;
             }
-            Cue::Message { .. } => {}
+            Trigger::Message { .. } => {}
         }
         let over = self.limit.is_some_and(|limit| self.taken >= limit);
         Ok(if over { Flow::Done } else { Flow::Continue })
     }
 
-    fn facts(&self) -> Vec<(&'static str, String)> {
+    fn status(&self) -> Vec<(&'static str, String)> {
         vec![("role", "source".into()), ("frames", self.sensed.to_string())]
     }
 }

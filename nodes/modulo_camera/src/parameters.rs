@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use modulo_core::sensor::{Sensor, SensorConfig};
-use modulo_runtime::{ParameterSet as _, Refusal, SensorModel};
+use modulo_runtime::{ParameterError, ParameterSet as _, SensorModel};
 
 modulo_runtime::parameters! {
     /// The parameters of the `modulo_camera` node.
@@ -35,8 +35,8 @@ impl CameraParameters {
     /// The simulated sensor.
     ///
     /// # Errors
-    /// [`Refusal`] of the first parameter that is out of its range.
-    pub fn sensor(&self) -> Result<Sensor, Refusal> {
+    /// [`ParameterError`] of the first parameter that is out of its range.
+    pub fn sensor(&self) -> Result<Sensor, ParameterError> {
         self.check()?;
         let SensorModel { bits, alpha, .. } = self.sensor;
         let Self { read_noise, shot_noise, .. } = *self;

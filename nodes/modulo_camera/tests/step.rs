@@ -8,7 +8,8 @@ use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_core::Frame;
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{
-    Context, Cue, Flow, ManualClock, Message, Node, ParameterSet as _, StampedFrame, StepError, Yield,
+    Context, Flow, ManualClock, Message, Node, ParameterSet as _, StampedFrame, StepError, StepOutput,
+    Trigger,
 };
 use ndarray::Array3;
 
@@ -24,13 +25,13 @@ fn camera(changes: &[(&str, &str)]) -> ModuloCamera {
 
 fn step(
     node: &mut ModuloCamera,
-    cue: Cue,
+    trigger: Trigger,
     wanted: &[bool],
 ) -> Result<(Flow, Vec<(usize, Message)>), StepError> {
     let clock = ManualClock::at(5_000_000_007);
     let mut cx = Context::new("/modulo_camera", &clock, wanted);
-    let flow = node.step(cue, &mut cx)?;
-    let Yield { messages, .. } = cx.finish();
+    let flow = node.step(trigger, &mut cx)?;
+    let StepOutput { messages, .. } = cx.finish();
     Ok((flow, messages))
 }
 
@@ -52,7 +53,7 @@ fn ramp(folder: &Path) -> String {
 fn the_streams_follow_equation_one() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut node = camera(&[("source", &ramp(folder.path())), ("alpha", "2")]);
-    let (flow, sent) = step(&mut node, Cue::Tick, &ALL).expect("a frame");
+    let (flow, sent) = step(&mut node, Trigger::Tick, &ALL).expect("a frame");
     assert_eq!(flow, Flow::Continue);
     let [modulo, saturated] = [0, 1].map(|output| frame(&sent, output).frame.as_u8().expect("8 bits"));
     for j in 0..64 {
@@ -64,13 +65,13 @@ fn the_streams_follow_equation_one() {
     for output in 0..3 {
         assert_eq!(frame(&sent, output).header, expected);
     }
-    assert_eq!(step(&mut node, Cue::Tick, &ALL).expect("the end").0, Flow::Done);
+    assert_eq!(step(&mut node, Trigger::Tick, &ALL).expect("the end").0, Flow::Done);
 }
 
 #[test]
 fn a_scene_brings_its_truth_before_its_images() {
     let mut node = camera(&[("source", "scene://day?seed=3&frames=2&width=320&height=96")]);
-    let (_, sent) = step(&mut node, Cue::Tick, &ALL).expect("a frame");
+    let (_, sent) = step(&mut node, Trigger::Tick, &ALL).expect("a frame");
     let (output, Message::Detections(truth)) = &sent[0] else { panic!("truth comes first") };
     assert_eq!(*output, 3);
     assert!(!truth.detections.is_empty());
@@ -84,7 +85,7 @@ fn noise_depends_on_seed_and_frame_alone() {
         let mut node = camera(&[scene, ("read_noise", "3"), ("shot_noise", "0.1"), ("seed", seed)]);
         let mut last = None;
         for _ in 0..3 {
-            let (_, sent) = step(&mut node, Cue::Tick, wanted).expect("a frame");
+            let (_, sent) = step(&mut node, Trigger::Tick, wanted).expect("a frame");
             last = Some(frame(&sent, 0).frame.clone());
         }
         last
@@ -100,7 +101,7 @@ fn limit_loop_and_period_are_as_asked() {
     let source = ramp(folder.path());
     let mut node = camera(&[("source", &source), ("loop", "true"), ("frames", "3"), ("rate", "4")]);
     assert_eq!(node.period(), Some(Duration::from_millis(250)));
-    let flows: Vec<_> = (0..3).map(|_| step(&mut node, Cue::Tick, &ALL).expect("a frame").0).collect();
+    let flows: Vec<_> = (0..3).map(|_| step(&mut node, Trigger::Tick, &ALL).expect("a frame").0).collect();
     assert_eq!(flows, [Flow::Continue, Flow::Continue, Flow::Done]);
 }
 
@@ -113,8 +114,8 @@ fn a_topic_is_sensed_with_its_header() {
     let pixels = Array3::from_elem((2, 2, 1), 40_000u16);
     let image =
         Arc::new(StampedFrame { header: header.clone(), frame: Frame::from_u16(pixels).expect("a frame") });
-    let cue = Cue::Message { input: 0, message: Message::Image(image) };
-    let (_, sent) = step(&mut node, cue, &ALL).expect("a frame");
+    let trigger = Trigger::Message { input: 0, message: Message::Image(image) };
+    let (_, sent) = step(&mut node, trigger, &ALL).expect("a frame");
     assert_eq!(frame(&sent, 0).header, header);
     // 2 * 256 * 40000 / 65536 = 312.5
     assert_eq!(frame(&sent, 0).frame.as_u8().expect("8 bits")[(0, 0, 0)], 56);
@@ -166,7 +167,7 @@ fn it_goes_on_behind_the_last_frame() {
         let noisy = [("source", source), ("loop", repeat), ("read_noise", "3"), ("frames", "12")];
         let frames = |node: &mut ModuloCamera| {
             let mut sent = Vec::new();
-            while let Ok((flow, messages)) = step(node, Cue::Tick, &ALL) {
+            while let Ok((flow, messages)) = step(node, Trigger::Tick, &ALL) {
                 if !messages.is_empty() {
                     sent.push(frame(&messages, 0).frame.clone());
                 }
@@ -198,7 +199,8 @@ fn a_bad_image_is_skipped_and_a_source_without_a_good_one_ends() {
         }
         let source = folder.path().display().to_string();
         let mut node = camera(&[("source", &source), ("loop", repeat), ("frames", "7")]);
-        let steps: Vec<_> = (0..9).map(|_| step(&mut node, Cue::Tick, &ALL).map(|(flow, _)| flow)).collect();
+        let steps: Vec<_> =
+            (0..9).map(|_| step(&mut node, Trigger::Tick, &ALL).map(|(flow, _)| flow)).collect();
         let ended = steps.iter().position(|s| *s == Ok(Flow::Done) || matches!(s, Err(StepError::Fatal(_))));
         let skipped = steps.iter().take(ended.expect("it ends"));
         let skipped =

@@ -11,7 +11,7 @@ use modulo_runtime::bridge::{Direction, Route};
 use modulo_runtime::queue::{Keep, Limit, Next, Queue};
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::transport::{Guard, RawSample};
-use modulo_runtime::{Place, Qos, SystemClock};
+use modulo_runtime::{NodeName, Qos, SystemClock};
 use r2r::QosProfile;
 
 /// Results on their way to the DDS graph. Of images, only the newest one waits.
@@ -20,30 +20,30 @@ const RESULTS_WAITING: usize = 64;
 /// Forwards `route` while what is returned lives.
 pub fn forward(
     route: &Route,
-    place: &Place,
+    node_name: &NodeName,
     transport: &ZenohTransport,
     node: &mut r2r::Node,
 ) -> anyhow::Result<Option<Guard>> {
     match route.direction {
-        Direction::DdsToZenoh => inward(route, place, transport, node).map(|()| None),
-        Direction::ZenohToDds => outward(route, place, transport, node).map(Some),
+        Direction::DdsToZenoh => inward(route, node_name, transport, node).map(|()| None),
+        Direction::ZenohToDds => outward(route, node_name, transport, node).map(Some),
     }
 }
 
 fn inward(
     route: &Route,
-    place: &Place,
+    node_name: &NodeName,
     transport: &ZenohTransport,
     node: &mut r2r::Node,
 ) -> anyhow::Result<()> {
-    let outlet = transport.advertise_raw(place, &route.endpoint())?;
+    let publisher = transport.advertise_raw(node_name, &route.endpoint())?;
     let messages = node
         .subscribe_raw(&route.topic, &route.ros_type, profile(route.qos))
         .with_context(|| format!("subscription of {}", route.topic))?;
     // Ends with the node, which closes the stream.
     thread::spawn(move || {
         block_on(messages.for_each(|bytes| {
-            if let Err(why) = outlet.put(bytes) {
+            if let Err(why) = publisher.put(bytes) {
                 tracing::warn!("{why}");
             }
             futures::future::ready(())
@@ -54,7 +54,7 @@ fn inward(
 
 fn outward(
     route: &Route,
-    place: &Place,
+    node_name: &NodeName,
     transport: &ZenohTransport,
     node: &mut r2r::Node,
 ) -> anyhow::Result<Guard> {
@@ -78,8 +78,8 @@ fn outward(
         }
     });
     let end = EndQueue(queue.clone());
-    let guard =
-        transport.subscribe_raw(place, &route.endpoint(), move |sample| drop(queue.push(lane, sample)))?;
+    let guard = transport
+        .subscribe_raw(node_name, &route.endpoint(), move |sample| drop(queue.push(lane, sample)))?;
     Ok(Box::new((guard, end)))
 }
 

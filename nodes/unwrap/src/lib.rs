@@ -18,8 +18,8 @@ use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::{
-    Context, Cue, Flow, Message, MessageKind, Node, Parameters, Refusal, SensorModel, StampedFrame,
-    StepError, Topic,
+    Context, Flow, Message, MessageKind, Node, ParameterError, Parameters, SensorModel, StampedFrame,
+    StepError, Topic, Trigger,
 };
 use recovery::Tally;
 
@@ -58,8 +58,8 @@ impl UnwrapNode {
     /// Prepares the method that the parameters name.
     ///
     /// # Errors
-    /// [`Refusal`] with the parameter that is not possible.
-    pub fn new(parameters: &UnwrapParameters) -> Result<Self, Refusal> {
+    /// [`ParameterError`] with the parameter that is not possible.
+    pub fn new(parameters: &UnwrapParameters) -> Result<Self, ParameterError> {
         Ok(Self {
             parameters: parameters.clone(),
             method: parameters.method()?,
@@ -73,7 +73,7 @@ impl UnwrapNode {
     }
 
     /// Prepares for the sensor that made the frame of `stamp`.
-    fn prepare(&mut self, stamp: Time) -> Result<(), Refusal> {
+    fn prepare(&mut self, stamp: Time) -> Result<(), ParameterError> {
         let camera = self.described.of(stamp);
         let model = self.parameters.sensor.over(camera)?;
         if let Some(camera) = camera
@@ -168,7 +168,7 @@ impl Node for UnwrapNode {
         ]
     }
 
-    fn configure(&mut self, parameters: &Parameters) -> Result<(), Refusal> {
+    fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
         let (parameters, last) = (UnwrapParameters::from(parameters), &self.parameters);
         // A method has threads, and buffers of the size of an image: it stays where nothing of it has changed.
         if (parameters.method, parameters.options()) != (last.method, last.options()) {
@@ -182,21 +182,21 @@ impl Node for UnwrapNode {
         Ok(())
     }
 
-    fn step(&mut self, cue: Cue, cx: &mut Context<'_>) -> Result<Flow, StepError> {
-        match cue {
-            Cue::Message { message: Message::Image(modulo), .. }
+    fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
+        match trigger {
+            Trigger::Message { message: Message::Image(modulo), .. }
                 if cx.wanted(RECOVERED) || cx.wanted(HDR) =>
             {
                 self.take(modulo, cx)
             }
-            Cue::Message { message: Message::Diagnostics(info), .. } => self.describe(&info, cx),
-            Cue::Message { .. } | Cue::Tick => Ok(Flow::Continue),
+            Trigger::Message { message: Message::Diagnostics(info), .. } => self.describe(&info, cx),
+            Trigger::Message { .. } | Trigger::Tick => Ok(Flow::Continue),
         }
     }
 
-    fn facts(&self) -> Vec<(&'static str, String)> {
-        let mut facts = vec![("method", self.method.name().to_owned())];
-        facts.extend(self.tally.facts());
-        facts
+    fn status(&self) -> Vec<(&'static str, String)> {
+        let mut status = vec![("method", self.method.name().to_owned())];
+        status.extend(self.tally.status());
+        status
     }
 }

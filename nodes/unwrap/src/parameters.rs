@@ -3,7 +3,7 @@
 use modulo_core::MAX_THREADS;
 use modulo_core::unwrap::{Method, Options, ThresholdOn, TrustLimits, Unwrap, UnwrapError};
 use modulo_runtime::sensor_parameters::SensorOverride;
-use modulo_runtime::{ParameterSet as _, Refusal};
+use modulo_runtime::{ParameterError, ParameterSet as _};
 
 modulo_runtime::parameters! {
     /// The parameters of the `unwrap` node.
@@ -45,10 +45,10 @@ impl UnwrapParameters {
     }
 
     /// The unwrapping method with its options.
-    pub(crate) fn method(&self) -> Result<Box<dyn Unwrap>, Refusal> {
+    pub(crate) fn method(&self) -> Result<Box<dyn Unwrap>, ParameterError> {
         self.check()?;
         // What is left of the errors is the machine's: it may have no more threads to give.
-        let refuse = |why: UnwrapError| Refusal::new("threads", self.threads, why.to_string());
+        let refuse = |why: UnwrapError| ParameterError::new("threads", self.threads, why.to_string());
         self.method.build(&self.options()).map_err(refuse)
     }
 }

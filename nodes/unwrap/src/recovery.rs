@@ -23,7 +23,7 @@ impl Tally {
     }
 
     /// `("rungs", "lines 58, gradient_tree 2")` and `("trusted", "58 of 60 frames")`; nothing before the first frame.
-    pub fn facts(&self) -> Vec<(&'static str, String)> {
+    pub fn status(&self) -> Vec<(&'static str, String)> {
         let frames: u64 = self.rungs.values().sum();
         if frames == 0 {
             return Vec::new();

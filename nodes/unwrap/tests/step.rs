@@ -6,8 +6,8 @@ use modulo_core::sensor::{Sensor, SensorConfig};
 use modulo_core::{Frame, Psf};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{
-    Context, Cue, Flow, ManualClock, Message, Node, ParameterSet, Parameters, SensorModel, StampedFrame,
-    StepError, Yield, sensor_info,
+    Context, Flow, ManualClock, Message, Node, ParameterSet, Parameters, SensorModel, StampedFrame,
+    StepError, StepOutput, Trigger, sensor_info,
 };
 use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 use ndarray::Array3;
@@ -50,9 +50,9 @@ fn step_as(
     let clock = ManualClock::at(0);
     let mut cx = Context::new(name, &clock, wanted);
     let image = Arc::new(StampedFrame { header: header(), frame });
-    let flow = node.step(Cue::Message { input: 0, message: Message::Image(image) }, &mut cx)?;
+    let flow = node.step(Trigger::Message { input: 0, message: Message::Image(image) }, &mut cx)?;
     assert_eq!(flow, Flow::Continue);
-    let Yield { messages, .. } = cx.finish();
+    let StepOutput { messages, .. } = cx.finish();
     Ok(messages)
 }
 
@@ -120,8 +120,8 @@ fn each_frame_is_described_with_its_own_stamp_and_counted() {
         panic!("a description is expected: {sent:?}")
     };
     assert!(said.status[0].values.iter().all(|pair| pair.key != "trusted"), "itoh makes no claim");
-    let facts = node.facts();
-    assert!(facts.contains(&("trusted", "1 of 2 frames".to_owned())), "{facts:?}");
+    let status = node.status();
+    assert!(status.contains(&("trusted", "1 of 2 frames".to_owned())), "{status:?}");
 }
 
 #[test]
@@ -203,7 +203,7 @@ fn each_frame_is_unwrapped_with_the_sensor_that_made_it() {
     let clock = ManualClock::at(0);
     let mut feed = |input, message| {
         let mut cx = Context::new("/unwrap", &clock, &[true, false, false]);
-        let flow = node.step(Cue::Message { input, message }, &mut cx);
+        let flow = node.step(Trigger::Message { input, message }, &mut cx);
         (flow, cx.finish().messages)
     };
     let (modulo, ideal) = exposure(8);

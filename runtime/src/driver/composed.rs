@@ -7,10 +7,10 @@ use std::thread;
 use super::RunError;
 use super::live::{self, Subject};
 use crate::clock::Clock;
-use crate::name::Place;
+use crate::name::NodeName;
 use crate::node::Node;
 use crate::node_time::is_simulated;
-use crate::parameter::{Parameters, Refusal};
+use crate::parameter::{ParameterError, Parameters};
 use crate::report::NodeReport;
 use crate::stop::{Stop, Urgency};
 use crate::transport::local::LocalTransport;
@@ -31,7 +31,7 @@ pub struct Member {
     /// Its parameters.
     pub parameters: Parameters,
     /// Its name and remaps.
-    pub place: Place,
+    pub node_name: NodeName,
     /// What its end means for the others.
     pub on_exit: OnExit,
 }
@@ -56,7 +56,7 @@ impl Drop for AskOnDrop {
 pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<Vec<NodeReport>, RunError> {
     if members.iter().any(|member| is_simulated(&member.parameters)) {
         let why = "nobody in this one process tells the time on /clock; start the nodes as processes";
-        return Err(Refusal::new("use_sim_time", true, why).into());
+        return Err(ParameterError::new("use_sim_time", true, why).into());
     }
     let transport = LocalTransport::default();
     thread::scope(|scope| {
@@ -65,8 +65,8 @@ pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<
             .map(|member| {
                 let (transport, stop) = (&transport, stop.clone());
                 scope.spawn(move || {
-                    let Member { node, parameters, place, on_exit } = member;
-                    let subject = Subject { node, parameters, place, saved: None, report_file: None };
+                    let Member { node, parameters, node_name, on_exit } = member;
+                    let subject = Subject { node, parameters, node_name, saved: None, report_file: None };
                     let mut end = AskOnDrop { stop: stop.clone(), urgency: Urgency::Now };
                     let result = live::run(subject, transport, clock, stop);
                     end.urgency = match (&result, on_exit) {

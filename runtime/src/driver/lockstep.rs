@@ -3,11 +3,11 @@
 
 use std::collections::VecDeque;
 
-use super::{RunError, addresses, facts_of};
+use super::{RunError, addresses, status_of};
 use crate::clock::{Clock, ManualClock};
 use crate::message::Message;
-use crate::name::Place;
-use crate::node::{Context, Cue, Flow, Node, StepError, Yield};
+use crate::name::NodeName;
+use crate::node::{Context, Flow, Node, StepError, StepOutput, Trigger};
 use crate::report::{NodeReport, add};
 use crate::transport::Address;
 
@@ -41,10 +41,15 @@ impl<'a> Lockstep<'a> {
     ///
     /// # Errors
     /// [`RunError::Name`] when one of its topics is no ROS name.
-    pub fn add(&mut self, node: Box<dyn Node>, place: &Place) -> Result<(), RunError> {
-        let inputs = addresses(place, &node.inputs())?;
-        let outputs = addresses(place, &node.outputs())?;
-        self.members.push(Member { node, inputs, outputs, report: NodeReport::new(place.fully_qualified()) });
+    pub fn add(&mut self, node: Box<dyn Node>, node_name: &NodeName) -> Result<(), RunError> {
+        let inputs = addresses(node_name, &node.inputs())?;
+        let outputs = addresses(node_name, &node.outputs())?;
+        self.members.push(Member {
+            node,
+            inputs,
+            outputs,
+            report: NodeReport::new(node_name.fully_qualified()),
+        });
         Ok(())
     }
 
@@ -56,7 +61,7 @@ impl<'a> Lockstep<'a> {
     pub fn tick(&mut self, member: usize, now_ns: u64) -> Result<Option<Vec<OnTopic>>, RunError> {
         self.stages.clear();
         let mut pending = VecDeque::new();
-        let flow = self.step(member, Cue::Tick, "source", now_ns, &mut pending)?;
+        let flow = self.step(member, Trigger::Tick, "source", now_ns, &mut pending)?;
         let out = self.carry(pending, now_ns)?;
         Ok((flow == Flow::Continue || !out.is_empty()).then_some(out))
     }
@@ -81,7 +86,7 @@ impl<'a> Lockstep<'a> {
         self.members
             .into_iter()
             .map(|mut member| {
-                member.report.facts.extend(facts_of(&*member.node));
+                member.report.status.extend(status_of(&*member.node));
                 member.report
             })
             .collect()
@@ -97,8 +102,8 @@ impl<'a> Lockstep<'a> {
                     continue;
                 };
                 add(&mut self.members[index].report.received, &topic, 1);
-                let cue = Cue::Message { input, message: message.clone() };
-                self.step(index, cue, &topic, now_ns, &mut pending)?;
+                let trigger = Trigger::Message { input, message: message.clone() };
+                self.step(index, trigger, &topic, now_ns, &mut pending)?;
             }
             if self.recorded.contains(&topic) {
                 out.push((topic, message));
@@ -110,7 +115,7 @@ impl<'a> Lockstep<'a> {
     fn step(
         &mut self,
         index: usize,
-        cue: Cue,
+        trigger: Trigger,
         topic: &str,
         now_ns: u64,
         pending: &mut VecDeque<OnTopic>,
@@ -119,13 +124,15 @@ impl<'a> Lockstep<'a> {
             self.members[index].outputs.iter().map(|a| self.is_wanted(&a.topic)).collect();
         let clock = StepClock { now: ManualClock::at(now_ns), timer: self.timer };
         let member = &mut self.members[index];
-        let stream = match &cue {
-            Cue::Message { input, .. } => member.node.inputs().get(*input).map(|topic| topic.name.clone()),
-            Cue::Tick => None,
+        let stream = match &trigger {
+            Trigger::Message { input, .. } => {
+                member.node.inputs().get(*input).map(|topic| topic.name.clone())
+            }
+            Trigger::Tick => None,
         };
         let mut cx = Context::new(&member.report.node, &clock, &wanted);
-        let result = member.node.step(cue, &mut cx);
-        let Yield { messages, stages, .. } = cx.finish();
+        let result = member.node.step(trigger, &mut cx);
+        let StepOutput { messages, stages, .. } = cx.finish();
         for (stage, duration) in stages {
             member.report.book_stage(stage, duration);
             self.stages.push((stage, duration));

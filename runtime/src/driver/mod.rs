@@ -9,9 +9,9 @@ pub mod lockstep;
 use std::time::Duration;
 
 use crate::message::MessageKind;
-use crate::name::{NameError, Place};
+use crate::name::{NameError, NodeName};
 use crate::node::Node;
-use crate::parameter::{Parameters, Refusal};
+use crate::parameter::{ParameterError, Parameters};
 use crate::topic::Topic;
 use crate::transport::{Address, TransportError};
 
@@ -26,7 +26,7 @@ pub enum RunError {
     Transport(#[from] TransportError),
     /// A parameter was refused at the start.
     #[error(transparent)]
-    Parameter(#[from] Refusal),
+    Parameter(#[from] ParameterError),
     /// The step cannot go on.
     #[error("{node}: {why}")]
     Fatal {
@@ -60,18 +60,18 @@ crate::parameters! {
     }
 }
 
-fn wait_for(place: &Place, parameters: &Parameters) -> Result<(Vec<String>, Duration), NameError> {
+fn wait_for(node_name: &NodeName, parameters: &Parameters) -> Result<(Vec<String>, Duration), NameError> {
     let CommonParameters { wait_for, wait_timeout, .. } = parameters.into();
-    let names = wait_for.iter().map(|name| place.resolve(name)).collect::<Result<_, _>>()?;
+    let names = wait_for.iter().map(|name| node_name.resolve(name)).collect::<Result<_, _>>()?;
     Ok((names, Duration::from_secs_f64(wait_timeout)))
 }
 
-fn addresses(place: &Place, topics: &[Topic]) -> Result<Vec<Address>, NameError> {
-    topics.iter().map(|topic| Address::resolve(place, topic)).collect()
+fn addresses(node_name: &NodeName, topics: &[Topic]) -> Result<Vec<Address>, NameError> {
+    topics.iter().map(|topic| Address::resolve(node_name, topic)).collect()
 }
 
-fn facts_of(node: &dyn Node) -> impl Iterator<Item = (String, String)> {
-    node.facts().into_iter().map(|(key, value)| (key.to_owned(), value))
+fn status_of(node: &dyn Node) -> impl Iterator<Item = (String, String)> {
+    node.status().into_iter().map(|(key, value)| (key.to_owned(), value))
 }
 
 fn keeps_latest(kind: MessageKind) -> bool {

@@ -7,26 +7,27 @@ use modulo_msgs::std_msgs::Time;
 
 use crate::driver::RunError;
 use crate::message::{Message, MessageKind};
-use crate::name::Place;
+use crate::name::NodeName;
 use crate::parameter::Parameters;
 use crate::parameter::service::to_ros;
 use crate::topic::Topic;
-use crate::transport::{Address, Outlet, Transport};
+use crate::transport::{Address, Publisher, Transport};
 
 /// The `/parameter_events` publisher of one node.
 pub struct ParameterEvents {
     node: String,
-    outlet: Box<dyn Outlet>,
+    publisher: Box<dyn Publisher>,
 }
 
 impl ParameterEvents {
-    /// Advertises `/parameter_events` for the node at `place`.
+    /// Advertises `/parameter_events` for the node `node_name`.
     ///
     /// # Errors
     /// [`RunError`] when the carrier refuses.
-    pub fn new(place: &Place, transport: &dyn Transport) -> Result<Self, RunError> {
-        let address = Address::resolve(place, &Topic::new("/parameter_events", MessageKind::ParameterEvent))?;
-        Ok(Self { node: place.fully_qualified(), outlet: transport.advertise(place, &address)? })
+    pub fn new(node_name: &NodeName, transport: &dyn Transport) -> Result<Self, RunError> {
+        let address =
+            Address::resolve(node_name, &Topic::new("/parameter_events", MessageKind::ParameterEvent))?;
+        Ok(Self { node: node_name.fully_qualified(), publisher: transport.advertise(node_name, &address)? })
     }
 
     /// All parameters are new: the node has started.
@@ -49,7 +50,7 @@ impl ParameterEvents {
         let stamp = Time::from_ns(now_ns);
         let mut event = ParameterEvent { stamp, node: self.node.clone(), ..ParameterEvent::default() };
         fill(&mut event);
-        if let Err(why) = self.outlet.put(&Message::ParameterEvent(Arc::new(event))) {
+        if let Err(why) = self.publisher.put(&Message::ParameterEvent(Arc::new(event))) {
             tracing::debug!("{why}");
         }
     }
@@ -65,19 +66,19 @@ mod tests {
 
     use super::*;
     use crate::parameter::{ParameterSet as _, Value, sample::Set};
-    use crate::transport::Parcel;
+    use crate::transport::Incoming;
     use crate::transport::local::LocalTransport;
 
     #[test]
     fn starts_and_changes_are_told_and_nothing_else() {
         let transport = LocalTransport::default();
-        let place = Place { name: "detector".into(), namespace: "/front".into(), remaps: Vec::new() };
+        let node_name = NodeName { name: "detector".into(), namespace: "/front".into(), remaps: Vec::new() };
         let topic = Topic::new("/parameter_events", MessageKind::ParameterEvent);
-        let address = Address::resolve(&place, &topic).expect("a name");
+        let address = Address::resolve(&node_name, &topic).expect("a name");
         let (sender, arrived) = channel();
-        let deliver = Box::new(move |parcel| sender.send(parcel).expect("the test listens"));
-        let _subscription = transport.subscribe(&place, &address, deliver).expect("a local topic");
-        let events = ParameterEvents::new(&place, &transport).expect("a local topic");
+        let deliver = Box::new(move |incoming| sender.send(incoming).expect("the test listens"));
+        let _subscription = transport.subscribe(&node_name, &address, deliver).expect("a local topic");
+        let events = ParameterEvents::new(&node_name, &transport).expect("a local topic");
 
         let before = Parameters::declare(Set::descriptors());
         let after = before.with(&[("angle".into(), Value::Double(2.0))], true).expect("possible");
@@ -86,7 +87,7 @@ mod tests {
         events.changed(7, &before, &after);
 
         let next = || match arrived.try_recv() {
-            Ok(Parcel::Message(Message::ParameterEvent(event))) => Some(event),
+            Ok(Incoming::Message(Message::ParameterEvent(event))) => Some(event),
             _ => None,
         };
         let started = next().expect("the start");

@@ -17,7 +17,7 @@ use std::path::Path;
 use modulo_msgs::rcl_interfaces::ParameterValue;
 use saphyr::Yaml as Node;
 
-use crate::name::Place;
+use crate::name::NodeName;
 use crate::parameter::text::{self, Yaml};
 use crate::parameter::yaml_text;
 use crate::ros_args::ArgsError;
@@ -25,24 +25,24 @@ use crate::ros_args::ArgsError;
 /// The key under which a node's parameters stand.
 const PARAMETERS: &str = "ros__parameters";
 
-/// The parameters in the file at `path` for the node at `place`, as (name,
+/// The parameters in the file at `path` for the node `node_name`, as (name,
 /// text), in order.
 ///
 /// # Errors
 /// [`ArgsError::File`] when it cannot be read or is no parameter file.
-pub fn read(path: &Path, place: &Place) -> Result<Vec<(String, String)>, ArgsError> {
+pub fn read(path: &Path, node_name: &NodeName) -> Result<Vec<(String, String)>, ArgsError> {
     let wrong = |why: String| ArgsError::File { path: path.display().to_string(), why };
     let text = std::fs::read_to_string(path).map_err(|why| wrong(why.to_string()))?;
-    parse(&text, place).map_err(wrong)
+    parse(&text, node_name).map_err(wrong)
 }
 
-fn parse(text: &str, place: &Place) -> Result<Vec<(String, String)>, String> {
+fn parse(text: &str, node_name: &NodeName) -> Result<Vec<(String, String)>, String> {
     let documents = yaml_text::documents(text)?;
     let mut found = Vec::new();
     match documents.first() {
         Some(Node::Mapping(nodes)) if documents.len() == 1 => {
             for (name, body) in nodes {
-                node(&key(name)?, body, place, &mut found)?;
+                node(&key(name)?, body, node_name, &mut found)?;
             }
             Ok(found)
         }
@@ -54,7 +54,7 @@ fn parse(text: &str, place: &Place) -> Result<Vec<(String, String)>, String> {
 fn node(
     pattern: &str,
     body: &Node<'_>,
-    place: &Place,
+    node_name: &NodeName,
     found: &mut Vec<(String, String)>,
 ) -> Result<(), String> {
     let Node::Mapping(entries) = body else {
@@ -63,7 +63,7 @@ fn node(
     for (name, value) in entries {
         let name = key(name)?;
         if name != PARAMETERS {
-            node(&format!("{pattern}/{name}"), value, place, found)?;
+            node(&format!("{pattern}/{name}"), value, node_name, found)?;
             continue;
         }
         let Node::Mapping(parameters) = value else {
@@ -72,7 +72,7 @@ fn node(
         for (name, value) in parameters {
             let mut all = Vec::new();
             flatten(&key(name)?, value, &mut all)?;
-            found.extend(all.into_iter().filter(|_| matches(pattern, place)));
+            found.extend(all.into_iter().filter(|_| matches(pattern, node_name)));
         }
     }
     Ok(())
@@ -86,8 +86,8 @@ fn key(node: &Node<'_>) -> Result<String, String> {
 }
 
 /// Whether the name of a node in a file, with `*` for one part of a name and
-/// `**` for any number, means the node at `place`.
-fn matches(pattern: &str, place: &Place) -> bool {
+/// `**` for any number, means the node `node_name`.
+fn matches(pattern: &str, node_name: &NodeName) -> bool {
     fn all(pattern: &[&str], name: &[&str]) -> bool {
         match (pattern, name) {
             ([], []) => true,
@@ -97,7 +97,7 @@ fn matches(pattern: &str, place: &Place) -> bool {
             _ => false,
         }
     }
-    all(&parts(pattern), &parts(&place.fully_qualified()))
+    all(&parts(pattern), &parts(&node_name.fully_qualified()))
 }
 
 fn parts(name: &str) -> Vec<&str> {
@@ -160,7 +160,7 @@ mod tests {
     use crate::parameter::service::to_ros;
 
     fn read(text: &str) -> Result<Vec<(String, String)>, String> {
-        parse(text, &Place::new("eye", "/car", &[]).expect("valid"))
+        parse(text, &NodeName::new("eye", "/car", &[]).expect("valid"))
     }
 
     fn pairs(expected: &[(&str, &str)]) -> Vec<(String, String)> {
@@ -170,7 +170,7 @@ mod tests {
     /// The rule of `rclcpp`: `/*` is one part of a name, `/**` any number.
     #[test]
     fn wildcards_mean_what_they_mean_in_ros() {
-        let place = Place::new("eye", "/car", &[]).expect("valid");
+        let node_name = NodeName::new("eye", "/car", &[]).expect("valid");
         for (pattern, meant) in [
             ("/**", true),
             ("**", true),
@@ -190,7 +190,7 @@ mod tests {
             ("/**/ear", false),
             ("/ca*/eye", false),
         ] {
-            assert_eq!(matches(pattern, &place), meant, "{pattern}");
+            assert_eq!(matches(pattern, &node_name), meant, "{pattern}");
         }
     }
 

@@ -56,7 +56,7 @@ pub struct Descriptor {
 /// Why a parameter was refused: one line with name, value and remedy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("parameter '{name}' = {value}: {why}")]
-pub struct Refusal {
+pub struct ParameterError {
     /// The parameter.
     pub name: String,
     /// The value that was offered.
@@ -65,7 +65,7 @@ pub struct Refusal {
     pub why: String,
 }
 
-impl Refusal {
+impl ParameterError {
     /// A refusal of `value` for `name`.
     pub fn new(name: impl Into<String>, value: impl fmt::Display, why: impl Into<String>) -> Self {
         Self { name: name.into(), value: value.to_string(), why: why.into() }
@@ -84,10 +84,10 @@ impl Descriptor {
     /// Checks type and range, and converts where that loses nothing.
     ///
     /// # Errors
-    /// [`Refusal`] with what is possible.
-    pub fn accept(&self, value: Value) -> Result<Value, Refusal> {
+    /// [`ParameterError`] with what is possible.
+    pub fn accept(&self, value: Value) -> Result<Value, ParameterError> {
         let shown = value.to_string();
-        let refuse = |why: String| Refusal::new(self.name, &shown, why);
+        let refuse = |why: String| ParameterError::new(self.name, &shown, why);
         let given = value.type_name();
         let value = value
             .coerced(&self.default)
@@ -139,13 +139,17 @@ impl Parameters {
     /// is refused. `started` refuses changes of read-only parameters.
     ///
     /// # Errors
-    /// [`Refusal`] of the first change that is not possible.
-    pub fn with(&self, changes: &[(String, Value)], started: bool) -> Result<Self, Refusal> {
+    /// [`ParameterError`] of the first change that is not possible.
+    pub fn with(&self, changes: &[(String, Value)], started: bool) -> Result<Self, ParameterError> {
         let mut next = self.clone();
         for (name, value) in changes {
             let descriptor = self.descriptor(name).ok_or_else(|| self.unknown(name, value))?;
             if started && descriptor.read_only {
-                return Err(Refusal::new(name, value, "is read-only: set it when the node is started"));
+                return Err(ParameterError::new(
+                    name,
+                    value,
+                    "is read-only: set it when the node is started",
+                ));
             }
             next.values.insert(descriptor.name, descriptor.accept(value.clone())?);
         }
@@ -155,15 +159,15 @@ impl Parameters {
     /// As [`Parameters::with`] for values given as text, before the start.
     ///
     /// # Errors
-    /// [`Refusal`] of the first one that is not possible.
-    pub fn with_text<S: AsRef<str>>(&self, changes: &[(S, S)]) -> Result<Self, Refusal> {
+    /// [`ParameterError`] of the first one that is not possible.
+    pub fn with_text<S: AsRef<str>>(&self, changes: &[(S, S)]) -> Result<Self, ParameterError> {
         let typed: Result<Vec<_>, _> = changes
             .iter()
             .map(|(name, text)| {
                 let (name, text) = (name.as_ref(), text.as_ref());
                 let descriptor = self.descriptor(name).ok_or_else(|| self.unknown(name, text))?;
                 let value = descriptor.default.parse_like(text).ok_or_else(|| {
-                    Refusal::new(name, text, format!("is not a {}", descriptor.default.type_name()))
+                    ParameterError::new(name, text, format!("is not a {}", descriptor.default.type_name()))
                 })?;
                 Ok((name.to_owned(), value))
             })
@@ -171,9 +175,9 @@ impl Parameters {
         self.with(&typed?, false)
     }
 
-    fn unknown(&self, name: &str, value: impl fmt::Display) -> Refusal {
+    fn unknown(&self, name: &str, value: impl fmt::Display) -> ParameterError {
         let known: Vec<_> = self.declared.iter().map(|d| d.name).collect();
-        Refusal::new(name, value, format!("unknown parameter, known are {}", known.join(", ")))
+        ParameterError::new(name, value, format!("unknown parameter, known are {}", known.join(", ")))
     }
 }
 
@@ -217,7 +221,7 @@ mod tests {
         Parameters::declare(Set::descriptors())
     }
 
-    fn text(name: &str, value: &str) -> Result<Parameters, Refusal> {
+    fn text(name: &str, value: &str) -> Result<Parameters, ParameterError> {
         set().with_text(&[(name, value)])
     }
 

@@ -13,7 +13,7 @@ use modulo_msgs::rcl_interfaces::{
     SetParametersRequest, SetParametersResponse, SetParametersResult,
 };
 
-use crate::parameter::{Allowed, Descriptor, Refusal, Value};
+use crate::parameter::{Allowed, Descriptor, ParameterError, Value};
 use crate::transport::{Claim, ParameterPort, ParameterRequest};
 
 /// How long a caller waits for the node to finish the frame at hand and to take the request.
@@ -115,18 +115,18 @@ fn set(parameters: Vec<Parameter>, port: &ParameterPort) -> SetParametersResult 
     }
 }
 
-fn change(parameters: Vec<Parameter>, port: &ParameterPort) -> Result<(), Refusal> {
+fn change(parameters: Vec<Parameter>, port: &ParameterPort) -> Result<(), ParameterError> {
     let changes = parameters
         .into_iter()
         .map(|p| match from_ros(p.value) {
             Ok(value) => Ok((p.name, value)),
             Err(kind) => {
-                Err(Refusal::new(p.name, format!("of type {kind}"), "type is not used by this node"))
+                Err(ParameterError::new(p.name, format!("of type {kind}"), "type is not used by this node"))
             }
         })
         .collect::<Result<Vec<_>, _>>()?;
     let shown = changes.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
-    let ended = |why: &str| Refusal::new(shown.clone(), "?", why);
+    let ended = |why: &str| ParameterError::new(shown.clone(), "?", why);
     let (answer, verdict) = channel();
     let claim = Claim::default();
     let request = ParameterRequest { changes, answer, claim: claim.clone() };

@@ -4,7 +4,7 @@
 
 use std::ops::RangeInclusive;
 
-use super::{Allowed, Descriptor, Parameters, Refusal, Value};
+use super::{Allowed, Descriptor, ParameterError, Parameters, Value};
 
 /// A struct whose fields are parameters, made by [`parameters!`](crate::parameters).
 pub trait ParameterSet: Default + for<'a> From<&'a Parameters> {
@@ -17,8 +17,8 @@ pub trait ParameterSet: Default + for<'a> From<&'a Parameters> {
     /// Checks every field against its declaration. Fields are public, so a node calls this before it uses them.
     ///
     /// # Errors
-    /// [`Refusal`] of the first value that is out of its range.
-    fn check(&self) -> Result<(), Refusal> {
+    /// [`ParameterError`] of the first value that is out of its range.
+    fn check(&self) -> Result<(), ParameterError> {
         let mut all = Self::descriptors().into_iter().zip(self.values());
         all.try_for_each(|(descriptor, value)| descriptor.accept(value).map(|_| ()))
     }
@@ -26,8 +26,8 @@ pub trait ParameterSet: Default + for<'a> From<&'a Parameters> {
     /// The set that (name, text) pairs give; every other parameter has its default.
     ///
     /// # Errors
-    /// [`Refusal`] of the first pair that is not possible.
-    fn from_text<S: AsRef<str>>(pairs: &[(S, S)]) -> Result<Self, Refusal> {
+    /// [`ParameterError`] of the first pair that is not possible.
+    fn from_text<S: AsRef<str>>(pairs: &[(S, S)]) -> Result<Self, ParameterError> {
         Ok(Self::from(&Parameters::declare(Self::descriptors()).with_text(pairs)?))
     }
 

@@ -6,9 +6,9 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use super::{Address, Deliver, Guard, Outlet, ParameterPort, Parcel, Transport, TransportError};
+use super::{Address, Deliver, Guard, Incoming, ParameterPort, Publisher, Transport, TransportError};
 use crate::message::Message;
-use crate::name::Place;
+use crate::name::NodeName;
 
 /// The graph of one process. Clones share it.
 #[derive(Clone, Default)]
@@ -52,7 +52,7 @@ impl LocalTransport {
     }
 }
 
-impl Outlet for LocalOutlet {
+impl Publisher for LocalOutlet {
     fn wanted(&self) -> bool {
         self.transport.graph().subscribers.get(&self.topic).is_some_and(|s| !s.is_empty())
     }
@@ -60,14 +60,14 @@ impl Outlet for LocalOutlet {
     fn put(&self, message: &Message) -> Result<(), TransportError> {
         let graph = self.transport.graph();
         for subscriber in graph.subscribers.get(&self.topic).into_iter().flatten() {
-            (subscriber.deliver)(Parcel::Message(message.clone()));
+            (subscriber.deliver)(Incoming::Message(message.clone()));
         }
         Ok(())
     }
 }
 
 impl Transport for LocalTransport {
-    fn advertise(&self, node: &Place, address: &Address) -> Result<Box<dyn Outlet>, TransportError> {
+    fn advertise(&self, node: &NodeName, address: &Address) -> Result<Box<dyn Publisher>, TransportError> {
         let topic = address.topic.clone();
         let entry = (topic.clone(), node.fully_qualified());
         self.graph().publishers.push(entry.clone());
@@ -81,7 +81,12 @@ impl Transport for LocalTransport {
         Ok(Box::new(LocalOutlet { transport: self.clone(), topic, _gone: Box::new(gone) }))
     }
 
-    fn subscribe(&self, node: &Place, address: &Address, deliver: Deliver) -> Result<Guard, TransportError> {
+    fn subscribe(
+        &self,
+        node: &NodeName,
+        address: &Address,
+        deliver: Deliver,
+    ) -> Result<Guard, TransportError> {
         let mut graph = self.graph();
         let id = graph.next_id;
         graph.next_id += 1;
@@ -95,7 +100,7 @@ impl Transport for LocalTransport {
         })))
     }
 
-    fn announce(&self, node: &Place) -> Result<Guard, TransportError> {
+    fn announce(&self, node: &NodeName) -> Result<Guard, TransportError> {
         let name = node.fully_qualified();
         self.graph().nodes.push(name.clone());
         let transport = self.clone();
@@ -103,7 +108,7 @@ impl Transport for LocalTransport {
     }
 
     /// Nobody outside the process can reach a local node.
-    fn serve_parameters(&self, _node: &Place, port: ParameterPort) -> Result<Guard, TransportError> {
+    fn serve_parameters(&self, _node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError> {
         Ok(Box::new(port))
     }
 
@@ -139,27 +144,27 @@ mod tests {
     #[test]
     fn declarations_end_with_their_guards() {
         let transport = LocalTransport::default();
-        let node = Place::new("n", "/", &[]).expect("valid");
+        let node = NodeName::new("n", "/", &[]).expect("valid");
         let address = Address { topic: "/t".into(), kind: MessageKind::Detections, qos: Qos::Results };
-        let outlet = transport.advertise(&node, &address).expect("local");
-        assert!(!outlet.wanted() && transport.publishers("/t") == ["/n"] && !transport.is_ready("/n"));
+        let publisher = transport.advertise(&node, &address).expect("local");
+        assert!(!publisher.wanted() && transport.publishers("/t") == ["/n"] && !transport.is_ready("/n"));
 
         let (sender, arrived) = channel();
-        let deliver = Box::new(move |parcel| sender.send(parcel).expect("the test listens"));
+        let deliver = Box::new(move |incoming| sender.send(incoming).expect("the test listens"));
         let subscription = transport.subscribe(&node, &address, deliver).expect("local");
         let ready = transport.announce(&node).expect("local");
-        assert!(outlet.wanted() && transport.is_ready("/n") && transport.subscribers("/t") == ["/n"]);
+        assert!(publisher.wanted() && transport.is_ready("/n") && transport.subscribers("/t") == ["/n"]);
 
         let array = Arc::new(Detection2DArray::default());
-        outlet.put(&Message::Detections(array.clone())).expect("local");
-        let Ok(Parcel::Message(Message::Detections(got))) = arrived.try_recv() else {
+        publisher.put(&Message::Detections(array.clone())).expect("local");
+        let Ok(Incoming::Message(Message::Detections(got))) = arrived.try_recv() else {
             panic!("the message must have arrived")
         };
         assert!(Arc::ptr_eq(&got, &array), "shared, not copied");
 
         drop((subscription, ready));
-        assert!(!outlet.wanted() && !transport.is_ready("/n"));
-        drop(outlet);
+        assert!(!publisher.wanted() && !transport.is_ready("/n"));
+        drop(publisher);
         assert!(transport.publishers("/t").is_empty());
     }
 }

@@ -16,8 +16,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
 
 use crate::message::{DecodeError, Message, MessageKind};
-use crate::name::{NameError, Place};
-use crate::parameter::{Parameters, Refusal, Value};
+use crate::name::{NameError, NodeName};
+use crate::parameter::{ParameterError, Parameters, Value};
 use crate::queue::Queued;
 use crate::topic::{Qos, Topic};
 use attachment::Attachment;
@@ -35,12 +35,12 @@ pub struct Address {
 }
 
 impl Address {
-    /// The address of `topic` for the node at `place`: its name made absolute and remapped.
+    /// The address of `topic` for the node `node_name`: its name made absolute and remapped.
     ///
     /// # Errors
     /// [`NameError`] when the name is not a ROS name.
-    pub fn resolve(place: &Place, topic: &Topic) -> Result<Self, NameError> {
-        Ok(Self { topic: place.resolve(&topic.name)?, kind: topic.kind, qos: topic.qos })
+    pub fn resolve(node_name: &NodeName, topic: &Topic) -> Result<Self, NameError> {
+        Ok(Self { topic: node_name.resolve(&topic.name)?, kind: topic.kind, qos: topic.qos })
     }
 }
 
@@ -66,14 +66,14 @@ impl Queued for RawSample {
 /// A message as it waits in a queue: whole, or still as the wire brought it,
 /// so that a replaced image costs no decoding.
 #[derive(Clone, Debug)]
-pub enum Parcel {
+pub enum Incoming {
     /// From the same process.
     Message(Message),
     /// CDR from another one.
     Sample(RawSample),
 }
 
-impl Queued for Parcel {
+impl Queued for Incoming {
     fn bytes(&self) -> usize {
         match self {
             Self::Message(_) => 0,
@@ -90,9 +90,9 @@ impl Queued for Parcel {
 }
 
 /// Takes each message of a subscription, on a thread of the transport. It must not wait.
-pub type Deliver = Box<dyn Fn(Parcel) + Send + Sync>;
+pub type Deliver = Box<dyn Fn(Incoming) + Send + Sync>;
 
-impl Parcel {
+impl Incoming {
     /// The message inside, which must be of `kind`.
     ///
     /// # Errors
@@ -106,7 +106,7 @@ impl Parcel {
 }
 
 /// A publisher. Dropping it takes it out of the graph.
-pub trait Outlet: Send {
+pub trait Publisher: Send {
     /// Whether anybody reads this topic now.
     fn wanted(&self) -> bool;
 
@@ -123,7 +123,7 @@ pub struct ParameterRequest {
     /// What to set, all or nothing.
     pub changes: Vec<(String, Value)>,
     /// Where the answer goes.
-    pub answer: Sender<Result<(), Refusal>>,
+    pub answer: Sender<Result<(), ParameterError>>,
     /// Decides between the node that applies the request and the caller that gives up.
     pub claim: Claim,
 }
@@ -156,25 +156,30 @@ pub trait Transport: Send + Sync {
     ///
     /// # Errors
     /// [`TransportError`] when the carrier refuses.
-    fn advertise(&self, node: &Place, address: &Address) -> Result<Box<dyn Outlet>, TransportError>;
+    fn advertise(&self, node: &NodeName, address: &Address) -> Result<Box<dyn Publisher>, TransportError>;
 
     /// Declares a subscription of `node`, which lasts until the guard is dropped.
     ///
     /// # Errors
     /// [`TransportError`] when the carrier refuses.
-    fn subscribe(&self, node: &Place, address: &Address, deliver: Deliver) -> Result<Guard, TransportError>;
+    fn subscribe(
+        &self,
+        node: &NodeName,
+        address: &Address,
+        deliver: Deliver,
+    ) -> Result<Guard, TransportError>;
 
     /// Shows `node` in the graph: from now on it counts as ready.
     ///
     /// # Errors
     /// [`TransportError`] when the carrier refuses.
-    fn announce(&self, node: &Place) -> Result<Guard, TransportError>;
+    fn announce(&self, node: &NodeName) -> Result<Guard, TransportError>;
 
     /// Makes the node's parameters reachable from outside.
     ///
     /// # Errors
     /// [`TransportError`] when the carrier refuses.
-    fn serve_parameters(&self, node: &Place, port: ParameterPort) -> Result<Guard, TransportError>;
+    fn serve_parameters(&self, node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError>;
 
     /// Whether the node with this fully qualified name has been announced.
     fn is_ready(&self, node: &str) -> bool;

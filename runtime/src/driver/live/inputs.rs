@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::{Event, EventQueue};
 use crate::driver::keeps_latest;
-use crate::name::Place;
+use crate::name::NodeName;
 use crate::queue::{Keep, Lane, Tally};
 use crate::report::{NodeReport, add};
 use crate::topic::Qos;
@@ -22,10 +22,10 @@ pub(super) struct Inputs {
 }
 
 impl Inputs {
-    /// Subscribes the node at `place` to `addresses`.
+    /// Subscribes the node `node_name` to `addresses`.
     pub fn subscribe(
         addresses: Vec<Address>,
-        place: &Place,
+        node_name: &NodeName,
         transport: &dyn Transport,
         queue: &Arc<EventQueue>,
     ) -> Result<Self, TransportError> {
@@ -35,8 +35,8 @@ impl Inputs {
             let lane = queue.open(keep);
             inputs.lanes.push(lane);
             let queue = queue.clone();
-            let deliver = Box::new(move |parcel| drop(queue.push(lane, Event::Message(parcel))));
-            inputs.subscriptions.push(transport.subscribe(place, address, deliver)?);
+            let deliver = Box::new(move |incoming| drop(queue.push(lane, Event::Message(incoming))));
+            inputs.subscriptions.push(transport.subscribe(node_name, address, deliver)?);
         }
         Ok(inputs)
     }

@@ -11,15 +11,15 @@ use std::time::Duration;
 
 use modulo_msgs::std_msgs::Time;
 
-use super::{RunError, addresses, facts_of, wait_for};
+use super::{RunError, addresses, status_of, wait_for};
 use crate::clock::Clock;
 use crate::diagnostics::Diagnostics;
 use crate::message::{Message, MessageKind};
-use crate::name::Place;
-use crate::node::{Context, Cue, Flow, Node, StepError, Yield};
+use crate::name::NodeName;
+use crate::node::{Context, Flow, Node, StepError, StepOutput, Trigger};
 use crate::node_time::NodeTime;
 use crate::parameter::events::ParameterEvents;
-use crate::parameter::{Parameters, Refusal};
+use crate::parameter::{ParameterError, Parameters};
 use crate::queue::{Arrived, Keep, Lane, Limit, Next, Queue, Queued};
 use crate::report::{NodeReport, add};
 use crate::report_file::{Moment, ReportFile};
@@ -27,7 +27,7 @@ use crate::saved_state::SavedState;
 use crate::stop::{Stop, Urgency};
 use crate::transport::attachment::Attachment;
 use crate::transport::{
-    Address, Guard, Outlet, ParameterPort, ParameterRequest, Parcel, Transport, TransportError,
+    Address, Guard, Incoming, ParameterPort, ParameterRequest, Publisher, Transport, TransportError,
 };
 use inputs::Inputs;
 use pacing::Pacing;
@@ -49,7 +49,7 @@ pub struct Subject {
     /// Its parameters.
     pub parameters: Parameters,
     /// Its name and remaps.
-    pub place: Place,
+    pub node_name: NodeName,
     /// Where its parameters and its position outlast a crash.
     pub saved: Option<SavedState>,
     /// Where its account outlasts a crash.
@@ -59,24 +59,24 @@ pub struct Subject {
 /// Something that the node's loop has to deal with.
 enum Event {
     /// A message on one of the inputs.
-    Message(Parcel),
+    Message(Incoming),
     /// A request to change parameters.
     Request(ParameterRequest),
     /// A reader has taken a frame of this source.
-    Taken(Parcel),
+    Taken(Incoming),
 }
 
 impl Queued for Event {
     fn bytes(&self) -> usize {
         match self {
-            Self::Message(parcel) | Self::Taken(parcel) => parcel.bytes(),
+            Self::Message(incoming) | Self::Taken(incoming) => incoming.bytes(),
             Self::Request(_) => 0,
         }
     }
 
     fn attachment(&self) -> Option<&Attachment> {
         match self {
-            Self::Message(parcel) | Self::Taken(parcel) => parcel.attachment(),
+            Self::Message(incoming) | Self::Taken(incoming) => incoming.attachment(),
             Self::Request(_) => None,
         }
     }
@@ -87,7 +87,7 @@ type EventQueue = Queue<Event>;
 /// A node with everything it needs to run.
 struct Live<'a> {
     node: Box<dyn Node>,
-    place: Place,
+    node_name: NodeName,
     parameters: Arc<Mutex<Parameters>>,
     saved: Option<SavedState>,
     report_file: Option<ReportFile>,
@@ -96,10 +96,10 @@ struct Live<'a> {
     stop: Stop,
     queue: Arc<EventQueue>,
     report: NodeReport,
-    outlets: Vec<(Address, Box<dyn Outlet>)>,
+    publishers: Vec<(Address, Box<dyn Publisher>)>,
     inputs: Inputs,
     /// Tells sources of rate 0 which frames this node has taken.
-    taken: Box<dyn Outlet>,
+    taken: Box<dyn Publisher>,
     /// The readers of this node's own frames, if it is such a source.
     pacing: Pacing,
     diagnostics: Diagnostics,
@@ -116,16 +116,16 @@ pub fn run(
     clock: &Arc<dyn Clock>,
     stop: Stop,
 ) -> Result<NodeReport, RunError> {
-    let Subject { node, parameters, place, saved, report_file } = subject;
-    let outputs = addresses(&place, &node.outputs())?;
-    let outlets = outputs
+    let Subject { node, parameters, node_name, saved, report_file } = subject;
+    let outputs = addresses(&node_name, &node.outputs())?;
+    let publishers = outputs
         .into_iter()
-        .map(|address| transport.advertise(&place, &address).map(|outlet| (address, outlet)))
+        .map(|address| transport.advertise(&node_name, &address).map(|publisher| (address, publisher)))
         .collect::<Result<_, _>>()?;
     let queue = Arc::new(Queue::new(clock.clone(), Limit { messages: REQUESTS, bytes: usize::MAX }));
     stop.wakes(&queue);
     let live = Live {
-        report: NodeReport::new(place.fully_qualified()),
+        report: NodeReport::new(node_name.fully_qualified()),
         node,
         parameters: Arc::new(Mutex::new(parameters)),
         saved,
@@ -134,13 +134,13 @@ pub fn run(
         time: NodeTime::new(&**clock),
         stop,
         queue,
-        outlets,
+        publishers,
         inputs: Inputs::default(),
-        taken: transport.advertise(&place, &Address::resolve(&place, &pacing::topic())?)?,
+        taken: transport.advertise(&node_name, &Address::resolve(&node_name, &pacing::topic())?)?,
         pacing: Pacing::default(),
-        diagnostics: Diagnostics::new(&place, transport)?,
-        parameter_events: ParameterEvents::new(&place, transport)?,
-        place,
+        diagnostics: Diagnostics::new(&node_name, transport)?,
+        parameter_events: ParameterEvents::new(&node_name, transport)?,
+        node_name,
     };
     live.run()
 }
@@ -153,9 +153,9 @@ impl Live<'_> {
         }
         self.wait_for_others()?;
         self.subscribe()?;
-        self.time.follow(&self.settings(), &self.place, self.transport)?;
+        self.time.follow(&self.settings(), &self.node_name, self.transport)?;
         let served = self.serve_parameters()?;
-        let announced = self.transport.announce(&self.place)?;
+        let announced = self.transport.announce(&self.node_name)?;
         self.parameter_events.started(self.time.now_ns(), &self.settings());
         self.keep_account(Moment::Edge);
         tracing::info!(node = %self.report.node, "ready");
@@ -163,11 +163,11 @@ impl Live<'_> {
             Some(_) => self.run_source(),
             None => self.run_listener(),
         };
-        // Out of the graph before the outlets go, so that no other node waits for this one.
+        // Out of the graph before the publishers go, so that no other node waits for this one.
         drop((announced, served));
         self.queue.end();
         std::mem::take(&mut self.inputs).close(&self.queue, &mut self.report);
-        self.report.facts.extend(facts_of(&*self.node));
+        self.report.status.extend(status_of(&*self.node));
         self.report.running = ended.is_err();
         if let Some(file) = &mut self.report_file {
             file.write(&self.report, self.time.ticks_ns());
@@ -181,12 +181,12 @@ impl Live<'_> {
         let Some(file) = self.report_file.as_mut().filter(|file| file.is_due(moment, now)) else { return };
         let mut report = NodeReport { running: true, ..self.report.clone() };
         self.inputs.count(&self.queue, &mut report);
-        report.facts.extend(facts_of(&*self.node));
+        report.status.extend(status_of(&*self.node));
         file.write(&report, now);
     }
 
     fn wait_for_others(&self) -> Result<(), RunError> {
-        let (mut missing, patience) = wait_for(&self.place, &self.settings())?;
+        let (mut missing, patience) = wait_for(&self.node_name, &self.settings())?;
         let start = self.time.ticks_ns();
         loop {
             missing.retain(|node| !self.transport.is_ready(node));
@@ -202,11 +202,11 @@ impl Live<'_> {
     }
 
     fn subscribe(&mut self) -> Result<(), RunError> {
-        let addresses = addresses(&self.place, &self.node.inputs())?;
+        let addresses = addresses(&self.node_name, &self.node.inputs())?;
         if addresses == self.inputs.addresses {
             return Ok(());
         }
-        let renewed = Inputs::subscribe(addresses, &self.place, self.transport, &self.queue)?;
+        let renewed = Inputs::subscribe(addresses, &self.node_name, self.transport, &self.queue)?;
         self.report.swapped |= !self.inputs.addresses.is_empty();
         std::mem::replace(&mut self.inputs, renewed).close(&self.queue, &mut self.report);
         Ok(())
@@ -221,7 +221,7 @@ impl Live<'_> {
             Event::Message(_) | Event::Taken(_) => None,
         };
         let port = ParameterPort { read: Box::new(read), request: Box::new(request) };
-        self.transport.serve_parameters(&self.place, port)
+        self.transport.serve_parameters(&self.node_name, port)
     }
 
     fn settings(&self) -> Parameters {
@@ -238,13 +238,13 @@ impl Live<'_> {
             tracing::warn!(node = %self.report.node, "{refusal}");
         }
         self.subscribe()?;
-        self.time.follow(&self.settings(), &self.place, self.transport)?;
+        self.time.follow(&self.settings(), &self.node_name, self.transport)?;
         // Fails only when the caller has gone.
         let _ = request.answer.send(answer);
         Ok(())
     }
 
-    fn change(&mut self, request: &ParameterRequest) -> Result<(), Refusal> {
+    fn change(&mut self, request: &ParameterRequest) -> Result<(), ParameterError> {
         let before = self.settings();
         let next = before.with(&request.changes, true)?;
         self.node.configure(&next)?;
@@ -296,10 +296,10 @@ impl Live<'_> {
 
     fn handle(&mut self, arrived: Arrived<Event>) -> Result<Flow, RunError> {
         match arrived.item {
-            Event::Message(parcel) => self.handle_message(arrived.lane, parcel),
+            Event::Message(incoming) => self.handle_message(arrived.lane, incoming),
             Event::Request(request) => self.answer(&request).map(|()| Flow::Continue),
-            Event::Taken(parcel) => {
-                if let Ok(Message::Diagnostics(taken)) = parcel.open(MessageKind::Diagnostics) {
+            Event::Taken(incoming) => {
+                if let Ok(Message::Diagnostics(taken)) = incoming.open(MessageKind::Diagnostics) {
                     self.pacing.note(&taken);
                 }
                 Ok(Flow::Continue)
@@ -307,10 +307,10 @@ impl Live<'_> {
         }
     }
 
-    fn handle_message(&mut self, lane: Lane, parcel: Parcel) -> Result<Flow, RunError> {
+    fn handle_message(&mut self, lane: Lane, incoming: Incoming) -> Result<Flow, RunError> {
         let input = self.inputs.index_of(lane).expect("a lane is closed together with its input");
         let Address { topic, kind, .. } = self.inputs.addresses[input].clone();
-        let message = match parcel.open(kind) {
+        let message = match incoming.open(kind) {
             Ok(message) => message,
             Err(why) => {
                 self.skip(&topic, &why.to_string());
@@ -319,14 +319,14 @@ impl Live<'_> {
         };
         let told = (kind == MessageKind::Image && self.taken.wanted()).then(|| message.stamp());
         let passes_on =
-            self.outlets.iter().any(|(a, outlet)| a.kind == MessageKind::Image && outlet.wanted());
+            self.publishers.iter().any(|(a, publisher)| a.kind == MessageKind::Image && publisher.wanted());
         if let Some(stamp) = told.filter(|_| !passes_on) {
             self.tell_taken(stamp, &[]);
         }
-        let (flow, messages) = self.step(Cue::Message { input, message }, &topic)?;
+        let (flow, messages) = self.step(Trigger::Message { input, message }, &topic)?;
         self.send_all(&messages);
         if passes_on && flow != Flow::Kept && self.taken.wanted() {
-            let topic_of = |output: usize| self.outlets.get(output).map(|(a, _)| a.topic.as_str());
+            let topic_of = |output: usize| self.publishers.get(output).map(|(a, _)| a.topic.as_str());
             let sent = pacing::images(&messages, topic_of);
             if let Some((stamp, topics)) = sent.or(told.map(|stamp| (stamp, Vec::new()))) {
                 self.tell_taken(stamp, &topics);
@@ -342,14 +342,14 @@ impl Live<'_> {
     }
 
     /// Runs one step; returns the messages that it left. `topic` is named when the step skips its input.
-    fn step(&mut self, cue: Cue, topic: &str) -> Result<(Flow, Vec<(usize, Message)>), RunError> {
-        let stream = match &cue {
-            Cue::Message { input, .. } => self.node.inputs().get(*input).map(|topic| topic.name.clone()),
-            Cue::Tick => None,
+    fn step(&mut self, trigger: Trigger, topic: &str) -> Result<(Flow, Vec<(usize, Message)>), RunError> {
+        let stream = match &trigger {
+            Trigger::Message { input, .. } => self.node.inputs().get(*input).map(|topic| topic.name.clone()),
+            Trigger::Tick => None,
         };
-        let wanted: Vec<bool> = self.outlets.iter().map(|(_, outlet)| outlet.wanted()).collect();
+        let wanted: Vec<bool> = self.publishers.iter().map(|(_, publisher)| publisher.wanted()).collect();
         let mut cx = Context::new(&self.report.node, &self.time, &wanted);
-        let result = self.node.step(cue, &mut cx);
+        let result = self.node.step(trigger, &mut cx);
         let output = cx.finish();
         self.book(&output, stream.as_deref());
         match result {
@@ -369,17 +369,17 @@ impl Live<'_> {
     }
 
     /// Books what a step has left, before it is sent: what a crash keeps from being sent is missed by its readers.
-    fn book(&mut self, output: &Yield, stream: Option<&str>) {
+    fn book(&mut self, output: &StepOutput, stream: Option<&str>) {
         for (stage, duration) in &output.stages {
             self.report.book_stage(stage, *duration);
         }
         for (output, message) in &output.messages {
-            if let Some((address, _)) = self.outlets.get(*output) {
+            if let Some((address, _)) = self.publishers.get(*output) {
                 self.report.book_published(&address.topic, message, stream);
             }
         }
         for output in &output.unwanted {
-            if let Some((address, _)) = self.outlets.get(*output) {
+            if let Some((address, _)) = self.publishers.get(*output) {
                 add(&mut self.report.unwanted, &address.topic, 1);
             }
         }
@@ -398,8 +398,8 @@ impl Live<'_> {
     }
 
     fn send(&mut self, output: usize, message: &Message) {
-        let Some((address, outlet)) = self.outlets.get(output) else { return };
-        if let Err(why) = outlet.put(message) {
+        let Some((address, publisher)) = self.publishers.get(output) else { return };
+        if let Err(why) = publisher.put(message) {
             tracing::warn!(node = %self.report.node, "{why}");
             add(&mut self.report.bad, &address.topic, 1);
         }

@@ -86,21 +86,21 @@ pub(super) fn images<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::name::Place;
+    use crate::name::NodeName;
     use crate::transport::local::LocalTransport;
-    use crate::transport::{Address, Guard, Outlet};
+    use crate::transport::{Address, Guard, Publisher};
 
-    fn place(name: &str) -> Place {
-        Place::new(name, "/", &[]).expect("a name")
+    fn node_name(name: &str) -> NodeName {
+        NodeName::new(name, "/", &[]).expect("a name")
     }
 
     /// A node that reads `topic` and tells what it takes.
-    fn reader(transport: &LocalTransport, name: &str, topic: &str) -> (Guard, Box<dyn Outlet>) {
-        let place = place(name);
-        let input = Address::resolve(&place, &Topic::new(topic, MessageKind::Image)).expect("a name");
-        let telling = Address::resolve(&place, &super::topic()).expect("a name");
-        let subscription = transport.subscribe(&place, &input, Box::new(|_| ())).expect("local");
-        (subscription, transport.advertise(&place, &telling).expect("local"))
+    fn reader(transport: &LocalTransport, name: &str, topic: &str) -> (Guard, Box<dyn Publisher>) {
+        let node_name = node_name(name);
+        let input = Address::resolve(&node_name, &Topic::new(topic, MessageKind::Image)).expect("a name");
+        let telling = Address::resolve(&node_name, &super::topic()).expect("a name");
+        let subscription = transport.subscribe(&node_name, &input, Box::new(|_| ())).expect("local");
+        (subscription, transport.advertise(&node_name, &telling).expect("local"))
     }
 
     fn note(pacing: &mut Pacing, node: &str, ns: u64, topics: &[String]) {
@@ -113,9 +113,9 @@ mod tests {
         let transport = LocalTransport::default();
         let _unwrap = reader(&transport, "unwrap", "/modulo");
         let detector = reader(&transport, "detector", "/recovered");
-        let viewer = Address::resolve(&place("viewer"), &Topic::new("/modulo", MessageKind::Image));
+        let viewer = Address::resolve(&node_name("viewer"), &Topic::new("/modulo", MessageKind::Image));
         let deliver = Box::new(|_| ());
-        let _viewer = transport.subscribe(&place("viewer"), &viewer.expect("a name"), deliver);
+        let _viewer = transport.subscribe(&node_name("viewer"), &viewer.expect("a name"), deliver);
         let mut pacing = Pacing::default();
         assert!(pacing.waits_for(&transport).is_empty(), "the first frame waits for no reader");
 

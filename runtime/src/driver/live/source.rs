@@ -6,7 +6,7 @@ use super::{Event, GRAPH_GLANCE, Live, REQUESTS, nanoseconds, pacing};
 use crate::clock::Clock;
 use crate::driver::RunError;
 use crate::message::Message;
-use crate::node::{Cue, Flow};
+use crate::node::{Flow, Trigger};
 use crate::queue::{Keep, Next};
 use crate::stop::Urgency;
 use crate::transport::{Address, Guard};
@@ -27,7 +27,7 @@ impl Live<'_> {
             if self.stop.urgency() != Urgency::None {
                 return Ok(());
             }
-            let (flow, messages) = self.step(Cue::Tick, "source")?;
+            let (flow, messages) = self.step(Trigger::Tick, "source")?;
             if paced {
                 self.wait_for_readers()?;
                 self.note_frame(&messages);
@@ -44,9 +44,9 @@ impl Live<'_> {
 
     fn listen_to_readers(&self) -> Result<Guard, RunError> {
         let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::Last(REQUESTS)));
-        let deliver = Box::new(move |parcel| drop(queue.push(lane, Event::Taken(parcel))));
-        let address = Address::resolve(&self.place, &pacing::topic())?;
-        Ok(self.transport.subscribe(&self.place, &address, deliver)?)
+        let deliver = Box::new(move |incoming| drop(queue.push(lane, Event::Taken(incoming))));
+        let address = Address::resolve(&self.node_name, &pacing::topic())?;
+        Ok(self.transport.subscribe(&self.node_name, &address, deliver)?)
     }
 
     /// Handles at most one event that waits, and all that come until `due`.
@@ -83,7 +83,7 @@ impl Live<'_> {
 
     /// From now on, the readers of the images among `messages` are waited for.
     fn note_frame(&mut self, messages: &[(usize, Message)]) {
-        let topic_of = |output: usize| self.outlets.get(output).map(|(address, _)| address.topic.as_str());
+        let topic_of = |output: usize| self.publishers.get(output).map(|(address, _)| address.topic.as_str());
         if let Some((stamp, topics)) = pacing::images(messages, topic_of) {
             self.pacing.sent(stamp, topics);
         }

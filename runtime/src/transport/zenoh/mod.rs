@@ -3,7 +3,7 @@
 //!
 //! Sessions of one machine find each other without a router: the first one
 //! listens on a loopback port of the domain, all others connect to it and learn
-//! of each other there. When it ends, the next new session takes its place. A
+//! of each other there. When it ends, the next new session takes its node_name. A
 //! router on port 7447 is used when there is one.
 
 mod service;
@@ -26,9 +26,9 @@ pub use topic::RawOutlet;
 
 use super::graph::Graph;
 use super::keys::{self, Endpoint, EntityKind, Hashes, Token};
-use super::{Address, Deliver, Guard, Outlet, ParameterPort, Parcel, Transport, TransportError};
+use super::{Address, Deliver, Guard, Incoming, ParameterPort, Publisher, Transport, TransportError};
 use crate::clock::Clock;
-use crate::name::Place;
+use crate::name::NodeName;
 
 /// A zenoh session in one ROS domain.
 pub struct ZenohTransport {
@@ -81,7 +81,7 @@ impl ZenohTransport {
         self.next_id.fetch_add(1, Ordering::Relaxed)
     }
 
-    fn token(&self, node: &Place, kind: EntityKind, endpoint: Option<Endpoint>) -> Token {
+    fn token(&self, node: &NodeName, kind: EntityKind, endpoint: Option<Endpoint>) -> Token {
         let node_id = *lock(&self.node_ids).entry(node.fully_qualified()).or_insert_with(|| self.new_id());
         let entity_id = if kind == EntityKind::Node { node_id } else { self.new_id() };
         Token {
@@ -128,19 +128,26 @@ impl ZenohTransport {
 }
 
 impl Transport for ZenohTransport {
-    fn advertise(&self, node: &Place, address: &Address) -> Result<Box<dyn Outlet>, TransportError> {
+    fn advertise(&self, node: &NodeName, address: &Address) -> Result<Box<dyn Publisher>, TransportError> {
         Ok(Box::new(self.advertise_raw(node, &self.topic_endpoint(address))?))
     }
 
-    fn subscribe(&self, node: &Place, address: &Address, deliver: Deliver) -> Result<Guard, TransportError> {
-        self.subscribe_raw(node, &self.topic_endpoint(address), move |sample| deliver(Parcel::Sample(sample)))
+    fn subscribe(
+        &self,
+        node: &NodeName,
+        address: &Address,
+        deliver: Deliver,
+    ) -> Result<Guard, TransportError> {
+        self.subscribe_raw(node, &self.topic_endpoint(address), move |sample| {
+            deliver(Incoming::Sample(sample))
+        })
     }
 
-    fn announce(&self, node: &Place) -> Result<Guard, TransportError> {
+    fn announce(&self, node: &NodeName) -> Result<Guard, TransportError> {
         Ok(Box::new(self.declare(&self.token(node, EntityKind::Node, None))?))
     }
 
-    fn serve_parameters(&self, node: &Place, port: ParameterPort) -> Result<Guard, TransportError> {
+    fn serve_parameters(&self, node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError> {
         self.serve(node, port)
     }
 

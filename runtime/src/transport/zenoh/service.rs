@@ -10,7 +10,7 @@ use zenoh::query::{ConsolidationMode, Query, QueryTarget};
 
 use super::{ZenohTransport, stamp};
 use crate::clock::Clock;
-use crate::name::Place;
+use crate::name::NodeName;
 use crate::parameter::service::Service;
 use crate::queue::{Keep, Limit, Next, Queue, Queued};
 use crate::transport::attachment::Attachment;
@@ -67,7 +67,7 @@ impl ZenohTransport {
     }
 
     /// The services that every ROS 2 node has.
-    pub(super) fn serve(&self, node: &Place, port: ParameterPort) -> Result<Guard, TransportError> {
+    pub(super) fn serve(&self, node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError> {
         self.serve_raw(node, handlers(port))
     }
 
@@ -77,7 +77,7 @@ impl ZenohTransport {
     ///
     /// # Errors
     /// [`TransportError`] with what zenoh says.
-    pub fn serve_raw(&self, node: &Place, handlers: Vec<RawService>) -> Result<Guard, TransportError> {
+    pub fn serve_raw(&self, node: &NodeName, handlers: Vec<RawService>) -> Result<Guard, TransportError> {
         let queue = Arc::new(Queue::new(self.clock.clone(), Limit { messages: CALLS, bytes: usize::MAX }));
         let lane = queue.open(Keep::All);
         let mut guards: Vec<Guard> = Vec::new();

@@ -18,12 +18,12 @@ use zenoh_ext::{
 use super::{ZenohTransport, stamp};
 use crate::clock::Clock;
 use crate::message::Message;
-use crate::name::Place;
+use crate::name::NodeName;
 use crate::transport::attachment::Attachment;
 use crate::transport::keys::{Endpoint, EntityKind};
 use crate::transport::payload::Payload;
 use crate::transport::profile::{self, Durability, Profile};
-use crate::transport::{Guard, Outlet, RawSample, TransportError};
+use crate::transport::{Guard, Publisher, RawSample, TransportError};
 
 /// How often a publisher for late readers says the number of its last sample.
 const HEARTBEAT: Duration = Duration::from_secs(1);
@@ -42,7 +42,7 @@ impl ZenohTransport {
     ///
     /// # Errors
     /// [`TransportError`] with what zenoh says.
-    pub fn advertise_raw(&self, node: &Place, endpoint: &Endpoint) -> Result<RawOutlet, TransportError> {
+    pub fn advertise_raw(&self, node: &NodeName, endpoint: &Endpoint) -> Result<RawOutlet, TransportError> {
         let profile = Profile::parse(&endpoint.qos);
         let endpoint = Endpoint { type_hash: self.hash(endpoint.type_hash.clone()), ..endpoint.clone() };
         let publisher = self
@@ -65,7 +65,7 @@ impl ZenohTransport {
     /// [`TransportError`] with what zenoh says.
     pub fn subscribe_raw(
         &self,
-        node: &Place,
+        node: &NodeName,
         endpoint: &Endpoint,
         take: impl Fn(RawSample) + Send + Sync + 'static,
     ) -> Result<Guard, TransportError> {
@@ -171,7 +171,7 @@ impl RawOutlet {
     }
 }
 
-impl Outlet for RawOutlet {
+impl Publisher for RawOutlet {
     fn wanted(&self) -> bool {
         self.wanted()
     }

@@ -8,40 +8,40 @@ use modulo_msgs::{Interface, cdr};
 use modulo_runtime::transport::TransportError;
 use modulo_runtime::transport::keys::{self, Endpoint};
 use modulo_runtime::transport::zenoh::{RawOutlet, ZenohTransport};
-use modulo_runtime::{Place, Qos};
+use modulo_runtime::{NodeName, Qos};
 
 use crate::bag::{BagReader, BagTopic, RawMessage, qos};
 
 /// Publishers of the topics of a bag.
-pub(super) struct Outlets {
+pub(super) struct Publishers {
     by_topic: BTreeMap<String, Named>,
 }
 
 struct Named {
     /// In the graph.
     name: String,
-    outlet: RawOutlet,
+    publisher: RawOutlet,
     sent: u64,
 }
 
-impl Outlets {
+impl Publishers {
     /// Declares all topics of `bag`, but for that of `time`, which has only one
     /// truth.
     pub(super) fn declare(
         transport: &ZenohTransport,
-        place: &Place,
+        node_name: &NodeName,
         bag: &BagReader,
         time: Option<&TimeOutlet>,
     ) -> Result<Self, TransportError> {
         let mut by_topic = BTreeMap::new();
         for counted in bag.topics() {
-            let endpoint = endpoint(&counted.topic, place)?;
+            let endpoint = endpoint(&counted.topic, node_name)?;
             if time.is_some_and(|time| time.name == endpoint.topic) {
                 tracing::warn!("{} of the bag is left out: --clock publishes it", endpoint.topic);
                 continue;
             }
-            let outlet = transport.advertise_raw(place, &endpoint)?;
-            let named = Named { name: endpoint.topic, outlet, sent: 0 };
+            let publisher = transport.advertise_raw(node_name, &endpoint)?;
+            let named = Named { name: endpoint.topic, publisher, sent: 0 };
             by_topic.insert(counted.topic.name.clone(), named);
         }
         Ok(Self { by_topic })
@@ -49,13 +49,13 @@ impl Outlets {
 
     /// Whether anybody reads one of the topics.
     pub(super) fn wanted(&self) -> bool {
-        self.by_topic.values().any(|named| named.outlet.wanted())
+        self.by_topic.values().any(|named| named.publisher.wanted())
     }
 
     /// Sends `message` as it is.
     pub(super) fn send(&mut self, message: RawMessage) -> Result<(), TransportError> {
         let Some(named) = self.by_topic.get_mut(&message.topic.name) else { return Ok(()) };
-        named.outlet.put(message.data)?;
+        named.publisher.put(message.data)?;
         named.sent += 1;
         Ok(())
     }
@@ -73,7 +73,7 @@ impl Outlets {
 /// The publisher of the bag's time.
 pub(super) struct TimeOutlet {
     name: String,
-    outlet: RawOutlet,
+    publisher: RawOutlet,
     /// Ticks between two messages, ns.
     every: u64,
     next: u64,
@@ -83,12 +83,12 @@ impl TimeOutlet {
     /// Declares `/clock`, told `hz` times a second.
     pub(super) fn declare(
         transport: &ZenohTransport,
-        place: &Place,
+        node_name: &NodeName,
         hz: f64,
     ) -> Result<Self, TransportError> {
-        let endpoint = endpoint(&BagTopic::new("/clock", rosgraph_msgs::Clock::NAME, Qos::Clock), place)?;
-        let outlet = transport.advertise_raw(place, &endpoint)?;
-        Ok(Self { name: endpoint.topic, outlet, every: (1e9 / hz) as u64, next: 0 })
+        let endpoint = endpoint(&BagTopic::new("/clock", rosgraph_msgs::Clock::NAME, Qos::Clock), node_name)?;
+        let publisher = transport.advertise_raw(node_name, &endpoint)?;
+        Ok(Self { name: endpoint.topic, publisher, every: (1e9 / hz) as u64, next: 0 })
     }
 
     /// Tells `time`, ns since the epoch, if that is due at `now`.
@@ -100,7 +100,7 @@ impl TimeOutlet {
         self.next = self.next.saturating_add(self.every).max(now);
         let message = rosgraph_msgs::Clock { clock: Time::from_ns(time) };
         let payload = cdr::to_vec(&message).map_err(|why| TransportError::new("time of the bag", why))?;
-        self.outlet.put(payload)
+        self.publisher.put(payload)
     }
 
     /// How long after `now` the next message is due.
@@ -109,11 +109,11 @@ impl TimeOutlet {
     }
 }
 
-fn endpoint(topic: &BagTopic, place: &Place) -> Result<Endpoint, TransportError> {
+fn endpoint(topic: &BagTopic, node_name: &NodeName) -> Result<Endpoint, TransportError> {
     let named = |why: modulo_runtime::name::NameError| TransportError::new("topic of the bag", why);
     let type_hash = if topic.type_hash.is_empty() { keys::NO_HASH } else { &topic.type_hash };
     Ok(Endpoint {
-        topic: place.resolve(&topic.name).map_err(named)?,
+        topic: node_name.resolve(&topic.name).map_err(named)?,
         dds_type: modulo_msgs::dds_name(&topic.type_name),
         type_hash: type_hash.to_owned(),
         qos: keys::qos_string(qos::parse(&topic.qos)).to_owned(),
