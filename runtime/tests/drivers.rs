@@ -26,12 +26,13 @@ use harness::{Domain, wait_until};
 struct Counter {
     next: u8,
     count: u8,
-    period: Duration,
+    /// The period after so many frames.
+    period: fn(u8) -> Duration,
 }
 
 /// A counter at 33 frames per second.
 fn counter(count: u8) -> Box<dyn Node> {
-    Box::new(Counter { next: 0, count, period: Duration::from_millis(30) })
+    Box::new(Counter { next: 0, count, period: |_| Duration::from_millis(30) })
 }
 
 /// Adds one to every pixel; skips the frame with value `bad`.
@@ -58,7 +59,7 @@ impl Node for Counter {
         vec![Topic::new("a", MessageKind::Image)]
     }
     fn period(&self) -> Option<Duration> {
-        Some(self.period)
+        Some((self.period)(self.next))
     }
     fn configure(&mut self, _: &Parameters) -> Result<(), ParameterError> {
         Ok(())
@@ -119,15 +120,12 @@ fn member(node: Box<dyn Node>, name: &str, wait_for: &str, on_exit: composed::On
     composed::Member { node, parameters: waiting_for(wait_for), node_name: node_name(name), on_exit }
 }
 
-/// A source of rate 0 waits for the slowest node, also behind one that is fast.
-#[test]
-fn a_paced_source_loses_no_frame_to_a_slow_reader() {
+/// Runs a source of `period` before a fast node, which skips a frame, and a slow one: each takes all that there is.
+fn assert_no_frame_is_lost(period: fn(u8) -> Duration) {
     use composed::OnExit::{Continue, Shutdown};
-    let source = Box::new(Counter { next: 0, count: 30, period: Duration::ZERO });
     let slow = Increment { delay: Duration::from_millis(15), ..increment("b", "c") };
     let members = vec![
-        member(source, "counter", "[first]", Shutdown),
-        // It skips a frame, for which its reader must not be waited for.
+        member(Box::new(Counter { next: 0, count: 30, period }), "counter", "[first]", Shutdown),
         member(Box::new(Increment { bad: Some(7), ..increment("a", "b") }), "first", "[second]", Continue),
         member(Box::new(slow), "second", "", Continue),
     ];
@@ -137,6 +135,17 @@ fn a_paced_source_loses_no_frame_to_a_slow_reader() {
         [0, 1, 2].map(|member| counts(&reports[member])),
         [(0, 30, 0, 0), (30, 29, 0, 1), (29, 29, 0, 0)]
     );
+}
+
+/// A source of rate 0 waits for the slowest node, also behind one that is fast.
+#[test]
+fn a_paced_source_loses_no_frame_to_a_slow_reader() {
+    assert_no_frame_is_lost(|_| Duration::ZERO);
+}
+
+#[test]
+fn a_source_may_become_paced_while_it_runs() {
+    assert_no_frame_is_lost(|sent| Duration::from_millis(if (3..27).contains(&sent) { 0 } else { 200 }));
 }
 
 /// A step that panics at its first frame.

@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use super::{Event, GRAPH_GLANCE, Live, REQUESTS, nanoseconds, pacing};
+use super::pacing::{self, Pacing};
+use super::{Event, GRAPH_GLANCE, Live, REQUESTS, nanoseconds};
 use crate::clock::Clock;
 use crate::driver::RunError;
 use crate::message::Message;
@@ -15,14 +16,21 @@ use crate::transport::{Address, Guard};
 const READER_LIMIT_NS: u64 = 60_000_000_000;
 
 impl Live<'_> {
-    /// One frame each period, or with a period of zero as soon as every reader
-    /// has taken the last one.
+    /// Sends one frame each period, or with a period of zero as soon as every reader has taken the last frame. The
+    /// period may change between two frames.
     pub(super) fn run_source(&mut self) -> Result<(), RunError> {
-        let paced = self.node.period() == Some(Duration::ZERO);
-        let _told = if paced { Some(self.listen_to_readers()?) } else { None };
+        // Some while the period is zero: what the readers tell is only listened to then.
+        let mut told = None;
         // A node that watches the graph, as a recorder does, has subscribed by then.
         let mut due = self.time.ticks_ns() + nanoseconds(self.transport.settling());
         loop {
+            let (before, paced) = (self.period_ns(), self.is_paced());
+            if paced != told.is_some() {
+                told = if paced { Some(self.listen_to_readers()?) } else { None };
+                self.pacing = Pacing::default();
+                // Readers tell nothing before they have found out that this node listens.
+                due = due.max(self.time.ticks_ns() + nanoseconds(self.transport.settling()));
+            }
             self.wait_until(due)?;
             if self.stop.urgency() != Urgency::None {
                 return Ok(());
@@ -36,10 +44,19 @@ impl Live<'_> {
             if flow == Flow::Done {
                 return Ok(());
             }
-            let period = self.node.period().map_or(0, nanoseconds);
+            // Where the period has changed, the longer one holds for this once: nothing else keeps two frames apart.
+            let period = self.period_ns().max(before);
             // A source that is late goes on from now; it does not catch up in a burst.
             due = (due + period).max(self.time.ticks_ns().saturating_sub(period));
         }
+    }
+
+    fn period_ns(&self) -> u64 {
+        self.node.period().map_or(0, nanoseconds)
+    }
+
+    fn is_paced(&self) -> bool {
+        self.node.period() == Some(Duration::ZERO)
     }
 
     fn listen_to_readers(&self) -> Result<Guard, RunError> {
