@@ -58,7 +58,7 @@ pub(crate) enum Kind {
     Include(Include),
     Timer { period: Text, children: Vec<Action> },
     Log(Text),
-    SetParameter { name: Text, value: ParameterValue },
+    SetParameter { name: Text, value: Text },
     SetRemap { from: Text, to: Text },
     SetUseSimTime(Text),
     Node(Box<NodeAction>),

@@ -75,32 +75,31 @@ impl<'a> Attributes<'a> {
         }
     }
 
-    /// The bool `key`; ROS 2 takes any string for true here.
-    pub fn literal_bool(&self, key: &str) -> Result<Option<Text>, LaunchError> {
+    /// The value of `key`, which must be of type `kind` as it is written. ROS 2 does not convert a string here:
+    /// it takes any string for true, and it fails on a string in the place of a number.
+    pub fn literal(&self, key: &str, kind: ScalarType) -> Result<Option<Text>, LaunchError> {
         match self.item(key) {
             Some(item @ Item { content: Content::Scalar(_, ScalarType::String), .. }) => {
-                Err(self.refuse(item.line, mismatch(key, item, &[ScalarType::Bool])))
+                Err(self.refuse(item.line, mismatch(key, item, &[kind])))
             }
-            _ => self.bool(key),
+            item => item.map(|item| self.scalar(key, item, &[kind])).transpose(),
         }
     }
 
-    /// The bool `key`, or a string that will be one.
+    /// The bool `key`, or a string with a substitution that will be one. ROS 2 fails on any other string.
     pub fn bool(&self, key: &str) -> Result<Option<Text>, LaunchError> {
-        self.item(key).map(|item| self.scalar(key, item, &[ScalarType::Bool, ScalarType::String])).transpose()
+        match self.item(key) {
+            Some(Item { content: Content::Scalar(text, ScalarType::String), .. }) if text.contains("$(") => {
+                self.text(key)
+            }
+            _ => self.literal(key, ScalarType::Bool),
+        }
     }
 
     /// The number `key`, or a string that will be one. ROS 2 asks for a decimal point.
     pub fn number(&self, key: &str) -> Result<Option<Text>, LaunchError> {
         self.item(key)
             .map(|item| self.scalar(key, item, &[ScalarType::Float, ScalarType::String]))
-            .transpose()
-    }
-
-    /// The integer `key`, or a string that will be one.
-    pub fn integer(&self, key: &str) -> Result<Option<Text>, LaunchError> {
-        self.item(key)
-            .map(|item| self.scalar(key, item, &[ScalarType::Integer, ScalarType::String]))
             .transpose()
     }
 
@@ -168,6 +167,9 @@ fn mismatch(key: &str, item: &Item, allowed: &[ScalarType]) -> String {
         (Content::Scalar(text, ScalarType::Integer), "a number") => format!(", write {text}.0"),
         (Content::Scalar(text, kind), "a string") if *kind != ScalarType::Null => {
             format!(", write \"{text}\"")
+        }
+        (Content::Scalar(text, ScalarType::String), _) if allowed.contains(&ScalarType::of_plain(text)) => {
+            format!(", write {text} without quotes")
         }
         _ => String::new(),
     };

@@ -3,6 +3,7 @@
 use super::{Kind, Parameter, value};
 use crate::attributes::{Attributes, Text};
 use crate::error::{LaunchError, Mistakes};
+use crate::yaml::ScalarType;
 
 pub(super) const NODE_KEYS: &[&str] = &[
     "pkg",
@@ -100,12 +101,12 @@ fn process(attributes: &Attributes<'_>) -> Result<ProcessAction, LaunchError> {
         name: attributes.text("name")?,
         env: attributes.pairs("env", ["name", "value"])?,
         output: attributes.text("output")?,
-        respawn: attributes.bool("respawn")?,
-        respawn_delay: attributes.number("respawn_delay")?,
-        respawn_max_retries: attributes.integer("respawn_max_retries")?,
+        respawn: attributes.text("respawn")?,
+        respawn_delay: attributes.literal("respawn_delay", ScalarType::Float)?,
+        respawn_max_retries: attributes.literal("respawn_max_retries", ScalarType::Integer)?,
         cwd: attributes.text("cwd")?,
-        on_exit: attributes.text("on_exit")?,
-        sigterm_timeout: attributes.number("sigterm_timeout")?,
-        sigkill_timeout: attributes.number("sigkill_timeout")?,
+        on_exit: attributes.plain("on_exit")?,
+        sigterm_timeout: attributes.literal("sigterm_timeout", ScalarType::Float)?,
+        sigkill_timeout: attributes.literal("sigkill_timeout", ScalarType::Float)?,
     })
 }

@@ -1,9 +1,10 @@
 //! Reading the actions that hold, place or prepare others: `group`, `include`,
 //! `timer`, `push_ros_namespace`, `set_parameter`, `set_remap`, `log`.
 
-use super::{Kind, read_all, value};
+use super::{Kind, read_all};
 use crate::attributes::{Attributes, Text};
 use crate::error::Mistakes;
+use crate::yaml::ScalarType;
 
 /// Another launch file, with values for its arguments.
 #[derive(Clone, Debug)]
@@ -16,7 +17,7 @@ pub(crate) struct Include {
 
 pub(super) fn group(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {
     let children = read_all(attributes.file, attributes.list("children")?)?;
-    Ok(Kind::Group { scoped: attributes.literal_bool("scoped")?, children })
+    Ok(Kind::Group { scoped: attributes.literal("scoped", ScalarType::Bool)?, children })
 }
 
 pub(super) fn push_namespace(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {
@@ -38,8 +39,7 @@ pub(super) fn log(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {
 }
 
 pub(super) fn set_parameter(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {
-    let item = attributes.item("value").ok_or_else(|| attributes.missing("value"))?;
-    Ok(Kind::SetParameter { name: attributes.required("name")?, value: value::read(attributes, item)? })
+    Ok(Kind::SetParameter { name: attributes.required("name")?, value: attributes.required("value")? })
 }
 
 pub(super) fn set_remap(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {

@@ -122,7 +122,7 @@ fn check_types(entry: &Attributes<'_>, item: &Item, kind: Option<&str>) -> Resul
 }
 
 /// The value of a parameter in `item`. An empty list has no type in ROS 2.
-pub(super) fn read(attributes: &Attributes<'_>, item: &Item) -> Result<ParameterValue, LaunchError> {
+fn read(attributes: &Attributes<'_>, item: &Item) -> Result<ParameterValue, LaunchError> {
     let Content::List(items) = &item.content else {
         return Ok(ParameterValue::Scalar(attributes.scalar("value", item, &SCALARS)?));
     };

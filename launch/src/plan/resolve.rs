@@ -8,7 +8,7 @@ use std::time::Duration;
 use super::scope::{Scope, View, environment};
 use super::value::{argument_value, parameter_value};
 use super::{ParameterText, Plan, arguments, process};
-use crate::action::{self, Action, Condition, Include, Kind, LaunchFile};
+use crate::action::{self, Action, Condition, Include, Kind, LaunchFile, ParameterValue};
 use crate::attributes::Text;
 use crate::error::{LaunchError, Mistakes};
 use crate::substitution::truth;
@@ -137,7 +137,10 @@ impl Resolver {
                 self.scope.namespace = self.scope.joined(&pushed);
             }
             Kind::SetParameter { name, value } => {
-                let pair = (view.string(name)?, parameter_value(name, value, None, view)?);
+                let pair = (
+                    view.string(name)?,
+                    parameter_value(name, &ParameterValue::Scalar(value.clone()), None, view)?,
+                );
                 self.scope.parameters.push(pair);
             }
             Kind::SetUseSimTime(value) => {

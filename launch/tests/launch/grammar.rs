@@ -6,18 +6,19 @@ use std::path::Path;
 
 use saphyr::{LoadableYamlNode, Scalar, Yaml};
 
-/// What an attribute may be. A string is always possible but for [`Is::Plain`]
-/// and [`Is::Bool`], since it may hold a substitution.
+/// What an attribute may be.
 enum Is {
-    /// A string.
+    /// A string, which may hold substitutions.
     Text,
     /// A bool, nothing else: a string would be true whatever it says.
     Bool,
-    /// A bool.
+    /// A bool, or a string with a substitution.
     BoolText,
-    /// A number with a decimal point.
+    /// A number with a decimal point, nothing else: a string is not converted, and fails later.
     Float,
-    /// An integer.
+    /// A number with a decimal point, or a string.
+    FloatText,
+    /// An integer, nothing else: a string is not converted, and fails later.
     Int,
     /// A parameter's value: a scalar or a list of one type.
     Value,
@@ -29,7 +30,7 @@ enum Is {
     Nested,
 }
 
-use Is::{Actions, Bool, BoolText, Entities, Float, Int, Nested, Text, Value};
+use Is::{Actions, Bool, BoolText, Entities, Float, FloatText, Int, Nested, Text, Value};
 
 const PAIR: Is = Entities(&[("name", Text), ("value", Text)]);
 const PARAM: &[(&str, Is)] =
@@ -47,9 +48,9 @@ const ACTIONS: &[(&str, &[(&str, Is)])] = &[
     ("group", &[("scoped", Bool), ("children", Actions)]),
     ("push_ros_namespace", &[("namespace", Text)]),
     ("include", &[("file", Text), ("arg", PAIR)]),
-    ("timer", &[("period", Float), ("children", Actions)]),
+    ("timer", &[("period", FloatText), ("children", Actions)]),
     ("log", &[("message", Text)]),
-    ("set_parameter", &[("name", Text), ("value", Value)]),
+    ("set_parameter", &[("name", Text), ("value", Text)]),
     ("set_remap", &[("from", Text), ("to", Text)]),
     ("set_use_sim_time", &[("value", BoolText)]),
     ("executable", &[("cmd", Text), ("name", Text)]),
@@ -151,9 +152,10 @@ fn check(is: &Is, value: &Yaml<'_>) -> Result<(), String> {
             return items.iter().try_for_each(|item| check(&Value, item));
         }
         (Bool, Some(Scalar::Boolean(_))) => true,
-        (Text | BoolText | Float | Int | Value, Some(Scalar::String(text))) => return substitutions(text),
+        (BoolText, Some(Scalar::String(text))) if !text.contains("$(") => false,
+        (Text | BoolText | FloatText | Value, Some(Scalar::String(text))) => return substitutions(text),
         (BoolText, Some(Scalar::Boolean(_)))
-        | (Float, Some(Scalar::FloatingPoint(_)))
+        | (Float | FloatText, Some(Scalar::FloatingPoint(_)))
         | (Int, Some(Scalar::Integer(_)))
         | (Value, Some(Scalar::Boolean(_) | Scalar::FloatingPoint(_) | Scalar::Integer(_))) => true,
         _ => false,
@@ -207,6 +209,12 @@ fn what_breaks_a_rule_is_refused_by_both() {
         "launch:\n  - timer: { period: 1, children: [] }",
         "launch:\n  - node: { pkg: p, exec: e, respawn_max_retries: 1.0 }",
         "launch:\n  - node: { pkg: p, exec: e, respawn_delay: 1 }",
+        "launch:\n  - node: { pkg: p, exec: e, respawn_delay: '1.0' }",
+        "launch:\n  - node: { pkg: p, exec: e, respawn_max_retries: '1' }",
+        "launch:\n  - node: { pkg: p, exec: e, respawn: true }",
+        "launch:\n  - executable: { cmd: e, respawn: true }",
+        "launch:\n  - set_parameter: { name: a, value: 4.0 }",
+        "launch:\n  - set_use_sim_time: { value: 'true' }",
         "launch:\n  - node: { pkg: p, exec: e, param: [] }",
         "launch:\n  - node: { pkg: p, exec: e, param: [{ name: a, value: [] }] }",
         "launch:\n  - node: { pkg: p, exec: e, param: [{ name: a, value: { b: 1 } }] }",

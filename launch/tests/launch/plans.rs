@@ -42,7 +42,7 @@ launch:
       respawn_max_retries: 3
       cwd: "/tmp"
       on_exit: "shutdown"
-      sigterm_timeout: "1.5"
+      sigterm_timeout: 1.5
 "#;
     let plan = plan(text, &[("gain", "4")]);
     let node = &plan.nodes[0];
@@ -93,7 +93,7 @@ fn a_parameter_file_comes_before_parameters() {
 /// As in `launch_ros`: what is set for all nodes gives way to a node's own file.
 #[test]
 fn parameters_of_all_nodes_come_before_those_of_one() {
-    let text = "launch:\n  - set_parameter: { name: a, value: 1 }\n  - node:\n      pkg: modulo\n      exec: unwrap\n      \
+    let text = "launch:\n  - set_parameter: { name: a, value: '1' }\n  - node:\n      pkg: modulo\n      exec: unwrap\n      \
                 param: [{ name: a, value: 2 }, { from: $(dirname)/p.yaml }]\n";
     let files = Files::new(text).with("p.yaml", "");
     let node = files.resolve(&[]).expect("resolves").nodes.remove(0);
@@ -107,7 +107,7 @@ fn a_group_keeps_its_changes_unless_it_is_not_scoped() {
         - push_ros_namespace: { namespace: inner }
         - let: { name: x, value: inner }
         - set_env: { name: MODULO_TEST_X, value: inner }
-        - set_parameter: { name: p, value: 1 }
+        - set_parameter: { name: p, value: '1' }
         - set_remap: { from: a, to: b }
         - node: { pkg: p, exec: e, name: in }";
     let outer = "
@@ -236,7 +236,7 @@ fn only_nodes_of_the_suite_can_share_a_process() {
 #[test]
 fn a_plan_can_be_shown() {
     let plan = plan(
-        "launch:\n  - node: { pkg: p, exec: e, name: n, respawn: true }\n  - executable: { cmd: ls }",
+        "launch:\n  - node: { pkg: p, exec: e, name: n, respawn: 'true' }\n  - executable: { cmd: ls }",
         &[],
     );
     let expected =

@@ -56,6 +56,26 @@ const MISTAKES: &[(&str, &str)] = &[
     ("- node: { pkg: p, exec: e, remap: [{ from: a }] }", "2: remap: key 'to' is missing"),
     ("- node: { pkg: p, exec: e, output: printer }", "2: output = 'printer' must be screen, both or log"),
     ("- node: { pkg: p, exec: e, on_exit: restart }", "2: on_exit = 'restart' must be shutdown"),
+    (
+        "- node: { pkg: p, exec: e, respawn: true }",
+        "2: node: respawn: expected a string, found the bool true, write \"true\"",
+    ),
+    (
+        "- node: { pkg: p, exec: e, sigterm_timeout: '1.5' }",
+        "2: node: sigterm_timeout: expected a number, found the string '1.5', write 1.5 without quotes",
+    ),
+    (
+        "- node: { pkg: p, exec: e, on_exit: $(var x) }",
+        "2: node: on_exit: ROS 2 evaluates no substitution here",
+    ),
+    (
+        "- set_use_sim_time: { value: 'true' }",
+        "2: set_use_sim_time: value: expected true or false, found the string 'true', write true without quotes",
+    ),
+    (
+        "- set_parameter: { name: a, value: 4.0 }",
+        "2: set_parameter: value: expected a string, found the number 4.0, write \"4.0\"",
+    ),
     ("- node: { pkg: p, exec: e, respawn: often }", "2: respawn = 'often' must be true or false"),
     ("- node: { pkg: p, exec: e, respawn_max_retries: -2 }", "2: respawn_max_retries = '-2' must be a count"),
     ("- node: { pkg: p, exec: e, param: [{ name: a }] }", "2: param: one of 'value' and 'param' is needed"),

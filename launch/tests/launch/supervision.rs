@@ -41,7 +41,7 @@ fn sh(name: &str, script: &str, more: &str) -> String {
 
 const LAST: &str = "      on_exit: shutdown\n";
 const IMPATIENT: &str = "      sigterm_timeout: 0.2\n      sigkill_timeout: 0.2\n";
-const RESPAWN: &str = "      respawn: true\n";
+const RESPAWN: &str = "      respawn: 'true'\n";
 
 async fn outcome(actions: &[String], lines: &Lines) -> Result<Outcome, LaunchError> {
     let plan = Files::new(&format!("launch:\n{}", actions.concat())).resolve(&[]).expect("resolves");
@@ -195,7 +195,7 @@ echo '{"node": "/unwrap", "published": {"/recovered": 2}}' > "$MODULO_REPORT_DIR
 #[tokio::test]
 async fn a_refused_command_line_is_not_tried_again() {
     let files = Files::new(&format!(
-        "launch:\n  - node: {{ pkg: modulo, exec: unwrap, respawn: true }}\n{}",
+        "launch:\n  - node: {{ pkg: modulo, exec: unwrap, respawn: 'true' }}\n{}",
         sh("other", "sleep 1000", "")
     ));
     let how = Lines::default().supervision(&suite(&files, "exit 2"));
