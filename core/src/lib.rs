@@ -20,7 +20,6 @@ mod noise;
 pub mod optics;
 mod plane;
 mod range;
-pub mod scene;
 pub mod sensor;
 mod simd;
 pub mod tone;

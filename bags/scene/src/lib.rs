@@ -18,7 +18,7 @@ mod tunnel;
 mod vehicle;
 mod view;
 
-use crate::boxes::BBox;
+use modulo_core::BBox;
 use ndarray::Array3;
 
 pub use spec::{SceneSpec, SpecError};

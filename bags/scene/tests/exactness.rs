@@ -3,14 +3,14 @@
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]
 
-#[path = "../../tests/harness/data.rs"]
+#[path = "../../../tests/harness/data.rs"]
 mod data;
 
 use std::time::Instant;
 
-use modulo_core::scene::{Preset, Scene};
 use modulo_core::unwrap::{METHODS, Options, by_name};
 use modulo_core::{Exposure, Psf, Recovered, Sensor, SensorConfig};
+use modulo_scene::{Preset, Scene};
 use ndarray::Array3;
 
 fn expose(radiance: &Array3<f32>, alpha: f64, psf: Psf) -> Exposure {

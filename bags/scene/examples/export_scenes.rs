@@ -1,14 +1,14 @@
 //! Writes a training set for the demo detector: raw 8-bit images of the ideal
 //! stream and their labels.
 //!
-//! `cargo run --release -p modulo-core --example export_scenes -- FOLDER FIRST_SEED SEEDS FRAMES STRIDE`
+//! `cargo run --release -p modulo-scene --example export_scenes -- FOLDER FIRST_SEED SEEDS FRAMES STRIDE`
 //!
 //! For each preset, seed and frame: `images.u8` gets 192 x 640 x 3 bytes,
 //! round(255 x) of the sharp radiance; `labels.csv` one line an object: image,
 //! preset, seed, frame, class, x1, y1, x2, y2, occlusion, truncation (class -1
 //! for an image without objects).
 
-use modulo_core::scene::{Preset, Scene, SceneObject};
+use modulo_scene::{Preset, Scene, SceneObject};
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;

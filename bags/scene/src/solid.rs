@@ -6,7 +6,7 @@
 use super::layer::{Layer, Shape, area, join};
 use super::light::{Light, Rgb, add};
 use super::view::{NEAR, Point, View, clip_near};
-use crate::boxes::BBox;
+use modulo_core::BBox;
 
 /// The form of a part.
 #[derive(Clone, Debug)]

@@ -4,7 +4,7 @@
 //! by chance. A layer never sees another layer; `truth` compares them.
 
 use super::light::{Rgb, add, scaled};
-use crate::boxes::BBox;
+use modulo_core::BBox;
 
 /// Coverage from which on a pixel belongs to an object.
 pub(super) const OWNED: f32 = 0.5;

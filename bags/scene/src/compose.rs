@@ -10,7 +10,7 @@ use super::traffic::{Actor, actors};
 use super::tunnel::Tunnel;
 use super::view::{NEAR, View};
 use super::{Class, Preset, Rendered, Scene, SceneObject};
-use crate::boxes::BBox;
+use modulo_core::BBox;
 use ndarray::Array3;
 
 /// One actor as painted.
@@ -214,7 +214,7 @@ mod tests {
             if c == 0 && 1.0 - (white[[y, x, 0]] - b) >= 0.5 {
                 let (x, y) = (x as f32, y as f32);
                 let pixel = BBox { x1: x, y1: y, x2: x + 1.0, y2: y + 1.0 };
-                found = Some(found.map_or(pixel, |all| super::super::layer::join(all, pixel)));
+                found = Some(found.map_or(pixel, |all| crate::layer::join(all, pixel)));
             }
         }
         found
