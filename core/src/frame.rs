@@ -4,8 +4,6 @@
 
 use ndarray::{Array3, ArrayView3};
 
-use crate::plane::place_of;
-
 /// An image that is valid by construction: `H x W x C` samples, `H`, `W` >= 1, `C` = 1 (mono) or 3 (red, green,
 /// blue), row-major and interleaved; samples of 32 bits are finite.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,7 +79,7 @@ impl Frame {
     pub fn from_f32(pixels: Array3<f32>) -> Result<Self, FrameError> {
         let pixels = checked(pixels)?;
         if let Some(index) = in_order(pixels.view()).iter().position(|value| !value.is_finite()) {
-            let (row, column, channel) = place_of(index, pixels.dim());
+            let (row, column, channel) = position_of(index, pixels.dim());
             return Err(FrameError::NotFinite {
                 row,
                 column,
@@ -173,6 +171,25 @@ fn checked<T: Clone>(pixels: Array3<T>) -> Result<Array3<T>, FrameError> {
 /// The samples of an array in standard layout, row-major and interleaved.
 pub(crate) fn in_order<T>(pixels: ArrayView3<'_, T>) -> &[T] {
     pixels.to_slice().expect("arrays of frames and results are in standard layout")
+}
+
+/// (row, column, channel) of the `index`-th sample in interleaved order.
+pub(crate) fn position_of(
+    index: usize,
+    (_, width, channels): (usize, usize, usize),
+) -> (usize, usize, usize) {
+    (index / channels / width, index / channels % width, index % channels)
+}
+
+/// Copies one channel of `samples`, interleaved, into `plane`, row-major.
+pub(crate) fn copy_channel<T: Copy + Into<f32>>(
+    samples: &[T],
+    channels: usize,
+    channel: usize,
+    plane: &mut Vec<f32>,
+) {
+    plane.clear();
+    plane.extend(samples.iter().skip(channel).step_by(channels).map(|&sample| sample.into()));
 }
 
 #[cfg(test)]

@@ -4,12 +4,14 @@
 //! of a scene carry the same noise. Nothing here knows what a scene is.
 
 use ndarray::{Array3, ArrayView3};
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64Mcg;
 
-use crate::frame::{Frame, FrameError, check_shape};
+use crate::frame::{Frame, FrameError, check_shape, position_of};
 use crate::optics::{self, MAX_SIGMA, Psf};
-use crate::plane::place_of;
 use crate::range::{Range, RangeError};
-use crate::{noise, tone};
+use crate::tone;
 
 /// The largest `f32` below 1, to which radiance of full scale and more is clamped.
 pub const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
@@ -119,18 +121,33 @@ impl Sensor {
         check_shape(dim)?;
         let mut x: Vec<f32> = radiance.iter().copied().collect();
         if let Some(index) = x.iter().position(|value| !value.is_finite()) {
-            let (row, column, channel) = place_of(index, dim);
+            let (row, column, channel) = position_of(index, dim);
             return Err(SensorError::NotFinite { row, column, channel, value: x[index] });
         }
         x.iter_mut().for_each(|value| *value = value.clamp(0.0, BELOW_ONE));
         optics::blur(&mut x, dim, &self.taps);
         let limit = self.range.limit();
         x.iter_mut().for_each(|value| *value = (limit * f64::from(*value)) as f32);
-        noise::add(&mut x, self.shot_noise, self.read_noise, seed);
+        add_noise(&mut x, self.shot_noise, self.read_noise, seed);
         let most = below(limit);
         x.iter_mut().for_each(|value| *value = value.clamp(0.0, most));
         let x = Array3::from_shape_vec(dim, x).expect("x was collected from an array of this shape");
         Ok(Exposure { x, range: self.range })
+    }
+}
+
+/// Adds Gaussian noise of variance `shot * x + read^2` to every sample of `x` (>= 0, code units).
+///
+/// Shot and read noise are independent, so that one deviate stands for both.
+fn add_noise(x: &mut [f32], shot: f64, read: f64, seed: u64) {
+    if shot == 0.0 && read == 0.0 {
+        return;
+    }
+    let mut random = Pcg64Mcg::seed_from_u64(seed);
+    for sample in x {
+        let sigma = (shot * f64::from(*sample) + read * read).sqrt();
+        let deviate: f64 = StandardNormal.sample(&mut random);
+        *sample += (sigma * deviate) as f32;
     }
 }
 
@@ -190,5 +207,20 @@ impl Exposure {
             Frame::from_u16(self.x.mapv(|x| code(x as u32) as u16))
         };
         frame.expect(IS_AN_IMAGE)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn variance_is_shot_and_read_together() {
+        let mut x = vec![400.0; 100_000];
+        add_noise(&mut x, 0.25, 5.0, 7);
+        let mean = x.iter().map(|v| f64::from(*v)).sum::<f64>() / x.len() as f64;
+        let variance = x.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / x.len() as f64;
+        assert!((mean - 400.0).abs() < 0.2, "mean {mean}");
+        assert!((variance - 125.0).abs() < 3.0, "variance {variance}");
     }
 }

@@ -6,7 +6,6 @@ use std::f64::consts::TAU;
 
 use super::lanes::{Arithmetic, Complex, Fused, Plain, Turn, fuses};
 use super::odd::{self, Folded, Odd};
-use super::radix;
 use crate::simd::widest;
 
 /// A forward transform of one length, which has no prime factor above [`odd::MOST`].
@@ -134,25 +133,25 @@ impl Pass {
                 from,
                 to,
                 #[inline(always)]
-                |[a, b]| radix::two([a, b]),
+                |[a, b]| two([a, b]),
             ),
             Kind::Three => self.short::<A, 3>(
                 from,
                 to,
                 #[inline(always)]
-                |inputs| radix::three::<A>(inputs),
+                |inputs| three::<A>(inputs),
             ),
             Kind::Four => self.short::<A, 4>(
                 from,
                 to,
                 #[inline(always)]
-                |[a, b, c, d]| radix::four([a, b, c, d]),
+                |[a, b, c, d]| four([a, b, c, d]),
             ),
             Kind::Five => self.short::<A, 5>(
                 from,
                 to,
                 #[inline(always)]
-                |inputs| radix::five::<A>(inputs),
+                |inputs| five::<A>(inputs),
             ),
             Kind::Odd(odd) => self.long::<A>(odd, from, to),
         }
@@ -215,6 +214,46 @@ impl Pass {
             }
         }
     }
+}
+
+/// cos and sin of pi/3 and of multiples of 2 pi/5.
+const SIN_3: f32 = 0.866_025_4;
+const COS_5: [f32; 2] = [0.309_017, -0.809_017];
+const SIN_5: [f32; 2] = [0.951_056_5, 0.587_785_25];
+
+#[inline(always)]
+fn two([a, b]: [Complex; 2]) -> [Complex; 2] {
+    [a.plus(b), a.minus(b)]
+}
+
+#[inline(always)]
+fn three<A: Arithmetic>([a, b, c]: [Complex; 3]) -> [Complex; 3] {
+    let (sum, difference) = (b.plus(c), b.minus(c).scaled(SIN_3));
+    let middle = sum.scaled_plus::<A>(-0.5, a);
+    [a.plus(sum), middle.minus_i(difference), middle.plus_i(difference)]
+}
+
+#[inline(always)]
+fn four([a, b, c, d]: [Complex; 4]) -> [Complex; 4] {
+    let [even, odd] = two([a, c]);
+    let [sum, difference] = two([b, d]);
+    [even.plus(sum), odd.minus_i(difference), even.minus(sum), odd.plus_i(difference)]
+}
+
+#[inline(always)]
+fn five<A: Arithmetic>([a, b, c, d, e]: [Complex; 5]) -> [Complex; 5] {
+    let ([u, v], [t, w]) = (two([b, e]), two([c, d]));
+    let near = t.scaled_plus::<A>(COS_5[1], u.scaled_plus::<A>(COS_5[0], a));
+    let far = t.scaled_plus::<A>(COS_5[0], u.scaled_plus::<A>(COS_5[1], a));
+    let near_odd = w.scaled_plus::<A>(SIN_5[1], v.scaled(SIN_5[0]));
+    let far_odd = w.scaled_plus::<A>(-SIN_5[0], v.scaled(SIN_5[1]));
+    [
+        a.plus(u).plus(t),
+        near.minus_i(near_odd),
+        far.minus_i(far_odd),
+        far.plus_i(far_odd),
+        near.plus_i(near_odd),
+    ]
 }
 
 #[cfg(test)]

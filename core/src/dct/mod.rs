@@ -11,7 +11,6 @@ mod fft;
 mod grid;
 mod lanes;
 mod odd;
-mod radix;
 mod slab;
 mod stripe;
 mod tile;

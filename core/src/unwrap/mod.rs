@@ -32,8 +32,7 @@ pub use quality_guided::QualityGuided;
 pub use spud::Spud;
 pub use tree::Tree;
 
-use crate::frame::{Frame, FrameError, Samples, in_order};
-use crate::plane::{self, place_of};
+use crate::frame::{Frame, FrameError, Samples, copy_channel, in_order, position_of};
 use crate::workers::WorkersError;
 
 /// One line a method: its type, its name, and how it is made.
@@ -292,8 +291,8 @@ impl<'a> Integers<'a> {
     /// Copies one of `channels` into `plane`, row-major.
     fn take(self, channels: usize, channel: usize, plane: &mut Vec<f32>) {
         match self {
-            Self::U8(samples) => plane::take(samples, channels, channel, plane),
-            Self::U16(samples) => plane::take(samples, channels, channel, plane),
+            Self::U8(samples) => copy_channel(samples, channels, channel, plane),
+            Self::U16(samples) => copy_channel(samples, channels, channel, plane),
         }
     }
 }
@@ -309,6 +308,6 @@ where
         return Ok(());
     }
     let Some((index, &value)) = y.iter().enumerate().find(|(_, value)| wrong(value)) else { return Ok(()) };
-    let (row, column, channel) = place_of(index, dim);
+    let (row, column, channel) = position_of(index, dim);
     Err(UnwrapError::Code { row, column, channel, value: value.into(), most, bits: range.bits() })
 }

@@ -8,10 +8,10 @@ use super::nearest::{self, Counting, Countings, Histogram};
 use super::poisson::{Poisson, ThresholdOn};
 use super::{Range, Recovered, Unwrap, UnwrapError, check_codes};
 use crate::dct::{self, Place, REALS};
-use crate::frame::{Frame, check_shape, in_order};
+use crate::frame::{Frame, check_shape, copy_channel, in_order};
+use crate::gradient;
 use crate::simd::widest;
 use crate::workers::Workers;
-use crate::{gradient, plane};
 
 /// 2^16, the peak of [`Codes`].
 const PEAK: f64 = 65536.0;
@@ -68,7 +68,7 @@ impl Spud {
         let threshold = ((self.tau * f64::from(range.peak())) as f32, self.on);
         let (mut plane, mut rho) = (Vec::new(), vec![0.0; height * width]);
         for channel in 0..channels {
-            plane::take(samples, channels, channel, &mut plane);
+            copy_channel(samples, channels, channel, &mut plane);
             divergence(&plane, width, range, &mut rho);
             poisson.solve(&self.workers, |place| dct::at(&rho, width, place), threshold, |_, phi| phi);
             for ((row, column), out) in out.index_axis_mut(Axis(2), channel).indexed_iter_mut() {

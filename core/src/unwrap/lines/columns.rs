@@ -1,8 +1,7 @@
 //! Columns: which n of each stands for 0, by what most of it says.
 
 use super::gradient::Gradient;
-use super::image::Samples;
-use super::lanes::Layout;
+use super::lanes::{Layout, Samples};
 use super::majority::{Ballot, Doubt};
 use super::rows::Rows;
 use crate::unwrap::Range;

@@ -1,7 +1,6 @@
 //! Levels: which count stands for k = 0, and the result written from it.
 
-use super::image::Samples;
-use super::lanes::{Block, COUNTABLE, LANES, Layout, by_channel, tiled};
+use super::lanes::{Block, COUNTABLE, LANES, Layout, Samples, by_channel, tiled};
 use super::rows::Rows;
 use crate::unwrap::wrapped::Word;
 use crate::unwrap::{Range, Recovered, congruence};

@@ -22,7 +22,6 @@
 
 mod columns;
 mod gradient;
-mod image;
 mod lanes;
 mod levels;
 mod majority;
@@ -31,8 +30,7 @@ mod sums;
 
 use columns::{Anchors, Summed};
 use gradient::Gradient;
-use image::Samples;
-use lanes::Layout;
+use lanes::{Layout, Samples};
 use levels::Levels;
 use rows::Rows;
 use sums::Sums;
