@@ -1,7 +1,7 @@
 //! The lens: a small separable blur of the radiance before it is sampled.
 //!
-//! Borders reflect without repeating the edge pixel (`gfedcb|abcdefgh|gfedcba`,
-//! OpenCV's `BORDER_REFLECT_101`).
+//! The sensor continues the image beyond its border by half-sample symmetry (`dcba|abcd|dcba`, [`Border::HalfSample`]).
+//! A symmetric kernel is then exactly a product in the domain of the DCT-II, which [`Deblur`](crate::Deblur) inverts.
 
 use ndarray::Array3;
 
@@ -60,18 +60,34 @@ fn gaussian(sigma: f64) -> Vec<f32> {
     weights.iter().map(|weight| (weight / sum) as f32).collect()
 }
 
-/// `image` (H x W x C) as the lens shows it.
+/// The rule that continues an image `abcd` beyond its border.
+#[derive(Clone, Copy)]
+pub(crate) enum Border {
+    /// Half-sample symmetry, `dcba|abcd|dcba`: the sample at the border is repeated, as the DCT-II assumes.
+    HalfSample,
+    /// Whole-sample symmetry, `dcb|abcd|cba`: OpenCV's default, `BORDER_REFLECT_101`.
+    WholeSample,
+}
+
+/// Blurs `image` (H x W x C) as OpenCV's `GaussianBlur` does, which the paper's scripts call.
+///
+/// The border follows [`Border::WholeSample`], so it differs from that of the [`Sensor`](crate::Sensor).
 pub fn blurred(image: Array3<f32>, psf: Psf) -> Array3<f32> {
     let dim = image.dim();
     let mut image = image.as_standard_layout().into_owned();
     if let Some(samples) = image.as_slice_mut().filter(|samples| !samples.is_empty()) {
-        blur(samples, dim, &psf.taps());
+        blur(samples, dim, &psf.taps(), Border::WholeSample);
     }
     image
 }
 
 /// Blurs `image` (H x W x C interleaved, `dim` its shape) in place with odd `taps` along both sides.
-pub(crate) fn blur(image: &mut [f32], (height, width, channels): (usize, usize, usize), taps: &[f32]) {
+pub(crate) fn blur(
+    image: &mut [f32],
+    (height, width, channels): (usize, usize, usize),
+    taps: &[f32],
+    border: Border,
+) {
     if taps.len() < 2 {
         return;
     }
@@ -81,7 +97,7 @@ pub(crate) fn blur(image: &mut [f32], (height, width, channels): (usize, usize, 
     let mut across = vec![0.0; image.len()];
     for (row, out) in image.chunks_exact(stride).zip(across.chunks_exact_mut(stride)) {
         for (column, pixel) in padded.chunks_exact_mut(channels).enumerate() {
-            let source = reflect(column as isize - reach as isize, width) * channels;
+            let source = border.reflect(column as isize - reach as isize, width) * channels;
             pixel.copy_from_slice(&row[source..source + channels]);
         }
         taps.iter().enumerate().for_each(|(t, &tap)| add(out, &padded[t * channels..], tap));
@@ -89,7 +105,7 @@ pub(crate) fn blur(image: &mut [f32], (height, width, channels): (usize, usize, 
     for (row, out) in image.chunks_exact_mut(stride).enumerate() {
         out.fill(0.0);
         for (t, &tap) in taps.iter().enumerate() {
-            let source = reflect(row as isize + t as isize - reach as isize, height) * stride;
+            let source = border.reflect(row as isize + t as isize - reach as isize, height) * stride;
             add(out, &across[source..source + stride], tap);
         }
     }
@@ -99,14 +115,16 @@ fn add(out: &mut [f32], source: &[f32], tap: f32) {
     out.iter_mut().zip(source).for_each(|(o, s)| *o += tap * s);
 }
 
-/// Index `i` of an endless, reflected line of `n` samples.
-fn reflect(i: isize, n: usize) -> usize {
-    if n == 1 {
-        return 0;
+impl Border {
+    /// Returns the index, in a line of `n` samples, of the sample that continues the line at index `i`.
+    fn reflect(self, i: isize, n: usize) -> usize {
+        let (period, mirror) = match self {
+            Self::HalfSample => (2 * n, 2 * n - 1),
+            Self::WholeSample => ((2 * n - 2).max(1), 2 * n - 2),
+        };
+        let i = i.rem_euclid(period as isize) as usize;
+        if i < n { i } else { mirror - i }
     }
-    let period = 2 * (n - 1);
-    let i = i.rem_euclid(period as isize) as usize;
-    if i < n { i } else { period - i }
 }
 
 #[cfg(test)]
@@ -123,25 +141,29 @@ mod tests {
     }
 
     #[test]
-    fn borders_reflect_without_the_edge() {
-        let line: Vec<usize> = (-4..9).map(|i| reflect(i, 4)).collect();
-        assert_eq!(line, [2, 3, 2, 1, 0, 1, 2, 3, 2, 1, 0, 1, 2]);
+    fn borders_reflect_with_and_without_the_edge() {
+        let line = |border: Border, n| (-4..9).map(|i| border.reflect(i, n)).collect::<Vec<_>>();
+        assert_eq!(line(Border::HalfSample, 4), [3, 2, 1, 0, 0, 1, 2, 3, 3, 2, 1, 0, 0]);
+        assert_eq!(line(Border::WholeSample, 4), [2, 3, 2, 1, 0, 1, 2, 3, 2, 1, 0, 1, 2]);
+        assert_eq!((line(Border::HalfSample, 1), line(Border::WholeSample, 1)), (vec![0; 13], vec![0; 13]));
     }
 
     #[test]
     fn is_the_separable_sum() {
         let taps = Psf::Gaussian { sigma: 0.9 }.taps();
-        for dim @ (h, w, c) in [(5, 8, 3), (1, 9, 1), (9, 1, 3), (2, 2, 1), (1, 1, 3)] {
+        let dims = [(5, 8, 3), (1, 9, 1), (9, 1, 3), (2, 2, 1), (1, 1, 3)];
+        let cases = dims.map(|dim| [(dim, Border::HalfSample), (dim, Border::WholeSample)]);
+        for (dim @ (h, w, c), border) in cases.into_iter().flatten() {
             let image: Vec<f32> = (0..h * w * c).map(|i| ((i * 37) % 23) as f32 / 23.0).collect();
             let mut got = image.clone();
-            blur(&mut got, dim, &taps);
+            blur(&mut got, dim, &taps, border);
             let reach = taps.len() as isize / 2;
             for (index, value) in got.iter().enumerate() {
                 let (i, j, k) = (index / c / w, index / c % w, index % c);
                 let mut want = 0.0;
                 for (a, ta) in (-reach..).zip(&taps) {
                     for (b, tb) in (-reach..).zip(&taps) {
-                        let (i, j) = (reflect(i as isize + a, h), reflect(j as isize + b, w));
+                        let (i, j) = (border.reflect(i as isize + a, h), border.reflect(j as isize + b, w));
                         want += ta * tb * image[(i * w + j) * c + k];
                     }
                 }

@@ -9,7 +9,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 
 use crate::frame::{Frame, FrameError, check_shape, position_of};
-use crate::optics::{self, MAX_SIGMA, Psf};
+use crate::optics::{self, Border, MAX_SIGMA, Psf};
 use crate::range::{Range, RangeError};
 use crate::tone;
 
@@ -125,7 +125,7 @@ impl Sensor {
             return Err(SensorError::NotFinite { row, column, channel, value: x[index] });
         }
         x.iter_mut().for_each(|value| *value = value.clamp(0.0, BELOW_ONE));
-        optics::blur(&mut x, dim, &self.taps);
+        optics::blur(&mut x, dim, &self.taps, Border::HalfSample);
         let limit = self.range.limit();
         x.iter_mut().for_each(|value| *value = (limit * f64::from(*value)) as f32);
         add_noise(&mut x, self.shot_noise, self.read_noise, seed);
