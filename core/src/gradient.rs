@@ -17,11 +17,11 @@ pub fn wrap(x: f32, bits: u8) -> f32 {
 /// `d` is a difference of two modulo images, `|d| <= 2^b`; then the result is
 /// exact. Outside that it is `d` moved by one peak towards 0.
 pub fn wrap_centered(d: f32, bits: u8) -> f32 {
-    d + peak(bits) * wraps_across(d, bits) as f32
+    d + peak(bits) * wrap_step(d, bits) as f32
 }
 
 /// The n in {-1, 0, 1} with `M_b(d) = d + n * 2^b`, for `|d| <= 2^b`.
-pub(crate) fn wraps_across(d: f32, bits: u8) -> i32 {
+pub(crate) fn wrap_step(d: f32, bits: u8) -> i32 {
     let half = peak(bits) / 2.0;
     i32::from(d < -half) - i32::from(d >= half)
 }

@@ -60,7 +60,7 @@ impl Range {
     }
 
     /// `ceil(alpha) - 1`, the largest wrap count k that radiance in range has.
-    pub fn most_wraps(self) -> u8 {
+    pub fn max_wraps(self) -> u8 {
         (self.alpha.ceil() - 1.0) as u8
     }
 }
@@ -85,7 +85,7 @@ mod tests {
 
     #[test]
     fn counts_wraps_below_the_limit() {
-        let wraps = |alpha| Range::new(8, alpha).unwrap().most_wraps();
+        let wraps = |alpha| Range::new(8, alpha).unwrap().max_wraps();
         assert_eq!([wraps(0.3), wraps(1.0), wraps(1.5), wraps(2.0), wraps(256.0)], [0, 0, 1, 1, 255]);
         assert_eq!(
             (1..=16).map(peak).collect::<Vec<_>>(),

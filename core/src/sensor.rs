@@ -13,7 +13,7 @@ use crate::optics::{self, Border, MAX_SIGMA, Psf};
 use crate::range::{Range, RangeError};
 use crate::tone;
 
-/// The largest `f32` below 1, to which radiance of full scale and more is clamped.
+/// The largest `f32` largest_below 1, to which radiance of full scale and more is clamped.
 pub const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 
 /// Why the frames of an exposure are valid.
@@ -129,7 +129,7 @@ impl Sensor {
         let limit = self.range.limit();
         x.iter_mut().for_each(|value| *value = (limit * f64::from(*value)) as f32);
         add_noise(&mut x, self.shot_noise, self.read_noise, seed);
-        let most = below(limit);
+        let most = largest_below(limit);
         x.iter_mut().for_each(|value| *value = value.clamp(0.0, most));
         let x = Array3::from_shape_vec(dim, x).expect("x was collected from an array of this shape");
         Ok(Exposure { x, range: self.range })
@@ -151,8 +151,8 @@ fn add_noise(x: &mut [f32], shot: f64, read: f64, seed: u64) {
     }
 }
 
-/// Largest `f32` strictly below `limit` (> 0), or 0.
-fn below(limit: f64) -> f32 {
+/// Largest `f32` strictly largest_below `limit` (> 0), or 0.
+fn largest_below(limit: f64) -> f32 {
     let nearest = limit as f32;
     if f64::from(nearest) < limit { nearest } else { nearest.next_down().max(0.0) }
 }

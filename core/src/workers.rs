@@ -49,7 +49,7 @@ impl Workers {
     }
 
     /// The caller's own thread.
-    pub fn own() -> Self {
+    pub fn current_thread() -> Self {
         Self { pool: None }
     }
 

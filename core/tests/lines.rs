@@ -3,7 +3,7 @@
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]
 
-use modulo_core::unwrap::{Options, Signal, by_name};
+use modulo_core::unwrap::{Options, QualityMetrics, by_name};
 use modulo_core::{Frame, Range, Recovered};
 use ndarray::Array3;
 use proptest::prelude::*;
@@ -166,14 +166,14 @@ impl Plane {
     }
 }
 
-fn reference(y: &Array3<u16>, range: Range, word: i64) -> (Array3<u8>, Signal) {
+fn reference(y: &Array3<u16>, range: Range, word: i64) -> (Array3<u8>, QualityMetrics) {
     let (height, width, channels) = y.dim();
     let (mut k, mut seen) =
         (Array3::zeros(y.dim()), Seen { residues: 0, steep: 0, clamped: 0, weakest: 1.0 });
     for c in 0..channels {
         let row = |i: usize| (0..width).map(|j| i64::from(y[[i, j, c]])).collect();
         let y = (0..height).map(row).collect();
-        let plane = Plane { y, peak: range.peak() as i64, most: range.most_wraps().into(), word };
+        let plane = Plane { y, peak: range.peak() as i64, most: range.max_wraps().into(), word };
         for (i, row) in plane.unwrap(&mut seen).into_iter().enumerate() {
             row.into_iter().enumerate().for_each(|(j, found)| k[[i, j, c]] = found as u8);
         }
@@ -182,7 +182,7 @@ fn reference(y: &Array3<u16>, range: Range, word: i64) -> (Array3<u8>, Signal) {
     let loops = (height - 1) * (width - 1) * channels;
     let Seen { residues, steep, clamped, weakest } = seen;
     let (residues, steep) = (share(residues, loops), share(steep, loops));
-    (k, Signal { residues, steep, consensus: weakest, clamped: share(clamped, y.len()) })
+    (k, QualityMetrics { residues, steep, consensus: weakest, clamped: share(clamped, y.len()) })
 }
 
 fn lines(y: &Frame, range: Range) -> Recovered {
@@ -197,7 +197,7 @@ fn assert_is_the_definition(y: &Array3<u16>, range: Range) {
         let (k, signal) = reference(y, range, word);
         let out = lines(&frame, range);
         assert_eq!(out.x, y.mapv(f32::from) + k.mapv(f32::from) * range.peak(), "word {word}, {range:?}");
-        assert_eq!((out.k, out.report.signal), (k, Some(signal)), "word {word}, {range:?}");
+        assert_eq!((out.k, out.report.quality), (k, Some(signal)), "word {word}, {range:?}");
     };
     if range.bits() <= 8 {
         let word = if range.alpha() <= 64.0 { 1 << 8 } else { 1 << 16 };
@@ -253,7 +253,7 @@ proptest! {
         let range = Range::new(bits, alpha).unwrap();
         let y = image(dim, bits, (0.0, 0.0), 0.0, 4.0, seed);
         let out = lines(&Frame::from_u16(y.clone()).unwrap(), range);
-        prop_assert!(out.k.iter().all(|&k| k <= range.most_wraps()));
+        prop_assert!(out.k.iter().all(|&k| k <= range.max_wraps()));
         prop_assert_eq!(out.x, y.mapv(f32::from) + out.k.mapv(f32::from) * range.peak());
     }
 

@@ -140,6 +140,6 @@ fn counts_are_those_next_to_phi() {
         by_name(method, &Options::default()).unwrap().unwrap(&y, range, &mut out).unwrap();
         let right = out.x.iter().zip(&x).filter(|(a, b)| a == b).count();
         assert_eq!(right, x.len(), "{method}");
-        assert_eq!(out.report.rung, method);
+        assert_eq!(out.report.method, method);
     }
 }

@@ -111,7 +111,7 @@ proptest! {
         for method in ["tree", "gradient_tree", "quality_guided"] {
             let one = unwrap(method, &Options::default(), &y, range);
             prop_assert_eq!(&one, &unwrap(method, &many, &y, range));
-            prop_assert!(one.k.iter().all(|&k| k <= range.most_wraps()));
+            prop_assert!(one.k.iter().all(|&k| k <= range.max_wraps()));
         }
     }
 

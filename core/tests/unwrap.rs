@@ -57,7 +57,7 @@ fn assert_exact(method: &str, options: &Options, x: &Array3<u32>, bits: u8, rang
     assert_eq!(out.x, x.mapv(|x| x as f32), "{method}, {bits} bits, {range:?}");
     assert_eq!(out.k, x.mapv(|x| (x >> bits) as u8));
     if method != "auto" {
-        assert_eq!((out.report.rung, out.report.trust), (method, Trust::Unknown));
+        assert_eq!((out.report.method, out.report.trust), (method, Trust::Unknown));
     }
 }
 
@@ -134,7 +134,7 @@ proptest! {
         for method in METHODS {
             let mut out = Recovered::default();
             by_name(method, &Options { tau, ..Options::default() }).unwrap().unwrap(&y, range, &mut out).unwrap();
-            prop_assert!(out.k.iter().all(|&k| k <= range.most_wraps()));
+            prop_assert!(out.k.iter().all(|&k| k <= range.max_wraps()));
             prop_assert_eq!(&out.x, &(y.to_f32() + out.k.mapv(f32::from) * range.peak()));
         }
     }

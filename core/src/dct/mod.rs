@@ -1,22 +1,22 @@
 //! The orthonormal two-dimensional cosine transform, of any size.
 //!
 //! From short to long: [`radix`] and [`odd`] are single transforms, [`fft`] makes
-//! one length of them, [`chirp`] the lengths that have no such factors,
-//! [`cosine`] a cosine transform, [`stripe`] those of columns, [`slab`] those of
+//! one length of them, [`bluestein`] the lengths that have no such factors,
+//! [`cosine`] a cosine transform, [`columns`] those of columns, [`rows`] those of
 //! rows, and [`grid`] that of an image. Everything works on [`lanes`]. A plan owns its scratch, so a transform allocates nothing.
 
-mod chirp;
+mod bluestein;
+mod columns;
 mod cosine;
 mod fft;
 mod grid;
 mod lanes;
-mod odd;
-mod slab;
-mod stripe;
+mod odd_radix;
+mod rows;
 mod tile;
 
-pub(crate) use grid::{Change, Grid, Place};
-pub(crate) use lanes::REALS;
+pub(crate) use grid::{Grid, Run, SpectralFilter};
+pub(crate) use lanes::LANES;
 
 /// A plan for planes of one size, row-major `f32`.
 pub struct Dct2 {
@@ -47,7 +47,7 @@ impl Dct2 {
         (height, width)
     }
 
-    /// DCT-II in place: `X[u,v] = s_u s_v sum x[i,j] cos(pi u (i+1/2)/H) cos(pi v (j+1/2)/W)`
+    /// DCT-II in run: `X[u,v] = s_u s_v sum x[i,j] cos(pi u (i+1/2)/H) cos(pi v (j+1/2)/W)`
     /// with `s_0 = sqrt(1/N)` and `s_k = sqrt(2/N)` along each side.
     ///
     /// # Errors
@@ -55,31 +55,31 @@ impl Dct2 {
     pub fn forward(&mut self, plane: &mut [f32]) -> Result<(), DctError> {
         self.check(plane)?;
         let (_, width) = self.dim();
-        self.grid.forward_down(
+        self.grid.forward_columns(
             #[inline(always)]
-            |place| at(plane, width, place),
+            |run| load_run(plane, width, run),
         );
-        self.grid.forward_across(
+        self.grid.forward_rows(
             #[inline(always)]
-            |place, values| put(plane, width, place, values),
+            |run, values| store_run(plane, width, run, values),
         );
         Ok(())
     }
 
-    /// DCT-III in place, the inverse of [`Dct2::forward`].
+    /// DCT-III in run, the inverse of [`Dct2::forward`].
     ///
     /// # Errors
     /// [`DctError`] when the plane is not of the planned size.
     pub fn inverse(&mut self, plane: &mut [f32]) -> Result<(), DctError> {
         self.check(plane)?;
         let (_, width) = self.dim();
-        self.grid.inverse_across(
+        self.grid.inverse_rows(
             #[inline(always)]
-            |place| at(plane, width, place),
+            |run| load_run(plane, width, run),
         );
-        self.grid.inverse_up(
+        self.grid.inverse_columns(
             #[inline(always)]
-            |place, values| put(plane, width, place, values),
+            |run, values| store_run(plane, width, run, values),
         );
         Ok(())
     }
@@ -95,7 +95,7 @@ impl Dct2 {
 
 /// Sixteen samples of a row-major plane, 0 beyond the end of the row.
 #[inline(always)]
-pub(crate) fn at(plane: &[f32], width: usize, Place { row, sample }: Place) -> [f32; REALS] {
+pub(crate) fn load_run(plane: &[f32], width: usize, Run { row, sample }: Run) -> [f32; LANES] {
     let row = &plane[row * width..][..width];
     match row[sample..].first_chunk() {
         Some(samples) => *samples,
@@ -105,15 +105,15 @@ pub(crate) fn at(plane: &[f32], width: usize, Place { row, sample }: Place) -> [
 
 #[cold]
 #[inline(never)]
-fn tail(rest: &[f32]) -> [f32; REALS] {
-    let mut out = [0.0; REALS];
+fn tail(rest: &[f32]) -> [f32; LANES] {
+    let mut out = [0.0; LANES];
     out.iter_mut().zip(rest).for_each(|(out, &sample)| *out = sample);
     out
 }
 
 /// Writes the samples that [`at`] reads.
 #[inline(always)]
-fn put(plane: &mut [f32], width: usize, Place { row, sample }: Place, values: [f32; REALS]) {
+fn store_run(plane: &mut [f32], width: usize, Run { row, sample }: Run, values: [f32; LANES]) {
     let row = &mut plane[row * width..][..width];
     match row[sample..].first_chunk_mut() {
         Some(samples) => *samples = values,

@@ -13,18 +13,18 @@
 //! a sharp contour of exactly whole peaks, and a whole channel brighter than the peak.
 
 use super::{
-    GradientTree, Lines, Options, PASS_THROUGH, Range, Recovered, Signal, Trust, Unwrap, UnwrapError,
+    GradientTree, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Trust, Unwrap, UnwrapError,
 };
 use crate::frame::Frame;
 
 /// How much may speak against a rung before `auto` leaves it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrustLimits {
-    /// `lines`: greatest [`Signal::steep`], a fraction of the loops.
+    /// `lines`: greatest [`QualityMetrics::steep`], a fraction of the loops.
     pub lines: f64,
-    /// `lines`: least [`Signal::consensus`], a fraction of a line.
+    /// `lines`: least [`QualityMetrics::consensus`], a fraction of a line.
     pub consensus: f64,
-    /// `gradient_tree`: greatest [`Signal::steep`], a fraction of the loops.
+    /// `gradient_tree`: greatest [`QualityMetrics::steep`], a fraction of the loops.
     pub gradient_tree: f64,
 }
 
@@ -42,11 +42,11 @@ pub struct Auto {
     gradient_tree: GradientTree,
 }
 
-/// What the signal of `lines` asks for.
+/// What the quality of `lines` asks for.
 enum Verdict {
     PassThrough,
     Lines,
-    Climb { trusted: bool },
+    FallBack { trusted: bool },
 }
 
 impl Auto {
@@ -60,14 +60,14 @@ impl Auto {
     }
 
     fn judge(&self, lines: &Recovered) -> Verdict {
-        let Signal { steep, consensus, clamped, .. } =
-            lines.report.signal.expect("lines always gives its signal");
+        let QualityMetrics { steep, consensus, clamped, .. } =
+            lines.report.quality.expect("lines always gives its quality");
         let (steep, consensus) = (f64::from(steep), f64::from(consensus));
         if steep <= self.limits.lines && consensus >= self.limits.consensus && clamped == 0.0 {
             let wrapped = lines.k.iter().any(|&k| k > 0);
             return if wrapped { Verdict::Lines } else { Verdict::PassThrough };
         }
-        Verdict::Climb { trusted: steep <= self.limits.gradient_tree }
+        Verdict::FallBack { trusted: steep <= self.limits.gradient_tree }
     }
 }
 
@@ -78,13 +78,13 @@ impl Unwrap for Auto {
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         self.lines.unwrap(y, range, out)?;
-        let signal = out.report.signal;
+        let quality = out.report.quality;
         match self.judge(out) {
-            Verdict::PassThrough => out.report.rung = PASS_THROUGH,
+            Verdict::PassThrough => out.report.method = PASS_THROUGH,
             Verdict::Lines => {}
-            Verdict::Climb { trusted } => {
+            Verdict::FallBack { trusted } => {
                 self.gradient_tree.unwrap(y, range, out)?;
-                out.report.signal = signal;
+                out.report.quality = quality;
                 // A result that contradicts itself is not trusted, whatever y looks like.
                 if !trusted || out.report.trust == Trust::Contradicted {
                     out.report.trust = Trust::Contradicted;

@@ -4,7 +4,7 @@
 //! machine's own wrapping does.
 
 use super::{Integers, Range, UnwrapError};
-use crate::dct::{Place, REALS};
+use crate::dct::{LANES, Run};
 use crate::frame::Frame;
 use crate::simd::widest;
 
@@ -33,7 +33,7 @@ impl Codes {
 
     /// Sixteen codes, 0 beyond the end of the row.
     #[inline(always)]
-    pub fn at(&self, Place { row, sample }: Place) -> [u16; REALS] {
+    pub fn at(&self, Run { row, sample }: Run) -> [u16; LANES] {
         let rest = &self.samples[row * self.stride..][..self.stride][sample..];
         match rest.first_chunk() {
             Some(codes) => *codes,
@@ -43,19 +43,19 @@ impl Codes {
 
     /// Sixteen samples of the divergence, 0 beyond the end of the row; half a peak is 2^15.
     #[inline(always)]
-    pub fn divergence(&self, place @ Place { row, sample }: Place) -> [f32; REALS] {
+    pub fn divergence(&self, run @ Run { row, sample }: Run) -> [f32; LANES] {
         let here = row * self.stride + sample;
-        let last = sample + REALS + self.channels > self.stride;
-        let top = row == 0 || here + self.stride + REALS > self.samples.len();
+        let last = sample + LANES + self.channels > self.stride;
+        let top = row == 0 || here + self.stride + LANES > self.samples.len();
         if top || last || sample < self.channels {
-            return self.divergence_at_border(place);
+            return self.divergence_at_border(run);
         }
-        let chunk = |at: usize| self.samples[at..].first_chunk().copied().unwrap_or([0; REALS]);
+        let chunk = |at: usize| self.samples[at..].first_chunk().copied().unwrap_or([0; LANES]);
         let middle = chunk(here);
         let [left, right] = [chunk(here - self.channels), chunk(here + self.channels)];
         let [above, below] = [chunk(here - self.stride), chunk(here + self.stride)];
-        let mut out = [0.0; REALS];
-        for lane in 0..REALS {
+        let mut out = [0.0; LANES];
+        for lane in 0..LANES {
             let horizontal = difference(left[lane], middle[lane]) - difference(middle[lane], right[lane]);
             let vertical = difference(above[lane], middle[lane]) - difference(middle[lane], below[lane]);
             out[lane] = (horizontal + vertical) as f32;
@@ -64,10 +64,10 @@ impl Codes {
     }
 
     #[inline(never)]
-    fn divergence_at_border(&self, Place { row, sample }: Place) -> [f32; REALS] {
+    fn divergence_at_border(&self, Run { row, sample }: Run) -> [f32; LANES] {
         let start = row * self.stride;
-        let inside = self.stride.saturating_sub(sample).min(REALS);
-        let mut out = [0.0; REALS];
+        let inside = self.stride.saturating_sub(sample).min(LANES);
+        let mut out = [0.0; LANES];
         for (lane, out) in out.iter_mut().enumerate().take(inside) {
             let (at, here) = (sample + lane, start + sample + lane);
             let toward = |there: usize| difference(self.samples[there], self.samples[here]);
@@ -91,7 +91,7 @@ impl Codes {
 
 #[cold]
 #[inline(never)]
-fn tail(rest: &[u16]) -> [u16; REALS] {
+fn tail(rest: &[u16]) -> [u16; LANES] {
     std::array::from_fn(|lane| rest.get(lane).copied().unwrap_or(0))
 }
 

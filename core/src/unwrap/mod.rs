@@ -114,9 +114,9 @@ pub struct Recovered {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
     /// Name of the method that did it, as in [`METHODS`], or [`PASS_THROUGH`]; empty before the first image.
-    pub rung: &'static str,
+    pub method: &'static str,
     /// What of y speaks against the result, where the method looked at it.
-    pub signal: Option<Signal>,
+    pub quality: Option<QualityMetrics>,
     /// Whether the method vouches for k.
     pub trust: Trust,
 }
@@ -149,7 +149,7 @@ pub const PASS_THROUGH: &str = "pass_through";
 
 /// How far y departs from what `lines` assumes, seen on its way over y, all channels together; no truth is needed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Signal {
+pub struct QualityMetrics {
     /// Fraction of the 2 x 2 loops around which the wrapped differences do not sum to 0.
     pub residues: f32,
     /// Fraction of the 2 x 2 loops whose wrapped mixed difference `|M_b(d_x d_y y)|` is above 3/8 of the peak
@@ -244,7 +244,7 @@ impl Recovered {
         if self.k.dim() != dim || !self.k.is_standard_layout() {
             self.k = Array3::zeros(dim);
         }
-        self.report = Report { rung: method, ..Report::default() };
+        self.report = Report { method, ..Report::default() };
     }
 
     /// x and k, row-major and interleaved, after [`Recovered::prepare`].

@@ -10,7 +10,7 @@
 //!
 //! Exact when first differences stay below half a peak. It knows no range but for the absolute offset.
 
-use super::wrapped::{codes, difference, turns};
+use super::wrapped::{codes, difference, wrap_step_signed};
 use super::{Integers, Range, Recovered, Unwrap, UnwrapError, congruence};
 use crate::frame::Frame;
 
@@ -50,7 +50,7 @@ impl Unwrap for QualityGuided {
             samples.take(channels, channel, &mut self.y);
             codes(&self.y, range, &mut self.codes);
             self.grow(width);
-            congruence::place(&self.k, &self.y, range, channel, &mut self.levels, out);
+            congruence::write_channel(&self.k, &self.y, range, channel, &mut self.levels, out);
         }
         Ok(())
     }
@@ -74,7 +74,7 @@ impl QualityGuided {
         self.edges.sort_unstable();
         self.groups.reset(codes.len());
         for Edge { from, to, .. } in &self.edges {
-            self.groups.join(*from, *to, turns(codes[*from as usize], codes[*to as usize]).into());
+            self.groups.join(*from, *to, wrap_step_signed(codes[*from as usize], codes[*to as usize]).into());
         }
         self.k.clear();
         self.k.extend((0..codes.len() as u32).map(|node| self.groups.find(node).1));

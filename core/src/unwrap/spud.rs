@@ -4,10 +4,10 @@
 use ndarray::{Array3, ArrayView3, Axis};
 
 use super::divergence::Codes;
-use super::nearest::{self, Counting, Countings, Histogram};
+use super::nearest::{self, CountRule, Histogram, LaneCountRules};
 use super::poisson::{Poisson, ThresholdOn};
 use super::{Range, Recovered, Unwrap, UnwrapError, check_codes};
-use crate::dct::{self, Place, REALS};
+use crate::dct::{self, LANES, Run};
 use crate::frame::{Frame, check_shape, copy_channel, in_order};
 use crate::gradient;
 use crate::simd::widest;
@@ -23,7 +23,7 @@ pub struct Spud {
     threads: usize,
     workers: Workers,
     codes: Codes,
-    poisson: Poisson<[i16; REALS]>,
+    poisson: Poisson<[i16; LANES]>,
     histograms: Vec<[Histogram; 3]>,
 }
 
@@ -64,15 +64,15 @@ impl Spud {
         check_codes(samples, y.dim(), range, range.peak())?;
         let (height, width, channels) = y.dim();
         let mut out = Array3::zeros(y.dim());
-        let mut poisson = Poisson::<[f32; REALS]>::new((height, width, 1), self.threads);
+        let mut poisson = Poisson::<[f32; LANES]>::new((height, width, 1), self.threads);
         let threshold = ((self.tau * f64::from(range.peak())) as f32, self.on);
         let (mut plane, mut rho) = (Vec::new(), vec![0.0; height * width]);
         for channel in 0..channels {
             copy_channel(samples, channels, channel, &mut plane);
             divergence(&plane, width, range, &mut rho);
-            poisson.solve(&self.workers, |place| dct::at(&rho, width, place), threshold, |_, phi| phi);
+            poisson.solve(&self.workers, |run| dct::load_run(&rho, width, run), threshold, |_, phi| phi);
             for ((row, column), out) in out.index_axis_mut(Axis(2), channel).indexed_iter_mut() {
-                *out = poisson.grid.out(Place { row, sample: column - column % REALS })[column % REALS];
+                *out = poisson.grid.out(Run { row, sample: column - column % LANES })[column % LANES];
             }
         }
         Ok(out)
@@ -95,27 +95,27 @@ impl Spud {
         self.poisson.solve(
             &self.workers,
             #[inline(always)]
-            |place| codes.divergence(place),
+            |run| codes.divergence(run),
             ((self.tau * PEAK) as f32, self.on),
             #[inline(always)]
-            |place, phi| nearest::residuals(phi, codes.at(place)),
+            |run, phi| nearest::residuals(phi, codes.at(run)),
         );
-        let countings = self.count(range);
-        self.place(countings, range, out);
+        let rules = self.count_rules(range);
+        self.write(rules, range, out);
         Ok(())
     }
 
     /// How residuals become wrap counts, by channel.
-    fn count(&mut self, range: Range) -> [Counting; 3] {
+    fn count_rules(&mut self, range: Range) -> [CountRule; 3] {
         let grid = &self.poisson.grid;
         let (height, width, channels) = grid.dim();
         let each = height.div_ceil(self.threads);
         self.workers.each(&mut self.histograms, |part, histograms| {
             histograms.iter_mut().for_each(Histogram::clear);
             let rows = (part * each).min(height)..((part + 1) * each).min(height);
-            for sample in (0..width * channels).step_by(REALS) {
-                let inside = REALS.min(width * channels - sample);
-                let channel: [usize; REALS] = std::array::from_fn(|lane| (sample + lane) % channels);
+            for sample in (0..width * channels).step_by(LANES) {
+                let inside = LANES.min(width * channels - sample);
+                let channel: [usize; LANES] = std::array::from_fn(|lane| (sample + lane) % channels);
                 for residuals in &grid.outs(sample)[rows.clone()] {
                     for (&residual, &channel) in residuals[..inside].iter().zip(&channel) {
                         histograms[channel].count(residual);
@@ -127,52 +127,46 @@ impl Spud {
         for other in others {
             all.iter_mut().zip(other).for_each(|(all, other)| all.add(other));
         }
-        std::array::from_fn(|channel| all[channel].counting(range.most_wraps()))
+        std::array::from_fn(|channel| all[channel].count_rule(range.max_wraps()))
     }
 
     /// Writes `out`, which is prepared.
-    fn place(&self, countings: [Counting; 3], range: Range, out: &mut Recovered) {
+    fn write(&self, rules: [CountRule; 3], range: Range, out: &mut Recovered) {
         let (height, width, channels) = self.poisson.grid.dim();
         let stride = width * channels;
         let (x, k) = out.buffers();
-        let each = height.div_ceil(self.threads).next_multiple_of(REALS);
+        let each = height.div_ceil(self.threads).next_multiple_of(LANES);
         self.workers.each_chunk((x, k), each * stride, |part, x, k| {
             let rows = part * each;
             widest(
                 #[inline(always)]
-                || self.place_rows(rows, stride, countings, range, x, k),
+                || self.write_rows(rows, stride, rules, range, x, k),
             );
         });
     }
 
     /// Sixteen rows at a time, so that what lies row below row is read as it lies.
     #[inline(always)]
-    fn place_rows(
+    fn write_rows(
         &self,
         first: usize,
         stride: usize,
-        countings: [Counting; 3],
+        rules: [CountRule; 3],
         range: Range,
         x: &mut [f32],
         k: &mut [u8],
     ) {
         let channels = self.poisson.grid.dim().2;
         // By channel of the first sample of a run.
-        let lanes: [Countings; 3] =
-            std::array::from_fn(|first| Countings::new(|lane| countings[(first + lane) % channels]));
-        let blocks = x.chunks_mut(REALS * stride).zip(k.chunks_mut(REALS * stride));
-        for (row, (x, k)) in (first..).step_by(REALS).zip(blocks) {
-            for sample in (0..stride).step_by(REALS) {
-                let counting = &lanes[sample % channels];
+        let lanes: [LaneCountRules; 3] =
+            std::array::from_fn(|first| LaneCountRules::new(|lane| rules[(first + lane) % channels]));
+        let blocks = x.chunks_mut(LANES * stride).zip(k.chunks_mut(LANES * stride));
+        for (row, (x, k)) in (first..).step_by(LANES).zip(blocks) {
+            for sample in (0..stride).step_by(LANES) {
+                let rule = &lanes[sample % channels];
                 let rows = x.chunks_exact_mut(stride).zip(k.chunks_exact_mut(stride));
                 for (row, (x, k)) in (row..).zip(rows) {
-                    self.place_run(
-                        Place { row, sample },
-                        counting,
-                        range,
-                        &mut x[sample..],
-                        &mut k[sample..],
-                    );
+                    self.write_run(Run { row, sample }, rule, range, &mut x[sample..], &mut k[sample..]);
                 }
             }
         }
@@ -180,12 +174,12 @@ impl Spud {
 
     /// Sixteen samples, or those that are left of a row.
     #[inline(always)]
-    fn place_run(&self, place: Place, counting: &Countings, range: Range, x: &mut [f32], k: &mut [u8]) {
+    fn write_run(&self, run: Run, rule: &LaneCountRules, range: Range, x: &mut [f32], k: &mut [u8]) {
         let (scale, peak) = (range.peak() / PEAK as f32, range.peak());
-        let counts = counting.wraps(self.poisson.grid.out(place));
-        let codes = self.codes.at(place);
-        let mut radiance = [0.0; REALS];
-        for lane in 0..REALS {
+        let counts = rule.wraps(self.poisson.grid.out(run));
+        let codes = self.codes.at(run);
+        let mut radiance = [0.0; LANES];
+        for lane in 0..LANES {
             radiance[lane] = f32::from(codes[lane]) * scale + f32::from(counts[lane]) * peak;
         }
         match (x.first_chunk_mut(), k.first_chunk_mut()) {

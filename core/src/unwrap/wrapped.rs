@@ -1,13 +1,13 @@
 //! Arithmetic modulo 2^b that the machine's own wrapping does: a code of b bits
-//! stands in the upper b bits of a word, so that one peak is one full turn.
+//! stands in the upper b bits of a word, so that one peak is one full wrap_step.
 
 use super::Range;
 
-/// An unsigned machine word; all arithmetic on it is modulo one turn.
+/// An unsigned machine word; all arithmetic on it is modulo one wrap_step.
 pub(super) trait Word: Copy + Default + Ord + Send + Sync + Into<u16> {
     /// Width.
     const BITS: u8;
-    /// Half a turn.
+    /// Half a wrap_step.
     const HALF: Self;
 
     /// The lower bits of `value`.
@@ -23,9 +23,9 @@ pub(super) trait Word: Copy + Default + Ord + Send + Sync + Into<u16> {
         Self::low(u16::from(condition))
     }
 
-    /// Half a turn further, which makes the order of differences that of codes.
+    /// Half a wrap_step further, which makes the order of differences that of codes.
     #[inline(always)]
-    fn raise(self) -> Self {
+    fn bias(self) -> Self {
         self.minus(Self::HALF)
     }
 }
@@ -78,36 +78,36 @@ pub(super) fn difference(from: u16, to: u16) -> i16 {
     to.wrapping_sub(from) as i16
 }
 
-/// [`turn`] as a signed number.
-pub(super) fn turns(from: u16, to: u16) -> i16 {
-    turn(from, to) as i16
+/// [`wrap_step`] as a signed number.
+pub(super) fn wrap_step_signed(from: u16, to: u16) -> i16 {
+    wrap_step(from, to) as i16
 }
 
 /// The n in {-1, 0, 1} with `M_b(to - from) = to - from + n * 2^b`.
 ///
-/// For codes and, as the order is the same, for differences shifted up by [`raised`].
+/// For codes and, as the order is the same, for differences shifted up by [`biased`].
 #[inline(always)]
-pub(super) fn turn<W: Word>(from: W, to: W) -> W {
+pub(super) fn wrap_step<W: Word>(from: W, to: W) -> W {
     W::one_if(to < from).minus(W::one_if(to.minus(from) >= W::HALF))
 }
 
 /// M_b(to - from) plus half a peak, which makes it a code itself.
 #[inline(always)]
-pub(super) fn raised<W: Word>(from: W, to: W) -> W {
-    to.minus(from).raise()
+pub(super) fn biased<W: Word>(from: W, to: W) -> W {
+    to.minus(from).bias()
 }
 
-/// The absolute value of a difference that [`raised`] gave.
+/// The absolute value of a difference that [`biased`] gave.
 #[cfg(test)]
-pub(super) fn size<W: Word>(raised: W) -> W {
-    if raised < W::HALF { W::HALF.minus(raised) } else { raised.minus(W::HALF) }
+pub(super) fn magnitude<W: Word>(biased: W) -> W {
+    if biased < W::HALF { W::HALF.minus(biased) } else { biased.minus(W::HALF) }
 }
 
-/// `size(raised) > eighths / 8` of the peak, in fewer steps.
+/// `magnitude(biased) > eighths / 8` of the peak, in fewer steps.
 #[inline(always)]
-pub(super) fn exceeds<W: Word>(raised: W, eighths: u16) -> bool {
+pub(super) fn exceeds<W: Word>(biased: W, eighths: u16) -> bool {
     let limit = W::low(eighths << (W::BITS - 3));
-    raised.minus(W::HALF.minus(limit)) > limit.plus(limit)
+    biased.minus(W::HALF.minus(limit)) > limit.plus(limit)
 }
 
 #[cfg(test)]
@@ -115,11 +115,11 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::gradient::{wrap_centered, wraps_across};
+    use crate::gradient::{self, wrap_centered};
 
-    /// As a number from minus half a turn on.
+    /// As a number from minus half a wrap_step on.
     fn signed<W: Word>(word: W) -> i32 {
-        i32::from(word.raise().into()) - i32::from(W::HALF.into())
+        i32::from(word.bias().into()) - i32::from(W::HALF.into())
     }
 
     /// All of it against the definition, for codes `a` and `b` of `bits` bits.
@@ -131,12 +131,12 @@ mod tests {
         let change = f32::from(y[1]) - f32::from(y[0]);
         let want = wrap_centered(change, bits) * scale;
         assert_eq!(signed(to.minus(from)) as f32, want);
-        assert_eq!(signed(turn(from, to)), wraps_across(change, bits));
-        let raised = raised(from, to);
-        assert_eq!(f32::from(size(raised).into()), want.abs());
+        assert_eq!(signed(wrap_step(from, to)), gradient::wrap_step(change, bits));
+        let biased = biased(from, to);
+        assert_eq!(f32::from(magnitude(biased).into()), want.abs());
         for eighths in 1..4 {
             let limit = u16::from(eighths as u8) << (W::BITS - 3);
-            assert_eq!(exceeds(raised, eighths), size(raised).into() > limit);
+            assert_eq!(exceeds(biased, eighths), magnitude(biased).into() > limit);
         }
     }
 
@@ -159,9 +159,9 @@ mod tests {
         fn raised_differences_wrap_as_differences_do(a: u16, b: u16, c: u16) {
             let (left, right) = (i32::from(difference(a, b)), i32::from(difference(b, c)));
             let wrapped = (right - left + (1 << 15)).rem_euclid(1 << 16) - (1 << 15);
-            let (from, to) = (raised(a, b), raised(b, c));
+            let (from, to) = (biased(a, b), biased(b, c));
             prop_assert_eq!(i32::from(difference(from, to)), wrapped);
-            prop_assert_eq!(i32::from(turns(from, to)), (wrapped - (right - left)) >> 16);
+            prop_assert_eq!(i32::from(wrap_step_signed(from, to)), (wrapped - (right - left)) >> 16);
         }
     }
 }

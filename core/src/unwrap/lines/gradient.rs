@@ -1,10 +1,10 @@
 //! The horizontal gradient, unwrapped down its columns, and what speaks against that.
 
-use super::lanes::{Block, COUNTABLE, LANES, Layout};
+use super::layout::{Block, COUNTABLE, LANES, RowLayout};
 use super::majority::STEEP;
-use crate::unwrap::wrapped::{Word, exceeds, raised, turn};
+use crate::unwrap::wrapped::{Word, biased, exceeds, wrap_step};
 
-/// Eighths of the peak above which a mixed difference counts for [`Signal::steep`](crate::unwrap::Signal).
+/// Eighths of the peak above which a mixed difference counts for [`QualityMetrics::steep`](crate::unwrap::QualityMetrics).
 const SUSPECT: u16 = 3;
 
 /// n of `d_x x = g + n * 2^b`, 0 in the first row, and counts of what was seen in each column.
@@ -35,7 +35,7 @@ struct Columns<W> {
 
 impl<W: Word> Gradient<W> {
     /// Before the first row.
-    pub fn start(&mut self, layout: Layout) {
+    pub fn start(&mut self, layout: RowLayout) {
         let none = [W::default(); LANES];
         let fresh = Columns { n: none, zeros: none, steep: none, suspect: none, residues: none };
         self.columns.clear();
@@ -88,16 +88,16 @@ impl<W: Word> Columns<W> {
         steps: &mut Block<W>,
     ) {
         for i in 0..LANES {
-            let (above, here) = (raised(up[i], up_right[i]), raised(left[i], right[i]));
-            let n = self.n[i].plus(turn(above, here));
+            let (above, here) = (biased(up[i], up_right[i]), biased(left[i], right[i]));
+            let n = self.n[i].plus(wrap_step(above, here));
             self.n[i] = n;
-            steps[i] = n.plus(turn(left[i], right[i]));
+            steps[i] = n.plus(wrap_step(left[i], right[i]));
             self.zeros[i] = self.zeros[i].plus(W::one_if(n == W::default()));
             self.steep[i] = self.steep[i].plus(W::one_if(exceeds(here, STEEP)));
-            let suspect = exceeds(raised(above, here), SUSPECT);
+            let suspect = exceeds(biased(above, here), SUSPECT);
             self.suspect[i] = self.suspect[i].plus(W::one_if(suspect));
             // Both orders give M_b(d_x d_y y); they differ in whether the difference of differences wraps.
-            let differ = (here < above) != (raised(up_right[i], right[i]) < raised(up[i], left[i]));
+            let differ = (here < above) != (biased(up_right[i], right[i]) < biased(up[i], left[i]));
             self.residues[i] = self.residues[i].plus(W::one_if(differ));
         }
     }

@@ -1,25 +1,25 @@
 //! Levels: which count stands for k = 0, and the result written from it.
 
-use super::lanes::{Block, COUNTABLE, LANES, Layout, Samples, by_channel, tiled};
+use super::layout::{Block, COUNTABLE, CodeRows, LANES, RowLayout, by_channel, tiled};
 use super::rows::Rows;
 use crate::unwrap::wrapped::Word;
 use crate::unwrap::{Range, Recovered, congruence};
 
 /// k of the image, in rows and what to add by row and by column.
 pub(super) struct Levels<'a, W> {
-    pub layout: Layout,
+    pub layout: RowLayout,
     pub rows: &'a Rows<W>,
     /// By lane.
-    pub anchors: &'a [W],
+    pub constants: &'a [W],
 }
 
-/// By channel: the level that stands for k = 0, raised, and how many samples leave the range for it.
-pub(super) struct Zero<W> {
+/// By channel: the level that stands for k = 0, biased, and how many samples leave the range for it.
+pub(super) struct BaseLevel<W> {
     level: [W; 3],
     pub outside: usize,
 }
 
-/// By channel: the least and the greatest k, raised by half a turn.
+/// By channel: the least and the greatest k, biased by half a wrap_step.
 struct Extent<W> {
     low: [W; 3],
     high: [W; 3],
@@ -28,20 +28,20 @@ struct Extent<W> {
 impl<W: Word> Levels<'_, W> {
     /// `sums` and `counts` are buffers.
     #[inline(always)]
-    pub fn zero(&self, most: u8, sums: &mut Vec<W>, counts: &mut Vec<usize>) -> Zero<W> {
+    pub fn zero(&self, most: u8, sums: &mut Vec<W>, counts: &mut Vec<usize>) -> BaseLevel<W> {
         counts.clear();
         counts.reserve(1 << W::BITS);
         let extent = self.extent(sums);
         let span = |channel: usize| extent.high[channel].minus(extent.low[channel]).into();
-        let mut zero = Zero { level: extent.low, outside: 0 };
+        let mut zero = BaseLevel { level: extent.low, outside: 0 };
         if (0..self.layout.channels).all(|channel| span(channel) <= u16::from(most)) {
-            self.climb(&mut zero, sums);
+            self.raise_level(&mut zero, sums);
         } else {
             for (channel, level) in zero.level[..self.layout.channels].iter_mut().enumerate() {
                 counts.clear();
                 counts.resize(usize::from(span(channel)) + 1, 0);
                 self.histogram(channel, extent.low[channel], sums, counts);
-                let index = congruence::zero_of(counts, most.into());
+                let index = congruence::base_level_index(counts, most.into());
                 let inside = counts[index..].iter().take(usize::from(most) + 1);
                 zero.outside += counts.iter().sum::<usize>() - inside.sum::<usize>();
                 *level = level.plus(W::low(index as u16));
@@ -52,8 +52,8 @@ impl<W: Word> Levels<'_, W> {
 
     /// Every k is in range: a level leaves out what is below it.
     #[inline(always)]
-    fn climb(&self, zero: &mut Zero<W>, sums: &mut Vec<W>) {
-        let Layout { height, width, channels } = self.layout;
+    fn raise_level(&self, zero: &mut BaseLevel<W>, sums: &mut Vec<W>) {
+        let RowLayout { height, width, channels } = self.layout;
         let pixels = height * width;
         let mut below = [0; 3];
         for _ in 0..=u8::MAX {
@@ -96,7 +96,7 @@ impl<W: Word> Levels<'_, W> {
     /// How many pixels of each channel are at `level`.
     #[inline(always)]
     fn count(&self, level: &[W; 3], sums: &mut Vec<W>) -> [usize; 3] {
-        let Layout { channels, .. } = self.layout;
+        let RowLayout { channels, .. } = self.layout;
         let level = tiled(*level, channels);
         let mut total = [0; 3];
         for i in 0..self.layout.height {
@@ -135,23 +135,23 @@ impl<W: Word> Levels<'_, W> {
     /// `sums` becomes, by lane, what is to be added to row `i` for k to start at `start`.
     #[inline(always)]
     fn offsets(&self, i: usize, start: [W; 3], sums: &mut Vec<W>) {
-        if i > 0 && self.rows.joins[i] == self.rows.joins[i - 1] {
+        if i > 0 && self.rows.row_offsets[i] == self.rows.row_offsets[i - 1] {
             return;
         }
         let mut pixel = start;
-        pixel.iter_mut().zip(self.rows.joins[i]).for_each(|(start, join)| *start = start.plus(join));
+        pixel.iter_mut().zip(self.rows.row_offsets[i]).for_each(|(start, join)| *start = start.plus(join));
         let pixel = tiled(pixel, self.layout.channels);
         sums.resize(self.layout.lanes(), W::default());
-        let blocks = sums.as_chunks_mut::<LANES>().0.iter_mut().zip(self.anchors.as_chunks().0);
-        blocks.for_each(|(sums, anchors)| *sums = add(anchors, &pixel));
+        let blocks = sums.as_chunks_mut::<LANES>().0.iter_mut().zip(self.constants.as_chunks().0);
+        blocks.for_each(|(sums, constants)| *sums = add(constants, &pixel));
     }
 
     /// Writes `out`, with `zero` as k = 0 and all beyond `most` clamped.
     #[inline(always)]
     pub fn write<S>(
         &self,
-        samples: &Samples<'_, S>,
-        zero: &Zero<W>,
+        samples: &CodeRows<'_, S>,
+        zero: &BaseLevel<W>,
         range: Range,
         sums: &mut Vec<W>,
         out: &mut Recovered,
@@ -159,10 +159,10 @@ impl<W: Word> Levels<'_, W> {
         S: Copy + Into<u16>,
     {
         let (x, counts) = out.buffers();
-        let (bits, most) = (range.bits(), W::low(range.most_wraps().into()));
+        let (bits, most) = (range.bits(), W::low(range.max_wraps().into()));
         let length = self.layout.samples();
-        // Half a turn stands for k = 0.
-        let start = zero.level.map(W::raise).map(|zero| W::HALF.minus(zero));
+        // Half a wrap_step stands for k = 0.
+        let start = zero.level.map(W::bias).map(|zero| W::HALF.minus(zero));
         let rows = x.chunks_exact_mut(length).zip(counts.chunks_exact_mut(length));
         for (i, (x, counts)) in rows.enumerate() {
             self.offsets(i, start, sums);

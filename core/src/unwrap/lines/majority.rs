@@ -1,4 +1,4 @@
-//! What most of a line says, and when a second opinion is due.
+//! What most of a line vote, and when a second opinion is due.
 
 use crate::unwrap::Range;
 use crate::unwrap::wrapped::Word;
@@ -17,11 +17,11 @@ pub(super) struct Vote<W> {
 
 /// A counter for every value, all zero between two counts.
 #[derive(Default)]
-pub(super) struct Ballot {
+pub(super) struct VoteCounter {
     counts: Vec<u32>,
 }
 
-impl Ballot {
+impl VoteCounter {
     /// Makes room for values of `W`.
     pub(super) fn start<W: Word>(&mut self) {
         self.counts.resize(1 << W::BITS, 0);
@@ -45,30 +45,30 @@ impl Ballot {
 /// Whether lines follow their majority. An edge along a whole line is unanimous and wrong; it is
 /// steep, or the line before it is, and once entered it holds until the second opinion leaves it.
 #[derive(Clone, Copy)]
-pub(super) struct Doubt {
+pub(super) struct MajorityCheck {
     longest: usize,
     departed: bool,
     lasted: usize,
     steep_before: bool,
 }
 
-impl Doubt {
+impl MajorityCheck {
     /// Half a peak a line leaves the range after 2 alpha lines: no departure lasts longer.
     pub fn new(range: Range) -> Self {
-        let longest = 2 * usize::from(range.most_wraps()) + 2;
+        let longest = 2 * usize::from(range.max_wraps()) + 2;
         Self { longest, departed: false, lasted: 0, steep_before: false }
     }
 
     /// Whether the next line, of `length`, needs a second opinion: below 80 % agree, more than a
     /// quarter is steep here or in the line before, or that departed from its majority.
-    pub fn arises(&mut self, agree: usize, steep: usize, length: usize) -> bool {
+    pub fn needs_second_opinion(&mut self, agree: usize, steep: usize, length: usize) -> bool {
         let steep_here = steep * 4 > length;
         let steep = std::mem::replace(&mut self.steep_before, steep_here) || steep_here;
         agree * 5 < length * 4 || steep || self.departed
     }
 
     /// Takes note of whether the second opinion `departs` from the majority.
-    pub fn settle(&mut self, departs: bool) {
+    pub fn record(&mut self, departs: bool) {
         self.lasted = if departs { self.lasted + 1 } else { 0 };
         self.departed = (1..=self.longest).contains(&self.lasted);
     }

@@ -12,7 +12,7 @@
 //!
 //! Codes and counts stand in words that wrap by themselves, of 8 bits where that holds all counts.
 //! Steps 1 and 2 are one pass over y, row by row, all channels together; they see what
-//! speaks against the result ([`Signal`]).
+//! speaks against the result ([`QualityMetrics`]).
 //!
 //! Exact when `|d_x d_y x| < P/2` everywhere and, in each column and row, most
 //! differences to the neighbour are below P/2 -- or, where an edge runs along most of
@@ -22,21 +22,21 @@
 
 mod columns;
 mod gradient;
-mod lanes;
+mod layout;
 mod levels;
 mod majority;
+mod prefix_sums;
 mod rows;
-mod sums;
 
-use columns::{Anchors, Summed};
+use columns::{ColumnConstants, SummedImage};
 use gradient::Gradient;
-use lanes::{Layout, Samples};
+use layout::{CodeRows, RowLayout};
 use levels::Levels;
+use prefix_sums::PrefixSums;
 use rows::Rows;
-use sums::Sums;
 
 use super::wrapped::Word;
-use super::{Integers, Range, Recovered, Signal, Unwrap, UnwrapError};
+use super::{Integers, QualityMetrics, Range, Recovered, Unwrap, UnwrapError};
 use crate::frame::Frame;
 use crate::simd::widest;
 
@@ -46,8 +46,8 @@ const NARROW: u8 = 63;
 /// The method with its buffers; each channel on its own, O(pixels).
 #[derive(Default)]
 pub struct Lines {
-    bytes: Work<u8>,
-    words: Work<u16>,
+    bytes: Buffers<u8>,
+    words: Buffers<u16>,
 }
 
 impl Unwrap for Lines {
@@ -59,18 +59,18 @@ impl Unwrap for Lines {
         let codes = Integers::checked(y, range)?;
         out.prepare(y.dim(), self.name());
         let (height, width, channels) = y.dim();
-        let layout = Layout { height, width, channels };
+        let layout = RowLayout { height, width, channels };
         match codes {
             Integers::U8(codes) => {
-                let samples = Samples::new(codes, layout, range);
-                if range.bits() <= 8 && range.most_wraps() <= NARROW {
+                let samples = CodeRows::new(codes, layout, range);
+                if range.bits() <= 8 && range.max_wraps() <= NARROW {
                     self.bytes.unwrap(&samples, layout, range, out);
                 } else {
                     self.words.unwrap(&samples, layout, range, out);
                 }
             }
             Integers::U16(codes) => {
-                self.words.unwrap(&Samples::new(codes, layout, range), layout, range, out)
+                self.words.unwrap(&CodeRows::new(codes, layout, range), layout, range, out)
             }
         }
         Ok(())
@@ -79,19 +79,19 @@ impl Unwrap for Lines {
 
 /// Buffers for codes in words of one width.
 #[derive(Default)]
-struct Work<W> {
+struct Buffers<W> {
     /// The row at hand, the one above and the one above that.
     codes: [Vec<W>; 3],
     gradient: Gradient<W>,
-    sums: Sums<W>,
+    sums: PrefixSums<W>,
     rows: Rows<W>,
-    anchors: Anchors<W>,
+    constants: ColumnConstants<W>,
     offsets: Vec<W>,
     counts: Vec<usize>,
 }
 
-impl<W: Word> Work<W> {
-    fn unwrap<S>(&mut self, samples: &Samples<'_, S>, layout: Layout, range: Range, out: &mut Recovered)
+impl<W: Word> Buffers<W> {
+    fn unwrap<S>(&mut self, samples: &CodeRows<'_, S>, layout: RowLayout, range: Range, out: &mut Recovered)
     where
         S: Copy + Into<u16>,
     {
@@ -105,22 +105,22 @@ impl<W: Word> Work<W> {
             );
         }
         self.gradient.settle();
-        self.anchors.find(&self.gradient, &Summed { samples, layout, rows: &self.rows }, range);
-        let levels = Levels { layout, rows: &self.rows, anchors: &self.anchors.sums };
+        self.constants.find(&self.gradient, &SummedImage { samples, layout, rows: &self.rows }, range);
+        let levels = Levels { layout, rows: &self.rows, constants: &self.constants.sums };
         let Self { offsets, counts, .. } = self;
         let outside = widest(
             #[inline(always)]
             || {
-                let zero = levels.zero(range.most_wraps(), offsets, counts);
+                let zero = levels.zero(range.max_wraps(), offsets, counts);
                 levels.write(samples, &zero, range, offsets, out);
                 zero.outside
             },
         );
-        out.report.signal = Some(self.signal(layout, outside));
+        out.report.quality = Some(self.quality(layout, outside));
     }
 
     #[inline(always)]
-    fn take_row<S: Copy + Into<u16>>(&mut self, i: usize, samples: &Samples<'_, S>, layout: Layout) {
+    fn take_row<S: Copy + Into<u16>>(&mut self, i: usize, samples: &CodeRows<'_, S>, layout: RowLayout) {
         self.codes.rotate_right(1);
         samples.read(i, &mut self.codes[0]);
         let [here, up, upper] = &self.codes;
@@ -130,12 +130,14 @@ impl<W: Word> Work<W> {
         self.rows.append(&self.sums, [here, up, upper]);
     }
 
-    fn signal(&self, Layout { height, width, channels }: Layout, outside: usize) -> Signal {
+    fn quality(&self, RowLayout { height, width, channels }: RowLayout, outside: usize) -> QualityMetrics {
         let share = |count: u64, of: usize| if of == 0 { 0.0 } else { count as f32 / of as f32 };
         let loops = (height - 1) * (width - 1) * channels;
-        let [row, column] =
-            [share(self.rows.weakest as u64, width), share(self.anchors.weakest as u64, height)];
-        Signal {
+        let [row, column] = [
+            share(self.rows.least_agreement as u64, width),
+            share(self.constants.least_agreement as u64, height),
+        ];
+        QualityMetrics {
             residues: share(self.gradient.residues, loops),
             steep: share(self.gradient.suspect, loops),
             consensus: row.min(column),

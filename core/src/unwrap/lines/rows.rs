@@ -1,48 +1,48 @@
 //! Rows: sums of the gradient's wraps along each, joined by what most of their columns say.
 
-use super::lanes::{Block, COUNTABLE, LANES, Layout, by_channel, tiled};
-use super::majority::{Ballot, Doubt, STEEP, Vote};
-use super::sums::Sums;
+use super::layout::{Block, COUNTABLE, LANES, RowLayout, by_channel, tiled};
+use super::majority::{MajorityCheck, STEEP, Vote, VoteCounter};
+use super::prefix_sums::PrefixSums;
 use crate::unwrap::Range;
-use crate::unwrap::wrapped::{Word, exceeds, raised, turn};
+use crate::unwrap::wrapped::{Word, biased, exceeds, wrap_step};
 
-/// Wrap counts relative to each row's first pixel, and what joins the rows.
+/// Wrap counts relative to each row's first pixel, and what row_offsets the rows.
 #[derive(Default)]
 pub(super) struct Rows<W> {
-    layout: Layout,
+    layout: RowLayout,
     /// A row of zeros, then the image's rows.
     k: Vec<W>,
     /// By row and channel: what to add to the row's k.
-    pub joins: Vec<[W; 3]>,
-    doubts: Vec<Doubt>,
+    pub row_offsets: Vec<[W; 3]>,
+    checks: Vec<MajorityCheck>,
     line: Vec<W>,
-    ballot: Ballot,
+    votes: VoteCounter,
     /// Columns that agree at the row where fewest do, of one channel.
-    pub weakest: usize,
+    pub least_agreement: usize,
 }
 
 /// A row of codes, the one above and the one above that.
 pub(super) type Neighbours<'a, W> = [&'a [W]; 3];
 
 /// By channel: columns that say what was guessed, and columns that are steep.
-struct Census {
+struct RowCounts {
     agree: [usize; 3],
     steep: [usize; 3],
 }
 
 impl<W: Word> Rows<W> {
     /// Before the first row.
-    pub fn start(&mut self, layout: Layout, range: Range) {
+    pub fn start(&mut self, layout: RowLayout, range: Range) {
         self.layout = layout;
         self.k.resize((layout.height + 1) * layout.lanes(), W::default());
         self.k[..layout.lanes()].fill(W::default());
-        self.joins.clear();
-        self.doubts.clear();
-        self.doubts.resize(layout.channels, Doubt::new(range));
+        self.row_offsets.clear();
+        self.checks.clear();
+        self.checks.resize(layout.channels, MajorityCheck::new(range));
         self.line.clear();
         self.line.reserve(layout.width);
-        self.ballot.start::<W>();
-        self.weakest = layout.width;
+        self.votes.start::<W>();
+        self.least_agreement = layout.width;
     }
 
     /// k of row `i`, 0 in its first pixel.
@@ -51,34 +51,34 @@ impl<W: Word> Rows<W> {
         &self.k[(i + 1) * self.layout.lanes()..][..self.layout.lanes()]
     }
 
-    /// Sums up the next row, `codes[0]`, and joins it to those above.
+    /// PrefixSums up the next row, `codes[0]`, and row_offsets it to those above.
     #[inline(always)]
-    pub fn append(&mut self, sums: &Sums<W>, codes: Neighbours<'_, W>) {
+    pub fn append(&mut self, sums: &PrefixSums<W>, codes: Neighbours<'_, W>) {
         let [y, up, _] = codes;
-        let i = self.joins.len();
+        let i = self.row_offsets.len();
         let mut guess = [W::default(); 3];
         let channels = self.layout.channels;
         // The first pixel's k is 0 in every row.
-        guess.iter_mut().zip(up.iter().zip(y)).for_each(|(guess, (&up, &y))| *guess = turn(up, y));
-        let census = self.sum(i, sums, [y, up], &tiled(guess, channels));
-        let mut join = self.joins.last().copied().unwrap_or_default();
+        guess.iter_mut().zip(up.iter().zip(y)).for_each(|(guess, (&up, &y))| *guess = wrap_step(up, y));
+        let counts = self.sum(i, sums, [y, up], &tiled(guess, channels));
+        let mut offsets = self.row_offsets.last().copied().unwrap_or_default();
         if i > 0 {
             for channel in 0..channels {
-                let vote = Vote { value: guess[channel], count: census.agree[channel] };
-                let vote = self.join(i, codes, channel, vote, census.steep[channel]);
-                join[channel] = join[channel].plus(vote.value);
-                self.weakest = self.weakest.min(vote.count);
+                let vote = Vote { value: guess[channel], count: counts.agree[channel] };
+                let vote = self.join(i, codes, channel, vote, counts.steep[channel]);
+                offsets[channel] = offsets[channel].plus(vote.value);
+                self.least_agreement = self.least_agreement.min(vote.count);
             }
         }
-        self.joins.push(join);
+        self.row_offsets.push(offsets);
     }
 
-    /// Writes k of row `i` and counts who says that it continues the row above by `guess`.
+    /// Writes k of row `i` and counts who vote that it continues the row above by `guess`.
     #[inline(always)]
-    fn sum(&mut self, i: usize, sums: &Sums<W>, [y, up]: [&[W]; 2], guess: &Block<W>) -> Census {
+    fn sum(&mut self, i: usize, sums: &PrefixSums<W>, [y, up]: [&[W]; 2], guess: &Block<W>) -> RowCounts {
         let lanes = self.layout.lanes();
         let (above, here) = self.k[i * lanes..].split_at_mut(lanes);
-        let mut census = Census { agree: [0; 3], steep: [0; 3] };
+        let mut counts = RowCounts { agree: [0; 3], steep: [0; 3] };
         let mut sum = [W::default(); LANES];
         for first in (0..lanes).step_by(COUNTABLE * LANES) {
             let (mut agree, mut steep) = ([W::default(); LANES], [W::default(); LANES]);
@@ -88,20 +88,20 @@ impl<W: Word> Rows<W> {
                 let here = &mut here[at..][..LANES];
                 for l in 0..LANES {
                     here[l] = sum[l];
-                    let says = turn(up[l], y[l]).plus(above[l]).minus(sum[l]);
-                    agree[l] = agree[l].plus(W::one_if(says == guess[l]));
-                    steep[l] = steep[l].plus(W::one_if(exceeds(raised(up[l], y[l]), STEEP)));
+                    let vote = wrap_step(up[l], y[l]).plus(above[l]).minus(sum[l]);
+                    agree[l] = agree[l].plus(W::one_if(vote == guess[l]));
+                    steep[l] = steep[l].plus(W::one_if(exceeds(biased(up[l], y[l]), STEEP)));
                 }
             }
-            by_channel(&agree, self.layout.channels, &mut census.agree);
-            by_channel(&steep, self.layout.channels, &mut census.steep);
+            by_channel(&agree, self.layout.channels, &mut counts.agree);
+            by_channel(&steep, self.layout.channels, &mut counts.steep);
         }
-        census.forget_copies(self.layout, [y, up, above, here], guess);
-        census
+        counts.discount_copies(self.layout, [y, up, above, here], guess);
+        counts
     }
 
     /// What most columns of `channel` say of the step from row `i - 1` to `i` if `|d_y x|` is small,
-    /// or in doubt if `|d_y d_y x|` is; `guess` is how many say the expected.
+    /// or in check if `|d_y d_y x|` is; `guess` is how many say the expected.
     fn join(
         &mut self,
         i: usize,
@@ -114,53 +114,58 @@ impl<W: Word> Rows<W> {
         let mut majority = guess;
         let counted = guess.count * 2 <= width;
         if counted {
-            self.first_opinion(i, codes, channel);
-            majority = self.ballot.count(&self.line);
+            self.first_difference_votes(i, codes, channel);
+            majority = self.votes.count(&self.line);
         }
-        if !self.doubts[channel].arises(majority.count, steep, width) || i == 1 {
+        if !self.checks[channel].needs_second_opinion(majority.count, steep, width) || i == 1 {
             return majority;
         }
         if !counted {
-            self.first_opinion(i, codes, channel);
+            self.first_difference_votes(i, codes, channel);
         }
-        self.second_opinion(i, codes, channel);
-        let opinion = self.ballot.count(&self.line);
+        self.second_difference_votes(i, codes, channel);
+        let second = self.votes.count(&self.line);
         // Noise blurs second differences more than first ones.
-        let chosen = if opinion.count * 10 > majority.count * 9 { opinion } else { majority };
-        self.doubts[channel].settle(chosen.value != majority.value);
+        let chosen = if second.count * 10 > majority.count * 9 { second } else { majority };
+        self.checks[channel].record(chosen.value != majority.value);
         chosen
     }
 
     /// By column: the step from row `i - 1` to `i`, if `|d_y x|` is below half a peak.
-    fn first_opinion(&mut self, i: usize, [y, up, _]: Neighbours<'_, W>, channel: usize) {
+    fn first_difference_votes(&mut self, i: usize, [y, up, _]: Neighbours<'_, W>, channel: usize) {
         let (above, here) = self.k[i * self.layout.lanes()..].split_at(self.layout.lanes());
         let lanes = (channel..self.layout.samples()).step_by(self.layout.channels);
         self.line.clear();
-        self.line.extend(lanes.map(|l| turn(up[l], y[l]).plus(above[l]).minus(here[l])));
+        self.line.extend(lanes.map(|l| wrap_step(up[l], y[l]).plus(above[l]).minus(here[l])));
     }
 
     /// Adds to that, by column, the n of `d_y x = M_b(d_y y) + n * 2^b`, if `|d_y d_y x|` is below
     /// half a peak: the n one row above, and one more where the difference itself wraps.
-    fn second_opinion(&mut self, i: usize, [y, up, upper]: Neighbours<'_, W>, channel: usize) {
+    fn second_difference_votes(&mut self, i: usize, [y, up, upper]: Neighbours<'_, W>, channel: usize) {
         let (k_upper, k_up) = self.k[(i - 1) * self.layout.lanes()..].split_at(self.layout.lanes());
-        let step = self.joins[i - 1][channel].minus(self.joins[i - 2][channel]);
+        let step = self.row_offsets[i - 1][channel].minus(self.row_offsets[i - 2][channel]);
         let lanes = (channel..self.layout.samples()).step_by(self.layout.channels);
         for (value, l) in self.line.iter_mut().zip(lanes) {
-            let n_up = k_up[l].minus(k_upper[l]).plus(step).minus(turn(upper[l], up[l]));
-            let n = n_up.plus(turn(raised(upper[l], up[l]), raised(up[l], y[l])));
+            let n_up = k_up[l].minus(k_upper[l]).plus(step).minus(wrap_step(upper[l], up[l]));
+            let n = n_up.plus(wrap_step(biased(upper[l], up[l]), biased(up[l], y[l])));
             *value = value.plus(n);
         }
     }
 }
 
-impl Census {
+impl RowCounts {
     /// The last pixel was counted as often as it was copied.
-    fn forget_copies<W: Word>(&mut self, layout: Layout, [y, up, above, k]: [&[W]; 4], guess: &Block<W>) {
+    fn discount_copies<W: Word>(
+        &mut self,
+        layout: RowLayout,
+        [y, up, above, k]: [&[W]; 4],
+        guess: &Block<W>,
+    ) {
         for (channel, &guess) in guess.iter().enumerate().take(layout.channels) {
             let l = layout.last(channel);
-            let says = turn(up[l], y[l]).plus(above[l]).minus(k[l]);
-            self.agree[channel] -= layout.copies() * usize::from(says == guess);
-            self.steep[channel] -= layout.copies() * usize::from(exceeds(raised(up[l], y[l]), STEEP));
+            let vote = wrap_step(up[l], y[l]).plus(above[l]).minus(k[l]);
+            self.agree[channel] -= layout.copies() * usize::from(vote == guess);
+            self.steep[channel] -= layout.copies() * usize::from(exceeds(biased(up[l], y[l]), STEEP));
         }
     }
 }

@@ -6,22 +6,22 @@
 
 use super::pixels::Quad;
 use crate::simd::widest;
-use crate::unwrap::wrapped::{difference, raised};
+use crate::unwrap::wrapped::{biased, difference};
 
 /// Of the change `M_b(to - from) + n * 2^b`, 2^14 a peak.
-pub(in crate::unwrap) fn of_difference(from: [u16; 4], to: [u16; 4], n: Quad) -> u16 {
+pub(in crate::unwrap) fn key_of_change(from: [u16; 4], to: [u16; 4], n: Quad) -> u16 {
     let change = |lane: usize| i32::from(difference(from[lane], to[lane])) + (i32::from(n[lane]) << 16);
     let [r, g, b] = [0, 1, 2].map(|lane| change(lane) >> 2);
     let spread = r.max(g).max(b) - r.min(g).min(b);
-    (r.abs() + g.abs() + b.abs() + 2 * spread).min(i32::from(MOST)) as u16
+    (r.abs() + g.abs() + b.abs() + 2 * spread).min(i32::from(MAX_KEY)) as u16
 }
 
 /// No key is larger: more than any difference without a whole peak has.
-pub(in crate::unwrap) const MOST: u16 = u16::MAX - 1;
+pub(in crate::unwrap) const MAX_KEY: u16 = u16::MAX - 1;
 
 /// The same of differences without n: the largest is 3/2 + 2 peaks, which 16 bits hold.
 #[inline(always)]
-fn of_wrapped(d: [u16; 3]) -> u16 {
+fn key_of_wrapped(d: [u16; 3]) -> u16 {
     let [r, g, b] = d.map(|d| (d as i16) >> 2);
     let spread = r.max(g).max(b) - r.min(g).min(b);
     r.unsigned_abs() + g.unsigned_abs() + b.unsigned_abs() + 2 * spread as u16
@@ -35,13 +35,13 @@ fn edge(from: [u16; 3], to: [u16; 3], flat: u16) -> (u16, u8) {
     let borrow = |c: usize| (!to[c] & from[c]) | (!(to[c] ^ from[c]) & d[c]);
     let turn = |c: usize| borrow(c) ^ d[c];
     let turned = (turn(0) | turn(1) | turn(2)) >> 15;
-    let key = of_wrapped(d);
+    let key = key_of_wrapped(d);
     (key, (turned | u16::from(key > flat)) as u8)
 }
 
 /// By pixel, the key of the difference to the pixel `stride` ahead, and 1 where it is above `flat` or wraps in a
 /// channel, else 0; 0 where there is none. Of the last column the right neighbour is the next row's first.
-pub(in crate::unwrap) fn first(
+pub(in crate::unwrap) fn first_difference_keys(
     planes: [&[u16]; 3],
     stride: usize,
     flat: u16,
@@ -65,7 +65,7 @@ pub(in crate::unwrap) fn first(
 }
 
 /// [`first`] for the difference to the pixel `a` ahead and the same at the pixel `b` ahead.
-pub(in crate::unwrap) fn second(
+pub(in crate::unwrap) fn second_difference_keys(
     planes: [&[u16]; 3],
     (a, b): (usize, usize),
     flat: u16,
@@ -86,8 +86,8 @@ pub(in crate::unwrap) fn second(
     widest(|| {
         let [[r0, g0, b0], [ra, ga, ba], [rb, gb, bb], [rc, gc, bc]] = corners;
         for i in 0..reach {
-            let from = [raised(r0[i], ra[i]), raised(g0[i], ga[i]), raised(b0[i], ba[i])];
-            let to = [raised(rb[i], rc[i]), raised(gb[i], gc[i]), raised(bb[i], bc[i])];
+            let from = [biased(r0[i], ra[i]), biased(g0[i], ga[i]), biased(b0[i], ba[i])];
+            let to = [biased(rb[i], rc[i]), biased(gb[i], gc[i]), biased(bb[i], bc[i])];
             (keys[i], breaks[i]) = edge(from, to, flat);
         }
     });
@@ -98,7 +98,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::unwrap::tree::turns;
+    use crate::unwrap::tree::wrap_steps;
 
     proptest! {
         #[test]
@@ -112,17 +112,17 @@ mod tests {
             let quad = |at: usize| [codes[at][0], codes[at][1], codes[at][2], 0];
             let (mut keys, mut breaks) = (Vec::new(), Vec::new());
             let edge = |from, to| {
-                let key = of_difference(from, to, [0; 4]);
-                (key, u8::from(key > flat || turns(from, to) != [0; 4]))
+                let key = key_of_change(from, to, [0; 4]);
+                (key, u8::from(key > flat || wrap_steps(from, to) != [0; 4]))
             };
-            first(planes, stride, flat, &mut keys, &mut breaks);
+            first_difference_keys(planes, stride, flat, &mut keys, &mut breaks);
             for at in 0..codes.len() {
                 let there = at + stride < codes.len();
                 let want = if there { edge(quad(at), quad(at + stride)) } else { (0, 0) };
                 prop_assert_eq!((keys[at], breaks[at]), want);
             }
-            second(planes, (1, stride), flat, &mut keys, &mut breaks);
-            let step = |at: usize| std::array::from_fn(|lane| raised(quad(at)[lane], quad(at + 1)[lane]));
+            second_difference_keys(planes, (1, stride), flat, &mut keys, &mut breaks);
+            let step = |at: usize| std::array::from_fn(|lane| biased(quad(at)[lane], quad(at + 1)[lane]));
             for at in 0..codes.len() {
                 let there = at + stride + 1 < codes.len();
                 let want = if there { edge(step(at), step(at + stride)) } else { (0, 0) };

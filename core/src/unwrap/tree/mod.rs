@@ -17,22 +17,22 @@
 //! three channels at once. It fails on islands, whose whole contour jumps by more than half
 //! a peak. The offset of a region that stays apart is the least that its interval allows.
 
+mod direct_sums;
+mod edge_queue;
 mod forest;
-mod image;
+mod image_edges;
 mod keys;
-mod order;
 mod pixels;
 mod regions;
 mod segments;
-mod sums;
 
-pub(super) use forest::{Edges, Forest, Ground, SEA};
-use image::place;
-pub(super) use image::{FLAT, Image};
-pub(super) use keys::{MOST, first, of_difference, second};
-pub(super) use pixels::{Bounds, Direction, Pixels, Quad, subtract, turns};
+pub(super) use direct_sums::DirectSums;
+pub(super) use forest::{BACKGROUND, EdgeSource, Edges, Forest};
+use image_edges::place;
+pub(super) use image_edges::{FLAT, ImageEdges};
+pub(super) use keys::{MAX_KEY, first_difference_keys, key_of_change, second_difference_keys};
+pub(super) use pixels::{Bounds, Direction, Pixels, Quad, subtract, wrap_steps};
 pub(super) use regions::Region;
-pub(super) use sums::Sums;
 
 use super::{Integers, Range, Recovered, Unwrap, UnwrapError};
 use crate::frame::Frame;
@@ -44,13 +44,13 @@ pub struct Tree {
     keys: [Vec<u16>; 2],
     breaks: [Vec<u8>; 2],
     forest: Forest,
-    sums: Sums,
+    sums: DirectSums,
 }
 
 /// Writes `out` from differences that are known: sums where they agree, a tree where not.
 pub(super) fn recover(
-    image: &Image<'_>,
-    sums: &mut Sums,
+    image: &ImageEdges<'_>,
+    sums: &mut DirectSums,
     forest: &mut Forest,
     y: Integers<'_>,
     range: Range,
@@ -77,10 +77,10 @@ impl Unwrap for Tree {
         self.pixels.read(samples, (y.width(), y.channels()), range, bounds);
         let Self { pixels, keys, breaks, forest, sums } = self;
         for ((keys, breaks), stride) in keys.iter_mut().zip(&mut *breaks).zip([1, y.width()]) {
-            first(pixels.planes(), stride, FLAT, keys, breaks);
+            first_difference_keys(pixels.planes(), stride, FLAT, keys, breaks);
         }
         let ([right, down], [right_breaks, down_breaks]) = (keys, breaks);
-        let image = Image {
+        let image = ImageEdges {
             pixels,
             bounds,
             edges: Edges { keys: [right, down], breaks: [right_breaks, down_breaks] },

@@ -113,17 +113,17 @@ impl Pixels {
         self.quads[at]
     }
 
-    /// M_b of the difference to the pixel `stride` ahead, raised by half a peak.
+    /// M_b of the difference to the pixel `stride` ahead, biased by half a peak.
     #[inline(always)]
     pub fn difference(&self, at: usize, stride: usize) -> [u16; 4] {
         let (from, to) = (self.quads[at], self.quads[at + stride]);
-        std::array::from_fn(|lane| wrapped::raised(from[lane], to[lane]))
+        std::array::from_fn(|lane| wrapped::biased(from[lane], to[lane]))
     }
 }
 
-/// [`wrapped::turns`] by lane, in arithmetic that the machine does on all lanes at once.
+/// [`wrapped::wrap_step_signed`] by lane, in arithmetic that the machine does on all lanes at once.
 #[inline(always)]
-pub(in crate::unwrap) fn turns(from: [u16; 4], to: [u16; 4]) -> Quad {
+pub(in crate::unwrap) fn wrap_steps(from: [u16; 4], to: [u16; 4]) -> Quad {
     let plain: [i32; 4] = std::array::from_fn(|lane| i32::from(to[lane]) - i32::from(from[lane]));
     plain.map(|plain| ((i32::from(plain as i16) - plain) >> 16) as i16)
 }
@@ -142,7 +142,7 @@ pub(in crate::unwrap) struct Bounds {
 
 impl Bounds {
     pub fn new(range: Range) -> Self {
-        let most = range.most_wraps();
+        let most = range.max_wraps();
         let room = range.limit() - f64::from(most) * f64::from(range.peak());
         let room = (room.ceil() as u32) << (16 - range.bits());
         let step = 1 << (16 - range.bits());
@@ -185,7 +185,7 @@ mod tests {
     proptest! {
         #[test]
         fn turns_of_all_lanes_are_those_of_each(from: [u16; 4], to: [u16; 4]) {
-            prop_assert_eq!(turns(from, to), std::array::from_fn(|lane| wrapped::turns(from[lane], to[lane])));
+            prop_assert_eq!(wrap_steps(from, to), std::array::from_fn(|lane| wrapped::wrap_step_signed(from[lane], to[lane])));
         }
     }
 
@@ -193,7 +193,7 @@ mod tests {
     fn full_scale_is_the_last_code_of_the_last_wrap() {
         for (alpha, top) in [(4.0, 255), (1.5, 127), (1.0, 255), (2.25, 63)] {
             let range = Range::new(8, alpha).unwrap();
-            let most = i16::from(range.most_wraps());
+            let most = i16::from(range.max_wraps());
             let code = |value: u16| [value << 8, value << 8, value << 8, 0];
             assert_eq!(Bounds::new(range).at_full_scale(code(top)), Some([most; 4]), "alpha {alpha}");
             assert_eq!(Bounds::new(range).at_full_scale(code(top - 1)), None);

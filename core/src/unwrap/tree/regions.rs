@@ -1,12 +1,12 @@
 //! Regions that grow together: a union-find that knows each node's wrap counts
 //! relative to its region's root, and in which interval the root's may lie.
 
-mod coarse;
+mod condensed;
 
 use std::ops::Range;
 
 use super::pixels::{Quad, add, subtract};
-pub(in crate::unwrap) use coarse::Coarse;
+pub(in crate::unwrap) use condensed::CondensedRegions;
 
 /// Regions up to this many pixels (hot pixels, noise) do not constrain one of [`LARGE`] or more.
 const SMALL: u32 = 6;
@@ -46,7 +46,7 @@ impl Region {
         };
         let mut region = pixel(pixels.start);
         for at in pixels.skip(1) {
-            match region.and(&pixel(at), [0; 4]) {
+            match region.intersect(&pixel(at), [0; 4]) {
                 Some(joint) => region = joint,
                 None => break,
             }
@@ -60,7 +60,7 @@ impl Region {
     }
 
     /// With a part that is `step` above, if a value is left for both.
-    pub fn and(&self, part: &Region, step: Quad) -> Option<Region> {
+    pub fn intersect(&self, part: &Region, step: Quad) -> Option<Region> {
         let mut joint = Region { size: self.size.saturating_add(part.size), ..*self };
         for (lane, step) in step.into_iter().enumerate() {
             joint.low[lane] = self.low[lane].max(part.low[lane].saturating_sub(step));
@@ -69,10 +69,10 @@ impl Region {
         (!joint.is_empty()).then_some(joint)
     }
 
-    /// [`and`](Self::and), but a small part has no say in a large region.
-    fn with(&self, part: &Region, step: Quad) -> Option<Region> {
+    /// [`intersect`](Self::intersect), but a small part has no say in a large region.
+    fn merge(&self, part: &Region, step: Quad) -> Option<Region> {
         if self.size < LARGE || part.size > SMALL {
-            return self.and(part, step);
+            return self.intersect(part, step);
         }
         Some(Region { size: self.size.saturating_add(part.size), ..*self })
     }
@@ -113,7 +113,7 @@ impl Regions {
     }
 
     /// `node`'s value minus its root's, after [`flatten`](Self::flatten).
-    pub fn above_root(&self, node: u32) -> Quad {
+    pub fn offset_from_root(&self, node: u32) -> Quad {
         self.nodes[node as usize].offset
     }
 
@@ -167,10 +167,10 @@ impl Regions {
     fn attach(&mut self, from: u32, to: u32, step: Quad) {
         let (a, b) = (self.regions[from as usize], self.regions[to as usize]);
         let (parent, child, step, joint) = if a.size >= b.size {
-            (from, to, step, a.with(&b, step))
+            (from, to, step, a.merge(&b, step))
         } else {
             let step = subtract([0; 4], step);
-            (to, from, step, b.with(&a, step))
+            (to, from, step, b.merge(&a, step))
         };
         if let Some(joint) = joint {
             self.regions[parent as usize] = joint;
@@ -214,7 +214,7 @@ mod tests {
                 let [root_a, root_b] = [a, b].map(|node| regions.root(node as u32));
                 prop_assert_eq!(root_a == root_b, label[a] == label[b]);
                 if root_a == root_b {
-                    let [low, high] = [a, b].map(|node| regions.above_root(node as u32)[0]);
+                    let [low, high] = [a, b].map(|node| regions.offset_from_root(node as u32)[0]);
                     prop_assert_eq!(high - low, values[b] - values[a]);
                 }
             }

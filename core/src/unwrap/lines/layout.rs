@@ -16,17 +16,17 @@ pub(super) type Block<W> = [W; LANES];
 /// How an image lies in rows of lanes. A row is filled up with copies of its last pixel:
 /// no difference is seen there, and every sum stays what it is.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Layout {
+pub(super) struct RowLayout {
     /// Rows.
     pub height: usize,
     /// Pixels of a row.
     pub width: usize,
-    /// Samples of a pixel.
+    /// CodeRows of a pixel.
     pub channels: usize,
 }
 
-impl Layout {
-    /// Samples of a row.
+impl RowLayout {
+    /// CodeRows of a row.
     pub fn samples(self) -> usize {
         self.width * self.channels
     }
@@ -62,15 +62,15 @@ pub(super) fn by_channel<W: Word>(counts: &Block<W>, channels: usize, total: &mu
 }
 
 /// Interleaved samples in standard layout.
-pub(super) struct Samples<'a, S> {
+pub(super) struct CodeRows<'a, S> {
     samples: &'a [S],
-    layout: Layout,
+    layout: RowLayout,
     bits: u8,
 }
 
-impl<'a, S: Copy + Into<u16>> Samples<'a, S> {
+impl<'a, S: Copy + Into<u16>> CodeRows<'a, S> {
     /// `samples` are below 2^bits.
-    pub fn new(samples: &'a [S], layout: Layout, range: Range) -> Self {
+    pub fn new(samples: &'a [S], layout: RowLayout, range: Range) -> Self {
         Self { samples, layout, bits: range.bits() }
     }
 
@@ -91,7 +91,7 @@ impl<'a, S: Copy + Into<u16>> Samples<'a, S> {
     pub fn read<W: Word>(&self, i: usize, codes: &mut Vec<W>) {
         codes.clear();
         codes.extend(self.row(i).iter().map(|&sample| self.shifted::<W>(sample)));
-        let Layout { channels, .. } = self.layout;
+        let RowLayout { channels, .. } = self.layout;
         let pixel = self.layout.last(0);
         while codes.len() < self.layout.lanes() + channels {
             codes.extend_from_within(pixel..pixel + channels);

@@ -1,17 +1,17 @@
 //! Where no loop of differences contradicts itself, every tree gives the same counts: they are summed up row by
 //! row, and no tree is grown.
 //!
-//! Sums go down the columns; a row agrees when its k changes along it as the differences there say. All k have to
+//! DirectSums go down the columns; a row agrees when its k changes along it as the differences there say. All k have to
 //! be possible together, too, for otherwise a tree would refuse an edge. What is summed up is then, count for count,
 //! what the tree would give.
 
-use super::forest::Ground;
-use super::image::{Image, finish};
+use super::forest::EdgeSource;
+use super::image_edges::{ImageEdges, finish};
 use super::pixels::{Direction, Quad};
 use super::regions::Region;
 use super::segments::each_set;
 use crate::simd::widest;
-use crate::unwrap::wrapped::turn;
+use crate::unwrap::wrapped::wrap_step;
 use crate::unwrap::{Integers, Range, Recovered, congruence};
 
 /// Counts of that many pixels at once fit in 16 bits.
@@ -19,16 +19,16 @@ const COUNTABLE: usize = 1 << 15;
 
 /// k by channel and pixel, relative to the first pixel, with buffers.
 #[derive(Default)]
-pub(in crate::unwrap) struct Sums {
+pub(in crate::unwrap) struct DirectSums {
     k: [Vec<i16>; 3],
     /// By channel: changes of k along a row, or to the next one.
     steps: [Vec<i16>; 3],
     levels: Vec<usize>,
 }
 
-impl Sums {
-    /// Sums up the differences of `image` as long as they agree; whether all did.
-    pub fn agree(&mut self, image: &Image<'_>) -> bool {
+impl DirectSums {
+    /// DirectSums up the differences of `image` as long as they agree; whether all did.
+    pub fn agree(&mut self, image: &ImageEdges<'_>) -> bool {
         let (rows, width) = image.extent();
         self.k.iter_mut().for_each(|k| k.resize(rows * width, 0));
         self.steps.iter_mut().for_each(|steps| steps.resize(width, 0));
@@ -52,7 +52,7 @@ impl Sums {
     }
 
     /// `steps` become the changes from the row at `start`; `changed` are its pixels with an n.
-    fn follow(&mut self, image: &Image<'_>, to: Direction, start: usize, changed: &[u32]) {
+    fn follow(&mut self, image: &ImageEdges<'_>, to: Direction, start: usize, changed: &[u32]) {
         let stride = image.pixels.stride(to);
         for (channel, steps) in self.steps.iter_mut().enumerate() {
             let codes = &image.pixels.planes()[channel][start..];
@@ -61,7 +61,7 @@ impl Sums {
                 #[inline(always)]
                 || {
                     for ((step, &from), &to) in steps.iter_mut().zip(codes).zip(ahead) {
-                        *step = turn(from, to).cast_signed();
+                        *step = wrap_step(from, to).cast_signed();
                     }
                 },
             );
@@ -114,7 +114,7 @@ impl Sums {
     }
 
     /// Whether there is a level at which every pixel's k is one that it may have.
-    fn is_possible(&self, image: &Image<'_>) -> bool {
+    fn is_possible(&self, image: &ImageEdges<'_>) -> bool {
         let (mut low, mut high) = ([0i16; 4], image.bounds.widest());
         for (lane, k) in self.k.iter().enumerate() {
             let (least, most) = extent(k);
@@ -122,7 +122,7 @@ impl Sums {
         }
         let mut region = Some(Region { low, high, size: 1 }).filter(|region| !region.is_empty());
         each_set(image.pixels.limited(), |at| {
-            region = region.and_then(|region| region.and(&image.interval(at..at + 1), self.at(at)));
+            region = region.and_then(|region| region.intersect(&image.interval(at..at + 1), self.at(at)));
         });
         region.is_some()
     }
@@ -138,13 +138,13 @@ impl Sums {
         let zero: [i16; 3] = std::array::from_fn(|channel| {
             let (low, _) = extent(&self.k[channel]);
             self.count(channel);
-            let index = congruence::zero_of(&self.levels, range.most_wraps().into());
+            let index = congruence::base_level_index(&self.levels, range.max_wraps().into());
             outside += self.levels[..index].iter().sum::<usize>();
             low + index as i16
         });
         let channels = out.k.dim().2;
         let counts = out.buffers().1;
-        let most = i16::from(range.most_wraps());
+        let most = i16::from(range.max_wraps());
         let count = |k: i16, zero: i16| k.wrapping_sub(zero).max(0).min(most) as u8;
         let [r, g, b] = &self.k;
         widest(
@@ -162,7 +162,7 @@ impl Sums {
         finish(outside, y, range, out);
     }
 
-    /// `levels` become how many pixels have each k, from the least on; those are few, see [`Sums::is_possible`].
+    /// `levels` become how many pixels have each k, from the least on; those are few, see [`DirectSums::is_possible`].
     fn count(&mut self, channel: usize) {
         let Self { k, levels, .. } = self;
         let (low, high) = extent(&k[channel]);
@@ -199,7 +199,7 @@ mod tests {
     use ndarray::Array3;
     use proptest::prelude::*;
 
-    use super::super::{Bounds, Edges, FLAT, Forest, Pixels, first, place};
+    use super::super::{Bounds, Edges, FLAT, Forest, Pixels, first_difference_keys, place};
     use super::*;
     use crate::frame::Frame;
 
@@ -210,10 +210,10 @@ mod tests {
         pixels.read(samples, (y.width(), y.channels()), range, bounds);
         let [right, down] = [1, y.width()].map(|stride| {
             let (mut keys, mut breaks) = (Vec::new(), Vec::new());
-            first(pixels.planes(), stride, FLAT, &mut keys, &mut breaks);
+            first_difference_keys(pixels.planes(), stride, FLAT, &mut keys, &mut breaks);
             (keys, breaks)
         });
-        let image = Image {
+        let image = ImageEdges {
             pixels: &pixels,
             bounds,
             edges: Edges { keys: [&right.0, &down.0], breaks: [&right.1, &down.1] },
@@ -221,7 +221,7 @@ mod tests {
             changed: [&[], &[]],
         };
         let (mut sums, mut forest, mut summed, mut grown) =
-            (Sums::default(), Forest::default(), Recovered::default(), Recovered::default());
+            (DirectSums::default(), Forest::default(), Recovered::default(), Recovered::default());
         summed.prepare(y.dim(), "tree");
         grown.prepare(y.dim(), "tree");
         let agree = sums.agree(&image);

@@ -30,14 +30,14 @@ impl Edge {
 
 /// Edges to be sorted.
 #[derive(Default)]
-pub(super) struct Order {
+pub(super) struct EdgeQueue {
     edges: Vec<Edge>,
     sorted: Vec<Edge>,
     /// By bucket, where its next edge goes.
     next: Vec<u32>,
 }
 
-impl Order {
+impl EdgeQueue {
     /// Starts anew with room for `count` edges.
     pub fn start(&mut self, count: usize) {
         self.edges.clear();
@@ -53,7 +53,7 @@ impl Order {
 
     /// Visits the edges by key, those of one bucket in the order in which they came; keys up to `flat` are one.
     #[inline(always)]
-    pub fn each(&mut self, flat: u16, visit: impl FnMut(&Edge)) {
+    pub fn visit_sorted(&mut self, flat: u16, visit: impl FnMut(&Edge)) {
         let Self { edges, sorted, next } = self;
         let Some(&filler) = edges.first() else { return };
         let bucket = |edge: &Edge| usize::from(edge.key.max(flat) >> SHIFT);

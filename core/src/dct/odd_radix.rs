@@ -4,50 +4,50 @@
 
 use std::f64::consts::TAU;
 
-use super::lanes::{Arithmetic, Complex, Turn};
+use super::lanes::{Complex, MultiplyAdd, Twiddle};
 
 /// The longest.
-pub(super) const MOST: usize = 73;
+pub(super) const MAX_RADIX: usize = 73;
 
 /// Pairs of outputs that are summed at once: their sums stay in registers.
 const BLOCK: usize = 3;
 
 /// cos and sin of all j and k, in the order in which they are read.
-pub(super) struct Odd {
+pub(super) struct OddRadix {
     pairs: usize,
     /// By block of j, by k, by j in the block; 0 where the last block has no j.
-    turns: Vec<[Turn; BLOCK]>,
+    twiddles: Vec<[Twiddle; BLOCK]>,
 }
 
 /// Room for the sums and differences of inputs.
 pub(super) struct Folded {
-    even: [Complex; MOST / 2],
-    odd: [Complex; MOST / 2],
+    even: [Complex; MAX_RADIX / 2],
+    odd: [Complex; MAX_RADIX / 2],
 }
 
 impl Folded {
     #[inline(always)]
     pub fn new() -> Self {
-        Self { even: [Complex::default(); MOST / 2], odd: [Complex::default(); MOST / 2] }
+        Self { even: [Complex::default(); MAX_RADIX / 2], odd: [Complex::default(); MAX_RADIX / 2] }
     }
 }
 
-impl Odd {
-    /// `radix` is odd, 3 to [`MOST`].
+impl OddRadix {
+    /// `radix` is odd, 3 to [`MAX_RADIX`].
     pub fn new(radix: usize) -> Self {
         let pairs = radix / 2;
-        let turn = |j: usize, k: usize| {
+        let twiddle = |j: usize, k: usize| {
             let (sin, cos) = (TAU * ((j * k) % radix) as f64 / radix as f64).sin_cos();
-            Turn { cos: cos as f32, sin: sin as f32 }
+            Twiddle { cos: cos as f32, sin: sin as f32 }
         };
-        let block = |first: usize, k| std::array::from_fn(|j| turn(first + j, k));
+        let block = |first: usize, k| std::array::from_fn(|j| twiddle(first + j, k));
         let firsts = (1..=pairs).step_by(BLOCK);
-        Self { pairs, turns: firsts.flat_map(|first| (1..=pairs).map(move |k| block(first, k))).collect() }
+        Self { pairs, twiddles: firsts.flat_map(|first| (1..=pairs).map(move |k| block(first, k))).collect() }
     }
 
     /// `take(i)` gives x_i, `put(j, X_j)` receives each output once.
     #[inline(always)]
-    pub fn transform<A: Arithmetic>(
+    pub fn transform<A: MultiplyAdd>(
         &self,
         Folded { even, odd }: &mut Folded,
         take: impl Fn(usize) -> Complex,
@@ -63,12 +63,12 @@ impl Odd {
             sum = sum.plus(*even);
         }
         put(0, sum);
-        for (block, turns) in self.turns.chunks_exact(self.pairs).enumerate() {
+        for (block, twiddles) in self.twiddles.chunks_exact(self.pairs).enumerate() {
             let (mut cosines, mut sines) = ([first; BLOCK], [Complex::default(); BLOCK]);
-            for ((even, odd), turns) in even.iter().zip(odd.iter()).zip(turns) {
+            for ((even, odd), twiddles) in even.iter().zip(odd.iter()).zip(twiddles) {
                 for j in 0..BLOCK {
-                    cosines[j] = even.scaled_plus::<A>(turns[j].cos, cosines[j]);
-                    sines[j] = odd.scaled_plus::<A>(turns[j].sin, sines[j]);
+                    cosines[j] = even.scaled_plus::<A>(twiddles[j].cos, cosines[j]);
+                    sines[j] = odd.scaled_plus::<A>(twiddles[j].sin, sines[j]);
                 }
             }
             for j in 0..BLOCK {

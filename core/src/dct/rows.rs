@@ -1,25 +1,25 @@
-//! Transforms of rows: sixteen neighbours, a block, at once, from tiles to tiles.
+//! Transforms of plan: sixteen neighbours, a block, at once, from tiles to tiles.
 
 use std::ops::Range;
 
-use super::cosine::Cosine;
-use super::grid::{Change, Place, Shape};
-use super::lanes::{Complex, REALS};
+use super::cosine::CosinePlan;
+use super::grid::{Run, Shape, SpectralFilter};
+use super::lanes::{Complex, LANES};
 use super::tile::{Tile, transpose};
 use crate::simd::widest;
 
-/// A plan for rows.
-pub(super) struct Rows {
+/// A plan for plan.
+pub(super) struct RowPlan {
     shape: Shape,
-    cosine: Cosine,
+    cosine: CosinePlan,
     /// Where the columns of a band stand among the data of all channels, by band:
     /// as a transform wants its samples, and as it wants its coefficients.
-    samples: Vec<[usize; REALS]>,
-    coefficients: Vec<[usize; REALS]>,
+    samples: Vec<[usize; LANES]>,
+    coefficients: Vec<[usize; LANES]>,
 }
 
 /// Neighbouring blocks, the share of one worker.
-pub(super) struct Slab {
+pub(super) struct RowPart {
     blocks: Range<usize>,
     /// By block and band.
     tiles: Vec<Tile>,
@@ -28,17 +28,17 @@ pub(super) struct Slab {
     scratch: Vec<Complex>,
 }
 
-impl Rows {
+impl RowPlan {
     pub fn new(shape: Shape) -> Self {
-        let cosine = Cosine::new(shape.width);
-        let [room, _] = cosine.room();
+        let cosine = CosinePlan::new(shape.width);
+        let [length, _] = cosine.buffer_lengths();
         let at = |sample: usize, position: &dyn Fn(usize) -> usize| {
             let (column, channel) = (sample / shape.channels, sample % shape.channels);
-            if column < shape.width { channel * room + position(column) } else { shape.channels * room }
+            if column < shape.width { channel * length + position(column) } else { shape.channels * length }
         };
         let order = |position: &dyn Fn(usize) -> usize| {
             (0..shape.bands())
-                .map(|band| std::array::from_fn(|lane| at(band * REALS + lane, position)))
+                .map(|band| std::array::from_fn(|lane| at(band * LANES + lane, position)))
                 .collect()
         };
         Self {
@@ -50,12 +50,12 @@ impl Rows {
     }
 }
 
-impl Slab {
-    pub fn new(rows: &Rows, blocks: Range<usize>) -> Self {
-        let [room, scratch] = rows.cosine.room();
+impl RowPart {
+    pub fn new(plan: &RowPlan, blocks: Range<usize>) -> Self {
+        let [length, scratch] = plan.cosine.buffer_lengths();
         Self {
-            tiles: vec![Tile::default(); blocks.len() * rows.shape.bands()],
-            data: vec![Complex::default(); rows.shape.channels * room + 1],
+            tiles: vec![Tile::default(); blocks.len() * plan.shape.bands()],
+            data: vec![Complex::default(); plan.shape.channels * length + 1],
             scratch: vec![Complex::default(); scratch],
             blocks,
         }
@@ -65,22 +65,22 @@ impl Slab {
         self.blocks.clone()
     }
 
-    /// What [`Slab::filter`] or [`Slab::inverse`] has left.
+    /// What [`RowPart::filter`] or [`RowPart::inverse`] has left.
     #[inline(always)]
-    pub fn tile(&self, rows: &Rows, block: usize, band: usize) -> &Tile {
-        &self.tiles[(block - self.blocks.start) * rows.shape.bands() + band]
+    pub fn tile(&self, plan: &RowPlan, block: usize, band: usize) -> &Tile {
+        &self.tiles[(block - self.blocks.start) * plan.shape.bands() + band]
     }
 
     /// Transforms, changes and transforms back the tiles of a block.
     pub fn filter<'a>(
         &mut self,
-        rows: &Rows,
+        plan: &RowPlan,
         block: usize,
         tile: impl Fn(usize) -> &'a Tile,
-        change: &Change<'_, impl Fn(f32, f32, f32) -> f32>,
+        filter: &SpectralFilter<'_, impl Fn(f32, f32, f32) -> f32>,
     ) {
-        self.load(rows, tile);
-        let cosine = &rows.cosine;
+        self.load(plan, tile);
+        let cosine = &plan.cosine;
         self.each_channel(cosine, |data, scratch| {
             cosine.fourier(data, scratch);
             widest(
@@ -88,27 +88,27 @@ impl Slab {
                 || {
                     for (k, mirrored) in cosine.pairs() {
                         let [mut x, mut y] = cosine.coefficients(k, [data[k], data[mirrored]]);
-                        x = change.apply(&change.down[block], k, x);
-                        y = change.apply(&change.down[block], mirrored, y);
+                        x = filter.apply(&filter.by_row[block], k, x);
+                        y = filter.apply(&filter.by_row[block], mirrored, y);
                         [data[k], data[mirrored]] = cosine.spectrum(k, [x, y]);
                     }
                 },
             );
             cosine.fourier(data, scratch);
         });
-        self.store(rows, block);
+        self.store(plan, block);
     }
 
-    /// Transforms the tiles of a block; `put` receives its rows.
+    /// Transforms the tiles of a block; `put` receives its plan.
     pub fn forward<'a>(
         &mut self,
-        rows: &Rows,
+        plan: &RowPlan,
         block: usize,
         tile: impl Fn(usize) -> &'a Tile,
-        put: &mut impl FnMut(Place, [f32; REALS]),
+        put: &mut impl FnMut(Run, [f32; LANES]),
     ) {
-        self.load(rows, tile);
-        let cosine = &rows.cosine;
+        self.load(plan, tile);
+        let cosine = &plan.cosine;
         self.each_channel(cosine, |data, scratch| {
             cosine.fourier(data, scratch);
             widest(
@@ -120,19 +120,19 @@ impl Slab {
                 },
             );
         });
-        let (first, data) = (block * REALS, &self.data);
+        let (first, data) = (block * LANES, &self.data);
         widest(
             #[inline(always)]
             || {
-                for (band, order) in rows.coefficients.iter().enumerate() {
+                for (band, order) in plan.coefficients.iter().enumerate() {
                     transpose(
                         #[inline(always)]
                         |lane| data[order[lane]],
                         #[inline(always)]
                         |row, values| {
-                            let place = Place { row: first + row, sample: band * REALS };
-                            if place.row < rows.shape.height {
-                                put(place, values.reals());
+                            let run = Run { row: first + row, sample: band * LANES };
+                            if run.row < plan.shape.height {
+                                put(run, values.to_lanes());
                             }
                         },
                     );
@@ -141,22 +141,22 @@ impl Slab {
         );
     }
 
-    /// Transforms rows of coefficients that `take` gives back, to tiles.
-    pub fn inverse(&mut self, rows: &Rows, block: usize, take: &impl Fn(Place) -> [f32; REALS]) {
+    /// Transforms plan of coefficients that `take` gives back, to tiles.
+    pub fn inverse(&mut self, plan: &RowPlan, block: usize, take: &impl Fn(Run) -> [f32; LANES]) {
         let Self { data, .. } = self;
         widest(
             #[inline(always)]
             || {
-                for (band, order) in rows.coefficients.iter().enumerate() {
+                for (band, order) in plan.coefficients.iter().enumerate() {
                     let mut tile = Tile::default();
-                    for (row, lanes) in (block * REALS..rows.shape.height).zip(&mut tile) {
-                        *lanes = Complex::of(take(Place { row, sample: band * REALS }));
+                    for (row, lanes) in (block * LANES..plan.shape.height).zip(&mut tile) {
+                        *lanes = Complex::from_lanes(take(Run { row, sample: band * LANES }));
                     }
                     scatter(data, order, &tile);
                 }
             },
         );
-        let cosine = &rows.cosine;
+        let cosine = &plan.cosine;
         self.each_channel(cosine, |data, scratch| {
             widest(
                 #[inline(always)]
@@ -168,39 +168,39 @@ impl Slab {
             );
             cosine.fourier(data, scratch);
         });
-        self.store(rows, block);
+        self.store(plan, block);
     }
 
-    fn each_channel(&mut self, cosine: &Cosine, mut work: impl FnMut(&mut [Complex], &mut [Complex])) {
-        let [room, _] = cosine.room();
+    fn each_channel(&mut self, cosine: &CosinePlan, mut work: impl FnMut(&mut [Complex], &mut [Complex])) {
+        let [length, _] = cosine.buffer_lengths();
         let last = self.data.len() - 1;
-        for data in self.data[..last].chunks_exact_mut(room) {
+        for data in self.data[..last].chunks_exact_mut(length) {
             work(data, &mut self.scratch);
         }
     }
 
     /// Takes the columns of a block apart by channel.
-    fn load<'a>(&mut self, rows: &Rows, tile: impl Fn(usize) -> &'a Tile) {
+    fn load<'a>(&mut self, plan: &RowPlan, tile: impl Fn(usize) -> &'a Tile) {
         let data = &mut self.data;
         widest(
             #[inline(always)]
             || {
-                for (band, order) in rows.samples.iter().enumerate() {
+                for (band, order) in plan.samples.iter().enumerate() {
                     scatter(data, order, tile(band));
                 }
             },
         );
     }
 
-    /// Undoes [`Slab::load`] for samples, whose parts are swapped.
-    fn store(&mut self, rows: &Rows, block: usize) {
+    /// Undoes [`RowPart::load`] for samples, whose parts are swapped.
+    fn store(&mut self, plan: &RowPlan, block: usize) {
         let Self { data, tiles, .. } = self;
-        let bands = rows.shape.bands();
+        let bands = plan.shape.bands();
         let tiles = &mut tiles[(block - self.blocks.start) * bands..][..bands];
         widest(
             #[inline(always)]
             || {
-                for (tile, order) in tiles.iter_mut().zip(&rows.samples) {
+                for (tile, order) in tiles.iter_mut().zip(&plan.samples) {
                     transpose(
                         #[inline(always)]
                         |lane| data[order[lane]].swapped(),
@@ -215,7 +215,7 @@ impl Slab {
 
 /// Puts the columns of a tile where `order` says.
 #[inline(always)]
-fn scatter(data: &mut [Complex], order: &[usize; REALS], tile: &Tile) {
+fn scatter(data: &mut [Complex], order: &[usize; LANES], tile: &Tile) {
     transpose(
         #[inline(always)]
         |row| tile[row],

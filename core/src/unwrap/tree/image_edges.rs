@@ -1,10 +1,10 @@
-//! The image as a ground: its counts are k.
+//! The image as a source: its counts are k.
 
 use std::ops::Range;
 
-use super::forest::{Edges, Forest, Ground};
-use super::keys::MOST;
-use super::pixels::{Bounds, Direction, Pixels, Quad, add, turns};
+use super::forest::{EdgeSource, Edges, Forest};
+use super::keys::MAX_KEY;
+use super::pixels::{Bounds, Direction, Pixels, Quad, add, wrap_steps};
 use super::regions::Region;
 use super::segments::Segment;
 use crate::simd::widest;
@@ -14,7 +14,7 @@ use crate::unwrap::{Integers, Range as RangeOfX, Recovered, Trust, congruence};
 pub(in crate::unwrap) const FLAT: u16 = 56 << 6;
 
 /// Differences are `M_b(d y) + n * 2^b`.
-pub(in crate::unwrap) struct Image<'a> {
+pub(in crate::unwrap) struct ImageEdges<'a> {
     pub pixels: &'a Pixels,
     pub bounds: Bounds,
     /// Of [`first`](super::first) with [`FLAT`]; broken also where n is not 0.
@@ -25,7 +25,7 @@ pub(in crate::unwrap) struct Image<'a> {
     pub changed: [&'a [u32]; 2],
 }
 
-impl Ground for Image<'_> {
+impl EdgeSource for ImageEdges<'_> {
     #[inline(always)]
     fn width(&self) -> usize {
         self.pixels.width()
@@ -47,13 +47,13 @@ impl Ground for Image<'_> {
     }
 
     #[inline(always)]
-    fn land(&self) -> Option<&[u8]> {
+    fn mask(&self) -> Option<&[u8]> {
         None
     }
 
     #[inline(always)]
-    fn tie(&self, _at: usize) -> u16 {
-        MOST
+    fn background_key(&self, _at: usize) -> u16 {
+        MAX_KEY
     }
 
     #[inline(always)]
@@ -72,12 +72,12 @@ impl Ground for Image<'_> {
 
     #[inline(always)]
     fn step(&self, to: Direction, at: usize) -> Quad {
-        let step = turns(self.pixels.code(at), self.pixels.code(at + self.pixels.stride(to)));
+        let step = wrap_steps(self.pixels.code(at), self.pixels.code(at + self.pixels.stride(to)));
         self.n[to as usize].get(at).map_or(step, |&n| add(step, n))
     }
 }
 
-impl Image<'_> {
+impl ImageEdges<'_> {
     /// Whether the 3 x 3 pixels around `at` have one code.
     fn is_plateau(&self, at: usize) -> bool {
         let width = self.pixels.width();
@@ -119,7 +119,7 @@ pub(super) fn finish(outside: usize, y: Integers<'_>, range: RangeOfX, out: &mut
 /// Returns how many segments leave the range.
 fn write_counts<const CHANNELS: usize>(forest: &mut Forest, range: RangeOfX, out: &mut Recovered) -> usize {
     let main = forest.regions.largest();
-    let most = i16::from(range.most_wraps());
+    let most = i16::from(range.max_wraps());
     let level = level(forest, main, most);
     let regions = &forest.regions;
     let mut outside = 0;
@@ -127,7 +127,7 @@ fn write_counts<const CHANNELS: usize>(forest: &mut Forest, range: RangeOfX, out
     for segment in &forest.segments {
         let root = regions.root(segment.node);
         let base = if root == main { level } else { regions.region(root).low };
-        let k = add(base, regions.above_root(segment.node));
+        let k = add(base, regions.offset_from_root(segment.node));
         outside += usize::from(k[..CHANNELS].iter().any(|k| !(0..=most).contains(k)));
         counts[segment.pixels()].fill(std::array::from_fn(|channel| k[channel].clamp(0, most) as u8));
     }
@@ -147,7 +147,7 @@ fn write_radiance<T: Copy + Into<f32>>(y: &[T], range: RangeOfX, out: &mut Recov
 /// By channel, the k of the root `main`.
 fn level(Forest { regions, segments, levels, .. }: &mut Forest, main: u32, most: i16) -> Quad {
     let parts = || segments.iter().filter(|segment| regions.root(segment.node) == main);
-    let offset = |segment: &Segment, lane: usize| regions.above_root(segment.node)[lane];
+    let offset = |segment: &Segment, lane: usize| regions.offset_from_root(segment.node)[lane];
     std::array::from_fn(|lane| {
         let offsets = || parts().map(|segment| offset(segment, lane));
         let (low, high) = (offsets().min().unwrap_or(0), offsets().max().unwrap_or(0));
@@ -156,6 +156,6 @@ fn level(Forest { regions, segments, levels, .. }: &mut Forest, main: u32, most:
         for segment in parts() {
             levels[usize::from(offset(segment, lane).abs_diff(low))] += segment.pixels().len();
         }
-        -(low + congruence::zero_of(levels, most.into()) as i16)
+        -(low + congruence::base_level_index(levels, most.into()) as i16)
     })
 }

@@ -1,9 +1,9 @@
-//! Sums along rows, every channel on its own, in whole vectors.
+//! PrefixSums along rows, every channel on its own, in whole vectors.
 //!
-//! Sums over 4, then 16 pixels are sums of shifted rows; from one block to the next only
+//! PrefixSums over 4, then 16 pixels are sums of shifted rows; from one block to the next only
 //! one sum a lane is carried.
 
-use super::lanes::{Block, LANES, Layout};
+use super::layout::{Block, LANES, RowLayout};
 use crate::unwrap::wrapped::Word;
 
 /// Zeros before a row, as far as any shift reaches.
@@ -14,16 +14,16 @@ const WIDE: usize = 16;
 
 /// The increments of a row, and their sums over neighbours.
 #[derive(Default)]
-pub(super) struct Sums<W> {
+pub(super) struct PrefixSums<W> {
     steps: Vec<W>,
     narrow: Vec<W>,
     wide: Vec<W>,
     channels: usize,
 }
 
-impl<W: Word> Sums<W> {
+impl<W: Word> PrefixSums<W> {
     /// Makes room for rows of `layout`.
-    pub fn start(&mut self, layout: Layout) {
+    pub fn start(&mut self, layout: RowLayout) {
         for row in [&mut self.steps, &mut self.narrow, &mut self.wide] {
             row.clear();
             row.resize(BEFORE + layout.lanes() + layout.channels, W::default());
@@ -36,7 +36,7 @@ impl<W: Word> Sums<W> {
         &mut self.steps[BEFORE + self.channels..]
     }
 
-    /// Sums over 16 pixels up to each pixel.
+    /// PrefixSums over 16 pixels up to each pixel.
     #[inline(always)]
     pub fn widen(&mut self) {
         widen(&self.steps, self.channels, &mut self.narrow);

@@ -3,14 +3,14 @@
 
 use std::ops::Range;
 
-use super::cosine::Cosine;
-use super::grid::{Place, Shape};
-use super::lanes::{Complex, REALS};
+use super::cosine::CosinePlan;
+use super::grid::{Run, Shape};
+use super::lanes::{Complex, LANES};
 use super::tile::Tile;
 use crate::simd::widest;
 
 /// Neighbouring bands, the share of one worker.
-pub(super) struct Stripe<Out> {
+pub(super) struct ColumnPart<Out> {
     bands: Range<usize>,
     /// By band and block.
     spectrum: Vec<Tile>,
@@ -20,9 +20,9 @@ pub(super) struct Stripe<Out> {
     scratch: Vec<Complex>,
 }
 
-impl<Out: Copy + Default> Stripe<Out> {
-    pub fn new(shape: Shape, down: &Cosine, bands: Range<usize>) -> Self {
-        let [data, scratch] = down.room().map(|room| vec![Complex::default(); room]);
+impl<Out: Copy + Default> ColumnPart<Out> {
+    pub fn new(shape: Shape, plan: &CosinePlan, bands: Range<usize>) -> Self {
+        let [data, scratch] = plan.buffer_lengths().map(|length| vec![Complex::default(); length]);
         Self {
             spectrum: vec![Tile::default(); bands.len() * shape.blocks()],
             out: vec![Out::default(); bands.len() * shape.height],
@@ -33,18 +33,18 @@ impl<Out: Copy + Default> Stripe<Out> {
     }
 }
 
-impl<Out> Stripe<Out> {
+impl<Out> ColumnPart<Out> {
     pub fn bands(&self) -> Range<usize> {
         self.bands.clone()
     }
 
-    /// What [`Stripe::forward`] has left.
+    /// What [`ColumnPart::forward`] has left.
     #[inline(always)]
     pub fn tile(&self, shape: Shape, block: usize, band: usize) -> &Tile {
         &self.spectrum[(band - self.bands.start) * shape.blocks() + block]
     }
 
-    /// What [`Stripe::inverse`] has kept, by row.
+    /// What [`ColumnPart::inverse`] has kept, by row.
     #[inline(always)]
     pub fn outs(&self, shape: Shape, band: usize) -> &[Out] {
         &self.out[(band - self.bands.start) * shape.height..][..shape.height]
@@ -53,27 +53,27 @@ impl<Out> Stripe<Out> {
     pub fn forward(
         &mut self,
         shape: Shape,
-        down: &Cosine,
+        plan: &CosinePlan,
         band: usize,
-        load: &impl Fn(Place) -> [f32; REALS],
+        load: &impl Fn(Run) -> [f32; LANES],
     ) {
         let Self { data, scratch, .. } = self;
         widest(
             #[inline(always)]
             || {
                 for row in 0..shape.height {
-                    data[down.position(row)] = Complex::of(load(Place { row, sample: band * REALS }));
+                    data[plan.position(row)] = Complex::from_lanes(load(Run { row, sample: band * LANES }));
                 }
             },
         );
-        down.fourier(data, scratch);
+        plan.fourier(data, scratch);
         let first = (band - self.bands.start) * shape.blocks();
         let to = self.spectrum[first..][..shape.blocks()].as_flattened_mut();
         widest(
             #[inline(always)]
             || {
-                for (k, mirrored) in down.pairs() {
-                    [to[k], to[mirrored]] = down.coefficients(k, [data[k], data[mirrored]]);
+                for (k, mirrored) in plan.pairs() {
+                    [to[k], to[mirrored]] = plan.coefficients(k, [data[k], data[mirrored]]);
                 }
             },
         );
@@ -82,29 +82,29 @@ impl<Out> Stripe<Out> {
     pub fn inverse<'a>(
         &mut self,
         shape: Shape,
-        down: &Cosine,
+        plan: &CosinePlan,
         band: usize,
         tile: impl Fn(usize) -> &'a Tile,
-        mut keep: impl FnMut(Place, [f32; REALS]) -> Out,
+        mut keep: impl FnMut(Run, [f32; LANES]) -> Out,
     ) {
         let Self { data, scratch, .. } = self;
-        let from = |row: usize| tile(row / REALS)[row % REALS];
+        let from = |row: usize| tile(row / LANES)[row % LANES];
         widest(
             #[inline(always)]
             || {
-                for (k, mirrored) in down.pairs() {
-                    [data[k], data[mirrored]] = down.spectrum(k, [from(k), from(mirrored)]);
+                for (k, mirrored) in plan.pairs() {
+                    [data[k], data[mirrored]] = plan.spectrum(k, [from(k), from(mirrored)]);
                 }
             },
         );
-        down.fourier(data, scratch);
+        plan.fourier(data, scratch);
         let out = &mut self.out[(band - self.bands.start) * shape.height..][..shape.height];
         widest(
             #[inline(always)]
             || {
                 for (row, out) in out.iter_mut().enumerate() {
-                    let value = data[down.position(row)].swapped().reals();
-                    *out = keep(Place { row, sample: band * REALS }, value);
+                    let value = data[plan.position(row)].swapped().to_lanes();
+                    *out = keep(Run { row, sample: band * LANES }, value);
                 }
             },
         );

@@ -5,14 +5,14 @@ use crate::unwrap::tree::pixels::{Quad, add};
 
 /// The regions of others, each as one node, so that little has to be at hand to join them.
 #[derive(Default)]
-pub(in crate::unwrap) struct Coarse {
+pub(in crate::unwrap) struct CondensedRegions {
     regions: Regions,
     /// By root of a region: its node here; and the other way round.
     nodes: Vec<u32>,
     roots: Vec<u32>,
 }
 
-impl Coarse {
+impl CondensedRegions {
     /// Makes room for as many nodes.
     pub fn reserve(&mut self, nodes: usize) {
         self.regions.clear();
@@ -68,22 +68,26 @@ mod tests {
     fn what_joins_coarsely_joins_as_finely() {
         let values = [3, 5, -2, 0, 7, 1];
         let step = |from: usize, to: usize| [values[to] - values[from]; 4];
-        let (mut whole, mut fine, mut coarse) = (of_nodes(6, -9, 9), of_nodes(6, -9, 9), Coarse::default());
+        let (mut whole, mut fine, mut condensed) =
+            (of_nodes(6, -9, 9), of_nodes(6, -9, 9), CondensedRegions::default());
         for (from, to) in [(0, 1), (3, 2), (1, 4)] {
             for regions in [&mut whole, &mut fine] {
                 regions.join(from, to, || step(from as usize, to as usize));
             }
         }
         fine.flatten();
-        coarse.condense(&fine);
+        condensed.condense(&fine);
         let [from, to] = [4, 2].map(|node| fine.root(node));
         let between_roots = step(from as usize, to as usize);
-        coarse.join(coarse.node(from), coarse.node(to), || between_roots);
+        condensed.join(condensed.node(from), condensed.node(to), || between_roots);
         whole.join(4, 2, || step(4, 2));
         whole.flatten();
-        coarse.refine(&mut fine);
+        condensed.refine(&mut fine);
         for node in 0..6 {
-            assert_eq!((fine.root(node), fine.above_root(node)), (whole.root(node), whole.above_root(node)));
+            assert_eq!(
+                (fine.root(node), fine.offset_from_root(node)),
+                (whole.root(node), whole.offset_from_root(node))
+            );
         }
         assert_eq!(fine.region(fine.largest()).low, whole.region(whole.largest()).low);
         assert_ne!(fine.root(5), fine.root(0));
