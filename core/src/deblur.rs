@@ -1,7 +1,7 @@
-//! The lens undone: a Wiener filter for a known point spread function, in the
-//! domain of the cosine transform, on radiance that was recovered exactly.
+//! Removes the blur of a known lens by a Wiener filter in the domain of the cosine transform.
 //!
-//! Nothing is estimated from the image: the lens is known or there is no filter.
+//! The filter needs radiance that was recovered exactly and a point spread function that is known; nothing is
+//! estimated from the image.
 
 use std::f64::consts::PI;
 
@@ -14,13 +14,13 @@ use crate::range::Range;
 use crate::tone;
 use crate::workers::Workers;
 
-/// Power of the noise over that of the image, the same at all frequencies.
+/// The ratio of the power of the noise to that of the image, the same at all frequencies.
 pub const NSR: f64 = 4e-4;
 
-/// What the converter's floor takes away on average, code units.
+/// The mean rounding error of the converter, which rounds down, in code units.
 const HALF_A_CODE: f32 = 0.5;
 
-/// The filter of one lens with its buffers; replans when the image size changes.
+/// The inverse filter of one lens with its buffers; it plans anew when the image size changes.
 pub struct Deblur {
     taps: Vec<f32>,
     grid: Grid<[f32; LANES]>,
@@ -29,7 +29,7 @@ pub struct Deblur {
 }
 
 impl Deblur {
-    /// For images that `psf` has blurred.
+    /// Makes the filter for images that `psf` has blurred.
     pub fn new(psf: Psf) -> Self {
         Self {
             taps: psf.taps(),
@@ -39,11 +39,11 @@ impl Deblur {
         }
     }
 
-    /// `X H / (H^2 + NSR)`, clamped to `[0, alpha 2^b)`, as [`tone::linear8`] shows it; `x` (H x W x C, code
-    /// units) comes from whole codes.
+    /// Returns the image `X H / (H^2 + NSR)`, clamped to `[0, alpha 2^b)` and scaled to 8 bits as by
+    /// [`tone::linear8`]. `x` (H x W x C, code units) holds whole codes.
     ///
     /// # Errors
-    /// [`FrameError`] when `x` is not of an image's shape.
+    /// [`FrameError`] when `x` does not have the shape of an image.
     pub fn linear8(&mut self, x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
         if self.taps.len() == 1 {
             return tone::linear8(x, range);
@@ -94,7 +94,7 @@ impl Deblur {
     }
 }
 
-/// H at the frequencies of a cosine transform of `n` samples: `h_0 + 2 sum_i h_i cos(pi k i / n)`.
+/// Returns H at the `n` frequencies of the cosine transform: `h_0 + 2 sum_i h_i cos(pi k i / n)`.
 fn transfer(taps: &[f32], n: usize) -> Vec<f32> {
     let at = |k: usize| {
         let of = |(i, &tap): (usize, &f32)| f64::from(tap) * (PI * (k * i) as f64 / n as f64).cos();

@@ -1,6 +1,6 @@
 //! [`Frame`]: the pixels of one image as a sensor or a screen delivers them.
 //!
-//! A frame has no stamp and no name; those belong to the message that carries it.
+//! A frame has no time stamp and no name; those belong to the message that carries it.
 
 use ndarray::{Array3, ArrayView3};
 
@@ -22,21 +22,21 @@ pub enum Samples {
     F32(Array3<f32>),
 }
 
-/// Error: these pixels cannot be a [`Frame`].
+/// Error: these samples cannot be a [`Frame`].
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FrameError {
-    /// An image needs at least one row and one column.
+    /// The image has no pixel.
     #[error("image of {height} x {width} pixels is empty, at least 1 x 1 is needed")]
     Empty {
-        /// Rows found.
+        /// The number of rows.
         height: usize,
-        /// Columns found.
+        /// The number of columns.
         width: usize,
     },
-    /// Only mono and RGB images are supported.
+    /// The number of channels is neither 1 (mono) nor 3 (RGB).
     #[error("image has {channels} channels, 1 (mono) or 3 (RGB) are possible")]
     Channels {
-        /// Channels found.
+        /// The number of channels.
         channels: usize,
     },
     /// A float sample is NaN or infinite.
@@ -44,19 +44,19 @@ pub enum FrameError {
         "sample at (row {row}, column {column}, channel {channel}) is {value}, finite numbers are needed"
     )]
     NotFinite {
-        /// Row, from 0.
+        /// The row, from 0.
         row: usize,
-        /// Column, from 0.
+        /// The column, from 0.
         column: usize,
-        /// Channel, from 0.
+        /// The channel, from 0.
         channel: usize,
-        /// The sample found.
+        /// The value of the sample.
         value: f32,
     },
 }
 
 impl Frame {
-    /// Takes 8-bit pixels, `H x W x C`.
+    /// Makes a frame of 8-bit samples, `H x W x C`.
     ///
     /// # Errors
     /// [`FrameError`] when a side is 0 or `C` is neither 1 nor 3.
@@ -64,7 +64,7 @@ impl Frame {
         Ok(Self { samples: Samples::U8(checked(pixels)?) })
     }
 
-    /// Takes 16-bit pixels, `H x W x C`.
+    /// Makes a frame of 16-bit samples, `H x W x C`.
     ///
     /// # Errors
     /// [`FrameError`] when a side is 0 or `C` is neither 1 nor 3.
@@ -72,7 +72,7 @@ impl Frame {
         Ok(Self { samples: Samples::U16(checked(pixels)?) })
     }
 
-    /// Takes float pixels, `H x W x C`.
+    /// Makes a frame of float samples, `H x W x C`.
     ///
     /// # Errors
     /// [`FrameError`] when a side is 0, `C` is neither 1 nor 3, or a sample is NaN or infinite.
@@ -90,17 +90,17 @@ impl Frame {
         Ok(Self { samples: Samples::F32(pixels) })
     }
 
-    /// The samples, of one of the three types.
+    /// Returns the samples, which have one of three types.
     pub fn samples(&self) -> &Samples {
         &self.samples
     }
 
-    /// The samples, without a copy.
+    /// Takes the samples out of the frame without a copy.
     pub fn into_samples(self) -> Samples {
         self.samples
     }
 
-    /// The samples of an 8-bit frame; `None` for any other.
+    /// Returns the samples of an 8-bit frame, and `None` for any other frame.
     pub fn as_u8(&self) -> Option<&Array3<u8>> {
         match &self.samples {
             Samples::U8(pixels) => Some(pixels),
@@ -108,7 +108,7 @@ impl Frame {
         }
     }
 
-    /// (height, width, channels).
+    /// Returns (height, width, channels).
     pub fn dim(&self) -> (usize, usize, usize) {
         match &self.samples {
             Samples::U8(pixels) => pixels.dim(),
@@ -117,22 +117,22 @@ impl Frame {
         }
     }
 
-    /// Rows.
+    /// Returns the number of rows.
     pub fn height(&self) -> usize {
         self.dim().0
     }
 
-    /// Columns.
+    /// Returns the number of columns.
     pub fn width(&self) -> usize {
         self.dim().1
     }
 
-    /// 1 (mono) or 3 (red, green, blue).
+    /// Returns the number of channels: 1 (mono) or 3 (red, green, blue).
     pub fn channels(&self) -> usize {
         self.dim().2
     }
 
-    /// Bits of one sample as stored: 8, 16 or 32.
+    /// Returns the bits of one sample in memory: 8, 16 or 32.
     pub fn depth(&self) -> u8 {
         match &self.samples {
             Samples::U8(_) => 8,
@@ -141,7 +141,7 @@ impl Frame {
         }
     }
 
-    /// The samples as `f32`, `H x W x C`, same values.
+    /// Returns a copy of the samples as `f32`, `H x W x C`, with the same values.
     pub fn to_f32(&self) -> Array3<f32> {
         match &self.samples {
             Samples::U8(pixels) => pixels.mapv(f32::from),
@@ -151,7 +151,7 @@ impl Frame {
     }
 }
 
-/// Refuses the shape of an array that cannot be an image.
+/// Returns an error for a shape that no image has.
 pub(crate) fn check_shape((height, width, channels): (usize, usize, usize)) -> Result<(), FrameError> {
     if height == 0 || width == 0 {
         return Err(FrameError::Empty { height, width });
@@ -162,18 +162,18 @@ pub(crate) fn check_shape((height, width, channels): (usize, usize, usize)) -> R
     Ok(())
 }
 
-/// The array in standard layout.
+/// Returns the array in standard layout.
 fn checked<T: Clone>(pixels: Array3<T>) -> Result<Array3<T>, FrameError> {
     check_shape(pixels.dim())?;
     Ok(if pixels.is_standard_layout() { pixels } else { pixels.as_standard_layout().into_owned() })
 }
 
-/// The samples of an array in standard layout, row-major and interleaved.
+/// Returns the samples of an array in standard layout, row-major and interleaved.
 pub(crate) fn in_order<T>(pixels: ArrayView3<'_, T>) -> &[T] {
-    pixels.to_slice().expect("arrays of frames and results are in standard layout")
+    pixels.to_slice().expect("the array is in standard layout")
 }
 
-/// (row, column, channel) of the `index`-th sample in interleaved order.
+/// Returns (row, column, channel) of the `index`-th sample in interleaved order.
 pub(crate) fn position_of(
     index: usize,
     (_, width, channels): (usize, usize, usize),
@@ -181,7 +181,7 @@ pub(crate) fn position_of(
     (index / channels / width, index / channels % width, index % channels)
 }
 
-/// Copies one channel of `samples`, interleaved, into `plane`, row-major.
+/// Copies one channel of the interleaved `samples` into `plane`, row-major.
 pub(crate) fn copy_channel<T: Copy + Into<f32>>(
     samples: &[T],
     channels: usize,

@@ -1,32 +1,32 @@
-//! W_b, M_b, and differences between neighbours with their adjoint.
+//! The wrap W_b, the centred wrap M_b, and the differences of neighbours with their adjoint.
 //!
-//! Planes are row-major slices. Differences are forward with Neumann borders:
-//! none is taken across an edge of the image.
+//! Planes are row-major slices. Differences are forward with Neumann borders: no difference crosses an edge of
+//! the image.
 
 use crate::range::peak;
 
-/// W_b without the quantiser (eq. 1): `x mod 2^b`, in `[0, 2^b)` for finite `x`.
+/// Returns W_b(x) without the quantiser (eq. 1): `x mod 2^b`, in `[0, 2^b)` for finite `x`.
 pub fn wrap(x: f32, bits: u8) -> f32 {
     let wrapped = x.rem_euclid(peak(bits));
     // A tiny negative x rounds up to the peak itself.
     if wrapped < peak(bits) { wrapped } else { 0.0 }
 }
 
-/// M_b(d) = W_b(d + 2^(b-1)) - 2^(b-1), in `[-2^(b-1), 2^(b-1))`; M_b(2^(b-1)) = -2^(b-1).
+/// Returns `M_b(d) = W_b(d + 2^(b-1)) - 2^(b-1)`, in `[-2^(b-1), 2^(b-1))`; `M_b(2^(b-1)) = -2^(b-1)`.
 ///
-/// `d` is a difference of two modulo images, `|d| <= 2^b`; then the result is
-/// exact. Outside that it is `d` moved by one peak towards 0.
+/// The result is exact for a difference `d` of two modulo images, `|d| <= 2^b`. Outside that it is `d`, moved by
+/// one peak towards 0.
 pub fn wrap_centered(d: f32, bits: u8) -> f32 {
     d + peak(bits) * wrap_step(d, bits) as f32
 }
 
-/// The n in {-1, 0, 1} with `M_b(d) = d + n * 2^b`, for `|d| <= 2^b`.
+/// Returns the n in {-1, 0, 1} with `M_b(d) = d + n * 2^b`, for `|d| <= 2^b`.
 pub(crate) fn wrap_step(d: f32, bits: u8) -> i32 {
     let half = peak(bits) / 2.0;
     i32::from(d < -half) - i32::from(d >= half)
 }
 
-/// Horizontal differences, H x (W-1): `out[i, j] = x[i, j+1] - x[i, j]`.
+/// Writes the horizontal differences, H x (W-1): `out[i, j] = x[i, j+1] - x[i, j]`.
 pub(crate) fn dx(x: &[f32], width: usize, out: &mut Vec<f32>) {
     out.clear();
     for row in x.chunks_exact(width) {
@@ -34,13 +34,13 @@ pub(crate) fn dx(x: &[f32], width: usize, out: &mut Vec<f32>) {
     }
 }
 
-/// Vertical differences, (H-1) x W: `out[i, j] = x[i+1, j] - x[i, j]`.
+/// Writes the vertical differences, (H-1) x W: `out[i, j] = x[i+1, j] - x[i, j]`.
 pub(crate) fn dy(x: &[f32], width: usize, out: &mut Vec<f32>) {
     out.clear();
     out.extend(x[width..].iter().zip(x).map(|(below, here)| below - here));
 }
 
-/// The adjoint of (`dx`, `dy`): `out = dx^T gx + dy^T gy`, H x W.
+/// Writes the adjoint of (`dx`, `dy`): `out = dx^T gx + dy^T gy`, H x W.
 pub(crate) fn adjoint(gx: &[f32], gy: &[f32], width: usize, out: &mut [f32]) {
     out.fill(0.0);
     if width > 1 {

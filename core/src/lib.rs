@@ -1,12 +1,11 @@
-//! The mathematics of a modulo camera, and nothing else.
+//! The mathematics of a modulo camera.
 //!
-//! Images are `H x W x C` [`ndarray::Array3`] in standard (row-major,
-//! interleaved) layout with `C` = 1 (mono) or 3 (red, green, blue). Radiance is
-//! `f32` in *code units*: one unit is one step of the sensor's converter, the
+//! Images are `H x W x C` [`ndarray::Array3`] in standard (row-major, interleaved) layout with `C` = 1 (mono) or
+//! 3 (red, green, blue). Radiance is `f32` in *code units*: one unit is one step of the sensor's converter, the
 //! peak is `2^bits`, and `x` lies in `[0, alpha * 2^bits)`.
 //!
-//! Nothing here reads a file, a clock or an environment, starts a thread of its
-//! own accord, or knows of messages and topics.
+//! This crate reads no file, clock or environment, starts threads only when it is asked to, and does not know
+//! messages and topics.
 
 pub mod boxes;
 pub mod bracket;

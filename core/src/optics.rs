@@ -1,23 +1,23 @@
 //! The lens: a small separable blur of the radiance before it is sampled.
 //!
-//! The sensor continues the image beyond its border by half-sample symmetry (`dcba|abcd|dcba`, [`Border::HalfSample`]).
-//! A symmetric kernel is then exactly a product in the domain of the DCT-II, which [`Deblur`](crate::Deblur) inverts.
+//! The sensor continues the image beyond its border by half-sample symmetry (`dcba|abcd|dcba`). A symmetric
+//! kernel is then exactly a product in the domain of the DCT-II, which [`Deblur`](crate::Deblur) inverts.
 
 use ndarray::Array3;
 
-/// Point spread function, in pixels of the sensor.
+/// The point spread function of a lens, in pixels of the sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub enum Psf {
-    /// A perfect lens.
+    /// A perfect lens, which does not blur.
     #[default]
     None,
     /// A Gaussian of `sigma` pixels, cut at radius `ceil(3 sigma)`.
     Gaussian {
-        /// In (0, 100] px.
+        /// The standard deviation in px, in (0, 100].
         sigma: f64,
     },
-    /// The paper's 7 taps: what OpenCV's `getGaussianKernel` gives for size 7
-    /// and no sigma, a fixed table that stands for sigma = 1.4 px.
+    /// The 7 taps of the paper, which OpenCV's `getGaussianKernel` returns for size 7 without a sigma: a fixed
+    /// table that stands for sigma = 1.4 px.
     Paper7,
 }
 
@@ -27,13 +27,13 @@ pub const MAX_SIGMA: f64 = 100.0;
 const PAPER_TAPS: [f32; 7] = [0.03125, 0.109375, 0.21875, 0.28125, 0.21875, 0.109375, 0.03125];
 
 impl Psf {
-    /// The blur of a lens by its sigma alone, px: 0 is a perfect lens, else a Gaussian, whose sigma
+    /// Returns the blur of a lens of this sigma in px: 0 is a perfect lens, any other value a Gaussian, which
     /// [`Sensor::new`](crate::Sensor::new) checks.
     pub fn of_sigma(sigma: f64) -> Self {
         if sigma == 0.0 { Self::None } else { Self::Gaussian { sigma } }
     }
 
-    /// Sigma in px: 0 for a perfect lens, 1.4 for [`Psf::Paper7`].
+    /// Returns sigma in px: 0 for a perfect lens, 1.4 for [`Psf::Paper7`].
     pub fn sigma(self) -> f64 {
         match self {
             Self::None => 0.0,
@@ -42,7 +42,7 @@ impl Psf {
         }
     }
 
-    /// The kernel along one side, odd in length, sum 1; the single tap 1 for [`Psf::None`].
+    /// Returns the kernel along one side, odd in length, with sum 1; the single tap 1 for [`Psf::None`].
     pub fn taps(self) -> Vec<f32> {
         match self {
             Self::None => vec![1.0],
@@ -75,13 +75,15 @@ pub(crate) enum Border {
 pub fn blurred(image: Array3<f32>, psf: Psf) -> Array3<f32> {
     let dim = image.dim();
     let mut image = image.as_standard_layout().into_owned();
-    if let Some(samples) = image.as_slice_mut().filter(|samples| !samples.is_empty()) {
+    let samples = image.as_slice_mut().expect("the layout was made standard");
+    if !samples.is_empty() {
         blur(samples, dim, &psf.taps(), Border::WholeSample);
     }
     image
 }
 
-/// Blurs `image` (H x W x C interleaved, `dim` its shape) in place with odd `taps` along both sides.
+/// Blurs `image` (H x W x C interleaved, of the shape `dim`) in place with an odd number of `taps` along both
+/// sides.
 pub(crate) fn blur(
     image: &mut [f32],
     (height, width, channels): (usize, usize, usize),

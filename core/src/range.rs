@@ -1,31 +1,31 @@
-//! [`Range`]: how far a sensor's counts reach. A constructed range is valid.
+//! [`Range`]: the range of counts that a sensor represents. It is valid once it is made.
 
-/// The bits and the saturation factor of a sensor, `x` in `[0, alpha * 2^bits)`.
+/// The bits and the saturation factor of a sensor: `x` lies in `[0, alpha * 2^bits)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
     bits: u8,
     alpha: f64,
 }
 
-/// Why a pair of numbers cannot be a [`Range`].
+/// Error: these numbers cannot be a [`Range`].
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RangeError {
-    /// The converter's width.
+    /// The bits are out of range.
     #[error("bits is {bits}, 1 to 16 are possible")]
     Bits {
-        /// Found.
+        /// The number of bits.
         bits: u8,
     },
-    /// The saturation factor.
+    /// The saturation factor is out of range.
     #[error("alpha is {alpha}, more than 0 and at most 256 is possible")]
     Alpha {
-        /// Found.
+        /// The saturation factor.
         alpha: f64,
     },
 }
 
 impl Range {
-    /// `bits` in 1 to 16, `alpha` in (0, 256].
+    /// Makes a range of `bits` in 1 to 16 and `alpha` in (0, 256].
     ///
     /// # Errors
     /// [`RangeError`] when one of them is outside, NaN included.
@@ -39,33 +39,33 @@ impl Range {
         Ok(Self { bits, alpha })
     }
 
-    /// b, the width of the converter.
+    /// Returns b, the bits of the converter.
     pub fn bits(self) -> u8 {
         self.bits
     }
 
-    /// The saturation factor.
+    /// Returns alpha, the saturation factor.
     pub fn alpha(self) -> f64 {
         self.alpha
     }
 
-    /// 2^b, exact in `f32`.
+    /// Returns the peak 2^b, which is exact in `f32`.
     pub fn peak(self) -> f32 {
         peak(self.bits)
     }
 
-    /// `alpha * 2^b`, code units; radiance stays strictly below.
+    /// Returns `alpha * 2^b` in code units; radiance is strictly below it.
     pub fn limit(self) -> f64 {
         self.alpha * f64::from(self.peak())
     }
 
-    /// `ceil(alpha) - 1`, the largest wrap count k that radiance in range has.
+    /// Returns `ceil(alpha) - 1`, the largest wrap count k of radiance in range.
     pub fn max_wraps(self) -> u8 {
         (self.alpha.ceil() - 1.0) as u8
     }
 }
 
-/// 2^bits, for bits up to 32.
+/// Returns 2^bits, for bits up to 32.
 pub(crate) fn peak(bits: u8) -> f32 {
     (1u64 << bits.min(32)) as f32
 }

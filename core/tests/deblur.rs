@@ -1,4 +1,4 @@
-//! What the lens has blurred and the filter has to bring back.
+//! The deblurring filter restores images that the lens has blurred.
 
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]
@@ -11,14 +11,14 @@ use modulo_core::unwrap::{Options, by_name};
 use modulo_core::{Deblur, Frame, Psf, Range, Recovered, Sensor, optics, tone};
 use ndarray::Array3;
 
-/// 8-bit frames, full scale 255.
+/// Returns the PSNR of 8-bit frames in dB.
 fn psnr(a: &Frame, b: &Frame) -> f64 {
     let (a, b) = (a.to_f32(), b.to_f32());
     let squares: f64 = a.iter().zip(&b).map(|(a, b)| f64::from(a - b).powi(2)).sum();
     10.0 * (255.0f64.powi(2) * a.len() as f64 / squares).log10()
 }
 
-/// PSNR against the sharp ideal image: before and after the filter.
+/// Returns the PSNR against the sharp ideal image before and after the filter.
 fn sharpness(radiance: &Array3<f32>, deblur: &mut Deblur) -> (f64, f64) {
     let range = Range::new(8, 4.0).unwrap();
     let config = SensorConfig { bits: 8, alpha: 4.0, psf: Psf::None, read_noise: 0.0, shot_noise: 0.0 };

@@ -13,11 +13,11 @@ struct Plane {
     y: Vec<Vec<i64>>,
     peak: i64,
     most: i64,
-    /// Counts are kept modulo this.
+    /// Counts are kept modulo this number.
     word: i64,
 }
 
-/// For the signal: counts, and the share of the weakest line.
+/// Counts for the quality metrics, and the share of the line with the least agreement.
 struct Seen {
     residues: usize,
     steep: usize,
@@ -29,7 +29,7 @@ fn centered(value: i64, turn: i64) -> i64 {
     (value + turn / 2).rem_euclid(turn) - turn / 2
 }
 
-/// The most frequent value, of equals the first complete, and how often it is there.
+/// Returns the most frequent value, of equal ones that which reached the count first, and its frequency.
 fn mode(values: &[i64]) -> (i64, usize) {
     let count = |upto: usize| values[..=upto].iter().filter(|&&v| v == values[upto]).count();
     let mut best = (0, 0);
@@ -70,12 +70,12 @@ impl Plane {
         centered(value, self.word)
     }
 
-    /// n of `M_b(change) = change + n 2^b`.
+    /// Returns the n of `M_b(change) = change + n 2^b`.
     fn turn(&self, change: i64) -> i64 {
         (self.m(change) - change) / self.peak
     }
 
-    /// M_b of the difference from pixel (i, j) to (i + di, j + dj).
+    /// Returns M_b of the difference from pixel (i, j) to (i + di, j + dj).
     fn d(&self, (i, j): (usize, usize), (di, dj): (usize, usize)) -> i64 {
         self.m(self.y[i + di][j + dj] - self.y[i][j])
     }
@@ -148,7 +148,7 @@ impl Plane {
         }
     }
 
-    /// The highest level that holds nearly as many pixels as the best becomes 0.
+    /// Makes the highest level that holds nearly as many pixels as the best one the level 0.
     fn place(&self, mut k: Vec<Vec<i64>>, seen: &mut Seen) -> Vec<Vec<i64>> {
         let all: Vec<_> = k.iter().flatten().copied().collect();
         let (low, high) = (*all.iter().min().unwrap(), *all.iter().max().unwrap());
@@ -191,7 +191,7 @@ fn lines(y: &Frame, range: Range) -> Recovered {
     out
 }
 
-/// By either depth of `y`, where it has both.
+/// Checks `y` in both depths, if it fits both.
 fn assert_is_the_definition(y: &Array3<u16>, range: Range) {
     let check = |frame: Frame, word: i64| {
         let (k, signal) = reference(y, range, word);
@@ -206,7 +206,7 @@ fn assert_is_the_definition(y: &Array3<u16>, range: Range) {
     check(Frame::from_u16(y.clone()).unwrap(), 1 << 16);
 }
 
-/// Slopes of any steepness with noise of any strength, in units of the peak.
+/// Returns slopes of any steepness with noise of any strength, in units of the peak.
 fn image(
     dim: (usize, usize, usize),
     bits: u8,
@@ -257,7 +257,7 @@ proptest! {
         prop_assert_eq!(out.x, y.mapv(f32::from) + out.k.mapv(f32::from) * range.peak());
     }
 
-    /// Under the stated condition, in words of 8 bits.
+    /// The condition of the method holds, in words of 8 bits.
     #[test]
     fn undoes_the_wrap_of_steep_slopes(
         dim in (2usize..=40, 2usize..=40, prop_oneof![Just(1usize), Just(3)]),

@@ -1,4 +1,4 @@
-//! The sensor's streams agree with each other and with eq. 1, and depend on the seed alone.
+//! The sensor's streams agree with each other and with eq. 1, and their noise depends only on the seed.
 
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]

@@ -1,5 +1,5 @@
-//! SPUD's phi against two references in double precision: dense matrices here,
-//! and scipy's transforms (`tests/peers/spud_reference.py`) by stored samples.
+//! The phi of SPUD against two references in double precision: dense matrices, and stored samples of scipy's
+//! transforms (`tests/peers/spud_reference.py`).
 
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]
@@ -20,7 +20,7 @@ fn scene(height: usize, width: usize, channels: usize) -> Array3<f32> {
     })
 }
 
-/// Orthonormal DCT-II as a matrix.
+/// Returns the orthonormal DCT-II as a matrix.
 fn dct_matrix(n: usize) -> Array2<f64> {
     Array2::from_shape_fn((n, n), |(k, i)| {
         let scale = if k == 0 { 1.0 } else { 2.0 } / n as f64;
@@ -28,7 +28,7 @@ fn dct_matrix(n: usize) -> Array2<f64> {
     })
 }
 
-/// Eq. 3 with the threshold on phi, by dense matrices in f64; `y` is one channel.
+/// Computes eq. 3 with the threshold on phi by dense matrices in f64; `y` is one channel.
 fn dense_spud(y: &Array2<f64>, peak: f64, tau: f64) -> Array2<f64> {
     let (h, w) = y.dim();
     let centred = |d: f64| (d + peak / 2.0).rem_euclid(peak) - peak / 2.0;
@@ -129,7 +129,7 @@ fn threads_change_nothing() {
     }
 }
 
-/// From codes to counts in integers is the same as from phi in real numbers.
+/// Counts from codes in integers are the same as from phi in real numbers.
 #[test]
 fn counts_are_those_next_to_phi() {
     let range = Range::new(8, 4.0).unwrap();

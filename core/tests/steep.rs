@@ -1,5 +1,5 @@
-//! Where neighbours differ by more than half a peak, so that Itoh's condition fails:
-//! smooth bumps and edges of the lens's width.
+//! Tests where neighbours differ by more than half a peak, so that Itoh's condition fails: smooth bumps and edges
+//! of the lens's width.
 
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]
@@ -21,7 +21,7 @@ fn recover(method: &str, x: &Array3<u32>, bits: u8, alpha: f64) -> Array3<f32> {
     out.x
 }
 
-/// Whether all of one difference, `(i, j) -> weights`, is below half the peak.
+/// Returns whether all values of one difference, `(i, j) -> weights`, are below half the peak.
 fn small(x: &Array3<u32>, bits: u8, weights: &[(usize, usize, i64)]) -> bool {
     let (h, w, _) = x.dim();
     let reach = |side: fn(&(usize, usize, i64)) -> usize| weights.iter().map(side).max().unwrap_or(0);
@@ -42,7 +42,7 @@ const DOWN: &[(usize, usize, i64)] = &[(0, 0, -1), (1, 0, 1)];
 const ACROSS_TWICE: &[(usize, usize, i64)] = &[(0, 0, 1), (0, 1, -2), (0, 2, 1)];
 const DOWN_TWICE: &[(usize, usize, i64)] = &[(0, 0, 1), (1, 0, -2), (2, 0, 1)];
 
-/// A dark background and a bump of `height` peaks whose slope is steep and smooth.
+/// Returns a dark background and a bump of `height` peaks whose slope is steep and smooth.
 fn bump(dim: (usize, usize, usize), bits: u8, centre: (f64, f64), radius: f64, height: f64) -> Array3<u32> {
     let peak = f64::from(1u32 << bits);
     Array3::from_shape_fn(dim, |(i, j, c)| {
@@ -56,7 +56,7 @@ fn bump(dim: (usize, usize, usize), bits: u8, centre: (f64, f64), radius: f64, h
 proptest! {
     #![proptest_config(ProptestConfig { cases: 2000, max_global_rejects: 20_000, ..ProptestConfig::default() })]
 
-    /// Under the condition that the method states, on any size, at any depth.
+    /// The condition of the method holds, at any size and any depth.
     #[test]
     fn lines_undoes_the_wrap_of_steep_bumps(
         dim in (1usize..=40, 1usize..=40, prop_oneof![Just(1usize), Just(3)]),
@@ -90,7 +90,7 @@ fn second_order_is_exact_where_first_differences_fail() {
     }
 }
 
-/// An edge of the lens's width along the whole image: what joins most columns is unanimous and wrong.
+/// An edge of the lens's width along the whole image: the vote of most columns is unanimous and wrong.
 #[test]
 fn second_order_crosses_edges_along_whole_lines() {
     let edge = |at: usize| (600.0 / (1.0 + (-1.2 * (at as f64 - 30.2)).exp())) as u32;
@@ -104,7 +104,7 @@ fn second_order_crosses_edges_along_whole_lines() {
     }
 }
 
-/// A cliff that grows from 0 to more than two peaks, with a smooth way round its upper end.
+/// A step that grows from 0 to more than two peaks, with a smooth path around its upper end.
 #[test]
 fn tree_goes_round_a_cliff() {
     let slope = [10, 7, 5];
@@ -114,7 +114,7 @@ fn tree_goes_round_a_cliff() {
     assert_ne!(recover("itoh", &x, 8, 3.0), x.mapv(|x| x as f32));
 }
 
-/// What the range excludes is refused, so that a hard edge below half of the range is no riddle.
+/// A merge that leaves the range is refused, so a hard edge below half of the range is recovered.
 #[test]
 fn tree_keeps_to_the_range() {
     let x =

@@ -1,4 +1,4 @@
-//! The methods that grow from what is most certain: `tree`, `gradient_tree`, `quality_guided`.
+//! The methods that grow regions from their most reliable pixels: `tree`, `gradient_tree`, `quality_guided`.
 
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]
@@ -14,7 +14,7 @@ fn unwrap(method: &str, options: &Options, y: &Frame, range: Range) -> Recovered
     out
 }
 
-/// Herraez' sort as it is written down, in turns of one peak, groups relabelled pixel by pixel.
+/// Herraez' sort as it is defined, in units of the peak, with groups relabelled pixel by pixel.
 fn herraez(y: &[f64], height: usize, width: usize) -> Vec<i32> {
     let wrapped = |d: f64| (d + 0.5).rem_euclid(1.0) - 0.5;
     let at = |i: usize, j: usize| y[i * width + j];
@@ -51,7 +51,7 @@ fn herraez(y: &[f64], height: usize, width: usize) -> Vec<i32> {
 }
 
 proptest! {
-    /// On images that Itoh's condition does not hold for, so that the order is what counts.
+    /// Itoh's condition does not hold for these images, so the result depends on the order of the edges.
     #[test]
     fn quality_guided_is_herraez_sort(
         dim in (1usize..14, 1usize..14),
@@ -78,7 +78,8 @@ proptest! {
     }
 }
 
-/// A grey scene: dark ground with texture, a thing with an edge of the lens's width, noise of the sensor.
+/// Returns a grey scene: dark ground with texture, an object with an edge of the lens's width, noise of the
+/// sensor.
 fn scene(dim: (usize, usize, usize), bits: u8, height: f64, noise: &[u16]) -> Array3<u32> {
     let peak = f64::from(1u32 << bits);
     Array3::from_shape_fn(dim, |(i, j, c)| {
@@ -93,7 +94,7 @@ fn wrap(x: &Array3<u32>, bits: u8) -> Frame {
 }
 
 proptest! {
-    /// Whatever the size and the content, nothing panics, and threads change nothing.
+    /// At any size and for any content, nothing panics, and the number of threads changes nothing.
     #[test]
     fn threads_change_nothing(
         dim in (1usize..=64, 1usize..=64, prop_oneof![Just(1usize), Just(3)]),
@@ -115,7 +116,7 @@ proptest! {
         }
     }
 
-    /// An edge of several peaks whose width is the lens's: first differences wrap, second do not.
+    /// An edge of several peaks with the width of the lens: first differences wrap, second differences do not.
     #[test]
     fn gradient_tree_climbs_edges_of_the_lens(
         dim in (24usize..=64, 40usize..=64, prop_oneof![Just(1usize), Just(3)]),
@@ -129,7 +130,7 @@ proptest! {
     }
 }
 
-/// Windows onto a sky that clips, in a wall whose brightness is known: how bright they are only the range says.
+/// Windows with a sky that clips, in a wall of known brightness: only the range tells how bright the windows are.
 #[test]
 fn plateaus_of_full_scale_stay_at_full_scale() {
     let x = Array3::from_shape_fn((40, 96, 3), |(i, j, c)| {
@@ -142,8 +143,8 @@ fn plateaus_of_full_scale_stay_at_full_scale() {
     }
 }
 
-/// At an edge of grey things all channels jump alike: a step that is below half a peak in two channels and
-/// wrapped in one is no step to trust before the way round.
+/// At an edge of grey objects all channels jump alike. A step that is below half a peak in two channels and
+/// wrapped in one must not be taken before the path around it.
 #[test]
 fn channels_that_jump_apart_are_trusted_last() {
     let x = Array3::from_shape_fn((40, 40, 3), |(i, j, c)| {

@@ -1,4 +1,4 @@
-//! What every method owes: congruence on any image, exactness under Itoh's condition.
+//! The properties of every method: congruence on any image, exactness under Itoh's condition.
 
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]
@@ -17,8 +17,8 @@ fn wrap(x: &Array3<u32>, bits: u8) -> Frame {
     .unwrap()
 }
 
-/// The smallest alpha that holds `x`, and whether its offset can be known: in every
-/// channel more than 2 % of the pixels must have k = 0.
+/// Returns the smallest alpha that holds `x`, and whether the offset is determined: in every channel more than 2
+/// % of the pixels must have k = 0.
 fn range_of(x: &Array3<u32>, bits: u8) -> (Range, bool) {
     let alpha = x.iter().max().map_or(1, |most| (most >> bits) + 1);
     let dark = |c| x.index_axis(Axis(2), c).iter().filter(|&&x| x >> bits == 0).count() * 50;
@@ -36,7 +36,7 @@ fn itoh_holds(x: &Array3<u32>, bits: u8) -> bool {
     (x.dim().0 < 2 || small(0)) && (x.dim().1 < 2 || small(1))
 }
 
-/// Second differences along rows, along columns and mixed stay below half the peak, too.
+/// Returns whether second differences along rows, along columns and mixed are below half the peak, too.
 fn second_order_holds(x: &Array3<u32>, bits: u8) -> bool {
     let x = x.mapv(i64::from);
     let (h, w, _) = x.dim();
@@ -61,7 +61,7 @@ fn assert_exact(method: &str, options: &Options, x: &Array3<u32>, bits: u8, rang
     }
 }
 
-/// A walk whose steps stay below half the peak, folded into three peaks.
+/// Returns a walk whose steps are below half the peak, folded into three peaks.
 fn walk(steps: &[u16], n: usize, bits: u8) -> Vec<u32> {
     let (half, most) = (1i64 << (bits - 1), 3i64 << bits);
     let mut at = 0;
@@ -120,7 +120,7 @@ proptest! {
         }
     }
 
-    /// Noise, one pixel, one row: whatever comes, the result is congruent and in range.
+    /// Any image, from noise to one pixel or one row, gives a result that is congruent and in range.
     #[test]
     fn any_image_gives_a_congruent_result(
         dim in (1usize..12, 1usize..12, prop_oneof![Just(1usize), Just(3)]),

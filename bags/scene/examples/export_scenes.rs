@@ -3,10 +3,9 @@
 //!
 //! `cargo run --release -p modulo-scene --example export_scenes -- FOLDER FIRST_SEED SEEDS FRAMES STRIDE`
 //!
-//! For each preset, seed and frame: `images.u8` gets 192 x 640 x 3 bytes,
-//! round(255 x) of the sharp radiance; `labels.csv` one line an object: image,
-//! preset, seed, frame, class, x1, y1, x2, y2, occlusion, truncation (class -1
-//! for an image without objects).
+//! For each preset, seed and frame, `images.u8` gets 192 x 640 x 3 bytes, round(255 x) of the sharp radiance, and
+//! `labels.csv` one line for each object: image, preset, seed, frame, class, x1, y1, x2, y2, occlusion,
+//! truncation (class -1 for an image without objects).
 
 use modulo_scene::{Preset, Scene, SceneObject};
 use std::fs::File;

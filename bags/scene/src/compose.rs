@@ -1,5 +1,5 @@
-//! Puts a frame together: background, shadows, objects far to near, stray
-//! light; and reads the truth off the objects' layers.
+//! Composes a frame from background, shadows, objects from far to near, and stray light, and derives the ground
+//! truth from the objects' layers.
 
 use super::hash::{Dice, hash, wave};
 use super::layer::{Layer, OWNED};
@@ -13,14 +13,14 @@ use super::{Class, Preset, Rendered, Scene, SceneObject};
 use modulo_core::BBox;
 use ndarray::Array3;
 
-/// One actor as painted.
+/// An actor with its painted layer and the box of all of it, in the image or not.
 struct Painted<'a> {
     actor: &'a Actor,
     layer: Layer,
     whole: BBox,
 }
 
-/// See [`Scene::render`].
+/// Renders a frame, see [`Scene::render`].
 pub(super) fn render(scene: &Scene, frame: u32, height: usize, width: usize) -> Rendered {
     let seed = hash(scene.seed as u32, (scene.seed >> 32) as u32, 0xB0A7);
     let view = View::new(seed, frame, height, width);
@@ -45,7 +45,7 @@ pub(super) fn render(scene: &Scene, frame: u32, height: usize, width: usize) -> 
     Rendered { radiance, objects: truth(&painted, &view) }
 }
 
-/// Distance of the tunnel's mouth, m, and place of the low sun, px.
+/// Returns the distance of the tunnel's exit in m and the position of the low sun in px.
 fn stage(seed: u32, frame: u32, view: &View) -> (f32, [f32; 2]) {
     let mut dice = Dice::new(seed, 2);
     let time = (frame % 36_000) as f32;
@@ -74,11 +74,11 @@ fn fill((height, width): (usize, usize), pixel: impl Fn(usize, usize) -> [f32; 3
 /// Calls `change` with each pixel's three samples, its row and its column.
 fn each_pixel(image: &mut Array3<f32>, change: impl Fn(&mut [f32], usize, usize)) {
     let width = image.dim().1;
-    let texels = image.as_slice_mut().into_iter().flat_map(|all| all.chunks_exact_mut(3));
-    texels.enumerate().for_each(|(i, texel)| change(texel, i / width, i % width));
+    let samples = image.as_slice_mut().expect("`fill` makes the layout standard");
+    samples.chunks_exact_mut(3).enumerate().for_each(|(i, texel)| change(texel, i / width, i % width));
 }
 
-/// Darkens the ground below an actor: an ellipse, soft to its edge.
+/// Darkens the ground below an actor by an ellipse with a soft edge.
 fn shadow(image: &mut Array3<f32>, actor: &Actor, view: &View) {
     let [x, z, half, long] = actor.ground;
     let (near, far) = (z - long, z + long);
@@ -114,7 +114,7 @@ fn span(from: f32, to: f32, end: usize) -> std::ops::Range<usize> {
     cut(from)..cut(to + 1.0)
 }
 
-/// Puts a layer over the image.
+/// Paints a layer over the image.
 fn cover(image: &mut Array3<f32>, layer: &Layer) {
     for row in 0..layer.height {
         for column in 0..layer.width {
@@ -127,7 +127,7 @@ fn cover(image: &mut Array3<f32>, layer: &Layer) {
     }
 }
 
-/// Adds a lamp's halo: A (1 - r^2 / 16)^2 / (1 + r^2), zero from r = 4 on.
+/// Adds the halo of a lamp: A (1 - r^2 / 16)^2 / (1 + r^2), zero from r = 4 on.
 fn shine(image: &mut Array3<f32>, halo: &Halo, view: &View) {
     if halo.at[2] < NEAR {
         return;
@@ -148,7 +148,7 @@ fn shine(image: &mut Array3<f32>, halo: &Halo, view: &View) {
     }
 }
 
-/// Stray light over everything, then the shoulder of the range.
+/// Adds stray light everywhere, then compresses the top of the range.
 fn finish(image: &mut Array3<f32>, light: &Light) {
     each_pixel(image, |texel, row, column| {
         let veil = light.veil(column as f32 + 0.5, row as f32 + 0.5);
@@ -157,7 +157,7 @@ fn finish(image: &mut Array3<f32>, light: &Light) {
     });
 }
 
-/// The truth, far to near; walks from near to far and remembers what is taken.
+/// Returns the ground truth from far to near. It goes from near to far and marks the pixels that are taken.
 fn truth(painted: &[Painted], view: &View) -> Vec<SceneObject> {
     let mut taken = vec![false; view.height * view.width];
     let mut found: Vec<SceneObject> = painted
@@ -174,16 +174,12 @@ fn truth(painted: &[Painted], view: &View) -> Vec<SceneObject> {
 
 fn object(class: Class, p: &Painted, occlusion: f32, view: &View) -> Option<SceneObject> {
     let bbox = p.layer.extent()?;
-    let size = |b: &BBox| (b.x2 - b.x1).max(0.0) * (b.y2 - b.y1).max(0.0);
-    let (w, h) = (view.width as f32, view.height as f32);
-    let cut = |x: f32, end: f32| x.clamp(0.0, end);
-    let b = &p.whole;
-    let inside = BBox { x1: cut(b.x1, w), y1: cut(b.y1, h), x2: cut(b.x2, w), y2: cut(b.y2, h) };
-    let truncation = (1.0 - size(&inside) / size(b).max(1e-6)).clamp(0.0, 1.0);
+    let inside = p.whole.clamp(view.height, view.width);
+    let truncation = (1.0 - inside.area() / p.whole.area().max(1e-6)).clamp(0.0, 1.0);
     Some(SceneObject { class, bbox, occlusion, truncation })
 }
 
-/// Marks a layer's pixels as taken; the share that was taken before.
+/// Marks the pixels of a layer as taken, and returns the share of them that was taken before.
 fn take(taken: &mut [bool], layer: &Layer, width: usize) -> f32 {
     let (mut own, mut hidden) = (0u32, 0u32);
     for (i, texel) in layer.texels.iter().enumerate() {
@@ -200,8 +196,8 @@ fn take(taken: &mut [bool], layer: &Layer, width: usize) -> f32 {
 mod tests {
     use super::*;
 
-    /// The extent of the pixels that change by at least half between a black
-    /// and a white background when the actor stands there alone.
+    /// Returns the extent of the pixels that differ by at least half between a black and a white background
+    /// without other actors.
     fn seen_alone(p: &Painted, view: &View) -> Option<BBox> {
         let alone = |ground: f32| {
             let mut image = Array3::from_elem((view.height, view.width, 3), ground);

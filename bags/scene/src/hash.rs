@@ -1,10 +1,9 @@
-//! Integer hash noise: the only source of chance in a scene.
+//! Integer hash noise, the only source of randomness in a scene.
 //!
-//! Everything here is `+ - * /` on `f32` and wrapping integer arithmetic, so
-//! that a scene has the same bytes on every machine. No `sin`, no `exp`, no
-//! state shared between scenes.
+//! All functions use only `+ - * /` on `f32` and wrapping integer arithmetic, so that a scene has the same bytes
+//! on every machine: no `sin`, no `exp`, no state that scenes share.
 
-/// Mixes three numbers into 32 well spread bits.
+/// Mixes three numbers into 32 evenly distributed bits.
 pub(super) fn hash(a: u32, b: u32, c: u32) -> u32 {
     let mut h = a ^ b.wrapping_mul(0x9E37_79B9) ^ c.wrapping_mul(0x85EB_CA6B).rotate_left(15);
     for _ in 0..2 {
@@ -14,12 +13,12 @@ pub(super) fn hash(a: u32, b: u32, c: u32) -> u32 {
     h ^ (h >> 16)
 }
 
-/// 32 bits as a number in `[0, 1)`.
+/// Converts 32 bits to a number in `[0, 1)`.
 pub(super) fn unit(bits: u32) -> f32 {
     (bits >> 8) as f32 / 16_777_216.0
 }
 
-/// Smooth value noise in `[0, 1)` with one lattice cell per unit.
+/// Returns smooth value noise in `[0, 1)` with one lattice cell for each unit.
 pub(super) fn noise(x: f32, y: f32, seed: u32) -> f32 {
     let (fx, fy) = (x.floor(), y.floor());
     let (tx, ty) = (ease(x - fx), ease(y - fy));
@@ -30,7 +29,7 @@ pub(super) fn noise(x: f32, y: f32, seed: u32) -> f32 {
     mix(top, bottom, ty)
 }
 
-/// `a` at `t = 0`, `b` at `t = 1`.
+/// Interpolates from `a` at `t = 0` to `b` at `t = 1`.
 pub(super) fn mix(a: f32, b: f32, t: f32) -> f32 {
     a + (b - a) * t
 }
@@ -40,7 +39,7 @@ pub(super) fn ramp(low: f32, high: f32, x: f32) -> f32 {
     ease(((x - low) / (high - low)).clamp(0.0, 1.0))
 }
 
-/// A sine of period 1 made of two parabolas, in `[-1, 1]`.
+/// Returns a sine of period 1, made of two parabolas, in `[-1, 1]`.
 pub(super) fn wave(t: f32) -> f32 {
     let t = t - t.floor();
     if t < 0.5 { 16.0 * t * (0.5 - t) } else { -16.0 * (t - 0.5) * (1.0 - t) }
@@ -50,30 +49,30 @@ fn ease(t: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// A stream of chance: the same key gives the same stream.
+/// A stream of random numbers; the same key gives the same stream.
 pub(super) struct Dice {
     key: u32,
     thrown: u32,
 }
 
 impl Dice {
-    /// The stream of `what` in the world `seed`.
+    /// Makes the stream number `what` in the world `seed`.
     pub(super) fn new(seed: u32, what: u32) -> Self {
         Self { key: hash(seed, what, 0x5CE7_E000), thrown: 0 }
     }
 
-    /// Uniform in `[0, 1)`.
+    /// Returns a uniform number in `[0, 1)`.
     pub(super) fn unit(&mut self) -> f32 {
         self.thrown = self.thrown.wrapping_add(1);
         unit(hash(self.key, self.thrown, 0))
     }
 
-    /// Uniform in `[low, high)`.
+    /// Returns a uniform number in `[low, high)`.
     pub(super) fn between(&mut self, low: f32, high: f32) -> f32 {
         mix(low, high, self.unit())
     }
 
-    /// One of `choices`, all alike probable.
+    /// Returns one of `choices`, all with the same probability.
     pub(super) fn pick<T: Copy, const N: usize>(&mut self, choices: &[T; N]) -> T {
         let index = (self.unit() * N as f32) as usize;
         choices[index.min(N - 1)]

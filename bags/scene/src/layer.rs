@@ -1,33 +1,33 @@
-//! One object painted alone: its own pixels with coverage, over nothing.
+//! The pixels of one object with their coverage, without background.
 //!
-//! Silhouettes are antialiased by their distance to the pixel's centre, never
-//! by chance. A layer never sees another layer; `truth` compares them.
+//! Silhouettes are antialiased by their distance to the centre of the pixel. Layers do not depend on each other;
+//! `truth` compares them.
 
 use super::light::{Rgb, add, scaled};
 use modulo_core::BBox;
 
-/// Coverage from which on a pixel belongs to an object.
+/// The least coverage at which a pixel belongs to an object.
 pub(super) const OWNED: f32 = 0.5;
 
 /// A window of the image with premultiplied colour and coverage.
 #[derive(Clone, Debug)]
 pub(super) struct Layer {
-    /// First column and row in the image.
+    /// The first column and row in the image.
     pub(super) left: usize,
     pub(super) top: usize,
-    /// Columns and rows, either may be 0.
+    /// The number of columns and rows, which may be 0.
     pub(super) width: usize,
     pub(super) height: usize,
     /// Red, green, blue (premultiplied) and coverage, row by row.
     pub(super) texels: Vec<[f32; 4]>,
 }
 
-/// Shapes that can be painted, in px of the image.
+/// A shape that can be painted, in px of the image.
 #[derive(Clone, Debug)]
 pub(super) enum Shape {
-    /// A convex polygon, either winding.
+    /// A convex polygon in either orientation.
     Polygon(Vec<[f32; 2]>),
-    /// All that lies within `radius` of the segment `a`-`b`.
+    /// All points within `radius` of the segment `a`-`b`.
     Capsule {
         /// One end.
         a: [f32; 2],
@@ -39,7 +39,7 @@ pub(super) enum Shape {
 }
 
 impl Shape {
-    /// The smallest box around the shape, `None` when it has no point.
+    /// Returns the smallest box around the shape, `None` when it has no point.
     pub(super) fn bounds(&self) -> Option<BBox> {
         let (points, grow): (&[[f32; 2]], f32) = match self {
             Self::Polygon(points) => (points, 0.0),
@@ -50,7 +50,7 @@ impl Shape {
         points.iter().map(around).reduce(join)
     }
 
-    /// How far inside the shape a pixel's centre is, px; negative outside.
+    /// Returns how far the centre of a pixel is inside the shape in px, negative outside.
     fn depth(&self, edges: &[[f32; 3]], u: f32, v: f32) -> f32 {
         match self {
             Self::Polygon(_) => edges.iter().fold(f32::MAX, |d, e| d.min(e[0] * u + e[1] * v + e[2])),
@@ -58,7 +58,7 @@ impl Shape {
         }
     }
 
-    /// Share of full coverage that a shape thinner than a pixel can reach.
+    /// Returns the share of full coverage that a shape thinner than a pixel can reach.
     fn strength(&self) -> f32 {
         match self {
             Self::Polygon(_) => 1.0,
@@ -67,13 +67,13 @@ impl Shape {
     }
 }
 
-/// The smallest box around both.
+/// Returns the smallest box around both.
 pub(super) fn join(a: BBox, b: BBox) -> BBox {
     BBox { x1: a.x1.min(b.x1), y1: a.y1.min(b.y1), x2: a.x2.max(b.x2), y2: a.y2.max(b.y2) }
 }
 
 impl Layer {
-    /// An empty layer over the part of `bounds` that lies in the image.
+    /// Makes an empty layer over the part of `bounds` that lies in the image.
     pub(super) fn over(bounds: BBox, height: usize, width: usize) -> Self {
         let cut = |x: f32, end: usize| x.clamp(0.0, end as f32) as usize;
         let (left, top) = (cut(bounds.x1 - 2.0, width), cut(bounds.y1 - 2.0, height));
@@ -82,8 +82,8 @@ impl Layer {
         Self { left, top, width, height, texels: vec![[0.0; 4]; width * height] }
     }
 
-    /// Paints a shape over what is there: `colour` in the middle, a tenth
-    /// lighter at its upper edge and darker at its lower one.
+    /// Paints a shape over the layer: `colour` in the middle, a tenth lighter at its upper edge and darker at its
+    /// lower one.
     pub(super) fn paint(&mut self, shape: &Shape, colour: Rgb) {
         let Some(b) = shape.bounds() else { return };
         let edges = inward_edges(shape);
@@ -106,7 +106,7 @@ impl Layer {
         }
     }
 
-    /// The box of the pixels with at least half coverage, `None` when there is none.
+    /// Returns the box of the pixels with at least half coverage, `None` when there is none.
     pub(super) fn extent(&self) -> Option<BBox> {
         let mut found: Option<BBox> = None;
         for (i, texel) in self.texels.iter().enumerate() {
@@ -119,18 +119,18 @@ impl Layer {
         found
     }
 
-    /// One past the last row.
+    /// Returns the index after the last row.
     pub(super) fn bottom(&self) -> usize {
         self.top + self.height
     }
 
-    /// One past the last column.
+    /// Returns the index after the last column.
     pub(super) fn right(&self) -> usize {
         self.left + self.width
     }
 }
 
-/// Puts `colour` with coverage `share` in front of a premultiplied texel.
+/// Paints `colour` with coverage `share` over a premultiplied texel.
 fn over(texel: &mut [f32; 4], colour: Rgb, share: f32) {
     let rest = 1.0 - share;
     let old = [texel[0], texel[1], texel[2]];
@@ -138,7 +138,7 @@ fn over(texel: &mut [f32; 4], colour: Rgb, share: f32) {
     *texel = [new[0], new[1], new[2], share + texel[3] * rest];
 }
 
-/// Lines `a u + b v + c`, one an edge, whose value is the distance inwards.
+/// Returns a line `a u + b v + c` for each edge, whose value is the distance inwards.
 fn inward_edges(shape: &Shape) -> Vec<[f32; 3]> {
     let Shape::Polygon(points) = shape else { return Vec::new() };
     let sign = if area(points) >= 0.0 { 1.0 } else { -1.0 };
@@ -156,7 +156,7 @@ fn edge(p: [f32; 2], q: [f32; 2], sign: f32) -> Option<[f32; 3]> {
     Some([a, b, -(a * p[0] + b * p[1])])
 }
 
-/// Twice the signed area, positive for clockwise on the screen (y down).
+/// Returns twice the signed area, positive for clockwise on the screen (y down).
 pub(super) fn area(points: &[[f32; 2]]) -> f32 {
     let next = points.iter().cycle().skip(1);
     points.iter().zip(next).map(|(p, q)| p[0] * q[1] - q[0] * p[1]).sum()

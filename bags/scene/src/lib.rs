@@ -1,9 +1,8 @@
-//! An own driving scene in linear radiance: what a newcomer's camera looks at.
+//! Procedural driving scenes in linear radiance with exact ground truth.
 //!
-//! A [`Scene`] is seeded and procedural: the same preset, seed, frame and size
-//! give the same bytes on every machine (only `+ - * /` and `sqrt`, which IEEE
-//! 754 fixes). It comes with the truth: each object's class, box, occlusion and
-//! truncation. Nothing here reads a file or models a sensor.
+//! The same preset, seed, frame and size give the same bytes on every machine: only `+ - * /` and `sqrt` are
+//! used, which IEEE 754 defines exactly. The ground truth is the class, box, occlusion and truncation of each
+//! object. This crate reads no file and models no sensor.
 
 mod compose;
 mod hash;
@@ -23,16 +22,16 @@ use ndarray::Array3;
 
 pub use spec::{SceneSpec, SpecError};
 
-/// The kind of light and place.
+/// The light and the location of a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Preset {
-    /// A street by day; a normal camera sees all of it.
+    /// A street by day, within the range of a normal camera.
     Day,
     /// A street against a low sun.
     Glare,
-    /// In a tunnel, towards its bright end.
+    /// The inside of a tunnel, towards its bright exit.
     Tunnel,
-    /// A street at night, lamps on.
+    /// A street at night, with lamps on.
     Night,
 }
 
@@ -40,7 +39,7 @@ impl Preset {
     /// All presets.
     pub const ALL: [Self; 4] = [Self::Day, Self::Glare, Self::Tunnel, Self::Night];
 
-    /// Its name in a scene's address: day, glare, tunnel or night.
+    /// Returns the name in the address of a scene: day, glare, tunnel or night.
     pub fn name(self) -> &'static str {
         match self {
             Self::Day => "day",
@@ -51,7 +50,7 @@ impl Preset {
     }
 }
 
-/// What an object is.
+/// The class of an object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Class {
     /// A passenger car.
@@ -60,17 +59,17 @@ pub enum Class {
     Van,
     /// A lorry.
     Truck,
-    /// Somebody on foot.
+    /// A person on foot.
     Pedestrian,
-    /// Somebody on a bicycle, bicycle included.
+    /// A person on a bicycle, bicycle included.
     Cyclist,
 }
 
 impl Class {
-    /// All classes, in the order of the demo detector's numbers.
+    /// All classes, in the order of the demonstration detector's class numbers.
     pub const ALL: [Self; 5] = [Self::Car, Self::Van, Self::Truck, Self::Pedestrian, Self::Cyclist];
 
-    /// Its name: car, van, truck, pedestrian or cyclist.
+    /// Returns the name: car, van, truck, pedestrian or cyclist.
     pub fn name(self) -> &'static str {
         match self {
             Self::Car => "car",
@@ -82,26 +81,26 @@ impl Class {
     }
 }
 
-/// One object of the truth.
+/// One object of the ground truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SceneObject {
-    /// What it is.
+    /// The class.
     pub class: Class,
-    /// The extent of its pixels in the image, hidden ones included, px.
+    /// The extent of its pixels in the image in px, hidden ones included.
     pub bbox: BBox,
-    /// Share of its pixels in the image that something nearer hides, `[0, 1]`.
+    /// The share of its pixels in the image that nearer objects hide, `[0, 1]`.
     pub occlusion: f32,
-    /// Share of its box that lies outside the image, `[0, 1)`.
+    /// The share of its box that lies outside the image, `[0, 1)`.
     pub truncation: f32,
 }
 
-/// One frame of a scene.
+/// One rendered frame of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rendered {
-    /// `H x W x 3`, red, green, blue, linear, in `[0, 1)`: 1 is the top of the
-    /// range that the sensor's saturation factor represents.
+    /// The radiance, `H x W x 3`: red, green, blue, linear, in `[0, 1)`, where 1 is the top of the range that the
+    /// sensor's saturation factor represents.
     pub radiance: Array3<f32>,
-    /// Everything with at least one pixel in the image, far to near.
+    /// All objects with at least one pixel in the image, from far to near.
     pub objects: Vec<SceneObject>,
 }
 
@@ -113,23 +112,22 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// The scene of a preset and a seed.
+    /// Makes the scene of a preset and a seed.
     pub fn new(preset: Preset, seed: u64) -> Self {
         Self { preset, seed }
     }
 
-    /// Its preset.
+    /// Returns the preset.
     pub fn preset(&self) -> Preset {
         self.preset
     }
 
-    /// Its seed.
+    /// Returns the seed.
     pub fn seed(&self) -> u64 {
         self.seed
     }
 
-    /// Frame `frame` at `height` x `width` pixels; a side of 0 counts as 1.
-    /// Frames are meant for 30 a second.
+    /// Renders frame `frame`, of 30 a second, at `height` x `width` pixels; a side of 0 counts as 1.
     pub fn render(&self, frame: u32, height: usize, width: usize) -> Rendered {
         compose::render(self, frame, height.max(1), width.max(1))
     }

@@ -1,28 +1,26 @@
-//! Light and colour of each preset, in linear radiance with 1.0 = top of the
-//! represented range.
+//! The light and colour of each preset, in linear radiance with 1.0 = top of the represented range.
 //!
-//! The figures are chosen so that a camera that clips at a quarter of the range
-//! sees day and night well, and loses what stands in glare or in the tunnel's
-//! mouth. Nothing here draws.
+//! With these values, a camera that clips at a quarter of the range records day and night well, and loses the
+//! objects in glare or in the exit of the tunnel.
 
 use super::Preset;
 use super::hash::ramp;
 use super::view::{Point, View};
 
-/// Linear red, green, blue.
+/// Linear red, green and blue.
 pub(super) type Rgb = [f32; 3];
 
-/// `a + b`, per channel.
+/// Returns `a + b` per channel.
 pub(super) fn add(a: Rgb, b: Rgb) -> Rgb {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
 }
 
-/// `s * a`, per channel.
+/// Returns `s * a` per channel.
 pub(super) fn scaled(a: Rgb, s: f32) -> Rgb {
     [a[0] * s, a[1] * s, a[2] * s]
 }
 
-/// `a` at `t = 0`, `b` at `t = 1`, per channel.
+/// Interpolates from `a` at `t = 0` to `b` at `t = 1` per channel.
 pub(super) fn blend(a: Rgb, b: Rgb, t: f32) -> Rgb {
     [a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t, a[2] + (b[2] - a[2]) * t]
 }
@@ -30,22 +28,22 @@ pub(super) fn blend(a: Rgb, b: Rgb, t: f32) -> Rgb {
 /// Whether vehicles drive with their lamps on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Lamps {
-    /// By day.
+    /// The lamps are off, by day.
     Off,
-    /// In the tunnel and at night.
+    /// The lamps are on, in the tunnel and at night.
     On,
 }
 
-/// What lights a surface.
+/// The light on a surface.
 #[derive(Clone, Copy, Debug)]
 struct Sky {
     ambient: Rgb,
     sun: Rgb,
-    /// Unit vector towards the sun.
+    /// The unit vector towards the sun.
     towards: Point,
-    /// Radiance of the air far away.
+    /// The radiance of the air far away.
     haze: Rgb,
-    /// Distance at which half of what is seen is haze, m.
+    /// The distance in m at which half of the radiance is haze.
     haze_at: f32,
 }
 
@@ -54,15 +52,15 @@ struct Sky {
 pub(super) struct Light {
     preset: Preset,
     outside: Sky,
-    /// Own head lamps, irradiance at the bumper.
+    /// The camera car's own head lamps, irradiance at the bumper.
     own_lamps: f32,
-    /// Distance of the tunnel's mouth, m; beyond it the light is `outside`.
+    /// The distance of the tunnel's exit in m; beyond it the light is `outside`.
     mouth: f32,
-    /// Centre of the glare, px.
+    /// The centre of the glare in px.
     glare: [f32; 2],
-    /// Radius at which the glare has half its height, px.
+    /// The radius in px at which the glare has half its height.
     spread: [f32; 2],
-    /// Height of the glare.
+    /// The height of the glare.
     veil: Rgb,
 }
 
@@ -96,8 +94,8 @@ const NIGHT: Sky = Sky {
 };
 
 impl Light {
-    /// The light of a preset; `mouth` is the distance of the tunnel's exit, m,
-    /// used by [`Preset::Tunnel`] alone; `sun` the sun's place, px.
+    /// Makes the light of a preset. `mouth` is the distance of the tunnel's exit in m, which only
+    /// [`Preset::Tunnel`] uses; `sun` is the position of the sun in px.
     pub(super) fn new(preset: Preset, mouth: f32, sun: [f32; 2], view: &View) -> Self {
         let s = view.scale();
         let (outside, own_lamps, spread, veil) = match preset {
@@ -114,12 +112,12 @@ impl Light {
         Self { preset, outside, own_lamps, mouth, glare, spread, veil }
     }
 
-    /// Whether vehicles show lamps.
+    /// Returns whether vehicles show lamps.
     pub(super) fn lamps(&self) -> Lamps {
         if self.own_lamps > 0.0 { Lamps::On } else { Lamps::Off }
     }
 
-    /// Radiance of a surface of reflectance `albedo` with unit `normal`, `z` m ahead.
+    /// Returns the radiance of a surface of reflectance `albedo` with unit `normal`, `z` m ahead.
     pub(super) fn shade(&self, albedo: Rgb, normal: Point, z: f32) -> Rgb {
         let sky = &self.outside;
         let lit = normal.iter().zip(sky.towards).map(|(n, l)| n * l).sum::<f32>().max(0.0);
@@ -132,7 +130,7 @@ impl Light {
         blend(seen, sky.haze, air / (air + sky.haze_at))
     }
 
-    /// Irradiance inside the tunnel: dim, brighter towards the mouth.
+    /// Returns the irradiance inside the tunnel: dim, brighter towards the exit.
     fn indoors(&self, outside: Rgb, z: f32) -> Rgb {
         if z >= self.mouth {
             return outside;
@@ -141,12 +139,12 @@ impl Light {
         blend([0.046, 0.040, 0.030], outside, 1.0 / (1.0 + depth * depth))
     }
 
-    /// Centre of the glare, px.
+    /// Returns the centre of the glare in px.
     pub(super) fn glare(&self) -> [f32; 2] {
         self.glare
     }
 
-    /// Stray light of lens and air at pixel (`u`, `v`): A / (1 + r^2).
+    /// Returns the stray light of lens and air at pixel (`u`, `v`): A / (1 + r^2).
     pub(super) fn veil(&self, u: f32, v: f32) -> Rgb {
         if self.veil[0] == 0.0 {
             return [0.0; 3];
@@ -156,7 +154,7 @@ impl Light {
         scaled(self.veil, fall)
     }
 
-    /// Radiance of the open sky, without clouds.
+    /// Returns the radiance of the open sky without clouds.
     pub(super) fn sky(&self, u: f32, v: f32, view: &View) -> Rgb {
         let up = ((view.cy - v) / view.focal).max(0.0);
         let t = ramp(0.0, 0.45, up);
@@ -178,7 +176,7 @@ impl Light {
         add(base, [aura + 0.35 * disc, aura * 0.86 + 0.40 * disc, aura * 0.60 + 0.50 * disc])
     }
 
-    /// Squeezes everything above 0.85 smoothly below 1.0.
+    /// Compresses everything above 0.85 smoothly below 1.0.
     pub(super) fn shoulder(radiance: f32) -> f32 {
         let over = radiance - 0.85;
         if over <= 0.0 { radiance.max(0.0) } else { 0.85 + 0.15 * over / (over + 0.15) }

@@ -1,7 +1,6 @@
-//! Pedestrians and cyclists, made of rods.
+//! Pedestrians, cyclists and trees, made of rods.
 //!
-//! Their own frame is (right, up, forward) from the ground between the feet or
-//! wheels. Nothing here knows where they go.
+//! Their own axes are (right, up, forward) from the ground between the feet or wheels.
 
 use super::hash::{Dice, wave};
 use super::light::Rgb;
@@ -22,7 +21,7 @@ const VESTS: [Rgb; 3] = [[0.82, 0.86, 0.12], [0.90, 0.42, 0.06], [0.86, 0.86, 0.
 const METAL: Rgb = [0.34, 0.34, 0.36];
 const TYRE: Rgb = [0.06, 0.06, 0.065];
 
-/// A walker; `stride` in periods of two steps.
+/// Makes a pedestrian; `stride` is in periods of two steps.
 pub(super) fn pedestrian(dice: &mut Dice, stride: f32) -> Solid {
     let k = dice.between(0.90, 1.08);
     let (skin, hair) = (dice.pick(&SKIN), dice.pick(&HAIR));
@@ -46,7 +45,7 @@ pub(super) fn pedestrian(dice: &mut Dice, stride: f32) -> Solid {
     Solid(vec![body])
 }
 
-/// A rider on a bicycle; `stride` in turns of the pedals.
+/// Makes a person on a bicycle; `stride` is in turns of the pedals.
 pub(super) fn cyclist(dice: &mut Dice, stride: f32) -> Solid {
     let (skin, vest) = (dice.pick(&SKIN), dice.pick(&VESTS));
     let (legs, helmet) = (dice.pick(&TROUSERS), dice.pick(&VESTS));
@@ -76,7 +75,7 @@ pub(super) fn cyclist(dice: &mut Dice, stride: f32) -> Solid {
     Solid(vec![body])
 }
 
-/// A tyre of ten straight pieces around a hub at `forward`.
+/// Adds a tyre of ten straight pieces around a hub at `forward`.
 fn ring(body: &mut Body, forward: f32, radius: f32) {
     let at = |i: usize| {
         let t = i as f32 / 10.0;
@@ -88,7 +87,7 @@ fn ring(body: &mut Body, forward: f32, radius: f32) {
     body.rod([0.0, radius, forward], [0.0, radius, forward], 0.06, METAL);
 }
 
-/// A tree beside the road; no object of the truth, but it can hide one.
+/// Makes a tree beside the road; it is no object of the ground truth, but it can hide one.
 pub(super) fn tree(dice: &mut Dice) -> Solid {
     let (high, wide) = (dice.between(2.6, 3.6), dice.between(1.0, 1.7));
     let mut body = Body::default();

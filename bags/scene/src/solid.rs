@@ -1,7 +1,6 @@
-//! Things in the world made of flat faces and rods, painted far to near.
+//! Bodies in the world, made of flat faces and rods that are painted from far to near.
 //!
-//! A solid knows its shape, reflectance and lamps; light and camera come from
-//! outside. Nothing here knows what the thing is.
+//! A solid has shape, reflectance and lamps; it depends on light and camera only when it is painted.
 
 use super::layer::{Layer, Shape, area, join};
 use super::light::{Light, Rgb, add};
@@ -11,8 +10,7 @@ use modulo_core::BBox;
 /// The form of a part.
 #[derive(Clone, Debug)]
 pub(super) enum Form {
-    /// A convex face, seen only from the side from which its corners run
-    /// clockwise.
+    /// A convex face, visible only from the side from which its corners run clockwise.
     Face(Vec<Point>),
     /// A rod with round ends.
     Rod {
@@ -28,52 +26,51 @@ pub(super) enum Form {
 /// A part of one colour.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
-    /// Where it is.
+    /// The form in its position.
     pub(super) form: Form,
-    /// Reflectance.
+    /// The reflectance.
     pub(super) albedo: Rgb,
-    /// Radiance of its own.
+    /// The radiance of the part itself.
     pub(super) glow: Rgb,
 }
 
-/// A lamp's halo, drawn as light in front of the thing.
+/// The halo of a lamp, drawn as light in front of the solid.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Halo {
-    /// The lamp.
+    /// The position of the lamp.
     pub(super) at: Point,
-    /// Direction in which it shines.
+    /// The direction of its light.
     pub(super) towards: Point,
-    /// Radius at which half the light is left, m.
+    /// The radius in m at which half the light is left.
     pub(super) radius: f32,
-    /// Radiance in the middle.
+    /// The radiance in the middle.
     pub(super) glow: Rgb,
 }
 
-/// Parts in painting order whose order holds from every side.
+/// Parts in an order of painting that holds from every side.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Body {
-    /// Back to front.
+    /// The parts from back to front.
     pub(super) parts: Vec<Part>,
-    /// Light around lamps.
+    /// The light around lamps.
     pub(super) halos: Vec<Halo>,
 }
 
-/// A thing: bodies from its rear to its front, in its own frame (right, up,
-/// forward), in the world far to near.
+/// A solid: bodies from its rear to its front in its own axes (right, up, forward), and from far to near in the
+/// world.
 #[derive(Clone, Debug)]
 pub(super) struct Solid(pub(super) Vec<Body>);
 
-/// Where a thing stands and which way it faces: one of the four directions of
-/// a street grid.
+/// The direction of a solid: one of the four directions of a street grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Facing {
-    /// As the camera.
+    /// The solid faces as the camera does.
     Ahead,
-    /// Towards the camera.
+    /// The solid faces the camera.
     Towards,
-    /// To the left.
+    /// The solid faces left.
     Left,
-    /// To the right.
+    /// The solid faces right.
     Right,
 }
 
@@ -90,7 +87,7 @@ impl Facing {
 }
 
 impl Solid {
-    /// The thing in the world, its own origin at (`x`, 0, `z`).
+    /// Moves the solid into the world, its own origin at (`x`, 0, `z`).
     pub(super) fn placed(mut self, x: f32, z: f32, facing: Facing) -> Self {
         let go = |p: Point| {
             let q = facing.turn(p);
@@ -113,13 +110,13 @@ impl Solid {
         self
     }
 
-    /// The halos of the lamps that shine towards the camera.
+    /// Returns the halos of the lamps that shine towards the camera.
     pub(super) fn halos(&self) -> impl Iterator<Item = &Halo> {
         let seen = |h: &&Halo| h.at[0] * h.towards[0] + h.at[2] * h.towards[2] < 0.0;
         self.0.iter().flat_map(|b| &b.halos).filter(seen)
     }
 
-    /// Paints the thing alone; also the box of all of it, in the image or not.
+    /// Paints only this solid; also returns the box of all of it, in the image or not.
     pub(super) fn layer(&self, view: &View, light: &Light) -> Option<(Layer, BBox)> {
         let parts = self.0.iter().flat_map(|b| &b.parts);
         let shapes: Vec<(Shape, Rgb)> = parts.filter_map(|p| flat(p, view, light)).collect();
@@ -139,7 +136,7 @@ impl Body {
     }
 }
 
-/// A part as the camera sees it, `None` when it faces away or lies behind.
+/// Projects a part into the image; `None` when it faces away or lies behind.
 fn flat(part: &Part, view: &View, light: &Light) -> Option<(Shape, Rgb)> {
     let (shape, normal, z) = match &part.form {
         Form::Face(points) => {
@@ -170,14 +167,12 @@ fn normal(points: &[Point]) -> Point {
     n.map(|c| c / length)
 }
 
-/// Four corners in space: lower left, lower right, upper right, upper left as
-/// seen from outside.
+/// Four corners in space as seen from outside: lower left, lower right, upper right, upper left.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Panel(pub(super) [Point; 4]);
 
 impl Panel {
-    /// The point at (`u`, `v`) of the panel, both 0 at the lower left and 1 at
-    /// the upper right.
+    /// Returns the point at (`u`, `v`) of the panel, (0, 0) at the lower left and (1, 1) at the upper right.
     pub(super) fn at(&self, u: f32, v: f32) -> Point {
         let Self([a, b, c, d]) = self;
         let along = |p: &Point, q: &Point| [0, 1, 2].map(|k| p[k] + (q[k] - p[k]) * u);
@@ -185,7 +180,7 @@ impl Panel {
         [0, 1, 2].map(|k| low[k] + (high[k] - low[k]) * v)
     }
 
-    /// A face over the part of the panel from (`u1`, `v1`) to (`u2`, `v2`).
+    /// Returns a face over the part of the panel from (`u1`, `v1`) to (`u2`, `v2`).
     pub(super) fn patch(&self, [u1, v1, u2, v2]: [f32; 4], albedo: Rgb, glow: Rgb) -> Part {
         let corners = vec![self.at(u1, v2), self.at(u2, v2), self.at(u2, v1), self.at(u1, v1)];
         Part { form: Form::Face(corners), albedo, glow }
@@ -195,18 +190,18 @@ impl Panel {
 /// A box that may taper: a level rectangle at each end of its height.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Block {
-    /// Height of the lower and the upper rectangle, m.
+    /// The height of the lower and the upper rectangle in m.
     pub(super) height: [f32; 2],
-    /// Rearmost and foremost of each, m.
+    /// The rear and the front end of each in m.
     pub(super) rear: [f32; 2],
-    /// See `rear`.
+    /// The front end, see `rear`.
     pub(super) front: [f32; 2],
-    /// Half the width of each, m.
+    /// Half the width of each in m.
     pub(super) half: [f32; 2],
 }
 
 impl Block {
-    /// Rear, right, front, left and roof.
+    /// Returns the panels rear, right, front, left and roof.
     pub(super) fn panels(&self) -> [Panel; 5] {
         let corner = |end: usize, forward: f32, side: f32| [side * self.half[end], self.height[end], forward];
         let wall = |p: [f32; 2], ps: f32, q: [f32; 2], qs: f32| {

@@ -1,66 +1,56 @@
-//! A scene's address: `scene://glare?seed=3&frames=60&width=640&height=192`.
+//! The address of a scene: `scene://glare?seed=3&frames=60&width=640&height=192`.
 //!
-//! The scheme may be left out. Nothing here renders.
+//! The scheme may be omitted.
 
 use super::{Preset, Scene};
 use std::str::FromStr;
 
-/// Largest side of a rendered image, px.
+/// The largest side of a rendered image in px.
 const LARGEST: usize = 8192;
 
-/// What to render: a preset, a seed, a size and how long.
+/// The specification of a rendered sequence: a preset, a seed, a size and a length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SceneSpec {
-    /// The kind of light and place.
+    /// The light and the location.
     pub preset: Preset,
-    /// Which of its scenes; 0 when not given.
+    /// The seed, 0 by default.
     pub seed: u64,
-    /// Columns, 1 to 8192; 640 when not given.
+    /// The number of columns, 1 to 8192, 640 by default.
     pub width: usize,
-    /// Rows, 1 to 8192; 192 when not given.
+    /// The number of rows, 1 to 8192, 192 by default.
     pub height: usize,
-    /// Frames until it ends; endless when not given or 0.
+    /// The number of frames; 0, the default, means without end.
     pub frames: u32,
 }
 
-/// Why a text is no scene.
+/// Error: the text is not the address of a scene.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum SpecError {
-    /// Another scheme than `scene://`.
+    /// The scheme is not `scene://`.
     #[error("'{0}' is no scene, a scene starts with scene://")]
     Scheme(String),
-    /// An unknown preset.
+    /// The preset is unknown.
     #[error("scene preset '{0}' is unknown, day, glare, tunnel and night are known")]
     Preset(String),
-    /// An unknown option.
+    /// An option is unknown.
     #[error("scene option '{0}' is unknown, seed, width, height and frames are known")]
     Option(String),
-    /// A value that is not allowed.
+    /// The value of an option is not allowed.
     #[error("scene option {name} is '{value}', {allowed} is allowed")]
     Value {
-        /// The option.
+        /// The name of the option.
         name: String,
-        /// The text found.
+        /// The text of the value.
         value: String,
-        /// What is allowed.
+        /// The values that are allowed.
         allowed: &'static str,
     },
 }
 
 impl SceneSpec {
-    /// The scene itself, without its size.
+    /// Returns the scene without its size.
     pub fn scene(&self) -> Scene {
         Scene::new(self.preset, self.seed)
-    }
-}
-
-impl Scene {
-    /// Reads `glare?seed=3`, with or without `scene://` before it.
-    ///
-    /// # Errors
-    /// [`SpecError`] names the part that is wrong and what is allowed.
-    pub fn parse(text: &str) -> Result<SceneSpec, SpecError> {
-        text.parse()
     }
 }
 
@@ -110,16 +100,16 @@ mod tests {
 
     #[test]
     fn reads_addresses() {
-        let full = Scene::parse("scene://glare?seed=3&width=320&height=96&frames=9").unwrap();
+        let full: Result<SceneSpec, _> = "scene://glare?seed=3&width=320&height=96&frames=9".parse();
         let expected = SceneSpec { preset: Preset::Glare, seed: 3, width: 320, height: 96, frames: 9 };
-        assert_eq!(full, expected);
-        let short = Scene::parse("night").unwrap();
+        assert_eq!(full, Ok(expected));
+        let short: SceneSpec = "night".parse().unwrap();
         assert_eq!(short, SceneSpec { preset: Preset::Night, seed: 0, width: 640, height: 192, frames: 0 });
     }
 
     #[test]
     fn errors_name_the_part_and_what_is_allowed() {
-        let says = |text: &str| Scene::parse(text).unwrap_err().to_string();
+        let says = |text: &str| text.parse::<SceneSpec>().unwrap_err().to_string();
         assert_eq!(says("fog"), "scene preset 'fog' is unknown, day, glare, tunnel and night are known");
         assert_eq!(
             says("day?size=3"),

@@ -1,44 +1,43 @@
-//! The open street without anybody on it: sky, houses, pavement, road.
+//! The open street without traffic: sky, houses, pavement, road.
 //!
-//! A corridor of three planes is cast per pixel: the ground and one row of
-//! houses on either side. What depends on the column or the row alone is
-//! computed once. Nothing here knows of traffic.
+//! One ray per pixel meets a corridor of three planes: the ground, and a row of houses on either side. Values
+//! that depend only on the column or only on the row are computed once.
 
 use super::Preset;
 use super::hash::{hash, mix, noise, ramp, unit};
 use super::light::{Light, Rgb, add, blend, scaled};
 use super::view::{EYE, View};
 
-/// Where the rows of houses stand, m.
+/// The positions of the rows of houses in m.
 const ROWS: [f32; 2] = [-10.5, 10.0];
-/// Width of a house, m.
+/// The width of a house in m.
 const HOUSE: f32 = 11.0;
-/// Distance from window to window, m.
+/// The distance from window to window in m.
 const BAY: f32 = 2.2;
-/// Metres the own car drives in a frame.
+/// The distance in m that the camera drives in a frame.
 const STEP: f32 = 0.16;
 
-/// What one column of the image sees of the houses.
+/// The houses in one column of the image.
 struct Column {
-    /// Distance, m.
+    /// The distance in m.
     z: f32,
-    /// Number of the house, distinct on either side.
+    /// The number of the house, different on either side.
     house: u32,
-    /// Position along the house, m.
+    /// The position along the house in m.
     along: f32,
-    /// Height of the house, m.
+    /// The height of the house in m.
     high: f32,
-    /// Reflectance of its plaster.
+    /// The reflectance of its plaster.
     plaster: Rgb,
-    /// Size of a pixel, in bays of windows.
+    /// The size of a pixel in bays of windows.
     soft: f32,
-    /// How much of a window this column is, 0 to 1.
+    /// The share of a window in this column, 0 to 1.
     wide: f32,
-    /// How well windows can be told apart at this distance, 0 to 1.
+    /// The contrast of windows at this distance, 0 to 1.
     fade: f32,
-    /// Normal of the wall, pointing to the street.
+    /// The normal of the wall, which points to the street.
     facing: f32,
-    /// Height of the far skyline, px above the horizon.
+    /// The height of the far skyline in px above the horizon.
     skyline: f32,
 }
 
@@ -49,19 +48,19 @@ pub(super) struct Street<'a> {
     preset: Preset,
     seed: u32,
     columns: Vec<Column>,
-    /// Metres driven.
+    /// The distance driven in m.
     driven: f32,
 }
 
 impl<'a> Street<'a> {
-    /// The street of `frame`.
+    /// Makes the street of `frame`.
     pub(super) fn new(view: &'a View, light: &'a Light, preset: Preset, seed: u32, frame: u32) -> Self {
         let driven = (frame % 60_000) as f32 * STEP;
         let columns = (0..view.width).map(|c| column(view, seed, driven, c as f32 + 0.5)).collect();
         Self { view, light, preset, seed, columns, driven }
     }
 
-    /// Radiance at a pixel.
+    /// Returns the radiance at a pixel.
     pub(super) fn radiance(&self, row: usize, column: usize) -> Rgb {
         let (u, v) = (column as f32 + 0.5, row as f32 + 0.5);
         let at = &self.columns[column];
@@ -80,7 +79,7 @@ impl<'a> Street<'a> {
         if roof == 0.0 { far } else { blend(far, self.wall(at, up), roof) }
     }
 
-    /// Sky, clouds and the skyline at the end of the street.
+    /// Returns the radiance of sky, clouds and the skyline at the end of the street.
     fn far(&self, u: f32, v: f32, at: &Column) -> Rgb {
         let (view, sky) = (self.view, self.light.sky(u, v, self.view));
         let above = view.cy - v;
@@ -95,7 +94,7 @@ impl<'a> Street<'a> {
         blend(cloudy, self.light.shade([0.16, 0.18, 0.16], [0.0, 0.6, -0.8], 240.0), hill)
     }
 
-    /// A house wall at height `up`, m.
+    /// Returns the radiance of a house wall at height `up` in m.
     fn wall(&self, at: &Column, up: f32) -> Rgb {
         let floor = (up / 3.1).floor();
         let (fy, soft) = (up / 3.1 - floor, at.soft);
@@ -108,7 +107,7 @@ impl<'a> Street<'a> {
         blend(plain, add(pane, self.lit(at, floor)), window)
     }
 
-    /// Light behind a window, at night only.
+    /// Returns the light behind a window, at night only.
     fn lit(&self, at: &Column, floor: f32) -> Rgb {
         if self.preset != Preset::Night {
             return [0.0; 3];
@@ -126,7 +125,7 @@ impl<'a> Street<'a> {
         if self.preset == Preset::Glare { add(lit, self.glitter(u, z)) } else { lit }
     }
 
-    /// The low sun mirrored in the road.
+    /// Returns the reflection of the low sun in the road.
     fn glitter(&self, u: f32, z: f32) -> Rgb {
         let s = self.view.scale();
         let [x, _] = self.light.glare();
@@ -135,8 +134,8 @@ impl<'a> Street<'a> {
     }
 }
 
-/// Reflectance of the ground at `x` right and `along` the street, m; `deep` and
-/// `pixel` are the size of a pixel along and across, `kerbs` where the road ends.
+/// Returns the reflectance of the ground at `x` to the right and `along` the street in m; `deep` and `pixel` are
+/// the size of a pixel along and across, `kerbs` the ends of the road.
 pub(super) fn road(x: f32, along: f32, deep: f32, pixel: f32, kerbs: [f32; 2], seed: u32) -> Rgb {
     let fade = 1.0 - ramp(0.2, 1.5, deep);
     let grain = 0.15 * (noise(x * 2.5, along * 0.8, seed) - 0.5)

@@ -1,4 +1,4 @@
-//! What a scene promises, seen from outside.
+//! Tests of the public properties of a scene.
 
 use super::*;
 use proptest::prelude::*;
@@ -12,7 +12,7 @@ fn checksum(image: &Array3<f32>) -> u64 {
     image.iter().fold(0xCBF2_9CE4_8422_2325, step)
 }
 
-/// Standard deviation inside the boxes of the objects that count, averaged.
+/// Returns the mean standard deviation inside the boxes of the objects that are large enough.
 fn contrast(preset: Preset, see: impl Fn(f32) -> f32) -> f32 {
     let (mut sum, mut count) = (0.0, 0);
     for seed in 0..4 {
@@ -38,8 +38,8 @@ fn the_same_key_gives_the_same_bytes() {
     }
 }
 
-/// Changes with any change to what a scene shows; the demo detector was trained
-/// on these bytes, so a new figure here asks for its figures to be measured anew.
+/// Any change to the pixels of a scene changes these sums. The demonstration detector was trained on these bytes,
+/// so after a change here its published accuracy must be measured again.
 #[test]
 fn the_bytes_are_those_of_every_other_machine() {
     let sums = Preset::ALL.map(|preset| checksum(&Scene::new(preset, 42).render(17, 48, 160).radiance));

@@ -1,9 +1,7 @@
-//! Who is on the street in which frame: lanes of slots that move past the
-//! camera.
+//! The traffic of each frame: lanes of slots that move past the camera.
 //!
-//! The actors of one lane keep one speed and one distance, so none runs into
-//! another. A slot that has left the view comes back far ahead as somebody
-//! else. Nothing here draws.
+//! The actors of one lane keep one speed and one distance, so they never collide. A slot that has left the view
+//! comes back far ahead with another actor.
 
 use super::hash::{Dice, hash, wave};
 use super::light::Lamps;
@@ -12,23 +10,23 @@ use super::solid::{Facing, Solid};
 use super::vehicle::{car, truck, van};
 use super::{Class, Preset};
 
-/// Nearest and farthest middle of an actor, m.
+/// The nearest and the farthest position of an actor's middle in m.
 const REACH: [f32; 2] = [-2.0, 62.0];
 
-/// Somebody or something on the street.
+/// A person, a vehicle or a tree on the street.
 #[derive(Clone, Debug)]
 pub(super) struct Actor {
-    /// What it is, `None` for a tree.
+    /// The class, `None` for a tree.
     pub(super) class: Option<Class>,
-    /// Distance of its middle, m: the painting order.
+    /// The distance of its middle in m, which is the painting order.
     pub(super) z: f32,
-    /// Its ground: centre, half length along x and along z, m.
+    /// Its ground in m: centre x and z, half the extent along x and along z.
     pub(super) ground: [f32; 4],
-    /// Its parts in the world.
+    /// The solid in the world.
     pub(super) solid: Solid,
 }
 
-/// Who uses a lane.
+/// The kind of actors in a lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Users {
     Traffic,
@@ -42,14 +40,14 @@ enum Users {
 #[derive(Clone, Copy, Debug)]
 struct Lane {
     users: Users,
-    /// Middle of the lane, m right of the camera.
+    /// The middle of the lane in m, right of the camera.
     x: f32,
-    /// Distance from slot to slot, m.
+    /// The distance from slot to slot in m.
     gap: f32,
-    /// Metres a frame towards the camera.
+    /// The speed towards the camera in m per frame.
     approach: f32,
     facing: Facing,
-    /// Share of slots in use.
+    /// The share of slots that are in use.
     filled: f32,
 }
 
@@ -77,7 +75,7 @@ const BORE: [Lane; 5] = [
     lane(Users::Walkers, 5.5, 10.0, 0.07, Facing::Ahead, 0.60),
 ];
 
-/// All actors of a frame, far to near.
+/// Returns all actors of a frame from far to near.
 pub(super) fn actors(preset: Preset, seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
     let lanes: &[Lane] = if preset == Preset::Tunnel { &BORE } else { &STREET };
     let mut found: Vec<Actor> = lanes
@@ -93,7 +91,7 @@ pub(super) fn actors(preset: Preset, seed: u32, frame: u32, lamps: Lamps) -> Vec
     found
 }
 
-/// The actors of one lane.
+/// Returns the actors of one lane.
 fn slots(lane: &Lane, seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
     let count = ((REACH[1] - REACH[0]) / lane.gap).ceil() as u32;
     let cycle = count as f32 * lane.gap;
@@ -141,7 +139,7 @@ fn vehicle(dice: &mut Dice, x: f32, z: f32, facing: Facing, lamps: Lamps) -> Act
     Actor { class: Some(class), z, ground: [x, z, half, long], solid: solid.placed(x, z, facing) }
 }
 
-/// Two vehicles in the own lane that drop back and pull ahead.
+/// Returns two vehicles in the camera's lane that drop back and pull ahead.
 fn leaders(seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
     let time = frame as f32;
     let follow = |id: u32, near: f32, sway: f32, period: f32| {
@@ -153,7 +151,7 @@ fn leaders(seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
     [follow(1, 15.0, 3.5, 260.0), follow(2, 36.0, 5.0, 340.0)].into_iter().flatten().collect()
 }
 
-/// Somebody who walks or rides across the street between the leaders.
+/// Returns a pedestrian and a cyclist who cross the street between the leaders.
 fn crossing(seed: u32, frame: u32) -> Vec<Actor> {
     let pass = |id: u32, z: f32, speed: f32, period: u32| {
         let mut dice = Dice::new(seed, 700 + id);

@@ -1,31 +1,29 @@
-//! The tunnel without anybody in it: dark walls, a row of weak lamps, and the
-//! open end, whose light falls far in.
-//!
-//! Nothing here knows of traffic.
+//! The tunnel without traffic: dark walls, a row of weak lamps, and the open exit, whose light reaches far
+//! inside.
 
 use super::hash::{hash, mix, noise, ramp, unit};
 use super::light::{Light, Rgb, add, blend, scaled};
 use super::street::road;
 use super::view::{EYE, View};
 
-/// Left and right wall, m.
+/// The positions of the left and the right wall in m.
 const WALLS: [f32; 2] = [-6.8, 6.3];
-/// Height of the ceiling, m.
+/// The height of the ceiling in m.
 const CEILING: f32 = 5.4;
 
 /// The tunnel of one frame.
 pub(super) struct Tunnel<'a> {
     pub(super) view: &'a View,
     pub(super) light: &'a Light,
-    /// Distance of the open end, m.
+    /// The distance of the open exit in m.
     pub(super) mouth: f32,
-    /// Metres driven.
+    /// The distance driven in m.
     pub(super) driven: f32,
     pub(super) seed: u32,
 }
 
 impl Tunnel<'_> {
-    /// Radiance at a pixel.
+    /// Returns the radiance at a pixel.
     pub(super) fn radiance(&self, row: usize, column: usize) -> Rgb {
         let (u, v) = (column as f32 + 0.5, row as f32 + 0.5);
         let (sx, sy) = ((u - self.view.cx) / self.view.focal, (self.view.cy - v) / self.view.focal);
@@ -40,7 +38,7 @@ impl Tunnel<'_> {
         if open == 0.0 { inside } else { blend(inside, self.outside(u, v, sx * z, z), open) }
     }
 
-    /// 1 well inside the mouth, 0 well outside, smooth over some pixels.
+    /// Returns 1 well inside the exit, 0 well outside, smooth over some pixels.
     fn opening(&self, sx: f32, sy: f32) -> f32 {
         let (x, y) = (sx * self.mouth, EYE + sy * self.mouth);
         let side = (x - WALLS[0]).min(WALLS[1] - x);
@@ -51,7 +49,7 @@ impl Tunnel<'_> {
         ramp(-soft, soft, rounded)
     }
 
-    /// What lies beyond the mouth: bright sky, hazy hills, trees.
+    /// Returns the radiance beyond the exit: bright sky, hazy hills, trees.
     fn outside(&self, u: f32, v: f32, x: f32, z: f32) -> Rgb {
         let s = self.view.scale();
         let above = (self.view.cy - v) / s;
@@ -74,7 +72,7 @@ impl Tunnel<'_> {
         blend(self.light.shade(albedo, [0.0, 1.0, 0.0], z.min(self.mouth)), bright, beyond)
     }
 
-    /// Wall or ceiling: slabs with joints, a painted band, lamps overhead.
+    /// Returns the radiance of wall or ceiling: slabs with joints, a painted band, lamps overhead.
     fn lining(&self, x: f32, y: f32, z: f32, overhead: bool) -> Rgb {
         let z = z.min(self.mouth);
         let along = (z + self.driven) / 4.0;
@@ -90,7 +88,7 @@ impl Tunnel<'_> {
         if overhead { add(lit, self.lamps(x, along, soft)) } else { lit }
     }
 
-    /// Strip lamps along the ceiling.
+    /// Returns the radiance of the strip lamps along the ceiling.
     fn lamps(&self, x: f32, along: f32, soft: f32) -> Rgb {
         let t = along / 2.0 - (along / 2.0).floor();
         let on = mix(ramp(0.0, 0.22, 0.36 - (t - 0.5).abs()), 0.7, ramp(0.05, 0.3, soft));

@@ -1,7 +1,6 @@
 //! Cars, vans and trucks: painted blocks with windows, lamps and wheels.
 //!
-//! Their own frame is (right, up, forward) from the ground below the middle.
-//! Nothing here knows where they drive.
+//! Their own axes are (right, up, forward) from the ground below the middle.
 
 use super::hash::{Dice, wave};
 use super::light::{Lamps, Rgb, scaled};
@@ -24,13 +23,13 @@ const PAINTS: [Rgb; 8] = [
 ];
 const CARGO: [Rgb; 4] = [[0.88, 0.88, 0.86], [0.15, 0.35, 0.62], [0.72, 0.32, 0.10], [0.35, 0.55, 0.30]];
 
-/// Rear, right, front, left and roof of a block, in this order.
+/// The panels of a block in the order rear, right, front, left, roof.
 const REAR: usize = 0;
 const RIGHT: usize = 1;
 const FRONT: usize = 2;
 const LEFT: usize = 3;
 
-/// A saloon or hatchback, about 4.3 m long and 1.5 m high.
+/// Makes a saloon or hatchback, about 4.3 m long and 1.5 m high.
 pub(super) fn car(dice: &mut Dice, lamps: Lamps) -> Solid {
     let paint = dice.pick(&PAINTS);
     let (long, half) = (dice.between(1.95, 2.25), dice.between(0.84, 0.92));
@@ -67,7 +66,7 @@ pub(super) fn car(dice: &mut Dice, lamps: Lamps) -> Solid {
     Solid(vec![all])
 }
 
-/// A tall panel van, about 5.2 m long and 2.4 m high, with a split rear door.
+/// Makes a tall panel van, about 5.2 m long and 2.4 m high, with a split rear door.
 pub(super) fn van(dice: &mut Dice, lamps: Lamps) -> Solid {
     let paint = dice.pick(&[PAINTS[0], PAINTS[1], PAINTS[5], PAINTS[3]]);
     let (long, half) = (dice.between(2.45, 2.75), dice.between(0.96, 1.02));
@@ -98,7 +97,7 @@ pub(super) fn van(dice: &mut Dice, lamps: Lamps) -> Solid {
     Solid(vec![back, front])
 }
 
-/// Windows, the split door and the side rails of a van.
+/// Adds the windows, the split door and the side rails of a van.
 fn van_hull(body: &mut Body, hull: &Block, paint: Rgb) {
     let sides = hull.panels();
     let mut patch =
@@ -114,7 +113,7 @@ fn van_hull(body: &mut Body, hull: &Block, paint: Rgb) {
     }
 }
 
-/// A lorry with a box body, about 8 m long and 3.5 m high.
+/// Makes a lorry with a box body, about 8 m long and 3.5 m high.
 pub(super) fn truck(dice: &mut Dice, lamps: Lamps) -> Solid {
     let (paint, load) = (dice.pick(&PAINTS), dice.pick(&CARGO));
     let high = dice.between(3.3, 3.8);
@@ -137,7 +136,7 @@ pub(super) fn truck(dice: &mut Dice, lamps: Lamps) -> Solid {
     Solid(vec![back, front])
 }
 
-/// Windows and grille of a lorry's cab.
+/// Adds the windows and the grille of a lorry's cab.
 fn cabin(body: &mut Body, cab: &Block) {
     let sides = cab.panels();
     body.parts.push(sides[FRONT].patch([0.06, 0.50, 0.94, 0.90], GLASS, DARK));
@@ -147,7 +146,7 @@ fn cabin(body: &mut Body, cab: &Block) {
     }
 }
 
-/// Doors, stripes and edges of a box body.
+/// Adds the doors, stripes and edges of a box body.
 fn boxed(body: &mut Body, cargo: &Block, load: Rgb) {
     let dim = scaled(load, 0.40);
     let sides = cargo.panels();
@@ -161,15 +160,15 @@ fn boxed(body: &mut Body, cargo: &Block, load: Rgb) {
     }
 }
 
-/// The painted outside of a block.
+/// Adds the painted outside of a block.
 fn shell(body: &mut Body, block: &Block, paint: Rgb) {
     for panel in block.panels() {
         body.parts.push(panel.patch([0.0, 0.0, 1.0, 1.0], paint, DARK));
     }
 }
 
-/// Lamps, bumper and number plate of one end, [`REAR`] or [`FRONT`]; `band` is
-/// the height of the lamps on the panel, 0 to 1.
+/// Adds the lamps, bumper and number plate of one end, [`REAR`] or [`FRONT`]; `band` is the height of the lamps
+/// on the panel, 0 to 1.
 fn fittings(body: &mut Body, panel: &Panel, end: usize, band: [f32; 2], lamps: Lamps) {
     let (albedo, glow) = if end == REAR {
         ([0.50, 0.04, 0.03], [0.30, 0.025, 0.015])
@@ -189,7 +188,7 @@ fn fittings(body: &mut Body, panel: &Panel, end: usize, band: [f32; 2], lamps: L
     }
 }
 
-/// The ends of the tyres, below the body.
+/// Adds the ends of the tyres, below the body.
 fn wheels(body: &mut Body, half: f32, axles: &[f32], radius: f32) {
     for &axle in axles {
         for middle in [-half + 0.12, half - 0.12] {
@@ -207,7 +206,7 @@ fn wheels(body: &mut Body, half: f32, axles: &[f32], radius: f32) {
     }
 }
 
-/// The outer sides of the wheels, in front of the body.
+/// Adds the outer sides of the wheels, in front of the body.
 fn wheel_sides(body: &mut Body, half: f32, axles: &[f32], radius: f32) {
     for &axle in axles {
         for side in [-half - 0.01, half + 0.01] {
@@ -217,7 +216,7 @@ fn wheel_sides(body: &mut Body, half: f32, axles: &[f32], radius: f32) {
     }
 }
 
-/// A twelve-cornered disc facing outwards, to the left when `x < 0`.
+/// Returns a disc of twelve corners that faces outwards, to the left when `x < 0`.
 fn disc([x, y, z]: [f32; 3], radius: f32, albedo: Rgb) -> Part {
     let spin = if x < 0.0 { 1.0 } else { -1.0 };
     let corner = |i: usize| {

@@ -1,37 +1,36 @@
-//! The pinhole camera of a scene: metres in, pixels out.
+//! The pinhole camera of a scene: it projects metres to pixels.
 //!
-//! World: x right, y up from the road, z ahead, metres, the camera above the
-//! origin. Nothing here knows what is drawn.
+//! The axes of the world are x to the right, y up from the road and z ahead, in metres; the camera is above the
+//! origin.
 
 use super::hash::{Dice, wave};
 
-/// A point in the world, metres.
+/// A point in the world in m.
 pub(super) type Point = [f32; 3];
 
-/// Nothing nearer than this is drawn, m.
+/// The near plane in m: nothing nearer is drawn.
 pub(super) const NEAR: f32 = 0.6;
 
-/// Height of the camera above the road, m.
+/// The height of the camera above the road in m.
 pub(super) const EYE: f32 = 1.6;
 
-/// Where the camera looks, and how large its image is.
+/// The direction of the camera and the size of its image.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View {
-    /// Columns.
+    /// The number of columns.
     pub(super) width: usize,
-    /// Rows.
+    /// The number of rows.
     pub(super) height: usize,
-    /// Focal length, px.
+    /// The focal length in px.
     pub(super) focal: f32,
-    /// Column of the vanishing point, px.
+    /// The column of the vanishing point in px.
     pub(super) cx: f32,
-    /// Row of the horizon, px.
+    /// The row of the horizon in px.
     pub(super) cy: f32,
 }
 
 impl View {
-    /// The view of one frame: the vanishing point sways by a few pixels, as a
-    /// car does.
+    /// Makes the view of one frame: the vanishing point sways by a few pixels, as in a car.
     pub(super) fn new(seed: u32, frame: u32, height: usize, width: usize) -> Self {
         let mut dice = Dice::new(seed, 1);
         let (w, h) = (width as f32, height as f32);
@@ -41,20 +40,19 @@ impl View {
         Self { width, height, focal: 0.58 * w, cx: w * (0.5 + yaw), cy: h * 0.46 + w * pitch * 0.5 }
     }
 
-    /// Pixels of the 640 px wide design per pixel here: sizes of lamps and
-    /// halos are given for 640 px.
+    /// Returns the scale to a design width of 640 px, for which the sizes of lamps and halos are given.
     pub(super) fn scale(&self) -> f32 {
         self.width as f32 / 640.0
     }
 
-    /// Image position of a point with `z >= NEAR`, px.
+    /// Returns the image position in px of a point with `z >= NEAR`.
     pub(super) fn project(&self, [x, y, z]: Point) -> [f32; 2] {
         let s = self.focal / z.max(NEAR);
         [self.cx + s * x, self.cy - s * (y - EYE)]
     }
 }
 
-/// The part of a convex polygon that is at least [`NEAR`] away; may be empty.
+/// Returns the part of a convex polygon that is at least [`NEAR`] away, which may be empty.
 pub(super) fn clip_near(points: &[Point]) -> Vec<Point> {
     let mut kept = Vec::with_capacity(points.len() + 1);
     for (i, &a) in points.iter().enumerate() {

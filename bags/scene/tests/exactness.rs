@@ -1,4 +1,4 @@
-//! Share of exact wrap counts on rendered scenes, and on KITTI frames where they are.
+//! The share of exact wrap counts on rendered scenes, and on KITTI frames if they are available.
 
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]
@@ -18,7 +18,7 @@ fn expose(radiance: &Array3<f32>, alpha: f64, psf: Psf) -> Exposure {
     Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap()
 }
 
-/// Share of exact wrap counts, and ms that the unwrapping took.
+/// Returns the share of exact wrap counts, and the duration of the unwrapping in ms.
 fn score(method: &str, exposure: &Exposure) -> (f64, f64) {
     let (y, truth) = (exposure.modulo(), exposure.wraps());
     let (mut unwrap, mut out) = (by_name(method, &Options::default()).unwrap(), Recovered::default());
@@ -32,7 +32,8 @@ fn score(method: &str, exposure: &Exposure) -> (f64, f64) {
     (exact as f64 / truth.len() as f64, fastest)
 }
 
-/// Mean share and ms over exposures, and how many are exact altogether; printed.
+/// Prints and returns the mean share over exposures; also prints the mean duration and the number of images
+/// without an error.
 fn report(title: &str, method: &str, exposures: &[Exposure]) -> f64 {
     let scores: Vec<_> = exposures.iter().map(|exposure| score(method, exposure)).collect();
     let mean = |of: fn(&(f64, f64)) -> f64| scores.iter().map(of).sum::<f64>() / scores.len() as f64;

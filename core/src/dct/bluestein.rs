@@ -1,8 +1,8 @@
-//! Bluestein's Fourier transform of any length: a convolution with a chirp, by
-//! two transforms of a longer length that has small factors only.
+//! Bluestein's Fourier transform of any length: a convolution with a chirp, by two transforms of a greater length
+//! that has only small factors.
 //!
-//! L. Bluestein, "A linear filtering approach to the computation of discrete
-//! Fourier transform", IEEE Trans. AU 18(4), 1970.
+//! L. Bluestein, "A linear filtering approach to the computation of discrete Fourier transform", IEEE Trans. AU
+//! 18(4), 1970.
 
 use std::f64::consts::{PI, TAU};
 
@@ -10,17 +10,17 @@ use super::fft::Fft;
 use super::lanes::{Complex, Fused, MultiplyAdd, Twiddle, Unfused, has_fma};
 use crate::simd::widest;
 
-/// A forward transform of one length.
+/// A plan of forward transforms of one length.
 pub(super) struct Bluestein {
-    /// `exp(-i pi k^2 / n)`, k below n.
+    /// The chirp `exp(-i pi k^2 / n)`, k below n.
     chirp: Vec<Twiddle>,
-    /// Spectrum of the opposite chirp, divided by its length.
+    /// The spectrum of the conjugate chirp, divided by its length.
     response: Vec<Twiddle>,
     fft: Fft,
 }
 
 impl Bluestein {
-    /// `n` is at least 1.
+    /// Plans transforms of length `n`, at least 1.
     pub fn new(n: usize) -> Self {
         let mut padded = 2 * n - 1;
         let fft = loop {
@@ -30,48 +30,32 @@ impl Bluestein {
             }
         };
         let angle = |k: usize| PI * ((k * k) % (2 * n)) as f64 / n as f64;
-        let chirp = (0..n).map(|k| twiddle(angle(k), 1.0)).collect();
+        let chirp = (0..n).map(|k| Twiddle::new(angle(k), 1.0)).collect();
         Self { chirp, response: response(n, padded, angle), fft }
     }
 
-    /// Length of the data.
+    /// Returns the length of the data.
     pub fn len(&self) -> usize {
         self.response.len()
     }
 
-    /// Length of the scratch.
+    /// Returns the length of the scratch.
     pub fn scratch_len(&self) -> usize {
         self.fft.scratch_len()
     }
 
-    /// As [`Fft::forward`], on data of length [`Bluestein::len`] whose rear it overwrites.
+    /// Transforms as [`Fft::forward`] does. The data has the length [`Bluestein::len`]; the part after the
+    /// samples is overwritten.
     pub fn forward(&self, data: &mut [Complex], scratch: &mut [Complex]) {
-        if has_fma() {
-            widest(
-                #[inline(always)]
-                || self.multiply_samples::<Fused>(data),
-            );
-        } else {
-            self.multiply_samples::<Unfused>(data);
-        }
+        if has_fma() { self.run::<Fused>(data, scratch) } else { self.run::<Unfused>(data, scratch) }
+    }
+
+    fn run<A: MultiplyAdd>(&self, data: &mut [Complex], scratch: &mut [Complex]) {
+        widest!(self.multiply_samples::<A>(data));
         self.fft.forward(data, scratch);
-        if has_fma() {
-            widest(
-                #[inline(always)]
-                || self.convolve::<Fused>(data),
-            );
-        } else {
-            self.convolve::<Unfused>(data);
-        }
+        widest!(self.convolve::<A>(data));
         self.fft.forward(data, scratch);
-        if has_fma() {
-            widest(
-                #[inline(always)]
-                || self.multiply_result::<Fused>(data),
-            );
-        } else {
-            self.multiply_result::<Unfused>(data);
-        }
+        widest!(self.multiply_result::<A>(data));
     }
 
     #[inline(always)]
@@ -83,7 +67,8 @@ impl Bluestein {
         rear.fill(Complex::default());
     }
 
-    /// Swapped parts make the next forward transform an inverse one.
+    /// Multiplies the spectra. It swaps real and imaginary parts, so that the next forward transform acts as an
+    /// inverse one.
     #[inline(always)]
     fn convolve<A: MultiplyAdd>(&self, spectrum: &mut [Complex]) {
         for (value, &twiddle) in spectrum.iter_mut().zip(&self.response) {
@@ -99,11 +84,8 @@ impl Bluestein {
     }
 }
 
-fn twiddle(angle: f64, scale: f64) -> Twiddle {
-    Twiddle { cos: (scale * angle.cos()) as f32, sin: (scale * angle.sin()) as f32 }
-}
-
-/// Spectrum of `exp(i angle(|k|))`, |k| below n, at length `padded`: even, so that cosines suffice.
+/// Returns the spectrum of `exp(i angle(|k|))`, |k| below n, at length `padded`. The sequence is even, so cosines
+/// suffice.
 fn response(n: usize, padded: usize, angle: impl Fn(usize) -> f64) -> Vec<Twiddle> {
     let cosines: Vec<f64> = (0..padded).map(|k| (TAU * k as f64 / padded as f64).cos()).collect();
     let chirp: Vec<(f64, f64)> = (0..n).map(|k| angle(k).sin_cos()).collect();

@@ -1,5 +1,4 @@
-//! Transforms of columns: sixteen neighbours, a band, at once, from the image to
-//! tiles and from tiles to what is kept of it.
+//! Transforms of columns, a band of sixteen at once: from the image to tiles, and from tiles to the output.
 
 use std::ops::Range;
 
@@ -9,12 +8,12 @@ use super::lanes::{Complex, LANES};
 use super::tile::Tile;
 use crate::simd::widest;
 
-/// Neighbouring bands, the share of one worker.
+/// A range of neighbouring bands, the share of one worker.
 pub(super) struct ColumnPart<Out> {
     bands: Range<usize>,
-    /// By band and block.
+    /// The coefficients by band and block.
     spectrum: Vec<Tile>,
-    /// By band and row.
+    /// The output by band and row.
     out: Vec<Out>,
     data: Vec<Complex>,
     scratch: Vec<Complex>,
@@ -38,13 +37,13 @@ impl<Out> ColumnPart<Out> {
         self.bands.clone()
     }
 
-    /// What [`ColumnPart::forward`] has left.
+    /// Returns a tile of the result of [`ColumnPart::forward`].
     #[inline(always)]
     pub fn tile(&self, shape: Shape, block: usize, band: usize) -> &Tile {
         &self.spectrum[(band - self.bands.start) * shape.blocks() + block]
     }
 
-    /// What [`ColumnPart::inverse`] has kept, by row.
+    /// Returns the output of [`ColumnPart::inverse`] by row.
     #[inline(always)]
     pub fn outs(&self, shape: Shape, band: usize) -> &[Out] {
         &self.out[(band - self.bands.start) * shape.height..][..shape.height]
@@ -58,25 +57,19 @@ impl<Out> ColumnPart<Out> {
         load: &impl Fn(Run) -> [f32; LANES],
     ) {
         let Self { data, scratch, .. } = self;
-        widest(
-            #[inline(always)]
-            || {
-                for row in 0..shape.height {
-                    data[plan.position(row)] = Complex::from_lanes(load(Run { row, sample: band * LANES }));
-                }
-            },
-        );
+        widest!({
+            for row in 0..shape.height {
+                data[plan.position(row)] = Complex::from_lanes(load(Run { row, sample: band * LANES }));
+            }
+        });
         plan.fourier(data, scratch);
         let first = (band - self.bands.start) * shape.blocks();
         let to = self.spectrum[first..][..shape.blocks()].as_flattened_mut();
-        widest(
-            #[inline(always)]
-            || {
-                for (k, mirrored) in plan.pairs() {
-                    [to[k], to[mirrored]] = plan.coefficients(k, [data[k], data[mirrored]]);
-                }
-            },
-        );
+        widest!({
+            for (k, mirrored) in plan.pairs() {
+                [to[k], to[mirrored]] = plan.coefficients(k, [data[k], data[mirrored]]);
+            }
+        });
     }
 
     pub fn inverse<'a>(
@@ -89,24 +82,18 @@ impl<Out> ColumnPart<Out> {
     ) {
         let Self { data, scratch, .. } = self;
         let from = |row: usize| tile(row / LANES)[row % LANES];
-        widest(
-            #[inline(always)]
-            || {
-                for (k, mirrored) in plan.pairs() {
-                    [data[k], data[mirrored]] = plan.spectrum(k, [from(k), from(mirrored)]);
-                }
-            },
-        );
+        widest!({
+            for (k, mirrored) in plan.pairs() {
+                [data[k], data[mirrored]] = plan.spectrum(k, [from(k), from(mirrored)]);
+            }
+        });
         plan.fourier(data, scratch);
         let out = &mut self.out[(band - self.bands.start) * shape.height..][..shape.height];
-        widest(
-            #[inline(always)]
-            || {
-                for (row, out) in out.iter_mut().enumerate() {
-                    let value = data[plan.position(row)].swapped().to_lanes();
-                    *out = keep(Run { row, sample: band * LANES }, value);
-                }
-            },
-        );
+        widest!({
+            for (row, out) in out.iter_mut().enumerate() {
+                let value = data[plan.position(row)].swapped().to_lanes();
+                *out = keep(Run { row, sample: band * LANES }, value);
+            }
+        });
     }
 }

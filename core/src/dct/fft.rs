@@ -1,6 +1,6 @@
-//! Stockham's Fourier transform of lanes: natural order in and out, one pass a
-//! factor of the length. The first goes through memory, and the others through
-//! what it leaves one short transform after the other, in the nearest cache.
+//! Stockham's Fourier transform of many sequences at once, one pass for each factor of the length; input and
+//! output are in natural order. The first pass goes through all memory. It leaves short transforms, which the
+//! other passes finish one after the other in the nearest cache.
 
 use std::f64::consts::TAU;
 
@@ -8,21 +8,21 @@ use super::lanes::{Complex, Fused, MultiplyAdd, Twiddle, Unfused, has_fma};
 use super::odd_radix::{Folded, MAX_RADIX, OddRadix};
 use crate::simd::widest;
 
-/// A forward transform of one length, which has no prime factor above [`MAX_RADIX`].
+/// A plan of forward transforms of one length without a prime factor above [`MAX_RADIX`].
 pub(super) struct Fft {
-    /// Of the whole; none at length 1.
+    /// The first pass over the whole; `None` at length 1.
     first: Option<Pass>,
-    /// Of each of the transforms that the first leaves.
+    /// The passes over each of the transforms that the first pass leaves.
     others: Vec<Pass>,
 }
 
-/// `count` transforms of length `radix`, each on `stride` neighbours.
+/// A pass of `count` transforms of length `radix`, each on `stride` neighbours.
 struct Pass {
     kind: Kind,
     radix: usize,
     count: usize,
     stride: usize,
-    /// For output 1 to radix - 1, by transform.
+    /// The twiddle factors of outputs 1 to radix - 1, by transform.
     twiddles: Vec<Twiddle>,
 }
 
@@ -35,12 +35,12 @@ enum Kind {
 }
 
 impl Fft {
-    /// `None` when `n` has a prime factor above [`MAX_RADIX`].
+    /// Plans transforms of length `n`; `None` when it has a prime factor above [`MAX_RADIX`].
     pub fn new(n: usize) -> Option<Self> {
         Some(Self::by(&radices(n)?))
     }
 
-    /// `None` when `n` has a prime factor above 5.
+    /// Plans transforms of length `n`; `None` when it has a prime factor above 5.
     pub fn short(n: usize) -> Option<Self> {
         radices(n).filter(|radices| radices.iter().all(|&radix| radix <= 5)).map(|radices| Self::by(&radices))
     }
@@ -58,22 +58,15 @@ impl Fft {
         Self { first, others: others.iter().map(pass).collect() }
     }
 
-    /// Length of the scratch that [`Fft::forward`] needs.
+    /// Returns the length of the scratch that [`Fft::forward`] needs.
     pub fn scratch_len(&self) -> usize {
         self.first.as_ref().map_or(0, |pass| (pass.radix + 2) * pass.count)
     }
 
-    /// Transforms `data`, of the planned length, in run.
+    /// Transforms `data`, of the planned length, in place.
     pub fn forward(&self, data: &mut [Complex], scratch: &mut [Complex]) {
         // Without fused multiply-add there are no wider vectors either, see `widest`.
-        if has_fma() {
-            widest(
-                #[inline(always)]
-                || self.run::<Fused>(data, scratch),
-            )
-        } else {
-            self.run::<Unfused>(data, scratch)
-        }
+        if has_fma() { widest!(self.run::<Fused>(data, scratch)) } else { self.run::<Unfused>(data, scratch) }
     }
 
     #[inline(always)]
@@ -96,7 +89,7 @@ impl Fft {
     }
 }
 
-/// The factors of `n`, odd primes first: their passes have the most to load and the least to twiddle.
+/// Returns the factors of `n` with odd primes first: their passes load the most and rotate the least.
 fn radices(n: usize) -> Option<Vec<usize>> {
     let (mut rest, mut radices) = (n, Vec::new());
     for radix in (7..=MAX_RADIX).rev().step_by(2).chain([5, 4, 3, 2]) {
@@ -110,10 +103,7 @@ fn radices(n: usize) -> Option<Vec<usize>> {
 
 impl Pass {
     fn new(radix: usize, count: usize, stride: usize) -> Self {
-        let twiddle = |p: usize, j: usize| {
-            let (sin, cos) = (TAU * (p * j) as f64 / (radix * count) as f64).sin_cos();
-            Twiddle { cos: cos as f32, sin: sin as f32 }
-        };
+        let twiddle = |p: usize, j: usize| Twiddle::new(TAU * (p * j) as f64 / (radix * count) as f64, 1.0);
         let twiddles = (0..count).flat_map(|p| (1..radix).map(move |j| twiddle(p, j))).collect();
         let kind = match radix {
             2 => Kind::Two,
@@ -125,7 +115,8 @@ impl Pass {
         Self { kind, radix, count, stride, twiddles }
     }
 
-    /// From and to every so manieth number. A function would be called by its shim, and that is not inlined.
+    /// Runs the pass; both slices come with the distance of successive numbers. Radices are closures, because a
+    /// function would be called by its shim, which is not inlined.
     #[inline(always)]
     fn run<A: MultiplyAdd>(&self, from: (&[Complex], usize), to: (&mut [Complex], usize)) {
         match &self.kind {

@@ -1,10 +1,9 @@
-//! The transform of a whole image in three walks over memory: down bands of
-//! sixteen columns ([`columns`](super::columns)), along blocks of sixteen rows and back
-//! ([`rows`](super::rows)), up the bands.
+//! The transform of a whole image in three passes over memory: down the bands of sixteen columns
+//! ([`columns`](super::columns)), along the blocks of sixteen rows and back ([`rows`](super::rows)), and up the
+//! bands.
 //!
-//! The image is interleaved. Columns do not care for channels; along rows each
-//! channel is its own sequence. No sample of another size is ever looked at:
-//! the last band and the last block are filled up with zeros.
+//! The image is interleaved. Along columns the channels make no difference; along rows each channel is a sequence
+//! of its own. The last band and the last block are filled up with zeros.
 
 use super::columns::ColumnPart;
 use super::cosine::CosinePlan;
@@ -13,7 +12,7 @@ use super::rows::{RowPart, RowPlan};
 use super::tile::Tile;
 use crate::workers::Workers;
 
-/// A plan for images of one size with its memory. `Out` is what is kept of sixteen samples.
+/// A plan for images of one size with its memory. `Out` is the output for a run of sixteen samples.
 pub(crate) struct Grid<Out> {
     shape: Shape,
     column_plan: CosinePlan,
@@ -22,33 +21,33 @@ pub(crate) struct Grid<Out> {
     row_parts: Vec<RowPart>,
 }
 
-/// Sides and how they are cut, for all walks.
+/// The sides of an image and its parts for the workers, the same in all passes.
 #[derive(Clone, Copy)]
 pub(super) struct Shape {
     pub height: usize,
     pub width: usize,
     pub channels: usize,
-    /// Bands a part and blocks a part has, at most.
+    /// The largest number of bands of a [`ColumnPart`] and of blocks of a [`RowPart`].
     pub bands_per_part: usize,
     pub blocks_per_part: usize,
 }
 
-/// Where sixteen samples of a row stand.
+/// The position of a run of sixteen samples in a row.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Run {
-    /// From 0.
+    /// The row, from 0.
     pub row: usize,
-    /// Of the first of them in the interleaved row, a multiple of sixteen.
+    /// The first sample in the interleaved row, a multiple of sixteen.
     pub sample: usize,
 }
 
-/// What happens to coefficients: given its value down and across, and sixteen rows of a column at once.
+/// A change of the coefficients by a rule on one number for the row and one for the column.
 pub(crate) struct SpectralFilter<'a, F> {
-    /// A number for each row of coefficients, and 0 for rows up to a multiple of sixteen.
+    /// One number for each row of coefficients, and 0 for the rows that fill up the last block.
     pub by_row: &'a [[f32; LANES]],
-    /// A number for each column of coefficients.
+    /// One number for each column of coefficients.
     pub by_column: &'a [f32],
-    /// New coefficient from the number of its row, of its column, and itself.
+    /// Returns the new coefficient from the number of its row, that of its column, and its old value.
     pub rule: F,
 }
 
@@ -66,13 +65,13 @@ impl Shape {
     }
 }
 
-/// `count` things in at most `parts` runs of `each`.
+/// Splits `count` items into ranges of at most `each`.
 fn split(count: usize, each: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
     (0..count).step_by(each).map(move |first| first..(first + each).min(count))
 }
 
 impl<Out: Copy + Default + Send + Sync> Grid<Out> {
-    /// For images of `dim`, all of it at least 1, cut for `parts` workers.
+    /// Plans for images of `dim`, all at least 1, with parts for `parts` workers.
     pub fn new((height, width, channels): (usize, usize, usize), parts: usize) -> Self {
         let column_plan = CosinePlan::new(height);
         let mut shape = Shape { height, width, channels, bands_per_part: 0, blocks_per_part: 0 };
@@ -88,25 +87,25 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
         Self { shape, column_plan, row_plan, column_parts, row_parts }
     }
 
-    /// (height, width, channels) as planned.
+    /// Returns (height, width, channels) as planned.
     pub fn dim(&self) -> (usize, usize, usize) {
         (self.shape.height, self.shape.width, self.shape.channels)
     }
 
-    /// What was kept of the sixteen samples at `run`.
+    /// Returns the output for the samples of `run`.
     #[inline(always)]
     pub fn out(&self, Run { row, sample }: Run) -> &Out {
         &self.outs(sample)[row]
     }
 
-    /// What was kept of sixteen columns, by row; `sample` is a multiple of sixteen.
+    /// Returns the outputs of sixteen columns by row; `sample` is a multiple of sixteen.
     #[inline(always)]
     pub fn outs(&self, sample: usize) -> &[Out] {
         let band = sample / LANES;
         self.column_parts[band / self.shape.bands_per_part].outs(self.shape, band)
     }
 
-    /// Forward transform of what `load` gives, `filter`, inverse transform, `keep`.
+    /// Transforms the samples of `load`, applies `filter`, transforms back, and stores the output of `keep`.
     #[expect(clippy::redundant_closure, reason = "a reference is called by its shim, which is not inlined")]
     pub fn filter(
         &mut self,
@@ -141,14 +140,15 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
         });
     }
 
-    /// First half of a forward transform, of what `load` gives; [`Grid::forward_rows`] is the second.
+    /// Runs the first half of a forward transform of the samples of `load`; [`Grid::forward_rows`] is the second.
     pub fn forward_columns(&mut self, load: impl Fn(Run) -> [f32; LANES]) {
         for part in &mut self.column_parts {
             part.bands().for_each(|band| part.forward(self.shape, &self.column_plan, band, &load));
         }
     }
 
-    /// `put` receives the coefficients, interleaved as the samples are.
+    /// Runs the second half of a forward transform; `put` receives the coefficients, interleaved as the samples
+    /// are.
     pub fn forward_rows(&mut self, mut put: impl FnMut(Run, [f32; LANES])) {
         let Self { shape, row_plan, column_parts, row_parts, .. } = self;
         for part in row_parts {
@@ -158,14 +158,15 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
         }
     }
 
-    /// First half of an inverse transform, of coefficients that `take` gives; [`Grid::inverse_columns`] is the second.
+    /// Runs the first half of an inverse transform of the coefficients of `take`; [`Grid::inverse_columns`] is
+    /// the second.
     pub fn inverse_rows(&mut self, take: impl Fn(Run) -> [f32; LANES]) {
         for part in &mut self.row_parts {
             part.blocks().for_each(|block| part.inverse(&self.row_plan, block, &take));
         }
     }
 
-    /// `put` receives the samples.
+    /// Runs the second half of an inverse transform; `put` receives the samples.
     pub fn inverse_columns(&mut self, mut put: impl FnMut(Run, [f32; LANES]) -> Out) {
         let Self { shape, column_plan, row_plan, column_parts, row_parts } = self;
         for part in column_parts {
@@ -178,7 +179,7 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
     }
 }
 
-/// The tile of `block` by its band.
+/// Returns the tile of `block` by its band.
 #[inline(always)]
 fn tiles_of_block<'a, Out>(
     shape: Shape,

@@ -1,11 +1,10 @@
-//! RealVector: the same step of several independent transforms at once, so that no
-//! radix needs a shuffle. Unfused loops over arrays, which the compiler twiddles into
-//! the vectors of the machine.
+//! Vectors of lanes: the same step of several independent transforms at once, so that no radix needs a shuffle.
+//! They are plain loops over arrays, which the compiler turns into the vectors of the machine.
 
-/// Independent complex transforms side by side.
+/// The number of independent complex transforms side by side.
 pub(super) const COMPLEX_LANES: usize = 8;
 
-/// Real sequences side by side: two in each complex transform.
+/// The number of real sequences side by side: two in each complex transform.
 pub(crate) const LANES: usize = 2 * COMPLEX_LANES;
 
 /// One real number of each transform.
@@ -21,22 +20,29 @@ pub(super) struct Complex {
     pub im: RealVector,
 }
 
-/// `exp(-i angle)` or what a table makes of it.
+/// A twiddle factor `exp(-i angle)`, possibly scaled.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Twiddle {
     pub cos: f32,
     pub sin: f32,
 }
 
-/// How `a * b + c` is rounded. One of the two serves a machine, so that its results never vary.
+impl Twiddle {
+    /// Returns `scale * exp(-i angle)`, rounded from double precision.
+    pub fn new(angle: f64, scale: f64) -> Self {
+        Self { cos: (scale * angle.cos()) as f32, sin: (scale * angle.sin()) as f32 }
+    }
+}
+
+/// The rounding of `a * b + c`. Each machine uses only one of the two, so that its results never vary.
 pub(super) trait MultiplyAdd {
     fn multiply_add(a: f32, b: f32, c: f32) -> f32;
 }
 
-/// Once: for machines that do it in one instruction.
+/// Rounds once: for machines that have one instruction for it.
 pub(super) struct Fused;
 
-/// Twice: where a fused multiply-add would be a call into the maths library.
+/// Rounds twice: where a fused multiply-add would be a call into the maths library.
 pub(super) struct Unfused;
 
 impl MultiplyAdd for Fused {
@@ -53,7 +59,7 @@ impl MultiplyAdd for Unfused {
     }
 }
 
-/// Whether this machine is one for [`Fused`].
+/// Returns whether this machine uses [`Fused`].
 #[inline]
 pub(super) fn has_fma() -> bool {
     #[cfg(target_arch = "x86_64")]
@@ -87,7 +93,7 @@ impl RealVector {
         self.map(self, |a, _| a * by)
     }
 
-    /// `self * by + other`
+    /// Returns `self * by + other`.
     #[inline(always)]
     pub fn scaled_plus<A: MultiplyAdd>(self, by: f32, other: Self) -> Self {
         self.map(other, |a, b| A::multiply_add(a, by, b))
@@ -95,7 +101,7 @@ impl RealVector {
 }
 
 impl Complex {
-    /// The first half of `reals` in the real parts, the second in the imaginary parts.
+    /// Puts the first half of `lanes` into the real parts and the second half into the imaginary parts.
     #[inline(always)]
     pub fn from_lanes(lanes: [f32; LANES]) -> Self {
         let half = |half: Option<&[f32; COMPLEX_LANES]>| {
@@ -104,7 +110,7 @@ impl Complex {
         Self { re: half(lanes.first_chunk()), im: half(lanes.last_chunk()) }
     }
 
-    /// What [`Complex::from_lanes`] took.
+    /// Returns the argument of [`Complex::from_lanes`].
     #[inline(always)]
     pub fn to_lanes(self) -> [f32; LANES] {
         *[self.re.0, self.im.0].as_flattened().first_chunk().expect("reals are twice as many as lanes")
@@ -130,7 +136,7 @@ impl Complex {
         Self { re: self.re.scaled_plus::<A>(by, other.re), im: self.im.scaled_plus::<A>(by, other.im) }
     }
 
-    /// `self * (cos - i sin)`
+    /// Returns `self * (cos - i sin)`.
     #[inline(always)]
     pub fn rotated<A: MultiplyAdd>(self, Twiddle { cos, sin }: Twiddle) -> Self {
         Self {
@@ -139,19 +145,19 @@ impl Complex {
         }
     }
 
-    /// `self - i other`
+    /// Returns `self - i other`.
     #[inline(always)]
     pub fn minus_i(self, other: Self) -> Self {
         Self { re: self.re.plus(other.im), im: self.im.minus(other.re) }
     }
 
-    /// `self + i other`
+    /// Returns `self + i other`.
     #[inline(always)]
     pub fn plus_i(self, other: Self) -> Self {
         Self { re: self.re.minus(other.im), im: self.im.plus(other.re) }
     }
 
-    /// Real and imaginary parts exchanged, which twiddles a forward transform into an inverse one.
+    /// Swaps real and imaginary parts, which turns a forward transform into an inverse one.
     #[inline(always)]
     pub fn swapped(self) -> Self {
         Self { re: self.im, im: self.re }

@@ -1,9 +1,9 @@
-//! The orthonormal two-dimensional cosine transform, of any size.
+//! The orthonormal two-dimensional cosine transform of any size.
 //!
-//! From short to long: [`radix`] and [`odd`] are single transforms, [`fft`] makes
-//! one length of them, [`bluestein`] the lengths that have no such factors,
-//! [`cosine`] a cosine transform, [`columns`] those of columns, [`rows`] those of
-//! rows, and [`grid`] that of an image. Everything works on [`lanes`]. A plan owns its scratch, so a transform allocates nothing.
+//! From short to long: `odd_radix` and the radices of `fft` are single transforms, `fft` composes them,
+//! `bluestein` adds the lengths without such factors, `cosine` makes a cosine transform of them, `columns` and
+//! `rows` transform those of an image, and `grid` the image. All work on the vectors of `lanes`. A plan owns its
+//! scratch, so a transform allocates nothing.
 
 mod bluestein;
 mod columns;
@@ -18,20 +18,20 @@ mod tile;
 pub(crate) use grid::{Grid, Run, SpectralFilter};
 pub(crate) use lanes::LANES;
 
-/// A plan for planes of one size, row-major `f32`.
+/// A plan of transforms of planes of one size, row-major `f32`.
 pub struct Dct2 {
     grid: Grid<()>,
 }
 
-/// A plane that is not of the size that was planned.
+/// Error: the plane does not have the size that was planned.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("plane of {got} samples, planned for {height} x {width}")]
 pub struct DctError {
-    /// Samples found.
+    /// The number of samples of the plane.
     pub got: usize,
-    /// Rows planned.
+    /// The number of rows that was planned.
     pub height: usize,
-    /// Columns planned.
+    /// The number of columns that was planned.
     pub width: usize,
 }
 
@@ -41,17 +41,17 @@ impl Dct2 {
         Self { grid: Grid::new((height.max(1), width.max(1), 1), 1) }
     }
 
-    /// (height, width) of the planes that this plan transforms.
+    /// Returns (height, width) of the planes that this plan transforms.
     pub fn dim(&self) -> (usize, usize) {
         let (height, width, _) = self.grid.dim();
         (height, width)
     }
 
-    /// DCT-II in run: `X[u,v] = s_u s_v sum x[i,j] cos(pi u (i+1/2)/H) cos(pi v (j+1/2)/W)`
-    /// with `s_0 = sqrt(1/N)` and `s_k = sqrt(2/N)` along each side.
+    /// Computes the DCT-II in place: `X[u,v] = s_u s_v sum x[i,j] cos(pi u (i+1/2)/H) cos(pi v (j+1/2)/W)` with
+    /// `s_0 = sqrt(1/N)` and `s_k = sqrt(2/N)` along each side.
     ///
     /// # Errors
-    /// [`DctError`] when the plane is not of the planned size.
+    /// [`DctError`] when the plane does not have the planned size.
     pub fn forward(&mut self, plane: &mut [f32]) -> Result<(), DctError> {
         self.check(plane)?;
         let (_, width) = self.dim();
@@ -66,10 +66,10 @@ impl Dct2 {
         Ok(())
     }
 
-    /// DCT-III in run, the inverse of [`Dct2::forward`].
+    /// Computes the DCT-III in place, the inverse of [`Dct2::forward`].
     ///
     /// # Errors
-    /// [`DctError`] when the plane is not of the planned size.
+    /// [`DctError`] when the plane does not have the planned size.
     pub fn inverse(&mut self, plane: &mut [f32]) -> Result<(), DctError> {
         self.check(plane)?;
         let (_, width) = self.dim();
@@ -93,7 +93,7 @@ impl Dct2 {
     }
 }
 
-/// Sixteen samples of a row-major plane, 0 beyond the end of the row.
+/// Loads a run of sixteen samples of a row-major plane, with 0 beyond the end of the row.
 #[inline(always)]
 pub(crate) fn load_run(plane: &[f32], width: usize, Run { row, sample }: Run) -> [f32; LANES] {
     let row = &plane[row * width..][..width];
@@ -111,7 +111,7 @@ fn tail(rest: &[f32]) -> [f32; LANES] {
     out
 }
 
-/// Writes the samples that [`at`] reads.
+/// Stores a run of samples, the inverse of [`load_run`].
 #[inline(always)]
 fn store_run(plane: &mut [f32], width: usize, Run { row, sample }: Run, values: [f32; LANES]) {
     let row = &mut plane[row * width..][..width];
@@ -127,7 +127,7 @@ mod tests {
 
     use super::*;
 
-    /// A plane without symmetry, in [-1, 1).
+    /// Returns a plane without symmetry, in [-1, 1).
     fn noise(n: usize) -> Vec<f32> {
         (0..n as u32)
             .map(|i| {

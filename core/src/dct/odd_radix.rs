@@ -1,25 +1,24 @@
-//! Transforms of any odd length, by their definition with its symmetry used:
-//! `X_j` and `X_(R-j)` share `sum_k cos(2 pi j k / R) (x_k + x_(R-k))` and
-//! `sum_k sin(2 pi j k / R) (x_k - x_(R-k))`, k = 1 to (R-1)/2.
+//! Transforms of any odd length R by their definition and its symmetry: `X_j` and `X_(R-j)` share `sum_k cos(2 pi
+//! j k / R) (x_k + x_(R-k))` and `sum_k sin(2 pi j k / R) (x_k - x_(R-k))`, k = 1 to (R-1)/2.
 
 use std::f64::consts::TAU;
 
 use super::lanes::{Complex, MultiplyAdd, Twiddle};
 
-/// The longest.
+/// The longest transform.
 pub(super) const MAX_RADIX: usize = 73;
 
-/// Pairs of outputs that are summed at once: their sums stay in registers.
+/// The number of pairs of outputs that are summed at once, so that their sums stay in registers.
 const BLOCK: usize = 3;
 
-/// cos and sin of all j and k, in the order in which they are read.
+/// A plan of one length: cos and sin of all j and k, in the order in which they are read.
 pub(super) struct OddRadix {
     pairs: usize,
-    /// By block of j, by k, by j in the block; 0 where the last block has no j.
+    /// The factors by block of j, by k, by j in the block; 0 where the last block has no j.
     twiddles: Vec<[Twiddle; BLOCK]>,
 }
 
-/// Room for the sums and differences of inputs.
+/// Buffers for the sums and differences of the inputs.
 pub(super) struct Folded {
     even: [Complex; MAX_RADIX / 2],
     odd: [Complex; MAX_RADIX / 2],
@@ -33,19 +32,16 @@ impl Folded {
 }
 
 impl OddRadix {
-    /// `radix` is odd, 3 to [`MAX_RADIX`].
+    /// Plans transforms of length `radix`, odd, 3 to [`MAX_RADIX`].
     pub fn new(radix: usize) -> Self {
         let pairs = radix / 2;
-        let twiddle = |j: usize, k: usize| {
-            let (sin, cos) = (TAU * ((j * k) % radix) as f64 / radix as f64).sin_cos();
-            Twiddle { cos: cos as f32, sin: sin as f32 }
-        };
+        let twiddle = |j: usize, k: usize| Twiddle::new(TAU * ((j * k) % radix) as f64 / radix as f64, 1.0);
         let block = |first: usize, k| std::array::from_fn(|j| twiddle(first + j, k));
         let firsts = (1..=pairs).step_by(BLOCK);
         Self { pairs, twiddles: firsts.flat_map(|first| (1..=pairs).map(move |k| block(first, k))).collect() }
     }
 
-    /// `take(i)` gives x_i, `put(j, X_j)` receives each output once.
+    /// Transforms the inputs `take(i)`; `put(j, X_j)` receives each output once.
     #[inline(always)]
     pub fn transform<A: MultiplyAdd>(
         &self,

@@ -1,4 +1,4 @@
-//! Transforms of plan: sixteen neighbours, a block, at once, from tiles to tiles.
+//! Transforms of rows, a block of sixteen at once, from tiles to tiles.
 
 use std::ops::Range;
 
@@ -8,22 +8,22 @@ use super::lanes::{Complex, LANES};
 use super::tile::{Tile, transpose};
 use crate::simd::widest;
 
-/// A plan for plan.
+/// A plan of the transforms of rows.
 pub(super) struct RowPlan {
     shape: Shape,
     cosine: CosinePlan,
-    /// Where the columns of a band stand among the data of all channels, by band:
-    /// as a transform wants its samples, and as it wants its coefficients.
+    /// The positions, in the data of all channels, of the columns of each band: for the samples, as the transform
+    /// permutes them, and for the coefficients, which are in order.
     samples: Vec<[usize; LANES]>,
     coefficients: Vec<[usize; LANES]>,
 }
 
-/// Neighbouring blocks, the share of one worker.
+/// A range of neighbouring blocks, the share of one worker.
 pub(super) struct RowPart {
     blocks: Range<usize>,
-    /// By block and band.
+    /// The tiles by block and band.
     tiles: Vec<Tile>,
-    /// By channel, and one for columns beyond the end of the row.
+    /// The data by channel, and one number for columns beyond the end of the row.
     data: Vec<Complex>,
     scratch: Vec<Complex>,
 }
@@ -65,13 +65,13 @@ impl RowPart {
         self.blocks.clone()
     }
 
-    /// What [`RowPart::filter`] or [`RowPart::inverse`] has left.
+    /// Returns a tile of the result of [`RowPart::filter`] or [`RowPart::inverse`].
     #[inline(always)]
     pub fn tile(&self, plan: &RowPlan, block: usize, band: usize) -> &Tile {
         &self.tiles[(block - self.blocks.start) * plan.shape.bands() + band]
     }
 
-    /// Transforms, changes and transforms back the tiles of a block.
+    /// Transforms the tiles of a block, applies `filter`, and transforms back.
     pub fn filter<'a>(
         &mut self,
         plan: &RowPlan,
@@ -83,23 +83,20 @@ impl RowPart {
         let cosine = &plan.cosine;
         self.each_channel(cosine, |data, scratch| {
             cosine.fourier(data, scratch);
-            widest(
-                #[inline(always)]
-                || {
-                    for (k, mirrored) in cosine.pairs() {
-                        let [mut x, mut y] = cosine.coefficients(k, [data[k], data[mirrored]]);
-                        x = filter.apply(&filter.by_row[block], k, x);
-                        y = filter.apply(&filter.by_row[block], mirrored, y);
-                        [data[k], data[mirrored]] = cosine.spectrum(k, [x, y]);
-                    }
-                },
-            );
+            widest!({
+                for (k, mirrored) in cosine.pairs() {
+                    let [mut x, mut y] = cosine.coefficients(k, [data[k], data[mirrored]]);
+                    x = filter.apply(&filter.by_row[block], k, x);
+                    y = filter.apply(&filter.by_row[block], mirrored, y);
+                    [data[k], data[mirrored]] = cosine.spectrum(k, [x, y]);
+                }
+            });
             cosine.fourier(data, scratch);
         });
         self.store(plan, block);
     }
 
-    /// Transforms the tiles of a block; `put` receives its plan.
+    /// Transforms the tiles of a block; `put` receives its rows.
     pub fn forward<'a>(
         &mut self,
         plan: &RowPlan,
@@ -111,61 +108,49 @@ impl RowPart {
         let cosine = &plan.cosine;
         self.each_channel(cosine, |data, scratch| {
             cosine.fourier(data, scratch);
-            widest(
-                #[inline(always)]
-                || {
-                    for (k, mirrored) in cosine.pairs() {
-                        [data[k], data[mirrored]] = cosine.coefficients(k, [data[k], data[mirrored]]);
-                    }
-                },
-            );
+            widest!({
+                for (k, mirrored) in cosine.pairs() {
+                    [data[k], data[mirrored]] = cosine.coefficients(k, [data[k], data[mirrored]]);
+                }
+            });
         });
         let (first, data) = (block * LANES, &self.data);
-        widest(
-            #[inline(always)]
-            || {
-                for (band, order) in plan.coefficients.iter().enumerate() {
-                    transpose(
-                        #[inline(always)]
-                        |lane| data[order[lane]],
-                        #[inline(always)]
-                        |row, values| {
-                            let run = Run { row: first + row, sample: band * LANES };
-                            if run.row < plan.shape.height {
-                                put(run, values.to_lanes());
-                            }
-                        },
-                    );
-                }
-            },
-        );
+        widest!({
+            for (band, order) in plan.coefficients.iter().enumerate() {
+                transpose(
+                    #[inline(always)]
+                    |lane| data[order[lane]],
+                    #[inline(always)]
+                    |row, values| {
+                        let run = Run { row: first + row, sample: band * LANES };
+                        if run.row < plan.shape.height {
+                            put(run, values.to_lanes());
+                        }
+                    },
+                );
+            }
+        });
     }
 
-    /// Transforms plan of coefficients that `take` gives back, to tiles.
+    /// Transforms rows of coefficients, which `take` gives, back to tiles.
     pub fn inverse(&mut self, plan: &RowPlan, block: usize, take: &impl Fn(Run) -> [f32; LANES]) {
         let Self { data, .. } = self;
-        widest(
-            #[inline(always)]
-            || {
-                for (band, order) in plan.coefficients.iter().enumerate() {
-                    let mut tile = Tile::default();
-                    for (row, lanes) in (block * LANES..plan.shape.height).zip(&mut tile) {
-                        *lanes = Complex::from_lanes(take(Run { row, sample: band * LANES }));
-                    }
-                    scatter(data, order, &tile);
+        widest!({
+            for (band, order) in plan.coefficients.iter().enumerate() {
+                let mut tile = Tile::default();
+                for (row, lanes) in (block * LANES..plan.shape.height).zip(&mut tile) {
+                    *lanes = Complex::from_lanes(take(Run { row, sample: band * LANES }));
                 }
-            },
-        );
+                scatter(data, order, &tile);
+            }
+        });
         let cosine = &plan.cosine;
         self.each_channel(cosine, |data, scratch| {
-            widest(
-                #[inline(always)]
-                || {
-                    for (k, mirrored) in cosine.pairs() {
-                        [data[k], data[mirrored]] = cosine.spectrum(k, [data[k], data[mirrored]]);
-                    }
-                },
-            );
+            widest!({
+                for (k, mirrored) in cosine.pairs() {
+                    [data[k], data[mirrored]] = cosine.spectrum(k, [data[k], data[mirrored]]);
+                }
+            });
             cosine.fourier(data, scratch);
         });
         self.store(plan, block);
@@ -179,41 +164,35 @@ impl RowPart {
         }
     }
 
-    /// Takes the columns of a block apart by channel.
+    /// Separates the columns of a block by channel.
     fn load<'a>(&mut self, plan: &RowPlan, tile: impl Fn(usize) -> &'a Tile) {
         let data = &mut self.data;
-        widest(
-            #[inline(always)]
-            || {
-                for (band, order) in plan.samples.iter().enumerate() {
-                    scatter(data, order, tile(band));
-                }
-            },
-        );
+        widest!({
+            for (band, order) in plan.samples.iter().enumerate() {
+                scatter(data, order, tile(band));
+            }
+        });
     }
 
-    /// Undoes [`RowPart::load`] for samples, whose parts are swapped.
+    /// Undoes [`RowPart::load`] for samples, whose real and imaginary parts are swapped.
     fn store(&mut self, plan: &RowPlan, block: usize) {
         let Self { data, tiles, .. } = self;
         let bands = plan.shape.bands();
         let tiles = &mut tiles[(block - self.blocks.start) * bands..][..bands];
-        widest(
-            #[inline(always)]
-            || {
-                for (tile, order) in tiles.iter_mut().zip(&plan.samples) {
-                    transpose(
-                        #[inline(always)]
-                        |lane| data[order[lane]].swapped(),
-                        #[inline(always)]
-                        |row, values| tile[row] = values,
-                    );
-                }
-            },
-        );
+        widest!({
+            for (tile, order) in tiles.iter_mut().zip(&plan.samples) {
+                transpose(
+                    #[inline(always)]
+                    |lane| data[order[lane]].swapped(),
+                    #[inline(always)]
+                    |row, values| tile[row] = values,
+                );
+            }
+        });
     }
 }
 
-/// Puts the columns of a tile where `order` says.
+/// Stores the columns of a tile at the positions `order`.
 #[inline(always)]
 fn scatter(data: &mut [Complex], order: &[usize; LANES], tile: &Tile) {
     transpose(

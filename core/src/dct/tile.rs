@@ -1,15 +1,15 @@
-//! Sixteen rows of sixteen samples, and the same turned: what passes between
-//! transforms of columns and of rows.
+//! Tiles of sixteen rows of sixteen samples and their transpose, which pass between the transforms of columns and
+//! of rows.
 
 use super::lanes::{COMPLEX_LANES, Complex, LANES, RealVector};
 
-/// Rows of one band, or columns of one block.
+/// The rows of one band, or the columns of one block.
 pub(super) type Tile = [Complex; LANES];
 
 /// Sixteen rows of sixteen numbers, in halves.
 type Square = [[f32; COMPLEX_LANES]; 2 * LANES];
 
-/// Rows that `take` gives become columns that `put` receives.
+/// Transposes: `take` gives the rows, `put` receives the columns.
 #[inline(always)]
 pub(super) fn transpose(take: impl Fn(usize) -> Complex, mut put: impl FnMut(usize, Complex)) {
     let (mut square, mut other) = (Square::default(), Square::default());
@@ -26,9 +26,9 @@ pub(super) fn transpose(take: impl Fn(usize) -> Complex, mut put: impl FnMut(usi
     }
 }
 
-/// One half between the other, as cards are shuffled: the uppermost bit of each index becomes its lowest. Half as
-/// often as an index has bits, it exchanges row and column. Loops like this one become shuffles of whole vectors,
-/// which lists of elements do not.
+/// Interleaves the two halves, as a perfect shuffle of cards: the uppermost bit of each index becomes its lowest.
+/// As many steps as an index of a row has bits exchange row and column. The compiler turns loops like this one
+/// into shuffles of whole vectors, but not lists of elements.
 #[inline(always)]
 fn interleave_halves(from: &Square, to: &mut Square) {
     let (first, second) = from.split_at(LANES);

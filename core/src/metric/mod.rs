@@ -1,7 +1,7 @@
-//! How near a recovered picture is to the true one.
+//! Measures of the similarity of a recovered picture and the true one.
 //!
-//! Pictures are compared as they are shown: 8 bits a sample, the same linear
-//! scale for both ([`crate::tone::linear8`]). Nothing here knows a method.
+//! Pictures are compared as they are shown: 8 bits a sample, with the same linear scale for both
+//! ([`crate::tone::linear8`]).
 
 mod ssim;
 
@@ -9,13 +9,13 @@ use ndarray::Array3;
 
 pub use ssim::{LEAST_SIDE, ssim};
 
-/// Two pictures that cannot be compared.
+/// Error: the pictures have different shapes and cannot be compared.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("pictures of {left:?} and {right:?} (rows, columns, channels) cannot be compared")]
 pub struct ShapesDiffer {
-    /// Of the first.
+    /// The shape of the first.
     pub left: (usize, usize, usize),
-    /// Of the second.
+    /// The shape of the second.
     pub right: (usize, usize, usize),
 }
 
@@ -23,33 +23,33 @@ fn check_shapes(left: (usize, usize, usize), right: (usize, usize, usize)) -> Re
     if left == right { Ok(()) } else { Err(ShapesDiffer { left, right }) }
 }
 
-/// Share of the samples (all channels) whose wrap count is the true one, 0 to 1; no shift is forgiven.
+/// Returns the share, 0 to 1, of samples of all channels whose wrap count is the true one; no offset is removed.
 ///
 /// # Errors
-/// [`ShapesDiffer`].
+/// [`ShapesDiffer`] when the shapes differ.
 pub fn exact_share(found: &Array3<u8>, truth: &Array3<u8>) -> Result<f64, ShapesDiffer> {
     check_shapes(found.dim(), truth.dim())?;
     let exact = found.iter().zip(truth).filter(|(a, b)| a == b).count();
     Ok(exact as f64 / truth.len().max(1) as f64)
 }
 
-/// Mean of the squared differences over all samples of all channels, 0 to 255^2.
+/// Returns the mean of the squared differences over all samples of all channels, 0 to 255^2.
 ///
 /// # Errors
-/// [`ShapesDiffer`].
+/// [`ShapesDiffer`] when the shapes differ.
 pub fn mse(left: &Array3<u8>, right: &Array3<u8>) -> Result<f64, ShapesDiffer> {
     check_shapes(left.dim(), right.dim())?;
     let squares = left.iter().zip(right).map(|(&a, &b)| u64::from(a.abs_diff(b)).pow(2));
     Ok(squares.sum::<u64>() as f64 / left.len().max(1) as f64)
 }
 
-/// `10 log10(255^2 / mse)`, dB; `None` where nothing differs and the ratio is infinite.
+/// Returns `10 log10(255^2 / mse)` in dB, and `None` if nothing differs and the ratio is infinite.
 pub fn psnr_db(mse: f64) -> Option<f64> {
     (mse > 0.0).then(|| 10.0 * (255.0 * 255.0 / mse).log10())
 }
 
-/// The least of the `sorted` values that is not exceeded by a share of at least `q` (0 to 1) of them; it is one of
-/// the values, never a mean of two. `None` without values.
+/// Returns the quantile of `sorted` values by the nearest rank: the least value that a share of at least `q` (0
+/// to 1) of them does not exceed. It is one of the values, never a mean of two, and `None` if there is no value.
 pub fn quantile<T: Copy>(sorted: &[T], q: f64) -> Option<T> {
     let rank = (q * sorted.len() as f64).ceil() as usize;
     sorted.get(rank.saturating_sub(1)).copied()

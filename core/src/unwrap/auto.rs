@@ -1,48 +1,47 @@
-//! Auto: as much model as the frame needs, and a word on whether to trust it.
+//! Auto: the cheapest method that suffices for the frame, and whether its result can be trusted.
 //!
-//! The first rung, `lines`, looks at every 2 x 2 loop of y on its way; what it saw decides
-//! what follows:
+//! The method `lines` runs first and inspects every 2 x 2 loop of y. Its metrics select the method:
 //!
-//! | seen in y | rung | trusted |
+//! | metrics of y | method used | trusted |
 //! |---|---|---|
 //! | hardly a steep loop, each line agrees, all counts in range | lines; pass_through if all k are 0 | yes |
 //! | few steep loops | gradient_tree | if all counts are in range |
 //! | more | gradient_tree | no |
 //!
-//! Trust is given on y alone. What leaves no trace in y cannot be seen here: a region with
-//! a sharp contour of exactly whole peaks, and a whole channel brighter than the peak.
+//! Trust depends on y only. Two errors leave no trace in y and cannot be detected here: a region whose sharp
+//! contour is exactly a multiple of the peak, and a channel that is brighter than the peak everywhere.
 
 use super::{
     GradientTree, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Trust, Unwrap, UnwrapError,
 };
 use crate::frame::Frame;
 
-/// How much may speak against a rung before `auto` leaves it.
+/// The limits at which `auto` rejects the result of a method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrustLimits {
-    /// `lines`: greatest [`QualityMetrics::steep`], a fraction of the loops.
+    /// For `lines`: the greatest [`QualityMetrics::steep`], a fraction of the loops.
     pub lines: f64,
-    /// `lines`: least [`QualityMetrics::consensus`], a fraction of a line.
+    /// For `lines`: the least [`QualityMetrics::consensus`], a fraction of a line.
     pub consensus: f64,
-    /// `gradient_tree`: greatest [`QualityMetrics::steep`], a fraction of the loops.
+    /// For `gradient_tree`: the greatest [`QualityMetrics::steep`], a fraction of the loops.
     pub gradient_tree: f64,
 }
 
 impl Default for TrustLimits {
-    /// 1e-5, 0.70 and 2e-5.
+    /// Returns 1e-5, 0.70 and 2e-5.
     fn default() -> Self {
         Self { lines: 1e-5, consensus: 0.70, gradient_tree: 2e-5 }
     }
 }
 
-/// The ladder with its rungs' buffers.
+/// The method with the buffers of the methods that it selects.
 pub struct Auto {
     limits: TrustLimits,
     lines: Lines,
     gradient_tree: GradientTree,
 }
 
-/// What the quality of `lines` asks for.
+/// The decision that the metrics of `lines` lead to.
 enum Verdict {
     PassThrough,
     Lines,
@@ -50,10 +49,10 @@ enum Verdict {
 }
 
 impl Auto {
-    /// With the limits and the threads of `options`.
+    /// Makes the method with the limits and the threads of `options`.
     ///
     /// # Errors
-    /// [`UnwrapError::Workers`] when the threads cannot be had.
+    /// [`UnwrapError::Workers`] when the threads are not available.
     pub fn new(options: &Options) -> Result<Self, UnwrapError> {
         let gradient_tree = GradientTree::new(options.threads)?;
         Ok(Self { limits: options.trust, lines: Lines::default(), gradient_tree })

@@ -1,14 +1,13 @@
-//! GradientEdges tree: the tree over each gradient image first, then over the image.
+//! Gradient tree: a spanning tree over each gradient image first, then over the image.
 //!
-//! With g = M_b(d y) and d x = g + n 2^b, a spanning tree over the pixels of g finds n as
-//! `tree` finds k, along edges in the order of `M_b(d g)`: exact where *second* differences
-//! stay below half a peak. Most gradients are small; they are the sea, one node with n = 0, to
-//! which each other gradient has an edge as long as the steepest one nearby, too.
-//! The range bounds n as it bounds k. Then `tree` takes the edges in the order of `g + n 2^b`.
+//! With g = M_b(d y) and d x = g + n 2^b, a spanning tree over the pixels of g finds n as `tree` finds k, along
+//! edges in the order of `M_b(d g)`: exact where *second* differences are below half a peak. Most gradients are
+//! small. They form the background, one node with n = 0, to which each other gradient has an edge as well, with a
+//! key by the steepest gradient nearby. The range bounds n as it bounds k. Then `tree` takes the edges of the
+//! image in the order of `g + n 2^b`.
 //!
-//! Slower than `lines`, but an error stays where it is: it bears noise, and edges that end within
-//! the image. It fails on edges of a sharp lens and on lines one pixel wide, where second
-//! differences wrap as well.
+//! It is slower than `lines`, but an error stays local: it tolerates noise, and edges that end within the image.
+//! It fails on edges of a sharp lens and on lines one pixel wide, where second differences wrap as well.
 
 use std::ops::Range as Indices;
 
@@ -22,13 +21,13 @@ use crate::frame::Frame;
 use crate::simd::widest;
 use crate::workers::Workers;
 
-/// Second differences up to this key, 80 of 256 codes, are flat.
+/// The largest key of a second difference that counts as flat, 80 of 256 codes.
 const FLAT: u16 = 80 << 6;
 
-/// Gradients are sea where no key nearby is larger: 160 of 256 codes.
+/// A gradient belongs to the background if no key nearby is larger than this, 160 of 256 codes.
 const BACKGROUND_LIMIT: u16 = 160 << 6;
 
-/// How many pixels along the gradient are nearby.
+/// The number of pixels along the gradient that are nearby.
 const NEARBY: usize = 2;
 
 /// The method with its buffers.
@@ -41,17 +40,17 @@ pub struct GradientTree {
 }
 
 impl Default for GradientTree {
-    /// On the caller's own thread.
+    /// Runs on the caller's own thread.
     fn default() -> Self {
         Self::on(Workers::current_thread())
     }
 }
 
 impl GradientTree {
-    /// On `threads` threads; the result does not depend on it.
+    /// Runs on `threads` threads; the result does not depend on their number.
     ///
     /// # Errors
-    /// [`WorkersError`] when they cannot be had.
+    /// [`WorkersError`] when the threads are not available.
     pub fn new(threads: usize) -> Result<Self, WorkersError> {
         Ok(Self::on(Workers::new(threads)?))
     }
@@ -92,19 +91,19 @@ impl Unwrap for GradientTree {
     }
 }
 
-/// The gradient in one direction. Everything is as large as the image: at pixel p is the
-/// difference to p's neighbour.
+/// The gradient in one direction. All maps have the size of the image: at pixel p is the difference to p's
+/// neighbour.
 struct DirectionalGradient {
     direction: Direction,
-    /// Of the gradient.
+    /// The keys of the gradient.
     keys: Vec<u16>,
-    /// Of the image: where the gradient is not flat, wraps, or has an n.
+    /// The edges of the image where the gradient is not flat, wraps, or has an n.
     breaks: Vec<u8>,
-    /// Of the gradient image, to the right and down: keys, and where it is not flat, or wraps.
+    /// The edges of the gradient image to the right and down: their keys, and whether they are not flat or wrap.
     second_edges: [(Vec<u16>, Vec<u8>); 2],
     /// The greatest key nearby.
     steepest: Vec<u16>,
-    /// Whether that is above [`BACKGROUND_LIMIT`].
+    /// 1 where the greatest key nearby is above [`BACKGROUND_LIMIT`], 0 in the background.
     mask: Vec<u8>,
     forest: Forest,
     n: Vec<Quad>,
@@ -127,7 +126,7 @@ impl DirectionalGradient {
         }
     }
 
-    /// Finds n and the keys of `g + n 2^b`; n is 0 for the sea and for what could not be joined to it.
+    /// Finds n and the keys of `g + n 2^b`; n is 0 for the background and for pixels that no edge joins to it.
     fn unwrap(&mut self, pixels: &Pixels, bounds: Bounds) {
         let stride = pixels.stride(self.direction);
         first_difference_keys(pixels.planes(), stride, FLAT_IMAGE_KEY, &mut self.keys, &mut self.breaks);
@@ -146,13 +145,14 @@ impl DirectionalGradient {
         self.write_counts(pixels);
     }
 
-    /// Beside an edge of the image nearby reaches round into the next row, which only makes more mask.
+    /// Computes the mask. Beside an edge of the image, "nearby" extends into the next row, which only makes the
+    /// mask larger.
     fn find_mask(&mut self, stride: usize) {
         let Self { keys, steepest, mask, second_edges: [(_, right), _], .. } = self;
         steepest.clear();
         steepest.extend_from_slice(keys);
         mask.resize(keys.len(), 0);
-        widest(|| {
+        widest!({
             for reach in (1..=NEARBY).map(|n| n * stride).filter(|&reach| reach < keys.len()) {
                 steepest[reach..].iter_mut().zip(&*keys).for_each(|(most, &key)| *most = key.max(*most));
                 steepest.iter_mut().zip(&keys[reach..]).for_each(|(most, &key)| *most = key.max(*most));
@@ -189,7 +189,7 @@ impl DirectionalGradient {
     }
 }
 
-/// Rows and columns that have a neighbour in that direction.
+/// Returns the rows and columns of pixels that have a neighbour in that direction.
 fn extent(pixels: &Pixels, direction: Direction) -> (usize, usize) {
     let (rows, columns) = (pixels.count() / pixels.width(), pixels.width());
     match direction {
@@ -198,7 +198,7 @@ fn extent(pixels: &Pixels, direction: Direction) -> (usize, usize) {
     }
 }
 
-/// The gradient image as a source: its counts are n.
+/// The edges of the gradient image, whose counts are n.
 struct GradientEdges<'a> {
     pixels: &'a Pixels,
     bounds: Bounds,
@@ -234,13 +234,13 @@ impl EdgeSource for GradientEdges<'_> {
         Some(self.mask)
     }
 
-    /// Twice the steepest gradient nearby is how unlikely n = 0 is.
+    /// Twice the steepest gradient nearby measures how unlikely n = 0 is.
     #[inline(always)]
     fn background_key(&self, at: usize) -> u16 {
         self.steepest[at].saturating_mul(2).min(MAX_KEY)
     }
 
-    /// With k at both ends in 0 to `highest`, n = k_to - k_from - wrap_steps has its least and greatest value.
+    /// The range bounds n: k at both ends lies in 0 to `highest`, and n = k_to - k_from - steps.
     #[inline(always)]
     fn interval(&self, pixels: Indices<usize>) -> Region {
         Region::of_equal(pixels, |at| {

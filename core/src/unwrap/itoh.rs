@@ -1,11 +1,11 @@
-//! Itoh's method: follow the wrapped differences down the first column, then
-//! along each row. One difference of half a peak or more spoils the rest of its row.
+//! Itoh's method: it follows the wrapped differences down the first column, then along each row. One difference
+//! of half a peak or more spoils the rest of its row.
 
 use super::{Integers, Range, Recovered, Unwrap, UnwrapError, congruence};
 use crate::frame::Frame;
 use crate::gradient::wrap_step;
 
-/// Path integration with its buffers; each channel on its own, integers only.
+/// Path integration with its buffers, one channel after the other, in integers.
 #[derive(Default)]
 pub struct Itoh {
     y: Vec<f32>,
@@ -31,7 +31,7 @@ impl Unwrap for Itoh {
     }
 }
 
-/// `k` becomes the wrap counts of `y` relative to its first pixel.
+/// Writes to `k` the wrap counts of `y` relative to its first pixel.
 fn integrate(y: &[f32], width: usize, bits: u8, k: &mut Vec<i32>) {
     k.clear();
     let (mut first, mut above) = (0, y[0]);

@@ -1,28 +1,28 @@
-//! Congruence for estimates that are real numbers: the wrap counts next to phi,
-//! and the absolute offset that phi lacks.
+//! Congruence for real estimates: the wrap counts nearest to phi, at the absolute offset that phi does not
+//! contain.
 //!
-//! Everything after phi is an integer: residuals `(phi - y) / 2^b` are kept in
-//! [`STEPS_PER_PERIOD`]ths of a turn, so that one histogram tells both the fractional offset
-//! and how many pixels each wrap count has, and sums do not depend on their order.
+//! After phi, everything is an integer. Residuals `(phi - y) / 2^b` are counted in steps of
+//! 1/[`STEPS_PER_PERIOD`] of a peak. One histogram then gives the fractional offset and the number of pixels of
+//! each wrap count, and sums do not depend on their order.
 
 use std::f64::consts::TAU;
 
 use super::congruence;
 use crate::dct::LANES;
 
-/// Steps of one turn; with 16 bits, residuals of up to 256 turns have room.
+/// The number of steps of one peak; 16 bits hold residuals of up to 256 peaks.
 const STEPS_PER_PERIOD: i32 = 128;
 
-/// Codes whose peak is 2^16 to one step.
+/// One step in codes whose peak is 2^16.
 const CODES_PER_STEP: f32 = 65536.0 / STEPS_PER_PERIOD as f32;
 
-/// Residuals that are too large or too small.
+/// The greatest magnitude of a residual in steps; others are clamped to it.
 const LIMIT: f32 = 32767.0;
 
-/// What a number from 0 to this loses when it is added is its fraction; its integer is left in the lowest bits.
+/// Adding 2^23 to a number in [0, 2^23] rounds off its fraction and leaves its integer in the lowest bits.
 const ROUNDING: f32 = 8_388_608.0;
 
-/// `(phi - code)` in steps, rounded down (within 1/256 of a step); both in units whose peak is 2^16.
+/// Returns `(phi - code)` in steps, rounded down (within 1/256 of a step); both are in units whose peak is 2^16.
 #[inline(always)]
 pub(super) fn residuals(phi: [f32; LANES], codes: [u16; LANES]) -> [i16; LANES] {
     let mut steps = [0; LANES];
@@ -36,13 +36,13 @@ pub(super) fn residuals(phi: [f32; LANES], codes: [u16; LANES]) -> [i16; LANES] 
     steps
 }
 
-/// How many residuals of one channel there are of each size.
+/// The number of residuals of one channel at each step.
 #[derive(Clone)]
 pub(super) struct Histogram {
     counts: Vec<u32>,
 }
 
-/// From a residual to a wrap count.
+/// The rule that turns a residual into a wrap count.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct CountRule {
     offset: i32,
@@ -50,7 +50,7 @@ pub(super) struct CountRule {
     most: i32,
 }
 
-/// As many [`CountRule`]s side by side, by lane.
+/// The [`CountRule`] of each lane.
 #[derive(Clone, Copy)]
 pub(super) struct LaneCountRules {
     offset: [i32; LANES],
@@ -77,7 +77,7 @@ impl Histogram {
         self.counts.iter_mut().zip(&other.counts).for_each(|(count, other)| *count += other);
     }
 
-    /// `k = round((phi + s - y) / 2^b) - zero` in `0..=most`: s is the circular mean of the
+    /// Returns the rule `k = round((phi + s - y) / 2^b) - zero` in `0..=most`: s is the circular mean of the
     /// residuals, zero the level that [`congruence::base_level_index`] finds.
     pub fn count_rule(&self, most: u8) -> CountRule {
         let shift = self.mean_phase();
@@ -91,7 +91,7 @@ impl Histogram {
         CountRule { offset, zero: low + congruence::base_level_index(&levels, most) as i32, most }
     }
 
-    /// Circular mean of `(y - phi) / 2^b`, in turns, -0.5 to 0.5.
+    /// Returns the circular mean of `(y - phi) / 2^b` in peaks, -0.5 to 0.5.
     fn mean_phase(&self) -> f64 {
         let (mut sine, mut cosine) = (0.0, 0.0);
         for step in 0..STEPS_PER_PERIOD as usize {
@@ -106,13 +106,13 @@ impl Histogram {
 }
 
 impl LaneCountRules {
-    /// `of` each lane.
+    /// Makes the rules from the rule `of` each lane.
     pub fn new(of: impl Fn(usize) -> CountRule) -> Self {
         let each = |part: fn(CountRule) -> i32| std::array::from_fn(|lane| part(of(lane)));
         Self { offset: each(|of| of.offset), zero: each(|of| of.zero), most: each(|of| of.most) }
     }
 
-    /// Wrap counts of residuals.
+    /// Returns the wrap counts of residuals.
     #[inline(always)]
     pub fn wraps(&self, residuals: &[i16; LANES]) -> [u8; LANES] {
         let mut counts = [0; LANES];

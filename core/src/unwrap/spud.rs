@@ -1,5 +1,5 @@
-//! SPUD, the paper's method: wrapped gradients, one Poisson equation, a hard
-//! threshold (eq. 2 and 3). Each channel on its own.
+//! SPUD, the paper's method: wrapped gradients, one Poisson equation, a hard threshold (eq. 2 and 3), one channel
+//! after the other.
 
 use ndarray::{Array3, ArrayView3, Axis};
 
@@ -13,10 +13,10 @@ use crate::gradient;
 use crate::simd::widest;
 use crate::workers::Workers;
 
-/// 2^16, the peak of [`Codes`].
+/// The peak of [`Codes`], 2^16.
 const PEAK: f64 = 65536.0;
 
-/// SPUD with its buffers; replans when the image size changes.
+/// SPUD with its buffers; it plans anew when the image size changes.
 pub struct Spud {
     tau: f64,
     on: ThresholdOn,
@@ -28,7 +28,7 @@ pub struct Spud {
 }
 
 impl Spud {
-    /// `tau` >= 0 in units of the peak; one thread.
+    /// Makes the method with a threshold of `tau` >= 0 in units of the peak, on one thread.
     ///
     /// # Errors
     /// [`UnwrapError::Tau`] for a negative, infinite or NaN `tau`.
@@ -36,10 +36,11 @@ impl Spud {
         Self::with_threads(tau, on, 1)
     }
 
-    /// [`Spud::new`] with `threads`, 1 to [`MAX_THREADS`](crate::MAX_THREADS).
+    /// Makes the method as [`Spud::new`] does, on `threads` threads, 1 to [`MAX_THREADS`](crate::MAX_THREADS).
     ///
     /// # Errors
-    /// [`UnwrapError::Tau`] for a negative, infinite or NaN `tau`, [`UnwrapError::Workers`] for the threads.
+    /// [`UnwrapError::Tau`] for a negative, infinite or NaN `tau`, [`UnwrapError::Workers`] when the threads are
+    /// not available.
     pub fn with_threads(tau: f64, on: ThresholdOn, threads: usize) -> Result<Self, UnwrapError> {
         if !(tau >= 0.0 && tau.is_finite()) {
             return Err(UnwrapError::Tau { tau });
@@ -50,13 +51,14 @@ impl Spud {
         Ok(Self { tau, on, threads, workers, codes: Codes::default(), poisson, histograms })
     }
 
-    /// Phi of eq. 3, before congruence: H x W x C in code units, mean 0 in each channel.
+    /// Returns the phi of eq. 3 before congruence: H x W x C in code units, with mean 0 in each channel.
     ///
-    /// `y` (H x W x C, code units) lies in `[0, 2^b]` and need not be quantised; 2^b itself
-    /// is what the paper's scripts deliver for a multiple of the peak.
+    /// `y` (H x W x C, code units) lies in `[0, 2^b]` and need not be quantised; 2^b itself is the value of a
+    /// multiple of the peak in the paper's scripts.
     ///
     /// # Errors
-    /// [`UnwrapError::Code`] when a value is outside or NaN, [`UnwrapError::Shape`] when `y` is no image.
+    /// [`UnwrapError::Code`] when a value is outside or NaN, [`UnwrapError::Shape`] when `y` does not have the
+    /// shape of an image.
     pub fn solve(&mut self, y: ArrayView3<'_, f32>, range: Range) -> Result<Array3<f32>, UnwrapError> {
         check_shape(y.dim())?;
         let in_standard = y.as_standard_layout();
@@ -78,7 +80,7 @@ impl Spud {
         Ok(out)
     }
 
-    /// [`Unwrap::unwrap`] under the name of another method.
+    /// Unwraps as [`Unwrap::unwrap`] does, under the name of another method.
     pub(super) fn unwrap_as(
         &mut self,
         name: &'static str,
@@ -105,7 +107,7 @@ impl Spud {
         Ok(())
     }
 
-    /// How residuals become wrap counts, by channel.
+    /// Returns the rules from residuals to wrap counts, by channel.
     fn count_rules(&mut self, range: Range) -> [CountRule; 3] {
         let grid = &self.poisson.grid;
         let (height, width, channels) = grid.dim();
@@ -130,7 +132,7 @@ impl Spud {
         std::array::from_fn(|channel| all[channel].count_rule(range.max_wraps()))
     }
 
-    /// Writes `out`, which is prepared.
+    /// Writes `out`, which must be prepared.
     fn write(&self, rules: [CountRule; 3], range: Range, out: &mut Recovered) {
         let (height, width, channels) = self.poisson.grid.dim();
         let stride = width * channels;
@@ -138,14 +140,12 @@ impl Spud {
         let each = height.div_ceil(self.threads).next_multiple_of(LANES);
         self.workers.each_chunk((x, k), each * stride, |part, x, k| {
             let rows = part * each;
-            widest(
-                #[inline(always)]
-                || self.write_rows(rows, stride, rules, range, x, k),
-            );
+            widest!(self.write_rows(rows, stride, rules, range, x, k));
         });
     }
 
-    /// Sixteen rows at a time, so that what lies row below row is read as it lies.
+    /// Writes a part of the image in blocks of sixteen rows, so that the outputs of a band are read in the order
+    /// of memory.
     #[inline(always)]
     fn write_rows(
         &self,
@@ -172,7 +172,7 @@ impl Spud {
         }
     }
 
-    /// Sixteen samples, or those that are left of a row.
+    /// Writes a run of sixteen samples, or the rest of a row.
     #[inline(always)]
     fn write_run(&self, run: Run, rule: &LaneCountRules, range: Range, x: &mut [f32], k: &mut [u8]) {
         let (scale, peak) = (range.peak() / PEAK as f32, range.peak());
@@ -202,7 +202,7 @@ impl Unwrap for Spud {
     }
 }
 
-/// `D^T M_b(D y)` of a plane of real numbers.
+/// Computes `D^T M_b(D y)` of a plane of real numbers.
 fn divergence(y: &[f32], width: usize, range: Range, rho: &mut [f32]) {
     let (mut gx, mut gy) = (Vec::new(), Vec::new());
     gradient::dx(y, width, &mut gx);

@@ -1,29 +1,29 @@
-//! Arithmetic modulo 2^b that the machine's own wrapping does: a code of b bits
-//! stands in the upper b bits of a word, so that one peak is one full wrap_step.
+//! Arithmetic modulo 2^b by the machine's own wrapping: a code of b bits occupies the upper b bits of a word, so
+//! that the peak is the modulus of the word.
 
 use super::Range;
 
-/// An unsigned machine word; all arithmetic on it is modulo one wrap_step.
+/// An unsigned machine word; one peak is its modulus.
 pub(super) trait Word: Copy + Default + Ord + Send + Sync + Into<u16> {
-    /// Width.
+    /// The number of bits.
     const BITS: u8;
-    /// Half a wrap_step.
+    /// Half a peak.
     const HALF: Self;
 
-    /// The lower bits of `value`.
+    /// Returns the lower bits of `value`.
     fn low(value: u16) -> Self;
-    /// The sum.
+    /// Returns the sum modulo one peak.
     fn plus(self, other: Self) -> Self;
-    /// The difference.
+    /// Returns the difference modulo one peak.
     fn minus(self, other: Self) -> Self;
 
-    /// 1 if `condition`, else 0.
+    /// Returns 1 if `condition` holds, else 0.
     #[inline(always)]
     fn one_if(condition: bool) -> Self {
         Self::low(u16::from(condition))
     }
 
-    /// Half a wrap_step further, which makes the order of differences that of codes.
+    /// Adds half a peak, which gives signed differences the order of codes.
     #[inline(always)]
     fn bias(self) -> Self {
         self.minus(Self::HALF)
@@ -66,44 +66,44 @@ impl Word for u16 {
     }
 }
 
-/// `y` (integers below 2^b) as codes, replacing what `codes` held.
+/// Writes `y` (integers below 2^b) as codes to `codes`.
 pub(super) fn codes(y: &[f32], range: Range, codes: &mut Vec<u16>) {
     let shift = 16 - range.bits();
     codes.clear();
     codes.extend(y.iter().map(|&y| (y as i32 as u16) << shift));
 }
 
-/// M_b(to - from).
+/// Returns M_b(to - from).
 pub(super) fn difference(from: u16, to: u16) -> i16 {
     to.wrapping_sub(from) as i16
 }
 
-/// [`wrap_step`] as a signed number.
+/// Returns [`wrap_step`] as a signed number.
 pub(super) fn wrap_step_signed(from: u16, to: u16) -> i16 {
     wrap_step(from, to) as i16
 }
 
-/// The n in {-1, 0, 1} with `M_b(to - from) = to - from + n * 2^b`.
+/// Returns the n in {-1, 0, 1} with `M_b(to - from) = to - from + n * 2^b`.
 ///
-/// For codes and, as the order is the same, for differences shifted up by [`biased`].
+/// It holds for codes and for differences that [`biased`] has made, as both have the same order.
 #[inline(always)]
 pub(super) fn wrap_step<W: Word>(from: W, to: W) -> W {
     W::one_if(to < from).minus(W::one_if(to.minus(from) >= W::HALF))
 }
 
-/// M_b(to - from) plus half a peak, which makes it a code itself.
+/// Returns M_b(to - from) plus half a peak, which is a code itself.
 #[inline(always)]
 pub(super) fn biased<W: Word>(from: W, to: W) -> W {
     to.minus(from).bias()
 }
 
-/// The absolute value of a difference that [`biased`] gave.
+/// Returns the absolute value of a difference that [`biased`] has made.
 #[cfg(test)]
 pub(super) fn magnitude<W: Word>(biased: W) -> W {
     if biased < W::HALF { W::HALF.minus(biased) } else { biased.minus(W::HALF) }
 }
 
-/// `magnitude(biased) > eighths / 8` of the peak, in fewer steps.
+/// Returns whether `magnitude(biased)` is above `eighths / 8` of the peak, in fewer steps.
 #[inline(always)]
 pub(super) fn exceeds<W: Word>(biased: W, eighths: u16) -> bool {
     let limit = W::low(eighths << (W::BITS - 3));
@@ -117,12 +117,12 @@ mod tests {
     use super::*;
     use crate::gradient::{self, wrap_centered};
 
-    /// As a number from minus half a wrap_step on.
+    /// Returns a word as a number from minus half a peak on.
     fn signed<W: Word>(word: W) -> i32 {
         i32::from(word.bias().into()) - i32::from(W::HALF.into())
     }
 
-    /// All of it against the definition, for codes `a` and `b` of `bits` bits.
+    /// Compares all functions with their definitions, for codes `a` and `b` of `bits` bits.
     fn check<W: Word + std::fmt::Debug>(a: u16, b: u16, bits: u8) {
         let mask = ((1u32 << bits) - 1) as u16;
         let y = [a & mask, b & mask];

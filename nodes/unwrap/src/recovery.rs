@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 
-use modulo_core::unwrap::{Report, QualityMetrics, Trust};
+use modulo_core::unwrap::{QualityMetrics, Report, Trust};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::Header;
 

@@ -104,6 +104,8 @@ fn examine(case: &Case, album: &Album) -> Result<SceneRow, StudyError> {
     })
 }
 
-fn named(QualityMetrics { residues, steep, consensus, clamped }: QualityMetrics) -> BTreeMap<&'static str, f32> {
+fn named(
+    QualityMetrics { residues, steep, consensus, clamped }: QualityMetrics,
+) -> BTreeMap<&'static str, f32> {
     [("residues", residues), ("steep", steep), ("consensus", consensus), ("clamped", clamped)].into()
 }

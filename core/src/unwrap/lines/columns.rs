@@ -1,4 +1,4 @@
-//! Columns: which n of each stands for 0, by what most of it vote.
+//! Finds the constant of each column by a majority vote: the n that stands for 0.
 
 use super::gradient::Gradient;
 use super::layout::{CodeRows, RowLayout};
@@ -7,19 +7,19 @@ use super::rows::Rows;
 use crate::unwrap::Range;
 use crate::unwrap::wrapped::{Word, biased, wrap_step};
 
-/// Buffers, and what the columns' constants sum up to.
+/// The constants of the columns, with buffers.
 #[derive(Default)]
 pub(super) struct ColumnConstants<W> {
     constants: Vec<W>,
-    /// By lane: what to add to k of every row.
+    /// The sum of the constants up to each lane, which is to be added to k of every row.
     pub sums: Vec<W>,
     line: Vec<W>,
     votes: VoteCounter,
-    /// Rows that agree at the column where fewest do, of one channel.
+    /// The least number of rows that agree on a column, over all columns and channels.
     pub least_agreement: usize,
 }
 
-/// An image whose rows are summed up.
+/// An image whose rows have been summed.
 pub(super) struct SummedImage<'a, S, W> {
     pub samples: &'a CodeRows<'a, S>,
     pub layout: RowLayout,
@@ -27,8 +27,8 @@ pub(super) struct SummedImage<'a, S, W> {
 }
 
 impl<W: Word> ColumnConstants<W> {
-    /// The constant of each column is its majority, or in check what follows from the column to
-    /// the left and `d_x d_x x`.
+    /// Finds the constant of each column: the majority of its n, or, where the majority is in doubt, the value
+    /// that follows from the column to the left and `d_x d_x x`.
     pub fn find<S: Copy + Into<u16>>(
         &mut self,
         gradient: &Gradient<W>,
@@ -75,12 +75,12 @@ impl<W: Word> ColumnConstants<W> {
 }
 
 impl<S: Copy + Into<u16>, W: Word> SummedImage<'_, S, W> {
-    /// Rows of samples and of k; k up to constants a row and a column.
+    /// Returns the rows of samples and of k; k lacks a constant for each row and column.
     fn rows(&self) -> impl Iterator<Item = (&[S], &[W])> {
         (0..self.layout.height).map(|row| (self.samples.row(row), self.rows.k(row)))
     }
 
-    /// n from lane `from` of a row to its right neighbour, and their difference biased.
+    /// Returns n from lane `from` of a row to its right neighbour, and their biased difference.
     #[inline(always)]
     fn across(&self, (y, k): (&[S], &[W]), from: usize) -> (W, W) {
         let to = from + self.layout.channels;
@@ -88,13 +88,14 @@ impl<S: Copy + Into<u16>, W: Word> SummedImage<'_, S, W> {
         (k[to].minus(k[from]).minus(wrap_step(left, right)), biased(left, right))
     }
 
-    /// n at `lane`, by row.
+    /// Writes n at `lane` by row.
     fn column(&self, lane: usize, line: &mut Vec<W>) {
         line.clear();
         line.extend(self.rows().map(|row| self.across(row, lane).0));
     }
 
-    /// By row: the constant at `lane` (not in the first column) if `M_b(d_x d_x y) = d_x d_x x` there.
+    /// Writes, by row, the constant at `lane` (not in the first column) that `M_b(d_x d_x y) = d_x d_x x`
+    /// implies.
     fn second_difference_votes(&self, lane: usize, left_constant: W, line: &mut Vec<W>) {
         line.clear();
         line.extend(self.rows().map(|row| {

@@ -1,29 +1,30 @@
-//! The horizontal gradient, unwrapped down its columns, and what speaks against that.
+//! Unwraps the horizontal gradient down its columns and measures the quality of y.
 
 use super::layout::{Block, COUNTABLE, LANES, RowLayout};
 use super::majority::STEEP;
 use crate::unwrap::wrapped::{Word, biased, exceeds, wrap_step};
 
-/// Eighths of the peak above which a mixed difference counts for [`QualityMetrics::steep`](crate::unwrap::QualityMetrics).
+/// The limit of a mixed difference for [`QualityMetrics::steep`](crate::unwrap::QualityMetrics::steep), in
+/// eighths of the peak.
 const SUSPECT: u16 = 3;
 
-/// n of `d_x x = g + n * 2^b`, 0 in the first row, and counts of what was seen in each column.
+/// The n of `d_x x = g + n * 2^b`, 0 in the first row, with counts for each column.
 #[derive(Default)]
 pub(super) struct Gradient<W> {
     columns: Vec<Columns<W>>,
-    /// Rows that the columns' counters have counted.
+    /// The number of rows that the counters of the columns contain.
     counted: usize,
-    /// By lane: rows in which n is 0.
+    /// The number of rows in which n is 0, by lane.
     pub zeros: Vec<u32>,
-    /// By lane: rows in which g is steep.
+    /// The number of rows in which g is steep, by lane.
     pub steep: Vec<u32>,
-    /// 2 x 2 loops whose mixed difference is suspect.
+    /// The number of 2 x 2 loops whose mixed difference is above the limit.
     pub suspect: u64,
-    /// 2 x 2 loops around which the wrapped differences do not sum to 0.
+    /// The number of 2 x 2 loops around which the wrapped differences do not sum to 0.
     pub residues: u64,
 }
 
-/// Neighbouring columns.
+/// The state of a block of neighbouring columns.
 #[derive(Clone)]
 struct Columns<W> {
     n: Block<W>,
@@ -34,7 +35,7 @@ struct Columns<W> {
 }
 
 impl<W: Word> Gradient<W> {
-    /// Before the first row.
+    /// Starts an image, before its first row.
     pub fn start(&mut self, layout: RowLayout) {
         let none = [W::default(); LANES];
         let fresh = Columns { n: none, zeros: none, steep: none, suspect: none, residues: none };
@@ -47,8 +48,8 @@ impl<W: Word> Gradient<W> {
         (self.counted, self.suspect, self.residues) = (0, 0, 0);
     }
 
-    /// Takes the next row `here` below `up`, the first one below itself, each longer than
-    /// its lanes by one pixel; `steps` becomes the change of k to the right, up to a constant a column.
+    /// Takes the next row `here` below `up`; the first row is below itself. Both are longer than their lanes by
+    /// one pixel. `steps` becomes the change of k to the right, up to a constant for each column.
     #[inline(always)]
     pub fn follow(&mut self, up: &[W], here: &[W], channels: usize, steps: &mut [W]) {
         if self.counted == COUNTABLE {
@@ -66,7 +67,7 @@ impl<W: Word> Gradient<W> {
         }
     }
 
-    /// Adds what was counted to the totals.
+    /// Adds the counters to the totals.
     pub fn settle(&mut self) {
         self.counted = 0;
         let totals = self.zeros.as_chunks_mut::<LANES>().0.iter_mut().zip(self.steep.as_chunks_mut().0);

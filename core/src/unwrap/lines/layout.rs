@@ -1,67 +1,67 @@
-//! Rows of interleaved samples in blocks of lanes: a neighbour in the same channel is as
-//! many lanes away as there are channels, so that vectors need no pixels of one channel.
+//! Rows of interleaved samples in blocks of lanes. The neighbour in the same channel is as many lanes away as
+//! there are channels, so vectors need not separate the channels.
 
 use crate::unwrap::Range;
 use crate::unwrap::wrapped::Word;
 
-/// Lanes of a block: a multiple of the channels of every image, and of the vectors of every machine.
+/// The lanes of a block: a multiple of the channels of every image and of the vectors of every machine.
 pub(super) const LANES: usize = 96;
 
-/// Blocks that a counter of 8 bits can count.
+/// The number of blocks that a counter of 8 bits can count.
 pub(super) const COUNTABLE: usize = 255;
 
-/// As many words as there are lanes.
+/// One word for each lane.
 pub(super) type Block<W> = [W; LANES];
 
-/// How an image lies in rows of lanes. A row is filled up with copies of its last pixel:
-/// no difference is seen there, and every sum stays what it is.
+/// The layout of an image in rows of lanes. A row is filled up with copies of its last pixel, which contain no
+/// difference and change no sum.
 #[derive(Clone, Copy, Default)]
 pub(super) struct RowLayout {
-    /// Rows.
+    /// The number of rows.
     pub height: usize,
-    /// Pixels of a row.
+    /// The number of pixels of a row.
     pub width: usize,
-    /// CodeRows of a pixel.
+    /// The number of samples of a pixel.
     pub channels: usize,
 }
 
 impl RowLayout {
-    /// CodeRows of a row.
+    /// Returns the number of samples of a row.
     pub fn samples(self) -> usize {
         self.width * self.channels
     }
 
-    /// Lanes of a row, whole blocks.
+    /// Returns the number of lanes of a row in whole blocks.
     pub fn lanes(self) -> usize {
         self.samples().next_multiple_of(LANES)
     }
 
-    /// Copies of the last pixel.
+    /// Returns the number of copies of the last pixel.
     pub fn copies(self) -> usize {
         (self.lanes() - self.samples()) / self.channels
     }
 
-    /// The lane of the last pixel's `channel`.
+    /// Returns the lane of a `channel` of the last pixel.
     pub fn last(self, channel: usize) -> usize {
         self.samples() - self.channels + channel
     }
 }
 
-/// A block in which every pixel is `pixel`.
+/// Returns a block in which every pixel is `pixel`.
 pub(super) fn tiled<W: Word>(pixel: [W; 3], channels: usize) -> Block<W> {
     let mut block = [W::default(); LANES];
     block.chunks_exact_mut(channels).for_each(|lanes| lanes.copy_from_slice(&pixel[..channels]));
     block
 }
 
-/// Adds up by channel.
+/// Adds the counts of a block to the totals of the channels.
 pub(super) fn by_channel<W: Word>(counts: &Block<W>, channels: usize, total: &mut [usize; 3]) {
     for lanes in counts.chunks_exact(channels) {
         lanes.iter().zip(&mut *total).for_each(|(&count, total)| *total += usize::from(count.into()));
     }
 }
 
-/// Interleaved samples in standard layout.
+/// The codes of an image in rows, interleaved, in standard layout.
 pub(super) struct CodeRows<'a, S> {
     samples: &'a [S],
     layout: RowLayout,
@@ -69,24 +69,24 @@ pub(super) struct CodeRows<'a, S> {
 }
 
 impl<'a, S: Copy + Into<u16>> CodeRows<'a, S> {
-    /// `samples` are below 2^bits.
+    /// Takes `samples`, which are below 2^bits.
     pub fn new(samples: &'a [S], layout: RowLayout, range: Range) -> Self {
         Self { samples, layout, bits: range.bits() }
     }
 
-    /// Row `i` as it is.
+    /// Returns the samples of row `i`.
     #[inline(always)]
     pub fn row(&self, i: usize) -> &'a [S] {
         &self.samples[i * self.layout.samples()..][..self.layout.samples()]
     }
 
-    /// As a code.
+    /// Returns the sample as a code.
     #[inline(always)]
     pub fn shifted<W: Word>(&self, sample: S) -> W {
         W::low(sample.into() << (W::BITS - self.bits))
     }
 
-    /// Row `i` as codes, filled up with its last pixel.
+    /// Writes row `i` as codes, filled up with its last pixel.
     #[inline(always)]
     pub fn read<W: Word>(&self, i: usize, codes: &mut Vec<W>) {
         codes.clear();

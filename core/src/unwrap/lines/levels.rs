@@ -1,32 +1,32 @@
-//! Levels: which count stands for k = 0, and the result written from it.
+//! Finds the count that stands for k = 0, and writes the result.
 
 use super::layout::{Block, COUNTABLE, CodeRows, LANES, RowLayout, by_channel, tiled};
 use super::rows::Rows;
 use crate::unwrap::wrapped::Word;
 use crate::unwrap::{Range, Recovered, congruence};
 
-/// k of the image, in rows and what to add by row and by column.
+/// The k of the image as a sum of terms by pixel, by row and by column.
 pub(super) struct Levels<'a, W> {
     pub layout: RowLayout,
     pub rows: &'a Rows<W>,
-    /// By lane.
+    /// The terms of the columns, by lane.
     pub constants: &'a [W],
 }
 
-/// By channel: the level that stands for k = 0, biased, and how many samples leave the range for it.
+/// The level that stands for k = 0, biased, by channel, and the number of samples that it leaves out of range.
 pub(super) struct BaseLevel<W> {
     level: [W; 3],
     pub outside: usize,
 }
 
-/// By channel: the least and the greatest k, biased by half a wrap_step.
+/// The least and the greatest k by channel, biased by half a peak.
 struct Extent<W> {
     low: [W; 3],
     high: [W; 3],
 }
 
 impl<W: Word> Levels<'_, W> {
-    /// `sums` and `counts` are buffers.
+    /// Finds the base level; `sums` and `counts` are buffers.
     #[inline(always)]
     pub fn zero(&self, most: u8, sums: &mut Vec<W>, counts: &mut Vec<usize>) -> BaseLevel<W> {
         counts.clear();
@@ -50,7 +50,7 @@ impl<W: Word> Levels<'_, W> {
         zero
     }
 
-    /// Every k is in range: a level leaves out what is below it.
+    /// Raises the base level while few enough samples are below it; every k is in range.
     #[inline(always)]
     fn raise_level(&self, zero: &mut BaseLevel<W>, sums: &mut Vec<W>) {
         let RowLayout { height, width, channels } = self.layout;
@@ -93,7 +93,7 @@ impl<W: Word> Levels<'_, W> {
         extent
     }
 
-    /// How many pixels of each channel are at `level`.
+    /// Returns the number of pixels of each channel at `level`.
     #[inline(always)]
     fn count(&self, level: &[W; 3], sums: &mut Vec<W>) -> [usize; 3] {
         let RowLayout { channels, .. } = self.layout;
@@ -121,7 +121,7 @@ impl<W: Word> Levels<'_, W> {
         total
     }
 
-    /// Counts how many pixels of `channel` are at each level from `low` on.
+    /// Counts the pixels of `channel` at each level from `low` on.
     fn histogram(&self, channel: usize, low: W, sums: &mut Vec<W>, counts: &mut [usize]) {
         for i in 0..self.layout.height {
             self.offsets(i, [W::HALF; 3], sums);
@@ -132,7 +132,7 @@ impl<W: Word> Levels<'_, W> {
         }
     }
 
-    /// `sums` becomes, by lane, what is to be added to row `i` for k to start at `start`.
+    /// Writes to `sums`, by lane, the sum of the terms of row `i` and of the columns, from `start` on.
     #[inline(always)]
     fn offsets(&self, i: usize, start: [W; 3], sums: &mut Vec<W>) {
         if i > 0 && self.rows.row_offsets[i] == self.rows.row_offsets[i - 1] {
@@ -146,7 +146,7 @@ impl<W: Word> Levels<'_, W> {
         blocks.for_each(|(sums, constants)| *sums = add(constants, &pixel));
     }
 
-    /// Writes `out`, with `zero` as k = 0 and all beyond `most` clamped.
+    /// Writes `out` with `zero` as k = 0; counts out of range are clamped.
     #[inline(always)]
     pub fn write<S>(
         &self,

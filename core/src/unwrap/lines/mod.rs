@@ -1,23 +1,20 @@
-//! Lines: unwrap the gradient before the image, along lines, in integers.
+//! Lines: unwraps the gradient before the image, along lines, in integers.
 //!
-//! Itoh asks that neighbours differ by less than half a peak; here only *mixed*
-//! differences have to (P = 2^b):
+//! Itoh's method needs first differences below half a peak; here only *mixed* differences have to be (P = 2^b):
 //! ```text
-//! g = M_b(d_x y),   d_x x = g + n P,   d_y n = (M_b(d_y g) - d_y g) / P   if |d_x d_y x| < P/2
+//!     g = M_b(d_x y),   d_x x = g + n P,   d_y n = (M_b(d_y g) - d_y g) / P   if |d_x d_y x| < P/2
 //! ```
-//! 1. `gradient`: n down each column, up to a constant; `sums`: what that makes of k along each row.
-//! 2. `rows`: rows joined by what most of their columns say; columns' constants cancel out there.
+//! 1. `gradient`: n down each column, up to a constant; `prefix_sums`: the k along each row that follows from it.
+//! 2. `rows`: rows are joined by a majority vote of their columns; the constants of the columns cancel out.
 //! 3. `columns`: most of a column is flat, which gives its constant.
-//! 4. `levels`: the absolute offset, as every method has it.
+//! 4. `levels`: the absolute offset, as for every method.
 //!
-//! Codes and counts stand in words that wrap by themselves, of 8 bits where that holds all counts.
-//! Steps 1 and 2 are one pass over y, row by row, all channels together; they see what
-//! speaks against the result ([`QualityMetrics`]).
+//! Codes and counts are words that wrap by themselves, of 8 bits if these hold all counts. Steps 1 and 2 are one
+//! pass over y, row by row, all channels together, which also computes the [`QualityMetrics`].
 //!
-//! Exact when `|d_x d_y x| < P/2` everywhere and, in each column and row, most
-//! differences to the neighbour are below P/2 -- or, where an edge runs along most of
-//! a line, `|d_x d_x x|` and `|d_y d_y x| < P/2` along most of it. It fails on
-//! what a sharp lens shows: an edge of more than P/2 that ends within the image breaks the
+//! It is exact when `|d_x d_y x| < P/2` everywhere and, in each column and row, most differences to the neighbour
+//! are below P/2, or, where an edge runs along most of a line, `|d_x d_x x|` and `|d_y d_y x| < P/2` along most
+//! of it. It fails on edges of a sharp lens: an edge of more than P/2 that ends within the image breaks the
 //! condition at its end, and the error runs along the line. Hot pixels leave streaks.
 
 mod columns;
@@ -40,10 +37,10 @@ use super::{Integers, QualityMetrics, Range, Recovered, Unwrap, UnwrapError};
 use crate::frame::Frame;
 use crate::simd::widest;
 
-/// Largest wrap count for which words of 8 bits hold every k, and errors of as much again.
+/// The largest wrap count for which words of 8 bits hold every k and errors of the same size.
 const NARROW: u8 = 63;
 
-/// The method with its buffers; each channel on its own, O(pixels).
+/// The method with its buffers, one channel after the other, in O(pixels).
 #[derive(Default)]
 pub struct Lines {
     bytes: Buffers<u8>,
@@ -77,10 +74,10 @@ impl Unwrap for Lines {
     }
 }
 
-/// Buffers for codes in words of one width.
+/// The buffers for codes in words of one width.
 #[derive(Default)]
 struct Buffers<W> {
-    /// The row at hand, the one above and the one above that.
+    /// The current row, the one above, and the one above that.
     codes: [Vec<W>; 3],
     gradient: Gradient<W>,
     sums: PrefixSums<W>,
@@ -99,23 +96,17 @@ impl<W: Word> Buffers<W> {
         self.sums.start(layout);
         self.rows.start(layout, range);
         for i in 0..layout.height {
-            widest(
-                #[inline(always)]
-                || self.take_row(i, samples, layout),
-            );
+            widest!(self.take_row(i, samples, layout));
         }
         self.gradient.settle();
         self.constants.find(&self.gradient, &SummedImage { samples, layout, rows: &self.rows }, range);
         let levels = Levels { layout, rows: &self.rows, constants: &self.constants.sums };
         let Self { offsets, counts, .. } = self;
-        let outside = widest(
-            #[inline(always)]
-            || {
-                let zero = levels.zero(range.max_wraps(), offsets, counts);
-                levels.write(samples, &zero, range, offsets, out);
-                zero.outside
-            },
-        );
+        let outside = widest!({
+            let zero = levels.zero(range.max_wraps(), offsets, counts);
+            levels.write(samples, &zero, range, offsets, out);
+            zero.outside
+        });
         out.report.quality = Some(self.quality(layout, outside));
     }
 

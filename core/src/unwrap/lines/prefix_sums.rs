@@ -1,15 +1,15 @@
-//! PrefixSums along rows, every channel on its own, in whole vectors.
+//! Prefix sums along rows, each channel separately, in whole vectors.
 //!
-//! PrefixSums over 4, then 16 pixels are sums of shifted rows; from one block to the next only
-//! one sum a lane is carried.
+//! Sums over 4, then over 16 pixels are sums of shifted rows, so only one sum for each lane is carried from block
+//! to block.
 
 use super::layout::{Block, LANES, RowLayout};
 use crate::unwrap::wrapped::Word;
 
-/// Zeros before a row, as far as any shift reaches.
+/// The zeros before a row, as many as the largest shift.
 const BEFORE: usize = LANES;
 
-/// Pixels over which the second row sums.
+/// The number of pixels that `wide` sums over.
 const WIDE: usize = 16;
 
 /// The increments of a row, and their sums over neighbours.
@@ -31,12 +31,12 @@ impl<W: Word> PrefixSums<W> {
         self.channels = layout.channels;
     }
 
-    /// Where the change of each pixel to its right neighbour goes.
+    /// Returns the buffer for the change of each pixel to its right neighbour.
     pub fn steps(&mut self) -> &mut [W] {
         &mut self.steps[BEFORE + self.channels..]
     }
 
-    /// PrefixSums over 16 pixels up to each pixel.
+    /// Computes the sums over the 16 pixels up to each pixel.
     #[inline(always)]
     pub fn widen(&mut self) {
         widen(&self.steps, self.channels, &mut self.narrow);
@@ -54,7 +54,7 @@ impl<W: Word> PrefixSums<W> {
     }
 }
 
-/// Every lane plus the three before it, `stride` lanes apart.
+/// Adds to every lane the three before it, `stride` lanes apart.
 #[inline(always)]
 fn widen<W: Word>(from: &[W], stride: usize, to: &mut [W]) {
     let length = from.len() - BEFORE;

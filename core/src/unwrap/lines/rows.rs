@@ -1,4 +1,4 @@
-//! Rows: sums of the gradient's wraps along each, joined by what most of their columns say.
+//! Sums the wraps of the gradient along each row, and joins the rows by majority votes of their columns.
 
 use super::layout::{Block, COUNTABLE, LANES, RowLayout, by_channel, tiled};
 use super::majority::{MajorityCheck, STEEP, Vote, VoteCounter};
@@ -6,32 +6,32 @@ use super::prefix_sums::PrefixSums;
 use crate::unwrap::Range;
 use crate::unwrap::wrapped::{Word, biased, exceeds, wrap_step};
 
-/// Wrap counts relative to each row's first pixel, and what row_offsets the rows.
+/// Wrap counts relative to the first pixel of each row, and the offsets that join the rows.
 #[derive(Default)]
 pub(super) struct Rows<W> {
     layout: RowLayout,
-    /// A row of zeros, then the image's rows.
+    /// A row of zeros, then the rows of the image.
     k: Vec<W>,
-    /// By row and channel: what to add to the row's k.
+    /// The offset of k by row and channel.
     pub row_offsets: Vec<[W; 3]>,
     checks: Vec<MajorityCheck>,
     line: Vec<W>,
     votes: VoteCounter,
-    /// Columns that agree at the row where fewest do, of one channel.
+    /// The least number of columns that agree on a row, over all rows and channels.
     pub least_agreement: usize,
 }
 
-/// A row of codes, the one above and the one above that.
+/// A row of codes, the one above, and the one above that.
 pub(super) type Neighbours<'a, W> = [&'a [W]; 3];
 
-/// By channel: columns that say what was guessed, and columns that are steep.
+/// By channel: the number of columns that agree with the guess, and of columns that are steep.
 struct RowCounts {
     agree: [usize; 3],
     steep: [usize; 3],
 }
 
 impl<W: Word> Rows<W> {
-    /// Before the first row.
+    /// Starts an image, before its first row.
     pub fn start(&mut self, layout: RowLayout, range: Range) {
         self.layout = layout;
         self.k.resize((layout.height + 1) * layout.lanes(), W::default());
@@ -45,13 +45,13 @@ impl<W: Word> Rows<W> {
         self.least_agreement = layout.width;
     }
 
-    /// k of row `i`, 0 in its first pixel.
+    /// Returns k of row `i`, which is 0 in its first pixel.
     #[inline(always)]
     pub fn k(&self, i: usize) -> &[W] {
         &self.k[(i + 1) * self.layout.lanes()..][..self.layout.lanes()]
     }
 
-    /// PrefixSums up the next row, `codes[0]`, and row_offsets it to those above.
+    /// Sums the next row, `codes[0]`, and joins it to the rows above.
     #[inline(always)]
     pub fn append(&mut self, sums: &PrefixSums<W>, codes: Neighbours<'_, W>) {
         let [y, up, _] = codes;
@@ -73,7 +73,7 @@ impl<W: Word> Rows<W> {
         self.row_offsets.push(offsets);
     }
 
-    /// Writes k of row `i` and counts who vote that it continues the row above by `guess`.
+    /// Writes k of row `i`, and counts the columns in which it continues the row above by `guess`.
     #[inline(always)]
     fn sum(&mut self, i: usize, sums: &PrefixSums<W>, [y, up]: [&[W]; 2], guess: &Block<W>) -> RowCounts {
         let lanes = self.layout.lanes();
@@ -100,8 +100,9 @@ impl<W: Word> Rows<W> {
         counts
     }
 
-    /// What most columns of `channel` say of the step from row `i - 1` to `i` if `|d_y x|` is small,
-    /// or in check if `|d_y d_y x|` is; `guess` is how many say the expected.
+    /// Returns the step of `channel` from row `i - 1` to `i` by a majority vote of the columns, which holds if
+    /// most `|d_y x|` are small; in doubt by a second vote, which holds if most `|d_y d_y x|` are. `guess` is an
+    /// expected step with its votes.
     fn join(
         &mut self,
         i: usize,
@@ -131,7 +132,7 @@ impl<W: Word> Rows<W> {
         chosen
     }
 
-    /// By column: the step from row `i - 1` to `i`, if `|d_y x|` is below half a peak.
+    /// Writes, by column, the step from row `i - 1` to `i` if `|d_y x|` is below half a peak.
     fn first_difference_votes(&mut self, i: usize, [y, up, _]: Neighbours<'_, W>, channel: usize) {
         let (above, here) = self.k[i * self.layout.lanes()..].split_at(self.layout.lanes());
         let lanes = (channel..self.layout.samples()).step_by(self.layout.channels);
@@ -139,8 +140,8 @@ impl<W: Word> Rows<W> {
         self.line.extend(lanes.map(|l| wrap_step(up[l], y[l]).plus(above[l]).minus(here[l])));
     }
 
-    /// Adds to that, by column, the n of `d_y x = M_b(d_y y) + n * 2^b`, if `|d_y d_y x|` is below
-    /// half a peak: the n one row above, and one more where the difference itself wraps.
+    /// Adds, by column, the n of `d_y x = M_b(d_y y) + n * 2^b` if `|d_y d_y x|` is below half a peak: the n one
+    /// row above, and one more where the difference itself wraps.
     fn second_difference_votes(&mut self, i: usize, [y, up, upper]: Neighbours<'_, W>, channel: usize) {
         let (k_upper, k_up) = self.k[(i - 1) * self.layout.lanes()..].split_at(self.layout.lanes());
         let step = self.row_offsets[i - 1][channel].minus(self.row_offsets[i - 2][channel]);
@@ -154,7 +155,7 @@ impl<W: Word> Rows<W> {
 }
 
 impl RowCounts {
-    /// The last pixel was counted as often as it was copied.
+    /// Removes the votes of the copies of the last pixel.
     fn discount_copies<W: Word>(
         &mut self,
         layout: RowLayout,

@@ -1,9 +1,9 @@
-//! Where no loop of differences contradicts itself, every tree gives the same counts: they are summed up row by
-//! row, and no tree is grown.
+//! Sums the differences directly, row by row, where every loop of them is consistent: all trees then give the
+//! same counts, and no tree is needed.
 //!
-//! DirectSums go down the columns; a row agrees when its k changes along it as the differences there say. All k have to
-//! be possible together, too, for otherwise a tree would refuse an edge. What is summed up is then, count for count,
-//! what the tree would give.
+//! Sums go down the columns. A row is consistent when its k changes along it by the differences there. All k must
+//! also be possible together, because a tree would otherwise refuse an edge. The sums are then exactly the counts
+//! of the tree.
 
 use super::forest::EdgeSource;
 use super::image_edges::{ImageEdges, finish};
@@ -14,20 +14,20 @@ use crate::simd::widest;
 use crate::unwrap::wrapped::wrap_step;
 use crate::unwrap::{Integers, Range, Recovered, congruence};
 
-/// Counts of that many pixels at once fit in 16 bits.
+/// The number of pixels that counters of 16 bits can count.
 const COUNTABLE: usize = 1 << 15;
 
-/// k by channel and pixel, relative to the first pixel, with buffers.
+/// The k by channel and pixel, relative to the first pixel, with buffers.
 #[derive(Default)]
 pub(in crate::unwrap) struct DirectSums {
     k: [Vec<i16>; 3],
-    /// By channel: changes of k along a row, or to the next one.
+    /// The changes of k along a row, or to the next one, by channel.
     steps: [Vec<i16>; 3],
     levels: Vec<usize>,
 }
 
 impl DirectSums {
-    /// DirectSums up the differences of `image` as long as they agree; whether all did.
+    /// Sums the differences of `image` as long as they are consistent, and returns whether all are.
     pub fn agree(&mut self, image: &ImageEdges<'_>) -> bool {
         let (rows, width) = image.extent();
         self.k.iter_mut().for_each(|k| k.resize(rows * width, 0));
@@ -51,20 +51,17 @@ impl DirectSums {
         self.is_possible(image)
     }
 
-    /// `steps` become the changes from the row at `start`; `changed` are its pixels with an n.
+    /// Writes to `steps` the changes from the row at `start`; `changed` are its pixels with an n.
     fn follow(&mut self, image: &ImageEdges<'_>, to: Direction, start: usize, changed: &[u32]) {
         let stride = image.pixels.stride(to);
         for (channel, steps) in self.steps.iter_mut().enumerate() {
             let codes = &image.pixels.planes()[channel][start..];
             let ahead = &codes[stride..];
-            widest(
-                #[inline(always)]
-                || {
-                    for ((step, &from), &to) in steps.iter_mut().zip(codes).zip(ahead) {
-                        *step = wrap_step(from, to).cast_signed();
-                    }
-                },
-            );
+            widest!({
+                for ((step, &from), &to) in steps.iter_mut().zip(codes).zip(ahead) {
+                    *step = wrap_step(from, to).cast_signed();
+                }
+            });
             for &at in changed {
                 let step = &mut steps[at as usize - start];
                 *step = step.wrapping_add(image.n[to as usize][at as usize][channel]);
@@ -72,7 +69,7 @@ impl DirectSums {
         }
     }
 
-    /// k of the first row.
+    /// Computes k of the first row.
     fn start(&mut self) {
         for (k, steps) in self.k.iter_mut().zip(&self.steps) {
             let mut sum = 0i16;
@@ -83,37 +80,31 @@ impl DirectSums {
         }
     }
 
-    /// k of the row at `start` from that above.
+    /// Computes k of the row at `start` from the row above.
     fn descend(&mut self, start: usize) {
         for (k, steps) in self.k.iter_mut().zip(&self.steps) {
             let (above, here) = k.split_at_mut(start);
             let above = &above[start - steps.len()..];
-            widest(
-                #[inline(always)]
-                || {
-                    for ((k, &above), &step) in here.iter_mut().zip(above).zip(steps) {
-                        *k = above.wrapping_add(step);
-                    }
-                },
-            );
+            widest!({
+                for ((k, &above), &step) in here.iter_mut().zip(above).zip(steps) {
+                    *k = above.wrapping_add(step);
+                }
+            });
         }
     }
 
     fn row_agrees(&self, start: usize) -> bool {
         self.k.iter().zip(&self.steps).all(|(k, steps)| {
             let k = &k[start..start + steps.len()];
-            let differ = widest(
-                #[inline(always)]
-                || {
-                    let pairs = k.iter().zip(&k[1..]).zip(steps);
-                    pairs.fold(0, |differ, ((&from, &to), &step)| differ | (to.wrapping_sub(from) ^ step))
-                },
-            );
+            let differ = widest!({
+                let pairs = k.iter().zip(&k[1..]).zip(steps);
+                pairs.fold(0, |differ, ((&from, &to), &step)| differ | (to.wrapping_sub(from) ^ step))
+            });
             differ == 0
         })
     }
 
-    /// Whether there is a level at which every pixel's k is one that it may have.
+    /// Returns whether at some level every pixel has a k that is possible for it.
     fn is_possible(&self, image: &ImageEdges<'_>) -> bool {
         let (mut low, mut high) = ([0i16; 4], image.bounds.widest());
         for (lane, k) in self.k.iter().enumerate() {
@@ -147,22 +138,20 @@ impl DirectSums {
         let most = i16::from(range.max_wraps());
         let count = |k: i16, zero: i16| k.wrapping_sub(zero).max(0).min(most) as u8;
         let [r, g, b] = &self.k;
-        widest(
-            #[inline(always)]
-            || match channels {
-                1 => counts.iter_mut().zip(r).for_each(|(out, &k)| *out = count(k, zero[0])),
-                _ => {
-                    let planes = r.iter().zip(g).zip(b);
-                    for (out, ((&r, &g), &b)) in counts.as_chunks_mut::<3>().0.iter_mut().zip(planes) {
-                        *out = [count(r, zero[0]), count(g, zero[1]), count(b, zero[2])];
-                    }
+        widest!(match channels {
+            1 => counts.iter_mut().zip(r).for_each(|(out, &k)| *out = count(k, zero[0])),
+            _ => {
+                let planes = r.iter().zip(g).zip(b);
+                for (out, ((&r, &g), &b)) in counts.as_chunks_mut::<3>().0.iter_mut().zip(planes) {
+                    *out = [count(r, zero[0]), count(g, zero[1]), count(b, zero[2])];
                 }
-            },
-        );
+            }
+        });
         finish(outside, y, range, out);
     }
 
-    /// `levels` become how many pixels have each k, from the least on; those are few, see [`DirectSums::is_possible`].
+    /// Counts in `levels` the pixels at each k from the least on; there are few levels, see
+    /// [`DirectSums::is_possible`].
     fn count(&mut self, channel: usize) {
         let Self { k, levels, .. } = self;
         let (low, high) = extent(&k[channel]);
@@ -170,23 +159,17 @@ impl DirectSums {
         levels.reserve(1 << u8::BITS);
         levels.extend((low..=high).map(|level| {
             let of = |pixels: &[i16]| pixels.iter().map(|&k| u16::from(k == level)).sum::<u16>();
-            widest(
-                #[inline(always)]
-                || k[channel].chunks(COUNTABLE).map(|pixels| usize::from(of(pixels))).sum::<usize>(),
-            )
+            widest!(k[channel].chunks(COUNTABLE).map(|pixels| usize::from(of(pixels))).sum::<usize>())
         }));
     }
 }
 
-/// Least and greatest of `k`, which is not empty.
+/// Returns the least and the greatest of `k`, which is not empty.
 fn extent(k: &[i16]) -> (i16, i16) {
-    widest(
-        #[inline(always)]
-        || k.iter().fold((i16::MAX, i16::MIN), |(low, high), &k| (low.min(k), high.max(k))),
-    )
+    widest!(k.iter().fold((i16::MAX, i16::MIN), |(low, high), &k| (low.min(k), high.max(k))))
 }
 
-/// Takes those below `end` off the front of `changed`, which ascends.
+/// Takes the pixels below `end` off the front of `changed`, which ascends.
 fn split_below<'a>(changed: &mut &'a [u32], end: usize) -> &'a [u32] {
     let count = changed.iter().take_while(|&&at| (at as usize) < end).count();
     let (below, rest) = changed.split_at(count);
@@ -203,7 +186,7 @@ mod tests {
     use super::*;
     use crate::frame::Frame;
 
-    /// What the sums and what a tree make of `y`; `None` where the sums do not agree.
+    /// Returns the results of the sums and of a tree; the first is `None` where the sums are not consistent.
     fn both(y: &Frame, range: Range) -> (Option<Recovered>, Recovered) {
         let (mut pixels, bounds) = (Pixels::default(), Bounds::new(range));
         let samples = Integers::checked(y, range).unwrap();
@@ -238,7 +221,7 @@ mod tests {
     }
 
     proptest! {
-        /// Slopes with steps of any size: some agree, some do not, some leave the range.
+        /// Slopes with steps of any size: some are consistent, some are not, some are out of range.
         #[test]
         fn what_agrees_is_what_the_tree_gives(
             (rows, columns) in (1usize..20, 1usize..20),

@@ -1,17 +1,17 @@
-//! Edges in the order of their keys: a counting sort.
+//! Sorts edges by their keys: a counting sort.
 
 use super::pixels::Quad;
 
-/// Keys of one bucket count as equal: 1/512 of a peak.
+/// The bits of a key that the order ignores: keys of one bucket, 1/512 of a peak, count as equal.
 const SHIFT: u32 = 5;
 const BUCKETS: usize = (u16::MAX >> SHIFT) as usize + 1;
 
-/// From region to region, by number.
+/// An edge from region to region, by number.
 #[derive(Clone, Copy)]
 pub(super) struct Edge {
     pub from: u32,
     pub to: u32,
-    /// By how much the root of `to` is above that of `from`.
+    /// The value of the root of `to` minus that of the root of `from`.
     step: [i16; 3],
     key: u16,
 }
@@ -28,12 +28,12 @@ impl Edge {
     }
 }
 
-/// Edges to be sorted.
+/// The edges that are to be sorted.
 #[derive(Default)]
 pub(super) struct EdgeQueue {
     edges: Vec<Edge>,
     sorted: Vec<Edge>,
-    /// By bucket, where its next edge goes.
+    /// The position of the next edge of each bucket.
     next: Vec<u32>,
 }
 
@@ -51,7 +51,8 @@ impl EdgeQueue {
         self.edges.push(edge);
     }
 
-    /// Visits the edges by key, those of one bucket in the order in which they came; keys up to `flat` are one.
+    /// Visits the edges by key, those of one bucket in the order in which they came; all keys up to `flat` share
+    /// one bucket.
     #[inline(always)]
     pub fn visit_sorted(&mut self, flat: u16, visit: impl FnMut(&Edge)) {
         let Self { edges, sorted, next } = self;

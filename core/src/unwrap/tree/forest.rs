@@ -1,12 +1,12 @@
-//! Regions over a grid of pixels, grown along its edges from the flattest on (Kruskal).
+//! A spanning forest over a grid of pixels, grown along its edges from the flattest on (Kruskal).
 //!
-//! 1. Segments: neighbours along a row between which the change is flat and the count the same are one node
-//!    from the start, and flat edges join segments along rows and between them, in the queue of the image.
-//! 2. Of the edges left between two segments that touch, the flattest are sorted by key, and join in that queue.
-//!    They are noted down as edges between regions, with the step between their roots: in the queue of keys
-//!    they jump about, and an image is too large for that.
+//! 1. Segments: neighbours along a row with a flat change and the same count are one node from the start, and
+//! flat edges join segments along rows and between them, in the order of the image.
+//! 2. For each pair of segments that touch and are not joined, the flattest edge is sorted by key, and these
+//! edges join in that order. They are stored as edges between regions, with the step between their roots: the
+//! order of keys jumps over the image, which is too large for the cache.
 //!
-//! What is not known of a pixel is never stored by pixel: most of an image is long segments.
+//! Nothing is stored by pixel, because most of an image is long segments.
 
 use std::ops::Range;
 
@@ -15,67 +15,68 @@ use super::pixels::{Direction, Quad, add, subtract};
 use super::regions::{CondensedRegions, LARGE, Region, Regions};
 use super::segments::{Segment, each_contact, each_set};
 
-/// The node of all that is sea; no region of the others knows of it unless it is joined.
+/// The node of the background; edges join the other regions to it.
 pub(in crate::unwrap) const BACKGROUND: u32 = 0;
 
 /// The edges of a source, by pixel, to the right neighbour and to the one below.
 #[derive(Clone, Copy)]
 pub(in crate::unwrap) struct Edges<'a> {
-    /// How much changes to the neighbour.
+    /// The keys, which measure the change to the neighbour.
     pub keys: [&'a [u16]; 2],
-    /// 1 where the edge is not flat or the count changes, else 0. To the right it is 1 at the shore and 0 in the sea.
+    /// 1 where the edge is not flat or the count changes, else 0. To the right it is 1 at the border of the
+    /// background and 0 in it.
     pub breaks: [&'a [u8]; 2],
 }
 
-/// What a forest grows over: values that are known but for whole peaks.
+/// The values that a forest grows over, which are known up to multiples of the peak.
 pub(in crate::unwrap) trait EdgeSource {
-    /// Columns of the image; pixel p's lower neighbour is p + width.
+    /// Returns the columns of the image; the lower neighbour of pixel p is p + width.
     fn width(&self) -> usize;
-    /// Rows and columns that have a value.
+    /// Returns the rows and columns that have a value.
     fn extent(&self) -> (usize, usize);
-    /// Edges up to this key are flat.
+    /// Returns the largest key of a flat edge.
     fn flat(&self) -> u16;
-    /// Its edges.
+    /// Returns the edges.
     fn edges(&self) -> &Edges<'_>;
-    /// By pixel, 0 in the sea, which has count 0; `None`: there is no sea.
+    /// Returns a mask by pixel, 0 in the background, whose count is 0; `None` if there is no background.
     fn mask(&self) -> Option<&[u8]>;
-    /// The key at which a pixel on mask is tied to the sea.
+    /// Returns the key of the edge from a pixel outside the background to the background.
     fn background_key(&self, at: usize) -> u16;
-    /// Which counts the pixels may have if they have one: the first of `pixels` for which there is one.
+    /// Returns the interval of the counts of the first of `pixels` that can have one count together.
     fn interval(&self, pixels: Range<usize>) -> Region;
-    /// By how much the count changes to the neighbour.
+    /// Returns the change of the count to the neighbour.
     fn step(&self, to: Direction, at: usize) -> Quad;
 
-    /// [`Edges::breaks`] to the neighbours in one direction.
+    /// Returns the [`Edges::breaks`] in one direction.
     #[inline(always)]
     fn breaks(&self, to: Direction) -> &[u8] {
         self.edges().breaks[to as usize]
     }
 
-    /// [`Edges::keys`] of one edge.
+    /// Returns the [`Edges::keys`] of one edge.
     #[inline(always)]
     fn key(&self, to: Direction, at: usize) -> u16 {
         self.edges().keys[to as usize][at]
     }
 }
 
-/// The regions, and which pixels are in them.
+/// The regions, and the pixels in them.
 #[derive(Default)]
 pub(in crate::unwrap) struct Forest {
     pub regions: Regions,
-    /// Row by row; each has a node of its own unless it is sea.
+    /// The segments row by row; each has a node of its own unless it is background.
     pub segments: Vec<Segment>,
     /// The first segment of each row, and the end of the last.
     rows: Vec<usize>,
     queue: EdgeQueue,
-    /// The regions that flat edges leave.
+    /// The regions after the flat edges.
     condensed: CondensedRegions,
-    /// A buffer for who reads off the result.
+    /// A buffer for those who read the result.
     pub levels: Vec<usize>,
 }
 
 impl Forest {
-    /// Joins what can be joined.
+    /// Joins all regions that can be joined.
     pub fn grow<G: EdgeSource>(&mut self, source: &G) {
         let (rows, columns) = source.extent();
         self.make_room((rows, columns));
@@ -98,8 +99,8 @@ impl Forest {
         self.condensed.refine(&mut self.regions);
     }
 
-    /// For the most that images of this size can need, so that no later one needs more; what is not used of it is
-    /// never touched.
+    /// Reserves the most memory that images of this size can need, so that no later image needs more; unused
+    /// parts are never touched.
     pub fn make_room(&mut self, (rows, columns): (usize, usize)) {
         let pixels = rows * columns;
         self.regions.clear();
@@ -115,7 +116,7 @@ impl Forest {
         self.levels.reserve(1 << i16::BITS);
     }
 
-    /// The segments of the row that starts at `start`.
+    /// Finds the segments of the row that starts at `start`.
     fn split<G: EdgeSource>(&mut self, source: &G, start: usize, columns: usize) {
         let mut from = start;
         let end = start + columns;
@@ -168,7 +169,8 @@ impl Forest {
         });
     }
 
-    /// The flattest edge of each contact of different regions, and each segment's shortest background_key to the sea.
+    /// Collects the flattest edge of each contact of different regions, and the flattest edge of each segment to
+    /// the background.
     fn collect<G: EdgeSource>(&mut self, source: &G) {
         let Self { regions, segments, rows, queue, condensed, .. } = self;
         let differ = |a: &Segment, b: &Segment| regions.root(a.node) != regions.root(b.node);

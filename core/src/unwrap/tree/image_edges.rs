@@ -1,4 +1,4 @@
-//! The image as a source: its counts are k.
+//! The edges of the image, whose counts are k.
 
 use std::ops::Range;
 
@@ -10,18 +10,19 @@ use super::segments::Segment;
 use crate::simd::widest;
 use crate::unwrap::{Integers, Range as RangeOfX, Recovered, Trust, congruence};
 
-/// Keys up to this, 56 of 256 codes, are as good as flat.
+/// The largest key that counts as flat, 56 of 256 codes.
 pub(in crate::unwrap) const FLAT: u16 = 56 << 6;
 
-/// Differences are `M_b(d y) + n * 2^b`.
+/// The edges of an image whose differences are `M_b(d y) + n * 2^b`.
 pub(in crate::unwrap) struct ImageEdges<'a> {
     pub pixels: &'a Pixels,
     pub bounds: Bounds,
-    /// Of [`first`](super::first) with [`FLAT`]; broken also where n is not 0.
+    /// The edges by [`first_difference_keys`](super::first_difference_keys) with [`FLAT`]; broken also where n is
+    /// not 0.
     pub edges: Edges<'a>,
-    /// By pixel, to the right and down, or empty where all are 0.
+    /// The n by pixel, to the right and down; empty where all are 0.
     pub n: [&'a [Quad]; 2],
-    /// To the right and down: the pixels at which n may be other than 0, in their order.
+    /// The pixels, to the right and down, at which n may differ from 0, in ascending order.
     pub changed: [&'a [u32]; 2],
 }
 
@@ -78,7 +79,7 @@ impl EdgeSource for ImageEdges<'_> {
 }
 
 impl ImageEdges<'_> {
-    /// Whether the 3 x 3 pixels around `at` have one code.
+    /// Returns whether the 3 x 3 pixels around `at` have one code.
     fn is_plateau(&self, at: usize) -> bool {
         let width = self.pixels.width();
         let column = at % width;
@@ -95,8 +96,8 @@ impl ImageEdges<'_> {
     }
 }
 
-/// Writes `out`: the largest region at the offset that keeps it in range, others at their least. A result
-/// of which some had to be clamped contradicts itself: it is not to be trusted.
+/// Writes `out`: the largest region at the offset that keeps it in range, others at their least. A result with
+/// clamped counts contradicts itself and is not trusted.
 pub(in crate::unwrap) fn place(forest: &mut Forest, y: Integers<'_>, range: RangeOfX, out: &mut Recovered) {
     let outside = match out.k.dim().2 {
         1 => write_counts::<1>(forest, range, out),
@@ -105,7 +106,7 @@ pub(in crate::unwrap) fn place(forest: &mut Forest, y: Integers<'_>, range: Rang
     finish(outside, y, range, out);
 }
 
-/// What is left to do when `out` has its counts, of which so many left the range.
+/// Completes `out` from its counts, of which `outside` were out of range.
 pub(super) fn finish(outside: usize, y: Integers<'_>, range: RangeOfX, out: &mut Recovered) {
     if outside > 0 {
         out.report.trust = Trust::Contradicted;
@@ -116,7 +117,7 @@ pub(super) fn finish(outside: usize, y: Integers<'_>, range: RangeOfX, out: &mut
     }
 }
 
-/// Returns how many segments leave the range.
+/// Writes the counts, and returns the number of segments that are out of range.
 fn write_counts<const CHANNELS: usize>(forest: &mut Forest, range: RangeOfX, out: &mut Recovered) -> usize {
     let main = forest.regions.largest();
     let most = i16::from(range.max_wraps());
@@ -137,20 +138,20 @@ fn write_counts<const CHANNELS: usize>(forest: &mut Forest, range: RangeOfX, out
 fn write_radiance<T: Copy + Into<f32>>(y: &[T], range: RangeOfX, out: &mut Recovered) {
     let (x, k) = out.buffers();
     let peak = range.peak();
-    widest(|| {
+    widest!({
         for ((x, y), k) in x.iter_mut().zip(y).zip(&*k) {
             *x = (*y).into() + f32::from(*k) * peak;
         }
     });
 }
 
-/// By channel, the k of the root `main`.
+/// Returns the k of the root `main` by channel.
 fn level(Forest { regions, segments, levels, .. }: &mut Forest, main: u32, most: i16) -> Quad {
     let parts = || segments.iter().filter(|segment| regions.root(segment.node) == main);
     let offset = |segment: &Segment, lane: usize| regions.offset_from_root(segment.node)[lane];
     std::array::from_fn(|lane| {
         let offsets = || parts().map(|segment| offset(segment, lane));
-        let (low, high) = (offsets().min().unwrap_or(0), offsets().max().unwrap_or(0));
+        let [low, high] = [offsets().min(), offsets().max()].map(|end| end.expect("a region has a segment"));
         levels.clear();
         levels.resize(usize::from(high.abs_diff(low)) + 1, 0);
         for segment in parts() {

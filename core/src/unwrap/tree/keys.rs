@@ -1,14 +1,14 @@
-//! How much changes from here to there, in one number: what changes least is trusted first.
+//! The keys of edges: the change along an edge in one number; the smallest is taken first.
 //!
-//! `key = sum_c |d_c| + 2 (max_c d_c - min_c d_c)`, d the wrapped difference. The second term
-//! is what light and shade do not do: they change all channels alike, while
-//! a difference that is wrapped in one channel stands out.
+//! `key = sum_c |d_c| + 2 (max_c d_c - min_c d_c)`, where d is the wrapped difference. Light and shade change all
+//! channels alike, so the second term is small for them, while a difference that is wrapped in one channel stands
+//! out.
 
 use super::pixels::Quad;
 use crate::simd::widest;
 use crate::unwrap::wrapped::{biased, difference};
 
-/// Of the change `M_b(to - from) + n * 2^b`, 2^14 a peak.
+/// Returns the key of the change `M_b(to - from) + n * 2^b`; a peak is 2^14.
 pub(in crate::unwrap) fn key_of_change(from: [u16; 4], to: [u16; 4], n: Quad) -> u16 {
     let change = |lane: usize| i32::from(difference(from[lane], to[lane])) + (i32::from(n[lane]) << 16);
     let [r, g, b] = [0, 1, 2].map(|lane| change(lane) >> 2);
@@ -16,10 +16,10 @@ pub(in crate::unwrap) fn key_of_change(from: [u16; 4], to: [u16; 4], n: Quad) ->
     (r.abs() + g.abs() + b.abs() + 2 * spread).min(i32::from(MAX_KEY)) as u16
 }
 
-/// No key is larger: more than any difference without a whole peak has.
+/// The largest key, above that of any difference without a multiple of the peak.
 pub(in crate::unwrap) const MAX_KEY: u16 = u16::MAX - 1;
 
-/// The same of differences without n: the largest is 3/2 + 2 peaks, which 16 bits hold.
+/// Returns the key of a difference without n; the largest is 3/2 + 2 peaks, which 16 bits hold.
 #[inline(always)]
 fn key_of_wrapped(d: [u16; 3]) -> u16 {
     let [r, g, b] = d.map(|d| (d as i16) >> 2);
@@ -27,7 +27,7 @@ fn key_of_wrapped(d: [u16; 3]) -> u16 {
     r.unsigned_abs() + g.unsigned_abs() + b.unsigned_abs() + 2 * spread as u16
 }
 
-/// The key from code to code, and 1 if it is above `flat` or a channel wraps, else 0.
+/// Returns the key from code to code, and 1 if it is above `flat` or a channel wraps, else 0.
 #[inline(always)]
 fn edge(from: [u16; 3], to: [u16; 3], flat: u16) -> (u16, u8) {
     let d: [u16; 3] = std::array::from_fn(|c| to[c].wrapping_sub(from[c]));
@@ -39,8 +39,25 @@ fn edge(from: [u16; 3], to: [u16; 3], flat: u16) -> (u16, u8) {
     (key, (turned | u16::from(key > flat)) as u8)
 }
 
-/// By pixel, the key of the difference to the pixel `stride` ahead, and 1 where it is above `flat` or wraps in a
-/// channel, else 0; 0 where there is none. Of the last column the right neighbour is the next row's first.
+/// Resizes the maps for `count` pixels and writes 0 where no pixel is `stride` ahead. Returns the number of the
+/// other pixels and their part of the maps.
+fn with_neighbour<'a>(
+    count: usize,
+    stride: usize,
+    keys: &'a mut Vec<u16>,
+    breaks: &'a mut Vec<u8>,
+) -> (usize, &'a mut [u16], &'a mut [u8]) {
+    let reach = count.saturating_sub(stride);
+    keys.resize(count, 0);
+    breaks.resize(count, 0);
+    keys[reach..].fill(0);
+    breaks[reach..].fill(0);
+    (reach, &mut keys[..reach], &mut breaks[..reach])
+}
+
+/// Computes by pixel the key of the difference to the pixel `stride` ahead, and 1 where it is above `flat` or
+/// wraps in a channel, else 0; both are 0 where there is no such pixel. The right neighbour of the last column is
+/// the first pixel of the next row.
 pub(in crate::unwrap) fn first_difference_keys(
     planes: [&[u16]; 3],
     stride: usize,
@@ -48,15 +65,9 @@ pub(in crate::unwrap) fn first_difference_keys(
     keys: &mut Vec<u16>,
     breaks: &mut Vec<u8>,
 ) {
-    let count = planes[0].len();
-    let reach = count.saturating_sub(stride);
-    keys.resize(count, 0);
-    breaks.resize(count, 0);
-    keys[reach..].fill(0);
-    breaks[reach..].fill(0);
-    let [from, to] = [0, count - reach].map(|at| planes.map(|plane| &plane[at..at + reach]));
-    let (keys, breaks) = (&mut keys[..reach], &mut breaks[..reach]);
-    widest(|| {
+    let (reach, keys, breaks) = with_neighbour(planes[0].len(), stride, keys, breaks);
+    let [from, to] = [0, planes[0].len() - reach].map(|at| planes.map(|plane| &plane[at..at + reach]));
+    widest!({
         let ([r0, g0, b0], [r1, g1, b1]) = (from, to);
         for i in 0..reach {
             (keys[i], breaks[i]) = edge([r0[i], g0[i], b0[i]], [r1[i], g1[i], b1[i]], flat);
@@ -64,7 +75,8 @@ pub(in crate::unwrap) fn first_difference_keys(
     });
 }
 
-/// [`first`] for the difference to the pixel `a` ahead and the same at the pixel `b` ahead.
+/// Computes [`first_difference_keys`] of the differences to the pixel `a` ahead, between a pixel and the one `b`
+/// ahead.
 pub(in crate::unwrap) fn second_difference_keys(
     planes: [&[u16]; 3],
     (a, b): (usize, usize),
@@ -72,18 +84,12 @@ pub(in crate::unwrap) fn second_difference_keys(
     keys: &mut Vec<u16>,
     breaks: &mut Vec<u8>,
 ) {
-    let count = planes[0].len();
-    let reach = count.saturating_sub(a + b);
-    keys.resize(count, 0);
-    breaks.resize(count, 0);
-    keys[reach..].fill(0);
-    breaks[reach..].fill(0);
+    let (reach, keys, breaks) = with_neighbour(planes[0].len(), a + b, keys, breaks);
     if reach == 0 {
         return;
     }
     let corners = [0, a, b, a + b].map(|at| planes.map(|plane| &plane[at..at + reach]));
-    let (keys, breaks) = (&mut keys[..reach], &mut breaks[..reach]);
-    widest(|| {
+    widest!({
         let [[r0, g0, b0], [ra, ga, ba], [rb, gb, bb], [rc, gc, bc]] = corners;
         for i in 0..reach {
             let from = [biased(r0[i], ra[i]), biased(g0[i], ga[i]), biased(b0[i], ba[i])];

@@ -1,8 +1,8 @@
-//! Rows cut into segments: neighbours between which nothing happens are one from the start.
+//! Rows in segments: neighbours with a flat change and the same count are one from the start.
 
 use std::ops::Range;
 
-/// Neighbours in a row that have one node and one count; by index of the pixel.
+/// Neighbours in a row that share one node and one count, by index of the pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::unwrap) struct Segment {
     pub start: u32,
@@ -61,7 +61,7 @@ mod tests {
 
     use super::*;
 
-    /// The segments of a row that starts at `start` with a cut after each set byte.
+    /// Returns the segments of a row that starts at `start` with a cut after each set byte.
     fn cut(start: u32, cuts: &[u8]) -> Vec<Segment> {
         let mut segments = Vec::new();
         let mut from = start;

@@ -1,19 +1,19 @@
-//! Regions condensed to a node each: in the order of keys edges jump about, and an image is too large for that.
+//! Regions condensed to one node each: the order of keys jumps over the image, which is too large for the cache.
 
 use super::{Node, Regions};
 use crate::unwrap::tree::pixels::{Quad, add};
 
-/// The regions of others, each as one node, so that little has to be at hand to join them.
+/// The regions of another union-find, each as one node, so that joins touch little memory.
 #[derive(Default)]
 pub(in crate::unwrap) struct CondensedRegions {
     regions: Regions,
-    /// By root of a region: its node here; and the other way round.
+    /// The node by root of a region, and the root by node.
     nodes: Vec<u32>,
     roots: Vec<u32>,
 }
 
 impl CondensedRegions {
-    /// Makes room for as many nodes.
+    /// Reserves memory for so many nodes.
     pub fn reserve(&mut self, nodes: usize) {
         self.regions.clear();
         self.regions.reserve(nodes);
@@ -22,7 +22,7 @@ impl CondensedRegions {
         self.roots.reserve(nodes);
     }
 
-    /// Makes a node of each region of `fine`, which is flat.
+    /// Makes a node of each region of `fine`, which must be flat.
     pub fn condense(&mut self, fine: &Regions) {
         self.regions.clear();
         self.roots.clear();
@@ -33,19 +33,19 @@ impl CondensedRegions {
         }
     }
 
-    /// The node that `root` has become.
+    /// Returns the node of `root`.
     #[inline(always)]
     pub fn node(&self, root: u32) -> u32 {
         self.nodes[root as usize]
     }
 
-    /// [`Regions::join`] of nodes.
+    /// Joins two nodes as [`Regions::join`] does.
     #[inline(always)]
     pub fn join(&mut self, from: u32, to: u32, step: impl FnOnce() -> Quad) {
         self.regions.join(from, to, step);
     }
 
-    /// Joins the regions of `fine` as their nodes were.
+    /// Joins the regions of `fine` as their nodes were joined.
     pub fn refine(&mut self, fine: &mut Regions) {
         self.regions.flatten();
         for node in &mut fine.nodes {
