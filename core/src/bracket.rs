@@ -45,6 +45,7 @@ impl Bracket {
     /// `range` just reaches the peak; the longest is that of the modulo sensor.
     pub fn new(range: Range, captures: usize) -> Self {
         let last = captures.max(1) - 1;
+        // With alpha below 1 nothing saturates even at the longest exposure.
         let shortest = 1.0 / range.alpha().max(1.0);
         let time = |index: usize| shortest.powf((last - index) as f64 / last.max(1) as f64) as f32;
         Self { range, times: (0..=last).map(time).collect() }
@@ -95,9 +96,12 @@ struct Sums {
 impl Sums {
     /// Adds code `z` at exposure `time`; exposure times must ascend.
     fn add(&mut self, z: f32, time: f32, most: f32) {
+        // Dark codes are mostly rounding error and bright ones may be saturated: neither end has a weight.
         let weight = z.min(most - z).max(0.0);
+        // The variance of z / t is proportional to 1 / t^2, so its weight has a factor t^2.
         self.weighted += weight * time * (z + HALF_A_CODE);
         self.weights += weight * time * time;
+        // Times ascend, so the last capture that is not saturated is the longest one.
         if self.captures == 0 || z < most {
             self.single = (z + HALF_A_CODE) / time;
         }

@@ -60,6 +60,8 @@ impl Deblur {
                 by_column: &self.by_column,
                 rule: |by_row: f32, by_column: f32, c: f32| {
                     let h = by_row * by_column;
+                    // Where H is near 0 the noise would be amplified without bound; the NSR limits the gain
+                    // to 25.
                     c * (h / (h * h + NSR as f32))
                 },
             },
@@ -68,6 +70,7 @@ impl Deblur {
         self.grid.filter(
             &Workers::current_thread(),
             #[inline(always)]
+            // Rounding down is a bias of half a code, which the filter must not see as part of the image.
             |run| dct::load_run(samples, stride, run).map(|x| x + HALF_A_CODE),
             &filter,
             #[inline(always)]
@@ -98,6 +101,7 @@ impl Deblur {
 fn transfer(taps: &[f32], n: usize) -> Vec<f32> {
     let at = |k: usize| {
         let of = |(i, &tap): (usize, &f32)| f64::from(tap) * (PI * (k * i) as f64 / n as f64).cos();
+        // The kernel is symmetric, so one half of it suffices, with the middle tap counted once.
         2.0 * taps[taps.len() / 2..].iter().enumerate().map(of).sum::<f64>() - f64::from(taps[taps.len() / 2])
     };
     (0..n).map(|k| at(k) as f32).collect()

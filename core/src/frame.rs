@@ -2,6 +2,8 @@
 //!
 //! A frame has no time stamp and no name; those belong to the message that carries it.
 
+use std::fmt;
+
 use ndarray::{Array3, ArrayView3};
 
 /// An image that is valid by construction: `H x W x C` samples, `H`, `W` >= 1, `C` = 1 (mono) or 3 (red, green,
@@ -22,6 +24,23 @@ pub enum Samples {
     F32(Array3<f32>),
 }
 
+/// The position of a sample in an image, each number from 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SamplePosition {
+    /// The row.
+    pub row: usize,
+    /// The column.
+    pub column: usize,
+    /// The channel.
+    pub channel: usize,
+}
+
+impl fmt::Display for SamplePosition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "row {}, column {}, channel {}", self.row, self.column, self.channel)
+    }
+}
+
 /// Error: these samples cannot be a [`Frame`].
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FrameError {
@@ -40,16 +59,10 @@ pub enum FrameError {
         channels: usize,
     },
     /// A float sample is NaN or infinite.
-    #[error(
-        "sample at (row {row}, column {column}, channel {channel}) is {value}, finite numbers are needed"
-    )]
+    #[error("sample at ({at}) is {value}, finite numbers are needed")]
     NotFinite {
-        /// The row, from 0.
-        row: usize,
-        /// The column, from 0.
-        column: usize,
-        /// The channel, from 0.
-        channel: usize,
+        /// The position of the sample.
+        at: SamplePosition,
         /// The value of the sample.
         value: f32,
     },
@@ -78,13 +91,11 @@ impl Frame {
     /// [`FrameError`] when a side is 0, `C` is neither 1 nor 3, or a sample is NaN or infinite.
     pub fn from_f32(pixels: Array3<f32>) -> Result<Self, FrameError> {
         let pixels = checked(pixels)?;
-        if let Some(index) = in_order(pixels.view()).iter().position(|value| !value.is_finite()) {
-            let (row, column, channel) = position_of(index, pixels.dim());
+        let samples = in_order(pixels.view());
+        if let Some(index) = samples.iter().position(|value| !value.is_finite()) {
             return Err(FrameError::NotFinite {
-                row,
-                column,
-                channel,
-                value: pixels[(row, column, channel)],
+                at: position_of(index, pixels.dim()),
+                value: samples[index],
             });
         }
         Ok(Self { samples: Samples::F32(pixels) })
@@ -173,12 +184,13 @@ pub(crate) fn in_order<T>(pixels: ArrayView3<'_, T>) -> &[T] {
     pixels.to_slice().expect("the array is in standard layout")
 }
 
-/// Returns (row, column, channel) of the `index`-th sample in interleaved order.
-pub(crate) fn position_of(
-    index: usize,
-    (_, width, channels): (usize, usize, usize),
-) -> (usize, usize, usize) {
-    (index / channels / width, index / channels % width, index % channels)
+/// Returns the position of the `index`-th sample in interleaved order.
+pub(crate) fn position_of(index: usize, (_, width, channels): (usize, usize, usize)) -> SamplePosition {
+    SamplePosition {
+        row: index / channels / width,
+        column: index / channels % width,
+        channel: index % channels,
+    }
 }
 
 /// Copies one channel of the interleaved `samples` into `plane`, row-major.
@@ -207,7 +219,8 @@ mod tests {
     fn a_sample_that_is_not_finite_is_named() {
         let mut pixels = Array3::zeros((2, 4, 3));
         pixels[(1, 2, 0)] = f32::INFINITY;
-        let error = FrameError::NotFinite { row: 1, column: 2, channel: 0, value: f32::INFINITY };
+        let at = SamplePosition { row: 1, column: 2, channel: 0 };
+        let error = FrameError::NotFinite { at, value: f32::INFINITY };
         assert_eq!(Frame::from_f32(pixels), Err(error));
     }
 

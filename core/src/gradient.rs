@@ -22,6 +22,7 @@ pub fn wrap_centered(d: f32, bits: u8) -> f32 {
 
 /// Returns the n in {-1, 0, 1} with `M_b(d) = d + n * 2^b`, for `|d| <= 2^b`.
 pub(crate) fn wrap_step(d: f32, bits: u8) -> i32 {
+    // Half the peak belongs to the negative end, as in two's complement.
     let half = peak(bits) / 2.0;
     i32::from(d < -half) - i32::from(d >= half)
 }

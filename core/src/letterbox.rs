@@ -54,6 +54,7 @@ impl Letterbox {
             Scaling::Fit => fit,
             Scaling::ShrinkOnly => fit.min(1.0),
         };
+        // An image of extreme proportions still gets one pixel, and rounding never exceeds the target.
         let side = |source: usize, target: usize| ((source as f64 * scale).round() as usize).clamp(1, target);
         let inner = (side(source.0, target.0), side(source.1, target.1));
         let corner = match align {

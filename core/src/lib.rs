@@ -26,7 +26,7 @@ mod workers;
 pub use boxes::{BBox, Detection};
 pub use bracket::{Bracket, BracketError};
 pub use deblur::Deblur;
-pub use frame::{Frame, FrameError, Samples};
+pub use frame::{Frame, FrameError, SamplePosition, Samples};
 pub use letterbox::Letterbox;
 pub use optics::Psf;
 pub use range::{Range, RangeError};

@@ -95,6 +95,7 @@ pub(crate) fn blur(
     }
     let stride = width * channels;
     let reach = taps.len() / 2;
+    // One tap after the other over a whole row: the inner loop has no border case and runs in wide vectors.
     let mut padded = vec![0.0; (width + 2 * reach) * channels];
     let mut across = vec![0.0; image.len()];
     for (row, out) in image.chunks_exact(stride).zip(across.chunks_exact_mut(stride)) {
@@ -105,6 +106,7 @@ pub(crate) fn blur(
         taps.iter().enumerate().for_each(|(t, &tap)| add(out, &padded[t * channels..], tap));
     }
     for (row, out) in image.chunks_exact_mut(stride).enumerate() {
+        // `image` is free for the result, since the first pass has left everything in `across`.
         out.fill(0.0);
         for (t, &tap) in taps.iter().enumerate() {
             let source = border.reflect(row as isize + t as isize - reach as isize, height) * stride;
@@ -124,6 +126,7 @@ impl Border {
             Self::HalfSample => (2 * n, 2 * n - 1),
             Self::WholeSample => ((2 * n - 2).max(1), 2 * n - 2),
         };
+        // The kernel may be longer than the image, which is then reflected more than once.
         let i = i.rem_euclid(period as isize) as usize;
         if i < n { i } else { mirror - i }
     }

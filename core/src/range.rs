@@ -33,6 +33,7 @@ impl Range {
         if !(1..=16).contains(&bits) {
             return Err(RangeError::Bits { bits });
         }
+        // The negation refuses NaN, too. 256 is the largest alpha whose wrap counts fit 8 bits.
         if !(alpha > 0.0 && alpha <= 256.0) {
             return Err(RangeError::Alpha { alpha });
         }

@@ -7,7 +7,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 
-use crate::frame::{Frame, FrameError, check_shape, position_of};
+use crate::frame::{Frame, FrameError, SamplePosition, check_shape, position_of};
 use crate::optics::{self, Border, MAX_SIGMA, Psf};
 use crate::range::{Range, RangeError};
 use crate::tone;
@@ -61,16 +61,10 @@ pub enum SensorError {
     #[error(transparent)]
     Shape(#[from] FrameError),
     /// A sample of the radiance is NaN or infinite.
-    #[error(
-        "radiance at (row {row}, column {column}, channel {channel}) is {value}, finite numbers are needed"
-    )]
+    #[error("radiance at ({at}) is {value}, finite numbers are needed")]
     NotFinite {
-        /// The row, from 0.
-        row: usize,
-        /// The column, from 0.
-        column: usize,
-        /// The channel, from 0.
-        channel: usize,
+        /// The position of the sample.
+        at: SamplePosition,
         /// The value of the sample.
         value: f32,
     },
@@ -120,16 +114,20 @@ impl Sensor {
     pub fn expose(&self, radiance: ArrayView3<'_, f32>, seed: u64) -> Result<Exposure, SensorError> {
         let dim = radiance.dim();
         check_shape(dim)?;
+        // The order of the samples is that of the noise, so that a seed gives the same image for every memory
+        // layout.
         let mut x: Vec<f32> = radiance.iter().copied().collect();
         if let Some(index) = x.iter().position(|value| !value.is_finite()) {
-            let (row, column, channel) = position_of(index, dim);
-            return Err(SensorError::NotFinite { row, column, channel, value: x[index] });
+            return Err(SensorError::NotFinite { at: position_of(index, dim), value: x[index] });
         }
         x.iter_mut().for_each(|value| *value = value.clamp(0.0, BELOW_ONE));
         optics::blur(&mut x, dim, &self.taps, Border::HalfSample);
         let limit = self.range.limit();
+        // The limit need not be exact in `f32`; in double precision a product is rounded only once.
         x.iter_mut().for_each(|value| *value = (limit * f64::from(*value)) as f32);
         add_noise(&mut x, self.shot_noise, self.read_noise, seed);
+        // `floor(x / 2^b)` must never reach `ceil(alpha)`, so x stays strictly below the limit even after
+        // rounding.
         let most = largest_below(limit);
         x.iter_mut().for_each(|value| *value = value.clamp(0.0, most));
         let x = Array3::from_shape_vec(dim, x).expect("x was collected from an array of this shape");
@@ -155,6 +153,7 @@ fn add_noise(x: &mut [f32], shot: f64, read: f64, seed: u64) {
 /// Returns the largest `f32` strictly below `limit` (> 0), or 0.
 fn largest_below(limit: f64) -> f32 {
     let nearest = limit as f32;
+    // The conversion rounds to nearest, which may be at the limit or above it.
     if f64::from(nearest) < limit { nearest } else { nearest.next_down().max(0.0) }
 }
 

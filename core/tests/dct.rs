@@ -43,8 +43,10 @@ fn assert_agrees(height: usize, width: usize) {
 }
 
 #[test]
-fn agrees_with_the_library_at_the_sizes_of_kitti() {
-    for (height, width) in [(375, 1242), (374, 1238), (370, 1226), (376, 1241), (370, 1224)] {
+fn agrees_with_the_library_at_the_sizes_of_kitti_and_of_large_primes() {
+    for (height, width) in
+        [(375, 1242), (374, 1238), (370, 1226), (376, 1241), (370, 1224), (1, 619), (613, 1)]
+    {
         assert_agrees(height, width);
     }
 }

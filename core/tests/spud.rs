@@ -7,7 +7,7 @@
 use std::f64::consts::PI;
 
 use modulo_core::unwrap::{Options, Spud, ThresholdOn, by_name};
-use modulo_core::{Frame, Range, Recovered, UnwrapError};
+use modulo_core::{Frame, Range, Recovered, SamplePosition, UnwrapError};
 use ndarray::{Array2, Array3, Axis};
 
 /// The scene of `spud_reference.py`, in code units.
@@ -99,7 +99,8 @@ fn takes_the_peak_but_nothing_beyond_and_no_nan() {
     for value in [256.5, -0.5, f32::INFINITY] {
         y[(1, 2, 0)] = value;
         let error = spud.solve(y.view(), range).unwrap_err();
-        assert_eq!(error, UnwrapError::Code { row: 1, column: 2, channel: 0, value, most: 256.0, bits: 8 });
+        let at = SamplePosition { row: 1, column: 2, channel: 0 };
+        assert_eq!(error, UnwrapError::Code { at, value, most: 256.0, bits: 8 });
     }
     y[(1, 2, 0)] = f32::NAN;
     assert!(spud.solve(y.view(), range).is_err());

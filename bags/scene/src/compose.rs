@@ -1,7 +1,7 @@
 //! Composes a frame from background, shadows, objects from far to near, and stray light, and derives the ground
 //! truth from the objects' layers.
 
-use super::hash::{Dice, hash, wave};
+use super::hash::{Random, hash, wave};
 use super::layer::{Layer, OWNED};
 use super::light::{Light, add, scaled};
 use super::solid::Halo;
@@ -22,12 +22,13 @@ struct Painted<'a> {
 
 /// Renders a frame, see [`Scene::render`].
 pub(super) fn render(scene: &Scene, frame: u32, height: usize, width: usize) -> Rendered {
+    // Both halves of the seed count, and a constant keeps scenes apart from other users of the hash.
     let seed = hash(scene.seed as u32, (scene.seed >> 32) as u32, 0xB0A7);
     let view = View::new(seed, frame, height, width);
-    let (mouth, sun) = stage(seed, frame, &view);
-    let light = Light::new(scene.preset, mouth, sun, &view);
+    let (exit, sun) = exit_and_sun(seed, frame, &view);
+    let light = Light::new(scene.preset, exit, sun, &view);
     let actors = actors(scene.preset, seed, frame, light.lamps());
-    let mut radiance = background(scene.preset, seed, frame, mouth, &view, &light);
+    let mut radiance = background(scene.preset, seed, frame, exit, &view, &light);
     for actor in &actors {
         shadow(&mut radiance, actor, &view);
     }
@@ -46,19 +47,19 @@ pub(super) fn render(scene: &Scene, frame: u32, height: usize, width: usize) -> 
 }
 
 /// Returns the distance of the tunnel's exit in m and the position of the low sun in px.
-fn stage(seed: u32, frame: u32, view: &View) -> (f32, [f32; 2]) {
-    let mut dice = Dice::new(seed, 2);
+fn exit_and_sun(seed: u32, frame: u32, view: &View) -> (f32, [f32; 2]) {
+    let mut random = Random::new(seed, 2);
     let time = (frame % 36_000) as f32;
-    let mouth = dice.between(27.0, 33.0) + 6.0 * wave(time / 600.0 + dice.unit());
+    let exit = random.between(27.0, 33.0) + 6.0 * wave(time / 600.0 + random.unit());
     let s = view.scale();
-    let sun = [view.cx + s * dice.between(-60.0, 60.0), view.cy - s * dice.between(16.0, 34.0)];
-    (mouth, sun)
+    let sun = [view.cx + s * random.between(-60.0, 60.0), view.cy - s * random.between(16.0, 34.0)];
+    (exit, sun)
 }
 
-fn background(preset: Preset, seed: u32, frame: u32, mouth: f32, view: &View, light: &Light) -> Array3<f32> {
+fn background(preset: Preset, seed: u32, frame: u32, exit: f32, view: &View, light: &Light) -> Array3<f32> {
     let size = (view.height, view.width);
     if preset == Preset::Tunnel {
-        let tunnel = Tunnel { view, light, mouth, driven: (frame % 60_000) as f32 * 0.16, seed };
+        let tunnel = Tunnel { view, light, exit, driven: (frame % 60_000) as f32 * 0.16, seed };
         return fill(size, |row, column| tunnel.radiance(row, column));
     }
     let street = Street::new(view, light, preset, seed, frame);
@@ -98,10 +99,11 @@ fn shadow(image: &mut Array3<f32>, actor: &Actor, view: &View) {
         if below <= 0.0 {
             continue;
         }
-        let depth = view.focal * super::view::EYE / below;
+        let depth = view.focal * super::view::CAMERA_HEIGHT / below;
         let dz = (depth - z) / (long + 0.5);
         for column in columns.clone() {
             let dx = ((column as f32 + 0.5 - view.cx) * depth / view.focal - x) / (half * 1.25 + 0.1);
+            // Fourth powers give a rounded rectangle, as a car covers the ground.
             let r2 = dx * dx * dx * dx + dz * dz * dz * dz;
             let shade = 1.0 - 0.62 * (1.0 - super::hash::ramp(0.25, 1.3, r2));
             (0..3).for_each(|c| image[[row, column, c]] *= shade);
@@ -135,6 +137,7 @@ fn shine(image: &mut Array3<f32>, halo: &Halo, view: &View) {
     let [u, v] = view.project(halo.at);
     let size = view.focal / halo.at[2] * halo.radius;
     let radius = size.max(3.0 * view.scale());
+    // A lamp smaller than a pixel keeps its energy: it is drawn larger and darker.
     let glow = scaled(halo.glow, (size / radius + 0.25).min(1.0));
     let (height, width, _) = image.dim();
     for row in span(v - 4.0 * radius, v + 4.0 * radius, height) {

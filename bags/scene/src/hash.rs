@@ -22,6 +22,7 @@ pub(super) fn unit(bits: u32) -> f32 {
 pub(super) fn noise(x: f32, y: f32, seed: u32) -> f32 {
     let (fx, fy) = (x.floor(), y.floor());
     let (tx, ty) = (ease(x - fx), ease(y - fy));
+    // Negative lattice coordinates wrap to large ones, which the hash accepts as any other.
     let (ix, iy) = (fx as i32 as u32, fy as i32 as u32);
     let at = |dx: u32, dy: u32| unit(hash(ix.wrapping_add(dx), iy.wrapping_add(dy), seed));
     let top = mix(at(0, 0), at(1, 0), tx);
@@ -50,21 +51,21 @@ fn ease(t: f32) -> f32 {
 }
 
 /// A stream of random numbers; the same key gives the same stream.
-pub(super) struct Dice {
+pub(super) struct Random {
     key: u32,
-    thrown: u32,
+    drawn: u32,
 }
 
-impl Dice {
+impl Random {
     /// Makes the stream number `what` in the world `seed`.
     pub(super) fn new(seed: u32, what: u32) -> Self {
-        Self { key: hash(seed, what, 0x5CE7_E000), thrown: 0 }
+        Self { key: hash(seed, what, 0x5CE7_E000), drawn: 0 }
     }
 
     /// Returns a uniform number in `[0, 1)`.
     pub(super) fn unit(&mut self) -> f32 {
-        self.thrown = self.thrown.wrapping_add(1);
-        unit(hash(self.key, self.thrown, 0))
+        self.drawn = self.drawn.wrapping_add(1);
+        unit(hash(self.key, self.drawn, 0))
     }
 
     /// Returns a uniform number in `[low, high)`.
@@ -87,16 +88,16 @@ mod tests {
     proptest! {
         #[test]
         fn chance_stays_in_its_range(seed: u32, what: u32, x in -1e4f32..1e4, y in -1e4f32..1e4) {
-            prop_assert!((0.0..1.0).contains(&Dice::new(seed, what).unit()));
+            prop_assert!((0.0..1.0).contains(&Random::new(seed, what).unit()));
             prop_assert!((0.0..1.0).contains(&noise(x, y, seed)));
             prop_assert!(wave(x).abs() <= 1.0);
         }
     }
 
     #[test]
-    fn dice_are_fair_enough() {
-        let mut dice = Dice::new(1, 2);
-        let mean = (0..10_000).map(|_| dice.unit()).sum::<f32>() / 10_000.0;
-        assert!((mean - 0.5).abs() < 0.02, "mean of 10000 throws is {mean}");
+    fn numbers_are_uniform() {
+        let mut random = Random::new(1, 2);
+        let mean = (0..10_000).map(|_| random.unit()).sum::<f32>() / 10_000.0;
+        assert!((mean - 0.5).abs() < 0.02, "mean of 10000 numbers is {mean}");
     }
 }

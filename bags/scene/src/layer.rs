@@ -97,6 +97,8 @@ impl Layer {
             let lit = scaled(colour, tone);
             for column in columns.clone() {
                 let depth = shape.depth(&edges, column as f32 + 0.5, v);
+                // The edge is 1.25 px wide, a little more than a pixel, so that thin gaps between parts are
+                // closed.
                 if depth > -0.75 {
                     let share = ((depth + 0.75) / 1.25).min(1.0) * strength;
                     let at = (row - self.top) * self.width + column - self.left;
@@ -149,6 +151,7 @@ fn inward_edges(shape: &Shape) -> Vec<[f32; 3]> {
 fn edge(p: [f32; 2], q: [f32; 2], sign: f32) -> Option<[f32; 3]> {
     let (dx, dy) = (q[0] - p[0], q[1] - p[1]);
     let length = (dx * dx + dy * dy).sqrt();
+    // Corners that coincide have no edge; their normal would be undefined.
     if length < 1e-4 {
         return None;
     }

@@ -55,7 +55,7 @@ pub(super) struct Light {
     /// The camera car's own head lamps, irradiance at the bumper.
     own_lamps: f32,
     /// The distance of the tunnel's exit in m; beyond it the light is `outside`.
-    mouth: f32,
+    exit: f32,
     /// The centre of the glare in px.
     glare: [f32; 2],
     /// The radius in px at which the glare has half its height.
@@ -78,7 +78,7 @@ const LOW_SUN: Sky = Sky {
     haze: [0.46, 0.41, 0.33],
     haze_at: 85.0,
 };
-const MOUTH: Sky = Sky {
+const EXIT: Sky = Sky {
     ambient: [0.200, 0.210, 0.220],
     sun: [0.120, 0.115, 0.100],
     towards: [-0.30, 0.93, 0.20],
@@ -94,22 +94,22 @@ const NIGHT: Sky = Sky {
 };
 
 impl Light {
-    /// Makes the light of a preset. `mouth` is the distance of the tunnel's exit in m, which only
+    /// Makes the light of a preset. `exit` is the distance of the tunnel's exit in m, which only
     /// [`Preset::Tunnel`] uses; `sun` is the position of the sun in px.
-    pub(super) fn new(preset: Preset, mouth: f32, sun: [f32; 2], view: &View) -> Self {
+    pub(super) fn new(preset: Preset, exit: f32, sun: [f32; 2], view: &View) -> Self {
         let s = view.scale();
         let (outside, own_lamps, spread, veil) = match preset {
             Preset::Day => (DAY, 0.0, [60.0 * s; 2], [0.0; 3]),
             Preset::Glare => (LOW_SUN, 0.0, [185.0 * s, 120.0 * s], [0.40, 0.36, 0.29]),
             Preset::Tunnel => {
-                let size = view.focal / mouth;
-                (MOUTH, 0.22, [size * 7.5, size * 5.0], [0.36, 0.37, 0.37])
+                let size = view.focal / exit;
+                (EXIT, 0.22, [size * 7.5, size * 5.0], [0.36, 0.37, 0.37])
             }
             Preset::Night => (NIGHT, 0.26, [60.0 * s; 2], [0.0; 3]),
         };
-        let glare = if preset == Preset::Tunnel { view.project([-0.7, 2.2, mouth]) } else { sun };
-        let mouth = if preset == Preset::Tunnel { mouth } else { 0.0 };
-        Self { preset, outside, own_lamps, mouth, glare, spread, veil }
+        let glare = if preset == Preset::Tunnel { view.project([-0.7, 2.2, exit]) } else { sun };
+        let exit = if preset == Preset::Tunnel { exit } else { 0.0 };
+        Self { preset, outside, own_lamps, exit, glare, spread, veil }
     }
 
     /// Returns whether vehicles show lamps.
@@ -121,21 +121,22 @@ impl Light {
     pub(super) fn shade(&self, albedo: Rgb, normal: Point, z: f32) -> Rgb {
         let sky = &self.outside;
         let lit = normal.iter().zip(sky.towards).map(|(n, l)| n * l).sum::<f32>().max(0.0);
+        // Even surfaces that face away get some light, by the reflection of the surroundings.
         let facing = (-normal[2]).max(0.25);
         let own = self.own_lamps * facing / (1.0 + z * z / 700.0);
         let outside = add(scaled(sky.sun, lit), sky.ambient);
         let open = add(self.indoors(outside, z), [own, own * 0.97, own * 0.88]);
         let seen = [albedo[0] * open[0], albedo[1] * open[1], albedo[2] * open[2]];
-        let air = (z - self.mouth).max(0.0);
+        let air = (z - self.exit).max(0.0);
         blend(seen, sky.haze, air / (air + sky.haze_at))
     }
 
     /// Returns the irradiance inside the tunnel: dim, brighter towards the exit.
     fn indoors(&self, outside: Rgb, z: f32) -> Rgb {
-        if z >= self.mouth {
+        if z >= self.exit {
             return outside;
         }
-        let depth = (self.mouth - z) / 7.0;
+        let depth = (self.exit - z) / 7.0;
         blend([0.046, 0.040, 0.030], outside, 1.0 / (1.0 + depth * depth))
     }
 
@@ -178,6 +179,7 @@ impl Light {
 
     /// Compresses everything above 0.85 smoothly below 1.0.
     pub(super) fn shoulder(radiance: f32) -> f32 {
+        // A hyperbola with slope 1 at its start and 1 as its limit: smooth, without an exponential.
         let over = radiance - 0.85;
         if over <= 0.0 { radiance.max(0.0) } else { 0.85 + 0.15 * over / (over + 0.15) }
     }

@@ -2,7 +2,7 @@
 //!
 //! Their own axes are (right, up, forward) from the ground between the feet or wheels.
 
-use super::hash::{Dice, wave};
+use super::hash::{Random, wave};
 use super::light::Rgb;
 use super::solid::{Body, Solid};
 
@@ -22,10 +22,10 @@ const METAL: Rgb = [0.34, 0.34, 0.36];
 const TYRE: Rgb = [0.06, 0.06, 0.065];
 
 /// Makes a pedestrian; `stride` is in periods of two steps.
-pub(super) fn pedestrian(dice: &mut Dice, stride: f32) -> Solid {
-    let k = dice.between(0.90, 1.08);
-    let (skin, hair) = (dice.pick(&SKIN), dice.pick(&HAIR));
-    let (top, legs) = (dice.pick(&TOPS), dice.pick(&TROUSERS));
+pub(super) fn pedestrian(random: &mut Random, stride: f32) -> Solid {
+    let k = random.between(0.90, 1.08);
+    let (skin, hair) = (random.pick(&SKIN), random.pick(&HAIR));
+    let (top, legs) = (random.pick(&TOPS), random.pick(&TROUSERS));
     let swing = 0.32 * wave(stride);
     let at = |right: f32, up: f32, forward: f32| [right * k, up * k, forward * k];
     let mut body = Body::default();
@@ -46,9 +46,9 @@ pub(super) fn pedestrian(dice: &mut Dice, stride: f32) -> Solid {
 }
 
 /// Makes a person on a bicycle; `stride` is in turns of the pedals.
-pub(super) fn cyclist(dice: &mut Dice, stride: f32) -> Solid {
-    let (skin, vest) = (dice.pick(&SKIN), dice.pick(&VESTS));
-    let (legs, helmet) = (dice.pick(&TROUSERS), dice.pick(&VESTS));
+pub(super) fn cyclist(random: &mut Random, stride: f32) -> Solid {
+    let (skin, vest) = (random.pick(&SKIN), random.pick(&VESTS));
+    let (legs, helmet) = (random.pick(&TROUSERS), random.pick(&VESTS));
     let mut body = Body::default();
     for hub in [-0.54, 0.54] {
         ring(&mut body, hub, 0.36);
@@ -88,16 +88,16 @@ fn ring(body: &mut Body, forward: f32, radius: f32) {
 }
 
 /// Makes a tree beside the road; it is no object of the ground truth, but it can hide one.
-pub(super) fn tree(dice: &mut Dice) -> Solid {
-    let (high, wide) = (dice.between(2.6, 3.6), dice.between(1.0, 1.7));
+pub(super) fn tree(random: &mut Random) -> Solid {
+    let (high, wide) = (random.between(2.6, 3.6), random.between(1.0, 1.7));
     let mut body = Body::default();
     body.rod([0.0, 0.0, 0.0], [0.0, high, 0.0], 0.14, [0.16, 0.12, 0.09]);
     for i in 0..14 {
-        let shade = dice.between(0.5, 1.3) * (0.75 + 0.03 * i as f32);
+        let shade = random.between(0.5, 1.3) * (0.75 + 0.03 * i as f32);
         let leaf = [0.16 * shade, 0.27 * shade, 0.09 * shade];
-        let rise = dice.between(-0.5, 1.0) + 0.1 * i as f32;
-        let at = [dice.between(-wide, wide), high + rise, dice.between(-0.6, 0.3)];
-        body.rod(at, [at[0] + 0.3, at[1] + 0.1, at[2]], dice.between(0.35, 0.8), leaf);
+        let rise = random.between(-0.5, 1.0) + 0.1 * i as f32;
+        let at = [random.between(-wide, wide), high + rise, random.between(-0.6, 0.3)];
+        body.rod(at, [at[0] + 0.3, at[1] + 0.1, at[2]], random.between(0.35, 0.8), leaf);
     }
     Solid(vec![body])
 }

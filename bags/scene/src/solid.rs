@@ -93,6 +93,7 @@ impl Solid {
             let q = facing.turn(p);
             [q[0] + x, q[1], q[2] + z]
         };
+        // Bodies are stored from rear to front; seen from behind, the front is the far end.
         if facing == Facing::Ahead {
             self.0.reverse();
         }
@@ -142,6 +143,7 @@ fn flat(part: &Part, view: &View, light: &Light) -> Option<(Shape, Rgb)> {
         Form::Face(points) => {
             let ahead = clip_near(points);
             let corners: Vec<[f32; 2]> = ahead.iter().map(|p| view.project(*p)).collect();
+            // The orientation in the image tells whether the outside of the face is visible.
             if corners.len() < 3 || area(&corners) <= 0.0 {
                 return None;
             }

@@ -6,7 +6,7 @@
 use super::Preset;
 use super::hash::{hash, mix, noise, ramp, unit};
 use super::light::{Light, Rgb, add, blend, scaled};
-use super::view::{EYE, View};
+use super::view::{CAMERA_HEIGHT, View};
 
 /// The positions of the rows of houses in m.
 const ROWS: [f32; 2] = [-10.5, 10.0];
@@ -65,11 +65,11 @@ impl<'a> Street<'a> {
         let (u, v) = (column as f32 + 0.5, row as f32 + 0.5);
         let at = &self.columns[column];
         let below = v - self.view.cy;
-        let ground = if below > 0.0 { self.view.focal * EYE / below } else { f32::MAX };
+        let ground = if below > 0.0 { self.view.focal * CAMERA_HEIGHT / below } else { f32::MAX };
         if ground < at.z.min(400.0) {
             return self.ground(u, ground);
         }
-        let up = EYE - below * at.z / self.view.focal;
+        let up = CAMERA_HEIGHT - below * at.z / self.view.focal;
         let pixel = at.z / self.view.focal;
         let roof = ramp(-1.2 * pixel, 1.2 * pixel, at.high - up);
         if roof == 1.0 {
@@ -120,7 +120,7 @@ impl<'a> Street<'a> {
     fn ground(&self, u: f32, z: f32) -> Rgb {
         let x = (u - self.view.cx) * z / self.view.focal;
         let pixel = z / self.view.focal;
-        let albedo = road(x, z + self.driven, z * pixel / EYE, pixel, [-8.4, 8.0], self.seed);
+        let albedo = road(x, z + self.driven, z * pixel / CAMERA_HEIGHT, pixel, [-8.4, 8.0], self.seed);
         let lit = self.light.shade(albedo, [0.0, 1.0, 0.0], z);
         if self.preset == Preset::Glare { add(lit, self.glitter(u, z)) } else { lit }
     }
@@ -147,6 +147,7 @@ pub(super) fn road(x: f32, along: f32, deep: f32, pixel: f32, kerbs: [f32; 2], s
         let soft = (deep / 9.0).clamp(0.01, 0.5);
         mix(0.4, ramp(-soft, soft, 0.4 - (t - 0.5).abs() * 2.0), fade.max(0.2))
     };
+    // Markings fade with distance, where they are thinner than a pixel.
     let paint = (band(-1.85, 0.09) * dash).max(band(2.75, 0.07)).max(band(-5.2, 0.07));
     let marked = blend(asphalt, [0.74, 0.74, 0.72], 0.85 * paint);
     let outside = ramp(-pixel, pixel, kerbs[0] + 2.0 - x).max(ramp(-pixel, pixel, x - kerbs[1] + 2.9));

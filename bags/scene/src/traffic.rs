@@ -3,7 +3,7 @@
 //! The actors of one lane keep one speed and one distance, so they never collide. A slot that has left the view
 //! comes back far ahead with another actor.
 
-use super::hash::{Dice, hash, wave};
+use super::hash::{Random, hash, wave};
 use super::light::Lamps;
 use super::person::{cyclist, pedestrian, tree};
 use super::solid::{Facing, Solid};
@@ -87,6 +87,7 @@ pub(super) fn actors(preset: Preset, seed: u32, frame: u32, lamps: Lamps) -> Vec
     if preset != Preset::Tunnel {
         found.extend(crossing(seed, frame));
     }
+    // The painter's algorithm needs the farthest actor first.
     found.sort_by(|a, b| b.z.total_cmp(&a.z));
     found
 }
@@ -95,46 +96,48 @@ pub(super) fn actors(preset: Preset, seed: u32, frame: u32, lamps: Lamps) -> Vec
 fn slots(lane: &Lane, seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
     let count = ((REACH[1] - REACH[0]) / lane.gap).ceil() as u32;
     let cycle = count as f32 * lane.gap;
-    let start = Dice::new(seed, 0).unit() * lane.gap;
+    let start = Random::new(seed, 0).unit() * lane.gap;
     let place = |slot: u32| {
         let travelled = f64::from(frame) * f64::from(lane.approach) - f64::from(start);
         let ahead = f64::from(slot) * f64::from(lane.gap) - travelled;
+        // In double precision, because long drives would lose the position in `f32`.
         let lap = (ahead / f64::from(cycle)).floor();
         let z = (ahead - lap * f64::from(cycle)) as f32 + REACH[0];
-        let mut dice = Dice::new(seed, hash(slot, lap as i64 as u32, 3));
-        (dice.unit() < lane.filled && z <= REACH[1]).then(|| user(lane, &mut dice, z, frame, lamps))
+        // A new lap is a new actor: the key contains the lap.
+        let mut random = Random::new(seed, hash(slot, lap as i64 as u32, 3));
+        (random.unit() < lane.filled && z <= REACH[1]).then(|| user(lane, &mut random, z, frame, lamps))
     };
     (0..count).filter_map(place).collect()
 }
 
-fn user(lane: &Lane, dice: &mut Dice, z: f32, frame: u32, lamps: Lamps) -> Actor {
-    let time = frame as f32 / 26.0 + dice.unit();
-    let (x, z) = (lane.x + dice.between(-0.25, 0.25), z + dice.between(-0.8, 0.8));
+fn user(lane: &Lane, random: &mut Random, z: f32, frame: u32, lamps: Lamps) -> Actor {
+    let time = frame as f32 / 26.0 + random.unit();
+    let (x, z) = (lane.x + random.between(-0.25, 0.25), z + random.between(-0.8, 0.8));
     match lane.users {
-        Users::Traffic => vehicle(dice, x, z, lane.facing, lamps),
-        Users::Parked => vehicle(dice, x, z, lane.facing, Lamps::Off),
-        Users::Walkers => walker(dice, x, z, lane.facing, time),
+        Users::Traffic => vehicle(random, x, z, lane.facing, lamps),
+        Users::Parked => vehicle(random, x, z, lane.facing, Lamps::Off),
+        Users::Walkers => walker(random, x, z, lane.facing, time),
         Users::Riders => {
-            let solid = cyclist(dice, time).placed(x, z, lane.facing);
+            let solid = cyclist(random, time).placed(x, z, lane.facing);
             Actor { class: Some(Class::Cyclist), z, ground: [x, z, 0.35, 0.9], solid }
         }
         Users::Trees => {
-            Actor { class: None, z, ground: [x, z, 0.8, 0.8], solid: tree(dice).placed(x, z, lane.facing) }
+            Actor { class: None, z, ground: [x, z, 0.8, 0.8], solid: tree(random).placed(x, z, lane.facing) }
         }
     }
 }
 
-fn walker(dice: &mut Dice, x: f32, z: f32, facing: Facing, stride: f32) -> Actor {
-    let solid = pedestrian(dice, stride).placed(x, z, facing);
+fn walker(random: &mut Random, x: f32, z: f32, facing: Facing, stride: f32) -> Actor {
+    let solid = pedestrian(random, stride).placed(x, z, facing);
     Actor { class: Some(Class::Pedestrian), z, ground: [x, z, 0.35, 0.35], solid }
 }
 
-fn vehicle(dice: &mut Dice, x: f32, z: f32, facing: Facing, lamps: Lamps) -> Actor {
-    let class = dice.pick(&[Class::Car, Class::Car, Class::Car, Class::Van, Class::Van, Class::Truck]);
+fn vehicle(random: &mut Random, x: f32, z: f32, facing: Facing, lamps: Lamps) -> Actor {
+    let class = random.pick(&[Class::Car, Class::Car, Class::Car, Class::Van, Class::Van, Class::Truck]);
     let (solid, half, long) = match class {
-        Class::Van => (van(dice, lamps), 1.0, 2.6),
-        Class::Truck => (truck(dice, lamps), 1.25, 4.2),
-        _ => (car(dice, lamps), 0.9, 2.1),
+        Class::Van => (van(random, lamps), 1.0, 2.6),
+        Class::Truck => (truck(random, lamps), 1.25, 4.2),
+        _ => (car(random, lamps), 0.9, 2.1),
     };
     Actor { class: Some(class), z, ground: [x, z, half, long], solid: solid.placed(x, z, facing) }
 }
@@ -143,10 +146,10 @@ fn vehicle(dice: &mut Dice, x: f32, z: f32, facing: Facing, lamps: Lamps) -> Act
 fn leaders(seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
     let time = frame as f32;
     let follow = |id: u32, near: f32, sway: f32, period: f32| {
-        let mut dice = Dice::new(seed, 900 + id);
-        let z = near + dice.between(0.0, 4.0) + sway * wave(time / period + dice.unit());
-        let x = dice.between(-0.3, 0.3) + 0.25 * wave(time / 170.0 + dice.unit());
-        (dice.unit() < 0.8).then(|| vehicle(&mut dice, x, z, Facing::Ahead, lamps))
+        let mut random = Random::new(seed, 900 + id);
+        let z = near + random.between(0.0, 4.0) + sway * wave(time / period + random.unit());
+        let x = random.between(-0.3, 0.3) + 0.25 * wave(time / 170.0 + random.unit());
+        (random.unit() < 0.8).then(|| vehicle(&mut random, x, z, Facing::Ahead, lamps))
     };
     [follow(1, 15.0, 3.5, 260.0), follow(2, 36.0, 5.0, 340.0)].into_iter().flatten().collect()
 }
@@ -154,20 +157,20 @@ fn leaders(seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
 /// Returns a pedestrian and a cyclist who cross the street between the leaders.
 fn crossing(seed: u32, frame: u32) -> Vec<Actor> {
     let pass = |id: u32, z: f32, speed: f32, period: u32| {
-        let mut dice = Dice::new(seed, 700 + id);
-        let shifted = frame.wrapping_add((dice.unit() * period as f32) as u32);
-        let mut dice = Dice::new(seed, hash(id, shifted / period, 11));
+        let mut random = Random::new(seed, 700 + id);
+        let shifted = frame.wrapping_add((random.unit() * period as f32) as u32);
+        let mut random = Random::new(seed, hash(id, shifted / period, 11));
         let gone = speed * (shifted % period) as f32;
-        let (facing, x) = dice.pick(&[(Facing::Right, gone - 9.0), (Facing::Left, 9.0 - gone)]);
+        let (facing, x) = random.pick(&[(Facing::Right, gone - 9.0), (Facing::Left, 9.0 - gone)]);
         let stride = frame as f32 / 26.0;
-        if x.abs() > 9.0 || dice.unit() > 0.8 {
+        if x.abs() > 9.0 || random.unit() > 0.8 {
             return None;
         }
-        let z = z + dice.between(-0.7, 0.7);
+        let z = z + random.between(-0.7, 0.7);
         if id == 1 {
-            return Some(walker(&mut dice, x, z, facing, stride));
+            return Some(walker(&mut random, x, z, facing, stride));
         }
-        let solid = cyclist(&mut dice, stride).placed(x, z, facing);
+        let solid = cyclist(&mut random, stride).placed(x, z, facing);
         Some(Actor { class: Some(Class::Cyclist), z, ground: [x, z, 0.9, 0.35], solid })
     };
     [pass(1, 24.5, 0.06, 330), pass(2, 27.5, 0.14, 170)].into_iter().flatten().collect()

@@ -4,7 +4,7 @@
 use super::hash::{hash, mix, noise, ramp, unit};
 use super::light::{Light, Rgb, add, blend, scaled};
 use super::street::road;
-use super::view::{EYE, View};
+use super::view::{CAMERA_HEIGHT, View};
 
 /// The positions of the left and the right wall in m.
 const WALLS: [f32; 2] = [-6.8, 6.3];
@@ -16,7 +16,7 @@ pub(super) struct Tunnel<'a> {
     pub(super) view: &'a View,
     pub(super) light: &'a Light,
     /// The distance of the open exit in m.
-    pub(super) mouth: f32,
+    pub(super) exit: f32,
     /// The distance driven in m.
     pub(super) driven: f32,
     pub(super) seed: u32,
@@ -28,24 +28,26 @@ impl Tunnel<'_> {
         let (u, v) = (column as f32 + 0.5, row as f32 + 0.5);
         let (sx, sy) = ((u - self.view.cx) / self.view.focal, (self.view.cy - v) / self.view.focal);
         let wall = if sx > 0.0 { WALLS[1] / sx } else { WALLS[0] / sx.min(-1e-6) };
-        let flat = if sy > 0.0 { (CEILING - EYE) / sy.max(1e-6) } else { EYE / (-sy).max(1e-6) };
+        let flat =
+            if sy > 0.0 { (CEILING - CAMERA_HEIGHT) / sy.max(1e-6) } else { CAMERA_HEIGHT / (-sy).max(1e-6) };
+        // The nearest plane along the ray is the visible one.
         let z = wall.min(flat).min(400.0);
         if flat <= wall && sy <= 0.0 {
             return self.floor(sx * z, z);
         }
-        let inside = self.lining(sx * z, EYE + sy * z, z, flat < wall);
+        let inside = self.lining(sx * z, CAMERA_HEIGHT + sy * z, z, flat < wall);
         let open = self.opening(sx, sy);
         if open == 0.0 { inside } else { blend(inside, self.outside(u, v, sx * z, z), open) }
     }
 
     /// Returns 1 well inside the exit, 0 well outside, smooth over some pixels.
     fn opening(&self, sx: f32, sy: f32) -> f32 {
-        let (x, y) = (sx * self.mouth, EYE + sy * self.mouth);
+        let (x, y) = (sx * self.exit, CAMERA_HEIGHT + sy * self.exit);
         let side = (x - WALLS[0]).min(WALLS[1] - x);
         let inner = side.min(CEILING - y);
         let corner = 1.3 - side.min(1.3);
         let rounded = inner.min(CEILING - y - 0.55 * corner * corner);
-        let soft = 6.0 * self.view.scale() * self.mouth / self.view.focal;
+        let soft = 6.0 * self.view.scale() * self.exit / self.view.focal;
         ramp(-soft, soft, rounded)
     }
 
@@ -65,16 +67,22 @@ impl Tunnel<'_> {
 
     fn floor(&self, x: f32, z: f32) -> Rgb {
         let pixel = z / self.view.focal;
-        let albedo =
-            road(x, z + self.driven, z * pixel / EYE, pixel, [WALLS[0] - 0.3, WALLS[1] + 1.4], self.seed);
-        let beyond = ramp(-9.0, 12.0, z - self.mouth);
-        let bright = add(self.light.shade(albedo, [0.0, 1.0, 0.0], self.mouth.max(z)), [0.20, 0.21, 0.21]);
-        blend(self.light.shade(albedo, [0.0, 1.0, 0.0], z.min(self.mouth)), bright, beyond)
+        let albedo = road(
+            x,
+            z + self.driven,
+            z * pixel / CAMERA_HEIGHT,
+            pixel,
+            [WALLS[0] - 0.3, WALLS[1] + 1.4],
+            self.seed,
+        );
+        let beyond = ramp(-9.0, 12.0, z - self.exit);
+        let bright = add(self.light.shade(albedo, [0.0, 1.0, 0.0], self.exit.max(z)), [0.20, 0.21, 0.21]);
+        blend(self.light.shade(albedo, [0.0, 1.0, 0.0], z.min(self.exit)), bright, beyond)
     }
 
     /// Returns the radiance of wall or ceiling: slabs with joints, a painted band, lamps overhead.
     fn lining(&self, x: f32, y: f32, z: f32, overhead: bool) -> Rgb {
-        let z = z.min(self.mouth);
+        let z = z.min(self.exit);
         let along = (z + self.driven) / 4.0;
         let soft = (0.25 * z * z / (self.view.focal * 6.0)).clamp(0.015, 0.5);
         let t = along - along.floor();

@@ -2,7 +2,7 @@
 //!
 //! Their own axes are (right, up, forward) from the ground below the middle.
 
-use super::hash::{Dice, wave};
+use super::hash::{Random, wave};
 use super::light::{Lamps, Rgb, scaled};
 use super::solid::{Block, Body, Form, Halo, Panel, Part, Solid};
 
@@ -30,11 +30,11 @@ const FRONT: usize = 2;
 const LEFT: usize = 3;
 
 /// Makes a saloon or hatchback, about 4.3 m long and 1.5 m high.
-pub(super) fn car(dice: &mut Dice, lamps: Lamps) -> Solid {
-    let paint = dice.pick(&PAINTS);
-    let (long, half) = (dice.between(1.95, 2.25), dice.between(0.84, 0.92));
-    let tail = dice.between(-0.97, -0.80) * long;
-    let roof = dice.between(1.40, 1.52);
+pub(super) fn car(random: &mut Random, lamps: Lamps) -> Solid {
+    let paint = random.pick(&PAINTS);
+    let (long, half) = (random.between(1.95, 2.25), random.between(0.84, 0.92));
+    let tail = random.between(-0.97, -0.80) * long;
+    let roof = random.between(1.40, 1.52);
     let body = Block {
         height: [0.24, 0.86],
         rear: [-long, -0.97 * long],
@@ -67,10 +67,10 @@ pub(super) fn car(dice: &mut Dice, lamps: Lamps) -> Solid {
 }
 
 /// Makes a tall panel van, about 5.2 m long and 2.4 m high, with a split rear door.
-pub(super) fn van(dice: &mut Dice, lamps: Lamps) -> Solid {
-    let paint = dice.pick(&[PAINTS[0], PAINTS[1], PAINTS[5], PAINTS[3]]);
-    let (long, half) = (dice.between(2.45, 2.75), dice.between(0.96, 1.02));
-    let roof = dice.between(2.25, 2.50);
+pub(super) fn van(random: &mut Random, lamps: Lamps) -> Solid {
+    let paint = random.pick(&[PAINTS[0], PAINTS[1], PAINTS[5], PAINTS[3]]);
+    let (long, half) = (random.between(2.45, 2.75), random.between(0.96, 1.02));
+    let roof = random.between(2.25, 2.50);
     let hull = Block {
         height: [0.30, roof],
         rear: [-long, -long],
@@ -114,9 +114,9 @@ fn van_hull(body: &mut Body, hull: &Block, paint: Rgb) {
 }
 
 /// Makes a lorry with a box body, about 8 m long and 3.5 m high.
-pub(super) fn truck(dice: &mut Dice, lamps: Lamps) -> Solid {
-    let (paint, load) = (dice.pick(&PAINTS), dice.pick(&CARGO));
-    let high = dice.between(3.3, 3.8);
+pub(super) fn truck(random: &mut Random, lamps: Lamps) -> Solid {
+    let (paint, load) = (random.pick(&PAINTS), random.pick(&CARGO));
+    let high = random.between(3.3, 3.8);
     let cargo = Block { height: [1.00, high], rear: [-4.2; 2], front: [1.9; 2], half: [1.25, 1.25] };
     let cab = Block { height: [0.45, 2.75], rear: [2.2; 2], front: [4.0, 3.75], half: [1.18, 1.12] };
     let frame = Block { height: [0.50, 1.00], rear: [-4.1; 2], front: [2.2; 2], half: [1.05, 1.05] };

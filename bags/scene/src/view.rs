@@ -3,7 +3,7 @@
 //! The axes of the world are x to the right, y up from the road and z ahead, in metres; the camera is above the
 //! origin.
 
-use super::hash::{Dice, wave};
+use super::hash::{Random, wave};
 
 /// A point in the world in m.
 pub(super) type Point = [f32; 3];
@@ -12,7 +12,7 @@ pub(super) type Point = [f32; 3];
 pub(super) const NEAR: f32 = 0.6;
 
 /// The height of the camera above the road in m.
-pub(super) const EYE: f32 = 1.6;
+pub(super) const CAMERA_HEIGHT: f32 = 1.6;
 
 /// The direction of the camera and the size of its image.
 #[derive(Clone, Copy, Debug)]
@@ -32,11 +32,11 @@ pub(super) struct View {
 impl View {
     /// Makes the view of one frame: the vanishing point sways by a few pixels, as in a car.
     pub(super) fn new(seed: u32, frame: u32, height: usize, width: usize) -> Self {
-        let mut dice = Dice::new(seed, 1);
+        let mut random = Random::new(seed, 1);
         let (w, h) = (width as f32, height as f32);
         let time = (frame % 36_000) as f32;
-        let yaw = dice.between(-0.07, 0.07) + 0.012 * wave(time / 211.0 + dice.unit());
-        let pitch = dice.between(-0.02, 0.02) + 0.003 * wave(time / 37.0);
+        let yaw = random.between(-0.07, 0.07) + 0.012 * wave(time / 211.0 + random.unit());
+        let pitch = random.between(-0.02, 0.02) + 0.003 * wave(time / 37.0);
         Self { width, height, focal: 0.58 * w, cx: w * (0.5 + yaw), cy: h * 0.46 + w * pitch * 0.5 }
     }
 
@@ -48,7 +48,7 @@ impl View {
     /// Returns the image position in px of a point with `z >= NEAR`.
     pub(super) fn project(&self, [x, y, z]: Point) -> [f32; 2] {
         let s = self.focal / z.max(NEAR);
-        [self.cx + s * x, self.cy - s * (y - EYE)]
+        [self.cx + s * x, self.cy - s * (y - CAMERA_HEIGHT)]
     }
 }
 
@@ -75,7 +75,7 @@ mod tests {
     #[test]
     fn the_horizon_is_at_eye_height() {
         let view = View::new(5, 0, 192, 640);
-        assert_eq!(view.project([0.0, EYE, 30.0]), [view.cx, view.cy]);
+        assert_eq!(view.project([0.0, CAMERA_HEIGHT, 30.0]), [view.cx, view.cy]);
         assert!(view.project([1.0, 0.0, 10.0])[1] > view.cy, "the road lies below the horizon");
     }
 

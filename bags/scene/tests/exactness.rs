@@ -6,44 +6,48 @@
 #[path = "../../../tests/harness/data.rs"]
 mod data;
 
-use std::time::Instant;
-
+use modulo_core::metric::exact_share;
 use modulo_core::unwrap::{METHODS, Options, by_name};
 use modulo_core::{Exposure, Psf, Recovered, Sensor, SensorConfig};
 use modulo_scene::{Preset, Scene};
 use ndarray::Array3;
+
+/// The least share of exact wrap counts of each method on the scenes of every preset, and on the frames of KITTI, slightly
+/// below the measured shares.
+///
+/// `lines` and `gradient_tree`, and `auto`, which selects one of them, are exact under this blur. `tree` needs first
+/// differences below half a peak along some path, and islands such as lamps have none. `quality_guided` is not bounded by
+/// the range and takes a wrong edge at such islands. The methods by least squares spread the error of a steep edge over
+/// its surroundings. One steep edge spoils the rest of the row for `itoh`.
+const FLOORS: [(&str, f64, f64); METHODS.len()] = [
+    ("auto", 1.0, 1.0),
+    ("spud", 0.998, 0.49),
+    ("least_squares", 0.998, 0.49),
+    ("itoh", 0.53, 0.60),
+    ("lines", 1.0, 1.0),
+    ("tree", 0.999, 0.99),
+    ("gradient_tree", 1.0, 1.0),
+    ("quality_guided", 0.999, 0.98),
+];
 
 fn expose(radiance: &Array3<f32>, alpha: f64, psf: Psf) -> Exposure {
     let config = SensorConfig { bits: 8, alpha, psf, read_noise: 0.0, shot_noise: 0.0 };
     Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap()
 }
 
-/// Returns the share of exact wrap counts, and the duration of the unwrapping in ms.
-fn score(method: &str, exposure: &Exposure) -> (f64, f64) {
-    let (y, truth) = (exposure.modulo(), exposure.wraps());
+/// Returns the share of exact wrap counts.
+fn score(method: &str, exposure: &Exposure) -> f64 {
     let (mut unwrap, mut out) = (by_name(method, &Options::default()).unwrap(), Recovered::default());
-    let mut fastest = f64::INFINITY;
-    for _ in 0..3 {
-        let start = Instant::now();
-        unwrap.unwrap(&y, exposure.range(), &mut out).unwrap();
-        fastest = fastest.min(start.elapsed().as_secs_f64() * 1e3);
-    }
-    let exact = out.k.iter().zip(&truth).filter(|(k, truth)| k == truth).count();
-    (exact as f64 / truth.len() as f64, fastest)
+    unwrap.unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
+    exact_share(&out.k, &exposure.wraps()).unwrap()
 }
 
-/// Prints and returns the mean share over exposures; also prints the mean duration and the number of images
-/// without an error.
+/// Returns the mean share over exposures, and prints it with the number of images without an error.
 fn report(title: &str, method: &str, exposures: &[Exposure]) -> f64 {
     let scores: Vec<_> = exposures.iter().map(|exposure| score(method, exposure)).collect();
-    let mean = |of: fn(&(f64, f64)) -> f64| scores.iter().map(of).sum::<f64>() / scores.len() as f64;
-    let (share, exact) = (mean(|s| s.0), scores.iter().filter(|s| s.0 == 1.0).count());
-    println!(
-        "{title} {method}: {:.3} % exact k, {exact}/{} whole images, {:.1} ms",
-        share * 100.0,
-        scores.len(),
-        mean(|s| s.1)
-    );
+    let share = scores.iter().sum::<f64>() / scores.len() as f64;
+    let whole = scores.iter().filter(|&&score| score == 1.0).count();
+    println!("{title} {method}: {:.3} % exact k, {whole}/{} whole images", share * 100.0, scores.len());
     share
 }
 
@@ -61,11 +65,9 @@ fn rendered_scenes() {
             .map(|seed| Scene::new(preset, seed).render(0, 96, 320).radiance)
             .map(|radiance| expose(&radiance, 4.0, Psf::Gaussian { sigma: 1.0 }))
             .collect();
-        for method in METHODS {
+        for (method, floor, _) in FLOORS {
             let share = report(preset.name(), method, &exposures);
-            if *method == "lines" {
-                assert_eq!(share, 1.0, "{method} on {}", preset.name());
-            }
+            assert!(share >= floor, "{method} on {}: {share}", preset.name());
         }
     }
 }
@@ -76,10 +78,8 @@ fn kitti_under_the_papers_lens() {
     let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     files.sort();
     let exposures: Vec<_> = files.iter().map(|file| expose(&read(file), 4.0, Psf::Paper7)).collect();
-    for method in METHODS {
+    for (method, _, floor) in FLOORS {
         let share = report("kitti, alpha 4,", method, &exposures);
-        if *method == "lines" {
-            assert_eq!(share, 1.0, "{method}");
-        }
+        assert!(share >= floor, "{method}: {share}");
     }
 }

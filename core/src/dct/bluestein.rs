@@ -22,6 +22,7 @@ pub(super) struct Bluestein {
 impl Bluestein {
     /// Plans transforms of length `n`, at least 1.
     pub fn new(n: usize) -> Self {
+        // A linear convolution of n samples with a chirp of 2 n - 1 must not wrap around.
         let mut padded = 2 * n - 1;
         let fft = loop {
             match Fft::short(padded) {
@@ -29,6 +30,7 @@ impl Bluestein {
                 None => padded += 1,
             }
         };
+        // k^2 is reduced modulo the period of the chirp first: a large angle would lose its digits.
         let angle = |k: usize| PI * ((k * k) % (2 * n)) as f64 / n as f64;
         let chirp = (0..n).map(|k| Twiddle::new(angle(k), 1.0)).collect();
         Self { chirp, response: response(n, padded, angle), fft }
@@ -91,6 +93,7 @@ fn response(n: usize, padded: usize, angle: impl Fn(usize) -> f64) -> Vec<Twiddl
     let chirp: Vec<(f64, f64)> = (0..n).map(|k| angle(k).sin_cos()).collect();
     let at = |frequency: usize| {
         let (mut re, mut im) = (chirp[0].1, chirp[0].0);
+        // Multiples of the frequency are counted modulo the length: exact angles, and one table of cosines.
         let mut phase = 0;
         for &(sin, cos) in &chirp[1..] {
             phase += frequency;

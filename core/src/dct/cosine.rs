@@ -73,6 +73,7 @@ impl CosinePlan {
         if k == 0 {
             return [p.scaled(cos); 2];
         }
+        // Two real sequences share one complex transform; its even and odd parts separate them again.
         let (re, im) = (
             Complex { re: p.re.plus(q.re), im: p.im.plus(q.im) },
             Complex { re: p.im.minus(q.im), im: q.re.minus(p.re) },

@@ -72,6 +72,8 @@ impl Fft {
     #[inline(always)]
     fn run<A: MultiplyAdd>(&self, data: &mut [Complex], scratch: &mut [Complex]) {
         let Some(first) = &self.first else { return };
+        // Stockham's passes need two buffers. `data` is the source of the first pass and the target of the
+        // last one.
         let (apart, near) = scratch.split_at_mut(data.len());
         first.run::<A>((data, 1), (apart, 1));
         let Some((last, middle)) = self.others.split_last() else { return data.copy_from_slice(apart) };
@@ -91,6 +93,7 @@ impl Fft {
 
 /// Returns the factors of `n` with odd primes first: their passes load the most and rotate the least.
 fn radices(n: usize) -> Option<Vec<usize>> {
+    // A composite odd number is left to its prime factors, which cost less.
     let (mut rest, mut radices) = (n, Vec::new());
     for radix in (7..=MAX_RADIX).rev().step_by(2).chain([5, 4, 3, 2]) {
         while rest.is_multiple_of(radix) && (radix < 9 || (3..radix).step_by(2).all(|d| radix % d != 0)) {

@@ -75,6 +75,7 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
     pub fn new((height, width, channels): (usize, usize, usize), parts: usize) -> Self {
         let column_plan = CosinePlan::new(height);
         let mut shape = Shape { height, width, channels, bands_per_part: 0, blocks_per_part: 0 };
+        // Parts are whole bands and blocks, so each worker writes its own memory without a lock.
         shape.bands_per_part = shape.bands().div_ceil(parts.max(1));
         shape.blocks_per_part = shape.blocks().div_ceil(parts.max(1));
         let row_plan = RowPlan::new(shape);
@@ -116,6 +117,8 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
     ) {
         let Self { shape, column_plan, row_plan, column_parts, row_parts } = self;
         let shape = *shape;
+        // The three passes are separated by barriers: each reads what all workers have written in the one
+        // before.
         workers.each(column_parts, |_, part| {
             part.bands().for_each(|band| part.forward(shape, column_plan, band, &load));
         });

@@ -63,6 +63,7 @@ impl MultiplyAdd for Unfused {
 #[inline]
 pub(super) fn has_fma() -> bool {
     #[cfg(target_arch = "x86_64")]
+    // The same condition as in `run_widest`, since only code that is compiled for FMA may ask for it.
     return is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
     #[cfg(not(target_arch = "x86_64"))]
     return cfg!(target_arch = "aarch64");

@@ -164,21 +164,6 @@ mod tests {
     }
 
     #[test]
-    fn inverse_undoes_forward_at_awkward_sizes() {
-        for (h, w) in [(374, 1238), (370, 1226), (375, 1242), (376, 1241), (1, 619), (613, 1)] {
-            let plane = noise(h * w);
-            let mut dct = Dct2::new(h, w);
-            let mut got = plane.clone();
-            dct.forward(&mut got).unwrap();
-            let energy = |p: &[f32]| p.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>();
-            assert!((energy(&got) / energy(&plane) - 1.0).abs() < 1e-5, "{h} x {w}: not orthonormal");
-            dct.inverse(&mut got).unwrap();
-            let worst = plane.iter().zip(&got).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-            assert!(worst < 5e-6, "{h} x {w}: off by {worst}");
-        }
-    }
-
-    #[test]
     fn another_size_is_refused() {
         let mut dct = Dct2::new(4, 5);
         assert_eq!(dct.forward(&mut [0.0; 21]), Err(DctError { got: 21, height: 4, width: 5 }));

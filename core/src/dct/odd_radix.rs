@@ -52,6 +52,7 @@ impl OddRadix {
         let radix = 2 * self.pairs + 1;
         let first = take(0);
         let (even, odd) = (&mut even[..self.pairs], &mut odd[..self.pairs]);
+        // x_k and x_(R-k) always meet as a sum or a difference, which halves the multiplications.
         let mut sum = first;
         for (k, (even, odd)) in even.iter_mut().zip(odd.iter_mut()).enumerate() {
             let (a, b) = (take(k + 1), take(radix - 1 - k));
@@ -60,6 +61,7 @@ impl OddRadix {
         }
         put(0, sum);
         for (block, twiddles) in self.twiddles.chunks_exact(self.pairs).enumerate() {
+            // Several outputs at once, so that each load of an input feeds more than one sum.
             let (mut cosines, mut sines) = ([first; BLOCK], [Complex::default(); BLOCK]);
             for ((even, odd), twiddles) in even.iter().zip(odd.iter()).zip(twiddles) {
                 for j in 0..BLOCK {

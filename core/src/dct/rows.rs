@@ -32,6 +32,7 @@ impl RowPlan {
     pub fn new(shape: Shape) -> Self {
         let cosine = CosinePlan::new(shape.width);
         let [length, _] = cosine.buffer_lengths();
+        // Samples beyond the end of the row go to one extra number after all channels: no branch in the loop.
         let at = |sample: usize, position: &dyn Fn(usize) -> usize| {
             let (column, channel) = (sample / shape.channels, sample % shape.channels);
             if column < shape.width { channel * length + position(column) } else { shape.channels * length }
@@ -86,6 +87,7 @@ impl RowPart {
             widest!({
                 for (k, mirrored) in cosine.pairs() {
                     let [mut x, mut y] = cosine.coefficients(k, [data[k], data[mirrored]]);
+                    // The filter acts between the two transforms while the coefficients are in registers.
                     x = filter.apply(&filter.by_row[block], k, x);
                     y = filter.apply(&filter.by_row[block], mirrored, y);
                     [data[k], data[mirrored]] = cosine.spectrum(k, [x, y]);

@@ -17,6 +17,7 @@ pub(super) fn transpose(take: impl Fn(usize) -> Complex, mut put: impl FnMut(usi
         let Complex { re, im } = take(row);
         *to = [re.0, im.0];
     }
+    // Two steps an iteration, from one square to the other and back.
     for _ in 0..LANES.ilog2() / 2 {
         interleave_halves(&square, &mut other);
         interleave_halves(&other, &mut square);

@@ -48,6 +48,7 @@ fn window() -> [f64; LEAST_SIDE] {
 #[inline(always)]
 fn sum_over_windows(a: &[u8], b: &[u8], stride: usize, channels: usize) -> f64 {
     let window = window();
+    // A window is separable: sums along the rows first, then down the columns.
     let inner = stride - (LEAST_SIDE - 1) * channels;
     // The sums along the last eleven rows, row r in place r mod 11, so that each row is summed once.
     let mut along = vec![vec![0.0; MOMENTS * inner]; LEAST_SIDE];
@@ -90,6 +91,7 @@ fn of_row(moments: &[f64], inner: usize) -> f64 {
     let mut sum = 0.0;
     for i in 0..inner {
         let (mean, power) = (a[i] * b[i], a[i] * a[i] + b[i] * b[i]);
+        // The sum of both variances is enough, so a^2 and b^2 share one moment.
         let luminance = (2.0 * mean + C1) / (power + C1);
         sum += luminance * (2.0 * (ab[i] - mean) + C2) / (squares[i] - power + C2);
     }

@@ -62,6 +62,7 @@ impl Auto {
         let QualityMetrics { steep, consensus, clamped, .. } =
             lines.report.quality.expect("lines always gives its quality");
         let (steep, consensus) = (f64::from(steep), f64::from(consensus));
+        // A clamped count contradicts the range, however smooth y looks.
         if steep <= self.limits.lines && consensus >= self.limits.consensus && clamped == 0.0 {
             let wrapped = lines.k.iter().any(|&k| k > 0);
             return if wrapped { Verdict::Lines } else { Verdict::PassThrough };
@@ -77,6 +78,7 @@ impl Unwrap for Auto {
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         self.lines.unwrap(y, range, out)?;
+        // The second method overwrites the report, but the metrics of y remain those of `lines`.
         let quality = out.report.quality;
         match self.judge(out) {
             Verdict::PassThrough => out.report.method = PASS_THROUGH,

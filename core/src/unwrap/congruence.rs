@@ -40,6 +40,7 @@ fn base_level(k: &[i32], most: i32, levels: &mut Vec<usize>) -> i32 {
     levels.reserve(k.len());
     levels.resize(high.abs_diff(low) as usize + 1, 0);
     k.iter().for_each(|&k| levels[k.abs_diff(low) as usize] += 1);
+    // An estimate may contain any integers, so no sum may overflow.
     low.saturating_add(base_level_index(levels, most) as i32)
 }
 

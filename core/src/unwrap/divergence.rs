@@ -45,6 +45,7 @@ impl Codes {
     pub fn divergence(&self, run @ Run { row, sample }: Run) -> [f32; LANES] {
         let here = row * self.stride + sample;
         let last = sample + LANES + self.channels > self.stride;
+        // Inside the image all five runs can be loaded without a check for each lane.
         let top = row == 0 || here + self.stride + LANES > self.samples.len();
         if top || last || sample < self.channels {
             return self.divergence_at_border(run);
@@ -56,6 +57,8 @@ impl Codes {
         let [above, below] = [chunk(here - self.stride), chunk(here + self.stride)];
         let mut out = [0.0; LANES];
         for lane in 0..LANES {
+            // D^T D with wrapped differences: what flows in from the left and from above minus what flows
+            // out.
             let horizontal = difference(left[lane], middle[lane]) - difference(middle[lane], right[lane]);
             let vertical = difference(above[lane], middle[lane]) - difference(middle[lane], below[lane]);
             out[lane] = (horizontal + vertical) as f32;

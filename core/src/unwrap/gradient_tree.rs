@@ -129,6 +129,8 @@ impl DirectionalGradient {
     /// Finds n and the keys of `g + n 2^b`; n is 0 for the background and for pixels that no edge joins to it.
     fn unwrap(&mut self, pixels: &Pixels, bounds: Bounds) {
         let stride = pixels.stride(self.direction);
+        // These are the keys of the image, which the second tree uses; the first one needs them for its
+        // background.
         first_difference_keys(pixels.planes(), stride, FLAT_IMAGE_KEY, &mut self.keys, &mut self.breaks);
         if self.direction == Direction::Right {
             // There the difference is across the edge of the image.
@@ -158,6 +160,7 @@ impl DirectionalGradient {
                 steepest.iter_mut().zip(&keys[reach..]).for_each(|(most, &key)| *most = key.max(*most));
             }
             mask.iter_mut().zip(&*steepest).for_each(|(mask, &key)| *mask = u8::from(key > BACKGROUND_LIMIT));
+            // Within the background nothing is cut; at its border everything is, so that it stays one node.
             for ((cut, here), next) in right.iter_mut().zip(&*mask).zip(&mask[1..]) {
                 *cut = (*cut & here) | (here ^ next);
             }
@@ -165,6 +168,7 @@ impl DirectionalGradient {
     }
 
     fn write_counts(&mut self, pixels: &Pixels) {
+        // Few pixels change, so clearing these is faster than clearing the map.
         if self.n.len() == pixels.count() {
             self.changed.iter().for_each(|&at| self.n[at as usize] = [0; 4]);
         } else {
@@ -175,6 +179,7 @@ impl DirectionalGradient {
         self.changed.reserve(pixels.count());
         let (regions, stride) = (&self.forest.regions, pixels.stride(self.direction));
         for segment in self.forest.segments.iter().filter(|segment| segment.node != BACKGROUND) {
+            // Only regions that an edge has joined to the background have a known n.
             let n = subtract(regions.offset_from_root(segment.node), regions.offset_from_root(BACKGROUND));
             if n == [0; 4] || regions.root(segment.node) != regions.root(BACKGROUND) {
                 continue;
@@ -209,6 +214,8 @@ struct GradientEdges<'a> {
 }
 
 impl EdgeSource for GradientEdges<'_> {
+    const FLAT: u16 = FLAT;
+
     #[inline(always)]
     fn width(&self) -> usize {
         self.pixels.width()
@@ -217,11 +224,6 @@ impl EdgeSource for GradientEdges<'_> {
     #[inline(always)]
     fn extent(&self) -> (usize, usize) {
         extent(self.pixels, self.direction)
-    }
-
-    #[inline(always)]
-    fn flat(&self) -> u16 {
-        FLAT
     }
 
     #[inline(always)]

@@ -34,6 +34,7 @@ impl Unwrap for Itoh {
 /// Writes to `k` the wrap counts of `y` relative to its first pixel.
 fn integrate(y: &[f32], width: usize, bits: u8, k: &mut Vec<i32>) {
     k.clear();
+    // Each row starts from the first column, so an error stays in its row unless it is in that column.
     let (mut first, mut above) = (0, y[0]);
     for row in y.chunks_exact(width) {
         first += wrap_step(row[0] - above, bits);

@@ -32,7 +32,7 @@ pub use quality_guided::QualityGuided;
 pub use spud::Spud;
 pub use tree::Tree;
 
-use crate::frame::{Frame, FrameError, Samples, copy_channel, in_order, position_of};
+use crate::frame::{Frame, FrameError, SamplePosition, Samples, copy_channel, in_order, position_of};
 use crate::workers::WorkersError;
 
 /// Declares the methods, one line each: its type, its name, and its constructor.
@@ -209,16 +209,10 @@ pub enum UnwrapError {
     #[error("y has 32-bit float samples, integers of 8 or 16 bits are needed: the sensor's modulo image")]
     Float,
     /// A sample is out of the range of the sensor's converter.
-    #[error(
-        "y at (row {row}, column {column}, channel {channel}) is {value}, 0 to {most} is possible with {bits} bits"
-    )]
+    #[error("y at ({at}) is {value}, 0 to {most} is possible with {bits} bits")]
     Code {
-        /// The row, from 0.
-        row: usize,
-        /// The column, from 0.
-        column: usize,
-        /// The channel, from 0.
-        channel: usize,
+        /// The position of the sample.
+        at: SamplePosition,
         /// The value of the sample.
         value: f32,
         /// The largest value in range.
@@ -309,6 +303,5 @@ where
         return Ok(());
     }
     let (index, &value) = y.iter().enumerate().find(|(_, value)| wrong(value)).expect("one was counted");
-    let (row, column, channel) = position_of(index, dim);
-    Err(UnwrapError::Code { row, column, channel, value: value.into(), most, bits: range.bits() })
+    Err(UnwrapError::Code { at: position_of(index, dim), value: value.into(), most, bits: range.bits() })
 }

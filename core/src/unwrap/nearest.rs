@@ -27,6 +27,7 @@ const ROUNDING: f32 = 8_388_608.0;
 pub(super) fn residuals(phi: [f32; LANES], codes: [u16; LANES]) -> [i16; LANES] {
     let mut steps = [0; LANES];
     for ((step, phi), code) in steps.iter_mut().zip(phi).zip(codes) {
+        // The clamp keeps residuals in 16 bits; an estimate that is out by more is wrong anyway.
         let value = ((phi - f32::from(code)) * (1.0 / CODES_PER_STEP)).clamp(-LIMIT, LIMIT) + (LIMIT + 1.0);
         // `floor` would be a call into the maths library on plain x86-64, and `as` one number at a time.
         let nearest = (value + ROUNDING) - ROUNDING;
@@ -81,8 +82,10 @@ impl Histogram {
     /// residuals, zero the level that [`congruence::base_level_index`] finds.
     pub fn count_rule(&self, most: u8) -> CountRule {
         let shift = self.mean_phase();
+        // Half a period more makes the shift to the right round to the nearest count.
         let offset = ((0.5 + shift) * f64::from(STEPS_PER_PERIOD) + 0.5).floor() as i32;
         let mut levels = [0; (1 << 16) / STEPS_PER_PERIOD as usize + 2];
+        // The histogram of residuals is also that of the wrap counts, for any offset.
         let low = wraps(i32::from(i16::MIN), offset);
         for (residual, &count) in (i32::from(i16::MIN)..).zip(&self.counts) {
             levels[(wraps(residual, offset) - low) as usize] += count as usize;
@@ -97,7 +100,9 @@ impl Histogram {
         for step in 0..STEPS_PER_PERIOD as usize {
             let count: u64 =
                 self.counts.iter().skip(step).step_by(STEPS_PER_PERIOD as usize).map(|&c| u64::from(c)).sum();
+            // A residual was rounded down, so on average it is half a step higher.
             let angle = TAU * (step as f64 + 0.5) / f64::from(STEPS_PER_PERIOD);
+            // Residuals are phases: only their mean on the circle does not depend on where a period starts.
             sine -= count as f64 * angle.sin();
             cosine += count as f64 * angle.cos();
         }

@@ -45,6 +45,7 @@ impl<Out: Copy + Default + Send + Sync> Poisson<Out> {
         let Self { grid, by_row, by_column } = self;
         let (by_row, by_column) = (&by_row[..], &by_column[..]);
         match on {
+            // One closure for each order, so that no branch remains in the loop over coefficients.
             ThresholdOn::Phi => {
                 let rule = move |v: f32, h: f32, c: f32| threshold(divide_or_zero(c, v + h), tau);
                 grid.filter(workers, rho, &SpectralFilter { by_row, by_column, rule }, keep);
@@ -65,6 +66,7 @@ fn eigenvalues(n: usize) -> impl Iterator<Item = f32> {
 /// Returns the quotient, or 0 for an eigenvalue of 0: a gradient does not contain the mean.
 #[inline(always)]
 fn divide_or_zero(coefficient: f32, eigenvalue: f32) -> f32 {
+    // The quotient comes first: a selection afterwards needs no branch, and infinity is dropped.
     let quotient = coefficient / eigenvalue;
     if eigenvalue > 0.0 { quotient } else { 0.0 }
 }

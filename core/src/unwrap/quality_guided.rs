@@ -65,6 +65,7 @@ impl QualityGuided {
         self.unreliability.extend((0..codes.len()).map(|here| unreliability(codes, width, here)));
         self.edges.clear();
         for here in 0..codes.len() {
+            // No edge may join the end of a row to the start of the next one.
             let right = (!(here + 1).is_multiple_of(width)).then_some(here + 1);
             let down = Some(here + width).filter(|&there| there < codes.len());
             for there in [right, down].into_iter().flatten() {
@@ -132,6 +133,7 @@ impl Groups {
         if from == to {
             return;
         }
+        // The step is known between the pixels; the union needs it between the roots.
         let step = below + step - above;
         let (parent, child, step) = if self.sizes[from as usize] >= self.sizes[to as usize] {
             (from, to, step)

@@ -94,6 +94,7 @@ impl Spud {
             self.poisson = Poisson::new(y.dim(), self.threads);
         }
         let codes = &self.codes;
+        // Phi is never stored: its residuals are integers of half the size, and they are all that is needed.
         self.poisson.solve(
             &self.workers,
             #[inline(always)]
@@ -111,6 +112,7 @@ impl Spud {
     fn count_rules(&mut self, range: Range) -> [CountRule; 3] {
         let grid = &self.poisson.grid;
         let (height, width, channels) = grid.dim();
+        // Each thread has histograms of its own; their sum does not depend on the number of threads.
         let each = height.div_ceil(self.threads);
         self.workers.each(&mut self.histograms, |part, histograms| {
             histograms.iter_mut().for_each(Histogram::clear);

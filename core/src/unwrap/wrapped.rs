@@ -30,41 +30,29 @@ pub(super) trait Word: Copy + Default + Ord + Send + Sync + Into<u16> {
     }
 }
 
-impl Word for u8 {
-    const BITS: u8 = 8;
-    const HALF: Self = 1 << 7;
+macro_rules! word {
+    ($type:ty) => {
+        impl Word for $type {
+            const BITS: u8 = <$type>::BITS as u8;
+            const HALF: Self = 1 << (<$type>::BITS - 1);
 
-    #[inline(always)]
-    fn low(value: u16) -> Self {
-        value as u8
-    }
-    #[inline(always)]
-    fn plus(self, other: Self) -> Self {
-        self.wrapping_add(other)
-    }
-    #[inline(always)]
-    fn minus(self, other: Self) -> Self {
-        self.wrapping_sub(other)
-    }
+            #[inline(always)]
+            fn low(value: u16) -> Self {
+                value as $type
+            }
+            #[inline(always)]
+            fn plus(self, other: Self) -> Self {
+                self.wrapping_add(other)
+            }
+            #[inline(always)]
+            fn minus(self, other: Self) -> Self {
+                self.wrapping_sub(other)
+            }
+        }
+    };
 }
-
-impl Word for u16 {
-    const BITS: u8 = 16;
-    const HALF: Self = 1 << 15;
-
-    #[inline(always)]
-    fn low(value: u16) -> Self {
-        value
-    }
-    #[inline(always)]
-    fn plus(self, other: Self) -> Self {
-        self.wrapping_add(other)
-    }
-    #[inline(always)]
-    fn minus(self, other: Self) -> Self {
-        self.wrapping_sub(other)
-    }
-}
+word!(u8);
+word!(u16);
 
 /// Writes `y` (integers below 2^b) as codes to `codes`.
 pub(super) fn codes(y: &[f32], range: Range, codes: &mut Vec<u16>) {
@@ -88,6 +76,8 @@ pub(super) fn wrap_step_signed(from: u16, to: u16) -> i16 {
 /// It holds for codes and for differences that [`biased`] has made, as both have the same order.
 #[inline(always)]
 pub(super) fn wrap_step<W: Word>(from: W, to: W) -> W {
+    // The difference without wrapping is out of range in exactly one direction: a borrow, or half a peak and
+    // more.
     W::one_if(to < from).minus(W::one_if(to.minus(from) >= W::HALF))
 }
 
@@ -107,6 +97,7 @@ pub(super) fn magnitude<W: Word>(biased: W) -> W {
 #[inline(always)]
 pub(super) fn exceeds<W: Word>(biased: W, eighths: u16) -> bool {
     let limit = W::low(eighths << (W::BITS - 3));
+    // One comparison after a shift of the origin replaces two at both ends.
     biased.minus(W::HALF.minus(limit)) > limit.plus(limit)
 }
 

@@ -45,6 +45,7 @@ impl<W: Word> ColumnConstants<W> {
         for lane in 0..summed.layout.last(0) {
             let (agree, steep) = (gradient.zeros[lane] as usize, gradient.steep[lane] as usize);
             let (mut constant, mut count) = (W::default(), agree);
+            // If more than half of the rows agree on 0, no other value can have the majority.
             if agree * 2 <= height {
                 summed.column(lane, &mut self.line);
                 let majority = self.votes.count(&self.line);
@@ -68,6 +69,7 @@ impl<W: Word> ColumnConstants<W> {
         self.sums.resize(layout.lanes(), W::default());
         for lane in layout.channels..layout.lanes() {
             let left = lane - layout.channels;
+            // Copies of the last pixel come after the last constant; they change no sum.
             let constant = self.constants.get(left).copied().unwrap_or_default();
             self.sums[lane] = self.sums[left].minus(constant);
         }
@@ -101,6 +103,7 @@ impl<S: Copy + Into<u16>, W: Word> SummedImage<'_, S, W> {
         line.extend(self.rows().map(|row| {
             let (n_left, left) = self.across(row, lane - self.layout.channels);
             let (n, here) = self.across(row, lane);
+            // The left column is already known, so its second difference predicts this one.
             let want = n_left.minus(left_constant).plus(wrap_step(left, here));
             n.minus(want)
         }));

@@ -52,6 +52,7 @@ impl<W: Word> Gradient<W> {
     /// one pixel. `steps` becomes the change of k to the right, up to a constant for each column.
     #[inline(always)]
     pub fn follow(&mut self, up: &[W], here: &[W], channels: usize, steps: &mut [W]) {
+        // Counters have the width of the words, so 8 bits are added up before they overflow.
         if self.counted == COUNTABLE {
             self.settle();
         }
@@ -90,6 +91,7 @@ impl<W: Word> Columns<W> {
     ) {
         for i in 0..LANES {
             let (above, here) = (biased(up[i], up_right[i]), biased(left[i], right[i]));
+            // d_y n follows from the wrapped mixed difference, which is the condition of the method.
             let n = self.n[i].plus(wrap_step(above, here));
             self.n[i] = n;
             steps[i] = n.plus(wrap_step(left[i], right[i]));

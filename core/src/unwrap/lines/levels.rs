@@ -32,8 +32,10 @@ impl<W: Word> Levels<'_, W> {
         counts.clear();
         counts.reserve(1 << W::BITS);
         let extent = self.extent(sums);
+        // Differences of biased words are right modulo a word, whatever the first pixel was.
         let span = |channel: usize| extent.high[channel].minus(extent.low[channel]).into();
         let mut zero = BaseLevel { level: extent.low, outside: 0 };
+        // If all levels fit the range, counting one level at a time is faster than a histogram.
         if (0..self.layout.channels).all(|channel| span(channel) <= u16::from(most)) {
             self.raise_level(&mut zero, sums);
         } else {
@@ -135,6 +137,7 @@ impl<W: Word> Levels<'_, W> {
     /// Writes to `sums`, by lane, the sum of the terms of row `i` and of the columns, from `start` on.
     #[inline(always)]
     fn offsets(&self, i: usize, start: [W; 3], sums: &mut Vec<W>) {
+        // Most rows are joined without a step, and the sums of the row above still hold.
         if i > 0 && self.rows.row_offsets[i] == self.rows.row_offsets[i - 1] {
             return;
         }
@@ -161,7 +164,7 @@ impl<W: Word> Levels<'_, W> {
         let (x, counts) = out.buffers();
         let (bits, most) = (range.bits(), W::low(range.max_wraps().into()));
         let length = self.layout.samples();
-        // Half a wrap_step stands for k = 0.
+        // Half a turn of the word stands for k = 0.
         let start = zero.level.map(W::bias).map(|zero| W::HALF.minus(zero));
         let rows = x.chunks_exact_mut(length).zip(counts.chunks_exact_mut(length));
         for (i, (x, counts)) in rows.enumerate() {

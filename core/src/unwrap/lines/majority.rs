@@ -37,6 +37,7 @@ impl VoteCounter {
                 best = Vote { value, count: *count as usize };
             }
         }
+        // Only the counters that were used are cleared: there may be 65,536 of them.
         values.iter().for_each(|&value| self.counts[usize::from(value.into())] = 0);
         best
     }
@@ -65,6 +66,7 @@ impl MajorityCheck {
     /// steep here or in the line before, or the line before departed from its majority.
     pub fn needs_second_opinion(&mut self, agree: usize, steep: usize, length: usize) -> bool {
         let steep_here = steep * 4 > length;
+        // The state is updated even if another reason decides.
         let steep = std::mem::replace(&mut self.steep_before, steep_here) || steep_here;
         agree * 5 < length * 4 || steep || self.departed
     }

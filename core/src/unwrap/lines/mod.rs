@@ -60,6 +60,7 @@ impl Unwrap for Lines {
         match codes {
             Integers::U8(codes) => {
                 let samples = CodeRows::new(codes, layout, range);
+                // Words of 8 bits hold twice as many lanes as words of 16.
                 if range.bits() <= 8 && range.max_wraps() <= NARROW {
                     self.bytes.unwrap(&samples, layout, range, out);
                 } else {
@@ -115,6 +116,7 @@ impl<W: Word> Buffers<W> {
         self.codes.rotate_right(1);
         samples.read(i, &mut self.codes[0]);
         let [here, up, upper] = &self.codes;
+        // The first row is its own neighbour: no difference, and so n = 0.
         let up = if i == 0 { here } else { up };
         self.gradient.follow(up, here, layout.channels, self.sums.steps());
         self.sums.widen();

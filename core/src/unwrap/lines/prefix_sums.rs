@@ -39,6 +39,7 @@ impl<W: Word> PrefixSums<W> {
     /// Computes the sums over the 16 pixels up to each pixel.
     #[inline(always)]
     pub fn widen(&mut self) {
+        // Two steps of four give 16: a running sum would depend on the previous lane and defeat the vectors.
         widen(&self.steps, self.channels, &mut self.narrow);
         widen(&self.narrow, 4 * self.channels, &mut self.wide);
     }

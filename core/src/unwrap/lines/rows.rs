@@ -80,6 +80,7 @@ impl<W: Word> Rows<W> {
         let (above, here) = self.k[i * lanes..].split_at_mut(lanes);
         let mut counts = RowCounts { agree: [0; 3], steep: [0; 3] };
         let mut sum = [W::default(); LANES];
+        // A counter of 8 bits holds 255 blocks; then it is added to the totals.
         for first in (0..lanes).step_by(COUNTABLE * LANES) {
             let (mut agree, mut steep) = ([W::default(); LANES], [W::default(); LANES]);
             for at in (first..lanes.min(first + COUNTABLE * LANES)).step_by(LANES) {
@@ -113,11 +114,13 @@ impl<W: Word> Rows<W> {
     ) -> Vote<W> {
         let width = self.layout.width;
         let mut majority = guess;
+        // If more than half of the columns agree with the guess, it is the majority without a full count.
         let counted = guess.count * 2 <= width;
         if counted {
             self.first_difference_votes(i, codes, channel);
             majority = self.votes.count(&self.line);
         }
+        // Row 1 has only one row above it, and a second difference needs two.
         if !self.checks[channel].needs_second_opinion(majority.count, steep, width) || i == 1 {
             return majority;
         }

@@ -36,6 +36,7 @@ impl DirectSums {
         for row in 0..rows {
             if row > 0 {
                 let start = (row - 1) * width;
+                // Changed pixels ascend, so each row takes its own from the front.
                 self.follow(image, Direction::Down, start, split_below(&mut down, start + width));
                 self.descend(row * width);
             }
@@ -108,10 +109,12 @@ impl DirectSums {
     fn is_possible(&self, image: &ImageEdges<'_>) -> bool {
         let (mut low, mut high) = ([0i16; 4], image.bounds.widest());
         for (lane, k) in self.k.iter().enumerate() {
+            // The base level must keep the least and the greatest k of every channel in range.
             let (least, most) = extent(k);
             (low[lane], high[lane]) = (low[lane].saturating_sub(least), high[lane].saturating_sub(most));
         }
         let mut region = Some(Region { low, high, size: 1 }).filter(|region| !region.is_empty());
+        // Only pixels with a narrower interval than the range can make it impossible.
         each_set(image.pixels.limited(), |at| {
             region = region.and_then(|region| region.intersect(&image.interval(at..at + 1), self.at(at)));
         });

@@ -58,6 +58,7 @@ impl EdgeQueue {
         let Self { edges, sorted, next } = self;
         let Some(&filler) = edges.first() else { return };
         let bucket = |edge: &Edge| usize::from(edge.key.max(flat) >> SHIFT);
+        // A counting sort is linear and stable: edges of one bucket stay in the order of the image.
         next.fill(0);
         edges.iter().for_each(|edge| next[bucket(edge) + 1] += 1);
         for i in 1..next.len() {

@@ -34,8 +34,8 @@ pub(in crate::unwrap) trait EdgeSource {
     fn width(&self) -> usize;
     /// Returns the rows and columns that have a value.
     fn extent(&self) -> (usize, usize);
-    /// Returns the largest key of a flat edge.
-    fn flat(&self) -> u16;
+    /// The largest key of a flat edge.
+    const FLAT: u16;
     /// Returns the edges.
     fn edges(&self) -> &Edges<'_>;
     /// Returns a mask by pixel, 0 in the background, whose count is 0; `None` if there is no background.
@@ -81,6 +81,7 @@ impl Forest {
         let (rows, columns) = source.extent();
         self.make_room((rows, columns));
         self.rows.push(0);
+        // The background counts as large, so that hot pixels cannot constrain it.
         let (level, size) = ([0; 4], if source.mask().is_some() { LARGE } else { 0 });
         self.regions.push(Region { low: level, high: level, size });
         for row in (0..rows).filter(|_| columns > 0) {
@@ -91,11 +92,12 @@ impl Forest {
                 self.join_to_row_above(source, row);
             }
         }
+        // Flat edges need no order among themselves; only the regions that they leave are sorted.
         self.regions.flatten();
         self.condensed.condense(&self.regions);
         self.collect(source);
         let Self { condensed, queue, .. } = self;
-        queue.visit_sorted(source.flat(), |edge| condensed.join(edge.from, edge.to, || edge.step()));
+        queue.visit_sorted(G::FLAT, |edge| condensed.join(edge.from, edge.to, || edge.step()));
         self.condensed.refine(&mut self.regions);
     }
 
@@ -134,6 +136,7 @@ impl Forest {
             self.segments.push(Segment { start: start as u32, end: end as u32, node: BACKGROUND });
             return;
         }
+        // The range may forbid one count for all pixels of a segment, which then becomes several.
         while start < end {
             let region = source.interval(start..end);
             let next = start + region.size as usize;
@@ -147,7 +150,7 @@ impl Forest {
         for pair in self.segments[self.rows[row]..self.rows[row + 1]].windows(2) {
             let at = pair[0].end as usize - 1;
             let joinable = pair[0].node != BACKGROUND && pair[1].node != BACKGROUND;
-            if joinable && source.key(Direction::Right, at) <= source.flat() {
+            if joinable && source.key(Direction::Right, at) <= G::FLAT {
                 self.regions.join(pair[0].node, pair[1].node, || source.step(Direction::Right, at));
             }
         }
@@ -163,7 +166,7 @@ impl Forest {
             }
             if breaks[pixels.clone()].contains(&0) {
                 regions.join(a.node, b.node, || [0; 4]);
-            } else if let Some(at) = pixels.find(|&at| source.key(Direction::Down, at) <= source.flat()) {
+            } else if let Some(at) = pixels.find(|&at| source.key(Direction::Down, at) <= G::FLAT) {
                 regions.join(a.node, b.node, || source.step(Direction::Down, at));
             }
         });
@@ -175,6 +178,7 @@ impl Forest {
         let Self { regions, segments, rows, queue, condensed, .. } = self;
         let differ = |a: &Segment, b: &Segment| regions.root(a.node) != regions.root(b.node);
         let edge = |key, from: u32, to: u32, step: Quad| {
+            // Stored between the roots, the step stays valid when regions are condensed to nodes.
             let step = subtract(add(regions.offset_from_root(from), step), regions.offset_from_root(to));
             Edge::new(key, condensed.node(regions.root(from)), condensed.node(regions.root(to)), step)
         };

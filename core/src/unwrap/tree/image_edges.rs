@@ -27,6 +27,8 @@ pub(in crate::unwrap) struct ImageEdges<'a> {
 }
 
 impl EdgeSource for ImageEdges<'_> {
+    const FLAT: u16 = FLAT;
+
     #[inline(always)]
     fn width(&self) -> usize {
         self.pixels.width()
@@ -35,11 +37,6 @@ impl EdgeSource for ImageEdges<'_> {
     #[inline(always)]
     fn extent(&self) -> (usize, usize) {
         (self.pixels.count() / self.pixels.width(), self.pixels.width())
-    }
-
-    #[inline(always)]
-    fn flat(&self) -> u16 {
-        FLAT
     }
 
     #[inline(always)]
@@ -59,6 +56,7 @@ impl EdgeSource for ImageEdges<'_> {
 
     #[inline(always)]
     fn interval(&self, pixels: Range<usize>) -> Region {
+        // Most segments have no bright code, so one look at the mask settles the whole segment.
         if !self.pixels.limited()[pixels.clone()].contains(&1) {
             return Region { low: [0; 4], high: self.bounds.widest(), size: pixels.len() as u32 };
         }
@@ -127,6 +125,7 @@ fn write_counts<const CHANNELS: usize>(forest: &mut Forest, range: RangeOfX, out
     let (counts, _) = out.buffers().1.as_chunks_mut::<CHANNELS>();
     for segment in &forest.segments {
         let root = regions.root(segment.node);
+        // Only the largest region has enough pixels for a histogram of its levels.
         let base = if root == main { level } else { regions.region(root).low };
         let k = add(base, regions.offset_from_root(segment.node));
         outside += usize::from(k[..CHANNELS].iter().any(|k| !(0..=most).contains(k)));

@@ -22,6 +22,7 @@ pub(in crate::unwrap) const MAX_KEY: u16 = u16::MAX - 1;
 /// Returns the key of a difference without n; the largest is 3/2 + 2 peaks, which 16 bits hold.
 #[inline(always)]
 fn key_of_wrapped(d: [u16; 3]) -> u16 {
+    // Two bits less leave room for the sum of all terms in 16 bits.
     let [r, g, b] = d.map(|d| (d as i16) >> 2);
     let spread = r.max(g).max(b) - r.min(g).min(b);
     r.unsigned_abs() + g.unsigned_abs() + b.unsigned_abs() + 2 * spread as u16
@@ -85,6 +86,7 @@ pub(in crate::unwrap) fn second_difference_keys(
     breaks: &mut Vec<u8>,
 ) {
     let (reach, keys, breaks) = with_neighbour(planes[0].len(), a + b, keys, breaks);
+    // Slices at the corners would start beyond the end.
     if reach == 0 {
         return;
     }

@@ -124,6 +124,8 @@ impl Pixels {
 /// Computes [`wrapped::wrap_step_signed`] of all lanes at once.
 #[inline(always)]
 pub(in crate::unwrap) fn wrap_steps(from: [u16; 4], to: [u16; 4]) -> Quad {
+    // The wrapped difference is the plain one cut to 16 bits, so their distance is the step in its upper
+    // half.
     let plain: [i32; 4] = std::array::from_fn(|lane| i32::from(to[lane]) - i32::from(from[lane]));
     plain.map(|plain| ((i32::from(plain as i16) - plain) >> 16) as i16)
 }
@@ -144,6 +146,7 @@ impl Bounds {
     pub fn new(range: Range) -> Self {
         let most = range.max_wraps();
         let room = range.limit() - f64::from(most) * f64::from(range.peak());
+        // At the highest count only the codes below this one stay under the limit.
         let room = (room.ceil() as u32) << (16 - range.bits());
         let step = 1 << (16 - range.bits());
         Self { most: i16::from(most), room, top: (room - step) as u16, fine: range.bits() >= 8 }

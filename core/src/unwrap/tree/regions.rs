@@ -72,6 +72,7 @@ impl Region {
 
     /// Returns [`intersect`](Self::intersect), but a small part does not constrain a large region.
     fn merge(&self, part: &Region, step: Quad) -> Option<Region> {
+        // A hot pixel would otherwise stop the growth of a whole region.
         if self.size < LARGE || part.size > SMALL {
             return self.intersect(part, step);
         }
@@ -168,6 +169,7 @@ impl Regions {
 
     fn attach(&mut self, from: u32, to: u32, step: Quad) {
         let (a, b) = (self.regions[from as usize], self.regions[to as usize]);
+        // The smaller region goes under the larger one, which keeps the paths short.
         let (parent, child, step, joint) = if a.size >= b.size {
             (from, to, step, a.merge(&b, step))
         } else {

@@ -22,6 +22,7 @@ pub(super) fn each_set(bytes: &[u8], mut visit: impl FnMut(usize)) {
     let (words, rest) = bytes.as_chunks::<8>();
     for (index, word) in words.iter().enumerate() {
         let mut word = u64::from_le_bytes(*word);
+        // Eight bytes at a time, as most of them are 0.
         while word != 0 {
             visit(8 * index + word.trailing_zeros() as usize / 8);
             word &= word - 1;

@@ -4,17 +4,30 @@
 #![allow(clippy::unwrap_used)]
 
 use modulo_core::unwrap::{METHODS, Options, Trust, by_name};
-use modulo_core::{Frame, Range, Recovered, UnwrapError};
+use modulo_core::{Frame, Range, Recovered, SamplePosition, UnwrapError};
 use ndarray::{Array3, Axis};
 use proptest::prelude::*;
 
+mod steep;
+mod trees;
+
+/// Returns the modulo image of `x` in 16-bit samples.
+fn wrap16(x: &Array3<u32>, bits: u8) -> Frame {
+    Frame::from_u16(x.mapv(|x| (x & ((1 << bits) - 1)) as u16)).unwrap()
+}
+
+fn recover(method: &str, options: &Options, y: &Frame, range: Range) -> Recovered {
+    let mut out = Recovered::default();
+    by_name(method, options).unwrap().unwrap(y, range, &mut out).unwrap();
+    out
+}
+
+/// Returns the modulo image of `x` in samples of 8 bits if these suffice, else of 16.
 fn wrap(x: &Array3<u32>, bits: u8) -> Frame {
-    let mask = (1 << bits) - 1;
     match bits {
-        ..=8 => Frame::from_u8(x.mapv(|x| (x & mask) as u8)),
-        _ => Frame::from_u16(x.mapv(|x| (x & mask) as u16)),
+        ..=8 => Frame::from_u8(x.mapv(|x| (x & ((1 << bits) - 1)) as u8)).unwrap(),
+        _ => wrap16(x, bits),
     }
-    .unwrap()
 }
 
 /// Returns the smallest alpha that holds `x`, and whether the offset is determined: in every channel more than 2
@@ -52,8 +65,7 @@ fn second_order_holds(x: &Array3<u32>, bits: u8) -> bool {
 }
 
 fn assert_exact(method: &str, options: &Options, x: &Array3<u32>, bits: u8, range: Range) {
-    let mut out = Recovered::default();
-    by_name(method, options).unwrap().unwrap(&wrap(x, bits), range, &mut out).unwrap();
+    let out = recover(method, options, &wrap(x, bits), range);
     assert_eq!(out.x, x.mapv(|x| x as f32), "{method}, {bits} bits, {range:?}");
     assert_eq!(out.k, x.mapv(|x| (x >> bits) as u8));
     if method != "auto" {
@@ -132,8 +144,7 @@ proptest! {
         let x = Array3::from_shape_fn(dim, |(i, j, c)| u32::from(samples[(i * 12 + j) * 3 + c]));
         let (y, range) = (wrap(&x, bits), Range::new(bits, alpha).unwrap());
         for method in METHODS {
-            let mut out = Recovered::default();
-            by_name(method, &Options { tau, ..Options::default() }).unwrap().unwrap(&y, range, &mut out).unwrap();
+            let out = recover(method, &Options { tau, ..Options::default() }, &y, range);
             prop_assert!(out.k.iter().all(|&k| k <= range.max_wraps()));
             prop_assert_eq!(&out.x, &(y.to_f32() + out.k.mapv(f32::from) * range.peak()));
         }
@@ -148,7 +159,8 @@ proptest! {
             let mut out = Recovered::default();
             let error = by_name(method, &Options::default()).unwrap().unwrap(&y, range, &mut out).unwrap_err();
             let (value, most) = (range.peak(), range.peak() - 1.0);
-            let want = UnwrapError::Code { row: at / 7, column: at % 7, channel: 0, value, most, bits };
+            let at = SamplePosition { row: at / 7, column: at % 7, channel: 0 };
+            let want = UnwrapError::Code { at, value, most, bits };
             prop_assert_eq!(error, want);
         }
     }

@@ -1,24 +1,15 @@
 //! Tests where neighbours differ by more than half a peak, so that Itoh's condition fails: smooth bumps and edges
 //! of the lens's width.
 
-// Helpers of tests may unwrap as tests do.
-#![allow(clippy::unwrap_used)]
-
-use modulo_core::unwrap::{Options, by_name};
-use modulo_core::{Frame, Range, Recovered};
+use modulo_core::Range;
+use modulo_core::unwrap::Options;
 use ndarray::{Array3, s};
 use proptest::prelude::*;
 
-fn wrap(x: &Array3<u32>, bits: u8) -> Frame {
-    let mask = (1 << bits) - 1;
-    Frame::from_u16(x.mapv(|x| (x & mask) as u16)).unwrap()
-}
+use super::{recover, wrap16};
 
-fn recover(method: &str, x: &Array3<u32>, bits: u8, alpha: f64) -> Array3<f32> {
-    let mut out = Recovered::default();
-    let range = Range::new(bits, alpha).unwrap();
-    by_name(method, &Options::default()).unwrap().unwrap(&wrap(x, bits), range, &mut out).unwrap();
-    out.x
+fn recovered(method: &str, x: &Array3<u32>, bits: u8, alpha: f64) -> Array3<f32> {
+    recover(method, &Options::default(), &wrap16(x, bits), Range::new(bits, alpha).unwrap()).x
 }
 
 /// Returns whether all values of one difference, `(i, j) -> weights`, are below half the peak.
@@ -73,7 +64,7 @@ proptest! {
         let flat = bump(dim, bits, centre, radius, height).slice(s![.., ..2.min(dim.1), ..]).to_owned();
         let even = bump(dim, bits, centre, radius, height).slice(s![..2.min(dim.0), .., ..]).to_owned();
         prop_assume!(small(&flat, bits, ACROSS) && small(&even, bits, DOWN));
-        prop_assert_eq!(recover("lines", &x, bits, 8.0), x.mapv(|x| x as f32));
+        prop_assert_eq!(recovered("lines", &x, bits, 8.0), x.mapv(|x| x as f32));
     }
 }
 
@@ -83,10 +74,10 @@ fn second_order_is_exact_where_first_differences_fail() {
     assert!(small(&x, 8, MIXED) && !small(&x, 8, ACROSS), "the example must be steep and smooth");
     let truth = x.mapv(|x| x as f32);
     for method in ["lines", "gradient_tree"] {
-        assert_eq!(recover(method, &x, 8, 8.0), truth, "{method}");
+        assert_eq!(recovered(method, &x, 8, 8.0), truth, "{method}");
     }
     for method in ["spud", "itoh"] {
-        assert_ne!(recover(method, &x, 8, 8.0), truth, "{method}");
+        assert_ne!(recovered(method, &x, 8, 8.0), truth, "{method}");
     }
 }
 
@@ -99,7 +90,7 @@ fn second_order_crosses_edges_along_whole_lines() {
         let violated = if turned { ACROSS } else { DOWN };
         assert!(!small(&x, 8, violated), "the edge must be steep");
         for method in ["lines", "gradient_tree"] {
-            assert_eq!(recover(method, &x, 8, 3.0), x.mapv(|x| x as f32), "{method}, turned: {turned}");
+            assert_eq!(recovered(method, &x, 8, 3.0), x.mapv(|x| x as f32), "{method}, turned: {turned}");
         }
     }
 }
@@ -110,8 +101,8 @@ fn tree_goes_round_a_cliff() {
     let slope = [10, 7, 5];
     let x = Array3::from_shape_fn((64, 48, 3), |(i, j, c)| if j < 24 { 9 } else { 9 + slope[c] * i as u32 });
     assert!(!small(&x, 8, ACROSS), "the cliff must be steep");
-    assert_eq!(recover("tree", &x, 8, 3.0), x.mapv(|x| x as f32));
-    assert_ne!(recover("itoh", &x, 8, 3.0), x.mapv(|x| x as f32));
+    assert_eq!(recovered("tree", &x, 8, 3.0), x.mapv(|x| x as f32));
+    assert_ne!(recovered("itoh", &x, 8, 3.0), x.mapv(|x| x as f32));
 }
 
 /// A merge that leaves the range is refused, so a hard edge below half of the range is recovered.
@@ -120,5 +111,5 @@ fn tree_keeps_to_the_range() {
     let x =
         Array3::from_shape_fn((16, 16, 1), |(i, j, _)| if i > 3 && j > 4 { 300 } else { 20 + 8 * i as u32 });
     let flat = x.mapv(|x| if x == 300 { 300 } else { 200 });
-    assert_eq!(recover("tree", &flat, 8, 1.5), flat.mapv(|x| x as f32));
+    assert_eq!(recovered("tree", &flat, 8, 1.5), flat.mapv(|x| x as f32));
 }

@@ -1,18 +1,11 @@
 //! The methods that grow regions from their most reliable pixels: `tree`, `gradient_tree`, `quality_guided`.
 
-// Helpers of tests may unwrap as tests do.
-#![allow(clippy::unwrap_used)]
-
-use modulo_core::unwrap::{Options, by_name};
-use modulo_core::{Frame, Range, Recovered};
+use modulo_core::unwrap::Options;
+use modulo_core::{Frame, Range};
 use ndarray::Array3;
 use proptest::prelude::*;
 
-fn unwrap(method: &str, options: &Options, y: &Frame, range: Range) -> Recovered {
-    let mut out = Recovered::default();
-    by_name(method, options).unwrap().unwrap(y, range, &mut out).unwrap();
-    out
-}
+use super::{recover, wrap16};
 
 /// Herraez' sort as it is defined, in units of the peak, with groups relabelled pixel by pixel.
 fn herraez(y: &[f64], height: usize, width: usize) -> Vec<i32> {
@@ -68,7 +61,7 @@ proptest! {
         let y = x.mapv(|x| (x % peak) as u16);
         // alpha so large that no count leaves the range.
         let range = Range::new(bits, 200.0).unwrap();
-        let got = unwrap("quality_guided", &Options::default(), &Frame::from_u16(y.clone()).unwrap(), range);
+        let got = recover("quality_guided", &Options::default(), &Frame::from_u16(y.clone()).unwrap(), range);
         let turns: Vec<f64> = y.iter().map(|&y| f64::from(y) / f64::from(peak)).collect();
         let want = herraez(&turns, height, width);
         // The darkest 2 % may fall below 0 and be clamped.
@@ -89,10 +82,6 @@ fn scene(dim: (usize, usize, usize), bits: u8, height: f64, noise: &[u16]) -> Ar
     })
 }
 
-fn wrap(x: &Array3<u32>, bits: u8) -> Frame {
-    Frame::from_u16(x.mapv(|x| (x & ((1 << bits) - 1)) as u16)).unwrap()
-}
-
 proptest! {
     /// At any size and for any content, nothing panics, and the number of threads changes nothing.
     #[test]
@@ -107,11 +96,11 @@ proptest! {
         let x = Array3::from_shape_fn(dim, |(i, j, c)| {
             (40 * i * i + 3 * j * j + 7 * c) as u32 + u32::from(samples[i * 64 + j]) % rough
         });
-        let (y, range) = (wrap(&x.mapv(|x| x & mask), bits), Range::new(bits, alpha).unwrap());
+        let (y, range) = (wrap16(&x.mapv(|x| x & mask), bits), Range::new(bits, alpha).unwrap());
         let many = Options { threads: 3, ..Options::default() };
         for method in ["tree", "gradient_tree", "quality_guided"] {
-            let one = unwrap(method, &Options::default(), &y, range);
-            prop_assert_eq!(&one, &unwrap(method, &many, &y, range));
+            let one = recover(method, &Options::default(), &y, range);
+            prop_assert_eq!(&one, &recover(method, &many, &y, range));
             prop_assert!(one.k.iter().all(|&k| k <= range.max_wraps()));
         }
     }
@@ -125,7 +114,7 @@ proptest! {
         noise in proptest::collection::vec(any::<u16>(), 64 * 64),
     ) {
         let x = scene(dim, bits, height, &noise);
-        let got = unwrap("gradient_tree", &Options::default(), &wrap(&x, bits), Range::new(bits, 5.0).unwrap());
+        let got = recover("gradient_tree", &Options::default(), &wrap16(&x, bits), Range::new(bits, 5.0).unwrap());
         prop_assert_eq!(got.x, x.mapv(|x| x as f32));
     }
 }
@@ -138,7 +127,7 @@ fn plateaus_of_full_scale_stay_at_full_scale() {
         if window { 383 } else { 10 + c as u32 + 323 * j as u32 / 96 }
     });
     for method in ["tree", "gradient_tree"] {
-        let got = unwrap(method, &Options::default(), &wrap(&x, 8), Range::new(8, 1.5).unwrap());
+        let got = recover(method, &Options::default(), &wrap16(&x, 8), Range::new(8, 1.5).unwrap());
         assert_eq!(got.x, x.mapv(|x| x as f32), "{method}");
     }
 }
@@ -151,6 +140,6 @@ fn channels_that_jump_apart_are_trusted_last() {
         let ramp = 3 * i as u32;
         if j < 20 { 20 } else { 20 + ramp + if c == 2 { ramp / 3 } else { 0 } }
     });
-    let got = unwrap("tree", &Options::default(), &wrap(&x, 8), Range::new(8, 2.0).unwrap());
+    let got = recover("tree", &Options::default(), &wrap16(&x, 8), Range::new(8, 2.0).unwrap());
     assert_eq!(got.x, x.mapv(|x| x as f32));
 }
