@@ -1,5 +1,4 @@
-//! Times a forward and an inverse cosine transform of three planes, by this crate and by rustdct, and all of
-//! SPUD.
+//! Times a forward and an inverse cosine transform of three planes, by this crate and by rustdct, and all of SPUD.
 //!
 //! `cargo run --release -p modulo-core --example time_dct [-- HEIGHT WIDTH [RUNS]]` prints the least and the
 //! median duration of all runs in ms, on one thread.

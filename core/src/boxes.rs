@@ -62,8 +62,7 @@ impl BBox {
         if union > 0.0 { (intersection / union).min(1.0) } else { 0.0 }
     }
 
-    /// Returns the part of the box inside an image of `height` x `width` pixels; a box outside shrinks onto its
-    /// edge.
+    /// Returns the part of the box inside an image of `height` x `width` pixels; a box outside shrinks onto its edge.
     pub fn clamp(self, height: usize, width: usize) -> Self {
         let (right, bottom) = (width as f32, height as f32);
         Self {

@@ -1,16 +1,12 @@
 //! [`Bracket`]: high dynamic range from several exposures, as a normal camera makes it.
 //!
-//! The captures follow each other in time, so a moving object is at another position in each and appears several
-//! times in the merged image. These ghosts are neither aligned nor removed: this is the baseline whose ghosts are
-//! measured.
+//! The captures follow each other in time, so a moving object is at another position in each and appears several times
+//! in the merged image. These ghosts are neither aligned nor removed: this is the baseline whose ghosts are measured.
 
 use ndarray::{Array3, Zip};
 
 use crate::frame::Frame;
-use crate::range::Range;
-
-/// The mean rounding error of the converter, which rounds down, in code units.
-const HALF_A_CODE: f32 = 0.5;
+use crate::range::{HALF_A_CODE, Range};
 
 /// A series of exposure times that covers all of a range.
 #[derive(Clone, Debug, PartialEq)]

@@ -10,15 +10,12 @@ use ndarray::Array3;
 use crate::dct::{self, Grid, LANES, SpectralFilter};
 use crate::frame::{Frame, FrameError, check_shape, in_order};
 use crate::optics::Psf;
-use crate::range::Range;
+use crate::range::{HALF_A_CODE, Range};
 use crate::tone;
 use crate::workers::Workers;
 
 /// The ratio of the power of the noise to that of the image, the same at all frequencies.
 pub const NSR: f64 = 4e-4;
-
-/// The mean rounding error of the converter, which rounds down, in code units.
-const HALF_A_CODE: f32 = 0.5;
 
 /// The inverse filter of one lens with its buffers; it plans anew when the image size changes.
 pub struct Deblur {
@@ -60,8 +57,7 @@ impl Deblur {
                 by_column: &self.by_column,
                 rule: |by_row: f32, by_column: f32, c: f32| {
                     let h = by_row * by_column;
-                    // Where H is near 0 the noise would be amplified without bound; the NSR limits the gain
-                    // to 25.
+                    // Where H is near 0 the noise would be amplified without bound; the NSR limits the gain to 25.
                     c * (h / (h * h + NSR as f32))
                 },
             },

@@ -71,7 +71,7 @@ pub(crate) enum Border {
 
 /// Blurs `image` (H x W x C) as OpenCV's `GaussianBlur` does, which the paper's scripts call.
 ///
-/// The border follows [`Border::WholeSample`], so it differs from that of the [`Sensor`](crate::Sensor).
+/// The border is `dcb|abcd|cba`, OpenCV's default, so it differs from that of the [`Sensor`](crate::Sensor).
 pub fn blurred(image: Array3<f32>, psf: Psf) -> Array3<f32> {
     let dim = image.dim();
     let mut image = image.as_standard_layout().into_owned();
@@ -82,8 +82,7 @@ pub fn blurred(image: Array3<f32>, psf: Psf) -> Array3<f32> {
     image
 }
 
-/// Blurs `image` (H x W x C interleaved, of the shape `dim`) in place with an odd number of `taps` along both
-/// sides.
+/// Blurs `image` (H x W x C interleaved, of the shape `dim`) in place with an odd number of `taps` along both sides.
 pub(crate) fn blur(
     image: &mut [f32],
     (height, width, channels): (usize, usize, usize),

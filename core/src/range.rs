@@ -1,5 +1,8 @@
 //! [`Range`]: the range of counts that a sensor represents. It is valid once it is made.
 
+/// The mean rounding error of the converter, which rounds down, in code units.
+pub(crate) const HALF_A_CODE: f32 = 0.5;
+
 /// The bits and the saturation factor of a sensor: `x` lies in `[0, alpha * 2^bits)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {

@@ -32,8 +32,7 @@ pub struct SensorConfig {
     pub psf: Psf,
     /// The standard deviation of the read noise in code units, 0 to 65536.
     pub read_noise: f64,
-    /// The factor of the shot noise, whose standard deviation is `sqrt(shot_noise * x)` in code units, 0 to
-    /// 65536.
+    /// The factor of the shot noise, whose standard deviation is `sqrt(shot_noise * x)` in code units, 0 to 65536.
     pub shot_noise: f64,
 }
 
@@ -114,8 +113,7 @@ impl Sensor {
     pub fn expose(&self, radiance: ArrayView3<'_, f32>, seed: u64) -> Result<Exposure, SensorError> {
         let dim = radiance.dim();
         check_shape(dim)?;
-        // The order of the samples is that of the noise, so that a seed gives the same image for every memory
-        // layout.
+        // The order of the samples is that of the noise, so that a seed gives the same image for every memory layout.
         let mut x: Vec<f32> = radiance.iter().copied().collect();
         if let Some(index) = x.iter().position(|value| !value.is_finite()) {
             return Err(SensorError::NotFinite { at: position_of(index, dim), value: x[index] });
@@ -126,8 +124,7 @@ impl Sensor {
         // The limit need not be exact in `f32`; in double precision a product is rounded only once.
         x.iter_mut().for_each(|value| *value = (limit * f64::from(*value)) as f32);
         add_noise(&mut x, self.shot_noise, self.read_noise, seed);
-        // `floor(x / 2^b)` must never reach `ceil(alpha)`, so x stays strictly below the limit even after
-        // rounding.
+        // `floor(x / 2^b)` must never reach `ceil(alpha)`, so x stays strictly below the limit even after rounding.
         let most = largest_below(limit);
         x.iter_mut().for_each(|value| *value = value.clamp(0.0, most));
         let x = Array3::from_shape_vec(dim, x).expect("x was collected from an array of this shape");
@@ -187,8 +184,7 @@ impl Exposure {
         self.digitise(|count| count.min(most))
     }
 
-    /// Returns the ideal stream: `floor(x)`, neither wrapped nor clipped, scaled to 8 bits as by
-    /// [`tone::linear8`].
+    /// Returns the ideal stream: `floor(x)`, neither wrapped nor clipped, scaled to 8 bits as by [`tone::linear8`].
     pub fn ideal(&self) -> Frame {
         let scale = 255.0 / self.range.limit();
         Frame::from_u8(self.x.mapv(|x| tone::to_u8(x as u32 as f32, scale))).expect(IS_AN_IMAGE)

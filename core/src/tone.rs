@@ -1,7 +1,6 @@
 //! Converts radiance to integers for a screen, a detector or an HDR file.
 //!
-//! One scale serves all channels. It depends only on the sensor, never on the image: there is no automatic
-//! exposure.
+//! One scale serves all channels. It depends only on the sensor, never on the image: there is no automatic exposure.
 
 use ndarray::Array3;
 

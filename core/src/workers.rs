@@ -62,8 +62,7 @@ impl Workers {
         }
     }
 
-    /// Calls `work` with chunks of `size` items of both slices, which have equal lengths, and the index of the
-    /// chunk.
+    /// Calls `work` with chunks of `size` items of both slices, which have equal lengths, and the index of the chunk.
     pub fn each_chunk<A: Send, B: Send>(
         &self,
         (a, b): (&mut [A], &mut [B]),

@@ -1,5 +1,4 @@
-//! Writes a training set for the demo detector: raw 8-bit images of the ideal
-//! stream and their labels.
+//! Writes a training set for the demo detector: raw 8-bit images of the ideal stream and their labels.
 //!
 //! `cargo run --release -p modulo-scene --example export_scenes -- FOLDER FIRST_SEED SEEDS FRAMES STRIDE`
 //!

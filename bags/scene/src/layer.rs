@@ -97,8 +97,7 @@ impl Layer {
             let lit = scaled(colour, tone);
             for column in columns.clone() {
                 let depth = shape.depth(&edges, column as f32 + 0.5, v);
-                // The edge is 1.25 px wide, a little more than a pixel, so that thin gaps between parts are
-                // closed.
+                // The edge is 1.25 px wide, a little more than a pixel, so that thin gaps between parts are closed.
                 if depth > -0.75 {
                     let share = ((depth + 0.75) / 1.25).min(1.0) * strength;
                     let at = (row - self.top) * self.width + column - self.left;

@@ -56,8 +56,7 @@ pub(super) struct Body {
     pub(super) halos: Vec<Halo>,
 }
 
-/// A solid: bodies from its rear to its front in its own axes (right, up, forward), and from far to near in the
-/// world.
+/// A solid: bodies from its rear to its front in its own axes (right, up, forward), and from far to near in the world.
 #[derive(Clone, Debug)]
 pub(super) struct Solid(pub(super) Vec<Body>);
 

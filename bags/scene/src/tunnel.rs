@@ -1,5 +1,4 @@
-//! The tunnel without traffic: dark walls, a row of weak lamps, and the open exit, whose light reaches far
-//! inside.
+//! The tunnel without traffic: dark walls, a row of weak lamps, and the open exit, whose light reaches far inside.
 
 use super::hash::{hash, mix, noise, ramp, unit};
 use super::light::{Light, Rgb, add, blend, scaled};

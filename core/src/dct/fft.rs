@@ -72,8 +72,7 @@ impl Fft {
     #[inline(always)]
     fn run<A: MultiplyAdd>(&self, data: &mut [Complex], scratch: &mut [Complex]) {
         let Some(first) = &self.first else { return };
-        // Stockham's passes need two buffers. `data` is the source of the first pass and the target of the
-        // last one.
+        // Stockham's passes need two buffers. `data` is the source of the first pass and the target of the last one.
         let (apart, near) = scratch.split_at_mut(data.len());
         first.run::<A>((data, 1), (apart, 1));
         let Some((last, middle)) = self.others.split_last() else { return data.copy_from_slice(apart) };

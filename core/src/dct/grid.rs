@@ -1,6 +1,5 @@
 //! The transform of a whole image in three passes over memory: down the bands of sixteen columns
-//! ([`columns`](super::columns)), along the blocks of sixteen rows and back ([`rows`](super::rows)), and up the
-//! bands.
+//! ([`columns`](super::columns)), along the blocks of sixteen rows and back ([`rows`](super::rows)), and up the bands.
 //!
 //! The image is interleaved. Along columns the channels make no difference; along rows each channel is a sequence
 //! of its own. The last band and the last block are filled up with zeros.
@@ -117,8 +116,7 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
     ) {
         let Self { shape, column_plan, row_plan, column_parts, row_parts } = self;
         let shape = *shape;
-        // The three passes are separated by barriers: each reads what all workers have written in the one
-        // before.
+        // The three passes are separated by barriers: each reads what all workers have written in the one before.
         workers.each(column_parts, |_, part| {
             part.bands().for_each(|band| part.forward(shape, column_plan, band, &load));
         });
@@ -150,8 +148,7 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
         }
     }
 
-    /// Runs the second half of a forward transform; `put` receives the coefficients, interleaved as the samples
-    /// are.
+    /// Runs the second half of a forward transform; `put` receives the coefficients, interleaved as the samples are.
     pub fn forward_rows(&mut self, mut put: impl FnMut(Run, [f32; LANES])) {
         let Self { shape, row_plan, column_parts, row_parts, .. } = self;
         for part in row_parts {

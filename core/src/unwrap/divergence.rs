@@ -57,8 +57,7 @@ impl Codes {
         let [above, below] = [chunk(here - self.stride), chunk(here + self.stride)];
         let mut out = [0.0; LANES];
         for lane in 0..LANES {
-            // D^T D with wrapped differences: what flows in from the left and from above minus what flows
-            // out.
+            // D^T D with wrapped differences: what flows in from the left and from above minus what flows out.
             let horizontal = difference(left[lane], middle[lane]) - difference(middle[lane], right[lane]);
             let vertical = difference(above[lane], middle[lane]) - difference(middle[lane], below[lane]);
             out[lane] = (horizontal + vertical) as f32;

@@ -59,7 +59,8 @@ impl GradientTree {
         Self {
             workers,
             pixels: Pixels::default(),
-            gradients: [Direction::Right, Direction::Down].map(DirectionalGradient::new),
+            gradients: [Direction::Right, Direction::Down]
+                .map(|direction| DirectionalGradient { direction, ..Default::default() }),
             forest: Forest::default(),
             sums: DirectSums::default(),
         }
@@ -91,8 +92,8 @@ impl Unwrap for GradientTree {
     }
 }
 
-/// The gradient in one direction. All maps have the size of the image: at pixel p is the difference to p's
-/// neighbour.
+/// The gradient in one direction. All maps have the size of the image: at pixel p is the difference to p's neighbour.
+#[derive(Default)]
 struct DirectionalGradient {
     direction: Direction,
     /// The keys of the gradient.
@@ -112,25 +113,10 @@ struct DirectionalGradient {
 }
 
 impl DirectionalGradient {
-    fn new(direction: Direction) -> Self {
-        Self {
-            direction,
-            keys: Vec::new(),
-            breaks: Vec::new(),
-            second_edges: Default::default(),
-            steepest: Vec::new(),
-            mask: Vec::new(),
-            forest: Forest::default(),
-            n: Vec::new(),
-            changed: Vec::new(),
-        }
-    }
-
     /// Finds n and the keys of `g + n 2^b`; n is 0 for the background and for pixels that no edge joins to it.
     fn unwrap(&mut self, pixels: &Pixels, bounds: Bounds) {
         let stride = pixels.stride(self.direction);
-        // These are the keys of the image, which the second tree uses; the first one needs them for its
-        // background.
+        // These are the keys of the image, which the second tree uses; the first one needs them for its background.
         first_difference_keys(pixels.planes(), stride, FLAT_IMAGE_KEY, &mut self.keys, &mut self.breaks);
         if self.direction == Direction::Right {
             // There the difference is across the edge of the image.

@@ -1,5 +1,4 @@
-//! The unwrapping methods, which recover radiance from a modulo image: one file for each method, one trait for
-//! all.
+//! The unwrapping methods, which recover radiance from a modulo image: one file for each method, one trait for all.
 //!
 //! Every result is congruent with its input, `x_hat = y + k * 2^b`, so that a method can be wrong only about k.
 
@@ -95,8 +94,7 @@ pub trait Unwrap: Send {
     /// shape is the same.
     ///
     /// # Errors
-    /// [`UnwrapError::Float`] when `y` has float samples, [`UnwrapError::Code`] when a value of `y` is 2^b or
-    /// more.
+    /// [`UnwrapError::Float`] when `y` has float samples, [`UnwrapError::Code`] when a value of `y` is 2^b or more.
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError>;
 }
 

@@ -1,5 +1,4 @@
-//! Congruence for real estimates: the wrap counts nearest to phi, at the absolute offset that phi does not
-//! contain.
+//! Congruence for real estimates: the wrap counts nearest to phi, at the absolute offset that phi does not contain.
 //!
 //! After phi, everything is an integer. Residuals `(phi - y) / 2^b` are counted in steps of
 //! 1/[`STEPS_PER_PERIOD`] of a peak. One histogram then gives the fractional offset and the number of pixels of

@@ -1,5 +1,4 @@
-//! Solves the least-squares problem of a gradient field by cosine transforms (eq. 3), with the hard threshold of
-//! SPUD.
+//! Solves the least-squares problem of a gradient field by cosine transforms (eq. 3), with the hard threshold of SPUD.
 
 use std::f64::consts::PI;
 

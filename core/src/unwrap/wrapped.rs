@@ -76,8 +76,7 @@ pub(super) fn wrap_step_signed(from: u16, to: u16) -> i16 {
 /// It holds for codes and for differences that [`biased`] has made, as both have the same order.
 #[inline(always)]
 pub(super) fn wrap_step<W: Word>(from: W, to: W) -> W {
-    // The difference without wrapping is out of range in exactly one direction: a borrow, or half a peak and
-    // more.
+    // The difference without wrapping is out of range in exactly one direction: a borrow, or half a peak and more.
     W::one_if(to < from).minus(W::one_if(to.minus(from) >= W::HALF))
 }
 

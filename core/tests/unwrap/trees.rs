@@ -71,8 +71,7 @@ proptest! {
     }
 }
 
-/// Returns a grey scene: dark ground with texture, an object with an edge of the lens's width, noise of the
-/// sensor.
+/// Returns a grey scene: dark ground with texture, an object with an edge of the lens's width, noise of the sensor.
 fn scene(dim: (usize, usize, usize), bits: u8, height: f64, noise: &[u16]) -> Array3<u32> {
     let peak = f64::from(1u32 << bits);
     Array3::from_shape_fn(dim, |(i, j, c)| {

@@ -96,8 +96,7 @@ impl<S: Copy + Into<u16>, W: Word> SummedImage<'_, S, W> {
         line.extend(self.rows().map(|row| self.across(row, lane).0));
     }
 
-    /// Writes, by row, the constant at `lane` (not in the first column) that `M_b(d_x d_x y) = d_x d_x x`
-    /// implies.
+    /// Writes, by row, the constant at `lane` (not in the first column) that `M_b(d_x d_x y) = d_x d_x x` implies.
     fn second_difference_votes(&self, lane: usize, left_constant: W, line: &mut Vec<W>) {
         line.clear();
         line.extend(self.rows().map(|row| {

@@ -1,10 +1,10 @@
 //! A spanning forest over a grid of pixels, grown along its edges from the flattest on (Kruskal).
 //!
 //! 1. Segments: neighbours along a row with a flat change and the same count are one node from the start, and
-//! flat edges join segments along rows and between them, in the order of the image.
+//!    flat edges join segments along rows and between them, in the order of the image.
 //! 2. For each pair of segments that touch and are not joined, the flattest edge is sorted by key, and these
-//! edges join in that order. They are stored as edges between regions, with the step between their roots: the
-//! order of keys jumps over the image, which is too large for the cache.
+//!    edges join in that order. They are stored as edges between regions, with the step between their roots: the
+//!    order of keys jumps over the image, which is too large for the cache.
 //!
 //! Nothing is stored by pixel, because most of an image is long segments.
 

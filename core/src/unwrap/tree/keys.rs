@@ -1,8 +1,7 @@
 //! The keys of edges: the change along an edge in one number; the smallest is taken first.
 //!
 //! `key = sum_c |d_c| + 2 (max_c d_c - min_c d_c)`, where d is the wrapped difference. Light and shade change all
-//! channels alike, so the second term is small for them, while a difference that is wrapped in one channel stands
-//! out.
+//! channels alike, so the second term is small for them, while a difference that is wrapped in one channel stands out.
 
 use super::pixels::Quad;
 use crate::simd::widest;

@@ -20,8 +20,9 @@ pub(in crate::unwrap) fn subtract(a: Quad, b: Quad) -> Quad {
 }
 
 /// The direction from a pixel to its neighbour.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
 pub(in crate::unwrap) enum Direction {
+    #[default]
     Right,
     Down,
 }
@@ -124,8 +125,7 @@ impl Pixels {
 /// Computes [`wrapped::wrap_step_signed`] of all lanes at once.
 #[inline(always)]
 pub(in crate::unwrap) fn wrap_steps(from: [u16; 4], to: [u16; 4]) -> Quad {
-    // The wrapped difference is the plain one cut to 16 bits, so their distance is the step in its upper
-    // half.
+    // The wrapped difference is the plain one cut to 16 bits, so their distance is the step in its upper half.
     let plain: [i32; 4] = std::array::from_fn(|lane| i32::from(to[lane]) - i32::from(from[lane]));
     plain.map(|plain| ((i32::from(plain as i16) - plain) >> 16) as i16)
 }

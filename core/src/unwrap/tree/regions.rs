@@ -124,8 +124,7 @@ impl Regions {
         self.nodes.len() as u32
     }
 
-    /// Returns the root of `node`'s region, and the value of the node minus that of the root, and halves the
-    /// path.
+    /// Returns the root of `node`'s region, and the value of the node minus that of the root, and halves the path.
     #[inline(always)]
     pub fn find(&mut self, mut node: u32) -> (u32, Quad) {
         let mut total = [0; 4];

@@ -48,8 +48,7 @@ impl CondensedRegions {
     /// Joins the regions of `fine` as their nodes were joined.
     pub fn refine(&mut self, fine: &mut Regions) {
         self.regions.flatten();
-        // `fine` is flat, so every node has its root as parent, and one step over the condensed root
-        // suffices.
+        // `fine` is flat, so every node has its root as parent, and one step over the condensed root suffices.
         for node in &mut fine.nodes {
             let above = self.regions.nodes[self.nodes[node.parent as usize] as usize];
             *node =
