@@ -52,7 +52,7 @@ impl<W: Word> ColumnConstants<W> {
                 (constant, count) = (majority.value, majority.count);
             }
             let check = &mut checks[lane % channels];
-            if check.needs_second_opinion(count, steep, height) && lane >= channels {
+            if check.needs_second_vote(count, steep, height) && lane >= channels {
                 summed.second_difference_votes(lane, self.constants[lane - channels], &mut self.line);
                 let second = self.votes.count(&self.line);
                 check.record(constant != second.value);

@@ -64,7 +64,7 @@ impl MajorityCheck {
 
     /// Returns whether the next line, of `length`, needs a second vote: below 80 % agree, more than a quarter is
     /// steep here or in the line before, or the line before departed from its majority.
-    pub fn needs_second_opinion(&mut self, agree: usize, steep: usize, length: usize) -> bool {
+    pub fn needs_second_vote(&mut self, agree: usize, steep: usize, length: usize) -> bool {
         let steep_here = steep * 4 > length;
         // The state is updated even if another reason decides.
         let steep = std::mem::replace(&mut self.steep_before, steep_here) || steep_here;

@@ -121,7 +121,7 @@ impl<W: Word> Rows<W> {
             majority = self.votes.count(&self.line);
         }
         // Row 1 has only one row above it, and a second difference needs two.
-        if !self.checks[channel].needs_second_opinion(majority.count, steep, width) || i == 1 {
+        if !self.checks[channel].needs_second_vote(majority.count, steep, width) || i == 1 {
             return majority;
         }
         if !counted {
