@@ -14,7 +14,7 @@ const FLOORS: [&[&str]; 8] = [
     &["modulo-bags"],
     &["modulo-runtime"],
     &["modulo-msgs"],
-    &["modulo-images"],
+    &["modulo-images", "modulo-scene"],
     &["modulo-core", "modulo-charts", "modulo-models"],
 ];
 

@@ -1,7 +1,7 @@
-//! Times a forward and an inverse cosine transform of three planes, ours and the library's, and SPUD whole.
+//! Times a forward and an inverse cosine transform of three planes, by this crate and by rustdct, and all of SPUD.
 //!
 //! `cargo run --release -p modulo-core --example time_dct [-- HEIGHT WIDTH [RUNS]]` prints the least and the
-//! middle of all runs, in ms, one thread.
+//! median duration of all runs in ms, on one thread.
 
 use std::time::Instant;
 
@@ -17,7 +17,7 @@ use library::{Direction, Library};
 
 const CHANNELS: usize = 3;
 
-/// Integers that rise and fall, with a texture.
+/// Returns integers that rise and fall, with a texture.
 fn scene(height: usize, width: usize) -> Array3<u16> {
     let triangle = |t: usize, p: usize| (t % (2 * p)).abs_diff(p);
     Array3::from_shape_fn((height, width, CHANNELS), |(i, j, c)| {

@@ -1,7 +1,7 @@
-//! Boxes in image pixels.
+//! Boxes and detections in the coordinates of the image, in pixels.
 //!
-//! Coordinates are continuous: pixel (0, 0) covers `[0, 1) x [0, 1)`, so a box
-//! over a whole image is `(0, 0, width, height)`.
+//! Coordinates are continuous: pixel (0, 0) covers `[0, 1) x [0, 1)`, so a box over a whole image is `(0, 0,
+//! width, height)`.
 
 /// An axis-aligned box, `x1 <= x2`, `y1 <= y2`, in pixels of the original image.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
@@ -16,53 +16,53 @@ pub struct BBox {
     pub y2: f32,
 }
 
-/// One object that a detector saw.
+/// One object that a detector has found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Detection {
-    /// Where, in pixels of the original image.
+    /// The box around the object, in pixels of the original image.
     pub bbox: BBox,
     /// Confidence in `[0, 1]`.
     pub score: f32,
-    /// Class name, as the model or the class map calls it.
+    /// The name of the class, as in the model or in the class map.
     pub class: String,
 }
 
 impl BBox {
-    /// From centre and size, px.
+    /// Returns the box with this centre and size, in px.
     pub fn from_centre((cx, cy): (f32, f32), (width, height): (f32, f32)) -> Self {
         Self { x1: cx - width / 2.0, y1: cy - height / 2.0, x2: cx + width / 2.0, y2: cy + height / 2.0 }
     }
 
-    /// (x, y) of the centre, px.
+    /// Returns the centre (x, y) in px.
     pub fn centre(self) -> (f32, f32) {
         ((self.x1 + self.x2) / 2.0, (self.y1 + self.y2) / 2.0)
     }
 
-    /// (width, height), px; 0 for a side that is turned inside out or NaN.
+    /// Returns (width, height) in px; a side whose ends are swapped or NaN counts as 0.
     pub fn size(self) -> (f32, f32) {
         ((self.x2 - self.x1).max(0.0), (self.y2 - self.y1).max(0.0))
     }
 
-    /// px squared.
+    /// Returns the area in square pixels.
     pub fn area(self) -> f32 {
         let (width, height) = self.size();
         width * height
     }
 
-    /// Area of the common part, px squared.
+    /// Returns the area of the intersection of both boxes in square pixels.
     pub fn intersection(self, other: Self) -> f32 {
         let (x1, y1) = (self.x1.max(other.x1), self.y1.max(other.y1));
         Self { x1, y1, x2: self.x2.min(other.x2), y2: self.y2.min(other.y2) }.area()
     }
 
-    /// Intersection over union, in [0, 1]; 0 when both boxes are empty.
+    /// Returns the intersection over union in [0, 1]; it is 0 when both boxes are empty.
     pub fn iou(self, other: Self) -> f32 {
         let intersection = self.intersection(other);
         let union = self.area() + other.area() - intersection;
         if union > 0.0 { (intersection / union).min(1.0) } else { 0.0 }
     }
 
-    /// The part inside an image of `height` x `width` pixels; a box outside shrinks onto its edge.
+    /// Returns the part of the box inside an image of `height` x `width` pixels; a box outside shrinks onto its edge.
     pub fn clamp(self, height: usize, width: usize) -> Self {
         let (right, bottom) = (width as f32, height as f32);
         Self {

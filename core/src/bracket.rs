@@ -1,70 +1,67 @@
-//! [`Bracket`]: one radiance of several exposures, as a normal camera makes
-//! high dynamic range.
+//! [`Bracket`]: high dynamic range from several exposures, as a normal camera makes it.
 //!
-//! The captures follow each other, so that what moves stands at another place in
-//! each: the merged image shows it several times. Nothing here aligns or removes
-//! these ghosts; it is the baseline whose ghosts are to be measured.
+//! The captures follow each other in time, so a moving object is at another position in each and appears several times
+//! in the merged image. These ghosts are neither aligned nor removed: this is the baseline whose ghosts are measured.
 
 use ndarray::{Array3, Zip};
 
 use crate::frame::Frame;
-use crate::range::Range;
+use crate::range::{HALF_A_CODE, Range};
 
-/// What the converter's floor takes away on average, code units.
-const HALF_A_CODE: f32 = 0.5;
-
-/// The exposure times of a series that covers all of a range.
+/// A series of exposure times that covers all of a range.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bracket {
     range: Range,
     times: Vec<f32>,
 }
 
-/// Captures that cannot be merged.
+/// Error: the captures cannot be merged.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum BracketError {
-    /// Another number than that of the exposure times.
+    /// The number of captures differs from the number of exposure times.
     #[error("{found} captures, the bracket has {needed}")]
     Captures {
-        /// Given.
+        /// The number of captures that were given.
         found: usize,
-        /// Exposure times.
+        /// The number of exposure times.
         needed: usize,
     },
-    /// Captures of different shapes.
+    /// The captures differ in shape.
     #[error("captures of {first:?} and {other:?} (rows, columns, channels), all must be alike")]
     Shapes {
-        /// Of the first.
+        /// The shape of the first capture.
         first: (usize, usize, usize),
-        /// Of the one that differs.
+        /// The shape of the first capture that differs from it.
         other: (usize, usize, usize),
     },
 }
 
 impl Bracket {
-    /// `captures` exposure times, at least one, in equal ratios from the shortest, at which the top of `range` just
-    /// reaches the peak, to the full one, at which the modulo sensor exposes.
+    /// Makes a series of `captures` exposure times, at least one, in equal ratios. At the shortest, the top of
+    /// `range` just reaches the peak; the longest is that of the modulo sensor.
     pub fn new(range: Range, captures: usize) -> Self {
         let last = captures.max(1) - 1;
+        // With alpha below 1 nothing saturates even at the longest exposure.
         let shortest = 1.0 / range.alpha().max(1.0);
         let time = |index: usize| shortest.powf((last - index) as f64 / last.max(1) as f64) as f32;
         Self { range, times: (0..=last).map(time).collect() }
     }
 
-    /// Exposure times in units of the full one, ascending, the last is 1.
+    /// Returns the exposure times in units of the longest, in ascending order; the last is 1.
     pub fn times(&self) -> &[f32] {
         &self.times
     }
 
-    /// Estimates `x` (H x W x C, code units at the full exposure) from saturated `captures`, one for each of
+    /// Estimates `x` (H x W x C, code units at the longest exposure) from saturated `captures`, one for each of
     /// [`Bracket::times`].
     ///
-    /// The mean of `(z + 1/2) / t` with the weights `w(z) t^2` of Robertson, Borman and Stevenson (2003) for a linear
-    /// response, where `w` is Debevec and Malik's (1997) hat, 0 at both ends of the codes. A sample that all captures
-    /// have at an end is read from the longest that is not saturated, else from the shortest.
+    /// The estimate is the mean of `(z + 1/2) / t` with the weights `w(z) t^2` of Robertson, Borman and Stevenson
+    /// (2003) for a linear response. `w` is the hat function of Debevec and Malik (1997), which is 0 at both ends
+    /// of the codes. A sample that is at an end in all captures is read from the longest capture that is not
+    /// saturated, else from the shortest.
     ///
     /// # Errors
-    /// [`BracketError`] when a capture is missing or of another shape.
+    /// [`BracketError`] when a capture is missing or has another shape.
     pub fn merge(&self, captures: &[Frame]) -> Result<Array3<f32>, BracketError> {
         if captures.len() != self.times.len() {
             return Err(BracketError::Captures { found: captures.len(), needed: self.times.len() });
@@ -82,22 +79,25 @@ impl Bracket {
     }
 }
 
-/// What the captures so far say of one sample.
+/// The sums over the captures of one sample.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     weighted: f32,
     weights: f32,
-    /// Of the longest capture that is not saturated, else of the shortest.
+    /// The estimate from the longest capture that is not saturated, else from the shortest.
     single: f32,
     captures: u32,
 }
 
 impl Sums {
-    /// Adds code `z` at exposure `time`; times ascend.
+    /// Adds code `z` at exposure `time`; exposure times must ascend.
     fn add(&mut self, z: f32, time: f32, most: f32) {
+        // Dark codes are mostly rounding error and bright ones may be saturated: neither end has a weight.
         let weight = z.min(most - z).max(0.0);
+        // The variance of z / t is proportional to 1 / t^2, so its weight has a factor t^2.
         self.weighted += weight * time * (z + HALF_A_CODE);
         self.weights += weight * time * time;
+        // Times ascend, so the last capture that is not saturated is the longest one.
         if self.captures == 0 || z < most {
             self.single = (z + HALF_A_CODE) / time;
         }
@@ -116,7 +116,7 @@ mod tests {
     use super::*;
     use crate::{Psf, Sensor, SensorConfig};
 
-    /// One capture of `radiance` for each exposure time of `bracket`.
+    /// Returns one capture of `radiance` for each exposure time of `bracket`.
     fn captures(bracket: &Bracket, radiance: &Array3<f32>) -> Vec<Frame> {
         let expose = |time: &f32| {
             let alpha = bracket.range.alpha() * f64::from(*time);
@@ -161,8 +161,8 @@ mod tests {
     }
 
     proptest! {
-        /// The oracle is the scene: what stands still is found within the step of the longest capture that is not
-        /// saturated, whatever the range.
+        /// The scene itself is the oracle: at any range, a still scene is found within the step of the longest
+        /// capture that is not saturated.
         #[test]
         fn what_stands_still_is_found_to_within_a_step(
             values in prop::collection::vec(0.0f32..1.0, 12),

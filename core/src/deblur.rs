@@ -1,44 +1,46 @@
-//! The lens undone: a Wiener filter for a known point spread function, in the
-//! domain of the cosine transform, on radiance that was recovered exactly.
+//! Removes the blur of a known lens by a Wiener filter in the domain of the cosine transform.
 //!
-//! Nothing is estimated from the image: the lens is known or there is no filter.
+//! The filter needs radiance that was recovered exactly and a point spread function that is known; nothing is
+//! estimated from the image.
 
 use std::f64::consts::PI;
 
 use ndarray::Array3;
 
-use crate::dct::{self, Change, Grid, REALS};
+use crate::dct::{self, Grid, LANES, SpectralFilter};
 use crate::frame::{Frame, FrameError, check_shape, in_order};
 use crate::optics::Psf;
-use crate::range::Range;
+use crate::range::{HALF_A_CODE, Range};
 use crate::tone;
 use crate::workers::Workers;
 
-/// Power of the noise over that of the image, the same at all frequencies.
+/// The ratio of the power of the noise to that of the image, the same at all frequencies.
 pub const NSR: f64 = 4e-4;
 
-/// What the converter's floor takes away on average, code units.
-const HALF_A_CODE: f32 = 0.5;
-
-/// The filter of one lens with its buffers; replans when the image size changes.
+/// The inverse filter of one lens with its buffers; it plans anew when the image size changes.
 pub struct Deblur {
     taps: Vec<f32>,
-    grid: Grid<[f32; REALS]>,
-    down: Vec<[f32; REALS]>,
-    across: Vec<f32>,
+    grid: Grid<[f32; LANES]>,
+    by_row: Vec<[f32; LANES]>,
+    by_column: Vec<f32>,
 }
 
 impl Deblur {
-    /// For images that `psf` has blurred.
+    /// Makes the filter for images that `psf` has blurred.
     pub fn new(psf: Psf) -> Self {
-        Self { taps: psf.taps(), grid: Grid::new((1, 1, 1), 1), down: vec![[1.0; REALS]], across: vec![1.0] }
+        Self {
+            taps: psf.taps(),
+            grid: Grid::new((1, 1, 1), 1),
+            by_row: vec![[1.0; LANES]],
+            by_column: vec![1.0],
+        }
     }
 
-    /// `X H / (H^2 + NSR)`, clamped to `[0, alpha 2^b)`, as [`tone::linear8`] shows it; `x` (H x W x C, code
-    /// units) comes from whole codes.
+    /// Returns the image `X H / (H^2 + NSR)`, clamped to `[0, alpha 2^b)` and scaled to 8 bits as by
+    /// [`tone::linear8`]. `x` (H x W x C, code units) holds whole codes.
     ///
     /// # Errors
-    /// [`FrameError`] when `x` is not of an image's shape.
+    /// [`FrameError`] when `x` does not have the shape of an image.
     pub fn linear8(&mut self, x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
         if self.taps.len() == 1 {
             return tone::linear8(x, range);
@@ -49,29 +51,31 @@ impl Deblur {
         let samples = in_order(x.view());
         let (_, width, channels) = x.dim();
         let stride = width * channels;
-        let (change, most) = (
-            Change {
-                down: &self.down,
-                across: &self.across,
-                rule: |down: f32, across: f32, c: f32| {
-                    let h = down * across;
+        let (filter, max) = (
+            SpectralFilter {
+                by_row: &self.by_row,
+                by_column: &self.by_column,
+                rule: |by_row: f32, by_column: f32, c: f32| {
+                    let h = by_row * by_column;
+                    // Where H is near 0 the noise would be amplified without bound; the NSR limits the gain to 25.
                     c * (h / (h * h + NSR as f32))
                 },
             },
             (range.limit() as f32).next_down(),
         );
         self.grid.filter(
-            &Workers::own(),
+            &Workers::current_thread(),
             #[inline(always)]
-            |place| dct::at(samples, stride, place).map(|x| x + HALF_A_CODE),
-            &change,
+            // Rounding down is a bias of half a code, which the filter must not see as part of the image.
+            |run| dct::load_run(samples, stride, run).map(|x| x + HALF_A_CODE),
+            &filter,
             #[inline(always)]
-            |_, values| values.map(|value| value.clamp(0.0, most)),
+            |_, values| values.map(|value| value.clamp(0.0, max)),
         );
         let (mut shown, scale) = (vec![0; samples.len()], 255.0 / range.limit());
         for (row, out) in shown.chunks_exact_mut(stride).enumerate() {
-            for (run, out) in out.chunks_mut(REALS).enumerate() {
-                let values = self.grid.out(dct::Place { row, sample: run * REALS });
+            for (index, out) in out.chunks_mut(LANES).enumerate() {
+                let values = self.grid.out(dct::Run { row, sample: index * LANES });
                 out.iter_mut().zip(values).for_each(|(out, &value)| *out = tone::to_u8(value, scale));
             }
         }
@@ -81,18 +85,19 @@ impl Deblur {
     fn plan(&mut self, dim @ (height, width, _): (usize, usize, usize)) {
         if self.grid.dim() != dim {
             self.grid = Grid::new(dim, 1);
-            self.across = transfer(&self.taps, width);
-            self.down = vec![[0.0; REALS]; height.div_ceil(REALS)];
-            let down = self.down.as_flattened_mut().iter_mut().zip(transfer(&self.taps, height));
-            down.for_each(|(to, value)| *to = value);
+            self.by_column = transfer(&self.taps, width);
+            self.by_row = vec![[0.0; LANES]; height.div_ceil(LANES)];
+            let by_row = self.by_row.as_flattened_mut().iter_mut().zip(transfer(&self.taps, height));
+            by_row.for_each(|(to, value)| *to = value);
         }
     }
 }
 
-/// H at the frequencies of a cosine transform of `n` samples: `h_0 + 2 sum_i h_i cos(pi k i / n)`.
+/// Returns H at the `n` frequencies of the cosine transform: `h_0 + 2 sum_i h_i cos(pi k i / n)`.
 fn transfer(taps: &[f32], n: usize) -> Vec<f32> {
     let at = |k: usize| {
         let of = |(i, &tap): (usize, &f32)| f64::from(tap) * (PI * (k * i) as f64 / n as f64).cos();
+        // The kernel is symmetric, so one half of it suffices, with the middle tap counted once.
         2.0 * taps[taps.len() / 2..].iter().enumerate().map(of).sum::<f64>() - f64::from(taps[taps.len() / 2])
     };
     (0..n).map(|k| at(k) as f32).collect()

@@ -1,10 +1,10 @@
 //! [`Frame`]: the pixels of one image as a sensor or a screen delivers them.
 //!
-//! A frame has no stamp and no name; those belong to the message that carries it.
+//! A frame has no time stamp and no name; those belong to the message that carries it.
+
+use std::fmt;
 
 use ndarray::{Array3, ArrayView3};
-
-use crate::plane::place_of;
 
 /// An image that is valid by construction: `H x W x C` samples, `H`, `W` >= 1, `C` = 1 (mono) or 3 (red, green,
 /// blue), row-major and interleaved; samples of 32 bits are finite.
@@ -24,41 +24,52 @@ pub enum Samples {
     F32(Array3<f32>),
 }
 
-/// Error: these pixels cannot be a [`Frame`].
+/// The position of a sample in an image, each number from 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SamplePosition {
+    /// The row.
+    pub row: usize,
+    /// The column.
+    pub column: usize,
+    /// The channel.
+    pub channel: usize,
+}
+
+impl fmt::Display for SamplePosition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "row {}, column {}, channel {}", self.row, self.column, self.channel)
+    }
+}
+
+/// Error: these samples cannot be a [`Frame`].
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum FrameError {
-    /// An image needs at least one row and one column.
+    /// The image has no pixel.
     #[error("image of {height} x {width} pixels is empty, at least 1 x 1 is needed")]
     Empty {
-        /// Rows found.
+        /// The number of rows.
         height: usize,
-        /// Columns found.
+        /// The number of columns.
         width: usize,
     },
-    /// Only mono and RGB images are supported.
+    /// The number of channels is neither 1 (mono) nor 3 (RGB).
     #[error("image has {channels} channels, 1 (mono) or 3 (RGB) are possible")]
     Channels {
-        /// Channels found.
+        /// The number of channels.
         channels: usize,
     },
     /// A float sample is NaN or infinite.
-    #[error(
-        "sample at (row {row}, column {column}, channel {channel}) is {value}, finite numbers are needed"
-    )]
+    #[error("sample at ({at}) is {value}, finite numbers are needed")]
     NotFinite {
-        /// Row, from 0.
-        row: usize,
-        /// Column, from 0.
-        column: usize,
-        /// Channel, from 0.
-        channel: usize,
-        /// The sample found.
+        /// The position of the sample.
+        at: SamplePosition,
+        /// The value of the sample.
         value: f32,
     },
 }
 
 impl Frame {
-    /// Takes 8-bit pixels, `H x W x C`.
+    /// Makes a frame of 8-bit samples, `H x W x C`.
     ///
     /// # Errors
     /// [`FrameError`] when a side is 0 or `C` is neither 1 nor 3.
@@ -66,7 +77,7 @@ impl Frame {
         Ok(Self { samples: Samples::U8(checked(pixels)?) })
     }
 
-    /// Takes 16-bit pixels, `H x W x C`.
+    /// Makes a frame of 16-bit samples, `H x W x C`.
     ///
     /// # Errors
     /// [`FrameError`] when a side is 0 or `C` is neither 1 nor 3.
@@ -74,35 +85,33 @@ impl Frame {
         Ok(Self { samples: Samples::U16(checked(pixels)?) })
     }
 
-    /// Takes float pixels, `H x W x C`.
+    /// Makes a frame of float samples, `H x W x C`.
     ///
     /// # Errors
     /// [`FrameError`] when a side is 0, `C` is neither 1 nor 3, or a sample is NaN or infinite.
     pub fn from_f32(pixels: Array3<f32>) -> Result<Self, FrameError> {
         let pixels = checked(pixels)?;
-        if let Some(index) = in_order(pixels.view()).iter().position(|value| !value.is_finite()) {
-            let (row, column, channel) = place_of(index, pixels.dim());
+        let samples = in_order(pixels.view());
+        if let Some(index) = samples.iter().position(|value| !value.is_finite()) {
             return Err(FrameError::NotFinite {
-                row,
-                column,
-                channel,
-                value: pixels[(row, column, channel)],
+                at: position_of(index, pixels.dim()),
+                value: samples[index],
             });
         }
         Ok(Self { samples: Samples::F32(pixels) })
     }
 
-    /// The samples, of one of the three types.
+    /// Returns the samples, which have one of three types.
     pub fn samples(&self) -> &Samples {
         &self.samples
     }
 
-    /// The samples, without a copy.
+    /// Takes the samples out of the frame without a copy.
     pub fn into_samples(self) -> Samples {
         self.samples
     }
 
-    /// The samples of an 8-bit frame; `None` for any other.
+    /// Returns the samples of an 8-bit frame, and `None` for any other frame.
     pub fn as_u8(&self) -> Option<&Array3<u8>> {
         match &self.samples {
             Samples::U8(pixels) => Some(pixels),
@@ -110,7 +119,7 @@ impl Frame {
         }
     }
 
-    /// (height, width, channels).
+    /// Returns (height, width, channels).
     pub fn dim(&self) -> (usize, usize, usize) {
         match &self.samples {
             Samples::U8(pixels) => pixels.dim(),
@@ -119,22 +128,22 @@ impl Frame {
         }
     }
 
-    /// Rows.
+    /// Returns the number of rows.
     pub fn height(&self) -> usize {
         self.dim().0
     }
 
-    /// Columns.
+    /// Returns the number of columns.
     pub fn width(&self) -> usize {
         self.dim().1
     }
 
-    /// 1 (mono) or 3 (red, green, blue).
+    /// Returns the number of channels: 1 (mono) or 3 (red, green, blue).
     pub fn channels(&self) -> usize {
         self.dim().2
     }
 
-    /// Bits of one sample as stored: 8, 16 or 32.
+    /// Returns the bits of one sample in memory: 8, 16 or 32.
     pub fn depth(&self) -> u8 {
         match &self.samples {
             Samples::U8(_) => 8,
@@ -143,7 +152,7 @@ impl Frame {
         }
     }
 
-    /// The samples as `f32`, `H x W x C`, same values.
+    /// Returns a copy of the samples as `f32`, `H x W x C`, with the same values.
     pub fn to_f32(&self) -> Array3<f32> {
         match &self.samples {
             Samples::U8(pixels) => pixels.mapv(f32::from),
@@ -153,7 +162,7 @@ impl Frame {
     }
 }
 
-/// Refuses the shape of an array that cannot be an image.
+/// Returns an error for a shape that no image has.
 pub(crate) fn check_shape((height, width, channels): (usize, usize, usize)) -> Result<(), FrameError> {
     if height == 0 || width == 0 {
         return Err(FrameError::Empty { height, width });
@@ -164,15 +173,35 @@ pub(crate) fn check_shape((height, width, channels): (usize, usize, usize)) -> R
     Ok(())
 }
 
-/// The array in standard layout.
+/// Returns the array in standard layout.
 fn checked<T: Clone>(pixels: Array3<T>) -> Result<Array3<T>, FrameError> {
     check_shape(pixels.dim())?;
     Ok(if pixels.is_standard_layout() { pixels } else { pixels.as_standard_layout().into_owned() })
 }
 
-/// The samples of an array in standard layout, row-major and interleaved.
+/// Returns the samples of an array in standard layout, row-major and interleaved.
 pub(crate) fn in_order<T>(pixels: ArrayView3<'_, T>) -> &[T] {
-    pixels.to_slice().expect("arrays of frames and results are in standard layout")
+    pixels.to_slice().expect("the array is in standard layout")
+}
+
+/// Returns the position of the `index`-th sample in interleaved order.
+pub(crate) fn position_of(index: usize, (_, width, channels): (usize, usize, usize)) -> SamplePosition {
+    SamplePosition {
+        row: index / channels / width,
+        column: index / channels % width,
+        channel: index % channels,
+    }
+}
+
+/// Copies one channel of the interleaved `samples` into `plane`, row-major.
+pub(crate) fn copy_channel<T: Copy + Into<f32>>(
+    samples: &[T],
+    channels: usize,
+    channel: usize,
+    plane: &mut Vec<f32>,
+) {
+    plane.clear();
+    plane.extend(samples.iter().skip(channel).step_by(channels).map(|&sample| sample.into()));
 }
 
 #[cfg(test)]
@@ -190,7 +219,8 @@ mod tests {
     fn a_sample_that_is_not_finite_is_named() {
         let mut pixels = Array3::zeros((2, 4, 3));
         pixels[(1, 2, 0)] = f32::INFINITY;
-        let error = FrameError::NotFinite { row: 1, column: 2, channel: 0, value: f32::INFINITY };
+        let at = SamplePosition { row: 1, column: 2, channel: 0 };
+        let error = FrameError::NotFinite { at, value: f32::INFINITY };
         assert_eq!(Frame::from_f32(pixels), Err(error));
     }
 

@@ -1,28 +1,28 @@
-//! Fitting an image into a network's input: one scale, the rest padding.
+//! Fits an image into the input of a network: one scale for both sides, padding around it.
 
 use crate::boxes::BBox;
 
-/// Where the image lies in its target.
+/// The position of the image in its target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Align {
-    /// Padding on all sides; the odd pixel goes right and below.
+    /// The padding is on all sides; an odd pixel goes to the right or below.
     #[default]
     Centre,
-    /// Padding right and below only.
+    /// The padding is only right and below.
     TopLeft,
 }
 
-/// Whether a small image grows.
+/// Whether a small image is enlarged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Scaling {
-    /// Largest size that fits.
+    /// The image gets the largest size that fits.
     #[default]
     Fit,
-    /// As `Fit`, but never larger than the image is.
+    /// As `Fit`, but the image is never enlarged.
     ShrinkOnly,
 }
 
-/// Where an image of one size lies in a target of another.
+/// The position of an image of one size in a target of another size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Letterbox {
     source: (usize, usize),
@@ -30,13 +30,13 @@ pub struct Letterbox {
     corner: (usize, usize),
 }
 
-/// A side of no pixels.
+/// Error: a side has no pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("letterbox of {0:?} into {1:?} (height, width): every side needs at least 1 pixel")]
 pub struct LetterboxError(pub (usize, usize), pub (usize, usize));
 
 impl Letterbox {
-    /// `source` and `target` are (height, width), px.
+    /// Fits an image of the size `source` into `target`, both (height, width) in px.
     ///
     /// # Errors
     /// [`LetterboxError`] when a side is 0.
@@ -54,6 +54,7 @@ impl Letterbox {
             Scaling::Fit => fit,
             Scaling::ShrinkOnly => fit.min(1.0),
         };
+        // An image of extreme proportions still gets one pixel, and rounding never exceeds the target.
         let side = |source: usize, target: usize| ((source as f64 * scale).round() as usize).clamp(1, target);
         let inner = (side(source.0, target.0), side(source.1, target.1));
         let corner = match align {
@@ -63,22 +64,22 @@ impl Letterbox {
         Ok(Self { source, inner, corner })
     }
 
-    /// (height, width) to which the image is resized, px of the target.
+    /// Returns (height, width) of the resized image, in px of the target.
     pub fn inner(&self) -> (usize, usize) {
         self.inner
     }
 
-    /// (top, left) of the resized image, px of the target.
+    /// Returns (top, left) of the resized image, in px of the target.
     pub fn corner(&self) -> (usize, usize) {
         self.corner
     }
 
-    /// (vertical, horizontal) scale: the sides are whole pixels, so the two differ a little.
+    /// Returns the (vertical, horizontal) scale; sides are whole pixels, so the two differ a little.
     pub fn scale(&self) -> (f32, f32) {
         (self.inner.0 as f32 / self.source.0 as f32, self.inner.1 as f32 / self.source.1 as f32)
     }
 
-    /// From pixels of the image to pixels of the target.
+    /// Converts from pixels of the image to pixels of the target.
     pub fn forward(&self, bbox: BBox) -> BBox {
         let (sy, sx) = self.scale();
         let (top, left) = (self.corner.0 as f32, self.corner.1 as f32);
@@ -90,7 +91,7 @@ impl Letterbox {
         }
     }
 
-    /// From pixels of the target to pixels of the image, clamped into the image.
+    /// Converts from pixels of the target to pixels of the image, clamped to the image.
     pub fn inverse(&self, bbox: BBox) -> BBox {
         let (sy, sx) = self.scale();
         let (top, left) = (self.corner.0 as f32, self.corner.1 as f32);

@@ -1,12 +1,11 @@
-//! The mathematics of a modulo camera, and nothing else.
+//! The mathematics of a modulo camera.
 //!
-//! Images are `H x W x C` [`ndarray::Array3`] in standard (row-major,
-//! interleaved) layout with `C` = 1 (mono) or 3 (red, green, blue). Radiance is
-//! `f32` in *code units*: one unit is one step of the sensor's converter, the
+//! Images are `H x W x C` [`ndarray::Array3`] in standard (row-major, interleaved) layout with `C` = 1 (mono) or
+//! 3 (red, green, blue). Radiance is `f32` in *code units*: one unit is one step of the sensor's converter, the
 //! peak is `2^bits`, and `x` lies in `[0, alpha * 2^bits)`.
 //!
-//! Nothing here reads a file, a clock or an environment, starts a thread of its
-//! own accord, or knows of messages and topics.
+//! This crate reads no file, clock or environment, starts threads only when it is asked to, and does not know
+//! messages and topics.
 
 pub mod boxes;
 pub mod bracket;
@@ -16,11 +15,8 @@ pub mod frame;
 pub mod gradient;
 pub mod letterbox;
 pub mod metric;
-mod noise;
 pub mod optics;
-mod plane;
 mod range;
-pub mod scene;
 pub mod sensor;
 mod simd;
 pub mod tone;
@@ -30,7 +26,7 @@ mod workers;
 pub use boxes::{BBox, Detection};
 pub use bracket::{Bracket, BracketError};
 pub use deblur::Deblur;
-pub use frame::{Frame, FrameError, Samples};
+pub use frame::{Frame, FrameError, SamplePosition, Samples};
 pub use letterbox::Letterbox;
 pub use optics::Psf;
 pub use range::{Range, RangeError};

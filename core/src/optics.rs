@@ -1,23 +1,23 @@
 //! The lens: a small separable blur of the radiance before it is sampled.
 //!
-//! Borders reflect without repeating the edge pixel (`gfedcb|abcdefgh|gfedcba`,
-//! OpenCV's `BORDER_REFLECT_101`).
+//! The sensor continues the image beyond its border by half-sample symmetry (`dcba|abcd|dcba`). A symmetric
+//! kernel is then exactly a product in the domain of the DCT-II, which [`Deblur`](crate::Deblur) inverts.
 
 use ndarray::Array3;
 
-/// Point spread function, in pixels of the sensor.
+/// The point spread function of a lens, in pixels of the sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub enum Psf {
-    /// A perfect lens.
+    /// A perfect lens, which does not blur.
     #[default]
     None,
     /// A Gaussian of `sigma` pixels, cut at radius `ceil(3 sigma)`.
     Gaussian {
-        /// In (0, 100] px.
+        /// The standard deviation in px, in (0, 100].
         sigma: f64,
     },
-    /// The paper's 7 taps: what OpenCV's `getGaussianKernel` gives for size 7
-    /// and no sigma, a fixed table that stands for sigma = 1.4 px.
+    /// The 7 taps of the paper, which OpenCV's `getGaussianKernel` returns for size 7 without a sigma: a fixed
+    /// table that stands for sigma = 1.4 px.
     Paper7,
 }
 
@@ -27,13 +27,13 @@ pub const MAX_SIGMA: f64 = 100.0;
 const PAPER_TAPS: [f32; 7] = [0.03125, 0.109375, 0.21875, 0.28125, 0.21875, 0.109375, 0.03125];
 
 impl Psf {
-    /// The blur of a lens by its sigma alone, px: 0 is a perfect lens, else a Gaussian, whose sigma
+    /// Returns the blur of a lens of this sigma in px: 0 is a perfect lens, any other value a Gaussian, which
     /// [`Sensor::new`](crate::Sensor::new) checks.
     pub fn of_sigma(sigma: f64) -> Self {
         if sigma == 0.0 { Self::None } else { Self::Gaussian { sigma } }
     }
 
-    /// Sigma in px: 0 for a perfect lens, 1.4 for [`Psf::Paper7`].
+    /// Returns sigma in px: 0 for a perfect lens, 1.4 for [`Psf::Paper7`].
     pub fn sigma(self) -> f64 {
         match self {
             Self::None => 0.0,
@@ -42,7 +42,7 @@ impl Psf {
         }
     }
 
-    /// The kernel along one side, odd in length, sum 1; the single tap 1 for [`Psf::None`].
+    /// Returns the kernel along one side, odd in length, with sum 1; the single tap 1 for [`Psf::None`].
     pub fn taps(self) -> Vec<f32> {
         match self {
             Self::None => vec![1.0],
@@ -60,36 +60,55 @@ fn gaussian(sigma: f64) -> Vec<f32> {
     weights.iter().map(|weight| (weight / sum) as f32).collect()
 }
 
-/// `image` (H x W x C) as the lens shows it.
+/// The rule that continues an image `abcd` beyond its border.
+#[derive(Clone, Copy)]
+pub(crate) enum Border {
+    /// Half-sample symmetry, `dcba|abcd|dcba`: the sample at the border is repeated, as the DCT-II assumes.
+    HalfSample,
+    /// Whole-sample symmetry, `dcb|abcd|cba`: OpenCV's default, `BORDER_REFLECT_101`.
+    WholeSample,
+}
+
+/// Blurs `image` (H x W x C) as OpenCV's `GaussianBlur` does, which the paper's scripts call.
+///
+/// The border is `dcb|abcd|cba`, OpenCV's default, so it differs from that of the [`Sensor`](crate::Sensor).
 pub fn blurred(image: Array3<f32>, psf: Psf) -> Array3<f32> {
     let dim = image.dim();
     let mut image = image.as_standard_layout().into_owned();
-    if let Some(samples) = image.as_slice_mut().filter(|samples| !samples.is_empty()) {
-        blur(samples, dim, &psf.taps());
+    let samples = image.as_slice_mut().expect("the layout was made standard");
+    if !samples.is_empty() {
+        blur(samples, dim, &psf.taps(), Border::WholeSample);
     }
     image
 }
 
-/// Blurs `image` (H x W x C interleaved, `dim` its shape) in place with odd `taps` along both sides.
-pub(crate) fn blur(image: &mut [f32], (height, width, channels): (usize, usize, usize), taps: &[f32]) {
+/// Blurs `image` (H x W x C interleaved, of the shape `dim`) in place with an odd number of `taps` along both sides.
+pub(crate) fn blur(
+    image: &mut [f32],
+    (height, width, channels): (usize, usize, usize),
+    taps: &[f32],
+    border: Border,
+) {
     if taps.len() < 2 {
         return;
     }
     let stride = width * channels;
     let reach = taps.len() / 2;
+    // One tap after the other over a whole row: the inner loop has no border case and runs in wide vectors.
     let mut padded = vec![0.0; (width + 2 * reach) * channels];
     let mut across = vec![0.0; image.len()];
     for (row, out) in image.chunks_exact(stride).zip(across.chunks_exact_mut(stride)) {
         for (column, pixel) in padded.chunks_exact_mut(channels).enumerate() {
-            let source = reflect(column as isize - reach as isize, width) * channels;
+            let source = border.reflect(column as isize - reach as isize, width) * channels;
             pixel.copy_from_slice(&row[source..source + channels]);
         }
         taps.iter().enumerate().for_each(|(t, &tap)| add(out, &padded[t * channels..], tap));
     }
     for (row, out) in image.chunks_exact_mut(stride).enumerate() {
+        // `image` is free for the result, since the first pass has left everything in `across`.
         out.fill(0.0);
         for (t, &tap) in taps.iter().enumerate() {
-            let source = reflect(row as isize + t as isize - reach as isize, height) * stride;
+            let source = border.reflect(row as isize + t as isize - reach as isize, height) * stride;
             add(out, &across[source..source + stride], tap);
         }
     }
@@ -99,14 +118,17 @@ fn add(out: &mut [f32], source: &[f32], tap: f32) {
     out.iter_mut().zip(source).for_each(|(o, s)| *o += tap * s);
 }
 
-/// Index `i` of an endless, reflected line of `n` samples.
-fn reflect(i: isize, n: usize) -> usize {
-    if n == 1 {
-        return 0;
+impl Border {
+    /// Returns the index, in a line of `n` samples, of the sample that continues the line at index `i`.
+    fn reflect(self, i: isize, n: usize) -> usize {
+        let (period, mirror) = match self {
+            Self::HalfSample => (2 * n, 2 * n - 1),
+            Self::WholeSample => ((2 * n - 2).max(1), 2 * n - 2),
+        };
+        // The kernel may be longer than the image, which is then reflected more than once.
+        let i = i.rem_euclid(period as isize) as usize;
+        if i < n { i } else { mirror - i }
     }
-    let period = 2 * (n - 1);
-    let i = i.rem_euclid(period as isize) as usize;
-    if i < n { i } else { period - i }
 }
 
 #[cfg(test)]
@@ -123,25 +145,29 @@ mod tests {
     }
 
     #[test]
-    fn borders_reflect_without_the_edge() {
-        let line: Vec<usize> = (-4..9).map(|i| reflect(i, 4)).collect();
-        assert_eq!(line, [2, 3, 2, 1, 0, 1, 2, 3, 2, 1, 0, 1, 2]);
+    fn borders_reflect_with_and_without_the_edge() {
+        let line = |border: Border, n| (-4..9).map(|i| border.reflect(i, n)).collect::<Vec<_>>();
+        assert_eq!(line(Border::HalfSample, 4), [3, 2, 1, 0, 0, 1, 2, 3, 3, 2, 1, 0, 0]);
+        assert_eq!(line(Border::WholeSample, 4), [2, 3, 2, 1, 0, 1, 2, 3, 2, 1, 0, 1, 2]);
+        assert_eq!((line(Border::HalfSample, 1), line(Border::WholeSample, 1)), (vec![0; 13], vec![0; 13]));
     }
 
     #[test]
     fn is_the_separable_sum() {
         let taps = Psf::Gaussian { sigma: 0.9 }.taps();
-        for dim @ (h, w, c) in [(5, 8, 3), (1, 9, 1), (9, 1, 3), (2, 2, 1), (1, 1, 3)] {
+        let dims = [(5, 8, 3), (1, 9, 1), (9, 1, 3), (2, 2, 1), (1, 1, 3)];
+        let cases = dims.map(|dim| [(dim, Border::HalfSample), (dim, Border::WholeSample)]);
+        for (dim @ (h, w, c), border) in cases.into_iter().flatten() {
             let image: Vec<f32> = (0..h * w * c).map(|i| ((i * 37) % 23) as f32 / 23.0).collect();
             let mut got = image.clone();
-            blur(&mut got, dim, &taps);
+            blur(&mut got, dim, &taps, border);
             let reach = taps.len() as isize / 2;
             for (index, value) in got.iter().enumerate() {
                 let (i, j, k) = (index / c / w, index / c % w, index % c);
                 let mut want = 0.0;
                 for (a, ta) in (-reach..).zip(&taps) {
                     for (b, tb) in (-reach..).zip(&taps) {
-                        let (i, j) = (reflect(i as isize + a, h), reflect(j as isize + b, w));
+                        let (i, j) = (border.reflect(i as isize + a, h), border.reflect(j as isize + b, w));
                         want += ta * tb * image[(i * w + j) * c + k];
                     }
                 }

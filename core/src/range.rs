@@ -1,31 +1,34 @@
-//! [`Range`]: how far a sensor's counts reach. A constructed range is valid.
+//! [`Range`]: the range of counts that a sensor represents. It is valid once it is made.
 
-/// The bits and the saturation factor of a sensor, `x` in `[0, alpha * 2^bits)`.
+/// The mean rounding error of the converter, which rounds down, in code units.
+pub(crate) const HALF_A_CODE: f32 = 0.5;
+
+/// The bits and the saturation factor of a sensor: `x` lies in `[0, alpha * 2^bits)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Range {
     bits: u8,
     alpha: f64,
 }
 
-/// Why a pair of numbers cannot be a [`Range`].
+/// Error: these numbers cannot be a [`Range`].
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RangeError {
-    /// The converter's width.
+    /// The bits are out of range.
     #[error("bits is {bits}, 1 to 16 are possible")]
     Bits {
-        /// Found.
+        /// The number of bits.
         bits: u8,
     },
-    /// The saturation factor.
+    /// The saturation factor is out of range.
     #[error("alpha is {alpha}, more than 0 and at most 256 is possible")]
     Alpha {
-        /// Found.
+        /// The saturation factor.
         alpha: f64,
     },
 }
 
 impl Range {
-    /// `bits` in 1 to 16, `alpha` in (0, 256].
+    /// Makes a range of `bits` in 1 to 16 and `alpha` in (0, 256].
     ///
     /// # Errors
     /// [`RangeError`] when one of them is outside, NaN included.
@@ -33,39 +36,40 @@ impl Range {
         if !(1..=16).contains(&bits) {
             return Err(RangeError::Bits { bits });
         }
+        // The negation refuses NaN, too. 256 is the largest alpha whose wrap counts fit 8 bits.
         if !(alpha > 0.0 && alpha <= 256.0) {
             return Err(RangeError::Alpha { alpha });
         }
         Ok(Self { bits, alpha })
     }
 
-    /// b, the width of the converter.
+    /// Returns b, the bits of the converter.
     pub fn bits(self) -> u8 {
         self.bits
     }
 
-    /// The saturation factor.
+    /// Returns alpha, the saturation factor.
     pub fn alpha(self) -> f64 {
         self.alpha
     }
 
-    /// 2^b, exact in `f32`.
+    /// Returns the peak 2^b, which is exact in `f32`.
     pub fn peak(self) -> f32 {
         peak(self.bits)
     }
 
-    /// `alpha * 2^b`, code units; radiance stays strictly below.
+    /// Returns `alpha * 2^b` in code units; radiance is strictly below it.
     pub fn limit(self) -> f64 {
         self.alpha * f64::from(self.peak())
     }
 
-    /// `ceil(alpha) - 1`, the largest wrap count k that radiance in range has.
-    pub fn most_wraps(self) -> u8 {
+    /// Returns `ceil(alpha) - 1`, the largest wrap count k of radiance in range.
+    pub fn max_wraps(self) -> u8 {
         (self.alpha.ceil() - 1.0) as u8
     }
 }
 
-/// 2^bits, for bits up to 32.
+/// Returns 2^bits, for bits up to 32.
 pub(crate) fn peak(bits: u8) -> f32 {
     (1u64 << bits.min(32)) as f32
 }
@@ -85,7 +89,7 @@ mod tests {
 
     #[test]
     fn counts_wraps_below_the_limit() {
-        let wraps = |alpha| Range::new(8, alpha).unwrap().most_wraps();
+        let wraps = |alpha| Range::new(8, alpha).unwrap().max_wraps();
         assert_eq!([wraps(0.3), wraps(1.0), wraps(1.5), wraps(2.0), wraps(256.0)], [0, 0, 1, 1, 255]);
         assert_eq!(
             (1..=16).map(peak).collect::<Vec<_>>(),

@@ -1,80 +1,75 @@
-//! The modulo sensor: radiance in, counts out (eq. 1).
+//! The modulo sensor, which turns radiance into counts (eq. 1).
 //!
-//! One exposure yields every stream, so that modulo, saturated and ideal frames
-//! of a scene carry the same noise. Nothing here knows what a scene is.
+//! One exposure gives every stream, so that the modulo, saturated and ideal frames carry the same noise.
 
 use ndarray::{Array3, ArrayView3};
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64Mcg;
 
-use crate::frame::{Frame, FrameError, check_shape};
-use crate::optics::{self, MAX_SIGMA, Psf};
-use crate::plane::place_of;
+use crate::frame::{Frame, FrameError, SamplePosition, check_shape, position_of};
+use crate::optics::{self, Border, MAX_SIGMA, Psf};
 use crate::range::{Range, RangeError};
-use crate::{noise, tone};
+use crate::tone;
 
-/// The largest `f32` below 1, to which radiance of full scale and more is clamped.
+/// The largest `f32` below 1; radiance of full scale and more is clamped to it.
 pub const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 
-/// Why the frames of an exposure are valid.
+/// The reason why the frames of an exposure are valid.
 const IS_AN_IMAGE: &str = "`Sensor::expose` has checked the shape";
 
-/// Largest noise parameter, code units: the peak of 16 bits.
+/// The largest noise parameter in code units: the peak of 16 bits.
 const MAX_NOISE: f64 = 65536.0;
 
-/// What a sensor and its lens are like.
+/// The configuration of a sensor and its lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorConfig {
-    /// b, 1 to 16.
+    /// The bits b of the converter, 1 to 16.
     pub bits: u8,
-    /// Saturation factor: the brightest radiance over the peak, in (0, 256].
+    /// The saturation factor alpha, in (0, 256]: the brightest radiance over the peak.
     pub alpha: f64,
-    /// Blur of the lens.
+    /// The blur of the lens.
     pub psf: Psf,
-    /// Sigma of the read noise, code units, 0 to 65536.
+    /// The standard deviation of the read noise in code units, 0 to 65536.
     pub read_noise: f64,
-    /// Shot noise has sigma `sqrt(shot_noise * x)`, code units, 0 to 65536.
+    /// The factor of the shot noise, whose standard deviation is `sqrt(shot_noise * x)` in code units, 0 to 65536.
     pub shot_noise: f64,
 }
 
-/// Why there is no such sensor, or no exposure.
+/// Error: the sensor cannot be made, or the exposure cannot be taken.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SensorError {
-    /// Bits or alpha.
+    /// The bits or alpha are out of range.
     #[error(transparent)]
     Range(#[from] RangeError),
-    /// The lens.
+    /// The sigma of the lens is out of range.
     #[error("psf sigma is {sigma} px, more than 0 and at most {MAX_SIGMA} is possible")]
     PsfSigma {
-        /// Found, px.
+        /// The sigma in px.
         sigma: f64,
     },
-    /// `read_noise` or `shot_noise`.
+    /// A noise parameter is out of range.
     #[error("{name} is {value}, 0 to {MAX_NOISE} is possible")]
     Noise {
-        /// Of the parameter.
+        /// The name of the parameter, `read_noise` or `shot_noise`.
         name: &'static str,
-        /// Found.
+        /// The value of the parameter.
         value: f64,
     },
-    /// Radiance that is not of an image's shape.
+    /// The radiance does not have the shape of an image.
     #[error(transparent)]
     Shape(#[from] FrameError),
-    /// NaN or infinite radiance.
-    #[error(
-        "radiance at (row {row}, column {column}, channel {channel}) is {value}, finite numbers are needed"
-    )]
+    /// A sample of the radiance is NaN or infinite.
+    #[error("radiance at ({at}) is {value}, finite numbers are needed")]
     NotFinite {
-        /// Row, from 0.
-        row: usize,
-        /// Column, from 0.
-        column: usize,
-        /// Channel, from 0.
-        channel: usize,
-        /// Found.
+        /// The position of the sample.
+        at: SamplePosition,
+        /// The value of the sample.
         value: f32,
     },
 }
 
-/// A sensor of checked configuration.
+/// A sensor with a valid configuration.
 #[derive(Clone, Debug)]
 pub struct Sensor {
     range: Range,
@@ -84,10 +79,10 @@ pub struct Sensor {
 }
 
 impl Sensor {
-    /// Checks `config` and prepares the lens.
+    /// Checks `config` and makes the kernel of the lens.
     ///
     /// # Errors
-    /// [`SensorError`] names the parameter, its value and what is possible; NaN is refused.
+    /// [`SensorError`] names the parameter, its value and its range; NaN is an error.
     pub fn new(config: SensorConfig) -> Result<Self, SensorError> {
         let range = Range::new(config.bits, config.alpha)?;
         if let Psf::Gaussian { sigma } = config.psf
@@ -104,43 +99,62 @@ impl Sensor {
         Ok(Self { range, taps: config.psf.taps(), read_noise, shot_noise })
     }
 
-    /// Bits and alpha.
+    /// Returns the bits and alpha.
     pub fn range(&self) -> Range {
         self.range
     }
 
-    /// Exposes to `radiance`, H x W x C, full scale = 1, values outside `[0, 1)` are clamped:
-    /// `x = alpha * 2^b * blur(radiance) + noise`, clamped to `[0, alpha * 2^b)`.
+    /// Exposes the sensor to `radiance`, H x W x C with full scale 1; values outside `[0, 1)` are clamped. `x =
+    /// alpha * 2^b * blur(radiance) + noise` is clamped to `[0, alpha * 2^b)`. The blur repeats the sample at the
+    /// border of the image (`dcba|abcd|dcba`).
     ///
     /// # Errors
-    /// [`SensorError`] when the shape is no image's, or a value is NaN or infinite.
+    /// [`SensorError`] when the shape is not that of an image, or a value is NaN or infinite.
     pub fn expose(&self, radiance: ArrayView3<'_, f32>, seed: u64) -> Result<Exposure, SensorError> {
         let dim = radiance.dim();
         check_shape(dim)?;
+        // The order of the samples is that of the noise, so that a seed gives the same image for every memory layout.
         let mut x: Vec<f32> = radiance.iter().copied().collect();
         if let Some(index) = x.iter().position(|value| !value.is_finite()) {
-            let (row, column, channel) = place_of(index, dim);
-            return Err(SensorError::NotFinite { row, column, channel, value: x[index] });
+            return Err(SensorError::NotFinite { at: position_of(index, dim), value: x[index] });
         }
         x.iter_mut().for_each(|value| *value = value.clamp(0.0, BELOW_ONE));
-        optics::blur(&mut x, dim, &self.taps);
+        optics::blur(&mut x, dim, &self.taps, Border::HalfSample);
         let limit = self.range.limit();
+        // The limit need not be exact in `f32`; in double precision a product is rounded only once.
         x.iter_mut().for_each(|value| *value = (limit * f64::from(*value)) as f32);
-        noise::add(&mut x, self.shot_noise, self.read_noise, seed);
-        let most = below(limit);
+        add_noise(&mut x, self.shot_noise, self.read_noise, seed);
+        // `floor(x / 2^b)` must never reach `ceil(alpha)`, so x stays strictly below the limit even after rounding.
+        let most = largest_below(limit);
         x.iter_mut().for_each(|value| *value = value.clamp(0.0, most));
         let x = Array3::from_shape_vec(dim, x).expect("x was collected from an array of this shape");
         Ok(Exposure { x, range: self.range })
     }
 }
 
-/// Largest `f32` strictly below `limit` (> 0), or 0.
-fn below(limit: f64) -> f32 {
+/// Adds Gaussian noise of variance `shot * x + read^2` to every sample of `x` (>= 0, code units).
+///
+/// Shot and read noise are independent, so one random number stands for both.
+fn add_noise(x: &mut [f32], shot: f64, read: f64, seed: u64) {
+    if shot == 0.0 && read == 0.0 {
+        return;
+    }
+    let mut random = Pcg64Mcg::seed_from_u64(seed);
+    for sample in x {
+        let sigma = (shot * f64::from(*sample) + read * read).sqrt();
+        let deviate: f64 = StandardNormal.sample(&mut random);
+        *sample += (sigma * deviate) as f32;
+    }
+}
+
+/// Returns the largest `f32` strictly below `limit` (> 0), or 0.
+fn largest_below(limit: f64) -> f32 {
     let nearest = limit as f32;
+    // The conversion rounds to nearest, which may be at the limit or above it.
     if f64::from(nearest) < limit { nearest } else { nearest.next_down().max(0.0) }
 }
 
-/// What fell on the sensor, before any converter: the truth that unwrapping is measured against.
+/// The radiance on the sensor before any converter: the ground truth of unwrapping.
 #[derive(Clone, Debug)]
 pub struct Exposure {
     x: Array3<f32>,
@@ -148,41 +162,41 @@ pub struct Exposure {
 }
 
 impl Exposure {
-    /// Radiance with blur and noise, H x W x C, code units, in `[0, alpha * 2^b)`.
+    /// Returns the radiance with blur and noise, H x W x C in code units, in `[0, alpha * 2^b)`.
     pub fn x(&self) -> &Array3<f32> {
         &self.x
     }
 
-    /// Bits and alpha.
+    /// Returns the bits and alpha.
     pub fn range(&self) -> Range {
         self.range
     }
 
-    /// The modulo stream (eq. 1): `y = floor(x mod 2^b)`, 8-bit samples for b <= 8, else 16-bit.
+    /// Returns the modulo stream (eq. 1): `y = floor(x mod 2^b)`, 8-bit samples for b <= 8, else 16-bit samples.
     pub fn modulo(&self) -> Frame {
         let mask = (1 << self.range.bits()) - 1;
         self.digitise(|count| count & mask)
     }
 
-    /// The saturated stream: `floor(min(x, 2^b - 1))`, depth as [`Exposure::modulo`].
+    /// Returns the saturated stream: `floor(min(x, 2^b - 1))`, with samples as in [`Exposure::modulo`].
     pub fn saturated(&self) -> Frame {
         let most = (1 << self.range.bits()) - 1;
         self.digitise(|count| count.min(most))
     }
 
-    /// The ideal stream: `floor(x)` without wrap or clip, toned to 8 bits as [`tone::linear8`].
+    /// Returns the ideal stream: `floor(x)`, neither wrapped nor clipped, scaled to 8 bits as by [`tone::linear8`].
     pub fn ideal(&self) -> Frame {
         let scale = 255.0 / self.range.limit();
         Frame::from_u8(self.x.mapv(|x| tone::to_u8(x as u32 as f32, scale))).expect(IS_AN_IMAGE)
     }
 
-    /// The true wrap counts: `k = floor(x / 2^b)`, at most `ceil(alpha) - 1`.
+    /// Returns the true wrap counts: `k = floor(x / 2^b)`, at most `ceil(alpha) - 1`.
     pub fn wraps(&self) -> Array3<u8> {
         let bits = self.range.bits();
         self.x.mapv(|x| (x as u32 >> bits) as u8)
     }
 
-    /// Integer samples from `floor(x)`, which fits 24 bits.
+    /// Makes integer samples from `floor(x)`, which fits 24 bits.
     fn digitise(&self, code: impl Fn(u32) -> u32) -> Frame {
         let frame = if self.range.bits() <= 8 {
             Frame::from_u8(self.x.mapv(|x| code(x as u32) as u8))
@@ -190,5 +204,20 @@ impl Exposure {
             Frame::from_u16(self.x.mapv(|x| code(x as u32) as u16))
         };
         frame.expect(IS_AN_IMAGE)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn variance_is_shot_and_read_together() {
+        let mut x = vec![400.0; 100_000];
+        add_noise(&mut x, 0.25, 5.0, 7);
+        let mean = x.iter().map(|v| f64::from(*v)).sum::<f64>() / x.len() as f64;
+        let variance = x.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / x.len() as f64;
+        assert!((mean - 400.0).abs() < 0.2, "mean {mean}");
+        assert!((variance - 125.0).abs() < 3.0, "variance {variance}");
     }
 }

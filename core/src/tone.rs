@@ -1,7 +1,6 @@
-//! Radiance to integers for a screen, a detector or an HDR file.
+//! Converts radiance to integers for a screen, a detector or an HDR file.
 //!
-//! One scale serves all channels and depends on the sensor alone, never on the
-//! image: no automatic exposure.
+//! One scale serves all channels. It depends only on the sensor, never on the image: there is no automatic exposure.
 
 use ndarray::Array3;
 
@@ -9,24 +8,21 @@ use crate::frame::{Frame, FrameError};
 use crate::range::Range;
 use crate::simd::widest;
 
-/// `round(255 * x / (alpha * 2^b))`, clamped to 0..255, as a frame of 8 bits.
+/// Returns `round(255 * x / (alpha * 2^b))`, clamped to 0..255, as a frame of 8 bits.
 ///
 /// # Errors
-/// [`FrameError`] when `x` (H x W x C, code units) is not of an image's shape.
+/// [`FrameError`] when `x` (H x W x C, code units) does not have the shape of an image.
 pub fn linear8(x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
     let scale = 255.0 / range.limit();
-    Frame::from_u8(widest(
-        #[inline(always)]
-        || x.mapv(|x| to_u8(x, scale)),
-    ))
+    Frame::from_u8(widest!(x.mapv(|x| to_u8(x, scale))))
 }
 
-/// The HDR image in code units: `round(x)`, clamped to 0..65535, as a frame of 16 bits where all of the range fits
-/// (`alpha * 2^b <= 65536`), and x itself as a frame of floats where it does not.
+/// Returns the HDR image in code units. Where all of the range fits 16 bits (`alpha * 2^b <= 65536`) it is
+/// `round(x)`, clamped to 0..65535, as a frame of 16 bits, else x itself as a frame of floats.
 ///
 /// # Errors
-/// [`FrameError`] when `x` (H x W x C, code units) is not of an image's shape or, of a range that does not fit
-/// 16 bits, not finite.
+/// [`FrameError`] when `x` (H x W x C, code units) does not have the shape of an image or, if the range does not
+/// fit 16 bits, is not finite.
 pub fn hdr(x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
     // `as` clamps and sends NaN to 0.
     if range.limit() <= 65536.0 {
@@ -36,7 +32,7 @@ pub fn hdr(x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
     }
 }
 
-/// `scale` is `255 / (alpha * 2^b)`; `as` clamps and sends NaN to 0.
+/// Scales one sample by `scale`, which is `255 / (alpha * 2^b)`; `as` clamps and converts NaN to 0.
 #[inline(always)]
 pub(crate) fn to_u8(x: f32, scale: f64) -> u8 {
     (f64::from(x) * scale + 0.5) as u8

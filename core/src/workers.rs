@@ -1,40 +1,39 @@
-//! [`Workers`]: the threads that a caller allows, none of them by default.
+//! [`Workers`]: the threads that a caller allows; by default only its own.
 //!
-//! Results never depend on how many there are: work is cut by the image, not by
-//! the threads.
+//! Results never depend on the number of threads: they share the work by parts of the image.
 
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefMutIterator, ParallelIterator};
 use rayon::slice::ParallelSliceMut;
 
-/// Most threads that can be asked for.
+/// The largest number of threads.
 pub const MAX_THREADS: usize = 256;
 
-/// One thread (the caller's own), or a pool.
+/// The caller's own thread, or a pool.
 pub(crate) struct Workers {
     pool: Option<rayon::ThreadPool>,
 }
 
-/// Why there are no such workers.
+/// Error: the threads are not available.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum WorkersError {
-    /// No thread, or too many.
+    /// The number of threads is out of range.
     #[error("threads is {threads}, 1 to {MAX_THREADS} are possible")]
     Threads {
-        /// Asked for.
+        /// The number of threads.
         threads: usize,
     },
-    /// The system refused.
+    /// The operating system refused to start the threads.
     #[error("{threads} threads cannot be started: {why}")]
     Refused {
-        /// Asked for.
+        /// The number of threads.
         threads: usize,
-        /// What the system said.
+        /// The error of the operating system.
         why: String,
     },
 }
 
 impl Workers {
-    /// `threads` in 1 to [`MAX_THREADS`]; 1 starts none.
+    /// Starts `threads` threads, 1 to [`MAX_THREADS`]; for 1 none is started.
     pub fn new(threads: usize) -> Result<Self, WorkersError> {
         if !(1..=MAX_THREADS).contains(&threads) {
             return Err(WorkersError::Threads { threads });
@@ -48,12 +47,12 @@ impl Workers {
         Ok(Self { pool: Some(pool) })
     }
 
-    /// The caller's own thread.
-    pub fn own() -> Self {
+    /// Uses only the caller's own thread.
+    pub fn current_thread() -> Self {
         Self { pool: None }
     }
 
-    /// `work` on every item with its index, side by side where there are threads.
+    /// Calls `work` with every item and its index, in parallel if there are threads.
     pub fn each<T: Send>(&self, items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
         match &self.pool {
             None => items.iter_mut().enumerate().for_each(|(index, item)| work(index, item)),
@@ -63,7 +62,7 @@ impl Workers {
         }
     }
 
-    /// `work` on `size` items of both at a time, with the index of their chunk; both are of one length.
+    /// Calls `work` with chunks of `size` items of both slices, which have equal lengths, and the index of the chunk.
     pub fn each_chunk<A: Send, B: Send>(
         &self,
         (a, b): (&mut [A], &mut [B]),

@@ -1,4 +1,4 @@
-//! No method asks for memory after its first frame, however different the next of the same size is.
+//! No method allocates memory after its first frame, however different the next frame of the same size is.
 
 // Helpers of tests may unwrap as tests do; the allocator that counts is the system's.
 #![allow(clippy::unwrap_used, unsafe_code)]
@@ -10,7 +10,7 @@ use modulo_core::unwrap::{METHODS, Options, by_name};
 use modulo_core::{Frame, Range, Recovered};
 use ndarray::Array3;
 
-/// The system's memory, with a count of how often this thread has asked for some.
+/// The system's allocator with a count of the allocations of this thread.
 struct Counting;
 
 thread_local! {
@@ -48,7 +48,7 @@ fn frame(bits: u8, channels: usize, noise: u32) -> Frame {
     }
 }
 
-/// How often `method` asks for memory for a frame after one with `first_noise`.
+/// Returns the number of allocations of `method` for a frame after one with `first_noise`.
 fn asked(method: &str, bits: u8, channels: usize, first_noise: u32) -> u64 {
     let range = Range::new(bits, 4.0).unwrap();
     let mut unwrap = by_name(method, &Options::default()).unwrap();

@@ -3,7 +3,7 @@
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]
 
-use modulo_core::unwrap::{Options, Signal, by_name};
+use modulo_core::unwrap::{Options, QualityMetrics, by_name};
 use modulo_core::{Frame, Range, Recovered};
 use ndarray::Array3;
 use proptest::prelude::*;
@@ -13,23 +13,23 @@ struct Plane {
     y: Vec<Vec<i64>>,
     peak: i64,
     most: i64,
-    /// Counts are kept modulo this.
+    /// Counts are kept modulo this number.
     word: i64,
 }
 
-/// For the signal: counts, and the share of the weakest line.
+/// Counts for the quality metrics, and the share of the line with the least agreement.
 struct Seen {
     residues: usize,
     steep: usize,
     clamped: usize,
-    weakest: f32,
+    least_agreement: f32,
 }
 
-fn centered(value: i64, turn: i64) -> i64 {
-    (value + turn / 2).rem_euclid(turn) - turn / 2
+fn centered(value: i64, period: i64) -> i64 {
+    (value + period / 2).rem_euclid(period) - period / 2
 }
 
-/// The most frequent value, of equals the first complete, and how often it is there.
+/// Returns the most frequent value, of equal ones that which reached the count first, and its frequency.
 fn mode(values: &[i64]) -> (i64, usize) {
     let count = |upto: usize| values[..=upto].iter().filter(|&&v| v == values[upto]).count();
     let mut best = (0, 0);
@@ -43,19 +43,19 @@ fn mode(values: &[i64]) -> (i64, usize) {
 
 /// Whether each line in turn follows its majority.
 #[derive(Default)]
-struct Doubt {
+struct MajorityCheck {
     lasted: i64,
     departed: bool,
     steep_before: bool,
 }
 
-impl Doubt {
-    fn arises(&mut self, agree: usize, steep: usize, length: usize) -> bool {
+impl MajorityCheck {
+    fn needs_second_vote(&mut self, agree: usize, steep: usize, length: usize) -> bool {
         let before = std::mem::replace(&mut self.steep_before, 4 * steep > length);
         5 * agree < 4 * length || before || self.steep_before || self.departed
     }
 
-    fn settle(&mut self, departs: bool, most: i64) {
+    fn record(&mut self, departs: bool, most: i64) {
         self.lasted = if departs { self.lasted + 1 } else { 0 };
         self.departed = departs && self.lasted <= 2 * most + 2;
     }
@@ -70,12 +70,12 @@ impl Plane {
         centered(value, self.word)
     }
 
-    /// n of `M_b(change) = change + n 2^b`.
-    fn turn(&self, change: i64) -> i64 {
+    /// Returns the n of `M_b(change) = change + n 2^b`.
+    fn wrap_step(&self, change: i64) -> i64 {
         (self.m(change) - change) / self.peak
     }
 
-    /// M_b of the difference from pixel (i, j) to (i + di, j + dj).
+    /// Returns M_b of the difference from pixel (i, j) to (i + di, j + dj).
     fn d(&self, (i, j): (usize, usize), (di, dj): (usize, usize)) -> i64 {
         self.m(self.y[i + di][j + dj] - self.y[i][j])
     }
@@ -89,66 +89,67 @@ impl Plane {
         let mut n = vec![vec![0; width - 1]; height];
         for (i, j) in (1..height).flat_map(|i| (0..width - 1).map(move |j| (i, j))) {
             let mixed = self.d((i, j), (0, 1)) - self.d((i - 1, j), (0, 1));
-            n[i][j] = self.count(n[i - 1][j] + self.turn(mixed));
+            n[i][j] = self.count(n[i - 1][j] + self.wrap_step(mixed));
             let round = mixed + self.d((i - 1, j), (1, 0)) - self.d((i - 1, j + 1), (1, 0));
             seen.residues += usize::from(round != 0);
             seen.steep += usize::from(8 * self.m(mixed).abs() > 3 * self.peak);
         }
-        self.anchor(&mut n, seen);
+        self.subtract_constants(&mut n, seen);
         let mut k = vec![vec![0; width]; height];
         for (i, j) in (0..height).flat_map(|i| (1..width).map(move |j| (i, j))) {
-            k[i][j] = self.count(k[i][j - 1] + self.turn(self.y[i][j] - self.y[i][j - 1]) + n[i][j - 1]);
+            k[i][j] = self.count(k[i][j - 1] + self.wrap_step(self.y[i][j] - self.y[i][j - 1]) + n[i][j - 1]);
         }
         self.join(&mut k, seen);
         self.place(k, seen)
     }
 
-    fn anchor(&self, n: &mut [Vec<i64>], seen: &mut Seen) {
-        let (height, mut doubt) = (n.len(), Doubt::default());
+    fn subtract_constants(&self, n: &mut [Vec<i64>], seen: &mut Seen) {
+        let (height, mut check) = (n.len(), MajorityCheck::default());
         for j in 0..n[0].len() {
             let line: Vec<_> = n.iter().map(|n| n[j]).collect();
-            let (mut anchor, mut agree) = mode(&line);
+            let (mut constant, mut agree) = mode(&line);
             let steep = (0..height).filter(|&i| self.steep(self.d((i, j), (0, 1)))).count();
-            if doubt.arises(agree, steep, height) && j > 0 {
+            if check.needs_second_vote(agree, steep, height) && j > 0 {
                 let second = |i: usize| {
                     let change = self.d((i, j), (0, 1)) - self.d((i, j - 1), (0, 1));
-                    self.count(line[i] - n[i][j - 1] - self.turn(change))
+                    self.count(line[i] - n[i][j - 1] - self.wrap_step(change))
                 };
-                let (opinion, count) = mode(&(0..height).map(second).collect::<Vec<_>>());
-                doubt.settle(opinion != anchor, self.most);
-                (anchor, agree) = (opinion, count);
+                let (second_vote, count) = mode(&(0..height).map(second).collect::<Vec<_>>());
+                check.record(second_vote != constant, self.most);
+                (constant, agree) = (second_vote, count);
             }
-            seen.weakest = seen.weakest.min(agree as f32 / height as f32);
-            n.iter_mut().for_each(|n| n[j] = self.count(n[j] - anchor));
+            seen.least_agreement = seen.least_agreement.min(agree as f32 / height as f32);
+            n.iter_mut().for_each(|n| n[j] = self.count(n[j] - constant));
         }
     }
 
     fn join(&self, k: &mut [Vec<i64>], seen: &mut Seen) {
-        let (width, mut doubt) = (k[0].len(), Doubt::default());
+        let (width, mut check) = (k[0].len(), MajorityCheck::default());
         for i in 1..k.len() {
-            let turn = |i: usize, j: usize| self.turn(self.y[i][j] - self.y[i - 1][j]);
-            let first: Vec<_> = (0..width).map(|j| self.count(turn(i, j) + k[i - 1][j] - k[i][j])).collect();
+            let wrap_step = |i: usize, j: usize| self.wrap_step(self.y[i][j] - self.y[i - 1][j]);
+            let first: Vec<_> =
+                (0..width).map(|j| self.count(wrap_step(i, j) + k[i - 1][j] - k[i][j])).collect();
             let (mut join, mut agree) = mode(&first);
             let steep = (0..width).filter(|&j| self.steep(self.d((i - 1, j), (1, 0)))).count();
-            if doubt.arises(agree, steep, width) && i > 1 {
+            if check.needs_second_vote(agree, steep, width) && i > 1 {
                 let second = |j: usize| {
                     let change = self.d((i - 1, j), (1, 0)) - self.d((i - 2, j), (1, 0));
-                    let n_up = k[i - 1][j] - k[i - 2][j] - turn(i - 1, j);
-                    self.count(first[j] + n_up + self.turn(change))
+                    let n_up = k[i - 1][j] - k[i - 2][j] - wrap_step(i - 1, j);
+                    self.count(first[j] + n_up + self.wrap_step(change))
                 };
-                let (opinion, count) = mode(&(0..width).map(second).collect::<Vec<_>>());
-                let departs = 10 * count > 9 * agree && opinion != join;
+                let (second_vote, count) = mode(&(0..width).map(second).collect::<Vec<_>>());
+                let departs = 10 * count > 9 * agree && second_vote != join;
                 if 10 * count > 9 * agree {
-                    (join, agree) = (opinion, count);
+                    (join, agree) = (second_vote, count);
                 }
-                doubt.settle(departs, self.most);
+                check.record(departs, self.most);
             }
-            seen.weakest = seen.weakest.min(agree as f32 / width as f32);
+            seen.least_agreement = seen.least_agreement.min(agree as f32 / width as f32);
             k[i].iter_mut().for_each(|k| *k = self.count(*k + join));
         }
     }
 
-    /// The highest level that holds nearly as many pixels as the best becomes 0.
+    /// Makes the highest level that holds nearly as many pixels as the best one the level 0.
     fn place(&self, mut k: Vec<Vec<i64>>, seen: &mut Seen) -> Vec<Vec<i64>> {
         let all: Vec<_> = k.iter().flatten().copied().collect();
         let (low, high) = (*all.iter().min().unwrap(), *all.iter().max().unwrap());
@@ -166,23 +167,23 @@ impl Plane {
     }
 }
 
-fn reference(y: &Array3<u16>, range: Range, word: i64) -> (Array3<u8>, Signal) {
+fn reference(y: &Array3<u16>, range: Range, word: i64) -> (Array3<u8>, QualityMetrics) {
     let (height, width, channels) = y.dim();
     let (mut k, mut seen) =
-        (Array3::zeros(y.dim()), Seen { residues: 0, steep: 0, clamped: 0, weakest: 1.0 });
+        (Array3::zeros(y.dim()), Seen { residues: 0, steep: 0, clamped: 0, least_agreement: 1.0 });
     for c in 0..channels {
         let row = |i: usize| (0..width).map(|j| i64::from(y[[i, j, c]])).collect();
         let y = (0..height).map(row).collect();
-        let plane = Plane { y, peak: range.peak() as i64, most: range.most_wraps().into(), word };
+        let plane = Plane { y, peak: range.peak() as i64, most: range.max_wraps().into(), word };
         for (i, row) in plane.unwrap(&mut seen).into_iter().enumerate() {
             row.into_iter().enumerate().for_each(|(j, found)| k[[i, j, c]] = found as u8);
         }
     }
     let share = |count: usize, of: usize| if of == 0 { 0.0 } else { count as f32 / of as f32 };
     let loops = (height - 1) * (width - 1) * channels;
-    let Seen { residues, steep, clamped, weakest } = seen;
+    let Seen { residues, steep, clamped, least_agreement } = seen;
     let (residues, steep) = (share(residues, loops), share(steep, loops));
-    (k, Signal { residues, steep, consensus: weakest, clamped: share(clamped, y.len()) })
+    (k, QualityMetrics { residues, steep, consensus: least_agreement, clamped: share(clamped, y.len()) })
 }
 
 fn lines(y: &Frame, range: Range) -> Recovered {
@@ -191,13 +192,13 @@ fn lines(y: &Frame, range: Range) -> Recovered {
     out
 }
 
-/// By either depth of `y`, where it has both.
+/// Checks `y` in both depths, if it fits both.
 fn assert_is_the_definition(y: &Array3<u16>, range: Range) {
     let check = |frame: Frame, word: i64| {
-        let (k, signal) = reference(y, range, word);
+        let (k, quality) = reference(y, range, word);
         let out = lines(&frame, range);
         assert_eq!(out.x, y.mapv(f32::from) + k.mapv(f32::from) * range.peak(), "word {word}, {range:?}");
-        assert_eq!((out.k, out.report.signal), (k, Some(signal)), "word {word}, {range:?}");
+        assert_eq!((out.k, out.report.quality), (k, Some(quality)), "word {word}, {range:?}");
     };
     if range.bits() <= 8 {
         let word = if range.alpha() <= 64.0 { 1 << 8 } else { 1 << 16 };
@@ -206,7 +207,7 @@ fn assert_is_the_definition(y: &Array3<u16>, range: Range) {
     check(Frame::from_u16(y.clone()).unwrap(), 1 << 16);
 }
 
-/// Slopes of any steepness with noise of any strength, in units of the peak.
+/// Returns slopes of any steepness with noise of any strength, in units of the peak.
 fn image(
     dim: (usize, usize, usize),
     bits: u8,
@@ -253,11 +254,11 @@ proptest! {
         let range = Range::new(bits, alpha).unwrap();
         let y = image(dim, bits, (0.0, 0.0), 0.0, 4.0, seed);
         let out = lines(&Frame::from_u16(y.clone()).unwrap(), range);
-        prop_assert!(out.k.iter().all(|&k| k <= range.most_wraps()));
+        prop_assert!(out.k.iter().all(|&k| k <= range.max_wraps()));
         prop_assert_eq!(out.x, y.mapv(f32::from) + out.k.mapv(f32::from) * range.peak());
     }
 
-    /// Under the stated condition, in words of 8 bits.
+    /// The condition of the method holds, in words of 8 bits.
     #[test]
     fn undoes_the_wrap_of_steep_slopes(
         dim in (2usize..=40, 2usize..=40, prop_oneof![Just(1usize), Just(3)]),

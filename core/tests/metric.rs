@@ -7,7 +7,7 @@ const GOLDEN: &str = include_str!("data/metric_golden.txt");
 
 type Dim = (usize, usize, usize);
 
-/// As `image` in the script.
+/// The function `image` of the script.
 fn image(dim: Dim) -> Array3<usize> {
     Array3::from_shape_fn(dim, |(i, j, c)| {
         let texture = (7919 * i + 104_729 * j + 1_299_709 * c) % 23;
@@ -16,7 +16,7 @@ fn image(dim: Dim) -> Array3<usize> {
     })
 }
 
-/// As `partner` in the script.
+/// The function `partner` of the script.
 fn partner(a: &Array3<usize>, kind: &str) -> Array3<usize> {
     Array3::from_shape_fn(a.dim(), |(i, j, c)| {
         let value = a[(i, j, c)];

@@ -1,9 +1,9 @@
-//! The sensor's streams agree with each other and with eq. 1, and depend on the seed alone.
+//! The sensor's streams agree with each other and with eq. 1, and their noise depends only on the seed.
 
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]
 
-use modulo_core::{Frame, Psf, Sensor, SensorConfig, SensorError};
+use modulo_core::{Frame, Psf, SamplePosition, Sensor, SensorConfig, SensorError};
 use ndarray::Array3;
 use proptest::prelude::*;
 
@@ -91,7 +91,8 @@ fn bad_pixels_and_shapes_are_named() {
         let mut radiance = ramp((4, 5, 3));
         radiance[(2, 3, 1)] = value;
         let error = sensor.expose(radiance.view(), 0).unwrap_err();
-        assert_eq!(error, SensorError::NotFinite { row: 2, column: 3, channel: 1, value });
+        let at = SamplePosition { row: 2, column: 3, channel: 1 };
+        assert_eq!(error, SensorError::NotFinite { at, value });
     }
     let mut radiance = ramp((4, 5, 3));
     radiance[(2, 3, 1)] = f32::NAN;

@@ -1,5 +1,5 @@
-//! SPUD's phi against two references in double precision: dense matrices here,
-//! and scipy's transforms (`tests/peers/spud_reference.py`) by stored samples.
+//! The phi of SPUD against two references in double precision: dense matrices, and stored samples of scipy's
+//! transforms (`tests/peers/spud_reference.py`).
 
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]
@@ -7,7 +7,7 @@
 use std::f64::consts::PI;
 
 use modulo_core::unwrap::{Options, Spud, ThresholdOn, by_name};
-use modulo_core::{Frame, Range, Recovered, UnwrapError};
+use modulo_core::{Frame, Range, Recovered, SamplePosition, UnwrapError};
 use ndarray::{Array2, Array3, Axis};
 
 /// The scene of `spud_reference.py`, in code units.
@@ -20,7 +20,7 @@ fn scene(height: usize, width: usize, channels: usize) -> Array3<f32> {
     })
 }
 
-/// Orthonormal DCT-II as a matrix.
+/// Returns the orthonormal DCT-II as a matrix.
 fn dct_matrix(n: usize) -> Array2<f64> {
     Array2::from_shape_fn((n, n), |(k, i)| {
         let scale = if k == 0 { 1.0 } else { 2.0 } / n as f64;
@@ -28,7 +28,7 @@ fn dct_matrix(n: usize) -> Array2<f64> {
     })
 }
 
-/// Eq. 3 with the threshold on phi, by dense matrices in f64; `y` is one channel.
+/// Computes eq. 3 with the threshold on phi by dense matrices in f64; `y` is one channel.
 fn dense_spud(y: &Array2<f64>, peak: f64, tau: f64) -> Array2<f64> {
     let (h, w) = y.dim();
     let centred = |d: f64| (d + peak / 2.0).rem_euclid(peak) - peak / 2.0;
@@ -99,7 +99,8 @@ fn takes_the_peak_but_nothing_beyond_and_no_nan() {
     for value in [256.5, -0.5, f32::INFINITY] {
         y[(1, 2, 0)] = value;
         let error = spud.solve(y.view(), range).unwrap_err();
-        assert_eq!(error, UnwrapError::Code { row: 1, column: 2, channel: 0, value, most: 256.0, bits: 8 });
+        let at = SamplePosition { row: 1, column: 2, channel: 0 };
+        assert_eq!(error, UnwrapError::Code { at, value, most: 256.0, bits: 8 });
     }
     y[(1, 2, 0)] = f32::NAN;
     assert!(spud.solve(y.view(), range).is_err());
@@ -129,7 +130,7 @@ fn threads_change_nothing() {
     }
 }
 
-/// From codes to counts in integers is the same as from phi in real numbers.
+/// Counts from codes in integers are the same as from phi in real numbers.
 #[test]
 fn counts_are_those_next_to_phi() {
     let range = Range::new(8, 4.0).unwrap();
@@ -140,6 +141,6 @@ fn counts_are_those_next_to_phi() {
         by_name(method, &Options::default()).unwrap().unwrap(&y, range, &mut out).unwrap();
         let right = out.x.iter().zip(&x).filter(|(a, b)| a == b).count();
         assert_eq!(right, x.len(), "{method}");
-        assert_eq!(out.report.rung, method);
+        assert_eq!(out.report.method, method);
     }
 }

@@ -75,7 +75,7 @@ pub fn unwrap(data: &[u8]) {
         let mut method = by_name(name, &options).expect("a listed method");
         method.unwrap(&y, range, &mut out).expect("every code is possible");
         let y = y.to_f32();
-        assert!(out.k.iter().all(|&k| k <= range.most_wraps()), "{name}: k out of range");
+        assert!(out.k.iter().all(|&k| k <= range.max_wraps()), "{name}: k out of range");
         let congruent =
             out.x.iter().zip(&out.k).zip(&y).all(|((x, &k), y)| *x == y + f32::from(k) * range.peak());
         assert!(congruent, "{name}: x is not y + k * peak");

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use modulo_core::Frame;
-use modulo_core::scene::{Preset, Scene};
 use modulo_core::unwrap::METHODS;
 use modulo_images::{read_image, save_png};
+use modulo_scene::{Preset, Scene};
 use modulo_study::simulate::{RESULTS, Request, Row, simulate};
 use modulo_study::{Event, StudyError};
 use ndarray::Array3;

@@ -21,7 +21,7 @@ pub enum SourceError {
     },
     /// An address that is no scene.
     #[error(transparent)]
-    Scene(#[from] modulo_core::scene::SpecError),
+    Scene(#[from] modulo_scene::SpecError),
     /// A folder without a single image.
     #[error("{}: no image in this folder, at least one png, jpg, jpeg, exr or hdr is needed", path.display())]
     Empty {

@@ -1,7 +1,7 @@
 //! [`SceneSource`]: frames of the suite's own procedural scene, with exact
 //! ground truth. It ends after the frames that its address gives, or never.
 
-use modulo_core::scene::{SceneObject, SceneSpec};
+use modulo_scene::{SceneObject, SceneSpec};
 
 use super::{FRAME_ID, GroundTruth, Source, SourceError, SourceFrame};
 

@@ -1,30 +1,29 @@
-//! Stockham's Fourier transform of lanes: natural order in and out, one pass a
-//! factor of the length. The first goes through memory, and the others through
-//! what it leaves one short transform after the other, in the nearest cache.
+//! Stockham's Fourier transform of many sequences at once, one pass for each factor of the length; input and
+//! output are in natural order. The first pass goes through all memory. It leaves short transforms, which the
+//! other passes finish one after the other in the nearest cache.
 
 use std::f64::consts::TAU;
 
-use super::lanes::{Arithmetic, Complex, Fused, Plain, Turn, fuses};
-use super::odd::{self, Folded, Odd};
-use super::radix;
+use super::lanes::{Complex, Fused, MultiplyAdd, Twiddle, Unfused, has_fma};
+use super::odd_radix::{Folded, MAX_RADIX, OddRadix};
 use crate::simd::widest;
 
-/// A forward transform of one length, which has no prime factor above [`odd::MOST`].
+/// A plan of forward transforms of one length without a prime factor above [`MAX_RADIX`].
 pub(super) struct Fft {
-    /// Of the whole; none at length 1.
+    /// The first pass over the whole; `None` at length 1.
     first: Option<Pass>,
-    /// Of each of the transforms that the first leaves.
+    /// The passes over each of the transforms that the first pass leaves.
     others: Vec<Pass>,
 }
 
-/// `count` transforms of length `radix`, each on `stride` neighbours.
+/// A pass of `count` transforms of length `radix`, each on `stride` neighbours.
 struct Pass {
     kind: Kind,
     radix: usize,
     count: usize,
     stride: usize,
-    /// For output 1 to radix - 1, by transform.
-    turns: Vec<Turn>,
+    /// The twiddle factors of outputs 1 to radix - 1, by transform.
+    twiddles: Vec<Twiddle>,
 }
 
 enum Kind {
@@ -32,16 +31,16 @@ enum Kind {
     Three,
     Four,
     Five,
-    Odd(Odd),
+    Odd(OddRadix),
 }
 
 impl Fft {
-    /// `None` when `n` has a prime factor above [`odd::MOST`].
+    /// Plans transforms of length `n`; `None` when it has a prime factor above [`MAX_RADIX`].
     pub fn new(n: usize) -> Option<Self> {
         Some(Self::by(&radices(n)?))
     }
 
-    /// `None` when `n` has a prime factor above 5.
+    /// Plans transforms of length `n`; `None` when it has a prime factor above 5.
     pub fn short(n: usize) -> Option<Self> {
         radices(n).filter(|radices| radices.iter().all(|&radix| radix <= 5)).map(|radices| Self::by(&radices))
     }
@@ -59,27 +58,21 @@ impl Fft {
         Self { first, others: others.iter().map(pass).collect() }
     }
 
-    /// Length of the scratch that [`Fft::forward`] needs.
-    pub fn room(&self) -> usize {
+    /// Returns the length of the scratch that [`Fft::forward`] needs.
+    pub fn scratch_len(&self) -> usize {
         self.first.as_ref().map_or(0, |pass| (pass.radix + 2) * pass.count)
     }
 
     /// Transforms `data`, of the planned length, in place.
     pub fn forward(&self, data: &mut [Complex], scratch: &mut [Complex]) {
         // Without fused multiply-add there are no wider vectors either, see `widest`.
-        if fuses() {
-            widest(
-                #[inline(always)]
-                || self.run::<Fused>(data, scratch),
-            )
-        } else {
-            self.run::<Plain>(data, scratch)
-        }
+        if has_fma() { widest!(self.run::<Fused>(data, scratch)) } else { self.run::<Unfused>(data, scratch) }
     }
 
     #[inline(always)]
-    fn run<A: Arithmetic>(&self, data: &mut [Complex], scratch: &mut [Complex]) {
+    fn run<A: MultiplyAdd>(&self, data: &mut [Complex], scratch: &mut [Complex]) {
         let Some(first) = &self.first else { return };
+        // Stockham's passes need two buffers. `data` is the source of the first pass and the target of the last one.
         let (apart, near) = scratch.split_at_mut(data.len());
         first.run::<A>((data, 1), (apart, 1));
         let Some((last, middle)) = self.others.split_last() else { return data.copy_from_slice(apart) };
@@ -97,10 +90,11 @@ impl Fft {
     }
 }
 
-/// The factors of `n`, odd primes first: their passes have the most to load and the least to turn.
+/// Returns the factors of `n` with odd primes first: their passes load the most and rotate the least.
 fn radices(n: usize) -> Option<Vec<usize>> {
+    // A composite odd number is left to its prime factors, which cost less.
     let (mut rest, mut radices) = (n, Vec::new());
-    for radix in (7..=odd::MOST).rev().step_by(2).chain([5, 4, 3, 2]) {
+    for radix in (7..=MAX_RADIX).rev().step_by(2).chain([5, 4, 3, 2]) {
         while rest.is_multiple_of(radix) && (radix < 9 || (3..radix).step_by(2).all(|d| radix % d != 0)) {
             radices.push(radix);
             rest /= radix;
@@ -111,62 +105,60 @@ fn radices(n: usize) -> Option<Vec<usize>> {
 
 impl Pass {
     fn new(radix: usize, count: usize, stride: usize) -> Self {
-        let turn = |p: usize, j: usize| {
-            let (sin, cos) = (TAU * (p * j) as f64 / (radix * count) as f64).sin_cos();
-            Turn { cos: cos as f32, sin: sin as f32 }
-        };
-        let turns = (0..count).flat_map(|p| (1..radix).map(move |j| turn(p, j))).collect();
+        let twiddle = |p: usize, j: usize| Twiddle::new(TAU * (p * j) as f64 / (radix * count) as f64, 1.0);
+        let twiddles = (0..count).flat_map(|p| (1..radix).map(move |j| twiddle(p, j))).collect();
         let kind = match radix {
             2 => Kind::Two,
             3 => Kind::Three,
             4 => Kind::Four,
             5 => Kind::Five,
-            _ => Kind::Odd(Odd::new(radix)),
+            _ => Kind::Odd(OddRadix::new(radix)),
         };
-        Self { kind, radix, count, stride, turns }
+        Self { kind, radix, count, stride, twiddles }
     }
 
-    /// From and to every so manieth number. A function would be called by its shim, and that is not inlined.
+    /// Runs the pass; both slices come with the distance of successive numbers. Radices are closures, because a
+    /// function would be called by its shim, which is not inlined.
     #[inline(always)]
-    fn run<A: Arithmetic>(&self, from: (&[Complex], usize), to: (&mut [Complex], usize)) {
+    fn run<A: MultiplyAdd>(&self, from: (&[Complex], usize), to: (&mut [Complex], usize)) {
         match &self.kind {
             Kind::Two => self.short::<A, 2>(
                 from,
                 to,
                 #[inline(always)]
-                |[a, b]| radix::two([a, b]),
+                |[a, b]| two([a, b]),
             ),
             Kind::Three => self.short::<A, 3>(
                 from,
                 to,
                 #[inline(always)]
-                |inputs| radix::three::<A>(inputs),
+                |inputs| three::<A>(inputs),
             ),
             Kind::Four => self.short::<A, 4>(
                 from,
                 to,
                 #[inline(always)]
-                |[a, b, c, d]| radix::four([a, b, c, d]),
+                |[a, b, c, d]| four([a, b, c, d]),
             ),
             Kind::Five => self.short::<A, 5>(
                 from,
                 to,
                 #[inline(always)]
-                |inputs| radix::five::<A>(inputs),
+                |inputs| five::<A>(inputs),
             ),
             Kind::Odd(odd) => self.long::<A>(odd, from, to),
         }
     }
 
     #[inline(always)]
-    fn short<A: Arithmetic, const R: usize>(
+    fn short<A: MultiplyAdd, const R: usize>(
         &self,
         (from, step): (&[Complex], usize),
         (to, out_step): (&mut [Complex], usize),
         transform: impl Fn([Complex; R]) -> [Complex; R],
     ) {
         let apart = self.count * self.stride;
-        for (p, turns) in self.turns.chunks_exact(R - 1).enumerate() {
+        for (p, twiddles) in self.twiddles.chunks_exact(R - 1).enumerate() {
             let first = p * self.stride;
             let mut inputs = [from; R];
             for (i, input) in inputs.iter_mut().enumerate() {
@@ -181,35 +173,35 @@ impl Pass {
                 let result = transform(values);
                 out[q * out_step] = result[0];
                 for j in 1..R {
-                    // The first transform of a pass, and so all of the last pass, turns by nothing.
+                    // The first transform of a pass, and so all of the last pass, twiddles by nothing.
                     out[(j * self.stride + q) * out_step] =
-                        if p == 0 { result[j] } else { result[j].turned::<A>(turns[j - 1]) };
+                        if p == 0 { result[j] } else { result[j].rotated::<A>(twiddles[j - 1]) };
                 }
             }
         }
     }
 
     #[inline(always)]
-    fn long<A: Arithmetic>(
+    fn long<A: MultiplyAdd>(
         &self,
-        odd: &Odd,
+        odd: &OddRadix,
         (from, step): (&[Complex], usize),
         (to, out_step): (&mut [Complex], usize),
     ) {
         let apart = self.count * self.stride;
-        let mut room = Folded::new();
-        for (p, turns) in self.turns.chunks_exact(self.radix - 1).enumerate() {
+        let mut folded = Folded::new();
+        for (p, twiddles) in self.twiddles.chunks_exact(self.radix - 1).enumerate() {
             let first = p * self.stride;
             let out = &mut to[self.radix * first * out_step..];
             for q in 0..self.stride {
                 odd.transform::<A>(
-                    &mut room,
+                    &mut folded,
                     #[inline(always)]
                     |i| from[(i * apart + first + q) * step],
                     #[inline(always)]
                     |j, value| {
                         out[(j * self.stride + q) * out_step] =
-                            if j == 0 { value } else { value.turned::<A>(turns[j - 1]) };
+                            if j == 0 { value } else { value.rotated::<A>(twiddles[j - 1]) };
                     },
                 );
             }
@@ -217,9 +209,49 @@ impl Pass {
     }
 }
 
+/// cos and sin of pi/3 and of multiples of 2 pi/5.
+const SIN_3: f32 = 0.866_025_4;
+const COS_5: [f32; 2] = [0.309_017, -0.809_017];
+const SIN_5: [f32; 2] = [0.951_056_5, 0.587_785_25];
+
+#[inline(always)]
+fn two([a, b]: [Complex; 2]) -> [Complex; 2] {
+    [a.plus(b), a.minus(b)]
+}
+
+#[inline(always)]
+fn three<A: MultiplyAdd>([a, b, c]: [Complex; 3]) -> [Complex; 3] {
+    let (sum, difference) = (b.plus(c), b.minus(c).scaled(SIN_3));
+    let middle = sum.scaled_plus::<A>(-0.5, a);
+    [a.plus(sum), middle.minus_i(difference), middle.plus_i(difference)]
+}
+
+#[inline(always)]
+fn four([a, b, c, d]: [Complex; 4]) -> [Complex; 4] {
+    let [even, odd] = two([a, c]);
+    let [sum, difference] = two([b, d]);
+    [even.plus(sum), odd.minus_i(difference), even.minus(sum), odd.plus_i(difference)]
+}
+
+#[inline(always)]
+fn five<A: MultiplyAdd>([a, b, c, d, e]: [Complex; 5]) -> [Complex; 5] {
+    let ([u, v], [t, w]) = (two([b, e]), two([c, d]));
+    let near = t.scaled_plus::<A>(COS_5[1], u.scaled_plus::<A>(COS_5[0], a));
+    let far = t.scaled_plus::<A>(COS_5[0], u.scaled_plus::<A>(COS_5[1], a));
+    let near_odd = w.scaled_plus::<A>(SIN_5[1], v.scaled(SIN_5[0]));
+    let far_odd = w.scaled_plus::<A>(-SIN_5[0], v.scaled(SIN_5[1]));
+    [
+        a.plus(u).plus(t),
+        near.minus_i(near_odd),
+        far.minus_i(far_odd),
+        far.plus_i(far_odd),
+        near.plus_i(near_odd),
+    ]
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::lanes::LANES;
+    use super::super::lanes::COMPLEX_LANES;
     use super::*;
 
     #[test]
@@ -233,8 +265,8 @@ mod tests {
             }
             let fft = Fft::new(n).unwrap();
             let mut got = first;
-            fft.forward(&mut got, &mut vec![Complex::default(); fft.room()]);
-            for (k, lane) in (0..n).flat_map(|k| (0..LANES).map(move |lane| (k, lane))) {
+            fft.forward(&mut got, &mut vec![Complex::default(); fft.scratch_len()]);
+            for (k, lane) in (0..n).flat_map(|k| (0..COMPLEX_LANES).map(move |lane| (k, lane))) {
                 let (mut re, mut im) = (0.0, 0.0);
                 for i in 0..n {
                     let (sin, cos) = (TAU * ((i * k) % n) as f64 / n as f64).sin_cos();

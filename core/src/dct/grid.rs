@@ -1,54 +1,52 @@
-//! The transform of a whole image in three walks over memory: down bands of
-//! sixteen columns ([`stripe`](super::stripe)), along blocks of sixteen rows and back
-//! ([`slab`](super::slab)), up the bands.
+//! The transform of a whole image in three passes over memory: down the bands of sixteen columns
+//! ([`columns`](super::columns)), along the blocks of sixteen rows and back ([`rows`](super::rows)), and up the bands.
 //!
-//! The image is interleaved. Columns do not care for channels; along rows each
-//! channel is its own sequence. No sample of another size is ever looked at:
-//! the last band and the last block are filled up with zeros.
+//! The image is interleaved. Along columns the channels make no difference; along rows each channel is a sequence
+//! of its own. The last band and the last block are filled up with zeros.
 
-use super::cosine::Cosine;
-use super::lanes::{Complex, REALS};
-use super::slab::{Rows, Slab};
-use super::stripe::Stripe;
+use super::columns::ColumnPart;
+use super::cosine::CosinePlan;
+use super::lanes::{Complex, LANES};
+use super::rows::{RowPart, RowPlan};
 use super::tile::Tile;
 use crate::workers::Workers;
 
-/// A plan for images of one size with its memory. `Out` is what is kept of sixteen samples.
+/// A plan for images of one size with its memory. `Out` is the output for a run of sixteen samples.
 pub(crate) struct Grid<Out> {
     shape: Shape,
-    down: Cosine,
-    across: Rows,
-    stripes: Vec<Stripe<Out>>,
-    slabs: Vec<Slab>,
+    column_plan: CosinePlan,
+    row_plan: RowPlan,
+    column_parts: Vec<ColumnPart<Out>>,
+    row_parts: Vec<RowPart>,
 }
 
-/// Sides and how they are cut, for all walks.
+/// The sides of an image and its parts for the workers, the same in all passes.
 #[derive(Clone, Copy)]
 pub(super) struct Shape {
     pub height: usize,
     pub width: usize,
     pub channels: usize,
-    /// Bands a stripe and blocks a slab has, at most.
-    pub bands_each: usize,
-    pub blocks_each: usize,
+    /// The largest number of bands of a [`ColumnPart`] and of blocks of a [`RowPart`].
+    pub bands_per_part: usize,
+    pub blocks_per_part: usize,
 }
 
-/// Where sixteen samples of a row stand.
+/// The position of a run of sixteen samples in a row.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Place {
-    /// From 0.
+pub(crate) struct Run {
+    /// The row, from 0.
     pub row: usize,
-    /// Of the first of them in the interleaved row, a multiple of sixteen.
+    /// The first sample in the interleaved row, a multiple of sixteen.
     pub sample: usize,
 }
 
-/// What happens to coefficients: given its value down and across, and sixteen rows of a column at once.
-pub(crate) struct Change<'a, F> {
-    /// A number for each row of coefficients, and 0 for rows up to a multiple of sixteen.
-    pub down: &'a [[f32; REALS]],
-    /// A number for each column of coefficients.
-    pub across: &'a [f32],
-    /// New coefficient from the number of its row, of its column, and itself.
+/// A change of the coefficients by a rule on one number for the row and one for the column.
+pub(crate) struct SpectralFilter<'a, F> {
+    /// One number for each row of coefficients, and 0 for the rows that fill up the last block.
+    pub by_row: &'a [[f32; LANES]],
+    /// One number for each column of coefficients.
+    pub by_column: &'a [f32],
+    /// Returns the new coefficient from the number of its row, that of its column, and its old value.
     pub rule: F,
 }
 
@@ -58,138 +56,147 @@ impl Shape {
     }
 
     pub fn bands(self) -> usize {
-        self.samples().div_ceil(REALS)
+        self.samples().div_ceil(LANES)
     }
 
     pub fn blocks(self) -> usize {
-        self.height.div_ceil(REALS)
+        self.height.div_ceil(LANES)
     }
 }
 
-/// `count` things in at most `parts` runs of `each`.
-fn runs(count: usize, each: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
+/// Splits `count` items into ranges of at most `each`.
+fn split(count: usize, each: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
     (0..count).step_by(each).map(move |first| first..(first + each).min(count))
 }
 
 impl<Out: Copy + Default + Send + Sync> Grid<Out> {
-    /// For images of `dim`, all of it at least 1, cut for `parts` workers.
+    /// Plans for images of `dim`, all at least 1, with parts for `parts` workers.
     pub fn new((height, width, channels): (usize, usize, usize), parts: usize) -> Self {
-        let down = Cosine::new(height);
-        let mut shape = Shape { height, width, channels, bands_each: 0, blocks_each: 0 };
-        shape.bands_each = shape.bands().div_ceil(parts.max(1));
-        shape.blocks_each = shape.blocks().div_ceil(parts.max(1));
-        let across = Rows::new(shape);
-        let stripes =
-            runs(shape.bands(), shape.bands_each).map(|bands| Stripe::new(shape, &down, bands)).collect();
-        let slabs =
-            runs(shape.blocks(), shape.blocks_each).map(|blocks| Slab::new(&across, blocks)).collect();
-        Self { shape, down, across, stripes, slabs }
+        let column_plan = CosinePlan::new(height);
+        let mut shape = Shape { height, width, channels, bands_per_part: 0, blocks_per_part: 0 };
+        // Parts are whole bands and blocks, so each worker writes its own memory without a lock.
+        shape.bands_per_part = shape.bands().div_ceil(parts.max(1));
+        shape.blocks_per_part = shape.blocks().div_ceil(parts.max(1));
+        let row_plan = RowPlan::new(shape);
+        let column_parts = split(shape.bands(), shape.bands_per_part)
+            .map(|bands| ColumnPart::new(shape, &column_plan, bands))
+            .collect();
+        let row_parts = split(shape.blocks(), shape.blocks_per_part)
+            .map(|blocks| RowPart::new(&row_plan, blocks))
+            .collect();
+        Self { shape, column_plan, row_plan, column_parts, row_parts }
     }
 
-    /// (height, width, channels) as planned.
+    /// Returns (height, width, channels) as planned.
     pub fn dim(&self) -> (usize, usize, usize) {
         (self.shape.height, self.shape.width, self.shape.channels)
     }
 
-    /// What was kept of the sixteen samples at `place`.
+    /// Returns the output for the samples of `run`.
     #[inline(always)]
-    pub fn out(&self, Place { row, sample }: Place) -> &Out {
+    pub fn out(&self, Run { row, sample }: Run) -> &Out {
         &self.outs(sample)[row]
     }
 
-    /// What was kept of sixteen columns, by row; `sample` is a multiple of sixteen.
+    /// Returns the outputs of sixteen columns by row; `sample` is a multiple of sixteen.
     #[inline(always)]
     pub fn outs(&self, sample: usize) -> &[Out] {
-        let band = sample / REALS;
-        self.stripes[band / self.shape.bands_each].outs(self.shape, band)
+        let band = sample / LANES;
+        self.column_parts[band / self.shape.bands_per_part].outs(self.shape, band)
     }
 
-    /// Forward transform of what `load` gives, `change`, inverse transform, `keep`.
+    /// Transforms the samples of `load`, applies `filter`, transforms back, and stores the output of `keep`.
     #[expect(clippy::redundant_closure, reason = "a reference is called by its shim, which is not inlined")]
     pub fn filter(
         &mut self,
         workers: &Workers,
-        load: impl Fn(Place) -> [f32; REALS] + Sync,
-        change: &Change<'_, impl Fn(f32, f32, f32) -> f32 + Sync>,
-        keep: impl Fn(Place, [f32; REALS]) -> Out + Sync,
+        load: impl Fn(Run) -> [f32; LANES] + Sync,
+        filter: &SpectralFilter<'_, impl Fn(f32, f32, f32) -> f32 + Sync>,
+        keep: impl Fn(Run, [f32; LANES]) -> Out + Sync,
     ) {
-        let Self { shape, down, across, stripes, slabs } = self;
+        let Self { shape, column_plan, row_plan, column_parts, row_parts } = self;
         let shape = *shape;
-        workers.each(stripes, |_, stripe| {
-            stripe.bands().for_each(|band| stripe.forward(shape, down, band, &load));
+        // The three passes are separated by barriers: each reads what all workers have written in the one before.
+        workers.each(column_parts, |_, part| {
+            part.bands().for_each(|band| part.forward(shape, column_plan, band, &load));
         });
-        workers.each(slabs, |_, slab| {
-            slab.blocks()
-                .for_each(|block| slab.filter(across, block, of_stripes(shape, block, stripes), change));
+        workers.each(row_parts, |_, part| {
+            part.blocks().for_each(|block| {
+                part.filter(row_plan, block, tiles_of_block(shape, block, column_parts), filter)
+            });
         });
-        workers.each(stripes, |_, stripe| {
-            stripe.bands().for_each(|band| {
-                let tile = |block: usize| slabs[block / shape.blocks_each].tile(across, block, band);
-                stripe.inverse(
+        workers.each(column_parts, |_, part| {
+            part.bands().for_each(|band| {
+                let tile =
+                    |block: usize| row_parts[block / shape.blocks_per_part].tile(row_plan, block, band);
+                part.inverse(
                     shape,
-                    down,
+                    column_plan,
                     band,
                     tile,
                     #[inline(always)]
-                    |place, values| keep(place, values),
+                    |run, values| keep(run, values),
                 );
             });
         });
     }
 
-    /// First half of a forward transform, of what `load` gives; [`Grid::forward_across`] is the second.
-    pub fn forward_down(&mut self, load: impl Fn(Place) -> [f32; REALS]) {
-        for stripe in &mut self.stripes {
-            stripe.bands().for_each(|band| stripe.forward(self.shape, &self.down, band, &load));
+    /// Runs the first half of a forward transform of the samples of `load`; [`Grid::forward_rows`] is the second.
+    pub fn forward_columns(&mut self, load: impl Fn(Run) -> [f32; LANES]) {
+        for part in &mut self.column_parts {
+            part.bands().for_each(|band| part.forward(self.shape, &self.column_plan, band, &load));
         }
     }
 
-    /// `put` receives the coefficients, interleaved as the samples are.
-    pub fn forward_across(&mut self, mut put: impl FnMut(Place, [f32; REALS])) {
-        let Self { shape, across, stripes, slabs, .. } = self;
-        for slab in slabs {
-            slab.blocks()
-                .for_each(|block| slab.forward(across, block, of_stripes(*shape, block, stripes), &mut put));
+    /// Runs the second half of a forward transform; `put` receives the coefficients, interleaved as the samples are.
+    pub fn forward_rows(&mut self, mut put: impl FnMut(Run, [f32; LANES])) {
+        let Self { shape, row_plan, column_parts, row_parts, .. } = self;
+        for part in row_parts {
+            part.blocks().for_each(|block| {
+                part.forward(row_plan, block, tiles_of_block(*shape, block, column_parts), &mut put)
+            });
         }
     }
 
-    /// First half of an inverse transform, of coefficients that `take` gives; [`Grid::inverse_up`] is the second.
-    pub fn inverse_across(&mut self, take: impl Fn(Place) -> [f32; REALS]) {
-        for slab in &mut self.slabs {
-            slab.blocks().for_each(|block| slab.inverse(&self.across, block, &take));
+    /// Runs the first half of an inverse transform of the coefficients of `take`; [`Grid::inverse_columns`] is
+    /// the second.
+    pub fn inverse_rows(&mut self, take: impl Fn(Run) -> [f32; LANES]) {
+        for part in &mut self.row_parts {
+            part.blocks().for_each(|block| part.inverse(&self.row_plan, block, &take));
         }
     }
 
-    /// `put` receives the samples.
-    pub fn inverse_up(&mut self, mut put: impl FnMut(Place, [f32; REALS]) -> Out) {
-        let Self { shape, down, across, stripes, slabs } = self;
-        for stripe in stripes {
-            stripe.bands().for_each(|band| {
-                let tile = |block: usize| slabs[block / shape.blocks_each].tile(across, block, band);
-                stripe.inverse(*shape, down, band, tile, &mut put);
+    /// Runs the second half of an inverse transform; `put` receives the samples.
+    pub fn inverse_columns(&mut self, mut put: impl FnMut(Run, [f32; LANES]) -> Out) {
+        let Self { shape, column_plan, row_plan, column_parts, row_parts } = self;
+        for part in column_parts {
+            part.bands().for_each(|band| {
+                let tile =
+                    |block: usize| row_parts[block / shape.blocks_per_part].tile(row_plan, block, band);
+                part.inverse(*shape, column_plan, band, tile, &mut put);
             });
         }
     }
 }
 
-/// The tile of `block` by its band.
+/// Returns the tile of `block` by its band.
 #[inline(always)]
-fn of_stripes<'a, Out>(
+fn tiles_of_block<'a, Out>(
     shape: Shape,
     block: usize,
-    stripes: &'a [Stripe<Out>],
+    column_parts: &'a [ColumnPart<Out>],
 ) -> impl Fn(usize) -> &'a Tile + use<'a, Out> {
-    move |band| stripes[band / shape.bands_each].tile(shape, block, band)
+    move |band| column_parts[band / shape.bands_per_part].tile(shape, block, band)
 }
 
-impl<F: Fn(f32, f32, f32) -> f32> Change<'_, F> {
+impl<F: Fn(f32, f32, f32) -> f32> SpectralFilter<'_, F> {
     #[inline(always)]
-    pub(super) fn apply(&self, down: &[f32; REALS], column: usize, coefficients: Complex) -> Complex {
-        let across = self.across[column];
-        let mut values = coefficients.reals();
-        for (value, &down) in values.iter_mut().zip(down) {
-            *value = (self.rule)(down, across, *value);
+    pub(super) fn apply(&self, by_row: &[f32; LANES], column: usize, coefficients: Complex) -> Complex {
+        let by_column = self.by_column[column];
+        let mut values = coefficients.to_lanes();
+        for (value, &by_row) in values.iter_mut().zip(by_row) {
+            *value = (self.rule)(by_row, by_column, *value);
         }
-        Complex::of(values)
+        Complex::from_lanes(values)
     }
 }

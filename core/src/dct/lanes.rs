@@ -1,68 +1,75 @@
-//! Lanes: the same step of several independent transforms at once, so that no
-//! radix needs a shuffle. Plain loops over arrays, which the compiler turns into
-//! the vectors of the machine.
+//! Vectors of lanes: the same step of several independent transforms at once, so that no radix needs a shuffle.
+//! They are plain loops over arrays, which the compiler turns into the vectors of the machine.
 
-/// Independent complex transforms side by side.
-pub(super) const LANES: usize = 8;
+/// The number of independent complex transforms side by side.
+pub(super) const COMPLEX_LANES: usize = 8;
 
-/// Real sequences side by side: two in each complex transform.
-pub(crate) const REALS: usize = 2 * LANES;
+/// The number of real sequences side by side: two in each complex transform.
+pub(crate) const LANES: usize = 2 * COMPLEX_LANES;
 
 /// One real number of each transform.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(align(32))]
-pub(super) struct Lanes(pub [f32; LANES]);
+pub(super) struct RealVector(pub [f32; COMPLEX_LANES]);
 
 /// One complex number of each transform.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(align(64))]
 pub(super) struct Complex {
-    pub re: Lanes,
-    pub im: Lanes,
+    pub re: RealVector,
+    pub im: RealVector,
 }
 
-/// `exp(-i angle)` or what a table makes of it.
+/// A twiddle factor `exp(-i angle)`, possibly scaled.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Turn {
+pub(super) struct Twiddle {
     pub cos: f32,
     pub sin: f32,
 }
 
-/// How `a * b + c` is rounded. One of the two serves a machine, so that its results never vary.
-pub(super) trait Arithmetic {
+impl Twiddle {
+    /// Returns `scale * exp(-i angle)`, rounded from double precision.
+    pub fn new(angle: f64, scale: f64) -> Self {
+        Self { cos: (scale * angle.cos()) as f32, sin: (scale * angle.sin()) as f32 }
+    }
+}
+
+/// The rounding of `a * b + c`. Each machine uses only one of the two, so that its results never vary.
+pub(super) trait MultiplyAdd {
     fn multiply_add(a: f32, b: f32, c: f32) -> f32;
 }
 
-/// Once: for machines that do it in one instruction.
+/// Rounds once: for machines that have one instruction for it.
 pub(super) struct Fused;
 
-/// Twice: where a fused multiply-add would be a call into the maths library.
-pub(super) struct Plain;
+/// Rounds twice: where a fused multiply-add would be a call into the maths library.
+pub(super) struct Unfused;
 
-impl Arithmetic for Fused {
+impl MultiplyAdd for Fused {
     #[inline(always)]
     fn multiply_add(a: f32, b: f32, c: f32) -> f32 {
         a.mul_add(b, c)
     }
 }
 
-impl Arithmetic for Plain {
+impl MultiplyAdd for Unfused {
     #[inline(always)]
     fn multiply_add(a: f32, b: f32, c: f32) -> f32 {
         a * b + c
     }
 }
 
-/// Whether this machine is one for [`Fused`].
+/// Returns whether this machine uses [`Fused`].
 #[inline]
-pub(super) fn fuses() -> bool {
+pub(super) fn has_fma() -> bool {
     #[cfg(target_arch = "x86_64")]
+    // The same condition as in `run_widest`, since only code that is compiled for FMA may ask for it.
     return is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
     #[cfg(not(target_arch = "x86_64"))]
     return cfg!(target_arch = "aarch64");
 }
 
-impl Lanes {
+impl RealVector {
     #[inline(always)]
     pub fn map(self, other: Self, with: impl Fn(f32, f32) -> f32) -> Self {
         let mut out = self;
@@ -87,24 +94,26 @@ impl Lanes {
         self.map(self, |a, _| a * by)
     }
 
-    /// `self * by + other`
+    /// Returns `self * by + other`.
     #[inline(always)]
-    pub fn scaled_plus<A: Arithmetic>(self, by: f32, other: Self) -> Self {
+    pub fn scaled_plus<A: MultiplyAdd>(self, by: f32, other: Self) -> Self {
         self.map(other, |a, b| A::multiply_add(a, by, b))
     }
 }
 
 impl Complex {
-    /// The first half of `reals` in the real parts, the second in the imaginary parts.
+    /// Puts the first half of `lanes` into the real parts and the second half into the imaginary parts.
     #[inline(always)]
-    pub fn of(reals: [f32; REALS]) -> Self {
-        let half = |half: Option<&[f32; LANES]>| Lanes(*half.expect("reals are twice as many as lanes"));
-        Self { re: half(reals.first_chunk()), im: half(reals.last_chunk()) }
+    pub fn from_lanes(lanes: [f32; LANES]) -> Self {
+        let half = |half: Option<&[f32; COMPLEX_LANES]>| {
+            RealVector(*half.expect("reals are twice as many as lanes"))
+        };
+        Self { re: half(lanes.first_chunk()), im: half(lanes.last_chunk()) }
     }
 
-    /// What [`Complex::of`] took.
+    /// Returns the argument of [`Complex::from_lanes`].
     #[inline(always)]
-    pub fn reals(self) -> [f32; REALS] {
+    pub fn to_lanes(self) -> [f32; LANES] {
         *[self.re.0, self.im.0].as_flattened().first_chunk().expect("reals are twice as many as lanes")
     }
 
@@ -124,32 +133,32 @@ impl Complex {
     }
 
     #[inline(always)]
-    pub fn scaled_plus<A: Arithmetic>(self, by: f32, other: Self) -> Self {
+    pub fn scaled_plus<A: MultiplyAdd>(self, by: f32, other: Self) -> Self {
         Self { re: self.re.scaled_plus::<A>(by, other.re), im: self.im.scaled_plus::<A>(by, other.im) }
     }
 
-    /// `self * (cos - i sin)`
+    /// Returns `self * (cos - i sin)`.
     #[inline(always)]
-    pub fn turned<A: Arithmetic>(self, Turn { cos, sin }: Turn) -> Self {
+    pub fn rotated<A: MultiplyAdd>(self, Twiddle { cos, sin }: Twiddle) -> Self {
         Self {
             re: self.im.scaled_plus::<A>(sin, self.re.scaled(cos)),
             im: self.re.scaled_plus::<A>(-sin, self.im.scaled(cos)),
         }
     }
 
-    /// `self - i other`
+    /// Returns `self - i other`.
     #[inline(always)]
     pub fn minus_i(self, other: Self) -> Self {
         Self { re: self.re.plus(other.im), im: self.im.minus(other.re) }
     }
 
-    /// `self + i other`
+    /// Returns `self + i other`.
     #[inline(always)]
     pub fn plus_i(self, other: Self) -> Self {
         Self { re: self.re.minus(other.im), im: self.im.plus(other.re) }
     }
 
-    /// Real and imaginary parts exchanged, which turns a forward transform into an inverse one.
+    /// Swaps real and imaginary parts, which turns a forward transform into an inverse one.
     #[inline(always)]
     pub fn swapped(self) -> Self {
         Self { re: self.im, im: self.re }

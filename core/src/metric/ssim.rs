@@ -3,25 +3,26 @@
 use ndarray::Array3;
 
 use super::{ShapesDiffer, check_shapes};
+use crate::frame::in_order;
 use crate::simd::widest;
 
-/// Pictures with a shorter side have no window and so no SSIM, px.
+/// The side of the window in px; a picture with a shorter side has no SSIM.
 pub const LEAST_SIDE: usize = 11;
 
 const SIGMA: f64 = 1.5;
-/// (0.01 * 255)^2 and (0.03 * 255)^2.
+/// The constants (0.01 * 255)^2 and (0.03 * 255)^2.
 const C1: f64 = 6.5025;
 const C2: f64 = 58.5225;
 
-/// Weighted sums of a, b, a^2 + b^2 and ab under the window, a row of samples each.
+/// The number of weighted sums under a window: of a, b, a^2 + b^2 and ab, a row of samples each.
 const MOMENTS: usize = 4;
 
-/// Mean SSIM, -1 to 1: an 11 x 11 Gaussian window of sigma 1.5 px at every place where it fits, `K1 = 0.01`,
-/// `K2 = 0.03`, peak 255, covariance without the sample correction; the mean over places and
-/// channels. `None` when a side is shorter than [`LEAST_SIDE`].
+/// Returns the mean SSIM, -1 to 1, over all positions and channels, or `None` when a side is shorter than
+/// [`LEAST_SIDE`]. The window is an 11 x 11 Gaussian of sigma 1.5 px at every position where it fits, `K1 =
+/// 0.01`, `K2 = 0.03`, the peak is 255, and the covariance has no sample correction.
 ///
 /// # Errors
-/// [`ShapesDiffer`].
+/// [`ShapesDiffer`] when the shapes differ.
 pub fn ssim(left: &Array3<u8>, right: &Array3<u8>) -> Result<Option<f64>, ShapesDiffer> {
     check_shapes(left.dim(), right.dim())?;
     let (height, width, channels) = left.dim();
@@ -29,11 +30,8 @@ pub fn ssim(left: &Array3<u8>, right: &Array3<u8>) -> Result<Option<f64>, Shapes
         return Ok(None);
     }
     let (left, right) = (left.as_standard_layout(), right.as_standard_layout());
-    let (Some(a), Some(b)) = (left.as_slice(), right.as_slice()) else { return Ok(None) };
-    let sum = widest(
-        #[inline(always)]
-        || sum_over_windows(a, b, width * channels, channels),
-    );
+    let (a, b) = (in_order(left.view()), in_order(right.view()));
+    let sum = widest!(sum_over_windows(a, b, width * channels, channels));
     let places = (height - LEAST_SIDE + 1) * (width - LEAST_SIDE + 1);
     Ok(Some(sum / (places * channels) as f64))
 }
@@ -46,10 +44,11 @@ fn window() -> [f64; LEAST_SIDE] {
     weights.map(|weight| weight / sum)
 }
 
-/// SSIM of every window of every channel, added up; rows are `stride` interleaved samples.
+/// Returns the sum of the SSIM of every window of every channel; rows are `stride` interleaved samples.
 #[inline(always)]
 fn sum_over_windows(a: &[u8], b: &[u8], stride: usize, channels: usize) -> f64 {
     let window = window();
+    // A window is separable: sums along the rows first, then down the columns.
     let inner = stride - (LEAST_SIDE - 1) * channels;
     // The sums along the last eleven rows, row r in place r mod 11, so that each row is summed once.
     let mut along = vec![vec![0.0; MOMENTS * inner]; LEAST_SIDE];
@@ -73,7 +72,7 @@ fn sum_over_windows(a: &[u8], b: &[u8], stride: usize, channels: usize) -> f64 {
     sum
 }
 
-/// Row by row of `products`: a, b, a^2 + b^2, ab.
+/// Writes the rows a, b, a^2 + b^2 and ab of `products`.
 #[inline(always)]
 fn multiply(a: &[u8], b: &[u8], products: &mut [f64]) {
     let (means, squares) = products.split_at_mut(2 * a.len());
@@ -85,13 +84,14 @@ fn multiply(a: &[u8], b: &[u8], products: &mut [f64]) {
     }
 }
 
-/// SSIM of the windows of one row, added up.
+/// Returns the sum of the SSIM of the windows of one row.
 #[inline(always)]
 fn of_row(moments: &[f64], inner: usize) -> f64 {
     let [a, b, squares, ab] = [0, 1, 2, 3].map(|moment| &moments[moment * inner..][..inner]);
     let mut sum = 0.0;
     for i in 0..inner {
         let (mean, power) = (a[i] * b[i], a[i] * a[i] + b[i] * b[i]);
+        // The sum of both variances is enough, so a^2 and b^2 share one moment.
         let luminance = (2.0 * mean + C1) / (power + C1);
         sum += luminance * (2.0 * (ab[i] - mean) + C2) / (squares[i] - power + C2);
     }

@@ -1,73 +1,73 @@
-//! Auto: as much model as the frame needs, and a word on whether to trust it.
+//! Auto: the cheapest method that suffices for the frame, and whether its result can be trusted.
 //!
-//! The first rung, `lines`, looks at every 2 x 2 loop of y on its way; what it saw decides
-//! what follows:
+//! The method `lines` runs first and inspects every 2 x 2 loop of y. Its metrics select the method:
 //!
-//! | seen in y | rung | trusted |
+//! | metrics of y | method used | trusted |
 //! |---|---|---|
 //! | hardly a steep loop, each line agrees, all counts in range | lines; pass_through if all k are 0 | yes |
 //! | few steep loops | gradient_tree | if all counts are in range |
 //! | more | gradient_tree | no |
 //!
-//! Trust is given on y alone. What leaves no trace in y cannot be seen here: a region with
-//! a sharp contour of exactly whole peaks, and a whole channel brighter than the peak.
+//! Trust depends on y only. Two errors leave no trace in y and cannot be detected here: a region whose sharp
+//! contour is exactly a multiple of the peak, and a channel that is brighter than the peak everywhere.
 
 use super::{
-    GradientTree, Lines, Options, PASS_THROUGH, Range, Recovered, Signal, Trust, Unwrap, UnwrapError,
+    GradientTree, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Trust, Unwrap, UnwrapError,
 };
 use crate::frame::Frame;
 
-/// How much may speak against a rung before `auto` leaves it.
+/// The limits at which `auto` rejects the result of a method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TrustLimits {
-    /// `lines`: greatest [`Signal::steep`], a fraction of the loops.
+    /// For `lines`: the greatest [`QualityMetrics::steep`], a fraction of the loops.
     pub lines: f64,
-    /// `lines`: least [`Signal::consensus`], a fraction of a line.
+    /// For `lines`: the least [`QualityMetrics::consensus`], a fraction of a line.
     pub consensus: f64,
-    /// `gradient_tree`: greatest [`Signal::steep`], a fraction of the loops.
+    /// For `gradient_tree`: the greatest [`QualityMetrics::steep`], a fraction of the loops.
     pub gradient_tree: f64,
 }
 
 impl Default for TrustLimits {
-    /// 1e-5, 0.70 and 2e-5.
+    /// Returns 1e-5, 0.70 and 2e-5.
     fn default() -> Self {
         Self { lines: 1e-5, consensus: 0.70, gradient_tree: 2e-5 }
     }
 }
 
-/// The ladder with its rungs' buffers.
+/// The method with the buffers of the methods that it selects.
 pub struct Auto {
     limits: TrustLimits,
     lines: Lines,
     gradient_tree: GradientTree,
 }
 
-/// What the signal of `lines` asks for.
+/// The decision that the metrics of `lines` lead to.
 enum Verdict {
     PassThrough,
     Lines,
-    Climb { trusted: bool },
+    FallBack { trusted: bool },
 }
 
 impl Auto {
-    /// With the limits and the threads of `options`.
+    /// Makes the method with the limits and the threads of `options`.
     ///
     /// # Errors
-    /// [`UnwrapError::Workers`] when the threads cannot be had.
+    /// [`UnwrapError::Workers`] when the threads are not available.
     pub fn new(options: &Options) -> Result<Self, UnwrapError> {
         let gradient_tree = GradientTree::new(options.threads)?;
         Ok(Self { limits: options.trust, lines: Lines::default(), gradient_tree })
     }
 
     fn judge(&self, lines: &Recovered) -> Verdict {
-        let Signal { steep, consensus, clamped, .. } =
-            lines.report.signal.expect("lines always gives its signal");
+        let QualityMetrics { steep, consensus, clamped, .. } =
+            lines.report.quality.expect("lines always gives its quality");
         let (steep, consensus) = (f64::from(steep), f64::from(consensus));
+        // A clamped count contradicts the range, however smooth y looks.
         if steep <= self.limits.lines && consensus >= self.limits.consensus && clamped == 0.0 {
             let wrapped = lines.k.iter().any(|&k| k > 0);
             return if wrapped { Verdict::Lines } else { Verdict::PassThrough };
         }
-        Verdict::Climb { trusted: steep <= self.limits.gradient_tree }
+        Verdict::FallBack { trusted: steep <= self.limits.gradient_tree }
     }
 }
 
@@ -78,13 +78,14 @@ impl Unwrap for Auto {
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         self.lines.unwrap(y, range, out)?;
-        let signal = out.report.signal;
+        // The second method overwrites the report, but the metrics of y remain those of `lines`.
+        let quality = out.report.quality;
         match self.judge(out) {
-            Verdict::PassThrough => out.report.rung = PASS_THROUGH,
+            Verdict::PassThrough => out.report.method = PASS_THROUGH,
             Verdict::Lines => {}
-            Verdict::Climb { trusted } => {
+            Verdict::FallBack { trusted } => {
                 self.gradient_tree.unwrap(y, range, out)?;
-                out.report.signal = signal;
+                out.report.quality = quality;
                 // A result that contradicts itself is not trusted, whatever y looks like.
                 if !trusted || out.report.trust == Trust::Contradicted {
                     out.report.trust = Trust::Contradicted;

@@ -1,15 +1,15 @@
-//! From an estimate to integers: wrap counts that agree with y, and the
-//! absolute offset that gradients cannot give.
+//! Turns an estimate into integers: wrap counts that agree with y, at the absolute offset that gradients do not
+//! contain.
 
 use super::{Range, Recovered};
 
-/// Share of the pixels that may fall out of range for a smaller offset: hot pixels
-/// and small wrong regions must not lift the whole image.
+/// The share of the pixels that may be out of range at a greater base level: hot pixels and small wrong regions
+/// must not raise the whole image.
 const TOLERANCE: f64 = 0.02;
 
-/// Finds the absolute offset of `k`, clamps to the range, and writes one channel of `out`,
-/// which is prepared: of the image's shape, in standard layout. `levels` is a buffer.
-pub(super) fn place(
+/// Finds the absolute offset of `k`, clamps to the range, and writes one channel of `out`, which must be
+/// prepared. `levels` is a buffer.
+pub(super) fn write_channel(
     k: &[i32],
     y: &[f32],
     range: Range,
@@ -17,8 +17,8 @@ pub(super) fn place(
     levels: &mut Vec<usize>,
     out: &mut Recovered,
 ) {
-    let most = i32::from(range.most_wraps());
-    let zero = zero_level(k, most, levels);
+    let most = i32::from(range.max_wraps());
+    let zero = base_level(k, most, levels);
     let k = k.iter().map(|k| (k.saturating_sub(zero)).clamp(0, most) as u8);
     let peak = range.peak();
     let channels = out.x.dim().2;
@@ -30,9 +30,9 @@ pub(super) fn place(
     }
 }
 
-/// The count that stands for k = 0: of all levels that leave nearly as many pixels in
-/// `0..=most` as the best does, the highest, which makes the image darkest.
-fn zero_level(k: &[i32], most: i32, levels: &mut Vec<usize>) -> i32 {
+/// Returns the count that stands for k = 0. Of all levels that leave nearly as many pixels in `0..=most` as the
+/// best one does, it is the highest, which makes the image darkest.
+fn base_level(k: &[i32], most: i32, levels: &mut Vec<usize>) -> i32 {
     let low = *k.iter().min().expect("an image has pixels");
     let high = *k.iter().max().expect("an image has pixels");
     levels.clear();
@@ -40,19 +40,21 @@ fn zero_level(k: &[i32], most: i32, levels: &mut Vec<usize>) -> i32 {
     levels.reserve(k.len());
     levels.resize(high.abs_diff(low) as usize + 1, 0);
     k.iter().for_each(|&k| levels[k.abs_diff(low) as usize] += 1);
-    low.saturating_add(zero_of(levels, most) as i32)
+    // An estimate may contain any integers, so no sum may overflow.
+    low.saturating_add(base_level_index(levels, most) as i32)
 }
 
-/// [`zero_level`] of `counts` pixels at each level, as an index; a level below the
-/// first holds no more pixels than the first itself.
-pub(super) fn zero_of(counts: &[usize], most: i32) -> usize {
+/// Returns the index of the [`base_level`] for `counts` pixels at each level. A level below the first holds no
+/// more pixels than the first itself.
+pub(super) fn base_level_index(counts: &[usize], most: i32) -> usize {
     let pixels = counts.iter().sum();
     let in_range = |zero: usize| counts[zero..].iter().take(most as usize + 1).sum::<usize>();
-    let best = (0..counts.len()).map(in_range).max().unwrap_or(0);
-    (0..counts.len()).rfind(|&zero| is_enough(in_range(zero), best, pixels)).unwrap_or(0)
+    let best = (0..counts.len()).map(in_range).max().expect("an image has at least one level");
+    let enough = (0..counts.len()).rfind(|&zero| is_enough(in_range(zero), best, pixels));
+    enough.expect("the best level is enough")
 }
 
-/// Whether `share` is nearly `best`, of `pixels`.
+/// Returns whether `share` is nearly `best`, within the tolerance for so many `pixels`.
 pub(super) fn is_enough(share: usize, best: usize, pixels: usize) -> bool {
     share as f64 >= best as f64 - TOLERANCE * pixels as f64
 }
@@ -63,8 +65,8 @@ mod tests {
 
     #[test]
     fn darkest_offset_that_keeps_the_image_in_range() {
-        assert_eq!(zero_level(&[5, 5, 6, 7], 3, &mut Vec::new()), 5);
-        assert_eq!(zero_level(&[-1, -1, 0, 0], 1, &mut Vec::new()), -1);
+        assert_eq!(base_level(&[5, 5, 6, 7], 3, &mut Vec::new()), 5);
+        assert_eq!(base_level(&[-1, -1, 0, 0], 1, &mut Vec::new()), -1);
     }
 
     #[test]
@@ -72,8 +74,8 @@ mod tests {
         let mut k = vec![3; 1000];
         k[500..].fill(4);
         k[..19].fill(-7);
-        assert_eq!(zero_level(&k, 1, &mut Vec::new()), 3);
+        assert_eq!(base_level(&k, 1, &mut Vec::new()), 3);
         k[..30].fill(2);
-        assert_eq!(zero_level(&k, 2, &mut Vec::new()), 2, "more than 2 % are no outliers");
+        assert_eq!(base_level(&k, 2, &mut Vec::new()), 2, "more than 2 % are no outliers");
     }
 }

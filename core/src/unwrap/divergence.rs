@@ -1,14 +1,13 @@
-//! The divergence of the wrapped gradients of an image, `D^T M_b(D y)`, straight from its codes.
+//! Computes the divergence of the wrapped gradients of an image, `D^T M_b(D y)`, directly from its codes.
 //!
-//! A code of b bits stands in the upper b of 16 bits, so that M_b is what the
-//! machine's own wrapping does.
+//! A code of b bits occupies the upper b of 16 bits, so that M_b is the wrapping arithmetic of the machine.
 
 use super::{Integers, Range, UnwrapError};
-use crate::dct::{Place, REALS};
+use crate::dct::{LANES, Run};
 use crate::frame::Frame;
 use crate::simd::widest;
 
-/// An interleaved image whose peak is 2^16.
+/// An interleaved image, scaled so that its peak is 2^16.
 #[derive(Default)]
 pub(super) struct Codes {
     samples: Vec<u16>,
@@ -17,10 +16,10 @@ pub(super) struct Codes {
 }
 
 impl Codes {
-    /// Takes the codes of `y`.
+    /// Reads the codes of `y`.
     ///
     /// # Errors
-    /// [`UnwrapError`] when `y` is of floats or has a code that `range` has not.
+    /// [`UnwrapError`] when `y` has float samples, or a code that is out of `range`.
     pub fn read(&mut self, y: &Frame, range: Range) -> Result<(), UnwrapError> {
         (self.stride, self.channels) = (y.width() * y.channels(), y.channels());
         let seen = match Integers::of(y)? {
@@ -31,9 +30,9 @@ impl Codes {
         if u32::from(seen) >> range.bits() == 0 { Ok(()) } else { Integers::checked(y, range).map(|_| ()) }
     }
 
-    /// Sixteen codes, 0 beyond the end of the row.
+    /// Returns a run of sixteen codes, with 0 beyond the end of the row.
     #[inline(always)]
-    pub fn at(&self, Place { row, sample }: Place) -> [u16; REALS] {
+    pub fn at(&self, Run { row, sample }: Run) -> [u16; LANES] {
         let rest = &self.samples[row * self.stride..][..self.stride][sample..];
         match rest.first_chunk() {
             Some(codes) => *codes,
@@ -41,21 +40,24 @@ impl Codes {
         }
     }
 
-    /// Sixteen samples of the divergence, 0 beyond the end of the row; half a peak is 2^15.
+    /// Returns a run of sixteen samples of the divergence, with 0 beyond the end of the row; half a peak is 2^15.
     #[inline(always)]
-    pub fn divergence(&self, place @ Place { row, sample }: Place) -> [f32; REALS] {
+    pub fn divergence(&self, run @ Run { row, sample }: Run) -> [f32; LANES] {
         let here = row * self.stride + sample;
-        let last = sample + REALS + self.channels > self.stride;
-        let top = row == 0 || here + self.stride + REALS > self.samples.len();
+        let last = sample + LANES + self.channels > self.stride;
+        // Inside the image all five runs can be loaded without a check for each lane.
+        let top = row == 0 || here + self.stride + LANES > self.samples.len();
         if top || last || sample < self.channels {
-            return self.divergence_at_border(place);
+            return self.divergence_at_border(run);
         }
-        let chunk = |at: usize| self.samples[at..].first_chunk().copied().unwrap_or([0; REALS]);
+        let chunk =
+            |at: usize| -> [u16; LANES] { *self.samples[at..].first_chunk().expect("this is no border") };
         let middle = chunk(here);
         let [left, right] = [chunk(here - self.channels), chunk(here + self.channels)];
         let [above, below] = [chunk(here - self.stride), chunk(here + self.stride)];
-        let mut out = [0.0; REALS];
-        for lane in 0..REALS {
+        let mut out = [0.0; LANES];
+        for lane in 0..LANES {
+            // D^T D with wrapped differences: what flows in from the left and from above minus what flows out.
             let horizontal = difference(left[lane], middle[lane]) - difference(middle[lane], right[lane]);
             let vertical = difference(above[lane], middle[lane]) - difference(middle[lane], below[lane]);
             out[lane] = (horizontal + vertical) as f32;
@@ -64,10 +66,10 @@ impl Codes {
     }
 
     #[inline(never)]
-    fn divergence_at_border(&self, Place { row, sample }: Place) -> [f32; REALS] {
+    fn divergence_at_border(&self, Run { row, sample }: Run) -> [f32; LANES] {
         let start = row * self.stride;
-        let inside = self.stride.saturating_sub(sample).min(REALS);
-        let mut out = [0.0; REALS];
+        let inside = self.stride.saturating_sub(sample).min(LANES);
+        let mut out = [0.0; LANES];
         for (lane, out) in out.iter_mut().enumerate().take(inside) {
             let (at, here) = (sample + lane, start + sample + lane);
             let toward = |there: usize| difference(self.samples[there], self.samples[here]);
@@ -91,25 +93,22 @@ impl Codes {
 
 #[cold]
 #[inline(never)]
-fn tail(rest: &[u16]) -> [u16; REALS] {
+fn tail(rest: &[u16]) -> [u16; LANES] {
     std::array::from_fn(|lane| rest.get(lane).copied().unwrap_or(0))
 }
 
-/// Shifts all samples up, and tells which bits they had.
+/// Shifts all samples up, and returns the bits that occur in them.
 fn fill<T: Copy + Into<u16>>(codes: &mut Vec<u16>, samples: &[T], range: Range) -> u16 {
     codes.resize(samples.len(), 0);
-    widest(
-        #[inline(always)]
-        || {
-            let mut seen = 0;
-            for (code, &sample) in codes.iter_mut().zip(samples) {
-                let sample = sample.into();
-                seen |= sample;
-                *code = sample << (16 - range.bits());
-            }
-            seen
-        },
-    )
+    widest!({
+        let mut seen = 0;
+        for (code, &sample) in codes.iter_mut().zip(samples) {
+            let sample = sample.into();
+            seen |= sample;
+            *code = sample << (16 - range.bits());
+        }
+        seen
+    })
 }
 
 #[inline(always)]

@@ -1,56 +1,56 @@
-//! Gradient tree: the tree over each gradient image first, then over the image.
+//! Gradient tree: a spanning tree over each gradient image first, then over the image.
 //!
-//! With g = M_b(d y) and d x = g + n 2^b, a spanning tree over the pixels of g finds n as
-//! `tree` finds k, along edges in the order of `M_b(d g)`: exact where *second* differences
-//! stay below half a peak. Most gradients are small; they are the sea, one node with n = 0, to
-//! which each other gradient has an edge as long as the steepest one nearby, too.
-//! The range bounds n as it bounds k. Then `tree` takes the edges in the order of `g + n 2^b`.
+//! With g = M_b(d y) and d x = g + n 2^b, a spanning tree over the pixels of g finds n as `tree` finds k, along
+//! edges in the order of `M_b(d g)`: exact where *second* differences are below half a peak. Most gradients are
+//! small. They form the background, one node with n = 0, to which each other gradient has an edge as well, with a
+//! key by the steepest gradient nearby. The range bounds n as it bounds k. Then `tree` takes the edges of the
+//! image in the order of `g + n 2^b`.
 //!
-//! Slower than `lines`, but an error stays where it is: it bears noise, and edges that end within
-//! the image. It fails on edges of a sharp lens and on lines one pixel wide, where second
-//! differences wrap as well.
+//! It is slower than `lines`, but an error stays local: it tolerates noise, and edges that end within the image.
+//! It fails on edges of a sharp lens and on lines one pixel wide, where second differences wrap as well.
 
 use std::ops::Range as Indices;
 
 use super::tree::{
-    Bounds, Direction, Edges, FLAT as FLAT_FIRST, Forest, Ground, Image, MOST, Pixels, Quad, Region, SEA,
-    Sums, first, of_difference, recover, second, subtract, turns,
+    BACKGROUND, Bounds, DirectSums, Direction, EdgeSource, Edges, FLAT as FLAT_IMAGE_KEY, Forest, ImageEdges,
+    MAX_KEY, Pixels, Quad, Region, first_difference_keys, key_of_change, recover, second_difference_keys,
+    subtract, wrap_steps,
 };
 use super::{Integers, Range, Recovered, Unwrap, UnwrapError, WorkersError};
 use crate::frame::Frame;
 use crate::simd::widest;
 use crate::workers::Workers;
 
-/// Second differences up to this key, 80 of 256 codes, are flat.
+/// The largest key of a second difference that counts as flat, 80 of 256 codes.
 const FLAT: u16 = 80 << 6;
 
-/// Gradients are sea where no key nearby is larger: 160 of 256 codes.
-const SEA_LEVEL: u16 = 160 << 6;
+/// A gradient belongs to the background if no key nearby is larger than this, 160 of 256 codes.
+const BACKGROUND_LIMIT: u16 = 160 << 6;
 
-/// How many pixels along the gradient are nearby.
+/// The number of pixels along the gradient that are nearby.
 const NEARBY: usize = 2;
 
 /// The method with its buffers.
 pub struct GradientTree {
     workers: Workers,
     pixels: Pixels,
-    slopes: [Slope; 2],
+    gradients: [DirectionalGradient; 2],
     forest: Forest,
-    sums: Sums,
+    sums: DirectSums,
 }
 
 impl Default for GradientTree {
-    /// On the caller's own thread.
+    /// Runs on the caller's own thread.
     fn default() -> Self {
-        Self::on(Workers::own())
+        Self::on(Workers::current_thread())
     }
 }
 
 impl GradientTree {
-    /// On `threads` threads; the result does not depend on it.
+    /// Runs on `threads` threads; the result does not depend on their number.
     ///
     /// # Errors
-    /// [`WorkersError`] when they cannot be had.
+    /// [`WorkersError`] when the threads are not available.
     pub fn new(threads: usize) -> Result<Self, WorkersError> {
         Ok(Self::on(Workers::new(threads)?))
     }
@@ -59,9 +59,10 @@ impl GradientTree {
         Self {
             workers,
             pixels: Pixels::default(),
-            slopes: [Direction::Right, Direction::Down].map(Slope::new),
+            gradients: [Direction::Right, Direction::Down]
+                .map(|direction| DirectionalGradient { direction, ..Default::default() }),
             forest: Forest::default(),
-            sums: Sums::default(),
+            sums: DirectSums::default(),
         }
     }
 }
@@ -77,9 +78,9 @@ impl Unwrap for GradientTree {
         let bounds = Bounds::new(range);
         self.pixels.read(samples, (y.width(), y.channels()), range, bounds);
         let pixels = &self.pixels;
-        self.workers.each(&mut self.slopes, |_, slope| slope.unwrap(pixels, bounds));
-        let [right, down] = &self.slopes;
-        let image = Image {
+        self.workers.each(&mut self.gradients, |_, gradient| gradient.unwrap(pixels, bounds));
+        let [right, down] = &self.gradients;
+        let image = ImageEdges {
             pixels,
             bounds,
             edges: Edges { keys: [&right.keys, &down.keys], breaks: [&right.breaks, &down.breaks] },
@@ -91,79 +92,69 @@ impl Unwrap for GradientTree {
     }
 }
 
-/// The gradient in one direction. Everything is as large as the image: at pixel p is the
-/// difference to p's neighbour.
-struct Slope {
+/// The gradient in one direction. All maps have the size of the image: at pixel p is the difference to p's neighbour.
+#[derive(Default)]
+struct DirectionalGradient {
     direction: Direction,
-    /// Of the gradient.
+    /// The keys of the gradient.
     keys: Vec<u16>,
-    /// Of the image: where the gradient is not flat, wraps, or has an n.
+    /// The edges of the image where the gradient is not flat, wraps, or has an n.
     breaks: Vec<u8>,
-    /// Of the gradient image, to the right and down: keys, and where it is not flat, or wraps.
-    bends: [(Vec<u16>, Vec<u8>); 2],
+    /// The edges of the gradient image to the right and down: their keys, and whether they are not flat or wrap.
+    second_edges: [(Vec<u16>, Vec<u8>); 2],
     /// The greatest key nearby.
     steepest: Vec<u16>,
-    /// Whether that is above [`SEA_LEVEL`].
-    land: Vec<u8>,
+    /// 1 where the greatest key nearby is above [`BACKGROUND_LIMIT`], 0 in the background.
+    mask: Vec<u8>,
     forest: Forest,
     n: Vec<Quad>,
     /// The pixels at which n is not 0.
     changed: Vec<u32>,
 }
 
-impl Slope {
-    fn new(direction: Direction) -> Self {
-        Self {
-            direction,
-            keys: Vec::new(),
-            breaks: Vec::new(),
-            bends: Default::default(),
-            steepest: Vec::new(),
-            land: Vec::new(),
-            forest: Forest::default(),
-            n: Vec::new(),
-            changed: Vec::new(),
-        }
-    }
-
-    /// Finds n and the keys of `g + n 2^b`; n is 0 for the sea and for what could not be joined to it.
+impl DirectionalGradient {
+    /// Finds n and the keys of `g + n 2^b`; n is 0 for the background and for pixels that no edge joins to it.
     fn unwrap(&mut self, pixels: &Pixels, bounds: Bounds) {
         let stride = pixels.stride(self.direction);
-        first(pixels.planes(), stride, FLAT_FIRST, &mut self.keys, &mut self.breaks);
+        // These are the keys of the image, which the second tree uses; the first one needs them for its background.
+        first_difference_keys(pixels.planes(), stride, FLAT_IMAGE_KEY, &mut self.keys, &mut self.breaks);
         if self.direction == Direction::Right {
             // There the difference is across the edge of the image.
             self.keys.chunks_exact_mut(pixels.width()).for_each(|row| row[row.len() - 1] = 0);
         }
-        for ((keys, breaks), step) in self.bends.iter_mut().zip([1, pixels.width()]) {
-            second(pixels.planes(), (stride, step), FLAT, keys, breaks);
+        for ((keys, breaks), step) in self.second_edges.iter_mut().zip([1, pixels.width()]) {
+            second_difference_keys(pixels.planes(), (stride, step), FLAT, keys, breaks);
         }
-        self.find_land(stride);
-        let Self { direction, steepest, land, bends: [right, down], forest, .. } = self;
+        self.find_mask(stride);
+        let Self { direction, steepest, mask, second_edges: [right, down], forest, .. } = self;
         let edges = Edges { keys: [&right.0, &down.0], breaks: [&right.1, &down.1] };
         let direction = *direction;
-        forest.grow(&Gradient { pixels, bounds, direction, steepest, land, edges });
-        self.read_off(pixels);
+        forest.grow(&GradientEdges { pixels, bounds, direction, steepest, mask, edges });
+        self.write_counts(pixels);
     }
 
-    /// Beside an edge of the image nearby reaches round into the next row, which only makes more land.
-    fn find_land(&mut self, stride: usize) {
-        let Self { keys, steepest, land, bends: [(_, right), _], .. } = self;
+    /// Computes the mask. Beside an edge of the image, "nearby" extends into the next row, which only makes the
+    /// mask larger.
+    fn find_mask(&mut self, stride: usize) {
+        let Self { keys, steepest, mask, second_edges: [(_, right), _], .. } = self;
         steepest.clear();
         steepest.extend_from_slice(keys);
-        land.resize(keys.len(), 0);
-        widest(|| {
+        mask.resize(keys.len(), 0);
+        widest!({
             for reach in (1..=NEARBY).map(|n| n * stride).filter(|&reach| reach < keys.len()) {
                 steepest[reach..].iter_mut().zip(&*keys).for_each(|(most, &key)| *most = key.max(*most));
                 steepest.iter_mut().zip(&keys[reach..]).for_each(|(most, &key)| *most = key.max(*most));
             }
-            land.iter_mut().zip(&*steepest).for_each(|(land, &key)| *land = u8::from(key > SEA_LEVEL));
-            for ((cut, here), next) in right.iter_mut().zip(&*land).zip(&land[1..]) {
+            mask.iter_mut().zip(&*steepest).for_each(|(mask, &key)| *mask = u8::from(key > BACKGROUND_LIMIT));
+            // Within the background nothing is cut; at its border everything is, so that it stays one node.
+            for ((cut, here), next) in right.iter_mut().zip(&*mask).zip(&mask[1..]) {
                 *cut = (*cut & here) | (here ^ next);
             }
         });
     }
 
-    fn read_off(&mut self, pixels: &Pixels) {
+    fn write_counts(&mut self, pixels: &Pixels) {
+        // Few pixels change, so clearing these is faster than clearing the map.
         if self.n.len() == pixels.count() {
             self.changed.iter().for_each(|&at| self.n[at as usize] = [0; 4]);
         } else {
@@ -173,22 +164,23 @@ impl Slope {
         self.changed.clear();
         self.changed.reserve(pixels.count());
         let (regions, stride) = (&self.forest.regions, pixels.stride(self.direction));
-        for segment in self.forest.segments.iter().filter(|segment| segment.node != SEA) {
-            let n = subtract(regions.above_root(segment.node), regions.above_root(SEA));
-            if n == [0; 4] || regions.root(segment.node) != regions.root(SEA) {
+        for segment in self.forest.segments.iter().filter(|segment| segment.node != BACKGROUND) {
+            // Only regions that an edge has joined to the background have a known n.
+            let n = subtract(regions.offset_from_root(segment.node), regions.offset_from_root(BACKGROUND));
+            if n == [0; 4] || regions.root(segment.node) != regions.root(BACKGROUND) {
                 continue;
             }
             for at in segment.pixels() {
                 self.n[at] = n;
                 self.changed.push(at as u32);
-                self.keys[at] = of_difference(pixels.code(at), pixels.code(at + stride), n);
+                self.keys[at] = key_of_change(pixels.code(at), pixels.code(at + stride), n);
                 self.breaks[at] = 1;
             }
         }
     }
 }
 
-/// Rows and columns that have a neighbour in that direction.
+/// Returns the rows and columns of pixels that have a neighbour in that direction.
 fn extent(pixels: &Pixels, direction: Direction) -> (usize, usize) {
     let (rows, columns) = (pixels.count() / pixels.width(), pixels.width());
     match direction {
@@ -197,17 +189,19 @@ fn extent(pixels: &Pixels, direction: Direction) -> (usize, usize) {
     }
 }
 
-/// The gradient image as a ground: its counts are n.
-struct Gradient<'a> {
+/// The edges of the gradient image, whose counts are n.
+struct GradientEdges<'a> {
     pixels: &'a Pixels,
     bounds: Bounds,
     direction: Direction,
     steepest: &'a [u16],
-    land: &'a [u8],
+    mask: &'a [u8],
     edges: Edges<'a>,
 }
 
-impl Ground for Gradient<'_> {
+impl EdgeSource for GradientEdges<'_> {
+    const FLAT: u16 = FLAT;
+
     #[inline(always)]
     fn width(&self) -> usize {
         self.pixels.width()
@@ -219,40 +213,38 @@ impl Ground for Gradient<'_> {
     }
 
     #[inline(always)]
-    fn flat(&self) -> u16 {
-        FLAT
-    }
-
-    #[inline(always)]
     fn edges(&self) -> &Edges<'_> {
         &self.edges
     }
 
     #[inline(always)]
-    fn land(&self) -> Option<&[u8]> {
-        Some(self.land)
+    fn mask(&self) -> Option<&[u8]> {
+        Some(self.mask)
     }
 
-    /// Twice the steepest gradient nearby is how unlikely n = 0 is.
+    /// Twice the steepest gradient nearby measures how unlikely n = 0 is.
     #[inline(always)]
-    fn tie(&self, at: usize) -> u16 {
-        self.steepest[at].saturating_mul(2).min(MOST)
+    fn background_key(&self, at: usize) -> u16 {
+        self.steepest[at].saturating_mul(2).min(MAX_KEY)
     }
 
-    /// With k at both ends in 0 to `highest`, n = k_to - k_from - turns has its least and greatest value.
+    /// The range bounds n: k at both ends lies in 0 to `highest`, and n = k_to - k_from - steps.
     #[inline(always)]
     fn interval(&self, pixels: Indices<usize>) -> Region {
         Region::of_equal(pixels, |at| {
             let ends = [at, at + self.pixels.stride(self.direction)].map(|at| self.pixels.code(at));
             let [below, above] = ends.map(|code| self.bounds.highest(code));
-            let turns = turns(ends[0], ends[1]);
-            (subtract(subtract([0; 4], below), turns), subtract(above, turns))
+            let wrap_steps = wrap_steps(ends[0], ends[1]);
+            (subtract(subtract([0; 4], below), wrap_steps), subtract(above, wrap_steps))
         })
     }
 
     #[inline(always)]
     fn step(&self, to: Direction, at: usize) -> Quad {
         let stride = self.pixels.stride(self.direction);
-        turns(self.pixels.difference(at, stride), self.pixels.difference(at + self.pixels.stride(to), stride))
+        wrap_steps(
+            self.pixels.difference(at, stride),
+            self.pixels.difference(at + self.pixels.stride(to), stride),
+        )
     }
 }

@@ -1,11 +1,11 @@
-//! Itoh's method: follow the wrapped differences down the first column, then
-//! along each row. One difference of half a peak or more spoils the rest of its row.
+//! Itoh's method: it follows the wrapped differences down the first column, then along each row. One difference
+//! of half a peak or more spoils the rest of its row.
 
 use super::{Integers, Range, Recovered, Unwrap, UnwrapError, congruence};
 use crate::frame::Frame;
-use crate::gradient::wraps_across;
+use crate::gradient::wrap_step;
 
-/// Path integration with its buffers; each channel on its own, integers only.
+/// Path integration with its buffers, one channel after the other, in integers.
 #[derive(Default)]
 pub struct Itoh {
     y: Vec<f32>,
@@ -25,22 +25,23 @@ impl Unwrap for Itoh {
         for channel in 0..channels {
             samples.take(channels, channel, &mut self.y);
             integrate(&self.y, width, range.bits(), &mut self.k);
-            congruence::place(&self.k, &self.y, range, channel, &mut self.levels, out);
+            congruence::write_channel(&self.k, &self.y, range, channel, &mut self.levels, out);
         }
         Ok(())
     }
 }
 
-/// `k` becomes the wrap counts of `y` relative to its first pixel.
+/// Writes to `k` the wrap counts of `y` relative to its first pixel.
 fn integrate(y: &[f32], width: usize, bits: u8, k: &mut Vec<i32>) {
     k.clear();
+    // Each row starts from the first column, so an error stays in its row unless it is in that column.
     let (mut first, mut above) = (0, y[0]);
     for row in y.chunks_exact(width) {
-        first += wraps_across(row[0] - above, bits);
+        first += wrap_step(row[0] - above, bits);
         above = row[0];
         let (mut here, mut left) = (first, row[0]);
         for &value in row {
-            here += wraps_across(value - left, bits);
+            here += wrap_step(value - left, bits);
             left = value;
             k.push(here);
         }

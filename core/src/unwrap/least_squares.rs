@@ -1,8 +1,7 @@
-//! Least squares (Ghiglia and Romero): SPUD without its threshold, made
-//! congruent with y.
+//! Least squares (Ghiglia and Romero): SPUD without its threshold, made congruent with y.
 //!
-//! D. C. Ghiglia and L. A. Romero, "Robust two-dimensional weighted and unweighted
-//! phase unwrapping that uses fast transforms and iterative methods", JOSA A 11(1), 1994.
+//! D. C. Ghiglia and L. A. Romero, "Robust two-dimensional weighted and unweighted phase unwrapping that uses
+//! fast transforms and iterative methods", JOSA A 11(1), 1994.
 
 use super::{Range, Recovered, Spud, ThresholdOn, Unwrap, UnwrapError};
 use crate::frame::Frame;
@@ -13,10 +12,10 @@ pub struct LeastSquares {
 }
 
 impl LeastSquares {
-    /// `threads` in 1 to [`MAX_THREADS`](crate::MAX_THREADS).
+    /// Makes the method on `threads` threads, 1 to [`MAX_THREADS`](crate::MAX_THREADS).
     ///
     /// # Errors
-    /// [`UnwrapError::Workers`] for the threads.
+    /// [`UnwrapError::Workers`] when the threads are not available.
     pub fn new(threads: usize) -> Result<Self, UnwrapError> {
         Ok(Self { solver: Spud::with_threads(0.0, ThresholdOn::Phi, threads)? })
     }

@@ -1,7 +1,6 @@
-//! From a modulo image back to radiance: one file a method, one trait over all.
+//! The unwrapping methods, which recover radiance from a modulo image: one file for each method, one trait for all.
 //!
-//! Every result is congruent with its input, `x_hat = y + k * 2^b`, so that a
-//! method can be wrong about k and about nothing else.
+//! Every result is congruent with its input, `x_hat = y + k * 2^b`, so that a method can be wrong only about k.
 
 mod auto;
 mod congruence;
@@ -32,11 +31,10 @@ pub use quality_guided::QualityGuided;
 pub use spud::Spud;
 pub use tree::Tree;
 
-use crate::frame::{Frame, FrameError, Samples, in_order};
-use crate::plane::{self, place_of};
+use crate::frame::{Frame, FrameError, SamplePosition, Samples, copy_channel, in_order, position_of};
 use crate::workers::WorkersError;
 
-/// One line a method: its type, its name, and how it is made.
+/// Declares the methods, one line each: its type, its name, and its constructor.
 macro_rules! methods {
     ($($method:ident $name:literal $make:expr,)*) => {
         /// An unwrapping method.
@@ -52,11 +50,11 @@ macro_rules! methods {
             /// Every method with its name.
             pub const ALL: [(&'static str, Self); METHODS.len()] = [$(($name, Self::$method)),*];
 
-            /// The method with these options.
+            /// Makes the method with these options.
             ///
             /// # Errors
-            /// [`UnwrapError::Tau`] for a negative or NaN threshold, [`UnwrapError::Workers`] for threads that cannot
-            /// be had.
+            /// [`UnwrapError::Tau`] for a negative or NaN threshold, [`UnwrapError::Workers`] when the threads
+            /// are not available.
             pub fn build(self, options: &Options) -> Result<Box<dyn Unwrap>, UnwrapError> {
                 let make: fn(&Options) -> Result<Box<dyn Unwrap>, UnwrapError> = match self {
                     $(Self::$method => $make,)*
@@ -87,37 +85,37 @@ impl FromStr for Method {
     }
 }
 
-/// A way to find the wrap counts of a modulo image.
+/// A method that finds the wrap counts of a modulo image.
 pub trait Unwrap: Send {
-    /// As in [`METHODS`].
+    /// Returns the name of the method, as in [`METHODS`].
     fn name(&self) -> &'static str;
 
-    /// Writes radiance and wrap counts of `y` (values below 2^b) into `out`,
-    /// whose buffers are reused when the shape is the same.
+    /// Writes radiance and wrap counts of `y` (values below 2^b) into `out`, whose buffers are reused when the
+    /// shape is the same.
     ///
     /// # Errors
-    /// [`UnwrapError::Float`] when `y` is of floats, [`UnwrapError::Code`] when a value of `y` is 2^b or more.
+    /// [`UnwrapError::Float`] when `y` has float samples, [`UnwrapError::Code`] when a value of `y` is 2^b or more.
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError>;
 }
 
-/// What was recovered from one image.
+/// The result of unwrapping one image.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recovered {
-    /// x_hat in code units, H x W x C: exactly `y + k * 2^b`.
+    /// The radiance x_hat in code units, H x W x C: exactly `y + k * 2^b`.
     pub x: Array3<f32>,
-    /// Wrap counts, H x W x C, `0 <= k <= ceil(alpha) - 1`.
+    /// The wrap counts, H x W x C, `0 <= k <= ceil(alpha) - 1`.
     pub k: Array3<u8>,
-    /// How it was recovered.
+    /// The report of the method on its result.
     pub report: Report,
 }
 
-/// What a method says of its own result.
+/// The report of a method on its own result.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
-    /// Name of the method that did it, as in [`METHODS`], or [`PASS_THROUGH`]; empty before the first image.
-    pub rung: &'static str,
-    /// What of y speaks against the result, where the method looked at it.
-    pub signal: Option<Signal>,
+    /// The name of the method used, as in [`METHODS`], or [`PASS_THROUGH`]; empty before the first image.
+    pub method: &'static str,
+    /// The quality metrics of y, if the method computes them.
+    pub quality: Option<QualityMetrics>,
     /// Whether the method vouches for k.
     pub trust: Trust,
 }
@@ -130,12 +128,12 @@ pub enum Trust {
     Unknown,
     /// The method vouches for the counts.
     Trusted,
-    /// The image, or the result itself, contradicts what the method assumes.
+    /// The image or the result contradicts the assumptions of the method.
     Contradicted,
 }
 
 impl Trust {
-    /// The claim as tables and messages have it: `true` or `false`, and `None` where the method makes no claim.
+    /// Returns the claim for tables and messages: `true` or `false`, and `None` if the method makes no claim.
     pub fn claim(self) -> Option<bool> {
         match self {
             Self::Unknown => None,
@@ -145,90 +143,84 @@ impl Trust {
     }
 }
 
-/// The rung of `auto` that changes nothing: all k are 0.
+/// The name for a result of `auto` in which all k are 0.
 pub const PASS_THROUGH: &str = "pass_through";
 
-/// How far y departs from what `lines` assumes, seen on its way over y, all channels together; no truth is needed.
+/// Measures of how far y departs from the assumptions of `lines`, over all channels; they need no ground truth.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Signal {
-    /// Fraction of the 2 x 2 loops around which the wrapped differences do not sum to 0.
+pub struct QualityMetrics {
+    /// The fraction of the 2 x 2 loops around which the wrapped differences do not sum to 0.
     pub residues: f32,
-    /// Fraction of the 2 x 2 loops whose wrapped mixed difference `|M_b(d_x d_y y)|` is above 3/8 of the peak
+    /// The fraction of the 2 x 2 loops whose wrapped mixed difference `|M_b(d_x d_y y)|` is above 3/8 of the peak
     /// (96 of 256).
     pub steep: f32,
-    /// Of all rows and columns, the least share of one that agrees on how it continues the one before, 0 to 1:
-    /// an error that runs along lines divides the line at which it starts.
+    /// The least share, over all rows and columns, of the pixels of a line that agree on how it continues the
+    /// line before, 0 to 1. An error that runs along lines divides the line at which it starts.
     pub consensus: f32,
-    /// Fraction of the samples whose count left the range and was clamped: they contradict the rest.
+    /// The fraction of the samples whose count was out of range and was clamped: they contradict the others.
     pub clamped: f32,
 }
 
-/// What the methods can be told; each reads its own.
+/// The options of all methods; each method reads its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// Threshold of SPUD, in units of the peak, >= 0.
+    /// The threshold of SPUD in units of the peak, >= 0.
     pub tau: f64,
-    /// What SPUD's threshold acts on.
+    /// The coefficients that SPUD's threshold applies to.
     pub threshold_on: ThresholdOn,
-    /// Threads a method may use where that pays, 1 to [`MAX_THREADS`](crate::MAX_THREADS); the result does not
+    /// The number of threads that a method may use, 1 to [`MAX_THREADS`](crate::MAX_THREADS); the result does not
     /// depend on it.
     pub threads: usize,
-    /// When `auto` trusts a rung.
+    /// The limits at which `auto` trusts a result.
     pub trust: TrustLimits,
 }
 
 impl Default for Options {
-    /// The paper's: tau = 0.1, on phi; one thread.
+    /// Returns the options of the paper: tau = 0.1 on phi, and one thread.
     fn default() -> Self {
         Self { tau: 0.1, threshold_on: ThresholdOn::Phi, threads: 1, trust: TrustLimits::default() }
     }
 }
 
-/// Why an image was not unwrapped.
+/// Error: the image was not unwrapped.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum UnwrapError {
-    /// There is no such method.
+    /// No method has this name.
     #[error("method {name:?} is unknown, possible are {}", METHODS.join(", "))]
     Method {
-        /// Asked for.
+        /// The name that was asked for.
         name: String,
     },
-    /// A threshold that is no threshold.
+    /// The threshold is out of range.
     #[error("tau is {tau}, a finite number of at least 0 is needed (units of the peak)")]
     Tau {
-        /// Found.
+        /// The threshold.
         tau: f64,
     },
-    /// An image without pixels, or of a wrong number of channels.
+    /// The image has no pixel, or a wrong number of channels.
     #[error(transparent)]
     Shape(#[from] FrameError),
-    /// Threads that cannot be had.
+    /// The threads are not available.
     #[error(transparent)]
     Workers(#[from] WorkersError),
-    /// The samples of a modulo image are integers.
+    /// The samples are floats, but those of a modulo image are integers.
     #[error("y has 32-bit float samples, integers of 8 or 16 bits are needed: the sensor's modulo image")]
     Float,
-    /// A sample that the sensor cannot have delivered.
-    #[error(
-        "y at (row {row}, column {column}, channel {channel}) is {value}, 0 to {most} is possible with {bits} bits"
-    )]
+    /// A sample is out of the range of the sensor's converter.
+    #[error("y at ({at}) is {value}, 0 to {most} is possible with {bits} bits")]
     Code {
-        /// Row, from 0.
-        row: usize,
-        /// Column, from 0.
-        column: usize,
-        /// Channel, from 0.
-        channel: usize,
-        /// Found.
+        /// The position of the sample.
+        at: SamplePosition,
+        /// The value of the sample.
         value: f32,
-        /// Largest possible value.
+        /// The largest value in range.
         most: f32,
-        /// b of the range.
+        /// The bits of the range.
         bits: u8,
     },
 }
 
-/// The method called `name`, one of [`METHODS`].
+/// Makes the method called `name`, one of [`METHODS`].
 ///
 /// # Errors
 /// [`UnwrapError::Method`] lists the names; [`UnwrapError::Tau`] for a negative or NaN threshold.
@@ -237,7 +229,7 @@ pub fn by_name(name: &str, options: &Options) -> Result<Box<dyn Unwrap>, UnwrapE
 }
 
 impl Recovered {
-    /// Makes room for an image of `dim` in standard layout; what was there stays until it is overwritten.
+    /// Resizes the buffers for an image of `dim` in standard layout; old values stay until they are overwritten.
     fn prepare(&mut self, dim: (usize, usize, usize), method: &'static str) {
         if self.x.dim() != dim || !self.x.is_standard_layout() {
             self.x = Array3::zeros(dim);
@@ -245,10 +237,10 @@ impl Recovered {
         if self.k.dim() != dim || !self.k.is_standard_layout() {
             self.k = Array3::zeros(dim);
         }
-        self.report = Report { rung: method, ..Report::default() };
+        self.report = Report { method, ..Report::default() };
     }
 
-    /// x and k, row-major and interleaved, after [`Recovered::prepare`].
+    /// Returns x and k, row-major and interleaved, after [`Recovered::prepare`].
     fn buffers(&mut self) -> (&mut [f32], &mut [u8]) {
         let (x, k) = (self.x.as_slice_mut(), self.k.as_slice_mut());
         (x.expect("prepare has made the layout standard"), k.expect("prepare has made the layout standard"))
@@ -263,7 +255,7 @@ enum Integers<'a> {
 }
 
 impl<'a> Integers<'a> {
-    /// The samples of `y`, of any value.
+    /// Returns the samples of `y`, of any value.
     fn of(y: &'a Frame) -> Result<Self, UnwrapError> {
         match y.samples() {
             Samples::U8(y) => Ok(Self::U8(in_order(y.view()))),
@@ -272,7 +264,7 @@ impl<'a> Integers<'a> {
         }
     }
 
-    /// The samples of `y`, all below 2^b.
+    /// Returns the samples of `y`, all of which are below 2^b.
     fn checked(y: &'a Frame, range: Range) -> Result<Self, UnwrapError> {
         let (samples, most) = (Self::of(y)?, range.peak() - 1.0);
         // Integers are compared at the speed of memory, and not at all where no sample can be too large.
@@ -292,13 +284,13 @@ impl<'a> Integers<'a> {
     /// Copies one of `channels` into `plane`, row-major.
     fn take(self, channels: usize, channel: usize, plane: &mut Vec<f32>) {
         match self {
-            Self::U8(samples) => plane::take(samples, channels, channel, plane),
-            Self::U16(samples) => plane::take(samples, channels, channel, plane),
+            Self::U8(samples) => copy_channel(samples, channels, channel, plane),
+            Self::U16(samples) => copy_channel(samples, channels, channel, plane),
         }
     }
 }
 
-/// Refuses samples (of an image of shape `dim`) outside `[0, most]`, NaN included.
+/// Returns an error for samples (of an image of shape `dim`) outside `[0, most]` or NaN.
 fn check_codes<T>(y: &[T], dim: (usize, usize, usize), range: Range, most: f32) -> Result<(), UnwrapError>
 where
     T: Copy + Into<f32>,
@@ -308,7 +300,6 @@ where
     if y.iter().filter(wrong).count() == 0 {
         return Ok(());
     }
-    let Some((index, &value)) = y.iter().enumerate().find(|(_, value)| wrong(value)) else { return Ok(()) };
-    let (row, column, channel) = place_of(index, dim);
-    Err(UnwrapError::Code { row, column, channel, value: value.into(), most, bits: range.bits() })
+    let (index, &value) = y.iter().enumerate().find(|(_, value)| wrong(value)).expect("one was counted");
+    Err(UnwrapError::Code { at: position_of(index, dim), value: value.into(), most, bits: range.bits() })
 }

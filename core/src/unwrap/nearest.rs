@@ -1,61 +1,61 @@
-//! Congruence for estimates that are real numbers: the wrap counts next to phi,
-//! and the absolute offset that phi lacks.
+//! Congruence for real estimates: the wrap counts nearest to phi, at the absolute offset that phi does not contain.
 //!
-//! Everything after phi is an integer: residuals `(phi - y) / 2^b` are kept in
-//! [`FINE`]ths of a turn, so that one histogram tells both the fractional offset
-//! and how many pixels each wrap count has, and sums do not depend on their order.
+//! After phi, everything is an integer. Residuals `(phi - y) / 2^b` are counted in steps of
+//! 1/[`STEPS_PER_PERIOD`] of a peak. One histogram then gives the fractional offset and the number of pixels of
+//! each wrap count, and sums do not depend on their order.
 
 use std::f64::consts::TAU;
 
 use super::congruence;
-use crate::dct::REALS;
+use crate::dct::LANES;
 
-/// Steps of one turn; with 16 bits, residuals of up to 256 turns have room.
-const FINE: i32 = 128;
+/// The number of steps of one peak; 16 bits hold residuals of up to 256 peaks.
+const STEPS_PER_PERIOD: i32 = 128;
 
-/// Codes whose peak is 2^16 to one step.
-const CODES_A_STEP: f32 = 65536.0 / FINE as f32;
+/// One step in codes whose peak is 2^16.
+const CODES_PER_STEP: f32 = 65536.0 / STEPS_PER_PERIOD as f32;
 
-/// Residuals that are too large or too small.
+/// The greatest magnitude of a residual in steps; others are clamped to it.
 const LIMIT: f32 = 32767.0;
 
-/// What a number from 0 to this loses when it is added is its fraction; its integer is left in the lowest bits.
-const WHOLE: f32 = 8_388_608.0;
+/// Adding 2^23 to a number in [0, 2^23] rounds off its fraction and leaves its integer in the lowest bits.
+const ROUNDING: f32 = 8_388_608.0;
 
-/// `(phi - code)` in steps, rounded down (within 1/256 of a step); both in units whose peak is 2^16.
+/// Returns `(phi - code)` in steps, rounded down (within 1/256 of a step); both are in units whose peak is 2^16.
 #[inline(always)]
-pub(super) fn residuals(phi: [f32; REALS], codes: [u16; REALS]) -> [i16; REALS] {
-    let mut steps = [0; REALS];
+pub(super) fn residuals(phi: [f32; LANES], codes: [u16; LANES]) -> [i16; LANES] {
+    let mut steps = [0; LANES];
     for ((step, phi), code) in steps.iter_mut().zip(phi).zip(codes) {
-        let value = ((phi - f32::from(code)) * (1.0 / CODES_A_STEP)).clamp(-LIMIT, LIMIT) + (LIMIT + 1.0);
+        // The clamp keeps residuals in 16 bits; an estimate that is out by more is wrong anyway.
+        let value = ((phi - f32::from(code)) * (1.0 / CODES_PER_STEP)).clamp(-LIMIT, LIMIT) + (LIMIT + 1.0);
         // `floor` would be a call into the maths library on plain x86-64, and `as` one number at a time.
-        let nearest = (value + WHOLE) - WHOLE;
+        let nearest = (value + ROUNDING) - ROUNDING;
         let whole = if nearest > value { nearest - 1.0 } else { nearest };
-        *step = ((whole + WHOLE).to_bits() as u16 ^ (1 << 15)).cast_signed();
+        *step = ((whole + ROUNDING).to_bits() as u16 ^ (1 << 15)).cast_signed();
     }
     steps
 }
 
-/// How many residuals of one channel there are of each size.
+/// The number of residuals of one channel at each step.
 #[derive(Clone)]
 pub(super) struct Histogram {
     counts: Vec<u32>,
 }
 
-/// From a residual to a wrap count.
+/// The rule that turns a residual into a wrap count.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Counting {
+pub(super) struct CountRule {
     offset: i32,
     zero: i32,
     most: i32,
 }
 
-/// As many [`Counting`]s side by side, by lane.
+/// The [`CountRule`] of each lane.
 #[derive(Clone, Copy)]
-pub(super) struct Countings {
-    offset: [i32; REALS],
-    zero: [i32; REALS],
-    most: [i32; REALS],
+pub(super) struct LaneCountRules {
+    offset: [i32; LANES],
+    zero: [i32; LANES],
+    most: [i32; LANES],
 }
 
 impl Histogram {
@@ -77,27 +77,31 @@ impl Histogram {
         self.counts.iter_mut().zip(&other.counts).for_each(|(count, other)| *count += other);
     }
 
-    /// `k = round((phi + s - y) / 2^b) - zero` in `0..=most`: s is the circular mean of the
-    /// residuals, zero the level that [`congruence::zero_of`] finds.
-    pub fn counting(&self, most: u8) -> Counting {
+    /// Returns the rule `k = round((phi + s - y) / 2^b) - zero` in `0..=most`: s is the circular mean of the
+    /// residuals, zero the level that [`congruence::base_level_index`] finds.
+    pub fn count_rule(&self, most: u8) -> CountRule {
         let shift = self.mean_phase();
-        let offset = ((0.5 + shift) * f64::from(FINE) + 0.5).floor() as i32;
-        let mut levels = [0; (1 << 16) / FINE as usize + 2];
+        // Half a period more makes the shift to the right round to the nearest count.
+        let offset = ((0.5 + shift) * f64::from(STEPS_PER_PERIOD) + 0.5).floor() as i32;
+        let mut levels = [0; (1 << 16) / STEPS_PER_PERIOD as usize + 2];
+        // The histogram of residuals is also that of the wrap counts, for any offset.
         let low = wraps(i32::from(i16::MIN), offset);
         for (residual, &count) in (i32::from(i16::MIN)..).zip(&self.counts) {
             levels[(wraps(residual, offset) - low) as usize] += count as usize;
         }
         let most = i32::from(most);
-        Counting { offset, zero: low + congruence::zero_of(&levels, most) as i32, most }
+        CountRule { offset, zero: low + congruence::base_level_index(&levels, most) as i32, most }
     }
 
-    /// Circular mean of `(y - phi) / 2^b`, in turns, -0.5 to 0.5.
+    /// Returns the circular mean of `(y - phi) / 2^b` in peaks, -0.5 to 0.5.
     fn mean_phase(&self) -> f64 {
         let (mut sine, mut cosine) = (0.0, 0.0);
-        for step in 0..FINE as usize {
+        for step in 0..STEPS_PER_PERIOD as usize {
             let count: u64 =
-                self.counts.iter().skip(step).step_by(FINE as usize).map(|&c| u64::from(c)).sum();
-            let angle = TAU * (step as f64 + 0.5) / f64::from(FINE);
+                self.counts.iter().skip(step).step_by(STEPS_PER_PERIOD as usize).map(|&c| u64::from(c)).sum();
+            // A residual was rounded down, so on average it is half a step higher.
+            let angle = TAU * (step as f64 + 0.5) / f64::from(STEPS_PER_PERIOD);
+            // Residuals are phases: only their mean on the circle does not depend on where a period starts.
             sine -= count as f64 * angle.sin();
             cosine += count as f64 * angle.cos();
         }
@@ -105,18 +109,18 @@ impl Histogram {
     }
 }
 
-impl Countings {
-    /// `of` each lane.
-    pub fn new(of: impl Fn(usize) -> Counting) -> Self {
-        let each = |part: fn(Counting) -> i32| std::array::from_fn(|lane| part(of(lane)));
+impl LaneCountRules {
+    /// Makes the rules from the rule `of` each lane.
+    pub fn new(of: impl Fn(usize) -> CountRule) -> Self {
+        let each = |part: fn(CountRule) -> i32| std::array::from_fn(|lane| part(of(lane)));
         Self { offset: each(|of| of.offset), zero: each(|of| of.zero), most: each(|of| of.most) }
     }
 
-    /// Wrap counts of residuals.
+    /// Returns the wrap counts of residuals.
     #[inline(always)]
-    pub fn wraps(&self, residuals: &[i16; REALS]) -> [u8; REALS] {
-        let mut counts = [0; REALS];
-        for lane in 0..REALS {
+    pub fn wraps(&self, residuals: &[i16; LANES]) -> [u8; LANES] {
+        let mut counts = [0; LANES];
+        for lane in 0..LANES {
             let count = wraps(i32::from(residuals[lane]), self.offset[lane]) - self.zero[lane];
             counts[lane] = count.max(0).min(self.most[lane]) as u8;
         }
@@ -126,7 +130,7 @@ impl Countings {
 
 #[inline(always)]
 fn wraps(residual: i32, offset: i32) -> i32 {
-    (residual + offset) >> FINE.ilog2()
+    (residual + offset) >> STEPS_PER_PERIOD.ilog2()
 }
 
 #[cfg(test)]
@@ -139,20 +143,20 @@ mod tests {
         for shift in [0.0, 9472.0, -32768.0, -127_872.0] {
             let mut histogram = Histogram::new();
             let residuals: Vec<i16> =
-                x.iter().map(|&x| residuals([x + shift; REALS], [(x % 65536.0) as u16; REALS])[0]).collect();
+                x.iter().map(|&x| residuals([x + shift; LANES], [(x % 65536.0) as u16; LANES])[0]).collect();
             residuals.iter().for_each(|&residual| histogram.count(residual));
-            let counting = histogram.counting(3);
-            let counting = Countings::new(|_| counting);
+            let rule = histogram.count_rule(3);
+            let rule = LaneCountRules::new(|_| rule);
             for (x, residual) in x.iter().zip(residuals) {
-                let want = [(x / 65536.0) as u8; REALS];
-                assert_eq!(counting.wraps(&[residual; REALS]), want, "shift {shift}, x {x}");
+                let want = [(x / 65536.0) as u8; LANES];
+                assert_eq!(rule.wraps(&[residual; LANES]), want, "shift {shift}, x {x}");
             }
         }
     }
 
     #[test]
     fn residuals_round_down_and_stay_in_range() {
-        let of = |phi| residuals([phi; REALS], [0; REALS])[0];
+        let of = |phi| residuals([phi; LANES], [0; LANES])[0];
         assert_eq!([of(0.0), of(510.0), of(512.0), of(-1.0), of(-512.0), of(-513.0)], [0, 0, 1, -1, -1, -2]);
         assert_eq!([of(1e9), of(-1e9), of(f32::MAX)], [32767, -32767, 32767]);
     }

@@ -1,74 +1,76 @@
-//! Least squares on a gradient field by cosine transforms (eq. 3), with the
-//! hard threshold of SPUD inside.
+//! Solves the least-squares problem of a gradient field by cosine transforms (eq. 3), with the hard threshold of SPUD.
 
 use std::f64::consts::PI;
 
-use crate::dct::{Change, Grid, Place, REALS};
+use crate::dct::{Grid, LANES, Run, SpectralFilter};
 use crate::workers::Workers;
 
-/// Which coefficients SPUD's threshold looks at.
+/// The coefficients that SPUD's threshold applies to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum ThresholdOn {
-    /// After the division: what the paper's scripts do.
+    /// Those after the division, as in the paper's scripts.
     #[default]
     Phi,
-    /// Before the division: what eq. 3 says.
+    /// Those before the division, as in eq. 3.
     Rho,
 }
 
-/// A solver for images of one size; `Out` is what is kept of sixteen samples of phi.
+/// A solver for images of one size; `Out` is the output for a run of sixteen samples of phi.
 pub(super) struct Poisson<Out> {
     pub grid: Grid<Out>,
-    down: Vec<[f32; REALS]>,
-    across: Vec<f32>,
+    by_row: Vec<[f32; LANES]>,
+    by_column: Vec<f32>,
 }
 
 impl<Out: Copy + Default + Send + Sync> Poisson<Out> {
-    /// `dim` is (height, width, channels), all at least 1; each channel is solved on its own.
+    /// Plans for images of `dim`, (height, width, channels), all at least 1; each channel is solved separately.
     pub fn new(dim: (usize, usize, usize), workers: usize) -> Self {
-        let mut down = vec![[0.0; REALS]; dim.0.div_ceil(REALS)];
-        down.as_flattened_mut().iter_mut().zip(eigenvalues(dim.0)).for_each(|(to, value)| *to = value);
-        Self { grid: Grid::new(dim, workers), down, across: eigenvalues(dim.1).collect() }
+        let mut by_row = vec![[0.0; LANES]; dim.0.div_ceil(LANES)];
+        by_row.as_flattened_mut().iter_mut().zip(eigenvalues(dim.0)).for_each(|(to, value)| *to = value);
+        Self { grid: Grid::new(dim, workers), by_row, by_column: eigenvalues(dim.1).collect() }
     }
 
-    /// Keeps the phi of mean 0 with `D^T D phi = rho` of the divergence `D^T g` that `rho` gives.
+    /// Solves `D^T D phi = rho` for the phi of mean 0, where `rho` is a divergence `D^T g`, and stores the output
+    /// of `keep`.
     ///
-    /// Coefficients of magnitude `tau` (in the unit of rho) or less are dropped, before or after the division.
+    /// Coefficients of magnitude `tau` (in the unit of rho) or less are set to 0, before or after the division.
     pub fn solve(
         &mut self,
         workers: &Workers,
-        rho: impl Fn(Place) -> [f32; REALS] + Sync,
+        rho: impl Fn(Run) -> [f32; LANES] + Sync,
         (tau, on): (f32, ThresholdOn),
-        keep: impl Fn(Place, [f32; REALS]) -> Out + Sync,
+        keep: impl Fn(Run, [f32; LANES]) -> Out + Sync,
     ) {
-        let Self { grid, down, across } = self;
-        let (down, across) = (&down[..], &across[..]);
+        let Self { grid, by_row, by_column } = self;
+        let (by_row, by_column) = (&by_row[..], &by_column[..]);
         match on {
+            // One closure for each order, so that no branch remains in the loop over coefficients.
             ThresholdOn::Phi => {
-                let rule = move |v: f32, h: f32, c: f32| above(divided(c, v + h), tau);
-                grid.filter(workers, rho, &Change { down, across, rule }, keep);
+                let rule = move |v: f32, h: f32, c: f32| threshold(divide_or_zero(c, v + h), tau);
+                grid.filter(workers, rho, &SpectralFilter { by_row, by_column, rule }, keep);
             }
             ThresholdOn::Rho => {
-                let rule = move |v: f32, h: f32, c: f32| divided(above(c, tau), v + h);
-                grid.filter(workers, rho, &Change { down, across, rule }, keep);
+                let rule = move |v: f32, h: f32, c: f32| divide_or_zero(threshold(c, tau), v + h);
+                grid.filter(workers, rho, &SpectralFilter { by_row, by_column, rule }, keep);
             }
         }
     }
 }
 
-/// `2 - 2 cos(pi i / n)` = `4 sin^2(pi i / 2n)`, which keeps its digits at small i.
+/// Returns `2 - 2 cos(pi i / n)` as `4 sin^2(pi i / 2n)`, which is accurate at small i.
 fn eigenvalues(n: usize) -> impl Iterator<Item = f32> {
     (0..n).map(move |i| (4.0 * (PI * i as f64 / (2 * n) as f64).sin().powi(2)) as f32)
 }
 
-/// 0/0 becomes 0: a gradient says nothing about the mean.
+/// Returns the quotient, or 0 for an eigenvalue of 0: a gradient does not contain the mean.
 #[inline(always)]
-fn divided(coefficient: f32, eigenvalue: f32) -> f32 {
+fn divide_or_zero(coefficient: f32, eigenvalue: f32) -> f32 {
+    // The quotient comes first: a selection afterwards needs no branch, and infinity is dropped.
     let quotient = coefficient / eigenvalue;
     if eigenvalue > 0.0 { quotient } else { 0.0 }
 }
 
 #[inline(always)]
-fn above(coefficient: f32, tau: f32) -> f32 {
+fn threshold(coefficient: f32, tau: f32) -> f32 {
     if coefficient.abs() > tau { coefficient } else { 0.0 }
 }

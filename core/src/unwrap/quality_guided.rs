@@ -1,20 +1,21 @@
-//! Quality-guided: the classical reference, Herraez et al. 2002 (Appl. Opt. 41, 7437), each channel on its own.
+//! Quality-guided unwrapping, the classical reference: Herraez et al. 2002 (Appl. Opt. 41, 7437), one channel
+//! after the other.
 //!
 //! A pixel is reliable where wrapped differences change little through it, in four directions:
 //! ```text
-//! D^2 = sum over {horizontal, vertical, 2 diagonals} of (M_b(y_before - y) - M_b(y - y_after))^2
+//!     D^2 = sum over {horizontal, vertical, 2 diagonals} of (M_b(y_before - y) - M_b(y - y_after))^2
 //! ```
-//! An edge has the sum of its ends' D^2; edges are taken from the smallest on, and each joins two groups of
-//! pixels by Itoh's step. Pixels on the border of the image have no D and come last, as in scikit-image's
-//! `unwrap_phase` without wrap-around.
+//! The key of an edge is the sum of the D^2 of its ends. Edges are taken in ascending order, and each joins two
+//! groups of pixels by Itoh's step. Pixels on the border of the image have no D and come last, as in
+//! scikit-image's `unwrap_phase` without wrap-around.
 //!
-//! Exact when first differences stay below half a peak. It knows no range but for the absolute offset.
+//! It is exact when first differences are below half a peak. It uses the range only for the absolute offset.
 
-use super::wrapped::{codes, difference, turns};
+use super::wrapped::{codes, difference, wrap_step_signed};
 use super::{Integers, Range, Recovered, Unwrap, UnwrapError, congruence};
 use crate::frame::Frame;
 
-/// D^2 of a pixel on the border, more than any other has: four squares of less than 2^17.
+/// The D^2 of a pixel on the border, above that of any other pixel: four squares of less than 2^17.
 const BORDER: u64 = 1 << 36;
 
 /// The method with its buffers.
@@ -29,7 +30,7 @@ pub struct QualityGuided {
     levels: Vec<usize>,
 }
 
-/// Ordered by unreliability, then by place: right before down.
+/// An edge; the order is by unreliability, then by position, right before down.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Edge {
     unreliability: u64,
@@ -50,20 +51,21 @@ impl Unwrap for QualityGuided {
             samples.take(channels, channel, &mut self.y);
             codes(&self.y, range, &mut self.codes);
             self.grow(width);
-            congruence::place(&self.k, &self.y, range, channel, &mut self.levels, out);
+            congruence::write_channel(&self.k, &self.y, range, channel, &mut self.levels, out);
         }
         Ok(())
     }
 }
 
 impl QualityGuided {
-    /// `k` becomes the wrap counts of the codes relative to one pixel.
+    /// Writes to `k` the wrap counts of the codes relative to one pixel.
     fn grow(&mut self, width: usize) {
         let codes = &self.codes;
         self.unreliability.clear();
         self.unreliability.extend((0..codes.len()).map(|here| unreliability(codes, width, here)));
         self.edges.clear();
         for here in 0..codes.len() {
+            // No edge may join the end of a row to the start of the next one.
             let right = (!(here + 1).is_multiple_of(width)).then_some(here + 1);
             let down = Some(here + width).filter(|&there| there < codes.len());
             for there in [right, down].into_iter().flatten() {
@@ -74,14 +76,14 @@ impl QualityGuided {
         self.edges.sort_unstable();
         self.groups.reset(codes.len());
         for Edge { from, to, .. } in &self.edges {
-            self.groups.join(*from, *to, turns(codes[*from as usize], codes[*to as usize]).into());
+            self.groups.join(*from, *to, wrap_step_signed(codes[*from as usize], codes[*to as usize]).into());
         }
         self.k.clear();
         self.k.extend((0..codes.len() as u32).map(|node| self.groups.find(node).1));
     }
 }
 
-/// D^2, in units of `codes`.
+/// Returns D^2 in units of `codes`.
 fn unreliability(codes: &[u16], width: usize, here: usize) -> u64 {
     let column = here % width;
     if column == 0 || column + 1 == width || here < width || here + width >= codes.len() {
@@ -94,10 +96,10 @@ fn unreliability(codes: &[u16], width: usize, here: usize) -> u64 {
     [1, width - 1, width, width + 1].into_iter().map(|stride| bend(stride).pow(2) as u64).sum()
 }
 
-/// Groups of pixels: a union-find with each node's count relative to its group's root.
+/// Groups of pixels: a union-find with the count of each node relative to the root of its group.
 #[derive(Default)]
 struct Groups {
-    /// Parent, and the node's count minus its parent's; a root is its own parent.
+    /// The parent, and the count of the node minus that of the parent; a root is its own parent.
     nodes: Vec<(u32, i32)>,
     sizes: Vec<u32>,
 }
@@ -110,7 +112,7 @@ impl Groups {
         self.sizes.resize(count, 1);
     }
 
-    /// Root, and the node's count minus the root's. Halves the path.
+    /// Returns the root, and the count of the node minus that of the root, and halves the path.
     fn find(&mut self, mut node: u32) -> (u32, i32) {
         let mut total = 0;
         loop {
@@ -125,12 +127,13 @@ impl Groups {
         }
     }
 
-    /// `to` is `step` above `from`.
+    /// Joins the groups of two nodes, where the count of `to` is `step` above that of `from`.
     fn join(&mut self, from: u32, to: u32, step: i32) {
         let ((from, below), (to, above)) = (self.find(from), self.find(to));
         if from == to {
             return;
         }
+        // The step is known between the pixels; the union needs it between the roots.
         let step = below + step - above;
         let (parent, child, step) = if self.sizes[from as usize] >= self.sizes[to as usize] {
             (from, to, step)

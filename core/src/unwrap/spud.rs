@@ -1,34 +1,34 @@
-//! SPUD, the paper's method: wrapped gradients, one Poisson equation, a hard
-//! threshold (eq. 2 and 3). Each channel on its own.
+//! SPUD, the paper's method: wrapped gradients, one Poisson equation, a hard threshold (eq. 2 and 3), one channel
+//! after the other.
 
 use ndarray::{Array3, ArrayView3, Axis};
 
 use super::divergence::Codes;
-use super::nearest::{self, Counting, Countings, Histogram};
+use super::nearest::{self, CountRule, Histogram, LaneCountRules};
 use super::poisson::{Poisson, ThresholdOn};
 use super::{Range, Recovered, Unwrap, UnwrapError, check_codes};
-use crate::dct::{self, Place, REALS};
-use crate::frame::{Frame, check_shape, in_order};
+use crate::dct::{self, LANES, Run};
+use crate::frame::{Frame, check_shape, copy_channel, in_order};
+use crate::gradient;
 use crate::simd::widest;
 use crate::workers::Workers;
-use crate::{gradient, plane};
 
-/// 2^16, the peak of [`Codes`].
+/// The peak of [`Codes`], 2^16.
 const PEAK: f64 = 65536.0;
 
-/// SPUD with its buffers; replans when the image size changes.
+/// SPUD with its buffers; it plans anew when the image size changes.
 pub struct Spud {
     tau: f64,
     on: ThresholdOn,
     threads: usize,
     workers: Workers,
     codes: Codes,
-    poisson: Poisson<[i16; REALS]>,
+    poisson: Poisson<[i16; LANES]>,
     histograms: Vec<[Histogram; 3]>,
 }
 
 impl Spud {
-    /// `tau` >= 0 in units of the peak; one thread.
+    /// Makes the method with a threshold of `tau` >= 0 in units of the peak, on one thread.
     ///
     /// # Errors
     /// [`UnwrapError::Tau`] for a negative, infinite or NaN `tau`.
@@ -36,10 +36,11 @@ impl Spud {
         Self::with_threads(tau, on, 1)
     }
 
-    /// [`Spud::new`] with `threads`, 1 to [`MAX_THREADS`](crate::MAX_THREADS).
+    /// Makes the method as [`Spud::new`] does, on `threads` threads, 1 to [`MAX_THREADS`](crate::MAX_THREADS).
     ///
     /// # Errors
-    /// [`UnwrapError::Tau`] for a negative, infinite or NaN `tau`, [`UnwrapError::Workers`] for the threads.
+    /// [`UnwrapError::Tau`] for a negative, infinite or NaN `tau`, [`UnwrapError::Workers`] when the threads are
+    /// not available.
     pub fn with_threads(tau: f64, on: ThresholdOn, threads: usize) -> Result<Self, UnwrapError> {
         if !(tau >= 0.0 && tau.is_finite()) {
             return Err(UnwrapError::Tau { tau });
@@ -50,13 +51,14 @@ impl Spud {
         Ok(Self { tau, on, threads, workers, codes: Codes::default(), poisson, histograms })
     }
 
-    /// Phi of eq. 3, before congruence: H x W x C in code units, mean 0 in each channel.
+    /// Returns the phi of eq. 3 before congruence: H x W x C in code units, with mean 0 in each channel.
     ///
-    /// `y` (H x W x C, code units) lies in `[0, 2^b]` and need not be quantised; 2^b itself
-    /// is what the paper's scripts deliver for a multiple of the peak.
+    /// `y` (H x W x C, code units) lies in `[0, 2^b]` and need not be quantised; 2^b itself is the value of a
+    /// multiple of the peak in the paper's scripts.
     ///
     /// # Errors
-    /// [`UnwrapError::Code`] when a value is outside or NaN, [`UnwrapError::Shape`] when `y` is no image.
+    /// [`UnwrapError::Code`] when a value is outside or NaN, [`UnwrapError::Shape`] when `y` does not have the
+    /// shape of an image.
     pub fn solve(&mut self, y: ArrayView3<'_, f32>, range: Range) -> Result<Array3<f32>, UnwrapError> {
         check_shape(y.dim())?;
         let in_standard = y.as_standard_layout();
@@ -64,21 +66,21 @@ impl Spud {
         check_codes(samples, y.dim(), range, range.peak())?;
         let (height, width, channels) = y.dim();
         let mut out = Array3::zeros(y.dim());
-        let mut poisson = Poisson::<[f32; REALS]>::new((height, width, 1), self.threads);
+        let mut poisson = Poisson::<[f32; LANES]>::new((height, width, 1), self.threads);
         let threshold = ((self.tau * f64::from(range.peak())) as f32, self.on);
         let (mut plane, mut rho) = (Vec::new(), vec![0.0; height * width]);
         for channel in 0..channels {
-            plane::take(samples, channels, channel, &mut plane);
+            copy_channel(samples, channels, channel, &mut plane);
             divergence(&plane, width, range, &mut rho);
-            poisson.solve(&self.workers, |place| dct::at(&rho, width, place), threshold, |_, phi| phi);
+            poisson.solve(&self.workers, |run| dct::load_run(&rho, width, run), threshold, |_, phi| phi);
             for ((row, column), out) in out.index_axis_mut(Axis(2), channel).indexed_iter_mut() {
-                *out = poisson.grid.out(Place { row, sample: column - column % REALS })[column % REALS];
+                *out = poisson.grid.out(Run { row, sample: column - column % LANES })[column % LANES];
             }
         }
         Ok(out)
     }
 
-    /// [`Unwrap::unwrap`] under the name of another method.
+    /// Unwraps as [`Unwrap::unwrap`] does, under the name of another method.
     pub(super) fn unwrap_as(
         &mut self,
         name: &'static str,
@@ -92,30 +94,32 @@ impl Spud {
             self.poisson = Poisson::new(y.dim(), self.threads);
         }
         let codes = &self.codes;
+        // Phi is never stored: its residuals are integers of half the size, and they are all that is needed.
         self.poisson.solve(
             &self.workers,
             #[inline(always)]
-            |place| codes.divergence(place),
+            |run| codes.divergence(run),
             ((self.tau * PEAK) as f32, self.on),
             #[inline(always)]
-            |place, phi| nearest::residuals(phi, codes.at(place)),
+            |run, phi| nearest::residuals(phi, codes.at(run)),
         );
-        let countings = self.count(range);
-        self.place(countings, range, out);
+        let rules = self.count_rules(range);
+        self.write(rules, range, out);
         Ok(())
     }
 
-    /// How residuals become wrap counts, by channel.
-    fn count(&mut self, range: Range) -> [Counting; 3] {
+    /// Returns the rules from residuals to wrap counts, by channel.
+    fn count_rules(&mut self, range: Range) -> [CountRule; 3] {
         let grid = &self.poisson.grid;
         let (height, width, channels) = grid.dim();
+        // Each thread has histograms of its own; their sum does not depend on the number of threads.
         let each = height.div_ceil(self.threads);
         self.workers.each(&mut self.histograms, |part, histograms| {
             histograms.iter_mut().for_each(Histogram::clear);
             let rows = (part * each).min(height)..((part + 1) * each).min(height);
-            for sample in (0..width * channels).step_by(REALS) {
-                let inside = REALS.min(width * channels - sample);
-                let channel: [usize; REALS] = std::array::from_fn(|lane| (sample + lane) % channels);
+            for sample in (0..width * channels).step_by(LANES) {
+                let inside = LANES.min(width * channels - sample);
+                let channel: [usize; LANES] = std::array::from_fn(|lane| (sample + lane) % channels);
                 for residuals in &grid.outs(sample)[rows.clone()] {
                     for (&residual, &channel) in residuals[..inside].iter().zip(&channel) {
                         histograms[channel].count(residual);
@@ -127,65 +131,57 @@ impl Spud {
         for other in others {
             all.iter_mut().zip(other).for_each(|(all, other)| all.add(other));
         }
-        std::array::from_fn(|channel| all[channel].counting(range.most_wraps()))
+        std::array::from_fn(|channel| all[channel].count_rule(range.max_wraps()))
     }
 
-    /// Writes `out`, which is prepared.
-    fn place(&self, countings: [Counting; 3], range: Range, out: &mut Recovered) {
+    /// Writes `out`, which must be prepared.
+    fn write(&self, rules: [CountRule; 3], range: Range, out: &mut Recovered) {
         let (height, width, channels) = self.poisson.grid.dim();
         let stride = width * channels;
         let (x, k) = out.buffers();
-        let each = height.div_ceil(self.threads).next_multiple_of(REALS);
+        let each = height.div_ceil(self.threads).next_multiple_of(LANES);
         self.workers.each_chunk((x, k), each * stride, |part, x, k| {
             let rows = part * each;
-            widest(
-                #[inline(always)]
-                || self.place_rows(rows, stride, countings, range, x, k),
-            );
+            widest!(self.write_rows(rows, stride, rules, range, x, k));
         });
     }
 
-    /// Sixteen rows at a time, so that what lies row below row is read as it lies.
+    /// Writes a part of the image in blocks of sixteen rows, so that the outputs of a band are read in the order
+    /// of memory.
     #[inline(always)]
-    fn place_rows(
+    fn write_rows(
         &self,
         first: usize,
         stride: usize,
-        countings: [Counting; 3],
+        rules: [CountRule; 3],
         range: Range,
         x: &mut [f32],
         k: &mut [u8],
     ) {
         let channels = self.poisson.grid.dim().2;
         // By channel of the first sample of a run.
-        let lanes: [Countings; 3] =
-            std::array::from_fn(|first| Countings::new(|lane| countings[(first + lane) % channels]));
-        let blocks = x.chunks_mut(REALS * stride).zip(k.chunks_mut(REALS * stride));
-        for (row, (x, k)) in (first..).step_by(REALS).zip(blocks) {
-            for sample in (0..stride).step_by(REALS) {
-                let counting = &lanes[sample % channels];
+        let lanes: [LaneCountRules; 3] =
+            std::array::from_fn(|first| LaneCountRules::new(|lane| rules[(first + lane) % channels]));
+        let blocks = x.chunks_mut(LANES * stride).zip(k.chunks_mut(LANES * stride));
+        for (row, (x, k)) in (first..).step_by(LANES).zip(blocks) {
+            for sample in (0..stride).step_by(LANES) {
+                let rule = &lanes[sample % channels];
                 let rows = x.chunks_exact_mut(stride).zip(k.chunks_exact_mut(stride));
                 for (row, (x, k)) in (row..).zip(rows) {
-                    self.place_run(
-                        Place { row, sample },
-                        counting,
-                        range,
-                        &mut x[sample..],
-                        &mut k[sample..],
-                    );
+                    self.write_run(Run { row, sample }, rule, range, &mut x[sample..], &mut k[sample..]);
                 }
             }
         }
     }
 
-    /// Sixteen samples, or those that are left of a row.
+    /// Writes a run of sixteen samples, or the rest of a row.
     #[inline(always)]
-    fn place_run(&self, place: Place, counting: &Countings, range: Range, x: &mut [f32], k: &mut [u8]) {
+    fn write_run(&self, run: Run, rule: &LaneCountRules, range: Range, x: &mut [f32], k: &mut [u8]) {
         let (scale, peak) = (range.peak() / PEAK as f32, range.peak());
-        let counts = counting.wraps(self.poisson.grid.out(place));
-        let codes = self.codes.at(place);
-        let mut radiance = [0.0; REALS];
-        for lane in 0..REALS {
+        let counts = rule.wraps(self.poisson.grid.out(run));
+        let codes = self.codes.at(run);
+        let mut radiance = [0.0; LANES];
+        for lane in 0..LANES {
             radiance[lane] = f32::from(codes[lane]) * scale + f32::from(counts[lane]) * peak;
         }
         match (x.first_chunk_mut(), k.first_chunk_mut()) {
@@ -208,7 +204,7 @@ impl Unwrap for Spud {
     }
 }
 
-/// `D^T M_b(D y)` of a plane of real numbers.
+/// Computes `D^T M_b(D y)` of a plane of real numbers.
 fn divergence(y: &[f32], width: usize, range: Range, rho: &mut [f32]) {
     let (mut gx, mut gy) = (Vec::new(), Vec::new());
     gradient::dx(y, width, &mut gx);

@@ -1,113 +1,103 @@
-//! Arithmetic modulo 2^b that the machine's own wrapping does: a code of b bits
-//! stands in the upper b bits of a word, so that one peak is one full turn.
+//! Arithmetic modulo 2^b by the machine's own wrapping: a code of b bits occupies the upper b bits of a word, so
+//! that the peak is the modulus of the word.
 
 use super::Range;
 
-/// An unsigned machine word; all arithmetic on it is modulo one turn.
+/// An unsigned machine word; one peak is its modulus.
 pub(super) trait Word: Copy + Default + Ord + Send + Sync + Into<u16> {
-    /// Width.
+    /// The number of bits.
     const BITS: u8;
-    /// Half a turn.
+    /// Half a peak.
     const HALF: Self;
 
-    /// The lower bits of `value`.
+    /// Returns the lower bits of `value`.
     fn low(value: u16) -> Self;
-    /// The sum.
+    /// Returns the sum modulo one peak.
     fn plus(self, other: Self) -> Self;
-    /// The difference.
+    /// Returns the difference modulo one peak.
     fn minus(self, other: Self) -> Self;
 
-    /// 1 if `condition`, else 0.
+    /// Returns 1 if `condition` holds, else 0.
     #[inline(always)]
     fn one_if(condition: bool) -> Self {
         Self::low(u16::from(condition))
     }
 
-    /// Half a turn further, which makes the order of differences that of codes.
+    /// Adds half a peak, which gives signed differences the order of codes.
     #[inline(always)]
-    fn raise(self) -> Self {
+    fn bias(self) -> Self {
         self.minus(Self::HALF)
     }
 }
 
-impl Word for u8 {
-    const BITS: u8 = 8;
-    const HALF: Self = 1 << 7;
+macro_rules! word {
+    ($type:ty) => {
+        impl Word for $type {
+            const BITS: u8 = <$type>::BITS as u8;
+            const HALF: Self = 1 << (<$type>::BITS - 1);
 
-    #[inline(always)]
-    fn low(value: u16) -> Self {
-        value as u8
-    }
-    #[inline(always)]
-    fn plus(self, other: Self) -> Self {
-        self.wrapping_add(other)
-    }
-    #[inline(always)]
-    fn minus(self, other: Self) -> Self {
-        self.wrapping_sub(other)
-    }
+            #[inline(always)]
+            fn low(value: u16) -> Self {
+                value as $type
+            }
+            #[inline(always)]
+            fn plus(self, other: Self) -> Self {
+                self.wrapping_add(other)
+            }
+            #[inline(always)]
+            fn minus(self, other: Self) -> Self {
+                self.wrapping_sub(other)
+            }
+        }
+    };
 }
+word!(u8);
+word!(u16);
 
-impl Word for u16 {
-    const BITS: u8 = 16;
-    const HALF: Self = 1 << 15;
-
-    #[inline(always)]
-    fn low(value: u16) -> Self {
-        value
-    }
-    #[inline(always)]
-    fn plus(self, other: Self) -> Self {
-        self.wrapping_add(other)
-    }
-    #[inline(always)]
-    fn minus(self, other: Self) -> Self {
-        self.wrapping_sub(other)
-    }
-}
-
-/// `y` (integers below 2^b) as codes, replacing what `codes` held.
+/// Writes `y` (integers below 2^b) as codes to `codes`.
 pub(super) fn codes(y: &[f32], range: Range, codes: &mut Vec<u16>) {
     let shift = 16 - range.bits();
     codes.clear();
     codes.extend(y.iter().map(|&y| (y as i32 as u16) << shift));
 }
 
-/// M_b(to - from).
+/// Returns M_b(to - from).
 pub(super) fn difference(from: u16, to: u16) -> i16 {
     to.wrapping_sub(from) as i16
 }
 
-/// [`turn`] as a signed number.
-pub(super) fn turns(from: u16, to: u16) -> i16 {
-    turn(from, to) as i16
+/// Returns [`wrap_step`] as a signed number.
+pub(super) fn wrap_step_signed(from: u16, to: u16) -> i16 {
+    wrap_step(from, to) as i16
 }
 
-/// The n in {-1, 0, 1} with `M_b(to - from) = to - from + n * 2^b`.
+/// Returns the n in {-1, 0, 1} with `M_b(to - from) = to - from + n * 2^b`.
 ///
-/// For codes and, as the order is the same, for differences shifted up by [`raised`].
+/// It holds for codes and for differences that [`biased`] has made, as both have the same order.
 #[inline(always)]
-pub(super) fn turn<W: Word>(from: W, to: W) -> W {
+pub(super) fn wrap_step<W: Word>(from: W, to: W) -> W {
+    // The difference without wrapping is out of range in exactly one direction: a borrow, or half a peak and more.
     W::one_if(to < from).minus(W::one_if(to.minus(from) >= W::HALF))
 }
 
-/// M_b(to - from) plus half a peak, which makes it a code itself.
+/// Returns M_b(to - from) plus half a peak, which is a code itself.
 #[inline(always)]
-pub(super) fn raised<W: Word>(from: W, to: W) -> W {
-    to.minus(from).raise()
+pub(super) fn biased<W: Word>(from: W, to: W) -> W {
+    to.minus(from).bias()
 }
 
-/// The absolute value of a difference that [`raised`] gave.
+/// Returns the absolute value of a difference that [`biased`] has made.
 #[cfg(test)]
-pub(super) fn size<W: Word>(raised: W) -> W {
-    if raised < W::HALF { W::HALF.minus(raised) } else { raised.minus(W::HALF) }
+pub(super) fn magnitude<W: Word>(biased: W) -> W {
+    if biased < W::HALF { W::HALF.minus(biased) } else { biased.minus(W::HALF) }
 }
 
-/// `size(raised) > eighths / 8` of the peak, in fewer steps.
+/// Returns whether `magnitude(biased)` is above `eighths / 8` of the peak, in fewer steps.
 #[inline(always)]
-pub(super) fn exceeds<W: Word>(raised: W, eighths: u16) -> bool {
+pub(super) fn exceeds<W: Word>(biased: W, eighths: u16) -> bool {
     let limit = W::low(eighths << (W::BITS - 3));
-    raised.minus(W::HALF.minus(limit)) > limit.plus(limit)
+    // One comparison after a shift of the origin replaces two at both ends.
+    biased.minus(W::HALF.minus(limit)) > limit.plus(limit)
 }
 
 #[cfg(test)]
@@ -115,14 +105,14 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::gradient::{wrap_centered, wraps_across};
+    use crate::gradient::{self, wrap_centered};
 
-    /// As a number from minus half a turn on.
+    /// Returns a word as a number from minus half a peak on.
     fn signed<W: Word>(word: W) -> i32 {
-        i32::from(word.raise().into()) - i32::from(W::HALF.into())
+        i32::from(word.bias().into()) - i32::from(W::HALF.into())
     }
 
-    /// All of it against the definition, for codes `a` and `b` of `bits` bits.
+    /// Compares all functions with their definitions, for codes `a` and `b` of `bits` bits.
     fn check<W: Word + std::fmt::Debug>(a: u16, b: u16, bits: u8) {
         let mask = ((1u32 << bits) - 1) as u16;
         let y = [a & mask, b & mask];
@@ -131,12 +121,12 @@ mod tests {
         let change = f32::from(y[1]) - f32::from(y[0]);
         let want = wrap_centered(change, bits) * scale;
         assert_eq!(signed(to.minus(from)) as f32, want);
-        assert_eq!(signed(turn(from, to)), wraps_across(change, bits));
-        let raised = raised(from, to);
-        assert_eq!(f32::from(size(raised).into()), want.abs());
+        assert_eq!(signed(wrap_step(from, to)), gradient::wrap_step(change, bits));
+        let biased = biased(from, to);
+        assert_eq!(f32::from(magnitude(biased).into()), want.abs());
         for eighths in 1..4 {
             let limit = u16::from(eighths as u8) << (W::BITS - 3);
-            assert_eq!(exceeds(raised, eighths), size(raised).into() > limit);
+            assert_eq!(exceeds(biased, eighths), magnitude(biased).into() > limit);
         }
     }
 
@@ -159,9 +149,9 @@ mod tests {
         fn raised_differences_wrap_as_differences_do(a: u16, b: u16, c: u16) {
             let (left, right) = (i32::from(difference(a, b)), i32::from(difference(b, c)));
             let wrapped = (right - left + (1 << 15)).rem_euclid(1 << 16) - (1 << 15);
-            let (from, to) = (raised(a, b), raised(b, c));
+            let (from, to) = (biased(a, b), biased(b, c));
             prop_assert_eq!(i32::from(difference(from, to)), wrapped);
-            prop_assert_eq!(i32::from(turns(from, to)), (wrapped - (right - left)) >> 16);
+            prop_assert_eq!(i32::from(wrap_step_signed(from, to)), (wrapped - (right - left)) >> 16);
         }
     }
 }

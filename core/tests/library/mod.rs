@@ -1,11 +1,11 @@
-//! The cosine transform by the rustdct library with blocked transposes: an oracle, and a peer to time.
+//! The cosine transform by the rustdct library with blocked transposes, as a reference for results and times.
 
 use std::f32::consts::SQRT_2;
 use std::sync::Arc;
 
 use rustdct::{DctPlanner, TransformType2And3};
 
-/// Side of the square blocks that a transpose moves at once: two of them fit in the first cache.
+/// The side of the square blocks that a transpose moves at once: two of them fit in the first cache.
 const BLOCK: usize = 16;
 
 #[derive(Clone, Copy)]
@@ -31,7 +31,7 @@ impl Library {
         Self { along_row, along_column, turned: vec![0.0; height * width], scratch }
     }
 
-    /// Orthonormal, in place.
+    /// Runs the orthonormal transform in place.
     pub fn transform(&mut self, plane: &mut [f32], direction: Direction) {
         let (height, width) = (self.along_column.len(), self.along_row.len());
         each_row(plane, self.along_row.as_ref(), &mut self.scratch, direction);
@@ -60,7 +60,7 @@ fn each_row(plane: &mut [f32], dct: &dyn TransformType2And3<f32>, scratch: &mut 
     }
 }
 
-/// `to` (W x H) becomes the transpose of `from` (H x W).
+/// Writes to `to` (W x H) the transpose of `from` (H x W).
 fn transpose(from: &[f32], to: &mut [f32], width: usize) {
     let height = from.len() / width;
     for top in (0..height).step_by(BLOCK) {

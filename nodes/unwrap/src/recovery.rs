@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 
-use modulo_core::unwrap::{Report, Signal, Trust};
+use modulo_core::unwrap::{QualityMetrics, Report, Trust};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::Header;
 
@@ -18,7 +18,7 @@ pub struct Tally {
 impl Tally {
     /// Counts one frame.
     pub fn count(&mut self, report: &Report) {
-        *self.rungs.entry(report.rung).or_default() += 1;
+        *self.rungs.entry(report.method).or_default() += 1;
         self.trusted += u64::from(report.trust == Trust::Trusted);
     }
 
@@ -42,11 +42,11 @@ pub fn describe(node: &str, header: &Header, method: &str, report: &Report) -> D
         }
         Trust::Unknown => (DiagnosticStatus::OK, "the method makes no claim"),
     };
-    let mut values = vec![("method", method.to_owned()), ("rung", report.rung.to_owned())];
+    let mut values = vec![("method", method.to_owned()), ("rung", report.method.to_owned())];
     if let Some(trusted) = report.trust.claim() {
         values.push(("trusted", trusted.to_string()));
     }
-    if let Some(Signal { residues, steep, consensus, clamped }) = report.signal {
+    if let Some(QualityMetrics { residues, steep, consensus, clamped }) = report.quality {
         let share = |value: f32| format!("{value:.3e}");
         let shares =
             [("residues", residues), ("steep", steep), ("consensus", consensus), ("clamped", clamped)];

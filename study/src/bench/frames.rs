@@ -3,9 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use modulo_core::scene::{Preset, Scene};
 use modulo_core::{Exposure, Frame, Range, Sensor};
 use modulo_images::{EXTENSIONS, White, read_image};
+use modulo_scene::{Preset, Scene};
 use ndarray::Array3;
 
 use super::Request;

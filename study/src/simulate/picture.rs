@@ -55,7 +55,7 @@ impl Picture<'_> {
             psnr_db: psnr_db(mse(&picture, &ideal)?),
             ssim: ssim(&picture, &ideal)?,
             exact_k: exact_share(&recovered.k, &exposure.wraps())?,
-            rung: recovered.report.rung.to_owned(),
+            rung: recovered.report.method.to_owned(),
             trusted: recovered.report.trust.claim(),
             ms,
         })

@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use modulo_core::scene::{Preset, Scene};
+use modulo_scene::{Preset, Scene};
 use ndarray::{Array2, Array3, Zip, s};
 
 /// Rows and columns of most scenes.

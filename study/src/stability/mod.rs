@@ -17,7 +17,7 @@ mod report;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use modulo_core::unwrap::{METHODS, Signal};
+use modulo_core::unwrap::{METHODS, QualityMetrics};
 
 pub use case::{Case, Family};
 pub use catalogue::cases;
@@ -84,9 +84,9 @@ fn examine(case: &Case, album: &Album) -> Result<SceneRow, StudyError> {
             exact: score.exact,
             up_to_offset: score.up_to_offset,
             psnr_db: score.psnr,
-            rung: report.rung,
+            rung: report.method,
             trusted: report.trust.claim(),
-            signal: report.signal.map(named),
+            signal: report.quality.map(named),
             verdict,
             picture: sheet.as_ref().map(|sheet| sheet.add(method, &x)).transpose()?,
         });
@@ -104,6 +104,8 @@ fn examine(case: &Case, album: &Album) -> Result<SceneRow, StudyError> {
     })
 }
 
-fn named(Signal { residues, steep, consensus, clamped }: Signal) -> BTreeMap<&'static str, f32> {
+fn named(
+    QualityMetrics { residues, steep, consensus, clamped }: QualityMetrics,
+) -> BTreeMap<&'static str, f32> {
     [("residues", residues), ("steep", steep), ("consensus", consensus), ("clamped", clamped)].into()
 }

@@ -75,7 +75,7 @@ pub struct Trial {
     pub rung: &'static str,
     /// As [`modulo_core::unwrap::Report`] has it.
     pub trusted: Option<bool>,
-    /// The fields of [`modulo_core::unwrap::Signal`] by name.
+    /// The fields of [`modulo_core::unwrap::QualityMetrics`] by name.
     pub signal: Option<BTreeMap<&'static str, f32>>,
     /// What came of it.
     pub verdict: Verdict,

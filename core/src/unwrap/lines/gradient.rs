@@ -1,29 +1,30 @@
-//! The horizontal gradient, unwrapped down its columns, and what speaks against that.
+//! Unwraps the horizontal gradient down its columns and measures the quality of y.
 
-use super::lanes::{Block, COUNTABLE, LANES, Layout};
+use super::layout::{Block, COUNTABLE, LANES, RowLayout};
 use super::majority::STEEP;
-use crate::unwrap::wrapped::{Word, exceeds, raised, turn};
+use crate::unwrap::wrapped::{Word, biased, exceeds, wrap_step};
 
-/// Eighths of the peak above which a mixed difference counts for [`Signal::steep`](crate::unwrap::Signal).
+/// The limit of a mixed difference for [`QualityMetrics::steep`](crate::unwrap::QualityMetrics::steep), in
+/// eighths of the peak.
 const SUSPECT: u16 = 3;
 
-/// n of `d_x x = g + n * 2^b`, 0 in the first row, and counts of what was seen in each column.
+/// The n of `d_x x = g + n * 2^b`, 0 in the first row, with counts for each column.
 #[derive(Default)]
 pub(super) struct Gradient<W> {
     columns: Vec<Columns<W>>,
-    /// Rows that the columns' counters have counted.
+    /// The number of rows that the counters of the columns contain.
     counted: usize,
-    /// By lane: rows in which n is 0.
+    /// The number of rows in which n is 0, by lane.
     pub zeros: Vec<u32>,
-    /// By lane: rows in which g is steep.
+    /// The number of rows in which g is steep, by lane.
     pub steep: Vec<u32>,
-    /// 2 x 2 loops whose mixed difference is suspect.
+    /// The number of 2 x 2 loops whose mixed difference is above the limit.
     pub suspect: u64,
-    /// 2 x 2 loops around which the wrapped differences do not sum to 0.
+    /// The number of 2 x 2 loops around which the wrapped differences do not sum to 0.
     pub residues: u64,
 }
 
-/// Neighbouring columns.
+/// The state of a block of neighbouring columns.
 #[derive(Clone)]
 struct Columns<W> {
     n: Block<W>,
@@ -34,8 +35,8 @@ struct Columns<W> {
 }
 
 impl<W: Word> Gradient<W> {
-    /// Before the first row.
-    pub fn start(&mut self, layout: Layout) {
+    /// Starts an image, before its first row.
+    pub fn start(&mut self, layout: RowLayout) {
         let none = [W::default(); LANES];
         let fresh = Columns { n: none, zeros: none, steep: none, suspect: none, residues: none };
         self.columns.clear();
@@ -47,10 +48,11 @@ impl<W: Word> Gradient<W> {
         (self.counted, self.suspect, self.residues) = (0, 0, 0);
     }
 
-    /// Takes the next row `here` below `up`, the first one below itself, each longer than
-    /// its lanes by one pixel; `steps` becomes the change of k to the right, up to a constant a column.
+    /// Takes the next row `here` below `up`; the first row is below itself. Both are longer than their lanes by
+    /// one pixel. `steps` becomes the change of k to the right, up to a constant for each column.
     #[inline(always)]
     pub fn follow(&mut self, up: &[W], here: &[W], channels: usize, steps: &mut [W]) {
+        // Counters have the width of the words, so 8 bits are added up before they overflow.
         if self.counted == COUNTABLE {
             self.settle();
         }
@@ -66,7 +68,7 @@ impl<W: Word> Gradient<W> {
         }
     }
 
-    /// Adds what was counted to the totals.
+    /// Adds the counters to the totals.
     pub fn settle(&mut self) {
         self.counted = 0;
         let totals = self.zeros.as_chunks_mut::<LANES>().0.iter_mut().zip(self.steep.as_chunks_mut().0);
@@ -88,16 +90,17 @@ impl<W: Word> Columns<W> {
         steps: &mut Block<W>,
     ) {
         for i in 0..LANES {
-            let (above, here) = (raised(up[i], up_right[i]), raised(left[i], right[i]));
-            let n = self.n[i].plus(turn(above, here));
+            let (above, here) = (biased(up[i], up_right[i]), biased(left[i], right[i]));
+            // d_y n follows from the wrapped mixed difference, which is the condition of the method.
+            let n = self.n[i].plus(wrap_step(above, here));
             self.n[i] = n;
-            steps[i] = n.plus(turn(left[i], right[i]));
+            steps[i] = n.plus(wrap_step(left[i], right[i]));
             self.zeros[i] = self.zeros[i].plus(W::one_if(n == W::default()));
             self.steep[i] = self.steep[i].plus(W::one_if(exceeds(here, STEEP)));
-            let suspect = exceeds(raised(above, here), SUSPECT);
+            let suspect = exceeds(biased(above, here), SUSPECT);
             self.suspect[i] = self.suspect[i].plus(W::one_if(suspect));
             // Both orders give M_b(d_x d_y y); they differ in whether the difference of differences wraps.
-            let differ = (here < above) != (raised(up_right[i], right[i]) < raised(up[i], left[i]));
+            let differ = (here < above) != (biased(up_right[i], right[i]) < biased(up[i], left[i]));
             self.residues[i] = self.residues[i].plus(W::one_if(differ));
         }
     }

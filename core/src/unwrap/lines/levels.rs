@@ -1,48 +1,49 @@
-//! Levels: which count stands for k = 0, and the result written from it.
+//! Finds the count that stands for k = 0, and writes the result.
 
-use super::image::Samples;
-use super::lanes::{Block, COUNTABLE, LANES, Layout, by_channel, tiled};
+use super::layout::{Block, COUNTABLE, CodeRows, LANES, RowLayout, by_channel, tiled};
 use super::rows::Rows;
 use crate::unwrap::wrapped::Word;
 use crate::unwrap::{Range, Recovered, congruence};
 
-/// k of the image, in rows and what to add by row and by column.
+/// The k of the image as a sum of terms by pixel, by row and by column.
 pub(super) struct Levels<'a, W> {
-    pub layout: Layout,
+    pub layout: RowLayout,
     pub rows: &'a Rows<W>,
-    /// By lane.
-    pub anchors: &'a [W],
+    /// The terms of the columns, by lane.
+    pub constants: &'a [W],
 }
 
-/// By channel: the level that stands for k = 0, raised, and how many samples leave the range for it.
-pub(super) struct Zero<W> {
+/// The level that stands for k = 0, biased, by channel, and the number of samples that it leaves out of range.
+pub(super) struct BaseLevel<W> {
     level: [W; 3],
     pub outside: usize,
 }
 
-/// By channel: the least and the greatest k, raised by half a turn.
+/// The least and the greatest k by channel, biased by half a peak.
 struct Extent<W> {
     low: [W; 3],
     high: [W; 3],
 }
 
 impl<W: Word> Levels<'_, W> {
-    /// `sums` and `counts` are buffers.
+    /// Finds the base level; `sums` and `counts` are buffers.
     #[inline(always)]
-    pub fn zero(&self, most: u8, sums: &mut Vec<W>, counts: &mut Vec<usize>) -> Zero<W> {
+    pub fn zero(&self, most: u8, sums: &mut Vec<W>, counts: &mut Vec<usize>) -> BaseLevel<W> {
         counts.clear();
         counts.reserve(1 << W::BITS);
         let extent = self.extent(sums);
+        // Differences of biased words are right modulo a word, whatever the first pixel was.
         let span = |channel: usize| extent.high[channel].minus(extent.low[channel]).into();
-        let mut zero = Zero { level: extent.low, outside: 0 };
+        let mut zero = BaseLevel { level: extent.low, outside: 0 };
+        // If all levels fit the range, counting one level at a time is faster than a histogram.
         if (0..self.layout.channels).all(|channel| span(channel) <= u16::from(most)) {
-            self.climb(&mut zero, sums);
+            self.raise_level(&mut zero, sums);
         } else {
             for (channel, level) in zero.level[..self.layout.channels].iter_mut().enumerate() {
                 counts.clear();
                 counts.resize(usize::from(span(channel)) + 1, 0);
                 self.histogram(channel, extent.low[channel], sums, counts);
-                let index = congruence::zero_of(counts, most.into());
+                let index = congruence::base_level_index(counts, most.into());
                 let inside = counts[index..].iter().take(usize::from(most) + 1);
                 zero.outside += counts.iter().sum::<usize>() - inside.sum::<usize>();
                 *level = level.plus(W::low(index as u16));
@@ -51,10 +52,10 @@ impl<W: Word> Levels<'_, W> {
         zero
     }
 
-    /// Every k is in range: a level leaves out what is below it.
+    /// Raises the base level while few enough samples are below it; every k is in range.
     #[inline(always)]
-    fn climb(&self, zero: &mut Zero<W>, sums: &mut Vec<W>) {
-        let Layout { height, width, channels } = self.layout;
+    fn raise_level(&self, zero: &mut BaseLevel<W>, sums: &mut Vec<W>) {
+        let RowLayout { height, width, channels } = self.layout;
         let pixels = height * width;
         let mut below = [0; 3];
         for _ in 0..=u8::MAX {
@@ -94,10 +95,10 @@ impl<W: Word> Levels<'_, W> {
         extent
     }
 
-    /// How many pixels of each channel are at `level`.
+    /// Returns the number of pixels of each channel at `level`.
     #[inline(always)]
     fn count(&self, level: &[W; 3], sums: &mut Vec<W>) -> [usize; 3] {
-        let Layout { channels, .. } = self.layout;
+        let RowLayout { channels, .. } = self.layout;
         let level = tiled(*level, channels);
         let mut total = [0; 3];
         for i in 0..self.layout.height {
@@ -122,7 +123,7 @@ impl<W: Word> Levels<'_, W> {
         total
     }
 
-    /// Counts how many pixels of `channel` are at each level from `low` on.
+    /// Counts the pixels of `channel` at each level from `low` on.
     fn histogram(&self, channel: usize, low: W, sums: &mut Vec<W>, counts: &mut [usize]) {
         for i in 0..self.layout.height {
             self.offsets(i, [W::HALF; 3], sums);
@@ -133,26 +134,27 @@ impl<W: Word> Levels<'_, W> {
         }
     }
 
-    /// `sums` becomes, by lane, what is to be added to row `i` for k to start at `start`.
+    /// Writes to `sums`, by lane, the sum of the terms of row `i` and of the columns, from `start` on.
     #[inline(always)]
     fn offsets(&self, i: usize, start: [W; 3], sums: &mut Vec<W>) {
-        if i > 0 && self.rows.joins[i] == self.rows.joins[i - 1] {
+        // Most rows are joined without a step, and the sums of the row above still hold.
+        if i > 0 && self.rows.row_offsets[i] == self.rows.row_offsets[i - 1] {
             return;
         }
         let mut pixel = start;
-        pixel.iter_mut().zip(self.rows.joins[i]).for_each(|(start, join)| *start = start.plus(join));
+        pixel.iter_mut().zip(self.rows.row_offsets[i]).for_each(|(start, join)| *start = start.plus(join));
         let pixel = tiled(pixel, self.layout.channels);
         sums.resize(self.layout.lanes(), W::default());
-        let blocks = sums.as_chunks_mut::<LANES>().0.iter_mut().zip(self.anchors.as_chunks().0);
-        blocks.for_each(|(sums, anchors)| *sums = add(anchors, &pixel));
+        let blocks = sums.as_chunks_mut::<LANES>().0.iter_mut().zip(self.constants.as_chunks().0);
+        blocks.for_each(|(sums, constants)| *sums = add(constants, &pixel));
     }
 
-    /// Writes `out`, with `zero` as k = 0 and all beyond `most` clamped.
+    /// Writes `out` with `zero` as k = 0; counts out of range are clamped.
     #[inline(always)]
     pub fn write<S>(
         &self,
-        samples: &Samples<'_, S>,
-        zero: &Zero<W>,
+        samples: &CodeRows<'_, S>,
+        zero: &BaseLevel<W>,
         range: Range,
         sums: &mut Vec<W>,
         out: &mut Recovered,
@@ -160,10 +162,10 @@ impl<W: Word> Levels<'_, W> {
         S: Copy + Into<u16>,
     {
         let (x, counts) = out.buffers();
-        let (bits, most) = (range.bits(), W::low(range.most_wraps().into()));
+        let (bits, most) = (range.bits(), W::low(range.max_wraps().into()));
         let length = self.layout.samples();
-        // Half a turn stands for k = 0.
-        let start = zero.level.map(W::raise).map(|zero| W::HALF.minus(zero));
+        // Half a turn of the word stands for k = 0.
+        let start = zero.level.map(W::bias).map(|zero| W::HALF.minus(zero));
         let rows = x.chunks_exact_mut(length).zip(counts.chunks_exact_mut(length));
         for (i, (x, counts)) in rows.enumerate() {
             self.offsets(i, start, sums);

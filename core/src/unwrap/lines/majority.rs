@@ -1,33 +1,33 @@
-//! What most of a line says, and when a second opinion is due.
+//! Majority votes along a line, and the check whether a second vote is needed.
 
 use crate::unwrap::Range;
 use crate::unwrap::wrapped::Word;
 
-/// Differences of more than this, a quarter of the peak, are steep; in eighths.
+/// The limit of a steep difference in eighths of the peak: a quarter of the peak.
 pub(super) const STEEP: u16 = 2;
 
-/// How many values of a line say the same.
+/// The result of a vote.
 #[derive(Clone, Copy)]
 pub(super) struct Vote<W> {
-    /// What they say.
+    /// The most frequent value.
     pub value: W,
-    /// How many they are.
+    /// The number of votes for it.
     pub count: usize,
 }
 
-/// A counter for every value, all zero between two counts.
+/// A vote counter for every value, all zero between two votes.
 #[derive(Default)]
-pub(super) struct Ballot {
+pub(super) struct VoteCounter {
     counts: Vec<u32>,
 }
 
-impl Ballot {
-    /// Makes room for values of `W`.
+impl VoteCounter {
+    /// Makes room for the values of `W`.
     pub(super) fn start<W: Word>(&mut self) {
         self.counts.resize(1 << W::BITS, 0);
     }
 
-    /// The most frequent of `values`; of equals, the one that is first complete.
+    /// Returns the most frequent of `values`; of equally frequent ones, the value that reached the count first.
     pub(super) fn count<W: Word>(&mut self, values: &[W]) -> Vote<W> {
         let mut best = Vote { value: W::default(), count: 0 };
         for &value in values {
@@ -37,38 +37,42 @@ impl Ballot {
                 best = Vote { value, count: *count as usize };
             }
         }
+        // Only the counters that were used are cleared: there may be 65,536 of them.
         values.iter().for_each(|&value| self.counts[usize::from(value.into())] = 0);
         best
     }
 }
 
-/// Whether lines follow their majority. An edge along a whole line is unanimous and wrong; it is
-/// steep, or the line before it is, and once entered it holds until the second opinion leaves it.
+/// Whether a line follows its majority. An edge that spans a whole line makes every vote agree on the wrong
+/// value. Such an edge is steep in this line or in the one before, and it lasts until the second vote returns to
+/// the majority.
 #[derive(Clone, Copy)]
-pub(super) struct Doubt {
+pub(super) struct MajorityCheck {
     longest: usize,
     departed: bool,
     lasted: usize,
     steep_before: bool,
 }
 
-impl Doubt {
-    /// Half a peak a line leaves the range after 2 alpha lines: no departure lasts longer.
+impl MajorityCheck {
+    /// Makes the check for a range. At half a peak a line, x leaves the range after 2 alpha lines, so a departure
+    /// from the majority lasts no longer.
     pub fn new(range: Range) -> Self {
-        let longest = 2 * usize::from(range.most_wraps()) + 2;
+        let longest = 2 * usize::from(range.max_wraps()) + 2;
         Self { longest, departed: false, lasted: 0, steep_before: false }
     }
 
-    /// Whether the next line, of `length`, needs a second opinion: below 80 % agree, more than a
-    /// quarter is steep here or in the line before, or that departed from its majority.
-    pub fn arises(&mut self, agree: usize, steep: usize, length: usize) -> bool {
+    /// Returns whether the next line, of `length`, needs a second vote: below 80 % agree, more than a quarter is
+    /// steep here or in the line before, or the line before departed from its majority.
+    pub fn needs_second_vote(&mut self, agree: usize, steep: usize, length: usize) -> bool {
         let steep_here = steep * 4 > length;
+        // The state is updated even if another reason decides.
         let steep = std::mem::replace(&mut self.steep_before, steep_here) || steep_here;
         agree * 5 < length * 4 || steep || self.departed
     }
 
-    /// Takes note of whether the second opinion `departs` from the majority.
-    pub fn settle(&mut self, departs: bool) {
+    /// Records whether the second vote `departs` from the majority.
+    pub fn record(&mut self, departs: bool) {
         self.lasted = if departs { self.lasted + 1 } else { 0 };
         self.departed = (1..=self.longest).contains(&self.lasted);
     }

@@ -1,55 +1,50 @@
-//! Lines: unwrap the gradient before the image, along lines, in integers.
+//! Lines: unwraps the gradient before the image, along lines, in integers.
 //!
-//! Itoh asks that neighbours differ by less than half a peak; here only *mixed*
-//! differences have to (P = 2^b):
+//! Itoh's method needs first differences below half a peak; here only *mixed* differences have to be (P = 2^b):
 //! ```text
-//! g = M_b(d_x y),   d_x x = g + n P,   d_y n = (M_b(d_y g) - d_y g) / P   if |d_x d_y x| < P/2
+//!     g = M_b(d_x y),   d_x x = g + n P,   d_y n = (M_b(d_y g) - d_y g) / P   if |d_x d_y x| < P/2
 //! ```
-//! 1. `gradient`: n down each column, up to a constant; `sums`: what that makes of k along each row.
-//! 2. `rows`: rows joined by what most of their columns say; columns' constants cancel out there.
+//! 1. `gradient`: n down each column, up to a constant; `prefix_sums`: the k along each row that follows from it.
+//! 2. `rows`: rows are joined by a majority vote of their columns; the constants of the columns cancel out.
 //! 3. `columns`: most of a column is flat, which gives its constant.
-//! 4. `levels`: the absolute offset, as every method has it.
+//! 4. `levels`: the absolute offset, as for every method.
 //!
-//! Codes and counts stand in words that wrap by themselves, of 8 bits where that holds all counts.
-//! Steps 1 and 2 are one pass over y, row by row, all channels together; they see what
-//! speaks against the result ([`Signal`]).
+//! Codes and counts are words that wrap by themselves, of 8 bits if these hold all counts. Steps 1 and 2 are one
+//! pass over y, row by row, all channels together, which also computes the [`QualityMetrics`].
 //!
-//! Exact when `|d_x d_y x| < P/2` everywhere and, in each column and row, most
-//! differences to the neighbour are below P/2 -- or, where an edge runs along most of
-//! a line, `|d_x d_x x|` and `|d_y d_y x| < P/2` along most of it. It fails on
-//! what a sharp lens shows: an edge of more than P/2 that ends within the image breaks the
+//! It is exact when `|d_x d_y x| < P/2` everywhere and, in each column and row, most differences to the neighbour
+//! are below P/2, or, where an edge runs along most of a line, `|d_x d_x x|` and `|d_y d_y x| < P/2` along most
+//! of it. It fails on edges of a sharp lens: an edge of more than P/2 that ends within the image breaks the
 //! condition at its end, and the error runs along the line. Hot pixels leave streaks.
 
 mod columns;
 mod gradient;
-mod image;
-mod lanes;
+mod layout;
 mod levels;
 mod majority;
+mod prefix_sums;
 mod rows;
-mod sums;
 
-use columns::{Anchors, Summed};
+use columns::{ColumnConstants, SummedImage};
 use gradient::Gradient;
-use image::Samples;
-use lanes::Layout;
+use layout::{CodeRows, RowLayout};
 use levels::Levels;
+use prefix_sums::PrefixSums;
 use rows::Rows;
-use sums::Sums;
 
 use super::wrapped::Word;
-use super::{Integers, Range, Recovered, Signal, Unwrap, UnwrapError};
+use super::{Integers, QualityMetrics, Range, Recovered, Unwrap, UnwrapError};
 use crate::frame::Frame;
 use crate::simd::widest;
 
-/// Largest wrap count for which words of 8 bits hold every k, and errors of as much again.
+/// The largest wrap count for which words of 8 bits hold every k and errors of the same size.
 const NARROW: u8 = 63;
 
-/// The method with its buffers; each channel on its own, O(pixels).
+/// The method with its buffers, one channel after the other, in O(pixels).
 #[derive(Default)]
 pub struct Lines {
-    bytes: Work<u8>,
-    words: Work<u16>,
+    bytes: Buffers<u8>,
+    words: Buffers<u16>,
 }
 
 impl Unwrap for Lines {
@@ -61,39 +56,40 @@ impl Unwrap for Lines {
         let codes = Integers::checked(y, range)?;
         out.prepare(y.dim(), self.name());
         let (height, width, channels) = y.dim();
-        let layout = Layout { height, width, channels };
+        let layout = RowLayout { height, width, channels };
         match codes {
             Integers::U8(codes) => {
-                let samples = Samples::new(codes, layout, range);
-                if range.bits() <= 8 && range.most_wraps() <= NARROW {
+                let samples = CodeRows::new(codes, layout, range);
+                // Words of 8 bits hold twice as many lanes as words of 16.
+                if range.bits() <= 8 && range.max_wraps() <= NARROW {
                     self.bytes.unwrap(&samples, layout, range, out);
                 } else {
                     self.words.unwrap(&samples, layout, range, out);
                 }
             }
             Integers::U16(codes) => {
-                self.words.unwrap(&Samples::new(codes, layout, range), layout, range, out)
+                self.words.unwrap(&CodeRows::new(codes, layout, range), layout, range, out)
             }
         }
         Ok(())
     }
 }
 
-/// Buffers for codes in words of one width.
+/// The buffers for codes in words of one width.
 #[derive(Default)]
-struct Work<W> {
-    /// The row at hand, the one above and the one above that.
+struct Buffers<W> {
+    /// The current row, the one above, and the one above that.
     codes: [Vec<W>; 3],
     gradient: Gradient<W>,
-    sums: Sums<W>,
+    sums: PrefixSums<W>,
     rows: Rows<W>,
-    anchors: Anchors<W>,
+    constants: ColumnConstants<W>,
     offsets: Vec<W>,
     counts: Vec<usize>,
 }
 
-impl<W: Word> Work<W> {
-    fn unwrap<S>(&mut self, samples: &Samples<'_, S>, layout: Layout, range: Range, out: &mut Recovered)
+impl<W: Word> Buffers<W> {
+    fn unwrap<S>(&mut self, samples: &CodeRows<'_, S>, layout: RowLayout, range: Range, out: &mut Recovered)
     where
         S: Copy + Into<u16>,
     {
@@ -101,43 +97,40 @@ impl<W: Word> Work<W> {
         self.sums.start(layout);
         self.rows.start(layout, range);
         for i in 0..layout.height {
-            widest(
-                #[inline(always)]
-                || self.take_row(i, samples, layout),
-            );
+            widest!(self.take_row(i, samples, layout));
         }
         self.gradient.settle();
-        self.anchors.find(&self.gradient, &Summed { samples, layout, rows: &self.rows }, range);
-        let levels = Levels { layout, rows: &self.rows, anchors: &self.anchors.sums };
+        self.constants.find(&self.gradient, &SummedImage { samples, layout, rows: &self.rows }, range);
+        let levels = Levels { layout, rows: &self.rows, constants: &self.constants.sums };
         let Self { offsets, counts, .. } = self;
-        let outside = widest(
-            #[inline(always)]
-            || {
-                let zero = levels.zero(range.most_wraps(), offsets, counts);
-                levels.write(samples, &zero, range, offsets, out);
-                zero.outside
-            },
-        );
-        out.report.signal = Some(self.signal(layout, outside));
+        let outside = widest!({
+            let zero = levels.zero(range.max_wraps(), offsets, counts);
+            levels.write(samples, &zero, range, offsets, out);
+            zero.outside
+        });
+        out.report.quality = Some(self.quality(layout, outside));
     }
 
     #[inline(always)]
-    fn take_row<S: Copy + Into<u16>>(&mut self, i: usize, samples: &Samples<'_, S>, layout: Layout) {
+    fn take_row<S: Copy + Into<u16>>(&mut self, i: usize, samples: &CodeRows<'_, S>, layout: RowLayout) {
         self.codes.rotate_right(1);
         samples.read(i, &mut self.codes[0]);
         let [here, up, upper] = &self.codes;
+        // The first row is its own neighbour: no difference, and so n = 0.
         let up = if i == 0 { here } else { up };
         self.gradient.follow(up, here, layout.channels, self.sums.steps());
         self.sums.widen();
         self.rows.append(&self.sums, [here, up, upper]);
     }
 
-    fn signal(&self, Layout { height, width, channels }: Layout, outside: usize) -> Signal {
+    fn quality(&self, RowLayout { height, width, channels }: RowLayout, outside: usize) -> QualityMetrics {
         let share = |count: u64, of: usize| if of == 0 { 0.0 } else { count as f32 / of as f32 };
         let loops = (height - 1) * (width - 1) * channels;
-        let [row, column] =
-            [share(self.rows.weakest as u64, width), share(self.anchors.weakest as u64, height)];
-        Signal {
+        let [row, column] = [
+            share(self.rows.least_agreement as u64, width),
+            share(self.constants.least_agreement as u64, height),
+        ];
+        QualityMetrics {
             residues: share(self.gradient.residues, loops),
             steep: share(self.gradient.suspect, loops),
             consensus: row.min(column),

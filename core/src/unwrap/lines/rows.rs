@@ -1,85 +1,86 @@
-//! Rows: sums of the gradient's wraps along each, joined by what most of their columns say.
+//! Sums the wraps of the gradient along each row, and joins the rows by majority votes of their columns.
 
-use super::lanes::{Block, COUNTABLE, LANES, Layout, by_channel, tiled};
-use super::majority::{Ballot, Doubt, STEEP, Vote};
-use super::sums::Sums;
+use super::layout::{Block, COUNTABLE, LANES, RowLayout, by_channel, tiled};
+use super::majority::{MajorityCheck, STEEP, Vote, VoteCounter};
+use super::prefix_sums::PrefixSums;
 use crate::unwrap::Range;
-use crate::unwrap::wrapped::{Word, exceeds, raised, turn};
+use crate::unwrap::wrapped::{Word, biased, exceeds, wrap_step};
 
-/// Wrap counts relative to each row's first pixel, and what joins the rows.
+/// Wrap counts relative to the first pixel of each row, and the offsets that join the rows.
 #[derive(Default)]
 pub(super) struct Rows<W> {
-    layout: Layout,
-    /// A row of zeros, then the image's rows.
+    layout: RowLayout,
+    /// A row of zeros, then the rows of the image.
     k: Vec<W>,
-    /// By row and channel: what to add to the row's k.
-    pub joins: Vec<[W; 3]>,
-    doubts: Vec<Doubt>,
+    /// The offset of k by row and channel.
+    pub row_offsets: Vec<[W; 3]>,
+    checks: Vec<MajorityCheck>,
     line: Vec<W>,
-    ballot: Ballot,
-    /// Columns that agree at the row where fewest do, of one channel.
-    pub weakest: usize,
+    votes: VoteCounter,
+    /// The least number of columns that agree on a row, over all rows and channels.
+    pub least_agreement: usize,
 }
 
-/// A row of codes, the one above and the one above that.
+/// A row of codes, the one above, and the one above that.
 pub(super) type Neighbours<'a, W> = [&'a [W]; 3];
 
-/// By channel: columns that say what was guessed, and columns that are steep.
-struct Census {
+/// By channel: the number of columns that agree with the guess, and of columns that are steep.
+struct RowCounts {
     agree: [usize; 3],
     steep: [usize; 3],
 }
 
 impl<W: Word> Rows<W> {
-    /// Before the first row.
-    pub fn start(&mut self, layout: Layout, range: Range) {
+    /// Starts an image, before its first row.
+    pub fn start(&mut self, layout: RowLayout, range: Range) {
         self.layout = layout;
         self.k.resize((layout.height + 1) * layout.lanes(), W::default());
         self.k[..layout.lanes()].fill(W::default());
-        self.joins.clear();
-        self.doubts.clear();
-        self.doubts.resize(layout.channels, Doubt::new(range));
+        self.row_offsets.clear();
+        self.checks.clear();
+        self.checks.resize(layout.channels, MajorityCheck::new(range));
         self.line.clear();
         self.line.reserve(layout.width);
-        self.ballot.start::<W>();
-        self.weakest = layout.width;
+        self.votes.start::<W>();
+        self.least_agreement = layout.width;
     }
 
-    /// k of row `i`, 0 in its first pixel.
+    /// Returns k of row `i`, which is 0 in its first pixel.
     #[inline(always)]
     pub fn k(&self, i: usize) -> &[W] {
         &self.k[(i + 1) * self.layout.lanes()..][..self.layout.lanes()]
     }
 
-    /// Sums up the next row, `codes[0]`, and joins it to those above.
+    /// Sums the next row, `codes[0]`, and joins it to the rows above.
     #[inline(always)]
-    pub fn append(&mut self, sums: &Sums<W>, codes: Neighbours<'_, W>) {
+    pub fn append(&mut self, sums: &PrefixSums<W>, codes: Neighbours<'_, W>) {
         let [y, up, _] = codes;
-        let i = self.joins.len();
+        let i = self.row_offsets.len();
         let mut guess = [W::default(); 3];
         let channels = self.layout.channels;
         // The first pixel's k is 0 in every row.
-        guess.iter_mut().zip(up.iter().zip(y)).for_each(|(guess, (&up, &y))| *guess = turn(up, y));
-        let census = self.sum(i, sums, [y, up], &tiled(guess, channels));
-        let mut join = self.joins.last().copied().unwrap_or_default();
+        guess.iter_mut().zip(up.iter().zip(y)).for_each(|(guess, (&up, &y))| *guess = wrap_step(up, y));
+        let counts = self.sum(i, sums, [y, up], &tiled(guess, channels));
+        let mut offsets = self.row_offsets.last().copied().unwrap_or_default();
         if i > 0 {
             for channel in 0..channels {
-                let vote = Vote { value: guess[channel], count: census.agree[channel] };
-                let vote = self.join(i, codes, channel, vote, census.steep[channel]);
-                join[channel] = join[channel].plus(vote.value);
-                self.weakest = self.weakest.min(vote.count);
+                let vote = Vote { value: guess[channel], count: counts.agree[channel] };
+                let vote = self.join(i, codes, channel, vote, counts.steep[channel]);
+                offsets[channel] = offsets[channel].plus(vote.value);
+                self.least_agreement = self.least_agreement.min(vote.count);
             }
         }
-        self.joins.push(join);
+        self.row_offsets.push(offsets);
     }
 
-    /// Writes k of row `i` and counts who says that it continues the row above by `guess`.
+    /// Writes k of row `i`, and counts the columns in which it continues the row above by `guess`.
     #[inline(always)]
-    fn sum(&mut self, i: usize, sums: &Sums<W>, [y, up]: [&[W]; 2], guess: &Block<W>) -> Census {
+    fn sum(&mut self, i: usize, sums: &PrefixSums<W>, [y, up]: [&[W]; 2], guess: &Block<W>) -> RowCounts {
         let lanes = self.layout.lanes();
         let (above, here) = self.k[i * lanes..].split_at_mut(lanes);
-        let mut census = Census { agree: [0; 3], steep: [0; 3] };
+        let mut counts = RowCounts { agree: [0; 3], steep: [0; 3] };
         let mut sum = [W::default(); LANES];
+        // A counter of 8 bits holds 255 blocks; then it is added to the totals.
         for first in (0..lanes).step_by(COUNTABLE * LANES) {
             let (mut agree, mut steep) = ([W::default(); LANES], [W::default(); LANES]);
             for at in (first..lanes.min(first + COUNTABLE * LANES)).step_by(LANES) {
@@ -88,20 +89,21 @@ impl<W: Word> Rows<W> {
                 let here = &mut here[at..][..LANES];
                 for l in 0..LANES {
                     here[l] = sum[l];
-                    let says = turn(up[l], y[l]).plus(above[l]).minus(sum[l]);
-                    agree[l] = agree[l].plus(W::one_if(says == guess[l]));
-                    steep[l] = steep[l].plus(W::one_if(exceeds(raised(up[l], y[l]), STEEP)));
+                    let vote = wrap_step(up[l], y[l]).plus(above[l]).minus(sum[l]);
+                    agree[l] = agree[l].plus(W::one_if(vote == guess[l]));
+                    steep[l] = steep[l].plus(W::one_if(exceeds(biased(up[l], y[l]), STEEP)));
                 }
             }
-            by_channel(&agree, self.layout.channels, &mut census.agree);
-            by_channel(&steep, self.layout.channels, &mut census.steep);
+            by_channel(&agree, self.layout.channels, &mut counts.agree);
+            by_channel(&steep, self.layout.channels, &mut counts.steep);
         }
-        census.forget_copies(self.layout, [y, up, above, here], guess);
-        census
+        counts.discount_copies(self.layout, [y, up, above, here], guess);
+        counts
     }
 
-    /// What most columns of `channel` say of the step from row `i - 1` to `i` if `|d_y x|` is small,
-    /// or in doubt if `|d_y d_y x|` is; `guess` is how many say the expected.
+    /// Returns the step of `channel` from row `i - 1` to `i` by a majority vote of the columns, which holds if
+    /// most `|d_y x|` are small; in doubt by a second vote, which holds if most `|d_y d_y x|` are. `guess` is an
+    /// expected step with its votes.
     fn join(
         &mut self,
         i: usize,
@@ -112,55 +114,62 @@ impl<W: Word> Rows<W> {
     ) -> Vote<W> {
         let width = self.layout.width;
         let mut majority = guess;
+        // If more than half of the columns agree with the guess, it is the majority without a full count.
         let counted = guess.count * 2 <= width;
         if counted {
-            self.first_opinion(i, codes, channel);
-            majority = self.ballot.count(&self.line);
+            self.first_difference_votes(i, codes, channel);
+            majority = self.votes.count(&self.line);
         }
-        if !self.doubts[channel].arises(majority.count, steep, width) || i == 1 {
+        // Row 1 has only one row above it, and a second difference needs two.
+        if !self.checks[channel].needs_second_vote(majority.count, steep, width) || i == 1 {
             return majority;
         }
         if !counted {
-            self.first_opinion(i, codes, channel);
+            self.first_difference_votes(i, codes, channel);
         }
-        self.second_opinion(i, codes, channel);
-        let opinion = self.ballot.count(&self.line);
+        self.second_difference_votes(i, codes, channel);
+        let second = self.votes.count(&self.line);
         // Noise blurs second differences more than first ones.
-        let chosen = if opinion.count * 10 > majority.count * 9 { opinion } else { majority };
-        self.doubts[channel].settle(chosen.value != majority.value);
+        let chosen = if second.count * 10 > majority.count * 9 { second } else { majority };
+        self.checks[channel].record(chosen.value != majority.value);
         chosen
     }
 
-    /// By column: the step from row `i - 1` to `i`, if `|d_y x|` is below half a peak.
-    fn first_opinion(&mut self, i: usize, [y, up, _]: Neighbours<'_, W>, channel: usize) {
+    /// Writes, by column, the step from row `i - 1` to `i` if `|d_y x|` is below half a peak.
+    fn first_difference_votes(&mut self, i: usize, [y, up, _]: Neighbours<'_, W>, channel: usize) {
         let (above, here) = self.k[i * self.layout.lanes()..].split_at(self.layout.lanes());
         let lanes = (channel..self.layout.samples()).step_by(self.layout.channels);
         self.line.clear();
-        self.line.extend(lanes.map(|l| turn(up[l], y[l]).plus(above[l]).minus(here[l])));
+        self.line.extend(lanes.map(|l| wrap_step(up[l], y[l]).plus(above[l]).minus(here[l])));
     }
 
-    /// Adds to that, by column, the n of `d_y x = M_b(d_y y) + n * 2^b`, if `|d_y d_y x|` is below
-    /// half a peak: the n one row above, and one more where the difference itself wraps.
-    fn second_opinion(&mut self, i: usize, [y, up, upper]: Neighbours<'_, W>, channel: usize) {
+    /// Adds, by column, the n of `d_y x = M_b(d_y y) + n * 2^b` if `|d_y d_y x|` is below half a peak: the n one
+    /// row above, and one more where the difference itself wraps.
+    fn second_difference_votes(&mut self, i: usize, [y, up, upper]: Neighbours<'_, W>, channel: usize) {
         let (k_upper, k_up) = self.k[(i - 1) * self.layout.lanes()..].split_at(self.layout.lanes());
-        let step = self.joins[i - 1][channel].minus(self.joins[i - 2][channel]);
+        let step = self.row_offsets[i - 1][channel].minus(self.row_offsets[i - 2][channel]);
         let lanes = (channel..self.layout.samples()).step_by(self.layout.channels);
         for (value, l) in self.line.iter_mut().zip(lanes) {
-            let n_up = k_up[l].minus(k_upper[l]).plus(step).minus(turn(upper[l], up[l]));
-            let n = n_up.plus(turn(raised(upper[l], up[l]), raised(up[l], y[l])));
+            let n_up = k_up[l].minus(k_upper[l]).plus(step).minus(wrap_step(upper[l], up[l]));
+            let n = n_up.plus(wrap_step(biased(upper[l], up[l]), biased(up[l], y[l])));
             *value = value.plus(n);
         }
     }
 }
 
-impl Census {
-    /// The last pixel was counted as often as it was copied.
-    fn forget_copies<W: Word>(&mut self, layout: Layout, [y, up, above, k]: [&[W]; 4], guess: &Block<W>) {
+impl RowCounts {
+    /// Removes the votes of the copies of the last pixel.
+    fn discount_copies<W: Word>(
+        &mut self,
+        layout: RowLayout,
+        [y, up, above, k]: [&[W]; 4],
+        guess: &Block<W>,
+    ) {
         for (channel, &guess) in guess.iter().enumerate().take(layout.channels) {
             let l = layout.last(channel);
-            let says = turn(up[l], y[l]).plus(above[l]).minus(k[l]);
-            self.agree[channel] -= layout.copies() * usize::from(says == guess);
-            self.steep[channel] -= layout.copies() * usize::from(exceeds(raised(up[l], y[l]), STEEP));
+            let vote = wrap_step(up[l], y[l]).plus(above[l]).minus(k[l]);
+            self.agree[channel] -= layout.copies() * usize::from(vote == guess);
+            self.steep[channel] -= layout.copies() * usize::from(exceeds(biased(up[l], y[l]), STEEP));
         }
     }
 }

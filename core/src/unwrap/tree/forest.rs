@@ -1,105 +1,108 @@
-//! Regions over a grid of pixels, grown along its edges from the flattest on (Kruskal).
+//! A spanning forest over a grid of pixels, grown along its edges from the flattest on (Kruskal).
 //!
-//! 1. Segments: neighbours along a row between which the change is flat and the count the same are one node
-//!    from the start, and flat edges join segments along rows and between them, in the order of the image.
-//! 2. Of the edges left between two segments that touch, the flattest are sorted by key, and join in that order.
-//!    They are noted down as edges between regions, with the step between their roots: in the order of keys
-//!    they jump about, and an image is too large for that.
+//! 1. Segments: neighbours along a row with a flat change and the same count are one node from the start, and
+//!    flat edges join segments along rows and between them, in the order of the image.
+//! 2. For each pair of segments that touch and are not joined, the flattest edge is sorted by key, and these
+//!    edges join in that order. They are stored as edges between regions, with the step between their roots: the
+//!    order of keys jumps over the image, which is too large for the cache.
 //!
-//! What is not known of a pixel is never stored by pixel: most of an image is long segments.
+//! Nothing is stored by pixel, because most of an image is long segments.
 
 use std::ops::Range;
 
-use super::order::{Edge, Order};
+use super::edge_queue::{Edge, EdgeQueue};
 use super::pixels::{Direction, Quad, add, subtract};
-use super::regions::{Coarse, LARGE, Region, Regions};
+use super::regions::{CondensedRegions, LARGE, Region, Regions};
 use super::segments::{Segment, each_contact, each_set};
 
-/// The node of all that is sea; no region of the others knows of it unless it is joined.
-pub(in crate::unwrap) const SEA: u32 = 0;
+/// The node of the background; edges join the other regions to it.
+pub(in crate::unwrap) const BACKGROUND: u32 = 0;
 
-/// The edges of a ground, by pixel, to the right neighbour and to the one below.
+/// The edges of a source, by pixel, to the right neighbour and to the one below.
 #[derive(Clone, Copy)]
 pub(in crate::unwrap) struct Edges<'a> {
-    /// How much changes to the neighbour.
+    /// The keys, which measure the change to the neighbour.
     pub keys: [&'a [u16]; 2],
-    /// 1 where the edge is not flat or the count changes, else 0. To the right it is 1 at the shore and 0 in the sea.
+    /// 1 where the edge is not flat or the count changes, else 0. To the right it is 1 at the border of the
+    /// background and 0 in it.
     pub breaks: [&'a [u8]; 2],
 }
 
-/// What a forest grows over: values that are known but for whole peaks.
-pub(in crate::unwrap) trait Ground {
-    /// Columns of the image; pixel p's lower neighbour is p + width.
+/// The values that a forest grows over, which are known up to multiples of the peak.
+pub(in crate::unwrap) trait EdgeSource {
+    /// Returns the columns of the image; the lower neighbour of pixel p is p + width.
     fn width(&self) -> usize;
-    /// Rows and columns that have a value.
+    /// Returns the rows and columns that have a value.
     fn extent(&self) -> (usize, usize);
-    /// Edges up to this key are flat.
-    fn flat(&self) -> u16;
-    /// Its edges.
+    /// The largest key of a flat edge.
+    const FLAT: u16;
+    /// Returns the edges.
     fn edges(&self) -> &Edges<'_>;
-    /// By pixel, 0 in the sea, which has count 0; `None`: there is no sea.
-    fn land(&self) -> Option<&[u8]>;
-    /// The key at which a pixel on land is tied to the sea.
-    fn tie(&self, at: usize) -> u16;
-    /// Which counts the pixels may have if they have one: the first of `pixels` for which there is one.
+    /// Returns a mask by pixel, 0 in the background, whose count is 0; `None` if there is no background.
+    fn mask(&self) -> Option<&[u8]>;
+    /// Returns the key of the edge from a pixel outside the background to the background.
+    fn background_key(&self, at: usize) -> u16;
+    /// Returns the interval of the counts of the first of `pixels` that can have one count together.
     fn interval(&self, pixels: Range<usize>) -> Region;
-    /// By how much the count changes to the neighbour.
+    /// Returns the change of the count to the neighbour.
     fn step(&self, to: Direction, at: usize) -> Quad;
 
-    /// [`Edges::breaks`] to the neighbours in one direction.
+    /// Returns the [`Edges::breaks`] in one direction.
     #[inline(always)]
     fn breaks(&self, to: Direction) -> &[u8] {
         self.edges().breaks[to as usize]
     }
 
-    /// [`Edges::keys`] of one edge.
+    /// Returns the [`Edges::keys`] of one edge.
     #[inline(always)]
     fn key(&self, to: Direction, at: usize) -> u16 {
         self.edges().keys[to as usize][at]
     }
 }
 
-/// The regions, and which pixels are in them.
+/// The regions, and the pixels in them.
 #[derive(Default)]
 pub(in crate::unwrap) struct Forest {
     pub regions: Regions,
-    /// Row by row; each has a node of its own unless it is sea.
+    /// The segments row by row; each has a node of its own unless it is background.
     pub segments: Vec<Segment>,
     /// The first segment of each row, and the end of the last.
     rows: Vec<usize>,
-    order: Order,
-    /// The regions that flat edges leave.
-    coarse: Coarse,
-    /// A buffer for who reads off the result.
+    queue: EdgeQueue,
+    /// The regions after the flat edges.
+    condensed: CondensedRegions,
+    /// A buffer for those who read the result.
     pub levels: Vec<usize>,
 }
 
 impl Forest {
-    /// Joins what can be joined.
-    pub fn grow<G: Ground>(&mut self, ground: &G) {
-        let (rows, columns) = ground.extent();
+    /// Joins all regions that can be joined.
+    pub fn grow<G: EdgeSource>(&mut self, source: &G) {
+        let (rows, columns) = source.extent();
         self.make_room((rows, columns));
         self.rows.push(0);
-        let (level, size) = ([0; 4], if ground.land().is_some() { LARGE } else { 0 });
+        // The background counts as large, so that hot pixels cannot constrain it.
+        let (level, size) = ([0; 4], if source.mask().is_some() { LARGE } else { 0 });
         self.regions.push(Region { low: level, high: level, size });
         for row in (0..rows).filter(|_| columns > 0) {
-            self.split(ground, row * ground.width(), columns);
+            self.split(source, row * source.width(), columns);
             self.rows.push(self.segments.len());
-            self.join_along(ground, row);
+            self.join_along(source, row);
             if row > 0 {
-                self.join_to_row_above(ground, row);
+                self.join_to_row_above(source, row);
             }
         }
+        // Flat edges need no order among themselves; only the regions that they leave are sorted.
         self.regions.flatten();
-        self.coarse.condense(&self.regions);
-        self.collect(ground);
-        let Self { coarse, order, .. } = self;
-        order.each(ground.flat(), |edge| coarse.join(edge.from, edge.to, || edge.step()));
-        self.coarse.refine(&mut self.regions);
+        self.condensed.condense(&self.regions);
+        self.collect(source);
+        let Self { condensed, queue, .. } = self;
+        queue.visit_sorted(G::FLAT, |edge| condensed.join(edge.from, edge.to, || edge.step()));
+        self.condensed.refine(&mut self.regions);
     }
 
-    /// For the most that images of this size can need, so that no later one needs more; what is not used of it is
-    /// never touched.
+    /// Reserves the most memory that images of this size can need, so that no later image needs more; unused
+    /// parts are never touched.
     pub fn make_room(&mut self, (rows, columns): (usize, usize)) {
         let pixels = rows * columns;
         self.regions.clear();
@@ -108,33 +111,34 @@ impl Forest {
         self.regions.reserve(pixels + 1);
         self.segments.reserve(pixels);
         self.rows.reserve(rows + 1);
-        self.coarse.reserve(pixels + 1);
+        self.condensed.reserve(pixels + 1);
         // To the right, down, and to the sea.
-        self.order.start(3 * pixels);
+        self.queue.start(3 * pixels);
         self.levels.clear();
         self.levels.reserve(1 << i16::BITS);
     }
 
-    /// The segments of the row that starts at `start`.
-    fn split<G: Ground>(&mut self, ground: &G, start: usize, columns: usize) {
+    /// Finds the segments of the row that starts at `start`.
+    fn split<G: EdgeSource>(&mut self, source: &G, start: usize, columns: usize) {
         let mut from = start;
         let end = start + columns;
-        each_set(&ground.breaks(Direction::Right)[start..end - 1], |column| {
-            self.push(ground, from..start + column + 1);
+        each_set(&source.breaks(Direction::Right)[start..end - 1], |column| {
+            self.push(source, from..start + column + 1);
             from = start + column + 1;
         });
-        self.push(ground, from..end);
+        self.push(source, from..end);
     }
 
     #[inline(always)]
-    fn push<G: Ground>(&mut self, ground: &G, pixels: Range<usize>) {
+    fn push<G: EdgeSource>(&mut self, source: &G, pixels: Range<usize>) {
         let (mut start, end) = (pixels.start, pixels.end);
-        if ground.land().is_some_and(|land| land[start] == 0) {
-            self.segments.push(Segment { start: start as u32, end: end as u32, node: SEA });
+        if source.mask().is_some_and(|mask| mask[start] == 0) {
+            self.segments.push(Segment { start: start as u32, end: end as u32, node: BACKGROUND });
             return;
         }
+        // The range may forbid one count for all pixels of a segment, which then becomes several.
         while start < end {
-            let region = ground.interval(start..end);
+            let region = source.interval(start..end);
             let next = start + region.size as usize;
             let node = self.regions.push(region);
             self.segments.push(Segment { start: start as u32, end: next as u32, node });
@@ -142,59 +146,62 @@ impl Forest {
         }
     }
 
-    fn join_along<G: Ground>(&mut self, ground: &G, row: usize) {
+    fn join_along<G: EdgeSource>(&mut self, source: &G, row: usize) {
         for pair in self.segments[self.rows[row]..self.rows[row + 1]].windows(2) {
             let at = pair[0].end as usize - 1;
-            let land = pair[0].node != SEA && pair[1].node != SEA;
-            if land && ground.key(Direction::Right, at) <= ground.flat() {
-                self.regions.join(pair[0].node, pair[1].node, || ground.step(Direction::Right, at));
+            let joinable = pair[0].node != BACKGROUND && pair[1].node != BACKGROUND;
+            if joinable && source.key(Direction::Right, at) <= G::FLAT {
+                self.regions.join(pair[0].node, pair[1].node, || source.step(Direction::Right, at));
             }
         }
     }
 
-    fn join_to_row_above<G: Ground>(&mut self, ground: &G, row: usize) {
+    fn join_to_row_above<G: EdgeSource>(&mut self, source: &G, row: usize) {
         let Self { regions, segments, rows, .. } = self;
         let [above, below] = [row - 1, row].map(|row| &segments[rows[row]..rows[row + 1]]);
-        let breaks = ground.breaks(Direction::Down);
-        each_contact(above, below, ground.width(), |a, b, mut pixels| {
-            if a.node == SEA || b.node == SEA {
+        let breaks = source.breaks(Direction::Down);
+        each_contact(above, below, source.width(), |a, b, mut pixels| {
+            if a.node == BACKGROUND || b.node == BACKGROUND {
                 return;
             }
             if breaks[pixels.clone()].contains(&0) {
                 regions.join(a.node, b.node, || [0; 4]);
-            } else if let Some(at) = pixels.find(|&at| ground.key(Direction::Down, at) <= ground.flat()) {
-                regions.join(a.node, b.node, || ground.step(Direction::Down, at));
+            } else if let Some(at) = pixels.find(|&at| source.key(Direction::Down, at) <= G::FLAT) {
+                regions.join(a.node, b.node, || source.step(Direction::Down, at));
             }
         });
     }
 
-    /// The flattest edge of each contact of different regions, and each segment's shortest tie to the sea.
-    fn collect<G: Ground>(&mut self, ground: &G) {
-        let Self { regions, segments, rows, order, coarse, .. } = self;
+    /// Collects the flattest edge of each contact of different regions, and the flattest edge of each segment to
+    /// the background.
+    fn collect<G: EdgeSource>(&mut self, source: &G) {
+        let Self { regions, segments, rows, queue, condensed, .. } = self;
         let differ = |a: &Segment, b: &Segment| regions.root(a.node) != regions.root(b.node);
         let edge = |key, from: u32, to: u32, step: Quad| {
-            let step = subtract(add(regions.above_root(from), step), regions.above_root(to));
-            Edge::new(key, coarse.node(regions.root(from)), coarse.node(regions.root(to)), step)
+            // Stored between the roots, the step stays valid when regions are condensed to nodes.
+            let step = subtract(add(regions.offset_from_root(from), step), regions.offset_from_root(to));
+            Edge::new(key, condensed.node(regions.root(from)), condensed.node(regions.root(to)), step)
         };
         for row in 1..rows.len() {
             let here = &segments[rows[row - 1]..rows[row]];
             for pair in here.windows(2).filter(|pair| differ(&pair[0], &pair[1])) {
                 let at = pair[0].end as usize - 1;
-                let (key, step) = (ground.key(Direction::Right, at), ground.step(Direction::Right, at));
-                order.push(edge(key, pair[0].node, pair[1].node, step));
+                let (key, step) = (source.key(Direction::Right, at), source.step(Direction::Right, at));
+                queue.push(edge(key, pair[0].node, pair[1].node, step));
             }
             let below = rows.get(row + 1).map_or(&[][..], |&end| &segments[rows[row]..end]);
-            each_contact(here, below, ground.width(), |a, b, pixels| {
+            each_contact(here, below, source.width(), |a, b, pixels| {
                 if differ(a, b) {
-                    let flattest = pixels.map(|at| (ground.key(Direction::Down, at), at)).min();
+                    let flattest = pixels.map(|at| (source.key(Direction::Down, at), at)).min();
                     if let Some((key, at)) = flattest {
-                        order.push(edge(key, a.node, b.node, ground.step(Direction::Down, at)));
+                        queue.push(edge(key, a.node, b.node, source.step(Direction::Down, at)));
                     }
                 }
             });
-            for segment in here.iter().filter(|segment| segment.node != SEA && ground.land().is_some()) {
-                if let Some(key) = segment.pixels().map(|at| ground.tie(at)).min() {
-                    order.push(edge(key, SEA, segment.node, [0; 4]));
+            for segment in here.iter().filter(|segment| segment.node != BACKGROUND && source.mask().is_some())
+            {
+                if let Some(key) = segment.pixels().map(|at| source.background_key(at)).min() {
+                    queue.push(edge(key, BACKGROUND, segment.node, [0; 4]));
                 }
             }
         }

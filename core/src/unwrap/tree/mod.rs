@@ -1,38 +1,37 @@
-//! Tree: Itoh's steps along a spanning tree that takes the flattest edges first,
-//! all channels at once, and nothing that leaves the range.
+//! Tree: Itoh's steps along a spanning tree that takes the flattest edges first, all channels at once, within the
+//! range.
 //!
-//! Edges between 4-neighbours are taken in the order of `keys` (Kruskal); along an edge
-//! `d k = (M_b(d y) - d y) / 2^b`. Each region knows the interval in which
-//! `0 <= y + k 2^b < alpha 2^b` leaves its k; a merge that would empty it is refused.
+//! Edges between 4-neighbours are taken in the order of `keys` (Kruskal); along an edge `d k = (M_b(d y) - d y) /
+//! 2^b`. Each region has the interval in which `0 <= y + k 2^b < alpha 2^b` leaves its k; a merge that would
+//! empty it is refused.
 //!
-//! The sensor holds radiance below full scale, so that what is brighter lies there, on a plateau:
-//! 3 x 3 pixels of exactly the code of full scale in all of three channels are taken for
-//! k = ceil(alpha) - 1, from 8 bits on.
-//! An image that has such a plateau at another k is not understood.
+//! The sensor clamps radiance to just below full scale, so whatever is brighter is a plateau there. 3 x 3 pixels
+//! of exactly the code of full scale in all of three channels are taken for k = ceil(alpha) - 1, from 8 bits on.
+//! An image with such a plateau at another k is recovered wrongly.
 //!
-//! Where all differences agree, `sums` gives what the tree would, and none is grown.
+//! Where all differences are consistent, `direct_sums` gives the result of the tree without one.
 //!
-//! Exact when first differences stay below half a peak along some path to every pixel, and
-//! that path is flatter than any that is wrong: an accident of `M_b(d y)` near 0 has to happen in
-//! three channels at once. It fails on islands, whose whole contour jumps by more than half
-//! a peak. The offset of a region that stays apart is the least that its interval allows.
+//! It is exact when first differences are below half a peak along some path to every pixel, and that path is
+//! flatter than any wrong one: `M_b(d y)` must not be near 0 by accident in three channels at once. It fails on
+//! islands, whose whole contour jumps by more than half a peak. A region that stays separate gets the least
+//! offset that its interval allows.
 
+mod direct_sums;
+mod edge_queue;
 mod forest;
-mod image;
+mod image_edges;
 mod keys;
-mod order;
 mod pixels;
 mod regions;
 mod segments;
-mod sums;
 
-pub(super) use forest::{Edges, Forest, Ground, SEA};
-use image::place;
-pub(super) use image::{FLAT, Image};
-pub(super) use keys::{MOST, first, of_difference, second};
-pub(super) use pixels::{Bounds, Direction, Pixels, Quad, subtract, turns};
+pub(super) use direct_sums::DirectSums;
+pub(super) use forest::{BACKGROUND, EdgeSource, Edges, Forest};
+use image_edges::place;
+pub(super) use image_edges::{FLAT, ImageEdges};
+pub(super) use keys::{MAX_KEY, first_difference_keys, key_of_change, second_difference_keys};
+pub(super) use pixels::{Bounds, Direction, Pixels, Quad, subtract, wrap_steps};
 pub(super) use regions::Region;
-pub(super) use sums::Sums;
 
 use super::{Integers, Range, Recovered, Unwrap, UnwrapError};
 use crate::frame::Frame;
@@ -44,13 +43,13 @@ pub struct Tree {
     keys: [Vec<u16>; 2],
     breaks: [Vec<u8>; 2],
     forest: Forest,
-    sums: Sums,
+    sums: DirectSums,
 }
 
-/// Writes `out` from differences that are known: sums where they agree, a tree where not.
+/// Writes `out` from known differences: by direct sums where they are consistent, else by a tree.
 pub(super) fn recover(
-    image: &Image<'_>,
-    sums: &mut Sums,
+    image: &ImageEdges<'_>,
+    sums: &mut DirectSums,
     forest: &mut Forest,
     y: Integers<'_>,
     range: Range,
@@ -77,10 +76,10 @@ impl Unwrap for Tree {
         self.pixels.read(samples, (y.width(), y.channels()), range, bounds);
         let Self { pixels, keys, breaks, forest, sums } = self;
         for ((keys, breaks), stride) in keys.iter_mut().zip(&mut *breaks).zip([1, y.width()]) {
-            first(pixels.planes(), stride, FLAT, keys, breaks);
+            first_difference_keys(pixels.planes(), stride, FLAT, keys, breaks);
         }
         let ([right, down], [right_breaks, down_breaks]) = (keys, breaks);
-        let image = Image {
+        let image = ImageEdges {
             pixels,
             bounds,
             edges: Edges { keys: [right, down], breaks: [right_breaks, down_breaks] },

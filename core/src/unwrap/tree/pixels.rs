@@ -1,11 +1,11 @@
-//! Codes of an image, once as planes for what is done in wide vectors and once by
-//! pixel for what jumps about; and how often each pixel may have wrapped.
+//! The codes of an image, as planes for vectors and by pixel for random access, and the bounds of each pixel's
+//! wrap count.
 
 use crate::simd::widest;
 use crate::unwrap::{Integers, Range, wrapped};
 
-/// One number for each of red, green, blue, and a fourth that is always the same, so that a machine's
-/// word holds all.
+/// One number for each of red, green and blue, and a fourth that is always the same, so that one machine word
+/// holds all.
 pub(in crate::unwrap) type Quad = [i16; 4];
 
 #[inline(always)]
@@ -13,20 +13,21 @@ pub(in crate::unwrap) fn add(a: Quad, b: Quad) -> Quad {
     std::array::from_fn(|lane| a[lane].wrapping_add(b[lane]))
 }
 
-/// a - b.
+/// Returns a - b.
 #[inline(always)]
 pub(in crate::unwrap) fn subtract(a: Quad, b: Quad) -> Quad {
     std::array::from_fn(|lane| a[lane].wrapping_sub(b[lane]))
 }
 
-/// The way from a pixel to its neighbour.
-#[derive(Clone, Copy, PartialEq, Eq)]
+/// The direction from a pixel to its neighbour.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
 pub(in crate::unwrap) enum Direction {
+    #[default]
     Right,
     Down,
 }
 
-/// An image in codes of [`wrapped`]. A mono image has three equal channels, so that keys compare.
+/// An image in codes of [`wrapped`]. A mono image has three equal channels, so that its keys are comparable.
 #[derive(Default)]
 pub(in crate::unwrap) struct Pixels {
     width: usize,
@@ -37,7 +38,7 @@ pub(in crate::unwrap) struct Pixels {
 }
 
 impl Pixels {
-    /// Takes the pixels of an image of so many columns and channels; all samples are below 2^b.
+    /// Reads the samples, all below 2^b, of an image of (width, channels).
     pub fn read(&mut self, y: Integers<'_>, (width, channels): (usize, usize), range: Range, bounds: Bounds) {
         self.width = width;
         self.has_colours = channels == 3;
@@ -50,7 +51,7 @@ impl Pixels {
         self.limited.resize(count, 0);
         let [r, g, b] = &self.planes;
         let (limited, r, g, b) = (&mut self.limited[..count], &r[..count], &g[..count], &b[..count]);
-        widest(|| (0..count).for_each(|i| limited[i] = bounds.limits([r[i], g[i], b[i]])));
+        widest!((0..count).for_each(|i| limited[i] = bounds.limits([r[i], g[i], b[i]])));
     }
 
     fn take<T: Copy + Into<u16>>(&mut self, samples: &[T], channels: usize, shift: u8) {
@@ -60,7 +61,7 @@ impl Pixels {
         let [r, g, b] = &mut self.planes;
         let (r, g, b, quads) = (&mut r[..count], &mut g[..count], &mut b[..count], &mut self.quads[..count]);
         let code = |sample: T| sample.into() << shift;
-        widest(|| match channels {
+        widest!(match channels {
             1 => (0..count)
                 .for_each(|i| (r[i], g[i], b[i]) = (code(samples[i]), code(samples[i]), code(samples[i]))),
             _ => {
@@ -69,21 +70,21 @@ impl Pixels {
                 }
             }
         });
-        widest(|| (0..count).for_each(|i| quads[i] = [r[i], g[i], b[i], 0]));
+        widest!((0..count).for_each(|i| quads[i] = [r[i], g[i], b[i], 0]));
     }
 
-    /// Whether the channels are more than one.
+    /// Returns whether the image has more than one channel.
     pub fn has_colours(&self) -> bool {
         self.has_colours
     }
 
-    /// The number of pixels.
+    /// Returns the number of pixels.
     #[inline(always)]
     pub fn count(&self) -> usize {
         self.quads.len()
     }
 
-    /// Columns.
+    /// Returns the number of columns.
     #[inline(always)]
     pub fn width(&self) -> usize {
         self.width
@@ -93,12 +94,12 @@ impl Pixels {
         [&self.planes[0], &self.planes[1], &self.planes[2]]
     }
 
-    /// 1 where [`Bounds::limits`] says so, else 0.
+    /// Returns 1 for pixels that [`Bounds::limits`], else 0.
     pub fn limited(&self) -> &[u8] {
         &self.limited
     }
 
-    /// The neighbour's index minus the pixel's.
+    /// Returns the index of the neighbour minus that of the pixel.
     #[inline(always)]
     pub fn stride(&self, direction: Direction) -> usize {
         match direction {
@@ -107,54 +108,56 @@ impl Pixels {
         }
     }
 
-    /// Codes of the pixel `at`.
+    /// Returns the codes of the pixel `at`.
     #[inline(always)]
     pub fn code(&self, at: usize) -> [u16; 4] {
         self.quads[at]
     }
 
-    /// M_b of the difference to the pixel `stride` ahead, raised by half a peak.
+    /// Returns M_b of the difference to the pixel `stride` ahead, biased by half a peak.
     #[inline(always)]
     pub fn difference(&self, at: usize, stride: usize) -> [u16; 4] {
         let (from, to) = (self.quads[at], self.quads[at + stride]);
-        std::array::from_fn(|lane| wrapped::raised(from[lane], to[lane]))
+        std::array::from_fn(|lane| wrapped::biased(from[lane], to[lane]))
     }
 }
 
-/// [`wrapped::turns`] by lane, in arithmetic that the machine does on all lanes at once.
+/// Computes [`wrapped::wrap_step_signed`] of all lanes at once.
 #[inline(always)]
-pub(in crate::unwrap) fn turns(from: [u16; 4], to: [u16; 4]) -> Quad {
+pub(in crate::unwrap) fn wrap_steps(from: [u16; 4], to: [u16; 4]) -> Quad {
+    // The wrapped difference is the plain one cut to 16 bits, so their distance is the step in its upper half.
     let plain: [i32; 4] = std::array::from_fn(|lane| i32::from(to[lane]) - i32::from(from[lane]));
     plain.map(|plain| ((i32::from(plain as i16) - plain) >> 16) as i16)
 }
 
-/// The greatest k that `y + k * 2^b < alpha * 2^b` leaves.
+/// The greatest k for which `y + k * 2^b < alpha * 2^b`.
 #[derive(Clone, Copy)]
 pub(in crate::unwrap) struct Bounds {
     most: i16,
-    /// Codes from here on have one wrap less.
+    /// The first code whose greatest k is one less.
     room: u32,
     /// The code of full scale.
     top: u16,
-    /// Whether there are 8 bits or more.
+    /// Whether the sensor has 8 bits or more.
     fine: bool,
 }
 
 impl Bounds {
     pub fn new(range: Range) -> Self {
-        let most = range.most_wraps();
+        let most = range.max_wraps();
         let room = range.limit() - f64::from(most) * f64::from(range.peak());
+        // At the highest count only the codes below this one stay under the limit.
         let room = (room.ceil() as u32) << (16 - range.bits());
         let step = 1 << (16 - range.bits());
         Self { most: i16::from(most), room, top: (room - step) as u16, fine: range.bits() >= 8 }
     }
 
-    /// What is [`highest`](Self::highest) where nothing limits it.
+    /// Returns [`highest`](Self::highest) of a pixel that nothing limits.
     pub fn widest(self) -> Quad {
         [self.most; 4]
     }
 
-    /// 1 where a count may be less than the most, or more than the least: else 0.
+    /// Returns 1 if the greatest k is less than the maximum or the least is more than 0, else 0.
     #[inline(always)]
     fn limits(self, [r, g, b]: [u16; 3]) -> u8 {
         let plateau = (r == self.top) & (g == self.top) & (b == self.top);
@@ -162,14 +165,14 @@ impl Bounds {
         u8::from(plateau | (r > last) | (g > last) | (b > last))
     }
 
-    /// At least 0.
+    /// Returns the greatest k of a pixel, at least 0.
     #[inline(always)]
     pub fn highest(self, pixel: [u16; 4]) -> Quad {
         pixel.map(|code| (self.most - i16::from(u32::from(code) >= self.room)).max(0))
     }
 
-    /// [`highest`](Self::highest) of a pixel at full scale in every channel; `None` of any other,
-    /// and of all where codes are so few that plateaus are everywhere.
+    /// Returns [`highest`](Self::highest) of a pixel at full scale in every channel; `None` for any other pixel,
+    /// and for all if there are so few codes that plateaus are everywhere.
     #[inline(always)]
     pub fn at_full_scale(self, pixel: [u16; 4]) -> Option<Quad> {
         (self.fine && pixel[..3] == [self.top; 3]).then_some([self.most; 4])
@@ -185,7 +188,7 @@ mod tests {
     proptest! {
         #[test]
         fn turns_of_all_lanes_are_those_of_each(from: [u16; 4], to: [u16; 4]) {
-            prop_assert_eq!(turns(from, to), std::array::from_fn(|lane| wrapped::turns(from[lane], to[lane])));
+            prop_assert_eq!(wrap_steps(from, to), std::array::from_fn(|lane| wrapped::wrap_step_signed(from[lane], to[lane])));
         }
     }
 
@@ -193,7 +196,7 @@ mod tests {
     fn full_scale_is_the_last_code_of_the_last_wrap() {
         for (alpha, top) in [(4.0, 255), (1.5, 127), (1.0, 255), (2.25, 63)] {
             let range = Range::new(8, alpha).unwrap();
-            let most = i16::from(range.most_wraps());
+            let most = i16::from(range.max_wraps());
             let code = |value: u16| [value << 8, value << 8, value << 8, 0];
             assert_eq!(Bounds::new(range).at_full_scale(code(top)), Some([most; 4]), "alpha {alpha}");
             assert_eq!(Bounds::new(range).at_full_scale(code(top - 1)), None);

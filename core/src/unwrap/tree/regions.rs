@@ -1,18 +1,18 @@
-//! Regions that grow together: a union-find that knows each node's wrap counts
-//! relative to its region's root, and in which interval the root's may lie.
+//! Regions that grow together: a union-find with the wrap counts of each node relative to the root of its region,
+//! and the interval of the root's own counts.
 
-mod coarse;
+mod condensed;
 
 use std::ops::Range;
 
 use super::pixels::{Quad, add, subtract};
-pub(in crate::unwrap) use coarse::Coarse;
+pub(in crate::unwrap) use condensed::CondensedRegions;
 
-/// Regions up to this many pixels (hot pixels, noise) do not constrain one of [`LARGE`] or more.
+/// The largest region (hot pixels, noise) that does not constrain one of [`LARGE`] or more pixels.
 const SMALL: u32 = 6;
 pub(in crate::unwrap) const LARGE: u32 = 64;
 
-/// Nodes 0 to n-1, each in one region.
+/// The nodes 0 to n-1, each in one region.
 #[derive(Default)]
 pub(in crate::unwrap) struct Regions {
     nodes: Vec<Node>,
@@ -22,22 +22,23 @@ pub(in crate::unwrap) struct Regions {
 #[derive(Clone, Copy)]
 struct Node {
     parent: u32,
-    /// This node's value minus its parent's.
+    /// The value of this node minus that of its parent.
     offset: Quad,
 }
 
-/// Valid at the index of a root.
+/// A region; it is valid at the index of a root.
 #[derive(Clone, Copy)]
 pub(in crate::unwrap) struct Region {
-    /// Least and greatest value that the root may have.
+    /// The least and the greatest value that the root may have.
     pub low: Quad,
     pub high: Quad,
-    /// Number of pixels.
+    /// The number of pixels.
     pub size: u32,
 }
 
 impl Region {
-    /// Of the first pixels that can have one value, at least one; `interval` is each one's least and greatest.
+    /// Makes a region of the first pixels, at least one, that can have one value; `interval` is the least and
+    /// greatest value of each.
     #[inline(always)]
     pub fn of_equal(pixels: Range<usize>, interval: impl Fn(usize) -> (Quad, Quad)) -> Self {
         let pixel = |at: usize| {
@@ -46,7 +47,7 @@ impl Region {
         };
         let mut region = pixel(pixels.start);
         for at in pixels.skip(1) {
-            match region.and(&pixel(at), [0; 4]) {
+            match region.intersect(&pixel(at), [0; 4]) {
                 Some(joint) => region = joint,
                 None => break,
             }
@@ -54,13 +55,13 @@ impl Region {
         region
     }
 
-    /// Whether a channel has no value left.
+    /// Returns whether no value is left in a channel.
     pub fn is_empty(&self) -> bool {
         (0..4).fold(false, |empty, lane| empty | (self.low[lane] > self.high[lane]))
     }
 
-    /// With a part that is `step` above, if a value is left for both.
-    pub fn and(&self, part: &Region, step: Quad) -> Option<Region> {
+    /// Returns the intersection with a part that is `step` above, if a value is left for both.
+    pub fn intersect(&self, part: &Region, step: Quad) -> Option<Region> {
         let mut joint = Region { size: self.size.saturating_add(part.size), ..*self };
         for (lane, step) in step.into_iter().enumerate() {
             joint.low[lane] = self.low[lane].max(part.low[lane].saturating_sub(step));
@@ -69,29 +70,30 @@ impl Region {
         (!joint.is_empty()).then_some(joint)
     }
 
-    /// [`and`](Self::and), but a small part has no say in a large region.
-    fn with(&self, part: &Region, step: Quad) -> Option<Region> {
+    /// Returns [`intersect`](Self::intersect), but a small part does not constrain a large region.
+    fn merge(&self, part: &Region, step: Quad) -> Option<Region> {
+        // A hot pixel would otherwise stop the growth of a whole region.
         if self.size < LARGE || part.size > SMALL {
-            return self.and(part, step);
+            return self.intersect(part, step);
         }
         Some(Region { size: self.size.saturating_add(part.size), ..*self })
     }
 }
 
 impl Regions {
-    /// Starts anew without a node.
+    /// Removes all nodes.
     pub fn clear(&mut self) {
         self.nodes.clear();
         self.regions.clear();
     }
 
-    /// Makes room for `nodes` of them, to be called when there are none.
+    /// Reserves memory for so many nodes; there must be none yet.
     pub fn reserve(&mut self, nodes: usize) {
         self.nodes.reserve(nodes);
         self.regions.reserve(nodes);
     }
 
-    /// Adds a node that is a region of its own; its number.
+    /// Adds a node that is a region of its own, and returns its number.
     pub fn push(&mut self, region: Region) -> u32 {
         let node = self.nodes.len() as u32;
         self.nodes.push(Node { parent: node, offset: [0; 4] });
@@ -99,7 +101,7 @@ impl Regions {
         node
     }
 
-    /// Hangs every node under its root.
+    /// Makes the root the parent of every node.
     pub fn flatten(&mut self) {
         for node in 0..self.count() {
             let (parent, offset) = self.find(node);
@@ -107,22 +109,22 @@ impl Regions {
         }
     }
 
-    /// Root of `node`'s region, after [`flatten`](Self::flatten).
+    /// Returns the root of `node`'s region, after [`flatten`](Self::flatten).
     pub fn root(&self, node: u32) -> u32 {
         self.nodes[node as usize].parent
     }
 
-    /// `node`'s value minus its root's, after [`flatten`](Self::flatten).
-    pub fn above_root(&self, node: u32) -> Quad {
+    /// Returns the value of `node` minus that of its root, after [`flatten`](Self::flatten).
+    pub fn offset_from_root(&self, node: u32) -> Quad {
         self.nodes[node as usize].offset
     }
 
-    /// The number of nodes.
+    /// Returns the number of nodes.
     pub fn count(&self) -> u32 {
         self.nodes.len() as u32
     }
 
-    /// Root of `node`'s region, and the node's value minus the root's. Halves the path.
+    /// Returns the root of `node`'s region, and the value of the node minus that of the root, and halves the path.
     #[inline(always)]
     pub fn find(&mut self, mut node: u32) -> (u32, Quad) {
         let mut total = [0; 4];
@@ -141,20 +143,20 @@ impl Regions {
         }
     }
 
-    /// The region at `root`.
+    /// Returns the region at `root`.
     pub fn region(&self, root: u32) -> Region {
         self.regions[root as usize]
     }
 
-    /// Root of the region with most pixels.
+    /// Returns the root of the region with most pixels.
     pub fn largest(&self) -> u32 {
         let roots = self.nodes.iter().enumerate().filter(|(index, node)| node.parent as usize == *index);
         let sizes = roots.map(|(index, _)| (self.regions[index].size, index as u32));
-        sizes.max_by_key(|&(size, index)| (size, std::cmp::Reverse(index))).map_or(0, |(_, index)| index)
+        sizes.max_by_key(|&(size, index)| (size, std::cmp::Reverse(index))).expect("there is a node").1
     }
 
-    /// Joins the two nodes' regions, `to` being `step` above `from`, unless no value of the joint
-    /// root would be possible. An edge within one region says nothing.
+    /// Joins the regions of two nodes, `to` being `step` above `from`, unless no value of the joint root would be
+    /// left. An edge within one region is ignored.
     #[inline(always)]
     pub fn join(&mut self, from: u32, to: u32, step: impl FnOnce() -> Quad) {
         let ((from, below), (to, above)) = (self.find(from), self.find(to));
@@ -166,11 +168,12 @@ impl Regions {
 
     fn attach(&mut self, from: u32, to: u32, step: Quad) {
         let (a, b) = (self.regions[from as usize], self.regions[to as usize]);
+        // The smaller region goes under the larger one, which keeps the paths short.
         let (parent, child, step, joint) = if a.size >= b.size {
-            (from, to, step, a.with(&b, step))
+            (from, to, step, a.merge(&b, step))
         } else {
             let step = subtract([0; 4], step);
-            (to, from, step, b.with(&a, step))
+            (to, from, step, b.merge(&a, step))
         };
         if let Some(joint) = joint {
             self.regions[parent as usize] = joint;
@@ -185,7 +188,7 @@ mod tests {
 
     use super::*;
 
-    /// So many regions of a node each, all with the same bounds.
+    /// Returns so many regions of one node, all with the same bounds.
     pub(super) fn of_nodes(count: usize, low: i16, high: i16) -> Regions {
         let mut regions = Regions::default();
         (0..count).for_each(|_| {
@@ -195,7 +198,7 @@ mod tests {
     }
 
     proptest! {
-        /// Against known values: whatever is joined in whatever order has the right differences.
+        /// Values are known: in any order, joined nodes have the right differences.
         #[test]
         fn differences_follow_from_any_order(
             values in proptest::collection::vec(-9i16..9, 2..40),
@@ -214,7 +217,7 @@ mod tests {
                 let [root_a, root_b] = [a, b].map(|node| regions.root(node as u32));
                 prop_assert_eq!(root_a == root_b, label[a] == label[b]);
                 if root_a == root_b {
-                    let [low, high] = [a, b].map(|node| regions.above_root(node as u32)[0]);
+                    let [low, high] = [a, b].map(|node| regions.offset_from_root(node as u32)[0]);
                     prop_assert_eq!(high - low, values[b] - values[a]);
                 }
             }

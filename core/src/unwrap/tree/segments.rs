@@ -1,8 +1,8 @@
-//! Rows cut into segments: neighbours between which nothing happens are one from the start.
+//! Rows in segments: neighbours with a flat change and the same count are one from the start.
 
 use std::ops::Range;
 
-/// Neighbours in a row that have one node and one count; by index of the pixel.
+/// Neighbours in a row that share one node and one count, by index of the pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::unwrap) struct Segment {
     pub start: u32,
@@ -22,6 +22,7 @@ pub(super) fn each_set(bytes: &[u8], mut visit: impl FnMut(usize)) {
     let (words, rest) = bytes.as_chunks::<8>();
     for (index, word) in words.iter().enumerate() {
         let mut word = u64::from_le_bytes(*word);
+        // Eight bytes at a time, as most of them are 0.
         while word != 0 {
             visit(8 * index + word.trailing_zeros() as usize / 8);
             word &= word - 1;
@@ -61,7 +62,7 @@ mod tests {
 
     use super::*;
 
-    /// The segments of a row that starts at `start` with a cut after each set byte.
+    /// Returns the segments of a row that starts at `start` with a cut after each set byte.
     fn cut(start: u32, cuts: &[u8]) -> Vec<Segment> {
         let mut segments = Vec::new();
         let mut from = start;

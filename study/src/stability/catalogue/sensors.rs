@@ -1,6 +1,6 @@
 //! One scene before many sensors: bits, sizes, alpha; and the rendered streets.
 
-use modulo_core::scene::Preset;
+use modulo_scene::Preset;
 
 use super::super::canvas::{Canvas, SIZE, rendered};
 use super::super::case::{Case, Family};

@@ -1,0 +1,226 @@
+//! Bodies in the world, made of flat faces and rods that are painted from far to near.
+//!
+//! A solid has shape, reflectance and lamps; it depends on light and camera only when it is painted.
+
+use super::layer::{Layer, Shape, area, join};
+use super::light::{Light, Rgb, add};
+use super::view::{NEAR, Point, View, clip_near};
+use modulo_core::BBox;
+
+/// The form of a part.
+#[derive(Clone, Debug)]
+pub(super) enum Form {
+    /// A convex face, visible only from the side from which its corners run clockwise.
+    Face(Vec<Point>),
+    /// A rod with round ends.
+    Rod {
+        /// One end.
+        a: Point,
+        /// The other end.
+        b: Point,
+        /// Half the thickness, m.
+        radius: f32,
+    },
+}
+
+/// A part of one colour.
+#[derive(Clone, Debug)]
+pub(super) struct Part {
+    /// The form in its position.
+    pub(super) form: Form,
+    /// The reflectance.
+    pub(super) albedo: Rgb,
+    /// The radiance of the part itself.
+    pub(super) glow: Rgb,
+}
+
+/// The halo of a lamp, drawn as light in front of the solid.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Halo {
+    /// The position of the lamp.
+    pub(super) at: Point,
+    /// The direction of its light.
+    pub(super) towards: Point,
+    /// The radius in m at which half the light is left.
+    pub(super) radius: f32,
+    /// The radiance in the middle.
+    pub(super) glow: Rgb,
+}
+
+/// Parts in an order of painting that holds from every side.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Body {
+    /// The parts from back to front.
+    pub(super) parts: Vec<Part>,
+    /// The light around lamps.
+    pub(super) halos: Vec<Halo>,
+}
+
+/// A solid: bodies from its rear to its front in its own axes (right, up, forward), and from far to near in the world.
+#[derive(Clone, Debug)]
+pub(super) struct Solid(pub(super) Vec<Body>);
+
+/// The direction of a solid: one of the four directions of a street grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Facing {
+    /// The solid faces as the camera does.
+    Ahead,
+    /// The solid faces the camera.
+    Towards,
+    /// The solid faces left.
+    Left,
+    /// The solid faces right.
+    Right,
+}
+
+impl Facing {
+    /// Turns (right, up, forward) into world axes.
+    fn turn(self, [right, up, forward]: Point) -> Point {
+        match self {
+            Self::Ahead => [right, up, forward],
+            Self::Towards => [-right, up, -forward],
+            Self::Left => [-forward, up, right],
+            Self::Right => [forward, up, -right],
+        }
+    }
+}
+
+impl Solid {
+    /// Moves the solid into the world, its own origin at (`x`, 0, `z`).
+    pub(super) fn placed(mut self, x: f32, z: f32, facing: Facing) -> Self {
+        let go = |p: Point| {
+            let q = facing.turn(p);
+            [q[0] + x, q[1], q[2] + z]
+        };
+        // Bodies are stored from rear to front; seen from behind, the front is the far end.
+        if facing == Facing::Ahead {
+            self.0.reverse();
+        }
+        for body in &mut self.0 {
+            for part in &mut body.parts {
+                match &mut part.form {
+                    Form::Face(points) => points.iter_mut().for_each(|p| *p = go(*p)),
+                    Form::Rod { a, b, .. } => (*a, *b) = (go(*a), go(*b)),
+                }
+            }
+            for halo in &mut body.halos {
+                (halo.at, halo.towards) = (go(halo.at), facing.turn(halo.towards));
+            }
+        }
+        self
+    }
+
+    /// Returns the halos of the lamps that shine towards the camera.
+    pub(super) fn halos(&self) -> impl Iterator<Item = &Halo> {
+        let seen = |h: &&Halo| h.at[0] * h.towards[0] + h.at[2] * h.towards[2] < 0.0;
+        self.0.iter().flat_map(|b| &b.halos).filter(seen)
+    }
+
+    /// Paints only this solid; also returns the box of all of it, in the image or not.
+    pub(super) fn layer(&self, view: &View, light: &Light) -> Option<(Layer, BBox)> {
+        let parts = self.0.iter().flat_map(|b| &b.parts);
+        let shapes: Vec<(Shape, Rgb)> = parts.filter_map(|p| flat(p, view, light)).collect();
+        let whole = shapes.iter().filter_map(|(s, _)| s.bounds()).reduce(join)?;
+        let mut layer = Layer::over(whole, view.height, view.width);
+        for (shape, colour) in &shapes {
+            layer.paint(shape, *colour);
+        }
+        Some((layer, whole))
+    }
+}
+
+impl Body {
+    /// Adds a rod of one colour.
+    pub(super) fn rod(&mut self, a: Point, b: Point, radius: f32, albedo: Rgb) {
+        self.parts.push(Part { form: Form::Rod { a, b, radius }, albedo, glow: [0.0; 3] });
+    }
+}
+
+/// Projects a part into the image; `None` when it faces away or lies behind.
+fn flat(part: &Part, view: &View, light: &Light) -> Option<(Shape, Rgb)> {
+    let (shape, normal, z) = match &part.form {
+        Form::Face(points) => {
+            let ahead = clip_near(points);
+            let corners: Vec<[f32; 2]> = ahead.iter().map(|p| view.project(*p)).collect();
+            // The orientation in the image tells whether the outside of the face is visible.
+            if corners.len() < 3 || area(&corners) <= 0.0 {
+                return None;
+            }
+            (Shape::Polygon(corners), normal(points), ahead[0][2])
+        }
+        Form::Rod { a, b, radius } => {
+            let z = 0.5 * (a[2] + b[2]);
+            if a[2].min(b[2]) < NEAR {
+                return None;
+            }
+            let radius = radius * view.focal / z;
+            (Shape::Capsule { a: view.project(*a), b: view.project(*b), radius }, [0.0, 0.45, -0.89], z)
+        }
+    };
+    Some((shape, add(light.shade(part.albedo, normal, z), part.glow)))
+}
+
+fn normal(points: &[Point]) -> Point {
+    let side = |i: usize| [0, 1, 2].map(|k| points[i][k] - points[0][k]);
+    let (p, q) = (side(1), side(2));
+    let n = [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
+    let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt().max(1e-9);
+    n.map(|c| c / length)
+}
+
+/// Four corners in space as seen from outside: lower left, lower right, upper right, upper left.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Panel(pub(super) [Point; 4]);
+
+impl Panel {
+    /// Returns the point at (`u`, `v`) of the panel, (0, 0) at the lower left and (1, 1) at the upper right.
+    pub(super) fn at(&self, u: f32, v: f32) -> Point {
+        let Self([a, b, c, d]) = self;
+        let along = |p: &Point, q: &Point| [0, 1, 2].map(|k| p[k] + (q[k] - p[k]) * u);
+        let (low, high) = (along(a, b), along(d, c));
+        [0, 1, 2].map(|k| low[k] + (high[k] - low[k]) * v)
+    }
+
+    /// Returns a face over the part of the panel from (`u1`, `v1`) to (`u2`, `v2`).
+    pub(super) fn patch(&self, [u1, v1, u2, v2]: [f32; 4], albedo: Rgb, glow: Rgb) -> Part {
+        let corners = vec![self.at(u1, v2), self.at(u2, v2), self.at(u2, v1), self.at(u1, v1)];
+        Part { form: Form::Face(corners), albedo, glow }
+    }
+}
+
+/// A box that may taper: a level rectangle at each end of its height.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Block {
+    /// The height of the lower and the upper rectangle in m.
+    pub(super) height: [f32; 2],
+    /// The rear and the front end of each in m.
+    pub(super) rear: [f32; 2],
+    /// The front end, see `rear`.
+    pub(super) front: [f32; 2],
+    /// Half the width of each in m.
+    pub(super) half: [f32; 2],
+}
+
+impl Block {
+    /// Returns the panels rear, right, front, left and roof.
+    pub(super) fn panels(&self) -> [Panel; 5] {
+        let corner = |end: usize, forward: f32, side: f32| [side * self.half[end], self.height[end], forward];
+        let wall = |p: [f32; 2], ps: f32, q: [f32; 2], qs: f32| {
+            Panel([corner(0, p[0], ps), corner(0, q[0], qs), corner(1, q[1], qs), corner(1, p[1], ps)])
+        };
+        let (rear, front) = (self.rear, self.front);
+        let roof = Panel([
+            corner(1, rear[1], -1.0),
+            corner(1, rear[1], 1.0),
+            corner(1, front[1], 1.0),
+            corner(1, front[1], -1.0),
+        ]);
+        [
+            wall(rear, -1.0, rear, 1.0),
+            wall(rear, 1.0, front, 1.0),
+            wall(front, 1.0, front, -1.0),
+            wall(front, -1.0, rear, -1.0),
+            roof,
+        ]
+    }
+}

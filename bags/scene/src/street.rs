@@ -1,0 +1,182 @@
+//! The open street without traffic: sky, houses, pavement, road.
+//!
+//! One ray per pixel meets a corridor of three planes: the ground, and a row of houses on either side. Values
+//! that depend only on the column or only on the row are computed once.
+
+use super::Preset;
+use super::hash::{hash, mix, noise, ramp, unit};
+use super::light::{Light, Rgb, add, blend, scaled};
+use super::view::{CAMERA_HEIGHT, View};
+
+/// The positions of the rows of houses in m.
+const ROWS: [f32; 2] = [-10.5, 10.0];
+/// The width of a house in m.
+const HOUSE: f32 = 11.0;
+/// The distance from window to window in m.
+const BAY: f32 = 2.2;
+/// The distance in m that the camera drives in a frame.
+const STEP: f32 = 0.16;
+
+/// The houses in one column of the image.
+struct Column {
+    /// The distance in m.
+    z: f32,
+    /// The number of the house, different on either side.
+    house: u32,
+    /// The position along the house in m.
+    along: f32,
+    /// The height of the house in m.
+    high: f32,
+    /// The reflectance of its plaster.
+    plaster: Rgb,
+    /// The size of a pixel in bays of windows.
+    soft: f32,
+    /// The share of a window in this column, 0 to 1.
+    wide: f32,
+    /// The contrast of windows at this distance, 0 to 1.
+    fade: f32,
+    /// The normal of the wall, which points to the street.
+    facing: f32,
+    /// The height of the far skyline in px above the horizon.
+    skyline: f32,
+}
+
+/// The street of one frame.
+pub(super) struct Street<'a> {
+    view: &'a View,
+    light: &'a Light,
+    preset: Preset,
+    seed: u32,
+    columns: Vec<Column>,
+    /// The distance driven in m.
+    driven: f32,
+}
+
+impl<'a> Street<'a> {
+    /// Makes the street of `frame`.
+    pub(super) fn new(view: &'a View, light: &'a Light, preset: Preset, seed: u32, frame: u32) -> Self {
+        let driven = (frame % 60_000) as f32 * STEP;
+        let columns = (0..view.width).map(|c| column(view, seed, driven, c as f32 + 0.5)).collect();
+        Self { view, light, preset, seed, columns, driven }
+    }
+
+    /// Returns the radiance at a pixel.
+    pub(super) fn radiance(&self, row: usize, column: usize) -> Rgb {
+        let (u, v) = (column as f32 + 0.5, row as f32 + 0.5);
+        let at = &self.columns[column];
+        let below = v - self.view.cy;
+        let ground = if below > 0.0 { self.view.focal * CAMERA_HEIGHT / below } else { f32::MAX };
+        if ground < at.z.min(400.0) {
+            return self.ground(u, ground);
+        }
+        let up = CAMERA_HEIGHT - below * at.z / self.view.focal;
+        let pixel = at.z / self.view.focal;
+        let roof = ramp(-1.2 * pixel, 1.2 * pixel, at.high - up);
+        if roof == 1.0 {
+            return self.wall(at, up);
+        }
+        let far = self.far(u, v, at);
+        if roof == 0.0 { far } else { blend(far, self.wall(at, up), roof) }
+    }
+
+    /// Returns the radiance of sky, clouds and the skyline at the end of the street.
+    fn far(&self, u: f32, v: f32, at: &Column) -> Rgb {
+        let (view, sky) = (self.view, self.light.sky(u, v, self.view));
+        let above = view.cy - v;
+        let s = view.scale();
+        let cloud = ramp(0.45, 0.85, noise(u / (70.0 * s) + 9.0, above / (16.0 * s), self.seed));
+        let cloudy = match self.preset {
+            Preset::Night => add(sky, scaled([0.012, 0.010, 0.010], cloud)),
+            Preset::Glare => add(sky, scaled([0.07, 0.05, 0.03], cloud)),
+            _ => blend(sky, [0.44, 0.45, 0.46], cloud * ramp(0.0, 30.0 * s, above)),
+        };
+        let hill = ramp(-1.5, 1.5, at.skyline * s - above);
+        blend(cloudy, self.light.shade([0.16, 0.18, 0.16], [0.0, 0.6, -0.8], 240.0), hill)
+    }
+
+    /// Returns the radiance of a house wall at height `up` in m.
+    fn wall(&self, at: &Column, up: f32) -> Rgb {
+        let floor = (up / 3.1).floor();
+        let (fy, soft) = (up / 3.1 - floor, at.soft);
+        let tall = ramp(0.25 - soft, 0.25 + soft, fy) * ramp(0.18 - soft, 0.18 + soft, 1.0 - fy);
+        let window = mix(0.35, at.wide * tall, at.fade) * (1.0 - ramp(-0.6, 0.4, up - at.high + 1.0));
+        let grain = 0.9 + 0.2 * noise(at.along * 1.7, up * 1.7, at.house);
+        let normal = [at.facing, 0.0, 0.0];
+        let plain = self.light.shade(scaled(at.plaster, grain), normal, at.z);
+        let pane = self.light.shade([0.10, 0.12, 0.14], normal, at.z);
+        blend(plain, add(pane, self.lit(at, floor)), window)
+    }
+
+    /// Returns the light behind a window, at night only.
+    fn lit(&self, at: &Column, floor: f32) -> Rgb {
+        if self.preset != Preset::Night {
+            return [0.0; 3];
+        }
+        let bay = (at.along / BAY).floor() as i32 as u32;
+        let chance = unit(hash(at.house, hash(floor as i32 as u32, bay, 5), self.seed));
+        scaled([0.13, 0.10, 0.055], if chance < 0.22 { at.fade } else { 0.05 })
+    }
+
+    fn ground(&self, u: f32, z: f32) -> Rgb {
+        let x = (u - self.view.cx) * z / self.view.focal;
+        let pixel = z / self.view.focal;
+        let albedo = road(x, z + self.driven, z * pixel / CAMERA_HEIGHT, pixel, [-8.4, 8.0], self.seed);
+        let lit = self.light.shade(albedo, [0.0, 1.0, 0.0], z);
+        if self.preset == Preset::Glare { add(lit, self.glitter(u, z)) } else { lit }
+    }
+
+    /// Returns the reflection of the low sun in the road.
+    fn glitter(&self, u: f32, z: f32) -> Rgb {
+        let s = self.view.scale();
+        let [x, _] = self.light.glare();
+        let off = (u - x) / (95.0 * s);
+        scaled([0.30, 0.26, 0.19], ramp(4.0, 30.0, z) / (1.0 + off * off))
+    }
+}
+
+/// Returns the reflectance of the ground at `x` to the right and `along` the street in m; `deep` and `pixel` are
+/// the size of a pixel along and across, `kerbs` the ends of the road.
+pub(super) fn road(x: f32, along: f32, deep: f32, pixel: f32, kerbs: [f32; 2], seed: u32) -> Rgb {
+    let fade = 1.0 - ramp(0.2, 1.5, deep);
+    let grain = 0.15 * (noise(x * 2.5, along * 0.8, seed) - 0.5)
+        + 0.22 * (noise(x * 0.5, along * 0.11, seed ^ 1) - 0.5);
+    let asphalt = scaled([0.225, 0.225, 0.235], 1.0 + grain * (0.4 + 0.6 * fade));
+    let band = |middle: f32, half: f32| ramp(-pixel, pixel, half - (x - middle).abs());
+    let dash = {
+        let t = along / 9.0 - (along / 9.0).floor();
+        let soft = (deep / 9.0).clamp(0.01, 0.5);
+        mix(0.4, ramp(-soft, soft, 0.4 - (t - 0.5).abs() * 2.0), fade.max(0.2))
+    };
+    // Markings fade with distance, where they are thinner than a pixel.
+    let paint = (band(-1.85, 0.09) * dash).max(band(2.75, 0.07)).max(band(-5.2, 0.07));
+    let marked = blend(asphalt, [0.74, 0.74, 0.72], 0.85 * paint);
+    let outside = ramp(-pixel, pixel, kerbs[0] + 2.0 - x).max(ramp(-pixel, pixel, x - kerbs[1] + 2.9));
+    if outside == 0.0 {
+        return marked;
+    }
+    let slab = 1.0 + 0.12 * fade * (noise(x * 1.4, along * 1.4, seed ^ 2) - 0.5);
+    blend(marked, scaled([0.36, 0.35, 0.33], slab), outside)
+}
+
+fn column(view: &View, seed: u32, driven: f32, u: f32) -> Column {
+    let slope = (u - view.cx) / view.focal;
+    let side = usize::from(slope > 0.0);
+    let z = (ROWS[side] / slope).abs().min(900.0);
+    let along = (z + driven) / HOUSE;
+    let number = along.floor();
+    let house = hash(number as i32 as u32, side as u32, seed);
+    let gap = unit(hash(house, 40, 0)) < 0.22;
+    let high = if gap { 0.9 } else { 5.0 + 9.0 * unit(hash(house, 41, 0)) };
+    let skyline =
+        4.0 + 14.0 * noise(u / view.scale() / 34.0, 0.0, seed) * noise(u / view.scale() / 9.0, 3.0, seed);
+    let facing = if side == 0 { 1.0 } else { -1.0 };
+    let along = (along - number) * HOUSE;
+    let tint = |k: u32| 0.22 + 0.30 * unit(hash(house, k, seed));
+    let base = tint(1);
+    let plaster = [base * 1.05, base * (0.86 + 0.2 * tint(2)), base * (0.66 + 0.6 * tint(3))];
+    let fx = along / BAY - (along / BAY).floor();
+    let soft = (z / view.focal / BAY).max(0.02);
+    let wide = ramp(0.22 - soft, 0.22 + soft, fx) * ramp(0.22 - soft, 0.22 + soft, 1.0 - fx);
+    let fade = 1.0 - ramp(0.25, 0.9, soft);
+    Column { z, house, along, high, plaster, soft, wide, fade, facing, skyline }
+}

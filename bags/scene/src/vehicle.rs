@@ -1,0 +1,227 @@
+//! Cars, vans and trucks: painted blocks with windows, lamps and wheels.
+//!
+//! Their own axes are (right, up, forward) from the ground below the middle.
+
+use super::hash::{Random, wave};
+use super::light::{Lamps, Rgb, scaled};
+use super::solid::{Block, Body, Form, Halo, Panel, Part, Solid};
+
+const GLASS: Rgb = [0.10, 0.12, 0.15];
+const TYRE: Rgb = [0.05, 0.05, 0.055];
+const HUB: Rgb = [0.42, 0.42, 0.44];
+const CHASSIS: Rgb = [0.09, 0.09, 0.095];
+const DARK: Rgb = [0.0; 3];
+const PAINTS: [Rgb; 8] = [
+    [0.80, 0.80, 0.80],
+    [0.55, 0.57, 0.60],
+    [0.62, 0.08, 0.07],
+    [0.10, 0.20, 0.55],
+    [0.20, 0.21, 0.23],
+    [0.75, 0.55, 0.10],
+    [0.14, 0.38, 0.22],
+    [0.50, 0.42, 0.34],
+];
+const CARGO: [Rgb; 4] = [[0.88, 0.88, 0.86], [0.15, 0.35, 0.62], [0.72, 0.32, 0.10], [0.35, 0.55, 0.30]];
+
+/// The panels of a block in the order rear, right, front, left, roof.
+const REAR: usize = 0;
+const RIGHT: usize = 1;
+const FRONT: usize = 2;
+const LEFT: usize = 3;
+
+/// Makes a saloon or hatchback, about 4.3 m long and 1.5 m high.
+pub(super) fn car(random: &mut Random, lamps: Lamps) -> Solid {
+    let paint = random.pick(&PAINTS);
+    let (long, half) = (random.between(1.95, 2.25), random.between(0.84, 0.92));
+    let tail = random.between(-0.97, -0.80) * long;
+    let roof = random.between(1.40, 1.52);
+    let body = Block {
+        height: [0.24, 0.86],
+        rear: [-long, -0.97 * long],
+        front: [long, 0.94 * long],
+        half: [half, half * 0.96],
+    };
+    let cabin = Block {
+        height: [0.86, roof],
+        rear: [tail, tail + 0.45],
+        front: [0.42 * long, 0.08 * long],
+        half: [half * 0.93, half * 0.74],
+    };
+    let axles = [-0.62 * long, 0.62 * long];
+    let mut all = Body::default();
+    wheels(&mut all, half, &axles, 0.33);
+    shell(&mut all, &body, paint);
+    wheel_sides(&mut all, half, &axles, 0.33);
+    for end in [REAR, FRONT] {
+        fittings(&mut all, &body.panels()[end], end, [0.50, 0.90], lamps);
+    }
+    shell(&mut all, &cabin, paint);
+    let sides = cabin.panels();
+    for side in [REAR, FRONT, LEFT, RIGHT] {
+        all.parts.push(sides[side].patch([0.07, 0.10, 0.93, 0.88], GLASS, DARK));
+    }
+    for side in [LEFT, RIGHT] {
+        all.parts.push(sides[side].patch([0.47, 0.05, 0.52, 0.9], paint, DARK));
+    }
+    Solid(vec![all])
+}
+
+/// Makes a tall panel van, about 5.2 m long and 2.4 m high, with a split rear door.
+pub(super) fn van(random: &mut Random, lamps: Lamps) -> Solid {
+    let paint = random.pick(&[PAINTS[0], PAINTS[1], PAINTS[5], PAINTS[3]]);
+    let (long, half) = (random.between(2.45, 2.75), random.between(0.96, 1.02));
+    let roof = random.between(2.25, 2.50);
+    let hull = Block {
+        height: [0.30, roof],
+        rear: [-long, -long],
+        front: [0.72 * long, 0.45 * long],
+        half: [half, half * 0.90],
+    };
+    let nose = Block {
+        height: [0.30, 1.15],
+        rear: [0.5 * long, 0.5 * long],
+        front: [long, 0.95 * long],
+        half: [half * 0.99, half * 0.95],
+    };
+    let (mut back, mut front) = (Body::default(), Body::default());
+    wheels(&mut back, half, &[-0.60 * long], 0.36);
+    shell(&mut back, &hull, paint);
+    wheel_sides(&mut back, half, &[-0.60 * long], 0.36);
+    van_hull(&mut back, &hull, paint);
+    let rear = Block { height: [0.30, 1.15], ..hull };
+    fittings(&mut back, &rear.panels()[REAR], REAR, [0.35, 0.95], lamps);
+    wheels(&mut front, half, &[0.66 * long], 0.36);
+    shell(&mut front, &nose, paint);
+    wheel_sides(&mut front, half, &[0.66 * long], 0.36);
+    fittings(&mut front, &nose.panels()[FRONT], FRONT, [0.45, 0.85], lamps);
+    Solid(vec![back, front])
+}
+
+/// Adds the windows, the split door and the side rails of a van.
+fn van_hull(body: &mut Body, hull: &Block, paint: Rgb) {
+    let sides = hull.panels();
+    let mut patch =
+        |side: usize, at: [f32; 4], albedo: Rgb| body.parts.push(sides[side].patch(at, albedo, DARK));
+    patch(REAR, [0.10, 0.56, 0.47, 0.84], GLASS);
+    patch(REAR, [0.53, 0.56, 0.90, 0.84], GLASS);
+    patch(REAR, [0.49, 0.05, 0.51, 0.95], scaled(paint, 0.35));
+    patch(FRONT, [0.05, 0.44, 0.95, 0.88], GLASS);
+    patch(RIGHT, [0.74, 0.46, 0.96, 0.80], GLASS);
+    patch(LEFT, [0.04, 0.46, 0.26, 0.80], GLASS);
+    for side in [LEFT, RIGHT] {
+        patch(side, [0.06, 0.30, 0.94, 0.34], scaled(paint, 0.4));
+    }
+}
+
+/// Makes a lorry with a box body, about 8 m long and 3.5 m high.
+pub(super) fn truck(random: &mut Random, lamps: Lamps) -> Solid {
+    let (paint, load) = (random.pick(&PAINTS), random.pick(&CARGO));
+    let high = random.between(3.3, 3.8);
+    let cargo = Block { height: [1.00, high], rear: [-4.2; 2], front: [1.9; 2], half: [1.25, 1.25] };
+    let cab = Block { height: [0.45, 2.75], rear: [2.2; 2], front: [4.0, 3.75], half: [1.18, 1.12] };
+    let frame = Block { height: [0.50, 1.00], rear: [-4.1; 2], front: [2.2; 2], half: [1.05, 1.05] };
+    let (mut back, mut front) = (Body::default(), Body::default());
+    wheels(&mut back, 1.18, &[-3.2, -2.0], 0.50);
+    shell(&mut back, &frame, CHASSIS);
+    wheel_sides(&mut back, 1.18, &[-3.2, -2.0], 0.50);
+    fittings(&mut back, &frame.panels()[REAR], REAR, [0.1, 0.8], lamps);
+    shell(&mut back, &cargo, load);
+    boxed(&mut back, &cargo, load);
+    wheels(&mut front, 1.18, &[2.9], 0.50);
+    shell(&mut front, &cab, paint);
+    wheel_sides(&mut front, 1.18, &[2.9], 0.50);
+    cabin(&mut front, &cab);
+    let bumper = Block { height: [0.45, 1.05], ..cab };
+    fittings(&mut front, &bumper.panels()[FRONT], FRONT, [0.25, 0.85], lamps);
+    Solid(vec![back, front])
+}
+
+/// Adds the windows and the grille of a lorry's cab.
+fn cabin(body: &mut Body, cab: &Block) {
+    let sides = cab.panels();
+    body.parts.push(sides[FRONT].patch([0.06, 0.50, 0.94, 0.90], GLASS, DARK));
+    body.parts.push(sides[FRONT].patch([0.15, 0.28, 0.85, 0.42], CHASSIS, DARK));
+    for side in [LEFT, RIGHT] {
+        body.parts.push(sides[side].patch([0.25, 0.50, 0.80, 0.86], GLASS, DARK));
+    }
+}
+
+/// Adds the doors, stripes and edges of a box body.
+fn boxed(body: &mut Body, cargo: &Block, load: Rgb) {
+    let dim = scaled(load, 0.40);
+    let sides = cargo.panels();
+    for [u1, v1, u2, v2] in [[0.485, 0.03, 0.515, 0.97], [0.0, 0.0, 0.05, 1.0], [0.95, 0.0, 1.0, 1.0]] {
+        body.parts.push(sides[REAR].patch([u1, v1, u2, v2], dim, DARK));
+    }
+    body.parts.push(sides[REAR].patch([0.0, 0.94, 1.0, 1.0], dim, DARK));
+    let stripe = [1.0 - load[0], 1.0 - load[1], 1.0 - load[2]].map(|c| 0.15 + 0.6 * c);
+    for side in [REAR, LEFT, RIGHT] {
+        body.parts.push(sides[side].patch([0.05, 0.12, 0.95, 0.26], stripe, DARK));
+    }
+}
+
+/// Adds the painted outside of a block.
+fn shell(body: &mut Body, block: &Block, paint: Rgb) {
+    for panel in block.panels() {
+        body.parts.push(panel.patch([0.0, 0.0, 1.0, 1.0], paint, DARK));
+    }
+}
+
+/// Adds the lamps, bumper and number plate of one end, [`REAR`] or [`FRONT`]; `band` is the height of the lamps
+/// on the panel, 0 to 1.
+fn fittings(body: &mut Body, panel: &Panel, end: usize, band: [f32; 2], lamps: Lamps) {
+    let (albedo, glow) = if end == REAR {
+        ([0.50, 0.04, 0.03], [0.30, 0.025, 0.015])
+    } else {
+        ([0.85, 0.85, 0.80], [0.42, 0.41, 0.37])
+    };
+    let glow = if lamps == Lamps::On { glow } else { DARK };
+    body.parts.push(panel.patch([0.0, 0.0, 1.0, 0.22], CHASSIS, DARK));
+    body.parts.push(panel.patch([0.36, 0.24, 0.64, 0.42], [0.75; 3], DARK));
+    let towards = if end == REAR { [0.0, 0.0, -1.0] } else { [0.0, 0.0, 1.0] };
+    for [u1, u2] in [[0.02, 0.17], [0.83, 0.98]] {
+        body.parts.push(panel.patch([u1, band[0], u2, band[1]], albedo, scaled(glow, 0.4)));
+        if glow != DARK {
+            let at = panel.at(0.5 * (u1 + u2), 0.5 * (band[0] + band[1]));
+            body.halos.push(Halo { at, towards, radius: 0.26, glow });
+        }
+    }
+}
+
+/// Adds the ends of the tyres, below the body.
+fn wheels(body: &mut Body, half: f32, axles: &[f32], radius: f32) {
+    for &axle in axles {
+        for middle in [-half + 0.12, half - 0.12] {
+            let tyre = Block {
+                height: [0.0, radius * 1.6],
+                rear: [axle - 0.6 * radius, axle - radius],
+                front: [axle + 0.6 * radius, axle + radius],
+                half: [0.11; 2],
+            };
+            for panel in tyre.panels() {
+                let moved = Panel(panel.0.map(|p| [p[0] + middle, p[1], p[2]]));
+                body.parts.push(moved.patch([0.0, 0.0, 1.0, 1.0], TYRE, DARK));
+            }
+        }
+    }
+}
+
+/// Adds the outer sides of the wheels, in front of the body.
+fn wheel_sides(body: &mut Body, half: f32, axles: &[f32], radius: f32) {
+    for &axle in axles {
+        for side in [-half - 0.01, half + 0.01] {
+            body.parts.push(disc([side, radius, axle], radius, TYRE));
+            body.parts.push(disc([side, radius, axle], 0.55 * radius, HUB));
+        }
+    }
+}
+
+/// Returns a disc of twelve corners that faces outwards, to the left when `x < 0`.
+fn disc([x, y, z]: [f32; 3], radius: f32, albedo: Rgb) -> Part {
+    let spin = if x < 0.0 { 1.0 } else { -1.0 };
+    let corner = |i: usize| {
+        let t = -spin * i as f32 / 12.0;
+        [x, y + radius * wave(t + 0.25), z + radius * wave(t)]
+    };
+    Part { form: Form::Face((0..12).map(corner).collect()), albedo, glow: DARK }
+}

@@ -1,0 +1,100 @@
+//! Rows of interleaved samples in blocks of lanes. The neighbour in the same channel is as many lanes away as
+//! there are channels, so vectors need not separate the channels.
+
+use crate::unwrap::Range;
+use crate::unwrap::wrapped::Word;
+
+/// The lanes of a block: a multiple of the channels of every image and of the vectors of every machine.
+pub(super) const LANES: usize = 96;
+
+/// The number of blocks that a counter of 8 bits can count.
+pub(super) const COUNTABLE: usize = 255;
+
+/// One word for each lane.
+pub(super) type Block<W> = [W; LANES];
+
+/// The layout of an image in rows of lanes. A row is filled up with copies of its last pixel, which contain no
+/// difference and change no sum.
+#[derive(Clone, Copy, Default)]
+pub(super) struct RowLayout {
+    /// The number of rows.
+    pub height: usize,
+    /// The number of pixels of a row.
+    pub width: usize,
+    /// The number of samples of a pixel.
+    pub channels: usize,
+}
+
+impl RowLayout {
+    /// Returns the number of samples of a row.
+    pub fn samples(self) -> usize {
+        self.width * self.channels
+    }
+
+    /// Returns the number of lanes of a row in whole blocks.
+    pub fn lanes(self) -> usize {
+        self.samples().next_multiple_of(LANES)
+    }
+
+    /// Returns the number of copies of the last pixel.
+    pub fn copies(self) -> usize {
+        (self.lanes() - self.samples()) / self.channels
+    }
+
+    /// Returns the lane of a `channel` of the last pixel.
+    pub fn last(self, channel: usize) -> usize {
+        self.samples() - self.channels + channel
+    }
+}
+
+/// Returns a block in which every pixel is `pixel`.
+pub(super) fn tiled<W: Word>(pixel: [W; 3], channels: usize) -> Block<W> {
+    let mut block = [W::default(); LANES];
+    block.chunks_exact_mut(channels).for_each(|lanes| lanes.copy_from_slice(&pixel[..channels]));
+    block
+}
+
+/// Adds the counts of a block to the totals of the channels.
+pub(super) fn by_channel<W: Word>(counts: &Block<W>, channels: usize, total: &mut [usize; 3]) {
+    for lanes in counts.chunks_exact(channels) {
+        lanes.iter().zip(&mut *total).for_each(|(&count, total)| *total += usize::from(count.into()));
+    }
+}
+
+/// The codes of an image in rows, interleaved, in standard layout.
+pub(super) struct CodeRows<'a, S> {
+    samples: &'a [S],
+    layout: RowLayout,
+    bits: u8,
+}
+
+impl<'a, S: Copy + Into<u16>> CodeRows<'a, S> {
+    /// Takes `samples`, which are below 2^bits.
+    pub fn new(samples: &'a [S], layout: RowLayout, range: Range) -> Self {
+        Self { samples, layout, bits: range.bits() }
+    }
+
+    /// Returns the samples of row `i`.
+    #[inline(always)]
+    pub fn row(&self, i: usize) -> &'a [S] {
+        &self.samples[i * self.layout.samples()..][..self.layout.samples()]
+    }
+
+    /// Returns the sample as a code.
+    #[inline(always)]
+    pub fn shifted<W: Word>(&self, sample: S) -> W {
+        W::low(sample.into() << (W::BITS - self.bits))
+    }
+
+    /// Writes row `i` as codes, filled up with its last pixel.
+    #[inline(always)]
+    pub fn read<W: Word>(&self, i: usize, codes: &mut Vec<W>) {
+        codes.clear();
+        codes.extend(self.row(i).iter().map(|&sample| self.shifted::<W>(sample)));
+        let RowLayout { channels, .. } = self.layout;
+        let pixel = self.layout.last(0);
+        while codes.len() < self.layout.lanes() + channels {
+            codes.extend_from_within(pixel..pixel + channels);
+        }
+    }
+}

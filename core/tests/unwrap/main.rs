@@ -1,0 +1,203 @@
+//! The properties of every method: congruence on any image, exactness under Itoh's condition.
+
+// Helpers of tests may unwrap as tests do.
+#![allow(clippy::unwrap_used)]
+
+use modulo_core::unwrap::{METHODS, Options, Trust, by_name};
+use modulo_core::{Frame, Range, Recovered, SamplePosition, UnwrapError};
+use ndarray::{Array3, Axis};
+use proptest::prelude::*;
+
+mod steep;
+mod trees;
+
+/// Returns the modulo image of `x` in 16-bit samples.
+fn wrap16(x: &Array3<u32>, bits: u8) -> Frame {
+    Frame::from_u16(x.mapv(|x| (x & ((1 << bits) - 1)) as u16)).unwrap()
+}
+
+fn recover(method: &str, options: &Options, y: &Frame, range: Range) -> Recovered {
+    let mut out = Recovered::default();
+    by_name(method, options).unwrap().unwrap(y, range, &mut out).unwrap();
+    out
+}
+
+/// Returns the modulo image of `x` in samples of 8 bits if these suffice, else of 16.
+fn wrap(x: &Array3<u32>, bits: u8) -> Frame {
+    match bits {
+        ..=8 => Frame::from_u8(x.mapv(|x| (x & ((1 << bits) - 1)) as u8)).unwrap(),
+        _ => wrap16(x, bits),
+    }
+}
+
+/// Returns the smallest alpha that holds `x`, and whether the offset is determined: in every channel more than 2
+/// % of the pixels must have k = 0.
+fn range_of(x: &Array3<u32>, bits: u8) -> (Range, bool) {
+    let alpha = x.iter().max().map_or(1, |most| (most >> bits) + 1);
+    let dark = |c| x.index_axis(Axis(2), c).iter().filter(|&&x| x >> bits == 0).count() * 50;
+    let known = (0..x.dim().2).all(|c| dark(c) > x.dim().0 * x.dim().1);
+    (Range::new(bits, f64::from(alpha)).unwrap(), known)
+}
+
+fn itoh_holds(x: &Array3<u32>, bits: u8) -> bool {
+    let small = |axis| {
+        x.axis_windows(Axis(axis), 2).into_iter().all(|pair| {
+            let (a, b) = (pair.index_axis(Axis(axis), 0), pair.index_axis(Axis(axis), 1));
+            a.iter().zip(&b).all(|(a, b)| a.abs_diff(*b) < 1 << (bits - 1))
+        })
+    };
+    (x.dim().0 < 2 || small(0)) && (x.dim().1 < 2 || small(1))
+}
+
+/// Returns whether second differences along rows, along columns and mixed are below half the peak, too.
+fn second_order_holds(x: &Array3<u32>, bits: u8) -> bool {
+    let x = x.mapv(i64::from);
+    let (h, w, _) = x.dim();
+    let along = |x: &Array3<i64>, axis: usize| {
+        let mut d = x.slice_axis(Axis(axis), (1..).into()).to_owned();
+        d -= &x.slice_axis(Axis(axis), (..-1).into());
+        d
+    };
+    let small = |d: &Array3<i64>| d.iter().all(|d| d.abs() < 1 << (bits - 1));
+    (h < 3 || small(&along(&along(&x, 0), 0)))
+        && (w < 3 || small(&along(&along(&x, 1), 1)))
+        && (h < 2 || w < 2 || small(&along(&along(&x, 0), 1)))
+}
+
+fn assert_exact(method: &str, options: &Options, x: &Array3<u32>, bits: u8, range: Range) {
+    let out = recover(method, options, &wrap(x, bits), range);
+    assert_eq!(out.x, x.mapv(|x| x as f32), "{method}, {bits} bits, {range:?}");
+    assert_eq!(out.k, x.mapv(|x| (x >> bits) as u8));
+    if method != "auto" {
+        assert_eq!((out.report.method, out.report.trust), (method, Trust::Unknown));
+    }
+}
+
+/// Returns a walk whose steps are below half the peak, folded into three peaks.
+fn walk(steps: &[u16], n: usize, bits: u8) -> Vec<u32> {
+    let (half, most) = (1i64 << (bits - 1), 3i64 << bits);
+    let mut at = 0;
+    let next = |step: &u16| {
+        let step = i64::from(*step) % (2 * half - 1) - (half - 1);
+        at = if (0..most).contains(&(at + step)) { at + step } else { at - step };
+        at as u32
+    };
+    steps[..n].iter().map(next).collect()
+}
+
+fn shape() -> impl Strategy<Value = (usize, usize, usize)> {
+    (1usize..=40, 1usize..=40, prop_oneof![Just(1usize), Just(3)])
+}
+
+proptest! {
+    /// The sharpest images that Itoh's condition allows.
+    #[test]
+    fn undoes_the_wrap_of_any_walk(
+        dim in shape(),
+        bits in 4u8..=16,
+        steps in proptest::collection::vec(any::<u16>(), 240),
+    ) {
+        let lines: Vec<_> = steps.chunks(40).collect();
+        let down: Vec<_> = (0..3).map(|c| walk(lines[c], dim.0, bits)).collect();
+        let across: Vec<_> = (0..3).map(|c| walk(lines[c + 3], dim.1, bits)).collect();
+        let x = Array3::from_shape_fn(dim, |(i, j, c)| down[c][i] + across[c][j]);
+        let (range, known) = range_of(&x, bits);
+        prop_assume!(known && itoh_holds(&x, bits));
+        // tau > 0 may flatten such rough images; least squares may not.
+        assert_exact("spud", &Options { tau: 0.0, ..Options::default() }, &x, bits, range);
+        for method in ["itoh", "tree"] {
+            assert_exact(method, &Options::default(), &x, bits, range);
+        }
+    }
+
+    #[test]
+    fn undoes_the_wrap_of_smooth_images_as_the_paper_does(
+        dim in shape(),
+        bits in 4u8..=16,
+        turns in (0f64..1.5, 0f64..1.5),
+        phase in (0f64..6.3, 0f64..6.3),
+        height in 0.2f64..4.0,
+    ) {
+        let peak = f64::from(1u32 << bits);
+        let x = Array3::from_shape_fn(dim, |(i, j, c)| {
+            let wave = |at: usize, n: usize, turns: f64, phase: f64| {
+                0.5 + 0.5 * (6.3 * turns * at as f64 / n as f64 + phase + c as f64).sin()
+            };
+            (height * peak * wave(i, dim.0, turns.0, phase.0) * wave(j, dim.1, turns.1, phase.1)) as u32
+        });
+        let (range, known) = range_of(&x, bits);
+        prop_assume!(known && itoh_holds(&x, bits) && second_order_holds(&x, bits));
+        for method in METHODS {
+            assert_exact(method, &Options::default(), &x, bits, range);
+        }
+    }
+
+    /// Any image, from noise to one pixel or one row, gives a result that is congruent and in range.
+    #[test]
+    fn any_image_gives_a_congruent_result(
+        dim in (1usize..12, 1usize..12, prop_oneof![Just(1usize), Just(3)]),
+        bits in 1u8..=16,
+        alpha in 1e-3f64..=256.0,
+        tau in prop_oneof![Just(0.0), 0f64..10.0],
+        samples in proptest::collection::vec(any::<u16>(), 12 * 12 * 3),
+    ) {
+        let x = Array3::from_shape_fn(dim, |(i, j, c)| u32::from(samples[(i * 12 + j) * 3 + c]));
+        let (y, range) = (wrap(&x, bits), Range::new(bits, alpha).unwrap());
+        for method in METHODS {
+            let out = recover(method, &Options { tau, ..Options::default() }, &y, range);
+            prop_assert!(out.k.iter().all(|&k| k <= range.max_wraps()));
+            prop_assert_eq!(&out.x, &(y.to_f32() + out.k.mapv(f32::from) * range.peak()));
+        }
+    }
+
+    #[test]
+    fn a_code_that_the_sensor_lacks_is_named(at in 0usize..35, bits in 1u8..=15) {
+        let mut pixels = Array3::<u16>::zeros((5, 7, 1));
+        pixels.as_slice_mut().unwrap()[at] = 1 << bits;
+        let (y, range) = (Frame::from_u16(pixels).unwrap(), Range::new(bits, 2.0).unwrap());
+        for method in METHODS {
+            let mut out = Recovered::default();
+            let error = by_name(method, &Options::default()).unwrap().unwrap(&y, range, &mut out).unwrap_err();
+            let (value, most) = (range.peak(), range.peak() - 1.0);
+            let at = SamplePosition { row: at / 7, column: at % 7, channel: 0 };
+            let want = UnwrapError::Code { at, value, most, bits };
+            prop_assert_eq!(error, want);
+        }
+    }
+}
+
+#[test]
+fn buffers_are_reused_and_follow_the_shape() {
+    let range = Range::new(8, 2.0).unwrap();
+    for method in METHODS {
+        let mut unwrap = by_name(method, &Options::default()).unwrap();
+        let mut out = Recovered::default();
+        let small = Frame::from_u8(Array3::from_elem((3, 4, 1), 9)).unwrap();
+        let large = Frame::from_u8(Array3::from_elem((6, 5, 3), 200)).unwrap();
+        unwrap.unwrap(&small, range, &mut out).unwrap();
+        let before = (out.x.as_ptr(), out.k.as_ptr());
+        unwrap.unwrap(&small, range, &mut out).unwrap();
+        assert_eq!(before, (out.x.as_ptr(), out.k.as_ptr()), "{method}");
+        unwrap.unwrap(&large, range, &mut out).unwrap();
+        assert_eq!((out.x.dim(), out.x.iter().all(|&x| x == 200.0)), ((6, 5, 3), true), "{method}");
+    }
+}
+
+#[test]
+fn a_frame_of_floats_is_no_modulo_image() {
+    let y = Frame::from_f32(Array3::zeros((4, 5, 3))).unwrap();
+    for method in METHODS {
+        let mut unwrap = by_name(method, &Options::default()).unwrap();
+        let error = unwrap.unwrap(&y, Range::new(8, 2.0).unwrap(), &mut Recovered::default()).unwrap_err();
+        assert_eq!(error, UnwrapError::Float, "{method}");
+    }
+}
+
+#[test]
+fn an_unknown_method_lists_the_known() {
+    let Err(error) = by_name("snaphu", &Options::default()) else { panic!("there is no snaphu") };
+    assert_eq!(
+        error.to_string(),
+        format!("method \"snaphu\" is unknown, possible are {}", METHODS.join(", "))
+    );
+}
