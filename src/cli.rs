@@ -1,9 +1,10 @@
 //! The command line, as clap reads it.
 
 pub mod bag;
+pub mod bench;
 pub mod eval;
 pub mod graph;
-pub mod study;
+
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -49,10 +50,10 @@ pub enum Command {
     /// Evaluate in lockstep, every frame once, nothing dropped: a launch file, or a grid over labelled frames
     Eval(Box<eval::Eval>),
     /// Send one's own pictures through the sensor and the unwrapping methods
-    Simulate(study::Simulate),
+    Simulate(bench::Simulate),
     /// Measure the unwrapping methods
     #[command(subcommand)]
-    Bench(study::Bench),
+    Bench(bench::Bench),
     /// Run the scenes on which methods fail, and show where each one does
     Stability {
         /// Folder for index.html, results.json and the pictures

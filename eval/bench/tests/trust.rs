@@ -1,9 +1,9 @@
 //! Never trusted and wrong: `auto` over real images, every alpha, blur and noise.
 //!
-//! `MODULO_TRUST=all cargo test --release -p modulo-study --test trust -- --nocapture` takes all
+//! `MODULO_TRUST=all cargo test --release -p modulo-bench --test trust -- --nocapture` takes all
 //! combinations; without it every 23rd is taken.
 
-#[path = "../../tests/harness/data.rs"]
+#[path = "../../../tests/harness/data.rs"]
 mod data;
 
 use std::path::{Path, PathBuf};

@@ -4,9 +4,9 @@ use std::path::Path;
 
 use anyhow::anyhow;
 use indicatif::{ProgressBar, ProgressStyle};
-use modulo_study::{Event, bench, frontier, simulate, stability};
+use modulo_bench::{Event, bench, frontier, simulate, stability};
 
-use crate::cli::study::{Bench, BenchUnwrap, Simulate};
+use crate::cli::bench::{Bench, BenchUnwrap, Simulate};
 use crate::{Ended, Failure};
 
 /// Sends pictures through the sensor and the methods.

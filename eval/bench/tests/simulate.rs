@@ -6,8 +6,8 @@ use modulo_core::Frame;
 use modulo_core::scene::{Preset, Scene};
 use modulo_core::unwrap::METHODS;
 use modulo_images::{read_image, save_png};
-use modulo_study::simulate::{RESULTS, Request, Row, simulate};
-use modulo_study::{Event, StudyError};
+use modulo_bench::simulate::{RESULTS, Request, Row, simulate};
+use modulo_bench::{Event, StudyError};
 use ndarray::Array3;
 
 /// A frame of the own street as an 8-bit picture.

@@ -5,8 +5,8 @@ use std::path::Path;
 use modulo_core::Frame;
 use modulo_core::unwrap::METHODS;
 use modulo_images::save_png;
-use modulo_study::bench::{META, Meta, RESULTS, Request, Row, unwrap};
-use modulo_study::{Event, StudyError};
+use modulo_bench::bench::{META, Meta, RESULTS, Request, Row, unwrap};
+use modulo_bench::{Event, StudyError};
 use ndarray::Array3;
 
 /// A slope that wraps without ever stepping more than the gradient can carry.

@@ -7,7 +7,7 @@ use std::collections::HashSet;
 
 use modulo_core::Recovered;
 use modulo_core::unwrap::{METHODS, Options, by_name};
-use modulo_study::stability::{Case, Evidence, cases, measure, run};
+use modulo_bench::stability::{Case, Evidence, cases, measure, run};
 use ndarray::{Array3, Axis, Slice};
 
 #[test]
@@ -86,7 +86,7 @@ fn page_stands_on_its_own() {
 
 #[test]
 fn documentation_names_every_method_and_unobservable_scene() {
-    let text = include_str!("../../docs/methods.md");
+    let text = include_str!("../../../docs/methods.md");
     for method in METHODS {
         assert!(text.contains(&format!("## {method}\n")), "docs/methods.md has no section {method}");
     }

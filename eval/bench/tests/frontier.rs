@@ -4,9 +4,9 @@ use std::path::Path;
 
 use modulo_charts::Page;
 use modulo_images::decode;
-use modulo_study::StudyError;
-use modulo_study::bench::Row;
-use modulo_study::frontier::{draw_frontier, frontier_from};
+use modulo_bench::StudyError;
+use modulo_bench::bench::Row;
+use modulo_bench::frontier::{draw_frontier, frontier_from};
 
 /// left, top, right, bottom of each text of an SVG that is not turned.
 fn texts(svg: &str) -> Vec<(String, [f64; 4])> {
