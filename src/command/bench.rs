@@ -1,29 +1,18 @@
-//! `modulo simulate`, `modulo bench` and `modulo stability`: what the methods do with pictures.
+//! `modulo simulate`, `modulo bench` and `modulo stability`: the unwrapping methods on images.
 
 use std::path::Path;
 
 use anyhow::anyhow;
 use indicatif::{ProgressBar, ProgressStyle};
-use modulo_bench::{Event, bench, frontier, simulate, stability};
+use modulo_bench::{Event, benchmark, frontier, simulate, stability};
 
-use crate::cli::bench::{Bench, BenchUnwrap, Simulate};
+use crate::cli::Bench;
 use crate::{Ended, Failure};
 
-/// Sends pictures through the sensor and the methods.
-pub fn simulate(args: &Simulate) -> Result<Ended, Failure> {
-    let request = simulate::Request {
-        files: args.images.clone(),
-        out: args.out.clone(),
-        alphas: args.alpha.clone(),
-        methods: args.method.clone(),
-        psf: args.sensor.psf.of_sigma(args.sensor.psf_sigma),
-        bits: args.sensor.bits,
-        read_noise: args.sensor.read_noise,
-        seed: args.sensor.seed,
-        white: args.white,
-    };
+/// Sends image files through the sensor and the methods.
+pub fn simulate(request: &simulate::Request) -> Result<Ended, Failure> {
     let progress = Progress::new();
-    let outcome = simulate::simulate(&request, &mut |event| progress.tell(event))?;
+    let outcome = simulate::simulate(request, &mut |event| progress.tell(event))?;
     progress.end();
     say!(
         "{:<28} {:>5} {:<16} {:>8} {:>9} {:>8} {:<14} {:<7} {:>8}",
@@ -56,12 +45,12 @@ pub fn simulate(args: &Simulate) -> Result<Ended, Failure> {
     Ok(if outcome.skipped.is_empty() { Ended::Done } else { Ended::WithLoss })
 }
 
-/// Measures the methods, or draws what was measured.
+/// Measures the methods, or draws the chart of earlier results.
 pub fn bench(command: &Bench) -> Result<Ended, Failure> {
     match command {
-        Bench::Unwrap(args) => bench_unwrap(args),
+        Bench::Unwrap(request) => bench_unwrap(request),
         Bench::Chart { folder } => {
-            for file in frontier::draw_frontier(&folder.join(bench::RESULTS))? {
+            for file in frontier::draw_frontier(&folder.join(benchmark::RESULTS))? {
                 say!("{}", file.display());
             }
             Ok(Ended::Done)
@@ -69,23 +58,10 @@ pub fn bench(command: &Bench) -> Result<Ended, Failure> {
     }
 }
 
-fn bench_unwrap(args: &BenchUnwrap) -> Result<Ended, Failure> {
-    let all = bench::Request::default();
-    let request = bench::Request {
-        frames: args.frames.clone(),
-        out: args.out.clone(),
-        methods: if args.method.is_empty() { all.methods } else { args.method.clone() },
-        alphas: args.alpha.clone(),
-        psf: args.sensor.psf.of_sigma(args.sensor.psf_sigma),
-        threads: args.threads.clone(),
-        repeats: args.repeats,
-        device: processor(),
-        bits: args.sensor.bits,
-        read_noise: args.sensor.read_noise,
-        seed: args.sensor.seed,
-    };
+fn bench_unwrap(request: &benchmark::Request) -> Result<Ended, Failure> {
+    let request = benchmark::Request { device: processor(), ..request.clone() };
     let progress = Progress::new();
-    let outcome = bench::unwrap(&request, &mut |event| progress.tell(event))?;
+    let outcome = benchmark::unwrap(&request, &mut |event| progress.tell(event))?;
     progress.end();
     say!(
         "{:<16} {:>5} {:>7} {:>9} {:>9} {:>9}",
@@ -107,13 +83,13 @@ fn bench_unwrap(args: &BenchUnwrap) -> Result<Ended, Failure> {
             100.0 * row.exact_k
         );
     }
-    for file in frontier::draw_frontier(&args.out.join(bench::RESULTS))? {
+    for file in frontier::draw_frontier(&request.out.join(benchmark::RESULTS))? {
         say!("{}", file.display());
     }
     Ok(if outcome.skipped.is_empty() { Ended::Done } else { Ended::WithLoss })
 }
 
-/// Runs the scenes on which methods fail.
+/// Runs the stability suite.
 pub fn stability(out: &Path) -> Result<Ended, Failure> {
     let progress = Progress::new();
     let outcome = stability::run(out, |event| progress.tell(event))?;
@@ -126,7 +102,7 @@ pub fn stability(out: &Path) -> Result<Ended, Failure> {
     if broken > 0 { Err(anyhow!("{broken} expectations broke").into()) } else { Ok(Ended::Done) }
 }
 
-/// The processor's model from `/proc/cpuinfo`, else its architecture.
+/// The model of the processor from `/proc/cpuinfo`, or its architecture.
 pub fn processor() -> String {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
@@ -136,16 +112,18 @@ pub fn processor() -> String {
     }
 }
 
-/// A bar on a terminal, nothing elsewhere; what went wrong goes to standard error in any case.
+/// A progress bar in the form of `template`, which is shown only on a terminal.
+pub fn progress_bar(template: &str) -> ProgressBar {
+    let style = ProgressStyle::with_template(template).expect("the templates of this program are valid");
+    ProgressBar::new(0).with_style(style)
+}
+
+/// A progress bar on a terminal. Warnings go to standard error, also without a terminal.
 struct Progress(ProgressBar);
 
 impl Progress {
     fn new() -> Self {
-        let bar = ProgressBar::new(0);
-        if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} {eta} {msg}") {
-            bar.set_style(style);
-        }
-        Self(bar)
+        Self(progress_bar("{bar:30} {pos}/{len} {eta} {msg}"))
     }
 
     fn tell(&self, event: Event<'_>) {

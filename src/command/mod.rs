@@ -21,7 +21,6 @@ mod param;
 mod report;
 mod run;
 
-
 use std::io::IsTerminal;
 use std::sync::Arc;
 

@@ -1,30 +1,29 @@
-//! [`StudyError`]: why a study could not be made.
+//! [`BenchError`]: the error of a simulation, benchmark or stability run.
 
 use std::path::PathBuf;
 
 use modulo_charts::ChartError;
+use modulo_core::metric::ShapesDiffer;
 use modulo_core::{SensorError, UnwrapError};
 use modulo_images::{ImageError, SaveError};
 
-use modulo_core::metric::ShapesDiffer;
-
-/// Names the thing, its value and what is possible.
+/// Error of a simulation, benchmark or stability run. The message names the value and the possible ones.
 #[derive(Debug, thiserror::Error)]
-pub enum StudyError {
-    /// Nothing to do.
+pub enum BenchError {
+    /// A list without an entry.
     #[error("{0} is empty, at least one is needed")]
     Empty(&'static str),
     /// A number out of its range.
     #[error("{what} is {value}, {possible} is possible")]
     Number {
-        /// The number's name.
+        /// Name of the number.
         what: &'static str,
-        /// Found.
+        /// The value.
         value: usize,
-        /// What is possible.
+        /// The possible values.
         possible: &'static str,
     },
-    /// A folder without one image that can be read.
+    /// A folder without a readable image.
     #[error("{}: no image that can be read, one of .png .jpg .jpeg .exr .hdr is needed", .0.display())]
     NoFrames(PathBuf),
     /// A file or folder cannot be read or written.
@@ -33,22 +32,22 @@ pub enum StudyError {
     /// A file is not a list of results.
     #[error("{path}: {1}", path = .0.display())]
     Json(PathBuf, #[source] serde_json::Error),
-    /// A chart that could not be drawn.
+    /// The chart cannot be drawn.
     #[error(transparent)]
     Chart(#[from] ChartError),
-    /// A picture that could not be read, or a white that is none.
+    /// An image cannot be read, or the white point is impossible.
     #[error(transparent)]
     Image(#[from] ImageError),
-    /// A picture that could not be written.
+    /// An image cannot be written.
     #[error(transparent)]
     Save(#[from] SaveError),
-    /// A sensor that does not exist.
+    /// The sensor is impossible, or cannot be exposed to the image.
     #[error(transparent)]
     Sensor(#[from] SensorError),
-    /// A method that does not exist, or an image that it refuses.
+    /// The method does not exist, or refuses the image.
     #[error(transparent)]
     Unwrap(#[from] UnwrapError),
-    /// Results of different shapes.
+    /// Images have different shapes.
     #[error(transparent)]
     Shapes(#[from] ShapesDiffer),
 }

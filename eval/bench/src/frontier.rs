@@ -2,20 +2,22 @@
 
 use std::path::{Path, PathBuf};
 
-use modulo_charts::{Axis, Body, Chart, Direction, Look, Page, Panel, Point, Series, Tone, Unit};
+use modulo_charts::{
+    Axis, Body, Chart, Direction, Emphasis, PageWidth, Panel, Point, Series, SeriesStyle, Unit,
+};
 
-use crate::StudyError;
-use crate::bench::{META, Meta, Row};
-use crate::store::{read_json, write};
+use crate::BenchError;
+use crate::benchmark::{META, Meta, Row};
+use crate::files::{read_json, write};
 
 /// Draws the frontier of a list of results as `frontier.svg` and `frontier.png` beside it; returns the two.
 ///
 /// # Errors
-/// [`StudyError`] when the list cannot be read or the pictures cannot be written.
-pub fn draw_frontier(results: &Path) -> Result<[PathBuf; 2], StudyError> {
+/// [`BenchError`] when the list cannot be read or the pictures cannot be written.
+pub fn draw_frontier(results: &Path) -> Result<[PathBuf; 2], BenchError> {
     let chart = frontier_from(results)?;
     let files = ["frontier.svg", "frontier.png"].map(|name| results.with_file_name(name));
-    write(&files[0], chart.svg(Page::Wide)?.as_bytes())?;
+    write(&files[0], chart.svg(PageWidth::Wide)?.as_bytes())?;
     write(&files[1], &chart.png()?)?;
     Ok(files)
 }
@@ -23,8 +25,8 @@ pub fn draw_frontier(results: &Path) -> Result<[PathBuf; 2], StudyError> {
 /// The chart of `results` (a list of [`Row`]) and of the [`META`] beside it, if there is one.
 ///
 /// # Errors
-/// [`StudyError`] when one of them cannot be read, or holds no row.
-pub fn frontier_from(results: &Path) -> Result<Chart, StudyError> {
+/// [`BenchError`] when one of them cannot be read, or holds no row.
+pub fn frontier_from(results: &Path) -> Result<Chart, BenchError> {
     let rows: Vec<Row> = read_json(results)?;
     crate::need("the list of results", &rows)?;
     let meta = results.with_file_name(META);
@@ -62,9 +64,9 @@ fn series(rows: &[Row], value: impl Fn(&Row) -> f64) -> Vec<Series> {
             y: value(r),
             label: r.alpha.to_string(),
             hover: format!("{name}, alpha {}: {:.3} ms, {:.4} % exact", r.alpha, r.ms_p50, 100.0 * r.exact_k),
-            tone: Tone::Full,
+            emphasis: Emphasis::Normal,
         };
-        series.push(Series { points: own.map(point).collect(), look: Look::Joined, name });
+        series.push(Series { points: own.map(point).collect(), style: SeriesStyle::LineAndMarkers, name });
     }
     series
 }
@@ -105,7 +107,7 @@ fn subtitle(rows: &[Row], meta: Option<&Meta>) -> String {
 }
 
 fn sizes(meta: &Meta) -> String {
-    let size = |s: &crate::bench::Size| format!("{} x {} x {}", s.width, s.height, s.channels);
+    let size = |s: &crate::benchmark::Size| format!("{} x {} x {}", s.width, s.height, s.channels);
     match meta.sizes.as_slice() {
         [] => "no size".to_owned(),
         [one] => format!("{} px", size(one)),

@@ -1,8 +1,8 @@
-//! The one place of the studies that reads a clock: durations to report, never anything that decides.
+//! The only file of the crate that reads a clock. Durations are reported; they decide nothing.
 
 use std::time::Instant;
 
-/// What `work` gives, and how long it took, ms.
+/// The result of `work` and its duration in ms.
 pub(crate) fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
     let start = Instant::now();
     let result = work();

@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
+use clap::Parser;
+use modulo_bench::benchmark::{META, Meta, RESULTS, Request, Row, unwrap};
+use modulo_bench::{BenchError, Event};
 use modulo_core::Frame;
 use modulo_core::unwrap::METHODS;
 use modulo_images::save_png;
-use modulo_bench::bench::{META, Meta, RESULTS, Request, Row, unwrap};
-use modulo_bench::{Event, StudyError};
 use ndarray::Array3;
 
 /// A slope that wraps without ever stepping more than the gradient can carry.
@@ -24,14 +25,8 @@ fn rows_are_written_as_they_come() {
     slope(&frames.join("b.PNG"), 32);
     std::fs::write(frames.join("broken.jpg"), b"").unwrap();
     std::fs::write(frames.join("notes.txt"), b"").unwrap();
-    let request = Request {
-        frames: Some(frames.clone()),
-        out: out.clone(),
-        alphas: vec![2.0, 4.0],
-        threads: vec![1, 2],
-        repeats: 2,
-        ..Request::default()
-    };
+    let words = ["bench", "--alpha", "2,4", "--threads", "1,2", "--repeats", "2", "--out"].map(Path::new);
+    let request = Request::parse_from(words.iter().chain([&&*out, &Path::new("--frames"), &&*frames]));
     let read = || -> Vec<Row> {
         std::fs::read(out.join(RESULTS)).map_or(vec![], |text| serde_json::from_slice(&text).unwrap())
     };
@@ -77,14 +72,14 @@ fn a_wrong_request_is_refused_before_anything_is_measured() {
     let folder = tempfile::tempdir().unwrap();
     let empty = folder.path().to_owned();
     let fails = |change: &dyn Fn(&mut Request)| {
-        let mut request =
-            Request { frames: Some(empty.clone()), out: empty.join("out"), ..Request::default() };
+        let mut request = Request::parse_from(["bench", "--out", empty.join("out").to_str().expect("UTF-8")]);
+        request.frames = Some(empty.clone());
         change(&mut request);
         unwrap(&request, &mut |_| ()).unwrap_err()
     };
-    assert!(matches!(fails(&|_| ()), StudyError::NoFrames { .. }));
-    assert!(matches!(fails(&|r| r.frames = Some(empty.join("nowhere"))), StudyError::Io { .. }));
+    assert!(matches!(fails(&|_| ()), BenchError::NoFrames { .. }));
+    assert!(matches!(fails(&|r| r.frames = Some(empty.join("nowhere"))), BenchError::Io { .. }));
     assert_eq!(fails(&|r| r.repeats = 0).to_string(), "repeats is 0, 1 or more is possible");
-    assert!(matches!(fails(&|r| r.threads = vec![0]), StudyError::Unwrap(_)));
-    assert!(matches!(fails(&|r| r.methods.clear()), StudyError::Empty { .. }));
+    assert!(matches!(fails(&|r| r.threads = vec![0]), BenchError::Unwrap(_)));
+    assert!(matches!(fails(&|r| r.method.clear()), BenchError::Empty { .. }));
 }

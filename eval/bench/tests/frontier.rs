@@ -2,11 +2,11 @@
 
 use std::path::Path;
 
-use modulo_charts::Page;
-use modulo_images::decode;
-use modulo_bench::StudyError;
-use modulo_bench::bench::Row;
+use modulo_bench::BenchError;
+use modulo_bench::benchmark::Row;
 use modulo_bench::frontier::{draw_frontier, frontier_from};
+use modulo_charts::PageWidth;
+use modulo_images::decode;
 
 /// left, top, right, bottom of each text of an SVG that is not turned.
 fn texts(svg: &str) -> Vec<(String, [f64; 4])> {
@@ -64,7 +64,7 @@ fn store(folder: &Path, rows: &[Row]) -> std::path::PathBuf {
 #[test]
 fn no_text_lies_on_another_or_leaves_the_picture() {
     let folder = tempfile::tempdir().unwrap();
-    let svg = frontier_from(&store(folder.path(), &crowded())).unwrap().svg(Page::Wide).unwrap();
+    let svg = frontier_from(&store(folder.path(), &crowded())).unwrap().svg(PageWidth::Wide).unwrap();
     let found = texts(&svg);
     assert!(found.len() > 16 + 16 * 2, "only {} texts", found.len());
     for (i, (text, a)) in found.iter().enumerate() {
@@ -97,10 +97,10 @@ fn both_pictures_are_written_and_the_same_each_time() {
 fn results_that_are_none_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("results.json");
-    assert!(matches!(frontier_from(&path), Err(StudyError::Io { .. })));
+    assert!(matches!(frontier_from(&path), Err(BenchError::Io { .. })));
     std::fs::write(&path, "[{\"method\": \"x\"}]").unwrap();
     let why = frontier_from(&path).unwrap_err().to_string();
     assert!(why.contains("results.json") && why.contains("alpha"), "{why}");
     std::fs::write(&path, "[]").unwrap();
-    assert!(matches!(frontier_from(&path), Err(StudyError::Empty { .. })));
+    assert!(matches!(frontier_from(&path), Err(BenchError::Empty { .. })));
 }

@@ -2,13 +2,20 @@
 
 use std::path::Path;
 
+use clap::Parser;
+use modulo_bench::simulate::{RESULTS, Request, Row, simulate};
+use modulo_bench::{BenchError, Event};
 use modulo_core::Frame;
 use modulo_core::scene::{Preset, Scene};
 use modulo_core::unwrap::METHODS;
 use modulo_images::{read_image, save_png};
-use modulo_bench::simulate::{RESULTS, Request, Row, simulate};
-use modulo_bench::{Event, StudyError};
 use ndarray::Array3;
+
+/// The request of a command line for `files` with a perfect lens.
+fn request(out: &Path, files: &[&Path]) -> Request {
+    let words = ["simulate", "--psf-sigma", "0", "--out"].map(Path::new);
+    Request::parse_from(words.iter().chain([&out]).chain(files))
+}
 
 /// A frame of the own street as an 8-bit picture.
 fn street(path: &Path) {
@@ -26,13 +33,7 @@ fn every_file_alpha_and_method_has_a_row_and_a_picture() {
     let (file, out) = (folder.path().join("street.png"), folder.path().join("out"));
     street(&file);
     let methods: Vec<String> = METHODS.iter().map(|&name| name.to_owned()).collect();
-    let request = Request {
-        files: vec![file.clone()],
-        out: out.clone(),
-        alphas: vec![1.0, 2.5],
-        methods: methods.clone(),
-        ..Request::default()
-    };
+    let request = Request { alpha: vec![1.0, 2.5], method: methods.clone(), ..request(&out, &[&file]) };
     let mut steps = Vec::new();
     let outcome = simulate(&request, &mut |event| {
         if let Event::Step { done, total, .. } = event {
@@ -67,10 +68,8 @@ fn a_file_that_cannot_be_read_is_named_and_the_others_go_on() {
     street(&good);
     std::fs::write(&bad, b"no picture").unwrap();
     let request = |files: &[&Path]| Request {
-        files: files.iter().map(|&file| file.to_owned()).collect(),
-        out: folder.path().join("out"),
-        methods: vec!["spud".to_owned()],
-        ..Request::default()
+        method: vec!["spud".to_owned()],
+        ..request(&folder.path().join("out"), files)
     };
     let mut told = Vec::new();
     let outcome = simulate(&request(&[&bad, &good]), &mut |event| {
@@ -84,7 +83,7 @@ fn a_file_that_cannot_be_read_is_named_and_the_others_go_on() {
     assert_eq!(told[0].file, bad.display().to_string());
     assert!(told[0].why.contains("bad.png"), "{}", told[0].why);
     let alone = simulate(&request(&[&bad]), &mut |_| ()).unwrap_err();
-    assert!(matches!(&alone, StudyError::Image(_)) && alone.to_string().contains("bad.png"), "{alone}");
+    assert!(matches!(&alone, BenchError::Image(_)) && alone.to_string().contains("bad.png"), "{alone}");
 }
 
 #[test]
@@ -92,13 +91,13 @@ fn a_wrong_request_is_refused_before_anything_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     let request = |change: &dyn Fn(&mut Request)| {
-        let mut request = Request { files: vec!["x.png".into()], out: out.clone(), ..Request::default() };
+        let mut request = request(&out, &[Path::new("x.png")]);
         change(&mut request);
         simulate(&request, &mut |_| ()).unwrap_err().to_string()
     };
-    assert_eq!(request(&|r| r.files.clear()), "the list of files is empty, at least one is needed");
-    assert!(request(&|r| r.alphas = vec![0.0]).starts_with("alpha is 0"));
-    assert!(request(&|r| r.methods = vec!["best".into()]).contains("method \"best\" is unknown"));
+    assert_eq!(request(&|r| r.images.clear()), "the list of files is empty, at least one is needed");
+    assert!(request(&|r| r.alpha = vec![0.0]).starts_with("alpha is 0"));
+    assert!(request(&|r| r.method = vec!["best".into()]).contains("method \"best\" is unknown"));
     assert!(request(&|r| r.white = -1.0).starts_with("white = -1"));
     assert!(!out.exists());
 }

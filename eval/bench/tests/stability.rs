@@ -5,9 +5,9 @@
 
 use std::collections::HashSet;
 
+use modulo_bench::stability::{Case, Evidence, cases, measure, run};
 use modulo_core::Recovered;
 use modulo_core::unwrap::{METHODS, Options, by_name};
-use modulo_bench::stability::{Case, Evidence, cases, measure, run};
 use ndarray::{Array3, Axis, Slice};
 
 #[test]

@@ -1,55 +1,56 @@
-//! [`Bars`]: lengths of several parts, a row each.
+//! [`Bars`]: horizontal bars of several parts.
 
 use crate::axis::{Axis, Scale};
-use crate::canvas::{Anchor, Canvas, FAINT, GREY, INK};
-use crate::legend::Swatch;
+use crate::canvas::{Anchor, Canvas};
+use crate::legend::LegendKey;
+use crate::primitives::{FAINT, GREY, INK};
 use crate::style::Style;
 
-/// Rows from top to bottom.
+/// Horizontal bars.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bars {
-    /// What the lengths are, with their unit.
+    /// Quantity and unit of the lengths.
     pub label: String,
-    /// Drawn from top to bottom.
+    /// The bars from top to bottom.
     pub rows: Vec<Bar>,
 }
 
-/// One row: its parts one after the other.
+/// One bar.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bar {
-    /// At its left.
+    /// Label at the left.
     pub label: String,
-    /// Name and length, 0 or more, in the unit of the axis; parts of one name look the same.
+    /// Name and length, 0 or more, in the unit of the axis; parts of one name have one colour.
     pub parts: Vec<(String, f64)>,
-    /// Written after it.
+    /// Text after the bar.
     pub note: String,
 }
 
 const SIZE: f32 = 12.0;
 const ROW: f32 = 24.0;
 const BELOW: f32 = 46.0;
-/// The labels take no more than this share of the width; longer ones are above their bar.
+/// Labels that need a larger share of the width are above their bar.
 const LABELS: f32 = 0.35;
 
 impl Bars {
-    /// Names of the parts, with repetitions.
+    /// Names of all parts, with repetitions.
     pub(crate) fn parts(&self) -> impl Iterator<Item = &str> {
         self.rows.iter().flat_map(|row| &row.parts).map(|(name, _)| name.as_str())
     }
 
-    /// Draws into (left, top, width); returns the y after it.
+    /// Draws into (left, top, width). Returns the y below it.
     pub(crate) fn draw(
         &self,
         canvas: &mut Canvas,
-        names: &[(&str, Swatch)],
+        names: &[(&str, LegendKey)],
         (left, top, width): (f32, f32, f32),
     ) -> f32 {
         let width_of = |text: &str| canvas.font.width(text, SIZE);
         let widest = self.rows.iter().map(|row| width_of(&row.label)).fold(0.0, f32::max);
-        let notes = self.rows.iter().map(|row| width_of(&row.note)).fold(0.0, f32::max);
+        let labels = self.rows.iter().map(|row| width_of(&row.note)).fold(0.0, f32::max);
         let above = widest > LABELS * width;
         let (from, line) = if above { (left, 2.0 * ROW) } else { (left + widest + 10.0, ROW) };
-        let (to, bottom) = (left + width - notes - 44.0, top + line * self.rows.len() as f32 + 6.0);
+        let (to, bottom) = (left + width - labels - 44.0, top + line * self.rows.len() as f32 + 6.0);
         let place = self.axis(canvas, (from, top, to, bottom));
         for (index, row) in self.rows.iter().enumerate() {
             let y = top + line * index as f32 + if above { ROW } else { 0.0 };
@@ -69,7 +70,7 @@ impl Bars {
         bottom + BELOW
     }
 
-    /// Draws the grid; returns the place of a length.
+    /// Draws the grid. Returns the function from a length to its x.
     fn axis(
         &self,
         canvas: &mut Canvas,
@@ -80,7 +81,7 @@ impl Bars {
         let most = totals.fold(f64::MIN_POSITIVE, f64::max);
         let axis = Axis { scale: Scale::Linear { from: 0.0, to: most }, ..Axis::log("") };
         let place = move |value: f64| left + (value / most) as f32 * (right - left);
-        for (value, text) in axis.ruler(std::iter::empty()).ticks {
+        for (value, text) in axis.fit(std::iter::empty()).ticks {
             canvas.line(vec![(place(value), top), (place(value), bottom)], FAINT, 1.0);
             canvas.text((place(value), bottom + 17.0), &text, SIZE - 0.5, GREY, Anchor::Middle);
         }

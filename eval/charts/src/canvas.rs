@@ -1,22 +1,10 @@
-//! [`Canvas`]: the shapes of a chart, before they are SVG or pixels.
+//! [`Canvas`]: the shapes of a chart, before they become SVG or pixels.
 
 use crate::font::Font;
-use crate::label::Area;
-use crate::pictures::Picture;
+use crate::picture::Picture;
+use crate::primitives::{Area, Colour, Position};
 
-/// Red, green, blue.
-pub type Colour = [u8; 3];
-
-pub const INK: Colour = [0x22, 0x22, 0x22];
-pub const GREY: Colour = [0x55, 0x55, 0x55];
-pub const FADED: Colour = [0xbd, 0xbd, 0xbd];
-pub const FAINT: Colour = [0xe4, 0xe4, 0xe4];
-pub const WHITE: Colour = [0xff; 3];
-
-/// A place in px, from the left and from the top.
-pub type Spot = (f32, f32);
-
-/// Which part of a text stands at its spot.
+/// The part of a text that is at its position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
     Start,
@@ -24,27 +12,35 @@ pub enum Anchor {
     End,
 }
 
-/// Which way a text runs.
+/// Direction of a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Turn {
-    Level,
+pub enum Rotation {
+    Horizontal,
     Upwards,
 }
 
-/// Something to draw.
+/// A shape.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
-    /// An open line; `dash` is the length of its strokes, 0 for an unbroken one.
-    Line { spots: Vec<Spot>, colour: Colour, width: f32, dash: f32 },
-    /// A filled polygon with a white edge; `hover` is shown while a pointer is on it.
-    Area { spots: Vec<Spot>, colour: Colour, hover: String },
-    /// A picture that fills (left, top, right, bottom).
+    /// An open line. `dash` is the length of its dashes; 0 draws a solid line.
+    Line { points: Vec<Position>, colour: Colour, width: f32, dash: f32 },
+    /// A filled polygon with a white edge. The SVG shows `hover` while the pointer is on it.
+    Area { points: Vec<Position>, colour: Colour, hover: String },
+    /// An image that fills `area`.
     Picture { area: Area, picture: Picture },
-    /// A text whose baseline is at `spot`, `width` px long.
-    Text { spot: Spot, text: String, size: f32, colour: Colour, anchor: Anchor, turn: Turn, width: f32 },
+    /// A text of length `width` px whose baseline is at `position`.
+    Text {
+        position: Position,
+        text: String,
+        size: f32,
+        colour: Colour,
+        anchor: Anchor,
+        rotation: Rotation,
+        width: f32,
+    },
 }
 
-/// White, with shapes on it from first to last.
+/// A white page with shapes, drawn from first to last.
 pub struct Canvas {
     pub width: f32,
     pub height: f32,
@@ -57,34 +53,42 @@ impl Canvas {
         Self { width, height: 0.0, shapes: Vec::new(), font }
     }
 
-    pub fn line(&mut self, spots: Vec<Spot>, colour: Colour, width: f32) {
-        self.shapes.push(Shape::Line { spots, colour, width, dash: 0.0 });
+    pub fn line(&mut self, points: Vec<Position>, colour: Colour, width: f32) {
+        self.shapes.push(Shape::Line { points, colour, width, dash: 0.0 });
     }
 
-    /// A filled (left, top, right, bottom); `hover` is shown while a pointer is on it.
+    /// Adds a filled rectangle. The SVG shows `hover` while the pointer is on it.
     pub fn block(&mut self, (left, top, right, bottom): Area, colour: Colour, hover: &str) {
-        let spots = vec![(left, top), (right, top), (right, bottom), (left, bottom)];
-        self.shapes.push(Shape::Area { spots, colour, hover: hover.to_owned() });
+        let points = vec![(left, top), (right, top), (right, bottom), (left, bottom)];
+        self.shapes.push(Shape::Area { points, colour, hover: hover.to_owned() });
     }
 
-    pub fn text(&mut self, spot: Spot, text: &str, size: f32, colour: Colour, anchor: Anchor) {
-        self.turned(spot, text, size, colour, (anchor, Turn::Level));
+    pub fn text(&mut self, position: Position, text: &str, size: f32, colour: Colour, anchor: Anchor) {
+        self.turned(position, text, size, colour, (anchor, Rotation::Horizontal));
     }
 
     pub fn turned(
         &mut self,
-        spot: Spot,
+        position: Position,
         text: &str,
         size: f32,
         colour: Colour,
-        (anchor, turn): (Anchor, Turn),
+        (anchor, rotation): (Anchor, Rotation),
     ) {
         let width = self.font.width(text, size);
-        self.shapes.push(Shape::Text { spot, text: text.to_owned(), size, colour, anchor, turn, width });
+        self.shapes.push(Shape::Text {
+            position,
+            text: text.to_owned(),
+            size,
+            colour,
+            anchor,
+            rotation,
+            width,
+        });
     }
 
-    /// Lines of `text` from `spot` to the right margin; returns the y after them.
-    pub fn paragraph(&mut self, (x, mut y): Spot, text: &str, size: f32, colour: Colour) -> f32 {
+    /// Adds `text` in lines up to the right margin. Returns the y below it.
+    pub fn paragraph(&mut self, (x, mut y): Position, text: &str, size: f32, colour: Colour) -> f32 {
         for line in self.font.wrap(text, size, self.width - 2.0 * x) {
             self.text((x, y), &line, size, colour, Anchor::Start);
             y += size * 1.45;

@@ -1,48 +1,49 @@
-//! [`Chart`]: a title, what it is about, the body, the legend, how to read it.
+//! [`Chart`]: title, subtitle, body, legend and footer.
 
 use crate::bars::Bars;
-use crate::canvas::{Canvas, GREY, INK};
-use crate::legend::Swatch;
+use crate::canvas::Canvas;
+use crate::legend::LegendKey;
 use crate::pictures::Pictures;
+use crate::primitives::{GREY, INK};
 use crate::series::Panel;
 use crate::{ChartError, font, legend, panel, raster, svg};
 
-/// Something to look at.
+/// A chart.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chart {
-    /// One line, wrapped where the page is narrow.
+    /// The title. It is wrapped if the page is narrow.
     pub title: String,
-    /// What was measured on what; wrapped where it is long.
+    /// The data and the machine. It is wrapped.
     pub subtitle: String,
-    /// How to read it; wrapped where it is long.
+    /// How to read the chart. It is wrapped.
     pub footer: String,
-    /// What is drawn.
+    /// The content.
     pub body: Body,
 }
 
-/// What a chart is made of.
+/// The content of a chart.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Body {
-    /// From left to right where there is room, else one below the other; their series have a common legend.
+    /// Panels, side by side if there is room, else below each other, with a common legend.
     Panels(Vec<Panel>),
-    /// Lengths beside each other.
+    /// Bars.
     Bars(Bars),
-    /// A table of pictures.
+    /// A table of images.
     Pictures(Pictures),
 }
 
-/// How wide a chart may be.
+/// Width of the page of a chart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Page {
-    /// 1200 px: a desk, a sheet of paper.
+pub enum PageWidth {
+    /// 1200 px, for a screen or a sheet of paper.
     Wide,
-    /// 560 px: a phone.
+    /// 560 px, for a phone.
     Narrow,
 }
 
 const MARGIN: f32 = 24.0;
 
-impl Page {
+impl PageWidth {
     fn width(self) -> f32 {
         match self {
             Self::Wide => 1200.0,
@@ -55,20 +56,20 @@ impl Chart {
     /// The chart as SVG 1.1.
     ///
     /// # Errors
-    /// [`ChartError::Font`]; [`ChartError::Encode`] of a picture.
-    pub fn svg(&self, page: Page) -> Result<String, ChartError> {
+    /// [`ChartError::Font`], or [`ChartError::Encode`] of an image.
+    pub fn svg(&self, page: PageWidth) -> Result<String, ChartError> {
         svg::text(&self.canvas(page)?)
     }
 
-    /// [`Page::Wide`] as PNG, twice the pixels of the SVG along each side.
+    /// The chart of [`PageWidth::Wide`] as PNG, with twice the pixels of the SVG along each side.
     ///
     /// # Errors
-    /// [`ChartError`].
+    /// [`ChartError`] if the font cannot be read or the picture cannot be encoded.
     pub fn png(&self) -> Result<Vec<u8>, ChartError> {
-        raster::png(&self.canvas(Page::Wide)?)
+        raster::png(&self.canvas(PageWidth::Wide)?)
     }
 
-    fn canvas(&self, page: Page) -> Result<Canvas, ChartError> {
+    fn canvas(&self, page: PageWidth) -> Result<Canvas, ChartError> {
         let mut canvas = Canvas::new(page.width(), font::Font::new()?);
         let mut y = canvas.paragraph((MARGIN, MARGIN + 18.0), &self.title, 20.0, INK);
         y = canvas.paragraph((MARGIN, y - 7.0), &self.subtitle, 12.5, GREY);
@@ -87,17 +88,17 @@ impl Chart {
 }
 
 impl Body {
-    /// What the legend explains, in the order of first appearance.
-    fn names(&self) -> Vec<(&str, Swatch)> {
-        let all: Vec<(&str, Swatch)> = match self {
+    /// The entries of the legend in the order of first appearance.
+    fn names(&self) -> Vec<(&str, LegendKey)> {
+        let all: Vec<(&str, LegendKey)> = match self {
             Self::Panels(panels) => {
                 let series = panels.iter().flat_map(|panel| &panel.series);
-                series.map(|s| (s.name.as_str(), Swatch::Series(s.look))).collect()
+                series.map(|s| (s.name.as_str(), LegendKey::Series(s.style))).collect()
             }
-            Self::Bars(bars) => bars.parts().map(|name| (name, Swatch::Block)).collect(),
+            Self::Bars(bars) => bars.parts().map(|name| (name, LegendKey::Block)).collect(),
             Self::Pictures(_) => Vec::new(),
         };
-        let mut names: Vec<(&str, Swatch)> = Vec::new();
+        let mut names: Vec<(&str, LegendKey)> = Vec::new();
         for named in all {
             if names.iter().all(|(name, _)| *name != named.0) {
                 names.push(named);

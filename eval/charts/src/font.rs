@@ -1,11 +1,11 @@
-//! [`Font`]: DejaVu Sans from the program itself; no file, no system font.
+//! [`Font`]: DejaVu Sans, embedded in the program.
 
 use tiny_skia::{Path, PathBuilder};
 use ttf_parser::{Face, FaceParsingError, GlyphId, OutlineBuilder};
 
-use crate::canvas::Spot;
+use crate::primitives::Position;
 
-/// The one typeface of all charts.
+/// The typeface of all charts.
 pub struct Font(Face<'static>);
 
 impl Font {
@@ -13,12 +13,12 @@ impl Font {
         Ok(Self(Face::parse(dejavu::sans::regular(), 0)?))
     }
 
-    /// Length of `text` in px at `size` px.
+    /// Width of `text` in px at font size `size` px.
     pub fn width(&self, text: &str, size: f32) -> f32 {
         text.chars().map(|c| self.advance(c, size)).sum()
     }
 
-    /// The outlines of `text` from left to right, its baseline at (0, 0); `None` where nothing is inked.
+    /// The outlines of `text` with its baseline starting at (0, 0). `None` if the text has no visible glyph.
     pub fn path(&self, text: &str, size: f32) -> Option<Path> {
         let mut pen = Pen { builder: PathBuilder::new(), x: 0.0, scale: self.scale(size) };
         for c in text.chars() {
@@ -30,7 +30,7 @@ impl Font {
         pen.builder.finish()
     }
 
-    /// `text` in lines of at most `width` px, broken at spaces; a longer word has a line of its own.
+    /// Breaks `text` at spaces into lines of at most `width` px. A longer word gets a line of its own.
     pub fn wrap(&self, text: &str, size: f32, width: f32) -> Vec<String> {
         let mut lines: Vec<String> = Vec::new();
         for word in text.split_whitespace() {
@@ -46,7 +46,7 @@ impl Font {
     }
 
     fn advance(&self, c: char, size: f32) -> f32 {
-        // Glyph 0 stands for what the font does not have.
+        // Glyph 0 represents characters that the font does not contain.
         let glyph = self.0.glyph_index(c).unwrap_or(GlyphId(0));
         let advance = self.0.glyph_hor_advance(glyph).expect("every glyph of the font has an advance");
         f32::from(advance) * self.scale(size)
@@ -57,7 +57,7 @@ impl Font {
     }
 }
 
-/// Glyphs in font units, y upwards, to a path in px, y downwards.
+/// Converts glyphs in font units with y upwards to a path in px with y downwards.
 struct Pen {
     builder: PathBuilder,
     x: f32,
@@ -65,7 +65,7 @@ struct Pen {
 }
 
 impl Pen {
-    fn at(&self, x: f32, y: f32) -> Spot {
+    fn at(&self, x: f32, y: f32) -> Position {
         (self.x + x * self.scale, -y * self.scale)
     }
 }

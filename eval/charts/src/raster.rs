@@ -1,4 +1,4 @@
-//! Shapes as pixels.
+//! Renders shapes as pixels.
 
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
@@ -8,21 +8,21 @@ use tiny_skia::{
 };
 
 use crate::ChartError;
-use crate::canvas::{Anchor, Canvas, Colour, Shape, Spot, Turn, WHITE};
+use crate::canvas::{Anchor, Canvas, Rotation, Shape};
 use crate::font::Font;
-use crate::label::Area;
-use crate::pictures::{Picture, bright};
+use crate::picture::Picture;
+use crate::primitives::{Area, Colour, Position, WHITE, bright};
 
-/// Pixels of the PNG for one of the chart, along each side.
+/// Pixels of the PNG for one px of the chart, along each side.
 const ZOOM: f32 = 2.0;
-/// Thickness of the lines of a box on a picture, px.
+/// Line width of a box on an image, px.
 const LINE: f32 = 2.0;
-/// Size of the labels on pictures of fewer columns than this, and on wider ones, px.
+/// Images with at least this many columns have large labels.
 const WIDE: u32 = 640;
 const SMALL: f32 = 10.0;
 const LARGE: f32 = 15.0;
 
-/// An RGB PNG.
+/// Renders the canvas as RGB PNG.
 pub fn png(canvas: &Canvas) -> Result<Vec<u8>, ChartError> {
     let (width, height) = ((canvas.width * ZOOM) as u32, (canvas.height * ZOOM) as u32);
     let mut pixels = Pixmap::new(width, height).ok_or(ChartError::Size(width, height))?;
@@ -33,8 +33,18 @@ pub fn png(canvas: &Canvas) -> Result<Vec<u8>, ChartError> {
     Ok(bytes)
 }
 
-/// The pixels of `picture` with its boxes, each with a label above it if there is room, else inside it.
-pub fn annotated(picture: &Picture, labels: &[String]) -> Result<Vec<u8>, ChartError> {
+impl Picture {
+    /// Draws the boxes into the image, the first ones first. The label of a box is above it if there is room, else inside.
+    /// Returns red, green and blue of each pixel, row by row.
+    ///
+    /// # Errors
+    /// [`ChartError::Font`] or [`ChartError::Size`].
+    pub fn annotated(&self, labels: &[String]) -> Result<Vec<u8>, ChartError> {
+        annotated(self, labels)
+    }
+}
+
+fn annotated(picture: &Picture, labels: &[String]) -> Result<Vec<u8>, ChartError> {
     let font = Font::new()?;
     let size = if picture.width < WIDE { SMALL } else { LARGE };
     let height = (1.3 * size).ceil();
@@ -43,7 +53,7 @@ pub fn annotated(picture: &Picture, labels: &[String]) -> Result<Vec<u8>, ChartE
         if corners.iter().any(|at| !at.is_finite()) {
             continue;
         }
-        // Whole pixels, so that lines are sharp.
+        // Rounded to whole pixels, so that lines are sharp.
         let [left, top, right, bottom] = corners.map(|at| at.round().clamp(-1e6, 1e6));
         let colour = bright(*index);
         let above = if top >= height { top - height } else { top };
@@ -65,13 +75,13 @@ pub fn annotated(picture: &Picture, labels: &[String]) -> Result<Vec<u8>, ChartE
     Ok(rgb(&pixels))
 }
 
-/// Black or white, whichever is easier to read (luma of ITU-R BT.601).
+/// Black or white, whichever has the higher contrast (luma of ITU-R BT.601).
 fn ink_on([red, green, blue]: Colour) -> Colour {
     let luma = 299 * u32::from(red) + 587 * u32::from(green) + 114 * u32::from(blue);
     if luma >= 128_000 { [0; 3] } else { WHITE }
 }
 
-/// Red, green, blue of each pixel. Every pixel is opaque, so that premultiplied samples are the plain ones.
+/// Red, green and blue of each pixel. All pixels are opaque, so that premultiplied samples equal the plain ones.
 fn rgb(pixels: &Pixmap) -> Vec<u8> {
     let mut rgb = Vec::with_capacity(pixels.data().len() / 4 * 3);
     pixels.data().chunks_exact(4).for_each(|pixel| rgb.extend_from_slice(&pixel[..3]));
@@ -90,32 +100,32 @@ fn pixmap(picture: &Picture) -> Result<Pixmap, ChartError> {
 
 fn draw(pixels: &mut Pixmap, canvas: &Canvas, shape: &Shape) -> Result<(), ChartError> {
     match shape {
-        Shape::Line { spots, colour, width, dash } => {
-            stroke(pixels, path(spots, false), *colour, *width, *dash);
+        Shape::Line { points, colour, width, dash } => {
+            stroke(pixels, path(points, false), *colour, *width, *dash);
         }
-        Shape::Area { spots, colour, .. } => {
-            fill(pixels, path(spots, true), *colour, zoomed(Transform::identity()));
-            stroke(pixels, path(spots, true), WHITE, 1.0, 0.0);
+        Shape::Area { points, colour, .. } => {
+            fill(pixels, path(points, true), *colour, zoomed(Transform::identity()));
+            stroke(pixels, path(points, true), WHITE, 1.0, 0.0);
         }
         Shape::Picture { area, picture } => paste(pixels, *area, picture)?,
-        Shape::Text { spot, text, size, colour, anchor, turn, width } => {
+        Shape::Text { position, text, size, colour, anchor, rotation, width } => {
             let back = match anchor {
                 Anchor::Start => 0.0,
                 Anchor::Middle => width / 2.0,
                 Anchor::End => *width,
             };
-            let turned = match turn {
-                Turn::Level => Transform::identity(),
-                Turn::Upwards => Transform::from_rotate(-90.0),
+            let turned = match rotation {
+                Rotation::Horizontal => Transform::identity(),
+                Rotation::Upwards => Transform::from_rotate(-90.0),
             };
-            let place = turned.pre_translate(-back, 0.0).post_translate(spot.0, spot.1);
+            let place = turned.pre_translate(-back, 0.0).post_translate(position.0, position.1);
             fill(pixels, canvas.font.path(text, *size), *colour, zoomed(place));
         }
     }
     Ok(())
 }
 
-/// Scales the picture into its area.
+/// Scales the image into its area.
 fn paste(pixels: &mut Pixmap, (left, top, right, bottom): Area, picture: &Picture) -> Result<(), ChartError> {
     let source = pixmap(picture)?;
     let scale = ((right - left) / picture.width as f32, (bottom - top) / picture.height as f32);
@@ -125,9 +135,9 @@ fn paste(pixels: &mut Pixmap, (left, top, right, bottom): Area, picture: &Pictur
     Ok(())
 }
 
-fn path(spots: &[Spot], closed: bool) -> Option<Path> {
+fn path(points: &[Position], closed: bool) -> Option<Path> {
     let mut builder = PathBuilder::new();
-    for (index, &(x, y)) in spots.iter().enumerate() {
+    for (index, &(x, y)) in points.iter().enumerate() {
         if index == 0 { builder.move_to(x, y) } else { builder.line_to(x, y) }
     }
     if closed {

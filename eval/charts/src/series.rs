@@ -1,61 +1,61 @@
-//! [`Panel`]: series of points on a pair of axes, as data.
+//! [`Panel`]: series of points on a pair of axes.
 
 use crate::Axis;
 
-/// A pair of axes and what is drawn on them.
+/// A pair of axes with series.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Panel {
-    /// Across.
+    /// The horizontal axis.
     pub x: Axis,
-    /// Upwards.
+    /// The vertical axis.
     pub y: Axis,
-    /// Series of the same name look the same in all panels.
+    /// The series. Those of one name have one style in all panels.
     pub series: Vec<Series>,
 }
 
-/// Points of one kind.
+/// Points with a common name and style.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series {
-    /// Stands in the legend.
+    /// Name in the legend.
     pub name: String,
-    /// In the order in which the line joins them.
+    /// The points in the order in which a line joins them.
     pub points: Vec<Point>,
-    /// What is drawn of them.
-    pub look: Look,
+    /// The style.
+    pub style: SeriesStyle,
 }
 
-/// What is drawn of a series.
+/// Style of a series.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Look {
+pub enum SeriesStyle {
     /// Markers and a line through them.
-    Joined,
-    /// Markers alone.
-    Marks,
-    /// The line alone.
+    LineAndMarkers,
+    /// Only markers.
+    Markers,
+    /// Only the line.
     Line,
 }
 
-/// How much a marker stands out.
+/// Emphasis of a marker.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Tone {
-    /// In the colour of its series.
+pub enum Emphasis {
+    /// The marker has the colour of its series.
     #[default]
-    Full,
-    /// In grey: there, but not the point.
+    Normal,
+    /// The marker is grey.
     Faded,
 }
 
-/// One marker.
+/// A point of a series.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Point {
-    /// Across, in the unit of the axis; a point that is not finite is left out.
+    /// Horizontal value. A point that is not finite is left out.
     pub x: f64,
-    /// Upwards, in the unit of the axis.
+    /// Vertical value.
     pub y: f64,
-    /// Written beside it; may be empty.
+    /// Label beside the point; may be empty.
     pub label: String,
-    /// Shown while a pointer is on it, in the SVG; may be empty.
+    /// Text that the SVG shows while the pointer is on the point; may be empty.
     pub hover: String,
-    /// How much it stands out.
-    pub tone: Tone,
+    /// Emphasis.
+    pub emphasis: Emphasis,
 }

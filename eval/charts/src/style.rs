@@ -2,25 +2,11 @@
 
 use std::f32::consts::{PI, TAU};
 
-use crate::canvas::{Canvas, Colour, FADED, Shape, Spot};
-use crate::series::Tone;
+use crate::canvas::{Canvas, Shape};
+use crate::primitives::{COLOURS, Colour, FADED, Position, RADIUS};
+use crate::series::Emphasis;
 
-/// Okabe and Ito's palette, which the colour-blind can tell apart; its yellow is left out, for it is
-/// faint on white.
-const COLOURS: [Colour; 7] = [
-    [0x00, 0x72, 0xb2],
-    [0xd5, 0x5e, 0x00],
-    [0x00, 0x9e, 0x73],
-    [0xcc, 0x79, 0xa7],
-    [0x00, 0x00, 0x00],
-    [0xe6, 0x9f, 0x00],
-    [0x56, 0xb4, 0xe9],
-];
-
-/// Half the size of a marker, px.
-pub const RADIUS: f32 = 6.0;
-
-/// How the series of an index looks: 56 differ in colour or marker, the second seven are dashed.
+/// Colour, marker and dashes of the series of an index: 56 differ in colour or marker; the second seven are dashed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Style {
     pub colour: Colour,
@@ -34,26 +20,26 @@ impl Style {
         Self { colour: COLOURS[index % COLOURS.len()], marker: index % 8, dash }
     }
 
-    pub fn line(&self, canvas: &mut Canvas, spots: Vec<Spot>) {
-        canvas.shapes.push(Shape::Line { spots, colour: self.colour, width: 1.8, dash: self.dash });
+    pub fn line(&self, canvas: &mut Canvas, points: Vec<Position>) {
+        canvas.shapes.push(Shape::Line { points, colour: self.colour, width: 1.8, dash: self.dash });
     }
 
-    /// The marker at a spot; `hover` is shown while a pointer is on it.
-    pub fn mark(&self, canvas: &mut Canvas, (x, y): Spot, tone: Tone, hover: &str) {
-        let spots = self.outline().into_iter().map(|(dx, dy)| (x + RADIUS * dx, y + RADIUS * dy)).collect();
+    /// Draws the marker. The SVG shows `hover` while the pointer is on it.
+    pub fn mark(&self, canvas: &mut Canvas, (x, y): Position, emphasis: Emphasis, hover: &str) {
+        let points = self.outline().into_iter().map(|(dx, dy)| (x + RADIUS * dx, y + RADIUS * dy)).collect();
         let hover = hover.to_owned();
-        canvas.shapes.push(Shape::Area { spots, colour: self.toned(tone), hover });
+        canvas.shapes.push(Shape::Area { points, colour: self.with_emphasis(emphasis), hover });
     }
 
-    pub fn toned(&self, tone: Tone) -> Colour {
-        match tone {
-            Tone::Full => self.colour,
-            Tone::Faded => FADED,
+    pub fn with_emphasis(&self, emphasis: Emphasis) -> Colour {
+        match emphasis {
+            Emphasis::Normal => self.colour,
+            Emphasis::Faded => FADED,
         }
     }
 
-    /// Around (0, 0), within a circle of about 1.
-    fn outline(&self) -> Vec<Spot> {
+    /// The outline of the marker around (0, 0), about as large as the unit circle.
+    fn outline(&self) -> Vec<Position> {
         match self.marker {
             0 => polygon(24, 0.0, 0.9),
             1 => polygon(4, PI / 4.0, 1.15),
@@ -67,18 +53,18 @@ impl Style {
     }
 }
 
-/// `corners` on a circle, the first at the top, turned by `turn`.
-fn polygon(corners: u8, turn: f32, radius: f32) -> Vec<Spot> {
-    (0..corners).map(|i| at(TAU * f32::from(i) / f32::from(corners) + turn, radius)).collect()
+/// A polygon with its corners on a circle, the first at the top, rotated by `rotation`.
+fn polygon(corners: u8, rotation: f32, radius: f32) -> Vec<Position> {
+    (0..corners).map(|i| at(TAU * f32::from(i) / f32::from(corners) + rotation, radius)).collect()
 }
 
-fn star(rays: u8, inner: f32, outer: f32) -> Vec<Spot> {
+fn star(rays: u8, inner: f32, outer: f32) -> Vec<Position> {
     let corner =
         |i: u8| at(PI * f32::from(i) / f32::from(rays), if i.is_multiple_of(2) { outer } else { inner });
     (0..2 * rays).map(corner).collect()
 }
 
-fn at(angle: f32, radius: f32) -> Spot {
+fn at(angle: f32, radius: f32) -> Position {
     (radius * angle.sin(), -radius * angle.cos())
 }
 

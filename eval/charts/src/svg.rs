@@ -1,4 +1,4 @@
-//! Shapes as SVG 1.1.
+//! Renders shapes as SVG 1.1.
 
 use std::fmt::Write;
 
@@ -9,17 +9,16 @@ use image::codecs::jpeg::JpegEncoder;
 use image::imageops::{self, FilterType};
 
 use crate::ChartError;
+use crate::canvas::{Anchor, Canvas, Rotation, Shape};
+use crate::picture::Picture;
+use crate::primitives::{Area, Colour, Position, WHITE};
 
-use crate::canvas::{Anchor, Canvas, Colour, Shape, Spot, Turn, WHITE};
-use crate::label::Area;
-use crate::pictures::Picture;
-
-/// Pixels of a picture for one of the chart, along each side.
+/// Highest resolution of an image: pixels for one px of the chart.
 const FINEST: f32 = 2.0;
-/// Of JPEG, of 100.
+/// Quality of JPEG, of 100.
 const QUALITY: u8 = 82;
 
-/// The whole document.
+/// Renders the canvas as an SVG document.
 pub fn text(canvas: &Canvas) -> Result<String, ChartError> {
     let (width, height) = (canvas.width, canvas.height);
     let mut out = format!(
@@ -38,7 +37,7 @@ pub fn text(canvas: &Canvas) -> Result<String, ChartError> {
     Ok(out)
 }
 
-/// The picture as JPEG within the document, at most [`FINEST`] pixels for one of the chart.
+/// Embeds the image as JPEG with at most [`FINEST`] pixels for one px of the chart.
 fn image(out: &mut String, (left, top, right, bottom): Area, picture: &Picture) -> Result<(), ChartError> {
     let (width, height) = (right - left, bottom - top);
     let jpeg = jpeg(picture, (FINEST * width) as u32, (FINEST * height) as u32)?;
@@ -65,40 +64,40 @@ fn jpeg(picture: &Picture, width: u32, height: u32) -> Result<Vec<u8>, ChartErro
 fn push(out: &mut String, shape: &Shape) {
     // Writing to a String cannot fail.
     let _ = match shape {
-        Shape::Line { spots, colour, width, dash } => {
+        Shape::Line { points, colour, width, dash } => {
             let dashes = if *dash > 0.0 { format!(" stroke-dasharray=\"{dash}\"") } else { String::new() };
             writeln!(
                 out,
                 "<polyline points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{width}\"{dashes}/>",
-                points(spots),
+                coordinates(points),
                 hex(*colour)
             )
         }
-        Shape::Area { spots, colour, hover } => writeln!(
+        Shape::Area { points, colour, hover } => writeln!(
             out,
             "<polygon points=\"{}\" fill=\"{}\" stroke=\"{}\" stroke-width=\"1\">{}</polygon>",
-            points(spots),
+            coordinates(points),
             hex(*colour),
             hex(WHITE),
             if hover.is_empty() { String::new() } else { format!("<title>{}</title>", escaped(hover)) }
         ),
-        // Has a function of its own, for it can fail.
+        // `image` writes it, because that can fail.
         Shape::Picture { .. } => Ok(()),
-        Shape::Text { spot: (x, y), text, size, colour, anchor, turn, width } => {
+        Shape::Text { position: (x, y), text, size, colour, anchor, rotation, width } => {
             let anchor = match anchor {
                 Anchor::Start => "start",
                 Anchor::Middle => "middle",
                 Anchor::End => "end",
             };
-            let turn = match turn {
-                Turn::Level => String::new(),
-                Turn::Upwards => format!(" transform=\"rotate(-90 {x:.1} {y:.1})\""),
+            let rotation = match rotation {
+                Rotation::Horizontal => String::new(),
+                Rotation::Upwards => format!(" transform=\"rotate(-90 {x:.1} {y:.1})\""),
             };
-            // The length holds the text in its place where another font stands in.
+            // With its length, the text keeps its place if another font replaces the first one.
             writeln!(
                 out,
                 "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{size}\" fill=\"{}\" text-anchor=\"{anchor}\" \
-                 textLength=\"{width:.1}\" lengthAdjust=\"spacingAndGlyphs\"{turn}>{}</text>",
+                 textLength=\"{width:.1}\" lengthAdjust=\"spacingAndGlyphs\"{rotation}>{}</text>",
                 hex(*colour),
                 escaped(text)
             )
@@ -106,8 +105,8 @@ fn push(out: &mut String, shape: &Shape) {
     };
 }
 
-fn points(spots: &[Spot]) -> String {
-    spots.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect::<Vec<_>>().join(" ")
+fn coordinates(points: &[Position]) -> String {
+    points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect::<Vec<_>>().join(" ")
 }
 
 fn hex([r, g, b]: Colour) -> String {

@@ -1,8 +1,8 @@
 //! Charts: any data can be drawn, and what is drawn can be told apart.
 
 use modulo_charts::{
-    Axis, Bar, Bars, Body, Chart, ChartError, Look, Page, Panel, Picture, Pictures, Point, Scale, Series,
-    Tone,
+    Axis, Bar, Bars, Body, Chart, ChartError, Emphasis, PageWidth, Panel, Picture, Pictures, Point, Scale,
+    Series, SeriesStyle,
 };
 
 fn axis(scale: Scale) -> Axis {
@@ -26,12 +26,12 @@ fn any_text_and_any_number_can_be_drawn() {
     let series = vec![Series {
         name: "all".to_owned(),
         points: values.iter().map(point).collect(),
-        look: Look::Joined,
+        style: SeriesStyle::LineAndMarkers,
     }];
     for scale in [Scale::Log, Scale::Linear { from: -2.0, to: 5.0 }, Scale::Linear { from: 1.0, to: 1.0 }] {
         let panel = Panel { x: axis(scale), y: axis(Scale::Log), series: series.clone() };
         let chart = chart(Body::Panels(vec![panel]));
-        let svg = chart.svg(Page::Wide).unwrap();
+        let svg = chart.svg(PageWidth::Wide).unwrap();
         assert!(
             svg.contains("a &lt; b &amp; c") && !svg.contains("NaN") && !svg.contains("inf"),
             "{scale:?}"
@@ -43,23 +43,23 @@ fn any_text_and_any_number_can_be_drawn() {
 
 #[test]
 fn a_look_leaves_out_marks_or_line_and_faded_marks_are_grey() {
-    let point = |x, tone| Point { x, y: x, tone, ..Point::default() };
-    let drawn = |look, tone| {
-        let points = vec![point(1.0, tone), point(2.0, tone)];
-        let series = vec![Series { name: "one".to_owned(), points, look }];
+    let point = |x, emphasis| Point { x, y: x, emphasis, ..Point::default() };
+    let drawn = |style, emphasis| {
+        let points = vec![point(1.0, emphasis), point(2.0, emphasis)];
+        let series = vec![Series { name: "one".to_owned(), points, style }];
         let linear = Scale::Linear { from: 0.0, to: 3.0 };
         let panel = Panel { x: axis(linear), y: axis(linear), series };
-        let svg = chart(Body::Panels(vec![panel])).svg(Page::Wide).unwrap();
+        let svg = chart(Body::Panels(vec![panel])).svg(PageWidth::Wide).unwrap();
         let of = |what: &str, colour: &str| {
             svg.lines().filter(|line| line.starts_with(what) && line.contains(colour)).count()
         };
         (of("<polyline", "#0072b2"), of("<polygon", "#0072b2"), of("<polygon", "#bdbdbd"))
     };
     // Each with the legend's own piece.
-    assert_eq!(drawn(Look::Joined, Tone::Full), (2, 3, 0));
-    assert_eq!(drawn(Look::Marks, Tone::Full), (0, 3, 0));
-    assert_eq!(drawn(Look::Line, Tone::Full), (2, 0, 0));
-    assert_eq!(drawn(Look::Marks, Tone::Faded), (0, 1, 2));
+    assert_eq!(drawn(SeriesStyle::LineAndMarkers, Emphasis::Normal), (2, 3, 0));
+    assert_eq!(drawn(SeriesStyle::Markers, Emphasis::Normal), (0, 3, 0));
+    assert_eq!(drawn(SeriesStyle::Line, Emphasis::Normal), (2, 0, 0));
+    assert_eq!(drawn(SeriesStyle::Markers, Emphasis::Faded), (0, 1, 2));
 }
 
 #[test]
@@ -71,7 +71,7 @@ fn a_narrow_page_puts_panels_below_each_other() {
         let (_, rest) = svg.split_once(" height=\"").expect("a height");
         rest.split('"').next().unwrap().parse::<f32>().unwrap()
     };
-    assert!(height(Page::Narrow) > 1.8 * height(Page::Wide), "{} px", height(Page::Narrow));
+    assert!(height(PageWidth::Narrow) > 1.8 * height(PageWidth::Wide), "{} px", height(PageWidth::Narrow));
 }
 
 #[test]
@@ -80,7 +80,7 @@ fn bars_are_as_long_as_their_parts() {
     let row = |parts: Vec<(String, f64)>| Bar { label: "row".to_owned(), parts, note: "ms".to_owned() };
     let rows = vec![row(vec![part("a", 10.0), part("b", 20.0)]), row(vec![part("b", 40.0)])];
     let chart = chart(Body::Bars(Bars { label: "ms".to_owned(), rows }));
-    for page in [Page::Wide, Page::Narrow] {
+    for page in [PageWidth::Wide, PageWidth::Narrow] {
         let svg = chart.svg(page).unwrap();
         let widths: Vec<f32> = svg
             .lines()
@@ -106,7 +106,7 @@ fn pictures_lie_in_both_forms_and_wrong_sizes_are_refused() {
     let rows = vec![("alpha 2".to_owned(), vec![Some(picture), None])];
     let columns = vec!["one".to_owned(), "two".to_owned()];
     let chart = chart(Body::Pictures(Pictures { columns, rows }));
-    let svg = chart.svg(Page::Wide).unwrap();
+    let svg = chart.svg(PageWidth::Wide).unwrap();
     assert_eq!(svg.matches("data:image/jpeg;base64,").count(), 1);
     assert_eq!(svg.matches("<polyline").count(), 1, "one box");
     let png = image::load_from_memory(&chart.png().unwrap()).unwrap().to_rgb8();

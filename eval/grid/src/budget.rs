@@ -1,23 +1,23 @@
-//! What to run within a time: the most accurate choice of a grid that is fast enough.
+//! The most accurate cells of a grid that are fast enough.
 
-use crate::pareto::{self, Offer};
+use crate::labels::{self, distinct};
+use crate::pareto::{self, Candidate};
 use crate::results::{Cell, Results, Stream};
-use crate::wording::{self, distinct};
 
 /// The choices at one saturation factor, lens and noise.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Budget<'a> {
     /// The saturation factor.
     pub alpha: f64,
-    /// Lens and noise.
+    /// DetectorConfig and noise.
     pub conditions: String,
     /// The Pareto front, from fast to accurate.
     pub front: Vec<Choice<'a>>,
-    /// The most accurate of it within the time; `None` where nothing is fast enough.
+    /// The most accurate choice within the time. `None` if no choice is fast enough.
     pub best: Option<Choice<'a>>,
 }
 
-/// A cell that a camera can deliver.
+/// A cell whose image a camera can deliver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Choice<'a> {
     /// The cell.
@@ -28,38 +28,39 @@ pub struct Choice<'a> {
     pub ap50: f64,
 }
 
-/// For each alpha, lens and noise of the grid, what is best within `ms` a frame.
+/// For each alpha, lens and noise of the grid: the best choice that takes at most `ms` a frame.
 pub fn within(results: &Results, ms: f64) -> Vec<Budget<'_>> {
     let mut alphas = distinct(results.cells.iter().map(|cell| cell.point.alpha));
     alphas.sort_by(f64::total_cmp);
     let mut budgets = Vec::new();
-    for conditions in wording::all_conditions(&results.cells) {
+    for conditions in labels::all_conditions(&results.cells) {
         for &alpha in &alphas {
             let here =
-                |cell: &&Cell| cell.point.alpha == alpha && wording::conditions_of(&cell.point) == conditions;
+                |cell: &&Cell| cell.point.alpha == alpha && labels::conditions_of(&cell.point) == conditions;
             let choices: Vec<Choice<'_>> = results.cells.iter().filter(here).filter_map(choice).collect();
-            let offers: Vec<Offer> = choices.iter().map(|c| Offer { cost: c.ms, gain: c.ap50 }).collect();
-            let front: Vec<Choice<'_>> = pareto::front(&offers).into_iter().map(|i| choices[i]).collect();
+            let candidates: Vec<Candidate> =
+                choices.iter().map(|c| Candidate { cost: c.ms, gain: c.ap50 }).collect();
+            let front: Vec<Choice<'_>> = pareto::front(&candidates).into_iter().map(|i| choices[i]).collect();
             let best = front.iter().rev().find(|choice| choice.ms <= ms).copied();
             if !front.is_empty() {
-                budgets.push(Budget { alpha, conditions: wording::conditions(conditions), front, best });
+                budgets.push(Budget { alpha, conditions: labels::conditions(conditions), front, best });
             }
         }
     }
     budgets
 }
 
-/// The sharp and the blurred ideal are none: no sensor delivers them.
+/// The choice of a cell. Ideal images are no choice: no sensor delivers them.
 fn choice(cell: &Cell) -> Option<Choice<'_>> {
     let figures: Vec<f64> = cell.ap50.values().flatten().copied().collect();
     let real = cell.point.stream != Stream::Ideal && !figures.is_empty();
     let ap50 = figures.iter().sum::<f64>() / figures.len().max(1) as f64;
-    real.then_some(Choice { cell, ms: wording::frame_ms(cell)?, ap50 })
+    real.then_some(Choice { cell, ms: labels::frame_ms(cell)?, ap50 })
 }
 
 impl Choice<'_> {
-    /// Such as `recovered (auto), yolov10n 640x192`.
+    /// Description such as `recovered (auto), yolov10n 640x192`.
     pub fn name(&self) -> String {
-        format!("{}, {}", wording::stream(&self.cell.point), wording::model(&self.cell.point))
+        format!("{}, {}", labels::stream(&self.cell.point), labels::model(&self.cell.point))
     }
 }

@@ -1,5 +1,6 @@
-//! Classes of a model, classes of the labels, and the groups in which they are scored. Maps are files of lines
-//! `from: to`; `#` opens a comment.
+//! The mapping from the classes of a model to the classes of the labels, and the groups in which they are scored.
+//!
+//! A mapping is a file of lines `from: to`. `#` starts a comment.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -7,132 +8,132 @@ use std::path::Path;
 use modulo_bags::source::GroundTruth;
 use modulo_detector::{COCO_TO_KITTI, parse_class_map};
 
-use crate::grid::GridError;
+use crate::error::GridError;
 
-/// The paper's own map.
+/// The mapping of the paper.
 pub const PAPER: &str = include_str!("../class_maps/paper.yaml");
-/// Which classes are vehicles and which are persons.
+/// The groups vehicle and person.
 pub const GROUPS: &str = include_str!("../class_maps/groups.yaml");
 
-/// The class of an area that everybody leaves out.
+/// The class of areas that are never scored.
 pub const DONT_CARE: &str = "dontcare";
-/// What KITTI calls its objects, in lower case.
+/// The classes of KITTI in lower case.
 const KITTI: [&str; 8] = ["car", "van", "truck", "pedestrian", "person_sitting", "cyclist", "tram", "misc"];
 
-/// Lines `from: to` of a file.
+/// The lines `from: to` of a file.
 pub type Table = BTreeMap<String, String>;
 
-/// What a model's class is called among the labels.
+/// Maps the classes of a model to those of the labels.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ClassMap {
-    /// By the model's name.
+    /// Class of the labels by class of the model.
     pub table: Table,
-    others: Others,
+    unlisted: UnlistedClass,
 }
 
-/// What becomes of a class that the table does not name.
+/// Treatment of a class that the table does not list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Others {
-    /// It is its own twin.
+enum UnlistedClass {
+    /// The class is kept under its own name.
     Kept,
-    /// It is its own twin when KITTI knows it.
+    /// The class is kept if it is a class of KITTI, else dropped.
     KittiKept,
-    /// It is dropped.
+    /// The class is dropped.
     Dropped,
 }
 
 impl ClassMap {
-    /// Labels and model have the same names.
+    /// The identity, for labels with the class names of the model.
     pub fn same() -> Self {
-        Self { table: Table::new(), others: Others::Kept }
+        Self { table: Table::new(), unlisted: UnlistedClass::Kept }
     }
 
-    /// COCO's names to KITTI's; KITTI's own stay.
+    /// Maps the classes of COCO to those of KITTI, and keeps those of KITTI.
     pub fn kitti() -> Self {
-        Self { table: shipped(COCO_TO_KITTI), others: Others::KittiKept }
+        Self { table: embedded(COCO_TO_KITTI), unlisted: UnlistedClass::KittiKept }
     }
 
-    /// The paper's.
+    /// The mapping of the paper.
     pub fn paper() -> Self {
-        Self { table: shipped(PAPER), others: Others::Dropped }
+        Self { table: embedded(PAPER), unlisted: UnlistedClass::Dropped }
     }
 
-    /// A file's, which alone counts.
+    /// Reads a mapping from a file. Classes that it does not list are dropped.
     ///
     /// # Errors
-    /// [`GridError::Table`] with the line.
+    /// [`GridError::Table`] with the wrong line.
     pub fn read(path: &Path) -> Result<Self, GridError> {
-        Ok(Self { table: read(path)?, others: Others::Dropped })
+        Ok(Self { table: read(path)?, unlisted: UnlistedClass::Dropped })
     }
 
-    /// The labels' class of a model's; `None` drops it.
-    pub fn twin<'a>(&'a self, class: &'a str) -> Option<&'a str> {
+    /// The class of the labels for a class of the model. `None` means that the class is dropped.
+    pub fn mapped<'a>(&'a self, class: &'a str) -> Option<&'a str> {
         match self.table.get(class) {
-            Some(twin) => Some(twin.as_str()).filter(|twin| !twin.is_empty()),
-            None if self.others == Others::Kept => Some(class),
-            None if self.others == Others::KittiKept && KITTI.contains(&class) => Some(class),
+            Some(mapped) => Some(mapped.as_str()).filter(|mapped| !mapped.is_empty()),
+            None if self.unlisted == UnlistedClass::Kept => Some(class),
+            None if self.unlisted == UnlistedClass::KittiKept && KITTI.contains(&class) => Some(class),
             None => None,
         }
     }
 }
 
-/// The groups of a file of `class: group` and `class: ignore group`.
+/// The groups in which classes are scored: lines `class: group` and `class: ignore group`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Groups(Table);
 
-/// What a class is to a group.
+/// Relation of a class to a group.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
-    /// One of its own.
+pub enum Membership {
+    /// The class is scored in the group.
     Member,
-    /// Near enough that a detection of it is no mistake.
+    /// Objects of the class are ignored in the group: it is similar, so that detecting it is not an error.
     Ignored,
-    /// Something else.
+    /// The class does not belong to the group.
     Other,
 }
 
 impl Default for Groups {
     fn default() -> Self {
-        Self(shipped(GROUPS))
+        Self(embedded(GROUPS))
     }
 }
 
 impl Groups {
-    /// A file's.
+    /// Reads groups from a file.
     ///
     /// # Errors
-    /// [`GridError::Table`] with the line.
+    /// [`GridError::Table`] with the wrong line.
     pub fn read(path: &Path) -> Result<Self, GridError> {
         read(path).map(Self)
     }
 
-    /// As in the file.
+    /// The lines of the file.
     pub fn table(&self) -> &Table {
         &self.0
     }
 
-    /// All groups.
+    /// The names of all groups.
     pub fn names(&self) -> BTreeSet<&str> {
         self.0.values().filter_map(|value| value.split_whitespace().last()).collect()
     }
 
-    /// What `class` is to `group`.
-    pub fn part(&self, class: &str, group: &str) -> Part {
+    /// The relation of `class` to `group`.
+    pub fn membership(&self, class: &str, group: &str) -> Membership {
         let words = self.0.get(class).map(|value| value.split_whitespace().collect::<Vec<_>>());
         match words.as_deref() {
-            Some([name]) if *name == group => Part::Member,
-            Some(["ignore", name]) if *name == group => Part::Ignored,
-            _ => Part::Other,
+            Some([name]) if *name == group => Membership::Member,
+            Some(["ignore", name]) if *name == group => Membership::Ignored,
+            _ => Membership::Other,
         }
     }
 
-    /// The group that `class` is a member of.
+    /// The group in which `class` is scored.
     pub fn of(&self, class: &str) -> Option<&str> {
         self.0.get(class).map(String::as_str).filter(|value| !value.contains(char::is_whitespace))
     }
 }
 
-/// The classes of labels, without the areas to leave out.
+/// The classes of the labels, without DontCare.
 pub fn of_labels<'a>(labels: impl Iterator<Item = &'a GroundTruth>) -> BTreeSet<&'a str> {
     labels.map(|label| label.class.as_str()).filter(|class| *class != DONT_CARE).collect()
 }
@@ -147,9 +148,9 @@ fn read(path: &Path) -> Result<Table, GridError> {
     Ok(table)
 }
 
-/// A map that is part of this program.
-fn shipped(text: &str) -> Table {
-    parse_class_map(text).expect("a test of this file reads the shipped maps")
+/// A mapping that is part of the program.
+fn embedded(text: &str) -> Table {
+    parse_class_map(text).expect("a test of this file reads the embedded mappings")
 }
 
 #[cfg(test)]
@@ -159,22 +160,22 @@ mod tests {
     #[test]
     fn the_shipped_tables_are_readable_and_fit() {
         for text in [COCO_TO_KITTI, PAPER, GROUPS] {
-            assert!(!shipped(text).is_empty());
+            assert!(!embedded(text).is_empty());
         }
         assert_eq!(Groups::default().names().into_iter().collect::<Vec<_>>(), ["person", "vehicle"]);
         let groups = Groups::default();
-        assert_eq!(groups.part("cyclist", "person"), Part::Ignored);
+        assert_eq!(groups.membership("cyclist", "person"), Membership::Ignored);
         assert_eq!((groups.of("van"), groups.of("cyclist")), (Some("vehicle"), None));
     }
 
     #[test]
     fn each_map_has_its_own_way_with_unknown_classes() {
-        let twins = |map: ClassMap| {
-            ["person", "bus", "van", "zebra", "motorcycle"].map(|c| map.twin(c).unwrap_or("-").to_owned())
+        let mapped = |map: ClassMap| {
+            ["person", "bus", "van", "zebra", "motorcycle"].map(|c| map.mapped(c).unwrap_or("-").to_owned())
         };
-        assert_eq!(twins(ClassMap::kitti()), ["pedestrian", "tram", "van", "-", "cyclist"]);
-        assert_eq!(twins(ClassMap::paper()), ["pedestrian", "tram", "-", "-", "-"]);
-        assert_eq!(twins(ClassMap::same()), ["person", "bus", "van", "zebra", "motorcycle"]);
+        assert_eq!(mapped(ClassMap::kitti()), ["pedestrian", "tram", "van", "-", "cyclist"]);
+        assert_eq!(mapped(ClassMap::paper()), ["pedestrian", "tram", "-", "-", "-"]);
+        assert_eq!(mapped(ClassMap::same()), ["person", "bus", "van", "zebra", "motorcycle"]);
     }
 
     #[test]

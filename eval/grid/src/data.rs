@@ -1,4 +1,4 @@
-//! [`Data`]: the labelled frames of an evaluation, and which of them can be scored.
+//! [`Data`]: the labelled frames of a grid.
 
 use std::path::{Path, PathBuf};
 
@@ -9,36 +9,36 @@ use modulo_bags::source::{
 use crate::classes::ClassMap;
 use crate::results::Difficulty;
 
-/// Where labelled frames are.
+/// The place and format of labelled frames.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Data {
-    /// A KITTI object folder, all of it or the frames of a list.
+    /// All frames of a KITTI object folder, or the frames of a list.
     Kitti {
         /// Folder that holds `image_2` and `label_2`.
         folder: PathBuf,
-        /// Frames to take, in this order.
+        /// The frames to take, in this order. `None` takes all.
         list: Option<FrameList>,
     },
-    /// KITTI drives with tracking labels; each is a drive of its own.
+    /// KITTI drives with tracking labels, one folder for each drive.
     Sequences(Vec<PathBuf>),
-    /// Images with YOLO's labels.
+    /// Images with YOLO labels.
     Yolo(PathBuf),
-    /// Images with COCO's labels.
+    /// Images with COCO labels.
     Coco {
         /// The annotation file.
         annotations: PathBuf,
-        /// Where its images are; `None`: beside it, as the data set lies.
+        /// Folder of the images. `None` searches in the layout of the COCO data set.
         images: Option<PathBuf>,
     },
-    /// Whatever a camera can read and that brings its ground truth: a bag, `scene://PRESET`.
+    /// Any source of the camera node that has ground truth: a bag, `scene://PRESET`.
     Any(String),
 }
 
-/// A source and the drive that all of its frames come from, if it is known.
+/// A source, and the drive that all its frames come from, if it is known.
 pub(crate) type Drive = (Option<String>, Box<dyn Source>);
 
 impl Data {
-    /// All its sources, at their first frames.
+    /// Opens all sources.
     pub(crate) fn open(&self) -> Result<Vec<Drive>, SourceError> {
         match self {
             Self::Kitti { folder, list: None } => Ok(vec![(None, Box::new(KittiSource::open(folder, 0.0)?))]),
@@ -55,7 +55,7 @@ impl Data {
         }
     }
 
-    /// The drive of a frame, where a list says it.
+    /// The drive of a frame, if a list names it.
     pub(crate) fn drive_of(&self, frame: &str) -> Option<String> {
         match self {
             Self::Kitti { list: Some(list), .. } => list.drive_of(frame).map(str::to_owned),
@@ -63,7 +63,7 @@ impl Data {
         }
     }
 
-    /// As it was given, for people.
+    /// The data as it was given on the command line.
     pub fn name(&self) -> String {
         let path = |path: &Path| path.display().to_string();
         match self {
@@ -78,7 +78,7 @@ impl Data {
         }
     }
 
-    /// KITTI's names unless the data set brings a model's own.
+    /// The default class mapping: to the classes of KITTI, or none for labels that use the classes of the model.
     pub fn class_map(&self) -> ClassMap {
         match self {
             Self::Yolo(_) | Self::Coco { .. } => ClassMap::same(),
@@ -86,7 +86,7 @@ impl Data {
         }
     }
 
-    /// KITTI's usual step where labels tell it.
+    /// The default difficulty: moderate, or all for labels without such information.
     pub fn difficulty(&self) -> Difficulty {
         match self {
             Self::Yolo(_) | Self::Coco { .. } => Difficulty::All,

@@ -1,4 +1,4 @@
-//! Several pictures in one: two columns, a white line between.
+//! Joins several images into one, in two columns with a white line between them.
 
 use modulo_core::Frame;
 use ndarray::{Array3, s};
@@ -6,8 +6,7 @@ use ndarray::{Array3, s};
 /// Width of the line, px.
 const GAP: usize = 4;
 
-/// `frames` row by row, all as large as the first; `None` without any, or when
-/// one is not 8 bit RGB of that size.
+/// Joins `frames` row by row. `None` without frames, or if one is not 8-bit RGB of the size of the first.
 pub fn mosaic(frames: &[&Frame]) -> Option<Frame> {
     let (height, width, channels) = frames.first()?.dim();
     let rows = frames.len().div_ceil(2);

@@ -1,25 +1,25 @@
-//! The figures that the paper gives, in its own units.
+//! The figures of the tables of the paper, in its units.
 
 use crate::results::Stream;
 
-/// The saturation factors of its table 1.
+/// The saturation factors of table 1.
 pub const ALPHAS: [f64; 4] = [1.5, 2.0, 3.0, 4.0];
-/// What it assumes of one capture, ms.
+/// The time that the paper assumes for one capture, ms.
 pub const CAPTURE_MS: f64 = 33.0;
 
 const TABLES: &str = include_str!("published.txt");
 
-/// One YOLOv10 of the paper.
+/// A YOLOv10 model of the paper.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Published(char);
 
 impl Published {
-    /// n, s, m, b, l or x.
+    /// The size of the model: n, s, m, b, l or x.
     pub fn letter(&self) -> char {
         self.0
     }
 
-    /// That of a model's name, such as `yolov10n` or `yolov10n_dyn_w16`.
+    /// The model with a name such as `yolov10n` or `yolov10n_dyn_w16`. `None` for other models.
     pub fn of(model: &str) -> Option<Self> {
         let (_, rest) = model.split_once("yolov10")?;
         let mut letters = rest.chars();
@@ -28,8 +28,8 @@ impl Published {
         ends.then_some(Self(letter))
     }
 
-    /// IoU, F1 and accuracy of a stream, percent; `None` at an alpha that the paper does not have, and of merged
-    /// captures, which it assumes to be ideal.
+    /// IoU, F1 and accuracy of a stream in percent. `None` at an alpha that the paper does not list, and for merged
+    /// captures, which the paper assumes to be ideal.
     pub fn figures(&self, stream: Stream, alpha: f64) -> Option<[f64; 3]> {
         let figures = self.row(stream.name())?;
         if let [iou, f1, accuracy] = figures[..] {
@@ -39,8 +39,8 @@ impl Published {
         Some([0, 1, 2].map(|figure| figures[ALPHAS.len() * figure + column]))
     }
 
-    /// Time of a frame from the saturated or modulo image, from its recovery, and from three captures, ms; captures
-    /// included.
+    /// Time of a frame including its captures, ms: with the saturated or modulo image, with recovery, and with three
+    /// captures.
     pub fn ms(&self) -> [f64; 3] {
         self.row("ms").and_then(|times| times.try_into().ok()).expect("each model has a row of three times")
     }

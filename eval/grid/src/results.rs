@@ -1,39 +1,38 @@
-//! [`Results`]: what a grid of cells measured, as `results.json` holds it.
+//! [`Results`]: the content of `results.json`.
 //!
-//! Figures are fractions unless their name carries a unit. Everything but
-//! [`Cell::latency_ms`] is the same on every run of the same command. Nothing is
-//! computed here.
+//! Figures are fractions unless their name has a unit. Everything except durations is the same in every run of the same
+//! command.
 
 use std::collections::BTreeMap;
 use std::fmt;
 
+use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
-/// Name of the file.
+/// Name of the file of results.
 pub const RESULTS: &str = "results.json";
-/// The same as a table, one row a cell.
+/// Name of the file with the same figures as a table, one row for each cell.
 pub const TABLE: &str = "results.csv";
 
-/// `results.json`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// The results of a grid.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Results {
-    /// What was asked for; only results of equal setups can be put together.
+    /// The settings. Only results of equal setups can be joined.
     pub setup: Setup,
-    /// What was looked at.
+    /// Description of the data.
     pub input: Input,
-    /// What each figure of a cell means, by its name in the cell.
+    /// The definition of each figure of a cell, by its name.
     pub definitions: BTreeMap<String, String>,
-    /// The cells that are done, in the order of the grid. A killed run and a shard have fewer than
-    /// [`Setup::grid`].
+    /// The finished cells in the order of the grid. A killed run and a shard have fewer cells than [`Setup::grid`].
     pub cells: Vec<Cell>,
 }
 
-/// What was asked for.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// The settings of a grid.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Setup {
     /// Version of the program.
     pub version: String,
-    /// Which protocol the frames went through.
+    /// The protocol of the pipelines.
     pub protocol: Protocol,
     /// The data, as it was given on the command line.
     pub source: String,
@@ -41,95 +40,97 @@ pub struct Setup {
     pub bits: u8,
     /// Seed of noise and bootstrap.
     pub seed: u64,
-    /// Objects that count in `ap50` and `ap50_95`.
+    /// Objects that `ap50` and `ap50_95` count.
     pub difficulty: Difficulty,
-    /// Engine that was asked for: `auto`, `ort` or `rten`.
+    /// The requested engine: `auto`, `ort` or `rten`.
     pub engine: String,
-    /// Class of a model to class of the labels; a class that is neither here nor among the labels' own is dropped.
+    /// Class of the model to class of the labels.
     pub class_map: BTreeMap<String, String>,
     /// Class of the labels to the group it is scored in, such as `vehicle`.
     pub groups: BTreeMap<String, String>,
-    /// Models by the name that cells call them, each with its sha256.
+    /// The sha256 of each model, by its name in cells.
     pub models: BTreeMap<String, String>,
-    /// The whole grid, all shards together, in order.
+    /// All cells of the grid in order, over all shards.
     pub grid: Vec<Point>,
 }
 
-/// What was looked at.
+/// The data of a grid.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Input {
-    /// Frames that every cell saw.
+    /// Number of frames.
     pub frames: usize,
-    /// Frames of them that somebody labelled; only these are scored.
+    /// Number of labelled frames. Only these are scored.
     pub labelled: usize,
-    /// Different drives among them; 0 where the data does not tell.
+    /// Number of drives. 0 if the data does not name them.
     pub drives: usize,
     /// sha256 over the names of the frames and their labels, hexadecimal.
     pub digest: String,
-    /// What was left out, or is doubtful, a line each.
+    /// One line for each kind of frame or label that was left out or changed.
     pub warnings: Vec<String>,
-    /// Classes of the labels that no model has a twin for (never found), and of the models that no label has.
+    /// Classes without a counterpart: of the labels, for each model, and of each model.
     pub without_twin: BTreeMap<String, Vec<String>>,
 }
 
-/// The way of a frame to the detector.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// The pipeline from a frame to the detector.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Protocol {
-    /// The suite's own nodes.
+    /// The nodes of the suite
     #[default]
     Suite,
-    /// What the paper's scripts did.
+    /// The steps of the scripts of the paper
     Paper,
 }
 
-/// KITTI's steps of difficulty, and none.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+/// The objects that are scored: the difficulties of KITTI, or all.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Difficulty {
-    /// At least 40 px high, fully visible, at most 15 % outside the image.
+    /// At least 40 px high, fully visible, at most 15 % outside the image
     Easy,
-    /// At least 25 px high, at most partly occluded, at most 30 % outside.
+    /// At least 25 px high, at most partly occluded, at most 30 % outside
     #[default]
     Moderate,
-    /// At least 25 px high, at most largely occluded, at most 50 % outside.
+    /// At least 25 px high, at most largely occluded, at most 50 % outside
     Hard,
-    /// Every label: for data sets without such steps.
+    /// Every label, for data sets without this information
     All,
 }
 
-/// What an image has to be called to be one of the four of the paper.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+/// The image that the detector gets.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[value(rename_all = "snake_case")]
 pub enum Stream {
-    /// All of the scene's range; with [`Point::psf_sigma`] 0 the sharp ideal.
+    /// The full range of the scene. With [`Point::psf_sigma`] 0 it is sharp.
+    #[default]
     Ideal,
-    /// Clipped at the peak.
+    /// Clipped at the peak
     Saturated,
-    /// Wrapped at the peak.
+    /// Wrapped at the peak
     Modulo,
-    /// Unwrapped.
+    /// Unwrapped
     Recovered,
-    /// Three captures of a moving scene, one after the other, merged as a normal camera does.
+    /// Three consecutive captures of a moving scene, merged as a normal camera does
     MultiExposure,
-    /// The same three captures where nothing moves between them: what is left is the price of the motion.
+    /// The same three captures of a scene in which nothing moves; the difference is the effect of motion
     MultiExposureStill,
 }
 
-/// Where a cell lies in the grid.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// The settings of one cell.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Point {
-    /// What the detector saw.
+    /// The image that the detector gets.
     pub stream: Stream,
-    /// Unwrapping method; `None` but for [`Stream::Recovered`].
+    /// Unwrapping method. `None` for streams other than [`Stream::Recovered`].
     pub method: Option<String>,
-    /// Whether the lens was undone; only [`Stream::Recovered`] is.
+    /// Whether the lens blur was removed. Only for [`Stream::Recovered`].
     pub deblur: bool,
     /// Saturation factor.
     pub alpha: f64,
-    /// Blur of the lens, px. Every alpha has an [`Stream::Ideal`] at 0, whatever lenses were asked for.
+    /// Standard deviation of the lens blur, px. Every alpha also has an [`Stream::Ideal`] at 0.
     pub psf_sigma: f64,
-    /// Sigma of the read noise, code units.
+    /// Standard deviation of the read noise, code units.
     pub noise: f64,
     /// Name of the model in [`Setup::models`].
     pub model: String,
@@ -138,7 +139,7 @@ pub struct Point {
 }
 
 impl Stream {
-    /// As in the file.
+    /// The name in results and options.
     pub fn name(self) -> &'static str {
         match self {
             Self::Ideal => "ideal",
@@ -152,7 +153,7 @@ impl Stream {
 }
 
 impl fmt::Display for Point {
-    /// For people, such as `yolov10n recovered auto deblurred, alpha 4, blur 1.4 px`.
+    /// Describes the cell, such as `yolov10n recovered auto deblurred, alpha 4, blur 1.4 px`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { stream, method, deblur, alpha, psf_sigma, noise, model, input } = self;
         write!(f, "{model} {}", stream.name())?;
@@ -171,39 +172,39 @@ impl fmt::Display for Point {
     }
 }
 
-/// One cell of the grid.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// The figures of one cell.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
-    /// Where it lies.
+    /// The settings of the cell.
     #[serde(flatten)]
     pub point: Point,
-    /// Frames that were scored.
+    /// Number of scored frames.
     pub frames: usize,
-    /// Frames of them for which no answer came; they count as frames without a detection.
+    /// Number of frames without an answer. They are scored as frames without a detection.
     pub unanswered: usize,
-    /// AP at IoU 0.5 by group (`vehicle`, `person`); `None` (`null`) where no object counts.
+    /// AP at IoU 0.5 of each group (`vehicle`, `person`). `None` (`null`) if no object is scored.
     pub ap50: BTreeMap<String, Option<f64>>,
-    /// Mean over groups of the mean AP at IoU 0.50, 0.55, ..., 0.95.
+    /// Mean over the groups of the mean AP at IoU 0.50, 0.55, ..., 0.95.
     pub ap50_95: Option<f64>,
-    /// Objects that count, by group.
+    /// Number of scored objects of each group.
     pub objects: BTreeMap<String, usize>,
-    /// AP by class of the labels, classes with a twin alone.
+    /// AP of each class of the labels that the model can find.
     pub classes: BTreeMap<String, ClassScore>,
-    /// AP50 by difficulty (`easy`, `moderate`, `hard`, `all`), then by group.
+    /// AP50 for each difficulty (`easy`, `moderate`, `hard`, `all`) and group.
     pub difficulty: BTreeMap<Difficulty, BTreeMap<String, Option<f64>>>,
-    /// Precision at IoU 0.5 at the recalls 0, 0.01, ..., 1, by group.
+    /// Precision at IoU 0.5 at the recalls 0, 0.01, ..., 1 of each group. Empty if no object is scored.
     pub precision: BTreeMap<String, Vec<f64>>,
-    /// Bootstrap 95 % intervals, low and high, by figure: `ap50.vehicle`, `ap50_95`, `paper.f1`, ...
+    /// Bounds of the 95 % bootstrap interval by figure: `ap50.vehicle`, `paper.f1`, ...
     pub interval95: BTreeMap<String, [f64; 2]>,
-    /// The paper's three figures.
+    /// The three figures of the paper.
     pub paper: Paper,
-    /// The [`WORST`] frames with labels of lowest F1, the worst first.
+    /// The [`WORST`] labelled frames with the lowest F1, the worst first.
     pub worst: Vec<Worst>,
-    /// Share of the samples whose wrap count is the true one; recovered streams alone, as what follows.
+    /// Share of the samples with the true wrap count. This and the next figures exist only for recovered streams.
     pub exact_k: Option<f64>,
-    /// Share of the frames that the method vouches for; `None` where it makes no claim.
+    /// Share of the frames that the method trusts. `None` if it makes no statement.
     pub trusted: Option<f64>,
-    /// PSNR against the ideal image of the same lens, dB; `None` where nothing differs.
+    /// PSNR against the ideal image of the same lens, dB. `None` for equal images.
     pub psnr_db: Option<f64>,
     /// Mean SSIM against that image.
     pub ssim: Option<f64>,
@@ -211,41 +212,41 @@ pub struct Cell {
     pub psnr_sharp_db: Option<f64>,
     /// Mean SSIM against that image.
     pub ssim_sharp: Option<f64>,
-    /// Durations by stage: `sense`, `unwrap`, `tone` or `deblur`, `pre`, `infer`, `post`, ms.
+    /// Durations of each stage: `sense`, `unwrap`, `tone` or `deblur`, `pre`, `infer`, `post`, ms.
     pub latency_ms: BTreeMap<String, Percentiles>,
-    /// Frames by their whole time without `sense`: (upper bound in ms, frames); empty buckets are left out.
+    /// Histogram of the time of a frame without `sense`: (upper bound in ms, frames). Empty buckets are left out.
     pub latency_histogram: Vec<(f64, u64)>,
-    /// What they were measured on.
+    /// The machine and the settings of the durations.
     pub device: Device,
 }
 
-/// How many frames a cell names.
+/// Number of frames in [`Cell::worst`].
 pub const WORST: usize = 3;
 
-/// A frame on which a cell did badly.
+/// A frame with a low F1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Worst {
-    /// Among the frames that are scored, from 0.
+    /// Number among the scored frames, from 0.
     pub number: usize,
-    /// As in [`Paper::f1`].
+    /// F1 as in [`Paper::f1`].
     pub f1: f64,
 }
 
 /// AP of one class.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ClassScore {
-    /// At IoU 0.5.
+    /// AP at IoU 0.5.
     pub ap50: f64,
-    /// Mean over IoU 0.50, 0.55, ..., 0.95.
+    /// Mean AP over IoU 0.50, 0.55, ..., 0.95.
     pub ap50_95: f64,
-    /// Objects that count.
+    /// Number of scored objects.
     pub objects: usize,
 }
 
 /// IoU, F1 and accuracy as the paper's scripts compute them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Paper {
-    /// Mean over images of the mean IoU of its true positives.
+    /// Mean over images of the mean IoU of their true positives.
     pub iou: f64,
     /// Mean over images of F1.
     pub f1: f64,
@@ -253,26 +254,26 @@ pub struct Paper {
     pub accuracy: f64,
 }
 
-/// Quantiles of a stage over the frames of a cell, ms.
+/// Quantiles of a stage over the frames of a cell, ms, by the nearest rank.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Percentiles {
     /// Median.
     pub p50: f64,
-    /// 95 % were not slower.
+    /// 95th percentile.
     pub p95: f64,
-    /// 99 % were not slower.
+    /// 99th percentile.
     pub p99: f64,
 }
 
-/// What durations were measured on.
+/// The machine and the settings that durations were measured with.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Device {
-    /// The processor's own name.
+    /// Name of the processor.
     pub processor: String,
-    /// The engine that really ran.
+    /// The engine in use.
     pub engine: String,
     /// Threads of one inference.
     pub threads: usize,
-    /// Frames that were worked on side by side.
+    /// Number of frames that were processed in parallel.
     pub jobs: usize,
 }

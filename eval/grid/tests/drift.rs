@@ -4,10 +4,9 @@ use std::path::Path;
 use std::time::SystemTime;
 
 use modulo_detector::{DetectorParameters, EngineChoice};
-use modulo_eval::classes::Groups;
 use modulo_eval::data::Data;
-use modulo_eval::grid::{Axes, GridError, Nodes, Request, Shard, Suite, run};
-use modulo_eval::results::{Cell, Protocol, Stream};
+use modulo_eval::grid::{Axes, GridError, Nodes, Options, Request, Suite, run};
+use modulo_eval::results::{Cell, Stream};
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::{
     Context, Flow, Message, Node, ParameterError, Parameters, StepError, SystemClock, Topic, Trigger,
@@ -33,6 +32,10 @@ impl Node for Detector {
         self.0.outputs()
     }
 
+    fn status(&self) -> Vec<(&'static str, String)> {
+        self.0.status()
+    }
+
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
         self.0.configure(parameters)
     }
@@ -56,19 +59,11 @@ impl Node for Detector {
 }
 
 fn request(out: &Path) -> Request {
+    let axes = Axes { stream: vec![Stream::Ideal], alpha: vec![2.0], ..Axes::default() };
     Request {
         data: Data::Any("scene://day?seed=3&frames=3&width=320&height=128".to_owned()),
-        axes: Axes { streams: vec![Stream::Ideal], alphas: vec![2.0], ..Axes::default() },
-        protocol: Protocol::Suite,
-        class_map: None,
-        groups: Groups::default(),
-        difficulty: None,
-        engine: EngineChoice::Rten,
-        threads: 1,
-        jobs: 1,
+        options: Options { axes, engine: EngineChoice::Rten, jobs: 1, ..Options::default() },
         processor: String::new(),
-        seed: 0,
-        shard: Shard::WHOLE,
         out: out.to_owned(),
     }
 }

@@ -4,34 +4,21 @@ use std::path::Path;
 
 use modulo_detector::EngineChoice;
 use modulo_eval::data::Data;
-use modulo_eval::grid::{Axes, Event, GridError, Request, Shard, Suite, run, show};
+use modulo_eval::grid::{Axes, Deblur, Event, GridError, Options, Request, Suite, draw_pictures, run};
 use modulo_eval::report;
-use modulo_eval::results::{Cell, Protocol, Results, Stream};
+use modulo_eval::results::{Cell, Results, Stream};
 use modulo_runtime::SystemClock;
 
 fn request(data: Data, streams: &[Stream], out: &Path) -> Request {
     let axes = Axes {
-        streams: streams.to_vec(),
-        methods: vec!["auto".to_owned()],
-        deblur: vec![false],
-        alphas: vec![4.0],
+        stream: streams.to_vec(),
+        method: vec!["auto".to_owned()],
+        deblur: Deblur::Off,
+        alpha: vec![4.0],
         ..Axes::default()
     };
-    Request {
-        data,
-        axes,
-        protocol: Protocol::Suite,
-        class_map: None,
-        groups: Default::default(),
-        difficulty: None,
-        engine: EngineChoice::Rten,
-        threads: 1,
-        jobs: 2,
-        processor: String::new(),
-        seed: 0,
-        shard: Shard::WHOLE,
-        out: out.to_owned(),
-    }
+    let options = Options { axes, engine: EngineChoice::Rten, jobs: 2, ..Options::default() };
+    Request { data, options, processor: String::new(), out: out.to_owned() }
 }
 
 fn results(request: &Request) -> Result<Results, GridError> {
@@ -59,8 +46,8 @@ fn what_moves_has_ghosts_in_three_captures_and_none_in_one() {
     assert_eq!((merged.frames, merged.exact_k), (6, None));
     assert!(merged.latency_ms.contains_key("merge"));
 
-    let pictures = show(&request, &Suite, &SystemClock::default(), &results).expect("pictures");
-    report::keep(folder.path(), &pictures).expect("kept");
+    let pictures = draw_pictures(&request, &Suite, &SystemClock::default(), &results).expect("pictures");
+    report::save_pictures(folder.path(), &pictures).expect("kept");
     let page = std::fs::read_to_string(report::write(folder.path()).expect("a page")).expect("readable");
     assert!(page.contains("multi_exposure_still") && page.contains("data:image/jpeg;base64,"));
     assert!(folder.path().join("charts/pictures_streams.png").is_file());

@@ -2,9 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use modulo_eval::results::{
-    Cell, Device, Input, Paper, Percentiles, Point, Protocol, Results, Setup, Stream,
-};
+use modulo_eval::results::{Cell, Device, Input, Paper, Percentiles, Point, Results, Setup, Stream};
 use modulo_eval::{budget, chart, report, store};
 
 fn map<T: Clone>(pairs: &[(&str, T)]) -> BTreeMap<String, T> {
@@ -38,30 +36,21 @@ fn cell(stream: Stream, method: Option<&str>, alpha: f64, model: &str, psf_sigma
         point: Point {
             stream,
             method: method.map(str::to_owned),
-            deblur: false,
             alpha,
             psf_sigma,
-            noise: 0.0,
             model: model.to_owned(),
             input: "640x192".to_owned(),
+            ..Point::default()
         },
         frames: 20,
-        unanswered: 0,
         ap50: map(&[("vehicle", Some(ap50)), ("person", Some(ap50 - 0.11))]),
         ap50_95: Some(ap50 - 0.3),
         objects: map(&[("vehicle", 93), ("person", 17)]),
-        classes: BTreeMap::new(),
-        difficulty: BTreeMap::new(),
-        precision: BTreeMap::new(),
         interval95: map(&[("ap50.vehicle", [ap50 - 0.05, ap50 + 0.04])]),
         paper: Paper { iou: ap50 - 0.2, f1: ap50 - 0.35, accuracy: ap50 - 0.45 },
-        worst: Vec::new(),
         exact_k: (stream == Stream::Recovered).then_some(1.0 - loss),
-        trusted: None,
         psnr_db: Some(20.0 + 1.0 / loss),
         ssim: Some(1.0 - loss),
-        psnr_sharp_db: None,
-        ssim_sharp: None,
         latency_ms,
         latency_histogram: vec![(infer + unwrap, 15), (1.2 * (infer + unwrap), 5)],
         device: Device {
@@ -70,6 +59,7 @@ fn cell(stream: Stream, method: Option<&str>, alpha: f64, model: &str, psf_sigma
             threads: 2,
             jobs: 1,
         },
+        ..Cell::default()
     }
 }
 
@@ -88,24 +78,20 @@ fn made_up() -> Results {
         }
     }
     let setup = Setup {
-        version: "0.1.0".to_owned(),
-        protocol: Protocol::Suite,
         source: "a <folder> & \"more\"".to_owned(),
         bits: 8,
-        seed: 1,
-        difficulty: Default::default(),
-        engine: "auto".to_owned(),
         class_map: map(&[("person", "pedestrian".to_owned())]),
         groups: map(&[("car", "vehicle".to_owned())]),
         models: map(&[("yolov10n", "abc".to_owned()), ("demo", "def".to_owned())]),
         grid: cells.iter().map(|cell| cell.point.clone()).collect(),
+        ..Setup::default()
     };
     let input = Input { frames: 20, labelled: 20, drives: 3, digest: "123".to_owned(), ..Input::default() };
     Results { setup, input, definitions: map(&[("ap50", "AP at <0.5>".to_owned())]), cells }
 }
 
 fn page(results: &Results) -> String {
-    let charts: Vec<_> = chart::all(results).iter().map(|named| named.draw().expect("drawn")).collect();
+    let charts: Vec<_> = chart::all(results).iter().map(|named| named.render().expect("drawn")).collect();
     report::page(results, &charts)
 }
 
@@ -203,7 +189,7 @@ fn charts_name_each_cell_and_grey_what_is_dominated() {
     let charts = chart::all(&made_up());
     let frontier =
         charts.iter().find(|named| named.name == "frontier_alpha4_psf1.4_noise0").expect("a chart");
-    let svg = frontier.chart.svg(modulo_charts::Page::Wide).expect("a picture");
+    let svg = frontier.chart.svg(modulo_charts::PageWidth::Wide).expect("a picture");
     assert!(
         svg.contains("<title>recovered (auto), yolov10n 640x192: 59.6 ms, AP50 of vehicle 85.4 %</title>")
     );

@@ -1,116 +1,98 @@
-//! `simulate`: one's own pictures through the sensor and the methods.
+//! `simulate`: sends image files through the sensor and the methods.
 //!
-//! Every file is a scene of its own. Nothing of one file, not even the white
-//! found in it, is used for another.
+//! Files are independent of each other: even the white point of a file is not used for another.
 
 mod picture;
 
 use std::collections::HashSet;
 use std::path::PathBuf;
 
+use clap::Parser;
 use modulo_core::unwrap::{Options, by_name};
-use modulo_core::{Psf, Sensor, SensorConfig, Unwrap};
+use modulo_core::{Sensor, Unwrap};
 use modulo_images::White;
-
 use serde::{Deserialize, Serialize};
 
-use crate::store::{make_folder, write_json};
-use crate::{Event, Skipped, StudyError, need};
+use crate::files::{make_folder, write_json};
+use crate::{BenchError, Event, SensorOptions, Skipped, need};
 
 /// Name of the list of results in the folder.
 pub const RESULTS: &str = "results.json";
 
-/// What to simulate.
-#[derive(Clone, Debug, PartialEq)]
+/// The settings of a simulation, as options of a command line.
+#[derive(Clone, Debug, PartialEq, Parser)]
 pub struct Request {
-    /// Pictures: PNG or JPEG of 8 or 16 bits, OpenEXR, Radiance HDR.
-    pub files: Vec<PathBuf>,
-    /// Folder for pictures and results; made when it is not there.
-    pub out: PathBuf,
-    /// Saturation factors, each in (0, 256].
-    pub alphas: Vec<f64>,
-    /// Names of methods, as in [`modulo_core::unwrap::METHODS`].
-    pub methods: Vec<String>,
-    /// Blur of the lens; see [`Psf::of_sigma`].
-    pub psf: Psf,
-    /// b, 1 to 16.
-    pub bits: u8,
-    /// Sigma of the read noise, code units.
-    pub read_noise: f64,
-    /// Seed of the noise.
-    pub seed: u64,
-    /// Linear radiance that maps to the peak, for EXR and HDR; 0: the brightest value of each file.
+    /// Images: PNG or JPEG of 8 or 16 bits, OpenEXR, Radiance HDR
+    #[arg(required = true)]
+    pub images: Vec<PathBuf>,
+    /// Unwrapping methods
+    #[arg(long, value_delimiter = ',', default_value = "auto")]
+    pub method: Vec<String>,
+    /// Saturation factors: brightest radiance divided by the peak of the sensor
+    #[arg(long, value_delimiter = ',', default_value = "4")]
+    pub alpha: Vec<f64>,
+    /// Linear radiance that maps to the peak, for EXR and HDR. 0: the brightest value of each file
+    #[arg(long, default_value_t = 0.0)]
     pub white: f32,
+    /// The sensor.
+    #[command(flatten)]
+    pub sensor: SensorOptions,
+    /// Folder for the images and results.json
+    #[arg(short, long, value_name = "FOLDER")]
+    pub out: PathBuf,
 }
 
-impl Default for Request {
-    /// No files; alpha 4, `auto`, a perfect lens, 8 bits, no noise.
-    fn default() -> Self {
-        Self {
-            files: Vec::new(),
-            out: PathBuf::new(),
-            alphas: vec![4.0],
-            methods: vec!["auto".to_owned()],
-            psf: Psf::None,
-            bits: 8,
-            read_noise: 0.0,
-            seed: 0,
-            white: 0.0,
-        }
-    }
-}
-
-/// How a method did on a picture.
+/// The result of one method on one image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// The picture, as it was given.
+    /// The file as it was given.
     pub file: String,
     /// Saturation factor.
     pub alpha: f64,
-    /// Blur of the lens, px.
+    /// Standard deviation of the lens blur, px.
     pub psf_sigma: f64,
-    /// As in [`modulo_core::unwrap::METHODS`].
+    /// Name of the method, as in [`modulo_core::unwrap::METHODS`].
     pub method: String,
-    /// `10 log10(255^2 / mse)` of the recovered 8-bit picture against the ideal one, over all samples;
-    /// `None` (`null`) where they are equal and the ratio is infinite.
+    /// `10 log10(255^2 / mse)` of the recovered against the ideal 8-bit image, over all samples. `None` (`null`) if they
+    /// are equal.
     pub psnr_db: Option<f64>,
-    /// Mean SSIM of these two pictures, as [`modulo_core::metric::ssim`]; `None` below 11 px a side.
+    /// Mean SSIM of these two images, see [`modulo_core::metric::ssim`]. `None` if a side is shorter than 11 px.
     pub ssim: Option<f64>,
-    /// Share of the samples whose wrap count is the true one, 0 to 1.
+    /// Share of the samples with the true wrap count, 0 to 1.
     pub exact_k: f64,
-    /// What did it: the method's own name, or the rung that it chose.
+    /// The method that produced the result: `method` itself, or the one that `auto` selected.
     pub rung: String,
-    /// Whether the method vouches for its result; `None`: it makes no claim.
+    /// Whether the method trusts its result. `None` if it makes no statement.
     pub trusted: Option<bool>,
-    /// One call, ms on one thread; `bench unwrap` is for timing.
+    /// Duration of one call on one thread, ms. For precise timing use `bench unwrap`.
     pub ms: f64,
 }
 
-/// What came of it.
+/// Result of a simulation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Outcome {
-    /// File by file, alpha by alpha, method by method; also in [`RESULTS`].
+    /// One row for each file, alpha and method. Also in [`RESULTS`].
     pub rows: Vec<Row>,
-    /// Files that could not be read or sensed.
+    /// Files that could not be read or exposed.
     pub skipped: Vec<Skipped>,
 }
 
-/// Writes for each file and alpha `NAME_alphaA_ideal.png`, `.._saturated.png`, `.._modulo.png`, for each
-/// method `NAME_alphaA_METHOD.png`, and after each file [`RESULTS`] with all rows so far.
+/// Runs the simulation. For each file and alpha it writes `NAME_alphaA_ideal.png`, `.._saturated.png`, `.._modulo.png`
+/// and `NAME_alphaA_METHOD.png` for each method; after each file it writes [`RESULTS`] with all rows so far.
 ///
-/// `ideal` and the recovered pictures are 8 bits, `round(255 x / (alpha 2^b))`; `modulo` and `saturated`
-/// hold the sensor's codes as they are, 8 bits a sample for b <= 8, else 16.
+/// `ideal` and the recovered images have 8 bits, `round(255 x / (alpha 2^b))`; `modulo` and `saturated` hold the codes of
+/// the sensor, with 8 bits a sample for b <= 8, else 16.
 ///
 /// # Errors
-/// [`StudyError`] before anything is written when the request is wrong, and when a result cannot be written.
-/// A file that cannot be used is skipped, unless it is the only one.
-pub fn simulate(request: &Request, tell: &mut dyn FnMut(Event<'_>)) -> Result<Outcome, StudyError> {
+/// [`BenchError`] before anything is written if the request is wrong, and later if a result cannot be written. A file
+/// that cannot be used is skipped, unless it is the only one.
+pub fn simulate(request: &Request, tell: &mut dyn FnMut(Event<'_>)) -> Result<Outcome, BenchError> {
     let (sensors, mut methods) = (sensors(request)?, methods(request)?);
     make_folder(&request.out)?;
-    let names = names(&request.files);
-    let total = request.files.len() * sensors.len();
+    let names = names(&request.images);
+    let total = request.images.len() * sensors.len();
     let mut outcome = Outcome::default();
-    for (index, (file, name)) in request.files.iter().zip(&names).enumerate() {
+    for (index, (file, name)) in request.images.iter().zip(&names).enumerate() {
         let picture = picture::Picture { file, name, request };
         let rows = picture.read().and_then(|radiance| {
             let mut rows = Vec::new();
@@ -123,7 +105,7 @@ pub fn simulate(request: &Request, tell: &mut dyn FnMut(Event<'_>)) -> Result<Ou
         });
         match rows {
             Ok(rows) => outcome.rows.extend(rows),
-            Err(why @ (StudyError::Image(_) | StudyError::Sensor(_))) if request.files.len() > 1 => {
+            Err(why @ (BenchError::Image(_) | BenchError::Sensor(_))) if request.images.len() > 1 => {
                 let skipped = Skipped { file: file.display().to_string(), why: why.to_string() };
                 tell(Event::Skipped(&skipped));
                 outcome.skipped.push(skipped);
@@ -135,28 +117,27 @@ pub fn simulate(request: &Request, tell: &mut dyn FnMut(Event<'_>)) -> Result<Ou
     Ok(outcome)
 }
 
-/// A sensor for each alpha.
-fn sensors(request: &Request) -> Result<Vec<Sensor>, StudyError> {
-    need("the list of files", &request.files)?;
+/// Checks files and white point, and makes the sensor of each alpha.
+fn sensors(request: &Request) -> Result<Vec<Sensor>, BenchError> {
+    need("the list of files", &request.images)?;
     White::new(request.white)?;
-    let Request { bits, psf, read_noise, .. } = *request;
-    crate::sensors(&request.alphas, SensorConfig { bits, alpha: 1.0, psf, read_noise, shot_noise: 0.0 })
+    request.sensor.sensors(&request.alpha)
 }
 
-fn methods(request: &Request) -> Result<Vec<Box<dyn Unwrap>>, StudyError> {
-    need("the list of methods", &request.methods)?;
+fn methods(request: &Request) -> Result<Vec<Box<dyn Unwrap>>, BenchError> {
+    need("the list of methods", &request.method)?;
     let method = |name: &String| Ok(by_name(name, &Options::default())?);
-    request.methods.iter().map(method).collect()
+    request.method.iter().map(method).collect()
 }
 
-/// The stem of each file, with `-2`, `-3` and so on where another file has it already.
+/// The name of each file without extension, with `-2`, `-3` and so on if another file has it already.
 fn names(files: &[PathBuf]) -> Vec<String> {
     let mut taken = HashSet::new();
     let free = |file: &PathBuf| {
         let stem = file.file_stem().unwrap_or(file.as_os_str()).to_string_lossy().into_owned();
         let numbered = (2..).map(|n: u32| format!("{stem}-{n}"));
         let mut names = std::iter::once(stem.clone()).chain(numbered);
-        names.find(|name| taken.insert(name.clone())).unwrap_or(stem)
+        names.find(|name| taken.insert(name.clone())).expect("there are more numbers than files")
     };
     files.iter().map(free).collect()
 }

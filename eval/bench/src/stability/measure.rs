@@ -4,7 +4,7 @@ use modulo_core::unwrap::{Options, Report, by_name};
 use modulo_core::{Exposure, Frame, Recovered};
 use ndarray::{Array3, Axis};
 
-use crate::StudyError;
+use crate::BenchError;
 use modulo_core::metric::exact_share;
 
 /// How well k was recovered.
@@ -23,8 +23,8 @@ pub struct Score {
 /// Unwraps `y` with `method`, one thread, and holds the result against `truth`; x_hat comes with the figures.
 ///
 /// # Errors
-/// [`StudyError::Unwrap`] as the method gives it.
-pub fn score(method: &str, y: &Frame, truth: &Exposure) -> Result<(Score, Array3<f32>), StudyError> {
+/// [`BenchError::Unwrap`] as the method gives it.
+pub fn score(method: &str, y: &Frame, truth: &Exposure) -> Result<(Score, Array3<f32>), BenchError> {
     let mut out = Recovered::default();
     by_name(method, &Options::default())?.unwrap(y, truth.range(), &mut out)?;
     let wraps = truth.wraps();

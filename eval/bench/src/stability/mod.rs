@@ -4,14 +4,14 @@
 //! `canvas` draws, `catalogue` lists scenes and expectations, `measure` measures, `expect` judges, `page` and
 //! `results.json` tell. No file is read: a run depends on the program alone.
 
-mod album;
-mod canvas;
 mod case;
 mod catalogue;
 mod expect;
 mod measure;
 mod page;
-mod refusal;
+mod pictures;
+mod radiance;
+mod rejection;
 mod report;
 
 use std::collections::BTreeMap;
@@ -22,24 +22,24 @@ use modulo_core::unwrap::{METHODS, Signal};
 pub use case::{Case, Family};
 pub use catalogue::cases;
 pub use expect::{Evidence, Expect, RECOVERED};
-pub use report::{Outcome, RefusalRow, Report, SceneRow, Trial, Verdict};
+pub use report::{Outcome, RejectionRow, Report, SceneRow, Trial, Verdict};
 
-use crate::store::{make_folder, write, write_json};
-use crate::{Event, StudyError};
-use album::Album;
+use crate::files::{make_folder, write, write_json};
+use crate::{BenchError, Event};
 use expect::judge_trust;
 use measure::score;
+use pictures::PictureFolder;
 
 /// Runs all methods on all scenes and writes `index.html`, `results.json`, `pictures/` and `figures/` into `out`,
 /// which is made if need be.
 ///
 /// # Errors
-/// [`StudyError`] when `out` cannot be written. A broken expectation is no error: see [`Outcome`].
-pub fn run(out: &Path, progress: impl FnMut(Event<'_>)) -> Result<Outcome, StudyError> {
+/// [`BenchError`] when `out` cannot be written. A broken expectation is no error: see [`Outcome`].
+pub fn run(out: &Path, progress: impl FnMut(Event<'_>)) -> Result<Outcome, BenchError> {
     for folder in ["pictures", "figures"] {
         make_folder(&out.join(folder))?;
     }
-    let report = examine_all(&mut Album::in_folder(out), progress)?;
+    let report = examine_all(&mut PictureFolder::in_folder(out), progress)?;
     write_json(&out.join("results.json"), &report)?;
     write(&out.join("index.html"), page::html(&report).as_bytes())?;
     Ok(report.outcome)
@@ -48,29 +48,32 @@ pub fn run(out: &Path, progress: impl FnMut(Event<'_>)) -> Result<Outcome, Study
 /// The same measurements without a file or a picture.
 ///
 /// # Errors
-/// [`StudyError`] when a method refuses a scene.
-pub fn measure(progress: impl FnMut(Event<'_>)) -> Result<Report, StudyError> {
-    examine_all(&mut Album::none(), progress)
+/// [`BenchError`] when a method refuses a scene.
+pub fn measure(progress: impl FnMut(Event<'_>)) -> Result<Report, BenchError> {
+    examine_all(&mut PictureFolder::none(), progress)
 }
 
-fn examine_all(album: &mut Album, mut progress: impl FnMut(Event<'_>)) -> Result<Report, StudyError> {
+fn examine_all(
+    folder: &mut PictureFolder,
+    mut progress: impl FnMut(Event<'_>),
+) -> Result<Report, BenchError> {
     let cases = cases();
     let mut scenes = Vec::new();
     for (done, case) in cases.iter().enumerate() {
         progress(Event::Step { done, total: cases.len(), next: &case.name });
-        scenes.push(examine(case, album)?);
+        scenes.push(examine(case, folder)?);
     }
-    Ok(Report::new(scenes, refusal::all()))
+    Ok(Report::new(scenes, rejection::all()))
 }
 
-/// Runs every method on `case`; pictures go into `album`.
+/// Runs every method on `case`; pictures go into `folder`.
 ///
 /// # Errors
-/// [`StudyError`] when a method refuses the scene, or a picture cannot be written.
-fn examine(case: &Case, album: &Album) -> Result<SceneRow, StudyError> {
+/// [`BenchError`] when a method refuses the scene, or a picture cannot be written.
+fn examine(case: &Case, folder: &PictureFolder) -> Result<SceneRow, BenchError> {
     let exposure = case.expose()?;
     let y = exposure.modulo();
-    let sheet = album.open(&case.name, &exposure, &y)?;
+    let pictures = folder.open(&case.name, &exposure, &y)?;
     let mut trials = Vec::new();
     for &method in METHODS {
         let (score, x) = score(method, &y, &exposure)?;
@@ -88,7 +91,7 @@ fn examine(case: &Case, album: &Album) -> Result<SceneRow, StudyError> {
             trusted: report.trust.claim(),
             signal: report.signal.map(named),
             verdict,
-            picture: sheet.as_ref().map(|sheet| sheet.add(method, &x)).transpose()?,
+            picture: pictures.as_ref().map(|pictures| pictures.add(method, &x)).transpose()?,
         });
     }
     Ok(SceneRow {

@@ -9,7 +9,7 @@ use super::expect::percent;
 use super::report::{Report, SceneRow, Trial, Verdict};
 
 const TITLE: &str = "Stability of the unwrapping methods";
-/// Pictures narrower than this many pixels are shown as squares.
+/// Pictures narrower than this many pixels are samples8 as squares.
 const TINY: usize = 100;
 
 /// The page of `report`; pictures are linked as the trials name them.

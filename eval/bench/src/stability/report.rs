@@ -15,7 +15,7 @@ pub struct Report {
     /// By scene.
     pub scenes: Vec<SceneRow>,
     /// What must be refused.
-    pub refusals: Vec<RefusalRow>,
+    pub refusals: Vec<RejectionRow>,
 }
 
 /// Expectations, counted.
@@ -97,7 +97,7 @@ pub enum Verdict {
 
 /// Something that must be refused.
 #[derive(Clone, Debug, Serialize)]
-pub struct RefusalRow {
+pub struct RejectionRow {
     /// What was offered, and to whom.
     pub what: String,
     /// The error, or that there was none.
@@ -119,7 +119,7 @@ impl Verdict {
 
 impl Report {
     /// Counts what came of `scenes` and `refusals`.
-    pub fn new(scenes: Vec<SceneRow>, refusals: Vec<RefusalRow>) -> Self {
+    pub fn new(scenes: Vec<SceneRow>, refusals: Vec<RejectionRow>) -> Self {
         let mut outcome = Outcome::default();
         for (scene, trial) in
             scenes.iter().flat_map(|scene| scene.trials.iter().map(move |trial| (scene, trial)))
@@ -136,10 +136,10 @@ impl Report {
             outcome.could_vouch += usize::from(recovered && trial.trusted.is_some());
             outcome.vouched += usize::from(recovered && trial.trusted == Some(true));
         }
-        for refusal in &refusals {
-            match refusal.held {
+        for rejection in &refusals {
+            match rejection.held {
                 true => outcome.held += 1,
-                false => outcome.broken.push(format!("{}: {}", refusal.what, refusal.said)),
+                false => outcome.broken.push(format!("{}: {}", rejection.what, rejection.said)),
             }
         }
         Self { outcome, scenes, refusals }

@@ -1,42 +1,40 @@
-//! Accuracy against the saturation factor: a line a stream and method, for one model.
+//! Accuracy against the saturation factor of one model: a line for each stream and method.
 
-use modulo_charts::{Axis, Body, Look, Panel, Point, Series, Tone};
+use modulo_charts::{Axis, Body, Emphasis, Panel, Point, Series, SeriesStyle};
 
-use super::{Named, file_name, suffix};
+use super::{NamedChart, file_name, models, suffix};
+use crate::labels::{self, Conditions, distinct};
 use crate::results::{Cell, Results};
-use crate::wording::{self, Conditions, distinct};
 
-/// One for each model and input size, where there is more than one alpha.
-pub fn charts(results: &Results, conditions: Conditions) -> Vec<Named> {
-    let cells: Vec<&Cell> =
-        results.cells.iter().filter(|cell| wording::belongs(&cell.point, conditions)).collect();
+/// One chart for each model and input size, if there is more than one alpha.
+pub fn charts(results: &Results, conditions: Conditions) -> Vec<NamedChart> {
+    let cells = super::cells(results, conditions);
     if distinct(cells.iter().map(|cell| cell.point.alpha)).len() < 2 {
         return Vec::new();
     }
-    let models = distinct(cells.iter().map(|cell| wording::model(&cell.point)));
-    models.iter().map(|model| chart(results, &cells, model, conditions)).collect()
+    models(&cells).iter().map(|model| chart(results, &cells, model, conditions)).collect()
 }
 
-fn chart(results: &Results, cells: &[&Cell], model: &str, conditions: Conditions) -> Named {
-    let of_model = cells.iter().filter(|cell| wording::model(&cell.point) == model);
+fn chart(results: &Results, cells: &[&Cell], model: &str, conditions: Conditions) -> NamedChart {
+    let of_model = cells.iter().filter(|cell| labels::model(&cell.point) == model);
     let mut cells: Vec<&Cell> = of_model.copied().collect();
     cells.sort_by(|a, b| a.point.alpha.total_cmp(&b.point.alpha));
     let groups = distinct(cells.iter().flat_map(|cell| cell.ap50.keys()));
     let footer = "Alpha: the brightest radiance over what the sensor holds. AP50: average precision at IoU 0.5, \
                   one-to-one matching, ignore regions left out. The sharp ideal is what the scene would look like \
                   without a lens.";
-    let title = format!("Accuracy against alpha, {model}, {}", wording::conditions(conditions));
+    let title = format!("Accuracy against alpha, {model}, {}", labels::conditions(conditions));
     let body = Body::Panels(groups.iter().map(|group| panel(&cells, group)).collect());
     let name = format!("alpha_{}_{}", file_name(model), suffix(conditions));
-    Named::new(name, title, results, footer.to_owned(), body)
+    NamedChart::new(name, title, results, footer.to_owned(), body)
 }
 
 fn panel(cells: &[&Cell], group: &str) -> Panel {
-    let names = distinct(cells.iter().map(|cell| wording::stream(&cell.point)));
+    let names = distinct(cells.iter().map(|cell| labels::stream(&cell.point)));
     let series = |name: String| {
-        let own = cells.iter().filter(|cell| wording::stream(&cell.point) == name);
+        let own = cells.iter().filter(|cell| labels::stream(&cell.point) == name);
         let points = own.filter_map(|cell| point(cell, group)).collect();
-        Series { name, points, look: Look::Joined }
+        Series { name, points, style: SeriesStyle::LineAndMarkers }
     };
     Panel {
         x: Axis::log("alpha, the saturation factor"),
@@ -51,7 +49,7 @@ fn point(cell: &Cell, group: &str) -> Option<Point> {
     let interval = interval.map_or(String::new(), |[low, high]| {
         format!(" (95 % interval {:.1} to {:.1})", 100.0 * low, 100.0 * high)
     });
-    let (stream, alpha) = (wording::stream(&cell.point), cell.point.alpha);
+    let (stream, alpha) = (labels::stream(&cell.point), cell.point.alpha);
     let hover = format!("{stream}, alpha {alpha}: AP50 of {group} {:.1} %{interval}", 100.0 * ap50);
-    Some(Point { x: alpha, y: ap50, label: String::new(), hover, tone: Tone::Full })
+    Some(Point { x: alpha, y: ap50, label: String::new(), hover, emphasis: Emphasis::Normal })
 }

@@ -1,4 +1,4 @@
-//! The charts of a grid, one file each. Pure: results in, [`Chart`] out.
+//! The charts of a grid, one file each: from results to a [`Chart`].
 
 mod alpha;
 mod frontier;
@@ -7,55 +7,54 @@ mod latency;
 mod paper;
 pub(crate) mod pictures;
 
-use modulo_charts::{Body, Chart, ChartError, Page};
+use modulo_charts::{Body, Chart, ChartError, PageWidth};
 
-pub use pictures::Shot;
+use crate::labels::{self, Conditions, distinct};
+use crate::results::{Cell, Results};
+pub use pictures::DetectionPicture;
 
-use crate::results::Results;
-use crate::wording::{self, Conditions, distinct};
-
-/// A chart and the name of its files, without extension.
+/// A chart with the name of its files.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Named {
-    /// Such as `frontier_alpha4_psf1.4_noise0`.
+pub struct NamedChart {
+    /// File name without extension, such as `frontier_alpha4_psf1.4_noise0`.
     pub name: String,
-    /// What is drawn.
+    /// The chart.
     pub chart: Chart,
 }
 
-/// A chart as SVG, for a desk and for a phone.
+/// A chart as SVG, for a wide and for a narrow page.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Drawn {
-    /// Of the [`Named`].
+pub struct RenderedChart {
+    /// Name of the [`NamedChart`].
     pub name: String,
-    /// Of the chart.
+    /// Title of the chart.
     pub title: String,
-    /// [`Page::Wide`].
+    /// SVG of [`PageWidth::Wide`].
     pub wide: String,
-    /// [`Page::Narrow`].
+    /// SVG of [`PageWidth::Narrow`].
     pub narrow: String,
 }
 
-impl Named {
-    /// A chart whose subtitle says what `results` were measured on and with.
+impl NamedChart {
+    /// A chart whose subtitle names the data and the machine of `results`.
     fn new(name: String, title: String, results: &Results, footer: String, body: Body) -> Self {
         Self { name, chart: Chart { title, subtitle: subtitle(results), footer, body } }
     }
 
-    /// Both forms.
+    /// Renders both widths.
     ///
     /// # Errors
-    /// [`ChartError`].
-    pub fn draw(&self) -> Result<Drawn, ChartError> {
-        let (wide, narrow) = (self.chart.svg(Page::Wide)?, self.chart.svg(Page::Narrow)?);
-        Ok(Drawn { name: self.name.clone(), title: self.chart.title.clone(), wide, narrow })
+    /// [`ChartError`] if a font or picture cannot be processed.
+    pub fn render(&self) -> Result<RenderedChart, ChartError> {
+        let (wide, narrow) = (self.chart.svg(PageWidth::Wide)?, self.chart.svg(PageWidth::Narrow)?);
+        Ok(RenderedChart { name: self.name.clone(), title: self.chart.title.clone(), wide, narrow })
     }
 }
 
-/// All charts that the cells of `results` allow, those of the first conditions first.
-pub fn all(results: &Results) -> Vec<Named> {
-    let conditions = wording::all_conditions(&results.cells);
-    let each = |draw: fn(&Results, Conditions) -> Vec<Named>| {
+/// All charts of the cells of `results`, those of the first conditions first.
+pub fn all(results: &Results) -> Vec<NamedChart> {
+    let conditions = labels::all_conditions(&results.cells);
+    let each = |draw: fn(&Results, Conditions) -> Vec<NamedChart>| {
         conditions.iter().flat_map(|conditions| draw(results, *conditions)).collect::<Vec<_>>()
     };
     [
@@ -68,7 +67,17 @@ pub fn all(results: &Results) -> Vec<Named> {
     .concat()
 }
 
-/// Counts, engine and device.
+/// The cells that belong to `conditions`.
+fn cells(results: &Results, conditions: Conditions) -> Vec<&Cell> {
+    results.cells.iter().filter(|cell| labels::belongs(&cell.point, conditions)).collect()
+}
+
+/// The distinct models of cells.
+fn models(cells: &[&Cell]) -> Vec<String> {
+    distinct(cells.iter().map(|cell| labels::model(&cell.point)))
+}
+
+/// The subtitle of a chart: number of frames and objects, engine, machine.
 fn subtitle(results: &Results) -> String {
     let objects = results.cells.first().map(|cell| &cell.objects);
     let objects = objects.into_iter().flatten().map(|(group, n)| format!("{n} {group}")).collect::<Vec<_>>();
@@ -84,12 +93,12 @@ fn subtitle(results: &Results) -> String {
     [vec![frames, objects], devices].concat().join(" · ")
 }
 
-/// The conditions as part of a file's name.
+/// The conditions as part of a file name.
 fn suffix((psf_sigma, noise): Conditions) -> String {
     format!("psf{psf_sigma}_noise{noise}")
 }
 
-/// A name as part of a file's name.
+/// A text as part of a file name.
 fn file_name(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() || ".-".contains(c) { c } else { '_' }).collect()
 }

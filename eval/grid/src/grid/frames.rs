@@ -1,7 +1,6 @@
-//! [`Frames`]: the frames that can be scored, found once and then read again for every cell.
+//! [`Frames`]: the frames that can be scored. They are checked once and read again for every cell.
 //!
-//! What cannot be scored is left out here, with a line that says so, and
-//! nowhere else; every cell sees the same frames.
+//! A frame that cannot be scored is left out here, with a warning, and nowhere else: every cell gets the same frames.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -13,35 +12,35 @@ use crate::classes::DONT_CARE;
 use crate::data::{Data, Drive};
 use crate::results::Input;
 
-/// Labels may reach outside the image by this much, px, without a word: they were rounded.
+/// Labels that reach outside the image by at most this many px give no warning: they were rounded.
 const TOLERANCE: f32 = 1.0;
 
-/// The frames of a grid.
+/// The frames of a grid, and a position among them.
 pub struct Frames {
     drives: Vec<Drive>,
-    /// Places of the frames that are scored, counted over all drives.
+    /// Number of each scored frame by its index over all drives.
     kept: BTreeMap<usize, usize>,
     /// Labels of the scored frames.
     pub truths: Vec<Vec<GroundTruth>>,
-    /// Drives of the scored frames, where they are known.
+    /// Drive of each scored frame, if it is known.
     pub drive_of: Vec<Option<String>>,
-    /// What was found, for the results.
+    /// Description of the data for the results.
     pub input: Input,
     place: usize,
     drive: usize,
 }
 
-/// A frame as it is read.
+/// A frame of the data, scored or not.
 pub struct Raw {
-    /// Counted over all drives.
+    /// Index over all drives.
     pub place: usize,
-    /// Which drive.
+    /// Index of the drive.
     pub drive: usize,
-    /// The frame, or why there is none.
+    /// The frame, or the reason why it cannot be read.
     pub frame: Result<SourceFrame, SourceError>,
 }
 
-/// What the first reading notes.
+/// Problems that are found while the data is checked.
 #[derive(Default)]
 struct Notes {
     names: BTreeSet<(Option<String>, String)>,
@@ -53,10 +52,10 @@ struct Notes {
 }
 
 impl Frames {
-    /// Reads everything once.
+    /// Reads and checks all frames.
     ///
     /// # Errors
-    /// [`GridError::Nothing`] when no frame can be scored; [`GridError::Source`] when the data is not there.
+    /// [`GridError::Nothing`] if no frame can be scored; [`GridError::Source`] if the data is missing.
     pub fn inspect(data: &Data) -> Result<Self, GridError> {
         let drives = data.open()?;
         let (kept, truths, drive_of) = Default::default();
@@ -69,42 +68,35 @@ impl Frames {
         }
         let warnings = notes.warnings();
         if frames.truths.is_empty() {
-            let why = match warnings.first() {
-                Some(first) => first.clone(),
-                None => "there is no frame".to_owned(),
-            };
+            let why = warnings.into_iter().next().unwrap_or_else(|| "there is no frame".to_owned());
             return Err(GridError::Nothing { source_name: data.name(), frames: seen, why });
         }
         let mut known: Vec<_> = frames.drive_of.iter().flatten().collect();
         known.sort();
         known.dedup();
+        let (labelled, drives) = (frames.truths.len(), known.len());
         let digest = modulo_models::hex(&notes.digest.finalize());
-        let (all, drives) = (frames.truths.len(), known.len());
-        let without_twin = BTreeMap::new();
-        frames.input = Input { frames: seen, labelled: all, drives, digest, warnings, without_twin };
+        frames.input = Input { frames: seen, labelled, drives, digest, warnings, ..Input::default() };
         Ok(frames)
     }
 
-    /// How many are scored.
+    /// Number of scored frames.
     pub fn len(&self) -> usize {
         self.truths.len()
     }
 
-    /// Back to the first one.
-    ///
-    /// # Errors
-    /// [`SourceError`] when the data is no longer there.
+    /// Goes back to the first frame.
     pub fn rewind(&mut self) -> Result<(), SourceError> {
         (self.place, self.drive) = (0, 0);
         self.drives.iter_mut().try_for_each(|(_, source)| source.rewind())
     }
 
-    /// Which of the scored frames lies at a place.
+    /// Number of the scored frame at an index over all drives.
     pub fn number_of(&self, place: usize) -> Option<usize> {
         self.kept.get(&place).copied()
     }
 
-    /// The next one, scored or not.
+    /// Reads the next frame, scored or not.
     pub fn raw(&mut self) -> Option<Raw> {
         let place = self.place;
         let frame = self.advance()?;
@@ -144,7 +136,7 @@ impl Frames {
 }
 
 impl Notes {
-    /// Labels cut to the image; those that lie outside are left out.
+    /// Clips labels to the image. Labels outside the image are left out.
     fn inside(
         &mut self,
         truth: Vec<GroundTruth>,
@@ -167,14 +159,14 @@ impl Notes {
     }
 
     fn warnings(&self) -> Vec<String> {
-        let told = |what: &str, names: &[String]| {
+        let warning = |what: &str, names: &[String]| {
             names.first().map(|first| format!("{} {what}, the first: {first}", names.len()))
         };
         [
-            told("frames are not readable and left out", &self.unreadable),
-            told("frames have no labels and are left out", &self.unlabelled),
-            told("frames are there twice and count once", &self.twice),
-            told("labels reach outside the image and are cut", &self.outside),
+            warning("frames are not readable and left out", &self.unreadable),
+            warning("frames have no labels and are left out", &self.unlabelled),
+            warning("frames are there twice and count once", &self.twice),
+            warning("labels reach outside the image and are cut", &self.outside),
         ]
         .into_iter()
         .flatten()

@@ -1,16 +1,16 @@
-//! [`merge`]: shards put together. Nothing is measured here.
+//! [`merge`]: joins the results of shards.
 
 use std::path::{Path, PathBuf};
 
 use super::GridError;
-use crate::results::{Cell, RESULTS, Results};
+use crate::results::{Cell, Point, RESULTS, Results};
 use crate::store;
 
-/// Puts the results of all `folders` together in `out`, cells in the order of the first shard's grid.
+/// Joins the results of all `folders` in `out`, with the cells in the order of the grid.
 ///
 /// # Errors
-/// [`GridError`] when one has none, when they are of different setups, or when a cell was measured twice with
-/// different figures (durations may differ, the first ones are kept).
+/// [`GridError`] if a folder has no results, if the folders belong to different requests, or if two of them hold different
+/// figures for one cell. Durations may differ: those of the first folder are kept.
 pub fn merge(out: &Path, folders: &[PathBuf]) -> Result<Results, GridError> {
     let mut all: Option<Results> = None;
     for folder in folders {
@@ -24,13 +24,13 @@ pub fn merge(out: &Path, folders: &[PathBuf]) -> Result<Results, GridError> {
         }
     }
     let mut all = all.ok_or(GridError::Empty("the list of folders"))?;
-    super::run::sort(&mut all.cells, &all.setup.grid);
+    sort(&mut all.cells, &all.setup.grid);
     store::save(out, &all)?;
     Ok(all)
 }
 
 fn add(all: &mut Results, part: Results, path: &Path) -> Result<(), GridError> {
-    same(path, &part, all)?;
+    check_same(path, &part, all)?;
     if part.setup.grid != all.setup.grid {
         return Err(GridError::OtherSetup(path.to_owned(), "the grid"));
     }
@@ -46,13 +46,13 @@ fn add(all: &mut Results, part: Results, path: &Path) -> Result<(), GridError> {
     Ok(())
 }
 
-/// What must be the same on every run.
+/// The figures of a cell that must be the same in every run.
 fn timeless(cell: &Cell) -> Cell {
     Cell { latency_ms: Default::default(), device: Default::default(), ..cell.clone() }
 }
 
-/// Refuses `old`, which lies at `path`, when its cells cannot stand beside those of `new`. Grids may differ.
-pub(super) fn same(path: &Path, old: &Results, new: &Results) -> Result<(), GridError> {
+/// Refuses the results `old` at `path` if they belong to another request than `new`. The grids may differ.
+pub fn check_same(path: &Path, old: &Results, new: &Results) -> Result<(), GridError> {
     let (a, b) = (&old.setup, &new.setup);
     let differing = [
         ("the program's version", a.version != b.version),
@@ -69,4 +69,9 @@ pub(super) fn same(path: &Path, old: &Results, new: &Results) -> Result<(), Grid
         None => Ok(()),
         Some((what, _)) => Err(GridError::OtherSetup(path.to_owned(), what)),
     }
+}
+
+/// Sorts the cells into the order of the grid.
+pub fn sort(cells: &mut [Cell], points: &[Point]) {
+    cells.sort_by_key(|cell| points.iter().position(|point| *point == cell.point).unwrap_or(usize::MAX));
 }

@@ -1,4 +1,4 @@
-//! [`Nodes`]: who makes the nodes that a grid drives.
+//! [`Nodes`]: makes the nodes that a grid runs.
 
 use modulo_bags::source::Source;
 use modulo_camera::{CameraParameters, ModuloCamera};
@@ -8,34 +8,34 @@ use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 
 use super::GridError;
 
-/// Makes nodes; a test puts its own in between.
+/// Makes nodes. A test can replace some of them.
 pub trait Nodes: Sync {
-    /// A camera over `source`.
+    /// Makes a camera that reads `source`.
     ///
     /// # Errors
-    /// [`GridError`] for a parameter that is not possible.
+    /// [`GridError`] for an impossible parameter.
     fn camera(&self, source: Box<dyn Source>, with: &CameraParameters) -> Result<Box<dyn Node>, GridError> {
         Ok(Box::new(ModuloCamera::over(source, with)?))
     }
 
-    /// An unwrapping node.
+    /// Makes an unwrapping node.
     ///
     /// # Errors
-    /// [`GridError`] for a parameter that is not possible.
+    /// [`GridError`] for an impossible parameter.
     fn unwrap(&self, with: &UnwrapParameters) -> Result<Box<dyn Node>, GridError> {
         Ok(Box::new(UnwrapNode::new(with)?))
     }
 
-    /// A detector, warm.
+    /// Makes a detector and warms it up.
     ///
     /// # Errors
-    /// [`GridError`] for a parameter that is not possible, or a model that does not run.
+    /// [`GridError`] for an impossible parameter or a model that does not run.
     fn detector(&self, with: &DetectorParameters) -> Result<Box<dyn Node>, GridError> {
         Ok(Box::new(Detector::new(with)?))
     }
 }
 
-/// The suite's own nodes.
+/// Makes the nodes of the suite.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Suite;
 

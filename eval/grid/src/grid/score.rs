@@ -1,40 +1,41 @@
-//! From what a cell saw to its figures. Pure.
+//! [`Scorer`]: computes the figures of a cell from the results of its frames.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use modulo_bags::source::GroundTruth;
-use modulo_core::{BBox, Detection};
+use modulo_core::Detection;
 
-use super::recovery::Likeness;
-use super::seen::Seen;
-use crate::classes::{ClassMap, DONT_CARE, Groups, Part};
-use crate::metric::matching::{Image, Role};
+use super::pipeline::quality::ImageSimilarity;
+use super::runner::FrameResult;
+use crate::classes::{ClassMap, DONT_CARE, Groups, Membership};
+use crate::metric::average_precision::image;
+use crate::metric::matching::Image;
 use crate::metric::{average, bootstrap, latency, paper};
 use crate::results::{Cell, ClassScore, Device, Difficulty, Paper, Point, WORST, Worst};
 
-/// What all cells of a grid are scored with.
+/// The ground truth and the rules of scoring.
 pub struct Scorer<'a> {
     /// Labels of every frame.
     pub truths: &'a [Vec<GroundTruth>],
-    /// Model's class to the labels'.
+    /// Mapping from the classes of the model to those of the labels.
     pub map: &'a ClassMap,
-    /// Classes to groups.
+    /// Groups of classes.
     pub groups: &'a Groups,
-    /// Classes of the labels that the model at hand has a twin for.
-    pub twins: &'a BTreeSet<String>,
-    /// Which objects count.
+    /// Classes of the labels that the model can find.
+    pub mapped: &'a BTreeSet<String>,
+    /// The objects that are scored.
     pub difficulty: Difficulty,
-    /// What is drawn for intervals.
+    /// Units that the bootstrap draws.
     pub units: &'a bootstrap::Units,
 }
 
-/// Detections by frame, in the classes of the labels.
+/// Detections of each frame, in the classes of the labels.
 type Found = Vec<Vec<Detection>>;
 
 impl Scorer<'_> {
-    /// The cell at `point`.
-    pub fn cell(&self, point: Point, seen: &[Seen], device: Device) -> Cell {
-        let found = self.translated(seen);
+    /// The figures of the cell at `point`.
+    pub fn cell(&self, point: Point, frames: &[FrameResult], device: Device) -> Cell {
+        let found = self.mapped_detections(frames);
         let groups: BTreeMap<&str, Vec<Image>> = self
             .groups
             .names()
@@ -42,18 +43,18 @@ impl Scorer<'_> {
             .map(|group| (group, self.of_group(&found, group, self.difficulty)))
             .collect();
         let papers = self.papers(&found);
-        let recoveries = seen.iter().filter_map(|seen| seen.recovery.as_ref());
+        let recoveries = frames.iter().filter_map(|frame| frame.recovery.as_ref());
         let samples: u64 = recoveries.clone().map(|r| r.samples).sum();
         let exact: u64 = recoveries.clone().map(|r| r.exact).sum();
-        let (psnr_db, ssim) = Likeness::mean(recoveries.clone().map(|r| &r.ideal));
-        let (psnr_sharp_db, ssim_sharp) = Likeness::mean(recoveries.clone().map(|r| &r.sharp));
+        let (psnr_db, ssim) = ImageSimilarity::mean(recoveries.clone().map(|r| &r.ideal));
+        let (psnr_sharp_db, ssim_sharp) = ImageSimilarity::mean(recoveries.clone().map(|r| &r.sharp));
         let claims: Vec<f64> =
             recoveries.filter_map(|r| r.trust.claim()).map(|t| f64::from(u8::from(t))).collect();
         let means: Vec<f64> = groups.values().filter_map(|images| average::ap50_95(images)).collect();
         Cell {
             point,
-            frames: seen.len(),
-            unanswered: seen.iter().filter(|seen| seen.found.is_none()).count(),
+            frames: frames.len(),
+            unanswered: frames.iter().filter(|frame| frame.found.is_none()).count(),
             ap50: by_group(&groups, |images| average::ap(images, 0.5)),
             ap50_95: (!means.is_empty()).then(|| average::mean(&means)),
             objects: by_group(&groups, |images| images.iter().map(Image::objects).sum()),
@@ -69,61 +70,48 @@ impl Scorer<'_> {
             ssim,
             psnr_sharp_db,
             ssim_sharp,
-            latency_ms: latency::by_stage(seen.iter().map(|seen| &seen.stages[..])),
-            latency_histogram: latency::histogram(seen.iter().map(|seen| &seen.stages[..])),
+            latency_ms: latency::by_stage(frames.iter().map(|frame| &frame.stages[..])),
+            latency_histogram: latency::histogram(frames.iter().map(|frame| &frame.stages[..])),
             device,
         }
     }
 
-    fn translated(&self, seen: &[Seen]) -> Found {
-        let twin = |detection: &Detection| {
-            let class = self.map.twin(&detection.class)?.to_owned();
+    /// The detections in the classes of the labels. Classes without a counterpart are dropped.
+    fn mapped_detections(&self, frames: &[FrameResult]) -> Found {
+        let mapped = |detection: &Detection| {
+            let class = self.map.mapped(&detection.class)?.to_owned();
             Some(Detection { class, ..detection.clone() })
         };
-        let of = |seen: &Seen| seen.found.iter().flat_map(|found| found.iter()).filter_map(twin).collect();
-        seen.iter().map(of).collect()
+        let of = |frame: &FrameResult| {
+            frame.found.iter().flat_map(|found| found.iter()).filter_map(mapped).collect()
+        };
+        frames.iter().map(of).collect()
     }
 
     fn of_group(&self, found: &Found, group: &str, difficulty: Difficulty) -> Vec<Image> {
-        let part = |class: &str| self.groups.part(class, group);
-        self.images(found, difficulty, part)
+        self.images(found, difficulty, |class| self.groups.membership(class, group))
     }
 
-    /// One class alone; classes of its group that the model has no twin for are ignored.
+    /// The images for one class. Classes of its group that the model cannot find are ignored.
     fn of_class(&self, found: &Found, class: &str) -> Vec<Image> {
         let group = self.groups.of(class);
-        let part = |other: &str| match other {
-            other if other == class => Part::Member,
-            other if group.is_some() && self.groups.of(other) == group && !self.twins.contains(other) => {
-                Part::Ignored
+        self.images(found, self.difficulty, |other| match other {
+            other if other == class => Membership::Member,
+            other if group.is_some() && self.groups.of(other) == group && !self.mapped.contains(other) => {
+                Membership::Ignored
             }
-            _ => Part::Other,
-        };
-        self.images(found, self.difficulty, part)
+            _ => Membership::Other,
+        })
     }
 
-    fn images(&self, found: &Found, difficulty: Difficulty, part: impl Fn(&str) -> Part) -> Vec<Image> {
-        let role = |label: &GroundTruth| -> Option<(BBox, Role)> {
-            let role = match part(&label.class) {
-                _ if label.class == DONT_CARE => Role::Area,
-                Part::Member => difficulty.role(label),
-                Part::Ignored => Role::Ignored,
-                Part::Other => return None,
-            };
-            Some((label.bbox, role))
-        };
+    fn images(
+        &self,
+        found: &Found,
+        difficulty: Difficulty,
+        membership: impl Fn(&str) -> Membership,
+    ) -> Vec<Image> {
         let frames = found.iter().zip(self.truths);
-        frames
-            .map(|(found, truth)| Image {
-                truth: truth.iter().filter_map(role).collect(),
-                found: found
-                    .iter()
-                    .filter(|d| part(&d.class) == Part::Member)
-                    .map(|d| (d.bbox, d.score))
-                    .collect(),
-                least_height: difficulty.least_height(),
-            })
-            .collect()
+        frames.map(|(found, truth)| image(found, truth, difficulty, &membership)).collect()
     }
 
     fn classes(&self, found: &Found) -> BTreeMap<String, ClassScore> {
@@ -133,7 +121,7 @@ impl Scorer<'_> {
             let (ap50, ap50_95) = (average::ap(&images, 0.5)?, average::ap50_95(&images)?);
             Some((class.clone(), ClassScore { ap50, ap50_95, objects }))
         };
-        self.twins.iter().filter_map(score).collect()
+        self.mapped.iter().filter_map(score).collect()
     }
 
     fn difficulties(&self, found: &Found) -> BTreeMap<Difficulty, BTreeMap<String, Option<f64>>> {

@@ -1,43 +1,38 @@
-//! What is the same for all cells of a grid, as the results say it.
+//! The part of the results that all cells of a grid share: settings, definitions, classes.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use modulo_detector::describe;
 use sha2::{Digest, Sha256};
 
 use super::frames::Frames;
-use super::{Axes, BITS, GridError, Request};
-use crate::classes::{ClassMap, Table, of_labels};
+use super::pipeline::{BITS, quality};
+use super::{Axes, GridError, Request};
+use crate::classes::{ClassMap, Groups, Table, of_labels};
 use crate::metric::{average, bootstrap, difficulty, latency, paper};
-use crate::results::{Point, Protocol, Setup};
+use crate::results::{Point, Setup};
 
-/// The map that classes go through.
-pub fn class_map(request: &Request) -> ClassMap {
-    match (&request.class_map, request.protocol) {
-        (Some(map), _) => map.clone(),
-        (None, Protocol::Paper) => ClassMap::paper(),
-        (None, Protocol::Suite) => request.data.class_map(),
-    }
-}
-
-/// The setup of `request` with these cells.
-///
-/// # Errors
-/// [`GridError`] when a model's file cannot be read.
-pub fn setup(request: &Request, map: &ClassMap, points: &[Point]) -> Result<Setup, GridError> {
-    let model = |path: &std::path::PathBuf| Ok((Axes::model_name(path), sha256(path)?));
+/// The setup of `request` with the cells at `points`. Reads the files of the models.
+pub fn setup(
+    request: &Request,
+    map: &ClassMap,
+    groups: &Groups,
+    points: &[Point],
+) -> Result<Setup, GridError> {
+    let options = &request.options;
+    let model = |path: &PathBuf| Ok((Axes::model_name(path), sha256(path)?));
     Ok(Setup {
         version: env!("CARGO_PKG_VERSION").to_owned(),
-        protocol: request.protocol,
+        protocol: options.protocol,
         source: request.data.name(),
         bits: BITS,
-        seed: request.seed,
-        difficulty: request.difficulty.unwrap_or_else(|| request.data.difficulty()),
-        engine: request.engine.to_string(),
+        seed: options.seed,
+        difficulty: request.difficulty(),
+        engine: options.engine.to_string(),
         class_map: map.table.clone(),
-        groups: request.groups.table().clone(),
-        models: request.axes.models.iter().map(model).collect::<Result<_, GridError>>()?,
+        groups: groups.table().clone(),
+        models: options.axes.model.iter().map(model).collect::<Result<_, GridError>>()?,
         grid: points.to_vec(),
     })
 }
@@ -50,7 +45,7 @@ fn sha256(model: &Path) -> Result<String, GridError> {
     Ok(modulo_models::hex(&Sha256::digest(bytes)))
 }
 
-/// What the figures mean.
+/// The definition of each figure, by its name.
 pub fn definitions() -> Table {
     [
         ("ap50", average::definition()),
@@ -61,7 +56,7 @@ pub fn definitions() -> Table {
                      are ignored.",
         ),
         ("difficulty", difficulty::definition()),
-        ("exact_k, psnr_db, ssim", super::recovery::definition()),
+        ("exact_k, psnr_db, ssim", quality::definition()),
         ("interval95", bootstrap::definition()),
         ("latency_ms", latency::definition()),
         ("paper", paper::definition()),
@@ -71,28 +66,29 @@ pub fn definitions() -> Table {
 }
 
 /// For each model the classes of the labels that it can find.
-pub type Twins = BTreeMap<String, BTreeSet<String>>;
+pub type MappedClasses = BTreeMap<String, BTreeSet<String>>;
 
-/// Finds the twins, and notes in `frames.input` what has none.
-///
-/// # Errors
-/// [`GridError`] when a model does not load.
-pub fn twins(request: &Request, map: &ClassMap, frames: &mut Frames) -> Result<Twins, GridError> {
+/// Finds the mapped classes of each model, and notes in `frames.input` the classes without a counterpart.
+pub fn mapped_classes(
+    request: &Request,
+    map: &ClassMap,
+    frames: &mut Frames,
+) -> Result<MappedClasses, GridError> {
     let labels: BTreeSet<String> =
         of_labels(frames.truths.iter().flatten()).into_iter().map(str::to_owned).collect();
-    let mut twins = Twins::new();
-    for model in &request.axes.models {
-        let (name, own) =
-            (Axes::model_name(model), describe(model, request.engine, request.threads)?.classes);
+    let mut all = MappedClasses::new();
+    for model in &request.options.axes.model {
+        let name = Axes::model_name(model);
+        let own = describe(model, request.options.engine, request.threads())?.classes;
         let found: BTreeSet<String> =
-            own.iter().filter_map(|class| map.twin(class)).map(str::to_owned).collect();
-        // A model without names may mean anything.
-        let twin =
+            own.iter().filter_map(|class| map.mapped(class)).map(str::to_owned).collect();
+        // A model without class names may find every class.
+        let mapped =
             if own.is_empty() { labels.clone() } else { labels.intersection(&found).cloned().collect() };
         let without = &mut frames.input.without_twin;
-        without.insert(format!("labels, for {name}"), labels.difference(&twin).cloned().collect());
-        without.insert(name.clone(), own.into_iter().filter(|class| map.twin(class).is_none()).collect());
-        twins.insert(name, twin);
+        without.insert(format!("labels, for {name}"), labels.difference(&mapped).cloned().collect());
+        without.insert(name.clone(), own.into_iter().filter(|class| map.mapped(class).is_none()).collect());
+        all.insert(name, mapped);
     }
-    Ok(twins)
+    Ok(all)
 }

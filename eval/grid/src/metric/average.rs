@@ -1,11 +1,11 @@
-//! AP: the mean over 101 recalls of the best precision at that recall or above, as COCO defines it.
+//! Average precision (AP) as COCO defines it: the mean over 101 recalls of the best precision at that recall or above.
 
 use super::matching::{Image, Mark};
 
-/// Recalls at which the curve is read: 0, 0.01, ..., 1.
+/// Number of recalls at which the curve is sampled: 0, 0.01, ..., 1.
 pub const RECALLS: usize = 101;
 
-/// What AP50 and the precision-recall curve are.
+/// The definition of AP50 and of the precision-recall curve for the report.
 pub fn definition() -> &'static str {
     "Detections take, by descending score, the free object of largest IoU of at least the threshold \
      (one to one, at most 100 detections an image and category). Precision at a recall is the best precision \
@@ -15,11 +15,11 @@ pub fn definition() -> &'static str {
 
 /// The ten thresholds of AP50:95.
 pub fn thresholds() -> impl Iterator<Item = f64> {
-    // As numpy's linspace(0.5, 0.95, 10).
+    // The same values as numpy.linspace(0.5, 0.95, 10).
     (0..10).map(|step| 0.5 + f64::from(step) * (0.45 / 9.0))
 }
 
-/// Precision at each of the [`RECALLS`]; `None` when no object counts.
+/// Precision at each of the [`RECALLS`]. `None` if no object is scored.
 pub fn curve(images: &[Image], least_iou: f64) -> Option<Vec<f64>> {
     let objects: usize = images.iter().map(Image::objects).sum();
     let mut marks: Vec<Mark> = images.iter().flat_map(|image| image.marks(least_iou)).collect();
@@ -27,30 +27,30 @@ pub fn curve(images: &[Image], least_iou: f64) -> Option<Vec<f64>> {
     (objects > 0).then(|| precisions(marks.iter().map(|mark| (mark.right, 1)), objects as u64))
 }
 
-/// AP at one threshold; `None` when no object counts.
+/// AP at one IoU threshold. `None` if no object is scored.
 pub fn ap(images: &[Image], least_iou: f64) -> Option<f64> {
     curve(images, least_iou).as_deref().map(mean)
 }
 
-/// Mean AP over [`thresholds`]; `None` when no object counts.
+/// Mean AP over [`thresholds`]. `None` if no object is scored.
 pub fn ap50_95(images: &[Image]) -> Option<f64> {
     thresholds().map(|threshold| ap(images, threshold)).collect::<Option<Vec<f64>>>().as_deref().map(mean)
 }
 
-/// Mean of figures; 0 of none.
+/// The mean of figures. 0 for an empty list.
 pub fn mean(figures: &[f64]) -> f64 {
     figures.iter().sum::<f64>() / figures.len().max(1) as f64
 }
 
-/// Marks of several images at one threshold, to draw from again and again.
+/// The matched detections of several images at one threshold, for repeated drawing by the bootstrap.
 pub struct Sample {
-    /// By descending score, with the image.
+    /// Matched detections by descending score, with the index of their image.
     marks: Vec<(Mark, usize)>,
     objects: Vec<u64>,
 }
 
 impl Sample {
-    /// Marks every image once.
+    /// Matches the detections of all images.
     pub fn new(images: &[Image], least_iou: f64) -> Self {
         let of = |(place, image): (usize, &Image)| {
             image.marks(least_iou).into_iter().map(move |mark| (mark, place))
@@ -60,7 +60,7 @@ impl Sample {
         Self { marks, objects: images.iter().map(|image| image.objects() as u64).collect() }
     }
 
-    /// AP with image i there `times[i]` times; `None` when no object counts.
+    /// AP of a data set that has image i `times[i]` times. `None` if no object is scored.
     pub fn ap(&self, times: &[u64]) -> Option<f64> {
         let objects: u64 = self.objects.iter().zip(times).map(|(objects, times)| objects * times).sum();
         let marks = self.marks.iter().map(|(mark, place)| (mark.right, times[*place]));
@@ -68,7 +68,7 @@ impl Sample {
     }
 }
 
-/// The curve of detections by descending score, (right, how often it counts), for `objects` > 0.
+/// The precision curve of detections (whether it is right, weight) by descending score, for `objects` > 0.
 pub fn precisions(marks: impl Iterator<Item = (bool, u64)>, objects: u64) -> Vec<f64> {
     let (mut right, mut seen) = (0, 0);
     let mut points: Vec<(f64, f64)> = Vec::new();
@@ -84,7 +84,7 @@ pub fn precisions(marks: impl Iterator<Item = (bool, u64)>, objects: u64) -> Vec
     }
     let mut at = 0;
     let read = |step: usize| {
-        // As numpy's linspace(0, 1, 101), whose 0.35 is a little more than 7/20.
+        // The same values as numpy.linspace(0, 1, 101), whose 0.35 is slightly larger than 7/20.
         let recall = if step + 1 == RECALLS { 1.0 } else { step as f64 * 0.01 };
         while points.get(at).is_some_and(|(reached, _)| *reached < recall) {
             at += 1;

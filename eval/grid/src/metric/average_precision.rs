@@ -1,56 +1,66 @@
-//! AP50 by class, as a launch file's evaluation reports it.
-//!
-//! Which objects count is the rule of the grid, [`super::difficulty`]; how
-//! detections are matched and averaged is in [`super::matching`] and
-//! [`super::average`].
+//! AP50 of each class, as the evaluation of a launch file reports it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use modulo_bags::source::GroundTruth;
-use modulo_core::{BBox, Detection};
+use modulo_core::Detection;
 
 use super::average;
 use super::matching::{Image, Role};
-use crate::classes::DONT_CARE;
+use crate::classes::{DONT_CARE, Membership};
 use crate::results::Difficulty;
 
 const IOU: f64 = 0.5;
 
-/// One frame: what a detector said, and what is there.
+/// One frame: its detections and its ground truth.
 pub type Scored = (Vec<Detection>, Vec<GroundTruth>);
 
-/// AP50 of each class that has at least one object that counts at `difficulty`,
-/// with the number of these objects.
+/// AP50 and number of objects of each class that has an object of `difficulty`.
 pub fn by_class(frames: &[Scored], difficulty: Difficulty) -> BTreeMap<String, (f64, usize)> {
     let objects = frames.iter().flat_map(|(_, truth)| truth);
     let classes: BTreeSet<&str> =
         objects.filter(|t| difficulty.role(t) == Role::Counts).map(|t| t.class.as_str()).collect();
     let score = |class: &str| {
-        let images: Vec<Image> = frames.iter().map(|frame| image(frame, class, difficulty)).collect();
+        let own = |other: &str| if other == class { Membership::Member } else { Membership::Other };
+        let images: Vec<Image> =
+            frames.iter().map(|(found, truth)| image(found, truth, difficulty, own)).collect();
         let objects = images.iter().map(Image::objects).sum();
         Some((class.to_owned(), (average::ap(&images, IOU)?, objects)))
     };
     classes.into_iter().filter_map(score).collect()
 }
 
-/// The mean over classes; `None` when no object counts.
+/// The mean over the classes. `None` if there is no class.
 pub fn mean(by_class: &BTreeMap<String, (f64, usize)>) -> Option<f64> {
     let figures: Vec<f64> = by_class.values().map(|(ap, _)| *ap).collect();
     (!figures.is_empty()).then(|| average::mean(&figures))
 }
 
-fn image((found, truth): &Scored, class: &str, difficulty: Difficulty) -> Image {
-    let of_class = truth.iter().filter(|t| t.class == class || t.class == DONT_CARE);
-    let boxes = |d: &Detection| -> (BBox, f32) { (d.bbox, d.score) };
+/// The boxes of one image for matching. `membership` gives the relation of each class to the category that is scored.
+pub fn image(
+    found: &[Detection],
+    truth: &[GroundTruth],
+    difficulty: Difficulty,
+    membership: impl Fn(&str) -> Membership,
+) -> Image {
+    let role = |label: &GroundTruth| match membership(&label.class) {
+        _ if label.class == DONT_CARE => Some(Role::Area),
+        Membership::Member => Some(difficulty.role(label)),
+        Membership::Ignored => Some(Role::Ignored),
+        Membership::Other => None,
+    };
+    let found = found.iter().filter(|d| membership(&d.class) == Membership::Member);
     Image {
-        truth: of_class.map(|t| (t.bbox, difficulty.role(t))).collect(),
-        found: found.iter().filter(|d| d.class == class).map(boxes).collect(),
+        truth: truth.iter().filter_map(|label| Some((label.bbox, role(label)?))).collect(),
+        found: found.map(|d| (d.bbox, d.score)).collect(),
         least_height: difficulty.least_height(),
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use modulo_core::BBox;
+
     use super::*;
 
     fn bbox(x: f32, size: f32) -> BBox {

@@ -1,23 +1,22 @@
-//! 95 % intervals by the bootstrap: whole drives, or frames where no drive is known, drawn with replacement.
+//! 95 % intervals by the bootstrap: drives, or frames if the drives are not known, are drawn with replacement.
 //!
-//! The draws depend on the seed and the number of units alone, so that cells of
-//! one grid see the same ones.
+//! The draws depend only on the seed and the number of units, so that all cells of a grid use the same draws.
 
 use modulo_core::metric::quantile;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// Draws.
+/// Number of draws.
 const DRAWS: usize = 1000;
 
-/// What the intervals are.
+/// The definition of the intervals for the report.
 pub fn definition() -> &'static str {
     "Bootstrap: drives (frames where fewer than two drives are known, for frames of one drive are near \
      duplicates) are drawn with replacement 1000 times; the interval lies between the 2.5th and the 97.5th \
      percentile of the figure. Figures without objects in a draw leave that draw out."
 }
 
-/// Units of a data set and how they are drawn.
+/// The units of a data set that are drawn.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Units {
     of_frame: Vec<usize>,
@@ -26,7 +25,7 @@ pub struct Units {
 }
 
 impl Units {
-    /// `drives`: the drive of each frame, where it is known.
+    /// The units of frames whose drives are `drives`, where known.
     pub fn new(drives: &[Option<String>], seed: u64) -> Self {
         let mut names: Vec<&String> = drives.iter().flatten().collect();
         names.sort();
@@ -40,7 +39,7 @@ impl Units {
         Self { of_frame, count: if known { names.len() } else { drives.len() }, seed }
     }
 
-    /// The interval of `figure`, which gets how often each frame was drawn; `None` with fewer than two units.
+    /// The interval of `figure`, which gets the number of times that each frame was drawn. `None` with fewer than two units.
     pub fn interval(&self, figure: impl Fn(&[u64]) -> Option<f64>) -> Option<[f64; 2]> {
         if self.count < 2 {
             return None;

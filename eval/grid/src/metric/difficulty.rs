@@ -1,12 +1,13 @@
-//! KITTI's steps of difficulty: which labelled objects count.
+//! The difficulties of KITTI: the labelled objects that are scored.
 
+use clap::ValueEnum;
 use modulo_bags::source::{CROWD, GroundTruth};
 
 use super::matching::Role;
 use crate::classes::DONT_CARE;
 use crate::results::Difficulty;
 
-/// What the steps are.
+/// The definition of the difficulties for the report.
 pub fn definition() -> &'static str {
     "KITTI: easy: at least 40 px high, fully visible, at most 15 % outside the image; moderate: 25 px, partly \
      occluded, 30 %; hard: 25 px, largely occluded, 50 %; all: every label. Objects beyond that are ignored, \
@@ -15,10 +16,10 @@ pub fn definition() -> &'static str {
 }
 
 impl Difficulty {
-    /// By rising difficulty.
+    /// All difficulties, from easy to all.
     pub const ALL: [Self; 4] = [Self::Easy, Self::Moderate, Self::Hard, Self::All];
 
-    /// Objects and missing detections below this height, px, do not count.
+    /// Least height of scored objects, and of detections that count as errors, px.
     pub fn least_height(self) -> f32 {
         match self {
             Self::Easy => 40.0,
@@ -27,7 +28,7 @@ impl Difficulty {
         }
     }
 
-    /// The role of an object of the category at hand.
+    /// The role of an object of the category that is scored.
     pub fn role(self, label: &GroundTruth) -> Role {
         let (occluded, truncated) = match self {
             Self::Easy => (0, 0.15),
@@ -47,12 +48,7 @@ impl Difficulty {
 
 impl std::fmt::Display for Difficulty {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Easy => "easy",
-            Self::Moderate => "moderate",
-            Self::Hard => "hard",
-            Self::All => "all",
-        })
+        f.write_str(self.to_possible_value().expect("no difficulty is hidden").get_name())
     }
 }
 

@@ -1,13 +1,13 @@
-//! Quantiles of durations, from the durations themselves.
+//! Quantiles and histogram of durations.
 
 use std::collections::BTreeMap;
 
 use modulo_core::metric::quantile;
 
+use crate::labels::SENSE;
 use crate::results::Percentiles;
-use crate::wording::SENSE;
 
-/// What a latency is.
+/// The definition of a latency for the report.
 pub fn definition() -> &'static str {
     "Wall clock of one stage on one frame, ms; p50, p95 and p99 over the frames of the cell (the smallest \
      duration that is not exceeded by that share). An image equal to one that the same model saw before in the \
@@ -15,7 +15,7 @@ pub fn definition() -> &'static str {
      inference; jobs: frames worked on side by side."
 }
 
-/// Quantiles by stage; a stage that comes twice in a frame counts with its sum.
+/// Quantiles of each stage. Durations of a stage that occurs twice in a frame are added.
 pub fn by_stage<'a>(
     frames: impl Iterator<Item = &'a [(&'static str, u64)]>,
 ) -> BTreeMap<String, Percentiles> {
@@ -28,11 +28,11 @@ pub fn by_stage<'a>(
     stages.into_iter().map(|(stage, durations)| (stage.to_owned(), percentiles(durations))).collect()
 }
 
-/// Buckets of a histogram for a factor of ten.
+/// Number of histogram buckets for a factor of ten.
 const BUCKETS: f64 = 20.0;
 
-/// Durations of whole frames without the simulation of the sensor, as (upper bound in ms, frames), ascending; bounds
-/// lie at `10^(n / 20)`, empty buckets are left out.
+/// Histogram of the time of a frame without the simulation of the sensor, as ascending (upper bound in ms, frames). The
+/// bounds are `10^(n / 20)`; empty buckets are left out.
 pub fn histogram<'a>(frames: impl Iterator<Item = &'a [(&'static str, u64)]>) -> Vec<(f64, u64)> {
     let mut counts: BTreeMap<i32, u64> = BTreeMap::new();
     for frame in frames {

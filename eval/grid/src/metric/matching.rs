@@ -1,51 +1,49 @@
-//! Which detections are right: COCO's matching, one to one, by descending score.
-//!
-//! Knows neither classes nor data sets: who counts was decided before.
+//! Matching of detections and objects as in COCO: one to one, by descending score.
 
 use modulo_core::BBox;
 
-/// What an object is to a detector that finds it.
+/// Treatment of an object in the score.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
-    /// It should be found, once.
+    /// The object is scored: it should be found once.
     Counts,
-    /// Found or not, it neither helps nor harms.
+    /// The object is ignored, whether it is found or not.
     Ignored,
-    /// An area in which objects are not told apart (DontCare, a crowd): whatever lies in it neither helps nor harms.
+    /// An area in which objects are not labelled one by one (DontCare, a crowd). Detections in it are ignored.
     Area,
 }
 
-/// One image, one category.
+/// The boxes of one image and category.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Image {
-    /// What is there.
+    /// Labelled boxes.
     pub truth: Vec<(BBox, Role)>,
-    /// What was found, with its score.
+    /// Detected boxes with their scores.
     pub found: Vec<(BBox, f32)>,
-    /// Detections less high than this, px, that find nothing are left out.
+    /// Unmatched detections lower than this, px, are ignored.
     pub least_height: f32,
 }
 
-/// A detection that is right or wrong; others are left out.
+/// A detection that is right or wrong. Ignored detections have no mark.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mark {
-    /// The detection's.
+    /// Score of the detection.
     pub score: f32,
-    /// Whether it found an object that counts.
+    /// Whether it found a scored object.
     pub right: bool,
 }
 
-/// Detections of an image and category that are looked at, the best ones.
+/// Number of detections of an image and category that are scored, those of the highest scores.
 const MOST_DETECTIONS: usize = 100;
 
 impl Image {
-    /// Objects that count.
+    /// Number of scored objects.
     pub fn objects(&self) -> usize {
         self.truth.iter().filter(|(_, role)| *role == Role::Counts).count()
     }
 
-    /// The best [`MOST_DETECTIONS`], by descending score; each takes the free object of largest IoU, at least
-    /// `least_iou`, those that count before all others.
+    /// Matches the best [`MOST_DETECTIONS`] by descending score: each takes the free object of largest IoU, at least
+    /// `least_iou`, scored objects before all others.
     pub fn marks(&self, least_iou: f64) -> Vec<Mark> {
         let mut found: Vec<&(BBox, f32)> = self.found.iter().collect();
         found.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -67,7 +65,7 @@ impl Image {
         marks
     }
 
-    /// The object that a detection takes. Of equal ones the last, as in COCO's own program.
+    /// The object that a detection takes: of equal ones the last, as in the program of COCO.
     fn best(&self, bbox: BBox, least_iou: f64, free: &[bool]) -> Option<usize> {
         let among = |counts: bool| {
             let objects = self
@@ -82,7 +80,7 @@ impl Image {
     }
 }
 
-/// IoU; for an area the share of the detection that lies in it.
+/// The IoU, or for an area the share of the detection that lies in it.
 fn overlap(found: BBox, truth: BBox, role: Role) -> f64 {
     let common = area(
         f64::from(found.x2.min(truth.x2)) - f64::from(found.x1.max(truth.x1)),

@@ -1,4 +1,4 @@
-//! How good detections are: one file a metric, each with its definition in words, which reports print.
+//! The metrics of detections, one file each. The reports print the definition of each metric.
 
 pub mod average;
 pub mod average_precision;

@@ -1,17 +1,17 @@
-//! IoU, F1 and accuracy exactly as the paper's scripts compute them (PROTOCOL: matching, IoU, F1, accuracy).
+//! IoU, F1 and accuracy exactly as the scripts of the paper compute them.
 //!
-//! Weak where they are weak: several detections may claim one object, and an
-//! image without an object and without a detection scores 0.
+//! Their weaknesses are kept: several detections may match one object, and an image without objects and without
+//! detections scores 0.
 
 use modulo_core::{BBox, Detection};
 
 use crate::results::Paper;
 
-/// Least score of a detection that is looked at.
+/// Lowest score of a detection that is evaluated.
 pub const CONFIDENCE: f32 = 0.60;
 const IOU: f64 = 0.5;
 
-/// What the three figures are.
+/// The definition of the three figures for the report.
 pub fn definition() -> &'static str {
     "The paper's. Detections of score >= 0.60; one is a true positive when any labelled box of its class has \
      IoU >= 0.5 with it (several may claim one box); a labelled box without such a detection is a false \
@@ -20,7 +20,7 @@ pub fn definition() -> &'static str {
      mean over images."
 }
 
-/// One image.
+/// The figures of one image.
 pub fn of_image(found: &[Detection], truth: &[(BBox, &str)]) -> Paper {
     let found: Vec<&Detection> = found.iter().filter(|d| d.score >= CONFIDENCE).collect();
     let best = |detection: &Detection| {
@@ -42,7 +42,7 @@ pub fn of_image(found: &[Detection], truth: &[(BBox, &str)]) -> Paper {
     }
 }
 
-/// The mean over images; all 0 without one.
+/// The mean over images. All figures are 0 without images.
 pub fn mean(images: &[Paper]) -> Paper {
     let mean = |of: fn(&Paper) -> f64| share(images.iter().map(of).sum(), images.len() as f64);
     Paper { iou: mean(|p| p.iou), f1: mean(|p| p.f1), accuracy: mean(|p| p.accuracy) }

@@ -1,12 +1,12 @@
-//! All cells, a row each.
+//! The table of all cells, one row for each.
 
 use maud::{Markup, html};
 
 use super::table::{Td, table};
+use crate::labels::{self, STAGES, distinct};
 use crate::results::{Cell, Results};
-use crate::wording::{self, STAGES, distinct};
 
-/// The table of everything.
+/// The section with the table.
 pub fn section(results: &Results) -> Markup {
     let groups = distinct(results.cells.iter().flat_map(|cell| cell.ap50.keys().cloned()));
     let timed = |stage: &&str| results.cells.iter().any(|cell| cell.latency_ms.contains_key(*stage));
@@ -34,7 +34,7 @@ fn head(groups: &[String], stages: &[&str]) -> Vec<String> {
 fn row(cell: &Cell, groups: &[String], stages: &[&str]) -> Vec<Td> {
     let point = &cell.point;
     let mut row = vec![
-        Td::Text(wording::stream(point)),
+        Td::Text(labels::stream(point)),
         Td::setting(point.alpha),
         Td::setting(point.psf_sigma),
         Td::setting(point.noise),
@@ -47,7 +47,7 @@ fn row(cell: &Cell, groups: &[String], stages: &[&str]) -> Vec<Td> {
     row.extend([cell.paper.iou, cell.paper.f1, cell.paper.accuracy].map(|figure| Td::percent(Some(figure))));
     row.extend([cell.exact_k, cell.trusted].map(Td::percent));
     row.extend([Td::number(cell.psnr_db, 2), Td::number(cell.ssim, 4)]);
-    row.push(Td::number(wording::frame_ms(cell), 1));
+    row.push(Td::number(labels::frame_ms(cell), 1));
     let stage = |stage: &&str| {
         let time = cell.latency_ms.get(*stage);
         let text = time.map(|t| format!("{:.1} / {:.1} / {:.1}", t.p50, t.p95, t.p99));

@@ -1,54 +1,42 @@
-//! The report: one HTML page that needs no network. Its script sorts tables; all figures are there without it.
-//!
-//! Pure: results and charts in, text out. Every cell of the results is a row of its last table.
+//! The report: one HTML page that needs no network. Its script only sorts tables.
 
 mod cells;
 mod files;
-mod glance;
 mod paper;
+mod summary;
 mod table;
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, PreEscaped, html};
+use modulo_charts::html_page;
 
-use crate::chart::Drawn;
+use crate::chart::RenderedChart;
+use crate::labels::distinct;
 use crate::results::Results;
-use crate::wording::distinct;
-pub use files::{PAGE, keep, write};
+pub use files::{PAGE, save_pictures, write};
 
-/// The whole page; `charts` are shown in their order.
-pub fn page(results: &Results, charts: &[Drawn]) -> String {
+/// The whole page with `charts` in their order.
+pub fn page(results: &Results, charts: &[RenderedChart]) -> String {
     let (done, all) = (results.cells.len(), results.setup.grid.len());
     let title = format!("modulo eval: {}", results.setup.source);
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { (title) }
-                style { (PreEscaped(include_str!("style.css"))) }
-            }
-            body {
-                h1 { (title) }
-                @if done < all {
-                    p.warning { (done) " of " (all) " cells are here: a part of the grid, or a run that was ended." }
-                }
-                (glance::section(results))
-                (figures(charts))
-                (paper::section(results))
-                (cells::section(results))
-                (setup(results))
-                script { (PreEscaped(include_str!("sort.js"))) }
-            }
+    let body = html! {
+        h1 { (title) }
+        @if done < all {
+            p.warning { (done) " of " (all) " cells are here: a part of the grid, or a run that was ended." }
         }
-    }
-    .into_string()
+        (summary::section(results))
+        (figures(charts))
+        (paper::section(results))
+        (cells::section(results))
+        (setup(results))
+        script { (PreEscaped(include_str!("sort.js"))) }
+    };
+    html_page(&title, include_str!("style.css"), body)
 }
 
-/// All charts; the first one of each kind is open.
-fn figures(charts: &[Drawn]) -> Markup {
+/// All charts. The first one of each kind is open.
+fn figures(charts: &[RenderedChart]) -> Markup {
     // The kind is the part of the name before the first `_`.
-    let kind = |chart: &Drawn| chart.name.split('_').next().map(str::to_owned);
+    let kind = |chart: &RenderedChart| chart.name.split('_').next().map(str::to_owned);
     html! {
         h2 { "Charts" }
         p.note { "A pointer on a mark shows its cell." }
@@ -59,18 +47,19 @@ fn figures(charts: &[Drawn]) -> Markup {
     }
 }
 
-/// A chart for a desk and for a phone; the style sheet shows one of them.
-fn figure(Drawn { name, wide, narrow, .. }: &Drawn) -> Markup {
+/// A chart for wide and for narrow pages. The style sheet shows one of them.
+fn figure(RenderedChart { name, wide, narrow, .. }: &RenderedChart) -> Markup {
     html! { figure id=(name) { div.broad { (PreEscaped(wide)) } div.narrow { (PreEscaped(narrow)) } } }
 }
 
-/// The definitions of the figures, and the data and settings that they were measured with.
+/// The definitions of the figures, and the data and settings of the grid.
 fn setup(results: &Results) -> Markup {
     let (setup, input) = (&results.setup, &results.input);
     let pairs = |map: &std::collections::BTreeMap<String, String>| {
         map.iter().map(|(from, to)| format!("{from} -> {to}")).collect::<Vec<_>>().join(", ")
     };
-    let twins = input.without_twin.iter().map(|(whose, classes)| format!("{whose}: {}", classes.join(", ")));
+    let unmapped =
+        input.without_twin.iter().map(|(whose, classes)| format!("{whose}: {}", classes.join(", ")));
     let devices = distinct(results.cells.iter().map(|cell| {
         let device = &cell.device;
         format!("{} on {}, {} threads, {} jobs", device.engine, device.processor, device.threads, device.jobs)
@@ -88,7 +77,7 @@ fn setup(results: &Results) -> Markup {
         ("models", pairs(&setup.models)),
         ("classes of the model to those of the labels", pairs(&setup.class_map)),
         ("classes of the labels to groups", pairs(&setup.groups)),
-        ("classes without a twin", twins.collect::<Vec<_>>().join("; ")),
+        ("classes without a twin", unmapped.collect::<Vec<_>>().join("; ")),
     ];
     html! {
         h2 { "Definitions" }

@@ -1,14 +1,14 @@
-//! The paper's two tables with ours beside them.
+//! The two tables of the paper with the figures of the grid beside them.
 
 use maud::{Markup, html};
 
 use super::table::{Td, table};
 use crate::grid::CAPTURES;
+use crate::labels;
 use crate::published::{CAPTURE_MS, Published};
 use crate::results::{Cell, Results, Stream};
-use crate::wording;
 
-/// Nothing where no model is one of the paper's.
+/// The section with the tables. It is empty if no model is one of the paper.
 pub fn section(results: &Results) -> Markup {
     let known = |cell: &Cell| Published::of(&cell.point.model).is_some();
     let head =
@@ -39,7 +39,7 @@ fn accuracy(cell: &Cell) -> Option<Vec<Td>> {
     let published = Published::of(&cell.point.model)?.figures(cell.point.stream, cell.point.alpha);
     let theirs = |index: usize| Td::number(published.map(|figures| figures[index]), 1);
     let point = &cell.point;
-    let mut row = vec![Td::Text(wording::stream(point)), Td::Text(wording::model(point))];
+    let mut row = vec![Td::Text(labels::stream(point)), Td::Text(labels::model(point))];
     row.extend([point.alpha, point.psf_sigma, point.noise].map(Td::setting));
     for (index, ours) in [cell.paper.iou, cell.paper.f1, cell.paper.accuracy].into_iter().enumerate() {
         row.extend([Td::percent(Some(ours)), theirs(index)]);
@@ -49,7 +49,7 @@ fn accuracy(cell: &Cell) -> Option<Vec<Td>> {
 
 fn time(cell: &Cell) -> Option<Vec<Td>> {
     let published = Published::of(&cell.point.model)?;
-    let sum = wording::frame_ms(cell)?;
+    let sum = labels::frame_ms(cell)?;
     let of = |stages: &[&str]| {
         stages.iter().filter_map(|stage| cell.latency_ms.get(*stage)).map(|time| time.p50).sum::<f64>()
     };
@@ -57,14 +57,14 @@ fn time(cell: &Cell) -> Option<Vec<Td>> {
         Stream::Saturated | Stream::Modulo => (1.0, Some(published.ms()[0])),
         Stream::Recovered => (1.0, Some(published.ms()[1])),
         Stream::MultiExposure | Stream::MultiExposureStill => (CAPTURES as f64, Some(published.ms()[2])),
-        // No sensor delivers it.
+        // No sensor delivers the ideal image.
         Stream::Ideal => return None,
     };
     let capture = captures * CAPTURE_MS;
     let point = &cell.point;
     Some(vec![
-        Td::Text(wording::stream(point)),
-        Td::Text(wording::model(point)),
+        Td::Text(labels::stream(point)),
+        Td::Text(labels::model(point)),
         Td::setting(point.alpha),
         Td::number(Some(capture), 0),
         Td::number(Some(of(&["merge", "unwrap", "tone", "deblur"])), 1),

@@ -1,27 +1,27 @@
-//! A table whose columns can be sorted where scripts run.
+//! A table whose columns a script can sort.
 
 use maud::{Markup, Render, html};
 
 /// One cell of a table.
 pub enum Td {
-    /// Sorted as a text.
+    /// A text.
     Text(String),
-    /// The text that is shown, and the number that it is sorted by; `None` sorts first.
+    /// A displayed text and the number by which it is sorted. `None` sorts first.
     Number(String, Option<f64>),
 }
 
 impl Td {
-    /// With `digits` behind the point, `-` without a value.
+    /// A number with `digits` decimal digits; `-` without a value.
     pub fn number(value: Option<f64>, digits: usize) -> Self {
         Self::Number(value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}")), value)
     }
 
-    /// A setting, with as many digits as it has.
+    /// A setting with all its digits.
     pub fn setting(value: f64) -> Self {
         Self::Number(value.to_string(), Some(value))
     }
 
-    /// A fraction as percent with one digit.
+    /// A fraction as percent with one decimal digit.
     pub fn percent(fraction: Option<f64>) -> Self {
         Self::number(fraction.map(|fraction| 100.0 * fraction), 1)
     }
@@ -37,7 +37,7 @@ impl Render for Td {
     }
 }
 
-/// The table with its head.
+/// A table with its head.
 pub fn table(head: &[impl Render], rows: &[Vec<Td>]) -> Markup {
     html! {
         div.wide {

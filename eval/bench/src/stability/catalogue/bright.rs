@@ -1,8 +1,8 @@
 //! What is bright and small, thin, or above the horizon.
 
-use super::super::canvas::Canvas;
 use super::super::case::{Case, Family};
 use super::super::expect::Expect;
+use super::super::radiance::Radiance;
 use super::{FIRST_ORDER, LEAST_SQUARES, RIM};
 
 pub fn cases() -> Vec<Case> {
@@ -12,19 +12,19 @@ pub fn cases() -> Vec<Case> {
 fn lamps() -> Vec<Case> {
     vec![
         Case::new(Family::Lamps, "sun_1px", "one pixel of 840 codes more", || {
-            Canvas::evening().block(60..61, 100..101, 840.0).warm()
+            Radiance::evening().block(60..61, 100..101, 840.0).warm()
         })
         .why("the k of that pixel is lost; it must not spread")
         .all(Expect::AtLeast(0.9999)),
         Case::new(Family::Lamps, "sun_soft", "glare of +800 codes that falls off smoothly", || {
-            Canvas::evening().glare(80, 200, 12.0, 800.0).warm()
+            Radiance::evening().glare(80, 200, 12.0, 800.0).warm()
         })
         .why("nowhere steeper than half a peak a pixel"),
     ]
 }
 
 fn discs() -> Vec<Case> {
-    let disc = || Canvas::evening().disc(80, 200, 18.0, 700.0);
+    let disc = || Radiance::evening().disc(80, 200, 18.0, 700.0);
     vec![
         Case::new(Family::Lamps, "sun_hard", "a disc of +700 codes with a hard rim", move || disc().warm())
             .why("an island that is round; the rest must stay exact")
@@ -52,7 +52,7 @@ fn discs() -> Vec<Case> {
 fn poles() -> Vec<Case> {
     vec![
         Case::new(Family::Poles, "pole_1px", "a line of +400 codes, one pixel wide, full height", || {
-            Canvas::evening().pole(150, 1, 400.0).warm()
+            Radiance::evening().pole(150, 1, 400.0).warm()
         })
         .why("no lens draws this; second differences wrap as well as first ones")
         .unobservable(
@@ -71,7 +71,7 @@ fn poles() -> Vec<Case> {
             Family::Poles,
             "pole_blur",
             "a pole of +400 codes, 3 pixels wide, through the lens",
-            || Canvas::evening().pole(150, 3, 400.0).warm(),
+            || Radiance::evening().pole(150, 3, 400.0).warm(),
         )
         .lens()
         .why("the lens leaves less than half a peak a pixel"),
@@ -79,7 +79,7 @@ fn poles() -> Vec<Case> {
 }
 
 fn fences() -> Vec<Case> {
-    let fence = || Canvas::evening().fence(8, 2, 300.0).warm();
+    let fence = || Radiance::evening().fence(8, 2, 300.0).warm();
     vec![
         Case::new(Family::Poles, "fence", "2 of every 8 columns are 300 codes brighter", fence)
             .why("every slat is an island from border to border")
@@ -92,7 +92,7 @@ fn fences() -> Vec<Case> {
 }
 
 fn horizons() -> Vec<Case> {
-    let sky = || Canvas::evening().sky(90, 600.0).warm();
+    let sky = || Radiance::evening().sky(90, 600.0).warm();
     vec![
         Case::new(Family::Horizons, "horizon_sharp", "a sky of +600 codes over the full width, sharp", sky)
             .why("every column says the same, and it is wrong")

@@ -1,8 +1,8 @@
 //! Sharp steps from border to border, and closed islands.
 
-use super::super::canvas::Canvas;
 use super::super::case::{Case, Family};
 use super::super::expect::Expect;
+use super::super::radiance::Radiance;
 
 /// Where the step is; half of the image lies beyond.
 const COLUMN: usize = 160;
@@ -16,7 +16,7 @@ fn step(codes: i32) -> Case {
         Family::Steps,
         format!("step_{codes}"),
         format!("a sharp edge of +{codes} codes over the full height"),
-        move || Canvas::evening().step(COLUMN, f64::from(codes)).white(),
+        move || Radiance::evening().step(COLUMN, f64::from(codes)).white(),
     )
 }
 
@@ -36,7 +36,7 @@ fn island(name: &'static str, codes: f64) -> Case {
         Family::Islands,
         name,
         format!("a closed plateau, {codes} codes above its surroundings"),
-        move || Canvas::evening().block(60..130, 100..200, codes).white(),
+        move || Radiance::evening().block(60..130, 100..200, codes).white(),
     )
 }
 

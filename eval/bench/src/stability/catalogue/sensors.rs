@@ -2,9 +2,9 @@
 
 use modulo_core::scene::Preset;
 
-use super::super::canvas::{Canvas, SIZE, rendered};
 use super::super::case::{Case, Family};
 use super::super::expect::Expect;
+use super::super::radiance::{Radiance, SIZE, rendered};
 use super::{FIRST_ORDER, LEAST_SQUARES, RIM, SORTED};
 
 pub fn cases() -> Vec<Case> {
@@ -12,14 +12,19 @@ pub fn cases() -> Vec<Case> {
 }
 
 /// 20 to 850 codes with a soft sun and a sky: something of everything, nothing sharp.
-fn landscape(height: usize, width: usize) -> Canvas {
-    Canvas::dusk(height, width).slope(300.0).sky(height / 3, 300.0).glare(height / 2, width / 2, 12.0, 400.0)
+fn landscape(height: usize, width: usize) -> Radiance {
+    Radiance::dusk(height, width).slope(300.0).sky(height / 3, 300.0).glare(
+        height / 2,
+        width / 2,
+        12.0,
+        400.0,
+    )
 }
 
 fn bits() -> Vec<Case> {
     let case = |bits: u8| {
         let what = format!("a slope with a soft sun, seen by {bits} bits");
-        let scene = || Canvas::evening().slope(300.0).glare(96, 160, 30.0, 400.0).warm();
+        let scene = || Radiance::evening().slope(300.0).glare(96, 160, 30.0, 400.0).warm();
         Case::new(Family::Bits, format!("bits_{bits}"), what, scene).bits(bits)
     };
     let one = case(1)
@@ -34,7 +39,7 @@ fn bits() -> Vec<Case> {
 fn sizes() -> Vec<Case> {
     let slope = |height: usize, width: usize| {
         let what = format!("rows x columns: {height} x {width}, a slope of up to 300 codes");
-        let scene = move || Canvas::dusk(height, width).slope(width.min(6) as f64 * 50.0).warm();
+        let scene = move || Radiance::dusk(height, width).slope(width.min(6) as f64 * 50.0).warm();
         Case::new(Family::Sizes, format!("size_{height}x{width}"), what, scene)
             .why("no size is too small or too odd; a side of one pixel has no differences along it")
     };

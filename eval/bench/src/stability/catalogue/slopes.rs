@@ -1,8 +1,8 @@
 //! Even slopes around the limit of half a peak a pixel.
 
-use super::super::canvas::Canvas;
 use super::super::case::{Case, Family};
 use super::super::expect::Expect;
+use super::super::radiance::Radiance;
 
 pub fn cases() -> Vec<Case> {
     let lost = Expect::Fails(0.0, "the slope falls in y where it rises in x");
@@ -25,7 +25,7 @@ fn ramp(codes: i32) -> Case {
         Family::Ramps,
         format!("ramp_{codes}"),
         format!("dark, then {codes} codes more in each of 40 columns, then even"),
-        move || Canvas::ramp(f64::from(codes)).white(),
+        move || Radiance::ramp(f64::from(codes)).white(),
     )
     .alpha(64.0)
 }

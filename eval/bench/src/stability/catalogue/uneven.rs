@@ -1,8 +1,8 @@
 //! Noise and defects, levels that gradients cannot tell, and channels that differ.
 
-use super::super::canvas::{Canvas, red_block, shift_red};
 use super::super::case::{Case, Family};
 use super::super::expect::Expect;
+use super::super::radiance::{Radiance, red_block, shift_red};
 use super::{LEAST_SQUARES, SORTED};
 
 pub fn cases() -> Vec<Case> {
@@ -15,7 +15,7 @@ fn noisy(sigma: i32) -> Case {
         Family::Noise,
         format!("noise_{sigma}"),
         format!("a gentle slope under read noise of sigma {sigma} codes"),
-        || Canvas::evening().times(2.0).slope(300.0).warm(),
+        || Radiance::evening().times(2.0).slope(300.0).warm(),
     )
     .read_noise(f64::from(sigma))
 }
@@ -43,7 +43,7 @@ fn noise() -> Vec<Case> {
 
 fn hot_pixels() -> Vec<Case> {
     let case = Case::new(Family::Noise, "hot_pixels", "0.2 % of the pixels are 400 codes brighter", || {
-        Canvas::evening().slope(300.0).hot(0.002, 400.0, 1).warm()
+        Radiance::evening().slope(300.0).hot(0.002, 400.0, 1).warm()
     });
     let case =
         case.why("the k of the hot pixels is lost; it must not spread").all(Expect::AtLeast(0.997)).but(
@@ -54,14 +54,14 @@ fn hot_pixels() -> Vec<Case> {
 }
 
 fn levels() -> Vec<Case> {
-    let even = |codes: f64| move || Canvas::even(codes).white();
+    let even = |codes: f64| move || Radiance::even(codes).white();
     vec![
         Case::new(Family::Levels, "black", "nothing at all", even(0.0)).alpha(2.0).why("k = 0"),
         Case::new(Family::Levels, "constant_100", "100 codes everywhere", even(100.0))
             .alpha(2.0)
             .why("k = 0"),
         Case::new(Family::Levels, "dark_corner", "a dark corner of 1 % in a scene above the peak", || {
-            Canvas::evening().step(0, 300.0).block(0..25, 0..25, -300.0).white()
+            Radiance::evening().step(0, 300.0).block(0..25, 0..25, -300.0).white()
         })
         .lens()
         .why("only the corner has k = 0; the offset rule forgives 2 % out of range, for hot pixels' sake")
@@ -70,7 +70,7 @@ fn levels() -> Vec<Case> {
 }
 
 fn lost_levels() -> Vec<Case> {
-    let even = |codes: f64| move || Canvas::even(codes).white();
+    let even = |codes: f64| move || Radiance::even(codes).white();
     vec![
         Case::new(Family::Levels, "constant_300", "300 codes everywhere", even(300.0))
             .alpha(2.0)
@@ -79,7 +79,7 @@ fn lost_levels() -> Vec<Case> {
             .alpha(2.0)
             .unobservable("255 codes everywhere"),
         Case::new(Family::Levels, "above_peak", "the darkest pixel is above the peak", || {
-            Canvas::evening().step(0, 300.0).white()
+            Radiance::evening().step(0, 300.0).white()
         })
         .unobservable("the same scene, one peak darker"),
     ]
@@ -91,7 +91,7 @@ fn lost_levels() -> Vec<Case> {
 }
 
 fn colour() -> Vec<Case> {
-    let lamp = || red_block(Canvas::evening().warm(), 60..100, 100..140, 500.0);
+    let lamp = || red_block(Radiance::evening().warm(), 60..100, 100..140, 500.0);
     let rim = "first differences exceed half a peak on the edge of one channel";
     vec![
         Case::new(Family::Colour, "red_lamp", "a sharp square of +500 codes in red alone", lamp)
@@ -104,7 +104,7 @@ fn colour() -> Vec<Case> {
             .but(LEAST_SQUARES, Expect::Fails(0.99, rim))
             .but(&["itoh"], Expect::Fails(0.99, rim)),
         Case::new(Family::Colour, "colour_shift", "a disc of +500 codes, red 3 pixels aside, through the lens", || {
-            shift_red(Canvas::evening().disc(80, 200, 30.0, 500.0).warm(), 3)
+            shift_red(Radiance::evening().disc(80, 200, 30.0, 500.0).warm(), 3)
         })
         .lens()
         .why("the channels' rims are apart, so that edges of one are even in the others")

@@ -4,13 +4,13 @@ use modulo_core::unwrap::{METHODS, Options, by_name};
 use modulo_core::{Frame, Psf, Range, Recovered, Sensor, SensorConfig};
 use ndarray::Array3;
 
-use super::report::RefusalRow;
+use super::report::RejectionRow;
 
 const SENSOR: SensorConfig =
     SensorConfig { bits: 8, alpha: 4.0, psf: Psf::Paper7, read_noise: 0.0, shot_noise: 0.0 };
 
 /// Offers all of it.
-pub fn all() -> Vec<RefusalRow> {
+pub fn all() -> Vec<RejectionRow> {
     let mut rows: Vec<_> = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY].into_iter().map(radiance).collect();
     rows.extend([(0, 4, 3), (4, 0, 3), (4, 4, 2)].map(shape));
     let wrong = |name: &str, value: f64, config| {
@@ -23,14 +23,14 @@ pub fn all() -> Vec<RefusalRow> {
 }
 
 /// One sick pixel among good ones.
-fn radiance(value: f32) -> RefusalRow {
+fn radiance(value: f32) -> RejectionRow {
     let mut image = Array3::from_elem((6, 8, 3), 0.25);
     image[(2, 5, 1)] = value;
     let result = Sensor::new(SENSOR).and_then(|sensor| sensor.expose(image.view(), 0));
     row(format!("one pixel of radiance {value} for the sensor"), result, "row 2, column 5, channel 1")
 }
 
-fn shape(dim: (usize, usize, usize)) -> RefusalRow {
+fn shape(dim: (usize, usize, usize)) -> RejectionRow {
     let (height, width, channels) = dim;
     let result = Sensor::new(SENSOR).and_then(|sensor| sensor.expose(Array3::zeros(dim).view(), 0));
     let wrong = if channels == 2 { channels } else { 0 };
@@ -38,7 +38,7 @@ fn shape(dim: (usize, usize, usize)) -> RefusalRow {
 }
 
 /// A code of 9 bits among those of 8.
-fn code(method: &str) -> RefusalRow {
+fn code(method: &str) -> RejectionRow {
     let mut codes = Array3::from_elem((6, 8, 3), 7u16);
     codes[(2, 5, 1)] = 256;
     let unwrap = || {
@@ -51,12 +51,12 @@ fn code(method: &str) -> RefusalRow {
 }
 
 /// Held when there is an error that says `named`.
-fn row<T, E: ToString>(what: String, result: Result<T, E>, named: impl ToString) -> RefusalRow {
+fn row<T, E: ToString>(what: String, result: Result<T, E>, named: impl ToString) -> RejectionRow {
     match result {
-        Ok(_) => RefusalRow { what, said: "nothing: it was taken".to_owned(), held: false },
+        Ok(_) => RejectionRow { what, said: "nothing: it was taken".to_owned(), held: false },
         Err(error) => {
             let said = error.to_string();
-            RefusalRow { held: said.contains(&named.to_string()), what, said }
+            RejectionRow { held: said.contains(&named.to_string()), what, said }
         }
     }
 }

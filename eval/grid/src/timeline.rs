@@ -1,4 +1,6 @@
-//! A lockstep run as a bag: the same frames and parameters give the same bytes.
+//! [`Timeline`]: the time stamps of a lockstep run that is recorded into a bag.
+//!
+//! The same frames and parameters give the same bytes.
 
 use std::time::Duration;
 
@@ -9,22 +11,22 @@ use modulo_runtime::Topic;
 use modulo_runtime::clock::nanos;
 use modulo_runtime::driver::lockstep::OnTopic;
 
-use crate::EvalError;
+use crate::launch_file::EvalError;
 
-/// The stamps of a run over several sources: each frame is later than the one before it.
+/// Moves the time stamps of several sources so that each frame is later than the one before it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Timeline {
-    /// Stamp of the last frame, ns.
+    /// Time stamp of the last frame, ns.
     last: Option<u64>,
-    /// By how much the stamps of the present source are moved, ns.
+    /// Time that is added to the stamps of the current source, ns.
     shift: u64,
 }
 
 impl Timeline {
-    /// Moves the stamps of a frame's messages to `interval` after the frame before, where they are not later than
-    /// that. Sources were recorded independently of each other, and one that is repeated begins again at its first
-    /// stamp; labels and images find each other by their stamps, so that no two frames may share one. All frames
-    /// after a moved one move by the same time: the times between the frames of a source stay.
+    /// Moves the stamps of the messages of a frame to `interval` after the frame before, if they are not later than that
+    /// frame. Sources were recorded independently, and a repeated source starts again at its first stamp, but labels and
+    /// images are matched by their stamps: no two frames may share a stamp. All later frames of the source are moved by
+    /// the same time, so that the intervals within a source do not change.
     pub(crate) fn place(&mut self, out: &mut [OnTopic], interval: Duration) {
         let Some((_, first)) = out.first() else { return };
         let stamp = first.stamp().as_ns();
@@ -40,7 +42,7 @@ impl Timeline {
     }
 }
 
-/// Writes what came out on `topics`; both times are the message's own stamp.
+/// Writes the messages on `topics`. Log time and publish time are the stamp of the message.
 pub(crate) fn record(recorder: &mut Recorder, out: &[OnTopic], topics: &[String]) -> Result<(), EvalError> {
     for (topic, message) in out.iter().filter(|(topic, _)| topics.contains(topic)) {
         let bytes = message.encode()?;

@@ -1,33 +1,33 @@
-//! How near a recovered frame is to the truth, from what the sensor really saw.
+//! [`RecoveryQuality`]: how close a recovered frame is to the exposure of the simulated sensor.
 
 use modulo_core::metric::{mse, psnr_db, ssim};
 use modulo_core::unwrap::Trust;
 use modulo_core::{Exposure, Frame};
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 
-/// One frame's.
+/// The quality of one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Recovery {
-    /// Samples whose wrap count is the true one.
+pub struct RecoveryQuality {
+    /// Number of samples with the true wrap count.
     pub exact: u64,
-    /// Samples.
+    /// Number of samples.
     pub samples: u64,
-    /// Whether the method vouches for the frame.
+    /// Whether the method trusts its result.
     pub trust: Trust,
-    /// Against the ideal image of the same lens.
-    pub ideal: Likeness,
-    /// Against the ideal image without a lens.
-    pub sharp: Likeness,
+    /// Similarity to the ideal image through the same lens.
+    pub ideal: ImageSimilarity,
+    /// Similarity to the ideal image without a lens.
+    pub sharp: ImageSimilarity,
 }
 
-/// How alike two 8-bit pictures are.
+/// Similarity of two 8-bit images.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Likeness {
+pub struct ImageSimilarity {
     mse: f64,
     ssim: Option<f64>,
 }
 
-/// What `exact_k`, `psnr_db` and `ssim` are.
+/// The definition of `exact_k`, `psnr_db` and `ssim` for the report.
 pub fn definition() -> &'static str {
     "exact_k: share of all samples whose wrap count is the true one, no shift forgiven. PSNR: 10 log10(255^2 / \
      mse) of the 8-bit image that the detector sees, the mse over the samples of all frames. SSIM: mean over \
@@ -36,40 +36,37 @@ pub fn definition() -> &'static str {
      ssim_sharp)."
 }
 
-impl Recovery {
-    /// `counts`: x_hat in code units; `shown`: the 8-bit image that the detector gets.
-    pub fn new(
+impl RecoveryQuality {
+    /// The quality of an unwrapped image. `counts` is x_hat in code units, `image` the 8-bit image for the detector,
+    /// `truth` the exposures with and without the lens. `None` if an image has another size than the truth.
+    pub fn of_unwrapped(
         counts: &Frame,
-        shown: &Frame,
-        said: Option<&DiagnosticArray>,
-        exposure: &Exposure,
-        sharp: &Exposure,
+        image: &Frame,
+        diagnostics: Option<&DiagnosticArray>,
+        truth: &[Exposure; 2],
     ) -> Option<Self> {
-        let peak = exposure.range().peak();
-        let wraps = exposure.wraps();
+        let peak = truth[0].range().peak();
+        let wraps = truth[0].wraps();
         let counts = counts.to_f32();
         let exact = counts.iter().zip(&wraps).filter(|(count, wraps)| (*count / peak) as u8 == **wraps);
         Some(Self {
             exact: exact.count() as u64,
             samples: wraps.len() as u64,
-            trust: said.map_or(Trust::Unknown, trust),
-            ideal: Likeness::of(shown, &exposure.ideal())?,
-            sharp: Likeness::of(shown, &sharp.ideal())?,
+            trust: diagnostics.map_or(Trust::Unknown, trust),
+            ..Self::of_merged(image, truth)?
         })
     }
-}
 
-impl Recovery {
-    /// Of an image that was not unwrapped, and has no wrap counts.
-    pub fn of_merged(shown: &Frame, exposure: &Exposure, sharp: &Exposure) -> Option<Self> {
-        let (ideal, sharp) = (Likeness::of(shown, &exposure.ideal())?, Likeness::of(shown, &sharp.ideal())?);
-        Some(Self { ideal, sharp, ..Self::default() })
+    /// The quality of a merged image, which has no wrap counts.
+    pub fn of_merged(image: &Frame, truth: &[Exposure; 2]) -> Option<Self> {
+        let [ideal, sharp] = truth.each_ref().map(|truth| ImageSimilarity::of(image, &truth.ideal()));
+        Some(Self { ideal: ideal?, sharp: sharp?, ..Self::default() })
     }
 }
 
-/// What the unwrapping node says of the frame.
-fn trust(said: &DiagnosticArray) -> Trust {
-    let mut values = said.status.iter().flat_map(|status| &status.values);
+/// Reads from the diagnostics of the unwrapping node whether it trusts the frame.
+fn trust(diagnostics: &DiagnosticArray) -> Trust {
+    let mut values = diagnostics.status.iter().flat_map(|status| &status.values);
     match values.find(|value| value.key == "trusted").map(|value| value.value.as_str()) {
         Some("true") => Trust::Trusted,
         Some("false") => Trust::Contradicted,
@@ -77,13 +74,13 @@ fn trust(said: &DiagnosticArray) -> Trust {
     }
 }
 
-impl Likeness {
+impl ImageSimilarity {
     fn of(left: &Frame, right: &Frame) -> Option<Self> {
         let (left, right) = (left.as_u8()?, right.as_u8()?);
         Some(Self { mse: mse(left, right).ok()?, ssim: ssim(left, right).ok()? })
     }
 
-    /// (PSNR dB, SSIM) of several, which are of one size each or weigh alike.
+    /// Mean (PSNR dB, SSIM) of several images with equal weight.
     pub fn mean<'a>(all: impl Iterator<Item = &'a Self> + Clone) -> (Option<f64>, Option<f64>) {
         let mean = |figures: &mut dyn Iterator<Item = f64>| {
             let (sum, count) = figures.fold((0.0, 0u32), |(sum, count), figure| (sum + figure, count + 1));

@@ -1,15 +1,15 @@
-//! The sum of it: AP50 by stream and alpha, a table for each model and lens.
+//! The summary: AP50 by stream and alpha, a table for each model and lens.
 
 use maud::{Markup, html};
 
 use super::table::{Td, table};
+use crate::labels::{self, Conditions, distinct};
 use crate::results::{Cell, Results};
-use crate::wording::{self, Conditions, distinct};
 
-/// The tables of the first model and lens are open.
+/// The section with the tables. Those of the first model and lens are open.
 pub fn section(results: &Results) -> Markup {
-    let models = distinct(results.cells.iter().map(|cell| wording::model(&cell.point)));
-    let all = wording::all_conditions(&results.cells);
+    let models = distinct(results.cells.iter().map(|cell| labels::model(&cell.point)));
+    let all = labels::all_conditions(&results.cells);
     let blocks = models.iter().flat_map(|model| all.iter().map(move |conditions| (model, *conditions)));
     html! {
         h2 { "At a glance" }
@@ -19,17 +19,16 @@ pub fn section(results: &Results) -> Markup {
         }
         @for (index, (model, conditions)) in blocks.enumerate() {
             details open[index == 0] {
-                summary { (model) ", " (wording::conditions(conditions)) }
+                summary { (model) ", " (labels::conditions(conditions)) }
                 (tables(results, model, conditions))
             }
         }
     }
 }
 
-/// One for each group.
+/// The tables of one model and lens, one for each group.
 fn tables(results: &Results, model: &str, conditions: Conditions) -> Markup {
-    let own =
-        |cell: &&Cell| wording::model(&cell.point) == model && wording::belongs(&cell.point, conditions);
+    let own = |cell: &&Cell| labels::model(&cell.point) == model && labels::belongs(&cell.point, conditions);
     let cells: Vec<&Cell> = results.cells.iter().filter(own).collect();
     let objects = |group| cells.first().and_then(|cell| cell.objects.get(group)).unwrap_or(&0);
     html! {
@@ -47,12 +46,12 @@ fn by_alpha(cells: &[&Cell], group: &str) -> Markup {
     let row = |name: &String| {
         let figure = |alpha: &f64| {
             let found =
-                cells.iter().find(|cell| cell.point.alpha == *alpha && wording::stream(&cell.point) == *name);
+                cells.iter().find(|cell| cell.point.alpha == *alpha && labels::stream(&cell.point) == *name);
             found.map_or(Td::number(None, 1), |cell| ap50(cell, group))
         };
         std::iter::once(Td::Text(name.clone())).chain(alphas.iter().map(figure)).collect()
     };
-    let names = distinct(cells.iter().map(|cell| wording::stream(&cell.point)));
+    let names = distinct(cells.iter().map(|cell| labels::stream(&cell.point)));
     table(&head.concat(), &names.iter().map(row).collect::<Vec<_>>())
 }
 
@@ -60,6 +59,6 @@ fn ap50(cell: &Cell, group: &str) -> Td {
     let value = cell.ap50.get(group).copied().flatten();
     let interval = cell.interval95.get(&format!("ap50.{group}"));
     let interval = interval.map(|[low, high]| format!(" ({:.1} to {:.1})", 100.0 * low, 100.0 * high));
-    let text = wording::percent(value) + interval.as_deref().unwrap_or("");
+    let text = labels::percent(value) + interval.as_deref().unwrap_or("");
     Td::Number(text, value)
 }

@@ -1,4 +1,4 @@
-//! [`GridError`]: why a grid could not be worked on.
+//! [`GridError`]: the error of a grid run.
 
 use std::path::{Path, PathBuf};
 
@@ -9,72 +9,72 @@ use modulo_detector::DetectorError;
 use modulo_runtime::ParameterError;
 use modulo_runtime::driver::RunError;
 
-/// Names the thing, its value and what is possible.
+/// Error of a grid run. The message names the value and the possible ones.
 #[derive(Debug, thiserror::Error)]
 pub enum GridError {
-    /// Nothing to do.
+    /// A list without an entry.
     #[error("{0} is empty, at least one is needed")]
     Empty(&'static str),
-    /// A value that is none of the possible ones.
+    /// An impossible value.
     #[error("{what} is {value}, {possible} is possible")]
     Value {
-        /// The option.
+        /// Name of the option.
         what: &'static str,
-        /// Found.
+        /// The value.
         value: String,
-        /// What is possible.
+        /// The possible values.
         possible: String,
     },
-    /// Data without a single frame that can be scored.
+    /// No frame of the data can be scored.
     #[error("{source_name}: none of {frames} frames can be scored: {why}")]
     Nothing {
-        /// As it was given.
+        /// The data as it was given.
         source_name: String,
-        /// Frames found.
+        /// Number of frames.
         frames: usize,
-        /// What is wrong with them.
+        /// The reason.
         why: String,
     },
-    /// A file is not a class map; the line, and what is needed.
+    /// A file is not a class mapping. The text names the line and the expected form.
     #[error("{path}: {1}", path = .0.display())]
     Table(PathBuf, String),
-    /// A file holds results of another setup; what differs.
+    /// A file holds results of another request. The text names the difference.
     #[error("{path}: holds results of another setup: {1} differs; choose another folder, or remove it", path = .0.display())]
     OtherSetup(PathBuf, &'static str),
-    /// The results of a file contradict others in a cell.
+    /// A file holds other figures for a cell than an earlier file.
     #[error("{path}: cell {1} was measured before with other figures", path = .0.display())]
     Contradiction(PathBuf, String),
     /// A file or folder cannot be read or written.
     #[error(transparent)]
     Io(#[from] FileError),
-    /// A file does not hold results.
+    /// A file is not JSON of results.
     #[error("{path}: {1}", path = .0.display())]
     Json(PathBuf, #[source] serde_json::Error),
-    /// The file of the results is missing.
-    #[error("{}: there are no results; modulo eval --out makes them", .0.display())]
+    /// The file of results is missing.
+    #[error("{}: there are no results; modulo eval --out writes them", .0.display())]
     NoResults(PathBuf),
-    /// The chart of this name could not be drawn.
+    /// A chart could not be drawn.
     #[error("chart {0}: {1}")]
     Chart(String, #[source] modulo_charts::ChartError),
-    /// The data.
+    /// The data cannot be read.
     #[error(transparent)]
     Source(#[from] SourceError),
-    /// Captures that cannot be merged.
+    /// The captures cannot be merged.
     #[error(transparent)]
     Bracket(#[from] modulo_core::BracketError),
-    /// A sensor that does not exist.
+    /// The sensor is impossible, or cannot be exposed to the image.
     #[error(transparent)]
     Sensor(#[from] SensorError),
-    /// An image that cannot be unwrapped.
+    /// The image cannot be unwrapped.
     #[error(transparent)]
     Unwrap(#[from] modulo_core::UnwrapError),
-    /// A parameter that a node refuses.
+    /// A node refuses a parameter.
     #[error(transparent)]
     Parameter(#[from] ParameterError),
-    /// A model that does not run.
+    /// The model does not run.
     #[error(transparent)]
     Detector(#[from] DetectorError),
-    /// A driver that could not start.
+    /// A node failed.
     #[error(transparent)]
     Run(#[from] RunError),
 }

@@ -1,26 +1,26 @@
-//! The stopwatch: calls of one method on all frames.
+//! Times the calls of one method on all frames.
 
+use modulo_core::metric::{exact_share, mse, psnr_db, quantile};
 use modulo_core::{Recovered, Unwrap, UnwrapError, tone};
 
-use super::frames::Sample;
+use super::frames::Capture;
 use crate::stopwatch::timed;
-use crate::{StudyError, shown};
-use modulo_core::metric::{exact_share, mse, psnr_db, quantile};
+use crate::{BenchError, samples8};
 
-/// What a method took and gave.
+/// Durations and errors of one method.
 pub struct Measured {
-    /// ms of every timed call, ascending.
+    /// Duration of every timed call in ms, ascending.
     times: Vec<f64>,
-    /// Median over frames of the interquartile range of its calls over their median.
+    /// Median over frames of the interquartile range of the calls divided by their median.
     pub spread: f64,
-    /// Samples of all frames.
+    /// Number of samples of all frames.
     pub samples: u64,
     exact: f64,
     squares: f64,
 }
 
-/// Per frame one call that makes buffers and caches warm, then `repeats` that are timed.
-pub fn measure(method: &mut dyn Unwrap, samples: &[Sample], repeats: usize) -> Result<Measured, StudyError> {
+/// Calls the method on each frame once to warm up buffers and caches, then `repeats` times with timing.
+pub fn measure(method: &mut dyn Unwrap, samples: &[Capture], repeats: usize) -> Result<Measured, BenchError> {
     let mut out = Recovered::default();
     let mut all = Measured { times: Vec::new(), spread: 0.0, samples: 0, exact: 0.0, squares: 0.0 };
     let mut spreads = Vec::new();
@@ -44,27 +44,27 @@ pub fn measure(method: &mut dyn Unwrap, samples: &[Sample], repeats: usize) -> R
 }
 
 impl Measured {
-    fn score(&mut self, sample: &Sample, out: &Recovered) -> Result<(), StudyError> {
+    fn score(&mut self, sample: &Capture, out: &Recovered) -> Result<(), BenchError> {
         let picture = tone::linear8(&out.x, sample.range).map_err(UnwrapError::from)?;
         let count = sample.wraps.len() as f64;
         self.samples += sample.wraps.len() as u64;
         self.exact += count * exact_share(&out.k, &sample.wraps)?;
-        self.squares += count * mse(&shown(picture), &sample.ideal)?;
+        self.squares += count * mse(&samples8(picture), &sample.ideal)?;
         Ok(())
     }
 
-    /// Quantile `q` (0 to 1) of all calls, ms.
+    /// Quantile `q` (0 to 1) of all calls by the nearest rank, ms.
     pub fn ms(&self, q: f64) -> f64 {
         at(&self.times, q)
     }
 
     /// Share of exact wrap counts over all frames, 0 to 1.
     pub fn exact_k(&self) -> f64 {
-        // The shares were divided and multiplied again: whole counts but for rounding.
+        // The sum consists of counts that were divided and multiplied again: rounding restores them.
         self.exact.round() / self.samples.max(1) as f64
     }
 
-    /// From the mean square over all frames; `None`: no difference.
+    /// PSNR of the mean squared error over all frames, dB. `None` without any error.
     pub fn psnr_db(&self) -> Option<f64> {
         psnr_db(self.squares / self.samples.max(1) as f64)
     }

@@ -1,4 +1,4 @@
-//! [`Meta`]: what the figures were measured on.
+//! [`Meta`]: the frames, the sensor and the machine of a benchmark.
 
 use std::collections::BTreeMap;
 
@@ -6,16 +6,16 @@ use modulo_core::Psf;
 use serde::{Deserialize, Serialize};
 
 use super::Request;
-use super::frames::Found;
+use super::frames::BenchFrame;
 
-/// One for a folder of results.
+/// Description of a benchmark.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Meta {
     /// Name of the processor.
     pub device: String,
-    /// Processors that this process may use.
+    /// Number of processors that this process may use.
     pub processors: usize,
-    /// Of this crate.
+    /// Version of the program.
     pub version: String,
     /// The folder of frames, or `own scenes`.
     pub source: String,
@@ -23,33 +23,33 @@ pub struct Meta {
     pub sizes: Vec<Size>,
     /// The kernel: `none`, `gaussian` or `paper7`.
     pub psf: String,
-    /// b.
+    /// Bits of the sensor.
     pub bits: u8,
-    /// Sigma of the read noise, code units.
+    /// Standard deviation of the read noise, code units.
     pub read_noise: f64,
     /// Seed of the noise.
     pub seed: u64,
-    /// Timed calls for each frame.
+    /// Number of timed calls for each frame.
     pub repeats: usize,
 }
 
-/// How many frames are of one size.
+/// Number of frames of one size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Size {
-    /// Columns.
+    /// Number of columns.
     pub width: usize,
-    /// Rows.
+    /// Number of rows.
     pub height: usize,
-    /// 1 or 3.
+    /// Number of channels, 1 or 3.
     pub channels: usize,
-    /// Frames of this size.
+    /// Number of frames of this size.
     pub frames: usize,
 }
 
 impl Meta {
-    pub(super) fn new(request: &Request, frames: &[Found]) -> Self {
+    pub(super) fn new(request: &Request, frames: &[BenchFrame]) -> Self {
         let folder = request.frames.as_ref().map(|folder| folder.display().to_string());
-        let psf = match request.psf {
+        let psf = match request.sensor.psf() {
             Psf::None => "none",
             Psf::Gaussian { .. } => "gaussian",
             Psf::Paper7 => "paper7",
@@ -61,15 +61,15 @@ impl Meta {
             source: folder.unwrap_or_else(|| "own scenes".to_owned()),
             sizes: sizes(frames),
             psf: psf.to_owned(),
-            bits: request.bits,
-            read_noise: request.read_noise,
-            seed: request.seed,
+            bits: request.sensor.bits,
+            read_noise: request.sensor.read_noise,
+            seed: request.sensor.seed,
             repeats: request.repeats,
         }
     }
 }
 
-fn sizes(frames: &[Found]) -> Vec<Size> {
+fn sizes(frames: &[BenchFrame]) -> Vec<Size> {
     let mut counts = BTreeMap::new();
     frames.iter().for_each(|frame| *counts.entry(frame.dim).or_insert(0) += 1);
     let size = |((height, width, channels), frames)| Size { width, height, channels, frames };

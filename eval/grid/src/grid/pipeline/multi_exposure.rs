@@ -1,35 +1,31 @@
-//! [`Exposures`]: what a normal camera does for high dynamic range, three captures merged.
+//! [`MultiExposurePipeline`]: three captures with different exposure times, merged as a normal camera does for a high
+//! dynamic range.
 //!
-//! The captures are three frames of the drive that follow each other, the middle
-//! one being the frame that is scored, the longest exposure last. Whatever moves
-//! in between has its ghosts; nothing here aligns or removes them.
-
-use std::sync::Arc;
+//! The captures are three consecutive frames of the drive with the longest exposure last; the middle one is the frame
+//! that is scored. Moving objects leave ghosts: the captures are not aligned.
 
 use modulo_core::{Bracket, Psf, Range, Sensor, SensorConfig, tone};
-use modulo_msgs::std_msgs::Header;
-use modulo_runtime::{Clock, StampedFrame};
+use modulo_runtime::Clock;
 use ndarray::Array3;
 
-use super::chain::Passed;
-use super::moment::{Moment, Neighbours};
-use super::recovery::Recovery;
-use super::{BITS, GridError, Request};
+use super::quality::RecoveryQuality;
+use super::{BITS, DetectorInput, FrameWithNeighbours, Truth, unstamped};
 use crate::data::Data;
+use crate::error::GridError;
+use crate::grid::Request;
+use crate::grid::neighbours::Neighbours;
 use crate::results::{Point, Protocol, Stream};
 
-/// Captures that are merged.
+/// Number of captures that are merged.
 pub const CAPTURES: usize = 3;
 
-/// Whether frames of a stream need what is around them.
+/// Whether the frames of a stream need the frames before and after them.
 pub fn neighbours(stream: Stream) -> Neighbours {
     if stream == Stream::MultiExposure { Neighbours::Kept } else { Neighbours::Dropped }
 }
 
-/// Refuses captures that cannot follow each other.
-///
-/// # Errors
-/// [`GridError::Value`] for the paper's protocol, and for data whose frames are not those of a drive.
+/// Refuses merged captures under the protocol of the paper, and of moving scenes where the frames of the data are not
+/// consecutive.
 pub fn check(request: &Request, points: &[Point]) -> Result<(), GridError> {
     let refuse = |possible: &str| {
         let value = "multi_exposure".to_owned();
@@ -37,34 +33,30 @@ pub fn check(request: &Request, points: &[Point]) -> Result<(), GridError> {
     };
     let has = |stream| points.iter().any(|point| point.stream == stream);
     let moving = has(Stream::MultiExposure);
-    if (moving || has(Stream::MultiExposureStill)) && request.protocol == Protocol::Paper {
-        return refuse("one of the other streams under the paper's protocol");
+    if (moving || has(Stream::MultiExposureStill)) && request.options.protocol == Protocol::Paper {
+        return refuse("one of the other streams under the protocol of the paper");
     }
     match request.data {
         Data::Kitti { .. } | Data::Yolo(_) | Data::Coco { .. } if moving => {
-            refuse("multi_exposure_still, for these frames do not follow each other; --sequence or --source")
+            refuse("multi_exposure_still, because these frames are not consecutive; --sequence or --source")
         }
         _ => Ok(()),
     }
 }
 
-/// The steps of one cell.
-pub struct Exposures<'a> {
+/// The captures and the merging of one cell.
+pub struct MultiExposurePipeline<'a> {
     bracket: Bracket,
-    /// One a capture.
+    /// One sensor for each capture.
     sensors: Vec<Sensor>,
-    /// The truth's: with the cell's lens, and without.
-    truth: [Sensor; 2],
+    truth: Truth,
     range: Range,
     seed: u64,
     timer: &'a dyn Clock,
 }
 
-impl<'a> Exposures<'a> {
-    /// For one cell.
-    ///
-    /// # Errors
-    /// [`GridError::Sensor`] for a sensor that is not possible.
+impl<'a> MultiExposurePipeline<'a> {
+    /// The pipeline of the cell at `point`.
     pub fn new(point: &Point, timer: &'a dyn Clock, seed: u64) -> Result<Self, GridError> {
         let range = Range::new(BITS, point.alpha).map_err(modulo_core::SensorError::from)?;
         let bracket = Bracket::new(range, CAPTURES);
@@ -79,15 +71,15 @@ impl<'a> Exposures<'a> {
         };
         let of_time = |time: &f32| sensor(f64::from(*time), point.psf_sigma);
         let sensors = bracket.times().iter().map(of_time).collect::<Result<_, _>>()?;
-        let truth = [sensor(1.0, point.psf_sigma)?, sensor(1.0, 0.0)?];
+        let truth = Truth([sensor(1.0, point.psf_sigma)?, sensor(1.0, 0.0)?]);
         Ok(Self { bracket, sensors, truth, range, seed, timer })
     }
 
-    /// One frame.
-    ///
-    /// # Errors
-    /// [`GridError`] for radiance that no sensor can be exposed to.
-    pub fn pass(&mut self, Moment { number, frame, around }: &Moment) -> Result<Passed, GridError> {
+    /// Processes one frame.
+    pub fn run(
+        &mut self,
+        FrameWithNeighbours { number, frame, around }: &FrameWithNeighbours,
+    ) -> Result<DetectorInput, GridError> {
         let now = &frame.radiance;
         let scenes: [&Array3<f32>; CAPTURES] = match around {
             Some([before, after]) => [before, now, after],
@@ -104,13 +96,12 @@ impl<'a> Exposures<'a> {
         let sensed = self.timer.ticks_ns();
         let x = self.bracket.merge(&captures)?;
         let merged = self.timer.ticks_ns();
-        let shown = tone::linear8(&x, self.range).map_err(modulo_core::SensorError::from)?;
+        let image = tone::linear8(&x, self.range).map_err(modulo_core::SensorError::from)?;
         let toned = self.timer.ticks_ns();
-        let [blurred, sharp] = &self.truth;
-        let truth = [blurred.expose(now.view(), seed)?, sharp.expose(now.view(), seed)?];
-        Ok(Passed {
-            recovery: Recovery::of_merged(&shown, &truth[0], &truth[1]),
-            image: Some(Arc::new(StampedFrame { header: Header::default(), frame: shown })),
+        let truth = self.truth.expose(now, seed)?;
+        Ok(DetectorInput {
+            recovery: RecoveryQuality::of_merged(&image, &truth),
+            image: Some(unstamped(image)),
             stages: vec![
                 ("sense", sensed.saturating_sub(start)),
                 ("merge", merged.saturating_sub(sensed)),

@@ -1,51 +1,41 @@
-//! [`Moment`]: a frame and what was there just before and just after it.
+//! [`FrameWithNeighbours`]: a frame with the frames before and after it.
 
 use modulo_bags::source::{SourceError, SourceFrame};
 use ndarray::Array3;
 
 use super::frames::{Frames, Raw};
 
-/// A frame with its number.
-pub struct Moment {
-    /// Among the frames that are scored.
+/// A frame that is scored.
+pub struct FrameWithNeighbours {
+    /// Number among the frames that are scored.
     pub number: usize,
     /// The frame.
     pub frame: SourceFrame,
-    /// Radiance of the frame before and of the one after it, labelled or not; at the ends of a drive, of itself. `None`
-    /// where nobody needs it.
+    /// Radiance of the frames before and after it, with or without labels. At the ends of a drive the frame itself stands
+    /// in. `None` if no pipeline needs it.
     pub around: Option<[Array3<f32>; 2]>,
-}
-
-impl Moment {
-    /// The frame for another way, without its neighbours.
-    pub fn again(&self) -> Self {
-        Self { number: self.number, frame: self.frame.clone(), around: None }
-    }
 }
 
 /// Whether the neighbours are read as well.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Neighbours {
-    /// They are.
+    /// Every frame comes with its neighbours.
     Kept,
-    /// Each frame stands alone.
+    /// Frames come without neighbours.
     Dropped,
 }
 
-/// The frames that are scored, in their order.
-pub struct Moments<'a> {
+/// Iterates over the frames that are scored, in their order.
+pub struct FramesWithNeighbours<'a> {
     frames: &'a mut Frames,
     neighbours: Neighbours,
-    /// Drive and radiance of the last frame.
+    /// Drive and radiance of the frame before.
     before: Option<(usize, Array3<f32>)>,
     ahead: Option<Raw>,
 }
 
-impl<'a> Moments<'a> {
-    /// From the first frame on.
-    ///
-    /// # Errors
-    /// [`SourceError`] when the data is no longer there.
+impl<'a> FramesWithNeighbours<'a> {
+    /// Starts at the first frame.
     pub fn new(frames: &'a mut Frames, neighbours: Neighbours) -> Result<Self, SourceError> {
         frames.rewind()?;
         Ok(Self { frames, neighbours, before: None, ahead: None })
@@ -63,8 +53,8 @@ impl<'a> Moments<'a> {
     }
 }
 
-impl Iterator for Moments<'_> {
-    type Item = Result<Moment, SourceError>;
+impl Iterator for FramesWithNeighbours<'_> {
+    type Item = Result<FrameWithNeighbours, SourceError>;
 
     fn next(&mut self) -> Option<Self::Item> {
         loop {
@@ -76,7 +66,7 @@ impl Iterator for Moments<'_> {
                 self.before = raw.frame.as_ref().ok().map(|frame| (raw.drive, frame.radiance.clone()));
             }
             if let Some(number) = self.frames.number_of(raw.place) {
-                return Some(raw.frame.map(|frame| Moment { number, frame, around }));
+                return Some(raw.frame.map(|frame| FrameWithNeighbours { number, frame, around }));
             }
         }
     }

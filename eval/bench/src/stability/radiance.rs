@@ -1,4 +1,4 @@
-//! [`Canvas`]: the generators that every scene of the catalogue is put together from.
+//! [`Radiance`]: the generators that every scene of the catalogue is put together from.
 //!
 //! A canvas is radiance without colour, in codes of an 8-bit sensor (256 = one peak). Noise that
 //! belongs to the sensor is never drawn here; what is drawn at random follows from a seed alone.
@@ -16,9 +16,9 @@ const WARM: [f64; 3] = [1.0, 0.95, 0.9];
 
 /// H x W radiance in 8-bit codes, being drawn.
 #[derive(Clone)]
-pub struct Canvas(Array2<f64>);
+pub struct Radiance(Array2<f64>);
 
-impl Canvas {
+impl Radiance {
     /// The background: `60 + 40 sin(column / 50) + 30 row / H`, 20 to 130 codes, nowhere steep.
     pub fn dusk(height: usize, width: usize) -> Self {
         Self(Array2::from_shape_fn((height, width), |(row, column)| {
@@ -26,7 +26,7 @@ impl Canvas {
         }))
     }
 
-    /// [`Canvas::dusk`] of [`SIZE`].
+    /// [`Radiance::dusk`] of [`SIZE`].
     pub fn evening() -> Self {
         Self::dusk(SIZE.0, SIZE.1)
     }
@@ -154,7 +154,7 @@ pub fn shift_red(image: Array3<f32>, columns: usize) -> Array3<f32> {
     })
 }
 
-/// The rendered driving scene of `preset`, seed 0, full scale `alpha` peaks; codes as a [`Canvas`] has them.
+/// The rendered driving scene of `preset`, seed 0, full scale `alpha` peaks; codes as a [`Radiance`] has them.
 pub fn rendered(preset: Preset, alpha: f64) -> Array3<f32> {
     let full = (256.0 * alpha) as f32;
     Scene::new(preset, 0).render(0, SIZE.0, SIZE.1).radiance.mapv_into(|value| value * full)
@@ -178,7 +178,7 @@ mod tests {
 
     #[test]
     fn hot_pixels_follow_from_the_seed() {
-        let draw = |seed| Canvas::even(0.0).hot(0.01, 1.0, seed).mono();
+        let draw = |seed| Radiance::even(0.0).hot(0.01, 1.0, seed).mono();
         assert_eq!(draw(1), draw(1));
         assert!(draw(1) != draw(2));
         let share = draw(3).mean().expect("the image has pixels");
@@ -187,7 +187,7 @@ mod tests {
 
     #[test]
     fn motion_keeps_what_is_even_and_spreads_a_line() {
-        let line = Canvas::even(7.0).pole(100, 1, 15.0).motion(15).mono();
+        let line = Radiance::even(7.0).pole(100, 1, 15.0).motion(15).mono();
         assert_eq!(
             (line[(5, 92, 0)], line[(5, 93, 0)], line[(5, 107, 0)], line[(5, 108, 0)]),
             (7.0, 8.0, 8.0, 7.0)
@@ -196,7 +196,7 @@ mod tests {
 
     #[test]
     fn red_moves_alone() {
-        let image = shift_red(Canvas::ramp(1.0).white(), 3);
+        let image = shift_red(Radiance::ramp(1.0).white(), 3);
         assert_eq!((image[(0, 0, 0)], image[(0, 50, 0)], image[(0, 50, 1)]), (0.0, 7.0, 10.0));
     }
 }

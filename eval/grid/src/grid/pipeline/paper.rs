@@ -1,27 +1,23 @@
-//! The paper's own way of a frame to the detector, step by step as its scripts go: `--protocol paper`.
+//! [`PaperPipeline`]: the steps of a frame before the detector as in the scripts of the paper (`--protocol paper`).
 //!
-//! Nothing here is our default. Values are fractions of the peak until a
-//! detector needs 8 bits, which are cut, not rounded.
-
-use std::sync::Arc;
+//! The nodes of the suite do none of this by default. Values are fractions of the peak. For the detector they become 8
+//! bits by truncation, not by rounding.
 
 use modulo_bags::source::SourceFrame;
 use modulo_core::unwrap::{Range, Spud, ThresholdOn};
 use modulo_core::{Frame, Psf, UnwrapError, optics};
-use modulo_msgs::std_msgs::Header;
-use modulo_runtime::{Clock, StampedFrame};
+use modulo_runtime::Clock;
 use ndarray::Array3;
 
-use super::chain::{Passed, Stages};
-use super::recovery::Recovery;
-use super::{BITS, GridError};
+use super::{BITS, DetectorInput, Stages, unstamped};
+use crate::error::GridError;
 use crate::results::{Point, Stream};
 
-/// SPUD's threshold, units of the peak, on phi.
+/// Threshold of SPUD on phi, in units of the peak.
 const TAU: f64 = 0.1;
 
-/// The steps of one cell.
-pub struct PaperWay<'a> {
+/// The sensor and the unwrapping of one cell.
+pub struct PaperPipeline<'a> {
     stream: Stream,
     alpha: f64,
     range: Range,
@@ -29,31 +25,26 @@ pub struct PaperWay<'a> {
     timer: &'a dyn Clock,
 }
 
-impl<'a> PaperWay<'a> {
-    /// For one cell; its lens is the paper's, whatever the point says.
-    ///
-    /// # Errors
-    /// [`GridError`] for an alpha that no sensor has.
+impl<'a> PaperPipeline<'a> {
+    /// The pipeline of the cell at `point`. Its lens is always that of the paper.
     pub fn new(point: &Point, timer: &'a dyn Clock) -> Result<Self, GridError> {
         let range = Range::new(BITS, point.alpha).map_err(modulo_core::SensorError::from)?;
         let spud = Spud::new(TAU, ThresholdOn::Phi)?;
         Ok(Self { stream: point.stream, alpha: point.alpha, range, spud, timer })
     }
 
-    /// One frame. A frame that SPUD refuses gives no image.
-    ///
-    /// # Errors
-    /// None but those that the type asks for.
-    pub fn pass(&mut self, frame: &SourceFrame) -> Result<Passed, GridError> {
+    /// Processes one frame.
+    pub fn run(&mut self, frame: &SourceFrame) -> Result<DetectorInput, GridError> {
         let mut stages = Stages::new();
         let start = self.timer.ticks_ns();
         let mut image = match self.stream {
-            // The original frame, which never met a lens: codes of 8 bits.
+            // The original frame in codes of 8 bits, without a lens.
             Stream::Ideal => frame.radiance.mapv(|v| v * 256.0),
             Stream::Saturated => self.exposed(frame).mapv(|v| v.clamp(0.0, 1.0) * 255.0),
             Stream::Modulo | Stream::Recovered => self.exposed(frame).mapv(wrapped),
-            // Refused before: the paper has none.
-            Stream::MultiExposure | Stream::MultiExposureStill => return Ok(Passed::default()),
+            Stream::MultiExposure | Stream::MultiExposureStill => {
+                unreachable!("merged captures are refused under the protocol of the paper")
+            }
         };
         stages.push(("sense", self.timer.ticks_ns().saturating_sub(start)));
         if self.stream == Stream::Recovered {
@@ -64,38 +55,37 @@ impl<'a> PaperWay<'a> {
             image.mapv_inplace(|v| v * 255.0);
         }
         let frame = Frame::from_u8(image.mapv(|v| v as u8)).map_err(UnwrapError::from)?;
-        let image = Some(Arc::new(StampedFrame { header: Header::default(), frame }));
-        Ok(Passed { image, stages, recovery: None::<Recovery> })
+        Ok(DetectorInput { image: Some(unstamped(frame)), stages, recovery: None })
     }
 
-    /// `alpha * blurred`, of the stretched image in [0, 1]; the blur lies before the scaling.
+    /// `alpha * blurred` of the stretched image in [0, 1]. The blur comes before the scaling.
     fn exposed(&self, frame: &SourceFrame) -> Array3<f32> {
         let alpha = self.alpha as f32;
         let x = stretched(&frame.radiance).mapv(|v| v / 255.0);
         optics::blurred(x, Psf::Paper7).mapv(|v| v * alpha)
     }
 
-    /// SPUD on the unquantised modulo image, then minimum and maximum of the whole tensor to 0 and 255.
+    /// Unwraps the unquantised modulo image by SPUD, then maps minimum and maximum of the whole tensor to 0 and 255.
     fn recovered(&mut self, y: &Array3<f32>) -> Result<Array3<f32>, GridError> {
         let peak = self.range.peak();
         let codes = y.mapv(|v| v * peak);
         let phi = self.spud.solve(codes.view(), self.range)?;
-        // The wrapped field is the gradient of x, so that phi is x up to its mean, in code units.
+        // The wrapped field is the gradient of x: phi is x without its mean, in code units.
         Ok(stretched(&phi))
     }
 }
 
-/// `mod(x, 1)`, but a positive multiple of 1 stays 1.
+/// `mod(x, 1)`, except that a positive multiple of 1 gives 1.
 fn wrapped(x: f32) -> f32 {
     let rest = x.rem_euclid(1.0);
     if rest == 0.0 && x > 0.0 { 1.0 } else { rest }
 }
 
-/// Minimum and maximum over all channels to 0 and 255, cut to whole steps; all 0 where they are equal.
+/// Maps minimum and maximum over all channels to 0 and 255 and truncates to whole steps. A constant image becomes 0.
 fn stretched(values: &Array3<f32>) -> Array3<f32> {
     let low = f64::from(values.iter().copied().fold(f32::INFINITY, f32::min));
     let high = f64::from(values.iter().copied().fold(f32::NEG_INFINITY, f32::max));
-    // Multiplied first, so that an image that spans 0 to 255 stays as it is.
+    // The multiplication comes first, so that an image that spans 0 to 255 stays unchanged.
     let step = |v: f32| ((f64::from(v) - low) * 255.0 / (high - low)).floor();
     values.mapv(|v| if high > low { step(v) as f32 } else { 0.0 })
 }
@@ -114,10 +104,9 @@ mod tests {
     }
 
     fn shown(stream: Stream, alpha: f64, frame: &SourceFrame) -> Vec<u8> {
-        let (method, model, input) = (None, "demo".into(), "auto".into());
-        let point = Point { stream, method, deblur: false, alpha, psf_sigma: 1.4, noise: 0.0, model, input };
+        let point = Point { stream, alpha, ..Point::default() };
         let clock = ManualClock::default();
-        let passed = PaperWay::new(&point, &clock).expect("possible").pass(frame).expect("passed");
+        let passed = PaperPipeline::new(&point, &clock).expect("possible").run(frame).expect("passed");
         passed.image.expect("an image").frame.as_u8().expect("8 bits").iter().copied().collect()
     }
 
@@ -182,17 +171,8 @@ mod tests {
     #[test]
     fn spud_sees_less_than_a_code() {
         let clock = ManualClock::default();
-        let point = Point {
-            stream: Stream::Recovered,
-            method: Some("spud".into()),
-            deblur: false,
-            alpha: 1.5,
-            psf_sigma: 1.4,
-            noise: 0.0,
-            model: "demo".into(),
-            input: "auto".into(),
-        };
-        let mut way = PaperWay::new(&point, &clock).expect("possible");
+        let point = Point { stream: Stream::Recovered, alpha: 1.5, ..Point::default() };
+        let mut way = PaperPipeline::new(&point, &clock).expect("possible");
         // Half a code from left to right, hidden from 8 bits; tau would drop it, so that the ramp is large in all.
         let y = Array3::from_shape_fn((64, 64, 1), |(_, x, _)| 0.1 + x as f32 / 64.0 * 0.5 / 256.0);
         way.spud = Spud::new(0.0, ThresholdOn::Phi).expect("possible");

@@ -1,4 +1,4 @@
-//! [`Album`]: the pictures of a run, as files beside the page, or none at all. Figures are never taken from pictures.
+//! [`PictureFolder`]: the pictures of a run, as files beside the page, or none at all. Figures are never taken from pictures.
 //!
 //! One gamma for all, so that dark scenes show: radiance is `255 sqrt(x / (alpha 2^b))`, codes are `255 y / 2^b`.
 
@@ -8,7 +8,7 @@ use modulo_core::{Exposure, Frame, FrameError, SensorError};
 use modulo_images::save_png;
 use ndarray::{Array3, Axis, concatenate, s};
 
-use crate::StudyError;
+use crate::BenchError;
 
 /// The scene that shows what is peculiar to a method, for the documentation.
 const FIGURES: &[(&str, &str)] = &[
@@ -29,12 +29,12 @@ const ROWS: std::ops::Range<usize> = 32..160;
 const GAP: usize = 4;
 
 /// Where pictures go.
-pub struct Album {
+pub struct PictureFolder {
     out: Option<PathBuf>,
 }
 
-/// What every picture of a scene is shown beside.
-pub struct Sheet<'a> {
+/// What every picture of a scene is samples8 beside.
+pub struct ScenePictures<'a> {
     out: &'a Path,
     scene: &'a str,
     limit: f64,
@@ -42,7 +42,7 @@ pub struct Sheet<'a> {
     modulo: Array3<u8>,
 }
 
-impl Album {
+impl PictureFolder {
     /// Pictures go into `out`, which has folders `pictures` and `figures`.
     pub fn in_folder(out: &Path) -> Self {
         Self { out: Some(out.to_owned()) }
@@ -56,30 +56,30 @@ impl Album {
     /// Writes truth and modulo image of `scene`.
     ///
     /// # Errors
-    /// [`StudyError::Save`].
+    /// [`BenchError::Save`].
     pub fn open<'a>(
         &'a self,
         scene: &'a str,
         exposure: &Exposure,
         y: &Frame,
-    ) -> Result<Option<Sheet<'a>>, StudyError> {
+    ) -> Result<Option<ScenePictures<'a>>, BenchError> {
         let Some(out) = self.out.as_deref() else { return Ok(None) };
         let limit = exposure.range().limit();
         let truth = radiance(&exposure.x().mapv(f32::floor), limit);
         let modulo = codes(y, exposure.range().peak());
-        let sheet = Sheet { out, scene, limit, truth, modulo };
-        sheet.save(&sheet.path("truth"), &[&sheet.truth])?;
-        sheet.save(&sheet.path("modulo"), &[&sheet.modulo])?;
-        Ok(Some(sheet))
+        let pictures = ScenePictures { out, scene, limit, truth, modulo };
+        pictures.save(&pictures.path("truth"), &[&pictures.truth])?;
+        pictures.save(&pictures.path("modulo"), &[&pictures.modulo])?;
+        Ok(Some(pictures))
     }
 }
 
-impl Sheet<'_> {
+impl ScenePictures<'_> {
     /// Writes what `method` recovered, unless it looks as the truth does; the path of its picture within the folder.
     ///
     /// # Errors
-    /// [`StudyError::Save`].
-    pub fn add(&self, method: &str, x: &Array3<f32>) -> Result<String, StudyError> {
+    /// [`BenchError::Save`].
+    pub fn add(&self, method: &str, x: &Array3<f32>) -> Result<String, BenchError> {
         let result = radiance(x, self.limit);
         if FIGURES.contains(&(method, self.scene)) {
             let parts = [&self.truth, &self.modulo, &result]
@@ -97,7 +97,7 @@ impl Sheet<'_> {
         format!("pictures/{}-{label}.png", self.scene)
     }
 
-    fn save(&self, path: &str, pictures: &[&Array3<u8>]) -> Result<(), StudyError> {
+    fn save(&self, path: &str, pictures: &[&Array3<u8>]) -> Result<(), BenchError> {
         let frame = strip(pictures).map_err(|error: FrameError| SensorError::from(error))?;
         Ok(save_png(&self.out.join(path), &frame)?)
     }
