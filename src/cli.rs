@@ -44,14 +44,14 @@ pub enum Command {
     /// Record, replay, describe, convert, import and repair bags
     #[command(subcommand)]
     Bag(bag::Bag),
-    /// Evaluate in lockstep, every frame once, nothing dropped: a launch file, or a grid over labelled frames
+    /// Evaluate a launch file, or a grid of settings over labelled frames: every frame once, none dropped
     Eval(Box<eval::Eval>),
-    /// Send one's own pictures through the sensor and the unwrapping methods
+    /// Simulate the sensor on image files and unwrap the result
     Simulate(modulo_bench::simulate::Request),
     /// Measure the unwrapping methods
     #[command(subcommand)]
     Bench(Bench),
-    /// Run the scenes on which methods fail, and show where each one does
+    /// Run all methods on the scenes on which methods fail, and show the results
     Stability {
         /// Folder for index.html, results.json and the pictures
         #[arg(short, long, value_name = "FOLDER")]

@@ -9,7 +9,7 @@ use modulo_eval::grid::Options;
 #[derive(Args)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct Eval {
-    /// What to do with existing results
+    /// Command for existing results
     #[command(subcommand)]
     pub verb: Option<Verb>,
     /// Launch file (ROS 2 YAML) with one camera. Without it: a grid over --kitti, --sequence, --yolo, --coco or --source

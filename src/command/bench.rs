@@ -9,22 +9,16 @@ use modulo_bench::{Event, benchmark, frontier, simulate, stability};
 use crate::cli::Bench;
 use crate::{Ended, Failure};
 
+/// Template of the progress bar.
+const STEPS: &str = "{bar:30} {pos}/{len} {eta} {msg}";
+
 /// Sends image files through the sensor and the methods.
 pub fn simulate(request: &simulate::Request) -> Result<Ended, Failure> {
-    let progress = Progress::new();
-    let outcome = simulate::simulate(request, &mut |event| progress.tell(event))?;
-    progress.end();
+    let bar = progress_bar(STEPS);
+    let outcome = simulate::simulate(request, &mut |event| tell(&bar, event))?;
+    bar.finish_and_clear();
     say!(
-        "{:<28} {:>5} {:<16} {:>8} {:>9} {:>8} {:<14} {:<7} {:>8}",
-        "file",
-        "alpha",
-        "method",
-        "exact k",
-        "PSNR dB",
-        "SSIM",
-        "rung",
-        "trusted",
-        "ms"
+        "file                         alpha method            exact k   PSNR dB     SSIM rung           trusted       ms"
     );
     for row in &outcome.rows {
         let number =
@@ -60,18 +54,10 @@ pub fn bench(command: &Bench) -> Result<Ended, Failure> {
 
 fn bench_unwrap(request: &benchmark::Request) -> Result<Ended, Failure> {
     let request = benchmark::Request { device: processor(), ..request.clone() };
-    let progress = Progress::new();
-    let outcome = benchmark::unwrap(&request, &mut |event| progress.tell(event))?;
-    progress.end();
-    say!(
-        "{:<16} {:>5} {:>7} {:>9} {:>9} {:>9}",
-        "method",
-        "alpha",
-        "threads",
-        "ms p50",
-        "exact k",
-        "PSNR dB"
-    );
+    let bar = progress_bar(STEPS);
+    let outcome = benchmark::unwrap(&request, &mut |event| tell(&bar, event))?;
+    bar.finish_and_clear();
+    say!("method           alpha threads    ms p50   exact k   PSNR dB");
     for row in &outcome.rows {
         let psnr = row.psnr_db.map_or("-".into(), |psnr| format!("{psnr:.2}"));
         say!(
@@ -91,9 +77,9 @@ fn bench_unwrap(request: &benchmark::Request) -> Result<Ended, Failure> {
 
 /// Runs the stability suite.
 pub fn stability(out: &Path) -> Result<Ended, Failure> {
-    let progress = Progress::new();
-    let outcome = stability::run(out, |event| progress.tell(event))?;
-    progress.end();
+    let bar = progress_bar(STEPS);
+    let outcome = stability::run(out, |event| tell(&bar, event))?;
+    bar.finish_and_clear();
     outcome.better.iter().for_each(|what| say!("better than documented: {what}"));
     outcome.broken.iter().for_each(|what| say!("broken: {what}"));
     let (held, broken) = (outcome.held, outcome.broken.len());
@@ -118,27 +104,15 @@ pub fn progress_bar(template: &str) -> ProgressBar {
     ProgressBar::new(0).with_style(style)
 }
 
-/// A progress bar on a terminal. Warnings go to standard error, also without a terminal.
-struct Progress(ProgressBar);
-
-impl Progress {
-    fn new() -> Self {
-        Self(progress_bar("{bar:30} {pos}/{len} {eta} {msg}"))
-    }
-
-    fn tell(&self, event: Event<'_>) {
-        match event {
-            Event::Step { done, total, next } => {
-                self.0.set_length(total as u64);
-                self.0.set_position(done as u64);
-                self.0.set_message(next.to_owned());
-            }
-            Event::Skipped(skipped) => self.0.suspend(|| eprintln!("modulo: skipped: {}", skipped.why)),
-            Event::Warning(warning) => self.0.suspend(|| eprintln!("modulo: {warning}")),
+/// Shows the progress on the bar, and writes warnings to standard error.
+fn tell(bar: &ProgressBar, event: Event<'_>) {
+    match event {
+        Event::Step { done, total, next } => {
+            bar.set_length(total as u64);
+            bar.set_position(done as u64);
+            bar.set_message(next.to_owned());
         }
-    }
-
-    fn end(&self) {
-        self.0.finish_and_clear();
+        Event::Skipped(skipped) => bar.suspend(|| eprintln!("modulo: skipped: {}", skipped.why)),
+        Event::Warning(warning) => bar.suspend(|| eprintln!("modulo: {warning}")),
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::{Context, anyhow};
 use modulo_bags::bag::Compression;
 use modulo_bags::record::Recorder;
-use modulo_eval::launch_file::{Evaluation, Images, Plan, Score, Stream};
+use modulo_eval::launch_file::{Evaluation, Plan, Score, Stream};
 use modulo_launch::Summary;
 use modulo_runtime::driver::lockstep::Lockstep;
 use modulo_runtime::{MessageKind, Node, NodeName, NodeReport, SystemClock};
@@ -73,13 +73,13 @@ fn run(
         interval: made[source].0.period().expect("the source was found by its period"),
         streams: streams(&made)?,
         truth: topic_of(&made[source].0.outputs(), MessageKind::Detections, &made[source].1)?,
-        images: if args.images { Images::Save } else { Images::Discard },
+        save_images: args.images,
         folder: out.to_owned(),
         bagged: args.topics.clone(),
     };
     let mut recorded: Vec<String> = plan.streams.iter().map(|s| s.detections.clone()).collect();
     recorded.extend(plan.truth.iter().chain(&plan.bagged).cloned());
-    if plan.images == Images::Save {
+    if plan.save_images {
         let images = plan.streams.iter().map(|s| Some(s.images.clone()));
         let annotated = plan.streams.iter().map(|s| s.annotated.clone());
         recorded.extend(images.chain(annotated).flatten());

@@ -1,4 +1,4 @@
-//! `modulo eval` without a launch file: the grid over labelled frames.
+//! `modulo eval` without a launch file: runs the grid over labelled frames.
 
 use std::path::{Path, PathBuf};
 

@@ -11,10 +11,10 @@ use modulo_images::{ImageError, SaveError};
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
     /// A list without an entry.
-    #[error("{0} is empty, at least one is needed")]
+    #[error("{0} is empty; at least one entry is needed")]
     Empty(&'static str),
     /// A number out of its range.
-    #[error("{what} is {value}, {possible} is possible")]
+    #[error("{what} is {value}, but must be {possible}")]
     Number {
         /// Name of the number.
         what: &'static str,
@@ -24,7 +24,7 @@ pub enum BenchError {
         possible: &'static str,
     },
     /// A folder without a readable image.
-    #[error("{}: no image that can be read, one of .png .jpg .jpeg .exr .hdr is needed", .0.display())]
+    #[error("{}: there is no readable image (.png, .jpg, .jpeg, .exr, .hdr)", .0.display())]
     NoFrames(PathBuf),
     /// A file or folder cannot be read or written.
     #[error("{path}: {1}", path = .0.display())]

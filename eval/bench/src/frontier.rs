@@ -1,19 +1,19 @@
-//! The frontier: how exact a method is, and what that costs.
+//! The chart of accuracy against time.
 
 use std::path::{Path, PathBuf};
 
 use modulo_charts::{
-    Axis, Body, Chart, Direction, Emphasis, PageWidth, Panel, Point, Series, SeriesStyle, Unit,
+    Axis, Body, Chart, Direction, Emphasis, PageWidth, Panel, Point, Series, SeriesStyle, Unit, distinct,
 };
 
 use crate::BenchError;
+use crate::atomic_file::{read_json, write};
 use crate::benchmark::{META, Meta, Row};
-use crate::files::{read_json, write};
 
-/// Draws the frontier of a list of results as `frontier.svg` and `frontier.png` beside it; returns the two.
+/// Draws the chart of a file of results as `frontier.svg` and `frontier.png` beside it. Returns their paths.
 ///
 /// # Errors
-/// [`BenchError`] when the list cannot be read or the pictures cannot be written.
+/// [`BenchError`] if the file cannot be read or the charts cannot be written.
 pub fn draw_frontier(results: &Path) -> Result<[PathBuf; 2], BenchError> {
     let chart = frontier_from(results)?;
     let files = ["frontier.svg", "frontier.png"].map(|name| results.with_file_name(name));
@@ -22,10 +22,10 @@ pub fn draw_frontier(results: &Path) -> Result<[PathBuf; 2], BenchError> {
     Ok(files)
 }
 
-/// The chart of `results` (a list of [`Row`]) and of the [`META`] beside it, if there is one.
+/// The chart of the file `results` (a list of [`Row`]) and of the file [`META`] beside it, if there is one.
 ///
 /// # Errors
-/// [`BenchError`] when one of them cannot be read, or holds no row.
+/// [`BenchError`] if a file cannot be read or there is no row.
 pub fn frontier_from(results: &Path) -> Result<Chart, BenchError> {
     let rows: Vec<Row> = read_json(results)?;
     crate::need("the list of results", &rows)?;
@@ -47,7 +47,7 @@ pub fn frontier_from(results: &Path) -> Result<Chart, BenchError> {
     })
 }
 
-/// A line for each method, thread count and blur, over alpha.
+/// A line over alpha for each method, number of threads and blur.
 fn series(rows: &[Row], value: impl Fn(&Row) -> f64) -> Vec<Series> {
     let mut sorted: Vec<&Row> = rows.iter().collect();
     sorted.sort_by(|a, b| a.alpha.total_cmp(&b.alpha));
@@ -71,13 +71,13 @@ fn series(rows: &[Row], value: impl Fn(&Row) -> f64) -> Vec<Series> {
     series
 }
 
-/// The method, with threads and blur where they differ between rows.
+/// The name of a line: the method, with threads and blur if they differ between rows.
 fn name(row: &Row, rows: &[Row]) -> String {
     let mut name = row.method.clone();
-    if distinct(rows.iter().map(|r| r.threads.to_string())).len() > 1 {
+    if distinct(rows.iter().map(|r| r.threads)).len() > 1 {
         name += &format!(", {}", threads(row.threads));
     }
-    if distinct(rows.iter().map(|r| r.psf_sigma.to_string())).len() > 1 {
+    if distinct(rows.iter().map(|r| r.psf_sigma)).len() > 1 {
         name += &format!(", blur {} px", row.psf_sigma);
     }
     name
@@ -135,15 +135,4 @@ fn footer(rows: &[Row], meta: Option<&Meta>) -> String {
 
 fn threads(count: usize) -> String {
     if count == 1 { "1 thread".to_owned() } else { format!("{count} threads") }
-}
-
-/// Without repetitions, in the order of first appearance.
-fn distinct(texts: impl Iterator<Item = String>) -> Vec<String> {
-    let mut found: Vec<String> = Vec::new();
-    for text in texts {
-        if !found.contains(&text) {
-            found.push(text);
-        }
-    }
-    found
 }

@@ -2,9 +2,9 @@
 //!
 //! Nothing here knows a node, a message or a topic: the methods are those of `modulo-core`, which the nodes use.
 
+mod atomic_file;
 pub mod benchmark;
 mod error;
-mod files;
 pub mod frontier;
 pub mod simulate;
 pub mod stability;

@@ -1,4 +1,4 @@
-//! `bench unwrap` on frames made here.
+//! `bench unwrap` on synthetic frames.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use modulo_core::unwrap::METHODS;
 use modulo_images::save_png;
 use ndarray::Array3;
 
-/// A slope that wraps without ever stepping more than the gradient can carry.
+/// Writes a slope that every method can unwrap.
 fn slope(path: &Path, width: usize) {
     let codes = Array3::from_shape_fn((24, width, 3), |(i, j, c)| (i + 2 * j + 5 * c) as u8);
     save_png(path, &Frame::from_u8(codes).expect("an image")).expect("a writable folder");
@@ -79,7 +79,7 @@ fn a_wrong_request_is_refused_before_anything_is_measured() {
     };
     assert!(matches!(fails(&|_| ()), BenchError::NoFrames { .. }));
     assert!(matches!(fails(&|r| r.frames = Some(empty.join("nowhere"))), BenchError::Io { .. }));
-    assert_eq!(fails(&|r| r.repeats = 0).to_string(), "repeats is 0, 1 or more is possible");
+    assert_eq!(fails(&|r| r.repeats = 0).to_string(), "repeats is 0, but must be 1 or more");
     assert!(matches!(fails(&|r| r.threads = vec![0]), BenchError::Unwrap(_)));
     assert!(matches!(fails(&|r| r.method.clear()), BenchError::Empty { .. }));
 }

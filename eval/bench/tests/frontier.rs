@@ -1,4 +1,4 @@
-//! The frontier chart: what is drawn, and that it can be read.
+//! The chart of accuracy against time: its content, and that all labels are readable.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use modulo_bench::frontier::{draw_frontier, frontier_from};
 use modulo_charts::PageWidth;
 use modulo_images::decode;
 
-/// left, top, right, bottom of each text of an SVG that is not turned.
+/// Text and left, top, right, bottom of each horizontal text of an SVG.
 fn texts(svg: &str) -> Vec<(String, [f64; 4])> {
     let attribute = |line: &str, name: &str| -> String {
         let (_, rest) = line.split_once(&format!(" {name}=\"")).unwrap_or_else(|| panic!("{name}: {line}"));
@@ -31,7 +31,7 @@ fn texts(svg: &str) -> Vec<(String, [f64; 4])> {
     svg.lines().filter(level).map(area).collect()
 }
 
-/// Many methods, most of them exact and equally fast: the hardest to label.
+/// Rows of many methods with equal times and accuracies, which are hard to label.
 fn crowded() -> Vec<Row> {
     let mut rows = Vec::new();
     for (number, method) in ('a'..='p').enumerate() {

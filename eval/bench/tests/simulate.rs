@@ -1,4 +1,4 @@
-//! `simulate` on pictures made here.
+//! `simulate` on synthetic images.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ fn request(out: &Path, files: &[&Path]) -> Request {
     Request::parse_from(words.iter().chain([&out]).chain(files))
 }
 
-/// A frame of the own street as an 8-bit picture.
+/// Writes a frame of a procedural scene as 8-bit PNG.
 fn street(path: &Path) {
     let codes = Scene::new(Preset::Glare, 1).render(0, 60, 100).radiance.mapv(|v| (v * 256.0) as u8);
     save_png(path, &Frame::from_u8(codes).expect("an image")).expect("a writable folder");
@@ -95,7 +95,7 @@ fn a_wrong_request_is_refused_before_anything_is_written() {
         change(&mut request);
         simulate(&request, &mut |_| ()).unwrap_err().to_string()
     };
-    assert_eq!(request(&|r| r.images.clear()), "the list of files is empty, at least one is needed");
+    assert_eq!(request(&|r| r.images.clear()), "the list of files is empty; at least one entry is needed");
     assert!(request(&|r| r.alpha = vec![0.0]).starts_with("alpha is 0"));
     assert!(request(&|r| r.method = vec!["best".into()]).contains("method \"best\" is unknown"));
     assert!(request(&|r| r.white = -1.0).starts_with("white = -1"));

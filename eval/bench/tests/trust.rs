@@ -1,7 +1,7 @@
-//! Never trusted and wrong: `auto` over real images, every alpha, blur and noise.
+//! `auto` never trusts a wrong result, over real images and all alphas, blurs and noises.
 //!
-//! `MODULO_TRUST=all cargo test --release -p modulo-bench --test trust -- --nocapture` takes all
-//! combinations; without it every 23rd is taken.
+//! `MODULO_TRUST=all cargo test --release -p modulo-bench --test trust -- --nocapture` tests all
+//! combinations; without the variable it tests every 23rd.
 
 #[path = "../../../tests/harness/data.rs"]
 mod data;
@@ -16,7 +16,7 @@ use ndarray::Array3;
 const ALPHAS: [f64; 9] = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0];
 const BLURS: [Psf; 4] = [Psf::None, Psf::Gaussian { sigma: 0.8 }, Psf::Gaussian { sigma: 1.1 }, Psf::Paper7];
 const NOISES: [f64; 4] = [0.0, 2.0, 5.0, 10.0];
-/// Without `MODULO_TRUST=all`; shares no factor with the numbers above.
+/// Step between tested combinations without `MODULO_TRUST=all`. It has no common factor with the numbers above.
 const STRIDE: usize = 23;
 
 fn images_below(folder: &Path, found: &mut Vec<PathBuf>) {
@@ -32,7 +32,7 @@ fn images_below(folder: &Path, found: &mut Vec<PathBuf>) {
     found.sort();
 }
 
-/// (alpha, lens, noise), all of them.
+/// All combinations of (alpha, lens, noise).
 fn conditions() -> impl Iterator<Item = (f64, Psf, f64)> + Clone {
     ALPHAS.into_iter().flat_map(|alpha| {
         BLURS.into_iter().flat_map(move |psf| NOISES.into_iter().map(move |noise| (alpha, psf, noise)))

@@ -87,6 +87,17 @@ impl Chart {
     }
 }
 
+/// The distinct values in the order of their first appearance.
+pub fn distinct<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
+    let mut found = Vec::new();
+    for value in values {
+        if !found.contains(&value) {
+            found.push(value);
+        }
+    }
+    found
+}
+
 impl Body {
     /// The entries of the legend in the order of first appearance.
     fn names(&self) -> Vec<(&str, LegendKey)> {
@@ -98,12 +109,7 @@ impl Body {
             Self::Bars(bars) => bars.parts().map(|name| (name, LegendKey::Block)).collect(),
             Self::Pictures(_) => Vec::new(),
         };
-        let mut names: Vec<(&str, LegendKey)> = Vec::new();
-        for named in all {
-            if names.iter().all(|(name, _)| *name != named.0) {
-                names.push(named);
-            }
-        }
-        names
+        let first = |name| all.iter().find(|entry| entry.0 == name).copied();
+        distinct(all.iter().map(|entry| entry.0)).into_iter().filter_map(first).collect()
     }
 }

@@ -22,7 +22,7 @@ mod svg;
 
 pub use axis::{Axis, Direction, Scale, Unit};
 pub use bars::{Bar, Bars};
-pub use chart::{Body, Chart, PageWidth};
+pub use chart::{Body, Chart, PageWidth, distinct};
 pub use html::html_page;
 pub use picture::Picture;
 pub use pictures::Pictures;

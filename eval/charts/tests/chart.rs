@@ -1,4 +1,4 @@
-//! Charts: any data can be drawn, and what is drawn can be told apart.
+//! Any data can be drawn, and series can be distinguished.
 
 use modulo_charts::{
     Axis, Bar, Bars, Body, Chart, ChartError, Emphasis, PageWidth, Panel, Picture, Pictures, Point, Scale,

@@ -9,7 +9,7 @@ use crate::results::{Cell, Results, Stream};
 pub struct Budget<'a> {
     /// The saturation factor.
     pub alpha: f64,
-    /// DetectorConfig and noise.
+    /// Lens and noise.
     pub conditions: String,
     /// The Pareto front, from fast to accurate.
     pub front: Vec<Choice<'a>>,

@@ -78,7 +78,7 @@ impl Data {
         }
     }
 
-    /// The default class mapping: to the classes of KITTI, or none for labels that use the classes of the model.
+    /// The default class mapping: to the classes of KITTI, or the identity for labels that use the classes of the model.
     pub fn class_map(&self) -> ClassMap {
         match self {
             Self::Yolo(_) | Self::Coco { .. } => ClassMap::same(),

@@ -13,10 +13,10 @@ use modulo_runtime::driver::RunError;
 #[derive(Debug, thiserror::Error)]
 pub enum GridError {
     /// A list without an entry.
-    #[error("{0} is empty, at least one is needed")]
+    #[error("{0} is empty; at least one entry is needed")]
     Empty(&'static str),
     /// An impossible value.
-    #[error("{what} is {value}, {possible} is possible")]
+    #[error("{what} is {value}, but must be {possible}")]
     Value {
         /// Name of the option.
         what: &'static str,
@@ -26,7 +26,7 @@ pub enum GridError {
         possible: String,
     },
     /// No frame of the data can be scored.
-    #[error("{source_name}: none of {frames} frames can be scored: {why}")]
+    #[error("{source_name}: none of the {frames} frames can be scored: {why}")]
     Nothing {
         /// The data as it was given.
         source_name: String,

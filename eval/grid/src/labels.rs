@@ -1,5 +1,7 @@
 //! Labels of cells in tables and charts, and the time of a frame.
 
+pub use modulo_charts::distinct;
+
 use crate::results::{Cell, Point, Stream};
 
 /// Standard deviation of the lens blur (px) and of the read noise (code units), which the tables of the paper do not vary.
@@ -18,7 +20,7 @@ pub fn stream(point: &Point) -> String {
         Some(method) if point.deblur => format!("{name} ({method}, deblurred)"),
         Some(method) => format!("{name} ({method})"),
         None if is_sharp_ideal(point) => format!("{name}, sharp"),
-        None => name.to_owned(),
+        None => name,
     }
 }
 
@@ -42,7 +44,8 @@ pub fn belongs(point: &Point, (psf_sigma, noise): Conditions) -> bool {
     point.noise == noise && (point.psf_sigma == psf_sigma || is_sharp_ideal(point))
 }
 
-/// All conditions of the cells, in the order of their first appearance. The sharp ideal image alone makes no condition.
+/// All conditions of the cells, in the order of their first appearance. The sharp ideal image is ignored if there are other
+/// cells.
 pub fn all_conditions(cells: &[Cell]) -> Vec<Conditions> {
     let real = cells.iter().filter(|cell| !is_sharp_ideal(&cell.point));
     let found = distinct(real.map(|cell| conditions_of(&cell.point)));
@@ -71,15 +74,4 @@ pub fn nearest_to_four<'a>(cells: &[&'a Cell]) -> Vec<&'a Cell> {
 /// A fraction as percent with one decimal digit; `-` without a value.
 pub fn percent(fraction: Option<f64>) -> String {
     fraction.map_or_else(|| "-".to_owned(), |f| format!("{:.1}", 100.0 * f))
-}
-
-/// The distinct values in the order of their first appearance.
-pub fn distinct<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
-    let mut found = Vec::new();
-    for value in values {
-        if !found.contains(&value) {
-            found.push(value);
-        }
-    }
-    found
 }

@@ -5,23 +5,23 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use modulo_bags::FileError;
-use modulo_bags::bag::BagError;
+use modulo_bags::bag::{BagError, BagTopic};
 use modulo_bags::record::Recorder;
 use modulo_bags::source::{GroundTruth, from_detections};
 use modulo_core::{Detection, Frame};
 use modulo_images::{SaveError, save_png};
 use modulo_msgs::cdr::CdrError;
 use modulo_msgs::vision_msgs::Detection2DArray;
-use modulo_runtime::Message;
 use modulo_runtime::clock::nanos;
 use modulo_runtime::driver::RunError;
 use modulo_runtime::driver::lockstep::{Lockstep, OnTopic};
+use modulo_runtime::{Message, Topic};
 use serde_json::{Value, json};
 
 use crate::metric::average_precision::{Scored, by_class, mean};
 use crate::mosaic::mosaic;
 use crate::results::Difficulty;
-use crate::timeline::{Timeline, record};
+use crate::timeline::Timeline;
 
 /// Time between two frames of a source that has neither time stamps nor a rate.
 const NOMINAL_INTERVAL: Duration = Duration::from_millis(100);
@@ -45,16 +45,6 @@ impl Stream {
         let name = images.trim_start_matches('/').replace('/', ".");
         Self { name, images, detections, annotated }
     }
-}
-
-/// Whether the images of the detectors are saved.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Images {
-    /// No image is saved.
-    Discard,
-    /// Images are saved as `FOLDER/STREAM/NUMBER.png`; `FOLDER/grid.png` shows the last frame of every stream with its
-    /// boxes, in two columns and in the order of the detectors.
-    Save,
 }
 
 /// Error of an evaluation.
@@ -86,8 +76,9 @@ pub struct Plan {
     pub streams: Vec<Stream>,
     /// Topic of the ground truth.
     pub truth: Option<String>,
-    /// Whether images are saved.
-    pub images: Images,
+    /// Whether images are saved: `FOLDER/STREAM/NUMBER.png`, and `FOLDER/grid.png` with the last frame of every stream
+    /// and its boxes, in two columns and in the order of the detectors.
+    pub save_images: bool,
     /// Folder for images and results.
     pub folder: PathBuf,
     /// Topics that are written into the bag, if there is one.
@@ -134,7 +125,7 @@ impl Evaluation {
         plan: &Plan,
         mut bag: Option<&mut Recorder>,
     ) -> Result<(), EvalError> {
-        let images = plan.streams.iter().filter(|_| plan.images == Images::Save);
+        let images = plan.streams.iter().filter(|_| plan.save_images);
         for folder in images.map(|s| plan.folder.join(&s.name)).chain([plan.folder.clone()]) {
             std::fs::create_dir_all(&folder).map_err(|why| FileError::new(&folder, why))?;
         }
@@ -158,11 +149,11 @@ impl Evaluation {
             let arrays = arrays(out, &stream.detections);
             let found = arrays.flat_map(|a| a.detections.iter().filter_map(|d| d.to_detection())).collect();
             self.boxes.entry(stream.name.clone()).or_default().push(found);
-            if plan.images == Images::Save {
+            if plan.save_images {
                 save(out, stream, &plan.folder, number)?;
             }
         }
-        if plan.images == Images::Save {
+        if plan.save_images {
             let topics = plan.streams.iter().filter_map(|s| s.annotated.as_deref());
             let frames: Vec<&Frame> = topics.filter_map(|topic| image(out, topic)).collect();
             if let Some(picture) = mosaic(&frames) {
@@ -254,4 +245,16 @@ fn scores_json(scores: &BTreeMap<String, Score>) -> String {
     };
     let all: BTreeMap<&String, Value> = scores.iter().map(|(stream, s)| (stream, score(s))).collect();
     format!("{:#}\n", json!(all))
+}
+
+/// Writes the messages on `topics`. Log time and publish time are the stamp of the message.
+fn record(recorder: &mut Recorder, out: &[OnTopic], topics: &[String]) -> Result<(), EvalError> {
+    for (topic, message) in out.iter().filter(|(topic, _)| topics.contains(topic)) {
+        let bytes = message.encode()?;
+        let stamp = message.stamp().as_ns();
+        let kind = message.kind();
+        let bag_topic = BagTopic::new(topic, kind.type_name(), Topic::new(topic, kind).qos);
+        recorder.record(&bag_topic, stamp, stamp, &bytes)?;
+    }
+    Ok(())
 }

@@ -31,7 +31,7 @@ impl Published {
     /// IoU, F1 and accuracy of a stream in percent. `None` at an alpha that the paper does not list, and for merged
     /// captures, which the paper assumes to be ideal.
     pub fn figures(&self, stream: Stream, alpha: f64) -> Option<[f64; 3]> {
-        let figures = self.row(stream.name())?;
+        let figures = self.row(&stream.name())?;
         if let [iou, f1, accuracy] = figures[..] {
             return Some([iou, f1, accuracy]);
         }

@@ -102,7 +102,7 @@ pub enum Difficulty {
 #[serde(rename_all = "snake_case")]
 #[value(rename_all = "snake_case")]
 pub enum Stream {
-    /// The full range of the scene. With [`Point::psf_sigma`] 0 it is sharp.
+    /// The full range of the scene
     #[default]
     Ideal,
     /// Clipped at the peak
@@ -128,7 +128,7 @@ pub struct Point {
     pub deblur: bool,
     /// Saturation factor.
     pub alpha: f64,
-    /// Standard deviation of the lens blur, px. Every alpha also has an [`Stream::Ideal`] at 0.
+    /// Standard deviation of the lens blur, px. Every alpha also has a sharp [`Stream::Ideal`], at 0.
     pub psf_sigma: f64,
     /// Standard deviation of the read noise, code units.
     pub noise: f64,
@@ -140,15 +140,8 @@ pub struct Point {
 
 impl Stream {
     /// The name in results and options.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Ideal => "ideal",
-            Self::Saturated => "saturated",
-            Self::Modulo => "modulo",
-            Self::Recovered => "recovered",
-            Self::MultiExposure => "multi_exposure",
-            Self::MultiExposureStill => "multi_exposure_still",
-        }
+    pub fn name(self) -> String {
+        self.to_possible_value().expect("no stream is hidden").get_name().to_owned()
     }
 }
 

@@ -49,7 +49,7 @@ pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<(), GridError> {
 type Column = (&'static str, fn(&Cell) -> String);
 
 const SETTINGS: [Column; 9] = [
-    ("stream", |cell| cell.point.stream.name().to_owned()),
+    ("stream", |cell| cell.point.stream.name()),
     ("method", |cell| cell.point.method.as_deref().unwrap_or("").to_owned()),
     ("deblur", |cell| cell.point.deblur.to_string()),
     ("alpha", |cell| cell.point.alpha.to_string()),

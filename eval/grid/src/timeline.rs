@@ -4,14 +4,9 @@
 
 use std::time::Duration;
 
-use modulo_bags::bag::BagTopic;
-use modulo_bags::record::Recorder;
 use modulo_msgs::std_msgs::Time;
-use modulo_runtime::Topic;
 use modulo_runtime::clock::nanos;
 use modulo_runtime::driver::lockstep::OnTopic;
-
-use crate::launch_file::EvalError;
 
 /// Moves the time stamps of several sources so that each frame is later than the one before it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -40,16 +35,4 @@ impl Timeline {
             }
         }
     }
-}
-
-/// Writes the messages on `topics`. Log time and publish time are the stamp of the message.
-pub(crate) fn record(recorder: &mut Recorder, out: &[OnTopic], topics: &[String]) -> Result<(), EvalError> {
-    for (topic, message) in out.iter().filter(|(topic, _)| topics.contains(topic)) {
-        let bytes = message.encode()?;
-        let stamp = message.stamp().as_ns();
-        let kind = message.kind();
-        let bag_topic = BagTopic::new(topic, kind.type_name(), Topic::new(topic, kind).qos);
-        recorder.record(&bag_topic, stamp, stamp, &bytes)?;
-    }
-    Ok(())
 }

@@ -7,7 +7,7 @@ use serde_json::Value;
 
 const GOLDEN: &str = include_str!("data/coco_golden.json");
 
-/// x, y, width, height and what stands behind.
+/// Reads x, y, width, height and a last number.
 fn row(row: &Value) -> (BBox, f32) {
     let numbers: Vec<f32> =
         row.as_array().expect("a row").iter().map(|n| n.as_f64().expect("a number") as f32).collect();

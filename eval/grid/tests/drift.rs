@@ -1,4 +1,4 @@
-//! The test of the test: a step that reads the wall clock makes two runs differ, and the comparison sees it.
+//! Checks the comparison of two runs: a node that depends on the wall clock makes them differ.
 
 use std::path::Path;
 use std::time::SystemTime;
@@ -12,7 +12,7 @@ use modulo_runtime::{
     Context, Flow, Message, Node, ParameterError, Parameters, StepError, SystemClock, Topic, Trigger,
 };
 
-/// The suite, but for a detector that looks at the wall clock.
+/// The nodes of the suite with a detector that depends on the wall clock.
 struct Drifting;
 
 struct Detector(Box<dyn Node>);
@@ -45,7 +45,7 @@ impl Node for Detector {
         let clock = SystemClock::default();
         let mut inner = Context::new(cx.node(), &clock, &wanted[..1]);
         let flow = self.0.step(trigger, &mut inner)?;
-        // The mistake: boxes drift by what the clock says, up to 30 px.
+        // The deliberate mistake: the clock moves the boxes by up to 30 px.
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         let drift = f64::from(now.subsec_nanos() % 30_011) / 1000.0;
         for (output, message) in inner.finish().messages {
@@ -68,7 +68,7 @@ fn request(out: &Path) -> Request {
     }
 }
 
-/// The cells of a fresh run, times apart.
+/// The cells of a new run without their durations.
 fn cells(nodes: &dyn Nodes) -> Vec<Cell> {
     let folder = tempfile::tempdir().expect("a folder");
     let outcome = run(&request(folder.path()), nodes, &SystemClock::default(), &|_| {}).expect("evaluated");

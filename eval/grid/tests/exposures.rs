@@ -1,4 +1,4 @@
-//! Three captures against one, on scenes whose truth is known at any time.
+//! Compares three merged captures with one capture, on scenes with known truth.
 
 use std::path::Path;
 
@@ -51,7 +51,7 @@ fn what_moves_has_ghosts_in_three_captures_and_none_in_one() {
     let page = std::fs::read_to_string(report::write(folder.path()).expect("a page")).expect("readable");
     assert!(page.contains("multi_exposure_still") && page.contains("data:image/jpeg;base64,"));
     assert!(folder.path().join("charts/pictures_streams.png").is_file());
-    // Anew, from the files alone.
+    // The page is the same if it is written again from the files.
     assert_eq!(
         page,
         std::fs::read_to_string(report::write(folder.path()).expect("a page")).expect("readable")

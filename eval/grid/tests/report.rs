@@ -1,4 +1,4 @@
-//! The report of results made up here: what is on the page, and that it stands on its own.
+//! The report of made-up results: its content, and that it needs no other file.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ fn times(pairs: &[(&str, f64)]) -> BTreeMap<String, Percentiles> {
     pairs.iter().map(spread).collect()
 }
 
-/// A cell whose figures follow from its place, so that each is different.
+/// A cell whose figures are computed from its settings, so that all cells differ.
 fn cell(stream: Stream, method: Option<&str>, alpha: f64, model: &str, psf_sigma: f64) -> Cell {
     let loss = match (stream, method) {
         (Stream::Ideal, _) => 0.001,
@@ -95,7 +95,7 @@ fn page(results: &Results) -> String {
     report::page(results, &charts)
 }
 
-/// Whether every element but `meta` is closed in its order; tells the first that is not.
+/// Checks that every element except `meta` is closed in the right order.
 fn well_formed(page: &str) -> Result<(), String> {
     let body = page.strip_prefix("<!DOCTYPE html>").ok_or("no doctype")?;
     let mut open: Vec<&str> = Vec::new();
@@ -117,7 +117,7 @@ fn well_formed(page: &str) -> Result<(), String> {
     if open.is_empty() { Ok(()) } else { Err(format!("never closed: {open:?}")) }
 }
 
-/// Rows of the table after the heading.
+/// The rows of the table after a heading.
 fn rows<'a>(page: &'a str, heading: &str) -> Vec<&'a str> {
     let (_, rest) = page.split_once(&format!("<h2>{heading}</h2>")).expect("the heading");
     let (table, _) = rest.split_once("</tbody>").expect("a table");

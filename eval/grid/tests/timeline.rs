@@ -1,4 +1,4 @@
-//! The frames of several sources in one bag: each has a stamp of its own, and its own labels.
+//! The frames of several sources in one bag: each has its own time stamp and labels.
 
 use std::path::Path;
 use std::time::Duration;
@@ -9,14 +9,14 @@ use modulo_bags::record::Recorder;
 use modulo_bags::source::{GroundTruth, SourceOptions, open};
 use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_core::Frame;
-use modulo_eval::launch_file::{Evaluation, Images, Plan};
+use modulo_eval::launch_file::{Evaluation, Plan};
 use modulo_eval::results::Difficulty;
 use modulo_images::save_png;
 use modulo_runtime::driver::lockstep::Lockstep;
 use modulo_runtime::{ManualClock, NodeName, ParameterSet as _};
 use ndarray::Array3;
 
-/// A KITTI folder of `frames` images with the values `seed`, `seed` + 8, ...: all pixels, and the x of an object.
+/// Writes a KITTI folder of `frames` images. All pixels, and the x of an object, have the value `seed`, `seed` + 8, ...
 fn write_kitti(folder: &Path, frames: u8, seed: u8) {
     for name in ["image_2", "label_2"] {
         std::fs::create_dir_all(folder.join(name)).expect("a folder");
@@ -29,7 +29,7 @@ fn write_kitti(folder: &Path, frames: u8, seed: u8) {
     }
 }
 
-/// Evaluates a camera at rate 0 over each of `sources`, into `bag`.
+/// Evaluates a camera at rate 0 over each of `sources`, and records into `bag`.
 fn record(sources: &[&Path], more: &[(&str, &str)], bag: &Path) {
     let mut recorder = Recorder::create(bag, Compression::None).expect("a new bag");
     let mut evaluation = Evaluation::new(Difficulty::Moderate);
@@ -38,7 +38,7 @@ fn record(sources: &[&Path], more: &[(&str, &str)], bag: &Path) {
         interval: Duration::ZERO,
         streams: Vec::new(),
         truth: Some(topics[1].clone()),
-        images: Images::Discard,
+        save_images: false,
         folder: bag.with_extension("out"),
         bagged: topics.clone(),
     };
@@ -98,7 +98,7 @@ fn sources_without_stamps_follow_each_other() {
     check(&looped, &[60, 68, 60, 68, 10, 18, 26, 10]);
 }
 
-/// Imported drives begin at the same stamp.
+/// Imported drives start at the same time stamp.
 #[test]
 fn sources_with_the_same_stamps_follow_each_other() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -111,7 +111,7 @@ fn sources_with_the_same_stamps_follow_each_other() {
     let bag = folder.path().join("bag");
     record(&[&bags[0], &bags[1]], &[("loop", "true"), ("frames", "3")], &bag);
     check(&bag, &[10, 18, 10, 60, 68, 60]);
-    // What a mere copy of both would be: the reader does not choose between two labels of one stamp.
+    // A plain copy of both bags is refused, because it has two labels with one stamp.
     let error = both(&bags, &folder.path().join("both"));
     assert!(error.contains("other labels") && error.contains("/ground_truth"), "{error}");
 }

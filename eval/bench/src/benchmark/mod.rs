@@ -3,8 +3,7 @@
 //! Only the call of [`Unwrap::unwrap`](modulo_core::Unwrap::unwrap) into buffers of the right size is timed.
 
 mod frames;
-mod meta;
-mod row;
+mod results;
 mod timing;
 
 use std::path::PathBuf;
@@ -13,11 +12,10 @@ use clap::Parser;
 use modulo_core::unwrap::{METHODS, Options, by_name};
 use modulo_core::{MAX_THREADS, Sensor, UnwrapError, WorkersError};
 
-use crate::files::{make_folder, write_json};
+use crate::atomic_file::{make_folder, write_json};
 use crate::{BenchError, Event, SensorOptions, Skipped, need};
 use frames::Capture;
-pub use meta::{Meta, Size};
-pub use row::Row;
+pub use results::{Meta, Row, Size};
 
 /// Name of the list of results in the folder.
 pub const RESULTS: &str = "results.json";
@@ -30,8 +28,8 @@ pub struct Request {
     /// Folder of images. Without it: eight frames of the procedural scenes, 1242 x 375
     #[arg(long, value_name = "FOLDER")]
     pub frames: Option<PathBuf>,
-    /// Unwrapping methods
-    #[arg(long, value_delimiter = ',', default_values = METHODS.iter().copied())]
+    /// Unwrapping methods [default: all]
+    #[arg(long, value_delimiter = ',', default_values = METHODS.iter().copied(), hide_default_value = true)]
     pub method: Vec<String>,
     /// Saturation factors: brightest radiance divided by the peak of the sensor
     #[arg(long, value_delimiter = ',', default_value = "1.5,2,3,4,8")]

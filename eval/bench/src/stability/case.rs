@@ -1,48 +1,35 @@
-//! [`Case`]: one scene of the catalogue, the sensor that sees it, and what is expected of each method.
+//! [`Case`]: one scene of the catalogue, its sensor, and the expected result of each method.
 
 use modulo_core::{Exposure, Psf, Sensor, SensorConfig, SensorError};
 use ndarray::Array3;
 use serde::Serialize;
 
-use super::expect::{Evidence, Expect};
+use super::expect::Expect;
 
-/// Seed of the sensor's noise, the same in all cases.
+/// Seed of the noise of the sensor, which is the same in all cases.
 const SEED: u64 = 3;
 
-/// What cases have in common, in the order of the report.
+/// A section of the catalogue, in the order of the report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Family {
-    /// Sharp edges from border to border.
     Steps,
-    /// Closed plateaus.
     Islands,
-    /// Small very bright things.
     Lamps,
-    /// Thin vertical things.
     Poles,
-    /// An edge along most of every column.
     Horizons,
-    /// Even slopes around half a peak a pixel.
     Ramps,
-    /// Sensor noise and defects.
     Noise,
-    /// Scenes whose absolute level is the question.
     Levels,
-    /// Channels that differ.
     Colour,
-    /// One scene, b = 1 to 16.
     Bits,
-    /// Images of odd and tiny sizes.
     Sizes,
-    /// One scene, growing alpha.
     Alpha,
-    /// Rendered driving scenes.
     Streets,
 }
 
 impl Family {
-    /// Heading and one sentence.
+    /// Heading and description.
     pub fn title(self) -> (&'static str, &'static str) {
         match self {
             Self::Steps => ("Steps", "Sharp edges from the upper to the lower border."),
@@ -62,118 +49,132 @@ impl Family {
     }
 }
 
-/// A scene, its sensor, and what is expected.
-pub struct Case {
-    /// Unique; lower case, digits and `_`; names its pictures.
+/// The description of a scene, as `results.json` has it.
+#[derive(Clone, Debug, Serialize)]
+pub struct Scene {
+    /// Unique name of lower-case letters, digits and `_`, which also names the pictures.
     pub name: String,
-    /// What it belongs to.
     pub family: Family,
-    /// What the scene is.
+    /// The content of the scene.
     pub what: String,
-    /// Why the methods do what they do on it.
+    /// The reason for the results of the methods.
     pub why: &'static str,
-    /// Whether k can be known at all.
-    pub evidence: Evidence,
-    sensor: SensorConfig,
+    /// If k is not observable: another scene with the same modulo image.
+    pub twin: Option<&'static str>,
+    pub bits: u8,
+    pub alpha: f64,
+}
+
+/// A scene, its sensor, and the expected results.
+pub struct Case {
+    pub(super) scene: Scene,
+    psf: Psf,
+    read_noise: f64,
     draw: Box<dyn Fn() -> Array3<f32>>,
     all: Expect,
     but: Vec<(&'static [&'static str], Expect)>,
 }
 
 impl Case {
-    /// A case that every method is expected to recover, seen by 8 bits at alpha 4 through no lens;
-    /// `draw` gives radiance in codes of an 8-bit sensor.
-    pub fn new(
+    /// A case that every method is expected to recover, with a sensor of 8 bits at alpha 4 without lens blur. `draw` returns
+    /// the radiance in codes of an 8-bit sensor.
+    pub(super) fn new(
         family: Family,
         name: impl Into<String>,
         what: impl Into<String>,
         draw: impl Fn() -> Array3<f32> + 'static,
     ) -> Self {
+        let (name, what) = (name.into(), what.into());
         Self {
-            name: name.into(),
-            family,
-            what: what.into(),
-            why: "",
-            evidence: Evidence::Present,
-            sensor: SensorConfig { bits: 8, alpha: 4.0, psf: Psf::None, read_noise: 0.0, shot_noise: 0.0 },
+            scene: Scene { name, family, what, why: "", twin: None, bits: 8, alpha: 4.0 },
+            psf: Psf::None,
+            read_noise: 0.0,
             draw: Box::new(draw),
             all: Expect::Exact,
             but: Vec::new(),
         }
     }
 
-    /// Seen through the paper's lens of 7 x 7 taps.
-    pub fn lens(mut self) -> Self {
-        self.sensor.psf = Psf::Paper7;
+    /// The unique name.
+    pub fn name(&self) -> &str {
+        &self.scene.name
+    }
+
+    /// Whether the modulo image is enough to know k.
+    pub fn is_observable(&self) -> bool {
+        self.scene.twin.is_none()
+    }
+
+    /// Sets the lens of the paper with 7 x 7 taps.
+    pub(super) fn lens(mut self) -> Self {
+        self.psf = Psf::Paper7;
         self
     }
 
-    /// Seen through a Gaussian lens of `sigma` pixels.
-    pub fn gaussian(mut self, sigma: f64) -> Self {
-        self.sensor.psf = Psf::Gaussian { sigma };
+    /// Sets a Gaussian lens blur of `sigma` px.
+    pub(super) fn gaussian(mut self, sigma: f64) -> Self {
+        self.psf = Psf::Gaussian { sigma };
         self
     }
 
-    /// Seen with this range.
-    pub fn alpha(mut self, alpha: f64) -> Self {
-        self.sensor.alpha = alpha;
+    /// Sets the saturation factor.
+    pub(super) fn alpha(mut self, alpha: f64) -> Self {
+        self.scene.alpha = alpha;
         self
     }
 
-    /// Seen by `bits` bits; radiance stays what it is in units of the peak.
-    pub fn bits(mut self, bits: u8) -> Self {
-        self.sensor.bits = bits;
+    /// Sets the bits of the sensor. The radiance in units of the peak stays the same.
+    pub(super) fn bits(mut self, bits: u8) -> Self {
+        self.scene.bits = bits;
         self
     }
 
-    /// Seen with read noise of `sigma` codes.
-    pub fn read_noise(mut self, sigma: f64) -> Self {
-        self.sensor.read_noise = sigma;
+    /// Sets the standard deviation of the read noise, codes.
+    pub(super) fn read_noise(mut self, sigma: f64) -> Self {
+        self.read_noise = sigma;
         self
     }
 
-    /// Says why.
-    pub fn why(mut self, why: &'static str) -> Self {
-        self.why = why;
+    /// Sets the reason for the results.
+    pub(super) fn why(mut self, why: &'static str) -> Self {
+        self.scene.why = why;
         self
     }
 
-    /// Lists the case among those that no method can know, with the scene that y shows as well.
-    pub fn unobservable(mut self, twin: &'static str) -> Self {
-        self.evidence = Evidence::Absent(twin);
+    /// Marks k as not observable, and describes another scene with the same modulo image.
+    pub(super) fn unobservable(mut self, twin: &'static str) -> Self {
+        self.scene.twin = Some(twin);
         self
     }
 
-    /// Expects this of all methods.
-    pub fn all(mut self, expect: Expect) -> Self {
+    /// Sets the expected result of all methods.
+    pub(super) fn all(mut self, expect: Expect) -> Self {
         self.all = expect;
         self
     }
 
-    /// Expects this of `methods`, whatever is expected of all; a later word counts more.
-    pub fn but(mut self, methods: &'static [&'static str], expect: Expect) -> Self {
+    /// Sets the expected result of `methods` instead of that of all methods. Later calls take precedence.
+    pub(super) fn but(mut self, methods: &'static [&'static str], expect: Expect) -> Self {
         self.but.push((methods, expect));
         self
     }
 
-    /// What is expected of `method`.
-    pub fn expected(&self, method: &str) -> Expect {
+    /// The expected result of `method`.
+    pub(super) fn expected(&self, method: &str) -> Expect {
         let own = self.but.iter().rev().find(|(methods, _)| methods.contains(&method));
         own.map_or(self.all, |(_, expect)| *expect)
-    }
-
-    /// The sensor.
-    pub fn sensor(&self) -> SensorConfig {
-        self.sensor
     }
 
     /// Draws the scene and exposes the sensor to it.
     ///
     /// # Errors
-    /// [`SensorError`] when there is no such sensor or image; no case of the catalogue has it.
+    /// [`SensorError`] for an impossible sensor or image, which no case of the catalogue has.
     pub fn expose(&self) -> Result<Exposure, SensorError> {
-        let full_scale = (256.0 * self.sensor.alpha) as f32;
+        let Scene { bits, alpha, .. } = self.scene;
+        let full_scale = (256.0 * alpha) as f32;
         let radiance = (self.draw)().mapv_into(|codes| codes / full_scale);
-        Sensor::new(self.sensor)?.expose(radiance.view(), SEED)
+        let (psf, read_noise) = (self.psf, self.read_noise);
+        let config = SensorConfig { bits, alpha, psf, read_noise, shot_noise: 0.0 };
+        Sensor::new(config)?.expose(radiance.view(), SEED)
     }
 }

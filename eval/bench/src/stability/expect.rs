@@ -1,39 +1,42 @@
-//! [`Expect`]: what a method is expected to make of a scene, and the [`Verdict`] on what it made.
+//! [`Expect`]: the expected result of a method on a scene.
 //!
-//! Expectations are lower bounds: a method that gets better never breaks one, one that gets worse does.
+//! Expectations are lower bounds: a better result never breaks one.
 
 use modulo_core::unwrap::Trust;
+use serde::Serialize;
 
 use super::measure::Score;
-use super::report::Verdict;
 
-/// From this share of exact k on a scene counts as recovered, and a claim of trust as justified.
+/// Share of exact k from which a scene is recovered and trust is justified.
 pub const RECOVERED: f64 = 0.999;
 
-/// What is expected of one method on one scene.
+/// The expected result of one method on one scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Expect {
-    /// Every k is right.
+    /// Every k is exact.
     Exact,
-    /// This share of k, 0 to 1, is right, or more.
+    /// At least this share of k, 0 to 1, is exact.
     AtLeast(f64),
-    /// Every k is right but for one constant a channel.
+    /// Every k is exact up to one offset for each channel.
     UpToOffset,
-    /// Known to fail, for the reason given; still at least this share of k, 0 to 1, is right.
+    /// The method fails for the given reason, with at least this share of exact k, 0 to 1.
     Fails(f64, &'static str),
 }
 
-/// Whether y tells enough for k to be known.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Evidence {
-    /// Nothing in principle stands against it.
-    Present,
-    /// y is also, code for code, the modulo image of another scene in range that is nowhere steeper; says which.
-    Absent(&'static str),
+/// Comparison of a result with its expectation.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The expectation holds.
+    Held,
+    /// A documented failure no longer occurs: the documentation must be changed.
+    Better,
+    /// The result is worse than expected. The text says by how much.
+    Broken(String),
 }
 
 impl Expect {
-    /// Holds `score` against the expectation.
+    /// Compares `score` with the expectation.
     pub fn judge(self, score: &Score) -> Verdict {
         let below = |least: f64| {
             (score.exact < least)
@@ -52,12 +55,12 @@ impl Expect {
         }
     }
 
-    /// Whether the absolute k is not expected to be found.
+    /// Whether the method is expected to miss the absolute k.
     pub fn is_failure(self) -> bool {
         matches!(self, Self::UpToOffset | Self::Fails(..))
     }
 
-    /// In words, one phrase.
+    /// The expectation as a phrase.
     pub fn words(self) -> String {
         match self {
             Self::Exact => "exact".to_owned(),
@@ -67,22 +70,33 @@ impl Expect {
         }
     }
 
-    /// Why it fails, where it does so for a reason of its own.
+    /// The reason of an expected failure.
     pub fn reason(self) -> Option<&'static str> {
         if let Self::Fails(_, why) = self { Some(why) } else { None }
     }
 }
 
-/// The rule on trust: whoever vouches for k is right, unless nobody can know better.
-pub fn judge_trust(score: &Score, evidence: Evidence) -> Verdict {
+impl Verdict {
+    /// The worse of two verdicts.
+    pub fn both(first: Self, second: Self) -> Self {
+        match (&first, &second) {
+            (Self::Broken(a), Self::Broken(b)) => Self::Broken(format!("{a}; {b}")),
+            (_, Self::Broken(_)) | (Self::Held, _) => second,
+            _ => first,
+        }
+    }
+}
+
+/// Judges the trust of a method: it must be justified if k is observable.
+pub fn judge_trust(score: &Score, observable: bool) -> Verdict {
     let vouched = score.report.trust == Trust::Trusted;
-    if vouched && score.exact < RECOVERED && evidence == Evidence::Present {
+    if vouched && score.exact < RECOVERED && observable {
         return Verdict::Broken(format!("vouches for k, of which {} is exact", percent(score.exact)));
     }
     Verdict::Held
 }
 
-/// `share` in per cent, two digits, never rounded up: only 1 is "100 %".
+/// `share` as percent with two decimal digits, rounded down: only 1 is "100 %".
 pub fn percent(share: f64) -> String {
     let hundredths = (share * 1e4).floor() / 100.0;
     if hundredths.fract() == 0.0 { format!("{hundredths} %") } else { format!("{hundredths:.2} %") }
@@ -115,11 +129,11 @@ mod tests {
     #[test]
     fn only_absent_evidence_excuses_false_trust() {
         let wrong = score(0.99, 1.0, Trust::Trusted);
-        assert!(matches!(judge_trust(&wrong, Evidence::Present), Verdict::Broken(_)));
-        assert_eq!(judge_trust(&wrong, Evidence::Absent("flat")), Verdict::Held);
-        assert_eq!(judge_trust(&score(0.99, 1.0, Trust::Contradicted), Evidence::Present), Verdict::Held);
-        assert_eq!(judge_trust(&score(0.99, 1.0, Trust::Unknown), Evidence::Present), Verdict::Held);
-        assert_eq!(judge_trust(&score(1.0, 1.0, Trust::Trusted), Evidence::Present), Verdict::Held);
+        assert!(matches!(judge_trust(&wrong, true), Verdict::Broken(_)));
+        assert_eq!(judge_trust(&wrong, false), Verdict::Held);
+        assert_eq!(judge_trust(&score(0.99, 1.0, Trust::Contradicted), true), Verdict::Held);
+        assert_eq!(judge_trust(&score(0.99, 1.0, Trust::Unknown), true), Verdict::Held);
+        assert_eq!(judge_trust(&score(1.0, 1.0, Trust::Trusted), true), Verdict::Held);
     }
 
     #[test]

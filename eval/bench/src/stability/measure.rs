@@ -1,29 +1,26 @@
-//! One method on one scene, in figures. Nothing here knows what was expected.
+//! [`score`]: measures one method on one scene.
 
+use modulo_core::metric::exact_share;
 use modulo_core::unwrap::{Options, Report, by_name};
 use modulo_core::{Exposure, Frame, Recovered};
 use ndarray::{Array3, Axis};
 
 use crate::BenchError;
-use modulo_core::metric::exact_share;
 
-/// How well k was recovered.
+/// Accuracy of a result.
 #[derive(Clone, Copy, Debug)]
 pub struct Score {
-    /// Share of the samples with the right k, 0 to 1.
+    /// Share of the samples with the true k, 0 to 1.
     pub exact: f64,
-    /// The same, after the one constant in each channel that suits most of its samples.
+    /// The same share after the best offset for each channel.
     pub up_to_offset: f64,
-    /// Peak signal-to-noise ratio of x_hat against x in dB, the peak being `alpha * 2^b`; `None` without any error.
+    /// PSNR of x_hat against x in dB with the peak `alpha * 2^b`. `None` without any error.
     pub psnr: Option<f64>,
-    /// What the method says of it.
+    /// The report of the method.
     pub report: Report,
 }
 
-/// Unwraps `y` with `method`, one thread, and holds the result against `truth`; x_hat comes with the figures.
-///
-/// # Errors
-/// [`BenchError::Unwrap`] as the method gives it.
+/// Unwraps `y` by `method` on one thread and compares the result with `truth`. Also returns x_hat.
 pub fn score(method: &str, y: &Frame, truth: &Exposure) -> Result<(Score, Array3<f32>), BenchError> {
     let mut out = Recovered::default();
     by_name(method, &Options::default())?.unwrap(y, truth.range(), &mut out)?;
@@ -38,12 +35,12 @@ pub fn score(method: &str, y: &Frame, truth: &Exposure) -> Result<(Score, Array3
     Ok((score, out.x))
 }
 
-/// Share of the samples whose error is their channel's most frequent one.
+/// Share of the samples that have the most frequent error of their channel.
 fn up_to_offset(off: &Array3<i16>) -> f64 {
     let most_frequent = |channel| {
         let mut counts = [0usize; 511];
         off.index_axis(Axis(2), channel).iter().for_each(|off| counts[usize::from(off.abs_diff(-255))] += 1);
-        counts.into_iter().max().unwrap_or(0)
+        counts.into_iter().max().expect("there are counts")
     };
     (0..off.dim().2).map(most_frequent).sum::<usize>() as f64 / off.len() as f64
 }

@@ -1,15 +1,14 @@
-//! The stability suite: every method on the scenes on which methods fail, and
-//! what is expected of it there.
+//! The stability suite: every method on the scenes on which methods fail, compared with the expected results.
 //!
-//! `canvas` draws, `catalogue` lists scenes and expectations, `measure` measures, `expect` judges, `page` and
-//! `results.json` tell. No file is read: a run depends on the program alone.
+//! `radiance` draws, `catalogue` lists scenes and expectations, `measure` measures, `expect` judges, `page` and `report`
+//! write the results. A run reads no file.
 
 mod case;
 mod catalogue;
 mod expect;
 mod measure;
 mod page;
-mod pictures;
+mod picture_folder;
 mod radiance;
 mod rejection;
 mod report;
@@ -19,66 +18,60 @@ use std::path::Path;
 
 use modulo_core::unwrap::{METHODS, Signal};
 
-pub use case::{Case, Family};
+pub use case::Case;
 pub use catalogue::cases;
-pub use expect::{Evidence, Expect, RECOVERED};
-pub use report::{Outcome, RejectionRow, Report, SceneRow, Trial, Verdict};
+pub use report::Outcome;
 
-use crate::files::{make_folder, write, write_json};
+use crate::atomic_file::{make_folder, write, write_json};
 use crate::{BenchError, Event};
-use expect::judge_trust;
+use expect::{Verdict, judge_trust};
 use measure::score;
-use pictures::PictureFolder;
+use picture_folder::PictureFolder;
+use report::{Report, SceneRow, Trial};
 
-/// Runs all methods on all scenes and writes `index.html`, `results.json`, `pictures/` and `figures/` into `out`,
-/// which is made if need be.
+/// Runs all methods on all scenes and writes `index.html`, `results.json`, `pictures/` and `figures/` into `out`, which is
+/// created if it is missing.
 ///
 /// # Errors
-/// [`BenchError`] when `out` cannot be written. A broken expectation is no error: see [`Outcome`].
+/// [`BenchError`] if `out` cannot be written. A broken expectation is not an error: see [`Outcome`].
 pub fn run(out: &Path, progress: impl FnMut(Event<'_>)) -> Result<Outcome, BenchError> {
     for folder in ["pictures", "figures"] {
         make_folder(&out.join(folder))?;
     }
-    let report = examine_all(&mut PictureFolder::in_folder(out), progress)?;
+    let report = examine_all(&PictureFolder::in_folder(out), progress)?;
     write_json(&out.join("results.json"), &report)?;
     write(&out.join("index.html"), page::html(&report).as_bytes())?;
     Ok(report.outcome)
 }
 
-/// The same measurements without a file or a picture.
+/// Runs all methods on all scenes without writing a file.
 ///
 /// # Errors
-/// [`BenchError`] when a method refuses a scene.
-pub fn measure(progress: impl FnMut(Event<'_>)) -> Result<Report, BenchError> {
-    examine_all(&mut PictureFolder::none(), progress)
+/// [`BenchError`] if a method refuses a scene.
+pub fn measure(progress: impl FnMut(Event<'_>)) -> Result<Outcome, BenchError> {
+    Ok(examine_all(&PictureFolder::none(), progress)?.outcome)
 }
 
-fn examine_all(
-    folder: &mut PictureFolder,
-    mut progress: impl FnMut(Event<'_>),
-) -> Result<Report, BenchError> {
+fn examine_all(folder: &PictureFolder, mut progress: impl FnMut(Event<'_>)) -> Result<Report, BenchError> {
     let cases = cases();
     let mut scenes = Vec::new();
     for (done, case) in cases.iter().enumerate() {
-        progress(Event::Step { done, total: cases.len(), next: &case.name });
+        progress(Event::Step { done, total: cases.len(), next: case.name() });
         scenes.push(examine(case, folder)?);
     }
     Ok(Report::new(scenes, rejection::all()))
 }
 
-/// Runs every method on `case`; pictures go into `folder`.
-///
-/// # Errors
-/// [`BenchError`] when a method refuses the scene, or a picture cannot be written.
+/// Runs every method on `case`, and writes its pictures into `folder`.
 fn examine(case: &Case, folder: &PictureFolder) -> Result<SceneRow, BenchError> {
     let exposure = case.expose()?;
     let y = exposure.modulo();
-    let pictures = folder.open(&case.name, &exposure, &y)?;
+    let pictures = folder.open(case.name(), &exposure, &y)?;
     let mut trials = Vec::new();
     for &method in METHODS {
         let (score, x) = score(method, &y, &exposure)?;
         let expected = case.expected(method);
-        let verdict = Verdict::both(expected.judge(&score), judge_trust(&score, case.evidence));
+        let verdict = Verdict::both(expected.judge(&score), judge_trust(&score, case.is_observable()));
         let report = score.report;
         trials.push(Trial {
             method,
@@ -94,17 +87,7 @@ fn examine(case: &Case, folder: &PictureFolder) -> Result<SceneRow, BenchError> 
             picture: pictures.as_ref().map(|pictures| pictures.add(method, &x)).transpose()?,
         });
     }
-    Ok(SceneRow {
-        name: case.name.clone(),
-        family: case.family,
-        what: case.what.clone(),
-        why: case.why,
-        twin: if let Evidence::Absent(twin) = case.evidence { Some(twin) } else { None },
-        bits: case.sensor().bits,
-        alpha: case.sensor().alpha,
-        shape: y.dim(),
-        trials,
-    })
+    Ok(SceneRow { scene: case.scene.clone(), shape: y.dim(), trials })
 }
 
 fn named(Signal { residues, steep, consensus, clamped }: Signal) -> BTreeMap<&'static str, f32> {

@@ -1,57 +1,50 @@
-//! `index.html`: one page without script or network, for screen, phone and paper.
+//! `index.html`: one page for screen, phone and paper, without script or network.
 
 use std::collections::BTreeSet;
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
+use modulo_charts::html_page;
 
 use super::case::Family;
-use super::expect::percent;
-use super::report::{Report, SceneRow, Trial, Verdict};
+use super::expect::{Verdict, percent};
+use super::report::{Report, SceneRow, Trial};
+
+/// Rows, columns, channels.
+type Shape = (usize, usize, usize);
 
 const TITLE: &str = "Stability of the unwrapping methods";
-/// Pictures narrower than this many pixels are samples8 as squares.
+/// Pictures narrower than this many pixels are shown as squares.
 const TINY: usize = 100;
 
-/// The page of `report`; pictures are linked as the trials name them.
+/// The page of `report`. Pictures are linked by the paths in the trials.
 pub fn html(report: &Report) -> String {
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                title { (TITLE) }
-                style { (PreEscaped(include_str!("page.css"))) }
+    let body = html! {
+        (head(report))
+        (legend())
+        (summary(report))
+        @for family in families(report) {
+            section {
+                h2 { (family.title().0) }
+                p { (family.title().1) }
+                @for row in report.scenes.iter().filter(|row| row.scene.family == family) { (article(row)) }
             }
-            body {
-                (head(report))
-                (legend())
-                (summary(report))
-                @for family in families(report) {
-                    section {
-                        h2 { (family.title().0) }
-                        p { (family.title().1) }
-                        @for scene in report.scenes.iter().filter(|scene| scene.family == family) { (article(scene)) }
-                    }
-                }
-                section {
-                    h2 { "Refused" }
-                    p { "What no sensor delivers is refused, by an error that names the place and the value." }
-                    div.wide {
-                        table.refusals {
-                            @for row in &report.refusals {
-                                tr {
-                                    td { (row.what) }
-                                    td { @if row.held { "refused: " } @else { "\u{2717} not refused: " } (row.said) }
-                                }
-                            }
+        }
+        section {
+            h2 { "Refused" }
+            p { "What no sensor delivers is refused, by an error that names the place and the value." }
+            div.wide {
+                table.refusals {
+                    @for row in &report.refusals {
+                        tr {
+                            td { (row.what) }
+                            td { @if row.held { "refused: " } @else { "\u{2717} not refused: " } (row.said) }
                         }
                     }
                 }
             }
         }
-    }
-    .into_string()
+    };
+    html_page(TITLE, include_str!("page.css"), body)
 }
 
 fn head(report: &Report) -> Markup {
@@ -89,7 +82,7 @@ fn legend() -> Markup {
     }
 }
 
-/// Scenes by methods.
+/// The table of scenes and methods.
 fn summary(report: &Report) -> Markup {
     let methods = report.scenes.first().map_or(&[][..], |scene| &scene.trials);
     let words = |trial: &Trial| trial.method.split('_').enumerate();
@@ -107,7 +100,7 @@ fn summary(report: &Report) -> Markup {
                 @for family in families(report) {
                     tbody {
                         tr.family { th colspan=(methods.len() + 1) { span { (family.title().0) } } }
-                        @for scene in report.scenes.iter().filter(|scene| scene.family == family) { (row(scene)) }
+                        @for scene in report.scenes.iter().filter(|row| row.scene.family == family) { (row(scene)) }
                     }
                 }
             }
@@ -115,14 +108,14 @@ fn summary(report: &Report) -> Markup {
     }
 }
 
-fn row(scene: &SceneRow) -> Markup {
+fn row(SceneRow { scene, trials, .. }: &SceneRow) -> Markup {
     html! {
         tr {
             th scope="row" {
                 a href={ "#" (scene.name) } { (scene.name) }
                 @if scene.twin.is_some() { " " abbr title="unobservable" { "\u{2205}" } }
             }
-            @for trial in &scene.trials {
+            @for trial in trials {
                 td class=(shade(trial.exact)) title={ "expected: " (trial.expected) } {
                     (percent(trial.exact).trim_end_matches(" %"))
                     sup { (mark(&trial.verdict)) (trust(trial.trusted)) }
@@ -132,9 +125,10 @@ fn row(scene: &SceneRow) -> Markup {
     }
 }
 
-/// One scene: what it is, why it is there, and its pictures.
-fn article(scene: &SceneRow) -> Markup {
-    let (height, width, channels) = scene.shape;
+/// One scene with its description and pictures.
+fn article(row: &SceneRow) -> Markup {
+    let SceneRow { scene, shape, trials } = row;
+    let (height, width, channels) = *shape;
     html! {
         article id=(scene.name) {
             h3 { (scene.name) }
@@ -151,15 +145,15 @@ fn article(scene: &SceneRow) -> Markup {
             }
             div.strip {
                 @for label in ["truth", "modulo"] {
-                    (figure(&format!("pictures/{}-{label}.png", scene.name), scene, html! { b { (label) } }, ""))
+                    (figure(&format!("pictures/{}-{label}.png", scene.name), *shape, html! { b { (label) } }, ""))
                 }
-                @for trial in &scene.trials { (tile(scene, trial)) }
+                @for trial in trials { (tile(*shape, trial)) }
             }
         }
     }
 }
 
-fn tile(scene: &SceneRow, trial: &Trial) -> Markup {
+fn tile(shape: Shape, trial: &Trial) -> Markup {
     let psnr = trial.psnr_db.map_or("no error".to_owned(), |psnr| format!("{psnr:.1} dB"));
     let caption = html! {
         b { (trial.method) } " " span class=(shade(trial.exact)) { (percent(trial.exact)) } " " (psnr)
@@ -179,11 +173,10 @@ fn tile(scene: &SceneRow, trial: &Trial) -> Markup {
         Verdict::Better => "better",
         Verdict::Broken(_) => "broken",
     };
-    figure(trial.picture.as_deref().unwrap_or(""), scene, caption, class)
+    figure(trial.picture.as_deref().unwrap_or(""), shape, caption, class)
 }
 
-fn figure(path: &str, scene: &SceneRow, caption: Markup, class: &str) -> Markup {
-    let (height, width, _) = scene.shape;
+fn figure(path: &str, (height, width, _): Shape, caption: Markup, class: &str) -> Markup {
     html! {
         figure class=(class) {
             img.tiny[width < TINY] src=(path) width=(width) height=(height) alt="";
@@ -192,12 +185,12 @@ fn figure(path: &str, scene: &SceneRow, caption: Markup, class: &str) -> Markup 
     }
 }
 
-/// The families of the scenes, in their own order.
+/// The families of the scenes in their order.
 fn families(report: &Report) -> BTreeSet<Family> {
-    report.scenes.iter().map(|scene| scene.family).collect()
+    report.scenes.iter().map(|row| row.scene.family).collect()
 }
 
-/// How a verdict is marked, besides its colour.
+/// The mark of a verdict, in addition to its colour.
 fn mark(verdict: &Verdict) -> &'static str {
     match verdict {
         Verdict::Held => "",
@@ -206,7 +199,7 @@ fn mark(verdict: &Verdict) -> &'static str {
     }
 }
 
-/// What the method says of its own result.
+/// The mark of trust.
 fn trust(trusted: Option<bool>) -> &'static str {
     match trusted {
         Some(true) => "\u{2713}",
@@ -215,7 +208,7 @@ fn trust(trusted: Option<bool>) -> &'static str {
     }
 }
 
-/// The class of a share: from blue over pale to brown, told apart by every eye and in print.
+/// The CSS class of a share: from blue over pale to brown, which colour-blind readers and print can distinguish.
 fn shade(share: f64) -> &'static str {
     match share {
         1.0.. => "s5",
@@ -227,7 +220,7 @@ fn shade(share: f64) -> &'static str {
     }
 }
 
-/// With a capital in front.
+/// The text with a capital first letter.
 fn capital(text: &str) -> String {
     let mut letters = text.chars();
     letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())

@@ -1,20 +1,19 @@
-//! [`Radiance`]: the generators that every scene of the catalogue is put together from.
+//! [`Radiance`]: the generators of the scenes of the catalogue.
 //!
-//! A canvas is radiance without colour, in codes of an 8-bit sensor (256 = one peak). Noise that
-//! belongs to the sensor is never drawn here; what is drawn at random follows from a seed alone.
+//! Noise of the sensor is never drawn here. Random content depends only on a seed.
 
 use std::ops::Range;
 
 use modulo_core::scene::{Preset, Scene};
 use ndarray::{Array2, Array3, Zip, s};
 
-/// Rows and columns of most scenes.
+/// Number of rows and columns of most scenes.
 pub const SIZE: (usize, usize) = (192, 320);
 
-/// The light of most scenes, red, green, blue: a little warm, so that the channels wrap apart.
+/// Red, green and blue light of most scenes: slightly different, so that the channels wrap at different pixels.
 const WARM: [f64; 3] = [1.0, 0.95, 0.9];
 
-/// H x W radiance in 8-bit codes, being drawn.
+/// Radiance without colour, H x W, in codes of an 8-bit sensor (256 = one peak).
 #[derive(Clone)]
 pub struct Radiance(Array2<f64>);
 
@@ -26,33 +25,33 @@ impl Radiance {
         }))
     }
 
-    /// [`Radiance::dusk`] of [`SIZE`].
+    /// [`Radiance::dusk`] with [`SIZE`].
     pub fn evening() -> Self {
         Self::dusk(SIZE.0, SIZE.1)
     }
 
-    /// The same `codes` everywhere, of [`SIZE`].
+    /// A constant image of `codes` with [`SIZE`].
     pub fn even(codes: f64) -> Self {
         Self(Array2::from_elem(SIZE, codes))
     }
 
-    /// 0 up to column 40, then `codes` more in each of 40 columns, then even; of [`SIZE`].
+    /// 0 up to column 40, then a ramp of `codes` a column over 40 columns, then constant; with [`SIZE`].
     pub fn ramp(codes: f64) -> Self {
         Self(Array2::from_shape_fn(SIZE, |(_, column)| codes * column.clamp(40, 80).abs_diff(40) as f64))
     }
 
-    /// All values times `factor`.
+    /// Multiplies all values by `factor`.
     pub fn times(self, factor: f64) -> Self {
         Self(self.0 * factor)
     }
 
-    /// Adds `codes`, growing from 0 at the left to nearly all at the right.
+    /// Adds a slope from 0 at the left to `codes` at the right edge.
     pub fn slope(self, codes: f64) -> Self {
         let width = self.0.ncols() as f64;
         self.add(|_, column| codes * column as f64 / width)
     }
 
-    /// Adds `codes` in a rectangle that ends with the image at the latest.
+    /// Adds `codes` in a rectangle, which is clipped to the image.
     pub fn block(self, rows: Range<usize>, columns: Range<usize>, codes: f64) -> Self {
         self.add(|row, column| if rows.contains(&row) && columns.contains(&column) { codes } else { 0.0 })
     }
@@ -62,12 +61,12 @@ impl Radiance {
         self.block(0..usize::MAX, column..usize::MAX, codes)
     }
 
-    /// Adds `codes` above `row`, over the full width: a sky.
+    /// Adds a sky: `codes` above `row`.
     pub fn sky(self, row: usize, codes: f64) -> Self {
         self.block(0..row, 0..usize::MAX, codes)
     }
 
-    /// Adds `codes` in `width` columns from `column` on, over all rows.
+    /// Adds `codes` in `width` columns from `column`, over all rows.
     pub fn pole(self, column: usize, width: usize, codes: f64) -> Self {
         self.block(0..usize::MAX, column..column + width, codes)
     }
@@ -77,17 +76,17 @@ impl Radiance {
         self.add(|_, column| if column % period < width { codes } else { 0.0 })
     }
 
-    /// Adds `codes` where the distance to (`row`, `column`) is below `radius`: a disc with a hard rim.
+    /// Adds a disc with a sharp edge: `codes` where the distance to (`row`, `column`) is below `radius`.
     pub fn disc(self, row: usize, column: usize, radius: f64, codes: f64) -> Self {
         self.add(|i, j| if distance((i, j), (row, column)) < radius { codes } else { 0.0 })
     }
 
-    /// Adds `codes / (1 + (d / radius)^2)`, d the distance to (`row`, `column`): glare without a rim.
+    /// Adds glare: `codes / (1 + (d / radius)^2)` at the distance d from (`row`, `column`).
     pub fn glare(self, row: usize, column: usize, radius: f64, codes: f64) -> Self {
         self.add(|i, j| codes / (1.0 + (distance((i, j), (row, column)) / radius).powi(2)))
     }
 
-    /// Adds `codes` at about `share` of the pixels, drawn from `seed`.
+    /// Adds `codes` at random pixels, about `share` of all, which depend on `seed`.
     pub fn hot(self, share: f64, codes: f64, seed: u64) -> Self {
         let width = self.0.ncols();
         self.add(
@@ -97,7 +96,7 @@ impl Radiance {
         )
     }
 
-    /// The mean over `length` (odd) pixels along the row, the edge pixel repeated: motion during the exposure.
+    /// Motion blur: the mean over `length` (odd) pixels of a row, with the edge pixel repeated.
     pub fn motion(self, length: usize) -> Self {
         let (still, reach) = (self.0, length / 2);
         let last = still.ncols().saturating_sub(1);
@@ -107,17 +106,17 @@ impl Radiance {
         }))
     }
 
-    /// One channel.
+    /// The image with one channel.
     pub fn mono(self) -> Array3<f32> {
         self.lit(&[1.0])
     }
 
-    /// Three equal channels.
+    /// The image with three equal channels.
     pub fn white(self) -> Array3<f32> {
         self.lit(&[1.0; 3])
     }
 
-    /// Red, green and blue, each a little less than the one before.
+    /// The image in warm light.
     pub fn warm(self) -> Array3<f32> {
         self.lit(&WARM)
     }
@@ -135,7 +134,7 @@ impl Radiance {
     }
 }
 
-/// Adds `codes` in a rectangle of the red channel alone: a lamp of one colour.
+/// Adds a red lamp: `codes` in a rectangle of the red channel.
 pub fn red_block(
     mut image: Array3<f32>,
     rows: Range<usize>,
@@ -146,7 +145,7 @@ pub fn red_block(
     image
 }
 
-/// The red channel `columns` to the right, the edge pixel repeated: a lens that parts the colours.
+/// Chromatic aberration: shifts the red channel `columns` to the right, with the edge pixel repeated.
 pub fn shift_red(image: Array3<f32>, columns: usize) -> Array3<f32> {
     Array3::from_shape_fn(image.dim(), |(row, column, channel)| {
         let from = if channel == 0 { column.saturating_sub(columns) } else { column };
@@ -154,7 +153,7 @@ pub fn shift_red(image: Array3<f32>, columns: usize) -> Array3<f32> {
     })
 }
 
-/// The rendered driving scene of `preset`, seed 0, full scale `alpha` peaks; codes as a [`Radiance`] has them.
+/// The rendered driving scene of `preset` with seed 0 and full scale `alpha` peaks, in the unit of [`Radiance`].
 pub fn rendered(preset: Preset, alpha: f64) -> Array3<f32> {
     let full = (256.0 * alpha) as f32;
     Scene::new(preset, 0).render(0, SIZE.0, SIZE.1).radiance.mapv_into(|value| value * full)
@@ -164,7 +163,7 @@ fn distance(a: (usize, usize), b: (usize, usize)) -> f64 {
     (a.0.abs_diff(b.0) as f64).hypot(a.1.abs_diff(b.1) as f64)
 }
 
-/// The `index`-th number in [0, 1) of `seed`: SplitMix64 (Steele, Lea and Flood 2014).
+/// The `index`-th random number in [0, 1) of `seed` by SplitMix64 (Steele, Lea and Flood 2014).
 fn fraction(seed: u64, index: u64) -> f64 {
     let state = (seed << 32).wrapping_add(index + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     let mixed = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -1,4 +1,4 @@
-//! What no sensor delivers and no method takes: refused, with an error that names the place and the value.
+//! Inputs that must be refused with an error that names the place and the value.
 
 use modulo_core::unwrap::{METHODS, Options, by_name};
 use modulo_core::{Frame, Psf, Range, Recovered, Sensor, SensorConfig};
@@ -9,7 +9,7 @@ use super::report::RejectionRow;
 const SENSOR: SensorConfig =
     SensorConfig { bits: 8, alpha: 4.0, psf: Psf::Paper7, read_noise: 0.0, shot_noise: 0.0 };
 
-/// Offers all of it.
+/// Tries all these inputs.
 pub fn all() -> Vec<RejectionRow> {
     let mut rows: Vec<_> = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY].into_iter().map(radiance).collect();
     rows.extend([(0, 4, 3), (4, 0, 3), (4, 4, 2)].map(shape));
@@ -22,7 +22,7 @@ pub fn all() -> Vec<RejectionRow> {
     rows
 }
 
-/// One sick pixel among good ones.
+/// An image with one invalid pixel.
 fn radiance(value: f32) -> RejectionRow {
     let mut image = Array3::from_elem((6, 8, 3), 0.25);
     image[(2, 5, 1)] = value;
@@ -37,7 +37,7 @@ fn shape(dim: (usize, usize, usize)) -> RejectionRow {
     row(format!("an image of {height} x {width} x {channels} for the sensor"), result, wrong)
 }
 
-/// A code of 9 bits among those of 8.
+/// A code of 9 bits in an image of 8 bits.
 fn code(method: &str) -> RejectionRow {
     let mut codes = Array3::from_elem((6, 8, 3), 7u16);
     codes[(2, 5, 1)] = 256;
@@ -50,7 +50,7 @@ fn code(method: &str) -> RejectionRow {
     row(format!("a code of 256 with 8 bits for {method}"), unwrap(), "row 2, column 5, channel 1) is 256")
 }
 
-/// Held when there is an error that says `named`.
+/// The row of an input. It holds if the error contains `named`.
 fn row<T, E: ToString>(what: String, result: Result<T, E>, named: impl ToString) -> RejectionRow {
     match result {
         Ok(_) => RejectionRow { what, said: "nothing: it was taken".to_owned(), held: false },

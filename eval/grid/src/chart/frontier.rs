@@ -2,7 +2,7 @@
 
 use modulo_charts::{Axis, Body, Emphasis, Panel, Point, Series, SeriesStyle};
 
-use super::{NamedChart, models, suffix};
+use super::{NamedChart, add_point, models, suffix};
 use crate::labels::{self, Conditions, distinct};
 use crate::pareto::{self, Candidate};
 use crate::results::{Cell, Results, Stream};
@@ -55,10 +55,7 @@ fn panel(cells: &[&Cell], group: &str) -> Panel {
             label: if several { model } else { name.clone() },
             emphasis: if kept { Emphasis::Normal } else { Emphasis::Faded },
         };
-        match series.iter_mut().find(|series| series.name == name) {
-            Some(series) => series.points.push(point),
-            None => series.push(Series { name, points: vec![point], style: SeriesStyle::Markers }),
-        }
+        add_point(&mut series, name, point, SeriesStyle::Markers);
     }
     series.push(Series { name: FRONT.to_owned(), points: steps(&front), style: SeriesStyle::Line });
     Panel {

@@ -2,12 +2,11 @@
 
 mod alpha;
 mod frontier;
-mod histogram;
-mod latency;
 mod paper;
 pub(crate) mod pictures;
+mod time;
 
-use modulo_charts::{Body, Chart, ChartError, PageWidth};
+use modulo_charts::{Body, Chart, ChartError, PageWidth, Point, Series, SeriesStyle};
 
 use crate::labels::{self, Conditions, distinct};
 use crate::results::{Cell, Results};
@@ -61,8 +60,8 @@ pub fn all(results: &Results) -> Vec<NamedChart> {
         each(frontier::charts),
         each(alpha::charts),
         each(paper::charts),
-        each(latency::charts),
-        each(histogram::charts),
+        each(time::stages),
+        each(time::histograms),
     ]
     .concat()
 }
@@ -91,6 +90,14 @@ fn subtitle(results: &Results) -> String {
     let frames = format!("{} labelled frames of {}", results.input.labelled, results.setup.source);
     let objects = format!("objects that count: {}", objects.join(", "));
     [vec![frames, objects], devices].concat().join(" · ")
+}
+
+/// Adds a point to the series of a name, which is created if it is missing.
+fn add_point(series: &mut Vec<Series>, name: String, point: Point, style: SeriesStyle) {
+    match series.iter_mut().find(|series| series.name == name) {
+        Some(series) => series.points.push(point),
+        None => series.push(Series { name, points: vec![point], style }),
+    }
 }
 
 /// The conditions as part of a file name.

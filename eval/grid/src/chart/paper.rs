@@ -2,7 +2,7 @@
 
 use modulo_charts::{Axis, Body, Emphasis, Panel, Point, Series, SeriesStyle};
 
-use super::{NamedChart, file_name, models, suffix};
+use super::{NamedChart, add_point, file_name, models, suffix};
 use crate::labels::{self, Conditions};
 use crate::published::{ALPHAS, Published};
 use crate::results::{Cell, Protocol, Results, Stream};
@@ -78,12 +78,7 @@ fn panel(
             None => "ours".to_owned(),
         };
         let point = point(cell.point.alpha, value(cell), &format!("{ours}, {called}, {name}"));
-        match series.iter_mut().find(|series| series.name == ours) {
-            Some(series) => series.points.push(point),
-            None => {
-                series.push(Series { name: ours, points: vec![point], style: SeriesStyle::LineAndMarkers })
-            }
-        }
+        add_point(&mut series, ours, point, SeriesStyle::LineAndMarkers);
     }
     Panel { x: Axis::log("alpha"), y: Axis::percent(format!("{name}, {}", stream.name()), 1.0), series }
 }

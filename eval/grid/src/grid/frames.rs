@@ -62,9 +62,9 @@ impl Frames {
         let mut frames = Self { drives, kept, truths, drive_of, input: Input::default(), place: 0, drive: 0 };
         let mut notes = Notes::default();
         let mut seen = 0;
-        while let Some(frame) = frames.advance() {
+        while let Some(raw) = frames.raw() {
             seen += 1;
-            frames.note(data, frame, &mut notes);
+            frames.note(data, raw, &mut notes);
         }
         let warnings = notes.warnings();
         if frames.truths.is_empty() {
@@ -98,30 +98,23 @@ impl Frames {
 
     /// Reads the next frame, scored or not.
     pub fn raw(&mut self) -> Option<Raw> {
-        let place = self.place;
-        let frame = self.advance()?;
-        Some(Raw { place, drive: self.drive, frame })
-    }
-
-    fn advance(&mut self) -> Option<Result<SourceFrame, SourceError>> {
         while let Some((_, source)) = self.drives.get_mut(self.drive) {
             if let Some(frame) = source.next() {
                 self.place += 1;
-                return Some(frame);
+                return Some(Raw { place: self.place - 1, drive: self.drive, frame });
             }
             self.drive += 1;
         }
         None
     }
 
-    fn note(&mut self, data: &Data, frame: Result<SourceFrame, SourceError>, notes: &mut Notes) {
-        let place = self.place - 1;
-        let drive = self.drives.get(self.drive).and_then(|(drive, _)| drive.clone());
+    fn note(&mut self, data: &Data, Raw { place, drive, frame }: Raw, notes: &mut Notes) {
+        let (drive, _) = &self.drives[drive];
         let frame = match frame {
             Ok(frame) => frame,
             Err(why) => return notes.unreadable.push(why.to_string()),
         };
-        let drive = drive.or_else(|| data.drive_of(&frame.name));
+        let drive = drive.clone().or_else(|| data.drive_of(&frame.name));
         if !notes.names.insert((drive.clone(), frame.name.clone())) {
             return notes.twice.push(frame.name);
         }

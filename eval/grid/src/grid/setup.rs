@@ -48,18 +48,14 @@ fn sha256(model: &Path) -> Result<String, GridError> {
 /// The definition of each figure, by its name.
 pub fn definitions() -> Table {
     [
-        ("ap50", average::definition()),
+        ("ap50", average::DEFINITION),
         ("ap50_95", "Mean over groups of the mean AP at the ten IoU thresholds 0.50, 0.55, ..., 0.95."),
-        (
-            "classes",
-            "As ap50, of one class of the labels alone. Labels of its group that the model has no twin for \
-                     are ignored.",
-        ),
-        ("difficulty", difficulty::definition()),
-        ("exact_k, psnr_db, ssim", quality::definition()),
-        ("interval95", bootstrap::definition()),
-        ("latency_ms", latency::definition()),
-        ("paper", paper::definition()),
+        ("classes", "As ap50, for one class of the labels. Other classes of its group that the model cannot find are ignored."),
+        ("difficulty", difficulty::DEFINITION),
+        ("exact_k, psnr_db, ssim", quality::DEFINITION),
+        ("interval95", bootstrap::DEFINITION),
+        ("latency_ms", latency::DEFINITION),
+        ("paper", paper::DEFINITION),
     ]
     .map(|(name, text)| (name.to_owned(), text.split_whitespace().collect::<Vec<_>>().join(" ")))
     .into()

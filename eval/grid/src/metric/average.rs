@@ -6,12 +6,11 @@ use super::matching::{Image, Mark};
 pub const RECALLS: usize = 101;
 
 /// The definition of AP50 and of the precision-recall curve for the report.
-pub fn definition() -> &'static str {
-    "Detections take, by descending score, the free object of largest IoU of at least the threshold \
-     (one to one, at most 100 detections an image and category). Precision at a recall is the best precision \
-     at that recall or above; AP is its mean over the recalls 0, 0.01, ..., 1. Ignored objects, DontCare \
-     areas and what lies half or more in them count neither for nor against."
-}
+pub const DEFINITION: &str = "\
+    Detections take, by descending score, the free object of largest IoU of at least the threshold (one to \
+    one, at most 100 detections an image and category). Precision at a recall is the best precision at that \
+    recall or above; AP is its mean over the recalls 0, 0.01, ..., 1. Ignored objects, DontCare areas and \
+    detections that lie at least half in them are not scored.";
 
 /// The ten thresholds of AP50:95.
 pub fn thresholds() -> impl Iterator<Item = f64> {
@@ -21,10 +20,7 @@ pub fn thresholds() -> impl Iterator<Item = f64> {
 
 /// Precision at each of the [`RECALLS`]. `None` if no object is scored.
 pub fn curve(images: &[Image], least_iou: f64) -> Option<Vec<f64>> {
-    let objects: usize = images.iter().map(Image::objects).sum();
-    let mut marks: Vec<Mark> = images.iter().flat_map(|image| image.marks(least_iou)).collect();
-    marks.sort_by(|a, b| b.score.total_cmp(&a.score));
-    (objects > 0).then(|| precisions(marks.iter().map(|mark| (mark.right, 1)), objects as u64))
+    Sample::new(images, least_iou).curve(&vec![1; images.len()])
 }
 
 /// AP at one IoU threshold. `None` if no object is scored.
@@ -62,9 +58,13 @@ impl Sample {
 
     /// AP of a data set that has image i `times[i]` times. `None` if no object is scored.
     pub fn ap(&self, times: &[u64]) -> Option<f64> {
+        self.curve(times).as_deref().map(mean)
+    }
+
+    fn curve(&self, times: &[u64]) -> Option<Vec<f64>> {
         let objects: u64 = self.objects.iter().zip(times).map(|(objects, times)| objects * times).sum();
         let marks = self.marks.iter().map(|(mark, place)| (mark.right, times[*place]));
-        (objects > 0).then(|| mean(&precisions(marks, objects)))
+        (objects > 0).then(|| precisions(marks, objects))
     }
 }
 

@@ -10,11 +10,10 @@ use rand_pcg::Pcg64;
 const DRAWS: usize = 1000;
 
 /// The definition of the intervals for the report.
-pub fn definition() -> &'static str {
-    "Bootstrap: drives (frames where fewer than two drives are known, for frames of one drive are near \
-     duplicates) are drawn with replacement 1000 times; the interval lies between the 2.5th and the 97.5th \
-     percentile of the figure. Figures without objects in a draw leave that draw out."
-}
+pub const DEFINITION: &str = "\
+    Bootstrap: drives (frames where fewer than two drives are known, because frames of one drive are near \
+    duplicates) are drawn with replacement 1000 times; the interval lies between the 2.5th and the 97.5th \
+    percentile of the figure. Draws without objects are left out.";
 
 /// The units of a data set that are drawn.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -8,12 +8,11 @@ use crate::classes::DONT_CARE;
 use crate::results::Difficulty;
 
 /// The definition of the difficulties for the report.
-pub fn definition() -> &'static str {
-    "KITTI: easy: at least 40 px high, fully visible, at most 15 % outside the image; moderate: 25 px, partly \
-     occluded, 30 %; hard: 25 px, largely occluded, 50 %; all: every label. Objects beyond that are ignored, \
-     and detections less high than that are left out unless they find something. What a data set does not \
-     say does not exclude an object."
-}
+pub const DEFINITION: &str = "\
+    KITTI: easy: at least 40 px high, fully visible, at most 15 % outside the image; moderate: 25 px, partly \
+    occluded, 30 %; hard: 25 px, largely occluded, 50 %; all: every label. Objects beyond that are ignored, \
+    and lower detections are left out unless they find something. Missing annotations never exclude an \
+    object.";
 
 impl Difficulty {
     /// All difficulties, from easy to all.

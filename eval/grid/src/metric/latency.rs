@@ -8,12 +8,11 @@ use crate::labels::SENSE;
 use crate::results::Percentiles;
 
 /// The definition of a latency for the report.
-pub fn definition() -> &'static str {
-    "Wall clock of one stage on one frame, ms; p50, p95 and p99 over the frames of the cell (the smallest \
-     duration that is not exceeded by that share). An image equal to one that the same model saw before in the \
-     same frame of another cell is not detected again: it keeps the durations of then. threads: of one \
-     inference; jobs: frames worked on side by side."
-}
+pub const DEFINITION: &str = "\
+    Wall-clock time of one stage on one frame, ms; p50, p95 and p99 over the frames of the cell (the smallest \
+    duration that is not exceeded by that share). An image that equals an earlier one of the same frame and \
+    model, from another cell, is not detected again: it keeps the earlier durations. threads: threads of one \
+    inference; jobs: frames that are processed in parallel.";
 
 /// Quantiles of each stage. Durations of a stage that occurs twice in a frame are added.
 pub fn by_stage<'a>(

@@ -12,13 +12,12 @@ pub const CONFIDENCE: f32 = 0.60;
 const IOU: f64 = 0.5;
 
 /// The definition of the three figures for the report.
-pub fn definition() -> &'static str {
-    "The paper's. Detections of score >= 0.60; one is a true positive when any labelled box of its class has \
-     IoU >= 0.5 with it (several may claim one box); a labelled box without such a detection is a false \
-     negative; all labels but DontCare, of any size. Per image: IoU is the mean over its true positives of \
-     their largest IoU (0 without any), F1 = 2PR / (P + R), accuracy = TP / (TP + FP + FN). Then the plain \
-     mean over images."
-}
+pub const DEFINITION: &str = "\
+    As in the scripts of the paper. Detections of score >= 0.60; one is a true positive when any labelled box \
+    of its class has IoU >= 0.5 with it (several may claim one box); a labelled box without such a detection \
+    is a false negative; all labels but DontCare, of any size. Per image: IoU is the mean over its true \
+    positives of their largest IoU (0 without any), F1 = 2PR / (P + R), accuracy = TP / (TP + FP + FN). Then \
+    the plain mean over images.";
 
 /// The figures of one image.
 pub fn of_image(found: &[Detection], truth: &[(BBox, &str)]) -> Paper {

@@ -15,8 +15,8 @@ pub fn section(results: &Results) -> Markup {
     html! {
         h2 { "All cells" }
         p {
-            "Figures in percent unless a unit is named; a click on a column's name sorts by it. The same figures, and "
-            "more of them, are in results.json and results.csv beside this page."
+            "Figures are in percent unless a unit is named. Click on the name of a column to sort by it. These and more "
+            "figures are in results.json and results.csv beside this page."
         }
         (table(&head(&groups, &stages), &rows))
     }

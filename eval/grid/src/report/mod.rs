@@ -21,7 +21,7 @@ pub fn page(results: &Results, charts: &[RenderedChart]) -> String {
     let body = html! {
         h1 { (title) }
         @if done < all {
-            p.warning { (done) " of " (all) " cells are here: a part of the grid, or a run that was ended." }
+            p.warning { (done) " of " (all) " cells are here: this is a part of the grid, or a run that was ended." }
         }
         (summary::section(results))
         (figures(charts))
@@ -39,7 +39,7 @@ fn figures(charts: &[RenderedChart]) -> Markup {
     let kind = |chart: &RenderedChart| chart.name.split('_').next().map(str::to_owned);
     html! {
         h2 { "Charts" }
-        p.note { "A pointer on a mark shows its cell." }
+        p.note { "Move the pointer to a marker to see its cell." }
         @for (index, chart) in charts.iter().enumerate() {
             @if charts[..index].iter().all(|other| kind(other) != kind(chart)) { (figure(chart)) }
             @else { details { summary { (chart.title) } (figure(chart)) } }
@@ -72,12 +72,12 @@ fn setup(results: &Results) -> Markup {
         ("protocol", format!("{:?}", setup.protocol).to_lowercase()),
         ("sensor", format!("{} bits, seed {}", setup.bits, setup.seed)),
         ("difficulty", format!("{:?}", setup.difficulty).to_lowercase()),
-        ("engine asked for", setup.engine.clone()),
+        ("requested engine", setup.engine.clone()),
         ("measured with", devices.join("; ")),
         ("models", pairs(&setup.models)),
         ("classes of the model to those of the labels", pairs(&setup.class_map)),
         ("classes of the labels to groups", pairs(&setup.groups)),
-        ("classes without a twin", unmapped.collect::<Vec<_>>().join("; ")),
+        ("classes without a counterpart", unmapped.collect::<Vec<_>>().join("; ")),
     ];
     html! {
         h2 { "Definitions" }

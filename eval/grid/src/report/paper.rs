@@ -21,14 +21,14 @@ pub fn section(results: &Results) -> Markup {
         @if results.cells.iter().any(known) {
             h2 { "The paper's tables" }
             p {
-                "Table 1, percent: its figures are of 100 KITTI images and of the official weights; SPUD stands behind "
-                "its recovery. Ours are of the frames and the model named above."
+                "Table 1, in percent. The paper used 100 KITTI images, the official weights, and SPUD for recovery. The "
+                "other figures belong to the frames and the model named above."
             }
             (table(&head, &rows))
             p {
-                "Table 2, milliseconds: " (CAPTURE_MS) " ms a capture are the paper's assumption, " (CAPTURES)
-                " captures where exposures are merged. Ours are medians on the processor named below, the paper's are "
-                "of an RTX 4070."
+                "Table 2, in milliseconds. The paper assumes " (CAPTURE_MS) " ms for a capture, and " (CAPTURES)
+                " captures for merged exposures. Its times were measured on an RTX 4070; the other times are medians on the "
+                "processor named below."
             }
             (table(&time_head, &times))
         }

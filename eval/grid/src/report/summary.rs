@@ -14,8 +14,8 @@ pub fn section(results: &Results) -> Markup {
     html! {
         h2 { "At a glance" }
         p {
-            "AP50 in percent by stream (rows) and alpha (columns), over " (results.input.labelled) " labelled frames; "
-            "in brackets the 95 % interval of a bootstrap over frames."
+            "AP50 in percent by stream (rows) and alpha (columns), over " (results.input.labelled) " labelled frames. "
+            "The 95 % interval of the bootstrap is in brackets."
         }
         @for (index, (model, conditions)) in blocks.enumerate() {
             details open[index == 0] {

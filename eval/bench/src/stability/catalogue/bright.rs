@@ -1,4 +1,4 @@
-//! What is bright and small, thin, or above the horizon.
+//! Bright lamps, poles, fences and skies.
 
 use super::super::case::{Case, Family};
 use super::super::expect::Expect;

@@ -1,10 +1,10 @@
-//! Sharp steps from border to border, and closed islands.
+//! Sharp steps over the full height, and closed plateaus.
 
 use super::super::case::{Case, Family};
 use super::super::expect::Expect;
 use super::super::radiance::Radiance;
 
-/// Where the step is; half of the image lies beyond.
+/// Column of the step, in the middle of the image.
 const COLUMN: usize = 160;
 
 pub fn cases() -> Vec<Case> {

@@ -1,6 +1,4 @@
-//! The catalogue: the scenes on which methods fail, or are known not to, and what is expected.
-//!
-//! One file a kind of scene. A scene is a table row: generators, sensor, expectations.
+//! The catalogue: scenes that are hard for some methods, with the expected results. One file for each kind of scene.
 
 mod bright;
 mod edges;
@@ -10,16 +8,16 @@ mod uneven;
 
 use super::case::Case;
 
-/// Solve one Poisson equation: a wrong difference bends everything around it.
+/// Methods that solve a Poisson equation: a wrong difference distorts its surroundings.
 const LEAST_SQUARES: &[&str] = &["spud", "least_squares"];
 
-/// Follow first differences alone, in one order or another.
+/// Methods that use only first differences.
 const FIRST_ORDER: &[&str] = &["spud", "least_squares", "itoh", "tree", "quality_guided"];
 
-/// Order their steps, so that an error stays where it is.
+/// Methods that unwrap reliable pixels first, so that errors stay local.
 const SORTED: &[&str] = &["tree", "quality_guided"];
 
-/// Why methods of first order lose what is behind a soft but high edge.
+/// The reason why methods that use only first differences fail behind a soft but high edge.
 const RIM: &str = "first differences exceed half a peak on the edge and are taken for small ones";
 
 /// All cases, in the order of [`Family`](super::case::Family).

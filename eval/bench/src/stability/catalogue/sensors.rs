@@ -1,4 +1,4 @@
-//! One scene before many sensors: bits, sizes, alpha; and the rendered streets.
+//! One scene with different bits, sizes and saturation factors, and the rendered driving scenes.
 
 use modulo_core::scene::Preset;
 
@@ -11,7 +11,7 @@ pub fn cases() -> Vec<Case> {
     [bits(), sizes(), alphas(), streets()].into_iter().flatten().collect()
 }
 
-/// 20 to 850 codes with a soft sun and a sky: something of everything, nothing sharp.
+/// A scene of 20 to 850 codes with a slope, a sky and a soft sun, without sharp edges.
 fn landscape(height: usize, width: usize) -> Radiance {
     Radiance::dusk(height, width).slope(300.0).sky(height / 3, 300.0).glare(
         height / 2,
@@ -111,7 +111,7 @@ fn sharp(preset: Preset) -> Case {
         "one wrong difference spoils the rest of its row",
         "edges that end within the image break the mixed differences and leave streaks",
     );
-    // Of all, of Itoh's, of lines.
+    // The expected shares of all methods, of itoh, and of lines.
     let (all, itoh, lines) = match preset {
         Preset::Day => (0.35, 0.1, 0.2),
         Preset::Glare => (0.6, 0.5, 0.25),

@@ -1,4 +1,4 @@
-//! Even slopes around the limit of half a peak a pixel.
+//! Ramps with slopes around the limit of half a peak a pixel.
 
 use super::super::case::{Case, Family};
 use super::super::expect::Expect;
@@ -19,7 +19,7 @@ pub fn cases() -> Vec<Case> {
     ]
 }
 
-/// A power of two as alpha keeps the codes whole.
+/// A ramp of `codes` a column. Alpha is a power of two, so that all codes are whole numbers.
 fn ramp(codes: i32) -> Case {
     Case::new(
         Family::Ramps,

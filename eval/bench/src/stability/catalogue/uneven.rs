@@ -1,4 +1,4 @@
-//! Noise and defects, levels that gradients cannot tell, and channels that differ.
+//! Noise, defect pixels, constant levels, and channels that differ.
 
 use super::super::case::{Case, Family};
 use super::super::expect::Expect;
@@ -9,7 +9,7 @@ pub fn cases() -> Vec<Case> {
     [noise(), hot_pixels(), levels(), lost_levels(), colour()].into_iter().flatten().collect()
 }
 
-/// 40 to 550 codes, nowhere steep.
+/// A gentle slope of 40 to 550 codes under read noise of `sigma` codes.
 fn noisy(sigma: i32) -> Case {
     Case::new(
         Family::Noise,
@@ -20,7 +20,7 @@ fn noisy(sigma: i32) -> Case {
     .read_noise(f64::from(sigma))
 }
 
-/// Differences of neighbours have 1.4 sigma, mixed ones 2 sigma.
+/// Increasing read noise. First differences have a noise of 1.4 sigma, mixed differences of 2 sigma.
 fn noise() -> Vec<Case> {
     let drowned = Expect::Fails(0.2, "differences that noise carries beyond half a peak are everywhere");
     vec![

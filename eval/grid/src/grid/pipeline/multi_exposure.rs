@@ -37,9 +37,9 @@ pub fn check(request: &Request, points: &[Point]) -> Result<(), GridError> {
         return refuse("one of the other streams under the protocol of the paper");
     }
     match request.data {
-        Data::Kitti { .. } | Data::Yolo(_) | Data::Coco { .. } if moving => {
-            refuse("multi_exposure_still, because these frames are not consecutive; --sequence or --source")
-        }
+        Data::Kitti { .. } | Data::Yolo(_) | Data::Coco { .. } if moving => refuse(
+            "multi_exposure_still, because these frames are not consecutive; use --sequence or --source otherwise",
+        ),
         _ => Ok(()),
     }
 }

@@ -1,6 +1,6 @@
 //! [`PaperPipeline`]: the steps of a frame before the detector as in the scripts of the paper (`--protocol paper`).
 //!
-//! The nodes of the suite do none of this by default. Values are fractions of the peak. For the detector they become 8
+//! The nodes of the suite work differently. Values are fractions of the peak. For the detector they become 8
 //! bits by truncation, not by rounding.
 
 use modulo_bags::source::SourceFrame;

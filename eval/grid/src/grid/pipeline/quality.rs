@@ -28,13 +28,12 @@ pub struct ImageSimilarity {
 }
 
 /// The definition of `exact_k`, `psnr_db` and `ssim` for the report.
-pub fn definition() -> &'static str {
-    "exact_k: share of all samples whose wrap count is the true one, no shift forgiven. PSNR: 10 log10(255^2 / \
-     mse) of the 8-bit image that the detector sees, the mse over the samples of all frames. SSIM: mean over \
-     frames, 11 x 11 Gaussian window of 1.5 px. Both against the ideal image of the same sensor, lens and \
-     noise (psnr_db, ssim), and against that of the same sensor and noise without a lens (psnr_sharp_db, \
-     ssim_sharp)."
-}
+pub const DEFINITION: &str = "\
+    exact_k: share of all samples whose wrap count is the true one, no shift forgiven. PSNR: 10 log10(255^2 / \
+    mse) of the 8-bit image that the detector sees, the mse over the samples of all frames. SSIM: mean over \
+    frames, 11 x 11 Gaussian window of 1.5 px. Both against the ideal image of the same sensor, lens and \
+    noise (psnr_db, ssim), and against that of the same sensor and noise without a lens (psnr_sharp_db, \
+    ssim_sharp).";
 
 impl RecoveryQuality {
     /// The quality of an unwrapped image. `counts` is x_hat in code units, `image` the 8-bit image for the detector,

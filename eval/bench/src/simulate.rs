@@ -2,19 +2,20 @@
 //!
 //! Files are independent of each other: even the white point of a file is not used for another.
 
-mod picture;
-
 use std::collections::HashSet;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Parser;
+use modulo_core::metric::{exact_share, mse, psnr_db, ssim};
 use modulo_core::unwrap::{Options, by_name};
-use modulo_core::{Sensor, Unwrap};
-use modulo_images::White;
+use modulo_core::{Exposure, Recovered, Sensor, Unwrap, UnwrapError, tone};
+use modulo_images::{White, read_image, save_png};
+use ndarray::Array3;
 use serde::{Deserialize, Serialize};
 
-use crate::files::{make_folder, write_json};
-use crate::{BenchError, Event, SensorOptions, Skipped, need};
+use crate::atomic_file::{make_folder, write_json};
+use crate::stopwatch::timed;
+use crate::{BenchError, Event, SensorOptions, Skipped, need, samples8};
 
 /// Name of the list of results in the folder.
 pub const RESULTS: &str = "results.json";
@@ -93,7 +94,7 @@ pub fn simulate(request: &Request, tell: &mut dyn FnMut(Event<'_>)) -> Result<Ou
     let total = request.images.len() * sensors.len();
     let mut outcome = Outcome::default();
     for (index, (file, name)) in request.images.iter().zip(&names).enumerate() {
-        let picture = picture::Picture { file, name, request };
+        let picture = Picture { file, name, request };
         let rows = picture.read().and_then(|radiance| {
             let mut rows = Vec::new();
             for (sensor, done) in sensors.iter().zip(index * sensors.len()..) {
@@ -115,6 +116,61 @@ pub fn simulate(request: &Request, tell: &mut dyn FnMut(Event<'_>)) -> Result<Ou
         write_json(&request.out.join(RESULTS), &outcome.rows)?;
     }
     Ok(outcome)
+}
+
+/// An image of the request.
+struct Picture<'a> {
+    file: &'a Path,
+    name: &'a str,
+    request: &'a Request,
+}
+
+impl Picture<'_> {
+    /// Reads radiance in `[0, 1)`, H x W x C.
+    fn read(&self) -> Result<Array3<f32>, BenchError> {
+        Ok(White::new(self.request.white)?.radiance(&read_image(self.file)?))
+    }
+
+    /// Writes all streams at one alpha, and returns a row for each method.
+    fn sense(
+        &self,
+        radiance: &Array3<f32>,
+        sensor: &Sensor,
+        methods: &mut [Box<dyn Unwrap>],
+    ) -> Result<Vec<Row>, BenchError> {
+        let exposure = sensor.expose(radiance.view(), self.request.sensor.seed)?;
+        let path = |stream: &str| self.path(exposure.range().alpha(), stream);
+        save_png(&path("ideal"), &exposure.ideal())?;
+        save_png(&path("saturated"), &exposure.saturated())?;
+        save_png(&path("modulo"), &exposure.modulo())?;
+        methods.iter_mut().map(|method| self.recover(&exposure, method.as_mut())).collect()
+    }
+
+    fn recover(&self, exposure: &Exposure, method: &mut dyn Unwrap) -> Result<Row, BenchError> {
+        let (range, modulo) = (exposure.range(), exposure.modulo());
+        let mut recovered = Recovered::default();
+        let (unwrapped, ms) = timed(|| method.unwrap(&modulo, range, &mut recovered));
+        unwrapped?;
+        let picture = tone::linear8(&recovered.x, range).map_err(UnwrapError::from)?;
+        save_png(&self.path(range.alpha(), method.name()), &picture)?;
+        let (ideal, picture) = (samples8(exposure.ideal()), samples8(picture));
+        Ok(Row {
+            file: self.file.display().to_string(),
+            alpha: range.alpha(),
+            psf_sigma: self.request.sensor.psf().sigma(),
+            method: method.name().to_owned(),
+            psnr_db: psnr_db(mse(&picture, &ideal)?),
+            ssim: ssim(&picture, &ideal)?,
+            exact_k: exact_share(&recovered.k, &exposure.wraps())?,
+            rung: recovered.report.rung.to_owned(),
+            trusted: recovered.report.trust.claim(),
+            ms,
+        })
+    }
+
+    fn path(&self, alpha: f64, stream: &str) -> PathBuf {
+        self.request.out.join(format!("{}_alpha{alpha}_{stream}.png", self.name))
+    }
 }
 
 /// Checks files and white point, and makes the sensor of each alpha.

@@ -1,6 +1,7 @@
-//! [`PictureFolder`]: the pictures of a run, as files beside the page, or none at all. Figures are never taken from pictures.
+//! [`PictureFolder`]: the pictures of a run, as files beside the page.
 //!
-//! One gamma for all, so that dark scenes show: radiance is `255 sqrt(x / (alpha 2^b))`, codes are `255 y / 2^b`.
+//! All pictures have the same gamma, which makes dark scenes visible: radiance is `255 sqrt(x / (alpha 2^b))`, codes are
+//! `255 y / 2^b`. No figure is computed from pictures.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +11,7 @@ use ndarray::{Array3, Axis, concatenate, s};
 
 use crate::BenchError;
 
-/// The scene that shows what is peculiar to a method, for the documentation.
+/// For each method the scene that shows its peculiarity in the documentation.
 const FIGURES: &[(&str, &str)] = &[
     ("auto", "step_200"),
     ("spud", "sun_blur"),
@@ -22,18 +23,18 @@ const FIGURES: &[(&str, &str)] = &[
     ("quality_guided", "horizon_blur"),
 ];
 
-/// Rows of a scene that a figure shows.
+/// Rows of a scene that a figure of the documentation shows.
 const ROWS: std::ops::Range<usize> = 32..160;
 
-/// Width of the white gap between the parts of a strip, px.
+/// Width of the white gap between pictures side by side, px.
 const GAP: usize = 4;
 
-/// Where pictures go.
+/// The folder of the pictures, if there is one.
 pub struct PictureFolder {
     out: Option<PathBuf>,
 }
 
-/// What every picture of a scene is samples8 beside.
+/// The pictures of one scene.
 pub struct ScenePictures<'a> {
     out: &'a Path,
     scene: &'a str,
@@ -43,20 +44,17 @@ pub struct ScenePictures<'a> {
 }
 
 impl PictureFolder {
-    /// Pictures go into `out`, which has folders `pictures` and `figures`.
+    /// Writes pictures into `out`, which has the subfolders `pictures` and `figures`.
     pub fn in_folder(out: &Path) -> Self {
         Self { out: Some(out.to_owned()) }
     }
 
-    /// Nothing is drawn.
+    /// Writes no pictures.
     pub fn none() -> Self {
         Self { out: None }
     }
 
-    /// Writes truth and modulo image of `scene`.
-    ///
-    /// # Errors
-    /// [`BenchError::Save`].
+    /// Writes the truth and the modulo image of `scene`.
     pub fn open<'a>(
         &'a self,
         scene: &'a str,
@@ -75,10 +73,7 @@ impl PictureFolder {
 }
 
 impl ScenePictures<'_> {
-    /// Writes what `method` recovered, unless it looks as the truth does; the path of its picture within the folder.
-    ///
-    /// # Errors
-    /// [`BenchError::Save`].
+    /// Writes the result of `method`, unless it equals the truth. Returns the path of its picture within the folder.
     pub fn add(&self, method: &str, x: &Array3<f32>) -> Result<String, BenchError> {
         let result = radiance(x, self.limit);
         if FIGURES.contains(&(method, self.scene)) {
@@ -103,18 +98,18 @@ impl ScenePictures<'_> {
     }
 }
 
-/// Radiance `x` (code units) of a sensor that reaches `limit`, as 8-bit pixels.
+/// Radiance `x` (code units) of a sensor with range `limit`, as 8-bit pixels.
 fn radiance(x: &Array3<f32>, limit: f64) -> Array3<u8> {
     let limit = limit as f32;
     x.mapv(|x| (255.0 * (x / limit).max(0.0).sqrt() + 0.5) as u8)
 }
 
-/// Codes of a sensor with this `peak`, as 8-bit pixels.
+/// Codes of a sensor with peak `peak`, as 8-bit pixels.
 fn codes(y: &Frame, peak: f32) -> Array3<u8> {
     y.to_f32().mapv(|y| (255.0 * y / peak + 0.5) as u8)
 }
 
-/// Pictures of one height and as many channels side by side, on white.
+/// Joins pictures of equal height and channels side by side.
 fn strip(pictures: &[&Array3<u8>]) -> Result<Frame, FrameError> {
     let (height, _, channels) = pictures[0].dim();
     let gap = Array3::from_elem((height, GAP, channels), 255);
