@@ -3,12 +3,10 @@
 pub mod bag;
 pub mod eval;
 pub mod graph;
-pub mod study;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use modulo_detector::EngineChoice;
 
@@ -46,14 +44,14 @@ pub enum Command {
     /// Record, replay, describe, convert, import and repair bags
     #[command(subcommand)]
     Bag(bag::Bag),
-    /// Evaluate in lockstep, every frame once, nothing dropped: a launch file, or a grid over labelled frames
+    /// Evaluate a launch file, or a grid of settings over labelled frames: every frame once, none dropped
     Eval(Box<eval::Eval>),
-    /// Send one's own pictures through the sensor and the unwrapping methods
-    Simulate(study::Simulate),
+    /// Simulate the sensor on image files and unwrap the result
+    Simulate(modulo_bench::simulate::Request),
     /// Measure the unwrapping methods
     #[command(subcommand)]
-    Bench(study::Bench),
-    /// Run the scenes on which methods fail, and show where each one does
+    Bench(Bench),
+    /// Run all methods on the scenes on which methods fail, and show the results
     Stability {
         /// Folder for index.html, results.json and the pictures
         #[arg(short, long, value_name = "FOLDER")]
@@ -110,6 +108,18 @@ pub struct Run {
     /// --ros-args ... as ROS 2 writes them, or --help
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
     pub arguments: Vec<String>,
+}
+
+/// `modulo bench`
+#[derive(Subcommand)]
+pub enum Bench {
+    /// Measure the time and the accuracy of every method, and draw a chart of both
+    Unwrap(modulo_bench::benchmark::Request),
+    /// Draw the charts of the results in a folder again
+    Chart {
+        /// Folder with results.json and meta.json
+        folder: PathBuf,
+    },
 }
 
 /// `modulo param`
@@ -189,19 +199,8 @@ pub struct ModelCheck {
     /// ONNX file
     pub file: PathBuf,
     /// Inference engine: ONNX Runtime (ort), rten, or auto for ONNX Runtime where its library is found, and rten elsewhere
-    #[arg(long, default_value = "auto", value_parser = words(EngineChoice::WORDS))]
+    #[arg(long, default_value = "auto", value_parser = modulo_eval::grid::engine_parser())]
     pub engine: EngineChoice,
-}
-
-/// Reads one of the words of `table` as the value beside it.
-fn words<T, const N: usize>(table: [(&'static str, T); N]) -> impl TypedValueParser<Value = T>
-where
-    T: Clone + Send + Sync + 'static,
-{
-    PossibleValuesParser::new(table.each_ref().map(|(word, _)| *word)).map(move |given| {
-        let found = table.iter().find(|(word, _)| *word == given);
-        found.map(|(_, meant)| meant.clone()).expect("clap takes only the words of the table")
-    })
 }
 
 /// Reads the command line. A link named after a node runs that node. Every option takes a negative number, so that its

@@ -1,11 +1,11 @@
-//! `modulo eval FILE`: a launch file's nodes in lockstep; without FILE, the grid.
+//! `modulo eval FILE`: runs the nodes of a launch file in lockstep. Without FILE it runs the grid.
 
 use std::path::Path;
 
 use anyhow::{Context, anyhow};
 use modulo_bags::bag::Compression;
 use modulo_bags::record::Recorder;
-use modulo_eval::{Evaluation, Images, Plan, Score, Stream};
+use modulo_eval::launch_file::{Evaluation, Plan, Score, Stream};
 use modulo_launch::Summary;
 use modulo_runtime::driver::lockstep::Lockstep;
 use modulo_runtime::{MessageKind, Node, NodeName, NodeReport, SystemClock};
@@ -15,7 +15,7 @@ use super::{grid, pairs, report, start_log, usage};
 use crate::cli::eval::{Eval, Verb};
 use crate::{Ended, Failure};
 
-/// Evaluates what is asked for.
+/// Runs the evaluation or the subcommand.
 pub fn eval(args: &Eval) -> Result<Ended, Failure> {
     start_log(Some("warn"));
     match &args.verb {
@@ -31,11 +31,10 @@ pub fn eval(args: &Eval) -> Result<Ended, Failure> {
     }
 }
 
-/// Runs every frame of the file's camera, or of each `--source`, through its
-/// nodes, and writes boxes and scores.
+/// Runs every frame of the camera of the file, or of each `--source`, through the nodes, and writes boxes and scores.
 fn launch_file(args: &Eval, file: &Path, out: &Path) -> Result<Ended, Failure> {
     let arguments = pairs(&args.arguments)?;
-    let mut evaluation = Evaluation::new(args.grid.difficulty.unwrap_or_default());
+    let mut evaluation = Evaluation::new(args.grid.options.difficulty.unwrap_or_default());
     let mut bag = args.bag.as_ref().map(|folder| Recorder::create(folder, Compression::Zstd)).transpose()?;
     let mut reports = Vec::new();
     if args.source.is_empty() {
@@ -74,13 +73,13 @@ fn run(
         interval: made[source].0.period().expect("the source was found by its period"),
         streams: streams(&made)?,
         truth: topic_of(&made[source].0.outputs(), MessageKind::Detections, &made[source].1)?,
-        images: if args.images { Images::Save } else { Images::Discard },
+        save_images: args.images,
         folder: out.to_owned(),
         bagged: args.topics.clone(),
     };
     let mut recorded: Vec<String> = plan.streams.iter().map(|s| s.detections.clone()).collect();
     recorded.extend(plan.truth.iter().chain(&plan.bagged).cloned());
-    if plan.images == Images::Save {
+    if plan.save_images {
         let images = plan.streams.iter().map(|s| Some(s.images.clone()));
         let annotated = plan.streams.iter().map(|s| s.annotated.clone());
         recorded.extend(images.chain(annotated).flatten());
@@ -107,7 +106,7 @@ fn nodes(file: &Path, arguments: &[(String, String)]) -> Result<Made, Failure> {
     nodes.iter().map(make).collect::<anyhow::Result<_>>().map_err(usage)
 }
 
-/// The image and box topics of every node that turns images into boxes.
+/// The topics of every node that turns images into boxes.
 fn streams(made: &Made) -> Result<Vec<Stream>, Failure> {
     let mut streams = Vec::new();
     for (node, node_name) in made {

@@ -1,31 +1,32 @@
-//! `modulo eval` without a launch file: the grid over labelled frames.
+//! `modulo eval` without a launch file: runs the grid over labelled frames.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
-use indicatif::{ProgressBar, ProgressStyle};
 use modulo_bags::source::FrameList;
-use modulo_eval::classes::{ClassMap, Groups};
 use modulo_eval::data::Data;
-use modulo_eval::grid::{Axes, Event, GridError, Request, Suite, merge as merge_shards, run, show};
+use modulo_eval::grid::{Event, GridError, Request, Suite, draw_pictures, merge as merge_shards, run};
 use modulo_eval::report as page;
 use modulo_eval::results::{Cell, Results};
 use modulo_runtime::SystemClock;
 
+use super::bench::{processor, progress_bar};
 use super::{report, usage};
 use crate::cli::eval;
 use crate::{Ended, Failure};
 
-/// Works on the cells that are not done yet.
+/// Runs the cells that are not finished yet.
 pub fn grid(args: &eval::Grid, source: &[String], out: &Path) -> Result<Ended, Failure> {
-    let request = request(args, source, out)?;
-    let bar = ProgressBar::new(0);
-    if let Ok(style) = ProgressStyle::with_template("{bar:30} {pos}/{len} frames, {eta} left: {msg}") {
-        bar.set_style(style);
-    }
+    let request = Request {
+        data: data(args, source)?,
+        options: args.options.clone(),
+        processor: processor(),
+        out: out.to_owned(),
+    };
+    let bar = progress_bar("{bar:30} {pos}/{len} frames, {eta} left: {msg}");
     let tell = |event: Event<'_>| match event {
         Event::Resumed { cells: 0 } => {}
-        Event::Resumed { cells } => bar.suspend(|| eprintln!("modulo: {cells} cells are done already")),
+        Event::Resumed { cells } => bar.suspend(|| eprintln!("modulo: {cells} cells are finished already")),
         Event::Cell { frames: (done, all), name } => {
             bar.set_length(all);
             bar.set_position(done);
@@ -38,14 +39,15 @@ pub fn grid(args: &eval::Grid, source: &[String], out: &Path) -> Result<Ended, F
     bar.finish_and_clear();
     outcome.results.cells.iter().for_each(print_cell);
     if outcome.results.cells.len() == outcome.results.setup.grid.len() {
-        let pictures = show(&request, &Suite, &SystemClock::default(), &outcome.results).map_err(failure)?;
-        page::keep(out, &pictures).map_err(failure)?;
+        let timer = SystemClock::default();
+        let pictures = draw_pictures(&request, &Suite, &timer, &outcome.results).map_err(failure)?;
+        page::save_pictures(out, &pictures).map_err(failure)?;
     }
     report::report(out)?;
     Ok(if outcome.lost() { Ended::WithLoss } else { Ended::Done })
 }
 
-/// Puts shards together.
+/// Joins shards.
 pub fn merge(out: &Path, folders: &[PathBuf]) -> Result<Ended, Failure> {
     let results = merge_shards(out, folders).map_err(failure)?;
     let Results { setup, input, cells, .. } = &results;
@@ -53,25 +55,6 @@ pub fn merge(out: &Path, folders: &[PathBuf]) -> Result<Ended, Failure> {
     say!("{} of {} cells", cells.len(), setup.grid.len());
     let whole = cells.len() == setup.grid.len() && input.warnings.is_empty();
     Ok(if whole { Ended::Done } else { Ended::WithLoss })
-}
-
-fn request(args: &eval::Grid, source: &[String], out: &Path) -> Result<Request, Failure> {
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    Ok(Request {
-        data: data(args, source)?,
-        axes: axes(args),
-        protocol: args.protocol,
-        class_map: args.class_map.as_deref().map(ClassMap::read).transpose().map_err(failure)?,
-        groups: args.groups.as_deref().map_or(Ok(Groups::default()), Groups::read).map_err(failure)?,
-        difficulty: args.difficulty,
-        engine: args.engine,
-        threads: args.threads.max(1),
-        jobs: if args.jobs == 0 { cores } else { args.jobs },
-        processor: super::study::processor(),
-        seed: args.seed,
-        shard: args.shard,
-        out: out.to_owned(),
-    })
 }
 
 fn data(args: &eval::Grid, source: &[String]) -> Result<Data, Failure> {
@@ -92,30 +75,6 @@ fn data(args: &eval::Grid, source: &[String]) -> Result<Data, Failure> {
             "nothing to evaluate: give a launch file, or one of --kitti, --sequence, --yolo, --coco, --source"
         ))),
     }
-}
-
-/// What is given, and for the rest what the protocol does by default.
-fn axes(args: &eval::Grid) -> Axes {
-    let default = Axes::for_protocol(args.protocol);
-    let deblur = match args.deblur {
-        eval::Deblur::Both => default.deblur,
-        eval::Deblur::On => vec![true],
-        eval::Deblur::Off => vec![false],
-    };
-    Axes {
-        streams: given(args.stream.clone(), default.streams),
-        methods: given(args.method.clone(), default.methods),
-        deblur,
-        alphas: args.alpha.clone(),
-        psf_sigmas: args.psf_sigma.clone(),
-        noises: args.noise.clone(),
-        models: args.model.clone(),
-        inputs: given(args.input.clone(), default.inputs),
-    }
-}
-
-fn given<T>(list: Vec<T>, default: Vec<T>) -> Vec<T> {
-    if list.is_empty() { default } else { list }
 }
 
 fn failure(why: GridError) -> Failure {

@@ -9,6 +9,7 @@ macro_rules! say {
 }
 
 mod bag;
+mod bench;
 mod doctor;
 mod eval;
 mod graph;
@@ -19,7 +20,6 @@ mod model;
 mod param;
 mod report;
 mod run;
-mod study;
 
 use std::io::IsTerminal;
 use std::sync::Arc;
@@ -44,9 +44,9 @@ pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
         Command::Run(args) => run::run(&args),
         Command::Bag(args) => bag::bag(&args),
         Command::Eval(args) => eval::eval(&args),
-        Command::Simulate(args) => study::simulate(&args),
-        Command::Bench(command) => study::bench(&command),
-        Command::Stability { out } => study::stability(&out),
+        Command::Simulate(args) => bench::simulate(&args),
+        Command::Bench(command) => bench::bench(&command),
+        Command::Stability { out } => bench::stability(&out),
         Command::Param(args) => param::param(&args),
         Command::Topic(args) => graph::topic(&args),
         Command::Node(args) => graph::node(&args),

@@ -1,4 +1,4 @@
-//! `modulo eval report` and `modulo eval budget`: what a grid's results say.
+//! `modulo eval report` and `modulo eval budget`: report and summary of the results of a grid.
 
 use std::path::Path;
 
@@ -10,16 +10,16 @@ use modulo_eval::{budget, report as page, store};
 use super::usage;
 use crate::{Ended, Failure};
 
-/// Draws charts and page of the results in a folder.
+/// Draws the charts and the report of the results in a folder.
 pub fn report(folder: &Path) -> Result<Ended, Failure> {
     say!("{}", page::write(folder)?.display());
     Ok(Ended::Done)
 }
 
-/// Prints the Pareto front at each alpha, lens and noise; `*` marks the choice within `ms`.
+/// Prints the Pareto front at each alpha, lens and noise. `*` marks the best choice within `ms`.
 pub fn budget(folder: &Path, ms: f64) -> Result<Ended, Failure> {
     if !(ms > 0.0 && ms.is_finite()) {
-        return Err(usage(anyhow!("--ms is {ms}, more than 0 is possible")));
+        return Err(usage(anyhow!("--ms is {ms}, it must be more than 0")));
     }
     let results = store::load(folder)?;
     let results = results.ok_or_else(|| GridError::NoResults(folder.join(RESULTS)))?;
@@ -30,7 +30,7 @@ pub fn budget(folder: &Path, ms: f64) -> Result<Ended, Failure> {
             say!("{mark} {:8.1} ms  AP50 {:5.1}  {}", choice.ms, 100.0 * choice.ap50, choice.name());
         }
         if found.best.is_none() {
-            say!("  nothing is within {ms} ms");
+            say!("  no choice is within {ms} ms");
         }
     }
     Ok(Ended::Done)

@@ -1,0 +1,121 @@
+//! The frames of a benchmark: a folder of images, or the procedural scenes.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use modulo_core::{Exposure, Frame, Range, Sensor};
+use modulo_images::{EXTENSIONS, White, read_image};
+use modulo_scene::{Preset, Scene};
+use ndarray::Array3;
+
+use super::Request;
+use crate::{BenchError, Event, Skipped, samples8};
+
+/// Size of the procedural scenes, px: that of most frames of KITTI.
+const WIDTH: usize = 1242;
+const HEIGHT: usize = 375;
+/// Frames of each procedural scene: two traffic situations.
+const MOMENTS: [u32; 2] = [0, 90];
+
+/// The origin of a frame.
+pub enum FrameSource {
+    /// An image file.
+    File(PathBuf),
+    /// A frame of a procedural scene.
+    Scene(Scene, u32),
+}
+
+/// A readable frame with its (height, width, channels).
+pub struct BenchFrame {
+    source: FrameSource,
+    pub dim: (usize, usize, usize),
+}
+
+/// The output of a sensor, and the truth.
+pub struct Capture {
+    pub modulo: Frame,
+    pub ideal: Array3<u8>,
+    pub wraps: Array3<u8>,
+    pub range: Range,
+}
+
+/// Finds the readable frames, and lists the others.
+pub fn usable(
+    request: &Request,
+    tell: &mut dyn FnMut(Event<'_>),
+) -> Result<(Vec<BenchFrame>, Vec<Skipped>), BenchError> {
+    let sources = match &request.frames {
+        None => procedural(),
+        Some(folder) => list(folder)?.into_iter().map(FrameSource::File).collect(),
+    };
+    let (mut found, mut skipped) = (Vec::new(), Vec::new());
+    for source in sources {
+        match source.radiance() {
+            Ok(radiance) => found.push(BenchFrame { dim: radiance.dim(), source }),
+            Err(why) => {
+                let left_out = Skipped { file: source.to_string(), why: why.to_string() };
+                tell(Event::Skipped(&left_out));
+                skipped.push(left_out);
+            }
+        }
+    }
+    match (&request.frames, found.is_empty()) {
+        (Some(folder), true) => Err(BenchError::NoFrames(folder.clone())),
+        _ => Ok((found, skipped)),
+    }
+}
+
+/// Exposes all frames. Only 8- or 16-bit images are kept, not the radiance.
+pub fn sense(frames: &[BenchFrame], sensor: &Sensor, seed: u64) -> Result<Vec<Capture>, BenchError> {
+    let sample = |frame: &BenchFrame| {
+        let exposure = sensor.expose(frame.source.radiance()?.view(), seed)?;
+        Ok(Capture::of(&exposure))
+    };
+    frames.iter().map(sample).collect()
+}
+
+impl Capture {
+    fn of(exposure: &Exposure) -> Self {
+        let (modulo, ideal, wraps) = (exposure.modulo(), samples8(exposure.ideal()), exposure.wraps());
+        Self { modulo, ideal, wraps, range: exposure.range() }
+    }
+}
+
+impl FrameSource {
+    /// Radiance in `[0, 1)`. The brightest value of a float image becomes the peak.
+    fn radiance(&self) -> Result<Array3<f32>, BenchError> {
+        match self {
+            Self::File(path) => Ok(White::new(0.0)?.radiance(&read_image(path)?)),
+            Self::Scene(scene, frame) => Ok(scene.render(*frame, HEIGHT, WIDTH).radiance),
+        }
+    }
+}
+
+impl std::fmt::Display for FrameSource {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::File(path) => write!(f, "{}", path.display()),
+            Self::Scene(scene, frame) => write!(f, "scene://{} frame {frame}", scene.preset().name()),
+        }
+    }
+}
+
+fn procedural() -> Vec<FrameSource> {
+    let moments = |preset| MOMENTS.map(|frame| FrameSource::Scene(Scene::new(preset, 0), frame));
+    Preset::ALL.into_iter().flat_map(moments).collect()
+}
+
+/// The image files of `folder`, sorted by name.
+fn list(folder: &Path) -> Result<Vec<PathBuf>, BenchError> {
+    let io = |source| BenchError::Io(folder.to_owned(), source);
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder).map_err(io)? {
+        let path = entry.map_err(io)?.path();
+        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        if path.is_file() && extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str())) {
+            files.push(path);
+        }
+    }
+    files.sort();
+    Ok(files)
+}

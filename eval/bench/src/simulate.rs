@@ -1,0 +1,210 @@
+//! `simulate`: sends image files through the sensor and the methods.
+//!
+//! Files are independent of each other: even the white point of a file is not used for another.
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+use clap::Parser;
+use modulo_core::metric::{exact_share, mse, psnr_db, ssim};
+use modulo_core::unwrap::{Options, by_name};
+use modulo_core::{Exposure, Recovered, Sensor, Unwrap, UnwrapError, tone};
+use modulo_images::{White, read_image, save_png};
+use ndarray::Array3;
+use serde::{Deserialize, Serialize};
+
+use crate::atomic_file::{make_folder, write_json};
+use crate::stopwatch::timed;
+use crate::{BenchError, Event, SensorOptions, Skipped, need, samples8};
+
+/// Name of the list of results in the folder.
+pub const RESULTS: &str = "results.json";
+
+/// The settings of a simulation, as options of a command line.
+#[derive(Clone, Debug, PartialEq, Parser)]
+pub struct Request {
+    /// Images: PNG or JPEG of 8 or 16 bits, OpenEXR, Radiance HDR
+    #[arg(required = true)]
+    pub images: Vec<PathBuf>,
+    /// Unwrapping methods
+    #[arg(long, value_delimiter = ',', default_value = "auto")]
+    pub method: Vec<String>,
+    /// Saturation factors: brightest radiance divided by the peak of the sensor
+    #[arg(long, value_delimiter = ',', default_value = "4")]
+    pub alpha: Vec<f64>,
+    /// Linear radiance that maps to the peak, for EXR and HDR. 0: the brightest value of each file
+    #[arg(long, default_value_t = 0.0)]
+    pub white: f32,
+    /// The sensor.
+    #[command(flatten)]
+    pub sensor: SensorOptions,
+    /// Folder for the images and results.json
+    #[arg(short, long, value_name = "FOLDER")]
+    pub out: PathBuf,
+}
+
+/// The result of one method on one image.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// The file as it was given.
+    pub file: String,
+    /// Saturation factor.
+    pub alpha: f64,
+    /// Standard deviation of the lens blur, px.
+    pub psf_sigma: f64,
+    /// Name of the method, as in [`modulo_core::unwrap::METHODS`].
+    pub method: String,
+    /// `10 log10(255^2 / mse)` of the recovered against the ideal 8-bit image, over all samples. `None` (`null`) if they
+    /// are equal.
+    pub psnr_db: Option<f64>,
+    /// Mean SSIM of these two images, see [`modulo_core::metric::ssim`]. `None` if a side is shorter than 11 px.
+    pub ssim: Option<f64>,
+    /// Share of the samples with the true wrap count, 0 to 1.
+    pub exact_k: f64,
+    /// The method that produced the result: `method` itself, or the one that `auto` selected.
+    pub rung: String,
+    /// Whether the method trusts its result. `None` if it makes no statement.
+    pub trusted: Option<bool>,
+    /// Duration of one call on one thread, ms. For precise timing use `bench unwrap`.
+    pub ms: f64,
+}
+
+/// Result of a simulation.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Outcome {
+    /// One row for each file, alpha and method. Also in [`RESULTS`].
+    pub rows: Vec<Row>,
+    /// Files that could not be read or exposed.
+    pub skipped: Vec<Skipped>,
+}
+
+/// Runs the simulation. For each file and alpha it writes `NAME_alphaA_ideal.png`, `.._saturated.png`, `.._modulo.png`
+/// and `NAME_alphaA_METHOD.png` for each method; after each file it writes [`RESULTS`] with all rows so far.
+///
+/// `ideal` and the recovered images have 8 bits, `round(255 x / (alpha 2^b))`; `modulo` and `saturated` hold the codes of
+/// the sensor, with 8 bits a sample for b <= 8, else 16.
+///
+/// # Errors
+/// [`BenchError`] before anything is written if the request is wrong, and later if a result cannot be written. A file
+/// that cannot be used is skipped, unless it is the only one.
+pub fn simulate(request: &Request, tell: &mut dyn FnMut(Event<'_>)) -> Result<Outcome, BenchError> {
+    let (sensors, mut methods) = (sensors(request)?, methods(request)?);
+    make_folder(&request.out)?;
+    let names = names(&request.images);
+    let total = request.images.len() * sensors.len();
+    let mut outcome = Outcome::default();
+    for (index, (file, name)) in request.images.iter().zip(&names).enumerate() {
+        let picture = Picture { file, name, request };
+        let rows = picture.read().and_then(|radiance| {
+            let mut rows = Vec::new();
+            for (sensor, done) in sensors.iter().zip(index * sensors.len()..) {
+                let next = format!("{} alpha {}", file.display(), sensor.range().alpha());
+                tell(Event::Step { done, total, next: &next });
+                rows.extend(picture.sense(&radiance, sensor, &mut methods)?);
+            }
+            Ok(rows)
+        });
+        match rows {
+            Ok(rows) => outcome.rows.extend(rows),
+            Err(why @ (BenchError::Image(_) | BenchError::Sensor(_))) if request.images.len() > 1 => {
+                let skipped = Skipped { file: file.display().to_string(), why: why.to_string() };
+                tell(Event::Skipped(&skipped));
+                outcome.skipped.push(skipped);
+            }
+            Err(why) => return Err(why),
+        }
+        write_json(&request.out.join(RESULTS), &outcome.rows)?;
+    }
+    Ok(outcome)
+}
+
+/// An image of the request.
+struct Picture<'a> {
+    file: &'a Path,
+    name: &'a str,
+    request: &'a Request,
+}
+
+impl Picture<'_> {
+    /// Reads radiance in `[0, 1)`, H x W x C.
+    fn read(&self) -> Result<Array3<f32>, BenchError> {
+        Ok(White::new(self.request.white)?.radiance(&read_image(self.file)?))
+    }
+
+    /// Writes all streams at one alpha, and returns a row for each method.
+    fn sense(
+        &self,
+        radiance: &Array3<f32>,
+        sensor: &Sensor,
+        methods: &mut [Box<dyn Unwrap>],
+    ) -> Result<Vec<Row>, BenchError> {
+        let exposure = sensor.expose(radiance.view(), self.request.sensor.seed)?;
+        let path = |stream: &str| self.path(exposure.range().alpha(), stream);
+        save_png(&path("ideal"), &exposure.ideal())?;
+        save_png(&path("saturated"), &exposure.saturated())?;
+        save_png(&path("modulo"), &exposure.modulo())?;
+        methods.iter_mut().map(|method| self.recover(&exposure, method.as_mut())).collect()
+    }
+
+    fn recover(&self, exposure: &Exposure, method: &mut dyn Unwrap) -> Result<Row, BenchError> {
+        let (range, modulo) = (exposure.range(), exposure.modulo());
+        let mut recovered = Recovered::default();
+        let (unwrapped, ms) = timed(|| method.unwrap(&modulo, range, &mut recovered));
+        unwrapped?;
+        let picture = tone::linear8(&recovered.x, range).map_err(UnwrapError::from)?;
+        save_png(&self.path(range.alpha(), method.name()), &picture)?;
+        let (ideal, picture) = (samples8(exposure.ideal()), samples8(picture));
+        Ok(Row {
+            file: self.file.display().to_string(),
+            alpha: range.alpha(),
+            psf_sigma: self.request.sensor.psf().sigma(),
+            method: method.name().to_owned(),
+            psnr_db: psnr_db(mse(&picture, &ideal)?),
+            ssim: ssim(&picture, &ideal)?,
+            exact_k: exact_share(&recovered.k, &exposure.wraps())?,
+            rung: recovered.report.method.to_owned(),
+            trusted: recovered.report.trust.claim(),
+            ms,
+        })
+    }
+
+    fn path(&self, alpha: f64, stream: &str) -> PathBuf {
+        self.request.out.join(format!("{}_alpha{alpha}_{stream}.png", self.name))
+    }
+}
+
+/// Checks files and white point, and makes the sensor of each alpha.
+fn sensors(request: &Request) -> Result<Vec<Sensor>, BenchError> {
+    need("the list of files", &request.images)?;
+    White::new(request.white)?;
+    request.sensor.sensors(&request.alpha)
+}
+
+fn methods(request: &Request) -> Result<Vec<Box<dyn Unwrap>>, BenchError> {
+    need("the list of methods", &request.method)?;
+    let method = |name: &String| Ok(by_name(name, &Options::default())?);
+    request.method.iter().map(method).collect()
+}
+
+/// The name of each file without extension, with `-2`, `-3` and so on if another file has it already.
+fn names(files: &[PathBuf]) -> Vec<String> {
+    let mut taken = HashSet::new();
+    let free = |file: &PathBuf| {
+        let stem = file.file_stem().unwrap_or(file.as_os_str()).to_string_lossy().into_owned();
+        let numbered = (2..).map(|n: u32| format!("{stem}-{n}"));
+        let mut names = std::iter::once(stem.clone()).chain(numbered);
+        names.find(|name| taken.insert(name.clone())).expect("there are more numbers than files")
+    };
+    files.iter().map(free).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_stems_are_told_apart() {
+        let files = ["a/x.png", "b/x.png", "x-2.jpg", "x.exr", "y"].map(PathBuf::from);
+        assert_eq!(names(&files), ["x", "x-2", "x-2-2", "x-3", "y"]);
+    }
+}

@@ -1,0 +1,145 @@
+//! [`Expect`]: the expected result of a method on a scene.
+//!
+//! Expectations are lower bounds: a better result never breaks one.
+
+use modulo_core::unwrap::Trust;
+use serde::Serialize;
+
+use super::measure::Score;
+
+/// Share of exact k from which a scene is recovered and trust is justified.
+pub const RECOVERED: f64 = 0.999;
+
+/// The expected result of one method on one scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Expect {
+    /// Every k is exact.
+    Exact,
+    /// At least this share of k, 0 to 1, is exact.
+    AtLeast(f64),
+    /// Every k is exact up to one offset for each channel.
+    UpToOffset,
+    /// The method fails for the given reason, with at least this share of exact k, 0 to 1.
+    Fails(f64, &'static str),
+}
+
+/// Comparison of a result with its expectation.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The expectation holds.
+    Held,
+    /// A documented failure no longer occurs: the documentation must be changed.
+    Better,
+    /// The result is worse than expected. The text says by how much.
+    Broken(String),
+}
+
+impl Expect {
+    /// Compares `score` with the expectation.
+    pub fn judge(self, score: &Score) -> Verdict {
+        let below = |least: f64| {
+            (score.exact < least)
+                .then(|| format!("{} exact, {} expected", percent(score.exact), percent(least)))
+        };
+        let broken = match self {
+            Self::Exact => below(1.0),
+            Self::AtLeast(share) | Self::Fails(share, _) => below(share),
+            Self::UpToOffset => (score.up_to_offset < 1.0)
+                .then(|| format!("{} exact up to an offset, 100 % expected", percent(score.up_to_offset))),
+        };
+        match broken {
+            Some(how) => Verdict::Broken(how),
+            None if self.is_failure() && score.exact >= RECOVERED => Verdict::Better,
+            None => Verdict::Held,
+        }
+    }
+
+    /// Whether the method is expected to miss the absolute k.
+    pub fn is_failure(self) -> bool {
+        matches!(self, Self::UpToOffset | Self::Fails(..))
+    }
+
+    /// The expectation as a phrase.
+    pub fn words(self) -> String {
+        match self {
+            Self::Exact => "exact".to_owned(),
+            Self::AtLeast(share) => format!("at least {}", percent(share)),
+            Self::UpToOffset => "exact up to one offset a channel".to_owned(),
+            Self::Fails(share, _) => format!("fails, at least {}", percent(share)),
+        }
+    }
+
+    /// The reason of an expected failure.
+    pub fn reason(self) -> Option<&'static str> {
+        if let Self::Fails(_, why) = self { Some(why) } else { None }
+    }
+}
+
+impl Verdict {
+    /// The worse of two verdicts.
+    pub fn both(first: Self, second: Self) -> Self {
+        match (&first, &second) {
+            (Self::Broken(a), Self::Broken(b)) => Self::Broken(format!("{a}; {b}")),
+            (_, Self::Broken(_)) | (Self::Held, _) => second,
+            _ => first,
+        }
+    }
+}
+
+/// Judges the trust of a method: it must be justified if k is observable.
+pub fn judge_trust(score: &Score, observable: bool) -> Verdict {
+    let vouched = score.report.trust == Trust::Trusted;
+    if vouched && score.exact < RECOVERED && observable {
+        return Verdict::Broken(format!("vouches for k, of which {} is exact", percent(score.exact)));
+    }
+    Verdict::Held
+}
+
+/// `share` as percent with two decimal digits, rounded down: only 1 is "100 %".
+pub fn percent(share: f64) -> String {
+    let hundredths = (share * 1e4).floor() / 100.0;
+    if hundredths.fract() == 0.0 { format!("{hundredths} %") } else { format!("{hundredths:.2} %") }
+}
+
+#[cfg(test)]
+mod tests {
+    use modulo_core::unwrap::Report;
+
+    use super::*;
+
+    fn score(exact: f64, up_to_offset: f64, trust: Trust) -> Score {
+        Score { exact, up_to_offset, psnr: None, report: Report { trust, ..Report::default() } }
+    }
+
+    #[test]
+    fn worse_is_broken_and_better_is_said() {
+        let worse = |expect: Expect, exact| {
+            matches!(expect.judge(&score(exact, exact, Trust::Unknown)), Verdict::Broken(_))
+        };
+        assert!(worse(Expect::Exact, 0.99999) && !worse(Expect::Exact, 1.0));
+        assert!(worse(Expect::AtLeast(0.9), 0.89) && !worse(Expect::AtLeast(0.9), 0.9));
+        assert!(worse(Expect::Fails(0.5, ""), 0.49) && !worse(Expect::Fails(0.5, ""), 0.5));
+        assert_eq!(Expect::Fails(0.5, "").judge(&score(0.9991, 1.0, Trust::Unknown)), Verdict::Better);
+        assert_eq!(Expect::UpToOffset.judge(&score(0.0, 1.0, Trust::Unknown)), Verdict::Held);
+        assert_eq!(Expect::UpToOffset.judge(&score(1.0, 1.0, Trust::Unknown)), Verdict::Better);
+        assert!(worse(Expect::UpToOffset, 0.9));
+    }
+
+    #[test]
+    fn only_absent_evidence_excuses_false_trust() {
+        let wrong = score(0.99, 1.0, Trust::Trusted);
+        assert!(matches!(judge_trust(&wrong, true), Verdict::Broken(_)));
+        assert_eq!(judge_trust(&wrong, false), Verdict::Held);
+        assert_eq!(judge_trust(&score(0.99, 1.0, Trust::Contradicted), true), Verdict::Held);
+        assert_eq!(judge_trust(&score(0.99, 1.0, Trust::Unknown), true), Verdict::Held);
+        assert_eq!(judge_trust(&score(1.0, 1.0, Trust::Trusted), true), Verdict::Held);
+    }
+
+    #[test]
+    fn only_all_is_a_hundred() {
+        assert_eq!(percent(1.0), "100 %");
+        assert_eq!(percent(0.999999), "99.99 %");
+        assert_eq!(percent(0.5), "50 %");
+    }
+}

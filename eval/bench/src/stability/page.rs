@@ -1,0 +1,237 @@
+//! `index.html`: one page for screen, phone and paper, without script or network.
+
+use std::collections::BTreeSet;
+
+use maud::{Markup, html};
+use modulo_charts::html_page;
+
+use super::case::Family;
+use super::expect::{Verdict, percent};
+use super::report::{Report, SceneRow, Trial};
+
+/// Rows, columns, channels.
+type Shape = (usize, usize, usize);
+
+const TITLE: &str = "Stability of the unwrapping methods";
+/// Pictures narrower than this many pixels are shown as squares.
+const TINY: usize = 100;
+
+/// The page of `report`. Pictures are linked by the paths in the trials.
+pub fn html(report: &Report) -> String {
+    let body = html! {
+        (head(report))
+        (legend())
+        (summary(report))
+        @for family in families(report) {
+            section {
+                h2 { (family.title().0) }
+                p { (family.title().1) }
+                @for row in report.scenes.iter().filter(|row| row.scene.family == family) { (article(row)) }
+            }
+        }
+        section {
+            h2 { "Refused" }
+            p { "What no sensor delivers is refused, by an error that names the place and the value." }
+            div.wide {
+                table.refusals {
+                    @for row in &report.refusals {
+                        tr {
+                            td { (row.what) }
+                            td { @if row.held { "refused: " } @else { "\u{2717} not refused: " } (row.said) }
+                        }
+                    }
+                }
+            }
+        }
+    };
+    html_page(TITLE, include_str!("page.css"), body)
+}
+
+fn head(report: &Report) -> Markup {
+    let outcome = &report.outcome;
+    let total = outcome.held + outcome.better.len() + outcome.broken.len();
+    html! {
+        header {
+            h1 { (TITLE) }
+            p {
+                (report.scenes.len()) " scenes, each seen by a modulo sensor and unwrapped by every method. The figure is "
+                "the share of exact wrap counts k; no offset is forgiven. Failures that are known are part of the "
+                "expectations."
+            }
+            p.sum {
+                b { (outcome.held) " of " (total) } " expectations held, " b { (outcome.better.len()) }
+                " better than expected, " b { (outcome.broken.len()) } " broken. Of " (outcome.could_vouch)
+                " recovered results whose method judges itself, it vouched for " (outcome.vouched) "."
+            }
+            @for (title, list) in [("Broken", &outcome.broken), ("Better than expected", &outcome.better)] {
+                @if !list.is_empty() { h3 { (title) } ul { @for item in list { li { (item) } } } }
+            }
+        }
+    }
+}
+
+fn legend() -> Markup {
+    html! {
+        p.legend {
+            "Share of exact k in per cent: " span.s5 { "100" } " " span.s4 { "99.9 and more" } " "
+            span.s3 { "99 and more" } " " span.s2 { "90 and more" } " " span.s1 { "50 and more" } " "
+            span.s0 { "less" } ". \u{2713} the method vouches for its k, ? it does not; no mark: it makes no claim. "
+            "\u{2717} worse than expected, \u{25b2} better than expected. \u{2205} unobservable: y is also the image of "
+            "another, smoother scene."
+        }
+    }
+}
+
+/// The table of scenes and methods.
+fn summary(report: &Report) -> Markup {
+    let methods = report.scenes.first().map_or(&[][..], |scene| &scene.trials);
+    let words = |trial: &Trial| trial.method.split('_').enumerate();
+    html! {
+        div.wide {
+            table.summary {
+                thead {
+                    tr {
+                        th { "scene" }
+                        @for trial in methods {
+                            th scope="col" { @for (index, word) in words(trial) { @if index > 0 { br; } (word) } }
+                        }
+                    }
+                }
+                @for family in families(report) {
+                    tbody {
+                        tr.family { th colspan=(methods.len() + 1) { span { (family.title().0) } } }
+                        @for scene in report.scenes.iter().filter(|row| row.scene.family == family) { (row(scene)) }
+                    }
+                }
+            }
+        }
+    }
+}
+
+fn row(SceneRow { scene, trials, .. }: &SceneRow) -> Markup {
+    html! {
+        tr {
+            th scope="row" {
+                a href={ "#" (scene.name) } { (scene.name) }
+                @if scene.twin.is_some() { " " abbr title="unobservable" { "\u{2205}" } }
+            }
+            @for trial in trials {
+                td class=(shade(trial.exact)) title={ "expected: " (trial.expected) } {
+                    (percent(trial.exact).trim_end_matches(" %"))
+                    sup { (mark(&trial.verdict)) (trust(trial.trusted)) }
+                }
+            }
+        }
+    }
+}
+
+/// One scene with its description and pictures.
+fn article(row: &SceneRow) -> Markup {
+    let SceneRow { scene, shape, trials } = row;
+    let (height, width, channels) = *shape;
+    html! {
+        article id=(scene.name) {
+            h3 { (scene.name) }
+            p { b { (capital(&scene.what)) "." } @if !scene.why.is_empty() { " " (capital(scene.why)) "." } }
+            p.note {
+                (width) " x " (height) ", " @if channels == 1 { "mono" } @else { "colour" }
+                ", b = " (scene.bits) ", alpha = " (scene.alpha)
+            }
+            @if let Some(twin) = scene.twin {
+                p.twin {
+                    "\u{2205} Unobservable. The same y, code for code, comes from: " (twin) ". Nowhere is that scene "
+                    "steeper or sharper, so nothing in y speaks for the true one."
+                }
+            }
+            div.strip {
+                @for label in ["truth", "modulo"] {
+                    (figure(&format!("pictures/{}-{label}.png", scene.name), *shape, html! { b { (label) } }, ""))
+                }
+                @for trial in trials { (tile(*shape, trial)) }
+            }
+        }
+    }
+}
+
+fn tile(shape: Shape, trial: &Trial) -> Markup {
+    let psnr = trial.psnr_db.map_or("no error".to_owned(), |psnr| format!("{psnr:.1} dB"));
+    let caption = html! {
+        b { (trial.method) } " " span class=(shade(trial.exact)) { (percent(trial.exact)) } " " (psnr)
+        @if trial.up_to_offset > trial.exact { br; (percent(trial.up_to_offset)) " up to an offset" }
+        @if let Some(trusted) = trial.trusted {
+            br; "by " (trial.rung) ", " @if !trusted { "not " } "trusted " (trust(trial.trusted))
+        }
+        br; i { "expected: " (trial.expected) @if let Some(why) = trial.reason { ": " (why) } }
+        @match &trial.verdict {
+            Verdict::Held => {}
+            Verdict::Better => { br; b { (mark(&trial.verdict)) " better than expected" } }
+            Verdict::Broken(how) => { br; b { (mark(&trial.verdict)) " broken: " (how) } }
+        }
+    };
+    let class = match &trial.verdict {
+        Verdict::Held => "",
+        Verdict::Better => "better",
+        Verdict::Broken(_) => "broken",
+    };
+    figure(trial.picture.as_deref().unwrap_or(""), shape, caption, class)
+}
+
+fn figure(path: &str, (height, width, _): Shape, caption: Markup, class: &str) -> Markup {
+    html! {
+        figure class=(class) {
+            img.tiny[width < TINY] src=(path) width=(width) height=(height) alt="";
+            figcaption { (caption) }
+        }
+    }
+}
+
+/// The families of the scenes in their order.
+fn families(report: &Report) -> BTreeSet<Family> {
+    report.scenes.iter().map(|row| row.scene.family).collect()
+}
+
+/// The mark of a verdict, in addition to its colour.
+fn mark(verdict: &Verdict) -> &'static str {
+    match verdict {
+        Verdict::Held => "",
+        Verdict::Better => "\u{25b2}",
+        Verdict::Broken(_) => "\u{2717}",
+    }
+}
+
+/// The mark of trust.
+fn trust(trusted: Option<bool>) -> &'static str {
+    match trusted {
+        Some(true) => "\u{2713}",
+        Some(false) => "?",
+        None => "",
+    }
+}
+
+/// The CSS class of a share: from blue over pale to brown, which colour-blind readers and print can distinguish.
+fn shade(share: f64) -> &'static str {
+    match share {
+        1.0.. => "s5",
+        0.999.. => "s4",
+        0.99.. => "s3",
+        0.9.. => "s2",
+        0.5.. => "s1",
+        _ => "s0",
+    }
+}
+
+/// The text with a capital first letter.
+fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_all_has_the_first_shade() {
+        assert_eq!([1.0, 0.99999, 0.995, 0.9, 0.5, 0.0].map(shade), ["s5", "s4", "s3", "s2", "s1", "s0"]);
+    }
+}

@@ -1,0 +1,106 @@
+//! [`Report`]: the results of a run, as `results.json` has them.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::case::Scene;
+use super::expect::{RECOVERED, Verdict};
+
+/// All results of a run.
+#[derive(Serialize)]
+pub struct Report {
+    pub outcome: Outcome,
+    pub scenes: Vec<SceneRow>,
+    pub refusals: Vec<RejectionRow>,
+}
+
+/// Numbers of expectations that held and broke.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Outcome {
+    /// Number of expectations that held.
+    pub held: usize,
+    /// `scene, method: what` for each documented failure that no longer occurs.
+    pub better: Vec<String>,
+    /// `scene, method: what` for each broken expectation. The command fails if there is one.
+    pub broken: Vec<String>,
+    /// Number of recovered results that their method trusts.
+    pub vouched: usize,
+    /// Number of recovered results of methods that make a statement of trust.
+    pub could_vouch: usize,
+}
+
+/// The results of all methods on one scene.
+#[derive(Serialize)]
+pub struct SceneRow {
+    #[serde(flatten)]
+    pub scene: Scene,
+    /// Rows, columns, channels.
+    pub shape: (usize, usize, usize),
+    pub trials: Vec<Trial>,
+}
+
+/// The result of one method on one scene.
+#[derive(Serialize)]
+pub struct Trial {
+    pub method: &'static str,
+    /// The expectation in words.
+    pub expected: String,
+    /// The reason of an expected failure.
+    pub reason: Option<&'static str>,
+    /// Share of the samples with the true k, 0 to 1.
+    pub exact: f64,
+    /// The same share after one best offset for each channel.
+    pub up_to_offset: f64,
+    /// PSNR in dB with the peak `alpha * 2^b`. `None` without any error.
+    pub psnr_db: Option<f64>,
+    /// The method that produced the result, see [`modulo_core::unwrap::Report`].
+    pub rung: &'static str,
+    /// Whether the method trusts its result. `None` if it makes no statement.
+    pub trusted: Option<bool>,
+    /// The fields of [`modulo_core::unwrap::QualityMetrics`] by name.
+    pub signal: Option<BTreeMap<&'static str, f32>>,
+    pub verdict: Verdict,
+    /// Path of the picture within the folder of the run.
+    pub picture: Option<String>,
+}
+
+/// An input that must be refused.
+#[derive(Serialize)]
+pub struct RejectionRow {
+    /// The input and its receiver.
+    pub what: String,
+    /// The error message, or a note that there was none.
+    pub said: String,
+    /// Whether the message names the place and the value.
+    pub held: bool,
+}
+
+impl Report {
+    /// Counts the verdicts of `scenes` and `refusals`.
+    pub fn new(scenes: Vec<SceneRow>, refusals: Vec<RejectionRow>) -> Self {
+        let mut outcome = Outcome::default();
+        for (scene, trial) in
+            scenes.iter().flat_map(|scene| scene.trials.iter().map(move |trial| (scene, trial)))
+        {
+            let place = format!("{}, {}", scene.scene.name, trial.method);
+            match &trial.verdict {
+                Verdict::Held => outcome.held += 1,
+                Verdict::Better => {
+                    outcome.better.push(format!("{place}: expected was \"{}\"", trial.expected))
+                }
+                Verdict::Broken(how) => outcome.broken.push(format!("{place}: {how}")),
+            }
+            let recovered = trial.exact >= RECOVERED;
+            outcome.could_vouch += usize::from(recovered && trial.trusted.is_some());
+            outcome.vouched += usize::from(recovered && trial.trusted == Some(true));
+        }
+        for rejection in &refusals {
+            match rejection.held {
+                true => outcome.held += 1,
+                false => outcome.broken.push(format!("{}: {}", rejection.what, rejection.said)),
+            }
+        }
+        Self { outcome, scenes, refusals }
+    }
+}

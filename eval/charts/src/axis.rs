@@ -1,0 +1,195 @@
+//! [`Axis`]: maps values to positions along one side of a panel, and chooses the ticks.
+
+/// An axis of a panel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Axis {
+    /// Quantity and unit.
+    pub label: String,
+    /// The scale.
+    pub scale: Scale,
+    /// The format of ticks.
+    pub unit: Unit,
+    /// The direction of growing values.
+    pub direction: Direction,
+}
+
+/// Scale of an axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Scale {
+    /// Linear between two values.
+    Linear {
+        /// Value at the start.
+        from: f64,
+        /// Value at the end.
+        to: f64,
+    },
+    /// Logarithmic around the data. Zeros have a position of their own before the smallest value.
+    Log,
+}
+
+/// Format of a tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// The plain value.
+    Plain,
+    /// A share of 0 to 1 as percent.
+    Percent,
+}
+
+/// Direction of growing values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Direction {
+    /// To the right or upwards.
+    Up,
+    /// To the left or downwards.
+    Down,
+}
+
+/// Margin beyond the first and the last tick, as a share of the length.
+const PAD: f64 = 0.05;
+/// Distance of the zeros from the smallest tick, in powers of ten.
+const ZERO: f64 = 0.8;
+
+/// An axis that is fitted to its data.
+pub struct FittedAxis {
+    from: f64,
+    to: f64,
+    /// Position of zeros on a logarithmic axis. `None` on a linear axis.
+    zero: Option<f64>,
+    direction: Direction,
+    /// Value and text of each tick.
+    pub ticks: Vec<(f64, String)>,
+}
+
+impl Axis {
+    /// A logarithmic axis of plain numbers, such as durations.
+    pub fn log(label: impl Into<String>) -> Self {
+        Self { label: label.into(), scale: Scale::Log, unit: Unit::Plain, direction: Direction::Up }
+    }
+
+    /// A linear axis of shares from 0 to `most` as percent.
+    pub fn percent(label: impl Into<String>, most: f64) -> Self {
+        let scale = Scale::Linear { from: 0.0, to: most };
+        Self { scale, unit: Unit::Percent, ..Self::log(label) }
+    }
+
+    /// Fits the axis to finite `values`.
+    pub fn fit(&self, values: impl Iterator<Item = f64> + Clone) -> FittedAxis {
+        let (from, to, zero, ticks) = match self.scale {
+            Scale::Linear { from, to } => (from, to, None, linear_ticks(from, to)),
+            Scale::Log => log_range(values),
+        };
+        let pad = (to - from).max(1e-9) * PAD;
+        let ticks = ticks.into_iter().map(|value| (value, self.unit.text(value))).collect();
+        FittedAxis { from: from - pad, to: to + pad, zero, direction: self.direction, ticks }
+    }
+}
+
+impl FittedAxis {
+    /// Position of a value: 0 at the left or bottom, 1 at the other end. Values outside are clamped.
+    pub fn place(&self, value: f64) -> f32 {
+        let value = match self.zero {
+            Some(zero) if value <= 0.0 => zero,
+            Some(_) => value.log10(),
+            None => value,
+        };
+        let share = ((value - self.from) / (self.to - self.from)).clamp(0.0, 1.0) as f32;
+        match self.direction {
+            Direction::Up => share,
+            Direction::Down => 1.0 - share,
+        }
+    }
+}
+
+impl Unit {
+    fn text(self, value: f64) -> String {
+        match self {
+            Self::Plain => format!("{}", rounded(value)),
+            Self::Percent => format!("{} %", rounded(100.0 * value)),
+        }
+    }
+}
+
+/// Removes the last digits that result from binary fractions.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.9e}").parse().expect("a number that was just written")
+}
+
+/// About five multiples of 1, 2 or 5 times a power of ten.
+fn linear_ticks(from: f64, to: f64) -> Vec<f64> {
+    let rough = ((to - from).abs() / 5.0).max(f64::MIN_POSITIVE);
+    let power = 10f64.powf(rough.log10().floor());
+    let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * power).find(|step| *step >= rough * 0.999);
+    let step = step.unwrap_or(rough);
+    let (first, last) = ((from / step).ceil() as i64, (to / step + 1e-9).floor() as i64);
+    (first..=last).map(|n| n as f64 * step).collect()
+}
+
+/// Logarithms of both ends and of zeros, and the values of the ticks.
+fn log_range(values: impl Iterator<Item = f64> + Clone) -> (f64, f64, Option<f64>, Vec<f64>) {
+    let positive = || values.clone().filter(|value| *value > 0.0);
+    let least = positive().fold(f64::INFINITY, f64::min);
+    let most = positive().fold(0.0, f64::max);
+    let (low, high) = if most > 0.0 { (least.log10(), most.log10()) } else { (-2.0, 0.0) };
+    let (first, last) = (low.floor() as i32, (high.ceil() as i32).max(low.floor() as i32 + 1));
+    let steps: &[f64] = if last - first <= 3 { &[1.0, 2.0, 5.0] } else { &[1.0] };
+    let mut ticks: Vec<f64> =
+        (first..=last).flat_map(|power| steps.iter().map(move |m| m * 10f64.powi(power))).collect();
+    // Only the ticks that enclose the data are kept.
+    let start = ticks.iter().rposition(|tick| tick.log10() <= low + 1e-9).unwrap_or(0);
+    let end = ticks.iter().position(|tick| tick.log10() >= high - 1e-9).unwrap_or(ticks.len() - 1);
+    ticks = ticks[start..=end.max(start)].to_vec();
+    let (from, to) = (ticks[0].log10(), ticks[ticks.len() - 1].log10());
+    if values.clone().any(|value| value <= 0.0) {
+        ticks.insert(0, 0.0);
+        return (from - ZERO, to, Some(from - ZERO), ticks);
+    }
+    (from, to, Some(from), ticks)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn axis(scale: Scale, unit: Unit) -> Axis {
+        Axis { scale, unit, ..Axis::log("") }
+    }
+
+    fn texts(fitted: &FittedAxis) -> Vec<&str> {
+        fitted.ticks.iter().map(|(_, text)| text.as_str()).collect()
+    }
+
+    #[test]
+    fn ticks_enclose_the_data() {
+        let log = axis(Scale::Log, Unit::Plain);
+        assert_eq!(texts(&log.fit([3.1, 42.0].into_iter())), ["2", "5", "10", "20", "50"]);
+        assert_eq!(
+            texts(&log.fit([0.02, 90.0, 1500.0].into_iter())),
+            ["0.01", "0.1", "1", "10", "100", "1000", "10000"]
+        );
+        let share = axis(Scale::Log, Unit::Percent);
+        assert_eq!(
+            texts(&share.fit([0.0, 0.00002, 0.6].into_iter())),
+            ["0 %", "0.001 %", "0.01 %", "0.1 %", "1 %", "10 %", "100 %"]
+        );
+        let linear = axis(Scale::Linear { from: 0.0, to: 1.0 }, Unit::Percent);
+        assert_eq!(texts(&linear.fit(std::iter::empty())), ["0 %", "20 %", "40 %", "60 %", "80 %", "100 %"]);
+    }
+
+    #[test]
+    fn places_rise_with_values_and_stay_on_the_axis() {
+        for data in [vec![], vec![0.0], vec![5.0], vec![0.0, 1e-6, 0.3], vec![1e-12, 1e12], vec![7.0, 7.0]] {
+            for direction in [Direction::Up, Direction::Down] {
+                let fitted = Axis { direction, ..axis(Scale::Log, Unit::Plain) }.fit(data.iter().copied());
+                let mut places: Vec<f32> =
+                    fitted.ticks.iter().map(|(value, _)| fitted.place(*value)).collect();
+                if direction == Direction::Down {
+                    places.reverse();
+                }
+                assert!(places.windows(2).all(|pair| pair[0] < pair[1]), "{data:?}: {places:?}");
+                assert!(places.iter().all(|place| (0.0..=1.0).contains(place)), "{data:?}: {places:?}");
+                assert!(data.iter().all(|value| (0.01..=0.99).contains(&fitted.place(*value))), "{data:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,184 @@
+//! Draws panels: grid, axes, series, labels at the points.
+
+use crate::axis::FittedAxis;
+use crate::canvas::{Anchor, Canvas, Rotation};
+use crate::label::{LabelLayout, LabelRequest, nearest};
+use crate::legend::LegendKey;
+use crate::primitives::{Area, Colour, FAINT, GREY, INK, Position, RADIUS, WHITE};
+use crate::series::{Emphasis, Panel, Point, Series, SeriesStyle};
+use crate::style::Style;
+
+const TICK: f32 = 11.5;
+const LABEL_SIZE: f32 = 11.0;
+/// Room for the labels of the axes, px.
+const LEFT: f32 = 76.0;
+const BELOW: f32 = 50.0;
+/// Points of a series that are closer than this share a label, px.
+const NEAR: f32 = 16.0;
+
+/// Height of a panel with its axis.
+const HEIGHT: f32 = 470.0;
+/// Height of a panel if there are more than [`FEW`].
+const LOW: f32 = 270.0;
+const FEW: usize = 3;
+/// Distance between panels, px.
+const GAP: f32 = 24.0;
+/// Least width of a panel, px.
+const LEAST: f32 = 350.0;
+
+/// Draws `panels` into (left, top, width), side by side as far as there is room. Returns the y below them.
+pub fn draw_all(
+    canvas: &mut Canvas,
+    panels: &[Panel],
+    names: &[(&str, LegendKey)],
+    (left, top, width): (f32, f32, f32),
+) -> f32 {
+    let height = if panels.len() > FEW { LOW } else { HEIGHT };
+    let columns = ((width / LEAST) as usize).clamp(1, panels.len().max(1));
+    let column = width / columns as f32;
+    for (index, panel) in panels.iter().enumerate() {
+        let x = left + column * (index % columns) as f32;
+        let y = top + (height + GAP) * (index / columns) as f32;
+        draw(canvas, panel, names, (x, y, column - GAP, height));
+    }
+    let rows = panels.len().div_ceil(columns) as f32;
+    top + rows * height + (rows - 1.0).max(0.0) * GAP
+}
+
+/// Draws `panel` into (left, top, width, height). The index in `names` determines the style of a series.
+fn draw(canvas: &mut Canvas, panel: &Panel, names: &[(&str, LegendKey)], (left, top, width, height): Area) {
+    let area = (left + LEFT, top, left + width, top + height - BELOW);
+    let points = || panel.series.iter().flat_map(|series| &series.points).filter(|point| is_finite(point));
+    let x = panel.x.fit(points().map(|point| point.x));
+    let y = panel.y.fit(points().map(|point| point.y));
+    grid(canvas, area, &x, &y);
+    titles(canvas, panel, area, left);
+    let spot = |point: &Point| {
+        let (across, up) = (x.place(point.x), y.place(point.y));
+        (area.0 + across * (area.2 - area.0), area.3 - up * (area.3 - area.1))
+    };
+    let placed = panel.series.iter().map(|series| Placed::new(series, names, spot)).collect::<Vec<_>>();
+    let mut layout = LabelLayout { within: area, taken: Vec::new(), lines: Vec::new() };
+    placed.iter().for_each(|series| series.line(canvas, &mut layout));
+    placed.iter().for_each(|series| series.markers(canvas, &mut layout, Emphasis::Faded));
+    placed.iter().for_each(|series| series.markers(canvas, &mut layout, Emphasis::Normal));
+    placed.iter().for_each(|series| series.labels(canvas, &mut layout));
+}
+
+/// A series with the positions of its points.
+struct Placed<'a> {
+    style: Style,
+    drawn: SeriesStyle,
+    points: Vec<(Position, &'a Point)>,
+}
+
+impl<'a> Placed<'a> {
+    fn new(series: &'a Series, names: &[(&str, LegendKey)], spot: impl Fn(&Point) -> Position) -> Self {
+        let index = names.iter().position(|(name, _)| *name == series.name);
+        let finite = series.points.iter().filter(|point| is_finite(point));
+        Self {
+            style: Style::of(index.expect("the legend has the names of all series")),
+            drawn: series.style,
+            points: finite.map(|point| (spot(point), point)).collect(),
+        }
+    }
+
+    fn line(&self, canvas: &mut Canvas, layout: &mut LabelLayout) {
+        if self.drawn != SeriesStyle::Markers {
+            layout.lines.extend(self.points.windows(2).map(|pair| (pair[0].0, pair[1].0)));
+            self.style.line(canvas, self.points.iter().map(|(spot, _)| *spot).collect());
+        }
+    }
+
+    fn markers(&self, canvas: &mut Canvas, layout: &mut LabelLayout, emphasis: Emphasis) {
+        if self.drawn != SeriesStyle::Line {
+            for (spot, point) in self.points.iter().filter(|(_, point)| point.emphasis == emphasis) {
+                layout.mark(*spot);
+                self.style.mark(canvas, *spot, emphasis, &point.hover);
+            }
+        }
+    }
+
+    fn labels(&self, canvas: &mut Canvas, layout: &mut LabelLayout) {
+        for (spot, text, emphasis) in groups(&self.points) {
+            note(canvas, layout, self.style.with_emphasis(emphasis), spot, &text);
+        }
+    }
+}
+
+fn is_finite(point: &Point) -> bool {
+    point.x.is_finite() && point.y.is_finite()
+}
+
+fn grid(canvas: &mut Canvas, (left, top, right, bottom): Area, x: &FittedAxis, y: &FittedAxis) {
+    for (value, text) in &x.ticks {
+        let at = left + x.place(*value) * (right - left);
+        canvas.line(vec![(at, top), (at, bottom)], FAINT, 1.0);
+        canvas.text((at, bottom + 17.0), text, TICK, GREY, Anchor::Middle);
+    }
+    for (value, text) in &y.ticks {
+        let at = bottom - y.place(*value) * (bottom - top);
+        canvas.line(vec![(left, at), (right, at)], FAINT, 1.0);
+        canvas.text((left - 7.0, at + TICK * 0.36), text, TICK, GREY, Anchor::End);
+    }
+    canvas.line(vec![(left, top), (left, bottom), (right, bottom)], GREY, 1.2);
+}
+
+fn titles(canvas: &mut Canvas, panel: &Panel, (left, top, right, bottom): Area, edge: f32) {
+    let (middle, height) = ((left + right) / 2.0, (top + bottom) / 2.0);
+    canvas.text((middle, bottom + 38.0), &panel.x.label, 12.5, INK, Anchor::Middle);
+    canvas.turned((edge + 12.0, height), &panel.y.label, 12.5, INK, (Anchor::Middle, Rotation::Upwards));
+}
+
+/// Labels of a series. Points that are close to each other share one at their middle: "2, 3" or "1.5 to 4".
+fn groups(points: &[(Position, &Point)]) -> Vec<(Position, String, Emphasis)> {
+    let mut groups: Vec<Vec<&(Position, &Point)>> = Vec::new();
+    for labelled in points.iter().filter(|(_, point)| !point.label.is_empty()) {
+        match groups.last_mut() {
+            Some(group) if near(group[0], labelled) => group.push(labelled),
+            _ => groups.push(vec![labelled]),
+        }
+    }
+    let text = |group: &[&(Position, &Point)]| match group {
+        [one] => one.1.label.clone(),
+        [one, two] => format!("{}, {}", one.1.label, two.1.label),
+        _ => format!("{} to {}", group[0].1.label, group[group.len() - 1].1.label),
+    };
+    groups.iter().map(|group| (group[group.len() / 2].0, text(group), group[0].1.emphasis)).collect()
+}
+
+fn near(a: &(Position, &Point), b: &(Position, &Point)) -> bool {
+    a.1.emphasis == b.1.emphasis && distance(a.0, b.0) < NEAR
+}
+
+/// Writes a label where there is room, with a thin line to its point if it is not beside it.
+fn note(canvas: &mut Canvas, layout: &mut LabelLayout, colour: Colour, spot: Position, text: &str) {
+    let request = LabelRequest { spot, width: canvas.font.width(text, LABEL_SIZE), height: LABEL_SIZE };
+    let Some(area) = layout.place(&request) else { return };
+    let edge = nearest(spot, area);
+    if distance(edge, spot) > RADIUS + 9.0 {
+        canvas.line(vec![spot, edge], colour, 0.6);
+    }
+    // A line that crosses the label is interrupted there.
+    canvas.block(area, WHITE, "");
+    canvas.text((area.0, area.3 - LABEL_SIZE * 0.14), text, LABEL_SIZE, colour, Anchor::Start);
+}
+
+fn distance(a: Position, b: Position) -> f32 {
+    (a.0 - b.0).hypot(a.1 - b.1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn near_points_share_a_label() {
+        let labelled = |label: &str| Point { label: label.to_owned(), ..Point::default() };
+        let points = ["1.5", "2", "3", "4", "8"].map(labelled);
+        let spots = [0.0, 5.0, 9.0, 80.0, 90.0].map(|x| (x, 0.0));
+        let placed: Vec<(Position, &Point)> = spots.into_iter().zip(&points).collect();
+        let texts: Vec<String> = groups(&placed).into_iter().map(|(_, text, _)| text).collect();
+        assert_eq!(texts, ["1.5 to 3", "4, 8"]);
+    }
+}

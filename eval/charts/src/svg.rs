@@ -1,0 +1,118 @@
+//! Renders shapes as SVG 1.1.
+
+use std::fmt::Write;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use image::RgbImage;
+use image::codecs::jpeg::JpegEncoder;
+use image::imageops::{self, FilterType};
+
+use crate::ChartError;
+use crate::canvas::{Anchor, Canvas, Rotation, Shape};
+use crate::picture::Picture;
+use crate::primitives::{Area, Colour, Position, WHITE};
+
+/// Highest resolution of an image: pixels for one px of the chart.
+const FINEST: f32 = 2.0;
+/// Quality of JPEG, of 100.
+const QUALITY: u8 = 82;
+
+/// Renders the canvas as an SVG document.
+pub fn text(canvas: &Canvas) -> Result<String, ChartError> {
+    let (width, height) = (canvas.width, canvas.height);
+    let mut out = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" \
+         viewBox=\"0 0 {width} {height}\" font-family=\"DejaVu Sans, Verdana, sans-serif\">\n\
+         <rect width=\"100%\" height=\"100%\" fill=\"{}\"/>\n",
+        hex(WHITE)
+    );
+    for shape in &canvas.shapes {
+        match shape {
+            Shape::Picture { area, picture } => image(&mut out, *area, picture)?,
+            shape => push(&mut out, shape),
+        }
+    }
+    out.push_str("</svg>\n");
+    Ok(out)
+}
+
+/// Embeds the image as JPEG with at most [`FINEST`] pixels for one px of the chart.
+fn image(out: &mut String, (left, top, right, bottom): Area, picture: &Picture) -> Result<(), ChartError> {
+    let (width, height) = (right - left, bottom - top);
+    let jpeg = jpeg(picture, (FINEST * width) as u32, (FINEST * height) as u32)?;
+    let data = STANDARD.encode(jpeg);
+    // Writing to a String cannot fail.
+    let _ = writeln!(
+        out,
+        "<image x=\"{left:.1}\" y=\"{top:.1}\" width=\"{width:.1}\" height=\"{height:.1}\" \
+         preserveAspectRatio=\"none\" href=\"data:image/jpeg;base64,{data}\"/>"
+    );
+    Ok(())
+}
+
+fn jpeg(picture: &Picture, width: u32, height: u32) -> Result<Vec<u8>, ChartError> {
+    let pixels = RgbImage::from_raw(picture.width, picture.height, picture.rgb.to_vec());
+    let pixels = pixels.expect("a picture has three samples for each pixel");
+    let (width, height) = (width.clamp(1, picture.width), height.clamp(1, picture.height));
+    let small = imageops::resize(&pixels, width, height, FilterType::Triangle);
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, QUALITY).encode_image(&small)?;
+    Ok(bytes)
+}
+
+fn push(out: &mut String, shape: &Shape) {
+    // Writing to a String cannot fail.
+    let _ = match shape {
+        Shape::Line { points, colour, width, dash } => {
+            let dashes = if *dash > 0.0 { format!(" stroke-dasharray=\"{dash}\"") } else { String::new() };
+            writeln!(
+                out,
+                "<polyline points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{width}\"{dashes}/>",
+                coordinates(points),
+                hex(*colour)
+            )
+        }
+        Shape::Area { points, colour, hover } => writeln!(
+            out,
+            "<polygon points=\"{}\" fill=\"{}\" stroke=\"{}\" stroke-width=\"1\">{}</polygon>",
+            coordinates(points),
+            hex(*colour),
+            hex(WHITE),
+            if hover.is_empty() { String::new() } else { format!("<title>{}</title>", escaped(hover)) }
+        ),
+        // `image` writes it, because that can fail.
+        Shape::Picture { .. } => Ok(()),
+        Shape::Text { position: (x, y), text, size, colour, anchor, rotation, width } => {
+            let anchor = match anchor {
+                Anchor::Start => "start",
+                Anchor::Middle => "middle",
+                Anchor::End => "end",
+            };
+            let rotation = match rotation {
+                Rotation::Horizontal => String::new(),
+                Rotation::Upwards => format!(" transform=\"rotate(-90 {x:.1} {y:.1})\""),
+            };
+            // With its length, the text keeps its place if another font replaces the first one.
+            writeln!(
+                out,
+                "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{size}\" fill=\"{}\" text-anchor=\"{anchor}\" \
+                 textLength=\"{width:.1}\" lengthAdjust=\"spacingAndGlyphs\"{rotation}>{}</text>",
+                hex(*colour),
+                escaped(text)
+            )
+        }
+    };
+}
+
+fn coordinates(points: &[Position]) -> String {
+    points.iter().map(|(x, y)| format!("{x:.1},{y:.1}")).collect::<Vec<_>>().join(" ")
+}
+
+fn hex([r, g, b]: Colour) -> String {
+    format!("#{r:02x}{g:02x}{b:02x}")
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}

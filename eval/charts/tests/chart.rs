@@ -1,0 +1,115 @@
+//! Any data can be drawn, and series can be distinguished.
+
+use modulo_charts::{
+    Axis, Bar, Bars, Body, Chart, ChartError, Emphasis, PageWidth, Panel, Picture, Pictures, Point, Scale,
+    Series, SeriesStyle,
+};
+
+fn axis(scale: Scale) -> Axis {
+    Axis { scale, ..Axis::log("a < b & c") }
+}
+
+fn chart(body: Body) -> Chart {
+    Chart { title: String::new(), subtitle: String::new(), footer: String::new(), body }
+}
+
+#[test]
+fn any_text_and_any_number_can_be_drawn() {
+    let values = [f64::NAN, f64::INFINITY, -1.0, 0.0, 1e-300, 1e300, 3.0];
+    let point = |&value: &f64| Point {
+        x: value,
+        y: 2.0,
+        label: "\u{10ffff}<".to_owned(),
+        hover: "1 < 2 & 3".to_owned(),
+        ..Point::default()
+    };
+    let series = vec![Series {
+        name: "all".to_owned(),
+        points: values.iter().map(point).collect(),
+        style: SeriesStyle::LineAndMarkers,
+    }];
+    for scale in [Scale::Log, Scale::Linear { from: -2.0, to: 5.0 }, Scale::Linear { from: 1.0, to: 1.0 }] {
+        let panel = Panel { x: axis(scale), y: axis(Scale::Log), series: series.clone() };
+        let chart = chart(Body::Panels(vec![panel]));
+        let svg = chart.svg(PageWidth::Wide).unwrap();
+        assert!(
+            svg.contains("a &lt; b &amp; c") && !svg.contains("NaN") && !svg.contains("inf"),
+            "{scale:?}"
+        );
+        assert_eq!(svg.matches("<title>1 &lt; 2 &amp; 3</title>").count(), 5, "one for each finite point");
+        assert!(!chart.png().unwrap().is_empty());
+    }
+}
+
+#[test]
+fn a_look_leaves_out_marks_or_line_and_faded_marks_are_grey() {
+    let point = |x, emphasis| Point { x, y: x, emphasis, ..Point::default() };
+    let drawn = |style, emphasis| {
+        let points = vec![point(1.0, emphasis), point(2.0, emphasis)];
+        let series = vec![Series { name: "one".to_owned(), points, style }];
+        let linear = Scale::Linear { from: 0.0, to: 3.0 };
+        let panel = Panel { x: axis(linear), y: axis(linear), series };
+        let svg = chart(Body::Panels(vec![panel])).svg(PageWidth::Wide).unwrap();
+        let of = |what: &str, colour: &str| {
+            svg.lines().filter(|line| line.starts_with(what) && line.contains(colour)).count()
+        };
+        (of("<polyline", "#0072b2"), of("<polygon", "#0072b2"), of("<polygon", "#bdbdbd"))
+    };
+    // Each with the legend's own piece.
+    assert_eq!(drawn(SeriesStyle::LineAndMarkers, Emphasis::Normal), (2, 3, 0));
+    assert_eq!(drawn(SeriesStyle::Markers, Emphasis::Normal), (0, 3, 0));
+    assert_eq!(drawn(SeriesStyle::Line, Emphasis::Normal), (2, 0, 0));
+    assert_eq!(drawn(SeriesStyle::Markers, Emphasis::Faded), (0, 1, 2));
+}
+
+#[test]
+fn a_narrow_page_puts_panels_below_each_other() {
+    let panel = || Panel { x: axis(Scale::Log), y: axis(Scale::Log), series: vec![] };
+    let chart = chart(Body::Panels(vec![panel(), panel()]));
+    let height = |page| {
+        let svg = chart.svg(page).unwrap();
+        let (_, rest) = svg.split_once(" height=\"").expect("a height");
+        rest.split('"').next().unwrap().parse::<f32>().unwrap()
+    };
+    assert!(height(PageWidth::Narrow) > 1.8 * height(PageWidth::Wide), "{} px", height(PageWidth::Narrow));
+}
+
+#[test]
+fn bars_are_as_long_as_their_parts() {
+    let part = |name: &str, length| (name.to_owned(), length);
+    let row = |parts: Vec<(String, f64)>| Bar { label: "row".to_owned(), parts, note: "ms".to_owned() };
+    let rows = vec![row(vec![part("a", 10.0), part("b", 20.0)]), row(vec![part("b", 40.0)])];
+    let chart = chart(Body::Bars(Bars { label: "ms".to_owned(), rows }));
+    for page in [PageWidth::Wide, PageWidth::Narrow] {
+        let svg = chart.svg(page).unwrap();
+        let widths: Vec<f32> = svg
+            .lines()
+            .filter(|line| line.contains("<title>"))
+            .map(|line| {
+                let (_, points) = line.split_once("points=\"").expect("a polygon");
+                let numbers: Vec<f32> =
+                    points.split(['"', ' ', ',']).take(4).map(|n| n.parse().unwrap()).collect();
+                numbers[2] - numbers[0]
+            })
+            .collect();
+        assert_eq!(widths.len(), 3);
+        for (width, share) in widths.iter().zip([0.25, 0.5, 1.0]) {
+            assert!((width - share * widths[2]).abs() < 0.3, "{page:?}: {widths:?}");
+        }
+    }
+}
+
+#[test]
+fn pictures_lie_in_both_forms_and_wrong_sizes_are_refused() {
+    assert!(matches!(Picture::new(2, 2, vec![0; 11], vec![]), Err(ChartError::Picture(2, 2, 11))));
+    let picture = Picture::new(40, 20, [200, 30, 30].repeat(800), vec![([5.0, 5.0, 20.0, 15.0], 0)]).unwrap();
+    let rows = vec![("alpha 2".to_owned(), vec![Some(picture), None])];
+    let columns = vec!["one".to_owned(), "two".to_owned()];
+    let chart = chart(Body::Pictures(Pictures { columns, rows }));
+    let svg = chart.svg(PageWidth::Wide).unwrap();
+    assert_eq!(svg.matches("data:image/jpeg;base64,").count(), 1);
+    assert_eq!(svg.matches("<polyline").count(), 1, "one box");
+    let png = image::load_from_memory(&chart.png().unwrap()).unwrap().to_rgb8();
+    let red = png.pixels().filter(|p| p.0 == [200, 30, 30]).count();
+    assert!(red as f32 > 0.3 * (2.0 * 570.0 * 285.0 * 2.0), "{red} red pixels");
+}

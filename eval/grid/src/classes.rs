@@ -1,0 +1,186 @@
+//! The mapping from the classes of a model to the classes of the labels, and the groups in which they are scored.
+//!
+//! A mapping is a file of lines `from: to`. `#` starts a comment.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use modulo_bags::source::GroundTruth;
+use modulo_detector::{COCO_TO_KITTI, parse_class_map};
+
+use crate::error::GridError;
+
+/// The mapping of the paper.
+pub const PAPER: &str = include_str!("../class_maps/paper.yaml");
+/// The groups vehicle and person.
+pub const GROUPS: &str = include_str!("../class_maps/groups.yaml");
+
+/// The class of areas that are never scored.
+pub const DONT_CARE: &str = "dontcare";
+/// The classes of KITTI in lower case.
+const KITTI: [&str; 8] = ["car", "van", "truck", "pedestrian", "person_sitting", "cyclist", "tram", "misc"];
+
+/// The lines `from: to` of a file.
+pub type Table = BTreeMap<String, String>;
+
+/// Maps the classes of a model to those of the labels.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ClassMap {
+    /// Class of the labels by class of the model.
+    pub table: Table,
+    unlisted: UnlistedClass,
+}
+
+/// Treatment of a class that the table does not list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum UnlistedClass {
+    /// The class is kept under its own name.
+    Kept,
+    /// The class is kept if it is a class of KITTI, else dropped.
+    KittiKept,
+    /// The class is dropped.
+    Dropped,
+}
+
+impl ClassMap {
+    /// The identity, for labels with the class names of the model.
+    pub fn same() -> Self {
+        Self { table: Table::new(), unlisted: UnlistedClass::Kept }
+    }
+
+    /// Maps the classes of COCO to those of KITTI, and keeps those of KITTI.
+    pub fn kitti() -> Self {
+        Self { table: embedded(COCO_TO_KITTI), unlisted: UnlistedClass::KittiKept }
+    }
+
+    /// The mapping of the paper.
+    pub fn paper() -> Self {
+        Self { table: embedded(PAPER), unlisted: UnlistedClass::Dropped }
+    }
+
+    /// Reads a mapping from a file. Classes that it does not list are dropped.
+    ///
+    /// # Errors
+    /// [`GridError::Table`] with the wrong line.
+    pub fn read(path: &Path) -> Result<Self, GridError> {
+        Ok(Self { table: read(path)?, unlisted: UnlistedClass::Dropped })
+    }
+
+    /// The class of the labels for a class of the model. `None` means that the class is dropped.
+    pub fn mapped<'a>(&'a self, class: &'a str) -> Option<&'a str> {
+        match self.table.get(class) {
+            Some(mapped) => Some(mapped.as_str()).filter(|mapped| !mapped.is_empty()),
+            None if self.unlisted == UnlistedClass::Kept => Some(class),
+            None if self.unlisted == UnlistedClass::KittiKept && KITTI.contains(&class) => Some(class),
+            None => None,
+        }
+    }
+}
+
+/// The groups in which classes are scored: lines `class: group` and `class: ignore group`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Groups(Table);
+
+/// Relation of a class to a group.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Membership {
+    /// The class is scored in the group.
+    Member,
+    /// Objects of the class are ignored in the group: it is similar, so that detecting it is not an error.
+    Ignored,
+    /// The class does not belong to the group.
+    Other,
+}
+
+impl Default for Groups {
+    fn default() -> Self {
+        Self(embedded(GROUPS))
+    }
+}
+
+impl Groups {
+    /// Reads groups from a file.
+    ///
+    /// # Errors
+    /// [`GridError::Table`] with the wrong line.
+    pub fn read(path: &Path) -> Result<Self, GridError> {
+        read(path).map(Self)
+    }
+
+    /// The lines of the file.
+    pub fn table(&self) -> &Table {
+        &self.0
+    }
+
+    /// The names of all groups.
+    pub fn names(&self) -> BTreeSet<&str> {
+        self.0.values().filter_map(|value| value.split_whitespace().last()).collect()
+    }
+
+    /// The relation of `class` to `group`.
+    pub fn membership(&self, class: &str, group: &str) -> Membership {
+        let words = self.0.get(class).map(|value| value.split_whitespace().collect::<Vec<_>>());
+        match words.as_deref() {
+            Some([name]) if *name == group => Membership::Member,
+            Some(["ignore", name]) if *name == group => Membership::Ignored,
+            _ => Membership::Other,
+        }
+    }
+
+    /// The group in which `class` is scored.
+    pub fn of(&self, class: &str) -> Option<&str> {
+        self.0.get(class).map(String::as_str).filter(|value| !value.contains(char::is_whitespace))
+    }
+}
+
+/// The classes of the labels, without DontCare.
+pub fn of_labels<'a>(labels: impl Iterator<Item = &'a GroundTruth>) -> BTreeSet<&'a str> {
+    labels.map(|label| label.class.as_str()).filter(|class| *class != DONT_CARE).collect()
+}
+
+fn read(path: &Path) -> Result<Table, GridError> {
+    let text = std::fs::read_to_string(path).map_err(|why| GridError::io(path, why))?;
+    let table = parse_class_map(&text).map_err(|why| GridError::Table(path.to_owned(), why))?;
+    if table.is_empty() {
+        let why = "names no class, at least one line 'from: to' is needed".to_owned();
+        return Err(GridError::Table(path.to_owned(), why));
+    }
+    Ok(table)
+}
+
+/// A mapping that is part of the program.
+fn embedded(text: &str) -> Table {
+    parse_class_map(text).expect("a test of this file reads the embedded mappings")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_shipped_tables_are_readable_and_fit() {
+        for text in [COCO_TO_KITTI, PAPER, GROUPS] {
+            assert!(!embedded(text).is_empty());
+        }
+        assert_eq!(Groups::default().names().into_iter().collect::<Vec<_>>(), ["person", "vehicle"]);
+        let groups = Groups::default();
+        assert_eq!(groups.membership("cyclist", "person"), Membership::Ignored);
+        assert_eq!((groups.of("van"), groups.of("cyclist")), (Some("vehicle"), None));
+    }
+
+    #[test]
+    fn each_map_has_its_own_way_with_unknown_classes() {
+        let mapped = |map: ClassMap| {
+            ["person", "bus", "van", "zebra", "motorcycle"].map(|c| map.mapped(c).unwrap_or("-").to_owned())
+        };
+        assert_eq!(mapped(ClassMap::kitti()), ["pedestrian", "tram", "van", "-", "cyclist"]);
+        assert_eq!(mapped(ClassMap::paper()), ["pedestrian", "tram", "-", "-", "-"]);
+        assert_eq!(mapped(ClassMap::same()), ["person", "bus", "van", "zebra", "motorcycle"]);
+    }
+
+    #[test]
+    fn a_line_that_is_no_pair_is_named() {
+        assert!(parse_class_map("a: b\nc d").expect_err("no colon").contains("line 2"));
+        assert!(parse_class_map("a: b\na: c").expect_err("twice").contains("twice"));
+    }
+}

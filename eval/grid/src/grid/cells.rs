@@ -1,0 +1,214 @@
+//! [`Axes`]: the values that a grid combines, and the cells that follow from them.
+
+use std::path::PathBuf;
+
+use clap::{Parser, ValueEnum};
+use modulo_core::unwrap::METHODS;
+
+use super::GridError;
+use crate::results::{Point, Protocol, Stream};
+
+/// The values that the cells combine. A value may be listed twice; its cells are in the grid once.
+#[derive(Clone, Debug, PartialEq, Parser)]
+pub struct Axes {
+    /// Images that the detector gets
+    #[arg(long, value_delimiter = ',', default_value = "ideal,saturated,modulo,recovered")]
+    pub stream: Vec<Stream>,
+    /// Unwrapping methods [default: auto,spud; spud for the paper]
+    #[arg(long, value_delimiter = ',')]
+    pub method: Vec<String>,
+    /// Whether the lens blur is removed from recovered images
+    #[arg(long, value_enum, default_value_t = Deblur::Both)]
+    pub deblur: Deblur,
+    /// Saturation factors: brightest radiance divided by the peak of the sensor
+    #[arg(long, value_delimiter = ',', default_value = "1.5,2,3,4")]
+    pub alpha: Vec<f64>,
+    /// Standard deviations of the lens blur in px
+    #[arg(long, value_delimiter = ',', default_value = "1.4")]
+    pub psf_sigma: Vec<f64>,
+    /// Standard deviations of the read noise in code units
+    #[arg(long, value_delimiter = ',', default_value = "0")]
+    pub noise: Vec<f64>,
+    /// Detection models: ONNX files, or demo for the embedded model
+    #[arg(long, value_delimiter = ',', default_value = "demo")]
+    pub model: Vec<PathBuf>,
+    /// Input sizes of the model: auto (no resizing) or WIDTHxHEIGHT [default: auto; 640x640 for the paper]
+    #[arg(long, value_delimiter = ',')]
+    pub input: Vec<String>,
+}
+
+/// Whether the lens blur is removed from recovered images.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Deblur {
+    /// With and without deblurring; under the protocol of the paper only without
+    Both,
+    /// Always
+    On,
+    /// Never
+    Off,
+}
+
+impl Default for Axes {
+    /// The defaults of the command line.
+    fn default() -> Self {
+        Self::parse_from(["grid"])
+    }
+}
+
+impl Axes {
+    /// The name of a model in cells: its file name without extension.
+    pub fn model_name(model: &std::path::Path) -> String {
+        model.file_stem().unwrap_or(model.as_os_str()).to_string_lossy().into_owned()
+    }
+
+    /// The cells. Models and input sizes vary slowest, so that one detector serves all its cells in a row.
+    ///
+    /// # Errors
+    /// [`GridError`] for an empty list, two models of one name, or an impossible value.
+    pub fn points(&self, protocol: Protocol) -> Result<Vec<Point>, GridError> {
+        self.check(protocol)?;
+        let inputs = or_default(&self.input, &[if protocol == Protocol::Paper { "640x640" } else { "auto" }]);
+        let mut points = Vec::new();
+        for model in self.model.iter().map(|model| Self::model_name(model)) {
+            for input in &inputs {
+                for &noise in &self.noise {
+                    for &alpha in &self.alpha {
+                        for (stream, method, deblur, psf_sigma) in self.images(protocol) {
+                            let (model, input) = (model.clone(), input.clone());
+                            let point =
+                                Point { stream, method, deblur, alpha, psf_sigma, noise, model, input };
+                            if !points.contains(&point) {
+                                points.push(point);
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        Ok(points)
+    }
+
+    /// Every (stream, method, deblur, blur) at one alpha.
+    fn images(&self, protocol: Protocol) -> Vec<(Stream, Option<String>, bool, f64)> {
+        let methods = self.methods(protocol);
+        let deblur: &[bool] = match (self.deblur, protocol) {
+            (Deblur::Both, Protocol::Suite) => &[false, true],
+            (Deblur::Off, _) | (Deblur::Both, Protocol::Paper) => &[false],
+            (Deblur::On, _) => &[true],
+        };
+        let mut images = Vec::new();
+        if self.stream.contains(&Stream::Ideal) {
+            images.push((Stream::Ideal, None, false, 0.0));
+        }
+        for &psf_sigma in &self.psf_sigma {
+            for &stream in &self.stream {
+                match stream {
+                    Stream::Recovered => {
+                        // Without a lens there is no blur to remove.
+                        for &deblur in deblur.iter().filter(|deblur| !**deblur || psf_sigma > 0.0) {
+                            let recovered = |m: &String| (stream, Some(m.clone()), deblur, psf_sigma);
+                            images.extend(methods.iter().map(recovered));
+                        }
+                    }
+                    // The ideal image of the paper never passed a lens.
+                    Stream::Ideal if protocol == Protocol::Paper => {}
+                    _ => images.push((stream, None, false, psf_sigma)),
+                }
+            }
+        }
+        images
+    }
+
+    /// The unwrapping methods. The paper has only SPUD.
+    fn methods(&self, protocol: Protocol) -> Vec<String> {
+        or_default(&self.method, if protocol == Protocol::Paper { &["spud"] } else { &["auto", "spud"] })
+    }
+
+    fn check(&self, protocol: Protocol) -> Result<(), GridError> {
+        for (what, empty) in [
+            ("the list of streams", self.stream.is_empty()),
+            ("the list of alphas", self.alpha.is_empty()),
+            ("the list of lens blurs", self.psf_sigma.is_empty()),
+            ("the list of noises", self.noise.is_empty()),
+            ("the list of models", self.model.is_empty()),
+        ] {
+            if empty {
+                return Err(GridError::Empty(what));
+            }
+        }
+        if protocol == Protocol::Paper && (self.psf_sigma != [1.4] || self.noise != [0.0]) {
+            let value = format!("{:?} px with noise {:?}", self.psf_sigma, self.noise);
+            let possible = "the lens of the paper: blur 1.4 px (7 taps), no noise".to_owned();
+            return Err(GridError::Value { what: "the lens", value, possible });
+        }
+        let known: &[&str] = if protocol == Protocol::Paper { &["spud"] } else { METHODS };
+        if let Some(method) =
+            self.methods(protocol).into_iter().find(|method| !known.contains(&method.as_str()))
+        {
+            let possible = format!("one of {}", known.join(", "));
+            return Err(GridError::Value { what: "method", value: method, possible });
+        }
+        let mut models: Vec<&PathBuf> = self.model.iter().collect();
+        models.sort();
+        models.dedup();
+        let mut names: Vec<String> = models.iter().map(|model| Self::model_name(model)).collect();
+        names.sort();
+        if let Some(pair) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+            let (value, possible) = (format!("twice {}", pair[0]), "one file for each name".to_owned());
+            return Err(GridError::Value { what: "model", value, possible });
+        }
+        Ok(())
+    }
+}
+
+fn or_default(list: &[String], default: &[&str]) -> Vec<String> {
+    if list.is_empty() { default.iter().map(|&word| word.to_owned()).collect() } else { list.to_vec() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_grid_has_one_sharp_ideal_an_alpha_and_deblurs_what_was_recovered() {
+        let points = Axes::default().points(Protocol::Suite).expect("possible");
+        // Sharp, blurred, saturated, modulo, and two methods with and without.
+        assert_eq!(points.len(), 4 * (4 + 2 * 2));
+        assert!(points.iter().all(|p| (p.stream == Stream::Recovered) == p.method.is_some()));
+        assert!(points.iter().all(|p| !p.deblur || p.stream == Stream::Recovered));
+        let sharp = points.iter().filter(|p| p.stream == Stream::Ideal && p.psf_sigma == 0.0);
+        assert_eq!(sharp.count(), 4);
+    }
+
+    #[test]
+    fn no_cell_is_there_twice_and_nothing_is_deblurred_without_a_lens() {
+        let axes = Axes { psf_sigma: vec![0.0, 0.0], alpha: vec![2.0, 2.0], ..Axes::default() };
+        let points = axes.points(Protocol::Suite).expect("possible");
+        assert_eq!(points.len(), 3 + 2);
+        assert!(points.iter().all(|p| !p.deblur));
+    }
+
+    #[test]
+    fn what_no_cell_can_have_is_refused() {
+        for (axes, told) in [
+            (Axes { alpha: vec![], ..Axes::default() }, "alphas is empty"),
+            (Axes { method: vec!["magic".into()], ..Axes::default() }, "magic"),
+            (Axes { model: vec!["a/x.onnx".into(), "b/x.onnx".into()], ..Axes::default() }, "twice x"),
+        ] {
+            let why = axes.points(Protocol::Suite).expect_err(told).to_string();
+            assert!(why.contains(told), "{why}");
+        }
+        let auto = Axes { method: vec!["auto".into()], ..Axes::default() };
+        assert!(auto.points(Protocol::Paper).is_err(), "the paper has no auto");
+        let noisy = Axes { noise: vec![1.0], ..Axes::default() };
+        assert!(noisy.points(Protocol::Paper).is_err(), "nor noise");
+    }
+
+    #[test]
+    fn the_paper_has_four_streams_spud_alone_and_640() {
+        let points = Axes::default().points(Protocol::Paper).expect("possible");
+        assert_eq!(points.len(), 4 * 4);
+        assert!(points.iter().all(|p| p.input == "640x640" && !p.deblur));
+        assert!(points.iter().all(|p| p.method.as_deref().is_none_or(|method| method == "spud")));
+    }
+}

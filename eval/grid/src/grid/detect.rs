@@ -1,0 +1,125 @@
+//! [`DetectorWorker`]: the detector of a cell, in lockstep, with a cache of its outputs.
+
+use std::collections::HashMap;
+use std::collections::hash_map::DefaultHasher;
+use std::hash::{Hash, Hasher};
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use modulo_core::{Detection, Frame, Samples};
+use modulo_detector::{DetectorParameters, EngineChoice};
+use modulo_runtime::driver::lockstep::Lockstep;
+use modulo_runtime::{Clock, Message, StampedFrame};
+
+use super::GridError;
+use super::nodes::Nodes;
+use super::pipeline::{Stages, node_name, stamp};
+
+/// Lowest score of a detection. AP needs detections of low confidence, too.
+const LEAST_SCORE: f64 = 0.001;
+
+/// Number of outputs that the cache keeps, which bounds its memory on a large data set.
+const MOST_KEPT: usize = 20_000;
+
+/// The detections of one image.
+#[derive(Clone, Debug, Default)]
+pub struct DetectorOutput {
+    /// Detections by descending score. `None` if the detector gave no answer.
+    pub found: Option<Arc<Vec<Detection>>>,
+    /// Durations of the stages.
+    pub stages: Stages,
+}
+
+/// Outputs of one model at one input size, shared by its workers: an image that equals an earlier one of the same frame
+/// is not detected again. The key is the number of the frame and the hash of its pixels.
+#[derive(Default)]
+pub struct DetectionCache(Mutex<HashMap<(usize, u64), DetectorOutput>>);
+
+/// The settings of a detector.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DetectorConfig<'a> {
+    /// ONNX file, or `demo`.
+    pub model: &'a Path,
+    /// The inference engine.
+    pub engine: EngineChoice,
+    /// `auto` or `WIDTHxHEIGHT`.
+    pub input: &'a str,
+    /// Threads of one inference.
+    pub threads: usize,
+}
+
+/// One detector.
+pub struct DetectorWorker<'a> {
+    chain: Lockstep<'a>,
+    /// The engine in use.
+    pub engine: String,
+}
+
+impl<'a> DetectorWorker<'a> {
+    /// Loads and warms up a detector.
+    pub fn open(
+        nodes: &dyn Nodes,
+        timer: &'a dyn Clock,
+        config: &DetectorConfig<'_>,
+    ) -> Result<Self, GridError> {
+        let node = nodes.detector(&DetectorParameters {
+            model: config.model.display().to_string(),
+            engine: config.engine,
+            input: "/image".to_owned(),
+            input_size: config.input.to_owned(),
+            threads: config.threads,
+            score_threshold: LEAST_SCORE,
+            ..DetectorParameters::default()
+        })?;
+        let engine = node.status().into_iter().find(|(name, _)| *name == "engine");
+        let (_, engine) = engine.expect("the status of a detector names its engine");
+        let mut chain = Lockstep::new(timer, vec!["/detector/detections".to_owned()]);
+        chain.add(node, &node_name("detector"))?;
+        Ok(Self { chain, engine })
+    }
+
+    /// Detects objects in the image of frame `number`.
+    pub fn detect(
+        &mut self,
+        number: usize,
+        image: Arc<StampedFrame>,
+        cache: &DetectionCache,
+    ) -> Result<DetectorOutput, GridError> {
+        let key = (number, digest(&image.frame));
+        if let Some(output) = cache.lock().get(&key) {
+            return Ok(output.clone());
+        }
+        let out = self.chain.feed("/image", Message::Image(image), stamp(number))?;
+        let found = out.into_iter().find_map(|(_, message)| match message {
+            Message::Detections(array) => Some(array),
+            _ => None,
+        });
+        let found = found.map(|array| {
+            Arc::new(array.detections.iter().filter_map(|d| d.to_detection()).collect::<Vec<_>>())
+        });
+        let output = DetectorOutput { found, stages: self.chain.stages().to_vec() };
+        let mut kept = cache.lock();
+        if kept.len() < MOST_KEPT {
+            kept.insert(key, output.clone());
+        }
+        Ok(output)
+    }
+}
+
+impl DetectionCache {
+    fn lock(&self) -> MutexGuard<'_, HashMap<(usize, u64), DetectorOutput>> {
+        // The map is complete after every single operation, so that a panic of another worker does not harm it.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn digest(frame: &Frame) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    frame.dim().hash(&mut hasher);
+    match frame.samples() {
+        Samples::U8(pixels) => pixels.hash(&mut hasher),
+        Samples::U16(pixels) => pixels.hash(&mut hasher),
+        Samples::F32(pixels) => pixels.mapv(f32::to_bits).hash(&mut hasher),
+    }
+    hasher.finish()
+}

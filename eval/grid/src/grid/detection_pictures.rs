@@ -1,0 +1,86 @@
+//! [`draw_pictures`]: images with the labelled and the detected boxes, for the report.
+
+use std::collections::BTreeMap;
+
+use modulo_bags::source::GroundTruth;
+use modulo_charts::Picture;
+use modulo_core::{Detection, Frame};
+use modulo_runtime::Clock;
+
+use super::detect::DetectionCache;
+use super::frames::Frames;
+use super::neighbours::{FrameWithNeighbours, FramesWithNeighbours, Neighbours};
+use super::nodes::Nodes;
+use super::runner::CellRunner;
+use super::{GridError, Request};
+use crate::chart::{DetectionPicture, NamedChart, pictures};
+use crate::classes::DONT_CARE;
+use crate::results::{Point, Results};
+
+/// Lowest score of a box that is drawn.
+const LEAST_SHOWN: f32 = 0.25;
+/// Index of the colour of labelled and of detected boxes.
+const COLOURS: [usize; 2] = [0, 1];
+
+/// Draws figure 2 of the paper over the alphas of `results`, and the worst frame of each stream, for the first model, lens
+/// and method. Without cells there is no chart.
+///
+/// # Errors
+/// [`GridError`] if a step fails.
+pub fn draw_pictures(
+    request: &Request,
+    nodes: &dyn Nodes,
+    timer: &dyn Clock,
+    results: &Results,
+) -> Result<Vec<NamedChart>, GridError> {
+    let mut frames = Frames::inspect(&request.data)?;
+    let busy = |truth: &Vec<GroundTruth>| truth.iter().filter(|label| label.class != DONT_CARE).count();
+    let busiest = (0..frames.len()).rev().max_by_key(|&number| busy(&frames.truths[number]));
+    let busiest = busiest.expect("data without a scored frame is refused");
+    let wanted = pictures::wanted(results, busiest);
+    let pictures = detect(request, nodes, timer, &mut frames, &wanted)?;
+    Ok(pictures::charts(results, &pictures))
+}
+
+/// Runs the wanted frames of the wanted cells again.
+fn detect(
+    request: &Request,
+    nodes: &dyn Nodes,
+    timer: &dyn Clock,
+    frames: &mut Frames,
+    wanted: &[(Point, usize)],
+) -> Result<Vec<DetectionPicture>, GridError> {
+    let mut runner = CellRunner::new(request, nodes, timer);
+    let mut by_frame: BTreeMap<usize, Vec<&Point>> = BTreeMap::new();
+    wanted.iter().for_each(|(point, number)| by_frame.entry(*number).or_default().push(point));
+    let truths = frames.truths.clone();
+    let mut pictures = Vec::new();
+    for frame in FramesWithNeighbours::new(frames, Neighbours::Dropped)? {
+        let FrameWithNeighbours { number, frame, .. } = frame?;
+        let Some(points) = by_frame.remove(&number) else { continue };
+        for point in points {
+            runner.load_detector(point)?;
+            let frame = frame.clone();
+            let name = frame.name.clone();
+            let input = runner.pipeline(point)?(FrameWithNeighbours { number, frame, around: None })?;
+            let (Some(image), Some(worker)) = (input.image, runner.workers.first_mut()) else { continue };
+            let output = worker.detect(number, image.clone(), &DetectionCache::default())?;
+            let found = output.found.as_deref().map_or(&[][..], Vec::as_slice);
+            let Some(picture) = picture(&image.frame, &truths[number], found) else { continue };
+            pictures.push(DetectionPicture { point: point.clone(), number, frame: name, picture });
+        }
+    }
+    Ok(pictures)
+}
+
+fn picture(frame: &Frame, truth: &[GroundTruth], found: &[Detection]) -> Option<Picture> {
+    let pixels = frame.as_u8()?;
+    let (height, width, channels) = pixels.dim();
+    let rgb =
+        pixels.iter().flat_map(|&sample| std::iter::repeat_n(sample, if channels == 1 { 3 } else { 1 }));
+    let labelled =
+        truth.iter().filter(|label| label.class != DONT_CARE).map(|label| (label.bbox, COLOURS[0]));
+    let found = found.iter().filter(|d| d.score >= LEAST_SHOWN).map(|d| (d.bbox, COLOURS[1]));
+    let boxes = labelled.chain(found).map(|(b, colour)| ([b.x1, b.y1, b.x2, b.y2], colour)).collect();
+    Picture::new(u32::try_from(width).ok()?, u32::try_from(height).ok()?, rgb.collect(), boxes).ok()
+}

@@ -1,0 +1,168 @@
+//! [`Frames`]: the frames that can be scored. They are checked once and read again for every cell.
+//!
+//! A frame that cannot be scored is left out here, with a warning, and nowhere else: every cell gets the same frames.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use modulo_bags::source::{GroundTruth, SourceError, SourceFrame};
+use sha2::{Digest, Sha256};
+
+use super::GridError;
+use crate::classes::DONT_CARE;
+use crate::data::{Data, Drive};
+use crate::results::Input;
+
+/// Labels that reach outside the image by at most this many px give no warning: they were rounded.
+const TOLERANCE: f32 = 1.0;
+
+/// The frames of a grid, and a position among them.
+pub struct Frames {
+    drives: Vec<Drive>,
+    /// Number of each scored frame by its index over all drives.
+    kept: BTreeMap<usize, usize>,
+    /// Labels of the scored frames.
+    pub truths: Vec<Vec<GroundTruth>>,
+    /// Drive of each scored frame, if it is known.
+    pub drive_of: Vec<Option<String>>,
+    /// Description of the data for the results.
+    pub input: Input,
+    place: usize,
+    drive: usize,
+}
+
+/// A frame of the data, scored or not.
+pub struct Raw {
+    /// Index over all drives.
+    pub place: usize,
+    /// Index of the drive.
+    pub drive: usize,
+    /// The frame, or the reason why it cannot be read.
+    pub frame: Result<SourceFrame, SourceError>,
+}
+
+/// Problems that are found while the data is checked.
+#[derive(Default)]
+struct Notes {
+    names: BTreeSet<(Option<String>, String)>,
+    unlabelled: Vec<String>,
+    twice: Vec<String>,
+    unreadable: Vec<String>,
+    outside: Vec<String>,
+    digest: Sha256,
+}
+
+impl Frames {
+    /// Reads and checks all frames.
+    ///
+    /// # Errors
+    /// [`GridError::Nothing`] if no frame can be scored; [`GridError::Source`] if the data is missing.
+    pub fn inspect(data: &Data) -> Result<Self, GridError> {
+        let drives = data.open()?;
+        let (kept, truths, drive_of) = Default::default();
+        let mut frames = Self { drives, kept, truths, drive_of, input: Input::default(), place: 0, drive: 0 };
+        let mut notes = Notes::default();
+        let mut seen = 0;
+        while let Some(raw) = frames.raw() {
+            seen += 1;
+            frames.note(data, raw, &mut notes);
+        }
+        let warnings = notes.warnings();
+        if frames.truths.is_empty() {
+            let why = warnings.into_iter().next().unwrap_or_else(|| "there is no frame".to_owned());
+            return Err(GridError::Nothing { source_name: data.name(), frames: seen, why });
+        }
+        let mut known: Vec<_> = frames.drive_of.iter().flatten().collect();
+        known.sort();
+        known.dedup();
+        let (labelled, drives) = (frames.truths.len(), known.len());
+        let digest = modulo_models::hex(&notes.digest.finalize());
+        frames.input = Input { frames: seen, labelled, drives, digest, warnings, ..Input::default() };
+        Ok(frames)
+    }
+
+    /// Number of scored frames.
+    pub fn len(&self) -> usize {
+        self.truths.len()
+    }
+
+    /// Goes back to the first frame.
+    pub fn rewind(&mut self) -> Result<(), SourceError> {
+        (self.place, self.drive) = (0, 0);
+        self.drives.iter_mut().try_for_each(|(_, source)| source.rewind())
+    }
+
+    /// Number of the scored frame at an index over all drives.
+    pub fn number_of(&self, place: usize) -> Option<usize> {
+        self.kept.get(&place).copied()
+    }
+
+    /// Reads the next frame, scored or not.
+    pub fn raw(&mut self) -> Option<Raw> {
+        while let Some((_, source)) = self.drives.get_mut(self.drive) {
+            if let Some(frame) = source.next() {
+                self.place += 1;
+                return Some(Raw { place: self.place - 1, drive: self.drive, frame });
+            }
+            self.drive += 1;
+        }
+        None
+    }
+
+    fn note(&mut self, data: &Data, Raw { place, drive, frame }: Raw, notes: &mut Notes) {
+        let (drive, _) = &self.drives[drive];
+        let frame = match frame {
+            Ok(frame) => frame,
+            Err(why) => return notes.unreadable.push(why.to_string()),
+        };
+        let drive = drive.clone().or_else(|| data.drive_of(&frame.name));
+        if !notes.names.insert((drive.clone(), frame.name.clone())) {
+            return notes.twice.push(frame.name);
+        }
+        let Some(truth) = frame.ground_truth else { return notes.unlabelled.push(frame.name) };
+        let (height, width, _) = frame.radiance.dim();
+        let truth = notes.inside(truth, &frame.name, (height, width));
+        notes.digest.update(format!("{drive:?} {} {height} {width} {truth:?}\n", frame.name));
+        self.kept.insert(place, self.truths.len());
+        self.truths.push(truth);
+        self.drive_of.push(drive);
+    }
+}
+
+impl Notes {
+    /// Clips labels to the image. Labels outside the image are left out.
+    fn inside(
+        &mut self,
+        truth: Vec<GroundTruth>,
+        name: &str,
+        (height, width): (usize, usize),
+    ) -> Vec<GroundTruth> {
+        let mut kept = Vec::with_capacity(truth.len());
+        for label in truth {
+            let bbox = label.bbox.clamp(height, width);
+            let [old, new] = [label.bbox, bbox].map(|b| [b.x1, b.y1, b.x2, b.y2]);
+            let beyond = old.iter().zip(new).any(|(old, new)| (old - new).abs() > TOLERANCE);
+            if beyond && label.class != DONT_CARE {
+                self.outside.push(format!("{} of {name}", label.class));
+            }
+            if bbox.area() > 0.0 {
+                kept.push(GroundTruth { bbox, ..label });
+            }
+        }
+        kept
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        let warning = |what: &str, names: &[String]| {
+            names.first().map(|first| format!("{} {what}, the first: {first}", names.len()))
+        };
+        [
+            warning("frames are not readable and left out", &self.unreadable),
+            warning("frames have no labels and are left out", &self.unlabelled),
+            warning("frames are there twice and count once", &self.twice),
+            warning("labels reach outside the image and are cut", &self.outside),
+        ]
+        .into_iter()
+        .flatten()
+        .collect()
+    }
+}

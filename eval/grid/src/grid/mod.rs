@@ -1,0 +1,35 @@
+//! A grid of evaluations: every combination of stream, method, lens, alpha, noise, model and input size over the same
+//! labelled frames.
+//!
+//! The data go one way:
+//!
+//! ```text
+//! request -> cells -> frames -> pipeline (sensor, unwrapping) -> detect -> score -> store -> report
+//! ```
+//!
+//! `run` goes over the cells and stores the results after each of them, `runner` processes the frames of one cell. Cells
+//! are independent of each other: finished cells are kept, a run that was killed continues, and [`merge`] joins shards.
+//! No transport is used. The clock only measures durations; it decides nothing.
+
+mod cells;
+mod detect;
+mod detection_pictures;
+mod frames;
+mod merge;
+mod neighbours;
+mod nodes;
+mod pipeline;
+mod request;
+mod run;
+mod runner;
+mod score;
+mod setup;
+
+pub use crate::error::GridError;
+pub use cells::{Axes, Deblur};
+pub use detection_pictures::draw_pictures;
+pub use merge::merge;
+pub use nodes::{Nodes, Suite};
+pub use pipeline::multi_exposure::CAPTURES;
+pub use request::{Options, Request, Shard, engine_parser};
+pub use run::{Event, Outcome, run};

@@ -1,0 +1,112 @@
+//! [`MultiExposurePipeline`]: three captures with different exposure times, merged as a normal camera does for a high
+//! dynamic range.
+//!
+//! The captures are three consecutive frames of the drive with the longest exposure last; the middle one is the frame
+//! that is scored. Moving objects leave ghosts: the captures are not aligned.
+
+use modulo_core::{Bracket, Psf, Range, Sensor, SensorConfig, tone};
+use modulo_runtime::Clock;
+use ndarray::Array3;
+
+use super::quality::RecoveryQuality;
+use super::{BITS, DetectorInput, FrameWithNeighbours, Truth, unstamped};
+use crate::data::Data;
+use crate::error::GridError;
+use crate::grid::Request;
+use crate::grid::neighbours::Neighbours;
+use crate::results::{Point, Protocol, Stream};
+
+/// Number of captures that are merged.
+pub const CAPTURES: usize = 3;
+
+/// Whether the frames of a stream need the frames before and after them.
+pub fn neighbours(stream: Stream) -> Neighbours {
+    if stream == Stream::MultiExposure { Neighbours::Kept } else { Neighbours::Dropped }
+}
+
+/// Refuses merged captures under the protocol of the paper, and of moving scenes where the frames of the data are not
+/// consecutive.
+pub fn check(request: &Request, points: &[Point]) -> Result<(), GridError> {
+    let refuse = |possible: &str| {
+        let value = "multi_exposure".to_owned();
+        Err(GridError::Value { what: "stream", value, possible: possible.to_owned() })
+    };
+    let has = |stream| points.iter().any(|point| point.stream == stream);
+    let moving = has(Stream::MultiExposure);
+    if (moving || has(Stream::MultiExposureStill)) && request.options.protocol == Protocol::Paper {
+        return refuse("one of the other streams under the protocol of the paper");
+    }
+    match request.data {
+        Data::Kitti { .. } | Data::Yolo(_) | Data::Coco { .. } if moving => refuse(
+            "multi_exposure_still, because these frames are not consecutive; use --sequence or --source otherwise",
+        ),
+        _ => Ok(()),
+    }
+}
+
+/// The captures and the merging of one cell.
+pub struct MultiExposurePipeline<'a> {
+    bracket: Bracket,
+    /// One sensor for each capture.
+    sensors: Vec<Sensor>,
+    truth: Truth,
+    range: Range,
+    seed: u64,
+    timer: &'a dyn Clock,
+}
+
+impl<'a> MultiExposurePipeline<'a> {
+    /// The pipeline of the cell at `point`.
+    pub fn new(point: &Point, timer: &'a dyn Clock, seed: u64) -> Result<Self, GridError> {
+        let range = Range::new(BITS, point.alpha).map_err(modulo_core::SensorError::from)?;
+        let bracket = Bracket::new(range, CAPTURES);
+        let sensor = |time: f64, psf_sigma: f64| {
+            Sensor::new(SensorConfig {
+                bits: BITS,
+                alpha: point.alpha * time,
+                psf: Psf::of_sigma(psf_sigma),
+                read_noise: point.noise,
+                shot_noise: 0.0,
+            })
+        };
+        let of_time = |time: &f32| sensor(f64::from(*time), point.psf_sigma);
+        let sensors = bracket.times().iter().map(of_time).collect::<Result<_, _>>()?;
+        let truth = Truth([sensor(1.0, point.psf_sigma)?, sensor(1.0, 0.0)?]);
+        Ok(Self { bracket, sensors, truth, range, seed, timer })
+    }
+
+    /// Processes one frame.
+    pub fn run(
+        &mut self,
+        FrameWithNeighbours { number, frame, around }: &FrameWithNeighbours,
+    ) -> Result<DetectorInput, GridError> {
+        let now = &frame.radiance;
+        let scenes: [&Array3<f32>; CAPTURES] = match around {
+            Some([before, after]) => [before, now, after],
+            None => [now; CAPTURES],
+        };
+        let seed = self.seed.wrapping_add(*number as u64);
+        let start = self.timer.ticks_ns();
+        let mut captures = Vec::with_capacity(CAPTURES);
+        for (index, (sensor, scene)) in self.sensors.iter().zip(scenes).enumerate() {
+            // Each capture has its own noise.
+            let seed = seed.wrapping_add((index as u64) << 48);
+            captures.push(sensor.expose(scene.view(), seed)?.saturated());
+        }
+        let sensed = self.timer.ticks_ns();
+        let x = self.bracket.merge(&captures)?;
+        let merged = self.timer.ticks_ns();
+        let image = tone::linear8(&x, self.range).map_err(modulo_core::SensorError::from)?;
+        let toned = self.timer.ticks_ns();
+        let truth = self.truth.expose(now, seed)?;
+        Ok(DetectorInput {
+            recovery: RecoveryQuality::of_merged(&image, &truth),
+            image: Some(unstamped(image)),
+            stages: vec![
+                ("sense", sensed.saturating_sub(start)),
+                ("merge", merged.saturating_sub(sensed)),
+                ("tone", toned.saturating_sub(merged)),
+            ],
+        })
+    }
+}

@@ -1,0 +1,182 @@
+//! [`PaperPipeline`]: the steps of a frame before the detector as in the scripts of the paper (`--protocol paper`).
+//!
+//! The nodes of the suite work differently. Values are fractions of the peak. For the detector they become 8
+//! bits by truncation, not by rounding.
+
+use modulo_bags::source::SourceFrame;
+use modulo_core::unwrap::{Range, Spud, ThresholdOn};
+use modulo_core::{Frame, Psf, UnwrapError, optics};
+use modulo_runtime::Clock;
+use ndarray::Array3;
+
+use super::{BITS, DetectorInput, Stages, unstamped};
+use crate::error::GridError;
+use crate::results::{Point, Stream};
+
+/// Threshold of SPUD on phi, in units of the peak.
+const TAU: f64 = 0.1;
+
+/// The sensor and the unwrapping of one cell.
+pub struct PaperPipeline<'a> {
+    stream: Stream,
+    alpha: f64,
+    range: Range,
+    spud: Spud,
+    timer: &'a dyn Clock,
+}
+
+impl<'a> PaperPipeline<'a> {
+    /// The pipeline of the cell at `point`. Its lens is always that of the paper.
+    pub fn new(point: &Point, timer: &'a dyn Clock) -> Result<Self, GridError> {
+        let range = Range::new(BITS, point.alpha).map_err(modulo_core::SensorError::from)?;
+        let spud = Spud::new(TAU, ThresholdOn::Phi)?;
+        Ok(Self { stream: point.stream, alpha: point.alpha, range, spud, timer })
+    }
+
+    /// Processes one frame.
+    pub fn run(&mut self, frame: &SourceFrame) -> Result<DetectorInput, GridError> {
+        let mut stages = Stages::new();
+        let start = self.timer.ticks_ns();
+        let mut image = match self.stream {
+            // The original frame in codes of 8 bits, without a lens.
+            Stream::Ideal => frame.radiance.mapv(|v| v * 256.0),
+            Stream::Saturated => self.exposed(frame).mapv(|v| v.clamp(0.0, 1.0) * 255.0),
+            Stream::Modulo | Stream::Recovered => self.exposed(frame).mapv(wrapped),
+            Stream::MultiExposure | Stream::MultiExposureStill => {
+                unreachable!("merged captures are refused under the protocol of the paper")
+            }
+        };
+        stages.push(("sense", self.timer.ticks_ns().saturating_sub(start)));
+        if self.stream == Stream::Recovered {
+            let start = self.timer.ticks_ns();
+            image = self.recovered(&image)?;
+            stages.push(("unwrap", self.timer.ticks_ns().saturating_sub(start)));
+        } else if self.stream == Stream::Modulo {
+            image.mapv_inplace(|v| v * 255.0);
+        }
+        let frame = Frame::from_u8(image.mapv(|v| v as u8)).map_err(UnwrapError::from)?;
+        Ok(DetectorInput { image: Some(unstamped(frame)), stages, recovery: None })
+    }
+
+    /// `alpha * blurred` of the stretched image in [0, 1]. The blur comes before the scaling.
+    fn exposed(&self, frame: &SourceFrame) -> Array3<f32> {
+        let alpha = self.alpha as f32;
+        let x = stretched(&frame.radiance).mapv(|v| v / 255.0);
+        optics::blurred(x, Psf::Paper7).mapv(|v| v * alpha)
+    }
+
+    /// Unwraps the unquantised modulo image by SPUD, then maps minimum and maximum of the whole tensor to 0 and 255.
+    fn recovered(&mut self, y: &Array3<f32>) -> Result<Array3<f32>, GridError> {
+        let peak = self.range.peak();
+        let codes = y.mapv(|v| v * peak);
+        let phi = self.spud.solve(codes.view(), self.range)?;
+        // The wrapped field is the gradient of x: phi is x without its mean, in code units.
+        Ok(stretched(&phi))
+    }
+}
+
+/// `mod(x, 1)`, except that a positive multiple of 1 gives 1.
+fn wrapped(x: f32) -> f32 {
+    let rest = x.rem_euclid(1.0);
+    if rest == 0.0 && x > 0.0 { 1.0 } else { rest }
+}
+
+/// Maps minimum and maximum over all channels to 0 and 255 and truncates to whole steps. A constant image becomes 0.
+fn stretched(values: &Array3<f32>) -> Array3<f32> {
+    let low = f64::from(values.iter().copied().fold(f32::INFINITY, f32::min));
+    let high = f64::from(values.iter().copied().fold(f32::NEG_INFINITY, f32::max));
+    // The multiplication comes first, so that an image that spans 0 to 255 stays unchanged.
+    let step = |v: f32| ((f64::from(v) - low) * 255.0 / (high - low)).floor();
+    values.mapv(|v| if high > low { step(v) as f32 } else { 0.0 })
+}
+
+#[cfg(test)]
+mod tests {
+    use modulo_runtime::ManualClock;
+
+    use super::*;
+
+    /// One row of grey codes of 8 bits.
+    fn frame(codes: &[u8]) -> SourceFrame {
+        let radiance = Array3::from_shape_fn((1, codes.len(), 1), |(_, x, _)| f32::from(codes[x]) / 256.0);
+        let (name, frame_id) = (String::new(), String::new());
+        SourceFrame { radiance, name, stamp_ns: None, frame_id, ground_truth: None }
+    }
+
+    fn shown(stream: Stream, alpha: f64, frame: &SourceFrame) -> Vec<u8> {
+        let point = Point { stream, alpha, ..Point::default() };
+        let clock = ManualClock::default();
+        let passed = PaperPipeline::new(&point, &clock).expect("possible").run(frame).expect("passed");
+        passed.image.expect("an image").frame.as_u8().expect("8 bits").iter().copied().collect()
+    }
+
+    /// 0 on the left, the brightest on the right, flat in between and at the ends beyond the lens.
+    fn steps(middle: u8) -> SourceFrame {
+        frame(&[vec![0; 20], vec![middle; 20], vec![255; 20]].concat())
+    }
+
+    #[test]
+    fn x_raw_is_stretched_over_all_channels_and_cut() {
+        let values = Array3::from_shape_vec((1, 2, 3), vec![10.0, 11.0, 12.0, 13.0, 14.0, 20.0]).expect("6");
+        let got: Vec<f32> = stretched(&values).iter().copied().collect();
+        assert_eq!(got, [0.0, 25.0, 51.0, 76.0, 102.0, 255.0]);
+        let all = frame(&(0..=255).collect::<Vec<u8>>());
+        let same: Vec<f32> = (0u8..=255).map(f32::from).collect();
+        assert_eq!(
+            stretched(&all.radiance).iter().copied().collect::<Vec<_>>(),
+            same,
+            "what spans all stays"
+        );
+        assert!(stretched(&Array3::from_elem((2, 2, 3), 0.4)).iter().all(|v| *v == 0.0));
+    }
+
+    #[test]
+    fn the_ideal_is_the_original_without_a_lens() {
+        let codes: Vec<u8> = (0..60).map(|i| if i % 2 == 0 { 3 } else { 200 }).collect();
+        assert_eq!(shown(Stream::Ideal, 4.0, &frame(&codes)), codes);
+    }
+
+    #[test]
+    fn the_blur_lies_before_the_scaling_and_the_clipping() {
+        let got = shown(Stream::Saturated, 2.0, &steps(0));
+        // The step from 0 to 1 behind seven taps, doubled, then clipped: half of the way is above the peak already.
+        let taps = [0.03125, 0.140625, 0.359375, 0.640625, 0.859375f64];
+        let want: Vec<u8> = taps.map(|share| (2.0 * share * 255.0).min(255.0) as u8).to_vec();
+        assert_eq!(got[37..42], want);
+        assert_eq!((got[30], got[50]), (0, 255));
+    }
+
+    #[test]
+    fn modulo_is_wrapped_in_float_and_cut_to_8_bits() {
+        // 2.5 * 121 = 302.5 of 255: the rest is 47.5, which would be 48 if it were rounded.
+        assert_eq!(shown(Stream::Modulo, 2.5, &steps(121))[30], 47);
+        let got = shown(Stream::Modulo, 3.0, &steps(121));
+        assert_eq!(got[50], 255, "three times the peak is the peak, not 0");
+        assert_eq!(got[5], 0, "but nothing is nothing");
+        assert_eq!([wrapped(0.0), wrapped(1.0), wrapped(1.25), wrapped(2.0)], [0.0, 1.0, 0.25, 1.0]);
+    }
+
+    #[test]
+    fn what_spud_gives_is_stretched_over_all_channels() {
+        let radiance = Array3::from_shape_fn((32, 256, 3), |(_, x, _)| x as f32 / 256.0);
+        let ramp = SourceFrame { radiance, ..frame(&[0]) };
+        let got = shown(Stream::Recovered, 1.5, &ramp);
+        let row: Vec<u8> = (0..256).map(|x| got[(16 * 256 + x) * 3]).collect();
+        assert_eq!((got.iter().min(), got.iter().max()), (Some(&0), Some(&255)), "minimum and maximum");
+        // The lens bends the ends of the ramp, and tau takes small cosines away.
+        let near = |x: usize| (i32::from(row[x]) - x as i32).abs() <= 4;
+        assert!((0..256).all(near), "{row:?}");
+    }
+
+    #[test]
+    fn spud_sees_less_than_a_code() {
+        let clock = ManualClock::default();
+        let point = Point { stream: Stream::Recovered, alpha: 1.5, ..Point::default() };
+        let mut way = PaperPipeline::new(&point, &clock).expect("possible");
+        // Half a code from left to right, hidden from 8 bits; tau would drop it, so that the ramp is large in all.
+        let y = Array3::from_shape_fn((64, 64, 1), |(_, x, _)| 0.1 + x as f32 / 64.0 * 0.5 / 256.0);
+        way.spud = Spud::new(0.0, ThresholdOn::Phi).expect("possible");
+        let got = way.recovered(&y).expect("recovered");
+        assert!(got[(32, 60, 0)] > got[(32, 30, 0)] && got[(32, 30, 0)] > got[(32, 4, 0)]);
+    }
+}

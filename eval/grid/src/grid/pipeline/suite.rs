@@ -1,0 +1,117 @@
+//! [`SuitePipeline`]: a frame through the camera and the unwrapping node of the suite, in lockstep.
+
+use std::sync::Arc;
+
+use modulo_bags::source::{Source, SourceError, SourceFrame};
+use modulo_camera::CameraParameters;
+use modulo_msgs::diagnostic_msgs::DiagnosticArray;
+use modulo_runtime::driver::lockstep::{Lockstep, OnTopic};
+use modulo_runtime::{Clock, Message, SensorModel, StampedFrame};
+use modulo_unwrap::UnwrapParameters;
+
+use super::quality::RecoveryQuality;
+use super::{BITS, DetectorInput, Nodes, Truth, node_name, stamp};
+use crate::error::GridError;
+use crate::results::{Point, Stream};
+
+/// The nodes of one cell before its detector.
+pub struct SuitePipeline<'a> {
+    nodes: &'a dyn Nodes,
+    timer: &'a dyn Clock,
+    stream: Stream,
+    camera: CameraParameters,
+    unwrap: Option<Lockstep<'a>>,
+    truth: Truth,
+    seed: u64,
+}
+
+impl<'a> SuitePipeline<'a> {
+    /// The pipeline of the cell at `point`.
+    pub fn new(
+        nodes: &'a dyn Nodes,
+        timer: &'a dyn Clock,
+        point: &Point,
+        seed: u64,
+    ) -> Result<Self, GridError> {
+        let lens = |psf_sigma| CameraParameters {
+            read_noise: point.noise,
+            sensor: SensorModel { bits: BITS, alpha: point.alpha, psf_sigma, ..SensorModel::default() },
+            ..CameraParameters::default()
+        };
+        let camera = lens(point.psf_sigma);
+        let unwrap = point.method.as_ref().map(|method| {
+            let (method, sensor) = (method.parse()?, camera.sensor.clone().into());
+            let with = UnwrapParameters { method, deblur: point.deblur, sensor, ..Default::default() };
+            let topics = ["/recovered", "/hdr", "/diagnostics"].map(str::to_owned).to_vec();
+            let mut chain = Lockstep::new(timer, topics);
+            chain.add(nodes.unwrap(&with)?, &node_name("unwrap"))?;
+            Ok::<_, GridError>(chain)
+        });
+        let truth = Truth([camera.sensor()?, lens(0.0).sensor()?]);
+        Ok(Self { nodes, timer, stream: point.stream, camera, unwrap: unwrap.transpose()?, truth, seed })
+    }
+
+    /// Processes frame `number`. The seed of its noise depends only on its number.
+    pub fn run(&mut self, number: usize, frame: SourceFrame) -> Result<DetectorInput, GridError> {
+        let seed = (self.seed.wrapping_add(number as u64) & i64::MAX as u64) as i64;
+        let radiance = self.unwrap.is_some().then(|| frame.radiance.clone());
+        let sensed = match self.stream {
+            Stream::Ideal => "/ideal",
+            Stream::Saturated => "/saturated",
+            Stream::Modulo | Stream::Recovered => "/modulo",
+            Stream::MultiExposure | Stream::MultiExposureStill => {
+                unreachable!("merged captures have a pipeline of their own")
+            }
+        };
+        let with = CameraParameters { seed, ..self.camera.clone() };
+        let mut camera = Lockstep::new(self.timer, vec![sensed.to_owned()]);
+        camera.add(self.nodes.camera(Box::new(SingleFrame(Some(frame))), &with)?, &node_name("camera"))?;
+        // The camera skips a frame that it cannot expose. The cell counts it as unanswered.
+        let Some(out) = camera.tick(0, stamp(number))? else { return Ok(DetectorInput::default()) };
+        let mut passed =
+            DetectorInput { image: image(&out, sensed), stages: camera.stages().to_vec(), recovery: None };
+        if let (Some(unwrap), Some(radiance)) = (&mut self.unwrap, radiance) {
+            let Some(modulo) = passed.image.take() else { return Ok(passed) };
+            let out = unwrap.feed("/modulo", Message::Image(modulo), stamp(number))?;
+            passed.stages.extend(unwrap.stages());
+            passed.image = image(&out, "/recovered");
+            if let (Some(toned), Some(counts)) = (&passed.image, image(&out, "/hdr")) {
+                let truth = self.truth.expose(&radiance, seed.unsigned_abs())?;
+                passed.recovery =
+                    RecoveryQuality::of_unwrapped(&counts.frame, &toned.frame, diagnostics(&out), &truth);
+            }
+        }
+        Ok(passed)
+    }
+}
+
+fn image(out: &[OnTopic], topic: &str) -> Option<Arc<StampedFrame>> {
+    out.iter().find(|(name, _)| name == topic).and_then(|(_, message)| match message {
+        Message::Image(image) => Some(image.clone()),
+        _ => None,
+    })
+}
+
+fn diagnostics(out: &[OnTopic]) -> Option<&DiagnosticArray> {
+    out.iter().find_map(|(_, message)| match message {
+        Message::Diagnostics(array) => Some(&**array),
+        _ => None,
+    })
+}
+
+/// A source that has a single frame.
+struct SingleFrame(Option<SourceFrame>);
+
+impl Source for SingleFrame {
+    fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
+        self.0.take().map(Ok)
+    }
+
+    fn len(&self) -> Option<usize> {
+        Some(1)
+    }
+
+    fn rewind(&mut self) -> Result<(), SourceError> {
+        Ok(())
+    }
+}

@@ -1,0 +1,160 @@
+//! [`Request`]: the data and the settings of a grid run, as the command line gives them.
+
+use std::path::PathBuf;
+
+use clap::Parser;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use modulo_detector::EngineChoice;
+
+use super::{Axes, GridError};
+use crate::classes::{ClassMap, Groups};
+use crate::data::Data;
+use crate::results::{Difficulty, Protocol};
+
+/// Everything that determines a grid run.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// The labelled frames.
+    pub data: Data,
+    /// The settings.
+    pub options: Options,
+    /// Name of the processor, which is written into the results.
+    pub processor: String,
+    /// Folder for the results.
+    pub out: PathBuf,
+}
+
+/// The settings of a grid run, as options of a command line.
+#[derive(Clone, Debug, Parser)]
+pub struct Options {
+    /// How a frame reaches the detector: through the nodes of the suite, or as in the scripts of the paper
+    #[arg(long, value_enum, default_value_t)]
+    pub protocol: Protocol,
+    /// The values that the cells combine.
+    #[command(flatten)]
+    pub axes: Axes,
+    /// Inference engine
+    #[arg(long, default_value = "auto", value_parser = engine_parser())]
+    pub engine: EngineChoice,
+    /// Threads of one inference
+    #[arg(long, default_value_t = 1)]
+    pub threads: usize,
+    /// Number of frames that are processed in parallel. 0: one for each core
+    #[arg(long, default_value_t = 0)]
+    pub jobs: usize,
+    /// Seed of the noise and of the bootstrap
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+    /// Objects that are scored, also with FILE [default: moderate; all for YOLO and COCO labels]
+    #[arg(long, value_enum)]
+    pub difficulty: Option<Difficulty>,
+    /// File of lines `class of the model: class of the labels`, instead of the mapping from COCO to KITTI
+    #[arg(long, value_name = "FILE")]
+    pub class_map: Option<PathBuf>,
+    /// File of lines `class of the labels: group`, instead of the groups vehicle and person
+    #[arg(long, value_name = "FILE")]
+    pub groups: Option<PathBuf>,
+    /// Process only part i of n of the cells
+    #[arg(long, value_name = "i/n", default_value = "1/1")]
+    pub shard: Shard,
+}
+
+impl Default for Options {
+    /// The defaults of the command line.
+    fn default() -> Self {
+        Self::parse_from(["grid"])
+    }
+}
+
+/// Reads the name of an inference engine from a command line.
+pub fn engine_parser() -> impl TypedValueParser<Value = EngineChoice> {
+    PossibleValuesParser::new(EngineChoice::WORDS.map(|(word, _)| word)).map(|given| {
+        let found = EngineChoice::WORDS.into_iter().find(|(word, _)| *word == given);
+        found.expect("the parser accepts only these words").1
+    })
+}
+
+impl Request {
+    /// The mapping from the classes of a model to those of the labels.
+    pub(super) fn class_map(&self) -> Result<ClassMap, GridError> {
+        match (&self.options.class_map, self.options.protocol) {
+            (Some(file), _) => ClassMap::read(file),
+            (None, Protocol::Paper) => Ok(ClassMap::paper()),
+            (None, Protocol::Suite) => Ok(self.data.class_map()),
+        }
+    }
+
+    /// The groups in which classes of the labels are scored.
+    pub(super) fn groups(&self) -> Result<Groups, GridError> {
+        self.options.groups.as_deref().map_or_else(|| Ok(Groups::default()), Groups::read)
+    }
+
+    /// The objects that are scored.
+    pub(super) fn difficulty(&self) -> Difficulty {
+        self.options.difficulty.unwrap_or_else(|| self.data.difficulty())
+    }
+
+    /// Threads of one inference, at least 1.
+    pub(super) fn threads(&self) -> usize {
+        self.options.threads.max(1)
+    }
+
+    /// Number of frames that are processed in parallel, at least 1.
+    pub(super) fn jobs(&self) -> usize {
+        match self.options.jobs {
+            0 => std::thread::available_parallelism().map_or(1, usize::from),
+            jobs => jobs,
+        }
+    }
+}
+
+/// One part of the cells of a grid, for runs that are split over several processes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    /// Number of this part, 1 to `of`.
+    pub index: usize,
+    /// Number of parts, at least 1.
+    pub of: usize,
+}
+
+impl Shard {
+    /// Whether the cell of this index (from 0) belongs to the part.
+    pub(super) fn has(self, cell: usize) -> bool {
+        cell % self.of.max(1) + 1 == self.index
+    }
+}
+
+impl std::str::FromStr for Shard {
+    type Err = String;
+
+    /// Reads `i/n`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let pair = text.split_once('/').and_then(|(i, n)| Some((i.parse().ok()?, n.parse().ok()?)));
+        match pair {
+            Some((index, of)) if (1..=of).contains(&index) => Ok(Self { index, of }),
+            _ => Err("must be i/n with 1 <= i <= n, such as 2/8".to_owned()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_cell_is_in_one_shard() {
+        for of in 1..5 {
+            for cell in 0..20 {
+                assert_eq!((1..=of).filter(|&index| Shard { index, of }.has(cell)).count(), 1);
+            }
+        }
+    }
+
+    #[test]
+    fn a_shard_is_counted_from_one() {
+        assert_eq!("2/8".parse(), Ok(Shard { index: 2, of: 8 }));
+        for bad in ["", "0/2", "3/2", "1", "1/0", "a/b", "-1/2"] {
+            assert!(bad.parse::<Shard>().is_err(), "{bad}");
+        }
+    }
+}

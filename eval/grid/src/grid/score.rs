@@ -1,0 +1,181 @@
+//! [`Scorer`]: computes the figures of a cell from the results of its frames.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use modulo_bags::source::GroundTruth;
+use modulo_core::Detection;
+
+use super::pipeline::quality::ImageSimilarity;
+use super::runner::FrameResult;
+use crate::classes::{ClassMap, DONT_CARE, Groups, Membership};
+use crate::metric::average_precision::image;
+use crate::metric::matching::Image;
+use crate::metric::{average, bootstrap, latency, paper};
+use crate::results::{Cell, ClassScore, Device, Difficulty, Paper, Point, WORST, Worst};
+
+/// The ground truth and the rules of scoring.
+pub struct Scorer<'a> {
+    /// Labels of every frame.
+    pub truths: &'a [Vec<GroundTruth>],
+    /// Mapping from the classes of the model to those of the labels.
+    pub map: &'a ClassMap,
+    /// Groups of classes.
+    pub groups: &'a Groups,
+    /// Classes of the labels that the model can find.
+    pub mapped: &'a BTreeSet<String>,
+    /// The objects that are scored.
+    pub difficulty: Difficulty,
+    /// Units that the bootstrap draws.
+    pub units: &'a bootstrap::Units,
+}
+
+/// Detections of each frame, in the classes of the labels.
+type Found = Vec<Vec<Detection>>;
+
+impl Scorer<'_> {
+    /// The figures of the cell at `point`.
+    pub fn cell(&self, point: Point, frames: &[FrameResult], device: Device) -> Cell {
+        let found = self.mapped_detections(frames);
+        let groups: BTreeMap<&str, Vec<Image>> = self
+            .groups
+            .names()
+            .into_iter()
+            .map(|group| (group, self.of_group(&found, group, self.difficulty)))
+            .collect();
+        let papers = self.papers(&found);
+        let recoveries = frames.iter().filter_map(|frame| frame.recovery.as_ref());
+        let samples: u64 = recoveries.clone().map(|r| r.samples).sum();
+        let exact: u64 = recoveries.clone().map(|r| r.exact).sum();
+        let (psnr_db, ssim) = ImageSimilarity::mean(recoveries.clone().map(|r| &r.ideal));
+        let (psnr_sharp_db, ssim_sharp) = ImageSimilarity::mean(recoveries.clone().map(|r| &r.sharp));
+        let claims: Vec<f64> =
+            recoveries.filter_map(|r| r.trust.claim()).map(|t| f64::from(u8::from(t))).collect();
+        let means: Vec<f64> = groups.values().filter_map(|images| average::ap50_95(images)).collect();
+        Cell {
+            point,
+            frames: frames.len(),
+            unanswered: frames.iter().filter(|frame| frame.found.is_none()).count(),
+            ap50: by_group(&groups, |images| average::ap(images, 0.5)),
+            ap50_95: (!means.is_empty()).then(|| average::mean(&means)),
+            objects: by_group(&groups, |images| images.iter().map(Image::objects).sum()),
+            classes: self.classes(&found),
+            difficulty: self.difficulties(&found),
+            precision: by_group(&groups, |images| average::curve(images, 0.5).unwrap_or_default()),
+            interval95: self.intervals(&groups, &papers),
+            paper: paper::mean(&papers),
+            worst: self.worst(&papers),
+            exact_k: (samples > 0).then(|| exact as f64 / samples as f64),
+            trusted: (!claims.is_empty()).then(|| average::mean(&claims)),
+            psnr_db,
+            ssim,
+            psnr_sharp_db,
+            ssim_sharp,
+            latency_ms: latency::by_stage(frames.iter().map(|frame| &frame.stages[..])),
+            latency_histogram: latency::histogram(frames.iter().map(|frame| &frame.stages[..])),
+            device,
+        }
+    }
+
+    /// The detections in the classes of the labels. Classes without a counterpart are dropped.
+    fn mapped_detections(&self, frames: &[FrameResult]) -> Found {
+        let mapped = |detection: &Detection| {
+            let class = self.map.mapped(&detection.class)?.to_owned();
+            Some(Detection { class, ..detection.clone() })
+        };
+        let of = |frame: &FrameResult| {
+            frame.found.iter().flat_map(|found| found.iter()).filter_map(mapped).collect()
+        };
+        frames.iter().map(of).collect()
+    }
+
+    fn of_group(&self, found: &Found, group: &str, difficulty: Difficulty) -> Vec<Image> {
+        self.images(found, difficulty, |class| self.groups.membership(class, group))
+    }
+
+    /// The images for one class. Classes of its group that the model cannot find are ignored.
+    fn of_class(&self, found: &Found, class: &str) -> Vec<Image> {
+        let group = self.groups.of(class);
+        self.images(found, self.difficulty, |other| match other {
+            other if other == class => Membership::Member,
+            other if group.is_some() && self.groups.of(other) == group && !self.mapped.contains(other) => {
+                Membership::Ignored
+            }
+            _ => Membership::Other,
+        })
+    }
+
+    fn images(
+        &self,
+        found: &Found,
+        difficulty: Difficulty,
+        membership: impl Fn(&str) -> Membership,
+    ) -> Vec<Image> {
+        let frames = found.iter().zip(self.truths);
+        frames.map(|(found, truth)| image(found, truth, difficulty, &membership)).collect()
+    }
+
+    fn classes(&self, found: &Found) -> BTreeMap<String, ClassScore> {
+        let score = |class: &String| {
+            let images = self.of_class(found, class);
+            let objects = images.iter().map(Image::objects).sum();
+            let (ap50, ap50_95) = (average::ap(&images, 0.5)?, average::ap50_95(&images)?);
+            Some((class.clone(), ClassScore { ap50, ap50_95, objects }))
+        };
+        self.mapped.iter().filter_map(score).collect()
+    }
+
+    fn difficulties(&self, found: &Found) -> BTreeMap<Difficulty, BTreeMap<String, Option<f64>>> {
+        let groups = self.groups.names();
+        let score = |difficulty: Difficulty| {
+            let ap = |group: &&str| {
+                (String::from(*group), average::ap(&self.of_group(found, group, difficulty), 0.5))
+            };
+            (difficulty, groups.iter().map(ap).collect())
+        };
+        Difficulty::ALL.into_iter().map(score).collect()
+    }
+
+    fn papers(&self, found: &Found) -> Vec<Paper> {
+        let of_image = |(found, truth): (&Vec<Detection>, &Vec<GroundTruth>)| {
+            let labels = truth.iter().filter(|label| label.class != DONT_CARE);
+            let labels: Vec<_> = labels.map(|label| (label.bbox, label.class.as_str())).collect();
+            paper::of_image(found, &labels)
+        };
+        found.iter().zip(self.truths).map(of_image).collect()
+    }
+
+    fn worst(&self, papers: &[Paper]) -> Vec<Worst> {
+        let labelled = |number: &usize| self.truths[*number].iter().any(|label| label.class != DONT_CARE);
+        let numbers = (0..papers.len()).filter(labelled);
+        let mut worst: Vec<Worst> = numbers.map(|number| Worst { number, f1: papers[number].f1 }).collect();
+        worst.sort_by(|a, b| a.f1.total_cmp(&b.f1));
+        worst.truncate(WORST);
+        worst
+    }
+
+    fn intervals(&self, groups: &BTreeMap<&str, Vec<Image>>, papers: &[Paper]) -> BTreeMap<String, [f64; 2]> {
+        let mut intervals = BTreeMap::new();
+        for (group, images) in groups {
+            let sample = average::Sample::new(images, 0.5);
+            if let Some(interval) = self.units.interval(|times| sample.ap(times)) {
+                intervals.insert(format!("ap50.{group}"), interval);
+            }
+        }
+        let figures = |paper: &Paper| [paper.iou, paper.f1, paper.accuracy];
+        for (index, name) in ["iou", "f1", "accuracy"].into_iter().enumerate() {
+            let mean = |times: &[u64]| {
+                let weighted = papers.iter().zip(times).map(|(paper, n)| figures(paper)[index] * *n as f64);
+                let sum: f64 = weighted.sum();
+                Some(sum / times.iter().sum::<u64>().max(1) as f64)
+            };
+            if let Some(interval) = self.units.interval(mean) {
+                intervals.insert(format!("paper.{name}"), interval);
+            }
+        }
+        intervals
+    }
+}
+
+fn by_group<T>(groups: &BTreeMap<&str, Vec<Image>>, figure: impl Fn(&[Image]) -> T) -> BTreeMap<String, T> {
+    groups.iter().map(|(group, images)| ((*group).to_owned(), figure(images))).collect()
+}

@@ -1,0 +1,260 @@
+//! [`Evaluation`]: the boxes and scores of the detectors of a launch file.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use modulo_bags::FileError;
+use modulo_bags::bag::{BagError, BagTopic};
+use modulo_bags::record::Recorder;
+use modulo_bags::source::{GroundTruth, from_detections};
+use modulo_core::{Detection, Frame};
+use modulo_images::{SaveError, save_png};
+use modulo_msgs::cdr::CdrError;
+use modulo_msgs::vision_msgs::Detection2DArray;
+use modulo_runtime::clock::nanos;
+use modulo_runtime::driver::RunError;
+use modulo_runtime::driver::lockstep::{Lockstep, OnTopic};
+use modulo_runtime::{Message, Topic};
+use serde_json::{Value, json};
+
+use crate::metric::average_precision::{Scored, by_class, mean};
+use crate::mosaic::mosaic;
+use crate::results::Difficulty;
+use crate::timeline::Timeline;
+
+/// Time between two frames of a source that has neither time stamps nor a rate.
+const NOMINAL_INTERVAL: Duration = Duration::from_millis(100);
+
+/// A detector and the image stream that it reads.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Stream {
+    /// Name of its files: the image topic without the leading slash and with `.` for `/`.
+    pub name: String,
+    /// Topic of the images.
+    pub images: String,
+    /// Topic of the boxes.
+    pub detections: String,
+    /// Topic of the images with the boxes drawn, if the detector publishes them.
+    pub annotated: Option<String>,
+}
+
+impl Stream {
+    /// The stream with images on topic `images` and boxes on topic `detections`.
+    pub fn new(images: String, detections: String, annotated: Option<String>) -> Self {
+        let name = images.trim_start_matches('/').replace('/', ".");
+        Self { name, images, detections, annotated }
+    }
+}
+
+/// Error of an evaluation.
+#[derive(Debug, thiserror::Error)]
+pub enum EvalError {
+    /// A node failed.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// An image could not be written.
+    #[error(transparent)]
+    Save(#[from] SaveError),
+    /// The bag could not be written.
+    #[error(transparent)]
+    Bag(#[from] BagError),
+    /// A message is too large for CDR.
+    #[error(transparent)]
+    Cdr(#[from] CdrError),
+    /// A file or folder could not be written.
+    #[error(transparent)]
+    File(#[from] FileError),
+}
+
+/// The streams of an evaluation and the place of its files.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Time between two frames of a source without time stamps. Zero means 100 ms.
+    pub interval: Duration,
+    /// The detectors.
+    pub streams: Vec<Stream>,
+    /// Topic of the ground truth.
+    pub truth: Option<String>,
+    /// Whether images are saved: `FOLDER/STREAM/NUMBER.png`, and `FOLDER/grid.png` with the last frame of every stream
+    /// and its boxes, in two columns and in the order of the detectors.
+    pub save_images: bool,
+    /// Folder for images and results.
+    pub folder: PathBuf,
+    /// Topics that are written into the bag, if there is one.
+    pub bagged: Vec<String>,
+}
+
+/// Boxes and ground truth of all frames so far. A frame without an answer has no boxes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Evaluation {
+    /// For each stream a list of boxes for each frame.
+    pub boxes: BTreeMap<String, Vec<Vec<Detection>>>,
+    /// Objects of each frame. `None` for a frame without labels.
+    pub truth: Vec<Option<Vec<GroundTruth>>>,
+    /// The objects that [`Evaluation::scores`] counts.
+    pub difficulty: Difficulty,
+    timeline: Timeline,
+}
+
+/// AP50 of one stream.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Score {
+    /// Mean over the classes.
+    pub ap50: f64,
+    /// The objects that are counted.
+    pub difficulty: Difficulty,
+    /// AP50 and number of objects of each class.
+    pub classes: BTreeMap<String, (f64, usize)>,
+}
+
+impl Evaluation {
+    /// An evaluation without frames that will count the objects of `difficulty`.
+    pub fn new(difficulty: Difficulty) -> Self {
+        Self { difficulty, ..Self::default() }
+    }
+
+    /// Runs source `source` of `chain` to its end, adds its frames, and writes the messages on `plan.bagged` to `bag`.
+    ///
+    /// # Errors
+    /// [`EvalError`] if a node fails or a file cannot be written.
+    pub fn add(
+        &mut self,
+        chain: &mut Lockstep<'_>,
+        source: usize,
+        plan: &Plan,
+        mut bag: Option<&mut Recorder>,
+    ) -> Result<(), EvalError> {
+        let images = plan.streams.iter().filter(|_| plan.save_images);
+        for folder in images.map(|s| plan.folder.join(&s.name)).chain([plan.folder.clone()]) {
+            std::fs::create_dir_all(&folder).map_err(|why| FileError::new(&folder, why))?;
+        }
+        let interval = if plan.interval.is_zero() { NOMINAL_INTERVAL } else { plan.interval };
+        loop {
+            // The frames of all sources share one timeline.
+            let now = (self.truth.len() as u64).saturating_mul(nanos(interval));
+            let Some(mut out) = chain.tick(source, now)? else { break };
+            self.timeline.place(&mut out, interval);
+            if let Some(recorder) = bag.as_deref_mut() {
+                record(recorder, &out, &plan.bagged)?;
+            }
+            self.add_frame(&out, plan)?;
+        }
+        Ok(())
+    }
+
+    fn add_frame(&mut self, out: &[OnTopic], plan: &Plan) -> Result<(), EvalError> {
+        let number = self.truth.len();
+        for stream in &plan.streams {
+            let arrays = arrays(out, &stream.detections);
+            let found = arrays.flat_map(|a| a.detections.iter().filter_map(|d| d.to_detection())).collect();
+            self.boxes.entry(stream.name.clone()).or_default().push(found);
+            if plan.save_images {
+                save(out, stream, &plan.folder, number)?;
+            }
+        }
+        if plan.save_images {
+            let topics = plan.streams.iter().filter_map(|s| s.annotated.as_deref());
+            let frames: Vec<&Frame> = topics.filter_map(|topic| image(out, topic)).collect();
+            if let Some(picture) = mosaic(&frames) {
+                save_png(&plan.folder.join("grid.png"), &picture)?;
+            }
+        }
+        let truth = plan.truth.as_deref().and_then(|topic| arrays(out, topic).next());
+        self.truth.push(truth.map(from_detections));
+        Ok(())
+    }
+
+    /// AP50 of each stream over the labelled frames.
+    pub fn scores(&self) -> BTreeMap<String, Score> {
+        let score = |(stream, frames): (&String, &Vec<Vec<Detection>>)| {
+            let labelled = frames.iter().zip(&self.truth);
+            let scored: Vec<Scored> =
+                labelled.filter_map(|(found, truth)| Some((found.clone(), truth.clone()?))).collect();
+            let classes = by_class(&scored, self.difficulty);
+            Some((stream.clone(), Score { ap50: mean(&classes)?, difficulty: self.difficulty, classes }))
+        };
+        self.boxes.iter().filter_map(score).collect()
+    }
+
+    /// Writes `STREAM.json` for each stream with one line for each frame:
+    /// `{"000000.png": [[x1, y1, x2, y2, score, "class"], ...], ...}`. Writes `scores.json` if there is a ground truth.
+    ///
+    /// # Errors
+    /// [`EvalError::File`] if a file cannot be written.
+    pub fn write(&self, folder: &Path) -> Result<(), EvalError> {
+        let file = |name: String, text: String| {
+            let path = folder.join(name);
+            std::fs::write(&path, text).map_err(|why| FileError::new(&path, why))
+        };
+        for (name, frames) in &self.boxes {
+            file(format!("{name}.json"), boxes(frames))?;
+        }
+        let scores = self.scores();
+        if scores.is_empty() {
+            return Ok(());
+        }
+        Ok(file("scores.json".to_owned(), scores_json(&scores))?)
+    }
+}
+
+fn arrays<'a>(out: &'a [OnTopic], topic: &'a str) -> impl Iterator<Item = &'a Detection2DArray> {
+    out.iter().filter(move |(name, _)| name == topic).filter_map(|(_, message)| match message {
+        Message::Detections(array) => Some(&**array),
+        _ => None,
+    })
+}
+
+fn save(out: &[OnTopic], stream: &Stream, folder: &Path, number: usize) -> Result<(), EvalError> {
+    if let Some(frame) = image(out, &stream.images) {
+        save_png(&folder.join(&stream.name).join(file_name(number)), frame)?;
+    }
+    Ok(())
+}
+
+fn image<'a>(out: &'a [OnTopic], topic: &str) -> Option<&'a Frame> {
+    out.iter().filter(|(name, _)| name == topic).find_map(|(_, message)| match message {
+        Message::Image(image) => Some(&image.frame),
+        _ => None,
+    })
+}
+
+/// File name of the image of a frame.
+fn file_name(number: usize) -> String {
+    format!("{number:06}.png")
+}
+
+/// Boxes with one line for each frame, so that two runs can be compared with `diff`.
+fn boxes(frames: &[Vec<Detection>]) -> String {
+    let row =
+        |d: &Detection| -> Value { json!([d.bbox.x1, d.bbox.y1, d.bbox.x2, d.bbox.y2, d.score, d.class]) };
+    let line = |(number, frame): (usize, &Vec<Detection>)| {
+        let rows: Vec<Value> = frame.iter().map(row).collect();
+        format!("  \"{}\": {}", file_name(number), Value::Array(rows))
+    };
+    let lines: Vec<String> = frames.iter().enumerate().map(line).collect();
+    format!("{{\n{}\n}}\n", lines.join(",\n"))
+}
+
+/// Scores as `{"STREAM": {"ap50": f, "difficulty": "moderate", "classes": {"CLASS": {"ap50": f, "objects": n}}}}`.
+fn scores_json(scores: &BTreeMap<String, Score>) -> String {
+    let class = |(ap50, objects): &(f64, usize)| json!({ "ap50": ap50, "objects": objects });
+    let score = |score: &Score| {
+        let classes: BTreeMap<&String, Value> = score.classes.iter().map(|(k, v)| (k, class(v))).collect();
+        json!({ "ap50": score.ap50, "difficulty": score.difficulty, "classes": classes })
+    };
+    let all: BTreeMap<&String, Value> = scores.iter().map(|(stream, s)| (stream, score(s))).collect();
+    format!("{:#}\n", json!(all))
+}
+
+/// Writes the messages on `topics`. Log time and publish time are the stamp of the message.
+fn record(recorder: &mut Recorder, out: &[OnTopic], topics: &[String]) -> Result<(), EvalError> {
+    for (topic, message) in out.iter().filter(|(topic, _)| topics.contains(topic)) {
+        let bytes = message.encode()?;
+        let stamp = message.stamp().as_ns();
+        let kind = message.kind();
+        let bag_topic = BagTopic::new(topic, kind.type_name(), Topic::new(topic, kind).qos);
+        recorder.record(&bag_topic, stamp, stamp, &bytes)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,141 @@
+//! Average precision (AP) as COCO defines it: the mean over 101 recalls of the best precision at that recall or above.
+
+use super::matching::{Image, Mark};
+
+/// Number of recalls at which the curve is sampled: 0, 0.01, ..., 1.
+pub const RECALLS: usize = 101;
+
+/// The definition of AP50 and of the precision-recall curve for the report.
+pub const DEFINITION: &str = "\
+    Detections take, by descending score, the free object of largest IoU of at least the threshold (one to \
+    one, at most 100 detections an image and category). Precision at a recall is the best precision at that \
+    recall or above; AP is its mean over the recalls 0, 0.01, ..., 1. Ignored objects, DontCare areas and \
+    detections that lie at least half in them are not scored.";
+
+/// The ten thresholds of AP50:95.
+pub fn thresholds() -> impl Iterator<Item = f64> {
+    // The same values as numpy.linspace(0.5, 0.95, 10).
+    (0..10).map(|step| 0.5 + f64::from(step) * (0.45 / 9.0))
+}
+
+/// Precision at each of the [`RECALLS`]. `None` if no object is scored.
+pub fn curve(images: &[Image], least_iou: f64) -> Option<Vec<f64>> {
+    Sample::new(images, least_iou).curve(&vec![1; images.len()])
+}
+
+/// AP at one IoU threshold. `None` if no object is scored.
+pub fn ap(images: &[Image], least_iou: f64) -> Option<f64> {
+    curve(images, least_iou).as_deref().map(mean)
+}
+
+/// Mean AP over [`thresholds`]. `None` if no object is scored.
+pub fn ap50_95(images: &[Image]) -> Option<f64> {
+    thresholds().map(|threshold| ap(images, threshold)).collect::<Option<Vec<f64>>>().as_deref().map(mean)
+}
+
+/// The mean of figures. 0 for an empty list.
+pub fn mean(figures: &[f64]) -> f64 {
+    figures.iter().sum::<f64>() / figures.len().max(1) as f64
+}
+
+/// The matched detections of several images at one threshold, for repeated drawing by the bootstrap.
+pub struct Sample {
+    /// Matched detections by descending score, with the index of their image.
+    marks: Vec<(Mark, usize)>,
+    objects: Vec<u64>,
+}
+
+impl Sample {
+    /// Matches the detections of all images.
+    pub fn new(images: &[Image], least_iou: f64) -> Self {
+        let of = |(place, image): (usize, &Image)| {
+            image.marks(least_iou).into_iter().map(move |mark| (mark, place))
+        };
+        let mut marks: Vec<(Mark, usize)> = images.iter().enumerate().flat_map(of).collect();
+        marks.sort_by(|a, b| b.0.score.total_cmp(&a.0.score));
+        Self { marks, objects: images.iter().map(|image| image.objects() as u64).collect() }
+    }
+
+    /// AP of a data set that has image i `times[i]` times. `None` if no object is scored.
+    pub fn ap(&self, times: &[u64]) -> Option<f64> {
+        self.curve(times).as_deref().map(mean)
+    }
+
+    fn curve(&self, times: &[u64]) -> Option<Vec<f64>> {
+        let objects: u64 = self.objects.iter().zip(times).map(|(objects, times)| objects * times).sum();
+        let marks = self.marks.iter().map(|(mark, place)| (mark.right, times[*place]));
+        (objects > 0).then(|| precisions(marks, objects))
+    }
+}
+
+/// The precision curve of detections (whether it is right, weight) by descending score, for `objects` > 0.
+pub fn precisions(marks: impl Iterator<Item = (bool, u64)>, objects: u64) -> Vec<f64> {
+    let (mut right, mut seen) = (0, 0);
+    let mut points: Vec<(f64, f64)> = Vec::new();
+    for (is_right, times) in marks.filter(|(_, times)| *times > 0) {
+        seen += times;
+        right += if is_right { times } else { 0 };
+        points.push((right as f64 / objects as f64, right as f64 / seen as f64));
+    }
+    let mut best: f64 = 0.0;
+    for point in points.iter_mut().rev() {
+        best = best.max(point.1);
+        point.1 = best;
+    }
+    let mut at = 0;
+    let read = |step: usize| {
+        // The same values as numpy.linspace(0, 1, 101), whose 0.35 is slightly larger than 7/20.
+        let recall = if step + 1 == RECALLS { 1.0 } else { step as f64 * 0.01 };
+        while points.get(at).is_some_and(|(reached, _)| *reached < recall) {
+            at += 1;
+        }
+        points.get(at).map_or(0.0, |(_, precision)| *precision)
+    };
+    (0..RECALLS).map(read).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::matching::Role;
+    use super::*;
+
+    #[test]
+    fn a_confident_mistake_costs_precision() {
+        let curve = precisions([(false, 1), (true, 1)].into_iter(), 1);
+        assert_eq!((curve.len(), mean(&curve)), (RECALLS, 0.5));
+    }
+
+    #[test]
+    fn half_of_the_objects_fill_half_of_the_curve() {
+        let curve = precisions([(true, 1)].into_iter(), 2);
+        assert_eq!(curve.iter().filter(|p| **p == 1.0).count(), 51);
+        assert_eq!(curve.iter().sum::<f64>(), 51.0);
+    }
+
+    #[test]
+    fn to_count_twice_is_to_be_there_twice() {
+        let weighted = precisions([(true, 2), (false, 3), (true, 0), (true, 1)].into_iter(), 4);
+        let single = [true, true, false, false, false, true].into_iter().map(|right| (right, 1));
+        assert_eq!(weighted, precisions(single, 4));
+    }
+
+    #[test]
+    fn an_image_drawn_twice_is_two_images() {
+        let bbox = |x: f32| modulo_core::BBox { x1: x, y1: 0.0, x2: x + 9.0, y2: 9.0 };
+        let image = |found: &[(f32, f32)]| Image {
+            truth: vec![(bbox(0.0), Role::Counts)],
+            found: found.iter().map(|(x, score)| (bbox(*x), *score)).collect(),
+            least_height: 0.0,
+        };
+        let (a, b) = (image(&[(0.0, 0.9), (50.0, 0.8)]), image(&[(50.0, 0.85)]));
+        let sample = Sample::new(&[a.clone(), b.clone()], 0.5);
+        assert_eq!(sample.ap(&[1, 1]), ap(&[a.clone(), b.clone()], 0.5));
+        assert_eq!(sample.ap(&[2, 1]), ap(&[a.clone(), b, a], 0.5));
+        assert_eq!(sample.ap(&[0, 0]), None);
+    }
+
+    #[test]
+    fn without_objects_there_is_no_curve() {
+        assert_eq!((ap(&[Image::default()], 0.5), ap50_95(&[])), (None, None));
+    }
+}

@@ -1,0 +1,76 @@
+//! Quantiles and histogram of durations.
+
+use std::collections::BTreeMap;
+
+use modulo_core::metric::quantile;
+
+use crate::labels::SENSE;
+use crate::results::Percentiles;
+
+/// The definition of a latency for the report.
+pub const DEFINITION: &str = "\
+    Wall-clock time of one stage on one frame, ms; p50, p95 and p99 over the frames of the cell (the smallest \
+    duration that is not exceeded by that share). An image that equals an earlier one of the same frame and \
+    model, from another cell, is not detected again: it keeps the earlier durations. threads: threads of one \
+    inference; jobs: frames that are processed in parallel.";
+
+/// Quantiles of each stage. Durations of a stage that occurs twice in a frame are added.
+pub fn by_stage<'a>(
+    frames: impl Iterator<Item = &'a [(&'static str, u64)]>,
+) -> BTreeMap<String, Percentiles> {
+    let mut stages: BTreeMap<&str, Vec<u64>> = BTreeMap::new();
+    for frame in frames {
+        let mut sums: BTreeMap<&str, u64> = BTreeMap::new();
+        frame.iter().for_each(|(stage, ns)| *sums.entry(stage).or_default() += ns);
+        sums.into_iter().for_each(|(stage, ns)| stages.entry(stage).or_default().push(ns));
+    }
+    stages.into_iter().map(|(stage, durations)| (stage.to_owned(), percentiles(durations))).collect()
+}
+
+/// Number of histogram buckets for a factor of ten.
+const BUCKETS: f64 = 20.0;
+
+/// Histogram of the time of a frame without the simulation of the sensor, as ascending (upper bound in ms, frames). The
+/// bounds are `10^(n / 20)`; empty buckets are left out.
+pub fn histogram<'a>(frames: impl Iterator<Item = &'a [(&'static str, u64)]>) -> Vec<(f64, u64)> {
+    let mut counts: BTreeMap<i32, u64> = BTreeMap::new();
+    for frame in frames {
+        let ns: u64 = frame.iter().filter(|(stage, _)| *stage != SENSE).map(|(_, ns)| ns).sum();
+        let ms = (ns as f64 / 1e6).max(1e-6);
+        *counts.entry((ms.log10() * BUCKETS).floor() as i32 + 1).or_default() += 1;
+    }
+    counts.into_iter().map(|(bucket, count)| (10f64.powf(f64::from(bucket) / BUCKETS), count)).collect()
+}
+
+fn percentiles(mut ns: Vec<u64>) -> Percentiles {
+    ns.sort_unstable();
+    let at = |q: f64| quantile(&ns, q).expect("a stage is listed with its first duration") as f64 / 1e6;
+    Percentiles { p50: at(0.50), p95: at(0.95), p99: at(0.99) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_durations_that_happened() {
+        let frames: Vec<Vec<(&'static str, u64)>> =
+            (1..=100).map(|ms| vec![("infer", ms * 1_000_000), ("pre", 1), ("pre", 2)]).collect();
+        let stages = by_stage(frames.iter().map(|frame| &frame[..]));
+        assert_eq!(stages["infer"], Percentiles { p50: 50.0, p95: 95.0, p99: 99.0 });
+        assert_eq!(stages["pre"].p50, 3e-6);
+        assert!(by_stage([].into_iter()).is_empty());
+    }
+
+    #[test]
+    fn a_histogram_counts_every_frame_below_its_bound() {
+        let ms = [1.0, 1.05, 9.0, 30.0, 31.0];
+        let frames: Vec<Vec<(&'static str, u64)>> =
+            ms.iter().map(|ms| vec![("sense", 1_000_000_000), ("infer", (ms * 1e6) as u64)]).collect();
+        let counted = histogram(frames.iter().map(|frame| &frame[..]));
+        assert_eq!(counted.iter().map(|(_, count)| *count).collect::<Vec<_>>(), [2, 1, 2]);
+        for ((bound, _), most) in counted.iter().zip([1.05, 9.0, 31.0]) {
+            assert!(*bound > most && *bound < most * 1.13, "{bound} ms for {most} ms");
+        }
+    }
+}

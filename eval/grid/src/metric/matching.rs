@@ -1,0 +1,132 @@
+//! Matching of detections and objects as in COCO: one to one, by descending score.
+
+use modulo_core::BBox;
+
+/// Treatment of an object in the score.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// The object is scored: it should be found once.
+    Counts,
+    /// The object is ignored, whether it is found or not.
+    Ignored,
+    /// An area in which objects are not labelled one by one (DontCare, a crowd). Detections in it are ignored.
+    Area,
+}
+
+/// The boxes of one image and category.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Image {
+    /// Labelled boxes.
+    pub truth: Vec<(BBox, Role)>,
+    /// Detected boxes with their scores.
+    pub found: Vec<(BBox, f32)>,
+    /// Unmatched detections lower than this, px, are ignored.
+    pub least_height: f32,
+}
+
+/// A detection that is right or wrong. Ignored detections have no mark.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mark {
+    /// Score of the detection.
+    pub score: f32,
+    /// Whether it found a scored object.
+    pub right: bool,
+}
+
+/// Number of detections of an image and category that are scored, those of the highest scores.
+const MOST_DETECTIONS: usize = 100;
+
+impl Image {
+    /// Number of scored objects.
+    pub fn objects(&self) -> usize {
+        self.truth.iter().filter(|(_, role)| *role == Role::Counts).count()
+    }
+
+    /// Matches the best [`MOST_DETECTIONS`] by descending score: each takes the free object of largest IoU, at least
+    /// `least_iou`, scored objects before all others.
+    pub fn marks(&self, least_iou: f64) -> Vec<Mark> {
+        let mut found: Vec<&(BBox, f32)> = self.found.iter().collect();
+        found.sort_by(|a, b| b.1.total_cmp(&a.1));
+        found.truncate(MOST_DETECTIONS);
+        let mut free = vec![true; self.truth.len()];
+        let mut marks = Vec::with_capacity(found.len());
+        for (bbox, score) in found {
+            let hit = self.best(*bbox, least_iou, &free);
+            if let Some(index) = hit {
+                free[index] = self.truth[index].1 == Role::Area;
+            }
+            match hit.map(|index| self.truth[index].1) {
+                Some(Role::Counts) => marks.push(Mark { score: *score, right: true }),
+                Some(_) => {}
+                None if bbox.y2 - bbox.y1 < self.least_height => {}
+                None => marks.push(Mark { score: *score, right: false }),
+            }
+        }
+        marks
+    }
+
+    /// The object that a detection takes: of equal ones the last, as in the program of COCO.
+    fn best(&self, bbox: BBox, least_iou: f64, free: &[bool]) -> Option<usize> {
+        let among = |counts: bool| {
+            let objects = self
+                .truth
+                .iter()
+                .enumerate()
+                .filter(|(index, (_, role))| free[*index] && (*role == Role::Counts) == counts);
+            let overlaps = objects.map(|(index, (truth, role))| (overlap(bbox, *truth, *role), index));
+            overlaps.filter(|(overlap, _)| *overlap >= least_iou).max_by(|a, b| a.0.total_cmp(&b.0))
+        };
+        among(true).or_else(|| among(false)).map(|(_, index)| index)
+    }
+}
+
+/// The IoU, or for an area the share of the detection that lies in it.
+fn overlap(found: BBox, truth: BBox, role: Role) -> f64 {
+    let common = area(
+        f64::from(found.x2.min(truth.x2)) - f64::from(found.x1.max(truth.x1)),
+        f64::from(found.y2.min(truth.y2)) - f64::from(found.y1.max(truth.y1)),
+    );
+    let [own, other] =
+        [found, truth].map(|b| area(f64::from(b.x2) - f64::from(b.x1), f64::from(b.y2) - f64::from(b.y1)));
+    let whole = if role == Role::Area { own } else { own + other - common };
+    if whole > 0.0 { common / whole } else { 0.0 }
+}
+
+fn area(width: f64, height: f64) -> f64 {
+    width.max(0.0) * height.max(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square(x: f32, size: f32) -> BBox {
+        BBox { x1: x, y1: 0.0, x2: x + size, y2: size }
+    }
+
+    fn rights(truth: &[(BBox, Role)], found: &[(BBox, f32)]) -> Vec<bool> {
+        let image = Image { truth: truth.to_vec(), found: found.to_vec(), least_height: 10.0 };
+        image.marks(0.5).iter().map(|mark| mark.right).collect()
+    }
+
+    #[test]
+    fn one_object_is_found_once() {
+        let truth = [(square(0.0, 20.0), Role::Counts)];
+        assert_eq!(rights(&truth, &[(square(0.0, 20.0), 0.3), (square(1.0, 20.0), 0.9)]), [true, false]);
+    }
+
+    #[test]
+    fn what_counts_comes_before_what_is_ignored() {
+        let truth = [(square(0.0, 20.0), Role::Ignored), (square(4.0, 20.0), Role::Counts)];
+        assert_eq!(rights(&truth, &[(square(0.0, 20.0), 0.9)]), [true]);
+        assert_eq!(rights(&truth, &[(square(0.0, 20.0), 0.9), (square(0.0, 20.0), 0.8)]), [true]);
+    }
+
+    #[test]
+    fn an_area_takes_any_number_and_small_misses_are_left_out() {
+        let truth = [(square(0.0, 200.0), Role::Area)];
+        let inside = [(square(0.0, 20.0), 0.9), (square(50.0, 20.0), 0.8), (square(190.0, 20.0), 0.7)];
+        assert_eq!(rights(&truth, &inside), [] as [bool; 0]);
+        assert_eq!(rights(&truth, &[(square(300.0, 9.0), 0.9), (square(300.0, 11.0), 0.8)]), [false]);
+    }
+}

@@ -1,0 +1,272 @@
+//! [`Results`]: the content of `results.json`.
+//!
+//! Figures are fractions unless their name has a unit. Everything except durations is the same in every run of the same
+//! command.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use clap::ValueEnum;
+use serde::{Deserialize, Serialize};
+
+/// Name of the file of results.
+pub const RESULTS: &str = "results.json";
+/// Name of the file with the same figures as a table, one row for each cell.
+pub const TABLE: &str = "results.csv";
+
+/// The results of a grid.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Results {
+    /// The settings. Only results of equal setups can be joined.
+    pub setup: Setup,
+    /// Description of the data.
+    pub input: Input,
+    /// The definition of each figure of a cell, by its name.
+    pub definitions: BTreeMap<String, String>,
+    /// The finished cells in the order of the grid. A killed run and a shard have fewer cells than [`Setup::grid`].
+    pub cells: Vec<Cell>,
+}
+
+/// The settings of a grid.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Setup {
+    /// Version of the program.
+    pub version: String,
+    /// The protocol of the pipelines.
+    pub protocol: Protocol,
+    /// The data, as it was given on the command line.
+    pub source: String,
+    /// Bits of the simulated sensor.
+    pub bits: u8,
+    /// Seed of noise and bootstrap.
+    pub seed: u64,
+    /// Objects that `ap50` and `ap50_95` count.
+    pub difficulty: Difficulty,
+    /// The requested engine: `auto`, `ort` or `rten`.
+    pub engine: String,
+    /// Class of the model to class of the labels.
+    pub class_map: BTreeMap<String, String>,
+    /// Class of the labels to the group it is scored in, such as `vehicle`.
+    pub groups: BTreeMap<String, String>,
+    /// The sha256 of each model, by its name in cells.
+    pub models: BTreeMap<String, String>,
+    /// All cells of the grid in order, over all shards.
+    pub grid: Vec<Point>,
+}
+
+/// The data of a grid.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Input {
+    /// Number of frames.
+    pub frames: usize,
+    /// Number of labelled frames. Only these are scored.
+    pub labelled: usize,
+    /// Number of drives. 0 if the data does not name them.
+    pub drives: usize,
+    /// sha256 over the names of the frames and their labels, hexadecimal.
+    pub digest: String,
+    /// One line for each kind of frame or label that was left out or changed.
+    pub warnings: Vec<String>,
+    /// Classes without a counterpart: of the labels, for each model, and of each model.
+    pub without_twin: BTreeMap<String, Vec<String>>,
+}
+
+/// The pipeline from a frame to the detector.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Protocol {
+    /// The nodes of the suite
+    #[default]
+    Suite,
+    /// The steps of the scripts of the paper
+    Paper,
+}
+
+/// The objects that are scored: the difficulties of KITTI, or all.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Difficulty {
+    /// At least 40 px high, fully visible, at most 15 % outside the image
+    Easy,
+    /// At least 25 px high, at most partly occluded, at most 30 % outside
+    #[default]
+    Moderate,
+    /// At least 25 px high, at most largely occluded, at most 50 % outside
+    Hard,
+    /// Every label, for data sets without this information
+    All,
+}
+
+/// The image that the detector gets.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, ValueEnum, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[value(rename_all = "snake_case")]
+pub enum Stream {
+    /// The full range of the scene
+    #[default]
+    Ideal,
+    /// Clipped at the peak
+    Saturated,
+    /// Wrapped at the peak
+    Modulo,
+    /// Unwrapped
+    Recovered,
+    /// Three consecutive captures of a moving scene, merged as a normal camera does
+    MultiExposure,
+    /// The same three captures of a scene in which nothing moves; the difference is the effect of motion
+    MultiExposureStill,
+}
+
+/// The settings of one cell.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Point {
+    /// The image that the detector gets.
+    pub stream: Stream,
+    /// Unwrapping method. `None` for streams other than [`Stream::Recovered`].
+    pub method: Option<String>,
+    /// Whether the lens blur was removed. Only for [`Stream::Recovered`].
+    pub deblur: bool,
+    /// Saturation factor.
+    pub alpha: f64,
+    /// Standard deviation of the lens blur, px. Every alpha also has a sharp [`Stream::Ideal`], at 0.
+    pub psf_sigma: f64,
+    /// Standard deviation of the read noise, code units.
+    pub noise: f64,
+    /// Name of the model in [`Setup::models`].
+    pub model: String,
+    /// Input size of the model: `auto`, or `WIDTHxHEIGHT`.
+    pub input: String,
+}
+
+impl Stream {
+    /// The name in results and options.
+    pub fn name(self) -> String {
+        self.to_possible_value().expect("no stream is hidden").get_name().to_owned()
+    }
+}
+
+impl fmt::Display for Point {
+    /// Describes the cell, such as `yolov10n recovered auto deblurred, alpha 4, blur 1.4 px`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { stream, method, deblur, alpha, psf_sigma, noise, model, input } = self;
+        write!(f, "{model} {}", stream.name())?;
+        method.iter().try_for_each(|method| write!(f, " {method}"))?;
+        if *deblur {
+            write!(f, " deblurred")?;
+        }
+        write!(f, ", alpha {alpha}, blur {psf_sigma} px")?;
+        if *noise > 0.0 {
+            write!(f, ", noise {noise}")?;
+        }
+        if input != "auto" {
+            write!(f, ", {input}")?;
+        }
+        Ok(())
+    }
+}
+
+/// The figures of one cell.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Cell {
+    /// The settings of the cell.
+    #[serde(flatten)]
+    pub point: Point,
+    /// Number of scored frames.
+    pub frames: usize,
+    /// Number of frames without an answer. They are scored as frames without a detection.
+    pub unanswered: usize,
+    /// AP at IoU 0.5 of each group (`vehicle`, `person`). `None` (`null`) if no object is scored.
+    pub ap50: BTreeMap<String, Option<f64>>,
+    /// Mean over the groups of the mean AP at IoU 0.50, 0.55, ..., 0.95.
+    pub ap50_95: Option<f64>,
+    /// Number of scored objects of each group.
+    pub objects: BTreeMap<String, usize>,
+    /// AP of each class of the labels that the model can find.
+    pub classes: BTreeMap<String, ClassScore>,
+    /// AP50 for each difficulty (`easy`, `moderate`, `hard`, `all`) and group.
+    pub difficulty: BTreeMap<Difficulty, BTreeMap<String, Option<f64>>>,
+    /// Precision at IoU 0.5 at the recalls 0, 0.01, ..., 1 of each group. Empty if no object is scored.
+    pub precision: BTreeMap<String, Vec<f64>>,
+    /// Bounds of the 95 % bootstrap interval by figure: `ap50.vehicle`, `paper.f1`, ...
+    pub interval95: BTreeMap<String, [f64; 2]>,
+    /// The three figures of the paper.
+    pub paper: Paper,
+    /// The [`WORST`] labelled frames with the lowest F1, the worst first.
+    pub worst: Vec<Worst>,
+    /// Share of the samples with the true wrap count. This and the next figures exist only for recovered streams.
+    pub exact_k: Option<f64>,
+    /// Share of the frames that the method trusts. `None` if it makes no statement.
+    pub trusted: Option<f64>,
+    /// PSNR against the ideal image of the same lens, dB. `None` for equal images.
+    pub psnr_db: Option<f64>,
+    /// Mean SSIM against that image.
+    pub ssim: Option<f64>,
+    /// PSNR against the ideal image without a lens, dB.
+    pub psnr_sharp_db: Option<f64>,
+    /// Mean SSIM against that image.
+    pub ssim_sharp: Option<f64>,
+    /// Durations of each stage: `sense`, `unwrap`, `tone` or `deblur`, `pre`, `infer`, `post`, ms.
+    pub latency_ms: BTreeMap<String, Percentiles>,
+    /// Histogram of the time of a frame without `sense`: (upper bound in ms, frames). Empty buckets are left out.
+    pub latency_histogram: Vec<(f64, u64)>,
+    /// The machine and the settings of the durations.
+    pub device: Device,
+}
+
+/// Number of frames in [`Cell::worst`].
+pub const WORST: usize = 3;
+
+/// A frame with a low F1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Worst {
+    /// Number among the scored frames, from 0.
+    pub number: usize,
+    /// F1 as in [`Paper::f1`].
+    pub f1: f64,
+}
+
+/// AP of one class.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ClassScore {
+    /// AP at IoU 0.5.
+    pub ap50: f64,
+    /// Mean AP over IoU 0.50, 0.55, ..., 0.95.
+    pub ap50_95: f64,
+    /// Number of scored objects.
+    pub objects: usize,
+}
+
+/// IoU, F1 and accuracy as the paper's scripts compute them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Paper {
+    /// Mean over images of the mean IoU of their true positives.
+    pub iou: f64,
+    /// Mean over images of F1.
+    pub f1: f64,
+    /// Mean over images of TP / (TP + FP + FN).
+    pub accuracy: f64,
+}
+
+/// Quantiles of a stage over the frames of a cell, ms, by the nearest rank.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Percentiles {
+    /// Median.
+    pub p50: f64,
+    /// 95th percentile.
+    pub p95: f64,
+    /// 99th percentile.
+    pub p99: f64,
+}
+
+/// The machine and the settings that durations were measured with.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Device {
+    /// Name of the processor.
+    pub processor: String,
+    /// The engine in use.
+    pub engine: String,
+    /// Threads of one inference.
+    pub threads: usize,
+    /// Number of frames that were processed in parallel.
+    pub jobs: usize,
+}

@@ -1,0 +1,97 @@
+//! Results as files. A file is complete at any time, even if the process is killed.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use crate::error::GridError;
+use crate::results::{Cell, RESULTS, Results, TABLE};
+
+/// Reads the results in `folder`. `None` if there are no results.
+///
+/// # Errors
+/// [`GridError`] if they cannot be read.
+pub fn load(folder: &Path) -> Result<Option<Results>, GridError> {
+    let path = folder.join(RESULTS);
+    match std::fs::read(&path) {
+        Ok(text) => {
+            let json = |source| GridError::Json(path.clone(), source);
+            serde_json::from_slice(&text).map(Some).map_err(json)
+        }
+        Err(why) if why.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(why) => Err(GridError::io(&path, why)),
+    }
+}
+
+/// Writes [`RESULTS`] and [`TABLE`]. Creates `folder` if it is missing.
+///
+/// # Errors
+/// [`GridError`] if they cannot be written.
+pub fn save(folder: &Path, results: &Results) -> Result<(), GridError> {
+    std::fs::create_dir_all(folder).map_err(|why| GridError::io(folder, why))?;
+    let path = folder.join(RESULTS);
+    let mut text =
+        serde_json::to_vec_pretty(results).map_err(|source| GridError::Json(path.clone(), source))?;
+    text.push(b'\n');
+    replace(&path, &text)?;
+    replace(&folder.join(TABLE), &csv(&results.cells))
+}
+
+/// Writes `bytes` to a temporary file beside `path` and renames it.
+pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<(), GridError> {
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".part");
+    std::fs::write(&beside, bytes)
+        .and_then(|()| std::fs::rename(&beside, path))
+        .map_err(|why| GridError::io(path, why))
+}
+
+/// Name of a column and its value in the row of a cell.
+type Column = (&'static str, fn(&Cell) -> String);
+
+const SETTINGS: [Column; 9] = [
+    ("stream", |cell| cell.point.stream.name()),
+    ("method", |cell| cell.point.method.as_deref().unwrap_or("").to_owned()),
+    ("deblur", |cell| cell.point.deblur.to_string()),
+    ("alpha", |cell| cell.point.alpha.to_string()),
+    ("psf_sigma", |cell| cell.point.psf_sigma.to_string()),
+    ("noise", |cell| cell.point.noise.to_string()),
+    ("model", |cell| cell.point.model.clone()),
+    ("input", |cell| cell.point.input.clone()),
+    ("frames", |cell| cell.frames.to_string()),
+];
+const FIGURES: [Column; 9] = [
+    ("ap50_95", |cell| number(cell.ap50_95)),
+    ("paper_iou", |cell| number(Some(cell.paper.iou))),
+    ("paper_f1", |cell| number(Some(cell.paper.f1))),
+    ("paper_accuracy", |cell| number(Some(cell.paper.accuracy))),
+    ("exact_k", |cell| number(cell.exact_k)),
+    ("psnr_db", |cell| number(cell.psnr_db)),
+    ("ssim", |cell| number(cell.ssim)),
+    ("psnr_sharp_db", |cell| number(cell.psnr_sharp_db)),
+    ("ssim_sharp", |cell| number(cell.ssim_sharp)),
+];
+
+/// The cells as comma-separated values, one row for each cell. A missing figure is an empty field.
+fn csv(cells: &[Cell]) -> Vec<u8> {
+    let groups: BTreeSet<&String> = cells.iter().flat_map(|cell| cell.ap50.keys()).collect();
+    let stages: BTreeSet<&String> = cells.iter().flat_map(|cell| cell.latency_ms.keys()).collect();
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let mut write = |row: Vec<String>| writer.write_record(row).expect("rows of one length fit into memory");
+    let mut head: Vec<String> = SETTINGS.map(|(name, _)| name.to_owned()).to_vec();
+    head.extend(groups.iter().map(|group| format!("ap50_{group}")));
+    head.extend(FIGURES.map(|(name, _)| name.to_owned()));
+    head.extend(stages.iter().map(|stage| format!("{stage}_ms_p50")));
+    write(head);
+    for cell in cells {
+        let mut row: Vec<String> = SETTINGS.map(|(_, value)| value(cell)).to_vec();
+        row.extend(groups.iter().map(|group| number(cell.ap50.get(*group).copied().flatten())));
+        row.extend(FIGURES.map(|(_, value)| value(cell)));
+        row.extend(stages.iter().map(|stage| number(cell.latency_ms.get(*stage).map(|p| p.p50))));
+        write(row);
+    }
+    writer.into_inner().expect("memory can be flushed")
+}
+
+fn number(value: Option<f64>) -> String {
+    value.map_or(String::new(), |value| value.to_string())
+}

@@ -1,0 +1,229 @@
+//! The report of made-up results: its content, and that it needs no other file.
+
+use std::collections::BTreeMap;
+
+use modulo_eval::results::{Cell, Device, Input, Paper, Percentiles, Point, Results, Setup, Stream};
+use modulo_eval::{budget, chart, report, store};
+
+fn map<T: Clone>(pairs: &[(&str, T)]) -> BTreeMap<String, T> {
+    pairs.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect()
+}
+
+fn times(pairs: &[(&str, f64)]) -> BTreeMap<String, Percentiles> {
+    let spread =
+        |&(name, p50): &(&str, f64)| (name.to_owned(), Percentiles { p50, p95: 1.2 * p50, p99: 1.5 * p50 });
+    pairs.iter().map(spread).collect()
+}
+
+/// A cell whose figures are computed from its settings, so that all cells differ.
+fn cell(stream: Stream, method: Option<&str>, alpha: f64, model: &str, psf_sigma: f64) -> Cell {
+    let loss = match (stream, method) {
+        (Stream::Ideal, _) => 0.001,
+        (Stream::Recovered, Some("auto")) => 0.004,
+        (Stream::Recovered, _) => 0.05,
+        (Stream::Saturated, _) => 0.07,
+        (Stream::Modulo, _) => 0.1,
+        (Stream::MultiExposure | Stream::MultiExposureStill, _) => 0.02,
+    };
+    let infer = if model == "demo" { 9.0 } else { 40.0 };
+    let ap50 = (if model == "demo" { 0.6 } else { 0.87 }) - loss * alpha;
+    let unwrap = if stream == Stream::Recovered { 12.0 + alpha } else { 0.0 };
+    let mut latency_ms = times(&[("sense", 9.0), ("pre", 2.0), ("infer", infer), ("post", 0.1)]);
+    if unwrap > 0.0 {
+        latency_ms.extend(times(&[("unwrap", unwrap), ("tone", 1.5)]));
+    }
+    Cell {
+        point: Point {
+            stream,
+            method: method.map(str::to_owned),
+            alpha,
+            psf_sigma,
+            model: model.to_owned(),
+            input: "640x192".to_owned(),
+            ..Point::default()
+        },
+        frames: 20,
+        ap50: map(&[("vehicle", Some(ap50)), ("person", Some(ap50 - 0.11))]),
+        ap50_95: Some(ap50 - 0.3),
+        objects: map(&[("vehicle", 93), ("person", 17)]),
+        interval95: map(&[("ap50.vehicle", [ap50 - 0.05, ap50 + 0.04])]),
+        paper: Paper { iou: ap50 - 0.2, f1: ap50 - 0.35, accuracy: ap50 - 0.45 },
+        exact_k: (stream == Stream::Recovered).then_some(1.0 - loss),
+        psnr_db: Some(20.0 + 1.0 / loss),
+        ssim: Some(1.0 - loss),
+        latency_ms,
+        latency_histogram: vec![(infer + unwrap, 15), (1.2 * (infer + unwrap), 5)],
+        device: Device {
+            processor: "A processor & more".to_owned(),
+            engine: "rten".to_owned(),
+            threads: 2,
+            jobs: 1,
+        },
+        ..Cell::default()
+    }
+}
+
+fn made_up() -> Results {
+    let mut cells = Vec::new();
+    for model in ["yolov10n", "demo"] {
+        for alpha in [1.5, 2.0, 3.0, 4.0, 8.0] {
+            cells.push(cell(Stream::Ideal, None, alpha, model, 0.0));
+            for psf in [1.4, 0.8] {
+                cells.push(cell(Stream::Ideal, None, alpha, model, psf));
+                cells.push(cell(Stream::Saturated, None, alpha, model, psf));
+                cells.push(cell(Stream::Modulo, None, alpha, model, psf));
+                cells.push(cell(Stream::Recovered, Some("auto"), alpha, model, psf));
+                cells.push(cell(Stream::Recovered, Some("spud"), alpha, model, psf));
+            }
+        }
+    }
+    let setup = Setup {
+        source: "a <folder> & \"more\"".to_owned(),
+        bits: 8,
+        class_map: map(&[("person", "pedestrian".to_owned())]),
+        groups: map(&[("car", "vehicle".to_owned())]),
+        models: map(&[("yolov10n", "abc".to_owned()), ("demo", "def".to_owned())]),
+        grid: cells.iter().map(|cell| cell.point.clone()).collect(),
+        ..Setup::default()
+    };
+    let input = Input { frames: 20, labelled: 20, drives: 3, digest: "123".to_owned(), ..Input::default() };
+    Results { setup, input, definitions: map(&[("ap50", "AP at <0.5>".to_owned())]), cells }
+}
+
+fn page(results: &Results) -> String {
+    let charts: Vec<_> = chart::all(results).iter().map(|named| named.render().expect("drawn")).collect();
+    report::page(results, &charts)
+}
+
+/// Checks that every element except `meta` is closed in the right order.
+fn well_formed(page: &str) -> Result<(), String> {
+    let body = page.strip_prefix("<!DOCTYPE html>").ok_or("no doctype")?;
+    let mut open: Vec<&str> = Vec::new();
+    for piece in body.split('<').skip(1) {
+        let (tag, text) = piece.split_once('>').ok_or_else(|| format!("'{piece}' is not ended"))?;
+        let name = tag.split([' ', '/', '\n']).find(|part| !part.is_empty()).unwrap_or_default();
+        if tag.starts_with('/') {
+            let last = open.pop();
+            (last == Some(name)).then_some(()).ok_or_else(|| format!("</{name}> ends {last:?}"))?;
+        } else if !tag.ends_with('/') && name != "meta" {
+            open.push(name);
+        }
+        (tag.matches('"').count() % 2 == 0).then_some(()).ok_or_else(|| format!("quotes of <{tag}>"))?;
+        for entity in text.split('&').skip(1) {
+            let known = ["amp;", "lt;", "gt;", "quot;"].iter().any(|known| entity.starts_with(known));
+            (known || open.last() == Some(&"script")).then_some(()).ok_or_else(|| format!("&{entity}"))?;
+        }
+    }
+    if open.is_empty() { Ok(()) } else { Err(format!("never closed: {open:?}")) }
+}
+
+/// The rows of the table after a heading.
+fn rows<'a>(page: &'a str, heading: &str) -> Vec<&'a str> {
+    let (_, rest) = page.split_once(&format!("<h2>{heading}</h2>")).expect("the heading");
+    let (table, _) = rest.split_once("</tbody>").expect("a table");
+    table.split("<tbody>").nth(1).expect("a body").split("<tr>").skip(1).collect()
+}
+
+#[test]
+fn the_page_is_well_formed_and_needs_no_network() {
+    let page = page(&made_up());
+    well_formed(&page).expect("well-formed");
+    // A namespace is a name, not an address that is asked.
+    let addresses = page.replace("http://www.w3.org/2000/svg", "");
+    for outside in ["http:", "https:", "src=\"/", "@import", "url(", "<link"] {
+        assert!(!addresses.contains(outside), "{outside}");
+    }
+    assert!(page.contains("a &lt;folder&gt; &amp; &quot;more&quot;") && !page.contains("a <folder>"));
+}
+
+#[test]
+fn every_cell_is_a_row_with_its_figures() {
+    let results = made_up();
+    let page = page(&results);
+    let rows = rows(&page, "All cells");
+    assert_eq!(rows.len(), results.cells.len());
+    for (cell, row) in results.cells.iter().zip(rows) {
+        let shown = |figure: f64| row.contains(&format!(">{:.1}</td>", 100.0 * figure));
+        let vehicle = cell.ap50["vehicle"].expect("a figure");
+        assert!(shown(vehicle) && shown(cell.paper.f1), "{row}");
+        assert!(row.contains(&cell.point.model) && row.contains(">20</td>"), "{row}");
+    }
+}
+
+#[test]
+fn the_table_has_every_cell_whatever_its_names_hold() {
+    let (mut results, folder) = (made_up(), tempfile::tempdir().expect("a folder"));
+    results.cells[0].point.model = "a,b\"c\n".to_owned();
+    store::save(folder.path(), &results).expect("saved");
+    let mut table = csv::Reader::from_path(folder.path().join("results.csv")).expect("a table");
+    let column = table.headers().expect("a head").iter().position(|name| name == "model").expect("models");
+    let rows: Vec<csv::StringRecord> = table.records().collect::<Result<_, _>>().expect("rows");
+    assert_eq!(rows.len(), results.cells.len());
+    assert!(rows.iter().zip(&results.cells).all(|(row, cell)| row[column] == cell.point.model));
+}
+
+#[test]
+fn figures_are_there_without_scripts_and_the_script_is_tiny() {
+    let page = page(&made_up());
+    let (before, script) = page.split_once("<script>").expect("a script");
+    assert!(script.len() < 1500, "{} bytes", script.len());
+    for expected in
+        ["At a glance", "The paper's tables", "All cells", "Definitions", "Configuration", "<svg "]
+    {
+        assert!(before.contains(expected), "{expected}");
+    }
+    assert!(!before.contains("onclick"));
+}
+
+#[test]
+fn the_papers_figures_stand_beside_ours() {
+    let page = page(&made_up());
+    let rows = rows(&page, "The paper's tables");
+    assert_eq!(rows.len(), made_up().cells.len() / 2, "the demo is none of the paper's models");
+    let row = rows.iter().find(|row| row.contains(">saturated<") && row.contains(">4</td>")).expect("a row");
+    assert!(row.contains(">50.6<") && row.contains(">35.2<") && row.contains(">25.0<"), "{row}");
+}
+
+#[test]
+fn charts_name_each_cell_and_grey_what_is_dominated() {
+    let charts = chart::all(&made_up());
+    let frontier =
+        charts.iter().find(|named| named.name == "frontier_alpha4_psf1.4_noise0").expect("a chart");
+    let svg = frontier.chart.svg(modulo_charts::PageWidth::Wide).expect("a picture");
+    assert!(
+        svg.contains("<title>recovered (auto), yolov10n 640x192: 59.6 ms, AP50 of vehicle 85.4 %</title>")
+    );
+    let mark =
+        |what: &str| svg.lines().find(|line| line.contains(&format!("<title>{what}"))).expect("a mark");
+    let grey = |what: &str| mark(what).contains("#bdbdbd");
+    // Demo's saturated image costs as much as its modulo image, and is better.
+    assert!(grey("modulo, demo") && !grey("saturated, demo"));
+    assert!(grey("recovered (spud), yolov10n") && !grey("recovered (auto), yolov10n"));
+    assert!(!grey("ideal, yolov10n"), "no choice, and so not dominated");
+}
+
+#[test]
+fn a_part_of_a_grid_says_so_and_an_empty_one_is_still_a_page() {
+    let mut results = made_up();
+    results.cells.truncate(7);
+    assert!(page(&results).contains("7 of 110 cells are here"));
+    results.cells.clear();
+    well_formed(&page(&results)).expect("well-formed");
+}
+
+#[test]
+fn a_budget_picks_the_most_accurate_choice_that_is_fast_enough() {
+    let results = made_up();
+    let at = |ms: f64| {
+        let budgets = budget::within(&results, ms);
+        assert_eq!(budgets.len(), 5 * 2, "alphas and lenses");
+        let four = budgets.iter().find(|budget| budget.alpha == 4.0).expect("alpha 4");
+        assert!(four.front.iter().all(|choice| !choice.name().starts_with("ideal")));
+        four.best.as_ref().map(budget::Choice::name)
+    };
+    assert_eq!(at(5.0), None, "nothing is that fast");
+    assert_eq!(at(12.0).as_deref(), Some("saturated, demo 640x192"));
+    assert_eq!(at(40.0).as_deref(), Some("recovered (auto), demo 640x192"));
+    assert_eq!(at(43.0).as_deref(), Some("saturated, yolov10n 640x192"), "59 % against 58.4 %");
+    assert_eq!(at(100.0).as_deref(), Some("recovered (auto), yolov10n 640x192"));
+}

@@ -1,0 +1,118 @@
+//! `modulo simulate`, `modulo bench` and `modulo stability`: the unwrapping methods on images.
+
+use std::path::Path;
+
+use anyhow::anyhow;
+use indicatif::{ProgressBar, ProgressStyle};
+use modulo_bench::{Event, benchmark, frontier, simulate, stability};
+
+use crate::cli::Bench;
+use crate::{Ended, Failure};
+
+/// Template of the progress bar.
+const STEPS: &str = "{bar:30} {pos}/{len} {eta} {msg}";
+
+/// Sends image files through the sensor and the methods.
+pub fn simulate(request: &simulate::Request) -> Result<Ended, Failure> {
+    let bar = progress_bar(STEPS);
+    let outcome = simulate::simulate(request, &mut |event| tell(&bar, event))?;
+    bar.finish_and_clear();
+    say!(
+        "file                         alpha method            exact k   PSNR dB     SSIM rung           trusted       ms"
+    );
+    for row in &outcome.rows {
+        let number =
+            |value: Option<f64>, digits| value.map_or("-".into(), |value| format!("{value:.digits$}"));
+        let file = Path::new(&row.file).file_name().unwrap_or_default().to_string_lossy();
+        let trusted = row.trusted.map_or("-", |trusted| if trusted { "yes" } else { "no" });
+        say!(
+            "{file:<28} {:>5} {:<16} {:>7.3}% {:>9} {:>8} {:<14} {trusted:<7} {:>8.2}",
+            row.alpha,
+            row.method,
+            100.0 * row.exact_k,
+            number(row.psnr_db, 2),
+            number(row.ssim, 4),
+            row.rung,
+            row.ms
+        );
+    }
+    Ok(if outcome.skipped.is_empty() { Ended::Done } else { Ended::WithLoss })
+}
+
+/// Measures the methods, or draws the chart of earlier results.
+pub fn bench(command: &Bench) -> Result<Ended, Failure> {
+    match command {
+        Bench::Unwrap(request) => bench_unwrap(request),
+        Bench::Chart { folder } => {
+            for file in frontier::draw_frontier(&folder.join(benchmark::RESULTS))? {
+                say!("{}", file.display());
+            }
+            Ok(Ended::Done)
+        }
+    }
+}
+
+fn bench_unwrap(request: &benchmark::Request) -> Result<Ended, Failure> {
+    let request = benchmark::Request { device: processor(), ..request.clone() };
+    let bar = progress_bar(STEPS);
+    let outcome = benchmark::unwrap(&request, &mut |event| tell(&bar, event))?;
+    bar.finish_and_clear();
+    say!("method           alpha threads    ms p50   exact k   PSNR dB");
+    for row in &outcome.rows {
+        let psnr = row.psnr_db.map_or("-".into(), |psnr| format!("{psnr:.2}"));
+        say!(
+            "{:<16} {:>5} {:>7} {:>9.2} {:>8.3}% {psnr:>9}",
+            row.method,
+            row.alpha,
+            row.threads,
+            row.ms_p50,
+            100.0 * row.exact_k
+        );
+    }
+    for file in frontier::draw_frontier(&request.out.join(benchmark::RESULTS))? {
+        say!("{}", file.display());
+    }
+    Ok(if outcome.skipped.is_empty() { Ended::Done } else { Ended::WithLoss })
+}
+
+/// Runs the stability suite.
+pub fn stability(out: &Path) -> Result<Ended, Failure> {
+    let bar = progress_bar(STEPS);
+    let outcome = stability::run(out, |event| tell(&bar, event))?;
+    bar.finish_and_clear();
+    outcome.better.iter().for_each(|what| say!("better than documented: {what}"));
+    outcome.broken.iter().for_each(|what| say!("broken: {what}"));
+    let (held, broken) = (outcome.held, outcome.broken.len());
+    say!("{held} expectations held, {broken} broke");
+    say!("{}", out.join("index.html").display());
+    if broken > 0 { Err(anyhow!("{broken} expectations broke").into()) } else { Ok(Ended::Done) }
+}
+
+/// The model of the processor from `/proc/cpuinfo`, or its architecture.
+pub fn processor() -> String {
+    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
+    match model {
+        Some((_, name)) => name.split_whitespace().collect::<Vec<_>>().join(" "),
+        None => std::env::consts::ARCH.to_owned(),
+    }
+}
+
+/// A progress bar in the form of `template`, which is shown only on a terminal.
+pub fn progress_bar(template: &str) -> ProgressBar {
+    let style = ProgressStyle::with_template(template).expect("the templates of this program are valid");
+    ProgressBar::new(0).with_style(style)
+}
+
+/// Shows the progress on the bar, and writes warnings to standard error.
+fn tell(bar: &ProgressBar, event: Event<'_>) {
+    match event {
+        Event::Step { done, total, next } => {
+            bar.set_length(total as u64);
+            bar.set_position(done as u64);
+            bar.set_message(next.to_owned());
+        }
+        Event::Skipped(skipped) => bar.suspend(|| eprintln!("modulo: skipped: {}", skipped.why)),
+        Event::Warning(warning) => bar.suspend(|| eprintln!("modulo: {warning}")),
+    }
+}
