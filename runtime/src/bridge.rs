@@ -9,9 +9,9 @@ use std::collections::BTreeMap;
 
 use modulo_msgs::{dds_name, rihs};
 
-use crate::name::NodeName;
+use crate::graph::NodeName;
+use crate::graph::Qos;
 use crate::parameter::ParameterError;
-use crate::topic::Qos;
 use crate::transport::keys::{self, Endpoint};
 
 /// Which way a topic goes.

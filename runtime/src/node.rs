@@ -6,9 +6,9 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use crate::clock::Clock;
+use crate::graph::Topic;
 use crate::message::Message;
 use crate::parameter::{ParameterError, Parameters};
-use crate::topic::Topic;
 
 /// Why a step is run.
 #[derive(Clone, Debug)]

@@ -3,11 +3,11 @@
 
 use modulo_msgs::sensor_msgs::Image;
 use modulo_msgs::{cdr, ros_name, type_hash};
+use modulo_runtime::graph::{Topic, type_description};
 use modulo_runtime::parameter::service::Service;
-use modulo_runtime::topic::Topic;
 use modulo_runtime::transport::attachment::Attachment;
 use modulo_runtime::transport::keys::{self, Endpoint, EntityKind, Token};
-use modulo_runtime::{MessageKind, NodeName, Qos, type_description_service};
+use modulo_runtime::{MessageKind, NodeName, Qos};
 use serde_json::Value;
 
 fn golden() -> Value {
@@ -67,7 +67,7 @@ fn the_endpoints_of_every_node_are_those_of_rcl() {
         );
     }
     let parameters = Service::ALL.map(|service| (service.name_and_type(), keys::PARAMETER_QOS));
-    let described = (type_description_service::NAME_AND_TYPE, keys::SERVICE_QOS);
+    let described = (type_description::NAME_AND_TYPE, keys::SERVICE_QOS);
     for ((name, ros_type), qos) in parameters.into_iter().chain([described]) {
         known(
             EntityKind::Server,

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use modulo_runtime::sensor_parameters::Lens;
+use modulo_runtime::sensor::parameters::Lens;
 
 use super::words;
 

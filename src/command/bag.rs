@@ -11,7 +11,7 @@ use modulo_bags::play::{PlayOptions, Player, Repeat};
 use modulo_bags::record::Recorder;
 use modulo_bags::replay::{ReplayOptions, replay, wait_for};
 use modulo_runtime::Stop;
-use modulo_runtime::signals::end_on_signals;
+use modulo_runtime::end_on_signals;
 
 use super::{open_session, pairs, start_log, usage};
 use crate::cli::bag::{Bag, BagCopy, BagImport, BagPlay, BagRecord, Compression, Form};

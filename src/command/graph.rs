@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use modulo_msgs::{dynamic, rihs, ros_name};
+use modulo_runtime::end_on_signals;
+use modulo_runtime::graph::Graph;
 use modulo_runtime::queue::{Arrived, Keep, Lane, Limit, Next, Queue};
-use modulo_runtime::signals::end_on_signals;
-use modulo_runtime::transport::graph::Graph;
 use modulo_runtime::transport::keys::{Endpoint, EntityKind, Token};
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::transport::{Guard, RawSample, Transport};

@@ -7,8 +7,8 @@ use anyhow::{Context, anyhow};
 use modulo_launch::plan::OnExit;
 use modulo_launch::{ComposedNode, NodePlan, Plan, Summary, Supervision};
 use modulo_runtime::driver::composed::{self, Member};
+use modulo_runtime::end_on_signals;
 use modulo_runtime::ros_args::RosArgs;
-use modulo_runtime::signals::end_on_signals;
 use modulo_runtime::{Clock, NodeName, Parameters, Stop, SystemClock};
 
 use super::{hash, pairs, start_log, usage};

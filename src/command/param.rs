@@ -13,11 +13,11 @@ use modulo_msgs::rcl_interfaces::{
     ParameterValue, SetParametersRequest, SetParametersResponse,
 };
 use modulo_runtime::Value;
+use modulo_runtime::graph::Graph;
 use modulo_runtime::parameter::file;
 use modulo_runtime::parameter::service::{Service, from_ros, to_ros};
 use modulo_runtime::parameter::text::{bare, described, labelled, type_name};
 use modulo_runtime::transport::Transport;
-use modulo_runtime::transport::graph::Graph;
 use modulo_runtime::transport::keys::{EntityKind, Token};
 use modulo_runtime::transport::zenoh::ZenohTransport;
 

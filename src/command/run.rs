@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use modulo_runtime::driver::live::{self, Subject};
-use modulo_runtime::report_file::ReportFile;
+use modulo_runtime::end_on_signals;
+use modulo_runtime::process::report_file::ReportFile;
+use modulo_runtime::process::saved_state::SavedState;
 use modulo_runtime::ros_args::{Logs, RosArgs};
 use modulo_runtime::rosout::{self, LogQueue};
-use modulo_runtime::saved_state::SavedState;
-use modulo_runtime::signals::end_on_signals;
 use modulo_runtime::{Descriptor, NodeName, Stop, SystemClock, launcher};
 
 use super::{hash, open_session, start_log_with, usage};

@@ -110,7 +110,7 @@ impl TimeOutlet {
 }
 
 fn endpoint(topic: &BagTopic, node_name: &NodeName) -> Result<Endpoint, TransportError> {
-    let named = |why: modulo_runtime::name::NameError| TransportError::new("topic of the bag", why);
+    let named = |why: modulo_runtime::graph::NameError| TransportError::new("topic of the bag", why);
     let type_hash = if topic.type_hash.is_empty() { keys::NO_HASH } else { &topic.type_hash };
     Ok(Endpoint {
         topic: node_name.resolve(&topic.name).map_err(named)?,

@@ -2,7 +2,7 @@
 
 use modulo_core::MAX_THREADS;
 use modulo_core::unwrap::{Method, Options, ThresholdOn, TrustLimits, Unwrap, UnwrapError};
-use modulo_runtime::sensor_parameters::SensorOverride;
+use modulo_runtime::sensor::parameters::SensorOverride;
 use modulo_runtime::{ParameterError, ParameterSet as _};
 
 modulo_runtime::parameters! {

@@ -7,12 +7,12 @@ use std::thread;
 use super::RunError;
 use super::live::{self, Subject};
 use crate::clock::Clock;
-use crate::name::NodeName;
+use crate::graph::NodeName;
+use crate::graph::node_time::is_simulated;
 use crate::node::Node;
-use crate::node_time::is_simulated;
 use crate::parameter::{ParameterError, Parameters};
+use crate::process::stop::{Stop, Urgency};
 use crate::report::NodeReport;
-use crate::stop::{Stop, Urgency};
 use crate::transport::local::LocalTransport;
 
 /// What the end of a node means for the others.

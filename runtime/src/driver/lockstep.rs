@@ -5,8 +5,8 @@ use std::collections::VecDeque;
 
 use super::{RunError, addresses, status_of};
 use crate::clock::{Clock, ManualClock};
+use crate::graph::NodeName;
 use crate::message::Message;
-use crate::name::NodeName;
 use crate::node::{Context, Flow, Node, StepError, StepOutput, Trigger};
 use crate::report::{NodeReport, add};
 use crate::transport::Address;

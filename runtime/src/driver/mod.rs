@@ -8,11 +8,11 @@ pub mod lockstep;
 
 use std::time::Duration;
 
+use crate::graph::Topic;
+use crate::graph::{NameError, NodeName};
 use crate::message::MessageKind;
-use crate::name::{NameError, NodeName};
 use crate::node::Node;
 use crate::parameter::{ParameterError, Parameters};
-use crate::topic::Topic;
 use crate::transport::{Address, TransportError};
 
 /// Why a driver ended before its node was done.

@@ -6,11 +6,11 @@ use modulo_msgs::rcl_interfaces::{Parameter, ParameterEvent};
 use modulo_msgs::std_msgs::Time;
 
 use crate::driver::RunError;
+use crate::graph::NodeName;
+use crate::graph::Topic;
 use crate::message::{Message, MessageKind};
-use crate::name::NodeName;
 use crate::parameter::Parameters;
 use crate::parameter::service::to_ros;
-use crate::topic::Topic;
 use crate::transport::{Address, Publisher, Transport};
 
 /// The `/parameter_events` publisher of one node.

@@ -17,10 +17,10 @@ use std::path::Path;
 use modulo_msgs::rcl_interfaces::ParameterValue;
 use saphyr::Yaml as Node;
 
-use crate::name::NodeName;
+use crate::graph::NodeName;
 use crate::parameter::text::{self, Yaml};
 use crate::parameter::yaml_text;
-use crate::ros_args::ArgsError;
+use crate::process::ros_args::ArgsError;
 
 /// The key under which a node's parameters stand.
 const PARAMETERS: &str = "ros__parameters";

@@ -7,8 +7,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use super::{Address, Deliver, Guard, Incoming, ParameterPort, Publisher, Transport, TransportError};
+use crate::graph::NodeName;
 use crate::message::Message;
-use crate::name::NodeName;
 
 /// The graph of one process. Clones share it.
 #[derive(Clone, Default)]
@@ -138,8 +138,8 @@ mod tests {
     use modulo_msgs::vision_msgs::Detection2DArray;
 
     use super::*;
+    use crate::graph::Qos;
     use crate::message::MessageKind;
-    use crate::topic::Qos;
 
     #[test]
     fn declarations_end_with_their_guards() {

@@ -2,24 +2,23 @@
 //! within a process (shared, never serialised) and `zenoh` between processes.
 
 pub mod attachment;
-pub mod conflict;
 pub mod gaps;
-pub mod graph;
 pub mod keys;
 pub mod local;
 pub mod payload;
 pub mod profile;
+pub mod queue;
 pub mod zenoh;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
 
+use crate::graph::{NameError, NodeName};
+use crate::graph::{Qos, Topic};
 use crate::message::{DecodeError, Message, MessageKind};
-use crate::name::{NameError, NodeName};
 use crate::parameter::{ParameterError, Parameters, Value};
-use crate::queue::Queued;
-use crate::topic::{Qos, Topic};
+use crate::transport::queue::Queued;
 use attachment::Attachment;
 use payload::Payload;
 

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use super::{Event, EventQueue};
 use crate::driver::keeps_latest;
-use crate::name::NodeName;
-use crate::queue::{Keep, Lane, Tally};
+use crate::graph::NodeName;
+use crate::graph::Qos;
 use crate::report::{NodeReport, add};
-use crate::topic::Qos;
+use crate::transport::queue::{Keep, Lane, Tally};
 use crate::transport::{Address, Guard, Transport, TransportError};
 
 /// Messages of a results topic that wait for a busy node.

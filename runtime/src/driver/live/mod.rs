@@ -13,19 +13,19 @@ use modulo_msgs::std_msgs::Time;
 
 use super::{RunError, addresses, status_of, wait_for};
 use crate::clock::Clock;
-use crate::diagnostics::Diagnostics;
+use crate::graph::NodeName;
+use crate::graph::diagnostics::Diagnostics;
+use crate::graph::node_time::NodeTime;
 use crate::message::{Message, MessageKind};
-use crate::name::NodeName;
 use crate::node::{Context, Flow, Node, StepError, StepOutput, Trigger};
-use crate::node_time::NodeTime;
 use crate::parameter::events::ParameterEvents;
 use crate::parameter::{ParameterError, Parameters};
-use crate::queue::{Arrived, Keep, Lane, Limit, Next, Queue, Queued};
+use crate::process::report_file::{Moment, ReportFile};
+use crate::process::saved_state::SavedState;
+use crate::process::stop::{Stop, Urgency};
 use crate::report::{NodeReport, add};
-use crate::report_file::{Moment, ReportFile};
-use crate::saved_state::SavedState;
-use crate::stop::{Stop, Urgency};
 use crate::transport::attachment::Attachment;
+use crate::transport::queue::{Arrived, Keep, Lane, Limit, Next, Queue, Queued};
 use crate::transport::{
     Address, Guard, Incoming, ParameterPort, ParameterRequest, Publisher, Transport, TransportError,
 };

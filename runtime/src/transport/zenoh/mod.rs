@@ -3,7 +3,7 @@
 //!
 //! Sessions of one machine find each other without a router: the first one
 //! listens on a loopback port of the domain, all others connect to it and learn
-//! of each other there. When it ends, the next new session takes its node_name. A
+//! of each other there. When it ends, the next new session takes its place. A
 //! router on port 7447 is used when there is one.
 
 mod service;
@@ -24,11 +24,10 @@ pub use service::{RawAnswer, RawService};
 pub use session::meeting_port;
 pub use topic::RawOutlet;
 
-use super::graph::Graph;
 use super::keys::{self, Endpoint, EntityKind, Hashes, Token};
 use super::{Address, Deliver, Guard, Incoming, ParameterPort, Publisher, Transport, TransportError};
 use crate::clock::Clock;
-use crate::name::NodeName;
+use crate::graph::{Graph, NodeName};
 
 /// A zenoh session in one ROS domain.
 pub struct ZenohTransport {

@@ -10,13 +10,13 @@ use zenoh::query::{ConsolidationMode, Query, QueryTarget};
 
 use super::{ZenohTransport, stamp};
 use crate::clock::Clock;
-use crate::name::NodeName;
+use crate::graph::NodeName;
+use crate::graph::type_description;
 use crate::parameter::service::Service;
-use crate::queue::{Keep, Limit, Next, Queue, Queued};
 use crate::transport::attachment::Attachment;
 use crate::transport::keys::{self, Endpoint, EntityKind};
+use crate::transport::queue::{Keep, Limit, Next, Queue, Queued};
 use crate::transport::{Guard, ParameterPort, TransportError};
-use crate::type_description_service;
 
 impl ZenohTransport {
     /// Calls a service and waits for its answer.
@@ -178,12 +178,12 @@ fn handlers(port: ParameterPort) -> Vec<RawService> {
         let answer = Box::new(move |request: &[u8]| Ok(service.answer(request, &port)?));
         RawService { name, ros_type, qos: keys::PARAMETER_QOS, answer }
     });
-    let (name, ros_type) = type_description_service::NAME_AND_TYPE;
+    let (name, ros_type) = type_description::NAME_AND_TYPE;
     let described = RawService {
         name,
         ros_type,
         qos: keys::SERVICE_QOS,
-        answer: Box::new(|request| Ok(type_description_service::answer(request)?)),
+        answer: Box::new(|request| Ok(type_description::answer(request)?)),
     };
     parameters.into_iter().chain([described]).collect()
 }

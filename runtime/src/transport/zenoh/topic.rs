@@ -17,8 +17,8 @@ use zenoh_ext::{
 
 use super::{ZenohTransport, stamp};
 use crate::clock::Clock;
+use crate::graph::NodeName;
 use crate::message::Message;
-use crate::name::NodeName;
 use crate::transport::attachment::Attachment;
 use crate::transport::keys::{Endpoint, EntityKind};
 use crate::transport::payload::Payload;

@@ -9,8 +9,8 @@ use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
 use super::lock;
+use crate::graph::Graph;
 use crate::transport::TransportError;
-use crate::transport::graph::Graph;
 use crate::transport::keys::{self, Token};
 
 /// Keeps `graph` as it is in `domain` until the subscriber is dropped.

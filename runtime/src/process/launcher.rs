@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::thread;
 use std::time::Duration;
 
-use crate::stop::{Stop, Urgency};
+use crate::process::stop::{Stop, Urgency};
 
 /// The folder in which a node keeps its report.
 pub const REPORT_DIR: &str = "MODULO_REPORT_DIR";

@@ -1,7 +1,12 @@
-//! How a running node is told to end.
+//! [`Stop`]: the request to end that everything in a process shares, and the signals that make it.
 
+use std::io;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::thread;
+
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
 
 /// How soon a node should end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -55,6 +60,25 @@ impl Stop {
             _ => Urgency::Now,
         }
     }
+}
+
+/// Installs handlers: SIGINT asks `stop` for a drain, SIGTERM or a second SIGINT for an end at once.
+///
+/// # Errors
+/// The error of the operating system when it refuses the handlers or a thread.
+pub fn end_on_signals(stop: &Stop) -> io::Result<()> {
+    let mut signals = Signals::new([SIGINT, SIGTERM])?;
+    let stop = stop.clone();
+    thread::Builder::new().name("signals".into()).spawn(move || {
+        for signal in signals.forever() {
+            let urgency = match (signal, stop.urgency()) {
+                (SIGINT, Urgency::None) => Urgency::Drain,
+                _ => Urgency::Now,
+            };
+            stop.ask(urgency);
+        }
+    })?;
+    Ok(())
 }
 
 #[cfg(test)]

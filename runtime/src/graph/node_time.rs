@@ -9,10 +9,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::clock::Clock;
 use crate::driver::{CommonParameters, RunError};
+use crate::graph::NodeName;
+use crate::graph::Topic;
 use crate::message::{Message, MessageKind};
-use crate::name::NodeName;
 use crate::parameter::Parameters;
-use crate::topic::Topic;
 use crate::transport::{Address, Guard, Incoming, Transport};
 
 /// Whether `parameters` ask for the time on `/clock`.

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use super::conflict::{self, Conflict};
-use super::keys::{EntityKind, Token};
+use crate::transport::keys::{EntityKind, Token};
 
 /// Every entity that is alive now.
 #[derive(Clone, Debug, Default)]

@@ -5,8 +5,8 @@ use std::fmt;
 
 use modulo_msgs::ros_name;
 
-use super::keys::{Endpoint, EntityKind, NO_HASH, Token};
-use super::profile::{Durability, Profile, Reliability};
+use crate::transport::keys::{Endpoint, EntityKind, NO_HASH, Token};
+use crate::transport::profile::{Durability, Profile, Reliability};
 
 /// Why two endpoints do not fit together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,7 +114,7 @@ fn remedy(gives: &Endpoint, takes: &Endpoint) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::topic::Qos;
+    use crate::graph::Qos;
     use crate::transport::keys::qos_string;
 
     fn token(kind: EntityKind, node: &str, dds_type: &str, type_hash: &str, qos: Qos) -> Token {

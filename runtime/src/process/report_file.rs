@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::launcher;
+use crate::process::launcher;
 use crate::report::NodeReport;
 
 /// A listener writes at most this often.

@@ -17,10 +17,10 @@ use tracing_subscriber::layer::Context;
 
 use crate::clock::Clock;
 use crate::driver::RunError;
+use crate::graph::NodeName;
+use crate::graph::Topic;
 use crate::message::{Message, MessageKind};
-use crate::name::NodeName;
-use crate::queue::{Keep, Lane, Limit, Next, Queue, Queued};
-use crate::topic::Topic;
+use crate::transport::queue::{Keep, Lane, Limit, Next, Queue, Queued};
 use crate::transport::{Address, Guard, Publisher, Transport, TransportError};
 
 /// Lines that wait for the wire at most; also what a late reader still gets.

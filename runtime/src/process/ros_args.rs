@@ -3,7 +3,7 @@
 
 use std::path::PathBuf;
 
-use crate::name::{NameError, NodeName};
+use crate::graph::{NameError, NodeName};
 use crate::parameter::file;
 
 /// The ROS part of a command line.

@@ -8,11 +8,11 @@ use modulo_msgs::std_msgs::{Header, Time};
 
 use crate::clock::Clock;
 use crate::driver::RunError;
+use crate::graph::NodeName;
+use crate::graph::Topic;
 use crate::message::{Message, MessageKind};
-use crate::name::NodeName;
 use crate::node::Node;
 use crate::report::{NodeReport, quantile};
-use crate::topic::Topic;
 use crate::transport::{Address, Publisher, Transport};
 
 const PERIOD_NS: u64 = 1_000_000_000;

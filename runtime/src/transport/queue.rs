@@ -1,14 +1,14 @@
 //! [`Queue`]: the one place where messages wait for a reader, be it a node, a
 //! recorder or a command. It is bounded, counts every message that is not read,
 //! stamps each one on arrival, and its reader blocks on a condition variable
-//! which [`Stop`](crate::stop::Stop) wakes.
+//! which [`Stop`](crate::process::stop::Stop) wakes.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use crate::clock::Clock;
-use crate::stop::Wake;
+use crate::process::stop::Wake;
 use crate::transport::attachment::Attachment;
 use crate::transport::gaps::Gaps;
 
@@ -276,7 +276,7 @@ mod tests {
 
     use super::*;
     use crate::clock::ManualClock;
-    use crate::stop::{Stop, Urgency};
+    use crate::process::stop::{Stop, Urgency};
 
     const NOW: Option<Duration> = Some(Duration::ZERO);
 

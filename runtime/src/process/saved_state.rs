@@ -9,9 +9,9 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::launcher;
-use crate::name::NodeName;
+use crate::graph::NodeName;
 use crate::parameter::{Parameters, Value};
+use crate::process::launcher;
 
 /// The files of one node.
 pub struct SavedState {

@@ -13,10 +13,10 @@ use std::sync::Arc;
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 
+use crate::graph::{Qos, Topic};
 use crate::message::{Message, MessageKind};
 use crate::parameter::{ParameterError, ParameterSet as _};
-use crate::sensor_parameters::SensorModel;
-use crate::topic::{Qos, Topic};
+use crate::sensor::parameters::SensorModel;
 
 /// Name of the topic, relative to the namespace of the camera.
 pub const TOPIC: &str = "sensor_info";
@@ -88,7 +88,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::sensor_parameters::Lens;
+    use crate::sensor::parameters::Lens;
 
     fn header(ns: u64) -> Header {
         Header { stamp: Time::from_ns(ns), frame_id: "camera".into() }
