@@ -1,7 +1,7 @@
 //! The services of a player, as `rosbag2_player` has them: from a request's
-//! bytes to a [`Command`], from its [`Answer`] to a response's bytes.
+//! bytes to a [`PlayerAction`], from its [`PlayerReply`] to a response's bytes.
 //!
-//! The replay itself carries a command out, between two messages.
+//! The replay itself carries a action out, between two messages.
 
 use std::sync::mpsc::{Sender, channel};
 
@@ -13,7 +13,7 @@ use modulo_msgs::rosbag2_interfaces::{
 
 use modulo_runtime::queue::Queued;
 
-use crate::pace::Motion;
+use crate::playback_clock::PlaybackState;
 
 /// A service of the player.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,9 +40,9 @@ pub enum Service {
 
 /// What the replay is asked to do.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Command {
+pub enum PlayerAction {
     /// Stop, or go on; `None`: the other of the two.
-    Move(Option<Motion>),
+    Move(Option<PlaybackState>),
     /// Only say how it goes on.
     Tell,
     /// Change the speed.
@@ -53,29 +53,29 @@ pub enum Command {
     Seek(u64),
 }
 
-/// What the replay says when it has carried out a command.
+/// What the replay says when it has carried out a action.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Answer {
+pub struct PlayerReply {
     /// Whether it was possible.
     pub done: bool,
     /// How many messages were played at once.
     pub played: u64,
     /// Whether it goes on now.
-    pub motion: Motion,
+    pub state: PlaybackState,
     /// Speed now.
     pub rate: f64,
 }
 
-/// A command and where its answer goes.
+/// A action and where its answer goes.
 #[derive(Debug)]
-pub struct Order {
+pub struct PlayerCommand {
     /// What to do.
-    pub command: Command,
+    pub action: PlayerAction,
     /// Who asked.
-    pub answer: Sender<Answer>,
+    pub answer: Sender<PlayerReply>,
 }
 
-impl Queued for Order {}
+impl Queued for PlayerCommand {}
 
 /// Why a call gets no response.
 #[derive(Debug, thiserror::Error)]
@@ -122,10 +122,10 @@ impl Service {
     ///
     /// # Errors
     /// [`ServiceError`] when the request cannot be read, or nobody answers.
-    pub fn call(self, request: &[u8], give: &dyn Fn(Order) -> bool) -> Result<Vec<u8>, ServiceError> {
+    pub fn call(self, request: &[u8], give: &dyn Fn(PlayerCommand) -> bool) -> Result<Vec<u8>, ServiceError> {
         let (answer, answered) = channel();
-        let command = self.command(request)?;
-        if !give(Order { command, answer }) {
+        let action = self.action(request)?;
+        if !give(PlayerCommand { action, answer }) {
             return Err(ServiceError::Ended);
         }
         Ok(self.response(answered.recv().map_err(|_| ServiceError::Ended)?)?)
@@ -135,29 +135,29 @@ impl Service {
     ///
     /// # Errors
     /// [`CdrError`] when it cannot be read.
-    pub fn command(self, request: &[u8]) -> Result<Command, CdrError> {
+    pub fn action(self, request: &[u8]) -> Result<PlayerAction, CdrError> {
         Ok(match self {
-            Self::Pause => Command::Move(Some(Motion::Paused)),
-            Self::Resume => Command::Move(Some(Motion::Running)),
-            Self::TogglePaused => Command::Move(None),
-            Self::IsPaused | Self::GetRate => Command::Tell,
-            Self::SetRate => Command::SetRate(cdr::from_slice::<SetRateRequest>(request)?.rate),
-            Self::PlayNext => Command::Step(Some(1)),
+            Self::Pause => PlayerAction::Move(Some(PlaybackState::Paused)),
+            Self::Resume => PlayerAction::Move(Some(PlaybackState::Running)),
+            Self::TogglePaused => PlayerAction::Move(None),
+            Self::IsPaused | Self::GetRate => PlayerAction::Tell,
+            Self::SetRate => PlayerAction::SetRate(cdr::from_slice::<SetRateRequest>(request)?.rate),
+            Self::PlayNext => PlayerAction::Step(Some(1)),
             Self::Burst => {
                 let number = cdr::from_slice::<BurstRequest>(request)?.num_messages;
-                Command::Step((number > 0).then_some(number))
+                PlayerAction::Step((number > 0).then_some(number))
             }
-            Self::Seek => Command::Seek(cdr::from_slice::<SeekRequest>(request)?.time.as_ns()),
+            Self::Seek => PlayerAction::Seek(cdr::from_slice::<SeekRequest>(request)?.time.as_ns()),
         })
     }
 
-    fn response(self, answer: Answer) -> Result<Vec<u8>, CdrError> {
-        let Answer { done: success, played: actually_burst, motion, rate } = answer;
+    fn response(self, answer: PlayerReply) -> Result<Vec<u8>, CdrError> {
+        let PlayerReply { done: success, played: actually_burst, state, rate } = answer;
         match self {
             Self::Pause => cdr::to_vec(&PauseResponse),
             Self::Resume => cdr::to_vec(&ResumeResponse),
             Self::TogglePaused => cdr::to_vec(&TogglePausedResponse),
-            Self::IsPaused => cdr::to_vec(&IsPausedResponse { paused: motion == Motion::Paused }),
+            Self::IsPaused => cdr::to_vec(&IsPausedResponse { paused: state == PlaybackState::Paused }),
             Self::GetRate => cdr::to_vec(&GetRateResponse { rate }),
             Self::SetRate => cdr::to_vec(&SetRateResponse { success }),
             Self::PlayNext => cdr::to_vec(&PlayNextResponse { success }),

@@ -7,17 +7,14 @@
 pub mod bag;
 pub mod capture;
 pub mod control;
-mod file_error;
 pub mod import;
-pub mod pace;
 pub mod play;
+pub mod playback_clock;
 pub mod record;
 pub mod replay;
 pub mod source;
 
-use std::path::{Component, Path};
-
-pub use file_error::FileError;
+use std::path::{Component, Path, PathBuf};
 
 /// Where recorded images are in a bag that was imported here.
 pub const IMAGE_TOPIC: &str = "/camera/image_raw";
@@ -29,4 +26,21 @@ pub const GROUND_TRUTH_TOPIC: &str = "/ground_truth";
 /// Whether `path`, which a recording or a data set names, stays inside the folder that it is relative to.
 fn stays_inside(path: &Path) -> bool {
     path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+}
+
+/// Error: the system does not read or write a file or folder.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {source}", path.display())]
+pub struct FileError {
+    /// The file or folder.
+    pub path: PathBuf,
+    /// The error of the system.
+    pub source: std::io::Error,
+}
+
+impl FileError {
+    /// The error `source` of the file or folder `path`.
+    pub fn new(path: &Path, source: std::io::Error) -> Self {
+        Self { path: path.to_owned(), source }
+    }
 }

@@ -54,7 +54,7 @@ pub enum PlayError {
 
 /// A message and when to send it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Due {
+pub struct NextMessage {
     /// Position on the timeline of the replay, ns: bag time since its start,
     /// rounds one after the other.
     pub position: u64,
@@ -98,14 +98,14 @@ impl Player {
     }
 
     /// The next message that can be read; `None` at the end, and after an error.
-    pub fn next_due(&mut self) -> Option<Result<Due, BagError>> {
+    pub fn next_message(&mut self) -> Option<Result<NextMessage, BagError>> {
         let (start, end) = self.window;
         loop {
             match self.messages.next() {
                 Some(Ok(message)) if message.log_time <= end => {
                     self.heard = true;
                     let position = self.began.saturating_add(message.log_time.saturating_sub(start));
-                    return Some(Ok(Due { position, message }));
+                    return Some(Ok(NextMessage { position, message }));
                 }
                 Some(Err(bad @ BagError::BadMessage { .. })) => {
                     tracing::warn!("{bad}");

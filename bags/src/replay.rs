@@ -16,11 +16,11 @@ use modulo_runtime::transport::zenoh::{RawService, ZenohTransport};
 use modulo_runtime::transport::{Guard, Transport, TransportError};
 use modulo_runtime::{Clock, NodeName, Stop, Urgency};
 
-use self::publishers::{Publishers, TimeOutlet};
+use self::publishers::{ClockPublisher, Publishers};
 use crate::bag::BagError;
-use crate::control::{Answer, Command, Order, Service};
-use crate::pace::{Motion, Pace};
-use crate::play::{Due, Player};
+use crate::control::{PlayerAction, PlayerCommand, PlayerReply, Service};
+use crate::play::{NextMessage, Player};
+use crate::playback_clock::{PlaybackClock, PlaybackState};
 
 /// The name of the node in ROS 2, too.
 const NODE: &str = "rosbag2_player";
@@ -92,12 +92,12 @@ pub fn replay(
     transport: &ZenohTransport,
     clock: &Arc<dyn Clock>,
     player: &mut Player,
-    pace: Pace,
+    pace: PlaybackClock,
     options: &ReplayOptions,
     stop: &Stop,
 ) -> Result<BTreeMap<String, u64>, ReplayError> {
     let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: options.remaps.clone() };
-    let time = options.clock_hz.map(|hz| TimeOutlet::declare(transport, &node_name, hz)).transpose()?;
+    let time = options.clock_hz.map(|hz| ClockPublisher::declare(transport, &node_name, hz)).transpose()?;
     let publishers = Publishers::declare(transport, &node_name, player.bag(), time.as_ref())?;
     let orders = Arc::new(Queue::new(clock.clone(), ORDERS));
     stop.wakes(&orders);
@@ -118,7 +118,7 @@ pub fn replay(
 fn serve(
     transport: &ZenohTransport,
     node_name: &NodeName,
-    orders: &Arc<Queue<Order>>,
+    orders: &Arc<Queue<PlayerCommand>>,
 ) -> Result<Guard, TransportError> {
     let lane = orders.open(Keep::All);
     let services = Service::ALL.map(|service| {
@@ -144,12 +144,12 @@ fn wait_until_heard(publishers: &Publishers, clock: &dyn Clock, stop: &Stop) {
 struct Replay<'a> {
     clock: &'a dyn Clock,
     player: &'a mut Player,
-    pace: Pace,
+    pace: PlaybackClock,
     /// The next message.
-    ahead: Option<Due>,
+    ahead: Option<NextMessage>,
     publishers: Publishers,
-    time: Option<TimeOutlet>,
-    orders: Arc<Queue<Order>>,
+    time: Option<ClockPublisher>,
+    orders: Arc<Queue<PlayerCommand>>,
 }
 
 impl Replay<'_> {
@@ -163,7 +163,7 @@ impl Replay<'_> {
                 self.send_next()?;
             }
             if let Next::Item(arrived) = self.orders.take(self.patience()) {
-                let answer = self.carry_out(arrived.item.command, stop)?;
+                let answer = self.carry_out(arrived.item.action, stop)?;
                 // Fails only when the caller has gone.
                 let _ = arrived.item.answer.send(answer);
             }
@@ -174,7 +174,7 @@ impl Replay<'_> {
     /// Whether there is a next message.
     fn look_ahead(&mut self) -> Result<bool, BagError> {
         if self.ahead.is_none() {
-            self.ahead = self.player.next_due().transpose()?;
+            self.ahead = self.player.next_message().transpose()?;
         }
         Ok(self.ahead.is_some())
     }
@@ -203,22 +203,25 @@ impl Replay<'_> {
         Ok(Some(due.position))
     }
 
-    fn carry_out(&mut self, command: Command, stop: &Stop) -> Result<Answer, ReplayError> {
+    fn carry_out(&mut self, action: PlayerAction, stop: &Stop) -> Result<PlayerReply, ReplayError> {
         let now = self.clock.ticks_ns();
         let (mut done, mut played) = (true, 0);
-        match command {
-            Command::Tell => {}
-            Command::Move(motion) => {
-                let other =
-                    if self.pace.motion() == Motion::Paused { Motion::Running } else { Motion::Paused };
-                self.pace.set_motion(now, motion.unwrap_or(other));
+        match action {
+            PlayerAction::Tell => {}
+            PlayerAction::Move(state) => {
+                let other = if self.pace.state() == PlaybackState::Paused {
+                    PlaybackState::Running
+                } else {
+                    PlaybackState::Paused
+                };
+                self.pace.set_state(now, state.unwrap_or(other));
             }
-            Command::SetRate(rate) => done = self.pace.set_rate(now, rate).is_ok(),
-            Command::Step(number) => {
+            PlayerAction::SetRate(rate) => done = self.pace.set_rate(now, rate).is_ok(),
+            PlayerAction::Step(number) => {
                 played = self.step(now, number.unwrap_or(u64::MAX), stop)?;
                 done = played > 0;
             }
-            Command::Seek(log_time) => {
+            PlayerAction::Seek(log_time) => {
                 let position = self.player.seek(log_time);
                 done = position.is_some();
                 if let Some(position) = position {
@@ -227,12 +230,12 @@ impl Replay<'_> {
                 }
             }
         }
-        Ok(Answer { done, played, motion: self.pace.motion(), rate: self.pace.rate() })
+        Ok(PlayerReply { done, played, state: self.pace.state(), rate: self.pace.rate() })
     }
 
     /// Plays up to `number` messages at once, if the replay is paused and until it is stopped; how many.
     fn step(&mut self, now: u64, number: u64, stop: &Stop) -> Result<u64, ReplayError> {
-        if self.pace.motion() != Motion::Paused {
+        if self.pace.state() != PlaybackState::Paused {
             return Ok(0);
         }
         let mut played = 0;

@@ -19,7 +19,7 @@ const STALL: Duration = Duration::from_secs(30);
 
 /// What to fetch.
 #[derive(Clone, Debug)]
-pub struct Request<'a> {
+pub struct FetchRequest<'a> {
     /// Address, `http://HOST/...` or `https://HOST/...`.
     pub url: &'a str,
     /// Path of the file to write; its folder is created.
@@ -85,7 +85,7 @@ pub enum FetchError {
 ///
 /// # Errors
 /// [`FetchError`]. Then nothing was written.
-pub fn fetch(request: &Request<'_>, progress: &dyn Fn(u64, Option<u64>)) -> Result<Fetched, FetchError> {
+pub fn fetch(request: &FetchRequest<'_>, progress: &dyn Fn(u64, Option<u64>)) -> Result<Fetched, FetchError> {
     let expected = request.sha256.to_ascii_lowercase();
     if expected.len() != 64 || !expected.bytes().all(|digit| digit.is_ascii_hexdigit()) {
         return Err(FetchError::Sha256(request.sha256.to_owned()));
@@ -114,7 +114,7 @@ pub fn fetch(request: &Request<'_>, progress: &dyn Fn(u64, Option<u64>)) -> Resu
     Ok(Fetched::Downloaded)
 }
 
-impl Request<'_> {
+impl FetchRequest<'_> {
     /// Writes the file at the URL to `file`; returns its sha256.
     fn download(
         &self,
@@ -205,7 +205,7 @@ mod tests {
 
     #[test]
     fn announced_lengths_are_checked_before_a_byte_comes() {
-        let with = |bytes| Request { url: "u", file: Path::new("f"), sha256: "", bytes };
+        let with = |bytes| FetchRequest { url: "u", file: Path::new("f"), sha256: "", bytes };
         assert!(with(None).check_length(LIMIT, true).is_ok());
         assert!(with(None).check_length(LIMIT + 1, true).is_err());
         assert!(with(Some(7)).check_length(6, true).is_err() && with(Some(7)).check_length(6, false).is_ok());

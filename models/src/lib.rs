@@ -10,5 +10,5 @@ pub const DEMO: &[u8] = include_bytes!("../demo.onnx");
 mod fetch;
 mod official;
 
-pub use fetch::{FetchError, Fetched, LIMIT, Request, fetch, hex};
+pub use fetch::{FetchError, FetchRequest, Fetched, LIMIT, fetch, hex};
 pub use official::{LICENCE, OFFICIAL, Official, OfficialError, official};

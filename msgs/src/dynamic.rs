@@ -96,7 +96,7 @@ impl<'de> DeserializeSeed<'de> for Value<'_> {
         let capacity = usize::try_from(self.r#type.capacity).unwrap_or(usize::MAX);
         match (many, one) {
             (0, _) => Element(self).deserialize(decoder),
-            (2 | 3, UINT8 | BYTE) => decoder.deserialize_byte_buf(Octets),
+            (2 | 3, UINT8 | BYTE) => crate::bytes::deserialize(decoder).map(Dynamic::Bytes),
             (1, _) => decoder.deserialize_tuple(capacity, Element(self)),
             _ => decoder.deserialize_seq(Element(self)),
         }
@@ -146,20 +146,6 @@ impl<'de> DeserializeSeed<'de> for Element<'_> {
             17 | 21 => Dynamic::Text(String::deserialize(decoder)?),
             other => return Err(serde::de::Error::custom(format!("type id {other} cannot be shown"))),
         })
-    }
-}
-
-struct Octets;
-
-impl Visitor<'_> for Octets {
-    type Value = Dynamic;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("bytes")
-    }
-
-    fn visit_bytes<E>(self, bytes: &[u8]) -> Result<Dynamic, E> {
-        Ok(Dynamic::Bytes(bytes.to_vec()))
     }
 }
 

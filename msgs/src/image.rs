@@ -56,7 +56,7 @@ impl Image {
     /// [`ImageError`] for another encoding, a side of 0, a `step` below one
     /// row, fewer than `height * step` bytes, and floats that are NaN or infinite.
     pub fn to_frame(&self) -> Result<Frame, ImageError> {
-        decode::frame(decode::Layout::of(self)?, self.data.as_slice().into())
+        decode::frame(decode::PixelLayout::of(self)?, self.data.as_slice().into())
     }
 
     /// As [`Image::to_frame`], but `rgb8` and `mono8` without padding keep the
@@ -65,6 +65,6 @@ impl Image {
     /// # Errors
     /// As [`Image::to_frame`].
     pub fn into_frame(self) -> Result<Frame, ImageError> {
-        decode::frame(decode::Layout::of(&self)?, self.data.into())
+        decode::frame(decode::PixelLayout::of(&self)?, self.data.into())
     }
 }

@@ -9,8 +9,8 @@ use std::collections::BTreeMap;
 
 use modulo_msgs::{dds_name, rihs};
 
-use crate::graph::NodeName;
-use crate::graph::Qos;
+use crate::graph::{NodeName, Qos};
+use crate::message::MessageKind;
 use crate::parameter::ParameterError;
 use crate::transport::keys::{self, Endpoint};
 
@@ -40,7 +40,7 @@ pub struct Route {
 
 /// Everything that is forwarded.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Plan {
+pub struct BridgePlan {
     /// The topics.
     pub routes: Vec<Route>,
     /// Nodes of the suite, fully qualified, whose parameter services the DDS graph can call.
@@ -59,7 +59,7 @@ crate::parameters! {
     }
 }
 
-impl Plan {
+impl BridgePlan {
     /// The plan of a bridge `node_name`.
     ///
     /// # Errors
@@ -109,20 +109,9 @@ fn route(
         let known = modulo_msgs::interface::names().filter(|name| name.contains("/msg/"));
         refuse(format!("the type is unknown, known are {}", known.collect::<Vec<_>>().join(", ")))
     })?;
-    Ok(Route { topic, ros_type: ros_type.to_owned(), type_hash, direction, qos: qos_for(ros_type) })
-}
-
-/// As the suite's own topics of that type.
-fn qos_for(ros_type: &str) -> Qos {
-    match ros_type {
-        "sensor_msgs/msg/Image" | "sensor_msgs/msg/CompressedImage" | "sensor_msgs/msg/CameraInfo" => {
-            Qos::Images
-        }
-        "rosgraph_msgs/msg/Clock" => Qos::Clock,
-        "rcl_interfaces/msg/ParameterEvent" => Qos::Events,
-        "rcl_interfaces/msg/Log" => Qos::Logs,
-        _ => Qos::Results,
-    }
+    // The QoS of the suite's own topics of that type.
+    let qos = MessageKind::from_type_name(ros_type).map_or(Qos::Results, Qos::usual);
+    Ok(Route { topic, ros_type: ros_type.to_owned(), type_hash, direction, qos })
 }
 
 impl Route {
@@ -146,7 +135,7 @@ mod tests {
 
     const IMAGE: &str = "sensor_msgs/msg/Image";
 
-    fn plan(outward: &[&str], inward: &[&str], nodes: &[&str]) -> Result<Plan, String> {
+    fn plan(outward: &[&str], inward: &[&str], nodes: &[&str]) -> Result<BridgePlan, String> {
         let list = |items: &[&str]| items.iter().map(|item| (*item).to_owned()).collect();
         let parameters = BridgeParameters {
             zenoh_to_dds: list(outward),
@@ -155,7 +144,7 @@ mod tests {
         };
         let node_name =
             NodeName::new("ros2_bridge", "/car", &[("old".into(), "/new".into())]).expect("valid");
-        Plan::new(&parameters, &node_name).map_err(|refusal| refusal.to_string())
+        BridgePlan::new(&parameters, &node_name).map_err(|refusal| refusal.to_string())
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use modulo_runtime::sensor::parameters::Lens;
+use modulo_runtime::sensor::parameters::BlurShape;
 
 use super::words;
 
@@ -73,8 +73,8 @@ pub struct Sensor {
     #[arg(long, default_value_t = 1.4)]
     pub psf_sigma: f64,
     /// Blur of the lens: a Gaussian of --psf-sigma, or the paper's fixed 7 taps (about 1.4 px)
-    #[arg(long, default_value = "gaussian", value_parser = words(Lens::WORDS))]
-    pub psf: Lens,
+    #[arg(long, default_value = "gaussian", value_parser = words(BlurShape::WORDS))]
+    pub psf: BlurShape,
     /// Bits of the sensor's converter
     #[arg(long, default_value_t = 8)]
     pub bits: u8,

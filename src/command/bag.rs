@@ -6,7 +6,7 @@ use anyhow::{Context, anyhow};
 use modulo_bags::bag::{self, BagInfo, BagReader, BagWarning, Split, WriteOptions};
 use modulo_bags::capture::capture;
 use modulo_bags::import::{ImportOptions, import_kitti};
-use modulo_bags::pace::{Motion, Pace};
+use modulo_bags::pace::{PlaybackClock, PlaybackState};
 use modulo_bags::play::{PlayOptions, Player, Repeat};
 use modulo_bags::record::Recorder;
 use modulo_bags::replay::{ReplayOptions, replay, wait_for};
@@ -108,8 +108,8 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
         topics: args.topics.clone(),
     };
     let mut player = Player::new(reader, &options).map_err(usage)?;
-    let motion = if args.start_paused { Motion::Paused } else { Motion::Running };
-    let pace = Pace::new(0, args.rate, motion).map_err(usage)?;
+    let motion = if args.start_paused { PlaybackState::Paused } else { PlaybackState::Running };
+    let pace = PlaybackClock::new(0, args.rate, motion).map_err(usage)?;
     if let Some(hz) = args.clock.filter(|hz| !(hz.is_finite() && *hz > 0.0)) {
         return Err(usage(anyhow!("--clock {hz}: must be a finite number above 0")));
     }

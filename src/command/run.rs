@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use anyhow::Context;
-use modulo_runtime::driver::live::{self, Subject};
+use modulo_runtime::driver::live::{self, NodeSetup};
 use modulo_runtime::end_on_signals;
 use modulo_runtime::process::report_file::ReportFile;
 use modulo_runtime::process::saved_state::SavedState;
@@ -56,8 +56,8 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
 
     let (clock, transport) = open_session()?;
     let rosout = log.map(|log| log.publish(&node_name, &transport)).transpose()?;
-    let subject = Subject { node, parameters, node_name, saved, report_file };
-    live::run(subject, &transport, &clock, stop)?;
+    let setup = NodeSetup { node, parameters, node_name, saved, report_file };
+    live::run(setup, &transport, &clock, stop)?;
     drop(rosout);
     transport.close();
     Ok(Ended::Done)

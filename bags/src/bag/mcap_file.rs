@@ -10,7 +10,7 @@ use mcap::Summary;
 use mcap::sans_io::indexed_reader::{IndexedReadEvent, IndexedReader, IndexedReaderOptions, ReadOrder};
 use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
 
-use super::scan::{Loose, scan};
+use super::scan::{UnchunkedMessage, scan};
 use super::storage::{Cursor, Index, Storage};
 use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount, type_hash};
 use crate::FileError;
@@ -24,7 +24,7 @@ pub(super) struct McapFile {
     path: PathBuf,
     size: u64,
     summary: Summary,
-    loose: Vec<Loose>,
+    loose: Vec<UnchunkedMessage>,
     topics: HashMap<u16, Arc<BagTopic>>,
     warnings: Vec<BagWarning>,
 }
@@ -36,7 +36,7 @@ impl McapFile {
         let mut file = File::open(path).map_err(io)?;
         let size = file.metadata().map_err(io)?.len();
         let summary = match index {
-            Index::Believed => read_summary(&mut file, size).filter(|summary| is_complete(summary, size)),
+            Index::Trusted => read_summary(&mut file, size).filter(|summary| is_complete(summary, size)),
             Index::Ignored => None,
         };
         let (summary, loose, mut warnings) = match summary {
@@ -45,9 +45,7 @@ impl McapFile {
                 file.rewind().map_err(io)?;
                 let mut found = scan(path, file, size)?;
                 // Nobody asked for the index.
-                found
-                    .warnings
-                    .retain(|w| index == Index::Believed || !matches!(w, BagWarning::NoIndex { .. }));
+                found.warnings.retain(|w| index == Index::Trusted || !matches!(w, BagWarning::NoIndex(_)));
                 (found.summary, found.loose, found.warnings)
             }
         };
@@ -159,7 +157,7 @@ struct McapMessages {
     wanted: HashMap<u16, Arc<BagTopic>>,
     chunked: IndexedReader,
     /// Selected messages outside of chunks that are still to come, the next one last.
-    loose: Vec<Loose>,
+    loose: Vec<UnchunkedMessage>,
     /// The next message of the chunks, read to compare its time.
     ahead: Option<RawMessage>,
 }
@@ -184,7 +182,7 @@ impl McapMessages {
             .with_record_length_limit(MAX_CHUNK);
         let chunked = IndexedReader::new_with_options(&index.summary, options)
             .map_err(|e| BagError::damaged(&index.path, e))?;
-        let is_wanted = |m: &&Loose| m.log_time >= start && wanted.contains_key(&m.channel);
+        let is_wanted = |m: &&UnchunkedMessage| m.log_time >= start && wanted.contains_key(&m.channel);
         let loose = index.loose.iter().filter(is_wanted).rev().copied().collect();
         let file = File::open(&index.path).map_err(|e| FileError::new(&index.path, e))?;
         Ok(Some(Self { index, file, wanted, chunked, loose, ahead: None }))

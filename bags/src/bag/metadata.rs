@@ -51,9 +51,10 @@ pub(super) struct Contents<'a> {
 /// form that is read here.
 pub(super) fn read(path: &Path) -> Result<Metadata, BagError> {
     let text = std::fs::read_to_string(path).map_err(|e| FileError::new(path, e))?;
-    let metadata = parse(&text).map_err(|why| BagError::Metadata { path: path.to_owned(), why })?;
+    let metadata = parse(&text).map_err(|why| BagError::Metadata(path.to_owned(), why))?;
     let refuse = |what, found: &str, possible| {
-        Err(BagError::Unsupported { path: path.to_owned(), what, found: found.to_owned(), possible })
+        let why = format!("{what} '{found}' is not supported, possible is {possible}");
+        Err(BagError::Unsupported(path.to_owned(), why))
     };
     if !["mcap", "sqlite3"].contains(&metadata.storage_identifier.as_str()) {
         return refuse("storage", &metadata.storage_identifier, "mcap or sqlite3");

@@ -4,6 +4,7 @@
 //! ROS 1, which are none, are written anew. A damaged bag is read as far as it goes and what is lost is
 //! said in a [`BagWarning`], never in silence.
 
+mod bag_file;
 mod copy;
 mod error;
 mod info;
@@ -16,7 +17,6 @@ mod ros1;
 mod scan;
 mod sqlite;
 mod storage;
-mod volume;
 mod writer;
 
 use std::path::Path;

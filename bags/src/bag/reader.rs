@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::merge::{Merge, Part};
+use super::merge::{Merge, MergeInput};
 use super::metadata::{self, Metadata};
 use super::storage::{self, Cursor, Index, Storage};
 use super::{BagError, BagWarning, RawMessage, TopicCount};
@@ -45,7 +45,7 @@ impl BagReader {
     /// # Errors
     /// [`BagError`] when there is no bag, or one in a form that is not read.
     pub fn open(path: &Path) -> Result<Self, BagError> {
-        Self::open_with(path, Index::Believed)
+        Self::open_with(path, Index::Trusted)
     }
 
     /// As [`BagReader::open`], but scans every MCAP file: what is broken inside
@@ -70,7 +70,7 @@ impl BagReader {
             None => vec![path.to_owned()],
         };
         if paths.is_empty() {
-            return Err(BagError::NoBag { path: path.to_owned() });
+            return Err(BagError::NoBag(path.to_owned()));
         }
         let mut files = Vec::new();
         for path in paths {
@@ -142,12 +142,12 @@ impl BagReader {
     /// The selected messages in log-time order, over all files.
     pub fn messages(&self, selection: &Selection) -> Messages {
         let from = selection.start_ns.unwrap_or(0);
-        let parts = self.files.iter().filter_map(|(_, file)| {
+        let inputs = self.files.iter().filter_map(|(_, file)| {
             let (start, _) = file.span().filter(|(_, end)| *end >= from)?;
             let (file, selection) = (Arc::clone(file), selection.clone());
-            Some(Part { start, open: Box::new(move || file.messages(&selection)) })
+            Some(MergeInput { start, open: Box::new(move || file.messages(&selection)) })
         });
-        Messages { merged: Some(Merge::of(parts.collect())) }
+        Messages { merged: Some(Merge::of(inputs.collect())) }
     }
 }
 
@@ -176,9 +176,9 @@ fn metadata_of(path: &Path, warnings: &mut Vec<BagWarning>) -> Result<Option<Met
     }
     match metadata::read(&path.join(metadata::FILE_NAME)) {
         Ok(metadata) => return Ok(Some(metadata)),
-        Err(BagError::Metadata { path, why }) => warnings.push(BagWarning::BadMetadata { path, why }),
+        Err(BagError::Metadata(path, why)) => warnings.push(BagWarning::BadMetadata(path, why)),
         Err(BagError::Io(why)) if why.source.kind() == std::io::ErrorKind::NotFound => {
-            warnings.push(BagWarning::NoMetadata { path: path.to_owned() });
+            warnings.push(BagWarning::NoMetadata(path.to_owned()));
         }
         Err(other) => return Err(other),
     }

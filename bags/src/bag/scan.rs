@@ -28,7 +28,7 @@ const MESSAGE_HEAD: u64 = 22;
 
 /// A message outside of any chunk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Loose {
+pub(super) struct UnchunkedMessage {
     pub(super) channel: u16,
     pub(super) log_time: u64,
     pub(super) publish_time: u64,
@@ -41,7 +41,7 @@ pub(super) struct Loose {
 pub(super) struct Scan {
     pub(super) summary: Summary,
     /// By log time, then by place in the file.
-    pub(super) loose: Vec<Loose>,
+    pub(super) loose: Vec<UnchunkedMessage>,
     pub(super) warnings: Vec<BagWarning>,
 }
 
@@ -57,7 +57,7 @@ pub(super) fn scan(path: &Path, mut file: File, size: u64) -> Result<Scan, BagEr
     let end = loop {
         match reader.next_event() {
             None => break Some("no end of data".to_owned()),
-            Some(Err(McapError::BadMagic)) => return Err(BagError::NotBag { path: path.to_owned() }),
+            Some(Err(McapError::BadMagic)) => return Err(BagError::NotBag(path.to_owned())),
             Some(Err(e)) => break Some(e.to_string()),
             Some(Ok(LinearReadEvent::ReadRequest(need))) => {
                 let read = file.read(reader.insert(need)).map_err(|e| FileError::new(path, e))?;
@@ -79,7 +79,7 @@ struct Walk<'a> {
     stats: Statistics,
     chunks: Vec<ChunkIndex>,
     channels: Vec<u16>,
-    loose: Vec<Loose>,
+    loose: Vec<UnchunkedMessage>,
     warnings: Vec<BagWarning>,
 }
 
@@ -123,7 +123,7 @@ impl<'a> Walk<'a> {
             op::MESSAGE => {
                 let Record::Message { header, data } = parse_record(opcode, body)? else { return Ok(()) };
                 self.count(header.channel_id, header.log_time)?;
-                self.loose.push(Loose {
+                self.loose.push(UnchunkedMessage {
                     channel: header.channel_id,
                     log_time: header.log_time,
                     publish_time: header.publish_time,
@@ -198,7 +198,7 @@ impl<'a> Walk<'a> {
         let messages = self.stats.message_count;
         self.warnings.push(match end {
             Some(why) => BagWarning::Truncated { path, byte: self.offset, why, messages },
-            None => BagWarning::NoIndex { path },
+            None => BagWarning::NoIndex(path),
         });
         self.loose.sort_by_key(|message| message.log_time);
         let channels = self.channels.iter().filter_map(|&id| Some((id, self.known.get(id)?)));

@@ -40,7 +40,8 @@ fn connect(path: &Path) -> rusqlite::Result<Connection> {
 }
 
 fn broken(path: &Path, why: &rusqlite::Error) -> BagError {
-    BagError::Sqlite { path: path.to_owned(), why: why.to_string() }
+    let remedy = "`sqlite3 FILE .recover` may save what is in a broken file";
+    BagError::Damaged(path.to_owned(), why.to_string(), remedy)
 }
 
 /// Times are stored signed; none is before the epoch.

@@ -41,7 +41,7 @@ pub(super) trait Storage: Debug + Send + Sync {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Index {
     /// It is, where it agrees with itself.
-    Believed,
+    Trusted,
     /// The file is walked over, and whole chunks are read beside broken ones.
     Ignored,
 }

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::bag_file::BagFile;
 use super::metadata::{self, Contents, FileContents};
-use super::volume::Volume;
 use super::{BagError, BagTopic, TopicCount};
 use crate::FileError;
 
@@ -66,7 +66,7 @@ pub struct BagWriter {
     folder: PathBuf,
     name: String,
     options: WriteOptions,
-    volume: Volume,
+    bag_file: BagFile,
     done: Vec<FileContents>,
     topics: Vec<TopicCount>,
     by_name: HashMap<String, TopicId>,
@@ -81,15 +81,15 @@ impl BagWriter {
     /// [`BagError::Exists`] when `folder` is there, [`BagError`] when it cannot
     /// be made.
     pub fn create(folder: &Path, options: impl Into<WriteOptions>) -> Result<Self, BagError> {
-        let name = folder.file_name().ok_or_else(|| BagError::Name { path: folder.to_owned() })?;
+        let name = folder.file_name().ok_or_else(|| BagError::Name(folder.to_owned()))?;
         let (name, options) = (name.to_string_lossy().into_owned(), options.into());
         make_folder(folder)?;
-        let volume = Volume::create(folder, format!("{name}_0.mcap"), options.compression)?;
+        let bag_file = BagFile::create(folder, format!("{name}_0.mcap"), options.compression)?;
         Ok(Self {
             folder: folder.to_owned(),
             name,
             options,
-            volume,
+            bag_file,
             done: Vec::new(),
             topics: Vec::new(),
             by_name: HashMap::new(),
@@ -110,7 +110,7 @@ impl BagWriter {
             let (topic, known, given) = (topic.name.clone(), known.clone(), topic.type_name.clone());
             return Err(BagError::TypeConflict { topic, known, given });
         }
-        self.volume.add(topic)?;
+        self.bag_file.add(topic)?;
         let id = TopicId(self.topics.len());
         self.topics.push(TopicCount { topic: Arc::new(topic.clone()), messages: 0 });
         self.by_name.insert(topic.name.clone(), id);
@@ -131,7 +131,7 @@ impl BagWriter {
         if self.is_full(log_time, data.len()) {
             self.next_file()?;
         }
-        self.volume.write(id.0, log_time, publish_time, data)?;
+        self.bag_file.write(id.0, log_time, publish_time, data)?;
         self.topics[id.0].messages += 1;
         Ok(())
     }
@@ -144,29 +144,29 @@ impl BagWriter {
     /// [`BagError`] when the disk does not take it.
     pub fn settle(&mut self, now: u64) -> Result<(), BagError> {
         let flushed = *self.flushed.get_or_insert(now);
-        if now.abs_diff(flushed) < FLUSH_EVERY && self.volume.unflushed() < FLUSH_BYTES {
+        if now.abs_diff(flushed) < FLUSH_EVERY && self.bag_file.unflushed() < FLUSH_BYTES {
             return Ok(());
         }
         self.flushed = Some(now);
-        self.volume.flush()
+        self.bag_file.flush()
     }
 
     /// Whether a message of `length` bytes at `log_time` belongs into a new file.
     fn is_full(&self, log_time: u64, length: usize) -> bool {
-        let Some((start, _)) = self.volume.span() else { return false };
+        let Some((start, _)) = self.bag_file.span() else { return false };
         let Split { max_bytes, max_duration } = self.options.split;
         let lasts = Duration::from_nanos(log_time.saturating_sub(start));
         max_duration.is_some_and(|max| lasts > max)
-            || max_bytes.is_some_and(|max| self.volume.size_with(length) > max)
+            || max_bytes.is_some_and(|max| self.bag_file.size_with(length) > max)
     }
 
     fn next_file(&mut self) -> Result<(), BagError> {
         let name = format!("{}_{}.mcap", self.name, self.done.len() + 1);
-        let mut volume = Volume::create(&self.folder, name, self.options.compression)?;
+        let mut bag_file = BagFile::create(&self.folder, name, self.options.compression)?;
         for counted in &self.topics {
-            volume.add(&counted.topic)?;
+            bag_file.add(&counted.topic)?;
         }
-        let full = std::mem::replace(&mut self.volume, volume);
+        let full = std::mem::replace(&mut self.bag_file, bag_file);
         self.done.push(full.finish(&self.topics)?);
         Ok(())
     }
@@ -182,7 +182,7 @@ impl BagWriter {
     /// # Errors
     /// [`BagError`] when the disk does not take it.
     pub fn finish(mut self) -> Result<Vec<TopicCount>, BagError> {
-        self.done.push(self.volume.finish(&self.topics)?);
+        self.done.push(self.bag_file.finish(&self.topics)?);
         let document = metadata::document(&Contents { files: &self.done, topics: &self.topics });
         let path = self.folder.join(metadata::FILE_NAME);
         std::fs::write(&path, document).map_err(|e| FileError::new(&path, e))?;
@@ -195,7 +195,7 @@ fn make_folder(folder: &Path) -> Result<(), BagError> {
         std::fs::create_dir_all(parent).map_err(|e| FileError::new(parent, e))?;
     }
     std::fs::create_dir(folder).map_err(|e| match e.kind() {
-        std::io::ErrorKind::AlreadyExists => BagError::Exists { path: folder.to_owned() },
+        std::io::ErrorKind::AlreadyExists => BagError::Exists(folder.to_owned()),
         _ => FileError::new(folder, e).into(),
     })
 }

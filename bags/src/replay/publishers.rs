@@ -7,20 +7,20 @@ use modulo_msgs::rosgraph_msgs;
 use modulo_msgs::{Interface, cdr};
 use modulo_runtime::transport::TransportError;
 use modulo_runtime::transport::keys::{self, Endpoint};
-use modulo_runtime::transport::zenoh::{RawOutlet, ZenohTransport};
+use modulo_runtime::transport::zenoh::{RawPublisher, ZenohTransport};
 use modulo_runtime::{NodeName, Qos};
 
 use crate::bag::{BagReader, BagTopic, RawMessage, qos};
 
 /// Publishers of the topics of a bag.
 pub(super) struct Publishers {
-    by_topic: BTreeMap<String, Named>,
+    by_topic: BTreeMap<String, TopicPublisher>,
 }
 
-struct Named {
+struct TopicPublisher {
     /// In the graph.
     name: String,
-    publisher: RawOutlet,
+    publisher: RawPublisher,
     sent: u64,
 }
 
@@ -31,7 +31,7 @@ impl Publishers {
         transport: &ZenohTransport,
         node_name: &NodeName,
         bag: &BagReader,
-        time: Option<&TimeOutlet>,
+        time: Option<&ClockPublisher>,
     ) -> Result<Self, TransportError> {
         let mut by_topic = BTreeMap::new();
         for counted in bag.topics() {
@@ -41,7 +41,7 @@ impl Publishers {
                 continue;
             }
             let publisher = transport.advertise_raw(node_name, &endpoint)?;
-            let named = Named { name: endpoint.topic, publisher, sent: 0 };
+            let named = TopicPublisher { name: endpoint.topic, publisher, sent: 0 };
             by_topic.insert(counted.topic.name.clone(), named);
         }
         Ok(Self { by_topic })
@@ -71,15 +71,15 @@ impl Publishers {
 }
 
 /// The publisher of the bag's time.
-pub(super) struct TimeOutlet {
+pub(super) struct ClockPublisher {
     name: String,
-    publisher: RawOutlet,
+    publisher: RawPublisher,
     /// Ticks between two messages, ns.
     every: u64,
     next: u64,
 }
 
-impl TimeOutlet {
+impl ClockPublisher {
     /// Declares `/clock`, told `hz` times a second.
     pub(super) fn declare(
         transport: &ZenohTransport,

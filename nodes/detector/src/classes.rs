@@ -5,7 +5,7 @@ use std::path::Path;
 
 use modulo_runtime::ParameterError;
 
-use crate::model::Names;
+use crate::model::ClassNames;
 
 /// How many known names a refusal lists.
 const SHOWN: usize = 12;
@@ -13,7 +13,7 @@ const SHOWN: usize = 12;
 /// Which classes are published, and under which name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Classes {
-    names: Names,
+    names: ClassNames,
     map_file: String,
     map: Option<BTreeMap<String, String>>,
     published: Vec<String>,
@@ -28,7 +28,7 @@ impl Classes {
     /// # Errors
     /// [`ParameterError`] of `class_map` or `classes`, with the names that are known.
     pub fn new(
-        names: &Names,
+        names: &ClassNames,
         map_file: &str,
         wanted: &[String],
         last: Option<&Self>,
@@ -82,7 +82,7 @@ impl Classes {
 
 /// Reads a class map; an empty `to` drops the class like a class that is not
 /// named at all.
-fn read_map(path: &str, names: &Names) -> Result<BTreeMap<String, String>, String> {
+fn read_map(path: &str, names: &ClassNames) -> Result<BTreeMap<String, String>, String> {
     let text = std::fs::read_to_string(Path::new(path)).map_err(|error| error.to_string())?;
     let known = names.all();
     let mut map = parse_class_map(&text)?;
@@ -133,8 +133,8 @@ mod tests {
 
     use super::*;
 
-    fn names() -> Names {
-        Names::of(Path::new("none"), Some("{0: 'person', 1: 'bicycle', 2: 'car'}"))
+    fn names() -> ClassNames {
+        ClassNames::of(Path::new("none"), Some("{0: 'person', 1: 'bicycle', 2: 'car'}"))
     }
 
     fn classes(map: &str, wanted: &[&str]) -> Result<Classes, String> {

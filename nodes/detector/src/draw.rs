@@ -40,13 +40,13 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::model::Names;
+    use crate::model::ClassNames;
 
     /// The second colour of the charts.
     const VERMILLION: [u8; 3] = [0xd5, 0x5e, 0];
 
     fn classes() -> Classes {
-        Classes::new(&Names::of(Path::new("none"), Some("{0: 'person', 1: 'car'}")), "", &[], None)
+        Classes::new(&ClassNames::of(Path::new("none"), Some("{0: 'person', 1: 'car'}")), "", &[], None)
             .expect("all")
     }
 

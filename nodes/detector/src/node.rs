@@ -47,7 +47,7 @@ impl Detector {
     /// this model), [`DetectorError::Engine`] for a model that does not run.
     pub fn new(parameters: &DetectorParameters) -> Result<Self, DetectorError> {
         let threads = cores(parameters.threads);
-        let engine::Opened { mut engine, note } =
+        let engine::OpenedEngine { mut engine, note } =
             engine::open(parameters.model()?, parameters.engine, threads)?;
         let settings = Settings::new(parameters, engine.layout(), None)?;
         warm_up(engine.as_mut(), settings.input_size)?;

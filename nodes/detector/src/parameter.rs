@@ -7,7 +7,7 @@ use modulo_runtime::{NodeName, ParameterError, ParameterSet as _};
 use crate::classes::Classes;
 use crate::engine::EngineChoice;
 use crate::input_size::InputSize;
-use crate::model::{DEMO, Layout};
+use crate::model::{DEMO, ModelLayout};
 
 /// The streams that have a short name.
 const STREAMS: [&str; 4] = ["modulo", "recovered", "saturated", "ideal"];
@@ -29,7 +29,7 @@ modulo_runtime::parameters! {
         /// Size of the model's input in px: auto (padded to multiples of 32, never resized) or WIDTHxHEIGHT (centred,
         /// never enlarged).
         input_size: String = "auto".to_owned(),
-        /// Names of the classes to publish, as they are called after class_map. Empty: all classes.
+        /// ClassNames of the classes to publish, as they are called after class_map. Empty: all classes.
         classes: Vec<String> = Vec::new(),
         /// Path of a file with lines 'from: to' that renames classes and drops all others. Empty: no renaming.
         class_map: String = String::new(),
@@ -69,7 +69,7 @@ pub struct Settings {
     pub max_det: usize,
     /// Size of the model's input.
     pub input_size: InputSize,
-    /// Names to publish.
+    /// ClassNames to publish.
     pub classes: Classes,
     /// Sensor bits, 0 = the encoding's.
     pub bits: u8,
@@ -82,7 +82,7 @@ impl Settings {
     /// [`ParameterError`] of the first one that is not possible.
     pub fn new(
         parameters: &DetectorParameters,
-        layout: &Layout,
+        layout: &ModelLayout,
         last: Option<&Self>,
     ) -> Result<Self, ParameterError> {
         parameters.check()?;

@@ -43,12 +43,12 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::model::{Layout, Names};
+    use crate::model::{ClassNames, ModelLayout};
     use crate::parameter::DetectorParameters;
 
     fn settings(changes: &[(&str, &str)]) -> Settings {
-        let names = Names::of(Path::new("none"), Some("{0: 'person', 1: 'bicycle', 2: 'car'}"));
-        let layout = Layout { input: "images".into(), output: "output0".into(), size: None, names };
+        let names = ClassNames::of(Path::new("none"), Some("{0: 'person', 1: 'bicycle', 2: 'car'}"));
+        let layout = ModelLayout { input: "images".into(), output: "output0".into(), size: None, names };
         let parameters = DetectorParameters::from_text(changes).expect("possible");
         Settings::new(&parameters, &layout, None).expect("readable")
     }

@@ -1,7 +1,7 @@
 //! `ros2_bridge`: a node in two graphs, that of the suite on zenoh and that of a
 //! ROS 2 on DDS. It forwards topics as bytes and calls of the parameter services.
 //!
-//! What is forwarded is `modulo_runtime::bridge::Plan`; no message is decoded
+//! What is forwarded is `modulo_runtime::bridge::BridgePlan`; no message is decoded
 //! here, and none goes back to the side that it came from.
 
 mod parameters;
@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context as _;
-use modulo_runtime::bridge::{BridgeParameters, Plan};
+use modulo_runtime::bridge::{BridgeParameters, BridgePlan};
 use modulo_runtime::ros_args::RosArgs;
 use modulo_runtime::end_on_signals;
 use modulo_runtime::transport::Transport as _;
@@ -28,7 +28,7 @@ fn main() -> anyhow::Result<()> {
     let (ros, _) = RosArgs::parse(&arguments)?;
     let node_name = ros.node_name("ros2_bridge")?;
     let settings = ros.parameters_for(&node_name)?;
-    let plan = Plan::new(&BridgeParameters::from_text(&settings)?, &node_name)?;
+    let plan = BridgePlan::new(&BridgeParameters::from_text(&settings)?, &node_name)?;
 
     let domain = std::env::var("ROS_DOMAIN_ID").unwrap_or_else(|_| "0".to_owned());
     let domain = domain.trim().parse().with_context(|| format!("ROS_DOMAIN_ID = '{domain}'"))?;

@@ -21,7 +21,7 @@ use modulo_runtime::{
     Context, Flow, Message, MessageKind, Node, ParameterError, Parameters, SensorModel, StampedFrame,
     StepError, Topic, Trigger,
 };
-use recovery::Tally;
+use recovery::RecoveryCounts;
 
 pub use parameters::UnwrapParameters;
 
@@ -41,7 +41,7 @@ pub struct UnwrapNode {
     /// A frame whose sensor description has not come yet.
     kept: Option<Arc<StampedFrame>>,
     recovered: Recovered,
-    tally: Tally,
+    counts: RecoveryCounts,
     /// Whether a parameter that contradicts the camera was reported.
     contradiction_told: bool,
 }
@@ -67,7 +67,7 @@ impl UnwrapNode {
             sensor: None,
             kept: None,
             recovered: Recovered::default(),
-            tally: Tally::default(),
+            counts: RecoveryCounts::default(),
             contradiction_told: false,
         })
     }
@@ -128,7 +128,7 @@ impl UnwrapNode {
         let Prepared { range, deblur, .. } = self.sensor.as_mut().expect("`prepare` comes before");
         cx.stage("unwrap", || self.method.unwrap(&modulo.frame, *range, &mut self.recovered))
             .map_err(|why| skip(why.to_string()))?;
-        self.tally.count(&self.recovered.report);
+        self.counts.count(&self.recovered.report);
         if cx.wanted(DIAGNOSTICS) {
             let said =
                 recovery::describe(cx.node(), &modulo.header, self.method.name(), &self.recovered.report);
@@ -196,7 +196,7 @@ impl Node for UnwrapNode {
 
     fn status(&self) -> Vec<(&'static str, String)> {
         let mut status = vec![("method", self.method.name().to_owned())];
-        status.extend(self.tally.status());
+        status.extend(self.counts.status());
         status
     }
 }

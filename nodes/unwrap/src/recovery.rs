@@ -10,12 +10,12 @@ use modulo_msgs::std_msgs::Header;
 
 /// Frames by rung, and how many of them were trusted.
 #[derive(Default)]
-pub struct Tally {
+pub struct RecoveryCounts {
     rungs: BTreeMap<&'static str, u64>,
     trusted: u64,
 }
 
-impl Tally {
+impl RecoveryCounts {
     /// Counts one frame.
     pub fn count(&mut self, report: &Report) {
         *self.rungs.entry(report.rung).or_default() += 1;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::thread;
 
 use super::RunError;
-use super::live::{self, Subject};
+use super::live::{self, NodeSetup};
 use crate::clock::Clock;
 use crate::graph::NodeName;
 use crate::graph::node_time::is_simulated;
@@ -66,9 +66,9 @@ pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<
                 let (transport, stop) = (&transport, stop.clone());
                 scope.spawn(move || {
                     let Member { node, parameters, node_name, on_exit } = member;
-                    let subject = Subject { node, parameters, node_name, saved: None, report_file: None };
+                    let setup = NodeSetup { node, parameters, node_name, saved: None, report_file: None };
                     let mut end = AskOnDrop { stop: stop.clone(), urgency: Urgency::Now };
-                    let result = live::run(subject, transport, clock, stop);
+                    let result = live::run(setup, transport, clock, stop);
                     end.urgency = match (&result, on_exit) {
                         (Err(_), _) => Urgency::Now,
                         (Ok(_), OnExit::Shutdown) => Urgency::Drain,

@@ -96,7 +96,7 @@ mod tests {
         let Topic { name, kind, qos } = Topic::new("/clock", MessageKind::Clock);
         let simulator = transport.advertise(&node_name, &Address { topic: name, kind, qos }).expect("local");
         let tell = |ns| {
-            let clock = rosgraph_msgs::Clock { clock: Time::from_ns(ns) };
+            let clock = Arc::new(rosgraph_msgs::Clock { clock: Time::from_ns(ns) });
             simulator.put(&Message::Clock(clock)).expect("local");
         };
         let asked = |on| {

@@ -24,6 +24,18 @@ impl Qos {
     /// All of them.
     pub const ALL: [Self; 6] =
         [Self::Images, Self::Results, Self::Latched, Self::Clock, Self::Events, Self::Logs];
+
+    /// The quality of service usual for messages of `kind`.
+    pub fn usual(kind: MessageKind) -> Self {
+        match kind {
+            MessageKind::Image | MessageKind::CompressedImage | MessageKind::CameraInfo => Self::Images,
+            MessageKind::Detections | MessageKind::Diagnostics => Self::Results,
+            MessageKind::ParameterEvent => Self::Events,
+            MessageKind::Log => Self::Logs,
+            // As `rclcpp::ClockQoS`: the newest time, best effort.
+            MessageKind::Clock => Self::Clock,
+        }
+    }
 }
 
 /// A topic that a node reads or writes.
@@ -41,14 +53,6 @@ pub struct Topic {
 impl Topic {
     /// A topic with the quality of service usual for its kind.
     pub fn new(name: impl Into<String>, kind: MessageKind) -> Self {
-        let qos = match kind {
-            MessageKind::Image | MessageKind::CompressedImage | MessageKind::CameraInfo => Qos::Images,
-            MessageKind::Detections | MessageKind::Diagnostics => Qos::Results,
-            MessageKind::ParameterEvent => Qos::Events,
-            MessageKind::Log => Qos::Logs,
-            // As `rclcpp::ClockQoS`: the newest time, best effort.
-            MessageKind::Clock => Qos::Clock,
-        };
-        Self { name: name.into(), kind, qos }
+        Self { name: name.into(), kind, qos: Qos::usual(kind) }
     }
 }

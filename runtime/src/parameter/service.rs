@@ -137,7 +137,7 @@ fn change(parameters: Vec<Parameter>, port: &ParameterPort) -> Result<(), Parame
         Ok(verdict) => verdict,
         // From now on the node leaves the request alone.
         Err(_) if claim.take() => Err(ended("the node did not answer within 10 s; the value is unchanged")),
-        // The node is applying it at this moment: its verdict counts.
+        // The node is applying it at this reason: its verdict counts.
         Err(_) => verdict.recv().map_err(|_| ended("the node ended while it applied the value"))?,
     }
 }

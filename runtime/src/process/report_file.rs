@@ -25,7 +25,7 @@ pub struct ReportFile {
 
 /// Why a report is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Moment {
+pub enum WriteReason {
     /// A source has made a frame. Always written: the account is never behind the frames sent.
     Source,
     /// A listener has taken a message. Written when the last time is at least 10 ms ago.
@@ -56,12 +56,12 @@ impl ReportFile {
         Err(io::ErrorKind::AlreadyExists.into())
     }
 
-    /// Whether the report is to be written at `moment`; `now_ns` are ticks of the machine's clock.
-    pub fn is_due(&self, moment: Moment, now_ns: u64) -> bool {
-        let pause = match moment {
-            Moment::Source | Moment::Edge => 0,
-            Moment::Step => AFTER_STEP_NS,
-            Moment::Idle => IDLE_NS,
+    /// Whether the report is to be written at `reason`; `now_ns` are ticks of the machine's clock.
+    pub fn is_due(&self, reason: WriteReason, now_ns: u64) -> bool {
+        let pause = match reason {
+            WriteReason::Source | WriteReason::Edge => 0,
+            WriteReason::Step => AFTER_STEP_NS,
+            WriteReason::Idle => IDLE_NS,
         };
         now_ns.saturating_sub(self.written_ns) >= pause
     }
@@ -111,11 +111,14 @@ mod tests {
         let mut file = ReportFile::create(folder.path(), "/n").expect("a file");
         let start = 7_000_000_000;
         file.write(&NodeReport::new("/n"), start);
-        for (moment, pause) in
-            [(Moment::Source, 0), (Moment::Step, AFTER_STEP_NS), (Moment::Idle, IDLE_NS), (Moment::Edge, 0)]
-        {
-            assert!(file.is_due(moment, start + pause), "{moment:?}");
-            assert!(pause == 0 || !file.is_due(moment, start + pause - 1), "{moment:?}");
+        for (reason, pause) in [
+            (WriteReason::Source, 0),
+            (WriteReason::Step, AFTER_STEP_NS),
+            (WriteReason::Idle, IDLE_NS),
+            (WriteReason::Edge, 0),
+        ] {
+            assert!(file.is_due(reason, start + pause), "{reason:?}");
+            assert!(pause == 0 || !file.is_due(reason, start + pause - 1), "{reason:?}");
         }
     }
 }

@@ -88,7 +88,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::sensor::parameters::Lens;
+    use crate::sensor::parameters::BlurShape;
 
     fn header(ns: u64) -> Header {
         Header { stamp: Time::from_ns(ns), frame_id: "camera".into() }
@@ -109,7 +109,7 @@ mod tests {
             paper in any::<bool>(),
             psf_sigma in 0.0f64..4.0,
         ) {
-            let psf = if paper { Lens::Paper7 } else { Lens::Gaussian };
+            let psf = if paper { BlurShape::Paper7 } else { BlurShape::Gaussian };
             let model = SensorModel { bits, alpha, psf, psf_sigma };
             prop_assert_eq!(read(&description(1, &model)), Ok(model));
         }

@@ -40,7 +40,7 @@ impl<F: FnMut() + Send + Sync> Drop for Undeclare<F> {
     }
 }
 
-struct LocalOutlet {
+struct LocalPublisher {
     transport: LocalTransport,
     topic: String,
     _gone: Guard,
@@ -52,7 +52,7 @@ impl LocalTransport {
     }
 }
 
-impl Publisher for LocalOutlet {
+impl Publisher for LocalPublisher {
     fn wanted(&self) -> bool {
         self.transport.graph().subscribers.get(&self.topic).is_some_and(|s| !s.is_empty())
     }
@@ -78,7 +78,7 @@ impl Transport for LocalTransport {
                 publishers.swap_remove(index);
             }
         });
-        Ok(Box::new(LocalOutlet { transport: self.clone(), topic, _gone: Box::new(gone) }))
+        Ok(Box::new(LocalPublisher { transport: self.clone(), topic, _gone: Box::new(gone) }))
     }
 
     fn subscribe(

@@ -40,7 +40,7 @@ pub struct Lane(u64);
 /// Counts of one lane. Of the messages that arrived, `received - replaced -
 /// overflowed - unread` were read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Tally {
+pub struct LaneCounts {
     /// Messages that arrived.
     pub received: u64,
     /// Messages that a newer one replaced before they were read ([`Keep::Latest`]).
@@ -53,7 +53,7 @@ pub struct Tally {
     pub missing: u64,
 }
 
-impl Tally {
+impl LaneCounts {
     /// Messages that were sent and should have been read, but were not.
     pub fn lost(&self) -> u64 {
         self.overflowed + self.missing
@@ -126,7 +126,7 @@ struct State<T> {
 struct Waiting<T> {
     keep: Keep,
     items: VecDeque<(u64, u64, T)>,
-    tally: Tally,
+    tally: LaneCounts,
     gaps: Gaps,
 }
 
@@ -150,7 +150,7 @@ impl<T: Queued> Queue<T> {
         let lane = Lane(state.opened);
         state.opened += 1;
         let waiting =
-            Waiting { keep, items: VecDeque::new(), tally: Tally::default(), gaps: Gaps::default() };
+            Waiting { keep, items: VecDeque::new(), tally: LaneCounts::default(), gaps: Gaps::default() };
         state.lanes.insert(lane, waiting);
         lane
     }
@@ -213,16 +213,16 @@ impl<T: Queued> Queue<T> {
     }
 
     /// Counts of `lane`; zeros once it is closed.
-    pub fn tally(&self, lane: Lane) -> Tally {
-        let tally = |lane: &Waiting<T>| Tally { unread: lane.items.len() as u64, ..lane.tally };
+    pub fn tally(&self, lane: Lane) -> LaneCounts {
+        let tally = |lane: &Waiting<T>| LaneCounts { unread: lane.items.len() as u64, ..lane.tally };
         self.lock().lanes.get(&lane).map(tally).unwrap_or_default()
     }
 
     /// Closes `lane`: its waiting items are dropped and counted as unread.
     /// Returns its counts; zeros when it was closed before.
-    pub fn close(&self, lane: Lane) -> Tally {
+    pub fn close(&self, lane: Lane) -> LaneCounts {
         let mut state = self.lock();
-        let Some(mut waiting) = state.lanes.remove(&lane) else { return Tally::default() };
+        let Some(mut waiting) = state.lanes.remove(&lane) else { return LaneCounts::default() };
         waiting.tally.unread = waiting.items.len() as u64;
         if waiting.keep == Keep::All {
             waiting.items.iter().for_each(|(_, _, item)| state.release(item));
@@ -297,7 +297,7 @@ mod tests {
         assert_eq!((queue.push(lane, 1), queue.push(lane, 2)), (None, Some(1)));
         assert_eq!(queue.take(NOW), Next::Item(Arrived { lane, stamp_ns: 9, item: 2 }));
         assert_eq!(queue.take(NOW), Next::Idle);
-        assert_eq!(queue.tally(lane), Tally { received: 2, replaced: 1, ..Tally::default() });
+        assert_eq!(queue.tally(lane), LaneCounts { received: 2, replaced: 1, ..LaneCounts::default() });
     }
 
     #[test]
@@ -305,11 +305,11 @@ mod tests {
         let queue = queue(3, 100);
         let [a, b] = [queue.open(Keep::All), queue.open(Keep::All)];
         assert_eq!([queue.push(a, 60), queue.push(b, 60), queue.push(b, 40)], [None, Some(60), None]);
-        assert_eq!(queue.close(a), Tally { received: 1, unread: 1, ..Tally::default() });
+        assert_eq!(queue.close(a), LaneCounts { received: 1, unread: 1, ..LaneCounts::default() });
         assert_eq!(queue.push(a, 1), Some(1), "a closed lane takes no item");
         assert_eq!([queue.push(b, 0), queue.push(b, 0), queue.push(b, 0)], [None, None, Some(0)]);
         assert_eq!(queue.take(NOW).item(), Some(40));
-        let counted = Tally { received: 5, overflowed: 2, unread: 2, ..Tally::default() };
+        let counted = LaneCounts { received: 5, overflowed: 2, unread: 2, ..LaneCounts::default() };
         assert_eq!(queue.close(b), counted);
     }
 

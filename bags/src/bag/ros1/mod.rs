@@ -14,7 +14,7 @@ use rosbag::record_types::Connection;
 use rosbag::{ChunkRecord, IndexRecord, MessageRecord, RosBag};
 
 use self::message::Convert;
-use super::merge::{Merge, Part};
+use super::merge::{Merge, MergeInput};
 use super::storage::{Cursor, Storage};
 use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount};
 use crate::FileError;
@@ -27,30 +27,34 @@ pub(super) struct Ros1File {
     path: PathBuf,
     bag: Arc<RosBag>,
     size: u64,
-    chunks: Vec<ChunkPlace>,
-    connections: BTreeMap<u32, Converted>,
+    chunks: Vec<ChunkLocation>,
+    connections: BTreeMap<u32, ConvertedConnection>,
     warnings: Vec<BagWarning>,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct ChunkPlace {
+struct ChunkLocation {
     offset: u64,
     span: (u64, u64),
 }
 
 /// A connection whose messages are converted.
 #[derive(Clone)]
-struct Converted {
+struct ConvertedConnection {
     topic: Arc<BagTopic>,
     convert: Convert,
     messages: u64,
+}
+
+fn broken(path: &Path, why: String) -> BagError {
+    BagError::Damaged(path.to_owned(), why, "`rosbag reindex` of ROS 1 may save a bag that was not closed")
 }
 
 impl Ros1File {
     /// Takes the bag's index, which must be there.
     pub(super) fn open(path: &Path) -> Result<Self, BagError> {
         let io = |e| FileError::new(path, e);
-        let broken = |why| BagError::Ros1 { path: path.to_owned(), why };
+        let broken = |why| broken(path, why);
         let file = std::fs::File::open(path).map_err(io)?;
         let size = file.metadata().map_err(io)?.len();
         let mut start = Vec::new();
@@ -62,7 +66,7 @@ impl Ros1File {
         for (id, (connection, messages)) in index.connections {
             match convert(&connection) {
                 Ok((topic, convert)) => {
-                    connections.insert(id, Converted { topic: Arc::new(topic), convert, messages });
+                    connections.insert(id, ConvertedConnection { topic: Arc::new(topic), convert, messages });
                 }
                 Err(why) => {
                     let (path, topic) = (path.to_owned(), connection.storage_topic.to_owned());
@@ -76,7 +80,7 @@ impl Ros1File {
 }
 
 struct Index<'a> {
-    chunks: Vec<ChunkPlace>,
+    chunks: Vec<ChunkLocation>,
     /// With the number of their messages.
     connections: BTreeMap<u32, (Connection<'a>, u64)>,
 }
@@ -93,7 +97,7 @@ fn read_index(bag: &RosBag) -> rosbag::Result<Index<'_>> {
                 // A damaged index may have them the wrong way round.
                 let (start, end) = (info.start_time, info.end_time);
                 let span = (start.min(end), start.max(end));
-                index.chunks.push(ChunkPlace { offset: info.chunk_pos, span });
+                index.chunks.push(ChunkLocation { offset: info.chunk_pos, span });
                 for entry in info.entries() {
                     *counts.entry(entry.conn_id).or_default() += u64::from(entry.count);
                 }
@@ -143,7 +147,8 @@ impl Storage for Ros1File {
 
     /// Several connections may publish one topic.
     fn topics(&self) -> Vec<TopicCount> {
-        let counted = |c: &Converted| TopicCount { topic: Arc::clone(&c.topic), messages: c.messages };
+        let counted =
+            |c: &ConvertedConnection| TopicCount { topic: Arc::clone(&c.topic), messages: c.messages };
         self.connections.values().map(counted).collect()
     }
 
@@ -160,18 +165,18 @@ impl Storage for Ros1File {
         let from = selection.start_ns.unwrap_or(0);
         let wanted = Arc::new(wanted);
         let chunks = self.chunks.iter().filter(|chunk| chunk.span.1 >= from);
-        let part = |chunk: &ChunkPlace| {
+        let input = |chunk: &ChunkLocation| {
             let (file, wanted, chunk) = (Arc::clone(&self), Arc::clone(&wanted), *chunk);
-            Part {
+            MergeInput {
                 start: chunk.span.0,
                 open: Box::new(move || {
                     let messages = file.read_chunk(chunk, &wanted, from);
-                    let messages = messages.map_err(|why| BagError::Ros1 { path: file.path.clone(), why })?;
+                    let messages = messages.map_err(|why| broken(&file.path, why))?;
                     Ok(Some(Box::new(ChunkMessages(messages))))
                 }),
             }
         };
-        Ok(Some(Box::new(Merge::of(chunks.map(part).collect()))))
+        Ok(Some(Box::new(Merge::of(chunks.map(input).collect()))))
     }
 }
 
@@ -179,8 +184,8 @@ impl Ros1File {
     /// The wanted messages of one chunk, by log time.
     fn read_chunk(
         &self,
-        chunk: ChunkPlace,
-        wanted: &HashMap<u32, Converted>,
+        chunk: ChunkLocation,
+        wanted: &HashMap<u32, ConvertedConnection>,
         from: u64,
     ) -> Result<VecDeque<Result<RawMessage, BagError>>, String> {
         let at = |why: String| format!("chunk at byte {}: {why}", chunk.offset);

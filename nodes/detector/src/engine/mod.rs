@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use ndarray::{Array2, ArrayView4};
 
-use crate::model::{Layout, Port, embedded};
+use crate::model::{ModelLayout, TensorSpec, embedded};
 
 /// A loaded model, ready to run.
 pub trait Engine: Send {
@@ -28,7 +28,7 @@ pub trait Engine: Send {
     fn name(&self) -> &'static str;
 
     /// What the model takes and gives.
-    fn layout(&self) -> &Layout;
+    fn layout(&self) -> &ModelLayout;
 }
 
 /// Which engine is asked for.
@@ -121,15 +121,15 @@ fn one_line(text: impl fmt::Display) -> String {
 /// What a model's file says about itself, as an engine reads it.
 pub struct Signature {
     /// Inputs without the initialisers.
-    pub inputs: Vec<Port>,
+    pub inputs: Vec<TensorSpec>,
     /// Outputs in the file's order.
-    pub outputs: Vec<Port>,
+    pub outputs: Vec<TensorSpec>,
     /// Metadata property `names`, a Python dict as text.
     pub names: Option<String>,
 }
 
 /// An engine that runs, and how it came to be the one.
-pub struct Opened {
+pub struct OpenedEngine {
     /// The engine.
     pub engine: Box<dyn Engine>,
     /// The library used, or why `auto` took rten.
@@ -152,14 +152,14 @@ pub fn onnxruntime_places() -> Vec<PathBuf> {
 
 /// Loads `model` with the engine asked for. `auto` falls back to rten when no
 /// library is found, never because a model does not load.
-pub fn open(model: &Path, choice: EngineChoice, threads: NonZeroUsize) -> Result<Opened, EngineError> {
+pub fn open(model: &Path, choice: EngineChoice, threads: NonZeroUsize) -> Result<OpenedEngine, EngineError> {
     // A missing file is the commonest mistake; both engines tell it at length.
     if embedded(model).is_none() {
         std::fs::File::open(model).map_err(|error| EngineError::load(model, "the system", error))?;
     }
     let with_rten = |note| {
         let engine: Box<dyn Engine> = Box::new(rten::Rten::load(model, threads)?);
-        Ok(Opened { engine, note })
+        Ok(OpenedEngine { engine, note })
     };
     if choice == EngineChoice::Rten {
         return with_rten("as asked".to_owned());
@@ -167,7 +167,7 @@ pub fn open(model: &Path, choice: EngineChoice, threads: NonZeroUsize) -> Result
     match onnxruntime::library() {
         Ok(found) => {
             let engine: Box<dyn Engine> = Box::new(onnxruntime::OnnxRuntime::load(model, threads, &found)?);
-            Ok(Opened { engine, note: found.place })
+            Ok(OpenedEngine { engine, note: found.place })
         }
         Err(error) if choice == EngineChoice::OnnxRuntime => Err(error),
         Err(error) => {

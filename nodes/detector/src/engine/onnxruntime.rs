@@ -13,7 +13,7 @@ use ort::session::builder::GraphOptimizationLevel;
 use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
 
 use super::{Engine, EngineError, Signature, library};
-use crate::model::{Element, Layout, Port, embedded};
+use crate::model::{ElementType, ModelLayout, TensorSpec, embedded};
 
 const NAME: &str = "ort";
 
@@ -66,7 +66,7 @@ fn load(place: &Path) -> Result<Environment, String> {
 /// A model in ONNX Runtime.
 pub struct OnnxRuntime {
     session: Session,
-    layout: Layout,
+    layout: ModelLayout,
 }
 
 impl OnnxRuntime {
@@ -77,7 +77,7 @@ impl OnnxRuntime {
     pub fn load(model: &Path, threads: NonZeroUsize, library: &Library) -> Result<Self, EngineError> {
         let session = session(model, threads, &library.environment)
             .map_err(|error| EngineError::load(model, NAME, error))?;
-        let layout = Layout::of(model, &signature(&session))?;
+        let layout = ModelLayout::of(model, &signature(&session))?;
         Ok(Self { session, layout })
     }
 }
@@ -101,18 +101,18 @@ fn signature(session: &Session) -> Signature {
     }
 }
 
-fn port(outlet: &Outlet) -> Port {
+fn port(outlet: &Outlet) -> TensorSpec {
     let name = outlet.name().to_owned();
     match outlet.dtype() {
-        ValueType::Tensor { ty, shape, .. } => Port {
+        ValueType::Tensor { ty, shape, .. } => TensorSpec {
             name,
             element: match ty {
-                TensorElementType::Float32 => Element::F32,
-                other => Element::Other(other.to_string()),
+                TensorElementType::Float32 => ElementType::F32,
+                other => ElementType::Other(other.to_string()),
             },
             shape: Some(shape.iter().map(|&side| usize::try_from(side).ok()).collect()),
         },
-        _ => Port { name, element: Element::Other("no tensor".to_owned()), shape: None },
+        _ => TensorSpec { name, element: ElementType::Other("no tensor".to_owned()), shape: None },
     }
 }
 
@@ -139,7 +139,7 @@ impl Engine for OnnxRuntime {
         NAME
     }
 
-    fn layout(&self) -> &Layout {
+    fn layout(&self) -> &ModelLayout {
         &self.layout
     }
 }

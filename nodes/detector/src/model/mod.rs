@@ -11,7 +11,7 @@ use std::num::NonZeroUsize;
 use std::path::Path;
 
 pub use embedded::{DEMO, embedded};
-pub use names::Names;
+pub use names::ClassNames;
 pub use speed::{Speed, measure};
 
 use crate::engine::{self, EngineChoice, EngineError, Signature};
@@ -23,7 +23,7 @@ const OUTPUT: &str = "an output [1, N, 6] of float32 (x1, y1, x2, y2, score, cla
 
 /// Type of a tensor's elements.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Element {
+pub enum ElementType {
     /// 32-bit float.
     F32,
     /// Anything else, by name.
@@ -32,20 +32,20 @@ pub enum Element {
 
 /// An input or output of a model.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Port {
+pub struct TensorSpec {
     /// Its name in the graph.
     pub name: String,
-    /// Element type.
-    pub element: Element,
+    /// ElementType type.
+    pub element: ElementType,
     /// Sides, `None` where free; `None` as a whole when the file says nothing.
     pub shape: Option<Vec<Option<usize>>>,
 }
 
-impl fmt::Display for Port {
+impl fmt::Display for TensorSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let element = match &self.element {
-            Element::F32 => "float32",
-            Element::Other(name) => name,
+            ElementType::F32 => "float32",
+            ElementType::Other(name) => name,
         };
         let Some(shape) = &self.shape else {
             return write!(f, "'{}' of {element} without a shape", self.name);
@@ -56,9 +56,9 @@ impl fmt::Display for Port {
     }
 }
 
-/// Names and sizes of a model that this node can read.
+/// ClassNames and sizes of a model that this node can read.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Layout {
+pub struct ModelLayout {
     /// Name of the image input.
     pub input: String,
     /// Name of the output with the rows.
@@ -66,10 +66,10 @@ pub struct Layout {
     /// (height, width) of the input where the model fixes them.
     pub size: Option<(usize, usize)>,
     /// Class names.
-    pub names: Names,
+    pub names: ClassNames,
 }
 
-impl Layout {
+impl ModelLayout {
     /// Judges `signature`, and reads the names: from the metadata, else from a
     /// file `<model>.names`, else none.
     ///
@@ -88,14 +88,14 @@ impl Layout {
             input: input.to_owned(),
             output: output.name.clone(),
             size,
-            names: Names::of(model, signature.names.as_deref()),
+            names: ClassNames::of(model, signature.names.as_deref()),
         })
     }
 }
 
 /// Name of the only input, and the size that it fixes, if any.
-fn image_input(inputs: &[Port]) -> Option<(&str, Option<(usize, usize)>)> {
-    let [Port { name, element: Element::F32, shape: Some(shape) }] = inputs else { return None };
+fn image_input(inputs: &[TensorSpec]) -> Option<(&str, Option<(usize, usize)>)> {
+    let [TensorSpec { name, element: ElementType::F32, shape: Some(shape) }] = inputs else { return None };
     match shape[..] {
         [Some(1) | None, Some(3) | None, Some(height), Some(width)] if height > 0 && width > 0 => {
             Some((name, Some((height, width))))
@@ -107,20 +107,20 @@ fn image_input(inputs: &[Port]) -> Option<(&str, Option<(usize, usize)>)> {
 
 /// Whether the file allows this output to be rows; the warm-up looks at the
 /// real shape, which a file may leave open.
-fn gives_rows(port: &Port) -> bool {
+fn gives_rows(port: &TensorSpec) -> bool {
     let possible = match port.shape.as_deref() {
         Some([batch, _, columns]) => batch.is_none_or(|n| n == 1) && columns.is_none_or(|n| n == 6),
         Some(_) => false,
         None => true,
     };
-    possible && port.element == Element::F32
+    possible && port.element == ElementType::F32
 }
 
-fn list(ports: &[Port]) -> String {
+fn list(ports: &[TensorSpec]) -> String {
     if ports.is_empty() {
         return "missing".to_owned();
     }
-    ports.iter().map(Port::to_string).collect::<Vec<_>>().join(" and ")
+    ports.iter().map(TensorSpec::to_string).collect::<Vec<_>>().join(" and ")
 }
 
 /// What a model is, for people.

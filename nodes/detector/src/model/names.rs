@@ -1,4 +1,4 @@
-//! [`Names`]: what a model calls its classes.
+//! [`ClassNames`]: what a model calls its classes.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -8,9 +8,9 @@ const MOST: usize = 65_535;
 
 /// Class names by index.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Names(BTreeMap<usize, String>);
+pub struct ClassNames(BTreeMap<usize, String>);
 
-impl Names {
+impl ClassNames {
     /// From the metadata text, else from `<model>.names` (one name a line)
     /// beside the model, else none.
     pub fn of(model: &Path, metadata: Option<&str>) -> Self {
@@ -82,7 +82,7 @@ mod tests {
     #[test]
     fn reads_what_python_writes() {
         let names = python_dict(r#"{0: 'person', 2: "driver's seat", 3: 'a\'b', 4: 'x: y, z'}"#);
-        let names = Names(names.expect("a dict"));
+        let names = ClassNames(names.expect("a dict"));
         assert_eq!(names.all(), ["person", "1", "driver's seat", "a'b", "x: y, z"]);
         assert_eq!(names.name(99), "99");
         assert_eq!(python_dict("{}"), Some(BTreeMap::new()));
@@ -96,7 +96,7 @@ mod tests {
         fn any_list_written_as_python_does_is_read_back(list in prop::collection::vec("[^\\x00]{1,8}", 0..9)) {
             let escaped = |name: &String| name.replace('\\', "\\\\").replace('\'', "\\'");
             let items: Vec<_> = list.iter().enumerate().map(|(i, n)| format!("{i}: '{}'", escaped(n))).collect();
-            let read = python_dict(&format!("{{{}}}", items.join(", "))).map(Names);
+            let read = python_dict(&format!("{{{}}}", items.join(", "))).map(ClassNames);
             prop_assert_eq!(read.map(|names| names.all()), Some(list));
         }
 

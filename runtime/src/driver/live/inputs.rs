@@ -7,7 +7,7 @@ use crate::driver::keeps_latest;
 use crate::graph::NodeName;
 use crate::graph::Qos;
 use crate::report::{NodeReport, add};
-use crate::transport::queue::{Keep, Lane, Tally};
+use crate::transport::queue::{Keep, Lane, LaneCounts};
 use crate::transport::{Address, Guard, Transport, TransportError};
 
 /// Messages of a results topic that wait for a busy node.
@@ -50,7 +50,7 @@ impl Inputs {
     pub fn count(&self, queue: &EventQueue, report: &mut NodeReport) {
         for (address, &lane) in self.addresses.iter().zip(&self.lanes) {
             let tally = queue.tally(lane);
-            book(report, address, Tally { received: tally.received - tally.unread, unread: 0, ..tally });
+            book(report, address, LaneCounts { received: tally.received - tally.unread, unread: 0, ..tally });
         }
     }
 
@@ -63,7 +63,7 @@ impl Inputs {
     }
 }
 
-fn book(report: &mut NodeReport, Address { topic, qos, .. }: &Address, tally: Tally) {
+fn book(report: &mut NodeReport, Address { topic, qos, .. }: &Address, tally: LaneCounts) {
     add(&mut report.received, topic, tally.received - tally.overflowed);
     add(&mut report.replaced, topic, tally.replaced);
     add(&mut report.lost, topic, tally.lost());

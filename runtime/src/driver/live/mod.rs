@@ -20,7 +20,7 @@ use crate::message::{Message, MessageKind};
 use crate::node::{Context, Flow, Node, StepError, StepOutput, Trigger};
 use crate::parameter::events::ParameterEvents;
 use crate::parameter::{ParameterError, Parameters};
-use crate::process::report_file::{Moment, ReportFile};
+use crate::process::report_file::{ReportFile, WriteReason};
 use crate::process::saved_state::SavedState;
 use crate::process::stop::{Stop, Urgency};
 use crate::report::{NodeReport, add};
@@ -43,7 +43,7 @@ const DRAIN_LIMIT_NS: u64 = 2_000_000_000;
 const REQUESTS: usize = 64;
 
 /// The node that is to be run.
-pub struct Subject {
+pub struct NodeSetup {
     /// The step.
     pub node: Box<dyn Node>,
     /// Its parameters.
@@ -111,12 +111,12 @@ struct Live<'a> {
 /// # Errors
 /// [`RunError`] when a name, the transport or the step itself fails.
 pub fn run(
-    subject: Subject,
+    setup: NodeSetup,
     transport: &dyn Transport,
     clock: &Arc<dyn Clock>,
     stop: Stop,
 ) -> Result<NodeReport, RunError> {
-    let Subject { node, parameters, node_name, saved, report_file } = subject;
+    let NodeSetup { node, parameters, node_name, saved, report_file } = setup;
     let outputs = addresses(&node_name, &node.outputs())?;
     let publishers = outputs
         .into_iter()
@@ -157,7 +157,7 @@ impl Live<'_> {
         let served = self.serve_parameters()?;
         let announced = self.transport.announce(&self.node_name)?;
         self.parameter_events.started(self.time.now_ns(), &self.settings());
-        self.keep_account(Moment::Edge);
+        self.keep_account(WriteReason::Edge);
         tracing::info!(node = %self.report.node, "ready");
         let ended = match self.node.period() {
             Some(_) => self.run_source(),
@@ -176,9 +176,9 @@ impl Live<'_> {
     }
 
     /// Brings the account on the disk up to date when that is due.
-    fn keep_account(&mut self, moment: Moment) {
+    fn keep_account(&mut self, reason: WriteReason) {
         let now = self.time.ticks_ns();
-        let Some(file) = self.report_file.as_mut().filter(|file| file.is_due(moment, now)) else { return };
+        let Some(file) = self.report_file.as_mut().filter(|file| file.is_due(reason, now)) else { return };
         let mut report = NodeReport { running: true, ..self.report.clone() };
         self.inputs.count(&self.queue, &mut report);
         report.status.extend(status_of(&*self.node));
@@ -387,7 +387,7 @@ impl Live<'_> {
 
     /// Brings the accounts on the disk up to date, and then sends `messages`.
     fn send_all(&mut self, messages: &[(usize, Message)]) {
-        self.keep_account(if self.node.period().is_some() { Moment::Source } else { Moment::Step });
+        self.keep_account(if self.node.period().is_some() { WriteReason::Source } else { WriteReason::Step });
         if let (Some(saved), Some(position)) = (&self.saved, self.node.position()) {
             saved.keep_position(position);
         }
@@ -407,7 +407,7 @@ impl Live<'_> {
 
     /// Once a second, the node tells on `/diagnostics` and in its file how it does.
     fn tell_when_due(&mut self) {
-        self.keep_account(Moment::Idle);
+        self.keep_account(WriteReason::Idle);
         if self.diagnostics.is_due(&self.time) {
             let mut report = self.report.clone();
             self.inputs.count(&self.queue, &mut report);

@@ -22,7 +22,7 @@ use zenoh::{Session, Wait};
 
 pub use service::{RawAnswer, RawService};
 pub use session::meeting_port;
-pub use topic::RawOutlet;
+pub use topic::RawPublisher;
 
 use super::keys::{self, Endpoint, EntityKind, Hashes, Token};
 use super::{Address, Deliver, Guard, Incoming, ParameterPort, Publisher, Transport, TransportError};

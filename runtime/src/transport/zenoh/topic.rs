@@ -29,7 +29,7 @@ use crate::transport::{Guard, Publisher, RawSample, TransportError};
 const HEARTBEAT: Duration = Duration::from_secs(1);
 
 /// A publisher of ready-made CDR. Dropping it takes it out of the graph.
-pub struct RawOutlet {
+pub struct RawPublisher {
     publisher: AdvancedPublisher<'static>,
     clock: Arc<dyn Clock>,
     gid: [u8; 16],
@@ -42,14 +42,18 @@ impl ZenohTransport {
     ///
     /// # Errors
     /// [`TransportError`] with what zenoh says.
-    pub fn advertise_raw(&self, node: &NodeName, endpoint: &Endpoint) -> Result<RawOutlet, TransportError> {
+    pub fn advertise_raw(
+        &self,
+        node: &NodeName,
+        endpoint: &Endpoint,
+    ) -> Result<RawPublisher, TransportError> {
         let profile = Profile::parse(&endpoint.qos);
         let endpoint = Endpoint { type_hash: self.hash(endpoint.type_hash.clone()), ..endpoint.clone() };
         let publisher = self
             .publisher(self.key(&endpoint), profile)
             .map_err(|why| TransportError::new(format!("publisher of {}", endpoint.topic), why))?;
         let token = self.token(node, EntityKind::Publisher, Some(endpoint));
-        Ok(RawOutlet {
+        Ok(RawPublisher {
             publisher,
             clock: self.clock.clone(),
             gid: token.gid(),
@@ -150,7 +154,7 @@ fn payload(bytes: &ZBytes) -> Payload {
     }
 }
 
-impl RawOutlet {
+impl RawPublisher {
     /// Whether anybody reads this topic now.
     pub fn wanted(&self) -> bool {
         self.publisher.matching_status().wait().is_ok_and(|status| status.matching())
@@ -171,7 +175,7 @@ impl RawOutlet {
     }
 }
 
-impl Publisher for RawOutlet {
+impl Publisher for RawPublisher {
     fn wanted(&self) -> bool {
         self.wanted()
     }

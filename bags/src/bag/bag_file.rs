@@ -1,4 +1,4 @@
-//! [`Volume`]: one MCAP file of a bag that is being written.
+//! [`BagFile`]: one MCAP file of a bag that is being written.
 //!
 //! A chunk is closed at 4 MiB and handed to the system there and then: what a
 //! reader finds after a crash is whole up to the last one.
@@ -22,7 +22,7 @@ const CHUNK: u64 = 4 << 20;
 const MESSAGE_HEAD: u64 = 31;
 
 /// One file that is being written.
-pub(super) struct Volume {
+pub(super) struct BagFile {
     path: PathBuf,
     mcap: mcap::Writer<BufWriter<File>>,
     disk: File,
@@ -37,7 +37,7 @@ pub(super) struct Volume {
     unflushed: u64,
 }
 
-impl Volume {
+impl BagFile {
     /// Makes the file `name` in `folder`.
     pub(super) fn create(folder: &Path, name: String, compression: Compression) -> Result<Self, BagError> {
         let path = folder.join(&name);
@@ -48,7 +48,7 @@ impl Volume {
         File::open(folder).and_then(|folder| folder.sync_all()).map_err(io)?;
         let mcap = options(compression)
             .create(BufWriter::new(file))
-            .map_err(|source| BagError::Write { path: path.clone(), source })?;
+            .map_err(|source| BagError::Write(path.clone(), source))?;
         let contents = FileContents { name, span: None, messages: 0 };
         let (channels, counts) = (Vec::new(), Vec::new());
         Ok(Self { path, mcap, disk, channels, counts, contents, closed: 0, pending: 0, unflushed: 0 })
@@ -81,7 +81,7 @@ impl Volume {
     ) -> Result<(), BagError> {
         let known = self.channels.len();
         let Some(&channel_id) = self.channels.get(topic) else {
-            return Err(BagError::UnknownTopic { number: topic, known });
+            return Err(BagError::UnknownTopic(topic, known));
         };
         if self.pending > CHUNK {
             self.close_chunk()?;
@@ -104,7 +104,7 @@ impl Volume {
         self.closed + self.pending + MESSAGE_HEAD + more as u64
     }
 
-    /// Bytes of messages since the last [`Volume::flush`], before compression.
+    /// Bytes of messages since the last [`BagFile::flush`], before compression.
     pub(super) fn unflushed(&self) -> u64 {
         self.unflushed
     }
@@ -148,7 +148,7 @@ impl Volume {
     }
 
     fn failed(&self, source: McapError) -> BagError {
-        BagError::Write { path: self.path.clone(), source }
+        BagError::Write(self.path.clone(), source)
     }
 }
 

@@ -7,9 +7,9 @@ use modulo_runtime::{ParameterError, StepError};
 use crate::parameters::CameraParameters;
 
 /// A source of frames, or a topic that brings them.
-pub enum Feed {
+pub enum CameraInput {
     /// Read frame by frame.
-    Frames(Reel),
+    Frames(FrameReader),
     /// Brought by a topic.
     Topic {
         /// Name of the topic.
@@ -20,7 +20,7 @@ pub enum Feed {
 }
 
 /// A source that is read once or again and again.
-pub struct Reel {
+pub struct FrameReader {
     source: Box<dyn Source>,
     repeat: bool,
     /// Whether a frame of this round was good.
@@ -29,7 +29,7 @@ pub struct Reel {
     bad: Option<String>,
 }
 
-impl Feed {
+impl CameraInput {
     /// Opens what the parameter `source` names.
     pub fn open(parameters: &CameraParameters) -> Result<Self, ParameterError> {
         let (spec, white) = (&parameters.source, parameters.white as f32);
@@ -42,11 +42,11 @@ impl Feed {
         let options = SourceOptions { white, topic };
         let source = source::open(spec, &options)
             .map_err(|why| ParameterError::new("source", spec, why.to_string()))?;
-        Ok(Self::Frames(Reel::new(source, parameters.r#loop)))
+        Ok(Self::Frames(FrameReader::new(source, parameters.r#loop)))
     }
 }
 
-impl Reel {
+impl FrameReader {
     /// The frames of `source` from its first one on; after its last one it is over, or starts again.
     pub fn new(source: Box<dyn Source>, repeat: bool) -> Self {
         Self { source, repeat, given: false, bad: None }
