@@ -9,30 +9,22 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use modulo_detector::EngineChoice;
+use modulo_runtime::transport::keys::Hashes;
 
 /// See in extreme light: a modulo camera, its unwrapping and a detector as a
 /// ROS-style node suite.
 #[derive(Parser)]
 #[command(name = "modulo", version, arg_required_else_help = true)]
 pub struct Cli {
-    /// What stands in topic keys for the hash of a type; none for ROS 2 Humble
+    /// Form of type hashes in topic keys: rihs01 as ROS 2 writes them since Iron, or none for ROS 2 Humble
     /// [default: MODULO_TYPE_HASH, else rihs01]
-    #[arg(long, global = true, value_enum)]
-    pub hash: Option<Hash>,
+    #[arg(long, global = true, value_parser = words(Hashes::WORDS))]
+    pub hash: Option<Hashes>,
     /// What to do.
     #[command(subcommand)]
     pub command: Command,
-}
-
-/// What stands in topic keys for the hash of a type.
-#[derive(Clone, Copy, ValueEnum)]
-pub enum Hash {
-    /// The hash, as ROS 2 writes it since Iron
-    Rihs01,
-    /// TypeHashNotSupported, as ROS 2 Humble writes it
-    None,
 }
 
 /// What to do.

@@ -11,8 +11,7 @@ use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::transport::{Guard, RawSample, Transport, TransportError};
 use modulo_runtime::{Clock, NodeName, Stop, Urgency};
 
-use crate::bag::{BagError, BagTopic, TopicCount};
-use crate::record::Recorder;
+use crate::bag::{BagError, BagTopic, BagWriter, TopicCount};
 
 /// The name of the node in ROS 2, too.
 const NODE: &str = "rosbag2_recorder";
@@ -54,7 +53,7 @@ pub struct Captured {
 pub fn capture(
     transport: &ZenohTransport,
     clock: &Arc<dyn Clock>,
-    recorder: Recorder,
+    recorder: BagWriter,
     topics: Option<&[String]>,
     stop: &Stop,
 ) -> Result<Captured, CaptureError> {
@@ -87,7 +86,7 @@ pub fn capture(
 struct Capture<'a> {
     transport: &'a ZenohTransport,
     node_name: NodeName,
-    recorder: Recorder,
+    recorder: BagWriter,
     queue: Arc<Queue<RawSample>>,
     /// Topic and type hash of each subscription, and of those that are refused.
     known: BTreeSet<(String, String)>,
@@ -113,13 +112,13 @@ impl Capture<'_> {
                     topic.type_name
                 );
             }
-            match self.recorder.announce(&topic) {
+            match self.recorder.topic(&topic) {
                 // One publisher that is wrong must not end the recording of all others.
                 Err(why @ BagError::TypeConflict { .. }) => {
                     tracing::warn!("{why}: not recorded");
                     continue;
                 }
-                announced => announced?,
+                added => drop(added?),
             }
             let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::All));
             self.lanes.insert(lane, topic);
@@ -148,9 +147,9 @@ impl Capture<'_> {
         while clock.ticks_ns() < end && self.write_next(Duration::ZERO)? {}
         let mut lost = BTreeMap::new();
         for (lane, topic) in &self.lanes {
-            let tally = self.queue.close(*lane);
-            if tally.lost() + tally.unread > 0 {
-                *lost.entry(topic.name.clone()).or_default() += tally.lost() + tally.unread;
+            let counts = self.queue.close(*lane);
+            if counts.lost() + counts.unread > 0 {
+                *lost.entry(topic.name.clone()).or_default() += counts.lost() + counts.unread;
             }
         }
         Ok(Captured { topics: self.recorder.finish()?, lost })

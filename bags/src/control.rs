@@ -15,27 +15,19 @@ use modulo_runtime::queue::Queued;
 
 use crate::playback_clock::PlaybackState;
 
-/// A service of the player.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Service {
-    /// `~/pause`
-    Pause,
-    /// `~/resume`
-    Resume,
-    /// `~/toggle_paused`
-    TogglePaused,
-    /// `~/is_paused`
-    IsPaused,
-    /// `~/get_rate`
-    GetRate,
-    /// `~/set_rate`
-    SetRate,
-    /// `~/play_next`
-    PlayNext,
-    /// `~/burst`
-    Burst,
-    /// `~/seek`
-    Seek,
+modulo_runtime::services! {
+    /// The services of a player.
+    pub enum Service in "rosbag2_interfaces" {
+        Pause = "pause",
+        Resume = "resume",
+        TogglePaused = "toggle_paused",
+        IsPaused = "is_paused",
+        GetRate = "get_rate",
+        SetRate = "set_rate",
+        PlayNext = "play_next",
+        Burst = "burst",
+        Seek = "seek",
+    }
 }
 
 /// What the replay is asked to do.
@@ -89,34 +81,6 @@ pub enum ServiceError {
 }
 
 impl Service {
-    /// All of them.
-    pub const ALL: [Self; 9] = [
-        Self::Pause,
-        Self::Resume,
-        Self::TogglePaused,
-        Self::IsPaused,
-        Self::GetRate,
-        Self::SetRate,
-        Self::PlayNext,
-        Self::Burst,
-        Self::Seek,
-    ];
-
-    /// Name below the node's, and ROS type.
-    pub fn name_and_type(self) -> (&'static str, &'static str) {
-        match self {
-            Self::Pause => ("pause", "rosbag2_interfaces/srv/Pause"),
-            Self::Resume => ("resume", "rosbag2_interfaces/srv/Resume"),
-            Self::TogglePaused => ("toggle_paused", "rosbag2_interfaces/srv/TogglePaused"),
-            Self::IsPaused => ("is_paused", "rosbag2_interfaces/srv/IsPaused"),
-            Self::GetRate => ("get_rate", "rosbag2_interfaces/srv/GetRate"),
-            Self::SetRate => ("set_rate", "rosbag2_interfaces/srv/SetRate"),
-            Self::PlayNext => ("play_next", "rosbag2_interfaces/srv/PlayNext"),
-            Self::Burst => ("burst", "rosbag2_interfaces/srv/Burst"),
-            Self::Seek => ("seek", "rosbag2_interfaces/srv/Seek"),
-        }
-    }
-
     /// Hands `request` to the replay with `give`, which returns whether the replay took it, and
     /// waits for the answer.
     ///

@@ -10,7 +10,6 @@ pub mod control;
 pub mod import;
 pub mod play;
 pub mod playback_clock;
-pub mod record;
 pub mod replay;
 pub mod source;
 

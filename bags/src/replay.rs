@@ -9,7 +9,6 @@ use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
-use modulo_runtime::clock::nanos;
 use modulo_runtime::queue::{Keep, Limit, Next, Queue};
 use modulo_runtime::transport::keys;
 use modulo_runtime::transport::zenoh::{RawService, ZenohTransport};
@@ -38,40 +37,9 @@ pub enum ReplayError {
     /// The wire.
     #[error(transparent)]
     Transport(#[from] TransportError),
-    /// Somebody who should listen is not there.
-    #[error("waited {seconds} s for {missing}, which is not there; start it, or leave --wait-for out")]
-    Waited {
-        /// How long.
-        seconds: u64,
-        /// Names of the nodes.
-        missing: String,
-    },
-}
-
-/// Waits until all of `nodes` (fully qualified) are ready.
-///
-/// # Errors
-/// [`ReplayError::Waited`] when one is not there within `patience`.
-pub fn wait_for(
-    transport: &dyn Transport,
-    clock: &dyn Clock,
-    nodes: &[String],
-    patience: Duration,
-    stop: &Stop,
-) -> Result<(), ReplayError> {
-    let start = clock.ticks_ns();
-    let limit = nanos(patience);
-    loop {
-        let missing: Vec<&str> =
-            nodes.iter().filter(|n| !transport.is_ready(n)).map(String::as_str).collect();
-        if missing.is_empty() || stop.urgency() != Urgency::None {
-            return Ok(());
-        }
-        if clock.ticks_ns().saturating_sub(start) > limit {
-            return Err(ReplayError::Waited { seconds: patience.as_secs(), missing: missing.join(", ") });
-        }
-        thread::sleep(GLANCE);
-    }
+    /// Nodes that should listen are not ready.
+    #[error("waited {0} s for {1}, which is not there; start it, or leave --wait-for out")]
+    Waited(u64, String),
 }
 
 /// How a replay is sent.
@@ -121,14 +89,14 @@ fn serve(
     orders: &Arc<Queue<PlayerCommand>>,
 ) -> Result<Guard, TransportError> {
     let lane = orders.open(Keep::All);
-    let services = Service::ALL.map(|service| {
+    let services = Service::ALL.iter().map(|service| {
         let (name, ros_type) = service.name_and_type();
         let orders = orders.clone();
         let give = move |order| orders.push(lane, order).is_none();
         let answer = Box::new(move |request: &[u8]| Ok(service.call(request, &give)?));
         RawService { name, ros_type, qos: keys::SERVICE_QOS, answer }
     });
-    transport.serve_raw(node_name, services.into())
+    transport.serve_raw(node_name, services.collect())
 }
 
 /// Discovery takes a moment: the first message should not go out before those
@@ -157,7 +125,7 @@ impl Replay<'_> {
         while stop.urgency() == Urgency::None && self.look_ahead()? {
             let now = self.clock.ticks_ns();
             if let Some(time) = &mut self.time {
-                time.tell(now, self.player.log_time(self.pace.position(now)))?;
+                time.publish(now, self.player.log_time(self.pace.position(now)))?;
             }
             if self.ticks_until_due(now) == Some(0) {
                 self.send_next()?;

@@ -27,8 +27,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use modulo_bags::FileError;
-use modulo_bags::bag::BagError;
-use modulo_bags::record::Recorder;
+use modulo_bags::bag::{BagError, BagWriter};
 use modulo_bags::source::{GroundTruth, from_detections};
 use modulo_core::{Detection, Frame};
 use modulo_images::{SaveError, save_png};
@@ -152,7 +151,7 @@ impl Evaluation {
         chain: &mut Lockstep<'_>,
         source: usize,
         plan: &Plan,
-        mut bag: Option<&mut Recorder>,
+        mut bag: Option<&mut BagWriter>,
     ) -> Result<(), EvalError> {
         let images = plan.streams.iter().filter(|_| plan.images == Images::Save);
         for folder in images.map(|s| plan.folder.join(&s.name)).chain([plan.folder.clone()]) {

@@ -2,8 +2,7 @@
 
 use std::time::Duration;
 
-use modulo_bags::bag::BagTopic;
-use modulo_bags::record::Recorder;
+use modulo_bags::bag::{BagTopic, BagWriter};
 use modulo_msgs::std_msgs::Time;
 use modulo_runtime::Topic;
 use modulo_runtime::clock::nanos;
@@ -41,7 +40,7 @@ impl Timeline {
 }
 
 /// Writes what came out on `topics`; both times are the message's own stamp.
-pub(crate) fn record(recorder: &mut Recorder, out: &[OnTopic], topics: &[String]) -> Result<(), EvalError> {
+pub(crate) fn record(recorder: &mut BagWriter, out: &[OnTopic], topics: &[String]) -> Result<(), EvalError> {
     for (topic, message) in out.iter().filter(|(topic, _)| topics.contains(topic)) {
         let bytes = message.encode()?;
         let stamp = message.stamp().as_ns();

@@ -11,7 +11,7 @@ use image::{DynamicImage, ImageBuffer, ImageReader, Luma, LumaA, Rgb, Rgba};
 use modulo_core::Frame;
 use ndarray::Array3;
 
-use crate::error::ImageError;
+use crate::ImageError;
 
 /// Extensions that are taken for images, in lower case.
 pub const EXTENSIONS: [&str; 5] = ["png", "jpg", "jpeg", "exr", "hdr"];

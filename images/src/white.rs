@@ -4,7 +4,7 @@ use modulo_core::sensor::BELOW_ONE;
 use modulo_core::{Frame, Samples};
 use ndarray::Array3;
 
-use crate::error::ImageError;
+use crate::ImageError;
 
 /// The linear radiance that maps to the peak, given or found once.
 #[derive(Debug)]

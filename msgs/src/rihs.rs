@@ -4,7 +4,6 @@
 //! Source: <https://github.com/ros-infrastructure/rep/pull/381> (REP 2011, 2016)
 
 use std::collections::BTreeMap;
-use std::fmt::Write;
 use std::sync::OnceLock;
 
 use sha2::{Digest, Sha256};
@@ -78,10 +77,8 @@ fn hash(description: &TypeDescription) -> String {
         individual_json(&description.type_description),
         referenced.join(", "),
     );
-    Sha256::digest(json).iter().fold("RIHS01_".to_owned(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}"); // a String takes everything
-        text
-    })
+    let digits: String = Sha256::digest(json).iter().map(|byte| format!("{byte:02x}")).collect();
+    format!("RIHS01_{digits}")
 }
 
 // Names are words (`full_name`, `parse_line`): nothing in them needs escaping.

@@ -186,7 +186,7 @@ fn receive(frames: usize, carrier: &str) {
         );
     }
     println!("{carrier:<8} reader's memory {early:.1} MiB -> {late:.1} MiB");
-    assert_eq!(lost as u64 + queue.tally(lane).lost(), 0, "frames of ours were lost");
+    assert_eq!(lost as u64 + queue.counts(lane).lost(), 0, "frames of ours were lost");
     assert!(late <= 1.2 * early, "memory grew from {early} to {late} MiB");
 }
 

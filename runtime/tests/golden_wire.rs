@@ -66,7 +66,7 @@ fn the_endpoints_of_every_node_are_those_of_rcl() {
             },
         );
     }
-    let parameters = Service::ALL.map(|service| (service.name_and_type(), keys::PARAMETER_QOS));
+    let parameters = Service::ALL.iter().map(|service| (service.name_and_type(), keys::PARAMETER_QOS));
     let described = (type_description::NAME_AND_TYPE, keys::SERVICE_QOS);
     for ((name, ros_type), qos) in parameters.into_iter().chain([described]) {
         known(

@@ -2,7 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, Subcommand};
+use modulo_bags::bag::Compression;
+
+use super::words;
 
 /// `modulo bag`
 #[derive(Subcommand)]
@@ -68,7 +71,7 @@ pub struct BagRecord {
 #[derive(Args)]
 pub struct Form {
     /// Compression of the chunks
-    #[arg(long, value_enum, default_value_t = Compression::None)]
+    #[arg(long, default_value = "none", value_parser = words(Compression::WORDS))]
     pub compression: Compression,
     /// Go on in a new file before one is larger; 0: never
     #[arg(short = 'b', long, value_name = "BYTES", default_value_t = 0)]
@@ -76,17 +79,6 @@ pub struct Form {
     /// Go on in a new file before one lasts longer; 0: never
     #[arg(short = 'd', long, value_name = "SECONDS", default_value_t = 0)]
     pub max_bag_duration: u64,
-}
-
-/// Compression of a bag's chunks.
-#[derive(Clone, Copy, ValueEnum)]
-pub enum Compression {
-    /// As rosbag2 does by default
-    None,
-    /// Fast
-    Lz4,
-    /// Small
-    Zstd,
 }
 
 /// `modulo bag play`

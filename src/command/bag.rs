@@ -3,18 +3,18 @@
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
-use modulo_bags::bag::{self, BagInfo, BagReader, BagWarning, Split, WriteOptions};
+use modulo_bags::bag::{self, BagInfo, BagReader, BagWarning, BagWriter, Split, WriteOptions};
 use modulo_bags::capture::capture;
 use modulo_bags::import::{ImportOptions, import_kitti};
-use modulo_bags::pace::{PlaybackClock, PlaybackState};
 use modulo_bags::play::{PlayOptions, Player, Repeat};
-use modulo_bags::record::Recorder;
-use modulo_bags::replay::{ReplayOptions, replay, wait_for};
+use modulo_bags::playback_clock::{PlaybackClock, PlaybackState};
+use modulo_bags::replay::{ReplayError, ReplayOptions, replay};
 use modulo_runtime::Stop;
+use modulo_runtime::driver::wait_until_ready;
 use modulo_runtime::end_on_signals;
 
 use super::{open_session, pairs, start_log, usage};
-use crate::cli::bag::{Bag, BagCopy, BagImport, BagPlay, BagRecord, Compression, Form};
+use crate::cli::bag::{Bag, BagCopy, BagImport, BagPlay, BagRecord, Form};
 use crate::{Ended, Failure};
 
 /// How long `--wait-for` waits.
@@ -53,14 +53,9 @@ fn copy(reader: &BagReader, args: &BagCopy) -> Result<Ended, Failure> {
 }
 
 fn write_options(form: &Form) -> WriteOptions {
-    let compression = match form.compression {
-        Compression::None => bag::Compression::None,
-        Compression::Lz4 => bag::Compression::Lz4,
-        Compression::Zstd => bag::Compression::Zstd,
-    };
     let max_bytes = Some(form.max_bag_size).filter(|max| *max > 0);
     let max_duration = Some(Duration::from_secs(form.max_bag_duration)).filter(|max| !max.is_zero());
-    WriteOptions { compression, split: Split { max_bytes, max_duration } }
+    WriteOptions { compression: form.compression, split: Split { max_bytes, max_duration } }
 }
 
 /// Prints the warnings; with messages that cannot be read the exit code is 3.
@@ -83,7 +78,7 @@ fn stop_on_signals() -> Result<Stop, Failure> {
 
 fn record(args: &BagRecord) -> Result<Ended, Failure> {
     let stop = stop_on_signals()?;
-    let recorder = Recorder::create(&args.output, write_options(&args.form))?;
+    let recorder = BagWriter::create(&args.output, write_options(&args.form))?;
     let (clock, transport) = open_session()?;
     let topics = Some(args.topics.as_slice()).filter(|topics| !topics.is_empty());
     tracing::info!("recording into {}; SIGINT ends it", args.output.display());
@@ -115,7 +110,8 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
     }
     let options = ReplayOptions { remaps: pairs(&args.remap)?, clock_hz: args.clock };
     let (clock, transport) = open_session()?;
-    wait_for(&transport, &*clock, &args.wait_for, PATIENCE, &stop)?;
+    wait_until_ready(&transport, &*clock, args.wait_for.clone(), PATIENCE, &stop)
+        .map_err(|missing| ReplayError::Waited(PATIENCE.as_secs(), missing))?;
     let sent = replay(&transport, &clock, &mut player, pace, &options, &stop)?;
     transport.close();
     for (topic, count) in sent {

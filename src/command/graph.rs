@@ -201,7 +201,7 @@ impl Listening {
 
     /// Samples that were sent, but not shown.
     fn lost(&self) -> u64 {
-        self.samples.tally(self.lane).lost()
+        self.samples.counts(self.lane).lost()
     }
 
     fn goes_on(&self) -> bool {

@@ -99,7 +99,7 @@ fn refusals(node: &NodePlan) -> Vec<String> {
 
 /// The summary, and which processes failed, if one did.
 fn run_processes(mut plan: Plan) -> Result<(Summary, Option<anyhow::Error>), Failure> {
-    let word = hash::word(hash::chosen()?);
+    let word = hash::chosen()?.word();
     for node in &mut plan.nodes {
         node.process.env.entry(hash::VARIABLE.to_owned()).or_insert(Some(word.to_owned()));
     }

@@ -6,6 +6,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
+use modulo_runtime::parameter::yaml_text::of_string as quoted;
 use serde::Deserialize;
 
 use super::{BagError, TopicCount, qos};
@@ -144,11 +145,6 @@ fn topic(counted: &TopicCount) -> String {
 fn indented(text: &str, columns: usize) -> String {
     let lines = text.lines().filter(|line| !line.trim().is_empty());
     lines.map(|line| format!("{:columns$}{line}\n", "")).collect()
-}
-
-/// A JSON string is a YAML string in double quotes.
-fn quoted(text: &str) -> String {
-    serde_json::Value::from(text).to_string()
 }
 
 #[cfg(test)]

@@ -32,6 +32,12 @@ pub enum Compression {
     Zstd,
 }
 
+impl Compression {
+    /// Each compression with its word on the command line.
+    pub const WORDS: [(&'static str, Self); 3] =
+        [("none", Self::None), ("lz4", Self::Lz4), ("zstd", Self::Zstd)];
+}
+
 /// When a bag goes on in a new file; a file has at least one message.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Split {
@@ -134,6 +140,22 @@ impl BagWriter {
         self.bag_file.write(id.0, log_time, publish_time, data)?;
         self.topics[id.0].messages += 1;
         Ok(())
+    }
+
+    /// Writes one message as a recorder does: adds `topic` if it is new, and flushes when that is due.
+    ///
+    /// # Errors
+    /// [`BagError`] for a topic with two types, and when the disk does not take the message.
+    pub fn record(
+        &mut self,
+        topic: &BagTopic,
+        log_time: u64,
+        publish_time: u64,
+        data: &[u8],
+    ) -> Result<(), BagError> {
+        let id = self.topic(topic)?;
+        self.write(id, log_time, publish_time, data)?;
+        self.settle(log_time)
     }
 
     /// Flushes when the last flush was a second before `now`, ns since the epoch, or

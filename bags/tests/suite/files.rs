@@ -67,8 +67,8 @@ fn a_bag_is_split_by_time_and_its_metadata_says_so() {
     }
     let metadata = std::fs::read_to_string(path.join("metadata.yaml")).expect("readable");
     for text in [
-        "relative_file_paths:\n    - \"bag_0.mcap\"\n    - \"bag_1.mcap\"\n    - \"bag_2.mcap\"\n",
-        "    - path: \"bag_1.mcap\"\n      starting_time:\n        nanoseconds_since_epoch: 1100000000\n      \
+        "relative_file_paths:\n    - bag_0.mcap\n    - bag_1.mcap\n    - bag_2.mcap\n",
+        "    - path: bag_1.mcap\n      starting_time:\n        nanoseconds_since_epoch: 1100000000\n      \
          duration:\n        nanoseconds: 1000000000\n      message_count: 11\n",
         "  duration:\n    nanoseconds: 2900000000\n  starting_time:\n    nanoseconds_since_epoch: 0\n",
         "  message_count: 30\n",

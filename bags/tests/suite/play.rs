@@ -1,11 +1,10 @@
-//! Recorded with [`Recorder`], replayed with [`Player`].
+//! Recorded with [`BagWriter`], replayed with [`Player`].
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use modulo_bags::bag::{BagReader, Compression};
+use modulo_bags::bag::{BagReader, BagWriter, Compression};
 use modulo_bags::play::{PlayOptions, Player, Repeat};
-use modulo_bags::record::Recorder;
 
 use tempfile::TempDir;
 
@@ -14,8 +13,8 @@ use crate::writing::{temporary, topic};
 /// A bag of ten messages, 100 ms apart, on two topics by turns.
 fn recorded() -> (TempDir, PathBuf) {
     let (folder, path) = temporary("bag");
-    let mut recorder = Recorder::create(&path, Compression::Lz4).expect("new");
-    recorder.announce(&topic(2)).expect("new");
+    let mut recorder = BagWriter::create(&path, Compression::Lz4).expect("new");
+    recorder.topic(&topic(2)).expect("new");
     for i in 0..10 {
         recorder.record(&topic(i % 2), 5_000 + i as u64 * 100_000_000, 1, &[i as u8]).expect("written");
     }

@@ -3,7 +3,7 @@
 
 use std::collections::VecDeque;
 
-use super::{RunError, addresses, status_of};
+use super::{RunError, addresses, status_of, stream_of};
 use crate::clock::{Clock, ManualClock};
 use crate::graph::NodeName;
 use crate::message::Message;
@@ -124,12 +124,7 @@ impl<'a> Lockstep<'a> {
             self.members[index].outputs.iter().map(|a| self.is_wanted(&a.topic)).collect();
         let clock = StepClock { now: ManualClock::at(now_ns), timer: self.timer };
         let member = &mut self.members[index];
-        let stream = match &trigger {
-            Trigger::Message { input, .. } => {
-                member.node.inputs().get(*input).map(|topic| topic.name.clone())
-            }
-            Trigger::Tick => None,
-        };
+        let stream = stream_of(&*member.node, &trigger);
         let mut cx = Context::new(&member.report.node, &clock, &wanted);
         let result = member.node.step(trigger, &mut cx);
         let StepOutput { messages, stages, .. } = cx.finish();

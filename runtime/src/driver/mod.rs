@@ -8,12 +8,17 @@ pub mod lockstep;
 
 use std::time::Duration;
 
+use crate::clock::{Clock, nanos};
 use crate::graph::Topic;
 use crate::graph::{NameError, NodeName};
 use crate::message::MessageKind;
-use crate::node::Node;
+use crate::node::{Node, Trigger};
 use crate::parameter::{ParameterError, Parameters};
-use crate::transport::{Address, TransportError};
+use crate::process::stop::{Stop, Urgency};
+use crate::transport::{Address, Transport, TransportError};
+
+/// How often the graph is looked at while a change in it is awaited.
+const GRAPH_GLANCE: Duration = Duration::from_millis(20);
 
 /// Why a driver ended before its node was done.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -66,8 +71,40 @@ fn wait_for(node_name: &NodeName, parameters: &Parameters) -> Result<(Vec<String
     Ok((names, Duration::from_secs_f64(wait_timeout)))
 }
 
+/// Waits until all `nodes` (fully qualified names) are ready, or until `stop` asks for an end.
+///
+/// # Errors
+/// The names of the missing nodes when they are not ready within `patience`.
+pub fn wait_until_ready(
+    transport: &dyn Transport,
+    clock: &dyn Clock,
+    mut nodes: Vec<String>,
+    patience: Duration,
+    stop: &Stop,
+) -> Result<(), String> {
+    let start = clock.ticks_ns();
+    loop {
+        nodes.retain(|node| !transport.is_ready(node));
+        if nodes.is_empty() || stop.urgency() != Urgency::None {
+            return Ok(());
+        }
+        if clock.ticks_ns().saturating_sub(start) > nanos(patience) {
+            return Err(nodes.join(", "));
+        }
+        std::thread::sleep(GRAPH_GLANCE);
+    }
+}
+
 fn addresses(node_name: &NodeName, topics: &[Topic]) -> Result<Vec<Address>, NameError> {
     topics.iter().map(|topic| Address::resolve(node_name, topic)).collect()
+}
+
+/// Name of the stream that the message of `trigger` came on, as the node declares it; a source reads no stream.
+fn stream_of(node: &dyn Node, trigger: &Trigger) -> Option<String> {
+    match trigger {
+        Trigger::Message { input, .. } => node.inputs().get(*input).map(|topic| topic.name.clone()),
+        Trigger::Tick => None,
+    }
 }
 
 fn status_of(node: &dyn Node) -> impl Iterator<Item = (String, String)> {

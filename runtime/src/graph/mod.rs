@@ -7,6 +7,7 @@ pub mod discovery;
 pub mod name;
 pub mod node_time;
 pub mod rosout;
+pub mod service;
 pub mod topic;
 pub mod type_description;
 

@@ -120,7 +120,7 @@ impl LogQueue {
     fn publish_until_end(&self, logger: &str, publisher: &dyn Publisher) {
         let mut told = 0;
         while let Next::Item(arrived) = self.queue.take(None) {
-            let lost = self.queue.tally(self.lane).overflowed;
+            let lost = self.queue.counts(self.lane).overflowed;
             if lost > told {
                 put(publisher, logger, about_lost(lost - told, &arrived.item));
                 told = lost;

@@ -153,6 +153,16 @@ pub enum Hashes {
     None,
 }
 
+impl Hashes {
+    /// Each form with its word on the command line.
+    pub const WORDS: [(&'static str, Self); 2] = [("rihs01", Self::Rihs01), ("none", Self::None)];
+
+    /// Returns the word on the command line.
+    pub fn word(self) -> &'static str {
+        Self::WORDS.iter().find(|(_, form)| *form == self).expect("every form has a word").0
+    }
+}
+
 /// What rmw_zenoh writes where a ROS release has no hashes.
 pub const NO_HASH: &str = "TypeHashNotSupported";
 

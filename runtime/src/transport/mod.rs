@@ -5,11 +5,12 @@ pub mod attachment;
 pub mod gaps;
 pub mod keys;
 pub mod local;
-pub mod payload;
 pub mod profile;
 pub mod queue;
 pub mod zenoh;
 
+use std::fmt;
+use std::ops::Deref;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
@@ -20,7 +21,6 @@ use crate::message::{DecodeError, Message, MessageKind};
 use crate::parameter::{ParameterError, Parameters, Value};
 use crate::transport::queue::Queued;
 use attachment::Attachment;
-use payload::Payload;
 
 /// A topic as the graph sees it: absolute and remapped.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -40,6 +40,31 @@ impl Address {
     /// [`NameError`] when the name is not a ROS name.
     pub fn resolve(node_name: &NodeName, topic: &Topic) -> Result<Self, NameError> {
         Ok(Self { topic: node_name.resolve(&topic.name)?, kind: topic.kind, qos: topic.qos })
+    }
+}
+
+/// Bytes that somebody keeps; cheap to clone, read as a slice.
+#[derive(Clone)]
+pub struct Payload(Arc<dyn AsRef<[u8]> + Send + Sync>);
+
+impl Payload {
+    /// The bytes of `keeper`.
+    pub fn new(keeper: impl AsRef<[u8]> + Send + Sync + 'static) -> Self {
+        Self(Arc::new(keeper))
+    }
+}
+
+impl Deref for Payload {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        (*self.0).as_ref()
+    }
+}
+
+impl fmt::Debug for Payload {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} bytes", self.len())
     }
 }
 

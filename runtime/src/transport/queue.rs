@@ -126,7 +126,7 @@ struct State<T> {
 struct Waiting<T> {
     keep: Keep,
     items: VecDeque<(u64, u64, T)>,
-    tally: LaneCounts,
+    counts: LaneCounts,
     gaps: Gaps,
 }
 
@@ -150,7 +150,7 @@ impl<T: Queued> Queue<T> {
         let lane = Lane(state.opened);
         state.opened += 1;
         let waiting =
-            Waiting { keep, items: VecDeque::new(), tally: LaneCounts::default(), gaps: Gaps::default() };
+            Waiting { keep, items: VecDeque::new(), counts: LaneCounts::default(), gaps: Gaps::default() };
         state.lanes.insert(lane, waiting);
         lane
     }
@@ -162,23 +162,23 @@ impl<T: Queued> Queue<T> {
         let mut guard = self.lock();
         let state = &mut *guard;
         let Some(waiting) = state.lanes.get_mut(&lane).filter(|_| !state.ended) else { return Some(item) };
-        waiting.tally.received += 1;
+        waiting.counts.received += 1;
         if let Some(attachment) = item.attachment() {
-            waiting.tally.missing += waiting.gaps.step(attachment);
+            waiting.counts.missing += waiting.gaps.step(attachment);
         }
         let displaced = match waiting.keep {
             Keep::All => {
                 let bytes = state.held.bytes.saturating_add(item.bytes());
                 if state.held.messages >= self.limit.messages || bytes > self.limit.bytes {
-                    waiting.tally.overflowed += 1;
+                    waiting.counts.overflowed += 1;
                     return Some(item);
                 }
                 state.held = Limit { messages: state.held.messages + 1, bytes };
                 None
             }
-            Keep::Latest => waiting.items.pop_front().inspect(|_| waiting.tally.replaced += 1),
+            Keep::Latest => waiting.items.pop_front().inspect(|_| waiting.counts.replaced += 1),
             Keep::Last(most) if waiting.items.len() >= most.max(1) => {
-                waiting.tally.overflowed += 1;
+                waiting.counts.overflowed += 1;
                 waiting.items.pop_front()
             }
             Keep::Last(_) => None,
@@ -213,9 +213,9 @@ impl<T: Queued> Queue<T> {
     }
 
     /// Counts of `lane`; zeros once it is closed.
-    pub fn tally(&self, lane: Lane) -> LaneCounts {
-        let tally = |lane: &Waiting<T>| LaneCounts { unread: lane.items.len() as u64, ..lane.tally };
-        self.lock().lanes.get(&lane).map(tally).unwrap_or_default()
+    pub fn counts(&self, lane: Lane) -> LaneCounts {
+        let counts = |lane: &Waiting<T>| LaneCounts { unread: lane.items.len() as u64, ..lane.counts };
+        self.lock().lanes.get(&lane).map(counts).unwrap_or_default()
     }
 
     /// Closes `lane`: its waiting items are dropped and counted as unread.
@@ -223,11 +223,11 @@ impl<T: Queued> Queue<T> {
     pub fn close(&self, lane: Lane) -> LaneCounts {
         let mut state = self.lock();
         let Some(mut waiting) = state.lanes.remove(&lane) else { return LaneCounts::default() };
-        waiting.tally.unread = waiting.items.len() as u64;
+        waiting.counts.unread = waiting.items.len() as u64;
         if waiting.keep == Keep::All {
             waiting.items.iter().for_each(|(_, _, item)| state.release(item));
         }
-        waiting.tally
+        waiting.counts
     }
 
     /// Accepts no more items. What waits can still be taken; then the reader
@@ -297,7 +297,7 @@ mod tests {
         assert_eq!((queue.push(lane, 1), queue.push(lane, 2)), (None, Some(1)));
         assert_eq!(queue.take(NOW), Next::Item(Arrived { lane, stamp_ns: 9, item: 2 }));
         assert_eq!(queue.take(NOW), Next::Idle);
-        assert_eq!(queue.tally(lane), LaneCounts { received: 2, replaced: 1, ..LaneCounts::default() });
+        assert_eq!(queue.counts(lane), LaneCounts { received: 2, replaced: 1, ..LaneCounts::default() });
     }
 
     #[test]

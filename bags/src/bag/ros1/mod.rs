@@ -1,7 +1,6 @@
 //! [`Ros1File`]: a `.bag` file of ROS 1, as if ROS 2 had recorded it. Images and
 //! what belongs to them are converted, all else is said to be left out.
 
-mod header;
 mod message;
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
@@ -59,7 +58,7 @@ impl Ros1File {
         let size = file.metadata().map_err(io)?.len();
         let mut start = Vec::new();
         file.take(HEADER).read_to_end(&mut start).map_err(io)?;
-        header::check(&start, size).map_err(broken)?;
+        check_header(&start, size).map_err(broken)?;
         let bag = RosBag::new(path).map_err(io)?;
         let index = read_index(&bag).map_err(|e| broken(e.to_string()))?;
         let (mut connections, mut warnings) = (BTreeMap::new(), Vec::new());
@@ -221,4 +220,43 @@ impl Cursor for ChunkMessages {
     fn next(&mut self) -> Result<Option<RawMessage>, BagError> {
         self.0.pop_front().transpose()
     }
+}
+
+/// `#ROSBAG V2.0` and a line feed.
+const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
+
+/// Checks that the bag of `size` bytes that begins with `start` was closed, and that its header names positions inside of
+/// it. The crate `rosbag` takes that for granted, and panics where a position is beyond the file.
+fn check_header(start: &[u8], size: u64) -> Result<(), String> {
+    let rest = start.strip_prefix(MAGIC).ok_or("only version 2.0 of ROS 1's bags is read")?;
+    let (header, rest) = block(rest).ok_or("its header is cut")?;
+    let (padding, _) = rest.split_first_chunk::<4>().ok_or("its header is cut")?;
+    let chunks = (MAGIC.len() + 8 + header.len()) as u64 + u64::from(u32::from_le_bytes(*padding));
+    let index =
+        field(header, b"index_pos").and_then(|value| Some(u64::from_le_bytes(value.try_into().ok()?)));
+    match index {
+        None => Err("its header has no index_pos".to_owned()),
+        Some(0) => Err("it was never closed: it has no index".to_owned()),
+        Some(index) if chunks <= index && index <= size => Ok(()),
+        Some(index) => {
+            Err(format!("its index is at byte {index}, not between {chunks} and its end at {size}"))
+        }
+    }
+}
+
+/// A length of 4 bytes and so many bytes, and what is behind.
+fn block(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    let (length, rest) = bytes.split_first_chunk::<4>()?;
+    rest.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)
+}
+
+/// The value of a `name=value` in a header.
+fn field<'a>(mut header: &'a [u8], name: &[u8]) -> Option<&'a [u8]> {
+    while let Some((entry, rest)) = block(header) {
+        if let Some(value) = entry.strip_prefix(name).and_then(|value| value.strip_prefix(b"=")) {
+            return Some(value);
+        }
+        header = rest;
+    }
+    None
 }

@@ -2,7 +2,6 @@
 //!
 //! No engine is named here: engines bring a [`Signature`], this judges it.
 
-mod embedded;
 mod names;
 mod speed;
 
@@ -10,12 +9,19 @@ use std::fmt;
 use std::num::NonZeroUsize;
 use std::path::Path;
 
-pub use embedded::{DEMO, embedded};
 pub use names::ClassNames;
 pub use speed::{Speed, measure};
 
 use crate::engine::{self, EngineChoice, EngineError, Signature};
 use crate::error::DetectorError;
+
+/// What the parameter `model` calls it; a file of that name is `./demo`.
+pub const DEMO: &str = "demo";
+
+/// The bytes of `model` if it is the embedded one.
+pub fn embedded(model: &Path) -> Option<&'static [u8]> {
+    (model == Path::new(DEMO)).then_some(modulo_models::DEMO)
+}
 
 const INPUT: &str = "exactly one input [1, 3, H, W] of float32, H and W both fixed or both free";
 const OUTPUT: &str = "an output [1, N, 6] of float32 (x1, y1, x2, y2, score, class: \

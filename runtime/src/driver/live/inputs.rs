@@ -49,8 +49,12 @@ impl Inputs {
     /// Adds what these subscriptions have received and lost so far to `report`; what waits has not been received yet.
     pub fn count(&self, queue: &EventQueue, report: &mut NodeReport) {
         for (address, &lane) in self.addresses.iter().zip(&self.lanes) {
-            let tally = queue.tally(lane);
-            book(report, address, LaneCounts { received: tally.received - tally.unread, unread: 0, ..tally });
+            let counts = queue.counts(lane);
+            book(
+                report,
+                address,
+                LaneCounts { received: counts.received - counts.unread, unread: 0, ..counts },
+            );
         }
     }
 
@@ -63,11 +67,11 @@ impl Inputs {
     }
 }
 
-fn book(report: &mut NodeReport, Address { topic, qos, .. }: &Address, tally: LaneCounts) {
-    add(&mut report.received, topic, tally.received - tally.overflowed);
-    add(&mut report.replaced, topic, tally.replaced);
-    add(&mut report.lost, topic, tally.lost());
-    add(&mut report.unread, topic, tally.unread);
+fn book(report: &mut NodeReport, Address { topic, qos, .. }: &Address, counts: LaneCounts) {
+    add(&mut report.received, topic, counts.received - counts.overflowed);
+    add(&mut report.replaced, topic, counts.replaced);
+    add(&mut report.lost, topic, counts.lost());
+    add(&mut report.unread, topic, counts.unread);
     let of_its_kind = match qos {
         Qos::Images | Qos::Clock => &mut report.best_effort,
         Qos::Latched => &mut report.latched,

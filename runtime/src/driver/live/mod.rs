@@ -11,8 +11,8 @@ use std::time::Duration;
 
 use modulo_msgs::std_msgs::Time;
 
-use super::{RunError, addresses, status_of, wait_for};
-use crate::clock::Clock;
+use super::{GRAPH_GLANCE, RunError, addresses, status_of, stream_of, wait_for, wait_until_ready};
+use crate::clock::{Clock, nanos as nanoseconds};
 use crate::graph::NodeName;
 use crate::graph::diagnostics::Diagnostics;
 use crate::graph::node_time::NodeTime;
@@ -32,8 +32,6 @@ use crate::transport::{
 use inputs::Inputs;
 use pacing::Pacing;
 
-/// How often the graph is looked at while a change in it is awaited.
-const GRAPH_GLANCE: Duration = Duration::from_millis(20);
 /// How often a node without work looks at what is due each second.
 const IDLE: Duration = Duration::from_millis(250);
 /// A draining node gives up this long after its last message, even if its
@@ -186,19 +184,10 @@ impl Live<'_> {
     }
 
     fn wait_for_others(&self) -> Result<(), RunError> {
-        let (mut missing, patience) = wait_for(&self.node_name, &self.settings())?;
-        let start = self.time.ticks_ns();
-        loop {
-            missing.retain(|node| !self.transport.is_ready(node));
-            if missing.is_empty() || self.stop.urgency() != Urgency::None {
-                return Ok(());
-            }
-            if self.time.ticks_ns().saturating_sub(start) > nanoseconds(patience) {
-                let (node, seconds) = (self.report.node.clone(), patience.as_secs());
-                return Err(RunError::Waited { node, seconds, missing: missing.join(", ") });
-            }
-            std::thread::sleep(GRAPH_GLANCE);
-        }
+        let (nodes, patience) = wait_for(&self.node_name, &self.settings())?;
+        wait_until_ready(self.transport, &self.time, nodes, patience, &self.stop).map_err(|missing| {
+            RunError::Waited { node: self.report.node.clone(), seconds: patience.as_secs(), missing }
+        })
     }
 
     fn subscribe(&mut self) -> Result<(), RunError> {
@@ -212,6 +201,7 @@ impl Live<'_> {
         Ok(())
     }
 
+    /// Offers the parameters to the graph. A request waits in the queue of the node for the end of a step.
     fn serve_parameters(&self) -> Result<Guard, TransportError> {
         let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::All));
         let parameters = self.parameters.clone();
@@ -234,8 +224,8 @@ impl Live<'_> {
             return Ok(());
         }
         let answer = self.change(request);
-        if let Err(refusal) = &answer {
-            tracing::warn!(node = %self.report.node, "{refusal}");
+        if let Err(why) = &answer {
+            tracing::warn!(node = %self.report.node, "{why}");
         }
         self.subscribe()?;
         self.time.follow(&self.settings(), &self.node_name, self.transport)?;
@@ -343,10 +333,7 @@ impl Live<'_> {
 
     /// Runs one step; returns the messages that it left. `topic` is named when the step skips its input.
     fn step(&mut self, trigger: Trigger, topic: &str) -> Result<(Flow, Vec<(usize, Message)>), RunError> {
-        let stream = match &trigger {
-            Trigger::Message { input, .. } => self.node.inputs().get(*input).map(|topic| topic.name.clone()),
-            Trigger::Tick => None,
-        };
+        let stream = stream_of(&*self.node, &trigger);
         let wanted: Vec<bool> = self.publishers.iter().map(|(_, publisher)| publisher.wanted()).collect();
         let mut cx = Context::new(&self.report.node, &self.time, &wanted);
         let result = self.node.step(trigger, &mut cx);
@@ -419,8 +406,4 @@ impl Live<'_> {
         tracing::warn!(node = %self.report.node, topic, "skipped: {why}");
         add(&mut self.report.bad, topic, 1);
     }
-}
-
-fn nanoseconds(duration: Duration) -> u64 {
-    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
 }

@@ -30,7 +30,7 @@ impl ZenohTransport {
         request: Vec<u8>,
         patience: Duration,
     ) -> Result<Vec<u8>, TransportError> {
-        let endpoint = self.service_endpoint(service.to_owned(), ros_type);
+        let endpoint = self.service_endpoint(service.to_owned(), ros_type)?;
         let failed = |why: &dyn std::fmt::Display| TransportError::new(format!("call of {service}"), why);
         let attachment = Attachment { sequence: 1, stamp_ns: stamp(&*self.clock), gid: [0; 16] };
         let replies = self
@@ -84,7 +84,7 @@ impl ZenohTransport {
         for (index, handler) in handlers.iter().enumerate() {
             let topic = format!("{}/{}", node.fully_qualified(), handler.name);
             let endpoint =
-                Endpoint { qos: handler.qos.to_owned(), ..self.service_endpoint(topic, handler.ros_type) };
+                Endpoint { qos: handler.qos.to_owned(), ..self.service_endpoint(topic, handler.ros_type)? };
             let queue = queue.clone();
             let queryable = self
                 .session
@@ -117,13 +117,16 @@ impl ZenohTransport {
         Ok(Box::new((guards, EndCalls(queue))))
     }
 
-    fn service_endpoint(&self, name: String, ros_type: &str) -> Endpoint {
-        Endpoint {
+    fn service_endpoint(&self, name: String, ros_type: &str) -> Result<Endpoint, TransportError> {
+        let unknown =
+            || TransportError::new(format!("service {name}"), format!("type {ros_type} is unknown"));
+        let type_hash = modulo_msgs::type_hash(ros_type).ok_or_else(unknown)?;
+        Ok(Endpoint {
             topic: name,
             dds_type: modulo_msgs::dds_name(ros_type),
-            type_hash: self.hash(modulo_msgs::type_hash(ros_type).unwrap_or_default()),
+            type_hash: self.hash(type_hash),
             qos: keys::SERVICE_QOS.to_owned(),
-        }
+        })
     }
 }
 
@@ -172,7 +175,7 @@ pub type RawAnswer = Box<dyn Fn(&[u8]) -> Result<Vec<u8>, Box<dyn Error>> + Send
 
 fn handlers(port: ParameterPort) -> Vec<RawService> {
     let port = Arc::new(port);
-    let parameters = Service::ALL.map(|service| {
+    let parameters = Service::ALL.iter().map(|service| {
         let (name, ros_type) = service.name_and_type();
         let port = port.clone();
         let answer = Box::new(move |request: &[u8]| Ok(service.answer(request, &port)?));
@@ -185,7 +188,7 @@ fn handlers(port: ParameterPort) -> Vec<RawService> {
         qos: keys::SERVICE_QOS,
         answer: Box::new(|request| Ok(type_description::answer(request)?)),
     };
-    parameters.into_iter().chain([described]).collect()
+    parameters.chain([described]).collect()
 }
 
 /// Answers one service call; a call without payload or attachment is none.

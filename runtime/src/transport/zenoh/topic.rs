@@ -21,9 +21,8 @@ use crate::graph::NodeName;
 use crate::message::Message;
 use crate::transport::attachment::Attachment;
 use crate::transport::keys::{Endpoint, EntityKind};
-use crate::transport::payload::Payload;
 use crate::transport::profile::{self, Durability, Profile};
-use crate::transport::{Guard, Publisher, RawSample, TransportError};
+use crate::transport::{Guard, Payload, Publisher, RawSample, TransportError};
 
 /// How often a publisher for late readers says the number of its last sample.
 const HEARTBEAT: Duration = Duration::from_secs(1);
