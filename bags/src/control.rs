@@ -1,5 +1,5 @@
-//! The services of a player, as `rosbag2_player` has them: from a request's
-//! bytes to a [`PlayerAction`], from its [`PlayerReply`] to a response's bytes.
+//! The services of a player, as `rosbag2_player` has them: from a request's bytes to a [`PlayerAction`], from its
+//! [`PlayerReply`] to a response's bytes.
 //!
 //! The replay itself carries a action out, between two messages.
 
@@ -30,12 +30,12 @@ modulo_runtime::services! {
     }
 }
 
-/// What the replay is asked to do.
+/// A request to the replay.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum PlayerAction {
     /// Stop, or go on; `None`: the other of the two.
     Move(Option<PlaybackState>),
-    /// Only say how it goes on.
+    /// Only report the state.
     Tell,
     /// Change the speed.
     SetRate(f64),
@@ -45,31 +45,31 @@ pub enum PlayerAction {
     Seek(u64),
 }
 
-/// What the replay says when it has carried out a action.
+/// The result of an action.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlayerReply {
     /// Whether it was possible.
     pub done: bool,
-    /// How many messages were played at once.
+    /// Number of messages that were played at once.
     pub played: u64,
     /// Whether it goes on now.
     pub state: PlaybackState,
-    /// Speed now.
+    /// Current speed.
     pub rate: f64,
 }
 
 /// A action and where its answer goes.
 #[derive(Debug)]
 pub struct PlayerCommand {
-    /// What to do.
+    /// The requested action.
     pub action: PlayerAction,
-    /// Who asked.
+    /// Receiver of the reply.
     pub answer: Sender<PlayerReply>,
 }
 
 impl Queued for PlayerCommand {}
 
-/// Why a call gets no response.
+/// Error: a call gets no response.
 #[derive(Debug, thiserror::Error)]
 pub enum ServiceError {
     /// A request that cannot be read.
@@ -81,11 +81,10 @@ pub enum ServiceError {
 }
 
 impl Service {
-    /// Hands `request` to the replay with `give`, which returns whether the replay took it, and
-    /// waits for the answer.
+    /// Hands `request` to the replay with `give`, which returns whether the replay took it, and waits for the answer.
     ///
     /// # Errors
-    /// [`ServiceError`] when the request cannot be read, or nobody answers.
+    /// [`ServiceError`] when the request cannot be read, or the replay has ended.
     pub fn call(self, request: &[u8], give: &dyn Fn(PlayerCommand) -> bool) -> Result<Vec<u8>, ServiceError> {
         let (answer, answered) = channel();
         let action = self.action(request)?;
@@ -95,7 +94,7 @@ impl Service {
         Ok(self.response(answered.recv().map_err(|_| ServiceError::Ended)?)?)
     }
 
-    /// What `request` asks for.
+    /// Returns the action that `request` asks for.
     ///
     /// # Errors
     /// [`CdrError`] when it cannot be read.

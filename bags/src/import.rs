@@ -1,8 +1,7 @@
 //! [`import_kitti`]: a KITTI folder to a bag with images and ground truth.
 //!
-//! KITTI's object set has no times, so frame `i` is stamped `i` / 10 s after a
-//! fixed epoch, for sequences as well. No pixel and no label is changed or left
-//! out.
+//! KITTI's object set has no times, so frame `i` is stamped `i` / 10 s after a fixed epoch, for sequences as well. No
+//! pixel and no label is changed or left out.
 
 use std::path::{Path, PathBuf};
 
@@ -22,17 +21,17 @@ const EPOCH_NS: u64 = 1_316_995_200_000_000_000;
 /// KITTI's camera runs at 10 Hz.
 const PERIOD_NS: u64 = 100_000_000;
 
-/// How a data set is imported.
+/// Options of an import.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ImportOptions {
-    /// How the bag is compressed.
+    /// Compression of the bag.
     pub compression: Compression,
 }
 
-/// What was imported.
+/// Counts of an import.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ImportReport {
-    /// Images.
+    /// Number of images.
     pub frames: usize,
     /// Images with a label file; the others have no ground truth message.
     pub labelled: usize,
@@ -40,13 +39,13 @@ pub struct ImportReport {
     pub objects: usize,
 }
 
-/// Why a data set could not be imported. No bag is left behind.
+/// Error: a data set could not be imported. No bag is left behind.
 #[derive(Debug, thiserror::Error)]
 pub enum ImportError {
     /// An image or a label.
     #[error(transparent)]
     Source(#[from] SourceError),
-    /// The bag.
+    /// The bag cannot be written.
     #[error(transparent)]
     Bag(#[from] BagError),
     /// A message that is too large.
@@ -55,13 +54,13 @@ pub enum ImportError {
     /// A float image, which has no codes to put into an image message.
     #[error("{}: is a float image, 8 or 16 bit codes are needed", path.display())]
     Float {
-        /// The image.
+        /// Path of the image.
         path: PathBuf,
     },
 }
 
-/// Writes the KITTI folder `folder` (with `image_2` or `image_02`) as the new
-/// bag `out`: `/camera/image_raw` and `/ground_truth`, 10 Hz.
+/// Writes the KITTI folder `folder` (with `image_2` or `image_02`) as the new bag `out`: `/camera/image_raw` and
+/// `/ground_truth`, 10 Hz.
 ///
 /// # Errors
 /// [`ImportError`] of the first image, label or write that fails.

@@ -1,8 +1,7 @@
-//! Recorded frames of every kind: folders of images, KITTI, and rosbag2 MCAP
-//! bags, read and written.
+//! Recorded frames of every kind: folders of images, KITTI, and rosbag2 MCAP bags, read and written.
 //!
-//! Nothing here reads a clock of its own, opens a connection or knows of any
-//! node: `capture` and `replay` are lent a transport and a clock.
+//! Nothing here reads a clock of its own, opens a connection or knows of any node: `capture` and `replay` are lent a
+//! transport and a clock.
 
 pub mod bag;
 pub mod capture;
@@ -15,14 +14,13 @@ pub mod source;
 
 use std::path::{Component, Path, PathBuf};
 
-/// Where recorded images are in a bag that was imported here.
+/// Topic of the images in a bag that was imported here.
 pub const IMAGE_TOPIC: &str = "/camera/image_raw";
 
-/// Where labels are in a bag, as `vision_msgs/msg/Detection2DArray` with the
-/// stamps of the images.
+/// Topic of the labels in a bag: `vision_msgs/msg/Detection2DArray` with the stamps of the images.
 pub const GROUND_TRUTH_TOPIC: &str = "/ground_truth";
 
-/// Whether `path`, which a recording or a data set names, stays inside the folder that it is relative to.
+/// Returns whether `path`, which a recording or a data set names, stays inside the folder that it is relative to.
 fn stays_inside(path: &Path) -> bool {
     path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
 }
@@ -38,7 +36,7 @@ pub struct FileError {
 }
 
 impl FileError {
-    /// The error `source` of the file or folder `path`.
+    /// Returns the error `source` of the file or folder `path`.
     pub fn new(path: &Path, source: std::io::Error) -> Self {
         Self { path: path.to_owned(), source }
     }

@@ -1,21 +1,21 @@
 //! [`PlaybackClock`]: where on its timeline a replay is, given the ticks of a clock.
 //!
-//! Pure arithmetic: no clock is read, nobody waits.
+//! This is pure arithmetic: it reads no clock and does not wait.
 
 use crate::play::PlayError;
 
 /// Whether a replay goes on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PlaybackState {
-    /// It does.
+    /// The replay runs.
     #[default]
     Running,
-    /// It stands still, until it is resumed.
+    /// The replay is paused until it is resumed.
     Paused,
 }
 
-/// The position of a replay, `anchor.1 + (ticks - anchor.0) * rate` while it
-/// runs. Ticks and positions are nanoseconds from an origin of their own.
+/// The position of a replay, `anchor.1 + (ticks - anchor.0) * rate` while it runs. Ticks and positions are nanoseconds
+/// from an origin of their own.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlaybackClock {
     rate: f64,
@@ -28,12 +28,12 @@ impl PlaybackClock {
     /// Position 0 at `ticks`.
     ///
     /// # Errors
-    /// [`PlayError::Rate`] for a rate that is no speed.
+    /// [`PlayError::Rate`] for a rate that is not finite and positive.
     pub fn new(ticks: u64, rate: f64, state: PlaybackState) -> Result<Self, PlayError> {
         Ok(Self { rate: check(rate)?, state, anchor: (ticks, 0) })
     }
 
-    /// The position at `ticks`, ns.
+    /// Returns the position at `ticks`, ns.
     pub fn position(&self, ticks: u64) -> u64 {
         match self.state {
             PlaybackState::Paused => self.anchor.1,
@@ -44,19 +44,19 @@ impl PlaybackClock {
         }
     }
 
-    /// The ticks at which `position` is reached; `None` while paused.
+    /// Returns the ticks at which `position` is reached; `None` while paused.
     pub fn ticks_of(&self, position: u64) -> Option<u64> {
         let ahead = position.saturating_sub(self.anchor.1) as f64 / self.rate;
         // Rounded up: at that tick it is reached, not nearly.
         (self.state == PlaybackState::Running).then(|| self.anchor.0.saturating_add(ahead.ceil() as u64))
     }
 
-    /// Speed.
+    /// Returns the speed; 2 is twice as fast as the recording.
     pub fn rate(&self) -> f64 {
         self.rate
     }
 
-    /// Whether it goes on.
+    /// Returns whether it goes on.
     pub fn state(&self) -> PlaybackState {
         self.state
     }
@@ -64,7 +64,7 @@ impl PlaybackClock {
     /// Goes on from `ticks` at another speed.
     ///
     /// # Errors
-    /// [`PlayError::Rate`] for a rate that is no speed.
+    /// [`PlayError::Rate`] for a rate that is not finite and positive.
     pub fn set_rate(&mut self, ticks: u64, rate: f64) -> Result<(), PlayError> {
         let rate = check(rate)?;
         self.jump(ticks, self.position(ticks));

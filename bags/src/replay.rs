@@ -1,6 +1,5 @@
-//! Replaying a bag into a running graph: each payload is sent as it was
-//! recorded, on its topic, when it is due. Services of the node
-//! `/rosbag2_player` drive it.
+//! Replaying a bag into a running graph: each payload is sent as it was recorded, on its topic, when it is due.
+//! Services of the node `/rosbag2_player` drive it.
 
 mod publishers;
 
@@ -23,18 +22,18 @@ use crate::playback_clock::{PlaybackClock, PlaybackState};
 
 /// The name of the node in ROS 2, too.
 const NODE: &str = "rosbag2_player";
-/// How often the graph is looked at while a node in it is awaited.
+/// Interval at which the graph is looked at while a node in it is awaited.
 const GLANCE: Duration = Duration::from_millis(20);
 /// Orders that wait for the replay; each caller waits for its answer.
 const ORDERS: Limit = Limit { messages: 64, bytes: usize::MAX };
 
-/// Why a replay failed.
+/// Error: a replay failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ReplayError {
-    /// The bag.
+    /// The bag cannot be read.
     #[error(transparent)]
     Bag(#[from] BagError),
-    /// The wire.
+    /// The transport failed.
     #[error(transparent)]
     Transport(#[from] TransportError),
     /// Nodes that should listen are not ready.
@@ -42,7 +41,7 @@ pub enum ReplayError {
     Waited(u64, String),
 }
 
-/// How a replay is sent.
+/// Options of a replay.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReplayOptions {
     /// (from, to) pairs for the names of topics.
@@ -51,8 +50,7 @@ pub struct ReplayOptions {
     pub clock_hz: Option<f64>,
 }
 
-/// Sends every message of `player` when it is due by `pace`, which starts here;
-/// returns how many were sent, by topic.
+/// Sends every message of `player` when it is due by `pace`, which starts here; returns how many were sent, by topic.
 ///
 /// # Errors
 /// [`ReplayError`] when the bag cannot be read on or the wire does not take it.
@@ -76,13 +74,13 @@ pub fn replay(
     let mut replay = Replay { clock, player, pace, ahead: None, publishers, time, orders };
     replay.pace.jump(clock.ticks_ns(), 0);
     let done = replay.run(stop);
-    // What was put last must have left before the publishers go.
+    // The last messages must have left before the publishers go.
     thread::sleep(transport.settling());
     replay.orders.end();
     done.map(|()| replay.publishers.sent())
 }
 
-/// The services of the node, and where their calls arrive.
+/// Returns the services of the node, and where their calls arrive.
 fn serve(
     transport: &ZenohTransport,
     node_name: &NodeName,
@@ -99,8 +97,7 @@ fn serve(
     transport.serve_raw(node_name, services.collect())
 }
 
-/// Discovery takes a moment: the first message should not go out before those
-/// who are already there have found us. Nobody has to be there.
+/// Waits until a topic has a reader, or for half a second: discovery takes a moment, and the first message should reach the readers that are there already.
 fn wait_until_heard(publishers: &Publishers, clock: &dyn Clock, stop: &Stop) {
     let start = clock.ticks_ns();
     while !publishers.wanted() && clock.ticks_ns() - start < 500_000_000 && stop.urgency() == Urgency::None {
@@ -113,7 +110,7 @@ struct Replay<'a> {
     clock: &'a dyn Clock,
     player: &'a mut Player,
     pace: PlaybackClock,
-    /// The next message.
+    /// The next message, if it has been read.
     ahead: Option<NextMessage>,
     publishers: Publishers,
     time: Option<ClockPublisher>,
@@ -139,7 +136,7 @@ impl Replay<'_> {
         Ok(())
     }
 
-    /// Whether there is a next message.
+    /// Returns whether there is a next message.
     fn look_ahead(&mut self) -> Result<bool, BagError> {
         if self.ahead.is_none() {
             self.ahead = self.player.next_message().transpose()?;
@@ -153,7 +150,7 @@ impl Replay<'_> {
         Some(self.pace.ticks_of(due.position)?.saturating_sub(now))
     }
 
-    /// Time until something is due; `None` while only an order can change anything.
+    /// Returns the time until something is due; `None` while only an order can change anything.
     fn patience(&self) -> Option<Duration> {
         if self.ahead.is_none() {
             // The next message is not read yet.

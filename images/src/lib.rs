@@ -1,7 +1,6 @@
 //! Image files to pixels and back: PNG, JPEG, OpenEXR, Radiance HDR.
 //!
-//! Nothing here knows a source, a stream or a message; values are never
-//! changed but by [`White`], which says how.
+//! This crate knows no source, stream or message. Only [`White`] changes values.
 
 mod read;
 mod white;
@@ -13,15 +12,15 @@ pub use write::{SaveError, save_png};
 
 use std::path::PathBuf;
 
-/// Why an image could not be had: the file, what was found, what is possible.
+/// Error: an image could not be read. The message names the file, the fault and the possible values.
 #[derive(Debug, thiserror::Error)]
 pub enum ImageError {
-    /// The system refused.
+    /// The system does not read the file.
     #[error("{}: {source}", path.display())]
     Io {
-        /// The file.
+        /// Path of the file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
     },
     /// An image that does not decode.
@@ -29,7 +28,7 @@ pub enum ImageError {
     Undecodable {
         /// The file, or topic and stamp.
         origin: String,
-        /// What is wrong with it.
+        /// Description of the fault.
         why: String,
     },
     /// A white that is no radiance.

@@ -11,8 +11,7 @@ use crate::ImageError;
 pub struct White(f32);
 
 impl White {
-    /// `white` > 0 is used as it is; 0 stands for the largest value of the
-    /// first float image that is not black.
+    /// `white` > 0 is used as it is; 0 stands for the largest value of the first float image that is not black.
     ///
     /// # Errors
     /// [`ImageError::White`] for a negative, infinite or NaN `white`.
@@ -20,7 +19,7 @@ impl White {
         if white.is_finite() && white >= 0.0 { Ok(Self(white)) } else { Err(ImageError::White { white }) }
     }
 
-    /// Whether it was given, or has been taken from a float image.
+    /// Returns whether it was given, or has been taken from a float image.
     pub fn is_known(&self) -> bool {
         self.0 > 0.0
     }

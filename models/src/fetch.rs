@@ -17,7 +17,7 @@ const CONNECT: Duration = Duration::from_secs(10);
 /// A large file on a slow line may take hours, but some byte must arrive within this time.
 const STALL: Duration = Duration::from_secs(30);
 
-/// What to fetch.
+/// A file to fetch.
 #[derive(Clone, Debug)]
 pub struct FetchRequest<'a> {
     /// Address, `http://HOST/...` or `https://HOST/...`.
@@ -30,22 +30,22 @@ pub struct FetchRequest<'a> {
     pub bytes: Option<u64>,
 }
 
-/// How the file came to be there.
+/// The result of a successful fetch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fetched {
-    /// It was downloaded.
+    /// The file was downloaded.
     Downloaded,
-    /// It existed already, with the expected sha256.
+    /// The file existed already, with the expected sha256.
     AlreadyThere,
 }
 
-/// Why the file could not be fetched.
+/// Error: the file could not be fetched.
 #[derive(Debug, thiserror::Error)]
 pub enum FetchError {
-    /// This is not the URL of a file on an HTTP server.
+    /// The text is not the URL of a file on an HTTP server.
     #[error("url '{0}': must be http://HOST/... or https://HOST/...")]
     Url(String),
-    /// This is not a sha256.
+    /// The text is not a sha256.
     #[error("sha256 '{0}': must be 64 hex digits")]
     Sha256(String),
     /// The server of a URL, which would fill a file, could not be reached.
@@ -77,11 +77,11 @@ pub enum FetchError {
     File(PathBuf, io::Error),
 }
 
-/// Downloads a file, or finds that it exists already. `progress` is called with the bytes received so far
-/// and, if it is known, the length of the file.
+/// Downloads a file, or finds that it exists already. `progress` is called with the bytes received so far and, if it is
+/// known, the length of the file.
 ///
-/// The download goes to a temporary file beside the target, which it replaces in one step when it is complete and
-/// its sha256 is right. An existing file is never overwritten.
+/// The download goes to a temporary file beside the target, which it replaces in one step when it is complete and its
+/// sha256 is right. An existing file is never overwritten.
 ///
 /// # Errors
 /// [`FetchError`]. Then nothing was written.

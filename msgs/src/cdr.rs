@@ -1,5 +1,5 @@
-//! CDR as ROS 2 puts it on the wire: a 4-byte encapsulation, then XCDR1 plain data ("DDS_CDR"), each primitive aligned to
-//! its size counted from byte 4.
+//! CDR as ROS 2 puts it on the wire: a 4-byte encapsulation, then XCDR1 plain data ("DDS_CDR"), each primitive aligned
+//! to its size counted from byte 4.
 //!
 //! Messages are written in little endian with zero padding, and read in both byte orders. A length from the wire is
 //! compared with the number of remaining bytes before memory is allocated. Bytes behind the message are ignored, since
@@ -80,8 +80,8 @@ pub(crate) const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 /// Returns `message` as little-endian CDR with its encapsulation.
 ///
 /// # Errors
-/// [`CdrError`] when a length does not fit in 32 bits, or the type contains an option, a map, or an enum with data, which
-/// CDR messages cannot hold.
+/// [`CdrError`] when a length does not fit in 32 bits, or the type contains an option, a map, or an enum with data,
+/// which CDR messages cannot hold.
 pub fn to_vec<T: Serialize + ?Sized>(message: &T) -> Result<Vec<u8>, CdrError> {
     let mut encoder = encode::Encoder::new();
     message.serialize(&mut encoder)?;

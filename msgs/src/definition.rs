@@ -29,8 +29,8 @@ pub enum DefinitionError {
     },
 }
 
-/// The fields that `text` gives the type `name`. A type without fields gets
-/// the one that ROS gives it, `structure_needs_at_least_one_member`.
+/// Returns the fields that `text` gives the type `name`. A type without fields gets the one that ROS gives it,
+/// `structure_needs_at_least_one_member`.
 pub(crate) fn parse_fields(name: &str, text: &str) -> Result<Vec<Field>, DefinitionError> {
     let package = name.split_once('/').map_or(name, |(package, _)| package);
     let mut fields = Vec::new();
@@ -49,8 +49,7 @@ pub(crate) fn parse_fields(name: &str, text: &str) -> Result<Vec<Field>, Definit
     Ok(fields)
 }
 
-/// `pkg/Name` as `pkg/msg/Name`; a name of `package` itself may stand alone,
-/// unless `package` is empty.
+/// Returns `pkg/Name` as `pkg/msg/Name`. A name without a package belongs to `package`, unless `package` is empty.
 pub(crate) fn full_name(package: &str, name: &str) -> Option<String> {
     let word = |w: &str| !w.is_empty() && w.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
     let parts: Vec<_> = name.split('/').collect();
@@ -68,7 +67,7 @@ pub(crate) fn full_name(package: &str, name: &str) -> Option<String> {
 const UINT8: u8 = 3;
 const STRING: u8 = 17;
 const WSTRING: u8 = 18;
-/// From an unbounded string's code to the bounded one's.
+/// Added to the code of an unbounded string to get that of a bounded one.
 const BOUNDED_STRING: u8 = 4;
 
 enum Line {
@@ -128,7 +127,7 @@ fn parse_element(package: &str, text: &str) -> Option<FieldType> {
     Some(FieldType { type_id: FieldType::NESTED, nested_type_name, ..FieldType::default() })
 }
 
-/// Codes of `type_description_interfaces/msg/FieldType`.
+/// Returns the code of a primitive type in `type_description_interfaces/msg/FieldType`.
 fn primitive(name: &str) -> Option<u8> {
     Some(match name {
         "int8" => 2,

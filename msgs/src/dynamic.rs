@@ -1,5 +1,5 @@
-//! Messages whose type is known only when the program runs: CDR and a type
-//! description in, a tree of values out, shown as `ros2 topic echo` shows it.
+//! Messages whose type is known only when the program runs: CDR and a type description in, a tree of values out, shown
+//! as `ros2 topic echo` shows it.
 //!
 //! Nothing is guessed: without the description there is no value.
 
@@ -51,7 +51,7 @@ struct Value<'t> {
     description: &'t TypeDescription,
 }
 
-/// One element of an array or sequence, or what stands alone.
+/// One element of an array or sequence, or a single value.
 #[derive(Clone, Copy)]
 struct Element<'t>(Value<'t>);
 
@@ -149,10 +149,10 @@ impl<'de> DeserializeSeed<'de> for Element<'_> {
     }
 }
 
-/// Elements of an array that are shown; what is beyond is counted.
+/// Number of elements of an array that are shown; the remaining ones are counted.
 const SHOWN: usize = 128;
 
-/// As YAML, long arrays cut.
+/// Writes the value as YAML; long arrays are cut.
 impl fmt::Display for Dynamic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.write(f, 0)

@@ -11,8 +11,8 @@ pub trait Interface {
     const NAME: &'static str;
 }
 
-/// Declares the messages of one ROS package: `Message = "package/msg/Message" { fields }`, the fields as public and in the
-/// order of the definition. A message without braces has no fields.
+/// Declares the messages of one ROS package: `Message = "package/msg/Message" { fields }`, the fields as public and in
+/// the order of the definition. A message without braces has no fields.
 macro_rules! messages {
     (@struct $(#[$about:meta])* $message:ident $name:literal) => {
         #[doc = concat!("`", $name, "`")]

@@ -1,5 +1,4 @@
-//! RIHS01, the hash by which ROS 2 tells whether two sides mean the same type:
-//! SHA-256 over the JSON of a type description without default values.
+//! RIHS01, the hash that identifies a type in ROS 2: SHA-256 over the JSON of a type description without default values.
 //!
 //! Source: <https://github.com/ros-infrastructure/rep/pull/381> (REP 2011, 2016)
 
@@ -13,15 +12,15 @@ use crate::interface;
 use crate::schema;
 use crate::type_description_interfaces::{Field, IndividualTypeDescription, TypeDescription};
 
-/// `RIHS01_` and 64 hexadecimal digits for a message, a service, or a service's
-/// request, response or event. `None` when the suite does not define it.
+/// `RIHS01_` and 64 hexadecimal digits for a message, a service, or a service's request, response or event. `None` when
+/// the suite does not define it.
 pub fn type_hash(name: &str) -> Option<String> {
     static HASHES: OnceLock<BTreeMap<String, String>> = OnceLock::new();
     HASHES.get_or_init(all_hashes).get(name).cloned()
 }
 
-/// The hash of `name` as foreign `ros2msg` text defines it: the type's own
-/// fields, then each dependency after a line of 80 `=` and a line `MSG: pkg/Name`.
+/// Returns the hash of `name` as foreign `ros2msg` text defines it: the type's own fields, then each dependency after a
+/// line of 80 `=` and a line `MSG: pkg/Name`.
 ///
 /// # Errors
 /// [`DefinitionError`] with the line that is no field, or the type that is missing.
@@ -31,8 +30,7 @@ pub fn type_hash_of_schema(name: &str, text: &str) -> Result<String, DefinitionE
     Ok(hash(&gather(&name, |wanted| Ok(types.get(wanted).cloned()))?))
 }
 
-/// The whole description of a type that the suite defines, as
-/// `~/get_type_description` answers it.
+/// Returns the whole description of a type that the suite defines, as `~/get_type_description` answers it.
 pub fn type_description(name: &str) -> Option<TypeDescription> {
     gather(name, interface::describe).ok()
 }

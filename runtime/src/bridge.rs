@@ -1,9 +1,6 @@
-//! What a bridge to another ROS graph forwards: its parameters, and the plan that
-//! they make. No transport is known here, and none of the other graph's; the
-//! bridge itself is `nodes/ros2_bridge`.
+//! The plan of a bridge to another ROS graph: its parameters, and the routes that they describe. This file knows neither of the two transports; the bridge is `nodes/ros2_bridge`.
 //!
-//! Nothing can go round in a circle: a topic is forwarded in one direction, so
-//! that the bridge never reads on a side what it publishes there.
+//! A topic is forwarded in one direction only, so that the bridge never reads on one side the messages that it publishes there.
 
 use std::collections::BTreeMap;
 
@@ -14,12 +11,12 @@ use crate::message::MessageKind;
 use crate::parameter::ParameterError;
 use crate::transport::keys::{self, Endpoint};
 
-/// Which way a topic goes.
+/// Direction in which a topic is forwarded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
-    /// From the DDS graph to the suite.
+    /// The topic is forwarded from the DDS graph to the suite.
     DdsToZenoh,
-    /// From the suite to the DDS graph.
+    /// The topic is forwarded from the suite to the DDS graph.
     ZenohToDds,
 }
 
@@ -28,27 +25,27 @@ pub enum Direction {
 pub struct Route {
     /// Absolute name, the same on both sides.
     pub topic: String,
-    /// Such as `sensor_msgs/msg/Image`.
+    /// ROS name of the type, such as `sensor_msgs/msg/Image`.
     pub ros_type: String,
     /// Hash of that type.
     pub type_hash: String,
-    /// Which way.
+    /// Direction of the topic.
     pub direction: Direction,
-    /// How it is carried on both sides.
+    /// Quality of service on both sides.
     pub qos: Qos,
 }
 
 /// Everything that is forwarded.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct BridgePlan {
-    /// The topics.
+    /// The topics to forward.
     pub routes: Vec<Route>,
     /// Nodes of the suite, fully qualified, whose parameter services the DDS graph can call.
     pub nodes: Vec<String>,
 }
 
 crate::parameters! {
-    /// The bridge's parameters.
+    /// The parameters of the bridge.
     pub struct BridgeParameters {
         /// Topics of the suite that the DDS graph gets, each as topic:type, such as /recovered:sensor_msgs/msg/Image.
         zenoh_to_dds: Vec<String> = Vec::new(); fixed,
@@ -60,11 +57,11 @@ crate::parameters! {
 }
 
 impl BridgePlan {
-    /// The plan of a bridge `node_name`.
+    /// Returns the plan of a bridge `node_name`.
     ///
     /// # Errors
-    /// [`ParameterError`] of an entry that is no `topic:type`, has a type that the
-    /// suite does not know, or would go both ways.
+    /// [`ParameterError`] of an entry that is no `topic:type`, has a type that the suite does not know, or would go
+    /// both ways.
     pub fn new(parameters: &BridgeParameters, node_name: &NodeName) -> Result<Self, ParameterError> {
         let mut routes = Vec::new();
         let mut known: BTreeMap<String, &str> = BTreeMap::new();
@@ -115,7 +112,7 @@ fn route(
 }
 
 impl Route {
-    /// The endpoint on the suite's side.
+    /// Returns the endpoint on the suite's side.
     pub fn endpoint(&self) -> Endpoint {
         Endpoint {
             topic: self.topic.clone(),

@@ -1,5 +1,5 @@
-//! The runtime of a node: messages come in over a transport, a driver runs the step of the node, and the messages of the
-//! step go out again.
+//! The runtime of a node: messages come in over a transport, a driver runs the step of the node, and the messages of
+//! the step go out again.
 //!
 //! ```text
 //! transport -> queue -> driver -> Node::step -> driver -> transport

@@ -1,5 +1,4 @@
-//! Tokens, keys, hashes and samples against those of a real ROS 2 Jazzy node
-//! `/odmi/golden` under rmw_zenoh_cpp 0.2.10.
+//! Tokens, keys, hashes and samples against those of a real ROS 2 Jazzy node `/odmi/golden` under rmw_zenoh_cpp 0.2.10.
 
 use modulo_msgs::sensor_msgs::Image;
 use modulo_msgs::{cdr, ros_name, type_hash};

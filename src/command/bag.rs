@@ -17,7 +17,7 @@ use super::{open_session, pairs, start_log, usage};
 use crate::cli::bag::{Bag, BagCopy, BagImport, BagPlay, BagRecord, Form};
 use crate::{Ended, Failure};
 
-/// How long `--wait-for` waits.
+/// Time limit of `--wait-for`.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Runs one of the bag commands.

@@ -1,4 +1,4 @@
-//! `modulo topic` and `modulo node`: who is there, and what they say. No ROS is needed.
+//! `modulo topic` and `modulo node`: the nodes, topics and messages of the graph. No ROS installation is needed.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
@@ -20,7 +20,7 @@ use crate::{Ended, Failure};
 
 /// The graph is as it is when nothing has changed for this long.
 const CALM: Duration = Duration::from_millis(300);
-/// How long a topic or node may take to appear.
+/// Time limit for a topic or node to appear.
 const PATIENCE: Duration = Duration::from_secs(5);
 const GLANCE: Duration = Duration::from_millis(20);
 /// Samples that wait to be shown.
@@ -70,7 +70,7 @@ pub fn absolute(name: &str) -> String {
     format!("/{}", name.trim_matches('/'))
 }
 
-/// The graph, once it has stopped changing.
+/// Returns the graph, once it has stopped changing.
 pub fn calm(transport: &ZenohTransport) -> Graph {
     let (mut graph, mut unchanged, mut waited) = (transport.graph(), Duration::ZERO, Duration::ZERO);
     while unchanged < CALM && waited < PATIENCE {
@@ -83,7 +83,7 @@ pub fn calm(transport: &ZenohTransport) -> Graph {
     graph
 }
 
-/// Types of each topic that anybody publishes or reads.
+/// Returns the types of each topic that has a publisher or a reader.
 fn topics(graph: &Graph) -> BTreeMap<String, BTreeSet<String>> {
     let mut topics: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
     for token in graph.tokens().filter(|t| is_topic(t.kind)) {
@@ -102,7 +102,7 @@ fn type_name(dds_type: &str) -> String {
     ros_name(dds_type)
 }
 
-/// The graph, once somebody is on `topic`.
+/// Returns the graph as soon as `topic` has an endpoint.
 fn found(transport: &ZenohTransport, topic: &str) -> anyhow::Result<Graph> {
     let topic = absolute(topic);
     let mut waited = Duration::ZERO;
@@ -163,7 +163,7 @@ fn describe(graph: &Graph, node: &str) {
     }
 }
 
-/// A subscription to what is published on `topic`: its type, and the samples as they come.
+/// A subscription to `topic`: its type, and the samples as they arrive.
 struct Listening {
     type_name: String,
     samples: Arc<Queue<RawSample>>,
@@ -191,7 +191,7 @@ impl Listening {
         Ok(Self { type_name, samples, lane, stop, _guards: (subscription, node) })
     }
 
-    /// The next sample within `patience`, `None`: without limit.
+    /// Returns the next sample within `patience`, `None`: without limit.
     fn next(&self, patience: Option<Duration>) -> Option<Arrived<RawSample>> {
         match self.samples.take(patience) {
             Next::Item(arrived) => Some(arrived),
@@ -249,7 +249,7 @@ fn hz(transport: &ZenohTransport, clock: &Arc<dyn Clock>, topic: &str, window: u
     Ok(())
 }
 
-/// As `ros2 topic hz` says it, and what was lost.
+/// Describes the rate as `ros2 topic hz` does, with the number of lost messages.
 fn rate(arrived: &[f64], lost: u64) -> String {
     let periods: Vec<f64> = arrived.windows(2).map(|pair| pair[1] - pair[0]).collect();
     if periods.is_empty() {

@@ -1,5 +1,4 @@
-//! `modulo param`: parameters of running nodes, through the services that
-//! `ros2 param` uses.
+//! `modulo param`: parameters of running nodes, through the services that `ros2 param` uses.
 
 use std::collections::BTreeSet;
 use std::io::Write as _;
@@ -28,7 +27,7 @@ use super::{graph, open_session};
 use crate::cli::Param;
 use crate::{Ended, Failure};
 
-/// How long a node may take to appear, and to answer.
+/// Time limit for a node to appear, and for it to answer.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Runs one of the parameter commands.
@@ -70,7 +69,7 @@ pub fn param(args: &Param) -> Result<Ended, Failure> {
     Ok(Ended::Done)
 }
 
-/// The nodes whose parameters can be asked for.
+/// Returns the nodes whose parameters can be asked for.
 fn serving(graph: &Graph) -> BTreeSet<String> {
     let lists = |token: &Token| {
         let endpoint = token.endpoint.as_ref()?;
@@ -141,7 +140,7 @@ fn describe(
     Ok(response.descriptors)
 }
 
-/// The present value tells the type that the text is read as.
+/// Sets one parameter. The type of its present value is the type that the text is read as.
 fn set(transport: &ZenohTransport, node: &str, name: &str, text: &str) -> anyhow::Result<()> {
     let present = get_one(transport, node, name)?;
     let like = from_ros(present).unwrap_or(Value::String(String::new()));

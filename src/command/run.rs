@@ -16,7 +16,7 @@ use crate::cli::Run;
 use crate::registry::{self, Kind};
 use crate::{Ended, Failure};
 
-/// Runs one node until it is done or told to end.
+/// Runs one node until it is done or asked to end.
 pub fn run(args: &Run) -> Result<Ended, Failure> {
     let kind = registry::kind(&args.node).map_err(usage)?;
     let (ros, own) = RosArgs::parse(&args.arguments).map_err(usage)?;
@@ -63,7 +63,7 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
     Ok(Ended::Done)
 }
 
-/// Starts the log; what goes to `/rosout` waits in the queue.
+/// Starts the log; lines for `/rosout` wait in the queue.
 fn start_log(ros: &RosArgs, node_name: &NodeName) -> Option<LogQueue> {
     let (layer, queue) = match ros.rosout_logs {
         Logs::Enabled => Some(rosout::layer(Arc::new(SystemClock::default()))).unzip(),

@@ -1,4 +1,4 @@
-//! [`BagInfo`]: what a bag holds, printed as `ros2 bag info` prints it.
+//! [`BagInfo`]: the content of a bag, printed as `ros2 bag info` prints it.
 
 use std::fmt;
 
@@ -8,7 +8,7 @@ use super::{BagReader, BagWarning, TopicCount};
 
 const NS: u64 = 1_000_000_000;
 
-/// What a bag holds.
+/// The content of a bag.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BagInfo {
     /// Names of the files, in order.
@@ -23,7 +23,7 @@ pub struct BagInfo {
     pub span: Option<(u64, u64)>,
     /// All topics with their counts.
     pub topics: Vec<TopicCount>,
-    /// What the bag lacks.
+    /// Problems of the bag.
     pub warnings: Vec<BagWarning>,
 }
 
@@ -48,7 +48,7 @@ impl From<&BagReader> for BagInfo {
 }
 
 impl BagInfo {
-    /// All messages.
+    /// Returns the number of messages of all topics.
     pub fn messages(&self) -> u64 {
         self.topics.iter().map(|t| t.messages).sum()
     }

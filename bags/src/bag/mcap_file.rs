@@ -1,4 +1,4 @@
-//! One MCAP file: its index, and its messages in log-time order.
+//! [`McapFile`]: one MCAP file with its index, read in log-time order.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -18,7 +18,7 @@ use crate::FileError;
 /// No chunk may unpack to more, bytes: recorders write a few MiB.
 pub(super) const MAX_CHUNK: usize = 1 << 30;
 
-/// What there is in one file, and where.
+/// The index of one file.
 #[derive(Debug)]
 pub(super) struct McapFile {
     path: PathBuf,
@@ -44,7 +44,7 @@ impl McapFile {
             None => {
                 file.rewind().map_err(io)?;
                 let mut found = scan(path, file, size)?;
-                // Nobody asked for the index.
+                // The caller has not asked for the index.
                 found.warnings.retain(|w| index == Index::Trusted || !matches!(w, BagWarning::NoIndex(_)));
                 (found.summary, found.loose, found.warnings)
             }
@@ -105,7 +105,7 @@ fn read_summary(file: &mut File, size: u64) -> Option<Summary> {
     reader.finish()
 }
 
-/// Whether every message can be found by the summary alone.
+/// Returns whether the summary is enough to find every message.
 fn is_complete(summary: &Summary, size: u64) -> bool {
     let Some(stats) = &summary.stats else { return false };
     let chunks = &summary.chunk_indexes;
@@ -233,7 +233,7 @@ impl Cursor for McapMessages {
     }
 }
 
-/// Bytes of the file; a length beyond its end is refused before it is allocated.
+/// Returns the number of bytes of the file; a length beyond its end is refused before it is allocated.
 fn read_at(file: &mut File, index: &McapFile, offset: u64, length: usize) -> Result<Vec<u8>, BagError> {
     let end = offset.checked_add(length as u64).filter(|&end| end <= index.size);
     if end.is_none() {

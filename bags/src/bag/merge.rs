@@ -1,5 +1,5 @@
-//! [`Merge`]: the messages of several inputs, such as files, in one order of time.
-//! A input is opened only when its first message may be next.
+//! [`Merge`]: the messages of several inputs, such as files, in one order of time. A input is opened only when its
+//! first message may be next.
 
 use super::storage::Cursor;
 use super::{BagError, RawMessage};
@@ -11,11 +11,11 @@ type OpenInput = Box<dyn FnOnce() -> Result<Option<Box<dyn Cursor>>, BagError> +
 pub(super) struct MergeInput {
     /// No message of it is earlier, ns since the epoch.
     pub(super) start: u64,
-    /// Opens it.
+    /// Opens the input.
     pub(super) open: OpenInput,
 }
 
-/// A input with what comes next of it.
+/// An input with its next message.
 struct OpenedInput {
     /// Log time of `head`.
     time: u64,
@@ -34,14 +34,14 @@ pub(super) struct Merge {
 }
 
 impl Merge {
-    /// Of messages at the same time, that of the earlier one of `inputs` is first.
+    /// Merges `inputs`. Of messages with the same time, the one of the earlier input is first.
     pub(super) fn of(mut inputs: Vec<MergeInput>) -> Self {
         inputs.sort_by_key(|input| input.start);
         inputs.reverse();
         Self { closed: inputs, open: Vec::new(), broken: None }
     }
 
-    /// The open input whose message is next.
+    /// Returns the open input whose message is next.
     fn earliest(&self) -> Option<usize> {
         (0..self.open.len()).min_by_key(|&i| self.open[i].time)
     }
@@ -61,7 +61,7 @@ impl Merge {
         }
     }
 
-    /// Whether a closed input may have an earlier message than the open ones.
+    /// Returns whether a closed input may have an earlier message than the open ones.
     fn must_open(&self) -> bool {
         let next = self.earliest().map(|i| self.open[i].time);
         self.closed.last().is_some_and(|input| next.is_none_or(|next| input.start < next))

@@ -1,8 +1,7 @@
-//! [`scan`]: the summary of an MCAP file that has none, made by walking over its
-//! records from the start to the last whole one.
+//! [`scan`]: makes the summary of an MCAP file without one from its records, from the start to the last complete one.
 //!
-//! A chunk counts as a whole or not at all. Nothing that a broken file claims
-//! about lengths is allocated before it is compared with the file's size.
+//! A chunk counts as a whole or not at all. Nothing that a broken file claims about lengths is allocated before it is
+//! compared with the file's size.
 
 use std::fs::File;
 use std::io::Read;
@@ -20,8 +19,7 @@ use crate::FileError;
 
 /// Opcode and length in front of every record.
 const RECORD_HEAD: u64 = 9;
-/// A chunk's times, size, CRC and lengths in front of its data, without the
-/// name of its compression.
+/// A chunk's times, size, CRC and lengths in front of its data, without the name of its compression.
 const CHUNK_HEAD: u64 = 40;
 /// Channel, sequence and two times in front of a message's data.
 const MESSAGE_HEAD: u64 = 22;
@@ -32,15 +30,15 @@ pub(super) struct UnchunkedMessage {
     pub(super) channel: u16,
     pub(super) log_time: u64,
     pub(super) publish_time: u64,
-    /// Where its data begins in the file.
+    /// Offset of its data in the file.
     pub(super) offset: u64,
     pub(super) length: usize,
 }
 
-/// What a walk over a file found.
+/// The result of a scan.
 pub(super) struct Scan {
     pub(super) summary: Summary,
-    /// By log time, then by place in the file.
+    /// The messages by log time, then by position in the file.
     pub(super) loose: Vec<UnchunkedMessage>,
     pub(super) warnings: Vec<BagWarning>,
 }
@@ -64,7 +62,7 @@ pub(super) fn scan(path: &Path, mut file: File, size: u64) -> Result<Scan, BagEr
                 reader.notify_read(read);
             }
             Some(Ok(LinearReadEvent::Record { opcode: op::DATA_END, .. })) => break None,
-            // No record has this opcode: blocks of zeros are what a power cut leaves.
+            // No record has this opcode: blocks of zeros are the trace of a power cut.
             Some(Ok(LinearReadEvent::Record { opcode: 0, .. })) => break Some("zeros".to_owned()),
             Some(Ok(LinearReadEvent::Record { data, opcode })) => walk.record(opcode, data),
         }
@@ -211,8 +209,8 @@ impl<'a> Walk<'a> {
 
 /// Hands each record inside a chunk to `take`; `body` is the chunk's record.
 ///
-/// `mcap::read::ChunkReader` would do, were it not for its trust in the lengths
-/// inside: a broken one is allocated as it stands.
+/// `mcap::read::ChunkReader` would do, were it not for its trust in the lengths inside: a broken one is allocated as it
+/// stands.
 fn unpack(
     header: &ChunkHeader,
     body: &[u8],

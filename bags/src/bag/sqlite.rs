@@ -1,5 +1,4 @@
-//! [`SqliteFile`]: a `.db3` file of rosbag2's SQLite storage, any version of its
-//! tables. Read only.
+//! [`SqliteFile`]: a `.db3` file of rosbag2's SQLite storage, any version of its tables. Read only.
 
 use std::collections::{HashMap, VecDeque};
 use std::path::{Path, PathBuf};
@@ -15,7 +14,7 @@ use crate::FileError;
 /// Messages that are read at once.
 const BATCH: u32 = 8;
 
-/// What there is in one file.
+/// The index of one file.
 #[derive(Debug)]
 pub(super) struct SqliteFile {
     path: PathBuf,
@@ -44,7 +43,7 @@ fn broken(path: &Path, why: &rusqlite::Error) -> BagError {
     BagError::Damaged(path.to_owned(), why.to_string(), remedy)
 }
 
-/// Times are stored signed; none is before the epoch.
+/// Reads a time. Times are stored as signed numbers; all of them are after the epoch.
 fn time(row: &Row<'_>, column: usize) -> rusqlite::Result<u64> {
     Ok(u64::try_from(row.get::<_, i64>(column)?).unwrap_or(0))
 }
@@ -55,7 +54,7 @@ fn span(file: &Connection) -> rusqlite::Result<Option<(u64, u64)>> {
     })
 }
 
-/// The topics that are CDR, by their number.
+/// Returns the topics that are CDR, by their number.
 fn topics(
     file: &Connection,
     path: &Path,
@@ -88,13 +87,13 @@ fn topics(
     Ok(topics)
 }
 
-/// A column that older versions of the table do not have.
+/// Returns a column that older versions of the table do not have.
 fn column(row: &Row<'_>, name: &str) -> rusqlite::Result<String> {
     let has = row.as_ref().column_index(name).is_ok();
     if has { Ok(row.get::<_, Option<String>>(name)?.unwrap_or_default()) } else { Ok(String::new()) }
 }
 
-/// What the file says of a topic; a definition that it lacks is the suite's.
+/// Reads a topic. A definition that the file lacks is taken from the suite.
 fn topic(row: &Row<'_>, definitions: &HashMap<String, (String, String)>) -> rusqlite::Result<BagTopic> {
     let (name, type_name): (String, String) = (row.get("name")?, row.get("type")?);
     let (qos, type_hash) = (column(row, "offered_qos_profiles")?, column(row, "type_description_hash")?);
@@ -108,7 +107,7 @@ fn topic(row: &Row<'_>, definitions: &HashMap<String, (String, String)>) -> rusq
     Ok(BagTopic { type_hash, qos, ..ours })
 }
 
-/// Encoding and text of the definitions, by type; files before version 4 have none.
+/// Returns the encodings and texts of the definitions by type; files before version 4 have no definitions.
 fn definitions(file: &Connection) -> rusqlite::Result<HashMap<String, (String, String)>> {
     let known = "SELECT COUNT(*) FROM sqlite_master WHERE type = 'table' AND name = 'message_definitions'";
     if file.query_row(known, [], |row| row.get::<_, i64>(0))? == 0 {
@@ -118,7 +117,7 @@ fn definitions(file: &Connection) -> rusqlite::Result<HashMap<String, (String, S
         file.prepare("SELECT topic_type, encoding, encoded_message_definition FROM message_definitions")?;
     let rows = query.query_map([], |row| Ok((row.get(0)?, (row.get(1)?, row.get(2)?))))?;
     let all: HashMap<String, (String, String)> = rows.collect::<Result<_, _>>()?;
-    // Recorders that did not find a definition say so with an empty one.
+    // Recorders write an empty definition when they do not find one.
     Ok(all.into_iter().filter(|(_, (_, text))| !text.is_empty()).collect())
 }
 

@@ -1,8 +1,6 @@
 //! [`BagWriter`]: a bag folder as `ros2 bag record` writes it.
 //!
-//! With [`BagWriter::settle`], as a recorder calls it, everything up to a second
-//! ago is a whole chunk on the disk: what a reader finds after a crash or a power
-//! cut. No clock is read; a bag is never overwritten.
+//! A recorder calls [`BagWriter::settle`]: then everything up to a second ago is in complete chunks on the disk, and can be read after a crash or a power cut. The writer reads no clock, and never overwrites a bag.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -20,15 +18,15 @@ const FLUSH_EVERY: u64 = 1_000_000_000;
 /// on a slow disk busy for many seconds, in which it does not end.
 const FLUSH_BYTES: u64 = 4 << 20;
 
-/// How chunks are compressed.
+/// The compression of chunks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Compression {
-    /// As rosbag2 does by default: fastest.
+    /// No compression, as rosbag2 writes by default: fastest.
     #[default]
     None,
-    /// Fast, moderately small.
+    /// LZ4: fast, moderately small.
     Lz4,
-    /// Slower, smaller.
+    /// Zstandard: slower, smaller.
     Zstd,
 }
 
@@ -38,20 +36,20 @@ impl Compression {
         [("none", Self::None), ("lz4", Self::Lz4), ("zstd", Self::Zstd)];
 }
 
-/// When a bag goes on in a new file; a file has at least one message.
+/// The limits at which a bag continues in a new file; a file has at least one message.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Split {
-    /// Before its messages take more than this many bytes on the disk; its
-    /// index comes on top. A chunk that is not yet compressed counts in full.
+    /// Before its messages take more than this many bytes on the disk; its index comes on top. A chunk that is not yet
+    /// compressed counts in full.
     pub max_bytes: Option<u64>,
     /// Before it lasts longer than this, in log time.
     pub max_duration: Option<Duration>,
 }
 
-/// How a bag is written.
+/// Options for writing a bag.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WriteOptions {
-    /// Of the chunks.
+    /// Compression of the chunks.
     pub compression: Compression,
     /// Into several files; one by default.
     pub split: Split,
@@ -84,8 +82,7 @@ impl BagWriter {
     /// Makes the folder `folder` and `<name>_0.mcap` in it.
     ///
     /// # Errors
-    /// [`BagError::Exists`] when `folder` is there, [`BagError`] when it cannot
-    /// be made.
+    /// [`BagError::Exists`] when `folder` is there, [`BagError`] when it cannot be made.
     pub fn create(folder: &Path, options: impl Into<WriteOptions>) -> Result<Self, BagError> {
         let name = folder.file_name().ok_or_else(|| BagError::Name(folder.to_owned()))?;
         let (name, options) = (name.to_string_lossy().into_owned(), options.into());
@@ -158,9 +155,8 @@ impl BagWriter {
         self.settle(log_time)
     }
 
-    /// Flushes when the last flush was a second before `now`, ns since the epoch, or
-    /// 4 MiB of messages ago. A recorder calls this after each message and in pauses;
-    /// a copy, which can be made again after a crash, has no need of it.
+    /// Flushes when the last flush was a second before `now`, ns since the epoch, or 4 MiB of messages ago. A recorder
+    /// calls this after each message and in pauses; a copy, which can be made again after a crash, has no need of it.
     ///
     /// # Errors
     /// [`BagError`] when the disk does not take it.
@@ -173,7 +169,7 @@ impl BagWriter {
         self.bag_file.flush()
     }
 
-    /// Whether a message of `length` bytes at `log_time` belongs into a new file.
+    /// Returns whether a message of `length` bytes at `log_time` belongs into a new file.
     fn is_full(&self, log_time: u64, length: usize) -> bool {
         let Some((start, _)) = self.bag_file.span() else { return false };
         let Split { max_bytes, max_duration } = self.options.split;
@@ -193,13 +189,12 @@ impl BagWriter {
         Ok(())
     }
 
-    /// The topics so far with their counts, in the order they were added.
+    /// Returns the topics so far with their counts, in the order they were added.
     pub fn topics(&self) -> &[TopicCount] {
         &self.topics
     }
 
-    /// Writes the index and `metadata.yaml`; without this the bag is one that
-    /// was cut. Returns the counts.
+    /// Writes the index and `metadata.yaml`; without this the bag is one that was cut. Returns the counts.
     ///
     /// # Errors
     /// [`BagError`] when the disk does not take it.

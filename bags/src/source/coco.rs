@@ -1,7 +1,6 @@
 //! Images with COCO's labels: one JSON file with `images`, `annotations` and `categories`.
 //!
-//! Boxes are `x, y, width, height` in px. A crowd (`iscrowd` 1) is an area in which objects of its class are not
-//! told apart.
+//! Boxes are `x, y, width, height` in px. A crowd (`iscrowd` 1) is an area in which the objects of its class are not labelled individually.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -49,8 +48,8 @@ struct Category {
 }
 
 impl CocoSource {
-    /// Opens `annotations`; its images are in `images`, or, as the data set lies, beside the file, in `images`
-    /// beside it, or in `../NAME` for `instances_NAME.json`.
+    /// Opens `annotations`; its images are in `images`, or, as the data set lies, beside the file, in `images` beside
+    /// it, or in `../NAME` for `instances_NAME.json`.
     ///
     /// # Errors
     /// [`SourceError`] when the file is not a COCO annotation file, when it names an image outside of the folder of
@@ -107,7 +106,7 @@ fn label(annotation: &Annotation, names: &HashMap<u64, &str>) -> Result<GroundTr
     })
 }
 
-/// The folder in which the first image is.
+/// Returns the folder in which the first image is.
 fn folder_of(annotations: &Path, images: &[Image]) -> Result<PathBuf, SourceError> {
     let beside = annotations.parent().unwrap_or(Path::new(""));
     let above = beside.join("..");

@@ -1,10 +1,8 @@
-//! KITTI folders: `image_2` with `label_2` (object set), `image_02` with
-//! `label_object` and `label_track` (a drive), or `image_02/DRIVE` of the
-//! tracking set beside `label_02/DRIVE.txt`; labels optional per frame.
+//! KITTI folders: `image_2` with `label_2` (object set), `image_02` with `label_object` and `label_track` (a drive), or
+//! `image_02/DRIVE` of the tracking set beside `label_02/DRIVE.txt`; labels optional per frame.
 //!
-//! Label lines are `type truncated occluded alpha x1 y1 x2 y2 h w l x y z ry`
-//! (15 columns, object development kit); a tracking line has the frame and the
-//! track in front of that (17 columns).
+//! Label lines are `type truncated occluded alpha x1 y1 x2 y2 h w l x y z ry` (15 columns, object development kit); a
+//! tracking line has the frame and the track in front of that (17 columns).
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -26,12 +24,12 @@ pub struct KittiFolder {
     labels: LabelFiles,
 }
 
-/// Where labels are.
+/// The location of the labels.
 #[derive(Debug)]
 enum LabelFiles {
-    /// One file a frame, the folders by preference.
+    /// One file for each frame, in folders by preference.
     Folders(Vec<PathBuf>),
-    /// One file a drive, by frame; a frame without a line holds no object.
+    /// One file for a drive, by frame; a frame without a line contains no object.
     Drive(BTreeMap<u64, Vec<GroundTruth>>),
 }
 
@@ -39,7 +37,7 @@ enum LabelFiles {
 pub type KittiSource = LabelledSource<KittiFolder>;
 
 impl KittiFolder {
-    /// Whether `path` has KITTI's folder of images.
+    /// Returns whether `path` has KITTI's folder of images.
     pub fn is_at(path: &Path) -> bool {
         layout(path).is_some() || tracking_file(path).is_some()
     }
@@ -59,7 +57,7 @@ impl KittiFolder {
         Ok(Self { images, labels: LabelFiles::Folders(labels.iter().map(|name| path.join(name)).collect()) })
     }
 
-    /// As [`KittiFolder::open`], with the frames called `frames` alone, in that order.
+    /// Opens `path` as [`KittiFolder::open`] does, but only the frames called `frames`, in that order.
     ///
     /// # Errors
     /// [`SourceError::Missing`] for the first frame that is not there.
@@ -74,12 +72,12 @@ impl KittiFolder {
         Ok(Self { images: frames.iter().map(image).collect::<Result<_, _>>()?, labels })
     }
 
-    /// The image files, sorted by name.
+    /// Returns the image files, sorted by name.
     pub fn images(&self) -> &[PathBuf] {
         &self.images
     }
 
-    /// The labels of an image file; `None` when it has no label file.
+    /// Returns the labels of an image file; `None` when it has no label file.
     ///
     /// # Errors
     /// [`SourceError`] naming file and line of a line that cannot be read.
@@ -102,15 +100,15 @@ impl KittiSource {
     /// Opens `path`, which holds `image_2` or `image_02`.
     ///
     /// # Errors
-    /// As [`KittiFolder::open`], and for a `white` that is no radiance.
+    /// As [`KittiFolder::open`], and for a `white` that is not a valid radiance.
     pub fn open(path: &Path, white: f32) -> Result<Self, SourceError> {
         Self::of(KittiFolder::open(path)?, white)
     }
 
-    /// The frames of `folder`.
+    /// Returns the frames of `folder`.
     ///
     /// # Errors
-    /// [`SourceError`] for a `white` that is no radiance.
+    /// [`SourceError`] for a `white` that is not a valid radiance.
     pub fn of(folder: KittiFolder, white: f32) -> Result<Self, SourceError> {
         let frames = FolderSource::of(folder.images.clone(), white)?;
         Ok(Self { frames, labels: folder })
@@ -127,7 +125,7 @@ fn layout(path: &Path) -> Option<&'static (&'static str, &'static [&'static str]
     LAYOUTS.iter().find(|(images, _)| path.join(images).is_dir())
 }
 
-/// `label_02/DRIVE.txt` for `image_02/DRIVE`, if it is there.
+/// Returns `label_02/DRIVE.txt` for `image_02/DRIVE`, if that file exists.
 fn tracking_file(path: &Path) -> Option<PathBuf> {
     let drive = path.file_name()?.to_str()?;
     let file = path.parent()?.parent()?.join("label_02").join(format!("{drive}.txt"));

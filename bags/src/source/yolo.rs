@@ -1,5 +1,5 @@
-//! Images with YOLO's labels: a text file an image, lines `class cx cy width height` as shares of the image, or
-//! `class x y x y ...`, a polygon, of which the box is taken.
+//! Images with YOLO's labels: a text file an image, lines `class cx cy width height` as shares of the image, or `class
+//! x y x y ...`, a polygon, of which the box is taken.
 //!
 //! Labels lie where ultralytics looks for them: in `labels` beside `images`, else beside the image.
 
@@ -13,7 +13,7 @@ use super::folder::{FolderSource, LabelledSource, Labels, list_images};
 use super::{GroundTruth, SourceError};
 use crate::FileError;
 
-/// Files that may say what the classes are called.
+/// Files that may contain the names of the classes.
 const NAME_FILES: [&str; 4] = ["data.yaml", "dataset.yaml", "classes.txt", "labels/classes.txt"];
 
 /// A folder of images with YOLO's labels.
@@ -24,9 +24,9 @@ pub type YoloSource = LabelledSource<YoloLabels>;
 pub struct YoloLabels(BTreeMap<usize, String>);
 
 impl YoloSource {
-    /// Opens `folder`: one that holds `images` and `labels`, a folder of images whose path has a part `images`, or
-    /// one with images and labels side by side. Class names come from `data.yaml`, `dataset.yaml` or
-    /// `classes.txt` there or up to two folders above; a class without one is called by its number.
+    /// Opens `folder`: one that holds `images` and `labels`, a folder of images whose path has a part `images`, or one
+    /// with images and labels side by side. Class names come from `data.yaml`, `dataset.yaml` or `classes.txt` there or
+    /// up to two folders above; a class without one is called by its number.
     ///
     /// # Errors
     /// [`SourceError`] when there is no image, or the names cannot be read.
@@ -59,7 +59,7 @@ impl Labels for YoloLabels {
     }
 }
 
-/// Where the labels of an image may be.
+/// Returns the possible paths of the labels of an image.
 fn label_files(image: &Path) -> Vec<PathBuf> {
     let parts: Vec<_> = image.components().collect();
     let last = parts.iter().rposition(|part| part.as_os_str() == "images");

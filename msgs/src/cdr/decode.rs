@@ -71,8 +71,8 @@ impl<'b> Decoder<'b> {
         self.take(length)
     }
 
-    /// Takes a string: its length with the closing NUL, the text, the NUL. Length 0, which some writers send, is read as
-    /// an empty string.
+    /// Takes a string: its length with the closing NUL, the text, the NUL. Length 0, which some writers send, is read
+    /// as an empty string.
     fn string(&mut self) -> Result<&'b str> {
         let offset = self.at;
         let value = |expected, got| CdrError::Value { offset, expected, got };

@@ -1,5 +1,5 @@
-//! Rows of bytes to pixels, in three steps that each copy only when they must:
-//! drop the padding of rows, make samples of bytes, put red first.
+//! Rows of bytes to pixels, in three steps that each copy only when they must: drop the padding of rows, make samples
+//! of bytes, put red first.
 
 use std::borrow::Cow;
 
@@ -11,7 +11,7 @@ use super::encoding::{Channels, Depth, Encoding};
 use crate::cdr::ByteOrder;
 use crate::sensor_msgs::Image;
 
-/// Where the pixels are in an image's data. One that exists fits its data.
+/// The layout of the pixels in the data of an image. A layout always fits its data.
 #[derive(Clone, Copy)]
 pub(super) struct PixelLayout {
     encoding: Encoding,

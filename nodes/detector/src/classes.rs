@@ -7,10 +7,10 @@ use modulo_runtime::ParameterError;
 
 use crate::model::ClassNames;
 
-/// How many known names a refusal lists.
+/// Number of known names that an error lists.
 const SHOWN: usize = 12;
 
-/// Which classes are published, and under which name.
+/// The published classes and their names.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Classes {
     names: ClassNames,
@@ -21,9 +21,8 @@ pub struct Classes {
 }
 
 impl Classes {
-    /// `map_file` is a path or "" (no map); it is not read again if `last`, the classes
-    /// until now, have read it. `wanted` names the classes to keep as they are called
-    /// after the map, empty = all.
+    /// `map_file` is a path or "" (no map); it is not read again if `last`, the classes until now, have read it.
+    /// `wanted` names the classes to keep as they are called after the map, empty = all.
     ///
     /// # Errors
     /// [`ParameterError`] of `class_map` or `classes`, with the names that are known.
@@ -57,7 +56,7 @@ impl Classes {
         Ok(classes)
     }
 
-    /// The name under which class `index` is published; `None` drops it.
+    /// Returns the name under which class `index` is published; `None` drops it.
     pub fn publish(&self, index: usize) -> Option<String> {
         let name = self.names.name(index);
         let name = match &self.map {
@@ -67,21 +66,20 @@ impl Classes {
         (self.wanted.is_empty() || self.wanted.contains(&name)).then_some(name)
     }
 
-    /// A number that stays with `name`, such as to choose a colour.
+    /// Returns a number that stays with `name`, such as to choose a colour.
     pub fn position(&self, name: &str) -> usize {
         let listed = self.published.iter().position(|known| known == name);
         listed.or_else(|| name.parse().ok()).unwrap_or(0)
     }
 
-    /// A class without a name is called by its number.
+    /// Returns whether `name` can be published. A class without a name is called by its number.
     fn possible(&self, name: &str) -> bool {
         let by_number = || name.parse().is_ok_and(|index| self.names.name(index) == name);
         self.published.iter().any(|known| known == name) || (self.map.is_none() && by_number())
     }
 }
 
-/// Reads a class map; an empty `to` drops the class like a class that is not
-/// named at all.
+/// Reads a class map; an empty `to` drops the class like a class that is not named at all.
 fn read_map(path: &str, names: &ClassNames) -> Result<BTreeMap<String, String>, String> {
     let text = std::fs::read_to_string(Path::new(path)).map_err(|error| error.to_string())?;
     let known = names.all();
@@ -96,8 +94,7 @@ fn read_map(path: &str, names: &ClassNames) -> Result<BTreeMap<String, String>, 
     Ok(map)
 }
 
-/// Parses the lines `from: to` of a class map; `#` opens a comment, names may be
-/// in quotes.
+/// Parses the lines `from: to` of a class map; `#` opens a comment, names may be in quotes.
 ///
 /// # Errors
 /// The first line that is not such a pair, or that names a class again.

@@ -39,12 +39,12 @@ pub struct Detector {
 }
 
 impl Detector {
-    /// Loads the model and runs it once, so that the first frame is as fast as
-    /// all others and a model that cannot work is known now.
+    /// Loads the model and runs it once, so that the first frame is as fast as all others and a model that cannot work
+    /// is known now.
     ///
     /// # Errors
-    /// [`DetectorError::Parameter`] for a parameter that is not possible (with
-    /// this model), [`DetectorError::Engine`] for a model that does not run.
+    /// [`DetectorError::Parameter`] for a parameter that is not possible (with this model), [`DetectorError::Engine`]
+    /// for a model that does not run.
     pub fn new(parameters: &DetectorParameters) -> Result<Self, DetectorError> {
         let threads = cores(parameters.threads);
         let engine::OpenedEngine { mut engine, note } =
@@ -106,7 +106,7 @@ impl Detector {
     }
 }
 
-/// One line a frame for the log: stamp, count, class score (x1 y1 x2 y2) px.
+/// Returns the log line of a frame: stamp, count, and for each box class, score and (x1 y1 x2 y2) in px.
 fn line(stamp: Time, found: &[Detection]) -> String {
     let boxes = found.iter().map(|Detection { bbox: b, score, class }| {
         format!("{class} {score:.2} ({:.0} {:.0} {:.0} {:.0})", b.x1, b.y1, b.x2, b.y2)

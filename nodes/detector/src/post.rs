@@ -1,18 +1,17 @@
 //! Rows of the model to detections in the original image.
 //!
-//! Nothing is suppressed here but what the parameters and geometry forbid.
+//! Only the parameters and the geometry remove a row.
 
 use modulo_core::{BBox, Detection, Letterbox};
 use ndarray::{Array2, ArrayView1};
 
 use crate::parameter::Settings;
 
-/// Largest class index that is believed.
+/// Largest valid class index.
 const MOST_CLASSES: f32 = 65_535.0;
 
-/// The rows (N x 6: x1, y1, x2, y2 in input px, score, class) that are worth
-/// publishing: score of at least the threshold, a class that is published and
-/// a box with an area inside the image; best first, at most `max_det`.
+/// Returns the rows (N x 6: x1, y1, x2, y2 in input px, score, class) that are worth publishing: score of at least the
+/// threshold, a class that is published and a box with an area inside the image; best first, at most `max_det`.
 pub fn detections(rows: &Array2<f32>, letterbox: &Letterbox, settings: &Settings) -> Vec<Detection> {
     let mut found: Vec<_> =
         rows.rows().into_iter().filter_map(|row| detection(row, letterbox, settings)).collect();

@@ -1,10 +1,8 @@
-//! The `modulo_camera` node: a simulated modulo sensor over any source of
-//! frames (images, KITTI, a bag, a scene, or an image topic of a running
-//! stack).
+//! The `modulo_camera` node: a simulated modulo sensor over any source of frames (images, KITTI, a bag, a scene, or an
+//! image topic of a running stack).
 //!
-//! One exposure gives the modulo, the saturated and the ideal stream, each made
-//! only while somebody reads it. The node never unwraps and never paces itself:
-//! its period is a request to the driver.
+//! One exposure gives the modulo, the saturated and the ideal stream; each is made only while it has a reader. The node
+//! never unwraps and never paces itself: its period is a request to the driver.
 
 mod input;
 mod parameters;
@@ -32,7 +30,7 @@ const IDEAL: usize = 2;
 const GROUND_TRUTH: usize = 3;
 const SENSOR_INFO: usize = 4;
 
-/// The node's step.
+/// The camera as a node.
 pub struct ModuloCamera {
     input: CameraInput,
     sensor: Sensor,
@@ -51,13 +49,12 @@ impl ModuloCamera {
     /// Opens the source and prepares the sensor.
     ///
     /// # Errors
-    /// [`ParameterError`] with the parameter that is not possible, such as a `source`
-    /// that is not there.
+    /// [`ParameterError`] with the parameter that is not possible, such as a `source` that is not there.
     pub fn new(parameters: &CameraParameters) -> Result<Self, ParameterError> {
         Self::with(CameraInput::open(parameters)?, parameters)
     }
 
-    /// A camera over a source that is open already; the parameter `source` is not looked at.
+    /// Creates a camera over a source that is open already; the parameter `source` is not looked at.
     ///
     /// # Errors
     /// [`ParameterError`] with the parameter that is not possible.
@@ -88,8 +85,8 @@ impl ModuloCamera {
         frame
     }
 
-    /// Exposes to frame number `number` and sends the streams that are wanted. Noise is
-    /// seeded by the number, so that a frame looks the same whatever came before it.
+    /// Exposes to frame number `number` and sends the streams that are wanted. Noise is seeded by the number, so that a
+    /// frame looks the same whatever came before it.
     fn sense(
         &mut self,
         number: u64,
@@ -123,7 +120,7 @@ impl ModuloCamera {
     fn publish(&mut self, frame: &SourceFrame, cx: &mut Context<'_>) -> Result<(), StepError> {
         let stamp = Time::from_ns(frame.stamp_ns.unwrap_or_else(|| cx.now_ns()));
         let header = Header { stamp, frame_id: frame.frame_id.clone() };
-        // Before the images: whoever scores a frame has its truth by then.
+        // Published before the images: an evaluation of a frame has its ground truth by then.
         if let Some(truth) = frame.ground_truth.as_deref().filter(|_| cx.wanted(GROUND_TRUTH)) {
             cx.emit(GROUND_TRUTH, ground_truth(truth, &header));
         }

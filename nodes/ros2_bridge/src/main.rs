@@ -1,8 +1,7 @@
 //! `ros2_bridge`: a node in two graphs, that of the suite on zenoh and that of a
 //! ROS 2 on DDS. It forwards topics as bytes and calls of the parameter services.
 //!
-//! What is forwarded is `modulo_runtime::bridge::BridgePlan`; no message is decoded
-//! here, and none goes back to the side that it came from.
+//! `modulo_runtime::bridge::BridgePlan` describes the routes. No message is decoded here, and none goes back to the side that it came from.
 
 mod parameters;
 mod topics;
@@ -19,7 +18,7 @@ use modulo_runtime::transport::keys::Hashes;
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::{ParameterSet as _, Stop, SystemClock, Urgency};
 
-/// How long one look for messages of the DDS graph takes.
+/// Time of one look for messages of the DDS graph.
 const GLANCE: Duration = Duration::from_millis(10);
 
 fn main() -> anyhow::Result<()> {

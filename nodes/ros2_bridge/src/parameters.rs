@@ -1,5 +1,5 @@
-//! The parameter services of a node of the suite, offered to the DDS graph under
-//! the same names. Each call is passed on and its answer passed back.
+//! The parameter services of a node of the suite, offered to the DDS graph under the same names. Each call is passed on
+//! and its answer passed back.
 
 use std::sync::Arc;
 use std::thread;

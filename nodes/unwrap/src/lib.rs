@@ -2,9 +2,7 @@
 //! detector, sharpened on request, and as HDR: the counts that the sensor saw, exact,
 //! as integers of 16 bits where `alpha * 2^bits <= 65536`, else as floats.
 //!
-//! The header of the modulo image is copied. The node never guesses the sensor:
-//! its model is a group of parameters, as in the camera. What it thinks of each frame
-//! goes to `/diagnostics`.
+//! The header of the modulo image is copied. The node never guesses the sensor: its model is a group of parameters, as in the camera. The quality of each recovery is published on `/diagnostics`.
 
 mod parameters;
 mod recovery;
@@ -30,13 +28,13 @@ const RECOVERED: usize = 0;
 const HDR: usize = 1;
 const DIAGNOSTICS: usize = 2;
 
-/// The node's step.
+/// The unwrapping of modulo images as a node.
 pub struct UnwrapNode {
     parameters: UnwrapParameters,
     method: Box<dyn Unwrap>,
     /// The sensor descriptions that the camera has sent.
     described: SensorHistory,
-    /// The sensor of the last frame, and what follows from it.
+    /// The sensor of the last frame with its range and deblurring.
     sensor: Option<Prepared>,
     /// A frame whose sensor description has not come yet.
     kept: Option<Arc<StampedFrame>>,
@@ -46,7 +44,7 @@ pub struct UnwrapNode {
     contradiction_told: bool,
 }
 
-/// A sensor and what is made from it once.
+/// A sensor with the values that are computed from it once.
 struct Prepared {
     model: SensorModel,
     range: Range,

@@ -1,5 +1,5 @@
-//! The composed driver: several live nodes in one process, a thread each, on
-//! the local transport. Frames are shared, never serialised.
+//! The composed driver: several live nodes in one process, a thread each, on the local transport. Frames are shared,
+//! never serialised.
 
 use std::sync::Arc;
 use std::thread;
@@ -15,24 +15,24 @@ use crate::process::stop::{Stop, Urgency};
 use crate::report::NodeReport;
 use crate::transport::local::LocalTransport;
 
-/// What the end of a node means for the others.
+/// The effect of the end of a node on the other nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OnExit {
-    /// They run on.
+    /// The other nodes continue.
     Continue,
-    /// They finish what is on its way, and end.
+    /// The other nodes finish the messages that are on their way, and end.
     Shutdown,
 }
 
 /// One node of a composed process.
 pub struct Member {
-    /// The step.
+    /// The node.
     pub node: Box<dyn Node>,
-    /// Its parameters.
+    /// Parameters of the node.
     pub parameters: Parameters,
     /// Its name and remaps.
     pub node_name: NodeName,
-    /// What its end means for the others.
+    /// Effect of its end on the other nodes.
     pub on_exit: OnExit,
 }
 
@@ -48,8 +48,7 @@ impl Drop for AskOnDrop {
     }
 }
 
-/// Runs all members until they are done; returns what each did, in their order.
-/// A member that fails ends the others too.
+/// Runs all members until they are done, and returns their reports in order. A member that fails also ends the others.
 ///
 /// # Errors
 /// The first member's [`RunError`].

@@ -1,6 +1,5 @@
-//! The three drivers of a step: `live` (one node on a transport, the newest
-//! frame wins), `composed` (several live nodes in one process, on the local
-//! transport) and `lockstep` (every frame once, in order, nothing dropped).
+//! The three drivers of a step: `live` (one node on a transport, the newest frame wins), `composed` (several live nodes
+//! in one process, on the local transport) and `lockstep` (every frame once, in order, nothing dropped).
 
 pub mod composed;
 pub mod live;
@@ -17,16 +16,16 @@ use crate::parameter::{ParameterError, Parameters};
 use crate::process::stop::{Stop, Urgency};
 use crate::transport::{Address, Transport, TransportError};
 
-/// How often the graph is looked at while a change in it is awaited.
+/// Time between two looks at the graph while a change in it is awaited.
 const GRAPH_GLANCE: Duration = Duration::from_millis(20);
 
-/// Why a driver ended before its node was done.
+/// Error: a driver ended before its node was done.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RunError {
-    /// A topic or node name is none.
+    /// The name of a topic or node is not valid.
     #[error(transparent)]
     Name(#[from] NameError),
-    /// The carrier refused.
+    /// The transport failed.
     #[error(transparent)]
     Transport(#[from] TransportError),
     /// A parameter was refused at the start.
@@ -35,9 +34,9 @@ pub enum RunError {
     /// The step cannot go on.
     #[error("{node}: {why}")]
     Fatal {
-        /// Fully qualified name.
+        /// Fully qualified name of the node.
         node: String,
-        /// What the step said.
+        /// The error of the step.
         why: String,
     },
     /// A node that this one waits for did not come.
@@ -45,7 +44,7 @@ pub enum RunError {
     Waited {
         /// The node that waited.
         node: String,
-        /// How long.
+        /// Time of the wait in seconds.
         seconds: u64,
         /// Names of the nodes that are missing.
         missing: String,
@@ -55,8 +54,8 @@ pub enum RunError {
 crate::parameters! {
     /// The parameters that the driver itself reads, for every node.
     pub struct CommonParameters {
-        /// Takes stamps from the topic /clock instead of the machine's clock. The time is 0 before the first message
-        /// on /clock.
+        /// Takes stamps from the topic /clock instead of the machine's clock. The time is 0 before the first message on
+        /// /clock.
         use_sim_time: bool = false,
         /// Names of the nodes that must be ready before this node reports ready or sends its first frame.
         wait_for: Vec<String> = Vec::new(); fixed,
@@ -99,7 +98,7 @@ fn addresses(node_name: &NodeName, topics: &[Topic]) -> Result<Vec<Address>, Nam
     topics.iter().map(|topic| Address::resolve(node_name, topic)).collect()
 }
 
-/// Name of the stream that the message of `trigger` came on, as the node declares it; a source reads no stream.
+/// Returns the name of the stream that the message of `trigger` came on, as the node declares it; a source reads no stream.
 fn stream_of(node: &dyn Node, trigger: &Trigger) -> Option<String> {
     match trigger {
         Trigger::Message { input, .. } => node.inputs().get(*input).map(|topic| topic.name.clone()),

@@ -1,5 +1,5 @@
-//! The ROS graph as liveliness tokens draw it. Pure: it is fed keys that appear
-//! and disappear, and answers who is there.
+//! The ROS graph as liveliness tokens draw it. Pure: it is fed keys that appear and disappear, and answers who is
+//! there.
 
 use std::collections::BTreeMap;
 
@@ -13,25 +13,25 @@ pub struct Graph {
 }
 
 impl Graph {
-    /// A token appeared. Keys that are no token are ignored.
+    /// Adds the token of `key`. A key that is not a token is ignored.
     pub fn appear(&mut self, key: &str) {
         if let Some(token) = Token::parse(key) {
             self.tokens.insert(key.to_owned(), token);
         }
     }
 
-    /// Whoever does not fit to `token`.
+    /// Returns the endpoints that do not fit `token`, each with the conflict.
     pub fn conflicts_with<'a>(&'a self, token: &'a Token) -> impl Iterator<Item = (&'a Token, Conflict)> {
         self.tokens().filter_map(|other| Some((other, conflict::between(token, other)?)))
     }
 
-    /// All that do not fit to each other on `topic`.
+    /// Returns all conflicts between endpoints on `topic`.
     pub fn conflicts_on(&self, topic: &str) -> Vec<Conflict> {
         let givers = self.endpoints(EntityKind::Publisher, topic);
         givers.flat_map(|giver| self.conflicts_with(giver)).map(|(_, conflict)| conflict).collect()
     }
 
-    /// A token went away.
+    /// Removes the token of `key`.
     pub fn disappear(&mut self, key: &str) {
         self.tokens.remove(key);
     }
@@ -41,12 +41,12 @@ impl Graph {
         self.tokens.values()
     }
 
-    /// Whether the node with this fully qualified name is alive.
+    /// Returns whether the node with this fully qualified name is alive.
     pub fn has_node(&self, name: &str) -> bool {
         self.tokens().any(|t| t.kind == EntityKind::Node && t.node_name() == name)
     }
 
-    /// The endpoints of `kind` on `topic`.
+    /// Returns the endpoints of `kind` on `topic`.
     pub fn endpoints<'a>(&'a self, kind: EntityKind, topic: &'a str) -> impl Iterator<Item = &'a Token> {
         self.tokens().filter(move |t| t.kind == kind && t.endpoint.as_ref().is_some_and(|e| e.topic == topic))
     }

@@ -1,8 +1,7 @@
-//! [`NodeTime`]: what time it is for a node. The machine's, or that of `/clock`
-//! while `use_sim_time` is on; as in ROS 2, 0 until the first message has come.
+//! [`NodeTime`]: the clock of a node. It shows the time of the machine, or that of `/clock` while `use_sim_time` is on;
+//! as in ROS 2, it shows 0 until the first message has come.
 //!
-//! Stamps follow it. Periods, waits and durations never do: they are the
-//! machine's.
+//! Stamps follow it. Periods, waits and durations never do: they are the machine's.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -15,7 +14,7 @@ use crate::message::{Message, MessageKind};
 use crate::parameter::Parameters;
 use crate::transport::{Address, Guard, Incoming, Transport};
 
-/// Whether `parameters` ask for the time on `/clock`.
+/// Returns whether `parameters` ask for the time on `/clock`.
 pub fn is_simulated(parameters: &Parameters) -> bool {
     CommonParameters::from(parameters).use_sim_time
 }
@@ -30,7 +29,7 @@ pub struct NodeTime<'a> {
 }
 
 impl<'a> NodeTime<'a> {
-    /// The time of `machine`, until told otherwise.
+    /// Returns a clock with the time of `machine`.
     pub fn new(machine: &'a dyn Clock) -> Self {
         Self { machine, told: Arc::default(), simulation: None }
     }

@@ -1,7 +1,7 @@
 //! [`services!`](crate::services): the services of a node as an enum.
 
-/// Declares the services of a node: each variant has the name of its ROS type in `package`, and a name below the name of
-/// the node.
+/// Declares the services of a node: each variant has the name of its ROS type in `package`, and a name below the name
+/// of the node.
 ///
 /// ```
 /// modulo_runtime::services! {

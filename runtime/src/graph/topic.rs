@@ -2,11 +2,10 @@
 
 use crate::message::MessageKind;
 
-/// How a topic is carried.
+/// Quality of service of a topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Qos {
-    /// ROS 2 "sensor data": best effort, keep last 5. A slow reader loses old
-    /// images instead of stopping the camera.
+    /// ROS 2 "sensor data": best effort, keep last 5. A slow reader loses old images instead of stopping the camera.
     Images,
     /// ROS 2 default: reliable, keep last 10.
     Results,
@@ -21,11 +20,11 @@ pub enum Qos {
 }
 
 impl Qos {
-    /// All of them.
+    /// All profiles.
     pub const ALL: [Self; 6] =
         [Self::Images, Self::Results, Self::Latched, Self::Clock, Self::Events, Self::Logs];
 
-    /// The quality of service usual for messages of `kind`.
+    /// Returns the quality of service usual for messages of `kind`.
     pub fn usual(kind: MessageKind) -> Self {
         match kind {
             MessageKind::Image | MessageKind::CompressedImage | MessageKind::CameraInfo => Self::Images,
@@ -41,17 +40,17 @@ impl Qos {
 /// A topic that a node reads or writes.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Topic {
-    /// ROS name: relative (`modulo`), private (`~/detections`) or absolute
-    /// (`/camera/image_raw`). Resolved and remapped by the driver.
+    /// ROS name: relative (`modulo`), private (`~/detections`) or absolute (`/camera/image_raw`). Resolved and remapped
+    /// by the driver.
     pub name: String,
-    /// What it carries.
+    /// Kind of the messages.
     pub kind: MessageKind,
-    /// How it is carried.
+    /// Quality of service.
     pub qos: Qos,
 }
 
 impl Topic {
-    /// A topic with the quality of service usual for its kind.
+    /// Creates a topic with the quality of service usual for its kind.
     pub fn new(name: impl Into<String>, kind: MessageKind) -> Self {
         Self { name: name.into(), kind, qos: Qos::usual(kind) }
     }

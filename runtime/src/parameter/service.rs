@@ -1,5 +1,5 @@
-//! The six parameter services of a ROS 2 node, as functions from request bytes
-//! to response bytes. Pure but for the wait for the node's answer; no transport.
+//! The six parameter services of a ROS 2 node, as functions from request bytes to response bytes. Pure but for the wait
+//! for the node's answer; no transport.
 
 use std::sync::mpsc::channel;
 use std::time::Duration;
@@ -19,7 +19,7 @@ use serde::de::DeserializeOwned;
 use crate::parameter::{Allowed, Descriptor, ParameterError, Value};
 use crate::transport::{Claim, ParameterPort, ParameterRequest};
 
-/// How long a caller waits for the node to finish the frame at hand and to take the request.
+/// Time that a caller waits until the node has finished its current frame and has taken the request.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 crate::services! {
@@ -35,7 +35,7 @@ crate::services! {
 }
 
 impl Service {
-    /// Answers one request.
+    /// Answers one request, which is CDR with its encapsulation header.
     ///
     /// # Errors
     /// [`CdrError`] when the request cannot be read.
@@ -114,14 +114,14 @@ fn change(parameters: Vec<Parameter>, port: &ParameterPort) -> Result<(), Parame
     }
     match verdict.recv_timeout(PATIENCE) {
         Ok(verdict) => verdict,
-        // From now on the node leaves the request alone.
+        // From now on the node ignores the request.
         Err(_) if claim.take() => Err(ended("the node did not answer within 10 s; the value is unchanged")),
         // The node is applying it at this reason: its verdict counts.
         Err(_) => verdict.recv().map_err(|_| ended("the node ended while it applied the value"))?,
     }
 }
 
-/// A value as ROS writes it; `None` is `NOT_SET`.
+/// Returns a value as ROS writes it; `None` is `NOT_SET`.
 pub fn to_ros(value: Option<&Value>) -> ParameterValue {
     let mut ros = ParameterValue::default();
     match value {

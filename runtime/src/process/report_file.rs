@@ -1,8 +1,8 @@
 //! [`ReportFile`]: the account of a running node on the disk, so that it outlasts a crash.
 //!
-//! Each life of a node has a file of its own, `unwrap.1.json`, `unwrap.2.json` and so on; the launcher adds all of
-//! them up. After each step the account is written before the step's messages are sent. A message that a killed node
-//! did not send any more is therefore in its account, and the reader's account misses it.
+//! Each life of a node has a file of its own, `unwrap.1.json`, `unwrap.2.json` and so on; the launcher adds all of them
+//! up. After each step the account is written before the step's messages are sent. A message that a killed node did not
+//! send any more is therefore in its account, and the reader's account misses it.
 
 use std::fs::File;
 use std::io;
@@ -23,7 +23,7 @@ pub struct ReportFile {
     failed: bool,
 }
 
-/// Why a report is written.
+/// The reason for writing a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WriteReason {
     /// A source has made a frame. Always written: the account is never behind the frames sent.
@@ -37,10 +37,10 @@ pub enum WriteReason {
 }
 
 impl ReportFile {
-    /// The file for this life of the node with this fully qualified name: the first number that no earlier life has.
+    /// Returns the file for this life of the node with this fully qualified name: the first number that no earlier life has.
     ///
     /// # Errors
-    /// What the system says when no file can be made in `folder`.
+    /// The error of the system when no file can be made in `folder`.
     pub fn create(folder: &Path, node: &str) -> io::Result<Self> {
         for life in 1..=u32::MAX {
             let file = launcher::file_of(folder, node, &format!("{life}.json"));
@@ -56,7 +56,7 @@ impl ReportFile {
         Err(io::ErrorKind::AlreadyExists.into())
     }
 
-    /// Whether the report is to be written at `reason`; `now_ns` are ticks of the machine's clock.
+    /// Returns whether the report is to be written at `reason`; `now_ns` are ticks of the machine's clock.
     pub fn is_due(&self, reason: WriteReason, now_ns: u64) -> bool {
         let pause = match reason {
             WriteReason::Source | WriteReason::Edge => 0,
@@ -66,7 +66,7 @@ impl ReportFile {
         now_ns.saturating_sub(self.written_ns) >= pause
     }
 
-    /// Writes `report`. A full disk costs the account, not the node; it is said once.
+    /// Writes `report`. An error, such as a full disk, does not end the node; it is logged once.
     pub fn write(&mut self, report: &NodeReport, now_ns: u64) {
         self.written_ns = now_ns;
         let written = text(report).and_then(|text| launcher::replace(&self.file, &text));

@@ -8,13 +8,12 @@ use std::thread;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
-/// How soon a node should end.
+/// The urgency of a request to end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Urgency {
-    /// Run on.
+    /// No end is requested.
     None,
-    /// Finish what is still on its way from upstream nodes that end as well
-    /// (SIGINT, or a launch that is over).
+    /// The node is to finish the messages that are still on their way from upstream nodes which end as well (SIGINT, or a launch that is over).
     Drain,
     /// Finish the step at hand (SIGTERM, a second SIGINT).
     Now,
@@ -22,7 +21,7 @@ pub enum Urgency {
 
 /// Something that may wait, and is to look around when a stop is asked for.
 pub trait Wake: Send + Sync {
-    /// Ends a wait, or the next one if there is none now.
+    /// Ends the current wait, or the next one.
     fn wake(&self);
 }
 
@@ -44,7 +43,7 @@ impl Stop {
         waiters.iter().filter_map(Weak::upgrade).for_each(|waiter| waiter.wake());
     }
 
-    /// From now on, `waiter` is woken by [`Stop::ask`], for as long as it lives.
+    /// Makes [`Stop::ask`] wake `waiter` for as long as it lives.
     pub fn wakes<W: Wake + 'static>(&self, waiter: &Arc<W>) {
         let waiter: Arc<dyn Wake> = waiter.clone();
         let mut waiters = self.0.waiters.lock().unwrap_or_else(PoisonError::into_inner);
@@ -52,7 +51,7 @@ impl Stop {
         waiters.push(Arc::downgrade(&waiter));
     }
 
-    /// The most urgent end that has been asked for.
+    /// Returns the most urgent end that has been asked for.
     pub fn urgency(&self) -> Urgency {
         match self.0.urgency.load(Ordering::SeqCst) {
             0 => Urgency::None,

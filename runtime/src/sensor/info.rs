@@ -1,11 +1,10 @@
-//! The sensor description: each frame of a camera comes with the model of the
-//! sensor that made it, so that no other node has to guess or repeat it.
+//! The sensor description: each frame of a camera comes with the model of the sensor that made it, so that no other
+//! node has to guess or repeat it.
 //!
-//! The camera publishes it on [`TOPIC`] before each frame, with the stamp of the
-//! frame, as a `diagnostic_msgs/msg/DiagnosticArray`, which every ROS 2 node can
-//! read: one status named `sensor`, whose values are the parameters of the
-//! sensor by name (`bits`, `alpha`, `psf`, `psf_sigma`, and the noise). The topic
-//! is reliable and transient local, so that a late reader gets the last one.
+//! The camera publishes it on [`TOPIC`] before each frame, with the stamp of the frame, as a
+//! `diagnostic_msgs/msg/DiagnosticArray`, which every ROS 2 node can read: one status named `sensor`, whose values are
+//! the parameters of the sensor by name (`bits`, `alpha`, `psf`, `psf_sigma`, and the noise). The topic is reliable and
+//! transient local, so that a late reader gets the last one.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -23,12 +22,12 @@ pub const TOPIC: &str = "sensor_info";
 /// Frames whose description is remembered; more than ever wait for a node.
 const REMEMBERED: usize = 64;
 
-/// The topic, as cameras and their readers declare it.
+/// Returns the topic, as cameras and their readers declare it.
 pub fn topic() -> Topic {
     Topic { qos: Qos::Latched, ..Topic::new(TOPIC, MessageKind::Diagnostics) }
 }
 
-/// The description of the frame with this `header`; `more` are values that describe the sensor beyond its model.
+/// Returns the description of the frame with this `header`; `more` are values that describe the sensor beyond its model.
 pub fn message(header: &Header, model: &SensorModel, more: &[(&'static str, f64)]) -> Message {
     let more = more.iter().map(|(key, value)| (*key, value.to_string()));
     let values = model.to_text().into_iter().chain(more);
@@ -72,12 +71,12 @@ impl SensorHistory {
         Ok(())
     }
 
-    /// The sensor that made the frame of `stamp`.
+    /// Returns the sensor that made the frame of `stamp`.
     pub fn of(&self, stamp: Time) -> Option<&SensorModel> {
         self.by_stamp.iter().rev().find(|(at, _)| *at == stamp).map(|(_, model)| model)
     }
 
-    /// The sensor of the last description.
+    /// Returns the sensor of the last description.
     pub fn latest(&self) -> Option<&SensorModel> {
         self.by_stamp.back().map(|(_, model)| model)
     }

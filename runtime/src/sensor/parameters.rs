@@ -19,7 +19,7 @@ impl BlurShape {
     /// Every shape with its word.
     pub const WORDS: [(&'static str, Self); 2] = [("gaussian", Self::Gaussian), ("paper7", Self::Paper7)];
 
-    /// The blur of this shape. `sigma` is the width of a Gaussian in px; 0 is a perfect lens.
+    /// Returns the blur of this shape. `sigma` is the width of a Gaussian in px; 0 is a perfect lens.
     pub fn of_sigma(self, sigma: f64) -> Psf {
         match self {
             Self::Gaussian => Psf::of_sigma(sigma),
@@ -35,8 +35,8 @@ crate::parameters! {
         bits: u8 = 8 => 1..=16,
         /// Saturation factor: the brightest radiance of the scene divided by the sensor's peak.
         alpha: f64 = 4.0 => 1e-3..=256.0,
-        /// Shape of the lens blur: gaussian with the width psf_sigma, or paper7 for the paper's fixed 7 taps
-        /// (about 1.4 px).
+        /// Shape of the lens blur: gaussian with the width psf_sigma, or paper7 for the paper's fixed 7 taps (about 1.4
+        /// px).
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
         /// Standard deviation of the gaussian lens blur in px. 0 is a perfect lens. paper7 does not use it.
         psf_sigma: f64 = 0.0 => 0.0..=MAX_SIGMA,
@@ -53,20 +53,20 @@ impl SensorModel {
         Ok(Range::new(self.bits, self.alpha).expect("the declared ranges lie within those of `Range`"))
     }
 
-    /// The blur of the lens.
+    /// Returns the blur of the lens.
     pub fn psf(&self) -> Psf {
         self.psf.of_sigma(self.psf_sigma)
     }
 }
 
 crate::parameters! {
-    /// The sensor behind the images that a node reads. Each value that is not set here is taken from the
-    /// sensor description that the camera publishes with each frame.
+    /// The sensor behind the images that a node reads. Each value that is not set here is taken from the sensor
+    /// description that the camera publishes with each frame.
     pub struct SensorOverride {
         /// Bits of the sensor's converter. 0: those of the camera's sensor description.
         bits: u8 = 0 => 0..=16,
-        /// Saturation factor: the brightest radiance of the scene divided by the sensor's peak. 0: that of the
-        /// camera's sensor description.
+        /// Saturation factor: the brightest radiance of the scene divided by the sensor's peak. 0: that of the camera's
+        /// sensor description.
         alpha: f64 = 0.0 => 0.0..=256.0,
         /// Shape of the lens blur: gaussian, or paper7 for the paper's fixed 7 taps (about 1.4 px).
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
@@ -76,7 +76,7 @@ crate::parameters! {
 }
 
 impl SensorOverride {
-    /// The sensor: the values set here, and those of the `camera` for all others.
+    /// Returns the sensor: the values set here, and those of the `camera` for all others.
     ///
     /// # Errors
     /// [`ParameterError`] of a value that is neither set nor described, or out of its range.
@@ -98,7 +98,7 @@ impl SensorOverride {
         Ok(model)
     }
 
-    /// Whether bits and saturation factor are known without the camera.
+    /// Returns whether bits and saturation factor are known without the camera.
     pub fn is_complete(&self) -> bool {
         self.bits > 0 && self.alpha > 0.0
     }

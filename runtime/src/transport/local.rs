@@ -1,6 +1,4 @@
-//! Messages between nodes of one process: an `Arc` is handed on, nothing is
-//! serialised. What a subscriber does not take in time is replaced, as between
-//! processes.
+//! The transport between the nodes of one process: it hands on an `Arc` and serialises nothing. A message that a subscriber does not take in time is replaced, as between processes.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -107,7 +105,7 @@ impl Transport for LocalTransport {
         Ok(Box::new(Undeclare(move || transport.graph().nodes.retain(|n| *n != name))))
     }
 
-    /// Nobody outside the process can reach a local node.
+    /// Keeps `port` and offers it to no caller: a local node cannot be reached from outside of its process.
     fn serve_parameters(&self, _node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError> {
         Ok(Box::new(port))
     }

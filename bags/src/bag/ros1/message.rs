@@ -1,19 +1,18 @@
-//! Images of ROS 1 as CDR. ROS 1 packs fields without padding, has strings
-//! without a closing zero, and a sequence number in the header.
+//! Images of ROS 1 as CDR. ROS 1 packs fields without padding, has strings without a closing zero, and a sequence
+//! number in the header.
 
 use modulo_msgs::builtin::Time;
 use modulo_msgs::cdr;
 use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image, RegionOfInterest};
 use modulo_msgs::std_msgs::Header;
 
-/// From a payload of ROS 1 to CDR with its encapsulation; an error says what is
-/// wrong.
+/// Converts a payload of ROS 1 to CDR with its encapsulation. The error describes the fault.
 pub(super) type Convert = fn(&[u8]) -> Result<Vec<u8>, String>;
 
 /// A type that is converted.
 pub(super) struct Conversion {
     ros1: &'static str,
-    /// Of the definition in ROS 1: another one is another layout.
+    /// MD5 sum of the definition in ROS 1; another sum means another layout.
     pub(super) md5: &'static str,
     /// Its name in ROS 2.
     pub(super) ros2: &'static str,
@@ -41,12 +40,12 @@ const KNOWN: [Conversion; 3] = [
     },
 ];
 
-/// The type `name` of ROS 1, if it is converted.
+/// Returns the type `name` of ROS 1, if it is converted.
 pub(super) fn known(name: &str) -> Option<&'static Conversion> {
     KNOWN.iter().find(|known| known.ros1 == name)
 }
 
-/// Names of the types that are converted.
+/// Returns the names of the types that are converted.
 pub(super) fn known_names() -> String {
     KNOWN.map(|known| known.ros1).join(", ")
 }
@@ -63,7 +62,7 @@ fn converted<T: serde::Serialize>(
     cdr::to_vec(&message).map_err(|e| e.to_string())
 }
 
-/// What is not read yet of a message.
+/// The unread bytes of a message.
 struct Reader<'a>(&'a [u8]);
 
 impl<'a> Reader<'a> {
@@ -100,7 +99,7 @@ impl<'a> Reader<'a> {
         Some(bytes)
     }
 
-    /// ROS 1 does not say how strings are encoded, and CDR has no zero in one.
+    /// Reads a string. ROS 1 does not define the encoding of strings, and CDR allows no zero in one.
     fn string(&mut self) -> Option<String> {
         Some(String::from_utf8_lossy(self.bytes()?).replace('\0', ""))
     }

@@ -1,5 +1,4 @@
-//! [`Ros1File`]: a `.bag` file of ROS 1, as if ROS 2 had recorded it. Images and
-//! what belongs to them are converted, all else is said to be left out.
+//! [`Ros1File`]: a `.bag` file of ROS 1, presented as if ROS 2 had recorded it. Images and camera calibrations are converted; all other topics are reported as left out.
 
 mod message;
 
@@ -21,7 +20,7 @@ use crate::FileError;
 /// The header is padded to this size.
 const HEADER: u64 = 8192;
 
-/// What there is in one file, and where.
+/// The index of one file.
 pub(super) struct Ros1File {
     path: PathBuf,
     bag: Arc<RosBag>,
@@ -80,7 +79,7 @@ impl Ros1File {
 
 struct Index<'a> {
     chunks: Vec<ChunkLocation>,
-    /// With the number of their messages.
+    /// The connections, each with the number of its messages.
     connections: BTreeMap<u32, (Connection<'a>, u64)>,
 }
 
@@ -110,7 +109,7 @@ fn read_index(bag: &RosBag) -> rosbag::Result<Index<'_>> {
     Ok(index)
 }
 
-/// The topic of `connection` in ROS 2, or why it has none.
+/// Returns the topic of `connection` in ROS 2; an error describes why it is not converted.
 fn convert(connection: &Connection<'_>) -> Result<(BagTopic, Convert), String> {
     let kind = connection.tp;
     let known = message::known(kind).ok_or_else(|| {
@@ -180,7 +179,7 @@ impl Storage for Ros1File {
 }
 
 impl Ros1File {
-    /// The wanted messages of one chunk, by log time.
+    /// Returns the wanted messages of one chunk, by log time.
     fn read_chunk(
         &self,
         chunk: ChunkLocation,
@@ -225,8 +224,8 @@ impl Cursor for ChunkMessages {
 /// `#ROSBAG V2.0` and a line feed.
 const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
 
-/// Checks that the bag of `size` bytes that begins with `start` was closed, and that its header names positions inside of
-/// it. The crate `rosbag` takes that for granted, and panics where a position is beyond the file.
+/// Checks that the bag of `size` bytes that begins with `start` was closed, and that its header names positions inside
+/// of it. The crate `rosbag` takes that for granted, and panics where a position is beyond the file.
 fn check_header(start: &[u8], size: u64) -> Result<(), String> {
     let rest = start.strip_prefix(MAGIC).ok_or("only version 2.0 of ROS 1's bags is read")?;
     let (header, rest) = block(rest).ok_or("its header is cut")?;
@@ -244,13 +243,13 @@ fn check_header(start: &[u8], size: u64) -> Result<(), String> {
     }
 }
 
-/// A length of 4 bytes and so many bytes, and what is behind.
+/// Splits `bytes` into a block, which follows its length of 4 bytes, and the rest.
 fn block(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
     let (length, rest) = bytes.split_first_chunk::<4>()?;
     rest.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)
 }
 
-/// The value of a `name=value` in a header.
+/// Returns the value of a `name=value` in a header.
 fn field<'a>(mut header: &'a [u8], name: &[u8]) -> Option<&'a [u8]> {
     while let Some((entry, rest)) = block(header) {
         if let Some(value) = entry.strip_prefix(name).and_then(|value| value.strip_prefix(b"=")) {

@@ -21,18 +21,17 @@ const NAME: &str = "ort";
 #[derive(Clone)]
 pub struct Library {
     environment: Environment,
-    /// Where it lies.
+    /// Path of the library.
     pub place: String,
 }
 
-/// `ort` allows one environment a process, and drops it with its last owner;
-/// this owner lives as long as the process.
+/// `ort` allows one environment a process, and drops it with its last owner; this owner lives as long as the process.
 static LOADED: Mutex<Option<Library>> = Mutex::new(None);
 
-/// The library that is loaded already, or the first one found.
+/// Returns the library that is loaded already, or the first one found.
 ///
 /// # Errors
-/// [`EngineError::NoLibrary`] with all places and what was wrong with each.
+/// [`EngineError::NoLibrary`] with all places and the fault of each.
 pub fn library() -> Result<Library, EngineError> {
     let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(library) = loaded.as_ref() {

@@ -1,4 +1,4 @@
-//! What a model must look like, and what it says about itself.
+//! The required shape of a model, and the description of a loaded one.
 //!
 //! No engine is named here: engines bring a [`Signature`], this judges it.
 
@@ -15,10 +15,10 @@ pub use speed::{Speed, measure};
 use crate::engine::{self, EngineChoice, EngineError, Signature};
 use crate::error::DetectorError;
 
-/// What the parameter `model` calls it; a file of that name is `./demo`.
+/// Value of the parameter `model` for the embedded model; a file of that name is `./demo`.
 pub const DEMO: &str = "demo";
 
-/// The bytes of `model` if it is the embedded one.
+/// Returns the bytes of `model` if it is the embedded one.
 pub fn embedded(model: &Path) -> Option<&'static [u8]> {
     (model == Path::new(DEMO)).then_some(modulo_models::DEMO)
 }
@@ -41,9 +41,9 @@ pub enum ElementType {
 pub struct TensorSpec {
     /// Its name in the graph.
     pub name: String,
-    /// ElementType type.
+    /// Type of the elements.
     pub element: ElementType,
-    /// Sides, `None` where free; `None` as a whole when the file says nothing.
+    /// Sides, `None` for a free one; `None` as a whole when the file does not contain the shape.
     pub shape: Option<Vec<Option<usize>>>,
 }
 
@@ -71,16 +71,16 @@ pub struct ModelLayout {
     pub output: String,
     /// (height, width) of the input where the model fixes them.
     pub size: Option<(usize, usize)>,
-    /// Class names.
+    /// Names of the classes.
     pub names: ClassNames,
 }
 
 impl ModelLayout {
-    /// Judges `signature`, and reads the names: from the metadata, else from a
-    /// file `<model>.names`, else none.
+    /// Judges `signature`, and reads the names: from the metadata, else from a file `<model>.names`, else there are no
+    /// names.
     ///
     /// # Errors
-    /// [`EngineError::Shape`] with what was found and what is needed.
+    /// [`EngineError::Shape`] with the found and the needed shape.
     pub fn of(model: &Path, signature: &Signature) -> Result<Self, EngineError> {
         let refuse = |found, needed| EngineError::Shape { model: model.display().to_string(), found, needed };
         let (input, size) = image_input(&signature.inputs)
@@ -99,7 +99,7 @@ impl ModelLayout {
     }
 }
 
-/// Name of the only input, and the size that it fixes, if any.
+/// Returns the name of the only input, and the size that it fixes, if any.
 fn image_input(inputs: &[TensorSpec]) -> Option<(&str, Option<(usize, usize)>)> {
     let [TensorSpec { name, element: ElementType::F32, shape: Some(shape) }] = inputs else { return None };
     match shape[..] {
@@ -111,8 +111,8 @@ fn image_input(inputs: &[TensorSpec]) -> Option<(&str, Option<(usize, usize)>)> 
     }
 }
 
-/// Whether the file allows this output to be rows; the warm-up looks at the
-/// real shape, which a file may leave open.
+/// Returns whether the file allows this output to be rows; the warm-up looks at the real shape, which a file may leave
+/// open.
 fn gives_rows(port: &TensorSpec) -> bool {
     let possible = match port.shape.as_deref() {
         Some([batch, _, columns]) => batch.is_none_or(|n| n == 1) && columns.is_none_or(|n| n == 6),
@@ -129,12 +129,12 @@ fn list(ports: &[TensorSpec]) -> String {
     ports.iter().map(TensorSpec::to_string).collect::<Vec<_>>().join(" and ")
 }
 
-/// What a model is, for people.
+/// A description of a model for people.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ModelInfo {
     /// The engine that loaded it, `ort` or `rten`.
     pub engine: &'static str,
-    /// The library used, or why this engine.
+    /// Path of the library, or the reason for this engine.
     pub note: String,
     /// Name of the image input.
     pub input: String,
@@ -148,7 +148,7 @@ pub struct ModelInfo {
     pub threads: usize,
 }
 
-/// Loads `model` and tells what it is. `threads` 0 = all cores.
+/// Loads `model` and describes it. `threads` = 0 stands for all cores.
 ///
 /// # Errors
 /// [`DetectorError::Engine`] as at the start of a detector.

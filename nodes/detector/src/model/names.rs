@@ -1,9 +1,9 @@
-//! [`ClassNames`]: what a model calls its classes.
+//! [`ClassNames`]: the names of the classes of a model.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Largest class index that is believed; a broken file must not cost gigabytes.
+/// Largest valid class index; a broken file must not cost gigabytes of memory.
 const MOST: usize = 65_535;
 
 /// Class names by index.
@@ -11,8 +11,7 @@ const MOST: usize = 65_535;
 pub struct ClassNames(BTreeMap<usize, String>);
 
 impl ClassNames {
-    /// From the metadata text, else from `<model>.names` (one name a line)
-    /// beside the model, else none.
+    /// Reads the names from the metadata, or else from `<model>.names` (one name a line) beside the model. There may be no names.
     pub fn of(model: &Path, metadata: Option<&str>) -> Self {
         let from_metadata = metadata.and_then(python_dict).filter(|names| !names.is_empty());
         let names = from_metadata.or_else(|| {
@@ -22,7 +21,7 @@ impl ClassNames {
         Self(names.unwrap_or_default())
     }
 
-    /// The name of `class`; its number where the model has none.
+    /// Returns the name of `class`; its number when the model has no name for it.
     pub fn name(&self, class: usize) -> String {
         match self.0.get(&class) {
             Some(name) if !name.is_empty() => name.clone(),
@@ -30,15 +29,15 @@ impl ClassNames {
         }
     }
 
-    /// All names by index, gaps filled with their number.
+    /// Returns all names by index, gaps filled with their number.
     pub fn all(&self) -> Vec<String> {
         let count = self.0.last_key_value().map_or(0, |(&last, _)| last + 1);
         (0..count).map(|class| self.name(class)).collect()
     }
 }
 
-/// Reads `{0: 'person', 1: "driver's seat"}`, as Python writes a dict, or the
-/// same as JSON (`{"0": "person"}`). `None` when it is anything else.
+/// Reads `{0: 'person', 1: "driver's seat"}`, as Python writes a dict, or the same as JSON (`{"0": "person"}`). `None`
+/// when it is anything else.
 fn python_dict(text: &str) -> Option<BTreeMap<usize, String>> {
     let mut rest = text.trim().strip_prefix('{')?.strip_suffix('}')?.trim();
     let mut names = BTreeMap::new();
@@ -57,8 +56,7 @@ fn python_dict(text: &str) -> Option<BTreeMap<usize, String>> {
     Some(names)
 }
 
-/// A quoted string and what follows it; a backslash takes the next character
-/// as it is.
+/// Returns a quoted string and the text after it. A backslash takes the next character literally.
 fn quoted(text: &str) -> Option<(String, &str)> {
     let quote = text.chars().next().filter(|quote| matches!(quote, '\'' | '"'))?;
     let mut name = String::new();

@@ -1,4 +1,4 @@
-//! [`measure`]: how long a model takes. Inference alone, without image work.
+//! [`measure`]: the time of an inference, without image processing.
 
 use std::num::NonZeroUsize;
 use std::path::Path;
@@ -13,7 +13,7 @@ use crate::error::DetectorError;
 /// Runs before the first timed one: buffers grow and caches fill in them.
 const WARM_UP: usize = 3;
 
-/// How long one inference takes at one size.
+/// The duration of one inference at one size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Speed {
     /// Rows of the input.
@@ -24,9 +24,8 @@ pub struct Speed {
     pub median_ns: u64,
 }
 
-/// Times `runs` inferences of `model` on a grey image at each of `sizes`
-/// (height, width; multiples of 32). A model that fixes its size is timed at
-/// that one alone. `threads` 0 = all cores.
+/// Times `runs` inferences of `model` on a grey image at each of `sizes` (height, width; multiples of 32). A model that
+/// fixes its size is timed at that size only. `threads` = 0 stands for all cores.
 ///
 /// # Errors
 /// [`DetectorError::Engine`] when the model does not load or not run.

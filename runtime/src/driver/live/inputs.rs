@@ -46,7 +46,7 @@ impl Inputs {
         self.lanes.iter().position(|&open| open == lane)
     }
 
-    /// Adds what these subscriptions have received and lost so far to `report`; what waits has not been received yet.
+    /// Adds the counts of these subscriptions so far to `report`; messages that still wait do not count as received.
     pub fn count(&self, queue: &EventQueue, report: &mut NodeReport) {
         for (address, &lane) in self.addresses.iter().zip(&self.lanes) {
             let counts = queue.counts(lane);
@@ -58,7 +58,7 @@ impl Inputs {
         }
     }
 
-    /// Ends the subscriptions and books what they received and lost.
+    /// Ends the subscriptions and adds their counts to `report`.
     pub fn close(mut self, queue: &EventQueue, report: &mut NodeReport) {
         self.subscriptions.clear();
         for (address, &lane) in self.addresses.iter().zip(&self.lanes) {

@@ -1,6 +1,4 @@
-//! The live driver: one node on a transport, until its source is over or it is
-//! told to stop. The newest frame wins, and each replaced one is counted; only a
-//! source of rate 0 waits for its readers ([`pacing`]).
+//! The live driver: one node on a transport, until its source is over or it is asked to stop. The newest frame wins, and each replaced one is counted; only a source of rate 0 waits for its readers ([`pacing`]).
 
 mod inputs;
 mod pacing;
@@ -32,25 +30,24 @@ use crate::transport::{
 use inputs::Inputs;
 use pacing::Pacing;
 
-/// How often a node without work looks at what is due each second.
+/// Time after which a node without work looks at the tasks of each second.
 const IDLE: Duration = Duration::from_millis(250);
-/// A draining node gives up this long after its last message, even if its
-/// upstream is still there.
+/// A draining node gives up this long after its last message, even if its upstream is still there.
 const DRAIN_LIMIT_NS: u64 = 2_000_000_000;
 /// Parameter requests that wait for a busy node; each caller waits for its answer.
 const REQUESTS: usize = 64;
 
 /// The node that is to be run.
 pub struct NodeSetup {
-    /// The step.
+    /// The node.
     pub node: Box<dyn Node>,
-    /// Its parameters.
+    /// Parameters of the node.
     pub parameters: Parameters,
     /// Its name and remaps.
     pub node_name: NodeName,
-    /// Where its parameters and its position outlast a crash.
+    /// File that keeps the parameters and the position of the node over a crash.
     pub saved: Option<SavedState>,
-    /// Where its account outlasts a crash.
+    /// File that keeps the report of the node over a crash.
     pub report_file: Option<ReportFile>,
 }
 
@@ -104,7 +101,7 @@ struct Live<'a> {
     parameter_events: ParameterEvents,
 }
 
-/// Runs a node until it is done; returns what it did.
+/// Runs a node until it is done, and returns its report.
 ///
 /// # Errors
 /// [`RunError`] when a name, the transport or the step itself fails.
@@ -241,7 +238,7 @@ impl Live<'_> {
         if let Some(saved) = &self.saved {
             saved.keep(&next);
         }
-        // Stored before it is told: a listener that asks back reads the new value.
+        // Stored before the event is sent: a listener that asks back reads the new value.
         *self.parameters.lock().unwrap_or_else(PoisonError::into_inner) = next.clone();
         self.parameter_events.changed(self.time.now_ns(), &before, &next);
         Ok(())
@@ -279,7 +276,7 @@ impl Live<'_> {
         }
     }
 
-    /// Whether more messages can come.
+    /// Returns whether more messages can come.
     fn has_upstream(&self) -> bool {
         self.inputs.addresses.iter().any(|address| !self.transport.publishers(&address.topic).is_empty())
     }
@@ -355,7 +352,7 @@ impl Live<'_> {
         }
     }
 
-    /// Books what a step has left, before it is sent: what a crash keeps from being sent is missed by its readers.
+    /// Counts the output of a step before it is sent: messages that a crash keeps from being sent are then missed by their readers.
     fn book(&mut self, output: &StepOutput, stream: Option<&str>) {
         for (stage, duration) in &output.stages {
             self.report.book_stage(stage, *duration);
@@ -392,7 +389,7 @@ impl Live<'_> {
         }
     }
 
-    /// Once a second, the node tells on `/diagnostics` and in its file how it does.
+    /// Once a second, publishes the state of the node on `/diagnostics` and writes it to its report file.
     fn tell_when_due(&mut self) {
         self.keep_account(WriteReason::Idle);
         if self.diagnostics.is_due(&self.time) {

@@ -22,7 +22,7 @@ impl ZenohTransport {
     /// Calls a service and waits for its answer.
     ///
     /// # Errors
-    /// [`TransportError`] when nobody answers within `patience`.
+    /// [`TransportError`] when no server answers within `patience`.
     pub fn call(
         &self,
         service: &str,
@@ -50,7 +50,7 @@ impl ZenohTransport {
         }
     }
 
-    /// A server with another hash is another key to zenoh.
+    /// Returns a server with another hash is another key to zenoh.
     fn why_nobody_answers(&self, asked: &Endpoint) -> String {
         let graph = self.graph();
         let servers = graph.endpoints(EntityKind::Server, &asked.topic);
@@ -66,17 +66,16 @@ impl ZenohTransport {
         }
     }
 
-    /// The services that every ROS 2 node has.
+    /// Returns the services that every ROS 2 node has.
     pub(super) fn serve(&self, node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError> {
         self.serve_raw(node, handlers(port))
     }
 
-    /// Queryables that feed one thread: a request may wait for the frame at
-    /// hand, and zenoh's own threads must not wait with it. A caller for whom
-    /// there is no room is answered with an error at once.
+    /// Queryables that feed one thread: a request may wait for the frame at hand, and zenoh's own threads must not wait
+    /// with it. A caller for whom there is no room is answered with an error at once.
     ///
     /// # Errors
-    /// [`TransportError`] with what zenoh says.
+    /// [`TransportError`] with the error of zenoh.
     pub fn serve_raw(&self, node: &NodeName, handlers: Vec<RawService>) -> Result<Guard, TransportError> {
         let queue = Arc::new(Queue::new(self.clock.clone(), Limit { messages: CALLS, bytes: usize::MAX }));
         let lane = queue.open(Keep::All);
@@ -151,26 +150,26 @@ impl Drop for EndCalls {
     }
 }
 
-/// Tells the caller why it gets no response.
+/// Sends an error to the caller in place of a response.
 fn refuse(query: &Query, why: &str) {
     if let Err(failed) = query.reply_err(why).wait() {
         tracing::debug!("a caller is gone: {failed}");
     }
 }
 
-/// One service of a node, in CDR with its encapsulation header.
+/// One service of a node. Requests and responses are CDR with its encapsulation header.
 pub struct RawService {
     /// Name below the node's.
     pub name: &'static str,
-    /// Such as `std_srvs/srv/Trigger`.
+    /// ROS name of the type, such as `std_srvs/srv/Trigger`.
     pub ros_type: &'static str,
-    /// As tokens carry it.
+    /// QoS string for the token.
     pub qos: &'static str,
-    /// From request to response; an error is logged and sent to the caller.
+    /// Computes the response to a request; an error is logged and sent to the caller.
     pub answer: RawAnswer,
 }
 
-/// From a request's bytes to a response's.
+/// Computes the bytes of the response from the bytes of the request.
 pub type RawAnswer = Box<dyn Fn(&[u8]) -> Result<Vec<u8>, Box<dyn Error>> + Send>;
 
 fn handlers(port: ParameterPort) -> Vec<RawService> {
@@ -191,7 +190,7 @@ fn handlers(port: ParameterPort) -> Vec<RawService> {
     parameters.chain([described]).collect()
 }
 
-/// Answers one service call; a call without payload or attachment is none.
+/// Answers one service call. A call without payload or attachment is an error.
 fn reply(handler: &RawService, query: &Query, clock: &dyn Clock) -> Result<(), String> {
     let attachment = query.attachment().map(|a| a.to_bytes());
     let caller = attachment.as_deref().and_then(Attachment::parse).ok_or("a request without attachment")?;

@@ -24,7 +24,7 @@ use crate::transport::keys::{Endpoint, EntityKind};
 use crate::transport::profile::{self, Durability, Profile};
 use crate::transport::{Guard, Payload, Publisher, RawSample, TransportError};
 
-/// How often a publisher for late readers says the number of its last sample.
+/// Interval at which a publisher for late readers sends the number of its last sample.
 const HEARTBEAT: Duration = Duration::from_secs(1);
 
 /// A publisher of ready-made CDR. Dropping it takes it out of the graph.
@@ -40,7 +40,7 @@ impl ZenohTransport {
     /// Publishes ready-made CDR on `endpoint`.
     ///
     /// # Errors
-    /// [`TransportError`] with what zenoh says.
+    /// [`TransportError`] with the error of zenoh.
     pub fn advertise_raw(
         &self,
         node: &NodeName,
@@ -61,11 +61,10 @@ impl ZenohTransport {
         })
     }
 
-    /// Hands every sample of `endpoint` to `take`, on zenoh's own thread, until
-    /// the guard is dropped.
+    /// Hands every sample of `endpoint` to `take`, on zenoh's own thread, until the guard is dropped.
     ///
     /// # Errors
-    /// [`TransportError`] with what zenoh says.
+    /// [`TransportError`] with the error of zenoh.
     pub fn subscribe_raw(
         &self,
         node: &NodeName,
@@ -86,8 +85,7 @@ impl ZenohTransport {
         Ok(Box::new((subscriber, token)))
     }
 
-    /// As rmw_zenoh: nobody is ever waited for, and whoever is to serve late
-    /// readers keeps its last samples.
+    /// Declares a publisher as rmw_zenoh does: it never waits for a reader, and keeps its last samples if it serves late readers.
     fn publisher(&self, key: String, profile: Profile) -> zenoh::Result<AdvancedPublisher<'static>> {
         let reliable = profile.reliability == profile::Reliability::Reliable;
         let publisher = self
@@ -110,8 +108,7 @@ impl ZenohTransport {
         }
     }
 
-    /// As rmw_zenoh: whoever asks for the last samples from before it came gets
-    /// them, and those of publishers that it finds later.
+    /// Declares a subscriber as rmw_zenoh does: one for earlier samples gets those of present publishers, and of publishers that it finds later.
     fn subscriber(
         &self,
         key: String,
@@ -133,8 +130,7 @@ impl ZenohTransport {
     }
 }
 
-/// A smaller payload is copied: it would keep a whole receive buffer from being
-/// used again.
+/// A smaller payload is copied: it would keep a whole receive buffer from being used again.
 const LARGE: usize = 65_536;
 
 /// A payload that arrived in one piece and is left where it is.
@@ -154,7 +150,7 @@ fn payload(bytes: &ZBytes) -> Payload {
 }
 
 impl RawPublisher {
-    /// Whether anybody reads this topic now.
+    /// Returns whether the topic has a reader now.
     pub fn wanted(&self) -> bool {
         self.publisher.matching_status().wait().is_ok_and(|status| status.matching())
     }
