@@ -21,13 +21,6 @@ const EPOCH_NS: u64 = 1_316_995_200_000_000_000;
 /// KITTI's camera runs at 10 Hz.
 const PERIOD_NS: u64 = 100_000_000;
 
-/// Options of an import.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct ImportOptions {
-    /// Compression of the bag.
-    pub compression: Compression,
-}
-
 /// Counts of an import.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ImportReport {
@@ -52,11 +45,8 @@ pub enum ImportError {
     #[error(transparent)]
     Cdr(#[from] CdrError),
     /// A float image, which has no codes to put into an image message.
-    #[error("{}: is a float image, 8 or 16 bit codes are needed", path.display())]
-    Float {
-        /// Path of the image.
-        path: PathBuf,
-    },
+    #[error("{file}: is a float image, 8 or 16 bit codes are needed", file = .0.display())]
+    Float(PathBuf),
 }
 
 /// Writes the KITTI folder `folder` (with `image_2` or `image_02`) as the new bag `out`: `/camera/image_raw` and
@@ -64,9 +54,13 @@ pub enum ImportError {
 ///
 /// # Errors
 /// [`ImportError`] of the first image, label or write that fails.
-pub fn import_kitti(folder: &Path, out: &Path, options: &ImportOptions) -> Result<ImportReport, ImportError> {
+pub fn import_kitti(
+    folder: &Path,
+    out: &Path,
+    compression: Compression,
+) -> Result<ImportReport, ImportError> {
     let folder = KittiFolder::open(folder)?;
-    let bag = BagWriter::create(out, options.compression)?;
+    let bag = BagWriter::create(out, compression)?;
     let report = write(&folder, bag);
     if report.is_err() {
         // The folder was made above: half a data set must not look like a whole one.
@@ -117,6 +111,6 @@ fn codes(image: &Path) -> Result<Frame, ImportError> {
     let frame = read_image(image).map_err(SourceError::from)?;
     match frame.samples() {
         Samples::U8(_) | Samples::U16(_) => Ok(frame),
-        Samples::F32(_) => Err(ImportError::Float { path: image.to_owned() }),
+        Samples::F32(_) => Err(ImportError::Float(image.to_owned())),
     }
 }

@@ -35,11 +35,8 @@ pub struct PlayOptions {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PlayError {
     /// The rate is not finite and positive.
-    #[error("rate = {rate}: must be a finite number above 0")]
-    Rate {
-        /// The value that was offered.
-        rate: f64,
-    },
+    #[error("rate = {0}: must be a finite number above 0")]
+    Rate(f64),
     /// A start behind the end of the bag.
     #[error("start offset = {offset:?}: the bag lasts {duration:?}")]
     StartOffset {

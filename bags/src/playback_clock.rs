@@ -85,7 +85,7 @@ impl PlaybackClock {
 }
 
 fn check(rate: f64) -> Result<f64, PlayError> {
-    if rate.is_finite() && rate > 0.0 { Ok(rate) } else { Err(PlayError::Rate { rate }) }
+    if rate.is_finite() && rate > 0.0 { Ok(rate) } else { Err(PlayError::Rate(rate)) }
 }
 
 #[cfg(test)]
@@ -113,7 +113,7 @@ mod tests {
         pace.set_state(9000, PlaybackState::Running);
         pace.set_rate(9100, 0.5).expect("a rate");
         assert_eq!((pace.position(9100), pace.position(9200), pace.ticks_of(500)), (400, 450, Some(9300)));
-        assert_eq!(pace.set_rate(9200, 0.0), Err(PlayError::Rate { rate: 0.0 }));
+        assert_eq!(pace.set_rate(9200, 0.0), Err(PlayError::Rate(0.0)));
         assert_eq!(pace.position(9300), 500);
         pace.jump(9300, 7);
         assert_eq!(pace.position(9302), 8);

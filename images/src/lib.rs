@@ -16,25 +16,12 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 pub enum ImageError {
     /// The system does not read the file.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// Path of the file.
-        path: PathBuf,
-        /// The error of the system.
-        source: std::io::Error,
-    },
+    #[error("{file}: {1}", file = .0.display())]
+    Io(PathBuf, #[source] std::io::Error),
     /// An image that does not decode.
-    #[error("{origin}: {why}")]
-    Undecodable {
-        /// The file, or topic and stamp.
-        origin: String,
-        /// Description of the fault.
-        why: String,
-    },
+    #[error("{0}: {1}")]
+    Undecodable(String, String),
     /// A white that is no radiance.
-    #[error("white = {white}: must be a finite number, 0 (automatic) or above")]
-    White {
-        /// The value that was offered.
-        white: f32,
-    },
+    #[error("white = {0}: must be a finite number, 0 (automatic) or above")]
+    White(f32),
 }

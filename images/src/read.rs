@@ -21,7 +21,7 @@ pub const EXTENSIONS: [&str; 5] = ["png", "jpg", "jpeg", "exr", "hdr"];
 /// # Errors
 /// [`ImageError`] when the file is missing, cut short, of an unknown format, or holds NaN or an infinity.
 pub fn read_image(path: &Path) -> Result<Frame, ImageError> {
-    let file = File::open(path).map_err(|e| ImageError::Io { path: path.to_owned(), source: e })?;
+    let file = File::open(path).map_err(|e| ImageError::Io(path.to_owned(), e))?;
     decode(BufReader::new(file), &path.display().to_string())
 }
 
@@ -30,7 +30,7 @@ pub fn read_image(path: &Path) -> Result<Frame, ImageError> {
 /// # Errors
 /// As [`read_image`].
 pub fn decode(data: impl BufRead + Seek, origin: &str) -> Result<Frame, ImageError> {
-    let bad = |why: String| ImageError::Undecodable { origin: origin.to_owned(), why };
+    let bad = |why: String| ImageError::Undecodable(origin.to_owned(), why);
     let reader = ImageReader::new(data).with_guessed_format().map_err(|e| bad(e.to_string()))?;
     let image = reader.decode().map_err(|e| bad(e.to_string()))?;
     let frame = match image {

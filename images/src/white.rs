@@ -16,7 +16,7 @@ impl White {
     /// # Errors
     /// [`ImageError::White`] for a negative, infinite or NaN `white`.
     pub fn new(white: f32) -> Result<Self, ImageError> {
-        if white.is_finite() && white >= 0.0 { Ok(Self(white)) } else { Err(ImageError::White { white }) }
+        if white.is_finite() && white >= 0.0 { Ok(Self(white)) } else { Err(ImageError::White(white)) }
     }
 
     /// Returns whether it was given, or has been taken from a float image.

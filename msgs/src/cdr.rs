@@ -97,9 +97,6 @@ pub fn from_slice<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, CdrError> {
 }
 
 /// Reads the message in `bytes`, which begin with the encapsulation, with `seed`.
-///
-/// # Errors
-/// As [`from_slice`].
 pub(crate) fn from_slice_seed<'b, S: DeserializeSeed<'b>>(
     seed: S,
     bytes: &'b [u8],

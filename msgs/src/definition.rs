@@ -14,19 +14,11 @@ use crate::type_description_interfaces::{Field, FieldType};
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DefinitionError {
     /// The line cannot be read.
-    #[error("{name}: '{line}' is not a field; expected TYPE NAME, such as 'float64[9] k'")]
-    Line {
-        /// The type being defined.
-        name: String,
-        /// The line.
-        line: String,
-    },
+    #[error("{0}: '{1}' is not a field; expected TYPE NAME, such as 'float64[9] k'")]
+    Line(String, String),
     /// A type is used that nothing defines.
-    #[error("no definition of '{name}', expected one after a line 'MSG: {name}'")]
-    Missing {
-        /// The type that is used.
-        name: String,
-    },
+    #[error("no definition of '{0}', expected one after a line 'MSG: {0}'")]
+    Missing(String),
 }
 
 /// Returns the fields that `text` gives the type `name`. A type without fields gets the one that ROS gives it,
@@ -35,7 +27,7 @@ pub(crate) fn parse_fields(name: &str, text: &str) -> Result<Vec<Field>, Definit
     let package = name.split_once('/').map_or(name, |(package, _)| package);
     let mut fields = Vec::new();
     for line in text.lines().map(without_comment).filter(|line| !line.is_empty()) {
-        let bad = || DefinitionError::Line { name: name.to_owned(), line: line.to_owned() };
+        let bad = || DefinitionError::Line(name.to_owned(), line.to_owned());
         match parse_line(package, line).ok_or_else(bad)? {
             Line::Constant => {}
             Line::Field(field) => fields.push(field),

@@ -17,11 +17,8 @@ use crate::sensor_msgs::Image;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ImageError {
     /// The encoding is not one of those that can be read.
-    #[error("image encoding '{encoding}' cannot be read, possible are {}", names())]
-    Encoding {
-        /// The encoding found.
-        encoding: String,
-    },
+    #[error("image encoding '{0}' cannot be read, possible are {known}", known = names())]
+    Encoding(String),
     /// Rows would overlap.
     #[error("image step is {step} bytes, a row needs at least {row}")]
     Step {

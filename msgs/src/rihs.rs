@@ -25,7 +25,7 @@ pub fn type_hash(name: &str) -> Option<String> {
 /// # Errors
 /// [`DefinitionError`] with the line that is no field, or the type that is missing.
 pub fn type_hash_of_schema(name: &str, text: &str) -> Result<String, DefinitionError> {
-    let name = full_name("", name).ok_or_else(|| DefinitionError::Missing { name: name.to_owned() })?;
+    let name = full_name("", name).ok_or_else(|| DefinitionError::Missing(name.to_owned()))?;
     let types = schema::parse(&name, text)?;
     Ok(hash(&gather(&name, |wanted| Ok(types.get(wanted).cloned()))?))
 }
@@ -48,7 +48,7 @@ fn gather(
     name: &str,
     find: impl Fn(&str) -> Result<Option<IndividualTypeDescription>, DefinitionError>,
 ) -> Result<TypeDescription, DefinitionError> {
-    let find = |name: &str| find(name)?.ok_or_else(|| DefinitionError::Missing { name: name.to_owned() });
+    let find = |name: &str| find(name)?.ok_or_else(|| DefinitionError::Missing(name.to_owned()));
     let type_description = find(name)?;
     let mut referenced = BTreeMap::new();
     let mut open = needs(&type_description);

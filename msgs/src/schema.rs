@@ -57,7 +57,7 @@ pub(crate) fn parse(
         match (titled, line.strip_prefix("MSG:")) {
             _ if line.len() == SEPARATOR && line.bytes().all(|b| b == b'=') => titled = false,
             (false, Some(title)) => {
-                let line_is_bad = || DefinitionError::Line { name: name.to_owned(), line: line.to_owned() };
+                let line_is_bad = || DefinitionError::Line(name.to_owned(), line.to_owned());
                 sections.push((full_name("", title.trim()).ok_or_else(line_is_bad)?, String::new()));
                 titled = true;
             }

@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
-use modulo_bags::bag::{self, BagInfo, BagReader, BagWarning, BagWriter, Split, WriteOptions};
+use modulo_bags::bag::{self, BagInfo, BagReader, BagWarning, BagWriter, Compression, Split, WriteOptions};
 use modulo_bags::capture::capture;
-use modulo_bags::import::{ImportOptions, import_kitti};
+use modulo_bags::import::import_kitti;
 use modulo_bags::play::{PlayOptions, Player, Repeat};
 use modulo_bags::playback_clock::{PlaybackClock, PlaybackState};
 use modulo_bags::replay::{ReplayError, ReplayOptions, replay};
@@ -28,13 +28,13 @@ pub fn bag(args: &Bag) -> Result<Ended, Failure> {
         Bag::Play(args) => play(args),
         Bag::Info { bag } => {
             let reader = BagReader::open(bag)?;
-            say!("{}", BagInfo::from(&reader).to_string().trim_end());
+            say!("{}", BagInfo(&reader).to_string().trim_end());
             Ok(loss(reader.warnings()))
         }
         Bag::Recover(args) => copy(&BagReader::salvage(&args.bag)?, args),
         Bag::Convert(args) => copy(&BagReader::open(&args.bag)?, args),
         Bag::Import(BagImport::Kitti { folder, out }) => {
-            let report = import_kitti(folder, out, &ImportOptions::default())?;
+            let report = import_kitti(folder, out, Compression::None)?;
             say!("{} frames, {} labelled, {} objects", report.frames, report.labelled, report.objects);
             Ok(Ended::Done)
         }

@@ -141,7 +141,7 @@ fn read_message(message: &RawMessage) -> Result<(Header, Frame), SourceError> {
 }
 
 fn bad(message: &RawMessage, why: impl std::fmt::Display) -> SourceError {
-    ImageError::Undecodable { origin: origin(message), why: why.to_string() }.into()
+    ImageError::Undecodable(origin(message), why.to_string()).into()
 }
 
 fn origin(message: &RawMessage) -> String {

@@ -74,7 +74,7 @@ impl CocoSource {
         }
         let paths: Vec<PathBuf> = file.images.iter().map(|image| folder.join(&image.file_name)).collect();
         if paths.is_empty() {
-            return Err(SourceError::Empty { path: annotations.to_owned() });
+            return Err(SourceError::Empty(annotations.to_owned()));
         }
         let truth = |image: &Image| by_image.remove(&image.id).unwrap_or_default();
         let labels = CocoLabels(paths.iter().cloned().zip(file.images.iter().map(truth)).collect());
@@ -122,7 +122,7 @@ fn folder_of(annotations: &Path, images: &[Image]) -> Result<PathBuf, SourceErro
     ];
     let Some(first) = images.first() else { return Ok(beside.to_owned()) };
     let found = folders.into_iter().find(|folder| folder.join(&first.file_name).is_file());
-    found.ok_or_else(|| SourceError::Missing { path: beside.join(&first.file_name) })
+    found.ok_or_else(|| SourceError::Missing(beside.join(&first.file_name)))
 }
 
 #[cfg(test)]

@@ -119,7 +119,7 @@ pub(crate) fn list_images(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
         }
     }
     images.sort_by_cached_key(|path| (path.file_name().map(natural), path.clone()));
-    if images.is_empty() { Err(SourceError::Empty { path: folder.to_owned() }) } else { Ok(images) }
+    if images.is_empty() { Err(SourceError::Empty(folder.to_owned())) } else { Ok(images) }
 }
 
 /// Returns a key that sorts names with numbers by their value: `2.png` before `10.png`.
@@ -141,7 +141,7 @@ pub(crate) fn stem(path: &Path) -> String {
 }
 
 fn one_image(path: &Path) -> Result<PathBuf, SourceError> {
-    if is_image(path) { Ok(path.to_owned()) } else { Err(SourceError::Extension { path: path.to_owned() }) }
+    if is_image(path) { Ok(path.to_owned()) } else { Err(SourceError::Extension(path.to_owned())) }
 }
 
 fn is_float(path: &Path) -> bool {

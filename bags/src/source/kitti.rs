@@ -49,7 +49,7 @@ impl KittiFolder {
     pub fn open(path: &Path) -> Result<Self, SourceError> {
         let Some((images, labels)) = layout(path) else {
             let Some(file) = tracking_file(path) else {
-                return Err(SourceError::Missing { path: path.join(LAYOUTS[0].0) });
+                return Err(SourceError::Missing(path.join(LAYOUTS[0].0)));
             };
             return Ok(Self { images: list_images(path)?, labels: LabelFiles::Drive(read_drive(&file)?) });
         };
@@ -66,7 +66,7 @@ impl KittiFolder {
         let by_name: BTreeMap<String, &PathBuf> = images.iter().map(|image| (stem(image), image)).collect();
         let image = |frame: &String| {
             let folder = images.first().and_then(|image| image.parent()).unwrap_or(path);
-            let missing = || SourceError::Missing { path: folder.join(format!("{frame}.png")) };
+            let missing = || SourceError::Missing(folder.join(format!("{frame}.png")));
             by_name.get(frame).map(|image| (*image).clone()).ok_or_else(missing)
         };
         Ok(Self { images: frames.iter().map(image).collect::<Result<_, _>>()?, labels })
@@ -78,9 +78,6 @@ impl KittiFolder {
     }
 
     /// Returns the labels of an image file; `None` when it has no label file.
-    ///
-    /// # Errors
-    /// [`SourceError`] naming file and line of a line that cannot be read.
     pub(crate) fn labels_of(&self, image: &Path) -> Result<Option<Vec<GroundTruth>>, SourceError> {
         match &self.labels {
             LabelFiles::Folders(folders) => {
@@ -175,7 +172,8 @@ fn parse_label(line: &str) -> Result<GroundTruth, String> {
     Ok(GroundTruth { bbox: BBox { x1, y1, x2, y2 }, class, truncated, occluded })
 }
 
-fn number(column: &str) -> Result<f32, String> {
+/// Reads a column of a label line.
+pub(super) fn number(column: &str) -> Result<f32, String> {
     let value = column.parse().ok().filter(|v: &f32| v.is_finite());
     value.ok_or_else(|| format!("'{column}' found, a finite number needed"))
 }

@@ -34,28 +34,19 @@ use crate::bag::BagError;
 pub enum SourceError {
     /// The path does not exist.
     #[error(
-        "{}: no such path; possible are scene://PRESET, an image (png, jpg, jpeg, exr, hdr), a folder of images, \
-         a KITTI folder (image_2 or image_02 inside), a .mcap, .db3 or ROS 1 .bag file or a bag folder", path.display()
+        "{file}: no such path; possible are scene://PRESET, an image (png, jpg, jpeg, exr, hdr), a folder of images, \
+         a KITTI folder (image_2 or image_02 inside), a .mcap, .db3 or ROS 1 .bag file or a bag folder", file = .0.display()
     )]
-    Missing {
-        /// The path that was asked for.
-        path: PathBuf,
-    },
+    Missing(PathBuf),
     /// An address that is no scene.
     #[error(transparent)]
     Scene(#[from] modulo_core::scene::SpecError),
     /// A folder without a single image.
-    #[error("{}: no image in this folder, at least one png, jpg, jpeg, exr or hdr is needed", path.display())]
-    Empty {
-        /// Path of the folder.
-        path: PathBuf,
-    },
+    #[error("{file}: no image in this folder, at least one png, jpg, jpeg, exr or hdr is needed", file = .0.display())]
+    Empty(PathBuf),
     /// A file that is not an image by its name.
-    #[error("{}: not an image, possible are png, jpg, jpeg, exr, hdr, .mcap, .db3 and .bag", path.display())]
-    Extension {
-        /// Path of the file.
-        path: PathBuf,
-    },
+    #[error("{file}: not an image, possible are png, jpg, jpeg, exr, hdr, .mcap, .db3 and .bag", file = .0.display())]
+    Extension(PathBuf),
     /// The system does not read a file.
     #[error(transparent)]
     Io(#[from] FileError),
@@ -158,7 +149,7 @@ pub fn open(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, Sour
     }
     let path = Path::new(spec);
     if !path.exists() {
-        return Err(SourceError::Missing { path: path.to_owned() });
+        return Err(SourceError::Missing(path.to_owned()));
     }
     if crate::bag::is_bag(path) {
         return Ok(Box::new(BagSource::open(path, options)?));

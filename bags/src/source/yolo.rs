@@ -10,6 +10,7 @@ use modulo_core::BBox;
 use serde::Deserialize;
 
 use super::folder::{FolderSource, LabelledSource, Labels, list_images};
+use super::kitti::number;
 use super::{GroundTruth, SourceError};
 use crate::FileError;
 
@@ -32,7 +33,7 @@ impl YoloSource {
     /// [`SourceError`] when there is no image, or the names cannot be read.
     pub fn open(folder: &Path) -> Result<Self, SourceError> {
         if !folder.is_dir() {
-            return Err(SourceError::Missing { path: folder.to_owned() });
+            return Err(SourceError::Missing(folder.to_owned()));
         }
         let inside = folder.join("images");
         let images = list_images(if inside.is_dir() { &inside } else { folder })?;
@@ -78,10 +79,6 @@ fn parse(line: &str, width: f32, height: f32) -> Result<(usize, BBox), String> {
     let mut words = line.split_whitespace();
     let class = words.next().unwrap_or_default();
     let class = class.parse().map_err(|_| format!("class '{class}' found, a whole number needed"))?;
-    let number = |word: &str| {
-        let value = word.parse().ok().filter(|value: &f32| value.is_finite());
-        value.ok_or_else(|| format!("'{word}' found, a finite number needed"))
-    };
     let numbers = words.map(number).collect::<Result<Vec<f32>, String>>()?;
     let bbox = match numbers[..] {
         [cx, cy, w, h] if w >= 0.0 && h >= 0.0 => BBox::from_centre((cx, cy), (w, h)),

@@ -124,7 +124,7 @@ fn info_prints_what_ros2_prints() {
     // As `date -u -d @4107542399` prints it: 2100 is no leap year.
     let start = 4_107_542_399_000_000_000;
     write_bag(&path, Compression::None, &[(0, start, vec![]), (0, start + 1_500_000_000, vec![])]);
-    let info = BagInfo::from(&BagReader::open(&path).expect("a bag")).to_string();
+    let info = BagInfo(&BagReader::open(&path).expect("a bag")).to_string();
     for line in [
         "Files:             bag_0.mcap",
         "Storage id:        mcap",

@@ -26,8 +26,8 @@ pub(super) struct PixelLayout {
 impl PixelLayout {
     pub(super) fn of(image: &Image) -> Result<Self, ImageError> {
         let Image { height, width, step, .. } = *image;
-        let encoding = Encoding::of(&image.encoding)
-            .ok_or_else(|| ImageError::Encoding { encoding: image.encoding.clone() })?;
+        let encoding =
+            Encoding::of(&image.encoding).ok_or_else(|| ImageError::Encoding(image.encoding.clone()))?;
         let (h, w) = (height as usize, width as usize);
         if h == 0 || w == 0 {
             return Err(FrameError::Empty { height: h, width: w }.into());

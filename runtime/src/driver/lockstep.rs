@@ -144,7 +144,7 @@ impl<'a> Lockstep<'a> {
                 add(&mut member.report.bad, topic, 1);
                 Ok(Flow::Continue)
             }
-            Err(StepError::Fatal(why)) => Err(RunError::Fatal { node: member.report.node.clone(), why }),
+            Err(StepError::Fatal(why)) => Err(RunError::Fatal(member.report.node.clone(), why)),
         }
     }
 

@@ -32,13 +32,8 @@ pub enum RunError {
     #[error(transparent)]
     Parameter(#[from] ParameterError),
     /// The step cannot go on.
-    #[error("{node}: {why}")]
-    Fatal {
-        /// Fully qualified name of the node.
-        node: String,
-        /// The error of the step.
-        why: String,
-    },
+    #[error("{0}: {1}")]
+    Fatal(String, String),
     /// A node that this one waits for did not come.
     #[error("{node}: waited {seconds} s for {missing}, which is not there; start it, or change wait_for")]
     Waited {

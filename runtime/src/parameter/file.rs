@@ -29,7 +29,7 @@ const PARAMETERS: &str = "ros__parameters";
 /// # Errors
 /// [`ArgsError::File`] when it cannot be read or is no parameter file.
 pub fn read(path: &Path, node_name: &NodeName) -> Result<Vec<(String, String)>, ArgsError> {
-    let wrong = |why: String| ArgsError::File { path: path.display().to_string(), why };
+    let wrong = |why: String| ArgsError::File(path.display().to_string(), why);
     let text = std::fs::read_to_string(path).map_err(|why| wrong(why.to_string()))?;
     parse(&text, node_name).map_err(wrong)
 }

@@ -35,13 +35,8 @@ fn list<T>(items: &[T], text: impl Fn(&T) -> String) -> Yaml {
 
 /// Returns the value with its type, as `ros2 param get` prints it: `Double value is: 4.0`.
 pub fn labelled(value: &ParameterValue) -> String {
-    let kind = match value.r#type {
-        ParameterType::BOOL | ParameterType::BOOL_ARRAY => "Boolean",
-        ParameterType::INTEGER | ParameterType::INTEGER_ARRAY => "Integer",
-        ParameterType::DOUBLE | ParameterType::DOUBLE_ARRAY => "Double",
-        ParameterType::STRING | ParameterType::STRING_ARRAY => "String",
-        ParameterType::BYTE_ARRAY => "Byte",
-        _ => return "Parameter not set.".to_owned(),
+    let Some((_, _, kind)) = TYPES.iter().find(|(known, ..)| *known == value.r#type) else {
+        return "Parameter not set.".to_owned();
     };
     let is = if matches!(yaml(value), Some(Yaml::List(_))) { "values are" } else { "value is" };
     format!("{kind} {is}: {}", bare(value))
@@ -71,20 +66,22 @@ pub fn bare(value: &ParameterValue) -> String {
     }
 }
 
+/// The name of each [`ParameterType`] in `ros2 param describe`, and in `ros2 param get`.
+const TYPES: [(u8, &str, &str); 9] = [
+    (ParameterType::BOOL, "boolean", "Boolean"),
+    (ParameterType::INTEGER, "integer", "Integer"),
+    (ParameterType::DOUBLE, "double", "Double"),
+    (ParameterType::STRING, "string", "String"),
+    (ParameterType::BYTE_ARRAY, "byte array", "Byte"),
+    (ParameterType::BOOL_ARRAY, "boolean array", "Boolean"),
+    (ParameterType::INTEGER_ARRAY, "integer array", "Integer"),
+    (ParameterType::DOUBLE_ARRAY, "double array", "Double"),
+    (ParameterType::STRING_ARRAY, "string array", "String"),
+];
+
 /// Returns the name of a [`ParameterType`], as `ros2 param` prints it.
 pub fn type_name(code: u8) -> &'static str {
-    match code {
-        ParameterType::BOOL => "boolean",
-        ParameterType::INTEGER => "integer",
-        ParameterType::DOUBLE => "double",
-        ParameterType::STRING => "string",
-        ParameterType::BYTE_ARRAY => "byte array",
-        ParameterType::BOOL_ARRAY => "boolean array",
-        ParameterType::INTEGER_ARRAY => "integer array",
-        ParameterType::DOUBLE_ARRAY => "double array",
-        ParameterType::STRING_ARRAY => "string array",
-        _ => "not set",
-    }
+    TYPES.iter().find(|(known, ..)| *known == code).map_or("not set", |(_, name, _)| name)
 }
 
 /// Returns the description of a parameter as `ros2 param describe` prints it.

@@ -70,21 +70,11 @@ pub enum Setting {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ArgsError {
     /// An argument is not understood.
-    #[error("--ros-args: '{argument}' {why}")]
-    Argument {
-        /// The argument.
-        argument: String,
-        /// Reason, with the possible values.
-        why: &'static str,
-    },
+    #[error("--ros-args: '{0}' {1}")]
+    Argument(String, &'static str),
     /// A parameter file is not there or not of the right shape.
-    #[error("parameter file {path}: {why}")]
-    File {
-        /// Path of the file.
-        path: String,
-        /// Description of the fault.
-        why: String,
-    },
+    #[error("parameter file {0}: {1}")]
+    File(String, String),
 }
 
 const RULE: &str = "is not a rule 'from:=to'";
@@ -127,7 +117,7 @@ impl RosArgs {
     }
 
     fn option(&mut self, flag: &str, value: Option<&String>) -> Result<(), ArgsError> {
-        let wrong = |why| ArgsError::Argument { argument: flag.to_owned(), why };
+        let wrong = |why| ArgsError::Argument(flag.to_owned(), why);
         let value = || value.ok_or(wrong("needs a value"));
         match flag {
             "-r" | "--remap" => self.remap(value()?),
@@ -164,7 +154,7 @@ impl RosArgs {
             "info" => "info",
             "warn" => "warn",
             "error" | "fatal" => "error",
-            _ => return Err(ArgsError::Argument { argument: rule.to_owned(), why: LEVEL }),
+            _ => return Err(ArgsError::Argument(rule.to_owned(), LEVEL)),
         };
         self.log_levels.push(LogLevel { logger, level });
         Ok(())
@@ -233,7 +223,7 @@ impl Remap {
 }
 
 fn split_rule(rule: &str) -> Result<(&str, &str), ArgsError> {
-    rule.split_once(":=").ok_or_else(|| ArgsError::Argument { argument: rule.to_owned(), why: RULE })
+    rule.split_once(":=").ok_or_else(|| ArgsError::Argument(rule.to_owned(), RULE))
 }
 
 /// `node:name` names a node, `rostopic://name` does not.

@@ -59,14 +59,11 @@ impl fmt::Display for EngineChoice {
 pub enum EngineError {
     /// ONNX Runtime was asked for and is not there.
     #[error(
-        "engine 'ort': no ONNX Runtime library found; looked at {looked}; \
+        "engine 'ort': no ONNX Runtime library found; looked at {0}; \
          install one (pip install onnxruntime) and set ORT_DYLIB_PATH to its libonnxruntime.so, \
          or set engine to rten"
     )]
-    NoLibrary {
-        /// The places, each with its fault.
-        looked: String,
-    },
+    NoLibrary(String),
     /// The file is not there, not readable or not a model of this engine.
     #[error("model '{model}': {engine} cannot load it: {why}")]
     Load {

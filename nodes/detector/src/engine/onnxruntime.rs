@@ -47,7 +47,7 @@ pub fn library() -> Result<Library, EngineError> {
             Err(why) => looked.push(format!("{} ({why})", place.display())),
         }
     }
-    Err(EngineError::NoLibrary { looked: looked.join(", ") })
+    Err(EngineError::NoLibrary(looked.join(", ")))
 }
 
 fn load(place: &Path) -> Result<Environment, String> {

@@ -347,7 +347,7 @@ impl Live<'_> {
                     add(&mut self.report.bad, topic, 1);
                 }
                 self.send_all(&output.messages);
-                Err(RunError::Fatal { node: self.report.node.clone(), why })
+                Err(RunError::Fatal(self.report.node.clone(), why))
             }
         }
     }
