@@ -73,10 +73,10 @@ impl BagReader {
         let mut files = Vec::new();
         for path in paths {
             let file = storage::open(&path, index)?;
-            warnings.extend(file.warnings().iter().cloned());
+            warnings.extend(file.summary().warnings.iter().cloned());
             files.push((path, file));
         }
-        files.sort_by_key(|(_, file)| file.span().map_or(u64::MAX, |(start, _)| start));
+        files.sort_by_key(|(_, file)| file.summary().span.map_or(u64::MAX, |(start, _)| start));
         Ok(Self { path: path.to_owned(), files, ros_distro, warnings })
     }
 
@@ -87,7 +87,7 @@ impl BagReader {
 
     /// Returns the storage's name in rosbag2: `mcap`, `sqlite3` or `rosbag_v2`.
     pub fn storage_id(&self) -> &'static str {
-        self.files.first().map_or("mcap", |(_, file)| file.id())
+        self.files.first().map_or("mcap", |(_, file)| file.summary().id)
     }
 
     /// Returns the files, by their first message.
@@ -97,7 +97,7 @@ impl BagReader {
 
     /// Returns the size of all files, bytes.
     pub fn size(&self) -> u64 {
-        self.files.iter().map(|(_, file)| file.size()).sum()
+        self.files.iter().map(|(_, file)| file.summary().size).sum()
     }
 
     /// Returns the ROS distribution that `metadata.yaml` names.
@@ -112,7 +112,7 @@ impl BagReader {
 
     /// Returns the first and last log time, ns since the epoch; `None` without messages.
     pub fn span(&self) -> Option<(u64, u64)> {
-        let spans = self.files.iter().filter_map(|(_, file)| file.span());
+        let spans = self.files.iter().filter_map(|(_, file)| file.summary().span);
         spans.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
     }
 
@@ -120,13 +120,13 @@ impl BagReader {
     /// name and type are one topic.
     pub fn topics(&self) -> Vec<TopicCount> {
         let mut topics: Vec<TopicCount> = Vec::new();
-        for counted in self.files.iter().flat_map(|(_, file)| file.topics()) {
+        for counted in self.files.iter().flat_map(|(_, file)| &file.summary().topics) {
             let same = |t: &&mut TopicCount| {
                 t.topic.name == counted.topic.name && t.topic.type_name == counted.topic.type_name
             };
             match topics.iter_mut().find(same) {
                 Some(known) => known.messages += counted.messages,
-                None => topics.push(counted),
+                None => topics.push(counted.clone()),
             }
         }
         topics
@@ -141,7 +141,7 @@ impl BagReader {
     pub fn messages(&self, selection: &Selection) -> Messages {
         let from = selection.start_ns.unwrap_or(0);
         let inputs = self.files.iter().filter_map(|(_, file)| {
-            let (start, _) = file.span().filter(|(_, end)| *end >= from)?;
+            let (start, _) = file.summary().span.filter(|(_, end)| *end >= from)?;
             let (file, selection) = (Arc::clone(file), selection.clone());
             Some(MergeInput { start, open: Box::new(move || file.messages(&selection)) })
         });

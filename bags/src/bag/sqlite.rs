@@ -7,7 +7,7 @@ use std::sync::Arc;
 use rusqlite::types::ValueRef;
 use rusqlite::{Connection, OpenFlags, Row};
 
-use super::storage::{Cursor, Storage};
+use super::storage::{Cursor, FileSummary, Storage};
 use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount};
 use crate::FileError;
 
@@ -18,10 +18,9 @@ const BATCH: u32 = 8;
 #[derive(Debug)]
 pub(super) struct SqliteFile {
     path: PathBuf,
-    size: u64,
-    span: Option<(u64, u64)>,
-    topics: Vec<(i64, TopicCount)>,
-    warnings: Vec<BagWarning>,
+    /// Numbers of the topics, in the order of the summary.
+    ids: Vec<i64>,
+    summary: FileSummary,
 }
 
 impl SqliteFile {
@@ -30,7 +29,9 @@ impl SqliteFile {
         let mut warnings = Vec::new();
         let read = connect(path).and_then(|file| Ok((topics(&file, path, &mut warnings)?, span(&file)?)));
         let (topics, span) = read.map_err(|e| broken(path, &e))?;
-        Ok(Self { path: path.to_owned(), size, span, topics, warnings })
+        let (ids, topics) = topics.into_iter().unzip();
+        let summary = FileSummary { id: "sqlite3", size, span, topics, warnings };
+        Ok(Self { path: path.to_owned(), ids, summary })
     }
 }
 
@@ -122,28 +123,13 @@ fn definitions(file: &Connection) -> rusqlite::Result<HashMap<String, (String, S
 }
 
 impl Storage for SqliteFile {
-    fn id(&self) -> &'static str {
-        "sqlite3"
-    }
-
-    fn size(&self) -> u64 {
-        self.size
-    }
-
-    fn span(&self) -> Option<(u64, u64)> {
-        self.span
-    }
-
-    fn topics(&self) -> Vec<TopicCount> {
-        self.topics.iter().map(|(_, counted)| counted.clone()).collect()
-    }
-
-    fn warnings(&self) -> &[BagWarning] {
-        &self.warnings
+    fn summary(&self) -> &FileSummary {
+        &self.summary
     }
 
     fn messages(self: Arc<Self>, selection: &Selection) -> Result<Option<Box<dyn Cursor>>, BagError> {
-        let wanted = self.topics.iter().filter(|(_, counted)| selection.has(&counted.topic.name));
+        let wanted = self.ids.iter().zip(&self.summary.topics);
+        let wanted = wanted.filter(|(_, counted)| selection.has(&counted.topic.name));
         let wanted: HashMap<_, _> = wanted.map(|(id, counted)| (*id, Arc::clone(&counted.topic))).collect();
         if wanted.is_empty() {
             return Ok(None);

@@ -15,22 +15,25 @@ use crate::FileError;
 /// File name extensions of bags.
 const EXTENSIONS: [&str; 3] = ["mcap", "db3", "bag"];
 
+/// The summary of one file of a bag.
+#[derive(Debug)]
+pub(super) struct FileSummary {
+    /// Name of the storage in rosbag2.
+    pub(super) id: &'static str,
+    /// Size in bytes.
+    pub(super) size: u64,
+    /// First and last log time, ns since the epoch; `None` without messages.
+    pub(super) span: Option<(u64, u64)>,
+    /// The topics with their counts, in the order of the file.
+    pub(super) topics: Vec<TopicCount>,
+    /// Problems of the file.
+    pub(super) warnings: Vec<BagWarning>,
+}
+
 /// An open file with a known index.
 pub(super) trait Storage: Debug + Send + Sync {
-    /// Returns the storage's name in rosbag2.
-    fn id(&self) -> &'static str;
-
-    /// Returns the size of the file in bytes.
-    fn size(&self) -> u64;
-
-    /// Returns the first and last log time, ns since the epoch; `None` without messages.
-    fn span(&self) -> Option<(u64, u64)>;
-
-    /// Returns the topics with their counts, as the file numbers them.
-    fn topics(&self) -> Vec<TopicCount>;
-
-    /// Returns the problems of this file.
-    fn warnings(&self) -> &[BagWarning];
+    /// Returns the summary of the file.
+    fn summary(&self) -> &FileSummary;
 
     /// Returns the selected messages; `None` when no topic is selected.
     fn messages(self: Arc<Self>, selection: &Selection) -> Result<Option<Box<dyn Cursor>>, BagError>;

@@ -13,7 +13,7 @@ use rosbag::{ChunkRecord, IndexRecord, MessageRecord, RosBag};
 
 use self::message::Convert;
 use super::merge::{Merge, MergeInput};
-use super::storage::{Cursor, Storage};
+use super::storage::{Cursor, FileSummary, Storage};
 use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount};
 use crate::FileError;
 
@@ -24,10 +24,9 @@ const HEADER: u64 = 8192;
 pub(super) struct Ros1File {
     path: PathBuf,
     bag: Arc<RosBag>,
-    size: u64,
     chunks: Vec<ChunkLocation>,
     connections: BTreeMap<u32, ConvertedConnection>,
-    warnings: Vec<BagWarning>,
+    summary: FileSummary,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -73,7 +72,13 @@ impl Ros1File {
             }
         }
         let chunks = index.chunks;
-        Ok(Self { path: path.to_owned(), bag: Arc::new(bag), size, chunks, connections, warnings })
+        let span = chunks.iter().map(|chunk| chunk.span).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
+        // Several connections may publish one topic.
+        let counted =
+            |c: &ConvertedConnection| TopicCount { topic: Arc::clone(&c.topic), messages: c.messages };
+        let topics = connections.values().map(counted).collect();
+        let summary = FileSummary { id: "rosbag_v2", size, span, topics, warnings };
+        Ok(Self { path: path.to_owned(), bag: Arc::new(bag), chunks, connections, summary })
     }
 }
 
@@ -125,33 +130,16 @@ fn convert(connection: &Connection<'_>) -> Result<(BagTopic, Convert), String> {
 
 impl std::fmt::Debug for Ros1File {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Ros1File").field("path", &self.path).field("size", &self.size).finish_non_exhaustive()
+        f.debug_struct("Ros1File")
+            .field("path", &self.path)
+            .field("summary", &self.summary)
+            .finish_non_exhaustive()
     }
 }
 
 impl Storage for Ros1File {
-    fn id(&self) -> &'static str {
-        "rosbag_v2"
-    }
-
-    fn size(&self) -> u64 {
-        self.size
-    }
-
-    fn span(&self) -> Option<(u64, u64)> {
-        let spans = self.chunks.iter().map(|chunk| chunk.span);
-        spans.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
-    }
-
-    /// Several connections may publish one topic.
-    fn topics(&self) -> Vec<TopicCount> {
-        let counted =
-            |c: &ConvertedConnection| TopicCount { topic: Arc::clone(&c.topic), messages: c.messages };
-        self.connections.values().map(counted).collect()
-    }
-
-    fn warnings(&self) -> &[BagWarning] {
-        &self.warnings
+    fn summary(&self) -> &FileSummary {
+        &self.summary
     }
 
     fn messages(self: Arc<Self>, selection: &Selection) -> Result<Option<Box<dyn Cursor>>, BagError> {

@@ -22,12 +22,6 @@ pub trait Engine: Send {
     /// # Errors
     /// [`EngineError::Run`] when the model cannot work on this input.
     fn run(&mut self, input: ArrayView4<'_, f32>) -> Result<Array2<f32>, EngineError>;
-
-    /// Returns `ort` or `rten`.
-    fn name(&self) -> &'static str;
-
-    /// Returns the input and output of the model.
-    fn layout(&self) -> &ModelLayout;
 }
 
 /// The requested engine.
@@ -128,6 +122,10 @@ pub struct Signature {
 pub struct OpenedEngine {
     /// The engine.
     pub engine: Box<dyn Engine>,
+    /// Name of the engine, `ort` or `rten`.
+    pub name: &'static str,
+    /// Input and output of the model.
+    pub layout: ModelLayout,
     /// Path of the library, or the reason why `auto` took rten.
     pub note: String,
 }
@@ -153,16 +151,17 @@ pub fn open(model: &Path, choice: EngineChoice, threads: NonZeroUsize) -> Result
         std::fs::File::open(model).map_err(|error| EngineError::load(model, "the system", error))?;
     }
     let with_rten = |note| {
-        let engine: Box<dyn Engine> = Box::new(rten::Rten::load(model, threads)?);
-        Ok(OpenedEngine { engine, note })
+        let (engine, layout) = rten::Rten::load(model, threads)?;
+        Ok(OpenedEngine { engine: Box::new(engine), name: rten::NAME, layout, note })
     };
     if choice == EngineChoice::Rten {
         return with_rten("as asked".to_owned());
     }
     match onnxruntime::library() {
         Ok(found) => {
-            let engine: Box<dyn Engine> = Box::new(onnxruntime::OnnxRuntime::load(model, threads, &found)?);
-            Ok(OpenedEngine { engine, note: found.place })
+            let (engine, layout) = onnxruntime::OnnxRuntime::load(model, threads, &found)?;
+            let engine = Box::new(engine);
+            Ok(OpenedEngine { engine, name: onnxruntime::NAME, layout, note: found.place })
         }
         Err(error) if choice == EngineChoice::OnnxRuntime => Err(error),
         Err(error) => {

@@ -15,7 +15,8 @@ use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
 use super::{Engine, EngineError, Signature, library};
 use crate::model::{ElementType, ModelLayout, TensorSpec, embedded};
 
-const NAME: &str = "ort";
+/// The word for this engine.
+pub const NAME: &str = "ort";
 
 /// A library that is loaded.
 #[derive(Clone)]
@@ -65,7 +66,7 @@ fn load(place: &Path) -> Result<Environment, String> {
 /// A model in ONNX Runtime.
 pub struct OnnxRuntime {
     session: Session,
-    layout: ModelLayout,
+    output: String,
 }
 
 impl OnnxRuntime {
@@ -73,11 +74,15 @@ impl OnnxRuntime {
     ///
     /// # Errors
     /// [`EngineError::Load`] or [`EngineError::Shape`].
-    pub fn load(model: &Path, threads: NonZeroUsize, library: &Library) -> Result<Self, EngineError> {
+    pub fn load(
+        model: &Path,
+        threads: NonZeroUsize,
+        library: &Library,
+    ) -> Result<(Self, ModelLayout), EngineError> {
         let session = session(model, threads, &library.environment)
             .map_err(|error| EngineError::load(model, NAME, error))?;
         let layout = ModelLayout::of(model, &signature(&session))?;
-        Ok(Self { session, layout })
+        Ok((Self { session, output: layout.output.clone() }, layout))
     }
 }
 
@@ -121,8 +126,8 @@ impl Engine for OnnxRuntime {
         let tensor = TensorRef::from_array_view(input).map_err(|error| failed(error.to_string()))?;
         let outputs = self.session.run(ort::inputs![tensor]).map_err(|error| failed(error.to_string()))?;
         let rows = outputs
-            .get(&self.layout.output)
-            .ok_or_else(|| failed(format!("no output '{}'", self.layout.output)))?
+            .get(&self.output)
+            .ok_or_else(|| failed(format!("no output '{}'", self.output)))?
             .try_extract_array::<f32>()
             .map_err(|error| failed(error.to_string()))?;
         let shape = rows.shape().to_vec();
@@ -132,13 +137,5 @@ impl Engine for OnnxRuntime {
             }
             _ => Err(failed(format!("output is {shape:?}, needed is [1, N, 6]"))),
         }
-    }
-
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn layout(&self) -> &ModelLayout {
-        &self.layout
     }
 }

@@ -10,12 +10,12 @@ use rten::{DataType, Dimension, Model, NodeId, RunOptions, ThreadPool, ValueType
 use super::{Engine, EngineError, Signature};
 use crate::model::{ElementType, ModelLayout, TensorSpec, embedded};
 
-const NAME: &str = "rten";
+/// The word for this engine.
+pub const NAME: &str = "rten";
 
 /// A model in rten.
 pub struct Rten {
     model: Model,
-    layout: ModelLayout,
     input: NodeId,
     output: NodeId,
     options: RunOptions,
@@ -26,7 +26,7 @@ impl Rten {
     ///
     /// # Errors
     /// [`EngineError::Load`] or [`EngineError::Shape`].
-    pub fn load(path: &Path, threads: NonZeroUsize) -> Result<Self, EngineError> {
+    pub fn load(path: &Path, threads: NonZeroUsize) -> Result<(Self, ModelLayout), EngineError> {
         let failed = |why: String| EngineError::load(path, NAME, why);
         let bytes = match embedded(path) {
             Some(bytes) => bytes.to_vec(),
@@ -38,7 +38,7 @@ impl Rten {
         let output = model.node_id(&layout.output).map_err(|error| failed(error.to_string()))?;
         let pool = Arc::new(ThreadPool::with_num_threads(threads.get()));
         let options = RunOptions::default().with_thread_pool(Some(pool));
-        Ok(Self { model, layout, input, output, options })
+        Ok((Self { model, input, output, options }, layout))
     }
 }
 
@@ -84,13 +84,5 @@ impl Engine for Rten {
             return Err(failed(format!("output is {shape:?}, needed is [1, N, 6]")));
         };
         Array2::from_shape_vec((count, 6), rows).map_err(|error| failed(error.to_string()))
-    }
-
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn layout(&self) -> &ModelLayout {
-        &self.layout
     }
 }

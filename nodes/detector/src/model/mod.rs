@@ -12,7 +12,7 @@ use std::path::Path;
 pub use names::ClassNames;
 pub use speed::{Speed, measure};
 
-use crate::engine::{self, EngineChoice, EngineError, Signature};
+use crate::engine::{self, EngineChoice, EngineError, OpenedEngine, Signature};
 use crate::error::DetectorError;
 
 /// Value of the parameter `model` for the embedded model; a file of that name is `./demo`.
@@ -154,13 +154,12 @@ pub struct ModelInfo {
 /// [`DetectorError::Engine`] as at the start of a detector.
 pub fn describe(model: &Path, engine: EngineChoice, threads: usize) -> Result<ModelInfo, DetectorError> {
     let threads = cores(threads);
-    let opened = engine::open(model, engine, threads)?;
-    let layout = opened.engine.layout();
+    let OpenedEngine { name, layout, note, .. } = engine::open(model, engine, threads)?;
     Ok(ModelInfo {
-        engine: opened.engine.name(),
-        note: opened.note.clone(),
-        input: layout.input.clone(),
-        output: layout.output.clone(),
+        engine: name,
+        note,
+        input: layout.input,
+        output: layout.output,
         size: layout.size,
         classes: layout.names.all(),
         threads: threads.get(),

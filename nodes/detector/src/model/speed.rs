@@ -6,8 +6,8 @@ use std::path::Path;
 use modulo_runtime::Clock;
 use ndarray::Array4;
 
-use super::cores;
-use crate::engine::{self, Engine, EngineChoice, EngineError};
+use super::{ModelLayout, cores};
+use crate::engine::{self, Engine, EngineChoice, EngineError, OpenedEngine};
 use crate::error::DetectorError;
 
 /// Runs before the first timed one: buffers grow and caches fill in them.
@@ -37,8 +37,8 @@ pub fn measure(
     runs: NonZeroUsize,
     clock: &dyn Clock,
 ) -> Result<Vec<Speed>, DetectorError> {
-    let mut engine = engine::open(model, engine, cores(threads))?.engine;
-    let fixed = engine.layout().size;
+    let OpenedEngine { mut engine, layout: ModelLayout { size: fixed, .. }, .. } =
+        engine::open(model, engine, cores(threads))?;
     let sizes = fixed.as_ref().map_or(sizes, std::slice::from_ref);
     let speed = |&(height, width): &(usize, usize)| {
         let median_ns = median(engine.as_mut(), (height, width), runs, clock)?;
