@@ -9,11 +9,9 @@ use modulo_bags::import::import_kitti;
 use modulo_bags::play::{PlayOptions, Player, Repeat};
 use modulo_bags::playback_clock::{PlaybackClock, PlaybackState};
 use modulo_bags::replay::{ReplayError, ReplayOptions, replay};
-use modulo_runtime::Stop;
 use modulo_runtime::driver::wait_until_ready;
-use modulo_runtime::end_on_signals;
 
-use super::{open_session, pairs, start_log, usage};
+use super::{open_session, pairs, start_log, stop_on_signals, usage};
 use crate::cli::bag::{Bag, BagCopy, BagImport, BagPlay, BagRecord, Form};
 use crate::{Ended, Failure};
 
@@ -68,12 +66,6 @@ fn loss<'a>(warnings: impl IntoIterator<Item = &'a BagWarning>) -> Ended {
         }
     }
     ended
-}
-
-fn stop_on_signals() -> Result<Stop, Failure> {
-    let stop = Stop::default();
-    end_on_signals(&stop).context("signal handlers")?;
-    Ok(stop)
 }
 
 fn record(args: &BagRecord) -> Result<Ended, Failure> {

@@ -31,5 +31,7 @@ pub fn chosen() -> Result<Hashes, Failure> {
 /// Reads the word of the option.
 pub fn parse(text: &str) -> Result<Hashes, Failure> {
     let found = Hashes::WORDS.into_iter().find(|(word, _)| *word == text);
-    found.map(|(_, hashes)| hashes).ok_or_else(|| usage(anyhow!("'{text}' is no hash: rihs01 and none are")))
+    found
+        .map(|(_, hashes)| hashes)
+        .ok_or_else(|| usage(anyhow!("'{text}' is not a form of type hashes: rihs01 and none are possible")))
 }

@@ -36,7 +36,7 @@ pub fn param(args: &Param) -> Result<Ended, Failure> {
     match args {
         Param::List { node: Some(node), param_type } => print_names(&transport, node, *param_type)?,
         Param::List { node: None, param_type } => {
-            for node in serving(&graph::calm(&transport)) {
+            for node in serving(&transport.settled_graph()) {
                 say!("{node}:");
                 print_names(&transport, &node, *param_type)?;
             }

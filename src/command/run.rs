@@ -4,14 +4,13 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use modulo_runtime::driver::live::{self, NodeSetup};
-use modulo_runtime::end_on_signals;
 use modulo_runtime::process::report_file::ReportFile;
 use modulo_runtime::process::saved_state::SavedState;
 use modulo_runtime::ros_args::{Logs, RosArgs};
 use modulo_runtime::rosout::{self, LogQueue};
-use modulo_runtime::{Descriptor, NodeName, Stop, SystemClock, launcher};
+use modulo_runtime::{Descriptor, NodeName, SystemClock, launcher};
 
-use super::{hash, open_session, start_log_with, usage};
+use super::{hash, open_session, start_log_with, stop_on_signals, usage};
 use crate::cli::Run;
 use crate::registry::{self, Kind};
 use crate::{Ended, Failure};
@@ -36,8 +35,7 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
     }
     let node_name = ros.node_name(kind.name).map_err(usage)?;
     let log = start_log(&ros, &node_name);
-    let stop = Stop::default();
-    end_on_signals(&stop).context("signal handlers")?;
+    let stop = stop_on_signals()?;
     launcher::end_with_launcher(&stop).context("watch of the launcher")?;
 
     let settings = ros.parameters_for(&node_name).map_err(usage)?;

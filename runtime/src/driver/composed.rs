@@ -54,7 +54,7 @@ impl Drop for AskOnDrop {
 /// The first member's [`RunError`].
 pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<Vec<NodeReport>, RunError> {
     if members.iter().any(|member| is_simulated(&member.parameters)) {
-        let why = "nobody in this one process tells the time on /clock; start the nodes as processes";
+        let why = "no node of a composed process publishes /clock; start the nodes as processes";
         return Err(ParameterError::new("use_sim_time", true, why).into());
     }
     let transport = LocalTransport::default();

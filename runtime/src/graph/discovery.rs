@@ -1,7 +1,8 @@
-//! The ROS graph as liveliness tokens draw it. Pure: it is fed keys that appear and disappear, and answers who is
-//! there.
+//! [`Graph`]: the ROS graph, made from the keys of liveliness tokens that appear and disappear. It knows no transport.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+
+use modulo_msgs::ros_name;
 
 use super::conflict::{self, Conflict};
 use crate::transport::keys::{EntityKind, Token};
@@ -36,7 +37,25 @@ impl Graph {
         self.tokens.remove(key);
     }
 
-    /// Every entity, in the order of its key.
+    /// Returns the fully qualified names of all nodes.
+    pub fn nodes(&self) -> BTreeSet<String> {
+        self.tokens().filter(|token| token.kind == EntityKind::Node).map(Token::node_name).collect()
+    }
+
+    /// Returns the topics that have a publisher or a subscription, each with its types.
+    pub fn topics(&self) -> BTreeMap<String, BTreeSet<String>> {
+        let mut topics: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+        for token in self.tokens() {
+            if let (EntityKind::Publisher | EntityKind::Subscription, Some(endpoint)) =
+                (token.kind, &token.endpoint)
+            {
+                topics.entry(endpoint.topic.clone()).or_default().insert(ros_name(&endpoint.dds_type));
+            }
+        }
+        topics
+    }
+
+    /// Returns every entity, in the order of its key.
     pub fn tokens(&self) -> impl Iterator<Item = &Token> {
         self.tokens.values()
     }

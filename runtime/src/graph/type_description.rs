@@ -29,7 +29,7 @@ pub fn answer(request: &[u8]) -> Result<Vec<u8>, CdrError> {
             type_description: description,
             ..Default::default()
         },
-        (None, _) => failed(format!("{name} is no type of this node")),
+        (None, _) => failed(format!("{name} is not a type of this node")),
     };
     cdr::to_vec(&response)
 }

@@ -78,7 +78,7 @@ pub enum ArgsError {
 }
 
 const RULE: &str = "is not a rule 'from:=to'";
-const LEVEL: &str = "is no log level; debug, info, warn, error, fatal and LOGGER:=LEVEL are possible";
+const LEVEL: &str = "is not a log level; debug, info, warn, error, fatal and LOGGER:=LEVEL are possible";
 const UNKNOWN: &str = "is unknown; -r, -p, --params-file, --log-level, --enclave, --log-config-file, \
                        --log-file-name and --enable|disable-rosout|stdout|external-lib-logs are possible";
 
@@ -287,7 +287,7 @@ mod tests {
             ("--ros-args --frobnicate", "--frobnicate' is unknown; -r, -p"),
             ("--ros-args -p angle=2", "angle=2"),
             ("--ros-args -r", "-r' needs a value"),
-            ("--ros-args --log-level loud", "loud' is no log level"),
+            ("--ros-args --log-level loud", "loud' is not a log level"),
             ("--ros-args angle:=2", "angle:=2' is unknown"),
         ] {
             let message = parse(line).expect_err("must be refused").to_string();

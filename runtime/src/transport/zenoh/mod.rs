@@ -4,6 +4,7 @@
 //! all others connect to it and learn of each other there. When it ends, the next new session takes its place. A router
 //! on port 7447 is used when there is one.
 
+mod listen;
 mod service;
 mod session;
 mod topic;
@@ -18,6 +19,7 @@ use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
 use zenoh::{Session, Wait};
 
+pub use listen::TopicListener;
 pub use service::{RawAnswer, RawService};
 pub use session::meeting_port;
 pub use topic::RawPublisher;

@@ -62,7 +62,7 @@ impl ZenohTransport {
             Some(other) => {
                 format!("the node has {}, this command {}", other.type_hash, asked.type_hash)
             }
-            None => "nobody answered; is the node there?".to_owned(),
+            None => "no node answered; is it running?".to_owned(),
         }
     }
 
