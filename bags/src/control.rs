@@ -1,7 +1,7 @@
 //! The services of a player, as `rosbag2_player` has them: from a request's bytes to a [`PlayerAction`], from its
 //! [`PlayerReply`] to a response's bytes.
 //!
-//! The replay itself carries a action out, between two messages.
+//! The replay itself carries an action out, between two messages.
 
 use std::sync::mpsc::{Sender, channel};
 
@@ -58,7 +58,7 @@ pub struct PlayerReply {
     pub rate: f64,
 }
 
-/// A action and where its answer goes.
+/// An action with the receiver of its reply.
 #[derive(Debug)]
 pub struct PlayerCommand {
     /// The requested action.

@@ -141,7 +141,7 @@ mod tests {
         };
         let node_name =
             NodeName::new("ros2_bridge", "/car", &[("old".into(), "/new".into())]).expect("valid");
-        BridgePlan::new(&parameters, &node_name).map_err(|refusal| refusal.to_string())
+        BridgePlan::new(&parameters, &node_name).map_err(|why| why.to_string())
     }
 
     #[test]

@@ -1,13 +1,13 @@
-//! [`Merge`]: the messages of several inputs, such as files, in one order of time. A input is opened only when its
+//! [`Merge`]: the messages of several inputs, such as files, in one order of time. An input is opened only when its
 //! first message may be next.
 
 use super::storage::Cursor;
 use super::{BagError, RawMessage};
 
-/// Opens a input; `None` when nothing of it is wanted.
+/// Opens an input; `None` when no message of it is selected.
 type OpenInput = Box<dyn FnOnce() -> Result<Option<Box<dyn Cursor>>, BagError> + Send>;
 
-/// A input that is not open yet.
+/// An input that is not open yet.
 pub(super) struct MergeInput {
     /// No message of it is earlier, ns since the epoch.
     pub(super) start: u64,
@@ -26,10 +26,10 @@ struct OpenedInput {
 
 /// Several inputs as one.
 pub(super) struct Merge {
-    /// Parts that are still closed, the earliest last.
+    /// Inputs that are still closed, the earliest last.
     closed: Vec<MergeInput>,
     open: Vec<OpenedInput>,
-    /// The error that ended a input; it comes after the message that was returned last.
+    /// The error that ended an input; it comes after the message that was returned last.
     broken: Option<BagError>,
 }
 

@@ -139,7 +139,7 @@ mod tests {
         file.write_all(map.as_bytes()).expect("written");
         let path = if map.is_empty() { "" } else { file.path().to_str().expect("a path") };
         let wanted: Vec<_> = wanted.iter().map(|name| (*name).to_owned()).collect();
-        Classes::new(&names(), path, &wanted, None).map_err(|refusal| refusal.to_string())
+        Classes::new(&names(), path, &wanted, None).map_err(|why| why.to_string())
     }
 
     #[test]

@@ -29,7 +29,7 @@ modulo_runtime::parameters! {
         /// Size of the model's input in px: auto (padded to multiples of 32, never resized) or WIDTHxHEIGHT (centred,
         /// never enlarged).
         input_size: String = "auto".to_owned(),
-        /// ClassNames of the classes to publish, as they are called after class_map. Empty: all classes.
+        /// Names of the classes to publish, as they are called after class_map. Empty: all classes.
         classes: Vec<String> = Vec::new(),
         /// Path of a file with lines 'from: to' that renames classes and drops all others. Empty: no renaming.
         class_map: String = String::new(),

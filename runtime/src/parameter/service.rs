@@ -90,7 +90,7 @@ fn set(parameters: Vec<Parameter>, port: &ParameterPort) -> SetParametersResult 
     let verdict = change(parameters, port);
     SetParametersResult {
         successful: verdict.is_ok(),
-        reason: verdict.err().map_or_else(String::new, |refusal| refusal.to_string()),
+        reason: verdict.err().map_or_else(String::new, |why| why.to_string()),
     }
 }
 

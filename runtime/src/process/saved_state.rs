@@ -42,8 +42,8 @@ impl SavedState {
                     tracing::info!("parameter {} = {} again, as before the crash", change.0, change.1);
                     next
                 }
-                Err(refusal) => {
-                    tracing::warn!("of before the crash, {refusal}");
+                Err(why) => {
+                    tracing::warn!("a parameter from before the crash is not restored: {why}");
                     set
                 }
             }

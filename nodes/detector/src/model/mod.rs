@@ -62,7 +62,7 @@ impl fmt::Display for TensorSpec {
     }
 }
 
-/// ClassNames and sizes of a model that this node can read.
+/// Names and sizes of a model that this node can read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ModelLayout {
     /// Name of the image input.
