@@ -7,30 +7,23 @@ pub mod graph;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 use modulo_detector::EngineChoice;
+use modulo_eval::grid::words;
+use modulo_runtime::transport::keys::Hashes;
 
 /// See in extreme light: a modulo camera, its unwrapping and a detector as a
 /// ROS-style node suite.
 #[derive(Parser)]
 #[command(name = "modulo", version, arg_required_else_help = true)]
 pub struct Cli {
-    /// What stands in topic keys for the hash of a type; none for ROS 2 Humble
+    /// Form of type hashes in topic keys: rihs01 as ROS 2 writes them since Iron, or none for ROS 2 Humble
     /// [default: MODULO_TYPE_HASH, else rihs01]
-    #[arg(long, global = true, value_enum)]
-    pub hash: Option<Hash>,
+    #[arg(long, global = true, value_parser = words(Hashes::WORDS))]
+    pub hash: Option<Hashes>,
     /// What to do.
     #[command(subcommand)]
     pub command: Command,
-}
-
-/// What stands in topic keys for the hash of a type.
-#[derive(Clone, Copy, ValueEnum)]
-pub enum Hash {
-    /// The hash, as ROS 2 writes it since Iron
-    Rihs01,
-    /// TypeHashNotSupported, as ROS 2 Humble writes it
-    None,
 }
 
 /// What to do.
@@ -60,16 +53,16 @@ pub enum Command {
     /// Read and set parameters of running nodes
     #[command(subcommand)]
     Param(Param),
-    /// List topics, show what is on them and how fast
+    /// List topics, print their messages and rates
     #[command(subcommand)]
     Topic(graph::Topic),
-    /// List nodes, show what they publish, read and serve
+    /// List nodes, print their publishers, subscriptions and services
     #[command(subcommand)]
     Node(graph::Node),
-    /// Fetch official detection models, check any
+    /// Fetch official detection models, or check a model
     #[command(subcommand)]
     Model(Model),
-    /// Say which engine is used, how to get the faster one and how nodes meet
+    /// Print the chosen inference engine, how to get a faster one, and how nodes meet
     Doctor,
 }
 
@@ -103,7 +96,7 @@ pub struct Launch {
 /// `modulo run`
 #[derive(Args)]
 pub struct Run {
-    /// modulo_camera, unwrap or detector
+    /// Name of the node: modulo_camera, unwrap or detector
     pub node: String,
     /// --ros-args ... as ROS 2 writes them, or --help
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
@@ -125,42 +118,42 @@ pub enum Bench {
 /// `modulo param`
 #[derive(Subcommand)]
 pub enum Param {
-    /// Names of a node's parameters, of all nodes without one
+    /// List the parameters of a node, or of all nodes
     List {
         /// Fully qualified node name, such as /detector
         node: Option<String>,
-        /// With their types
+        /// Also print the types
         #[arg(long)]
         param_type: bool,
     },
-    /// One value
+    /// Print the value of a parameter
     Get {
         /// Fully qualified node name
         node: String,
-        /// Parameter
+        /// Name of the parameter
         name: String,
-        /// The value alone
+        /// Print the value without its type
         #[arg(long)]
         hide_type: bool,
     },
-    /// Type, meaning and range of parameters
+    /// Print the type, meaning and range of parameters
     Describe {
         /// Fully qualified node name
         node: String,
-        /// Parameters
+        /// Names of the parameters
         #[arg(required = true)]
         names: Vec<String>,
     },
-    /// All values as a file for --params-file
+    /// Print all values as a file for --params-file
     Dump {
         /// Fully qualified node name
         node: String,
     },
-    /// Change one value; the node may refuse
+    /// Change the value of a parameter, which the node may refuse
     Set {
         /// Fully qualified node name
         node: String,
-        /// Parameter
+        /// Name of the parameter
         name: String,
         /// New value
         #[arg(allow_hyphen_values = true)]
@@ -173,22 +166,22 @@ pub enum Param {
 pub enum Model {
     /// Download an official YOLOv10 export, checked by sha256 (weights: AGPL-3.0)
     Fetch(ModelFetch),
-    /// Say what a model takes and gives, on which engine, and how fast it is
+    /// Print the input, output, engine and speed of a model
     Check(ModelCheck),
 }
 
 /// `modulo model fetch`
 #[derive(Args)]
 pub struct ModelFetch {
-    /// yolov10n, yolov10s, yolov10m, yolov10b, yolov10l or yolov10x
+    /// Name of the export: yolov10n, yolov10s, yolov10m, yolov10b, yolov10l or yolov10x
     pub name: String,
-    /// Folder for NAME.onnx
+    /// Folder for the file NAME.onnx
     #[arg(short, long, value_name = "FOLDER", default_value = "./")]
     pub out: PathBuf,
-    /// Another address of the file, such as a mirror's
+    /// Another URL of the file, such as that of a mirror
     #[arg(long)]
     pub url: Option<String>,
-    /// sha256 that the file must have, instead of the one known here
+    /// Expected sha256 of the file, in place of the known one
     #[arg(long, value_name = "HEX")]
     pub sha256: Option<String>,
 }
@@ -196,10 +189,10 @@ pub struct ModelFetch {
 /// `modulo model check`
 #[derive(Args)]
 pub struct ModelCheck {
-    /// ONNX file
+    /// Path of the ONNX file
     pub file: PathBuf,
     /// Inference engine: ONNX Runtime (ort), rten, or auto for ONNX Runtime where its library is found, and rten elsewhere
-    #[arg(long, default_value = "auto", value_parser = modulo_eval::grid::engine_parser())]
+    #[arg(long, default_value = "auto", value_parser = words(EngineChoice::WORDS))]
     pub engine: EngineChoice,
 }
 

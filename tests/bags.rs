@@ -339,6 +339,30 @@ fn a_replay_is_toggled_cut_and_repeated() {
     assert_eq!(time.try_iter().count(), 0, "no time without --clock");
 }
 
+/// A folder of two files in which /data has two types: each type has its own publisher.
+#[test]
+fn a_topic_of_two_types_is_replayed_with_both() {
+    const CAMERA_INFO: &str = "sensor_msgs/msg/CameraInfo";
+    let bench = Bench::new();
+    let remote = Remote::new(bench.domain.id);
+    let source = bench.path("source");
+    std::fs::create_dir(&source).expect("a folder");
+    for (number, type_name) in [IMAGE, CAMERA_INFO].into_iter().enumerate() {
+        let part = bench.path(&format!("part_{number}"));
+        let mut bag = BagWriter::create(&part, Compression::None).expect("a new bag");
+        let topic = bag.topic(&BagTopic::new("/data", type_name, Qos::Images)).expect("a topic");
+        bag.write(topic, START, START, &[0, 1, 0, 0, number as u8, 0, 0, 0]).expect("writable");
+        bag.finish().expect("writable");
+        let name = format!("part_{number}_0.mcap");
+        std::fs::rename(part.join(&name), source.join(&name)).expect("moved");
+    }
+    let listeners = [IMAGE, CAMERA_INFO].map(|type_name| remote.listen("/data", type_name, Qos::Images));
+    let output = bench.run(&["bag", "play", utf8(&source)]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    assert!(text(&output).contains("/data: 2 messages"), "{}", text(&output));
+    assert_eq!(listeners.map(|(_guard, samples)| arrived(&samples)), [[0], [1]]);
+}
+
 #[test]
 fn impossible_options_are_refused() {
     let bench = Bench::new();

@@ -190,7 +190,7 @@ fn wrong_ros_arguments_end_with_exit_code_2_and_one_line() {
         (&["-p", "alpha:=wide"], "wide: is not a double"),
         (&["-p", "alpha:=-1"], "'alpha' = -1: must be a finite number in 0 to 256"),
         (&["-p", "alhpa:=2"], "unknown parameter"),
-        (&["--log-level", "loud"], "is no log level"),
+        (&["--log-level", "loud"], "is not a log level"),
         (&["--params-file", "/no/such.yaml"], "/no/such.yaml"),
         (&["--params-file", file], "wide: is not a double"),
         (&["-r", "__node:=1st"], "'1st' is not a ROS name"),

@@ -70,7 +70,7 @@ fn stamps_follow_the_clock_topic_while_use_sim_time_is_on() {
 
     let told = Time { sec: 42, nanosec: 500_000_000 };
     wait_until("the camera on /clock", || clock.wanted());
-    clock.put(&Message::Clock(rosgraph_msgs::Clock { clock: told })).expect("sent");
+    clock.put(&Message::Clock(rosgraph_msgs::Clock { clock: told }.into())).expect("sent");
     images.until("an image of the simulated time", |image| stamp_of(image) == told);
 
     let off = bench.run(&["param", "set", "/modulo_camera", "use_sim_time", "false"]);

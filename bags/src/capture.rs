@@ -1,5 +1,4 @@
-//! Recording from a running graph: every topic that appears is subscribed and
-//! written as it comes, without decoding.
+//! Recording from a running graph: every topic that appears is subscribed and written as it comes, without decoding.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -11,26 +10,24 @@ use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::transport::{Guard, RawSample, Transport, TransportError};
 use modulo_runtime::{Clock, NodeName, Stop, Urgency};
 
-use crate::bag::{BagError, BagTopic, TopicCount};
-use crate::record::Recorder;
+use crate::bag::{BagError, BagTopic, BagWriter, TopicCount};
 
 /// The name of the node in ROS 2, too.
 const NODE: &str = "rosbag2_recorder";
-/// How often the graph is looked at for new topics.
+/// Interval at which the graph is searched for new topics.
 const GLANCE_NS: u64 = 50_000_000;
-/// Samples that wait for the disk. As rosbag2's cache of 100 MiB, and bounded in
-/// number for topics of tiny messages.
+/// Samples that wait for the disk. As rosbag2's cache of 100 MiB, and bounded in number for topics of tiny messages.
 const WAITING: Limit = Limit { messages: 1 << 20, bytes: 100 << 20 };
 /// After a stop, samples that wait are written for this long; the rest is lost and counted.
 const LAST_WRITES_NS: u64 = 250_000_000;
 
-/// Why a recording failed.
+/// Error: a recording failed.
 #[derive(Debug, thiserror::Error)]
 pub enum CaptureError {
-    /// The bag.
+    /// The bag cannot be written.
     #[error(transparent)]
     Bag(#[from] BagError),
-    /// The wire.
+    /// The transport failed.
     #[error(transparent)]
     Transport(#[from] TransportError),
 }
@@ -40,21 +37,20 @@ pub enum CaptureError {
 pub struct Captured {
     /// Topics with their counts.
     pub topics: Vec<TopicCount>,
-    /// Messages that were sent but are not in the bag, by topic: lost on the way
-    /// here, or dropped because the disk was too slow.
+    /// Messages that were sent but are not in the bag, by topic: lost on the way here, or dropped because the disk was
+    /// too slow.
     pub lost: BTreeMap<String, u64>,
 }
 
-/// Records `topics` (`None`: all) of the graph of `transport` until `stop`. Samples
-/// wait for the disk in bounded memory; those for which there is no room are
-/// dropped and counted.
+/// Records `topics` (`None`: all) of the graph of `transport` until `stop`. Samples wait for the disk in bounded
+/// memory; those for which there is no room are dropped and counted.
 ///
 /// # Errors
 /// [`CaptureError`] when a topic cannot be subscribed or the disk is full.
 pub fn capture(
     transport: &ZenohTransport,
     clock: &Arc<dyn Clock>,
-    recorder: Recorder,
+    recorder: BagWriter,
     topics: Option<&[String]>,
     stop: &Stop,
 ) -> Result<Captured, CaptureError> {
@@ -87,7 +83,7 @@ pub fn capture(
 struct Capture<'a> {
     transport: &'a ZenohTransport,
     node_name: NodeName,
-    recorder: Recorder,
+    recorder: BagWriter,
     queue: Arc<Queue<RawSample>>,
     /// Topic and type hash of each subscription, and of those that are refused.
     known: BTreeSet<(String, String)>,
@@ -113,13 +109,13 @@ impl Capture<'_> {
                     topic.type_name
                 );
             }
-            match self.recorder.announce(&topic) {
+            match self.recorder.topic(&topic) {
                 // One publisher that is wrong must not end the recording of all others.
                 Err(why @ BagError::TypeConflict { .. }) => {
                     tracing::warn!("{why}: not recorded");
                     continue;
                 }
-                announced => announced?,
+                added => drop(added?),
             }
             let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::All));
             self.lanes.insert(lane, topic);
@@ -129,8 +125,7 @@ impl Capture<'_> {
         Ok(())
     }
 
-    /// Writes the sample that arrived first; waits at most `patience` for one.
-    /// Returns whether there was one.
+    /// Writes the sample that arrived first; waits at most `patience` for one. Returns whether there was one.
     fn write_next(&mut self, patience: Duration) -> Result<bool, BagError> {
         let Next::Item(Arrived { lane, stamp_ns, item }) = self.queue.take(Some(patience)) else {
             return Ok(false);
@@ -141,24 +136,24 @@ impl Capture<'_> {
         Ok(true)
     }
 
-    /// Ends the subscriptions, writes what waits, within limits, and completes the bag.
+    /// Ends the subscriptions, writes waiting samples within a time limit, and completes the bag.
     fn finish(mut self, clock: &dyn Clock) -> Result<Captured, CaptureError> {
         self.guards.clear();
         let end = clock.ticks_ns() + LAST_WRITES_NS;
         while clock.ticks_ns() < end && self.write_next(Duration::ZERO)? {}
         let mut lost = BTreeMap::new();
         for (lane, topic) in &self.lanes {
-            let tally = self.queue.close(*lane);
-            if tally.lost() + tally.unread > 0 {
-                *lost.entry(topic.name.clone()).or_default() += tally.lost() + tally.unread;
+            let counts = self.queue.close(*lane);
+            if counts.lost() + counts.unread > 0 {
+                *lost.entry(topic.name.clone()).or_default() += counts.lost() + counts.unread;
             }
         }
         Ok(Captured { topics: self.recorder.finish()?, lost })
     }
 }
 
-/// Whether ROS 2 hides `topic`: a part of its name begins with an underscore. As
-/// `ros2 bag record --all` does, such topics are only recorded by name.
+/// Returns whether ROS 2 hides `topic`: a part of its name begins with an underscore. As `ros2 bag record --all` does,
+/// such topics are only recorded by name.
 fn is_hidden(topic: &str) -> bool {
     topic.split('/').any(|part| part.starts_with('_'))
 }

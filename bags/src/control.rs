@@ -1,7 +1,7 @@
-//! The services of a player, as `rosbag2_player` has them: from a request's
-//! bytes to a [`Command`], from its [`Answer`] to a response's bytes.
+//! The services of a player, as `rosbag2_player` has them: from a request's bytes to a [`PlayerAction`], from its
+//! [`PlayerReply`] to a response's bytes.
 //!
-//! The replay itself carries a command out, between two messages.
+//! The replay itself carries an action out, between two messages.
 
 use std::sync::mpsc::{Sender, channel};
 
@@ -13,37 +13,29 @@ use modulo_msgs::rosbag2_interfaces::{
 
 use modulo_runtime::queue::Queued;
 
-use crate::pace::Motion;
+use crate::playback_clock::PlaybackState;
 
-/// A service of the player.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Service {
-    /// `~/pause`
-    Pause,
-    /// `~/resume`
-    Resume,
-    /// `~/toggle_paused`
-    TogglePaused,
-    /// `~/is_paused`
-    IsPaused,
-    /// `~/get_rate`
-    GetRate,
-    /// `~/set_rate`
-    SetRate,
-    /// `~/play_next`
-    PlayNext,
-    /// `~/burst`
-    Burst,
-    /// `~/seek`
-    Seek,
+modulo_runtime::services! {
+    /// The services of a player.
+    pub enum Service in "rosbag2_interfaces" {
+        Pause = "pause",
+        Resume = "resume",
+        TogglePaused = "toggle_paused",
+        IsPaused = "is_paused",
+        GetRate = "get_rate",
+        SetRate = "set_rate",
+        PlayNext = "play_next",
+        Burst = "burst",
+        Seek = "seek",
+    }
 }
 
-/// What the replay is asked to do.
+/// A request to the replay.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Command {
+pub enum PlayerAction {
     /// Stop, or go on; `None`: the other of the two.
-    Move(Option<Motion>),
-    /// Only say how it goes on.
+    Move(Option<PlaybackState>),
+    /// Only report the state.
     Tell,
     /// Change the speed.
     SetRate(f64),
@@ -53,31 +45,31 @@ pub enum Command {
     Seek(u64),
 }
 
-/// What the replay says when it has carried out a command.
+/// The result of an action.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Answer {
+pub struct PlayerReply {
     /// Whether it was possible.
     pub done: bool,
-    /// How many messages were played at once.
+    /// Number of messages that were played at once.
     pub played: u64,
     /// Whether it goes on now.
-    pub motion: Motion,
-    /// Speed now.
+    pub state: PlaybackState,
+    /// Current speed.
     pub rate: f64,
 }
 
-/// A command and where its answer goes.
+/// An action with the receiver of its reply.
 #[derive(Debug)]
-pub struct Order {
-    /// What to do.
-    pub command: Command,
-    /// Who asked.
-    pub answer: Sender<Answer>,
+pub struct PlayerCommand {
+    /// The requested action.
+    pub action: PlayerAction,
+    /// Receiver of the reply.
+    pub answer: Sender<PlayerReply>,
 }
 
-impl Queued for Order {}
+impl Queued for PlayerCommand {}
 
-/// Why a call gets no response.
+/// Error: a call gets no response.
 #[derive(Debug, thiserror::Error)]
 pub enum ServiceError {
     /// A request that cannot be read.
@@ -89,75 +81,46 @@ pub enum ServiceError {
 }
 
 impl Service {
-    /// All of them.
-    pub const ALL: [Self; 9] = [
-        Self::Pause,
-        Self::Resume,
-        Self::TogglePaused,
-        Self::IsPaused,
-        Self::GetRate,
-        Self::SetRate,
-        Self::PlayNext,
-        Self::Burst,
-        Self::Seek,
-    ];
-
-    /// Name below the node's, and ROS type.
-    pub fn name_and_type(self) -> (&'static str, &'static str) {
-        match self {
-            Self::Pause => ("pause", "rosbag2_interfaces/srv/Pause"),
-            Self::Resume => ("resume", "rosbag2_interfaces/srv/Resume"),
-            Self::TogglePaused => ("toggle_paused", "rosbag2_interfaces/srv/TogglePaused"),
-            Self::IsPaused => ("is_paused", "rosbag2_interfaces/srv/IsPaused"),
-            Self::GetRate => ("get_rate", "rosbag2_interfaces/srv/GetRate"),
-            Self::SetRate => ("set_rate", "rosbag2_interfaces/srv/SetRate"),
-            Self::PlayNext => ("play_next", "rosbag2_interfaces/srv/PlayNext"),
-            Self::Burst => ("burst", "rosbag2_interfaces/srv/Burst"),
-            Self::Seek => ("seek", "rosbag2_interfaces/srv/Seek"),
-        }
-    }
-
-    /// Hands `request` to the replay with `give`, which returns whether the replay took it, and
-    /// waits for the answer.
+    /// Hands `request` to the replay with `give`, which returns whether the replay took it, and waits for the answer.
     ///
     /// # Errors
-    /// [`ServiceError`] when the request cannot be read, or nobody answers.
-    pub fn call(self, request: &[u8], give: &dyn Fn(Order) -> bool) -> Result<Vec<u8>, ServiceError> {
+    /// [`ServiceError`] when the request cannot be read, or the replay has ended.
+    pub fn call(self, request: &[u8], give: &dyn Fn(PlayerCommand) -> bool) -> Result<Vec<u8>, ServiceError> {
         let (answer, answered) = channel();
-        let command = self.command(request)?;
-        if !give(Order { command, answer }) {
+        let action = self.action(request)?;
+        if !give(PlayerCommand { action, answer }) {
             return Err(ServiceError::Ended);
         }
         Ok(self.response(answered.recv().map_err(|_| ServiceError::Ended)?)?)
     }
 
-    /// What `request` asks for.
+    /// Returns the action that `request` asks for.
     ///
     /// # Errors
     /// [`CdrError`] when it cannot be read.
-    pub fn command(self, request: &[u8]) -> Result<Command, CdrError> {
+    pub fn action(self, request: &[u8]) -> Result<PlayerAction, CdrError> {
         Ok(match self {
-            Self::Pause => Command::Move(Some(Motion::Paused)),
-            Self::Resume => Command::Move(Some(Motion::Running)),
-            Self::TogglePaused => Command::Move(None),
-            Self::IsPaused | Self::GetRate => Command::Tell,
-            Self::SetRate => Command::SetRate(cdr::from_slice::<SetRateRequest>(request)?.rate),
-            Self::PlayNext => Command::Step(Some(1)),
+            Self::Pause => PlayerAction::Move(Some(PlaybackState::Paused)),
+            Self::Resume => PlayerAction::Move(Some(PlaybackState::Running)),
+            Self::TogglePaused => PlayerAction::Move(None),
+            Self::IsPaused | Self::GetRate => PlayerAction::Tell,
+            Self::SetRate => PlayerAction::SetRate(cdr::from_slice::<SetRateRequest>(request)?.rate),
+            Self::PlayNext => PlayerAction::Step(Some(1)),
             Self::Burst => {
                 let number = cdr::from_slice::<BurstRequest>(request)?.num_messages;
-                Command::Step((number > 0).then_some(number))
+                PlayerAction::Step((number > 0).then_some(number))
             }
-            Self::Seek => Command::Seek(cdr::from_slice::<SeekRequest>(request)?.time.as_ns()),
+            Self::Seek => PlayerAction::Seek(cdr::from_slice::<SeekRequest>(request)?.time.as_ns()),
         })
     }
 
-    fn response(self, answer: Answer) -> Result<Vec<u8>, CdrError> {
-        let Answer { done: success, played: actually_burst, motion, rate } = answer;
+    fn response(self, answer: PlayerReply) -> Result<Vec<u8>, CdrError> {
+        let PlayerReply { done: success, played: actually_burst, state, rate } = answer;
         match self {
             Self::Pause => cdr::to_vec(&PauseResponse),
             Self::Resume => cdr::to_vec(&ResumeResponse),
             Self::TogglePaused => cdr::to_vec(&TogglePausedResponse),
-            Self::IsPaused => cdr::to_vec(&IsPausedResponse { paused: motion == Motion::Paused }),
+            Self::IsPaused => cdr::to_vec(&IsPausedResponse { paused: state == PlaybackState::Paused }),
             Self::GetRate => cdr::to_vec(&GetRateResponse { rate }),
             Self::SetRate => cdr::to_vec(&SetRateResponse { success }),
             Self::PlayNext => cdr::to_vec(&PlayNextResponse { success }),

@@ -1,32 +1,43 @@
-//! Recorded frames of every kind: folders of images, KITTI, and rosbag2 MCAP
-//! bags, read and written.
+//! Recorded frames of every kind: folders of images, KITTI, and rosbag2 MCAP bags, read and written.
 //!
-//! Nothing here reads a clock of its own, opens a connection or knows of any
-//! node: `capture` and `replay` are lent a transport and a clock.
+//! Nothing here reads a clock of its own, opens a connection or knows of any node: `capture` and `replay` are lent a
+//! transport and a clock.
 
 pub mod bag;
 pub mod capture;
 pub mod control;
-mod file_error;
 pub mod import;
-pub mod pace;
 pub mod play;
-pub mod record;
+pub mod playback_clock;
 pub mod replay;
 pub mod source;
 
-use std::path::{Component, Path};
+use std::path::{Component, Path, PathBuf};
 
-pub use file_error::FileError;
-
-/// Where recorded images are in a bag that was imported here.
+/// Topic of the images in a bag that was imported here.
 pub const IMAGE_TOPIC: &str = "/camera/image_raw";
 
-/// Where labels are in a bag, as `vision_msgs/msg/Detection2DArray` with the
-/// stamps of the images.
+/// Topic of the labels in a bag: `vision_msgs/msg/Detection2DArray` with the stamps of the images.
 pub const GROUND_TRUTH_TOPIC: &str = "/ground_truth";
 
-/// Whether `path`, which a recording or a data set names, stays inside the folder that it is relative to.
+/// Returns whether `path`, which a recording or a data set names, stays inside the folder that it is relative to.
 fn stays_inside(path: &Path) -> bool {
     path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+}
+
+/// Error: the system does not read or write a file or folder.
+#[derive(Debug, thiserror::Error)]
+#[error("{}: {source}", path.display())]
+pub struct FileError {
+    /// The file or folder.
+    pub path: PathBuf,
+    /// The error of the system.
+    pub source: std::io::Error,
+}
+
+impl FileError {
+    /// Returns the error `source` of the file or folder `path`.
+    pub fn new(path: &Path, source: std::io::Error) -> Self {
+        Self { path: path.to_owned(), source }
+    }
 }

@@ -1,8 +1,6 @@
-//! [`Player`]: messages of a bag, each with its place on the timeline of the
-//! replay.
+//! [`Player`]: messages of a bag, each with its place on the timeline of the replay.
 //!
-//! The caller owns clock and transport: it waits until a message is due and
-//! sends the payload as it is.
+//! The caller owns clock and transport: it waits until a message is due and sends the payload as it is.
 
 use std::time::Duration;
 
@@ -10,7 +8,7 @@ use modulo_runtime::clock::nanos;
 
 use crate::bag::{BagError, BagReader, Messages, RawMessage, Selection};
 
-/// What happens at the end of the bag.
+/// The behaviour at the end of the bag.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Repeat {
     /// The replay ends.
@@ -20,28 +18,25 @@ pub enum Repeat {
     Forever,
 }
 
-/// What of a bag is replayed.
+/// The part of a bag that is replayed.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PlayOptions {
     /// Bag time that is left out at the start, and at each repetition.
     pub start_offset: Duration,
     /// Bag time that is played; `None` is all of it.
     pub duration: Option<Duration>,
-    /// What happens at the end.
+    /// Behaviour at the end of the bag.
     pub repeat: Repeat,
     /// Names of topics; `None` is all of them.
     pub topics: Option<Vec<String>>,
 }
 
-/// Why a replay is not possible.
+/// Error: a replay is not possible.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PlayError {
-    /// A rate that is no speed.
-    #[error("rate = {rate}: must be a finite number above 0")]
-    Rate {
-        /// The value that was offered.
-        rate: f64,
-    },
+    /// The rate is not finite and positive.
+    #[error("rate = {0}: must be a finite number above 0")]
+    Rate(f64),
     /// A start behind the end of the bag.
     #[error("start offset = {offset:?}: the bag lasts {duration:?}")]
     StartOffset {
@@ -54,9 +49,8 @@ pub enum PlayError {
 
 /// A message and when to send it.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Due {
-    /// Position on the timeline of the replay, ns: bag time since its start,
-    /// rounds one after the other.
+pub struct NextMessage {
+    /// Position on the timeline of the replay, ns: bag time since its start, rounds one after the other.
     pub position: u64,
     /// Topic, log time and payload.
     pub message: RawMessage,
@@ -97,15 +91,15 @@ impl Player {
         Ok(Self { bag, selection, messages, repeat, window, began: 0, heard: false, left_out: 0 })
     }
 
-    /// The next message that can be read; `None` at the end, and after an error.
-    pub fn next_due(&mut self) -> Option<Result<Due, BagError>> {
+    /// Returns the next message that can be read; `None` at the end, and after an error.
+    pub fn next_message(&mut self) -> Option<Result<NextMessage, BagError>> {
         let (start, end) = self.window;
         loop {
             match self.messages.next() {
                 Some(Ok(message)) if message.log_time <= end => {
                     self.heard = true;
                     let position = self.began.saturating_add(message.log_time.saturating_sub(start));
-                    return Some(Ok(Due { position, message }));
+                    return Some(Ok(NextMessage { position, message }));
                 }
                 Some(Err(bad @ BagError::BadMessage { .. })) => {
                     tracing::warn!("{bad}");
@@ -125,8 +119,8 @@ impl Player {
         }
     }
 
-    /// Goes on at `log_time`, ns since the epoch; the position of that moment,
-    /// or `None` when it is not within the round.
+    /// Goes on at `log_time`, ns since the epoch; the position of that moment, or `None` when it is not within the
+    /// round.
     pub fn seek(&mut self, log_time: u64) -> Option<u64> {
         let (start, end) = self.window;
         if !(start..=end).contains(&log_time) {
@@ -135,12 +129,12 @@ impl Player {
         let selection = Selection { start_ns: Some(log_time), ..self.selection.clone() };
         self.messages = self.bag.messages(&selection);
         self.began = 0;
-        // What is left of this round may hold nothing; the next one does not.
+        // The rest of this round may be empty, but the next round is not.
         self.heard = true;
         Some(log_time - start)
     }
 
-    /// The bag's time at `position`, ns since the epoch.
+    /// Returns the bag's time at `position`, ns since the epoch.
     pub fn log_time(&self, position: u64) -> u64 {
         let (start, end) = self.window;
         let round = end - start;
@@ -151,12 +145,12 @@ impl Player {
             }
     }
 
-    /// How many single messages could not be read so far.
+    /// Returns how many single messages could not be read so far.
     pub fn left_out(&self) -> u64 {
         self.left_out
     }
 
-    /// The bag.
+    /// Returns the bag.
     pub fn bag(&self) -> &BagReader {
         &self.bag
     }

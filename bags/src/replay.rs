@@ -1,6 +1,5 @@
-//! Replaying a bag into a running graph: each payload is sent as it was
-//! recorded, on its topic, when it is due. Services of the node
-//! `/rosbag2_player` drive it.
+//! Replaying a bag into a running graph: each payload is sent as it was recorded, on its topic, when it is due.
+//! Services of the node `/rosbag2_player` drive it.
 
 mod publishers;
 
@@ -9,72 +8,40 @@ use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
-use modulo_runtime::clock::nanos;
 use modulo_runtime::queue::{Keep, Limit, Next, Queue};
 use modulo_runtime::transport::keys;
 use modulo_runtime::transport::zenoh::{RawService, ZenohTransport};
 use modulo_runtime::transport::{Guard, Transport, TransportError};
 use modulo_runtime::{Clock, NodeName, Stop, Urgency};
 
-use self::publishers::{Publishers, TimeOutlet};
+use self::publishers::{ClockPublisher, Publishers};
 use crate::bag::BagError;
-use crate::control::{Answer, Command, Order, Service};
-use crate::pace::{Motion, Pace};
-use crate::play::{Due, Player};
+use crate::control::{PlayerAction, PlayerCommand, PlayerReply, Service};
+use crate::play::{NextMessage, Player};
+use crate::playback_clock::{PlaybackClock, PlaybackState};
 
 /// The name of the node in ROS 2, too.
 const NODE: &str = "rosbag2_player";
-/// How often the graph is looked at while a node in it is awaited.
+/// Interval at which the graph is looked at while a node in it is awaited.
 const GLANCE: Duration = Duration::from_millis(20);
 /// Orders that wait for the replay; each caller waits for its answer.
 const ORDERS: Limit = Limit { messages: 64, bytes: usize::MAX };
 
-/// Why a replay failed.
+/// Error: a replay failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ReplayError {
-    /// The bag.
+    /// The bag cannot be read.
     #[error(transparent)]
     Bag(#[from] BagError),
-    /// The wire.
+    /// The transport failed.
     #[error(transparent)]
     Transport(#[from] TransportError),
-    /// Somebody who should listen is not there.
-    #[error("waited {seconds} s for {missing}, which is not there; start it, or leave --wait-for out")]
-    Waited {
-        /// How long.
-        seconds: u64,
-        /// Names of the nodes.
-        missing: String,
-    },
+    /// Nodes that should listen are not ready.
+    #[error("waited {0} s for {1}, which is not there; start it, or leave --wait-for out")]
+    Waited(u64, String),
 }
 
-/// Waits until all of `nodes` (fully qualified) are ready.
-///
-/// # Errors
-/// [`ReplayError::Waited`] when one is not there within `patience`.
-pub fn wait_for(
-    transport: &dyn Transport,
-    clock: &dyn Clock,
-    nodes: &[String],
-    patience: Duration,
-    stop: &Stop,
-) -> Result<(), ReplayError> {
-    let start = clock.ticks_ns();
-    let limit = nanos(patience);
-    loop {
-        let missing: Vec<&str> =
-            nodes.iter().filter(|n| !transport.is_ready(n)).map(String::as_str).collect();
-        if missing.is_empty() || stop.urgency() != Urgency::None {
-            return Ok(());
-        }
-        if clock.ticks_ns().saturating_sub(start) > limit {
-            return Err(ReplayError::Waited { seconds: patience.as_secs(), missing: missing.join(", ") });
-        }
-        thread::sleep(GLANCE);
-    }
-}
-
-/// How a replay is sent.
+/// Options of a replay.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReplayOptions {
     /// (from, to) pairs for the names of topics.
@@ -83,8 +50,7 @@ pub struct ReplayOptions {
     pub clock_hz: Option<f64>,
 }
 
-/// Sends every message of `player` when it is due by `pace`, which starts here;
-/// returns how many were sent, by topic.
+/// Sends every message of `player` when it is due by `pace`, which starts here; returns how many were sent, by topic.
 ///
 /// # Errors
 /// [`ReplayError`] when the bag cannot be read on or the wire does not take it.
@@ -92,12 +58,12 @@ pub fn replay(
     transport: &ZenohTransport,
     clock: &Arc<dyn Clock>,
     player: &mut Player,
-    pace: Pace,
+    pace: PlaybackClock,
     options: &ReplayOptions,
     stop: &Stop,
 ) -> Result<BTreeMap<String, u64>, ReplayError> {
     let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: options.remaps.clone() };
-    let time = options.clock_hz.map(|hz| TimeOutlet::declare(transport, &node_name, hz)).transpose()?;
+    let time = options.clock_hz.map(|hz| ClockPublisher::declare(transport, &node_name, hz)).transpose()?;
     let publishers = Publishers::declare(transport, &node_name, player.bag(), time.as_ref())?;
     let orders = Arc::new(Queue::new(clock.clone(), ORDERS));
     stop.wakes(&orders);
@@ -108,31 +74,30 @@ pub fn replay(
     let mut replay = Replay { clock, player, pace, ahead: None, publishers, time, orders };
     replay.pace.jump(clock.ticks_ns(), 0);
     let done = replay.run(stop);
-    // What was put last must have left before the publishers go.
+    // The last messages must have left before the publishers go.
     thread::sleep(transport.settling());
     replay.orders.end();
     done.map(|()| replay.publishers.sent())
 }
 
-/// The services of the node, and where their calls arrive.
+/// Returns the services of the node, and where their calls arrive.
 fn serve(
     transport: &ZenohTransport,
     node_name: &NodeName,
-    orders: &Arc<Queue<Order>>,
+    orders: &Arc<Queue<PlayerCommand>>,
 ) -> Result<Guard, TransportError> {
     let lane = orders.open(Keep::All);
-    let services = Service::ALL.map(|service| {
+    let services = Service::ALL.iter().map(|service| {
         let (name, ros_type) = service.name_and_type();
         let orders = orders.clone();
         let give = move |order| orders.push(lane, order).is_none();
         let answer = Box::new(move |request: &[u8]| Ok(service.call(request, &give)?));
         RawService { name, ros_type, qos: keys::SERVICE_QOS, answer }
     });
-    transport.serve_raw(node_name, services.into())
+    transport.serve_raw(node_name, services.collect())
 }
 
-/// Discovery takes a moment: the first message should not go out before those
-/// who are already there have found us. Nobody has to be there.
+/// Waits until a topic has a reader, or for half a second: discovery takes a moment, and the first message should reach the readers that are there already.
 fn wait_until_heard(publishers: &Publishers, clock: &dyn Clock, stop: &Stop) {
     let start = clock.ticks_ns();
     while !publishers.wanted() && clock.ticks_ns() - start < 500_000_000 && stop.urgency() == Urgency::None {
@@ -144,12 +109,12 @@ fn wait_until_heard(publishers: &Publishers, clock: &dyn Clock, stop: &Stop) {
 struct Replay<'a> {
     clock: &'a dyn Clock,
     player: &'a mut Player,
-    pace: Pace,
-    /// The next message.
-    ahead: Option<Due>,
+    pace: PlaybackClock,
+    /// The next message, if it has been read.
+    ahead: Option<NextMessage>,
     publishers: Publishers,
-    time: Option<TimeOutlet>,
-    orders: Arc<Queue<Order>>,
+    time: Option<ClockPublisher>,
+    orders: Arc<Queue<PlayerCommand>>,
 }
 
 impl Replay<'_> {
@@ -157,13 +122,13 @@ impl Replay<'_> {
         while stop.urgency() == Urgency::None && self.look_ahead()? {
             let now = self.clock.ticks_ns();
             if let Some(time) = &mut self.time {
-                time.tell(now, self.player.log_time(self.pace.position(now)))?;
+                time.publish(now, self.player.log_time(self.pace.position(now)))?;
             }
             if self.ticks_until_due(now) == Some(0) {
                 self.send_next()?;
             }
             if let Next::Item(arrived) = self.orders.take(self.patience()) {
-                let answer = self.carry_out(arrived.item.command, stop)?;
+                let answer = self.carry_out(arrived.item.action, stop)?;
                 // Fails only when the caller has gone.
                 let _ = arrived.item.answer.send(answer);
             }
@@ -171,10 +136,10 @@ impl Replay<'_> {
         Ok(())
     }
 
-    /// Whether there is a next message.
+    /// Returns whether there is a next message.
     fn look_ahead(&mut self) -> Result<bool, BagError> {
         if self.ahead.is_none() {
-            self.ahead = self.player.next_due().transpose()?;
+            self.ahead = self.player.next_message().transpose()?;
         }
         Ok(self.ahead.is_some())
     }
@@ -185,7 +150,7 @@ impl Replay<'_> {
         Some(self.pace.ticks_of(due.position)?.saturating_sub(now))
     }
 
-    /// Time until something is due; `None` while only an order can change anything.
+    /// Returns the time until something is due; `None` while only an order can change anything.
     fn patience(&self) -> Option<Duration> {
         if self.ahead.is_none() {
             // The next message is not read yet.
@@ -203,22 +168,25 @@ impl Replay<'_> {
         Ok(Some(due.position))
     }
 
-    fn carry_out(&mut self, command: Command, stop: &Stop) -> Result<Answer, ReplayError> {
+    fn carry_out(&mut self, action: PlayerAction, stop: &Stop) -> Result<PlayerReply, ReplayError> {
         let now = self.clock.ticks_ns();
         let (mut done, mut played) = (true, 0);
-        match command {
-            Command::Tell => {}
-            Command::Move(motion) => {
-                let other =
-                    if self.pace.motion() == Motion::Paused { Motion::Running } else { Motion::Paused };
-                self.pace.set_motion(now, motion.unwrap_or(other));
+        match action {
+            PlayerAction::Tell => {}
+            PlayerAction::Move(state) => {
+                let other = if self.pace.state() == PlaybackState::Paused {
+                    PlaybackState::Running
+                } else {
+                    PlaybackState::Paused
+                };
+                self.pace.set_state(now, state.unwrap_or(other));
             }
-            Command::SetRate(rate) => done = self.pace.set_rate(now, rate).is_ok(),
-            Command::Step(number) => {
+            PlayerAction::SetRate(rate) => done = self.pace.set_rate(now, rate).is_ok(),
+            PlayerAction::Step(number) => {
                 played = self.step(now, number.unwrap_or(u64::MAX), stop)?;
                 done = played > 0;
             }
-            Command::Seek(log_time) => {
+            PlayerAction::Seek(log_time) => {
                 let position = self.player.seek(log_time);
                 done = position.is_some();
                 if let Some(position) = position {
@@ -227,12 +195,12 @@ impl Replay<'_> {
                 }
             }
         }
-        Ok(Answer { done, played, motion: self.pace.motion(), rate: self.pace.rate() })
+        Ok(PlayerReply { done, played, state: self.pace.state(), rate: self.pace.rate() })
     }
 
     /// Plays up to `number` messages at once, if the replay is paused and until it is stopped; how many.
     fn step(&mut self, now: u64, number: u64, stop: &Stop) -> Result<u64, ReplayError> {
-        if self.pace.motion() != Motion::Paused {
+        if self.pace.state() != PlaybackState::Paused {
             return Ok(0);
         }
         let mut played = 0;

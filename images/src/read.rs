@@ -11,27 +11,26 @@ use image::{DynamicImage, ImageBuffer, ImageReader, Luma, LumaA, Rgb, Rgba};
 use modulo_core::Frame;
 use ndarray::Array3;
 
-use crate::error::ImageError;
+use crate::ImageError;
 
 /// Extensions that are taken for images, in lower case.
 pub const EXTENSIONS: [&str; 5] = ["png", "jpg", "jpeg", "exr", "hdr"];
 
-/// Reads one image file; its content, not its name, tells the format.
+/// Reads one image file. The format is recognised by the content, not by the name.
 ///
 /// # Errors
-/// [`ImageError`] when the file is missing, cut short, of an unknown format,
-/// or holds NaN or an infinity.
+/// [`ImageError`] when the file is missing, cut short, of an unknown format, or holds NaN or an infinity.
 pub fn read_image(path: &Path) -> Result<Frame, ImageError> {
-    let file = File::open(path).map_err(|e| ImageError::Io { path: path.to_owned(), source: e })?;
+    let file = File::open(path).map_err(|e| ImageError::Io(path.to_owned(), e))?;
     decode(BufReader::new(file), &path.display().to_string())
 }
 
-/// Decodes one image; `origin` is what errors call it.
+/// Decodes one image; `origin` is its name in errors.
 ///
 /// # Errors
 /// As [`read_image`].
 pub fn decode(data: impl BufRead + Seek, origin: &str) -> Result<Frame, ImageError> {
-    let bad = |why: String| ImageError::Undecodable { origin: origin.to_owned(), why };
+    let bad = |why: String| ImageError::Undecodable(origin.to_owned(), why);
     let reader = ImageReader::new(data).with_guessed_format().map_err(|e| bad(e.to_string()))?;
     let image = reader.decode().map_err(|e| bad(e.to_string()))?;
     let frame = match image {
@@ -54,7 +53,7 @@ pub fn decode(data: impl BufRead + Seek, origin: &str) -> Result<Frame, ImageErr
     frame.map_err(|e| bad(e.to_string()))
 }
 
-/// The first `N` channels of every pixel, `H x W x N`.
+/// Returns the first `N` channels of every pixel, `H x W x N`.
 fn samples<P, T, const N: usize>(image: &ImageBuffer<P, Vec<T>>, pick: impl Fn(&P) -> [T; N]) -> Array3<T>
 where
     P: image::Pixel<Subpixel = T>,

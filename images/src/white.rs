@@ -4,23 +4,22 @@ use modulo_core::sensor::BELOW_ONE;
 use modulo_core::{Frame, Samples};
 use ndarray::Array3;
 
-use crate::error::ImageError;
+use crate::ImageError;
 
 /// The linear radiance that maps to the peak, given or found once.
 #[derive(Debug)]
 pub struct White(f32);
 
 impl White {
-    /// `white` > 0 is used as it is; 0 stands for the largest value of the
-    /// first float image that is not black.
+    /// `white` > 0 is used as it is; 0 stands for the largest value of the first float image that is not black.
     ///
     /// # Errors
     /// [`ImageError::White`] for a negative, infinite or NaN `white`.
     pub fn new(white: f32) -> Result<Self, ImageError> {
-        if white.is_finite() && white >= 0.0 { Ok(Self(white)) } else { Err(ImageError::White { white }) }
+        if white.is_finite() && white >= 0.0 { Ok(Self(white)) } else { Err(ImageError::White(white)) }
     }
 
-    /// Whether it was given, or has been taken from a float image.
+    /// Returns whether it was given, or has been taken from a float image.
     pub fn is_known(&self) -> bool {
         self.0 > 0.0
     }

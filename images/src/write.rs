@@ -6,13 +6,13 @@ use image::error::{LimitError, LimitErrorKind, UnsupportedError, UnsupportedErro
 use image::{ExtendedColorType, ImageError, ImageFormat};
 use modulo_core::{Frame, Samples};
 
-/// Why a frame could not be written.
+/// Error: a frame could not be written.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {source}", path.display())]
 pub struct SaveError {
-    /// The file.
+    /// Path of the file.
     pub path: PathBuf,
-    /// What the encoder or the system said.
+    /// The error of the encoder or the system.
     pub source: ImageError,
 }
 

@@ -17,9 +17,9 @@ const CONNECT: Duration = Duration::from_secs(10);
 /// A large file on a slow line may take hours, but some byte must arrive within this time.
 const STALL: Duration = Duration::from_secs(30);
 
-/// What to fetch.
+/// A file to fetch.
 #[derive(Clone, Debug)]
-pub struct Request<'a> {
+pub struct FetchRequest<'a> {
     /// Address, `http://HOST/...` or `https://HOST/...`.
     pub url: &'a str,
     /// Path of the file to write; its folder is created.
@@ -30,22 +30,22 @@ pub struct Request<'a> {
     pub bytes: Option<u64>,
 }
 
-/// How the file came to be there.
+/// The result of a successful fetch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fetched {
-    /// It was downloaded.
+    /// The file was downloaded.
     Downloaded,
-    /// It existed already, with the expected sha256.
+    /// The file existed already, with the expected sha256.
     AlreadyThere,
 }
 
-/// Why the file could not be fetched.
+/// Error: the file could not be fetched.
 #[derive(Debug, thiserror::Error)]
 pub enum FetchError {
-    /// This is not the URL of a file on an HTTP server.
+    /// The text is not the URL of a file on an HTTP server.
     #[error("url '{0}': must be http://HOST/... or https://HOST/...")]
     Url(String),
-    /// This is not a sha256.
+    /// The text is not a sha256.
     #[error("sha256 '{0}': must be 64 hex digits")]
     Sha256(String),
     /// The server of a URL, which would fill a file, could not be reached.
@@ -77,15 +77,15 @@ pub enum FetchError {
     File(PathBuf, io::Error),
 }
 
-/// Downloads a file, or finds that it exists already. `progress` is called with the bytes received so far
-/// and, if it is known, the length of the file.
+/// Downloads a file, or finds that it exists already. `progress` is called with the bytes received so far and, if it is
+/// known, the length of the file.
 ///
-/// The download goes to a temporary file beside the target, which it replaces in one step when it is complete and
-/// its sha256 is right. An existing file is never overwritten.
+/// The download goes to a temporary file beside the target, which it replaces in one step when it is complete and its
+/// sha256 is right. An existing file is never overwritten.
 ///
 /// # Errors
 /// [`FetchError`]. Then nothing was written.
-pub fn fetch(request: &Request<'_>, progress: &dyn Fn(u64, Option<u64>)) -> Result<Fetched, FetchError> {
+pub fn fetch(request: &FetchRequest<'_>, progress: &dyn Fn(u64, Option<u64>)) -> Result<Fetched, FetchError> {
     let expected = request.sha256.to_ascii_lowercase();
     if expected.len() != 64 || !expected.bytes().all(|digit| digit.is_ascii_hexdigit()) {
         return Err(FetchError::Sha256(request.sha256.to_owned()));
@@ -114,7 +114,7 @@ pub fn fetch(request: &Request<'_>, progress: &dyn Fn(u64, Option<u64>)) -> Resu
     Ok(Fetched::Downloaded)
 }
 
-impl Request<'_> {
+impl FetchRequest<'_> {
     /// Writes the file at the URL to `file`; returns its sha256.
     fn download(
         &self,
@@ -205,7 +205,7 @@ mod tests {
 
     #[test]
     fn announced_lengths_are_checked_before_a_byte_comes() {
-        let with = |bytes| Request { url: "u", file: Path::new("f"), sha256: "", bytes };
+        let with = |bytes| FetchRequest { url: "u", file: Path::new("f"), sha256: "", bytes };
         assert!(with(None).check_length(LIMIT, true).is_ok());
         assert!(with(None).check_length(LIMIT + 1, true).is_err());
         assert!(with(Some(7)).check_length(6, true).is_err() && with(Some(7)).check_length(6, false).is_ok());

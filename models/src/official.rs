@@ -1,13 +1,12 @@
-//! The official YOLOv10 exports, with the hashes that are known. A model whose
-//! hash is not known is never fetched on trust.
+//! The official YOLOv10 exports, with the hashes that are known. A model whose hash is not known is never fetched on
+//! trust.
 
 /// Licence of the official weights; it is not the project's.
 pub const LICENCE: &str = "AGPL-3.0";
 
 const RELEASE: &str = "https://github.com/THU-MIG/yolov10/releases/download/v1.1";
 
-/// An official export (Wang et al., YOLOv10, NeurIPS 2024; 80 COCO classes,
-/// 640 x 640, rows `[1, 300, 6]`).
+/// An official export (Wang et al., YOLOv10, NeurIPS 2024; 80 COCO classes, 640 x 640, rows `[1, 300, 6]`).
 #[derive(Debug, PartialEq, Eq)]
 pub struct Official {
     /// Its name, such as `yolov10n`.
@@ -27,21 +26,21 @@ impl Official {
         Self { name, bytes: None, sha256: None }
     }
 
-    /// Name of the file, as released.
+    /// Returns the name of the file, as released.
     pub fn file_name(&self) -> String {
         format!("{}.onnx", self.name)
     }
 
-    /// Where it is released.
+    /// Returns the URL of the release.
     pub fn url(&self) -> String {
         format!("{RELEASE}/{}", self.file_name())
     }
 
-    /// Length and sha256 that a download must have. A sha256 that the user has
-    /// given names a file of its own, of unknown length.
+    /// Length and sha256 that a download must have. A sha256 that the user has given names a file of its own, of
+    /// unknown length.
     ///
     /// # Errors
-    /// [`OfficialError::Unpinned`] when nobody knows the sha256.
+    /// [`OfficialError::Unpinned`] when no sha256 is known.
     pub fn pinned<'a>(&self, given: Option<&'a str>) -> Result<(Option<u64>, &'a str), OfficialError> {
         match (given, self.sha256) {
             (Some(given), _) => Ok((None, given)),
@@ -51,7 +50,7 @@ impl Official {
     }
 }
 
-/// All official exports, small to large.
+/// All official exports, from small to large.
 pub const OFFICIAL: &[Official] = &[
     Official::known(
         "yolov10n",
@@ -69,10 +68,10 @@ pub const OFFICIAL: &[Official] = &[
     Official::unknown("yolov10x"),
 ];
 
-/// Why an official export is not fetched.
+/// Error: an official export is not fetched.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum OfficialError {
-    /// There is none of that name.
+    /// No export has this name.
     #[error("model '{0}': must be one of {names}", names = names())]
     Unknown(String),
     /// Its sha256 is not known.
@@ -87,7 +86,7 @@ fn names() -> String {
     OFFICIAL.iter().map(|model| model.name).collect::<Vec<_>>().join(", ")
 }
 
-/// The export called `name`.
+/// Returns the export called `name`.
 ///
 /// # Errors
 /// [`OfficialError::Unknown`] with all names.

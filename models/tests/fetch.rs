@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader, Write};
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 
-use modulo_models::{FetchError, Fetched, Request, fetch, hex};
+use modulo_models::{FetchError, FetchRequest, Fetched, fetch, hex};
 use proptest::prelude::*;
 use sha2::{Digest, Sha256};
 use tempfile::TempDir;
@@ -50,7 +50,7 @@ fn place() -> (TempDir, PathBuf) {
 }
 
 fn get(url: &str, file: &Path, of: &[u8]) -> Result<Fetched, FetchError> {
-    fetch(&Request { url, file, sha256: &sha256(of), bytes: None }, &|_, _| ())
+    fetch(&FetchRequest { url, file, sha256: &sha256(of), bytes: None }, &|_, _| ())
 }
 
 /// The error in one line; nothing lies beside the missing file.
@@ -67,7 +67,7 @@ fn the_whole_file_comes_with_its_progress() {
     let (body, (_folder, file)) = (body(300_000), place());
     let (url, seen, sum) =
         (serve(vec![sized(300_000, &body)]), RefCell::new(Vec::new()), sha256(&body).to_uppercase());
-    let request = Request { url: &url, file: &file, sha256: &sum, bytes: Some(300_000) };
+    let request = FetchRequest { url: &url, file: &file, sha256: &sum, bytes: Some(300_000) };
     let fetched = fetch(&request, &|got, total| seen.borrow_mut().push((got, total))).expect("fetched");
     assert_eq!(fetched, Fetched::Downloaded);
     assert_eq!(std::fs::read(&file).expect("a file"), body);
@@ -104,7 +104,7 @@ fn another_length_than_the_pinned_one_is_refused() {
     let body = body(5000);
     for answer in [sized(5000, &body), ("200 OK".to_owned(), body.clone())] {
         let ((_folder, file), url, sum) = (place(), serve(vec![answer]), sha256(&body));
-        let request = Request { url: &url, file: &file, sha256: &sum, bytes: Some(4000) };
+        let request = FetchRequest { url: &url, file: &file, sha256: &sum, bytes: Some(4000) };
         let why = refused(fetch(&request, &|_, _| ()), &file);
         assert!(why.contains("5000") && why.contains("4000"), "{why}");
     }
@@ -150,7 +150,7 @@ fn a_wrong_url_or_sha256_is_refused_by_name() {
         [("ftp://host/file", &*sum), ("no url", &sum), ("http://host/", "abc"), ("http://host/", &not_hex)]
     {
         let (_folder, file) = place();
-        let why = refused(fetch(&Request { url, file: &file, sha256, bytes: None }, &|_, _| ()), &file);
+        let why = refused(fetch(&FetchRequest { url, file: &file, sha256, bytes: None }, &|_, _| ()), &file);
         assert!(why.contains("must be"), "{why}");
     }
 }

@@ -1,5 +1,5 @@
-//! `#[serde(with = "crate::array")]`: fixed arrays of any length, which serde
-//! itself knows up to 32 only. An array has no length on the wire.
+//! `#[serde(with = "crate::array")]`: fixed arrays of any length; serde itself supports at most 32 elements. An array
+//! has no length on the wire.
 
 use std::fmt;
 use std::marker::PhantomData;

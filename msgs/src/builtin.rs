@@ -1,45 +1,39 @@
-//! `builtin_interfaces`: points and spans of time.
+//! `builtin_interfaces`: points in time and durations.
 
-use serde::{Deserialize, Serialize};
-
-use crate::interface::interfaces;
+use crate::interface::messages;
 
 const NS: i64 = 1_000_000_000;
 
-/// `builtin_interfaces/msg/Time`: a point in time since the Unix epoch.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub struct Time {
-    /// Whole seconds.
-    pub sec: i32,
-    /// Nanoseconds of the second, 0 to 999,999,999.
-    pub nanosec: u32,
-}
-
-/// `builtin_interfaces/msg/Duration`: a signed span of time.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub struct Duration {
-    /// Whole seconds, rounded down.
-    pub sec: i32,
-    /// Nanoseconds to add, 0 to 999,999,999.
-    pub nanosec: u32,
-}
-
-interfaces! {
-    Time = "builtin_interfaces/msg/Time",
-    Duration = "builtin_interfaces/msg/Duration",
+messages! {
+    /// A point in time since the Unix epoch.
+    #[derive(Copy, Eq, Hash)]
+    Time = "builtin_interfaces/msg/Time" {
+        /// Whole seconds.
+        sec: i32,
+        /// Nanoseconds of the second, in 0 to 999,999,999.
+        nanosec: u32,
+    }
+    /// A signed duration.
+    #[derive(Copy, Eq, Hash)]
+    Duration = "builtin_interfaces/msg/Duration" {
+        /// Whole seconds, rounded down.
+        sec: i32,
+        /// Nanoseconds to add, in 0 to 999,999,999.
+        nanosec: u32,
+    }
 }
 
 impl Time {
-    /// The last time that the message can hold, in the year 2038.
+    /// The last time that the message can hold; it is in the year 2038.
     pub const MAX: Self = Self { sec: i32::MAX, nanosec: 999_999_999 };
 
-    /// `ns` nanoseconds after the epoch, [`Time::MAX`] at most.
+    /// Returns the time `ns` nanoseconds after the epoch, at most [`Time::MAX`].
     pub fn from_ns(ns: u64) -> Self {
         let nanosec = (ns % NS as u64) as u32;
         i32::try_from(ns / NS as u64).map_or(Self::MAX, |sec| Self { sec, nanosec })
     }
 
-    /// Nanoseconds since the epoch; 0 for times before it.
+    /// Returns the nanoseconds since the epoch; times before it give 0.
     pub fn as_ns(self) -> u64 {
         let ns = i64::from(self.sec) * NS + i64::from(self.nanosec);
         u64::try_from(ns).unwrap_or(0)

@@ -1,5 +1,5 @@
-//! `#[serde(with = "crate::bytes")]`: byte sequences as one copy instead of
-//! one call a byte, which is what makes image messages cheap.
+//! `#[serde(with = "crate::bytes")]`: byte sequences as one copy instead of one call for each byte. This makes image
+//! messages cheap.
 
 use std::fmt;
 

@@ -14,28 +14,20 @@ use crate::type_description_interfaces::{Field, FieldType};
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DefinitionError {
     /// The line cannot be read.
-    #[error("{name}: '{line}' is not a field; expected TYPE NAME, such as 'float64[9] k'")]
-    Line {
-        /// The type being defined.
-        name: String,
-        /// The line.
-        line: String,
-    },
+    #[error("{0}: '{1}' is not a field; expected TYPE NAME, such as 'float64[9] k'")]
+    Line(String, String),
     /// A type is used that nothing defines.
-    #[error("no definition of '{name}', expected one after a line 'MSG: {name}'")]
-    Missing {
-        /// The type that is used.
-        name: String,
-    },
+    #[error("no definition of '{0}', expected one after a line 'MSG: {0}'")]
+    Missing(String),
 }
 
-/// The fields that `text` gives the type `name`. A type without fields gets
-/// the one that ROS gives it, `structure_needs_at_least_one_member`.
+/// Returns the fields that `text` gives the type `name`. A type without fields gets the one that ROS gives it,
+/// `structure_needs_at_least_one_member`.
 pub(crate) fn parse_fields(name: &str, text: &str) -> Result<Vec<Field>, DefinitionError> {
     let package = name.split_once('/').map_or(name, |(package, _)| package);
     let mut fields = Vec::new();
     for line in text.lines().map(without_comment).filter(|line| !line.is_empty()) {
-        let bad = || DefinitionError::Line { name: name.to_owned(), line: line.to_owned() };
+        let bad = || DefinitionError::Line(name.to_owned(), line.to_owned());
         match parse_line(package, line).ok_or_else(bad)? {
             Line::Constant => {}
             Line::Field(field) => fields.push(field),
@@ -49,8 +41,7 @@ pub(crate) fn parse_fields(name: &str, text: &str) -> Result<Vec<Field>, Definit
     Ok(fields)
 }
 
-/// `pkg/Name` as `pkg/msg/Name`; a name of `package` itself may stand alone,
-/// unless `package` is empty.
+/// Returns `pkg/Name` as `pkg/msg/Name`. A name without a package belongs to `package`, unless `package` is empty.
 pub(crate) fn full_name(package: &str, name: &str) -> Option<String> {
     let word = |w: &str| !w.is_empty() && w.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
     let parts: Vec<_> = name.split('/').collect();
@@ -68,7 +59,7 @@ pub(crate) fn full_name(package: &str, name: &str) -> Option<String> {
 const UINT8: u8 = 3;
 const STRING: u8 = 17;
 const WSTRING: u8 = 18;
-/// From an unbounded string's code to the bounded one's.
+/// Added to the code of an unbounded string to get that of a bounded one.
 const BOUNDED_STRING: u8 = 4;
 
 enum Line {
@@ -128,7 +119,7 @@ fn parse_element(package: &str, text: &str) -> Option<FieldType> {
     Some(FieldType { type_id: FieldType::NESTED, nested_type_name, ..FieldType::default() })
 }
 
-/// Codes of `type_description_interfaces/msg/FieldType`.
+/// Returns the code of a primitive type in `type_description_interfaces/msg/FieldType`.
 fn primitive(name: &str) -> Option<u8> {
     Some(match name {
         "int8" => 2,

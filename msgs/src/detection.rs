@@ -17,8 +17,7 @@ impl From<BBox> for BoundingBox2D {
 }
 
 impl BoundingBox2D {
-    /// The box by its edges. `None` when it is rotated, has a negative size, or
-    /// is not finite.
+    /// Returns the box by its edges. `None` when it is rotated, has a negative size, or is not finite.
     pub fn to_bbox(&self) -> Option<BBox> {
         let Self { center: Pose2D { position: Point2D { x, y }, theta }, size_x, size_y } = *self;
         let edges = [x - size_x / 2.0, y - size_y / 2.0, x + size_x / 2.0, y + size_y / 2.0];
@@ -42,8 +41,8 @@ impl Detection2D {
         }
     }
 
-    /// The box with its likeliest class. `None` without a class, and for a box
-    /// that [`BoundingBox2D::to_bbox`] refuses.
+    /// Returns the box with its likeliest class. `None` without a class, and for a box that [`BoundingBox2D::to_bbox`]
+    /// refuses.
     pub fn to_detection(&self) -> Option<Detection> {
         let likeliest = self
             .results

@@ -1,56 +1,42 @@
-//! `diagnostic_msgs`: how the nodes are.
+//! `diagnostic_msgs`: the condition of the nodes.
 
-use serde::{Deserialize, Serialize};
-
-use crate::interface::interfaces;
+use crate::interface::messages;
 use crate::std_msgs::Header;
 
-/// `diagnostic_msgs/msg/KeyValue`
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct KeyValue {
-    /// What is measured, with its unit.
-    pub key: String,
-    /// The measurement.
-    pub value: String,
-}
-
-/// `diagnostic_msgs/msg/DiagnosticStatus`
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct DiagnosticStatus {
-    /// [`DiagnosticStatus::OK`], `WARN`, `ERROR` or `STALE`.
-    pub level: u8,
-    /// Node and part, such as `detector: inference`.
-    pub name: String,
-    /// One line for a person.
-    pub message: String,
-    /// What it runs on.
-    pub hardware_id: String,
-    /// Measurements.
-    pub values: Vec<KeyValue>,
+messages! {
+    KeyValue = "diagnostic_msgs/msg/KeyValue" {
+        /// Name of the measurement, with its unit.
+        key: String,
+        /// The measurement.
+        value: String,
+    }
+    DiagnosticStatus = "diagnostic_msgs/msg/DiagnosticStatus" {
+        /// [`DiagnosticStatus::OK`], `WARN`, `ERROR` or `STALE`.
+        level: u8,
+        /// Node and component, such as `detector: inference`.
+        name: String,
+        /// One line for a person.
+        message: String,
+        /// The hardware that the component runs on.
+        hardware_id: String,
+        /// Measurements.
+        values: Vec<KeyValue>,
+    }
+    DiagnosticArray = "diagnostic_msgs/msg/DiagnosticArray" {
+        /// The time at which the values were gathered.
+        header: Header,
+        /// One entry for each component.
+        status: Vec<DiagnosticStatus>,
+    }
 }
 
 impl DiagnosticStatus {
-    /// All is well.
+    /// The component works.
     pub const OK: u8 = 0;
-    /// It works, but somebody should look.
+    /// The component works, but a person should look at it.
     pub const WARN: u8 = 1;
-    /// It does not work.
+    /// The component does not work.
     pub const ERROR: u8 = 2;
-    /// Nothing was heard for too long.
+    /// The component has sent no data for too long.
     pub const STALE: u8 = 3;
-}
-
-/// `diagnostic_msgs/msg/DiagnosticArray`
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct DiagnosticArray {
-    /// When it was gathered.
-    pub header: Header,
-    /// One entry a part.
-    pub status: Vec<DiagnosticStatus>,
-}
-
-interfaces! {
-    KeyValue = "diagnostic_msgs/msg/KeyValue",
-    DiagnosticStatus = "diagnostic_msgs/msg/DiagnosticStatus",
-    DiagnosticArray = "diagnostic_msgs/msg/DiagnosticArray",
 }

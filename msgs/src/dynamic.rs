@@ -1,5 +1,5 @@
-//! Messages whose type is known only when the program runs: CDR and a type
-//! description in, a tree of values out, shown as `ros2 topic echo` shows it.
+//! Messages whose type is known only when the program runs: CDR and a type description in, a tree of values out, shown
+//! as `ros2 topic echo` shows it.
 //!
 //! Nothing is guessed: without the description there is no value.
 
@@ -51,7 +51,7 @@ struct Value<'t> {
     description: &'t TypeDescription,
 }
 
-/// One element of an array or sequence, or what stands alone.
+/// One element of an array or sequence, or a single value.
 #[derive(Clone, Copy)]
 struct Element<'t>(Value<'t>);
 
@@ -96,7 +96,7 @@ impl<'de> DeserializeSeed<'de> for Value<'_> {
         let capacity = usize::try_from(self.r#type.capacity).unwrap_or(usize::MAX);
         match (many, one) {
             (0, _) => Element(self).deserialize(decoder),
-            (2 | 3, UINT8 | BYTE) => decoder.deserialize_byte_buf(Octets),
+            (2 | 3, UINT8 | BYTE) => crate::bytes::deserialize(decoder).map(Dynamic::Bytes),
             (1, _) => decoder.deserialize_tuple(capacity, Element(self)),
             _ => decoder.deserialize_seq(Element(self)),
         }
@@ -149,24 +149,10 @@ impl<'de> DeserializeSeed<'de> for Element<'_> {
     }
 }
 
-struct Octets;
-
-impl Visitor<'_> for Octets {
-    type Value = Dynamic;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("bytes")
-    }
-
-    fn visit_bytes<E>(self, bytes: &[u8]) -> Result<Dynamic, E> {
-        Ok(Dynamic::Bytes(bytes.to_vec()))
-    }
-}
-
-/// Elements of an array that are shown; what is beyond is counted.
+/// Number of elements of an array that are shown; the remaining ones are counted.
 const SHOWN: usize = 128;
 
-/// As YAML, long arrays cut.
+/// Writes the value as YAML; long arrays are cut.
 impl fmt::Display for Dynamic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.write(f, 0)

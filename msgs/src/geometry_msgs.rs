@@ -2,39 +2,48 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::interface::interfaces;
+use crate::interface::{Interface, messages};
 
-/// `geometry_msgs/msg/Point`
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Point {
-    /// x, m.
-    pub x: f64,
-    /// y, m.
-    pub y: f64,
-    /// z, m.
-    pub z: f64,
+messages! {
+    #[derive(Copy)]
+    Point = "geometry_msgs/msg/Point" {
+        /// Coordinate x in m.
+        x: f64,
+        /// Coordinate y in m.
+        y: f64,
+        /// Coordinate z in m.
+        z: f64,
+    }
+    #[derive(Copy)]
+    Pose = "geometry_msgs/msg/Pose" {
+        /// Position.
+        position: Point,
+        /// Orientation.
+        orientation: Quaternion,
+    }
 }
 
-/// `geometry_msgs/msg/Quaternion`: a rotation; the default is none (w = 1).
+/// `geometry_msgs/msg/Quaternion`: a rotation. The default is the identity (w = 1).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Quaternion {
-    /// Along x.
+    /// Coefficient of i.
     pub x: f64,
-    /// Along y.
+    /// Coefficient of j.
     pub y: f64,
-    /// Along z.
+    /// Coefficient of k.
     pub z: f64,
     /// Real part.
     pub w: f64,
 }
 
-/// `geometry_msgs/msg/Pose`
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Pose {
-    /// Where.
-    pub position: Point,
-    /// Which way round.
-    pub orientation: Quaternion,
+impl Default for Quaternion {
+    fn default() -> Self {
+        Self { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }
+    }
+}
+
+impl Interface for Quaternion {
+    const NAME: &'static str = "geometry_msgs/msg/Quaternion";
 }
 
 /// `geometry_msgs/msg/PoseWithCovariance`
@@ -47,21 +56,12 @@ pub struct PoseWithCovariance {
     pub covariance: [f64; 36],
 }
 
-impl Default for Quaternion {
-    fn default() -> Self {
-        Self { x: 0.0, y: 0.0, z: 0.0, w: 1.0 }
-    }
-}
-
 impl Default for PoseWithCovariance {
     fn default() -> Self {
         Self { pose: Pose::default(), covariance: [0.0; 36] }
     }
 }
 
-interfaces! {
-    Point = "geometry_msgs/msg/Point",
-    Quaternion = "geometry_msgs/msg/Quaternion",
-    Pose = "geometry_msgs/msg/Pose",
-    PoseWithCovariance = "geometry_msgs/msg/PoseWithCovariance",
+impl Interface for PoseWithCovariance {
+    const NAME: &'static str = "geometry_msgs/msg/PoseWithCovariance";
 }

@@ -1,8 +1,7 @@
-//! [`Image`] <-> [`Frame`]: what a peer sends as rows of bytes, and the pixels
-//! that the suite computes with.
+//! Conversion between [`Image`], which has rows of bytes, and [`Frame`], which has the pixels that the suite computes
+//! with.
 //!
-//! Pixels are never scaled, converted between depths, or guessed: an encoding
-//! that is not in the table is refused.
+//! Pixels are never scaled, converted between depths, or guessed: an encoding that is not in the table is refused.
 
 mod decode;
 mod encode;
@@ -14,15 +13,12 @@ pub use self::encode::encode_frame;
 use self::encoding::names;
 use crate::sensor_msgs::Image;
 
-/// Why an [`Image`] cannot be a [`Frame`].
+/// Error: an [`Image`] is not a valid [`Frame`].
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ImageError {
     /// The encoding is not one of those that can be read.
-    #[error("image encoding '{encoding}' cannot be read, possible are {}", names())]
-    Encoding {
-        /// The encoding found.
-        encoding: String,
-    },
+    #[error("image encoding '{0}' cannot be read, possible are {known}", known = names())]
+    Encoding(String),
     /// Rows would overlap.
     #[error("image step is {step} bytes, a row needs at least {row}")]
     Step {
@@ -45,26 +41,22 @@ pub enum ImageError {
 }
 
 impl Image {
-    /// The pixels, red first.
+    /// Returns the pixels, red first.
     ///
-    /// Reads `rgb8 bgr8 mono8 rgba8 bgra8 rgb16 bgr16 mono16 8UC1 8UC3 16UC1
-    /// 16UC3 32FC1 32FC3` in either byte order with any `step` of at least one
-    /// row. Alpha is dropped. `8UC3`, `16UC3` and `32FC3` do not tell the order
-    /// of their channels and are taken as OpenCV's, blue first.
+    /// Reads `rgb8 bgr8 mono8 rgba8 bgra8 rgb16 bgr16 mono16 8UC1 8UC3 16UC1 16UC3 32FC1 32FC3` in either byte order with any `step` of at least one row. Alpha is dropped. `8UC3`, `16UC3` and `32FC3` do not define the order of their channels and are read as OpenCV's, blue first.
     ///
     /// # Errors
     /// [`ImageError`] for another encoding, a side of 0, a `step` below one
     /// row, fewer than `height * step` bytes, and floats that are NaN or infinite.
     pub fn to_frame(&self) -> Result<Frame, ImageError> {
-        decode::frame(decode::Layout::of(self)?, self.data.as_slice().into())
+        decode::frame(decode::PixelLayout::of(self)?, self.data.as_slice().into())
     }
 
-    /// As [`Image::to_frame`], but `rgb8` and `mono8` without padding keep the
-    /// buffer instead of copying it.
+    /// Converts the image as [`Image::to_frame`] does, but keeps the buffer of `rgb8` and `mono8` without padding instead of copying it.
     ///
     /// # Errors
     /// As [`Image::to_frame`].
     pub fn into_frame(self) -> Result<Frame, ImageError> {
-        decode::frame(decode::Layout::of(&self)?, self.data.into())
+        decode::frame(decode::PixelLayout::of(&self)?, self.data.into())
     }
 }

@@ -1,46 +1,97 @@
-//! What the messages here are called in ROS, and how ROS defines them.
+//! The names of the messages in ROS, and their definitions.
 //!
-//! The definitions are embedded; nothing is read from an installation.
-
-mod texts;
+//! The definitions are embedded in the program; no ROS installation is read.
 
 use crate::definition::{DefinitionError, parse_fields};
 use crate::type_description_interfaces::{Field, FieldType, IndividualTypeDescription};
 
 /// A message with a ROS name.
 pub trait Interface {
-    /// Such as `sensor_msgs/msg/Image` or `std_srvs/srv/SetBool_Request`.
+    /// Name of the type, such as `sensor_msgs/msg/Image` or `std_srvs/srv/SetBool_Request`.
     const NAME: &'static str;
 }
 
-/// Names the messages of one ROS package.
-macro_rules! interfaces {
-    ($($message:ident = $name:literal),+ $(,)?) => {
-        $(impl $crate::interface::Interface for $message {
+/// Declares the messages of one ROS package: `Message = "package/msg/Message" { fields }`, the fields as public and in
+/// the order of the definition. A message without braces has no fields.
+macro_rules! messages {
+    (@struct $(#[$about:meta])* $message:ident $name:literal) => {
+        #[doc = concat!("`", $name, "`")]
+        $(#[$about])*
+        #[derive(Clone, Debug, Default, PartialEq, ::serde::Serialize, ::serde::Deserialize)]
+        pub struct $message;
+    };
+    (@struct $(#[$about:meta])* $message:ident $name:literal
+        $($(#[$help:meta])+ $field:ident: $type:ty),+ $(,)?
+    ) => {
+        #[doc = concat!("`", $name, "`")]
+        ///
+        $(#[$about])*
+        #[derive(Clone, Debug, Default, PartialEq, ::serde::Serialize, ::serde::Deserialize)]
+        pub struct $message {
+            $($(#[$help])+ pub $field: $type,)+
+        }
+    };
+    ($($(#[$about:meta])* $message:ident = $name:literal $({ $($fields:tt)+ })?)+) => {$(
+        $crate::interface::messages!(@struct $(#[$about])* $message $name $($($fields)+)?);
+
+        impl $crate::interface::Interface for $message {
             const NAME: &'static str = $name;
-        })+
+        }
+    )+};
+}
+pub(crate) use messages;
+
+/// (name, text) of each definition, listed by package and by `msg` or `srv`.
+macro_rules! definitions {
+    ($($package:literal / $kind:literal: $($name:literal)+;)+) => {
+        &[$($((
+            concat!($package, "/", $kind, "/", $name),
+            include_str!(concat!("../interfaces/", $package, "/", $kind, "/", $name, ".", $kind)),
+        ),)+)+]
     };
 }
-pub(crate) use interfaces;
 
-/// The `.msg` or `.srv` text of a message or service of the suite, such as
-/// `sensor_msgs/msg/Image` or `std_srvs/srv/SetBool`.
+/// (name, text) of every message and service.
+static DEFINITIONS: &[(&str, &str)] = definitions! {
+    "builtin_interfaces" / "msg": "Duration" "Time";
+    "diagnostic_msgs" / "msg": "DiagnosticArray" "DiagnosticStatus" "KeyValue";
+    "geometry_msgs" / "msg": "Point" "Pose" "PoseWithCovariance" "Quaternion";
+    "rcl_interfaces" / "msg": "FloatingPointRange" "IntegerRange" "ListParametersResult" "Log" "Parameter"
+        "ParameterDescriptor" "ParameterEvent" "ParameterType" "ParameterValue" "SetParametersResult";
+    "rcl_interfaces" / "srv": "DescribeParameters" "GetParameterTypes" "GetParameters" "ListParameters"
+        "SetParameters" "SetParametersAtomically";
+    "rosbag2_interfaces" / "srv": "Burst" "GetRate" "IsPaused" "Pause" "PlayNext" "Resume" "Seek" "SetRate"
+        "TogglePaused";
+    "rosgraph_msgs" / "msg": "Clock";
+    "sensor_msgs" / "msg": "CameraInfo" "CompressedImage" "Image" "RegionOfInterest";
+    "service_msgs" / "msg": "ServiceEventInfo";
+    "std_msgs" / "msg": "Header" "String";
+    "std_srvs" / "srv": "Empty" "SetBool" "Trigger";
+    "type_description_interfaces" / "msg": "Field" "FieldType" "IndividualTypeDescription" "KeyValue"
+        "TypeDescription" "TypeSource";
+    "type_description_interfaces" / "srv": "GetTypeDescription";
+    "vision_msgs" / "msg": "BoundingBox2D" "Detection2D" "Detection2DArray" "ObjectHypothesis"
+        "ObjectHypothesisWithPose" "Point2D" "Pose2D";
+};
+
+/// Returns the `.msg` or `.srv` text of a message or service of the suite, such as `sensor_msgs/msg/Image` or
+/// `std_srvs/srv/SetBool`.
 pub fn definition(name: &str) -> Option<&'static str> {
-    texts::DEFINITIONS.iter().find(|(known, _)| *known == name).map(|(_, text)| *text)
+    DEFINITIONS.iter().find(|(known, _)| *known == name).map(|(_, text)| *text)
 }
 
-/// The names that [`definition`] knows.
+/// Lists the names that [`definition`] knows.
 pub fn names() -> impl Iterator<Item = &'static str> {
-    texts::DEFINITIONS.iter().map(|(name, _)| *name)
+    DEFINITIONS.iter().map(|(name, _)| *name)
 }
 
-/// The fields of a message, a service, or a service's request, response or
-/// event. `None` when the suite does not define it.
+/// Returns the fields of a message, of a service, or of the request, response or event of a service; `None` when the
+/// suite does not define the type.
 pub(crate) fn describe(name: &str) -> Result<Option<IndividualTypeDescription>, DefinitionError> {
     let fields = match (definition(name), name.contains("/srv/")) {
         (Some(_), true) => service(name),
         (Some(text), false) => parse_fields(name, text)?,
-        (None, true) => match service_part(name)? {
+        (None, true) => match service_message(name)? {
             Some(fields) => fields,
             None => return Ok(None),
         },
@@ -49,7 +100,7 @@ pub(crate) fn describe(name: &str) -> Result<Option<IndividualTypeDescription>, 
     Ok(Some(IndividualTypeDescription { type_name: name.to_owned(), fields }))
 }
 
-/// The three members that stand for a service.
+/// Returns the three fields that describe a service.
 fn service(name: &str) -> Vec<Field> {
     ["request", "response", "event"]
         .map(|part| {
@@ -59,7 +110,7 @@ fn service(name: &str) -> Vec<Field> {
         .into()
 }
 
-fn service_part(name: &str) -> Result<Option<Vec<Field>>, DefinitionError> {
+fn service_message(name: &str) -> Result<Option<Vec<Field>>, DefinitionError> {
     let Some((service, part)) = name.rsplit_once('_') else { return Ok(None) };
     let Some(text) = definition(service) else { return Ok(None) };
     let (request, response) = text.split_once("---\n").unwrap_or((text, ""));
@@ -71,8 +122,7 @@ fn service_part(name: &str) -> Result<Option<Vec<Field>>, DefinitionError> {
     })
 }
 
-/// What a service introspection event holds: request and response are
-/// sequences of at most one.
+/// Returns the fields of a service introspection event; request and response are sequences of at most one element.
 fn event(service: &str) -> Vec<Field> {
     let at_most_one = FieldType::NESTED + FieldType::BOUNDED_SEQUENCE;
     vec![

@@ -1,7 +1,7 @@
 //! ROS 2 messages as plain serde structs: CDR, type hashes, `Image` <-> `Frame`.
 //!
-//! One module a ROS package, with ROS's own field names and order. Nothing here
-//! opens a connection, reads a file or a clock, or needs a ROS installation.
+//! Each ROS package has a module, with the field names and the order of ROS. Nothing here opens a connection, reads a
+//! file or a clock, or needs a ROS installation.
 
 mod array;
 pub mod builtin;

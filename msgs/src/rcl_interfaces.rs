@@ -1,181 +1,149 @@
-//! `rcl_interfaces`: parameters and their six services, and log lines.
+//! `rcl_interfaces`: parameters with their six services, and log lines.
 
-mod services;
-
-use serde::{Deserialize, Serialize};
-
-pub use self::services::{
-    DescribeParametersRequest, DescribeParametersResponse, GetParameterTypesRequest,
-    GetParameterTypesResponse, GetParametersRequest, GetParametersResponse, ListParametersRequest,
-    ListParametersResponse, SetParametersAtomicallyRequest, SetParametersAtomicallyResponse,
-    SetParametersRequest, SetParametersResponse,
-};
 use crate::builtin::Time;
-use crate::interface::interfaces;
+use crate::interface::messages;
 
-/// `rcl_interfaces/msg/ParameterType`: the codes of [`ParameterValue::type`](ParameterValue).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ParameterType;
+messages! {
+    /// The codes of the field `type` of [`ParameterValue`].
+    ParameterType = "rcl_interfaces/msg/ParameterType"
+    /// The value of a parameter, in the field that `type` names.
+    ParameterValue = "rcl_interfaces/msg/ParameterValue" {
+        /// A code of [`ParameterType`].
+        r#type: u8,
+        /// The value for [`ParameterType::BOOL`].
+        bool_value: bool,
+        /// The value for [`ParameterType::INTEGER`].
+        integer_value: i64,
+        /// The value for [`ParameterType::DOUBLE`].
+        double_value: f64,
+        /// The value for [`ParameterType::STRING`].
+        string_value: String,
+        /// The value for [`ParameterType::BYTE_ARRAY`].
+        #[serde(with = "crate::bytes")]
+        byte_array_value: Vec<u8>,
+        /// The value for [`ParameterType::BOOL_ARRAY`].
+        bool_array_value: Vec<bool>,
+        /// The value for [`ParameterType::INTEGER_ARRAY`].
+        integer_array_value: Vec<i64>,
+        /// The value for [`ParameterType::DOUBLE_ARRAY`].
+        double_array_value: Vec<f64>,
+        /// The value for [`ParameterType::STRING_ARRAY`].
+        string_array_value: Vec<String>,
+    }
+    Parameter = "rcl_interfaces/msg/Parameter" {
+        /// Name of the parameter.
+        name: String,
+        /// Value of the parameter.
+        value: ParameterValue,
+    }
+    /// The closed range from `from_value` to `to_value`.
+    FloatingPointRange = "rcl_interfaces/msg/FloatingPointRange" {
+        /// Smallest value.
+        from_value: f64,
+        /// Largest value.
+        to_value: f64,
+        /// Distance between possible values; 0 allows every value of the range.
+        step: f64,
+    }
+    /// The closed range from `from_value` to `to_value`.
+    IntegerRange = "rcl_interfaces/msg/IntegerRange" {
+        /// Smallest value.
+        from_value: i64,
+        /// Largest value.
+        to_value: i64,
+        /// Distance between possible values; 0 allows every value of the range.
+        step: u64,
+    }
+    ParameterDescriptor = "rcl_interfaces/msg/ParameterDescriptor" {
+        /// Name of the parameter.
+        name: String,
+        /// A code of [`ParameterType`].
+        r#type: u8,
+        /// One sentence, with the unit.
+        description: String,
+        /// Further constraints in words.
+        additional_constraints: String,
+        /// Whether the value is fixed at the start of the node.
+        read_only: bool,
+        /// Whether the type may change.
+        dynamic_typing: bool,
+        /// At most one range.
+        floating_point_range: Vec<FloatingPointRange>,
+        /// At most one range.
+        integer_range: Vec<IntegerRange>,
+    }
+    ParameterEvent = "rcl_interfaces/msg/ParameterEvent" {
+        /// Time of the change.
+        stamp: Time,
+        /// Fully qualified name of the node.
+        node: String,
+        /// Parameters that did not exist before.
+        new_parameters: Vec<Parameter>,
+        /// Parameters with a new value.
+        changed_parameters: Vec<Parameter>,
+        /// Parameters that do not exist any more.
+        deleted_parameters: Vec<Parameter>,
+    }
+    SetParametersResult = "rcl_interfaces/msg/SetParametersResult" {
+        /// Whether the value was accepted.
+        successful: bool,
+        /// The reason for a refusal.
+        reason: String,
+    }
+    ListParametersResult = "rcl_interfaces/msg/ListParametersResult" {
+        /// Names of the parameters.
+        names: Vec<String>,
+        /// Prefixes of the names.
+        prefixes: Vec<String>,
+    }
+    /// One line of `/rosout`.
+    Log = "rcl_interfaces/msg/Log" {
+        /// Time of the line.
+        stamp: Time,
+        /// [`Log::DEBUG`], `INFO`, `WARN`, `ERROR` or `FATAL`.
+        level: u8,
+        /// Name of the logger.
+        name: String,
+        /// Text of the line.
+        msg: String,
+        /// Source file that wrote the line.
+        file: String,
+        /// Function in the source file.
+        function: String,
+        /// Line number in the source file.
+        line: u32,
+    }
+}
 
 impl ParameterType {
-    /// Not set, or being deleted.
+    /// The parameter is not set, or is being deleted.
     pub const NOT_SET: u8 = 0;
-    /// `bool_value` holds it.
+    /// `bool_value` holds the value.
     pub const BOOL: u8 = 1;
-    /// `integer_value` holds it.
+    /// `integer_value` holds the value.
     pub const INTEGER: u8 = 2;
-    /// `double_value` holds it.
+    /// `double_value` holds the value.
     pub const DOUBLE: u8 = 3;
-    /// `string_value` holds it.
+    /// `string_value` holds the value.
     pub const STRING: u8 = 4;
-    /// `byte_array_value` holds it.
+    /// `byte_array_value` holds the value.
     pub const BYTE_ARRAY: u8 = 5;
-    /// `bool_array_value` holds it.
+    /// `bool_array_value` holds the value.
     pub const BOOL_ARRAY: u8 = 6;
-    /// `integer_array_value` holds it.
+    /// `integer_array_value` holds the value.
     pub const INTEGER_ARRAY: u8 = 7;
-    /// `double_array_value` holds it.
+    /// `double_array_value` holds the value.
     pub const DOUBLE_ARRAY: u8 = 8;
-    /// `string_array_value` holds it.
+    /// `string_array_value` holds the value.
     pub const STRING_ARRAY: u8 = 9;
 }
 
-/// `rcl_interfaces/msg/ParameterValue`: one of these, as `type` tells.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct ParameterValue {
-    /// A code of [`ParameterType`].
-    pub r#type: u8,
-    /// For [`ParameterType::BOOL`].
-    pub bool_value: bool,
-    /// For [`ParameterType::INTEGER`].
-    pub integer_value: i64,
-    /// For [`ParameterType::DOUBLE`].
-    pub double_value: f64,
-    /// For [`ParameterType::STRING`].
-    pub string_value: String,
-    /// For [`ParameterType::BYTE_ARRAY`].
-    #[serde(with = "crate::bytes")]
-    pub byte_array_value: Vec<u8>,
-    /// For [`ParameterType::BOOL_ARRAY`].
-    pub bool_array_value: Vec<bool>,
-    /// For [`ParameterType::INTEGER_ARRAY`].
-    pub integer_array_value: Vec<i64>,
-    /// For [`ParameterType::DOUBLE_ARRAY`].
-    pub double_array_value: Vec<f64>,
-    /// For [`ParameterType::STRING_ARRAY`].
-    pub string_array_value: Vec<String>,
-}
-
-/// `rcl_interfaces/msg/Parameter`
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Parameter {
-    /// The parameter's name.
-    pub name: String,
-    /// The parameter's value.
-    pub value: ParameterValue,
-}
-
-/// `rcl_interfaces/msg/FloatingPointRange`: `[from_value, to_value]`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct FloatingPointRange {
-    /// Smallest.
-    pub from_value: f64,
-    /// Largest.
-    pub to_value: f64,
-    /// Distance of possible values; 0: any between.
-    pub step: f64,
-}
-
-/// `rcl_interfaces/msg/IntegerRange`: `[from_value, to_value]`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct IntegerRange {
-    /// Smallest.
-    pub from_value: i64,
-    /// Largest.
-    pub to_value: i64,
-    /// Distance of possible values; 0: any between.
-    pub step: u64,
-}
-
-/// `rcl_interfaces/msg/ParameterDescriptor`
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct ParameterDescriptor {
-    /// The parameter's name.
-    pub name: String,
-    /// A code of [`ParameterType`].
-    pub r#type: u8,
-    /// One sentence, with the unit.
-    pub description: String,
-    /// What else holds, in words.
-    pub additional_constraints: String,
-    /// Fixed at the start of the node.
-    pub read_only: bool,
-    /// Whether the type may change.
-    pub dynamic_typing: bool,
-    /// One range at most.
-    pub floating_point_range: Vec<FloatingPointRange>,
-    /// One range at most.
-    pub integer_range: Vec<IntegerRange>,
-}
-
-/// `rcl_interfaces/msg/ParameterEvent`
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct ParameterEvent {
-    /// When it happened.
-    pub stamp: Time,
-    /// The node's full name.
-    pub node: String,
-    /// Parameters that were not there before.
-    pub new_parameters: Vec<Parameter>,
-    /// Parameters with another value than before.
-    pub changed_parameters: Vec<Parameter>,
-    /// Parameters that are gone.
-    pub deleted_parameters: Vec<Parameter>,
-}
-
-/// `rcl_interfaces/msg/SetParametersResult`
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct SetParametersResult {
-    /// Whether the value was accepted.
-    pub successful: bool,
-    /// Why not.
-    pub reason: String,
-}
-
-/// `rcl_interfaces/msg/ListParametersResult`
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ListParametersResult {
-    /// The parameters.
-    pub names: Vec<String>,
-    /// Their prefixes.
-    pub prefixes: Vec<String>,
-}
-
-/// `rcl_interfaces/msg/Log`: one line of `/rosout`.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Log {
-    /// When it was written.
-    pub stamp: Time,
-    /// [`Log::DEBUG`], `INFO`, `WARN`, `ERROR` or `FATAL`.
-    pub level: u8,
-    /// The logger.
-    pub name: String,
-    /// The line.
-    pub msg: String,
-    /// Source file.
-    pub file: String,
-    /// Function in it.
-    pub function: String,
-    /// Line in it.
-    pub line: u32,
-}
-
 impl Log {
-    /// Only of interest to a developer.
+    /// The line is only of interest to a developer.
     pub const DEBUG: u8 = 10;
-    /// What goes on.
+    /// The line reports normal work.
     pub const INFO: u8 = 20;
-    /// Something should be looked at.
+    /// A person should look at the cause of the line.
     pub const WARN: u8 = 30;
     /// Something failed.
     pub const ERROR: u8 = 40;
@@ -183,15 +151,61 @@ impl Log {
     pub const FATAL: u8 = 50;
 }
 
-interfaces! {
-    ParameterType = "rcl_interfaces/msg/ParameterType",
-    ParameterValue = "rcl_interfaces/msg/ParameterValue",
-    Parameter = "rcl_interfaces/msg/Parameter",
-    FloatingPointRange = "rcl_interfaces/msg/FloatingPointRange",
-    IntegerRange = "rcl_interfaces/msg/IntegerRange",
-    ParameterDescriptor = "rcl_interfaces/msg/ParameterDescriptor",
-    ParameterEvent = "rcl_interfaces/msg/ParameterEvent",
-    SetParametersResult = "rcl_interfaces/msg/SetParametersResult",
-    ListParametersResult = "rcl_interfaces/msg/ListParametersResult",
-    Log = "rcl_interfaces/msg/Log",
+messages! {
+    DescribeParametersRequest = "rcl_interfaces/srv/DescribeParameters_Request" {
+        /// Names of the requested parameters.
+        names: Vec<String>,
+    }
+    DescribeParametersResponse = "rcl_interfaces/srv/DescribeParameters_Response" {
+        /// The descriptors in the order of the request.
+        descriptors: Vec<ParameterDescriptor>,
+    }
+    GetParameterTypesRequest = "rcl_interfaces/srv/GetParameterTypes_Request" {
+        /// Names of the requested parameters.
+        names: Vec<String>,
+    }
+    GetParameterTypesResponse = "rcl_interfaces/srv/GetParameterTypes_Response" {
+        /// Codes of [`ParameterType`] in the order of the request.
+        #[serde(with = "crate::bytes")]
+        types: Vec<u8>,
+    }
+    GetParametersRequest = "rcl_interfaces/srv/GetParameters_Request" {
+        /// Names of the requested parameters.
+        names: Vec<String>,
+    }
+    GetParametersResponse = "rcl_interfaces/srv/GetParameters_Response" {
+        /// The values in the order of the request.
+        values: Vec<ParameterValue>,
+    }
+    ListParametersRequest = "rcl_interfaces/srv/ListParameters_Request" {
+        /// Prefixes of the listed names; an empty list stands for all names.
+        prefixes: Vec<String>,
+        /// Largest depth below a prefix, in components of a name, or [`ListParametersRequest::DEPTH_RECURSIVE`].
+        depth: u64,
+    }
+    ListParametersResponse = "rcl_interfaces/srv/ListParameters_Response" {
+        /// Names of the parameters.
+        result: ListParametersResult,
+    }
+    SetParametersRequest = "rcl_interfaces/srv/SetParameters_Request" {
+        /// The parameters; each one is accepted or refused separately.
+        parameters: Vec<Parameter>,
+    }
+    SetParametersResponse = "rcl_interfaces/srv/SetParameters_Response" {
+        /// The results in the order of the request.
+        results: Vec<SetParametersResult>,
+    }
+    SetParametersAtomicallyRequest = "rcl_interfaces/srv/SetParametersAtomically_Request" {
+        /// The parameters; all of them are accepted, or all are refused.
+        parameters: Vec<Parameter>,
+    }
+    SetParametersAtomicallyResponse = "rcl_interfaces/srv/SetParametersAtomically_Response" {
+        /// The result of the whole request.
+        result: SetParametersResult,
+    }
+}
+
+impl ListParametersRequest {
+    /// The depth is not limited.
+    pub const DEPTH_RECURSIVE: u64 = 0;
 }

@@ -1,10 +1,8 @@
-//! RIHS01, the hash by which ROS 2 tells whether two sides mean the same type:
-//! SHA-256 over the JSON of a type description without default values.
+//! RIHS01, the hash that identifies a type in ROS 2: SHA-256 over the JSON of a type description without default values.
 //!
 //! Source: <https://github.com/ros-infrastructure/rep/pull/381> (REP 2011, 2016)
 
 use std::collections::BTreeMap;
-use std::fmt::Write;
 use std::sync::OnceLock;
 
 use sha2::{Digest, Sha256};
@@ -14,26 +12,25 @@ use crate::interface;
 use crate::schema;
 use crate::type_description_interfaces::{Field, IndividualTypeDescription, TypeDescription};
 
-/// `RIHS01_` and 64 hexadecimal digits for a message, a service, or a service's
-/// request, response or event. `None` when the suite does not define it.
+/// `RIHS01_` and 64 hexadecimal digits for a message, a service, or a service's request, response or event. `None` when
+/// the suite does not define it.
 pub fn type_hash(name: &str) -> Option<String> {
     static HASHES: OnceLock<BTreeMap<String, String>> = OnceLock::new();
     HASHES.get_or_init(all_hashes).get(name).cloned()
 }
 
-/// The hash of `name` as foreign `ros2msg` text defines it: the type's own
-/// fields, then each dependency after a line of 80 `=` and a line `MSG: pkg/Name`.
+/// Returns the hash of `name` as foreign `ros2msg` text defines it: the type's own fields, then each dependency after a
+/// line of 80 `=` and a line `MSG: pkg/Name`.
 ///
 /// # Errors
 /// [`DefinitionError`] with the line that is no field, or the type that is missing.
 pub fn type_hash_of_schema(name: &str, text: &str) -> Result<String, DefinitionError> {
-    let name = full_name("", name).ok_or_else(|| DefinitionError::Missing { name: name.to_owned() })?;
+    let name = full_name("", name).ok_or_else(|| DefinitionError::Missing(name.to_owned()))?;
     let types = schema::parse(&name, text)?;
     Ok(hash(&gather(&name, |wanted| Ok(types.get(wanted).cloned()))?))
 }
 
-/// The whole description of a type that the suite defines, as
-/// `~/get_type_description` answers it.
+/// Returns the whole description of a type that the suite defines, as `~/get_type_description` answers it.
 pub fn type_description(name: &str) -> Option<TypeDescription> {
     gather(name, interface::describe).ok()
 }
@@ -51,7 +48,7 @@ fn gather(
     name: &str,
     find: impl Fn(&str) -> Result<Option<IndividualTypeDescription>, DefinitionError>,
 ) -> Result<TypeDescription, DefinitionError> {
-    let find = |name: &str| find(name)?.ok_or_else(|| DefinitionError::Missing { name: name.to_owned() });
+    let find = |name: &str| find(name)?.ok_or_else(|| DefinitionError::Missing(name.to_owned()));
     let type_description = find(name)?;
     let mut referenced = BTreeMap::new();
     let mut open = needs(&type_description);
@@ -78,10 +75,8 @@ fn hash(description: &TypeDescription) -> String {
         individual_json(&description.type_description),
         referenced.join(", "),
     );
-    Sha256::digest(json).iter().fold("RIHS01_".to_owned(), |mut text, byte| {
-        let _ = write!(text, "{byte:02x}"); // a String takes everything
-        text
-    })
+    let digits: String = Sha256::digest(json).iter().map(|byte| format!("{byte:02x}")).collect();
+    format!("RIHS01_{digits}")
 }
 
 // Names are words (`full_name`, `parse_line`): nothing in them needs escaping.

@@ -9,9 +9,8 @@ use crate::type_description_interfaces::IndividualTypeDescription;
 /// Characters `=` in the line between two definitions.
 const SEPARATOR: usize = 80;
 
-/// The text of a message followed by those of all messages it needs, each after
-/// a line of 80 `=` and a line `MSG: pkg/msg/Name`. `None` for a service, and
-/// for a message that the suite does not define.
+/// Returns the text of a message followed by those of all messages it needs, each after a line of 80 `=` and a line
+/// `MSG: pkg/msg/Name`. `None` for a service, and for a message that the suite does not define.
 pub fn ros2msg(name: &str) -> Option<String> {
     if name.contains("/srv/") {
         return None;
@@ -33,21 +32,21 @@ pub fn ros2msg(name: &str) -> Option<String> {
     Some(text)
 }
 
-/// The type's name on the wire: `sensor_msgs::msg::dds_::Image_`.
+/// Returns the type's name on the wire: `sensor_msgs::msg::dds_::Image_`.
 pub fn dds_name(name: &str) -> String {
     let (path, last) = name.rsplit_once('/').unwrap_or(("", name));
     path.split('/').filter(|part| !part.is_empty()).map(|part| format!("{part}::")).collect::<String>()
         + &format!("dds_::{last}_")
 }
 
-/// The ROS name of a type on the wire; the inverse of [`dds_name`].
+/// Returns the ROS name of a type on the wire; the inverse of [`dds_name`].
 pub fn ros_name(dds: &str) -> String {
     let parts: Vec<&str> = dds.split("::").filter(|part| *part != "dds_").collect();
     let name = parts.join("/");
     name.strip_suffix('_').unwrap_or(&name).to_owned()
 }
 
-/// All types in `ros2msg` text, of which the first is `name`.
+/// Returns all types in `ros2msg` text, of which the first is `name`.
 pub(crate) fn parse(
     name: &str,
     text: &str,
@@ -58,7 +57,7 @@ pub(crate) fn parse(
         match (titled, line.strip_prefix("MSG:")) {
             _ if line.len() == SEPARATOR && line.bytes().all(|b| b == b'=') => titled = false,
             (false, Some(title)) => {
-                let line_is_bad = || DefinitionError::Line { name: name.to_owned(), line: line.to_owned() };
+                let line_is_bad = || DefinitionError::Line(name.to_owned(), line.to_owned());
                 sections.push((full_name("", title.trim()).ok_or_else(line_is_bad)?, String::new()));
                 titled = true;
             }

@@ -1,34 +1,28 @@
-//! `service_msgs`: the part common to all service events.
-
-use serde::{Deserialize, Serialize};
+//! `service_msgs`: the common fields of all service events.
 
 use crate::builtin::Time;
-use crate::interface::interfaces;
+use crate::interface::messages;
 
-/// `service_msgs/msg/ServiceEventInfo`
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ServiceEventInfo {
-    /// [`ServiceEventInfo::REQUEST_SENT`] and so on.
-    pub event_type: u8,
-    /// When it happened.
-    pub stamp: Time,
-    /// The client's id on the wire.
-    pub client_gid: [u8; 16],
-    /// The client's number of the call, from 1.
-    pub sequence_number: i64,
+messages! {
+    ServiceEventInfo = "service_msgs/msg/ServiceEventInfo" {
+        /// [`ServiceEventInfo::REQUEST_SENT`], `REQUEST_RECEIVED`, `RESPONSE_SENT` or `RESPONSE_RECEIVED`.
+        event_type: u8,
+        /// Time of the event.
+        stamp: Time,
+        /// Global id of the client.
+        client_gid: [u8; 16],
+        /// Number of the call at the client, from 1.
+        sequence_number: i64,
+    }
 }
 
 impl ServiceEventInfo {
-    /// A client asked.
+    /// A client has sent a request.
     pub const REQUEST_SENT: u8 = 0;
-    /// A server was asked.
+    /// A server has received a request.
     pub const REQUEST_RECEIVED: u8 = 1;
-    /// A server answered.
+    /// A server has sent a response.
     pub const RESPONSE_SENT: u8 = 2;
-    /// A client was answered.
+    /// A client has received a response.
     pub const RESPONSE_RECEIVED: u8 = 3;
-}
-
-interfaces! {
-    ServiceEventInfo = "service_msgs/msg/ServiceEventInfo",
 }

@@ -1,27 +1,17 @@
 //! `std_msgs`: the header that every stamped message carries.
 
-use serde::{Deserialize, Serialize};
-
 pub use crate::builtin::Time;
-use crate::interface::interfaces;
+use crate::interface::messages;
 
-/// `std_msgs/msg/Header`
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Header {
-    /// When the data was acquired.
-    pub stamp: Time,
-    /// Coordinate frame, such as `camera`.
-    pub frame_id: std::string::String,
-}
-
-/// `std_msgs/msg/String`
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct String {
-    /// The text.
-    pub data: std::string::String,
-}
-
-interfaces! {
-    Header = "std_msgs/msg/Header",
-    String = "std_msgs/msg/String",
+messages! {
+    Header = "std_msgs/msg/Header" {
+        /// Time at which the data was acquired.
+        stamp: Time,
+        /// Name of the coordinate frame, such as `camera`.
+        frame_id: std::string::String,
+    }
+    String = "std_msgs/msg/String" {
+        /// The text.
+        data: std::string::String,
+    }
 }

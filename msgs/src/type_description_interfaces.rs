@@ -1,21 +1,74 @@
-//! `type_description_interfaces`: types described in types. The type hash is
-//! taken over a [`TypeDescription`].
+//! `type_description_interfaces`: descriptions of types as messages. The hash of a type is computed over its
+//! [`TypeDescription`].
 
-use serde::{Deserialize, Serialize};
+use crate::interface::messages;
 
-use crate::interface::interfaces;
-
-/// `type_description_interfaces/msg/FieldType`
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct FieldType {
-    /// 1 nested, 2 to 22 primitive; +48 array, +96 bounded, +144 unbounded sequence.
-    pub type_id: u8,
-    /// Length of an array, bound of a sequence; else 0.
-    pub capacity: u64,
-    /// Bound of a string; else 0.
-    pub string_capacity: u64,
-    /// Full name of a nested type; else empty.
-    pub nested_type_name: String,
+messages! {
+    FieldType = "type_description_interfaces/msg/FieldType" {
+        /// Code of the type: 1 for a message, 2 to 22 for a primitive; plus 48 for an array, 96 for a bounded and 144
+        /// for an unbounded sequence.
+        type_id: u8,
+        /// Length of an array or bound of a sequence; 0 for all other types.
+        capacity: u64,
+        /// Bound of a string; 0 for all other types.
+        string_capacity: u64,
+        /// Full name of a message type; empty for all other types.
+        nested_type_name: String,
+    }
+    Field = "type_description_interfaces/msg/Field" {
+        /// Name of the field.
+        name: String,
+        /// Type of the field.
+        r#type: FieldType,
+        /// Default value as the definition writes it; empty without a default.
+        default_value: String,
+    }
+    IndividualTypeDescription = "type_description_interfaces/msg/IndividualTypeDescription" {
+        /// Name of the type, such as `sensor_msgs/msg/Image`.
+        type_name: String,
+        /// Fields in the order of the definition.
+        fields: Vec<Field>,
+    }
+    TypeDescription = "type_description_interfaces/msg/TypeDescription" {
+        /// The type.
+        type_description: IndividualTypeDescription,
+        /// All types that it uses directly or indirectly, sorted by name.
+        referenced_type_descriptions: Vec<IndividualTypeDescription>,
+    }
+    TypeSource = "type_description_interfaces/msg/TypeSource" {
+        /// Name of the type, such as `sensor_msgs/msg/Image`.
+        type_name: String,
+        /// Form of the definition, such as `msg` or `srv`.
+        encoding: String,
+        /// Text of the definition.
+        raw_file_contents: String,
+    }
+    KeyValue = "type_description_interfaces/msg/KeyValue" {
+        /// Key.
+        key: String,
+        /// Value.
+        value: String,
+    }
+    GetTypeDescriptionRequest = "type_description_interfaces/srv/GetTypeDescription_Request" {
+        /// Name of the type, such as `sensor_msgs/msg/Image`.
+        type_name: String,
+        /// `RIHS01_` and 64 hexadecimal digits.
+        type_hash: String,
+        /// Whether the response is to contain the texts of the definitions.
+        include_type_sources: bool,
+    }
+    GetTypeDescriptionResponse = "type_description_interfaces/srv/GetTypeDescription_Response" {
+        /// Whether the node knows the type.
+        successful: bool,
+        /// The reason for a failure.
+        failure_reason: String,
+        /// The type.
+        type_description: TypeDescription,
+        /// The texts of the definitions, if they were requested.
+        type_sources: Vec<TypeSource>,
+        /// Further information about the type.
+        extra_information: Vec<KeyValue>,
+    }
 }
 
 impl FieldType {
@@ -27,90 +80,4 @@ impl FieldType {
     pub const BOUNDED_SEQUENCE: u8 = 96;
     /// Added to `type_id` for a sequence of any length.
     pub const UNBOUNDED_SEQUENCE: u8 = 144;
-}
-
-/// `type_description_interfaces/msg/Field`
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Field {
-    /// The field's name.
-    pub name: String,
-    /// The field's type.
-    pub r#type: FieldType,
-    /// As the definition writes it; empty: none.
-    pub default_value: String,
-}
-
-/// `type_description_interfaces/msg/IndividualTypeDescription`
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct IndividualTypeDescription {
-    /// Such as `sensor_msgs/msg/Image`.
-    pub type_name: String,
-    /// In order of the definition.
-    pub fields: Vec<Field>,
-}
-
-/// `type_description_interfaces/msg/TypeDescription`
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct TypeDescription {
-    /// The type itself.
-    pub type_description: IndividualTypeDescription,
-    /// All types it needs, directly or not, sorted by name.
-    pub referenced_type_descriptions: Vec<IndividualTypeDescription>,
-}
-
-/// `type_description_interfaces/msg/TypeSource`
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct TypeSource {
-    /// Such as `sensor_msgs/msg/Image`.
-    pub type_name: String,
-    /// Such as `msg` or `srv`.
-    pub encoding: String,
-    /// The definition's text.
-    pub raw_file_contents: String,
-}
-
-/// `type_description_interfaces/msg/KeyValue`
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct KeyValue {
-    /// What.
-    pub key: String,
-    /// Its value.
-    pub value: String,
-}
-
-/// `type_description_interfaces/srv/GetTypeDescription_Request`
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct GetTypeDescriptionRequest {
-    /// Such as `sensor_msgs/msg/Image`.
-    pub type_name: String,
-    /// `RIHS01_` and 64 hexadecimal digits.
-    pub type_hash: String,
-    /// Whether the definitions' texts are wanted too.
-    pub include_type_sources: bool,
-}
-
-/// `type_description_interfaces/srv/GetTypeDescription_Response`
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct GetTypeDescriptionResponse {
-    /// Whether the type is known.
-    pub successful: bool,
-    /// Why not.
-    pub failure_reason: String,
-    /// The type.
-    pub type_description: TypeDescription,
-    /// The definitions' texts, if asked for.
-    pub type_sources: Vec<TypeSource>,
-    /// Whatever else the node says.
-    pub extra_information: Vec<KeyValue>,
-}
-
-interfaces! {
-    FieldType = "type_description_interfaces/msg/FieldType",
-    Field = "type_description_interfaces/msg/Field",
-    IndividualTypeDescription = "type_description_interfaces/msg/IndividualTypeDescription",
-    TypeDescription = "type_description_interfaces/msg/TypeDescription",
-    TypeSource = "type_description_interfaces/msg/TypeSource",
-    KeyValue = "type_description_interfaces/msg/KeyValue",
-    GetTypeDescriptionRequest = "type_description_interfaces/srv/GetTypeDescription_Request",
-    GetTypeDescriptionResponse = "type_description_interfaces/srv/GetTypeDescription_Response",
 }

@@ -1,14 +1,12 @@
-//! What the suite's transport costs above raw zenoh: 1.4 MB images at 30 Hz
-//! between two processes, both ways in the same run, over TCP and over shared
-//! memory.
+//! What the suite's transport costs above raw zenoh: 1.4 MB images at 30 Hz between two processes, both ways in the
+//! same run, over TCP and over shared memory.
 //!
 //!     cargo run --release -p modulo-runtime --example transport_cost -- [SECONDS]
 //!
-//! Ours is a `Message::Image` into the publisher until its bytes are out of the
-//! inbox, and until it is a `Frame` again; raw is the same pixels into a buffer
-//! and into zenoh's `put` until the bytes are out of zenoh's channel. Both
-//! sessions have the same queues. Fails when a frame of ours is lost or the
-//! reader's memory grows by more than 20 % after the first tenth of the run.
+//! Ours is a `Message::Image` into the publisher until its bytes are out of the inbox, and until it is a `Frame` again;
+//! raw is the same pixels into a buffer and into zenoh's `put` until the bytes are out of zenoh's channel. Both
+//! sessions have the same queues. Fails when a frame of ours is lost or the reader's memory grows by more than 20 %
+//! after the first tenth of the run.
 
 use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
@@ -186,7 +184,7 @@ fn receive(frames: usize, carrier: &str) {
         );
     }
     println!("{carrier:<8} reader's memory {early:.1} MiB -> {late:.1} MiB");
-    assert_eq!(lost as u64 + queue.tally(lane).lost(), 0, "frames of ours were lost");
+    assert_eq!(lost as u64 + queue.counts(lane).lost(), 0, "frames of ours were lost");
     assert!(late <= 1.2 * early, "memory grew from {early} to {late} MiB");
 }
 

@@ -1,25 +1,22 @@
-//! What a bridge to another ROS graph forwards: its parameters, and the plan that
-//! they make. No transport is known here, and none of the other graph's; the
-//! bridge itself is `nodes/ros2_bridge`.
+//! The plan of a bridge to another ROS graph: its parameters, and the routes that they describe. This file knows neither of the two transports; the bridge is `nodes/ros2_bridge`.
 //!
-//! Nothing can go round in a circle: a topic is forwarded in one direction, so
-//! that the bridge never reads on a side what it publishes there.
+//! A topic is forwarded in one direction only, so that the bridge never reads on one side the messages that it publishes there.
 
 use std::collections::BTreeMap;
 
 use modulo_msgs::{dds_name, rihs};
 
-use crate::name::NodeName;
+use crate::graph::{NodeName, Qos};
+use crate::message::MessageKind;
 use crate::parameter::ParameterError;
-use crate::topic::Qos;
 use crate::transport::keys::{self, Endpoint};
 
-/// Which way a topic goes.
+/// Direction in which a topic is forwarded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
-    /// From the DDS graph to the suite.
+    /// The topic is forwarded from the DDS graph to the suite.
     DdsToZenoh,
-    /// From the suite to the DDS graph.
+    /// The topic is forwarded from the suite to the DDS graph.
     ZenohToDds,
 }
 
@@ -28,27 +25,27 @@ pub enum Direction {
 pub struct Route {
     /// Absolute name, the same on both sides.
     pub topic: String,
-    /// Such as `sensor_msgs/msg/Image`.
+    /// ROS name of the type, such as `sensor_msgs/msg/Image`.
     pub ros_type: String,
     /// Hash of that type.
     pub type_hash: String,
-    /// Which way.
+    /// Direction of the topic.
     pub direction: Direction,
-    /// How it is carried on both sides.
+    /// Quality of service on both sides.
     pub qos: Qos,
 }
 
 /// Everything that is forwarded.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Plan {
-    /// The topics.
+pub struct BridgePlan {
+    /// The topics to forward.
     pub routes: Vec<Route>,
     /// Nodes of the suite, fully qualified, whose parameter services the DDS graph can call.
     pub nodes: Vec<String>,
 }
 
 crate::parameters! {
-    /// The bridge's parameters.
+    /// The parameters of the bridge.
     pub struct BridgeParameters {
         /// Topics of the suite that the DDS graph gets, each as topic:type, such as /recovered:sensor_msgs/msg/Image.
         zenoh_to_dds: Vec<String> = Vec::new(); fixed,
@@ -59,12 +56,12 @@ crate::parameters! {
     }
 }
 
-impl Plan {
-    /// The plan of a bridge `node_name`.
+impl BridgePlan {
+    /// Returns the plan of a bridge `node_name`.
     ///
     /// # Errors
-    /// [`ParameterError`] of an entry that is no `topic:type`, has a type that the
-    /// suite does not know, or would go both ways.
+    /// [`ParameterError`] of an entry that is no `topic:type`, has a type that the suite does not know, or would go
+    /// both ways.
     pub fn new(parameters: &BridgeParameters, node_name: &NodeName) -> Result<Self, ParameterError> {
         let mut routes = Vec::new();
         let mut known: BTreeMap<String, &str> = BTreeMap::new();
@@ -109,24 +106,13 @@ fn route(
         let known = modulo_msgs::interface::names().filter(|name| name.contains("/msg/"));
         refuse(format!("the type is unknown, known are {}", known.collect::<Vec<_>>().join(", ")))
     })?;
-    Ok(Route { topic, ros_type: ros_type.to_owned(), type_hash, direction, qos: qos_for(ros_type) })
-}
-
-/// As the suite's own topics of that type.
-fn qos_for(ros_type: &str) -> Qos {
-    match ros_type {
-        "sensor_msgs/msg/Image" | "sensor_msgs/msg/CompressedImage" | "sensor_msgs/msg/CameraInfo" => {
-            Qos::Images
-        }
-        "rosgraph_msgs/msg/Clock" => Qos::Clock,
-        "rcl_interfaces/msg/ParameterEvent" => Qos::Events,
-        "rcl_interfaces/msg/Log" => Qos::Logs,
-        _ => Qos::Results,
-    }
+    // The QoS of the suite's own topics of that type.
+    let qos = MessageKind::from_type_name(ros_type).map_or(Qos::Results, Qos::usual);
+    Ok(Route { topic, ros_type: ros_type.to_owned(), type_hash, direction, qos })
 }
 
 impl Route {
-    /// The endpoint on the suite's side.
+    /// Returns the endpoint on the suite's side.
     pub fn endpoint(&self) -> Endpoint {
         Endpoint {
             topic: self.topic.clone(),
@@ -146,7 +132,7 @@ mod tests {
 
     const IMAGE: &str = "sensor_msgs/msg/Image";
 
-    fn plan(outward: &[&str], inward: &[&str], nodes: &[&str]) -> Result<Plan, String> {
+    fn plan(outward: &[&str], inward: &[&str], nodes: &[&str]) -> Result<BridgePlan, String> {
         let list = |items: &[&str]| items.iter().map(|item| (*item).to_owned()).collect();
         let parameters = BridgeParameters {
             zenoh_to_dds: list(outward),
@@ -155,7 +141,7 @@ mod tests {
         };
         let node_name =
             NodeName::new("ros2_bridge", "/car", &[("old".into(), "/new".into())]).expect("valid");
-        Plan::new(&parameters, &node_name).map_err(|refusal| refusal.to_string())
+        BridgePlan::new(&parameters, &node_name).map_err(|why| why.to_string())
     }
 
     #[test]

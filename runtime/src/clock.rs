@@ -1,23 +1,22 @@
-//! The one place that reads the wall clock. Everybody else is given a clock.
+//! [`Clock`]: the source of stamps and durations. This is the only file that reads the clock of the machine; all other code is given a clock.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// A duration in whole nanoseconds; `u64::MAX` for one of 584 years or more.
+/// Returns a duration in whole nanoseconds; `u64::MAX` for one of 584 years or more.
 pub fn nanos(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
 }
 
-/// Where stamps and durations come from.
+/// A source of stamps and durations.
 pub trait Clock: Send + Sync {
-    /// Nanoseconds since the Unix epoch.
+    /// Returns the nanoseconds since the Unix epoch.
     fn now_ns(&self) -> u64;
-    /// Nanoseconds of a monotonic counter with an arbitrary origin; only
-    /// differences mean anything.
+    /// Returns the nanoseconds of a monotonic counter with an arbitrary origin; only differences mean anything.
     fn ticks_ns(&self) -> u64;
 }
 
-/// The machine's clock.
+/// The clock of the machine.
 #[derive(Debug, Clone)]
 pub struct SystemClock {
     origin: Instant,
@@ -47,7 +46,7 @@ pub struct ManualClock {
 }
 
 impl ManualClock {
-    /// A clock that shows `now` nanoseconds since the epoch.
+    /// Creates a clock that shows `now` nanoseconds since the epoch.
     pub fn at(now: u64) -> Self {
         Self { now: AtomicU64::new(now) }
     }

@@ -1,40 +1,33 @@
-//! What a node stands on: the step, its drivers, topics, queues, parameters,
-//! clock and transport.
+//! The runtime of a node: messages come in over a transport, a driver runs the step of the node, and the messages of
+//! the step go out again.
 //!
-//! A node is a pure step ([`Node`]); nothing in this crate knows what any node
-//! computes, and only `transport/zenoh` and `clock.rs` know the wire and the
-//! wall clock.
+//! ```text
+//! transport -> queue -> driver -> Node::step -> driver -> transport
+//! ```
+//!
+//! A node is a pure step ([`Node`]). This crate does not know what any node computes. Only `transport/zenoh` names the
+//! library of the wire, and only `clock.rs` reads the clock of the machine.
 
 pub mod bridge;
 pub mod clock;
-pub mod diagnostics;
 pub mod driver;
-pub mod launcher;
+pub mod graph;
 pub mod message;
-pub mod name;
 pub mod node;
-pub mod node_time;
 pub mod parameter;
-pub mod queue;
+pub mod process;
 pub mod report;
-pub mod report_file;
-pub mod ros_args;
-pub mod rosout;
-pub mod saved_state;
-pub mod sensor_info;
-pub mod sensor_parameters;
-pub mod signals;
-pub mod stop;
-pub mod topic;
+pub mod sensor;
 pub mod transport;
-pub mod type_description_service;
 
 pub use clock::{Clock, ManualClock, SystemClock};
+pub use graph::{NodeName, Qos, Topic, rosout};
 pub use message::{Message, MessageKind, StampedFrame};
-pub use name::NodeName;
 pub use node::{Context, Flow, Node, StepError, StepOutput, Trigger};
 pub use parameter::{Allowed, Descriptor, ParameterError, ParameterSet, Parameters, Value};
+pub use process::stop::{Stop, Urgency, end_on_signals};
+pub use process::{launcher, ros_args};
 pub use report::NodeReport;
-pub use sensor_parameters::SensorModel;
-pub use stop::{Stop, Urgency};
-pub use topic::{Qos, Topic};
+pub use sensor::info as sensor_info;
+pub use sensor::parameters::{SensorModel, SensorOverride};
+pub use transport::queue;

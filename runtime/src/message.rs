@@ -1,5 +1,4 @@
-//! [`Message`]: what travels between steps, shared by `Arc` inside a process
-//! and as CDR between processes.
+//! [`Message`]: the messages that travel between steps, shared by `Arc` inside a process and as CDR between processes.
 
 use std::sync::Arc;
 
@@ -11,193 +10,141 @@ use modulo_msgs::rosgraph_msgs::Clock;
 use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_msgs::vision_msgs::Detection2DArray;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
-/// An image with the header of the exposure it came from.
+/// An image with the header of its exposure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StampedFrame {
-    /// Stamp and frame of the exposure; copied, never made anew, by every node
-    /// behind the camera.
+    /// Stamp and coordinate frame of the exposure. Every node behind the camera copies it unchanged.
     pub header: Header,
     /// The pixels.
     pub frame: Frame,
 }
 
-/// The kinds of message that the suite's nodes exchange.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum MessageKind {
-    /// `sensor_msgs/msg/Image`
-    Image,
-    /// `sensor_msgs/msg/CompressedImage`
-    CompressedImage,
-    /// `sensor_msgs/msg/CameraInfo`
-    CameraInfo,
-    /// `vision_msgs/msg/Detection2DArray`
-    Detections,
-    /// `diagnostic_msgs/msg/DiagnosticArray`
-    Diagnostics,
-    /// `rcl_interfaces/msg/ParameterEvent`
-    ParameterEvent,
-    /// `rcl_interfaces/msg/Log`
-    Log,
-    /// `rosgraph_msgs/msg/Clock`
-    Clock,
-}
-
-/// One message, cheap to clone.
-#[derive(Clone, Debug)]
-pub enum Message {
-    /// `sensor_msgs/msg/Image`
-    Image(Arc<StampedFrame>),
-    /// `sensor_msgs/msg/CompressedImage`
-    CompressedImage(Arc<CompressedImage>),
-    /// `sensor_msgs/msg/CameraInfo`
-    CameraInfo(Arc<CameraInfo>),
-    /// `vision_msgs/msg/Detection2DArray`
-    Detections(Arc<Detection2DArray>),
-    /// `diagnostic_msgs/msg/DiagnosticArray`
-    Diagnostics(Arc<DiagnosticArray>),
-    /// `rcl_interfaces/msg/ParameterEvent`
-    ParameterEvent(Arc<ParameterEvent>),
-    /// `rcl_interfaces/msg/Log`
-    Log(Arc<Log>),
-    /// `rosgraph_msgs/msg/Clock`
-    Clock(Clock),
-}
-
-impl Message {
-    /// Which kind this is.
-    pub fn kind(&self) -> MessageKind {
-        match self {
-            Self::Image(_) => MessageKind::Image,
-            Self::CompressedImage(_) => MessageKind::CompressedImage,
-            Self::CameraInfo(_) => MessageKind::CameraInfo,
-            Self::Detections(_) => MessageKind::Detections,
-            Self::Diagnostics(_) => MessageKind::Diagnostics,
-            Self::ParameterEvent(_) => MessageKind::ParameterEvent,
-            Self::Log(_) => MessageKind::Log,
-            Self::Clock(_) => MessageKind::Clock,
-        }
-    }
-
-    /// When what it tells of was.
-    pub fn stamp(&self) -> Time {
-        match self {
-            Self::Image(image) => image.header.stamp,
-            Self::CompressedImage(image) => image.header.stamp,
-            Self::CameraInfo(info) => info.header.stamp,
-            Self::Detections(array) => array.header.stamp,
-            Self::Diagnostics(array) => array.header.stamp,
-            Self::ParameterEvent(event) => event.stamp,
-            Self::Log(log) => log.stamp,
-            Self::Clock(clock) => clock.clock,
-        }
-    }
-
-    /// Sets the stamp that [`Message::stamp`] returns.
-    pub fn set_stamp(&mut self, stamp: Time) {
-        *match self {
-            Self::Image(image) => &mut Arc::make_mut(image).header.stamp,
-            Self::CompressedImage(image) => &mut Arc::make_mut(image).header.stamp,
-            Self::CameraInfo(info) => &mut Arc::make_mut(info).header.stamp,
-            Self::Detections(array) => &mut Arc::make_mut(array).header.stamp,
-            Self::Diagnostics(array) => &mut Arc::make_mut(array).header.stamp,
-            Self::ParameterEvent(event) => &mut Arc::make_mut(event).stamp,
-            Self::Log(log) => &mut Arc::make_mut(log).stamp,
-            Self::Clock(clock) => &mut clock.clock,
-        } = stamp;
-    }
-}
-
-/// Why bytes are not the message they should be.
+/// Error: bytes are not a message of the expected type.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("not a readable {kind}: {why}")]
 pub struct DecodeError {
-    /// ROS name of the type that was expected.
+    /// ROS name of the expected type.
     pub kind: &'static str,
-    /// What is wrong, with the numbers.
+    /// Description of the fault, with its numbers.
     pub why: String,
 }
 
-impl MessageKind {
-    /// All of them.
-    pub const ALL: [Self; 8] = [
-        Self::Image,
-        Self::CompressedImage,
-        Self::CameraInfo,
-        Self::Detections,
-        Self::Diagnostics,
-        Self::ParameterEvent,
-        Self::Log,
-        Self::Clock,
-    ];
-
-    /// ROS name of the type.
-    pub fn type_name(self) -> &'static str {
-        match self {
-            Self::Image => "sensor_msgs/msg/Image",
-            Self::CompressedImage => "sensor_msgs/msg/CompressedImage",
-            Self::CameraInfo => "sensor_msgs/msg/CameraInfo",
-            Self::Detections => "vision_msgs/msg/Detection2DArray",
-            Self::Diagnostics => "diagnostic_msgs/msg/DiagnosticArray",
-            Self::ParameterEvent => "rcl_interfaces/msg/ParameterEvent",
-            Self::Log => "rcl_interfaces/msg/Log",
-            Self::Clock => "rosgraph_msgs/msg/Clock",
+/// Declares the kinds of message from one table: variant, type, ROS name of the type, and the field with the stamp.
+macro_rules! kinds {
+    ($($kind:ident($type:ty) $name:literal $($stamp:ident).+;)+) => {
+        /// The kinds of message that the nodes of the suite exchange.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        pub enum MessageKind {
+            $(#[doc = concat!("`", $name, "`")] $kind,)+
         }
+
+        /// One message, cheap to clone.
+        #[derive(Clone, Debug)]
+        pub enum Message {
+            $(#[doc = concat!("`", $name, "`")] $kind(Arc<$type>),)+
+        }
+
+        impl MessageKind {
+            /// All kinds.
+            pub const ALL: &[Self] = &[$(Self::$kind),+];
+
+            /// Returns the ROS name of the type.
+            pub fn type_name(self) -> &'static str {
+                match self { $(Self::$kind => $name),+ }
+            }
+        }
+
+        impl Message {
+            /// Returns the kind of this message.
+            pub fn kind(&self) -> MessageKind {
+                match self { $(Self::$kind(_) => MessageKind::$kind),+ }
+            }
+
+            /// Returns the time that the message belongs to.
+            pub fn stamp(&self) -> Time {
+                match self { $(Self::$kind(message) => message.$($stamp).+),+ }
+            }
+
+            /// Sets the stamp that [`Message::stamp`] returns.
+            pub fn set_stamp(&mut self, stamp: Time) {
+                match self { $(Self::$kind(message) => Arc::make_mut(message).$($stamp).+ = stamp),+ }
+            }
+
+            /// Returns the message as CDR with its encapsulation header.
+            ///
+            /// # Errors
+            /// [`cdr::CdrError`] when a string or sequence is too long for CDR.
+            pub fn encode(&self) -> Result<Vec<u8>, cdr::CdrError> {
+                match self { $(Self::$kind(message) => message.to_cdr()),+ }
+            }
+
+            fn read(kind: MessageKind, bytes: &[u8]) -> Result<Self, String> {
+                Ok(match kind { $(MessageKind::$kind => Self::$kind(Arc::new(Content::from_cdr(bytes)?))),+ })
+            }
+        }
+    };
+}
+
+kinds! {
+    Image(StampedFrame) "sensor_msgs/msg/Image" header.stamp;
+    CompressedImage(CompressedImage) "sensor_msgs/msg/CompressedImage" header.stamp;
+    CameraInfo(CameraInfo) "sensor_msgs/msg/CameraInfo" header.stamp;
+    Detections(Detection2DArray) "vision_msgs/msg/Detection2DArray" header.stamp;
+    Diagnostics(DiagnosticArray) "diagnostic_msgs/msg/DiagnosticArray" header.stamp;
+    ParameterEvent(ParameterEvent) "rcl_interfaces/msg/ParameterEvent" stamp;
+    Log(Log) "rcl_interfaces/msg/Log" stamp;
+    Clock(Clock) "rosgraph_msgs/msg/Clock" clock;
+}
+
+/// The content of a message and its form as CDR.
+trait Content: Sized {
+    fn to_cdr(&self) -> Result<Vec<u8>, cdr::CdrError>;
+    fn from_cdr(bytes: &[u8]) -> Result<Self, String>;
+}
+
+impl<T: Serialize + DeserializeOwned> Content for T {
+    fn to_cdr(&self) -> Result<Vec<u8>, cdr::CdrError> {
+        cdr::to_vec(self)
     }
 
-    /// The kind of this ROS type, if the suite knows it.
+    fn from_cdr(bytes: &[u8]) -> Result<Self, String> {
+        cdr::from_slice(bytes).map_err(|why| why.to_string())
+    }
+}
+
+impl Content for StampedFrame {
+    fn to_cdr(&self) -> Result<Vec<u8>, cdr::CdrError> {
+        modulo_msgs::image::encode_frame(&self.header, &self.frame)
+    }
+
+    fn from_cdr(bytes: &[u8]) -> Result<Self, String> {
+        let image: Image = cdr::from_slice(bytes).map_err(|why| why.to_string())?;
+        let header = image.header.clone();
+        Ok(Self { header, frame: image.into_frame().map_err(|why| why.to_string())? })
+    }
+}
+
+impl MessageKind {
+    /// Returns the kind of this ROS type; `None` for a type that the suite does not use.
     pub fn from_type_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|kind| kind.type_name() == name)
+        Self::ALL.iter().copied().find(|kind| kind.type_name() == name)
     }
 
-    /// `RIHS01_...` of the type.
+    /// Returns the hash of the type, `RIHS01_...`.
     pub fn type_hash(self) -> String {
         modulo_msgs::type_hash(self.type_name()).expect("every kind of message is defined in modulo_msgs")
     }
 }
 
 impl Message {
-    /// CDR with its encapsulation header.
-    ///
-    /// # Errors
-    /// [`cdr::CdrError`] when a string or sequence is longer than CDR can say.
-    pub fn encode(&self) -> Result<Vec<u8>, cdr::CdrError> {
-        match self {
-            Self::Image(image) => modulo_msgs::image::encode_frame(&image.header, &image.frame),
-            Self::CompressedImage(message) => cdr::to_vec(&**message),
-            Self::CameraInfo(message) => cdr::to_vec(&**message),
-            Self::Detections(message) => cdr::to_vec(&**message),
-            Self::Diagnostics(message) => cdr::to_vec(&**message),
-            Self::ParameterEvent(message) => cdr::to_vec(&**message),
-            Self::Log(message) => cdr::to_vec(&**message),
-            Self::Clock(message) => cdr::to_vec(message),
-        }
-    }
-
     /// Reads CDR as a message of `kind`.
     ///
     /// # Errors
-    /// [`DecodeError`] with what is wrong with the bytes.
+    /// [`DecodeError`] with a description of the fault in the bytes.
     pub fn decode(kind: MessageKind, bytes: &[u8]) -> Result<Self, DecodeError> {
-        let bad = |why: String| DecodeError { kind: kind.type_name(), why };
-        Ok(match kind {
-            MessageKind::Image => {
-                let image: Image = cdr::from_slice(bytes).map_err(|e| bad(e.to_string()))?;
-                let header = image.header.clone();
-                let frame = image.into_frame().map_err(|e| bad(e.to_string()))?;
-                Self::Image(Arc::new(StampedFrame { header, frame }))
-            }
-            MessageKind::CompressedImage => Self::CompressedImage(parse(bytes).map_err(bad)?),
-            MessageKind::CameraInfo => Self::CameraInfo(parse(bytes).map_err(bad)?),
-            MessageKind::Detections => Self::Detections(parse(bytes).map_err(bad)?),
-            MessageKind::Diagnostics => Self::Diagnostics(parse(bytes).map_err(bad)?),
-            MessageKind::ParameterEvent => Self::ParameterEvent(parse(bytes).map_err(bad)?),
-            MessageKind::Log => Self::Log(parse(bytes).map_err(bad)?),
-            MessageKind::Clock => Self::Clock(cdr::from_slice(bytes).map_err(|e| bad(e.to_string()))?),
-        })
+        Self::read(kind, bytes).map_err(|why| DecodeError { kind: kind.type_name(), why })
     }
-}
-
-fn parse<T: serde::de::DeserializeOwned>(bytes: &[u8]) -> Result<Arc<T>, String> {
-    cdr::from_slice(bytes).map(Arc::new).map_err(|e| e.to_string())
 }

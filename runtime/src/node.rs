@@ -1,45 +1,44 @@
-//! [`Node`]: a pure step. No thread, no clock and no transport in it; drivers
-//! bring those, so that live, composed and lockstep runs execute the same code.
+//! [`Node`]: a pure step. No thread, no clock and no transport in it; drivers bring those, so that live, composed and
+//! lockstep runs execute the same code.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::time::Duration;
 
 use crate::clock::Clock;
+use crate::graph::Topic;
 use crate::message::Message;
 use crate::parameter::{ParameterError, Parameters};
-use crate::topic::Topic;
 
-/// Why a step is run.
+/// The reason for a step.
 #[derive(Clone, Debug)]
 pub enum Trigger {
     /// A source's period has passed.
     Tick,
     /// A message came on `inputs()[input]`.
     Message {
-        /// Index into [`Node::inputs`].
+        /// Index of the topic in [`Node::inputs`].
         input: usize,
         /// The message, of that topic's kind.
         message: Message,
     },
 }
 
-/// What a step says about the next one.
+/// The state of a node after a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flow {
-    /// More may come.
+    /// Further steps may follow.
     Continue,
     /// The message at hand is kept; a later step answers it.
     Kept,
-    /// The source is exhausted: this node ends, and with it those that only
-    /// read from it.
+    /// The source is exhausted: this node ends, and with it those that only read from it.
     Done,
 }
 
-/// Why a step gave no result.
+/// Error: a step gave no result.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StepError {
-    /// This one input is bad: it is counted, logged and skipped; the node lives.
+    /// This input is bad: it is counted, logged and skipped, and the node continues.
     #[error("{0}")]
     Skip(String),
     /// The node cannot go on.
@@ -49,16 +48,15 @@ pub enum StepError {
 
 /// A node of the suite.
 pub trait Node: Send {
-    /// The topics read now. May change after [`Node::configure`]; the driver
-    /// then subscribes anew.
+    /// Returns the topics that the node reads now. They may change with [`Node::configure`]; the driver then renews the subscriptions.
     fn inputs(&self) -> Vec<Topic>;
 
-    /// The topics written, fixed for the node's life. [`Context::emit`] and
-    /// [`Context::wanted`] take an index into this list.
+    /// Returns the topics written, fixed for the node's life. [`Context::emit`] and [`Context::wanted`] take an index
+    /// into this list.
     fn outputs(&self) -> Vec<Topic>;
 
-    /// `Some` for a source: [`Trigger::Tick`] comes this often (zero: as fast as
-    /// the frames can be made). `None` for a node that only answers messages.
+    /// `Some` for a source: [`Trigger::Tick`] comes this often (zero: as fast as the frames can be made). `None` for a
+    /// node that only answers messages.
     fn period(&self) -> Option<Duration> {
         None
     }
@@ -78,25 +76,22 @@ pub trait Node: Send {
     /// Takes a whole validated set of parameters, between two steps.
     ///
     /// # Errors
-    /// [`ParameterError`] with the parameter, its value and what is possible; the node
-    /// then goes on exactly as before.
+    /// [`ParameterError`] with the parameter, its value and the possible values; the node then continues exactly as before.
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError>;
 
     /// Does the work for one trigger.
     ///
     /// # Errors
-    /// [`StepError::Skip`] for a bad input, [`StepError::Fatal`] when the node
-    /// cannot go on.
+    /// [`StepError::Skip`] for a bad input, [`StepError::Fatal`] when the node cannot go on.
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError>;
 
-    /// What really runs, as (key, value) for diagnostics and the summary, such
-    /// as `("engine", "rten")` and `("stream", "recovered")`.
+    /// Returns the status of the node as (key, value) pairs for diagnostics and the summary, such as `("engine", "rten")` and `("stream", "recovered")`.
     fn status(&self) -> Vec<(&'static str, String)> {
         Vec::new()
     }
 }
 
-/// What a driver lends to one step.
+/// The services that a driver offers to one step.
 pub struct Context<'a> {
     node: &'a str,
     clock: &'a dyn Clock,
@@ -107,24 +102,23 @@ pub struct Context<'a> {
 }
 
 impl<'a> Context<'a> {
-    /// `node` is the fully qualified name of the node, such as `/unwrap`; `wanted[i]` tells whether anybody reads
-    /// `outputs()[i]`.
+    /// Creates the context of one step. `node` is the fully qualified name of the node, such as `/unwrap`; `wanted[i]` is whether `outputs()[i]` has a reader.
     pub fn new(node: &'a str, clock: &'a dyn Clock, wanted: &'a [bool]) -> Self {
         Self { node, clock, wanted, unwanted: RefCell::default(), emitted: Vec::new(), stages: Vec::new() }
     }
 
-    /// The fully qualified name of the node, such as `/unwrap`.
+    /// Returns the fully qualified name of the node, such as `/unwrap`.
     pub fn node(&self) -> &'a str {
         self.node
     }
 
-    /// Nanoseconds since the epoch, as the driver sees the time.
+    /// Returns the nanoseconds since the epoch, as the driver sees the time.
     pub fn now_ns(&self) -> u64 {
         self.clock.now_ns()
     }
 
-    /// Whether output `output` has a reader; a message without one need not be made. A step asks when it has a message
-    /// to send: a message that is not made then is counted as unwanted.
+    /// Returns whether output `output` has a reader; a message without one need not be made. A step asks when it has a
+    /// message to send: a message that is not made then is counted as unwanted.
     pub fn wanted(&self, output: usize) -> bool {
         let wanted = self.wanted.get(output).copied().unwrap_or(false);
         if !wanted {
@@ -146,13 +140,13 @@ impl<'a> Context<'a> {
         result
     }
 
-    /// What the step left.
+    /// Returns the output of the step.
     pub fn finish(self) -> StepOutput {
         StepOutput { messages: self.emitted, unwanted: self.unwanted.into_inner(), stages: self.stages }
     }
 }
 
-/// What one step left for its driver.
+/// The output of one step for its driver.
 #[derive(Debug)]
 pub struct StepOutput {
     /// Messages to send, by output.

@@ -1,7 +1,7 @@
-//! [`NodeReport`]: what a node did, in numbers. The launcher adds the reports of all nodes up.
+//! [`NodeReport`]: the counts and durations of a node. The launcher adds the reports of all nodes up.
 //!
-//! Durations are kept as mergeable histograms, so that percentiles over several
-//! processes are computed from counts and never from averages of percentiles.
+//! Durations are kept as mergeable histograms, so that percentiles over several processes are computed from counts and
+//! never from averages of percentiles.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,10 +12,10 @@ use crate::message::Message;
 /// Buckets of one stage: upper bound in microseconds to count.
 pub type Histogram = BTreeMap<u64, u64>;
 
-/// What one node received, sent, lost, saw and how long its stages took.
+/// The messages that one node received, sent and lost, its detections, and the durations of its stages.
 ///
-/// Every message that reached a node was taken by a step, replaced or left unread:
-/// `received = taken + replaced + unread` for each topic. A message that could not be read was taken.
+/// Every message that reached a node was taken by a step, replaced or left unread: `received = taken + replaced +
+/// unread` for each topic. A message that could not be read was taken.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct NodeReport {
@@ -45,7 +45,7 @@ pub struct NodeReport {
     pub latched: BTreeSet<String>,
     /// Detections sent, by the stream that they were found in and by class.
     pub classes: BTreeMap<String, BTreeMap<String, u64>>,
-    /// What really ran, such as `engine` = `rten`.
+    /// Status of the node, such as `engine` = `rten`.
     pub status: BTreeMap<String, String>,
     /// Durations by stage; buckets are (upper bound in microseconds, count).
     #[serde(with = "pairs")]
@@ -53,7 +53,7 @@ pub struct NodeReport {
 }
 
 impl NodeReport {
-    /// An empty report of `node`.
+    /// Creates an empty report of `node`.
     pub fn new(node: impl Into<String>) -> Self {
         Self { node: node.into(), ..Self::default() }
     }
@@ -64,7 +64,7 @@ impl NodeReport {
         *self.stages.entry(stage.to_owned()).or_default().entry(bucket).or_default() += 1;
     }
 
-    /// Books one sent message, and its detections under the `stream` that the step read; a source reads none.
+    /// Counts one sent message, and its detections under the `stream` that the step has read; a source reads no stream.
     pub fn book_published(&mut self, topic: &str, message: &Message, stream: Option<&str>) {
         add(&mut self.published, topic, 1);
         if let (Message::Detections(array), Some(stream)) = (message, stream) {
@@ -96,15 +96,14 @@ pub fn add(counts: &mut BTreeMap<String, u64>, key: &str, n: u64) {
     }
 }
 
-/// The upper bound, in microseconds, of the bucket that holds `us`: exact below
-/// 128, then at most 1.6 % wide.
+/// Returns the upper bound, in microseconds, of the bucket that holds `us`: exact below 128, then at most 1.6 % wide.
 pub fn bucket_of(us: u64) -> u64 {
     let shift = (64 - us.leading_zeros()).saturating_sub(7);
     (((us >> shift) + 1) << shift) - 1
 }
 
-/// The smallest bucket bound, in microseconds, below or at which at least the
-/// fraction `q` of all counts lies; `None` when nothing was counted.
+/// Returns the smallest bucket bound, in microseconds, below or at which at least the fraction `q` of all counts lies;
+/// `None` when nothing was counted.
 pub fn quantile(histogram: &Histogram, q: f64) -> Option<u64> {
     let total: u64 = histogram.values().sum();
     let rank = ((total as f64 * q).ceil() as u64).clamp(1, total.max(1));

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use modulo_core::Frame;
 use modulo_msgs::std_msgs::{Header, Time};
-use modulo_runtime::driver::live::{self, Subject};
+use modulo_runtime::driver::live::{self, NodeSetup};
 use modulo_runtime::driver::{CommonParameters, composed, lockstep::Lockstep};
 use modulo_runtime::transport::Transport;
 use modulo_runtime::transport::keys::Hashes;
@@ -230,9 +230,9 @@ fn a_node_that_waits_in_vain_says_for_whom() {
     let transport = LocalTransport::default();
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
     let node = counter(1);
-    let subject =
-        Subject { node, parameters, node_name: node_name("counter"), saved: None, report_file: None };
-    let error = live::run(subject, &transport, &clock, Stop::default()).expect_err("nobody is not there");
+    let setup =
+        NodeSetup { node, parameters, node_name: node_name("counter"), saved: None, report_file: None };
+    let error = live::run(setup, &transport, &clock, Stop::default()).expect_err("nobody is not there");
     assert!(error.to_string().contains("/nobody"), "{error}");
 }
 
@@ -249,14 +249,14 @@ fn zenoh_carries_a_chain_between_sessions() {
         let run = |node: Box<dyn Node>, name, wait_for, transport| {
             let (clock, stop) = (clock.clone(), stop.clone());
             let transport: &dyn Transport = transport;
-            let subject = Subject {
+            let setup = NodeSetup {
                 node,
                 parameters: waiting_for(wait_for),
                 node_name: node_name(name),
                 saved: None,
                 report_file: None,
             };
-            scope.spawn(move || live::run(subject, transport, &clock, stop))
+            scope.spawn(move || live::run(setup, transport, &clock, stop))
         };
         let last = run(Box::new(increment("b", "c")), "second", "", &three);
         let middle = run(Box::new(increment("a", "b")), "first", "[second]", &two);

@@ -1,13 +1,12 @@
-//! Tokens, keys, hashes and samples against those of a real ROS 2 Jazzy node
-//! `/odmi/golden` under rmw_zenoh_cpp 0.2.10.
+//! Tokens, keys, hashes and samples against those of a real ROS 2 Jazzy node `/odmi/golden` under rmw_zenoh_cpp 0.2.10.
 
 use modulo_msgs::sensor_msgs::Image;
 use modulo_msgs::{cdr, ros_name, type_hash};
+use modulo_runtime::graph::{Topic, type_description};
 use modulo_runtime::parameter::service::Service;
-use modulo_runtime::topic::Topic;
 use modulo_runtime::transport::attachment::Attachment;
 use modulo_runtime::transport::keys::{self, Endpoint, EntityKind, Token};
-use modulo_runtime::{MessageKind, NodeName, Qos, type_description_service};
+use modulo_runtime::{MessageKind, NodeName, Qos};
 use serde_json::Value;
 
 fn golden() -> Value {
@@ -66,8 +65,8 @@ fn the_endpoints_of_every_node_are_those_of_rcl() {
             },
         );
     }
-    let parameters = Service::ALL.map(|service| (service.name_and_type(), keys::PARAMETER_QOS));
-    let described = (type_description_service::NAME_AND_TYPE, keys::SERVICE_QOS);
+    let parameters = Service::ALL.iter().map(|service| (service.name_and_type(), keys::PARAMETER_QOS));
+    let described = (type_description::NAME_AND_TYPE, keys::SERVICE_QOS);
     for ((name, ros_type), qos) in parameters.into_iter().chain([described]) {
         known(
             EntityKind::Server,

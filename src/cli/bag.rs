@@ -2,7 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Args, Subcommand};
+use modulo_bags::bag::Compression;
+
+use modulo_eval::grid::words;
 
 /// `modulo bag`
 #[derive(Subcommand)]
@@ -11,16 +14,16 @@ pub enum Bag {
     Record(BagRecord),
     /// Replay a bag into the graph
     Play(BagPlay),
-    /// Say what is in a bag
+    /// Describe the content of a bag
     Info {
         /// Bag folder, or .mcap, .db3 or ROS 1 .bag file
         bag: PathBuf,
     },
-    /// Rewrite a damaged bag as far as it can be read
+    /// Copy the readable messages of a damaged bag to a new bag
     Recover(BagCopy),
-    /// Make an MCAP bag of any bag: rosbag2's SQLite whole, images of ROS 1
+    /// Convert a bag to MCAP: all of rosbag2's SQLite, images and camera calibrations of ROS 1
     Convert(BagCopy),
-    /// Make a bag of a data set
+    /// Convert a data set to a bag
     #[command(subcommand)]
     Import(BagImport),
 }
@@ -28,7 +31,7 @@ pub enum Bag {
 /// `modulo bag import`
 #[derive(Subcommand)]
 pub enum BagImport {
-    /// A KITTI object or sequence folder, with its labels as ground truth
+    /// Convert a KITTI object or sequence folder, with its labels as ground truth
     Kitti {
         /// Folder that holds image_2 or image_02
         folder: PathBuf,
@@ -51,7 +54,7 @@ pub struct BagCopy {
 /// `modulo bag record`
 #[derive(Args)]
 pub struct BagRecord {
-    /// Topics to record, all without any
+    /// Topics to record; all topics if none is given
     #[arg(conflicts_with = "all")]
     pub topics: Vec<String>,
     /// Record all topics
@@ -64,29 +67,18 @@ pub struct BagRecord {
     pub form: Form,
 }
 
-/// How a bag is written.
+/// Options for writing a bag.
 #[derive(Args)]
 pub struct Form {
     /// Compression of the chunks
-    #[arg(long, value_enum, default_value_t = Compression::None)]
+    #[arg(long, default_value = "none", value_parser = words(Compression::WORDS))]
     pub compression: Compression,
-    /// Go on in a new file before one is larger; 0: never
+    /// Largest size of a file in bytes, before the bag continues in a new one; 0: no limit
     #[arg(short = 'b', long, value_name = "BYTES", default_value_t = 0)]
     pub max_bag_size: u64,
-    /// Go on in a new file before one lasts longer; 0: never
+    /// Longest duration of a file in seconds, before the bag continues in a new one; 0: no limit
     #[arg(short = 'd', long, value_name = "SECONDS", default_value_t = 0)]
     pub max_bag_duration: u64,
-}
-
-/// Compression of a bag's chunks.
-#[derive(Clone, Copy, ValueEnum)]
-pub enum Compression {
-    /// As rosbag2 does by default
-    None,
-    /// Fast
-    Lz4,
-    /// Small
-    Zstd,
 }
 
 /// `modulo bag play`
@@ -94,31 +86,31 @@ pub enum Compression {
 pub struct BagPlay {
     /// Bag folder, or .mcap, .db3 or ROS 1 .bag file
     pub bag: PathBuf,
-    /// Speed: 2 is twice as fast
+    /// Speed; 2 is twice as fast as the recording
     #[arg(short, long, default_value_t = 1.0)]
     pub rate: f64,
-    /// Start again at the end
+    /// Start again at the end of the bag
     #[arg(short, long)]
     pub r#loop: bool,
-    /// Seconds to leave out at the start
+    /// Time to skip at the start of the bag, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0)]
     pub start_offset: f64,
-    /// Seconds of the bag to play; all without
+    /// Time to play, in seconds; the whole bag by default
     #[arg(long, value_name = "SECONDS")]
     pub playback_duration: Option<f64>,
-    /// Wait for the service ~/resume before the first message
+    /// Wait for a call of the service ~/resume before the first message
     #[arg(short = 'p', long)]
     pub start_paused: bool,
-    /// Publish the bag's time on /clock, 40 times a second if not said otherwise
+    /// Publish the time of the bag on /clock, by default 40 times a second
     #[arg(long, value_name = "HZ", num_args = 0..=1, default_missing_value = "40")]
     pub clock: Option<f64>,
-    /// Topics to replay, all without any
+    /// Topics to replay; all topics by default
     #[arg(long, value_name = "TOPIC", num_args = 1..)]
     pub topics: Option<Vec<String>>,
-    /// Rename topics, from:=to
+    /// Rules from:=to that rename topics
     #[arg(long, value_name = "RULE", num_args = 1..)]
     pub remap: Vec<String>,
-    /// Nodes (fully qualified) that must be ready before the first message
+    /// Fully qualified names of the nodes that must be ready before the first message
     #[arg(long, value_name = "NODE", num_args = 1..)]
     pub wait_for: Vec<String>,
 }

@@ -5,27 +5,27 @@ use clap::{Args, Subcommand};
 /// `modulo topic`
 #[derive(Subcommand)]
 pub enum Topic {
-    /// Names of all topics
+    /// List all topics
     List {
-        /// With their types
+        /// Also print the types
         #[arg(short = 't', long)]
         show_types: bool,
     },
-    /// Type, publishers and subscriptions of one topic
+    /// Print the type of a topic and the number of its publishers and subscriptions
     Info {
-        /// Such as /recovered
+        /// Name of the topic, such as /recovered
         topic: String,
-        /// With nodes, quality of service and type hashes
+        /// Also print nodes, quality of service and type hashes
         #[arg(short, long)]
         verbose: bool,
     },
-    /// Print messages as YAML
+    /// Print the messages of a topic as YAML
     Echo(Echo),
-    /// Print the rate at which messages come, until SIGINT
+    /// Print the rate of the messages of a topic until SIGINT
     Hz {
-        /// Such as /recovered
+        /// Name of the topic, such as /recovered
         topic: String,
-        /// Messages over which the rate is taken
+        /// Largest number of messages over which the rate is computed
         #[arg(short, long, default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(2..))]
         window: u32,
     },
@@ -34,7 +34,7 @@ pub enum Topic {
 /// `modulo topic echo`
 #[derive(Args)]
 pub struct Echo {
-    /// Such as /detections
+    /// Name of the topic, such as /detections
     pub topic: String,
     /// End after the first message
     #[arg(long)]
@@ -44,11 +44,11 @@ pub struct Echo {
 /// `modulo node`
 #[derive(Subcommand)]
 pub enum Node {
-    /// Names of all nodes
+    /// List all nodes
     List,
-    /// What a node publishes, subscribes to and serves
+    /// Print the publishers, subscriptions and services of a node
     Info {
-        /// Such as /detector
+        /// Name of the node, such as /detector
         node: String,
     },
 }

@@ -3,21 +3,19 @@
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
-use modulo_bags::bag::{self, BagInfo, BagReader, BagWarning, Split, WriteOptions};
+use modulo_bags::bag::{self, BagInfo, BagReader, BagWarning, BagWriter, Compression, Split, WriteOptions};
 use modulo_bags::capture::capture;
-use modulo_bags::import::{ImportOptions, import_kitti};
-use modulo_bags::pace::{Motion, Pace};
+use modulo_bags::import::import_kitti;
 use modulo_bags::play::{PlayOptions, Player, Repeat};
-use modulo_bags::record::Recorder;
-use modulo_bags::replay::{ReplayOptions, replay, wait_for};
-use modulo_runtime::Stop;
-use modulo_runtime::signals::end_on_signals;
+use modulo_bags::playback_clock::{PlaybackClock, PlaybackState};
+use modulo_bags::replay::{ReplayError, ReplayOptions, replay};
+use modulo_runtime::driver::wait_until_ready;
 
-use super::{open_session, pairs, start_log, usage};
-use crate::cli::bag::{Bag, BagCopy, BagImport, BagPlay, BagRecord, Compression, Form};
+use super::{open_session, pairs, start_log, stop_on_signals, usage};
+use crate::cli::bag::{Bag, BagCopy, BagImport, BagPlay, BagRecord, Form};
 use crate::{Ended, Failure};
 
-/// How long `--wait-for` waits.
+/// Time limit of `--wait-for`.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Runs one of the bag commands.
@@ -28,13 +26,13 @@ pub fn bag(args: &Bag) -> Result<Ended, Failure> {
         Bag::Play(args) => play(args),
         Bag::Info { bag } => {
             let reader = BagReader::open(bag)?;
-            say!("{}", BagInfo::from(&reader).to_string().trim_end());
+            say!("{}", BagInfo(&reader).to_string().trim_end());
             Ok(loss(reader.warnings()))
         }
         Bag::Recover(args) => copy(&BagReader::salvage(&args.bag)?, args),
         Bag::Convert(args) => copy(&BagReader::open(&args.bag)?, args),
         Bag::Import(BagImport::Kitti { folder, out }) => {
-            let report = import_kitti(folder, out, &ImportOptions::default())?;
+            let report = import_kitti(folder, out, Compression::None)?;
             say!("{} frames, {} labelled, {} objects", report.frames, report.labelled, report.objects);
             Ok(Ended::Done)
         }
@@ -53,14 +51,9 @@ fn copy(reader: &BagReader, args: &BagCopy) -> Result<Ended, Failure> {
 }
 
 fn write_options(form: &Form) -> WriteOptions {
-    let compression = match form.compression {
-        Compression::None => bag::Compression::None,
-        Compression::Lz4 => bag::Compression::Lz4,
-        Compression::Zstd => bag::Compression::Zstd,
-    };
     let max_bytes = Some(form.max_bag_size).filter(|max| *max > 0);
     let max_duration = Some(Duration::from_secs(form.max_bag_duration)).filter(|max| !max.is_zero());
-    WriteOptions { compression, split: Split { max_bytes, max_duration } }
+    WriteOptions { compression: form.compression, split: Split { max_bytes, max_duration } }
 }
 
 /// Prints the warnings; with messages that cannot be read the exit code is 3.
@@ -75,15 +68,9 @@ fn loss<'a>(warnings: impl IntoIterator<Item = &'a BagWarning>) -> Ended {
     ended
 }
 
-fn stop_on_signals() -> Result<Stop, Failure> {
-    let stop = Stop::default();
-    end_on_signals(&stop).context("signal handlers")?;
-    Ok(stop)
-}
-
 fn record(args: &BagRecord) -> Result<Ended, Failure> {
     let stop = stop_on_signals()?;
-    let recorder = Recorder::create(&args.output, write_options(&args.form))?;
+    let recorder = BagWriter::create(&args.output, write_options(&args.form))?;
     let (clock, transport) = open_session()?;
     let topics = Some(args.topics.as_slice()).filter(|topics| !topics.is_empty());
     tracing::info!("recording into {}; SIGINT ends it", args.output.display());
@@ -108,14 +95,15 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
         topics: args.topics.clone(),
     };
     let mut player = Player::new(reader, &options).map_err(usage)?;
-    let motion = if args.start_paused { Motion::Paused } else { Motion::Running };
-    let pace = Pace::new(0, args.rate, motion).map_err(usage)?;
+    let motion = if args.start_paused { PlaybackState::Paused } else { PlaybackState::Running };
+    let pace = PlaybackClock::new(0, args.rate, motion).map_err(usage)?;
     if let Some(hz) = args.clock.filter(|hz| !(hz.is_finite() && *hz > 0.0)) {
         return Err(usage(anyhow!("--clock {hz}: must be a finite number above 0")));
     }
     let options = ReplayOptions { remaps: pairs(&args.remap)?, clock_hz: args.clock };
     let (clock, transport) = open_session()?;
-    wait_for(&transport, &*clock, &args.wait_for, PATIENCE, &stop)?;
+    wait_until_ready(&transport, &*clock, args.wait_for.clone(), PATIENCE, &stop)
+        .map_err(|missing| ReplayError::Waited(PATIENCE.as_secs(), missing))?;
     let sent = replay(&transport, &clock, &mut player, pace, &options, &stop)?;
     transport.close();
     for (topic, count) in sent {

@@ -1,5 +1,4 @@
-//! `modulo doctor`: what this machine gives the suite. It changes nothing and
-//! always ends with 0: what it finds is for people.
+//! `modulo doctor`: the engine, the transport and the environment on this machine. It changes nothing and always ends with exit code 0, since a person judges the result.
 
 use std::net::TcpListener;
 use std::path::Path;
@@ -13,7 +12,7 @@ use crate::{Ended, Failure};
 /// Environment variables that change how sessions meet.
 const ZENOH_VARIABLES: [&str; 2] = ["ZENOH_SESSION_CONFIG_URI", "ZENOH_CONFIG_OVERRIDE"];
 
-/// Prints what is there, what is not and what to do about it.
+/// Prints the found and missing parts of the environment, and a remedy for each missing one.
 pub fn doctor() -> Result<Ended, Failure> {
     let (os, arch) = (std::env::consts::OS, std::env::consts::ARCH);
     say!("modulo   {} on {os} {arch}", env!("CARGO_PKG_VERSION"));

@@ -3,8 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, anyhow};
-use modulo_bags::bag::Compression;
-use modulo_bags::record::Recorder;
+use modulo_bags::bag::{BagWriter, Compression};
 use modulo_eval::launch_file::{Evaluation, Plan, Score, Stream};
 use modulo_launch::Summary;
 use modulo_runtime::driver::lockstep::Lockstep;
@@ -35,7 +34,7 @@ pub fn eval(args: &Eval) -> Result<Ended, Failure> {
 fn launch_file(args: &Eval, file: &Path, out: &Path) -> Result<Ended, Failure> {
     let arguments = pairs(&args.arguments)?;
     let mut evaluation = Evaluation::new(args.grid.options.difficulty.unwrap_or_default());
-    let mut bag = args.bag.as_ref().map(|folder| Recorder::create(folder, Compression::Zstd)).transpose()?;
+    let mut bag = args.bag.as_ref().map(|folder| BagWriter::create(folder, Compression::Zstd)).transpose()?;
     let mut reports = Vec::new();
     if args.source.is_empty() {
         reports = run(args, (file, out), &arguments, &mut evaluation, bag.as_mut())?;
@@ -44,7 +43,7 @@ fn launch_file(args: &Eval, file: &Path, out: &Path) -> Result<Ended, Failure> {
         let arguments = [arguments.clone(), vec![("source".to_owned(), source.clone())]].concat();
         reports.extend(run(args, (file, out), &arguments, &mut evaluation, bag.as_mut())?);
     }
-    bag.map(Recorder::finish).transpose()?;
+    bag.map(BagWriter::finish).transpose()?;
     evaluation.write(out)?;
     let summary = Summary::new(&reports, []);
     summary.write(&out.join("summary.json"))?;
@@ -63,7 +62,7 @@ fn run(
     (file, out): (&Path, &Path),
     arguments: &[(String, String)],
     evaluation: &mut Evaluation,
-    bag: Option<&mut Recorder>,
+    bag: Option<&mut BagWriter>,
 ) -> Result<Vec<NodeReport>, Failure> {
     let made = nodes(file, arguments)?;
     let source = made.iter().position(|(node, _)| node.period().is_some());

@@ -1,45 +1,36 @@
-//! `modulo topic` and `modulo node`: who is there, and what they say. No ROS is needed.
+//! `modulo topic` and `modulo node`: the nodes, topics and messages of the graph. No ROS installation is needed.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
-use std::sync::Arc;
+use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use modulo_msgs::{dynamic, rihs, ros_name};
-use modulo_runtime::queue::{Arrived, Keep, Lane, Limit, Next, Queue};
-use modulo_runtime::signals::end_on_signals;
-use modulo_runtime::transport::graph::Graph;
-use modulo_runtime::transport::keys::{Endpoint, EntityKind, Token};
+use modulo_runtime::Clock;
+use modulo_runtime::graph::Graph;
+use modulo_runtime::transport::keys::{EntityKind, Token};
 use modulo_runtime::transport::zenoh::ZenohTransport;
-use modulo_runtime::transport::{Guard, RawSample, Transport};
-use modulo_runtime::{Clock, NodeName, Stop, Urgency};
 
-use super::open_session;
+use super::{open_session, stop_on_signals};
 use crate::cli::graph::{Echo, Node, Topic};
 use crate::{Ended, Failure};
-
-/// The graph is as it is when nothing has changed for this long.
-const CALM: Duration = Duration::from_millis(300);
-/// How long a topic or node may take to appear.
-const PATIENCE: Duration = Duration::from_secs(5);
-const GLANCE: Duration = Duration::from_millis(20);
-/// Samples that wait to be shown.
-const WAITING: Limit = Limit { messages: 4096, bytes: 64 << 20 };
 
 /// Runs one of the topic commands.
 pub fn topic(args: &Topic) -> Result<Ended, Failure> {
     let (clock, transport) = open_session()?;
     match args {
         Topic::List { show_types } => {
-            for (topic, types) in topics(&calm(&transport)) {
+            for (topic, types) in transport.settled_graph().topics() {
                 let types: Vec<String> = types.into_iter().collect();
                 let shown = if *show_types { format!(" [{}]", types.join(", ")) } else { String::new() };
                 say!("{topic}{shown}");
             }
         }
-        Topic::Info { topic, verbose } => info(&found(&transport, topic)?, &absolute(topic), *verbose),
-        Topic::Echo(args) => echo(&transport, &clock, args)?,
-        Topic::Hz { topic, window } => hz(&transport, &clock, topic, *window as usize)?,
+        Topic::Info { topic, verbose } => {
+            let topic = absolute(topic);
+            info(&transport.graph_with(&topic)?, &topic, *verbose);
+        }
+        Topic::Echo(args) => echo(&transport, args)?,
+        Topic::Hz { topic, window } => hz(&transport, &*clock, topic, *window as usize)?,
     }
     transport.close();
     Ok(Ended::Done)
@@ -48,9 +39,8 @@ pub fn topic(args: &Topic) -> Result<Ended, Failure> {
 /// Runs one of the node commands.
 pub fn node(args: &Node) -> Result<Ended, Failure> {
     let (_clock, transport) = open_session()?;
-    let graph = calm(&transport);
-    let nodes = graph.tokens().filter(|t| t.kind == EntityKind::Node).map(Token::node_name);
-    let nodes: BTreeSet<String> = nodes.collect();
+    let graph = transport.settled_graph();
+    let nodes = graph.nodes();
     match args {
         Node::List => nodes.iter().for_each(|node| say!("{node}")),
         Node::Info { node } => {
@@ -70,59 +60,8 @@ pub fn absolute(name: &str) -> String {
     format!("/{}", name.trim_matches('/'))
 }
 
-/// The graph, once it has stopped changing.
-pub fn calm(transport: &ZenohTransport) -> Graph {
-    let (mut graph, mut unchanged, mut waited) = (transport.graph(), Duration::ZERO, Duration::ZERO);
-    while unchanged < CALM && waited < PATIENCE {
-        std::thread::sleep(GLANCE);
-        waited += GLANCE;
-        let now = transport.graph();
-        unchanged = if now.tokens().eq(graph.tokens()) { unchanged + GLANCE } else { Duration::ZERO };
-        graph = now;
-    }
-    graph
-}
-
-/// Types of each topic that anybody publishes or reads.
-fn topics(graph: &Graph) -> BTreeMap<String, BTreeSet<String>> {
-    let mut topics: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
-    for token in graph.tokens().filter(|t| is_topic(t.kind)) {
-        if let Some(Endpoint { topic, dds_type, .. }) = &token.endpoint {
-            topics.entry(topic.clone()).or_default().insert(type_name(dds_type));
-        }
-    }
-    topics
-}
-
-fn is_topic(kind: EntityKind) -> bool {
-    matches!(kind, EntityKind::Publisher | EntityKind::Subscription)
-}
-
-fn type_name(dds_type: &str) -> String {
-    ros_name(dds_type)
-}
-
-/// The graph, once somebody is on `topic`.
-fn found(transport: &ZenohTransport, topic: &str) -> anyhow::Result<Graph> {
-    let topic = absolute(topic);
-    let mut waited = Duration::ZERO;
-    loop {
-        let graph = transport.graph();
-        if topics(&graph).contains_key(&topic) {
-            return Ok(calm(transport));
-        }
-        if waited >= PATIENCE {
-            let known: Vec<String> = topics(&graph).into_keys().collect();
-            let known = if known.is_empty() { "no topic at all".to_owned() } else { known.join(", ") };
-            return Err(anyhow!("nobody is on {topic}; there is {known}"));
-        }
-        std::thread::sleep(GLANCE);
-        waited += GLANCE;
-    }
-}
-
 fn info(graph: &Graph, topic: &str, verbose: bool) {
-    let types: Vec<String> = topics(graph).remove(topic).into_iter().flatten().collect();
+    let types: Vec<String> = graph.topics().remove(topic).into_iter().flatten().collect();
     say!("Type: {}", types.join(", "));
     for (title, kind) in [("Publisher", EntityKind::Publisher), ("Subscription", EntityKind::Subscription)] {
         let endpoints: Vec<&Token> = graph.endpoints(kind, topic).collect();
@@ -133,7 +72,7 @@ fn info(graph: &Graph, topic: &str, verbose: bool) {
                 say!(
                     "  {}: {} {} qos {}",
                     token.node_name(),
-                    type_name(&endpoint.dds_type),
+                    ros_name(&endpoint.dds_type),
                     endpoint.type_hash,
                     endpoint.qos
                 );
@@ -157,63 +96,17 @@ fn describe(graph: &Graph, node: &str) {
         let own = graph.tokens().filter(|t| t.kind == kind && t.node_name() == node);
         let lines: BTreeSet<String> = own
             .filter_map(|t| t.endpoint.as_ref())
-            .map(|e| format!("    {}: {}", e.topic, type_name(&e.dds_type)))
+            .map(|e| format!("    {}: {}", e.topic, ros_name(&e.dds_type)))
             .collect();
         lines.iter().for_each(|line| say!("{line}"));
     }
 }
 
-/// A subscription to what is published on `topic`: its type, and the samples as they come.
-struct Listening {
-    type_name: String,
-    samples: Arc<Queue<RawSample>>,
-    lane: Lane,
-    stop: Stop,
-    _guards: (Guard, Guard),
-}
-
-impl Listening {
-    fn start(transport: &ZenohTransport, clock: &Arc<dyn Clock>, topic: &str) -> anyhow::Result<Self> {
-        let stop = Stop::default();
-        end_on_signals(&stop).context("signal handlers")?;
-        let (graph, topic) = (found(transport, topic)?, absolute(topic));
-        let publisher = graph.endpoints(EntityKind::Publisher, &topic).next();
-        let any = publisher.or_else(|| graph.endpoints(EntityKind::Subscription, &topic).next());
-        let endpoint = any.and_then(|token| token.endpoint.clone()).context("the topic went away")?;
-        let node_name = NodeName { name: "modulo_topic".into(), namespace: "/".into(), remaps: Vec::new() };
-        let node = transport.announce(&node_name)?;
-        let samples = Arc::new(Queue::new(clock.clone(), WAITING));
-        stop.wakes(&samples);
-        let (queue, lane) = (samples.clone(), samples.open(Keep::All));
-        let take = move |sample| drop(queue.push(lane, sample));
-        let subscription = transport.subscribe_raw(&node_name, &endpoint, take)?;
-        let type_name = type_name(&endpoint.dds_type);
-        Ok(Self { type_name, samples, lane, stop, _guards: (subscription, node) })
-    }
-
-    /// The next sample within `patience`, `None`: without limit.
-    fn next(&self, patience: Option<Duration>) -> Option<Arrived<RawSample>> {
-        match self.samples.take(patience) {
-            Next::Item(arrived) => Some(arrived),
-            Next::Idle | Next::Ended => None,
-        }
-    }
-
-    /// Samples that were sent, but not shown.
-    fn lost(&self) -> u64 {
-        self.samples.tally(self.lane).lost()
-    }
-
-    fn goes_on(&self) -> bool {
-        self.stop.urgency() == Urgency::None
-    }
-}
-
-fn echo(transport: &ZenohTransport, clock: &Arc<dyn Clock>, args: &Echo) -> anyhow::Result<()> {
-    let listening = Listening::start(transport, clock, &args.topic)?;
-    let name = &listening.type_name;
+fn echo(transport: &ZenohTransport, args: &Echo) -> Result<(), Failure> {
+    let listening = transport.listen(&absolute(&args.topic), stop_on_signals()?)?;
+    let name = listening.type_name();
     let description = rihs::type_description(name);
-    let description = description.with_context(|| format!("{name} is no type that modulo knows"))?;
+    let description = description.with_context(|| format!("{name} is not a type that modulo knows"))?;
     while listening.goes_on() {
         let Some(sample) = listening.next(None) else { continue };
         let value = dynamic::from_slice(&description, &sample.item.payload)?;
@@ -229,8 +122,8 @@ fn echo(transport: &ZenohTransport, clock: &Arc<dyn Clock>, args: &Echo) -> anyh
 }
 
 /// Once a second: rate, and how even it is.
-fn hz(transport: &ZenohTransport, clock: &Arc<dyn Clock>, topic: &str, window: usize) -> anyhow::Result<()> {
-    let listening = Listening::start(transport, clock, topic)?;
+fn hz(transport: &ZenohTransport, clock: &dyn Clock, topic: &str, window: usize) -> Result<(), Failure> {
+    let listening = transport.listen(&absolute(topic), stop_on_signals()?)?;
     let now = || clock.ticks_ns() as f64 / 1e9;
     let (mut arrived, mut due) = (VecDeque::new(), now() + 1.0);
     while listening.goes_on() {
@@ -249,7 +142,7 @@ fn hz(transport: &ZenohTransport, clock: &Arc<dyn Clock>, topic: &str, window: u
     Ok(())
 }
 
-/// As `ros2 topic hz` says it, and what was lost.
+/// Describes the rate as `ros2 topic hz` does, with the number of lost messages.
 fn rate(arrived: &[f64], lost: u64) -> String {
     let periods: Vec<f64> = arrived.windows(2).map(|pair| pair[1] - pair[0]).collect();
     if periods.is_empty() {

@@ -7,8 +7,8 @@ use anyhow::{Context, anyhow};
 use modulo_launch::plan::OnExit;
 use modulo_launch::{ComposedNode, NodePlan, Plan, Summary, Supervision};
 use modulo_runtime::driver::composed::{self, Member};
+use modulo_runtime::end_on_signals;
 use modulo_runtime::ros_args::RosArgs;
-use modulo_runtime::signals::end_on_signals;
 use modulo_runtime::{Clock, NodeName, Parameters, Stop, SystemClock};
 
 use super::{hash, pairs, start_log, usage};
@@ -99,7 +99,7 @@ fn refusals(node: &NodePlan) -> Vec<String> {
 
 /// The summary, and which processes failed, if one did.
 fn run_processes(mut plan: Plan) -> Result<(Summary, Option<anyhow::Error>), Failure> {
-    let word = hash::word(hash::chosen()?);
+    let word = hash::chosen()?.word();
     for node in &mut plan.nodes {
         node.process.env.entry(hash::VARIABLE.to_owned()).or_insert(Some(word.to_owned()));
     }

@@ -28,7 +28,7 @@ use anyhow::{Context, anyhow};
 use modulo_runtime::ros_args::Logs;
 use modulo_runtime::rosout::RosoutLayer;
 use modulo_runtime::transport::zenoh::ZenohTransport;
-use modulo_runtime::{Clock, SystemClock};
+use modulo_runtime::{Clock, Stop, SystemClock, end_on_signals};
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
@@ -101,4 +101,11 @@ fn pairs(arguments: &[String]) -> Result<Vec<(String, String)>, Failure> {
         Ok((name.to_owned(), value.to_owned()))
     };
     arguments.iter().map(pair).collect::<anyhow::Result<_>>().map_err(usage)
+}
+
+/// Returns a stop that SIGINT and SIGTERM ask for an end.
+fn stop_on_signals() -> Result<Stop, Failure> {
+    let stop = Stop::default();
+    end_on_signals(&stop).context("signal handlers")?;
+    Ok(stop)
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use anyhow::Context;
 use indicatif::{ProgressBar, ProgressStyle};
 use modulo_detector::{ModelInfo, describe, measure};
-use modulo_models::{Fetched, LICENCE, Request, fetch, official};
+use modulo_models::{FetchRequest, Fetched, LICENCE, fetch, official};
 use modulo_runtime::SystemClock;
 
 use super::{start_log, usage};
@@ -41,7 +41,7 @@ fn fetch_official(args: &ModelFetch) -> Result<Ended, Failure> {
         }
         bar.set_position(got);
     };
-    let fetched = fetch(&Request { url: &url, file: &file, sha256, bytes }, &progress);
+    let fetched = fetch(&FetchRequest { url: &url, file: &file, sha256, bytes }, &progress);
     bar.finish_and_clear();
     match fetched? {
         Fetched::Downloaded => say!("{}", file.display()),

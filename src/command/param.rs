@@ -1,5 +1,4 @@
-//! `modulo param`: parameters of running nodes, through the services that
-//! `ros2 param` uses.
+//! `modulo param`: parameters of running nodes, through the services that `ros2 param` uses.
 
 use std::collections::BTreeSet;
 use std::io::Write as _;
@@ -13,19 +12,22 @@ use modulo_msgs::rcl_interfaces::{
     ParameterValue, SetParametersRequest, SetParametersResponse,
 };
 use modulo_runtime::Value;
+use modulo_runtime::graph::Graph;
 use modulo_runtime::parameter::file;
 use modulo_runtime::parameter::service::{Service, from_ros, to_ros};
 use modulo_runtime::parameter::text::{bare, described, labelled, type_name};
 use modulo_runtime::transport::Transport;
-use modulo_runtime::transport::graph::Graph;
 use modulo_runtime::transport::keys::{EntityKind, Token};
 use modulo_runtime::transport::zenoh::ZenohTransport;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use super::{graph, open_session};
 use crate::cli::Param;
 use crate::{Ended, Failure};
 
-/// How long a node may take to appear, and to answer.
+/// Time limit for a node to appear, and for it to answer.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Runs one of the parameter commands.
@@ -34,13 +36,13 @@ pub fn param(args: &Param) -> Result<Ended, Failure> {
     match args {
         Param::List { node: Some(node), param_type } => print_names(&transport, node, *param_type)?,
         Param::List { node: None, param_type } => {
-            for node in serving(&graph::calm(&transport)) {
+            for node in serving(&transport.settled_graph()) {
                 say!("{node}:");
                 print_names(&transport, &node, *param_type)?;
             }
         }
         Param::Get { node, name, hide_type } => {
-            let value = get(&transport, node, std::slice::from_ref(name))?.pop().unwrap_or_default();
+            let value = get_one(&transport, node, name)?;
             if value.r#type == ParameterType::NOT_SET {
                 return Err(Failure::Run(anyhow!("{node} has no parameter '{name}'")));
             }
@@ -67,7 +69,7 @@ pub fn param(args: &Param) -> Result<Ended, Failure> {
     Ok(Ended::Done)
 }
 
-/// The nodes whose parameters can be asked for.
+/// Returns the nodes whose parameters can be asked for.
 fn serving(graph: &Graph) -> BTreeSet<String> {
     let lists = |token: &Token| {
         let endpoint = token.endpoint.as_ref()?;
@@ -89,13 +91,13 @@ fn print_names(transport: &ZenohTransport, node: &str, types: bool) -> anyhow::R
     Ok(())
 }
 
-/// Calls one of the node's parameter services, once the node has been found.
-fn call(
+/// Waits for `node`, and calls one of its parameter services.
+fn call<Q: Serialize, R: DeserializeOwned>(
     transport: &ZenohTransport,
     node: &str,
     service: Service,
-    request: Vec<u8>,
-) -> anyhow::Result<Vec<u8>> {
+    request: &Q,
+) -> anyhow::Result<R> {
     let node = graph::absolute(node);
     for _ in 0..PATIENCE.as_millis() / 20 {
         if transport.is_ready(&node) {
@@ -104,20 +106,28 @@ fn call(
         std::thread::sleep(Duration::from_millis(20));
     }
     let (name, ros_type) = service.name_and_type();
-    let answer = transport.call(&format!("{node}/{name}"), ros_type, request, PATIENCE);
-    answer.with_context(|| format!("node {node}"))
+    let answer = transport.call(&format!("{node}/{name}"), ros_type, cdr::to_vec(request)?, PATIENCE);
+    Ok(cdr::from_slice(&answer.with_context(|| format!("node {node}"))?)?)
 }
 
 fn list(transport: &ZenohTransport, node: &str) -> anyhow::Result<Vec<String>> {
-    let request = cdr::to_vec(&ListParametersRequest::default())?;
-    let answer = call(transport, node, Service::List, request)?;
-    Ok(cdr::from_slice::<ListParametersResponse>(&answer)?.result.names)
+    let request = ListParametersRequest::default();
+    let ListParametersResponse { result } = call(transport, node, Service::ListParameters, &request)?;
+    Ok(result.names)
 }
 
+/// Reads the values of `names`, one for each name.
 fn get(transport: &ZenohTransport, node: &str, names: &[String]) -> anyhow::Result<Vec<ParameterValue>> {
-    let request = cdr::to_vec(&GetParametersRequest { names: names.to_vec() })?;
-    let answer = call(transport, node, Service::Get, request)?;
-    Ok(cdr::from_slice::<GetParametersResponse>(&answer)?.values)
+    let request = GetParametersRequest { names: names.to_vec() };
+    let GetParametersResponse { values } = call(transport, node, Service::GetParameters, &request)?;
+    if values.len() != names.len() {
+        return Err(anyhow!("{node} gave {} values for {} parameters", values.len(), names.len()));
+    }
+    Ok(values)
+}
+
+fn get_one(transport: &ZenohTransport, node: &str, name: &str) -> anyhow::Result<ParameterValue> {
+    Ok(get(transport, node, &[name.to_owned()])?.remove(0))
 }
 
 fn describe(
@@ -125,21 +135,22 @@ fn describe(
     node: &str,
     names: &[String],
 ) -> anyhow::Result<Vec<ParameterDescriptor>> {
-    let request = cdr::to_vec(&DescribeParametersRequest { names: names.to_vec() })?;
-    let answer = call(transport, node, Service::Describe, request)?;
-    Ok(cdr::from_slice::<DescribeParametersResponse>(&answer)?.descriptors)
+    let request = DescribeParametersRequest { names: names.to_vec() };
+    let response: DescribeParametersResponse = call(transport, node, Service::DescribeParameters, &request)?;
+    Ok(response.descriptors)
 }
 
-/// The present value tells the type that the text is read as.
+/// Sets one parameter. The type of its present value is the type that the text is read as.
 fn set(transport: &ZenohTransport, node: &str, name: &str, text: &str) -> anyhow::Result<()> {
-    let present = get(transport, node, &[name.to_owned()])?.pop().unwrap_or_default();
+    let present = get_one(transport, node, name)?;
     let like = from_ros(present).unwrap_or(Value::String(String::new()));
     let value = like
         .parse_like(text)
         .with_context(|| format!("parameter '{name}' = {text}: is not a {}", like.type_name()))?;
     let parameters = vec![Parameter { name: name.to_owned(), value: to_ros(Some(&value)) }];
-    let answer = call(transport, node, Service::Set, cdr::to_vec(&SetParametersRequest { parameters })?)?;
-    match cdr::from_slice::<SetParametersResponse>(&answer)?.results.pop() {
+    let request = SetParametersRequest { parameters };
+    let SetParametersResponse { mut results } = call(transport, node, Service::SetParameters, &request)?;
+    match results.pop() {
         Some(result) if result.successful => {
             say!("Set parameter successful");
             Ok(())

@@ -3,20 +3,19 @@
 use std::sync::Arc;
 
 use anyhow::Context;
-use modulo_runtime::driver::live::{self, Subject};
-use modulo_runtime::report_file::ReportFile;
+use modulo_runtime::driver::live::{self, NodeSetup};
+use modulo_runtime::process::report_file::ReportFile;
+use modulo_runtime::process::saved_state::SavedState;
 use modulo_runtime::ros_args::{Logs, RosArgs};
 use modulo_runtime::rosout::{self, LogQueue};
-use modulo_runtime::saved_state::SavedState;
-use modulo_runtime::signals::end_on_signals;
-use modulo_runtime::{Descriptor, NodeName, Stop, SystemClock, launcher};
+use modulo_runtime::{Descriptor, NodeName, SystemClock, launcher};
 
-use super::{hash, open_session, start_log_with, usage};
+use super::{hash, open_session, start_log_with, stop_on_signals, usage};
 use crate::cli::Run;
 use crate::registry::{self, Kind};
 use crate::{Ended, Failure};
 
-/// Runs one node until it is done or told to end.
+/// Runs one node until it is done or asked to end.
 pub fn run(args: &Run) -> Result<Ended, Failure> {
     let kind = registry::kind(&args.node).map_err(usage)?;
     let (ros, own) = RosArgs::parse(&args.arguments).map_err(usage)?;
@@ -36,8 +35,7 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
     }
     let node_name = ros.node_name(kind.name).map_err(usage)?;
     let log = start_log(&ros, &node_name);
-    let stop = Stop::default();
-    end_on_signals(&stop).context("signal handlers")?;
+    let stop = stop_on_signals()?;
     launcher::end_with_launcher(&stop).context("watch of the launcher")?;
 
     let settings = ros.parameters_for(&node_name).map_err(usage)?;
@@ -56,14 +54,14 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
 
     let (clock, transport) = open_session()?;
     let rosout = log.map(|log| log.publish(&node_name, &transport)).transpose()?;
-    let subject = Subject { node, parameters, node_name, saved, report_file };
-    live::run(subject, &transport, &clock, stop)?;
+    let setup = NodeSetup { node, parameters, node_name, saved, report_file };
+    live::run(setup, &transport, &clock, stop)?;
     drop(rosout);
     transport.close();
     Ok(Ended::Done)
 }
 
-/// Starts the log; what goes to `/rosout` waits in the queue.
+/// Starts the log; lines for `/rosout` wait in the queue.
 fn start_log(ros: &RosArgs, node_name: &NodeName) -> Option<LogQueue> {
     let (layer, queue) = match ros.rosout_logs {
         Logs::Enabled => Some(rosout::layer(Arc::new(SystemClock::default()))).unzip(),

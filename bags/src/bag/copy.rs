@@ -1,5 +1,4 @@
-//! [`copy`]: a whole MCAP bag out of what can be read of another one, whether it
-//! is damaged or of another form.
+//! [`copy`]: makes a complete MCAP bag from the readable messages of another one, which may be damaged or have another form.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,13 +12,11 @@ pub struct Copied {
     pub topics: Vec<TopicCount>,
     /// Single messages that were left out, by topic: those that cannot be read, and those of a topic's second type.
     pub left_out: Vec<BagWarning>,
-    /// Why `bag` could not be read to its end.
+    /// The error that ended the reading of `bag` early.
     pub broke: Option<BagError>,
 }
 
-/// Writes every message of `bag` that can be read to the new bag `out`, payload
-/// bytes and times unchanged. What could not be copied is in the warnings of
-/// `bag`, in [`Copied::left_out`] and in [`Copied::broke`].
+/// Writes every readable message of `bag` to the new bag `out`, payload bytes and times unchanged. Messages that could not be copied are reported by the warnings of `bag`, by [`Copied::left_out`] and by [`Copied::broke`].
 ///
 /// # Errors
 /// [`BagError`] when `out` exists already, or cannot be written.
@@ -34,7 +31,7 @@ pub fn copy(bag: &BagReader, out: &Path, options: impl Into<WriteOptions>) -> Re
             }
         }
     }
-    // By topic: how many, and what is wrong with the first of them.
+    // For each topic: the number of such messages, and the fault of the first one.
     let mut left_out: BTreeMap<String, (u64, String)> = BTreeMap::new();
     let mut leave_out = |topic: String, why| left_out.entry(topic).or_insert((0, why)).0 += 1;
     let mut broke = None;

@@ -1,81 +1,45 @@
-//! [`BagInfo`]: what a bag holds, printed as `ros2 bag info` prints it.
+//! [`BagInfo`]: the content of a bag, printed as `ros2 bag info` prints it.
 
 use std::fmt;
+use std::path::Path;
 
 use jiff::Timestamp;
 
-use super::{BagReader, BagWarning, TopicCount};
+use super::{BagReader, TopicCount};
 
 const NS: u64 = 1_000_000_000;
 
-/// What a bag holds.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct BagInfo {
-    /// Names of the files, in order.
-    pub files: Vec<String>,
-    /// Size of all files, bytes.
-    pub size: u64,
-    /// The storage's name in rosbag2.
-    pub storage_id: &'static str,
-    /// The ROS distribution of the recorder, where it is known.
-    pub ros_distro: Option<String>,
-    /// First and last log time, ns since the epoch; `None` without messages.
-    pub span: Option<(u64, u64)>,
-    /// All topics with their counts.
-    pub topics: Vec<TopicCount>,
-    /// What the bag lacks.
-    pub warnings: Vec<BagWarning>,
-}
+/// The content of a bag, to be printed.
+pub struct BagInfo<'a>(pub &'a BagReader);
 
-impl From<&BagReader> for BagInfo {
-    fn from(bag: &BagReader) -> Self {
-        let name = |path: &std::path::Path| {
-            path.file_name()
-                .expect("the path of an opened file ends in a name")
-                .to_string_lossy()
-                .into_owned()
-        };
-        Self {
-            files: bag.files().map(name).collect(),
-            size: bag.size(),
-            storage_id: bag.storage_id(),
-            ros_distro: bag.ros_distro().map(str::to_owned),
-            span: bag.span(),
-            topics: bag.topics(),
-            warnings: bag.warnings().to_vec(),
-        }
-    }
-}
-
-impl BagInfo {
-    /// All messages.
-    pub fn messages(&self) -> u64 {
-        self.topics.iter().map(|t| t.messages).sum()
-    }
-}
-
-impl fmt::Display for BagInfo {
+impl fmt::Display for BagInfo<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (start, end) = self.span.unwrap_or_default();
+        let Self(bag) = self;
+        let name = |path: &Path| {
+            path.file_name().expect("the path of an open file ends in a name").to_string_lossy().into_owned()
+        };
+        let files: Vec<String> = bag.files().map(name).collect();
+        // As in ROS 2, an empty bag begins and ends at time 0.
+        let (start, end) = bag.span().unwrap_or((0, 0));
         let duration = end.saturating_sub(start);
-        writeln!(f, "Files:             {}", self.files.join("\n                   "))?;
-        writeln!(f, "Bag size:          {}", Bytes(self.size))?;
-        writeln!(f, "Storage id:        {}", self.storage_id)?;
-        writeln!(f, "ROS Distro:        {}", self.ros_distro.as_deref().unwrap_or("unknown"))?;
+        writeln!(f, "Files:             {}", files.join("\n                   "))?;
+        writeln!(f, "Bag size:          {}", Bytes(bag.size()))?;
+        writeln!(f, "Storage id:        {}", bag.storage_id())?;
+        writeln!(f, "ROS Distro:        {}", bag.ros_distro().unwrap_or("unknown"))?;
         writeln!(f, "Duration:          {}.{:09}s", duration / NS, duration % NS)?;
         writeln!(f, "Start:             {}", Utc(start))?;
         writeln!(f, "End:               {}", Utc(end))?;
-        writeln!(f, "Messages:          {}", self.messages())?;
+        writeln!(f, "Messages:          {}", bag.message_count())?;
         write!(f, "Topic information:")?;
-        for (i, TopicCount { topic, messages }) in self.topics.iter().enumerate() {
+        for (i, TopicCount { topic, messages }) in bag.topics().iter().enumerate() {
             let gap = if i == 0 { " " } else { "                   " };
             let (name, kind) = (&topic.name, &topic.type_name);
             writeln!(f, "{gap}Topic: {name} | Type: {kind} | Count: {messages} | Serialization Format: cdr")?;
         }
-        if self.topics.is_empty() {
+        if bag.topics().is_empty() {
             writeln!(f)?;
         }
-        self.warnings.iter().try_for_each(|warning| writeln!(f, "Warning:           {warning}"))
+        bag.warnings().iter().try_for_each(|warning| writeln!(f, "Warning:           {warning}"))
     }
 }
 

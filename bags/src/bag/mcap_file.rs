@@ -1,4 +1,4 @@
-//! One MCAP file: its index, and its messages in log-time order.
+//! [`McapFile`]: one MCAP file with its index, read in log-time order.
 
 use std::collections::HashMap;
 use std::fs::File;
@@ -10,23 +10,22 @@ use mcap::Summary;
 use mcap::sans_io::indexed_reader::{IndexedReadEvent, IndexedReader, IndexedReaderOptions, ReadOrder};
 use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
 
-use super::scan::{Loose, scan};
-use super::storage::{Cursor, Index, Storage};
+use super::scan::{UnchunkedMessage, scan};
+use super::storage::{Cursor, FileSummary, Index, Storage};
 use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount, type_hash};
 use crate::FileError;
 
 /// No chunk may unpack to more, bytes: recorders write a few MiB.
 pub(super) const MAX_CHUNK: usize = 1 << 30;
 
-/// What there is in one file, and where.
+/// The index of one file.
 #[derive(Debug)]
 pub(super) struct McapFile {
     path: PathBuf,
-    size: u64,
-    summary: Summary,
-    loose: Vec<Loose>,
+    index: Summary,
+    loose: Vec<UnchunkedMessage>,
     topics: HashMap<u16, Arc<BagTopic>>,
-    warnings: Vec<BagWarning>,
+    summary: FileSummary,
 }
 
 impl McapFile {
@@ -36,7 +35,7 @@ impl McapFile {
         let mut file = File::open(path).map_err(io)?;
         let size = file.metadata().map_err(io)?.len();
         let summary = match index {
-            Index::Believed => read_summary(&mut file, size).filter(|summary| is_complete(summary, size)),
+            Index::Trusted => read_summary(&mut file, size).filter(|summary| is_complete(summary, size)),
             Index::Ignored => None,
         };
         let (summary, loose, mut warnings) = match summary {
@@ -44,45 +43,49 @@ impl McapFile {
             None => {
                 file.rewind().map_err(io)?;
                 let mut found = scan(path, file, size)?;
-                // Nobody asked for the index.
-                found
-                    .warnings
-                    .retain(|w| index == Index::Believed || !matches!(w, BagWarning::NoIndex { .. }));
+                // The caller has not asked for the index.
+                found.warnings.retain(|w| index == Index::Trusted || !matches!(w, BagWarning::NoIndex(_)));
                 (found.summary, found.loose, found.warnings)
             }
         };
         let topics = cdr_topics(path, &summary, &mut warnings);
-        Ok(Self { path: path.to_owned(), size, summary, loose, topics, warnings })
+        let summed = sum(&summary, &topics, size, warnings);
+        Ok(Self { path: path.to_owned(), index: summary, loose, topics, summary: summed })
     }
 }
 
+fn sum(
+    index: &Summary,
+    topics: &HashMap<u16, Arc<BagTopic>>,
+    size: u64,
+    warnings: Vec<BagWarning>,
+) -> FileSummary {
+    let stats = index.stats.as_ref();
+    let span = stats.filter(|stats| stats.message_count > 0);
+    let mut topics: Vec<_> = topics.iter().collect();
+    topics.sort_by_key(|(id, _)| **id);
+    let counted = |(&id, topic): (&u16, &Arc<BagTopic>)| TopicCount {
+        topic: Arc::clone(topic),
+        messages: message_count(index, id),
+    };
+    FileSummary {
+        id: "mcap",
+        size,
+        span: span.map(|stats| (stats.message_start_time, stats.message_end_time)),
+        topics: topics.into_iter().map(counted).collect(),
+        warnings,
+    }
+}
+
+/// Returns the number of messages of a channel. A channel without messages has no count.
+fn message_count(index: &Summary, channel: u16) -> u64 {
+    let counts = index.stats.as_ref().map(|stats| &stats.channel_message_counts);
+    counts.and_then(|counts| counts.get(&channel)).copied().unwrap_or(0)
+}
+
 impl Storage for McapFile {
-    fn id(&self) -> &'static str {
-        "mcap"
-    }
-
-    fn size(&self) -> u64 {
-        self.size
-    }
-
-    fn span(&self) -> Option<(u64, u64)> {
-        let stats = self.summary.stats.as_ref().filter(|stats| stats.message_count > 0)?;
-        Some((stats.message_start_time, stats.message_end_time))
-    }
-
-    fn topics(&self) -> Vec<TopicCount> {
-        let counts = self.summary.stats.as_ref().map(|stats| &stats.channel_message_counts);
-        let messages = |id| counts.and_then(|counts| counts.get(id)).copied().unwrap_or(0);
-        let mut topics: Vec<_> = self.topics.iter().collect();
-        topics.sort_by_key(|(id, _)| **id);
-        topics
-            .into_iter()
-            .map(|(id, topic)| TopicCount { topic: Arc::clone(topic), messages: messages(id) })
-            .collect()
-    }
-
-    fn warnings(&self) -> &[BagWarning] {
-        &self.warnings
+    fn summary(&self) -> &FileSummary {
+        &self.summary
     }
 
     fn messages(self: Arc<Self>, selection: &Selection) -> Result<Option<Box<dyn Cursor>>, BagError> {
@@ -107,7 +110,7 @@ fn read_summary(file: &mut File, size: u64) -> Option<Summary> {
     reader.finish()
 }
 
-/// Whether every message can be found by the summary alone.
+/// Returns whether the summary is enough to find every message.
 fn is_complete(summary: &Summary, size: u64) -> bool {
     let Some(stats) = &summary.stats else { return false };
     let chunks = &summary.chunk_indexes;
@@ -125,11 +128,10 @@ fn cdr_topics(path: &Path, summary: &Summary, warnings: &mut Vec<BagWarning>) ->
         if channel.message_encoding == "cdr" {
             topics.insert(id, Arc::new(topic(channel)));
         } else {
-            let counts = summary.stats.as_ref().map(|stats| &stats.channel_message_counts);
             warnings.push(BagWarning::LeftOut {
                 path: path.to_owned(),
                 topic: channel.topic.clone(),
-                messages: counts.and_then(|counts| counts.get(&id)).copied().unwrap_or(0),
+                messages: message_count(summary, id),
                 why: format!("they are '{}', cdr is needed", channel.message_encoding),
             });
         }
@@ -138,17 +140,19 @@ fn cdr_topics(path: &Path, summary: &Summary, warnings: &mut Vec<BagWarning>) ->
 }
 
 fn topic(channel: &mcap::Channel<'_>) -> BagTopic {
-    let entry = |key: &str| channel.metadata.get(key).cloned().unwrap_or_default();
-    let schema = channel.schema.as_ref();
-    let type_name = schema.map(|s| s.name.clone()).unwrap_or_default();
-    let definition = schema.map(|s| s.data.to_vec()).unwrap_or_default();
+    // A channel may have no schema, and a recorder may leave these entries out: both are empty then.
+    let entry = |key: &str| channel.metadata.get(key).map_or("", String::as_str).to_owned();
+    let (type_name, schema_encoding, schema) = match channel.schema.as_ref() {
+        Some(schema) => (schema.name.clone(), schema.encoding.clone(), schema.data.to_vec()),
+        None => (String::new(), String::new(), Vec::new()),
+    };
     BagTopic {
         name: channel.topic.clone(),
-        type_hash: type_hash(entry("topic_type_hash"), &type_name, &definition),
+        type_hash: type_hash(entry("topic_type_hash"), &type_name, &schema),
         type_name,
         qos: entry("offered_qos_profiles"),
-        schema_encoding: schema.map(|s| s.encoding.clone()).unwrap_or_default(),
-        schema: definition,
+        schema_encoding,
+        schema,
     }
 }
 
@@ -159,7 +163,7 @@ struct McapMessages {
     wanted: HashMap<u16, Arc<BagTopic>>,
     chunked: IndexedReader,
     /// Selected messages outside of chunks that are still to come, the next one last.
-    loose: Vec<Loose>,
+    loose: Vec<UnchunkedMessage>,
     /// The next message of the chunks, read to compare its time.
     ahead: Option<RawMessage>,
 }
@@ -182,9 +186,9 @@ impl McapMessages {
             .include_topics(wanted.values().map(|topic| topic.name.clone()))
             .starting_at(start)
             .with_record_length_limit(MAX_CHUNK);
-        let chunked = IndexedReader::new_with_options(&index.summary, options)
+        let chunked = IndexedReader::new_with_options(&index.index, options)
             .map_err(|e| BagError::damaged(&index.path, e))?;
-        let is_wanted = |m: &&Loose| m.log_time >= start && wanted.contains_key(&m.channel);
+        let is_wanted = |m: &&UnchunkedMessage| m.log_time >= start && wanted.contains_key(&m.channel);
         let loose = index.loose.iter().filter(is_wanted).rev().copied().collect();
         let file = File::open(&index.path).map_err(|e| FileError::new(&index.path, e))?;
         Ok(Some(Self { index, file, wanted, chunked, loose, ahead: None }))
@@ -235,11 +239,11 @@ impl Cursor for McapMessages {
     }
 }
 
-/// Bytes of the file; a length beyond its end is refused before it is allocated.
+/// Returns the number of bytes of the file; a length beyond its end is refused before it is allocated.
 fn read_at(file: &mut File, index: &McapFile, offset: u64, length: usize) -> Result<Vec<u8>, BagError> {
-    let end = offset.checked_add(length as u64).filter(|&end| end <= index.size);
+    let end = offset.checked_add(length as u64).filter(|&end| end <= index.summary.size);
     if end.is_none() {
-        let why = format!("{length} bytes at {offset} are beyond its end at {}", index.size);
+        let why = format!("{length} bytes at {offset} are beyond its end at {}", index.summary.size);
         return Err(BagError::damaged(&index.path, why));
     }
     let io = |e| FileError::new(&index.path, e);

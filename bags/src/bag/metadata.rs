@@ -1,11 +1,11 @@
 //! `metadata.yaml` of a rosbag2 folder, version 9.
 //!
-//! What the files themselves say counts more: of a bag that is read, only the
-//! list of its files and the form they are in are taken from here.
+//! The files take precedence: reading a bag takes only the list of its files and their form from here.
 
 use std::fmt::Write;
 use std::path::Path;
 
+use modulo_runtime::parameter::yaml_text::of_string as quoted;
 use serde::Deserialize;
 
 use super::{BagError, TopicCount, qos};
@@ -21,7 +21,7 @@ struct Root {
     rosbag2_bagfile_information: Metadata,
 }
 
-/// What is needed to read a bag.
+/// The metadata that reading a bag needs.
 #[derive(Debug, Default, Deserialize, PartialEq, Eq)]
 pub(super) struct Metadata {
     pub(super) storage_identifier: String,
@@ -32,7 +32,7 @@ pub(super) struct Metadata {
     pub(super) ros_distro: Option<String>,
 }
 
-/// What is written about one file.
+/// The metadata of one file.
 #[derive(Clone, Debug)]
 pub(super) struct FileContents {
     pub(super) name: String,
@@ -41,19 +41,19 @@ pub(super) struct FileContents {
     pub(super) messages: u64,
 }
 
-/// What is written about a bag.
+/// The metadata of a bag.
 pub(super) struct Contents<'a> {
     pub(super) files: &'a [FileContents],
     pub(super) topics: &'a [TopicCount],
 }
 
-/// Reads a `metadata.yaml` of any version and checks that its files are of a
-/// form that is read here.
+/// Reads a `metadata.yaml` of any version and checks that its files are of a form that is read here.
 pub(super) fn read(path: &Path) -> Result<Metadata, BagError> {
     let text = std::fs::read_to_string(path).map_err(|e| FileError::new(path, e))?;
-    let metadata = parse(&text).map_err(|why| BagError::Metadata { path: path.to_owned(), why })?;
+    let metadata = parse(&text).map_err(|why| BagError::Metadata(path.to_owned(), why))?;
     let refuse = |what, found: &str, possible| {
-        Err(BagError::Unsupported { path: path.to_owned(), what, found: found.to_owned(), possible })
+        let why = format!("{what} '{found}' is not supported, possible is {possible}");
+        Err(BagError::Unsupported(path.to_owned(), why))
     };
     if !["mcap", "sqlite3"].contains(&metadata.storage_identifier.as_str()) {
         return refuse("storage", &metadata.storage_identifier, "mcap or sqlite3");
@@ -83,12 +83,12 @@ fn parse(text: &str) -> Result<Metadata, String> {
     root.map(|root| root.rosbag2_bagfile_information).map_err(first_line)
 }
 
-/// The text of `metadata.yaml`.
+/// Returns the text of `metadata.yaml`.
 pub(super) fn document(contents: &Contents<'_>) -> String {
     format!("rosbag2_bagfile_information:\n{}", indented(&mapping(contents), 2))
 }
 
-/// The same without its root, as the MCAP metadata record holds it.
+/// Returns the metadata without its root, as the MCAP metadata record holds it.
 pub(super) fn mapping(contents: &Contents<'_>) -> String {
     let spans = contents.files.iter().filter_map(|file| file.span);
     let (start, end) = spans.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))).unwrap_or_default();
@@ -143,11 +143,6 @@ fn topic(counted: &TopicCount) -> String {
 fn indented(text: &str, columns: usize) -> String {
     let lines = text.lines().filter(|line| !line.trim().is_empty());
     lines.map(|line| format!("{:columns$}{line}\n", "")).collect()
-}
-
-/// A JSON string is a YAML string in double quotes.
-fn quoted(text: &str) -> String {
-    serde_json::Value::from(text).to_string()
 }
 
 #[cfg(test)]

@@ -1,9 +1,8 @@
 //! Bags: MCAP read, written and repaired; rosbag2's SQLite and ROS 1 read.
 //!
-//! Payloads pass through as they are, CDR with its encapsulation; only those of
-//! ROS 1, which are none, are written anew. A damaged bag is read as far as it goes and what is lost is
-//! said in a [`BagWarning`], never in silence.
+//! CDR payloads pass through unchanged; ROS 1 payloads, which are not CDR, are re-encoded. A damaged bag is read as far as possible, and each loss is reported by a [`BagWarning`].
 
+mod bag_file;
 mod copy;
 mod error;
 mod info;
@@ -16,7 +15,6 @@ mod ros1;
 mod scan;
 mod sqlite;
 mod storage;
-mod volume;
 mod writer;
 
 use std::path::Path;
@@ -30,12 +28,12 @@ pub use info::BagInfo;
 pub use reader::{BagReader, Messages, Selection};
 pub use writer::{BagWriter, Compression, Split, TopicId, WriteOptions};
 
-/// A topic of a bag: what its channel and its schema say.
+/// A topic of a bag, from its channel and its schema.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
 pub struct BagTopic {
-    /// Such as `/camera/image_raw`.
+    /// Name of the topic, such as `/camera/image_raw`.
     pub name: String,
-    /// Such as `sensor_msgs/msg/Image`.
+    /// Name of the type, such as `sensor_msgs/msg/Image`.
     pub type_name: String,
     /// `RIHS01_` and 64 hexadecimal digits, as recorded or by the definition; empty without either.
     pub type_hash: String,
@@ -48,7 +46,7 @@ pub struct BagTopic {
 }
 
 impl BagTopic {
-    /// A topic of this process: hash and definition where the suite has them.
+    /// Creates a topic of this process: hash and definition where the suite has them.
     pub fn new(name: &str, type_name: &str, qos: Qos) -> Self {
         let schema = modulo_msgs::ros2msg(type_name).unwrap_or_default();
         Self {
@@ -62,7 +60,7 @@ impl BagTopic {
     }
 }
 
-/// The hash of a type, by its definition where the recorder wrote down none.
+/// Returns the recorded hash of a type, or the hash of its definition when the bag records no hash.
 fn type_hash(recorded: String, type_name: &str, schema: &[u8]) -> String {
     if recorded.starts_with("RIHS") {
         return recorded;
@@ -75,25 +73,25 @@ fn type_hash(recorded: String, type_name: &str, schema: &[u8]) -> String {
 pub struct TopicCount {
     /// The topic.
     pub topic: Arc<BagTopic>,
-    /// Messages.
+    /// Number of messages.
     pub messages: u64,
 }
 
 /// One message of a bag.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RawMessage {
-    /// Where it belongs.
+    /// Topic of the message.
     pub topic: Arc<BagTopic>,
-    /// When it was recorded, ns since the epoch.
+    /// Time of the recording, ns since the epoch.
     pub log_time: u64,
-    /// When it was sent, ns since the epoch.
+    /// Time of the publication, ns since the epoch.
     pub publish_time: u64,
     /// CDR with its 4-byte encapsulation.
     pub data: Vec<u8>,
 }
 
-/// Whether `path` is a bag: a `.mcap`, `.db3` or `.bag` file, or a folder with
-/// `metadata.yaml` or with such files.
+/// Returns whether `path` is a bag: a `.mcap`, `.db3` or `.bag` file, or a folder with `metadata.yaml` or with such
+/// files.
 pub fn is_bag(path: &Path) -> bool {
     if path.is_dir() {
         return path.join(metadata::FILE_NAME).is_file()

@@ -1,5 +1,5 @@
-//! Offered quality of service as rosbag2 writes it: a YAML list of profiles,
-//! with words since version 9 and with the numbers of `rmw` before.
+//! Offered quality of service as rosbag2 writes it: a YAML list of profiles, with words since version 9 and with the
+//! numbers of `rmw` before.
 
 use modulo_runtime::Qos;
 
@@ -13,7 +13,7 @@ const WORDS: [(&str, &[&str]); 4] = [
     ("liveliness", &["system_default", "automatic", "system_default", "manual_by_topic", "system_default"]),
 ];
 
-/// The profile of `qos` as a YAML list of one.
+/// Returns the profile of `qos` as a YAML list of one.
 pub fn yaml(qos: Qos) -> String {
     let (depth, reliability, durability) = match qos {
         Qos::Images => (5, "best_effort", "volatile"),
@@ -31,8 +31,7 @@ pub fn yaml(qos: Qos) -> String {
     )
 }
 
-/// The nearest of this suite's profiles to the first one in `yaml`;
-/// [`Qos::Results`] when it says nothing.
+/// Returns the nearest of this suite's profiles to the first one in `yaml`; [`Qos::Results`] when it names no policy.
 pub fn parse(yaml: &str) -> Qos {
     let words = in_words(yaml);
     if let Some(known) = Qos::ALL.into_iter().find(|qos| self::yaml(*qos) == words) {

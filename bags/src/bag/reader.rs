@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::merge::{Merge, Part};
+use super::merge::{Merge, MergeInput};
 use super::metadata::{self, Metadata};
 use super::storage::{self, Cursor, Index, Storage};
 use super::{BagError, BagWarning, RawMessage, TopicCount};
 
-/// An opened bag: what is in it is known, no message is read yet.
+/// An open bag: its index is known, and no message has been read yet.
 #[derive(Debug)]
 pub struct BagReader {
     path: PathBuf,
@@ -17,7 +17,7 @@ pub struct BagReader {
     warnings: Vec<BagWarning>,
 }
 
-/// Which messages are read.
+/// A choice of messages.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Selection {
     /// Names of topics; `None` is all of them.
@@ -27,7 +27,7 @@ pub struct Selection {
 }
 
 impl Selection {
-    /// Just these topics.
+    /// Selects these topics.
     pub fn of<T: Into<String>>(topics: impl IntoIterator<Item = T>) -> Self {
         Self { topics: Some(topics.into_iter().map(Into::into).collect()), start_ns: None }
     }
@@ -38,18 +38,16 @@ impl Selection {
 }
 
 impl BagReader {
-    /// Opens a file (MCAP, rosbag2's SQLite, ROS 1), or a folder with
-    /// `metadata.yaml` or with such files. An MCAP file without a summary, such
-    /// as a truncated one, is scanned.
+    /// Opens a file (MCAP, rosbag2's SQLite, ROS 1), or a folder with `metadata.yaml` or with such files. An MCAP file
+    /// without a summary, such as a truncated one, is scanned.
     ///
     /// # Errors
     /// [`BagError`] when there is no bag, or one in a form that is not read.
     pub fn open(path: &Path) -> Result<Self, BagError> {
-        Self::open_with(path, Index::Believed)
+        Self::open_with(path, Index::Trusted)
     }
 
-    /// As [`BagReader::open`], but scans every MCAP file: what is broken inside
-    /// of one with a good index is then known, and read around.
+    /// Opens a bag as [`BagReader::open`] does, but scans every MCAP file: damage inside of a file with a good index is then known, and the messages around it are read.
     ///
     /// # Errors
     /// As [`BagReader::open`].
@@ -70,84 +68,84 @@ impl BagReader {
             None => vec![path.to_owned()],
         };
         if paths.is_empty() {
-            return Err(BagError::NoBag { path: path.to_owned() });
+            return Err(BagError::NoBag(path.to_owned()));
         }
         let mut files = Vec::new();
         for path in paths {
             let file = storage::open(&path, index)?;
-            warnings.extend(file.warnings().iter().cloned());
+            warnings.extend(file.summary().warnings.iter().cloned());
             files.push((path, file));
         }
-        files.sort_by_key(|(_, file)| file.span().map_or(u64::MAX, |(start, _)| start));
+        files.sort_by_key(|(_, file)| file.summary().span.map_or(u64::MAX, |(start, _)| start));
         Ok(Self { path: path.to_owned(), files, ros_distro, warnings })
     }
 
-    /// The path that was opened.
+    /// Returns the path that was opened.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// The storage's name in rosbag2: `mcap`, `sqlite3` or `rosbag_v2`.
+    /// Returns the storage's name in rosbag2: `mcap`, `sqlite3` or `rosbag_v2`.
     pub fn storage_id(&self) -> &'static str {
-        self.files.first().map_or("mcap", |(_, file)| file.id())
+        self.files.first().map_or("mcap", |(_, file)| file.summary().id)
     }
 
-    /// The files, by their first message.
+    /// Returns the files, by their first message.
     pub fn files(&self) -> impl Iterator<Item = &Path> {
         self.files.iter().map(|(path, _)| path.as_path())
     }
 
-    /// Size of all files, bytes.
+    /// Returns the size of all files, bytes.
     pub fn size(&self) -> u64 {
-        self.files.iter().map(|(_, file)| file.size()).sum()
+        self.files.iter().map(|(_, file)| file.summary().size).sum()
     }
 
-    /// The ROS distribution that `metadata.yaml` names.
+    /// Returns the ROS distribution that `metadata.yaml` names.
     pub fn ros_distro(&self) -> Option<&str> {
         self.ros_distro.as_deref()
     }
 
-    /// What this bag lacks; empty for a whole one.
+    /// Returns the problems of this bag; the list is empty for a complete one.
     pub fn warnings(&self) -> &[BagWarning] {
         &self.warnings
     }
 
-    /// First and last log time, ns since the epoch; `None` without messages.
+    /// Returns the first and last log time, ns since the epoch; `None` without messages.
     pub fn span(&self) -> Option<(u64, u64)> {
-        let spans = self.files.iter().filter_map(|(_, file)| file.span());
+        let spans = self.files.iter().filter_map(|(_, file)| file.summary().span);
         spans.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
     }
 
-    /// All topics with their counts, in the order of their first appearance;
-    /// files and channels with the same name and type are one topic.
+    /// Returns all topics with their counts, in the order of their first appearance; files and channels with the same
+    /// name and type are one topic.
     pub fn topics(&self) -> Vec<TopicCount> {
         let mut topics: Vec<TopicCount> = Vec::new();
-        for counted in self.files.iter().flat_map(|(_, file)| file.topics()) {
+        for counted in self.files.iter().flat_map(|(_, file)| &file.summary().topics) {
             let same = |t: &&mut TopicCount| {
                 t.topic.name == counted.topic.name && t.topic.type_name == counted.topic.type_name
             };
             match topics.iter_mut().find(same) {
                 Some(known) => known.messages += counted.messages,
-                None => topics.push(counted),
+                None => topics.push(counted.clone()),
             }
         }
         topics
     }
 
-    /// How many messages can be read.
+    /// Returns how many messages can be read.
     pub fn message_count(&self) -> u64 {
         self.topics().iter().map(|t| t.messages).sum()
     }
 
-    /// The selected messages in log-time order, over all files.
+    /// Returns the selected messages in log-time order, over all files.
     pub fn messages(&self, selection: &Selection) -> Messages {
         let from = selection.start_ns.unwrap_or(0);
-        let parts = self.files.iter().filter_map(|(_, file)| {
-            let (start, _) = file.span().filter(|(_, end)| *end >= from)?;
+        let inputs = self.files.iter().filter_map(|(_, file)| {
+            let (start, _) = file.summary().span.filter(|(_, end)| *end >= from)?;
             let (file, selection) = (Arc::clone(file), selection.clone());
-            Some(Part { start, open: Box::new(move || file.messages(&selection)) })
+            Some(MergeInput { start, open: Box::new(move || file.messages(&selection)) })
         });
-        Messages { merged: Some(Merge::of(parts.collect())) }
+        Messages { merged: Some(Merge::of(inputs.collect())) }
     }
 }
 
@@ -168,25 +166,23 @@ impl Iterator for Messages {
     }
 }
 
-/// The `metadata.yaml` of the folder `path`; one that is missing or cannot be
-/// read is a warning, since the files themselves say all that is needed.
+/// Returns the `metadata.yaml` of the folder `path`. A missing or unreadable one is only a warning, since the files contain all necessary information.
 fn metadata_of(path: &Path, warnings: &mut Vec<BagWarning>) -> Result<Option<Metadata>, BagError> {
     if !path.is_dir() {
         return Ok(None);
     }
     match metadata::read(&path.join(metadata::FILE_NAME)) {
         Ok(metadata) => return Ok(Some(metadata)),
-        Err(BagError::Metadata { path, why }) => warnings.push(BagWarning::BadMetadata { path, why }),
+        Err(BagError::Metadata(path, why)) => warnings.push(BagWarning::BadMetadata(path, why)),
         Err(BagError::Io(why)) if why.source.kind() == std::io::ErrorKind::NotFound => {
-            warnings.push(BagWarning::NoMetadata { path: path.to_owned() });
+            warnings.push(BagWarning::NoMetadata(path.to_owned()));
         }
         Err(other) => return Err(other),
     }
     Ok(None)
 }
 
-/// Where the file is that metadata calls `name`. Before version 4 the name has
-/// the folder's own in front.
+/// Returns the path of the file that the metadata calls `name`. Before version 4 the name begins with that of the folder.
 fn place(folder: &Path, name: &str) -> PathBuf {
     let listed = folder.join(name);
     let bare = Path::new(name).file_name().map(|name| folder.join(name));

@@ -1,8 +1,7 @@
-//! [`scan`]: the summary of an MCAP file that has none, made by walking over its
-//! records from the start to the last whole one.
+//! [`scan`]: makes the summary of an MCAP file without one from its records, from the start to the last complete one.
 //!
-//! A chunk counts as a whole or not at all. Nothing that a broken file claims
-//! about lengths is allocated before it is compared with the file's size.
+//! A chunk counts as a whole or not at all. Nothing that a broken file claims about lengths is allocated before it is
+//! compared with the file's size.
 
 use std::fs::File;
 use std::io::Read;
@@ -20,28 +19,27 @@ use crate::FileError;
 
 /// Opcode and length in front of every record.
 const RECORD_HEAD: u64 = 9;
-/// A chunk's times, size, CRC and lengths in front of its data, without the
-/// name of its compression.
+/// A chunk's times, size, CRC and lengths in front of its data, without the name of its compression.
 const CHUNK_HEAD: u64 = 40;
 /// Channel, sequence and two times in front of a message's data.
 const MESSAGE_HEAD: u64 = 22;
 
 /// A message outside of any chunk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Loose {
+pub(super) struct UnchunkedMessage {
     pub(super) channel: u16,
     pub(super) log_time: u64,
     pub(super) publish_time: u64,
-    /// Where its data begins in the file.
+    /// Offset of its data in the file.
     pub(super) offset: u64,
     pub(super) length: usize,
 }
 
-/// What a walk over a file found.
+/// The result of a scan.
 pub(super) struct Scan {
     pub(super) summary: Summary,
-    /// By log time, then by place in the file.
-    pub(super) loose: Vec<Loose>,
+    /// The messages by log time, then by position in the file.
+    pub(super) loose: Vec<UnchunkedMessage>,
     pub(super) warnings: Vec<BagWarning>,
 }
 
@@ -57,14 +55,14 @@ pub(super) fn scan(path: &Path, mut file: File, size: u64) -> Result<Scan, BagEr
     let end = loop {
         match reader.next_event() {
             None => break Some("no end of data".to_owned()),
-            Some(Err(McapError::BadMagic)) => return Err(BagError::NotBag { path: path.to_owned() }),
+            Some(Err(McapError::BadMagic)) => return Err(BagError::NotBag(path.to_owned())),
             Some(Err(e)) => break Some(e.to_string()),
             Some(Ok(LinearReadEvent::ReadRequest(need))) => {
                 let read = file.read(reader.insert(need)).map_err(|e| FileError::new(path, e))?;
                 reader.notify_read(read);
             }
             Some(Ok(LinearReadEvent::Record { opcode: op::DATA_END, .. })) => break None,
-            // No record has this opcode: blocks of zeros are what a power cut leaves.
+            // No record has this opcode: blocks of zeros are the trace of a power cut.
             Some(Ok(LinearReadEvent::Record { opcode: 0, .. })) => break Some("zeros".to_owned()),
             Some(Ok(LinearReadEvent::Record { data, opcode })) => walk.record(opcode, data),
         }
@@ -79,7 +77,7 @@ struct Walk<'a> {
     stats: Statistics,
     chunks: Vec<ChunkIndex>,
     channels: Vec<u16>,
-    loose: Vec<Loose>,
+    loose: Vec<UnchunkedMessage>,
     warnings: Vec<BagWarning>,
 }
 
@@ -123,7 +121,7 @@ impl<'a> Walk<'a> {
             op::MESSAGE => {
                 let Record::Message { header, data } = parse_record(opcode, body)? else { return Ok(()) };
                 self.count(header.channel_id, header.log_time)?;
-                self.loose.push(Loose {
+                self.loose.push(UnchunkedMessage {
                     channel: header.channel_id,
                     log_time: header.log_time,
                     publish_time: header.publish_time,
@@ -198,7 +196,7 @@ impl<'a> Walk<'a> {
         let messages = self.stats.message_count;
         self.warnings.push(match end {
             Some(why) => BagWarning::Truncated { path, byte: self.offset, why, messages },
-            None => BagWarning::NoIndex { path },
+            None => BagWarning::NoIndex(path),
         });
         self.loose.sort_by_key(|message| message.log_time);
         let channels = self.channels.iter().filter_map(|&id| Some((id, self.known.get(id)?)));
@@ -211,8 +209,8 @@ impl<'a> Walk<'a> {
 
 /// Hands each record inside a chunk to `take`; `body` is the chunk's record.
 ///
-/// `mcap::read::ChunkReader` would do, were it not for its trust in the lengths
-/// inside: a broken one is allocated as it stands.
+/// `mcap::read::ChunkReader` would do, were it not for its trust in the lengths inside: a broken one is allocated as it
+/// stands.
 fn unpack(
     header: &ChunkHeader,
     body: &[u8],

@@ -1,5 +1,4 @@
-//! [`SqliteFile`]: a `.db3` file of rosbag2's SQLite storage, any version of its
-//! tables. Read only.
+//! [`SqliteFile`]: a `.db3` file of rosbag2's SQLite storage, any version of its tables. Read only.
 
 use std::collections::{HashMap, VecDeque};
 use std::path::{Path, PathBuf};
@@ -8,21 +7,20 @@ use std::sync::Arc;
 use rusqlite::types::ValueRef;
 use rusqlite::{Connection, OpenFlags, Row};
 
-use super::storage::{Cursor, Storage};
+use super::storage::{Cursor, FileSummary, Storage};
 use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount};
 use crate::FileError;
 
 /// Messages that are read at once.
 const BATCH: u32 = 8;
 
-/// What there is in one file.
+/// The index of one file.
 #[derive(Debug)]
 pub(super) struct SqliteFile {
     path: PathBuf,
-    size: u64,
-    span: Option<(u64, u64)>,
-    topics: Vec<(i64, TopicCount)>,
-    warnings: Vec<BagWarning>,
+    /// Numbers of the topics, in the order of the summary.
+    ids: Vec<i64>,
+    summary: FileSummary,
 }
 
 impl SqliteFile {
@@ -31,7 +29,9 @@ impl SqliteFile {
         let mut warnings = Vec::new();
         let read = connect(path).and_then(|file| Ok((topics(&file, path, &mut warnings)?, span(&file)?)));
         let (topics, span) = read.map_err(|e| broken(path, &e))?;
-        Ok(Self { path: path.to_owned(), size, span, topics, warnings })
+        let (ids, topics) = topics.into_iter().unzip();
+        let summary = FileSummary { id: "sqlite3", size, span, topics, warnings };
+        Ok(Self { path: path.to_owned(), ids, summary })
     }
 }
 
@@ -40,10 +40,11 @@ fn connect(path: &Path) -> rusqlite::Result<Connection> {
 }
 
 fn broken(path: &Path, why: &rusqlite::Error) -> BagError {
-    BagError::Sqlite { path: path.to_owned(), why: why.to_string() }
+    let remedy = "`sqlite3 FILE .recover` may save what is in a broken file";
+    BagError::Damaged(path.to_owned(), why.to_string(), remedy)
 }
 
-/// Times are stored signed; none is before the epoch.
+/// Reads a time. Times are stored as signed numbers; all of them are after the epoch.
 fn time(row: &Row<'_>, column: usize) -> rusqlite::Result<u64> {
     Ok(u64::try_from(row.get::<_, i64>(column)?).unwrap_or(0))
 }
@@ -54,7 +55,7 @@ fn span(file: &Connection) -> rusqlite::Result<Option<(u64, u64)>> {
     })
 }
 
-/// The topics that are CDR, by their number.
+/// Returns the topics that are CDR, by their number.
 fn topics(
     file: &Connection,
     path: &Path,
@@ -87,13 +88,13 @@ fn topics(
     Ok(topics)
 }
 
-/// A column that older versions of the table do not have.
+/// Returns a column that older versions of the table do not have.
 fn column(row: &Row<'_>, name: &str) -> rusqlite::Result<String> {
     let has = row.as_ref().column_index(name).is_ok();
     if has { Ok(row.get::<_, Option<String>>(name)?.unwrap_or_default()) } else { Ok(String::new()) }
 }
 
-/// What the file says of a topic; a definition that it lacks is the suite's.
+/// Reads a topic. A definition that the file lacks is taken from the suite.
 fn topic(row: &Row<'_>, definitions: &HashMap<String, (String, String)>) -> rusqlite::Result<BagTopic> {
     let (name, type_name): (String, String) = (row.get("name")?, row.get("type")?);
     let (qos, type_hash) = (column(row, "offered_qos_profiles")?, column(row, "type_description_hash")?);
@@ -107,7 +108,7 @@ fn topic(row: &Row<'_>, definitions: &HashMap<String, (String, String)>) -> rusq
     Ok(BagTopic { type_hash, qos, ..ours })
 }
 
-/// Encoding and text of the definitions, by type; files before version 4 have none.
+/// Returns the encodings and texts of the definitions by type; files before version 4 have no definitions.
 fn definitions(file: &Connection) -> rusqlite::Result<HashMap<String, (String, String)>> {
     let known = "SELECT COUNT(*) FROM sqlite_master WHERE type = 'table' AND name = 'message_definitions'";
     if file.query_row(known, [], |row| row.get::<_, i64>(0))? == 0 {
@@ -117,33 +118,18 @@ fn definitions(file: &Connection) -> rusqlite::Result<HashMap<String, (String, S
         file.prepare("SELECT topic_type, encoding, encoded_message_definition FROM message_definitions")?;
     let rows = query.query_map([], |row| Ok((row.get(0)?, (row.get(1)?, row.get(2)?))))?;
     let all: HashMap<String, (String, String)> = rows.collect::<Result<_, _>>()?;
-    // Recorders that did not find a definition say so with an empty one.
+    // Recorders write an empty definition when they do not find one.
     Ok(all.into_iter().filter(|(_, (_, text))| !text.is_empty()).collect())
 }
 
 impl Storage for SqliteFile {
-    fn id(&self) -> &'static str {
-        "sqlite3"
-    }
-
-    fn size(&self) -> u64 {
-        self.size
-    }
-
-    fn span(&self) -> Option<(u64, u64)> {
-        self.span
-    }
-
-    fn topics(&self) -> Vec<TopicCount> {
-        self.topics.iter().map(|(_, counted)| counted.clone()).collect()
-    }
-
-    fn warnings(&self) -> &[BagWarning] {
-        &self.warnings
+    fn summary(&self) -> &FileSummary {
+        &self.summary
     }
 
     fn messages(self: Arc<Self>, selection: &Selection) -> Result<Option<Box<dyn Cursor>>, BagError> {
-        let wanted = self.topics.iter().filter(|(_, counted)| selection.has(&counted.topic.name));
+        let wanted = self.ids.iter().zip(&self.summary.topics);
+        let wanted = wanted.filter(|(_, counted)| selection.has(&counted.topic.name));
         let wanted: HashMap<_, _> = wanted.map(|(id, counted)| (*id, Arc::clone(&counted.topic))).collect();
         if wanted.is_empty() {
             return Ok(None);

@@ -1,5 +1,4 @@
-//! [`Storage`]: one file of a bag, whatever its form. Which form it is in, its
-//! first bytes say.
+//! [`Storage`]: one file of a bag in any form. The first bytes of a file determine its form.
 
 use std::fmt::Debug;
 use std::fs::File;
@@ -13,35 +12,38 @@ use super::sqlite::SqliteFile;
 use super::{BagError, BagWarning, RawMessage, Selection, TopicCount};
 use crate::FileError;
 
-/// What the files of a bag are called by.
+/// File name extensions of bags.
 const EXTENSIONS: [&str; 3] = ["mcap", "db3", "bag"];
 
-/// An opened file: what is in it is known.
-pub(super) trait Storage: Debug + Send + Sync {
-    /// The storage's name in rosbag2.
-    fn id(&self) -> &'static str;
-
-    /// Bytes.
-    fn size(&self) -> u64;
-
+/// The summary of one file of a bag.
+#[derive(Debug)]
+pub(super) struct FileSummary {
+    /// Name of the storage in rosbag2.
+    pub(super) id: &'static str,
+    /// Size in bytes.
+    pub(super) size: u64,
     /// First and last log time, ns since the epoch; `None` without messages.
-    fn span(&self) -> Option<(u64, u64)>;
+    pub(super) span: Option<(u64, u64)>,
+    /// The topics with their counts, in the order of the file.
+    pub(super) topics: Vec<TopicCount>,
+    /// Problems of the file.
+    pub(super) warnings: Vec<BagWarning>,
+}
 
-    /// The topics with their counts, as the file numbers them.
-    fn topics(&self) -> Vec<TopicCount>;
+/// An open file with a known index.
+pub(super) trait Storage: Debug + Send + Sync {
+    /// Returns the summary of the file.
+    fn summary(&self) -> &FileSummary;
 
-    /// What this file lacks.
-    fn warnings(&self) -> &[BagWarning];
-
-    /// The selected messages; `None` when no topic is selected.
+    /// Returns the selected messages; `None` when no topic is selected.
     fn messages(self: Arc<Self>, selection: &Selection) -> Result<Option<Box<dyn Cursor>>, BagError>;
 }
 
 /// Whether the index of an MCAP file is taken as it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Index {
-    /// It is, where it agrees with itself.
-    Believed,
+    /// The index is used when it is consistent.
+    Trusted,
     /// The file is walked over, and whole chunks are read beside broken ones.
     Ignored,
 }
@@ -65,12 +67,12 @@ pub(super) fn open(path: &Path, index: Index) -> Result<Arc<dyn Storage>, BagErr
     })
 }
 
-/// Whether `path` is called as a file of a bag is.
+/// Returns whether `path` is called as a file of a bag is.
 pub(super) fn is_storage(path: &Path) -> bool {
     path.extension().is_some_and(|e| EXTENSIONS.iter().any(|known| e.eq_ignore_ascii_case(known)))
 }
 
-/// The files of a bag in `folder`, by name.
+/// Returns the files of a bag in `folder`, by name.
 pub(super) fn files_in(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
     let io = |e| FileError::new(folder, e);
     let mut files = Vec::new();

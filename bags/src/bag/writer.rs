@@ -1,16 +1,14 @@
 //! [`BagWriter`]: a bag folder as `ros2 bag record` writes it.
 //!
-//! With [`BagWriter::settle`], as a recorder calls it, everything up to a second
-//! ago is a whole chunk on the disk: what a reader finds after a crash or a power
-//! cut. No clock is read; a bag is never overwritten.
+//! A recorder calls [`BagWriter::settle`]: then everything up to a second ago is in complete chunks on the disk, and can be read after a crash or a power cut. The writer reads no clock, and never overwrites a bag.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::bag_file::BagFile;
 use super::metadata::{self, Contents, FileContents};
-use super::volume::Volume;
 use super::{BagError, BagTopic, TopicCount};
 use crate::FileError;
 
@@ -20,32 +18,38 @@ const FLUSH_EVERY: u64 = 1_000_000_000;
 /// on a slow disk busy for many seconds, in which it does not end.
 const FLUSH_BYTES: u64 = 4 << 20;
 
-/// How chunks are compressed.
+/// The compression of chunks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Compression {
-    /// As rosbag2 does by default: fastest.
+    /// No compression, as rosbag2 writes by default: fastest.
     #[default]
     None,
-    /// Fast, moderately small.
+    /// LZ4: fast, moderately small.
     Lz4,
-    /// Slower, smaller.
+    /// Zstandard: slower, smaller.
     Zstd,
 }
 
-/// When a bag goes on in a new file; a file has at least one message.
+impl Compression {
+    /// Each compression with its word on the command line.
+    pub const WORDS: [(&'static str, Self); 3] =
+        [("none", Self::None), ("lz4", Self::Lz4), ("zstd", Self::Zstd)];
+}
+
+/// The limits at which a bag continues in a new file; a file has at least one message.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Split {
-    /// Before its messages take more than this many bytes on the disk; its
-    /// index comes on top. A chunk that is not yet compressed counts in full.
+    /// Before its messages take more than this many bytes on the disk; its index comes on top. A chunk that is not yet
+    /// compressed counts in full.
     pub max_bytes: Option<u64>,
     /// Before it lasts longer than this, in log time.
     pub max_duration: Option<Duration>,
 }
 
-/// How a bag is written.
+/// Options for writing a bag.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct WriteOptions {
-    /// Of the chunks.
+    /// Compression of the chunks.
     pub compression: Compression,
     /// Into several files; one by default.
     pub split: Split,
@@ -66,7 +70,7 @@ pub struct BagWriter {
     folder: PathBuf,
     name: String,
     options: WriteOptions,
-    volume: Volume,
+    bag_file: BagFile,
     done: Vec<FileContents>,
     topics: Vec<TopicCount>,
     by_name: HashMap<String, TopicId>,
@@ -78,18 +82,17 @@ impl BagWriter {
     /// Makes the folder `folder` and `<name>_0.mcap` in it.
     ///
     /// # Errors
-    /// [`BagError::Exists`] when `folder` is there, [`BagError`] when it cannot
-    /// be made.
+    /// [`BagError::Exists`] when `folder` is there, [`BagError`] when it cannot be made.
     pub fn create(folder: &Path, options: impl Into<WriteOptions>) -> Result<Self, BagError> {
-        let name = folder.file_name().ok_or_else(|| BagError::Name { path: folder.to_owned() })?;
+        let name = folder.file_name().ok_or_else(|| BagError::Name(folder.to_owned()))?;
         let (name, options) = (name.to_string_lossy().into_owned(), options.into());
         make_folder(folder)?;
-        let volume = Volume::create(folder, format!("{name}_0.mcap"), options.compression)?;
+        let bag_file = BagFile::create(folder, format!("{name}_0.mcap"), options.compression)?;
         Ok(Self {
             folder: folder.to_owned(),
             name,
             options,
-            volume,
+            bag_file,
             done: Vec::new(),
             topics: Vec::new(),
             by_name: HashMap::new(),
@@ -110,7 +113,7 @@ impl BagWriter {
             let (topic, known, given) = (topic.name.clone(), known.clone(), topic.type_name.clone());
             return Err(BagError::TypeConflict { topic, known, given });
         }
-        self.volume.add(topic)?;
+        self.bag_file.add(topic)?;
         let id = TopicId(self.topics.len());
         self.topics.push(TopicCount { topic: Arc::new(topic.clone()), messages: 0 });
         self.by_name.insert(topic.name.clone(), id);
@@ -131,58 +134,72 @@ impl BagWriter {
         if self.is_full(log_time, data.len()) {
             self.next_file()?;
         }
-        self.volume.write(id.0, log_time, publish_time, data)?;
+        self.bag_file.write(id.0, log_time, publish_time, data)?;
         self.topics[id.0].messages += 1;
         Ok(())
     }
 
-    /// Flushes when the last flush was a second before `now`, ns since the epoch, or
-    /// 4 MiB of messages ago. A recorder calls this after each message and in pauses;
-    /// a copy, which can be made again after a crash, has no need of it.
+    /// Writes one message as a recorder does: adds `topic` if it is new, and flushes when that is due.
+    ///
+    /// # Errors
+    /// [`BagError`] for a topic with two types, and when the disk does not take the message.
+    pub fn record(
+        &mut self,
+        topic: &BagTopic,
+        log_time: u64,
+        publish_time: u64,
+        data: &[u8],
+    ) -> Result<(), BagError> {
+        let id = self.topic(topic)?;
+        self.write(id, log_time, publish_time, data)?;
+        self.settle(log_time)
+    }
+
+    /// Flushes when the last flush was a second before `now`, ns since the epoch, or 4 MiB of messages ago. A recorder
+    /// calls this after each message and in pauses; a copy, which can be made again after a crash, has no need of it.
     ///
     /// # Errors
     /// [`BagError`] when the disk does not take it.
     pub fn settle(&mut self, now: u64) -> Result<(), BagError> {
         let flushed = *self.flushed.get_or_insert(now);
-        if now.abs_diff(flushed) < FLUSH_EVERY && self.volume.unflushed() < FLUSH_BYTES {
+        if now.abs_diff(flushed) < FLUSH_EVERY && self.bag_file.unflushed() < FLUSH_BYTES {
             return Ok(());
         }
         self.flushed = Some(now);
-        self.volume.flush()
+        self.bag_file.flush()
     }
 
-    /// Whether a message of `length` bytes at `log_time` belongs into a new file.
+    /// Returns whether a message of `length` bytes at `log_time` belongs into a new file.
     fn is_full(&self, log_time: u64, length: usize) -> bool {
-        let Some((start, _)) = self.volume.span() else { return false };
+        let Some((start, _)) = self.bag_file.span() else { return false };
         let Split { max_bytes, max_duration } = self.options.split;
         let lasts = Duration::from_nanos(log_time.saturating_sub(start));
         max_duration.is_some_and(|max| lasts > max)
-            || max_bytes.is_some_and(|max| self.volume.size_with(length) > max)
+            || max_bytes.is_some_and(|max| self.bag_file.size_with(length) > max)
     }
 
     fn next_file(&mut self) -> Result<(), BagError> {
         let name = format!("{}_{}.mcap", self.name, self.done.len() + 1);
-        let mut volume = Volume::create(&self.folder, name, self.options.compression)?;
+        let mut bag_file = BagFile::create(&self.folder, name, self.options.compression)?;
         for counted in &self.topics {
-            volume.add(&counted.topic)?;
+            bag_file.add(&counted.topic)?;
         }
-        let full = std::mem::replace(&mut self.volume, volume);
+        let full = std::mem::replace(&mut self.bag_file, bag_file);
         self.done.push(full.finish(&self.topics)?);
         Ok(())
     }
 
-    /// The topics so far with their counts, in the order they were added.
+    /// Returns the topics so far with their counts, in the order they were added.
     pub fn topics(&self) -> &[TopicCount] {
         &self.topics
     }
 
-    /// Writes the index and `metadata.yaml`; without this the bag is one that
-    /// was cut. Returns the counts.
+    /// Writes the index and `metadata.yaml`; without this the bag is one that was cut. Returns the counts.
     ///
     /// # Errors
     /// [`BagError`] when the disk does not take it.
     pub fn finish(mut self) -> Result<Vec<TopicCount>, BagError> {
-        self.done.push(self.volume.finish(&self.topics)?);
+        self.done.push(self.bag_file.finish(&self.topics)?);
         let document = metadata::document(&Contents { files: &self.done, topics: &self.topics });
         let path = self.folder.join(metadata::FILE_NAME);
         std::fs::write(&path, document).map_err(|e| FileError::new(&path, e))?;
@@ -195,7 +212,7 @@ fn make_folder(folder: &Path) -> Result<(), BagError> {
         std::fs::create_dir_all(parent).map_err(|e| FileError::new(parent, e))?;
     }
     std::fs::create_dir(folder).map_err(|e| match e.kind() {
-        std::io::ErrorKind::AlreadyExists => BagError::Exists { path: folder.to_owned() },
+        std::io::ErrorKind::AlreadyExists => BagError::Exists(folder.to_owned()),
         _ => FileError::new(folder, e).into(),
     })
 }

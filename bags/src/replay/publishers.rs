@@ -1,86 +1,87 @@
-//! The publishers of a replay: one a topic of the bag, and `/clock`.
+//! The publishers of a replay: one for each topic and type of the bag, and one for `/clock`.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use modulo_msgs::builtin::Time;
 use modulo_msgs::rosgraph_msgs;
 use modulo_msgs::{Interface, cdr};
+use modulo_runtime::graph::NameError;
 use modulo_runtime::transport::TransportError;
 use modulo_runtime::transport::keys::{self, Endpoint};
-use modulo_runtime::transport::zenoh::{RawOutlet, ZenohTransport};
+use modulo_runtime::transport::zenoh::{RawPublisher, ZenohTransport};
 use modulo_runtime::{NodeName, Qos};
 
 use crate::bag::{BagReader, BagTopic, RawMessage, qos};
 
-/// Publishers of the topics of a bag.
-pub(super) struct Publishers {
-    by_topic: BTreeMap<String, Named>,
-}
+/// The publishers of the topics of a bag. A topic that the bag has with two types gets two of them.
+pub(super) struct Publishers(Vec<TopicPublisher>);
 
-struct Named {
-    /// In the graph.
+struct TopicPublisher {
+    topic: Arc<BagTopic>,
+    /// Name of the topic in the graph.
     name: String,
-    publisher: RawOutlet,
+    publisher: RawPublisher,
     sent: u64,
 }
 
 impl Publishers {
-    /// Declares all topics of `bag`, but for that of `time`, which has only one
-    /// truth.
+    /// Declares all topics of `bag` except that of `time`, of which there must be only one source.
     pub(super) fn declare(
         transport: &ZenohTransport,
         node_name: &NodeName,
         bag: &BagReader,
-        time: Option<&TimeOutlet>,
+        time: Option<&ClockPublisher>,
     ) -> Result<Self, TransportError> {
-        let mut by_topic = BTreeMap::new();
-        for counted in bag.topics() {
-            let endpoint = endpoint(&counted.topic, node_name)?;
+        let mut publishers = Vec::new();
+        for topic in bag.topics().into_iter().map(|counted| counted.topic) {
+            let endpoint = endpoint(&topic, node_name)?;
             if time.is_some_and(|time| time.name == endpoint.topic) {
                 tracing::warn!("{} of the bag is left out: --clock publishes it", endpoint.topic);
                 continue;
             }
             let publisher = transport.advertise_raw(node_name, &endpoint)?;
-            let named = Named { name: endpoint.topic, publisher, sent: 0 };
-            by_topic.insert(counted.topic.name.clone(), named);
+            publishers.push(TopicPublisher { topic, name: endpoint.topic, publisher, sent: 0 });
         }
-        Ok(Self { by_topic })
+        Ok(Self(publishers))
     }
 
-    /// Whether anybody reads one of the topics.
+    /// Returns whether one of the topics has a reader.
     pub(super) fn wanted(&self) -> bool {
-        self.by_topic.values().any(|named| named.publisher.wanted())
+        self.0.iter().any(|topic| topic.publisher.wanted())
     }
 
-    /// Sends `message` as it is.
+    /// Sends the payload of `message` unchanged, on the publisher of its topic and type.
     pub(super) fn send(&mut self, message: RawMessage) -> Result<(), TransportError> {
-        let Some(named) = self.by_topic.get_mut(&message.topic.name) else { return Ok(()) };
-        named.publisher.put(message.data)?;
-        named.sent += 1;
+        let BagTopic { name, type_name, .. } = &*message.topic;
+        let its = |to: &&mut TopicPublisher| to.topic.name == *name && to.topic.type_name == *type_name;
+        let Some(topic) = self.0.iter_mut().find(its) else { return Ok(()) };
+        topic.publisher.put(message.data)?;
+        topic.sent += 1;
         Ok(())
     }
 
-    /// How many messages were sent, by topic; only those that had one.
+    /// Returns the number of messages that were sent, by topic. Topics without messages are left out.
     pub(super) fn sent(&self) -> BTreeMap<String, u64> {
         let mut sent = BTreeMap::new();
-        for named in self.by_topic.values().filter(|named| named.sent > 0) {
-            *sent.entry(named.name.clone()).or_default() += named.sent;
+        for topic in self.0.iter().filter(|topic| topic.sent > 0) {
+            *sent.entry(topic.name.clone()).or_default() += topic.sent;
         }
         sent
     }
 }
 
-/// The publisher of the bag's time.
-pub(super) struct TimeOutlet {
+/// The publisher of the time of the bag.
+pub(super) struct ClockPublisher {
     name: String,
-    publisher: RawOutlet,
+    publisher: RawPublisher,
     /// Ticks between two messages, ns.
     every: u64,
     next: u64,
 }
 
-impl TimeOutlet {
-    /// Declares `/clock`, told `hz` times a second.
+impl ClockPublisher {
+    /// Declares `/clock`, published `hz` times a second.
     pub(super) fn declare(
         transport: &ZenohTransport,
         node_name: &NodeName,
@@ -91,29 +92,29 @@ impl TimeOutlet {
         Ok(Self { name: endpoint.topic, publisher, every: (1e9 / hz) as u64, next: 0 })
     }
 
-    /// Tells `time`, ns since the epoch, if that is due at `now`.
-    pub(super) fn tell(&mut self, now: u64, time: u64) -> Result<(), TransportError> {
+    /// Publishes `time`, ns since the epoch, if that is due at the ticks `now`.
+    pub(super) fn publish(&mut self, now: u64, time: u64) -> Result<(), TransportError> {
         if now < self.next {
             return Ok(());
         }
-        // One that is late is not made up for.
+        // A late message is not made up for.
         self.next = self.next.saturating_add(self.every).max(now);
         let message = rosgraph_msgs::Clock { clock: Time::from_ns(time) };
         let payload = cdr::to_vec(&message).map_err(|why| TransportError::new("time of the bag", why))?;
         self.publisher.put(payload)
     }
 
-    /// How long after `now` the next message is due.
+    /// Returns the ticks from `now` until the next message is due.
     pub(super) fn ticks_until_due(&self, now: u64) -> u64 {
         self.next.saturating_sub(now)
     }
 }
 
 fn endpoint(topic: &BagTopic, node_name: &NodeName) -> Result<Endpoint, TransportError> {
-    let named = |why: modulo_runtime::name::NameError| TransportError::new("topic of the bag", why);
+    let refused = |why: NameError| TransportError::new("topic of the bag", why);
     let type_hash = if topic.type_hash.is_empty() { keys::NO_HASH } else { &topic.type_hash };
     Ok(Endpoint {
-        topic: node_name.resolve(&topic.name).map_err(named)?,
+        topic: node_name.resolve(&topic.name).map_err(refused)?,
         dds_type: modulo_msgs::dds_name(&topic.type_name),
         type_hash: type_hash.to_owned(),
         qos: keys::qos_string(qos::parse(&topic.qos)).to_owned(),

@@ -1,5 +1,4 @@
-//! [`BagSource`]: the images of one topic of a bag, with the ground truth of the
-//! same stamp.
+//! [`BagSource`]: the images of one topic of a bag, with the ground truth of the same stamp.
 
 use std::collections::HashMap;
 use std::io::Cursor;
@@ -28,8 +27,7 @@ pub struct BagSource {
 }
 
 impl BagSource {
-    /// Opens the bag at `path`. `options.topic` is needed when it has several
-    /// image topics.
+    /// Opens the bag at `path`. `options.topic` is needed when it has several image topics.
     ///
     /// # Errors
     /// [`SourceError`] when the bag cannot be read, or has not the topic.
@@ -43,7 +41,7 @@ impl BagSource {
         Ok(Self { bag, selection, messages, frames: topic.messages, white, labels })
     }
 
-    /// The bag itself, for its warnings.
+    /// Returns the bag itself, for its warnings.
     pub fn bag(&self) -> &BagReader {
         &self.bag
     }
@@ -67,7 +65,7 @@ impl Source for BagSource {
         Some(message.map_err(SourceError::from).and_then(|message| self.frame(&message)))
     }
 
-    /// Reads the first frame alone: it may tell what stands for white.
+    /// Reads only the first frame, which may define the white level.
     fn skip(&mut self, frames: u64) {
         if frames > 0 {
             drop(self.next());
@@ -93,7 +91,7 @@ fn kind(topic: &TopicCount) -> Option<MessageKind> {
     MessageKind::from_type_name(&topic.topic.type_name)
 }
 
-/// The topic that was asked for, or the only one.
+/// Returns the topic that was asked for, or the only one.
 fn image_topic(bag: &BagReader, wanted: Option<&str>) -> Result<TopicCount, SourceError> {
     let is_image =
         |t: &TopicCount| matches!(kind(t), Some(MessageKind::Image | MessageKind::CompressedImage));
@@ -111,7 +109,7 @@ fn image_topic(bag: &BagReader, wanted: Option<&str>) -> Result<TopicCount, Sour
     Err(SourceError::Topic { path: bag.path().to_owned(), found, topics })
 }
 
-/// All labels of the bag by stamp; they are small beside the images.
+/// Reads all labels of the bag by stamp; they are small beside the images.
 fn read_labels(bag: &BagReader) -> Result<HashMap<u64, Vec<GroundTruth>>, SourceError> {
     let is_truth =
         |t: &TopicCount| t.topic.name == GROUND_TRUTH_TOPIC && kind(t) == Some(MessageKind::Detections);
@@ -143,7 +141,7 @@ fn read_message(message: &RawMessage) -> Result<(Header, Frame), SourceError> {
 }
 
 fn bad(message: &RawMessage, why: impl std::fmt::Display) -> SourceError {
-    ImageError::Undecodable { origin: origin(message), why: why.to_string() }.into()
+    ImageError::Undecodable(origin(message), why.to_string()).into()
 }
 
 fn origin(message: &RawMessage) -> String {

@@ -1,7 +1,6 @@
 //! Images with COCO's labels: one JSON file with `images`, `annotations` and `categories`.
 //!
-//! Boxes are `x, y, width, height` in px. A crowd (`iscrowd` 1) is an area in which objects of its class are not
-//! told apart.
+//! Boxes are `x, y, width, height` in px. A crowd (`iscrowd` 1) is an area in which the objects of its class are not labelled individually.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -49,8 +48,8 @@ struct Category {
 }
 
 impl CocoSource {
-    /// Opens `annotations`; its images are in `images`, or, as the data set lies, beside the file, in `images`
-    /// beside it, or in `../NAME` for `instances_NAME.json`.
+    /// Opens `annotations`; its images are in `images`, or, as the data set lies, beside the file, in `images` beside
+    /// it, or in `../NAME` for `instances_NAME.json`.
     ///
     /// # Errors
     /// [`SourceError`] when the file is not a COCO annotation file, when it names an image outside of the folder of
@@ -75,7 +74,7 @@ impl CocoSource {
         }
         let paths: Vec<PathBuf> = file.images.iter().map(|image| folder.join(&image.file_name)).collect();
         if paths.is_empty() {
-            return Err(SourceError::Empty { path: annotations.to_owned() });
+            return Err(SourceError::Empty(annotations.to_owned()));
         }
         let truth = |image: &Image| by_image.remove(&image.id).unwrap_or_default();
         let labels = CocoLabels(paths.iter().cloned().zip(file.images.iter().map(truth)).collect());
@@ -107,7 +106,7 @@ fn label(annotation: &Annotation, names: &HashMap<u64, &str>) -> Result<GroundTr
     })
 }
 
-/// The folder in which the first image is.
+/// Returns the folder in which the first image is.
 fn folder_of(annotations: &Path, images: &[Image]) -> Result<PathBuf, SourceError> {
     let beside = annotations.parent().unwrap_or(Path::new(""));
     let above = beside.join("..");
@@ -123,7 +122,7 @@ fn folder_of(annotations: &Path, images: &[Image]) -> Result<PathBuf, SourceErro
     ];
     let Some(first) = images.first() else { return Ok(beside.to_owned()) };
     let found = folders.into_iter().find(|folder| folder.join(&first.file_name).is_file());
-    found.ok_or_else(|| SourceError::Missing { path: beside.join(&first.file_name) })
+    found.ok_or_else(|| SourceError::Missing(beside.join(&first.file_name)))
 }
 
 #[cfg(test)]

@@ -1,6 +1,5 @@
-//! [`FolderSource`]: the images of a folder, sorted by name with numbers by
-//! their value; one file is a folder of one. [`LabelledSource`]: the same with
-//! labels.
+//! [`FolderSource`]: the images of a folder, sorted by name with numbers by their value; one file is a folder of one.
+//! [`LabelledSource`]: the same with labels.
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -19,8 +18,7 @@ pub struct FolderSource {
 }
 
 impl FolderSource {
-    /// Lists the images of `path`, or takes the one file that it names.
-    /// `white` as in [`super::SourceOptions`].
+    /// Lists the images of `path`, or takes the one file that it names. `white` as in [`super::SourceOptions`].
     ///
     /// # Errors
     /// [`SourceError`] when the folder holds no image or cannot be read.
@@ -29,7 +27,7 @@ impl FolderSource {
         Self::of(images, white)
     }
 
-    /// A source of just these images, in this order.
+    /// Creates a source of just these images, in this order.
     pub(crate) fn of(images: Vec<PathBuf>, white: f32) -> Result<Self, SourceError> {
         Ok(Self { images, next: 0, white: White::new(white)? })
     }
@@ -49,7 +47,7 @@ impl Source for FolderSource {
         Some(frame.map_err(SourceError::from))
     }
 
-    /// Reads only the float images that tell what stands for white.
+    /// Reads only the float images that define the white level.
     fn skip(&mut self, frames: u64) {
         for _ in 0..frames {
             match self.images.get(self.next) {
@@ -72,7 +70,7 @@ impl Source for FolderSource {
 
 /// The labels of a set of image files.
 pub trait Labels: Send {
-    /// The objects in the file `image` of `size` (height, width) px; `None` when the file is not labelled.
+    /// Returns the objects in the file `image` of `size` (height, width) px; `None` when the file is not labelled.
     ///
     /// # Errors
     /// [`SourceError`] with the file and the line of a label that cannot be read.
@@ -110,7 +108,7 @@ impl<L: Labels> Source for LabelledSource<L> {
     }
 }
 
-/// The images of a folder, sorted by [`natural`]; at least one.
+/// Returns the images of a folder, sorted by [`natural`]; at least one.
 pub(crate) fn list_images(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
     let io = |e| FileError::new(folder, e);
     let mut images = Vec::new();
@@ -121,10 +119,10 @@ pub(crate) fn list_images(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
         }
     }
     images.sort_by_cached_key(|path| (path.file_name().map(natural), path.clone()));
-    if images.is_empty() { Err(SourceError::Empty { path: folder.to_owned() }) } else { Ok(images) }
+    if images.is_empty() { Err(SourceError::Empty(folder.to_owned())) } else { Ok(images) }
 }
 
-/// A key that sorts names with numbers by their value: `2.png` before `10.png`.
+/// Returns a key that sorts names with numbers by their value: `2.png` before `10.png`.
 fn natural(name: &OsStr) -> Vec<u8> {
     let runs = name.as_encoded_bytes().chunk_by(|a, b| a.is_ascii_digit() && b.is_ascii_digit());
     let key = |run: &[u8]| {
@@ -137,13 +135,13 @@ fn natural(name: &OsStr) -> Vec<u8> {
     runs.flat_map(key).collect()
 }
 
-/// The name of a file without its extension.
+/// Returns the name of a file without its extension.
 pub(crate) fn stem(path: &Path) -> String {
     path.file_stem().expect("the path of a file ends in a name").to_string_lossy().into_owned()
 }
 
 fn one_image(path: &Path) -> Result<PathBuf, SourceError> {
-    if is_image(path) { Ok(path.to_owned()) } else { Err(SourceError::Extension { path: path.to_owned() }) }
+    if is_image(path) { Ok(path.to_owned()) } else { Err(SourceError::Extension(path.to_owned())) }
 }
 
 fn is_float(path: &Path) -> bool {

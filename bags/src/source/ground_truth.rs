@@ -1,26 +1,25 @@
-//! [`GroundTruth`]: what a person labelled, and its form as detections.
+//! [`GroundTruth`]: a labelled object, and its form as a detection.
 //!
-//! Evaluation needs to know which objects are hard to see and which areas to
-//! leave out; `Detection2D` has no fields for that, so they stand in its `id`.
+//! Evaluation needs to know which objects are hard to see and which areas to leave out; `Detection2D` has no fields for
+//! that, so they stand in its `id`.
 
 use modulo_core::{BBox, Detection};
 use modulo_msgs::std_msgs::Header;
 use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray};
 
-/// [`GroundTruth::occluded`] of a crowd: an area in which objects of the class are not told apart.
+/// [`GroundTruth::occluded`] of a crowd: an area in which the objects of the class are not labelled individually.
 pub const CROWD: i32 = 4;
 
 /// One labelled object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GroundTruth {
-    /// Where, in pixels of the original image.
+    /// Box in pixels of the original image.
     pub bbox: BBox,
     /// The data set's class in lower case; `dontcare` is an area to leave out.
     pub class: String,
-    /// Part of the object outside the image, 0 to 1; -1 where nobody said.
+    /// Fraction of the object outside the image, 0 to 1; -1 when it is unknown.
     pub truncated: f32,
-    /// 0 fully visible, 1 partly occluded, 2 largely occluded, 3 unknown,
-    /// [`CROWD`]; -1 where nobody said.
+    /// 0 fully visible, 1 partly occluded, 2 largely occluded, 3 unknown, [`CROWD`]; -1 when it is unknown.
     pub occluded: i32,
 }
 
@@ -43,16 +42,15 @@ impl GroundTruth {
     }
 }
 
-/// The labels of one image as a message with that image's header; class and
-/// box as in a detection of score 1, the rest in `id` as
-/// `occluded=1 truncated=0.00`.
+/// Returns the labels of one image as a message with that image's header; class and box as in a detection of score 1,
+/// the rest in `id` as `occluded=1 truncated=0.00`.
 pub fn to_detections(labels: &[GroundTruth], header: &Header) -> Detection2DArray {
     let detections = labels.iter().map(|label| label.to_detection(header)).collect();
     Detection2DArray { header: header.clone(), detections }
 }
 
-/// The labels in a message. An `id` without occlusion or truncation leaves
-/// these at -1; a detection without class or with a rotated box is no label.
+/// Returns the labels in a message. An `id` without occlusion or truncation leaves these at -1; a detection without
+/// class or with a rotated box is no label.
 pub fn from_detections(message: &Detection2DArray) -> Vec<GroundTruth> {
     message.detections.iter().filter_map(GroundTruth::from_detection).collect()
 }

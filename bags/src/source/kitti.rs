@@ -1,10 +1,8 @@
-//! KITTI folders: `image_2` with `label_2` (object set), `image_02` with
-//! `label_object` and `label_track` (a drive), or `image_02/DRIVE` of the
-//! tracking set beside `label_02/DRIVE.txt`; labels optional per frame.
+//! KITTI folders: `image_2` with `label_2` (object set), `image_02` with `label_object` and `label_track` (a drive), or
+//! `image_02/DRIVE` of the tracking set beside `label_02/DRIVE.txt`; labels optional per frame.
 //!
-//! Label lines are `type truncated occluded alpha x1 y1 x2 y2 h w l x y z ry`
-//! (15 columns, object development kit); a tracking line has the frame and the
-//! track in front of that (17 columns).
+//! Label lines are `type truncated occluded alpha x1 y1 x2 y2 h w l x y z ry` (15 columns, object development kit); a
+//! tracking line has the frame and the track in front of that (17 columns).
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -26,12 +24,12 @@ pub struct KittiFolder {
     labels: LabelFiles,
 }
 
-/// Where labels are.
+/// The location of the labels.
 #[derive(Debug)]
 enum LabelFiles {
-    /// One file a frame, the folders by preference.
+    /// One file for each frame, in folders by preference.
     Folders(Vec<PathBuf>),
-    /// One file a drive, by frame; a frame without a line holds no object.
+    /// One file for a drive, by frame; a frame without a line contains no object.
     Drive(BTreeMap<u64, Vec<GroundTruth>>),
 }
 
@@ -39,7 +37,7 @@ enum LabelFiles {
 pub type KittiSource = LabelledSource<KittiFolder>;
 
 impl KittiFolder {
-    /// Whether `path` has KITTI's folder of images.
+    /// Returns whether `path` has KITTI's folder of images.
     pub fn is_at(path: &Path) -> bool {
         layout(path).is_some() || tracking_file(path).is_some()
     }
@@ -51,7 +49,7 @@ impl KittiFolder {
     pub fn open(path: &Path) -> Result<Self, SourceError> {
         let Some((images, labels)) = layout(path) else {
             let Some(file) = tracking_file(path) else {
-                return Err(SourceError::Missing { path: path.join(LAYOUTS[0].0) });
+                return Err(SourceError::Missing(path.join(LAYOUTS[0].0)));
             };
             return Ok(Self { images: list_images(path)?, labels: LabelFiles::Drive(read_drive(&file)?) });
         };
@@ -59,7 +57,7 @@ impl KittiFolder {
         Ok(Self { images, labels: LabelFiles::Folders(labels.iter().map(|name| path.join(name)).collect()) })
     }
 
-    /// As [`KittiFolder::open`], with the frames called `frames` alone, in that order.
+    /// Opens `path` as [`KittiFolder::open`] does, but only the frames called `frames`, in that order.
     ///
     /// # Errors
     /// [`SourceError::Missing`] for the first frame that is not there.
@@ -68,21 +66,18 @@ impl KittiFolder {
         let by_name: BTreeMap<String, &PathBuf> = images.iter().map(|image| (stem(image), image)).collect();
         let image = |frame: &String| {
             let folder = images.first().and_then(|image| image.parent()).unwrap_or(path);
-            let missing = || SourceError::Missing { path: folder.join(format!("{frame}.png")) };
+            let missing = || SourceError::Missing(folder.join(format!("{frame}.png")));
             by_name.get(frame).map(|image| (*image).clone()).ok_or_else(missing)
         };
         Ok(Self { images: frames.iter().map(image).collect::<Result<_, _>>()?, labels })
     }
 
-    /// The image files, sorted by name.
+    /// Returns the image files, sorted by name.
     pub fn images(&self) -> &[PathBuf] {
         &self.images
     }
 
-    /// The labels of an image file; `None` when it has no label file.
-    ///
-    /// # Errors
-    /// [`SourceError`] naming file and line of a line that cannot be read.
+    /// Returns the labels of an image file; `None` when it has no label file.
     pub(crate) fn labels_of(&self, image: &Path) -> Result<Option<Vec<GroundTruth>>, SourceError> {
         match &self.labels {
             LabelFiles::Folders(folders) => {
@@ -102,15 +97,15 @@ impl KittiSource {
     /// Opens `path`, which holds `image_2` or `image_02`.
     ///
     /// # Errors
-    /// As [`KittiFolder::open`], and for a `white` that is no radiance.
+    /// As [`KittiFolder::open`], and for a `white` that is not a valid radiance.
     pub fn open(path: &Path, white: f32) -> Result<Self, SourceError> {
         Self::of(KittiFolder::open(path)?, white)
     }
 
-    /// The frames of `folder`.
+    /// Returns the frames of `folder`.
     ///
     /// # Errors
-    /// [`SourceError`] for a `white` that is no radiance.
+    /// [`SourceError`] for a `white` that is not a valid radiance.
     pub fn of(folder: KittiFolder, white: f32) -> Result<Self, SourceError> {
         let frames = FolderSource::of(folder.images.clone(), white)?;
         Ok(Self { frames, labels: folder })
@@ -127,7 +122,7 @@ fn layout(path: &Path) -> Option<&'static (&'static str, &'static [&'static str]
     LAYOUTS.iter().find(|(images, _)| path.join(images).is_dir())
 }
 
-/// `label_02/DRIVE.txt` for `image_02/DRIVE`, if it is there.
+/// Returns `label_02/DRIVE.txt` for `image_02/DRIVE`, if that file exists.
 fn tracking_file(path: &Path) -> Option<PathBuf> {
     let drive = path.file_name()?.to_str()?;
     let file = path.parent()?.parent()?.join("label_02").join(format!("{drive}.txt"));
@@ -177,7 +172,8 @@ fn parse_label(line: &str) -> Result<GroundTruth, String> {
     Ok(GroundTruth { bbox: BBox { x1, y1, x2, y2 }, class, truncated, occluded })
 }
 
-fn number(column: &str) -> Result<f32, String> {
+/// Reads a column of a label line.
+pub(super) fn number(column: &str) -> Result<f32, String> {
     let value = column.parse().ok().filter(|v: &f32| v.is_finite());
     value.ok_or_else(|| format!("'{column}' found, a finite number needed"))
 }

@@ -12,9 +12,9 @@ const PAPER: std::ops::RangeInclusive<u32> = 7385..=7485;
 /// A list of frames.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct FrameList {
-    /// For people: the file, or the preset.
+    /// Name for people: the file or the preset.
     pub name: String,
-    /// File stems.
+    /// Names of the image files without extension.
     pub frames: Vec<String>,
     drives: BTreeMap<String, String>,
 }
@@ -49,13 +49,13 @@ impl FrameList {
         Ok(Self { name: path.display().to_string(), frames, drives })
     }
 
-    /// The paper's 100 (it names 101) test images of KITTI's object set.
+    /// Returns the paper's 100 (it names 101) test images of KITTI's object set.
     pub fn paper() -> Self {
         let frames = PAPER.map(|id| format!("{id:06}")).collect();
         Self { name: "the paper's list".to_owned(), frames, drives: BTreeMap::new() }
     }
 
-    /// The drive of a frame, where the list says it.
+    /// Returns the drive of a frame, if the list names it.
     pub fn drive_of(&self, frame: &str) -> Option<&str> {
         self.drives.get(frame).map(String::as_str)
     }

@@ -1,11 +1,10 @@
 //! [`Source`]: frames of a scene, one after the other, from whatever holds them.
 //!
-//! A source only reads. It never waits, never repeats a frame by itself and
-//! never guesses a stamp that the data does not have.
+//! A source only reads. It never waits, never repeats a frame by itself and never guesses a stamp that the data does
+//! not have.
 
 mod bag;
 mod coco;
-mod error;
 mod folder;
 mod ground_truth;
 mod kitti;
@@ -13,13 +12,13 @@ mod list;
 mod scene;
 mod yolo;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use modulo_images::ImageError;
 use ndarray::Array3;
 
 pub use bag::BagSource;
 pub use coco::CocoSource;
-pub use error::SourceError;
 pub use folder::FolderSource;
 pub use ground_truth::{CROWD, GroundTruth, from_detections, to_detections};
 pub use kitti::{KittiFolder, KittiSource};
@@ -27,28 +26,78 @@ pub use list::FrameList;
 pub use scene::SceneSource;
 pub use yolo::YoloSource;
 
+use crate::FileError;
+use crate::bag::BagError;
+
+/// Error: a frame could not be read. The message names the file, the fault and the possible values.
+#[derive(Debug, thiserror::Error)]
+pub enum SourceError {
+    /// The path does not exist.
+    #[error(
+        "{file}: no such path; possible are scene://PRESET, an image (png, jpg, jpeg, exr, hdr), a folder of images, \
+         a KITTI folder (image_2 or image_02 inside), a .mcap, .db3 or ROS 1 .bag file or a bag folder", file = .0.display()
+    )]
+    Missing(PathBuf),
+    /// An address that is no scene.
+    #[error(transparent)]
+    Scene(#[from] modulo_scene::SpecError),
+    /// A folder without a single image.
+    #[error("{file}: no image in this folder, at least one png, jpg, jpeg, exr or hdr is needed", file = .0.display())]
+    Empty(PathBuf),
+    /// A file that is not an image by its name.
+    #[error("{file}: not an image, possible are png, jpg, jpeg, exr, hdr, .mcap, .db3 and .bag", file = .0.display())]
+    Extension(PathBuf),
+    /// The system does not read a file.
+    #[error(transparent)]
+    Io(#[from] FileError),
+    /// An image that cannot be had.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// A label line that cannot be read.
+    #[error("{}:{line}: {why}", path.display())]
+    Label {
+        /// Path of the label file.
+        path: PathBuf,
+        /// Number of the line, from 1.
+        line: usize,
+        /// The text found and the text needed.
+        why: String,
+    },
+    /// The bag has not exactly one image topic, or not the one asked for.
+    #[error("{}: {found}; image topics here: {topics}", path.display())]
+    Topic {
+        /// Path of the bag.
+        path: PathBuf,
+        /// The requested topic.
+        found: String,
+        /// Image topics of the bag.
+        topics: String,
+    },
+    /// A bag that cannot be read.
+    #[error(transparent)]
+    Bag(#[from] BagError),
+}
+
 /// One recorded frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SourceFrame {
-    /// Radiance, `H x W x C` with `C` = 1 or 3, as a fraction of the peak in
-    /// `[0, 1)`: an 8-bit code is `v / 256`, a 16-bit code `v / 65536`, a
-    /// linear value `v / white` clamped below 1.
+    /// Radiance, `H x W x C` with `C` = 1 or 3, as a fraction of the peak in `[0, 1)`: an 8-bit code is `v / 256`, a
+    /// 16-bit code `v / 65536`, a linear value `v / white` clamped below 1.
     pub radiance: Array3<f32>,
-    /// What the frame is called: the file's stem, or the stamp in a bag.
+    /// Name of the frame: the name of the file without extension, or the stamp in a bag.
     pub name: String,
     /// Time of exposure, ns since the epoch, where the data has one.
     pub stamp_ns: Option<u64>,
-    /// Coordinate frame, `camera` where the data has none.
+    /// Coordinate frame; `camera` when the data has none.
     pub frame_id: String,
-    /// The labelled objects; `None` when nobody labelled this frame, an empty
-    /// list when it was labelled and holds none.
+    /// The labelled objects; `None` for a frame without labels, an empty list for a labelled frame without objects.
     pub ground_truth: Option<Vec<GroundTruth>>,
 }
 
 /// Frames in their recorded order.
 pub trait Source: Send {
-    /// The next frame; `None` when it is over. After an error the next call
-    /// goes on with the frame behind the bad one.
+    /// Returns the next frame; `None` when it is over. After an error the next call goes on with the frame behind the
+    /// bad one.
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>>;
 
     /// Goes on behind the next `frames` frames without reading them where that is possible.
@@ -60,10 +109,10 @@ pub trait Source: Send {
         }
     }
 
-    /// How many frames there are from the start, if that is known.
+    /// Returns how many frames there are from the start, if that is known.
     fn len(&self) -> Option<usize>;
 
-    /// Whether it is known that there is no frame at all.
+    /// Returns whether it is known that there is no frame at all.
     fn is_empty(&self) -> bool {
         self.len() == Some(0)
     }
@@ -75,22 +124,22 @@ pub trait Source: Send {
     fn rewind(&mut self) -> Result<(), SourceError>;
 }
 
-/// How a source is read.
+/// Options for reading a source.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SourceOptions {
-    /// Linear radiance that maps to the peak, for float images. 0: the largest
-    /// value of the first float image that is not black, kept for the rest.
+    /// Linear radiance that maps to the peak, for float images. 0: the largest value of the first float image that is
+    /// not black, kept for the rest.
     pub white: f32,
     /// The image topic of a bag; `None` when the bag has just one.
     pub topic: Option<String>,
 }
 
-/// Coordinate frame of images that name none.
+/// Coordinate frame of images without one.
 const FRAME_ID: &str = "camera";
 
-/// Opens what `spec` names: a scene (`scene://PRESET?seed=N`), a bag (a `.mcap`, `.db3` or ROS 1 `.bag`
-/// file, or a folder with `metadata.yaml` or such files), a KITTI folder (with `image_2` or `image_02`), a folder
-/// of images, or one image.
+/// Opens what `spec` names: a scene (`scene://PRESET?seed=N`), a bag (a `.mcap`, `.db3` or ROS 1 `.bag` file, or a
+/// folder with `metadata.yaml` or such files), a KITTI folder (with `image_2` or `image_02`), a folder of images, or
+/// one image.
 ///
 /// # Errors
 /// [`SourceError`] when the path is missing, holds no frame, or cannot be read.
@@ -100,7 +149,7 @@ pub fn open(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, Sour
     }
     let path = Path::new(spec);
     if !path.exists() {
-        return Err(SourceError::Missing { path: path.to_owned() });
+        return Err(SourceError::Missing(path.to_owned()));
     }
     if crate::bag::is_bag(path) {
         return Ok(Box::new(BagSource::open(path, options)?));

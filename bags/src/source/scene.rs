@@ -15,7 +15,7 @@ impl SceneSource {
     /// The scene of `scene://PRESET?seed=N&frames=N&width=W&height=H`.
     ///
     /// # Errors
-    /// [`SourceError::Scene`] for what is no scene.
+    /// [`SourceError::Scene`] when the address does not name a scene.
     pub fn open(address: &str) -> Result<Self, SourceError> {
         Ok(Self { spec: address.parse()?, frame: 0 })
     }
@@ -52,8 +52,7 @@ impl Source for SceneSource {
     }
 }
 
-/// What is hidden, by other objects or by the border, in KITTI's three steps;
-/// half hidden is where the second ends.
+/// Describes the hidden fraction, by other objects or by the border, in KITTI's three steps. The second step ends at one half.
 fn label(object: &SceneObject) -> GroundTruth {
     let occluded = match object.occlusion + object.truncation {
         hidden if hidden < 0.1 => 0,

@@ -1,5 +1,5 @@
-//! Images with YOLO's labels: a text file an image, lines `class cx cy width height` as shares of the image, or
-//! `class x y x y ...`, a polygon, of which the box is taken.
+//! Images with YOLO's labels: a text file an image, lines `class cx cy width height` as shares of the image, or `class
+//! x y x y ...`, a polygon, of which the box is taken.
 //!
 //! Labels lie where ultralytics looks for them: in `labels` beside `images`, else beside the image.
 
@@ -10,10 +10,11 @@ use modulo_core::BBox;
 use serde::Deserialize;
 
 use super::folder::{FolderSource, LabelledSource, Labels, list_images};
+use super::kitti::number;
 use super::{GroundTruth, SourceError};
 use crate::FileError;
 
-/// Files that may say what the classes are called.
+/// Files that may contain the names of the classes.
 const NAME_FILES: [&str; 4] = ["data.yaml", "dataset.yaml", "classes.txt", "labels/classes.txt"];
 
 /// A folder of images with YOLO's labels.
@@ -24,15 +25,15 @@ pub type YoloSource = LabelledSource<YoloLabels>;
 pub struct YoloLabels(BTreeMap<usize, String>);
 
 impl YoloSource {
-    /// Opens `folder`: one that holds `images` and `labels`, a folder of images whose path has a part `images`, or
-    /// one with images and labels side by side. Class names come from `data.yaml`, `dataset.yaml` or
-    /// `classes.txt` there or up to two folders above; a class without one is called by its number.
+    /// Opens `folder`: one that holds `images` and `labels`, a folder of images whose path has a part `images`, or one
+    /// with images and labels side by side. Class names come from `data.yaml`, `dataset.yaml` or `classes.txt` there or
+    /// up to two folders above; a class without one is called by its number.
     ///
     /// # Errors
     /// [`SourceError`] when there is no image, or the names cannot be read.
     pub fn open(folder: &Path) -> Result<Self, SourceError> {
         if !folder.is_dir() {
-            return Err(SourceError::Missing { path: folder.to_owned() });
+            return Err(SourceError::Missing(folder.to_owned()));
         }
         let inside = folder.join("images");
         let images = list_images(if inside.is_dir() { &inside } else { folder })?;
@@ -59,7 +60,7 @@ impl Labels for YoloLabels {
     }
 }
 
-/// Where the labels of an image may be.
+/// Returns the possible paths of the labels of an image.
 fn label_files(image: &Path) -> Vec<PathBuf> {
     let parts: Vec<_> = image.components().collect();
     let last = parts.iter().rposition(|part| part.as_os_str() == "images");
@@ -78,10 +79,6 @@ fn parse(line: &str, width: f32, height: f32) -> Result<(usize, BBox), String> {
     let mut words = line.split_whitespace();
     let class = words.next().unwrap_or_default();
     let class = class.parse().map_err(|_| format!("class '{class}' found, a whole number needed"))?;
-    let number = |word: &str| {
-        let value = word.parse().ok().filter(|value: &f32| value.is_finite());
-        value.ok_or_else(|| format!("'{word}' found, a finite number needed"))
-    };
     let numbers = words.map(number).collect::<Result<Vec<f32>, String>>()?;
     let bbox = match numbers[..] {
         [cx, cy, w, h] if w >= 0.0 && h >= 0.0 => BBox::from_centre((cx, cy), (w, h)),

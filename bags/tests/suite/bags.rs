@@ -6,7 +6,7 @@ use modulo_bags::bag::{
 use modulo_runtime::Qos;
 use proptest::prelude::*;
 
-use crate::writing::{COMPRESSIONS, Line, read_all, topic, write_bag};
+use crate::writing::{COMPRESSIONS, Line, read_all, temporary, topic, write_bag};
 
 /// Several topics and chunks, times in any order.
 fn lines() -> impl Strategy<Value = Vec<Line>> {
@@ -33,8 +33,7 @@ proptest! {
     #[test]
     fn messages_return_in_log_time_order(lines in lines(), from in 0..5_000_000_000_u64) {
         for compression in COMPRESSIONS {
-            let folder = tempfile::tempdir().expect("a temporary folder");
-            let path = folder.path().join("bag");
+            let (_folder, path) = temporary("bag");
             write_bag(&path, compression, &lines);
             let bag = BagReader::open(&path).expect("a bag");
             prop_assert!(bag.warnings().is_empty(), "{:?}", bag.warnings());
@@ -71,11 +70,10 @@ fn the_same_messages_are_the_same_bytes() {
 
 #[test]
 fn a_bag_is_never_overwritten() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("bag");
+    let (_folder, path) = temporary("bag");
     write_bag(&path, Compression::None, &[(0, 1, vec![2])]);
     let again = BagWriter::create(&path, Compression::None);
-    assert!(matches!(again, Err(BagError::Exists { .. })));
+    assert!(matches!(again, Err(BagError::Exists(_))));
     assert_eq!(BagReader::open(&path).expect("still whole").message_count(), 1);
 }
 
@@ -94,8 +92,7 @@ fn a_topic_has_one_type() {
 /// A foreign recorder may write one topic with two types: the first stays, the second is counted.
 #[test]
 fn a_copy_leaves_out_the_second_type_of_a_topic() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("two.mcap");
+    let (folder, path) = temporary("two.mcap");
     let mut mcap = mcap::Writer::new(std::fs::File::create(&path).expect("a file")).expect("a writer");
     for (log_time, name) in
         [(1, "std_msgs/msg/String"), (2, "sensor_msgs/msg/Image"), (3, "std_msgs/msg/String")]
@@ -123,12 +120,11 @@ fn a_copy_leaves_out_the_second_type_of_a_topic() {
 
 #[test]
 fn info_prints_what_ros2_prints() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("bag");
+    let (_folder, path) = temporary("bag");
     // As `date -u -d @4107542399` prints it: 2100 is no leap year.
     let start = 4_107_542_399_000_000_000;
     write_bag(&path, Compression::None, &[(0, start, vec![]), (0, start + 1_500_000_000, vec![])]);
-    let info = BagInfo::from(&BagReader::open(&path).expect("a bag")).to_string();
+    let info = BagInfo(&BagReader::open(&path).expect("a bag")).to_string();
     for line in [
         "Files:             bag_0.mcap",
         "Storage id:        mcap",
@@ -149,5 +145,5 @@ fn what_is_no_bag_says_so() {
     assert!(error.contains("metadata.yaml"), "{error}");
     let text = folder.path().join("text.mcap");
     std::fs::write(&text, "this is a text and no recording").expect("written");
-    assert!(matches!(BagReader::open(&text), Err(BagError::NotBag { .. })));
+    assert!(matches!(BagReader::open(&text), Err(BagError::NotBag(_))));
 }

@@ -3,8 +3,8 @@
 use std::sync::mpsc::channel;
 use std::thread;
 
-use modulo_bags::control::{Answer, Command, Order, Service};
-use modulo_bags::pace::Motion;
+use modulo_bags::control::{PlayerAction, PlayerCommand, PlayerReply, Service};
+use modulo_bags::playback_clock::PlaybackState;
 use modulo_msgs::builtin::Time;
 use modulo_msgs::cdr;
 use modulo_msgs::rosbag2_interfaces::{
@@ -12,19 +12,19 @@ use modulo_msgs::rosbag2_interfaces::{
     SetRateRequest, SetRateResponse,
 };
 
-fn command<T: serde::Serialize>(service: Service, request: &T) -> Command {
-    service.command(&cdr::to_vec(request).expect("short")).expect("readable")
+fn action<T: serde::Serialize>(service: Service, request: &T) -> PlayerAction {
+    service.action(&cdr::to_vec(request).expect("short")).expect("readable")
 }
 
 #[test]
 fn requests_are_commands() {
-    assert_eq!(command(Service::Pause, &PauseRequest), Command::Move(Some(Motion::Paused)));
-    assert_eq!(command(Service::SetRate, &SetRateRequest { rate: 0.5 }), Command::SetRate(0.5));
-    assert_eq!(command(Service::Burst, &BurstRequest { num_messages: 3 }), Command::Step(Some(3)));
-    assert_eq!(command(Service::Burst, &BurstRequest { num_messages: 0 }), Command::Step(None));
+    assert_eq!(action(Service::Pause, &PauseRequest), PlayerAction::Move(Some(PlaybackState::Paused)));
+    assert_eq!(action(Service::SetRate, &SetRateRequest { rate: 0.5 }), PlayerAction::SetRate(0.5));
+    assert_eq!(action(Service::Burst, &BurstRequest { num_messages: 3 }), PlayerAction::Step(Some(3)));
+    assert_eq!(action(Service::Burst, &BurstRequest { num_messages: 0 }), PlayerAction::Step(None));
     let time = Time { sec: 2, nanosec: 5 };
-    assert_eq!(command(Service::Seek, &SeekRequest { time }), Command::Seek(2_000_000_005));
-    assert!(Service::Seek.command(&[0, 1, 0, 0, 7]).is_err(), "a request that is cut");
+    assert_eq!(action(Service::Seek, &SeekRequest { time }), PlayerAction::Seek(2_000_000_005));
+    assert!(Service::Seek.action(&[0, 1, 0, 0, 7]).is_err(), "a request that is cut");
     for service in Service::ALL {
         let (_, ros_type) = service.name_and_type();
         assert!(modulo_msgs::type_hash(ros_type).is_some(), "{ros_type}");
@@ -33,10 +33,10 @@ fn requests_are_commands() {
 
 #[test]
 fn answers_are_responses() {
-    let (queue, orders) = channel::<Order>();
+    let (queue, orders) = channel::<PlayerCommand>();
     let replay = thread::spawn(move || {
         for order in orders {
-            let answer = Answer { done: false, played: 4, motion: Motion::Paused, rate: 2.5 };
+            let answer = PlayerReply { done: false, played: 4, state: PlaybackState::Paused, rate: 2.5 };
             order.answer.send(answer).expect("somebody waits");
         }
     });

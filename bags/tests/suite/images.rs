@@ -8,7 +8,7 @@ use modulo_core::Frame;
 use modulo_images::save_png;
 use ndarray::Array3;
 
-use crate::writing::frame;
+use crate::writing::{frame, temporary};
 
 fn error_of(path: &Path) -> String {
     match open(&path.display().to_string(), &SourceOptions::default()) {
@@ -55,8 +55,7 @@ fn numbers_in_names_are_in_order_of_their_value() {
 
 #[test]
 fn linear_values_are_scaled_by_white_and_alpha_is_dropped() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("sky.exr");
+    let (_folder, path) = temporary("sky.exr");
     ImageBuffer::from_fn(2, 1, |x, _| Rgba([x as f32, 2.0, 4.0, 0.5])).save(&path).expect("saved");
     let frame = frames(&path, 8.0).remove(0);
     assert_eq!(frame.radiance.as_slice(), Some(&[0.0, 0.25, 0.5, 0.125, 0.25, 0.5][..]));

@@ -1,7 +1,7 @@
 //! KITTI folders as a source and as a bag.
 
 use modulo_bags::bag::{BagReader, Compression, Selection};
-use modulo_bags::import::{ImportOptions, ImportReport, import_kitti};
+use modulo_bags::import::{ImportReport, import_kitti};
 use modulo_bags::source::{GroundTruth, SourceFrame, SourceOptions, open};
 use modulo_core::BBox;
 
@@ -59,7 +59,7 @@ fn an_imported_folder_is_the_folder() {
     write_kitti(&kitti, 15);
     for compression in COMPRESSIONS {
         let out = folder.path().join(format!("{compression:?}"));
-        let report = import_kitti(&kitti, &out, &ImportOptions { compression }).expect("imported");
+        let report = import_kitti(&kitti, &out, compression).expect("imported");
         assert_eq!(report, ImportReport { frames: 15, labelled: 8, objects: 16 });
         let (from_files, from_bag) = (frames(&kitti), frames(&out));
         assert_eq!(from_files.len(), from_bag.len());
@@ -81,7 +81,7 @@ fn the_same_folder_gives_the_same_bytes() {
     write_kitti(&kitti, 12);
     let files = ["a", "b"].map(|parent| {
         let out = folder.path().join(parent).join("bag");
-        import_kitti(&kitti, &out, &ImportOptions { compression: Compression::Zstd }).expect("imported");
+        import_kitti(&kitti, &out, Compression::Zstd).expect("imported");
         let read = |name| std::fs::read(out.join(name)).expect("a file");
         [read("bag_0.mcap"), read("metadata.yaml")]
     });
@@ -97,7 +97,7 @@ fn a_bad_label_names_file_and_line_and_leaves_no_bag() {
     let text = std::fs::read_to_string(&label).expect("read");
     std::fs::write(&label, text + "Car 0 0 1 2 3\n").expect("written");
     let out = folder.path().join("out");
-    let error = import_kitti(&kitti, &out, &ImportOptions::default()).expect_err("a bad line").to_string();
+    let error = import_kitti(&kitti, &out, Compression::None).expect_err("a bad line").to_string();
     assert!(error.contains("000002.txt:3: 6 columns found, 15 needed"), "{error}");
     assert!(!out.exists());
 }
@@ -107,7 +107,7 @@ fn an_unknown_topic_names_those_there_are() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (kitti, out) = (folder.path().join("kitti"), folder.path().join("out"));
     write_kitti(&kitti, 1);
-    import_kitti(&kitti, &out, &ImportOptions::default()).expect("imported");
+    import_kitti(&kitti, &out, Compression::None).expect("imported");
     let options = SourceOptions { white: 0.0, topic: Some("/image".into()) };
     let error = open(&out.display().to_string(), &options).err().expect("refused").to_string();
     assert!(error.contains("'/image'") && error.contains("/camera/image_raw"), "{error}");

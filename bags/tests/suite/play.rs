@@ -1,23 +1,26 @@
-//! Recorded with [`Recorder`], replayed with [`Player`].
+//! Recorded with [`BagWriter`], replayed with [`Player`].
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use modulo_bags::bag::{BagReader, Compression};
+use modulo_bags::bag::{BagReader, BagWriter, Compression};
 use modulo_bags::play::{PlayOptions, Player, Repeat};
-use modulo_bags::record::Recorder;
 
-use crate::writing::topic;
+use tempfile::TempDir;
 
-/// Ten messages, 100 ms apart, on two topics by turns.
-fn record(path: &Path) {
-    let mut recorder = Recorder::create(path, Compression::Lz4).expect("new");
-    recorder.announce(&topic(2)).expect("new");
+use crate::writing::{temporary, topic};
+
+/// A bag of ten messages, 100 ms apart, on two topics by turns.
+fn recorded() -> (TempDir, PathBuf) {
+    let (folder, path) = temporary("bag");
+    let mut recorder = BagWriter::create(&path, Compression::Lz4).expect("new");
+    recorder.topic(&topic(2)).expect("new");
     for i in 0..10 {
         recorder.record(&topic(i % 2), 5_000 + i as u64 * 100_000_000, 1, &[i as u8]).expect("written");
     }
     let counts = recorder.finish().expect("finished");
     assert_eq!(counts.iter().map(|c| c.messages).collect::<Vec<_>>(), [0, 5, 5]);
+    (folder, path)
 }
 
 fn player(path: &Path, options: &PlayOptions) -> Player {
@@ -26,7 +29,7 @@ fn player(path: &Path, options: &PlayOptions) -> Player {
 
 /// (due in ms, payload) of the next `n` messages.
 fn next(player: &mut Player, n: usize) -> Vec<(u64, u8)> {
-    let due = std::iter::from_fn(|| player.next_due()).take(n);
+    let due = std::iter::from_fn(|| player.next_message()).take(n);
     due.map(|due| due.expect("readable")).map(|due| (due.position / 1_000_000, due.message.data[0])).collect()
 }
 
@@ -37,9 +40,7 @@ fn played(path: &Path, options: &PlayOptions, n: usize) -> Vec<(u64, u8)> {
 
 #[test]
 fn messages_are_due_at_their_time() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("bag");
-    record(&path);
+    let (_folder, path) = recorded();
     let once = PlayOptions::default();
     assert_eq!(played(&path, &once, 99), (0..10).map(|i| (u64::from(i) * 100, i)).collect::<Vec<_>>());
     let late = PlayOptions { start_offset: Duration::from_millis(750), ..once.clone() };
@@ -54,9 +55,7 @@ fn messages_are_due_at_their_time() {
 
 #[test]
 fn a_loop_goes_on_where_the_round_ended() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("bag");
-    record(&path);
+    let (_folder, path) = recorded();
     let start_offset = Duration::from_millis(800);
     let options = PlayOptions { repeat: Repeat::Forever, start_offset, ..PlayOptions::default() };
     assert_eq!(played(&path, &options, 5), [(0, 8), (100, 9), (100, 8), (200, 9), (200, 8)]);
@@ -66,9 +65,7 @@ fn a_loop_goes_on_where_the_round_ended() {
 
 #[test]
 fn a_round_may_be_short() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("bag");
-    record(&path);
+    let (_folder, path) = recorded();
     let duration = Some(Duration::from_millis(150));
     let options = PlayOptions { repeat: Repeat::Forever, duration, ..PlayOptions::default() };
     assert_eq!(played(&path, &options, 5), [(0, 0), (100, 1), (150, 0), (250, 1), (300, 0)]);
@@ -76,9 +73,7 @@ fn a_round_may_be_short() {
 
 #[test]
 fn a_seek_goes_on_from_there() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("bag");
-    record(&path);
+    let (_folder, path) = recorded();
     let start = 5_000;
     let mut once = player(&path, &PlayOptions::default());
     assert_eq!(next(&mut once, 3), [(0, 0), (100, 1), (200, 2)]);
@@ -98,9 +93,7 @@ fn a_seek_goes_on_from_there() {
 
 #[test]
 fn the_time_of_the_bag_is_that_of_the_position() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("bag");
-    record(&path);
+    let (_folder, path) = recorded();
     let times = |repeat| {
         let player = player(&path, &PlayOptions { repeat, ..PlayOptions::default() });
         [0, 1, 899_999_999, 900_000_000, 1_000_000_000].map(|position| player.log_time(position) - 5_000)
@@ -111,9 +104,7 @@ fn the_time_of_the_bag_is_that_of_the_position() {
 
 #[test]
 fn impossible_options_are_refused() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("bag");
-    record(&path);
+    let (_folder, path) = recorded();
     let refused = |options: &PlayOptions| {
         Player::new(BagReader::open(&path).expect("a bag"), options).err().expect("refused")
     };

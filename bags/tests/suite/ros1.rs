@@ -10,7 +10,7 @@ use modulo_msgs::cdr;
 use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image};
 use proptest::prelude::*;
 
-use crate::writing::{frame, read_all};
+use crate::writing::{frame, read_all, temporary};
 
 const IMAGE: (&str, &str) = ("sensor_msgs/Image", "060021388200f6f0f447d0fcd9c64743");
 const COMPRESSED: (&str, &str) = ("sensor_msgs/CompressedImage", "8f7a12909da2c9d3332d540a0977563f");
@@ -210,8 +210,7 @@ fn it_is_converted_and_read_as_a_source() {
 /// Two records of a chunk's index are swapped, as damage may leave them.
 #[test]
 fn a_chunk_that_ends_before_it_starts_is_read() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("swapped.bag");
+    let (_folder, path) = temporary("swapped.bag");
     let mut bytes = bag(&[("/image", IMAGE)], &[(1..4).map(|i| (0, i * S, image(i * S, i as u8))).collect()]);
     let place = |name: &[u8]| bytes.windows(name.len()).position(|w| w == name).expect("there") + name.len();
     let (start, end) = (place(b"start_time="), place(b"end_time="));
@@ -225,7 +224,7 @@ fn a_chunk_that_ends_before_it_starts_is_read() {
     let duration = Duration::from_secs(2);
     assert_eq!(refused, PlayError::StartOffset { offset: late.start_offset, duration });
     let mut player = Player::new(read(), &PlayOptions::default()).expect("possible");
-    let due = std::iter::from_fn(|| player.next_due()).map(|due| due.expect("readable").position);
+    let due = std::iter::from_fn(|| player.next_message()).map(|due| due.expect("readable").position);
     assert_eq!(due.collect::<Vec<_>>(), [0, S, 2 * S]);
 }
 
@@ -250,14 +249,13 @@ fn a_message_that_cannot_be_converted_is_left_out_and_counted() {
     assert!(new.warnings().is_empty(), "{:?}", new.warnings());
     assert_eq!(new.message_count(), 3);
     let mut player = Player::new(old, &PlayOptions::default()).expect("possible");
-    assert_eq!(std::iter::from_fn(|| player.next_due()).filter(Result::is_ok).count(), 3);
+    assert_eq!(std::iter::from_fn(|| player.next_message()).filter(Result::is_ok).count(), 3);
     assert_eq!(player.left_out(), 2);
 }
 
 #[test]
 fn a_bag_that_was_not_closed_is_refused_with_the_remedy() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("open.bag");
+    let (_folder, path) = temporary("open.bag");
     let whole = bag(&[("/image", IMAGE)], &[vec![(0, S, image(S, 1))]]);
     let mut open = whole.clone();
     let at = open.windows(10).position(|w| w == b"index_pos=").expect("a header") + 10;
@@ -297,8 +295,7 @@ proptest! {
                 bytes[target.start + at.index(target.len())] = value;
             }
         }
-        let folder = tempfile::tempdir().expect("a temporary folder");
-        let path = folder.path().join("wrong.bag");
+        let (_folder, path) = temporary("wrong.bag");
         std::fs::write(&path, &bytes).expect("written");
         if let Ok(bag) = BagReader::open(&path) {
             prop_assert!(bag.messages(&Selection::default()).count() <= 1000);

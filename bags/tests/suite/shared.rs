@@ -5,8 +5,8 @@ mod data;
 
 use std::path::Path;
 
-use modulo_bags::bag::{BagReader, Selection};
-use modulo_bags::import::{ImportOptions, import_kitti};
+use modulo_bags::bag::{BagReader, Compression, Selection};
+use modulo_bags::import::import_kitti;
 use modulo_bags::source::{SourceOptions, open};
 
 use crate::writing::read_all;
@@ -96,7 +96,7 @@ fn kitti_folders_are_read_and_imported_whole() {
         assert_eq!(found, (frames, objects), "{name}");
         let out = tempfile::tempdir().expect("a temporary folder");
         let bag = out.path().join("bag");
-        let report = import_kitti(&folder, &bag, &ImportOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+        let report = import_kitti(&folder, &bag, Compression::None).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(report.frames, frames);
         assert_eq!(walk(&bag, None), found, "{name}");
     }

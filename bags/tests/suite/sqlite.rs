@@ -10,7 +10,7 @@ use modulo_msgs::std_msgs::Header;
 use proptest::prelude::*;
 use rusqlite::Connection;
 
-use crate::writing::{frame, read_all};
+use crate::writing::{frame, read_all, temporary};
 
 const QOS: &str = "- history: 1\n  depth: 7\n  reliability: 2\n  durability: 2\n";
 const STRING: &str = "std_msgs/msg/String";
@@ -94,8 +94,7 @@ fn every_version_is_read() {
 
 #[test]
 fn it_is_converted_payload_by_payload() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("old.db3");
+    let (folder, path) = temporary("old.db3");
     write(&path, 4, &[("/a", STRING, "cdr"), ("/b", UNKNOWN, "cdr")], &[0, 1, 0, 0, 9, 9]);
     let old = BagReader::open(&path).expect("a bag");
     let out = folder.path().join("new");
@@ -118,8 +117,7 @@ fn it_is_converted_payload_by_payload() {
 
 #[test]
 fn its_images_are_a_source() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("images.db3");
+    let (_folder, path) = temporary("images.db3");
     let image = Image::from_frame(Header::default(), &frame(5));
     write(&path, 2, &[("/image", "sensor_msgs/msg/Image", "cdr")], &cdr::to_vec(&image).expect("short"));
     let mut source = open(&path.display().to_string(), &SourceOptions::default()).expect("a source");
@@ -130,8 +128,7 @@ fn its_images_are_a_source() {
 
 #[test]
 fn another_database_is_refused_by_name() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("other.db3");
+    let (_folder, path) = temporary("other.db3");
     Connection::open(&path).and_then(|file| file.execute_batch("CREATE TABLE t(a)")).expect("a file");
     let error = BagReader::open(&path).expect_err("no bag").to_string();
     assert!(error.contains("other.db3") && error.contains("messages"), "{error}");
@@ -145,11 +142,9 @@ proptest! {
         cut in any::<prop::sample::Index>(),
         changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..8),
     ) {
-        let folder = tempfile::tempdir().expect("a temporary folder");
-        let path = folder.path().join("wrong.db3");
+        let (_folder, path) = temporary("wrong.db3");
         static WHOLE: std::sync::LazyLock<Vec<u8>> = std::sync::LazyLock::new(|| {
-            let folder = tempfile::tempdir().expect("a temporary folder");
-            let path = folder.path().join("whole.db3");
+            let (_folder, path) = temporary("whole.db3");
             write(&path, 4, &[("/a", STRING, "cdr")], &[7; 600]);
             std::fs::read(path).expect("readable")
         });

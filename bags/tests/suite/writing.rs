@@ -1,18 +1,26 @@
 //! Small inputs that the tests make for themselves.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, RawMessage, Selection, WriteOptions};
 use modulo_core::Frame;
 use modulo_images::save_png;
 use modulo_runtime::Qos;
 use ndarray::Array3;
+use tempfile::TempDir;
 
 /// All compressions.
 pub const COMPRESSIONS: [Compression; 3] = [Compression::None, Compression::Lz4, Compression::Zstd];
 
 /// One message to write: (topic number, log time in ns, payload).
 pub type Line = (usize, u64, Vec<u8>);
+
+/// A folder that lasts as long as the guard, and the path of `name` in it.
+pub fn temporary(name: &str) -> (TempDir, PathBuf) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join(name);
+    (folder, path)
+}
 
 /// Topic number `i`.
 pub fn topic(i: usize) -> BagTopic {

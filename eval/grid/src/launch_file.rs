@@ -5,8 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use modulo_bags::FileError;
-use modulo_bags::bag::{BagError, BagTopic};
-use modulo_bags::record::Recorder;
+use modulo_bags::bag::{BagError, BagTopic, BagWriter};
 use modulo_bags::source::{GroundTruth, from_detections};
 use modulo_core::{Detection, Frame};
 use modulo_images::{SaveError, save_png};
@@ -123,7 +122,7 @@ impl Evaluation {
         chain: &mut Lockstep<'_>,
         source: usize,
         plan: &Plan,
-        mut bag: Option<&mut Recorder>,
+        mut bag: Option<&mut BagWriter>,
     ) -> Result<(), EvalError> {
         let images = plan.streams.iter().filter(|_| plan.save_images);
         for folder in images.map(|s| plan.folder.join(&s.name)).chain([plan.folder.clone()]) {
@@ -248,7 +247,7 @@ fn scores_json(scores: &BTreeMap<String, Score>) -> String {
 }
 
 /// Writes the messages on `topics`. Log time and publish time are the stamp of the message.
-fn record(recorder: &mut Recorder, out: &[OnTopic], topics: &[String]) -> Result<(), EvalError> {
+fn record(recorder: &mut BagWriter, out: &[OnTopic], topics: &[String]) -> Result<(), EvalError> {
     for (topic, message) in out.iter().filter(|(topic, _)| topics.contains(topic)) {
         let bytes = message.encode()?;
         let stamp = message.stamp().as_ns();

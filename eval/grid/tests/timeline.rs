@@ -3,9 +3,8 @@
 use std::path::Path;
 use std::time::Duration;
 
-use modulo_bags::bag::{BagReader, Compression, Selection};
-use modulo_bags::import::{ImportOptions, import_kitti};
-use modulo_bags::record::Recorder;
+use modulo_bags::bag::{BagReader, BagWriter, Compression, Selection};
+use modulo_bags::import::import_kitti;
 use modulo_bags::source::{GroundTruth, SourceOptions, open};
 use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_core::Frame;
@@ -31,7 +30,7 @@ fn write_kitti(folder: &Path, frames: u8, seed: u8) {
 
 /// Evaluates a camera at rate 0 over each of `sources`, and records into `bag`.
 fn record(sources: &[&Path], more: &[(&str, &str)], bag: &Path) {
-    let mut recorder = Recorder::create(bag, Compression::None).expect("a new bag");
+    let mut recorder = BagWriter::create(bag, Compression::None).expect("a new bag");
     let mut evaluation = Evaluation::new(Difficulty::Moderate);
     let topics = ["/ideal", "/ground_truth"].map(str::to_owned).to_vec();
     let plan = Plan {
@@ -105,7 +104,7 @@ fn sources_with_the_same_stamps_follow_each_other() {
     let bags = [("a", 10), ("b", 60)].map(|(name, seed)| {
         let (kitti, bag) = (folder.path().join(name), folder.path().join(format!("{name}_bag")));
         write_kitti(&kitti, 2, seed);
-        import_kitti(&kitti, &bag, &ImportOptions::default()).expect("imported");
+        import_kitti(&kitti, &bag, Compression::None).expect("imported");
         bag
     });
     let bag = folder.path().join("bag");
@@ -118,7 +117,7 @@ fn sources_with_the_same_stamps_follow_each_other() {
 
 /// Copies the messages of all `bags` into one, and opens it.
 fn both(bags: &[std::path::PathBuf], out: &Path) -> String {
-    let mut recorder = Recorder::create(out, Compression::None).expect("a new bag");
+    let mut recorder = BagWriter::create(out, Compression::None).expect("a new bag");
     for bag in bags {
         for message in BagReader::open(bag).expect("a bag").messages(&Selection::default()) {
             let message = message.expect("readable");

@@ -3,29 +3,22 @@
 use serde::de::{DeserializeSeed, Deserializer, SeqAccess, Visitor};
 use serde::forward_to_deserialize_any;
 
-use super::ENCAPSULATION;
-use super::error::CdrError;
+use super::{ByteOrder, CdrError, ENCAPSULATION};
 
 type Result<T> = std::result::Result<T, CdrError>;
 
-#[derive(Clone, Copy)]
-enum Order {
-    Big,
-    Little,
-}
-
-/// A whole message and how far it has been read.
+/// A whole message, and the position of the next unread byte.
 pub(crate) struct Decoder<'b> {
     bytes: &'b [u8],
     at: usize,
-    order: Order,
+    order: ByteOrder,
 }
 
 impl<'b> Decoder<'b> {
     pub(crate) fn new(bytes: &'b [u8]) -> Result<Self> {
         let order = match bytes {
-            [0, 0, _, _, ..] => Order::Big,
-            [0, 1, _, _, ..] => Order::Little,
+            [0, 0, _, _, ..] => ByteOrder::Big,
+            [0, 1, _, _, ..] => ByteOrder::Little,
             [a, b, _, _, ..] => {
                 return Err(CdrError::Value {
                     offset: 0,
@@ -52,19 +45,19 @@ impl<'b> Decoder<'b> {
         Ok(taken)
     }
 
-    /// The next primitive, in little-endian order whatever the message's is.
+    /// Takes the next primitive and returns it in little-endian order, for either byte order of the message.
     fn number<const N: usize>(&mut self) -> Result<[u8; N]> {
         let body = self.at - ENCAPSULATION.len();
         self.at = body.next_multiple_of(N) + ENCAPSULATION.len();
         let mut value = [0; N];
         value.copy_from_slice(self.take(N)?);
-        if let Order::Big = self.order {
+        if let ByteOrder::Big = self.order {
             value.reverse();
         }
         Ok(value)
     }
 
-    /// A count of things of at least one byte each, which must still be there.
+    /// Takes the length of a sequence. Each element has at least one byte, so the length must not exceed the rest.
     fn length(&mut self) -> Result<usize> {
         let length = u32::from_le_bytes(self.number()?) as usize;
         if length > self.left() {
@@ -78,8 +71,8 @@ impl<'b> Decoder<'b> {
         self.take(length)
     }
 
-    /// Length with the closing NUL, text, NUL. Length 0 is read as an empty
-    /// string, as some writers send it.
+    /// Takes a string: its length with the closing NUL, the text, the NUL. Length 0, which some writers send, is read
+    /// as an empty string.
     fn string(&mut self) -> Result<&'b str> {
         let offset = self.at;
         let value = |expected, got| CdrError::Value { offset, expected, got };
@@ -92,7 +85,7 @@ impl<'b> Decoder<'b> {
     }
 }
 
-/// Methods that read one number.
+/// Defines methods that read one number each.
 macro_rules! numbers {
     ($($method:ident: $number:ident $visit:ident),+) => {
         $(fn $method<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value> {
@@ -164,7 +157,7 @@ impl<'de> Deserializer<'de> for &mut Decoder<'de> {
         self.deserialize_tuple(fields.len(), visitor)
     }
 
-    /// CDR does not say what it holds: only a known type can be read.
+    /// Refuses: CDR does not describe its content, so only a known type can be read.
     fn deserialize_any<V: Visitor<'de>>(self, _: V) -> Result<V::Value> {
         Err(CdrError::Unsupported("an option, enum, map, char or value of any type"))
     }
@@ -176,7 +169,7 @@ impl<'de> Deserializer<'de> for &mut Decoder<'de> {
     }
 }
 
-/// The rest of a sequence, an array or a struct's fields.
+/// The remaining elements of a sequence or an array, or the remaining fields of a struct.
 struct Elements<'d, 'b> {
     decoder: &'d mut Decoder<'b>,
     left: usize,

@@ -3,13 +3,12 @@
 use serde::Serialize;
 use serde::ser::{Impossible, SerializeSeq, SerializeStruct, SerializeTuple, Serializer};
 
-use super::ENCAPSULATION;
-use super::error::CdrError;
+use super::{CdrError, ENCAPSULATION};
 
 type Result<T> = std::result::Result<T, CdrError>;
 type Never = Impossible<(), CdrError>;
 
-/// Bytes written so far.
+/// The bytes written so far.
 pub(crate) struct Encoder {
     out: Vec<u8>,
 }
@@ -23,7 +22,7 @@ impl Encoder {
         self.out
     }
 
-    /// A primitive of `N` bytes: zero padding up to a multiple of `N`, then itself.
+    /// Appends a primitive of `N` bytes after zero padding up to a multiple of `N`.
     fn put<const N: usize>(&mut self, value: [u8; N]) -> Result<()> {
         let body = self.out.len() - ENCAPSULATION.len();
         self.out.resize(self.out.len() + body.next_multiple_of(N) - body, 0);
@@ -38,7 +37,7 @@ impl Encoder {
     }
 }
 
-/// Methods that write one number.
+/// Defines methods that write one number each.
 macro_rules! numbers {
     ($($method:ident: $number:ty),+) => {
         $(fn $method(self, value: $number) -> Result<()> {
@@ -47,7 +46,7 @@ macro_rules! numbers {
     };
 }
 
-/// Methods for what a ROS message never holds.
+/// Defines methods for the types that a ROS message never contains.
 macro_rules! unsupported {
     ($($method:ident($($argument:ty),*) -> $output:ty, $what:literal);+ $(;)?) => {
         $(fn $method(self, $(_: $argument),*) -> Result<$output> {
@@ -100,8 +99,7 @@ impl<'e> Serializer for &'e mut Encoder {
         Ok(())
     }
 
-    /// ROS gives a message without fields one byte,
-    /// `structure_needs_at_least_one_member`.
+    /// Writes one byte: ROS gives a message without fields the field `structure_needs_at_least_one_member`.
     fn serialize_unit_struct(self, _: &'static str) -> Result<()> {
         self.put([0])
     }
@@ -142,41 +140,26 @@ impl<'e> Serializer for &'e mut Encoder {
     }
 }
 
-impl SerializeSeq for &mut Encoder {
-    type Ok = ();
-    type Error = CdrError;
+/// Implements a serde trait that writes elements one after the other.
+macro_rules! elements {
+    ($($compound:ident::$method:ident($($name:ty)?);)+) => {
+        $(impl $compound for &mut Encoder {
+            type Ok = ();
+            type Error = CdrError;
 
-    fn serialize_element<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<()> {
-        value.serialize(&mut **self)
-    }
+            fn $method<T: Serialize + ?Sized>(&mut self, $(_: $name,)? value: &T) -> Result<()> {
+                value.serialize(&mut **self)
+            }
 
-    fn end(self) -> Result<()> {
-        Ok(())
-    }
+            fn end(self) -> Result<()> {
+                Ok(())
+            }
+        })+
+    };
 }
 
-impl SerializeTuple for &mut Encoder {
-    type Ok = ();
-    type Error = CdrError;
-
-    fn serialize_element<T: Serialize + ?Sized>(&mut self, value: &T) -> Result<()> {
-        value.serialize(&mut **self)
-    }
-
-    fn end(self) -> Result<()> {
-        Ok(())
-    }
-}
-
-impl SerializeStruct for &mut Encoder {
-    type Ok = ();
-    type Error = CdrError;
-
-    fn serialize_field<T: Serialize + ?Sized>(&mut self, _: &'static str, value: &T) -> Result<()> {
-        value.serialize(&mut **self)
-    }
-
-    fn end(self) -> Result<()> {
-        Ok(())
-    }
+elements! {
+    SerializeSeq::serialize_element();
+    SerializeTuple::serialize_element();
+    SerializeStruct::serialize_field(&'static str);
 }

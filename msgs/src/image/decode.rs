@@ -1,5 +1,5 @@
-//! Rows of bytes to pixels, in three steps that each copy only when they must:
-//! drop the padding of rows, make samples of bytes, put red first.
+//! Rows of bytes to pixels, in three steps that each copy only when they must: drop the padding of rows, make samples
+//! of bytes, put red first.
 
 use std::borrow::Cow;
 
@@ -8,31 +8,26 @@ use ndarray::Array3;
 
 use super::ImageError;
 use super::encoding::{Channels, Depth, Encoding};
+use crate::cdr::ByteOrder;
 use crate::sensor_msgs::Image;
 
-/// Where the pixels are in an image's data. One that exists fits its data.
+/// The layout of the pixels in the data of an image. A layout always fits its data.
 #[derive(Clone, Copy)]
-pub(super) struct Layout {
+pub(super) struct PixelLayout {
     encoding: Encoding,
     height: usize,
     width: usize,
     /// Bytes of a row's pixels, at most `step`.
     row: usize,
     step: usize,
-    order: Order,
+    order: ByteOrder,
 }
 
-#[derive(Clone, Copy)]
-enum Order {
-    Big,
-    Little,
-}
-
-impl Layout {
+impl PixelLayout {
     pub(super) fn of(image: &Image) -> Result<Self, ImageError> {
         let Image { height, width, step, .. } = *image;
-        let encoding = Encoding::of(&image.encoding)
-            .ok_or_else(|| ImageError::Encoding { encoding: image.encoding.clone() })?;
+        let encoding =
+            Encoding::of(&image.encoding).ok_or_else(|| ImageError::Encoding(image.encoding.clone()))?;
         let (h, w) = (height as usize, width as usize);
         if h == 0 || w == 0 {
             return Err(FrameError::Empty { height: h, width: w }.into());
@@ -45,12 +40,12 @@ impl Layout {
         if (image.data.len() as u64) < expected {
             return Err(ImageError::Short { expected, got: image.data.len() });
         }
-        let order = if image.is_bigendian == 0 { Order::Little } else { Order::Big };
+        let order = if image.is_bigendian == 0 { ByteOrder::Little } else { ByteOrder::Big };
         Ok(Self { encoding, height: h, width: w, row: row as usize, step: step as usize, order })
     }
 }
 
-pub(super) fn frame(layout: Layout, data: Cow<'_, [u8]>) -> Result<Frame, ImageError> {
+pub(super) fn frame(layout: PixelLayout, data: Cow<'_, [u8]>) -> Result<Frame, ImageError> {
     let packed = without_padding(layout, data);
     let channels = layout.encoding.channels;
     Ok(match layout.encoding.depth {
@@ -66,8 +61,8 @@ pub(super) fn frame(layout: Layout, data: Cow<'_, [u8]>) -> Result<Frame, ImageE
     }?)
 }
 
-fn without_padding(layout: Layout, data: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
-    let Layout { height, row, step, .. } = layout;
+fn without_padding(layout: PixelLayout, data: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
+    let PixelLayout { height, row, step, .. } = layout;
     if row < step {
         return data.chunks_exact(step).take(height).flat_map(|padded| &padded[..row]).copied().collect();
     }
@@ -82,15 +77,15 @@ fn without_padding(layout: Layout, data: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
 
 /// Samples of `N` bytes each.
 fn wide<T, const N: usize>(
-    order: Order,
+    order: ByteOrder,
     bytes: &[u8],
     big: impl Fn([u8; N]) -> T,
     little: impl Fn([u8; N]) -> T,
 ) -> Vec<T> {
     let (samples, _) = bytes.as_chunks();
     match order {
-        Order::Big => samples.iter().map(|bytes| big(*bytes)).collect(),
-        Order::Little => samples.iter().map(|bytes| little(*bytes)).collect(),
+        ByteOrder::Big => samples.iter().map(|bytes| big(*bytes)).collect(),
+        ByteOrder::Little => samples.iter().map(|bytes| little(*bytes)).collect(),
     }
 }
 
@@ -107,8 +102,8 @@ fn each_pixel<T: Copy, const N: usize>(samples: &[T], rgb: impl Fn(&[T; N]) -> [
     samples.as_chunks().0.iter().map(rgb).collect::<Vec<_>>().into_flattened()
 }
 
-fn array<T>(layout: Layout, samples: Vec<T>) -> Array3<T> {
-    let Layout { height, width, .. } = layout;
+fn array<T>(layout: PixelLayout, samples: Vec<T>) -> Array3<T> {
+    let PixelLayout { height, width, .. } = layout;
     let channels = if let Channels::Mono = layout.encoding.channels { 1 } else { 3 };
     Array3::from_shape_vec((height, width, channels), samples).expect("the layout fits its data")
 }

@@ -8,8 +8,8 @@ use crate::sensor_msgs::Image;
 use crate::std_msgs::Header;
 
 impl Image {
-    /// `frame` as `rgb8`, `mono8`, `rgb16`, `mono16`, `32FC3` (blue first, as
-    /// OpenCV has it) or `32FC1`, without padding, little endian.
+    /// `frame` as `rgb8`, `mono8`, `rgb16`, `mono16`, `32FC3` (blue first, as OpenCV has it) or `32FC1`, without
+    /// padding, little endian.
     pub fn from_frame(header: Header, frame: &Frame) -> Self {
         let mut image = without_pixels(header, frame);
         append(frame, &mut image.data);
@@ -17,7 +17,7 @@ impl Image {
     }
 }
 
-/// The CDR of [`Image::from_frame`], with one copy of the pixels instead of two.
+/// Returns the CDR of [`Image::from_frame`], with one copy of the pixels instead of two.
 ///
 /// # Errors
 /// [`CdrError`] when the frame has 4 GiB or more.
@@ -33,7 +33,7 @@ pub fn encode_frame(header: &Header, frame: &Frame) -> Result<Vec<u8>, CdrError>
     Ok(out)
 }
 
-/// Bytes of the samples.
+/// Returns the number of bytes of the samples.
 fn size(frame: &Frame) -> usize {
     let (height, width, channels) = frame.dim();
     height * width * channels * usize::from(frame.depth() / 8)
@@ -79,7 +79,7 @@ fn append(frame: &Frame, out: &mut Vec<u8>) {
     }
 }
 
-/// The samples row by row.
+/// Returns the samples row by row.
 fn in_order<T>(pixels: &Array3<T>) -> &[T] {
     pixels.as_slice().expect("a frame is in standard layout")
 }

@@ -10,7 +10,7 @@ pub(super) enum Depth {
     F32,
 }
 
-/// What the samples of one pixel are.
+/// The channels of one pixel, in order.
 #[derive(Clone, Copy)]
 pub(super) enum Channels {
     Mono,
@@ -20,7 +20,7 @@ pub(super) enum Channels {
     Bgra,
 }
 
-/// How the bytes of a pixel are to be read.
+/// The form of the bytes of a pixel.
 #[derive(Clone, Copy)]
 pub(super) struct Encoding {
     pub(super) depth: Depth,
@@ -50,7 +50,7 @@ impl Encoding {
         found.map(|&(_, depth, channels)| Self { depth, channels })
     }
 
-    /// Bytes of one pixel.
+    /// Returns the number of bytes of one pixel.
     pub(super) fn pixel(self) -> u64 {
         let sample = match self.depth {
             Depth::U8 => 1,

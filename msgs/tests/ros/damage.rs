@@ -1,5 +1,4 @@
-//! Damaged messages: an error or another message, never a panic, and never
-//! memory for things that are not there.
+//! Damaged messages: an error or another message, never a panic, and never memory for things that are not there.
 
 use modulo_msgs::cdr::{self, CdrError};
 use modulo_msgs::sensor_msgs::Image;

@@ -88,8 +88,8 @@ fn schemas_of_the_whole_installation_hash_as_in_ros() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(64))]
 
-    /// The oracle writes random contents as the definition says, knowing
-    /// nothing of the structs; the structs must read and write the same.
+    /// The oracle writes random contents as the definition says, knowing nothing of the structs; the structs must read
+    /// and write the same.
     #[test]
     fn structs_read_and_write_what_their_definitions_say(seed in any::<u64>()) {
         for (name, reread) in wire::structs() {

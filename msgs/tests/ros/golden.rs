@@ -15,8 +15,8 @@ use serde::de::DeserializeOwned;
 
 use crate::wire;
 
-/// Reads the golden and compares; writes the message and compares all bytes
-/// but padding, which ROS leaves as it finds it.
+/// Reads the golden and compares; writes the message and compares all bytes but padding, which ROS leaves as it finds
+/// it.
 fn check<T>(name: &str, expected: T)
 where
     T: Serialize + DeserializeOwned + PartialEq + std::fmt::Debug + modulo_msgs::Interface,
@@ -40,9 +40,8 @@ where
     }
 }
 
-/// Bytes that ROS leaves behind a message, because it estimates the size: four
-/// for each empty sequence of 8-byte numbers, two of which are in each
-/// `ParameterValue`; and up to a multiple of four behind a lone bool.
+/// Bytes that ROS leaves behind a message, because it estimates the size: four for each empty sequence of 8-byte
+/// numbers, two of which are in each `ParameterValue`; and up to a multiple of four behind a lone bool.
 fn slack(name: &str) -> usize {
     match name {
         "set_parameters_request" => 5 * 8,

@@ -31,8 +31,7 @@ fn frames() -> impl Strategy<Value = Frame> {
     )
 }
 
-/// Encodings with the positions of red, green and blue (or the one channel) in
-/// a pixel of so many samples.
+/// Encodings with the positions of red, green and blue (or the one channel) in a pixel of so many samples.
 fn written_as(frame: &Frame) -> &'static [(&'static str, &'static [usize], usize)] {
     match (frame.depth(), frame.channels()) {
         (8, 1) => &[("mono8", &[0], 1), ("8UC1", &[0], 1)],

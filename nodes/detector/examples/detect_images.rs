@@ -1,5 +1,4 @@
-//! Boxes of a folder of images as JSON, for comparison with other tools:
-//! `detect_images MODEL ENGINE FOLDER`.
+//! Boxes of a folder of images as JSON, for comparison with other tools: `detect_images MODEL ENGINE FOLDER`.
 
 use std::collections::BTreeMap;
 use std::error::Error;

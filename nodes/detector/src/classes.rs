@@ -5,15 +5,15 @@ use std::path::Path;
 
 use modulo_runtime::ParameterError;
 
-use crate::model::Names;
+use crate::model::ClassNames;
 
-/// How many known names a refusal lists.
+/// Number of known names that an error lists.
 const SHOWN: usize = 12;
 
-/// Which classes are published, and under which name.
+/// The published classes and their names.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Classes {
-    names: Names,
+    names: ClassNames,
     map_file: String,
     map: Option<BTreeMap<String, String>>,
     published: Vec<String>,
@@ -21,14 +21,13 @@ pub struct Classes {
 }
 
 impl Classes {
-    /// `map_file` is a path or "" (no map); it is not read again if `last`, the classes
-    /// until now, have read it. `wanted` names the classes to keep as they are called
-    /// after the map, empty = all.
+    /// `map_file` is a path or "" (no map); it is not read again if `last`, the classes until now, have read it.
+    /// `wanted` names the classes to keep as they are called after the map, empty = all.
     ///
     /// # Errors
     /// [`ParameterError`] of `class_map` or `classes`, with the names that are known.
     pub fn new(
-        names: &Names,
+        names: &ClassNames,
         map_file: &str,
         wanted: &[String],
         last: Option<&Self>,
@@ -57,7 +56,7 @@ impl Classes {
         Ok(classes)
     }
 
-    /// The name under which class `index` is published; `None` drops it.
+    /// Returns the name under which class `index` is published; `None` drops it.
     pub fn publish(&self, index: usize) -> Option<String> {
         let name = self.names.name(index);
         let name = match &self.map {
@@ -67,22 +66,21 @@ impl Classes {
         (self.wanted.is_empty() || self.wanted.contains(&name)).then_some(name)
     }
 
-    /// A number that stays with `name`, such as to choose a colour.
+    /// Returns a number that stays with `name`, such as to choose a colour.
     pub fn position(&self, name: &str) -> usize {
         let listed = self.published.iter().position(|known| known == name);
         listed.or_else(|| name.parse().ok()).unwrap_or(0)
     }
 
-    /// A class without a name is called by its number.
+    /// Returns whether `name` can be published. A class without a name is called by its number.
     fn possible(&self, name: &str) -> bool {
         let by_number = || name.parse().is_ok_and(|index| self.names.name(index) == name);
         self.published.iter().any(|known| known == name) || (self.map.is_none() && by_number())
     }
 }
 
-/// Reads a class map; an empty `to` drops the class like a class that is not
-/// named at all.
-fn read_map(path: &str, names: &Names) -> Result<BTreeMap<String, String>, String> {
+/// Reads a class map; an empty `to` drops the class like a class that is not named at all.
+fn read_map(path: &str, names: &ClassNames) -> Result<BTreeMap<String, String>, String> {
     let text = std::fs::read_to_string(Path::new(path)).map_err(|error| error.to_string())?;
     let known = names.all();
     let mut map = parse_class_map(&text)?;
@@ -96,8 +94,7 @@ fn read_map(path: &str, names: &Names) -> Result<BTreeMap<String, String>, Strin
     Ok(map)
 }
 
-/// Parses the lines `from: to` of a class map; `#` opens a comment, names may be
-/// in quotes.
+/// Parses the lines `from: to` of a class map; `#` opens a comment, names may be in quotes.
 ///
 /// # Errors
 /// The first line that is not such a pair, or that names a class again.
@@ -133,8 +130,8 @@ mod tests {
 
     use super::*;
 
-    fn names() -> Names {
-        Names::of(Path::new("none"), Some("{0: 'person', 1: 'bicycle', 2: 'car'}"))
+    fn names() -> ClassNames {
+        ClassNames::of(Path::new("none"), Some("{0: 'person', 1: 'bicycle', 2: 'car'}"))
     }
 
     fn classes(map: &str, wanted: &[&str]) -> Result<Classes, String> {
@@ -142,7 +139,7 @@ mod tests {
         file.write_all(map.as_bytes()).expect("written");
         let path = if map.is_empty() { "" } else { file.path().to_str().expect("a path") };
         let wanted: Vec<_> = wanted.iter().map(|name| (*name).to_owned()).collect();
-        Classes::new(&names(), path, &wanted, None).map_err(|refusal| refusal.to_string())
+        Classes::new(&names(), path, &wanted, None).map_err(|why| why.to_string())
     }
 
     #[test]

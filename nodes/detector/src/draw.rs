@@ -1,6 +1,6 @@
 //! The annotated image: boxes, names and scores on an 8-bit copy.
 //!
-//! It is for people; nothing reads a result from it.
+//! The image is only for people; no result is read from it.
 
 use modulo_charts::Picture;
 use modulo_core::{Detection, Frame};
@@ -9,10 +9,10 @@ use ndarray::Array3;
 use crate::classes::Classes;
 use crate::pre::eight_bit;
 
-/// An RGB copy of `frame` with the detections `found` drawn in; `bits` as in [`eight_bit`].
+/// Returns an RGB copy of `frame` with the detections `found` drawn in; `bits` as in [`eight_bit`].
 ///
 /// # Errors
-/// One line when the pixels cannot be read or drawn on.
+/// A message of one line when the pixels cannot be read or drawn on.
 pub fn annotated(frame: &Frame, bits: u8, found: &[Detection], classes: &Classes) -> Result<Frame, String> {
     let (height, width, channels) = frame.dim();
     let samples = eight_bit(frame, bits)?;
@@ -40,13 +40,13 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::model::Names;
+    use crate::model::ClassNames;
 
     /// The second colour of the charts.
     const VERMILLION: [u8; 3] = [0xd5, 0x5e, 0];
 
     fn classes() -> Classes {
-        Classes::new(&Names::of(Path::new("none"), Some("{0: 'person', 1: 'car'}")), "", &[], None)
+        Classes::new(&ClassNames::of(Path::new("none"), Some("{0: 'person', 1: 'car'}")), "", &[], None)
             .expect("all")
     }
 

@@ -7,10 +7,9 @@ use modulo_core::letterbox::{Align, LetterboxError, Scaling};
 
 /// The model's stride: sides are multiples of it.
 const STRIDE: usize = 32;
-/// A model that keeps its best 300 cells needs at least as many: 128 x 128 has
-/// 336 on strides 8, 16 and 32.
+/// A model that keeps its best 300 cells needs at least as many: 128 x 128 has 336 on strides 8, 16 and 32.
 const LEAST: usize = 128;
-/// Anybody who can reach the node may set the size: the tensors of a network take several GB beyond this.
+/// Largest side: every client of the node may set the size, and the tensors of a network take several GB beyond this.
 const MOST: usize = 2048;
 
 /// The size of the model's input.
@@ -18,21 +17,20 @@ const MOST: usize = 2048;
 pub enum InputSize {
     /// The image, padded right and below to multiples of 32; never resized.
     Auto,
-    /// This size; the image is centred, and scaled down where it is larger.
+    /// The image is centred in this size, and scaled down where it is larger.
     Fixed {
-        /// Rows.
+        /// Number of rows.
         height: usize,
-        /// Columns.
+        /// Number of columns.
         width: usize,
     },
 }
 
 impl InputSize {
-    /// Reads `auto` or `WxH` for a model that fixes `of_model` (height, width)
-    /// or nothing.
+    /// Reads `auto` or `WxH` for a model that fixes `of_model` (height, width) or nothing.
     ///
     /// # Errors
-    /// What is possible, as one line.
+    /// The possible values, as one line.
     pub fn parse(text: &str, of_model: Option<(usize, usize)>) -> Result<Self, String> {
         let asked = match text.trim() {
             "auto" => None,
@@ -52,7 +50,7 @@ impl InputSize {
         }
     }
 
-    /// (height, width) of the tensor for an image of `height x width`.
+    /// Returns (height, width) of the tensor for an image of `height x width`.
     pub fn tensor(self, height: usize, width: usize) -> (usize, usize) {
         match self {
             Self::Auto => (padded(height), padded(width)),
@@ -60,7 +58,7 @@ impl InputSize {
         }
     }
 
-    /// Where an image of `height x width` lies in the tensor.
+    /// Returns the position of an image of `height x width` in the tensor.
     ///
     /// # Errors
     /// [`LetterboxError`] for an image without pixels.
@@ -86,7 +84,7 @@ fn padded(side: usize) -> usize {
     side.next_multiple_of(STRIDE).max(LEAST)
 }
 
-/// (height, width) of `WxH`.
+/// Returns (height, width) of `WxH`.
 fn sides(text: &str) -> Option<(usize, usize)> {
     let (width, height) = text.split_once(['x', 'X'])?;
     let side =

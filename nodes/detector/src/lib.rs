@@ -1,12 +1,10 @@
 //! The detector node: YOLOv10 end-to-end over ONNX Runtime or rten.
 //!
-//! One image in, one array of boxes out, with the header of that image. Data
-//! flows one way: `pre` (pixels to tensor) -> `engine` (tensor to rows) ->
-//! `post` (rows to detections) -> `draw` (only while somebody looks).
+//! One image in, one array of boxes out, with the header of that image. Data flows one way: `pre` (pixels to tensor) ->
+//! `engine` (tensor to rows) -> `post` (rows to detections) -> `draw` (only while the annotated image has a reader).
 //!
-//! No transport, no thread of its own and no clock in it, and no non-maximum
-//! suppression: the model must be an end-to-end export that gives
-//! `[1, N, 6]` rows of x1, y1, x2, y2, score, class.
+//! No transport, no thread of its own and no clock in it, and no non-maximum suppression: the model must be an
+//! end-to-end export that gives `[1, N, 6]` rows of x1, y1, x2, y2, score, class.
 
 mod classes;
 mod draw;

@@ -14,7 +14,7 @@ use modulo_runtime::{
 use ndarray::Array4;
 
 use crate::draw::annotated;
-use crate::engine::{self, Engine, EngineError};
+use crate::engine::{self, Engine, EngineError, OpenedEngine};
 use crate::error::DetectorError;
 use crate::input_size::InputSize;
 use crate::model::cores;
@@ -29,8 +29,7 @@ const ANNOTATED: usize = 1;
 pub struct Detector {
     parameters: DetectorParameters,
     settings: Settings,
-    engine: Box<dyn Engine>,
-    note: String,
+    engine: OpenedEngine,
     pre: Preprocessor,
     /// The sensor descriptions that the camera has sent.
     described: SensorHistory,
@@ -39,24 +38,22 @@ pub struct Detector {
 }
 
 impl Detector {
-    /// Loads the model and runs it once, so that the first frame is as fast as
-    /// all others and a model that cannot work is known now.
+    /// Loads the model and runs it once, so that the first frame is as fast as all others and a model that cannot work
+    /// is known now.
     ///
     /// # Errors
-    /// [`DetectorError::Parameter`] for a parameter that is not possible (with
-    /// this model), [`DetectorError::Engine`] for a model that does not run.
+    /// [`DetectorError::Parameter`] for a parameter that is not possible (with this model), [`DetectorError::Engine`]
+    /// for a model that does not run.
     pub fn new(parameters: &DetectorParameters) -> Result<Self, DetectorError> {
         let threads = cores(parameters.threads);
-        let engine::Opened { mut engine, note } =
-            engine::open(parameters.model()?, parameters.engine, threads)?;
-        let settings = Settings::new(parameters, engine.layout(), None)?;
-        warm_up(engine.as_mut(), settings.input_size)?;
-        tracing::info!("model {} runs on {} ({note})", parameters.model, engine.name());
+        let mut engine = engine::open(parameters.model()?, parameters.engine, threads)?;
+        let settings = Settings::new(parameters, &engine.layout, None)?;
+        warm_up(&mut *engine.engine, settings.input_size)?;
+        tracing::info!("model {} runs on {} ({})", parameters.model, engine.name, engine.note);
         Ok(Self {
             parameters: parameters.clone(),
             settings,
             engine,
-            note,
             pre: Preprocessor::default(),
             described: SensorHistory::default(),
             contradiction_told: false,
@@ -67,7 +64,8 @@ impl Detector {
         let bits = self.bits(image.header.stamp);
         let Self { settings, engine, pre, .. } = self;
         let letterbox = cx.stage("pre", || pre.fill(&image.frame, bits, settings.input_size))?;
-        let rows = cx.stage("infer", || engine.run(pre.tensor())).map_err(|error| error.to_string())?;
+        let rows =
+            cx.stage("infer", || engine.engine.run(pre.tensor())).map_err(|error| error.to_string())?;
         let found = cx.stage("post", || detections(&rows, &letterbox, settings));
         if cx.wanted(ANNOTATED) {
             let frame = cx.stage("draw", || annotated(&image.frame, bits, &found, &settings.classes))?;
@@ -106,7 +104,7 @@ impl Detector {
     }
 }
 
-/// One line a frame for the log: stamp, count, class score (x1 y1 x2 y2) px.
+/// Returns the log line of a frame: stamp, count, and for each box class, score and (x1 y1 x2 y2) in px.
 fn line(stamp: Time, found: &[Detection]) -> String {
     let boxes = found.iter().map(|Detection { bbox: b, score, class }| {
         format!("{class} {score:.2} ({:.0} {:.0} {:.0} {:.0})", b.x1, b.y1, b.x2, b.y2)
@@ -142,9 +140,9 @@ impl Node for Detector {
                 "read-only: set them at the start",
             ));
         }
-        let settings = Settings::new(&parameters, self.engine.layout(), Some(&self.settings))?;
+        let settings = Settings::new(&parameters, &self.engine.layout, Some(&self.settings))?;
         if settings.input_size != self.settings.input_size {
-            warm_up(self.engine.as_mut(), settings.input_size)
+            warm_up(&mut *self.engine.engine, settings.input_size)
                 .map_err(|error| ParameterError::new("input_size", settings.input_size, error.to_string()))?;
         }
         (self.settings, self.contradiction_told) = (settings, false);
@@ -167,8 +165,8 @@ impl Node for Detector {
         let model = Path::new(&self.parameters.model);
         let file = model.file_name().unwrap_or(model.as_os_str());
         vec![
-            ("engine", self.engine.name().to_owned()),
-            ("engine_from", self.note.clone()),
+            ("engine", self.engine.name.to_owned()),
+            ("engine_from", self.engine.note.clone()),
             ("stream", self.settings.input.clone()),
             ("model", file.to_string_lossy().into_owned()),
             ("input_size", self.shown_size()),

@@ -1,4 +1,4 @@
-//! The parameters of the `detector` node, and what they mean for a model.
+//! The parameters of the `detector` node, and their check against a model.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use modulo_runtime::{NodeName, ParameterError, ParameterSet as _};
 use crate::classes::Classes;
 use crate::engine::EngineChoice;
 use crate::input_size::InputSize;
-use crate::model::{DEMO, Layout};
+use crate::model::{DEMO, ModelLayout};
 
 /// The streams that have a short name.
 const STREAMS: [&str; 4] = ["modulo", "recovered", "saturated", "ideal"];
@@ -42,7 +42,7 @@ modulo_runtime::parameters! {
 }
 
 impl DetectorParameters {
-    /// The path of the model.
+    /// Returns the path of the model.
     pub(crate) fn model(&self) -> Result<&Path, ParameterError> {
         self.check()?;
         if self.model.is_empty() {
@@ -52,37 +52,37 @@ impl DetectorParameters {
         Ok(Path::new(&self.model))
     }
 
-    /// Whether `other` needs the same loaded model.
+    /// Returns whether `other` needs the same loaded model.
     pub(crate) fn same_engine(&self, other: &Self) -> bool {
         (&self.model, self.engine, self.threads) == (&other.model, other.engine, other.threads)
     }
 }
 
-/// What may change between two frames.
+/// The settings that may change between two frames.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// A stream's name or an absolute topic.
     pub input: String,
-    /// Least score, in [0, 1].
+    /// Smallest score, in [0, 1].
     pub score_threshold: f32,
-    /// Most detections of a frame, at least 1.
+    /// Largest number of detections of a frame, at least 1.
     pub max_det: usize,
     /// Size of the model's input.
     pub input_size: InputSize,
-    /// Names to publish.
+    /// Classes to publish.
     pub classes: Classes,
     /// Sensor bits, 0 = the encoding's.
     pub bits: u8,
 }
 
 impl Settings {
-    /// The settings that the parameters give for a model of this `layout`; `last` are the settings until now.
+    /// Returns the settings that the parameters give for a model of this `layout`; `last` are the settings until now.
     ///
     /// # Errors
     /// [`ParameterError`] of the first one that is not possible.
     pub fn new(
         parameters: &DetectorParameters,
-        layout: &Layout,
+        layout: &ModelLayout,
         last: Option<&Self>,
     ) -> Result<Self, ParameterError> {
         parameters.check()?;

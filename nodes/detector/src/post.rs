@@ -1,18 +1,17 @@
 //! Rows of the model to detections in the original image.
 //!
-//! Nothing is suppressed here but what the parameters and geometry forbid.
+//! Only the parameters and the geometry remove a row.
 
 use modulo_core::{BBox, Detection, Letterbox};
 use ndarray::{Array2, ArrayView1};
 
 use crate::parameter::Settings;
 
-/// Largest class index that is believed.
+/// Largest valid class index.
 const MOST_CLASSES: f32 = 65_535.0;
 
-/// The rows (N x 6: x1, y1, x2, y2 in input px, score, class) that are worth
-/// publishing: score of at least the threshold, a class that is published and
-/// a box with an area inside the image; best first, at most `max_det`.
+/// Returns the rows (N x 6: x1, y1, x2, y2 in input px, score, class) that are worth publishing: score of at least the
+/// threshold, a class that is published and a box with an area inside the image; best first, at most `max_det`.
 pub fn detections(rows: &Array2<f32>, letterbox: &Letterbox, settings: &Settings) -> Vec<Detection> {
     let mut found: Vec<_> =
         rows.rows().into_iter().filter_map(|row| detection(row, letterbox, settings)).collect();
@@ -43,12 +42,12 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::model::{Layout, Names};
+    use crate::model::{ClassNames, ModelLayout};
     use crate::parameter::DetectorParameters;
 
     fn settings(changes: &[(&str, &str)]) -> Settings {
-        let names = Names::of(Path::new("none"), Some("{0: 'person', 1: 'bicycle', 2: 'car'}"));
-        let layout = Layout { input: "images".into(), output: "output0".into(), size: None, names };
+        let names = ClassNames::of(Path::new("none"), Some("{0: 'person', 1: 'bicycle', 2: 'car'}"));
+        let layout = ModelLayout { input: "images".into(), output: "output0".into(), size: None, names };
         let parameters = DetectorParameters::from_text(changes).expect("possible");
         Settings::new(&parameters, &layout, None).expect("readable")
     }

@@ -1,5 +1,4 @@
-//! Pixels to the model's tensor: depth, size, padding, order and range in as
-//! few passes as the image allows.
+//! Pixels to the model's tensor: depth, size, padding, order and range in as few passes as the image allows.
 
 use std::borrow::Cow;
 
@@ -13,7 +12,7 @@ use crate::input_size::InputSize;
 /// Grey of the padding, as the models were trained with.
 const GREY: f32 = 114.0 / 255.0;
 
-/// Keeps the tensor from frame to frame, so that only pixels are written anew.
+/// Keeps the tensor from frame to frame, so that only the pixels are written again.
 #[derive(Default)]
 pub struct Preprocessor {
     tensor: Array4<f32>,
@@ -22,11 +21,10 @@ pub struct Preprocessor {
 }
 
 impl Preprocessor {
-    /// Writes `frame` into the tensor, `1 x 3 x H x W`, RGB in `[0, 1]`; mono
-    /// is repeated to three channels.
+    /// Writes `frame` into the tensor, `1 x 3 x H x W`, RGB in `[0, 1]`; mono is repeated to three channels.
     ///
     /// # Errors
-    /// One line when the pixels cannot be read.
+    /// A message of one line when the pixels cannot be read.
     pub fn fill(&mut self, frame: &Frame, bits: u8, size: InputSize) -> Result<Letterbox, String> {
         let (height, width, channels) = frame.dim();
         let letterbox = size.place(height, width).map_err(|error| error.to_string())?;
@@ -41,12 +39,12 @@ impl Preprocessor {
         Ok(letterbox)
     }
 
-    /// The tensor as last filled.
+    /// Returns the tensor as last filled.
     pub fn tensor(&self) -> ArrayView4<'_, f32> {
         self.tensor.view()
     }
 
-    /// (height, width) of the tensor, once there was a frame.
+    /// Returns (height, width) of the tensor, once there was a frame.
     pub fn size(&self) -> Option<(usize, usize)> {
         let (_, _, height, width) = self.tensor.dim();
         self.placed.map(|_| (height, width))
@@ -109,12 +107,11 @@ fn write_mono(row: &[u8], [red, green, blue]: [&mut [f32]; 3]) {
     blue.copy_from_slice(red);
 }
 
-/// The samples on 8 bits, `H x W x C` interleaved. `bits` of the sensor, 0 (or
-/// more than the encoding has) = the encoding's: a code of b bits is shifted so
-/// that `2^b` comes to lie at 256; codes beyond `2^b` become white.
+/// Returns the samples on 8 bits, `H x W x C` interleaved. `bits` of the sensor, 0 (or more than the encoding has) =
+/// the encoding's: a code of b bits is shifted so that `2^b` comes to lie at 256; codes beyond `2^b` become white.
 ///
 /// # Errors
-/// One line when `bits` is 0 and the samples are floats, which have no range of their own.
+/// A message of one line when `bits` is 0 and the samples are floats, which have no range of their own.
 pub fn eight_bit(frame: &Frame, bits: u8) -> Result<Cow<'_, [u8]>, String> {
     let bits = if bits == 0 { frame.depth() } else { bits.min(frame.depth()) };
     match frame.samples() {
@@ -128,7 +125,7 @@ pub fn eight_bit(frame: &Frame, bits: u8) -> Result<Cow<'_, [u8]>, String> {
                 .into())
         }
         Samples::F32(pixels) => {
-            // `as` clamps.
+            // The conversion with `as` clamps.
             let scale = 256.0 / f32::from(bits).exp2();
             Ok(pixels.iter().map(|&sample| (sample * scale) as u8).collect())
         }

@@ -1,12 +1,10 @@
-//! The `modulo_camera` node: a simulated modulo sensor over any source of
-//! frames (images, KITTI, a bag, a scene, or an image topic of a running
-//! stack).
+//! The `modulo_camera` node: a simulated modulo sensor over any source of frames (images, KITTI, a bag, a scene, or an
+//! image topic of a running stack).
 //!
-//! One exposure gives the modulo, the saturated and the ideal stream, each made
-//! only while somebody reads it. The node never unwraps and never paces itself:
-//! its period is a request to the driver.
+//! One exposure gives the modulo, the saturated and the ideal stream; each is made only while it has a reader. The node
+//! never unwraps and never paces itself: its period is a request to the driver.
 
-mod feed;
+mod input;
 mod parameters;
 
 use std::sync::Arc;
@@ -22,7 +20,7 @@ use modulo_runtime::{
 };
 use ndarray::Array3;
 
-use feed::{Feed, Reel};
+use input::{CameraInput, FrameReader};
 pub use parameters::CameraParameters;
 
 /// Output indices, in the order of [`Node::outputs`].
@@ -32,9 +30,9 @@ const IDEAL: usize = 2;
 const GROUND_TRUTH: usize = 3;
 const SENSOR_INFO: usize = 4;
 
-/// The node's step.
+/// The camera as a node.
 pub struct ModuloCamera {
-    feed: Feed,
+    input: CameraInput,
     sensor: Sensor,
     /// Describes the sensor to the nodes that read its frames.
     parameters: CameraParameters,
@@ -51,23 +49,22 @@ impl ModuloCamera {
     /// Opens the source and prepares the sensor.
     ///
     /// # Errors
-    /// [`ParameterError`] with the parameter that is not possible, such as a `source`
-    /// that is not there.
+    /// [`ParameterError`] with the parameter that is not possible, such as a `source` that is not there.
     pub fn new(parameters: &CameraParameters) -> Result<Self, ParameterError> {
-        Self::with(Feed::open(parameters)?, parameters)
+        Self::with(CameraInput::open(parameters)?, parameters)
     }
 
-    /// A camera over a source that is open already; the parameter `source` is not looked at.
+    /// Creates a camera over a source that is open already; the parameter `source` is not looked at.
     ///
     /// # Errors
     /// [`ParameterError`] with the parameter that is not possible.
     pub fn over(source: Box<dyn Source>, parameters: &CameraParameters) -> Result<Self, ParameterError> {
-        Self::with(Feed::Frames(Reel::new(source, parameters.r#loop)), parameters)
+        Self::with(CameraInput::Frames(FrameReader::new(source, parameters.r#loop)), parameters)
     }
 
-    fn with(feed: Feed, parameters: &CameraParameters) -> Result<Self, ParameterError> {
+    fn with(input: CameraInput, parameters: &CameraParameters) -> Result<Self, ParameterError> {
         Ok(Self {
-            feed,
+            input,
             sensor: parameters.sensor()?,
             parameters: parameters.clone(),
             seed: parameters.seed.unsigned_abs(),
@@ -79,17 +76,17 @@ impl ModuloCamera {
     }
 
     fn next_frame(&mut self) -> Result<Option<SourceFrame>, StepError> {
-        let Feed::Frames(reel) = &mut self.feed else { return Ok(None) };
+        let CameraInput::Frames(reader) = &mut self.input else { return Ok(None) };
         if self.limit.is_some_and(|limit| self.taken >= limit) {
             return Ok(None);
         }
-        let frame = reel.next_frame();
+        let frame = reader.next_frame();
         self.taken += u64::from(!matches!(frame, Ok(None) | Err(StepError::Fatal(_))));
         frame
     }
 
-    /// Exposes to frame number `number` and sends the streams that are wanted. Noise is
-    /// seeded by the number, so that a frame looks the same whatever came before it.
+    /// Exposes to frame number `number` and sends the streams that are wanted. Noise is seeded by the number, so that a
+    /// frame looks the same whatever came before it.
     fn sense(
         &mut self,
         number: u64,
@@ -123,14 +120,14 @@ impl ModuloCamera {
     fn publish(&mut self, frame: &SourceFrame, cx: &mut Context<'_>) -> Result<(), StepError> {
         let stamp = Time::from_ns(frame.stamp_ns.unwrap_or_else(|| cx.now_ns()));
         let header = Header { stamp, frame_id: frame.frame_id.clone() };
-        // Before the images: whoever scores a frame has its truth by then.
+        // Published before the images: an evaluation of a frame has its ground truth by then.
         if let Some(truth) = frame.ground_truth.as_deref().filter(|_| cx.wanted(GROUND_TRUTH)) {
             cx.emit(GROUND_TRUTH, ground_truth(truth, &header));
         }
         let sensed = self.sense(self.taken - 1, &frame.radiance, &header, cx);
-        let Feed::Frames(reel) = &mut self.feed else { return Ok(()) };
-        sensed.map_err(|why| reel.refuse(format!("frame {}: {why}", frame.name)))?;
-        reel.accept();
+        let CameraInput::Frames(reader) = &mut self.input else { return Ok(()) };
+        sensed.map_err(|why| reader.refuse(format!("frame {}: {why}", frame.name)))?;
+        reader.accept();
         Ok(())
     }
 }
@@ -141,9 +138,9 @@ fn ground_truth(truth: &[GroundTruth], header: &Header) -> Message {
 
 impl Node for ModuloCamera {
     fn inputs(&self) -> Vec<Topic> {
-        match &self.feed {
-            Feed::Topic { name, .. } => vec![Topic::new(name, MessageKind::Image)],
-            Feed::Frames(_) => Vec::new(),
+        match &self.input {
+            CameraInput::Topic { name, .. } => vec![Topic::new(name, MessageKind::Image)],
+            CameraInput::Frames(_) => Vec::new(),
         }
     }
 
@@ -158,19 +155,19 @@ impl Node for ModuloCamera {
     }
 
     fn period(&self) -> Option<Duration> {
-        match self.feed {
-            Feed::Topic { .. } => None,
-            Feed::Frames(_) => Some(self.period),
+        match self.input {
+            CameraInput::Topic { .. } => None,
+            CameraInput::Frames(_) => Some(self.period),
         }
     }
 
     fn position(&self) -> Option<u64> {
-        matches!(self.feed, Feed::Frames(_)).then_some(self.taken)
+        matches!(self.input, CameraInput::Frames(_)).then_some(self.taken)
     }
 
     fn resume(&mut self, position: u64) {
-        if let Feed::Frames(reel) = &mut self.feed {
-            reel.skip(position);
+        if let CameraInput::Frames(reader) = &mut self.input {
+            reader.skip(position);
             self.taken = position;
         }
     }
@@ -192,7 +189,7 @@ impl Node for ModuloCamera {
                 self.publish(&frame, cx)?;
             }
             Trigger::Message { message: Message::Image(image), .. } => {
-                let Feed::Topic { white, .. } = &mut self.feed else { return Ok(Flow::Continue) };
+                let CameraInput::Topic { white, .. } = &mut self.input else { return Ok(Flow::Continue) };
                 let radiance = white.radiance(&image.frame);
                 self.taken += 1;
                 self.sense(self.taken - 1, &radiance, &image.header, cx).map_err(StepError::Skip)?;

@@ -1,4 +1,4 @@
-//! The parameters of the `modulo_camera` node, and what they mean.
+//! The parameters of the `modulo_camera` node, and the sensor that they describe.
 
 use std::time::Duration;
 
@@ -8,7 +8,7 @@ use modulo_runtime::{ParameterError, ParameterSet as _, SensorModel};
 modulo_runtime::parameters! {
     /// The parameters of the `modulo_camera` node.
     pub struct CameraParameters {
-        /// Where the frames come from: a folder of images (png, jpg, exr, hdr), one image, a KITTI folder, a bag,
+        /// Source of the frames: a folder of images (png, jpg, exr, hdr), one image, a KITTI folder, a bag,
         /// scene://NAME, or topic:NAME for an Image topic of a running stack.
         source: String = String::new(); fixed,
         /// The image topic to read from a source that is a bag. Empty: the only image topic of the bag.
@@ -32,7 +32,7 @@ modulo_runtime::parameters! {
 }
 
 impl CameraParameters {
-    /// The simulated sensor.
+    /// Returns the simulated sensor.
     ///
     /// # Errors
     /// [`ParameterError`] of the first parameter that is out of its range.
@@ -45,7 +45,7 @@ impl CameraParameters {
         Ok(sensor.expect("the declared ranges lie within those of `Sensor`"))
     }
 
-    /// Time between two frames. Zero: as fast as its readers take them.
+    /// Returns the time between two frames. Zero: as fast as its readers take them.
     pub(crate) fn period(&self) -> Duration {
         match self.rate {
             0.0 => Duration::ZERO,
@@ -53,7 +53,7 @@ impl CameraParameters {
         }
     }
 
-    /// Number of frames to send, if not all.
+    /// Returns the number of frames to send, if not all.
     pub(crate) fn limit(&self) -> Option<u64> {
         Some(self.frames.unsigned_abs()).filter(|&frames| frames > 0)
     }

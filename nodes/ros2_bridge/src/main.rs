@@ -1,8 +1,7 @@
 //! `ros2_bridge`: a node in two graphs, that of the suite on zenoh and that of a
 //! ROS 2 on DDS. It forwards topics as bytes and calls of the parameter services.
 //!
-//! What is forwarded is `modulo_runtime::bridge::Plan`; no message is decoded
-//! here, and none goes back to the side that it came from.
+//! `modulo_runtime::bridge::BridgePlan` describes the routes. No message is decoded here, and none goes back to the side that it came from.
 
 mod parameters;
 mod topics;
@@ -11,15 +10,15 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context as _;
-use modulo_runtime::bridge::{BridgeParameters, Plan};
+use modulo_runtime::bridge::{BridgeParameters, BridgePlan};
 use modulo_runtime::ros_args::RosArgs;
-use modulo_runtime::signals::end_on_signals;
+use modulo_runtime::end_on_signals;
 use modulo_runtime::transport::Transport as _;
 use modulo_runtime::transport::keys::Hashes;
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::{ParameterSet as _, Stop, SystemClock, Urgency};
 
-/// How long one look for messages of the DDS graph takes.
+/// Time of one look for messages of the DDS graph.
 const GLANCE: Duration = Duration::from_millis(10);
 
 fn main() -> anyhow::Result<()> {
@@ -28,7 +27,7 @@ fn main() -> anyhow::Result<()> {
     let (ros, _) = RosArgs::parse(&arguments)?;
     let node_name = ros.node_name("ros2_bridge")?;
     let settings = ros.parameters_for(&node_name)?;
-    let plan = Plan::new(&BridgeParameters::from_text(&settings)?, &node_name)?;
+    let plan = BridgePlan::new(&BridgeParameters::from_text(&settings)?, &node_name)?;
 
     let domain = std::env::var("ROS_DOMAIN_ID").unwrap_or_else(|_| "0".to_owned());
     let domain = domain.trim().parse().with_context(|| format!("ROS_DOMAIN_ID = '{domain}'"))?;

@@ -1,5 +1,5 @@
-//! The parameter services of a node of the suite, offered to the DDS graph under
-//! the same names. Each call is passed on and its answer passed back.
+//! The parameter services of a node of the suite, offered to the DDS graph under the same names. Each call is passed on
+//! and its answer passed back.
 
 use std::sync::Arc;
 use std::thread;
@@ -19,18 +19,18 @@ const PATIENCE: Duration = Duration::from_secs(10);
 
 /// Offers the six services of `suite_node` to the DDS graph.
 pub fn offer(suite_node: &str, transport: &Arc<ZenohTransport>, node: &mut r2r::Node) -> anyhow::Result<()> {
-    for service in Service::ALL {
+    for &service in Service::ALL {
         match service {
-            Service::Describe => {
+            Service::DescribeParameters => {
                 pass::<srv::DescribeParameters::Service>(service, suite_node, transport, node)
             }
-            Service::GetTypes => {
+            Service::GetParameterTypes => {
                 pass::<srv::GetParameterTypes::Service>(service, suite_node, transport, node)
             }
-            Service::Get => pass::<srv::GetParameters::Service>(service, suite_node, transport, node),
-            Service::List => pass::<srv::ListParameters::Service>(service, suite_node, transport, node),
-            Service::Set => pass::<srv::SetParameters::Service>(service, suite_node, transport, node),
-            Service::SetAtomically => {
+            Service::GetParameters => pass::<srv::GetParameters::Service>(service, suite_node, transport, node),
+            Service::ListParameters => pass::<srv::ListParameters::Service>(service, suite_node, transport, node),
+            Service::SetParameters => pass::<srv::SetParameters::Service>(service, suite_node, transport, node),
+            Service::SetParametersAtomically => {
                 pass::<srv::SetParametersAtomically::Service>(service, suite_node, transport, node)
             }
         }?;

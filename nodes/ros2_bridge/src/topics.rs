@@ -1,5 +1,4 @@
-//! One topic from one graph to the other, as the bytes that both carry: CDR with
-//! its encapsulation header.
+//! Forwards one topic from one graph to the other, as the bytes that both carry: CDR with its encapsulation header.
 
 use std::sync::Arc;
 use std::thread;
@@ -17,7 +16,7 @@ use r2r::QosProfile;
 /// Results on their way to the DDS graph. Of images, only the newest one waits.
 const RESULTS_WAITING: usize = 64;
 
-/// Forwards `route` while what is returned lives.
+/// Forwards `route` for as long as the returned guard lives.
 pub fn forward(
     route: &Route,
     node_name: &NodeName,
@@ -83,7 +82,7 @@ fn outward(
     Ok(Box::new((guard, end)))
 }
 
-/// Ends the thread that publishes what comes over zenoh.
+/// Ends the thread that publishes the samples from zenoh.
 struct EndQueue(Arc<Queue<RawSample>>);
 
 impl Drop for EndQueue {

@@ -2,9 +2,7 @@
 //! detector, sharpened on request, and as HDR: the counts that the sensor saw, exact,
 //! as integers of 16 bits where `alpha * 2^bits <= 65536`, else as floats.
 //!
-//! The header of the modulo image is copied. The node never guesses the sensor:
-//! its model is a group of parameters, as in the camera. What it thinks of each frame
-//! goes to `/diagnostics`.
+//! The header of the modulo image is copied. The node never guesses the sensor: its model is a group of parameters, as in the camera. The quality of each recovery is published on `/diagnostics`.
 
 mod parameters;
 mod recovery;
@@ -21,7 +19,7 @@ use modulo_runtime::{
     Context, Flow, Message, MessageKind, Node, ParameterError, Parameters, SensorModel, StampedFrame,
     StepError, Topic, Trigger,
 };
-use recovery::Tally;
+use recovery::RecoveryCounts;
 
 pub use parameters::UnwrapParameters;
 
@@ -30,23 +28,23 @@ const RECOVERED: usize = 0;
 const HDR: usize = 1;
 const DIAGNOSTICS: usize = 2;
 
-/// The node's step.
+/// The unwrapping of modulo images as a node.
 pub struct UnwrapNode {
     parameters: UnwrapParameters,
     method: Box<dyn Unwrap>,
     /// The sensor descriptions that the camera has sent.
     described: SensorHistory,
-    /// The sensor of the last frame, and what follows from it.
+    /// The sensor of the last frame with its range and deblurring.
     sensor: Option<Prepared>,
     /// A frame whose sensor description has not come yet.
     kept: Option<Arc<StampedFrame>>,
     recovered: Recovered,
-    tally: Tally,
+    counts: RecoveryCounts,
     /// Whether a parameter that contradicts the camera was reported.
     contradiction_told: bool,
 }
 
-/// A sensor and what is made from it once.
+/// A sensor with the values that are computed from it once.
 struct Prepared {
     model: SensorModel,
     range: Range,
@@ -67,7 +65,7 @@ impl UnwrapNode {
             sensor: None,
             kept: None,
             recovered: Recovered::default(),
-            tally: Tally::default(),
+            counts: RecoveryCounts::default(),
             contradiction_told: false,
         })
     }
@@ -128,7 +126,7 @@ impl UnwrapNode {
         let Prepared { range, deblur, .. } = self.sensor.as_mut().expect("`prepare` comes before");
         cx.stage("unwrap", || self.method.unwrap(&modulo.frame, *range, &mut self.recovered))
             .map_err(|why| skip(why.to_string()))?;
-        self.tally.count(&self.recovered.report);
+        self.counts.count(&self.recovered.report);
         if cx.wanted(DIAGNOSTICS) {
             let said =
                 recovery::describe(cx.node(), &modulo.header, self.method.name(), &self.recovered.report);
@@ -196,7 +194,7 @@ impl Node for UnwrapNode {
 
     fn status(&self) -> Vec<(&'static str, String)> {
         let mut status = vec![("method", self.method.name().to_owned())];
-        status.extend(self.tally.status());
+        status.extend(self.counts.status());
         status
     }
 }

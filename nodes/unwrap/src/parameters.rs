@@ -1,8 +1,8 @@
-//! The parameters of the `unwrap` node, and what they mean.
+//! The parameters of the `unwrap` node, and the method that they describe.
 
 use modulo_core::MAX_THREADS;
 use modulo_core::unwrap::{Method, Options, ThresholdOn, TrustLimits, Unwrap, UnwrapError};
-use modulo_runtime::sensor_parameters::SensorOverride;
+use modulo_runtime::sensor::parameters::SensorOverride;
 use modulo_runtime::{ParameterError, ParameterSet as _};
 
 modulo_runtime::parameters! {
@@ -30,7 +30,7 @@ modulo_runtime::parameters! {
 }
 
 impl UnwrapParameters {
-    /// The options of the unwrapping method.
+    /// Returns the options of the unwrapping method.
     pub(crate) fn options(&self) -> Options {
         Options {
             tau: self.tau,
@@ -44,10 +44,10 @@ impl UnwrapParameters {
         }
     }
 
-    /// The unwrapping method with its options.
+    /// Returns the unwrapping method with its options.
     pub(crate) fn method(&self) -> Result<Box<dyn Unwrap>, ParameterError> {
         self.check()?;
-        // What is left of the errors is the machine's: it may have no more threads to give.
+        // Only errors of the machine remain: it may have no more threads.
         let refuse = |why: UnwrapError| ParameterError::new("threads", self.threads, why.to_string());
         self.method.build(&self.options()).map_err(refuse)
     }

@@ -1,6 +1,6 @@
-//! What is said of each recovered frame on `/diagnostics`, and counted for the summary.
+//! The status of each recovered frame on `/diagnostics`, and its counts for the summary.
 //!
-//! Nothing is judged here: rung, signal and trust are the method's own.
+//! This file judges nothing: rung, signal and trust are those of the method.
 
 use std::collections::BTreeMap;
 
@@ -8,14 +8,14 @@ use modulo_core::unwrap::{QualityMetrics, Report, Trust};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::Header;
 
-/// Frames by rung, and how many of them were trusted.
+/// Number of frames for each rung, and of trusted frames.
 #[derive(Default)]
-pub struct Tally {
+pub struct RecoveryCounts {
     rungs: BTreeMap<&'static str, u64>,
     trusted: u64,
 }
 
-impl Tally {
+impl RecoveryCounts {
     /// Counts one frame.
     pub fn count(&mut self, report: &Report) {
         *self.rungs.entry(report.method).or_default() += 1;
@@ -33,7 +33,7 @@ impl Tally {
     }
 }
 
-/// One frame's recovery, stamped as its image, under the name that ROS gives a status of the fully qualified `node`.
+/// Returns the status of one recovered frame, stamped as its image, under the name that ROS gives a status of the fully qualified `node`.
 pub fn describe(node: &str, header: &Header, method: &str, report: &Report) -> DiagnosticArray {
     let (level, message) = match report.trust {
         Trust::Trusted => (DiagnosticStatus::OK, "trusted"),

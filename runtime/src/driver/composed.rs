@@ -1,38 +1,38 @@
-//! The composed driver: several live nodes in one process, a thread each, on
-//! the local transport. Frames are shared, never serialised.
+//! The composed driver: several live nodes in one process, a thread each, on the local transport. Frames are shared,
+//! never serialised.
 
 use std::sync::Arc;
 use std::thread;
 
 use super::RunError;
-use super::live::{self, Subject};
+use super::live::{self, NodeSetup};
 use crate::clock::Clock;
-use crate::name::NodeName;
+use crate::graph::NodeName;
+use crate::graph::node_time::is_simulated;
 use crate::node::Node;
-use crate::node_time::is_simulated;
 use crate::parameter::{ParameterError, Parameters};
+use crate::process::stop::{Stop, Urgency};
 use crate::report::NodeReport;
-use crate::stop::{Stop, Urgency};
 use crate::transport::local::LocalTransport;
 
-/// What the end of a node means for the others.
+/// The effect of the end of a node on the other nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OnExit {
-    /// They run on.
+    /// The other nodes continue.
     Continue,
-    /// They finish what is on its way, and end.
+    /// The other nodes finish the messages that are on their way, and end.
     Shutdown,
 }
 
 /// One node of a composed process.
 pub struct Member {
-    /// The step.
+    /// The node.
     pub node: Box<dyn Node>,
-    /// Its parameters.
+    /// Parameters of the node.
     pub parameters: Parameters,
     /// Its name and remaps.
     pub node_name: NodeName,
-    /// What its end means for the others.
+    /// Effect of its end on the other nodes.
     pub on_exit: OnExit,
 }
 
@@ -48,14 +48,13 @@ impl Drop for AskOnDrop {
     }
 }
 
-/// Runs all members until they are done; returns what each did, in their order.
-/// A member that fails ends the others too.
+/// Runs all members until they are done, and returns their reports in order. A member that fails also ends the others.
 ///
 /// # Errors
 /// The first member's [`RunError`].
 pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<Vec<NodeReport>, RunError> {
     if members.iter().any(|member| is_simulated(&member.parameters)) {
-        let why = "nobody in this one process tells the time on /clock; start the nodes as processes";
+        let why = "no node of a composed process publishes /clock; start the nodes as processes";
         return Err(ParameterError::new("use_sim_time", true, why).into());
     }
     let transport = LocalTransport::default();
@@ -66,9 +65,9 @@ pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<
                 let (transport, stop) = (&transport, stop.clone());
                 scope.spawn(move || {
                     let Member { node, parameters, node_name, on_exit } = member;
-                    let subject = Subject { node, parameters, node_name, saved: None, report_file: None };
+                    let setup = NodeSetup { node, parameters, node_name, saved: None, report_file: None };
                     let mut end = AskOnDrop { stop: stop.clone(), urgency: Urgency::Now };
-                    let result = live::run(subject, transport, clock, stop);
+                    let result = live::run(setup, transport, clock, stop);
                     end.urgency = match (&result, on_exit) {
                         (Err(_), _) => Urgency::Now,
                         (Ok(_), OnExit::Shutdown) => Urgency::Drain,

@@ -1,12 +1,12 @@
-//! The lockstep driver: every message once, in order, nothing dropped, one
-//! thread, no transport. The same messages in give the same messages out.
+//! The lockstep driver: every message once, in order, nothing dropped, one thread, no transport. The same messages in
+//! give the same messages out.
 
 use std::collections::VecDeque;
 
-use super::{RunError, addresses, status_of};
+use super::{RunError, addresses, status_of, stream_of};
 use crate::clock::{Clock, ManualClock};
+use crate::graph::NodeName;
 use crate::message::Message;
-use crate::name::NodeName;
 use crate::node::{Context, Flow, Node, StepError, StepOutput, Trigger};
 use crate::report::{NodeReport, add};
 use crate::transport::Address;
@@ -30,9 +30,8 @@ struct Member {
 pub type OnTopic = (String, Message);
 
 impl<'a> Lockstep<'a> {
-    /// An empty chain. `timer` measures stages and nothing else: no step sees
-    /// it. Messages on the topics of `recorded` count as wanted and are handed
-    /// out by [`Lockstep::feed`].
+    /// Creates an empty chain. `timer` measures stages and nothing else: no step sees it. Messages on the topics of
+    /// `recorded` count as wanted and are handed out by [`Lockstep::feed`].
     pub fn new(timer: &'a dyn Clock, recorded: Vec<String>) -> Self {
         Self { members: Vec::new(), timer, recorded, stages: Vec::new() }
     }
@@ -40,7 +39,7 @@ impl<'a> Lockstep<'a> {
     /// Adds a node. Messages reach nodes in the order in which these were added.
     ///
     /// # Errors
-    /// [`RunError::Name`] when one of its topics is no ROS name.
+    /// [`RunError::Name`] when one of its topics is not a valid ROS name.
     pub fn add(&mut self, node: Box<dyn Node>, node_name: &NodeName) -> Result<(), RunError> {
         let inputs = addresses(node_name, &node.inputs())?;
         let outputs = addresses(node_name, &node.outputs())?;
@@ -53,8 +52,8 @@ impl<'a> Lockstep<'a> {
         Ok(())
     }
 
-    /// Lets source `member` make its next frame at time `now_ns` and carries it
-    /// through the chain. `None` when the source is over.
+    /// Lets source `member` make its next frame at time `now_ns` and carries it through the chain. `None` when the
+    /// source is over.
     ///
     /// # Errors
     /// [`RunError::Fatal`] when a step cannot go on.
@@ -66,8 +65,8 @@ impl<'a> Lockstep<'a> {
         Ok((flow == Flow::Continue || !out.is_empty()).then_some(out))
     }
 
-    /// Carries one message from outside through the chain; returns everything
-    /// that came out on recorded topics, in order.
+    /// Carries one message from outside through the chain; returns everything that came out on recorded topics, in
+    /// order.
     ///
     /// # Errors
     /// [`RunError::Fatal`] when a step cannot go on.
@@ -81,7 +80,7 @@ impl<'a> Lockstep<'a> {
         &self.stages
     }
 
-    /// What every node did.
+    /// Ends the chain and returns the report of each node.
     pub fn finish(self) -> Vec<NodeReport> {
         self.members
             .into_iter()
@@ -124,12 +123,7 @@ impl<'a> Lockstep<'a> {
             self.members[index].outputs.iter().map(|a| self.is_wanted(&a.topic)).collect();
         let clock = StepClock { now: ManualClock::at(now_ns), timer: self.timer };
         let member = &mut self.members[index];
-        let stream = match &trigger {
-            Trigger::Message { input, .. } => {
-                member.node.inputs().get(*input).map(|topic| topic.name.clone())
-            }
-            Trigger::Tick => None,
-        };
+        let stream = stream_of(&*member.node, &trigger);
         let mut cx = Context::new(&member.report.node, &clock, &wanted);
         let result = member.node.step(trigger, &mut cx);
         let StepOutput { messages, stages, .. } = cx.finish();
@@ -150,7 +144,7 @@ impl<'a> Lockstep<'a> {
                 add(&mut member.report.bad, topic, 1);
                 Ok(Flow::Continue)
             }
-            Err(StepError::Fatal(why)) => Err(RunError::Fatal { node: member.report.node.clone(), why }),
+            Err(StepError::Fatal(why)) => Err(RunError::Fatal(member.report.node.clone(), why)),
         }
     }
 

@@ -1,6 +1,5 @@
-//! The three drivers of a step: `live` (one node on a transport, the newest
-//! frame wins), `composed` (several live nodes in one process, on the local
-//! transport) and `lockstep` (every frame once, in order, nothing dropped).
+//! The three drivers of a step: `live` (one node on a transport, the newest frame wins), `composed` (several live nodes
+//! in one process, on the local transport) and `lockstep` (every frame once, in order, nothing dropped).
 
 pub mod composed;
 pub mod live;
@@ -8,39 +7,39 @@ pub mod lockstep;
 
 use std::time::Duration;
 
+use crate::clock::{Clock, nanos};
+use crate::graph::Topic;
+use crate::graph::{NameError, NodeName};
 use crate::message::MessageKind;
-use crate::name::{NameError, NodeName};
-use crate::node::Node;
+use crate::node::{Node, Trigger};
 use crate::parameter::{ParameterError, Parameters};
-use crate::topic::Topic;
-use crate::transport::{Address, TransportError};
+use crate::process::stop::{Stop, Urgency};
+use crate::transport::{Address, Transport, TransportError};
 
-/// Why a driver ended before its node was done.
+/// Time between two looks at the graph while a change in it is awaited.
+const GRAPH_GLANCE: Duration = Duration::from_millis(20);
+
+/// Error: a driver ended before its node was done.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RunError {
-    /// A topic or node name is none.
+    /// The name of a topic or node is not valid.
     #[error(transparent)]
     Name(#[from] NameError),
-    /// The carrier refused.
+    /// The transport failed.
     #[error(transparent)]
     Transport(#[from] TransportError),
     /// A parameter was refused at the start.
     #[error(transparent)]
     Parameter(#[from] ParameterError),
     /// The step cannot go on.
-    #[error("{node}: {why}")]
-    Fatal {
-        /// Fully qualified name.
-        node: String,
-        /// What the step said.
-        why: String,
-    },
+    #[error("{0}: {1}")]
+    Fatal(String, String),
     /// A node that this one waits for did not come.
     #[error("{node}: waited {seconds} s for {missing}, which is not there; start it, or change wait_for")]
     Waited {
         /// The node that waited.
         node: String,
-        /// How long.
+        /// Time of the wait in seconds.
         seconds: u64,
         /// Names of the nodes that are missing.
         missing: String,
@@ -50,8 +49,8 @@ pub enum RunError {
 crate::parameters! {
     /// The parameters that the driver itself reads, for every node.
     pub struct CommonParameters {
-        /// Takes stamps from the topic /clock instead of the machine's clock. The time is 0 before the first message
-        /// on /clock.
+        /// Takes stamps from the topic /clock instead of the machine's clock. The time is 0 before the first message on
+        /// /clock.
         use_sim_time: bool = false,
         /// Names of the nodes that must be ready before this node reports ready or sends its first frame.
         wait_for: Vec<String> = Vec::new(); fixed,
@@ -66,8 +65,40 @@ fn wait_for(node_name: &NodeName, parameters: &Parameters) -> Result<(Vec<String
     Ok((names, Duration::from_secs_f64(wait_timeout)))
 }
 
+/// Waits until all `nodes` (fully qualified names) are ready, or until `stop` asks for an end.
+///
+/// # Errors
+/// The names of the missing nodes when they are not ready within `patience`.
+pub fn wait_until_ready(
+    transport: &dyn Transport,
+    clock: &dyn Clock,
+    mut nodes: Vec<String>,
+    patience: Duration,
+    stop: &Stop,
+) -> Result<(), String> {
+    let start = clock.ticks_ns();
+    loop {
+        nodes.retain(|node| !transport.is_ready(node));
+        if nodes.is_empty() || stop.urgency() != Urgency::None {
+            return Ok(());
+        }
+        if clock.ticks_ns().saturating_sub(start) > nanos(patience) {
+            return Err(nodes.join(", "));
+        }
+        std::thread::sleep(GRAPH_GLANCE);
+    }
+}
+
 fn addresses(node_name: &NodeName, topics: &[Topic]) -> Result<Vec<Address>, NameError> {
     topics.iter().map(|topic| Address::resolve(node_name, topic)).collect()
+}
+
+/// Returns the name of the stream that the message of `trigger` came on, as the node declares it; a source reads no stream.
+fn stream_of(node: &dyn Node, trigger: &Trigger) -> Option<String> {
+    match trigger {
+        Trigger::Message { input, .. } => node.inputs().get(*input).map(|topic| topic.name.clone()),
+        Trigger::Tick => None,
+    }
 }
 
 fn status_of(node: &dyn Node) -> impl Iterator<Item = (String, String)> {

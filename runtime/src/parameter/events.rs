@@ -1,4 +1,4 @@
-//! What happens to a node's parameters, told to everybody on `/parameter_events`.
+//! [`ParameterEvents`]: publishes the changes of the parameters of a node on `/parameter_events`.
 
 use std::sync::Arc;
 
@@ -6,11 +6,11 @@ use modulo_msgs::rcl_interfaces::{Parameter, ParameterEvent};
 use modulo_msgs::std_msgs::Time;
 
 use crate::driver::RunError;
+use crate::graph::NodeName;
+use crate::graph::Topic;
 use crate::message::{Message, MessageKind};
-use crate::name::NodeName;
 use crate::parameter::Parameters;
 use crate::parameter::service::to_ros;
-use crate::topic::Topic;
 use crate::transport::{Address, Publisher, Transport};
 
 /// The `/parameter_events` publisher of one node.
@@ -23,20 +23,20 @@ impl ParameterEvents {
     /// Advertises `/parameter_events` for the node `node_name`.
     ///
     /// # Errors
-    /// [`RunError`] when the carrier refuses.
+    /// [`RunError`] when the transport fails.
     pub fn new(node_name: &NodeName, transport: &dyn Transport) -> Result<Self, RunError> {
         let address =
             Address::resolve(node_name, &Topic::new("/parameter_events", MessageKind::ParameterEvent))?;
         Ok(Self { node: node_name.fully_qualified(), publisher: transport.advertise(node_name, &address)? })
     }
 
-    /// All parameters are new: the node has started.
+    /// Returns all parameters are new: the node has started.
     pub fn started(&self, now_ns: u64, set: &Parameters) {
         let all = set.descriptors().iter().map(|d| parameter(set, d.name)).collect();
         self.put(now_ns, |event| event.new_parameters = all);
     }
 
-    /// `before` became `now`. Nothing is said when they are equal.
+    /// Publishes the difference between `before` and `now`, if there is one.
     pub fn changed(&self, now_ns: u64, before: &Parameters, now: &Parameters) {
         let names = now.descriptors().iter().map(|d| d.name);
         let changed: Vec<_> =

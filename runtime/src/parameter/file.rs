@@ -1,5 +1,4 @@
-//! Parameter files as `rcl_yaml_param_parser` reads and `ros2 param dump` writes
-//! them:
+//! Parameter files as `rcl_yaml_param_parser` reads and `ros2 param dump` writes them:
 //!
 //! ```yaml
 //! /**:                      # any node; /* is one part of a name, /** any number
@@ -17,21 +16,20 @@ use std::path::Path;
 use modulo_msgs::rcl_interfaces::ParameterValue;
 use saphyr::Yaml as Node;
 
-use crate::name::NodeName;
+use crate::graph::NodeName;
 use crate::parameter::text::{self, Yaml};
 use crate::parameter::yaml_text;
-use crate::ros_args::ArgsError;
+use crate::process::ros_args::ArgsError;
 
 /// The key under which a node's parameters stand.
 const PARAMETERS: &str = "ros__parameters";
 
-/// The parameters in the file at `path` for the node `node_name`, as (name,
-/// text), in order.
+/// Returns the parameters in the file at `path` for the node `node_name`, as (name, text), in order.
 ///
 /// # Errors
 /// [`ArgsError::File`] when it cannot be read or is no parameter file.
 pub fn read(path: &Path, node_name: &NodeName) -> Result<Vec<(String, String)>, ArgsError> {
-    let wrong = |why: String| ArgsError::File { path: path.display().to_string(), why };
+    let wrong = |why: String| ArgsError::File(path.display().to_string(), why);
     let text = std::fs::read_to_string(path).map_err(|why| wrong(why.to_string()))?;
     parse(&text, node_name).map_err(wrong)
 }
@@ -50,7 +48,7 @@ fn parse(text: &str, node_name: &NodeName) -> Result<Vec<(String, String)>, Stri
     }
 }
 
-/// One node, or a namespace with several.
+/// Reads the entry of one node, or of a namespace with several nodes.
 fn node(
     pattern: &str,
     body: &Node<'_>,
@@ -85,8 +83,8 @@ fn key(node: &Node<'_>) -> Result<String, String> {
     }
 }
 
-/// Whether the name of a node in a file, with `*` for one part of a name and
-/// `**` for any number, means the node `node_name`.
+/// Returns whether the name of a node in a file, with `*` for one part of a name and `**` for any number, means the
+/// node `node_name`.
 fn matches(pattern: &str, node_name: &NodeName) -> bool {
     fn all(pattern: &[&str], name: &[&str]) -> bool {
         match (pattern, name) {
@@ -123,8 +121,7 @@ fn flatten(name: &str, value: &Node<'_>, found: &mut Vec<(String, String)>) -> R
     Ok(())
 }
 
-/// What `ros2 param dump` prints: the parameters of the fully qualified `node`,
-/// by name, dots as nesting. Parameters that are not set are left out.
+/// Returns the text that `ros2 param dump` prints: the parameters of the fully qualified `node`, sorted by name, with nesting for dots. Parameters that are not set are left out.
 pub fn write(node: &str, parameters: &[(String, ParameterValue)]) -> String {
     let mut sorted: Vec<_> = parameters.iter().collect();
     sorted.sort_by(|a, b| a.0.split('.').cmp(b.0.split('.')));

@@ -1,5 +1,5 @@
-//! Parameters as ROS 2 has them: declared once with type, range and
-//! description, validated as a set, never accepted and ignored.
+//! Parameters as ROS 2 has them: declared once with type, range and description, validated as a set, never accepted and
+//! ignored.
 
 pub mod events;
 pub mod file;
@@ -15,65 +15,64 @@ use std::fmt;
 pub use typed::ParameterSet;
 pub use value::Value;
 
-/// What a parameter may be.
+/// The allowed values of a parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Allowed {
     /// Anything of its type.
     Any,
     /// An integer in `[from, to]`.
     Integers {
-        /// Smallest.
+        /// Smallest allowed value.
         from: i64,
-        /// Largest.
+        /// Largest allowed value.
         to: i64,
     },
     /// A finite double in `[from, to]`.
     Doubles {
-        /// Smallest.
+        /// Smallest allowed value.
         from: f64,
-        /// Largest.
+        /// Largest allowed value.
         to: f64,
     },
-    /// One of these words.
+    /// The value is one of these words.
     Words(Vec<&'static str>),
 }
 
 /// The declaration of one parameter: its default gives the type.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Descriptor {
-    /// Name, `snake_case`.
+    /// Name of the parameter in `snake_case`.
     pub name: &'static str,
-    /// Value before anybody sets it; its variant is the parameter's type.
+    /// Initial value; its variant is the type of the parameter.
     pub default: Value,
-    /// Which values are possible.
+    /// Allowed values.
     pub allowed: Allowed,
     /// Fixed at the start of the node.
     pub read_only: bool,
-    /// One sentence, with the unit.
+    /// Description in one sentence, with the unit.
     pub description: &'static str,
 }
 
-/// Why a parameter was refused: one line with name, value and remedy.
+/// Error: the value of a parameter was refused. The message is one line with name, value and remedy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("parameter '{name}' = {value}: {why}")]
 pub struct ParameterError {
-    /// The parameter.
+    /// Name of the parameter.
     pub name: String,
     /// The value that was offered.
     pub value: String,
-    /// Why not, and what is possible.
+    /// Reason of the refusal, and the possible values.
     pub why: String,
 }
 
 impl ParameterError {
-    /// A refusal of `value` for `name`.
+    /// Creates a refusal of `value` for `name`.
     pub fn new(name: impl Into<String>, value: impl fmt::Display, why: impl Into<String>) -> Self {
         Self { name: name.into(), value: value.to_string(), why: why.into() }
     }
 }
 
-/// A declared set of parameters with their values. Every declared parameter
-/// always has a value of its declared type within what is allowed.
+/// A declared set of parameters with their values. Every declared parameter always has an allowed value of its declared type.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     declared: Vec<Descriptor>,
@@ -84,7 +83,7 @@ impl Descriptor {
     /// Checks type and range, and converts where that loses nothing.
     ///
     /// # Errors
-    /// [`ParameterError`] with what is possible.
+    /// [`ParameterError`] with the possible values.
     pub fn accept(&self, value: Value) -> Result<Value, ParameterError> {
         let shown = value.to_string();
         let refuse = |why: String| ParameterError::new(self.name, &shown, why);
@@ -120,23 +119,23 @@ impl Parameters {
         Self { declared, values }
     }
 
-    /// The declarations, in order.
+    /// Returns the declarations, in order.
     pub fn descriptors(&self) -> &[Descriptor] {
         &self.declared
     }
 
-    /// The declaration of `name`.
+    /// Returns the declaration of `name`.
     pub fn descriptor(&self, name: &str) -> Option<&Descriptor> {
         self.declared.iter().find(|d| d.name == name)
     }
 
-    /// The value of `name`, if it is declared.
+    /// Returns the value of `name`, if it is declared.
     pub fn get(&self, name: &str) -> Option<&Value> {
         self.values.get(name)
     }
 
-    /// The set with all `changes` applied; nothing is changed when one of them
-    /// is refused. `started` refuses changes of read-only parameters.
+    /// Returns the set with all `changes` applied; nothing is changed when one of them is refused. `started` refuses
+    /// changes of read-only parameters.
     ///
     /// # Errors
     /// [`ParameterError`] of the first change that is not possible.
@@ -156,7 +155,7 @@ impl Parameters {
         Ok(next)
     }
 
-    /// As [`Parameters::with`] for values given as text, before the start.
+    /// Applies values that are given as text, as [`Parameters::with`] does, before the start of the node.
     ///
     /// # Errors
     /// [`ParameterError`] of the first one that is not possible.
@@ -186,8 +185,7 @@ pub(crate) mod sample {
     crate::parameters! {
         /// A part of another set.
         pub struct Part {
-            /// Two lines of help
-            /// are one sentence.
+            /// Two lines of help are one sentence.
             share: f64 = 0.5 => 0.0..=1.0,
         }
     }

@@ -1,5 +1,5 @@
-//! The six parameter services of a ROS 2 node, as functions from request bytes
-//! to response bytes. Pure but for the wait for the node's answer; no transport.
+//! The six parameter services of a ROS 2 node, as functions from request bytes to response bytes. Pure but for the wait
+//! for the node's answer; no transport.
 
 use std::sync::mpsc::channel;
 use std::time::Duration;
@@ -13,92 +13,71 @@ use modulo_msgs::rcl_interfaces::{
     SetParametersRequest, SetParametersResponse, SetParametersResult,
 };
 
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
 use crate::parameter::{Allowed, Descriptor, ParameterError, Value};
 use crate::transport::{Claim, ParameterPort, ParameterRequest};
 
-/// How long a caller waits for the node to finish the frame at hand and to take the request.
+/// Time that a caller waits until the node has finished its current frame and has taken the request.
 const PATIENCE: Duration = Duration::from_secs(10);
 
-/// One of the six services.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Service {
-    /// `~/describe_parameters`
-    Describe,
-    /// `~/get_parameter_types`
-    GetTypes,
-    /// `~/get_parameters`
-    Get,
-    /// `~/list_parameters`
-    List,
-    /// `~/set_parameters`
-    Set,
-    /// `~/set_parameters_atomically`
-    SetAtomically,
+crate::services! {
+    /// The six parameter services of a node.
+    pub enum Service in "rcl_interfaces" {
+        DescribeParameters = "describe_parameters",
+        GetParameterTypes = "get_parameter_types",
+        GetParameters = "get_parameters",
+        ListParameters = "list_parameters",
+        SetParameters = "set_parameters",
+        SetParametersAtomically = "set_parameters_atomically",
+    }
 }
 
 impl Service {
-    /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::Describe, Self::GetTypes, Self::Get, Self::List, Self::Set, Self::SetAtomically];
-
-    /// Name below the node's, and ROS type.
-    pub fn name_and_type(self) -> (&'static str, &'static str) {
-        match self {
-            Self::Describe => ("describe_parameters", "rcl_interfaces/srv/DescribeParameters"),
-            Self::GetTypes => ("get_parameter_types", "rcl_interfaces/srv/GetParameterTypes"),
-            Self::Get => ("get_parameters", "rcl_interfaces/srv/GetParameters"),
-            Self::List => ("list_parameters", "rcl_interfaces/srv/ListParameters"),
-            Self::Set => ("set_parameters", "rcl_interfaces/srv/SetParameters"),
-            Self::SetAtomically => {
-                ("set_parameters_atomically", "rcl_interfaces/srv/SetParametersAtomically")
-            }
-        }
-    }
-
-    /// Answers one request.
+    /// Answers one request, which is CDR with its encapsulation header.
     ///
     /// # Errors
     /// [`CdrError`] when the request cannot be read.
     pub fn answer(self, request: &[u8], port: &ParameterPort) -> Result<Vec<u8>, CdrError> {
         match self {
-            Self::Describe => {
-                let names = cdr::from_slice::<DescribeParametersRequest>(request)?.names;
+            Self::DescribeParameters => respond(request, |DescribeParametersRequest { names }| {
                 let set = (port.read)();
                 let descriptors = names.iter().map(|n| describe(n, set.descriptor(n))).collect();
-                cdr::to_vec(&DescribeParametersResponse { descriptors })
-            }
-            Self::GetTypes => {
-                let names = cdr::from_slice::<GetParameterTypesRequest>(request)?.names;
+                DescribeParametersResponse { descriptors }
+            }),
+            Self::GetParameterTypes => respond(request, |GetParameterTypesRequest { names }| {
                 let set = (port.read)();
-                let types = names.iter().map(|n| to_ros(set.get(n)).r#type).collect();
-                cdr::to_vec(&GetParameterTypesResponse { types })
-            }
-            Self::Get => {
-                let names = cdr::from_slice::<GetParametersRequest>(request)?.names;
+                GetParameterTypesResponse { types: names.iter().map(|n| to_ros(set.get(n)).r#type).collect() }
+            }),
+            Self::GetParameters => respond(request, |GetParametersRequest { names }| {
                 let set = (port.read)();
-                let values = names.iter().map(|n| to_ros(set.get(n))).collect();
-                cdr::to_vec(&GetParametersResponse { values })
-            }
-            Self::List => {
-                let prefixes = cdr::from_slice::<ListParametersRequest>(request)?.prefixes;
+                GetParametersResponse { values: names.iter().map(|n| to_ros(set.get(n))).collect() }
+            }),
+            Self::ListParameters => respond(request, |ListParametersRequest { prefixes, .. }| {
                 let set = (port.read)();
                 let names = set.descriptors().iter().map(|d| d.name.to_owned());
                 let names = names.filter(|name| has_prefix(name, &prefixes)).collect();
-                cdr::to_vec(&ListParametersResponse {
-                    result: ListParametersResult { names, prefixes: Vec::new() },
-                })
-            }
-            Self::Set => {
-                let parameters = cdr::from_slice::<SetParametersRequest>(request)?.parameters;
+                ListParametersResponse { result: ListParametersResult { names, prefixes: Vec::new() } }
+            }),
+            Self::SetParameters => respond(request, |SetParametersRequest { parameters }| {
                 let results = parameters.into_iter().map(|p| set(vec![p], port)).collect();
-                cdr::to_vec(&SetParametersResponse { results })
-            }
-            Self::SetAtomically => {
-                let parameters = cdr::from_slice::<SetParametersAtomicallyRequest>(request)?.parameters;
-                cdr::to_vec(&SetParametersAtomicallyResponse { result: set(parameters, port) })
+                SetParametersResponse { results }
+            }),
+            Self::SetParametersAtomically => {
+                respond(request, |SetParametersAtomicallyRequest { parameters }| {
+                    SetParametersAtomicallyResponse { result: set(parameters, port) }
+                })
             }
         }
     }
+}
+
+fn respond<Q: DeserializeOwned, R: Serialize>(
+    request: &[u8],
+    answer: impl FnOnce(Q) -> R,
+) -> Result<Vec<u8>, CdrError> {
+    cdr::to_vec(&answer(cdr::from_slice(request)?))
 }
 
 fn has_prefix(name: &str, prefixes: &[String]) -> bool {
@@ -111,7 +90,7 @@ fn set(parameters: Vec<Parameter>, port: &ParameterPort) -> SetParametersResult 
     let verdict = change(parameters, port);
     SetParametersResult {
         successful: verdict.is_ok(),
-        reason: verdict.err().map_or_else(String::new, |refusal| refusal.to_string()),
+        reason: verdict.err().map_or_else(String::new, |why| why.to_string()),
     }
 }
 
@@ -135,14 +114,14 @@ fn change(parameters: Vec<Parameter>, port: &ParameterPort) -> Result<(), Parame
     }
     match verdict.recv_timeout(PATIENCE) {
         Ok(verdict) => verdict,
-        // From now on the node leaves the request alone.
+        // From now on the node ignores the request.
         Err(_) if claim.take() => Err(ended("the node did not answer within 10 s; the value is unchanged")),
-        // The node is applying it at this moment: its verdict counts.
+        // The node is applying it at this reason: its verdict counts.
         Err(_) => verdict.recv().map_err(|_| ended("the node ended while it applied the value"))?,
     }
 }
 
-/// A value as ROS writes it; `None` is `NOT_SET`.
+/// Returns a value as ROS writes it; `None` is `NOT_SET`.
 pub fn to_ros(value: Option<&Value>) -> ParameterValue {
     let mut ros = ParameterValue::default();
     match value {
@@ -226,14 +205,22 @@ mod tests {
         Parameter { name: name.into(), value: to_ros(Some(&value)) }
     }
 
+    fn call<Q: Serialize, R: DeserializeOwned>(port: &ParameterPort, service: Service, request: &Q) -> R {
+        let request = cdr::to_vec(request).expect("encodes");
+        cdr::from_slice(&service.answer(&request, port).expect("readable")).expect("decodes")
+    }
+
     #[test]
     fn set_answers_each_and_changes_only_what_is_possible() {
         let port = port();
         let parameters =
             vec![parameter("angle", Value::Double(0.0)), parameter("engine", Value::String("ort".into()))];
-        let request = cdr::to_vec(&SetParametersRequest { parameters }).expect("encodes");
-        let answer = Service::Set.answer(&request, &port).expect("readable");
-        let results = cdr::from_slice::<SetParametersResponse>(&answer).expect("decodes").results;
+        let results = call::<_, SetParametersResponse>(
+            &port,
+            Service::SetParameters,
+            &SetParametersRequest { parameters },
+        )
+        .results;
         assert!(!results[0].successful && results[0].reason.contains("0.001 to 1024"), "{:?}", results[0]);
         assert!(results[1].successful);
         assert_eq!((port.read)().get("engine"), Some(&Value::String("ort".into())));
@@ -244,9 +231,12 @@ mod tests {
     fn atomically_is_all_or_nothing() {
         let port = port();
         let parameters = vec![parameter("angle", Value::Integer(3)), parameter("gamma", Value::Bool(true))];
-        let request = cdr::to_vec(&SetParametersAtomicallyRequest { parameters }).expect("encodes");
-        let answer = Service::SetAtomically.answer(&request, &port).expect("readable");
-        let result = cdr::from_slice::<SetParametersAtomicallyResponse>(&answer).expect("decodes").result;
+        let result = call::<_, SetParametersAtomicallyResponse>(
+            &port,
+            Service::SetParametersAtomically,
+            &SetParametersAtomicallyRequest { parameters },
+        )
+        .result;
         assert!(!result.successful && result.reason.contains("gamma"));
         assert_eq!((port.read)().get("angle"), Some(&Value::Double(4.0)));
     }
@@ -254,26 +244,30 @@ mod tests {
     #[test]
     fn list_get_and_describe_tell_what_was_declared() {
         let port = port();
-        let request = cdr::to_vec(&ListParametersRequest::default()).expect("encodes");
-        let answer = Service::List.answer(&request, &port).expect("readable");
-        let listed = cdr::from_slice::<ListParametersResponse>(&answer).expect("decodes").result.names;
+        let request = ListParametersRequest::default();
+        let listed = call::<_, ListParametersResponse>(&port, Service::ListParameters, &request).result.names;
         assert_eq!(listed, ["angle", "bits", "engine", "wait_for", "model", "loop", "share"]);
 
-        let request = cdr::to_vec(&GetParametersRequest { names: vec!["angle".into(), "nix".into()] })
-            .expect("encodes");
-        let answer = Service::Get.answer(&request, &port).expect("readable");
-        let values = cdr::from_slice::<GetParametersResponse>(&answer).expect("decodes").values;
+        let values = call::<_, GetParametersResponse>(
+            &port,
+            Service::GetParameters,
+            &GetParametersRequest { names: vec!["angle".into(), "nix".into()] },
+        )
+        .values;
         assert_eq!((values[0].double_value, values[1].r#type), (4.0, ParameterType::NOT_SET));
 
-        let request = cdr::to_vec(&DescribeParametersRequest { names: listed }).expect("encodes");
-        let answer = Service::Describe.answer(&request, &port).expect("readable");
-        let described = cdr::from_slice::<DescribeParametersResponse>(&answer).expect("decodes").descriptors;
+        let described = call::<_, DescribeParametersResponse>(
+            &port,
+            Service::DescribeParameters,
+            &DescribeParametersRequest { names: listed },
+        )
+        .descriptors;
         assert_eq!(described[0].floating_point_range[0].to_value, 1024.0);
         assert_eq!(described[0].description, "A double. (default 4.0)");
     }
 
     #[test]
     fn a_broken_request_is_an_error() {
-        assert!(Service::Set.answer(&[0, 1, 0, 0, 255, 255, 255, 255], &port()).is_err());
+        assert!(Service::SetParameters.answer(&[0, 1, 0, 0, 255, 255, 255, 255], &port()).is_err());
     }
 }

@@ -1,6 +1,4 @@
-//! Values and descriptors of parameters as `ros2 param get` and `describe` print
-//! them and as `ros2 param dump` writes them. Of any node's parameters, also of
-//! types that none of the suite has.
+//! The text of values and descriptors of parameters, as `ros2 param get`, `describe` and `dump` write it. The parameters may belong to any node, and may have types that the suite does not use.
 
 use modulo_msgs::rcl_interfaces::{ParameterDescriptor, ParameterType, ParameterValue};
 
@@ -9,13 +7,13 @@ use crate::parameter::yaml_text::{of_double, of_string};
 /// A value as YAML scalars.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Yaml {
-    /// One.
+    /// A single value.
     Scalar(String),
-    /// An array.
+    /// The elements of an array.
     List(Vec<String>),
 }
 
-/// The value as YAML; `None` when it is not set.
+/// Returns the value as YAML; `None` when it is not set.
 pub fn yaml(value: &ParameterValue) -> Option<Yaml> {
     Some(match value.r#type {
         ParameterType::BOOL => Yaml::Scalar(value.bool_value.to_string()),
@@ -35,21 +33,16 @@ fn list<T>(items: &[T], text: impl Fn(&T) -> String) -> Yaml {
     Yaml::List(items.iter().map(text).collect())
 }
 
-/// The value with its type, as `ros2 param get` prints it: `Double value is: 4.0`.
+/// Returns the value with its type, as `ros2 param get` prints it: `Double value is: 4.0`.
 pub fn labelled(value: &ParameterValue) -> String {
-    let kind = match value.r#type {
-        ParameterType::BOOL | ParameterType::BOOL_ARRAY => "Boolean",
-        ParameterType::INTEGER | ParameterType::INTEGER_ARRAY => "Integer",
-        ParameterType::DOUBLE | ParameterType::DOUBLE_ARRAY => "Double",
-        ParameterType::STRING | ParameterType::STRING_ARRAY => "String",
-        ParameterType::BYTE_ARRAY => "Byte",
-        _ => return "Parameter not set.".to_owned(),
+    let Some((_, _, kind)) = TYPES.iter().find(|(known, ..)| *known == value.r#type) else {
+        return "Parameter not set.".to_owned();
     };
     let is = if matches!(yaml(value), Some(Yaml::List(_))) { "values are" } else { "value is" };
     format!("{kind} {is}: {}", bare(value))
 }
 
-/// The value alone, in Python's notation as `ros2 param get --hide-type` prints it.
+/// Returns the value without its type in Python's notation, as `ros2 param get --hide-type` prints it.
 pub fn bare(value: &ParameterValue) -> String {
     let python = |text: &str| match text {
         "true" => "True".to_owned(),
@@ -73,23 +66,25 @@ pub fn bare(value: &ParameterValue) -> String {
     }
 }
 
-/// The name of a [`ParameterType`], as `ros2 param` prints it.
+/// The name of each [`ParameterType`] in `ros2 param describe`, and in `ros2 param get`.
+const TYPES: [(u8, &str, &str); 9] = [
+    (ParameterType::BOOL, "boolean", "Boolean"),
+    (ParameterType::INTEGER, "integer", "Integer"),
+    (ParameterType::DOUBLE, "double", "Double"),
+    (ParameterType::STRING, "string", "String"),
+    (ParameterType::BYTE_ARRAY, "byte array", "Byte"),
+    (ParameterType::BOOL_ARRAY, "boolean array", "Boolean"),
+    (ParameterType::INTEGER_ARRAY, "integer array", "Integer"),
+    (ParameterType::DOUBLE_ARRAY, "double array", "Double"),
+    (ParameterType::STRING_ARRAY, "string array", "String"),
+];
+
+/// Returns the name of a [`ParameterType`], as `ros2 param` prints it.
 pub fn type_name(code: u8) -> &'static str {
-    match code {
-        ParameterType::BOOL => "boolean",
-        ParameterType::INTEGER => "integer",
-        ParameterType::DOUBLE => "double",
-        ParameterType::STRING => "string",
-        ParameterType::BYTE_ARRAY => "byte array",
-        ParameterType::BOOL_ARRAY => "boolean array",
-        ParameterType::INTEGER_ARRAY => "integer array",
-        ParameterType::DOUBLE_ARRAY => "double array",
-        ParameterType::STRING_ARRAY => "string array",
-        _ => "not set",
-    }
+    TYPES.iter().find(|(known, ..)| *known == code).map_or("not set", |(_, name, _)| name)
 }
 
-/// What `ros2 param describe` prints of a parameter.
+/// Returns the description of a parameter as `ros2 param describe` prints it.
 pub fn described(descriptor: &ParameterDescriptor) -> String {
     let mut lines = vec![
         format!("Parameter name: {}", descriptor.name),

@@ -1,6 +1,5 @@
-//! [`parameters!`](crate::parameters): a struct of typed parameters, each declared once with its type, default,
-//! range and help. The parameter services, `--help`, launch checks and `docs/parameters.md` read the same
-//! declaration.
+//! [`parameters!`](crate::parameters): a struct of typed parameters, each declared once with its type, default, range
+//! and help. The parameter services, `--help`, launch checks and `docs/parameters.md` read the same declaration.
 
 use std::ops::RangeInclusive;
 
@@ -8,10 +7,10 @@ use super::{Allowed, Descriptor, ParameterError, Parameters, Value};
 
 /// A struct whose fields are parameters, made by [`parameters!`](crate::parameters).
 pub trait ParameterSet: Default + for<'a> From<&'a Parameters> {
-    /// The declarations of all fields, in order.
+    /// Returns the declarations of all fields, in order.
     fn descriptors() -> Vec<Descriptor>;
 
-    /// The values of all fields, in the order of [`ParameterSet::descriptors`].
+    /// Returns the values of all fields, in the order of [`ParameterSet::descriptors`].
     fn values(&self) -> Vec<Value>;
 
     /// Checks every field against its declaration. Fields are public, so a node calls this before it uses them.
@@ -23,7 +22,7 @@ pub trait ParameterSet: Default + for<'a> From<&'a Parameters> {
         all.try_for_each(|(descriptor, value)| descriptor.accept(value).map(|_| ()))
     }
 
-    /// The set that (name, text) pairs give; every other parameter has its default.
+    /// Returns the set that (name, text) pairs give; every other parameter has its default.
     ///
     /// # Errors
     /// [`ParameterError`] of the first pair that is not possible.
@@ -31,20 +30,20 @@ pub trait ParameterSet: Default + for<'a> From<&'a Parameters> {
         Ok(Self::from(&Parameters::declare(Self::descriptors()).with_text(pairs)?))
     }
 
-    /// All parameters as (name, text), which [`ParameterSet::from_text`] reads back to an equal set.
+    /// Returns all parameters as (name, text), which [`ParameterSet::from_text`] reads back to an equal set.
     fn to_text(&self) -> Vec<(&'static str, String)> {
         let values = self.values().into_iter().map(|value| value.to_yaml());
         Self::descriptors().into_iter().map(|descriptor| descriptor.name).zip(values).collect()
     }
 }
 
-/// Which values a field of type `T` can have, and how each of them is written as a [`Value`].
+/// The possible values of a field of type `T`, and the form of each of them as a [`Value`].
 pub trait Rule<T> {
-    /// The rule as a descriptor has it.
+    /// Returns the rule as a descriptor has it.
     fn allowed(&self) -> Allowed;
-    /// The value of `field`. A `usize` beyond `i64` becomes the largest `i64`.
+    /// Returns the value of `field`. A `usize` beyond `i64` becomes the largest `i64`.
     fn value(&self, field: &T) -> Value;
-    /// The field that [`Rule::value`] writes as `value`.
+    /// Returns the field that [`Rule::value`] writes as `value`.
     fn field(&self, value: &Value) -> Option<T>;
 }
 
@@ -125,7 +124,7 @@ impl<T: Copy + PartialEq, const N: usize> Rule<T> for [(&'static str, T); N] {
     }
 }
 
-/// The field `name` of a typed set.
+/// Returns the field `name` of a typed set.
 ///
 /// # Panics
 /// When `parameters` were not declared by that set: an error in the code that runs the node.
@@ -134,12 +133,12 @@ pub fn field<T>(parameters: &Parameters, name: &str, rule: &impl Rule<T>) -> T {
     value.expect("the set holds a value that its own declaration allows")
 }
 
-/// The name of a field; `r#loop` is the parameter `loop`.
+/// Returns the name of a field; `r#loop` is the parameter `loop`.
 pub fn name_of(field: &'static str) -> &'static str {
     field.strip_prefix("r#").unwrap_or(field)
 }
 
-/// Declares a struct of parameters; [`ParameterSet`] has what it can do.
+/// Declares a struct of parameters with the methods of [`ParameterSet`].
 ///
 /// A field is `name: type = default => rule; fixed`. Its doc comment is the help of the parameter. The rule is a range
 /// (`1..=16`, of the field's type), or an array of `("word", value)` for an enum; it is left out for `bool`, `String`

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::yaml_text;
 
-/// A parameter's value.
+/// The value of a parameter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Value {
     /// `bool`
@@ -34,7 +34,7 @@ impl fmt::Display for Value {
 }
 
 impl Value {
-    /// The type's name as ROS 2 writes it.
+    /// Returns the type's name as ROS 2 writes it.
     pub fn type_name(&self) -> &'static str {
         match self {
             Self::Bool(_) => "bool",
@@ -45,9 +45,7 @@ impl Value {
         }
     }
 
-    /// Reads `text` (a command line's or a YAML scalar's) as a value of this
-    /// value's type. An array is written `[a, b]` or `a, b`. What is quoted is
-    /// a string and nothing else.
+    /// Reads `text` (a command line's or a YAML scalar's) as a value of this value's type. An array is written `[a, b]` or `a, b`. A quoted text is always a string.
     pub fn parse_like(&self, text: &str) -> Option<Value> {
         let text = text.trim();
         Some(match self {
@@ -63,7 +61,7 @@ impl Value {
         })
     }
 
-    /// This value as YAML on one line, which reads back as the same type and value.
+    /// Returns this value as YAML on one line, which reads back as the same type and value.
     pub fn to_yaml(&self) -> String {
         match self {
             Self::Bool(v) => v.to_string(),
@@ -79,8 +77,8 @@ impl Value {
         }
     }
 
-    /// This value as the type of `like`: an integer is also a double, a word
-    /// is also a list of one word. Nothing else is converted.
+    /// This value as the type of `like`: an integer is also a double, a word is also a list of one word. Nothing else
+    /// is converted.
     pub(super) fn coerced(self, like: &Value) -> Option<Value> {
         Some(match (self, like) {
             (Self::Integer(v), Self::Double(_)) => Self::Double(v as f64),

@@ -1,5 +1,5 @@
-//! YAML as ROS 2 parameters need it: a tree whose scalars keep their text and
-//! quotes, and strings written so that they read back. No parameter is known here.
+//! YAML as ROS 2 parameters need it: a tree whose scalars keep their text and quotes, and strings written so that they
+//! read back. No parameter is known here.
 
 use saphyr::{ScalarStyle, Yaml, YamlLoader};
 use saphyr_parser::Parser;
@@ -7,7 +7,7 @@ use saphyr_parser::Parser;
 /// Reads the documents in `text`; scalars are [`Yaml::Representation`].
 ///
 /// # Errors
-/// What is not YAML, with its line, as text.
+/// The error of the YAML parser as text, with its line.
 pub fn documents(text: &str) -> Result<Vec<Yaml<'_>>, String> {
     let mut loader = YamlLoader::<Yaml<'_>>::default();
     loader.early_parse(false);
@@ -18,7 +18,7 @@ pub fn documents(text: &str) -> Result<Vec<Yaml<'_>>, String> {
     }
 }
 
-/// The text of a scalar; that of a quoted one is quoted again, so that it stays a string.
+/// Returns the text of a scalar; that of a quoted one is quoted again, so that it stays a string.
 pub fn scalar(node: &Yaml<'_>) -> Option<String> {
     match node {
         Yaml::Representation(text, ScalarStyle::Plain, _) => Some(text.to_string()),
@@ -27,7 +27,7 @@ pub fn scalar(node: &Yaml<'_>) -> Option<String> {
     }
 }
 
-/// The string that `text` stands for: itself, unless it is quoted.
+/// Returns the string that `text` stands for: itself, unless it is quoted.
 pub fn string(text: &str) -> Option<String> {
     if !text.starts_with(['"', '\'']) {
         return Some(text.to_owned());
@@ -38,7 +38,7 @@ pub fn string(text: &str) -> Option<String> {
     }
 }
 
-/// The strings of a list `[a, 'b']`, or of `a, b`.
+/// Returns the strings of a list `[a, 'b']`, or of `a, b`.
 pub fn strings(text: &str) -> Option<Vec<String>> {
     if !text.starts_with('[') {
         let items = text.split(',').map(str::trim).filter(|item| !item.is_empty());
@@ -57,7 +57,7 @@ fn inner(node: &Yaml<'_>) -> Option<String> {
     }
 }
 
-/// A string as a YAML scalar: plain where no reader takes it for anything else.
+/// Returns a string as a YAML scalar: plain where no reader takes it for anything else.
 pub fn of_string(text: &str) -> String {
     let word = |c: char| c.is_ascii_alphanumeric() || "_/.+-?&=".contains(c);
     let plain = text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '/' || c == '_')
@@ -69,7 +69,7 @@ pub fn of_string(text: &str) -> String {
     quoted(text)
 }
 
-/// A string as a quoted YAML scalar.
+/// Returns a string as a quoted YAML scalar.
 pub fn quoted(text: &str) -> String {
     if !text.contains(char::is_control) {
         return format!("'{}'", text.replace('\'', "''"));
@@ -82,7 +82,7 @@ pub fn quoted(text: &str) -> String {
     format!("\"{}\"", escaped.collect::<String>())
 }
 
-/// A double with its decimal point.
+/// Returns a double with its decimal point.
 pub fn of_double(value: f64) -> String {
     if value.is_nan() {
         return ".nan".to_owned();

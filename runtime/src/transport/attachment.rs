@@ -1,6 +1,6 @@
 //! [`Attachment`]: the 33 bytes that go with every sample of rmw_zenoh.
 
-/// What goes with every sample; readers drop samples without it.
+/// The attachment of a sample; readers drop samples without one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Attachment {
     /// Counts from 1 per publisher; a gap is a loss.
@@ -15,7 +15,7 @@ impl Attachment {
     /// Length on the wire.
     pub const LEN: usize = 33;
 
-    /// As the wire has it: two little-endian integers, the length 16, the gid.
+    /// Returns the bytes on the wire: two little-endian integers, the length 16, and the gid.
     pub fn to_bytes(&self) -> [u8; Self::LEN] {
         let mut bytes = [0; Self::LEN];
         bytes[..8].copy_from_slice(&self.sequence.to_le_bytes());

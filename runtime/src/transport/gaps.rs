@@ -14,10 +14,9 @@ pub struct Gaps {
 }
 
 impl Gaps {
-    /// Number of samples that are missing before this one. The first sample of
-    /// a publisher starts its count: earlier ones were not for this reader. A
-    /// number below the greatest one is a sample that came late or twice, and
-    /// counts as no gap. A publisher that restarts has another gid.
+    /// Returns the number of samples that are missing before this one. The first sample of a publisher starts its
+    /// count: earlier ones were not for this reader. A number below the greatest one is a sample that came late or
+    /// twice, and counts as no gap. A publisher that restarts has another gid.
     pub fn step(&mut self, attachment: &Attachment) -> u64 {
         let Attachment { gid, sequence, .. } = *attachment;
         if self.greatest.len() >= PUBLISHERS && !self.greatest.contains_key(&gid) {

@@ -1,14 +1,13 @@
-//! The texts and bytes of the rmw_zenoh convention: topic keys, liveliness
-//! tokens, QoS strings. Pure; nothing here opens a connection.
+//! The texts and bytes of the rmw_zenoh convention: topic keys, liveliness tokens, QoS strings. Pure; nothing here
+//! opens a connection.
 //!
-//! Source: rmw_zenoh_cpp 0.2.10 (ROS 2 Jazzy), checked against bytes that a
-//! real node sent.
+//! Source: rmw_zenoh_cpp 0.2.10 (ROS 2 Jazzy), checked against bytes that a real node sent.
 
 use xxhash_rust::xxh3::xxh3_128;
 
-use crate::topic::Qos;
+use crate::graph::Qos;
 
-/// What an entity of the graph is.
+/// The kinds of entities in the graph.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum EntityKind {
     /// `NN`
@@ -44,7 +43,7 @@ impl EntityKind {
 /// The topic or service of an endpoint token.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct Endpoint {
-    /// Absolute ROS name.
+    /// Absolute ROS name of the topic or service.
     pub topic: String,
     /// DDS type name, `sensor_msgs::msg::dds_::Image_`.
     pub dds_type: String,
@@ -65,23 +64,23 @@ pub struct Token {
     pub node_id: u64,
     /// Number of the entity within its session.
     pub entity_id: u64,
-    /// What it is.
+    /// Kind of the entity.
     pub kind: EntityKind,
     /// Namespace with a leading slash.
     pub namespace: String,
-    /// Node name.
+    /// Name of the node.
     pub node: String,
     /// Present on everything but nodes.
     pub endpoint: Option<Endpoint>,
 }
 
-/// All tokens of a domain.
+/// Returns the key expression of all tokens of a domain.
 pub fn token_selector(domain: u32) -> String {
     format!("@ros2_lv/{domain}/**")
 }
 
 impl Token {
-    /// The key expression of the token.
+    /// Returns the key expression of the token.
     pub fn to_key(&self) -> String {
         let Self { domain, session, node_id, entity_id, .. } = self;
         let (kind, ns, node) = (self.kind.code(), mangle(&self.namespace), mangle(&self.node));
@@ -92,8 +91,7 @@ impl Token {
         key
     }
 
-    /// Reads a token's key; `None` when it is none. A 14th part, which later
-    /// ROS releases may add, is ignored.
+    /// Reads the key of a token; `None` when it is not one. A 14th component, which later ROS releases may add, is ignored.
     pub fn parse(key: &str) -> Option<Self> {
         let parts: Vec<&str> = key.split('/').collect();
         let (&["@ros2_lv", domain, session, node_id, entity_id, kind, _enclave, namespace, node], rest) =
@@ -129,7 +127,7 @@ impl Token {
         format!("{}/{}", self.namespace.trim_end_matches('/'), self.node)
     }
 
-    /// The endpoint's global id: XXH3-128 of its key, low half first.
+    /// Returns the endpoint's global id: XXH3-128 of its key, low half first.
     pub fn gid(&self) -> [u8; 16] {
         xxh3_128(self.to_key().as_bytes()).to_le_bytes()
     }
@@ -143,7 +141,7 @@ fn demangle(name: &str) -> String {
     name.replace('%', "/")
 }
 
-/// What stands in keys and tokens for the hash of a type.
+/// The form of type hashes in keys and tokens.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Hashes {
     /// `RIHS01_...`, as since ROS 2 Iron.
@@ -153,10 +151,20 @@ pub enum Hashes {
     None,
 }
 
-/// What rmw_zenoh writes where a ROS release has no hashes.
+impl Hashes {
+    /// Each form with its word on the command line.
+    pub const WORDS: [(&'static str, Self); 2] = [("rihs01", Self::Rihs01), ("none", Self::None)];
+
+    /// Returns the word on the command line.
+    pub fn word(self) -> &'static str {
+        Self::WORDS.iter().find(|(_, form)| *form == self).expect("every form has a word").0
+    }
+}
+
+/// The text that rmw_zenoh writes for a ROS release without type hashes.
 pub const NO_HASH: &str = "TypeHashNotSupported";
 
-/// Key of a topic's or service's data.
+/// Returns the key of a topic's or service's data.
 pub fn data_key(domain: u32, name: &str, dds_type: &str, type_hash: &str) -> String {
     format!("{domain}/{}/{dds_type}/{type_hash}", name.trim_matches('/'))
 }
@@ -173,7 +181,7 @@ pub fn qos_string(qos: Qos) -> &'static str {
     }
 }
 
-/// The nearest of the suite's profiles to a token's QoS.
+/// Returns the nearest of the suite's profiles to a token's QoS.
 pub fn qos_of(text: &str) -> Qos {
     if let Some(known) = Qos::ALL.into_iter().find(|qos| qos_string(*qos) == text) {
         return known;

@@ -1,14 +1,12 @@
-//! Messages between nodes of one process: an `Arc` is handed on, nothing is
-//! serialised. What a subscriber does not take in time is replaced, as between
-//! processes.
+//! The transport between the nodes of one process: it hands on an `Arc` and serialises nothing. A message that a subscriber does not take in time is replaced, as between processes.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use super::{Address, Deliver, Guard, Incoming, ParameterPort, Publisher, Transport, TransportError};
+use crate::graph::NodeName;
 use crate::message::Message;
-use crate::name::NodeName;
 
 /// The graph of one process. Clones share it.
 #[derive(Clone, Default)]
@@ -40,7 +38,7 @@ impl<F: FnMut() + Send + Sync> Drop for Undeclare<F> {
     }
 }
 
-struct LocalOutlet {
+struct LocalPublisher {
     transport: LocalTransport,
     topic: String,
     _gone: Guard,
@@ -52,7 +50,7 @@ impl LocalTransport {
     }
 }
 
-impl Publisher for LocalOutlet {
+impl Publisher for LocalPublisher {
     fn wanted(&self) -> bool {
         self.transport.graph().subscribers.get(&self.topic).is_some_and(|s| !s.is_empty())
     }
@@ -78,7 +76,7 @@ impl Transport for LocalTransport {
                 publishers.swap_remove(index);
             }
         });
-        Ok(Box::new(LocalOutlet { transport: self.clone(), topic, _gone: Box::new(gone) }))
+        Ok(Box::new(LocalPublisher { transport: self.clone(), topic, _gone: Box::new(gone) }))
     }
 
     fn subscribe(
@@ -107,7 +105,7 @@ impl Transport for LocalTransport {
         Ok(Box::new(Undeclare(move || transport.graph().nodes.retain(|n| *n != name))))
     }
 
-    /// Nobody outside the process can reach a local node.
+    /// Keeps `port` and offers it to no caller: a local node cannot be reached from outside of its process.
     fn serve_parameters(&self, _node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError> {
         Ok(Box::new(port))
     }
@@ -138,8 +136,8 @@ mod tests {
     use modulo_msgs::vision_msgs::Detection2DArray;
 
     use super::*;
+    use crate::graph::Qos;
     use crate::message::MessageKind;
-    use crate::topic::Qos;
 
     #[test]
     fn declarations_end_with_their_guards() {

@@ -1,46 +1,69 @@
-//! How messages get from node to node. Two carriers behind one trait: `local`
-//! within a process (shared, never serialised) and `zenoh` between processes.
+//! The transport of messages from node to node. Two transports implement one trait: `local` within a process (shared, never serialised) and `zenoh` between processes.
 
 pub mod attachment;
-pub mod conflict;
 pub mod gaps;
-pub mod graph;
 pub mod keys;
 pub mod local;
-pub mod payload;
 pub mod profile;
+pub mod queue;
 pub mod zenoh;
 
+use std::fmt;
+use std::ops::Deref;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
 
+use crate::graph::{NameError, NodeName};
+use crate::graph::{Qos, Topic};
 use crate::message::{DecodeError, Message, MessageKind};
-use crate::name::{NameError, NodeName};
 use crate::parameter::{ParameterError, Parameters, Value};
-use crate::queue::Queued;
-use crate::topic::{Qos, Topic};
+use crate::transport::queue::Queued;
 use attachment::Attachment;
-use payload::Payload;
 
 /// A topic as the graph sees it: absolute and remapped.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Address {
-    /// Absolute name.
+    /// Absolute name of the topic.
     pub topic: String,
-    /// What it carries.
+    /// Kind of the messages.
     pub kind: MessageKind,
-    /// How it is carried.
+    /// Quality of service.
     pub qos: Qos,
 }
 
 impl Address {
-    /// The address of `topic` for the node `node_name`: its name made absolute and remapped.
+    /// Returns the address of `topic` for the node `node_name`: its name made absolute and remapped.
     ///
     /// # Errors
     /// [`NameError`] when the name is not a ROS name.
     pub fn resolve(node_name: &NodeName, topic: &Topic) -> Result<Self, NameError> {
         Ok(Self { topic: node_name.resolve(&topic.name)?, kind: topic.kind, qos: topic.qos })
+    }
+}
+
+/// Shared bytes; cheap to clone, read as a slice.
+#[derive(Clone)]
+pub struct Payload(Arc<dyn AsRef<[u8]> + Send + Sync>);
+
+impl Payload {
+    /// Returns the bytes of `keeper`.
+    pub fn new(keeper: impl AsRef<[u8]> + Send + Sync + 'static) -> Self {
+        Self(Arc::new(keeper))
+    }
+}
+
+impl Deref for Payload {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        (*self.0).as_ref()
+    }
+}
+
+impl fmt::Debug for Payload {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} bytes", self.len())
     }
 }
 
@@ -63,11 +86,10 @@ impl Queued for RawSample {
     }
 }
 
-/// A message as it waits in a queue: whole, or still as the wire brought it,
-/// so that a replaced image costs no decoding.
+/// A message that waits in a queue. A sample is not decoded yet, so that a replaced image costs no decoding.
 #[derive(Clone, Debug)]
 pub enum Incoming {
-    /// From the same process.
+    /// A message from the same process.
     Message(Message),
     /// CDR from another one.
     Sample(RawSample),
@@ -93,7 +115,7 @@ impl Queued for Incoming {
 pub type Deliver = Box<dyn Fn(Incoming) + Send + Sync>;
 
 impl Incoming {
-    /// The message inside, which must be of `kind`.
+    /// Returns the message inside, which must be of `kind`.
     ///
     /// # Errors
     /// [`DecodeError`] when the bytes are no message of that kind.
@@ -107,10 +129,10 @@ impl Incoming {
 
 /// A publisher. Dropping it takes it out of the graph.
 pub trait Publisher: Send {
-    /// Whether anybody reads this topic now.
+    /// Returns whether the topic has a reader now.
     fn wanted(&self) -> bool;
 
-    /// Sends one message.
+    /// Sends one message to all readers.
     ///
     /// # Errors
     /// [`TransportError`] when it could not be handed over.
@@ -120,9 +142,9 @@ pub trait Publisher: Send {
 /// A change of parameters asked for from outside, answered between two steps.
 #[derive(Debug)]
 pub struct ParameterRequest {
-    /// What to set, all or nothing.
+    /// The values to set; either all of them are set, or none of them.
     pub changes: Vec<(String, Value)>,
-    /// Where the answer goes.
+    /// Receiver of the answer.
     pub answer: Sender<Result<(), ParameterError>>,
     /// Decides between the node that applies the request and the caller that gives up.
     pub claim: Claim,
@@ -133,13 +155,13 @@ pub struct ParameterRequest {
 pub struct Claim(Arc<AtomicBool>);
 
 impl Claim {
-    /// Whether the caller is the first to ask.
+    /// Returns whether the caller is the first to ask.
     pub fn take(&self) -> bool {
         !self.0.swap(true, Ordering::SeqCst)
     }
 }
 
-/// What a transport needs to serve a node's parameters.
+/// The access of a transport to the parameters of a node.
 pub struct ParameterPort {
     /// Reads the current set.
     pub read: Box<dyn Fn() -> Parameters + Send + Sync>,
@@ -155,13 +177,13 @@ pub trait Transport: Send + Sync {
     /// Declares a publisher of `node`.
     ///
     /// # Errors
-    /// [`TransportError`] when the carrier refuses.
+    /// [`TransportError`] when the transport fails.
     fn advertise(&self, node: &NodeName, address: &Address) -> Result<Box<dyn Publisher>, TransportError>;
 
     /// Declares a subscription of `node`, which lasts until the guard is dropped.
     ///
     /// # Errors
-    /// [`TransportError`] when the carrier refuses.
+    /// [`TransportError`] when the transport fails.
     fn subscribe(
         &self,
         node: &NodeName,
@@ -172,41 +194,40 @@ pub trait Transport: Send + Sync {
     /// Shows `node` in the graph: from now on it counts as ready.
     ///
     /// # Errors
-    /// [`TransportError`] when the carrier refuses.
+    /// [`TransportError`] when the transport fails.
     fn announce(&self, node: &NodeName) -> Result<Guard, TransportError>;
 
     /// Makes the node's parameters reachable from outside.
     ///
     /// # Errors
-    /// [`TransportError`] when the carrier refuses.
+    /// [`TransportError`] when the transport fails.
     fn serve_parameters(&self, node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError>;
 
-    /// Whether the node with this fully qualified name has been announced.
+    /// Returns whether the node with this fully qualified name has been announced.
     fn is_ready(&self, node: &str) -> bool;
 
-    /// Fully qualified names of the nodes that publish `topic` now.
+    /// Returns the fully qualified names of the nodes that publish `topic` now.
     fn publishers(&self, topic: &str) -> Vec<String>;
 
-    /// Fully qualified names of the nodes that subscribe to `topic` now.
+    /// Returns the fully qualified names of the nodes that subscribe to `topic` now.
     fn subscribers(&self, topic: &str) -> Vec<String>;
 
-    /// How long after the last publisher has gone a message may still be on
-    /// its way.
+    /// Returns the time after the end of the last publisher during which a message may still be on its way.
     fn settling(&self) -> std::time::Duration;
 }
 
-/// Why the carrier did not do what was asked.
+/// Error: the transport did not do what was requested.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{what}: {why}")]
 pub struct TransportError {
-    /// What was tried, on which topic or node.
+    /// The operation, with its topic or node.
     pub what: String,
-    /// What the carrier said.
+    /// The error of the transport.
     pub why: String,
 }
 
 impl TransportError {
-    /// An error of trying `what`.
+    /// Creates the error of the operation `what`.
     pub fn new(what: impl Into<String>, why: impl std::fmt::Display) -> Self {
         Self { what: what.into(), why: why.to_string() }
     }

@@ -3,22 +3,22 @@
 /// Whether samples are sent again until they have come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reliability {
-    /// They are.
+    /// Lost samples are sent again.
     Reliable,
-    /// They are not.
+    /// Lost samples are not sent again.
     BestEffort,
 }
 
-/// What a late reader gets.
+/// The samples that a late reader gets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Durability {
     /// The last samples from before it came.
     TransientLocal,
-    /// What is sent from now on.
+    /// A late reader gets only new samples.
     Volatile,
 }
 
-/// What decides how an endpoint is carried, and whether two fit together.
+/// The policies that decide how an endpoint is carried, and whether two endpoints fit together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Profile {
     /// Code 1 or, as here, 2; reliable when not given.
@@ -29,12 +29,11 @@ pub struct Profile {
     pub depth: usize,
 }
 
-/// Depth where a token says none.
+/// Depth of a token without one.
 const DEFAULT_DEPTH: usize = 42;
 
 impl Profile {
-    /// Reads `<reliability>:<durability>:<history>,<depth>:...`; what is missing
-    /// or unknown is as rmw_zenoh has it by default.
+    /// Reads `<reliability>:<durability>:<history>,<depth>:...`. Missing or unknown fields get the defaults of rmw_zenoh.
     pub fn parse(text: &str) -> Self {
         let mut fields = text.split(':');
         let mut field = || fields.next().unwrap_or_default();

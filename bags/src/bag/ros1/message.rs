@@ -1,39 +1,38 @@
-//! Images of ROS 1 as CDR. ROS 1 packs fields without padding, has strings
-//! without a closing zero, and a sequence number in the header.
+//! Images of ROS 1 as CDR. ROS 1 packs fields without padding, has strings without a closing zero, and a sequence
+//! number in the header.
 
 use modulo_msgs::builtin::Time;
 use modulo_msgs::cdr;
 use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image, RegionOfInterest};
 use modulo_msgs::std_msgs::Header;
 
-/// From a payload of ROS 1 to CDR with its encapsulation; an error says what is
-/// wrong.
+/// Converts a payload of ROS 1 to CDR with its encapsulation. The error describes the fault.
 pub(super) type Convert = fn(&[u8]) -> Result<Vec<u8>, String>;
 
 /// A type that is converted.
-pub(super) struct Known {
+pub(super) struct Conversion {
     ros1: &'static str,
-    /// Of the definition in ROS 1: another one is another layout.
+    /// MD5 sum of the definition in ROS 1; another sum means another layout.
     pub(super) md5: &'static str,
     /// Its name in ROS 2.
     pub(super) ros2: &'static str,
     pub(super) convert: Convert,
 }
 
-const KNOWN: [Known; 3] = [
-    Known {
+const KNOWN: [Conversion; 3] = [
+    Conversion {
         ros1: "sensor_msgs/Image",
         md5: "060021388200f6f0f447d0fcd9c64743",
         ros2: "sensor_msgs/msg/Image",
         convert: |bytes| converted(bytes, image),
     },
-    Known {
+    Conversion {
         ros1: "sensor_msgs/CompressedImage",
         md5: "8f7a12909da2c9d3332d540a0977563f",
         ros2: "sensor_msgs/msg/CompressedImage",
         convert: |bytes| converted(bytes, compressed_image),
     },
-    Known {
+    Conversion {
         ros1: "sensor_msgs/CameraInfo",
         md5: "c9a58c1b0b154e0e6da7578cb991d214",
         ros2: "sensor_msgs/msg/CameraInfo",
@@ -41,32 +40,32 @@ const KNOWN: [Known; 3] = [
     },
 ];
 
-/// The type `name` of ROS 1, if it is converted.
-pub(super) fn known(name: &str) -> Option<&'static Known> {
+/// Returns the type `name` of ROS 1, if it is converted.
+pub(super) fn known(name: &str) -> Option<&'static Conversion> {
     KNOWN.iter().find(|known| known.ros1 == name)
 }
 
-/// Names of the types that are converted.
+/// Returns the names of the types that are converted.
 pub(super) fn known_names() -> String {
     KNOWN.map(|known| known.ros1).join(", ")
 }
 
 fn converted<T: serde::Serialize>(
     bytes: &[u8],
-    read: fn(&mut Packed<'_>) -> Option<T>,
+    read: fn(&mut Reader<'_>) -> Option<T>,
 ) -> Result<Vec<u8>, String> {
-    let mut packed = Packed(bytes);
-    let message = read(&mut packed).ok_or_else(|| format!("a message of {} bytes is cut", bytes.len()))?;
-    if !packed.0.is_empty() {
-        return Err(format!("{} of {} bytes of a message are left over", packed.0.len(), bytes.len()));
+    let mut reader = Reader(bytes);
+    let message = read(&mut reader).ok_or_else(|| format!("a message of {} bytes is cut", bytes.len()))?;
+    if !reader.0.is_empty() {
+        return Err(format!("{} of {} bytes of a message are left over", reader.0.len(), bytes.len()));
     }
     cdr::to_vec(&message).map_err(|e| e.to_string())
 }
 
-/// What is not read yet of a message.
-struct Packed<'a>(&'a [u8]);
+/// The unread bytes of a message.
+struct Reader<'a>(&'a [u8]);
 
-impl<'a> Packed<'a> {
+impl<'a> Reader<'a> {
     fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
         let (array, rest) = self.0.split_first_chunk::<N>()?;
         self.0 = rest;
@@ -100,54 +99,54 @@ impl<'a> Packed<'a> {
         Some(bytes)
     }
 
-    /// ROS 1 does not say how strings are encoded, and CDR has no zero in one.
+    /// Reads a string. ROS 1 does not define the encoding of strings, and CDR allows no zero in one.
     fn string(&mut self) -> Option<String> {
         Some(String::from_utf8_lossy(self.bytes()?).replace('\0', ""))
     }
 }
 
-fn header(packed: &mut Packed<'_>) -> Option<Header> {
-    let _sequence = packed.u32()?;
-    let (sec, nanosec) = (packed.u32()?, packed.u32()?);
+fn header(reader: &mut Reader<'_>) -> Option<Header> {
+    let _sequence = reader.u32()?;
+    let (sec, nanosec) = (reader.u32()?, reader.u32()?);
     let stamp = i32::try_from(sec).map_or(Time::MAX, |sec| Time { sec, nanosec });
-    Some(Header { stamp, frame_id: packed.string()? })
+    Some(Header { stamp, frame_id: reader.string()? })
 }
 
-fn image(packed: &mut Packed<'_>) -> Option<Image> {
+fn image(reader: &mut Reader<'_>) -> Option<Image> {
     Some(Image {
-        header: header(packed)?,
-        height: packed.u32()?,
-        width: packed.u32()?,
-        encoding: packed.string()?,
-        is_bigendian: packed.byte()?,
-        step: packed.u32()?,
-        data: packed.bytes()?.to_vec(),
+        header: header(reader)?,
+        height: reader.u32()?,
+        width: reader.u32()?,
+        encoding: reader.string()?,
+        is_bigendian: reader.byte()?,
+        step: reader.u32()?,
+        data: reader.bytes()?.to_vec(),
     })
 }
 
-fn compressed_image(packed: &mut Packed<'_>) -> Option<CompressedImage> {
-    let (header, format) = (header(packed)?, packed.string()?);
-    Some(CompressedImage { header, format, data: packed.bytes()?.to_vec() })
+fn compressed_image(reader: &mut Reader<'_>) -> Option<CompressedImage> {
+    let (header, format) = (header(reader)?, reader.string()?);
+    Some(CompressedImage { header, format, data: reader.bytes()?.to_vec() })
 }
 
-fn camera_info(packed: &mut Packed<'_>) -> Option<CameraInfo> {
+fn camera_info(reader: &mut Reader<'_>) -> Option<CameraInfo> {
     Some(CameraInfo {
-        header: header(packed)?,
-        height: packed.u32()?,
-        width: packed.u32()?,
-        distortion_model: packed.string()?,
-        d: (0..packed.u32()?).map(|_| packed.f64()).collect::<Option<_>>()?,
-        k: packed.f64s()?,
-        r: packed.f64s()?,
-        p: packed.f64s()?,
-        binning_x: packed.u32()?,
-        binning_y: packed.u32()?,
+        header: header(reader)?,
+        height: reader.u32()?,
+        width: reader.u32()?,
+        distortion_model: reader.string()?,
+        d: (0..reader.u32()?).map(|_| reader.f64()).collect::<Option<_>>()?,
+        k: reader.f64s()?,
+        r: reader.f64s()?,
+        p: reader.f64s()?,
+        binning_x: reader.u32()?,
+        binning_y: reader.u32()?,
         roi: RegionOfInterest {
-            x_offset: packed.u32()?,
-            y_offset: packed.u32()?,
-            height: packed.u32()?,
-            width: packed.u32()?,
-            do_rectify: packed.byte()? != 0,
+            x_offset: reader.u32()?,
+            y_offset: reader.u32()?,
+            height: reader.u32()?,
+            width: reader.u32()?,
+            do_rectify: reader.byte()? != 0,
         },
     })
 }

@@ -1,7 +1,5 @@
-//! [`Ros1File`]: a `.bag` file of ROS 1, as if ROS 2 had recorded it. Images and
-//! what belongs to them are converted, all else is said to be left out.
+//! [`Ros1File`]: a `.bag` file of ROS 1, presented as if ROS 2 had recorded it. Images and camera calibrations are converted; all other topics are reported as left out.
 
-mod header;
 mod message;
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
@@ -14,55 +12,58 @@ use rosbag::record_types::Connection;
 use rosbag::{ChunkRecord, IndexRecord, MessageRecord, RosBag};
 
 use self::message::Convert;
-use super::merge::{Merge, Part};
-use super::storage::{Cursor, Storage};
+use super::merge::{Merge, MergeInput};
+use super::storage::{Cursor, FileSummary, Storage};
 use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount};
 use crate::FileError;
 
 /// The header is padded to this size.
 const HEADER: u64 = 8192;
 
-/// What there is in one file, and where.
+/// The index of one file.
 pub(super) struct Ros1File {
     path: PathBuf,
     bag: Arc<RosBag>,
-    size: u64,
-    chunks: Vec<ChunkPlace>,
-    connections: BTreeMap<u32, Converted>,
-    warnings: Vec<BagWarning>,
+    chunks: Vec<ChunkLocation>,
+    connections: BTreeMap<u32, ConvertedConnection>,
+    summary: FileSummary,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct ChunkPlace {
+struct ChunkLocation {
     offset: u64,
     span: (u64, u64),
 }
 
 /// A connection whose messages are converted.
 #[derive(Clone)]
-struct Converted {
+struct ConvertedConnection {
     topic: Arc<BagTopic>,
     convert: Convert,
     messages: u64,
+}
+
+fn broken(path: &Path, why: String) -> BagError {
+    BagError::Damaged(path.to_owned(), why, "`rosbag reindex` of ROS 1 may save a bag that was not closed")
 }
 
 impl Ros1File {
     /// Takes the bag's index, which must be there.
     pub(super) fn open(path: &Path) -> Result<Self, BagError> {
         let io = |e| FileError::new(path, e);
-        let broken = |why| BagError::Ros1 { path: path.to_owned(), why };
+        let broken = |why| broken(path, why);
         let file = std::fs::File::open(path).map_err(io)?;
         let size = file.metadata().map_err(io)?.len();
         let mut start = Vec::new();
         file.take(HEADER).read_to_end(&mut start).map_err(io)?;
-        header::check(&start, size).map_err(broken)?;
+        check_header(&start, size).map_err(broken)?;
         let bag = RosBag::new(path).map_err(io)?;
         let index = read_index(&bag).map_err(|e| broken(e.to_string()))?;
         let (mut connections, mut warnings) = (BTreeMap::new(), Vec::new());
         for (id, (connection, messages)) in index.connections {
             match convert(&connection) {
                 Ok((topic, convert)) => {
-                    connections.insert(id, Converted { topic: Arc::new(topic), convert, messages });
+                    connections.insert(id, ConvertedConnection { topic: Arc::new(topic), convert, messages });
                 }
                 Err(why) => {
                     let (path, topic) = (path.to_owned(), connection.storage_topic.to_owned());
@@ -71,13 +72,19 @@ impl Ros1File {
             }
         }
         let chunks = index.chunks;
-        Ok(Self { path: path.to_owned(), bag: Arc::new(bag), size, chunks, connections, warnings })
+        let span = chunks.iter().map(|chunk| chunk.span).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
+        // Several connections may publish one topic.
+        let counted =
+            |c: &ConvertedConnection| TopicCount { topic: Arc::clone(&c.topic), messages: c.messages };
+        let topics = connections.values().map(counted).collect();
+        let summary = FileSummary { id: "rosbag_v2", size, span, topics, warnings };
+        Ok(Self { path: path.to_owned(), bag: Arc::new(bag), chunks, connections, summary })
     }
 }
 
 struct Index<'a> {
-    chunks: Vec<ChunkPlace>,
-    /// With the number of their messages.
+    chunks: Vec<ChunkLocation>,
+    /// The connections, each with the number of its messages.
     connections: BTreeMap<u32, (Connection<'a>, u64)>,
 }
 
@@ -93,7 +100,7 @@ fn read_index(bag: &RosBag) -> rosbag::Result<Index<'_>> {
                 // A damaged index may have them the wrong way round.
                 let (start, end) = (info.start_time, info.end_time);
                 let span = (start.min(end), start.max(end));
-                index.chunks.push(ChunkPlace { offset: info.chunk_pos, span });
+                index.chunks.push(ChunkLocation { offset: info.chunk_pos, span });
                 for entry in info.entries() {
                     *counts.entry(entry.conn_id).or_default() += u64::from(entry.count);
                 }
@@ -107,7 +114,7 @@ fn read_index(bag: &RosBag) -> rosbag::Result<Index<'_>> {
     Ok(index)
 }
 
-/// The topic of `connection` in ROS 2, or why it has none.
+/// Returns the topic of `connection` in ROS 2; an error describes why it is not converted.
 fn convert(connection: &Connection<'_>) -> Result<(BagTopic, Convert), String> {
     let kind = connection.tp;
     let known = message::known(kind).ok_or_else(|| {
@@ -123,32 +130,16 @@ fn convert(connection: &Connection<'_>) -> Result<(BagTopic, Convert), String> {
 
 impl std::fmt::Debug for Ros1File {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Ros1File").field("path", &self.path).field("size", &self.size).finish_non_exhaustive()
+        f.debug_struct("Ros1File")
+            .field("path", &self.path)
+            .field("summary", &self.summary)
+            .finish_non_exhaustive()
     }
 }
 
 impl Storage for Ros1File {
-    fn id(&self) -> &'static str {
-        "rosbag_v2"
-    }
-
-    fn size(&self) -> u64 {
-        self.size
-    }
-
-    fn span(&self) -> Option<(u64, u64)> {
-        let spans = self.chunks.iter().map(|chunk| chunk.span);
-        spans.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
-    }
-
-    /// Several connections may publish one topic.
-    fn topics(&self) -> Vec<TopicCount> {
-        let counted = |c: &Converted| TopicCount { topic: Arc::clone(&c.topic), messages: c.messages };
-        self.connections.values().map(counted).collect()
-    }
-
-    fn warnings(&self) -> &[BagWarning] {
-        &self.warnings
+    fn summary(&self) -> &FileSummary {
+        &self.summary
     }
 
     fn messages(self: Arc<Self>, selection: &Selection) -> Result<Option<Box<dyn Cursor>>, BagError> {
@@ -160,27 +151,27 @@ impl Storage for Ros1File {
         let from = selection.start_ns.unwrap_or(0);
         let wanted = Arc::new(wanted);
         let chunks = self.chunks.iter().filter(|chunk| chunk.span.1 >= from);
-        let part = |chunk: &ChunkPlace| {
+        let input = |chunk: &ChunkLocation| {
             let (file, wanted, chunk) = (Arc::clone(&self), Arc::clone(&wanted), *chunk);
-            Part {
+            MergeInput {
                 start: chunk.span.0,
                 open: Box::new(move || {
                     let messages = file.read_chunk(chunk, &wanted, from);
-                    let messages = messages.map_err(|why| BagError::Ros1 { path: file.path.clone(), why })?;
+                    let messages = messages.map_err(|why| broken(&file.path, why))?;
                     Ok(Some(Box::new(ChunkMessages(messages))))
                 }),
             }
         };
-        Ok(Some(Box::new(Merge::of(chunks.map(part).collect()))))
+        Ok(Some(Box::new(Merge::of(chunks.map(input).collect()))))
     }
 }
 
 impl Ros1File {
-    /// The wanted messages of one chunk, by log time.
+    /// Returns the wanted messages of one chunk, by log time.
     fn read_chunk(
         &self,
-        chunk: ChunkPlace,
-        wanted: &HashMap<u32, Converted>,
+        chunk: ChunkLocation,
+        wanted: &HashMap<u32, ConvertedConnection>,
         from: u64,
     ) -> Result<VecDeque<Result<RawMessage, BagError>>, String> {
         let at = |why: String| format!("chunk at byte {}: {why}", chunk.offset);
@@ -216,4 +207,43 @@ impl Cursor for ChunkMessages {
     fn next(&mut self) -> Result<Option<RawMessage>, BagError> {
         self.0.pop_front().transpose()
     }
+}
+
+/// `#ROSBAG V2.0` and a line feed.
+const MAGIC: &[u8] = b"#ROSBAG V2.0\n";
+
+/// Checks that the bag of `size` bytes that begins with `start` was closed, and that its header names positions inside
+/// of it. The crate `rosbag` takes that for granted, and panics where a position is beyond the file.
+fn check_header(start: &[u8], size: u64) -> Result<(), String> {
+    let rest = start.strip_prefix(MAGIC).ok_or("only version 2.0 of ROS 1's bags is read")?;
+    let (header, rest) = block(rest).ok_or("its header is cut")?;
+    let (padding, _) = rest.split_first_chunk::<4>().ok_or("its header is cut")?;
+    let chunks = (MAGIC.len() + 8 + header.len()) as u64 + u64::from(u32::from_le_bytes(*padding));
+    let index =
+        field(header, b"index_pos").and_then(|value| Some(u64::from_le_bytes(value.try_into().ok()?)));
+    match index {
+        None => Err("its header has no index_pos".to_owned()),
+        Some(0) => Err("it was never closed: it has no index".to_owned()),
+        Some(index) if chunks <= index && index <= size => Ok(()),
+        Some(index) => {
+            Err(format!("its index is at byte {index}, not between {chunks} and its end at {size}"))
+        }
+    }
+}
+
+/// Splits `bytes` into a block, which follows its length of 4 bytes, and the rest.
+fn block(bytes: &[u8]) -> Option<(&[u8], &[u8])> {
+    let (length, rest) = bytes.split_first_chunk::<4>()?;
+    rest.split_at_checked(usize::try_from(u32::from_le_bytes(*length)).ok()?)
+}
+
+/// Returns the value of a `name=value` in a header.
+fn field<'a>(mut header: &'a [u8], name: &[u8]) -> Option<&'a [u8]> {
+    while let Some((entry, rest)) = block(header) {
+        if let Some(value) = entry.strip_prefix(name).and_then(|value| value.strip_prefix(b"=")) {
+            return Some(value);
+        }
+        header = rest;
+    }
+    None
 }

@@ -31,5 +31,5 @@ pub use detection_pictures::draw_pictures;
 pub use merge::merge;
 pub use nodes::{Nodes, Suite};
 pub use pipeline::multi_exposure::CAPTURES;
-pub use request::{Options, Request, Shard, engine_parser};
+pub use request::{Options, Request, Shard, words};
 pub use run::{Event, Outcome, run};

@@ -34,7 +34,7 @@ pub struct Options {
     #[command(flatten)]
     pub axes: Axes,
     /// Inference engine
-    #[arg(long, default_value = "auto", value_parser = engine_parser())]
+    #[arg(long, default_value = "auto", value_parser = words(EngineChoice::WORDS))]
     pub engine: EngineChoice,
     /// Threads of one inference
     #[arg(long, default_value_t = 1)]
@@ -66,11 +66,14 @@ impl Default for Options {
     }
 }
 
-/// Reads the name of an inference engine from a command line.
-pub fn engine_parser() -> impl TypedValueParser<Value = EngineChoice> {
-    PossibleValuesParser::new(EngineChoice::WORDS.map(|(word, _)| word)).map(|given| {
-        let found = EngineChoice::WORDS.into_iter().find(|(word, _)| *word == given);
-        found.expect("the parser accepts only these words").1
+/// Reads one of the words of `table` from a command line as the value beside it.
+pub fn words<T, const N: usize>(table: [(&'static str, T); N]) -> impl TypedValueParser<Value = T>
+where
+    T: Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(table.each_ref().map(|(word, _)| *word)).map(move |given| {
+        let found = table.iter().find(|(word, _)| *word == given);
+        found.map(|(_, value)| value.clone()).expect("clap takes only the words of the table")
     })
 }
 

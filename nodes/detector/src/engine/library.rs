@@ -1,15 +1,15 @@
-//! Where an ONNX Runtime library may lie. Nothing is loaded here.
+//! The places of an ONNX Runtime library. This file loads no library.
 
 use std::path::{Path, PathBuf};
 
-/// The places that this process tries, in order.
+/// Returns the places that this process tries, in order.
 pub fn places_here() -> Vec<PathBuf> {
     let variable = std::env::var_os("ORT_DYLIB_PATH").map(PathBuf::from);
     places(variable, std::env::current_exe().ok().as_deref())
 }
 
-/// The places in the order in which they are tried: `$ORT_DYLIB_PATH`, beside
-/// the program, the install's library folder, the system's loader.
+/// Returns the places in the order in which they are tried: `$ORT_DYLIB_PATH`, beside the program, the install's
+/// library folder, the system's loader.
 fn places(variable: Option<PathBuf>, program: Option<&Path>) -> Vec<PathBuf> {
     let name = format!("{}onnxruntime{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX);
     let folder = program.and_then(Path::parent);

@@ -1,7 +1,6 @@
 //! Inference engines behind one trait, and the choice among them.
 //!
-//! An engine knows tensors and nothing of images, parameters or messages. What
-//! was asked for is used or refused; only `auto` chooses, and it says what.
+//! An engine knows tensors, but no images, parameters or messages. A requested engine is used or refused; only `auto` chooses, and it reports its choice.
 
 mod library;
 mod onnxruntime;
@@ -13,25 +12,19 @@ use std::path::{Path, PathBuf};
 
 use ndarray::{Array2, ArrayView4};
 
-use crate::model::{Layout, Port, embedded};
+use crate::model::{ModelLayout, TensorSpec, embedded};
 
 /// A loaded model, ready to run.
 pub trait Engine: Send {
-    /// Runs the model on `input`, `1 x 3 x H x W`, RGB in `[0, 1]`, contiguous.
-    /// Gives N x 6 rows of x1, y1, x2, y2, score, class in input pixels.
+    /// Runs the model on `input`, `1 x 3 x H x W`, RGB in `[0, 1]`, contiguous. Gives N x 6 rows of x1, y1, x2, y2,
+    /// score, class in input pixels.
     ///
     /// # Errors
     /// [`EngineError::Run`] when the model cannot work on this input.
     fn run(&mut self, input: ArrayView4<'_, f32>) -> Result<Array2<f32>, EngineError>;
-
-    /// `ort` or `rten`.
-    fn name(&self) -> &'static str;
-
-    /// What the model takes and gives.
-    fn layout(&self) -> &Layout;
 }
 
-/// Which engine is asked for.
+/// The requested engine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EngineChoice {
     /// ONNX Runtime where its library is found, else rten.
@@ -55,49 +48,46 @@ impl fmt::Display for EngineChoice {
     }
 }
 
-/// Why a model does not run.
+/// Error: a model does not run.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EngineError {
     /// ONNX Runtime was asked for and is not there.
     #[error(
-        "engine 'ort': no ONNX Runtime library found; looked at {looked}; \
+        "engine 'ort': no ONNX Runtime library found; looked at {0}; \
          install one (pip install onnxruntime) and set ORT_DYLIB_PATH to its libonnxruntime.so, \
          or set engine to rten"
     )]
-    NoLibrary {
-        /// The places, each with what was wrong there.
-        looked: String,
-    },
+    NoLibrary(String),
     /// The file is not there, not readable or not a model of this engine.
     #[error("model '{model}': {engine} cannot load it: {why}")]
     Load {
-        /// The file.
+        /// Path of the model.
         model: String,
         /// The engine that tried.
         engine: &'static str,
-        /// What it said.
+        /// The error of the engine.
         why: String,
     },
-    /// It is a model, but not a detector that this node can read.
+    /// The file is a model, but not a detector that this node can read.
     #[error("model '{model}': {found}, needed is {needed}")]
     Shape {
-        /// The file.
+        /// Path of the model.
         model: String,
-        /// What the model has.
+        /// The shape of the model.
         found: String,
-        /// What it must have.
+        /// The shape that is needed.
         needed: &'static str,
     },
     /// The model failed on an input.
     #[error("{engine} failed on a {height} x {width} input: {why}")]
     Run {
-        /// The engine.
+        /// Name of the engine.
         engine: &'static str,
-        /// Input rows.
+        /// Number of rows of the input.
         height: usize,
-        /// Input columns.
+        /// Number of columns of the input.
         width: usize,
-        /// What it said.
+        /// The error of the engine.
         why: String,
     },
 }
@@ -118,25 +108,29 @@ fn one_line(text: impl fmt::Display) -> String {
     text.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// What a model's file says about itself, as an engine reads it.
+/// The inputs, outputs and class names of a model, as an engine reads them.
 pub struct Signature {
     /// Inputs without the initialisers.
-    pub inputs: Vec<Port>,
+    pub inputs: Vec<TensorSpec>,
     /// Outputs in the file's order.
-    pub outputs: Vec<Port>,
+    pub outputs: Vec<TensorSpec>,
     /// Metadata property `names`, a Python dict as text.
     pub names: Option<String>,
 }
 
 /// An engine that runs, and how it came to be the one.
-pub struct Opened {
+pub struct OpenedEngine {
     /// The engine.
     pub engine: Box<dyn Engine>,
-    /// The library used, or why `auto` took rten.
+    /// Name of the engine, `ort` or `rten`.
+    pub name: &'static str,
+    /// Input and output of the model.
+    pub layout: ModelLayout,
+    /// Path of the library, or the reason why `auto` took rten.
     pub note: String,
 }
 
-/// Where the ONNX Runtime library lies that `auto` takes.
+/// Returns the path of the ONNX Runtime library that `auto` takes.
 ///
 /// # Errors
 /// [`EngineError::NoLibrary`]: `auto` takes rten.
@@ -144,30 +138,30 @@ pub fn onnxruntime_library() -> Result<String, EngineError> {
     onnxruntime::library().map(|found| found.place)
 }
 
-/// The places where ONNX Runtime is looked for, in order; one without a folder
-/// is left to the system's loader.
+/// Returns the places where ONNX Runtime is looked for, in order; one without a folder is left to the system's loader.
 pub fn onnxruntime_places() -> Vec<PathBuf> {
     library::places_here()
 }
 
-/// Loads `model` with the engine asked for. `auto` falls back to rten when no
-/// library is found, never because a model does not load.
-pub fn open(model: &Path, choice: EngineChoice, threads: NonZeroUsize) -> Result<Opened, EngineError> {
-    // A missing file is the commonest mistake; both engines tell it at length.
+/// Loads `model` with the engine asked for. `auto` falls back to rten when no library is found, never because a model
+/// does not load.
+pub fn open(model: &Path, choice: EngineChoice, threads: NonZeroUsize) -> Result<OpenedEngine, EngineError> {
+    // A missing file is the most common mistake, and both engines describe it at length.
     if embedded(model).is_none() {
         std::fs::File::open(model).map_err(|error| EngineError::load(model, "the system", error))?;
     }
     let with_rten = |note| {
-        let engine: Box<dyn Engine> = Box::new(rten::Rten::load(model, threads)?);
-        Ok(Opened { engine, note })
+        let (engine, layout) = rten::Rten::load(model, threads)?;
+        Ok(OpenedEngine { engine: Box::new(engine), name: rten::NAME, layout, note })
     };
     if choice == EngineChoice::Rten {
         return with_rten("as asked".to_owned());
     }
     match onnxruntime::library() {
         Ok(found) => {
-            let engine: Box<dyn Engine> = Box::new(onnxruntime::OnnxRuntime::load(model, threads, &found)?);
-            Ok(Opened { engine, note: found.place })
+            let (engine, layout) = onnxruntime::OnnxRuntime::load(model, threads, &found)?;
+            let engine = Box::new(engine);
+            Ok(OpenedEngine { engine, name: onnxruntime::NAME, layout, note: found.place })
         }
         Err(error) if choice == EngineChoice::OnnxRuntime => Err(error),
         Err(error) => {

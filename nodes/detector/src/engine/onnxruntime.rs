@@ -13,26 +13,26 @@ use ort::session::builder::GraphOptimizationLevel;
 use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
 
 use super::{Engine, EngineError, Signature, library};
-use crate::model::{Element, Layout, Port, embedded};
+use crate::model::{ElementType, ModelLayout, TensorSpec, embedded};
 
-const NAME: &str = "ort";
+/// The word for this engine.
+pub const NAME: &str = "ort";
 
 /// A library that is loaded.
 #[derive(Clone)]
 pub struct Library {
     environment: Environment,
-    /// Where it lies.
+    /// Path of the library.
     pub place: String,
 }
 
-/// `ort` allows one environment a process, and drops it with its last owner;
-/// this owner lives as long as the process.
+/// `ort` allows one environment a process, and drops it with its last owner; this owner lives as long as the process.
 static LOADED: Mutex<Option<Library>> = Mutex::new(None);
 
-/// The library that is loaded already, or the first one found.
+/// Returns the library that is loaded already, or the first one found.
 ///
 /// # Errors
-/// [`EngineError::NoLibrary`] with all places and what was wrong with each.
+/// [`EngineError::NoLibrary`] with all places and the fault of each.
 pub fn library() -> Result<Library, EngineError> {
     let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(library) = loaded.as_ref() {
@@ -48,7 +48,7 @@ pub fn library() -> Result<Library, EngineError> {
             Err(why) => looked.push(format!("{} ({why})", place.display())),
         }
     }
-    Err(EngineError::NoLibrary { looked: looked.join(", ") })
+    Err(EngineError::NoLibrary(looked.join(", ")))
 }
 
 fn load(place: &Path) -> Result<Environment, String> {
@@ -66,7 +66,7 @@ fn load(place: &Path) -> Result<Environment, String> {
 /// A model in ONNX Runtime.
 pub struct OnnxRuntime {
     session: Session,
-    layout: Layout,
+    output: String,
 }
 
 impl OnnxRuntime {
@@ -74,11 +74,15 @@ impl OnnxRuntime {
     ///
     /// # Errors
     /// [`EngineError::Load`] or [`EngineError::Shape`].
-    pub fn load(model: &Path, threads: NonZeroUsize, library: &Library) -> Result<Self, EngineError> {
+    pub fn load(
+        model: &Path,
+        threads: NonZeroUsize,
+        library: &Library,
+    ) -> Result<(Self, ModelLayout), EngineError> {
         let session = session(model, threads, &library.environment)
             .map_err(|error| EngineError::load(model, NAME, error))?;
-        let layout = Layout::of(model, &signature(&session))?;
-        Ok(Self { session, layout })
+        let layout = ModelLayout::of(model, &signature(&session))?;
+        Ok((Self { session, output: layout.output.clone() }, layout))
     }
 }
 
@@ -101,18 +105,18 @@ fn signature(session: &Session) -> Signature {
     }
 }
 
-fn port(outlet: &Outlet) -> Port {
+fn port(outlet: &Outlet) -> TensorSpec {
     let name = outlet.name().to_owned();
     match outlet.dtype() {
-        ValueType::Tensor { ty, shape, .. } => Port {
+        ValueType::Tensor { ty, shape, .. } => TensorSpec {
             name,
             element: match ty {
-                TensorElementType::Float32 => Element::F32,
-                other => Element::Other(other.to_string()),
+                TensorElementType::Float32 => ElementType::F32,
+                other => ElementType::Other(other.to_string()),
             },
             shape: Some(shape.iter().map(|&side| usize::try_from(side).ok()).collect()),
         },
-        _ => Port { name, element: Element::Other("no tensor".to_owned()), shape: None },
+        _ => TensorSpec { name, element: ElementType::Other("no tensor".to_owned()), shape: None },
     }
 }
 
@@ -122,8 +126,8 @@ impl Engine for OnnxRuntime {
         let tensor = TensorRef::from_array_view(input).map_err(|error| failed(error.to_string()))?;
         let outputs = self.session.run(ort::inputs![tensor]).map_err(|error| failed(error.to_string()))?;
         let rows = outputs
-            .get(&self.layout.output)
-            .ok_or_else(|| failed(format!("no output '{}'", self.layout.output)))?
+            .get(&self.output)
+            .ok_or_else(|| failed(format!("no output '{}'", self.output)))?
             .try_extract_array::<f32>()
             .map_err(|error| failed(error.to_string()))?;
         let shape = rows.shape().to_vec();
@@ -133,13 +137,5 @@ impl Engine for OnnxRuntime {
             }
             _ => Err(failed(format!("output is {shape:?}, needed is [1, N, 6]"))),
         }
-    }
-
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn layout(&self) -> &Layout {
-        &self.layout
     }
 }

@@ -8,14 +8,14 @@ use ndarray::{Array2, ArrayView4};
 use rten::{DataType, Dimension, Model, NodeId, RunOptions, ThreadPool, ValueType, ValueView};
 
 use super::{Engine, EngineError, Signature};
-use crate::model::{Element, Layout, Port, embedded};
+use crate::model::{ElementType, ModelLayout, TensorSpec, embedded};
 
-const NAME: &str = "rten";
+/// The word for this engine.
+pub const NAME: &str = "rten";
 
 /// A model in rten.
 pub struct Rten {
     model: Model,
-    layout: Layout,
     input: NodeId,
     output: NodeId,
     options: RunOptions,
@@ -26,19 +26,19 @@ impl Rten {
     ///
     /// # Errors
     /// [`EngineError::Load`] or [`EngineError::Shape`].
-    pub fn load(path: &Path, threads: NonZeroUsize) -> Result<Self, EngineError> {
+    pub fn load(path: &Path, threads: NonZeroUsize) -> Result<(Self, ModelLayout), EngineError> {
         let failed = |why: String| EngineError::load(path, NAME, why);
         let bytes = match embedded(path) {
             Some(bytes) => bytes.to_vec(),
             None => std::fs::read(path).map_err(|error| failed(error.to_string()))?,
         };
         let model = Model::load(bytes).map_err(|error| failed(error.to_string()))?;
-        let layout = Layout::of(path, &signature(&model))?;
+        let layout = ModelLayout::of(path, &signature(&model))?;
         let input = model.node_id(&layout.input).map_err(|error| failed(error.to_string()))?;
         let output = model.node_id(&layout.output).map_err(|error| failed(error.to_string()))?;
         let pool = Arc::new(ThreadPool::with_num_threads(threads.get()));
         let options = RunOptions::default().with_thread_pool(Some(pool));
-        Ok(Self { model, layout, input, output, options })
+        Ok((Self { model, input, output, options }, layout))
     }
 }
 
@@ -51,18 +51,18 @@ fn signature(model: &Model) -> Signature {
     }
 }
 
-fn port(model: &Model, id: NodeId) -> Port {
+fn port(model: &Model, id: NodeId) -> TensorSpec {
     let info = model.node_info(id);
     let side = |dimension: Dimension| match dimension {
         Dimension::Fixed(side) => Some(side),
         Dimension::Symbolic(_) => None,
     };
-    Port {
+    TensorSpec {
         name: info.as_ref().and_then(|info| info.name()).unwrap_or_default().to_owned(),
         element: match info.as_ref().and_then(|info| info.dtype()) {
-            Some(ValueType::Tensor(DataType::Float)) => Element::F32,
-            Some(other) => Element::Other(format!("{other:?}").to_lowercase()),
-            None => Element::Other("no type".to_owned()),
+            Some(ValueType::Tensor(DataType::Float)) => ElementType::F32,
+            Some(other) => ElementType::Other(format!("{other:?}").to_lowercase()),
+            None => ElementType::Other("no type".to_owned()),
         },
         shape: info.and_then(|info| info.shape()).map(|shape| shape.into_iter().map(side).collect()),
     }
@@ -84,13 +84,5 @@ impl Engine for Rten {
             return Err(failed(format!("output is {shape:?}, needed is [1, N, 6]")));
         };
         Array2::from_shape_vec((count, 6), rows).map_err(|error| failed(error.to_string()))
-    }
-
-    fn name(&self) -> &'static str {
-        NAME
-    }
-
-    fn layout(&self) -> &Layout {
-        &self.layout
     }
 }

@@ -1,8 +1,7 @@
-//! What a model must look like, and what it says about itself.
+//! The required shape of a model, and the description of a loaded one.
 //!
 //! No engine is named here: engines bring a [`Signature`], this judges it.
 
-mod embedded;
 mod names;
 mod speed;
 
@@ -10,12 +9,19 @@ use std::fmt;
 use std::num::NonZeroUsize;
 use std::path::Path;
 
-pub use embedded::{DEMO, embedded};
-pub use names::Names;
+pub use names::ClassNames;
 pub use speed::{Speed, measure};
 
-use crate::engine::{self, EngineChoice, EngineError, Signature};
+use crate::engine::{self, EngineChoice, EngineError, OpenedEngine, Signature};
 use crate::error::DetectorError;
+
+/// Value of the parameter `model` for the embedded model; a file of that name is `./demo`.
+pub const DEMO: &str = "demo";
+
+/// Returns the bytes of `model` if it is the embedded one.
+pub fn embedded(model: &Path) -> Option<&'static [u8]> {
+    (model == Path::new(DEMO)).then_some(modulo_models::DEMO)
+}
 
 const INPUT: &str = "exactly one input [1, 3, H, W] of float32, H and W both fixed or both free";
 const OUTPUT: &str = "an output [1, N, 6] of float32 (x1, y1, x2, y2, score, class: \
@@ -23,7 +29,7 @@ const OUTPUT: &str = "an output [1, N, 6] of float32 (x1, y1, x2, y2, score, cla
 
 /// Type of a tensor's elements.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Element {
+pub enum ElementType {
     /// 32-bit float.
     F32,
     /// Anything else, by name.
@@ -32,20 +38,20 @@ pub enum Element {
 
 /// An input or output of a model.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Port {
+pub struct TensorSpec {
     /// Its name in the graph.
     pub name: String,
-    /// Element type.
-    pub element: Element,
-    /// Sides, `None` where free; `None` as a whole when the file says nothing.
+    /// Type of the elements.
+    pub element: ElementType,
+    /// Sides, `None` for a free one; `None` as a whole when the file does not contain the shape.
     pub shape: Option<Vec<Option<usize>>>,
 }
 
-impl fmt::Display for Port {
+impl fmt::Display for TensorSpec {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let element = match &self.element {
-            Element::F32 => "float32",
-            Element::Other(name) => name,
+            ElementType::F32 => "float32",
+            ElementType::Other(name) => name,
         };
         let Some(shape) = &self.shape else {
             return write!(f, "'{}' of {element} without a shape", self.name);
@@ -58,23 +64,23 @@ impl fmt::Display for Port {
 
 /// Names and sizes of a model that this node can read.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Layout {
+pub struct ModelLayout {
     /// Name of the image input.
     pub input: String,
     /// Name of the output with the rows.
     pub output: String,
     /// (height, width) of the input where the model fixes them.
     pub size: Option<(usize, usize)>,
-    /// Class names.
-    pub names: Names,
+    /// Names of the classes.
+    pub names: ClassNames,
 }
 
-impl Layout {
-    /// Judges `signature`, and reads the names: from the metadata, else from a
-    /// file `<model>.names`, else none.
+impl ModelLayout {
+    /// Judges `signature`, and reads the names: from the metadata, else from a file `<model>.names`, else there are no
+    /// names.
     ///
     /// # Errors
-    /// [`EngineError::Shape`] with what was found and what is needed.
+    /// [`EngineError::Shape`] with the found and the needed shape.
     pub fn of(model: &Path, signature: &Signature) -> Result<Self, EngineError> {
         let refuse = |found, needed| EngineError::Shape { model: model.display().to_string(), found, needed };
         let (input, size) = image_input(&signature.inputs)
@@ -88,14 +94,14 @@ impl Layout {
             input: input.to_owned(),
             output: output.name.clone(),
             size,
-            names: Names::of(model, signature.names.as_deref()),
+            names: ClassNames::of(model, signature.names.as_deref()),
         })
     }
 }
 
-/// Name of the only input, and the size that it fixes, if any.
-fn image_input(inputs: &[Port]) -> Option<(&str, Option<(usize, usize)>)> {
-    let [Port { name, element: Element::F32, shape: Some(shape) }] = inputs else { return None };
+/// Returns the name of the only input, and the size that it fixes, if any.
+fn image_input(inputs: &[TensorSpec]) -> Option<(&str, Option<(usize, usize)>)> {
+    let [TensorSpec { name, element: ElementType::F32, shape: Some(shape) }] = inputs else { return None };
     match shape[..] {
         [Some(1) | None, Some(3) | None, Some(height), Some(width)] if height > 0 && width > 0 => {
             Some((name, Some((height, width))))
@@ -105,30 +111,30 @@ fn image_input(inputs: &[Port]) -> Option<(&str, Option<(usize, usize)>)> {
     }
 }
 
-/// Whether the file allows this output to be rows; the warm-up looks at the
-/// real shape, which a file may leave open.
-fn gives_rows(port: &Port) -> bool {
+/// Returns whether the file allows this output to be rows; the warm-up looks at the real shape, which a file may leave
+/// open.
+fn gives_rows(port: &TensorSpec) -> bool {
     let possible = match port.shape.as_deref() {
         Some([batch, _, columns]) => batch.is_none_or(|n| n == 1) && columns.is_none_or(|n| n == 6),
         Some(_) => false,
         None => true,
     };
-    possible && port.element == Element::F32
+    possible && port.element == ElementType::F32
 }
 
-fn list(ports: &[Port]) -> String {
+fn list(ports: &[TensorSpec]) -> String {
     if ports.is_empty() {
         return "missing".to_owned();
     }
-    ports.iter().map(Port::to_string).collect::<Vec<_>>().join(" and ")
+    ports.iter().map(TensorSpec::to_string).collect::<Vec<_>>().join(" and ")
 }
 
-/// What a model is, for people.
+/// A description of a model for people.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ModelInfo {
     /// The engine that loaded it, `ort` or `rten`.
     pub engine: &'static str,
-    /// The library used, or why this engine.
+    /// Path of the library, or the reason for this engine.
     pub note: String,
     /// Name of the image input.
     pub input: String,
@@ -142,19 +148,18 @@ pub struct ModelInfo {
     pub threads: usize,
 }
 
-/// Loads `model` and tells what it is. `threads` 0 = all cores.
+/// Loads `model` and describes it. `threads` = 0 stands for all cores.
 ///
 /// # Errors
 /// [`DetectorError::Engine`] as at the start of a detector.
 pub fn describe(model: &Path, engine: EngineChoice, threads: usize) -> Result<ModelInfo, DetectorError> {
     let threads = cores(threads);
-    let opened = engine::open(model, engine, threads)?;
-    let layout = opened.engine.layout();
+    let OpenedEngine { name, layout, note, .. } = engine::open(model, engine, threads)?;
     Ok(ModelInfo {
-        engine: opened.engine.name(),
-        note: opened.note.clone(),
-        input: layout.input.clone(),
-        output: layout.output.clone(),
+        engine: name,
+        note,
+        input: layout.input,
+        output: layout.output,
         size: layout.size,
         classes: layout.names.all(),
         threads: threads.get(),

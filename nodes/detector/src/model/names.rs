@@ -1,18 +1,17 @@
-//! [`Names`]: what a model calls its classes.
+//! [`ClassNames`]: the names of the classes of a model.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Largest class index that is believed; a broken file must not cost gigabytes.
+/// Largest valid class index; a broken file must not cost gigabytes of memory.
 const MOST: usize = 65_535;
 
 /// Class names by index.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Names(BTreeMap<usize, String>);
+pub struct ClassNames(BTreeMap<usize, String>);
 
-impl Names {
-    /// From the metadata text, else from `<model>.names` (one name a line)
-    /// beside the model, else none.
+impl ClassNames {
+    /// Reads the names from the metadata, or else from `<model>.names` (one name a line) beside the model. There may be no names.
     pub fn of(model: &Path, metadata: Option<&str>) -> Self {
         let from_metadata = metadata.and_then(python_dict).filter(|names| !names.is_empty());
         let names = from_metadata.or_else(|| {
@@ -22,7 +21,7 @@ impl Names {
         Self(names.unwrap_or_default())
     }
 
-    /// The name of `class`; its number where the model has none.
+    /// Returns the name of `class`; its number when the model has no name for it.
     pub fn name(&self, class: usize) -> String {
         match self.0.get(&class) {
             Some(name) if !name.is_empty() => name.clone(),
@@ -30,15 +29,15 @@ impl Names {
         }
     }
 
-    /// All names by index, gaps filled with their number.
+    /// Returns all names by index, gaps filled with their number.
     pub fn all(&self) -> Vec<String> {
         let count = self.0.last_key_value().map_or(0, |(&last, _)| last + 1);
         (0..count).map(|class| self.name(class)).collect()
     }
 }
 
-/// Reads `{0: 'person', 1: "driver's seat"}`, as Python writes a dict, or the
-/// same as JSON (`{"0": "person"}`). `None` when it is anything else.
+/// Reads `{0: 'person', 1: "driver's seat"}`, as Python writes a dict, or the same as JSON (`{"0": "person"}`). `None`
+/// when it is anything else.
 fn python_dict(text: &str) -> Option<BTreeMap<usize, String>> {
     let mut rest = text.trim().strip_prefix('{')?.strip_suffix('}')?.trim();
     let mut names = BTreeMap::new();
@@ -57,8 +56,7 @@ fn python_dict(text: &str) -> Option<BTreeMap<usize, String>> {
     Some(names)
 }
 
-/// A quoted string and what follows it; a backslash takes the next character
-/// as it is.
+/// Returns a quoted string and the text after it. A backslash takes the next character literally.
 fn quoted(text: &str) -> Option<(String, &str)> {
     let quote = text.chars().next().filter(|quote| matches!(quote, '\'' | '"'))?;
     let mut name = String::new();
@@ -82,7 +80,7 @@ mod tests {
     #[test]
     fn reads_what_python_writes() {
         let names = python_dict(r#"{0: 'person', 2: "driver's seat", 3: 'a\'b', 4: 'x: y, z'}"#);
-        let names = Names(names.expect("a dict"));
+        let names = ClassNames(names.expect("a dict"));
         assert_eq!(names.all(), ["person", "1", "driver's seat", "a'b", "x: y, z"]);
         assert_eq!(names.name(99), "99");
         assert_eq!(python_dict("{}"), Some(BTreeMap::new()));
@@ -96,7 +94,7 @@ mod tests {
         fn any_list_written_as_python_does_is_read_back(list in prop::collection::vec("[^\\x00]{1,8}", 0..9)) {
             let escaped = |name: &String| name.replace('\\', "\\\\").replace('\'', "\\'");
             let items: Vec<_> = list.iter().enumerate().map(|(i, n)| format!("{i}: '{}'", escaped(n))).collect();
-            let read = python_dict(&format!("{{{}}}", items.join(", "))).map(Names);
+            let read = python_dict(&format!("{{{}}}", items.join(", "))).map(ClassNames);
             prop_assert_eq!(read.map(|names| names.all()), Some(list));
         }
 

@@ -1,4 +1,4 @@
-//! [`measure`]: how long a model takes. Inference alone, without image work.
+//! [`measure`]: the time of an inference, without image processing.
 
 use std::num::NonZeroUsize;
 use std::path::Path;
@@ -6,14 +6,14 @@ use std::path::Path;
 use modulo_runtime::Clock;
 use ndarray::Array4;
 
-use super::cores;
-use crate::engine::{self, Engine, EngineChoice, EngineError};
+use super::{ModelLayout, cores};
+use crate::engine::{self, Engine, EngineChoice, EngineError, OpenedEngine};
 use crate::error::DetectorError;
 
 /// Runs before the first timed one: buffers grow and caches fill in them.
 const WARM_UP: usize = 3;
 
-/// How long one inference takes at one size.
+/// The duration of one inference at one size.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Speed {
     /// Rows of the input.
@@ -24,9 +24,8 @@ pub struct Speed {
     pub median_ns: u64,
 }
 
-/// Times `runs` inferences of `model` on a grey image at each of `sizes`
-/// (height, width; multiples of 32). A model that fixes its size is timed at
-/// that one alone. `threads` 0 = all cores.
+/// Times `runs` inferences of `model` on a grey image at each of `sizes` (height, width; multiples of 32). A model that
+/// fixes its size is timed at that size only. `threads` = 0 stands for all cores.
 ///
 /// # Errors
 /// [`DetectorError::Engine`] when the model does not load or not run.
@@ -38,8 +37,8 @@ pub fn measure(
     runs: NonZeroUsize,
     clock: &dyn Clock,
 ) -> Result<Vec<Speed>, DetectorError> {
-    let mut engine = engine::open(model, engine, cores(threads))?.engine;
-    let fixed = engine.layout().size;
+    let OpenedEngine { mut engine, layout: ModelLayout { size: fixed, .. }, .. } =
+        engine::open(model, engine, cores(threads))?;
     let sizes = fixed.as_ref().map_or(sizes, std::slice::from_ref);
     let speed = |&(height, width): &(usize, usize)| {
         let median_ns = median(engine.as_mut(), (height, width), runs, clock)?;

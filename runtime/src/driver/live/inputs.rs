@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use super::{Event, EventQueue};
 use crate::driver::keeps_latest;
-use crate::name::NodeName;
-use crate::queue::{Keep, Lane, Tally};
+use crate::graph::NodeName;
+use crate::graph::Qos;
 use crate::report::{NodeReport, add};
-use crate::topic::Qos;
+use crate::transport::queue::{Keep, Lane, LaneCounts};
 use crate::transport::{Address, Guard, Transport, TransportError};
 
 /// Messages of a results topic that wait for a busy node.
@@ -46,15 +46,19 @@ impl Inputs {
         self.lanes.iter().position(|&open| open == lane)
     }
 
-    /// Adds what these subscriptions have received and lost so far to `report`; what waits has not been received yet.
+    /// Adds the counts of these subscriptions so far to `report`; messages that still wait do not count as received.
     pub fn count(&self, queue: &EventQueue, report: &mut NodeReport) {
         for (address, &lane) in self.addresses.iter().zip(&self.lanes) {
-            let tally = queue.tally(lane);
-            book(report, address, Tally { received: tally.received - tally.unread, unread: 0, ..tally });
+            let counts = queue.counts(lane);
+            book(
+                report,
+                address,
+                LaneCounts { received: counts.received - counts.unread, unread: 0, ..counts },
+            );
         }
     }
 
-    /// Ends the subscriptions and books what they received and lost.
+    /// Ends the subscriptions and adds their counts to `report`.
     pub fn close(mut self, queue: &EventQueue, report: &mut NodeReport) {
         self.subscriptions.clear();
         for (address, &lane) in self.addresses.iter().zip(&self.lanes) {
@@ -63,11 +67,11 @@ impl Inputs {
     }
 }
 
-fn book(report: &mut NodeReport, Address { topic, qos, .. }: &Address, tally: Tally) {
-    add(&mut report.received, topic, tally.received - tally.overflowed);
-    add(&mut report.replaced, topic, tally.replaced);
-    add(&mut report.lost, topic, tally.lost());
-    add(&mut report.unread, topic, tally.unread);
+fn book(report: &mut NodeReport, Address { topic, qos, .. }: &Address, counts: LaneCounts) {
+    add(&mut report.received, topic, counts.received - counts.overflowed);
+    add(&mut report.replaced, topic, counts.replaced);
+    add(&mut report.lost, topic, counts.lost());
+    add(&mut report.unread, topic, counts.unread);
     let of_its_kind = match qos {
         Qos::Images | Qos::Clock => &mut report.best_effort,
         Qos::Latched => &mut report.latched,

@@ -1,6 +1,4 @@
-//! The live driver: one node on a transport, until its source is over or it is
-//! told to stop. The newest frame wins, and each replaced one is counted; only a
-//! source of rate 0 waits for its readers ([`pacing`]).
+//! The live driver: one node on a transport, until its source is over or it is asked to stop. The newest frame wins, and each replaced one is counted; only a source of rate 0 waits for its readers ([`pacing`]).
 
 mod inputs;
 mod pacing;
@@ -11,48 +9,45 @@ use std::time::Duration;
 
 use modulo_msgs::std_msgs::Time;
 
-use super::{RunError, addresses, status_of, wait_for};
-use crate::clock::Clock;
-use crate::diagnostics::Diagnostics;
+use super::{GRAPH_GLANCE, RunError, addresses, status_of, stream_of, wait_for, wait_until_ready};
+use crate::clock::{Clock, nanos as nanoseconds};
+use crate::graph::NodeName;
+use crate::graph::diagnostics::Diagnostics;
+use crate::graph::node_time::NodeTime;
 use crate::message::{Message, MessageKind};
-use crate::name::NodeName;
 use crate::node::{Context, Flow, Node, StepError, StepOutput, Trigger};
-use crate::node_time::NodeTime;
 use crate::parameter::events::ParameterEvents;
 use crate::parameter::{ParameterError, Parameters};
-use crate::queue::{Arrived, Keep, Lane, Limit, Next, Queue, Queued};
+use crate::process::report_file::{ReportFile, WriteReason};
+use crate::process::saved_state::SavedState;
+use crate::process::stop::{Stop, Urgency};
 use crate::report::{NodeReport, add};
-use crate::report_file::{Moment, ReportFile};
-use crate::saved_state::SavedState;
-use crate::stop::{Stop, Urgency};
 use crate::transport::attachment::Attachment;
+use crate::transport::queue::{Arrived, Keep, Lane, Limit, Next, Queue, Queued};
 use crate::transport::{
     Address, Guard, Incoming, ParameterPort, ParameterRequest, Publisher, Transport, TransportError,
 };
 use inputs::Inputs;
 use pacing::Pacing;
 
-/// How often the graph is looked at while a change in it is awaited.
-const GRAPH_GLANCE: Duration = Duration::from_millis(20);
-/// How often a node without work looks at what is due each second.
+/// Time after which a node without work looks at the tasks of each second.
 const IDLE: Duration = Duration::from_millis(250);
-/// A draining node gives up this long after its last message, even if its
-/// upstream is still there.
+/// A draining node gives up this long after its last message, even if its upstream is still there.
 const DRAIN_LIMIT_NS: u64 = 2_000_000_000;
 /// Parameter requests that wait for a busy node; each caller waits for its answer.
 const REQUESTS: usize = 64;
 
 /// The node that is to be run.
-pub struct Subject {
-    /// The step.
+pub struct NodeSetup {
+    /// The node.
     pub node: Box<dyn Node>,
-    /// Its parameters.
+    /// Parameters of the node.
     pub parameters: Parameters,
     /// Its name and remaps.
     pub node_name: NodeName,
-    /// Where its parameters and its position outlast a crash.
+    /// File that keeps the parameters and the position of the node over a crash.
     pub saved: Option<SavedState>,
-    /// Where its account outlasts a crash.
+    /// File that keeps the report of the node over a crash.
     pub report_file: Option<ReportFile>,
 }
 
@@ -106,17 +101,17 @@ struct Live<'a> {
     parameter_events: ParameterEvents,
 }
 
-/// Runs a node until it is done; returns what it did.
+/// Runs a node until it is done, and returns its report.
 ///
 /// # Errors
 /// [`RunError`] when a name, the transport or the step itself fails.
 pub fn run(
-    subject: Subject,
+    setup: NodeSetup,
     transport: &dyn Transport,
     clock: &Arc<dyn Clock>,
     stop: Stop,
 ) -> Result<NodeReport, RunError> {
-    let Subject { node, parameters, node_name, saved, report_file } = subject;
+    let NodeSetup { node, parameters, node_name, saved, report_file } = setup;
     let outputs = addresses(&node_name, &node.outputs())?;
     let publishers = outputs
         .into_iter()
@@ -157,7 +152,7 @@ impl Live<'_> {
         let served = self.serve_parameters()?;
         let announced = self.transport.announce(&self.node_name)?;
         self.parameter_events.started(self.time.now_ns(), &self.settings());
-        self.keep_account(Moment::Edge);
+        self.keep_account(WriteReason::Edge);
         tracing::info!(node = %self.report.node, "ready");
         let ended = match self.node.period() {
             Some(_) => self.run_source(),
@@ -176,9 +171,9 @@ impl Live<'_> {
     }
 
     /// Brings the account on the disk up to date when that is due.
-    fn keep_account(&mut self, moment: Moment) {
+    fn keep_account(&mut self, reason: WriteReason) {
         let now = self.time.ticks_ns();
-        let Some(file) = self.report_file.as_mut().filter(|file| file.is_due(moment, now)) else { return };
+        let Some(file) = self.report_file.as_mut().filter(|file| file.is_due(reason, now)) else { return };
         let mut report = NodeReport { running: true, ..self.report.clone() };
         self.inputs.count(&self.queue, &mut report);
         report.status.extend(status_of(&*self.node));
@@ -186,19 +181,10 @@ impl Live<'_> {
     }
 
     fn wait_for_others(&self) -> Result<(), RunError> {
-        let (mut missing, patience) = wait_for(&self.node_name, &self.settings())?;
-        let start = self.time.ticks_ns();
-        loop {
-            missing.retain(|node| !self.transport.is_ready(node));
-            if missing.is_empty() || self.stop.urgency() != Urgency::None {
-                return Ok(());
-            }
-            if self.time.ticks_ns().saturating_sub(start) > nanoseconds(patience) {
-                let (node, seconds) = (self.report.node.clone(), patience.as_secs());
-                return Err(RunError::Waited { node, seconds, missing: missing.join(", ") });
-            }
-            std::thread::sleep(GRAPH_GLANCE);
-        }
+        let (nodes, patience) = wait_for(&self.node_name, &self.settings())?;
+        wait_until_ready(self.transport, &self.time, nodes, patience, &self.stop).map_err(|missing| {
+            RunError::Waited { node: self.report.node.clone(), seconds: patience.as_secs(), missing }
+        })
     }
 
     fn subscribe(&mut self) -> Result<(), RunError> {
@@ -212,6 +198,7 @@ impl Live<'_> {
         Ok(())
     }
 
+    /// Offers the parameters to the graph. A request waits in the queue of the node for the end of a step.
     fn serve_parameters(&self) -> Result<Guard, TransportError> {
         let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::All));
         let parameters = self.parameters.clone();
@@ -234,8 +221,8 @@ impl Live<'_> {
             return Ok(());
         }
         let answer = self.change(request);
-        if let Err(refusal) = &answer {
-            tracing::warn!(node = %self.report.node, "{refusal}");
+        if let Err(why) = &answer {
+            tracing::warn!(node = %self.report.node, "{why}");
         }
         self.subscribe()?;
         self.time.follow(&self.settings(), &self.node_name, self.transport)?;
@@ -251,7 +238,7 @@ impl Live<'_> {
         if let Some(saved) = &self.saved {
             saved.keep(&next);
         }
-        // Stored before it is told: a listener that asks back reads the new value.
+        // Stored before the event is sent: a listener that asks back reads the new value.
         *self.parameters.lock().unwrap_or_else(PoisonError::into_inner) = next.clone();
         self.parameter_events.changed(self.time.now_ns(), &before, &next);
         Ok(())
@@ -289,7 +276,7 @@ impl Live<'_> {
         }
     }
 
-    /// Whether more messages can come.
+    /// Returns whether more messages can come.
     fn has_upstream(&self) -> bool {
         self.inputs.addresses.iter().any(|address| !self.transport.publishers(&address.topic).is_empty())
     }
@@ -343,10 +330,7 @@ impl Live<'_> {
 
     /// Runs one step; returns the messages that it left. `topic` is named when the step skips its input.
     fn step(&mut self, trigger: Trigger, topic: &str) -> Result<(Flow, Vec<(usize, Message)>), RunError> {
-        let stream = match &trigger {
-            Trigger::Message { input, .. } => self.node.inputs().get(*input).map(|topic| topic.name.clone()),
-            Trigger::Tick => None,
-        };
+        let stream = stream_of(&*self.node, &trigger);
         let wanted: Vec<bool> = self.publishers.iter().map(|(_, publisher)| publisher.wanted()).collect();
         let mut cx = Context::new(&self.report.node, &self.time, &wanted);
         let result = self.node.step(trigger, &mut cx);
@@ -363,12 +347,12 @@ impl Live<'_> {
                     add(&mut self.report.bad, topic, 1);
                 }
                 self.send_all(&output.messages);
-                Err(RunError::Fatal { node: self.report.node.clone(), why })
+                Err(RunError::Fatal(self.report.node.clone(), why))
             }
         }
     }
 
-    /// Books what a step has left, before it is sent: what a crash keeps from being sent is missed by its readers.
+    /// Counts the output of a step before it is sent: messages that a crash keeps from being sent are then missed by their readers.
     fn book(&mut self, output: &StepOutput, stream: Option<&str>) {
         for (stage, duration) in &output.stages {
             self.report.book_stage(stage, *duration);
@@ -387,7 +371,7 @@ impl Live<'_> {
 
     /// Brings the accounts on the disk up to date, and then sends `messages`.
     fn send_all(&mut self, messages: &[(usize, Message)]) {
-        self.keep_account(if self.node.period().is_some() { Moment::Source } else { Moment::Step });
+        self.keep_account(if self.node.period().is_some() { WriteReason::Source } else { WriteReason::Step });
         if let (Some(saved), Some(position)) = (&self.saved, self.node.position()) {
             saved.keep_position(position);
         }
@@ -405,9 +389,9 @@ impl Live<'_> {
         }
     }
 
-    /// Once a second, the node tells on `/diagnostics` and in its file how it does.
+    /// Once a second, publishes the state of the node on `/diagnostics` and writes it to its report file.
     fn tell_when_due(&mut self) {
-        self.keep_account(Moment::Idle);
+        self.keep_account(WriteReason::Idle);
         if self.diagnostics.is_due(&self.time) {
             let mut report = self.report.clone();
             self.inputs.count(&self.queue, &mut report);
@@ -419,8 +403,4 @@ impl Live<'_> {
         tracing::warn!(node = %self.report.node, topic, "skipped: {why}");
         add(&mut self.report.bad, topic, 1);
     }
-}
-
-fn nanoseconds(duration: Duration) -> u64 {
-    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
 }

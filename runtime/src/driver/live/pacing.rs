@@ -13,8 +13,8 @@ use std::sync::Arc;
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 
+use crate::graph::Topic;
 use crate::message::{Message, MessageKind};
-use crate::topic::Topic;
 use crate::transport::Transport;
 
 /// Where nodes tell which frame they have taken; `ros2 topic list` hides it, as
@@ -86,7 +86,7 @@ pub(super) fn images<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::name::NodeName;
+    use crate::graph::NodeName;
     use crate::transport::local::LocalTransport;
     use crate::transport::{Address, Guard, Publisher};
 

@@ -8,8 +8,8 @@ use crate::clock::Clock;
 use crate::driver::RunError;
 use crate::message::Message;
 use crate::node::{Flow, Trigger};
+use crate::process::stop::Urgency;
 use crate::queue::{Keep, Next};
-use crate::stop::Urgency;
 use crate::transport::{Address, Guard};
 
 /// A paced source goes on when a reader that is there has not taken a frame for this long.

@@ -1,11 +1,10 @@
-//! The wire: the suite's nodes on a zenoh session, speaking the rmw_zenoh
-//! convention. The only folder that names zenoh.
+//! The wire: the suite's nodes on a zenoh session, speaking the rmw_zenoh convention. The only folder that names zenoh.
 //!
-//! Sessions of one machine find each other without a router: the first one
-//! listens on a loopback port of the domain, all others connect to it and learn
-//! of each other there. When it ends, the next new session takes its node_name. A
-//! router on port 7447 is used when there is one.
+//! Sessions of one machine find each other without a router: the first one listens on a loopback port of the domain,
+//! all others connect to it and learn of each other there. When it ends, the next new session takes its place. A router
+//! on port 7447 is used when there is one.
 
+mod listen;
 mod service;
 mod session;
 mod topic;
@@ -20,15 +19,15 @@ use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
 use zenoh::{Session, Wait};
 
+pub use listen::TopicListener;
 pub use service::{RawAnswer, RawService};
 pub use session::meeting_port;
-pub use topic::RawOutlet;
+pub use topic::RawPublisher;
 
-use super::graph::Graph;
 use super::keys::{self, Endpoint, EntityKind, Hashes, Token};
 use super::{Address, Deliver, Guard, Incoming, ParameterPort, Publisher, Transport, TransportError};
 use crate::clock::Clock;
-use crate::name::NodeName;
+use crate::graph::{Graph, NodeName};
 
 /// A zenoh session in one ROS domain.
 pub struct ZenohTransport {
@@ -43,12 +42,10 @@ pub struct ZenohTransport {
 }
 
 impl ZenohTransport {
-    /// Opens a session in `domain`. `ZENOH_SESSION_CONFIG_URI` replaces the
-    /// configuration, `ZENOH_CONFIG_OVERRIDE` ("key=json5;key=json5") changes
-    /// single keys of it. `hashes` is what the others of the domain write.
+    /// Opens a session in `domain`. `ZENOH_SESSION_CONFIG_URI` replaces the configuration, `ZENOH_CONFIG_OVERRIDE` ("key=json5;key=json5") changes single keys of it. `hashes` is the form that the other nodes of the domain use.
     ///
     /// # Errors
-    /// [`TransportError`] with what zenoh says.
+    /// [`TransportError`] with the error of zenoh.
     pub fn open(domain: u32, hashes: Hashes, clock: Arc<dyn Clock>) -> Result<Self, TransportError> {
         let session = session::open_session(domain)?;
         let graph = Arc::new(Mutex::new(Graph::default()));
@@ -65,7 +62,7 @@ impl ZenohTransport {
         })
     }
 
-    /// The graph as it is now.
+    /// Returns the graph as it is now.
     pub fn graph(&self) -> Graph {
         lock(&self.graph).clone()
     }
@@ -105,7 +102,7 @@ impl ZenohTransport {
             .map_err(|why| TransportError::new(format!("token {key}"), why))
     }
 
-    /// What stands for `hash` on this wire.
+    /// Returns the form of `hash` on this wire.
     fn hash(&self, hash: String) -> String {
         match self.hashes {
             Hashes::Rihs01 => hash,
@@ -163,7 +160,7 @@ impl Transport for ZenohTransport {
         lock(&self.graph).endpoints(EntityKind::Subscription, topic).map(Token::node_name).collect()
     }
 
-    /// A token's end travels in another queue than the data and may overtake it.
+    /// The end of a token travels in another queue than the data and may overtake it.
     fn settling(&self) -> Duration {
         Duration::from_millis(300)
     }

@@ -10,19 +10,19 @@ use zenoh::query::{ConsolidationMode, Query, QueryTarget};
 
 use super::{ZenohTransport, stamp};
 use crate::clock::Clock;
-use crate::name::NodeName;
+use crate::graph::NodeName;
+use crate::graph::type_description;
 use crate::parameter::service::Service;
-use crate::queue::{Keep, Limit, Next, Queue, Queued};
 use crate::transport::attachment::Attachment;
 use crate::transport::keys::{self, Endpoint, EntityKind};
+use crate::transport::queue::{Keep, Limit, Next, Queue, Queued};
 use crate::transport::{Guard, ParameterPort, TransportError};
-use crate::type_description_service;
 
 impl ZenohTransport {
     /// Calls a service and waits for its answer.
     ///
     /// # Errors
-    /// [`TransportError`] when nobody answers within `patience`.
+    /// [`TransportError`] when no server answers within `patience`.
     pub fn call(
         &self,
         service: &str,
@@ -30,7 +30,7 @@ impl ZenohTransport {
         request: Vec<u8>,
         patience: Duration,
     ) -> Result<Vec<u8>, TransportError> {
-        let endpoint = self.service_endpoint(service.to_owned(), ros_type);
+        let endpoint = self.service_endpoint(service.to_owned(), ros_type)?;
         let failed = |why: &dyn std::fmt::Display| TransportError::new(format!("call of {service}"), why);
         let attachment = Attachment { sequence: 1, stamp_ns: stamp(&*self.clock), gid: [0; 16] };
         let replies = self
@@ -50,7 +50,7 @@ impl ZenohTransport {
         }
     }
 
-    /// A server with another hash is another key to zenoh.
+    /// Returns a server with another hash is another key to zenoh.
     fn why_nobody_answers(&self, asked: &Endpoint) -> String {
         let graph = self.graph();
         let servers = graph.endpoints(EntityKind::Server, &asked.topic);
@@ -62,21 +62,20 @@ impl ZenohTransport {
             Some(other) => {
                 format!("the node has {}, this command {}", other.type_hash, asked.type_hash)
             }
-            None => "nobody answered; is the node there?".to_owned(),
+            None => "no node answered; is it running?".to_owned(),
         }
     }
 
-    /// The services that every ROS 2 node has.
+    /// Returns the services that every ROS 2 node has.
     pub(super) fn serve(&self, node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError> {
         self.serve_raw(node, handlers(port))
     }
 
-    /// Queryables that feed one thread: a request may wait for the frame at
-    /// hand, and zenoh's own threads must not wait with it. A caller for whom
-    /// there is no room is answered with an error at once.
+    /// Queryables that feed one thread: a request may wait for the frame at hand, and zenoh's own threads must not wait
+    /// with it. A caller for whom there is no room is answered with an error at once.
     ///
     /// # Errors
-    /// [`TransportError`] with what zenoh says.
+    /// [`TransportError`] with the error of zenoh.
     pub fn serve_raw(&self, node: &NodeName, handlers: Vec<RawService>) -> Result<Guard, TransportError> {
         let queue = Arc::new(Queue::new(self.clock.clone(), Limit { messages: CALLS, bytes: usize::MAX }));
         let lane = queue.open(Keep::All);
@@ -84,7 +83,7 @@ impl ZenohTransport {
         for (index, handler) in handlers.iter().enumerate() {
             let topic = format!("{}/{}", node.fully_qualified(), handler.name);
             let endpoint =
-                Endpoint { qos: handler.qos.to_owned(), ..self.service_endpoint(topic, handler.ros_type) };
+                Endpoint { qos: handler.qos.to_owned(), ..self.service_endpoint(topic, handler.ros_type)? };
             let queue = queue.clone();
             let queryable = self
                 .session
@@ -117,13 +116,16 @@ impl ZenohTransport {
         Ok(Box::new((guards, EndCalls(queue))))
     }
 
-    fn service_endpoint(&self, name: String, ros_type: &str) -> Endpoint {
-        Endpoint {
+    fn service_endpoint(&self, name: String, ros_type: &str) -> Result<Endpoint, TransportError> {
+        let unknown =
+            || TransportError::new(format!("service {name}"), format!("type {ros_type} is unknown"));
+        let type_hash = modulo_msgs::type_hash(ros_type).ok_or_else(unknown)?;
+        Ok(Endpoint {
             topic: name,
             dds_type: modulo_msgs::dds_name(ros_type),
-            type_hash: self.hash(modulo_msgs::type_hash(ros_type).unwrap_or_default()),
+            type_hash: self.hash(type_hash),
             qos: keys::SERVICE_QOS.to_owned(),
-        }
+        })
     }
 }
 
@@ -148,47 +150,47 @@ impl Drop for EndCalls {
     }
 }
 
-/// Tells the caller why it gets no response.
+/// Sends an error to the caller in place of a response.
 fn refuse(query: &Query, why: &str) {
     if let Err(failed) = query.reply_err(why).wait() {
         tracing::debug!("a caller is gone: {failed}");
     }
 }
 
-/// One service of a node, in CDR with its encapsulation header.
+/// One service of a node. Requests and responses are CDR with its encapsulation header.
 pub struct RawService {
     /// Name below the node's.
     pub name: &'static str,
-    /// Such as `std_srvs/srv/Trigger`.
+    /// ROS name of the type, such as `std_srvs/srv/Trigger`.
     pub ros_type: &'static str,
-    /// As tokens carry it.
+    /// QoS string for the token.
     pub qos: &'static str,
-    /// From request to response; an error is logged and sent to the caller.
+    /// Computes the response to a request; an error is logged and sent to the caller.
     pub answer: RawAnswer,
 }
 
-/// From a request's bytes to a response's.
+/// Computes the bytes of the response from the bytes of the request.
 pub type RawAnswer = Box<dyn Fn(&[u8]) -> Result<Vec<u8>, Box<dyn Error>> + Send>;
 
 fn handlers(port: ParameterPort) -> Vec<RawService> {
     let port = Arc::new(port);
-    let parameters = Service::ALL.map(|service| {
+    let parameters = Service::ALL.iter().map(|service| {
         let (name, ros_type) = service.name_and_type();
         let port = port.clone();
         let answer = Box::new(move |request: &[u8]| Ok(service.answer(request, &port)?));
         RawService { name, ros_type, qos: keys::PARAMETER_QOS, answer }
     });
-    let (name, ros_type) = type_description_service::NAME_AND_TYPE;
+    let (name, ros_type) = type_description::NAME_AND_TYPE;
     let described = RawService {
         name,
         ros_type,
         qos: keys::SERVICE_QOS,
-        answer: Box::new(|request| Ok(type_description_service::answer(request)?)),
+        answer: Box::new(|request| Ok(type_description::answer(request)?)),
     };
-    parameters.into_iter().chain([described]).collect()
+    parameters.chain([described]).collect()
 }
 
-/// Answers one service call; a call without payload or attachment is none.
+/// Answers one service call. A call without payload or attachment is an error.
 fn reply(handler: &RawService, query: &Query, clock: &dyn Clock) -> Result<(), String> {
     let attachment = query.attachment().map(|a| a.to_bytes());
     let caller = attachment.as_deref().and_then(Attachment::parse).ok_or("a request without attachment")?;

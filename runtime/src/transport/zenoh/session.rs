@@ -7,7 +7,7 @@ use super::TransportError;
 /// First of the loopback ports on which sessions meet, one a domain.
 const MEETING_PORT: u16 = 7450;
 
-/// What a session is to the others of its machine.
+/// The part of a session in the meeting of the sessions of a machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Role {
     /// Listens on the meeting port.
@@ -16,14 +16,14 @@ enum Role {
     Guest,
 }
 
-/// A session in `domain`, on the meeting port where that is free.
+/// Returns a session in `domain`, on the meeting port where that is free.
 pub(super) fn open_session(domain: u32) -> Result<Session, TransportError> {
     let open = |role| {
         let opened = zenoh::open(configuration(domain, role)?).wait();
         opened.map_err(|why| TransportError::new(format!("zenoh session, domain {domain}"), why))
     };
-    // Another session may take the port between the look and the opening; the
-    // operating system lets one of them have it.
+    // Another session may take the port between the look and the opening; the operating system lets one of them have
+    // it.
     let free = std::net::TcpListener::bind(("127.0.0.1", meeting_port(domain))).is_ok();
     if free && let Ok(session) = open(Role::Host) {
         return Ok(session);
@@ -31,7 +31,7 @@ pub(super) fn open_session(domain: u32) -> Result<Session, TransportError> {
     open(Role::Guest)
 }
 
-/// The loopback port on which the sessions of `domain` meet.
+/// Returns the loopback port on which the sessions of `domain` meet.
 pub fn meeting_port(domain: u32) -> u16 {
     u16::try_from(domain).unwrap_or(u16::MAX).saturating_add(MEETING_PORT)
 }
@@ -65,9 +65,8 @@ fn insert(config: &mut Config, key: &str, value: &str) -> Result<(), TransportEr
         .map_err(|why| TransportError::new(format!("zenoh configuration {key} = {value}"), why))
 }
 
-/// rmw_zenoh's session, plus the meeting port, plus queues that hold a whole
-/// image: with zenoh's default of two batches a 1.4 MB image is dropped as soon
-/// as its reader is a millisecond late.
+/// rmw_zenoh's session, plus the meeting port, plus queues that hold a whole image: with zenoh's default of two batches
+/// a 1.4 MB image is dropped as soon as its reader is a millisecond late.
 fn defaults(domain: u32, role: Role) -> Vec<(&'static str, String)> {
     let meeting = format!("\"tcp/127.0.0.1:{}\"", meeting_port(domain));
     let (listen, connect) = match role {
@@ -83,7 +82,7 @@ fn defaults(domain: u32, role: Role) -> Vec<(&'static str, String)> {
         ("listen/endpoints", format!("[\"tcp/127.0.0.1:0\"{listen}]")),
         ("listen/exit_on_failure", "true".into()),
         ("listen/timeout_ms", "0".into()),
-        // Nobody else has to be there.
+        // A session also works without any other session.
         ("open/return_conditions/connect_scouted", "false".into()),
         ("scouting/multicast/enabled", "false".into()),
         ("scouting/gossip/enabled", "true".into()),

@@ -17,19 +17,18 @@ use zenoh_ext::{
 
 use super::{ZenohTransport, stamp};
 use crate::clock::Clock;
+use crate::graph::NodeName;
 use crate::message::Message;
-use crate::name::NodeName;
 use crate::transport::attachment::Attachment;
 use crate::transport::keys::{Endpoint, EntityKind};
-use crate::transport::payload::Payload;
 use crate::transport::profile::{self, Durability, Profile};
-use crate::transport::{Guard, Publisher, RawSample, TransportError};
+use crate::transport::{Guard, Payload, Publisher, RawSample, TransportError};
 
-/// How often a publisher for late readers says the number of its last sample.
+/// Interval at which a publisher for late readers sends the number of its last sample.
 const HEARTBEAT: Duration = Duration::from_secs(1);
 
 /// A publisher of ready-made CDR. Dropping it takes it out of the graph.
-pub struct RawOutlet {
+pub struct RawPublisher {
     publisher: AdvancedPublisher<'static>,
     clock: Arc<dyn Clock>,
     gid: [u8; 16],
@@ -41,15 +40,19 @@ impl ZenohTransport {
     /// Publishes ready-made CDR on `endpoint`.
     ///
     /// # Errors
-    /// [`TransportError`] with what zenoh says.
-    pub fn advertise_raw(&self, node: &NodeName, endpoint: &Endpoint) -> Result<RawOutlet, TransportError> {
+    /// [`TransportError`] with the error of zenoh.
+    pub fn advertise_raw(
+        &self,
+        node: &NodeName,
+        endpoint: &Endpoint,
+    ) -> Result<RawPublisher, TransportError> {
         let profile = Profile::parse(&endpoint.qos);
         let endpoint = Endpoint { type_hash: self.hash(endpoint.type_hash.clone()), ..endpoint.clone() };
         let publisher = self
             .publisher(self.key(&endpoint), profile)
             .map_err(|why| TransportError::new(format!("publisher of {}", endpoint.topic), why))?;
         let token = self.token(node, EntityKind::Publisher, Some(endpoint));
-        Ok(RawOutlet {
+        Ok(RawPublisher {
             publisher,
             clock: self.clock.clone(),
             gid: token.gid(),
@@ -58,11 +61,10 @@ impl ZenohTransport {
         })
     }
 
-    /// Hands every sample of `endpoint` to `take`, on zenoh's own thread, until
-    /// the guard is dropped.
+    /// Hands every sample of `endpoint` to `take`, on zenoh's own thread, until the guard is dropped.
     ///
     /// # Errors
-    /// [`TransportError`] with what zenoh says.
+    /// [`TransportError`] with the error of zenoh.
     pub fn subscribe_raw(
         &self,
         node: &NodeName,
@@ -83,8 +85,7 @@ impl ZenohTransport {
         Ok(Box::new((subscriber, token)))
     }
 
-    /// As rmw_zenoh: nobody is ever waited for, and whoever is to serve late
-    /// readers keeps its last samples.
+    /// Declares a publisher as rmw_zenoh does: it never waits for a reader, and keeps its last samples if it serves late readers.
     fn publisher(&self, key: String, profile: Profile) -> zenoh::Result<AdvancedPublisher<'static>> {
         let reliable = profile.reliability == profile::Reliability::Reliable;
         let publisher = self
@@ -107,8 +108,7 @@ impl ZenohTransport {
         }
     }
 
-    /// As rmw_zenoh: whoever asks for the last samples from before it came gets
-    /// them, and those of publishers that it finds later.
+    /// Declares a subscriber as rmw_zenoh does: one for earlier samples gets those of present publishers, and of publishers that it finds later.
     fn subscriber(
         &self,
         key: String,
@@ -130,8 +130,7 @@ impl ZenohTransport {
     }
 }
 
-/// A smaller payload is copied: it would keep a whole receive buffer from being
-/// used again.
+/// A smaller payload is copied: it would keep a whole receive buffer from being used again.
 const LARGE: usize = 65_536;
 
 /// A payload that arrived in one piece and is left where it is.
@@ -150,8 +149,8 @@ fn payload(bytes: &ZBytes) -> Payload {
     }
 }
 
-impl RawOutlet {
-    /// Whether anybody reads this topic now.
+impl RawPublisher {
+    /// Returns whether the topic has a reader now.
     pub fn wanted(&self) -> bool {
         self.publisher.matching_status().wait().is_ok_and(|status| status.matching())
     }
@@ -171,7 +170,7 @@ impl RawOutlet {
     }
 }
 
-impl Publisher for RawOutlet {
+impl Publisher for RawPublisher {
     fn wanted(&self) -> bool {
         self.wanted()
     }

@@ -1,5 +1,4 @@
-//! The watch of the graph: who comes and goes, and whoever of them does not fit
-//! to an endpoint of this session. That is said once, since zenoh says nothing.
+//! The watch of the graph: keeps the graph up to date, and warns once about each endpoint that does not fit an endpoint of this session, since zenoh gives no warning.
 
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex};
@@ -9,8 +8,8 @@ use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
 use super::lock;
+use crate::graph::Graph;
 use crate::transport::TransportError;
-use crate::transport::graph::Graph;
 use crate::transport::keys::{self, Token};
 
 /// Keeps `graph` as it is in `domain` until the subscriber is dropped.
@@ -42,8 +41,7 @@ pub(super) fn start(
         .map_err(|why| TransportError::new(format!("watch of domain {domain}"), why))
 }
 
-/// Takes a token into the graph; returns what does not fit between it and the
-/// endpoints of session `own`, in words.
+/// Adds a token to the graph. Returns its conflicts with the endpoints of session `own` in words.
 fn appear(graph: &Mutex<Graph>, key: &str, own: &str) -> Vec<String> {
     let mut graph = lock(graph);
     graph.appear(key);

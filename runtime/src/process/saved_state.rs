@@ -1,17 +1,14 @@
-//! [`SavedState`]: what must outlast a crash of a node. These are the parameters that it has accepted since its
-//! launch, and the position of a source.
+//! [`SavedState`]: the state that outlasts a crash of a node. It consists of the parameters that it has accepted since its launch, and the position of a source.
 //!
-//! The folder lives as long as the launch: a file that is there at a node's
-//! start is of the same node before it crashed. Launch parameters of another
-//! day are never brought back.
+//! The folder exists only during one launch: a file in it at the start of a node was written by the same node before a crash. Parameters of an earlier launch are never restored.
 
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::launcher;
-use crate::name::NodeName;
+use crate::graph::NodeName;
 use crate::parameter::{Parameters, Value};
+use crate::process::launcher;
 
 /// The files of one node.
 pub struct SavedState {
@@ -20,14 +17,13 @@ pub struct SavedState {
 }
 
 impl SavedState {
-    /// The files of the node `node_name` in `folder`.
+    /// Returns the files of the node `node_name` in `folder`.
     pub fn new(folder: &Path, node_name: &NodeName) -> Self {
         let file = |ending| launcher::file_of(folder, &node_name.fully_qualified(), ending);
         Self { parameters: file("json"), position: file("position") }
     }
 
-    /// `launched` with what was accepted before a crash. What cannot be read,
-    /// or is not possible any more, is left out with a warning.
+    /// Returns `launched` with the parameters that were accepted before a crash. A parameter that cannot be read, or is not possible any more, is left out with a warning.
     pub fn restore(&self, launched: Parameters) -> Parameters {
         let changes: Vec<(String, Value)> = match read(&self.parameters) {
             Ok(Some(changes)) => changes,
@@ -46,23 +42,22 @@ impl SavedState {
                     tracing::info!("parameter {} = {} again, as before the crash", change.0, change.1);
                     next
                 }
-                Err(refusal) => {
-                    tracing::warn!("of before the crash, {refusal}");
+                Err(why) => {
+                    tracing::warn!("a parameter from before the crash is not restored: {why}");
                     set
                 }
             }
         })
     }
 
-    /// Keeps every changeable value of `accepted`. A full disk costs the memory
-    /// of the change, not the node.
+    /// Keeps every changeable value of `accepted`. A full disk costs the memory of the change, not the node.
     pub fn keep(&self, accepted: &Parameters) {
         if let Err(why) = self.write(accepted) {
             tracing::warn!("{}: {why}; the parameters would not outlast a crash", self.parameters.display());
         }
     }
 
-    /// The position that was kept before a crash; `None` at the first start.
+    /// Returns the position that was kept before a crash; `None` at the first start.
     pub fn position(&self) -> Option<u64> {
         read(&self.position).unwrap_or_else(|why| {
             tracing::warn!("{}: {why}; the source starts from its beginning again", self.position.display());
@@ -87,7 +82,7 @@ impl SavedState {
     }
 }
 
-/// What `file` holds as JSON; `None` when there is no such file.
+/// Returns the JSON content of `file`; `None` when the file does not exist.
 fn read<T: serde::de::DeserializeOwned>(file: &Path) -> io::Result<Option<T>> {
     match fs::read(file) {
         Ok(text) => Ok(Some(serde_json::from_slice(&text)?)),

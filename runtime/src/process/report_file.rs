@@ -1,14 +1,14 @@
 //! [`ReportFile`]: the account of a running node on the disk, so that it outlasts a crash.
 //!
-//! Each life of a node has a file of its own, `unwrap.1.json`, `unwrap.2.json` and so on; the launcher adds all of
-//! them up. After each step the account is written before the step's messages are sent. A message that a killed node
-//! did not send any more is therefore in its account, and the reader's account misses it.
+//! Each life of a node has a file of its own, `unwrap.1.json`, `unwrap.2.json` and so on; the launcher adds all of them
+//! up. After each step the account is written before the step's messages are sent. A message that a killed node did not
+//! send any more is therefore in its account, and the reader's account misses it.
 
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::launcher;
+use crate::process::launcher;
 use crate::report::NodeReport;
 
 /// A listener writes at most this often.
@@ -23,9 +23,9 @@ pub struct ReportFile {
     failed: bool,
 }
 
-/// Why a report is written.
+/// The reason for writing a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Moment {
+pub enum WriteReason {
     /// A source has made a frame. Always written: the account is never behind the frames sent.
     Source,
     /// A listener has taken a message. Written when the last time is at least 10 ms ago.
@@ -37,10 +37,10 @@ pub enum Moment {
 }
 
 impl ReportFile {
-    /// The file for this life of the node with this fully qualified name: the first number that no earlier life has.
+    /// Returns the file for this life of the node with this fully qualified name: the first number that no earlier life has.
     ///
     /// # Errors
-    /// What the system says when no file can be made in `folder`.
+    /// The error of the system when no file can be made in `folder`.
     pub fn create(folder: &Path, node: &str) -> io::Result<Self> {
         for life in 1..=u32::MAX {
             let file = launcher::file_of(folder, node, &format!("{life}.json"));
@@ -56,17 +56,17 @@ impl ReportFile {
         Err(io::ErrorKind::AlreadyExists.into())
     }
 
-    /// Whether the report is to be written at `moment`; `now_ns` are ticks of the machine's clock.
-    pub fn is_due(&self, moment: Moment, now_ns: u64) -> bool {
-        let pause = match moment {
-            Moment::Source | Moment::Edge => 0,
-            Moment::Step => AFTER_STEP_NS,
-            Moment::Idle => IDLE_NS,
+    /// Returns whether the report is to be written at `reason`; `now_ns` are ticks of the machine's clock.
+    pub fn is_due(&self, reason: WriteReason, now_ns: u64) -> bool {
+        let pause = match reason {
+            WriteReason::Source | WriteReason::Edge => 0,
+            WriteReason::Step => AFTER_STEP_NS,
+            WriteReason::Idle => IDLE_NS,
         };
         now_ns.saturating_sub(self.written_ns) >= pause
     }
 
-    /// Writes `report`. A full disk costs the account, not the node; it is said once.
+    /// Writes `report`. An error, such as a full disk, does not end the node; it is logged once.
     pub fn write(&mut self, report: &NodeReport, now_ns: u64) {
         self.written_ns = now_ns;
         let written = text(report).and_then(|text| launcher::replace(&self.file, &text));
@@ -111,11 +111,14 @@ mod tests {
         let mut file = ReportFile::create(folder.path(), "/n").expect("a file");
         let start = 7_000_000_000;
         file.write(&NodeReport::new("/n"), start);
-        for (moment, pause) in
-            [(Moment::Source, 0), (Moment::Step, AFTER_STEP_NS), (Moment::Idle, IDLE_NS), (Moment::Edge, 0)]
-        {
-            assert!(file.is_due(moment, start + pause), "{moment:?}");
-            assert!(pause == 0 || !file.is_due(moment, start + pause - 1), "{moment:?}");
+        for (reason, pause) in [
+            (WriteReason::Source, 0),
+            (WriteReason::Step, AFTER_STEP_NS),
+            (WriteReason::Idle, IDLE_NS),
+            (WriteReason::Edge, 0),
+        ] {
+            assert!(file.is_due(reason, start + pause), "{reason:?}");
+            assert!(pause == 0 || !file.is_due(reason, start + pause - 1), "{reason:?}");
         }
     }
 }

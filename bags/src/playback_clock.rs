@@ -1,70 +1,70 @@
-//! [`Pace`]: where on its timeline a replay is, given the ticks of a clock.
+//! [`PlaybackClock`]: where on its timeline a replay is, given the ticks of a clock.
 //!
-//! Pure arithmetic: no clock is read, nobody waits.
+//! This is pure arithmetic: it reads no clock and does not wait.
 
 use crate::play::PlayError;
 
 /// Whether a replay goes on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Motion {
-    /// It does.
+pub enum PlaybackState {
+    /// The replay runs.
     #[default]
     Running,
-    /// It stands still, until it is resumed.
+    /// The replay is paused until it is resumed.
     Paused,
 }
 
-/// The position of a replay, `anchor.1 + (ticks - anchor.0) * rate` while it
-/// runs. Ticks and positions are nanoseconds from an origin of their own.
+/// The position of a replay, `anchor.1 + (ticks - anchor.0) * rate` while it runs. Ticks and positions are nanoseconds
+/// from an origin of their own.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Pace {
+pub struct PlaybackClock {
     rate: f64,
-    motion: Motion,
+    state: PlaybackState,
     /// A moment in ticks, and the position then.
     anchor: (u64, u64),
 }
 
-impl Pace {
+impl PlaybackClock {
     /// Position 0 at `ticks`.
     ///
     /// # Errors
-    /// [`PlayError::Rate`] for a rate that is no speed.
-    pub fn new(ticks: u64, rate: f64, motion: Motion) -> Result<Self, PlayError> {
-        Ok(Self { rate: check(rate)?, motion, anchor: (ticks, 0) })
+    /// [`PlayError::Rate`] for a rate that is not finite and positive.
+    pub fn new(ticks: u64, rate: f64, state: PlaybackState) -> Result<Self, PlayError> {
+        Ok(Self { rate: check(rate)?, state, anchor: (ticks, 0) })
     }
 
-    /// The position at `ticks`, ns.
+    /// Returns the position at `ticks`, ns.
     pub fn position(&self, ticks: u64) -> u64 {
-        match self.motion {
-            Motion::Paused => self.anchor.1,
-            Motion::Running => {
+        match self.state {
+            PlaybackState::Paused => self.anchor.1,
+            PlaybackState::Running => {
                 let passed = ticks.saturating_sub(self.anchor.0) as f64 * self.rate;
                 self.anchor.1.saturating_add(passed as u64)
             }
         }
     }
 
-    /// The ticks at which `position` is reached; `None` while paused.
+    /// Returns the ticks at which `position` is reached; `None` while paused.
     pub fn ticks_of(&self, position: u64) -> Option<u64> {
         let ahead = position.saturating_sub(self.anchor.1) as f64 / self.rate;
         // Rounded up: at that tick it is reached, not nearly.
-        (self.motion == Motion::Running).then(|| self.anchor.0.saturating_add(ahead.ceil() as u64))
+        (self.state == PlaybackState::Running).then(|| self.anchor.0.saturating_add(ahead.ceil() as u64))
     }
 
-    /// Speed.
+    /// Returns the speed; 2 is twice as fast as the recording.
     pub fn rate(&self) -> f64 {
         self.rate
     }
 
-    /// Whether it goes on.
-    pub fn motion(&self) -> Motion {
-        self.motion
+    /// Returns whether it goes on.
+    pub fn state(&self) -> PlaybackState {
+        self.state
     }
 
     /// Goes on from `ticks` at another speed.
     ///
     /// # Errors
-    /// [`PlayError::Rate`] for a rate that is no speed.
+    /// [`PlayError::Rate`] for a rate that is not finite and positive.
     pub fn set_rate(&mut self, ticks: u64, rate: f64) -> Result<(), PlayError> {
         let rate = check(rate)?;
         self.jump(ticks, self.position(ticks));
@@ -73,9 +73,9 @@ impl Pace {
     }
 
     /// Stops or goes on at `ticks`.
-    pub fn set_motion(&mut self, ticks: u64, motion: Motion) {
+    pub fn set_state(&mut self, ticks: u64, state: PlaybackState) {
         self.jump(ticks, self.position(ticks));
-        self.motion = motion;
+        self.state = state;
     }
 
     /// Is at `position` at `ticks`.
@@ -85,7 +85,7 @@ impl Pace {
 }
 
 fn check(rate: f64) -> Result<f64, PlayError> {
-    if rate.is_finite() && rate > 0.0 { Ok(rate) } else { Err(PlayError::Rate { rate }) }
+    if rate.is_finite() && rate > 0.0 { Ok(rate) } else { Err(PlayError::Rate(rate)) }
 }
 
 #[cfg(test)]
@@ -97,7 +97,7 @@ mod tests {
     proptest! {
         #[test]
         fn a_position_is_reached_when_it_is_said(rate in 0.01..100.0_f64, ticks in 0..u64::MAX / 4, ahead in 0..1_000_000_000_000_u64) {
-            let pace = Pace::new(ticks, rate, Motion::Running).expect("a rate");
+            let pace = PlaybackClock::new(ticks, rate, PlaybackState::Running).expect("a rate");
             let at = pace.ticks_of(ahead).expect("running");
             // Below the resolution of f64 and of whole ticks.
             prop_assert!(pace.position(at).abs_diff(ahead) as f64 <= 1.0 + rate + ahead as f64 * 1e-14);
@@ -106,14 +106,14 @@ mod tests {
 
     #[test]
     fn changes_keep_the_position() {
-        let mut pace = Pace::new(1000, 2.0, Motion::Running).expect("a rate");
+        let mut pace = PlaybackClock::new(1000, 2.0, PlaybackState::Running).expect("a rate");
         assert_eq!((pace.position(1000), pace.position(1100)), (0, 200));
-        pace.set_motion(1100, Motion::Paused);
+        pace.set_state(1100, PlaybackState::Paused);
         assert_eq!((pace.position(9000), pace.ticks_of(300)), (200, None));
-        pace.set_motion(9000, Motion::Running);
+        pace.set_state(9000, PlaybackState::Running);
         pace.set_rate(9100, 0.5).expect("a rate");
         assert_eq!((pace.position(9100), pace.position(9200), pace.ticks_of(500)), (400, 450, Some(9300)));
-        assert_eq!(pace.set_rate(9200, 0.0), Err(PlayError::Rate { rate: 0.0 }));
+        assert_eq!(pace.set_rate(9200, 0.0), Err(PlayError::Rate(0.0)));
         assert_eq!(pace.position(9300), 500);
         pace.jump(9300, 7);
         assert_eq!(pace.position(9302), 8);

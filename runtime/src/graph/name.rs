@@ -1,17 +1,17 @@
 //! ROS names: resolving relative and private topics, remapping.
 
-/// What a node is called and where its topics lie.
+/// The name of a node, its namespace and its remapping rules.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct NodeName {
     /// Node name without slashes, such as `unwrap`.
     pub name: String,
-    /// Namespace with a leading slash, `/` for none.
+    /// Namespace with a leading slash; `/` is the root namespace.
     pub namespace: String,
     /// (from, to) pairs, names as the node or the resolved graph knows them.
     pub remaps: Vec<(String, String)>,
 }
 
-/// Why a name is none.
+/// Error: not a valid ROS name.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("'{name}' is not a ROS name: {why}")]
 pub struct NameError {
@@ -20,7 +20,7 @@ pub struct NameError {
 }
 
 impl NodeName {
-    /// A node in the root namespace without remaps.
+    /// Creates a node in the root namespace without remaps.
     ///
     /// # Errors
     /// [`NameError`] when `name` is not a ROS token.
@@ -43,8 +43,7 @@ impl NodeName {
         format!("{}/{}", self.namespace.trim_end_matches('/'), self.name)
     }
 
-    /// The absolute name of a topic or service as the graph sees it, after
-    /// remapping.
+    /// Returns the absolute name of a topic or service as the graph sees it, after remapping.
     ///
     /// # Errors
     /// [`NameError`] when it is not a ROS name.

@@ -1,11 +1,10 @@
-//! The sensor description: each frame of a camera comes with the model of the
-//! sensor that made it, so that no other node has to guess or repeat it.
+//! The sensor description: each frame of a camera comes with the model of the sensor that made it, so that no other
+//! node has to guess or repeat it.
 //!
-//! The camera publishes it on [`TOPIC`] before each frame, with the stamp of the
-//! frame, as a `diagnostic_msgs/msg/DiagnosticArray`, which every ROS 2 node can
-//! read: one status named `sensor`, whose values are the parameters of the
-//! sensor by name (`bits`, `alpha`, `psf`, `psf_sigma`, and the noise). The topic
-//! is reliable and transient local, so that a late reader gets the last one.
+//! The camera publishes it on [`TOPIC`] before each frame, with the stamp of the frame, as a
+//! `diagnostic_msgs/msg/DiagnosticArray`, which every ROS 2 node can read: one status named `sensor`, whose values are
+//! the parameters of the sensor by name (`bits`, `alpha`, `psf`, `psf_sigma`, and the noise). The topic is reliable and
+//! transient local, so that a late reader gets the last one.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -13,22 +12,22 @@ use std::sync::Arc;
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 
+use crate::graph::{Qos, Topic};
 use crate::message::{Message, MessageKind};
 use crate::parameter::{ParameterError, ParameterSet as _};
-use crate::sensor_parameters::SensorModel;
-use crate::topic::{Qos, Topic};
+use crate::sensor::parameters::SensorModel;
 
 /// Name of the topic, relative to the namespace of the camera.
 pub const TOPIC: &str = "sensor_info";
 /// Frames whose description is remembered; more than ever wait for a node.
 const REMEMBERED: usize = 64;
 
-/// The topic, as cameras and their readers declare it.
+/// Returns the topic, as cameras and their readers declare it.
 pub fn topic() -> Topic {
     Topic { qos: Qos::Latched, ..Topic::new(TOPIC, MessageKind::Diagnostics) }
 }
 
-/// The description of the frame with this `header`; `more` are values that describe the sensor beyond its model.
+/// Returns the description of the frame with this `header`; `more` are values that describe the sensor beyond its model.
 pub fn message(header: &Header, model: &SensorModel, more: &[(&'static str, f64)]) -> Message {
     let more = more.iter().map(|(key, value)| (*key, value.to_string()));
     let values = model.to_text().into_iter().chain(more);
@@ -72,12 +71,12 @@ impl SensorHistory {
         Ok(())
     }
 
-    /// The sensor that made the frame of `stamp`.
+    /// Returns the sensor that made the frame of `stamp`.
     pub fn of(&self, stamp: Time) -> Option<&SensorModel> {
         self.by_stamp.iter().rev().find(|(at, _)| *at == stamp).map(|(_, model)| model)
     }
 
-    /// The sensor of the last description.
+    /// Returns the sensor of the last description.
     pub fn latest(&self) -> Option<&SensorModel> {
         self.by_stamp.back().map(|(_, model)| model)
     }
@@ -88,7 +87,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::sensor_parameters::Lens;
+    use crate::sensor::parameters::BlurShape;
 
     fn header(ns: u64) -> Header {
         Header { stamp: Time::from_ns(ns), frame_id: "camera".into() }
@@ -109,7 +108,7 @@ mod tests {
             paper in any::<bool>(),
             psf_sigma in 0.0f64..4.0,
         ) {
-            let psf = if paper { Lens::Paper7 } else { Lens::Gaussian };
+            let psf = if paper { BlurShape::Paper7 } else { BlurShape::Gaussian };
             let model = SensorModel { bits, alpha, psf, psf_sigma };
             prop_assert_eq!(read(&description(1, &model)), Ok(model));
         }

@@ -1,10 +1,11 @@
-//! The ROS graph as liveliness tokens draw it. Pure: it is fed keys that appear
-//! and disappear, and answers who is there.
+//! [`Graph`]: the ROS graph, made from the keys of liveliness tokens that appear and disappear. It knows no transport.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+
+use modulo_msgs::ros_name;
 
 use super::conflict::{self, Conflict};
-use super::keys::{EntityKind, Token};
+use crate::transport::keys::{EntityKind, Token};
 
 /// Every entity that is alive now.
 #[derive(Clone, Debug, Default)]
@@ -13,40 +14,58 @@ pub struct Graph {
 }
 
 impl Graph {
-    /// A token appeared. Keys that are no token are ignored.
+    /// Adds the token of `key`. A key that is not a token is ignored.
     pub fn appear(&mut self, key: &str) {
         if let Some(token) = Token::parse(key) {
             self.tokens.insert(key.to_owned(), token);
         }
     }
 
-    /// Whoever does not fit to `token`.
+    /// Returns the endpoints that do not fit `token`, each with the conflict.
     pub fn conflicts_with<'a>(&'a self, token: &'a Token) -> impl Iterator<Item = (&'a Token, Conflict)> {
         self.tokens().filter_map(|other| Some((other, conflict::between(token, other)?)))
     }
 
-    /// All that do not fit to each other on `topic`.
+    /// Returns all conflicts between endpoints on `topic`.
     pub fn conflicts_on(&self, topic: &str) -> Vec<Conflict> {
         let givers = self.endpoints(EntityKind::Publisher, topic);
         givers.flat_map(|giver| self.conflicts_with(giver)).map(|(_, conflict)| conflict).collect()
     }
 
-    /// A token went away.
+    /// Removes the token of `key`.
     pub fn disappear(&mut self, key: &str) {
         self.tokens.remove(key);
     }
 
-    /// Every entity, in the order of its key.
+    /// Returns the fully qualified names of all nodes.
+    pub fn nodes(&self) -> BTreeSet<String> {
+        self.tokens().filter(|token| token.kind == EntityKind::Node).map(Token::node_name).collect()
+    }
+
+    /// Returns the topics that have a publisher or a subscription, each with its types.
+    pub fn topics(&self) -> BTreeMap<String, BTreeSet<String>> {
+        let mut topics: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+        for token in self.tokens() {
+            if let (EntityKind::Publisher | EntityKind::Subscription, Some(endpoint)) =
+                (token.kind, &token.endpoint)
+            {
+                topics.entry(endpoint.topic.clone()).or_default().insert(ros_name(&endpoint.dds_type));
+            }
+        }
+        topics
+    }
+
+    /// Returns every entity, in the order of its key.
     pub fn tokens(&self) -> impl Iterator<Item = &Token> {
         self.tokens.values()
     }
 
-    /// Whether the node with this fully qualified name is alive.
+    /// Returns whether the node with this fully qualified name is alive.
     pub fn has_node(&self, name: &str) -> bool {
         self.tokens().any(|t| t.kind == EntityKind::Node && t.node_name() == name)
     }
 
-    /// The endpoints of `kind` on `topic`.
+    /// Returns the endpoints of `kind` on `topic`.
     pub fn endpoints<'a>(&'a self, kind: EntityKind, topic: &'a str) -> impl Iterator<Item = &'a Token> {
         self.tokens().filter(move |t| t.kind == kind && t.endpoint.as_ref().is_some_and(|e| e.topic == topic))
     }

@@ -1,47 +1,44 @@
-//! [`Queue`]: the one place where messages wait for a reader, be it a node, a
-//! recorder or a command. It is bounded, counts every message that is not read,
-//! stamps each one on arrival, and its reader blocks on a condition variable
-//! which [`Stop`](crate::stop::Stop) wakes.
+//! [`Queue`]: the one place where messages wait for a reader, be it a node, a recorder or a command. It is bounded,
+//! counts every message that is not read, stamps each one on arrival, and its reader blocks on a condition variable
+//! which [`Stop`](crate::process::stop::Stop) wakes.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use crate::clock::Clock;
-use crate::stop::Wake;
+use crate::process::stop::Wake;
 use crate::transport::attachment::Attachment;
 use crate::transport::gaps::Gaps;
 
-/// How many messages wait in a lane, and which one goes when there is no room.
+/// The number of messages that a lane holds, and the message that it drops when it is full.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Keep {
-    /// Only the newest message: it replaces an older one, which is not a loss.
+    /// The lane holds only the newest message. Replacing an older message is not a loss.
     Latest,
     /// The newest `n` messages, at least one; the oldest is lost when one more comes.
     Last(usize),
-    /// All messages while the queue is within its [`Limit`]; a message that
-    /// comes when there is no room is lost.
+    /// The lane holds all messages while the queue is within its [`Limit`]; a message that comes when there is no room is lost.
     All,
 }
 
 /// The most that the lanes with [`Keep::All`] hold together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limit {
-    /// Number of messages.
+    /// Largest number of messages.
     pub messages: usize,
     /// Bytes of their payloads.
     pub bytes: usize,
 }
 
-/// One of the lanes of a queue: the messages of one topic, or of one service.
+/// One lane of a queue: the messages of one topic or of one service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Lane(u64);
 
-/// Counts of one lane. Of the messages that arrived, `received - replaced -
-/// overflowed - unread` were read.
+/// Counts of one lane. Of the messages that arrived, `received - replaced - overflowed - unread` were read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Tally {
-    /// Messages that arrived.
+pub struct LaneCounts {
+    /// Number of messages that arrived.
     pub received: u64,
     /// Messages that a newer one replaced before they were read ([`Keep::Latest`]).
     pub replaced: u64,
@@ -53,7 +50,7 @@ pub struct Tally {
     pub missing: u64,
 }
 
-impl Tally {
+impl LaneCounts {
     /// Messages that were sent and should have been read, but were not.
     pub fn lost(&self) -> u64 {
         self.overflowed + self.missing
@@ -62,12 +59,12 @@ impl Tally {
 
 /// An item that can wait in a [`Queue`].
 pub trait Queued {
-    /// Bytes that it keeps in memory.
+    /// Returns the bytes that it keeps in memory.
     fn bytes(&self) -> usize {
         0
     }
 
-    /// The publisher's sequence number, if the item came over the wire.
+    /// Returns the publisher's sequence number, if the item came over the wire.
     fn attachment(&self) -> Option<&Attachment> {
         None
     }
@@ -89,14 +86,14 @@ pub struct Arrived<T> {
 pub enum Next<T> {
     /// The item that arrived first of all that wait.
     Item(Arrived<T>),
-    /// No item came in time, or somebody called [`Wake::wake`].
+    /// No item came in time, or [`Wake::wake`] was called.
     Idle,
     /// [`Queue::end`] was called, and no item waits.
     Ended,
 }
 
 impl<T> Next<T> {
-    /// The item, if there is one.
+    /// Returns the item, if there is one.
     pub fn item(self) -> Option<T> {
         match self {
             Self::Item(arrived) => Some(arrived.item),
@@ -126,12 +123,12 @@ struct State<T> {
 struct Waiting<T> {
     keep: Keep,
     items: VecDeque<(u64, u64, T)>,
-    tally: Tally,
+    counts: LaneCounts,
     gaps: Gaps,
 }
 
 impl<T: Queued> Queue<T> {
-    /// A queue without lanes, whose arrivals are stamped with the time of `clock`.
+    /// Creates a queue without lanes, whose arrivals are stamped with the time of `clock`.
     pub fn new(clock: Arc<dyn Clock>, limit: Limit) -> Self {
         let state = State {
             lanes: BTreeMap::new(),
@@ -144,41 +141,40 @@ impl<T: Queued> Queue<T> {
         Self { state: Mutex::new(state), changed: Condvar::new(), clock, limit }
     }
 
-    /// A new, empty lane.
+    /// Returns a new, empty lane.
     pub fn open(&self, keep: Keep) -> Lane {
         let mut state = self.lock();
         let lane = Lane(state.opened);
         state.opened += 1;
         let waiting =
-            Waiting { keep, items: VecDeque::new(), tally: Tally::default(), gaps: Gaps::default() };
+            Waiting { keep, items: VecDeque::new(), counts: LaneCounts::default(), gaps: Gaps::default() };
         state.lanes.insert(lane, waiting);
         lane
     }
 
-    /// Puts `item` at the end of `lane` and never waits. Returns the item that
-    /// lost its place: an older one, or `item` itself when the limit is reached
-    /// or the lane is closed.
+    /// Puts `item` at the end of `lane` and never waits. Returns the item that lost its place: an older one, or `item`
+    /// itself when the limit is reached or the lane is closed.
     pub fn push(&self, lane: Lane, item: T) -> Option<T> {
         let mut guard = self.lock();
         let state = &mut *guard;
         let Some(waiting) = state.lanes.get_mut(&lane).filter(|_| !state.ended) else { return Some(item) };
-        waiting.tally.received += 1;
+        waiting.counts.received += 1;
         if let Some(attachment) = item.attachment() {
-            waiting.tally.missing += waiting.gaps.step(attachment);
+            waiting.counts.missing += waiting.gaps.step(attachment);
         }
         let displaced = match waiting.keep {
             Keep::All => {
                 let bytes = state.held.bytes.saturating_add(item.bytes());
                 if state.held.messages >= self.limit.messages || bytes > self.limit.bytes {
-                    waiting.tally.overflowed += 1;
+                    waiting.counts.overflowed += 1;
                     return Some(item);
                 }
                 state.held = Limit { messages: state.held.messages + 1, bytes };
                 None
             }
-            Keep::Latest => waiting.items.pop_front().inspect(|_| waiting.tally.replaced += 1),
+            Keep::Latest => waiting.items.pop_front().inspect(|_| waiting.counts.replaced += 1),
             Keep::Last(most) if waiting.items.len() >= most.max(1) => {
-                waiting.tally.overflowed += 1;
+                waiting.counts.overflowed += 1;
                 waiting.items.pop_front()
             }
             Keep::Last(_) => None,
@@ -190,8 +186,8 @@ impl<T: Queued> Queue<T> {
         displaced.map(|(_, _, item)| item)
     }
 
-    /// Takes the item that arrived first over all lanes. Waits for one at most
-    /// `patience`, or without end when that is `None`.
+    /// Takes the item that arrived first over all lanes. Waits for one at most `patience`, or without end when that is
+    /// `None`.
     pub fn take(&self, patience: Option<Duration>) -> Next<T> {
         let state = self.lock();
         let idle = |state: &mut State<T>| {
@@ -212,33 +208,32 @@ impl<T: Queued> Queue<T> {
         }
     }
 
-    /// Counts of `lane`; zeros once it is closed.
-    pub fn tally(&self, lane: Lane) -> Tally {
-        let tally = |lane: &Waiting<T>| Tally { unread: lane.items.len() as u64, ..lane.tally };
-        self.lock().lanes.get(&lane).map(tally).unwrap_or_default()
+    /// Returns the counts of `lane`; zeros once it is closed.
+    pub fn counts(&self, lane: Lane) -> LaneCounts {
+        let counts = |lane: &Waiting<T>| LaneCounts { unread: lane.items.len() as u64, ..lane.counts };
+        self.lock().lanes.get(&lane).map(counts).unwrap_or_default()
     }
 
-    /// Closes `lane`: its waiting items are dropped and counted as unread.
-    /// Returns its counts; zeros when it was closed before.
-    pub fn close(&self, lane: Lane) -> Tally {
+    /// Closes `lane`: its waiting items are dropped and counted as unread. Returns its counts; zeros when it was closed
+    /// before.
+    pub fn close(&self, lane: Lane) -> LaneCounts {
         let mut state = self.lock();
-        let Some(mut waiting) = state.lanes.remove(&lane) else { return Tally::default() };
-        waiting.tally.unread = waiting.items.len() as u64;
+        let Some(mut waiting) = state.lanes.remove(&lane) else { return LaneCounts::default() };
+        waiting.counts.unread = waiting.items.len() as u64;
         if waiting.keep == Keep::All {
             waiting.items.iter().for_each(|(_, _, item)| state.release(item));
         }
-        waiting.tally
+        waiting.counts
     }
 
-    /// Accepts no more items. What waits can still be taken; then the reader
-    /// gets [`Next::Ended`].
+    /// Accepts no more items. Waiting items can still be taken; then the reader gets [`Next::Ended`].
     pub fn end(&self) {
         self.lock().ended = true;
         self.changed.notify_all();
     }
 
-    /// A poisoned lock only means that another thread panicked elsewhere: the
-    /// lanes themselves are always whole.
+    /// Returns a poisoned lock only means that another thread panicked elsewhere: the lanes themselves are always
+    /// whole.
     fn lock(&self) -> MutexGuard<'_, State<T>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -276,7 +271,7 @@ mod tests {
 
     use super::*;
     use crate::clock::ManualClock;
-    use crate::stop::{Stop, Urgency};
+    use crate::process::stop::{Stop, Urgency};
 
     const NOW: Option<Duration> = Some(Duration::ZERO);
 
@@ -297,7 +292,7 @@ mod tests {
         assert_eq!((queue.push(lane, 1), queue.push(lane, 2)), (None, Some(1)));
         assert_eq!(queue.take(NOW), Next::Item(Arrived { lane, stamp_ns: 9, item: 2 }));
         assert_eq!(queue.take(NOW), Next::Idle);
-        assert_eq!(queue.tally(lane), Tally { received: 2, replaced: 1, ..Tally::default() });
+        assert_eq!(queue.counts(lane), LaneCounts { received: 2, replaced: 1, ..LaneCounts::default() });
     }
 
     #[test]
@@ -305,11 +300,11 @@ mod tests {
         let queue = queue(3, 100);
         let [a, b] = [queue.open(Keep::All), queue.open(Keep::All)];
         assert_eq!([queue.push(a, 60), queue.push(b, 60), queue.push(b, 40)], [None, Some(60), None]);
-        assert_eq!(queue.close(a), Tally { received: 1, unread: 1, ..Tally::default() });
+        assert_eq!(queue.close(a), LaneCounts { received: 1, unread: 1, ..LaneCounts::default() });
         assert_eq!(queue.push(a, 1), Some(1), "a closed lane takes no item");
         assert_eq!([queue.push(b, 0), queue.push(b, 0), queue.push(b, 0)], [None, None, Some(0)]);
         assert_eq!(queue.take(NOW).item(), Some(40));
-        let counted = Tally { received: 5, overflowed: 2, unread: 2, ..Tally::default() };
+        let counted = LaneCounts { received: 5, overflowed: 2, unread: 2, ..LaneCounts::default() };
         assert_eq!(queue.close(b), counted);
     }
 
@@ -323,8 +318,7 @@ mod tests {
             let queue = queue.clone();
             move || [queue.take(None).item(), queue.take(None).item(), queue.take(None).item()]
         });
-        // Each step follows when the reader waits again or is still to come:
-        // a wake is kept until then.
+        // Each step follows when the reader waits again or is still to come: a wake is kept until then.
         queue.push(lane, 7);
         while !queue.lock().lanes[&lane].items.is_empty() {
             std::thread::yield_now();
@@ -339,8 +333,7 @@ mod tests {
     }
 
     proptest! {
-        /// Each message is read or counted once, and those that are read come
-        /// in the order of their arrival.
+        /// Each message is read or counted once, and those that are read come in the order of their arrival.
         #[test]
         fn every_message_is_read_or_counted(
             depth in 1usize..5,

@@ -1,5 +1,4 @@
-//! Once a second, each node tells on `/diagnostics` what it received, sent,
-//! lost and how long its stages take.
+//! [`Diagnostics`]: publishes the counts and the durations of the stages of a node on `/diagnostics`, once a second.
 
 use std::sync::Arc;
 
@@ -8,11 +7,11 @@ use modulo_msgs::std_msgs::{Header, Time};
 
 use crate::clock::Clock;
 use crate::driver::RunError;
+use crate::graph::NodeName;
+use crate::graph::Topic;
 use crate::message::{Message, MessageKind};
-use crate::name::NodeName;
 use crate::node::Node;
 use crate::report::{NodeReport, quantile};
-use crate::topic::Topic;
 use crate::transport::{Address, Publisher, Transport};
 
 const PERIOD_NS: u64 = 1_000_000_000;
@@ -29,13 +28,13 @@ impl Diagnostics {
     /// Advertises `/diagnostics` for the node `node_name`.
     ///
     /// # Errors
-    /// [`RunError`] when the carrier refuses.
+    /// [`RunError`] when the transport fails.
     pub fn new(node_name: &NodeName, transport: &dyn Transport) -> Result<Self, RunError> {
         let address = Address::resolve(node_name, &Topic::new("/diagnostics", MessageKind::Diagnostics))?;
         Ok(Self { publisher: transport.advertise(node_name, &address)?, due: 0, bad: 0 })
     }
 
-    /// Whether a second has passed since the last message, and the topic has a reader.
+    /// Returns whether a second has passed since the last message, and the topic has a reader.
     pub fn is_due(&self, clock: &dyn Clock) -> bool {
         clock.ticks_ns() >= self.due && self.publisher.wanted()
     }
@@ -52,7 +51,7 @@ impl Diagnostics {
     }
 }
 
-/// The report as a diagnostics message.
+/// Returns the report as a diagnostics message.
 fn describe(now_ns: u64, report: &NodeReport, node: &dyn Node, skipped: u64) -> DiagnosticArray {
     let mut values = Vec::new();
     let mut say = |key: String, value: String| values.push(KeyValue { key, value });

@@ -6,20 +6,20 @@ use modulo_core::optics::{MAX_SIGMA, Psf};
 
 use crate::parameter::{ParameterError, ParameterSet as _};
 
-/// Shape of the lens blur.
+/// Shape of the blur of the lens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Lens {
+pub enum BlurShape {
     /// A Gaussian of `psf_sigma`.
     Gaussian,
     /// The paper's fixed 7 taps.
     Paper7,
 }
 
-impl Lens {
+impl BlurShape {
     /// Every shape with its word.
     pub const WORDS: [(&'static str, Self); 2] = [("gaussian", Self::Gaussian), ("paper7", Self::Paper7)];
 
-    /// The blur of this shape. `sigma` is the width of a Gaussian in px; 0 is a perfect lens.
+    /// Returns the blur of this shape. `sigma` is the width of a Gaussian in px; 0 is a perfect lens.
     pub fn of_sigma(self, sigma: f64) -> Psf {
         match self {
             Self::Gaussian => Psf::of_sigma(sigma),
@@ -35,9 +35,9 @@ crate::parameters! {
         bits: u8 = 8 => 1..=16,
         /// Saturation factor: the brightest radiance of the scene divided by the sensor's peak.
         alpha: f64 = 4.0 => 1e-3..=256.0,
-        /// Shape of the lens blur: gaussian with the width psf_sigma, or paper7 for the paper's fixed 7 taps
-        /// (about 1.4 px).
-        psf: Lens = Lens::Gaussian => Lens::WORDS,
+        /// Shape of the lens blur: gaussian with the width psf_sigma, or paper7 for the paper's fixed 7 taps (about 1.4
+        /// px).
+        psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
         /// Standard deviation of the gaussian lens blur in px. 0 is a perfect lens. paper7 does not use it.
         psf_sigma: f64 = 0.0 => 0.0..=MAX_SIGMA,
     }
@@ -53,30 +53,30 @@ impl SensorModel {
         Ok(Range::new(self.bits, self.alpha).expect("the declared ranges lie within those of `Range`"))
     }
 
-    /// The blur of the lens.
+    /// Returns the blur of the lens.
     pub fn psf(&self) -> Psf {
         self.psf.of_sigma(self.psf_sigma)
     }
 }
 
 crate::parameters! {
-    /// The sensor behind the images that a node reads. Each value that is not set here is taken from the
-    /// sensor description that the camera publishes with each frame.
+    /// The sensor behind the images that a node reads. Each value that is not set here is taken from the sensor
+    /// description that the camera publishes with each frame.
     pub struct SensorOverride {
         /// Bits of the sensor's converter. 0: those of the camera's sensor description.
         bits: u8 = 0 => 0..=16,
-        /// Saturation factor: the brightest radiance of the scene divided by the sensor's peak. 0: that of the
-        /// camera's sensor description.
+        /// Saturation factor: the brightest radiance of the scene divided by the sensor's peak. 0: that of the camera's
+        /// sensor description.
         alpha: f64 = 0.0 => 0.0..=256.0,
         /// Shape of the lens blur: gaussian, or paper7 for the paper's fixed 7 taps (about 1.4 px).
-        psf: Lens = Lens::Gaussian => Lens::WORDS,
+        psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
         /// Standard deviation of the gaussian lens blur in px. 0: the blur of the camera's sensor description.
         psf_sigma: f64 = 0.0 => 0.0..=MAX_SIGMA,
     }
 }
 
 impl SensorOverride {
-    /// The sensor: the values set here, and those of the `camera` for all others.
+    /// Returns the sensor: the values set here, and those of the `camera` for all others.
     ///
     /// # Errors
     /// [`ParameterError`] of a value that is neither set nor described, or out of its range.
@@ -87,7 +87,7 @@ impl SensorOverride {
         };
         let bits = Some(self.bits).filter(|&bits| bits > 0).or_else(|| Some(camera?.bits));
         let alpha = Some(self.alpha).filter(|&alpha| alpha > 0.0).or_else(|| Some(camera?.alpha));
-        let own_lens = self.psf == Lens::Paper7 || self.psf_sigma > 0.0;
+        let own_lens = self.psf == BlurShape::Paper7 || self.psf_sigma > 0.0;
         let (psf, psf_sigma) = match camera {
             Some(camera) if !own_lens => (camera.psf, camera.psf_sigma),
             _ => (self.psf, self.psf_sigma),
@@ -98,7 +98,7 @@ impl SensorOverride {
         Ok(model)
     }
 
-    /// Whether bits and saturation factor are known without the camera.
+    /// Returns whether bits and saturation factor are known without the camera.
     pub fn is_complete(&self) -> bool {
         self.bits > 0 && self.alpha > 0.0
     }
@@ -128,12 +128,12 @@ mod tests {
 
     #[test]
     fn a_value_that_is_not_set_is_the_cameras() {
-        let camera = SensorModel { bits: 10, alpha: 3.0, psf: Lens::Paper7, psf_sigma: 0.0 };
+        let camera = SensorModel { bits: 10, alpha: 3.0, psf: BlurShape::Paper7, psf_sigma: 0.0 };
         let unset = SensorOverride::default();
         assert_eq!(unset.over(Some(&camera)), Ok(camera.clone()));
         assert_eq!(unset.over(None).expect_err("nothing is known").name, "bits");
         let set = SensorOverride { alpha: 2.0, psf_sigma: 1.0, ..SensorOverride::default() };
-        let expected = SensorModel { bits: 10, alpha: 2.0, psf: Lens::Gaussian, psf_sigma: 1.0 };
+        let expected = SensorModel { bits: 10, alpha: 2.0, psf: BlurShape::Gaussian, psf_sigma: 1.0 };
         assert_eq!(set.over(Some(&camera)), Ok(expected.clone()));
         assert_eq!(SensorOverride::from(expected.clone()).over(Some(&camera)), Ok(expected));
     }

@@ -1,8 +1,7 @@
 //! [`import_kitti`]: a KITTI folder to a bag with images and ground truth.
 //!
-//! KITTI's object set has no times, so frame `i` is stamped `i` / 10 s after a
-//! fixed epoch, for sequences as well. No pixel and no label is changed or left
-//! out.
+//! KITTI's object set has no times, so frame `i` is stamped `i` / 10 s after a fixed epoch, for sequences as well. No
+//! pixel and no label is changed or left out.
 
 use std::path::{Path, PathBuf};
 
@@ -22,17 +21,10 @@ const EPOCH_NS: u64 = 1_316_995_200_000_000_000;
 /// KITTI's camera runs at 10 Hz.
 const PERIOD_NS: u64 = 100_000_000;
 
-/// How a data set is imported.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct ImportOptions {
-    /// How the bag is compressed.
-    pub compression: Compression,
-}
-
-/// What was imported.
+/// Counts of an import.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ImportReport {
-    /// Images.
+    /// Number of images.
     pub frames: usize,
     /// Images with a label file; the others have no ground truth message.
     pub labelled: usize,
@@ -40,34 +32,35 @@ pub struct ImportReport {
     pub objects: usize,
 }
 
-/// Why a data set could not be imported. No bag is left behind.
+/// Error: a data set could not be imported. No bag is left behind.
 #[derive(Debug, thiserror::Error)]
 pub enum ImportError {
     /// An image or a label.
     #[error(transparent)]
     Source(#[from] SourceError),
-    /// The bag.
+    /// The bag cannot be written.
     #[error(transparent)]
     Bag(#[from] BagError),
     /// A message that is too large.
     #[error(transparent)]
     Cdr(#[from] CdrError),
     /// A float image, which has no codes to put into an image message.
-    #[error("{}: is a float image, 8 or 16 bit codes are needed", path.display())]
-    Float {
-        /// The image.
-        path: PathBuf,
-    },
+    #[error("{file}: is a float image, 8 or 16 bit codes are needed", file = .0.display())]
+    Float(PathBuf),
 }
 
-/// Writes the KITTI folder `folder` (with `image_2` or `image_02`) as the new
-/// bag `out`: `/camera/image_raw` and `/ground_truth`, 10 Hz.
+/// Writes the KITTI folder `folder` (with `image_2` or `image_02`) as the new bag `out`: `/camera/image_raw` and
+/// `/ground_truth`, 10 Hz.
 ///
 /// # Errors
 /// [`ImportError`] of the first image, label or write that fails.
-pub fn import_kitti(folder: &Path, out: &Path, options: &ImportOptions) -> Result<ImportReport, ImportError> {
+pub fn import_kitti(
+    folder: &Path,
+    out: &Path,
+    compression: Compression,
+) -> Result<ImportReport, ImportError> {
     let folder = KittiFolder::open(folder)?;
-    let bag = BagWriter::create(out, options.compression)?;
+    let bag = BagWriter::create(out, compression)?;
     let report = write(&folder, bag);
     if report.is_err() {
         // The folder was made above: half a data set must not look like a whole one.
@@ -118,6 +111,6 @@ fn codes(image: &Path) -> Result<Frame, ImportError> {
     let frame = read_image(image).map_err(SourceError::from)?;
     match frame.samples() {
         Samples::U8(_) | Samples::U16(_) => Ok(frame),
-        Samples::F32(_) => Err(ImportError::Float { path: image.to_owned() }),
+        Samples::F32(_) => Err(ImportError::Float(image.to_owned())),
     }
 }

@@ -1,30 +1,30 @@
-//! [`Conflict`]: two endpoints on one name that do not, or not fully, hear each
-//! other. zenoh itself is silent about it: other keys are other topics.
+//! [`Conflict`]: two endpoints on one name that do not, or not fully, hear each other. zenoh itself is silent about it:
+//! other keys are other topics.
 
 use std::fmt;
 
 use modulo_msgs::ros_name;
 
-use super::keys::{Endpoint, EntityKind, NO_HASH, Token};
-use super::profile::{Durability, Profile, Reliability};
+use crate::transport::keys::{Endpoint, EntityKind, NO_HASH, Token};
+use crate::transport::profile::{Durability, Profile, Reliability};
 
-/// Why two endpoints do not fit together.
+/// The reason why two endpoints do not fit together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
-    /// Another type.
+    /// The types differ.
     Type,
     /// The same type with another definition.
     Hash,
     /// The reader asks for reliable samples, the publisher sends by best effort.
     Reliability,
-    /// The reader asks for earlier samples, the publisher keeps none.
+    /// The reader asks for earlier samples, but the publisher does not keep them.
     Durability,
 }
 
 /// Two endpoints that do not fit together.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Conflict {
-    /// What does not fit.
+    /// The reason.
     pub cause: Cause,
     /// Node and endpoint that publishes or serves.
     pub giver: (String, Endpoint),
@@ -32,8 +32,7 @@ pub struct Conflict {
     pub taker: (String, Endpoint),
 }
 
-/// What is between two endpoints, if they are on the same name and one gives
-/// what the other takes.
+/// Returns the conflict between two endpoints if they are on the same name, and one of them offers what the other one requests.
 pub fn between(one: &Token, other: &Token) -> Option<Conflict> {
     let (giver, taker) = match (one.kind, other.kind) {
         (EntityKind::Publisher, EntityKind::Subscription) | (EntityKind::Server, EntityKind::Client) => {
@@ -114,7 +113,7 @@ fn remedy(gives: &Endpoint, takes: &Endpoint) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::topic::Qos;
+    use crate::graph::Qos;
     use crate::transport::keys::qos_string;
 
     fn token(kind: EntityKind, node: &str, dds_type: &str, type_hash: &str, qos: Qos) -> Token {

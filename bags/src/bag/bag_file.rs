@@ -1,7 +1,6 @@
-//! [`Volume`]: one MCAP file of a bag that is being written.
+//! [`BagFile`]: one MCAP file of a bag that is being written.
 //!
-//! A chunk is closed at 4 MiB and handed to the system there and then: what a
-//! reader finds after a crash is whole up to the last one.
+//! A chunk is closed at 4 MiB and handed to the system at once, so that the file is readable up to the last chunk after a crash.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -17,12 +16,11 @@ use crate::FileError;
 
 /// Chunks are closed at this size, bytes.
 const CHUNK: u64 = 4 << 20;
-/// Bytes of a message record beside its data: opcode, length, channel,
-/// sequence and two times.
+/// Bytes of a message record beside its data: opcode, length, channel, sequence and two times.
 const MESSAGE_HEAD: u64 = 31;
 
 /// One file that is being written.
-pub(super) struct Volume {
+pub(super) struct BagFile {
     path: PathBuf,
     mcap: mcap::Writer<BufWriter<File>>,
     disk: File,
@@ -37,7 +35,7 @@ pub(super) struct Volume {
     unflushed: u64,
 }
 
-impl Volume {
+impl BagFile {
     /// Makes the file `name` in `folder`.
     pub(super) fn create(folder: &Path, name: String, compression: Compression) -> Result<Self, BagError> {
         let path = folder.join(&name);
@@ -48,7 +46,7 @@ impl Volume {
         File::open(folder).and_then(|folder| folder.sync_all()).map_err(io)?;
         let mcap = options(compression)
             .create(BufWriter::new(file))
-            .map_err(|source| BagError::Write { path: path.clone(), source })?;
+            .map_err(|source| BagError::Write(path.clone(), source))?;
         let contents = FileContents { name, span: None, messages: 0 };
         let (channels, counts) = (Vec::new(), Vec::new());
         Ok(Self { path, mcap, disk, channels, counts, contents, closed: 0, pending: 0, unflushed: 0 })
@@ -81,7 +79,7 @@ impl Volume {
     ) -> Result<(), BagError> {
         let known = self.channels.len();
         let Some(&channel_id) = self.channels.get(topic) else {
-            return Err(BagError::UnknownTopic { number: topic, known });
+            return Err(BagError::UnknownTopic(topic, known));
         };
         if self.pending > CHUNK {
             self.close_chunk()?;
@@ -98,18 +96,18 @@ impl Volume {
         Ok(())
     }
 
-    /// The file's size with a message of `more` bytes; at most, since the open
-    /// chunk may become smaller when it is compressed.
+    /// Returns the file's size with a message of `more` bytes; at most, since the open chunk may become smaller when it
+    /// is compressed.
     pub(super) fn size_with(&self, more: usize) -> u64 {
         self.closed + self.pending + MESSAGE_HEAD + more as u64
     }
 
-    /// Bytes of messages since the last [`Volume::flush`], before compression.
+    /// Returns the number of bytes of messages since the last [`BagFile::flush`], before compression.
     pub(super) fn unflushed(&self) -> u64 {
         self.unflushed
     }
 
-    /// First and last log time; `None` without messages.
+    /// Returns the first and last log time; `None` without messages.
     pub(super) fn span(&self) -> Option<(u64, u64)> {
         self.contents.span
     }
@@ -131,7 +129,7 @@ impl Volume {
         Ok(self.disk.sync_data().map_err(|e| FileError::new(&self.path, e))?)
     }
 
-    /// Writes the index, and what is in this file as rosbag2 says it.
+    /// Writes the index, and the metadata of this file in the form of rosbag2.
     pub(super) fn finish(mut self, topics: &[TopicCount]) -> Result<FileContents, BagError> {
         let here = |(counted, &messages): (&TopicCount, _)| TopicCount { messages, ..counted.clone() };
         let topics: Vec<_> = topics.iter().zip(&self.counts).map(here).collect();
@@ -148,7 +146,7 @@ impl Volume {
     }
 
     fn failed(&self, source: McapError) -> BagError {
-        BagError::Write { path: self.path.clone(), source }
+        BagError::Write(self.path.clone(), source)
     }
 }
 
@@ -158,8 +156,8 @@ fn options(compression: Compression) -> mcap::WriteOptions {
         Compression::Lz4 => Some(mcap::Compression::Lz4),
         Compression::Zstd => Some(mcap::Compression::Zstd),
     };
-    // One thread: the same messages are the same bytes on every machine. Chunks
-    // are closed here, not by the library, which would leave their end in memory.
+    // One thread: the same messages are the same bytes on every machine. Chunks are closed here, not by the library,
+    // which would leave their end in memory.
     mcap::WriteOptions::new()
         .profile("ros2")
         .library(concat!("modulo ", env!("CARGO_PKG_VERSION")))

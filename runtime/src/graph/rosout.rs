@@ -1,8 +1,6 @@
 //! `/rosout`: a node's log lines as `rcl_interfaces/msg/Log`.
 //!
-//! [`layer`] takes the suite's own lines, never those of the libraries that
-//! carry them, so that publishing a line makes no other. A line waits in a
-//! bounded queue; where it is full the line is counted, and nobody waits.
+//! [`layer`] takes only the lines of the suite and not those of its libraries, so that publishing a line makes no other line. A line waits in a bounded queue; when the queue is full the line is counted, and the node does not wait.
 
 use std::fmt;
 use std::sync::Arc;
@@ -17,13 +15,13 @@ use tracing_subscriber::layer::Context;
 
 use crate::clock::Clock;
 use crate::driver::RunError;
+use crate::graph::NodeName;
+use crate::graph::Topic;
 use crate::message::{Message, MessageKind};
-use crate::name::NodeName;
-use crate::queue::{Keep, Lane, Limit, Next, Queue, Queued};
-use crate::topic::Topic;
+use crate::transport::queue::{Keep, Lane, Limit, Next, Queue, Queued};
 use crate::transport::{Address, Guard, Publisher, Transport, TransportError};
 
-/// Lines that wait for the wire at most; also what a late reader still gets.
+/// Largest number of lines that wait for the transport. A late reader also gets so many lines.
 const WAITING: usize = 1000;
 
 impl Queued for Log {}
@@ -41,8 +39,7 @@ pub struct LogQueue {
     lane: Lane,
 }
 
-/// A layer for `tracing_subscriber`, and the queue in which its lines wait, stamped with
-/// the time of `clock`.
+/// Returns a layer for `tracing_subscriber`, and the queue in which its lines wait, stamped with the time of `clock`.
 pub fn layer(clock: Arc<dyn Clock>) -> (RosoutLayer, LogQueue) {
     let queue = Arc::new(Queue::new(clock.clone(), Limit { messages: WAITING, bytes: usize::MAX }));
     let lane = queue.open(Keep::All);
@@ -91,7 +88,7 @@ impl Visit for Text {
     fn record_debug(&mut self, field: &Field, value: &dyn fmt::Debug) {
         match field.name() {
             "message" => self.message = format!("{value:?}"),
-            // The logger's name says it.
+            // The name of the logger already contains the node.
             "node" => {}
             name => self.fields += &format!(" {name}={value:?}"),
         }
@@ -99,11 +96,10 @@ impl Visit for Text {
 }
 
 impl LogQueue {
-    /// Publishes the lines as those of the node `node_name`, the waiting ones
-    /// first, until the guard is dropped.
+    /// Publishes the lines as those of the node `node_name`, the waiting ones first, until the guard is dropped.
     ///
     /// # Errors
-    /// [`RunError`] when the carrier refuses.
+    /// [`RunError`] when the transport fails.
     pub fn publish(self, node_name: &NodeName, transport: &dyn Transport) -> Result<Guard, RunError> {
         let address = Address::resolve(node_name, &Topic::new("/rosout", MessageKind::Log))?;
         let publisher = transport.advertise(node_name, &address)?;
@@ -120,7 +116,7 @@ impl LogQueue {
     fn publish_until_end(&self, logger: &str, publisher: &dyn Publisher) {
         let mut told = 0;
         while let Next::Item(arrived) = self.queue.take(None) {
-            let lost = self.queue.tally(self.lane).overflowed;
+            let lost = self.queue.counts(self.lane).overflowed;
             if lost > told {
                 put(publisher, logger, about_lost(lost - told, &arrived.item));
                 told = lost;
@@ -130,18 +126,18 @@ impl LogQueue {
     }
 }
 
-/// Whoever reads `/rosout` alone must not miss in silence.
+/// Makes the line that reports `lost` missing lines to a reader of `/rosout`.
 fn about_lost(lost: u64, next: &Log) -> Log {
     let msg = format!("{lost} lines are missing here: they came faster than they could be sent");
     Log { stamp: next.stamp, level: Log::WARN, msg, ..Log::default() }
 }
 
-/// A line that the wire does not take is only on standard error.
+/// Publishes a line. A line that the transport does not take is only on standard error.
 fn put(publisher: &dyn Publisher, logger: &str, line: Log) {
     let _ = publisher.put(&Message::Log(Arc::new(Log { name: logger.to_owned(), ..line })));
 }
 
-/// Ends the publishing thread once it has sent what waits.
+/// Ends the publishing thread after it has sent the waiting lines.
 struct Publishing {
     queue: Arc<Queue<Log>>,
     thread: Option<JoinHandle<()>>,

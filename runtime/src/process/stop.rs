@@ -1,15 +1,19 @@
-//! How a running node is told to end.
+//! [`Stop`]: the request to end that everything in a process shares, and the signals that make it.
 
+use std::io;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::thread;
 
-/// How soon a node should end.
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
+
+/// The urgency of a request to end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Urgency {
-    /// Run on.
+    /// No end is requested.
     None,
-    /// Finish what is still on its way from upstream nodes that end as well
-    /// (SIGINT, or a launch that is over).
+    /// The node is to finish the messages that are still on their way from upstream nodes which end as well (SIGINT, or a launch that is over).
     Drain,
     /// Finish the step at hand (SIGTERM, a second SIGINT).
     Now,
@@ -17,7 +21,7 @@ pub enum Urgency {
 
 /// Something that may wait, and is to look around when a stop is asked for.
 pub trait Wake: Send + Sync {
-    /// Ends a wait, or the next one if there is none now.
+    /// Ends the current wait, or the next one.
     fn wake(&self);
 }
 
@@ -39,7 +43,7 @@ impl Stop {
         waiters.iter().filter_map(Weak::upgrade).for_each(|waiter| waiter.wake());
     }
 
-    /// From now on, `waiter` is woken by [`Stop::ask`], for as long as it lives.
+    /// Makes [`Stop::ask`] wake `waiter` for as long as it lives.
     pub fn wakes<W: Wake + 'static>(&self, waiter: &Arc<W>) {
         let waiter: Arc<dyn Wake> = waiter.clone();
         let mut waiters = self.0.waiters.lock().unwrap_or_else(PoisonError::into_inner);
@@ -47,7 +51,7 @@ impl Stop {
         waiters.push(Arc::downgrade(&waiter));
     }
 
-    /// The most urgent end that has been asked for.
+    /// Returns the most urgent end that has been asked for.
     pub fn urgency(&self) -> Urgency {
         match self.0.urgency.load(Ordering::SeqCst) {
             0 => Urgency::None,
@@ -55,6 +59,25 @@ impl Stop {
             _ => Urgency::Now,
         }
     }
+}
+
+/// Installs handlers: SIGINT asks `stop` for a drain, SIGTERM or a second SIGINT for an end at once.
+///
+/// # Errors
+/// The error of the operating system when it refuses the handlers or a thread.
+pub fn end_on_signals(stop: &Stop) -> io::Result<()> {
+    let mut signals = Signals::new([SIGINT, SIGTERM])?;
+    let stop = stop.clone();
+    thread::Builder::new().name("signals".into()).spawn(move || {
+        for signal in signals.forever() {
+            let urgency = match (signal, stop.urgency()) {
+                (SIGINT, Urgency::None) => Urgency::Drain,
+                _ => Urgency::Now,
+            };
+            stop.ask(urgency);
+        }
+    })?;
+    Ok(())
 }
 
 #[cfg(test)]

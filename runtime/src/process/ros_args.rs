@@ -1,9 +1,8 @@
-//! `--ros-args`: what `ros2 run` and `ros2 launch` put behind an executable's
-//! own arguments. Pure, except that named parameter files are read.
+//! `--ros-args`: the arguments that `ros2 run` and `ros2 launch` append to those of an executable. This is pure code, except that it reads the named parameter files.
 
 use std::path::PathBuf;
 
-use crate::name::{NameError, NodeName};
+use crate::graph::{NameError, NodeName};
 use crate::parameter::file;
 
 /// The ROS part of a command line.
@@ -15,19 +14,19 @@ pub struct RosArgs {
     pub parameters: Vec<Setting>,
     /// `--log-level level` and `--log-level logger:=level` in order; later ones win.
     pub log_levels: Vec<LogLevel>,
-    /// What `--disable-rosout-logs` and `--enable-rosout-logs` leave.
+    /// Result of `--disable-rosout-logs` and `--enable-rosout-logs`.
     pub rosout_logs: Logs,
-    /// What `--disable-stdout-logs` and `--enable-stdout-logs` leave.
+    /// Result of `--disable-stdout-logs` and `--enable-stdout-logs`.
     pub stdout_logs: Logs,
 }
 
 /// Whether logs go somewhere.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Logs {
-    /// They do.
+    /// Logs are written there.
     #[default]
     Enabled,
-    /// They do not.
+    /// No logs are written there.
     Disabled,
 }
 
@@ -38,7 +37,7 @@ pub struct Remap {
     pub node: Option<String>,
     /// `__node`, `__ns`, or the name of a topic or service.
     pub from: String,
-    /// What it becomes.
+    /// The new name.
     pub to: String,
 }
 
@@ -47,14 +46,14 @@ pub struct Remap {
 pub struct LogLevel {
     /// Name of a logger; all of them when `None`.
     pub logger: Option<String>,
-    /// As `tracing` names it: `debug`, `info`, `warn` or `error`.
+    /// Name of the level in `tracing`: `debug`, `info`, `warn` or `error`.
     pub level: &'static str,
 }
 
 /// Parameters as the command line gives them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Setting {
-    /// One parameter, for the node of this name or for any.
+    /// One parameter, for the node of this name or for any node.
     Value {
         /// Name of the node, if the rule names one.
         node: Option<String>,
@@ -63,42 +62,31 @@ pub enum Setting {
         /// Its value as text.
         value: String,
     },
-    /// A parameter file.
+    /// The path of a parameter file.
     File(PathBuf),
 }
 
-/// Why a command line or a parameter file cannot be read.
+/// Error: a command line or a parameter file cannot be read.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ArgsError {
     /// An argument is not understood.
-    #[error("--ros-args: '{argument}' {why}")]
-    Argument {
-        /// As given.
-        argument: String,
-        /// What is possible.
-        why: &'static str,
-    },
+    #[error("--ros-args: '{0}' {1}")]
+    Argument(String, &'static str),
     /// A parameter file is not there or not of the right shape.
-    #[error("parameter file {path}: {why}")]
-    File {
-        /// As given.
-        path: String,
-        /// What is wrong.
-        why: String,
-    },
+    #[error("parameter file {0}: {1}")]
+    File(String, String),
 }
 
 const RULE: &str = "is not a rule 'from:=to'";
-const LEVEL: &str = "is no log level; debug, info, warn, error, fatal and LOGGER:=LEVEL are possible";
+const LEVEL: &str = "is not a log level; debug, info, warn, error, fatal and LOGGER:=LEVEL are possible";
 const UNKNOWN: &str = "is unknown; -r, -p, --params-file, --log-level, --enclave, --log-config-file, \
                        --log-file-name and --enable|disable-rosout|stdout|external-lib-logs are possible";
 
 impl RosArgs {
-    /// Reads everything behind `--ros-args` up to `--`. Returns also what stands
-    /// outside of it.
+    /// Reads the arguments from `--ros-args` to `--`. Also returns the arguments outside of them.
     ///
     /// # Errors
-    /// [`ArgsError::Argument`] for what ROS 2 does not know.
+    /// [`ArgsError::Argument`] for an argument that ROS 2 does not know.
     pub fn parse(arguments: &[String]) -> Result<(Self, Vec<String>), ArgsError> {
         let mut parsed = Self::default();
         let mut own = Vec::new();
@@ -129,7 +117,7 @@ impl RosArgs {
     }
 
     fn option(&mut self, flag: &str, value: Option<&String>) -> Result<(), ArgsError> {
-        let wrong = |why| ArgsError::Argument { argument: flag.to_owned(), why };
+        let wrong = |why| ArgsError::Argument(flag.to_owned(), why);
         let value = || value.ok_or(wrong("needs a value"));
         match flag {
             "-r" | "--remap" => self.remap(value()?),
@@ -166,7 +154,7 @@ impl RosArgs {
             "info" => "info",
             "warn" => "warn",
             "error" | "fatal" => "error",
-            _ => return Err(ArgsError::Argument { argument: rule.to_owned(), why: LEVEL }),
+            _ => return Err(ArgsError::Argument(rule.to_owned(), LEVEL)),
         };
         self.log_levels.push(LogLevel { logger, level });
         Ok(())
@@ -183,11 +171,10 @@ impl RosArgs {
         Ok(())
     }
 
-    /// Where the node lies, `default_name` unless the arguments say otherwise.
-    /// As in `rcl`, a rule for a node means its new name, except the one that gives it.
+    /// Returns the name of the node, `default_name` unless a rule changes it. As in `rcl`, a rule for a node means its new name, except for the rule that gives the name.
     ///
     /// # Errors
-    /// [`NameError`] when a name is none.
+    /// [`NameError`] when a name is not valid.
     pub fn node_name(&self, default_name: &str) -> Result<NodeName, NameError> {
         let name = self.first("__node", default_name).unwrap_or(default_name);
         let remaps: Vec<_> = self
@@ -199,7 +186,7 @@ impl RosArgs {
         NodeName::new(name, self.first("__ns", name).unwrap_or("/"), &remaps)
     }
 
-    /// The level of the logger `name`; a node's has the node's name.
+    /// Returns the level of the logger `name`; a node's has the node's name.
     pub fn log_level_of(&self, name: &str) -> Option<&'static str> {
         let meant = |rule: &&LogLevel| rule.logger.as_ref().is_none_or(|logger| logger == name);
         self.log_levels.iter().rfind(meant).map(|rule| rule.level)
@@ -236,7 +223,7 @@ impl Remap {
 }
 
 fn split_rule(rule: &str) -> Result<(&str, &str), ArgsError> {
-    rule.split_once(":=").ok_or_else(|| ArgsError::Argument { argument: rule.to_owned(), why: RULE })
+    rule.split_once(":=").ok_or_else(|| ArgsError::Argument(rule.to_owned(), RULE))
 }
 
 /// `node:name` names a node, `rostopic://name` does not.
@@ -300,7 +287,7 @@ mod tests {
             ("--ros-args --frobnicate", "--frobnicate' is unknown; -r, -p"),
             ("--ros-args -p angle=2", "angle=2"),
             ("--ros-args -r", "-r' needs a value"),
-            ("--ros-args --log-level loud", "loud' is no log level"),
+            ("--ros-args --log-level loud", "loud' is not a log level"),
             ("--ros-args angle:=2", "angle:=2' is unknown"),
         ] {
             let message = parse(line).expect_err("must be refused").to_string();

@@ -1,5 +1,4 @@
-//! `~/get_type_description`: what the types that a node uses look like, as a
-//! function from request bytes to response bytes. No transport.
+//! `~/get_type_description`: the service that describes the types of a node, as a function from request bytes to response bytes. It knows no transport.
 
 use modulo_msgs::cdr::{self, CdrError};
 use modulo_msgs::interface::definition;
@@ -30,12 +29,12 @@ pub fn answer(request: &[u8]) -> Result<Vec<u8>, CdrError> {
             type_description: description,
             ..Default::default()
         },
-        (None, _) => failed(format!("{name} is no type of this node")),
+        (None, _) => failed(format!("{name} is not a type of this node")),
     };
     cdr::to_vec(&response)
 }
 
-/// The definitions' texts of a type and of all that it needs.
+/// Returns the definitions' texts of a type and of all that it needs.
 fn sources(description: &TypeDescription) -> Vec<TypeSource> {
     let referenced = description.referenced_type_descriptions.iter().map(|t| &t.type_name);
     std::iter::once(&description.type_description.type_name)

@@ -1,4 +1,4 @@
-//! Where the camera's radiance comes from.
+//! [`CameraInput`]: the source of the camera's radiance.
 
 use modulo_bags::source::{self, Source, SourceFrame, SourceOptions};
 use modulo_images::White;
@@ -7,9 +7,9 @@ use modulo_runtime::{ParameterError, StepError};
 use crate::parameters::CameraParameters;
 
 /// A source of frames, or a topic that brings them.
-pub enum Feed {
+pub enum CameraInput {
     /// Read frame by frame.
-    Frames(Reel),
+    Frames(FrameReader),
     /// Brought by a topic.
     Topic {
         /// Name of the topic.
@@ -20,17 +20,17 @@ pub enum Feed {
 }
 
 /// A source that is read once or again and again.
-pub struct Reel {
+pub struct FrameReader {
     source: Box<dyn Source>,
     repeat: bool,
     /// Whether a frame of this round was good.
     given: bool,
-    /// The reason why the last bad frame could not be read.
+    /// The fault of the last bad frame.
     bad: Option<String>,
 }
 
-impl Feed {
-    /// Opens what the parameter `source` names.
+impl CameraInput {
+    /// Opens the source that the parameter `source` names.
     pub fn open(parameters: &CameraParameters) -> Result<Self, ParameterError> {
         let (spec, white) = (&parameters.source, parameters.white as f32);
         if let Some(name) = spec.strip_prefix("topic:") {
@@ -42,17 +42,17 @@ impl Feed {
         let options = SourceOptions { white, topic };
         let source = source::open(spec, &options)
             .map_err(|why| ParameterError::new("source", spec, why.to_string()))?;
-        Ok(Self::Frames(Reel::new(source, parameters.r#loop)))
+        Ok(Self::Frames(FrameReader::new(source, parameters.r#loop)))
     }
 }
 
-impl Reel {
-    /// The frames of `source` from its first one on; after its last one it is over, or starts again.
+impl FrameReader {
+    /// Returns the frames of `source` from its first one on; after its last one it is over, or starts again.
     pub fn new(source: Box<dyn Source>, repeat: bool) -> Self {
         Self { source, repeat, given: false, bad: None }
     }
 
-    /// The next frame; `None` at the end.
+    /// Returns the next frame; `None` at the end.
     ///
     /// # Errors
     /// [`StepError::Skip`] for a frame that cannot be read, [`StepError::Fatal`] when the source is over and no frame
@@ -77,7 +77,7 @@ impl Reel {
         self.given = true;
     }
 
-    /// Books what was wrong with the last frame, and returns the error that skips it.
+    /// Notes the fault of the last frame, and returns the error that skips it.
     pub fn refuse(&mut self, why: String) -> StepError {
         self.bad = Some(why.clone());
         StepError::Skip(why)

@@ -1,21 +1,20 @@
-//! [`NodeTime`]: what time it is for a node. The machine's, or that of `/clock`
-//! while `use_sim_time` is on; as in ROS 2, 0 until the first message has come.
+//! [`NodeTime`]: the clock of a node. It shows the time of the machine, or that of `/clock` while `use_sim_time` is on;
+//! as in ROS 2, it shows 0 until the first message has come.
 //!
-//! Stamps follow it. Periods, waits and durations never do: they are the
-//! machine's.
+//! Stamps follow it. Periods, waits and durations never do: they are the machine's.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::clock::Clock;
 use crate::driver::{CommonParameters, RunError};
+use crate::graph::NodeName;
+use crate::graph::Topic;
 use crate::message::{Message, MessageKind};
-use crate::name::NodeName;
 use crate::parameter::Parameters;
-use crate::topic::Topic;
 use crate::transport::{Address, Guard, Incoming, Transport};
 
-/// Whether `parameters` ask for the time on `/clock`.
+/// Returns whether `parameters` ask for the time on `/clock`.
 pub fn is_simulated(parameters: &Parameters) -> bool {
     CommonParameters::from(parameters).use_sim_time
 }
@@ -30,7 +29,7 @@ pub struct NodeTime<'a> {
 }
 
 impl<'a> NodeTime<'a> {
-    /// The time of `machine`, until told otherwise.
+    /// Returns a clock with the time of `machine`.
     pub fn new(machine: &'a dyn Clock) -> Self {
         Self { machine, told: Arc::default(), simulation: None }
     }
@@ -96,7 +95,7 @@ mod tests {
         let Topic { name, kind, qos } = Topic::new("/clock", MessageKind::Clock);
         let simulator = transport.advertise(&node_name, &Address { topic: name, kind, qos }).expect("local");
         let tell = |ns| {
-            let clock = rosgraph_msgs::Clock { clock: Time::from_ns(ns) };
+            let clock = Arc::new(rosgraph_msgs::Clock { clock: Time::from_ns(ns) });
             simulator.put(&Message::Clock(clock)).expect("local");
         };
         let asked = |on| {
