@@ -60,7 +60,6 @@ pub(crate) enum Kind {
     Log(Text),
     SetParameter { name: Text, value: Text },
     SetRemap { from: Text, to: Text },
-    SetUseSimTime(Text),
     Node(Box<NodeAction>),
     Executable(Box<ExecutableAction>),
 }
@@ -68,26 +67,29 @@ pub(crate) enum Kind {
 /// Name of an action, its keys besides `if` and `unless`, and its reader.
 struct Reader {
     name: &'static str,
-    keys: &'static [&'static str],
+    keys: &'static [&'static [&'static str]],
     read: fn(&Attributes<'_>) -> Result<Kind, Mistakes>,
 }
 
-const READERS: [Reader; 15] = [
-    Reader { name: "arg", keys: &["name", "default", "description", "choice"], read: declaration::argument },
-    Reader { name: "let", keys: &["name", "value"], read: declaration::variable },
-    Reader { name: "set_env", keys: &["name", "value"], read: declaration::set_environment },
-    Reader { name: "unset_env", keys: &["name"], read: declaration::unset_environment },
-    Reader { name: "group", keys: &["scoped", "children"], read: structure::group },
-    Reader { name: "push_ros_namespace", keys: &["namespace"], read: structure::push_namespace },
-    Reader { name: "push-ros-namespace", keys: &["namespace"], read: structure::push_namespace },
-    Reader { name: "include", keys: &["file", "arg"], read: structure::include },
-    Reader { name: "timer", keys: &["period", "children"], read: structure::timer },
-    Reader { name: "log", keys: &["message"], read: structure::log },
-    Reader { name: "set_parameter", keys: &["name", "value"], read: structure::set_parameter },
-    Reader { name: "set_remap", keys: &["from", "to"], read: structure::set_remap },
-    Reader { name: "set_use_sim_time", keys: &["value"], read: structure::set_use_sim_time },
-    Reader { name: "node", keys: process::NODE_KEYS, read: process::node },
-    Reader { name: "executable", keys: process::EXECUTABLE_KEYS, read: process::executable },
+const READERS: [Reader; 14] = [
+    Reader {
+        name: "arg",
+        keys: &[&["name", "default", "description", "choice"]],
+        read: declaration::argument,
+    },
+    Reader { name: "let", keys: &[&["name", "value"]], read: declaration::variable },
+    Reader { name: "set_env", keys: &[&["name", "value"]], read: declaration::set_environment },
+    Reader { name: "unset_env", keys: &[&["name"]], read: declaration::unset_environment },
+    Reader { name: "group", keys: &[&["scoped", "children"]], read: structure::group },
+    Reader { name: "push_ros_namespace", keys: &[&["namespace"]], read: structure::push_namespace },
+    Reader { name: "push-ros-namespace", keys: &[&["namespace"]], read: structure::push_namespace },
+    Reader { name: "include", keys: &[&["file", "arg"]], read: structure::include },
+    Reader { name: "timer", keys: &[&["period", "children"]], read: structure::timer },
+    Reader { name: "log", keys: &[&["message"]], read: structure::log },
+    Reader { name: "set_parameter", keys: &[&["name", "value"]], read: structure::set_parameter },
+    Reader { name: "set_remap", keys: &[&["from", "to"]], read: structure::set_remap },
+    Reader { name: "node", keys: &[process::NODE_KEYS, process::PROCESS_KEYS], read: process::node },
+    Reader { name: "executable", keys: &[&["cmd"], process::PROCESS_KEYS], read: process::executable },
 ];
 
 /// Reads the launch file at `path`.
@@ -118,6 +120,12 @@ fn read(file: &Path, item: &Item) -> Result<Action, Mistakes> {
             return Err(LaunchError::at(file, item.line, message).into());
         }
     };
+    if key.name == "set_use_sim_time" {
+        // ROS 2 sets it for the launch process alone: no node would see what the file seems to promise.
+        let why = "set_use_sim_time: ROS 2 does not set it for nodes; \
+                   write set_parameter: { name: use_sim_time, value: \"true\" }";
+        return Err(LaunchError::at(file, key.line, why).into());
+    }
     let Some(reader) = READERS.iter().find(|reader| reader.name == key.name) else {
         let known = listed(READERS.iter().map(|reader| reader.name), "");
         let message = format!("unknown action '{}', known actions are {known}", key.name);
@@ -127,7 +135,7 @@ fn read(file: &Path, item: &Item) -> Result<Action, Mistakes> {
         let kind = Kind::Group { scoped: None, children: read_all(file, children)? };
         return Ok(Action { line: key.line, condition: Condition::Always, kind });
     }
-    let known: Vec<&str> = reader.keys.iter().chain(&["if", "unless"]).copied().collect();
+    let known: Vec<&str> = reader.keys.iter().copied().flatten().chain(&["if", "unless"]).copied().collect();
     let mut attributes = Attributes::read(file, reader.name, body, &known)?;
     attributes.line = key.line;
     let condition = condition(&attributes)?;

@@ -86,16 +86,6 @@ impl<'a> Attributes<'a> {
         }
     }
 
-    /// The bool `key`, or a string with a substitution that will be one. ROS 2 fails on any other string.
-    pub fn bool(&self, key: &str) -> Result<Option<Text>, LaunchError> {
-        match self.item(key) {
-            Some(Item { content: Content::Scalar(text, ScalarType::String), .. }) if text.contains("$(") => {
-                self.text(key)
-            }
-            _ => self.literal(key, ScalarType::Bool),
-        }
-    }
-
     /// The number `key`, or a string that will be one. ROS 2 asks for a decimal point.
     pub fn number(&self, key: &str) -> Result<Option<Text>, LaunchError> {
         self.item(key)

@@ -5,29 +5,12 @@ use crate::attributes::{Attributes, Text};
 use crate::error::{LaunchError, Mistakes};
 use crate::yaml::ScalarType;
 
-pub(super) const NODE_KEYS: &[&str] = &[
-    "pkg",
-    "exec",
-    "name",
-    "namespace",
-    "args",
-    "ros_args",
-    "exec_name",
-    "param",
-    "remap",
-    "env",
-    "output",
-    "respawn",
-    "respawn_delay",
-    "respawn_max_retries",
-    "cwd",
-    "on_exit",
-    "sigterm_timeout",
-    "sigkill_timeout",
-];
+/// The keys of a node beside those of a process.
+pub(super) const NODE_KEYS: &[&str] =
+    &["pkg", "exec", "namespace", "args", "ros_args", "exec_name", "param", "remap"];
 
-pub(super) const EXECUTABLE_KEYS: &[&str] = &[
-    "cmd",
+/// The keys of a node and of an executable.
+pub(super) const PROCESS_KEYS: &[&str] = &[
     "name",
     "env",
     "output",
@@ -83,12 +66,22 @@ pub(super) fn node(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {
         executable: attributes.required("exec")?,
         namespace: attributes.text("namespace")?,
         label: attributes.text("exec_name")?,
-        args: attributes.text("args")?,
-        ros_args: attributes.text("ros_args")?,
+        args: command_line(attributes, "args")?,
+        ros_args: command_line(attributes, "ros_args")?,
         parameters: value::parameters(attributes)?,
         remaps: attributes.pairs("remap", ["from", "to"])?,
         process: process(attributes)?,
     })))
+}
+
+/// ROS 2 gives a node an empty argument for an empty text.
+fn command_line(attributes: &Attributes<'_>, key: &str) -> Result<Option<Text>, LaunchError> {
+    match attributes.text(key)? {
+        Some(text) if text.source.is_empty() => {
+            Err(attributes.refuse(text.line, format!("{key}: is empty, leave it out")))
+        }
+        text => Ok(text),
+    }
 }
 
 pub(super) fn executable(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {

@@ -45,8 +45,3 @@ pub(super) fn set_parameter(attributes: &Attributes<'_>) -> Result<Kind, Mistake
 pub(super) fn set_remap(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {
     Ok(Kind::SetRemap { from: attributes.required("from")?, to: attributes.required("to")? })
 }
-
-pub(super) fn set_use_sim_time(attributes: &Attributes<'_>) -> Result<Kind, Mistakes> {
-    let value = attributes.bool("value")?;
-    Ok(Kind::SetUseSimTime(value.ok_or_else(|| attributes.missing("value"))?))
-}

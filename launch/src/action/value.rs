@@ -25,11 +25,14 @@ pub(crate) enum Parameter {
 /// The value of a parameter.
 #[derive(Clone, Debug)]
 pub(crate) enum ParameterValue {
-    /// A scalar, as written.
-    Scalar(Text),
-    /// A list of scalars, each with what YAML takes it for.
-    List(Vec<(Text, ScalarType)>),
+    /// A scalar.
+    Scalar(Written),
+    /// A list of scalars.
+    List(Vec<Written>),
 }
+
+/// A scalar with its type as it is written; the type is `None` where a substitution decides on it.
+pub(crate) type Written = (Text, Option<ScalarType>);
 
 /// The parameters in the list `param`.
 pub(super) fn parameters(attributes: &Attributes<'_>) -> Result<Vec<Parameter>, LaunchError> {
@@ -84,8 +87,8 @@ fn kind(entry: &Attributes<'_>) -> Result<Option<&'static str>, LaunchError> {
     })
 }
 
-/// ROS 2 converts strings to the type that is asked for, and nothing else; a
-/// list has items of one type besides strings with substitutions.
+/// Checks the types of `item`. ROS 2 converts a string to the type that is asked for, and nothing else. The items of a
+/// list are not converted, and are of one type besides strings with substitutions.
 fn check_types(entry: &Attributes<'_>, item: &Item, kind: Option<&str>) -> Result<(), LaunchError> {
     let (items, of) = match (&item.content, kind) {
         (Content::List(items), Some(kind)) => match kind.strip_prefix("list_of_") {
@@ -93,8 +96,12 @@ fn check_types(entry: &Attributes<'_>, item: &Item, kind: Option<&str>) -> Resul
             None => return Err(entry.refuse(item.line, format!("value: is a list, must be of type {kind}"))),
         },
         (Content::List(items), None) => (items.as_slice(), None),
-        (_, kind) => (std::slice::from_ref(item), kind.filter(|kind| !kind.starts_with("list_of_"))),
+        (_, Some(kind)) if kind.starts_with("list_of_") => {
+            return Err(entry.refuse(item.line, format!("value: is no list, must be of type {kind}")));
+        }
+        (_, kind) => (std::slice::from_ref(item), kind),
     };
+    let converts = !matches!(item.content, Content::List(_));
     let type_of = |item: &Item| match &item.content {
         Content::Scalar(text, ScalarType::String) if text.contains("$(") => None,
         Content::Scalar(_, ScalarType::String) => Some("str"),
@@ -111,7 +118,7 @@ fn check_types(entry: &Attributes<'_>, item: &Item, kind: Option<&str>) -> Resul
             Err(entry.refuse(item.line, why))
         };
         match (given, of, first) {
-            (Some(given), Some(of), _) if given != of && given != "str" => return wrong(of),
+            (Some(given), Some(of), _) if given != of && !(converts && given == "str") => return wrong(of),
             (Some(given), None, Some(first)) if given != first => {
                 return wrong(&format!("{first} as the first in its list"));
             }
@@ -124,22 +131,21 @@ fn check_types(entry: &Attributes<'_>, item: &Item, kind: Option<&str>) -> Resul
 /// The value of a parameter in `item`. An empty list has no type in ROS 2.
 fn read(attributes: &Attributes<'_>, item: &Item) -> Result<ParameterValue, LaunchError> {
     let Content::List(items) = &item.content else {
-        return Ok(ParameterValue::Scalar(attributes.scalar("value", item, &SCALARS)?));
+        return Ok(ParameterValue::Scalar(written(attributes, item)?));
     };
     if items.is_empty() {
         let why = "value: an empty list has no type for ROS 2, leave the parameter out";
         return Err(attributes.refuse(item.line, why));
     }
-    let scalars: Result<_, _> = items
-        .iter()
-        .map(|item| {
-            let text = attributes.scalar("value", item, &SCALARS)?;
-            let kind = match item.content {
-                Content::Scalar(_, kind) => kind,
-                _ => ScalarType::String,
-            };
-            Ok((text, kind))
-        })
-        .collect();
-    Ok(ParameterValue::List(scalars?))
+    let items: Result<_, _> = items.iter().map(|item| written(attributes, item)).collect();
+    Ok(ParameterValue::List(items?))
+}
+
+fn written(attributes: &Attributes<'_>, item: &Item) -> Result<Written, LaunchError> {
+    let text = attributes.scalar("value", item, &SCALARS)?;
+    let kind = match item.content {
+        Content::Scalar(_, kind) if text.template.as_plain().is_some() => Some(kind),
+        _ => None,
+    };
+    Ok((text, kind))
 }

@@ -2,11 +2,12 @@
 //! YAML's rules. The node's own declaration gives it its type in the end.
 
 use std::fmt;
+use std::path::Path;
 
-use modulo_runtime::parameter::yaml_text::quoted;
+use modulo_runtime::parameter::yaml_text::of_string;
 use serde::Serialize;
 
-use crate::yaml::ScalarType;
+use crate::yaml::{Content, ScalarType};
 
 /// The value of a parameter.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -26,19 +27,24 @@ impl ParameterText {
     pub(super) fn scalar(text: String, kind: Option<&'static str>) -> Result<Self, String> {
         let text = match kind {
             Some(of) if !of.starts_with("list_of_") => typed(text, of)?,
-            None if ScalarType::of_plain(&text) == ScalarType::Null => {
-                return Err(format!("= '{text}' is nothing to ROS 2, give it type: \"str\""));
+            _ if is_value(&text) => text,
+            _ => {
+                return Err(format!(
+                    "= '{text}' is neither a scalar nor a list to ROS 2, give it type: \"str\""
+                ));
             }
-            _ => text,
         };
         Ok(Self { text, kind })
     }
 
-    /// A list of (text, type as YAML sees it).
+    /// A list of (text, type as it is written).
     ///
     /// # Errors
     /// Which item does not have the type that is asked for, as text.
-    pub(super) fn list(items: Vec<(String, ScalarType)>, kind: Option<&'static str>) -> Result<Self, String> {
+    pub(super) fn list(
+        items: Vec<(String, Option<ScalarType>)>,
+        kind: Option<&'static str>,
+    ) -> Result<Self, String> {
         let of = match kind.map(|kind| kind.strip_prefix("list_of_").ok_or(kind)) {
             Some(Err(kind)) => return Err(format!("is a list, must be a {kind}")),
             Some(Ok(of)) => of,
@@ -48,11 +54,8 @@ impl ParameterText {
             .into_iter()
             .map(|(text, kind)| {
                 let text = typed(text, of)?;
-                Ok(if of == "str" || (of.is_empty() && needs_quotes(&text, kind)) {
-                    quoted(&text)
-                } else {
-                    text
-                })
+                let is_string = of == "str" || (of.is_empty() && kind == Some(ScalarType::String));
+                Ok(if is_string { of_string(&text) } else { text })
             })
             .collect();
         Ok(Self { text: format!("[{}]", items?.join(", ")), kind })
@@ -60,10 +63,7 @@ impl ParameterText {
 
     /// The text to write after `name:=` on a ROS 2 command line.
     pub fn as_yaml(&self) -> String {
-        if self.kind == Some("str") || self.text.is_empty() {
-            return quoted(&self.text);
-        }
-        self.text.clone()
+        if self.kind == Some("str") { of_string(&self.text) } else { self.text.clone() }
     }
 }
 
@@ -86,10 +86,15 @@ fn typed(text: String, of: &str) -> Result<String, String> {
     Ok(if of == "float" && text.parse::<i64>().is_ok() { format!("{text}.0") } else { text })
 }
 
-/// Whether a word in a list would be read as something else without quotes.
-fn needs_quotes(text: &str, kind: ScalarType) -> bool {
-    let word = |c: char| c.is_ascii_alphanumeric() || "_/.+-~".contains(c);
-    kind == ScalarType::String && (text.is_empty() || !text.chars().all(word))
+/// Whether YAML's rules make a scalar or a list of scalars of `text`, and every reader of YAML the same one.
+fn is_value(text: &str) -> bool {
+    match crate::yaml::read(Path::new(""), text).map(|item| item.content) {
+        Ok(Content::Scalar(_, kind)) => kind != ScalarType::Null,
+        Ok(Content::List(items)) => {
+            !items.is_empty() && items.iter().all(|item| matches!(item.content, Content::Scalar(..)))
+        }
+        Ok(Content::Map(_)) | Err(_) => false,
+    }
 }
 
 #[cfg(test)]
@@ -105,7 +110,7 @@ mod tests {
         fn a_string_reads_back(text in "[ -~\n\t\u{7f}\u{85}é']{0,8}") {
             let scalar = ParameterText::scalar(text.clone(), Some("str")).expect("any text is a string");
             prop_assert_eq!(yaml_text::string(&scalar.as_yaml()), Some(text.clone()));
-            let list = ParameterText::list(vec![(text.clone(), ScalarType::String)], Some("list_of_str"));
+            let list = ParameterText::list(vec![(text.clone(), Some(ScalarType::String))], Some("list_of_str"));
             prop_assert_eq!(yaml_text::strings(&list.expect("strings").as_yaml()), Some(vec![text]));
         }
     }

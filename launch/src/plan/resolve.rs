@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::scope::{Scope, View, environment};
-use super::value::{argument_value, parameter_value};
-use super::{ParameterText, Plan, arguments, process};
-use crate::action::{self, Action, Condition, Include, Kind, LaunchFile, ParameterValue};
+use super::value::{argument_value, shared_value};
+use super::{Plan, arguments, process};
+use crate::action::{self, Action, Condition, Include, Kind, LaunchFile};
 use crate::attributes::Text;
 use crate::error::{LaunchError, Mistakes};
 use crate::substitution::truth;
@@ -137,16 +137,8 @@ impl Resolver {
                 self.scope.namespace = self.scope.joined(&pushed);
             }
             Kind::SetParameter { name, value } => {
-                let pair = (
-                    view.string(name)?,
-                    parameter_value(name, &ParameterValue::Scalar(value.clone()), None, view)?,
-                );
+                let pair = (view.string(name)?, shared_value(name, value, view)?);
                 self.scope.parameters.push(pair);
-            }
-            Kind::SetUseSimTime(value) => {
-                let text = view.bool("set_use_sim_time", value)?.to_string();
-                let value = ParameterText { text, kind: None };
-                self.scope.parameters.push(("use_sim_time".to_owned(), value));
             }
             Kind::SetRemap { from, to } => {
                 let pair = (view.string(from)?, view.string(to)?);

@@ -5,6 +5,7 @@ use super::scope::View;
 use crate::action::{Argument, ParameterValue};
 use crate::attributes::Text;
 use crate::error::{LaunchError, listed};
+use crate::yaml::ScalarType;
 
 /// Name and value of an argument: as given, else its default.
 pub(super) fn argument_value(argument: &Argument, view: View<'_>) -> Result<(String, String), LaunchError> {
@@ -34,7 +35,11 @@ pub(super) fn parameter_value(
     view: View<'_>,
 ) -> Result<ParameterText, LaunchError> {
     let checked = match value {
-        ParameterValue::Scalar(text) => ParameterText::scalar(view.string(text)?, kind),
+        // As in ROS 2, a string without a substitution is a string, even if it looks like a number.
+        ParameterValue::Scalar((text, written)) => {
+            let is_string = *written == Some(ScalarType::String);
+            ParameterText::scalar(view.string(text)?, kind.or(is_string.then_some("str")))
+        }
         ParameterValue::List(items) => {
             let values: Result<Vec<_>, LaunchError> =
                 items.iter().map(|(text, kind)| Ok((view.string(text)?, *kind))).collect();
@@ -42,4 +47,14 @@ pub(super) fn parameter_value(
         }
     };
     checked.map_err(|why| view.refuse(name, format!("parameter '{}' {why}", name.source)))
+}
+
+/// The value of the parameter `name` for all nodes, which ROS 2 reads with YAML's rules and passes on as a scalar.
+pub(super) fn shared_value(name: &Text, value: &Text, view: View<'_>) -> Result<ParameterText, LaunchError> {
+    let checked = ParameterText::scalar(view.string(value)?, None);
+    let scalar = checked.and_then(|value| match value.text.starts_with('[') {
+        true => Err(format!("= {value} is a list, which ROS 2 does not pass on here")),
+        false => Ok(value),
+    });
+    scalar.map_err(|why| view.refuse(name, format!("parameter '{}' {why}", name.source)))
 }

@@ -12,8 +12,6 @@ enum Is {
     Text,
     /// A bool, nothing else: a string would be true whatever it says.
     Bool,
-    /// A bool, or a string with a substitution.
-    BoolText,
     /// A number with a decimal point, nothing else: a string is not converted, and fails later.
     Float,
     /// A number with a decimal point, or a string.
@@ -30,7 +28,7 @@ enum Is {
     Nested,
 }
 
-use Is::{Actions, Bool, BoolText, Entities, Float, FloatText, Int, Nested, Text, Value};
+use Is::{Actions, Bool, Entities, Float, FloatText, Int, Nested, Text, Value};
 
 const PAIR: Is = Entities(&[("name", Text), ("value", Text)]);
 const PARAM: &[(&str, Is)] =
@@ -52,7 +50,6 @@ const ACTIONS: &[(&str, &[(&str, Is)])] = &[
     ("log", &[("message", Text)]),
     ("set_parameter", &[("name", Text), ("value", Text)]),
     ("set_remap", &[("from", Text), ("to", Text)]),
-    ("set_use_sim_time", &[("value", BoolText)]),
     ("executable", &[("cmd", Text), ("name", Text)]),
     (
         "node",
@@ -152,10 +149,8 @@ fn check(is: &Is, value: &Yaml<'_>) -> Result<(), String> {
             return items.iter().try_for_each(|item| check(&Value, item));
         }
         (Bool, Some(Scalar::Boolean(_))) => true,
-        (BoolText, Some(Scalar::String(text))) if !text.contains("$(") => false,
-        (Text | BoolText | FloatText | Value, Some(Scalar::String(text))) => return substitutions(text),
-        (BoolText, Some(Scalar::Boolean(_)))
-        | (Float | FloatText, Some(Scalar::FloatingPoint(_)))
+        (Text | FloatText | Value, Some(Scalar::String(text))) => return substitutions(text),
+        (Float | FloatText, Some(Scalar::FloatingPoint(_)))
         | (Int, Some(Scalar::Integer(_)))
         | (Value, Some(Scalar::Boolean(_) | Scalar::FloatingPoint(_) | Scalar::Integer(_))) => true,
         _ => false,

@@ -195,10 +195,23 @@ fn the_environment_of_the_launcher_can_be_hidden() {
     assert_eq!(plan.executables[0].process.env, expected.into());
 }
 
+/// As in `launch_ros`: a string is one, whatever it looks like, unless a substitution or a type decides.
 #[test]
-fn sim_time_is_a_parameter_of_all_later_nodes() {
-    let text = "launch:\n  - set_use_sim_time: { value: true }\n  - node: { pkg: p, exec: e }";
-    assert_eq!(plan(text, &[]).nodes[0].shared_parameters[0].0, "use_sim_time");
+fn a_quoted_number_is_a_string() {
+    let text = "launch:\n  - let: { name: n, value: '2' }\n  - node:\n      pkg: modulo\n      exec: unwrap\n      param:\n";
+    let cases = [
+        ("'1'", "'1'"),
+        ("'1', type: int", "1"),
+        ("$(var n)", "2"),
+        ("'[1, 2]'", "'[1, 2]'"),
+        ("['1', a]", "['1', a]"),
+        ("[1, 2]", "[1, 2]"),
+        ("['$(var n)']", "[2]"),
+    ];
+    for (written, passed) in cases {
+        let node = plan(&format!("{text}        - {{ name: p, value: {written} }}\n"), &[]).nodes.remove(0);
+        assert_eq!(ros_arguments(&node).last(), Some(&format!("p:={passed}")), "{written}");
+    }
 }
 
 #[test]

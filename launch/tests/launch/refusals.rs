@@ -13,7 +13,6 @@ const MISTAKES: &[(&str, &str)] = &[
     ("- let: { name: x }", "2: let: key 'value' is missing"),
     ("- include: {}", "2: include: key 'file' is missing"),
     ("- timer: { children: [] }", "2: timer: key 'period' is missing"),
-    ("- set_use_sim_time: {}", "2: set_use_sim_time: key 'value' is missing"),
     ("- node: [a]", "2: node: expected a mapping of attributes, found a list"),
     ("- log", "2: expected one action '- name: attributes', found the string 'log'"),
     ("- let: { name: x, value: y }\n  log: { message: z }", "2: expected one action"),
@@ -69,8 +68,25 @@ const MISTAKES: &[(&str, &str)] = &[
         "2: node: on_exit: ROS 2 evaluates no substitution here",
     ),
     (
-        "- set_use_sim_time: { value: 'true' }",
-        "2: set_use_sim_time: value: expected true or false, found the string 'true', write true without quotes",
+        "- set_use_sim_time: { value: true }",
+        "2: set_use_sim_time: ROS 2 does not set it for nodes; write set_parameter",
+    ),
+    (
+        "- set_parameter: { name: a, value: '[1]' }",
+        "2: parameter 'a' = [1] is a list, which ROS 2 does not pass on here",
+    ),
+    (
+        "- set_parameter: { name: a, value: 'b: c' }",
+        "2: parameter 'a' = 'b: c' is neither a scalar nor a list",
+    ),
+    ("- node: { pkg: p, exec: e, args: '' }", "2: node: args: is empty, leave it out"),
+    (
+        "- node: { pkg: p, exec: e, param: [{ name: a, value: 1, type: list_of_int }] }",
+        "2: param: value: is no list, must be of type list_of_int",
+    ),
+    (
+        "- node: { pkg: p, exec: e, param: [{ name: a, value: ['1'], type: list_of_int }] }",
+        "2: param: value: the string '1' must be of type int",
     ),
     (
         "- set_parameter: { name: a, value: 4.0 }",
@@ -107,8 +123,8 @@ const MISTAKES: &[(&str, &str)] = &[
         "2: param: value: an empty list has no type for ROS 2",
     ),
     (
-        "- node: { pkg: p, exec: e, param: [{ name: a, value: '' }] }",
-        "2: parameter 'a' = '' is nothing to ROS 2, give it type: \"str\"",
+        "- let: { name: x, value: '' }\n- node: { pkg: p, exec: e, param: [{ name: a, value: $(var x) }] }",
+        "3: parameter 'a' = '' is neither a scalar nor a list to ROS 2, give it type: \"str\"",
     ),
     ("- node: { pkg: p, exec: e, param: [] }", "2: node: param: the list is empty, leave it out"),
     ("- log: { message: costs 5 $ }", "2: log: message: 'costs 5 $': a dollar without '('"),

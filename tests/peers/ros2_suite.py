@@ -1,0 +1,222 @@
+"""Runs the suite beside a real ROS 2 Jazzy: its launch files under `ros2 launch`, and each `ros2` command on its nodes.
+
+    . /opt/ros/jazzy/setup.bash && . WORKSPACE/install/setup.bash
+    python3 tests/peers/ros2_suite.py launch graph parameters data
+
+`colcon build` has installed the suite in WORKSPACE. The rmw is rmw_zenoh_cpp; its router is started here. Exit code 1 when
+a command fails or does not print what is expected of it.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import rclpy
+import yaml
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from vision_msgs.msg import Detection2DArray
+
+ROOT = Path(__file__).resolve().parents[2]
+BAG = ROOT / "bags/samples/tunnel"
+SCENE = "source:=scene://tunnel?seed=3&frames="
+IMAGE_HASH = "RIHS01_d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47"
+PATIENCE = 90
+WORK = Path(tempfile.mkdtemp())
+
+
+class Failure(Exception):
+    """A command that does not do what is expected of it."""
+
+
+def run(*command, limit=PATIENCE):
+    """Exit code and output of a command. It gets SIGINT at `limit` seconds, and its whole group SIGKILL 10 s later."""
+    path = WORK / "output"
+    with path.open("w") as output:
+        process = subprocess.Popen(command, stdout=output, stderr=subprocess.STDOUT, start_new_session=True)
+        try:
+            code = process.wait(limit)
+        except subprocess.TimeoutExpired:
+            code = stop(process)
+    return code, path.read_text(errors="replace")
+
+
+def stop(process, patience=10):
+    """The exit code after SIGINT."""
+    os.killpg(process.pid, signal.SIGINT)
+    try:
+        return process.wait(patience)
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        return process.wait()
+
+
+def expect(text, *command, limit=PATIENCE, code=0):
+    """Runs a command; its output must hold each line of `text`. It is tried again while a graph is still found out."""
+    for attempt in range(3):
+        got, output = run(*command, limit=limit)
+        missing = [line for line in text.splitlines() if line not in output]
+        if not missing and got == code:
+            print(f"ok    {' '.join(map(str, command))}", flush=True)
+            return output
+        time.sleep(2)
+    raise Failure(f"{' '.join(map(str, command))}: exit code {got}, without {missing}:\n{output[-1500:]}")
+
+
+def start(*command):
+    log = (WORK / f"{Path(command[0]).name}.log").open("a")
+    return subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True)
+
+
+class Boxes(Node):
+    """Hears /detector/detections: boxes by stamp."""
+
+    def __init__(self, context):
+        super().__init__("boxes", context=context)
+        self.by_stamp = {}
+        self.create_subscription(Detection2DArray, "/detector/detections", self.heard, QoSProfile(depth=100))
+
+    def heard(self, message):
+        stamp = (message.header.stamp.sec, message.header.stamp.nanosec)
+        self.by_stamp[stamp] = [
+            (d.bbox.center.position.x, d.bbox.center.position.y, d.bbox.size_x, d.bbox.size_y,
+             d.results[0].hypothesis.class_id, d.results[0].hypothesis.score)
+            for d in message.detections
+        ]
+
+
+def boxes_of(*command):
+    """The boxes of a run that replays the sample bag."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = Boxes(context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    spin = threading.Thread(target=executor.spin, daemon=True)
+    spin.start()
+    code, output = run(*command)
+    time.sleep(1)
+    executor.shutdown()
+    rclpy.shutdown(context=context)
+    if code != 0:
+        raise Failure(f"{' '.join(command)}: exit code {code}:\n{output[-1500:]}")
+    return node.by_stamp
+
+
+def launch():
+    """Each launch file: its arguments, a run to a clean end, and the same boxes as `modulo launch` on the sample bag."""
+    for file in sorted((ROOT / "launch").glob("*.launch.yaml")):
+        expect("default:", "ros2", "launch", "modulo", file.name, "--show-args")
+        if file.name in ("detector.launch.yaml", "replay.launch.yaml"):
+            continue
+        arguments = [f"{SCENE}4"] + (["detectors:=[]"] if file.name == "sensor.launch.yaml" else [])
+        expect("[modulo_camera-", "ros2", "launch", "modulo", file.name, *arguments)
+    # It has no source, so that it runs until SIGINT.
+    process = start("ros2", "launch", "modulo", "detector.launch.yaml")
+    expect("/detector", "ros2", "node", "list")
+    if (code := stop(process, 20)) != 0:
+        raise Failure(f"ros2 launch modulo detector.launch.yaml: exit code {code} after SIGINT")
+    print("ok    ros2 launch modulo detector.launch.yaml")
+    theirs = boxes_of("ros2", "launch", "modulo", "replay.launch.yaml", f"bag:={BAG}")
+    ours = boxes_of("modulo", "launch", str(ROOT / "launch/replay.launch.yaml"), f"bag:={BAG}")
+    if not theirs or theirs != ours:
+        raise Failure(f"boxes of the sample bag: {len(theirs)} frames under ros2 launch, {len(ours)} under modulo launch")
+    print(f"ok    the same boxes on {len(theirs)} frames of the sample bag")
+
+
+def suite():
+    """The suite at 5 Hz, once its detector answers."""
+    process = start("modulo", "launch", str(ROOT / "launch/recovered.launch.yaml"), "rate:=5.0", f"{SCENE}5000")
+    expect("/modulo_camera\n/unwrap\n/detector", "ros2", "node", "list")
+    return process
+
+
+def graph():
+    process = suite()
+    expect("/recovered: sensor_msgs/msg/Image\n/detector/detections: vision_msgs/msg/Detection2DArray\n"
+           "/detector/set_parameters: rcl_interfaces/srv/SetParameters", "ros2", "node", "info", "/detector")
+    expect("/modulo [sensor_msgs/msg/Image]\n/detector/detections [vision_msgs/msg/Detection2DArray]",
+           "ros2", "topic", "list", "-t")
+    expect(f"{IMAGE_HASH}\nReliability: BEST_EFFORT\nNode name: detector", "ros2", "topic", "info", "-v", "/recovered")
+    for topic in ["modulo", "recovered", "saturated", "ideal", "hdr", "detector/annotated"]:
+        expect("height: \nwidth: \nencoding: ", "ros2", "topic", "echo", "--once", "--no-arr", f"/{topic}")
+    for topic in ["detector/detections", "ground_truth"]:
+        expect("header:\ndetections: ", "ros2", "topic", "echo", "--once", "--no-arr", f"/{topic}")
+    expect("unwrap: ", "ros2", "topic", "echo", "--once", "/diagnostics")
+    expect("name: \nmsg: ", "ros2", "topic", "echo", "--once", "/rosout")
+    expect("average rate: ", "ros2", "topic", "hz", "/detector/detections", limit=8)
+    expect("/s from ", "ros2", "topic", "bw", "/recovered", limit=8)
+    expect("average delay: ", "ros2", "topic", "delay", "/recovered", limit=8)
+    expect("Type: vision_msgs/msg/Detection2DArray", "ros2", "topic", "info", "/detector/detections")
+    expect("/detector/get_parameters [rcl_interfaces/srv/GetParameters]", "ros2", "service", "list", "-t")
+    expect("rcl_interfaces/srv/SetParameters", "ros2", "service", "type", "/unwrap/set_parameters")
+    expect("successful=True", "ros2", "service", "call", "/detector/get_type_description",
+           "type_description_interfaces/srv/GetTypeDescription", "{type_name: sensor_msgs/msg/Image}")
+    stop(process)
+
+
+def parameters():
+    process = suite()
+    expect("/detector:\n  input\n  score_threshold", "ros2", "param", "list")
+    expect("String value is: recovered", "ros2", "param", "get", "/detector", "input")
+    expect("Set parameter successful", "ros2", "param", "set", "/detector", "input", "modulo")
+    expect("/modulo: sensor_msgs/msg/Image", "ros2", "node", "info", "/detector")
+    expect("must be one of modulo", "ros2", "param", "set", "/detector", "input", "nonsense", code=1)
+    expect("in 0 to 1", "ros2", "param", "set", "/detector", "score_threshold", "1.5", code=1)
+    expect("Set parameter successful", "ros2", "param", "set", "/detector", "classes", "[]")
+    expect("Max value: 1.0", "ros2", "param", "describe", "/detector", "score_threshold")
+    for node in ["/modulo_camera", "/unwrap", "/detector"]:
+        dump = WORK / "dump.yaml"
+        dump.write_text(expect("ros__parameters:", "ros2", "param", "dump", node))
+        if not yaml.safe_load(dump.read_text())[node]["ros__parameters"]:
+            raise Failure(f"ros2 param dump {node} is empty")
+        output = expect("", "ros2", "param", "load", node, str(dump))
+        if "failed" in output.lower():
+            raise Failure(f"ros2 param load {node} does not take its own dump:\n{output}")
+    stop(process)
+
+
+def data():
+    """Bags both ways, and a single node under `ros2 run`."""
+    process = suite()
+    expect("", "ros2", "bag", "record", "-o", WORK / "theirs", "/modulo", "/sensor_info", "/detector/detections", limit=8)
+    stop(process)
+    expect("/detector/detections\n/modulo", "modulo", "bag", "info", WORK / "theirs")
+    expect("Topic: /modulo | Type: sensor_msgs/msg/Image", "ros2", "bag", "info", BAG)
+    heard = boxes_of("modulo", "launch", str(ROOT / "launch/replay.launch.yaml"), f"bag:={WORK / 'theirs'}")
+    if len(heard) < 10:
+        raise Failure(f"a bag of ros2 bag record, replayed and detected: {len(heard)} frames with an answer")
+    node = start("ros2", "run", "modulo", "unwrap", "--ros-args", "-r", "__node:=undo", "-p", "alpha:=4.0")
+    expect("/undo", "ros2", "node", "list")
+    player = start("ros2", "bag", "play", str(BAG), "--loop")
+    expect("encoding: ", "ros2", "topic", "echo", "--once", "--no-arr", "/recovered")
+    stop(player)
+    stop(node)
+
+
+def main():
+    os.environ |= {"RMW_IMPLEMENTATION": "rmw_zenoh_cpp", "ROS_LOG_DIR": str(WORK)}
+    os.environ.setdefault("ROS_DOMAIN_ID", "91")
+    subprocess.run(["ros2", "daemon", "stop"], capture_output=True)
+    router = start("ros2", "run", "rmw_zenoh_cpp", "rmw_zenohd")
+    time.sleep(2)
+    failed = 0
+    for name in sys.argv[1:]:
+        try:
+            globals()[name]()
+        except Failure as why:
+            failed += 1
+            print(f"FAILS {name}: {why}", flush=True)
+    subprocess.run(["ros2", "daemon", "stop"], capture_output=True)
+    stop(router)
+    sys.exit(1 if failed else 0)
+
+
+if __name__ == "__main__":
+    main()
