@@ -1,5 +1,7 @@
 //! Opening a session: rmw_zenoh's configuration, and how sessions of one machine meet.
 
+use std::fs::File;
+
 use zenoh::{Config, Session, Wait};
 
 use super::TransportError;
@@ -22,13 +24,25 @@ pub(super) fn open_session(domain: u32) -> Result<Session, TransportError> {
         let opened = zenoh::open(configuration(domain, role)?).wait();
         opened.map_err(|why| TransportError::new(format!("zenoh session, domain {domain}"), why))
     };
-    // Another session may take the port between the look and the opening; the operating system lets one of them have
-    // it.
+    // Without a turn, another session may take the port between the look and the opening, of which zenoh would warn.
+    let turn = wait_for_turn(domain);
     let free = std::net::TcpListener::bind(("127.0.0.1", meeting_port(domain))).is_ok();
     if free && let Ok(session) = open(Role::Host) {
         return Ok(session);
     }
+    drop(turn);
     open(Role::Guest)
+}
+
+/// Waits until no other session of this machine and `domain` is being opened. The turn ends when the file is dropped. It
+/// is `None` where no file can be locked; sessions then meet all the same.
+fn wait_for_turn(domain: u32) -> Option<File> {
+    let path = std::env::temp_dir().join(format!("modulo-meeting-{}.lock", meeting_port(domain)));
+    let own = File::options().create(true).append(true).open(&path);
+    // The file of another user can be locked, too, although it cannot be written.
+    let file = own.or_else(|_| File::open(&path)).ok()?;
+    file.lock().ok()?;
+    Some(file)
 }
 
 /// Returns the loopback port on which the sessions of `domain` meet.
