@@ -8,12 +8,14 @@ remaps, arguments and environment must be the same. Exit code 1 when a file brea
 """
 
 import json
+import logging
 import os
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
+import launch.logging
 import yaml
 from launch import LaunchDescription, LaunchService
 from launch.actions import IncludeLaunchDescription
@@ -34,7 +36,6 @@ EXECUTABLE = ["cmd", "name", "output", "cwd", "respawn", "respawn_delay", "respa
               "sigkill_timeout", "env", "if", "unless"]
 TYPES = ["int", "float", "bool", "str", "list_of_int", "list_of_float", "list_of_bool", "list_of_str"]
 SPY = '  - node: { pkg: "spy", exec: "spy", name: "seen" }\n'
-# Above the executable's own name, so that each value is seen.
 SPY_SOURCE = '''#!/usr/bin/python3
 import json, os, sys
 files = {path: open(path).read() for path in sys.argv if os.path.isfile(path) and "launch_params" in path}
@@ -95,11 +96,14 @@ def parsed_by_ros(path):
     return None
 
 
-def launch_with_ros(path):
+def run_in_ros(path):
+    before = dict(os.environ)
     service = LaunchService(noninteractive=True)
     source = AnyLaunchDescriptionSource(str(path))
     service.include_launch_description(LaunchDescription([IncludeLaunchDescription(source)]))
     service.run()
+    os.environ.clear()
+    os.environ.update(before)
 
 
 def parameters_of(text, name):
@@ -150,15 +154,16 @@ def meaning(text):
             "environment": {name: value for name, value in environment.items() if name != "SPY_OUT"}}
 
 
-def seen(out, launch):
-    """What the node wrote down while `launch` ran."""
+def seen(out, start):
+    """What the node wrote down while `start` ran."""
     out.write_text("")
-    launch()
+    start()
     return meaning(out.read_text().partition("][")[0])
 
 
 def main():
-    modulo = sys.argv[1]
+    modulo = str(Path(sys.argv[1]).resolve())
+    launch.logging.launch_config.level = logging.CRITICAL
     refused, broken, compared, total = 0, [], 0, 0
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)
@@ -185,7 +190,7 @@ def main():
             elif "spy" in text and "respawn" not in label:
                 run = [modulo, "launch", path]
                 ours = seen(out, lambda: subprocess.run(run, capture_output=True, timeout=60))
-                theirs = seen(out, lambda: launch_with_ros(path))
+                theirs = seen(out, lambda: run_in_ros(path))
                 compared += 1
                 if ours != theirs:
                     broken.append(f"{label}:\n    modulo: {ours}\n    ROS 2:  {theirs}")
