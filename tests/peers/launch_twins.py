@@ -15,7 +15,6 @@ import sys
 import tempfile
 from pathlib import Path
 
-import launch.logging
 import yaml
 from launch import LaunchDescription, LaunchService
 from launch.actions import IncludeLaunchDescription
@@ -163,7 +162,7 @@ def seen(out, start):
 
 def main():
     modulo = str(Path(sys.argv[1]).resolve())
-    launch.logging.launch_config.level = logging.CRITICAL
+    logging.disable(logging.CRITICAL)
     refused, broken, compared, total = 0, [], 0, 0
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder)

@@ -87,8 +87,8 @@ fn kind(entry: &Attributes<'_>) -> Result<Option<&'static str>, LaunchError> {
     })
 }
 
-/// Checks the types of `item`. ROS 2 converts a string to the type that is asked for, and nothing else. The items of a
-/// list are not converted, and are of one type besides strings with substitutions.
+/// Checks the types of `item`. ROS 2 converts a string with a substitution to the type that is asked for, and nothing
+/// else. The items of a list are of one type beside such strings.
 fn check_types(entry: &Attributes<'_>, item: &Item, kind: Option<&str>) -> Result<(), LaunchError> {
     let (items, of) = match (&item.content, kind) {
         (Content::List(items), Some(kind)) => match kind.strip_prefix("list_of_") {
@@ -101,7 +101,6 @@ fn check_types(entry: &Attributes<'_>, item: &Item, kind: Option<&str>) -> Resul
         }
         (_, kind) => (std::slice::from_ref(item), kind),
     };
-    let converts = !matches!(item.content, Content::List(_));
     let type_of = |item: &Item| match &item.content {
         Content::Scalar(text, ScalarType::String) if text.contains("$(") => None,
         Content::Scalar(_, ScalarType::String) => Some("str"),
@@ -118,7 +117,7 @@ fn check_types(entry: &Attributes<'_>, item: &Item, kind: Option<&str>) -> Resul
             Err(entry.refuse(item.line, why))
         };
         match (given, of, first) {
-            (Some(given), Some(of), _) if given != of && !(converts && given == "str") => return wrong(of),
+            (Some(given), Some(of), _) if given != of => return wrong(of),
             (Some(given), None, Some(first)) if given != first => {
                 return wrong(&format!("{first} as the first in its list"));
             }

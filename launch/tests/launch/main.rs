@@ -1,6 +1,5 @@
 //! Launch files from text to plan to processes.
 
-mod grammar;
 mod plans;
 mod refusals;
 mod shipped;

@@ -201,7 +201,7 @@ fn a_quoted_number_is_a_string() {
     let text = "launch:\n  - let: { name: n, value: '2' }\n  - node:\n      pkg: modulo\n      exec: unwrap\n      param:\n";
     let cases = [
         ("'1'", "'1'"),
-        ("'1', type: int", "1"),
+        ("$(var n), type: float", "2.0"),
         ("$(var n)", "2"),
         ("'[1, 2]'", "'[1, 2]'"),
         ("['1', a]", "['1', a]"),

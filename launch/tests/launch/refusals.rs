@@ -104,7 +104,7 @@ const MISTAKES: &[(&str, &str)] = &[
     ),
     (
         "- node: { pkg: p, exec: e, param: [{ name: a, value: x, type: int }] }",
-        "2: parameter 'a' = x is no int",
+        "2: param: value: the string 'x' must be of type int",
     ),
     (
         "- node: { pkg: p, exec: e, param: [{ name: a, value: [1], type: int }] }",

@@ -143,14 +143,13 @@ impl Parameters {
         let mut next = self.clone();
         for (name, value) in changes {
             let descriptor = self.descriptor(name).ok_or_else(|| self.unknown(name, value))?;
-            if started && descriptor.read_only {
-                return Err(ParameterError::new(
-                    name,
-                    value,
-                    "is read-only: set it when the node is started",
-                ));
+            let accepted = descriptor.accept(value.clone())?;
+            // The value that it has is no change: a node takes back its own `ros2 param dump`.
+            if started && descriptor.read_only && self.get(name) != Some(&accepted) {
+                let why = "is read-only: set it when the node is started";
+                return Err(ParameterError::new(name, value, why));
             }
-            next.values.insert(descriptor.name, descriptor.accept(value.clone())?);
+            next.values.insert(descriptor.name, accepted);
         }
         Ok(next)
     }
@@ -262,5 +261,7 @@ mod tests {
         let change = [("bits".to_owned(), Value::Integer(10))];
         assert!(set().with(&change, false).is_ok());
         assert!(set().with(&change, true).is_err());
+        let same = [("bits".to_owned(), Value::Integer(8))];
+        assert!(set().with(&same, true).is_ok(), "a node takes back its own dump");
     }
 }

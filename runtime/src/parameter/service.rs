@@ -137,19 +137,25 @@ pub fn to_ros(value: Option<&Value>) -> ParameterValue {
     ros
 }
 
-/// ROS's value as ours.
+/// Converts a value of ROS. An empty array has no type of its own in `ros2 param`, which sends it as one of bools.
 ///
 /// # Errors
-/// ROS's type code when no parameter of the suite has that type.
-pub fn from_ros(value: ParameterValue) -> Result<Value, u8> {
-    Ok(match value.r#type {
-        ParameterType::BOOL => Value::Bool(value.bool_value),
-        ParameterType::INTEGER => Value::Integer(value.integer_value),
-        ParameterType::DOUBLE => Value::Double(value.double_value),
-        ParameterType::STRING => Value::String(value.string_value),
-        ParameterType::STRING_ARRAY => Value::Strings(value.string_array_value),
-        other => return Err(other),
-    })
+/// The name of ROS's type when no parameter of the suite has that type.
+pub fn from_ros(value: ParameterValue) -> Result<Value, &'static str> {
+    let (kind, is_empty) = match value.r#type {
+        ParameterType::BOOL => return Ok(Value::Bool(value.bool_value)),
+        ParameterType::INTEGER => return Ok(Value::Integer(value.integer_value)),
+        ParameterType::DOUBLE => return Ok(Value::Double(value.double_value)),
+        ParameterType::STRING => return Ok(Value::String(value.string_value)),
+        ParameterType::STRING_ARRAY => return Ok(Value::Strings(value.string_array_value)),
+        ParameterType::NOT_SET => ("not set", false),
+        ParameterType::BYTE_ARRAY => ("byte array", value.byte_array_value.is_empty()),
+        ParameterType::BOOL_ARRAY => ("bool array", value.bool_array_value.is_empty()),
+        ParameterType::INTEGER_ARRAY => ("integer array", value.integer_array_value.is_empty()),
+        ParameterType::DOUBLE_ARRAY => ("double array", value.double_array_value.is_empty()),
+        _ => ("unknown", false),
+    };
+    if is_empty { Ok(Value::Strings(Vec::new())) } else { Err(kind) }
 }
 
 fn describe(name: &str, descriptor: Option<&Descriptor>) -> ParameterDescriptor {
@@ -269,5 +275,20 @@ mod tests {
     #[test]
     fn a_broken_request_is_an_error() {
         assert!(Service::SetParameters.answer(&[0, 1, 0, 0, 255, 255, 255, 255], &port()).is_err());
+    }
+
+    /// `ros2 param set /detector classes "[]"` sends an array of bools.
+    #[test]
+    fn an_empty_array_of_any_type_is_an_empty_list() {
+        for kind in [ParameterType::BYTE_ARRAY, ParameterType::BOOL_ARRAY, ParameterType::DOUBLE_ARRAY] {
+            let value = ParameterValue { r#type: kind, ..ParameterValue::default() };
+            assert_eq!(from_ros(value), Ok(Value::Strings(Vec::new())));
+        }
+        let full = ParameterValue {
+            r#type: ParameterType::INTEGER_ARRAY,
+            integer_array_value: vec![1],
+            ..ParameterValue::default()
+        };
+        assert_eq!(from_ros(full), Err("integer array"));
     }
 }

@@ -77,11 +77,13 @@ impl Value {
         }
     }
 
-    /// This value as the type of `like`: an integer is also a double, a word is also a list of one word. Nothing else
-    /// is converted.
+    /// Returns this value as the type of `like`: an integer is also a double, a word is also a list of one word, and a
+    /// string that is a number is also a double, since `ros2 param load` sends 1e-05 as a string. Nothing else is
+    /// converted.
     pub(super) fn coerced(self, like: &Value) -> Option<Value> {
         Some(match (self, like) {
             (Self::Integer(v), Self::Double(_)) => Self::Double(v as f64),
+            (Self::String(v), Self::Double(_)) => Self::Double(double(&v)?),
             (Self::String(v), Self::Strings(_)) => {
                 Self::Strings(if v.is_empty() { Vec::new() } else { vec![v] })
             }
