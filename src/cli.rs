@@ -12,8 +12,8 @@ use modulo_detector::EngineChoice;
 use modulo_eval::grid::words;
 use modulo_runtime::transport::keys::Hashes;
 
-/// See in extreme light: a modulo camera, its unwrapping and a detector as a
-/// ROS-style node suite.
+/// Simulate a modulo camera, unwrap its images to high dynamic range and detect objects in them, as ROS 2-compatible
+/// nodes
 #[derive(Parser)]
 #[command(name = "modulo", version, arg_required_else_help = true)]
 pub struct Cli {

@@ -100,6 +100,41 @@ fn a_killed_run_goes_on_where_it_stopped() {
     assert_eq!(run(&bench, &out, &["--seed", "1"]), Some(1), "other figures must not be mixed in");
 }
 
+/// Two data sets with the same names and labels: the second one got the figures of the first.
+#[test]
+fn figures_of_other_pixels_are_not_taken_over() {
+    let bench = Bench::new();
+    let out = bench.path("out");
+    let eval = |kitti: &Path, more: &[&str]| {
+        let (kitti, out) = (kitti.to_str().expect("UTF-8"), out.to_str().expect("UTF-8"));
+        let quick = ["--stream", "ideal", "--alpha", "2", "--engine", "rten", "-o", out];
+        let output = bench.run(&[&["eval", "--kitti", kitti][..], &quick[..], more].concat());
+        (output.status.code(), text(&output))
+    };
+    let [a, b] = [("a", 10), ("b", 200)].map(|(name, grey)| {
+        let folder = bench.path(name);
+        for part in ["image_2", "label_2"] {
+            std::fs::create_dir_all(folder.join(part)).expect("made");
+        }
+        let image = image::GrayImage::from_pixel(160, 96, image::Luma([grey]));
+        image.save(folder.join("image_2/000000.png")).expect("written");
+        let car = "Car 0.00 0 0 10 10 60 50 1 1 1 1 1 1 0\n";
+        std::fs::write(folder.join("label_2/000000.txt"), car).expect("written");
+        folder
+    });
+    let (code, first) = eval(&a, &[]);
+    assert_eq!(code, Some(0), "{first}");
+    let (code, refused) = eval(&b, &[]);
+    assert_eq!(code, Some(1), "{refused}");
+    for side in [&a, &b] {
+        assert!(refused.contains(side.to_str().expect("UTF-8")), "{refused}");
+    }
+    let before = json(&out.join("results.json"));
+    let (code, anew) = eval(&b, &["--fresh"]);
+    assert_eq!(code, Some(0), "{anew}");
+    assert_ne!(before["input"]["digest"], json(&out.join("results.json"))["input"]["digest"]);
+}
+
 #[test]
 fn what_cannot_be_scored_is_said() {
     let bench = Bench::new();

@@ -39,8 +39,8 @@ pub enum GridError {
     #[error("{path}: {1}", path = .0.display())]
     Table(PathBuf, String),
     /// A file holds results of another request. The text names the difference.
-    #[error("{path}: holds results of another setup: {1} differs; choose another folder, or remove it", path = .0.display())]
-    OtherSetup(PathBuf, &'static str),
+    #[error("{path}: holds results of another setup: {1}; choose another folder, or start anew with --fresh", path = .0.display())]
+    OtherSetup(PathBuf, String),
     /// A file holds other figures for a cell than an earlier file.
     #[error("{path}: cell {1} was measured before with other figures", path = .0.display())]
     Contradiction(PathBuf, String),

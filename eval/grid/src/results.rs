@@ -63,7 +63,7 @@ pub struct Input {
     pub labelled: usize,
     /// Number of drives. 0 if the data does not name them.
     pub drives: usize,
-    /// sha256 over the names of the frames and their labels, hexadecimal.
+    /// sha256 over the names, the labels and the pixels of the frames, hexadecimal.
     pub digest: String,
     /// One line for each kind of frame or label that was left out or changed.
     pub warnings: Vec<String>,

@@ -122,6 +122,8 @@ impl Frames {
         let (height, width, _) = frame.radiance.dim();
         let truth = notes.inside(truth, &frame.name, (height, width));
         notes.digest.update(format!("{drive:?} {} {height} {width} {truth:?}\n", frame.name));
+        let pixels: Vec<u8> = frame.radiance.iter().flat_map(|value| value.to_le_bytes()).collect();
+        notes.digest.update(pixels);
         self.kept.insert(place, self.truths.len());
         self.truths.push(truth);
         self.drive_of.push(drive);

@@ -32,7 +32,7 @@ pub fn merge(out: &Path, folders: &[PathBuf]) -> Result<Results, GridError> {
 fn add(all: &mut Results, part: Results, path: &Path) -> Result<(), GridError> {
     check_same(path, &part, all)?;
     if part.setup.grid != all.setup.grid {
-        return Err(GridError::OtherSetup(path.to_owned(), "the grid"));
+        return Err(GridError::OtherSetup(path.to_owned(), "its cells are those of another grid".to_owned()));
     }
     for cell in part.cells {
         match all.cells.iter().find(|known| known.point == cell.point) {
@@ -53,21 +53,34 @@ fn timeless(cell: &Cell) -> Cell {
 
 /// Refuses the results `old` at `path` if they belong to another request than `new`. The grids may differ.
 pub fn check_same(path: &Path, old: &Results, new: &Results) -> Result<(), GridError> {
-    let (a, b) = (&old.setup, &new.setup);
-    let differing = [
-        ("the program's version", a.version != b.version),
-        ("protocol", a.protocol != b.protocol),
-        ("seed", a.seed != b.seed),
-        ("difficulty", a.difficulty != b.difficulty),
-        ("engine", a.engine != b.engine),
-        ("class map", a.class_map != b.class_map),
-        ("groups", a.groups != b.groups),
-        ("models", a.models.iter().any(|(name, hash)| b.models.get(name).is_some_and(|other| other != hash))),
-        ("data", old.input.digest != new.input.digest),
+    let pair = |of: fn(&Results) -> String| (of(old), of(new));
+    let known = |name: &&String| old.setup.models.contains_key(*name) && new.setup.models.contains_key(*name);
+    let models = |results: &Results| {
+        let shared = results.setup.models.iter().filter(|(name, _)| known(name));
+        shared.map(|(name, hash)| format!("{name} sha256 {hash} ")).collect::<String>()
+    };
+    let compared = [
+        ("program version", pair(|results| results.setup.version.clone())),
+        ("protocol", pair(|results| format!("{:?}", results.setup.protocol))),
+        ("seed", pair(|results| results.setup.seed.to_string())),
+        ("difficulty", pair(|results| format!("{:?}", results.setup.difficulty))),
+        ("engine", pair(|results| results.setup.engine.clone())),
+        ("class map", pair(|results| format!("{:?}", results.setup.class_map))),
+        ("groups", pair(|results| format!("{:?}", results.setup.groups))),
+        ("models", (models(old), models(new))),
+        ("data", pair(|results| format!("{} (sha256 {})", results.setup.source, results.input.digest))),
     ];
-    match differing.iter().find(|(_, differs)| *differs) {
+    // The name of the data may differ, where only the folder was moved.
+    let differs = |what: &str, a: &str, b: &str| match what {
+        "data" => old.input.digest != new.input.digest,
+        _ => a != b,
+    };
+    match compared.iter().find(|(what, (a, b))| differs(what, a, b)) {
         None => Ok(()),
-        Some((what, _)) => Err(GridError::OtherSetup(path.to_owned(), what)),
+        Some((what, (a, b))) => {
+            let why = format!("its {what} is {a}, and this request has {b}");
+            Err(GridError::OtherSetup(path.to_owned(), why))
+        }
     }
 }
 

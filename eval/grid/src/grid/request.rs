@@ -57,6 +57,9 @@ pub struct Options {
     /// Process only part i of n of the cells
     #[arg(long, value_name = "i/n", default_value = "1/1")]
     pub shard: Shard,
+    /// Process all cells anew, even if the folder holds results
+    #[arg(long)]
+    pub fresh: bool,
 }
 
 impl Default for Options {

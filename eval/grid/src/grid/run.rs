@@ -73,7 +73,7 @@ pub fn run(
     let units = Units::new(&frames.drive_of, request.options.seed);
     let definitions = setup::definitions();
     let fresh = Results { setup, input: frames.input.clone(), definitions, cells: Vec::new() };
-    let mut results = resume(&request.out, fresh)?;
+    let mut results = if request.options.fresh { fresh } else { resume(&request.out, fresh)? };
     let mine = points.iter().enumerate().filter(|(index, _)| request.options.shard.has(*index));
     let (done, todo): (Vec<&Point>, Vec<&Point>) = mine
         .map(|(_, point)| point)
