@@ -64,6 +64,16 @@ pub enum Command {
     Model(Model),
     /// Print the chosen inference engine, how to get a faster one, and how nodes meet
     Doctor,
+    /// Print a script that completes the command line in a shell
+    Completions {
+        /// Shell, such as bash; `modulo completions bash > ~/.local/share/bash-completion/completions/modulo` installs it
+        shell: clap_complete::Shell,
+    },
+    /// Write a manual page for each command
+    Man {
+        /// Folder for the pages, such as ~/.local/share/man/man1
+        folder: PathBuf,
+    },
 }
 
 /// `modulo launch`

@@ -217,3 +217,15 @@ fn check_knows_the_parameters_of_the_suite() {
         assert!(said.contains(mistake), "{said}");
     }
 }
+
+#[test]
+fn completions_and_manual_pages_name_the_commands() {
+    let bench = Bench::new();
+    let script = bench.run(&["completions", "bash"]);
+    assert!(script.status.success() && text(&script).contains("modulo__subcmd__launch"), "{}", text(&script));
+    let folder = bench.path("man1");
+    let man = bench.run(&["man", folder.to_str().expect("UTF-8")]);
+    assert!(man.status.success(), "{}", text(&man));
+    let page = std::fs::read_to_string(folder.join("modulo-bag-record.1")).expect("a page for each command");
+    assert!(page.contains("--compression"), "{page}");
+}

@@ -25,6 +25,7 @@ use std::io::IsTerminal;
 use std::sync::Arc;
 
 use anyhow::{Context, anyhow};
+use clap::CommandFactory;
 use modulo_runtime::ros_args::Logs;
 use modulo_runtime::rosout::RosoutLayer;
 use modulo_runtime::transport::zenoh::ZenohTransport;
@@ -52,6 +53,16 @@ pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
         Command::Node(args) => graph::node(&args),
         Command::Model(args) => model::model(&args),
         Command::Doctor => doctor::doctor(),
+        Command::Completions { shell } => {
+            clap_complete::generate(shell, &mut Cli::command(), "modulo", &mut std::io::stdout());
+            Ok(Ended::Done)
+        }
+        Command::Man { folder } => {
+            std::fs::create_dir_all(&folder)
+                .and_then(|()| clap_mangen::generate_to(Cli::command(), &folder))
+                .with_context(|| folder.display().to_string())?;
+            Ok(Ended::Done)
+        }
     }
 }
 
