@@ -151,8 +151,8 @@ pub fn open(model: &Path, choice: EngineChoice, threads: NonZeroUsize) -> Result
         std::fs::File::open(model).map_err(|error| EngineError::load(model, "the system", error))?;
     }
     let with_rten = |note| {
-        let (engine, layout) = rten::Rten::load(model, threads)?;
-        Ok(OpenedEngine { engine: Box::new(engine), name: rten::NAME, layout, note })
+        let (engine, layout) = self::rten::Rten::load(model, threads)?;
+        Ok(OpenedEngine { engine: Box::new(engine), name: self::rten::NAME, layout, note })
     };
     if choice == EngineChoice::Rten {
         return with_rten("as asked".to_owned());
