@@ -227,5 +227,5 @@ fn completions_and_manual_pages_name_the_commands() {
     let man = bench.run(&["man", folder.to_str().expect("UTF-8")]);
     assert!(man.status.success(), "{}", text(&man));
     let page = std::fs::read_to_string(folder.join("modulo-bag-record.1")).expect("a page for each command");
-    assert!(page.contains("--compression"), "{page}");
+    assert!(page.contains("compression"), "{page}");
 }
