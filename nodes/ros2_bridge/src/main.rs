@@ -11,8 +11,8 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use modulo_runtime::bridge::{BridgeParameters, BridgePlan};
-use modulo_runtime::ros_args::RosArgs;
 use modulo_runtime::end_on_signals;
+use modulo_runtime::ros_args::RosArgs;
 use modulo_runtime::transport::Transport as _;
 use modulo_runtime::transport::keys::Hashes;
 use modulo_runtime::transport::zenoh::ZenohTransport;

@@ -27,9 +27,15 @@ pub fn offer(suite_node: &str, transport: &Arc<ZenohTransport>, node: &mut r2r::
             Service::GetParameterTypes => {
                 pass::<srv::GetParameterTypes::Service>(service, suite_node, transport, node)
             }
-            Service::GetParameters => pass::<srv::GetParameters::Service>(service, suite_node, transport, node),
-            Service::ListParameters => pass::<srv::ListParameters::Service>(service, suite_node, transport, node),
-            Service::SetParameters => pass::<srv::SetParameters::Service>(service, suite_node, transport, node),
+            Service::GetParameters => {
+                pass::<srv::GetParameters::Service>(service, suite_node, transport, node)
+            }
+            Service::ListParameters => {
+                pass::<srv::ListParameters::Service>(service, suite_node, transport, node)
+            }
+            Service::SetParameters => {
+                pass::<srv::SetParameters::Service>(service, suite_node, transport, node)
+            }
             Service::SetParametersAtomically => {
                 pass::<srv::SetParametersAtomically::Service>(service, suite_node, transport, node)
             }
