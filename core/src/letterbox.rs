@@ -18,7 +18,7 @@ pub enum Scaling {
     /// The image gets the largest size that fits.
     #[default]
     Fit,
-    /// As `Fit`, but the image is never enlarged.
+    /// Fits the image like `Fit`, but never enlarges it.
     ShrinkOnly,
 }
 

@@ -63,7 +63,7 @@ fn asked(method: &str, bits: u8, channels: usize, first_noise: u32) -> u64 {
 #[test]
 fn the_second_frame_needs_no_more_memory() {
     for &method in METHODS {
-        // `auto` makes the memory of a rung when it first climbs there: its first frame has to.
+        // `auto` makes the memory of a method when it first uses it: its first frame has to.
         let first_noise = if method == "auto" { 200 } else { 0 };
         for (bits, channels) in [(8, 3), (8, 1), (12, 3)] {
             assert_eq!(

@@ -97,7 +97,7 @@ impl KittiSource {
     /// Opens `path`, which holds `image_2` or `image_02`.
     ///
     /// # Errors
-    /// As [`KittiFolder::open`], and for a `white` that is not a valid radiance.
+    /// Those of [`KittiFolder::open`], and one for a `white` that is not a valid radiance.
     pub fn open(path: &Path, white: f32) -> Result<Self, SourceError> {
         Self::of(KittiFolder::open(path)?, white)
     }

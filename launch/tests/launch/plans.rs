@@ -195,7 +195,7 @@ fn the_environment_of_the_launcher_can_be_hidden() {
     assert_eq!(plan.executables[0].process.env, expected.into());
 }
 
-/// As in `launch_ros`: a string is one, whatever it looks like, unless a substitution or a type decides.
+/// `launch_ros` keeps a string without a substitution as a string, even if it looks like a number.
 #[test]
 fn a_quoted_number_is_a_string() {
     let text = "launch:\n  - let: { name: n, value: '2' }\n  - node:\n      pkg: modulo\n      exec: unwrap\n      param:\n";

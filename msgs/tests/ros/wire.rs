@@ -1,4 +1,4 @@
-//! What several tests need: the recorded bytes of a real ROS 2, and reading bytes as the struct of a ROS name.
+//! Helpers of several tests: the recorded bytes of a real ROS 2, and reading bytes as the struct of a ROS name.
 
 use std::collections::BTreeMap;
 

@@ -1,6 +1,6 @@
 //! The status of each recovered frame on `/diagnostics`, and its counts for the summary.
 //!
-//! This file judges nothing: rung, signal and trust are those of the method.
+//! This file judges nothing: the method used, its quality metrics and the trust are those of the method's report.
 
 use std::collections::BTreeMap;
 
@@ -8,7 +8,7 @@ use modulo_core::unwrap::{QualityMetrics, Report, Trust};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::Header;
 
-/// Number of frames for each rung, and of trusted frames.
+/// Number of frames for each method that was used, and number of trusted frames.
 #[derive(Default)]
 pub struct RecoveryCounts {
     rungs: BTreeMap<&'static str, u64>,
