@@ -142,7 +142,6 @@ fn an_unreadable_image_is_skipped_and_counted() {
         &source,
         &model,
         "engine:=rten",
-        "rate:=10",
         "--summary",
         &file,
     ]);

@@ -9,7 +9,7 @@ use crate::driver::RunError;
 use crate::message::Message;
 use crate::node::{Flow, Trigger};
 use crate::process::stop::Urgency;
-use crate::queue::{Keep, Next};
+use crate::queue::{Keep, Lane, Next};
 use crate::transport::{Address, Guard};
 
 /// A paced source goes on when a reader that is there has not taken a frame for this long.
@@ -19,14 +19,17 @@ impl Live<'_> {
     /// Sends one frame each period, or with a period of zero as soon as every reader has taken the last frame. The
     /// period may change between two frames.
     pub(super) fn run_source(&mut self) -> Result<(), RunError> {
-        // Some while the period is zero: what the readers tell is only listened to then.
-        let mut told = None;
+        // The subscription to what the readers have taken, which is held only while the period is zero.
+        let mut told: Option<(Guard, Lane)> = None;
         // A node that watches the graph, as a recorder does, has subscribed by then.
         let mut due = self.time.ticks_ns() + nanoseconds(self.transport.settling());
         loop {
             let (before, paced) = (self.period_ns(), self.is_paced());
             if paced != told.is_some() {
-                told = if paced { Some(self.listen_to_readers()?) } else { None };
+                match told.take() {
+                    Some((_, lane)) => drop(self.queue.close(lane)),
+                    None => told = Some(self.listen_to_readers()?),
+                }
                 self.pacing = Pacing::default();
                 // Readers tell nothing before they have found out that this node listens.
                 due = due.max(self.time.ticks_ns() + nanoseconds(self.transport.settling()));
@@ -46,8 +49,7 @@ impl Live<'_> {
             }
             // Where the period has changed, the longer one holds for this once: nothing else keeps two frames apart.
             let period = self.period_ns().max(before);
-            // A source that is late goes on from now; it does not catch up in a burst.
-            due = (due + period).max(self.time.ticks_ns().saturating_sub(period));
+            due = next_due(due, period, self.time.ticks_ns());
         }
     }
 
@@ -59,11 +61,11 @@ impl Live<'_> {
         self.node.period() == Some(Duration::ZERO)
     }
 
-    fn listen_to_readers(&self) -> Result<Guard, RunError> {
+    fn listen_to_readers(&self) -> Result<(Guard, Lane), RunError> {
         let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::Last(REQUESTS)));
         let deliver = Box::new(move |incoming| drop(queue.push(lane, Event::Taken(incoming))));
         let address = Address::resolve(&self.node_name, &pacing::topic())?;
-        Ok(self.transport.subscribe(&self.node_name, &address, deliver)?)
+        Ok((self.transport.subscribe(&self.node_name, &address, deliver)?, lane))
     }
 
     /// Handles at most one event that waits, and all that come until `due`.
@@ -104,5 +106,26 @@ impl Live<'_> {
         if let Some((stamp, topics)) = pacing::images(messages, topic_of) {
             self.pacing.sent(stamp, topics);
         }
+    }
+}
+
+/// The time of the frame after the one due at `due`, in ns: the first multiple of `period` after it that is not past.
+/// As a timer of ROS 2 does, a late source leaves frames out; it does not catch up in a burst.
+fn next_due(due: u64, period: u64, now: u64) -> u64 {
+    let late = now.saturating_sub(due);
+    due + period * late.div_ceil(period.max(1)).max(1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::next_due;
+
+    #[test]
+    fn a_late_source_leaves_frames_out() {
+        assert_eq!(next_due(1000, 100, 1000), 1100, "on time");
+        assert_eq!(next_due(1000, 100, 1099), 1100, "late, but not for the next one");
+        assert_eq!(next_due(1000, 100, 1100), 1100);
+        assert_eq!(next_due(1000, 100, 1351), 1400, "two frames are left out");
+        assert_eq!(next_due(1000, 0, 1351), 1000, "with no period, the next frame is due at once");
     }
 }
