@@ -174,7 +174,8 @@ impl Ros1File {
         wanted: &HashMap<u32, ConvertedConnection>,
         from: u64,
     ) -> Result<VecDeque<Result<RawMessage, BagError>>, String> {
-        let at = |why: String| format!("chunk at byte {}: {why}", chunk.offset);
+        let ChunkLocation { offset, span } = chunk;
+        let at = |why: String| format!("chunk at byte {offset}: {why}");
         let mut records = self.bag.chunk_records();
         records.seek(chunk.offset).map_err(|e| at(e.to_string()))?;
         let Some(Ok(ChunkRecord::Chunk(chunk))) = records.next() else {
@@ -183,6 +184,11 @@ impl Ros1File {
         let mut messages = Vec::new();
         for record in chunk.messages() {
             let MessageRecord::MessageData(record) = record.map_err(|e| at(e.to_string()))? else { continue };
+            // Chunks are read in the order of their start times. A wrong one would bring messages out of their order.
+            if record.time < span.0 || record.time > span.1 {
+                let why = format!("a message of {} ns is outside {} to {} ns, as the index has it", record.time, span.0, span.1);
+                return Err(at(why));
+            }
             let Some(converted) = wanted.get(&record.conn_id).filter(|_| record.time >= from) else {
                 continue;
             };

@@ -1,0 +1,33 @@
+//! Evaluates one setting (a cell of the grid): unwrap, detect and score labelled frames of the procedural tunnel.
+//!
+//!     cargo run --release --example evaluate_cell -- [ALPHA]
+//!
+//! Writes `results.json` into the folder `evaluation`, as `modulo eval` does.
+
+use clap::Parser;
+use modulo_eval::data::Data;
+use modulo_eval::grid::{Options, Request, Suite, run};
+use modulo_runtime::SystemClock;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let alpha = std::env::args().nth(1).unwrap_or_else(|| "4".into());
+    let options = ["evaluate_cell", "--stream", "recovered", "--method", "auto", "--alpha", &alpha, "--fresh"];
+    let request = Request {
+        data: Data::Any("scene://tunnel?seed=3&frames=8".into()),
+        options: Options::try_parse_from(options)?,
+        processor: "the processor of this machine".into(),
+        out: "evaluation".into(),
+    };
+    let outcome = run(&request, &Suite, &SystemClock::default(), &|_| {})?;
+    for cell in &outcome.results.cells {
+        println!("{}", cell.point);
+        for (group, ap) in &cell.ap50 {
+            println!("    AP50 {group}: {}", ap.map_or("no object".into(), |ap| format!("{:.1} %", 100.0 * ap)));
+        }
+        println!("    exact wrap counts: {:.1} %", 100.0 * cell.exact_k.unwrap_or_default());
+        for (stage, ms) in &cell.latency_ms {
+            println!("    {stage}: {:.2} ms (median of {} frames)", ms.p50, cell.frames);
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,63 @@
+//! A node of one's own in the suite: it publishes the lower half of each image of `/recovered` on `/road/image`.
+//!
+//!     cargo run --release -- launch launch/sensor.launch.yaml loop:=true &
+//!     cargo run --release --example own_node
+//!     ros2 param set /road first_row 0.6
+//!
+//! Ctrl-C ends it. It is a node of the ROS graph like the others: `ros2 node info /road` shows its topics.
+
+use std::sync::Arc;
+
+use modulo_core::Frame;
+use modulo_runtime::driver::live::{self, NodeSetup};
+use modulo_runtime::{transport::keys::Hashes, transport::zenoh::ZenohTransport, *};
+use ndarray::{Axis, Slice};
+
+parameters! {
+    /// The node, whose fields are its parameters.
+    pub struct Road {
+        /// First row that is kept, as a fraction of the height.
+        first_row: f64 = 0.5 => 0.0..=0.9,
+    }
+}
+
+impl Node for Road {
+    fn inputs(&self) -> Vec<Topic> {
+        vec![Topic::new("/recovered", MessageKind::Image)]
+    }
+
+    fn outputs(&self) -> Vec<Topic> {
+        vec![Topic::new("~/image", MessageKind::Image)]
+    }
+
+    fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
+        *self = Self::from(parameters);
+        Ok(())
+    }
+
+    fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
+        if let Trigger::Message { message: Message::Image(image), .. } = trigger
+            && let Some(pixels) = image.frame.as_u8()
+        {
+            let first = (self.first_row * image.frame.height() as f64) as usize;
+            let road = pixels.slice_axis(Axis(0), Slice::from(first..)).to_owned();
+            let frame = Frame::from_u8(road).map_err(|why| StepError::Skip(why.to_string()))?;
+            cx.emit(0, Message::Image(Arc::new(StampedFrame { header: image.header.clone(), frame })));
+        }
+        Ok(Flow::Continue)
+    }
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let (clock, stop) = (Arc::new(SystemClock::default()), Stop::default());
+    end_on_signals(&stop)?;
+    let domain = std::env::var("ROS_DOMAIN_ID").map_or(Ok(0), |id| id.parse())?;
+    let transport = ZenohTransport::open(domain, Hashes::Rihs01, clock.clone())?;
+    let parameters = Parameters::declare(Road::descriptors());
+    let node_name = NodeName::new("road", "/", &[])?;
+    let node = Box::new(Road::default());
+    let setup = NodeSetup { node, parameters, node_name, saved: None, report_file: None };
+    live::run(setup, &transport, &clock, stop)?;
+    transport.close();
+    Ok(())
+}
