@@ -48,36 +48,48 @@ fn on_terminal(bench: &Bench, variables: &[(&str, &str)], arguments: &[&str]) ->
 /// The texts that the progress line had, one after another.
 fn progress(screen: &str) -> Vec<&str> {
     let parts = screen.split(['\r', '\n', '\u{1b}']).map(|part| part.trim_start_matches("[2K"));
-    parts.filter(|part| part.starts_with("frames ") && part.contains(" Hz, infer ")).collect()
+    parts.filter(|part| part.starts_with("frames ") && part.contains(" infer ")).collect()
 }
 
 fn run_arguments<'a>(command: &'a [&'a str], source: &'a str, model: &'a str) -> Vec<&'a str> {
     [command, &["launch/recovered.launch.yaml", source, model, "engine:=rten"]].concat()
 }
 
-/// Processes, one process and lockstep: the number of frames grows in place, and the summary is the end.
+/// The number of frames grows in place, and the summary is the end.
+fn assert_redrawn(screen: &str, least: usize) {
+    assert!(progress(screen).len() >= least, "{screen:?}");
+    let last = screen.rfind(" infer ").expect("a line of progress");
+    let summary = screen.find(", engine rten").expect("a summary");
+    assert!(last < summary && !screen[summary..].contains("\u{1b}["), "{screen:?}");
+    assert!(!screen.contains("INFO") && !screen.contains("DEBUG"), "{screen:?}");
+}
+
 #[test]
 fn a_terminal_shows_a_line_that_is_redrawn() {
     let bench = Bench::new();
     let (source, model) = (arg("source", bench.images(30)), arg("model", model()));
-    let out = bench.path("out").display().to_string();
-    let lockstep = ["eval", "-o", &out];
-    for command in [&["launch"][..], &["launch", "--compose"], &lockstep] {
-        let mut arguments = run_arguments(command, &source, &model);
-        if command[0] == "launch" {
-            arguments.push("rate:=10");
-        }
+    for command in [&["launch"][..], &["launch", "--compose"]] {
+        let arguments = [run_arguments(command, &source, &model), vec!["rate:=10"]].concat();
         let Some(output) = on_terminal(&bench, &[], &arguments) else { return };
-        let screen = text(&output);
-        assert_eq!(output.status.code(), Some(0), "{command:?}: {screen}");
-        let shown = progress(&screen);
-        let least = if command[0] == "launch" { 5 } else { 1 };
-        assert!(shown.len() >= least, "{command:?}: {screen:?}");
-        let last = screen.rfind(" Hz, infer ").expect("a line of progress");
-        let summary = screen.find("frames 30, engine rten").expect("a summary");
-        assert!(last < summary && !screen[summary..].contains("\u{1b}["), "{command:?}: {screen:?}");
-        assert!(!screen.contains("INFO") && !screen.contains("DEBUG"), "{command:?}: {screen:?}");
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+        assert_redrawn(&text(&output), 5);
+        assert!(text(&output).contains(" Hz, infer "), "{}", text(&output));
     }
+}
+
+#[test]
+fn lockstep_shows_a_line_for_each_source() {
+    let bench = Bench::new();
+    let (images, model) = (bench.images(5).display().to_string(), arg("model", model()));
+    let out = bench.path("out").display().to_string();
+    let command = ["eval", "-o", &out, "--source", &images, "--source", &images];
+    let arguments = [&command, &["launch/recovered.launch.yaml", &model, "engine:=rten"][..]].concat();
+    let Some(output) = on_terminal(&bench, &[], &arguments) else { return };
+    let screen = text(&output);
+    assert_eq!(output.status.code(), Some(0), "{screen}");
+    assert_redrawn(&screen, 2);
+    let sources: Vec<usize> = screen.split("[eval] ").skip(1).map(|part| progress(part).len()).collect();
+    assert!(sources.len() == 2 && !sources.contains(&0), "{screen:?}");
 }
 
 #[test]

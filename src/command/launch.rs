@@ -184,6 +184,7 @@ fn run_processes(mut plan: Plan, verbose: bool) -> Result<Run, Failure> {
 }
 
 fn run_composed(plan: &Plan) -> Result<Run, Failure> {
+    // The end of a member asks `stop`, too; only signals ask `asked`.
     let (stop, asked) = (Stop::default(), Stop::default());
     end_on_signals(&stop).context("signal handlers")?;
     end_on_signals(&asked).context("signal handlers")?;

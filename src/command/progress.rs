@@ -26,6 +26,8 @@ pub struct ProgressLine {
 impl ProgressLine {
     /// Shows the line if standard error is a terminal that can redraw a line.
     pub fn start() -> Self {
+        // After the line of an earlier run.
+        LINE.reset();
         LINE.set_style(style("{wide_msg}"));
         LINE.set_draw_target(ProgressDrawTarget::stderr());
         let clock = SystemClock::default();
