@@ -12,6 +12,22 @@ use modulo_detector::EngineChoice;
 use modulo_eval::grid::words;
 use modulo_runtime::transport::keys::Hashes;
 
+/// Version of the suite.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+/// Version, commit, target and inference engines of this binary.
+pub const LONG_VERSION: &str = concat!(
+    env!("CARGO_PKG_VERSION"),
+    "\ncommit:  ",
+    env!("MODULO_COMMIT"),
+    "\ntarget:  ",
+    env!("MODULO_TARGET"),
+    "\nengines: rten (built in), ort (ONNX Runtime, loaded at run time where its library is found)"
+);
+
+/// Commands that exchange messages with other nodes.
+const ON_THE_GRAPH: [&[&str]; 7] =
+    [&["launch"], &["run"], &["bag", "record"], &["bag", "play"], &["param"], &["topic"], &["node"]];
+
 /// Simulate a modulo camera, unwrap its images to high dynamic range and detect objects in them, as ROS 2-compatible
 /// nodes
 #[derive(Parser)]
@@ -19,7 +35,7 @@ use modulo_runtime::transport::keys::Hashes;
 pub struct Cli {
     /// Form of type hashes in topic keys: rihs01 as ROS 2 writes them since Iron, or none for ROS 2 Humble
     /// [default: MODULO_TYPE_HASH, else rihs01]
-    #[arg(long, global = true, value_parser = words(Hashes::WORDS))]
+    #[arg(long, global = true, hide = true, value_parser = words(Hashes::WORDS))]
     pub hash: Option<Hashes>,
     /// What to do.
     #[command(subcommand)]
@@ -79,8 +95,8 @@ pub enum Command {
 /// `modulo launch`
 #[derive(Args)]
 pub struct Launch {
-    /// Launch file (ROS 2 YAML)
-    pub file: PathBuf,
+    /// Launch file (ROS 2 YAML). Without it, the launch files that are found are listed
+    pub file: Option<PathBuf>,
     /// Arguments as name:=value
     pub arguments: Vec<String>,
     /// Run all nodes in this one process
@@ -92,6 +108,9 @@ pub struct Launch {
     /// End with exit code 3 also when newer images replaced older ones
     #[arg(long)]
     pub strict: bool,
+    /// Also print what the nodes log, with one line for each frame
+    #[arg(long, short, conflicts_with_all = ["print", "check", "show_args"])]
+    pub verbose: bool,
     /// Say what the file would start, and end
     #[arg(long, conflicts_with_all = ["compose", "summary"])]
     pub print: bool,
@@ -215,8 +234,24 @@ pub fn parse() -> Cli {
     if crate::registry::KINDS.iter().any(|kind| kind.name == called) {
         arguments.splice(0..1, ["modulo", "run", called].map(OsString::from));
     }
-    let matches = with_negative_numbers(Cli::command()).get_matches_from(arguments);
+    let matches = with_negative_numbers(command()).long_version(LONG_VERSION).get_matches_from(arguments);
     Cli::from_arg_matches(&matches).unwrap_or_else(|why| why.exit())
+}
+
+/// Returns the command line. `--hash` is shown in the long help of commands that exchange messages with other nodes.
+pub fn command() -> clap::Command {
+    let command = Cli::command();
+    let hash = command.get_arguments().find(|argument| argument.get_id() == "hash");
+    let hash = hash.expect("the field `hash` declares it").clone().hide(false).hide_short_help(true);
+    ON_THE_GRAPH.into_iter().fold(command, |command, path| with_argument(command, path, &hash))
+}
+
+/// Adds `argument` to the subcommand that `path` leads to.
+fn with_argument(command: clap::Command, path: &[&str], argument: &clap::Arg) -> clap::Command {
+    match path {
+        [] => command.arg(argument.clone()),
+        [first, rest @ ..] => command.mut_subcommand(first, |sub| with_argument(sub, rest, argument)),
+    }
 }
 
 fn with_negative_numbers(command: clap::Command) -> clap::Command {

@@ -19,6 +19,7 @@ use serde::Serialize;
 pub use arguments::{DeclaredArgument, declared_arguments};
 pub use parameter::ParameterText;
 pub use resolve::{check, resolve};
+pub(crate) use scope::environment;
 
 /// Everything that a launch file starts.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]

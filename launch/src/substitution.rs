@@ -15,6 +15,7 @@ pub use evaluate::Surroundings;
 pub(crate) use evaluate::truth;
 pub use function::Function;
 pub use package::SUITE;
+pub(crate) use package::share;
 
 /// No launch file nests substitutions deeper than this; keeps recursion bounded.
 const DEEPEST: usize = 32;

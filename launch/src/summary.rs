@@ -5,7 +5,7 @@ mod crash;
 mod table;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
@@ -39,6 +39,9 @@ pub struct Summary {
     /// Topics that are read as best effort: the sender does not promise that all messages arrive.
     #[serde(skip)]
     pub best_effort: BTreeSet<String>,
+    /// Whether a detector with the engine `auto` took the slower one.
+    #[serde(skip)]
+    pub slower_engine: bool,
 }
 
 /// Percentiles in milliseconds: upper bounds of the buckets they lie in.
@@ -83,6 +86,8 @@ impl Summary {
             summary.frames += frames(report);
             summary.add_topics(report);
             summary.add_detections(report);
+            summary.slower_engine |=
+                report.status.get("engine_from").is_some_and(|note| note.starts_with("auto: "));
             if let (Some(rungs), Some(trusted)) = (report.status.get("rungs"), report.status.get("trusted")) {
                 let life = format!("{rungs}; trusted {trusted}");
                 let lives = summary.unwrapped.entry(report.node.clone()).or_default();
@@ -175,17 +180,27 @@ fn percentiles(histogram: &Histogram) -> Option<Percentiles> {
 
 /// The reports in `folder`, one for each life of a node. One that cannot be read is left out with a warning.
 pub(crate) fn read_reports(folder: &Path) -> Vec<NodeReport> {
+    let warn =
+        |(file, why): (PathBuf, String)| tracing::warn!("report {} is left out: {why}", file.display());
+    read_files(folder).filter_map(|report| report.map_err(warn).ok()).collect()
+}
+
+/// Returns the reports that nodes have written into `folder` so far, one for each life of a node. A report that a node
+/// is about to write for the first time is left out.
+pub fn reports_so_far(folder: &Path) -> Vec<NodeReport> {
+    read_files(folder).flatten().collect()
+}
+
+/// Reads each report in `folder`, in the order of their names. An error names the file.
+fn read_files(folder: &Path) -> impl Iterator<Item = Result<NodeReport, (PathBuf, String)>> {
     let files = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let mut files: Vec<_> = files.filter(|file| file.extension().is_some_and(|e| e == "json")).collect();
     files.sort();
-    files
-        .iter()
-        .filter_map(|file| {
-            let text = std::fs::read_to_string(file).map_err(|e| e.to_string());
-            let report = text.and_then(|text| serde_json::from_str(&text).map_err(|e| e.to_string()));
-            report.inspect_err(|why| tracing::warn!("report {} is left out: {why}", file.display())).ok()
-        })
-        .collect()
+    files.into_iter().map(|file| {
+        let text = std::fs::read_to_string(&file).map_err(|e| e.to_string());
+        text.and_then(|text| serde_json::from_str(&text).map_err(|e| e.to_string()))
+            .map_err(|why| (file, why))
+    })
 }
 
 #[cfg(test)]

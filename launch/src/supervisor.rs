@@ -9,10 +9,10 @@ mod command;
 mod job;
 mod running;
 
+use std::convert::Infallible;
 use std::fmt;
 use std::future::Future;
-use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -22,7 +22,7 @@ use tokio::task::JoinSet;
 
 use crate::error::LaunchError;
 use crate::plan::{OnExit, Plan};
-use crate::summary::{NodeReport, Summary, read_reports};
+use crate::summary::{NodeReport, Summary, read_reports, reports_so_far};
 
 use job::Job;
 
@@ -33,10 +33,18 @@ pub struct Supervision {
     pub suite: PathBuf,
     /// Takes every line that is to be shown.
     pub print: Print,
+    /// Takes the reports of the nodes several times a second while they run.
+    pub watch: Option<Watch>,
 }
 
 /// Takes a line to be shown.
 pub type Print = Arc<dyn Fn(Channel, &str) + Send + Sync>;
+
+/// Takes the reports of the nodes.
+pub type Watch = Arc<dyn Fn(&[NodeReport]) + Send + Sync>;
+
+/// Time between two looks at the reports.
+const GLANCE: Duration = Duration::from_millis(200);
 
 /// Where a line is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,22 +56,14 @@ pub enum Channel {
 }
 
 impl Supervision {
-    /// On the terminal, with the running program as the suite.
+    /// With the running program as the suite.
     ///
     /// # Errors
     /// [`LaunchError::Start`] when the running program's path is unknown.
-    pub fn on_terminal() -> Result<Self, LaunchError> {
+    pub fn new(print: Print, watch: Option<Watch>) -> Result<Self, LaunchError> {
         let suite = std::env::current_exe().map_err(|e| start_error("launcher", e))?;
-        Ok(Self { suite, print: Arc::new(print_on_terminal) })
+        Ok(Self { suite, print, watch })
     }
-}
-
-/// A closed terminal is no reason to end.
-fn print_on_terminal(channel: Channel, line: &str) {
-    let _ = match channel {
-        Channel::Out => writeln!(std::io::stdout().lock(), "{line}"),
-        Channel::Err => writeln!(std::io::stderr().lock(), "{line}"),
-    };
 }
 
 /// How a run went.
@@ -184,8 +184,20 @@ pub async fn run_until(
     let state = tempfile::tempdir().map_err(|e| start_error("launcher", format!("folder of state: {e}")))?;
     let jobs = job::all(&plan, how, reports.path(), state.path())?;
     let begin = Instant::now();
-    let (ending, processes) = supervise(jobs, how, stop).await;
+    let (ending, processes) = tokio::select! {
+        ended = supervise(jobs, how, stop) => ended,
+        never = watch_reports(how.watch.as_ref(), reports.path()) => match never {},
+    };
     Ok(Outcome { ending, processes, reports: read_reports(reports.path()), elapsed: begin.elapsed() })
+}
+
+/// Passes the reports in `folder` on to `watch`, again and again.
+async fn watch_reports(watch: Option<&Watch>, folder: &Path) -> Infallible {
+    let Some(watch) = watch else { return std::future::pending().await };
+    loop {
+        watch(&reports_so_far(folder));
+        tokio::time::sleep(GLANCE).await;
+    }
 }
 
 async fn supervise(

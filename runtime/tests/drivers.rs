@@ -117,7 +117,8 @@ fn counts(report: &NodeReport) -> (u64, u64, u64, u64) {
 }
 
 fn member(node: Box<dyn Node>, name: &str, wait_for: &str, on_exit: composed::OnExit) -> composed::Member {
-    composed::Member { node, parameters: waiting_for(wait_for), node_name: node_name(name), on_exit }
+    let (parameters, node_name) = (waiting_for(wait_for), node_name(name));
+    composed::Member { node, parameters, node_name, on_exit, report_file: None }
 }
 
 /// Runs a source of `period` before a fast node, which skips a frame, and a slow one: each takes all that there is.

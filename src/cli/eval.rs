@@ -32,6 +32,9 @@ pub struct Eval {
     /// With FILE: write every image that a detector gets as PNG
     #[arg(long, requires = "file")]
     pub images: bool,
+    /// Also print what the nodes log, with one line for each frame
+    #[arg(long, short)]
+    pub verbose: bool,
     #[command(flatten)]
     pub grid: Grid,
 }

@@ -20,7 +20,7 @@ const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Runs one of the bag commands.
 pub fn bag(args: &Bag) -> Result<Ended, Failure> {
-    start_log(None);
+    start_log("info");
     match args {
         Bag::Record(args) => record(args),
         Bag::Play(args) => play(args),

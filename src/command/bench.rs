@@ -100,8 +100,12 @@ pub fn processor() -> String {
 
 /// A progress bar in the form of `template`, which is shown only on a terminal.
 pub fn progress_bar(template: &str) -> ProgressBar {
-    let style = ProgressStyle::with_template(template).expect("the templates of this program are valid");
-    ProgressBar::new(0).with_style(style)
+    ProgressBar::new(0).with_style(style(template))
+}
+
+/// The style of `template`.
+pub fn style(template: &str) -> ProgressStyle {
+    ProgressStyle::with_template(template).expect("the templates of this program are valid")
 }
 
 /// Shows the progress on the bar, and writes warnings to standard error.

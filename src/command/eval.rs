@@ -9,14 +9,15 @@ use modulo_launch::Summary;
 use modulo_runtime::driver::lockstep::Lockstep;
 use modulo_runtime::{MessageKind, Node, NodeName, NodeReport, SystemClock};
 
-use super::launch::prepare;
+use super::launch::{prepare, tell_slower_engine};
+use super::progress::ProgressLine;
 use super::{grid, pairs, report, start_log, usage};
 use crate::cli::eval::{Eval, Verb};
 use crate::{Ended, Failure};
 
 /// Runs the evaluation or the subcommand.
 pub fn eval(args: &Eval) -> Result<Ended, Failure> {
-    start_log(Some("warn"));
+    start_log(if args.verbose { "debug" } else { "warn" });
     match &args.verb {
         Some(Verb::Merge { out, folders }) => return grid::merge(out, folders),
         Some(Verb::Report { folder }) => return report::report(folder),
@@ -49,6 +50,12 @@ fn launch_file(args: &Eval, file: &Path, out: &Path) -> Result<Ended, Failure> {
     summary.write(&out.join("summary.json"))?;
     say!("{}", summary.to_string().trim_end());
     evaluation.scores().iter().for_each(|(stream, score)| print_score(stream, score));
+    tell_slower_engine(&summary);
+    if args.images {
+        eprintln!("pictures with boxes: {}", out.join("grid.png").display());
+    } else {
+        eprintln!("pictures with boxes: the same command with --images");
+    }
     Ok(if summary.lost(false) { Ended::WithLoss } else { Ended::Done })
 }
 
@@ -83,12 +90,15 @@ fn run(
         let annotated = plan.streams.iter().map(|s| s.annotated.clone());
         recorded.extend(images.chain(annotated).flatten());
     }
+    let names: Vec<&str> = made.iter().map(|(_, node_name)| node_name.name.as_str()).collect();
+    eprintln!("[eval] {} in lockstep: every frame once, none dropped", names.join(", "));
     let timer = SystemClock::default();
     let mut chain = Lockstep::new(&timer, recorded);
     for (node, node_name) in made {
         chain.add(node, &node_name)?;
     }
-    evaluation.add(&mut chain, source, &plan, bag)?;
+    let line = ProgressLine::start();
+    evaluation.add(&mut chain, source, &plan, bag, &|chain| line.show(|| chain.reports()))?;
     Ok(chain.finish())
 }
 

@@ -1,46 +1,106 @@
 //! `modulo launch FILE`: separate processes, or one with `--compose`.
 
-use std::path::Path;
-use std::sync::Arc;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, mpsc};
+use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use modulo_launch::plan::OnExit;
-use modulo_launch::{ComposedNode, NodePlan, Plan, Summary, Supervision};
+use modulo_launch::supervisor::Watch;
+use modulo_launch::{
+    ComposedNode, Ending, NodePlan, Plan, Summary, Supervision, launch_files, reports_so_far,
+};
 use modulo_runtime::driver::composed::{self, Member};
 use modulo_runtime::end_on_signals;
+use modulo_runtime::process::report_file::ReportFile;
 use modulo_runtime::ros_args::RosArgs;
-use modulo_runtime::{Clock, NodeName, Parameters, Stop, SystemClock};
+use modulo_runtime::{Clock, NodeName, NodeReport, Parameters, Stop, SystemClock, Urgency};
 
+use super::progress::{self, ProgressLine};
 use super::{hash, pairs, start_log, usage};
 use crate::cli::Launch;
 use crate::registry::{self, Kind};
 use crate::{Ended, Failure};
 
+/// Time between two looks at the reports of nodes in this process.
+const GLANCE: Duration = Duration::from_millis(200);
+
+/// How a run went.
+struct Run {
+    summary: Summary,
+    /// The processes that failed, if there are any.
+    failure: Option<anyhow::Error>,
+    /// Whether it ended by itself.
+    completed: bool,
+}
+
 /// Starts what the file says and prints the summary at the end.
 pub fn launch(args: &Launch) -> Result<Ended, Failure> {
-    start_log(None);
+    start_log(if args.verbose { "debug" } else { "warn" });
+    let file = args.file.as_deref().ok_or_else(no_file)?;
     if args.show_args {
-        return show_args(&args.file);
+        return show_args(file);
     }
     if args.check {
-        return check(args);
+        return check(file, &args.arguments);
     }
-    let plan = modulo_launch::resolve(&args.file, &pairs(&args.arguments)?).map_err(usage)?;
+    let plan = modulo_launch::resolve(file, &pairs(&args.arguments)?).map_err(usage)?;
     if args.print {
         say!("{plan}");
         return Ok(Ended::Done);
     }
-    let (summary, failure) = if args.compose { (run_composed(&plan)?, None) } else { run_processes(plan)? };
+    let evaluable = modulo_launch::compose(&plan).is_ok();
+    let Run { summary, failure, completed } =
+        if args.compose { run_composed(&plan)? } else { run_processes(plan, args.verbose)? };
     if let Some(file) = &args.summary {
         summary.write(file)?;
     }
     // The summary ends with a line break of its own.
     say!("{}", summary.to_string().trim_end());
+    tell_slower_engine(&summary);
+    if evaluable && completed && failure.is_none() && summary.frames > 0 && !summary.detections.is_empty() {
+        let words = [file.display().to_string()].into_iter().chain(args.arguments.iter().cloned());
+        let words: Vec<String> = words.map(|word| quoted(&word)).collect();
+        eprintln!("pictures with boxes: modulo eval {} --images -o out", words.join(" "));
+    }
     match failure {
         Some(why) => Err(Failure::Run(why)),
         None if summary.lost(args.strict) => Ok(Ended::WithLoss),
         None => Ok(Ended::Done),
     }
+}
+
+/// Prints how to get the faster engine when a detector did not find it.
+pub fn tell_slower_engine(summary: &Summary) {
+    if summary.slower_engine {
+        eprintln!(
+            "hint: rten ran, since no ONNX Runtime library was found; ONNX Runtime is faster, see modulo doctor"
+        );
+    }
+}
+
+/// `word` as a shell takes it.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || "-_./:=,+@%".contains(c);
+    if word.chars().all(plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', "'\\''")) }
+}
+
+/// The refusal of a command line without a launch file, with the files that can be launched.
+fn no_file() -> Failure {
+    let files = launch_files();
+    let name = |path: &PathBuf| path.display().to_string();
+    let width = files.iter().map(|file| name(&file.path).chars().count()).max().unwrap_or(0);
+    let lines: String =
+        files.iter().map(|file| format!("  {:width$}  {}\n", name(&file.path), file.about)).collect();
+    let found = if files.is_empty() {
+        "none was found in ./launch or in the package modulo\n"
+    } else {
+        "these were found:\n"
+    };
+    usage(anyhow!(
+        "no launch file is given; {found}{lines}\
+         Usage: modulo launch FILE [NAME:=VALUE ...]; modulo launch --show-args FILE lists the arguments of a file"
+    ))
 }
 
 fn show_args(file: &Path) -> Result<Ended, Failure> {
@@ -58,9 +118,9 @@ fn show_args(file: &Path) -> Result<Ended, Failure> {
 }
 
 /// What the file says, and whether its nodes take the parameters that it gives.
-fn check(args: &Launch) -> Result<Ended, Failure> {
-    let file = args.file.display();
-    let mistakes = match modulo_launch::check(&args.file, &pairs(&args.arguments)?) {
+fn check(path: &Path, arguments: &[String]) -> Result<Ended, Failure> {
+    let file = path.display();
+    let mistakes = match modulo_launch::check(path, &pairs(arguments)?) {
         Ok(plan) => {
             let mistakes: Vec<String> = plan.nodes.iter().flat_map(refusals).collect();
             if mistakes.is_empty() {
@@ -97,28 +157,69 @@ fn refusals(node: &NodePlan) -> Vec<String> {
     }
 }
 
-/// The summary, and which processes failed, if one did.
-fn run_processes(mut plan: Plan) -> Result<(Summary, Option<anyhow::Error>), Failure> {
+fn run_processes(mut plan: Plan, verbose: bool) -> Result<Run, Failure> {
     let word = hash::chosen()?.word();
     for node in &mut plan.nodes {
         node.process.env.entry(hash::VARIABLE.to_owned()).or_insert(Some(word.to_owned()));
+        if verbose && node.package == modulo_launch::SUITE {
+            // In front: a level of the launch file comes later and wins.
+            node.ros_args.splice(0..0, ["--log-level", "debug"].map(str::to_owned));
+        }
     }
-    let supervision = Supervision::on_terminal()?;
+    let executables = plan.executables.iter().map(|executable| &executable.process);
+    let processes = plan.nodes.iter().map(|node| &node.process).chain(executables);
+    let names: Vec<&str> = processes.map(|process| process.label.as_str()).collect();
+    eprintln!("[launch] starting {}; Ctrl-C ends the run", names.join(", "));
+    let line = Arc::new(ProgressLine::start());
+    let shown = line.is_shown().then(|| line.clone());
+    let watch = shown.map(|line| -> Watch { Arc::new(move |reports| line.show(|| reports.to_vec())) });
+    let supervision = Supervision::new(Arc::new(progress::print), watch)?;
     let runtime = tokio::runtime::Runtime::new().context("tokio runtime")?;
     let outcome = runtime.block_on(modulo_launch::run(plan, &supervision))?;
+    drop((supervision, line));
     let failed = outcome.processes.iter().filter(|p| p.end.is_failure());
     let names: Vec<_> = failed.map(|p| format!("{} {}", p.label, p.end)).collect();
     let failure = (!names.is_empty()).then(|| anyhow!("failed: {}", names.join(", ")));
-    Ok((outcome.summary(), failure))
+    Ok(Run { summary: outcome.summary(), failure, completed: outcome.ending == Ending::Completed })
 }
 
-fn run_composed(plan: &Plan) -> Result<Summary, Failure> {
-    let stop = Stop::default();
+fn run_composed(plan: &Plan) -> Result<Run, Failure> {
+    // The end of a member asks `stop`, too; only signals ask `asked`.
+    let (stop, asked) = (Stop::default(), Stop::default());
     end_on_signals(&stop).context("signal handlers")?;
+    end_on_signals(&asked).context("signal handlers")?;
     let members = members(plan)?;
+    let names: Vec<&str> = members.iter().map(|member| member.node_name.name.as_str()).collect();
+    eprintln!("[launch] running {} in one process; Ctrl-C ends the run", names.join(", "));
+    let reports = run_members(members, &stop)?;
+    let completed = asked.urgency() == Urgency::None;
+    Ok(Run { summary: Summary::new(&reports, []), failure: None, completed })
+}
+
+/// Runs the members. Where a progress line is shown, they keep their reports in a folder meanwhile.
+fn run_members(mut members: Vec<Member>, stop: &Stop) -> Result<Vec<NodeReport>, Failure> {
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
-    let reports = composed::run(members, &clock, &stop)?;
-    Ok(Summary::new(&reports, []))
+    let line = ProgressLine::start();
+    if !line.is_shown() {
+        return Ok(composed::run(members, &clock, stop)?);
+    }
+    let folder = tempfile::tempdir().context("folder of reports")?;
+    for member in &mut members {
+        let file = ReportFile::create(folder.path(), &member.node_name.fully_qualified());
+        member.report_file = Some(file.context("file of a report")?);
+    }
+    let (end, ended) = mpsc::channel::<()>();
+    std::thread::scope(|scope| {
+        let (line, folder) = (&line, folder.path());
+        scope.spawn(move || {
+            while ended.recv_timeout(GLANCE) == Err(mpsc::RecvTimeoutError::Timeout) {
+                line.show(|| reports_so_far(folder));
+            }
+        });
+        let reports = composed::run(members, &clock, stop);
+        drop(end);
+        Ok(reports?)
+    })
 }
 
 /// The plan's nodes, made in this process.
@@ -131,7 +232,7 @@ fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
             OnExit::Shutdown => composed::OnExit::Shutdown,
             OnExit::Continue => composed::OnExit::Continue,
         };
-        Ok(Member { node: step, parameters, node_name, on_exit })
+        Ok(Member { node: step, parameters, node_name, on_exit, report_file: None })
     };
     let on_exits = plan.nodes.iter().map(|node| node.process.on_exit);
     nodes.iter().zip(on_exits).map(member).collect::<anyhow::Result<_>>().map_err(usage)

@@ -18,23 +18,23 @@ mod hash;
 mod launch;
 mod model;
 mod param;
+mod progress;
 mod report;
 mod run;
 
-use std::io::IsTerminal;
 use std::sync::Arc;
 
 use anyhow::{Context, anyhow};
-use clap::CommandFactory;
-use modulo_runtime::ros_args::Logs;
 use modulo_runtime::rosout::RosoutLayer;
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::{Clock, Stop, SystemClock, end_on_signals};
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::Layer;
+use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 
-use crate::cli::{Cli, Command};
+use crate::cli::{self, Cli, Command};
 use crate::{Ended, Failure};
 
 /// Runs the command of `cli`.
@@ -54,12 +54,12 @@ pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
         Command::Model(args) => model::model(&args),
         Command::Doctor => doctor::doctor(),
         Command::Completions { shell } => {
-            clap_complete::generate(shell, &mut Cli::command(), "modulo", &mut std::io::stdout());
+            clap_complete::generate(shell, &mut cli::command(), "modulo", &mut std::io::stdout());
             Ok(Ended::Done)
         }
         Command::Man { folder } => {
             std::fs::create_dir_all(&folder)
-                .and_then(|()| clap_mangen::generate_to(Cli::command(), &folder))
+                .and_then(|()| clap_mangen::generate_to(cli::command(), &folder))
                 .with_context(|| folder.display().to_string())?;
             Ok(Ended::Done)
         }
@@ -70,24 +70,24 @@ fn usage(why: impl Into<anyhow::Error>) -> Failure {
     Failure::Usage(why.into())
 }
 
-/// Logs go to standard error; `RUST_LOG` chooses, `info` of the suite without.
-fn start_log(level: Option<&str>) {
-    start_log_with(level, Logs::Enabled, None);
+/// Starts the log on standard error with the lines of the suite from `level` on. `RUST_LOG` replaces the level.
+fn start_log(level: &str) {
+    start_log_with(level, LevelFilter::TRACE, None);
 }
 
-/// The log of a node: `shown` on standard error or not, and on `/rosout` too.
-fn start_log_with(level: Option<&str>, shown: Logs, rosout: Option<RosoutLayer>) {
-    let default = format!(
-        "warn,modulo={0},modulo_camera={0},modulo_unwrap={0},modulo_detector={0},\
-                           modulo_runtime={0},modulo_bags={0},modulo_launch={0}",
-        level.unwrap_or("info")
-    );
+/// Starts the log of a node: the lines from `level` on go to `/rosout`, and those that also pass `screen` to standard
+/// error. Lines of libraries are shown with the level `debug` only.
+fn start_log_with(level: &str, screen: LevelFilter, rosout: Option<RosoutLayer>) {
+    let libraries = if level == "debug" { "warn" } else { "off" };
+    // The names of all crates of the suite begin with `modulo`.
+    let default = format!("{libraries},modulo={level}");
     let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
+    let colour = anstream::AutoStream::choice(&std::io::stderr()) != anstream::ColorChoice::Never;
     let lines = tracing_subscriber::fmt::layer()
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
-        .with_target(false);
-    let lines = (shown == Logs::Enabled).then_some(lines);
+        .with_writer(|| progress::LogWriter)
+        .with_ansi(colour)
+        .with_target(false)
+        .with_filter(screen);
     // Fails only when a log was started before, which then goes on.
     let _ = tracing_subscriber::registry().with(filter).with(lines).with(rosout).try_init();
 }

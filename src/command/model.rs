@@ -21,7 +21,7 @@ const SHOWN: usize = 8;
 
 /// Runs one of the model commands.
 pub fn model(args: &Model) -> Result<Ended, Failure> {
-    start_log(Some("warn"));
+    start_log("warn");
     match args {
         Model::Fetch(args) => fetch_official(args),
         Model::Check(args) => check(args),

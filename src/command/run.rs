@@ -9,9 +9,10 @@ use modulo_runtime::process::saved_state::SavedState;
 use modulo_runtime::ros_args::{Logs, RosArgs};
 use modulo_runtime::rosout::{self, LogQueue};
 use modulo_runtime::{Descriptor, NodeName, SystemClock, launcher};
+use tracing_subscriber::filter::LevelFilter;
 
 use super::{hash, open_session, start_log_with, stop_on_signals, usage};
-use crate::cli::Run;
+use crate::cli::{self, Run};
 use crate::registry::{self, Kind};
 use crate::{Ended, Failure};
 
@@ -21,6 +22,11 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
     let (ros, own) = RosArgs::parse(&args.arguments).map_err(usage)?;
     if own.iter().any(|argument| argument == "--help" || argument == "-h") {
         print_help(kind);
+        return Ok(Ended::Done);
+    }
+    if let Some(argument) = own.iter().find(|argument| ["--version", "-V"].contains(&argument.as_str())) {
+        let version = if argument == "-V" { cli::VERSION } else { cli::LONG_VERSION };
+        say!("{} {version}", kind.name);
         return Ok(Ended::Done);
     }
     let own = match &own[..] {
@@ -67,7 +73,15 @@ fn start_log(ros: &RosArgs, node_name: &NodeName) -> Option<LogQueue> {
         Logs::Enabled => Some(rosout::layer(Arc::new(SystemClock::default()))).unzip(),
         Logs::Disabled => (None, None),
     };
-    start_log_with(ros.log_level_of(&node_name.name), ros.stdout_logs, layer);
+    let level = ros.log_level_of(&node_name.name);
+    let chosen = level.is_some() || std::env::var_os("RUST_LOG").is_some();
+    let screen = match ros.stdout_logs {
+        Logs::Disabled => LevelFilter::OFF,
+        // The launcher shows the progress of all nodes in place of these lines; `/rosout` has them.
+        Logs::Enabled if !chosen && launcher::folder(launcher::REPORT_DIR).is_some() => LevelFilter::WARN,
+        Logs::Enabled => LevelFilter::TRACE,
+    };
+    start_log_with(level.unwrap_or("info"), screen, layer);
     queue
 }
 

@@ -114,6 +114,7 @@ impl Evaluation {
     }
 
     /// Runs source `source` of `chain` to its end, adds its frames, and writes the messages on `plan.bagged` to `bag`.
+    /// After each frame it calls `tell`.
     ///
     /// # Errors
     /// [`EvalError`] if a node fails or a file cannot be written.
@@ -123,6 +124,7 @@ impl Evaluation {
         source: usize,
         plan: &Plan,
         mut bag: Option<&mut BagWriter>,
+        tell: &dyn Fn(&Lockstep<'_>),
     ) -> Result<(), EvalError> {
         let images = plan.streams.iter().filter(|_| plan.save_images);
         for folder in images.map(|s| plan.folder.join(&s.name)).chain([plan.folder.clone()]) {
@@ -138,6 +140,7 @@ impl Evaluation {
                 record(recorder, &out, &plan.bagged)?;
             }
             self.add_frame(&out, plan)?;
+            tell(chain);
         }
         Ok(())
     }

@@ -49,7 +49,7 @@ fn record(sources: &[&Path], more: &[(&str, &str)], bag: &Path) {
         let mut chain = Lockstep::new(&timer, topics.clone());
         let camera = ModuloCamera::new(&parameters).expect("a camera");
         chain.add(Box::new(camera), &NodeName::new("camera", "/", &[]).expect("a name")).expect("a node");
-        evaluation.add(&mut chain, 0, &plan, Some(&mut recorder)).expect("evaluated");
+        evaluation.add(&mut chain, 0, &plan, Some(&mut recorder), &|_| {}).expect("evaluated");
     }
     recorder.finish().expect("finished");
 }

@@ -57,7 +57,7 @@ impl Scope {
 }
 
 /// The launcher's environment; variables that are not text are left out.
-pub(super) fn environment() -> BTreeMap<String, String> {
+pub(crate) fn environment() -> BTreeMap<String, String> {
     std::env::vars_os().filter_map(|(k, v)| Some((k.into_string().ok()?, v.into_string().ok()?))).collect()
 }
 

@@ -15,7 +15,7 @@ const MARKER: &str = "launch/suite.launch.yaml";
 ///
 /// # Errors
 /// [`SubstitutionError`] with the places that were looked at.
-pub(super) fn share(package: &str, around: &Surroundings<'_>) -> Result<PathBuf, SubstitutionError> {
+pub(crate) fn share(package: &str, around: &Surroundings<'_>) -> Result<PathBuf, SubstitutionError> {
     if package == SUITE
         && let Some(root) = suite_roots(around.file).into_iter().find(|root| root.join(MARKER).is_file())
     {

@@ -73,7 +73,7 @@ impl Detector {
             cx.emit(ANNOTATED, Message::Image(Arc::new(image)));
         }
         let header = &image.header;
-        tracing::info!("{}", line(image.header.stamp, &found));
+        tracing::debug!("{}", line(image.header.stamp, &found));
         let detections =
             found.iter().map(|detection| Detection2D::from_detection(detection, header)).collect();
         let array = Detection2DArray { header: header.clone(), detections };

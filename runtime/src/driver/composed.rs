@@ -11,6 +11,7 @@ use crate::graph::NodeName;
 use crate::graph::node_time::is_simulated;
 use crate::node::Node;
 use crate::parameter::{ParameterError, Parameters};
+use crate::process::report_file::ReportFile;
 use crate::process::stop::{Stop, Urgency};
 use crate::report::NodeReport;
 use crate::transport::local::LocalTransport;
@@ -34,6 +35,8 @@ pub struct Member {
     pub node_name: NodeName,
     /// Effect of its end on the other nodes.
     pub on_exit: OnExit,
+    /// File that shows the report of the node while it runs.
+    pub report_file: Option<ReportFile>,
 }
 
 /// Asks the other members to end, also when this one panics.
@@ -64,8 +67,8 @@ pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<
             .map(|member| {
                 let (transport, stop) = (&transport, stop.clone());
                 scope.spawn(move || {
-                    let Member { node, parameters, node_name, on_exit } = member;
-                    let setup = NodeSetup { node, parameters, node_name, saved: None, report_file: None };
+                    let Member { node, parameters, node_name, on_exit, report_file } = member;
+                    let setup = NodeSetup { node, parameters, node_name, saved: None, report_file };
                     let mut end = AskOnDrop { stop: stop.clone(), urgency: Urgency::Now };
                     let result = live::run(setup, transport, clock, stop);
                     end.urgency = match (&result, on_exit) {

@@ -80,6 +80,11 @@ impl<'a> Lockstep<'a> {
         &self.stages
     }
 
+    /// Returns the counts and durations of each node so far, without the status of the nodes.
+    pub fn reports(&self) -> Vec<NodeReport> {
+        self.members.iter().map(|member| member.report.clone()).collect()
+    }
+
     /// Ends the chain and returns the report of each node.
     pub fn finish(self) -> Vec<NodeReport> {
         self.members

@@ -165,7 +165,7 @@ pub fn open(model: &Path, choice: EngineChoice, threads: NonZeroUsize) -> Result
         }
         Err(error) if choice == EngineChoice::OnnxRuntime => Err(error),
         Err(error) => {
-            tracing::info!("detector takes rten, {error}");
+            tracing::debug!("detector takes rten, {error}");
             with_rten("auto: no ONNX Runtime library found".to_owned())
         }
     }

@@ -1,0 +1,264 @@
+//! The screen of a user: on a terminal, in a pipe, and with the variables that choose colours.
+
+mod harness;
+
+use std::process::{Command, Output};
+
+use harness::{Bench, arg, data, model, text};
+
+/// Variables that change what is printed.
+const VARIABLES: [&str; 5] = ["NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE", "CI", "TERM"];
+
+/// The binary with `arguments` and without `VARIABLES`.
+fn plain(bench: &Bench, arguments: &[&str]) -> Command {
+    let mut command = bench.modulo(arguments);
+    for name in VARIABLES {
+        command.env_remove(name);
+    }
+    command
+}
+
+/// What the binary writes to a terminal of 100 columns; `None` where there is no program `script`.
+fn on_terminal(bench: &Bench, variables: &[(&str, &str)], arguments: &[&str]) -> Option<Output> {
+    let modulo = plain(bench, arguments);
+    let words: Vec<_> = [modulo.get_program()]
+        .into_iter()
+        .chain(modulo.get_args())
+        .map(|word| word.to_string_lossy())
+        .collect();
+    let line = format!("stty cols 100 rows 24; exec '{}'", words.join("' '"));
+    let mut script = Command::new("script");
+    script.args(["-qefc", &line, "/dev/null"]).current_dir(env!("CARGO_MANIFEST_DIR"));
+    for (name, value) in modulo.get_envs() {
+        match value {
+            Some(value) => script.env(name, value),
+            None => script.env_remove(name),
+        };
+    }
+    script.env("TERM", "xterm").envs(variables.iter().copied()).stdin(std::process::Stdio::null());
+    match script.output() {
+        Ok(output) => Some(output),
+        Err(why) => {
+            data::skip(&format!("script does not start: {why}"));
+            None
+        }
+    }
+}
+
+/// The texts that the progress line had, one after another.
+fn progress(screen: &str) -> Vec<&str> {
+    let parts = screen.split(['\r', '\n', '\u{1b}']).map(|part| part.trim_start_matches("[2K"));
+    parts.filter(|part| part.starts_with("frames ") && part.contains(" infer ")).collect()
+}
+
+fn run_arguments<'a>(command: &'a [&'a str], source: &'a str, model: &'a str) -> Vec<&'a str> {
+    [command, &["launch/recovered.launch.yaml", source, model, "engine:=rten"]].concat()
+}
+
+/// The number of frames grows in place, and the summary is the end.
+fn assert_redrawn(screen: &str, least: usize) {
+    assert!(progress(screen).len() >= least, "{screen:?}");
+    let last = screen.rfind(" infer ").expect("a line of progress");
+    let summary = screen.find(", engine rten").expect("a summary");
+    assert!(last < summary && !screen[summary..].contains("\u{1b}["), "{screen:?}");
+    assert!(!screen.contains("INFO") && !screen.contains("DEBUG"), "{screen:?}");
+}
+
+#[test]
+fn a_terminal_shows_a_line_that_is_redrawn() {
+    let bench = Bench::new();
+    let (source, model) = (arg("source", bench.images(30)), arg("model", model()));
+    for command in [&["launch"][..], &["launch", "--compose"]] {
+        let arguments = [run_arguments(command, &source, &model), vec!["rate:=10"]].concat();
+        let Some(output) = on_terminal(&bench, &[], &arguments) else { return };
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+        assert_redrawn(&text(&output), 5);
+        assert!(text(&output).contains(" Hz, infer "), "{}", text(&output));
+    }
+}
+
+#[test]
+fn lockstep_shows_a_line_for_each_source() {
+    let bench = Bench::new();
+    let (images, model) = (bench.images(5).display().to_string(), arg("model", model()));
+    let out = bench.path("out").display().to_string();
+    let command = ["eval", "-o", &out, "--source", &images, "--source", &images];
+    let arguments = [&command, &["launch/recovered.launch.yaml", &model, "engine:=rten"][..]].concat();
+    let Some(output) = on_terminal(&bench, &[], &arguments) else { return };
+    let screen = text(&output);
+    assert_eq!(output.status.code(), Some(0), "{screen}");
+    assert_redrawn(&screen, 2);
+    let sources: Vec<usize> = screen.split("[eval] ").skip(1).map(|part| progress(part).len()).collect();
+    assert!(sources.len() == 2 && !sources.contains(&0), "{screen:?}");
+}
+
+#[test]
+fn a_pipe_gets_a_line_at_the_start_and_the_summary() {
+    let bench = Bench::new();
+    let (source, model) = (arg("source", bench.images(3)), arg("model", model()));
+    for command in [&["launch"][..], &["launch", "--compose"]] {
+        let output = plain(&bench, &run_arguments(command, &source, &model)).output().expect("it starts");
+        let error = String::from_utf8_lossy(&output.stderr);
+        let lines: Vec<&str> = error.lines().collect();
+        let [start, pictures] = lines[..] else { panic!("two lines: {error}") };
+        assert!(start.starts_with("[launch] ") && start.contains("detector"), "{start}");
+        assert!(pictures.contains("modulo eval launch/recovered.launch.yaml"), "{pictures}");
+        let summary = String::from_utf8_lossy(&output.stdout);
+        assert!(summary.starts_with("frames 3, engine rten\n"), "{summary}");
+        assert!(!text(&output).contains('\u{1b}') && !text(&output).contains('\r'), "{}", text(&output));
+    }
+}
+
+/// The last line of a run is a command that works: it makes pictures.
+#[test]
+fn the_command_for_pictures_makes_them() {
+    let bench = Bench::new();
+    let (source, model) = (arg("source", bench.images(2)), arg("model", model()));
+    let said = text(&bench.run(&run_arguments(&["launch", "--compose"], &source, &model)));
+    let command = said.lines().find_map(|line| line.strip_prefix("pictures with boxes: modulo "));
+    let out = bench.path("pictures").display().to_string();
+    let words: Vec<&str> =
+        command.expect("a command").split(' ').map(|word| word.trim_matches('\'')).collect();
+    let words: Vec<&str> = words.into_iter().map(|word| if word == "out" { &out } else { word }).collect();
+    let output = bench.run(&words);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    assert!(text(&output).contains("pictures/grid.png"), "{}", text(&output));
+    assert!(bench.path("pictures/grid.png").is_file());
+}
+
+#[test]
+fn verbose_prints_a_line_for_each_frame() {
+    let bench = Bench::new();
+    let (source, model) = (arg("source", bench.images(3)), arg("model", model()));
+    let out = bench.path("out").display().to_string();
+    for command in
+        [&["launch", "-v"][..], &["launch", "--verbose", "--compose"], &["eval", "--verbose", "-o", &out]]
+    {
+        let output = bench.run(&run_arguments(command, &source, &model));
+        let said = text(&output);
+        let boxes = said.lines().filter(|line| line.contains("DEBUG") && line.contains(" boxes: ")).count();
+        assert_eq!((output.status.code(), boxes), (Some(0), 3), "{command:?}: {said}");
+    }
+}
+
+/// The hint is there exactly when `auto` took the slower engine, and once although four detectors did.
+#[test]
+fn the_slower_engine_is_told_once() {
+    let bench = Bench::new();
+    let (source, model) = (arg("source", bench.images(1)), arg("model", model()));
+    for (engine, hints) in [("engine:=auto", 1), ("engine:=rten", 0)] {
+        let arguments = ["launch", "--compose", "launch/compare.launch.yaml", &source, &model, engine];
+        let output = bench.modulo(&arguments).env("ORT_DYLIB_PATH", "").output().expect("it starts");
+        let said = text(&output);
+        let hints = if said.contains("engine rten") { hints } else { 0 };
+        assert_eq!(said.matches("no ONNX Runtime library was found").count(), hints, "{said}");
+    }
+}
+
+/// zenoh cannot listen: what it logs about that is shown only if it is asked for.
+#[test]
+fn no_library_writes_on_the_screen() {
+    let bench = Bench::new();
+    let taken = std::net::TcpListener::bind(("127.0.0.1", 0)).expect("a free port");
+    let port = taken.local_addr().expect("a port").port();
+    let keys = format!("listen/endpoints=[\"tcp/127.0.0.1:{port}\"];listen/exit_on_failure=false");
+    let node = ["run", "unwrap", "--ros-args", "-p", "wait_for:=[absent]", "-p", "wait_timeout:=0.2"];
+    for (level, shown) in [(None, false), (Some("warn"), true)] {
+        let mut command = plain(&bench, &node);
+        command.env("ZENOH_CONFIG_OVERRIDE", &keys).envs(level.map(|level| ("RUST_LOG", level)));
+        let said = text(&command.output().expect("it starts"));
+        assert_eq!(said.contains("Unable to open listener"), shown, "{said}");
+        assert!(said.contains("modulo: /unwrap: waited"), "{said}");
+    }
+}
+
+#[test]
+fn launch_without_a_file_lists_the_files_that_it_finds() {
+    let bench = Bench::new();
+    let listed = |folder: &std::path::Path| {
+        let output = bench.modulo(&["launch"]).current_dir(folder).output().expect("it starts");
+        assert_eq!(output.status.code(), Some(2), "{}", text(&output));
+        text(&output)
+    };
+    let here = listed(env!("CARGO_MANIFEST_DIR").as_ref());
+    assert!(here.contains("  launch/recovered.launch.yaml"), "{here}");
+    assert!(here.contains("  Detection on the recovered images (p = true).\n"), "{here}");
+    assert_eq!(here.matches("recovered.launch.yaml").count(), 1, "{here}");
+
+    std::fs::create_dir(bench.path("launch")).expect("writable");
+    std::fs::write(bench.path("launch/mine.launch.yaml"), "# My own.\nlaunch: []\n").expect("writable");
+    std::fs::write(bench.path("launch/readme.md"), "# No launch file.\n").expect("writable");
+    let there = listed(bench.folder.path());
+    let lines: Vec<&str> = there.lines().collect();
+    assert!(lines[1].starts_with("  launch/mine.launch.yaml ") && lines[1].ends_with("  My own."), "{there}");
+    assert!(there.contains("/launch/recovered.launch.yaml") && !there.contains("readme"), "{there}");
+}
+
+#[test]
+fn the_version_names_engines_target_and_commit() {
+    let bench = Bench::new();
+    let version = env!("CARGO_PKG_VERSION");
+    for (name, arguments) in [("modulo", &[][..]), ("unwrap", &["run", "unwrap"])] {
+        let ask = |option| text(&bench.run(&[arguments, &[option]].concat()));
+        assert_eq!(ask("-V"), format!("{name} {version}\n"));
+        let long = ask("--version");
+        let lines: Vec<&str> = long.lines().collect();
+        let [first, commit, target, engines] = lines[..] else { panic!("four lines: {long}") };
+        assert_eq!(first, format!("{name} {version}"));
+        let hash = commit.strip_prefix("commit:  ").expect("the commit").trim_end_matches("-dirty");
+        assert!(hash == "unknown" || hash.chars().all(|c| c.is_ascii_hexdigit()), "{commit}");
+        assert!(target.starts_with("target:  ") && target.contains(std::env::consts::ARCH), "{target}");
+        assert!(engines.contains("rten (built in)") && engines.contains("ONNX Runtime"), "{engines}");
+    }
+}
+
+#[test]
+fn only_commands_with_other_nodes_show_the_form_of_hashes() {
+    let bench = Bench::new();
+    for (arguments, shown) in [
+        (&["launch"][..], true),
+        (&["bag", "record"], true),
+        (&["topic", "hz"], true),
+        (&["param"], true),
+        (&[], false),
+        (&["eval"], false),
+        (&["bag", "info"], false),
+        (&["simulate"], false),
+    ] {
+        let help = text(&bench.run(&[arguments, &["--help"]].concat()));
+        assert_eq!(help.contains("--hash"), shown, "{arguments:?}: {help}");
+    }
+    for arguments in [["--hash", "none", "doctor"], ["doctor", "--hash", "none"]] {
+        assert_eq!(bench.run(&arguments).status.code(), Some(0), "{arguments:?}");
+    }
+}
+
+/// The rules of cargo: `NO_COLOR`, then `CLICOLOR_FORCE`, then whether it is a terminal. For clap's help, and for the log.
+#[test]
+fn colours_follow_the_variables_and_the_terminal() {
+    let bench = Bench::new();
+    let (source, model) = (arg("source", bench.images(1)), arg("model", model()));
+    let log = run_arguments(&["launch", "--compose", "--verbose"], &source, &model);
+    // A colour or another attribute; moving the cursor is none.
+    let coloured = |output: Output| {
+        let said = text(&output);
+        said.split("\u{1b}[")
+            .skip(1)
+            .any(|part| part.trim_start_matches(|c: char| c.is_ascii_digit()).starts_with('m'))
+    };
+    for arguments in [&["--help"][..], &log] {
+        for (variables, in_pipe, at_terminal) in [
+            (&[][..], false, true),
+            (&[("NO_COLOR", "1")], false, false),
+            (&[("CLICOLOR_FORCE", "1")], true, true),
+            (&[("CLICOLOR_FORCE", "1"), ("NO_COLOR", "1")], false, false),
+            (&[("CLICOLOR", "0")], false, false),
+            (&[("TERM", "dumb")], false, false),
+        ] {
+            let piped = plain(&bench, arguments).envs(variables.iter().copied()).output().expect("it starts");
+            assert_eq!(coloured(piped), in_pipe, "{arguments:?} {variables:?} in a pipe");
+            let Some(shown) = on_terminal(&bench, variables, arguments) else { return };
+            assert_eq!(coloured(shown), at_terminal, "{arguments:?} {variables:?} on a terminal");
+        }
+    }
+}
