@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::cosine::CosinePlan;
-use super::grid::{Run, Shape};
+use super::grid::{GridShape, SampleRun};
 use super::lanes::{Complex, LANES};
 use super::tile::Tile;
 use crate::simd::widest;
@@ -20,7 +20,7 @@ pub(super) struct ColumnPart<Out> {
 }
 
 impl<Out: Copy + Default> ColumnPart<Out> {
-    pub fn new(shape: Shape, plan: &CosinePlan, bands: Range<usize>) -> Self {
+    pub fn new(shape: GridShape, plan: &CosinePlan, bands: Range<usize>) -> Self {
         let [data, scratch] = plan.buffer_lengths().map(|length| vec![Complex::default(); length]);
         Self {
             spectrum: vec![Tile::default(); bands.len() * shape.blocks()],
@@ -39,27 +39,27 @@ impl<Out> ColumnPart<Out> {
 
     /// Returns a tile of the result of [`ColumnPart::forward`].
     #[inline(always)]
-    pub fn tile(&self, shape: Shape, block: usize, band: usize) -> &Tile {
+    pub fn tile(&self, shape: GridShape, block: usize, band: usize) -> &Tile {
         &self.spectrum[(band - self.bands.start) * shape.blocks() + block]
     }
 
     /// Returns the output of [`ColumnPart::inverse`] by row.
     #[inline(always)]
-    pub fn outs(&self, shape: Shape, band: usize) -> &[Out] {
+    pub fn outs(&self, shape: GridShape, band: usize) -> &[Out] {
         &self.out[(band - self.bands.start) * shape.height..][..shape.height]
     }
 
     pub fn forward(
         &mut self,
-        shape: Shape,
+        shape: GridShape,
         plan: &CosinePlan,
         band: usize,
-        load: &impl Fn(Run) -> [f32; LANES],
+        load: &impl Fn(SampleRun) -> [f32; LANES],
     ) {
         let Self { data, scratch, .. } = self;
         widest!({
             for row in 0..shape.height {
-                data[plan.position(row)] = Complex::from_lanes(load(Run { row, sample: band * LANES }));
+                data[plan.position(row)] = Complex::from_lanes(load(SampleRun { row, sample: band * LANES }));
             }
         });
         plan.fourier(data, scratch);
@@ -74,11 +74,11 @@ impl<Out> ColumnPart<Out> {
 
     pub fn inverse<'a>(
         &mut self,
-        shape: Shape,
+        shape: GridShape,
         plan: &CosinePlan,
         band: usize,
         tile: impl Fn(usize) -> &'a Tile,
-        mut keep: impl FnMut(Run, [f32; LANES]) -> Out,
+        mut keep: impl FnMut(SampleRun, [f32; LANES]) -> Out,
     ) {
         let Self { data, scratch, .. } = self;
         let from = |row: usize| tile(row / LANES)[row % LANES];
@@ -92,7 +92,7 @@ impl<Out> ColumnPart<Out> {
         widest!({
             for (row, out) in out.iter_mut().enumerate() {
                 let value = data[plan.position(row)].swapped().to_lanes();
-                *out = keep(Run { row, sample: band * LANES }, value);
+                *out = keep(SampleRun { row, sample: band * LANES }, value);
             }
         });
     }

@@ -18,7 +18,7 @@ pub(super) struct Fft {
 
 /// A pass of `count` transforms of length `radix`, each on `stride` neighbours.
 struct Pass {
-    kind: Kind,
+    butterfly: Butterfly,
     radix: usize,
     count: usize,
     stride: usize,
@@ -26,7 +26,7 @@ struct Pass {
     twiddles: Vec<Twiddle>,
 }
 
-enum Kind {
+enum Butterfly {
     Two,
     Three,
     Four,
@@ -107,46 +107,46 @@ impl Pass {
     fn new(radix: usize, count: usize, stride: usize) -> Self {
         let twiddle = |p: usize, j: usize| Twiddle::new(TAU * (p * j) as f64 / (radix * count) as f64, 1.0);
         let twiddles = (0..count).flat_map(|p| (1..radix).map(move |j| twiddle(p, j))).collect();
-        let kind = match radix {
-            2 => Kind::Two,
-            3 => Kind::Three,
-            4 => Kind::Four,
-            5 => Kind::Five,
-            _ => Kind::Odd(OddRadix::new(radix)),
+        let butterfly = match radix {
+            2 => Butterfly::Two,
+            3 => Butterfly::Three,
+            4 => Butterfly::Four,
+            5 => Butterfly::Five,
+            _ => Butterfly::Odd(OddRadix::new(radix)),
         };
-        Self { kind, radix, count, stride, twiddles }
+        Self { butterfly, radix, count, stride, twiddles }
     }
 
     /// Runs the pass; both slices come with the distance of successive numbers. Radices are closures, because a
     /// function would be called by its shim, which is not inlined.
     #[inline(always)]
     fn run<A: MultiplyAdd>(&self, from: (&[Complex], usize), to: (&mut [Complex], usize)) {
-        match &self.kind {
-            Kind::Two => self.short::<A, 2>(
+        match &self.butterfly {
+            Butterfly::Two => self.short::<A, 2>(
                 from,
                 to,
                 #[inline(always)]
                 |[a, b]| two([a, b]),
             ),
-            Kind::Three => self.short::<A, 3>(
+            Butterfly::Three => self.short::<A, 3>(
                 from,
                 to,
                 #[inline(always)]
                 |inputs| three::<A>(inputs),
             ),
-            Kind::Four => self.short::<A, 4>(
+            Butterfly::Four => self.short::<A, 4>(
                 from,
                 to,
                 #[inline(always)]
                 |[a, b, c, d]| four([a, b, c, d]),
             ),
-            Kind::Five => self.short::<A, 5>(
+            Butterfly::Five => self.short::<A, 5>(
                 from,
                 to,
                 #[inline(always)]
                 |inputs| five::<A>(inputs),
             ),
-            Kind::Odd(odd) => self.long::<A>(odd, from, to),
+            Butterfly::Odd(odd) => self.long::<A>(odd, from, to),
         }
     }
 

@@ -12,8 +12,8 @@ use super::tile::Tile;
 use crate::workers::Workers;
 
 /// A plan for images of one size with its memory. `Out` is the output for a run of sixteen samples.
-pub(crate) struct Grid<Out> {
-    shape: Shape,
+pub(crate) struct ImageDct<Out> {
+    shape: GridShape,
     column_plan: CosinePlan,
     row_plan: RowPlan,
     column_parts: Vec<ColumnPart<Out>>,
@@ -22,7 +22,7 @@ pub(crate) struct Grid<Out> {
 
 /// The sides of an image and its parts for the workers, the same in all passes.
 #[derive(Clone, Copy)]
-pub(super) struct Shape {
+pub(super) struct GridShape {
     pub height: usize,
     pub width: usize,
     pub channels: usize,
@@ -33,7 +33,7 @@ pub(super) struct Shape {
 
 /// The position of a run of sixteen samples in a row.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Run {
+pub(crate) struct SampleRun {
     /// The row, from 0.
     pub row: usize,
     /// The first sample in the interleaved row, a multiple of sixteen.
@@ -50,7 +50,7 @@ pub(crate) struct SpectralFilter<'a, F> {
     pub rule: F,
 }
 
-impl Shape {
+impl GridShape {
     pub fn samples(self) -> usize {
         self.width * self.channels
     }
@@ -69,11 +69,11 @@ fn split(count: usize, each: usize) -> impl Iterator<Item = std::ops::Range<usiz
     (0..count).step_by(each).map(move |first| first..(first + each).min(count))
 }
 
-impl<Out: Copy + Default + Send + Sync> Grid<Out> {
+impl<Out: Copy + Default + Send + Sync> ImageDct<Out> {
     /// Plans for images of `dim`, all at least 1, with parts for `parts` workers.
     pub fn new((height, width, channels): (usize, usize, usize), parts: usize) -> Self {
         let column_plan = CosinePlan::new(height);
-        let mut shape = Shape { height, width, channels, bands_per_part: 0, blocks_per_part: 0 };
+        let mut shape = GridShape { height, width, channels, bands_per_part: 0, blocks_per_part: 0 };
         // Parts are whole bands and blocks, so each worker writes its own memory without a lock.
         shape.bands_per_part = shape.bands().div_ceil(parts.max(1));
         shape.blocks_per_part = shape.blocks().div_ceil(parts.max(1));
@@ -94,7 +94,7 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
 
     /// Returns the output for the samples of `run`.
     #[inline(always)]
-    pub fn out(&self, Run { row, sample }: Run) -> &Out {
+    pub fn out(&self, SampleRun { row, sample }: SampleRun) -> &Out {
         &self.outs(sample)[row]
     }
 
@@ -110,9 +110,9 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
     pub fn filter(
         &mut self,
         workers: &Workers,
-        load: impl Fn(Run) -> [f32; LANES] + Sync,
+        load: impl Fn(SampleRun) -> [f32; LANES] + Sync,
         filter: &SpectralFilter<'_, impl Fn(f32, f32, f32) -> f32 + Sync>,
-        keep: impl Fn(Run, [f32; LANES]) -> Out + Sync,
+        keep: impl Fn(SampleRun, [f32; LANES]) -> Out + Sync,
     ) {
         let Self { shape, column_plan, row_plan, column_parts, row_parts } = self;
         let shape = *shape;
@@ -141,15 +141,15 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
         });
     }
 
-    /// Runs the first half of a forward transform of the samples of `load`; [`Grid::forward_rows`] is the second.
-    pub fn forward_columns(&mut self, load: impl Fn(Run) -> [f32; LANES]) {
+    /// Runs the first half of a forward transform of the samples of `load`; [`ImageDct::forward_rows`] is the second.
+    pub fn forward_columns(&mut self, load: impl Fn(SampleRun) -> [f32; LANES]) {
         for part in &mut self.column_parts {
             part.bands().for_each(|band| part.forward(self.shape, &self.column_plan, band, &load));
         }
     }
 
     /// Runs the second half of a forward transform; `put` receives the coefficients, interleaved as the samples are.
-    pub fn forward_rows(&mut self, mut put: impl FnMut(Run, [f32; LANES])) {
+    pub fn forward_rows(&mut self, mut put: impl FnMut(SampleRun, [f32; LANES])) {
         let Self { shape, row_plan, column_parts, row_parts, .. } = self;
         for part in row_parts {
             part.blocks().for_each(|block| {
@@ -158,16 +158,16 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
         }
     }
 
-    /// Runs the first half of an inverse transform of the coefficients of `take`; [`Grid::inverse_columns`] is
+    /// Runs the first half of an inverse transform of the coefficients of `take`; [`ImageDct::inverse_columns`] is
     /// the second.
-    pub fn inverse_rows(&mut self, take: impl Fn(Run) -> [f32; LANES]) {
+    pub fn inverse_rows(&mut self, take: impl Fn(SampleRun) -> [f32; LANES]) {
         for part in &mut self.row_parts {
             part.blocks().for_each(|block| part.inverse(&self.row_plan, block, &take));
         }
     }
 
     /// Runs the second half of an inverse transform; `put` receives the samples.
-    pub fn inverse_columns(&mut self, mut put: impl FnMut(Run, [f32; LANES]) -> Out) {
+    pub fn inverse_columns(&mut self, mut put: impl FnMut(SampleRun, [f32; LANES]) -> Out) {
         let Self { shape, column_plan, row_plan, column_parts, row_parts } = self;
         for part in column_parts {
             part.bands().for_each(|band| {
@@ -182,7 +182,7 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
 /// Returns the tile of `block` by its band.
 #[inline(always)]
 fn tiles_of_block<'a, Out>(
-    shape: Shape,
+    shape: GridShape,
     block: usize,
     column_parts: &'a [ColumnPart<Out>],
 ) -> impl Fn(usize) -> &'a Tile + use<'a, Out> {

@@ -3,14 +3,14 @@
 use std::ops::Range;
 
 use super::cosine::CosinePlan;
-use super::grid::{Run, Shape, SpectralFilter};
+use super::grid::{GridShape, SampleRun, SpectralFilter};
 use super::lanes::{Complex, LANES};
 use super::tile::{Tile, transpose};
 use crate::simd::widest;
 
 /// A plan of the transforms of rows.
 pub(super) struct RowPlan {
-    shape: Shape,
+    shape: GridShape,
     cosine: CosinePlan,
     /// The positions, in the data of all channels, of the columns of each band: for the samples, as the transform
     /// permutes them, and for the coefficients, which are in order.
@@ -29,7 +29,7 @@ pub(super) struct RowPart {
 }
 
 impl RowPlan {
-    pub fn new(shape: Shape) -> Self {
+    pub fn new(shape: GridShape) -> Self {
         let cosine = CosinePlan::new(shape.width);
         let [length, _] = cosine.buffer_lengths();
         // Samples beyond the end of the row go to one extra number after all channels: no branch in the loop.
@@ -104,7 +104,7 @@ impl RowPart {
         plan: &RowPlan,
         block: usize,
         tile: impl Fn(usize) -> &'a Tile,
-        put: &mut impl FnMut(Run, [f32; LANES]),
+        put: &mut impl FnMut(SampleRun, [f32; LANES]),
     ) {
         self.load(plan, tile);
         let cosine = &plan.cosine;
@@ -124,7 +124,7 @@ impl RowPart {
                     |lane| data[order[lane]],
                     #[inline(always)]
                     |row, values| {
-                        let run = Run { row: first + row, sample: band * LANES };
+                        let run = SampleRun { row: first + row, sample: band * LANES };
                         if run.row < plan.shape.height {
                             put(run, values.to_lanes());
                         }
@@ -135,13 +135,13 @@ impl RowPart {
     }
 
     /// Transforms rows of coefficients, which `take` gives, back to tiles.
-    pub fn inverse(&mut self, plan: &RowPlan, block: usize, take: &impl Fn(Run) -> [f32; LANES]) {
+    pub fn inverse(&mut self, plan: &RowPlan, block: usize, take: &impl Fn(SampleRun) -> [f32; LANES]) {
         let Self { data, .. } = self;
         widest!({
             for (band, order) in plan.coefficients.iter().enumerate() {
                 let mut tile = Tile::default();
                 for (row, lanes) in (block * LANES..plan.shape.height).zip(&mut tile) {
-                    *lanes = Complex::from_lanes(take(Run { row, sample: band * LANES }));
+                    *lanes = Complex::from_lanes(take(SampleRun { row, sample: band * LANES }));
                 }
                 scatter(data, order, &tile);
             }

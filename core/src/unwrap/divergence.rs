@@ -3,7 +3,7 @@
 //! A code of b bits occupies the upper b of 16 bits, so that M_b is the wrapping arithmetic of the machine.
 
 use super::{Integers, Range, UnwrapError};
-use crate::dct::{LANES, Run};
+use crate::dct::{LANES, SampleRun};
 use crate::frame::Frame;
 use crate::simd::widest;
 
@@ -32,7 +32,7 @@ impl Codes {
 
     /// Returns a run of sixteen codes, with 0 beyond the end of the row.
     #[inline(always)]
-    pub fn at(&self, Run { row, sample }: Run) -> [u16; LANES] {
+    pub fn at(&self, SampleRun { row, sample }: SampleRun) -> [u16; LANES] {
         let rest = &self.samples[row * self.stride..][..self.stride][sample..];
         match rest.first_chunk() {
             Some(codes) => *codes,
@@ -42,7 +42,7 @@ impl Codes {
 
     /// Returns a run of sixteen samples of the divergence, with 0 beyond the end of the row; half a peak is 2^15.
     #[inline(always)]
-    pub fn divergence(&self, run @ Run { row, sample }: Run) -> [f32; LANES] {
+    pub fn divergence(&self, run @ SampleRun { row, sample }: SampleRun) -> [f32; LANES] {
         let here = row * self.stride + sample;
         let last = sample + LANES + self.channels > self.stride;
         // Inside the image all five runs can be loaded without a check for each lane.
@@ -66,7 +66,7 @@ impl Codes {
     }
 
     #[inline(never)]
-    fn divergence_at_border(&self, Run { row, sample }: Run) -> [f32; LANES] {
+    fn divergence_at_border(&self, SampleRun { row, sample }: SampleRun) -> [f32; LANES] {
         let start = row * self.stride;
         let inside = self.stride.saturating_sub(sample).min(LANES);
         let mut out = [0.0; LANES];

@@ -12,9 +12,9 @@
 use std::ops::Range as Indices;
 
 use super::tree::{
-    BACKGROUND, Bounds, DirectSums, Direction, EdgeSource, Edges, FLAT as FLAT_IMAGE_KEY, Forest, ImageEdges,
-    MAX_KEY, Pixels, Quad, Region, first_difference_keys, key_of_change, recover, second_difference_keys,
-    subtract, wrap_steps,
+    BACKGROUND, Bounds, DirectSums, EdgeDirection, EdgeSource, Edges, FLAT as FLAT_IMAGE_KEY, Forest,
+    ImageEdges, MAX_KEY, Pixels, Quad, Region, first_difference_keys, key_of_change, recover,
+    second_difference_keys, subtract, wrap_steps,
 };
 use super::{Integers, Range, Recovered, Unwrap, UnwrapError, WorkersError};
 use crate::frame::Frame;
@@ -59,7 +59,7 @@ impl GradientTree {
         Self {
             workers,
             pixels: Pixels::default(),
-            gradients: [Direction::Right, Direction::Down]
+            gradients: [EdgeDirection::Right, EdgeDirection::Down]
                 .map(|direction| DirectionalGradient { direction, ..Default::default() }),
             forest: Forest::default(),
             sums: DirectSums::default(),
@@ -95,7 +95,7 @@ impl Unwrap for GradientTree {
 /// The gradient in one direction. All maps have the size of the image: at pixel p is the difference to p's neighbour.
 #[derive(Default)]
 struct DirectionalGradient {
-    direction: Direction,
+    direction: EdgeDirection,
     /// The keys of the gradient.
     keys: Vec<u16>,
     /// The edges of the image where the gradient is not flat, wraps, or has an n.
@@ -118,7 +118,7 @@ impl DirectionalGradient {
         let stride = pixels.stride(self.direction);
         // These are the keys of the image, which the second tree uses; the first one needs them for its background.
         first_difference_keys(pixels.planes(), stride, FLAT_IMAGE_KEY, &mut self.keys, &mut self.breaks);
-        if self.direction == Direction::Right {
+        if self.direction == EdgeDirection::Right {
             // There the difference is across the edge of the image.
             self.keys.chunks_exact_mut(pixels.width()).for_each(|row| row[row.len() - 1] = 0);
         }
@@ -181,11 +181,11 @@ impl DirectionalGradient {
 }
 
 /// Returns the rows and columns of pixels that have a neighbour in that direction.
-fn extent(pixels: &Pixels, direction: Direction) -> (usize, usize) {
+fn extent(pixels: &Pixels, direction: EdgeDirection) -> (usize, usize) {
     let (rows, columns) = (pixels.count() / pixels.width(), pixels.width());
     match direction {
-        Direction::Right => (rows, columns - 1),
-        Direction::Down => (rows - 1, columns),
+        EdgeDirection::Right => (rows, columns - 1),
+        EdgeDirection::Down => (rows - 1, columns),
     }
 }
 
@@ -193,7 +193,7 @@ fn extent(pixels: &Pixels, direction: Direction) -> (usize, usize) {
 struct GradientEdges<'a> {
     pixels: &'a Pixels,
     bounds: Bounds,
-    direction: Direction,
+    direction: EdgeDirection,
     steepest: &'a [u16],
     mask: &'a [u8],
     edges: Edges<'a>,
@@ -240,7 +240,7 @@ impl EdgeSource for GradientEdges<'_> {
     }
 
     #[inline(always)]
-    fn step(&self, to: Direction, at: usize) -> Quad {
+    fn step(&self, to: EdgeDirection, at: usize) -> Quad {
         let stride = self.pixels.stride(self.direction);
         wrap_steps(
             self.pixels.difference(at, stride),

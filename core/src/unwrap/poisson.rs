@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use crate::dct::{Grid, LANES, Run, SpectralFilter};
+use crate::dct::{ImageDct, LANES, SampleRun, SpectralFilter};
 use crate::workers::Workers;
 
 /// The coefficients that SPUD's threshold applies to.
@@ -17,7 +17,7 @@ pub enum ThresholdOn {
 
 /// A solver for images of one size; `Out` is the output for a run of sixteen samples of phi.
 pub(super) struct Poisson<Out> {
-    pub grid: Grid<Out>,
+    pub grid: ImageDct<Out>,
     by_row: Vec<[f32; LANES]>,
     by_column: Vec<f32>,
 }
@@ -27,7 +27,7 @@ impl<Out: Copy + Default + Send + Sync> Poisson<Out> {
     pub fn new(dim: (usize, usize, usize), workers: usize) -> Self {
         let mut by_row = vec![[0.0; LANES]; dim.0.div_ceil(LANES)];
         by_row.as_flattened_mut().iter_mut().zip(eigenvalues(dim.0)).for_each(|(to, value)| *to = value);
-        Self { grid: Grid::new(dim, workers), by_row, by_column: eigenvalues(dim.1).collect() }
+        Self { grid: ImageDct::new(dim, workers), by_row, by_column: eigenvalues(dim.1).collect() }
     }
 
     /// Solves `D^T D phi = rho` for the phi of mean 0, where `rho` is a divergence `D^T g`, and stores the output
@@ -37,9 +37,9 @@ impl<Out: Copy + Default + Send + Sync> Poisson<Out> {
     pub fn solve(
         &mut self,
         workers: &Workers,
-        rho: impl Fn(Run) -> [f32; LANES] + Sync,
+        rho: impl Fn(SampleRun) -> [f32; LANES] + Sync,
         (tau, on): (f32, ThresholdOn),
-        keep: impl Fn(Run, [f32; LANES]) -> Out + Sync,
+        keep: impl Fn(SampleRun, [f32; LANES]) -> Out + Sync,
     ) {
         let Self { grid, by_row, by_column } = self;
         let (by_row, by_column) = (&by_row[..], &by_column[..]);

@@ -24,15 +24,15 @@ pub struct QualityGuided {
     y: Vec<f32>,
     codes: Vec<u16>,
     unreliability: Vec<u64>,
-    edges: Vec<Edge>,
-    groups: Groups,
+    edges: Vec<PixelEdge>,
+    groups: PixelGroups,
     k: Vec<i32>,
     levels: Vec<usize>,
 }
 
 /// An edge; the order is by unreliability, then by position, right before down.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Edge {
+struct PixelEdge {
     unreliability: u64,
     from: u32,
     to: u32,
@@ -70,12 +70,12 @@ impl QualityGuided {
             let down = Some(here + width).filter(|&there| there < codes.len());
             for there in [right, down].into_iter().flatten() {
                 let unreliability = self.unreliability[here] + self.unreliability[there];
-                self.edges.push(Edge { unreliability, from: here as u32, to: there as u32 });
+                self.edges.push(PixelEdge { unreliability, from: here as u32, to: there as u32 });
             }
         }
         self.edges.sort_unstable();
         self.groups.reset(codes.len());
-        for Edge { from, to, .. } in &self.edges {
+        for PixelEdge { from, to, .. } in &self.edges {
             self.groups.join(*from, *to, wrap_step_signed(codes[*from as usize], codes[*to as usize]).into());
         }
         self.k.clear();
@@ -98,13 +98,13 @@ fn unreliability(codes: &[u16], width: usize, here: usize) -> u64 {
 
 /// Groups of pixels: a union-find with the count of each node relative to the root of its group.
 #[derive(Default)]
-struct Groups {
+struct PixelGroups {
     /// The parent, and the count of the node minus that of the parent; a root is its own parent.
     nodes: Vec<(u32, i32)>,
     sizes: Vec<u32>,
 }
 
-impl Groups {
+impl PixelGroups {
     fn reset(&mut self, count: usize) {
         self.nodes.clear();
         self.nodes.extend((0..count as u32).map(|node| (node, 0)));

@@ -7,7 +7,7 @@ use super::divergence::Codes;
 use super::nearest::{self, CountRule, Histogram, LaneCountRules};
 use super::poisson::{Poisson, ThresholdOn};
 use super::{Range, Recovered, Unwrap, UnwrapError, check_codes};
-use crate::dct::{self, LANES, Run};
+use crate::dct::{self, LANES, SampleRun};
 use crate::frame::{Frame, check_shape, copy_channel, in_order};
 use crate::gradient;
 use crate::simd::widest;
@@ -74,7 +74,7 @@ impl Spud {
             divergence(&plane, width, range, &mut rho);
             poisson.solve(&self.workers, |run| dct::load_run(&rho, width, run), threshold, |_, phi| phi);
             for ((row, column), out) in out.index_axis_mut(Axis(2), channel).indexed_iter_mut() {
-                *out = poisson.grid.out(Run { row, sample: column - column % LANES })[column % LANES];
+                *out = poisson.grid.out(SampleRun { row, sample: column - column % LANES })[column % LANES];
             }
         }
         Ok(out)
@@ -168,7 +168,13 @@ impl Spud {
                 let rule = &lanes[sample % channels];
                 let rows = x.chunks_exact_mut(stride).zip(k.chunks_exact_mut(stride));
                 for (row, (x, k)) in (row..).zip(rows) {
-                    self.write_run(Run { row, sample }, rule, range, &mut x[sample..], &mut k[sample..]);
+                    self.write_run(
+                        SampleRun { row, sample },
+                        rule,
+                        range,
+                        &mut x[sample..],
+                        &mut k[sample..],
+                    );
                 }
             }
         }
@@ -176,7 +182,7 @@ impl Spud {
 
     /// Writes a run of sixteen samples, or the rest of a row.
     #[inline(always)]
-    fn write_run(&self, run: Run, rule: &LaneCountRules, range: Range, x: &mut [f32], k: &mut [u8]) {
+    fn write_run(&self, run: SampleRun, rule: &LaneCountRules, range: Range, x: &mut [f32], k: &mut [u8]) {
         let (scale, peak) = (range.peak() / PEAK as f32, range.peak());
         let counts = rule.wraps(self.poisson.grid.out(run));
         let codes = self.codes.at(run);

@@ -7,7 +7,7 @@
 
 use super::forest::EdgeSource;
 use super::image_edges::{ImageEdges, finish};
-use super::pixels::{Direction, Quad};
+use super::pixels::{EdgeDirection, Quad};
 use super::regions::Region;
 use super::segments::each_set;
 use crate::simd::widest;
@@ -37,11 +37,11 @@ impl DirectSums {
             if row > 0 {
                 let start = (row - 1) * width;
                 // Changed pixels ascend, so each row takes its own from the front.
-                self.follow(image, Direction::Down, start, split_below(&mut down, start + width));
+                self.follow(image, EdgeDirection::Down, start, split_below(&mut down, start + width));
                 self.descend(row * width);
             }
             let start = row * width;
-            self.follow(image, Direction::Right, start, split_below(&mut right, start + width));
+            self.follow(image, EdgeDirection::Right, start, split_below(&mut right, start + width));
             if row == 0 {
                 self.start();
             }
@@ -53,7 +53,7 @@ impl DirectSums {
     }
 
     /// Writes to `steps` the changes from the row at `start`; `changed` are its pixels with an n.
-    fn follow(&mut self, image: &ImageEdges<'_>, to: Direction, start: usize, changed: &[u32]) {
+    fn follow(&mut self, image: &ImageEdges<'_>, to: EdgeDirection, start: usize, changed: &[u32]) {
         let stride = image.pixels.stride(to);
         for (channel, steps) in self.steps.iter_mut().enumerate() {
             let codes = &image.pixels.planes()[channel][start..];

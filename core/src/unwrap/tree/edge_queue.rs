@@ -8,7 +8,7 @@ const BUCKETS: usize = (u16::MAX >> SHIFT) as usize + 1;
 
 /// An edge from region to region, by number.
 #[derive(Clone, Copy)]
-pub(super) struct Edge {
+pub(super) struct RegionEdge {
     pub from: u32,
     pub to: u32,
     /// The value of the root of `to` minus that of the root of `from`.
@@ -16,7 +16,7 @@ pub(super) struct Edge {
     key: u16,
 }
 
-impl Edge {
+impl RegionEdge {
     pub fn new(key: u16, from: u32, to: u32, [r, g, b, _]: Quad) -> Self {
         Self { from, to, step: [r, g, b], key }
     }
@@ -31,8 +31,8 @@ impl Edge {
 /// The edges that are to be sorted.
 #[derive(Default)]
 pub(super) struct EdgeQueue {
-    edges: Vec<Edge>,
-    sorted: Vec<Edge>,
+    edges: Vec<RegionEdge>,
+    sorted: Vec<RegionEdge>,
     /// The position of the next edge of each bucket.
     next: Vec<u32>,
 }
@@ -47,17 +47,17 @@ impl EdgeQueue {
     }
 
     #[inline(always)]
-    pub fn push(&mut self, edge: Edge) {
+    pub fn push(&mut self, edge: RegionEdge) {
         self.edges.push(edge);
     }
 
     /// Visits the edges by key, those of one bucket in the order in which they came; all keys up to `flat` share
     /// one bucket.
     #[inline(always)]
-    pub fn visit_sorted(&mut self, flat: u16, visit: impl FnMut(&Edge)) {
+    pub fn visit_sorted(&mut self, flat: u16, visit: impl FnMut(&RegionEdge)) {
         let Self { edges, sorted, next } = self;
         let Some(&filler) = edges.first() else { return };
-        let bucket = |edge: &Edge| usize::from(edge.key.max(flat) >> SHIFT);
+        let bucket = |edge: &RegionEdge| usize::from(edge.key.max(flat) >> SHIFT);
         // A counting sort is linear and stable: edges of one bucket stay in the order of the image.
         next.fill(0);
         edges.iter().for_each(|edge| next[bucket(edge) + 1] += 1);

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::forest::{EdgeSource, Edges, Forest};
 use super::keys::MAX_KEY;
-use super::pixels::{Bounds, Direction, Pixels, Quad, add, wrap_steps};
+use super::pixels::{Bounds, EdgeDirection, Pixels, Quad, add, wrap_steps};
 use super::regions::Region;
 use super::segments::Segment;
 use crate::simd::widest;
@@ -70,7 +70,7 @@ impl EdgeSource for ImageEdges<'_> {
     }
 
     #[inline(always)]
-    fn step(&self, to: Direction, at: usize) -> Quad {
+    fn step(&self, to: EdgeDirection, at: usize) -> Quad {
         let step = wrap_steps(self.pixels.code(at), self.pixels.code(at + self.pixels.stride(to)));
         self.n[to as usize].get(at).map_or(step, |&n| add(step, n))
     }

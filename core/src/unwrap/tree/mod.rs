@@ -30,7 +30,7 @@ pub(super) use forest::{BACKGROUND, EdgeSource, Edges, Forest};
 use image_edges::place;
 pub(super) use image_edges::{FLAT, ImageEdges};
 pub(super) use keys::{MAX_KEY, first_difference_keys, key_of_change, second_difference_keys};
-pub(super) use pixels::{Bounds, Direction, Pixels, Quad, subtract, wrap_steps};
+pub(super) use pixels::{Bounds, EdgeDirection, Pixels, Quad, subtract, wrap_steps};
 pub(super) use regions::Region;
 
 use super::{Integers, Range, Recovered, Unwrap, UnwrapError};

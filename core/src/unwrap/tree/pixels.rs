@@ -21,7 +21,7 @@ pub(in crate::unwrap) fn subtract(a: Quad, b: Quad) -> Quad {
 
 /// The direction from a pixel to its neighbour.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
-pub(in crate::unwrap) enum Direction {
+pub(in crate::unwrap) enum EdgeDirection {
     #[default]
     Right,
     Down,
@@ -101,10 +101,10 @@ impl Pixels {
 
     /// Returns the index of the neighbour minus that of the pixel.
     #[inline(always)]
-    pub fn stride(&self, direction: Direction) -> usize {
+    pub fn stride(&self, direction: EdgeDirection) -> usize {
         match direction {
-            Direction::Right => 1,
-            Direction::Down => self.width,
+            EdgeDirection::Right => 1,
+            EdgeDirection::Down => self.width,
         }
     }
 

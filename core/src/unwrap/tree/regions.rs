@@ -15,12 +15,12 @@ pub(in crate::unwrap) const LARGE: u32 = 64;
 /// The nodes 0 to n-1, each in one region.
 #[derive(Default)]
 pub(in crate::unwrap) struct Regions {
-    nodes: Vec<Node>,
+    nodes: Vec<RegionNode>,
     regions: Vec<Region>,
 }
 
 #[derive(Clone, Copy)]
-struct Node {
+struct RegionNode {
     parent: u32,
     /// The value of this node minus that of its parent.
     offset: Quad,
@@ -96,7 +96,7 @@ impl Regions {
     /// Adds a node that is a region of its own, and returns its number.
     pub fn push(&mut self, region: Region) -> u32 {
         let node = self.nodes.len() as u32;
-        self.nodes.push(Node { parent: node, offset: [0; 4] });
+        self.nodes.push(RegionNode { parent: node, offset: [0; 4] });
         self.regions.push(region);
         node
     }
@@ -105,7 +105,7 @@ impl Regions {
     pub fn flatten(&mut self) {
         for node in 0..self.count() {
             let (parent, offset) = self.find(node);
-            self.nodes[node as usize] = Node { parent, offset };
+            self.nodes[node as usize] = RegionNode { parent, offset };
         }
     }
 
@@ -129,7 +129,7 @@ impl Regions {
     pub fn find(&mut self, mut node: u32) -> (u32, Quad) {
         let mut total = [0; 4];
         loop {
-            let Node { parent, offset } = self.nodes[node as usize];
+            let RegionNode { parent, offset } = self.nodes[node as usize];
             if parent == node {
                 return (node, total);
             }
@@ -138,7 +138,8 @@ impl Regions {
             if above.parent == parent {
                 return (parent, total);
             }
-            self.nodes[node as usize] = Node { parent: above.parent, offset: add(offset, above.offset) };
+            self.nodes[node as usize] =
+                RegionNode { parent: above.parent, offset: add(offset, above.offset) };
             node = above.parent;
         }
     }
@@ -177,7 +178,7 @@ impl Regions {
         };
         if let Some(joint) = joint {
             self.regions[parent as usize] = joint;
-            self.nodes[child as usize] = Node { parent, offset: step };
+            self.nodes[child as usize] = RegionNode { parent, offset: step };
         }
     }
 }

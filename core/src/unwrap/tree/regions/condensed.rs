@@ -1,6 +1,6 @@
 //! Regions condensed to one node each: the order of keys jumps over the image, which is too large for the cache.
 
-use super::{Node, Regions};
+use super::{RegionNode, Regions};
 use crate::unwrap::tree::pixels::{Quad, add};
 
 /// The regions of another union-find, each as one node, so that joins touch little memory.
@@ -51,8 +51,10 @@ impl CondensedRegions {
         // `fine` is flat, so every node has its root as parent, and one step over the condensed root suffices.
         for node in &mut fine.nodes {
             let above = self.regions.nodes[self.nodes[node.parent as usize] as usize];
-            *node =
-                Node { parent: self.roots[above.parent as usize], offset: add(node.offset, above.offset) };
+            *node = RegionNode {
+                parent: self.roots[above.parent as usize],
+                offset: add(node.offset, above.offset),
+            };
         }
         for (&root, &region) in self.roots.iter().zip(&self.regions.regions) {
             fine.regions[root as usize] = region;
