@@ -58,7 +58,7 @@ pub fn capture(
     stop.wakes(&queue);
     let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() };
     let _node = transport.announce(&node_name)?;
-    let mut capture = Capture {
+    let mut capture = CaptureLoop {
         transport,
         node_name,
         recorder,
@@ -80,7 +80,7 @@ pub fn capture(
 }
 
 /// A recording on its way.
-struct Capture<'a> {
+struct CaptureLoop<'a> {
     transport: &'a ZenohTransport,
     node_name: NodeName,
     recorder: BagWriter,
@@ -91,7 +91,7 @@ struct Capture<'a> {
     guards: Vec<Guard>,
 }
 
-impl Capture<'_> {
+impl CaptureLoop<'_> {
     fn subscribe_new(&mut self, topics: Option<&[String]>) -> Result<(), CaptureError> {
         let graph = self.transport.graph();
         let publishers = graph.tokens().filter(|t| t.kind == EntityKind::Publisher);

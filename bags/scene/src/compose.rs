@@ -8,7 +8,7 @@ use super::solid::Halo;
 use super::street::Street;
 use super::traffic::{Actor, actors};
 use super::tunnel::Tunnel;
-use super::view::{NEAR, View};
+use super::view::{CameraView, NEAR};
 use super::{Class, Preset, Rendered, Scene, SceneObject};
 use modulo_core::BBox;
 use ndarray::Array3;
@@ -24,7 +24,7 @@ struct Painted<'a> {
 pub(super) fn render(scene: &Scene, frame: u32, height: usize, width: usize) -> Rendered {
     // Both halves of the seed count, and a constant keeps scenes apart from other users of the hash.
     let seed = hash(scene.seed as u32, (scene.seed >> 32) as u32, 0xB0A7);
-    let view = View::new(seed, frame, height, width);
+    let view = CameraView::new(seed, frame, height, width);
     let (exit, sun) = exit_and_sun(seed, frame, &view);
     let light = Light::new(scene.preset, exit, sun, &view);
     let actors = actors(scene.preset, seed, frame, light.lamps());
@@ -47,7 +47,7 @@ pub(super) fn render(scene: &Scene, frame: u32, height: usize, width: usize) -> 
 }
 
 /// Returns the distance of the tunnel's exit in m and the position of the low sun in px.
-fn exit_and_sun(seed: u32, frame: u32, view: &View) -> (f32, [f32; 2]) {
+fn exit_and_sun(seed: u32, frame: u32, view: &CameraView) -> (f32, [f32; 2]) {
     let mut random = Random::new(seed, 2);
     let time = (frame % 36_000) as f32;
     let exit = random.between(27.0, 33.0) + 6.0 * wave(time / 600.0 + random.unit());
@@ -56,7 +56,14 @@ fn exit_and_sun(seed: u32, frame: u32, view: &View) -> (f32, [f32; 2]) {
     (exit, sun)
 }
 
-fn background(preset: Preset, seed: u32, frame: u32, exit: f32, view: &View, light: &Light) -> Array3<f32> {
+fn background(
+    preset: Preset,
+    seed: u32,
+    frame: u32,
+    exit: f32,
+    view: &CameraView,
+    light: &Light,
+) -> Array3<f32> {
     let size = (view.height, view.width);
     if preset == Preset::Tunnel {
         let tunnel = Tunnel { view, light, exit, driven: (frame % 60_000) as f32 * 0.16, seed };
@@ -80,7 +87,7 @@ fn each_pixel(image: &mut Array3<f32>, change: impl Fn(&mut [f32], usize, usize)
 }
 
 /// Darkens the ground below an actor by an ellipse with a soft edge.
-fn shadow(image: &mut Array3<f32>, actor: &Actor, view: &View) {
+fn shadow(image: &mut Array3<f32>, actor: &Actor, view: &CameraView) {
     let [x, z, half, long] = actor.ground;
     let (near, far) = (z - long, z + long);
     if near < NEAR {
@@ -130,7 +137,7 @@ fn cover(image: &mut Array3<f32>, layer: &Layer) {
 }
 
 /// Adds the halo of a lamp: A (1 - r^2 / 16)^2 / (1 + r^2), zero from r = 4 on.
-fn shine(image: &mut Array3<f32>, halo: &Halo, view: &View) {
+fn shine(image: &mut Array3<f32>, halo: &Halo, view: &CameraView) {
     if halo.at[2] < NEAR {
         return;
     }
@@ -161,7 +168,7 @@ fn finish(image: &mut Array3<f32>, light: &Light) {
 }
 
 /// Returns the ground truth from far to near. It goes from near to far and marks the pixels that are taken.
-fn truth(painted: &[Painted], view: &View) -> Vec<SceneObject> {
+fn truth(painted: &[Painted], view: &CameraView) -> Vec<SceneObject> {
     let mut taken = vec![false; view.height * view.width];
     let mut found: Vec<SceneObject> = painted
         .iter()
@@ -175,7 +182,7 @@ fn truth(painted: &[Painted], view: &View) -> Vec<SceneObject> {
     found
 }
 
-fn object(class: Class, p: &Painted, occlusion: f32, view: &View) -> Option<SceneObject> {
+fn object(class: Class, p: &Painted, occlusion: f32, view: &CameraView) -> Option<SceneObject> {
     let bbox = p.layer.extent()?;
     let inside = p.whole.clamp(view.height, view.width);
     let truncation = (1.0 - inside.area() / p.whole.area().max(1e-6)).clamp(0.0, 1.0);
@@ -201,7 +208,7 @@ mod tests {
 
     /// Returns the extent of the pixels that differ by at least half between a black and a white background
     /// without other actors.
-    fn seen_alone(p: &Painted, view: &View) -> Option<BBox> {
+    fn seen_alone(p: &Painted, view: &CameraView) -> Option<BBox> {
         let alone = |ground: f32| {
             let mut image = Array3::from_elem((view.height, view.width, 3), ground);
             cover(&mut image, &p.layer);
@@ -221,7 +228,7 @@ mod tests {
 
     #[test]
     fn boxes_are_the_extent_of_each_object_alone() {
-        let view = View::new(3, 0, 96, 320);
+        let view = CameraView::new(3, 0, 96, 320);
         let light = Light::new(Preset::Day, 30.0, [0.0; 2], &view);
         let actors = actors(Preset::Day, 3, 40, light.lamps());
         let mut checked = 0;

@@ -24,7 +24,7 @@ pub(super) struct Layer {
 
 /// A shape that can be painted, in px of the image.
 #[derive(Clone, Debug)]
-pub(super) enum Shape {
+pub(super) enum Silhouette {
     /// A convex polygon in either orientation.
     Polygon(Vec<[f32; 2]>),
     /// All points within `radius` of the segment `a`-`b`.
@@ -38,7 +38,7 @@ pub(super) enum Shape {
     },
 }
 
-impl Shape {
+impl Silhouette {
     /// Returns the smallest box around the shape, `None` when it has no point.
     pub(super) fn bounds(&self) -> Option<BBox> {
         let (points, grow): (&[[f32; 2]], f32) = match self {
@@ -84,7 +84,7 @@ impl Layer {
 
     /// Paints a shape over the layer: `colour` in the middle, a tenth lighter at its upper edge and darker at its
     /// lower one.
-    pub(super) fn paint(&mut self, shape: &Shape, colour: Rgb) {
+    pub(super) fn paint(&mut self, shape: &Silhouette, colour: Rgb) {
         let Some(b) = shape.bounds() else { return };
         let edges = inward_edges(shape);
         let strength = shape.strength();
@@ -140,8 +140,8 @@ fn over(texel: &mut [f32; 4], colour: Rgb, share: f32) {
 }
 
 /// Returns a line `a u + b v + c` for each edge, whose value is the distance inwards.
-fn inward_edges(shape: &Shape) -> Vec<[f32; 3]> {
-    let Shape::Polygon(points) = shape else { return Vec::new() };
+fn inward_edges(shape: &Silhouette) -> Vec<[f32; 3]> {
+    let Silhouette::Polygon(points) = shape else { return Vec::new() };
     let sign = if area(points) >= 0.0 { 1.0 } else { -1.0 };
     let next = points.iter().cycle().skip(1);
     points.iter().zip(next).filter_map(|(p, q)| edge(*p, *q, sign)).collect()
@@ -178,7 +178,7 @@ mod tests {
 
     #[test]
     fn a_square_covers_its_pixels() {
-        let square = Shape::Polygon(vec![[2.0, 3.0], [8.0, 3.0], [8.0, 7.0], [2.0, 7.0]]);
+        let square = Silhouette::Polygon(vec![[2.0, 3.0], [8.0, 3.0], [8.0, 7.0], [2.0, 7.0]]);
         let mut layer = Layer::over(square.bounds().unwrap(), 20, 20);
         layer.paint(&square, [1.0; 3]);
         assert_eq!(layer.extent(), Some(BBox { x1: 2.0, y1: 3.0, x2: 8.0, y2: 7.0 }));
@@ -188,7 +188,7 @@ mod tests {
     fn either_winding_is_the_same_shape() {
         let points = vec![[2.0, 3.0], [8.0, 4.0], [5.0, 9.0]];
         let paint = |points: Vec<[f32; 2]>| {
-            let shape = Shape::Polygon(points);
+            let shape = Silhouette::Polygon(points);
             let mut layer = Layer::over(shape.bounds().unwrap(), 20, 20);
             layer.paint(&shape, [0.5; 3]);
             layer.texels

@@ -5,7 +5,7 @@
 
 use super::Preset;
 use super::hash::ramp;
-use super::view::{Point, View};
+use super::view::{CameraView, Point};
 
 /// Linear red, green and blue.
 pub(super) type Rgb = [f32; 3];
@@ -96,7 +96,7 @@ const NIGHT: Sky = Sky {
 impl Light {
     /// Makes the light of a preset. `exit` is the distance of the tunnel's exit in m, which only
     /// [`Preset::Tunnel`] uses; `sun` is the position of the sun in px.
-    pub(super) fn new(preset: Preset, exit: f32, sun: [f32; 2], view: &View) -> Self {
+    pub(super) fn new(preset: Preset, exit: f32, sun: [f32; 2], view: &CameraView) -> Self {
         let s = view.scale();
         let (outside, own_lamps, spread, veil) = match preset {
             Preset::Day => (DAY, 0.0, [60.0 * s; 2], [0.0; 3]),
@@ -156,7 +156,7 @@ impl Light {
     }
 
     /// Returns the radiance of the open sky without clouds.
-    pub(super) fn sky(&self, u: f32, v: f32, view: &View) -> Rgb {
+    pub(super) fn sky(&self, u: f32, v: f32, view: &CameraView) -> Rgb {
         let up = ((view.cy - v) / view.focal).max(0.0);
         let t = ramp(0.0, 0.45, up);
         match self.preset {
@@ -167,7 +167,7 @@ impl Light {
         }
     }
 
-    fn sunny(&self, u: f32, v: f32, view: &View, t: f32) -> Rgb {
+    fn sunny(&self, u: f32, v: f32, view: &CameraView, t: f32) -> Rgb {
         let base = blend([0.38, 0.33, 0.25], [0.24, 0.26, 0.31], t);
         let s = view.scale();
         let (x, y) = ((u - self.glare[0]) / s, (v - self.glare[1]) / s);
@@ -202,7 +202,7 @@ mod tests {
 
     #[test]
     fn a_tunnel_is_dark_inside_and_bright_outside() {
-        let view = View::new(1, 0, 192, 640);
+        let view = CameraView::new(1, 0, 192, 640);
         let light = Light::new(Preset::Tunnel, 40.0, [0.0; 2], &view);
         let wall = |z| light.shade([0.25; 3], [1.0, 0.0, 0.0], z)[1];
         assert!(wall(12.0) < 0.04 && wall(41.0) > 0.05, "{} {}", wall(12.0), wall(41.0));

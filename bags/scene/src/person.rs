@@ -4,7 +4,7 @@
 
 use super::hash::{Random, wave};
 use super::light::Rgb;
-use super::solid::{Body, Solid};
+use super::solid::{PartGroup, Solid};
 
 const SKIN: [Rgb; 3] = [[0.62, 0.44, 0.34], [0.40, 0.26, 0.18], [0.24, 0.15, 0.10]];
 const HAIR: [Rgb; 3] = [[0.10, 0.07, 0.05], [0.30, 0.20, 0.10], [0.40, 0.38, 0.36]];
@@ -28,7 +28,7 @@ pub(super) fn pedestrian(random: &mut Random, stride: f32) -> Solid {
     let (top, legs) = (random.pick(&TOPS), random.pick(&TROUSERS));
     let swing = 0.32 * wave(stride);
     let at = |right: f32, up: f32, forward: f32| [right * k, up * k, forward * k];
-    let mut body = Body::default();
+    let mut body = PartGroup::default();
     for (side, reach) in [(-1.0, swing), (1.0, -swing)] {
         let knee = at(0.10 * side, 0.48, 0.55 * reach + 0.04);
         body.rod(at(0.09 * side, 0.90, 0.0), knee, 0.095 * k, legs);
@@ -49,7 +49,7 @@ pub(super) fn pedestrian(random: &mut Random, stride: f32) -> Solid {
 pub(super) fn cyclist(random: &mut Random, stride: f32) -> Solid {
     let (skin, vest) = (random.pick(&SKIN), random.pick(&VESTS));
     let (legs, helmet) = (random.pick(&TROUSERS), random.pick(&VESTS));
-    let mut body = Body::default();
+    let mut body = PartGroup::default();
     for hub in [-0.54, 0.54] {
         ring(&mut body, hub, 0.36);
     }
@@ -76,7 +76,7 @@ pub(super) fn cyclist(random: &mut Random, stride: f32) -> Solid {
 }
 
 /// Adds a tyre of ten straight pieces around a hub at `forward`.
-fn ring(body: &mut Body, forward: f32, radius: f32) {
+fn ring(body: &mut PartGroup, forward: f32, radius: f32) {
     let at = |i: usize| {
         let t = i as f32 / 10.0;
         [0.0, radius * (1.0 + wave(t + 0.25)), forward + radius * wave(t)]
@@ -90,7 +90,7 @@ fn ring(body: &mut Body, forward: f32, radius: f32) {
 /// Makes a tree beside the road; it is no object of the ground truth, but it can hide one.
 pub(super) fn tree(random: &mut Random) -> Solid {
     let (high, wide) = (random.between(2.6, 3.6), random.between(1.0, 1.7));
-    let mut body = Body::default();
+    let mut body = PartGroup::default();
     body.rod([0.0, 0.0, 0.0], [0.0, high, 0.0], 0.14, [0.16, 0.12, 0.09]);
     for i in 0..14 {
         let shade = random.between(0.5, 1.3) * (0.75 + 0.03 * i as f32);

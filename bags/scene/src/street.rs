@@ -6,7 +6,7 @@
 use super::Preset;
 use super::hash::{hash, mix, noise, ramp, unit};
 use super::light::{Light, Rgb, add, blend, scaled};
-use super::view::{CAMERA_HEIGHT, View};
+use super::view::{CAMERA_HEIGHT, CameraView};
 
 /// The positions of the rows of houses in m.
 const ROWS: [f32; 2] = [-10.5, 10.0];
@@ -43,7 +43,7 @@ struct Column {
 
 /// The street of one frame.
 pub(super) struct Street<'a> {
-    view: &'a View,
+    view: &'a CameraView,
     light: &'a Light,
     preset: Preset,
     seed: u32,
@@ -54,7 +54,7 @@ pub(super) struct Street<'a> {
 
 impl<'a> Street<'a> {
     /// Makes the street of `frame`.
-    pub(super) fn new(view: &'a View, light: &'a Light, preset: Preset, seed: u32, frame: u32) -> Self {
+    pub(super) fn new(view: &'a CameraView, light: &'a Light, preset: Preset, seed: u32, frame: u32) -> Self {
         let driven = (frame % 60_000) as f32 * STEP;
         let columns = (0..view.width).map(|c| column(view, seed, driven, c as f32 + 0.5)).collect();
         Self { view, light, preset, seed, columns, driven }
@@ -158,7 +158,7 @@ pub(super) fn road(x: f32, along: f32, deep: f32, pixel: f32, kerbs: [f32; 2], s
     blend(marked, scaled([0.36, 0.35, 0.33], slab), outside)
 }
 
-fn column(view: &View, seed: u32, driven: f32, u: f32) -> Column {
+fn column(view: &CameraView, seed: u32, driven: f32, u: f32) -> Column {
     let slope = (u - view.cx) / view.focal;
     let side = usize::from(slope > 0.0);
     let z = (ROWS[side] / slope).abs().min(900.0);

@@ -38,7 +38,7 @@ enum Users {
 
 /// A row of slots along the street.
 #[derive(Clone, Copy, Debug)]
-struct Lane {
+struct TrafficLane {
     users: Users,
     /// The middle of the lane in m, right of the camera.
     x: f32,
@@ -51,11 +51,11 @@ struct Lane {
     filled: f32,
 }
 
-const fn lane(users: Users, x: f32, gap: f32, approach: f32, facing: Facing, filled: f32) -> Lane {
-    Lane { users, x, gap, approach, facing, filled }
+const fn lane(users: Users, x: f32, gap: f32, approach: f32, facing: Facing, filled: f32) -> TrafficLane {
+    TrafficLane { users, x, gap, approach, facing, filled }
 }
 
-const STREET: [Lane; 9] = [
+const STREET: [TrafficLane; 9] = [
     lane(Users::Traffic, -3.7, 21.0, 0.34, Facing::Towards, 0.75),
     lane(Users::Parked, 3.9, 12.5, 0.16, Facing::Ahead, 0.50),
     lane(Users::Riders, 1.95, 23.0, 0.07, Facing::Ahead, 0.55),
@@ -67,7 +67,7 @@ const STREET: [Lane; 9] = [
     lane(Users::Trees, 8.4, 15.0, 0.16, Facing::Ahead, 0.60),
 ];
 
-const BORE: [Lane; 5] = [
+const BORE: [TrafficLane; 5] = [
     lane(Users::Traffic, -3.7, 16.0, 0.22, Facing::Towards, 0.80),
     lane(Users::Traffic, 3.5, 17.0, 0.05, Facing::Ahead, 0.80),
     lane(Users::Riders, 1.75, 19.0, 0.08, Facing::Ahead, 0.60),
@@ -77,7 +77,7 @@ const BORE: [Lane; 5] = [
 
 /// Returns all actors of a frame from far to near.
 pub(super) fn actors(preset: Preset, seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
-    let lanes: &[Lane] = if preset == Preset::Tunnel { &BORE } else { &STREET };
+    let lanes: &[TrafficLane] = if preset == Preset::Tunnel { &BORE } else { &STREET };
     let mut found: Vec<Actor> = lanes
         .iter()
         .zip(1u32..)
@@ -93,7 +93,7 @@ pub(super) fn actors(preset: Preset, seed: u32, frame: u32, lamps: Lamps) -> Vec
 }
 
 /// Returns the actors of one lane.
-fn slots(lane: &Lane, seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
+fn slots(lane: &TrafficLane, seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
     let count = ((REACH[1] - REACH[0]) / lane.gap).ceil() as u32;
     let cycle = count as f32 * lane.gap;
     let start = Random::new(seed, 0).unit() * lane.gap;
@@ -110,7 +110,7 @@ fn slots(lane: &Lane, seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
     (0..count).filter_map(place).collect()
 }
 
-fn user(lane: &Lane, random: &mut Random, z: f32, frame: u32, lamps: Lamps) -> Actor {
+fn user(lane: &TrafficLane, random: &mut Random, z: f32, frame: u32, lamps: Lamps) -> Actor {
     let time = frame as f32 / 26.0 + random.unit();
     let (x, z) = (lane.x + random.between(-0.25, 0.25), z + random.between(-0.8, 0.8));
     match lane.users {

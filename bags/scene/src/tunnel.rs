@@ -3,7 +3,7 @@
 use super::hash::{hash, mix, noise, ramp, unit};
 use super::light::{Light, Rgb, add, blend, scaled};
 use super::street::road;
-use super::view::{CAMERA_HEIGHT, View};
+use super::view::{CAMERA_HEIGHT, CameraView};
 
 /// The positions of the left and the right wall in m.
 const WALLS: [f32; 2] = [-6.8, 6.3];
@@ -12,7 +12,7 @@ const CEILING: f32 = 5.4;
 
 /// The tunnel of one frame.
 pub(super) struct Tunnel<'a> {
-    pub(super) view: &'a View,
+    pub(super) view: &'a CameraView,
     pub(super) light: &'a Light,
     /// The distance of the open exit in m.
     pub(super) exit: f32,

@@ -4,7 +4,7 @@
 
 use super::hash::{Random, wave};
 use super::light::{Lamps, Rgb, scaled};
-use super::solid::{Block, Body, Form, Halo, Panel, Part, Solid};
+use super::solid::{Block, Halo, PartGeometry, PartGroup, Quadrilateral, ScenePart, Solid};
 
 const GLASS: Rgb = [0.10, 0.12, 0.15];
 const TYRE: Rgb = [0.05, 0.05, 0.055];
@@ -48,7 +48,7 @@ pub(super) fn car(random: &mut Random, lamps: Lamps) -> Solid {
         half: [half * 0.93, half * 0.74],
     };
     let axles = [-0.62 * long, 0.62 * long];
-    let mut all = Body::default();
+    let mut all = PartGroup::default();
     wheels(&mut all, half, &axles, 0.33);
     shell(&mut all, &body, paint);
     wheel_sides(&mut all, half, &axles, 0.33);
@@ -83,7 +83,7 @@ pub(super) fn van(random: &mut Random, lamps: Lamps) -> Solid {
         front: [long, 0.95 * long],
         half: [half * 0.99, half * 0.95],
     };
-    let (mut back, mut front) = (Body::default(), Body::default());
+    let (mut back, mut front) = (PartGroup::default(), PartGroup::default());
     wheels(&mut back, half, &[-0.60 * long], 0.36);
     shell(&mut back, &hull, paint);
     wheel_sides(&mut back, half, &[-0.60 * long], 0.36);
@@ -98,7 +98,7 @@ pub(super) fn van(random: &mut Random, lamps: Lamps) -> Solid {
 }
 
 /// Adds the windows, the split door and the side rails of a van.
-fn van_hull(body: &mut Body, hull: &Block, paint: Rgb) {
+fn van_hull(body: &mut PartGroup, hull: &Block, paint: Rgb) {
     let sides = hull.panels();
     let mut patch =
         |side: usize, at: [f32; 4], albedo: Rgb| body.parts.push(sides[side].patch(at, albedo, DARK));
@@ -120,7 +120,7 @@ pub(super) fn truck(random: &mut Random, lamps: Lamps) -> Solid {
     let cargo = Block { height: [1.00, high], rear: [-4.2; 2], front: [1.9; 2], half: [1.25, 1.25] };
     let cab = Block { height: [0.45, 2.75], rear: [2.2; 2], front: [4.0, 3.75], half: [1.18, 1.12] };
     let frame = Block { height: [0.50, 1.00], rear: [-4.1; 2], front: [2.2; 2], half: [1.05, 1.05] };
-    let (mut back, mut front) = (Body::default(), Body::default());
+    let (mut back, mut front) = (PartGroup::default(), PartGroup::default());
     wheels(&mut back, 1.18, &[-3.2, -2.0], 0.50);
     shell(&mut back, &frame, CHASSIS);
     wheel_sides(&mut back, 1.18, &[-3.2, -2.0], 0.50);
@@ -137,7 +137,7 @@ pub(super) fn truck(random: &mut Random, lamps: Lamps) -> Solid {
 }
 
 /// Adds the windows and the grille of a lorry's cab.
-fn cabin(body: &mut Body, cab: &Block) {
+fn cabin(body: &mut PartGroup, cab: &Block) {
     let sides = cab.panels();
     body.parts.push(sides[FRONT].patch([0.06, 0.50, 0.94, 0.90], GLASS, DARK));
     body.parts.push(sides[FRONT].patch([0.15, 0.28, 0.85, 0.42], CHASSIS, DARK));
@@ -147,7 +147,7 @@ fn cabin(body: &mut Body, cab: &Block) {
 }
 
 /// Adds the doors, stripes and edges of a box body.
-fn boxed(body: &mut Body, cargo: &Block, load: Rgb) {
+fn boxed(body: &mut PartGroup, cargo: &Block, load: Rgb) {
     let dim = scaled(load, 0.40);
     let sides = cargo.panels();
     for [u1, v1, u2, v2] in [[0.485, 0.03, 0.515, 0.97], [0.0, 0.0, 0.05, 1.0], [0.95, 0.0, 1.0, 1.0]] {
@@ -161,7 +161,7 @@ fn boxed(body: &mut Body, cargo: &Block, load: Rgb) {
 }
 
 /// Adds the painted outside of a block.
-fn shell(body: &mut Body, block: &Block, paint: Rgb) {
+fn shell(body: &mut PartGroup, block: &Block, paint: Rgb) {
     for panel in block.panels() {
         body.parts.push(panel.patch([0.0, 0.0, 1.0, 1.0], paint, DARK));
     }
@@ -169,7 +169,7 @@ fn shell(body: &mut Body, block: &Block, paint: Rgb) {
 
 /// Adds the lamps, bumper and number plate of one end, [`REAR`] or [`FRONT`]; `band` is the height of the lamps
 /// on the panel, 0 to 1.
-fn fittings(body: &mut Body, panel: &Panel, end: usize, band: [f32; 2], lamps: Lamps) {
+fn fittings(body: &mut PartGroup, panel: &Quadrilateral, end: usize, band: [f32; 2], lamps: Lamps) {
     let (albedo, glow) = if end == REAR {
         ([0.50, 0.04, 0.03], [0.30, 0.025, 0.015])
     } else {
@@ -189,7 +189,7 @@ fn fittings(body: &mut Body, panel: &Panel, end: usize, band: [f32; 2], lamps: L
 }
 
 /// Adds the ends of the tyres, below the body.
-fn wheels(body: &mut Body, half: f32, axles: &[f32], radius: f32) {
+fn wheels(body: &mut PartGroup, half: f32, axles: &[f32], radius: f32) {
     for &axle in axles {
         for middle in [-half + 0.12, half - 0.12] {
             let tyre = Block {
@@ -199,7 +199,7 @@ fn wheels(body: &mut Body, half: f32, axles: &[f32], radius: f32) {
                 half: [0.11; 2],
             };
             for panel in tyre.panels() {
-                let moved = Panel(panel.0.map(|p| [p[0] + middle, p[1], p[2]]));
+                let moved = Quadrilateral(panel.0.map(|p| [p[0] + middle, p[1], p[2]]));
                 body.parts.push(moved.patch([0.0, 0.0, 1.0, 1.0], TYRE, DARK));
             }
         }
@@ -207,7 +207,7 @@ fn wheels(body: &mut Body, half: f32, axles: &[f32], radius: f32) {
 }
 
 /// Adds the outer sides of the wheels, in front of the body.
-fn wheel_sides(body: &mut Body, half: f32, axles: &[f32], radius: f32) {
+fn wheel_sides(body: &mut PartGroup, half: f32, axles: &[f32], radius: f32) {
     for &axle in axles {
         for side in [-half - 0.01, half + 0.01] {
             body.parts.push(disc([side, radius, axle], radius, TYRE));
@@ -217,11 +217,11 @@ fn wheel_sides(body: &mut Body, half: f32, axles: &[f32], radius: f32) {
 }
 
 /// Returns a disc of twelve corners that faces outwards, to the left when `x < 0`.
-fn disc([x, y, z]: [f32; 3], radius: f32, albedo: Rgb) -> Part {
+fn disc([x, y, z]: [f32; 3], radius: f32, albedo: Rgb) -> ScenePart {
     let spin = if x < 0.0 { 1.0 } else { -1.0 };
     let corner = |i: usize| {
         let t = -spin * i as f32 / 12.0;
         [x, y + radius * wave(t + 0.25), z + radius * wave(t)]
     };
-    Part { form: Form::Face((0..12).map(corner).collect()), albedo, glow: DARK }
+    ScenePart { geometry: PartGeometry::Face((0..12).map(corner).collect()), albedo, glow: DARK }
 }

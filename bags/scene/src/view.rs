@@ -16,7 +16,7 @@ pub(super) const CAMERA_HEIGHT: f32 = 1.6;
 
 /// The direction of the camera and the size of its image.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct View {
+pub(super) struct CameraView {
     /// The number of columns.
     pub(super) width: usize,
     /// The number of rows.
@@ -29,7 +29,7 @@ pub(super) struct View {
     pub(super) cy: f32,
 }
 
-impl View {
+impl CameraView {
     /// Makes the view of one frame: the vanishing point sways by a few pixels, as in a car.
     pub(super) fn new(seed: u32, frame: u32, height: usize, width: usize) -> Self {
         let mut random = Random::new(seed, 1);
@@ -74,7 +74,7 @@ mod tests {
 
     #[test]
     fn the_horizon_is_at_eye_height() {
-        let view = View::new(5, 0, 192, 640);
+        let view = CameraView::new(5, 0, 192, 640);
         assert_eq!(view.project([0.0, CAMERA_HEIGHT, 30.0]), [view.cx, view.cy]);
         assert!(view.project([1.0, 0.0, 10.0])[1] > view.cy, "the road lies below the horizon");
     }

@@ -11,7 +11,7 @@ use mcap::sans_io::indexed_reader::{IndexedReadEvent, IndexedReader, IndexedRead
 use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
 
 use super::scan::{UnchunkedMessage, scan};
-use super::storage::{Cursor, FileSummary, Index, Storage};
+use super::storage::{Cursor, FileSummary, IndexUse, Storage};
 use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount, type_hash};
 use crate::FileError;
 
@@ -30,13 +30,13 @@ pub(super) struct McapFile {
 
 impl McapFile {
     /// Takes the file's summary, or scans the file when that is not usable.
-    pub(super) fn open(path: &Path, index: Index) -> Result<Self, BagError> {
+    pub(super) fn open(path: &Path, index: IndexUse) -> Result<Self, BagError> {
         let io = |e| FileError::new(path, e);
         let mut file = File::open(path).map_err(io)?;
         let size = file.metadata().map_err(io)?.len();
         let summary = match index {
-            Index::Trusted => read_summary(&mut file, size).filter(|summary| is_complete(summary, size)),
-            Index::Ignored => None,
+            IndexUse::Trusted => read_summary(&mut file, size).filter(|summary| is_complete(summary, size)),
+            IndexUse::Ignored => None,
         };
         let (summary, loose, mut warnings) = match summary {
             Some(summary) => (summary, Vec::new(), Vec::new()),
@@ -44,7 +44,7 @@ impl McapFile {
                 file.rewind().map_err(io)?;
                 let mut found = scan(path, file, size)?;
                 // The caller has not asked for the index.
-                found.warnings.retain(|w| index == Index::Trusted || !matches!(w, BagWarning::NoIndex(_)));
+                found.warnings.retain(|w| index == IndexUse::Trusted || !matches!(w, BagWarning::NoIndex(_)));
                 (found.summary, found.loose, found.warnings)
             }
         };

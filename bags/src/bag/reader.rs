@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::merge::{Merge, MergeInput};
 use super::metadata::{self, Metadata};
-use super::storage::{self, Cursor, Index, Storage};
+use super::storage::{self, Cursor, IndexUse, Storage};
 use super::{BagError, BagWarning, RawMessage, TopicCount};
 
 /// An open bag: its index is known, and no message has been read yet.
@@ -44,7 +44,7 @@ impl BagReader {
     /// # Errors
     /// [`BagError`] when there is no bag, or one in a form that is not read.
     pub fn open(path: &Path) -> Result<Self, BagError> {
-        Self::open_with(path, Index::Trusted)
+        Self::open_with(path, IndexUse::Trusted)
     }
 
     /// Opens a bag as [`BagReader::open`] does, but scans every MCAP file: damage inside of a file with a good index is then known, and the messages around it are read.
@@ -52,10 +52,10 @@ impl BagReader {
     /// # Errors
     /// As [`BagReader::open`].
     pub fn salvage(path: &Path) -> Result<Self, BagError> {
-        Self::open_with(path, Index::Ignored)
+        Self::open_with(path, IndexUse::Ignored)
     }
 
-    fn open_with(path: &Path, index: Index) -> Result<Self, BagError> {
+    fn open_with(path: &Path, index: IndexUse) -> Result<Self, BagError> {
         let mut warnings = Vec::new();
         let mut ros_distro = None;
         let paths = match metadata_of(path, &mut warnings)? {

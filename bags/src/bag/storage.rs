@@ -41,7 +41,7 @@ pub(super) trait Storage: Debug + Send + Sync {
 
 /// Whether the index of an MCAP file is taken as it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Index {
+pub(super) enum IndexUse {
     /// The index is used when it is consistent.
     Trusted,
     /// The file is walked over, and whole chunks are read beside broken ones.
@@ -54,7 +54,7 @@ pub(super) trait Cursor: Send {
 }
 
 /// Opens the file `path`.
-pub(super) fn open(path: &Path, index: Index) -> Result<Arc<dyn Storage>, BagError> {
+pub(super) fn open(path: &Path, index: IndexUse) -> Result<Arc<dyn Storage>, BagError> {
     let mut start = Vec::new();
     let file = File::open(path).map_err(|e| FileError::new(path, e))?;
     file.take(16).read_to_end(&mut start).map_err(|e| FileError::new(path, e))?;

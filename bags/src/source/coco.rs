@@ -21,13 +21,13 @@ pub struct CocoLabels(HashMap<PathBuf, Vec<GroundTruth>>);
 
 #[derive(Deserialize)]
 struct File {
-    images: Vec<Image>,
+    images: Vec<ImageEntry>,
     annotations: Vec<Annotation>,
     categories: Vec<Category>,
 }
 
 #[derive(Deserialize)]
-struct Image {
+struct ImageEntry {
     id: u64,
     file_name: String,
 }
@@ -76,7 +76,7 @@ impl CocoSource {
         if paths.is_empty() {
             return Err(SourceError::Empty(annotations.to_owned()));
         }
-        let truth = |image: &Image| by_image.remove(&image.id).unwrap_or_default();
+        let truth = |image: &ImageEntry| by_image.remove(&image.id).unwrap_or_default();
         let labels = CocoLabels(paths.iter().cloned().zip(file.images.iter().map(truth)).collect());
         Ok(Self { frames: FolderSource::of(paths, 0.0)?, labels })
     }
@@ -107,7 +107,7 @@ fn label(annotation: &Annotation, names: &HashMap<u64, &str>) -> Result<GroundTr
 }
 
 /// Returns the folder in which the first image is.
-fn folder_of(annotations: &Path, images: &[Image]) -> Result<PathBuf, SourceError> {
+fn folder_of(annotations: &Path, images: &[ImageEntry]) -> Result<PathBuf, SourceError> {
     let beside = annotations.parent().unwrap_or(Path::new(""));
     let above = beside.join("..");
     let stem = stem(annotations);

@@ -82,14 +82,14 @@ impl Ros1File {
     }
 }
 
-struct Index<'a> {
+struct Ros1Index<'a> {
     chunks: Vec<ChunkLocation>,
     /// The connections, each with the number of its messages.
     connections: BTreeMap<u32, (Connection<'a>, u64)>,
 }
 
-fn read_index(bag: &RosBag) -> rosbag::Result<Index<'_>> {
-    let mut index = Index { chunks: Vec::new(), connections: BTreeMap::new() };
+fn read_index(bag: &RosBag) -> rosbag::Result<Ros1Index<'_>> {
+    let mut index = Ros1Index { chunks: Vec::new(), connections: BTreeMap::new() };
     let mut counts: HashMap<u32, u64> = HashMap::new();
     for record in bag.index_records() {
         match record? {
