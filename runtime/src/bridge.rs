@@ -13,7 +13,7 @@ use crate::transport::keys::{self, Endpoint};
 
 /// Direction in which a topic is forwarded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Direction {
+pub enum RouteDirection {
     /// The topic is forwarded from the DDS graph to the suite.
     DdsToZenoh,
     /// The topic is forwarded from the suite to the DDS graph.
@@ -30,7 +30,7 @@ pub struct Route {
     /// Hash of that type.
     pub type_hash: String,
     /// Direction of the topic.
-    pub direction: Direction,
+    pub direction: RouteDirection,
     /// Quality of service on both sides.
     pub qos: Qos,
 }
@@ -66,8 +66,8 @@ impl BridgePlan {
         let mut routes = Vec::new();
         let mut known: BTreeMap<String, &str> = BTreeMap::new();
         for (list, entries, direction) in [
-            ("zenoh_to_dds", &parameters.zenoh_to_dds, Direction::ZenohToDds),
-            ("dds_to_zenoh", &parameters.dds_to_zenoh, Direction::DdsToZenoh),
+            ("zenoh_to_dds", &parameters.zenoh_to_dds, RouteDirection::ZenohToDds),
+            ("dds_to_zenoh", &parameters.dds_to_zenoh, RouteDirection::DdsToZenoh),
         ] {
             for entry in entries {
                 let route = route(list, entry, direction, node_name)?;
@@ -93,7 +93,7 @@ impl BridgePlan {
 fn route(
     list: &str,
     entry: &str,
-    direction: Direction,
+    direction: RouteDirection,
     node_name: &NodeName,
 ) -> Result<Route, ParameterError> {
     let refuse = |why: String| ParameterError::new(list, entry, why);
@@ -152,9 +152,9 @@ mod tests {
                 .expect("valid");
         let found: Vec<_> = plan.routes.iter().map(|r| (r.topic.as_str(), r.direction, r.qos)).collect();
         let expected = [
-            ("/car/recovered", Direction::ZenohToDds, Qos::Images),
-            ("/tf_is_not", Direction::DdsToZenoh, Qos::Clock),
-            ("/new", Direction::DdsToZenoh, Qos::Results),
+            ("/car/recovered", RouteDirection::ZenohToDds, Qos::Images),
+            ("/tf_is_not", RouteDirection::DdsToZenoh, Qos::Clock),
+            ("/new", RouteDirection::DdsToZenoh, Qos::Results),
         ];
         assert_eq!(found, expected);
         assert_eq!(plan.nodes, ["/detector"]);

@@ -82,7 +82,7 @@ macro_rules! kinds {
             }
 
             fn read(kind: MessageKind, bytes: &[u8]) -> Result<Self, String> {
-                Ok(match kind { $(MessageKind::$kind => Self::$kind(Arc::new(Content::from_cdr(bytes)?))),+ })
+                Ok(match kind { $(MessageKind::$kind => Self::$kind(Arc::new(CdrCodec::from_cdr(bytes)?))),+ })
             }
         }
     };
@@ -100,12 +100,12 @@ kinds! {
 }
 
 /// The content of a message and its form as CDR.
-trait Content: Sized {
+trait CdrCodec: Sized {
     fn to_cdr(&self) -> Result<Vec<u8>, cdr::CdrError>;
     fn from_cdr(bytes: &[u8]) -> Result<Self, String>;
 }
 
-impl<T: Serialize + DeserializeOwned> Content for T {
+impl<T: Serialize + DeserializeOwned> CdrCodec for T {
     fn to_cdr(&self) -> Result<Vec<u8>, cdr::CdrError> {
         cdr::to_vec(self)
     }
@@ -115,7 +115,7 @@ impl<T: Serialize + DeserializeOwned> Content for T {
     }
 }
 
-impl Content for StampedFrame {
+impl CdrCodec for StampedFrame {
     fn to_cdr(&self) -> Result<Vec<u8>, cdr::CdrError> {
         modulo_msgs::image::encode_frame(&self.header, &self.frame)
     }

@@ -128,8 +128,8 @@ fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
         let (kind, node_name, parameters) = prepare(node)?;
         let step = kind.make(&parameters).with_context(|| node_name.fully_qualified())?;
         let on_exit = match on_exit {
-            OnExit::Shutdown => composed::OnExit::Shutdown,
-            OnExit::Continue => composed::OnExit::Continue,
+            OnExit::Shutdown => composed::MemberExit::Shutdown,
+            OnExit::Continue => composed::MemberExit::Continue,
         };
         Ok(Member { node: step, parameters, node_name, on_exit })
     };

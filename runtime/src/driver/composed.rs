@@ -17,7 +17,7 @@ use crate::transport::local::LocalTransport;
 
 /// The effect of the end of a node on the other nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum OnExit {
+pub enum MemberExit {
     /// The other nodes continue.
     Continue,
     /// The other nodes finish the messages that are on their way, and end.
@@ -33,7 +33,7 @@ pub struct Member {
     /// Its name and remaps.
     pub node_name: NodeName,
     /// Effect of its end on the other nodes.
-    pub on_exit: OnExit,
+    pub on_exit: MemberExit,
 }
 
 /// Asks the other members to end, also when this one panics.
@@ -70,8 +70,8 @@ pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<
                     let result = live::run(setup, transport, clock, stop);
                     end.urgency = match (&result, on_exit) {
                         (Err(_), _) => Urgency::Now,
-                        (Ok(_), OnExit::Shutdown) => Urgency::Drain,
-                        (Ok(_), OnExit::Continue) => Urgency::None,
+                        (Ok(_), MemberExit::Shutdown) => Urgency::Drain,
+                        (Ok(_), MemberExit::Continue) => Urgency::None,
                     };
                     result
                 })

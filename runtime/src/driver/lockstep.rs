@@ -13,13 +13,13 @@ use crate::transport::Address;
 
 /// A chain of nodes that are stepped one message at a time.
 pub struct Lockstep<'a> {
-    members: Vec<Member>,
+    members: Vec<ChainMember>,
     timer: &'a dyn Clock,
     recorded: Vec<String>,
     stages: Vec<(&'static str, u64)>,
 }
 
-struct Member {
+struct ChainMember {
     node: Box<dyn Node>,
     inputs: Vec<Address>,
     outputs: Vec<Address>,
@@ -43,7 +43,7 @@ impl<'a> Lockstep<'a> {
     pub fn add(&mut self, node: Box<dyn Node>, node_name: &NodeName) -> Result<(), RunError> {
         let inputs = addresses(node_name, &node.inputs())?;
         let outputs = addresses(node_name, &node.outputs())?;
-        self.members.push(Member {
+        self.members.push(ChainMember {
             node,
             inputs,
             outputs,

@@ -52,7 +52,7 @@ impl<S: Subscriber> Layer<S> for RosoutLayer {
         if !metadata.target().starts_with("modulo") {
             return;
         }
-        let mut text = Text::default();
+        let mut text = EventText::default();
         event.record(&mut text);
         let line = Log {
             stamp: Time::from_ns(self.clock.now_ns()),
@@ -79,12 +79,12 @@ fn level(level: Level) -> u8 {
 
 /// An event's message, and its other fields behind it.
 #[derive(Default)]
-struct Text {
+struct EventText {
     message: String,
     fields: String,
 }
 
-impl Visit for Text {
+impl Visit for EventText {
     fn record_debug(&mut self, field: &Field, value: &dyn fmt::Debug) {
         match field.name() {
             "message" => self.message = format!("{value:?}"),

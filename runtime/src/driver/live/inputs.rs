@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Event, EventQueue};
+use super::{EventQueue, LiveEvent};
 use crate::driver::keeps_latest;
 use crate::graph::NodeName;
 use crate::graph::Qos;
@@ -35,7 +35,7 @@ impl Inputs {
             let lane = queue.open(keep);
             inputs.lanes.push(lane);
             let queue = queue.clone();
-            let deliver = Box::new(move |incoming| drop(queue.push(lane, Event::Message(incoming))));
+            let deliver = Box::new(move |incoming| drop(queue.push(lane, LiveEvent::Message(incoming))));
             inputs.subscriptions.push(transport.subscribe(node_name, address, deliver)?);
         }
         Ok(inputs)

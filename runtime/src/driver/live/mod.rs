@@ -52,7 +52,7 @@ pub struct NodeSetup {
 }
 
 /// Something that the node's loop has to deal with.
-enum Event {
+enum LiveEvent {
     /// A message on one of the inputs.
     Message(Incoming),
     /// A request to change parameters.
@@ -61,7 +61,7 @@ enum Event {
     Taken(Incoming),
 }
 
-impl Queued for Event {
+impl Queued for LiveEvent {
     fn bytes(&self) -> usize {
         match self {
             Self::Message(incoming) | Self::Taken(incoming) => incoming.bytes(),
@@ -77,7 +77,7 @@ impl Queued for Event {
     }
 }
 
-type EventQueue = Queue<Event>;
+type EventQueue = Queue<LiveEvent>;
 
 /// A node with everything it needs to run.
 struct Live<'a> {
@@ -203,9 +203,9 @@ impl Live<'_> {
         let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::All));
         let parameters = self.parameters.clone();
         let read = move || parameters.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let request = move |request| match queue.push(lane, Event::Request(request))? {
-            Event::Request(request) => Some(request),
-            Event::Message(_) | Event::Taken(_) => None,
+        let request = move |request| match queue.push(lane, LiveEvent::Request(request))? {
+            LiveEvent::Request(request) => Some(request),
+            LiveEvent::Message(_) | LiveEvent::Taken(_) => None,
         };
         let port = ParameterPort { read: Box::new(read), request: Box::new(request) };
         self.transport.serve_parameters(&self.node_name, port)
@@ -281,11 +281,11 @@ impl Live<'_> {
         self.inputs.addresses.iter().any(|address| !self.transport.publishers(&address.topic).is_empty())
     }
 
-    fn handle(&mut self, arrived: Arrived<Event>) -> Result<Flow, RunError> {
+    fn handle(&mut self, arrived: Arrived<LiveEvent>) -> Result<Flow, RunError> {
         match arrived.item {
-            Event::Message(incoming) => self.handle_message(arrived.lane, incoming),
-            Event::Request(request) => self.answer(&request).map(|()| Flow::Continue),
-            Event::Taken(incoming) => {
+            LiveEvent::Message(incoming) => self.handle_message(arrived.lane, incoming),
+            LiveEvent::Request(request) => self.answer(&request).map(|()| Flow::Continue),
+            LiveEvent::Taken(incoming) => {
                 if let Ok(Message::Diagnostics(taken)) = incoming.open(MessageKind::Diagnostics) {
                     self.pacing.note(&taken);
                 }

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::pacing::{self, Pacing};
-use super::{Event, GRAPH_GLANCE, Live, REQUESTS, nanoseconds};
+use super::{GRAPH_GLANCE, Live, LiveEvent, REQUESTS, nanoseconds};
 use crate::clock::Clock;
 use crate::driver::RunError;
 use crate::message::Message;
@@ -63,7 +63,7 @@ impl Live<'_> {
 
     fn listen_to_readers(&self) -> Result<(Guard, Lane), RunError> {
         let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::Last(REQUESTS)));
-        let deliver = Box::new(move |incoming| drop(queue.push(lane, Event::Taken(incoming))));
+        let deliver = Box::new(move |incoming| drop(queue.push(lane, LiveEvent::Taken(incoming))));
         let address = Address::resolve(&self.node_name, &pacing::topic())?;
         Ok((self.transport.subscribe(&self.node_name, &address, deliver)?, lane))
     }

@@ -11,7 +11,7 @@ const MEETING_PORT: u16 = 7450;
 
 /// The part of a session in the meeting of the sessions of a machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Role {
+enum SessionRole {
     /// Listens on the meeting port.
     Host,
     /// Connects to it, again and again if it must.
@@ -27,11 +27,11 @@ pub(super) fn open_session(domain: u32) -> Result<Session, TransportError> {
     // Without a turn, another session may take the port between the look and the opening, of which zenoh would warn.
     let turn = wait_for_turn(domain);
     let free = std::net::TcpListener::bind(("127.0.0.1", meeting_port(domain))).is_ok();
-    if free && let Ok(session) = open(Role::Host) {
+    if free && let Ok(session) = open(SessionRole::Host) {
         return Ok(session);
     }
     drop(turn);
-    open(Role::Guest)
+    open(SessionRole::Guest)
 }
 
 /// Waits until no other session of this machine and `domain` is being opened. The turn ends when the file is dropped. It
@@ -50,7 +50,7 @@ pub fn meeting_port(domain: u32) -> u16 {
     u16::try_from(domain).unwrap_or(u16::MAX).saturating_add(MEETING_PORT)
 }
 
-fn configuration(domain: u32, role: Role) -> Result<Config, TransportError> {
+fn configuration(domain: u32, role: SessionRole) -> Result<Config, TransportError> {
     let mut config = match std::env::var("ZENOH_SESSION_CONFIG_URI") {
         Ok(path) if !path.is_empty() => Config::from_file(&path)
             .map_err(|why| TransportError::new(format!("ZENOH_SESSION_CONFIG_URI = {path}"), why))?,
@@ -81,11 +81,11 @@ fn insert(config: &mut Config, key: &str, value: &str) -> Result<(), TransportEr
 
 /// rmw_zenoh's session, plus the meeting port, plus queues that hold a whole image: with zenoh's default of two batches
 /// a 1.4 MB image is dropped as soon as its reader is a millisecond late.
-fn defaults(domain: u32, role: Role) -> Vec<(&'static str, String)> {
+fn defaults(domain: u32, role: SessionRole) -> Vec<(&'static str, String)> {
     let meeting = format!("\"tcp/127.0.0.1:{}\"", meeting_port(domain));
     let (listen, connect) = match role {
-        Role::Host => (format!(", {meeting}"), String::new()),
-        Role::Guest => (String::new(), format!(", {meeting}")),
+        SessionRole::Host => (format!(", {meeting}"), String::new()),
+        SessionRole::Guest => (String::new(), format!(", {meeting}")),
     };
     vec![
         ("mode", "\"peer\"".into()),
