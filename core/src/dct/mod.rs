@@ -1,19 +1,16 @@
 //! The orthonormal two-dimensional cosine transform of any size.
 //!
-//! From short to long: `odd_radix` and the radices of `fft` are single transforms, `fft` composes them,
-//! `bluestein` adds the lengths without such factors, `cosine` makes a cosine transform of them, `columns` and
-//! `rows` transform those of an image, and `grid` the image. All work on the vectors of `lanes`. A plan owns its
-//! scratch, so a transform allocates nothing.
+//! From short to long: `fft` composes Fourier transforms from those of its radices, `bluestein` adds the lengths
+//! without such factors, `cosine` makes a cosine transform of them, `rows` transforms the rows of an image, and `grid`
+//! its columns and the whole. All work on the vectors of `lanes`. A plan owns its scratch, so a transform allocates
+//! nothing.
 
 mod bluestein;
-mod columns;
 mod cosine;
 mod fft;
 mod grid;
 mod lanes;
-mod odd_radix;
 mod rows;
-mod tile;
 
 pub(crate) use grid::{ImageDct, SampleRun, SpectralFilter};
 pub(crate) use lanes::LANES;

@@ -4,8 +4,7 @@ use std::ops::Range;
 
 use super::cosine::CosinePlan;
 use super::grid::{GridShape, SampleRun, SpectralFilter};
-use super::lanes::{Complex, LANES};
-use super::tile::{Tile, transpose};
+use super::lanes::{Complex, LANES, Tile, transpose};
 use crate::simd::widest;
 
 /// A plan of the transforms of rows.

@@ -1,11 +1,10 @@
 //! SPUD, the paper's method: wrapped gradients, one Poisson equation, a hard threshold (eq. 2 and 3), one channel
-//! after the other.
+//! after the other. Without its threshold it is the method of least squares.
 
 use ndarray::{Array3, ArrayView3, Axis};
 
-use super::divergence::Codes;
-use super::nearest::{self, CountRule, Histogram, LaneCountRules};
-use super::poisson::{Poisson, ThresholdOn};
+use super::congruence::{self, CountRule, Histogram, LaneCountRules};
+use super::poisson::{Codes, Poisson, ThresholdOn};
 use super::{Range, Recovered, Unwrap, UnwrapError, check_codes};
 use crate::dct::{self, LANES, SampleRun};
 use crate::frame::{Frame, check_shape, copy_channel, in_order};
@@ -101,7 +100,7 @@ impl Spud {
             |run| codes.divergence(run),
             ((self.tau * PEAK) as f32, self.on),
             #[inline(always)]
-            |run, phi| nearest::residuals(phi, codes.at(run)),
+            |run, phi| congruence::residuals(phi, codes.at(run)),
         );
         let rules = self.count_rules(range);
         self.write(rules, range, out);
@@ -219,4 +218,32 @@ fn divergence(y: &[f32], width: usize, range: Range, rho: &mut [f32]) {
         *d = gradient::wrap_centered(*d, range.bits());
     }
     gradient::adjoint(&gx, &gy, width, rho);
+}
+
+/// The method of least squares: SPUD without its threshold, made congruent with y.
+///
+/// D. C. Ghiglia and L. A. Romero, "Robust two-dimensional weighted and unweighted phase unwrapping that uses fast
+/// transforms and iterative methods", JOSA A 11(1), 1994.
+pub struct LeastSquares {
+    solver: Spud,
+}
+
+impl LeastSquares {
+    /// Makes the method on `threads` threads, 1 to [`MAX_THREADS`](crate::MAX_THREADS).
+    ///
+    /// # Errors
+    /// [`UnwrapError::Workers`] when the threads are not available.
+    pub fn new(threads: usize) -> Result<Self, UnwrapError> {
+        Ok(Self { solver: Spud::with_threads(0.0, ThresholdOn::Phi, threads)? })
+    }
+}
+
+impl Unwrap for LeastSquares {
+    fn name(&self) -> &'static str {
+        "least_squares"
+    }
+
+    fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
+        self.solver.unwrap_as(self.name(), y, range, out)
+    }
 }

@@ -4,8 +4,8 @@
 //! ```text
 //!     g = M_b(d_x y),   d_x x = g + n P,   d_y n = (M_b(d_y g) - d_y g) / P   if |d_x d_y x| < P/2
 //! ```
-//! 1. `gradient`: n down each column, up to a constant; `prefix_sums`: the k along each row that follows from it.
-//! 2. `rows`: rows are joined by a majority vote of their columns; the constants of the columns cancel out.
+//! 1. `gradient`: n down each column, up to a constant.
+//! 2. `rows`: the k along each row follows from it by prefix sums; rows are joined by a majority vote of their columns; the constants of the columns cancel out.
 //! 3. `columns`: most of a column is flat, which gives its constant.
 //! 4. `levels`: the absolute offset, as for every method.
 //!
@@ -22,15 +22,13 @@ mod gradient;
 mod layout;
 mod levels;
 mod majority;
-mod prefix_sums;
 mod rows;
 
 use columns::{ColumnConstants, SummedImage};
 use gradient::Gradient;
 use layout::{CodeRows, RowLayout};
 use levels::Levels;
-use prefix_sums::PrefixSums;
-use rows::Rows;
+use rows::{PrefixSums, Rows};
 
 use super::wrapped::Word;
 use super::{Integers, QualityMetrics, Range, Recovered, Unwrap, UnwrapError};

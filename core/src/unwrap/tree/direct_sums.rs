@@ -6,10 +6,10 @@
 //! of the tree.
 
 use super::forest::EdgeSource;
-use super::image_edges::{ImageEdges, finish};
 use super::pixels::{EdgeDirection, Quad};
 use super::regions::Region;
 use super::segments::each_set;
+use super::{ImageEdges, finish};
 use crate::simd::widest;
 use crate::unwrap::wrapped::wrap_step;
 use crate::unwrap::{Integers, Range, Recovered, congruence};
