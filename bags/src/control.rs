@@ -13,7 +13,7 @@ use modulo_msgs::rosbag2_interfaces::{
 
 use modulo_runtime::queue::Queued;
 
-use crate::playback_clock::PlaybackState;
+use crate::play::PlaybackState;
 
 modulo_runtime::services! {
     /// The services of a player.

@@ -1,13 +1,12 @@
 //! Composes a frame from background, shadows, objects from far to near, and stray light, and derives the ground
 //! truth from the objects' layers.
 
+use super::background::{Street, Tunnel};
 use super::hash::{Random, hash, wave};
 use super::layer::{Layer, OWNED};
 use super::light::{Light, add, scaled};
 use super::solid::Halo;
-use super::street::Street;
 use super::traffic::{Actor, actors};
-use super::tunnel::Tunnel;
 use super::view::{CameraView, NEAR};
 use super::{Class, Preset, Rendered, Scene, SceneObject};
 use modulo_core::BBox;

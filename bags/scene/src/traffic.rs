@@ -5,9 +5,8 @@
 
 use super::hash::{Random, hash, wave};
 use super::light::Lamps;
-use super::person::{cyclist, pedestrian, tree};
+use super::road_user::{car, cyclist, pedestrian, tree, truck, van};
 use super::solid::{Facing, Solid};
-use super::vehicle::{car, truck, van};
 use super::{Class, Preset};
 
 /// The nearest and the farthest position of an actor's middle in m.

@@ -3,11 +3,8 @@
 //! CDR payloads pass through unchanged; ROS 1 payloads, which are not CDR, are re-encoded. A damaged bag is read as far as possible, and each loss is reported by a [`BagWarning`].
 
 mod bag_file;
-mod copy;
 mod error;
-mod info;
 mod mcap_file;
-mod merge;
 mod metadata;
 pub mod qos;
 mod reader;
@@ -22,11 +19,9 @@ use std::sync::Arc;
 
 use modulo_runtime::Qos;
 
-pub use copy::{Copied, copy};
 pub use error::{BagError, BagWarning};
-pub use info::BagInfo;
-pub use reader::{BagReader, Messages, Selection};
-pub use writer::{BagWriter, Compression, Split, TopicId, WriteOptions};
+pub use reader::{BagInfo, BagReader, Messages, Selection};
+pub use writer::{BagWriter, Compression, Copied, Split, TopicId, WriteOptions, copy};
 
 /// A topic of a bag, from its channel and its schema.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]

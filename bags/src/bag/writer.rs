@@ -1,15 +1,16 @@
-//! [`BagWriter`]: a bag folder as `ros2 bag record` writes it.
+//! [`BagWriter`]: a bag folder as `ros2 bag record` writes it, and [`copy`], which writes one from another bag.
 //!
-//! A recorder calls [`BagWriter::settle`]: then everything up to a second ago is in complete chunks on the disk, and can be read after a crash or a power cut. The writer reads no clock, and never overwrites a bag.
+//! A recorder calls [`BagWriter::settle`]: then everything up to a second ago is in complete chunks on the disk, and can
+//! be read after a crash or a power cut. The writer reads no clock, and never overwrites a bag.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
 use super::bag_file::BagFile;
 use super::metadata::{self, Contents, FileContents};
-use super::{BagError, BagTopic, TopicCount};
+use super::{BagError, BagReader, BagTopic, BagWarning, Selection, TopicCount};
 use crate::FileError;
 
 /// Time between two flushes, ns.
@@ -215,4 +216,53 @@ fn make_folder(folder: &Path) -> Result<(), BagError> {
         std::io::ErrorKind::AlreadyExists => BagError::Exists(folder.to_owned()),
         _ => FileError::new(folder, e).into(),
     })
+}
+
+/// The result of [`copy`].
+#[derive(Debug)]
+pub struct Copied {
+    /// The topics with their counts.
+    pub topics: Vec<TopicCount>,
+    /// Single messages that were left out, by topic: those that cannot be read, and those of a topic's second type.
+    pub left_out: Vec<BagWarning>,
+    /// The error that ended the reading of `bag` early.
+    pub broke: Option<BagError>,
+}
+
+/// Writes every readable message of `bag`, which may be damaged or have another form, to the new MCAP bag `out`. Payload
+/// bytes and times stay unchanged. Messages that could not be copied are reported by the warnings of `bag`, by
+/// [`Copied::left_out`] and by [`Copied::broke`].
+///
+/// # Errors
+/// [`BagError`] when `out` exists already, or cannot be written.
+pub fn copy(bag: &BagReader, out: &Path, options: impl Into<WriteOptions>) -> Result<Copied, BagError> {
+    let mut writer = BagWriter::create(out, options)?;
+    for counted in bag.topics() {
+        match writer.topic(&counted.topic) {
+            // Its messages are counted below, if there are any.
+            Err(BagError::TypeConflict { .. }) => {}
+            added => {
+                added?;
+            }
+        }
+    }
+    // For each topic: the number of such messages, and the fault of the first one.
+    let mut left_out: BTreeMap<String, (u64, String)> = BTreeMap::new();
+    let mut leave_out = |topic: String, why| left_out.entry(topic).or_insert((0, why)).0 += 1;
+    let mut broke = None;
+    for message in bag.messages(&Selection::default()) {
+        match message {
+            Ok(message) => match writer.topic(&message.topic) {
+                Err(why @ BagError::TypeConflict { .. }) => {
+                    leave_out(message.topic.name.clone(), why.to_string());
+                }
+                id => writer.write(id?, message.log_time, message.publish_time, &message.data)?,
+            },
+            Err(BagError::BadMessage { topic, why, .. }) => leave_out(topic, why),
+            Err(why) => broke = Some(why),
+        }
+    }
+    let warning =
+        |(topic, (messages, why))| BagWarning::LeftOut { path: bag.path().to_owned(), topic, messages, why };
+    Ok(Copied { topics: writer.finish()?, left_out: left_out.into_iter().map(warning).collect(), broke })
 }

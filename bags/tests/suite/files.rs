@@ -6,7 +6,7 @@ use std::time::Duration;
 use modulo_bags::bag::{BagReader, BagWarning, Selection, Split, WriteOptions};
 use proptest::prelude::*;
 
-use crate::writing::{COMPRESSIONS, Line, read_all, temporary, topic, write_bag};
+use crate::{COMPRESSIONS, Line, read_all, temporary, topic, write_bag};
 
 /// Messages every 100 ms on two topics by turns.
 fn lines(count: usize, length: usize) -> Vec<Line> {

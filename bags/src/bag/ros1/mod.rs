@@ -12,8 +12,7 @@ use rosbag::record_types::Connection;
 use rosbag::{ChunkRecord, IndexRecord, MessageRecord, RosBag};
 
 use self::message::Convert;
-use super::merge::{Merge, MergeInput};
-use super::storage::{Cursor, FileSummary, Storage};
+use super::storage::{Cursor, FileSummary, Merge, MergeInput, Storage};
 use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount};
 use crate::FileError;
 
