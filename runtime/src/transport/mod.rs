@@ -1,10 +1,8 @@
 //! The transport of messages from node to node. Two transports implement one trait: `local` within a process (shared, never serialised) and `zenoh` between processes.
 
 pub mod attachment;
-pub mod gaps;
 pub mod keys;
 pub mod local;
-pub mod profile;
 pub mod queue;
 pub mod zenoh;
 

@@ -8,8 +8,7 @@ use std::time::Duration;
 
 use crate::clock::Clock;
 use crate::process::stop::Wake;
-use crate::transport::attachment::Attachment;
-use crate::transport::gaps::Gaps;
+use crate::transport::attachment::{Attachment, Gaps};
 
 /// The number of messages that a lane holds, and the message that it drops when it is full.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

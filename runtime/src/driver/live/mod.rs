@@ -1,7 +1,6 @@
-//! The live driver: one node on a transport, until its source is over or it is asked to stop. The newest frame wins, and each replaced one is counted; only a source of rate 0 waits for its readers ([`pacing`]).
+//! The live driver: one node on a transport, until its source is over or it is asked to stop. The newest frame wins, and each replaced one is counted; only a source of rate 0 waits for its readers ([`Pacing`]).
 
 mod inputs;
-mod pacing;
 mod source;
 
 use std::sync::{Arc, Mutex, PoisonError};
@@ -18,8 +17,7 @@ use crate::message::{Message, MessageKind};
 use crate::node::{Context, Flow, Node, StepError, StepOutput, Trigger};
 use crate::parameter::events::ParameterEvents;
 use crate::parameter::{ParameterError, Parameters};
-use crate::process::report_file::{ReportFile, WriteReason};
-use crate::process::saved_state::SavedState;
+use crate::process::node_files::{ReportFile, SavedState, WriteReason};
 use crate::process::stop::{Stop, Urgency};
 use crate::report::{NodeReport, add};
 use crate::transport::attachment::Attachment;
@@ -28,7 +26,7 @@ use crate::transport::{
     Address, Guard, Incoming, ParameterPort, ParameterRequest, Publisher, Transport, TransportError,
 };
 use inputs::Inputs;
-use pacing::Pacing;
+use source::{Pacing, images, taken_message, taken_topic};
 
 /// Time after which a node without work looks at the tasks of each second.
 const IDLE: Duration = Duration::from_millis(250);
@@ -131,7 +129,7 @@ pub fn run(
         queue,
         publishers,
         inputs: Inputs::default(),
-        taken: transport.advertise(&node_name, &Address::resolve(&node_name, &pacing::topic())?)?,
+        taken: transport.advertise(&node_name, &Address::resolve(&node_name, &taken_topic())?)?,
         pacing: Pacing::default(),
         diagnostics: Diagnostics::new(&node_name, transport)?,
         parameter_events: ParameterEvents::new(&node_name, transport)?,
@@ -314,7 +312,7 @@ impl Live<'_> {
         self.send_all(&messages);
         if passes_on && flow != Flow::Kept && self.taken.wanted() {
             let topic_of = |output: usize| self.publishers.get(output).map(|(a, _)| a.topic.as_str());
-            let sent = pacing::images(&messages, topic_of);
+            let sent = images(&messages, topic_of);
             if let Some((stamp, topics)) = sent.or(told.map(|stamp| (stamp, Vec::new()))) {
                 self.tell_taken(stamp, &topics);
             }
@@ -323,7 +321,7 @@ impl Live<'_> {
     }
 
     fn tell_taken(&self, stamp: Time, topics: &[String]) {
-        if let Err(why) = self.taken.put(&pacing::taken(&self.report.node, stamp, topics)) {
+        if let Err(why) = self.taken.put(&taken_message(&self.report.node, stamp, topics)) {
             tracing::warn!(node = %self.report.node, "{why}");
         }
     }

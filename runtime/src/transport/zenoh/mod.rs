@@ -8,15 +8,15 @@ mod listen;
 mod service;
 mod session;
 mod topic;
-mod watch;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
+use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
 pub use listen::TopicListener;
@@ -49,7 +49,7 @@ impl ZenohTransport {
     pub fn open(domain: u32, hashes: Hashes, clock: Arc<dyn Clock>) -> Result<Self, TransportError> {
         let session = session::open_session(domain)?;
         let graph = Arc::new(Mutex::new(Graph::default()));
-        let watch = watch::start(&session, domain, &graph)?;
+        let watch = watch_graph(&session, domain, &graph)?;
         Ok(Self {
             session,
             domain,
@@ -172,4 +172,44 @@ fn stamp(clock: &dyn Clock) -> i64 {
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Keeps `graph` as it is in `domain` until the subscriber is dropped, and warns once about each endpoint that does not
+/// fit an endpoint of this session, since zenoh gives no warning.
+fn watch_graph(
+    session: &Session,
+    domain: u32,
+    graph: &Arc<Mutex<Graph>>,
+) -> Result<Subscriber<()>, TransportError> {
+    let (graph, own) = (graph.clone(), session.zid().to_string());
+    let said = Mutex::new(BTreeSet::new());
+    session
+        .liveliness()
+        .declare_subscriber(keys::token_selector(domain))
+        .history(true)
+        .callback(move |sample| {
+            let key = sample.key_expr().as_str();
+            match sample.kind() {
+                SampleKind::Put => {
+                    for conflict in appear(&graph, key, &own) {
+                        if lock(&said).insert(conflict.clone()) {
+                            tracing::warn!("{conflict}");
+                        }
+                    }
+                }
+                SampleKind::Delete => lock(&graph).disappear(key),
+            }
+        })
+        .wait()
+        .map_err(|why| TransportError::new(format!("watch of domain {domain}"), why))
+}
+
+/// Adds a token to the graph. Returns its conflicts with the endpoints of session `own` in words.
+fn appear(graph: &Mutex<Graph>, key: &str, own: &str) -> Vec<String> {
+    let mut graph = lock(graph);
+    graph.appear(key);
+    let Some(token) = Token::parse(key) else { return Vec::new() };
+    let conflicts = graph.conflicts_with(&token);
+    let ours = conflicts.filter(|(other, _)| token.session == own || other.session == own);
+    ours.map(|(_, conflict)| conflict.to_string()).collect()
 }

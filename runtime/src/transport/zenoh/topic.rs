@@ -20,8 +20,7 @@ use crate::clock::Clock;
 use crate::graph::NodeName;
 use crate::message::Message;
 use crate::transport::attachment::Attachment;
-use crate::transport::keys::{Endpoint, EntityKind};
-use crate::transport::profile::{self, Durability, Profile};
+use crate::transport::keys::{self, Durability, Endpoint, EntityKind, Profile};
 use crate::transport::{Guard, Payload, Publisher, RawSample, TransportError};
 
 /// Interval at which a publisher for late readers sends the number of its last sample.
@@ -87,7 +86,7 @@ impl ZenohTransport {
 
     /// Declares a publisher as rmw_zenoh does: it never waits for a reader, and keeps its last samples if it serves late readers.
     fn publisher(&self, key: String, profile: Profile) -> zenoh::Result<AdvancedPublisher<'static>> {
-        let reliable = profile.reliability == profile::Reliability::Reliable;
+        let reliable = profile.reliability == keys::Reliability::Reliable;
         let publisher = self
             .session
             .declare_publisher(key)
@@ -122,8 +121,8 @@ impl ZenohTransport {
         let history = HistoryConfig::default().detect_late_publishers().max_samples(profile.depth);
         let subscriber = subscriber.history(history).subscriber_detection();
         Ok(match profile.reliability {
-            profile::Reliability::BestEffort => Box::new(subscriber.wait()?),
-            profile::Reliability::Reliable => {
+            keys::Reliability::BestEffort => Box::new(subscriber.wait()?),
+            keys::Reliability::Reliable => {
                 Box::new(subscriber.recovery(RecoveryConfig::default().heartbeat()).wait()?)
             }
         })
