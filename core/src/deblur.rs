@@ -42,6 +42,7 @@ impl Deblur {
     /// # Errors
     /// [`FrameError`] when `x` does not have the shape of an image.
     pub fn linear8(&mut self, x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
+        // A perfect lens has nothing to undo, and the transforms would only add rounding errors.
         if self.taps.len() == 1 {
             return tone::linear8(x, range);
         }
@@ -72,6 +73,7 @@ impl Deblur {
             #[inline(always)]
             |_, values| values.map(|value| value.clamp(0.0, max)),
         );
+        // The output of the transform lies by bands of columns, so it is read in runs of sixteen samples.
         let (mut shown, scale) = (vec![0; samples.len()], 255.0 / range.limit());
         for (row, out) in shown.chunks_exact_mut(stride).enumerate() {
             for (index, out) in out.chunks_mut(LANES).enumerate() {
@@ -83,9 +85,11 @@ impl Deblur {
     }
 
     fn plan(&mut self, dim @ (height, width, _): (usize, usize, usize)) {
+        // Tables and buffers depend only on the size, which the frames of a stream share.
         if self.grid.dim() != dim {
             self.grid = ImageDct::new(dim, 1);
             self.by_column = transfer(&self.taps, width);
+            // The rows that fill up the last block keep the factor 0, so nothing of them reaches the image.
             self.by_row = vec![[0.0; LANES]; height.div_ceil(LANES)];
             let by_row = self.by_row.as_flattened_mut().iter_mut().zip(transfer(&self.taps, height));
             by_row.for_each(|(to, value)| *to = value);

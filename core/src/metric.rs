@@ -38,6 +38,7 @@ pub fn exact_share(found: &Array3<u8>, truth: &Array3<u8>) -> Result<f64, Shapes
 /// [`ShapesDiffer`] when the shapes differ.
 pub fn mse(left: &Array3<u8>, right: &Array3<u8>) -> Result<f64, ShapesDiffer> {
     check_shapes(left.dim(), right.dim())?;
+    // Squares are summed as integers, so the result does not depend on the order of the samples.
     let squares = left.iter().zip(right).map(|(&a, &b)| u64::from(a.abs_diff(b)).pow(2));
     Ok(squares.sum::<u64>() as f64 / left.len().max(1) as f64)
 }
@@ -50,6 +51,7 @@ pub fn psnr_db(mse: f64) -> Option<f64> {
 /// Returns the quantile of `sorted` values by the nearest rank: the least value that a share of at least `q` (0
 /// to 1) of them does not exceed. It is one of the values, never a mean of two, and `None` if there is no value.
 pub fn quantile<T: Copy>(sorted: &[T], q: f64) -> Option<T> {
+    // Ranks count from 1; rank 0, which q = 0 gives, means the least value as well.
     let rank = (q * sorted.len() as f64).ceil() as usize;
     sorted.get(rank.saturating_sub(1)).copied()
 }
@@ -97,6 +99,7 @@ fn window() -> [f64; LEAST_SIDE] {
 fn sum_over_windows(a: &[u8], b: &[u8], stride: usize, channels: usize) -> f64 {
     let window = window();
     // A window is separable: sums along the rows first, then down the columns.
+    // The window must fit, so the last ten pixels of a row start none.
     let inner = stride - (LEAST_SIDE - 1) * channels;
     // The sums along the last eleven rows, row r in place r mod 11, so that each row is summed once.
     let mut along = vec![vec![0.0; MOMENTS * inner]; LEAST_SIDE];
@@ -110,6 +113,7 @@ fn sum_over_windows(a: &[u8], b: &[u8], stride: usize, channels: usize) -> f64 {
         for (sums, products) in sums.chunks_exact_mut(inner).zip(products.chunks_exact(stride)) {
             window.iter().enumerate().for_each(|(t, &weight)| add(sums, &products[t * channels..], weight));
         }
+        // The first ten rows complete no window.
         let Some(top) = (row + 1).checked_sub(LEAST_SIDE) else { continue };
         under.fill(0.0);
         for (below, &weight) in (top..).zip(&window) {

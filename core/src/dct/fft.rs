@@ -48,6 +48,8 @@ impl Fft {
         let [radix, others @ ..] = radices else { return Self { first: None, others: Vec::new() } };
         let mut rest: usize = others.iter().product();
         let first = Some(Pass::new(*radix, rest, 1));
+        // The stride grows by each radix: Stockham's passes sort while they compute, so no bit reversal is
+        // needed.
         let mut stride = 1;
         let pass = |&radix: &usize| {
             rest /= radix;
@@ -159,6 +161,7 @@ impl Pass {
         let apart = self.count * self.stride;
         for (p, twiddles) in self.twiddles.chunks_exact(R - 1).enumerate() {
             let first = p * self.stride;
+            // One slice for each input, so that its bounds are checked here and not in the inner loop.
             let mut inputs = [from; R];
             for (i, input) in inputs.iter_mut().enumerate() {
                 *input = &from[(i * apart + first) * step..];
@@ -188,6 +191,7 @@ impl Pass {
         (to, out_step): (&mut [Complex], usize),
     ) {
         let apart = self.count * self.stride;
+        // The buffers are cleared once, not for each transform.
         let mut folded = Folded::new();
         for (p, twiddles) in self.twiddles.chunks_exact(self.radix - 1).enumerate() {
             let first = p * self.stride;
@@ -258,7 +262,7 @@ const BLOCK: usize = 3;
 /// R) (x_k + x_(R-k))` and `sum_k sin(2 pi j k / R) (x_k - x_(R-k))`, k = 1 to (R-1)/2.
 struct OddRadix {
     pairs: usize,
-    /// The factors by block of j, by k, by j in the block; 0 where the last block has no j.
+    /// The factors by block of j, by k, by j in the block; those beyond the last j are not used.
     twiddles: Vec<[Twiddle; BLOCK]>,
 }
 
@@ -279,6 +283,7 @@ impl OddRadix {
     /// Plans transforms of length `radix`, odd, 3 to [`MAX_RADIX`].
     pub fn new(radix: usize) -> Self {
         let pairs = radix / 2;
+        // The product is reduced before it becomes an angle: large angles would lose their digits.
         let twiddle = |j: usize, k: usize| Twiddle::new(TAU * ((j * k) % radix) as f64 / radix as f64, 1.0);
         let block = |first: usize, k| std::array::from_fn(|j| twiddle(first + j, k));
         let firsts = (1..=pairs).step_by(BLOCK);
@@ -314,6 +319,7 @@ impl OddRadix {
                 }
             }
             for j in 0..BLOCK {
+                // The last block may have more sums than there are pairs left.
                 let out = BLOCK * block + j + 1;
                 if out <= self.pairs {
                     put(out, cosines[j].minus_i(sines[j]));

@@ -144,6 +144,7 @@ impl<Out: Copy + Default + Send + Sync> ImageDct<Out> {
 
     /// Runs the first half of a forward transform of the samples of `load`; [`ImageDct::forward_rows`] is the second.
     pub fn forward_columns(&mut self, load: impl Fn(SampleRun) -> [f32; LANES]) {
+        // Only `Dct2` uses the halves of the transform, and it runs on one thread.
         for part in &mut self.column_parts {
             part.bands().for_each(|band| part.forward(self.shape, &self.column_plan, band, &load));
         }
@@ -251,6 +252,7 @@ impl<Out> ColumnPart<Out> {
         band: usize,
         load: &impl Fn(SampleRun) -> [f32; LANES],
     ) {
+        // Loading permutes the rows as Makhoul's transform needs them, so that no pass of its own does it.
         let Self { data, scratch, .. } = self;
         widest!({
             for row in 0..shape.height {
@@ -286,6 +288,8 @@ impl<Out> ColumnPart<Out> {
         let out = &mut self.out[(band - self.bands.start) * shape.height..][..shape.height];
         widest!({
             for (row, out) in out.iter_mut().enumerate() {
+                // The spectrum was written with its parts swapped, which makes the forward transform an
+                // inverse one.
                 let value = data[plan.position(row)].swapped().to_lanes();
                 *out = keep(SampleRun { row, sample: band * LANES }, value);
             }

@@ -8,6 +8,7 @@ pub(super) const COMPLEX_LANES: usize = 8;
 pub(crate) const LANES: usize = 2 * COMPLEX_LANES;
 
 /// One real number of each transform.
+// The size of an AVX2 register, so that no load crosses a cache line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(align(32))]
 pub(super) struct RealVector(pub [f32; COMPLEX_LANES]);

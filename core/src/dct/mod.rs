@@ -94,6 +94,7 @@ impl Dct2 {
 #[inline(always)]
 pub(crate) fn load_run(plane: &[f32], width: usize, SampleRun { row, sample }: SampleRun) -> [f32; LANES] {
     let row = &plane[row * width..][..width];
+    // Only the last run of a row can be short. Its copy is out of line, so that all others stay one load.
     match row[sample..].first_chunk() {
         Some(samples) => *samples,
         None => tail(&row[sample..]),

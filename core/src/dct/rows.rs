@@ -36,6 +36,7 @@ impl RowPlan {
             let (column, channel) = (sample / shape.channels, sample % shape.channels);
             if column < shape.width { channel * length + position(column) } else { shape.channels * length }
         };
+        // Planning runs once for a size, so a virtual call does no harm.
         let order = |position: &dyn Fn(usize) -> usize| {
             (0..shape.bands())
                 .map(|band| std::array::from_fn(|lane| at(band * LANES + lane, position)))
@@ -124,6 +125,7 @@ impl RowPart {
                     #[inline(always)]
                     |row, values| {
                         let run = SampleRun { row: first + row, sample: band * LANES };
+                        // The last block may have rows below the image.
                         if run.row < plan.shape.height {
                             put(run, values.to_lanes());
                         }
@@ -138,6 +140,7 @@ impl RowPart {
         let Self { data, .. } = self;
         widest!({
             for (band, order) in plan.coefficients.iter().enumerate() {
+                // Rows below the image stay 0, as the forward transform leaves them.
                 let mut tile = Tile::default();
                 for (row, lanes) in (block * LANES..plan.shape.height).zip(&mut tile) {
                     *lanes = Complex::from_lanes(take(SampleRun { row, sample: band * LANES }));
@@ -159,6 +162,7 @@ impl RowPart {
 
     fn each_channel(&mut self, cosine: &CosinePlan, mut work: impl FnMut(&mut [Complex], &mut [Complex])) {
         let [length, _] = cosine.buffer_lengths();
+        // The number at the end takes what lies beyond the row; it belongs to no channel.
         let last = self.data.len() - 1;
         for data in self.data[..last].chunks_exact_mut(length) {
             work(data, &mut self.scratch);

@@ -141,6 +141,8 @@ impl Histogram {
         let shift = self.mean_phase();
         // Half a period more makes the shift to the right round to the nearest count.
         let offset = ((0.5 + shift) * f64::from(STEPS_PER_PERIOD) + 0.5).floor() as i32;
+        // The offset moves the borders of the levels, so there may be one more of them than residuals have
+        // periods.
         let mut levels = [0; (1 << 16) / STEPS_PER_PERIOD as usize + 2];
         // The histogram of residuals is also that of the wrap counts, for any offset.
         let low = wraps(i32::from(i16::MIN), offset);
@@ -180,6 +182,7 @@ impl LaneCountRules {
         let mut counts = [0; LANES];
         for lane in 0..LANES {
             let count = wraps(i32::from(residuals[lane]), self.offset[lane]) - self.zero[lane];
+            // `clamp` would check in each lane that its bounds are in order.
             counts[lane] = count.max(0).min(self.most[lane]) as u8;
         }
         counts

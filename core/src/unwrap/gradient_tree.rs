@@ -78,6 +78,7 @@ impl Unwrap for GradientTree {
         let bounds = Bounds::new(range);
         self.pixels.read(samples, (y.width(), y.channels()), range, bounds);
         let pixels = &self.pixels;
+        // The two directions share nothing, so that each can have a thread.
         self.workers.each(&mut self.gradients, |_, gradient| gradient.unwrap(pixels, bounds));
         let [right, down] = &self.gradients;
         let image = ImageEdges {
@@ -141,6 +142,7 @@ impl DirectionalGradient {
         steepest.extend_from_slice(keys);
         mask.resize(keys.len(), 0);
         widest!({
+            // A small image has no pixel that far away.
             for reach in (1..=NEARBY).map(|n| n * stride).filter(|&reach| reach < keys.len()) {
                 steepest[reach..].iter_mut().zip(&*keys).for_each(|(most, &key)| *most = key.max(*most));
                 steepest.iter_mut().zip(&keys[reach..]).for_each(|(most, &key)| *most = key.max(*most));
@@ -162,6 +164,7 @@ impl DirectionalGradient {
             self.n.resize(pixels.count(), [0; 4]);
         }
         self.changed.clear();
+        // Reserved for the worst case, so that no later frame of this size allocates.
         self.changed.reserve(pixels.count());
         let (regions, stride) = (&self.forest.regions, pixels.stride(self.direction));
         for segment in self.forest.segments.iter().filter(|segment| segment.node != BACKGROUND) {
@@ -174,6 +177,7 @@ impl DirectionalGradient {
                 self.n[at] = n;
                 self.changed.push(at as u32);
                 self.keys[at] = key_of_change(pixels.code(at), pixels.code(at + stride), n);
+                // An edge with an n must not join its ends as a flat edge with equal counts does.
                 self.breaks[at] = 1;
             }
         }

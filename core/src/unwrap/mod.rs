@@ -227,6 +227,7 @@ pub fn by_name(name: &str, options: &Options) -> Result<Box<dyn Unwrap>, UnwrapE
 impl Recovered {
     /// Resizes the buffers for an image of `dim` in standard layout; old values stay until they are overwritten.
     fn prepare(&mut self, dim: (usize, usize, usize), method: &'static str) {
+        // The fields are public: a caller may have put in an array of another layout.
         if self.x.dim() != dim || !self.x.is_standard_layout() {
             self.x = Array3::zeros(dim);
         }

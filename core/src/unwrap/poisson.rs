@@ -76,6 +76,7 @@ fn divide_or_zero(coefficient: f32, eigenvalue: f32) -> f32 {
 
 #[inline(always)]
 fn threshold(coefficient: f32, tau: f32) -> f32 {
+    // With tau = 0 only coefficients fail that are 0 already, so the threshold is off.
     if coefficient.abs() > tau { coefficient } else { 0.0 }
 }
 
@@ -138,9 +139,11 @@ impl Codes {
         out
     }
 
+    // Out of line: borders are few, and the loop over the inside stays small without them.
     #[inline(never)]
     fn divergence_at_border(&self, SampleRun { row, sample }: SampleRun) -> [f32; LANES] {
         let start = row * self.stride;
+        // Lanes beyond the end of the row stay 0 and add nothing to the transform.
         let inside = self.stride.saturating_sub(sample).min(LANES);
         let mut out = [0.0; LANES];
         for (lane, out) in out.iter_mut().enumerate().take(inside) {

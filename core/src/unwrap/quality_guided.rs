@@ -73,6 +73,8 @@ impl QualityGuided {
                 self.edges.push(PixelEdge { unreliability, from: here as u32, to: there as u32 });
             }
         }
+        // The position is part of the order, so no two edges are equal and the result is the same on every
+        // machine.
         self.edges.sort_unstable();
         self.groups.reset(codes.len());
         for PixelEdge { from, to, .. } in &self.edges {
@@ -89,10 +91,12 @@ fn unreliability(codes: &[u16], width: usize, here: usize) -> u64 {
     if column == 0 || column + 1 == width || here < width || here + width >= codes.len() {
         return BORDER;
     }
+    // The square of a difference of two 16-bit differences needs more than 32 bits.
     let bend = |stride: usize| {
         let [before, at, after] = [here - stride, here, here + stride].map(|index| codes[index]);
         i64::from(difference(at, before)) - i64::from(difference(after, at))
     };
+    // Along the row, along both diagonals, and down the column.
     [1, width - 1, width, width + 1].into_iter().map(|stride| bend(stride).pow(2) as u64).sum()
 }
 

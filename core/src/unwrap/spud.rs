@@ -41,11 +41,13 @@ impl Spud {
     /// [`UnwrapError::Tau`] for a negative, infinite or NaN `tau`, [`UnwrapError::Workers`] when the threads are
     /// not available.
     pub fn with_threads(tau: f64, on: ThresholdOn, threads: usize) -> Result<Self, UnwrapError> {
+        // The negation refuses NaN, too.
         if !(tau >= 0.0 && tau.is_finite()) {
             return Err(UnwrapError::Tau { tau });
         }
         let workers = Workers::new(threads)?;
         let histograms = vec![std::array::from_fn(|_| Histogram::new()); threads];
+        // The size is known at the first frame, which plans anew.
         let poisson = Poisson::new((1, 1, 1), threads);
         Ok(Self { tau, on, threads, workers, codes: Codes::default(), poisson, histograms })
     }
@@ -65,6 +67,7 @@ impl Spud {
         check_codes(samples, y.dim(), range, range.peak())?;
         let (height, width, channels) = y.dim();
         let mut out = Array3::zeros(y.dim());
+        // The plan of the method itself keeps residuals; this one keeps phi, for one channel at a time.
         let mut poisson = Poisson::<[f32; LANES]>::new((height, width, 1), self.threads);
         let threshold = ((self.tau * f64::from(range.peak())) as f32, self.on);
         let (mut plane, mut rho) = (Vec::new(), vec![0.0; height * width]);
@@ -116,6 +119,7 @@ impl Spud {
         self.workers.each(&mut self.histograms, |part, histograms| {
             histograms.iter_mut().for_each(Histogram::clear);
             let rows = (part * each).min(height)..((part + 1) * each).min(height);
+            // Bands outside and rows inside: the residuals of a band are neighbours in memory.
             for sample in (0..width * channels).step_by(LANES) {
                 let inside = LANES.min(width * channels - sample);
                 let channel: [usize; LANES] = std::array::from_fn(|lane| (sample + lane) % channels);
@@ -138,6 +142,7 @@ impl Spud {
         let (height, width, channels) = self.poisson.grid.dim();
         let stride = width * channels;
         let (x, k) = out.buffers();
+        // Each worker gets whole blocks of sixteen rows, as `write_rows` goes through them.
         let each = height.div_ceil(self.threads).next_multiple_of(LANES);
         self.workers.each_chunk((x, k), each * stride, |part, x, k| {
             let rows = part * each;

@@ -97,6 +97,7 @@ impl<W: Word> Buffers<W> {
         for i in 0..layout.height {
             widest!(self.take_row(i, samples, layout));
         }
+        // The counters of the last rows are not full, but belong to the totals.
         self.gradient.settle();
         self.constants.find(&self.gradient, &SummedImage { samples, layout, rows: &self.rows }, range);
         let levels = Levels { layout, rows: &self.rows, constants: &self.constants.sums };
@@ -122,6 +123,7 @@ impl<W: Word> Buffers<W> {
     }
 
     fn quality(&self, RowLayout { height, width, channels }: RowLayout, outside: usize) -> QualityMetrics {
+        // An image of one row or one column has no loop.
         let share = |count: u64, of: usize| if of == 0 { 0.0 } else { count as f32 / of as f32 };
         let loops = (height - 1) * (width - 1) * channels;
         let [row, column] = [

@@ -33,6 +33,7 @@ impl<W: Word> Rows<W> {
     /// Starts an image, before its first row.
     pub fn start(&mut self, layout: RowLayout, range: Range) {
         self.layout = layout;
+        // Counts of the last frame stay in the other rows, each of which is written before it is read.
         self.k.resize((layout.height + 1) * layout.lanes(), W::default());
         self.k[..layout.lanes()].fill(W::default());
         self.row_offsets.clear();
@@ -61,6 +62,7 @@ impl<W: Word> Rows<W> {
         guess.iter_mut().zip(up.iter().zip(y)).for_each(|(guess, (&up, &y))| *guess = wrap_step(up, y));
         let counts = self.sum(i, sums, [y, up], &tiled(guess, channels));
         let mut offsets = self.row_offsets.last().copied().unwrap_or_default();
+        // The first row has no row above that it could be joined to.
         if i > 0 {
             for channel in 0..channels {
                 let vote = Vote { value: guess[channel], count: counts.agree[channel] };
@@ -216,6 +218,7 @@ impl<W: Word> PrefixSums<W> {
     #[inline(always)]
     pub fn advance(&self, at: usize, sum: &mut Block<W>) {
         let stride = WIDE * self.channels;
+        // A block holds a whole number of these sums: 96 lanes are 6 sums of one channel or 2 of three.
         for back in (0..LANES).step_by(stride) {
             let from = &self.wide[BEFORE + at - back..][..LANES];
             sum.iter_mut().zip(from).for_each(|(sum, &w)| *sum = sum.plus(w));
@@ -227,6 +230,7 @@ impl<W: Word> PrefixSums<W> {
 #[inline(always)]
 fn widen<W: Word>(from: &[W], stride: usize, to: &mut [W]) {
     let length = from.len() - BEFORE;
+    // Four shifted rows are added instead of a running sum, whose every step would wait for the one before.
     let back = |times: usize| &from[BEFORE - times * stride..][..length];
     let near = back(0).iter().zip(back(1));
     let far = back(2).iter().zip(back(3));

@@ -45,6 +45,7 @@ impl DirectSums {
             if row == 0 {
                 self.start();
             }
+            // One loop that is not consistent needs a tree, which decides the edge to leave out.
             if !self.row_agrees(start) {
                 return false;
             }
@@ -97,6 +98,7 @@ impl DirectSums {
     fn row_agrees(&self, start: usize) -> bool {
         self.k.iter().zip(&self.steps).all(|(k, steps)| {
             let k = &k[start..start + steps.len()];
+            // Differences are collected without an early end, so that the loop runs in vectors.
             let differ = widest!({
                 let pairs = k.iter().zip(&k[1..]).zip(steps);
                 pairs.fold(0, |differ, ((&from, &to), &step)| differ | (to.wrapping_sub(from) ^ step))
@@ -133,6 +135,8 @@ impl DirectSums {
             let (low, _) = extent(&self.k[channel]);
             self.count(channel);
             let index = congruence::base_level_index(&self.levels, range.max_wraps().into());
+            // `is_possible` has found all levels within one range, so only those below the base level are
+            // outside.
             outside += self.levels[..index].iter().sum::<usize>();
             low + index as i16
         });

@@ -111,7 +111,7 @@ impl Forest {
         self.segments.reserve(pixels);
         self.rows.reserve(rows + 1);
         self.condensed.reserve(pixels + 1);
-        // To the right, down, and to the sea.
+        // One edge to the right, one down, and one to the background for each pixel.
         self.queue.start(3 * pixels);
         self.levels.clear();
         self.levels.reserve(1 << i16::BITS);
@@ -121,6 +121,7 @@ impl Forest {
     fn split<G: EdgeSource>(&mut self, source: &G, start: usize, columns: usize) {
         let mut from = start;
         let end = start + columns;
+        // The last pixel of a row has no right neighbour.
         each_set(&source.breaks(EdgeDirection::Right)[start..end - 1], |column| {
             self.push(source, from..start + column + 1);
             from = start + column + 1;
@@ -163,6 +164,8 @@ impl Forest {
             if a.node == BACKGROUND || b.node == BACKGROUND {
                 return;
             }
+            // An edge that is not broken joins equal counts, and one such edge is enough for the whole
+            // contact.
             if breaks[pixels.clone()].contains(&0) {
                 regions.join(a.node, b.node, || [0; 4]);
             } else if let Some(at) = pixels.find(|&at| source.key(EdgeDirection::Down, at) <= G::FLAT) {
@@ -200,6 +203,7 @@ impl Forest {
             });
             for segment in here.iter().filter(|segment| segment.node != BACKGROUND && source.mask().is_some())
             {
+                // The flattest pixel of a segment is the most likely one to continue the background.
                 if let Some(key) = segment.pixels().map(|at| source.background_key(at)).min() {
                     queue.push(edge(key, BACKGROUND, segment.node, [0; 4]));
                 }

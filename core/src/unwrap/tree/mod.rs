@@ -56,7 +56,7 @@ pub(super) fn recover(
     range: Range,
     out: &mut Recovered,
 ) {
-    // Also for the frames that need no tree: a later one may.
+    // Memory is reserved also for a frame that needs no tree, since a later one may need it.
     forest.make_room(image.extent());
     if sums.agree(image) {
         return sums.place(y, range, out);
@@ -163,6 +163,7 @@ impl ImageEdges<'_> {
     fn is_plateau(&self, at: usize) -> bool {
         let width = self.pixels.width();
         let column = at % width;
+        // In a single channel, codes of full scale meet by chance too often to tell a plateau from a slope.
         let inside = self.pixels.has_colours()
             && column > 0
             && column + 1 < width
@@ -238,6 +239,7 @@ fn level(Forest { regions, segments, levels, .. }: &mut Forest, main: u32, most:
         for segment in parts() {
             levels[usize::from(offset(segment, lane).abs_diff(low))] += segment.pixels().len();
         }
+        // Counts are relative to the root, so the k of the root is what brings the base level to 0.
         -(low + congruence::base_level_index(levels, most.into()) as i16)
     })
 }

@@ -148,6 +148,7 @@ impl Bounds {
         let room = range.limit() - f64::from(most) * f64::from(range.peak());
         // At the highest count only the codes below this one stay under the limit.
         let room = (room.ceil() as u32) << (16 - range.bits());
+        // The sensor clamps radiance to just below the limit, so full scale is the last code below it.
         let step = 1 << (16 - range.bits());
         Self { most: i16::from(most), room, top: (room - step) as u16, fine: range.bits() >= 8 }
     }

@@ -46,6 +46,7 @@ impl Region {
         for at in pixels.skip(1) {
             match region.intersect(&pixel(at), [0; 4]) {
                 Some(joint) => region = joint,
+                // The segment ends where no count suits all of its pixels; the rest becomes another one.
                 None => break,
             }
         }
@@ -61,6 +62,7 @@ impl Region {
     pub fn intersect(&self, part: &Region, step: Quad) -> Option<Region> {
         let mut joint = Region { size: self.size.saturating_add(part.size), ..*self };
         for (lane, step) in step.into_iter().enumerate() {
+            // Bounds saturate, so that a large step never wraps to the other end of the interval.
             joint.low[lane] = self.low[lane].max(part.low[lane].saturating_sub(step));
             joint.high[lane] = self.high[lane].min(part.high[lane].saturating_sub(step));
         }
@@ -132,6 +134,7 @@ impl Regions {
             }
             let above = self.nodes[parent as usize];
             total = add(total, add(offset, above.offset));
+            // The parent is a root, so there is no path left to halve.
             if above.parent == parent {
                 return (parent, total);
             }
@@ -150,6 +153,7 @@ impl Regions {
     pub fn largest(&self) -> u32 {
         let roots = self.nodes.iter().enumerate().filter(|(index, node)| node.parent as usize == *index);
         let sizes = roots.map(|(index, _)| (self.regions[index].size, index as u32));
+        // Of equal sizes the first region wins, which makes the choice the same on every run.
         sizes.max_by_key(|&(size, index)| (size, std::cmp::Reverse(index))).expect("there is a node").1
     }
 
