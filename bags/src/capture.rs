@@ -117,6 +117,7 @@ impl CaptureLoop<'_> {
                 }
                 added => drop(added?),
             }
+            // A lane for each subscription, so that losses are known by topic.
             let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::All));
             self.lanes.insert(lane, topic);
             let take = move |sample| drop(queue.push(lane, sample));
@@ -131,6 +132,7 @@ impl CaptureLoop<'_> {
             return Ok(false);
         };
         let topic = &self.lanes[&lane];
+        // The source time, which rosbag2 stores as the time of publication; other publishers may send none.
         let sent = item.attachment.map_or(stamp_ns, |a| u64::try_from(a.stamp_ns).unwrap_or(stamp_ns));
         self.recorder.record(topic, stamp_ns, sent, &item.payload)?;
         Ok(true)
@@ -138,6 +140,7 @@ impl CaptureLoop<'_> {
 
     /// Ends the subscriptions, writes waiting samples within a time limit, and completes the bag.
     fn finish(mut self, clock: &dyn Clock) -> Result<Captured, CaptureError> {
+        // New samples end first, or the loop below could go on until its limit.
         self.guards.clear();
         let end = clock.ticks_ns() + LAST_WRITES_NS;
         while clock.ticks_ns() < end && self.write_next(Duration::ZERO)? {}

@@ -107,9 +107,11 @@ impl Player {
                     self.left_out += 1;
                 }
                 Some(Err(error)) => {
+                    // The position in the bag is unknown after an error, so it is not repeated.
                     self.repeat = Repeat::Once;
                     return Some(Err(error));
                 }
+                // A round without any message would repeat for ever without a pause.
                 _ if self.repeat == Repeat::Once || !self.heard => return None,
                 _ => {
                     self.heard = false;
@@ -220,6 +222,7 @@ impl PlaybackClock {
     /// [`PlayError::Rate`] for a rate that is not finite and positive.
     pub fn set_rate(&mut self, ticks: u64, rate: f64) -> Result<(), PlayError> {
         let rate = check(rate)?;
+        // The position so far counts at the old rate; only from here on the new one holds.
         self.jump(ticks, self.position(ticks));
         self.rate = rate;
         Ok(())
@@ -227,6 +230,7 @@ impl PlaybackClock {
 
     /// Stops or goes on at `ticks`.
     pub fn set_state(&mut self, ticks: u64, state: PlaybackState) {
+        // The time until now belongs to the old state.
         self.jump(ticks, self.position(ticks));
         self.state = state;
     }

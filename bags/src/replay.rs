@@ -66,11 +66,13 @@ pub fn replay(
     let publishers = Publishers::declare(transport, &node_name, player.bag(), time.as_ref())?;
     let orders = Arc::new(Queue::new(clock.clone(), ORDERS));
     stop.wakes(&orders);
+    // Services come before the announcement: a node that others see must answer them.
     let _services = serve(transport, &node_name, &orders)?;
     let _node = transport.announce(&node_name)?;
     let clock = &**clock;
     wait_until_heard(&publishers, clock, stop);
     let mut replay = Replay { clock, player, pace, ahead: None, publishers, time, orders };
+    // The timeline starts here, so that the wait for readers is no part of it.
     replay.pace.jump(clock.ticks_ns(), 0);
     let done = replay.run(stop);
     // The last messages must have left before the publishers go.
@@ -123,6 +125,7 @@ impl Replay<'_> {
             if let Some(time) = &mut self.time {
                 time.publish(now, self.player.log_time(self.pace.position(now)))?;
             }
+            // At most one message a turn, so that a replay that is late still serves its callers.
             if self.ticks_until_due(now) == Some(0) {
                 self.send_next()?;
             }
@@ -180,6 +183,7 @@ impl Replay<'_> {
                 };
                 self.pace.set_state(now, state.unwrap_or(other));
             }
+            // An impossible rate is refused in the response, and the replay goes on.
             PlayerAction::SetRate(rate) => done = self.pace.set_rate(now, rate).is_ok(),
             PlayerAction::Step(number) => {
                 played = self.step(now, number.unwrap_or(u64::MAX), stop)?;
@@ -189,6 +193,7 @@ impl Replay<'_> {
                 let position = self.player.seek(log_time);
                 done = position.is_some();
                 if let Some(position) = position {
+                    // The message that was read ahead belongs to the old position.
                     self.ahead = None;
                     self.pace.jump(now, position);
                 }
@@ -254,6 +259,7 @@ impl Publishers {
     fn send(&mut self, message: RawMessage) -> Result<(), TransportError> {
         let BagTopic { name, type_name, .. } = &*message.topic;
         let its = |to: &&mut TopicPublisher| to.topic.name == *name && to.topic.type_name == *type_name;
+        // A topic of the bag has no publisher where --clock publishes the time instead.
         let Some(topic) = self.0.iter_mut().find(its) else { return Ok(()) };
         topic.publisher.put(message.data)?;
         topic.sent += 1;
@@ -307,6 +313,7 @@ impl ClockPublisher {
 
 fn endpoint(topic: &BagTopic, node_name: &NodeName) -> Result<Endpoint, TransportError> {
     let refused = |why: NameError| TransportError::new("topic of the bag", why);
+    // A token needs some text in place of the hash, and rmw_zenoh has one for this.
     let type_hash = if topic.type_hash.is_empty() { keys::NO_HASH } else { &topic.type_hash };
     Ok(Endpoint {
         topic: node_name.resolve(&topic.name).map_err(refused)?,

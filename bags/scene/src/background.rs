@@ -55,6 +55,7 @@ pub(super) struct Street<'a> {
 impl<'a> Street<'a> {
     /// Makes the street of `frame`.
     pub(super) fn new(view: &'a CameraView, light: &'a Light, preset: Preset, seed: u32, frame: u32) -> Self {
+        // The number wraps, because positions lose their digits in `f32` on a long drive.
         let driven = (frame % 60_000) as f32 * STEP;
         let columns = (0..view.width).map(|c| column(view, seed, driven, c as f32 + 0.5)).collect();
         Self { view, light, preset, seed, columns, driven }
@@ -66,12 +67,14 @@ impl<'a> Street<'a> {
         let at = &self.columns[column];
         let below = v - self.view.cy;
         let ground = if below > 0.0 { self.view.focal * CAMERA_HEIGHT / below } else { f32::MAX };
+        // The nearer of ground and wall is the visible one; beyond 400 m the far skyline takes over.
         if ground < at.z.min(400.0) {
             return self.ground(u, ground);
         }
         let up = CAMERA_HEIGHT - below * at.z / self.view.focal;
         let pixel = at.z / self.view.focal;
         let roof = ramp(-1.2 * pixel, 1.2 * pixel, at.high - up);
+        // Most pixels are on one side of the roof line and need one surface only.
         if roof == 1.0 {
             return self.wall(at, up);
         }
@@ -99,6 +102,8 @@ impl<'a> Street<'a> {
         let floor = (up / 3.1).floor();
         let (fy, soft) = (up / 3.1 - floor, at.soft);
         let tall = ramp(0.25 - soft, 0.25 + soft, fy) * ramp(0.18 - soft, 0.18 + soft, 1.0 - fy);
+        // Windows smaller than a pixel would flicker, so far away they fade into their mean share of the
+        // wall.
         let window = mix(0.35, at.wide * tall, at.fade) * (1.0 - ramp(-0.6, 0.4, up - at.high + 1.0));
         let grain = 0.9 + 0.2 * noise(at.along * 1.7, up * 1.7, at.house);
         let normal = [at.facing, 0.0, 0.0];
@@ -144,6 +149,7 @@ fn road(x: f32, along: f32, deep: f32, pixel: f32, kerbs: [f32; 2], seed: u32) -
     let band = |middle: f32, half: f32| ramp(-pixel, pixel, half - (x - middle).abs());
     let dash = {
         let t = along / 9.0 - (along / 9.0).floor();
+        // A dash is as soft as a pixel is long, or far dashes would flicker.
         let soft = (deep / 9.0).clamp(0.01, 0.5);
         mix(0.4, ramp(-soft, soft, 0.4 - (t - 0.5).abs() * 2.0), fade.max(0.2))
     };
@@ -151,6 +157,7 @@ fn road(x: f32, along: f32, deep: f32, pixel: f32, kerbs: [f32; 2], seed: u32) -
     let paint = (band(-1.85, 0.09) * dash).max(band(2.75, 0.07)).max(band(-5.2, 0.07));
     let marked = blend(asphalt, [0.74, 0.74, 0.72], 0.85 * paint);
     let outside = ramp(-pixel, pixel, kerbs[0] + 2.0 - x).max(ramp(-pixel, pixel, x - kerbs[1] + 2.9));
+    // Pavement needs one more noise, which most pixels of the road save.
     if outside == 0.0 {
         return marked;
     }
@@ -161,10 +168,12 @@ fn road(x: f32, along: f32, deep: f32, pixel: f32, kerbs: [f32; 2], seed: u32) -
 fn column(view: &CameraView, seed: u32, driven: f32, u: f32) -> Column {
     let slope = (u - view.cx) / view.focal;
     let side = usize::from(slope > 0.0);
+    // A ray straight along the street meets no house, so the distance is bounded.
     let z = (ROWS[side] / slope).abs().min(900.0);
     let along = (z + driven) / HOUSE;
     let number = along.floor();
     let house = hash(number as i32 as u32, side as u32, seed);
+    // A low wall in place of some houses lets the sky in, as side streets do.
     let gap = unit(hash(house, 40, 0)) < 0.22;
     let high = if gap { 0.9 } else { 5.0 + 9.0 * unit(hash(house, 41, 0)) };
     let skyline =
@@ -203,6 +212,7 @@ impl Tunnel<'_> {
     pub(super) fn radiance(&self, row: usize, column: usize) -> Rgb {
         let (u, v) = (column as f32 + 0.5, row as f32 + 0.5);
         let (sx, sy) = ((u - self.view.cx) / self.view.focal, (self.view.cy - v) / self.view.focal);
+        // A ray straight ahead meets no wall; the small number keeps its distance finite.
         let wall = if sx > 0.0 { WALLS[1] / sx } else { WALLS[0] / sx.min(-1e-6) };
         let flat =
             if sy > 0.0 { (CEILING - CAMERA_HEIGHT) / sy.max(1e-6) } else { CAMERA_HEIGHT / (-sy).max(1e-6) };
@@ -221,6 +231,7 @@ impl Tunnel<'_> {
         let (x, y) = (sx * self.exit, CAMERA_HEIGHT + sy * self.exit);
         let side = (x - WALLS[0]).min(WALLS[1] - x);
         let inner = side.min(CEILING - y);
+        // The upper corners are rounded, as those of a bored tunnel.
         let corner = 1.3 - side.min(1.3);
         let rounded = inner.min(CEILING - y - 0.55 * corner * corner);
         let soft = 6.0 * self.view.scale() * self.exit / self.view.focal;
@@ -258,6 +269,7 @@ impl Tunnel<'_> {
 
     /// Returns the radiance of wall or ceiling: slabs with joints, a painted band, lamps overhead.
     fn lining(&self, x: f32, y: f32, z: f32, overhead: bool) -> Rgb {
+        // The lining ends at the exit.
         let z = z.min(self.exit);
         let along = (z + self.driven) / 4.0;
         let soft = (0.25 * z * z / (self.view.focal * 6.0)).clamp(0.015, 0.5);

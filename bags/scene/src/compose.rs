@@ -28,6 +28,7 @@ pub(super) fn render(scene: &Scene, frame: u32, height: usize, width: usize) -> 
     let light = Light::new(scene.preset, exit, sun, &view);
     let actors = actors(scene.preset, seed, frame, light.lamps());
     let mut radiance = background(scene.preset, seed, frame, exit, &view, &light);
+    // All shadows come before all actors, so that no shadow darkens an actor that stands in front of it.
     for actor in &actors {
         shadow(&mut radiance, actor, &view);
     }
@@ -37,6 +38,7 @@ pub(super) fn render(scene: &Scene, frame: u32, height: usize, width: usize) -> 
             actor.solid.layer(&view, &light).map(|(layer, whole)| Painted { actor, layer, whole })
         })
         .collect();
+    // From far to near, each with its halos, so that a nearer actor also hides the lamps of a farther one.
     for p in &painted {
         cover(&mut radiance, &p.layer);
         p.actor.solid.halos().for_each(|halo| shine(&mut radiance, halo, &view));
@@ -48,6 +50,7 @@ pub(super) fn render(scene: &Scene, frame: u32, height: usize, width: usize) -> 
 /// Returns the distance of the tunnel's exit in m and the position of the low sun in px.
 fn exit_and_sun(seed: u32, frame: u32, view: &CameraView) -> (f32, [f32; 2]) {
     let mut random = Random::new(seed, 2);
+    // The number wraps before it becomes a float, which would lose the small steps of a long drive.
     let time = (frame % 36_000) as f32;
     let exit = random.between(27.0, 33.0) + 6.0 * wave(time / 600.0 + random.unit());
     let s = view.scale();
@@ -89,6 +92,7 @@ fn each_pixel(image: &mut Array3<f32>, change: impl Fn(&mut [f32], usize, usize)
 fn shadow(image: &mut Array3<f32>, actor: &Actor, view: &CameraView) {
     let [x, z, half, long] = actor.ground;
     let (near, far) = (z - long, z + long);
+    // Ground that reaches the near plane has no finite extent in the image.
     if near < NEAR {
         return;
     }
@@ -129,6 +133,7 @@ fn cover(image: &mut Array3<f32>, layer: &Layer) {
             let texel = layer.texels[row * layer.width + column];
             if texel[3] > 0.0 {
                 let at = |c| [row + layer.top, column + layer.left, c];
+                // The colour of a texel contains its coverage already, so only the background is weighted.
                 (0..3).for_each(|c| image[at(c)] = image[at(c)] * (1.0 - texel[3]) + texel[c]);
             }
         }
@@ -137,6 +142,7 @@ fn cover(image: &mut Array3<f32>, layer: &Layer) {
 
 /// Adds the halo of a lamp: A (1 - r^2 / 16)^2 / (1 + r^2), zero from r = 4 on.
 fn shine(image: &mut Array3<f32>, halo: &Halo, view: &CameraView) {
+    // The size of a lamp in the image grows without bound towards the camera.
     if halo.at[2] < NEAR {
         return;
     }
@@ -177,13 +183,16 @@ fn truth(painted: &[Painted], view: &CameraView) -> Vec<SceneObject> {
             object(p.actor.class?, p, occlusion, view)
         })
         .collect();
+    // Near actors take their pixels first, but the list runs from far to near.
     found.reverse();
     found
 }
 
 fn object(class: Class, p: &Painted, occlusion: f32, view: &CameraView) -> Option<SceneObject> {
     let bbox = p.layer.extent()?;
+    // The share is that of the boxes and not of the pixels: what lies outside of the image was never painted.
     let inside = p.whole.clamp(view.height, view.width);
+    // A box without area would divide by 0.
     let truncation = (1.0 - inside.area() / p.whole.area().max(1e-6)).clamp(0.0, 1.0);
     Some(SceneObject { class, bbox, occlusion, truncation })
 }

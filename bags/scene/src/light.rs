@@ -108,6 +108,7 @@ impl Light {
             Preset::Night => (NIGHT, 0.26, [60.0 * s; 2], [0.0; 3]),
         };
         let glare = if preset == Preset::Tunnel { view.project([-0.7, 2.2, exit]) } else { sun };
+        // With its exit at the camera, every place counts as outside of the tunnel.
         let exit = if preset == Preset::Tunnel { exit } else { 0.0 };
         Self { preset, outside, own_lamps, exit, glare, spread, veil }
     }
@@ -127,6 +128,7 @@ impl Light {
         let outside = add(scaled(sky.sun, lit), sky.ambient);
         let open = add(self.indoors(outside, z), [own, own * 0.97, own * 0.88]);
         let seen = [albedo[0] * open[0], albedo[1] * open[1], albedo[2] * open[2]];
+        // Haze begins at the exit, since the air in the tunnel is clear.
         let air = (z - self.exit).max(0.0);
         blend(seen, sky.haze, air / (air + sky.haze_at))
     }
@@ -147,6 +149,7 @@ impl Light {
 
     /// Returns the stray light of lens and air at pixel (`u`, `v`): A / (1 + r^2).
     pub(super) fn veil(&self, u: f32, v: f32) -> Rgb {
+        // By day and at night there is no glare, and each pixel saves a division.
         if self.veil[0] == 0.0 {
             return [0.0; 3];
         }
@@ -158,6 +161,7 @@ impl Light {
     /// Returns the radiance of the open sky without clouds.
     pub(super) fn sky(&self, u: f32, v: f32, view: &CameraView) -> Rgb {
         let up = ((view.cy - v) / view.focal).max(0.0);
+        // The colour changes within the first 24 degrees above the horizon.
         let t = ramp(0.0, 0.45, up);
         match self.preset {
             Preset::Day => blend([0.29, 0.32, 0.36], [0.13, 0.20, 0.33], t),

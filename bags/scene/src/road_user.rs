@@ -50,6 +50,7 @@ pub(super) fn car(random: &mut Random, lamps: Lamps) -> Solid {
     };
     let axles = [-0.62 * long, 0.62 * long];
     let mut all = PartGroup::default();
+    // Painter's order: the tyres below the body, the body over them, and the sides of the wheels over both.
     wheels(&mut all, half, &axles, 0.33);
     shell(&mut all, &body, paint);
     wheel_sides(&mut all, half, &axles, 0.33);
@@ -84,6 +85,8 @@ pub(super) fn van(random: &mut Random, lamps: Lamps) -> Solid {
         front: [long, 0.95 * long],
         half: [half * 0.99, half * 0.95],
     };
+    // Two groups, since no single order holds: from ahead the nose hides the hull, from behind the hull hides
+    // it.
     let (mut back, mut front) = (PartGroup::default(), PartGroup::default());
     wheels(&mut back, half, &[-0.60 * long], 0.36);
     shell(&mut back, &hull, paint);
@@ -177,11 +180,13 @@ fn fittings(body: &mut PartGroup, panel: &Quadrilateral, end: usize, band: [f32;
         ([0.85, 0.85, 0.80], [0.42, 0.41, 0.37])
     };
     let glow = if lamps == Lamps::On { glow } else { DARK };
+    // Bumper and number plate come first, since the lamps overlap the bumper.
     body.parts.push(panel.patch([0.0, 0.0, 1.0, 0.22], CHASSIS, DARK));
     body.parts.push(panel.patch([0.36, 0.24, 0.64, 0.42], [0.75; 3], DARK));
     let towards = if end == REAR { [0.0, 0.0, -1.0] } else { [0.0, 0.0, 1.0] };
     for [u1, u2] in [[0.02, 0.17], [0.83, 0.98]] {
         body.parts.push(panel.patch([u1, band[0], u2, band[1]], albedo, scaled(glow, 0.4)));
+        // A lamp that is off has no halo, but keeps its coloured glass.
         if glow != DARK {
             let at = panel.at(0.5 * (u1 + u2), 0.5 * (band[0] + band[1]));
             body.halos.push(Halo { at, towards, radius: 0.26, glow });
@@ -219,6 +224,7 @@ fn wheel_sides(body: &mut PartGroup, half: f32, axles: &[f32], radius: f32) {
 
 /// Returns a disc of twelve corners that faces outwards, to the left when `x < 0`.
 fn disc([x, y, z]: [f32; 3], radius: f32, albedo: Rgb) -> ScenePart {
+    // Corners must run clockwise as seen from outside, or the face would count as turned away.
     let spin = if x < 0.0 { 1.0 } else { -1.0 };
     let corner = |i: usize| {
         let t = -spin * i as f32 / 12.0;
@@ -251,6 +257,7 @@ pub(super) fn pedestrian(random: &mut Random, stride: f32) -> Solid {
     let at = |right: f32, up: f32, forward: f32| [right * k, up * k, forward * k];
     let mut body = PartGroup::default();
     for (side, reach) in [(-1.0, swing), (1.0, -swing)] {
+        // The knee goes half as far as the foot and a little ahead, so that legs bend as in a step.
         let knee = at(0.10 * side, 0.48, 0.55 * reach + 0.04);
         body.rod(at(0.09 * side, 0.90, 0.0), knee, 0.095 * k, legs);
         body.rod(knee, at(0.10 * side, 0.07, reach), 0.075 * k, legs);

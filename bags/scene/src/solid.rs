@@ -112,6 +112,7 @@ impl Solid {
 
     /// Returns the halos of the lamps that shine towards the camera.
     pub(super) fn halos(&self) -> impl Iterator<Item = &Halo> {
+        // The camera is at the origin, so a negative product means that the lamp shines towards it.
         let seen = |h: &&Halo| h.at[0] * h.towards[0] + h.at[2] * h.towards[2] < 0.0;
         self.0.iter().flat_map(|b| &b.halos).filter(seen)
     }
@@ -120,6 +121,7 @@ impl Solid {
     pub(super) fn layer(&self, view: &CameraView, light: &Light) -> Option<(Layer, BBox)> {
         let parts = self.0.iter().flat_map(|b| &b.parts);
         let shapes: Vec<(Silhouette, Rgb)> = parts.filter_map(|p| flat(p, view, light)).collect();
+        // The box of all parts, also of those outside of the image: truncation is measured against it.
         let whole = shapes.iter().filter_map(|(s, _)| s.bounds()).reduce(join)?;
         let mut layer = Layer::over(whole, view.height, view.width);
         for (shape, colour) in &shapes {
@@ -150,10 +152,12 @@ fn flat(part: &ScenePart, view: &CameraView, light: &Light) -> Option<(Silhouett
         }
         PartGeometry::Rod { a, b, radius } => {
             let z = 0.5 * (a[2] + b[2]);
+            // Rods are not clipped: one that crosses the near plane is left out as a whole.
             if a[2].min(b[2]) < NEAR {
                 return None;
             }
             let radius = radius * view.focal / z;
+            // A rod has no face of its own. This normal looks up and towards the camera.
             (Silhouette::Capsule { a: view.project(*a), b: view.project(*b), radius }, [0.0, 0.45, -0.89], z)
         }
     };
@@ -164,6 +168,7 @@ fn normal(points: &[Point]) -> Point {
     let side = |i: usize| [0, 1, 2].map(|k| points[i][k] - points[0][k]);
     let (p, q) = (side(1), side(2));
     let n = [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
+    // Corners that coincide span no plane, and must not divide by 0.
     let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt().max(1e-9);
     n.map(|c| c / length)
 }

@@ -104,6 +104,7 @@ fn slots(lane: &TrafficLane, seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> 
         let z = (ahead - lap * f64::from(cycle)) as f32 + REACH[0];
         // A new lap is a new actor: the key contains the lap.
         let mut random = Random::new(seed, hash(slot, lap as i64 as u32, 3));
+        // The cycle is a whole number of gaps and may reach beyond the view.
         (random.unit() < lane.filled && z <= REACH[1]).then(|| user(lane, &mut random, z, frame, lamps))
     };
     (0..count).filter_map(place).collect()
@@ -111,9 +112,11 @@ fn slots(lane: &TrafficLane, seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> 
 
 fn user(lane: &TrafficLane, random: &mut Random, z: f32, frame: u32, lamps: Lamps) -> Actor {
     let time = frame as f32 / 26.0 + random.unit();
+    // Actors are moved by less than half of the smallest gap, so two of a lane never overlap.
     let (x, z) = (lane.x + random.between(-0.25, 0.25), z + random.between(-0.8, 0.8));
     match lane.users {
         Users::Traffic => vehicle(random, x, z, lane.facing, lamps),
+        // Parked cars have their lamps off in every preset.
         Users::Parked => vehicle(random, x, z, lane.facing, Lamps::Off),
         Users::Walkers => walker(random, x, z, lane.facing, time),
         Users::Riders => {
@@ -157,7 +160,9 @@ fn leaders(seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
 fn crossing(seed: u32, frame: u32) -> Vec<Actor> {
     let pass = |id: u32, z: f32, speed: f32, period: u32| {
         let mut random = Random::new(seed, 700 + id);
+        // Any frame number is allowed, so the phase wraps with it.
         let shifted = frame.wrapping_add((random.unit() * period as f32) as u32);
+        // Each crossing is another person, so its number is part of the key.
         let mut random = Random::new(seed, hash(id, shifted / period, 11));
         let gone = speed * (shifted % period) as f32;
         let (facing, x) = random.pick(&[(Facing::Right, gone - 9.0), (Facing::Left, 9.0 - gone)]);

@@ -35,6 +35,7 @@ impl CameraView {
         let mut random = Random::new(seed, 1);
         let (w, h) = (width as f32, height as f32);
         let time = (frame % 36_000) as f32;
+        // Two periods whose common multiple is long, so that the sway does not repeat visibly.
         let yaw = random.between(-0.07, 0.07) + 0.012 * wave(time / 211.0 + random.unit());
         let pitch = random.between(-0.02, 0.02) + 0.003 * wave(time / 37.0);
         Self { width, height, focal: 0.58 * w, cx: w * (0.5 + yaw), cy: h * 0.46 + w * pitch * 0.5 }
@@ -47,6 +48,7 @@ impl CameraView {
 
     /// Returns the image position in px of a point with `z >= NEAR`.
     pub(super) fn project(&self, [x, y, z]: Point) -> [f32; 2] {
+        // Points are clipped before; the bound only keeps the division safe.
         let s = self.focal / z.max(NEAR);
         [self.cx + s * x, self.cy - s * (y - CAMERA_HEIGHT)]
     }
@@ -61,6 +63,7 @@ pub(super) fn clip_near(points: &[Point]) -> Vec<Point> {
             kept.push(a);
         }
         if (a[2] >= NEAR) != (b[2] >= NEAR) {
+            // The ends lie on different sides of the plane, so the divisor is not 0.
             let t = (NEAR - a[2]) / (b[2] - a[2]);
             kept.push([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), NEAR]);
         }

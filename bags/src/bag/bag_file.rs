@@ -62,6 +62,7 @@ impl BagFile {
 
     fn add_channel(&mut self, topic: &BagTopic) -> Result<u16, McapError> {
         let schema = self.mcap.add_schema(&topic.type_name, &topic.schema_encoding, &topic.schema)?;
+        // Version 9 of rosbag2 reads the policies as words, whatever the source bag had.
         let metadata = BTreeMap::from([
             ("offered_qos_profiles".to_owned(), qos::in_words(&topic.qos)),
             ("topic_type_hash".to_owned(), topic.type_hash.clone()),
@@ -81,6 +82,8 @@ impl BagFile {
         let Some(&channel_id) = self.channels.get(topic) else {
             return Err(BagError::UnknownTopic(topic, known));
         };
+        // Closed before the next message and not after the last one, so that no file ends with an empty
+        // chunk.
         if self.pending > CHUNK {
             self.close_chunk()?;
         }
@@ -114,6 +117,7 @@ impl BagFile {
 
     fn close_chunk(&mut self) -> Result<(), BagError> {
         self.mcap.flush().map_err(|source| self.failed(source))?;
+        // Only the system knows the size of a compressed chunk.
         self.closed = self.disk.metadata().map_err(|e| FileError::new(&self.path, e))?.len();
         self.pending = 0;
         Ok(())
@@ -135,6 +139,7 @@ impl BagFile {
         let topics: Vec<_> = topics.iter().zip(&self.counts).map(here).collect();
         let text =
             metadata::mapping(&Contents { files: std::slice::from_ref(&self.contents), topics: &topics });
+        // rosbag2 reads this record where `metadata.yaml` is lost.
         let record = MetadataRecord {
             name: "rosbag2".to_owned(),
             metadata: BTreeMap::from([("serialized_metadata".to_owned(), text)]),

@@ -41,6 +41,7 @@ impl McapFile {
         let (summary, loose, mut warnings) = match summary {
             Some(summary) => (summary, Vec::new(), Vec::new()),
             None => {
+                // The search for the summary has moved the position.
                 file.rewind().map_err(io)?;
                 let mut found = scan(path, file, size)?;
                 // The caller has not asked for the index.
@@ -115,7 +116,9 @@ fn is_complete(summary: &Summary, size: u64) -> bool {
     let Some(stats) = &summary.stats else { return false };
     let chunks = &summary.chunk_indexes;
     let inside = |start: u64, length: u64| start.checked_add(length).is_some_and(|end| end <= size);
+    // An index with fewer chunks than the file counts would hide messages.
     stats.chunk_count as usize == chunks.len()
+        // Messages outside of chunks have no index; only a scan finds them.
         && (stats.message_count == 0 || !chunks.is_empty())
         && stats.message_start_time <= stats.message_end_time
         && stats.channel_message_counts.keys().all(|id| summary.channels.contains_key(id))
@@ -185,6 +188,7 @@ impl McapMessages {
             .with_order(ReadOrder::LogTime)
             .include_topics(wanted.values().map(|topic| topic.name.clone()))
             .starting_at(start)
+            // A broken length must not decide how much memory is allocated.
             .with_record_length_limit(MAX_CHUNK);
         let chunked = IndexedReader::new_with_options(&index.index, options)
             .map_err(|e| BagError::damaged(&index.path, e))?;

@@ -78,6 +78,7 @@ impl BagReader {
             warnings.extend(file.summary().warnings.iter().cloned());
             files.push((path, file));
         }
+        // Files without messages have no start and must not come first.
         files.sort_by_key(|(_, file)| file.summary().span.map_or(u64::MAX, |(start, _)| start));
         Ok(Self { path: path.to_owned(), files, ros_distro, warnings })
     }
@@ -143,6 +144,7 @@ impl BagReader {
     pub fn messages(&self, selection: &Selection) -> Messages {
         let from = selection.start_ns.unwrap_or(0);
         let inputs = self.files.iter().filter_map(|(_, file)| {
+            // A file that ends before the start is never opened.
             let (start, _) = file.summary().span.filter(|(_, end)| *end >= from)?;
             let (file, selection) = (Arc::clone(file), selection.clone());
             Some(MergeInput { start, open: Box::new(move || file.messages(&selection)) })
@@ -161,6 +163,7 @@ impl Iterator for Messages {
 
     fn next(&mut self) -> Option<Self::Item> {
         let next = self.merged.as_mut()?.next();
+        // After any other error the position in the file is unknown.
         if !matches!(next, Ok(Some(_)) | Err(BagError::BadMessage { .. })) {
             self.merged = None;
         }
@@ -176,6 +179,7 @@ fn metadata_of(path: &Path, warnings: &mut Vec<BagWarning>) -> Result<Option<Met
     match metadata::read(&path.join(metadata::FILE_NAME)) {
         Ok(metadata) => return Ok(Some(metadata)),
         Err(BagError::Metadata(path, why)) => warnings.push(BagWarning::BadMetadata(path, why)),
+        // Other errors of the system, such as a missing permission, are not taken for a missing file.
         Err(BagError::Io(why)) if why.source.kind() == std::io::ErrorKind::NotFound => {
             warnings.push(BagWarning::NoMetadata(path.to_owned()));
         }

@@ -58,12 +58,14 @@ pub(super) trait Cursor: Send {
 pub(super) fn open(path: &Path, index: IndexUse) -> Result<Arc<dyn Storage>, BagError> {
     let mut start = Vec::new();
     let file = File::open(path).map_err(|e| FileError::new(path, e))?;
+    // The longest of the signatures, that of SQLite, has 16 bytes.
     file.take(16).read_to_end(&mut start).map_err(|e| FileError::new(path, e))?;
     Ok(if start.starts_with(b"SQLite format 3\0") {
         Arc::new(SqliteFile::open(path)?)
     } else if start.starts_with(b"#ROSBAG V") {
         Arc::new(Ros1File::open(path)?)
     } else {
+        // Anything else is read as MCAP, whose reader names the error.
         Arc::new(McapFile::open(path, index)?)
     })
 }
@@ -120,6 +122,8 @@ pub(super) struct Merge {
 impl Merge {
     /// Merges `inputs`. Of messages with the same time, the one of the earlier input is first.
     pub(super) fn of(mut inputs: Vec<MergeInput>) -> Self {
+        // Inputs are taken off the end, so the earliest must be the last. The sort is stable, so of equal
+        // starts the first one given is taken first.
         inputs.sort_by_key(|input| input.start);
         inputs.reverse();
         Self { closed: inputs, open: Vec::new(), broken: None }
@@ -140,6 +144,7 @@ impl Merge {
                 let head = Err(BagError::BadMessage { path, topic, log_time, why });
                 self.open.insert(index, OpenedInput { time: log_time, head, rest });
             }
+            // The message that was taken just now is returned first; the error follows at the next call.
             Some(Err(why)) => self.broken = Some(why),
             None => {}
         }
@@ -148,6 +153,7 @@ impl Merge {
     /// Returns whether a closed input may have an earlier message than the open ones.
     fn must_open(&self) -> bool {
         let next = self.earliest().map(|i| self.open[i].time);
+        // An input that starts at the same time may wait: its first message is not earlier than the next one.
         self.closed.last().is_some_and(|input| next.is_none_or(|next| input.start < next))
     }
 }

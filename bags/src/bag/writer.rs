@@ -132,6 +132,7 @@ impl BagWriter {
         publish_time: u64,
         data: &[u8],
     ) -> Result<(), BagError> {
+        // Checked before the message, because a file must not exceed its limit by it.
         if self.is_full(log_time, data.len()) {
             self.next_file()?;
         }
@@ -163,6 +164,7 @@ impl BagWriter {
     /// [`BagError`] when the disk does not take it.
     pub fn settle(&mut self, now: u64) -> Result<(), BagError> {
         let flushed = *self.flushed.get_or_insert(now);
+        // The clock of the machine may also be set back.
         if now.abs_diff(flushed) < FLUSH_EVERY && self.bag_file.unflushed() < FLUSH_BYTES {
             return Ok(());
         }
@@ -172,6 +174,7 @@ impl BagWriter {
 
     /// Returns whether a message of `length` bytes at `log_time` belongs into a new file.
     fn is_full(&self, log_time: u64, length: usize) -> bool {
+        // A file without messages takes one, however large it is, or an empty file would stay behind.
         let Some((start, _)) = self.bag_file.span() else { return false };
         let Split { max_bytes, max_duration } = self.options.split;
         let lasts = Duration::from_nanos(log_time.saturating_sub(start));
@@ -182,9 +185,12 @@ impl BagWriter {
     fn next_file(&mut self) -> Result<(), BagError> {
         let name = format!("{}_{}.mcap", self.name, self.done.len() + 1);
         let mut bag_file = BagFile::create(&self.folder, name, self.options.compression)?;
+        // Each file declares all topics in the same order, so that a `TopicId` holds for every file.
         for counted in &self.topics {
             bag_file.add(&counted.topic)?;
         }
+        // The old file is finished only when the new one exists: a full disk then leaves at least a bag that
+        // can be read.
         let full = std::mem::replace(&mut self.bag_file, bag_file);
         self.done.push(full.finish(&self.topics)?);
         Ok(())
@@ -201,6 +207,7 @@ impl BagWriter {
     /// [`BagError`] when the disk does not take it.
     pub fn finish(mut self) -> Result<Vec<TopicCount>, BagError> {
         self.done.push(self.bag_file.finish(&self.topics)?);
+        // Written last: a folder with this file is a complete bag.
         let document = metadata::document(&Contents { files: &self.done, topics: &self.topics });
         let path = self.folder.join(metadata::FILE_NAME);
         std::fs::write(&path, document).map_err(|e| FileError::new(&path, e))?;

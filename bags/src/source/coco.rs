@@ -58,6 +58,7 @@ impl CocoSource {
         let text = std::fs::read(annotations).map_err(|why| FileError::new(annotations, why))?;
         let bad = |line, why: String| SourceError::Label { path: annotations.to_owned(), line, why };
         let file: File = serde_json::from_slice(&text).map_err(|why| bad(why.line(), why.to_string()))?;
+        // Checked before any path is joined: an annotation file may come from anywhere.
         if let Some(image) = file.images.iter().find(|image| !stays_inside(Path::new(&image.file_name))) {
             let why = "must be a path inside the folder of images, relative and without '..'";
             return Err(bad(1, format!("file_name '{}' of image {} {why}", image.file_name, image.id)));
@@ -76,6 +77,7 @@ impl CocoSource {
         if paths.is_empty() {
             return Err(SourceError::Empty(annotations.to_owned()));
         }
+        // An image without annotations is labelled: it contains no object.
         let truth = |image: &ImageEntry| by_image.remove(&image.id).unwrap_or_default();
         let labels = CocoLabels(paths.iter().cloned().zip(file.images.iter().map(truth)).collect());
         Ok(Self { frames: FolderSource::of(paths, 0.0)?, labels })

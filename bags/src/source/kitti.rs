@@ -87,6 +87,8 @@ impl KittiFolder {
             }
             LabelFiles::Drive(frames) => {
                 let number = stem(image).parse().ok();
+                // A frame of a drive without a line is labelled as empty; only a name without a number has no
+                // labels.
                 Ok(number.map(|number: u64| frames.get(&number).cloned().unwrap_or_default()))
             }
         }
@@ -200,6 +202,7 @@ impl FrameList {
         let text = std::fs::read_to_string(path).map_err(|why| FileError::new(path, why))?;
         let (mut frames, mut drives) = (Vec::new(), BTreeMap::new());
         for (line, text) in (1..).zip(text.lines()) {
+            // Comments may also follow an entry.
             let entry = text.split_once('#').map_or(text, |(entry, _comment)| entry);
             match entry.split_whitespace().collect::<Vec<_>>()[..] {
                 [] => {}

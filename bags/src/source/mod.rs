@@ -150,6 +150,7 @@ pub fn open(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, Sour
     if !path.exists() {
         return Err(SourceError::Missing(path.to_owned()));
     }
+    // Bags come first, because the folder of a bag may hold images and anything else.
     if crate::bag::is_bag(path) {
         return Ok(Box::new(BagSource::open(path, options)?));
     }

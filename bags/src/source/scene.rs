@@ -28,6 +28,7 @@ impl Source for SceneSource {
         }
         let rendered = self.spec.scene().render(self.frame, self.spec.height, self.spec.width);
         let name = format!("{:06}", self.frame);
+        // A scene without an end may run past the largest number.
         self.frame = self.frame.wrapping_add(1);
         Some(Ok(SourceFrame {
             radiance: rendered.radiance,

@@ -63,6 +63,7 @@ impl Labels for YoloLabels {
 /// Returns the possible paths of the labels of an image.
 fn label_files(image: &Path) -> Vec<PathBuf> {
     let parts: Vec<_> = image.components().collect();
+    // The last part of this name, as ultralytics replaces it: a folder above may be called `images`, too.
     let last = parts.iter().rposition(|part| part.as_os_str() == "images");
     let swapped = last.map(|last| {
         let swap = |(place, part): (usize, &std::path::Component<'_>)| match place {
@@ -92,6 +93,7 @@ fn parse(line: &str, width: f32, height: f32) -> Result<(usize, BBox), String> {
                 y2: b.y2.max(point[1]),
             })
         }
+        // A polygon needs three corners at least.
         _ => return Err(format!("{} columns found, 5 needed (7, 9, ... for a polygon)", numbers.len() + 1)),
     };
     Ok((class, BBox { x1: bbox.x1 * width, y1: bbox.y1 * height, x2: bbox.x2 * width, y2: bbox.y2 * height }))
@@ -111,6 +113,7 @@ enum Names {
 }
 
 fn names(folder: &Path) -> Result<BTreeMap<usize, String>, SourceError> {
+    // A split such as `images/val` lies two folders below the file of the data set.
     let files = folder.ancestors().take(3).flat_map(|folder| NAME_FILES.map(|name| folder.join(name)));
     let Some(path) = files.into_iter().find(|path| path.is_file()) else { return Ok(BTreeMap::new()) };
     let text = std::fs::read_to_string(&path).map_err(|why| FileError::new(&path, why))?;

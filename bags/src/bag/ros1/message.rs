@@ -56,6 +56,7 @@ fn converted<T: serde::Serialize>(
 ) -> Result<Vec<u8>, String> {
     let mut reader = Ros1Reader(bytes);
     let message = read(&mut reader).ok_or_else(|| format!("a message of {} bytes is cut", bytes.len()))?;
+    // Bytes that are left over mean another layout than the MD5 sum promises.
     if !reader.0.is_empty() {
         return Err(format!("{} of {} bytes of a message are left over", reader.0.len(), bytes.len()));
     }
@@ -108,6 +109,7 @@ impl<'a> Ros1Reader<'a> {
 fn header(reader: &mut Ros1Reader<'_>) -> Option<Header> {
     let _sequence = reader.u32()?;
     let (sec, nanosec) = (reader.u32()?, reader.u32()?);
+    // ROS 1 counts seconds without a sign, ROS 2 with one.
     let stamp = i32::try_from(sec).map_or(Time::MAX, |sec| Time { sec, nanosec });
     Some(Header { stamp, frame_id: reader.string()? })
 }
@@ -135,6 +137,8 @@ fn camera_info(reader: &mut Ros1Reader<'_>) -> Option<CameraInfo> {
         height: reader.u32()?,
         width: reader.u32()?,
         distortion_model: reader.string()?,
+        // Collected one by one: a broken length ends at the first missing number, before memory is allocated
+        // for it.
         d: (0..reader.u32()?).map(|_| reader.f64()).collect::<Option<_>>()?,
         k: reader.f64s()?,
         r: reader.f64s()?,

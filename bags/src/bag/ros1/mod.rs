@@ -55,6 +55,7 @@ impl Ros1File {
         let size = file.metadata().map_err(io)?.len();
         let mut start = Vec::new();
         file.take(HEADER).read_to_end(&mut start).map_err(io)?;
+        // Before the library opens the file: it panics on positions beyond the end.
         check_header(&start, size).map_err(broken)?;
         let bag = RosBag::new(path).map_err(io)?;
         let index = read_index(&bag).map_err(|e| broken(e.to_string()))?;
@@ -120,6 +121,7 @@ fn convert(connection: &Connection<'_>) -> Result<(BagTopic, Convert), String> {
         format!("of the types of ROS 1, {} are converted, not {kind}", message::known_names())
     })?;
     let md5: String = connection.md5sum.iter().map(|byte| format!("{byte:02x}")).collect();
+    // Another definition of the same name has other fields at the same bytes.
     if md5 != known.md5 {
         return Err(format!("its {kind} has the MD5 sum {md5}, that of ROS 1 {}", known.md5));
     }
@@ -150,6 +152,7 @@ impl Storage for Ros1File {
         let from = selection.start_ns.unwrap_or(0);
         let wanted = Arc::new(wanted);
         let chunks = self.chunks.iter().filter(|chunk| chunk.span.1 >= from);
+        // Chunks may overlap in time, so each is an input of its own.
         let input = |chunk: &ChunkLocation| {
             let (file, wanted, chunk) = (Arc::clone(&self), Arc::clone(&wanted), *chunk);
             MergeInput {
@@ -195,6 +198,7 @@ impl Ros1File {
             };
             messages.push((log_time, message));
         }
+        // A chunk holds messages in the order of their arrival. The sort is stable, so equal times keep it.
         messages.sort_by_key(|(log_time, _)| *log_time);
         Ok(messages.into_iter().map(|(_, message)| message).collect())
     }
