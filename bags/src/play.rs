@@ -180,7 +180,7 @@ pub struct PlaybackClock {
 }
 
 impl PlaybackClock {
-    /// Position 0 at `ticks`.
+    /// Creates a clock that is at position 0 at `ticks`.
     ///
     /// # Errors
     /// [`PlayError::Rate`] for a rate that is not finite and positive.
@@ -235,7 +235,7 @@ impl PlaybackClock {
         self.state = state;
     }
 
-    /// Is at `position` at `ticks`.
+    /// Moves the replay to `position` at `ticks`.
     pub fn jump(&mut self, ticks: u64, position: u64) {
         self.anchor = (ticks, position);
     }

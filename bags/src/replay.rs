@@ -146,7 +146,7 @@ impl Replay<'_> {
         Ok(self.ahead.is_some())
     }
 
-    /// `None` while paused, and at the end.
+    /// Returns the ticks until the next message is due; `None` while paused, and at the end.
     fn ticks_until_due(&self, now: u64) -> Option<u64> {
         let due = self.ahead.as_ref()?;
         Some(self.pace.ticks_of(due.position)?.saturating_sub(now))

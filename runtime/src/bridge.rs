@@ -71,6 +71,7 @@ impl BridgePlan {
         ] {
             for entry in entries {
                 let route = route(list, entry, direction, node_name)?;
+                // Compared by their resolved names, since a remapping may send two entries to one topic.
                 if let Some(other) = known.insert(route.topic.clone(), list) {
                     let why = if other == list {
                         "is there twice".to_owned()
@@ -102,6 +103,7 @@ fn route(
         .ok_or_else(|| refuse("must be topic:type, such as /recovered:sensor_msgs/msg/Image".to_owned()))?;
     let topic = node_name.resolve(topic.trim()).map_err(|why| refuse(why.to_string()))?;
     let ros_type = ros_type.trim();
+    // Services have hashes as well, but a topic cannot carry them.
     let type_hash = rihs::type_hash(ros_type).filter(|_| ros_type.contains("/msg/")).ok_or_else(|| {
         let known = modulo_msgs::interface::names().filter(|name| name.contains("/msg/"));
         refuse(format!("the type is unknown, known are {}", known.collect::<Vec<_>>().join(", ")))

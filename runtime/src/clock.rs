@@ -30,6 +30,7 @@ impl Default for SystemClock {
 
 impl Clock for SystemClock {
     fn now_ns(&self) -> u64 {
+        // A machine whose clock is before 1970 counts as one at the epoch; stamps have no sign.
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         nanos(since)
     }

@@ -122,6 +122,7 @@ impl CdrCodec for StampedFrame {
 
     fn from_cdr(bytes: &[u8]) -> Result<Self, String> {
         let image: Image = cdr::from_slice(bytes).map_err(|why| why.to_string())?;
+        // The conversion into pixels consumes the message and leaves the header out.
         let header = image.header.clone();
         Ok(Self { header, frame: image.into_frame().map_err(|why| why.to_string())? })
     }

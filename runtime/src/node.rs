@@ -55,13 +55,13 @@ pub trait Node: Send {
     /// into this list.
     fn outputs(&self) -> Vec<Topic>;
 
-    /// `Some` for a source: [`Trigger::Tick`] comes this often (zero: as fast as the frames can be made). `None` for a
+    /// Returns the period of a source: [`Trigger::Tick`] comes this often (zero: as fast as the frames can be made). `None` for a
     /// node that only answers messages.
     fn period(&self) -> Option<Duration> {
         None
     }
 
-    /// `Some` for a source that can go on at any frame: how many frames it has taken from its data so far. It is kept
+    /// Returns how many frames a source that can go on at any frame has taken from its data so far. It is kept
     /// before the frame is sent, so that a crash between the two loses this frame and never sends one twice.
     fn position(&self) -> Option<u64> {
         None
@@ -120,6 +120,7 @@ impl<'a> Context<'a> {
     /// Returns whether output `output` has a reader; a message without one need not be made. A step asks when it has a
     /// message to send: a message that is not made then is counted as unwanted.
     pub fn wanted(&self, output: usize) -> bool {
+        // Asked once before the step: a reader that comes during it gets the next message.
         let wanted = self.wanted.get(output).copied().unwrap_or(false);
         if !wanted {
             self.unwanted.borrow_mut().insert(output);

@@ -29,9 +29,7 @@ pub(super) enum Silhouette {
     Polygon(Vec<[f32; 2]>),
     /// All points within `radius` of the segment `a`-`b`.
     Capsule {
-        /// One end.
         a: [f32; 2],
-        /// The other end.
         b: [f32; 2],
         /// Half the thickness.
         radius: f32,

@@ -25,12 +25,10 @@ pub(super) fn blend(a: Rgb, b: Rgb, t: f32) -> Rgb {
     [a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t, a[2] + (b[2] - a[2]) * t]
 }
 
-/// Whether vehicles drive with their lamps on.
+/// Whether vehicles drive with their lamps on, as in the tunnel and at night.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Lamps {
-    /// The lamps are off, by day.
     Off,
-    /// The lamps are on, in the tunnel and at night.
     On,
 }
 

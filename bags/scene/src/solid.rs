@@ -14,9 +14,7 @@ pub(super) enum PartGeometry {
     Face(Vec<Point>),
     /// A rod with round ends.
     Rod {
-        /// One end.
         a: Point,
-        /// The other end.
         b: Point,
         /// Half the thickness, m.
         radius: f32,
@@ -26,9 +24,7 @@ pub(super) enum PartGeometry {
 /// A part of one colour.
 #[derive(Clone, Debug)]
 pub(super) struct ScenePart {
-    /// The geometry in its position.
     pub(super) geometry: PartGeometry,
-    /// The reflectance.
     pub(super) albedo: Rgb,
     /// The radiance of the part itself.
     pub(super) glow: Rgb,
@@ -37,7 +33,6 @@ pub(super) struct ScenePart {
 /// The halo of a lamp, drawn as light in front of the solid.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Halo {
-    /// The position of the lamp.
     pub(super) at: Point,
     /// The direction of its light.
     pub(super) towards: Point,
@@ -67,9 +62,7 @@ pub(super) enum Facing {
     Ahead,
     /// The solid faces the camera.
     Towards,
-    /// The solid faces left.
     Left,
-    /// The solid faces right.
     Right,
 }
 

@@ -17,9 +17,7 @@ pub(super) const CAMERA_HEIGHT: f32 = 1.6;
 /// The direction of the camera and the size of its image.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct CameraView {
-    /// The number of columns.
     pub(super) width: usize,
-    /// The number of rows.
     pub(super) height: usize,
     /// The focal length in px.
     pub(super) focal: f32,

@@ -95,7 +95,7 @@ impl Storage for McapFile {
     }
 }
 
-/// Any trouble means that there is no summary: the scan then finds out more.
+/// Returns the summary at the end of the file; `None` when it cannot be read, since the scan then finds the reason.
 fn read_summary(file: &mut File, size: u64) -> Option<Summary> {
     let options = SummaryReaderOptions::default().with_file_size(size);
     let mut reader = SummaryReader::new_with_options(options);
@@ -243,7 +243,7 @@ impl Cursor for McapMessages {
     }
 }
 
-/// Returns the number of bytes of the file; a length beyond its end is refused before it is allocated.
+/// Reads `length` bytes at `offset` of the file; a length beyond its end is refused before it is allocated.
 fn read_at(file: &mut File, index: &McapFile, offset: u64, length: usize) -> Result<Vec<u8>, BagError> {
     let end = offset.checked_add(length as u64).filter(|&end| end <= index.summary.size);
     if end.is_none() {

@@ -48,7 +48,7 @@ pub fn parse(yaml: &str) -> Qos {
     }
 }
 
-/// `yaml` with words for numbers, as version 9 of the metadata needs it.
+/// Returns `yaml` with words for numbers, as version 9 of the metadata needs it.
 pub(super) fn in_words(yaml: &str) -> String {
     yaml.lines().map(|line| line_in_words(line) + "\n").collect()
 }

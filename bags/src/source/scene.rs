@@ -12,7 +12,7 @@ pub struct SceneSource {
 }
 
 impl SceneSource {
-    /// The scene of `scene://PRESET?seed=N&frames=N&width=W&height=H`.
+    /// Opens the scene of `scene://PRESET?seed=N&frames=N&width=W&height=H`.
     ///
     /// # Errors
     /// [`SourceError::Scene`] when the address does not name a scene.

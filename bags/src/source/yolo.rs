@@ -75,7 +75,7 @@ fn label_files(image: &Path) -> Vec<PathBuf> {
     swapped.into_iter().chain([image.to_owned()]).map(|path| path.with_extension("txt")).collect()
 }
 
-/// (class, box in px) of a line.
+/// Returns the number of the class and the box in px of a line.
 fn parse(line: &str, width: f32, height: f32) -> Result<(usize, BBox), String> {
     let mut words = line.split_whitespace();
     let class = words.next().unwrap_or_default();

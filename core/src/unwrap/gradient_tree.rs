@@ -226,13 +226,13 @@ impl EdgeSource for GradientEdges<'_> {
         Some(self.mask)
     }
 
-    /// Twice the steepest gradient nearby measures how unlikely n = 0 is.
+    /// Returns twice the steepest gradient nearby, which measures how unlikely n = 0 is.
     #[inline(always)]
     fn background_key(&self, at: usize) -> u16 {
         self.steepest[at].saturating_mul(2).min(MAX_KEY)
     }
 
-    /// The range bounds n: k at both ends lies in 0 to `highest`, and n = k_to - k_from - steps.
+    /// Returns the interval of n, which the range bounds: k at both ends lies in 0 to `highest`, and n = k_to - k_from - steps.
     #[inline(always)]
     fn interval(&self, pixels: Indices<usize>) -> Region {
         Region::of_equal(pixels, |at| {

@@ -80,6 +80,7 @@ impl ModuloCamera {
             return Ok(None);
         }
         let frame = reader.next_frame();
+        // A frame that cannot be read is taken as well: after a crash it must not be tried again.
         self.taken += u64::from(!matches!(frame, Ok(None) | Err(StepError::Fatal(_))));
         frame
     }
@@ -173,6 +174,7 @@ impl Node for ModuloCamera {
 
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
         let parameters = CameraParameters::from(parameters);
+        // The only step that can fail comes first, so that a set that is refused changes nothing.
         self.sensor = parameters.sensor()?;
         self.seed = parameters.seed.unsigned_abs();
         self.period = parameters.period();
@@ -258,6 +260,7 @@ impl FrameReader {
     fn next_frame(&mut self) -> Result<Option<SourceFrame>, StepError> {
         let mut next = self.source.next();
         if next.is_none() {
+            // A source without a single good frame would repeat its errors without end.
             if let (false, Some(why)) = (self.given, self.bad.take()) {
                 return Err(StepError::Fatal(format!("no frame of the source is good: {why}")));
             }
@@ -283,8 +286,10 @@ impl FrameReader {
 
     /// Goes on behind the first `frames` frames, good and bad ones, of all rounds.
     fn skip(&mut self, frames: u64) {
+        // The position counts on over all rounds of a loop, so only its rest lies in this round.
         let round = self.source.len().map(|frames| frames as u64).filter(|frames| self.repeat && *frames > 0);
         self.source.skip(round.map_or(frames, |round| frames % round));
+        // An earlier life has sent frames, so the source is not without a good one.
         self.given = frames > 0;
     }
 }

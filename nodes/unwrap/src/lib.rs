@@ -76,6 +76,7 @@ impl UnwrapNode {
         let model = self.parameters.sensor.over(camera)?;
         if let Some(camera) = camera
             && (camera.bits, camera.alpha) != (model.bits, model.alpha)
+            // Told once, and not with each frame.
             && !std::mem::replace(&mut self.contradiction_told, true)
         {
             tracing::warn!(
@@ -86,6 +87,7 @@ impl UnwrapNode {
                 camera.alpha
             );
         }
+        // The filter has tables of the size of the image, so it is made anew only for another sensor.
         if self.sensor.as_ref().is_none_or(|prepared| prepared.model != model) {
             let blur = Some(model.psf()).filter(|psf| self.parameters.deblur && *psf != Psf::None);
             let (range, deblur) = (model.range()?, blur.map(Deblur::new));
@@ -98,6 +100,8 @@ impl UnwrapNode {
     fn take(&mut self, modulo: Arc<StampedFrame>, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         let stamp = modulo.header.stamp;
         if !self.parameters.sensor.is_complete() && self.described.of(stamp).is_none() {
+            // Only the newest frame is kept: when the next one has come, the description of the last one will
+            // not.
             return match self.kept.replace(modulo) {
                 None => Ok(Flow::Kept),
                 Some(_) => Err(StepError::Skip(
@@ -182,6 +186,7 @@ impl Node for UnwrapNode {
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         match trigger {
             Trigger::Message { message: Message::Image(modulo), .. }
+                // Without a reader of an image the whole work is saved.
                 if cx.wanted(RECOVERED) || cx.wanted(HDR) =>
             {
                 self.take(modulo, cx)

@@ -59,6 +59,7 @@ pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<
     }
     let transport = LocalTransport::default();
     thread::scope(|scope| {
+        // All threads are started before the first one is joined.
         let threads: Vec<_> = members
             .into_iter()
             .map(|member| {
@@ -66,6 +67,7 @@ pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<
                 scope.spawn(move || {
                     let Member { node, parameters, node_name, on_exit } = member;
                     let setup = NodeSetup { node, parameters, node_name, saved: None, report_file: None };
+                    // A panic leaves the urgency as it is here, so that the other members end as well.
                     let mut end = AskOnDrop { stop: stop.clone(), urgency: Urgency::Now };
                     let result = live::run(setup, transport, clock, stop);
                     end.urgency = match (&result, on_exit) {
@@ -79,6 +81,7 @@ pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<
             .collect();
         threads
             .into_iter()
+            // A panic in a member is an error of the program and not a result of the run.
             .map(|thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
             .collect()
     })

@@ -8,8 +8,7 @@ pub mod lockstep;
 use std::time::Duration;
 
 use crate::clock::{Clock, nanos};
-use crate::graph::Topic;
-use crate::graph::{NameError, NodeName};
+use crate::graph::{NameError, NodeName, Topic};
 use crate::message::MessageKind;
 use crate::node::{Node, Trigger};
 use crate::parameter::{ParameterError, Parameters};
@@ -78,6 +77,7 @@ pub fn wait_until_ready(
 ) -> Result<(), String> {
     let start = clock.ticks_ns();
     loop {
+        // A node that was ready once is not asked for again: it may have done its work and ended.
         nodes.retain(|node| !transport.is_ready(node));
         if nodes.is_empty() || stop.urgency() != Urgency::None {
             return Ok(());

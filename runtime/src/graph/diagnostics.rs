@@ -7,8 +7,7 @@ use modulo_msgs::std_msgs::{Header, Time};
 
 use crate::clock::Clock;
 use crate::driver::RunError;
-use crate::graph::NodeName;
-use crate::graph::Topic;
+use crate::graph::{NodeName, Topic};
 use crate::message::{Message, MessageKind};
 use crate::node::Node;
 use crate::report::{NodeReport, quantile};
@@ -46,6 +45,7 @@ impl Diagnostics {
         let skipped = bad - std::mem::replace(&mut self.bad, bad);
         let message = Message::Diagnostics(Arc::new(describe(clock.now_ns(), report, node, skipped)));
         if let Err(why) = self.publisher.put(&message) {
+            // A warning each second about the same fault would hide all others.
             tracing::debug!("{why}");
         }
     }

@@ -121,6 +121,7 @@ fn conflict_between(one: &Token, other: &Token) -> Option<Conflict> {
 
 fn cause(gives: &Endpoint, takes: &Endpoint) -> Option<Cause> {
     let (offered, asked) = (Profile::parse(&gives.qos), Profile::parse(&takes.qos));
+    // The worst first: with another type or hash nothing arrives, and the policies do not matter.
     if gives.dds_type != takes.dds_type {
         Some(Cause::Type)
     } else if gives.type_hash != takes.type_hash {

@@ -15,8 +15,7 @@ use tracing_subscriber::layer::Context;
 
 use crate::clock::Clock;
 use crate::driver::RunError;
-use crate::graph::NodeName;
-use crate::graph::Topic;
+use crate::graph::{NodeName, Topic};
 use crate::message::{Message, MessageKind};
 use crate::transport::queue::{Keep, Lane, Limit, Next, Queue, Queued};
 use crate::transport::{Address, Guard, Publisher, Transport, TransportError};
@@ -117,6 +116,7 @@ impl LogQueue {
         let mut told = 0;
         while let Next::Item(arrived) = self.queue.take(None) {
             let lost = self.queue.counts(self.lane).overflowed;
+            // Told before the next line, which is where the lines are missing.
             if lost > told {
                 put(publisher, logger, about_lost(lost - told, &arrived.item));
                 told = lost;
@@ -145,6 +145,7 @@ struct Publishing {
 
 impl Drop for Publishing {
     fn drop(&mut self) {
+        // The thread waits for lines without a limit, so joining it first would never return.
         self.queue.end();
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();

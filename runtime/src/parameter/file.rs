@@ -102,7 +102,7 @@ fn parts(name: &str) -> Vec<&str> {
     name.split('/').filter(|part| !part.is_empty()).collect()
 }
 
-/// Nested mappings are names with dots.
+/// Adds the parameters of `value` to `found`; nested mappings become names with dots.
 fn flatten(name: &str, value: &Node<'_>, found: &mut Vec<(String, String)>) -> Result<(), String> {
     let no_value = || format!("parameter '{name}' has no value that a parameter can have");
     let text = match value {
@@ -124,6 +124,7 @@ fn flatten(name: &str, value: &Node<'_>, found: &mut Vec<(String, String)>) -> R
 /// Returns the text that `ros2 param dump` prints: the parameters of the fully qualified `node`, sorted by name, with nesting for dots. Parameters that are not set are left out.
 pub fn write(node: &str, parameters: &[(String, ParameterValue)]) -> String {
     let mut sorted: Vec<_> = parameters.iter().collect();
+    // Compared part by part, so that all names of a group follow each other.
     sorted.sort_by(|a, b| a.0.split('.').cmp(b.0.split('.')));
     let mut text = format!("{node}:\n  {PARAMETERS}:\n");
     let mut open: Vec<&str> = Vec::new();
@@ -131,6 +132,7 @@ pub fn write(node: &str, parameters: &[(String, ParameterValue)]) -> String {
         let Some(value) = text::yaml(value) else { continue };
         let (groups, last) = name.rsplit_once('.').unwrap_or(("", name));
         let groups: Vec<&str> = groups.split('.').filter(|group| !group.is_empty()).collect();
+        // Groups that the last name has opened and this one shares are not written again.
         let common = open.iter().zip(&groups).take_while(|(a, b)| a == b).count();
         open.truncate(common);
         for group in &groups[common..] {

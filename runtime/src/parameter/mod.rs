@@ -94,6 +94,7 @@ impl Descriptor {
         match (&value, &self.allowed) {
             (_, Allowed::Any) => Ok(value),
             (Value::Integer(v), Allowed::Integers { from, to }) if (from..=to).contains(&v) => Ok(value),
+            // `contains` is false for NaN, which is refused by that.
             (Value::Double(v), Allowed::Doubles { from, to }) if (from..=to).contains(&v) => Ok(value),
             (Value::String(v), Allowed::Words(words)) if words.contains(&v.as_str()) => Ok(value),
             (_, allowed) => Err(refuse(format!("must be {allowed}"))),
@@ -140,6 +141,7 @@ impl Parameters {
     /// # Errors
     /// [`ParameterError`] of the first change that is not possible.
     pub fn with(&self, changes: &[(String, Value)], started: bool) -> Result<Self, ParameterError> {
+        // Changes go to a copy, so that one that is refused leaves no trace of those before it.
         let mut next = self.clone();
         for (name, value) in changes {
             let descriptor = self.descriptor(name).ok_or_else(|| self.unknown(name, value))?;

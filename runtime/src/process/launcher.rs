@@ -38,6 +38,7 @@ pub fn replace(file: &Path, content: &[u8]) -> io::Result<()> {
     let mut beside: OsString = file.into();
     beside.push(".new");
     fs::write(&beside, content)?;
+    // A rename replaces the file in one step, so that no reader finds half of it.
     fs::rename(&beside, file)
 }
 

@@ -46,6 +46,7 @@ impl ReportFile {
     pub fn create(folder: &Path, node: &str) -> io::Result<Self> {
         for life in 1..=u32::MAX {
             let file = launcher::file_of(folder, node, &format!("{life}.json"));
+            // Creating the file decides between two processes that take the same number.
             match File::create_new(&file) {
                 Err(why) if why.kind() == io::ErrorKind::AlreadyExists => {}
                 Err(why) => return Err(why),
@@ -115,6 +116,7 @@ impl SavedState {
                 return launched;
             }
         };
+        // One by one, so that a value that is no longer possible does not cost the others.
         changes.into_iter().fold(launched, |set, change| {
             match set.with(std::slice::from_ref(&change), false) {
                 Ok(next) => {
@@ -155,6 +157,7 @@ impl SavedState {
     }
 
     fn write(&self, accepted: &Parameters) -> io::Result<()> {
+        // Values that are fixed at the start come from the launch again.
         let changeable = accepted.descriptors().iter().filter(|d| !d.read_only);
         let values: Vec<_> = changeable.filter_map(|d| Some((d.name, accepted.get(d.name)?))).collect();
         launcher::replace(&self.parameters, &serde_json::to_vec(&values)?)

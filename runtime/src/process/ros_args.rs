@@ -95,6 +95,7 @@ impl RosArgs {
         while let Some(argument) = rest.next() {
             match argument.as_str() {
                 "--ros-args" => ros = true,
+                // A line may have several blocks of ROS arguments, as in `rcl`.
                 "--" if ros => ros = false,
                 _ if !ros => own.push(argument.clone()),
                 flag => parsed.flag(flag, &mut rest)?,
@@ -135,6 +136,7 @@ impl RosArgs {
     fn remap(&mut self, rule: &str) -> Result<(), ArgsError> {
         let (from, to) = split_rule(rule)?;
         let (node, from) = split_node(from);
+        // `rcl` reads both spellings.
         let from = if from == "__name" { "__node" } else { strip_scheme(from) };
         self.remaps.push(Remap {
             node: node.map(str::to_owned),
@@ -153,6 +155,7 @@ impl RosArgs {
             "debug" => "debug",
             "info" => "info",
             "warn" => "warn",
+            // `tracing` has no level above error.
             "error" | "fatal" => "error",
             _ => return Err(ArgsError::Argument(rule.to_owned(), LEVEL)),
         };
@@ -188,6 +191,7 @@ impl RosArgs {
 
     /// Returns the level of the logger `name`; a node's has the node's name.
     pub fn log_level_of(&self, name: &str) -> Option<&'static str> {
+        // The last rule that fits wins, be it for all loggers or for this one.
         let meant = |rule: &&LogLevel| rule.logger.as_ref().is_none_or(|logger| logger == name);
         self.log_levels.iter().rfind(meant).map(|rule| rule.level)
     }
@@ -226,7 +230,7 @@ fn split_rule(rule: &str) -> Result<(&str, &str), ArgsError> {
     rule.split_once(":=").ok_or_else(|| ArgsError::Argument(rule.to_owned(), RULE))
 }
 
-/// `node:name` names a node, `rostopic://name` does not.
+/// Splits `node:name`; `rostopic://name` names no node.
 fn split_node(name: &str) -> (Option<&str>, &str) {
     match name.split_once(':') {
         Some((node, rest)) if !rest.starts_with("//") => (Some(node), rest),

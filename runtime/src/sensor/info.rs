@@ -40,9 +40,11 @@ fn read(message: &DiagnosticArray) -> Result<SensorModel, ParameterError> {
     let known = SensorModel::descriptors();
     let values = message.status.iter().flat_map(|status| &status.values);
     let pairs: Vec<(&str, &str)> = values
+        // Further values, such as the noise, are not part of the model.
         .filter(|value| known.iter().any(|descriptor| descriptor.name == value.key))
         .map(|value| (value.key.as_str(), value.value.as_str()))
         .collect();
+    // The range needs both, and their defaults would be a guess.
     for name in ["bits", "alpha"] {
         if !pairs.iter().any(|(key, _)| *key == name) {
             return Err(ParameterError::new(name, "missing", "the sensor description must contain it"));
@@ -73,6 +75,7 @@ impl SensorHistory {
 
     /// Returns the sensor that made the frame of `stamp`.
     pub fn of(&self, stamp: Time) -> Option<&SensorModel> {
+        // A frame is mostly asked for right after its description came.
         self.by_stamp.iter().rev().find(|(at, _)| *at == stamp).map(|(_, model)| model)
     }
 

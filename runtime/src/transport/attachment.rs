@@ -23,6 +23,7 @@ impl Attachment {
         let mut bytes = [0; Self::LEN];
         bytes[..8].copy_from_slice(&self.sequence.to_le_bytes());
         bytes[8..16].copy_from_slice(&self.stamp_ns.to_le_bytes());
+        // rmw_zenoh writes the id as a sequence, whose length comes before its bytes.
         bytes[16] = 16;
         bytes[17..].copy_from_slice(&self.gid);
         bytes
@@ -57,9 +58,11 @@ impl Gaps {
     pub fn step(&mut self, attachment: &Attachment) -> u64 {
         let Attachment { gid, sequence, .. } = *attachment;
         if self.greatest.len() >= PUBLISHERS && !self.greatest.contains_key(&gid) {
+            // Any entry may go: a publisher that still sends starts its count anew.
             self.greatest.pop_first();
         }
         let greatest = self.greatest.entry(gid).or_insert(sequence);
+        // The numbers come from the wire and may be anything.
         let missing = sequence.saturating_sub(*greatest).saturating_sub(1);
         *greatest = sequence.max(*greatest);
         u64::try_from(missing).unwrap_or(0)

@@ -122,7 +122,7 @@ impl Token {
         })
     }
 
-    /// `/namespace/node`.
+    /// Returns `/namespace/node`.
     pub fn node_name(&self) -> String {
         format!("{}/{}", self.namespace.trim_end_matches('/'), self.node)
     }
@@ -134,6 +134,7 @@ impl Token {
 }
 
 fn mangle(name: &str) -> String {
+    // A slash separates the parts of a key, so names carry another character in its place.
     name.replace('/', "%")
 }
 
@@ -166,10 +167,11 @@ pub const NO_HASH: &str = "TypeHashNotSupported";
 
 /// Returns the key of a topic's or service's data.
 pub fn data_key(domain: u32, name: &str, dds_type: &str, type_hash: &str) -> String {
+    // A key of zenoh must not begin with a slash or contain two in a row.
     format!("{domain}/{}/{dds_type}/{type_hash}", name.trim_matches('/'))
 }
 
-/// QoS as tokens carry it; fields equal to the default stay empty.
+/// Returns the QoS as tokens carry it; fields equal to the default stay empty.
 pub fn qos_string(qos: Qos) -> &'static str {
     match qos {
         Qos::Images => "2::,5:,:,:,,",
@@ -242,6 +244,7 @@ impl Profile {
         Self {
             reliability: if reliability == "2" { Reliability::BestEffort } else { Reliability::Reliable },
             durability: if durability == "1" { Durability::TransientLocal } else { Durability::Volatile },
+            // History 2 keeps all samples, and its depth has no meaning.
             depth: if history == "2" { usize::MAX } else { depth.parse().unwrap_or(DEFAULT_DEPTH) },
         }
     }

@@ -56,6 +56,7 @@ impl Publisher for LocalPublisher {
     }
 
     fn put(&self, message: &Message) -> Result<(), TransportError> {
+        // Held while messages are delivered, so that a subscription that has ended receives none.
         let graph = self.transport.graph();
         for subscriber in graph.subscribers.get(&self.topic).into_iter().flatten() {
             (subscriber.deliver)(Incoming::Message(message.clone()));
@@ -86,6 +87,7 @@ impl Transport for LocalTransport {
         deliver: Deliver,
     ) -> Result<Guard, TransportError> {
         let mut graph = self.graph();
+        // A node may subscribe to one topic twice, so its name does not identify a subscription.
         let id = graph.next_id;
         graph.next_id += 1;
         let subscriber = Subscriber { id, node: node.fully_qualified(), deliver };

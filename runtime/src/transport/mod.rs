@@ -12,8 +12,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
 
-use crate::graph::{NameError, NodeName};
-use crate::graph::{Qos, Topic};
+use crate::graph::{NameError, NodeName, Qos, Topic};
 use crate::message::{DecodeError, Message, MessageKind};
 use crate::parameter::{ParameterError, Parameters, Value};
 use crate::transport::queue::Queued;

@@ -148,6 +148,7 @@ impl Live<'_> {
         self.subscribe()?;
         self.time.follow(&self.settings(), &self.node_name, self.transport)?;
         let served = self.serve_parameters()?;
+        // Last of all: a node that waits for this one may send at once.
         let announced = self.transport.announce(&self.node_name)?;
         self.parameter_events.started(self.time.now_ns(), &self.settings());
         self.keep_account(WriteReason::Edge);
@@ -161,6 +162,7 @@ impl Live<'_> {
         self.queue.end();
         std::mem::take(&mut self.inputs).close(&self.queue, &mut self.report);
         self.report.status.extend(status_of(&*self.node));
+        // The report of a node that failed stays one of a node that crashed, whose frames are missing.
         self.report.running = ended.is_err();
         if let Some(file) = &mut self.report_file {
             file.write(&self.report, self.time.ticks_ns());
@@ -172,6 +174,8 @@ impl Live<'_> {
     fn keep_account(&mut self, reason: WriteReason) {
         let now = self.time.ticks_ns();
         let Some(file) = self.report_file.as_mut().filter(|file| file.is_due(reason, now)) else { return };
+        // A copy: the counts of open subscriptions go into the file, and into the report only when they are
+        // closed.
         let mut report = NodeReport { running: true, ..self.report.clone() };
         self.inputs.count(&self.queue, &mut report);
         report.status.extend(status_of(&*self.node));
@@ -215,6 +219,7 @@ impl Live<'_> {
 
     /// Applies a request between two steps, unless its caller has given up.
     fn answer(&mut self, request: &ParameterRequest) -> Result<(), RunError> {
+        // A caller that gave up has reported that the value is unchanged.
         if !request.claim.take() {
             return Ok(());
         }
@@ -222,6 +227,7 @@ impl Live<'_> {
         if let Err(why) = &answer {
             tracing::warn!(node = %self.report.node, "{why}");
         }
+        // A parameter may change the inputs of the node or its clock.
         self.subscribe()?;
         self.time.follow(&self.settings(), &self.node_name, self.transport)?;
         // Fails only when the caller has gone.
@@ -256,6 +262,7 @@ impl Live<'_> {
                     if self.handle(arrived)? == Flow::Done {
                         return Ok(());
                     }
+                    // Each message restarts both waits, since more may follow it.
                     (quiet_since, alone_since) = (None, None);
                 }
                 Next::Idle | Next::Ended if draining => {
@@ -263,6 +270,7 @@ impl Live<'_> {
                     let quiet = now - *quiet_since.get_or_insert(now);
                     let alone =
                         if self.has_upstream() { None } else { Some(*alone_since.get_or_insert(now)) };
+                    // A message may still be on its way after the token of its publisher has gone.
                     let settled =
                         alone.is_some_and(|since| now - since >= nanoseconds(self.transport.settling()));
                     if settled || quiet > DRAIN_LIMIT_NS {
@@ -302,14 +310,17 @@ impl Live<'_> {
                 return Ok(Flow::Continue);
             }
         };
+        // The stamp is kept, because the step consumes the message.
         let told = (kind == MessageKind::Image && self.taken.wanted()).then(|| message.stamp());
         let passes_on =
             self.publishers.iter().any(|(a, publisher)| a.kind == MessageKind::Image && publisher.wanted());
+        // Before the step: the source can make the next frame while this one is worked on.
         if let Some(stamp) = told.filter(|_| !passes_on) {
             self.tell_taken(stamp, &[]);
         }
         let (flow, messages) = self.step(Trigger::Message { input, message }, &topic)?;
         self.send_all(&messages);
+        // A frame that is kept has no result yet; the step that answers it tells.
         if passes_on && flow != Flow::Kept && self.taken.wanted() {
             let topic_of = |output: usize| self.publishers.get(output).map(|(a, _)| a.topic.as_str());
             let sent = images(&messages, topic_of);
@@ -344,6 +355,7 @@ impl Live<'_> {
                 if stream.is_some() {
                     add(&mut self.report.bad, topic, 1);
                 }
+                // They are counted as sent already, and were made before the step failed.
                 self.send_all(&output.messages);
                 Err(RunError::Fatal(self.report.node.clone(), why))
             }
@@ -370,6 +382,7 @@ impl Live<'_> {
     /// Brings the accounts on the disk up to date, and then sends `messages`.
     fn send_all(&mut self, messages: &[(usize, Message)]) {
         self.keep_account(if self.node.period().is_some() { WriteReason::Source } else { WriteReason::Step });
+        // Before the frame leaves: a crash in between loses it, but never sends it twice.
         if let (Some(saved), Some(position)) = (&self.saved, self.node.position()) {
             saved.keep_position(position);
         }
@@ -387,7 +400,7 @@ impl Live<'_> {
         }
     }
 
-    /// Once a second, publishes the state of the node on `/diagnostics` and writes it to its report file.
+    /// Publishes the state of the node on `/diagnostics` and writes it to its report file, once a second.
     fn tell_when_due(&mut self) {
         self.keep_account(WriteReason::Idle);
         if self.diagnostics.is_due(&self.time) {

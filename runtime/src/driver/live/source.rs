@@ -33,6 +33,8 @@ impl Live<'_> {
             if paced != told.is_some() {
                 match told.take() {
                     Some((_, lane)) => drop(self.queue.close(lane)),
+                    // Readers tell what they take only while a source listens, since it costs them a message
+                    // for each frame.
                     None => told = Some(self.listen_to_readers()?),
                 }
                 self.pacing = Pacing::default();
@@ -44,6 +46,7 @@ impl Live<'_> {
                 return Ok(());
             }
             let (flow, messages) = self.step(Trigger::Tick, "source")?;
+            // The step has made the next frame meanwhile; only its sending waits.
             if paced {
                 self.wait_for_readers()?;
                 self.note_frame(&messages);
@@ -105,7 +108,7 @@ impl Live<'_> {
         }
     }
 
-    /// From now on, the readers of the images among `messages` are waited for.
+    /// Notes that from now on the readers of the images among `messages` are waited for.
     fn note_frame(&mut self, messages: &[(usize, Message)]) {
         let topic_of = |output: usize| self.publishers.get(output).map(|(address, _)| address.topic.as_str());
         if let Some((stamp, topics)) = images(messages, topic_of) {
@@ -114,7 +117,7 @@ impl Live<'_> {
     }
 }
 
-/// The time of the frame after the one due at `due`, in ns: the first multiple of `period` after it that is not past.
+/// Returns the time of the frame after the one due at `due`, in ns: the first multiple of `period` after it that is not past.
 /// As a timer of ROS 2 does, a late source leaves frames out; it does not catch up in a burst.
 fn next_due(due: u64, period: u64, now: u64) -> u64 {
     let late = now.saturating_sub(due);
@@ -125,12 +128,12 @@ fn next_due(due: u64, period: u64, now: u64) -> u64 {
 /// every name with a leading underscore.
 const TOPIC: &str = "/_modulo/taken";
 
-/// The topic, as publishers and subscribers declare it.
+/// Returns the topic, as publishers and subscribers declare it.
 pub(super) fn taken_topic() -> Topic {
     Topic::new(TOPIC, MessageKind::Diagnostics)
 }
 
-/// The message that `node` has taken the frame of `stamp`, and published what
+/// Returns the message that `node` has taken the frame of `stamp`, and published what
 /// came of it on `topics`.
 pub(super) fn taken_message(node: &str, stamp: Time, topics: &[String]) -> Message {
     let values = topics.iter().map(|topic| KeyValue { key: topic.clone(), value: String::new() }).collect();
@@ -156,33 +159,35 @@ pub(super) struct Pacing {
 }
 
 impl Pacing {
-    /// A frame of `stamp` leaves on `topics`.
+    /// Notes that a frame of `stamp` leaves on `topics`.
     pub fn sent(&mut self, stamp: Time, topics: impl IntoIterator<Item = String>) {
         *self = Self { stamp: Some(stamp), topics: topics.into_iter().collect(), taken: BTreeSet::new() };
     }
 
-    /// A message of [`TOPIC`] has come. Those of earlier frames are ignored.
+    /// Takes a message of [`TOPIC`]. Those of earlier frames are ignored.
     pub fn note(&mut self, message: &DiagnosticArray) {
         if Some(message.header.stamp) == self.stamp {
             for status in &message.status {
                 self.taken.insert(status.name.clone());
+                // What this node published comes from the frame, so the readers of that are waited for, too.
                 self.topics.extend(status.values.iter().map(|value| value.key.clone()));
             }
         }
     }
 
-    /// Nodes that have not taken the frame yet. Only those are waited for that
+    /// Returns the nodes that have not taken the frame yet. Only those are waited for that
     /// publish [`TOPIC`]: other readers, such as a viewer, set no pace. A node that
     /// leaves the graph is not waited for any longer.
     pub fn waits_for(&self, transport: &dyn Transport) -> Vec<String> {
         let telling: BTreeSet<String> = transport.publishers(TOPIC).into_iter().collect();
         let readers = self.topics.iter().flat_map(|topic| transport.subscribers(topic));
+        // A viewer or a recorder tells nothing, and waiting for it would never end.
         let readers: BTreeSet<String> = readers.filter(|reader| telling.contains(reader)).collect();
         readers.difference(&self.taken).cloned().collect()
     }
 }
 
-/// The stamp of the first image among the `messages` of a step, and the topics of
+/// Returns the stamp of the first image among the `messages` of a step, and the topics of
 /// all its images; `None` when there is no image.
 pub(super) fn images<'a>(
     messages: &[(usize, Message)],

@@ -80,6 +80,7 @@ impl ZenohTransport {
 
     fn token(&self, node: &NodeName, kind: EntityKind, endpoint: Option<Endpoint>) -> Token {
         let node_id = *lock(&self.node_ids).entry(node.fully_qualified()).or_insert_with(|| self.new_id());
+        // As in rmw_zenoh, a node and its endpoints are numbered by one counter.
         let entity_id = if kind == EntityKind::Node { node_id } else { self.new_id() };
         Token {
             domain: self.domain,
@@ -160,7 +161,7 @@ impl Transport for ZenohTransport {
         lock(&self.graph).endpoints(EntityKind::Subscription, topic).map(Token::node_name).collect()
     }
 
-    /// The end of a token travels in another queue than the data and may overtake it.
+    /// Returns 300 ms: the end of a token travels in another queue than the data and may overtake it.
     fn settling(&self) -> Duration {
         Duration::from_millis(300)
     }
@@ -192,6 +193,7 @@ fn watch_graph(
             match sample.kind() {
                 SampleKind::Put => {
                     for conflict in appear(&graph, key, &own) {
+                        // A token comes again after each reconnection, but its conflict is told once.
                         if lock(&said).insert(conflict.clone()) {
                             tracing::warn!("{conflict}");
                         }
@@ -208,6 +210,7 @@ fn watch_graph(
 fn appear(graph: &Mutex<Graph>, key: &str, own: &str) -> Vec<String> {
     let mut graph = lock(graph);
     graph.appear(key);
+    // Other programs may use keys of this form for something else.
     let Some(token) = Token::parse(key) else { return Vec::new() };
     let conflicts = graph.conflicts_with(&token);
     let ours = conflicts.filter(|(other, _)| token.session == own || other.session == own);

@@ -10,8 +10,7 @@ use zenoh::query::{ConsolidationMode, Query, QueryTarget};
 
 use super::{ZenohTransport, stamp};
 use crate::clock::Clock;
-use crate::graph::NodeName;
-use crate::graph::type_description;
+use crate::graph::{NodeName, type_description};
 use crate::parameter::service::Service;
 use crate::transport::attachment::Attachment;
 use crate::transport::keys::{self, Endpoint, EntityKind};
@@ -38,6 +37,8 @@ impl ZenohTransport {
             .get(self.key(&endpoint))
             .payload(request)
             .attachment(attachment.to_bytes().as_slice())
+            // Service servers declare themselves complete; without consolidation, the first answer comes at
+            // once.
             .target(QueryTarget::AllComplete)
             .consolidation(ConsolidationMode::None)
             .timeout(patience)
@@ -50,7 +51,7 @@ impl ZenohTransport {
         }
     }
 
-    /// Returns a server with another hash is another key to zenoh.
+    /// Returns why there is no answer: a server with another hash is another key to zenoh.
     fn why_nobody_answers(&self, asked: &Endpoint) -> String {
         let graph = self.graph();
         let servers = graph.endpoints(EntityKind::Server, &asked.topic);
@@ -66,12 +67,12 @@ impl ZenohTransport {
         }
     }
 
-    /// Returns the services that every ROS 2 node has.
+    /// Serves the services that every ROS 2 node has.
     pub(super) fn serve(&self, node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError> {
         self.serve_raw(node, handlers(port))
     }
 
-    /// Queryables that feed one thread: a request may wait for the frame at hand, and zenoh's own threads must not wait
+    /// Serves `handlers` by one thread for all of them: a request may wait for the frame at hand, and zenoh's own threads must not wait
     /// with it. A caller for whom there is no room is answered with an error at once.
     ///
     /// # Errors
@@ -100,6 +101,7 @@ impl ZenohTransport {
             guards.push(Box::new((queryable, token)));
         }
         let (clock, calls) = (self.clock.clone(), queue.clone());
+        // One thread for all services, so that answers come in the order of the calls.
         thread::Builder::new()
             .name("services".into())
             .spawn(move || {
@@ -196,6 +198,7 @@ fn reply(handler: &RawService, query: &Query, clock: &dyn Clock) -> Result<(), S
     let caller = attachment.as_deref().and_then(Attachment::parse).ok_or("a request without attachment")?;
     let request = query.payload().ok_or("a request without payload")?.to_bytes();
     let answer = (handler.answer)(&request).map_err(|why| why.to_string())?;
+    // The answer repeats the number and the id of the caller, by which rmw_zenoh finds its request.
     let attachment = Attachment { stamp_ns: stamp(clock), ..caller }.to_bytes();
     let reply = query.reply(query.key_expr().clone(), answer).attachment(attachment.as_slice());
     reply.wait().map_err(|why| why.to_string())

@@ -62,6 +62,7 @@ fn configuration(domain: u32, role: SessionRole) -> Result<Config, TransportErro
             config
         }
     };
+    // After the file or the defaults, so that one key can be changed without a file.
     let overrides = std::env::var("ZENOH_CONFIG_OVERRIDE").unwrap_or_default();
     for pair in overrides.split(';').filter(|pair| !pair.trim().is_empty()) {
         let (key, value) = pair.split_once('=').ok_or_else(|| {
@@ -79,7 +80,7 @@ fn insert(config: &mut Config, key: &str, value: &str) -> Result<(), TransportEr
         .map_err(|why| TransportError::new(format!("zenoh configuration {key} = {value}"), why))
 }
 
-/// rmw_zenoh's session, plus the meeting port, plus queues that hold a whole image: with zenoh's default of two batches
+/// Returns rmw_zenoh's session, plus the meeting port, plus queues that hold a whole image: with zenoh's default of two batches
 /// a 1.4 MB image is dropped as soon as its reader is a millisecond late.
 fn defaults(domain: u32, role: SessionRole) -> Vec<(&'static str, String)> {
     let meeting = format!("\"tcp/127.0.0.1:{}\"", meeting_port(domain));
@@ -90,6 +91,7 @@ fn defaults(domain: u32, role: SessionRole) -> Vec<(&'static str, String)> {
     vec![
         ("mode", "\"peer\"".into()),
         ("connect/endpoints", format!("[\"tcp/127.0.0.1:7447\"{connect}]")),
+        // Without a limit: the other session may come at any time.
         ("connect/timeout_ms", "-1".into()),
         ("connect/exit_on_failure", "false".into()),
         ("connect/retry", "{ period_init_ms: 100, period_max_ms: 1000, period_increase_factor: 2 }".into()),
@@ -98,8 +100,10 @@ fn defaults(domain: u32, role: SessionRole) -> Vec<(&'static str, String)> {
         ("listen/timeout_ms", "0".into()),
         // A session also works without any other session.
         ("open/return_conditions/connect_scouted", "false".into()),
+        // As in rmw_zenoh: sessions learn of each other by gossip and never by multicast.
         ("scouting/multicast/enabled", "false".into()),
         ("scouting/gossip/enabled", "true".into()),
+        // The cache for late readers needs the time of each sample.
         ("timestamping/enabled", "true".into()),
         ("queries_default_timeout", "600000".into()),
         // One key turns it on: large payloads then go through shared memory.

@@ -46,6 +46,7 @@ impl ZenohTransport {
         endpoint: &Endpoint,
     ) -> Result<RawPublisher, TransportError> {
         let profile = Profile::parse(&endpoint.qos);
+        // A bag may name another form of hash than this domain uses.
         let endpoint = Endpoint { type_hash: self.hash(endpoint.type_hash.clone()), ..endpoint.clone() };
         let publisher = self
             .publisher(self.key(&endpoint), profile)
@@ -80,6 +81,7 @@ impl ZenohTransport {
         let subscriber = self
             .subscriber(self.key(endpoint), Profile::parse(&endpoint.qos), take)
             .map_err(|why| TransportError::new(format!("subscription of {}", endpoint.topic), why))?;
+        // The token comes last: a publisher that sees it may send at once.
         let token = self.declare(&self.token(node, EntityKind::Subscription, Some(endpoint.clone())))?;
         Ok(Box::new((subscriber, token)))
     }
@@ -98,6 +100,7 @@ impl ZenohTransport {
             Durability::TransientLocal => {
                 let kept = CacheConfig::default().max_samples(profile.depth);
                 let publisher = publisher.cache(kept).publisher_detection();
+                // By best effort, a missed sample is not asked for again, so its number need not be sent.
                 if !reliable {
                     return publisher.wait();
                 }
