@@ -98,7 +98,8 @@ fn serve(
     transport.serve_raw(node_name, services.collect())
 }
 
-/// Waits until a topic has a reader, or for half a second: discovery takes a moment, and the first message should reach the readers that are there already.
+/// Waits until a topic has a reader, or for half a second: discovery takes a moment, and the first message should reach
+/// the readers that are there already.
 fn wait_until_heard(publishers: &Publishers, clock: &dyn Clock, stop: &Stop) {
     let start = clock.ticks_ns();
     while !publishers.wanted() && clock.ticks_ns() - start < 500_000_000 && stop.urgency() == Urgency::None {

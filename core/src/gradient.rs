@@ -44,8 +44,7 @@ pub(crate) fn adjoint(gx: &[f32], gy: &[f32], width: usize, out: &mut [f32]) {
             row[1..].iter_mut().zip(gx).for_each(|(o, g)| *o += g);
         }
     }
-    // `gy` is one row shorter than the plane: the first zip ends before the last row, the second starts at
-    // row 1.
+    // `gy` is one row shorter than the plane: the first zip ends before the last row, the second starts at row 1.
     out.iter_mut().zip(gy).for_each(|(o, g)| *o -= g);
     out[width..].iter_mut().zip(gy).for_each(|(o, g)| *o += g);
 }

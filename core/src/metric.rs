@@ -67,9 +67,10 @@ const C2: f64 = 58.5225;
 /// The number of weighted sums under a window: of a, b, a^2 + b^2 and ab, a row of samples each.
 const MOMENTS: usize = 4;
 
-/// Returns the mean structural similarity (Wang, Bovik, Sheikh, Simoncelli 2004), -1 to 1, over all positions and channels, or `None` when a side is shorter than
-/// [`LEAST_SIDE`]. The window is an 11 x 11 Gaussian of sigma 1.5 px at every position where it fits, `K1 =
-/// 0.01`, `K2 = 0.03`, the peak is 255, and the covariance has no sample correction.
+/// Returns the mean structural similarity (Wang, Bovik, Sheikh, Simoncelli 2004), -1 to 1, over all positions and
+/// channels, or `None` when a side is shorter than [`LEAST_SIDE`]. The window is an 11 x 11 Gaussian of sigma 1.5 px at
+/// every position where it fits, `K1 = 0.01`, `K2 = 0.03`, the peak is 255, and the covariance has no sample
+/// correction.
 ///
 /// # Errors
 /// [`ShapesDiffer`] when the shapes differ.

@@ -124,8 +124,7 @@ fn add(out: &mut [f32], source: &[f32], tap: f32) {
 impl Border {
     /// Returns the index, in a line of `n` samples, of the sample that continues the line at index `i`.
     fn reflect(self, i: isize, n: usize) -> usize {
-        // With whole-sample symmetry, a line of one sample would have the period 0, and a remainder by 0
-        // panics.
+        // With whole-sample symmetry, a line of one sample would have the period 0, and a remainder by 0 panics.
         let (period, mirror) = match self {
             Self::HalfSample => (2 * n, 2 * n - 1),
             Self::WholeSample => ((2 * n - 2).max(1), 2 * n - 2),

@@ -1,6 +1,6 @@
 //! Results against those of other libraries: the cosine transform against rustdct, at the sizes of KITTI and at sizes
-//! with large prime factors, the phi of SPUD against dense matrices and scipy (`tests/peers/spud_reference.py`), and the
-//! metrics against scikit-image (`tests/peers/ssim_reference.py`).
+//! with large prime factors, the phi of SPUD against dense matrices and scipy (`tests/peers/spud_reference.py`), and
+//! the metrics against scikit-image (`tests/peers/ssim_reference.py`).
 
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]

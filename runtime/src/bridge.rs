@@ -1,6 +1,8 @@
-//! The plan of a bridge to another ROS graph: its parameters, and the routes that they describe. This file knows neither of the two transports; the bridge is `nodes/ros2_bridge`.
+//! The plan of a bridge to another ROS graph: its parameters, and the routes that they describe. This file knows
+//! neither of the two transports; the bridge is `nodes/ros2_bridge`.
 //!
-//! A topic is forwarded in one direction only, so that the bridge never reads on one side the messages that it publishes there.
+//! A topic is forwarded in one direction only, so that the bridge never reads on one side the messages that it
+//! publishes there.
 
 use std::collections::BTreeMap;
 

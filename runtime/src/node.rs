@@ -48,15 +48,16 @@ pub enum StepError {
 
 /// A node of the suite.
 pub trait Node: Send {
-    /// Returns the topics that the node reads now. They may change with [`Node::configure`]; the driver then renews the subscriptions.
+    /// Returns the topics that the node reads now. They may change with [`Node::configure`]; the driver then renews the
+    /// subscriptions.
     fn inputs(&self) -> Vec<Topic>;
 
     /// Returns the topics written, fixed for the node's life. [`Context::emit`] and [`Context::wanted`] take an index
     /// into this list.
     fn outputs(&self) -> Vec<Topic>;
 
-    /// Returns the period of a source: [`Trigger::Tick`] comes this often (zero: as fast as the frames can be made). `None` for a
-    /// node that only answers messages.
+    /// Returns the period of a source: [`Trigger::Tick`] comes this often (zero: as fast as the frames can be made).
+    /// `None` for a node that only answers messages.
     fn period(&self) -> Option<Duration> {
         None
     }
@@ -76,7 +77,8 @@ pub trait Node: Send {
     /// Takes a whole validated set of parameters, between two steps.
     ///
     /// # Errors
-    /// [`ParameterError`] with the parameter, its value and the possible values; the node then continues exactly as before.
+    /// [`ParameterError`] with the parameter, its value and the possible values; the node then continues exactly as
+    /// before.
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError>;
 
     /// Does the work for one trigger.
@@ -85,7 +87,8 @@ pub trait Node: Send {
     /// [`StepError::Skip`] for a bad input, [`StepError::Fatal`] when the node cannot go on.
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError>;
 
-    /// Returns the status of the node as (key, value) pairs for diagnostics and the summary, such as `("engine", "rten")` and `("stream", "recovered")`.
+    /// Returns the status of the node as (key, value) pairs for diagnostics and the summary, such as `("engine",
+    /// "rten")` and `("stream", "recovered")`.
     fn status(&self) -> Vec<(&'static str, String)> {
         Vec::new()
     }
@@ -102,7 +105,8 @@ pub struct Context<'a> {
 }
 
 impl<'a> Context<'a> {
-    /// Creates the context of one step. `node` is the fully qualified name of the node, such as `/unwrap`; `wanted[i]` is whether `outputs()[i]` has a reader.
+    /// Creates the context of one step. `node` is the fully qualified name of the node, such as `/unwrap`; `wanted[i]`
+    /// is whether `outputs()[i]` has a reader.
     pub fn new(node: &'a str, clock: &'a dyn Clock, wanted: &'a [bool]) -> Self {
         Self { node, clock, wanted, unwanted: RefCell::default(), emitted: Vec::new(), stages: Vec::new() }
     }

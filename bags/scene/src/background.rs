@@ -102,8 +102,7 @@ impl<'a> Street<'a> {
         let floor = (up / 3.1).floor();
         let (fy, soft) = (up / 3.1 - floor, at.soft);
         let tall = ramp(0.25 - soft, 0.25 + soft, fy) * ramp(0.18 - soft, 0.18 + soft, 1.0 - fy);
-        // Windows smaller than a pixel would flicker, so far away they fade into their mean share of the
-        // wall.
+        // Windows smaller than a pixel would flicker, so far away they fade into their mean share of the wall.
         let window = mix(0.35, at.wide * tall, at.fade) * (1.0 - ramp(-0.6, 0.4, up - at.high + 1.0));
         let grain = 0.9 + 0.2 * noise(at.along * 1.7, up * 1.7, at.house);
         let normal = [at.facing, 0.0, 0.0];

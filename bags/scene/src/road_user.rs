@@ -85,8 +85,7 @@ pub(super) fn van(random: &mut Random, lamps: Lamps) -> Solid {
         front: [long, 0.95 * long],
         half: [half * 0.99, half * 0.95],
     };
-    // Two groups, since no single order holds: from ahead the nose hides the hull, from behind the hull hides
-    // it.
+    // Two groups, since no single order holds: from ahead the nose hides the hull, from behind the hull hides it.
     let (mut back, mut front) = (PartGroup::default(), PartGroup::default());
     wheels(&mut back, half, &[-0.60 * long], 0.36);
     shell(&mut back, &hull, paint);

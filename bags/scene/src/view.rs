@@ -1,7 +1,6 @@
 //! The pinhole camera of a scene: it projects metres to pixels.
 //!
-//! The axes of the world are x to the right, y up from the road and z ahead, in metres; the camera is above the
-//! origin.
+//! The axes of the world are x to the right, y up from the road and z ahead, in metres; the camera is above the origin.
 
 use super::hash::{Random, wave};
 

@@ -1,6 +1,7 @@
 //! [`BagFile`]: one MCAP file of a bag that is being written.
 //!
-//! A chunk is closed at 4 MiB and handed to the system at once, so that the file is readable up to the last chunk after a crash.
+//! A chunk is closed at 4 MiB and handed to the system at once, so that the file is readable up to the last chunk after
+//! a crash.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -82,8 +83,7 @@ impl BagFile {
         let Some(&channel_id) = self.channels.get(topic) else {
             return Err(BagError::UnknownTopic(topic, known));
         };
-        // Closed before the next message and not after the last one, so that no file ends with an empty
-        // chunk.
+        // Closed before the next message and not after the last one, so that no file ends with an empty chunk.
         if self.pending > CHUNK {
             self.close_chunk()?;
         }

@@ -1,6 +1,7 @@
 //! Bags: MCAP read, written and repaired; rosbag2's SQLite and ROS 1 read.
 //!
-//! CDR payloads pass through unchanged; ROS 1 payloads, which are not CDR, are re-encoded. A damaged bag is read as far as possible, and each loss is reported by a [`BagWarning`].
+//! CDR payloads pass through unchanged; ROS 1 payloads, which are not CDR, are re-encoded. A damaged bag is read as far
+//! as possible, and each loss is reported by a [`BagWarning`].
 
 mod bag_file;
 mod error;

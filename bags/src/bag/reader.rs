@@ -49,7 +49,8 @@ impl BagReader {
         Self::open_with(path, IndexUse::Trusted)
     }
 
-    /// Opens a bag as [`BagReader::open`] does, but scans every MCAP file: damage inside of a file with a good index is then known, and the messages around it are read.
+    /// Opens a bag as [`BagReader::open`] does, but scans every MCAP file: damage inside of a file with a good index is
+    /// then known, and the messages around it are read.
     ///
     /// # Errors
     /// As [`BagReader::open`].
@@ -171,7 +172,8 @@ impl Iterator for Messages {
     }
 }
 
-/// Returns the `metadata.yaml` of the folder `path`. A missing or unreadable one is only a warning, since the files contain all necessary information.
+/// Returns the `metadata.yaml` of the folder `path`. A missing or unreadable one is only a warning, since the files
+/// contain all necessary information.
 fn metadata_of(path: &Path, warnings: &mut Vec<BagWarning>) -> Result<Option<Metadata>, BagError> {
     if !path.is_dir() {
         return Ok(None);
@@ -188,7 +190,8 @@ fn metadata_of(path: &Path, warnings: &mut Vec<BagWarning>) -> Result<Option<Met
     Ok(None)
 }
 
-/// Returns the path of the file that the metadata calls `name`. Before version 4 the name begins with that of the folder.
+/// Returns the path of the file that the metadata calls `name`. Before version 4 the name begins with that of the
+/// folder.
 fn place(folder: &Path, name: &str) -> PathBuf {
     let listed = folder.join(name);
     let bare = Path::new(name).file_name().map(|name| folder.join(name));

@@ -1,7 +1,7 @@
 //! [`BagWriter`]: a bag folder as `ros2 bag record` writes it, and [`copy`], which writes one from another bag.
 //!
-//! A recorder calls [`BagWriter::settle`]: then everything up to a second ago is in complete chunks on the disk, and can
-//! be read after a crash or a power cut. The writer reads no clock, and never overwrites a bag.
+//! A recorder calls [`BagWriter::settle`]: then everything up to a second ago is in complete chunks on the disk, and
+//! can be read after a crash or a power cut. The writer reads no clock, and never overwrites a bag.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -236,8 +236,8 @@ pub struct Copied {
     pub broke: Option<BagError>,
 }
 
-/// Writes every readable message of `bag`, which may be damaged or have another form, to the new MCAP bag `out`. Payload
-/// bytes and times stay unchanged. Messages that could not be copied are reported by the warnings of `bag`, by
+/// Writes every readable message of `bag`, which may be damaged or have another form, to the new MCAP bag `out`.
+/// Payload bytes and times stay unchanged. Messages that could not be copied are reported by the warnings of `bag`, by
 /// [`Copied::left_out`] and by [`Copied::broke`].
 ///
 /// # Errors

@@ -1,6 +1,7 @@
 //! Images with COCO's labels: one JSON file with `images`, `annotations` and `categories`.
 //!
-//! Boxes are `x, y, width, height` in px. A crowd (`iscrowd` 1) is an area in which the objects of its class are not labelled individually.
+//! Boxes are `x, y, width, height` in px. A crowd (`iscrowd` 1) is an area in which the objects of its class are not
+//! labelled individually.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};

@@ -87,8 +87,7 @@ impl KittiFolder {
             }
             LabelFiles::Drive(frames) => {
                 let number = stem(image).parse().ok();
-                // A frame of a drive without a line is labelled as empty; only a name without a number has no
-                // labels.
+                // A frame of a drive without a line is labelled as empty; only a name without a number has no labels.
                 Ok(number.map(|number: u64| frames.get(&number).cloned().unwrap_or_default()))
             }
         }

@@ -163,8 +163,8 @@ pub fn open(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, Sour
 /// [`GroundTruth::occluded`] of a crowd: an area in which the objects of the class are not labelled individually.
 pub const CROWD: i32 = 4;
 
-/// One labelled object. Evaluation needs to know which objects are hard to see and which areas to leave out. `Detection2D`
-/// has no fields for that, so a message carries them in its `id`.
+/// One labelled object. Evaluation needs to know which objects are hard to see and which areas to leave out.
+/// `Detection2D` has no fields for that, so a message carries them in its `id`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GroundTruth {
     /// Box in pixels of the original image.

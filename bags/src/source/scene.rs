@@ -53,7 +53,8 @@ impl Source for SceneSource {
     }
 }
 
-/// Describes the hidden fraction, by other objects or by the border, in KITTI's three steps. The second step ends at one half.
+/// Describes the hidden fraction, by other objects or by the border, in KITTI's three steps. The second step ends at
+/// one half.
 fn label(object: &SceneObject) -> GroundTruth {
     let occluded = match object.occlusion + object.truncation {
         hidden if hidden < 0.1 => 0,

@@ -30,8 +30,7 @@ impl CosinePlan {
         // Pairs come as sums and differences, twice what they should be.
         let scale = |k| (if k == 0 { 1.0 } else { 0.5 } / n as f64).sqrt();
         let twiddle = |k: usize| Twiddle::new(PI * k as f64 / (2 * n) as f64, scale(k));
-        // Bluestein's transform is more than twice as long, so it serves only lengths with a large prime
-        // factor.
+        // Bluestein's transform is more than twice as long, so it serves only lengths with a large prime factor.
         let fourier = match Fft::new(n) {
             Some(fft) => Fourier::Factors(fft),
             None => Fourier::Bluestein(Bluestein::new(n)),

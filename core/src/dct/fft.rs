@@ -48,8 +48,7 @@ impl Fft {
         let [radix, others @ ..] = radices else { return Self { first: None, others: Vec::new() } };
         let mut rest: usize = others.iter().product();
         let first = Some(Pass::new(*radix, rest, 1));
-        // The stride grows by each radix: Stockham's passes sort while they compute, so no bit reversal is
-        // needed.
+        // The stride grows by each radix: Stockham's passes sort while they compute, so no bit reversal is needed.
         let mut stride = 1;
         let pass = |&radix: &usize| {
             rest /= radix;

@@ -288,8 +288,7 @@ impl<Out> ColumnPart<Out> {
         let out = &mut self.out[(band - self.bands.start) * shape.height..][..shape.height];
         widest!({
             for (row, out) in out.iter_mut().enumerate() {
-                // The spectrum was written with its parts swapped, which makes the forward transform an
-                // inverse one.
+                // The spectrum was written with its parts swapped, which makes the forward transform an inverse one.
                 let value = data[plan.position(row)].swapped().to_lanes();
                 *out = keep(SampleRun { row, sample: band * LANES }, value);
             }

@@ -141,8 +141,7 @@ impl Histogram {
         let shift = self.mean_phase();
         // Half a period more makes the shift to the right round to the nearest count.
         let offset = ((0.5 + shift) * f64::from(STEPS_PER_PERIOD) + 0.5).floor() as i32;
-        // The offset moves the borders of the levels, so there may be one more of them than residuals have
-        // periods.
+        // The offset moves the borders of the levels, so there may be one more of them than residuals have periods.
         let mut levels = [0; (1 << 16) / STEPS_PER_PERIOD as usize + 2];
         // The histogram of residuals is also that of the wrap counts, for any offset.
         let low = wraps(i32::from(i16::MIN), offset);

@@ -80,8 +80,8 @@ fn threshold(coefficient: f32, tau: f32) -> f32 {
     if coefficient.abs() > tau { coefficient } else { 0.0 }
 }
 
-/// An interleaved image and the divergence of its wrapped gradients, `D^T M_b(D y)`. A code of b bits occupies the upper
-/// b of 16 bits, so that the peak is 2^16 and M_b is the wrapping arithmetic of the machine.
+/// An interleaved image and the divergence of its wrapped gradients, `D^T M_b(D y)`. A code of b bits occupies the
+/// upper b of 16 bits, so that the peak is 2^16 and M_b is the wrapping arithmetic of the machine.
 #[derive(Default)]
 pub(super) struct Codes {
     samples: Vec<u16>,

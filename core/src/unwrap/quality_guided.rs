@@ -73,8 +73,7 @@ impl QualityGuided {
                 self.edges.push(PixelEdge { unreliability, from: here as u32, to: there as u32 });
             }
         }
-        // The position is part of the order, so no two edges are equal and the result is the same on every
-        // machine.
+        // The position is part of the order, so no two edges are equal and the result is the same on every machine.
         self.edges.sort_unstable();
         self.groups.reset(codes.len());
         for PixelEdge { from, to, .. } in &self.edges {

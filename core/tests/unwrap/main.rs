@@ -1,6 +1,6 @@
 //! The properties of every method: congruence on any image, exactness under Itoh's condition. Some tests are of images
-//! whose neighbours differ by more than half a peak, so that Itoh's condition fails: smooth bumps and edges of the lens's
-//! width.
+//! whose neighbours differ by more than half a peak, so that Itoh's condition fails: smooth bumps and edges of the
+//! lens's width.
 
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]

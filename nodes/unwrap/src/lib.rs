@@ -1,9 +1,10 @@
 //! The `unwrap` node: a modulo image in, the recovered image out, with 8 bits for a detector, sharpened on request, and
-//! as HDR: the counts that the sensor saw, exact, as integers of 16 bits where `alpha * 2^bits <= 65536`, else as floats.
+//! as HDR: the counts that the sensor saw, exact, as integers of 16 bits where `alpha * 2^bits <= 65536`, else as
+//! floats.
 //!
-//! The header of the modulo image is copied. The node never guesses the sensor: its model is a group of parameters, as in
-//! the camera. The method used, its quality metrics and its trust are published on `/diagnostics` for each frame, as the
-//! method reports them; the node judges nothing itself.
+//! The header of the modulo image is copied. The node never guesses the sensor: its model is a group of parameters, as
+//! in the camera. The method used, its quality metrics and its trust are published on `/diagnostics` for each frame, as
+//! the method reports them; the node judges nothing itself.
 
 mod parameters;
 
@@ -100,8 +101,7 @@ impl UnwrapNode {
     fn take(&mut self, modulo: Arc<StampedFrame>, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         let stamp = modulo.header.stamp;
         if !self.parameters.sensor.is_complete() && self.described.of(stamp).is_none() {
-            // Only the newest frame is kept: when the next one has come, the description of the last one will
-            // not.
+            // Only the newest frame is kept: when the next one has come, the description of the last one will not.
             return match self.kept.replace(modulo) {
                 None => Ok(Flow::Kept),
                 Some(_) => Err(StepError::Skip(
@@ -217,7 +217,8 @@ impl RecoveryCounts {
         self.trusted += u64::from(report.trust == Trust::Trusted);
     }
 
-    /// Returns `("rungs", "lines 58, gradient_tree 2")` and `("trusted", "58 of 60 frames")`; nothing before the first frame.
+    /// Returns `("rungs", "lines 58, gradient_tree 2")` and `("trusted", "58 of 60 frames")`; nothing before the first
+    /// frame.
     fn status(&self) -> Vec<(&'static str, String)> {
         let frames: u64 = self.methods.values().sum();
         if frames == 0 {

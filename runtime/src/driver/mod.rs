@@ -93,7 +93,8 @@ fn addresses(node_name: &NodeName, topics: &[Topic]) -> Result<Vec<Address>, Nam
     topics.iter().map(|topic| Address::resolve(node_name, topic)).collect()
 }
 
-/// Returns the name of the stream that the message of `trigger` came on, as the node declares it; a source reads no stream.
+/// Returns the name of the stream that the message of `trigger` came on, as the node declares it; a source reads no
+/// stream.
 fn stream_of(node: &dyn Node, trigger: &Trigger) -> Option<String> {
     match trigger {
         Trigger::Message { input, .. } => node.inputs().get(*input).map(|topic| topic.name.clone()),

@@ -1,5 +1,5 @@
-//! [`Graph`]: the ROS graph, made from the keys of liveliness tokens that appear and disappear, and [`Conflict`]: two of
-//! its endpoints that do not fit together. It knows no transport.
+//! [`Graph`]: the ROS graph, made from the keys of liveliness tokens that appear and disappear, and [`Conflict`]: two
+//! of its endpoints that do not fit together. It knows no transport.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -85,8 +85,8 @@ pub enum Cause {
     Durability,
 }
 
-/// Two endpoints on one name that do not, or not fully, hear each other. zenoh itself is silent about it: other keys are
-/// other topics.
+/// Two endpoints on one name that do not, or not fully, hear each other. zenoh itself is silent about it: other keys
+/// are other topics.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Conflict {
     /// The reason.
@@ -97,7 +97,8 @@ pub struct Conflict {
     pub taker: (String, Endpoint),
 }
 
-/// Returns the conflict between two endpoints if they are on the same name, and one of them offers what the other one requests.
+/// Returns the conflict between two endpoints if they are on the same name, and one of them offers what the other one
+/// requests.
 fn conflict_between(one: &Token, other: &Token) -> Option<Conflict> {
     let (giver, taker) = match (one.kind, other.kind) {
         (EntityKind::Publisher, EntityKind::Subscription) | (EntityKind::Server, EntityKind::Client) => {

@@ -1,6 +1,7 @@
 //! `/rosout`: a node's log lines as `rcl_interfaces/msg/Log`.
 //!
-//! [`layer`] takes only the lines of the suite and not those of its libraries, so that publishing a line makes no other line. A line waits in a bounded queue; when the queue is full the line is counted, and the node does not wait.
+//! [`layer`] takes only the lines of the suite and not those of its libraries, so that publishing a line makes no other
+//! line. A line waits in a bounded queue; when the queue is full the line is counted, and the node does not wait.
 
 use std::fmt;
 use std::sync::Arc;

@@ -121,7 +121,8 @@ fn flatten(name: &str, value: &Node<'_>, found: &mut Vec<(String, String)>) -> R
     Ok(())
 }
 
-/// Returns the text that `ros2 param dump` prints: the parameters of the fully qualified `node`, sorted by name, with nesting for dots. Parameters that are not set are left out.
+/// Returns the text that `ros2 param dump` prints: the parameters of the fully qualified `node`, sorted by name, with
+/// nesting for dots. Parameters that are not set are left out.
 pub fn write(node: &str, parameters: &[(String, ParameterValue)]) -> String {
     let mut sorted: Vec<_> = parameters.iter().collect();
     // Compared part by part, so that all names of a group follow each other.

@@ -72,7 +72,8 @@ impl ParameterError {
     }
 }
 
-/// A declared set of parameters with their values. Every declared parameter always has an allowed value of its declared type.
+/// A declared set of parameters with their values. Every declared parameter always has an allowed value of its declared
+/// type.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     declared: Vec<Descriptor>,

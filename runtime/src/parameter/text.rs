@@ -1,4 +1,5 @@
-//! The text of values and descriptors of parameters, as `ros2 param get`, `describe` and `dump` write it. The parameters may belong to any node, and may have types that the suite does not use.
+//! The text of values and descriptors of parameters, as `ros2 param get`, `describe` and `dump` write it. The
+//! parameters may belong to any node, and may have types that the suite does not use.
 
 use modulo_msgs::rcl_interfaces::{ParameterDescriptor, ParameterType, ParameterValue};
 

@@ -39,7 +39,8 @@ pub enum WriteReason {
 }
 
 impl ReportFile {
-    /// Returns the file for this life of the node with this fully qualified name: the first number that no earlier life has.
+    /// Returns the file for this life of the node with this fully qualified name: the first number that no earlier life
+    /// has.
     ///
     /// # Errors
     /// The error of the system when no file can be made in `folder`.
@@ -86,8 +87,8 @@ fn text(report: &NodeReport) -> io::Result<Vec<u8>> {
     Ok(serde_json::to_vec(report)?)
 }
 
-/// The state that outlasts a crash of a node: the parameters that it has accepted since its launch, and the position of a
-/// source.
+/// The state that outlasts a crash of a node: the parameters that it has accepted since its launch, and the position of
+/// a source.
 ///
 /// The folder exists only during one launch: a file in it at the start of a node was written by the same node before a
 /// crash. Parameters of an earlier launch are never restored.
@@ -103,7 +104,8 @@ impl SavedState {
         Self { parameters: file("json"), position: file("position") }
     }
 
-    /// Returns `launched` with the parameters that were accepted before a crash. A parameter that cannot be read, or is not possible any more, is left out with a warning.
+    /// Returns `launched` with the parameters that were accepted before a crash. A parameter that cannot be read, or is
+    /// not possible any more, is left out with a warning.
     pub fn restore(&self, launched: Parameters) -> Parameters {
         let changes: Vec<(String, Value)> = match read(&self.parameters) {
             Ok(Some(changes)) => changes,

@@ -1,4 +1,5 @@
-//! `--ros-args`: the arguments that `ros2 run` and `ros2 launch` append to those of an executable. This is pure code, except that it reads the named parameter files.
+//! `--ros-args`: the arguments that `ros2 run` and `ros2 launch` append to those of an executable. This is pure code,
+//! except that it reads the named parameter files.
 
 use std::path::PathBuf;
 
@@ -174,7 +175,8 @@ impl RosArgs {
         Ok(())
     }
 
-    /// Returns the name of the node, `default_name` unless a rule changes it. As in `rcl`, a rule for a node means its new name, except for the rule that gives the name.
+    /// Returns the name of the node, `default_name` unless a rule changes it. As in `rcl`, a rule for a node means its
+    /// new name, except for the rule that gives the name.
     ///
     /// # Errors
     /// [`NameError`] when a name is not valid.

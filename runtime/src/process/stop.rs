@@ -13,7 +13,8 @@ use signal_hook::iterator::Signals;
 pub enum Urgency {
     /// No end is requested.
     None,
-    /// The node is to finish the messages that are still on their way from upstream nodes which end as well (SIGINT, or a launch that is over).
+    /// The node is to finish the messages that are still on their way from upstream nodes which end as well (SIGINT, or
+    /// a launch that is over).
     Drain,
     /// Finish the step at hand (SIGTERM, a second SIGINT).
     Now,

@@ -27,7 +27,8 @@ pub fn topic() -> Topic {
     Topic { qos: Qos::Latched, ..Topic::new(TOPIC, MessageKind::Diagnostics) }
 }
 
-/// Returns the description of the frame with this `header`; `more` are values that describe the sensor beyond its model.
+/// Returns the description of the frame with this `header`; `more` are values that describe the sensor beyond its
+/// model.
 pub fn message(header: &Header, model: &SensorModel, more: &[(&'static str, f64)]) -> Message {
     let more = more.iter().map(|(key, value)| (*key, value.to_string()));
     let values = model.to_text().into_iter().chain(more);

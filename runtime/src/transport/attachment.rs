@@ -1,5 +1,5 @@
-//! [`Attachment`]: the 33 bytes that go with every sample of rmw_zenoh, and [`Gaps`], which counts the samples that were
-//! lost on the way by their sequence numbers.
+//! [`Attachment`]: the 33 bytes that go with every sample of rmw_zenoh, and [`Gaps`], which counts the samples that
+//! were lost on the way by their sequence numbers.
 
 use std::collections::BTreeMap;
 

@@ -91,7 +91,8 @@ impl Token {
         key
     }
 
-    /// Reads the key of a token; `None` when it is not one. A 14th component, which later ROS releases may add, is ignored.
+    /// Reads the key of a token; `None` when it is not one. A 14th component, which later ROS releases may add, is
+    /// ignored.
     pub fn parse(key: &str) -> Option<Self> {
         let parts: Vec<&str> = key.split('/').collect();
         let (&["@ros2_lv", domain, session, node_id, entity_id, kind, _enclave, namespace, node], rest) =
@@ -220,7 +221,8 @@ pub enum Durability {
     Volatile,
 }
 
-/// The quality of service of an endpoint, read from its token: the policies that decide how an endpoint is carried, and whether two endpoints fit together.
+/// The quality of service of an endpoint, read from its token: the policies that decide how an endpoint is carried, and
+/// whether two endpoints fit together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Profile {
     /// Code 1 or, as here, 2; reliable when not given.
@@ -235,7 +237,8 @@ pub struct Profile {
 const DEFAULT_DEPTH: usize = 42;
 
 impl Profile {
-    /// Reads `<reliability>:<durability>:<history>,<depth>:...`. Missing or unknown fields get the defaults of rmw_zenoh.
+    /// Reads `<reliability>:<durability>:<history>,<depth>:...`. Missing or unknown fields get the defaults of
+    /// rmw_zenoh.
     pub fn parse(text: &str) -> Self {
         let mut fields = text.split(':');
         let mut field = || fields.next().unwrap_or_default();

@@ -1,4 +1,5 @@
-//! The transport between the nodes of one process: it hands on an `Arc` and serialises nothing. A message that a subscriber does not take in time is replaced, as between processes.
+//! The transport between the nodes of one process: it hands on an `Arc` and serialises nothing. A message that a
+//! subscriber does not take in time is replaced, as between processes.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

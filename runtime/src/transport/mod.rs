@@ -1,4 +1,5 @@
-//! The transport of messages from node to node. Two transports implement one trait: `local` within a process (shared, never serialised) and `zenoh` between processes.
+//! The transport of messages from node to node. Two transports implement one trait: `local` within a process (shared,
+//! never serialised) and `zenoh` between processes.
 
 pub mod attachment;
 pub mod keys;

@@ -17,7 +17,8 @@ pub enum Keep {
     Latest,
     /// The newest `n` messages, at least one; the oldest is lost when one more comes.
     Last(usize),
-    /// The lane holds all messages while the queue is within its [`Limit`]; a message that comes when there is no room is lost.
+    /// The lane holds all messages while the queue is within its [`Limit`]; a message that comes when there is no room
+    /// is lost.
     All,
 }
 
@@ -236,8 +237,8 @@ impl<T: Queued> Queue<T> {
         self.changed.notify_all();
     }
 
-    /// Locks the state. A poisoned lock only means that another thread panicked elsewhere: the lanes themselves are always
-    /// whole.
+    /// Locks the state. A poisoned lock only means that another thread panicked elsewhere: the lanes themselves are
+    /// always whole.
     fn lock(&self) -> MutexGuard<'_, State<T>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -137,8 +137,7 @@ fn camera_info(reader: &mut Ros1Reader<'_>) -> Option<CameraInfo> {
         height: reader.u32()?,
         width: reader.u32()?,
         distortion_model: reader.string()?,
-        // Collected one by one: a broken length ends at the first missing number, before memory is allocated
-        // for it.
+        // Collected one by one: a broken length ends at the first missing number, before memory is allocated for it.
         d: (0..reader.u32()?).map(|_| reader.f64()).collect::<Option<_>>()?,
         k: reader.f64s()?,
         r: reader.f64s()?,

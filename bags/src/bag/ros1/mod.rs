@@ -1,4 +1,5 @@
-//! [`Ros1File`]: a `.bag` file of ROS 1, presented as if ROS 2 had recorded it. Images and camera calibrations are converted; all other topics are reported as left out.
+//! [`Ros1File`]: a `.bag` file of ROS 1, presented as if ROS 2 had recorded it. Images and camera calibrations are
+//! converted; all other topics are reported as left out.
 
 mod message;
 

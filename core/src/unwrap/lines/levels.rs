@@ -175,8 +175,7 @@ impl<W: Word> Levels<'_, W> {
             self.offsets(i, start, sums);
             let k = self.rows.k(i).iter().zip(&*sums);
             for (((x, count), &y), (&k, &sum)) in x.iter_mut().zip(counts).zip(samples.row(i)).zip(k) {
-                // Words have no sign: below half a word means k < 0, so the clamp comes before the bias is
-                // removed.
+                // Words have no sign: below half a word means k < 0, so the clamp comes before the bias is removed.
                 let k: u16 = k.plus(sum).max(W::HALF).minus(W::HALF).min(most).into();
                 *x = (i32::from(y.into()) + (i32::from(k) << bits)) as f32;
                 *count = k as u8;

@@ -43,9 +43,8 @@ impl VoteCounter {
     }
 }
 
-/// Whether a line follows its majority. An edge that spans a whole line makes every vote agree on the wrong
-/// value. Such an edge is steep in this line or in the one before, and it lasts until the second vote returns to
-/// the majority.
+/// Whether a line follows its majority. An edge that spans a whole line makes every vote agree on the wrong value. Such
+/// an edge is steep in this line or in the one before, and it lasts until the second vote returns to the majority.
 #[derive(Clone, Copy)]
 pub(super) struct MajorityCheck {
     longest: usize,

@@ -135,8 +135,7 @@ impl DirectSums {
             let (low, _) = extent(&self.k[channel]);
             self.count(channel);
             let index = congruence::base_level_index(&self.levels, range.max_wraps().into());
-            // `is_possible` has found all levels within one range, so only those below the base level are
-            // outside.
+            // `is_possible` has found all levels within one range, so only those below the base level are outside.
             outside += self.levels[..index].iter().sum::<usize>();
             low + index as i16
         });

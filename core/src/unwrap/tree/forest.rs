@@ -164,8 +164,7 @@ impl Forest {
             if a.node == BACKGROUND || b.node == BACKGROUND {
                 return;
             }
-            // An edge that is not broken joins equal counts, and one such edge is enough for the whole
-            // contact.
+            // An edge that is not broken joins equal counts, and one such edge is enough for the whole contact.
             if breaks[pixels.clone()].contains(&0) {
                 regions.join(a.node, b.node, || [0; 4]);
             } else if let Some(at) = pixels.find(|&at| source.key(EdgeDirection::Down, at) <= G::FLAT) {

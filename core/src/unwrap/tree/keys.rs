@@ -76,8 +76,7 @@ pub(in crate::unwrap) fn first_difference_keys(
     });
 }
 
-/// Computes [`first_difference_keys`] of the differences to the pixel `a` ahead, between a pixel and the one `b`
-/// ahead.
+/// Computes [`first_difference_keys`] of the differences to the pixel `a` ahead, between a pixel and the one `b` ahead.
 pub(in crate::unwrap) fn second_difference_keys(
     planes: [&[u16]; 3],
     (a, b): (usize, usize),

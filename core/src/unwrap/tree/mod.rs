@@ -99,8 +99,7 @@ pub(super) const FLAT: u16 = 56 << 6;
 pub(super) struct ImageEdges<'a> {
     pub pixels: &'a Pixels,
     pub bounds: Bounds,
-    /// The edges by [`first_difference_keys`] with [`FLAT`]; broken also where n is
-    /// not 0.
+    /// The edges by [`first_difference_keys`] with [`FLAT`]; broken also where n is not 0.
     pub edges: Edges<'a>,
     /// The n by pixel, to the right and down; empty where all are 0.
     pub n: [&'a [Quad]; 2],

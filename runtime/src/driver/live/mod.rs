@@ -1,4 +1,5 @@
-//! The live driver: one node on a transport, until its source is over or it is asked to stop. The newest frame wins, and each replaced one is counted; only a source of rate 0 waits for its readers ([`Pacing`]).
+//! The live driver: one node on a transport, until its source is over or it is asked to stop. The newest frame wins,
+//! and each replaced one is counted; only a source of rate 0 waits for its readers ([`Pacing`]).
 
 mod inputs;
 mod source;
@@ -174,8 +175,7 @@ impl Live<'_> {
     fn keep_account(&mut self, reason: WriteReason) {
         let now = self.time.ticks_ns();
         let Some(file) = self.report_file.as_mut().filter(|file| file.is_due(reason, now)) else { return };
-        // A copy: the counts of open subscriptions go into the file, and into the report only when they are
-        // closed.
+        // A copy: the counts of open subscriptions go into the file, and into the report only when they are closed.
         let mut report = NodeReport { running: true, ..self.report.clone() };
         self.inputs.count(&self.queue, &mut report);
         report.status.extend(status_of(&*self.node));
@@ -362,7 +362,8 @@ impl Live<'_> {
         }
     }
 
-    /// Counts the output of a step before it is sent: messages that a crash keeps from being sent are then missed by their readers.
+    /// Counts the output of a step before it is sent: messages that a crash keeps from being sent are then missed by
+    /// their readers.
     fn book(&mut self, output: &StepOutput, stream: Option<&str>) {
         for (stage, duration) in &output.stages {
             self.report.book_stage(stage, *duration);

@@ -117,15 +117,14 @@ impl Live<'_> {
     }
 }
 
-/// Returns the time of the frame after the one due at `due`, in ns: the first multiple of `period` after it that is not past.
-/// As a timer of ROS 2 does, a late source leaves frames out; it does not catch up in a burst.
+/// Returns the time of the frame after the one due at `due`, in ns: the first multiple of `period` after it that is not
+/// past. As a timer of ROS 2 does, a late source leaves frames out; it does not catch up in a burst.
 fn next_due(due: u64, period: u64, now: u64) -> u64 {
     let late = now.saturating_sub(due);
     due + period * late.div_ceil(period.max(1)).max(1)
 }
 
-/// Where nodes tell which frame they have taken; `ros2 topic list` hides it, as
-/// every name with a leading underscore.
+/// Where nodes tell which frame they have taken; `ros2 topic list` hides it, as every name with a leading underscore.
 const TOPIC: &str = "/_modulo/taken";
 
 /// Returns the topic, as publishers and subscribers declare it.
@@ -133,8 +132,7 @@ pub(super) fn taken_topic() -> Topic {
     Topic::new(TOPIC, MessageKind::Diagnostics)
 }
 
-/// Returns the message that `node` has taken the frame of `stamp`, and published what
-/// came of it on `topics`.
+/// Returns the message that `node` has taken the frame of `stamp`, and published what came of it on `topics`.
 pub(super) fn taken_message(node: &str, stamp: Time, topics: &[String]) -> Message {
     let values = topics.iter().map(|topic| KeyValue { key: topic.clone(), value: String::new() }).collect();
     let status = DiagnosticStatus { name: node.to_owned(), values, ..DiagnosticStatus::default() };
@@ -147,8 +145,8 @@ pub(super) fn taken_message(node: &str, stamp: Time, topics: &[String]) -> Messa
 ///
 /// Each live node tells on [`TOPIC`] which frame it has taken. A node that passes images on tells it when its step is
 /// over, and names the topics on which it has published, so that the source also waits for the readers of those; any
-/// other node tells it before its step, so that the source can make the next frame meanwhile. The messages are only sent
-/// while a source listens.
+/// other node tells it before its step, so that the source can make the next frame meanwhile. The messages are only
+/// sent while a source listens.
 #[derive(Default)]
 pub(super) struct Pacing {
     stamp: Option<Time>,
@@ -175,9 +173,8 @@ impl Pacing {
         }
     }
 
-    /// Returns the nodes that have not taken the frame yet. Only those are waited for that
-    /// publish [`TOPIC`]: other readers, such as a viewer, set no pace. A node that
-    /// leaves the graph is not waited for any longer.
+    /// Returns the nodes that have not taken the frame yet. Only those are waited for that publish [`TOPIC`]: other
+    /// readers, such as a viewer, set no pace. A node that leaves the graph is not waited for any longer.
     pub fn waits_for(&self, transport: &dyn Transport) -> Vec<String> {
         let telling: BTreeSet<String> = transport.publishers(TOPIC).into_iter().collect();
         let readers = self.topics.iter().flat_map(|topic| transport.subscribers(topic));

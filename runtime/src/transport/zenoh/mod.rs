@@ -42,7 +42,8 @@ pub struct ZenohTransport {
 }
 
 impl ZenohTransport {
-    /// Opens a session in `domain`. `ZENOH_SESSION_CONFIG_URI` replaces the configuration, `ZENOH_CONFIG_OVERRIDE` ("key=json5;key=json5") changes single keys of it. `hashes` is the form that the other nodes of the domain use.
+    /// Opens a session in `domain`. `ZENOH_SESSION_CONFIG_URI` replaces the configuration, `ZENOH_CONFIG_OVERRIDE`
+    /// ("key=json5;key=json5") changes single keys of it. `hashes` is the form that the other nodes of the domain use.
     ///
     /// # Errors
     /// [`TransportError`] with the error of zenoh.

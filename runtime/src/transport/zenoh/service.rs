@@ -37,8 +37,7 @@ impl ZenohTransport {
             .get(self.key(&endpoint))
             .payload(request)
             .attachment(attachment.to_bytes().as_slice())
-            // Service servers declare themselves complete; without consolidation, the first answer comes at
-            // once.
+            // Service servers declare themselves complete; without consolidation, the first answer comes at once.
             .target(QueryTarget::AllComplete)
             .consolidation(ConsolidationMode::None)
             .timeout(patience)
@@ -72,8 +71,8 @@ impl ZenohTransport {
         self.serve_raw(node, handlers(port))
     }
 
-    /// Serves `handlers` by one thread for all of them: a request may wait for the frame at hand, and zenoh's own threads must not wait
-    /// with it. A caller for whom there is no room is answered with an error at once.
+    /// Serves `handlers` by one thread for all of them: a request may wait for the frame at hand, and zenoh's own
+    /// threads must not wait with it. A caller for whom there is no room is answered with an error at once.
     ///
     /// # Errors
     /// [`TransportError`] with the error of zenoh.

@@ -34,8 +34,8 @@ pub(super) fn open_session(domain: u32) -> Result<Session, TransportError> {
     open(SessionRole::Guest)
 }
 
-/// Waits until no other session of this machine and `domain` is being opened. The turn ends when the file is dropped. It
-/// is `None` where no file can be locked; sessions then meet all the same.
+/// Waits until no other session of this machine and `domain` is being opened. The turn ends when the file is dropped.
+/// It is `None` where no file can be locked; sessions then meet all the same.
 fn wait_for_turn(domain: u32) -> Option<File> {
     let path = std::env::temp_dir().join(format!("modulo-meeting-{}.lock", meeting_port(domain)));
     let own = File::options().create(true).append(true).open(&path);
@@ -80,8 +80,8 @@ fn insert(config: &mut Config, key: &str, value: &str) -> Result<(), TransportEr
         .map_err(|why| TransportError::new(format!("zenoh configuration {key} = {value}"), why))
 }
 
-/// Returns rmw_zenoh's session, plus the meeting port, plus queues that hold a whole image: with zenoh's default of two batches
-/// a 1.4 MB image is dropped as soon as its reader is a millisecond late.
+/// Returns rmw_zenoh's session, plus the meeting port, plus queues that hold a whole image: with zenoh's default of two
+/// batches a 1.4 MB image is dropped as soon as its reader is a millisecond late.
 fn defaults(domain: u32, role: SessionRole) -> Vec<(&'static str, String)> {
     let meeting = format!("\"tcp/127.0.0.1:{}\"", meeting_port(domain));
     let (listen, connect) = match role {

@@ -86,7 +86,8 @@ impl ZenohTransport {
         Ok(Box::new((subscriber, token)))
     }
 
-    /// Declares a publisher as rmw_zenoh does: it never waits for a reader, and keeps its last samples if it serves late readers.
+    /// Declares a publisher as rmw_zenoh does: it never waits for a reader, and keeps its last samples if it serves
+    /// late readers.
     fn publisher(&self, key: String, profile: Profile) -> zenoh::Result<AdvancedPublisher<'static>> {
         let reliable = profile.reliability == keys::Reliability::Reliable;
         let publisher = self
@@ -110,7 +111,8 @@ impl ZenohTransport {
         }
     }
 
-    /// Declares a subscriber as rmw_zenoh does: one for earlier samples gets those of present publishers, and of publishers that it finds later.
+    /// Declares a subscriber as rmw_zenoh does: one for earlier samples gets those of present publishers, and of
+    /// publishers that it finds later.
     fn subscriber(
         &self,
         key: String,
