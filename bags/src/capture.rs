@@ -55,8 +55,10 @@ pub fn capture(
     stop: &Stop,
 ) -> Result<Captured, CaptureError> {
     let queue = Arc::new(Queue::new(clock.clone(), WAITING));
+    // The recorder sleeps in the queue, and a stop must not wait for the end of that sleep.
     stop.wakes(&queue);
     let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() };
+    // Nodes that wait for a recorder find it by this name.
     let _node = transport.announce(&node_name)?;
     let mut capture = CaptureLoop {
         transport,
@@ -69,6 +71,7 @@ pub fn capture(
     };
     while stop.urgency() == Urgency::None {
         capture.subscribe_new(topics)?;
+        // New topics are looked for at intervals, as tokens may appear at any time.
         let look = clock.ticks_ns() + GLANCE_NS;
         // However fast samples come, the graph and the stop are looked at in between.
         while stop.urgency() == Urgency::None && clock.ticks_ns() < look {
@@ -147,6 +150,7 @@ impl CaptureLoop<'_> {
         let mut lost = BTreeMap::new();
         for (lane, topic) in &self.lanes {
             let counts = self.queue.close(*lane);
+            // Topics without losses are left out, so that the report is empty for a complete recording.
             if counts.lost() + counts.unread > 0 {
                 *lost.entry(topic.name.clone()).or_default() += counts.lost() + counts.unread;
             }

@@ -80,6 +80,7 @@ impl Player {
     pub fn new(bag: BagReader, options: &PlayOptions) -> Result<Self, PlayError> {
         // An empty bag lasts no time at all.
         let (first, last) = bag.span().unwrap_or((0, 0));
+        // An offset to the very end still plays the last message.
         let start = first.checked_add(nanos(options.start_offset)).filter(|&start| start <= last);
         let Some(start) = start else {
             let duration = Duration::from_nanos(last - first);

@@ -70,6 +70,7 @@ pub fn replay(
     let _services = serve(transport, &node_name, &orders)?;
     let _node = transport.announce(&node_name)?;
     let clock = &**clock;
+    // After the announcement, because tools wait for the node before they subscribe.
     wait_until_heard(&publishers, clock, stop);
     let mut replay = Replay { clock, player, pace, ahead: None, publishers, time, orders };
     // The timeline starts here, so that the wait for readers is no part of it.
@@ -238,6 +239,7 @@ impl Publishers {
         bag: &BagReader,
         time: Option<&ClockPublisher>,
     ) -> Result<Self, TransportError> {
+        // Every topic is declared before the first message, so that readers find them all in time.
         let mut publishers = Vec::new();
         for topic in bag.topics().into_iter().map(|counted| counted.topic) {
             let endpoint = endpoint(&topic, node_name)?;

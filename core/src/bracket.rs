@@ -40,6 +40,7 @@ impl Bracket {
     /// Makes a series of `captures` exposure times, at least one, in equal ratios. At the shortest, the top of
     /// `range` just reaches the peak; the longest is that of the modulo sensor.
     pub fn new(range: Range, captures: usize) -> Self {
+        // A series of one capture is that of the sensor itself.
         let last = captures.max(1) - 1;
         // With alpha below 1 nothing saturates even at the longest exposure.
         let shortest = 1.0 / range.alpha().max(1.0);

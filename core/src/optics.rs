@@ -168,6 +168,7 @@ mod tests {
             let reach = taps.len() as isize / 2;
             for (index, value) in got.iter().enumerate() {
                 let (i, j, k) = (index / c / w, index / c % w, index % c);
+                // The definition with one double sum, in the same precision.
                 let mut want = 0.0;
                 for (a, ta) in (-reach..).zip(&taps) {
                     for (b, tb) in (-reach..).zip(&taps) {

@@ -178,6 +178,7 @@ impl Exposure {
 
     /// Returns the modulo stream (eq. 1): `y = floor(x mod 2^b)`, 8-bit samples for b <= 8, else 16-bit samples.
     pub fn modulo(&self) -> Frame {
+        // x is not negative, so the remainder by a power of two is a mask of its integer part.
         let mask = (1 << self.range.bits()) - 1;
         self.digitise(|count| count & mask)
     }

@@ -92,6 +92,7 @@ fn dense_spud(y: &Array2<f64>, peak: f64, tau: f64) -> Array2<f64> {
     let centred = |d: f64| (d + peak / 2.0).rem_euclid(peak) - peak / 2.0;
     let mut rho = Array2::<f64>::zeros((h, w));
     for ((i, j), &here) in y.indexed_iter() {
+        // Each difference leaves one pixel and enters the other: the adjoint of the gradient.
         for (i2, j2) in [(i + 1, j), (i, j + 1)] {
             if let Some(&next) = y.get((i2, j2)) {
                 let g = centred(next - here);

@@ -79,6 +79,7 @@ impl NodeReport {
     /// Returns the messages that reached no step although they were sent, by topic: replaced, lost or unread.
     pub fn dropped(&self) -> BTreeMap<String, u64> {
         let mut dropped = self.replaced.clone();
+        // The causes are kept apart in the report and added only for the summary.
         for (topic, n) in self.lost.iter().chain(&self.unread) {
             add(&mut dropped, topic, *n);
         }

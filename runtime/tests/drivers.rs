@@ -178,6 +178,7 @@ fn a_member_that_panics_ends_the_others() {
         member(Box::new(Panic), "broken", "", composed::MemberExit::Continue),
     ];
     let (sender, ended) = std::sync::mpsc::channel();
+    // In a thread of its own, because a run that does not end must fail the test.
     std::thread::spawn(move || {
         let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
         let run = || composed::run(members, &clock, &Stop::default()).map(|reports| reports.len());
@@ -267,6 +268,7 @@ fn zenoh_carries_a_chain_between_sessions() {
         let middle = run(Box::new(increment("a", "b")), "first", "[second]", &two);
         let source = run(counter(20), "counter", "[first, second]", &one);
         let source = source.join().expect("no panic").expect("runs");
+        // The source has ended; the others have to finish what is still on its way to them.
         stop.ask(modulo_runtime::Urgency::Drain);
         [
             source,

@@ -65,6 +65,7 @@ impl<'a> Street<'a> {
     pub(super) fn radiance(&self, row: usize, column: usize) -> Rgb {
         let (u, v) = (column as f32 + 0.5, row as f32 + 0.5);
         let at = &self.columns[column];
+        // Rows are compared with the horizon, since only rays below it meet the ground.
         let below = v - self.view.cy;
         let ground = if below > 0.0 { self.view.focal * CAMERA_HEIGHT / below } else { f32::MAX };
         // The nearer of ground and wall is the visible one; beyond 400 m the far skyline takes over.
@@ -116,6 +117,7 @@ impl<'a> Street<'a> {
         if self.preset != Preset::Night {
             return [0.0; 3];
         }
+        // Chance depends on house, floor and bay, so that a lit window stays lit in all frames.
         let bay = (at.along / BAY).floor() as i32 as u32;
         let chance = unit(hash(at.house, hash(floor as i32 as u32, bay, 5), self.seed));
         scaled([0.13, 0.10, 0.055], if chance < 0.22 { at.fade } else { 0.05 })

@@ -122,6 +122,7 @@ pub(super) fn truck(random: &mut Random, lamps: Lamps) -> Solid {
     let high = random.between(3.3, 3.8);
     let cargo = Block { height: [1.00, high], rear: [-4.2; 2], front: [1.9; 2], half: [1.25, 1.25] };
     let cab = Block { height: [0.45, 2.75], rear: [2.2; 2], front: [4.0, 3.75], half: [1.18, 1.12] };
+    // The frame ends where the cab begins, so that no gap shows below the cargo.
     let frame = Block { height: [0.50, 1.00], rear: [-4.1; 2], front: [2.2; 2], half: [1.05, 1.05] };
     let (mut back, mut front) = (PartGroup::default(), PartGroup::default());
     wheels(&mut back, 1.18, &[-3.2, -2.0], 0.50);
@@ -287,6 +288,7 @@ pub(super) fn cyclist(random: &mut Random, stride: f32) -> Solid {
         body.rod(a, b, 0.03, METAL);
     }
     body.rod([-0.34, 1.08, 0.40], [0.34, 1.08, 0.40], 0.035, METAL);
+    // The pedals are opposite to each other, half a turn apart.
     for (side, phase) in [(-0.12, stride), (0.12, stride + 0.5)] {
         let foot = [side * 1.2, 0.32 + 0.15 * wave(phase + 0.25), 0.15 * wave(phase)];
         let knee = [side * 1.5, 0.5 * (foot[1] + 0.96) + 0.05, 0.26];

@@ -203,6 +203,7 @@ impl Block {
     /// Returns the panels rear, right, front, left and roof.
     pub(super) fn panels(&self) -> [Quadrilateral; 5] {
         let corner = |end: usize, forward: f32, side: f32| [side * self.half[end], self.height[end], forward];
+        // Corners of a wall run as seen from outside, from the lower left on, so that its patches face outwards.
         let wall = |p: [f32; 2], ps: f32, q: [f32; 2], qs: f32| {
             Quadrilateral([
                 corner(0, p[0], ps),

@@ -42,6 +42,7 @@ impl BagFile {
         let path = folder.join(&name);
         let io = |e| FileError::new(&path, e);
         let file = File::create_new(&path).map_err(io)?;
+        // A second handle: the writer of the library keeps the first, but only the file can be flushed to the disk.
         let disk = file.try_clone().map_err(io)?;
         // A file whose folder is not on the disk is not there after a power cut.
         File::open(folder).and_then(|folder| folder.sync_all()).map_err(io)?;
@@ -135,6 +136,7 @@ impl BagFile {
 
     /// Writes the index, and the metadata of this file in the form of rosbag2.
     pub(super) fn finish(mut self, topics: &[TopicCount]) -> Result<FileContents, BagError> {
+        // The record describes this file only, so the counts are its own and not those of the bag.
         let here = |(counted, &messages): (&TopicCount, _)| TopicCount { messages, ..counted.clone() };
         let topics: Vec<_> = topics.iter().zip(&self.counts).map(here).collect();
         let text =

@@ -64,6 +64,7 @@ fn sum(
     let stats = index.stats.as_ref();
     let span = stats.filter(|stats| stats.message_count > 0);
     let mut topics: Vec<_> = topics.iter().collect();
+    // The map has no order, and the same file must always give the same list.
     topics.sort_by_key(|(id, _)| **id);
     let counted = |(&id, topic): (&u16, &Arc<BagTopic>)| TopicCount {
         topic: Arc::clone(topic),
@@ -208,6 +209,7 @@ impl McapMessages {
                     taken.map_err(|e| BagError::damaged(path, e))?;
                 }
                 IndexedReadEvent::Message { header, data } => {
+                    // Two channels may share a name, and only one of them be CDR.
                     let Some(topic) = self.wanted.get(&header.channel_id) else { continue };
                     return Ok(Some(RawMessage {
                         topic: Arc::clone(topic),

@@ -125,6 +125,7 @@ impl BagReader {
     pub fn topics(&self) -> Vec<TopicCount> {
         let mut topics: Vec<TopicCount> = Vec::new();
         for counted in self.files.iter().flat_map(|(_, file)| &file.summary().topics) {
+            // A topic with two types stays two topics: its messages cannot be read as one.
             let same = |t: &&mut TopicCount| {
                 t.topic.name == counted.topic.name && t.topic.type_name == counted.topic.type_name
             };

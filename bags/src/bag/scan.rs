@@ -91,6 +91,7 @@ impl<'a> Walk<'a> {
             attachment_count: 0,
             metadata_count: 0,
             chunk_count: 0,
+            // The least time so far, so that any message is earlier.
             message_start_time: u64::MAX,
             message_end_time: 0,
             channel_message_counts: Default::default(),
@@ -121,6 +122,7 @@ impl<'a> Walk<'a> {
         match opcode {
             op::SCHEMA | op::CHANNEL => self.define(parse_record(opcode, body)?.into_owned()),
             op::MESSAGE => {
+                // The opcode tells the record; the pattern only satisfies the type.
                 let Record::Message { header, data } = parse_record(opcode, body)? else { return Ok(()) };
                 self.count(header.channel_id, header.log_time)?;
                 self.loose.push(UnchunkedMessage {
@@ -136,6 +138,7 @@ impl<'a> Walk<'a> {
                 Record::Chunk { header, .. } => self.chunk(header, body, length),
                 _ => Ok(()),
             },
+            // Attachments, metadata and indexes are not needed to read messages.
             _ => Ok(()),
         }
     }

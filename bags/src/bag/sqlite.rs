@@ -174,6 +174,7 @@ impl SqliteMessages {
             // A broken file may hold anything in place of a payload.
             let data = match row.get_ref(3)? {
                 ValueRef::Blob(bytes) | ValueRef::Text(bytes) => bytes.to_vec(),
+                // An empty payload is refused where it is decoded, with the topic and the time.
                 ValueRef::Null | ValueRef::Integer(_) | ValueRef::Real(_) => Vec::new(),
             };
             let topic = Arc::clone(topic);

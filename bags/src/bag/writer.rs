@@ -87,6 +87,7 @@ impl BagWriter {
     pub fn create(folder: &Path, options: impl Into<WriteOptions>) -> Result<Self, BagError> {
         let name = folder.file_name().ok_or_else(|| BagError::Name(folder.to_owned()))?;
         let (name, options) = (name.to_string_lossy().into_owned(), options.into());
+        // Making the folder fails if it exists, which also decides between two recorders of one name.
         make_folder(folder)?;
         let bag_file = BagFile::create(folder, format!("{name}_0.mcap"), options.compression)?;
         Ok(Self {
@@ -154,6 +155,7 @@ impl BagWriter {
     ) -> Result<(), BagError> {
         let id = self.topic(topic)?;
         self.write(id, log_time, publish_time, data)?;
+        // The log time is the clock here, so that a recorder has no second one.
         self.settle(log_time)
     }
 
@@ -265,6 +267,7 @@ pub fn copy(bag: &BagReader, out: &Path, options: impl Into<WriteOptions>) -> Re
                 }
                 id => writer.write(id?, message.log_time, message.publish_time, &message.data)?,
             },
+            // The messages behind it can be read, so the copy goes on.
             Err(BagError::BadMessage { topic, why, .. }) => leave_out(topic, why),
             Err(why) => broke = Some(why),
         }

@@ -96,6 +96,7 @@ fn label(annotation: &Annotation, names: &HashMap<u64, &str>) -> Result<GroundTr
     let class = names.get(category_id).ok_or_else(|| {
         format!("image {image_id} has an object of category {category_id}, which `categories` does not name")
     })?;
+    // One sum finds NaN and infinity in any of the four.
     if !(x + y + width + height).is_finite() || *width < 0.0 || *height < 0.0 {
         return Err(format!(
             "image {image_id} has a box {x} {y} {width} {height}, finite and not negative needed"
@@ -114,6 +115,7 @@ fn folder_of(annotations: &Path, images: &[ImageEntry]) -> Result<PathBuf, Sourc
     let beside = annotations.parent().unwrap_or(Path::new(""));
     let above = beside.join("..");
     let stem = stem(annotations);
+    // `instances_val2017` belongs to the images in `val2017`.
     let split = stem.rsplit_once('_').map_or(stem.as_str(), |(_, split)| split);
     let folders = [
         beside.to_owned(),

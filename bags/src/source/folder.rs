@@ -120,6 +120,7 @@ pub(crate) fn list_images(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
             images.push(path);
         }
     }
+    // The path decides between names that differ only in leading zeros.
     images.sort_by_cached_key(|path| (path.file_name().map(natural), path.clone()));
     if images.is_empty() { Err(SourceError::Empty(folder.to_owned())) } else { Ok(images) }
 }

@@ -160,10 +160,12 @@ fn parse_label(line: &str) -> Result<GroundTruth, String> {
         17 => drop(columns.drain(..2)),
         found => return Err(format!("{found} columns found, 15 needed (17 for tracking)")),
     }
+    // All columns are read, so that a damaged line is found even where its box is readable.
     let numbers = columns[1..].iter().map(|c| number(c)).collect::<Result<Vec<f32>, String>>()?;
     let [truncated, _, _, x1, y1, x2, y2, ..] = numbers[..] else {
         return Err(format!("{} columns found, 15 needed", columns.len()));
     };
+    // A box with swapped corners has an area of 0 and no detection could match it.
     if x1 > x2 || y1 > y2 {
         return Err(format!("box {x1} {y1} {x2} {y2} found, x1 <= x2 and y1 <= y2 needed"));
     }

@@ -49,6 +49,7 @@ impl Labels for YoloLabels {
     ) -> Result<Option<Vec<GroundTruth>>, SourceError> {
         let Some(path) = label_files(image).into_iter().find(|path| path.is_file()) else { return Ok(None) };
         let text = std::fs::read_to_string(&path).map_err(|why| FileError::new(&path, why))?;
+        // Numbered before blank lines are left out, so that errors name the line of the file.
         let lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
         let label = |(line, text): (usize, &str)| {
             let (class, bbox) = parse(text, width as f32, height as f32)

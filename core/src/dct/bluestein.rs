@@ -125,6 +125,7 @@ mod tests {
             let (mut got, mut want) = (samples.clone(), samples);
             got.resize(chirp.len(), Complex::default());
             chirp.forward(&mut got, &mut vec![Complex::default(); chirp.scratch_len()]);
+            // These lengths have small factors only, so both algorithms can compute them.
             let fft = Fft::new(n).unwrap();
             fft.forward(&mut want, &mut vec![Complex::default(); fft.scratch_len()]);
             for (got, want) in got.iter().zip(&want) {

@@ -57,6 +57,7 @@ impl RowPart {
         Self {
             tiles: vec![Tile::default(); blocks.len() * plan.shape.bands()],
             data: vec![Complex::default(); plan.shape.channels * length + 1],
+            // The channels are transformed one after the other and share the scratch.
             scratch: vec![Complex::default(); scratch],
             blocks,
         }

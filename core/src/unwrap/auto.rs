@@ -61,6 +61,7 @@ impl Auto {
     fn judge(&self, lines: &Recovered) -> MethodChoice {
         let QualityMetrics { steep, consensus, clamped, .. } =
             lines.report.quality.expect("lines always gives its quality");
+        // Compared in double precision, in which the limits are given.
         let (steep, consensus) = (f64::from(steep), f64::from(consensus));
         // A clamped count contradicts the range, however smooth y looks.
         if steep <= self.limits.lines && consensus >= self.limits.consensus && clamped == 0.0 {

@@ -31,6 +31,7 @@ pub(super) fn write_channel(
     let peak = range.peak();
     let channels = out.x.dim().2;
     let (x, counts) = out.buffers();
+    // x is made from y and the clamped k, so that it stays congruent even where the range cuts k off.
     let pixels = x.chunks_exact_mut(channels).zip(counts.chunks_exact_mut(channels));
     for (((x, count), k), y) in pixels.zip(k).zip(y) {
         x[channel] = y + f32::from(k) * peak;

@@ -48,6 +48,7 @@ impl Unwrap for QualityGuided {
         out.prepare(y.dim(), self.name());
         let (_, width, channels) = y.dim();
         for channel in 0..channels {
+            // Channels are unwrapped one by one, as in the paper of the method, which knows only one.
             samples.take(channels, channel, &mut self.y);
             codes(&self.y, range, &mut self.codes);
             self.grow(width);

@@ -79,6 +79,7 @@ fn walk(steps: &[u16], n: usize, bits: u8) -> Vec<u32> {
     let (half, most) = (1i64 << (bits - 1), 3i64 << bits);
     let mut at = 0;
     let next = |step: &u16| {
+        // Reflected at both ends, so that the walk stays within three peaks.
         let step = i64::from(*step) % (2 * half - 1) - (half - 1);
         at = if (0..most).contains(&(at + step)) { at + step } else { at - step };
         at as u32
@@ -177,6 +178,7 @@ fn buffers_are_reused_and_follow_the_shape() {
         let large = Frame::from_u8(Array3::from_elem((6, 5, 3), 200)).unwrap();
         unwrap.unwrap(&small, range, &mut out).unwrap();
         let before = (out.x.as_ptr(), out.k.as_ptr());
+        // The same buffers must come back for the same shape.
         unwrap.unwrap(&small, range, &mut out).unwrap();
         assert_eq!(before, (out.x.as_ptr(), out.k.as_ptr()), "{method}");
         unwrap.unwrap(&large, range, &mut out).unwrap();

@@ -118,6 +118,7 @@ impl ModuloCamera {
     }
 
     fn publish(&mut self, frame: &SourceFrame, cx: &mut Context<'_>) -> Result<(), StepError> {
+        // Recorded frames keep their stamps; images of a folder have none.
         let stamp = Time::from_ns(frame.stamp_ns.unwrap_or_else(|| cx.now_ns()));
         let header = Header { stamp, frame_id: frame.frame_id.clone() };
         // Published before the images: an evaluation of a frame has its ground truth by then.
@@ -191,6 +192,7 @@ impl Node for ModuloCamera {
             }
             Trigger::Message { message: Message::Image(image), .. } => {
                 let CameraInput::Topic { white, .. } = &mut self.input else { return Ok(Flow::Continue) };
+                // The scale of float images is kept from message to message, as within a folder.
                 let radiance = white.radiance(&image.frame);
                 self.taken += 1;
                 self.sense(self.taken - 1, &radiance, &image.header, cx).map_err(StepError::Skip)?;

@@ -146,6 +146,7 @@ impl UnwrapNode {
         }
         if cx.wanted(HDR) {
             let frame = tone::hdr(&self.recovered.x, *range).map_err(|why| skip(why.to_string()))?;
+            // Without a scale: a reader gets the counts of the sensor and can compute with them.
             cx.emit(HDR, stamped(&modulo.header, frame));
         }
         Ok(())
@@ -242,7 +243,9 @@ fn describe(node: &str, header: &Header, method: &str, report: &Report) -> Diagn
         }
         Trust::Unknown => (DiagnosticStatus::OK, "the method makes no claim"),
     };
+    // Two names: the method that was asked for, and the one that `auto` selected for this frame.
     let mut values = vec![("method", method.to_owned()), ("rung", report.method.to_owned())];
+    // A method without a claim has no entry, so that no reader takes it for distrust.
     if let Some(trusted) = report.trust.claim() {
         values.push(("trusted", trusted.to_string()));
     }

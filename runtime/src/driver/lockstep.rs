@@ -144,6 +144,7 @@ impl<'a> Lockstep<'a> {
             Ok(flow) => Ok(flow),
             Err(StepError::Skip(why)) => {
                 tracing::warn!(node = %member.report.node, topic, "skipped: {why}");
+                // The run goes on as a live node does, and the report shows what is missing.
                 add(&mut member.report.bad, topic, 1);
                 Ok(Flow::Continue)
             }

@@ -54,6 +54,7 @@ impl Diagnostics {
 /// Returns the report as a diagnostics message.
 fn describe(now_ns: u64, report: &NodeReport, node: &dyn Node, skipped: u64) -> DiagnosticArray {
     let mut values = Vec::new();
+    // Viewers of diagnostics show these pairs as they are, so the units stand in the keys.
     let mut say = |key: String, value: String| values.push(KeyValue { key, value });
     for (key, value) in node.status() {
         say(key.to_owned(), value);
@@ -78,6 +79,7 @@ fn describe(now_ns: u64, report: &NodeReport, node: &dyn Node, skipped: u64) -> 
     }
     let status = DiagnosticStatus {
         level: if skipped > 0 { DiagnosticStatus::WARN } else { DiagnosticStatus::OK },
+        // Names of statuses have no leading slash, as those of `diagnostic_updater`.
         name: report.node.trim_start_matches('/').to_owned(),
         message: if skipped > 0 { format!("{skipped} bad messages were skipped") } else { "running".into() },
         hardware_id: String::new(),

@@ -110,6 +110,7 @@ fn conflict_between(one: &Token, other: &Token) -> Option<Conflict> {
         _ => return None,
     };
     let (gives, takes) = (giver.endpoint.as_ref()?, taker.endpoint.as_ref()?);
+    // Topics and services share one space of names here; the kinds above keep them apart.
     if gives.topic != takes.topic {
         return None;
     }

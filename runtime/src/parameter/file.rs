@@ -60,6 +60,7 @@ fn node(
     };
     for (name, value) in entries {
         let name = key(name)?;
+        // Any other key continues the name: a node in this namespace, or a further part of it.
         if name != PARAMETERS {
             node(&format!("{pattern}/{name}"), value, node_name, found)?;
             continue;
@@ -70,6 +71,7 @@ fn node(
         for (name, value) in parameters {
             let mut all = Vec::new();
             flatten(&key(name)?, value, &mut all)?;
+            // Entries of other nodes are read as well, so that a mistake in them is found here.
             found.extend(all.into_iter().filter(|_| matches(pattern, node_name)));
         }
     }
@@ -89,6 +91,7 @@ fn matches(pattern: &str, node_name: &NodeName) -> bool {
     fn all(pattern: &[&str], name: &[&str]) -> bool {
         match (pattern, name) {
             ([], []) => true,
+            // Two stars mean any number of parts, so every rest of the name is tried.
             (["**", rest @ ..], _) => (0..=name.len()).any(|skip| all(rest, &name[skip..])),
             (["*", rest @ ..], [_, name @ ..]) => all(rest, name),
             ([part, rest @ ..], [first, name @ ..]) => part == first && all(rest, name),
@@ -130,6 +133,7 @@ pub fn write(node: &str, parameters: &[(String, ParameterValue)]) -> String {
     let mut text = format!("{node}:\n  {PARAMETERS}:\n");
     let mut open: Vec<&str> = Vec::new();
     for (name, value) in sorted {
+        // `rcl` has no notation for a parameter that is not set.
         let Some(value) = text::yaml(value) else { continue };
         let (groups, last) = name.rsplit_once('.').unwrap_or(("", name));
         let groups: Vec<&str> = groups.split('.').filter(|group| !group.is_empty()).collect();

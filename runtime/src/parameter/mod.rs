@@ -89,6 +89,7 @@ impl Descriptor {
         let shown = value.to_string();
         let refuse = |why: String| ParameterError::new(self.name, &shown, why);
         let given = value.type_name();
+        // An integer is also accepted for a double, as command lines and YAML write 2 for 2.0.
         let value = value
             .coerced(&self.default)
             .ok_or_else(|| refuse(format!("is a {given}, must be a {}", self.default.type_name())))?;

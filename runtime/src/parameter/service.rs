@@ -61,6 +61,7 @@ impl Service {
                 ListParametersResponse { result: ListParametersResult { names, prefixes: Vec::new() } }
             }),
             Self::SetParameters => respond(request, |SetParametersRequest { parameters }| {
+                // Each parameter is a change of its own here: one that is refused does not stop the others.
                 let results = parameters.into_iter().map(|p| set(vec![p], port)).collect();
                 SetParametersResponse { results }
             }),
@@ -156,6 +157,7 @@ pub fn from_ros(value: ParameterValue) -> Result<Value, &'static str> {
         ParameterType::DOUBLE_ARRAY => ("double array", value.double_array_value.is_empty()),
         _ => ("unknown", false),
     };
+    // The only arrays of the suite are lists of strings.
     if is_empty { Ok(Value::Strings(Vec::new())) } else { Err(kind) }
 }
 

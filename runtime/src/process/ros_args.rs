@@ -136,6 +136,7 @@ impl RosArgs {
 
     fn remap(&mut self, rule: &str) -> Result<(), ArgsError> {
         let (from, to) = split_rule(rule)?;
+        // The part before a colon is the node that the rule is for.
         let (node, from) = split_node(from);
         // `rcl` reads both spellings.
         let from = if from == "__name" { "__node" } else { strip_scheme(from) };

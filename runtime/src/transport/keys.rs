@@ -95,6 +95,7 @@ impl Token {
     /// ignored.
     pub fn parse(key: &str) -> Option<Self> {
         let parts: Vec<&str> = key.split('/').collect();
+        // The enclave between kind and namespace is ignored: the suite has no secure communication.
         let (&["@ros2_lv", domain, session, node_id, entity_id, kind, _enclave, namespace, node], rest) =
             parts.split_first_chunk::<9>()?
         else {
@@ -102,6 +103,7 @@ impl Token {
         };
         let kind = EntityKind::from_code(kind)?;
         let endpoint = match (kind, rest) {
+            // Tokens of nodes end with the name of the node.
             (EntityKind::Node, _) => None,
             (_, [topic, dds_type, type_hash, qos, ..]) => Some(Endpoint {
                 topic: demangle(topic),
@@ -189,6 +191,7 @@ pub fn qos_of(text: &str) -> Qos {
     if let Some(known) = Qos::ALL.into_iter().find(|qos| qos_string(*qos) == text) {
         return known;
     }
+    // Only these two policies decide how the suite treats an endpoint.
     let mut fields = text.split(':');
     match (fields.next(), fields.next()) {
         (_, Some("1")) => Qos::Latched,

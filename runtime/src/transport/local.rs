@@ -75,6 +75,7 @@ impl Transport for LocalTransport {
         let gone = Undeclare(move || {
             let publishers = &mut transport.graph().publishers;
             if let Some(index) = publishers.iter().position(|publisher| *publisher == entry) {
+                // Only one entry: a node may publish a topic twice, and the other publisher is still there.
                 publishers.swap_remove(index);
             }
         });

@@ -73,6 +73,7 @@ impl Ros1File {
             }
         }
         let chunks = index.chunks;
+        // The index of a chunk covers all its topics, so the span may be a little too wide.
         let span = chunks.iter().map(|chunk| chunk.span).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
         // Several connections may publish one topic.
         let counted =
@@ -126,6 +127,7 @@ fn convert(connection: &Connection<'_>) -> Result<(BagTopic, Convert), String> {
     if md5 != known.md5 {
         return Err(format!("its {kind} has the MD5 sum {md5}, that of ROS 1 {}", known.md5));
     }
+    // A latched topic of ROS 1 is a transient local one of ROS 2.
     let qos = if connection.latching { Qos::Latched } else { Qos::Results };
     Ok((BagTopic::new(connection.storage_topic, known.ros2, qos), known.convert))
 }

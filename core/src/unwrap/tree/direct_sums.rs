@@ -66,6 +66,7 @@ impl DirectSums {
             });
             for &at in changed {
                 let step = &mut steps[at as usize - start];
+                // Only the pixels with an n are visited; a frame has few of them.
                 *step = step.wrapping_add(image.n[to as usize][at as usize][channel]);
             }
         }
@@ -252,6 +253,7 @@ mod tests {
         let range = Range::new(8, 4.0).unwrap();
         let slope = |i: usize, j: usize| (20 * i + 25 * j) as u32;
         let x = Array3::from_shape_fn((20, 24, 3), |(i, j, _)| slope(i, j));
+        // A slope is consistent everywhere, so the sums must be the counts of the tree.
         let (summed, grown) = both(&frame(&x), range);
         assert_eq!(summed.as_ref(), Some(&grown));
         assert_eq!(grown.k, x.mapv(|x| (x >> 8) as u8));

@@ -74,12 +74,14 @@ impl Unwrap for Tree {
         let samples = Integers::checked(y, range)?;
         out.prepare(y.dim(), self.name());
         let bounds = Bounds::new(range);
+        // The codes are stored twice, as planes for the keys and by pixel for the tree.
         self.pixels.read(samples, (y.width(), y.channels()), range, bounds);
         let Self { pixels, keys, breaks, forest, sums } = self;
         for ((keys, breaks), stride) in keys.iter_mut().zip(&mut *breaks).zip([1, y.width()]) {
             first_difference_keys(pixels.planes(), stride, FLAT, keys, breaks);
         }
         let ([right, down], [right_breaks, down_breaks]) = (keys, breaks);
+        // Without a first tree over the gradients, all n are 0.
         let image = ImageEdges {
             pixels,
             bounds,

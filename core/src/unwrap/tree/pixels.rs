@@ -47,6 +47,7 @@ impl Pixels {
             Integers::U8(samples) => self.take(samples, channels, shift),
             Integers::U16(samples) => self.take(samples, channels, shift),
         }
+        // Slices of known length before the loop, so that no bound is checked in it.
         let count = self.count();
         self.limited.resize(count, 0);
         let [r, g, b] = &self.planes;
@@ -56,6 +57,7 @@ impl Pixels {
 
     fn take<T: Copy + Into<u16>>(&mut self, samples: &[T], channels: usize, shift: u8) {
         let count = samples.len() / channels;
+        // The size of the last frame is kept, and every value is written below.
         self.planes.iter_mut().for_each(|plane| plane.resize(count, 0));
         self.quads.resize(count, [0; 4]);
         let [r, g, b] = &mut self.planes;

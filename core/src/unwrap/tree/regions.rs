@@ -299,6 +299,7 @@ mod tests {
     fn what_joins_coarsely_joins_as_finely() {
         let values = [3, 5, -2, 0, 7, 1];
         let step = |from: usize, to: usize| [values[to] - values[from]; 4];
+        // The same joins, once in one step and once on both sides of the condensation.
         let (mut whole, mut fine, mut condensed) =
             (of_nodes(6, -9, 9), of_nodes(6, -9, 9), CondensedRegions::default());
         for (from, to) in [(0, 1), (3, 2), (1, 4)] {

@@ -112,11 +112,13 @@ pub fn run(
 ) -> Result<NodeReport, RunError> {
     let NodeSetup { node, parameters, node_name, saved, report_file } = setup;
     let outputs = addresses(&node_name, &node.outputs())?;
+    // Publishers come before subscriptions: the first message may already cause an output.
     let publishers = outputs
         .into_iter()
         .map(|address| transport.advertise(&node_name, &address).map(|publisher| (address, publisher)))
         .collect::<Result<_, _>>()?;
     let queue = Arc::new(Queue::new(clock.clone(), Limit { messages: REQUESTS, bytes: usize::MAX }));
+    // A node that waits for a message must see a request to end at once.
     stop.wakes(&queue);
     let live = Live {
         report: NodeReport::new(node_name.fully_qualified()),
@@ -160,6 +162,7 @@ impl Live<'_> {
         };
         // Out of the graph before the publishers go, so that no other node waits for this one.
         drop((announced, served));
+        // From here on requests are refused, so that no caller waits for a node that has ended.
         self.queue.end();
         std::mem::take(&mut self.inputs).close(&self.queue, &mut self.report);
         self.report.status.extend(status_of(&*self.node));
@@ -267,6 +270,7 @@ impl Live<'_> {
                 }
                 Next::Idle | Next::Ended if draining => {
                     let now = self.time.ticks_ns();
+                    // Counted from the first idle moment after a message or after the request to end.
                     let quiet = now - *quiet_since.get_or_insert(now);
                     let alone =
                         if self.has_upstream() { None } else { Some(*alone_since.get_or_insert(now)) };

@@ -37,6 +37,7 @@ impl Live<'_> {
                     // for each frame.
                     None => told = Some(self.listen_to_readers()?),
                 }
+                // A frame of the time before says nothing about the readers at the new pace.
                 self.pacing = Pacing::default();
                 // Readers tell nothing before they have found out that this node listens.
                 due = due.max(self.time.ticks_ns() + nanoseconds(self.transport.settling()));
@@ -79,6 +80,7 @@ impl Live<'_> {
     /// Handles at most one event that waits, and all that come until `due`.
     fn wait_until(&mut self, due: u64) -> Result<(), RunError> {
         loop {
+            // With no time left it still takes one event that waits, so that a fast source answers requests as well.
             let patience = due.saturating_sub(self.time.ticks_ns());
             match self.queue.take(Some(Duration::from_nanos(patience))) {
                 Next::Item(arrived) => drop(self.handle(arrived)?),
@@ -97,6 +99,7 @@ impl Live<'_> {
             if missing.is_empty() || self.stop.urgency() != Urgency::None {
                 return Ok(());
             }
+            // A reader that hangs must not stop the camera for ever.
             if self.time.ticks_ns().saturating_sub(start) > READER_LIMIT_NS {
                 let missing = missing.join(", ");
                 tracing::warn!(node = %self.report.node, "{missing} has not taken a frame for 60 s: going on");

@@ -68,6 +68,7 @@ impl ZenohTransport {
         let gone = || TransportError::new(format!("topic {topic}"), "all of its endpoints are gone");
         let endpoint = endpoint.ok_or_else(gone)?;
         let node_name = NodeName { name: "modulo_topic".into(), namespace: "/".into(), remaps: Vec::new() };
+        // The command appears in the graph as a node, as the tools of ROS 2 do.
         let node = self.announce(&node_name)?;
         let samples = Arc::new(Queue::new(self.clock.clone(), WAITING));
         stop.wakes(&samples);

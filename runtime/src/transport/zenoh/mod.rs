@@ -80,6 +80,7 @@ impl ZenohTransport {
     }
 
     fn token(&self, node: &NodeName, kind: EntityKind, endpoint: Option<Endpoint>) -> Token {
+        // All endpoints of a node carry its number, whichever of them is declared first.
         let node_id = *lock(&self.node_ids).entry(node.fully_qualified()).or_insert_with(|| self.new_id());
         // As in rmw_zenoh, a node and its endpoints are numbered by one counter.
         let entity_id = if kind == EntityKind::Node { node_id } else { self.new_id() };
@@ -188,6 +189,7 @@ fn watch_graph(
     session
         .liveliness()
         .declare_subscriber(keys::token_selector(domain))
+        // Tokens from before this session count as well.
         .history(true)
         .callback(move |sample| {
             let key = sample.key_expr().as_str();

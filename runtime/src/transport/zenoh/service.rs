@@ -43,6 +43,7 @@ impl ZenohTransport {
             .timeout(patience)
             .wait()
             .map_err(|why| failed(&why))?;
+        // The channel closes at the timeout, or at once when no server has the key.
         let reply = replies.recv().map_err(|_| failed(&self.why_nobody_answers(&endpoint)))?;
         match reply.result() {
             Ok(sample) => Ok(sample.payload().to_bytes().into_owned()),
@@ -107,6 +108,7 @@ impl ZenohTransport {
                 while let Next::Item(arrived) = calls.take(None) {
                     let Call { service, query } = arrived.item;
                     let handler = &handlers[service];
+                    // The caller gets the error, too: without any reply it would wait for its timeout.
                     if let Err(why) = reply(handler, &query, &*clock) {
                         tracing::warn!("service {}: {why}", handler.name);
                         refuse(&query, &why);

@@ -38,6 +38,7 @@ pub(super) fn open_session(domain: u32) -> Result<Session, TransportError> {
 /// It is `None` where no file can be locked; sessions then meet all the same.
 fn wait_for_turn(domain: u32) -> Option<File> {
     let path = std::env::temp_dir().join(format!("modulo-meeting-{}.lock", meeting_port(domain)));
+    // The file is only locked and never read, so it stays empty.
     let own = File::options().create(true).append(true).open(&path);
     // The file of another user can be locked, too, although it cannot be written.
     let file = own.or_else(|_| File::open(&path)).ok()?;

@@ -72,6 +72,7 @@ impl ZenohTransport {
         take: impl Fn(RawSample) + Send + Sync + 'static,
     ) -> Result<Guard, TransportError> {
         let take = move |sample: Sample| {
+            // Samples without an attachment come from programs outside of ROS and are still passed on.
             let attachment = sample.attachment().map(|a| a.to_bytes());
             take(RawSample {
                 payload: payload(sample.payload()),
@@ -99,6 +100,7 @@ impl ZenohTransport {
         match profile.durability {
             Durability::Volatile => publisher.wait(),
             Durability::TransientLocal => {
+                // The publisher keeps what its depth promises; a reader asks for it when it finds the publisher.
                 let kept = CacheConfig::default().max_samples(profile.depth);
                 let publisher = publisher.cache(kept).publisher_detection();
                 // By best effort, a missed sample is not asked for again, so its number need not be sent.
@@ -123,6 +125,7 @@ impl ZenohTransport {
         if profile.durability == Durability::Volatile {
             return Ok(Box::new(subscriber.wait()?));
         }
+        // Publishers that appear later are asked for their last samples, too.
         let history = HistoryConfig::default().detect_late_publishers().max_samples(profile.depth);
         let subscriber = subscriber.history(history).subscriber_detection();
         Ok(match profile.reliability {
