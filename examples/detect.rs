@@ -18,7 +18,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let image = arguments.next().unwrap_or_else(|| "scene://day?seed=1".into());
     let model = arguments.next().unwrap_or_else(|| DEMO.into());
 
-    let radiance = source::open(&image, &Default::default())?.next().ok_or("the source has no frame")??.radiance;
+    let radiance =
+        source::open(&image, &Default::default())?.next().ok_or("the source has no frame")??.radiance;
     // Radiance of full scale 1 as 8 bits: one exposure of an ideal camera.
     let frame = tone::linear8(&radiance.mapv(|v| v * 256.0), Range::new(8, 1.0)?)?;
     let header = Header { stamp: Time::from_ns(0), frame_id: "camera".into() };

@@ -11,7 +11,8 @@ use modulo_runtime::SystemClock;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let alpha = std::env::args().nth(1).unwrap_or_else(|| "4".into());
-    let options = ["evaluate_cell", "--stream", "recovered", "--method", "auto", "--alpha", &alpha, "--fresh"];
+    let options =
+        ["evaluate_cell", "--stream", "recovered", "--method", "auto", "--alpha", &alpha, "--fresh"];
     let request = Request {
         data: Data::Any("scene://tunnel?seed=3&frames=8".into()),
         options: Options::try_parse_from(options)?,
@@ -22,7 +23,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for cell in &outcome.results.cells {
         println!("{}", cell.point);
         for (group, ap) in &cell.ap50 {
-            println!("    AP50 {group}: {}", ap.map_or("no object".into(), |ap| format!("{:.1} %", 100.0 * ap)));
+            println!(
+                "    AP50 {group}: {}",
+                ap.map_or("no object".into(), |ap| format!("{:.1} %", 100.0 * ap))
+            );
         }
         println!("    exact wrap counts: {:.1} %", 100.0 * cell.exact_k.unwrap_or_default());
         for (stage, ms) in &cell.latency_ms {

@@ -22,7 +22,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let Some(kind) = kind else { continue };
         match Message::decode(*kind, &message.data)? {
             Message::Image(image) => {
-                println!("{} ns {}: H x W x C = {:?}", message.log_time, message.topic.name, image.frame.dim())
+                println!(
+                    "{} ns {}: H x W x C = {:?}",
+                    message.log_time,
+                    message.topic.name,
+                    image.frame.dim()
+                )
             }
             Message::Detections(boxes) => {
                 println!("{} ns {}: {} boxes", message.log_time, message.topic.name, boxes.detections.len())

@@ -55,10 +55,12 @@ pub fn capture(
     stop: &Stop,
 ) -> Result<Captured, CaptureError> {
     let queue = Arc::new(Queue::new(clock.clone(), WAITING));
+    // The recorder sleeps in the queue, and a stop must not wait for the end of that sleep.
     stop.wakes(&queue);
     let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() };
+    // Nodes that wait for a recorder find it by this name.
     let _node = transport.announce(&node_name)?;
-    let mut capture = Capture {
+    let mut capture = CaptureLoop {
         transport,
         node_name,
         recorder,
@@ -69,6 +71,7 @@ pub fn capture(
     };
     while stop.urgency() == Urgency::None {
         capture.subscribe_new(topics)?;
+        // New topics are looked for at intervals, as tokens may appear at any time.
         let look = clock.ticks_ns() + GLANCE_NS;
         // However fast samples come, the graph and the stop are looked at in between.
         while stop.urgency() == Urgency::None && clock.ticks_ns() < look {
@@ -80,7 +83,7 @@ pub fn capture(
 }
 
 /// A recording on its way.
-struct Capture<'a> {
+struct CaptureLoop<'a> {
     transport: &'a ZenohTransport,
     node_name: NodeName,
     recorder: BagWriter,
@@ -91,7 +94,7 @@ struct Capture<'a> {
     guards: Vec<Guard>,
 }
 
-impl Capture<'_> {
+impl CaptureLoop<'_> {
     fn subscribe_new(&mut self, topics: Option<&[String]>) -> Result<(), CaptureError> {
         let graph = self.transport.graph();
         let publishers = graph.tokens().filter(|t| t.kind == EntityKind::Publisher);
@@ -117,6 +120,7 @@ impl Capture<'_> {
                 }
                 added => drop(added?),
             }
+            // A lane for each subscription, so that losses are known by topic.
             let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::All));
             self.lanes.insert(lane, topic);
             let take = move |sample| drop(queue.push(lane, sample));
@@ -131,6 +135,7 @@ impl Capture<'_> {
             return Ok(false);
         };
         let topic = &self.lanes[&lane];
+        // The source time, which rosbag2 stores as the time of publication; other publishers may send none.
         let sent = item.attachment.map_or(stamp_ns, |a| u64::try_from(a.stamp_ns).unwrap_or(stamp_ns));
         self.recorder.record(topic, stamp_ns, sent, &item.payload)?;
         Ok(true)
@@ -138,12 +143,14 @@ impl Capture<'_> {
 
     /// Ends the subscriptions, writes waiting samples within a time limit, and completes the bag.
     fn finish(mut self, clock: &dyn Clock) -> Result<Captured, CaptureError> {
+        // New samples end first, or the loop below could go on until its limit.
         self.guards.clear();
         let end = clock.ticks_ns() + LAST_WRITES_NS;
         while clock.ticks_ns() < end && self.write_next(Duration::ZERO)? {}
         let mut lost = BTreeMap::new();
         for (lane, topic) in &self.lanes {
             let counts = self.queue.close(*lane);
+            // Topics without losses are left out, so that the report is empty for a complete recording.
             if counts.lost() + counts.unread > 0 {
                 *lost.entry(topic.name.clone()).or_default() += counts.lost() + counts.unread;
             }

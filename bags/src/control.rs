@@ -13,7 +13,7 @@ use modulo_msgs::rosbag2_interfaces::{
 
 use modulo_runtime::queue::Queued;
 
-use crate::playback_clock::PlaybackState;
+use crate::play::PlaybackState;
 
 modulo_runtime::services! {
     /// The services of a player.
@@ -87,6 +87,7 @@ impl Service {
     /// [`ServiceError`] when the request cannot be read, or the replay has ended.
     pub fn call(self, request: &[u8], give: &dyn Fn(PlayerCommand) -> bool) -> Result<Vec<u8>, ServiceError> {
         let (answer, answered) = channel();
+        // Read before it is handed over, so that the replay never sees a broken request.
         let action = self.action(request)?;
         if !give(PlayerCommand { action, answer }) {
             return Err(ServiceError::Ended);
@@ -108,6 +109,7 @@ impl Service {
             Self::PlayNext => PlayerAction::Step(Some(1)),
             Self::Burst => {
                 let number = cdr::from_slice::<BurstRequest>(request)?.num_messages;
+                // 0 means all messages that are left, as in rosbag2.
                 PlayerAction::Step((number > 0).then_some(number))
             }
             Self::Seek => PlayerAction::Seek(cdr::from_slice::<SeekRequest>(request)?.time.as_ns()),

@@ -72,6 +72,7 @@ pub fn import_kitti(
 fn write(folder: &KittiFolder, bag: BagWriter) -> Result<ImportReport, ImportError> {
     let mut import = Import::new(bag)?;
     for (i, image) in folder.images().iter().enumerate() {
+        // Stamps follow from the number of the frame, so that two imports of a folder are equal byte by byte.
         import.frame(folder, image, EPOCH_NS + i as u64 * PERIOD_NS)?;
     }
     import.bag.finish()?;

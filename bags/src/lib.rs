@@ -8,7 +8,6 @@ pub mod capture;
 pub mod control;
 pub mod import;
 pub mod play;
-pub mod playback_clock;
 pub mod replay;
 pub mod source;
 

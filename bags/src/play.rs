@@ -1,4 +1,5 @@
-//! [`Player`]: messages of a bag, each with its place on the timeline of the replay.
+//! [`Player`]: messages of a bag, each with its position on the timeline of the replay, and [`PlaybackClock`]: the
+//! position of a replay, given the ticks of a clock.
 //!
 //! The caller owns clock and transport: it waits until a message is due and sends the payload as it is.
 
@@ -79,6 +80,7 @@ impl Player {
     pub fn new(bag: BagReader, options: &PlayOptions) -> Result<Self, PlayError> {
         // An empty bag lasts no time at all.
         let (first, last) = bag.span().unwrap_or((0, 0));
+        // An offset to the very end still plays the last message.
         let start = first.checked_add(nanos(options.start_offset)).filter(|&start| start <= last);
         let Some(start) = start else {
             let duration = Duration::from_nanos(last - first);
@@ -106,9 +108,11 @@ impl Player {
                     self.left_out += 1;
                 }
                 Some(Err(error)) => {
+                    // The position in the bag is unknown after an error, so it is not repeated.
                     self.repeat = Repeat::Once;
                     return Some(Err(error));
                 }
+                // A round without any message would repeat for ever without a pause.
                 _ if self.repeat == Repeat::Once || !self.heard => return None,
                 _ => {
                     self.heard = false;
@@ -153,5 +157,122 @@ impl Player {
     /// Returns the bag.
     pub fn bag(&self) -> &BagReader {
         &self.bag
+    }
+}
+
+/// Whether a replay goes on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PlaybackState {
+    /// The replay runs.
+    #[default]
+    Running,
+    /// The replay is paused until it is resumed.
+    Paused,
+}
+
+/// The position of a replay, `anchor.1 + (ticks - anchor.0) * rate` while it runs. Ticks and positions are nanoseconds
+/// from an origin of their own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlaybackClock {
+    rate: f64,
+    state: PlaybackState,
+    /// A moment in ticks, and the position then.
+    anchor: (u64, u64),
+}
+
+impl PlaybackClock {
+    /// Creates a clock that is at position 0 at `ticks`.
+    ///
+    /// # Errors
+    /// [`PlayError::Rate`] for a rate that is not finite and positive.
+    pub fn new(ticks: u64, rate: f64, state: PlaybackState) -> Result<Self, PlayError> {
+        Ok(Self { rate: check(rate)?, state, anchor: (ticks, 0) })
+    }
+
+    /// Returns the position at `ticks`, ns.
+    pub fn position(&self, ticks: u64) -> u64 {
+        match self.state {
+            PlaybackState::Paused => self.anchor.1,
+            PlaybackState::Running => {
+                let passed = ticks.saturating_sub(self.anchor.0) as f64 * self.rate;
+                self.anchor.1.saturating_add(passed as u64)
+            }
+        }
+    }
+
+    /// Returns the ticks at which `position` is reached; `None` while paused.
+    pub fn ticks_of(&self, position: u64) -> Option<u64> {
+        let ahead = position.saturating_sub(self.anchor.1) as f64 / self.rate;
+        // Rounded up: at that tick it is reached, not nearly.
+        (self.state == PlaybackState::Running).then(|| self.anchor.0.saturating_add(ahead.ceil() as u64))
+    }
+
+    /// Returns the speed; 2 is twice as fast as the recording.
+    pub fn rate(&self) -> f64 {
+        self.rate
+    }
+
+    /// Returns whether it goes on.
+    pub fn state(&self) -> PlaybackState {
+        self.state
+    }
+
+    /// Goes on from `ticks` at another speed.
+    ///
+    /// # Errors
+    /// [`PlayError::Rate`] for a rate that is not finite and positive.
+    pub fn set_rate(&mut self, ticks: u64, rate: f64) -> Result<(), PlayError> {
+        let rate = check(rate)?;
+        // The position so far counts at the old rate; only from here on the new one holds.
+        self.jump(ticks, self.position(ticks));
+        self.rate = rate;
+        Ok(())
+    }
+
+    /// Stops or goes on at `ticks`.
+    pub fn set_state(&mut self, ticks: u64, state: PlaybackState) {
+        // The time until now belongs to the old state.
+        self.jump(ticks, self.position(ticks));
+        self.state = state;
+    }
+
+    /// Moves the replay to `position` at `ticks`.
+    pub fn jump(&mut self, ticks: u64, position: u64) {
+        self.anchor = (ticks, position);
+    }
+}
+
+fn check(rate: f64) -> Result<f64, PlayError> {
+    if rate.is_finite() && rate > 0.0 { Ok(rate) } else { Err(PlayError::Rate(rate)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_position_is_reached_when_it_is_said(rate in 0.01..100.0_f64, ticks in 0..u64::MAX / 4, ahead in 0..1_000_000_000_000_u64) {
+            let pace = PlaybackClock::new(ticks, rate, PlaybackState::Running).expect("a rate");
+            let at = pace.ticks_of(ahead).expect("running");
+            // Below the resolution of f64 and of whole ticks.
+            prop_assert!(pace.position(at).abs_diff(ahead) as f64 <= 1.0 + rate + ahead as f64 * 1e-14);
+        }
+    }
+
+    #[test]
+    fn changes_keep_the_position() {
+        let mut pace = PlaybackClock::new(1000, 2.0, PlaybackState::Running).expect("a rate");
+        assert_eq!((pace.position(1000), pace.position(1100)), (0, 200));
+        pace.set_state(1100, PlaybackState::Paused);
+        assert_eq!((pace.position(9000), pace.ticks_of(300)), (200, None));
+        pace.set_state(9000, PlaybackState::Running);
+        pace.set_rate(9100, 0.5).expect("a rate");
+        assert_eq!((pace.position(9100), pace.position(9200), pace.ticks_of(500)), (400, 450, Some(9300)));
+        assert_eq!(pace.set_rate(9200, 0.0), Err(PlayError::Rate(0.0)));
+        assert_eq!(pace.position(9300), 500);
+        pace.jump(9300, 7);
+        assert_eq!(pace.position(9302), 8);
     }
 }

@@ -1,24 +1,23 @@
 //! Replaying a bag into a running graph: each payload is sent as it was recorded, on its topic, when it is due.
 //! Services of the node `/rosbag2_player` drive it.
 
-mod publishers;
-
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
+use modulo_msgs::builtin::Time;
+use modulo_msgs::{Interface, cdr, rosgraph_msgs};
+use modulo_runtime::graph::NameError;
 use modulo_runtime::queue::{Keep, Limit, Next, Queue};
-use modulo_runtime::transport::keys;
-use modulo_runtime::transport::zenoh::{RawService, ZenohTransport};
+use modulo_runtime::transport::keys::{self, Endpoint};
+use modulo_runtime::transport::zenoh::{RawPublisher, RawService, ZenohTransport};
 use modulo_runtime::transport::{Guard, Transport, TransportError};
-use modulo_runtime::{Clock, NodeName, Stop, Urgency};
+use modulo_runtime::{Clock, NodeName, Qos, Stop, Urgency};
 
-use self::publishers::{ClockPublisher, Publishers};
-use crate::bag::BagError;
+use crate::bag::{BagError, BagReader, BagTopic, RawMessage, qos};
 use crate::control::{PlayerAction, PlayerCommand, PlayerReply, Service};
-use crate::play::{NextMessage, Player};
-use crate::playback_clock::{PlaybackClock, PlaybackState};
+use crate::play::{NextMessage, PlaybackClock, PlaybackState, Player};
 
 /// The name of the node in ROS 2, too.
 const NODE: &str = "rosbag2_player";
@@ -67,11 +66,14 @@ pub fn replay(
     let publishers = Publishers::declare(transport, &node_name, player.bag(), time.as_ref())?;
     let orders = Arc::new(Queue::new(clock.clone(), ORDERS));
     stop.wakes(&orders);
+    // Services come before the announcement: a node that others see must answer them.
     let _services = serve(transport, &node_name, &orders)?;
     let _node = transport.announce(&node_name)?;
     let clock = &**clock;
+    // After the announcement, because tools wait for the node before they subscribe.
     wait_until_heard(&publishers, clock, stop);
     let mut replay = Replay { clock, player, pace, ahead: None, publishers, time, orders };
+    // The timeline starts here, so that the wait for readers is no part of it.
     replay.pace.jump(clock.ticks_ns(), 0);
     let done = replay.run(stop);
     // The last messages must have left before the publishers go.
@@ -97,7 +99,8 @@ fn serve(
     transport.serve_raw(node_name, services.collect())
 }
 
-/// Waits until a topic has a reader, or for half a second: discovery takes a moment, and the first message should reach the readers that are there already.
+/// Waits until a topic has a reader, or for half a second: discovery takes a moment, and the first message should reach
+/// the readers that are there already.
 fn wait_until_heard(publishers: &Publishers, clock: &dyn Clock, stop: &Stop) {
     let start = clock.ticks_ns();
     while !publishers.wanted() && clock.ticks_ns() - start < 500_000_000 && stop.urgency() == Urgency::None {
@@ -124,6 +127,7 @@ impl Replay<'_> {
             if let Some(time) = &mut self.time {
                 time.publish(now, self.player.log_time(self.pace.position(now)))?;
             }
+            // At most one message a turn, so that a replay that is late still serves its callers.
             if self.ticks_until_due(now) == Some(0) {
                 self.send_next()?;
             }
@@ -144,7 +148,7 @@ impl Replay<'_> {
         Ok(self.ahead.is_some())
     }
 
-    /// `None` while paused, and at the end.
+    /// Returns the ticks until the next message is due; `None` while paused, and at the end.
     fn ticks_until_due(&self, now: u64) -> Option<u64> {
         let due = self.ahead.as_ref()?;
         Some(self.pace.ticks_of(due.position)?.saturating_sub(now))
@@ -181,6 +185,7 @@ impl Replay<'_> {
                 };
                 self.pace.set_state(now, state.unwrap_or(other));
             }
+            // An impossible rate is refused in the response, and the replay goes on.
             PlayerAction::SetRate(rate) => done = self.pace.set_rate(now, rate).is_ok(),
             PlayerAction::Step(number) => {
                 played = self.step(now, number.unwrap_or(u64::MAX), stop)?;
@@ -190,6 +195,7 @@ impl Replay<'_> {
                 let position = self.player.seek(log_time);
                 done = position.is_some();
                 if let Some(position) = position {
+                    // The message that was read ahead belongs to the old position.
                     self.ahead = None;
                     self.pace.jump(now, position);
                 }
@@ -212,4 +218,110 @@ impl Replay<'_> {
         }
         Ok(played)
     }
+}
+
+/// The publishers of the topics of a bag. A topic that the bag has with two types gets two of them.
+struct Publishers(Vec<TopicPublisher>);
+
+struct TopicPublisher {
+    topic: Arc<BagTopic>,
+    /// Name of the topic in the graph.
+    name: String,
+    publisher: RawPublisher,
+    sent: u64,
+}
+
+impl Publishers {
+    /// Declares all topics of `bag` except that of `time`, of which there must be only one source.
+    fn declare(
+        transport: &ZenohTransport,
+        node_name: &NodeName,
+        bag: &BagReader,
+        time: Option<&ClockPublisher>,
+    ) -> Result<Self, TransportError> {
+        // Every topic is declared before the first message, so that readers find them all in time.
+        let mut publishers = Vec::new();
+        for topic in bag.topics().into_iter().map(|counted| counted.topic) {
+            let endpoint = endpoint(&topic, node_name)?;
+            if time.is_some_and(|time| time.name == endpoint.topic) {
+                tracing::warn!("{} of the bag is left out: --clock publishes it", endpoint.topic);
+                continue;
+            }
+            let publisher = transport.advertise_raw(node_name, &endpoint)?;
+            publishers.push(TopicPublisher { topic, name: endpoint.topic, publisher, sent: 0 });
+        }
+        Ok(Self(publishers))
+    }
+
+    /// Returns whether one of the topics has a reader.
+    fn wanted(&self) -> bool {
+        self.0.iter().any(|topic| topic.publisher.wanted())
+    }
+
+    /// Sends the payload of `message` unchanged, on the publisher of its topic and type.
+    fn send(&mut self, message: RawMessage) -> Result<(), TransportError> {
+        let BagTopic { name, type_name, .. } = &*message.topic;
+        let its = |to: &&mut TopicPublisher| to.topic.name == *name && to.topic.type_name == *type_name;
+        // A topic of the bag has no publisher where --clock publishes the time instead.
+        let Some(topic) = self.0.iter_mut().find(its) else { return Ok(()) };
+        topic.publisher.put(message.data)?;
+        topic.sent += 1;
+        Ok(())
+    }
+
+    /// Returns the number of messages that were sent, by topic. Topics without messages are left out.
+    fn sent(&self) -> BTreeMap<String, u64> {
+        let mut sent = BTreeMap::new();
+        for topic in self.0.iter().filter(|topic| topic.sent > 0) {
+            *sent.entry(topic.name.clone()).or_default() += topic.sent;
+        }
+        sent
+    }
+}
+
+/// The publisher of the time of the bag.
+struct ClockPublisher {
+    name: String,
+    publisher: RawPublisher,
+    /// Ticks between two messages, ns.
+    every: u64,
+    next: u64,
+}
+
+impl ClockPublisher {
+    /// Declares `/clock`, published `hz` times a second.
+    fn declare(transport: &ZenohTransport, node_name: &NodeName, hz: f64) -> Result<Self, TransportError> {
+        let endpoint = endpoint(&BagTopic::new("/clock", rosgraph_msgs::Clock::NAME, Qos::Clock), node_name)?;
+        let publisher = transport.advertise_raw(node_name, &endpoint)?;
+        Ok(Self { name: endpoint.topic, publisher, every: (1e9 / hz) as u64, next: 0 })
+    }
+
+    /// Publishes `time`, ns since the epoch, if that is due at the ticks `now`.
+    fn publish(&mut self, now: u64, time: u64) -> Result<(), TransportError> {
+        if now < self.next {
+            return Ok(());
+        }
+        // A late message is not made up for.
+        self.next = self.next.saturating_add(self.every).max(now);
+        let message = rosgraph_msgs::Clock { clock: Time::from_ns(time) };
+        let payload = cdr::to_vec(&message).map_err(|why| TransportError::new("time of the bag", why))?;
+        self.publisher.put(payload)
+    }
+
+    /// Returns the ticks from `now` until the next message is due.
+    fn ticks_until_due(&self, now: u64) -> u64 {
+        self.next.saturating_sub(now)
+    }
+}
+
+fn endpoint(topic: &BagTopic, node_name: &NodeName) -> Result<Endpoint, TransportError> {
+    let refused = |why: NameError| TransportError::new("topic of the bag", why);
+    // A token needs some text in place of the hash, and rmw_zenoh has one for this.
+    let type_hash = if topic.type_hash.is_empty() { keys::NO_HASH } else { &topic.type_hash };
+    Ok(Endpoint {
+        topic: node_name.resolve(&topic.name).map_err(refused)?,
+        dds_type: modulo_msgs::dds_name(&topic.type_name),
+        type_hash: type_hash.to_owned(),
+        qos: keys::qos_string(qos::parse(&topic.qos)).to_owned(),
+    })
 }

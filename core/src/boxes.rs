@@ -59,6 +59,7 @@ impl BBox {
     pub fn iou(self, other: Self) -> f32 {
         let intersection = self.intersection(other);
         let union = self.area() + other.area() - intersection;
+        // Two empty boxes have no union to divide by, and rounding may lift the quotient slightly above 1.
         if union > 0.0 { (intersection / union).min(1.0) } else { 0.0 }
     }
 

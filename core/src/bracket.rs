@@ -40,6 +40,7 @@ impl Bracket {
     /// Makes a series of `captures` exposure times, at least one, in equal ratios. At the shortest, the top of
     /// `range` just reaches the peak; the longest is that of the modulo sensor.
     pub fn new(range: Range, captures: usize) -> Self {
+        // A series of one capture is that of the sensor itself.
         let last = captures.max(1) - 1;
         // With alpha below 1 nothing saturates even at the longest exposure.
         let shortest = 1.0 / range.alpha().max(1.0);
@@ -70,8 +71,10 @@ impl Bracket {
         if let Some(other) = captures.iter().map(Frame::dim).find(|dim| *dim != first) {
             return Err(BracketError::Shapes { first, other });
         }
+        // The highest code also stands for everything brighter, so a sample at it may be saturated.
         let most = self.range.peak() - 1.0;
         let mut sums: Array3<Sums> = Array3::default(first);
+        // One capture at a time is turned into floats, so that memory does not grow with their number.
         for (capture, &time) in captures.iter().zip(&self.times) {
             Zip::from(&mut sums).and(&capture.to_f32()).for_each(|sums, &z| sums.add(z, time, most));
         }
@@ -105,6 +108,7 @@ impl Sums {
     }
 
     fn estimate(&self) -> f32 {
+        // All weights are 0 where every capture is at an end of the codes, and the quotient would be NaN.
         if self.weights > 0.0 { self.weighted / self.weights } else { self.single }
     }
 }

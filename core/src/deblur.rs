@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 
 use ndarray::Array3;
 
-use crate::dct::{self, Grid, LANES, SpectralFilter};
+use crate::dct::{self, ImageDct, LANES, SpectralFilter};
 use crate::frame::{Frame, FrameError, check_shape, in_order};
 use crate::optics::Psf;
 use crate::range::{HALF_A_CODE, Range};
@@ -20,7 +20,7 @@ pub const NSR: f64 = 4e-4;
 /// The inverse filter of one lens with its buffers; it plans anew when the image size changes.
 pub struct Deblur {
     taps: Vec<f32>,
-    grid: Grid<[f32; LANES]>,
+    grid: ImageDct<[f32; LANES]>,
     by_row: Vec<[f32; LANES]>,
     by_column: Vec<f32>,
 }
@@ -30,7 +30,7 @@ impl Deblur {
     pub fn new(psf: Psf) -> Self {
         Self {
             taps: psf.taps(),
-            grid: Grid::new((1, 1, 1), 1),
+            grid: ImageDct::new((1, 1, 1), 1),
             by_row: vec![[1.0; LANES]],
             by_column: vec![1.0],
         }
@@ -42,6 +42,7 @@ impl Deblur {
     /// # Errors
     /// [`FrameError`] when `x` does not have the shape of an image.
     pub fn linear8(&mut self, x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
+        // A perfect lens has nothing to undo, and the transforms would only add rounding errors.
         if self.taps.len() == 1 {
             return tone::linear8(x, range);
         }
@@ -72,10 +73,11 @@ impl Deblur {
             #[inline(always)]
             |_, values| values.map(|value| value.clamp(0.0, max)),
         );
+        // The output of the transform lies by bands of columns, so it is read in runs of sixteen samples.
         let (mut shown, scale) = (vec![0; samples.len()], 255.0 / range.limit());
         for (row, out) in shown.chunks_exact_mut(stride).enumerate() {
             for (index, out) in out.chunks_mut(LANES).enumerate() {
-                let values = self.grid.out(dct::Run { row, sample: index * LANES });
+                let values = self.grid.out(dct::SampleRun { row, sample: index * LANES });
                 out.iter_mut().zip(values).for_each(|(out, &value)| *out = tone::to_u8(value, scale));
             }
         }
@@ -83,9 +85,11 @@ impl Deblur {
     }
 
     fn plan(&mut self, dim @ (height, width, _): (usize, usize, usize)) {
+        // Tables and buffers depend only on the size, which the frames of a stream share.
         if self.grid.dim() != dim {
-            self.grid = Grid::new(dim, 1);
+            self.grid = ImageDct::new(dim, 1);
             self.by_column = transfer(&self.taps, width);
+            // The rows that fill up the last block keep the factor 0, so nothing of them reaches the image.
             self.by_row = vec![[0.0; LANES]; height.div_ceil(LANES)];
             let by_row = self.by_row.as_flattened_mut().iter_mut().zip(transfer(&self.taps, height));
             by_row.for_each(|(to, value)| *to = value);

@@ -92,6 +92,7 @@ impl Frame {
     pub fn from_f32(pixels: Array3<f32>) -> Result<Self, FrameError> {
         let pixels = checked(pixels)?;
         let samples = in_order(pixels.view());
+        // Refused here once, so that no method has to expect NaN or infinity.
         if let Some(index) = samples.iter().position(|value| !value.is_finite()) {
             return Err(FrameError::NotFinite {
                 at: position_of(index, pixels.dim()),
@@ -176,6 +177,7 @@ pub(crate) fn check_shape((height, width, channels): (usize, usize, usize)) -> R
 /// Returns the array in standard layout.
 fn checked<T: Clone>(pixels: Array3<T>) -> Result<Array3<T>, FrameError> {
     check_shape(pixels.dim())?;
+    // All later code reads the samples as one slice; an array that is in order already is not copied.
     Ok(if pixels.is_standard_layout() { pixels } else { pixels.as_standard_layout().into_owned() })
 }
 

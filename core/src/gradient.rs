@@ -37,12 +37,14 @@ pub(crate) fn dy(x: &[f32], width: usize, out: &mut Vec<f32>) {
 /// Writes the adjoint of (`dx`, `dy`): `out = dx^T gx + dy^T gy`, H x W.
 pub(crate) fn adjoint(gx: &[f32], gy: &[f32], width: usize, out: &mut [f32]) {
     out.fill(0.0);
+    // A plane of one column has no horizontal difference, and `chunks_exact(0)` would panic.
     if width > 1 {
         for (row, gx) in out.chunks_exact_mut(width).zip(gx.chunks_exact(width - 1)) {
             row[..width - 1].iter_mut().zip(gx).for_each(|(o, g)| *o -= g);
             row[1..].iter_mut().zip(gx).for_each(|(o, g)| *o += g);
         }
     }
+    // `gy` is one row shorter than the plane: the first zip ends before the last row, the second starts at row 1.
     out.iter_mut().zip(gy).for_each(|(o, g)| *o -= g);
     out[width..].iter_mut().zip(gy).for_each(|(o, g)| *o += g);
 }

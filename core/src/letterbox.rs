@@ -49,6 +49,7 @@ impl Letterbox {
         if [source.0, source.1, target.0, target.1].contains(&0) {
             return Err(LetterboxError(source, target));
         }
+        // The same scale for both sides keeps the proportions that the network was trained with.
         let fit = (target.0 as f64 / source.0 as f64).min(target.1 as f64 / source.1 as f64);
         let scale = match scaling {
             Scaling::Fit => fit,
@@ -96,6 +97,7 @@ impl Letterbox {
         let (sy, sx) = self.scale();
         let (top, left) = (self.corner.0 as f32, self.corner.1 as f32);
         let (x1, x2) = ((bbox.x1 - left) / sx, (bbox.x2 - left) / sx);
+        // A detection may reach into the padding, where the image has no pixel.
         BBox { x1, y1: (bbox.y1 - top) / sy, x2, y2: (bbox.y2 - top) / sy }
             .clamp(self.source.0, self.source.1)
     }

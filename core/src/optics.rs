@@ -53,6 +53,7 @@ impl Psf {
 }
 
 fn gaussian(sigma: f64) -> Vec<f32> {
+    // Beyond 3 sigma a weight is at most 1.1 % of the middle one; dividing by the sum keeps the brightness.
     let radius = (3.0 * sigma).ceil() as i32;
     let weights: Vec<f64> =
         (-radius..=radius).map(|t| (-0.5 * (f64::from(t) / sigma).powi(2)).exp()).collect();
@@ -76,6 +77,7 @@ pub fn blurred(image: Array3<f32>, psf: Psf) -> Array3<f32> {
     let dim = image.dim();
     let mut image = image.as_standard_layout().into_owned();
     let samples = image.as_slice_mut().expect("the layout was made standard");
+    // An empty image has no sample that its border could repeat.
     if !samples.is_empty() {
         blur(samples, dim, &psf.taps(), Border::WholeSample);
     }
@@ -89,6 +91,7 @@ pub(crate) fn blur(
     taps: &[f32],
     border: Border,
 ) {
+    // Taps sum to 1, so a single tap changes nothing.
     if taps.len() < 2 {
         return;
     }
@@ -121,6 +124,7 @@ fn add(out: &mut [f32], source: &[f32], tap: f32) {
 impl Border {
     /// Returns the index, in a line of `n` samples, of the sample that continues the line at index `i`.
     fn reflect(self, i: isize, n: usize) -> usize {
+        // With whole-sample symmetry, a line of one sample would have the period 0, and a remainder by 0 panics.
         let (period, mirror) = match self {
             Self::HalfSample => (2 * n, 2 * n - 1),
             Self::WholeSample => ((2 * n - 2).max(1), 2 * n - 2),
@@ -164,6 +168,7 @@ mod tests {
             let reach = taps.len() as isize / 2;
             for (index, value) in got.iter().enumerate() {
                 let (i, j, k) = (index / c / w, index / c % w, index % c);
+                // The definition with one double sum, in the same precision.
                 let mut want = 0.0;
                 for (a, ta) in (-reach..).zip(&taps) {
                     for (b, tb) in (-reach..).zip(&taps) {

@@ -85,6 +85,7 @@ impl Sensor {
     /// [`SensorError`] names the parameter, its value and its range; NaN is an error.
     pub fn new(config: SensorConfig) -> Result<Self, SensorError> {
         let range = Range::new(config.bits, config.alpha)?;
+        // The negation and `contains` below refuse NaN, too.
         if let Psf::Gaussian { sigma } = config.psf
             && !(sigma > 0.0 && sigma <= MAX_SIGMA)
         {
@@ -118,11 +119,13 @@ impl Sensor {
         if let Some(index) = x.iter().position(|value| !value.is_finite()) {
             return Err(SensorError::NotFinite { at: position_of(index, dim), value: x[index] });
         }
+        // Clamped before the blur: a value above full scale would otherwise leak into its neighbours.
         x.iter_mut().for_each(|value| *value = value.clamp(0.0, BELOW_ONE));
         optics::blur(&mut x, dim, &self.taps, Border::HalfSample);
         let limit = self.range.limit();
         // The limit need not be exact in `f32`; in double precision a product is rounded only once.
         x.iter_mut().for_each(|value| *value = (limit * f64::from(*value)) as f32);
+        // The noise comes after the lens, which blurs light and not the charge of the sensor.
         add_noise(&mut x, self.shot_noise, self.read_noise, seed);
         // `floor(x / 2^b)` must never reach `ceil(alpha)`, so x stays strictly below the limit even after rounding.
         let most = largest_below(limit);
@@ -136,6 +139,7 @@ impl Sensor {
 ///
 /// Shot and read noise are independent, so one random number stands for both.
 fn add_noise(x: &mut [f32], shot: f64, read: f64, seed: u64) {
+    // A sensor without noise is the common case, and drawing numbers for it would only cost time.
     if shot == 0.0 && read == 0.0 {
         return;
     }
@@ -174,6 +178,7 @@ impl Exposure {
 
     /// Returns the modulo stream (eq. 1): `y = floor(x mod 2^b)`, 8-bit samples for b <= 8, else 16-bit samples.
     pub fn modulo(&self) -> Frame {
+        // x is not negative, so the remainder by a power of two is a mask of its integer part.
         let mask = (1 << self.range.bits()) - 1;
         self.digitise(|count| count & mask)
     }
@@ -187,6 +192,7 @@ impl Exposure {
     /// Returns the ideal stream: `floor(x)`, neither wrapped nor clipped, scaled to 8 bits as by [`tone::linear8`].
     pub fn ideal(&self) -> Frame {
         let scale = 255.0 / self.range.limit();
+        // Rounded down before it is scaled: the ideal stream shows the same counts as the other two.
         Frame::from_u8(self.x.mapv(|x| tone::to_u8(x as u32 as f32, scale))).expect(IS_AN_IMAGE)
     }
 

@@ -13,6 +13,7 @@ use crate::simd::widest;
 /// # Errors
 /// [`FrameError`] when `x` (H x W x C, code units) does not have the shape of an image.
 pub fn linear8(x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
+    // In double precision, since codes near a half would round differently in single precision.
     let scale = 255.0 / range.limit();
     Frame::from_u8(widest!(x.mapv(|x| to_u8(x, scale))))
 }

@@ -38,6 +38,7 @@ impl Workers {
         if !(1..=MAX_THREADS).contains(&threads) {
             return Err(WorkersError::Threads { threads });
         }
+        // A pool of one thread would do the same work and add a hand-over to each call.
         if threads == 1 {
             return Ok(Self { pool: None });
         }

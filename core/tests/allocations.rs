@@ -53,6 +53,7 @@ fn asked(method: &str, bits: u8, channels: usize, first_noise: u32) -> u64 {
     let range = Range::new(bits, 4.0).unwrap();
     let mut unwrap = by_name(method, &Options::default()).unwrap();
     let mut out = Recovered::default();
+    // The second frame is mostly noise, which needs the most edges and segments that a frame can have.
     let [first, second] = [first_noise, 255].map(|noise| frame(bits, channels, noise));
     unwrap.unwrap(&first, range, &mut out).unwrap();
     let before = ASKED.get();

@@ -90,6 +90,7 @@ impl Plane {
         for (i, j) in (1..height).flat_map(|i| (0..width - 1).map(move |j| (i, j))) {
             let mixed = self.d((i, j), (0, 1)) - self.d((i - 1, j), (0, 1));
             n[i][j] = self.count(n[i - 1][j] + self.wrap_step(mixed));
+            // The sum of the wrapped differences around the loop.
             let round = mixed + self.d((i - 1, j), (1, 0)) - self.d((i - 1, j + 1), (1, 0));
             seen.residues += usize::from(round != 0);
             seen.steep += usize::from(8 * self.m(mixed).abs() > 3 * self.peak);
@@ -138,6 +139,7 @@ impl Plane {
                     self.count(first[j] + n_up + self.wrap_step(change))
                 };
                 let (second_vote, count) = mode(&(0..width).map(second).collect::<Vec<_>>());
+                // The second vote is taken even with slightly fewer columns, as noise blurs second differences more.
                 let departs = 10 * count > 9 * agree && second_vote != join;
                 if 10 * count > 9 * agree {
                     (join, agree) = (second_vote, count);
@@ -201,6 +203,7 @@ fn assert_is_the_definition(y: &Array3<u16>, range: Range) {
         assert_eq!((out.k, out.report.quality), (k, Some(quality)), "word {word}, {range:?}");
     };
     if range.bits() <= 8 {
+        // The method takes words of 8 bits where they hold all counts.
         let word = if range.alpha() <= 64.0 { 1 << 8 } else { 1 << 16 };
         check(Frame::from_u8(y.mapv(|y| y as u8)).unwrap(), word);
     }
@@ -219,6 +222,7 @@ fn image(
     let peak = f64::from(1u32 << bits);
     let mut state = seed | 1;
     Array3::from_shape_fn(dim, |(i, j, c)| {
+        // A linear congruential generator, so that each seed gives the same image on every machine.
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         let random = f64::from(state >> 8) / f64::from(1u32 << 24) - 0.5;
         let (i, j) = (i as f64 / 40.0, j as f64 / 40.0);
@@ -272,6 +276,7 @@ proptest! {
             ((slope.0 * i + slope.1 * j + bend.0 * i * i + bend.1 * i * j) * peak) as u32
         });
         let most = *x.iter().max().unwrap() >> bits;
+        // The base level needs more than 2 % of the pixels at k = 0.
         let dark = |c| x.iter().skip(c).step_by(dim.2).filter(|&&x| x >> bits == 0).count() * 50;
         prop_assume!(most < 64 && (0..dim.2).all(|c| dark(c) > dim.0 * dim.1));
         let y = Frame::from_u8(x.mapv(|x| (x & ((1 << bits) - 1)) as u8)).unwrap();

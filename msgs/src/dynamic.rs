@@ -46,14 +46,14 @@ struct Fields<'t> {
 }
 
 #[derive(Clone, Copy)]
-struct Value<'t> {
+struct FieldValue<'t> {
     r#type: &'t FieldType,
     description: &'t TypeDescription,
 }
 
 /// One element of an array or sequence, or a single value.
 #[derive(Clone, Copy)]
-struct Element<'t>(Value<'t>);
+struct Element<'t>(FieldValue<'t>);
 
 const UINT8: u8 = 3;
 const BYTE: u8 = 16;
@@ -80,7 +80,7 @@ impl<'de> Visitor<'de> for Fields<'_> {
     fn visit_seq<A: SeqAccess<'de>>(self, mut values: A) -> Result<Dynamic, A::Error> {
         let mut message = Vec::with_capacity(self.fields.len());
         for field in self.fields {
-            let value = Value { r#type: &field.r#type, description: self.description };
+            let value = FieldValue { r#type: &field.r#type, description: self.description };
             let Some(value) = values.next_element_seed(value)? else { break };
             message.push((field.name.clone(), value));
         }
@@ -88,7 +88,7 @@ impl<'de> Visitor<'de> for Fields<'_> {
     }
 }
 
-impl<'de> DeserializeSeed<'de> for Value<'_> {
+impl<'de> DeserializeSeed<'de> for FieldValue<'_> {
     type Value = Dynamic;
 
     fn deserialize<D: Deserializer<'de>>(self, decoder: D) -> Result<Dynamic, D::Error> {
@@ -123,7 +123,7 @@ impl<'de> DeserializeSeed<'de> for Element<'_> {
     type Value = Dynamic;
 
     fn deserialize<D: Deserializer<'de>>(self, decoder: D) -> Result<Dynamic, D::Error> {
-        let Self(Value { r#type, description }) = self;
+        let Self(FieldValue { r#type, description }) = self;
         Ok(match r#type.type_id % 48 {
             FieldType::NESTED => {
                 let name = &r#type.nested_type_name;

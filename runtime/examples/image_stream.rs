@@ -40,6 +40,7 @@ fn main() {
     let rate = mega_bytes * 1e6 / (SHAPE.0 * SHAPE.1 * SHAPE.2) as f64;
     let (images, start) = ((rate * seconds) as u32, Instant::now());
     for number in 0..images {
+        // Measured from the start, so that the delays of single sends do not add up.
         std::thread::sleep(Duration::from_secs_f64(f64::from(number) / rate).saturating_sub(start.elapsed()));
         send(number);
     }

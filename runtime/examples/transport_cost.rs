@@ -63,6 +63,7 @@ fn compare(seconds: &str) {
         let mut reader = start(&["receive", seconds, carrier]);
         let mut sender = start(&["send", seconds]);
         let ended = reader.wait().expect("it ends");
+        // The sender waits after its last frame, so that none is lost with its session.
         sender.kill().expect("it is ours");
         sender.wait().expect("it ends");
         assert!(ended.success(), "{carrier}: the reader failed");
@@ -79,6 +80,7 @@ fn ours() -> (ZenohTransport, NodeName, Address) {
 
 fn raw(endpoints: &str) -> Session {
     let mut config = zenoh::Config::default();
+    // The raw session has no configuration of the suite, so it takes the same override by hand.
     let shared = std::env::var("ZENOH_CONFIG_OVERRIDE").expect("the parent sets it");
     let shared = shared.split_once('=').expect("key=value").1.to_owned();
     for (key, value) in [
@@ -110,6 +112,7 @@ fn send(frames: usize) {
         .reliability(Reliability::BestEffort)
         .wait()
         .expect("a publisher");
+    // Both readers must be there, or the first frames of one carrier would go nowhere.
     while !publisher.wanted() || !raw_publisher.matching_status().wait().is_ok_and(|s| s.matching()) {
         std::thread::sleep(Duration::from_millis(10));
     }
@@ -118,6 +121,7 @@ fn send(frames: usize) {
     let ready = pixels.as_slice().expect("packed").to_vec();
     let start = Instant::now();
     for number in 0..2 * frames as u32 {
+        // By turns and half a period apart, so that both meet the same load of the machine and never each other.
         std::thread::sleep((PERIOD / 2 * number).saturating_sub(start.elapsed()));
         if number % 2 == 0 {
             let frame = Frame::from_u8(pixels.clone()).expect("a frame");
@@ -125,6 +129,7 @@ fn send(frames: usize) {
             publisher.put(&Message::Image(Arc::new(StampedFrame { header, frame }))).expect("sent");
         } else {
             let sent = clock.now_ns();
+            // A copy, as a node makes one for its message.
             let mut payload = ready.clone();
             payload[..8].copy_from_slice(&sent.to_le_bytes());
             raw_publisher.put(payload).wait().expect("sent");
@@ -157,12 +162,14 @@ fn receive(frames: usize, carrier: &str) {
     let _subscription = transport.subscribe(&node_name, &address, deliver).expect("a subscription");
     let (mut bytes, mut pixels, mut early) = (Vec::new(), Vec::new(), 0.0);
     while let Some(incoming) = queue.take(Some(Duration::from_secs(5))).item() {
+        // Taken before the message is decoded: the first latency is that of the bytes, the second that of the pixels.
         let there = clock.now_ns();
         let Ok(Message::Image(image)) = incoming.open(MessageKind::Image) else { panic!("an image") };
         assert_eq!(image.frame.dim(), SHAPE);
         let sent = image.header.stamp.as_ns();
         bytes.push((there - sent) as f64 / 1e6);
         pixels.push((clock.now_ns() - sent) as f64 / 1e6);
+        // By then all buffers have their size, so that later growth is a leak.
         if bytes.len() == frames / 10 + WARM_UP {
             early = resident_mib();
         }

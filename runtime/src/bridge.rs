@@ -1,6 +1,8 @@
-//! The plan of a bridge to another ROS graph: its parameters, and the routes that they describe. This file knows neither of the two transports; the bridge is `nodes/ros2_bridge`.
+//! The plan of a bridge to another ROS graph: its parameters, and the routes that they describe. This file knows
+//! neither of the two transports; the bridge is `nodes/ros2_bridge`.
 //!
-//! A topic is forwarded in one direction only, so that the bridge never reads on one side the messages that it publishes there.
+//! A topic is forwarded in one direction only, so that the bridge never reads on one side the messages that it
+//! publishes there.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +15,7 @@ use crate::transport::keys::{self, Endpoint};
 
 /// Direction in which a topic is forwarded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Direction {
+pub enum RouteDirection {
     /// The topic is forwarded from the DDS graph to the suite.
     DdsToZenoh,
     /// The topic is forwarded from the suite to the DDS graph.
@@ -30,7 +32,7 @@ pub struct Route {
     /// Hash of that type.
     pub type_hash: String,
     /// Direction of the topic.
-    pub direction: Direction,
+    pub direction: RouteDirection,
     /// Quality of service on both sides.
     pub qos: Qos,
 }
@@ -66,11 +68,12 @@ impl BridgePlan {
         let mut routes = Vec::new();
         let mut known: BTreeMap<String, &str> = BTreeMap::new();
         for (list, entries, direction) in [
-            ("zenoh_to_dds", &parameters.zenoh_to_dds, Direction::ZenohToDds),
-            ("dds_to_zenoh", &parameters.dds_to_zenoh, Direction::DdsToZenoh),
+            ("zenoh_to_dds", &parameters.zenoh_to_dds, RouteDirection::ZenohToDds),
+            ("dds_to_zenoh", &parameters.dds_to_zenoh, RouteDirection::DdsToZenoh),
         ] {
             for entry in entries {
                 let route = route(list, entry, direction, node_name)?;
+                // Compared by their resolved names, since a remapping may send two entries to one topic.
                 if let Some(other) = known.insert(route.topic.clone(), list) {
                     let why = if other == list {
                         "is there twice".to_owned()
@@ -93,7 +96,7 @@ impl BridgePlan {
 fn route(
     list: &str,
     entry: &str,
-    direction: Direction,
+    direction: RouteDirection,
     node_name: &NodeName,
 ) -> Result<Route, ParameterError> {
     let refuse = |why: String| ParameterError::new(list, entry, why);
@@ -102,6 +105,7 @@ fn route(
         .ok_or_else(|| refuse("must be topic:type, such as /recovered:sensor_msgs/msg/Image".to_owned()))?;
     let topic = node_name.resolve(topic.trim()).map_err(|why| refuse(why.to_string()))?;
     let ros_type = ros_type.trim();
+    // Services have hashes as well, but a topic cannot carry them.
     let type_hash = rihs::type_hash(ros_type).filter(|_| ros_type.contains("/msg/")).ok_or_else(|| {
         let known = modulo_msgs::interface::names().filter(|name| name.contains("/msg/"));
         refuse(format!("the type is unknown, known are {}", known.collect::<Vec<_>>().join(", ")))
@@ -152,9 +156,9 @@ mod tests {
                 .expect("valid");
         let found: Vec<_> = plan.routes.iter().map(|r| (r.topic.as_str(), r.direction, r.qos)).collect();
         let expected = [
-            ("/car/recovered", Direction::ZenohToDds, Qos::Images),
-            ("/tf_is_not", Direction::DdsToZenoh, Qos::Clock),
-            ("/new", Direction::DdsToZenoh, Qos::Results),
+            ("/car/recovered", RouteDirection::ZenohToDds, Qos::Images),
+            ("/tf_is_not", RouteDirection::DdsToZenoh, Qos::Clock),
+            ("/new", RouteDirection::DdsToZenoh, Qos::Results),
         ];
         assert_eq!(found, expected);
         assert_eq!(plan.nodes, ["/detector"]);

@@ -1,4 +1,5 @@
-//! [`Clock`]: the source of stamps and durations. This is the only file that reads the clock of the machine; all other code is given a clock.
+//! [`Clock`]: the source of stamps and durations. This is the only file that reads the clock of the machine; all other
+//! code is given a clock.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -30,6 +31,7 @@ impl Default for SystemClock {
 
 impl Clock for SystemClock {
     fn now_ns(&self) -> u64 {
+        // A machine whose clock is before 1970 counts as one at the epoch; stamps have no sign.
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
         nanos(since)
     }

@@ -15,10 +15,22 @@ pub mod graph;
 pub mod message;
 pub mod node;
 pub mod parameter;
-pub mod process;
 pub mod report;
-pub mod sensor;
 pub mod transport;
+
+/// A node as a process: its command line, its launcher, the signals that end it, and the files that outlast a crash.
+pub mod process {
+    pub mod launcher;
+    pub mod node_files;
+    pub mod ros_args;
+    pub mod stop;
+}
+
+/// The sensor behind the images: its parameters, and the description that a camera publishes with each frame.
+pub mod sensor {
+    pub mod info;
+    pub mod parameters;
+}
 
 pub use clock::{Clock, ManualClock, SystemClock};
 pub use graph::{NodeName, Qos, Topic, rosout};

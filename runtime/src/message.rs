@@ -82,7 +82,7 @@ macro_rules! kinds {
             }
 
             fn read(kind: MessageKind, bytes: &[u8]) -> Result<Self, String> {
-                Ok(match kind { $(MessageKind::$kind => Self::$kind(Arc::new(Content::from_cdr(bytes)?))),+ })
+                Ok(match kind { $(MessageKind::$kind => Self::$kind(Arc::new(CdrCodec::from_cdr(bytes)?))),+ })
             }
         }
     };
@@ -100,12 +100,12 @@ kinds! {
 }
 
 /// The content of a message and its form as CDR.
-trait Content: Sized {
+trait CdrCodec: Sized {
     fn to_cdr(&self) -> Result<Vec<u8>, cdr::CdrError>;
     fn from_cdr(bytes: &[u8]) -> Result<Self, String>;
 }
 
-impl<T: Serialize + DeserializeOwned> Content for T {
+impl<T: Serialize + DeserializeOwned> CdrCodec for T {
     fn to_cdr(&self) -> Result<Vec<u8>, cdr::CdrError> {
         cdr::to_vec(self)
     }
@@ -115,13 +115,14 @@ impl<T: Serialize + DeserializeOwned> Content for T {
     }
 }
 
-impl Content for StampedFrame {
+impl CdrCodec for StampedFrame {
     fn to_cdr(&self) -> Result<Vec<u8>, cdr::CdrError> {
         modulo_msgs::image::encode_frame(&self.header, &self.frame)
     }
 
     fn from_cdr(bytes: &[u8]) -> Result<Self, String> {
         let image: Image = cdr::from_slice(bytes).map_err(|why| why.to_string())?;
+        // The conversion into pixels consumes the message and leaves the header out.
         let header = image.header.clone();
         Ok(Self { header, frame: image.into_frame().map_err(|why| why.to_string())? })
     }

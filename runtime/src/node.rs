@@ -48,20 +48,21 @@ pub enum StepError {
 
 /// A node of the suite.
 pub trait Node: Send {
-    /// Returns the topics that the node reads now. They may change with [`Node::configure`]; the driver then renews the subscriptions.
+    /// Returns the topics that the node reads now. They may change with [`Node::configure`]; the driver then renews the
+    /// subscriptions.
     fn inputs(&self) -> Vec<Topic>;
 
     /// Returns the topics written, fixed for the node's life. [`Context::emit`] and [`Context::wanted`] take an index
     /// into this list.
     fn outputs(&self) -> Vec<Topic>;
 
-    /// `Some` for a source: [`Trigger::Tick`] comes this often (zero: as fast as the frames can be made). `None` for a
-    /// node that only answers messages.
+    /// Returns the period of a source: [`Trigger::Tick`] comes this often (zero: as fast as the frames can be made).
+    /// `None` for a node that only answers messages.
     fn period(&self) -> Option<Duration> {
         None
     }
 
-    /// `Some` for a source that can go on at any frame: how many frames it has taken from its data so far. It is kept
+    /// Returns how many frames a source that can go on at any frame has taken from its data so far. It is kept
     /// before the frame is sent, so that a crash between the two loses this frame and never sends one twice.
     fn position(&self) -> Option<u64> {
         None
@@ -76,7 +77,8 @@ pub trait Node: Send {
     /// Takes a whole validated set of parameters, between two steps.
     ///
     /// # Errors
-    /// [`ParameterError`] with the parameter, its value and the possible values; the node then continues exactly as before.
+    /// [`ParameterError`] with the parameter, its value and the possible values; the node then continues exactly as
+    /// before.
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError>;
 
     /// Does the work for one trigger.
@@ -85,7 +87,8 @@ pub trait Node: Send {
     /// [`StepError::Skip`] for a bad input, [`StepError::Fatal`] when the node cannot go on.
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError>;
 
-    /// Returns the status of the node as (key, value) pairs for diagnostics and the summary, such as `("engine", "rten")` and `("stream", "recovered")`.
+    /// Returns the status of the node as (key, value) pairs for diagnostics and the summary, such as `("engine",
+    /// "rten")` and `("stream", "recovered")`.
     fn status(&self) -> Vec<(&'static str, String)> {
         Vec::new()
     }
@@ -102,7 +105,8 @@ pub struct Context<'a> {
 }
 
 impl<'a> Context<'a> {
-    /// Creates the context of one step. `node` is the fully qualified name of the node, such as `/unwrap`; `wanted[i]` is whether `outputs()[i]` has a reader.
+    /// Creates the context of one step. `node` is the fully qualified name of the node, such as `/unwrap`; `wanted[i]`
+    /// is whether `outputs()[i]` has a reader.
     pub fn new(node: &'a str, clock: &'a dyn Clock, wanted: &'a [bool]) -> Self {
         Self { node, clock, wanted, unwanted: RefCell::default(), emitted: Vec::new(), stages: Vec::new() }
     }
@@ -120,6 +124,7 @@ impl<'a> Context<'a> {
     /// Returns whether output `output` has a reader; a message without one need not be made. A step asks when it has a
     /// message to send: a message that is not made then is counted as unwanted.
     pub fn wanted(&self, output: usize) -> bool {
+        // Asked once before the step: a reader that comes during it gets the next message.
         let wanted = self.wanted.get(output).copied().unwrap_or(false);
         if !wanted {
             self.unwanted.borrow_mut().insert(output);

@@ -76,9 +76,10 @@ impl NodeReport {
         }
     }
 
-    /// Messages that reached no step although they were sent, by topic: replaced, lost or unread.
+    /// Returns the messages that reached no step although they were sent, by topic: replaced, lost or unread.
     pub fn dropped(&self) -> BTreeMap<String, u64> {
         let mut dropped = self.replaced.clone();
+        // The causes are kept apart in the report and added only for the summary.
         for (topic, n) in self.lost.iter().chain(&self.unread) {
             add(&mut dropped, topic, *n);
         }
@@ -88,6 +89,7 @@ impl NodeReport {
 
 /// Adds `n` to the count of `key`.
 pub fn add(counts: &mut BTreeMap<String, u64>, key: &str, n: u64) {
+    // `entry` would allocate the key at each call.
     match counts.get_mut(key) {
         Some(count) => *count += n,
         None => {
@@ -98,6 +100,7 @@ pub fn add(counts: &mut BTreeMap<String, u64>, key: &str, n: u64) {
 
 /// Returns the upper bound, in microseconds, of the bucket that holds `us`: exact below 128, then at most 1.6 % wide.
 pub fn bucket_of(us: u64) -> u64 {
+    // Seven leading bits are kept, so above 127 a bucket is at most 1/64 of its value wide.
     let shift = (64 - us.leading_zeros()).saturating_sub(7);
     (((us >> shift) + 1) << shift) - 1
 }
@@ -106,6 +109,7 @@ pub fn bucket_of(us: u64) -> u64 {
 /// `None` when nothing was counted.
 pub fn quantile(histogram: &Histogram, q: f64) -> Option<u64> {
     let total: u64 = histogram.values().sum();
+    // Rank 0, which q = 0 gives, means the smallest value as well.
     let rank = ((total as f64 * q).ceil() as u64).clamp(1, total.max(1));
     let mut seen = 0;
     histogram.iter().find_map(|(&bound, &count)| {

@@ -116,14 +116,19 @@ fn counts(report: &NodeReport) -> (u64, u64, u64, u64) {
     (sum(&report.received), sum(&report.published), sum(&report.dropped()), sum(&report.bad))
 }
 
-fn member(node: Box<dyn Node>, name: &str, wait_for: &str, on_exit: composed::OnExit) -> composed::Member {
+fn member(
+    node: Box<dyn Node>,
+    name: &str,
+    wait_for: &str,
+    on_exit: composed::MemberExit,
+) -> composed::Member {
     let (parameters, node_name) = (waiting_for(wait_for), node_name(name));
     composed::Member { node, parameters, node_name, on_exit, report_file: None }
 }
 
 /// Runs a source of `period` before a fast node, which skips a frame, and a slow one: each takes all that there is.
 fn assert_no_frame_is_lost(period: fn(u8) -> Duration) {
-    use composed::OnExit::{Continue, Shutdown};
+    use composed::MemberExit::{Continue, Shutdown};
     let slow = Increment { delay: Duration::from_millis(15), ..increment("b", "c") };
     let members = vec![
         member(Box::new(Counter { next: 0, count: 30, period }), "counter", "[first]", Shutdown),
@@ -170,10 +175,11 @@ impl Node for Panic {
 #[test]
 fn a_member_that_panics_ends_the_others() {
     let members = vec![
-        member(counter(255), "counter", "[broken]", composed::OnExit::Continue),
-        member(Box::new(Panic), "broken", "", composed::OnExit::Continue),
+        member(counter(255), "counter", "[broken]", composed::MemberExit::Continue),
+        member(Box::new(Panic), "broken", "", composed::MemberExit::Continue),
     ];
     let (sender, ended) = std::sync::mpsc::channel();
+    // In a thread of its own, because a run that does not end must fail the test.
     std::thread::spawn(move || {
         let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
         let run = || composed::run(members, &clock, &Stop::default()).map(|reports| reports.len());
@@ -186,14 +192,14 @@ fn a_member_that_panics_ends_the_others() {
 #[test]
 fn a_composed_chain_drains_to_its_last_frame() {
     let members = vec![
-        member(counter(20), "counter", "[first]", composed::OnExit::Shutdown),
+        member(counter(20), "counter", "[first]", composed::MemberExit::Shutdown),
         member(
             Box::new(Increment { bad: Some(7), ..increment("a", "b") }),
             "first",
             "[second]",
-            composed::OnExit::Continue,
+            composed::MemberExit::Continue,
         ),
-        member(Box::new(increment("b", "c")), "second", "", composed::OnExit::Continue),
+        member(Box::new(increment("b", "c")), "second", "", composed::MemberExit::Continue),
     ];
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
     let reports = composed::run(members, &clock, &Stop::default()).expect("runs");
@@ -263,6 +269,7 @@ fn zenoh_carries_a_chain_between_sessions() {
         let middle = run(Box::new(increment("a", "b")), "first", "[second]", &two);
         let source = run(counter(20), "counter", "[first, second]", &one);
         let source = source.join().expect("no panic").expect("runs");
+        // The source has ended; the others have to finish what is still on its way to them.
         stop.ask(modulo_runtime::Urgency::Drain);
         [
             source,

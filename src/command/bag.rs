@@ -6,8 +6,7 @@ use anyhow::{Context, anyhow};
 use modulo_bags::bag::{self, BagInfo, BagReader, BagWarning, BagWriter, Compression, Split, WriteOptions};
 use modulo_bags::capture::capture;
 use modulo_bags::import::import_kitti;
-use modulo_bags::play::{PlayOptions, Player, Repeat};
-use modulo_bags::playback_clock::{PlaybackClock, PlaybackState};
+use modulo_bags::play::{PlayOptions, PlaybackClock, PlaybackState, Player, Repeat};
 use modulo_bags::replay::{ReplayError, ReplayOptions, replay};
 use modulo_runtime::driver::wait_until_ready;
 

@@ -12,7 +12,7 @@ use modulo_launch::{
 };
 use modulo_runtime::driver::composed::{self, Member};
 use modulo_runtime::end_on_signals;
-use modulo_runtime::process::report_file::ReportFile;
+use modulo_runtime::process::node_files::ReportFile;
 use modulo_runtime::ros_args::RosArgs;
 use modulo_runtime::{Clock, NodeName, NodeReport, Parameters, Stop, SystemClock, Urgency};
 
@@ -229,8 +229,8 @@ fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
         let (kind, node_name, parameters) = prepare(node)?;
         let step = kind.make(&parameters).with_context(|| node_name.fully_qualified())?;
         let on_exit = match on_exit {
-            OnExit::Shutdown => composed::OnExit::Shutdown,
-            OnExit::Continue => composed::OnExit::Continue,
+            OnExit::Shutdown => composed::MemberExit::Shutdown,
+            OnExit::Continue => composed::MemberExit::Continue,
         };
         Ok(Member { node: step, parameters, node_name, on_exit, report_file: None })
     };

@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use modulo_runtime::driver::live::{self, NodeSetup};
-use modulo_runtime::process::report_file::ReportFile;
-use modulo_runtime::process::saved_state::SavedState;
+use modulo_runtime::process::node_files::{ReportFile, SavedState};
 use modulo_runtime::ros_args::{Logs, RosArgs};
 use modulo_runtime::rosout::{self, LogQueue};
 use modulo_runtime::{Descriptor, NodeName, SystemClock, launcher};

@@ -1,4 +1,4 @@
-"""SPUD in double precision by scipy, the peer that core/tests/spud.rs compares with.
+"""SPUD in double precision by scipy, the peer that core/tests/references.rs compares with.
 
 Prints sampled values of phi for images that a formula defines:
 

@@ -1,14 +1,13 @@
 //! Composes a frame from background, shadows, objects from far to near, and stray light, and derives the ground
 //! truth from the objects' layers.
 
+use super::background::{Street, Tunnel};
 use super::hash::{Random, hash, wave};
 use super::layer::{Layer, OWNED};
 use super::light::{Light, add, scaled};
 use super::solid::Halo;
-use super::street::Street;
 use super::traffic::{Actor, actors};
-use super::tunnel::Tunnel;
-use super::view::{NEAR, View};
+use super::view::{CameraView, NEAR};
 use super::{Class, Preset, Rendered, Scene, SceneObject};
 use modulo_core::BBox;
 use ndarray::Array3;
@@ -24,11 +23,12 @@ struct Painted<'a> {
 pub(super) fn render(scene: &Scene, frame: u32, height: usize, width: usize) -> Rendered {
     // Both halves of the seed count, and a constant keeps scenes apart from other users of the hash.
     let seed = hash(scene.seed as u32, (scene.seed >> 32) as u32, 0xB0A7);
-    let view = View::new(seed, frame, height, width);
+    let view = CameraView::new(seed, frame, height, width);
     let (exit, sun) = exit_and_sun(seed, frame, &view);
     let light = Light::new(scene.preset, exit, sun, &view);
     let actors = actors(scene.preset, seed, frame, light.lamps());
     let mut radiance = background(scene.preset, seed, frame, exit, &view, &light);
+    // All shadows come before all actors, so that no shadow darkens an actor that stands in front of it.
     for actor in &actors {
         shadow(&mut radiance, actor, &view);
     }
@@ -38,6 +38,7 @@ pub(super) fn render(scene: &Scene, frame: u32, height: usize, width: usize) -> 
             actor.solid.layer(&view, &light).map(|(layer, whole)| Painted { actor, layer, whole })
         })
         .collect();
+    // From far to near, each with its halos, so that a nearer actor also hides the lamps of a farther one.
     for p in &painted {
         cover(&mut radiance, &p.layer);
         p.actor.solid.halos().for_each(|halo| shine(&mut radiance, halo, &view));
@@ -47,8 +48,9 @@ pub(super) fn render(scene: &Scene, frame: u32, height: usize, width: usize) -> 
 }
 
 /// Returns the distance of the tunnel's exit in m and the position of the low sun in px.
-fn exit_and_sun(seed: u32, frame: u32, view: &View) -> (f32, [f32; 2]) {
+fn exit_and_sun(seed: u32, frame: u32, view: &CameraView) -> (f32, [f32; 2]) {
     let mut random = Random::new(seed, 2);
+    // The number wraps before it becomes a float, which would lose the small steps of a long drive.
     let time = (frame % 36_000) as f32;
     let exit = random.between(27.0, 33.0) + 6.0 * wave(time / 600.0 + random.unit());
     let s = view.scale();
@@ -56,7 +58,14 @@ fn exit_and_sun(seed: u32, frame: u32, view: &View) -> (f32, [f32; 2]) {
     (exit, sun)
 }
 
-fn background(preset: Preset, seed: u32, frame: u32, exit: f32, view: &View, light: &Light) -> Array3<f32> {
+fn background(
+    preset: Preset,
+    seed: u32,
+    frame: u32,
+    exit: f32,
+    view: &CameraView,
+    light: &Light,
+) -> Array3<f32> {
     let size = (view.height, view.width);
     if preset == Preset::Tunnel {
         let tunnel = Tunnel { view, light, exit, driven: (frame % 60_000) as f32 * 0.16, seed };
@@ -80,9 +89,10 @@ fn each_pixel(image: &mut Array3<f32>, change: impl Fn(&mut [f32], usize, usize)
 }
 
 /// Darkens the ground below an actor by an ellipse with a soft edge.
-fn shadow(image: &mut Array3<f32>, actor: &Actor, view: &View) {
+fn shadow(image: &mut Array3<f32>, actor: &Actor, view: &CameraView) {
     let [x, z, half, long] = actor.ground;
     let (near, far) = (z - long, z + long);
+    // Ground that reaches the near plane has no finite extent in the image.
     if near < NEAR {
         return;
     }
@@ -123,6 +133,7 @@ fn cover(image: &mut Array3<f32>, layer: &Layer) {
             let texel = layer.texels[row * layer.width + column];
             if texel[3] > 0.0 {
                 let at = |c| [row + layer.top, column + layer.left, c];
+                // The colour of a texel contains its coverage already, so only the background is weighted.
                 (0..3).for_each(|c| image[at(c)] = image[at(c)] * (1.0 - texel[3]) + texel[c]);
             }
         }
@@ -130,7 +141,8 @@ fn cover(image: &mut Array3<f32>, layer: &Layer) {
 }
 
 /// Adds the halo of a lamp: A (1 - r^2 / 16)^2 / (1 + r^2), zero from r = 4 on.
-fn shine(image: &mut Array3<f32>, halo: &Halo, view: &View) {
+fn shine(image: &mut Array3<f32>, halo: &Halo, view: &CameraView) {
+    // The size of a lamp in the image grows without bound towards the camera.
     if halo.at[2] < NEAR {
         return;
     }
@@ -161,7 +173,7 @@ fn finish(image: &mut Array3<f32>, light: &Light) {
 }
 
 /// Returns the ground truth from far to near. It goes from near to far and marks the pixels that are taken.
-fn truth(painted: &[Painted], view: &View) -> Vec<SceneObject> {
+fn truth(painted: &[Painted], view: &CameraView) -> Vec<SceneObject> {
     let mut taken = vec![false; view.height * view.width];
     let mut found: Vec<SceneObject> = painted
         .iter()
@@ -171,13 +183,16 @@ fn truth(painted: &[Painted], view: &View) -> Vec<SceneObject> {
             object(p.actor.class?, p, occlusion, view)
         })
         .collect();
+    // Near actors take their pixels first, but the list runs from far to near.
     found.reverse();
     found
 }
 
-fn object(class: Class, p: &Painted, occlusion: f32, view: &View) -> Option<SceneObject> {
+fn object(class: Class, p: &Painted, occlusion: f32, view: &CameraView) -> Option<SceneObject> {
     let bbox = p.layer.extent()?;
+    // The share is that of the boxes and not of the pixels: what lies outside of the image was never painted.
     let inside = p.whole.clamp(view.height, view.width);
+    // A box without area would divide by 0.
     let truncation = (1.0 - inside.area() / p.whole.area().max(1e-6)).clamp(0.0, 1.0);
     Some(SceneObject { class, bbox, occlusion, truncation })
 }
@@ -201,7 +216,7 @@ mod tests {
 
     /// Returns the extent of the pixels that differ by at least half between a black and a white background
     /// without other actors.
-    fn seen_alone(p: &Painted, view: &View) -> Option<BBox> {
+    fn seen_alone(p: &Painted, view: &CameraView) -> Option<BBox> {
         let alone = |ground: f32| {
             let mut image = Array3::from_elem((view.height, view.width, 3), ground);
             cover(&mut image, &p.layer);
@@ -221,7 +236,7 @@ mod tests {
 
     #[test]
     fn boxes_are_the_extent_of_each_object_alone() {
-        let view = View::new(3, 0, 96, 320);
+        let view = CameraView::new(3, 0, 96, 320);
         let light = Light::new(Preset::Day, 30.0, [0.0; 2], &view);
         let actors = actors(Preset::Day, 3, 40, light.lamps());
         let mut checked = 0;

@@ -42,6 +42,7 @@ pub(super) fn ramp(low: f32, high: f32, x: f32) -> f32 {
 
 /// Returns a sine of period 1, made of two parabolas, in `[-1, 1]`.
 pub(super) fn wave(t: f32) -> f32 {
+    // Two parabolas stand for a sine, whose last digits differ between mathematical libraries.
     let t = t - t.floor();
     if t < 0.5 { 16.0 * t * (0.5 - t) } else { -16.0 * (t - 0.5) * (1.0 - t) }
 }
@@ -64,6 +65,7 @@ impl Random {
 
     /// Returns a uniform number in `[0, 1)`.
     pub(super) fn unit(&mut self) -> f32 {
+        // Each number is a hash of its position, so a stream has no state that another one could disturb.
         self.drawn = self.drawn.wrapping_add(1);
         unit(hash(self.key, self.drawn, 0))
     }
@@ -75,6 +77,7 @@ impl Random {
 
     /// Returns one of `choices`, all with the same probability.
     pub(super) fn pick<T: Copy, const N: usize>(&mut self, choices: &[T; N]) -> T {
+        // The number is below 1, but its product may round up to N.
         let index = (self.unit() * N as f32) as usize;
         choices[index.min(N - 1)]
     }

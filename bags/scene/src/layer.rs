@@ -24,21 +24,19 @@ pub(super) struct Layer {
 
 /// A shape that can be painted, in px of the image.
 #[derive(Clone, Debug)]
-pub(super) enum Shape {
+pub(super) enum Silhouette {
     /// A convex polygon in either orientation.
     Polygon(Vec<[f32; 2]>),
     /// All points within `radius` of the segment `a`-`b`.
     Capsule {
-        /// One end.
         a: [f32; 2],
-        /// The other end.
         b: [f32; 2],
         /// Half the thickness.
         radius: f32,
     },
 }
 
-impl Shape {
+impl Silhouette {
     /// Returns the smallest box around the shape, `None` when it has no point.
     pub(super) fn bounds(&self) -> Option<BBox> {
         let (points, grow): (&[[f32; 2]], f32) = match self {
@@ -62,6 +60,7 @@ impl Shape {
     fn strength(&self) -> f32 {
         match self {
             Self::Polygon(_) => 1.0,
+            // A rod thinner than a pixel covers a part of it; the constant keeps thin rods visible.
             Self::Capsule { radius, .. } => (radius * 2.0 + 0.15).min(1.0),
         }
     }
@@ -76,6 +75,7 @@ impl Layer {
     /// Makes an empty layer over the part of `bounds` that lies in the image.
     pub(super) fn over(bounds: BBox, height: usize, width: usize) -> Self {
         let cut = |x: f32, end: usize| x.clamp(0.0, end as f32) as usize;
+        // The soft edge of a shape reaches a little beyond its bounds.
         let (left, top) = (cut(bounds.x1 - 2.0, width), cut(bounds.y1 - 2.0, height));
         let (right, bottom) = (cut(bounds.x2 + 3.0, width), cut(bounds.y2 + 3.0, height));
         let (width, height) = (right.saturating_sub(left), bottom.saturating_sub(top));
@@ -84,10 +84,11 @@ impl Layer {
 
     /// Paints a shape over the layer: `colour` in the middle, a tenth lighter at its upper edge and darker at its
     /// lower one.
-    pub(super) fn paint(&mut self, shape: &Shape, colour: Rgb) {
+    pub(super) fn paint(&mut self, shape: &Silhouette, colour: Rgb) {
         let Some(b) = shape.bounds() else { return };
         let edges = inward_edges(shape);
         let strength = shape.strength();
+        // Clipped to this layer, which may be smaller than the shape.
         let window = Self::over(b, self.top + self.height, self.left + self.width);
         let (rows, columns) =
             (self.top.max(window.top)..window.bottom(), self.left.max(window.left)..window.right());
@@ -140,8 +141,9 @@ fn over(texel: &mut [f32; 4], colour: Rgb, share: f32) {
 }
 
 /// Returns a line `a u + b v + c` for each edge, whose value is the distance inwards.
-fn inward_edges(shape: &Shape) -> Vec<[f32; 3]> {
-    let Shape::Polygon(points) = shape else { return Vec::new() };
+fn inward_edges(shape: &Silhouette) -> Vec<[f32; 3]> {
+    let Silhouette::Polygon(points) = shape else { return Vec::new() };
+    // Both orientations are allowed, so the sign of the area tells on which side of an edge the inside is.
     let sign = if area(points) >= 0.0 { 1.0 } else { -1.0 };
     let next = points.iter().cycle().skip(1);
     points.iter().zip(next).filter_map(|(p, q)| edge(*p, *q, sign)).collect()
@@ -167,6 +169,7 @@ pub(super) fn area(points: &[[f32; 2]]) -> f32 {
 fn distance(p: [f32; 2], a: [f32; 2], b: [f32; 2]) -> f32 {
     let (dx, dy) = (b[0] - a[0], b[1] - a[1]);
     let (px, py) = (p[0] - a[0], p[1] - a[1]);
+    // A capsule with equal ends is a disc, and its direction has no length to divide by.
     let t = ((px * dx + py * dy) / (dx * dx + dy * dy).max(1e-9)).clamp(0.0, 1.0);
     let (ex, ey) = (px - t * dx, py - t * dy);
     (ex * ex + ey * ey).sqrt()
@@ -178,7 +181,7 @@ mod tests {
 
     #[test]
     fn a_square_covers_its_pixels() {
-        let square = Shape::Polygon(vec![[2.0, 3.0], [8.0, 3.0], [8.0, 7.0], [2.0, 7.0]]);
+        let square = Silhouette::Polygon(vec![[2.0, 3.0], [8.0, 3.0], [8.0, 7.0], [2.0, 7.0]]);
         let mut layer = Layer::over(square.bounds().unwrap(), 20, 20);
         layer.paint(&square, [1.0; 3]);
         assert_eq!(layer.extent(), Some(BBox { x1: 2.0, y1: 3.0, x2: 8.0, y2: 7.0 }));
@@ -188,7 +191,7 @@ mod tests {
     fn either_winding_is_the_same_shape() {
         let points = vec![[2.0, 3.0], [8.0, 4.0], [5.0, 9.0]];
         let paint = |points: Vec<[f32; 2]>| {
-            let shape = Shape::Polygon(points);
+            let shape = Silhouette::Polygon(points);
             let mut layer = Layer::over(shape.bounds().unwrap(), 20, 20);
             layer.paint(&shape, [0.5; 3]);
             layer.texels

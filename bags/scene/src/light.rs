@@ -5,7 +5,7 @@
 
 use super::Preset;
 use super::hash::ramp;
-use super::view::{Point, View};
+use super::view::{CameraView, Point};
 
 /// Linear red, green and blue.
 pub(super) type Rgb = [f32; 3];
@@ -25,12 +25,10 @@ pub(super) fn blend(a: Rgb, b: Rgb, t: f32) -> Rgb {
     [a[0] + (b[0] - a[0]) * t, a[1] + (b[1] - a[1]) * t, a[2] + (b[2] - a[2]) * t]
 }
 
-/// Whether vehicles drive with their lamps on.
+/// Whether vehicles drive with their lamps on, as in the tunnel and at night.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Lamps {
-    /// The lamps are off, by day.
     Off,
-    /// The lamps are on, in the tunnel and at night.
     On,
 }
 
@@ -96,7 +94,7 @@ const NIGHT: Sky = Sky {
 impl Light {
     /// Makes the light of a preset. `exit` is the distance of the tunnel's exit in m, which only
     /// [`Preset::Tunnel`] uses; `sun` is the position of the sun in px.
-    pub(super) fn new(preset: Preset, exit: f32, sun: [f32; 2], view: &View) -> Self {
+    pub(super) fn new(preset: Preset, exit: f32, sun: [f32; 2], view: &CameraView) -> Self {
         let s = view.scale();
         let (outside, own_lamps, spread, veil) = match preset {
             Preset::Day => (DAY, 0.0, [60.0 * s; 2], [0.0; 3]),
@@ -108,6 +106,7 @@ impl Light {
             Preset::Night => (NIGHT, 0.26, [60.0 * s; 2], [0.0; 3]),
         };
         let glare = if preset == Preset::Tunnel { view.project([-0.7, 2.2, exit]) } else { sun };
+        // With its exit at the camera, every place counts as outside of the tunnel.
         let exit = if preset == Preset::Tunnel { exit } else { 0.0 };
         Self { preset, outside, own_lamps, exit, glare, spread, veil }
     }
@@ -127,6 +126,7 @@ impl Light {
         let outside = add(scaled(sky.sun, lit), sky.ambient);
         let open = add(self.indoors(outside, z), [own, own * 0.97, own * 0.88]);
         let seen = [albedo[0] * open[0], albedo[1] * open[1], albedo[2] * open[2]];
+        // Haze begins at the exit, since the air in the tunnel is clear.
         let air = (z - self.exit).max(0.0);
         blend(seen, sky.haze, air / (air + sky.haze_at))
     }
@@ -147,6 +147,7 @@ impl Light {
 
     /// Returns the stray light of lens and air at pixel (`u`, `v`): A / (1 + r^2).
     pub(super) fn veil(&self, u: f32, v: f32) -> Rgb {
+        // By day and at night there is no glare, and each pixel saves a division.
         if self.veil[0] == 0.0 {
             return [0.0; 3];
         }
@@ -156,8 +157,9 @@ impl Light {
     }
 
     /// Returns the radiance of the open sky without clouds.
-    pub(super) fn sky(&self, u: f32, v: f32, view: &View) -> Rgb {
+    pub(super) fn sky(&self, u: f32, v: f32, view: &CameraView) -> Rgb {
         let up = ((view.cy - v) / view.focal).max(0.0);
+        // The colour changes within the first 24 degrees above the horizon.
         let t = ramp(0.0, 0.45, up);
         match self.preset {
             Preset::Day => blend([0.29, 0.32, 0.36], [0.13, 0.20, 0.33], t),
@@ -167,7 +169,7 @@ impl Light {
         }
     }
 
-    fn sunny(&self, u: f32, v: f32, view: &View, t: f32) -> Rgb {
+    fn sunny(&self, u: f32, v: f32, view: &CameraView, t: f32) -> Rgb {
         let base = blend([0.38, 0.33, 0.25], [0.24, 0.26, 0.31], t);
         let s = view.scale();
         let (x, y) = ((u - self.glare[0]) / s, (v - self.glare[1]) / s);
@@ -202,7 +204,7 @@ mod tests {
 
     #[test]
     fn a_tunnel_is_dark_inside_and_bright_outside() {
-        let view = View::new(1, 0, 192, 640);
+        let view = CameraView::new(1, 0, 192, 640);
         let light = Light::new(Preset::Tunnel, 40.0, [0.0; 2], &view);
         let wall = |z| light.shade([0.25; 3], [1.0, 0.0, 0.0], z)[1];
         assert!(wall(12.0) < 0.04 && wall(41.0) > 0.05, "{} {}", wall(12.0), wall(41.0));

@@ -2,21 +2,19 @@
 //!
 //! A solid has shape, reflectance and lamps; it depends on light and camera only when it is painted.
 
-use super::layer::{Layer, Shape, area, join};
+use super::layer::{Layer, Silhouette, area, join};
 use super::light::{Light, Rgb, add};
-use super::view::{NEAR, Point, View, clip_near};
+use super::view::{CameraView, NEAR, Point, clip_near};
 use modulo_core::BBox;
 
-/// The form of a part.
+/// The geometry of a part.
 #[derive(Clone, Debug)]
-pub(super) enum Form {
+pub(super) enum PartGeometry {
     /// A convex face, visible only from the side from which its corners run clockwise.
     Face(Vec<Point>),
     /// A rod with round ends.
     Rod {
-        /// One end.
         a: Point,
-        /// The other end.
         b: Point,
         /// Half the thickness, m.
         radius: f32,
@@ -25,10 +23,8 @@ pub(super) enum Form {
 
 /// A part of one colour.
 #[derive(Clone, Debug)]
-pub(super) struct Part {
-    /// The form in its position.
-    pub(super) form: Form,
-    /// The reflectance.
+pub(super) struct ScenePart {
+    pub(super) geometry: PartGeometry,
     pub(super) albedo: Rgb,
     /// The radiance of the part itself.
     pub(super) glow: Rgb,
@@ -37,7 +33,6 @@ pub(super) struct Part {
 /// The halo of a lamp, drawn as light in front of the solid.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Halo {
-    /// The position of the lamp.
     pub(super) at: Point,
     /// The direction of its light.
     pub(super) towards: Point,
@@ -49,16 +44,16 @@ pub(super) struct Halo {
 
 /// Parts in an order of painting that holds from every side.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Body {
+pub(super) struct PartGroup {
     /// The parts from back to front.
-    pub(super) parts: Vec<Part>,
+    pub(super) parts: Vec<ScenePart>,
     /// The light around lamps.
     pub(super) halos: Vec<Halo>,
 }
 
 /// A solid: bodies from its rear to its front in its own axes (right, up, forward), and from far to near in the world.
 #[derive(Clone, Debug)]
-pub(super) struct Solid(pub(super) Vec<Body>);
+pub(super) struct Solid(pub(super) Vec<PartGroup>);
 
 /// The direction of a solid: one of the four directions of a street grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,9 +62,7 @@ pub(super) enum Facing {
     Ahead,
     /// The solid faces the camera.
     Towards,
-    /// The solid faces left.
     Left,
-    /// The solid faces right.
     Right,
 }
 
@@ -98,9 +91,9 @@ impl Solid {
         }
         for body in &mut self.0 {
             for part in &mut body.parts {
-                match &mut part.form {
-                    Form::Face(points) => points.iter_mut().for_each(|p| *p = go(*p)),
-                    Form::Rod { a, b, .. } => (*a, *b) = (go(*a), go(*b)),
+                match &mut part.geometry {
+                    PartGeometry::Face(points) => points.iter_mut().for_each(|p| *p = go(*p)),
+                    PartGeometry::Rod { a, b, .. } => (*a, *b) = (go(*a), go(*b)),
                 }
             }
             for halo in &mut body.halos {
@@ -112,14 +105,16 @@ impl Solid {
 
     /// Returns the halos of the lamps that shine towards the camera.
     pub(super) fn halos(&self) -> impl Iterator<Item = &Halo> {
+        // The camera is at the origin, so a negative product means that the lamp shines towards it.
         let seen = |h: &&Halo| h.at[0] * h.towards[0] + h.at[2] * h.towards[2] < 0.0;
         self.0.iter().flat_map(|b| &b.halos).filter(seen)
     }
 
     /// Paints only this solid; also returns the box of all of it, in the image or not.
-    pub(super) fn layer(&self, view: &View, light: &Light) -> Option<(Layer, BBox)> {
+    pub(super) fn layer(&self, view: &CameraView, light: &Light) -> Option<(Layer, BBox)> {
         let parts = self.0.iter().flat_map(|b| &b.parts);
-        let shapes: Vec<(Shape, Rgb)> = parts.filter_map(|p| flat(p, view, light)).collect();
+        let shapes: Vec<(Silhouette, Rgb)> = parts.filter_map(|p| flat(p, view, light)).collect();
+        // The box of all parts, also of those outside of the image: truncation is measured against it.
         let whole = shapes.iter().filter_map(|(s, _)| s.bounds()).reduce(join)?;
         let mut layer = Layer::over(whole, view.height, view.width);
         for (shape, colour) in &shapes {
@@ -129,32 +124,34 @@ impl Solid {
     }
 }
 
-impl Body {
+impl PartGroup {
     /// Adds a rod of one colour.
     pub(super) fn rod(&mut self, a: Point, b: Point, radius: f32, albedo: Rgb) {
-        self.parts.push(Part { form: Form::Rod { a, b, radius }, albedo, glow: [0.0; 3] });
+        self.parts.push(ScenePart { geometry: PartGeometry::Rod { a, b, radius }, albedo, glow: [0.0; 3] });
     }
 }
 
 /// Projects a part into the image; `None` when it faces away or lies behind.
-fn flat(part: &Part, view: &View, light: &Light) -> Option<(Shape, Rgb)> {
-    let (shape, normal, z) = match &part.form {
-        Form::Face(points) => {
+fn flat(part: &ScenePart, view: &CameraView, light: &Light) -> Option<(Silhouette, Rgb)> {
+    let (shape, normal, z) = match &part.geometry {
+        PartGeometry::Face(points) => {
             let ahead = clip_near(points);
             let corners: Vec<[f32; 2]> = ahead.iter().map(|p| view.project(*p)).collect();
             // The orientation in the image tells whether the outside of the face is visible.
             if corners.len() < 3 || area(&corners) <= 0.0 {
                 return None;
             }
-            (Shape::Polygon(corners), normal(points), ahead[0][2])
+            (Silhouette::Polygon(corners), normal(points), ahead[0][2])
         }
-        Form::Rod { a, b, radius } => {
+        PartGeometry::Rod { a, b, radius } => {
             let z = 0.5 * (a[2] + b[2]);
+            // Rods are not clipped: one that crosses the near plane is left out as a whole.
             if a[2].min(b[2]) < NEAR {
                 return None;
             }
             let radius = radius * view.focal / z;
-            (Shape::Capsule { a: view.project(*a), b: view.project(*b), radius }, [0.0, 0.45, -0.89], z)
+            // A rod has no face of its own. This normal looks up and towards the camera.
+            (Silhouette::Capsule { a: view.project(*a), b: view.project(*b), radius }, [0.0, 0.45, -0.89], z)
         }
     };
     Some((shape, add(light.shade(part.albedo, normal, z), part.glow)))
@@ -164,15 +161,16 @@ fn normal(points: &[Point]) -> Point {
     let side = |i: usize| [0, 1, 2].map(|k| points[i][k] - points[0][k]);
     let (p, q) = (side(1), side(2));
     let n = [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]];
+    // Corners that coincide span no plane, and must not divide by 0.
     let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt().max(1e-9);
     n.map(|c| c / length)
 }
 
 /// Four corners in space as seen from outside: lower left, lower right, upper right, upper left.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Panel(pub(super) [Point; 4]);
+pub(super) struct Quadrilateral(pub(super) [Point; 4]);
 
-impl Panel {
+impl Quadrilateral {
     /// Returns the point at (`u`, `v`) of the panel, (0, 0) at the lower left and (1, 1) at the upper right.
     pub(super) fn at(&self, u: f32, v: f32) -> Point {
         let Self([a, b, c, d]) = self;
@@ -182,9 +180,9 @@ impl Panel {
     }
 
     /// Returns a face over the part of the panel from (`u1`, `v1`) to (`u2`, `v2`).
-    pub(super) fn patch(&self, [u1, v1, u2, v2]: [f32; 4], albedo: Rgb, glow: Rgb) -> Part {
+    pub(super) fn patch(&self, [u1, v1, u2, v2]: [f32; 4], albedo: Rgb, glow: Rgb) -> ScenePart {
         let corners = vec![self.at(u1, v2), self.at(u2, v2), self.at(u2, v1), self.at(u1, v1)];
-        Part { form: Form::Face(corners), albedo, glow }
+        ScenePart { geometry: PartGeometry::Face(corners), albedo, glow }
     }
 }
 
@@ -203,13 +201,19 @@ pub(super) struct Block {
 
 impl Block {
     /// Returns the panels rear, right, front, left and roof.
-    pub(super) fn panels(&self) -> [Panel; 5] {
+    pub(super) fn panels(&self) -> [Quadrilateral; 5] {
         let corner = |end: usize, forward: f32, side: f32| [side * self.half[end], self.height[end], forward];
+        // Corners of a wall run as seen from outside, from the lower left on, so that its patches face outwards.
         let wall = |p: [f32; 2], ps: f32, q: [f32; 2], qs: f32| {
-            Panel([corner(0, p[0], ps), corner(0, q[0], qs), corner(1, q[1], qs), corner(1, p[1], ps)])
+            Quadrilateral([
+                corner(0, p[0], ps),
+                corner(0, q[0], qs),
+                corner(1, q[1], qs),
+                corner(1, p[1], ps),
+            ])
         };
         let (rear, front) = (self.rear, self.front);
-        let roof = Panel([
+        let roof = Quadrilateral([
             corner(1, rear[1], -1.0),
             corner(1, rear[1], 1.0),
             corner(1, front[1], 1.0),

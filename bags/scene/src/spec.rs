@@ -59,6 +59,7 @@ impl FromStr for SceneSpec {
 
     fn from_str(text: &str) -> Result<Self, SpecError> {
         let rest = text.strip_prefix("scene://").unwrap_or(text);
+        // The scheme may be left out, but another scheme is an error of its own and not an unknown preset.
         if rest.contains("://") {
             return Err(SpecError::Scheme(text.to_owned()));
         }

@@ -5,9 +5,8 @@
 
 use super::hash::{Random, hash, wave};
 use super::light::Lamps;
-use super::person::{cyclist, pedestrian, tree};
+use super::road_user::{car, cyclist, pedestrian, tree, truck, van};
 use super::solid::{Facing, Solid};
-use super::vehicle::{car, truck, van};
 use super::{Class, Preset};
 
 /// The nearest and the farthest position of an actor's middle in m.
@@ -38,7 +37,7 @@ enum Users {
 
 /// A row of slots along the street.
 #[derive(Clone, Copy, Debug)]
-struct Lane {
+struct TrafficLane {
     users: Users,
     /// The middle of the lane in m, right of the camera.
     x: f32,
@@ -51,11 +50,11 @@ struct Lane {
     filled: f32,
 }
 
-const fn lane(users: Users, x: f32, gap: f32, approach: f32, facing: Facing, filled: f32) -> Lane {
-    Lane { users, x, gap, approach, facing, filled }
+const fn lane(users: Users, x: f32, gap: f32, approach: f32, facing: Facing, filled: f32) -> TrafficLane {
+    TrafficLane { users, x, gap, approach, facing, filled }
 }
 
-const STREET: [Lane; 9] = [
+const STREET: [TrafficLane; 9] = [
     lane(Users::Traffic, -3.7, 21.0, 0.34, Facing::Towards, 0.75),
     lane(Users::Parked, 3.9, 12.5, 0.16, Facing::Ahead, 0.50),
     lane(Users::Riders, 1.95, 23.0, 0.07, Facing::Ahead, 0.55),
@@ -67,7 +66,7 @@ const STREET: [Lane; 9] = [
     lane(Users::Trees, 8.4, 15.0, 0.16, Facing::Ahead, 0.60),
 ];
 
-const BORE: [Lane; 5] = [
+const BORE: [TrafficLane; 5] = [
     lane(Users::Traffic, -3.7, 16.0, 0.22, Facing::Towards, 0.80),
     lane(Users::Traffic, 3.5, 17.0, 0.05, Facing::Ahead, 0.80),
     lane(Users::Riders, 1.75, 19.0, 0.08, Facing::Ahead, 0.60),
@@ -77,7 +76,7 @@ const BORE: [Lane; 5] = [
 
 /// Returns all actors of a frame from far to near.
 pub(super) fn actors(preset: Preset, seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
-    let lanes: &[Lane] = if preset == Preset::Tunnel { &BORE } else { &STREET };
+    let lanes: &[TrafficLane] = if preset == Preset::Tunnel { &BORE } else { &STREET };
     let mut found: Vec<Actor> = lanes
         .iter()
         .zip(1u32..)
@@ -93,7 +92,7 @@ pub(super) fn actors(preset: Preset, seed: u32, frame: u32, lamps: Lamps) -> Vec
 }
 
 /// Returns the actors of one lane.
-fn slots(lane: &Lane, seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
+fn slots(lane: &TrafficLane, seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
     let count = ((REACH[1] - REACH[0]) / lane.gap).ceil() as u32;
     let cycle = count as f32 * lane.gap;
     let start = Random::new(seed, 0).unit() * lane.gap;
@@ -105,16 +104,19 @@ fn slots(lane: &Lane, seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
         let z = (ahead - lap * f64::from(cycle)) as f32 + REACH[0];
         // A new lap is a new actor: the key contains the lap.
         let mut random = Random::new(seed, hash(slot, lap as i64 as u32, 3));
+        // The cycle is a whole number of gaps and may reach beyond the view.
         (random.unit() < lane.filled && z <= REACH[1]).then(|| user(lane, &mut random, z, frame, lamps))
     };
     (0..count).filter_map(place).collect()
 }
 
-fn user(lane: &Lane, random: &mut Random, z: f32, frame: u32, lamps: Lamps) -> Actor {
+fn user(lane: &TrafficLane, random: &mut Random, z: f32, frame: u32, lamps: Lamps) -> Actor {
     let time = frame as f32 / 26.0 + random.unit();
+    // Actors are moved by less than half of the smallest gap, so two of a lane never overlap.
     let (x, z) = (lane.x + random.between(-0.25, 0.25), z + random.between(-0.8, 0.8));
     match lane.users {
         Users::Traffic => vehicle(random, x, z, lane.facing, lamps),
+        // Parked cars have their lamps off in every preset.
         Users::Parked => vehicle(random, x, z, lane.facing, Lamps::Off),
         Users::Walkers => walker(random, x, z, lane.facing, time),
         Users::Riders => {
@@ -158,7 +160,9 @@ fn leaders(seed: u32, frame: u32, lamps: Lamps) -> Vec<Actor> {
 fn crossing(seed: u32, frame: u32) -> Vec<Actor> {
     let pass = |id: u32, z: f32, speed: f32, period: u32| {
         let mut random = Random::new(seed, 700 + id);
+        // Any frame number is allowed, so the phase wraps with it.
         let shifted = frame.wrapping_add((random.unit() * period as f32) as u32);
+        // Each crossing is another person, so its number is part of the key.
         let mut random = Random::new(seed, hash(id, shifted / period, 11));
         let gone = speed * (shifted % period) as f32;
         let (facing, x) = random.pick(&[(Facing::Right, gone - 9.0), (Facing::Left, 9.0 - gone)]);

@@ -1,7 +1,6 @@
 //! The pinhole camera of a scene: it projects metres to pixels.
 //!
-//! The axes of the world are x to the right, y up from the road and z ahead, in metres; the camera is above the
-//! origin.
+//! The axes of the world are x to the right, y up from the road and z ahead, in metres; the camera is above the origin.
 
 use super::hash::{Random, wave};
 
@@ -16,10 +15,8 @@ pub(super) const CAMERA_HEIGHT: f32 = 1.6;
 
 /// The direction of the camera and the size of its image.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct View {
-    /// The number of columns.
+pub(super) struct CameraView {
     pub(super) width: usize,
-    /// The number of rows.
     pub(super) height: usize,
     /// The focal length in px.
     pub(super) focal: f32,
@@ -29,12 +26,13 @@ pub(super) struct View {
     pub(super) cy: f32,
 }
 
-impl View {
+impl CameraView {
     /// Makes the view of one frame: the vanishing point sways by a few pixels, as in a car.
     pub(super) fn new(seed: u32, frame: u32, height: usize, width: usize) -> Self {
         let mut random = Random::new(seed, 1);
         let (w, h) = (width as f32, height as f32);
         let time = (frame % 36_000) as f32;
+        // Two periods whose common multiple is long, so that the sway does not repeat visibly.
         let yaw = random.between(-0.07, 0.07) + 0.012 * wave(time / 211.0 + random.unit());
         let pitch = random.between(-0.02, 0.02) + 0.003 * wave(time / 37.0);
         Self { width, height, focal: 0.58 * w, cx: w * (0.5 + yaw), cy: h * 0.46 + w * pitch * 0.5 }
@@ -47,6 +45,7 @@ impl View {
 
     /// Returns the image position in px of a point with `z >= NEAR`.
     pub(super) fn project(&self, [x, y, z]: Point) -> [f32; 2] {
+        // Points are clipped before; the bound only keeps the division safe.
         let s = self.focal / z.max(NEAR);
         [self.cx + s * x, self.cy - s * (y - CAMERA_HEIGHT)]
     }
@@ -61,6 +60,7 @@ pub(super) fn clip_near(points: &[Point]) -> Vec<Point> {
             kept.push(a);
         }
         if (a[2] >= NEAR) != (b[2] >= NEAR) {
+            // The ends lie on different sides of the plane, so the divisor is not 0.
             let t = (NEAR - a[2]) / (b[2] - a[2]);
             kept.push([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), NEAR]);
         }
@@ -74,7 +74,7 @@ mod tests {
 
     #[test]
     fn the_horizon_is_at_eye_height() {
-        let view = View::new(5, 0, 192, 640);
+        let view = CameraView::new(5, 0, 192, 640);
         assert_eq!(view.project([0.0, CAMERA_HEIGHT, 30.0]), [view.cx, view.cy]);
         assert!(view.project([1.0, 0.0, 10.0])[1] > view.cy, "the road lies below the horizon");
     }

@@ -12,13 +12,13 @@ use modulo_core::{Exposure, Psf, Recovered, Sensor, SensorConfig};
 use modulo_scene::{Preset, Scene};
 use ndarray::Array3;
 
-/// The least share of exact wrap counts of each method on the scenes of every preset, and on the frames of KITTI, slightly
-/// below the measured shares.
+/// The least share of exact wrap counts of each method on the scenes of every preset, and on the frames of KITTI,
+/// slightly below the measured shares.
 ///
 /// `lines` and `gradient_tree`, and `auto`, which selects one of them, are exact under this blur. `tree` needs first
-/// differences below half a peak along some path, and islands such as lamps have none. `quality_guided` is not bounded by
-/// the range and takes a wrong edge at such islands. The methods by least squares spread the error of a steep edge over
-/// its surroundings. One steep edge spoils the rest of the row for `itoh`.
+/// differences below half a peak along some path, and islands such as lamps have none. `quality_guided` is not bounded
+/// by the range and takes a wrong edge at such islands. The methods by least squares spread the error of a steep edge
+/// over its surroundings. One steep edge spoils the rest of the row for `itoh`.
 const FLOORS: [(&str, f64, f64); METHODS.len()] = [
     ("auto", 1.0, 1.0),
     ("spud", 0.998, 0.49),

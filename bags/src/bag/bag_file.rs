@@ -1,6 +1,7 @@
 //! [`BagFile`]: one MCAP file of a bag that is being written.
 //!
-//! A chunk is closed at 4 MiB and handed to the system at once, so that the file is readable up to the last chunk after a crash.
+//! A chunk is closed at 4 MiB and handed to the system at once, so that the file is readable up to the last chunk after
+//! a crash.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -41,6 +42,7 @@ impl BagFile {
         let path = folder.join(&name);
         let io = |e| FileError::new(&path, e);
         let file = File::create_new(&path).map_err(io)?;
+        // A second handle: the writer of the library keeps the first, but only the file can be flushed to the disk.
         let disk = file.try_clone().map_err(io)?;
         // A file whose folder is not on the disk is not there after a power cut.
         File::open(folder).and_then(|folder| folder.sync_all()).map_err(io)?;
@@ -62,6 +64,7 @@ impl BagFile {
 
     fn add_channel(&mut self, topic: &BagTopic) -> Result<u16, McapError> {
         let schema = self.mcap.add_schema(&topic.type_name, &topic.schema_encoding, &topic.schema)?;
+        // Version 9 of rosbag2 reads the policies as words, whatever the source bag had.
         let metadata = BTreeMap::from([
             ("offered_qos_profiles".to_owned(), qos::in_words(&topic.qos)),
             ("topic_type_hash".to_owned(), topic.type_hash.clone()),
@@ -81,6 +84,7 @@ impl BagFile {
         let Some(&channel_id) = self.channels.get(topic) else {
             return Err(BagError::UnknownTopic(topic, known));
         };
+        // Closed before the next message and not after the last one, so that no file ends with an empty chunk.
         if self.pending > CHUNK {
             self.close_chunk()?;
         }
@@ -114,6 +118,7 @@ impl BagFile {
 
     fn close_chunk(&mut self) -> Result<(), BagError> {
         self.mcap.flush().map_err(|source| self.failed(source))?;
+        // Only the system knows the size of a compressed chunk.
         self.closed = self.disk.metadata().map_err(|e| FileError::new(&self.path, e))?.len();
         self.pending = 0;
         Ok(())
@@ -131,10 +136,12 @@ impl BagFile {
 
     /// Writes the index, and the metadata of this file in the form of rosbag2.
     pub(super) fn finish(mut self, topics: &[TopicCount]) -> Result<FileContents, BagError> {
+        // The record describes this file only, so the counts are its own and not those of the bag.
         let here = |(counted, &messages): (&TopicCount, _)| TopicCount { messages, ..counted.clone() };
         let topics: Vec<_> = topics.iter().zip(&self.counts).map(here).collect();
         let text =
             metadata::mapping(&Contents { files: std::slice::from_ref(&self.contents), topics: &topics });
+        // rosbag2 reads this record where `metadata.yaml` is lost.
         let record = MetadataRecord {
             name: "rosbag2".to_owned(),
             metadata: BTreeMap::from([("serialized_metadata".to_owned(), text)]),

@@ -11,7 +11,7 @@ use mcap::sans_io::indexed_reader::{IndexedReadEvent, IndexedReader, IndexedRead
 use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
 
 use super::scan::{UnchunkedMessage, scan};
-use super::storage::{Cursor, FileSummary, Index, Storage};
+use super::storage::{Cursor, FileSummary, IndexUse, Storage};
 use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount, type_hash};
 use crate::FileError;
 
@@ -30,21 +30,22 @@ pub(super) struct McapFile {
 
 impl McapFile {
     /// Takes the file's summary, or scans the file when that is not usable.
-    pub(super) fn open(path: &Path, index: Index) -> Result<Self, BagError> {
+    pub(super) fn open(path: &Path, index: IndexUse) -> Result<Self, BagError> {
         let io = |e| FileError::new(path, e);
         let mut file = File::open(path).map_err(io)?;
         let size = file.metadata().map_err(io)?.len();
         let summary = match index {
-            Index::Trusted => read_summary(&mut file, size).filter(|summary| is_complete(summary, size)),
-            Index::Ignored => None,
+            IndexUse::Trusted => read_summary(&mut file, size).filter(|summary| is_complete(summary, size)),
+            IndexUse::Ignored => None,
         };
         let (summary, loose, mut warnings) = match summary {
             Some(summary) => (summary, Vec::new(), Vec::new()),
             None => {
+                // The search for the summary has moved the position.
                 file.rewind().map_err(io)?;
                 let mut found = scan(path, file, size)?;
                 // The caller has not asked for the index.
-                found.warnings.retain(|w| index == Index::Trusted || !matches!(w, BagWarning::NoIndex(_)));
+                found.warnings.retain(|w| index == IndexUse::Trusted || !matches!(w, BagWarning::NoIndex(_)));
                 (found.summary, found.loose, found.warnings)
             }
         };
@@ -63,6 +64,7 @@ fn sum(
     let stats = index.stats.as_ref();
     let span = stats.filter(|stats| stats.message_count > 0);
     let mut topics: Vec<_> = topics.iter().collect();
+    // The map has no order, and the same file must always give the same list.
     topics.sort_by_key(|(id, _)| **id);
     let counted = |(&id, topic): (&u16, &Arc<BagTopic>)| TopicCount {
         topic: Arc::clone(topic),
@@ -94,7 +96,7 @@ impl Storage for McapFile {
     }
 }
 
-/// Any trouble means that there is no summary: the scan then finds out more.
+/// Returns the summary at the end of the file; `None` when it cannot be read, since the scan then finds the reason.
 fn read_summary(file: &mut File, size: u64) -> Option<Summary> {
     let options = SummaryReaderOptions::default().with_file_size(size);
     let mut reader = SummaryReader::new_with_options(options);
@@ -115,7 +117,9 @@ fn is_complete(summary: &Summary, size: u64) -> bool {
     let Some(stats) = &summary.stats else { return false };
     let chunks = &summary.chunk_indexes;
     let inside = |start: u64, length: u64| start.checked_add(length).is_some_and(|end| end <= size);
+    // An index with fewer chunks than the file counts would hide messages.
     stats.chunk_count as usize == chunks.len()
+        // Messages outside of chunks have no index; only a scan finds them.
         && (stats.message_count == 0 || !chunks.is_empty())
         && stats.message_start_time <= stats.message_end_time
         && stats.channel_message_counts.keys().all(|id| summary.channels.contains_key(id))
@@ -185,6 +189,7 @@ impl McapMessages {
             .with_order(ReadOrder::LogTime)
             .include_topics(wanted.values().map(|topic| topic.name.clone()))
             .starting_at(start)
+            // A broken length must not decide how much memory is allocated.
             .with_record_length_limit(MAX_CHUNK);
         let chunked = IndexedReader::new_with_options(&index.index, options)
             .map_err(|e| BagError::damaged(&index.path, e))?;
@@ -204,6 +209,7 @@ impl McapMessages {
                     taken.map_err(|e| BagError::damaged(path, e))?;
                 }
                 IndexedReadEvent::Message { header, data } => {
+                    // Two channels may share a name, and only one of them be CDR.
                     let Some(topic) = self.wanted.get(&header.channel_id) else { continue };
                     return Ok(Some(RawMessage {
                         topic: Arc::clone(topic),
@@ -239,7 +245,7 @@ impl Cursor for McapMessages {
     }
 }
 
-/// Returns the number of bytes of the file; a length beyond its end is refused before it is allocated.
+/// Reads `length` bytes at `offset` of the file; a length beyond its end is refused before it is allocated.
 fn read_at(file: &mut File, index: &McapFile, offset: u64, length: usize) -> Result<Vec<u8>, BagError> {
     let end = offset.checked_add(length as u64).filter(|&end| end <= index.summary.size);
     if end.is_none() {

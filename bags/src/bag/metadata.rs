@@ -90,12 +90,14 @@ pub(super) fn document(contents: &Contents<'_>) -> String {
 
 /// Returns the metadata without its root, as the MCAP metadata record holds it.
 pub(super) fn mapping(contents: &Contents<'_>) -> String {
+    // A file without messages has no times, and must not move the start of the bag to 0.
     let spans = contents.files.iter().filter_map(|file| file.span);
     let (start, end) = spans.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))).unwrap_or_default();
     let messages: u64 = contents.files.iter().map(|file| file.messages).sum();
     let paths: String = contents.files.iter().map(|file| format!("  - {}\n", quoted(&file.name))).collect();
     let files: String = contents.files.iter().map(file).collect();
     let topics: String = contents.topics.iter().map(topic).collect();
+    // A key without a value is null in YAML, which rosbag2 does not read as a list.
     let list = if topics.is_empty() { " []\n" } else { "\n" };
     format!(
         "version: 9\nstorage_identifier: mcap\nduration:\n  nanoseconds: {}\nstarting_time:\n  \
@@ -128,6 +130,7 @@ fn topic(counted: &TopicCount) -> String {
         quoted(&topic.name),
         quoted(&topic.type_name)
     );
+    // The policies stand here as YAML itself, where older versions have a string with YAML in it.
     let profiles = qos::in_words(&topic.qos);
     text += if profiles.trim().is_empty() { " []\n" } else { "\n" };
     text += &indented(&profiles, 8);

@@ -1,13 +1,11 @@
 //! Bags: MCAP read, written and repaired; rosbag2's SQLite and ROS 1 read.
 //!
-//! CDR payloads pass through unchanged; ROS 1 payloads, which are not CDR, are re-encoded. A damaged bag is read as far as possible, and each loss is reported by a [`BagWarning`].
+//! CDR payloads pass through unchanged; ROS 1 payloads, which are not CDR, are re-encoded. A damaged bag is read as far
+//! as possible, and each loss is reported by a [`BagWarning`].
 
 mod bag_file;
-mod copy;
 mod error;
-mod info;
 mod mcap_file;
-mod merge;
 mod metadata;
 pub mod qos;
 mod reader;
@@ -22,11 +20,9 @@ use std::sync::Arc;
 
 use modulo_runtime::Qos;
 
-pub use copy::{Copied, copy};
 pub use error::{BagError, BagWarning};
-pub use info::BagInfo;
-pub use reader::{BagReader, Messages, Selection};
-pub use writer::{BagWriter, Compression, Split, TopicId, WriteOptions};
+pub use reader::{BagInfo, BagReader, Messages, Selection};
+pub use writer::{BagWriter, Compression, Copied, Split, TopicId, WriteOptions, copy};
 
 /// A topic of a bag, from its channel and its schema.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]

@@ -34,6 +34,7 @@ pub fn yaml(qos: Qos) -> String {
 /// Returns the nearest of this suite's profiles to the first one in `yaml`; [`Qos::Results`] when it names no policy.
 pub fn parse(yaml: &str) -> Qos {
     let words = in_words(yaml);
+    // An exact match first: some profiles differ only in their depth or lifespan.
     if let Some(known) = Qos::ALL.into_iter().find(|qos| self::yaml(*qos) == words) {
         return known;
     }
@@ -47,13 +48,14 @@ pub fn parse(yaml: &str) -> Qos {
     }
 }
 
-/// `yaml` with words for numbers, as version 9 of the metadata needs it.
+/// Returns `yaml` with words for numbers, as version 9 of the metadata needs it.
 pub(super) fn in_words(yaml: &str) -> String {
     yaml.lines().map(|line| line_in_words(line) + "\n").collect()
 }
 
 fn line_in_words(line: &str) -> String {
     for (key, words) in WORDS {
+        // A number comes from an older version; words stay as they are.
         let word = value(line, key).and_then(|v| v.parse::<usize>().ok()).and_then(|n| words.get(n));
         if let (Some(word), Some(colon)) = (word, line.find(':')) {
             return format!("{}: {word}", &line[..colon]);

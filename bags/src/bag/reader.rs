@@ -1,11 +1,13 @@
-//! [`BagReader`]: a file or a bag folder, its messages in log-time order.
+//! [`BagReader`]: a file or a bag folder, its messages in log-time order, and [`BagInfo`], its content in words.
 
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::merge::{Merge, MergeInput};
+use jiff::Timestamp;
+
 use super::metadata::{self, Metadata};
-use super::storage::{self, Cursor, Index, Storage};
+use super::storage::{self, Cursor, IndexUse, Merge, MergeInput, Storage};
 use super::{BagError, BagWarning, RawMessage, TopicCount};
 
 /// An open bag: its index is known, and no message has been read yet.
@@ -44,18 +46,19 @@ impl BagReader {
     /// # Errors
     /// [`BagError`] when there is no bag, or one in a form that is not read.
     pub fn open(path: &Path) -> Result<Self, BagError> {
-        Self::open_with(path, Index::Trusted)
+        Self::open_with(path, IndexUse::Trusted)
     }
 
-    /// Opens a bag as [`BagReader::open`] does, but scans every MCAP file: damage inside of a file with a good index is then known, and the messages around it are read.
+    /// Opens a bag as [`BagReader::open`] does, but scans every MCAP file: damage inside of a file with a good index is
+    /// then known, and the messages around it are read.
     ///
     /// # Errors
     /// As [`BagReader::open`].
     pub fn salvage(path: &Path) -> Result<Self, BagError> {
-        Self::open_with(path, Index::Ignored)
+        Self::open_with(path, IndexUse::Ignored)
     }
 
-    fn open_with(path: &Path, index: Index) -> Result<Self, BagError> {
+    fn open_with(path: &Path, index: IndexUse) -> Result<Self, BagError> {
         let mut warnings = Vec::new();
         let mut ros_distro = None;
         let paths = match metadata_of(path, &mut warnings)? {
@@ -76,6 +79,7 @@ impl BagReader {
             warnings.extend(file.summary().warnings.iter().cloned());
             files.push((path, file));
         }
+        // Files without messages have no start and must not come first.
         files.sort_by_key(|(_, file)| file.summary().span.map_or(u64::MAX, |(start, _)| start));
         Ok(Self { path: path.to_owned(), files, ros_distro, warnings })
     }
@@ -121,6 +125,7 @@ impl BagReader {
     pub fn topics(&self) -> Vec<TopicCount> {
         let mut topics: Vec<TopicCount> = Vec::new();
         for counted in self.files.iter().flat_map(|(_, file)| &file.summary().topics) {
+            // A topic with two types stays two topics: its messages cannot be read as one.
             let same = |t: &&mut TopicCount| {
                 t.topic.name == counted.topic.name && t.topic.type_name == counted.topic.type_name
             };
@@ -141,6 +146,7 @@ impl BagReader {
     pub fn messages(&self, selection: &Selection) -> Messages {
         let from = selection.start_ns.unwrap_or(0);
         let inputs = self.files.iter().filter_map(|(_, file)| {
+            // A file that ends before the start is never opened.
             let (start, _) = file.summary().span.filter(|(_, end)| *end >= from)?;
             let (file, selection) = (Arc::clone(file), selection.clone());
             Some(MergeInput { start, open: Box::new(move || file.messages(&selection)) })
@@ -159,6 +165,7 @@ impl Iterator for Messages {
 
     fn next(&mut self) -> Option<Self::Item> {
         let next = self.merged.as_mut()?.next();
+        // After any other error the position in the file is unknown.
         if !matches!(next, Ok(Some(_)) | Err(BagError::BadMessage { .. })) {
             self.merged = None;
         }
@@ -166,7 +173,8 @@ impl Iterator for Messages {
     }
 }
 
-/// Returns the `metadata.yaml` of the folder `path`. A missing or unreadable one is only a warning, since the files contain all necessary information.
+/// Returns the `metadata.yaml` of the folder `path`. A missing or unreadable one is only a warning, since the files
+/// contain all necessary information.
 fn metadata_of(path: &Path, warnings: &mut Vec<BagWarning>) -> Result<Option<Metadata>, BagError> {
     if !path.is_dir() {
         return Ok(None);
@@ -174,6 +182,7 @@ fn metadata_of(path: &Path, warnings: &mut Vec<BagWarning>) -> Result<Option<Met
     match metadata::read(&path.join(metadata::FILE_NAME)) {
         Ok(metadata) => return Ok(Some(metadata)),
         Err(BagError::Metadata(path, why)) => warnings.push(BagWarning::BadMetadata(path, why)),
+        // Other errors of the system, such as a missing permission, are not taken for a missing file.
         Err(BagError::Io(why)) if why.source.kind() == std::io::ErrorKind::NotFound => {
             warnings.push(BagWarning::NoMetadata(path.to_owned()));
         }
@@ -182,9 +191,71 @@ fn metadata_of(path: &Path, warnings: &mut Vec<BagWarning>) -> Result<Option<Met
     Ok(None)
 }
 
-/// Returns the path of the file that the metadata calls `name`. Before version 4 the name begins with that of the folder.
+/// Returns the path of the file that the metadata calls `name`. Before version 4 the name begins with that of the
+/// folder.
 fn place(folder: &Path, name: &str) -> PathBuf {
     let listed = folder.join(name);
     let bare = Path::new(name).file_name().map(|name| folder.join(name));
     bare.filter(|bare| !listed.exists() && bare.exists()).unwrap_or(listed)
+}
+
+/// Nanoseconds in a second.
+const NS: u64 = 1_000_000_000;
+
+/// The content of a bag, printed as `ros2 bag info` prints it.
+pub struct BagInfo<'a>(pub &'a BagReader);
+
+impl fmt::Display for BagInfo<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(bag) = self;
+        let name = |path: &Path| {
+            path.file_name().expect("the path of an open file ends in a name").to_string_lossy().into_owned()
+        };
+        let files: Vec<String> = bag.files().map(name).collect();
+        // As in ROS 2, an empty bag begins and ends at time 0.
+        let (start, end) = bag.span().unwrap_or((0, 0));
+        let duration = end.saturating_sub(start);
+        writeln!(f, "Files:             {}", files.join("\n                   "))?;
+        writeln!(f, "Bag size:          {}", Bytes(bag.size()))?;
+        writeln!(f, "Storage id:        {}", bag.storage_id())?;
+        writeln!(f, "ROS Distro:        {}", bag.ros_distro().unwrap_or("unknown"))?;
+        writeln!(f, "Duration:          {}.{:09}s", duration / NS, duration % NS)?;
+        writeln!(f, "Start:             {}", Utc(start))?;
+        writeln!(f, "End:               {}", Utc(end))?;
+        writeln!(f, "Messages:          {}", bag.message_count())?;
+        write!(f, "Topic information:")?;
+        for (i, TopicCount { topic, messages }) in bag.topics().iter().enumerate() {
+            let gap = if i == 0 { " " } else { "                   " };
+            let (name, kind) = (&topic.name, &topic.type_name);
+            writeln!(f, "{gap}Topic: {name} | Type: {kind} | Count: {messages} | Serialization Format: cdr")?;
+        }
+        if bag.topics().is_empty() {
+            writeln!(f)?;
+        }
+        bag.warnings().iter().try_for_each(|warning| writeln!(f, "Warning:           {warning}"))
+    }
+}
+
+struct Bytes(u64);
+
+impl fmt::Display for Bytes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let size = self.0 as f64;
+        match self.0 {
+            0..1024 => write!(f, "{} B", self.0),
+            1024..1_048_576 => write!(f, "{:.1} KiB", size / 1024.0),
+            1_048_576..1_073_741_824 => write!(f, "{:.1} MiB", size / 1_048_576.0),
+            _ => write!(f, "{:.1} GiB", size / 1_073_741_824.0),
+        }
+    }
+}
+
+/// Nanoseconds since the epoch as a date in UTC.
+struct Utc(u64);
+
+impl fmt::Display for Utc {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let time = Timestamp::from_nanosecond(self.0.into()).expect("64 bits of ns end in the year 2554");
+        write!(f, "{} ({}.{:09})", time.strftime("%Y-%m-%d %H:%M:%S.%9f UTC"), self.0 / NS, self.0 % NS)
+    }
 }

@@ -45,6 +45,7 @@ pub(super) struct Scan {
 
 /// Walks over `file`, which is `size` bytes long; `path` is for the warnings.
 pub(super) fn scan(path: &Path, mut file: File, size: u64) -> Result<Scan, BagError> {
+    // No record is longer than its file, so a broken length is found before memory is allocated for it.
     let limit = usize::try_from(size).unwrap_or(usize::MAX);
     let options = LinearReaderOptions::default()
         .with_emit_chunks(true)
@@ -90,6 +91,7 @@ impl<'a> Walk<'a> {
             attachment_count: 0,
             metadata_count: 0,
             chunk_count: 0,
+            // The least time so far, so that any message is earlier.
             message_start_time: u64::MAX,
             message_end_time: 0,
             channel_message_counts: Default::default(),
@@ -112,6 +114,7 @@ impl<'a> Walk<'a> {
             let (path, byte, why) = (self.path.to_owned(), self.offset, e.to_string());
             self.warnings.push(BagWarning::Skipped { path, byte, why });
         }
+        // A record that is skipped still has its length, so the scan continues behind it.
         self.offset += length;
     }
 
@@ -119,6 +122,7 @@ impl<'a> Walk<'a> {
         match opcode {
             op::SCHEMA | op::CHANNEL => self.define(parse_record(opcode, body)?.into_owned()),
             op::MESSAGE => {
+                // The opcode tells the record; the pattern only satisfies the type.
                 let Record::Message { header, data } = parse_record(opcode, body)? else { return Ok(()) };
                 self.count(header.channel_id, header.log_time)?;
                 self.loose.push(UnchunkedMessage {
@@ -134,6 +138,7 @@ impl<'a> Walk<'a> {
                 Record::Chunk { header, .. } => self.chunk(header, body, length),
                 _ => Ok(()),
             },
+            // Attachments, metadata and indexes are not needed to read messages.
             _ => Ok(()),
         }
     }
@@ -170,6 +175,7 @@ impl<'a> Walk<'a> {
             }
             record => self.define(record.into_owned()),
         })?;
+        // Found before anything is counted: half of a chunk must not be in the statistics.
         if let Some(&(unknown, _)) = messages.iter().find(|(id, _)| self.known.get(*id).is_none()) {
             return Err(McapError::UnknownChannel(0, unknown));
         }
@@ -198,6 +204,7 @@ impl<'a> Walk<'a> {
             Some(why) => BagWarning::Truncated { path, byte: self.offset, why, messages },
             None => BagWarning::NoIndex(path),
         });
+        // The sort is stable, so messages of one time stay in the order of the file.
         self.loose.sort_by_key(|message| message.log_time);
         let channels = self.channels.iter().filter_map(|&id| Some((id, self.known.get(id)?)));
         let mut summary = Summary { chunk_indexes: self.chunks, ..Summary::default() };
@@ -220,6 +227,7 @@ fn unpack(
     if header.compressed_size != available {
         return Err(McapError::BadChunkLength { header: header.compressed_size, available });
     }
+    // The header may claim any size; the limit holds before the library allocates it.
     let unpacked = usize::try_from(header.uncompressed_size).unwrap_or(usize::MAX);
     if unpacked > MAX_CHUNK {
         return Err(McapError::ChunkTooLarge(header.uncompressed_size));
@@ -231,6 +239,7 @@ fn unpack(
         .with_record_length_limit(unpacked.max(body.len()));
     let mut reader = LinearReader::new_with_options(options);
     let length = (body.len() as u64).to_le_bytes();
+    // The reader expects a whole record, whose opcode and length the scan has taken off.
     let mut rest = [op::CHUNK][..].chain(&length[..]).chain(body);
     while let Some(event) = reader.next_event() {
         match event? {

@@ -65,6 +65,7 @@ fn topics(
     let counts: HashMap<i64, i64> =
         count.query_map([], |row| Ok((row.get(0)?, row.get(1)?)))?.collect::<Result<_, _>>()?;
     let definitions = definitions(file)?;
+    // All columns, since the version of the file decides which of them exist.
     let mut query = file.prepare("SELECT * FROM topics ORDER BY id")?;
     let mut rows = query.query([])?;
     let mut topics = Vec::new();
@@ -90,6 +91,7 @@ fn topics(
 
 /// Returns a column that older versions of the table do not have.
 fn column(row: &Row<'_>, name: &str) -> rusqlite::Result<String> {
+    // A missing column is an older version, and NULL is a recorder that knew no value.
     let has = row.as_ref().column_index(name).is_ok();
     if has { Ok(row.get::<_, Option<String>>(name)?.unwrap_or_default()) } else { Ok(String::new()) }
 }
@@ -135,6 +137,7 @@ impl Storage for SqliteFile {
             return Ok(None);
         }
         let start = selection.start_ns.filter(|start| *start > 0);
+        // The query goes on behind the last message, so the reading starts behind the tick before the start.
         let before = start.map_or(i64::MIN, |start| i64::try_from(start - 1).unwrap_or(i64::MAX));
         let file = connect(&self.path).map_err(|e| broken(&self.path, &e))?;
         let path = self.path.clone();
@@ -156,6 +159,8 @@ struct SqliteMessages {
 impl SqliteMessages {
     fn read_batch(&mut self) -> rusqlite::Result<()> {
         let ids: Vec<_> = self.wanted.keys().map(i64::to_string).collect();
+        // A statement borrows its connection, so it cannot stay open between two calls. The pair of time and
+        // number finds the next message by the index, where an OFFSET would read all rows before it again.
         let mut query = self.file.prepare_cached(&format!(
             "SELECT id, topic_id, timestamp, data FROM messages WHERE (timestamp, id) > (?1, ?2) \
              AND topic_id IN ({}) ORDER BY timestamp, id LIMIT {BATCH}",
@@ -169,6 +174,7 @@ impl SqliteMessages {
             // A broken file may hold anything in place of a payload.
             let data = match row.get_ref(3)? {
                 ValueRef::Blob(bytes) | ValueRef::Text(bytes) => bytes.to_vec(),
+                // An empty payload is refused where it is decoded, with the topic and the time.
                 ValueRef::Null | ValueRef::Integer(_) | ValueRef::Real(_) => Vec::new(),
             };
             let topic = Arc::clone(topic);

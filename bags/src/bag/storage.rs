@@ -1,4 +1,5 @@
-//! [`Storage`]: one file of a bag in any form. The first bytes of a file determine its form.
+//! [`Storage`]: one file of a bag in any form. The first bytes of a file determine its form. [`Merge`] reads several as
+//! one.
 
 use std::fmt::Debug;
 use std::fs::File;
@@ -41,7 +42,7 @@ pub(super) trait Storage: Debug + Send + Sync {
 
 /// Whether the index of an MCAP file is taken as it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Index {
+pub(super) enum IndexUse {
     /// The index is used when it is consistent.
     Trusted,
     /// The file is walked over, and whole chunks are read beside broken ones.
@@ -54,15 +55,17 @@ pub(super) trait Cursor: Send {
 }
 
 /// Opens the file `path`.
-pub(super) fn open(path: &Path, index: Index) -> Result<Arc<dyn Storage>, BagError> {
+pub(super) fn open(path: &Path, index: IndexUse) -> Result<Arc<dyn Storage>, BagError> {
     let mut start = Vec::new();
     let file = File::open(path).map_err(|e| FileError::new(path, e))?;
+    // The longest of the signatures, that of SQLite, has 16 bytes.
     file.take(16).read_to_end(&mut start).map_err(|e| FileError::new(path, e))?;
     Ok(if start.starts_with(b"SQLite format 3\0") {
         Arc::new(SqliteFile::open(path)?)
     } else if start.starts_with(b"#ROSBAG V") {
         Arc::new(Ros1File::open(path)?)
     } else {
+        // Anything else is read as MCAP, whose reader names the error.
         Arc::new(McapFile::open(path, index)?)
     })
 }
@@ -84,4 +87,90 @@ pub(super) fn files_in(folder: &Path) -> Result<Vec<PathBuf>, BagError> {
     }
     files.sort();
     Ok(files)
+}
+
+/// Opens an input; `None` when no message of it is selected.
+type OpenInput = Box<dyn FnOnce() -> Result<Option<Box<dyn Cursor>>, BagError> + Send>;
+
+/// An input that is not open yet.
+pub(super) struct MergeInput {
+    /// No message of it is earlier, ns since the epoch.
+    pub(super) start: u64,
+    /// Opens the input.
+    pub(super) open: OpenInput,
+}
+
+/// An input with its next message.
+struct OpenedInput {
+    /// Log time of `head`.
+    time: u64,
+    /// A message, or [`BagError::BadMessage`], behind which there are others.
+    head: Result<RawMessage, BagError>,
+    rest: Box<dyn Cursor>,
+}
+
+/// The messages of several inputs, such as files, in one order of time. An input is opened only when its first message
+/// may be next.
+pub(super) struct Merge {
+    /// Inputs that are still closed, the earliest last.
+    closed: Vec<MergeInput>,
+    open: Vec<OpenedInput>,
+    /// The error that ended an input; it comes after the message that was returned last.
+    broken: Option<BagError>,
+}
+
+impl Merge {
+    /// Merges `inputs`. Of messages with the same time, the one of the earlier input is first.
+    pub(super) fn of(mut inputs: Vec<MergeInput>) -> Self {
+        // Inputs are taken off the end, so the earliest must be the last. The sort is stable, so of equal
+        // starts the first one given is taken first.
+        inputs.sort_by_key(|input| input.start);
+        inputs.reverse();
+        Self { closed: inputs, open: Vec::new(), broken: None }
+    }
+
+    /// Returns the open input whose message is next.
+    fn earliest(&self) -> Option<usize> {
+        (0..self.open.len()).min_by_key(|&i| self.open[i].time)
+    }
+
+    /// Keeps the input `rest` open at `index`, unless it is over.
+    fn advance(&mut self, index: usize, mut rest: Box<dyn Cursor>) {
+        match rest.next().transpose() {
+            Some(Ok(message)) => {
+                self.open.insert(index, OpenedInput { time: message.log_time, head: Ok(message), rest });
+            }
+            Some(Err(BagError::BadMessage { path, topic, log_time, why })) => {
+                let head = Err(BagError::BadMessage { path, topic, log_time, why });
+                self.open.insert(index, OpenedInput { time: log_time, head, rest });
+            }
+            // The message that was taken just now is returned first; the error follows at the next call.
+            Some(Err(why)) => self.broken = Some(why),
+            None => {}
+        }
+    }
+
+    /// Returns whether a closed input may have an earlier message than the open ones.
+    fn must_open(&self) -> bool {
+        let next = self.earliest().map(|i| self.open[i].time);
+        // An input that starts at the same time may wait: its first message is not earlier than the next one.
+        self.closed.last().is_some_and(|input| next.is_none_or(|next| input.start < next))
+    }
+}
+
+impl Cursor for Merge {
+    fn next(&mut self) -> Result<Option<RawMessage>, BagError> {
+        while self.broken.is_none() && self.must_open() {
+            let Some(input) = self.closed.pop() else { break };
+            let Some(rest) = (input.open)()? else { continue };
+            self.advance(self.open.len(), rest);
+        }
+        if let Some(why) = self.broken.take() {
+            return Err(why);
+        }
+        let Some(index) = self.earliest() else { return Ok(None) };
+        let OpenedInput { head, rest, .. } = self.open.remove(index);
+        self.advance(index, rest);
+        head.map(Some)
+    }
 }

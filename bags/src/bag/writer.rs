@@ -1,15 +1,16 @@
-//! [`BagWriter`]: a bag folder as `ros2 bag record` writes it.
+//! [`BagWriter`]: a bag folder as `ros2 bag record` writes it, and [`copy`], which writes one from another bag.
 //!
-//! A recorder calls [`BagWriter::settle`]: then everything up to a second ago is in complete chunks on the disk, and can be read after a crash or a power cut. The writer reads no clock, and never overwrites a bag.
+//! A recorder calls [`BagWriter::settle`]: then everything up to a second ago is in complete chunks on the disk, and
+//! can be read after a crash or a power cut. The writer reads no clock, and never overwrites a bag.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
 use super::bag_file::BagFile;
 use super::metadata::{self, Contents, FileContents};
-use super::{BagError, BagTopic, TopicCount};
+use super::{BagError, BagReader, BagTopic, BagWarning, Selection, TopicCount};
 use crate::FileError;
 
 /// Time between two flushes, ns.
@@ -86,6 +87,7 @@ impl BagWriter {
     pub fn create(folder: &Path, options: impl Into<WriteOptions>) -> Result<Self, BagError> {
         let name = folder.file_name().ok_or_else(|| BagError::Name(folder.to_owned()))?;
         let (name, options) = (name.to_string_lossy().into_owned(), options.into());
+        // Making the folder fails if it exists, which also decides between two recorders of one name.
         make_folder(folder)?;
         let bag_file = BagFile::create(folder, format!("{name}_0.mcap"), options.compression)?;
         Ok(Self {
@@ -131,6 +133,7 @@ impl BagWriter {
         publish_time: u64,
         data: &[u8],
     ) -> Result<(), BagError> {
+        // Checked before the message, because a file must not exceed its limit by it.
         if self.is_full(log_time, data.len()) {
             self.next_file()?;
         }
@@ -152,6 +155,7 @@ impl BagWriter {
     ) -> Result<(), BagError> {
         let id = self.topic(topic)?;
         self.write(id, log_time, publish_time, data)?;
+        // The log time is the clock here, so that a recorder has no second one.
         self.settle(log_time)
     }
 
@@ -162,6 +166,7 @@ impl BagWriter {
     /// [`BagError`] when the disk does not take it.
     pub fn settle(&mut self, now: u64) -> Result<(), BagError> {
         let flushed = *self.flushed.get_or_insert(now);
+        // The clock of the machine may also be set back.
         if now.abs_diff(flushed) < FLUSH_EVERY && self.bag_file.unflushed() < FLUSH_BYTES {
             return Ok(());
         }
@@ -171,6 +176,7 @@ impl BagWriter {
 
     /// Returns whether a message of `length` bytes at `log_time` belongs into a new file.
     fn is_full(&self, log_time: u64, length: usize) -> bool {
+        // A file without messages takes one, however large it is, or an empty file would stay behind.
         let Some((start, _)) = self.bag_file.span() else { return false };
         let Split { max_bytes, max_duration } = self.options.split;
         let lasts = Duration::from_nanos(log_time.saturating_sub(start));
@@ -181,9 +187,12 @@ impl BagWriter {
     fn next_file(&mut self) -> Result<(), BagError> {
         let name = format!("{}_{}.mcap", self.name, self.done.len() + 1);
         let mut bag_file = BagFile::create(&self.folder, name, self.options.compression)?;
+        // Each file declares all topics in the same order, so that a `TopicId` holds for every file.
         for counted in &self.topics {
             bag_file.add(&counted.topic)?;
         }
+        // The old file is finished only when the new one exists: a full disk then leaves at least a bag that
+        // can be read.
         let full = std::mem::replace(&mut self.bag_file, bag_file);
         self.done.push(full.finish(&self.topics)?);
         Ok(())
@@ -200,6 +209,7 @@ impl BagWriter {
     /// [`BagError`] when the disk does not take it.
     pub fn finish(mut self) -> Result<Vec<TopicCount>, BagError> {
         self.done.push(self.bag_file.finish(&self.topics)?);
+        // Written last: a folder with this file is a complete bag.
         let document = metadata::document(&Contents { files: &self.done, topics: &self.topics });
         let path = self.folder.join(metadata::FILE_NAME);
         std::fs::write(&path, document).map_err(|e| FileError::new(&path, e))?;
@@ -215,4 +225,54 @@ fn make_folder(folder: &Path) -> Result<(), BagError> {
         std::io::ErrorKind::AlreadyExists => BagError::Exists(folder.to_owned()),
         _ => FileError::new(folder, e).into(),
     })
+}
+
+/// The result of [`copy`].
+#[derive(Debug)]
+pub struct Copied {
+    /// The topics with their counts.
+    pub topics: Vec<TopicCount>,
+    /// Single messages that were left out, by topic: those that cannot be read, and those of a topic's second type.
+    pub left_out: Vec<BagWarning>,
+    /// The error that ended the reading of `bag` early.
+    pub broke: Option<BagError>,
+}
+
+/// Writes every readable message of `bag`, which may be damaged or have another form, to the new MCAP bag `out`.
+/// Payload bytes and times stay unchanged. Messages that could not be copied are reported by the warnings of `bag`, by
+/// [`Copied::left_out`] and by [`Copied::broke`].
+///
+/// # Errors
+/// [`BagError`] when `out` exists already, or cannot be written.
+pub fn copy(bag: &BagReader, out: &Path, options: impl Into<WriteOptions>) -> Result<Copied, BagError> {
+    let mut writer = BagWriter::create(out, options)?;
+    for counted in bag.topics() {
+        match writer.topic(&counted.topic) {
+            // Its messages are counted below, if there are any.
+            Err(BagError::TypeConflict { .. }) => {}
+            added => {
+                added?;
+            }
+        }
+    }
+    // For each topic: the number of such messages, and the fault of the first one.
+    let mut left_out: BTreeMap<String, (u64, String)> = BTreeMap::new();
+    let mut leave_out = |topic: String, why| left_out.entry(topic).or_insert((0, why)).0 += 1;
+    let mut broke = None;
+    for message in bag.messages(&Selection::default()) {
+        match message {
+            Ok(message) => match writer.topic(&message.topic) {
+                Err(why @ BagError::TypeConflict { .. }) => {
+                    leave_out(message.topic.name.clone(), why.to_string());
+                }
+                id => writer.write(id?, message.log_time, message.publish_time, &message.data)?,
+            },
+            // The messages behind it can be read, so the copy goes on.
+            Err(BagError::BadMessage { topic, why, .. }) => leave_out(topic, why),
+            Err(why) => broke = Some(why),
+        }
+    }
+    let warning =
+        |(topic, (messages, why))| BagWarning::LeftOut { path: bag.path().to_owned(), topic, messages, why };
+    Ok(Copied { topics: writer.finish()?, left_out: left_out.into_iter().map(warning).collect(), broke })
 }

@@ -97,6 +97,7 @@ fn image_topic(bag: &BagReader, wanted: Option<&str>) -> Result<TopicCount, Sour
         |t: &TopicCount| matches!(kind(t), Some(MessageKind::Image | MessageKind::CompressedImage));
     let images: Vec<TopicCount> = bag.topics().into_iter().filter(is_image).collect();
     let fitting: Vec<_> = images.iter().filter(|t| wanted.is_none_or(|name| t.topic.name == name)).collect();
+    // A bag with several image topics and no choice is refused: the first one could be any.
     if let [only] = fitting[..] {
         return Ok(only.clone());
     }
@@ -121,6 +122,7 @@ fn read_labels(bag: &BagReader) -> Result<HashMap<u64, Vec<GroundTruth>>, Source
         let message = message?;
         let array: Detection2DArray = cdr::from_slice(&message.data).map_err(|e| bad(&message, e))?;
         let (stamp, objects) = (array.header.stamp.as_ns(), from_detections(&array));
+        // The same labels twice do no harm; different ones for one image have no right answer.
         if *labels.entry(stamp).or_insert_with(|| objects.clone()) != objects {
             let why =
                 format!("other labels have its stamp of {stamp} ns too; record each source into its own bag");

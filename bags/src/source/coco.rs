@@ -1,6 +1,7 @@
 //! Images with COCO's labels: one JSON file with `images`, `annotations` and `categories`.
 //!
-//! Boxes are `x, y, width, height` in px. A crowd (`iscrowd` 1) is an area in which the objects of its class are not labelled individually.
+//! Boxes are `x, y, width, height` in px. A crowd (`iscrowd` 1) is an area in which the objects of its class are not
+//! labelled individually.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -21,13 +22,13 @@ pub struct CocoLabels(HashMap<PathBuf, Vec<GroundTruth>>);
 
 #[derive(Deserialize)]
 struct File {
-    images: Vec<Image>,
+    images: Vec<ImageEntry>,
     annotations: Vec<Annotation>,
     categories: Vec<Category>,
 }
 
 #[derive(Deserialize)]
-struct Image {
+struct ImageEntry {
     id: u64,
     file_name: String,
 }
@@ -58,6 +59,7 @@ impl CocoSource {
         let text = std::fs::read(annotations).map_err(|why| FileError::new(annotations, why))?;
         let bad = |line, why: String| SourceError::Label { path: annotations.to_owned(), line, why };
         let file: File = serde_json::from_slice(&text).map_err(|why| bad(why.line(), why.to_string()))?;
+        // Checked before any path is joined: an annotation file may come from anywhere.
         if let Some(image) = file.images.iter().find(|image| !stays_inside(Path::new(&image.file_name))) {
             let why = "must be a path inside the folder of images, relative and without '..'";
             return Err(bad(1, format!("file_name '{}' of image {} {why}", image.file_name, image.id)));
@@ -76,7 +78,8 @@ impl CocoSource {
         if paths.is_empty() {
             return Err(SourceError::Empty(annotations.to_owned()));
         }
-        let truth = |image: &Image| by_image.remove(&image.id).unwrap_or_default();
+        // An image without annotations is labelled: it contains no object.
+        let truth = |image: &ImageEntry| by_image.remove(&image.id).unwrap_or_default();
         let labels = CocoLabels(paths.iter().cloned().zip(file.images.iter().map(truth)).collect());
         Ok(Self { frames: FolderSource::of(paths, 0.0)?, labels })
     }
@@ -93,6 +96,7 @@ fn label(annotation: &Annotation, names: &HashMap<u64, &str>) -> Result<GroundTr
     let class = names.get(category_id).ok_or_else(|| {
         format!("image {image_id} has an object of category {category_id}, which `categories` does not name")
     })?;
+    // One sum finds NaN and infinity in any of the four.
     if !(x + y + width + height).is_finite() || *width < 0.0 || *height < 0.0 {
         return Err(format!(
             "image {image_id} has a box {x} {y} {width} {height}, finite and not negative needed"
@@ -107,10 +111,11 @@ fn label(annotation: &Annotation, names: &HashMap<u64, &str>) -> Result<GroundTr
 }
 
 /// Returns the folder in which the first image is.
-fn folder_of(annotations: &Path, images: &[Image]) -> Result<PathBuf, SourceError> {
+fn folder_of(annotations: &Path, images: &[ImageEntry]) -> Result<PathBuf, SourceError> {
     let beside = annotations.parent().unwrap_or(Path::new(""));
     let above = beside.join("..");
     let stem = stem(annotations);
+    // `instances_val2017` belongs to the images in `val2017`.
     let split = stem.rsplit_once('_').map_or(stem.as_str(), |(_, split)| split);
     let folders = [
         beside.to_owned(),

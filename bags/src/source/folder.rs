@@ -52,6 +52,7 @@ impl Source for FolderSource {
         for _ in 0..frames {
             match self.images.get(self.next) {
                 None => return,
+                // A white level of 0 is that of the first float image, so this one must be read.
                 Some(image) if is_float(image) && !self.white.is_known() => drop(self.next()),
                 Some(_) => self.next += 1,
             }
@@ -86,6 +87,7 @@ pub struct LabelledSource<L> {
 
 impl<L: Labels> Source for LabelledSource<L> {
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
+        // Taken first, because the next call moves on to another path.
         let image = self.frames.images.get(self.frames.next)?.clone();
         let frame = self.frames.next()?;
         Some(frame.and_then(|frame| {
@@ -118,6 +120,7 @@ pub(crate) fn list_images(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
             images.push(path);
         }
     }
+    // The path decides between names that differ only in leading zeros.
     images.sort_by_cached_key(|path| (path.file_name().map(natural), path.clone()));
     if images.is_empty() { Err(SourceError::Empty(folder.to_owned())) } else { Ok(images) }
 }

@@ -12,7 +12,7 @@ pub struct SceneSource {
 }
 
 impl SceneSource {
-    /// The scene of `scene://PRESET?seed=N&frames=N&width=W&height=H`.
+    /// Opens the scene of `scene://PRESET?seed=N&frames=N&width=W&height=H`.
     ///
     /// # Errors
     /// [`SourceError::Scene`] when the address does not name a scene.
@@ -28,6 +28,7 @@ impl Source for SceneSource {
         }
         let rendered = self.spec.scene().render(self.frame, self.spec.height, self.spec.width);
         let name = format!("{:06}", self.frame);
+        // A scene without an end may run past the largest number.
         self.frame = self.frame.wrapping_add(1);
         Some(Ok(SourceFrame {
             radiance: rendered.radiance,
@@ -52,7 +53,8 @@ impl Source for SceneSource {
     }
 }
 
-/// Describes the hidden fraction, by other objects or by the border, in KITTI's three steps. The second step ends at one half.
+/// Describes the hidden fraction, by other objects or by the border, in KITTI's three steps. The second step ends at
+/// one half.
 fn label(object: &SceneObject) -> GroundTruth {
     let occluded = match object.occlusion + object.truncation {
         hidden if hidden < 0.1 => 0,

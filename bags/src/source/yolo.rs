@@ -49,6 +49,7 @@ impl Labels for YoloLabels {
     ) -> Result<Option<Vec<GroundTruth>>, SourceError> {
         let Some(path) = label_files(image).into_iter().find(|path| path.is_file()) else { return Ok(None) };
         let text = std::fs::read_to_string(&path).map_err(|why| FileError::new(&path, why))?;
+        // Numbered before blank lines are left out, so that errors name the line of the file.
         let lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
         let label = |(line, text): (usize, &str)| {
             let (class, bbox) = parse(text, width as f32, height as f32)
@@ -63,6 +64,7 @@ impl Labels for YoloLabels {
 /// Returns the possible paths of the labels of an image.
 fn label_files(image: &Path) -> Vec<PathBuf> {
     let parts: Vec<_> = image.components().collect();
+    // The last part of this name, as ultralytics replaces it: a folder above may be called `images`, too.
     let last = parts.iter().rposition(|part| part.as_os_str() == "images");
     let swapped = last.map(|last| {
         let swap = |(place, part): (usize, &std::path::Component<'_>)| match place {
@@ -74,7 +76,7 @@ fn label_files(image: &Path) -> Vec<PathBuf> {
     swapped.into_iter().chain([image.to_owned()]).map(|path| path.with_extension("txt")).collect()
 }
 
-/// (class, box in px) of a line.
+/// Returns the number of the class and the box in px of a line.
 fn parse(line: &str, width: f32, height: f32) -> Result<(usize, BBox), String> {
     let mut words = line.split_whitespace();
     let class = words.next().unwrap_or_default();
@@ -92,6 +94,7 @@ fn parse(line: &str, width: f32, height: f32) -> Result<(usize, BBox), String> {
                 y2: b.y2.max(point[1]),
             })
         }
+        // A polygon needs three corners at least.
         _ => return Err(format!("{} columns found, 5 needed (7, 9, ... for a polygon)", numbers.len() + 1)),
     };
     Ok((class, BBox { x1: bbox.x1 * width, y1: bbox.y1 * height, x2: bbox.x2 * width, y2: bbox.y2 * height }))
@@ -111,6 +114,7 @@ enum Names {
 }
 
 fn names(folder: &Path) -> Result<BTreeMap<usize, String>, SourceError> {
+    // A split such as `images/val` lies two folders below the file of the data set.
     let files = folder.ancestors().take(3).flat_map(|folder| NAME_FILES.map(|name| folder.join(name)));
     let Some(path) = files.into_iter().find(|path| path.is_file()) else { return Ok(BTreeMap::new()) };
     let text = std::fs::read_to_string(&path).map_err(|why| FileError::new(&path, why))?;

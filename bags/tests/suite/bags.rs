@@ -6,7 +6,7 @@ use modulo_bags::bag::{
 use modulo_runtime::Qos;
 use proptest::prelude::*;
 
-use crate::writing::{COMPRESSIONS, Line, read_all, temporary, topic, write_bag};
+use crate::{COMPRESSIONS, Line, read_all, temporary, topic, write_bag};
 
 /// Several topics and chunks, times in any order.
 fn lines() -> impl Strategy<Value = Vec<Line>> {

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use modulo_bags::bag::{BagReader, BagWarning, BagWriter, Compression, Selection, copy};
 use proptest::prelude::*;
 
-use crate::writing::{COMPRESSIONS, Line, read_all, temporary, topic, write_bag};
+use crate::{COMPRESSIONS, Line, read_all, temporary, topic, write_bag};
 
 /// Twelve messages, three a second: several chunks.
 fn lines() -> Vec<Line> {

@@ -6,7 +6,7 @@ use std::time::Duration;
 use modulo_bags::bag::{BagReader, BagWarning, Selection, Split, WriteOptions};
 use proptest::prelude::*;
 
-use crate::writing::{COMPRESSIONS, Line, read_all, temporary, topic, write_bag};
+use crate::{COMPRESSIONS, Line, read_all, temporary, topic, write_bag};
 
 /// Messages every 100 ms on two topics by turns.
 fn lines(count: usize, length: usize) -> Vec<Line> {
@@ -112,6 +112,7 @@ fn metadata_names_no_file_outside_of_its_bag() {
     let metadata = path.join("metadata.yaml");
     let ours = std::fs::read_to_string(&metadata).expect("readable");
     let absolute = secret.join("secret_0.mcap").display().to_string();
+    // Relative, absolute, and through a folder that does not exist.
     for outside in ["../secret/secret_0.mcap", &absolute, "x/../../secret/secret_0.mcap"] {
         std::fs::write(&metadata, ours.replace("bag_0.mcap", outside)).expect("written");
         let error = BagReader::open(&path).expect_err(outside).to_string();

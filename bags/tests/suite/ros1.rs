@@ -10,7 +10,7 @@ use modulo_msgs::cdr;
 use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image};
 use proptest::prelude::*;
 
-use crate::writing::{frame, read_all, temporary};
+use crate::{frame, read_all, temporary};
 
 const IMAGE: (&str, &str) = ("sensor_msgs/Image", "060021388200f6f0f447d0fcd9c64743");
 const COMPRESSED: (&str, &str) = ("sensor_msgs/CompressedImage", "8f7a12909da2c9d3332d540a0977563f");

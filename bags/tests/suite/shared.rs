@@ -9,7 +9,7 @@ use modulo_bags::bag::{BagReader, Compression, Selection};
 use modulo_bags::import::import_kitti;
 use modulo_bags::source::{SourceOptions, open};
 
-use crate::writing::read_all;
+use crate::read_all;
 
 /// Opens the source, reads it whole, returns (frames, labelled objects).
 fn walk(path: &Path, topic: Option<&str>) -> (usize, usize) {

@@ -10,7 +10,7 @@ use modulo_msgs::std_msgs::Header;
 use proptest::prelude::*;
 use rusqlite::Connection;
 
-use crate::writing::{frame, read_all, temporary};
+use crate::{frame, read_all, temporary};
 
 const QOS: &str = "- history: 1\n  depth: 7\n  reliability: 2\n  durability: 2\n";
 const STRING: &str = "std_msgs/msg/String";

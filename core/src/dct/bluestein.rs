@@ -49,6 +49,7 @@ impl Bluestein {
     /// Transforms as [`Fft::forward`] does. The data has the length [`Bluestein::len`]; the part after the
     /// samples is overwritten.
     pub fn forward(&self, data: &mut [Complex], scratch: &mut [Complex]) {
+        // The choice is made once for a transform, outside of all loops.
         if has_fma() { self.run::<Fused>(data, scratch) } else { self.run::<Unfused>(data, scratch) }
     }
 
@@ -101,6 +102,8 @@ fn response(n: usize, padded: usize, angle: impl Fn(usize) -> f64) -> Vec<Twiddl
             re += 2.0 * cos * cosines[phase];
             im += 2.0 * sin * cosines[phase];
         }
+        // Two forward transforms multiply by their length, which is divided out here. A twiddle factor stands
+        // for exp(-i angle), hence the sign.
         Twiddle { cos: (re / padded as f64) as f32, sin: (-im / padded as f64) as f32 }
     };
     (0..padded).map(at).collect()
@@ -122,6 +125,7 @@ mod tests {
             let (mut got, mut want) = (samples.clone(), samples);
             got.resize(chirp.len(), Complex::default());
             chirp.forward(&mut got, &mut vec![Complex::default(); chirp.scratch_len()]);
+            // These lengths have small factors only, so both algorithms can compute them.
             let fft = Fft::new(n).unwrap();
             fft.forward(&mut want, &mut vec![Complex::default(); fft.scratch_len()]);
             for (got, want) in got.iter().zip(&want) {

@@ -30,6 +30,7 @@ impl CosinePlan {
         // Pairs come as sums and differences, twice what they should be.
         let scale = |k| (if k == 0 { 1.0 } else { 0.5 } / n as f64).sqrt();
         let twiddle = |k: usize| Twiddle::new(PI * k as f64 / (2 * n) as f64, scale(k));
+        // Bluestein's transform is more than twice as long, so it serves only lengths with a large prime factor.
         let fourier = match Fft::new(n) {
             Some(fft) => Fourier::Factors(fft),
             None => Fourier::Bluestein(Bluestein::new(n)),
@@ -48,6 +49,7 @@ impl CosinePlan {
     /// Returns the position of sample `i` before a forward transform and after an inverse one.
     #[inline(always)]
     pub fn position(&self, i: usize) -> usize {
+        // Makhoul's order: the even samples ascend from the front, the odd ones descend from the end.
         if i.is_multiple_of(2) { i / 2 } else { self.n - 1 - i / 2 }
     }
 
@@ -70,6 +72,7 @@ impl CosinePlan {
     #[inline(always)]
     pub fn coefficients(&self, k: usize, [p, q]: [Complex; 2]) -> [Complex; 2] {
         let Twiddle { cos, sin } = self.twiddles[k];
+        // Coefficient 0 is paired with itself, and its angle has no sine.
         if k == 0 {
             return [p.scaled(cos); 2];
         }

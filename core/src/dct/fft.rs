@@ -5,7 +5,6 @@
 use std::f64::consts::TAU;
 
 use super::lanes::{Complex, Fused, MultiplyAdd, Twiddle, Unfused, has_fma};
-use super::odd_radix::{Folded, MAX_RADIX, OddRadix};
 use crate::simd::widest;
 
 /// A plan of forward transforms of one length without a prime factor above [`MAX_RADIX`].
@@ -18,7 +17,7 @@ pub(super) struct Fft {
 
 /// A pass of `count` transforms of length `radix`, each on `stride` neighbours.
 struct Pass {
-    kind: Kind,
+    butterfly: Butterfly,
     radix: usize,
     count: usize,
     stride: usize,
@@ -26,7 +25,7 @@ struct Pass {
     twiddles: Vec<Twiddle>,
 }
 
-enum Kind {
+enum Butterfly {
     Two,
     Three,
     Four,
@@ -49,6 +48,7 @@ impl Fft {
         let [radix, others @ ..] = radices else { return Self { first: None, others: Vec::new() } };
         let mut rest: usize = others.iter().product();
         let first = Some(Pass::new(*radix, rest, 1));
+        // The stride grows by each radix: Stockham's passes sort while they compute, so no bit reversal is needed.
         let mut stride = 1;
         let pass = |&radix: &usize| {
             rest /= radix;
@@ -107,46 +107,46 @@ impl Pass {
     fn new(radix: usize, count: usize, stride: usize) -> Self {
         let twiddle = |p: usize, j: usize| Twiddle::new(TAU * (p * j) as f64 / (radix * count) as f64, 1.0);
         let twiddles = (0..count).flat_map(|p| (1..radix).map(move |j| twiddle(p, j))).collect();
-        let kind = match radix {
-            2 => Kind::Two,
-            3 => Kind::Three,
-            4 => Kind::Four,
-            5 => Kind::Five,
-            _ => Kind::Odd(OddRadix::new(radix)),
+        let butterfly = match radix {
+            2 => Butterfly::Two,
+            3 => Butterfly::Three,
+            4 => Butterfly::Four,
+            5 => Butterfly::Five,
+            _ => Butterfly::Odd(OddRadix::new(radix)),
         };
-        Self { kind, radix, count, stride, twiddles }
+        Self { butterfly, radix, count, stride, twiddles }
     }
 
     /// Runs the pass; both slices come with the distance of successive numbers. Radices are closures, because a
     /// function would be called by its shim, which is not inlined.
     #[inline(always)]
     fn run<A: MultiplyAdd>(&self, from: (&[Complex], usize), to: (&mut [Complex], usize)) {
-        match &self.kind {
-            Kind::Two => self.short::<A, 2>(
+        match &self.butterfly {
+            Butterfly::Two => self.short::<A, 2>(
                 from,
                 to,
                 #[inline(always)]
                 |[a, b]| two([a, b]),
             ),
-            Kind::Three => self.short::<A, 3>(
+            Butterfly::Three => self.short::<A, 3>(
                 from,
                 to,
                 #[inline(always)]
                 |inputs| three::<A>(inputs),
             ),
-            Kind::Four => self.short::<A, 4>(
+            Butterfly::Four => self.short::<A, 4>(
                 from,
                 to,
                 #[inline(always)]
                 |[a, b, c, d]| four([a, b, c, d]),
             ),
-            Kind::Five => self.short::<A, 5>(
+            Butterfly::Five => self.short::<A, 5>(
                 from,
                 to,
                 #[inline(always)]
                 |inputs| five::<A>(inputs),
             ),
-            Kind::Odd(odd) => self.long::<A>(odd, from, to),
+            Butterfly::Odd(odd) => self.long::<A>(odd, from, to),
         }
     }
 
@@ -160,6 +160,7 @@ impl Pass {
         let apart = self.count * self.stride;
         for (p, twiddles) in self.twiddles.chunks_exact(R - 1).enumerate() {
             let first = p * self.stride;
+            // One slice for each input, so that its bounds are checked here and not in the inner loop.
             let mut inputs = [from; R];
             for (i, input) in inputs.iter_mut().enumerate() {
                 *input = &from[(i * apart + first) * step..];
@@ -189,6 +190,7 @@ impl Pass {
         (to, out_step): (&mut [Complex], usize),
     ) {
         let apart = self.count * self.stride;
+        // The buffers are cleared once, not for each transform.
         let mut folded = Folded::new();
         for (p, twiddles) in self.twiddles.chunks_exact(self.radix - 1).enumerate() {
             let first = p * self.stride;
@@ -247,6 +249,84 @@ fn five<A: MultiplyAdd>([a, b, c, d, e]: [Complex; 5]) -> [Complex; 5] {
         far.plus_i(far_odd),
         near.plus_i(near_odd),
     ]
+}
+
+/// The longest transform of a single pass.
+const MAX_RADIX: usize = 73;
+
+/// The number of pairs of outputs that are summed at once, so that their sums stay in registers.
+const BLOCK: usize = 3;
+
+/// A transform of any odd length R by its definition and its symmetry: `X_j` and `X_(R-j)` share `sum_k cos(2 pi j k /
+/// R) (x_k + x_(R-k))` and `sum_k sin(2 pi j k / R) (x_k - x_(R-k))`, k = 1 to (R-1)/2.
+struct OddRadix {
+    pairs: usize,
+    /// The factors by block of j, by k, by j in the block; those beyond the last j are not used.
+    twiddles: Vec<[Twiddle; BLOCK]>,
+}
+
+/// Buffers for the sums and differences of the inputs.
+struct Folded {
+    even: [Complex; MAX_RADIX / 2],
+    odd: [Complex; MAX_RADIX / 2],
+}
+
+impl Folded {
+    #[inline(always)]
+    pub fn new() -> Self {
+        Self { even: [Complex::default(); MAX_RADIX / 2], odd: [Complex::default(); MAX_RADIX / 2] }
+    }
+}
+
+impl OddRadix {
+    /// Plans transforms of length `radix`, odd, 3 to [`MAX_RADIX`].
+    pub fn new(radix: usize) -> Self {
+        let pairs = radix / 2;
+        // The product is reduced before it becomes an angle: large angles would lose their digits.
+        let twiddle = |j: usize, k: usize| Twiddle::new(TAU * ((j * k) % radix) as f64 / radix as f64, 1.0);
+        let block = |first: usize, k| std::array::from_fn(|j| twiddle(first + j, k));
+        let firsts = (1..=pairs).step_by(BLOCK);
+        Self { pairs, twiddles: firsts.flat_map(|first| (1..=pairs).map(move |k| block(first, k))).collect() }
+    }
+
+    /// Transforms the inputs `take(i)`; `put(j, X_j)` receives each output once.
+    #[inline(always)]
+    pub fn transform<A: MultiplyAdd>(
+        &self,
+        Folded { even, odd }: &mut Folded,
+        take: impl Fn(usize) -> Complex,
+        mut put: impl FnMut(usize, Complex),
+    ) {
+        let radix = 2 * self.pairs + 1;
+        let first = take(0);
+        let (even, odd) = (&mut even[..self.pairs], &mut odd[..self.pairs]);
+        // x_k and x_(R-k) always meet as a sum or a difference, which halves the multiplications.
+        let mut sum = first;
+        for (k, (even, odd)) in even.iter_mut().zip(odd.iter_mut()).enumerate() {
+            let (a, b) = (take(k + 1), take(radix - 1 - k));
+            (*even, *odd) = (a.plus(b), a.minus(b));
+            sum = sum.plus(*even);
+        }
+        put(0, sum);
+        for (block, twiddles) in self.twiddles.chunks_exact(self.pairs).enumerate() {
+            // Several outputs at once, so that each load of an input feeds more than one sum.
+            let (mut cosines, mut sines) = ([first; BLOCK], [Complex::default(); BLOCK]);
+            for ((even, odd), twiddles) in even.iter().zip(odd.iter()).zip(twiddles) {
+                for j in 0..BLOCK {
+                    cosines[j] = even.scaled_plus::<A>(twiddles[j].cos, cosines[j]);
+                    sines[j] = odd.scaled_plus::<A>(twiddles[j].sin, sines[j]);
+                }
+            }
+            for j in 0..BLOCK {
+                // The last block may have more sums than there are pairs left.
+                let out = BLOCK * block + j + 1;
+                if out <= self.pairs {
+                    put(out, cosines[j].minus_i(sines[j]));
+                    put(radix - out, cosines[j].plus_i(sines[j]));
+                }
+            }
+        }
+    }
 }
 
 #[cfg(test)]

@@ -1,19 +1,20 @@
-//! The transform of a whole image in three passes over memory: down the bands of sixteen columns
-//! ([`columns`](super::columns)), along the blocks of sixteen rows and back ([`rows`](super::rows)), and up the bands.
+//! The transform of a whole image in three passes over memory: down the bands of sixteen columns ([`ColumnPart`]),
+//! along the blocks of sixteen rows and back ([`rows`](super::rows)), and up the bands.
 //!
 //! The image is interleaved. Along columns the channels make no difference; along rows each channel is a sequence
 //! of its own. The last band and the last block are filled up with zeros.
 
-use super::columns::ColumnPart;
+use std::ops::Range;
+
 use super::cosine::CosinePlan;
-use super::lanes::{Complex, LANES};
+use super::lanes::{Complex, LANES, Tile};
 use super::rows::{RowPart, RowPlan};
-use super::tile::Tile;
+use crate::simd::widest;
 use crate::workers::Workers;
 
 /// A plan for images of one size with its memory. `Out` is the output for a run of sixteen samples.
-pub(crate) struct Grid<Out> {
-    shape: Shape,
+pub(crate) struct ImageDct<Out> {
+    shape: GridShape,
     column_plan: CosinePlan,
     row_plan: RowPlan,
     column_parts: Vec<ColumnPart<Out>>,
@@ -22,7 +23,7 @@ pub(crate) struct Grid<Out> {
 
 /// The sides of an image and its parts for the workers, the same in all passes.
 #[derive(Clone, Copy)]
-pub(super) struct Shape {
+pub(super) struct GridShape {
     pub height: usize,
     pub width: usize,
     pub channels: usize,
@@ -33,7 +34,7 @@ pub(super) struct Shape {
 
 /// The position of a run of sixteen samples in a row.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Run {
+pub(crate) struct SampleRun {
     /// The row, from 0.
     pub row: usize,
     /// The first sample in the interleaved row, a multiple of sixteen.
@@ -50,7 +51,7 @@ pub(crate) struct SpectralFilter<'a, F> {
     pub rule: F,
 }
 
-impl Shape {
+impl GridShape {
     pub fn samples(self) -> usize {
         self.width * self.channels
     }
@@ -65,15 +66,15 @@ impl Shape {
 }
 
 /// Splits `count` items into ranges of at most `each`.
-fn split(count: usize, each: usize) -> impl Iterator<Item = std::ops::Range<usize>> {
+fn split(count: usize, each: usize) -> impl Iterator<Item = Range<usize>> {
     (0..count).step_by(each).map(move |first| first..(first + each).min(count))
 }
 
-impl<Out: Copy + Default + Send + Sync> Grid<Out> {
+impl<Out: Copy + Default + Send + Sync> ImageDct<Out> {
     /// Plans for images of `dim`, all at least 1, with parts for `parts` workers.
     pub fn new((height, width, channels): (usize, usize, usize), parts: usize) -> Self {
         let column_plan = CosinePlan::new(height);
-        let mut shape = Shape { height, width, channels, bands_per_part: 0, blocks_per_part: 0 };
+        let mut shape = GridShape { height, width, channels, bands_per_part: 0, blocks_per_part: 0 };
         // Parts are whole bands and blocks, so each worker writes its own memory without a lock.
         shape.bands_per_part = shape.bands().div_ceil(parts.max(1));
         shape.blocks_per_part = shape.blocks().div_ceil(parts.max(1));
@@ -94,7 +95,7 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
 
     /// Returns the output for the samples of `run`.
     #[inline(always)]
-    pub fn out(&self, Run { row, sample }: Run) -> &Out {
+    pub fn out(&self, SampleRun { row, sample }: SampleRun) -> &Out {
         &self.outs(sample)[row]
     }
 
@@ -110,9 +111,9 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
     pub fn filter(
         &mut self,
         workers: &Workers,
-        load: impl Fn(Run) -> [f32; LANES] + Sync,
+        load: impl Fn(SampleRun) -> [f32; LANES] + Sync,
         filter: &SpectralFilter<'_, impl Fn(f32, f32, f32) -> f32 + Sync>,
-        keep: impl Fn(Run, [f32; LANES]) -> Out + Sync,
+        keep: impl Fn(SampleRun, [f32; LANES]) -> Out + Sync,
     ) {
         let Self { shape, column_plan, row_plan, column_parts, row_parts } = self;
         let shape = *shape;
@@ -141,15 +142,16 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
         });
     }
 
-    /// Runs the first half of a forward transform of the samples of `load`; [`Grid::forward_rows`] is the second.
-    pub fn forward_columns(&mut self, load: impl Fn(Run) -> [f32; LANES]) {
+    /// Runs the first half of a forward transform of the samples of `load`; [`ImageDct::forward_rows`] is the second.
+    pub fn forward_columns(&mut self, load: impl Fn(SampleRun) -> [f32; LANES]) {
+        // Only `Dct2` uses the halves of the transform, and it runs on one thread.
         for part in &mut self.column_parts {
             part.bands().for_each(|band| part.forward(self.shape, &self.column_plan, band, &load));
         }
     }
 
     /// Runs the second half of a forward transform; `put` receives the coefficients, interleaved as the samples are.
-    pub fn forward_rows(&mut self, mut put: impl FnMut(Run, [f32; LANES])) {
+    pub fn forward_rows(&mut self, mut put: impl FnMut(SampleRun, [f32; LANES])) {
         let Self { shape, row_plan, column_parts, row_parts, .. } = self;
         for part in row_parts {
             part.blocks().for_each(|block| {
@@ -158,16 +160,16 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
         }
     }
 
-    /// Runs the first half of an inverse transform of the coefficients of `take`; [`Grid::inverse_columns`] is
+    /// Runs the first half of an inverse transform of the coefficients of `take`; [`ImageDct::inverse_columns`] is
     /// the second.
-    pub fn inverse_rows(&mut self, take: impl Fn(Run) -> [f32; LANES]) {
+    pub fn inverse_rows(&mut self, take: impl Fn(SampleRun) -> [f32; LANES]) {
         for part in &mut self.row_parts {
             part.blocks().for_each(|block| part.inverse(&self.row_plan, block, &take));
         }
     }
 
     /// Runs the second half of an inverse transform; `put` receives the samples.
-    pub fn inverse_columns(&mut self, mut put: impl FnMut(Run, [f32; LANES]) -> Out) {
+    pub fn inverse_columns(&mut self, mut put: impl FnMut(SampleRun, [f32; LANES]) -> Out) {
         let Self { shape, column_plan, row_plan, column_parts, row_parts } = self;
         for part in column_parts {
             part.bands().for_each(|band| {
@@ -182,7 +184,7 @@ impl<Out: Copy + Default + Send + Sync> Grid<Out> {
 /// Returns the tile of `block` by its band.
 #[inline(always)]
 fn tiles_of_block<'a, Out>(
-    shape: Shape,
+    shape: GridShape,
     block: usize,
     column_parts: &'a [ColumnPart<Out>],
 ) -> impl Fn(usize) -> &'a Tile + use<'a, Out> {
@@ -198,5 +200,98 @@ impl<F: Fn(f32, f32, f32) -> f32> SpectralFilter<'_, F> {
             *value = (self.rule)(by_row, by_column, *value);
         }
         Complex::from_lanes(values)
+    }
+}
+
+/// A range of neighbouring bands, the share of one worker: it transforms a band of sixteen columns at once, from the
+/// image to tiles, and from tiles to the output.
+struct ColumnPart<Out> {
+    bands: Range<usize>,
+    /// The coefficients by band and block.
+    spectrum: Vec<Tile>,
+    /// The output by band and row.
+    out: Vec<Out>,
+    data: Vec<Complex>,
+    scratch: Vec<Complex>,
+}
+
+impl<Out: Copy + Default> ColumnPart<Out> {
+    pub fn new(shape: GridShape, plan: &CosinePlan, bands: Range<usize>) -> Self {
+        let [data, scratch] = plan.buffer_lengths().map(|length| vec![Complex::default(); length]);
+        Self {
+            spectrum: vec![Tile::default(); bands.len() * shape.blocks()],
+            out: vec![Out::default(); bands.len() * shape.height],
+            bands,
+            data,
+            scratch,
+        }
+    }
+}
+
+impl<Out> ColumnPart<Out> {
+    pub fn bands(&self) -> Range<usize> {
+        self.bands.clone()
+    }
+
+    /// Returns a tile of the result of [`ColumnPart::forward`].
+    #[inline(always)]
+    pub fn tile(&self, shape: GridShape, block: usize, band: usize) -> &Tile {
+        &self.spectrum[(band - self.bands.start) * shape.blocks() + block]
+    }
+
+    /// Returns the output of [`ColumnPart::inverse`] by row.
+    #[inline(always)]
+    pub fn outs(&self, shape: GridShape, band: usize) -> &[Out] {
+        &self.out[(band - self.bands.start) * shape.height..][..shape.height]
+    }
+
+    pub fn forward(
+        &mut self,
+        shape: GridShape,
+        plan: &CosinePlan,
+        band: usize,
+        load: &impl Fn(SampleRun) -> [f32; LANES],
+    ) {
+        // Loading permutes the rows as Makhoul's transform needs them, so that no pass of its own does it.
+        let Self { data, scratch, .. } = self;
+        widest!({
+            for row in 0..shape.height {
+                data[plan.position(row)] = Complex::from_lanes(load(SampleRun { row, sample: band * LANES }));
+            }
+        });
+        plan.fourier(data, scratch);
+        let first = (band - self.bands.start) * shape.blocks();
+        let to = self.spectrum[first..][..shape.blocks()].as_flattened_mut();
+        widest!({
+            for (k, mirrored) in plan.pairs() {
+                [to[k], to[mirrored]] = plan.coefficients(k, [data[k], data[mirrored]]);
+            }
+        });
+    }
+
+    pub fn inverse<'a>(
+        &mut self,
+        shape: GridShape,
+        plan: &CosinePlan,
+        band: usize,
+        tile: impl Fn(usize) -> &'a Tile,
+        mut keep: impl FnMut(SampleRun, [f32; LANES]) -> Out,
+    ) {
+        let Self { data, scratch, .. } = self;
+        let from = |row: usize| tile(row / LANES)[row % LANES];
+        widest!({
+            for (k, mirrored) in plan.pairs() {
+                [data[k], data[mirrored]] = plan.spectrum(k, [from(k), from(mirrored)]);
+            }
+        });
+        plan.fourier(data, scratch);
+        let out = &mut self.out[(band - self.bands.start) * shape.height..][..shape.height];
+        widest!({
+            for (row, out) in out.iter_mut().enumerate() {
+                // The spectrum was written with its parts swapped, which makes the forward transform an inverse one.
+                let value = data[plan.position(row)].swapped().to_lanes();
+                *out = keep(SampleRun { row, sample: band * LANES }, value);
+            }
+        });
     }
 }

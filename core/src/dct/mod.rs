@@ -1,26 +1,23 @@
 //! The orthonormal two-dimensional cosine transform of any size.
 //!
-//! From short to long: `odd_radix` and the radices of `fft` are single transforms, `fft` composes them,
-//! `bluestein` adds the lengths without such factors, `cosine` makes a cosine transform of them, `columns` and
-//! `rows` transform those of an image, and `grid` the image. All work on the vectors of `lanes`. A plan owns its
-//! scratch, so a transform allocates nothing.
+//! From short to long: `fft` composes Fourier transforms from those of its radices, `bluestein` adds the lengths
+//! without such factors, `cosine` makes a cosine transform of them, `rows` transforms the rows of an image, and `grid`
+//! its columns and the whole. All work on the vectors of `lanes`. A plan owns its scratch, so a transform allocates
+//! nothing.
 
 mod bluestein;
-mod columns;
 mod cosine;
 mod fft;
 mod grid;
 mod lanes;
-mod odd_radix;
 mod rows;
-mod tile;
 
-pub(crate) use grid::{Grid, Run, SpectralFilter};
+pub(crate) use grid::{ImageDct, SampleRun, SpectralFilter};
 pub(crate) use lanes::LANES;
 
 /// A plan of transforms of planes of one size, row-major `f32`.
 pub struct Dct2 {
-    grid: Grid<()>,
+    grid: ImageDct<()>,
 }
 
 /// Error: the plane does not have the size that was planned.
@@ -38,7 +35,7 @@ pub struct DctError {
 impl Dct2 {
     /// Plans transforms of `height` x `width` planes; sides of 0 count as 1.
     pub fn new(height: usize, width: usize) -> Self {
-        Self { grid: Grid::new((height.max(1), width.max(1), 1), 1) }
+        Self { grid: ImageDct::new((height.max(1), width.max(1), 1), 1) }
     }
 
     /// Returns (height, width) of the planes that this plan transforms.
@@ -95,8 +92,9 @@ impl Dct2 {
 
 /// Loads a run of sixteen samples of a row-major plane, with 0 beyond the end of the row.
 #[inline(always)]
-pub(crate) fn load_run(plane: &[f32], width: usize, Run { row, sample }: Run) -> [f32; LANES] {
+pub(crate) fn load_run(plane: &[f32], width: usize, SampleRun { row, sample }: SampleRun) -> [f32; LANES] {
     let row = &plane[row * width..][..width];
+    // Only the last run of a row can be short. Its copy is out of line, so that all others stay one load.
     match row[sample..].first_chunk() {
         Some(samples) => *samples,
         None => tail(&row[sample..]),
@@ -113,7 +111,7 @@ fn tail(rest: &[f32]) -> [f32; LANES] {
 
 /// Stores a run of samples, the inverse of [`load_run`].
 #[inline(always)]
-fn store_run(plane: &mut [f32], width: usize, Run { row, sample }: Run, values: [f32; LANES]) {
+fn store_run(plane: &mut [f32], width: usize, SampleRun { row, sample }: SampleRun, values: [f32; LANES]) {
     let row = &mut plane[row * width..][..width];
     match row[sample..].first_chunk_mut() {
         Some(samples) => *samples = values,

@@ -3,14 +3,13 @@
 use std::ops::Range;
 
 use super::cosine::CosinePlan;
-use super::grid::{Run, Shape, SpectralFilter};
-use super::lanes::{Complex, LANES};
-use super::tile::{Tile, transpose};
+use super::grid::{GridShape, SampleRun, SpectralFilter};
+use super::lanes::{Complex, LANES, Tile, transpose};
 use crate::simd::widest;
 
 /// A plan of the transforms of rows.
 pub(super) struct RowPlan {
-    shape: Shape,
+    shape: GridShape,
     cosine: CosinePlan,
     /// The positions, in the data of all channels, of the columns of each band: for the samples, as the transform
     /// permutes them, and for the coefficients, which are in order.
@@ -29,7 +28,7 @@ pub(super) struct RowPart {
 }
 
 impl RowPlan {
-    pub fn new(shape: Shape) -> Self {
+    pub fn new(shape: GridShape) -> Self {
         let cosine = CosinePlan::new(shape.width);
         let [length, _] = cosine.buffer_lengths();
         // Samples beyond the end of the row go to one extra number after all channels: no branch in the loop.
@@ -37,6 +36,7 @@ impl RowPlan {
             let (column, channel) = (sample / shape.channels, sample % shape.channels);
             if column < shape.width { channel * length + position(column) } else { shape.channels * length }
         };
+        // Planning runs once for a size, so a virtual call does no harm.
         let order = |position: &dyn Fn(usize) -> usize| {
             (0..shape.bands())
                 .map(|band| std::array::from_fn(|lane| at(band * LANES + lane, position)))
@@ -57,6 +57,7 @@ impl RowPart {
         Self {
             tiles: vec![Tile::default(); blocks.len() * plan.shape.bands()],
             data: vec![Complex::default(); plan.shape.channels * length + 1],
+            // The channels are transformed one after the other and share the scratch.
             scratch: vec![Complex::default(); scratch],
             blocks,
         }
@@ -104,7 +105,7 @@ impl RowPart {
         plan: &RowPlan,
         block: usize,
         tile: impl Fn(usize) -> &'a Tile,
-        put: &mut impl FnMut(Run, [f32; LANES]),
+        put: &mut impl FnMut(SampleRun, [f32; LANES]),
     ) {
         self.load(plan, tile);
         let cosine = &plan.cosine;
@@ -124,7 +125,8 @@ impl RowPart {
                     |lane| data[order[lane]],
                     #[inline(always)]
                     |row, values| {
-                        let run = Run { row: first + row, sample: band * LANES };
+                        let run = SampleRun { row: first + row, sample: band * LANES };
+                        // The last block may have rows below the image.
                         if run.row < plan.shape.height {
                             put(run, values.to_lanes());
                         }
@@ -135,13 +137,14 @@ impl RowPart {
     }
 
     /// Transforms rows of coefficients, which `take` gives, back to tiles.
-    pub fn inverse(&mut self, plan: &RowPlan, block: usize, take: &impl Fn(Run) -> [f32; LANES]) {
+    pub fn inverse(&mut self, plan: &RowPlan, block: usize, take: &impl Fn(SampleRun) -> [f32; LANES]) {
         let Self { data, .. } = self;
         widest!({
             for (band, order) in plan.coefficients.iter().enumerate() {
+                // Rows below the image stay 0, as the forward transform leaves them.
                 let mut tile = Tile::default();
                 for (row, lanes) in (block * LANES..plan.shape.height).zip(&mut tile) {
-                    *lanes = Complex::from_lanes(take(Run { row, sample: band * LANES }));
+                    *lanes = Complex::from_lanes(take(SampleRun { row, sample: band * LANES }));
                 }
                 scatter(data, order, &tile);
             }
@@ -160,6 +163,7 @@ impl RowPart {
 
     fn each_channel(&mut self, cosine: &CosinePlan, mut work: impl FnMut(&mut [Complex], &mut [Complex])) {
         let [length, _] = cosine.buffer_lengths();
+        // The number at the end takes what lies beyond the row; it belongs to no channel.
         let last = self.data.len() - 1;
         for data in self.data[..last].chunks_exact_mut(length) {
             work(data, &mut self.scratch);

@@ -42,7 +42,7 @@ pub struct Auto {
 }
 
 /// The decision that the metrics of `lines` lead to.
-enum Verdict {
+enum MethodChoice {
     PassThrough,
     Lines,
     FallBack { trusted: bool },
@@ -58,16 +58,17 @@ impl Auto {
         Ok(Self { limits: options.trust, lines: Lines::default(), gradient_tree })
     }
 
-    fn judge(&self, lines: &Recovered) -> Verdict {
+    fn judge(&self, lines: &Recovered) -> MethodChoice {
         let QualityMetrics { steep, consensus, clamped, .. } =
             lines.report.quality.expect("lines always gives its quality");
+        // Compared in double precision, in which the limits are given.
         let (steep, consensus) = (f64::from(steep), f64::from(consensus));
         // A clamped count contradicts the range, however smooth y looks.
         if steep <= self.limits.lines && consensus >= self.limits.consensus && clamped == 0.0 {
             let wrapped = lines.k.iter().any(|&k| k > 0);
-            return if wrapped { Verdict::Lines } else { Verdict::PassThrough };
+            return if wrapped { MethodChoice::Lines } else { MethodChoice::PassThrough };
         }
-        Verdict::FallBack { trusted: steep <= self.limits.gradient_tree }
+        MethodChoice::FallBack { trusted: steep <= self.limits.gradient_tree }
     }
 }
 
@@ -81,9 +82,9 @@ impl Unwrap for Auto {
         // The second method overwrites the report, but the metrics of y remain those of `lines`.
         let quality = out.report.quality;
         match self.judge(out) {
-            Verdict::PassThrough => out.report.method = PASS_THROUGH,
-            Verdict::Lines => {}
-            Verdict::FallBack { trusted } => {
+            MethodChoice::PassThrough => out.report.method = PASS_THROUGH,
+            MethodChoice::Lines => {}
+            MethodChoice::FallBack { trusted } => {
                 self.gradient_tree.unwrap(y, range, out)?;
                 out.report.quality = quality;
                 // A result that contradicts itself is not trusted, whatever y looks like.

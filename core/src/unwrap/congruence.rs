@@ -1,7 +1,15 @@
 //! Turns an estimate into integers: wrap counts that agree with y, at the absolute offset that gradients do not
 //! contain.
+//!
+//! [`write_channel`] takes integers. For a real estimate phi, the wrap counts nearest to it are found without storing
+//! it: residuals `(phi - y) / 2^b` are counted in steps of 1/[`STEPS_PER_PERIOD`] of a peak, and one [`Histogram`] then
+//! gives the fractional offset and the number of pixels of each wrap count. Sums of integers do not depend on their
+//! order.
+
+use std::f64::consts::TAU;
 
 use super::{Range, Recovered};
+use crate::dct::LANES;
 
 /// The share of the pixels that may be out of range at a greater base level: hot pixels and small wrong regions
 /// must not raise the whole image.
@@ -23,6 +31,7 @@ pub(super) fn write_channel(
     let peak = range.peak();
     let channels = out.x.dim().2;
     let (x, counts) = out.buffers();
+    // x is made from y and the clamped k, so that it stays congruent even where the range cuts k off.
     let pixels = x.chunks_exact_mut(channels).zip(counts.chunks_exact_mut(channels));
     for (((x, count), k), y) in pixels.zip(k).zip(y) {
         x[channel] = y + f32::from(k) * peak;
@@ -59,6 +68,132 @@ pub(super) fn is_enough(share: usize, best: usize, pixels: usize) -> bool {
     share as f64 >= best as f64 - TOLERANCE * pixels as f64
 }
 
+/// The number of steps of one peak; 16 bits hold residuals of up to 256 peaks.
+const STEPS_PER_PERIOD: i32 = 128;
+
+/// One step in codes whose peak is 2^16.
+const CODES_PER_STEP: f32 = 65536.0 / STEPS_PER_PERIOD as f32;
+
+/// The greatest magnitude of a residual in steps; others are clamped to it.
+const LIMIT: f32 = 32767.0;
+
+/// Adding 2^23 to a number in [0, 2^23] rounds off its fraction and leaves its integer in the lowest bits.
+const ROUNDING: f32 = 8_388_608.0;
+
+/// Returns `(phi - code)` in steps, rounded down (within 1/256 of a step); both are in units whose peak is 2^16.
+#[inline(always)]
+pub(super) fn residuals(phi: [f32; LANES], codes: [u16; LANES]) -> [i16; LANES] {
+    let mut steps = [0; LANES];
+    for ((step, phi), code) in steps.iter_mut().zip(phi).zip(codes) {
+        // The clamp keeps residuals in 16 bits; an estimate that is out by more is wrong anyway.
+        let value = ((phi - f32::from(code)) * (1.0 / CODES_PER_STEP)).clamp(-LIMIT, LIMIT) + (LIMIT + 1.0);
+        // `floor` would be a call into the maths library on plain x86-64, and `as` one number at a time.
+        let nearest = (value + ROUNDING) - ROUNDING;
+        let whole = if nearest > value { nearest - 1.0 } else { nearest };
+        *step = ((whole + ROUNDING).to_bits() as u16 ^ (1 << 15)).cast_signed();
+    }
+    steps
+}
+
+/// The number of residuals of one channel at each step.
+#[derive(Clone)]
+pub(super) struct Histogram {
+    counts: Vec<u32>,
+}
+
+/// The rule that turns a residual into a wrap count.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct CountRule {
+    offset: i32,
+    zero: i32,
+    most: i32,
+}
+
+/// The [`CountRule`] of each lane.
+#[derive(Clone, Copy)]
+pub(super) struct LaneCountRules {
+    offset: [i32; LANES],
+    zero: [i32; LANES],
+    most: [i32; LANES],
+}
+
+impl Histogram {
+    pub fn new() -> Self {
+        Self { counts: vec![0; 1 << 16] }
+    }
+
+    pub fn clear(&mut self) {
+        self.counts.fill(0);
+    }
+
+    #[inline(always)]
+    pub fn count(&mut self, residual: i16) {
+        // The index always fits; the mask says so.
+        self.counts[usize::from(residual.cast_unsigned() ^ (1 << 15))] += 1;
+    }
+
+    pub fn add(&mut self, other: &Self) {
+        self.counts.iter_mut().zip(&other.counts).for_each(|(count, other)| *count += other);
+    }
+
+    /// Returns the rule `k = round((phi + s - y) / 2^b) - zero` in `0..=most`: s is the circular mean of the
+    /// residuals, zero the level that [`base_level_index`] finds.
+    pub fn count_rule(&self, most: u8) -> CountRule {
+        let shift = self.mean_phase();
+        // Half a period more makes the shift to the right round to the nearest count.
+        let offset = ((0.5 + shift) * f64::from(STEPS_PER_PERIOD) + 0.5).floor() as i32;
+        // The offset moves the borders of the levels, so there may be one more of them than residuals have periods.
+        let mut levels = [0; (1 << 16) / STEPS_PER_PERIOD as usize + 2];
+        // The histogram of residuals is also that of the wrap counts, for any offset.
+        let low = wraps(i32::from(i16::MIN), offset);
+        for (residual, &count) in (i32::from(i16::MIN)..).zip(&self.counts) {
+            levels[(wraps(residual, offset) - low) as usize] += count as usize;
+        }
+        let most = i32::from(most);
+        CountRule { offset, zero: low + base_level_index(&levels, most) as i32, most }
+    }
+
+    /// Returns the circular mean of `(y - phi) / 2^b` in peaks, -0.5 to 0.5.
+    fn mean_phase(&self) -> f64 {
+        let (mut sine, mut cosine) = (0.0, 0.0);
+        for step in 0..STEPS_PER_PERIOD as usize {
+            let count: u64 =
+                self.counts.iter().skip(step).step_by(STEPS_PER_PERIOD as usize).map(|&c| u64::from(c)).sum();
+            // A residual was rounded down, so on average it is half a step higher.
+            let angle = TAU * (step as f64 + 0.5) / f64::from(STEPS_PER_PERIOD);
+            // Residuals are phases: only their mean on the circle does not depend on where a period starts.
+            sine -= count as f64 * angle.sin();
+            cosine += count as f64 * angle.cos();
+        }
+        sine.atan2(cosine) / TAU
+    }
+}
+
+impl LaneCountRules {
+    /// Makes the rules from the rule `of` each lane.
+    pub fn new(of: impl Fn(usize) -> CountRule) -> Self {
+        let each = |part: fn(CountRule) -> i32| std::array::from_fn(|lane| part(of(lane)));
+        Self { offset: each(|of| of.offset), zero: each(|of| of.zero), most: each(|of| of.most) }
+    }
+
+    /// Returns the wrap counts of residuals.
+    #[inline(always)]
+    pub fn wraps(&self, residuals: &[i16; LANES]) -> [u8; LANES] {
+        let mut counts = [0; LANES];
+        for lane in 0..LANES {
+            let count = wraps(i32::from(residuals[lane]), self.offset[lane]) - self.zero[lane];
+            // `clamp` would check in each lane that its bounds are in order.
+            counts[lane] = count.max(0).min(self.most[lane]) as u8;
+        }
+        counts
+    }
+}
+
+#[inline(always)]
+fn wraps(residual: i32, offset: i32) -> i32 {
+    (residual + offset) >> STEPS_PER_PERIOD.ilog2()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -77,5 +212,29 @@ mod tests {
         assert_eq!(base_level(&k, 1, &mut Vec::new()), 3);
         k[..30].fill(2);
         assert_eq!(base_level(&k, 2, &mut Vec::new()), 2, "more than 2 % are no outliers");
+    }
+
+    #[test]
+    fn finds_the_shift_between_estimate_and_image() {
+        let x: Vec<f32> = (0..400).map(|i| (i * 5 / 2) as f32 * 256.0).collect();
+        for shift in [0.0, 9472.0, -32768.0, -127_872.0] {
+            let mut histogram = Histogram::new();
+            let residuals: Vec<i16> =
+                x.iter().map(|&x| residuals([x + shift; LANES], [(x % 65536.0) as u16; LANES])[0]).collect();
+            residuals.iter().for_each(|&residual| histogram.count(residual));
+            let rule = histogram.count_rule(3);
+            let rule = LaneCountRules::new(|_| rule);
+            for (x, residual) in x.iter().zip(residuals) {
+                let want = [(x / 65536.0) as u8; LANES];
+                assert_eq!(rule.wraps(&[residual; LANES]), want, "shift {shift}, x {x}");
+            }
+        }
+    }
+
+    #[test]
+    fn residuals_round_down_and_stay_in_range() {
+        let of = |phi| residuals([phi; LANES], [0; LANES])[0];
+        assert_eq!([of(0.0), of(510.0), of(512.0), of(-1.0), of(-512.0), of(-513.0)], [0, 0, 1, -1, -1, -2]);
+        assert_eq!([of(1e9), of(-1e9), of(f32::MAX)], [32767, -32767, 32767]);
     }
 }

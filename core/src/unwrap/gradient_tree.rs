@@ -12,9 +12,9 @@
 use std::ops::Range as Indices;
 
 use super::tree::{
-    BACKGROUND, Bounds, DirectSums, Direction, EdgeSource, Edges, FLAT as FLAT_IMAGE_KEY, Forest, ImageEdges,
-    MAX_KEY, Pixels, Quad, Region, first_difference_keys, key_of_change, recover, second_difference_keys,
-    subtract, wrap_steps,
+    BACKGROUND, Bounds, DirectSums, EdgeDirection, EdgeSource, Edges, FLAT as FLAT_IMAGE_KEY, Forest,
+    ImageEdges, MAX_KEY, Pixels, Quad, Region, first_difference_keys, key_of_change, recover,
+    second_difference_keys, subtract, wrap_steps,
 };
 use super::{Integers, Range, Recovered, Unwrap, UnwrapError, WorkersError};
 use crate::frame::Frame;
@@ -59,7 +59,7 @@ impl GradientTree {
         Self {
             workers,
             pixels: Pixels::default(),
-            gradients: [Direction::Right, Direction::Down]
+            gradients: [EdgeDirection::Right, EdgeDirection::Down]
                 .map(|direction| DirectionalGradient { direction, ..Default::default() }),
             forest: Forest::default(),
             sums: DirectSums::default(),
@@ -78,6 +78,7 @@ impl Unwrap for GradientTree {
         let bounds = Bounds::new(range);
         self.pixels.read(samples, (y.width(), y.channels()), range, bounds);
         let pixels = &self.pixels;
+        // The two directions share nothing, so that each can have a thread.
         self.workers.each(&mut self.gradients, |_, gradient| gradient.unwrap(pixels, bounds));
         let [right, down] = &self.gradients;
         let image = ImageEdges {
@@ -95,7 +96,7 @@ impl Unwrap for GradientTree {
 /// The gradient in one direction. All maps have the size of the image: at pixel p is the difference to p's neighbour.
 #[derive(Default)]
 struct DirectionalGradient {
-    direction: Direction,
+    direction: EdgeDirection,
     /// The keys of the gradient.
     keys: Vec<u16>,
     /// The edges of the image where the gradient is not flat, wraps, or has an n.
@@ -118,7 +119,7 @@ impl DirectionalGradient {
         let stride = pixels.stride(self.direction);
         // These are the keys of the image, which the second tree uses; the first one needs them for its background.
         first_difference_keys(pixels.planes(), stride, FLAT_IMAGE_KEY, &mut self.keys, &mut self.breaks);
-        if self.direction == Direction::Right {
+        if self.direction == EdgeDirection::Right {
             // There the difference is across the edge of the image.
             self.keys.chunks_exact_mut(pixels.width()).for_each(|row| row[row.len() - 1] = 0);
         }
@@ -141,6 +142,7 @@ impl DirectionalGradient {
         steepest.extend_from_slice(keys);
         mask.resize(keys.len(), 0);
         widest!({
+            // A small image has no pixel that far away.
             for reach in (1..=NEARBY).map(|n| n * stride).filter(|&reach| reach < keys.len()) {
                 steepest[reach..].iter_mut().zip(&*keys).for_each(|(most, &key)| *most = key.max(*most));
                 steepest.iter_mut().zip(&keys[reach..]).for_each(|(most, &key)| *most = key.max(*most));
@@ -162,6 +164,7 @@ impl DirectionalGradient {
             self.n.resize(pixels.count(), [0; 4]);
         }
         self.changed.clear();
+        // Reserved for the worst case, so that no later frame of this size allocates.
         self.changed.reserve(pixels.count());
         let (regions, stride) = (&self.forest.regions, pixels.stride(self.direction));
         for segment in self.forest.segments.iter().filter(|segment| segment.node != BACKGROUND) {
@@ -174,6 +177,7 @@ impl DirectionalGradient {
                 self.n[at] = n;
                 self.changed.push(at as u32);
                 self.keys[at] = key_of_change(pixels.code(at), pixels.code(at + stride), n);
+                // An edge with an n must not join its ends as a flat edge with equal counts does.
                 self.breaks[at] = 1;
             }
         }
@@ -181,11 +185,11 @@ impl DirectionalGradient {
 }
 
 /// Returns the rows and columns of pixels that have a neighbour in that direction.
-fn extent(pixels: &Pixels, direction: Direction) -> (usize, usize) {
+fn extent(pixels: &Pixels, direction: EdgeDirection) -> (usize, usize) {
     let (rows, columns) = (pixels.count() / pixels.width(), pixels.width());
     match direction {
-        Direction::Right => (rows, columns - 1),
-        Direction::Down => (rows - 1, columns),
+        EdgeDirection::Right => (rows, columns - 1),
+        EdgeDirection::Down => (rows - 1, columns),
     }
 }
 
@@ -193,7 +197,7 @@ fn extent(pixels: &Pixels, direction: Direction) -> (usize, usize) {
 struct GradientEdges<'a> {
     pixels: &'a Pixels,
     bounds: Bounds,
-    direction: Direction,
+    direction: EdgeDirection,
     steepest: &'a [u16],
     mask: &'a [u8],
     edges: Edges<'a>,
@@ -222,13 +226,13 @@ impl EdgeSource for GradientEdges<'_> {
         Some(self.mask)
     }
 
-    /// Twice the steepest gradient nearby measures how unlikely n = 0 is.
+    /// Returns twice the steepest gradient nearby, which measures how unlikely n = 0 is.
     #[inline(always)]
     fn background_key(&self, at: usize) -> u16 {
         self.steepest[at].saturating_mul(2).min(MAX_KEY)
     }
 
-    /// The range bounds n: k at both ends lies in 0 to `highest`, and n = k_to - k_from - steps.
+    /// Returns the interval of n, which the range bounds: k at both ends lies in 0 to `highest`, and n = k_to - k_from - steps.
     #[inline(always)]
     fn interval(&self, pixels: Indices<usize>) -> Region {
         Region::of_equal(pixels, |at| {
@@ -240,7 +244,7 @@ impl EdgeSource for GradientEdges<'_> {
     }
 
     #[inline(always)]
-    fn step(&self, to: Direction, at: usize) -> Quad {
+    fn step(&self, to: EdgeDirection, at: usize) -> Quad {
         let stride = self.pixels.stride(self.direction);
         wrap_steps(
             self.pixels.difference(at, stride),

@@ -39,6 +39,7 @@ fn integrate(y: &[f32], width: usize, bits: u8, k: &mut Vec<i32>) {
     for row in y.chunks_exact(width) {
         first += wrap_step(row[0] - above, bits);
         above = row[0];
+        // The first pixel is compared with itself, which adds no step and needs no special case.
         let (mut here, mut left) = (first, row[0]);
         for &value in row {
             here += wrap_step(value - left, bits);

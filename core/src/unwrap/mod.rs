@@ -1,15 +1,12 @@
-//! The unwrapping methods, which recover radiance from a modulo image: one file for each method, one trait for all.
+//! The unwrapping methods, which recover radiance from a modulo image: one trait for all.
 //!
 //! Every result is congruent with its input, `x_hat = y + k * 2^b`, so that a method can be wrong only about k.
 
 mod auto;
 mod congruence;
-mod divergence;
 mod gradient_tree;
 mod itoh;
-mod least_squares;
 mod lines;
-mod nearest;
 mod poisson;
 mod quality_guided;
 mod spud;
@@ -24,11 +21,10 @@ pub use crate::range::{Range, RangeError};
 pub use auto::{Auto, TrustLimits};
 pub use gradient_tree::GradientTree;
 pub use itoh::Itoh;
-pub use least_squares::LeastSquares;
 pub use lines::Lines;
 pub use poisson::ThresholdOn;
 pub use quality_guided::QualityGuided;
-pub use spud::Spud;
+pub use spud::{LeastSquares, Spud};
 pub use tree::Tree;
 
 use crate::frame::{Frame, FrameError, SamplePosition, Samples, copy_channel, in_order, position_of};
@@ -231,6 +227,7 @@ pub fn by_name(name: &str, options: &Options) -> Result<Box<dyn Unwrap>, UnwrapE
 impl Recovered {
     /// Resizes the buffers for an image of `dim` in standard layout; old values stay until they are overwritten.
     fn prepare(&mut self, dim: (usize, usize, usize), method: &'static str) {
+        // The fields are public: a caller may have put in an array of another layout.
         if self.x.dim() != dim || !self.x.is_standard_layout() {
             self.x = Array3::zeros(dim);
         }

@@ -24,15 +24,15 @@ pub struct QualityGuided {
     y: Vec<f32>,
     codes: Vec<u16>,
     unreliability: Vec<u64>,
-    edges: Vec<Edge>,
-    groups: Groups,
+    edges: Vec<PixelEdge>,
+    groups: PixelGroups,
     k: Vec<i32>,
     levels: Vec<usize>,
 }
 
 /// An edge; the order is by unreliability, then by position, right before down.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Edge {
+struct PixelEdge {
     unreliability: u64,
     from: u32,
     to: u32,
@@ -48,6 +48,7 @@ impl Unwrap for QualityGuided {
         out.prepare(y.dim(), self.name());
         let (_, width, channels) = y.dim();
         for channel in 0..channels {
+            // Channels are unwrapped one by one, as in the paper of the method, which knows only one.
             samples.take(channels, channel, &mut self.y);
             codes(&self.y, range, &mut self.codes);
             self.grow(width);
@@ -70,12 +71,13 @@ impl QualityGuided {
             let down = Some(here + width).filter(|&there| there < codes.len());
             for there in [right, down].into_iter().flatten() {
                 let unreliability = self.unreliability[here] + self.unreliability[there];
-                self.edges.push(Edge { unreliability, from: here as u32, to: there as u32 });
+                self.edges.push(PixelEdge { unreliability, from: here as u32, to: there as u32 });
             }
         }
+        // The position is part of the order, so no two edges are equal and the result is the same on every machine.
         self.edges.sort_unstable();
         self.groups.reset(codes.len());
-        for Edge { from, to, .. } in &self.edges {
+        for PixelEdge { from, to, .. } in &self.edges {
             self.groups.join(*from, *to, wrap_step_signed(codes[*from as usize], codes[*to as usize]).into());
         }
         self.k.clear();
@@ -89,22 +91,24 @@ fn unreliability(codes: &[u16], width: usize, here: usize) -> u64 {
     if column == 0 || column + 1 == width || here < width || here + width >= codes.len() {
         return BORDER;
     }
+    // The square of a difference of two 16-bit differences needs more than 32 bits.
     let bend = |stride: usize| {
         let [before, at, after] = [here - stride, here, here + stride].map(|index| codes[index]);
         i64::from(difference(at, before)) - i64::from(difference(after, at))
     };
+    // Along the row, along both diagonals, and down the column.
     [1, width - 1, width, width + 1].into_iter().map(|stride| bend(stride).pow(2) as u64).sum()
 }
 
 /// Groups of pixels: a union-find with the count of each node relative to the root of its group.
 #[derive(Default)]
-struct Groups {
+struct PixelGroups {
     /// The parent, and the count of the node minus that of the parent; a root is its own parent.
     nodes: Vec<(u32, i32)>,
     sizes: Vec<u32>,
 }
 
-impl Groups {
+impl PixelGroups {
     fn reset(&mut self, count: usize) {
         self.nodes.clear();
         self.nodes.extend((0..count as u32).map(|node| (node, 0)));

@@ -1,13 +1,12 @@
 //! SPUD, the paper's method: wrapped gradients, one Poisson equation, a hard threshold (eq. 2 and 3), one channel
-//! after the other.
+//! after the other. Without its threshold it is the method of least squares.
 
 use ndarray::{Array3, ArrayView3, Axis};
 
-use super::divergence::Codes;
-use super::nearest::{self, CountRule, Histogram, LaneCountRules};
-use super::poisson::{Poisson, ThresholdOn};
+use super::congruence::{self, CountRule, Histogram, LaneCountRules};
+use super::poisson::{Codes, Poisson, ThresholdOn};
 use super::{Range, Recovered, Unwrap, UnwrapError, check_codes};
-use crate::dct::{self, LANES, Run};
+use crate::dct::{self, LANES, SampleRun};
 use crate::frame::{Frame, check_shape, copy_channel, in_order};
 use crate::gradient;
 use crate::simd::widest;
@@ -42,11 +41,13 @@ impl Spud {
     /// [`UnwrapError::Tau`] for a negative, infinite or NaN `tau`, [`UnwrapError::Workers`] when the threads are
     /// not available.
     pub fn with_threads(tau: f64, on: ThresholdOn, threads: usize) -> Result<Self, UnwrapError> {
+        // The negation refuses NaN, too.
         if !(tau >= 0.0 && tau.is_finite()) {
             return Err(UnwrapError::Tau { tau });
         }
         let workers = Workers::new(threads)?;
         let histograms = vec![std::array::from_fn(|_| Histogram::new()); threads];
+        // The size is known at the first frame, which plans anew.
         let poisson = Poisson::new((1, 1, 1), threads);
         Ok(Self { tau, on, threads, workers, codes: Codes::default(), poisson, histograms })
     }
@@ -66,6 +67,7 @@ impl Spud {
         check_codes(samples, y.dim(), range, range.peak())?;
         let (height, width, channels) = y.dim();
         let mut out = Array3::zeros(y.dim());
+        // The plan of the method itself keeps residuals; this one keeps phi, for one channel at a time.
         let mut poisson = Poisson::<[f32; LANES]>::new((height, width, 1), self.threads);
         let threshold = ((self.tau * f64::from(range.peak())) as f32, self.on);
         let (mut plane, mut rho) = (Vec::new(), vec![0.0; height * width]);
@@ -74,7 +76,7 @@ impl Spud {
             divergence(&plane, width, range, &mut rho);
             poisson.solve(&self.workers, |run| dct::load_run(&rho, width, run), threshold, |_, phi| phi);
             for ((row, column), out) in out.index_axis_mut(Axis(2), channel).indexed_iter_mut() {
-                *out = poisson.grid.out(Run { row, sample: column - column % LANES })[column % LANES];
+                *out = poisson.grid.out(SampleRun { row, sample: column - column % LANES })[column % LANES];
             }
         }
         Ok(out)
@@ -101,7 +103,7 @@ impl Spud {
             |run| codes.divergence(run),
             ((self.tau * PEAK) as f32, self.on),
             #[inline(always)]
-            |run, phi| nearest::residuals(phi, codes.at(run)),
+            |run, phi| congruence::residuals(phi, codes.at(run)),
         );
         let rules = self.count_rules(range);
         self.write(rules, range, out);
@@ -117,6 +119,7 @@ impl Spud {
         self.workers.each(&mut self.histograms, |part, histograms| {
             histograms.iter_mut().for_each(Histogram::clear);
             let rows = (part * each).min(height)..((part + 1) * each).min(height);
+            // Bands outside and rows inside: the residuals of a band are neighbours in memory.
             for sample in (0..width * channels).step_by(LANES) {
                 let inside = LANES.min(width * channels - sample);
                 let channel: [usize; LANES] = std::array::from_fn(|lane| (sample + lane) % channels);
@@ -139,6 +142,7 @@ impl Spud {
         let (height, width, channels) = self.poisson.grid.dim();
         let stride = width * channels;
         let (x, k) = out.buffers();
+        // Each worker gets whole blocks of sixteen rows, as `write_rows` goes through them.
         let each = height.div_ceil(self.threads).next_multiple_of(LANES);
         self.workers.each_chunk((x, k), each * stride, |part, x, k| {
             let rows = part * each;
@@ -168,7 +172,13 @@ impl Spud {
                 let rule = &lanes[sample % channels];
                 let rows = x.chunks_exact_mut(stride).zip(k.chunks_exact_mut(stride));
                 for (row, (x, k)) in (row..).zip(rows) {
-                    self.write_run(Run { row, sample }, rule, range, &mut x[sample..], &mut k[sample..]);
+                    self.write_run(
+                        SampleRun { row, sample },
+                        rule,
+                        range,
+                        &mut x[sample..],
+                        &mut k[sample..],
+                    );
                 }
             }
         }
@@ -176,7 +186,7 @@ impl Spud {
 
     /// Writes a run of sixteen samples, or the rest of a row.
     #[inline(always)]
-    fn write_run(&self, run: Run, rule: &LaneCountRules, range: Range, x: &mut [f32], k: &mut [u8]) {
+    fn write_run(&self, run: SampleRun, rule: &LaneCountRules, range: Range, x: &mut [f32], k: &mut [u8]) {
         let (scale, peak) = (range.peak() / PEAK as f32, range.peak());
         let counts = rule.wraps(self.poisson.grid.out(run));
         let codes = self.codes.at(run);
@@ -213,4 +223,32 @@ fn divergence(y: &[f32], width: usize, range: Range, rho: &mut [f32]) {
         *d = gradient::wrap_centered(*d, range.bits());
     }
     gradient::adjoint(&gx, &gy, width, rho);
+}
+
+/// The method of least squares: SPUD without its threshold, made congruent with y.
+///
+/// D. C. Ghiglia and L. A. Romero, "Robust two-dimensional weighted and unweighted phase unwrapping that uses fast
+/// transforms and iterative methods", JOSA A 11(1), 1994.
+pub struct LeastSquares {
+    solver: Spud,
+}
+
+impl LeastSquares {
+    /// Makes the method on `threads` threads, 1 to [`MAX_THREADS`](crate::MAX_THREADS).
+    ///
+    /// # Errors
+    /// [`UnwrapError::Workers`] when the threads are not available.
+    pub fn new(threads: usize) -> Result<Self, UnwrapError> {
+        Ok(Self { solver: Spud::with_threads(0.0, ThresholdOn::Phi, threads)? })
+    }
+}
+
+impl Unwrap for LeastSquares {
+    fn name(&self) -> &'static str {
+        "least_squares"
+    }
+
+    fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
+        self.solver.unwrap_as(self.name(), y, range, out)
+    }
 }

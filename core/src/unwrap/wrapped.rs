@@ -34,6 +34,7 @@ macro_rules! word {
     ($type:ty) => {
         impl Word for $type {
             const BITS: u8 = <$type>::BITS as u8;
+            // The sign bit: as in two's complement, half a peak counts as negative.
             const HALF: Self = 1 << (<$type>::BITS - 1);
 
             #[inline(always)]

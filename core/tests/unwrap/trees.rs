@@ -13,6 +13,7 @@ fn herraez(y: &[f64], height: usize, width: usize) -> Vec<i32> {
     let at = |i: usize, j: usize| y[i * width + j];
     let bad = |i: usize, j: usize| {
         if i == 0 || j == 0 || i + 1 == height || j + 1 == width {
+            // Pixels on the border have no second difference and come last, as in scikit-image.
             return 1e6;
         }
         let lines = [

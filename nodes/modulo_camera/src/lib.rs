@@ -4,15 +4,15 @@
 //! One exposure gives the modulo, the saturated and the ideal stream; each is made only while it has a reader. The node
 //! never unwraps and never paces itself: its period is a request to the driver.
 
-mod input;
 mod parameters;
 
 use std::sync::Arc;
 use std::time::Duration;
 
-use modulo_bags::source::{GroundTruth, Source, SourceFrame, to_detections};
+use modulo_bags::source::{self, GroundTruth, Source, SourceFrame, SourceOptions, to_detections};
 use modulo_core::Frame;
 use modulo_core::sensor::{Exposure, Sensor};
+use modulo_images::White;
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{
     Context, Flow, Message, MessageKind, Node, ParameterError, Parameters, StampedFrame, StepError, Topic,
@@ -20,7 +20,6 @@ use modulo_runtime::{
 };
 use ndarray::Array3;
 
-use input::{CameraInput, FrameReader};
 pub use parameters::CameraParameters;
 
 /// Output indices, in the order of [`Node::outputs`].
@@ -81,6 +80,7 @@ impl ModuloCamera {
             return Ok(None);
         }
         let frame = reader.next_frame();
+        // A frame that cannot be read is taken as well: after a crash it must not be tried again.
         self.taken += u64::from(!matches!(frame, Ok(None) | Err(StepError::Fatal(_))));
         frame
     }
@@ -118,6 +118,7 @@ impl ModuloCamera {
     }
 
     fn publish(&mut self, frame: &SourceFrame, cx: &mut Context<'_>) -> Result<(), StepError> {
+        // Recorded frames keep their stamps; images of a folder have none.
         let stamp = Time::from_ns(frame.stamp_ns.unwrap_or_else(|| cx.now_ns()));
         let header = Header { stamp, frame_id: frame.frame_id.clone() };
         // Published before the images: an evaluation of a frame has its ground truth by then.
@@ -174,6 +175,7 @@ impl Node for ModuloCamera {
 
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
         let parameters = CameraParameters::from(parameters);
+        // The only step that can fail comes first, so that a set that is refused changes nothing.
         self.sensor = parameters.sensor()?;
         self.seed = parameters.seed.unsigned_abs();
         self.period = parameters.period();
@@ -190,6 +192,7 @@ impl Node for ModuloCamera {
             }
             Trigger::Message { message: Message::Image(image), .. } => {
                 let CameraInput::Topic { white, .. } = &mut self.input else { return Ok(Flow::Continue) };
+                // The scale of float images is kept from message to message, as within a folder.
                 let radiance = white.radiance(&image.frame);
                 self.taken += 1;
                 self.sense(self.taken - 1, &radiance, &image.header, cx).map_err(StepError::Skip)?;
@@ -202,5 +205,93 @@ impl Node for ModuloCamera {
 
     fn status(&self) -> Vec<(&'static str, String)> {
         vec![("role", "source".into()), ("frames", self.sensed.to_string())]
+    }
+}
+
+/// A source of frames, or a topic that brings them.
+enum CameraInput {
+    /// Read frame by frame.
+    Frames(FrameReader),
+    /// Brought by a topic.
+    Topic {
+        /// Name of the topic.
+        name: String,
+        /// The scale of its float images.
+        white: White,
+    },
+}
+
+/// A source that is read once or again and again.
+struct FrameReader {
+    source: Box<dyn Source>,
+    repeat: bool,
+    /// Whether a frame of this round was good.
+    given: bool,
+    /// The fault of the last bad frame.
+    bad: Option<String>,
+}
+
+impl CameraInput {
+    /// Opens the source that the parameter `source` names.
+    fn open(parameters: &CameraParameters) -> Result<Self, ParameterError> {
+        let (spec, white) = (&parameters.source, parameters.white as f32);
+        if let Some(name) = spec.strip_prefix("topic:") {
+            let white =
+                White::new(white).map_err(|why| ParameterError::new("white", white, why.to_string()))?;
+            return Ok(Self::Topic { name: name.to_owned(), white });
+        }
+        let topic = Some(parameters.source_topic.clone()).filter(|t| !t.is_empty());
+        let options = SourceOptions { white, topic };
+        let source = source::open(spec, &options)
+            .map_err(|why| ParameterError::new("source", spec, why.to_string()))?;
+        Ok(Self::Frames(FrameReader::new(source, parameters.r#loop)))
+    }
+}
+
+impl FrameReader {
+    /// Returns the frames of `source` from its first one on; after its last one it is over, or starts again.
+    fn new(source: Box<dyn Source>, repeat: bool) -> Self {
+        Self { source, repeat, given: false, bad: None }
+    }
+
+    /// Returns the next frame; `None` at the end.
+    ///
+    /// # Errors
+    /// [`StepError::Skip`] for a frame that cannot be read, [`StepError::Fatal`] when the source is over and no frame
+    /// of it was good, or when it cannot start again.
+    fn next_frame(&mut self) -> Result<Option<SourceFrame>, StepError> {
+        let mut next = self.source.next();
+        if next.is_none() {
+            // A source without a single good frame would repeat its errors without end.
+            if let (false, Some(why)) = (self.given, self.bad.take()) {
+                return Err(StepError::Fatal(format!("no frame of the source is good: {why}")));
+            }
+            if self.repeat {
+                self.source.rewind().map_err(|why| StepError::Fatal(why.to_string()))?;
+                self.given = false;
+                next = self.source.next();
+            }
+        }
+        next.transpose().map_err(|why| self.refuse(why.to_string()))
+    }
+
+    /// Books that the last frame was good.
+    fn accept(&mut self) {
+        self.given = true;
+    }
+
+    /// Notes the fault of the last frame, and returns the error that skips it.
+    fn refuse(&mut self, why: String) -> StepError {
+        self.bad = Some(why.clone());
+        StepError::Skip(why)
+    }
+
+    /// Goes on behind the first `frames` frames, good and bad ones, of all rounds.
+    fn skip(&mut self, frames: u64) {
+        // The position counts on over all rounds of a loop, so only its rest lies in this round.
+        let round = self.source.len().map(|frames| frames as u64).filter(|frames| self.repeat && *frames > 0);
+        self.source.skip(round.map_or(frames, |round| frames % round));
+        // An earlier life has sent frames, so the source is not without a good one.
+        self.given = frames > 0;
     }
 }

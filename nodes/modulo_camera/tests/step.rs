@@ -181,6 +181,7 @@ fn it_goes_on_behind_the_last_frame() {
         let all = frames(&mut whole);
         assert_eq!(all.len(), if repeat == "true" { 12 } else { 5 }, "{source}");
         assert_eq!(whole.position(), Some(all.len() as u64));
+        // At every frame, because a crash may come at any of them.
         for position in 0..all.len() {
             let mut again = camera(&noisy);
             again.resume(position as u64);

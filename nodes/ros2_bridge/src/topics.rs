@@ -6,7 +6,7 @@ use std::thread;
 use anyhow::Context as _;
 use futures::StreamExt as _;
 use futures::executor::block_on;
-use modulo_runtime::bridge::{Direction, Route};
+use modulo_runtime::bridge::{Route, RouteDirection};
 use modulo_runtime::queue::{Keep, Limit, Next, Queue};
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::transport::{Guard, RawSample};
@@ -24,8 +24,8 @@ pub fn forward(
     node: &mut r2r::Node,
 ) -> anyhow::Result<Option<Guard>> {
     match route.direction {
-        Direction::DdsToZenoh => inward(route, node_name, transport, node).map(|()| None),
-        Direction::ZenohToDds => outward(route, node_name, transport, node).map(Some),
+        RouteDirection::DdsToZenoh => inward(route, node_name, transport, node).map(|()| None),
+        RouteDirection::ZenohToDds => outward(route, node_name, transport, node).map(Some),
     }
 }
 

@@ -1,25 +1,26 @@
-//! The `unwrap` node: a modulo image in, the recovered image out, with 8 bits for a
-//! detector, sharpened on request, and as HDR: the counts that the sensor saw, exact,
-//! as integers of 16 bits where `alpha * 2^bits <= 65536`, else as floats.
+//! The `unwrap` node: a modulo image in, the recovered image out, with 8 bits for a detector, sharpened on request, and
+//! as HDR: the counts that the sensor saw, exact, as integers of 16 bits where `alpha * 2^bits <= 65536`, else as
+//! floats.
 //!
-//! The header of the modulo image is copied. The node never guesses the sensor: its model is a group of parameters, as in the camera. The quality of each recovery is published on `/diagnostics`.
+//! The header of the modulo image is copied. The node never guesses the sensor: its model is a group of parameters, as
+//! in the camera. The method used, its quality metrics and its trust are published on `/diagnostics` for each frame, as
+//! the method reports them; the node judges nothing itself.
 
 mod parameters;
-mod recovery;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use modulo_core::deblur::Deblur;
-use modulo_core::unwrap::{Recovered, Unwrap};
+use modulo_core::unwrap::{QualityMetrics, Recovered, Report, Trust, Unwrap};
 use modulo_core::{Frame, Psf, Range, tone};
-use modulo_msgs::diagnostic_msgs::DiagnosticArray;
+use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::{
     Context, Flow, Message, MessageKind, Node, ParameterError, Parameters, SensorModel, StampedFrame,
     StepError, Topic, Trigger,
 };
-use recovery::RecoveryCounts;
 
 pub use parameters::UnwrapParameters;
 
@@ -76,6 +77,7 @@ impl UnwrapNode {
         let model = self.parameters.sensor.over(camera)?;
         if let Some(camera) = camera
             && (camera.bits, camera.alpha) != (model.bits, model.alpha)
+            // Told once, and not with each frame.
             && !std::mem::replace(&mut self.contradiction_told, true)
         {
             tracing::warn!(
@@ -86,6 +88,7 @@ impl UnwrapNode {
                 camera.alpha
             );
         }
+        // The filter has tables of the size of the image, so it is made anew only for another sensor.
         if self.sensor.as_ref().is_none_or(|prepared| prepared.model != model) {
             let blur = Some(model.psf()).filter(|psf| self.parameters.deblur && *psf != Psf::None);
             let (range, deblur) = (model.range()?, blur.map(Deblur::new));
@@ -98,6 +101,7 @@ impl UnwrapNode {
     fn take(&mut self, modulo: Arc<StampedFrame>, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         let stamp = modulo.header.stamp;
         if !self.parameters.sensor.is_complete() && self.described.of(stamp).is_none() {
+            // Only the newest frame is kept: when the next one has come, the description of the last one will not.
             return match self.kept.replace(modulo) {
                 None => Ok(Flow::Kept),
                 Some(_) => Err(StepError::Skip(
@@ -128,8 +132,7 @@ impl UnwrapNode {
             .map_err(|why| skip(why.to_string()))?;
         self.counts.count(&self.recovered.report);
         if cx.wanted(DIAGNOSTICS) {
-            let said =
-                recovery::describe(cx.node(), &modulo.header, self.method.name(), &self.recovered.report);
+            let said = describe(cx.node(), &modulo.header, self.method.name(), &self.recovered.report);
             cx.emit(DIAGNOSTICS, Message::Diagnostics(Arc::new(said)));
         }
         if cx.wanted(RECOVERED) {
@@ -143,6 +146,7 @@ impl UnwrapNode {
         }
         if cx.wanted(HDR) {
             let frame = tone::hdr(&self.recovered.x, *range).map_err(|why| skip(why.to_string()))?;
+            // Without a scale: a reader gets the counts of the sensor and can compute with them.
             cx.emit(HDR, stamped(&modulo.header, frame));
         }
         Ok(())
@@ -183,6 +187,7 @@ impl Node for UnwrapNode {
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         match trigger {
             Trigger::Message { message: Message::Image(modulo), .. }
+                // Without a reader of an image the whole work is saved.
                 if cx.wanted(RECOVERED) || cx.wanted(HDR) =>
             {
                 self.take(modulo, cx)
@@ -197,4 +202,66 @@ impl Node for UnwrapNode {
         status.extend(self.counts.status());
         status
     }
+}
+
+/// Number of frames for each method that was used, and number of trusted frames.
+#[derive(Default)]
+struct RecoveryCounts {
+    methods: BTreeMap<&'static str, u64>,
+    trusted: u64,
+}
+
+impl RecoveryCounts {
+    /// Counts one frame.
+    fn count(&mut self, report: &Report) {
+        *self.methods.entry(report.method).or_default() += 1;
+        self.trusted += u64::from(report.trust == Trust::Trusted);
+    }
+
+    /// Returns `("rungs", "lines 58, gradient_tree 2")` and `("trusted", "58 of 60 frames")`; nothing before the first
+    /// frame.
+    fn status(&self) -> Vec<(&'static str, String)> {
+        let frames: u64 = self.methods.values().sum();
+        if frames == 0 {
+            return Vec::new();
+        }
+        let methods = self.methods.iter().map(|(method, count)| format!("{method} {count}"));
+        vec![
+            ("rungs", methods.collect::<Vec<_>>().join(", ")),
+            ("trusted", format!("{} of {frames} frames", self.trusted)),
+        ]
+    }
+}
+
+/// Returns the status of one recovered frame, stamped as its image, under the name that ROS gives a status of the fully
+/// qualified `node`.
+fn describe(node: &str, header: &Header, method: &str, report: &Report) -> DiagnosticArray {
+    let (level, message) = match report.trust {
+        Trust::Trusted => (DiagnosticStatus::OK, "trusted"),
+        Trust::Contradicted => {
+            (DiagnosticStatus::WARN, "not trusted: y departs from what the method assumes")
+        }
+        Trust::Unknown => (DiagnosticStatus::OK, "the method makes no claim"),
+    };
+    // Two names: the method that was asked for, and the one that `auto` selected for this frame.
+    let mut values = vec![("method", method.to_owned()), ("rung", report.method.to_owned())];
+    // A method without a claim has no entry, so that no reader takes it for distrust.
+    if let Some(trusted) = report.trust.claim() {
+        values.push(("trusted", trusted.to_string()));
+    }
+    if let Some(QualityMetrics { residues, steep, consensus, clamped }) = report.quality {
+        let share = |value: f32| format!("{value:.3e}");
+        let shares =
+            [("residues", residues), ("steep", steep), ("consensus", consensus), ("clamped", clamped)];
+        values.extend(shares.map(|(name, value)| (name, share(value))));
+    }
+    let values = values.into_iter().map(|(key, value)| KeyValue { key: key.to_owned(), value }).collect();
+    let status = DiagnosticStatus {
+        level,
+        name: format!("{}: recovery", node.trim_start_matches('/')),
+        message: message.into(),
+        hardware_id: String::new(),
+        values,
+    };
+    DiagnosticArray { header: header.clone(), status: vec![status] }
 }

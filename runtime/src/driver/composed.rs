@@ -11,14 +11,14 @@ use crate::graph::NodeName;
 use crate::graph::node_time::is_simulated;
 use crate::node::Node;
 use crate::parameter::{ParameterError, Parameters};
-use crate::process::report_file::ReportFile;
+use crate::process::node_files::ReportFile;
 use crate::process::stop::{Stop, Urgency};
 use crate::report::NodeReport;
 use crate::transport::local::LocalTransport;
 
 /// The effect of the end of a node on the other nodes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum OnExit {
+pub enum MemberExit {
     /// The other nodes continue.
     Continue,
     /// The other nodes finish the messages that are on their way, and end.
@@ -34,7 +34,7 @@ pub struct Member {
     /// Its name and remaps.
     pub node_name: NodeName,
     /// Effect of its end on the other nodes.
-    pub on_exit: OnExit,
+    pub on_exit: MemberExit,
     /// File that shows the report of the node while it runs.
     pub report_file: Option<ReportFile>,
 }
@@ -62,6 +62,7 @@ pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<
     }
     let transport = LocalTransport::default();
     thread::scope(|scope| {
+        // All threads are started before the first one is joined.
         let threads: Vec<_> = members
             .into_iter()
             .map(|member| {
@@ -69,12 +70,13 @@ pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<
                 scope.spawn(move || {
                     let Member { node, parameters, node_name, on_exit, report_file } = member;
                     let setup = NodeSetup { node, parameters, node_name, saved: None, report_file };
+                    // A panic leaves the urgency as it is here, so that the other members end as well.
                     let mut end = AskOnDrop { stop: stop.clone(), urgency: Urgency::Now };
                     let result = live::run(setup, transport, clock, stop);
                     end.urgency = match (&result, on_exit) {
                         (Err(_), _) => Urgency::Now,
-                        (Ok(_), OnExit::Shutdown) => Urgency::Drain,
-                        (Ok(_), OnExit::Continue) => Urgency::None,
+                        (Ok(_), MemberExit::Shutdown) => Urgency::Drain,
+                        (Ok(_), MemberExit::Continue) => Urgency::None,
                     };
                     result
                 })
@@ -82,6 +84,7 @@ pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<
             .collect();
         threads
             .into_iter()
+            // A panic in a member is an error of the program and not a result of the run.
             .map(|thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
             .collect()
     })

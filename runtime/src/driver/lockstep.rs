@@ -13,13 +13,13 @@ use crate::transport::Address;
 
 /// A chain of nodes that are stepped one message at a time.
 pub struct Lockstep<'a> {
-    members: Vec<Member>,
+    members: Vec<ChainMember>,
     timer: &'a dyn Clock,
     recorded: Vec<String>,
     stages: Vec<(&'static str, u64)>,
 }
 
-struct Member {
+struct ChainMember {
     node: Box<dyn Node>,
     inputs: Vec<Address>,
     outputs: Vec<Address>,
@@ -43,7 +43,7 @@ impl<'a> Lockstep<'a> {
     pub fn add(&mut self, node: Box<dyn Node>, node_name: &NodeName) -> Result<(), RunError> {
         let inputs = addresses(node_name, &node.inputs())?;
         let outputs = addresses(node_name, &node.outputs())?;
-        self.members.push(Member {
+        self.members.push(ChainMember {
             node,
             inputs,
             outputs,
@@ -62,6 +62,7 @@ impl<'a> Lockstep<'a> {
         let mut pending = VecDeque::new();
         let flow = self.step(member, Trigger::Tick, "source", now_ns, &mut pending)?;
         let out = self.carry(pending, now_ns)?;
+        // A source may send its last frame with the step that ends it.
         Ok((flow == Flow::Continue || !out.is_empty()).then_some(out))
     }
 
@@ -75,7 +76,7 @@ impl<'a> Lockstep<'a> {
         self.carry(VecDeque::from([(topic.to_owned(), message)]), now_ns)
     }
 
-    /// Durations of the stages of the last tick or feed, ns, in the order in which they ended.
+    /// Returns the durations of the stages of the last tick or feed, ns, in the order in which they ended.
     pub fn stages(&self) -> &[(&'static str, u64)] {
         &self.stages
     }
@@ -98,6 +99,7 @@ impl<'a> Lockstep<'a> {
 
     fn carry(&mut self, mut pending: VecDeque<OnTopic>, now_ns: u64) -> Result<Vec<OnTopic>, RunError> {
         let mut out = Vec::new();
+        // First in, first out: the messages of a step go on in the order in which it sent them.
         while let Some((topic, message)) = pending.pop_front() {
             for index in 0..self.members.len() {
                 let inputs = &self.members[index].inputs;
@@ -126,6 +128,7 @@ impl<'a> Lockstep<'a> {
     ) -> Result<Flow, RunError> {
         let wanted: Vec<bool> =
             self.members[index].outputs.iter().map(|a| self.is_wanted(&a.topic)).collect();
+        // A step sees the time of its frame only, so that a run gives the same bytes on every machine.
         let clock = StepClock { now: ManualClock::at(now_ns), timer: self.timer };
         let member = &mut self.members[index];
         let stream = stream_of(&*member.node, &trigger);
@@ -146,6 +149,7 @@ impl<'a> Lockstep<'a> {
             Ok(flow) => Ok(flow),
             Err(StepError::Skip(why)) => {
                 tracing::warn!(node = %member.report.node, topic, "skipped: {why}");
+                // The run goes on as a live node does, and the report shows what is missing.
                 add(&mut member.report.bad, topic, 1);
                 Ok(Flow::Continue)
             }

@@ -8,8 +8,7 @@ pub mod lockstep;
 use std::time::Duration;
 
 use crate::clock::{Clock, nanos};
-use crate::graph::Topic;
-use crate::graph::{NameError, NodeName};
+use crate::graph::{NameError, NodeName, Topic};
 use crate::message::MessageKind;
 use crate::node::{Node, Trigger};
 use crate::parameter::{ParameterError, Parameters};
@@ -78,6 +77,7 @@ pub fn wait_until_ready(
 ) -> Result<(), String> {
     let start = clock.ticks_ns();
     loop {
+        // A node that was ready once is not asked for again: it may have done its work and ended.
         nodes.retain(|node| !transport.is_ready(node));
         if nodes.is_empty() || stop.urgency() != Urgency::None {
             return Ok(());
@@ -93,7 +93,8 @@ fn addresses(node_name: &NodeName, topics: &[Topic]) -> Result<Vec<Address>, Nam
     topics.iter().map(|topic| Address::resolve(node_name, topic)).collect()
 }
 
-/// Returns the name of the stream that the message of `trigger` came on, as the node declares it; a source reads no stream.
+/// Returns the name of the stream that the message of `trigger` came on, as the node declares it; a source reads no
+/// stream.
 fn stream_of(node: &dyn Node, trigger: &Trigger) -> Option<String> {
     match trigger {
         Trigger::Message { input, .. } => node.inputs().get(*input).map(|topic| topic.name.clone()),

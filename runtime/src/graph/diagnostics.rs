@@ -7,8 +7,7 @@ use modulo_msgs::std_msgs::{Header, Time};
 
 use crate::clock::Clock;
 use crate::driver::RunError;
-use crate::graph::NodeName;
-use crate::graph::Topic;
+use crate::graph::{NodeName, Topic};
 use crate::message::{Message, MessageKind};
 use crate::node::Node;
 use crate::report::{NodeReport, quantile};
@@ -46,6 +45,7 @@ impl Diagnostics {
         let skipped = bad - std::mem::replace(&mut self.bad, bad);
         let message = Message::Diagnostics(Arc::new(describe(clock.now_ns(), report, node, skipped)));
         if let Err(why) = self.publisher.put(&message) {
+            // A warning each second about the same fault would hide all others.
             tracing::debug!("{why}");
         }
     }
@@ -54,6 +54,7 @@ impl Diagnostics {
 /// Returns the report as a diagnostics message.
 fn describe(now_ns: u64, report: &NodeReport, node: &dyn Node, skipped: u64) -> DiagnosticArray {
     let mut values = Vec::new();
+    // Viewers of diagnostics show these pairs as they are, so the units stand in the keys.
     let mut say = |key: String, value: String| values.push(KeyValue { key, value });
     for (key, value) in node.status() {
         say(key.to_owned(), value);
@@ -78,6 +79,7 @@ fn describe(now_ns: u64, report: &NodeReport, node: &dyn Node, skipped: u64) -> 
     }
     let status = DiagnosticStatus {
         level: if skipped > 0 { DiagnosticStatus::WARN } else { DiagnosticStatus::OK },
+        // Names of statuses have no leading slash, as those of `diagnostic_updater`.
         name: report.node.trim_start_matches('/').to_owned(),
         message: if skipped > 0 { format!("{skipped} bad messages were skipped") } else { "running".into() },
         hardware_id: String::new(),

@@ -32,13 +32,14 @@ impl NodeName {
         }
         let mut node_name = Self { name: name.to_owned(), namespace, remaps: Vec::new() };
         for (from, to) in remaps {
+            // Both sides are made absolute once, so that a rule fits every way to write a name.
             let pair = (node_name.expand(from)?, node_name.expand(to)?);
             node_name.remaps.push(pair);
         }
         Ok(node_name)
     }
 
-    /// `/namespace/name`.
+    /// Returns `/namespace/name`.
     pub fn fully_qualified(&self) -> String {
         format!("{}/{}", self.namespace.trim_end_matches('/'), self.name)
     }
@@ -63,6 +64,7 @@ impl NodeName {
         } else {
             format!("{base}/{name}")
         };
+        // The name is absolute, so the part before its first slash is empty.
         full.split('/').skip(1).try_for_each(|token| check_token(token, name))?;
         Ok(full)
     }

@@ -8,8 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::clock::Clock;
 use crate::driver::{CommonParameters, RunError};
-use crate::graph::NodeName;
-use crate::graph::Topic;
+use crate::graph::{NodeName, Topic};
 use crate::message::{Message, MessageKind};
 use crate::parameter::Parameters;
 use crate::transport::{Address, Guard, Incoming, Transport};
@@ -46,6 +45,7 @@ impl<'a> NodeTime<'a> {
     ) -> Result<(), RunError> {
         match (is_simulated(parameters), &self.simulation) {
             (true, None) => self.simulation = Some(self.simulate(node_name, transport)?),
+            // Dropping the guard ends the subscription.
             (false, Some(_)) => self.simulation = None,
             (true, Some(_)) | (false, None) => {}
         }

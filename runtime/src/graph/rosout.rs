@@ -1,6 +1,7 @@
 //! `/rosout`: a node's log lines as `rcl_interfaces/msg/Log`.
 //!
-//! [`layer`] takes only the lines of the suite and not those of its libraries, so that publishing a line makes no other line. A line waits in a bounded queue; when the queue is full the line is counted, and the node does not wait.
+//! [`layer`] takes only the lines of the suite and not those of its libraries, so that publishing a line makes no other
+//! line. A line waits in a bounded queue; when the queue is full the line is counted, and the node does not wait.
 
 use std::fmt;
 use std::sync::Arc;
@@ -15,8 +16,7 @@ use tracing_subscriber::layer::Context;
 
 use crate::clock::Clock;
 use crate::driver::RunError;
-use crate::graph::NodeName;
-use crate::graph::Topic;
+use crate::graph::{NodeName, Topic};
 use crate::message::{Message, MessageKind};
 use crate::transport::queue::{Keep, Lane, Limit, Next, Queue, Queued};
 use crate::transport::{Address, Guard, Publisher, Transport, TransportError};
@@ -52,7 +52,7 @@ impl<S: Subscriber> Layer<S> for RosoutLayer {
         if !metadata.target().starts_with("modulo") {
             return;
         }
-        let mut text = Text::default();
+        let mut text = EventText::default();
         event.record(&mut text);
         let line = Log {
             stamp: Time::from_ns(self.clock.now_ns()),
@@ -79,12 +79,12 @@ fn level(level: Level) -> u8 {
 
 /// An event's message, and its other fields behind it.
 #[derive(Default)]
-struct Text {
+struct EventText {
     message: String,
     fields: String,
 }
 
-impl Visit for Text {
+impl Visit for EventText {
     fn record_debug(&mut self, field: &Field, value: &dyn fmt::Debug) {
         match field.name() {
             "message" => self.message = format!("{value:?}"),
@@ -117,6 +117,7 @@ impl LogQueue {
         let mut told = 0;
         while let Next::Item(arrived) = self.queue.take(None) {
             let lost = self.queue.counts(self.lane).overflowed;
+            // Told before the next line, which is where the lines are missing.
             if lost > told {
                 put(publisher, logger, about_lost(lost - told, &arrived.item));
                 told = lost;
@@ -145,6 +146,7 @@ struct Publishing {
 
 impl Drop for Publishing {
     fn drop(&mut self) {
+        // The thread waits for lines without a limit, so joining it first would never return.
         self.queue.end();
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();

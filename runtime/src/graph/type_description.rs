@@ -1,4 +1,5 @@
-//! `~/get_type_description`: the service that describes the types of a node, as a function from request bytes to response bytes. It knows no transport.
+//! `~/get_type_description`: the service that describes the types of a node, as a function from request bytes to
+//! response bytes. It knows no transport.
 
 use modulo_msgs::cdr::{self, CdrError};
 use modulo_msgs::interface::definition;
@@ -20,6 +21,7 @@ pub fn answer(request: &[u8]) -> Result<Vec<u8>, CdrError> {
     let failed = |why: String| GetTypeDescriptionResponse { failure_reason: why, ..Default::default() };
     let name = &asked.type_name;
     let response = match (type_description(name), type_hash(name)) {
+        // An empty hash asks for whatever version the node has.
         (Some(_), Some(known)) if !asked.type_hash.is_empty() && asked.type_hash != known => {
             failed(format!("{name} is known here with the hash {known}, not {}", asked.type_hash))
         }
@@ -40,6 +42,7 @@ fn sources(description: &TypeDescription) -> Vec<TypeSource> {
     std::iter::once(&description.type_description.type_name)
         .chain(referenced)
         .filter_map(|name| {
+            // The encodings that ROS 2 names for the text files of messages and services.
             let encoding = if name.contains("/srv/") { "srv" } else { "msg" };
             let raw_file_contents = definition(name)?.to_owned();
             Some(TypeSource { type_name: name.clone(), encoding: encoding.to_owned(), raw_file_contents })

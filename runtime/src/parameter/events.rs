@@ -6,8 +6,7 @@ use modulo_msgs::rcl_interfaces::{Parameter, ParameterEvent};
 use modulo_msgs::std_msgs::Time;
 
 use crate::driver::RunError;
-use crate::graph::NodeName;
-use crate::graph::Topic;
+use crate::graph::{NodeName, Topic};
 use crate::message::{Message, MessageKind};
 use crate::parameter::Parameters;
 use crate::parameter::service::to_ros;
@@ -30,7 +29,7 @@ impl ParameterEvents {
         Ok(Self { node: node_name.fully_qualified(), publisher: transport.advertise(node_name, &address)? })
     }
 
-    /// Returns all parameters are new: the node has started.
+    /// Publishes all parameters as new: the node has started.
     pub fn started(&self, now_ns: u64, set: &Parameters) {
         let all = set.descriptors().iter().map(|d| parameter(set, d.name)).collect();
         self.put(now_ns, |event| event.new_parameters = all);

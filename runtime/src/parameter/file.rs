@@ -60,6 +60,7 @@ fn node(
     };
     for (name, value) in entries {
         let name = key(name)?;
+        // Any other key continues the name: a node in this namespace, or a further part of it.
         if name != PARAMETERS {
             node(&format!("{pattern}/{name}"), value, node_name, found)?;
             continue;
@@ -70,6 +71,7 @@ fn node(
         for (name, value) in parameters {
             let mut all = Vec::new();
             flatten(&key(name)?, value, &mut all)?;
+            // Entries of other nodes are read as well, so that a mistake in them is found here.
             found.extend(all.into_iter().filter(|_| matches(pattern, node_name)));
         }
     }
@@ -89,6 +91,7 @@ fn matches(pattern: &str, node_name: &NodeName) -> bool {
     fn all(pattern: &[&str], name: &[&str]) -> bool {
         match (pattern, name) {
             ([], []) => true,
+            // Two stars mean any number of parts, so every rest of the name is tried.
             (["**", rest @ ..], _) => (0..=name.len()).any(|skip| all(rest, &name[skip..])),
             (["*", rest @ ..], [_, name @ ..]) => all(rest, name),
             ([part, rest @ ..], [first, name @ ..]) => part == first && all(rest, name),
@@ -102,7 +105,7 @@ fn parts(name: &str) -> Vec<&str> {
     name.split('/').filter(|part| !part.is_empty()).collect()
 }
 
-/// Nested mappings are names with dots.
+/// Adds the parameters of `value` to `found`; nested mappings become names with dots.
 fn flatten(name: &str, value: &Node<'_>, found: &mut Vec<(String, String)>) -> Result<(), String> {
     let no_value = || format!("parameter '{name}' has no value that a parameter can have");
     let text = match value {
@@ -121,16 +124,20 @@ fn flatten(name: &str, value: &Node<'_>, found: &mut Vec<(String, String)>) -> R
     Ok(())
 }
 
-/// Returns the text that `ros2 param dump` prints: the parameters of the fully qualified `node`, sorted by name, with nesting for dots. Parameters that are not set are left out.
+/// Returns the text that `ros2 param dump` prints: the parameters of the fully qualified `node`, sorted by name, with
+/// nesting for dots. Parameters that are not set are left out.
 pub fn write(node: &str, parameters: &[(String, ParameterValue)]) -> String {
     let mut sorted: Vec<_> = parameters.iter().collect();
+    // Compared part by part, so that all names of a group follow each other.
     sorted.sort_by(|a, b| a.0.split('.').cmp(b.0.split('.')));
     let mut text = format!("{node}:\n  {PARAMETERS}:\n");
     let mut open: Vec<&str> = Vec::new();
     for (name, value) in sorted {
+        // `rcl` has no notation for a parameter that is not set.
         let Some(value) = text::yaml(value) else { continue };
         let (groups, last) = name.rsplit_once('.').unwrap_or(("", name));
         let groups: Vec<&str> = groups.split('.').filter(|group| !group.is_empty()).collect();
+        // Groups that the last name has opened and this one shares are not written again.
         let common = open.iter().zip(&groups).take_while(|(a, b)| a == b).count();
         open.truncate(common);
         for group in &groups[common..] {

@@ -72,7 +72,8 @@ impl ParameterError {
     }
 }
 
-/// A declared set of parameters with their values. Every declared parameter always has an allowed value of its declared type.
+/// A declared set of parameters with their values. Every declared parameter always has an allowed value of its declared
+/// type.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameters {
     declared: Vec<Descriptor>,
@@ -88,12 +89,14 @@ impl Descriptor {
         let shown = value.to_string();
         let refuse = |why: String| ParameterError::new(self.name, &shown, why);
         let given = value.type_name();
+        // An integer is also accepted for a double, as command lines and YAML write 2 for 2.0.
         let value = value
             .coerced(&self.default)
             .ok_or_else(|| refuse(format!("is a {given}, must be a {}", self.default.type_name())))?;
         match (&value, &self.allowed) {
             (_, Allowed::Any) => Ok(value),
             (Value::Integer(v), Allowed::Integers { from, to }) if (from..=to).contains(&v) => Ok(value),
+            // `contains` is false for NaN, which is refused by that.
             (Value::Double(v), Allowed::Doubles { from, to }) if (from..=to).contains(&v) => Ok(value),
             (Value::String(v), Allowed::Words(words)) if words.contains(&v.as_str()) => Ok(value),
             (_, allowed) => Err(refuse(format!("must be {allowed}"))),
@@ -140,6 +143,7 @@ impl Parameters {
     /// # Errors
     /// [`ParameterError`] of the first change that is not possible.
     pub fn with(&self, changes: &[(String, Value)], started: bool) -> Result<Self, ParameterError> {
+        // Changes go to a copy, so that one that is refused leaves no trace of those before it.
         let mut next = self.clone();
         for (name, value) in changes {
             let descriptor = self.descriptor(name).ok_or_else(|| self.unknown(name, value))?;

@@ -61,6 +61,7 @@ impl Service {
                 ListParametersResponse { result: ListParametersResult { names, prefixes: Vec::new() } }
             }),
             Self::SetParameters => respond(request, |SetParametersRequest { parameters }| {
+                // Each parameter is a change of its own here: one that is refused does not stop the others.
                 let results = parameters.into_iter().map(|p| set(vec![p], port)).collect();
                 SetParametersResponse { results }
             }),
@@ -107,6 +108,7 @@ fn change(parameters: Vec<Parameter>, port: &ParameterPort) -> Result<(), Parame
     let shown = changes.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
     let ended = |why: &str| ParameterError::new(shown.clone(), "?", why);
     let (answer, verdict) = channel();
+    // Node and caller decide by it which of them is first: the one to answer, the other to give up.
     let claim = Claim::default();
     let request = ParameterRequest { changes, answer, claim: claim.clone() };
     if (port.request)(request).is_some() {
@@ -116,7 +118,7 @@ fn change(parameters: Vec<Parameter>, port: &ParameterPort) -> Result<(), Parame
         Ok(verdict) => verdict,
         // From now on the node ignores the request.
         Err(_) if claim.take() => Err(ended("the node did not answer within 10 s; the value is unchanged")),
-        // The node is applying it at this reason: its verdict counts.
+        // The node is applying it at this moment, so its answer counts.
         Err(_) => verdict.recv().map_err(|_| ended("the node ended while it applied the value"))?,
     }
 }
@@ -155,6 +157,7 @@ pub fn from_ros(value: ParameterValue) -> Result<Value, &'static str> {
         ParameterType::DOUBLE_ARRAY => ("double array", value.double_array_value.is_empty()),
         _ => ("unknown", false),
     };
+    // The only arrays of the suite are lists of strings.
     if is_empty { Ok(Value::Strings(Vec::new())) } else { Err(kind) }
 }
 
@@ -173,6 +176,7 @@ fn describe(name: &str, descriptor: Option<&Descriptor>) -> ParameterDescriptor 
     match &descriptor.allowed {
         Allowed::Any => {}
         Allowed::Words(_) => ros.additional_constraints = descriptor.allowed.to_string(),
+        // In ROS 2, a step of 0 means every value of the range.
         Allowed::Integers { from, to } => {
             ros.integer_range = vec![IntegerRange { from_value: *from, to_value: *to, step: 0 }];
         }

@@ -1,4 +1,5 @@
-//! The text of values and descriptors of parameters, as `ros2 param get`, `describe` and `dump` write it. The parameters may belong to any node, and may have types that the suite does not use.
+//! The text of values and descriptors of parameters, as `ros2 param get`, `describe` and `dump` write it. The
+//! parameters may belong to any node, and may have types that the suite does not use.
 
 use modulo_msgs::rcl_interfaces::{ParameterDescriptor, ParameterType, ParameterValue};
 
@@ -44,6 +45,7 @@ pub fn labelled(value: &ParameterValue) -> String {
 
 /// Returns the value without its type in Python's notation, as `ros2 param get --hide-type` prints it.
 pub fn bare(value: &ParameterValue) -> String {
+    // `ros2 param` prints the values as Python writes them.
     let python = |text: &str| match text {
         "true" => "True".to_owned(),
         "false" => "False".to_owned(),
@@ -103,6 +105,7 @@ pub fn described(descriptor: &ParameterDescriptor) -> String {
     let integers = integers.map(|r| [r.from_value.to_string(), r.to_value.to_string(), r.step.to_string()]);
     if let Some([from, to, step]) = doubles.or(integers) {
         lines.extend([format!("    Min value: {from}"), format!("    Max value: {to}")]);
+        // A step of 0 means every value of the range, and `ros2 param` prints none.
         if !matches!(step.as_str(), "0" | "0.0") {
             lines.push(format!("    Step: {step}"));
         }

@@ -18,6 +18,7 @@ pub trait ParameterSet: Default + for<'a> From<&'a Parameters> {
     /// # Errors
     /// [`ParameterError`] of the first value that is out of its range.
     fn check(&self) -> Result<(), ParameterError> {
+        // The declaration that the services use is the one that is checked here, so that both accept the same values.
         let mut all = Self::descriptors().into_iter().zip(self.values());
         all.try_for_each(|(descriptor, value)| descriptor.accept(value).map(|_| ()))
     }

@@ -45,10 +45,12 @@ impl Value {
         }
     }
 
-    /// Reads `text` (a command line's or a YAML scalar's) as a value of this value's type. An array is written `[a, b]` or `a, b`. A quoted text is always a string.
+    /// Reads `text` (a command line's or a YAML scalar's) as a value of this value's type. An array is written `[a, b]`
+    /// or `a, b`. A quoted text is always a string.
     pub fn parse_like(&self, text: &str) -> Option<Value> {
         let text = text.trim();
         Some(match self {
+            // YAML 1.1, which `rcl` reads, has all of these words for a boolean.
             Self::Bool(_) => Self::Bool(match text.to_ascii_lowercase().as_str() {
                 "true" | "yes" | "on" | "1" => true,
                 "false" | "no" | "off" | "0" => false,
@@ -93,7 +95,7 @@ impl Value {
     }
 }
 
-/// Decimal, or hexadecimal with `0x`.
+/// Reads a decimal integer, or a hexadecimal one with `0x`.
 fn integer(text: &str) -> Option<i64> {
     match text.strip_prefix("0x") {
         Some(digits) => i64::from_str_radix(digits, 16).ok(),
@@ -101,7 +103,7 @@ fn integer(text: &str) -> Option<i64> {
     }
 }
 
-/// Rust's notation, or YAML's `.inf` and `.nan`.
+/// Reads a double in Rust's notation, or YAML's `.inf` and `.nan`.
 fn double(text: &str) -> Option<f64> {
     match text.to_ascii_lowercase().as_str() {
         ".inf" | "+.inf" => Some(f64::INFINITY),

@@ -10,6 +10,7 @@ use saphyr_parser::Parser;
 /// The error of the YAML parser as text, with its line.
 pub fn documents(text: &str) -> Result<Vec<Yaml<'_>>, String> {
     let mut loader = YamlLoader::<Yaml<'_>>::default();
+    // Scalars stay text: a parser that guesses types would lose the notation of 1e3 or 0x10.
     loader.early_parse(false);
     Parser::new_from_str(text).load(&mut loader, true).map_err(|why| why.to_string())?;
     match loader.error() {
@@ -60,8 +61,10 @@ fn inner(node: &Yaml<'_>) -> Option<String> {
 /// Returns a string as a YAML scalar: plain where no reader takes it for anything else.
 pub fn of_string(text: &str) -> String {
     let word = |c: char| c.is_ascii_alphanumeric() || "_/.+-?&=".contains(c);
+    // A word that starts with a letter is no number, and a colon is safe only inside of `://`.
     let plain = text.starts_with(|c: char| c.is_ascii_alphabetic() || c == '/' || c == '_')
         && text.replace("://", "").chars().all(word);
+    // YAML 1.1 takes these for booleans or null.
     let reserved = ["null", "true", "false", "yes", "no", "on", "off", "y", "n"];
     if plain && !reserved.contains(&text.to_ascii_lowercase().as_str()) {
         return text.to_owned();
@@ -71,6 +74,7 @@ pub fn of_string(text: &str) -> String {
 
 /// Returns a string as a quoted YAML scalar.
 pub fn quoted(text: &str) -> String {
+    // Single quotes know no escapes, so control characters need the other form.
     if !text.contains(char::is_control) {
         return format!("'{}'", text.replace('\'', "''"));
     }

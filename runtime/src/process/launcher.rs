@@ -1,4 +1,5 @@
-//! The agreement between a launcher and its nodes: environment variables, files, and the end of a node without a launcher.
+//! The agreement between a launcher and its nodes: environment variables, files, and the end of a node without a
+//! launcher.
 
 use std::ffi::OsString;
 use std::fs;
@@ -30,7 +31,8 @@ pub fn file_of(folder: &Path, node: &str, ending: &str) -> PathBuf {
     folder.join(format!("{}.{ending}", node.trim_matches('/').replace('/', ".")))
 }
 
-/// Replaces the content of `file`. A reader finds either the old content or the new one, also after a crash of this process. After a crash of the machine there is no guarantee.
+/// Replaces the content of `file`. A reader finds either the old content or the new one, also after a crash of this
+/// process. After a crash of the machine there is no guarantee.
 ///
 /// # Errors
 /// The error of the system; the old content is then unchanged.
@@ -38,10 +40,12 @@ pub fn replace(file: &Path, content: &[u8]) -> io::Result<()> {
     let mut beside: OsString = file.into();
     beside.push(".new");
     fs::write(&beside, content)?;
+    // A rename replaces the file in one step, so that no reader finds half of it.
     fs::rename(&beside, file)
 }
 
-/// Asks `stop` for an end as soon as the launcher is gone, since a launcher that was killed cannot end its nodes. Does nothing without a launcher.
+/// Asks `stop` for an end as soon as the launcher is gone, since a launcher that was killed cannot end its nodes. Does
+/// nothing without a launcher.
 ///
 /// # Errors
 /// The error of the operating system when it starts no thread.

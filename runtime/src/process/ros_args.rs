@@ -1,4 +1,5 @@
-//! `--ros-args`: the arguments that `ros2 run` and `ros2 launch` append to those of an executable. This is pure code, except that it reads the named parameter files.
+//! `--ros-args`: the arguments that `ros2 run` and `ros2 launch` append to those of an executable. This is pure code,
+//! except that it reads the named parameter files.
 
 use std::path::PathBuf;
 
@@ -95,6 +96,7 @@ impl RosArgs {
         while let Some(argument) = rest.next() {
             match argument.as_str() {
                 "--ros-args" => ros = true,
+                // A line may have several blocks of ROS arguments, as in `rcl`.
                 "--" if ros => ros = false,
                 _ if !ros => own.push(argument.clone()),
                 flag => parsed.flag(flag, &mut rest)?,
@@ -134,7 +136,9 @@ impl RosArgs {
 
     fn remap(&mut self, rule: &str) -> Result<(), ArgsError> {
         let (from, to) = split_rule(rule)?;
+        // The part before a colon is the node that the rule is for.
         let (node, from) = split_node(from);
+        // `rcl` reads both spellings.
         let from = if from == "__name" { "__node" } else { strip_scheme(from) };
         self.remaps.push(Remap {
             node: node.map(str::to_owned),
@@ -153,6 +157,7 @@ impl RosArgs {
             "debug" => "debug",
             "info" => "info",
             "warn" => "warn",
+            // `tracing` has no level above error.
             "error" | "fatal" => "error",
             _ => return Err(ArgsError::Argument(rule.to_owned(), LEVEL)),
         };
@@ -171,7 +176,8 @@ impl RosArgs {
         Ok(())
     }
 
-    /// Returns the name of the node, `default_name` unless a rule changes it. As in `rcl`, a rule for a node means its new name, except for the rule that gives the name.
+    /// Returns the name of the node, `default_name` unless a rule changes it. As in `rcl`, a rule for a node means its
+    /// new name, except for the rule that gives the name.
     ///
     /// # Errors
     /// [`NameError`] when a name is not valid.
@@ -188,6 +194,7 @@ impl RosArgs {
 
     /// Returns the level of the logger `name`; a node's has the node's name.
     pub fn log_level_of(&self, name: &str) -> Option<&'static str> {
+        // The last rule that fits wins, be it for all loggers or for this one.
         let meant = |rule: &&LogLevel| rule.logger.as_ref().is_none_or(|logger| logger == name);
         self.log_levels.iter().rfind(meant).map(|rule| rule.level)
     }
@@ -226,7 +233,7 @@ fn split_rule(rule: &str) -> Result<(&str, &str), ArgsError> {
     rule.split_once(":=").ok_or_else(|| ArgsError::Argument(rule.to_owned(), RULE))
 }
 
-/// `node:name` names a node, `rostopic://name` does not.
+/// Splits `node:name`; `rostopic://name` names no node.
 fn split_node(name: &str) -> (Option<&str>, &str) {
     match name.split_once(':') {
         Some((node, rest)) if !rest.starts_with("//") => (Some(node), rest),

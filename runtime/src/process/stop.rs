@@ -13,7 +13,8 @@ use signal_hook::iterator::Signals;
 pub enum Urgency {
     /// No end is requested.
     None,
-    /// The node is to finish the messages that are still on their way from upstream nodes which end as well (SIGINT, or a launch that is over).
+    /// The node is to finish the messages that are still on their way from upstream nodes which end as well (SIGINT, or
+    /// a launch that is over).
     Drain,
     /// Finish the step at hand (SIGTERM, a second SIGINT).
     Now,
@@ -39,6 +40,7 @@ impl Stop {
     /// Asks for an end at least this urgent, and wakes everything that waits.
     pub fn ask(&self, urgency: Urgency) {
         self.0.urgency.fetch_max(urgency as u8, Ordering::SeqCst);
+        // Waiters are woken without this lock, since they take locks of their own.
         let waiters = self.0.waiters.lock().unwrap_or_else(PoisonError::into_inner).clone();
         waiters.iter().filter_map(Weak::upgrade).for_each(|waiter| waiter.wake());
     }
@@ -47,6 +49,7 @@ impl Stop {
     pub fn wakes<W: Wake + 'static>(&self, waiter: &Arc<W>) {
         let waiter: Arc<dyn Wake> = waiter.clone();
         let mut waiters = self.0.waiters.lock().unwrap_or_else(PoisonError::into_inner);
+        // Queues that are gone leave their entries behind.
         waiters.retain(|waiter| waiter.strong_count() > 0);
         waiters.push(Arc::downgrade(&waiter));
     }

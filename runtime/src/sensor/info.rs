@@ -27,7 +27,8 @@ pub fn topic() -> Topic {
     Topic { qos: Qos::Latched, ..Topic::new(TOPIC, MessageKind::Diagnostics) }
 }
 
-/// Returns the description of the frame with this `header`; `more` are values that describe the sensor beyond its model.
+/// Returns the description of the frame with this `header`; `more` are values that describe the sensor beyond its
+/// model.
 pub fn message(header: &Header, model: &SensorModel, more: &[(&'static str, f64)]) -> Message {
     let more = more.iter().map(|(key, value)| (*key, value.to_string()));
     let values = model.to_text().into_iter().chain(more);
@@ -40,9 +41,11 @@ fn read(message: &DiagnosticArray) -> Result<SensorModel, ParameterError> {
     let known = SensorModel::descriptors();
     let values = message.status.iter().flat_map(|status| &status.values);
     let pairs: Vec<(&str, &str)> = values
+        // Further values, such as the noise, are not part of the model.
         .filter(|value| known.iter().any(|descriptor| descriptor.name == value.key))
         .map(|value| (value.key.as_str(), value.value.as_str()))
         .collect();
+    // The range needs both, and their defaults would be a guess.
     for name in ["bits", "alpha"] {
         if !pairs.iter().any(|(key, _)| *key == name) {
             return Err(ParameterError::new(name, "missing", "the sensor description must contain it"));
@@ -73,6 +76,7 @@ impl SensorHistory {
 
     /// Returns the sensor that made the frame of `stamp`.
     pub fn of(&self, stamp: Time) -> Option<&SensorModel> {
+        // A frame is mostly asked for right after its description came.
         self.by_stamp.iter().rev().find(|(at, _)| *at == stamp).map(|(_, model)| model)
     }
 

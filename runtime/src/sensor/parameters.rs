@@ -44,7 +44,7 @@ crate::parameters! {
 }
 
 impl SensorModel {
-    /// Bits and saturation factor.
+    /// Returns bits and saturation factor.
     ///
     /// # Errors
     /// [`ParameterError`] of the first value that is out of its range.
@@ -87,6 +87,7 @@ impl SensorOverride {
         };
         let bits = Some(self.bits).filter(|&bits| bits > 0).or_else(|| Some(camera?.bits));
         let alpha = Some(self.alpha).filter(|&alpha| alpha > 0.0).or_else(|| Some(camera?.alpha));
+        // A perfect lens cannot be told from one that is not set, so a sigma of 0 takes the camera's.
         let own_lens = self.psf == BlurShape::Paper7 || self.psf_sigma > 0.0;
         let (psf, psf_sigma) = match camera {
             Some(camera) if !own_lens => (camera.psf, camera.psf_sigma),

@@ -1,4 +1,7 @@
-//! [`Attachment`]: the 33 bytes that go with every sample of rmw_zenoh.
+//! [`Attachment`]: the 33 bytes that go with every sample of rmw_zenoh, and [`Gaps`], which counts the samples that
+//! were lost on the way by their sequence numbers.
+
+use std::collections::BTreeMap;
 
 /// The attachment of a sample; readers drop samples without one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,6 +23,7 @@ impl Attachment {
         let mut bytes = [0; Self::LEN];
         bytes[..8].copy_from_slice(&self.sequence.to_le_bytes());
         bytes[8..16].copy_from_slice(&self.stamp_ns.to_le_bytes());
+        // rmw_zenoh writes the id as a sequence, whose length comes before its bytes.
         bytes[16] = 16;
         bytes[17..].copy_from_slice(&self.gid);
         bytes
@@ -35,6 +39,33 @@ impl Attachment {
             stamp_ns: i64::from_le_bytes(*stamp),
             gid: (length == 16).then_some(gid)?.try_into().ok()?,
         })
+    }
+}
+
+/// Publishers of one topic that are remembered; more only come from restarts.
+const PUBLISHERS: usize = 1024;
+
+/// Counts the holes in the sequence numbers of each publisher.
+#[derive(Debug, Default)]
+pub struct Gaps {
+    greatest: BTreeMap<[u8; 16], i64>,
+}
+
+impl Gaps {
+    /// Returns the number of samples that are missing before this one. The first sample of a publisher starts its
+    /// count: earlier ones were not for this reader. A number below the greatest one is a sample that came late or
+    /// twice, and counts as no gap. A publisher that restarts has another gid.
+    pub fn step(&mut self, attachment: &Attachment) -> u64 {
+        let Attachment { gid, sequence, .. } = *attachment;
+        if self.greatest.len() >= PUBLISHERS && !self.greatest.contains_key(&gid) {
+            // Any entry may go: a publisher that still sends starts its count anew.
+            self.greatest.pop_first();
+        }
+        let greatest = self.greatest.entry(gid).or_insert(sequence);
+        // The numbers come from the wire and may be anything.
+        let missing = sequence.saturating_sub(*greatest).saturating_sub(1);
+        *greatest = sequence.max(*greatest);
+        u64::try_from(missing).unwrap_or(0)
     }
 }
 
@@ -62,5 +93,29 @@ mod tests {
                 prop_assert_eq!(attachment.to_bytes().to_vec(), bytes);
             }
         }
+    }
+
+    #[test]
+    fn counts_holes_of_each_publisher_from_its_first_sample_on() {
+        let mut gaps = Gaps::default();
+        let mut step =
+            |publisher, sequence| gaps.step(&Attachment { sequence, stamp_ns: 0, gid: [publisher; 16] });
+        assert_eq!(
+            [step(1, 40), step(1, 41), step(1, 44), step(2, 7), step(1, 45), step(2, 9)],
+            [0, 0, 2, 0, 0, 1]
+        );
+        // A late sample, the one after the greatest, and the extremes.
+        assert_eq!([step(1, 3), step(1, 46), step(1, i64::MIN), step(1, 47)], [0, 0, 0, 0]);
+        assert_eq!(step(1, i64::MAX), i64::MAX as u64 - 48);
+    }
+
+    #[test]
+    fn remembers_a_bounded_number_of_publishers() {
+        let mut gaps = Gaps::default();
+        for publisher in 0..2 * PUBLISHERS as u128 {
+            let gid = publisher.to_be_bytes();
+            assert_eq!(gaps.step(&Attachment { sequence: 9, stamp_ns: 0, gid }), 0);
+        }
+        assert_eq!(gaps.greatest.len(), PUBLISHERS);
     }
 }

@@ -91,9 +91,11 @@ impl Token {
         key
     }
 
-    /// Reads the key of a token; `None` when it is not one. A 14th component, which later ROS releases may add, is ignored.
+    /// Reads the key of a token; `None` when it is not one. A 14th component, which later ROS releases may add, is
+    /// ignored.
     pub fn parse(key: &str) -> Option<Self> {
         let parts: Vec<&str> = key.split('/').collect();
+        // The enclave between kind and namespace is ignored: the suite has no secure communication.
         let (&["@ros2_lv", domain, session, node_id, entity_id, kind, _enclave, namespace, node], rest) =
             parts.split_first_chunk::<9>()?
         else {
@@ -101,6 +103,7 @@ impl Token {
         };
         let kind = EntityKind::from_code(kind)?;
         let endpoint = match (kind, rest) {
+            // Tokens of nodes end with the name of the node.
             (EntityKind::Node, _) => None,
             (_, [topic, dds_type, type_hash, qos, ..]) => Some(Endpoint {
                 topic: demangle(topic),
@@ -122,7 +125,7 @@ impl Token {
         })
     }
 
-    /// `/namespace/node`.
+    /// Returns `/namespace/node`.
     pub fn node_name(&self) -> String {
         format!("{}/{}", self.namespace.trim_end_matches('/'), self.node)
     }
@@ -134,6 +137,7 @@ impl Token {
 }
 
 fn mangle(name: &str) -> String {
+    // A slash separates the parts of a key, so names carry another character in its place.
     name.replace('/', "%")
 }
 
@@ -166,10 +170,11 @@ pub const NO_HASH: &str = "TypeHashNotSupported";
 
 /// Returns the key of a topic's or service's data.
 pub fn data_key(domain: u32, name: &str, dds_type: &str, type_hash: &str) -> String {
+    // A key of zenoh must not begin with a slash or contain two in a row.
     format!("{domain}/{}/{dds_type}/{type_hash}", name.trim_matches('/'))
 }
 
-/// QoS as tokens carry it; fields equal to the default stay empty.
+/// Returns the QoS as tokens carry it; fields equal to the default stay empty.
 pub fn qos_string(qos: Qos) -> &'static str {
     match qos {
         Qos::Images => "2::,5:,:,:,,",
@@ -186,6 +191,7 @@ pub fn qos_of(text: &str) -> Qos {
     if let Some(known) = Qos::ALL.into_iter().find(|qos| qos_string(*qos) == text) {
         return known;
     }
+    // Only these two policies decide how the suite treats an endpoint.
     let mut fields = text.split(':');
     match (fields.next(), fields.next()) {
         (_, Some("1")) => Qos::Latched,
@@ -199,6 +205,56 @@ pub const PARAMETER_QOS: &str = "::,1000:,:,:,,";
 
 /// QoS of other services: reliable, keep last 10.
 pub const SERVICE_QOS: &str = "::,10:,:,:,,";
+
+/// Whether samples are sent again until they have come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reliability {
+    /// Lost samples are sent again.
+    Reliable,
+    /// Lost samples are not sent again.
+    BestEffort,
+}
+
+/// The samples that a late reader gets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Durability {
+    /// The last samples from before it came.
+    TransientLocal,
+    /// A late reader gets only new samples.
+    Volatile,
+}
+
+/// The quality of service of an endpoint, read from its token: the policies that decide how an endpoint is carried, and
+/// whether two endpoints fit together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Profile {
+    /// Code 1 or, as here, 2; reliable when not given.
+    pub reliability: Reliability,
+    /// Code 1 or, as here, 2; volatile when not given.
+    pub durability: Durability,
+    /// Samples that are kept; all of them is `usize::MAX`, 42 when not given.
+    pub depth: usize,
+}
+
+/// Depth of a token without one.
+const DEFAULT_DEPTH: usize = 42;
+
+impl Profile {
+    /// Reads `<reliability>:<durability>:<history>,<depth>:...`. Missing or unknown fields get the defaults of
+    /// rmw_zenoh.
+    pub fn parse(text: &str) -> Self {
+        let mut fields = text.split(':');
+        let mut field = || fields.next().unwrap_or_default();
+        let (reliability, durability, history) = (field(), field(), field());
+        let (history, depth) = history.split_once(',').unwrap_or((history, ""));
+        Self {
+            reliability: if reliability == "2" { Reliability::BestEffort } else { Reliability::Reliable },
+            durability: if durability == "1" { Durability::TransientLocal } else { Durability::Volatile },
+            // History 2 keeps all samples, and its depth has no meaning.
+            depth: if history == "2" { usize::MAX } else { depth.parse().unwrap_or(DEFAULT_DEPTH) },
+        }
+    }
+}
 
 #[cfg(test)]
 mod tests {
@@ -282,6 +338,21 @@ mod tests {
         #[test]
         fn no_key_panics(key in "(@ros2_lv)?(/[A-Za-z0-9%:,]{0,6}){0,15}") {
             let _ = Token::parse(&key);
+        }
+    }
+
+    #[test]
+    fn reads_what_real_nodes_write() {
+        let read = |text| {
+            let Profile { reliability, durability, depth } = Profile::parse(text);
+            (reliability == Reliability::Reliable, durability == Durability::TransientLocal, depth)
+        };
+        assert_eq!(read(":1:,1000:,:10,0:,,"), (true, true, 1000));
+        assert_eq!(read("2::,5:,:,:,,"), (false, false, 5));
+        assert_eq!(read("::2,:,:,:,,"), (true, false, usize::MAX));
+        assert_eq!(read("1:2:1,7:1,2:3,4:5,6,7"), (true, false, 7));
+        for text in ["", ":", "::,x:", "é:::::"] {
+            assert_eq!(read(text), (true, false, 42), "{text}");
         }
     }
 }

@@ -1,4 +1,5 @@
-//! The transport between the nodes of one process: it hands on an `Arc` and serialises nothing. A message that a subscriber does not take in time is replaced, as between processes.
+//! The transport between the nodes of one process: it hands on an `Arc` and serialises nothing. A message that a
+//! subscriber does not take in time is replaced, as between processes.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -56,6 +57,7 @@ impl Publisher for LocalPublisher {
     }
 
     fn put(&self, message: &Message) -> Result<(), TransportError> {
+        // Held while messages are delivered, so that a subscription that has ended receives none.
         let graph = self.transport.graph();
         for subscriber in graph.subscribers.get(&self.topic).into_iter().flatten() {
             (subscriber.deliver)(Incoming::Message(message.clone()));
@@ -73,6 +75,7 @@ impl Transport for LocalTransport {
         let gone = Undeclare(move || {
             let publishers = &mut transport.graph().publishers;
             if let Some(index) = publishers.iter().position(|publisher| *publisher == entry) {
+                // Only one entry: a node may publish a topic twice, and the other publisher is still there.
                 publishers.swap_remove(index);
             }
         });
@@ -86,6 +89,7 @@ impl Transport for LocalTransport {
         deliver: Deliver,
     ) -> Result<Guard, TransportError> {
         let mut graph = self.graph();
+        // A node may subscribe to one topic twice, so its name does not identify a subscription.
         let id = graph.next_id;
         graph.next_id += 1;
         let subscriber = Subscriber { id, node: node.fully_qualified(), deliver };

@@ -1,10 +1,9 @@
-//! The transport of messages from node to node. Two transports implement one trait: `local` within a process (shared, never serialised) and `zenoh` between processes.
+//! The transport of messages from node to node. Two transports implement one trait: `local` within a process (shared,
+//! never serialised) and `zenoh` between processes.
 
 pub mod attachment;
-pub mod gaps;
 pub mod keys;
 pub mod local;
-pub mod profile;
 pub mod queue;
 pub mod zenoh;
 
@@ -14,8 +13,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::Sender;
 
-use crate::graph::{NameError, NodeName};
-use crate::graph::{Qos, Topic};
+use crate::graph::{NameError, NodeName, Qos, Topic};
 use crate::message::{DecodeError, Message, MessageKind};
 use crate::parameter::{ParameterError, Parameters, Value};
 use crate::transport::queue::Queued;

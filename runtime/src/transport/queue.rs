@@ -8,8 +8,7 @@ use std::time::Duration;
 
 use crate::clock::Clock;
 use crate::process::stop::Wake;
-use crate::transport::attachment::Attachment;
-use crate::transport::gaps::Gaps;
+use crate::transport::attachment::{Attachment, Gaps};
 
 /// The number of messages that a lane holds, and the message that it drops when it is full.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,7 +17,8 @@ pub enum Keep {
     Latest,
     /// The newest `n` messages, at least one; the oldest is lost when one more comes.
     Last(usize),
-    /// The lane holds all messages while the queue is within its [`Limit`]; a message that comes when there is no room is lost.
+    /// The lane holds all messages while the queue is within its [`Limit`]; a message that comes when there is no room
+    /// is lost.
     All,
 }
 
@@ -157,6 +157,7 @@ impl<T: Queued> Queue<T> {
     pub fn push(&self, lane: Lane, item: T) -> Option<T> {
         let mut guard = self.lock();
         let state = &mut *guard;
+        // A callback of the transport may run once more after its lane was closed.
         let Some(waiting) = state.lanes.get_mut(&lane).filter(|_| !state.ended) else { return Some(item) };
         waiting.counts.received += 1;
         if let Some(attachment) = item.attachment() {
@@ -181,8 +182,10 @@ impl<T: Queued> Queue<T> {
         };
         waiting.items.push_back((state.arrivals, self.clock.now_ns(), item));
         state.arrivals += 1;
+        // Released first, or the reader would wake only to wait for the lock.
         drop(guard);
         self.changed.notify_all();
+        // Returned and not dropped here: to free an image takes time, and the lock was held.
         displaced.map(|(_, _, item)| item)
     }
 
@@ -200,6 +203,7 @@ impl<T: Queued> Queue<T> {
             }
             None => self.changed.wait_while(state, idle).unwrap_or_else(PoisonError::into_inner),
         };
+        // The wake is used up by this call, even where an item has come as well.
         state.woken = false;
         match state.pop_oldest() {
             Some(arrived) => Next::Item(arrived),
@@ -220,6 +224,7 @@ impl<T: Queued> Queue<T> {
         let mut state = self.lock();
         let Some(mut waiting) = state.lanes.remove(&lane) else { return LaneCounts::default() };
         waiting.counts.unread = waiting.items.len() as u64;
+        // Only these lanes share the limit of the queue.
         if waiting.keep == Keep::All {
             waiting.items.iter().for_each(|(_, _, item)| state.release(item));
         }
@@ -232,8 +237,8 @@ impl<T: Queued> Queue<T> {
         self.changed.notify_all();
     }
 
-    /// Returns a poisoned lock only means that another thread panicked elsewhere: the lanes themselves are always
-    /// whole.
+    /// Locks the state. A poisoned lock only means that another thread panicked elsewhere: the lanes themselves are
+    /// always whole.
     fn lock(&self) -> MutexGuard<'_, State<T>> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -241,6 +246,7 @@ impl<T: Queued> Queue<T> {
 
 impl<T: Queued> State<T> {
     fn pop_oldest(&mut self) -> Option<Arrived<T>> {
+        // By the number of the arrival: several items may have one stamp.
         let fronts = self.lanes.iter().filter_map(|(lane, w)| Some((w.items.front()?.0, *lane)));
         let (_, lane) = fronts.min()?;
         let waiting = self.lanes.get_mut(&lane)?;

@@ -52,10 +52,11 @@ pub(super) fn known_names() -> String {
 
 fn converted<T: serde::Serialize>(
     bytes: &[u8],
-    read: fn(&mut Reader<'_>) -> Option<T>,
+    read: fn(&mut Ros1Reader<'_>) -> Option<T>,
 ) -> Result<Vec<u8>, String> {
-    let mut reader = Reader(bytes);
+    let mut reader = Ros1Reader(bytes);
     let message = read(&mut reader).ok_or_else(|| format!("a message of {} bytes is cut", bytes.len()))?;
+    // Bytes that are left over mean another layout than the MD5 sum promises.
     if !reader.0.is_empty() {
         return Err(format!("{} of {} bytes of a message are left over", reader.0.len(), bytes.len()));
     }
@@ -63,9 +64,9 @@ fn converted<T: serde::Serialize>(
 }
 
 /// The unread bytes of a message.
-struct Reader<'a>(&'a [u8]);
+struct Ros1Reader<'a>(&'a [u8]);
 
-impl<'a> Reader<'a> {
+impl<'a> Ros1Reader<'a> {
     fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
         let (array, rest) = self.0.split_first_chunk::<N>()?;
         self.0 = rest;
@@ -105,14 +106,15 @@ impl<'a> Reader<'a> {
     }
 }
 
-fn header(reader: &mut Reader<'_>) -> Option<Header> {
+fn header(reader: &mut Ros1Reader<'_>) -> Option<Header> {
     let _sequence = reader.u32()?;
     let (sec, nanosec) = (reader.u32()?, reader.u32()?);
+    // ROS 1 counts seconds without a sign, ROS 2 with one.
     let stamp = i32::try_from(sec).map_or(Time::MAX, |sec| Time { sec, nanosec });
     Some(Header { stamp, frame_id: reader.string()? })
 }
 
-fn image(reader: &mut Reader<'_>) -> Option<Image> {
+fn image(reader: &mut Ros1Reader<'_>) -> Option<Image> {
     Some(Image {
         header: header(reader)?,
         height: reader.u32()?,
@@ -124,17 +126,18 @@ fn image(reader: &mut Reader<'_>) -> Option<Image> {
     })
 }
 
-fn compressed_image(reader: &mut Reader<'_>) -> Option<CompressedImage> {
+fn compressed_image(reader: &mut Ros1Reader<'_>) -> Option<CompressedImage> {
     let (header, format) = (header(reader)?, reader.string()?);
     Some(CompressedImage { header, format, data: reader.bytes()?.to_vec() })
 }
 
-fn camera_info(reader: &mut Reader<'_>) -> Option<CameraInfo> {
+fn camera_info(reader: &mut Ros1Reader<'_>) -> Option<CameraInfo> {
     Some(CameraInfo {
         header: header(reader)?,
         height: reader.u32()?,
         width: reader.u32()?,
         distortion_model: reader.string()?,
+        // Collected one by one: a broken length ends at the first missing number, before memory is allocated for it.
         d: (0..reader.u32()?).map(|_| reader.f64()).collect::<Option<_>>()?,
         k: reader.f64s()?,
         r: reader.f64s()?,

@@ -1,4 +1,5 @@
-//! [`Ros1File`]: a `.bag` file of ROS 1, presented as if ROS 2 had recorded it. Images and camera calibrations are converted; all other topics are reported as left out.
+//! [`Ros1File`]: a `.bag` file of ROS 1, presented as if ROS 2 had recorded it. Images and camera calibrations are
+//! converted; all other topics are reported as left out.
 
 mod message;
 
@@ -12,8 +13,7 @@ use rosbag::record_types::Connection;
 use rosbag::{ChunkRecord, IndexRecord, MessageRecord, RosBag};
 
 use self::message::Convert;
-use super::merge::{Merge, MergeInput};
-use super::storage::{Cursor, FileSummary, Storage};
+use super::storage::{Cursor, FileSummary, Merge, MergeInput, Storage};
 use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount};
 use crate::FileError;
 
@@ -56,6 +56,7 @@ impl Ros1File {
         let size = file.metadata().map_err(io)?.len();
         let mut start = Vec::new();
         file.take(HEADER).read_to_end(&mut start).map_err(io)?;
+        // Before the library opens the file: it panics on positions beyond the end.
         check_header(&start, size).map_err(broken)?;
         let bag = RosBag::new(path).map_err(io)?;
         let index = read_index(&bag).map_err(|e| broken(e.to_string()))?;
@@ -72,6 +73,7 @@ impl Ros1File {
             }
         }
         let chunks = index.chunks;
+        // The index of a chunk covers all its topics, so the span may be a little too wide.
         let span = chunks.iter().map(|chunk| chunk.span).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)));
         // Several connections may publish one topic.
         let counted =
@@ -82,14 +84,14 @@ impl Ros1File {
     }
 }
 
-struct Index<'a> {
+struct Ros1Index<'a> {
     chunks: Vec<ChunkLocation>,
     /// The connections, each with the number of its messages.
     connections: BTreeMap<u32, (Connection<'a>, u64)>,
 }
 
-fn read_index(bag: &RosBag) -> rosbag::Result<Index<'_>> {
-    let mut index = Index { chunks: Vec::new(), connections: BTreeMap::new() };
+fn read_index(bag: &RosBag) -> rosbag::Result<Ros1Index<'_>> {
+    let mut index = Ros1Index { chunks: Vec::new(), connections: BTreeMap::new() };
     let mut counts: HashMap<u32, u64> = HashMap::new();
     for record in bag.index_records() {
         match record? {
@@ -121,9 +123,11 @@ fn convert(connection: &Connection<'_>) -> Result<(BagTopic, Convert), String> {
         format!("of the types of ROS 1, {} are converted, not {kind}", message::known_names())
     })?;
     let md5: String = connection.md5sum.iter().map(|byte| format!("{byte:02x}")).collect();
+    // Another definition of the same name has other fields at the same bytes.
     if md5 != known.md5 {
         return Err(format!("its {kind} has the MD5 sum {md5}, that of ROS 1 {}", known.md5));
     }
+    // A latched topic of ROS 1 is a transient local one of ROS 2.
     let qos = if connection.latching { Qos::Latched } else { Qos::Results };
     Ok((BagTopic::new(connection.storage_topic, known.ros2, qos), known.convert))
 }
@@ -151,6 +155,7 @@ impl Storage for Ros1File {
         let from = selection.start_ns.unwrap_or(0);
         let wanted = Arc::new(wanted);
         let chunks = self.chunks.iter().filter(|chunk| chunk.span.1 >= from);
+        // Chunks may overlap in time, so each is an input of its own.
         let input = |chunk: &ChunkLocation| {
             let (file, wanted, chunk) = (Arc::clone(&self), Arc::clone(&wanted), *chunk);
             MergeInput {
@@ -186,7 +191,10 @@ impl Ros1File {
             let MessageRecord::MessageData(record) = record.map_err(|e| at(e.to_string()))? else { continue };
             // Chunks are read in the order of their start times. A wrong one would bring messages out of their order.
             if record.time < span.0 || record.time > span.1 {
-                let why = format!("a message of {} ns is outside {} to {} ns, as the index has it", record.time, span.0, span.1);
+                let why = format!(
+                    "a message of {} ns is outside {} to {} ns, as the index has it",
+                    record.time, span.0, span.1
+                );
                 return Err(at(why));
             }
             let Some(converted) = wanted.get(&record.conn_id).filter(|_| record.time >= from) else {
@@ -202,6 +210,7 @@ impl Ros1File {
             };
             messages.push((log_time, message));
         }
+        // A chunk holds messages in the order of their arrival. The sort is stable, so equal times keep it.
         messages.sort_by_key(|(log_time, _)| *log_time);
         Ok(messages.into_iter().map(|(_, message)| message).collect())
     }

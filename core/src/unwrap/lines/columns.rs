@@ -37,6 +37,7 @@ impl<W: Word> ColumnConstants<W> {
     ) {
         let RowLayout { height, channels, .. } = summed.layout;
         self.line.clear();
+        // Reserved even if no vote is counted, so that no later frame of this size allocates.
         self.line.reserve(height);
         self.votes.start::<W>();
         self.least_agreement = height;
@@ -52,6 +53,7 @@ impl<W: Word> ColumnConstants<W> {
                 (constant, count) = (majority.value, majority.count);
             }
             let check = &mut checks[lane % channels];
+            // The first column has no column to its left that could predict it.
             if check.needs_second_vote(count, steep, height) && lane >= channels {
                 summed.second_difference_votes(lane, self.constants[lane - channels], &mut self.line);
                 let second = self.votes.count(&self.line);

@@ -38,6 +38,7 @@ impl<W: Word> Gradient<W> {
     /// Starts an image, before its first row.
     pub fn start(&mut self, layout: RowLayout) {
         let none = [W::default(); LANES];
+        // In the first row nothing has wrapped yet, so all n are 0.
         let fresh = Columns { n: none, zeros: none, steep: none, suspect: none, residues: none };
         self.columns.clear();
         self.columns.resize(layout.lanes() / LANES, fresh);

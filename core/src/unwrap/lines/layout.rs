@@ -93,6 +93,7 @@ impl<'a, S: Copy + Into<u16>> CodeRows<'a, S> {
         codes.extend(self.row(i).iter().map(|&sample| self.shifted::<W>(sample)));
         let RowLayout { channels, .. } = self.layout;
         let pixel = self.layout.last(0);
+        // One pixel more than there are lanes, since each lane reads its right neighbour.
         while codes.len() < self.layout.lanes() + channels {
             codes.extend_from_within(pixel..pixel + channels);
         }

@@ -58,6 +58,7 @@ impl<W: Word> Levels<'_, W> {
         let RowLayout { height, width, channels } = self.layout;
         let pixels = height * width;
         let mut below = [0; 3];
+        // A range has at most 256 levels, so this loop ends without another condition.
         for _ in 0..=u8::MAX {
             let counts = self.count(&zero.level, sums);
             let before = zero.level;
@@ -75,6 +76,8 @@ impl<W: Word> Levels<'_, W> {
 
     #[inline(always)]
     fn extent(&self, sums: &mut Vec<W>) -> Extent<W> {
+        // The first pixel of the image has k = 0, which is half a word when biased, so it is a valid start
+        // for both ends.
         let first = W::HALF;
         let (mut low, mut high) = ([first; LANES], [first; LANES]);
         for i in 0..self.layout.height {
@@ -114,6 +117,7 @@ impl<W: Word> Levels<'_, W> {
                 }
                 by_channel(&count, channels, &mut total);
             }
+            // The copies that fill up the row were counted as well; all of them equal the last pixel.
             for channel in 0..channels {
                 let lane = self.layout.last(channel);
                 let is = self.rows.k(i)[lane].plus(sums[lane / LANES][lane % LANES]) == level[channel];
@@ -171,6 +175,7 @@ impl<W: Word> Levels<'_, W> {
             self.offsets(i, start, sums);
             let k = self.rows.k(i).iter().zip(&*sums);
             for (((x, count), &y), (&k, &sum)) in x.iter_mut().zip(counts).zip(samples.row(i)).zip(k) {
+                // Words have no sign: below half a word means k < 0, so the clamp comes before the bias is removed.
                 let k: u16 = k.plus(sum).max(W::HALF).minus(W::HALF).min(most).into();
                 *x = (i32::from(y.into()) + (i32::from(k) << bits)) as f32;
                 *count = k as u8;

@@ -29,6 +29,7 @@ impl VoteCounter {
 
     /// Returns the most frequent of `values`; of equally frequent ones, the value that reached the count first.
     pub(super) fn count<W: Word>(&mut self, values: &[W]) -> Vote<W> {
+        // The winner is known while counting, so the counters need no second pass.
         let mut best = Vote { value: W::default(), count: 0 };
         for &value in values {
             let count = &mut self.counts[usize::from(value.into())];
@@ -43,9 +44,8 @@ impl VoteCounter {
     }
 }
 
-/// Whether a line follows its majority. An edge that spans a whole line makes every vote agree on the wrong
-/// value. Such an edge is steep in this line or in the one before, and it lasts until the second vote returns to
-/// the majority.
+/// Whether a line follows its majority. An edge that spans a whole line makes every vote agree on the wrong value. Such
+/// an edge is steep in this line or in the one before, and it lasts until the second vote returns to the majority.
 #[derive(Clone, Copy)]
 pub(super) struct MajorityCheck {
     longest: usize,
@@ -58,6 +58,7 @@ impl MajorityCheck {
     /// Makes the check for a range. At half a peak a line, x leaves the range after 2 alpha lines, so a departure
     /// from the majority lasts no longer.
     pub fn new(range: Range) -> Self {
+        // The largest count is one less than alpha rounded up, so this is 2 alpha lines.
         let longest = 2 * usize::from(range.max_wraps()) + 2;
         Self { longest, departed: false, lasted: 0, steep_before: false }
     }

@@ -4,8 +4,8 @@
 //! ```text
 //!     g = M_b(d_x y),   d_x x = g + n P,   d_y n = (M_b(d_y g) - d_y g) / P   if |d_x d_y x| < P/2
 //! ```
-//! 1. `gradient`: n down each column, up to a constant; `prefix_sums`: the k along each row that follows from it.
-//! 2. `rows`: rows are joined by a majority vote of their columns; the constants of the columns cancel out.
+//! 1. `gradient`: n down each column, up to a constant.
+//! 2. `rows`: the k along each row follows from it by prefix sums; rows are joined by a majority vote of their columns; the constants of the columns cancel out.
 //! 3. `columns`: most of a column is flat, which gives its constant.
 //! 4. `levels`: the absolute offset, as for every method.
 //!
@@ -22,15 +22,13 @@ mod gradient;
 mod layout;
 mod levels;
 mod majority;
-mod prefix_sums;
 mod rows;
 
 use columns::{ColumnConstants, SummedImage};
 use gradient::Gradient;
 use layout::{CodeRows, RowLayout};
 use levels::Levels;
-use prefix_sums::PrefixSums;
-use rows::Rows;
+use rows::{PrefixSums, Rows};
 
 use super::wrapped::Word;
 use super::{Integers, QualityMetrics, Range, Recovered, Unwrap, UnwrapError};
@@ -99,6 +97,7 @@ impl<W: Word> Buffers<W> {
         for i in 0..layout.height {
             widest!(self.take_row(i, samples, layout));
         }
+        // The counters of the last rows are not full, but belong to the totals.
         self.gradient.settle();
         self.constants.find(&self.gradient, &SummedImage { samples, layout, rows: &self.rows }, range);
         let levels = Levels { layout, rows: &self.rows, constants: &self.constants.sums };
@@ -124,6 +123,7 @@ impl<W: Word> Buffers<W> {
     }
 
     fn quality(&self, RowLayout { height, width, channels }: RowLayout, outside: usize) -> QualityMetrics {
+        // An image of one row or one column has no loop.
         let share = |count: u64, of: usize| if of == 0 { 0.0 } else { count as f32 / of as f32 };
         let loops = (height - 1) * (width - 1) * channels;
         let [row, column] = [

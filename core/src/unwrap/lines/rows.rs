@@ -2,7 +2,6 @@
 
 use super::layout::{Block, COUNTABLE, LANES, RowLayout, by_channel, tiled};
 use super::majority::{MajorityCheck, STEEP, Vote, VoteCounter};
-use super::prefix_sums::PrefixSums;
 use crate::unwrap::Range;
 use crate::unwrap::wrapped::{Word, biased, exceeds, wrap_step};
 
@@ -34,6 +33,7 @@ impl<W: Word> Rows<W> {
     /// Starts an image, before its first row.
     pub fn start(&mut self, layout: RowLayout, range: Range) {
         self.layout = layout;
+        // Counts of the last frame stay in the other rows, each of which is written before it is read.
         self.k.resize((layout.height + 1) * layout.lanes(), W::default());
         self.k[..layout.lanes()].fill(W::default());
         self.row_offsets.clear();
@@ -62,6 +62,7 @@ impl<W: Word> Rows<W> {
         guess.iter_mut().zip(up.iter().zip(y)).for_each(|(guess, (&up, &y))| *guess = wrap_step(up, y));
         let counts = self.sum(i, sums, [y, up], &tiled(guess, channels));
         let mut offsets = self.row_offsets.last().copied().unwrap_or_default();
+        // The first row has no row above that it could be joined to.
         if i > 0 {
             for channel in 0..channels {
                 let vote = Vote { value: guess[channel], count: counts.agree[channel] };
@@ -171,5 +172,69 @@ impl RowCounts {
             self.agree[channel] -= layout.copies() * usize::from(vote == guess);
             self.steep[channel] -= layout.copies() * usize::from(exceeds(biased(up[l], y[l]), STEEP));
         }
+    }
+}
+
+/// The zeros before a row, as many as the largest shift.
+const BEFORE: usize = LANES;
+
+/// The number of pixels that `wide` sums over.
+const WIDE: usize = 16;
+
+/// The increments of a row, and their prefix sums, each channel separately, in whole vectors. Sums over 4, then over 16
+/// pixels are sums of shifted rows, so only one sum for each lane is carried from block to block.
+#[derive(Default)]
+pub(super) struct PrefixSums<W> {
+    steps: Vec<W>,
+    narrow: Vec<W>,
+    wide: Vec<W>,
+    channels: usize,
+}
+
+impl<W: Word> PrefixSums<W> {
+    /// Makes room for rows of `layout`.
+    pub fn start(&mut self, layout: RowLayout) {
+        for row in [&mut self.steps, &mut self.narrow, &mut self.wide] {
+            row.clear();
+            row.resize(BEFORE + layout.lanes() + layout.channels, W::default());
+        }
+        self.channels = layout.channels;
+    }
+
+    /// Returns the buffer for the change of each pixel to its right neighbour.
+    pub fn steps(&mut self) -> &mut [W] {
+        &mut self.steps[BEFORE + self.channels..]
+    }
+
+    /// Computes the sums over the 16 pixels up to each pixel.
+    #[inline(always)]
+    pub fn widen(&mut self) {
+        // Two steps of four give 16: a running sum would depend on the previous lane and defeat the vectors.
+        widen(&self.steps, self.channels, &mut self.narrow);
+        widen(&self.narrow, 4 * self.channels, &mut self.wide);
+    }
+
+    /// Advances `sum` to the end of the block that starts at lane `at`.
+    #[inline(always)]
+    pub fn advance(&self, at: usize, sum: &mut Block<W>) {
+        let stride = WIDE * self.channels;
+        // A block holds a whole number of these sums: 96 lanes are 6 sums of one channel or 2 of three.
+        for back in (0..LANES).step_by(stride) {
+            let from = &self.wide[BEFORE + at - back..][..LANES];
+            sum.iter_mut().zip(from).for_each(|(sum, &w)| *sum = sum.plus(w));
+        }
+    }
+}
+
+/// Adds to every lane the three before it, `stride` lanes apart.
+#[inline(always)]
+fn widen<W: Word>(from: &[W], stride: usize, to: &mut [W]) {
+    let length = from.len() - BEFORE;
+    // Four shifted rows are added instead of a running sum, whose every step would wait for the one before.
+    let back = |times: usize| &from[BEFORE - times * stride..][..length];
+    let near = back(0).iter().zip(back(1));
+    let far = back(2).iter().zip(back(3));
+    for (to, ((&a, &b), (&c, &d))) in to[BEFORE..].iter_mut().zip(near.zip(far)) {
+        *to = a.plus(b).plus(c.plus(d));
     }
 }

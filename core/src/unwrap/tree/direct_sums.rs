@@ -6,10 +6,10 @@
 //! of the tree.
 
 use super::forest::EdgeSource;
-use super::image_edges::{ImageEdges, finish};
-use super::pixels::{Direction, Quad};
+use super::pixels::{EdgeDirection, Quad};
 use super::regions::Region;
 use super::segments::each_set;
+use super::{ImageEdges, finish};
 use crate::simd::widest;
 use crate::unwrap::wrapped::wrap_step;
 use crate::unwrap::{Integers, Range, Recovered, congruence};
@@ -37,14 +37,15 @@ impl DirectSums {
             if row > 0 {
                 let start = (row - 1) * width;
                 // Changed pixels ascend, so each row takes its own from the front.
-                self.follow(image, Direction::Down, start, split_below(&mut down, start + width));
+                self.follow(image, EdgeDirection::Down, start, split_below(&mut down, start + width));
                 self.descend(row * width);
             }
             let start = row * width;
-            self.follow(image, Direction::Right, start, split_below(&mut right, start + width));
+            self.follow(image, EdgeDirection::Right, start, split_below(&mut right, start + width));
             if row == 0 {
                 self.start();
             }
+            // One loop that is not consistent needs a tree, which decides the edge to leave out.
             if !self.row_agrees(start) {
                 return false;
             }
@@ -53,7 +54,7 @@ impl DirectSums {
     }
 
     /// Writes to `steps` the changes from the row at `start`; `changed` are its pixels with an n.
-    fn follow(&mut self, image: &ImageEdges<'_>, to: Direction, start: usize, changed: &[u32]) {
+    fn follow(&mut self, image: &ImageEdges<'_>, to: EdgeDirection, start: usize, changed: &[u32]) {
         let stride = image.pixels.stride(to);
         for (channel, steps) in self.steps.iter_mut().enumerate() {
             let codes = &image.pixels.planes()[channel][start..];
@@ -65,6 +66,7 @@ impl DirectSums {
             });
             for &at in changed {
                 let step = &mut steps[at as usize - start];
+                // Only the pixels with an n are visited; a frame has few of them.
                 *step = step.wrapping_add(image.n[to as usize][at as usize][channel]);
             }
         }
@@ -97,6 +99,7 @@ impl DirectSums {
     fn row_agrees(&self, start: usize) -> bool {
         self.k.iter().zip(&self.steps).all(|(k, steps)| {
             let k = &k[start..start + steps.len()];
+            // Differences are collected without an early end, so that the loop runs in vectors.
             let differ = widest!({
                 let pairs = k.iter().zip(&k[1..]).zip(steps);
                 pairs.fold(0, |differ, ((&from, &to), &step)| differ | (to.wrapping_sub(from) ^ step))
@@ -133,6 +136,7 @@ impl DirectSums {
             let (low, _) = extent(&self.k[channel]);
             self.count(channel);
             let index = congruence::base_level_index(&self.levels, range.max_wraps().into());
+            // `is_possible` has found all levels within one range, so only those below the base level are outside.
             outside += self.levels[..index].iter().sum::<usize>();
             low + index as i16
         });
@@ -249,6 +253,7 @@ mod tests {
         let range = Range::new(8, 4.0).unwrap();
         let slope = |i: usize, j: usize| (20 * i + 25 * j) as u32;
         let x = Array3::from_shape_fn((20, 24, 3), |(i, j, _)| slope(i, j));
+        // A slope is consistent everywhere, so the sums must be the counts of the tree.
         let (summed, grown) = both(&frame(&x), range);
         assert_eq!(summed.as_ref(), Some(&grown));
         assert_eq!(grown.k, x.mapv(|x| (x >> 8) as u8));

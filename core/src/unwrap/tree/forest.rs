@@ -10,8 +10,7 @@
 
 use std::ops::Range;
 
-use super::edge_queue::{Edge, EdgeQueue};
-use super::pixels::{Direction, Quad, add, subtract};
+use super::pixels::{EdgeDirection, Quad, add, subtract};
 use super::regions::{CondensedRegions, LARGE, Region, Regions};
 use super::segments::{Segment, each_contact, each_set};
 
@@ -45,17 +44,17 @@ pub(in crate::unwrap) trait EdgeSource {
     /// Returns the interval of the counts of the first of `pixels` that can have one count together.
     fn interval(&self, pixels: Range<usize>) -> Region;
     /// Returns the change of the count to the neighbour.
-    fn step(&self, to: Direction, at: usize) -> Quad;
+    fn step(&self, to: EdgeDirection, at: usize) -> Quad;
 
     /// Returns the [`Edges::breaks`] in one direction.
     #[inline(always)]
-    fn breaks(&self, to: Direction) -> &[u8] {
+    fn breaks(&self, to: EdgeDirection) -> &[u8] {
         self.edges().breaks[to as usize]
     }
 
     /// Returns the [`Edges::keys`] of one edge.
     #[inline(always)]
-    fn key(&self, to: Direction, at: usize) -> u16 {
+    fn key(&self, to: EdgeDirection, at: usize) -> u16 {
         self.edges().keys[to as usize][at]
     }
 }
@@ -112,7 +111,7 @@ impl Forest {
         self.segments.reserve(pixels);
         self.rows.reserve(rows + 1);
         self.condensed.reserve(pixels + 1);
-        // To the right, down, and to the sea.
+        // One edge to the right, one down, and one to the background for each pixel.
         self.queue.start(3 * pixels);
         self.levels.clear();
         self.levels.reserve(1 << i16::BITS);
@@ -122,7 +121,8 @@ impl Forest {
     fn split<G: EdgeSource>(&mut self, source: &G, start: usize, columns: usize) {
         let mut from = start;
         let end = start + columns;
-        each_set(&source.breaks(Direction::Right)[start..end - 1], |column| {
+        // The last pixel of a row has no right neighbour.
+        each_set(&source.breaks(EdgeDirection::Right)[start..end - 1], |column| {
             self.push(source, from..start + column + 1);
             from = start + column + 1;
         });
@@ -150,8 +150,8 @@ impl Forest {
         for pair in self.segments[self.rows[row]..self.rows[row + 1]].windows(2) {
             let at = pair[0].end as usize - 1;
             let joinable = pair[0].node != BACKGROUND && pair[1].node != BACKGROUND;
-            if joinable && source.key(Direction::Right, at) <= G::FLAT {
-                self.regions.join(pair[0].node, pair[1].node, || source.step(Direction::Right, at));
+            if joinable && source.key(EdgeDirection::Right, at) <= G::FLAT {
+                self.regions.join(pair[0].node, pair[1].node, || source.step(EdgeDirection::Right, at));
             }
         }
     }
@@ -159,15 +159,16 @@ impl Forest {
     fn join_to_row_above<G: EdgeSource>(&mut self, source: &G, row: usize) {
         let Self { regions, segments, rows, .. } = self;
         let [above, below] = [row - 1, row].map(|row| &segments[rows[row]..rows[row + 1]]);
-        let breaks = source.breaks(Direction::Down);
+        let breaks = source.breaks(EdgeDirection::Down);
         each_contact(above, below, source.width(), |a, b, mut pixels| {
             if a.node == BACKGROUND || b.node == BACKGROUND {
                 return;
             }
+            // An edge that is not broken joins equal counts, and one such edge is enough for the whole contact.
             if breaks[pixels.clone()].contains(&0) {
                 regions.join(a.node, b.node, || [0; 4]);
-            } else if let Some(at) = pixels.find(|&at| source.key(Direction::Down, at) <= G::FLAT) {
-                regions.join(a.node, b.node, || source.step(Direction::Down, at));
+            } else if let Some(at) = pixels.find(|&at| source.key(EdgeDirection::Down, at) <= G::FLAT) {
+                regions.join(a.node, b.node, || source.step(EdgeDirection::Down, at));
             }
         });
     }
@@ -180,30 +181,104 @@ impl Forest {
         let edge = |key, from: u32, to: u32, step: Quad| {
             // Stored between the roots, the step stays valid when regions are condensed to nodes.
             let step = subtract(add(regions.offset_from_root(from), step), regions.offset_from_root(to));
-            Edge::new(key, condensed.node(regions.root(from)), condensed.node(regions.root(to)), step)
+            RegionEdge::new(key, condensed.node(regions.root(from)), condensed.node(regions.root(to)), step)
         };
         for row in 1..rows.len() {
             let here = &segments[rows[row - 1]..rows[row]];
             for pair in here.windows(2).filter(|pair| differ(&pair[0], &pair[1])) {
                 let at = pair[0].end as usize - 1;
-                let (key, step) = (source.key(Direction::Right, at), source.step(Direction::Right, at));
+                let (key, step) =
+                    (source.key(EdgeDirection::Right, at), source.step(EdgeDirection::Right, at));
                 queue.push(edge(key, pair[0].node, pair[1].node, step));
             }
             let below = rows.get(row + 1).map_or(&[][..], |&end| &segments[rows[row]..end]);
             each_contact(here, below, source.width(), |a, b, pixels| {
                 if differ(a, b) {
-                    let flattest = pixels.map(|at| (source.key(Direction::Down, at), at)).min();
+                    let flattest = pixels.map(|at| (source.key(EdgeDirection::Down, at), at)).min();
                     if let Some((key, at)) = flattest {
-                        queue.push(edge(key, a.node, b.node, source.step(Direction::Down, at)));
+                        queue.push(edge(key, a.node, b.node, source.step(EdgeDirection::Down, at)));
                     }
                 }
             });
             for segment in here.iter().filter(|segment| segment.node != BACKGROUND && source.mask().is_some())
             {
+                // The flattest pixel of a segment is the most likely one to continue the background.
                 if let Some(key) = segment.pixels().map(|at| source.background_key(at)).min() {
                     queue.push(edge(key, BACKGROUND, segment.node, [0; 4]));
                 }
             }
         }
+    }
+}
+
+/// The bits of a key that the order ignores: keys of one bucket, 1/512 of a peak, count as equal.
+const SHIFT: u32 = 5;
+const BUCKETS: usize = (u16::MAX >> SHIFT) as usize + 1;
+
+/// An edge from region to region, by number.
+#[derive(Clone, Copy)]
+struct RegionEdge {
+    pub from: u32,
+    pub to: u32,
+    /// The value of the root of `to` minus that of the root of `from`.
+    step: [i16; 3],
+    key: u16,
+}
+
+impl RegionEdge {
+    pub fn new(key: u16, from: u32, to: u32, [r, g, b, _]: Quad) -> Self {
+        Self { from, to, step: [r, g, b], key }
+    }
+
+    #[inline(always)]
+    pub fn step(&self) -> Quad {
+        let [r, g, b] = self.step;
+        [r, g, b, 0]
+    }
+}
+
+/// The edges that are to be sorted by their keys, by a counting sort.
+#[derive(Default)]
+struct EdgeQueue {
+    edges: Vec<RegionEdge>,
+    sorted: Vec<RegionEdge>,
+    /// The position of the next edge of each bucket.
+    next: Vec<u32>,
+}
+
+impl EdgeQueue {
+    /// Starts anew with room for `count` edges.
+    pub fn start(&mut self, count: usize) {
+        self.edges.clear();
+        self.edges.reserve(count);
+        self.sorted.reserve(count.saturating_sub(self.sorted.len()));
+        self.next.resize(BUCKETS + 1, 0);
+    }
+
+    #[inline(always)]
+    pub fn push(&mut self, edge: RegionEdge) {
+        self.edges.push(edge);
+    }
+
+    /// Visits the edges by key, those of one bucket in the order in which they came; all keys up to `flat` share
+    /// one bucket.
+    #[inline(always)]
+    pub fn visit_sorted(&mut self, flat: u16, visit: impl FnMut(&RegionEdge)) {
+        let Self { edges, sorted, next } = self;
+        let Some(&filler) = edges.first() else { return };
+        let bucket = |edge: &RegionEdge| usize::from(edge.key.max(flat) >> SHIFT);
+        // A counting sort is linear and stable: edges of one bucket stay in the order of the image.
+        next.fill(0);
+        edges.iter().for_each(|edge| next[bucket(edge) + 1] += 1);
+        for i in 1..next.len() {
+            next[i] += next[i - 1];
+        }
+        sorted.resize(edges.len(), filler);
+        for edge in &*edges {
+            let place = &mut next[bucket(edge)];
+            sorted[*place as usize] = *edge;
+            *place += 1;
+        }
+        sorted.iter().for_each(visit);
     }
 }

@@ -10,6 +10,7 @@ use crate::unwrap::wrapped::{biased, difference};
 /// Returns the key of the change `M_b(to - from) + n * 2^b`; a peak is 2^14.
 pub(in crate::unwrap) fn key_of_change(from: [u16; 4], to: [u16; 4], n: Quad) -> u16 {
     let change = |lane: usize| i32::from(difference(from[lane], to[lane])) + (i32::from(n[lane]) << 16);
+    // The same scale as for a wrapped difference, since both kinds of keys are compared.
     let [r, g, b] = [0, 1, 2].map(|lane| change(lane) >> 2);
     let spread = r.max(g).max(b) - r.min(g).min(b);
     (r.abs() + g.abs() + b.abs() + 2 * spread).min(i32::from(MAX_KEY)) as u16
@@ -75,8 +76,7 @@ pub(in crate::unwrap) fn first_difference_keys(
     });
 }
 
-/// Computes [`first_difference_keys`] of the differences to the pixel `a` ahead, between a pixel and the one `b`
-/// ahead.
+/// Computes [`first_difference_keys`] of the differences to the pixel `a` ahead, between a pixel and the one `b` ahead.
 pub(in crate::unwrap) fn second_difference_keys(
     planes: [&[u16]; 3],
     (a, b): (usize, usize),

@@ -17,24 +17,25 @@
 //! offset that its interval allows.
 
 mod direct_sums;
-mod edge_queue;
 mod forest;
-mod image_edges;
 mod keys;
 mod pixels;
 mod regions;
 mod segments;
 
+use std::ops::Range as Indices;
+
 pub(super) use direct_sums::DirectSums;
 pub(super) use forest::{BACKGROUND, EdgeSource, Edges, Forest};
-use image_edges::place;
-pub(super) use image_edges::{FLAT, ImageEdges};
 pub(super) use keys::{MAX_KEY, first_difference_keys, key_of_change, second_difference_keys};
-pub(super) use pixels::{Bounds, Direction, Pixels, Quad, subtract, wrap_steps};
+use pixels::add;
+pub(super) use pixels::{Bounds, EdgeDirection, Pixels, Quad, subtract, wrap_steps};
 pub(super) use regions::Region;
+use segments::Segment;
 
-use super::{Integers, Range, Recovered, Unwrap, UnwrapError};
+use super::{Integers, Range, Recovered, Trust, Unwrap, UnwrapError, congruence};
 use crate::frame::Frame;
+use crate::simd::widest;
 
 /// The method with its buffers.
 #[derive(Default)]
@@ -55,7 +56,7 @@ pub(super) fn recover(
     range: Range,
     out: &mut Recovered,
 ) {
-    // Also for the frames that need no tree: a later one may.
+    // Memory is reserved also for a frame that needs no tree, since a later one may need it.
     forest.make_room(image.extent());
     if sums.agree(image) {
         return sums.place(y, range, out);
@@ -73,12 +74,14 @@ impl Unwrap for Tree {
         let samples = Integers::checked(y, range)?;
         out.prepare(y.dim(), self.name());
         let bounds = Bounds::new(range);
+        // The codes are stored twice, as planes for the keys and by pixel for the tree.
         self.pixels.read(samples, (y.width(), y.channels()), range, bounds);
         let Self { pixels, keys, breaks, forest, sums } = self;
         for ((keys, breaks), stride) in keys.iter_mut().zip(&mut *breaks).zip([1, y.width()]) {
             first_difference_keys(pixels.planes(), stride, FLAT, keys, breaks);
         }
         let ([right, down], [right_breaks, down_breaks]) = (keys, breaks);
+        // Without a first tree over the gradients, all n are 0.
         let image = ImageEdges {
             pixels,
             bounds,
@@ -89,4 +92,155 @@ impl Unwrap for Tree {
         recover(&image, sums, forest, samples, range, out);
         Ok(())
     }
+}
+
+/// The largest key that counts as flat, 56 of 256 codes.
+pub(super) const FLAT: u16 = 56 << 6;
+
+/// The edges of an image whose differences are `M_b(d y) + n * 2^b`.
+pub(super) struct ImageEdges<'a> {
+    pub pixels: &'a Pixels,
+    pub bounds: Bounds,
+    /// The edges by [`first_difference_keys`] with [`FLAT`]; broken also where n is not 0.
+    pub edges: Edges<'a>,
+    /// The n by pixel, to the right and down; empty where all are 0.
+    pub n: [&'a [Quad]; 2],
+    /// The pixels, to the right and down, at which n may differ from 0, in ascending order.
+    pub changed: [&'a [u32]; 2],
+}
+
+impl EdgeSource for ImageEdges<'_> {
+    const FLAT: u16 = FLAT;
+
+    #[inline(always)]
+    fn width(&self) -> usize {
+        self.pixels.width()
+    }
+
+    #[inline(always)]
+    fn extent(&self) -> (usize, usize) {
+        (self.pixels.count() / self.pixels.width(), self.pixels.width())
+    }
+
+    #[inline(always)]
+    fn edges(&self) -> &Edges<'_> {
+        &self.edges
+    }
+
+    #[inline(always)]
+    fn mask(&self) -> Option<&[u8]> {
+        None
+    }
+
+    #[inline(always)]
+    fn background_key(&self, _at: usize) -> u16 {
+        MAX_KEY
+    }
+
+    #[inline(always)]
+    fn interval(&self, pixels: Indices<usize>) -> Region {
+        // Most segments have no bright code, so one look at the mask settles the whole segment.
+        if !self.pixels.limited()[pixels.clone()].contains(&1) {
+            return Region { low: [0; 4], high: self.bounds.widest(), size: pixels.len() as u32 };
+        }
+        Region::of_equal(pixels, |at| {
+            let code = self.pixels.code(at);
+            match self.bounds.at_full_scale(code).filter(|_| self.is_plateau(at)) {
+                Some(most) => (most, most),
+                None => ([0; 4], self.bounds.highest(code)),
+            }
+        })
+    }
+
+    #[inline(always)]
+    fn step(&self, to: EdgeDirection, at: usize) -> Quad {
+        let step = wrap_steps(self.pixels.code(at), self.pixels.code(at + self.pixels.stride(to)));
+        self.n[to as usize].get(at).map_or(step, |&n| add(step, n))
+    }
+}
+
+impl ImageEdges<'_> {
+    /// Returns whether the 3 x 3 pixels around `at` have one code.
+    fn is_plateau(&self, at: usize) -> bool {
+        let width = self.pixels.width();
+        let column = at % width;
+        // In a single channel, codes of full scale meet by chance too often to tell a plateau from a slope.
+        let inside = self.pixels.has_colours()
+            && column > 0
+            && column + 1 < width
+            && at >= width
+            && at + width < self.pixels.count();
+        let code = self.pixels.code(at);
+        inside
+            && [at - width, at, at + width]
+                .iter()
+                .all(|&middle| (middle - 1..=middle + 1).all(|there| self.pixels.code(there) == code))
+    }
+}
+
+/// Writes `out`: the largest region at the offset that keeps it in range, others at their least. A result with
+/// clamped counts contradicts itself and is not trusted.
+fn place(forest: &mut Forest, y: Integers<'_>, range: Range, out: &mut Recovered) {
+    let outside = match out.k.dim().2 {
+        1 => write_counts::<1>(forest, range, out),
+        _ => write_counts::<3>(forest, range, out),
+    };
+    finish(outside, y, range, out);
+}
+
+/// Completes `out` from its counts, of which `outside` were out of range.
+fn finish(outside: usize, y: Integers<'_>, range: Range, out: &mut Recovered) {
+    if outside > 0 {
+        out.report.trust = Trust::Contradicted;
+    }
+    match y {
+        Integers::U8(y) => write_radiance(y, range, out),
+        Integers::U16(y) => write_radiance(y, range, out),
+    }
+}
+
+/// Writes the counts, and returns the number of segments that are out of range.
+fn write_counts<const CHANNELS: usize>(forest: &mut Forest, range: Range, out: &mut Recovered) -> usize {
+    let main = forest.regions.largest();
+    let most = i16::from(range.max_wraps());
+    let level = level(forest, main, most);
+    let regions = &forest.regions;
+    let mut outside = 0;
+    let (counts, _) = out.buffers().1.as_chunks_mut::<CHANNELS>();
+    for segment in &forest.segments {
+        let root = regions.root(segment.node);
+        // Only the largest region has enough pixels for a histogram of its levels.
+        let base = if root == main { level } else { regions.region(root).low };
+        let k = add(base, regions.offset_from_root(segment.node));
+        outside += usize::from(k[..CHANNELS].iter().any(|k| !(0..=most).contains(k)));
+        counts[segment.pixels()].fill(std::array::from_fn(|channel| k[channel].clamp(0, most) as u8));
+    }
+    outside
+}
+
+fn write_radiance<T: Copy + Into<f32>>(y: &[T], range: Range, out: &mut Recovered) {
+    let (x, k) = out.buffers();
+    let peak = range.peak();
+    widest!({
+        for ((x, y), k) in x.iter_mut().zip(y).zip(&*k) {
+            *x = (*y).into() + f32::from(*k) * peak;
+        }
+    });
+}
+
+/// Returns the k of the root `main` by channel.
+fn level(Forest { regions, segments, levels, .. }: &mut Forest, main: u32, most: i16) -> Quad {
+    let parts = || segments.iter().filter(|segment| regions.root(segment.node) == main);
+    let offset = |segment: &Segment, lane: usize| regions.offset_from_root(segment.node)[lane];
+    std::array::from_fn(|lane| {
+        let offsets = || parts().map(|segment| offset(segment, lane));
+        let [low, high] = [offsets().min(), offsets().max()].map(|end| end.expect("a region has a segment"));
+        levels.clear();
+        levels.resize(usize::from(high.abs_diff(low)) + 1, 0);
+        for segment in parts() {
+            levels[usize::from(offset(segment, lane).abs_diff(low))] += segment.pixels().len();
+        }
+        // Counts are relative to the root, so the k of the root is what brings the base level to 0.
+        -(low + congruence::base_level_index(levels, most.into()) as i16)
+    })
 }

@@ -21,7 +21,7 @@ pub(in crate::unwrap) fn subtract(a: Quad, b: Quad) -> Quad {
 
 /// The direction from a pixel to its neighbour.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
-pub(in crate::unwrap) enum Direction {
+pub(in crate::unwrap) enum EdgeDirection {
     #[default]
     Right,
     Down,
@@ -47,6 +47,7 @@ impl Pixels {
             Integers::U8(samples) => self.take(samples, channels, shift),
             Integers::U16(samples) => self.take(samples, channels, shift),
         }
+        // Slices of known length before the loop, so that no bound is checked in it.
         let count = self.count();
         self.limited.resize(count, 0);
         let [r, g, b] = &self.planes;
@@ -56,6 +57,7 @@ impl Pixels {
 
     fn take<T: Copy + Into<u16>>(&mut self, samples: &[T], channels: usize, shift: u8) {
         let count = samples.len() / channels;
+        // The size of the last frame is kept, and every value is written below.
         self.planes.iter_mut().for_each(|plane| plane.resize(count, 0));
         self.quads.resize(count, [0; 4]);
         let [r, g, b] = &mut self.planes;
@@ -101,10 +103,10 @@ impl Pixels {
 
     /// Returns the index of the neighbour minus that of the pixel.
     #[inline(always)]
-    pub fn stride(&self, direction: Direction) -> usize {
+    pub fn stride(&self, direction: EdgeDirection) -> usize {
         match direction {
-            Direction::Right => 1,
-            Direction::Down => self.width,
+            EdgeDirection::Right => 1,
+            EdgeDirection::Down => self.width,
         }
     }
 
@@ -148,6 +150,7 @@ impl Bounds {
         let room = range.limit() - f64::from(most) * f64::from(range.peak());
         // At the highest count only the codes below this one stay under the limit.
         let room = (room.ceil() as u32) << (16 - range.bits());
+        // The sensor clamps radiance to just below the limit, so full scale is the last code below it.
         let step = 1 << (16 - range.bits());
         Self { most: i16::from(most), room, top: (room - step) as u16, fine: range.bits() >= 8 }
     }

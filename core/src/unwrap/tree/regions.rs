@@ -1,12 +1,9 @@
 //! Regions that grow together: a union-find with the wrap counts of each node relative to the root of its region,
 //! and the interval of the root's own counts.
 
-mod condensed;
-
 use std::ops::Range;
 
 use super::pixels::{Quad, add, subtract};
-pub(in crate::unwrap) use condensed::CondensedRegions;
 
 /// The largest region (hot pixels, noise) that does not constrain one of [`LARGE`] or more pixels.
 const SMALL: u32 = 6;
@@ -15,12 +12,12 @@ pub(in crate::unwrap) const LARGE: u32 = 64;
 /// The nodes 0 to n-1, each in one region.
 #[derive(Default)]
 pub(in crate::unwrap) struct Regions {
-    nodes: Vec<Node>,
+    nodes: Vec<RegionNode>,
     regions: Vec<Region>,
 }
 
 #[derive(Clone, Copy)]
-struct Node {
+struct RegionNode {
     parent: u32,
     /// The value of this node minus that of its parent.
     offset: Quad,
@@ -49,6 +46,7 @@ impl Region {
         for at in pixels.skip(1) {
             match region.intersect(&pixel(at), [0; 4]) {
                 Some(joint) => region = joint,
+                // The segment ends where no count suits all of its pixels; the rest becomes another one.
                 None => break,
             }
         }
@@ -64,6 +62,7 @@ impl Region {
     pub fn intersect(&self, part: &Region, step: Quad) -> Option<Region> {
         let mut joint = Region { size: self.size.saturating_add(part.size), ..*self };
         for (lane, step) in step.into_iter().enumerate() {
+            // Bounds saturate, so that a large step never wraps to the other end of the interval.
             joint.low[lane] = self.low[lane].max(part.low[lane].saturating_sub(step));
             joint.high[lane] = self.high[lane].min(part.high[lane].saturating_sub(step));
         }
@@ -96,7 +95,7 @@ impl Regions {
     /// Adds a node that is a region of its own, and returns its number.
     pub fn push(&mut self, region: Region) -> u32 {
         let node = self.nodes.len() as u32;
-        self.nodes.push(Node { parent: node, offset: [0; 4] });
+        self.nodes.push(RegionNode { parent: node, offset: [0; 4] });
         self.regions.push(region);
         node
     }
@@ -105,7 +104,7 @@ impl Regions {
     pub fn flatten(&mut self) {
         for node in 0..self.count() {
             let (parent, offset) = self.find(node);
-            self.nodes[node as usize] = Node { parent, offset };
+            self.nodes[node as usize] = RegionNode { parent, offset };
         }
     }
 
@@ -129,16 +128,18 @@ impl Regions {
     pub fn find(&mut self, mut node: u32) -> (u32, Quad) {
         let mut total = [0; 4];
         loop {
-            let Node { parent, offset } = self.nodes[node as usize];
+            let RegionNode { parent, offset } = self.nodes[node as usize];
             if parent == node {
                 return (node, total);
             }
             let above = self.nodes[parent as usize];
             total = add(total, add(offset, above.offset));
+            // The parent is a root, so there is no path left to halve.
             if above.parent == parent {
                 return (parent, total);
             }
-            self.nodes[node as usize] = Node { parent: above.parent, offset: add(offset, above.offset) };
+            self.nodes[node as usize] =
+                RegionNode { parent: above.parent, offset: add(offset, above.offset) };
             node = above.parent;
         }
     }
@@ -152,6 +153,7 @@ impl Regions {
     pub fn largest(&self) -> u32 {
         let roots = self.nodes.iter().enumerate().filter(|(index, node)| node.parent as usize == *index);
         let sizes = roots.map(|(index, _)| (self.regions[index].size, index as u32));
+        // Of equal sizes the first region wins, which makes the choice the same on every run.
         sizes.max_by_key(|&(size, index)| (size, std::cmp::Reverse(index))).expect("there is a node").1
     }
 
@@ -177,19 +179,77 @@ impl Regions {
         };
         if let Some(joint) = joint {
             self.regions[parent as usize] = joint;
-            self.nodes[child as usize] = Node { parent, offset: step };
+            self.nodes[child as usize] = RegionNode { parent, offset: step };
+        }
+    }
+}
+
+/// The regions of another union-find, each as one node, so that joins touch little memory.
+#[derive(Default)]
+pub(in crate::unwrap) struct CondensedRegions {
+    regions: Regions,
+    /// The node by root of a region, and the root by node.
+    nodes: Vec<u32>,
+    roots: Vec<u32>,
+}
+
+impl CondensedRegions {
+    /// Reserves memory for so many nodes.
+    pub fn reserve(&mut self, nodes: usize) {
+        self.regions.clear();
+        self.regions.reserve(nodes);
+        self.nodes.reserve(nodes.saturating_sub(self.nodes.len()));
+        self.roots.clear();
+        self.roots.reserve(nodes);
+    }
+
+    /// Makes a node of each region of `fine`, which must be flat.
+    pub fn condense(&mut self, fine: &Regions) {
+        self.regions.clear();
+        self.roots.clear();
+        self.nodes.resize(fine.nodes.len(), 0);
+        for (root, &region) in (0..).zip(&fine.regions).filter(|&(root, _)| fine.root(root) == root) {
+            self.nodes[root as usize] = self.regions.push(region);
+            self.roots.push(root);
+        }
+    }
+
+    /// Returns the node of `root`.
+    #[inline(always)]
+    pub fn node(&self, root: u32) -> u32 {
+        self.nodes[root as usize]
+    }
+
+    /// Joins two nodes as [`Regions::join`] does.
+    #[inline(always)]
+    pub fn join(&mut self, from: u32, to: u32, step: impl FnOnce() -> Quad) {
+        self.regions.join(from, to, step);
+    }
+
+    /// Joins the regions of `fine` as their nodes were joined.
+    pub fn refine(&mut self, fine: &mut Regions) {
+        self.regions.flatten();
+        // `fine` is flat, so every node has its root as parent, and one step over the condensed root suffices.
+        for node in &mut fine.nodes {
+            let above = self.regions.nodes[self.nodes[node.parent as usize] as usize];
+            *node = RegionNode {
+                parent: self.roots[above.parent as usize],
+                offset: add(node.offset, above.offset),
+            };
+        }
+        for (&root, &region) in self.roots.iter().zip(&self.regions.regions) {
+            fine.regions[root as usize] = region;
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use proptest::prelude::*;
 
-    use super::*;
-
     /// Returns so many regions of one node, all with the same bounds.
-    pub(super) fn of_nodes(count: usize, low: i16, high: i16) -> Regions {
+    fn of_nodes(count: usize, low: i16, high: i16) -> Regions {
         let mut regions = Regions::default();
         (0..count).for_each(|_| {
             regions.push(Region { low: [low; 4], high: [high; 4], size: 1 });
@@ -233,5 +293,35 @@ mod tests {
         assert!(a == b && b != c, "0, 1, 2 do not fit in 0 to 1");
         assert_eq!((regions.region(a).low, regions.region(a).high), ([0; 4], [0; 4]));
         assert_eq!(regions.largest(), a);
+    }
+
+    #[test]
+    fn what_joins_coarsely_joins_as_finely() {
+        let values = [3, 5, -2, 0, 7, 1];
+        let step = |from: usize, to: usize| [values[to] - values[from]; 4];
+        // The same joins, once in one step and once on both sides of the condensation.
+        let (mut whole, mut fine, mut condensed) =
+            (of_nodes(6, -9, 9), of_nodes(6, -9, 9), CondensedRegions::default());
+        for (from, to) in [(0, 1), (3, 2), (1, 4)] {
+            for regions in [&mut whole, &mut fine] {
+                regions.join(from, to, || step(from as usize, to as usize));
+            }
+        }
+        fine.flatten();
+        condensed.condense(&fine);
+        let [from, to] = [4, 2].map(|node| fine.root(node));
+        let between_roots = step(from as usize, to as usize);
+        condensed.join(condensed.node(from), condensed.node(to), || between_roots);
+        whole.join(4, 2, || step(4, 2));
+        whole.flatten();
+        condensed.refine(&mut fine);
+        for node in 0..6 {
+            assert_eq!(
+                (fine.root(node), fine.offset_from_root(node)),
+                (whole.root(node), whole.offset_from_root(node))
+            );
+        }
+        assert_eq!(fine.region(fine.largest()).low, whole.region(whole.largest()).low);
+        assert_ne!(fine.root(5), fine.root(0));
     }
 }

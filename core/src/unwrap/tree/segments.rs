@@ -25,6 +25,7 @@ pub(super) fn each_set(bytes: &[u8], mut visit: impl FnMut(usize)) {
         // Eight bytes at a time, as most of them are 0.
         while word != 0 {
             visit(8 * index + word.trailing_zeros() as usize / 8);
+            // Bytes are 0 or 1, so this clears the byte that was just visited.
             word &= word - 1;
         }
     }
@@ -47,6 +48,7 @@ pub(super) fn each_contact(
         let lower_end = lower.end - width as u32;
         let end = upper.end.min(lower_end);
         visit(upper, lower, upper.start.max(lower_start) as usize..end as usize);
+        // A segment that ends here touches nothing further; where both end together, both advance.
         if upper.end == end {
             a = above.next();
         }

@@ -2,10 +2,9 @@
 
 use std::sync::Arc;
 
-use super::{Event, EventQueue};
+use super::{EventQueue, LiveEvent};
 use crate::driver::keeps_latest;
-use crate::graph::NodeName;
-use crate::graph::Qos;
+use crate::graph::{NodeName, Qos};
 use crate::report::{NodeReport, add};
 use crate::transport::queue::{Keep, Lane, LaneCounts};
 use crate::transport::{Address, Guard, Transport, TransportError};
@@ -31,17 +30,18 @@ impl Inputs {
     ) -> Result<Self, TransportError> {
         let mut inputs = Self { addresses, ..Self::default() };
         for address in &inputs.addresses {
+            // A newer image makes an older one useless, but each result counts.
             let keep = if keeps_latest(address.kind) { Keep::Latest } else { Keep::Last(RESULTS_WAITING) };
             let lane = queue.open(keep);
             inputs.lanes.push(lane);
             let queue = queue.clone();
-            let deliver = Box::new(move |incoming| drop(queue.push(lane, Event::Message(incoming))));
+            let deliver = Box::new(move |incoming| drop(queue.push(lane, LiveEvent::Message(incoming))));
             inputs.subscriptions.push(transport.subscribe(node_name, address, deliver)?);
         }
         Ok(inputs)
     }
 
-    /// Index of the input whose messages come in `lane`; `None` for a lane of earlier inputs.
+    /// Returns the index of the input whose messages come in `lane`; `None` for a lane of earlier inputs.
     pub fn index_of(&self, lane: Lane) -> Option<usize> {
         self.lanes.iter().position(|&open| open == lane)
     }
@@ -68,6 +68,7 @@ impl Inputs {
 }
 
 fn book(report: &mut NodeReport, Address { topic, qos, .. }: &Address, counts: LaneCounts) {
+    // A message without room in the queue counts as lost on its way, not as received.
     add(&mut report.received, topic, counts.received - counts.overflowed);
     add(&mut report.replaced, topic, counts.replaced);
     add(&mut report.lost, topic, counts.lost());

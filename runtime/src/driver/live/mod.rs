@@ -1,7 +1,7 @@
-//! The live driver: one node on a transport, until its source is over or it is asked to stop. The newest frame wins, and each replaced one is counted; only a source of rate 0 waits for its readers ([`pacing`]).
+//! The live driver: one node on a transport, until its source is over or it is asked to stop. The newest frame wins,
+//! and each replaced one is counted; only a source of rate 0 waits for its readers ([`Pacing`]).
 
 mod inputs;
-mod pacing;
 mod source;
 
 use std::sync::{Arc, Mutex, PoisonError};
@@ -18,8 +18,7 @@ use crate::message::{Message, MessageKind};
 use crate::node::{Context, Flow, Node, StepError, StepOutput, Trigger};
 use crate::parameter::events::ParameterEvents;
 use crate::parameter::{ParameterError, Parameters};
-use crate::process::report_file::{ReportFile, WriteReason};
-use crate::process::saved_state::SavedState;
+use crate::process::node_files::{ReportFile, SavedState, WriteReason};
 use crate::process::stop::{Stop, Urgency};
 use crate::report::{NodeReport, add};
 use crate::transport::attachment::Attachment;
@@ -28,7 +27,7 @@ use crate::transport::{
     Address, Guard, Incoming, ParameterPort, ParameterRequest, Publisher, Transport, TransportError,
 };
 use inputs::Inputs;
-use pacing::Pacing;
+use source::{Pacing, images, taken_message, taken_topic};
 
 /// Time after which a node without work looks at the tasks of each second.
 const IDLE: Duration = Duration::from_millis(250);
@@ -52,7 +51,7 @@ pub struct NodeSetup {
 }
 
 /// Something that the node's loop has to deal with.
-enum Event {
+enum LiveEvent {
     /// A message on one of the inputs.
     Message(Incoming),
     /// A request to change parameters.
@@ -61,7 +60,7 @@ enum Event {
     Taken(Incoming),
 }
 
-impl Queued for Event {
+impl Queued for LiveEvent {
     fn bytes(&self) -> usize {
         match self {
             Self::Message(incoming) | Self::Taken(incoming) => incoming.bytes(),
@@ -77,7 +76,7 @@ impl Queued for Event {
     }
 }
 
-type EventQueue = Queue<Event>;
+type EventQueue = Queue<LiveEvent>;
 
 /// A node with everything it needs to run.
 struct Live<'a> {
@@ -113,11 +112,13 @@ pub fn run(
 ) -> Result<NodeReport, RunError> {
     let NodeSetup { node, parameters, node_name, saved, report_file } = setup;
     let outputs = addresses(&node_name, &node.outputs())?;
+    // Publishers come before subscriptions: the first message may already cause an output.
     let publishers = outputs
         .into_iter()
         .map(|address| transport.advertise(&node_name, &address).map(|publisher| (address, publisher)))
         .collect::<Result<_, _>>()?;
     let queue = Arc::new(Queue::new(clock.clone(), Limit { messages: REQUESTS, bytes: usize::MAX }));
+    // A node that waits for a message must see a request to end at once.
     stop.wakes(&queue);
     let live = Live {
         report: NodeReport::new(node_name.fully_qualified()),
@@ -131,7 +132,7 @@ pub fn run(
         queue,
         publishers,
         inputs: Inputs::default(),
-        taken: transport.advertise(&node_name, &Address::resolve(&node_name, &pacing::topic())?)?,
+        taken: transport.advertise(&node_name, &Address::resolve(&node_name, &taken_topic())?)?,
         pacing: Pacing::default(),
         diagnostics: Diagnostics::new(&node_name, transport)?,
         parameter_events: ParameterEvents::new(&node_name, transport)?,
@@ -150,6 +151,7 @@ impl Live<'_> {
         self.subscribe()?;
         self.time.follow(&self.settings(), &self.node_name, self.transport)?;
         let served = self.serve_parameters()?;
+        // Last of all: a node that waits for this one may send at once.
         let announced = self.transport.announce(&self.node_name)?;
         self.parameter_events.started(self.time.now_ns(), &self.settings());
         self.keep_account(WriteReason::Edge);
@@ -160,9 +162,11 @@ impl Live<'_> {
         };
         // Out of the graph before the publishers go, so that no other node waits for this one.
         drop((announced, served));
+        // From here on requests are refused, so that no caller waits for a node that has ended.
         self.queue.end();
         std::mem::take(&mut self.inputs).close(&self.queue, &mut self.report);
         self.report.status.extend(status_of(&*self.node));
+        // The report of a node that failed stays one of a node that crashed, whose frames are missing.
         self.report.running = ended.is_err();
         if let Some(file) = &mut self.report_file {
             file.write(&self.report, self.time.ticks_ns());
@@ -174,6 +178,7 @@ impl Live<'_> {
     fn keep_account(&mut self, reason: WriteReason) {
         let now = self.time.ticks_ns();
         let Some(file) = self.report_file.as_mut().filter(|file| file.is_due(reason, now)) else { return };
+        // A copy: the counts of open subscriptions go into the file, and into the report only when they are closed.
         let mut report = NodeReport { running: true, ..self.report.clone() };
         self.inputs.count(&self.queue, &mut report);
         report.status.extend(status_of(&*self.node));
@@ -203,9 +208,9 @@ impl Live<'_> {
         let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::All));
         let parameters = self.parameters.clone();
         let read = move || parameters.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let request = move |request| match queue.push(lane, Event::Request(request))? {
-            Event::Request(request) => Some(request),
-            Event::Message(_) | Event::Taken(_) => None,
+        let request = move |request| match queue.push(lane, LiveEvent::Request(request))? {
+            LiveEvent::Request(request) => Some(request),
+            LiveEvent::Message(_) | LiveEvent::Taken(_) => None,
         };
         let port = ParameterPort { read: Box::new(read), request: Box::new(request) };
         self.transport.serve_parameters(&self.node_name, port)
@@ -217,6 +222,7 @@ impl Live<'_> {
 
     /// Applies a request between two steps, unless its caller has given up.
     fn answer(&mut self, request: &ParameterRequest) -> Result<(), RunError> {
+        // A caller that gave up has reported that the value is unchanged.
         if !request.claim.take() {
             return Ok(());
         }
@@ -224,6 +230,7 @@ impl Live<'_> {
         if let Err(why) = &answer {
             tracing::warn!(node = %self.report.node, "{why}");
         }
+        // A parameter may change the inputs of the node or its clock.
         self.subscribe()?;
         self.time.follow(&self.settings(), &self.node_name, self.transport)?;
         // Fails only when the caller has gone.
@@ -258,13 +265,16 @@ impl Live<'_> {
                     if self.handle(arrived)? == Flow::Done {
                         return Ok(());
                     }
+                    // Each message restarts both waits, since more may follow it.
                     (quiet_since, alone_since) = (None, None);
                 }
                 Next::Idle | Next::Ended if draining => {
                     let now = self.time.ticks_ns();
+                    // Counted from the first idle moment after a message or after the request to end.
                     let quiet = now - *quiet_since.get_or_insert(now);
                     let alone =
                         if self.has_upstream() { None } else { Some(*alone_since.get_or_insert(now)) };
+                    // A message may still be on its way after the token of its publisher has gone.
                     let settled =
                         alone.is_some_and(|since| now - since >= nanoseconds(self.transport.settling()));
                     if settled || quiet > DRAIN_LIMIT_NS {
@@ -281,11 +291,11 @@ impl Live<'_> {
         self.inputs.addresses.iter().any(|address| !self.transport.publishers(&address.topic).is_empty())
     }
 
-    fn handle(&mut self, arrived: Arrived<Event>) -> Result<Flow, RunError> {
+    fn handle(&mut self, arrived: Arrived<LiveEvent>) -> Result<Flow, RunError> {
         match arrived.item {
-            Event::Message(incoming) => self.handle_message(arrived.lane, incoming),
-            Event::Request(request) => self.answer(&request).map(|()| Flow::Continue),
-            Event::Taken(incoming) => {
+            LiveEvent::Message(incoming) => self.handle_message(arrived.lane, incoming),
+            LiveEvent::Request(request) => self.answer(&request).map(|()| Flow::Continue),
+            LiveEvent::Taken(incoming) => {
                 if let Ok(Message::Diagnostics(taken)) = incoming.open(MessageKind::Diagnostics) {
                     self.pacing.note(&taken);
                 }
@@ -304,17 +314,20 @@ impl Live<'_> {
                 return Ok(Flow::Continue);
             }
         };
+        // The stamp is kept, because the step consumes the message.
         let told = (kind == MessageKind::Image && self.taken.wanted()).then(|| message.stamp());
         let passes_on =
             self.publishers.iter().any(|(a, publisher)| a.kind == MessageKind::Image && publisher.wanted());
+        // Before the step: the source can make the next frame while this one is worked on.
         if let Some(stamp) = told.filter(|_| !passes_on) {
             self.tell_taken(stamp, &[]);
         }
         let (flow, messages) = self.step(Trigger::Message { input, message }, &topic)?;
         self.send_all(&messages);
+        // A frame that is kept has no result yet; the step that answers it tells.
         if passes_on && flow != Flow::Kept && self.taken.wanted() {
             let topic_of = |output: usize| self.publishers.get(output).map(|(a, _)| a.topic.as_str());
-            let sent = pacing::images(&messages, topic_of);
+            let sent = images(&messages, topic_of);
             if let Some((stamp, topics)) = sent.or(told.map(|stamp| (stamp, Vec::new()))) {
                 self.tell_taken(stamp, &topics);
             }
@@ -323,7 +336,7 @@ impl Live<'_> {
     }
 
     fn tell_taken(&self, stamp: Time, topics: &[String]) {
-        if let Err(why) = self.taken.put(&pacing::taken(&self.report.node, stamp, topics)) {
+        if let Err(why) = self.taken.put(&taken_message(&self.report.node, stamp, topics)) {
             tracing::warn!(node = %self.report.node, "{why}");
         }
     }
@@ -346,13 +359,15 @@ impl Live<'_> {
                 if stream.is_some() {
                     add(&mut self.report.bad, topic, 1);
                 }
+                // They are counted as sent already, and were made before the step failed.
                 self.send_all(&output.messages);
                 Err(RunError::Fatal(self.report.node.clone(), why))
             }
         }
     }
 
-    /// Counts the output of a step before it is sent: messages that a crash keeps from being sent are then missed by their readers.
+    /// Counts the output of a step before it is sent: messages that a crash keeps from being sent are then missed by
+    /// their readers.
     fn book(&mut self, output: &StepOutput, stream: Option<&str>) {
         for (stage, duration) in &output.stages {
             self.report.book_stage(stage, *duration);
@@ -372,6 +387,7 @@ impl Live<'_> {
     /// Brings the accounts on the disk up to date, and then sends `messages`.
     fn send_all(&mut self, messages: &[(usize, Message)]) {
         self.keep_account(if self.node.period().is_some() { WriteReason::Source } else { WriteReason::Step });
+        // Before the frame leaves: a crash in between loses it, but never sends it twice.
         if let (Some(saved), Some(position)) = (&self.saved, self.node.position()) {
             saved.keep_position(position);
         }
@@ -389,7 +405,7 @@ impl Live<'_> {
         }
     }
 
-    /// Once a second, publishes the state of the node on `/diagnostics` and writes it to its report file.
+    /// Publishes the state of the node on `/diagnostics` and writes it to its report file, once a second.
     fn tell_when_due(&mut self) {
         self.keep_account(WriteReason::Idle);
         if self.diagnostics.is_due(&self.time) {

@@ -29,6 +29,7 @@ impl ZenohTransport {
             sleep(GLANCE);
             waited += GLANCE;
             let now = self.graph();
+            // Tokens come one by one, so a pause is taken to mean that the graph is complete.
             unchanged = if now.tokens().eq(graph.tokens()) { unchanged + GLANCE } else { Duration::ZERO };
             graph = now;
         }
@@ -61,11 +62,13 @@ impl ZenohTransport {
     pub fn listen(&self, topic: &str, stop: Stop) -> Result<TopicListener, TransportError> {
         let graph = self.graph_with(topic)?;
         let publisher = graph.endpoints(EntityKind::Publisher, topic).next();
+        // Readers name the type as well, so a topic can be listened to before its publisher comes.
         let any = publisher.or_else(|| graph.endpoints(EntityKind::Subscription, topic).next());
         let endpoint = any.and_then(|token| token.endpoint.clone());
         let gone = || TransportError::new(format!("topic {topic}"), "all of its endpoints are gone");
         let endpoint = endpoint.ok_or_else(gone)?;
         let node_name = NodeName { name: "modulo_topic".into(), namespace: "/".into(), remaps: Vec::new() };
+        // The command appears in the graph as a node, as the tools of ROS 2 do.
         let node = self.announce(&node_name)?;
         let samples = Arc::new(Queue::new(self.clock.clone(), WAITING));
         stop.wakes(&samples);

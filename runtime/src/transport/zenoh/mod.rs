@@ -8,15 +8,15 @@ mod listen;
 mod service;
 mod session;
 mod topic;
-mod watch;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::Subscriber;
+use zenoh::sample::SampleKind;
 use zenoh::{Session, Wait};
 
 pub use listen::TopicListener;
@@ -42,14 +42,15 @@ pub struct ZenohTransport {
 }
 
 impl ZenohTransport {
-    /// Opens a session in `domain`. `ZENOH_SESSION_CONFIG_URI` replaces the configuration, `ZENOH_CONFIG_OVERRIDE` ("key=json5;key=json5") changes single keys of it. `hashes` is the form that the other nodes of the domain use.
+    /// Opens a session in `domain`. `ZENOH_SESSION_CONFIG_URI` replaces the configuration, `ZENOH_CONFIG_OVERRIDE`
+    /// ("key=json5;key=json5") changes single keys of it. `hashes` is the form that the other nodes of the domain use.
     ///
     /// # Errors
     /// [`TransportError`] with the error of zenoh.
     pub fn open(domain: u32, hashes: Hashes, clock: Arc<dyn Clock>) -> Result<Self, TransportError> {
         let session = session::open_session(domain)?;
         let graph = Arc::new(Mutex::new(Graph::default()));
-        let watch = watch::start(&session, domain, &graph)?;
+        let watch = watch_graph(&session, domain, &graph)?;
         Ok(Self {
             session,
             domain,
@@ -79,7 +80,9 @@ impl ZenohTransport {
     }
 
     fn token(&self, node: &NodeName, kind: EntityKind, endpoint: Option<Endpoint>) -> Token {
+        // All endpoints of a node carry its number, whichever of them is declared first.
         let node_id = *lock(&self.node_ids).entry(node.fully_qualified()).or_insert_with(|| self.new_id());
+        // As in rmw_zenoh, a node and its endpoints are numbered by one counter.
         let entity_id = if kind == EntityKind::Node { node_id } else { self.new_id() };
         Token {
             domain: self.domain,
@@ -160,7 +163,7 @@ impl Transport for ZenohTransport {
         lock(&self.graph).endpoints(EntityKind::Subscription, topic).map(Token::node_name).collect()
     }
 
-    /// The end of a token travels in another queue than the data and may overtake it.
+    /// Returns 300 ms: the end of a token travels in another queue than the data and may overtake it.
     fn settling(&self) -> Duration {
         Duration::from_millis(300)
     }
@@ -172,4 +175,47 @@ fn stamp(clock: &dyn Clock) -> i64 {
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Keeps `graph` as it is in `domain` until the subscriber is dropped, and warns once about each endpoint that does not
+/// fit an endpoint of this session, since zenoh gives no warning.
+fn watch_graph(
+    session: &Session,
+    domain: u32,
+    graph: &Arc<Mutex<Graph>>,
+) -> Result<Subscriber<()>, TransportError> {
+    let (graph, own) = (graph.clone(), session.zid().to_string());
+    let said = Mutex::new(BTreeSet::new());
+    session
+        .liveliness()
+        .declare_subscriber(keys::token_selector(domain))
+        // Tokens from before this session count as well.
+        .history(true)
+        .callback(move |sample| {
+            let key = sample.key_expr().as_str();
+            match sample.kind() {
+                SampleKind::Put => {
+                    for conflict in appear(&graph, key, &own) {
+                        // A token comes again after each reconnection, but its conflict is told once.
+                        if lock(&said).insert(conflict.clone()) {
+                            tracing::warn!("{conflict}");
+                        }
+                    }
+                }
+                SampleKind::Delete => lock(&graph).disappear(key),
+            }
+        })
+        .wait()
+        .map_err(|why| TransportError::new(format!("watch of domain {domain}"), why))
+}
+
+/// Adds a token to the graph. Returns its conflicts with the endpoints of session `own` in words.
+fn appear(graph: &Mutex<Graph>, key: &str, own: &str) -> Vec<String> {
+    let mut graph = lock(graph);
+    graph.appear(key);
+    // Other programs may use keys of this form for something else.
+    let Some(token) = Token::parse(key) else { return Vec::new() };
+    let conflicts = graph.conflicts_with(&token);
+    let ours = conflicts.filter(|(other, _)| token.session == own || other.session == own);
+    ours.map(|(_, conflict)| conflict.to_string()).collect()
 }

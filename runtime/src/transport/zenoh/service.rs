@@ -10,8 +10,7 @@ use zenoh::query::{ConsolidationMode, Query, QueryTarget};
 
 use super::{ZenohTransport, stamp};
 use crate::clock::Clock;
-use crate::graph::NodeName;
-use crate::graph::type_description;
+use crate::graph::{NodeName, type_description};
 use crate::parameter::service::Service;
 use crate::transport::attachment::Attachment;
 use crate::transport::keys::{self, Endpoint, EntityKind};
@@ -38,11 +37,13 @@ impl ZenohTransport {
             .get(self.key(&endpoint))
             .payload(request)
             .attachment(attachment.to_bytes().as_slice())
+            // Service servers declare themselves complete; without consolidation, the first answer comes at once.
             .target(QueryTarget::AllComplete)
             .consolidation(ConsolidationMode::None)
             .timeout(patience)
             .wait()
             .map_err(|why| failed(&why))?;
+        // The channel closes at the timeout, or at once when no server has the key.
         let reply = replies.recv().map_err(|_| failed(&self.why_nobody_answers(&endpoint)))?;
         match reply.result() {
             Ok(sample) => Ok(sample.payload().to_bytes().into_owned()),
@@ -50,7 +51,7 @@ impl ZenohTransport {
         }
     }
 
-    /// Returns a server with another hash is another key to zenoh.
+    /// Returns why there is no answer: a server with another hash is another key to zenoh.
     fn why_nobody_answers(&self, asked: &Endpoint) -> String {
         let graph = self.graph();
         let servers = graph.endpoints(EntityKind::Server, &asked.topic);
@@ -66,13 +67,13 @@ impl ZenohTransport {
         }
     }
 
-    /// Returns the services that every ROS 2 node has.
+    /// Serves the services that every ROS 2 node has.
     pub(super) fn serve(&self, node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError> {
         self.serve_raw(node, handlers(port))
     }
 
-    /// Queryables that feed one thread: a request may wait for the frame at hand, and zenoh's own threads must not wait
-    /// with it. A caller for whom there is no room is answered with an error at once.
+    /// Serves `handlers` by one thread for all of them: a request may wait for the frame at hand, and zenoh's own
+    /// threads must not wait with it. A caller for whom there is no room is answered with an error at once.
     ///
     /// # Errors
     /// [`TransportError`] with the error of zenoh.
@@ -100,12 +101,14 @@ impl ZenohTransport {
             guards.push(Box::new((queryable, token)));
         }
         let (clock, calls) = (self.clock.clone(), queue.clone());
+        // One thread for all services, so that answers come in the order of the calls.
         thread::Builder::new()
             .name("services".into())
             .spawn(move || {
                 while let Next::Item(arrived) = calls.take(None) {
                     let Call { service, query } = arrived.item;
                     let handler = &handlers[service];
+                    // The caller gets the error, too: without any reply it would wait for its timeout.
                     if let Err(why) = reply(handler, &query, &*clock) {
                         tracing::warn!("service {}: {why}", handler.name);
                         refuse(&query, &why);
@@ -196,6 +199,7 @@ fn reply(handler: &RawService, query: &Query, clock: &dyn Clock) -> Result<(), S
     let caller = attachment.as_deref().and_then(Attachment::parse).ok_or("a request without attachment")?;
     let request = query.payload().ok_or("a request without payload")?.to_bytes();
     let answer = (handler.answer)(&request).map_err(|why| why.to_string())?;
+    // The answer repeats the number and the id of the caller, by which rmw_zenoh finds its request.
     let attachment = Attachment { stamp_ns: stamp(clock), ..caller }.to_bytes();
     let reply = query.reply(query.key_expr().clone(), answer).attachment(attachment.as_slice());
     reply.wait().map_err(|why| why.to_string())

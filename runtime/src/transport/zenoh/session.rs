@@ -11,7 +11,7 @@ const MEETING_PORT: u16 = 7450;
 
 /// The part of a session in the meeting of the sessions of a machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Role {
+enum SessionRole {
     /// Listens on the meeting port.
     Host,
     /// Connects to it, again and again if it must.
@@ -27,17 +27,18 @@ pub(super) fn open_session(domain: u32) -> Result<Session, TransportError> {
     // Without a turn, another session may take the port between the look and the opening, of which zenoh would warn.
     let turn = wait_for_turn(domain);
     let free = std::net::TcpListener::bind(("127.0.0.1", meeting_port(domain))).is_ok();
-    if free && let Ok(session) = open(Role::Host) {
+    if free && let Ok(session) = open(SessionRole::Host) {
         return Ok(session);
     }
     drop(turn);
-    open(Role::Guest)
+    open(SessionRole::Guest)
 }
 
-/// Waits until no other session of this machine and `domain` is being opened. The turn ends when the file is dropped. It
-/// is `None` where no file can be locked; sessions then meet all the same.
+/// Waits until no other session of this machine and `domain` is being opened. The turn ends when the file is dropped.
+/// It is `None` where no file can be locked; sessions then meet all the same.
 fn wait_for_turn(domain: u32) -> Option<File> {
     let path = std::env::temp_dir().join(format!("modulo-meeting-{}.lock", meeting_port(domain)));
+    // The file is only locked and never read, so it stays empty.
     let own = File::options().create(true).append(true).open(&path);
     // The file of another user can be locked, too, although it cannot be written.
     let file = own.or_else(|_| File::open(&path)).ok()?;
@@ -50,7 +51,7 @@ pub fn meeting_port(domain: u32) -> u16 {
     u16::try_from(domain).unwrap_or(u16::MAX).saturating_add(MEETING_PORT)
 }
 
-fn configuration(domain: u32, role: Role) -> Result<Config, TransportError> {
+fn configuration(domain: u32, role: SessionRole) -> Result<Config, TransportError> {
     let mut config = match std::env::var("ZENOH_SESSION_CONFIG_URI") {
         Ok(path) if !path.is_empty() => Config::from_file(&path)
             .map_err(|why| TransportError::new(format!("ZENOH_SESSION_CONFIG_URI = {path}"), why))?,
@@ -62,6 +63,7 @@ fn configuration(domain: u32, role: Role) -> Result<Config, TransportError> {
             config
         }
     };
+    // After the file or the defaults, so that one key can be changed without a file.
     let overrides = std::env::var("ZENOH_CONFIG_OVERRIDE").unwrap_or_default();
     for pair in overrides.split(';').filter(|pair| !pair.trim().is_empty()) {
         let (key, value) = pair.split_once('=').ok_or_else(|| {
@@ -79,17 +81,18 @@ fn insert(config: &mut Config, key: &str, value: &str) -> Result<(), TransportEr
         .map_err(|why| TransportError::new(format!("zenoh configuration {key} = {value}"), why))
 }
 
-/// rmw_zenoh's session, plus the meeting port, plus queues that hold a whole image: with zenoh's default of two batches
-/// a 1.4 MB image is dropped as soon as its reader is a millisecond late.
-fn defaults(domain: u32, role: Role) -> Vec<(&'static str, String)> {
+/// Returns rmw_zenoh's session, plus the meeting port, plus queues that hold a whole image: with zenoh's default of two
+/// batches a 1.4 MB image is dropped as soon as its reader is a millisecond late.
+fn defaults(domain: u32, role: SessionRole) -> Vec<(&'static str, String)> {
     let meeting = format!("\"tcp/127.0.0.1:{}\"", meeting_port(domain));
     let (listen, connect) = match role {
-        Role::Host => (format!(", {meeting}"), String::new()),
-        Role::Guest => (String::new(), format!(", {meeting}")),
+        SessionRole::Host => (format!(", {meeting}"), String::new()),
+        SessionRole::Guest => (String::new(), format!(", {meeting}")),
     };
     vec![
         ("mode", "\"peer\"".into()),
         ("connect/endpoints", format!("[\"tcp/127.0.0.1:7447\"{connect}]")),
+        // Without a limit: the other session may come at any time.
         ("connect/timeout_ms", "-1".into()),
         ("connect/exit_on_failure", "false".into()),
         ("connect/retry", "{ period_init_ms: 100, period_max_ms: 1000, period_increase_factor: 2 }".into()),
@@ -98,8 +101,10 @@ fn defaults(domain: u32, role: Role) -> Vec<(&'static str, String)> {
         ("listen/timeout_ms", "0".into()),
         // A session also works without any other session.
         ("open/return_conditions/connect_scouted", "false".into()),
+        // As in rmw_zenoh: sessions learn of each other by gossip and never by multicast.
         ("scouting/multicast/enabled", "false".into()),
         ("scouting/gossip/enabled", "true".into()),
+        // The cache for late readers needs the time of each sample.
         ("timestamping/enabled", "true".into()),
         ("queries_default_timeout", "600000".into()),
         // One key turns it on: large payloads then go through shared memory.

@@ -20,8 +20,7 @@ use crate::clock::Clock;
 use crate::graph::NodeName;
 use crate::message::Message;
 use crate::transport::attachment::Attachment;
-use crate::transport::keys::{Endpoint, EntityKind};
-use crate::transport::profile::{self, Durability, Profile};
+use crate::transport::keys::{self, Durability, Endpoint, EntityKind, Profile};
 use crate::transport::{Guard, Payload, Publisher, RawSample, TransportError};
 
 /// Interval at which a publisher for late readers sends the number of its last sample.
@@ -47,6 +46,7 @@ impl ZenohTransport {
         endpoint: &Endpoint,
     ) -> Result<RawPublisher, TransportError> {
         let profile = Profile::parse(&endpoint.qos);
+        // A bag may name another form of hash than this domain uses.
         let endpoint = Endpoint { type_hash: self.hash(endpoint.type_hash.clone()), ..endpoint.clone() };
         let publisher = self
             .publisher(self.key(&endpoint), profile)
@@ -72,6 +72,7 @@ impl ZenohTransport {
         take: impl Fn(RawSample) + Send + Sync + 'static,
     ) -> Result<Guard, TransportError> {
         let take = move |sample: Sample| {
+            // Samples without an attachment come from programs outside of ROS and are still passed on.
             let attachment = sample.attachment().map(|a| a.to_bytes());
             take(RawSample {
                 payload: payload(sample.payload()),
@@ -81,13 +82,15 @@ impl ZenohTransport {
         let subscriber = self
             .subscriber(self.key(endpoint), Profile::parse(&endpoint.qos), take)
             .map_err(|why| TransportError::new(format!("subscription of {}", endpoint.topic), why))?;
+        // The token comes last: a publisher that sees it may send at once.
         let token = self.declare(&self.token(node, EntityKind::Subscription, Some(endpoint.clone())))?;
         Ok(Box::new((subscriber, token)))
     }
 
-    /// Declares a publisher as rmw_zenoh does: it never waits for a reader, and keeps its last samples if it serves late readers.
+    /// Declares a publisher as rmw_zenoh does: it never waits for a reader, and keeps its last samples if it serves
+    /// late readers.
     fn publisher(&self, key: String, profile: Profile) -> zenoh::Result<AdvancedPublisher<'static>> {
-        let reliable = profile.reliability == profile::Reliability::Reliable;
+        let reliable = profile.reliability == keys::Reliability::Reliable;
         let publisher = self
             .session
             .declare_publisher(key)
@@ -97,8 +100,10 @@ impl ZenohTransport {
         match profile.durability {
             Durability::Volatile => publisher.wait(),
             Durability::TransientLocal => {
+                // The publisher keeps what its depth promises; a reader asks for it when it finds the publisher.
                 let kept = CacheConfig::default().max_samples(profile.depth);
                 let publisher = publisher.cache(kept).publisher_detection();
+                // By best effort, a missed sample is not asked for again, so its number need not be sent.
                 if !reliable {
                     return publisher.wait();
                 }
@@ -108,7 +113,8 @@ impl ZenohTransport {
         }
     }
 
-    /// Declares a subscriber as rmw_zenoh does: one for earlier samples gets those of present publishers, and of publishers that it finds later.
+    /// Declares a subscriber as rmw_zenoh does: one for earlier samples gets those of present publishers, and of
+    /// publishers that it finds later.
     fn subscriber(
         &self,
         key: String,
@@ -119,11 +125,12 @@ impl ZenohTransport {
         if profile.durability == Durability::Volatile {
             return Ok(Box::new(subscriber.wait()?));
         }
+        // Publishers that appear later are asked for their last samples, too.
         let history = HistoryConfig::default().detect_late_publishers().max_samples(profile.depth);
         let subscriber = subscriber.history(history).subscriber_detection();
         Ok(match profile.reliability {
-            profile::Reliability::BestEffort => Box::new(subscriber.wait()?),
-            profile::Reliability::Reliable => {
+            keys::Reliability::BestEffort => Box::new(subscriber.wait()?),
+            keys::Reliability::Reliable => {
                 Box::new(subscriber.recovery(RecoveryConfig::default().heartbeat()).wait()?)
             }
         })

@@ -1,10 +1,11 @@
-//! Cars, vans and trucks: painted blocks with windows, lamps and wheels.
+//! The solids of the traffic: cars, vans and trucks, which are painted blocks with windows, lamps and wheels, and
+//! pedestrians, cyclists and trees, which are made of rods.
 //!
-//! Their own axes are (right, up, forward) from the ground below the middle.
+//! Their own axes are (right, up, forward) from the ground below the middle, or between the feet or wheels.
 
 use super::hash::{Random, wave};
 use super::light::{Lamps, Rgb, scaled};
-use super::solid::{Block, Body, Form, Halo, Panel, Part, Solid};
+use super::solid::{Block, Halo, PartGeometry, PartGroup, Quadrilateral, ScenePart, Solid};
 
 const GLASS: Rgb = [0.10, 0.12, 0.15];
 const TYRE: Rgb = [0.05, 0.05, 0.055];
@@ -48,7 +49,8 @@ pub(super) fn car(random: &mut Random, lamps: Lamps) -> Solid {
         half: [half * 0.93, half * 0.74],
     };
     let axles = [-0.62 * long, 0.62 * long];
-    let mut all = Body::default();
+    let mut all = PartGroup::default();
+    // Painter's order: the tyres below the body, the body over them, and the sides of the wheels over both.
     wheels(&mut all, half, &axles, 0.33);
     shell(&mut all, &body, paint);
     wheel_sides(&mut all, half, &axles, 0.33);
@@ -83,7 +85,8 @@ pub(super) fn van(random: &mut Random, lamps: Lamps) -> Solid {
         front: [long, 0.95 * long],
         half: [half * 0.99, half * 0.95],
     };
-    let (mut back, mut front) = (Body::default(), Body::default());
+    // Two groups, since no single order holds: from ahead the nose hides the hull, from behind the hull hides it.
+    let (mut back, mut front) = (PartGroup::default(), PartGroup::default());
     wheels(&mut back, half, &[-0.60 * long], 0.36);
     shell(&mut back, &hull, paint);
     wheel_sides(&mut back, half, &[-0.60 * long], 0.36);
@@ -98,7 +101,7 @@ pub(super) fn van(random: &mut Random, lamps: Lamps) -> Solid {
 }
 
 /// Adds the windows, the split door and the side rails of a van.
-fn van_hull(body: &mut Body, hull: &Block, paint: Rgb) {
+fn van_hull(body: &mut PartGroup, hull: &Block, paint: Rgb) {
     let sides = hull.panels();
     let mut patch =
         |side: usize, at: [f32; 4], albedo: Rgb| body.parts.push(sides[side].patch(at, albedo, DARK));
@@ -119,8 +122,9 @@ pub(super) fn truck(random: &mut Random, lamps: Lamps) -> Solid {
     let high = random.between(3.3, 3.8);
     let cargo = Block { height: [1.00, high], rear: [-4.2; 2], front: [1.9; 2], half: [1.25, 1.25] };
     let cab = Block { height: [0.45, 2.75], rear: [2.2; 2], front: [4.0, 3.75], half: [1.18, 1.12] };
+    // The frame ends where the cab begins, so that no gap shows below the cargo.
     let frame = Block { height: [0.50, 1.00], rear: [-4.1; 2], front: [2.2; 2], half: [1.05, 1.05] };
-    let (mut back, mut front) = (Body::default(), Body::default());
+    let (mut back, mut front) = (PartGroup::default(), PartGroup::default());
     wheels(&mut back, 1.18, &[-3.2, -2.0], 0.50);
     shell(&mut back, &frame, CHASSIS);
     wheel_sides(&mut back, 1.18, &[-3.2, -2.0], 0.50);
@@ -137,7 +141,7 @@ pub(super) fn truck(random: &mut Random, lamps: Lamps) -> Solid {
 }
 
 /// Adds the windows and the grille of a lorry's cab.
-fn cabin(body: &mut Body, cab: &Block) {
+fn cabin(body: &mut PartGroup, cab: &Block) {
     let sides = cab.panels();
     body.parts.push(sides[FRONT].patch([0.06, 0.50, 0.94, 0.90], GLASS, DARK));
     body.parts.push(sides[FRONT].patch([0.15, 0.28, 0.85, 0.42], CHASSIS, DARK));
@@ -147,7 +151,7 @@ fn cabin(body: &mut Body, cab: &Block) {
 }
 
 /// Adds the doors, stripes and edges of a box body.
-fn boxed(body: &mut Body, cargo: &Block, load: Rgb) {
+fn boxed(body: &mut PartGroup, cargo: &Block, load: Rgb) {
     let dim = scaled(load, 0.40);
     let sides = cargo.panels();
     for [u1, v1, u2, v2] in [[0.485, 0.03, 0.515, 0.97], [0.0, 0.0, 0.05, 1.0], [0.95, 0.0, 1.0, 1.0]] {
@@ -161,7 +165,7 @@ fn boxed(body: &mut Body, cargo: &Block, load: Rgb) {
 }
 
 /// Adds the painted outside of a block.
-fn shell(body: &mut Body, block: &Block, paint: Rgb) {
+fn shell(body: &mut PartGroup, block: &Block, paint: Rgb) {
     for panel in block.panels() {
         body.parts.push(panel.patch([0.0, 0.0, 1.0, 1.0], paint, DARK));
     }
@@ -169,18 +173,20 @@ fn shell(body: &mut Body, block: &Block, paint: Rgb) {
 
 /// Adds the lamps, bumper and number plate of one end, [`REAR`] or [`FRONT`]; `band` is the height of the lamps
 /// on the panel, 0 to 1.
-fn fittings(body: &mut Body, panel: &Panel, end: usize, band: [f32; 2], lamps: Lamps) {
+fn fittings(body: &mut PartGroup, panel: &Quadrilateral, end: usize, band: [f32; 2], lamps: Lamps) {
     let (albedo, glow) = if end == REAR {
         ([0.50, 0.04, 0.03], [0.30, 0.025, 0.015])
     } else {
         ([0.85, 0.85, 0.80], [0.42, 0.41, 0.37])
     };
     let glow = if lamps == Lamps::On { glow } else { DARK };
+    // Bumper and number plate come first, since the lamps overlap the bumper.
     body.parts.push(panel.patch([0.0, 0.0, 1.0, 0.22], CHASSIS, DARK));
     body.parts.push(panel.patch([0.36, 0.24, 0.64, 0.42], [0.75; 3], DARK));
     let towards = if end == REAR { [0.0, 0.0, -1.0] } else { [0.0, 0.0, 1.0] };
     for [u1, u2] in [[0.02, 0.17], [0.83, 0.98]] {
         body.parts.push(panel.patch([u1, band[0], u2, band[1]], albedo, scaled(glow, 0.4)));
+        // A lamp that is off has no halo, but keeps its coloured glass.
         if glow != DARK {
             let at = panel.at(0.5 * (u1 + u2), 0.5 * (band[0] + band[1]));
             body.halos.push(Halo { at, towards, radius: 0.26, glow });
@@ -189,7 +195,7 @@ fn fittings(body: &mut Body, panel: &Panel, end: usize, band: [f32; 2], lamps: L
 }
 
 /// Adds the ends of the tyres, below the body.
-fn wheels(body: &mut Body, half: f32, axles: &[f32], radius: f32) {
+fn wheels(body: &mut PartGroup, half: f32, axles: &[f32], radius: f32) {
     for &axle in axles {
         for middle in [-half + 0.12, half - 0.12] {
             let tyre = Block {
@@ -199,7 +205,7 @@ fn wheels(body: &mut Body, half: f32, axles: &[f32], radius: f32) {
                 half: [0.11; 2],
             };
             for panel in tyre.panels() {
-                let moved = Panel(panel.0.map(|p| [p[0] + middle, p[1], p[2]]));
+                let moved = Quadrilateral(panel.0.map(|p| [p[0] + middle, p[1], p[2]]));
                 body.parts.push(moved.patch([0.0, 0.0, 1.0, 1.0], TYRE, DARK));
             }
         }
@@ -207,7 +213,7 @@ fn wheels(body: &mut Body, half: f32, axles: &[f32], radius: f32) {
 }
 
 /// Adds the outer sides of the wheels, in front of the body.
-fn wheel_sides(body: &mut Body, half: f32, axles: &[f32], radius: f32) {
+fn wheel_sides(body: &mut PartGroup, half: f32, axles: &[f32], radius: f32) {
     for &axle in axles {
         for side in [-half - 0.01, half + 0.01] {
             body.parts.push(disc([side, radius, axle], radius, TYRE));
@@ -217,11 +223,110 @@ fn wheel_sides(body: &mut Body, half: f32, axles: &[f32], radius: f32) {
 }
 
 /// Returns a disc of twelve corners that faces outwards, to the left when `x < 0`.
-fn disc([x, y, z]: [f32; 3], radius: f32, albedo: Rgb) -> Part {
+fn disc([x, y, z]: [f32; 3], radius: f32, albedo: Rgb) -> ScenePart {
+    // Corners must run clockwise as seen from outside, or the face would count as turned away.
     let spin = if x < 0.0 { 1.0 } else { -1.0 };
     let corner = |i: usize| {
         let t = -spin * i as f32 / 12.0;
         [x, y + radius * wave(t + 0.25), z + radius * wave(t)]
     };
-    Part { form: Form::Face((0..12).map(corner).collect()), albedo, glow: DARK }
+    ScenePart { geometry: PartGeometry::Face((0..12).map(corner).collect()), albedo, glow: DARK }
+}
+
+const SKIN: [Rgb; 3] = [[0.62, 0.44, 0.34], [0.40, 0.26, 0.18], [0.24, 0.15, 0.10]];
+const HAIR: [Rgb; 3] = [[0.10, 0.07, 0.05], [0.30, 0.20, 0.10], [0.40, 0.38, 0.36]];
+const TOPS: [Rgb; 6] = [
+    [0.70, 0.68, 0.64],
+    [0.60, 0.14, 0.12],
+    [0.20, 0.34, 0.62],
+    [0.55, 0.48, 0.22],
+    [0.42, 0.24, 0.46],
+    [0.34, 0.46, 0.38],
+];
+const TROUSERS: [Rgb; 4] = [[0.16, 0.20, 0.34], [0.22, 0.21, 0.20], [0.44, 0.38, 0.28], [0.30, 0.32, 0.36]];
+const VESTS: [Rgb; 3] = [[0.82, 0.86, 0.12], [0.90, 0.42, 0.06], [0.86, 0.86, 0.84]];
+const METAL: Rgb = [0.34, 0.34, 0.36];
+const RUBBER: Rgb = [0.06, 0.06, 0.065];
+
+/// Makes a pedestrian; `stride` is in periods of two steps.
+pub(super) fn pedestrian(random: &mut Random, stride: f32) -> Solid {
+    let k = random.between(0.90, 1.08);
+    let (skin, hair) = (random.pick(&SKIN), random.pick(&HAIR));
+    let (top, legs) = (random.pick(&TOPS), random.pick(&TROUSERS));
+    let swing = 0.32 * wave(stride);
+    let at = |right: f32, up: f32, forward: f32| [right * k, up * k, forward * k];
+    let mut body = PartGroup::default();
+    for (side, reach) in [(-1.0, swing), (1.0, -swing)] {
+        // The knee goes half as far as the foot and a little ahead, so that legs bend as in a step.
+        let knee = at(0.10 * side, 0.48, 0.55 * reach + 0.04);
+        body.rod(at(0.09 * side, 0.90, 0.0), knee, 0.095 * k, legs);
+        body.rod(knee, at(0.10 * side, 0.07, reach), 0.075 * k, legs);
+        body.rod(at(0.10 * side, 0.05, reach), at(0.11 * side, 0.05, reach + 0.12), 0.06 * k, RUBBER);
+    }
+    body.rod(at(-0.25, 1.38, 0.0), at(-0.28, 0.92, swing), 0.065 * k, top);
+    body.rod(at(0.25, 1.38, 0.0), at(0.28, 0.92, -swing), 0.065 * k, top);
+    body.rod(at(0.0, 0.98, 0.0), at(0.0, 1.32, 0.0), 0.19 * k, top);
+    body.rod(at(-0.12, 1.38, 0.0), at(0.12, 1.38, 0.0), 0.11 * k, top);
+    body.rod(at(0.0, 1.50, 0.0), at(0.0, 1.58, 0.02), 0.085 * k, skin);
+    body.rod(at(0.0, 1.66, 0.01), at(0.0, 1.68, 0.0), 0.115 * k, hair);
+    body.rod(at(0.0, 1.60, 0.03), at(0.0, 1.60, 0.04), 0.095 * k, skin);
+    Solid(vec![body])
+}
+
+/// Makes a person on a bicycle; `stride` is in turns of the pedals.
+pub(super) fn cyclist(random: &mut Random, stride: f32) -> Solid {
+    let (skin, vest) = (random.pick(&SKIN), random.pick(&VESTS));
+    let (legs, helmet) = (random.pick(&TROUSERS), random.pick(&VESTS));
+    let mut body = PartGroup::default();
+    for hub in [-0.54, 0.54] {
+        ring(&mut body, hub, 0.36);
+    }
+    let (seat, pedals, bar) = ([0.0, 0.92, -0.20], [0.0, 0.32, 0.0], [0.0, 1.06, 0.42]);
+    for (a, b) in
+        [(seat, pedals), (pedals, bar), (seat, bar), ([0.0, 0.36, 0.54], bar), ([0.0, 0.36, -0.54], pedals)]
+    {
+        body.rod(a, b, 0.03, METAL);
+    }
+    body.rod([-0.34, 1.08, 0.40], [0.34, 1.08, 0.40], 0.035, METAL);
+    // The pedals are opposite to each other, half a turn apart.
+    for (side, phase) in [(-0.12, stride), (0.12, stride + 0.5)] {
+        let foot = [side * 1.2, 0.32 + 0.15 * wave(phase + 0.25), 0.15 * wave(phase)];
+        let knee = [side * 1.5, 0.5 * (foot[1] + 0.96) + 0.05, 0.26];
+        body.rod([side, 0.96, -0.18], knee, 0.095, legs);
+        body.rod(knee, foot, 0.07, legs);
+    }
+    body.rod([0.0, 1.06, -0.16], [0.0, 1.40, 0.10], 0.19, vest);
+    for side in [-1.0, 1.0] {
+        body.rod([0.20 * side, 1.44, 0.14], [0.31 * side, 1.12, 0.38], 0.06, vest);
+    }
+    body.rod([0.0, 1.60, 0.22], [0.0, 1.62, 0.22], 0.105, skin);
+    body.rod([0.0, 1.70, 0.14], [0.0, 1.70, 0.26], 0.115, helmet);
+    Solid(vec![body])
+}
+
+/// Adds a tyre of ten straight pieces around a hub at `forward`.
+fn ring(body: &mut PartGroup, forward: f32, radius: f32) {
+    let at = |i: usize| {
+        let t = i as f32 / 10.0;
+        [0.0, radius * (1.0 + wave(t + 0.25)), forward + radius * wave(t)]
+    };
+    for i in 0..10 {
+        body.rod(at(i), at(i + 1), 0.045, RUBBER);
+    }
+    body.rod([0.0, radius, forward], [0.0, radius, forward], 0.06, METAL);
+}
+
+/// Makes a tree beside the road; it is no object of the ground truth, but it can hide one.
+pub(super) fn tree(random: &mut Random) -> Solid {
+    let (high, wide) = (random.between(2.6, 3.6), random.between(1.0, 1.7));
+    let mut body = PartGroup::default();
+    body.rod([0.0, 0.0, 0.0], [0.0, high, 0.0], 0.14, [0.16, 0.12, 0.09]);
+    for i in 0..14 {
+        let shade = random.between(0.5, 1.3) * (0.75 + 0.03 * i as f32);
+        let leaf = [0.16 * shade, 0.27 * shade, 0.09 * shade];
+        let rise = random.between(-0.5, 1.0) + 0.1 * i as f32;
+        let at = [random.between(-wide, wide), high + rise, random.between(-0.6, 0.3)];
+        body.rod(at, [at[0] + 0.3, at[1] + 0.1, at[2]], random.between(0.35, 0.8), leaf);
+    }
+    Solid(vec![body])
 }

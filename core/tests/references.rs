@@ -1,14 +1,72 @@
-//! The phi of SPUD against two references in double precision: dense matrices, and stored samples of scipy's
-//! transforms (`tests/peers/spud_reference.py`).
+//! Results against those of other libraries: the cosine transform against rustdct, at the sizes of KITTI and at sizes
+//! with large prime factors, the phi of SPUD against dense matrices and scipy (`tests/peers/spud_reference.py`), and
+//! the metrics against scikit-image (`tests/peers/ssim_reference.py`).
 
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]
 
 use std::f64::consts::PI;
 
+use modulo_core::dct::Dct2;
+use modulo_core::metric::{LEAST_SIDE, mse, psnr_db, ssim};
 use modulo_core::unwrap::{Options, Spud, ThresholdOn, by_name};
 use modulo_core::{Frame, Range, Recovered, SamplePosition, UnwrapError};
 use ndarray::{Array2, Array3, Axis};
+use proptest::prelude::*;
+
+mod library;
+
+use library::{Direction, Library};
+
+/// The largest difference of two transforms in single precision.
+const BOUND: f32 = 2e-5;
+
+/// A plane without symmetry, in [-1, 1).
+fn noise(n: usize) -> Vec<f32> {
+    let hash = |i: u32| (i.wrapping_mul(2_654_435_761) ^ 0x9E37).wrapping_mul(40503) >> 8;
+    (0..n as u32).map(|i| hash(i) as f32 / (1 << 23) as f32 - 1.0).collect()
+}
+
+/// Returns the largest difference, relative where a coefficient is large, as that of the mean is.
+fn worst(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| (a - b).abs() / b.abs().max(1.0)).fold(0.0, f32::max)
+}
+
+fn assert_agrees(height: usize, width: usize) {
+    let plane = noise(height * width);
+    let (mut ours, mut theirs) = (plane.clone(), plane.clone());
+    let (mut dct, mut library) = (Dct2::new(height, width), Library::new(height, width));
+    dct.forward(&mut ours).unwrap();
+    library.transform(&mut theirs, Direction::Forward);
+    assert!(worst(&ours, &theirs) < BOUND, "{height} x {width}, forward: off by {}", worst(&ours, &theirs));
+    let energy = |p: &[f32]| p.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>();
+    assert!((energy(&ours) / energy(&plane) - 1.0).abs() < 1e-5, "{height} x {width}: not orthonormal");
+    // Each inverse on its own input: what a transform gets wrong, its own inverse could hide.
+    let (mut ours, mut theirs) = (plane.clone(), plane.clone());
+    dct.inverse(&mut ours).unwrap();
+    library.transform(&mut theirs, Direction::Inverse);
+    assert!(worst(&ours, &theirs) < BOUND, "{height} x {width}, inverse: off by {}", worst(&ours, &theirs));
+    dct.forward(&mut ours).unwrap();
+    assert!(worst(&ours, &plane) < BOUND, "{height} x {width}: no inverse");
+}
+
+#[test]
+fn agrees_with_the_library_at_the_sizes_of_kitti_and_of_large_primes() {
+    for (height, width) in
+        [(375, 1242), (374, 1238), (370, 1226), (376, 1241), (370, 1224), (1, 619), (613, 1)]
+    {
+        assert_agrees(height, width);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn agrees_with_the_library_at_any_size(height in 1usize..180, width in 1usize..180) {
+        assert_agrees(height, width);
+    }
+}
 
 /// The scene of `spud_reference.py`, in code units.
 fn scene(height: usize, width: usize, channels: usize) -> Array3<f32> {
@@ -34,6 +92,7 @@ fn dense_spud(y: &Array2<f64>, peak: f64, tau: f64) -> Array2<f64> {
     let centred = |d: f64| (d + peak / 2.0).rem_euclid(peak) - peak / 2.0;
     let mut rho = Array2::<f64>::zeros((h, w));
     for ((i, j), &here) in y.indexed_iter() {
+        // Each difference leaves one pixel and enters the other: the adjoint of the gradient.
         for (i2, j2) in [(i + 1, j), (i, j + 1)] {
             if let Some(&next) = y.get((i2, j2)) {
                 let g = centred(next - here);
@@ -143,4 +202,66 @@ fn counts_are_those_next_to_phi() {
         assert_eq!(right, x.len(), "{method}");
         assert_eq!(out.report.method, method);
     }
+}
+
+const METRICS: &str = include_str!("data/metric_golden.txt");
+
+type Dim = (usize, usize, usize);
+
+/// The function `image` of the script.
+fn image(dim: Dim) -> Array3<usize> {
+    Array3::from_shape_fn(dim, |(i, j, c)| {
+        let texture = (7919 * i + 104_729 * j + 1_299_709 * c) % 23;
+        let block = usize::from((i / 5 + j / 7) % 3 == 1);
+        (3 * i + 2 * j + 31 * c + texture + 60 * block).min(255)
+    })
+}
+
+/// The function `partner` of the script.
+fn partner(a: &Array3<usize>, kind: &str) -> Array3<usize> {
+    Array3::from_shape_fn(a.dim(), |(i, j, c)| {
+        let value = a[(i, j, c)];
+        match kind {
+            "noise" => (value + (31 * i + 17 * j + 7 * c) % 19).saturating_sub(9).min(255),
+            "shift" => a[(i, j.saturating_sub(1), c)],
+            "negative" => 255 - value,
+            "wrap" if (i / 16 + j / 16) % 2 == 1 => value / 2,
+            "wrap" => value,
+            _ => 128,
+        }
+    })
+}
+
+fn codes(values: &Array3<usize>) -> Array3<u8> {
+    values.mapv(|value| u8::try_from(value).expect("0 to 255"))
+}
+
+#[test]
+fn metrics_agree_with_scikit_image() {
+    let mut cases = 0;
+    for line in METRICS.lines() {
+        let words: Vec<&str> = line.split(' ').collect();
+        let [height, width, channels, kind, psnr, similarity] = words[..] else { panic!("{line}") };
+        let side = |text: &str| text.parse().expect("a whole number");
+        let number = |text: &str| text.parse::<f64>().expect("a number");
+        let a = image((side(height), side(width), side(channels)));
+        let (a, b) = (codes(&a), codes(&partner(&a, kind)));
+        let got = psnr_db(mse(&a, &b).unwrap()).unwrap();
+        assert!((got - number(psnr)).abs() < 1e-8, "{line}: psnr {got}");
+        let got = ssim(&a, &b).unwrap().unwrap();
+        assert!((got - number(similarity)).abs() < 1e-8, "{line}: ssim {got}");
+        cases += 1;
+    }
+    assert_eq!(cases, 7);
+}
+
+#[test]
+fn ssim_of_equal_pictures_is_one_and_small_ones_have_none() {
+    let a = codes(&image((20, 30, 3)));
+    assert!((ssim(&a, &a).unwrap().unwrap() - 1.0).abs() < 1e-12);
+    for dim in [(LEAST_SIDE - 1, 40, 3), (40, LEAST_SIDE - 1, 1), (1, 1, 1)] {
+        let a = codes(&image(dim));
+        assert_eq!(ssim(&a, &a), Ok(None), "{dim:?}");
+    }
+    assert!(ssim(&a, &codes(&image((20, 30, 1)))).is_err());
 }
