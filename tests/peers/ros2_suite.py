@@ -1,12 +1,14 @@
 """Runs the suite beside a real ROS 2 Jazzy: its launch files under `ros2 launch`, and each `ros2` command on its nodes.
 
     . /opt/ros/jazzy/setup.bash && . WORKSPACE/install/setup.bash
-    python3 tests/peers/ros2_suite.py launch graph parameters data
+    python3 tests/peers/ros2_suite.py launch graph parameters data dds images_dds
 
-`colcon build` has installed the suite in WORKSPACE. The rmw is rmw_zenoh_cpp; its router is started here. Exit code 1 when
-a command fails or does not print what is expected of it.
+`colcon build` has installed the suite in WORKSPACE, for the last two checks with the bridge. The rmw of the first four is
+rmw_zenoh_cpp, whose router is started here; of the last two it is rmw_cyclonedds_cpp. Exit code 1 when a command fails or
+does not print what is expected of it.
 """
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -120,7 +122,7 @@ def launch():
     """Each launch file: its arguments, a run to a clean end, and the same boxes as `modulo launch` on the sample bag."""
     for file in sorted((ROOT / "launch").glob("*.launch.yaml")):
         expect("default:", "ros2", "launch", "modulo", file.name, "--show-args")
-        if file.name in ("detector.launch.yaml", "replay.launch.yaml"):
+        if file.name in ("detector.launch.yaml", "replay.launch.yaml", "dds.launch.yaml"):
             continue
         arguments = [f"{SCENE}4"] + (["detectors:=[]"] if file.name == "sensor.launch.yaml" else [])
         output = expect("[modulo_camera-", "ros2", "launch", "modulo", file.name, *arguments)
@@ -172,10 +174,15 @@ def graph():
 
 def parameters():
     suite()
+    ask_parameters()
+
+
+def ask_parameters(info="/modulo: sensor_msgs/msg/Image"):
+    """Every `ros2 param` command on the running suite; `info` is in `ros2 node info` of the detector after the swap."""
     expect("/detector:\n  input\n  score_threshold", "ros2", "param", "list")
     expect("String value is: recovered", "ros2", "param", "get", "/detector", "input")
     expect("Set parameter successful", "ros2", "param", "set", "/detector", "input", "modulo")
-    expect("/modulo: sensor_msgs/msg/Image", "ros2", "node", "info", "/detector")
+    expect(info, "ros2", "node", "info", "/detector")
     expect("must be one of modulo", "ros2", "param", "set", "/detector", "input", "nonsense")
     expect("in 0 to 1", "ros2", "param", "set", "/detector", "score_threshold", "1.5")
     expect("Set parameter successful", "ros2", "param", "set", "/detector", "classes", "[]")
@@ -204,6 +211,57 @@ def data():
     expect("/undo", "ros2", "node", "list")
     start("ros2", "bag", "play", str(BAG), "--loop")
     expect("encoding: ", "ros2", "topic", "echo", "--once", "--no-arr", "/recovered")
+
+
+def dds():
+    """The suite on CycloneDDS: its nodes under their own names, their parameters, the stream swapped, a node that dies."""
+    with on_dds():
+        start("modulo", "launch", str(ROOT / "launch/dds.launch.yaml"), "rate:=5.0", f"{SCENE}5000")
+        expect("/modulo_camera\n/unwrap\n/detector\n/ros2_bridge", "ros2", "node", "list")
+        expect("/detector/detections: vision_msgs/msg/Detection2DArray\n"
+               "/detector/set_parameters: rcl_interfaces/srv/SetParameters", "ros2", "node", "info", "/detector")
+        ask_parameters(info="/detector/annotated: sensor_msgs/msg/Image")
+        for topic in ["modulo", "recovered", "detector/annotated"]:
+            expect("height: \nwidth: \nencoding: ", "ros2", "topic", "echo", "--once", "--no-arr", f"/{topic}")
+        expect("String value is: modulo", "ros2", "param", "get", "/detector", "input")
+        expect("header:\ndetections: ", "ros2", "topic", "echo", "--once", "--no-arr", "/detector/detections")
+        subprocess.run(["pkill", "-KILL", "-f", "modulo run detector"], check=True)
+        expect("String value is: modulo", "ros2", "param", "get", "/detector", "input")
+        print("ok    a node that was killed is back on DDS with its parameters")
+
+
+def images_dds():
+    """1242 x 375 px, rgb8, at 30 Hz both ways at once for a minute (IMAGE_SECONDS): nothing is lost."""
+    count = str(30 * int(os.environ.get("IMAGE_SECONDS", "60")))
+    probe = [sys.executable, str(ROOT / "tests/peers/image_probe.py")]
+    with on_dds():
+        lists = [f"{way}:=[{topic}:sensor_msgs/msg/Image]"
+                 for way, topic in [("zenoh_to_dds", "/to_dds"), ("dds_to_zenoh", "/to_zenoh")]]
+        start("ros2", "run", "modulo_ros2_bridge", "ros2_bridge", "--ros-args", "-p", lists[0], "-p", lists[1])
+        ways = {"/to_dds": ("rmw_zenoh_cpp", "rmw_cyclonedds_cpp"), "/to_zenoh": ("rmw_cyclonedds_cpp", "rmw_zenoh_cpp")}
+        readers = {}
+        for topic, (sender, receiver) in ways.items():
+            environment = lambda rmw: os.environ | {"RMW_IMPLEMENTATION": rmw}
+            readers[topic] = subprocess.Popen([*probe, "receive", topic, count], env=environment(receiver), stdout=subprocess.PIPE)
+            RUNNING.append(subprocess.Popen([*probe, "send", topic, count], env=environment(sender), start_new_session=True))
+        for topic, reader in readers.items():
+            found = yaml.safe_load(reader.communicate()[0])
+            print(f"{'ok   ' if found['lost'] == 0 and found['in_order'] else 'FAILS'} {topic}: {found} of {count} images")
+            if found["lost"] or not found["in_order"]:
+                raise Failure(f"{topic}: {found}")
+
+
+@contextlib.contextmanager
+def on_dds():
+    """CycloneDDS instead of zenoh for the `ros2` commands and the bridge."""
+    before = os.environ["RMW_IMPLEMENTATION"]
+    subprocess.run(["ros2", "daemon", "stop"], capture_output=True)
+    os.environ["RMW_IMPLEMENTATION"] = "rmw_cyclonedds_cpp"
+    try:
+        yield
+    finally:
+        subprocess.run(["ros2", "daemon", "stop"], capture_output=True)
+        os.environ["RMW_IMPLEMENTATION"] = before
 
 
 def main():

@@ -7,97 +7,126 @@ use anyhow::Context as _;
 use futures::StreamExt as _;
 use futures::executor::block_on;
 use modulo_runtime::bridge::{Route, RouteDirection};
-use modulo_runtime::queue::{Keep, Limit, Next, Queue};
+use modulo_runtime::queue::{Keep, Lane, Limit, Next, Queue};
 use modulo_runtime::transport::zenoh::ZenohTransport;
-use modulo_runtime::transport::{Guard, RawSample};
+use modulo_runtime::transport::{Guard, Payload, RawSample};
 use modulo_runtime::{NodeName, Qos, SystemClock};
 use r2r::QosProfile;
+use r2r::qos::ReliabilityPolicy;
 
-/// Results on their way to the DDS graph. Of images, only the newest one waits.
+/// The number of results that wait for the other side. Of images, only the newest one waits.
 const RESULTS_WAITING: usize = 64;
 
-/// Forwards `route` for as long as the returned guard lives.
+/// A topic that is forwarded until this is dropped.
+pub struct Forwarding {
+    _source: Option<Guard>,
+    waiting: Waiting,
+}
+
+/// Messages on their way to the other side.
+#[derive(Clone)]
+struct Waiting {
+    queue: Arc<Queue<RawSample>>,
+    lane: Lane,
+}
+
+/// Forwards `route` on `node` for as long as the result lives.
+///
+/// # Errors
+/// When one of the two sides refuses the topic.
 pub fn forward(
     route: &Route,
-    node_name: &NodeName,
+    bridge: &NodeName,
     transport: &ZenohTransport,
     node: &mut r2r::Node,
-) -> anyhow::Result<Option<Guard>> {
-    match route.direction {
-        RouteDirection::DdsToZenoh => inward(route, node_name, transport, node).map(|()| None),
-        RouteDirection::ZenohToDds => outward(route, node_name, transport, node).map(Some),
-    }
-}
-
-fn inward(
-    route: &Route,
-    node_name: &NodeName,
-    transport: &ZenohTransport,
-    node: &mut r2r::Node,
-) -> anyhow::Result<()> {
-    let publisher = transport.advertise_raw(node_name, &route.endpoint())?;
-    let messages = node
-        .subscribe_raw(&route.topic, &route.ros_type, profile(route.qos))
-        .with_context(|| format!("subscription of {}", route.topic))?;
-    // Ends with the node, which closes the stream.
-    thread::spawn(move || {
-        block_on(messages.for_each(|bytes| {
-            if let Err(why) = publisher.put(bytes) {
-                tracing::warn!("{why}");
-            }
-            futures::future::ready(())
-        }));
-    });
-    Ok(())
-}
-
-fn outward(
-    route: &Route,
-    node_name: &NodeName,
-    transport: &ZenohTransport,
-    node: &mut r2r::Node,
-) -> anyhow::Result<Guard> {
-    let publisher = node
-        .create_publisher_untyped(&route.topic, &route.ros_type, profile(route.qos))
-        .with_context(|| format!("publisher of {}", route.topic))?;
-    let limit = Limit { messages: 0, bytes: 0 };
-    let queue = Arc::new(Queue::<RawSample>::new(Arc::new(SystemClock::default()), limit));
-    let keep = if route.qos == Qos::Images { Keep::Latest } else { Keep::Last(RESULTS_WAITING) };
-    let lane = queue.open(keep);
-    let (samples, topic) = (queue.clone(), route.topic.clone());
-    thread::spawn(move || {
-        while let Next::Item(sample) = samples.take(None) {
-            if let Err(why) = publisher.publish_raw(&sample.item.payload) {
-                tracing::warn!("{topic}: {why}");
-            }
+) -> anyhow::Result<Forwarding> {
+    let waiting = Waiting::new(route.qos);
+    let source = match route.direction {
+        RouteDirection::DdsToZenoh => {
+            let publisher = transport.advertise_raw(bridge, &route.endpoint())?;
+            let messages = node
+                .subscribe_raw(&route.topic, &route.ros_type, profile(route.qos, reliability(route, node)?))
+                .with_context(|| format!("subscription of {} on DDS", route.topic))?;
+            waiting.send_with(&route.topic, move |bytes| Ok(publisher.put(bytes.to_vec())?));
+            // Ends with the node, which closes the stream. It only moves messages, so that the short stream of r2r, which
+            // would lose the newest message, is never full.
+            let waiting = waiting.clone();
+            thread::spawn(move || {
+                block_on(messages.for_each(|bytes| futures::future::ready(waiting.push(bytes))))
+            });
+            None
         }
-        let lost = samples.close(lane).lost();
-        if lost > 0 {
-            tracing::warn!("{topic}: {lost} messages were lost, the DDS graph was too slow");
+        RouteDirection::ZenohToDds => {
+            // A reliable publisher serves readers of both kinds.
+            let publisher = node
+                .create_publisher_untyped(
+                    &route.topic,
+                    &route.ros_type,
+                    profile(route.qos, ReliabilityPolicy::Reliable),
+                )
+                .with_context(|| format!("publisher of {} on DDS", route.topic))?;
+            waiting.send_with(&route.topic, move |bytes| Ok(publisher.publish_raw(bytes)?));
+            let Waiting { queue, lane } = waiting.clone();
+            Some(
+                transport
+                    .subscribe_raw(bridge, &route.endpoint(), move |sample| drop(queue.push(lane, sample)))?,
+            )
         }
-    });
-    let end = EndQueue(queue.clone());
-    let guard = transport
-        .subscribe_raw(node_name, &route.endpoint(), move |sample| drop(queue.push(lane, sample)))?;
-    Ok(Box::new((guard, end)))
+    };
+    Ok(Forwarding { _source: source, waiting })
 }
 
-/// Ends the thread that publishes the samples from zenoh.
-struct EndQueue(Arc<Queue<RawSample>>);
-
-impl Drop for EndQueue {
+impl Drop for Forwarding {
     fn drop(&mut self) {
-        self.0.end();
+        self.waiting.queue.end();
     }
 }
 
-fn profile(qos: Qos) -> QosProfile {
-    match qos {
+impl Waiting {
+    fn new(qos: Qos) -> Self {
+        let limit = Limit { messages: 0, bytes: 0 };
+        let queue = Arc::new(Queue::new(Arc::new(SystemClock::default()), limit));
+        let lane = queue.open(if qos == Qos::Images { Keep::Latest } else { Keep::Last(RESULTS_WAITING) });
+        Self { queue, lane }
+    }
+
+    fn push(&self, bytes: Vec<u8>) {
+        drop(self.queue.push(self.lane, RawSample { payload: Payload::new(bytes), attachment: None }));
+    }
+
+    /// Sends the waiting messages on a thread of their own until the queue ends, then reports what was lost.
+    fn send_with(&self, topic: &str, send: impl Fn(&[u8]) -> anyhow::Result<()> + Send + 'static) {
+        let (Self { queue, lane }, topic) = (self.clone(), topic.to_owned());
+        thread::spawn(move || {
+            while let Next::Item(sample) = queue.take(None) {
+                if let Err(why) = send(&sample.item.payload) {
+                    tracing::warn!("{topic}: {why:#}");
+                }
+            }
+            let counts = queue.close(lane);
+            let (received, replaced, lost) =
+                (counts.received, counts.replaced, counts.lost() + counts.unread);
+            tracing::info!("{topic}: {received} messages, {replaced} replaced by a newer one, {lost} lost");
+        });
+    }
+}
+
+/// The reliability of a subscription that all present publishers serve.
+fn reliability(route: &Route, node: &r2r::Node) -> anyhow::Result<ReliabilityPolicy> {
+    let publishers = node.get_publishers_info_by_topic(&route.topic, false)?;
+    let reliable =
+        publishers.iter().all(|publisher| publisher.qos_profile.reliability == ReliabilityPolicy::Reliable);
+    Ok(if reliable { ReliabilityPolicy::Reliable } else { ReliabilityPolicy::BestEffort })
+}
+
+fn profile(qos: Qos, reliability: ReliabilityPolicy) -> QosProfile {
+    let profile = match qos {
         Qos::Images => QosProfile::sensor_data(),
         Qos::Results => QosProfile::default(),
         Qos::Latched => QosProfile::default().keep_last(1).transient_local(),
         Qos::Clock => QosProfile::sensor_data().keep_last(1),
         Qos::Events => QosProfile::parameter_events(),
         Qos::Logs => QosProfile::default().keep_last(1000).transient_local(),
-    }
+    };
+    QosProfile { reliability, ..profile }
 }

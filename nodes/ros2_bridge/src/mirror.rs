@@ -1,0 +1,111 @@
+//! [`Mirror`]: a node in the DDS graph, which carries the topics and parameter services of one node of the suite.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::thread;
+use std::time::Duration;
+
+use anyhow::Context as _;
+use modulo_runtime::bridge::{BridgePlan, Route, RouteDirection};
+use modulo_runtime::transport::keys::EntityKind;
+use modulo_runtime::transport::zenoh::ZenohTransport;
+use modulo_runtime::{NodeName, Stop, Urgency};
+
+use crate::parameters;
+use crate::topics::{self, Forwarding};
+
+/// Time between two looks at the graph of the suite, and the longest wait for a message of the DDS graph.
+const GLANCE: Duration = Duration::from_millis(50);
+
+/// A node of the DDS graph: the mirror of a node of the suite, or the node of the bridge itself.
+pub struct Mirror<'a> {
+    /// Fully qualified name of the node of the suite; `None` for the bridge's own node.
+    suite_node: Option<&'a str>,
+    /// Name on the DDS side.
+    name: NodeName,
+    plan: &'a BridgePlan,
+    bridge: &'a NodeName,
+    transport: &'a Arc<ZenohTransport>,
+    dds: &'a r2r::Context,
+}
+
+impl<'a> Mirror<'a> {
+    /// Prepares the mirror of `suite_node`, or with `None` the bridge's own node; nothing is created yet.
+    ///
+    /// # Errors
+    /// When `suite_node` is not a fully qualified name.
+    pub fn new(
+        suite_node: Option<&'a str>,
+        plan: &'a BridgePlan,
+        bridge: &'a NodeName,
+        transport: &'a Arc<ZenohTransport>,
+        dds: &'a r2r::Context,
+    ) -> anyhow::Result<Self> {
+        let name = match suite_node {
+            None => bridge.clone(),
+            Some(full) => {
+                let (namespace, name) =
+                    full.rsplit_once('/').with_context(|| format!("{full} is not absolute"))?;
+                NodeName::new(name, if namespace.is_empty() { "/" } else { namespace }, &[])?
+            }
+        };
+        Ok(Self { suite_node, name, plan, bridge, transport, dds })
+    }
+
+    /// Keeps the node in the DDS graph while the node of the suite is alive, until `stop`.
+    ///
+    /// # Errors
+    /// When the DDS side refuses the node, a topic or a service.
+    pub fn run(&self, stop: &Stop) -> anyhow::Result<()> {
+        while stop.urgency() == Urgency::None {
+            if self.is_alive() { self.live(stop)? } else { thread::sleep(GLANCE) }
+        }
+        Ok(())
+    }
+
+    fn is_alive(&self) -> bool {
+        self.suite_node.is_none_or(|node| self.transport.graph().has_node(node))
+    }
+
+    /// One life: from the appearance of the node of the suite to its end.
+    fn live(&self, stop: &Stop) -> anyhow::Result<()> {
+        let name = self.name.fully_qualified();
+        let mut node = r2r::Node::create(self.dds.clone(), &self.name.name, &self.name.namespace)
+            .with_context(|| format!("node {name} on DDS"))?;
+        if let Some(suite_node) = self.suite_node {
+            parameters::offer(suite_node, self.transport, &mut node)?;
+        }
+        tracing::info!("{name} is on DDS");
+        // The guards go before the node does, so that no thread publishes on a node that is gone.
+        let mut open: BTreeMap<&str, Forwarding> = BTreeMap::new();
+        while stop.urgency() == Urgency::None && self.is_alive() {
+            for route in &self.plan.routes {
+                if !open.contains_key(route.topic.as_str()) && self.carries(route, &node)? {
+                    let forwarding = topics::forward(route, self.bridge, self.transport, &mut node)?;
+                    tracing::info!("{} [{}] on {name}: {:?}", route.topic, route.ros_type, route.direction);
+                    open.insert(&route.topic, forwarding);
+                }
+            }
+            node.spin_once(GLANCE);
+        }
+        drop(open);
+        tracing::info!("{name} is no longer on DDS");
+        Ok(())
+    }
+
+    /// Whether `route` has a publisher now and belongs to this node: a topic of the suite to the node that publishes it
+    /// if that is mirrored, every other one to the bridge's own node.
+    fn carries(&self, route: &Route, node: &r2r::Node) -> anyhow::Result<bool> {
+        if route.direction == RouteDirection::DdsToZenoh {
+            return Ok(self.suite_node.is_none()
+                && !node.get_publishers_info_by_topic(&route.topic, false)?.is_empty());
+        }
+        let graph = self.transport.graph();
+        let mut publishers =
+            graph.endpoints(EntityKind::Publisher, &route.topic).map(|token| token.node_name());
+        Ok(match self.suite_node {
+            Some(own) => publishers.any(|publisher| publisher == own),
+            None => publishers.any(|publisher| !self.plan.nodes.contains(&publisher)),
+        })
+    }
+}
