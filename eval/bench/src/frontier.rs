@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use modulo_charts::{
-    Axis, Body, Chart, Direction, Emphasis, PageWidth, Panel, Point, Series, SeriesStyle, Unit, distinct,
+    Axis, AxisDirection, Chart, ChartBody, ChartPanel, DataPoint, Emphasis, PageWidth, Series, SeriesStyle,
+    Unit, distinct,
 };
 
 use crate::BenchError;
@@ -35,14 +36,14 @@ pub fn frontier_from(results: &Path) -> Result<Chart, BenchError> {
     let wrong = series(&rows, |row| 1.0 - row.exact_k);
     let time = || Axis::log("time a frame, ms (median)");
     let downwards =
-        Axis { unit: Unit::Percent, direction: Direction::Down, ..Axis::log("wrong wrap counts") };
+        Axis { unit: Unit::Percent, direction: AxisDirection::Down, ..Axis::log("wrong wrap counts") };
     Ok(Chart {
         title: "Unwrapping: what is exact, and what it costs".to_owned(),
         subtitle: subtitle(&rows, meta.as_ref()),
         footer: footer(&rows, meta.as_ref()),
-        body: Body::Panels(vec![
-            Panel { x: time(), y: Axis::percent("exact wrap counts", 1.0), series: exact },
-            Panel { x: time(), y: downwards, series: wrong },
+        body: ChartBody::Panels(vec![
+            ChartPanel { x: time(), y: Axis::percent("exact wrap counts", 1.0), series: exact },
+            ChartPanel { x: time(), y: downwards, series: wrong },
         ]),
     })
 }
@@ -59,7 +60,7 @@ fn series(rows: &[Row], value: impl Fn(&Row) -> f64) -> Vec<Series> {
         }
         let own = sorted.iter().filter(|r| (&r.method, r.threads) == (&row.method, row.threads));
         let own = own.filter(|r| r.psf_sigma == row.psf_sigma);
-        let point = |r: &&Row| Point {
+        let point = |r: &&Row| DataPoint {
             x: r.ms_p50,
             y: value(r),
             label: r.alpha.to_string(),

@@ -1,6 +1,6 @@
 //! Accuracy against the saturation factor of one model: a line for each stream and method.
 
-use modulo_charts::{Axis, Body, Emphasis, Panel, Point, Series, SeriesStyle};
+use modulo_charts::{Axis, ChartBody, ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
 
 use super::{NamedChart, file_name, models, suffix};
 use crate::labels::{self, Conditions, distinct};
@@ -24,26 +24,26 @@ fn chart(results: &Results, cells: &[&Cell], model: &str, conditions: Conditions
                   one-to-one matching, ignore regions left out. The sharp ideal is what the scene would look like \
                   without a lens.";
     let title = format!("Accuracy against alpha, {model}, {}", labels::conditions(conditions));
-    let body = Body::Panels(groups.iter().map(|group| panel(&cells, group)).collect());
+    let body = ChartBody::Panels(groups.iter().map(|group| panel(&cells, group)).collect());
     let name = format!("alpha_{}_{}", file_name(model), suffix(conditions));
     NamedChart::new(name, title, results, footer.to_owned(), body)
 }
 
-fn panel(cells: &[&Cell], group: &str) -> Panel {
+fn panel(cells: &[&Cell], group: &str) -> ChartPanel {
     let names = distinct(cells.iter().map(|cell| labels::stream(&cell.point)));
     let series = |name: String| {
         let own = cells.iter().filter(|cell| labels::stream(&cell.point) == name);
         let points = own.filter_map(|cell| point(cell, group)).collect();
         Series { name, points, style: SeriesStyle::LineAndMarkers }
     };
-    Panel {
+    ChartPanel {
         x: Axis::log("alpha, the saturation factor"),
         y: Axis::percent(format!("AP50 of {group}"), 1.0),
         series: names.into_iter().map(series).collect(),
     }
 }
 
-fn point(cell: &Cell, group: &str) -> Option<Point> {
+fn point(cell: &Cell, group: &str) -> Option<DataPoint> {
     let ap50 = (*cell.ap50.get(group)?)?;
     let interval = cell.interval95.get(&format!("ap50.{group}"));
     let interval = interval.map_or(String::new(), |[low, high]| {
@@ -51,5 +51,5 @@ fn point(cell: &Cell, group: &str) -> Option<Point> {
     });
     let (stream, alpha) = (labels::stream(&cell.point), cell.point.alpha);
     let hover = format!("{stream}, alpha {alpha}: AP50 of {group} {:.1} %{interval}", 100.0 * ap50);
-    Some(Point { x: alpha, y: ap50, label: String::new(), hover, emphasis: Emphasis::Normal })
+    Some(DataPoint { x: alpha, y: ap50, label: String::new(), hover, emphasis: Emphasis::Normal })
 }

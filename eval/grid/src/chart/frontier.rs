@@ -1,6 +1,6 @@
 //! Speed against accuracy at one alpha: a point for each model, stream and method.
 
-use modulo_charts::{Axis, Body, Emphasis, Panel, Point, Series, SeriesStyle};
+use modulo_charts::{Axis, ChartBody, ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
 
 use super::{NamedChart, add_point, models, suffix};
 use crate::labels::{self, Conditions, distinct};
@@ -27,12 +27,12 @@ fn chart(results: &Results, cells: &[&Cell], alpha: f64, conditions: Conditions)
                  accurate. The ideal streams are no choice, for no sensor delivers them: they are not on the front. \
                  Towards the upper left is better.";
     let title = format!("Speed against accuracy, alpha {alpha}, {}", labels::conditions(conditions));
-    let body = Body::Panels(groups.iter().map(|group| panel(&cells, group)).collect());
+    let body = ChartBody::Panels(groups.iter().map(|group| panel(&cells, group)).collect());
     let name = format!("frontier_alpha{alpha}_{}", suffix(conditions));
     NamedChart::new(name, title, results, footer.to_owned(), body)
 }
 
-fn panel(cells: &[&Cell], group: &str) -> Panel {
+fn panel(cells: &[&Cell], group: &str) -> ChartPanel {
     let scored: Vec<(&Cell, Candidate)> =
         cells.iter().filter_map(|cell| Some((*cell, candidate(cell, group)?))).collect();
     let real: Vec<&(&Cell, Candidate)> = scored.iter().filter(|(cell, _)| is_choice(cell)).collect();
@@ -44,7 +44,7 @@ fn panel(cells: &[&Cell], group: &str) -> Panel {
         let kept = !is_choice(cell) || front.iter().any(|(other, _)| std::ptr::eq(*other, *cell));
         let name = labels::stream(&cell.point);
         let model = labels::model(&cell.point);
-        let point = Point {
+        let point = DataPoint {
             x: candidate.cost,
             y: candidate.gain,
             hover: format!(
@@ -58,7 +58,7 @@ fn panel(cells: &[&Cell], group: &str) -> Panel {
         add_point(&mut series, name, point, SeriesStyle::Markers);
     }
     series.push(Series { name: FRONT.to_owned(), points: steps(&front), style: SeriesStyle::Line });
-    Panel {
+    ChartPanel {
         x: Axis::log("time a frame, ms (median)"),
         y: Axis::percent(format!("AP50 of {group}"), 1.0),
         series,
@@ -75,9 +75,9 @@ fn is_choice(cell: &Cell) -> bool {
 }
 
 /// The best gain at each time, as a step function.
-fn steps(front: &[&(&Cell, Candidate)]) -> Vec<Point> {
-    let at = |x: f64, y: f64| Point { x, y, ..Point::default() };
-    let mut points: Vec<Point> = Vec::new();
+fn steps(front: &[&(&Cell, Candidate)]) -> Vec<DataPoint> {
+    let at = |x: f64, y: f64| DataPoint { x, y, ..DataPoint::default() };
+    let mut points: Vec<DataPoint> = Vec::new();
     for (_, Candidate { cost, gain }) in front {
         if let Some(last) = points.last().map(|point| point.y) {
             points.push(at(*cost, last));

@@ -6,7 +6,7 @@ mod paper;
 pub(crate) mod pictures;
 mod time;
 
-use modulo_charts::{Body, Chart, ChartError, PageWidth, Point, Series, SeriesStyle};
+use modulo_charts::{Chart, ChartBody, ChartError, DataPoint, PageWidth, Series, SeriesStyle};
 
 use crate::labels::{self, Conditions, distinct};
 use crate::results::{Cell, Results};
@@ -36,7 +36,7 @@ pub struct RenderedChart {
 
 impl NamedChart {
     /// A chart whose subtitle names the data and the machine of `results`.
-    fn new(name: String, title: String, results: &Results, footer: String, body: Body) -> Self {
+    fn new(name: String, title: String, results: &Results, footer: String, body: ChartBody) -> Self {
         Self { name, chart: Chart { title, subtitle: subtitle(results), footer, body } }
     }
 
@@ -93,7 +93,7 @@ fn subtitle(results: &Results) -> String {
 }
 
 /// Adds a point to the series of a name, which is created if it is missing.
-fn add_point(series: &mut Vec<Series>, name: String, point: Point, style: SeriesStyle) {
+fn add_point(series: &mut Vec<Series>, name: String, point: DataPoint, style: SeriesStyle) {
     match series.iter_mut().find(|series| series.name == name) {
         Some(series) => series.points.push(point),
         None => series.push(Series { name, points: vec![point], style }),

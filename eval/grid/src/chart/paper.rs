@@ -1,6 +1,6 @@
 //! The figures of the paper beside those of the grid: a row for each stream, a column for each figure.
 
-use modulo_charts::{Axis, Body, Emphasis, Panel, Point, Series, SeriesStyle};
+use modulo_charts::{Axis, ChartBody, ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
 
 use super::{NamedChart, add_point, file_name, models, suffix};
 use crate::labels::{self, Conditions};
@@ -49,7 +49,7 @@ fn chart(
         results.input.labelled
     );
     let name = format!("paper_{}_{}", file_name(model), suffix(conditions));
-    NamedChart::new(name, title, results, footer, Body::Panels(panels.collect()))
+    NamedChart::new(name, title, results, footer, ChartBody::Panels(panels.collect()))
 }
 
 fn panel(
@@ -58,7 +58,7 @@ fn panel(
     stream: Stream,
     index: usize,
     (name, value): Figure,
-) -> Panel {
+) -> ChartPanel {
     let theirs = ALPHAS.iter().filter_map(|alpha| {
         let figure = published.figures(stream, *alpha)?[index];
         Some(point(*alpha, figure / 100.0, &format!("paper, {}, {name}", stream.name())))
@@ -80,10 +80,10 @@ fn panel(
         let point = point(cell.point.alpha, value(cell), &format!("{ours}, {called}, {name}"));
         add_point(&mut series, ours, point, SeriesStyle::LineAndMarkers);
     }
-    Panel { x: Axis::log("alpha"), y: Axis::percent(format!("{name}, {}", stream.name()), 1.0), series }
+    ChartPanel { x: Axis::log("alpha"), y: Axis::percent(format!("{name}, {}", stream.name()), 1.0), series }
 }
 
-fn point(alpha: f64, value: f64, what: &str) -> Point {
+fn point(alpha: f64, value: f64, what: &str) -> DataPoint {
     let hover = format!("{what}, alpha {alpha}: {:.1} %", 100.0 * value);
-    Point { x: alpha, y: value, label: String::new(), hover, emphasis: Emphasis::Normal }
+    DataPoint { x: alpha, y: value, label: String::new(), hover, emphasis: Emphasis::Normal }
 }

@@ -1,6 +1,6 @@
 //! Images with boxes: figure 2 of the paper, and the worst frame of each stream.
 
-use modulo_charts::{Body, Picture, Pictures};
+use modulo_charts::{ChartBody, Picture, Pictures};
 
 use super::NamedChart;
 use crate::labels::{self, distinct};
@@ -70,7 +70,7 @@ type Row = (String, Vec<Option<Picture>>);
 
 fn named(results: &Results, name: &str, title: String, cells: &[&Cell], rows: Vec<Row>) -> NamedChart {
     let columns = cells.iter().map(|cell| labels::stream(&cell.point)).collect();
-    let body = Body::Pictures(Pictures { columns, rows });
+    let body = ChartBody::Pictures(Pictures { columns, rows });
     let mut named = NamedChart::new(name.to_owned(), title, results, FOOTER.to_owned(), body);
     if let Some(Cell { point, .. }) = cells.first() {
         let conditions = labels::conditions(labels::conditions_of(point));

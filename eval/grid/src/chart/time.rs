@@ -1,6 +1,6 @@
 //! The time of a frame: its stages, and its distribution.
 
-use modulo_charts::{Axis, Bar, Bars, Body, Panel, Point, Series, SeriesStyle};
+use modulo_charts::{Axis, Bar, Bars, ChartBody, ChartPanel, DataPoint, Series, SeriesStyle};
 
 use super::{NamedChart, models, suffix};
 use crate::labels::{self, Conditions, SENSE, STAGES};
@@ -16,7 +16,7 @@ pub fn stages(results: &Results, conditions: Conditions) -> Vec<NamedChart> {
     let footer = "Medians over the frames of a cell, stage by stage. The capture and the simulation of the sensor are \
                  not in it.";
     let title = format!("Where the time of a frame goes, alpha {alpha}, {}", labels::conditions(conditions));
-    let body = Body::Bars(Bars { label: "time a frame, ms".to_owned(), rows });
+    let body = ChartBody::Bars(Bars { label: "time a frame, ms".to_owned(), rows });
     let name = format!("latency_{}", suffix(conditions));
     vec![NamedChart::new(name, title, results, footer.to_owned(), body)]
 }
@@ -42,22 +42,26 @@ pub fn histograms(results: &Results, conditions: Conditions) -> Vec<NamedChart> 
     let footer = "Share of the frames in buckets of 1/20 of a power of ten. From the captured image to the boxes; the \
                  capture and the simulation of the sensor are not in it.";
     let title = format!("How long frames take, alpha {alpha}, {}", labels::conditions(conditions));
-    let body = Body::Panels(models(&cells).iter().map(|model| panel(&cells, model)).collect());
+    let body = ChartBody::Panels(models(&cells).iter().map(|model| panel(&cells, model)).collect());
     let name = format!("histogram_{}", suffix(conditions));
     vec![NamedChart::new(name, title, results, footer.to_owned(), body)]
 }
 
-fn panel(cells: &[&Cell], model: &str) -> Panel {
+fn panel(cells: &[&Cell], model: &str) -> ChartPanel {
     let own = cells.iter().filter(|cell| labels::model(&cell.point) == model);
     let series: Vec<Series> = own.map(|cell| series(cell)).collect();
     let most = series.iter().flat_map(|series| &series.points).map(|point| point.y).fold(0.1, f64::max);
-    Panel { x: Axis::log(format!("time a frame, ms, {model}")), y: Axis::percent("frames", most), series }
+    ChartPanel {
+        x: Axis::log(format!("time a frame, ms, {model}")),
+        y: Axis::percent("frames", most),
+        series,
+    }
 }
 
 /// The outline of the buckets, from 0 to 0.
 fn series(cell: &Cell) -> Series {
     let all: u64 = cell.latency_histogram.iter().map(|(_, count)| count).sum();
-    let at = |x: f64, y: f64| Point { x, y, ..Point::default() };
+    let at = |x: f64, y: f64| DataPoint { x, y, ..DataPoint::default() };
     let mut points = Vec::new();
     for (bound, count) in &cell.latency_histogram {
         let share = *count as f64 / all.max(1) as f64;
