@@ -40,7 +40,7 @@ pub enum Command {
     /// Evaluate a launch file, or a grid of settings over labelled frames: every frame once, none dropped
     Eval(Box<eval::Eval>),
     /// Simulate the sensor on image files and unwrap the result
-    Simulate(modulo_bench::simulate::Request),
+    Simulate(modulo_bench::simulate::SimulationRequest),
     /// Measure the unwrapping methods
     #[command(subcommand)]
     Bench(Bench),
@@ -117,7 +117,7 @@ pub struct Run {
 #[derive(Subcommand)]
 pub enum Bench {
     /// Measure the time and the accuracy of every method, and draw a chart of both
-    Unwrap(modulo_bench::benchmark::Request),
+    Unwrap(modulo_bench::benchmark::BenchmarkRequest),
     /// Draw the charts of the results in a folder again
     Chart {
         /// Folder with results.json and meta.json

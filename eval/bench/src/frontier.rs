@@ -7,9 +7,8 @@ use modulo_charts::{
     Unit, distinct,
 };
 
-use crate::BenchError;
-use crate::atomic_file::{read_json, write};
-use crate::benchmark::{META, Meta, Row};
+use crate::benchmark::{BenchmarkRow, META, Meta};
+use crate::{BenchError, read_json, write};
 
 /// Draws the chart of a file of results as `frontier.svg` and `frontier.png` beside it. Returns their paths.
 ///
@@ -23,12 +22,12 @@ pub fn draw_frontier(results: &Path) -> Result<[PathBuf; 2], BenchError> {
     Ok(files)
 }
 
-/// The chart of the file `results` (a list of [`Row`]) and of the file [`META`] beside it, if there is one.
+/// The chart of the file `results` (a list of [`BenchmarkRow`]) and of the file [`META`] beside it, if there is one.
 ///
 /// # Errors
 /// [`BenchError`] if a file cannot be read or there is no row.
 pub fn frontier_from(results: &Path) -> Result<Chart, BenchError> {
-    let rows: Vec<Row> = read_json(results)?;
+    let rows: Vec<BenchmarkRow> = read_json(results)?;
     crate::need("the list of results", &rows)?;
     let meta = results.with_file_name(META);
     let meta: Option<Meta> = if meta.exists() { Some(read_json(&meta)?) } else { None };
@@ -49,8 +48,8 @@ pub fn frontier_from(results: &Path) -> Result<Chart, BenchError> {
 }
 
 /// A line over alpha for each method, number of threads and blur.
-fn series(rows: &[Row], value: impl Fn(&Row) -> f64) -> Vec<Series> {
-    let mut sorted: Vec<&Row> = rows.iter().collect();
+fn series(rows: &[BenchmarkRow], value: impl Fn(&BenchmarkRow) -> f64) -> Vec<Series> {
+    let mut sorted: Vec<&BenchmarkRow> = rows.iter().collect();
     sorted.sort_by(|a, b| a.alpha.total_cmp(&b.alpha));
     let mut series: Vec<Series> = Vec::new();
     for row in rows {
@@ -60,7 +59,7 @@ fn series(rows: &[Row], value: impl Fn(&Row) -> f64) -> Vec<Series> {
         }
         let own = sorted.iter().filter(|r| (&r.method, r.threads) == (&row.method, row.threads));
         let own = own.filter(|r| r.psf_sigma == row.psf_sigma);
-        let point = |r: &&Row| DataPoint {
+        let point = |r: &&BenchmarkRow| DataPoint {
             x: r.ms_p50,
             y: value(r),
             label: r.alpha.to_string(),
@@ -73,7 +72,7 @@ fn series(rows: &[Row], value: impl Fn(&Row) -> f64) -> Vec<Series> {
 }
 
 /// The name of a line: the method, with threads and blur if they differ between rows.
-fn name(row: &Row, rows: &[Row]) -> String {
+fn name(row: &BenchmarkRow, rows: &[BenchmarkRow]) -> String {
     let mut name = row.method.clone();
     if distinct(rows.iter().map(|r| r.threads)).len() > 1 {
         name += &format!(", {}", threads(row.threads));
@@ -84,7 +83,7 @@ fn name(row: &Row, rows: &[Row]) -> String {
     name
 }
 
-fn subtitle(rows: &[Row], meta: Option<&Meta>) -> String {
+fn subtitle(rows: &[BenchmarkRow], meta: Option<&Meta>) -> String {
     let frames = distinct(rows.iter().map(|row| row.frames.to_string())).join(" or ");
     let mut parts = vec![format!("{frames} frames")];
     let counts = distinct(rows.iter().map(|row| row.threads.to_string()));
@@ -116,7 +115,7 @@ fn sizes(meta: &Meta) -> String {
     }
 }
 
-fn footer(rows: &[Row], meta: Option<&Meta>) -> String {
+fn footer(rows: &[BenchmarkRow], meta: Option<&Meta>) -> String {
     let samples = rows.iter().filter_map(|row| row.samples).max();
     let zero = match samples {
         Some(samples) => format!("0 %: not one of {samples} samples"),

@@ -8,8 +8,8 @@ use modulo_images::{EXTENSIONS, White, read_image};
 use modulo_scene::{Preset, Scene};
 use ndarray::Array3;
 
-use super::Request;
-use crate::{BenchError, Event, Skipped, samples8};
+use super::BenchmarkRequest;
+use crate::{BenchError, BenchEvent, Skipped, samples8};
 
 /// Size of the procedural scenes, px: that of most frames of KITTI.
 const WIDTH: usize = 1242;
@@ -32,7 +32,7 @@ pub struct BenchFrame {
 }
 
 /// The output of a sensor, and the truth.
-pub struct Capture {
+pub struct SensedFrame {
     pub modulo: Frame,
     pub ideal: Array3<u8>,
     pub wraps: Array3<u8>,
@@ -41,8 +41,8 @@ pub struct Capture {
 
 /// Finds the readable frames, and lists the others.
 pub fn usable(
-    request: &Request,
-    tell: &mut dyn FnMut(Event<'_>),
+    request: &BenchmarkRequest,
+    tell: &mut dyn FnMut(BenchEvent<'_>),
 ) -> Result<(Vec<BenchFrame>, Vec<Skipped>), BenchError> {
     let sources = match &request.frames {
         None => procedural(),
@@ -54,7 +54,7 @@ pub fn usable(
             Ok(radiance) => found.push(BenchFrame { dim: radiance.dim(), source }),
             Err(why) => {
                 let left_out = Skipped { file: source.to_string(), why: why.to_string() };
-                tell(Event::Skipped(&left_out));
+                tell(BenchEvent::Skipped(&left_out));
                 skipped.push(left_out);
             }
         }
@@ -66,15 +66,15 @@ pub fn usable(
 }
 
 /// Exposes all frames. Only 8- or 16-bit images are kept, not the radiance.
-pub fn sense(frames: &[BenchFrame], sensor: &Sensor, seed: u64) -> Result<Vec<Capture>, BenchError> {
+pub fn sense(frames: &[BenchFrame], sensor: &Sensor, seed: u64) -> Result<Vec<SensedFrame>, BenchError> {
     let sample = |frame: &BenchFrame| {
         let exposure = sensor.expose(frame.source.radiance()?.view(), seed)?;
-        Ok(Capture::of(&exposure))
+        Ok(SensedFrame::of(&exposure))
     };
     frames.iter().map(sample).collect()
 }
 
-impl Capture {
+impl SensedFrame {
     fn of(exposure: &Exposure) -> Self {
         let (modulo, ideal, wraps) = (exposure.modulo(), samples8(exposure.ideal()), exposure.wraps());
         Self { modulo, ideal, wraps, range: exposure.range() }
