@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use modulo_eval::grid::Options;
+use modulo_eval::grid::GridOptions;
 
 /// `modulo eval`
 #[derive(Args)]
@@ -86,5 +86,5 @@ pub struct Grid {
     pub coco_images: Option<PathBuf>,
     /// The settings of the grid.
     #[command(flatten)]
-    pub options: Options,
+    pub options: GridOptions,
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 use modulo_bags::source::GroundTruth;
 use modulo_detector::{COCO_TO_KITTI, parse_class_map};
 
-use crate::error::GridError;
+use crate::GridError;
 
 /// The mapping of the paper.
 pub const PAPER: &str = include_str!("../class_maps/paper.yaml");
@@ -79,7 +79,7 @@ impl ClassMap {
 
 /// The groups in which classes are scored: lines `class: group` and `class: ignore group`.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Groups(Table);
+pub struct ClassGroups(Table);
 
 /// Relation of a class to a group.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,13 +92,13 @@ pub enum Membership {
     Other,
 }
 
-impl Default for Groups {
+impl Default for ClassGroups {
     fn default() -> Self {
         Self(embedded(GROUPS))
     }
 }
 
-impl Groups {
+impl ClassGroups {
     /// Reads groups from a file.
     ///
     /// # Errors
@@ -162,8 +162,8 @@ mod tests {
         for text in [COCO_TO_KITTI, PAPER, GROUPS] {
             assert!(!embedded(text).is_empty());
         }
-        assert_eq!(Groups::default().names().into_iter().collect::<Vec<_>>(), ["person", "vehicle"]);
-        let groups = Groups::default();
+        assert_eq!(ClassGroups::default().names().into_iter().collect::<Vec<_>>(), ["person", "vehicle"]);
+        let groups = ClassGroups::default();
         assert_eq!(groups.membership("cyclist", "person"), Membership::Ignored);
         assert_eq!((groups.of("van"), groups.of("cyclist")), (Some("vehicle"), None));
     }

@@ -18,8 +18,8 @@ pub struct Axes {
     #[arg(long, value_delimiter = ',')]
     pub method: Vec<String>,
     /// Whether the lens blur is removed from recovered images
-    #[arg(long, value_enum, default_value_t = Deblur::Both)]
-    pub deblur: Deblur,
+    #[arg(long, value_enum, default_value_t = DeblurChoice::Both)]
+    pub deblur: DeblurChoice,
     /// Saturation factors: brightest radiance divided by the peak of the sensor
     #[arg(long, value_delimiter = ',', default_value = "1.5,2,3,4")]
     pub alpha: Vec<f64>,
@@ -39,7 +39,7 @@ pub struct Axes {
 
 /// Whether the lens blur is removed from recovered images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Deblur {
+pub enum DeblurChoice {
     /// With and without deblurring; under the protocol of the paper only without
     Both,
     /// Always
@@ -92,9 +92,9 @@ impl Axes {
     fn images(&self, protocol: Protocol) -> Vec<(Stream, Option<String>, bool, f64)> {
         let methods = self.methods(protocol);
         let deblur: &[bool] = match (self.deblur, protocol) {
-            (Deblur::Both, Protocol::Suite) => &[false, true],
-            (Deblur::Off, _) | (Deblur::Both, Protocol::Paper) => &[false],
-            (Deblur::On, _) => &[true],
+            (DeblurChoice::Both, Protocol::Suite) => &[false, true],
+            (DeblurChoice::Off, _) | (DeblurChoice::Both, Protocol::Paper) => &[false],
+            (DeblurChoice::On, _) => &[true],
         };
         let mut images = Vec::new();
         if self.stream.contains(&Stream::Ideal) {

@@ -7,9 +7,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use modulo_bags::source::{GroundTruth, SourceError, SourceFrame};
 use sha2::{Digest, Sha256};
 
-use super::GridError;
+use super::request::{Data, Drive};
+use crate::GridError;
 use crate::classes::DONT_CARE;
-use crate::data::{Data, Drive};
 use crate::results::Input;
 
 /// Labels that reach outside the image by at most this many px give no warning: they were rounded.

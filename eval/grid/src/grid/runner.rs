@@ -11,8 +11,7 @@ use super::detect::{DetectionCache, DetectorConfig, DetectorWorker};
 use super::frames::Frames;
 use super::neighbours::{FrameWithNeighbours, FramesWithNeighbours};
 use super::nodes::Nodes;
-use super::pipeline::quality::RecoveryQuality;
-use super::pipeline::{self, DetectorInput, FramePipeline, Stages, multi_exposure};
+use super::pipeline::{self, DetectorInput, FramePipeline, RecoveryQuality, Stages, multi_exposure};
 use super::{Axes, GridError, Request};
 use crate::results::{Device, Point};
 

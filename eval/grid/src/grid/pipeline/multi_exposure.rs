@@ -8,12 +8,10 @@ use modulo_core::{Bracket, Psf, Range, Sensor, SensorConfig, tone};
 use modulo_runtime::Clock;
 use ndarray::Array3;
 
-use super::quality::RecoveryQuality;
-use super::{BITS, DetectorInput, FrameWithNeighbours, Truth, unstamped};
-use crate::data::Data;
-use crate::error::GridError;
-use crate::grid::Request;
+use super::{BITS, DetectorInput, FrameWithNeighbours, RecoveryQuality, Truth, unstamped};
+use crate::GridError;
 use crate::grid::neighbours::Neighbours;
+use crate::grid::{Data, Request};
 use crate::results::{Point, Protocol, Stream};
 
 /// Number of captures that are merged.

@@ -10,7 +10,7 @@ use modulo_runtime::Clock;
 use ndarray::Array3;
 
 use super::{BITS, DetectorInput, Stages, unstamped};
-use crate::error::GridError;
+use crate::GridError;
 use crate::results::{Point, Stream};
 
 /// Threshold of SPUD on phi, in units of the peak.

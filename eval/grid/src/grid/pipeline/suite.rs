@@ -9,9 +9,8 @@ use modulo_runtime::driver::lockstep::{Lockstep, OnTopic};
 use modulo_runtime::{Clock, Message, SensorModel, StampedFrame};
 use modulo_unwrap::UnwrapParameters;
 
-use super::quality::RecoveryQuality;
-use super::{BITS, DetectorInput, Nodes, Truth, node_name, stamp};
-use crate::error::GridError;
+use super::{BITS, DetectorInput, Nodes, RecoveryQuality, Truth, node_name, stamp};
+use crate::GridError;
 use crate::results::{Point, Stream};
 
 /// The nodes of one cell before its detector.
