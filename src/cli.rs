@@ -66,7 +66,8 @@ pub enum Command {
     Doctor,
     /// Print a script that completes the command line in a shell
     Completions {
-        /// Shell, such as bash; `modulo completions bash > ~/.local/share/bash-completion/completions/modulo` installs it
+        /// Shell, such as bash; `modulo completions bash > ~/.local/share/bash-completion/completions/modulo` installs
+        /// it
         shell: clap_complete::Shell,
     },
     /// Write a manual page for each command
@@ -201,7 +202,8 @@ pub struct ModelFetch {
 pub struct ModelCheck {
     /// Path of the ONNX file
     pub file: PathBuf,
-    /// Inference engine: ONNX Runtime (ort), rten, or auto for ONNX Runtime where its library is found, and rten elsewhere
+    /// Inference engine: ONNX Runtime (ort), rten, or auto for ONNX Runtime where its library is found, and rten
+    /// elsewhere
     #[arg(long, default_value = "auto", value_parser = words(EngineChoice::WORDS))]
     pub engine: EngineChoice,
 }

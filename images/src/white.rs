@@ -35,16 +35,16 @@ impl White {
 
     /// Divides `linear` by the white point, which is found first if it is not known.
     fn scale(&mut self, linear: &Array3<f32>) -> Array3<f32> {
-        // A black image says nothing about the white point, so that the search goes on with the next image. Once found, the
-        // white point stays: a new one for each frame of a sequence would make its brightness flicker.
+        // A black image says nothing about the white point, so that the search goes on with the next image. Once found,
+        // the white point stays: a new one for each frame of a sequence would make its brightness flicker.
         if self.0 == 0.0 {
             self.0 = linear.iter().copied().fold(0.0, f32::max);
         }
         if self.0 == 0.0 {
             return Array3::zeros(linear.dim());
         }
-        // The division is done in f64, because a tiny white point would overflow f32. The radiance stays below 1, because
-        // the full range of the sensor is half-open.
+        // The division is done in f64, because a tiny white point would overflow f32. The radiance stays below 1,
+        // because the full range of the sensor is half-open.
         let white = f64::from(self.0);
         linear.mapv(|v| ((f64::from(v) / white) as f32).clamp(0.0, BELOW_ONE))
     }

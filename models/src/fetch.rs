@@ -101,16 +101,16 @@ pub fn fetch(request: &FetchRequest<'_>, progress: &dyn Fn(u64, Option<u64>)) ->
     let agent = agent(host.ok_or_else(|| FetchError::Url(request.url.to_owned()))?, STALL);
     let folder = request.file.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
     std::fs::create_dir_all(folder).map_err(disk)?;
-    // A temporary file is readable for its owner only. The model gets the mode of any new file, so that the umask decides.
-    // It lies in the folder of the target, because a file can only be renamed within one file system.
+    // A temporary file is readable for its owner only. The model gets the mode of any new file, so that the umask
+    // decides. It lies in the folder of the target, because a file can only be renamed within one file system.
     let mode = Permissions::from_mode(0o666);
     let mut file = tempfile::Builder::new().permissions(mode).tempfile_in(folder).map_err(disk)?;
     let found = request.download(&agent, &mut file, progress)?;
     if found != expected {
         return Err(FetchError::Wrong(request.url.to_owned(), found, expected));
     }
-    // Without the synchronisation a power failure could leave a file of the right name without its content. Another process
-    // may have written the target in the meantime: it is never overwritten.
+    // Without the synchronisation a power failure could leave a file of the right name without its content. Another
+    // process may have written the target in the meantime: it is never overwritten.
     file.as_file().sync_all().map_err(disk)?;
     file.persist_noclobber(request.file).map_err(|why| disk(why.error))?;
     Ok(Fetched::Downloaded)
@@ -130,8 +130,8 @@ impl FetchRequest<'_> {
         if response.status() != 200 {
             return Err(FetchError::Status(url(), response.status().as_u16()));
         }
-        // The announced length is compared before the download. It can be missing, and it can be wrong, so that the received
-        // bytes are counted as well: a server must not be able to fill the disk.
+        // The announced length is compared before the download. It can be missing, and it can be wrong, so that the
+        // received bytes are counted as well: a server must not be able to fill the disk.
         let total = response.body().content_length();
         total.map_or(Ok(()), |total| self.check_length(total, true))?;
         let mut body = response.into_body().into_reader();

@@ -73,8 +73,8 @@ fn without_comment(line: &str) -> &str {
 }
 
 fn parse_line(package: &str, line: &str) -> Option<Line> {
-    // A constant and a field start alike, `TYPE NAME`. Only the text behind the name distinguishes them: `=` and a value is
-    // a constant, nothing or a value is a field with its default.
+    // A constant and a field start alike, `TYPE NAME`. Only the text behind the name distinguishes them: `=` and a
+    // value is a constant, nothing or a value is a field with its default.
     let (type_text, rest) = line.split_once(char::is_whitespace)?;
     let rest = rest.trim_start();
     let end = rest.find(|c: char| !(c.is_ascii_alphanumeric() || c == '_')).unwrap_or(rest.len());

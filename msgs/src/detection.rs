@@ -22,8 +22,8 @@ impl BoundingBox2D {
         let Self { center: Pose2D { position: Point2D { x, y }, theta }, size_x, size_y } = *self;
         let edges = [x - size_x / 2.0, y - size_y / 2.0, x + size_x / 2.0, y + size_y / 2.0];
         let [x1, y1, x2, y2] = edges.map(|edge| edge as f32);
-        // The edges are checked after the conversion to `f32`, in which a large `f64` becomes infinite. The suite has no
-        // rotated boxes: dropping the angle would give a box around another area.
+        // The edges are checked after the conversion to `f32`, in which a large `f64` becomes infinite. The suite has
+        // no rotated boxes: dropping the angle would give a box around another area.
         let finite = [x1, y1, x2, y2].iter().all(|edge| edge.is_finite());
         let upright = theta == 0.0 && size_x >= 0.0 && size_y >= 0.0;
         (finite && upright).then_some(BBox { x1, y1, x2, y2 })

@@ -92,8 +92,8 @@ impl<'de> DeserializeSeed<'de> for ValueSeed<'_> {
     type Value = Dynamic;
 
     fn deserialize<D: Deserializer<'de>>(self, decoder: D) -> Result<Dynamic, D::Error> {
-        // A type code is that of the element plus 0, 48, 96 or 144 for a single value, an array, a bounded and an unbounded
-        // sequence.
+        // A type code is that of the element plus 0, 48, 96 or 144 for a single value, an array, a bounded and an
+        // unbounded sequence.
         let (one, many) = (self.r#type.type_id % 48, self.r#type.type_id / 48);
         let capacity = usize::try_from(self.r#type.capacity).unwrap_or(usize::MAX);
         match (many, one) {

@@ -197,7 +197,8 @@ fn without_padding(layout: PixelLayout, data: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
     }
     match data {
         Cow::Borrowed(bytes) => Cow::Borrowed(&bytes[..height * row]),
-        // A buffer that belongs to the caller's message is shortened in place, so that it becomes the buffer of the frame.
+        // A buffer that belongs to the caller's message is shortened in place, so that it becomes the buffer of the
+        // frame.
         Cow::Owned(mut bytes) => {
             bytes.truncate(height * row);
             Cow::Owned(bytes)

@@ -152,8 +152,8 @@ pub fn ros2msg(name: &str) -> Option<String> {
         return None;
     }
     let mut text = definition(name)?.to_owned();
-    // `listed` grows while it is read, so that the needs of the needed types follow. Each type is added once, even if several
-    // messages contain it.
+    // `listed` grows while it is read, so that the needs of the needed types follow. Each type is added once, even if
+    // several messages contain it.
     let mut listed = vec![name.to_owned()];
     let mut next = 0;
     while let Some(current) = listed.get(next) {
@@ -191,8 +191,8 @@ pub(crate) fn parse_schema(
     text: &str,
 ) -> Result<BTreeMap<String, IndividualTypeDescription>, DefinitionError> {
     let mut sections = vec![(name.to_owned(), String::new())];
-    // A line of 80 `=` ends a definition. The line `MSG: pkg/Name` after it names the next one; without this line the text
-    // belongs to the definition before. Lines are trimmed, because a foreign text may end them with CRLF.
+    // A line of 80 `=` ends a definition. The line `MSG: pkg/Name` after it names the next one; without this line the
+    // text belongs to the definition before. Lines are trimmed, because a foreign text may end them with CRLF.
     let mut titled = true;
     for line in text.lines().map(str::trim) {
         match (titled, line.strip_prefix("MSG:")) {

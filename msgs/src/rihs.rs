@@ -51,8 +51,8 @@ fn gather(
     let type_description = find(name)?;
     // REP 2016 sorts the referenced types by name, as this map does.
     let mut referenced = BTreeMap::new();
-    // Types that are still to be described. A type can be needed several times, and a foreign definition can contain itself:
-    // each type is visited once, so that the loop ends.
+    // Types that are still to be described. A type can be needed several times, and a foreign definition can contain
+    // itself: each type is visited once, so that the loop ends.
     let mut open = needs(&type_description);
     while let Some(next) = open.pop() {
         if next != name && !referenced.contains_key(&next) {

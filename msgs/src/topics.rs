@@ -113,6 +113,14 @@ pub mod geometry_msgs {
             /// Orientation.
             orientation: Quaternion,
         }
+        #[derive(Copy)]
+        PoseWithCovariance = "geometry_msgs/msg/PoseWithCovariance" {
+            /// The pose.
+            pose: Pose,
+            /// Rows of the covariance over (x, y, z, rotation about x, y, z). Rows of an array have no length on the wire, so
+            /// that these are the 36 values of ROS.
+            covariance: [[f64; 6]; 6],
+        }
     }
 
     /// `geometry_msgs/msg/Quaternion`: a rotation. The default is the identity (w = 1).
@@ -136,26 +144,6 @@ pub mod geometry_msgs {
 
     impl Interface for Quaternion {
         const NAME: &'static str = "geometry_msgs/msg/Quaternion";
-    }
-
-    /// `geometry_msgs/msg/PoseWithCovariance`
-    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-    pub struct PoseWithCovariance {
-        /// The pose.
-        pub pose: Pose,
-        /// 6 x 6 row-major over (x, y, z, rotation about x, y, z).
-        #[serde(with = "crate::cdr::array")]
-        pub covariance: [f64; 36],
-    }
-
-    impl Default for PoseWithCovariance {
-        fn default() -> Self {
-            Self { pose: Pose::default(), covariance: [0.0; 36] }
-        }
-    }
-
-    impl Interface for PoseWithCovariance {
-        const NAME: &'static str = "geometry_msgs/msg/PoseWithCovariance";
     }
 }
 

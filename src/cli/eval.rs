@@ -12,7 +12,8 @@ pub struct Eval {
     /// Command for existing results
     #[command(subcommand)]
     pub verb: Option<Verb>,
-    /// Launch file (ROS 2 YAML) with one camera. Without it: a grid over --kitti, --sequence, --yolo, --coco or --source
+    /// Launch file (ROS 2 YAML) with one camera. Without it: a grid over --kitti, --sequence, --yolo, --coco or
+    /// --source
     pub file: Option<PathBuf>,
     /// Arguments of the launch file as name:=value
     #[arg(requires = "file")]

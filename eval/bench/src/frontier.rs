@@ -34,6 +34,8 @@ pub fn frontier_from(results: &Path) -> Result<Chart, BenchError> {
     let exact = series(&rows, |row| row.exact_k);
     let wrong = series(&rows, |row| 1.0 - row.exact_k);
     let time = || Axis::log("time a frame, ms (median)");
+    // Two panels show the same data: near 100 %, only the logarithm of the errors separates the methods, and where half
+    // of the counts are wrong, only the linear axis does. The second axis is reversed, so that up is better in both.
     let downwards =
         Axis { unit: Unit::Percent, direction: AxisDirection::Down, ..Axis::log("wrong wrap counts") };
     Ok(Chart {
@@ -49,6 +51,7 @@ pub fn frontier_from(results: &Path) -> Result<Chart, BenchError> {
 
 /// A line over alpha for each method, number of threads and blur.
 fn series(rows: &[BenchmarkRow], value: impl Fn(&BenchmarkRow) -> f64) -> Vec<Series> {
+    // The line joins the points by alpha. The series keep the order of the file, which determines their colours.
     let mut sorted: Vec<&BenchmarkRow> = rows.iter().collect();
     sorted.sort_by(|a, b| a.alpha.total_cmp(&b.alpha));
     let mut series: Vec<Series> = Vec::new();
@@ -95,6 +98,7 @@ fn subtitle(rows: &[BenchmarkRow], meta: Option<&Meta>) -> String {
     };
     match meta {
         None => parts.extend([lens, used]),
+        // The file of a peer program may have no description beside it: only the rows are known then.
         Some(meta) => {
             parts[0] += &format!(" of {}", sizes(meta));
             let kernel = if meta.psf == "paper7" { " (the paper's 7 taps)" } else { "" };

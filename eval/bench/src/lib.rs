@@ -166,6 +166,7 @@ fn write_json(path: &Path, value: &impl Serialize) -> Result<(), BenchError> {
 
 /// Writes `bytes` to a temporary file beside `path` and renames it.
 fn write(path: &Path, bytes: &[u8]) -> Result<(), BenchError> {
+    // Renaming is atomic within one file system, so that a reader and a killed run never see half a file.
     let mut beside = path.as_os_str().to_owned();
     beside.push(".part");
     fs::write(&beside, bytes)

@@ -108,6 +108,7 @@ pub fn simulate(
         });
         match rows {
             Ok(rows) => outcome.rows.extend(rows),
+            // Only faults of the file are skipped. An error of a method or of the disk would come back with every file.
             Err(why @ (BenchError::Image(_) | BenchError::Sensor(_))) if request.images.len() > 1 => {
                 let skipped = Skipped { file: file.display().to_string(), why: why.to_string() };
                 tell(BenchEvent::Skipped(&skipped));
@@ -130,6 +131,7 @@ struct InputImage<'a> {
 impl InputImage<'_> {
     /// Reads radiance in `[0, 1)`, H x W x C.
     fn read(&self) -> Result<Array3<f32>, BenchError> {
+        // A white point for each file: with a common one, the result of a file would depend on the files before it.
         Ok(White::new(self.request.white)?.radiance(&read_image(self.file)?))
     }
 
@@ -151,6 +153,7 @@ impl InputImage<'_> {
     fn recover(&self, exposure: &Exposure, method: &mut dyn Unwrap) -> Result<SimulationRow, BenchError> {
         let (range, modulo) = (exposure.range(), exposure.modulo());
         let mut recovered = Recovered::default();
+        // One call, with the allocation of its buffers: the duration is only a rough figure.
         let (unwrapped, ms) = timed(|| method.unwrap(&modulo, range, &mut recovered));
         unwrapped?;
         let picture = tone::linear8(&recovered.x, range).map_err(UnwrapError::from)?;
@@ -190,6 +193,8 @@ fn methods(request: &SimulationRequest) -> Result<Vec<Box<dyn Unwrap>>, BenchErr
 
 /// The name of each file without extension, with `-2`, `-3` and so on if another file has it already.
 fn names(files: &[PathBuf]) -> Vec<String> {
+    // Files of two folders can have one name. A numbered name can exist as a file, too (`x-2.jpg`), so that each name
+    // is checked against all names before it.
     let mut taken = HashSet::new();
     let free = |file: &PathBuf| {
         let stem = file.file_stem().unwrap_or(file.as_os_str()).to_string_lossy().into_owned();

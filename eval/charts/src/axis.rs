@@ -116,8 +116,8 @@ fn rounded(value: f64) -> f64 {
 
 /// About five multiples of 1, 2 or 5 times a power of ten.
 fn linear_ticks(from: f64, to: f64) -> Vec<f64> {
-    // The smallest step of the form 1, 2 or 5 times a power of ten that is not below a fifth of the range. The tolerances
-    // keep the step and the last tick if a binary fraction is slightly off: 0.2 is not a fifth of 1.
+    // The smallest step of the form 1, 2 or 5 times a power of ten that is not below a fifth of the range. The
+    // tolerances keep a step and a last tick that binary fractions put slightly outside.
     let rough = ((to - from).abs() / 5.0).max(f64::MIN_POSITIVE);
     let power = 10f64.powf(rough.log10().floor());
     let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * power).find(|step| *step >= rough * 0.999);
@@ -134,8 +134,8 @@ fn log_range(values: impl Iterator<Item = f64> + Clone) -> (f64, f64, Option<f64
     // Without positive data the axis still needs a range, so that the panel can be drawn.
     let (low, high) = if most > 0.0 { (least.log10(), most.log10()) } else { (-2.0, 0.0) };
     let (first, last) = (low.floor() as i32, (high.ceil() as i32).max(low.floor() as i32 + 1));
-    // Over few powers of ten, ticks at the powers alone would leave most of the panel without one. Over many, the steps in
-    // between would cover each other.
+    // Over few powers of ten, ticks at the powers alone would leave most of the panel without one. Over many, the steps
+    // in between would cover each other.
     let steps: &[f64] = if last - first <= 3 { &[1.0, 2.0, 5.0] } else { &[1.0] };
     let mut ticks: Vec<f64> =
         (first..=last).flat_map(|power| steps.iter().map(move |m| m * 10f64.powi(power))).collect();

@@ -109,8 +109,8 @@ impl ChartBody {
             Self::Bars(bars) => bars.parts().map(|name| (name, LegendKey::Block)).collect(),
             Self::Pictures(_) => Vec::new(),
         };
-        // A series that is in several panels has one entry. Its index in this list is its style, so that it looks the same in
-        // all panels and on both pages.
+        // A series that is in several panels has one entry. Its index in this list is its style, so that it looks the
+        // same in all panels and on both pages.
         let first = |name| all.iter().find(|entry| entry.0 == name).copied();
         distinct(all.iter().map(|entry| entry.0)).into_iter().filter_map(first).collect()
     }

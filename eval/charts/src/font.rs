@@ -44,8 +44,8 @@ impl Font {
     }
 
     fn advance(&self, c: char, size: f32) -> f32 {
-        // Glyph 0 stands for characters that the font does not contain. Their width must count, since the browser draws them
-        // with another font.
+        // Glyph 0 stands for characters that the font does not contain. Their width must count, since the browser draws
+        // them with another font.
         let glyph = self.0.glyph_index(c).unwrap_or(GlyphId(0));
         let advance = self.0.glyph_hor_advance(glyph).expect("every glyph of the font has an advance");
         f32::from(advance) * self.scale(size)

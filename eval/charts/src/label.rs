@@ -29,8 +29,8 @@ impl LabelLayout {
 
     /// Occupies the free area of lowest cost around the position. `None` if the panel is full.
     pub fn place(&mut self, request: &LabelRequest) -> Option<Area> {
-        // Positions on rings around the point, the nearest ring first. The search is greedy: a label that is placed stays. A
-        // chart has a few dozen labels, for which this is good enough, fast, and the same on every run.
+        // Positions on rings around the point, the nearest ring first. The search is greedy: a label that is placed
+        // stays. A chart has a few dozen labels, for which this is good enough, fast, and the same on every run.
         let candidates = (0..24).flat_map(|ring| (0..16).map(move |angle| (ring, angle)));
         let mut best: Option<(f32, Area)> = None;
         for (ring, angle) in candidates {

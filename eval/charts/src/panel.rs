@@ -118,8 +118,8 @@ fn draw(
         let (across, up) = (x.place(point.x), y.place(point.y));
         (area.0 + across * (area.2 - area.0), area.3 - up * (area.3 - area.1))
     };
-    // Lines are drawn first and labels last, over all series: no line covers a marker, and labels avoid everything that was
-    // drawn before. Faded markers are below the others.
+    // Lines are drawn first and labels last, over all series: no line covers a marker, and labels avoid everything that
+    // was drawn before. Faded markers are below the others.
     let placed = panel.series.iter().map(|series| Placed::new(series, names, spot)).collect::<Vec<_>>();
     let mut layout = LabelLayout { within: area, taken: Vec::new(), lines: Vec::new() };
     placed.iter().for_each(|series| series.line(canvas, &mut layout));

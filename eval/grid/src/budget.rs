@@ -40,6 +40,7 @@ pub fn within(results: &Results, ms: f64) -> Vec<Budget<'_>> {
             let candidates: Vec<Candidate> =
                 choices.iter().map(|c| Candidate { cost: c.ms, gain: c.ap50 }).collect();
             let front: Vec<Choice<'_>> = pareto_front(&candidates).into_iter().map(|i| choices[i]).collect();
+            // The front rises in time and in accuracy: the last choice within the time is the most accurate one.
             let best = front.iter().rev().find(|choice| choice.ms <= ms).copied();
             if !front.is_empty() {
                 budgets.push(Budget { alpha, conditions: labels::conditions(conditions), front, best });
@@ -78,6 +79,9 @@ pub(crate) struct Candidate {
 pub(crate) fn pareto_front(candidates: &[Candidate]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..candidates.len()).collect();
     order.retain(|&i| candidates[i].cost.is_finite() && candidates[i].gain.is_finite());
+    // After sorting by cost, a candidate is on the front if its gain exceeds those of all candidates before it. Of
+    // equal costs the higher gain comes first, so that the lower one does not enter. The sort is stable: of equal
+    // candidates, the first stays the first.
     order.sort_by(|&a, &b| {
         let (a, b) = (candidates[a], candidates[b]);
         a.cost.total_cmp(&b.cost).then(b.gain.total_cmp(&a.gain))

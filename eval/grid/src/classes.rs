@@ -50,6 +50,7 @@ impl ClassMap {
 
     /// Maps the classes of COCO to those of KITTI, and keeps those of KITTI.
     pub fn kitti() -> Self {
+        // A model that was trained on KITTI has its class names already.
         Self { table: embedded(COCO_TO_KITTI), unlisted: UnlistedClass::KittiKept }
     }
 
@@ -68,6 +69,7 @@ impl ClassMap {
 
     /// The class of the labels for a class of the model. `None` means that the class is dropped.
     pub fn mapped<'a>(&'a self, class: &'a str) -> Option<&'a str> {
+        // A line `from:` without a class drops the class on purpose.
         match self.table.get(class) {
             Some(mapped) => Some(mapped.as_str()).filter(|mapped| !mapped.is_empty()),
             None if self.unlisted == UnlistedClass::Kept => Some(class),
@@ -141,6 +143,7 @@ pub fn of_labels<'a>(labels: impl Iterator<Item = &'a GroundTruth>) -> BTreeSet<
 fn read(path: &Path) -> Result<Table, GridError> {
     let text = std::fs::read_to_string(path).map_err(|why| GridError::io(path, why))?;
     let table = parse_class_map(&text).map_err(|why| GridError::Table(path.to_owned(), why))?;
+    // An empty file would drop all classes: every score would be 0 without a word.
     if table.is_empty() {
         let why = "names no class, at least one line 'from: to' is needed".to_owned();
         return Err(GridError::Table(path.to_owned(), why));

@@ -130,7 +130,7 @@ impl Evaluation {
         }
         let interval = if plan.interval.is_zero() { NOMINAL_INTERVAL } else { plan.interval };
         loop {
-            // The frames of all sources share one timeline.
+            // The time of the chain goes on over all sources, as in one long run.
             let now = (self.truth.len() as u64).saturating_mul(nanos(interval));
             let Some(mut out) = chain.tick(source, now)? else { break };
             self.timeline.place(&mut out, interval);
@@ -277,6 +277,7 @@ impl Timeline {
     /// the same time, so that the intervals within a source do not change.
     fn place(&mut self, out: &mut [OnTopic], interval: Duration) {
         let Some((_, first)) = out.first() else { return };
+        // All messages of a frame carry the stamp of its image.
         let stamp = first.stamp().as_ns();
         if let Some(last) = self.last.filter(|last| stamp.saturating_add(self.shift) <= *last) {
             self.shift = last.saturating_add(nanos(interval)) - stamp;
@@ -297,6 +298,7 @@ const GAP: usize = 4;
 fn mosaic(frames: &[&Frame]) -> Option<Frame> {
     let (height, width, channels) = frames.first()?.dim();
     let rows = frames.len().div_ceil(2);
+    // The picture is white at first, so that the gaps and an empty last place need no drawing.
     let size = (rows * (height + GAP) - GAP, 2 * width + GAP, 3);
     let mut picture = Array3::from_elem(size, u8::MAX);
     for (index, frame) in frames.iter().enumerate() {

@@ -31,6 +31,7 @@ impl Published {
         let (_, rest) = model.split_once("yolov10")?;
         let mut letters = rest.chars();
         let letter = letters.next().filter(|letter| "nsmblx".contains(*letter))?;
+        // `yolov10nano` would be another model. `yolov10n_dyn_w16` is the same one, exported in another form.
         let ends = !letters.next().is_some_and(|c| c.is_ascii_alphabetic());
         ends.then_some(Self(letter))
     }
@@ -39,6 +40,7 @@ impl Published {
     /// captures, which the paper assumes to be ideal.
     pub fn figures(&self, stream: Stream, alpha: f64) -> Option<[f64; 3]> {
         let figures = self.row(&stream.name())?;
+        // The ideal image does not depend on alpha: its row has three figures, all others have three for each alpha.
         if let [iou, f1, accuracy] = figures[..] {
             return Some([iou, f1, accuracy]);
         }
@@ -191,6 +193,8 @@ fn time(cell: &Cell) -> Option<Vec<Td>> {
         // No sensor delivers the ideal image.
         Stream::Ideal => return None,
     };
+    // The times of the paper include its captures, which a simulation cannot measure. The time that the paper assumes
+    // for them is added to ours, so that the sums can be compared.
     let capture = captures * CAPTURE_MS;
     let point = &cell.point;
     Some(vec![

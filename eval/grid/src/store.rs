@@ -73,6 +73,7 @@ const FIGURES: [Column; 9] = [
 
 /// The cells as comma-separated values, one row for each cell. A missing figure is an empty field.
 fn csv(cells: &[Cell]) -> Vec<u8> {
+    // The columns are the union over all cells: cells of different streams have different stages.
     let groups: BTreeSet<&String> = cells.iter().flat_map(|cell| cell.ap50.keys()).collect();
     let stages: BTreeSet<&String> = cells.iter().flat_map(|cell| cell.latency_ms.keys()).collect();
     let mut writer = csv::Writer::from_writer(Vec::new());
@@ -127,6 +128,8 @@ fn add(all: &mut Results, part: Results, path: &Path) -> Result<(), GridError> {
     for cell in part.cells {
         match all.cells.iter().find(|known| known.point == cell.point) {
             None => all.cells.push(cell),
+            // All figures but durations are the same in every run. Different figures of one cell cannot both be right,
+            // and a merge cannot decide between them.
             Some(known) if timeless(known) == timeless(&cell) => {}
             Some(_) => {
                 return Err(GridError::Contradiction(path.to_owned(), cell.point.to_string()));
@@ -144,6 +147,7 @@ fn timeless(cell: &Cell) -> Cell {
 /// Refuses the results `old` at `path` if they belong to another request than `new`. The grids may differ.
 pub(crate) fn check_same(path: &Path, old: &Results, new: &Results) -> Result<(), GridError> {
     let pair = |of: fn(&Results) -> String| (of(old), of(new));
+    // Shards may have different models. Only a model that both know must be the same file.
     let known = |name: &&String| old.setup.models.contains_key(*name) && new.setup.models.contains_key(*name);
     let models = |results: &Results| {
         let shared = results.setup.models.iter().filter(|(name, _)| known(name));

@@ -61,8 +61,8 @@ impl<'b> Decoder<'b> {
     /// Takes the length of a sequence.
     fn length(&mut self) -> Result<usize> {
         let length = u32::from_le_bytes(self.number()?) as usize;
-        // Each element has at least one byte. A length beyond the rest is damage, and must not decide how much memory the
-        // visitor allocates.
+        // Each element has at least one byte. A length beyond the rest is damage, and must not decide how much memory
+        // the visitor allocates.
         if length > self.left() {
             return Err(CdrError::Short { offset: self.at, expected: length, got: self.left() });
         }

@@ -31,7 +31,7 @@ pub struct BenchFrame {
     pub dim: (usize, usize, usize),
 }
 
-/// The output of a sensor, and the truth.
+/// The output of the sensor for one frame, and the truth.
 pub struct SensedFrame {
     pub modulo: Frame,
     pub ideal: Array3<u8>,
@@ -50,6 +50,8 @@ pub fn usable(
     };
     let (mut found, mut skipped) = (Vec::new(), Vec::new());
     for source in sources {
+        // The frame is decoded here only to know that it can be read, and its size. Keeping the radiance of a whole
+        // folder would need twelve bytes a pixel.
         match source.radiance() {
             Ok(radiance) => found.push(BenchFrame { dim: radiance.dim(), source }),
             Err(why) => {
@@ -59,6 +61,8 @@ pub fn usable(
             }
         }
     }
+    // Frames that cannot be read are skipped, so that one damaged file does not end a run of hours. A folder without
+    // any readable frame is a wrong request.
     match (&request.frames, found.is_empty()) {
         (Some(folder), true) => Err(BenchError::NoFrames(folder.clone())),
         _ => Ok((found, skipped)),
@@ -116,6 +120,7 @@ fn list(folder: &Path) -> Result<Vec<PathBuf>, BenchError> {
             files.push(path);
         }
     }
+    // The order of `read_dir` depends on the file system. The results must not.
     files.sort();
     Ok(files)
 }

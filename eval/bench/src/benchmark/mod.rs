@@ -77,9 +77,12 @@ pub fn unwrap(
     make_folder(&request.out)?;
     let (files, skipped) = frames::usable(request, tell)?;
     let meta = Meta::new(request, &files);
+    // Written first, so that the chart of a run that was killed has its subtitle.
     write_json(&request.out.join(META), &meta)?;
     let mut outcome = BenchmarkOutcome { rows: Vec::new(), meta, skipped, warnings: Vec::new() };
     let total = sensors.len() * request.threads.len() * request.method.len();
+    // The exposures of one alpha are shared by all methods and thread counts: every row of an alpha has the same frames
+    // and the same noise.
     for sensor in &sensors {
         let samples = frames::sense(&files, sensor, request.sensor.seed)?;
         for &threads in &request.threads {
@@ -125,6 +128,7 @@ fn check(request: &BenchmarkRequest) -> Result<Vec<Sensor>, BenchError> {
         if !(1..=MAX_THREADS).contains(&threads) {
             return Err(UnwrapError::from(WorkersError::Threads { threads }).into());
         }
+        // A wrong name must be refused now, and not after the methods before it were measured.
         for name in &request.method {
             by_name(name, &Options { threads, ..Options::default() })?;
         }

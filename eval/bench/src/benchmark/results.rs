@@ -1,5 +1,3 @@
-//! The results of a benchmark as JSON: [`BenchmarkRow`] for one method at one alpha with one number of threads, and [`Meta`].
-
 use std::collections::BTreeMap;
 
 use modulo_core::Psf;
@@ -53,6 +51,7 @@ impl BenchmarkRow {
         measured: &Measured,
     ) -> Self {
         Self {
+            // The name of the request, not that of the method that `auto` selected: that one can differ between frames.
             method: method.to_owned(),
             alpha: samples.first().map_or(0.0, |sample| sample.range.alpha()),
             psf_sigma: request.sensor.psf().sigma(),
@@ -144,6 +143,7 @@ impl Meta {
 }
 
 fn sizes(frames: &[BenchFrame]) -> Vec<Size> {
+    // Sorted by size first, so that sizes with the same number of frames have a fixed order.
     let mut counts = BTreeMap::new();
     frames.iter().for_each(|frame| *counts.entry(frame.dim).or_insert(0) += 1);
     let size = |((height, width, channels), frames)| Size { width, height, channels, frames };

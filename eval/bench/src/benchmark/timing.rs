@@ -38,6 +38,8 @@ pub fn measure(
     let mut all = Measured { times: Vec::new(), spread: 0.0, samples: 0, exact: 0.0, squares: 0.0 };
     let mut spreads = Vec::new();
     for sample in samples {
+        // The first call on a frame can allocate buffers, and fills caches. It is not timed, but scored: all calls give
+        // the same result.
         method.unwrap(&sample.modulo, sample.range, &mut out)?;
         all.score(sample, &out)?;
         let mut times = Vec::with_capacity(repeats);
@@ -47,6 +49,8 @@ pub fn measure(
             times.push(ms);
         }
         times.sort_by(f64::total_cmp);
+        // The interquartile range of the calls on one frame shows disturbances of the machine. The spread over all
+        // frames would also contain the differences between frames.
         spreads.push((at(&times, 0.75) - at(&times, 0.25)) / at(&times, 0.5).max(1e-9));
         all.times.append(&mut times);
     }

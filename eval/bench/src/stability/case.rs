@@ -161,6 +161,7 @@ impl Case {
 
     /// The expected result of `method`.
     pub(super) fn expected(&self, method: &str) -> Expect {
+        // The last exception that names the method is the most specific one.
         let own = self.but.iter().rev().find(|(methods, _)| methods.contains(&method));
         own.map_or(self.all, |(_, expect)| *expect)
     }
@@ -171,6 +172,8 @@ impl Case {
     /// [`SensorError`] for an impossible sensor or image, which no case of the catalogue has.
     pub fn expose(&self) -> Result<Exposure, SensorError> {
         let SceneDescription { bits, alpha, .. } = self.scene;
+        // Scenes are drawn in codes of 8 bits. A sensor of other bits sees the same scene in units of its peak, so that
+        // its range is alpha peaks as well.
         let full_scale = (256.0 * alpha) as f32;
         let radiance = (self.draw)().mapv_into(|codes| codes / full_scale);
         let (psf, read_noise) = (self.psf, self.read_noise);

@@ -48,6 +48,8 @@ impl Expect {
             Self::UpToOffset => (score.up_to_offset < 1.0)
                 .then(|| format!("{} exact up to an offset, 100 % expected", percent(score.up_to_offset))),
         };
+        // A failure that is gone is told, but is no error: the documentation is to be improved, and the build stays
+        // green.
         match broken {
             Some(how) => Judgement::Broken(how),
             None if self.is_failure() && score.exact >= RECOVERED => Judgement::Better,
@@ -89,6 +91,8 @@ impl Judgement {
 
 /// Judges the trust of a method: it must be justified if k is observable.
 pub fn judge_trust(score: &MethodScore, observable: bool) -> Judgement {
+    // Where k is not observable, another scene gives the same y. A method that trusted no such result could trust no
+    // result on that other scene either, so that a wrong trust is excused there and nowhere else.
     let vouched = score.report.trust == Trust::Trusted;
     if vouched && score.exact < RECOVERED && observable {
         return Judgement::Broken(format!("vouches for k, of which {} is exact", percent(score.exact)));
@@ -98,6 +102,7 @@ pub fn judge_trust(score: &MethodScore, observable: bool) -> Judgement {
 
 /// `share` as percent with two decimal digits, rounded down: only 1 is "100 %".
 pub fn percent(share: f64) -> String {
+    // Rounding would show 99.9999 % as 100 %, although samples are wrong.
     let hundredths = (share * 1e4).floor() / 100.0;
     if hundredths.fract() == 0.0 { format!("{hundredths} %") } else { format!("{hundredths:.2} %") }
 }

@@ -25,7 +25,7 @@ pub use report::StabilityOutcome;
 
 use crate::{BenchError, BenchEvent, make_folder, write, write_json};
 use expect::{Judgement, judge_trust};
-use picture_folder::PictureFolder;
+use picture_folder::ScenePictures;
 use report::{SceneRow, StabilityReport, Trial};
 
 /// Runs all methods on all scenes and writes `index.html`, `results.json`, `pictures/` and `figures/` into `out`, which is
@@ -37,7 +37,7 @@ pub fn run(out: &Path, progress: impl FnMut(BenchEvent<'_>)) -> Result<Stability
     for folder in ["pictures", "figures"] {
         make_folder(&out.join(folder))?;
     }
-    let report = examine_all(&PictureFolder::in_folder(out), progress)?;
+    let report = examine_all(Some(out), progress)?;
     write_json(&out.join("results.json"), &report)?;
     write(&out.join("index.html"), page::html(&report).as_bytes())?;
     Ok(report.outcome)
@@ -48,11 +48,11 @@ pub fn run(out: &Path, progress: impl FnMut(BenchEvent<'_>)) -> Result<Stability
 /// # Errors
 /// [`BenchError`] if a method refuses a scene.
 pub fn measure(progress: impl FnMut(BenchEvent<'_>)) -> Result<StabilityOutcome, BenchError> {
-    Ok(examine_all(&PictureFolder::none(), progress)?.outcome)
+    Ok(examine_all(None, progress)?.outcome)
 }
 
 fn examine_all(
-    folder: &PictureFolder,
+    folder: Option<&Path>,
     mut progress: impl FnMut(BenchEvent<'_>),
 ) -> Result<StabilityReport, BenchError> {
     let cases = cases();
@@ -64,11 +64,12 @@ fn examine_all(
     Ok(StabilityReport::new(scenes, catalogue::rejections()))
 }
 
-/// Runs every method on `case`, and writes its pictures into `folder`.
-fn examine(case: &Case, folder: &PictureFolder) -> Result<SceneRow, BenchError> {
+/// Runs every method on `case`, and writes its pictures into `folder`, if there is one.
+fn examine(case: &Case, folder: Option<&Path>) -> Result<SceneRow, BenchError> {
     let exposure = case.expose()?;
+    // All methods get the same exposure, with the same noise.
     let y = exposure.modulo();
-    let pictures = folder.open(case.name(), &exposure, &y)?;
+    let pictures = folder.map(|out| ScenePictures::new(out, case.name(), &exposure, &y)).transpose()?;
     let mut trials = Vec::new();
     for &method in METHODS {
         let (score, x) = score(method, &y, &exposure)?;
@@ -129,6 +130,7 @@ pub fn score(method: &str, y: &Frame, truth: &Exposure) -> Result<(MethodScore, 
 /// Share of the samples that have the most frequent error of their channel.
 fn up_to_offset(off: &Array3<i16>) -> f64 {
     let most_frequent = |channel| {
+        // Wrap counts are bytes, so that their differences lie between -255 and 255: 511 values.
         let mut counts = [0usize; 511];
         off.index_axis(Axis(2), channel).iter().for_each(|off| counts[usize::from(off.abs_diff(-255))] += 1);
         counts.into_iter().max().expect("there are counts")
@@ -137,6 +139,7 @@ fn up_to_offset(off: &Array3<i16>) -> f64 {
 }
 
 fn psnr(x: &Array3<f32>, truth: &Exposure) -> Option<f64> {
+    // The errors are multiples of the peak, which squared and added over an image exceed the precision of f32.
     let squares = x.iter().zip(truth.x()).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
     let mean = squares.sum::<f64>() / x.len() as f64;
     (mean > 0.0).then(|| 10.0 * (truth.range().limit().powi(2) / mean).log10())

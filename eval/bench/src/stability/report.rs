@@ -70,7 +70,7 @@ pub struct Trial {
 pub struct RejectionRow {
     /// The input and its receiver.
     pub what: String,
-    /// The error message, or a note that there was none.
+    /// The error message, or a note that the input was accepted.
     pub said: String,
     /// Whether the message names the place and the value.
     pub held: bool,
@@ -91,6 +91,7 @@ impl StabilityReport {
                 }
                 Judgement::Broken(how) => outcome.broken.push(format!("{place}: {how}")),
             }
+            // Trust is counted only over recovered results: a method that never trusts is safe, but of no use.
             let recovered = trial.exact >= RECOVERED;
             outcome.could_vouch += usize::from(recovered && trial.trusted.is_some());
             outcome.vouched += usize::from(recovered && trial.trusted == Some(true));

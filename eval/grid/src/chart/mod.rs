@@ -123,7 +123,10 @@ fn alphas(results: &Results, conditions: Conditions) -> Vec<NamedChart> {
 fn over_alpha(results: &Results, cells: &[&Cell], model: &str, conditions: Conditions) -> NamedChart {
     let of_model = cells.iter().filter(|cell| labels::model(&cell.point) == model);
     let mut cells: Vec<&Cell> = of_model.copied().collect();
+    // The line joins its points in this order. The cells have the order of the grid, in which alpha is as the user gave
+    // it.
     cells.sort_by(|a, b| a.point.alpha.total_cmp(&b.point.alpha));
+    // A panel for each group: in one panel, the series of two groups would have the same names.
     let groups = distinct(cells.iter().flat_map(|cell| cell.ap50.keys()));
     let footer = "Alpha: the brightest radiance over what the sensor holds. AP50: average precision at IoU 0.5, \
                   one-to-one matching, ignore regions left out. The sharp ideal is what the scene would look like \

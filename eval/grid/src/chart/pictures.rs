@@ -44,7 +44,8 @@ pub fn charts(results: &Results, pictures: &[DetectionPicture]) -> Vec<NamedChar
     let worst = worst(&cells);
     let four = labels::nearest_to_four(&cells);
     let alpha = four.first().map_or(4.0, |cell| cell.point.alpha);
-    // The frame that is there for every cell.
+    // The pictures do not say which of them belong to the busiest frame. It is the only frame that was drawn for all
+    // cells.
     let busiest = pictures
         .iter()
         .find(|picture| cells.iter().all(|cell| find(pictures, &cell.point, picture.number).is_some()));
@@ -97,6 +98,8 @@ fn selected(results: &Results) -> Vec<&Cell> {
     let own = |cell: &&Cell| labels::conditions_of(&cell.point) == first;
     let cells: Vec<&Cell> = results.cells.iter().filter(own).collect();
     let Some(model) = cells.first().map(|cell| labels::model(&cell.point)) else { return Vec::new() };
+    // All methods, lenses and models would make a table of hundreds of images. The first ones in the order of the grid
+    // are those that the user named first.
     let method = cells.iter().find_map(|cell| cell.point.method.clone());
     let of = |cell: &&&Cell| {
         let point = &cell.point;

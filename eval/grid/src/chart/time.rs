@@ -36,12 +36,15 @@ fn frontier(results: &Results, cells: &[&Cell], alpha: f64, conditions: Conditio
 fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
     let scored: Vec<(&Cell, Candidate)> =
         cells.iter().filter_map(|cell| Some((*cell, candidate(cell, group)?))).collect();
+    // An ideal image is more accurate than every image that a sensor delivers. On the front it would dominate all real
+    // choices.
     let real: Vec<&(&Cell, Candidate)> = scored.iter().filter(|(cell, _)| is_choice(cell)).collect();
     let front = pareto_front(&real.iter().map(|(_, candidate)| *candidate).collect::<Vec<_>>());
     let front: Vec<&(&Cell, Candidate)> = front.into_iter().map(|index| real[index]).collect();
     let several = models(cells).len() > 1;
     let mut series: Vec<Series> = Vec::new();
     for (cell, candidate) in &scored {
+        // Cells are compared by address: two cells can have equal figures.
         let kept = !is_choice(cell) || front.iter().any(|(other, _)| std::ptr::eq(*other, *cell));
         let name = labels::stream(&cell.point);
         let model = labels::model(&cell.point);
@@ -80,6 +83,7 @@ fn steps(front: &[&(&Cell, Candidate)]) -> Vec<DataPoint> {
     let at = |x: f64, y: f64| DataPoint { x, y, ..DataPoint::default() };
     let mut points: Vec<DataPoint> = Vec::new();
     for (_, Candidate { cost, gain }) in front {
+        // Between two choices, the best gain is that of the faster one, so that the line goes right before it goes up.
         if let Some(last) = points.last().map(|point| point.y) {
             points.push(at(*cost, last));
         }
@@ -111,7 +115,7 @@ fn bar(cell: &Cell) -> Bar {
     Bar { label, parts, note }
 }
 
-/// Upper bound of a bucket divided by its lower bound.
+/// Upper bound of a bucket divided by its lower bound: `10^(1 / 20)`.
 const BUCKET: f64 = 1.122_018_454_301_963_3;
 
 /// One chart at the alpha nearest to 4: the histogram of the time of a frame, with a panel for each model and a line for

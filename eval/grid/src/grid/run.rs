@@ -75,11 +75,14 @@ pub fn run(
     let setup = setup(request, &map, &groups, &points)?;
     let mut frames = Frames::inspect(&request.data)?;
     frames.input.warnings.iter().for_each(|warning| tell(GridEvent::Warning(warning)));
+    // The models are opened before the first cell, so that a wrong file ends the run now and not after hours.
     let mapped = mapped_classes(request, &map, &mut frames)?;
     let units = Units::new(&frames.drive_of, request.options.seed);
     let definitions = definitions();
     let fresh = Results { setup, input: frames.input.clone(), definitions, cells: Vec::new() };
     let mut results = if request.options.fresh { fresh } else { resume(&request.out, fresh)? };
+    // Shards take every n-th cell: models and inputs vary slowest, so that blocks would give one shard all the slow
+    // models.
     let mine = points.iter().enumerate().filter(|(index, _)| request.options.shard.has(*index));
     let (done, todo): (Vec<&Point>, Vec<&Point>) = mine
         .map(|(_, point)| point)
@@ -101,6 +104,7 @@ pub fn run(
             units: &units,
         };
         results.cells.push(scorer.cell((*point).clone(), &frames, runner.device()));
+        // Cells of an earlier run may come later in the grid.
         store::sort(&mut results.cells, &points);
         store::save(&request.out, &results)?;
     }
@@ -114,6 +118,7 @@ pub fn run(
 fn resume(folder: &Path, fresh: Results) -> Result<Results, GridError> {
     let Some(old) = store::load(folder)? else { return Ok(fresh) };
     store::check_same(&folder.join(RESULTS), &old, &fresh)?;
+    // Cells that are no longer in the grid are dropped: the report would mix two requests.
     let cells = old.cells.into_iter().filter(|cell| fresh.setup.grid.contains(&cell.point)).collect();
     Ok(Results { cells, ..fresh })
 }

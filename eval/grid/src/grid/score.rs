@@ -42,6 +42,7 @@ impl Scorer<'_> {
             .into_iter()
             .map(|group| (group, self.of_group(&found, group, self.difficulty)))
             .collect();
+        // The figures of the paper are computed for every protocol, as a comparison with COCO's.
         let papers = self.papers(&found);
         let recoveries = frames.iter().filter_map(|frame| frame.recovery.as_ref());
         let samples: u64 = recoveries.clone().map(|r| r.samples).sum();
@@ -146,6 +147,7 @@ impl Scorer<'_> {
 
     fn worst(&self, papers: &[Paper]) -> Vec<Worst> {
         let labelled = |number: &usize| self.truths[*number].iter().any(|label| label.class != DONT_CARE);
+        // A frame without objects has an F1 of 0 under the rule of the paper: it would always be among the worst.
         let numbers = (0..papers.len()).filter(labelled);
         let mut worst: Vec<Worst> = numbers.map(|number| Worst { number, f1: papers[number].f1 }).collect();
         worst.sort_by(|a, b| a.f1.total_cmp(&b.f1));
@@ -160,6 +162,7 @@ impl Scorer<'_> {
     ) -> BTreeMap<String, [f64; 2]> {
         let mut intervals = BTreeMap::new();
         for (group, images) in groups {
+            // The matching does not depend on the draw, so that it is done once and not a thousand times.
             let sample = average::Sample::new(images, 0.5);
             if let Some(interval) = self.units.interval(|times| sample.ap(times)) {
                 intervals.insert(format!("ap50.{group}"), interval);

@@ -59,6 +59,8 @@ impl Sample {
             image.marks(least_iou).into_iter().map(move |mark| (mark, place))
         };
         let mut marks: Vec<(Mark, usize)> = images.iter().enumerate().flat_map(of).collect();
+        // The sort is stable, as that of pycocotools (mergesort): equal scores keep the order of the images, on which
+        // AP depends.
         marks.sort_by(|a, b| b.0.score.total_cmp(&a.0.score));
         Self { marks, objects: images.iter().map(|image| image.objects() as u64).collect() }
     }
@@ -84,11 +86,14 @@ pub fn precisions(marks: impl Iterator<Item = (bool, u64)>, objects: u64) -> Vec
         right += if is_right { times } else { 0 };
         points.push((right as f64 / objects as f64, right as f64 / seen as f64));
     }
+    // Precision at a recall is the best one at that recall or above, which makes the curve fall. It is computed from
+    // the end.
     let mut best: f64 = 0.0;
     for point in points.iter_mut().rev() {
         best = best.max(point.1);
         point.1 = best;
     }
+    // Recalls and points both rise, so that one pass over the points serves all recalls.
     let mut at = 0;
     let read = |step: usize| {
         // The same values as numpy.linspace(0, 1, 101), whose 0.35 is slightly larger than 7/20.
@@ -138,6 +143,7 @@ pub fn image_boxes(
         Membership::Ignored => Some(ObjectRole::Ignored),
         Membership::Other => None,
     };
+    // Detections of a class that is ignored in the group are left out: they can neither hit nor miss a scored object.
     let found = found.iter().filter(|d| membership(&d.class) == Membership::Member);
     ImageBoxes {
         truth: truth.iter().filter_map(|label| Some((label.bbox, role(label)?))).collect(),

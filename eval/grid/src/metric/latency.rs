@@ -36,6 +36,7 @@ pub fn histogram<'a>(frames: impl Iterator<Item = &'a [(&'static str, u64)]>) ->
     let mut counts: BTreeMap<i32, u64> = BTreeMap::new();
     for frame in frames {
         let ns: u64 = frame.iter().filter(|(stage, _)| *stage != SENSE).map(|(_, ns)| ns).sum();
+        // A duration of 0 has no logarithm. A clock of low resolution can measure it.
         let ms = (ns as f64 / 1e6).max(1e-6);
         *counts.entry((ms.log10() * BUCKETS).floor() as i32 + 1).or_default() += 1;
     }

@@ -54,16 +54,21 @@ impl ImageBoxes {
         let mut found: Vec<&(BBox, f32)> = self.found.iter().collect();
         found.sort_by(|a, b| b.1.total_cmp(&a.1));
         found.truncate(MOST_DETECTIONS);
+        // The order of the scores decides who takes an object: a detection of a lower score finds only the objects that
+        // are left.
         let mut free = vec![true; self.truth.len()];
         let mut marks = Vec::with_capacity(found.len());
         for (bbox, score) in found {
             let hit = self.best(*bbox, least_iou, &free);
+            // An area holds any number of objects, so that it stays free.
             if let Some(index) = hit {
                 free[index] = self.truth[index].1 == ObjectRole::Area;
             }
             match hit.map(|index| self.truth[index].1) {
                 Some(ObjectRole::Counts) => marks.push(Mark { score: *score, right: true }),
                 Some(_) => {}
+                // Objects lower than this are not scored, so that a detection of this size without an object is no
+                // error either.
                 None if bbox.y2 - bbox.y1 < self.least_height => {}
                 None => marks.push(Mark { score: *score, right: false }),
             }
@@ -82,12 +87,14 @@ impl ImageBoxes {
             let overlaps = objects.map(|(index, (truth, role))| (overlap(bbox, *truth, *role), index));
             overlaps.filter(|(overlap, _)| *overlap >= least_iou).max_by(|a, b| a.0.total_cmp(&b.0))
         };
+        // A scored object comes first, even if an ignored one overlaps more: else the detector would lose a hit.
         among(true).or_else(|| among(false)).map(|(_, index)| index)
     }
 }
 
 /// The IoU, or for an area the share of the detection that lies in it.
 fn overlap(found: BBox, truth: BBox, role: ObjectRole) -> f64 {
+    // In f64, as pycocotools computes it: f32 moves an IoU of exactly 0.5 to either side of the threshold.
     let common = area(
         f64::from(found.x2.min(truth.x2)) - f64::from(found.x1.max(truth.x1)),
         f64::from(found.y2.min(truth.y2)) - f64::from(found.y1.max(truth.y1)),
@@ -128,6 +135,7 @@ impl Difficulty {
             Self::Easy => (0, 0.15),
             Self::Moderate => (1, 0.30),
             Self::Hard => (2, 0.50),
+            // A crowd has the largest code of occlusion, and is an area at every difficulty.
             Self::All => (CROWD - 1, f32::INFINITY),
         };
         if label.class == DONT_CARE || label.occluded == CROWD {

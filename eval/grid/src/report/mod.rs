@@ -128,6 +128,7 @@ fn save(folder: &Path, named: &NamedChart) -> Result<RenderedChart, GridError> {
     let file = |extension: &str| folder.join(format!("{}.{extension}", named.name));
     replace(&file("svg"), drawn.wide.as_bytes())?;
     replace(&file("png"), &named.chart.png().map_err(chart)?)?;
+    // Charts with images cannot be drawn from the results again. Their narrow form is kept for the next report.
     if named.name.starts_with(PICTURES) {
         replace(&file("narrow.svg"), drawn.narrow.as_bytes())?;
     }
@@ -139,6 +140,7 @@ fn pictures(folder: &Path) -> Result<Vec<RenderedChart>, GridError> {
     let Ok(entries) = std::fs::read_dir(folder) else { return Ok(Vec::new()) };
     let name = |path: PathBuf| Some(path.file_name()?.to_str()?.strip_suffix(".narrow.svg")?.to_owned());
     let mut names: Vec<String> = entries.flatten().filter_map(|entry| name(entry.path())).collect();
+    // The order of `read_dir` depends on the file system. The page must not.
     names.sort();
     let read = |path: PathBuf| std::fs::read_to_string(&path).map_err(|why| GridError::io(&path, why));
     let load = |name: String| {

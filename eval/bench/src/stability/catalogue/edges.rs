@@ -25,6 +25,8 @@ fn step(codes: i32) -> Case {
 }
 
 fn steps() -> Vec<Case> {
+    // M_b shows a step of 200 codes as one of -56: it keeps steps below half a peak, 128 codes, and folds all others.
+    // The folded step is lower and consistent in every row, so that no method can tell it from a true one.
     let low = step(120).why("120 codes are less than half a peak: the step is seen as it is");
     let high = [140, 200, 256, 300, 512].into_iter().map(|codes| {
         step(codes)
@@ -164,6 +166,8 @@ fn ramps() -> Vec<Case> {
     let lost = Expect::Fails(0.0, "the slope falls in y where it rises in x");
     vec![
         ramp(127).why("one code below the limit"),
+        // Itoh's condition is strict: a difference of exactly half a peak has two representations, and M_b takes the
+        // negative one.
         ramp(128)
             .why("the limit itself: M_b(128) is -128, the condition is a strict one")
             .unobservable("a slope that falls by 128 codes a pixel")
@@ -183,5 +187,6 @@ fn ramp(codes: i32) -> Case {
         format!("dark, then {codes} codes more in each of 40 columns, then even"),
         move || Radiance::ramp(f64::from(codes)).white(),
     )
+    // 40 columns of 129 codes are 5160, more than 20 peaks.
     .alpha(64.0)
 }

@@ -61,6 +61,8 @@ fn shape(dim: (usize, usize, usize)) -> RejectionRow {
 /// A code of 9 bits in an image of 8 bits.
 fn code(method: &str) -> RejectionRow {
     let mut codes = Array3::from_elem((6, 8, 3), 7u16);
+    // An image of 16 bits can hold a code that a sensor of 8 bits never delivers. A method that took it would compute
+    // with a modulo value above the peak.
     codes[(2, 5, 1)] = 256;
     let unwrap = || {
         let range = Range::new(8, 4.0).map_err(|e| e.to_string())?;

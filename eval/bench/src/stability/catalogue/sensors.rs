@@ -27,6 +27,8 @@ fn noisy(sigma: i32) -> Case {
 
 /// Increasing read noise. First differences have a noise of 1.4 sigma, mixed differences of 2 sigma.
 fn noise() -> Vec<Case> {
+    // A difference wraps if its noise exceeds 128 codes, half a peak. At a read noise of 30 codes this is 3 sigma of
+    // the first differences (42 codes), and 2.1 sigma of the mixed ones (60 codes).
     let drowned = Expect::Fails(0.2, "differences that noise carries beyond half a peak are everywhere");
     vec![
         noisy(10).why("mixed differences have a sigma of 20 codes, far from 128"),
@@ -65,6 +67,8 @@ fn levels() -> Vec<Case> {
         Case::new(Family::Levels, "constant_100", "100 codes everywhere", even(100.0))
             .alpha(2.0)
             .why("k = 0"),
+        // The offset is the darkest level with nearly as many pixels in range as the best one. A corner of 1 % is
+        // within the 2 % that this rule gives up.
         Case::new(Family::Levels, "dark_corner", "a dark corner of 1 % in a scene above the peak", || {
             Radiance::evening().step(0, 300.0).block(0..25, 0..25, -300.0).white()
         })
@@ -135,6 +139,8 @@ fn bits() -> Vec<Case> {
         let scene = || Radiance::evening().slope(300.0).glare(96, 160, 30.0, 400.0).warm();
         Case::new(Family::Bits, format!("bits_{bits}"), what, scene).bits(bits)
     };
+    // With one bit the peak is two codes, so that a difference of one code is half a peak: no step at all is below the
+    // limit.
     let one = case(1)
         .why("a code is half a peak: every difference is 0 or at the limit itself")
         .all(Expect::Fails(0.1, "one bit has no difference below half a peak but 0"))

@@ -134,6 +134,7 @@ impl RecoveryQuality {
         let peak = truth[0].range().peak();
         let wraps = truth[0].wraps();
         let counts = counts.to_f32();
+        // x_hat = y + k P with y < P, so that the integer part of x_hat / P is k.
         let exact = counts.iter().zip(&wraps).filter(|(count, wraps)| (*count / peak) as u8 == **wraps);
         Some(Self {
             exact: exact.count() as u64,
@@ -172,6 +173,7 @@ impl ImageSimilarity {
             let (sum, count) = figures.fold((0.0, 0u32), |(sum, count), figure| (sum + figure, count + 1));
             (count > 0).then(|| sum / f64::from(count))
         };
+        // The mean is taken over the squared errors, not over PSNR: a single perfect frame has an infinite PSNR.
         let mse = mean(&mut all.clone().map(|one| one.mse));
         (mse.and_then(psnr_db), mean(&mut all.filter_map(|one| one.ssim)))
     }
