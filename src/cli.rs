@@ -56,7 +56,7 @@ pub enum Command {
     /// Evaluate a launch file, or a grid of settings over labelled frames: every frame once, none dropped
     Eval(Box<eval::Eval>),
     /// Simulate the sensor on image files and unwrap the result
-    Simulate(modulo_bench::simulate::Request),
+    Simulate(modulo_bench::simulate::SimulationRequest),
     /// Measure the unwrapping methods
     #[command(subcommand)]
     Bench(Bench),
@@ -82,7 +82,8 @@ pub enum Command {
     Doctor,
     /// Print a script that completes the command line in a shell
     Completions {
-        /// Shell, such as bash; `modulo completions bash > ~/.local/share/bash-completion/completions/modulo` installs it
+        /// Shell, such as bash; `modulo completions bash > ~/.local/share/bash-completion/completions/modulo` installs
+        /// it
         shell: clap_complete::Shell,
     },
     /// Write a manual page for each command
@@ -136,7 +137,7 @@ pub struct Run {
 #[derive(Subcommand)]
 pub enum Bench {
     /// Measure the time and the accuracy of every method, and draw a chart of both
-    Unwrap(modulo_bench::benchmark::Request),
+    Unwrap(modulo_bench::benchmark::BenchmarkRequest),
     /// Draw the charts of the results in a folder again
     Chart {
         /// Folder with results.json and meta.json
@@ -220,7 +221,8 @@ pub struct ModelFetch {
 pub struct ModelCheck {
     /// Path of the ONNX file
     pub file: PathBuf,
-    /// Inference engine: ONNX Runtime (ort), rten, or auto for ONNX Runtime where its library is found, and rten elsewhere
+    /// Inference engine: ONNX Runtime (ort), rten, or auto for ONNX Runtime where its library is found, and rten
+    /// elsewhere
     #[arg(long, default_value = "auto", value_parser = words(EngineChoice::WORDS))]
     pub engine: EngineChoice,
 }

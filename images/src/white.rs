@@ -1,12 +1,11 @@
-//! [`White`]: frames to radiance as a fraction of the peak.
-
 use modulo_core::sensor::BELOW_ONE;
 use modulo_core::{Frame, Samples};
 use ndarray::Array3;
 
 use crate::ImageError;
 
-/// The linear radiance that maps to the peak, given or found once.
+/// Converts frames to radiance as a fraction of the peak. The value is the linear radiance of the peak; it is 0 until it
+/// is known.
 #[derive(Debug)]
 pub struct White(f32);
 
@@ -19,7 +18,7 @@ impl White {
         if white.is_finite() && white >= 0.0 { Ok(Self(white)) } else { Err(ImageError::White(white)) }
     }
 
-    /// Returns whether it was given, or has been taken from a float image.
+    /// Whether the white point was given, or has been taken from a float image.
     pub fn is_known(&self) -> bool {
         self.0 > 0.0
     }
@@ -27,20 +26,25 @@ impl White {
     /// Radiance in `[0, 1)`, `H x W x C`: integers as fractions of their range, floats as linear radiance.
     pub fn radiance(&mut self, frame: &Frame) -> Array3<f32> {
         match frame.samples() {
+            // Divided by the number of codes, not by the largest one: 255 stays below the peak.
             Samples::U8(codes) => codes.mapv(|v| f32::from(v) / 256.0),
             Samples::U16(codes) => codes.mapv(|v| f32::from(v) / 65536.0),
             Samples::F32(linear) => self.scale(linear),
         }
     }
 
+    /// Divides `linear` by the white point, which is found first if it is not known.
     fn scale(&mut self, linear: &Array3<f32>) -> Array3<f32> {
+        // A black image says nothing about the white point, so that the search goes on with the next image. Once found,
+        // the white point stays: a new one for each frame of a sequence would make its brightness flicker.
         if self.0 == 0.0 {
             self.0 = linear.iter().copied().fold(0.0, f32::max);
         }
         if self.0 == 0.0 {
             return Array3::zeros(linear.dim());
         }
-        // Divided in f64: a tiny white would overflow f32.
+        // The division is done in f64, because a tiny white point would overflow f32. The radiance stays below 1,
+        // because the full range of the sensor is half-open.
         let white = f64::from(self.0);
         linear.mapv(|v| ((f64::from(v) / white) as f32).clamp(0.0, BELOW_ONE))
     }

@@ -1,5 +1,3 @@
-//! [`fetch`]: downloads one file over HTTP and keeps it only if its sha256 is the expected one.
-
 use std::fs::{File, Permissions};
 use std::io::{self, Read, Write};
 use std::os::unix::fs::PermissionsExt;
@@ -90,6 +88,7 @@ pub fn fetch(request: &FetchRequest<'_>, progress: &dyn Fn(u64, Option<u64>)) ->
     if expected.len() != 64 || !expected.bytes().all(|digit| digit.is_ascii_hexdigit()) {
         return Err(FetchError::Sha256(request.sha256.to_owned()));
     }
+    // An existing file is compared before the server is asked, so that a fetched model needs no network any more.
     let disk = |why| FetchError::File(request.file.to_owned(), why);
     match sha256_of(request.file) {
         Ok(found) if found == expected => return Ok(Fetched::AlreadyThere),
@@ -102,13 +101,16 @@ pub fn fetch(request: &FetchRequest<'_>, progress: &dyn Fn(u64, Option<u64>)) ->
     let agent = agent(host.ok_or_else(|| FetchError::Url(request.url.to_owned()))?, STALL);
     let folder = request.file.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
     std::fs::create_dir_all(folder).map_err(disk)?;
-    // As any new file: the umask decides who may read it.
+    // A temporary file is readable for its owner only. The model gets the mode of any new file, so that the umask
+    // decides. It lies in the folder of the target, because a file can only be renamed within one file system.
     let mode = Permissions::from_mode(0o666);
     let mut file = tempfile::Builder::new().permissions(mode).tempfile_in(folder).map_err(disk)?;
     let found = request.download(&agent, &mut file, progress)?;
     if found != expected {
         return Err(FetchError::Wrong(request.url.to_owned(), found, expected));
     }
+    // Without the synchronisation a power failure could leave a file of the right name without its content. Another
+    // process may have written the target in the meantime: it is never overwritten.
     file.as_file().sync_all().map_err(disk)?;
     file.persist_noclobber(request.file).map_err(|why| disk(why.error))?;
     Ok(Fetched::Downloaded)
@@ -128,6 +130,8 @@ impl FetchRequest<'_> {
         if response.status() != 200 {
             return Err(FetchError::Status(url(), response.status().as_u16()));
         }
+        // The announced length is compared before the download. It can be missing, and it can be wrong, so that the
+        // received bytes are counted as well: a server must not be able to fill the disk.
         let total = response.body().content_length();
         total.map_or(Ok(()), |total| self.check_length(total, true))?;
         let mut body = response.into_body().into_reader();
@@ -143,6 +147,7 @@ impl FetchRequest<'_> {
             file.write_all(&buffer[..read]).map_err(|why| FetchError::File(self.file.to_owned(), why))?;
             progress(got, total.or(self.bytes));
         }
+        // A closed connection looks like the end of the file. Only the length shows that bytes are missing.
         match total.or(self.bytes) {
             Some(total) if got < total => Err(FetchError::Cut(url(), got, format!("{total} were announced"))),
             _ => Ok(hex(&hash.finalize())),
@@ -168,7 +173,7 @@ fn agent(host: &str, stall: Duration) -> Agent {
         .timeout_per_read(Some(stall))
         .user_agent(concat!("modulo/", env!("CARGO_PKG_VERSION")));
     if matches!(host, "127.0.0.1" | "[::1]" | "localhost") {
-        // A proxy would look for the file on its own loopback interface.
+        // A proxy of the environment would look for the file on its own loopback interface.
         config = config.proxy(None);
     }
     config.build().new_agent()

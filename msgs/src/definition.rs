@@ -10,7 +10,7 @@
 
 use crate::type_description_interfaces::{Field, FieldType};
 
-/// A line of a definition that is not one, or a type that is missing.
+/// Error of a line that is not part of a definition, or of a type that is missing.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DefinitionError {
     /// The line cannot be read.
@@ -33,6 +33,7 @@ pub(crate) fn parse_fields(name: &str, text: &str) -> Result<Vec<Field>, Definit
             Line::Field(field) => fields.push(field),
         }
     }
+    // The generators of ROS add this field, since an empty struct is not possible in C. It is part of the type hash.
     if fields.is_empty() {
         let r#type = FieldType { type_id: UINT8, ..FieldType::default() };
         let name = "structure_needs_at_least_one_member".to_owned();
@@ -72,6 +73,8 @@ fn without_comment(line: &str) -> &str {
 }
 
 fn parse_line(package: &str, line: &str) -> Option<Line> {
+    // A constant and a field start alike, `TYPE NAME`. Only the text behind the name distinguishes them: `=` and a
+    // value is a constant, nothing or a value is a field with its default.
     let (type_text, rest) = line.split_once(char::is_whitespace)?;
     let rest = rest.trim_start();
     let end = rest.find(|c: char| !(c.is_ascii_alphanumeric() || c == '_')).unwrap_or(rest.len());
@@ -83,6 +86,7 @@ fn parse_line(package: &str, line: &str) -> Option<Line> {
     if value.starts_with('=') {
         return Some(Line::Constant);
     }
+    // Without this check, `uint8 a-b` would be the field `a` with the default `-b`.
     if !tail.is_empty() && !tail.starts_with(char::is_whitespace) {
         return None;
     }
@@ -103,6 +107,7 @@ fn parse_type(package: &str, text: &str) -> Option<FieldType> {
             None => (FieldType::ARRAY, size.parse().ok()?),
         },
     };
+    // The bound of a sequence, `[<=4]`, was cut off before: the `<=` that is left bounds a string.
     let one = parse_element(package, element)?;
     Some(FieldType { type_id: one.type_id + many, capacity, ..one })
 }
@@ -132,6 +137,7 @@ fn primitive(name: &str) -> Option<u8> {
         "uint64" => 9,
         "float32" => 10,
         "float64" => 11,
+        // Codes 12 to 14 are long double, char and wide char of IDL, which no `.msg` type uses.
         "bool" => 15,
         "byte" => 16,
         "string" => STRING,

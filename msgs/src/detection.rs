@@ -1,4 +1,4 @@
-//! [`Detection2D`] <-> [`Detection`]: a box as centre and size, and as edges.
+//! Conversion between [`Detection2D`], whose box has a centre and a size, and [`Detection`], whose box has edges.
 
 use modulo_core::{BBox, Detection};
 
@@ -8,7 +8,7 @@ use crate::vision_msgs::{
 };
 
 impl From<BBox> for BoundingBox2D {
-    /// Computed in `f64`, so that edges of like magnitude come back bit for bit.
+    /// Computes centre and size in `f64`, so that the edges of a box return bit for bit.
     fn from(bbox: BBox) -> Self {
         let [x1, y1, x2, y2] = [bbox.x1, bbox.y1, bbox.x2, bbox.y2].map(f64::from);
         let position = Point2D { x: (x1 + x2) / 2.0, y: (y1 + y2) / 2.0 };
@@ -22,6 +22,8 @@ impl BoundingBox2D {
         let Self { center: Pose2D { position: Point2D { x, y }, theta }, size_x, size_y } = *self;
         let edges = [x - size_x / 2.0, y - size_y / 2.0, x + size_x / 2.0, y + size_y / 2.0];
         let [x1, y1, x2, y2] = edges.map(|edge| edge as f32);
+        // The edges are checked after the conversion to `f32`, in which a large `f64` becomes infinite. The suite has
+        // no rotated boxes: dropping the angle would give a box around another area.
         let finite = [x1, y1, x2, y2].iter().all(|edge| edge.is_finite());
         let upright = theta == 0.0 && size_x >= 0.0 && size_y >= 0.0;
         (finite && upright).then_some(BBox { x1, y1, x2, y2 })
@@ -29,7 +31,7 @@ impl BoundingBox2D {
 }
 
 impl Detection2D {
-    /// `detection` in the image of `header`, untracked (empty `id`).
+    /// The message of `detection` in the image of `header`. Its `id` is empty, because the object is not tracked.
     pub fn from_detection(detection: &Detection, header: &Header) -> Self {
         let hypothesis =
             ObjectHypothesis { class_id: detection.class.clone(), score: f64::from(detection.score) };

@@ -36,41 +36,41 @@ pub enum Dynamic {
 /// [`CdrError`] when the bytes are no such message, or the description needs a type that it lacks.
 pub fn from_slice(description: &TypeDescription, bytes: &[u8]) -> Result<Dynamic, CdrError> {
     let fields = &description.type_description.fields;
-    cdr::from_slice_seed(Fields { fields, description }, bytes)
+    cdr::from_slice_seed(MessageSeed { fields, description }, bytes)
 }
 
 #[derive(Clone, Copy)]
-struct Fields<'t> {
+struct MessageSeed<'t> {
     fields: &'t [Field],
     description: &'t TypeDescription,
 }
 
 #[derive(Clone, Copy)]
-struct FieldValue<'t> {
+struct ValueSeed<'t> {
     r#type: &'t FieldType,
     description: &'t TypeDescription,
 }
 
 /// One element of an array or sequence, or a single value.
 #[derive(Clone, Copy)]
-struct Element<'t>(FieldValue<'t>);
+struct ElementSeed<'t>(ValueSeed<'t>);
 
 const UINT8: u8 = 3;
 const BYTE: u8 = 16;
 
-impl<'de> DeserializeSeed<'de> for Fields<'_> {
+impl<'de> DeserializeSeed<'de> for MessageSeed<'_> {
     type Value = Dynamic;
 
     fn deserialize<D: Deserializer<'de>>(self, decoder: D) -> Result<Dynamic, D::Error> {
         if self.fields.is_empty() {
-            // An empty message travels as one byte.
+            // A description without fields stands for an empty message, which is one byte in CDR.
             return u8::deserialize(decoder).map(|_| Dynamic::Message(Vec::new()));
         }
         decoder.deserialize_tuple(self.fields.len(), self)
     }
 }
 
-impl<'de> Visitor<'de> for Fields<'_> {
+impl<'de> Visitor<'de> for MessageSeed<'_> {
     type Value = Dynamic;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -80,7 +80,7 @@ impl<'de> Visitor<'de> for Fields<'_> {
     fn visit_seq<A: SeqAccess<'de>>(self, mut values: A) -> Result<Dynamic, A::Error> {
         let mut message = Vec::with_capacity(self.fields.len());
         for field in self.fields {
-            let value = FieldValue { r#type: &field.r#type, description: self.description };
+            let value = ValueSeed { r#type: &field.r#type, description: self.description };
             let Some(value) = values.next_element_seed(value)? else { break };
             message.push((field.name.clone(), value));
         }
@@ -88,22 +88,25 @@ impl<'de> Visitor<'de> for Fields<'_> {
     }
 }
 
-impl<'de> DeserializeSeed<'de> for FieldValue<'_> {
+impl<'de> DeserializeSeed<'de> for ValueSeed<'_> {
     type Value = Dynamic;
 
     fn deserialize<D: Deserializer<'de>>(self, decoder: D) -> Result<Dynamic, D::Error> {
+        // A type code is that of the element plus 0, 48, 96 or 144 for a single value, an array, a bounded and an
+        // unbounded sequence.
         let (one, many) = (self.r#type.type_id % 48, self.r#type.type_id / 48);
         let capacity = usize::try_from(self.r#type.capacity).unwrap_or(usize::MAX);
         match (many, one) {
-            (0, _) => Element(self).deserialize(decoder),
-            (2 | 3, UINT8 | BYTE) => crate::bytes::deserialize(decoder).map(Dynamic::Bytes),
-            (1, _) => decoder.deserialize_tuple(capacity, Element(self)),
-            _ => decoder.deserialize_seq(Element(self)),
+            (0, _) => ElementSeed(self).deserialize(decoder),
+            // Images are sequences of bytes: read one by one, each pixel would become a value of its own.
+            (2 | 3, UINT8 | BYTE) => cdr::bytes::deserialize(decoder).map(Dynamic::Bytes),
+            (1, _) => decoder.deserialize_tuple(capacity, ElementSeed(self)),
+            _ => decoder.deserialize_seq(ElementSeed(self)),
         }
     }
 }
 
-impl<'de> Visitor<'de> for Element<'_> {
+impl<'de> Visitor<'de> for ElementSeed<'_> {
     type Value = Dynamic;
 
     fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -111,6 +114,7 @@ impl<'de> Visitor<'de> for Element<'_> {
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut values: A) -> Result<Dynamic, A::Error> {
+        // No memory is reserved for the stated length: a damaged message could claim any length.
         let mut list = Vec::new();
         while let Some(value) = values.next_element_seed(self)? {
             list.push(value);
@@ -119,18 +123,19 @@ impl<'de> Visitor<'de> for Element<'_> {
     }
 }
 
-impl<'de> DeserializeSeed<'de> for Element<'_> {
+impl<'de> DeserializeSeed<'de> for ElementSeed<'_> {
     type Value = Dynamic;
 
     fn deserialize<D: Deserializer<'de>>(self, decoder: D) -> Result<Dynamic, D::Error> {
-        let Self(FieldValue { r#type, description }) = self;
+        let Self(ValueSeed { r#type, description }) = self;
         Ok(match r#type.type_id % 48 {
             FieldType::NESTED => {
+                // A description lists all types that it needs in one level, so that nested types are looked up by name.
                 let name = &r#type.nested_type_name;
                 let nested = description.referenced_type_descriptions.iter().find(|t| t.type_name == *name);
                 let missing = || serde::de::Error::custom(format!("type {name} is not described"));
                 let fields = &nested.ok_or_else(missing)?.fields;
-                Fields { fields, description }.deserialize(decoder)?
+                MessageSeed { fields, description }.deserialize(decoder)?
             }
             2 => Dynamic::Integer(i8::deserialize(decoder)?.into()),
             UINT8 | BYTE => Dynamic::Integer(u8::deserialize(decoder)?.into()),

@@ -1,30 +1,30 @@
 //! Conversion between [`Image`], which has rows of bytes, and [`Frame`], which has the pixels that the suite computes
 //! with.
 //!
-//! Pixels are never scaled, converted between depths, or guessed: an encoding that is not in the table is refused.
+//! Pixels are never scaled, converted between depths, or guessed: an encoding that is not in the table is refused. Images
+//! are written without padding and in little endian.
 
-mod decode;
-mod encode;
-mod encoding;
+use std::borrow::Cow;
 
-use modulo_core::{Frame, FrameError};
+use modulo_core::{Frame, FrameError, Samples};
+use ndarray::Array3;
 
-pub use self::encode::encode_frame;
-use self::encoding::names;
+use crate::cdr::{self, ByteOrder, CdrError};
 use crate::sensor_msgs::Image;
+use crate::std_msgs::Header;
 
-/// Error: an [`Image`] is not a valid [`Frame`].
+/// Error of an [`Image`] that is not a valid [`Frame`].
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ImageError {
+pub enum ImageMessageError {
     /// The encoding is not one of those that can be read.
     #[error("image encoding '{0}' cannot be read, possible are {known}", known = names())]
     Encoding(String),
     /// Rows would overlap.
     #[error("image step is {step} bytes, a row needs at least {row}")]
     Step {
-        /// Bytes from row to row found.
+        /// Bytes from the start of one row to the start of the next one.
         step: u32,
-        /// Bytes of one row's pixels.
+        /// Bytes of the pixels of one row.
         row: u64,
     },
     /// Rows are missing.
@@ -32,7 +32,7 @@ pub enum ImageError {
     Short {
         /// `height * step`.
         expected: u64,
-        /// Bytes found.
+        /// Bytes of the data.
         got: usize,
     },
     /// The sizes are not those of a frame, or a float sample is not finite.
@@ -40,23 +40,280 @@ pub enum ImageError {
     Frame(#[from] FrameError),
 }
 
+/// Size of one sample.
+#[derive(Clone, Copy)]
+enum Depth {
+    U8,
+    U16,
+    F32,
+}
+
+/// The channels of one pixel, in order.
+#[derive(Clone, Copy)]
+enum Channels {
+    Mono,
+    Rgb,
+    Bgr,
+    Rgba,
+    Bgra,
+}
+
+/// Depth and channels of a pixel.
+#[derive(Clone, Copy)]
+struct Encoding {
+    depth: Depth,
+    channels: Channels,
+}
+
+/// The encodings that can be read.
+///
+/// Source: `sensor_msgs/image_encodings.hpp`.
+const ENCODINGS: [(&str, Depth, Channels); 14] = [
+    ("rgb8", Depth::U8, Channels::Rgb),
+    ("bgr8", Depth::U8, Channels::Bgr),
+    ("mono8", Depth::U8, Channels::Mono),
+    ("rgba8", Depth::U8, Channels::Rgba),
+    ("bgra8", Depth::U8, Channels::Bgra),
+    ("rgb16", Depth::U16, Channels::Rgb),
+    ("bgr16", Depth::U16, Channels::Bgr),
+    ("mono16", Depth::U16, Channels::Mono),
+    // The encodings of OpenCV do not name their channels. OpenCV itself keeps blue first.
+    ("8UC1", Depth::U8, Channels::Mono),
+    ("8UC3", Depth::U8, Channels::Bgr),
+    ("16UC1", Depth::U16, Channels::Mono),
+    ("16UC3", Depth::U16, Channels::Bgr),
+    ("32FC1", Depth::F32, Channels::Mono),
+    ("32FC3", Depth::F32, Channels::Bgr),
+];
+
+impl Encoding {
+    fn of(name: &str) -> Option<Self> {
+        let found = ENCODINGS.iter().find(|(known, ..)| *known == name);
+        found.map(|&(_, depth, channels)| Self { depth, channels })
+    }
+
+    /// Returns the number of bytes of one pixel.
+    fn pixel(self) -> u64 {
+        let sample = match self.depth {
+            Depth::U8 => 1,
+            Depth::U16 => 2,
+            Depth::F32 => 4,
+        };
+        let samples = match self.channels {
+            Channels::Mono => 1,
+            Channels::Rgb | Channels::Bgr => 3,
+            Channels::Rgba | Channels::Bgra => 4,
+        };
+        sample * samples
+    }
+}
+
+fn names() -> String {
+    ENCODINGS.map(|(name, ..)| name).join(", ")
+}
+
 impl Image {
     /// Returns the pixels, red first.
     ///
-    /// Reads `rgb8 bgr8 mono8 rgba8 bgra8 rgb16 bgr16 mono16 8UC1 8UC3 16UC1 16UC3 32FC1 32FC3` in either byte order with any `step` of at least one row. Alpha is dropped. `8UC3`, `16UC3` and `32FC3` do not define the order of their channels and are read as OpenCV's, blue first.
+    /// Reads `rgb8 bgr8 mono8 rgba8 bgra8 rgb16 bgr16 mono16 8UC1 8UC3 16UC1 16UC3 32FC1 32FC3` in either byte order
+    /// with any `step` of at least one row. Alpha is dropped. `8UC3`, `16UC3` and `32FC3` do not define the order of their
+    /// channels and are read as those of OpenCV, blue first.
     ///
     /// # Errors
-    /// [`ImageError`] for another encoding, a side of 0, a `step` below one
-    /// row, fewer than `height * step` bytes, and floats that are NaN or infinite.
-    pub fn to_frame(&self) -> Result<Frame, ImageError> {
-        decode::frame(decode::PixelLayout::of(self)?, self.data.as_slice().into())
+    /// [`ImageMessageError`] for another encoding, a side of 0, a `step` below one row, fewer than `height * step` bytes,
+    /// and floats that are NaN or infinite.
+    pub fn to_frame(&self) -> Result<Frame, ImageMessageError> {
+        decode(PixelLayout::of(self)?, self.data.as_slice().into())
     }
 
-    /// Converts the image as [`Image::to_frame`] does, but keeps the buffer of `rgb8` and `mono8` without padding instead of copying it.
+    /// Converts the image as [`Image::to_frame`] does, but keeps the buffer of `rgb8` and `mono8` without padding instead of
+    /// copying it.
     ///
     /// # Errors
     /// As [`Image::to_frame`].
-    pub fn into_frame(self) -> Result<Frame, ImageError> {
-        decode::frame(decode::PixelLayout::of(&self)?, self.data.into())
+    pub fn into_frame(self) -> Result<Frame, ImageMessageError> {
+        decode(PixelLayout::of(&self)?, self.data.into())
     }
+}
+
+/// The layout of the pixels in the data of an image. A layout always fits its data.
+#[derive(Clone, Copy)]
+struct PixelLayout {
+    encoding: Encoding,
+    height: usize,
+    width: usize,
+    /// Bytes of a row's pixels, at most `step`.
+    row: usize,
+    step: usize,
+    order: ByteOrder,
+}
+
+impl PixelLayout {
+    fn of(image: &Image) -> Result<Self, ImageMessageError> {
+        let Image { height, width, step, .. } = *image;
+        let encoding = Encoding::of(&image.encoding)
+            .ok_or_else(|| ImageMessageError::Encoding(image.encoding.clone()))?;
+        let (h, w) = (height as usize, width as usize);
+        if h == 0 || w == 0 {
+            return Err(FrameError::Empty { height: h, width: w }.into());
+        }
+        // Height, width and step come from the network. Their products fit in 64 bits, but not in 32 bits.
+        let row = u64::from(width) * encoding.pixel();
+        if u64::from(step) < row {
+            return Err(ImageMessageError::Step { step, row });
+        }
+        let expected = u64::from(height) * u64::from(step);
+        if (image.data.len() as u64) < expected {
+            return Err(ImageMessageError::Short { expected, got: image.data.len() });
+        }
+        // More bytes than `height * step` are no error, because the pixels are known all the same.
+        let order = if image.is_bigendian == 0 { ByteOrder::Little } else { ByteOrder::Big };
+        Ok(Self { encoding, height: h, width: w, row: row as usize, step: step as usize, order })
+    }
+}
+
+/// Makes pixels of the bytes in three steps: drop the padding of the rows, make samples of bytes, put red first. Each step
+/// copies only if it changes something.
+fn decode(layout: PixelLayout, data: Cow<'_, [u8]>) -> Result<Frame, ImageMessageError> {
+    let packed = without_padding(layout, data);
+    let channels = layout.encoding.channels;
+    Ok(match layout.encoding.depth {
+        Depth::U8 => Frame::from_u8(array(layout, red_first(channels, packed))),
+        Depth::U16 => {
+            let samples = wide(layout.order, &packed, u16::from_be_bytes, u16::from_le_bytes);
+            Frame::from_u16(array(layout, red_first(channels, samples.into())))
+        }
+        Depth::F32 => {
+            let samples = wide(layout.order, &packed, f32::from_be_bytes, f32::from_le_bytes);
+            Frame::from_f32(array(layout, red_first(channels, samples.into())))
+        }
+    }?)
+}
+
+fn without_padding(layout: PixelLayout, data: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
+    let PixelLayout { height, row, step, .. } = layout;
+    if row < step {
+        return data.chunks_exact(step).take(height).flat_map(|padded| &padded[..row]).copied().collect();
+    }
+    match data {
+        Cow::Borrowed(bytes) => Cow::Borrowed(&bytes[..height * row]),
+        // A buffer that belongs to the caller's message is shortened in place, so that it becomes the buffer of the
+        // frame.
+        Cow::Owned(mut bytes) => {
+            bytes.truncate(height * row);
+            Cow::Owned(bytes)
+        }
+    }
+}
+
+/// Samples of `N` bytes each.
+fn wide<T, const N: usize>(
+    order: ByteOrder,
+    bytes: &[u8],
+    big: impl Fn([u8; N]) -> T,
+    little: impl Fn([u8; N]) -> T,
+) -> Vec<T> {
+    let (samples, _) = bytes.as_chunks();
+    match order {
+        ByteOrder::Big => samples.iter().map(|bytes| big(*bytes)).collect(),
+        ByteOrder::Little => samples.iter().map(|bytes| little(*bytes)).collect(),
+    }
+}
+
+fn red_first<T: Copy>(channels: Channels, samples: Cow<'_, [T]>) -> Vec<T> {
+    match channels {
+        Channels::Mono | Channels::Rgb => samples.into_owned(),
+        Channels::Bgr => each_pixel(&samples, |&[b, g, r]| [r, g, b]),
+        Channels::Rgba => each_pixel(&samples, |&[r, g, b, _]| [r, g, b]),
+        Channels::Bgra => each_pixel(&samples, |&[b, g, r, _]| [r, g, b]),
+    }
+}
+
+fn each_pixel<T: Copy, const N: usize>(samples: &[T], rgb: impl Fn(&[T; N]) -> [T; 3]) -> Vec<T> {
+    samples.as_chunks().0.iter().map(rgb).collect::<Vec<_>>().into_flattened()
+}
+
+fn array<T>(layout: PixelLayout, samples: Vec<T>) -> Array3<T> {
+    let PixelLayout { height, width, .. } = layout;
+    let channels = if let Channels::Mono = layout.encoding.channels { 1 } else { 3 };
+    Array3::from_shape_vec((height, width, channels), samples).expect("the layout fits its data")
+}
+
+impl Image {
+    /// `frame` as `rgb8`, `mono8`, `rgb16`, `mono16`, `32FC3` (blue first, as OpenCV has it) or `32FC1`, without
+    /// padding, little endian.
+    pub fn from_frame(header: Header, frame: &Frame) -> Self {
+        let mut image = without_pixels(header, frame);
+        append(frame, &mut image.data);
+        image
+    }
+}
+
+/// Returns the CDR of [`Image::from_frame`], with one copy of the pixels instead of two.
+///
+/// # Errors
+/// [`CdrError`] when the frame has 4 GiB or more.
+pub fn encode_frame(header: &Header, frame: &Frame) -> Result<Vec<u8>, CdrError> {
+    // The pixels are the last field of the message. Without pixels, the last four bytes are their length, 0. They are
+    // replaced by the true length and the pixels, which saves a copy of the pixels in a message.
+    let mut out = cdr::to_vec(&without_pixels(header.clone(), frame))?;
+    out.truncate(out.len() - size_of::<u32>());
+    let got = size(frame);
+    let length = u32::try_from(got).map_err(|_| CdrError::Long { offset: out.len(), got })?;
+    out.reserve_exact(size_of::<u32>() + got);
+    out.extend_from_slice(&length.to_le_bytes());
+    append(frame, &mut out);
+    Ok(out)
+}
+
+/// Returns the number of bytes of the samples.
+fn size(frame: &Frame) -> usize {
+    let (height, width, channels) = frame.dim();
+    height * width * channels * usize::from(frame.depth() / 8)
+}
+
+fn without_pixels(header: Header, frame: &Frame) -> Image {
+    // A side beyond 32 bits means data beyond 32 bits, which CDR refuses.
+    let field = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+    let encoding = match (frame.samples(), frame.channels()) {
+        (Samples::U8(_), 1) => "mono8",
+        (Samples::U8(_), _) => "rgb8",
+        (Samples::U16(_), 1) => "mono16",
+        (Samples::U16(_), _) => "rgb16",
+        (Samples::F32(_), 1) => "32FC1",
+        (Samples::F32(_), _) => "32FC3",
+    };
+    Image {
+        header,
+        height: field(frame.height()),
+        width: field(frame.width()),
+        encoding: encoding.to_owned(),
+        is_bigendian: 0,
+        step: field(size(frame) / frame.height()),
+        data: Vec::new(),
+    }
+}
+
+fn append(frame: &Frame, out: &mut Vec<u8>) {
+    match frame.samples() {
+        Samples::U8(pixels) => out.extend_from_slice(in_order(pixels)),
+        Samples::U16(pixels) => {
+            let start = out.len();
+            out.resize(start + size(frame), 0);
+            let (pairs, _) = out[start..].as_chunks_mut();
+            for (pair, sample) in pairs.iter_mut().zip(in_order(pixels)) {
+                *pair = sample.to_le_bytes();
+            }
+        }
+        Samples::F32(pixels) => {
+            // 32FC3 has blue first, but a frame has red first: the samples of each pixel are reversed.
+            let pixels = in_order(pixels).chunks_exact(frame.channels());
+            out.extend(pixels.flat_map(|pixel| pixel.iter().rev()).flat_map(|sample| sample.to_le_bytes()));
+        }
+    }
+}
+
+/// Returns the samples row by row.
+fn in_order<T>(pixels: &Array3<T>) -> &[T] {
+    pixels.as_slice().expect("a frame is in standard layout")
 }

@@ -19,7 +19,7 @@ messages! {
         /// The value for [`ParameterType::STRING`].
         string_value: String,
         /// The value for [`ParameterType::BYTE_ARRAY`].
-        #[serde(with = "crate::bytes")]
+        #[serde(with = "crate::cdr::bytes")]
         byte_array_value: Vec<u8>,
         /// The value for [`ParameterType::BOOL_ARRAY`].
         bool_array_value: Vec<bool>,
@@ -166,7 +166,7 @@ messages! {
     }
     GetParameterTypesResponse = "rcl_interfaces/srv/GetParameterTypes_Response" {
         /// Codes of [`ParameterType`] in the order of the request.
-        #[serde(with = "crate::bytes")]
+        #[serde(with = "crate::cdr::bytes")]
         types: Vec<u8>,
     }
     GetParametersRequest = "rcl_interfaces/srv/GetParameters_Request" {

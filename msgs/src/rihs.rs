@@ -9,7 +9,6 @@ use sha2::{Digest, Sha256};
 
 use crate::definition::{DefinitionError, full_name};
 use crate::interface;
-use crate::schema;
 use crate::type_description_interfaces::{Field, IndividualTypeDescription, TypeDescription};
 
 /// `RIHS01_` and 64 hexadecimal digits for a message, a service, or a service's request, response or event. `None` when
@@ -26,7 +25,7 @@ pub fn type_hash(name: &str) -> Option<String> {
 /// [`DefinitionError`] with the line that is no field, or the type that is missing.
 pub fn type_hash_of_schema(name: &str, text: &str) -> Result<String, DefinitionError> {
     let name = full_name("", name).ok_or_else(|| DefinitionError::Missing(name.to_owned()))?;
-    let types = schema::parse(&name, text)?;
+    let types = interface::parse_schema(&name, text)?;
     Ok(hash(&gather(&name, |wanted| Ok(types.get(wanted).cloned()))?))
 }
 
@@ -43,14 +42,17 @@ fn all_hashes() -> BTreeMap<String, String> {
         .collect()
 }
 
-/// `name` and everything that it needs, the latter sorted by name.
+/// The description of `name` and of all types that it needs, directly or indirectly.
 fn gather(
     name: &str,
     find: impl Fn(&str) -> Result<Option<IndividualTypeDescription>, DefinitionError>,
 ) -> Result<TypeDescription, DefinitionError> {
     let find = |name: &str| find(name)?.ok_or_else(|| DefinitionError::Missing(name.to_owned()));
     let type_description = find(name)?;
+    // REP 2016 sorts the referenced types by name, as this map does.
     let mut referenced = BTreeMap::new();
+    // Types that are still to be described. A type can be needed several times, and a foreign definition can contain
+    // itself: each type is visited once, so that the loop ends.
     let mut open = needs(&type_description);
     while let Some(next) = open.pop() {
         if next != name && !referenced.contains_key(&next) {
@@ -69,6 +71,8 @@ fn needs(description: &IndividualTypeDescription) -> Vec<String> {
 }
 
 fn hash(description: &TypeDescription) -> String {
+    // The hash is computed over text, so that the order of the keys and each space count: this is the form of
+    // `json.dumps` of Python without newlines. serde_json would leave out the spaces.
     let referenced: Vec<_> = description.referenced_type_descriptions.iter().map(individual_json).collect();
     let json = format!(
         r#"{{"type_description": {}, "referenced_type_descriptions": [{}]}}"#,
@@ -79,7 +83,7 @@ fn hash(description: &TypeDescription) -> String {
     format!("RIHS01_{digits}")
 }
 
-// Names are words (`full_name`, `parse_line`): nothing in them needs escaping.
+// `full_name` and `parse_line` accept only letters, digits, `_` and `/` in names, so that no name needs JSON escapes.
 fn individual_json(description: &IndividualTypeDescription) -> String {
     let fields: Vec<_> = description.fields.iter().map(field_json).collect();
     format!(r#"{{"type_name": "{}", "fields": [{}]}}"#, description.type_name, fields.join(", "))

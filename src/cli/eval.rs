@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use modulo_eval::grid::Options;
+use modulo_eval::grid::GridOptions;
 
 /// `modulo eval`
 #[derive(Args)]
@@ -12,7 +12,8 @@ pub struct Eval {
     /// Command for existing results
     #[command(subcommand)]
     pub verb: Option<Verb>,
-    /// Launch file (ROS 2 YAML) with one camera. Without it: a grid over --kitti, --sequence, --yolo, --coco or --source
+    /// Launch file (ROS 2 YAML) with one camera. Without it: a grid over --kitti, --sequence, --yolo, --coco or
+    /// --source
     pub file: Option<PathBuf>,
     /// Arguments of the launch file as name:=value
     #[arg(requires = "file")]
@@ -89,5 +90,5 @@ pub struct Grid {
     pub coco_images: Option<PathBuf>,
     /// The settings of the grid.
     #[command(flatten)]
-    pub options: Options,
+    pub options: GridOptions,
 }

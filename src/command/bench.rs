@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::anyhow;
 use indicatif::{ProgressBar, ProgressStyle};
-use modulo_bench::{Event, benchmark, frontier, simulate, stability};
+use modulo_bench::{BenchEvent, benchmark, frontier, simulate, stability};
 
 use crate::cli::Bench;
 use crate::{Ended, Failure};
@@ -13,7 +13,7 @@ use crate::{Ended, Failure};
 const STEPS: &str = "{bar:30} {pos}/{len} {eta} {msg}";
 
 /// Sends image files through the sensor and the methods.
-pub fn simulate(request: &simulate::Request) -> Result<Ended, Failure> {
+pub fn simulate(request: &simulate::SimulationRequest) -> Result<Ended, Failure> {
     let bar = progress_bar(STEPS);
     let outcome = simulate::simulate(request, &mut |event| tell(&bar, event))?;
     bar.finish_and_clear();
@@ -52,8 +52,8 @@ pub fn bench(command: &Bench) -> Result<Ended, Failure> {
     }
 }
 
-fn bench_unwrap(request: &benchmark::Request) -> Result<Ended, Failure> {
-    let request = benchmark::Request { device: processor(), ..request.clone() };
+fn bench_unwrap(request: &benchmark::BenchmarkRequest) -> Result<Ended, Failure> {
+    let request = benchmark::BenchmarkRequest { device: processor(), ..request.clone() };
     let bar = progress_bar(STEPS);
     let outcome = benchmark::unwrap(&request, &mut |event| tell(&bar, event))?;
     bar.finish_and_clear();
@@ -109,14 +109,14 @@ pub fn style(template: &str) -> ProgressStyle {
 }
 
 /// Shows the progress on the bar, and writes warnings to standard error.
-fn tell(bar: &ProgressBar, event: Event<'_>) {
+fn tell(bar: &ProgressBar, event: BenchEvent<'_>) {
     match event {
-        Event::Step { done, total, next } => {
+        BenchEvent::Step { done, total, next } => {
             bar.set_length(total as u64);
             bar.set_position(done as u64);
             bar.set_message(next.to_owned());
         }
-        Event::Skipped(skipped) => bar.suspend(|| eprintln!("modulo: skipped: {}", skipped.why)),
-        Event::Warning(warning) => bar.suspend(|| eprintln!("modulo: {warning}")),
+        BenchEvent::Skipped(skipped) => bar.suspend(|| eprintln!("modulo: skipped: {}", skipped.why)),
+        BenchEvent::Warning(warning) => bar.suspend(|| eprintln!("modulo: {warning}")),
     }
 }

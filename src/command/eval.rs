@@ -4,7 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, anyhow};
 use modulo_bags::bag::{BagWriter, Compression};
-use modulo_eval::launch_file::{Evaluation, Plan, Score, Stream};
+use modulo_eval::launch_file::{DetectorStream, Evaluation, EvaluationPlan, StreamScore};
 use modulo_launch::Summary;
 use modulo_runtime::driver::lockstep::Lockstep;
 use modulo_runtime::{MessageKind, Node, NodeName, NodeReport, SystemClock};
@@ -59,7 +59,7 @@ fn launch_file(args: &Eval, file: &Path, out: &Path) -> Result<Ended, Failure> {
     Ok(if summary.lost(false) { Ended::WithLoss } else { Ended::Done })
 }
 
-fn print_score(stream: &str, score: &Score) {
+fn print_score(stream: &str, score: &StreamScore) {
     let classes: Vec<_> = score.classes.iter().map(|(c, (ap, n))| format!("{c} {ap:.3} ({n})")).collect();
     say!("AP50 on {stream} ({} objects): {:.3}; {}", score.difficulty, score.ap50, classes.join(", "));
 }
@@ -75,7 +75,7 @@ fn run(
     let source = made.iter().position(|(node, _)| node.period().is_some());
     let source = source.with_context(|| format!("{}: no node is a source of frames", file.display()));
     let source = source.map_err(usage)?;
-    let plan = Plan {
+    let plan = EvaluationPlan {
         interval: made[source].0.period().expect("the source was found by its period"),
         streams: streams(&made)?,
         truth: topic_of(&made[source].0.outputs(), MessageKind::Detections, &made[source].1)?,
@@ -116,14 +116,14 @@ fn nodes(file: &Path, arguments: &[(String, String)]) -> Result<Made, Failure> {
 }
 
 /// The topics of every node that turns images into boxes.
-fn streams(made: &Made) -> Result<Vec<Stream>, Failure> {
+fn streams(made: &Made) -> Result<Vec<DetectorStream>, Failure> {
     let mut streams = Vec::new();
     for (node, node_name) in made {
         let images = topic_of(&node.inputs(), MessageKind::Image, node_name)?;
         let boxes = topic_of(&node.outputs(), MessageKind::Detections, node_name)?;
         let annotated = topic_of(&node.outputs(), MessageKind::Image, node_name)?;
         if let (Some(images), Some(boxes)) = (images, boxes) {
-            streams.push(Stream::new(images, boxes, annotated));
+            streams.push(DetectorStream::new(images, boxes, annotated));
         }
     }
     if streams.is_empty() {

@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use modulo_bags::source::FrameList;
-use modulo_eval::data::Data;
-use modulo_eval::grid::{Event, GridError, Request, Suite, draw_pictures, merge as merge_shards, run};
+use modulo_eval::grid::{
+    Data, GridError, GridEvent, Request, Suite, draw_pictures, merge as merge_shards, run,
+};
 use modulo_eval::report as page;
 use modulo_eval::results::{Cell, Results};
 use modulo_runtime::SystemClock;
@@ -24,16 +25,18 @@ pub fn grid(args: &eval::Grid, source: &[String], out: &Path) -> Result<Ended, F
         out: out.to_owned(),
     };
     let bar = progress_bar("{bar:30} {pos}/{len} frames, {eta} left: {msg}");
-    let tell = |event: Event<'_>| match event {
-        Event::Resumed { cells: 0 } => {}
-        Event::Resumed { cells } => bar.suspend(|| eprintln!("modulo: {cells} cells are finished already")),
-        Event::Cell { frames: (done, all), name } => {
+    let tell = |event: GridEvent<'_>| match event {
+        GridEvent::Resumed { cells: 0 } => {}
+        GridEvent::Resumed { cells } => {
+            bar.suspend(|| eprintln!("modulo: {cells} cells are finished already"))
+        }
+        GridEvent::Cell { frames: (done, all), name } => {
             bar.set_length(all);
             bar.set_position(done);
             bar.set_message(name.to_owned());
         }
-        Event::Frame => bar.inc(1),
-        Event::Warning(warning) => bar.suspend(|| eprintln!("modulo: {warning}")),
+        GridEvent::Frame => bar.inc(1),
+        GridEvent::Warning(warning) => bar.suspend(|| eprintln!("modulo: {warning}")),
     };
     let outcome = run(&request, &Suite, &SystemClock::default(), &tell).map_err(failure)?;
     bar.finish_and_clear();

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use modulo_charts::{
-    Axis, Body, Chart, Direction, Emphasis, PageWidth, Panel, Point, Series, SeriesStyle, Unit, distinct,
+    Axis, AxisDirection, Chart, ChartBody, ChartPanel, DataPoint, Emphasis, PageWidth, Series, SeriesStyle,
+    Unit, distinct,
 };
 
-use crate::BenchError;
-use crate::atomic_file::{read_json, write};
-use crate::benchmark::{META, Meta, Row};
+use crate::benchmark::{BenchmarkRow, META, Meta};
+use crate::{BenchError, read_json, write};
 
 /// Draws the chart of a file of results as `frontier.svg` and `frontier.png` beside it. Returns their paths.
 ///
@@ -22,34 +22,37 @@ pub fn draw_frontier(results: &Path) -> Result<[PathBuf; 2], BenchError> {
     Ok(files)
 }
 
-/// The chart of the file `results` (a list of [`Row`]) and of the file [`META`] beside it, if there is one.
+/// The chart of the file `results` (a list of [`BenchmarkRow`]) and of the file [`META`] beside it, if there is one.
 ///
 /// # Errors
 /// [`BenchError`] if a file cannot be read or there is no row.
 pub fn frontier_from(results: &Path) -> Result<Chart, BenchError> {
-    let rows: Vec<Row> = read_json(results)?;
+    let rows: Vec<BenchmarkRow> = read_json(results)?;
     crate::need("the list of results", &rows)?;
     let meta = results.with_file_name(META);
     let meta: Option<Meta> = if meta.exists() { Some(read_json(&meta)?) } else { None };
     let exact = series(&rows, |row| row.exact_k);
     let wrong = series(&rows, |row| 1.0 - row.exact_k);
     let time = || Axis::log("time a frame, ms (median)");
+    // Two panels show the same data: near 100 %, only the logarithm of the errors separates the methods, and where half
+    // of the counts are wrong, only the linear axis does. The second axis is reversed, so that up is better in both.
     let downwards =
-        Axis { unit: Unit::Percent, direction: Direction::Down, ..Axis::log("wrong wrap counts") };
+        Axis { unit: Unit::Percent, direction: AxisDirection::Down, ..Axis::log("wrong wrap counts") };
     Ok(Chart {
         title: "Unwrapping: what is exact, and what it costs".to_owned(),
         subtitle: subtitle(&rows, meta.as_ref()),
         footer: footer(&rows, meta.as_ref()),
-        body: Body::Panels(vec![
-            Panel { x: time(), y: Axis::percent("exact wrap counts", 1.0), series: exact },
-            Panel { x: time(), y: downwards, series: wrong },
+        body: ChartBody::Panels(vec![
+            ChartPanel { x: time(), y: Axis::percent("exact wrap counts", 1.0), series: exact },
+            ChartPanel { x: time(), y: downwards, series: wrong },
         ]),
     })
 }
 
 /// A line over alpha for each method, number of threads and blur.
-fn series(rows: &[Row], value: impl Fn(&Row) -> f64) -> Vec<Series> {
-    let mut sorted: Vec<&Row> = rows.iter().collect();
+fn series(rows: &[BenchmarkRow], value: impl Fn(&BenchmarkRow) -> f64) -> Vec<Series> {
+    // The line joins the points by alpha. The series keep the order of the file, which determines their colours.
+    let mut sorted: Vec<&BenchmarkRow> = rows.iter().collect();
     sorted.sort_by(|a, b| a.alpha.total_cmp(&b.alpha));
     let mut series: Vec<Series> = Vec::new();
     for row in rows {
@@ -59,7 +62,7 @@ fn series(rows: &[Row], value: impl Fn(&Row) -> f64) -> Vec<Series> {
         }
         let own = sorted.iter().filter(|r| (&r.method, r.threads) == (&row.method, row.threads));
         let own = own.filter(|r| r.psf_sigma == row.psf_sigma);
-        let point = |r: &&Row| Point {
+        let point = |r: &&BenchmarkRow| DataPoint {
             x: r.ms_p50,
             y: value(r),
             label: r.alpha.to_string(),
@@ -72,7 +75,7 @@ fn series(rows: &[Row], value: impl Fn(&Row) -> f64) -> Vec<Series> {
 }
 
 /// The name of a line: the method, with threads and blur if they differ between rows.
-fn name(row: &Row, rows: &[Row]) -> String {
+fn name(row: &BenchmarkRow, rows: &[BenchmarkRow]) -> String {
     let mut name = row.method.clone();
     if distinct(rows.iter().map(|r| r.threads)).len() > 1 {
         name += &format!(", {}", threads(row.threads));
@@ -83,7 +86,7 @@ fn name(row: &Row, rows: &[Row]) -> String {
     name
 }
 
-fn subtitle(rows: &[Row], meta: Option<&Meta>) -> String {
+fn subtitle(rows: &[BenchmarkRow], meta: Option<&Meta>) -> String {
     let frames = distinct(rows.iter().map(|row| row.frames.to_string())).join(" or ");
     let mut parts = vec![format!("{frames} frames")];
     let counts = distinct(rows.iter().map(|row| row.threads.to_string()));
@@ -95,6 +98,7 @@ fn subtitle(rows: &[Row], meta: Option<&Meta>) -> String {
     };
     match meta {
         None => parts.extend([lens, used]),
+        // The file of a peer program may have no description beside it: only the rows are known then.
         Some(meta) => {
             parts[0] += &format!(" of {}", sizes(meta));
             let kernel = if meta.psf == "paper7" { " (the paper's 7 taps)" } else { "" };
@@ -115,7 +119,7 @@ fn sizes(meta: &Meta) -> String {
     }
 }
 
-fn footer(rows: &[Row], meta: Option<&Meta>) -> String {
+fn footer(rows: &[BenchmarkRow], meta: Option<&Meta>) -> String {
     let samples = rows.iter().filter_map(|row| row.samples).max();
     let zero = match samples {
         Some(samples) => format!("0 %: not one of {samples} samples"),

@@ -2,24 +2,71 @@
 //!
 //! Nothing here knows a node, a message or a topic: the methods are those of `modulo-core`, which the nodes use.
 
-mod atomic_file;
 pub mod benchmark;
-mod error;
 pub mod frontier;
 pub mod simulate;
 pub mod stability;
-mod stopwatch;
 
-pub use error::BenchError;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use modulo_core::{Frame, Psf, Samples, Sensor, SensorConfig};
+use modulo_charts::ChartError;
+use modulo_core::metric::ShapesDiffer;
+use modulo_core::{Frame, Psf, Samples, Sensor, SensorConfig, SensorError, UnwrapError};
+use modulo_images::{ImageError, SaveError};
 use ndarray::Array3;
 use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+/// Error of a simulation, benchmark or stability run. The message names the value and the possible ones.
+#[derive(Debug, thiserror::Error)]
+pub enum BenchError {
+    /// A list without an entry.
+    #[error("{0} is empty; at least one entry is needed")]
+    Empty(&'static str),
+    /// A number out of its range.
+    #[error("{what} is {value}, but must be {possible}")]
+    Number {
+        /// Name of the number.
+        what: &'static str,
+        /// The value.
+        value: usize,
+        /// The possible values.
+        possible: &'static str,
+    },
+    /// A folder without a readable image.
+    #[error("{}: there is no readable image (.png, .jpg, .jpeg, .exr, .hdr)", .0.display())]
+    NoFrames(PathBuf),
+    /// A file or folder cannot be read or written.
+    #[error("{path}: {1}", path = .0.display())]
+    Io(PathBuf, #[source] std::io::Error),
+    /// A file is not a list of results.
+    #[error("{path}: {1}", path = .0.display())]
+    Json(PathBuf, #[source] serde_json::Error),
+    /// The chart cannot be drawn.
+    #[error(transparent)]
+    Chart(#[from] ChartError),
+    /// An image cannot be read, or the white point is impossible.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// An image cannot be written.
+    #[error(transparent)]
+    Save(#[from] SaveError),
+    /// The sensor is impossible, or cannot be exposed to the image.
+    #[error(transparent)]
+    Sensor(#[from] SensorError),
+    /// The method does not exist, or refuses the image.
+    #[error(transparent)]
+    Unwrap(#[from] UnwrapError),
+    /// Images have different shapes.
+    #[error(transparent)]
+    Shapes(#[from] ShapesDiffer),
+}
 
 /// Progress of a command.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Event<'a> {
+pub enum BenchEvent<'a> {
     /// `done` of `total` steps are finished; `next` describes the next one.
     Step {
         /// Number of finished steps.
@@ -102,4 +149,33 @@ fn samples8(frame: Frame) -> Array3<u8> {
         Samples::U8(samples) => samples,
         Samples::U16(_) | Samples::F32(_) => unreachable!("ideal and toned pictures have 8 bits"),
     }
+}
+
+/// Creates `folder` and its parents.
+fn make_folder(folder: &Path) -> Result<(), BenchError> {
+    fs::create_dir_all(folder).map_err(|source| BenchError::Io(folder.to_owned(), source))
+}
+
+/// Writes `value` as JSON to a temporary file beside `path` and renames it.
+fn write_json(path: &Path, value: &impl Serialize) -> Result<(), BenchError> {
+    let mut text =
+        serde_json::to_vec_pretty(value).map_err(|source| BenchError::Json(path.to_owned(), source))?;
+    text.push(b'\n');
+    write(path, &text)
+}
+
+/// Writes `bytes` to a temporary file beside `path` and renames it.
+fn write(path: &Path, bytes: &[u8]) -> Result<(), BenchError> {
+    // Renaming is atomic within one file system, so that a reader and a killed run never see half a file.
+    let mut beside = path.as_os_str().to_owned();
+    beside.push(".part");
+    fs::write(&beside, bytes)
+        .and_then(|()| fs::rename(&beside, path))
+        .map_err(|source| BenchError::Io(path.to_owned(), source))
+}
+
+/// Reads a JSON file.
+fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, BenchError> {
+    let text = fs::read(path).map_err(|source| BenchError::Io(path.to_owned(), source))?;
+    serde_json::from_slice(&text).map_err(|source| BenchError::Json(path.to_owned(), source))
 }

@@ -13,16 +13,15 @@ use modulo_images::{White, read_image, save_png};
 use ndarray::Array3;
 use serde::{Deserialize, Serialize};
 
-use crate::atomic_file::{make_folder, write_json};
-use crate::stopwatch::timed;
-use crate::{BenchError, Event, SensorOptions, Skipped, need, samples8};
+use crate::benchmark::timed;
+use crate::{BenchError, BenchEvent, SensorOptions, Skipped, make_folder, need, samples8, write_json};
 
 /// Name of the list of results in the folder.
 pub const RESULTS: &str = "results.json";
 
 /// The settings of a simulation, as options of a command line.
 #[derive(Clone, Debug, PartialEq, Parser)]
-pub struct Request {
+pub struct SimulationRequest {
     /// Images: PNG or JPEG of 8 or 16 bits, OpenEXR, Radiance HDR
     #[arg(required = true)]
     pub images: Vec<PathBuf>,
@@ -45,7 +44,7 @@ pub struct Request {
 
 /// The result of one method on one image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Row {
+pub struct SimulationRow {
     /// The file as it was given.
     pub file: String,
     /// Saturation factor.
@@ -71,9 +70,9 @@ pub struct Row {
 
 /// Result of a simulation.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Outcome {
+pub struct SimulationOutcome {
     /// One row for each file, alpha and method. Also in [`RESULTS`].
-    pub rows: Vec<Row>,
+    pub rows: Vec<SimulationRow>,
     /// Files that could not be read or exposed.
     pub skipped: Vec<Skipped>,
 }
@@ -87,28 +86,32 @@ pub struct Outcome {
 /// # Errors
 /// [`BenchError`] before anything is written if the request is wrong, and later if a result cannot be written. A file
 /// that cannot be used is skipped, unless it is the only one.
-pub fn simulate(request: &Request, tell: &mut dyn FnMut(Event<'_>)) -> Result<Outcome, BenchError> {
+pub fn simulate(
+    request: &SimulationRequest,
+    tell: &mut dyn FnMut(BenchEvent<'_>),
+) -> Result<SimulationOutcome, BenchError> {
     let (sensors, mut methods) = (sensors(request)?, methods(request)?);
     make_folder(&request.out)?;
     let names = names(&request.images);
     let total = request.images.len() * sensors.len();
-    let mut outcome = Outcome::default();
+    let mut outcome = SimulationOutcome::default();
     for (index, (file, name)) in request.images.iter().zip(&names).enumerate() {
-        let picture = Picture { file, name, request };
+        let picture = InputImage { file, name, request };
         let rows = picture.read().and_then(|radiance| {
             let mut rows = Vec::new();
             for (sensor, done) in sensors.iter().zip(index * sensors.len()..) {
                 let next = format!("{} alpha {}", file.display(), sensor.range().alpha());
-                tell(Event::Step { done, total, next: &next });
+                tell(BenchEvent::Step { done, total, next: &next });
                 rows.extend(picture.sense(&radiance, sensor, &mut methods)?);
             }
             Ok(rows)
         });
         match rows {
             Ok(rows) => outcome.rows.extend(rows),
+            // Only faults of the file are skipped. An error of a method or of the disk would come back with every file.
             Err(why @ (BenchError::Image(_) | BenchError::Sensor(_))) if request.images.len() > 1 => {
                 let skipped = Skipped { file: file.display().to_string(), why: why.to_string() };
-                tell(Event::Skipped(&skipped));
+                tell(BenchEvent::Skipped(&skipped));
                 outcome.skipped.push(skipped);
             }
             Err(why) => return Err(why),
@@ -119,15 +122,16 @@ pub fn simulate(request: &Request, tell: &mut dyn FnMut(Event<'_>)) -> Result<Ou
 }
 
 /// An image of the request.
-struct Picture<'a> {
+struct InputImage<'a> {
     file: &'a Path,
     name: &'a str,
-    request: &'a Request,
+    request: &'a SimulationRequest,
 }
 
-impl Picture<'_> {
+impl InputImage<'_> {
     /// Reads radiance in `[0, 1)`, H x W x C.
     fn read(&self) -> Result<Array3<f32>, BenchError> {
+        // A white point for each file: with a common one, the result of a file would depend on the files before it.
         Ok(White::new(self.request.white)?.radiance(&read_image(self.file)?))
     }
 
@@ -137,7 +141,7 @@ impl Picture<'_> {
         radiance: &Array3<f32>,
         sensor: &Sensor,
         methods: &mut [Box<dyn Unwrap>],
-    ) -> Result<Vec<Row>, BenchError> {
+    ) -> Result<Vec<SimulationRow>, BenchError> {
         let exposure = sensor.expose(radiance.view(), self.request.sensor.seed)?;
         let path = |stream: &str| self.path(exposure.range().alpha(), stream);
         save_png(&path("ideal"), &exposure.ideal())?;
@@ -146,15 +150,16 @@ impl Picture<'_> {
         methods.iter_mut().map(|method| self.recover(&exposure, method.as_mut())).collect()
     }
 
-    fn recover(&self, exposure: &Exposure, method: &mut dyn Unwrap) -> Result<Row, BenchError> {
+    fn recover(&self, exposure: &Exposure, method: &mut dyn Unwrap) -> Result<SimulationRow, BenchError> {
         let (range, modulo) = (exposure.range(), exposure.modulo());
         let mut recovered = Recovered::default();
+        // One call, with the allocation of its buffers: the duration is only a rough figure.
         let (unwrapped, ms) = timed(|| method.unwrap(&modulo, range, &mut recovered));
         unwrapped?;
         let picture = tone::linear8(&recovered.x, range).map_err(UnwrapError::from)?;
         save_png(&self.path(range.alpha(), method.name()), &picture)?;
         let (ideal, picture) = (samples8(exposure.ideal()), samples8(picture));
-        Ok(Row {
+        Ok(SimulationRow {
             file: self.file.display().to_string(),
             alpha: range.alpha(),
             psf_sigma: self.request.sensor.psf().sigma(),
@@ -174,13 +179,13 @@ impl Picture<'_> {
 }
 
 /// Checks files and white point, and makes the sensor of each alpha.
-fn sensors(request: &Request) -> Result<Vec<Sensor>, BenchError> {
+fn sensors(request: &SimulationRequest) -> Result<Vec<Sensor>, BenchError> {
     need("the list of files", &request.images)?;
     White::new(request.white)?;
     request.sensor.sensors(&request.alpha)
 }
 
-fn methods(request: &Request) -> Result<Vec<Box<dyn Unwrap>>, BenchError> {
+fn methods(request: &SimulationRequest) -> Result<Vec<Box<dyn Unwrap>>, BenchError> {
     need("the list of methods", &request.method)?;
     let method = |name: &String| Ok(by_name(name, &Options::default())?);
     request.method.iter().map(method).collect()
@@ -188,6 +193,8 @@ fn methods(request: &Request) -> Result<Vec<Box<dyn Unwrap>>, BenchError> {
 
 /// The name of each file without extension, with `-2`, `-3` and so on if another file has it already.
 fn names(files: &[PathBuf]) -> Vec<String> {
+    // Files of two folders can have one name. A numbered name can exist as a file, too (`x-2.jpg`), so that each name
+    // is checked against all names before it.
     let mut taken = HashSet::new();
     let free = |file: &PathBuf| {
         let stem = file.file_stem().unwrap_or(file.as_os_str()).to_string_lossy().into_owned();

@@ -1,6 +1,4 @@
-//! [`Axis`]: maps values to positions along one side of a panel, and chooses the ticks.
-
-/// An axis of a panel.
+/// An axis of a panel. It maps values to positions along one side of the panel, and chooses the ticks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
     /// Quantity and unit.
@@ -10,7 +8,7 @@ pub struct Axis {
     /// The format of ticks.
     pub unit: Unit,
     /// The direction of growing values.
-    pub direction: Direction,
+    pub direction: AxisDirection,
 }
 
 /// Scale of an axis.
@@ -36,9 +34,9 @@ pub enum Unit {
     Percent,
 }
 
-/// Direction of growing values.
+/// AxisDirection of growing values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Direction {
+pub enum AxisDirection {
     /// To the right or upwards.
     Up,
     /// To the left or downwards.
@@ -56,7 +54,7 @@ pub struct FittedAxis {
     to: f64,
     /// Position of zeros on a logarithmic axis. `None` on a linear axis.
     zero: Option<f64>,
-    direction: Direction,
+    direction: AxisDirection,
     /// Value and text of each tick.
     pub ticks: Vec<(f64, String)>,
 }
@@ -64,7 +62,7 @@ pub struct FittedAxis {
 impl Axis {
     /// A logarithmic axis of plain numbers, such as durations.
     pub fn log(label: impl Into<String>) -> Self {
-        Self { label: label.into(), scale: Scale::Log, unit: Unit::Plain, direction: Direction::Up }
+        Self { label: label.into(), scale: Scale::Log, unit: Unit::Plain, direction: AxisDirection::Up }
     }
 
     /// A linear axis of shares from 0 to `most` as percent.
@@ -79,6 +77,7 @@ impl Axis {
             Scale::Linear { from, to } => (from, to, None, linear_ticks(from, to)),
             Scale::Log => log_range(values),
         };
+        // An axis whose data have one value would have no length, and every position would be a division by zero.
         let pad = (to - from).max(1e-9) * PAD;
         let ticks = ticks.into_iter().map(|value| (value, self.unit.text(value))).collect();
         FittedAxis { from: from - pad, to: to + pad, zero, direction: self.direction, ticks }
@@ -95,8 +94,8 @@ impl FittedAxis {
         };
         let share = ((value - self.from) / (self.to - self.from)).clamp(0.0, 1.0) as f32;
         match self.direction {
-            Direction::Up => share,
-            Direction::Down => 1.0 - share,
+            AxisDirection::Up => share,
+            AxisDirection::Down => 1.0 - share,
         }
     }
 }
@@ -117,6 +116,8 @@ fn rounded(value: f64) -> f64 {
 
 /// About five multiples of 1, 2 or 5 times a power of ten.
 fn linear_ticks(from: f64, to: f64) -> Vec<f64> {
+    // The smallest step of the form 1, 2 or 5 times a power of ten that is not below a fifth of the range. The
+    // tolerances keep a step and a last tick that binary fractions put slightly outside.
     let rough = ((to - from).abs() / 5.0).max(f64::MIN_POSITIVE);
     let power = 10f64.powf(rough.log10().floor());
     let step = [1.0, 2.0, 5.0, 10.0].into_iter().map(|m| m * power).find(|step| *step >= rough * 0.999);
@@ -130,8 +131,11 @@ fn log_range(values: impl Iterator<Item = f64> + Clone) -> (f64, f64, Option<f64
     let positive = || values.clone().filter(|value| *value > 0.0);
     let least = positive().fold(f64::INFINITY, f64::min);
     let most = positive().fold(0.0, f64::max);
+    // Without positive data the axis still needs a range, so that the panel can be drawn.
     let (low, high) = if most > 0.0 { (least.log10(), most.log10()) } else { (-2.0, 0.0) };
     let (first, last) = (low.floor() as i32, (high.ceil() as i32).max(low.floor() as i32 + 1));
+    // Over few powers of ten, ticks at the powers alone would leave most of the panel without one. Over many, the steps
+    // in between would cover each other.
     let steps: &[f64] = if last - first <= 3 { &[1.0, 2.0, 5.0] } else { &[1.0] };
     let mut ticks: Vec<f64> =
         (first..=last).flat_map(|power| steps.iter().map(move |m| m * 10f64.powi(power))).collect();
@@ -140,6 +144,7 @@ fn log_range(values: impl Iterator<Item = f64> + Clone) -> (f64, f64, Option<f64
     let end = ticks.iter().position(|tick| tick.log10() >= high - 1e-9).unwrap_or(ticks.len() - 1);
     ticks = ticks[start..=end.max(start)].to_vec();
     let (from, to) = (ticks[0].log10(), ticks[ticks.len() - 1].log10());
+    // Zero has no logarithm. A method without any error must be visible all the same, at a tick of its own.
     if values.clone().any(|value| value <= 0.0) {
         ticks.insert(0, 0.0);
         return (from - ZERO, to, Some(from - ZERO), ticks);
@@ -179,11 +184,11 @@ mod tests {
     #[test]
     fn places_rise_with_values_and_stay_on_the_axis() {
         for data in [vec![], vec![0.0], vec![5.0], vec![0.0, 1e-6, 0.3], vec![1e-12, 1e12], vec![7.0, 7.0]] {
-            for direction in [Direction::Up, Direction::Down] {
+            for direction in [AxisDirection::Up, AxisDirection::Down] {
                 let fitted = Axis { direction, ..axis(Scale::Log, Unit::Plain) }.fit(data.iter().copied());
                 let mut places: Vec<f32> =
                     fitted.ticks.iter().map(|(value, _)| fitted.place(*value)).collect();
-                if direction == Direction::Down {
+                if direction == AxisDirection::Down {
                     places.reverse();
                 }
                 assert!(places.windows(2).all(|pair| pair[0] < pair[1]), "{data:?}: {places:?}");

@@ -1,12 +1,9 @@
-//! [`Bars`]: horizontal bars of several parts.
-
 use crate::axis::{Axis, Scale};
 use crate::canvas::{Anchor, Canvas};
-use crate::legend::LegendKey;
-use crate::primitives::{FAINT, GREY, INK};
-use crate::style::Style;
+use crate::chart::LegendKey;
+use crate::primitives::{FAINT, GREY, INK, Style};
 
-/// Horizontal bars.
+/// Horizontal bars of several parts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bars {
     /// Quantity and unit of the lengths.
@@ -48,6 +45,7 @@ impl Bars {
         let width_of = |text: &str| canvas.font.width(text, SIZE);
         let widest = self.rows.iter().map(|row| width_of(&row.label)).fold(0.0, f32::max);
         let labels = self.rows.iter().map(|row| width_of(&row.note)).fold(0.0, f32::max);
+        // On a narrow page, labels beside the bars would leave no width for the bars.
         let above = widest > LABELS * width;
         let (from, line) = if above { (left, 2.0 * ROW) } else { (left + widest + 10.0, ROW) };
         let (to, bottom) = (left + width - labels - 44.0, top + line * self.rows.len() as f32 + 6.0);
@@ -78,6 +76,7 @@ impl Bars {
     ) -> impl Fn(f64) -> f32 + use<> {
         let total = |row: &Bar| row.parts.iter().map(|(_, length)| length).sum::<f64>();
         let totals = self.rows.iter().map(total).filter(|total| total.is_finite());
+        // Not 0, by which the lengths are divided.
         let most = totals.fold(f64::MIN_POSITIVE, f64::max);
         let axis = Axis { scale: Scale::Linear { from: 0.0, to: most }, ..Axis::log("") };
         let place = move |value: f64| left + (value / most) as f32 * (right - left);

@@ -1,12 +1,11 @@
 //! [`Chart`]: title, subtitle, body, legend and footer.
 
 use crate::bars::Bars;
-use crate::canvas::Canvas;
-use crate::legend::LegendKey;
+use crate::canvas::{Anchor, Canvas};
+use crate::panel::{ChartPanel, Emphasis, SeriesStyle};
 use crate::pictures::Pictures;
-use crate::primitives::{GREY, INK};
-use crate::series::Panel;
-use crate::{ChartError, font, legend, panel, raster, svg};
+use crate::primitives::{GREY, INK, Position, Style};
+use crate::{ChartError, font, panel, raster, svg};
 
 /// A chart.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,14 +17,14 @@ pub struct Chart {
     /// How to read the chart. It is wrapped.
     pub footer: String,
     /// The content.
-    pub body: Body,
+    pub body: ChartBody,
 }
 
 /// The content of a chart.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Body {
+pub enum ChartBody {
     /// Panels, side by side if there is room, else below each other, with a common legend.
-    Panels(Vec<Panel>),
+    Panels(Vec<ChartPanel>),
     /// Bars.
     Bars(Bars),
     /// A table of images.
@@ -76,12 +75,13 @@ impl Chart {
         let names = self.body.names();
         let width = canvas.width - MARGIN;
         y = match &self.body {
-            Body::Panels(panels) => panel::draw_all(&mut canvas, panels, &names, (MARGIN, y, width)),
-            Body::Bars(bars) => bars.draw(&mut canvas, &names, (MARGIN, y, width)),
-            Body::Pictures(pictures) => pictures.draw(&mut canvas, (MARGIN, y, width)),
+            ChartBody::Panels(panels) => panel::draw_all(&mut canvas, panels, &names, (MARGIN, y, width)),
+            ChartBody::Bars(bars) => bars.draw(&mut canvas, &names, (MARGIN, y, width)),
+            ChartBody::Pictures(pictures) => pictures.draw(&mut canvas, (MARGIN, y, width)),
         };
-        y = legend::draw(&mut canvas, &names, (MARGIN, y + 16.0));
+        y = draw_legend(&mut canvas, &names, (MARGIN, y + 16.0));
         y = canvas.paragraph((MARGIN, y + 8.0), &self.footer, 11.0, GREY);
+        // The height is known only now, since the wrapped texts depend on the width of the page.
         canvas.height = (y + MARGIN / 2.0).ceil();
         Ok(canvas)
     }
@@ -98,7 +98,7 @@ pub fn distinct<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
     found
 }
 
-impl Body {
+impl ChartBody {
     /// The entries of the legend in the order of first appearance.
     fn names(&self) -> Vec<(&str, LegendKey)> {
         let all: Vec<(&str, LegendKey)> = match self {
@@ -109,7 +109,62 @@ impl Body {
             Self::Bars(bars) => bars.parts().map(|name| (name, LegendKey::Block)).collect(),
             Self::Pictures(_) => Vec::new(),
         };
+        // A series that is in several panels has one entry. Its index in this list is its style, so that it looks the
+        // same in all panels and on both pages.
         let first = |name| all.iter().find(|entry| entry.0 == name).copied();
         distinct(all.iter().map(|entry| entry.0)).into_iter().filter_map(first).collect()
     }
+}
+
+const LEGEND_SIZE: f32 = 12.5;
+const LEGEND_LINE: f32 = 20.0;
+/// Width of a key, px.
+const KEY_WIDTH: f32 = 34.0;
+/// Half a side of a filled area, px.
+const KEY_BLOCK: f32 = 6.5;
+
+/// The symbol beside a name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LegendKey {
+    /// The style of a series.
+    Series(SeriesStyle),
+    /// A filled square.
+    Block,
+}
+
+impl LegendKey {
+    fn draw(self, canvas: &mut Canvas, style: &Style, (x, y): Position) {
+        if matches!(self, Self::Series(SeriesStyle::LineAndMarkers | SeriesStyle::Line)) {
+            style.line(canvas, vec![(x, y), (x + KEY_WIDTH, y)]);
+        }
+        if matches!(self, Self::Series(SeriesStyle::LineAndMarkers | SeriesStyle::Markers)) {
+            style.mark(canvas, (x + KEY_WIDTH / 2.0, y), Emphasis::Normal, "");
+        }
+        if self == Self::Block {
+            let area = (
+                x + KEY_WIDTH / 2.0 - KEY_BLOCK,
+                y - KEY_BLOCK,
+                x + KEY_WIDTH / 2.0 + KEY_BLOCK,
+                y + KEY_BLOCK,
+            );
+            canvas.block(area, style.colour, "");
+        }
+    }
+}
+
+/// Draws the legend: the names with their keys in columns. Returns the y below them.
+fn draw_legend(canvas: &mut Canvas, names: &[(&str, LegendKey)], (left, top): Position) -> f32 {
+    if names.is_empty() {
+        return top;
+    }
+    let widest = names.iter().map(|(name, _)| canvas.font.width(name, LEGEND_SIZE)).fold(0.0, f32::max);
+    let column = widest + KEY_WIDTH + 36.0;
+    let columns = (((canvas.width - 2.0 * left) / column) as usize).clamp(1, names.len().max(1));
+    for (index, (name, key)) in names.iter().enumerate() {
+        let x = left + column * (index % columns) as f32;
+        let y = top + LEGEND_LINE * (index / columns) as f32;
+        key.draw(canvas, &Style::of(index), (x, y));
+        canvas.text((x + KEY_WIDTH + 8.0, y + LEGEND_SIZE * 0.36), name, LEGEND_SIZE, INK, Anchor::Start);
+    }
+    top + LEGEND_LINE * names.len().div_ceil(columns) as f32
 }

@@ -1,11 +1,9 @@
-//! [`Font`]: DejaVu Sans, embedded in the program.
-
 use tiny_skia::{Path, PathBuilder};
 use ttf_parser::{Face, FaceParsingError, GlyphId, OutlineBuilder};
 
 use crate::primitives::Position;
 
-/// The typeface of all charts.
+/// The typeface of all charts, DejaVu Sans. It is embedded in the program, so that text has the same width on every machine.
 pub struct Font(Face<'static>);
 
 impl Font {
@@ -46,7 +44,8 @@ impl Font {
     }
 
     fn advance(&self, c: char, size: f32) -> f32 {
-        // Glyph 0 represents characters that the font does not contain.
+        // Glyph 0 stands for characters that the font does not contain. Their width must count, since the browser draws
+        // them with another font.
         let glyph = self.0.glyph_index(c).unwrap_or(GlyphId(0));
         let advance = self.0.glyph_hor_advance(glyph).expect("every glyph of the font has an advance");
         f32::from(advance) * self.scale(size)

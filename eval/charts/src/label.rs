@@ -1,5 +1,3 @@
-//! [`LabelLayout`]: places labels near their points so that they cover nothing else.
-
 use crate::primitives::{Area, Position, RADIUS};
 
 /// Margin around a label, px.
@@ -12,7 +10,7 @@ pub struct LabelRequest {
     pub height: f32,
 }
 
-/// The areas that labels must not cover.
+/// The areas that labels must not cover. It places labels near their points, one after the other.
 pub struct LabelLayout {
     /// The panel. Labels stay inside it.
     pub within: Area,
@@ -31,10 +29,13 @@ impl LabelLayout {
 
     /// Occupies the free area of lowest cost around the position. `None` if the panel is full.
     pub fn place(&mut self, request: &LabelRequest) -> Option<Area> {
+        // Positions on rings around the point, the nearest ring first. The search is greedy: a label that is placed
+        // stays. A chart has a few dozen labels, for which this is good enough, fast, and the same on every run.
         let candidates = (0..24).flat_map(|ring| (0..16).map(move |angle| (ring, angle)));
         let mut best: Option<(f32, Area)> = None;
         for (ring, angle) in candidates {
             let far = RADIUS + 4.0 + 7.0 * ring as f32;
+            // The cost is at least the distance: no position farther out can be better.
             if best.is_some_and(|(cost, _)| cost <= far) {
                 break;
             }
@@ -49,6 +50,7 @@ impl LabelLayout {
         }
         let (_, area) = best?;
         self.taken.push(area);
+        // Later labels also avoid the line from this label to its point.
         self.lines.push((request.spot, nearest(request.spot, area)));
         Some(area)
     }
@@ -57,6 +59,7 @@ impl LabelLayout {
     fn disorder(&self, spot: Position, area: Area) -> f32 {
         let under = self.lines.iter().filter(|(a, b)| crosses(*a, *b, area)).count();
         let edge = nearest(spot, area);
+        // An area around the point itself, such as its marker, is crossed from every side: it decides nothing.
         let apart =
             |other: &Area| !(spot.0 > other.0 && spot.0 < other.2 && spot.1 > other.1 && spot.1 < other.3);
         let over = self.taken.iter().filter(|other| apart(other) && crosses(spot, edge, **other)).count();

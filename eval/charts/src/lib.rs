@@ -8,25 +8,22 @@ mod bars;
 mod canvas;
 mod chart;
 mod font;
-mod html;
 mod label;
-mod legend;
 mod panel;
 mod picture;
 mod pictures;
 mod primitives;
 mod raster;
-mod series;
-mod style;
 mod svg;
 
-pub use axis::{Axis, Direction, Scale, Unit};
+pub use axis::{Axis, AxisDirection, Scale, Unit};
 pub use bars::{Bar, Bars};
-pub use chart::{Body, Chart, PageWidth, distinct};
-pub use html::html_page;
+pub use chart::{Chart, ChartBody, PageWidth, distinct};
+pub use panel::{ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
 pub use picture::Picture;
 pub use pictures::Pictures;
-pub use series::{Emphasis, Panel, Point, Series, SeriesStyle};
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 /// Error of a chart.
 #[derive(Debug, thiserror::Error)]
@@ -43,4 +40,21 @@ pub enum ChartError {
     /// The picture cannot be encoded.
     #[error("chart: {0}")]
     Encode(#[from] image::ImageError),
+}
+
+/// An HTML page with the style sheet that all pages share, followed by the rules `css` of this page.
+pub fn html_page(title: &str, css: &str, body: Markup) -> String {
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                title { (title) }
+                style { (PreEscaped(include_str!("page.css"))) (PreEscaped(css)) }
+            }
+            body { (body) }
+        }
+    }
+    .into_string()
 }

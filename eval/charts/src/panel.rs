@@ -1,12 +1,68 @@
-//! Draws panels: grid, axes, series, labels at the points.
+//! [`ChartPanel`]: series of points on a pair of axes, and the drawing of grid, axes, series and labels.
 
-use crate::axis::FittedAxis;
+use crate::axis::{Axis, FittedAxis};
 use crate::canvas::{Anchor, Canvas, Rotation};
+use crate::chart::LegendKey;
 use crate::label::{LabelLayout, LabelRequest, nearest};
-use crate::legend::LegendKey;
-use crate::primitives::{Area, Colour, FAINT, GREY, INK, Position, RADIUS, WHITE};
-use crate::series::{Emphasis, Panel, Point, Series, SeriesStyle};
-use crate::style::Style;
+use crate::primitives::{Area, Colour, FAINT, GREY, INK, Position, RADIUS, Style, WHITE};
+
+/// A pair of axes with series.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ChartPanel {
+    /// The horizontal axis.
+    pub x: Axis,
+    /// The vertical axis.
+    pub y: Axis,
+    /// The series. Those of one name have one style in all panels.
+    pub series: Vec<Series>,
+}
+
+/// Points with a common name and style.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Series {
+    /// Name in the legend.
+    pub name: String,
+    /// The points in the order in which a line joins them.
+    pub points: Vec<DataPoint>,
+    /// The style.
+    pub style: SeriesStyle,
+}
+
+/// Style of a series.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SeriesStyle {
+    /// Markers and a line through them.
+    LineAndMarkers,
+    /// Only markers.
+    Markers,
+    /// Only the line.
+    Line,
+}
+
+/// Emphasis of a marker.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Emphasis {
+    /// The marker has the colour of its series.
+    #[default]
+    Normal,
+    /// The marker is grey.
+    Faded,
+}
+
+/// A point of a series.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DataPoint {
+    /// Horizontal value. A point that is not finite is left out.
+    pub x: f64,
+    /// Vertical value.
+    pub y: f64,
+    /// Label beside the point; may be empty.
+    pub label: String,
+    /// Text that the SVG shows while the pointer is on the point; may be empty.
+    pub hover: String,
+    /// Emphasis.
+    pub emphasis: Emphasis,
+}
 
 const TICK: f32 = 11.5;
 const LABEL_SIZE: f32 = 11.0;
@@ -29,7 +85,7 @@ const LEAST: f32 = 350.0;
 /// Draws `panels` into (left, top, width), side by side as far as there is room. Returns the y below them.
 pub fn draw_all(
     canvas: &mut Canvas,
-    panels: &[Panel],
+    panels: &[ChartPanel],
     names: &[(&str, LegendKey)],
     (left, top, width): (f32, f32, f32),
 ) -> f32 {
@@ -46,17 +102,24 @@ pub fn draw_all(
 }
 
 /// Draws `panel` into (left, top, width, height). The index in `names` determines the style of a series.
-fn draw(canvas: &mut Canvas, panel: &Panel, names: &[(&str, LegendKey)], (left, top, width, height): Area) {
+fn draw(
+    canvas: &mut Canvas,
+    panel: &ChartPanel,
+    names: &[(&str, LegendKey)],
+    (left, top, width, height): Area,
+) {
     let area = (left + LEFT, top, left + width, top + height - BELOW);
     let points = || panel.series.iter().flat_map(|series| &series.points).filter(|point| is_finite(point));
     let x = panel.x.fit(points().map(|point| point.x));
     let y = panel.y.fit(points().map(|point| point.y));
     grid(canvas, area, &x, &y);
     titles(canvas, panel, area, left);
-    let spot = |point: &Point| {
+    let spot = |point: &DataPoint| {
         let (across, up) = (x.place(point.x), y.place(point.y));
         (area.0 + across * (area.2 - area.0), area.3 - up * (area.3 - area.1))
     };
+    // Lines are drawn first and labels last, over all series: no line covers a marker, and labels avoid everything that
+    // was drawn before. Faded markers are below the others.
     let placed = panel.series.iter().map(|series| Placed::new(series, names, spot)).collect::<Vec<_>>();
     let mut layout = LabelLayout { within: area, taken: Vec::new(), lines: Vec::new() };
     placed.iter().for_each(|series| series.line(canvas, &mut layout));
@@ -69,11 +132,11 @@ fn draw(canvas: &mut Canvas, panel: &Panel, names: &[(&str, LegendKey)], (left, 
 struct Placed<'a> {
     style: Style,
     drawn: SeriesStyle,
-    points: Vec<(Position, &'a Point)>,
+    points: Vec<(Position, &'a DataPoint)>,
 }
 
 impl<'a> Placed<'a> {
-    fn new(series: &'a Series, names: &[(&str, LegendKey)], spot: impl Fn(&Point) -> Position) -> Self {
+    fn new(series: &'a Series, names: &[(&str, LegendKey)], spot: impl Fn(&DataPoint) -> Position) -> Self {
         let index = names.iter().position(|(name, _)| *name == series.name);
         let finite = series.points.iter().filter(|point| is_finite(point));
         Self {
@@ -106,7 +169,7 @@ impl<'a> Placed<'a> {
     }
 }
 
-fn is_finite(point: &Point) -> bool {
+fn is_finite(point: &DataPoint) -> bool {
     point.x.is_finite() && point.y.is_finite()
 }
 
@@ -124,22 +187,22 @@ fn grid(canvas: &mut Canvas, (left, top, right, bottom): Area, x: &FittedAxis, y
     canvas.line(vec![(left, top), (left, bottom), (right, bottom)], GREY, 1.2);
 }
 
-fn titles(canvas: &mut Canvas, panel: &Panel, (left, top, right, bottom): Area, edge: f32) {
+fn titles(canvas: &mut Canvas, panel: &ChartPanel, (left, top, right, bottom): Area, edge: f32) {
     let (middle, height) = ((left + right) / 2.0, (top + bottom) / 2.0);
     canvas.text((middle, bottom + 38.0), &panel.x.label, 12.5, INK, Anchor::Middle);
     canvas.turned((edge + 12.0, height), &panel.y.label, 12.5, INK, (Anchor::Middle, Rotation::Upwards));
 }
 
 /// Labels of a series. Points that are close to each other share one at their middle: "2, 3" or "1.5 to 4".
-fn groups(points: &[(Position, &Point)]) -> Vec<(Position, String, Emphasis)> {
-    let mut groups: Vec<Vec<&(Position, &Point)>> = Vec::new();
+fn groups(points: &[(Position, &DataPoint)]) -> Vec<(Position, String, Emphasis)> {
+    let mut groups: Vec<Vec<&(Position, &DataPoint)>> = Vec::new();
     for labelled in points.iter().filter(|(_, point)| !point.label.is_empty()) {
         match groups.last_mut() {
             Some(group) if near(group[0], labelled) => group.push(labelled),
             _ => groups.push(vec![labelled]),
         }
     }
-    let text = |group: &[&(Position, &Point)]| match group {
+    let text = |group: &[&(Position, &DataPoint)]| match group {
         [one] => one.1.label.clone(),
         [one, two] => format!("{}, {}", one.1.label, two.1.label),
         _ => format!("{} to {}", group[0].1.label, group[group.len() - 1].1.label),
@@ -147,7 +210,7 @@ fn groups(points: &[(Position, &Point)]) -> Vec<(Position, String, Emphasis)> {
     groups.iter().map(|group| (group[group.len() / 2].0, text(group), group[0].1.emphasis)).collect()
 }
 
-fn near(a: &(Position, &Point), b: &(Position, &Point)) -> bool {
+fn near(a: &(Position, &DataPoint), b: &(Position, &DataPoint)) -> bool {
     a.1.emphasis == b.1.emphasis && distance(a.0, b.0) < NEAR
 }
 
@@ -159,7 +222,7 @@ fn note(canvas: &mut Canvas, layout: &mut LabelLayout, colour: Colour, spot: Pos
     if distance(edge, spot) > RADIUS + 9.0 {
         canvas.line(vec![spot, edge], colour, 0.6);
     }
-    // A line that crosses the label is interrupted there.
+    // If a label cannot avoid a line, the line is interrupted behind the label.
     canvas.block(area, WHITE, "");
     canvas.text((area.0, area.3 - LABEL_SIZE * 0.14), text, LABEL_SIZE, colour, Anchor::Start);
 }
@@ -174,10 +237,10 @@ mod tests {
 
     #[test]
     fn near_points_share_a_label() {
-        let labelled = |label: &str| Point { label: label.to_owned(), ..Point::default() };
+        let labelled = |label: &str| DataPoint { label: label.to_owned(), ..DataPoint::default() };
         let points = ["1.5", "2", "3", "4", "8"].map(labelled);
         let spots = [0.0, 5.0, 9.0, 80.0, 90.0].map(|x| (x, 0.0));
-        let placed: Vec<(Position, &Point)> = spots.into_iter().zip(&points).collect();
+        let placed: Vec<(Position, &DataPoint)> = spots.into_iter().zip(&points).collect();
         let texts: Vec<String> = groups(&placed).into_iter().map(|(_, text, _)| text).collect();
         assert_eq!(texts, ["1.5 to 3", "4, 8"]);
     }

@@ -40,6 +40,7 @@ pub fn text(canvas: &Canvas) -> Result<String, ChartError> {
 /// Embeds the image as JPEG with at most [`FINEST`] pixels for one px of the chart.
 fn image(out: &mut String, (left, top, right, bottom): Area, picture: &Picture) -> Result<(), ChartError> {
     let (width, height) = (right - left, bottom - top);
+    // A report embeds many photographs, which are much smaller as JPEG than as PNG.
     let jpeg = jpeg(picture, (FINEST * width) as u32, (FINEST * height) as u32)?;
     let data = STANDARD.encode(jpeg);
     // Writing to a String cannot fail.
@@ -93,7 +94,8 @@ fn push(out: &mut String, shape: &Shape) {
                 Rotation::Horizontal => String::new(),
                 Rotation::Upwards => format!(" transform=\"rotate(-90 {x:.1} {y:.1})\""),
             };
-            // With its length, the text keeps its place if another font replaces the first one.
+            // `textLength` makes the browser stretch the text to the width that the layout assumed. Without it, another
+            // font than DejaVu Sans would make labels cover each other.
             writeln!(
                 out,
                 "<text x=\"{x:.1}\" y=\"{y:.1}\" font-size=\"{size}\" fill=\"{}\" text-anchor=\"{anchor}\" \

@@ -1,27 +1,27 @@
 //! Any data can be drawn, and series can be distinguished.
 
 use modulo_charts::{
-    Axis, Bar, Bars, Body, Chart, ChartError, Emphasis, PageWidth, Panel, Picture, Pictures, Point, Scale,
-    Series, SeriesStyle,
+    Axis, Bar, Bars, Chart, ChartBody, ChartError, ChartPanel, DataPoint, Emphasis, PageWidth, Picture,
+    Pictures, Scale, Series, SeriesStyle,
 };
 
 fn axis(scale: Scale) -> Axis {
     Axis { scale, ..Axis::log("a < b & c") }
 }
 
-fn chart(body: Body) -> Chart {
+fn chart(body: ChartBody) -> Chart {
     Chart { title: String::new(), subtitle: String::new(), footer: String::new(), body }
 }
 
 #[test]
 fn any_text_and_any_number_can_be_drawn() {
     let values = [f64::NAN, f64::INFINITY, -1.0, 0.0, 1e-300, 1e300, 3.0];
-    let point = |&value: &f64| Point {
+    let point = |&value: &f64| DataPoint {
         x: value,
         y: 2.0,
         label: "\u{10ffff}<".to_owned(),
         hover: "1 < 2 & 3".to_owned(),
-        ..Point::default()
+        ..DataPoint::default()
     };
     let series = vec![Series {
         name: "all".to_owned(),
@@ -29,8 +29,8 @@ fn any_text_and_any_number_can_be_drawn() {
         style: SeriesStyle::LineAndMarkers,
     }];
     for scale in [Scale::Log, Scale::Linear { from: -2.0, to: 5.0 }, Scale::Linear { from: 1.0, to: 1.0 }] {
-        let panel = Panel { x: axis(scale), y: axis(Scale::Log), series: series.clone() };
-        let chart = chart(Body::Panels(vec![panel]));
+        let panel = ChartPanel { x: axis(scale), y: axis(Scale::Log), series: series.clone() };
+        let chart = chart(ChartBody::Panels(vec![panel]));
         let svg = chart.svg(PageWidth::Wide).unwrap();
         assert!(
             svg.contains("a &lt; b &amp; c") && !svg.contains("NaN") && !svg.contains("inf"),
@@ -43,13 +43,13 @@ fn any_text_and_any_number_can_be_drawn() {
 
 #[test]
 fn a_look_leaves_out_marks_or_line_and_faded_marks_are_grey() {
-    let point = |x, emphasis| Point { x, y: x, emphasis, ..Point::default() };
+    let point = |x, emphasis| DataPoint { x, y: x, emphasis, ..DataPoint::default() };
     let drawn = |style, emphasis| {
         let points = vec![point(1.0, emphasis), point(2.0, emphasis)];
         let series = vec![Series { name: "one".to_owned(), points, style }];
         let linear = Scale::Linear { from: 0.0, to: 3.0 };
-        let panel = Panel { x: axis(linear), y: axis(linear), series };
-        let svg = chart(Body::Panels(vec![panel])).svg(PageWidth::Wide).unwrap();
+        let panel = ChartPanel { x: axis(linear), y: axis(linear), series };
+        let svg = chart(ChartBody::Panels(vec![panel])).svg(PageWidth::Wide).unwrap();
         let of = |what: &str, colour: &str| {
             svg.lines().filter(|line| line.starts_with(what) && line.contains(colour)).count()
         };
@@ -64,8 +64,8 @@ fn a_look_leaves_out_marks_or_line_and_faded_marks_are_grey() {
 
 #[test]
 fn a_narrow_page_puts_panels_below_each_other() {
-    let panel = || Panel { x: axis(Scale::Log), y: axis(Scale::Log), series: vec![] };
-    let chart = chart(Body::Panels(vec![panel(), panel()]));
+    let panel = || ChartPanel { x: axis(Scale::Log), y: axis(Scale::Log), series: vec![] };
+    let chart = chart(ChartBody::Panels(vec![panel(), panel()]));
     let height = |page| {
         let svg = chart.svg(page).unwrap();
         let (_, rest) = svg.split_once(" height=\"").expect("a height");
@@ -79,7 +79,7 @@ fn bars_are_as_long_as_their_parts() {
     let part = |name: &str, length| (name.to_owned(), length);
     let row = |parts: Vec<(String, f64)>| Bar { label: "row".to_owned(), parts, note: "ms".to_owned() };
     let rows = vec![row(vec![part("a", 10.0), part("b", 20.0)]), row(vec![part("b", 40.0)])];
-    let chart = chart(Body::Bars(Bars { label: "ms".to_owned(), rows }));
+    let chart = chart(ChartBody::Bars(Bars { label: "ms".to_owned(), rows }));
     for page in [PageWidth::Wide, PageWidth::Narrow] {
         let svg = chart.svg(page).unwrap();
         let widths: Vec<f32> = svg
@@ -105,7 +105,7 @@ fn pictures_lie_in_both_forms_and_wrong_sizes_are_refused() {
     let picture = Picture::new(40, 20, [200, 30, 30].repeat(800), vec![([5.0, 5.0, 20.0, 15.0], 0)]).unwrap();
     let rows = vec![("alpha 2".to_owned(), vec![Some(picture), None])];
     let columns = vec!["one".to_owned(), "two".to_owned()];
-    let chart = chart(Body::Pictures(Pictures { columns, rows }));
+    let chart = chart(ChartBody::Pictures(Pictures { columns, rows }));
     let svg = chart.svg(PageWidth::Wide).unwrap();
     assert_eq!(svg.matches("data:image/jpeg;base64,").count(), 1);
     assert_eq!(svg.matches("<polyline").count(), 1, "one box");

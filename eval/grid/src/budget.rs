@@ -1,7 +1,6 @@
-//! The most accurate cells of a grid that are fast enough.
+//! The most accurate cells of a grid that are fast enough, from the Pareto front of time and accuracy.
 
 use crate::labels::{self, distinct};
-use crate::pareto::{self, Candidate};
 use crate::results::{Cell, Results, Stream};
 
 /// The choices at one saturation factor, lens and noise.
@@ -40,7 +39,8 @@ pub fn within(results: &Results, ms: f64) -> Vec<Budget<'_>> {
             let choices: Vec<Choice<'_>> = results.cells.iter().filter(here).filter_map(choice).collect();
             let candidates: Vec<Candidate> =
                 choices.iter().map(|c| Candidate { cost: c.ms, gain: c.ap50 }).collect();
-            let front: Vec<Choice<'_>> = pareto::front(&candidates).into_iter().map(|i| choices[i]).collect();
+            let front: Vec<Choice<'_>> = pareto_front(&candidates).into_iter().map(|i| choices[i]).collect();
+            // The front rises in time and in accuracy: the last choice within the time is the most accurate one.
             let best = front.iter().rev().find(|choice| choice.ms <= ms).copied();
             if !front.is_empty() {
                 budgets.push(Budget { alpha, conditions: labels::conditions(conditions), front, best });
@@ -62,5 +62,70 @@ impl Choice<'_> {
     /// Description such as `recovered (auto), yolov10n 640x192`.
     pub fn name(&self) -> String {
         format!("{}, {}", labels::stream(&self.cell.point), labels::model(&self.cell.point))
+    }
+}
+
+/// Cost and gain of a choice.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Candidate {
+    /// Lower is better.
+    pub(crate) cost: f64,
+    /// Higher is better.
+    pub(crate) gain: f64,
+}
+
+/// Indices of the candidates on the front, by rising cost: each has a higher gain than all that cost no more. Of equal
+/// candidates the first is taken. A candidate that is not finite is left out.
+pub(crate) fn pareto_front(candidates: &[Candidate]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..candidates.len()).collect();
+    order.retain(|&i| candidates[i].cost.is_finite() && candidates[i].gain.is_finite());
+    // After sorting by cost, a candidate is on the front if its gain exceeds those of all candidates before it. Of
+    // equal costs the higher gain comes first, so that the lower one does not enter. The sort is stable: of equal
+    // candidates, the first stays the first.
+    order.sort_by(|&a, &b| {
+        let (a, b) = (candidates[a], candidates[b]);
+        a.cost.total_cmp(&b.cost).then(b.gain.total_cmp(&a.gain))
+    });
+    let mut most = f64::NEG_INFINITY;
+    order.retain(|&i| {
+        let better = candidates[i].gain > most;
+        most = most.max(candidates[i].gain);
+        better
+    });
+    order
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn an_offer_is_on_the_front_unless_another_beats_it(
+            pairs in prop::collection::vec((0u8..8, 0u8..8), 0..20),
+        ) {
+            let candidates: Vec<Candidate> =
+                pairs.iter().map(|&(cost, gain)| Candidate { cost: cost.into(), gain: gain.into() }).collect();
+            let found = pareto_front(&candidates);
+            for (i, one) in candidates.iter().enumerate() {
+                let beaten = candidates.iter().enumerate().any(|(j, other)| {
+                    let no_worse = other.cost <= one.cost && other.gain >= one.gain;
+                    no_worse && (other != one || j < i)
+                });
+                prop_assert_eq!(found.contains(&i), !beaten, "{:?} of {:?}", one, &candidates);
+            }
+            prop_assert!(found.windows(2).all(|w| candidates[w[0]].cost < candidates[w[1]].cost));
+        }
+    }
+
+    #[test]
+    fn what_is_not_a_number_is_not_on_it() {
+        let candidate = |cost, gain| Candidate { cost, gain };
+        assert_eq!(
+            pareto_front(&[candidate(f64::NAN, 1.0), candidate(1.0, f64::NAN), candidate(2.0, 0.0)]),
+            [2]
+        );
     }
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 use modulo_bags::source::GroundTruth;
 use modulo_detector::{COCO_TO_KITTI, parse_class_map};
 
-use crate::error::GridError;
+use crate::GridError;
 
 /// The mapping of the paper.
 pub const PAPER: &str = include_str!("../class_maps/paper.yaml");
@@ -50,6 +50,7 @@ impl ClassMap {
 
     /// Maps the classes of COCO to those of KITTI, and keeps those of KITTI.
     pub fn kitti() -> Self {
+        // A model that was trained on KITTI has its class names already.
         Self { table: embedded(COCO_TO_KITTI), unlisted: UnlistedClass::KittiKept }
     }
 
@@ -68,6 +69,7 @@ impl ClassMap {
 
     /// The class of the labels for a class of the model. `None` means that the class is dropped.
     pub fn mapped<'a>(&'a self, class: &'a str) -> Option<&'a str> {
+        // A line `from:` without a class drops the class on purpose.
         match self.table.get(class) {
             Some(mapped) => Some(mapped.as_str()).filter(|mapped| !mapped.is_empty()),
             None if self.unlisted == UnlistedClass::Kept => Some(class),
@@ -79,7 +81,7 @@ impl ClassMap {
 
 /// The groups in which classes are scored: lines `class: group` and `class: ignore group`.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Groups(Table);
+pub struct ClassGroups(Table);
 
 /// Relation of a class to a group.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -92,13 +94,13 @@ pub enum Membership {
     Other,
 }
 
-impl Default for Groups {
+impl Default for ClassGroups {
     fn default() -> Self {
         Self(embedded(GROUPS))
     }
 }
 
-impl Groups {
+impl ClassGroups {
     /// Reads groups from a file.
     ///
     /// # Errors
@@ -141,6 +143,7 @@ pub fn of_labels<'a>(labels: impl Iterator<Item = &'a GroundTruth>) -> BTreeSet<
 fn read(path: &Path) -> Result<Table, GridError> {
     let text = std::fs::read_to_string(path).map_err(|why| GridError::io(path, why))?;
     let table = parse_class_map(&text).map_err(|why| GridError::Table(path.to_owned(), why))?;
+    // An empty file would drop all classes: every score would be 0 without a word.
     if table.is_empty() {
         let why = "names no class, at least one line 'from: to' is needed".to_owned();
         return Err(GridError::Table(path.to_owned(), why));
@@ -162,8 +165,8 @@ mod tests {
         for text in [COCO_TO_KITTI, PAPER, GROUPS] {
             assert!(!embedded(text).is_empty());
         }
-        assert_eq!(Groups::default().names().into_iter().collect::<Vec<_>>(), ["person", "vehicle"]);
-        let groups = Groups::default();
+        assert_eq!(ClassGroups::default().names().into_iter().collect::<Vec<_>>(), ["person", "vehicle"]);
+        let groups = ClassGroups::default();
         assert_eq!(groups.membership("cyclist", "person"), Membership::Ignored);
         assert_eq!((groups.of("van"), groups.of("cyclist")), (Some("vehicle"), None));
     }

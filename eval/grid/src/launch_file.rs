@@ -10,24 +10,24 @@ use modulo_bags::source::{GroundTruth, from_detections};
 use modulo_core::{Detection, Frame};
 use modulo_images::{SaveError, save_png};
 use modulo_msgs::cdr::CdrError;
+use modulo_msgs::std_msgs::Time;
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::clock::nanos;
 use modulo_runtime::driver::RunError;
 use modulo_runtime::driver::lockstep::{Lockstep, OnTopic};
 use modulo_runtime::{Message, Topic};
+use ndarray::{Array3, s};
 use serde_json::{Value, json};
 
-use crate::metric::average_precision::{Scored, by_class, mean};
-use crate::mosaic::mosaic;
+use crate::metric::average::{ScoredFrame, by_class, mean_over_classes};
 use crate::results::Difficulty;
-use crate::timeline::Timeline;
 
 /// Time between two frames of a source that has neither time stamps nor a rate.
 const NOMINAL_INTERVAL: Duration = Duration::from_millis(100);
 
 /// A detector and the image stream that it reads.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Stream {
+pub struct DetectorStream {
     /// Name of its files: the image topic without the leading slash and with `.` for `/`.
     pub name: String,
     /// Topic of the images.
@@ -38,7 +38,7 @@ pub struct Stream {
     pub annotated: Option<String>,
 }
 
-impl Stream {
+impl DetectorStream {
     /// The stream with images on topic `images` and boxes on topic `detections`.
     pub fn new(images: String, detections: String, annotated: Option<String>) -> Self {
         let name = images.trim_start_matches('/').replace('/', ".");
@@ -68,11 +68,11 @@ pub enum EvalError {
 
 /// The streams of an evaluation and the place of its files.
 #[derive(Clone, Debug)]
-pub struct Plan {
+pub struct EvaluationPlan {
     /// Time between two frames of a source without time stamps. Zero means 100 ms.
     pub interval: Duration,
     /// The detectors.
-    pub streams: Vec<Stream>,
+    pub streams: Vec<DetectorStream>,
     /// Topic of the ground truth.
     pub truth: Option<String>,
     /// Whether images are saved: `FOLDER/STREAM/NUMBER.png`, and `FOLDER/grid.png` with the last frame of every stream
@@ -98,7 +98,7 @@ pub struct Evaluation {
 
 /// AP50 of one stream.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Score {
+pub struct StreamScore {
     /// Mean over the classes.
     pub ap50: f64,
     /// The objects that are counted.
@@ -122,7 +122,7 @@ impl Evaluation {
         &mut self,
         chain: &mut Lockstep<'_>,
         source: usize,
-        plan: &Plan,
+        plan: &EvaluationPlan,
         mut bag: Option<&mut BagWriter>,
         tell: &dyn Fn(&Lockstep<'_>),
     ) -> Result<(), EvalError> {
@@ -132,7 +132,7 @@ impl Evaluation {
         }
         let interval = if plan.interval.is_zero() { NOMINAL_INTERVAL } else { plan.interval };
         loop {
-            // The frames of all sources share one timeline.
+            // The time of the chain goes on over all sources, as in one long run.
             let now = (self.truth.len() as u64).saturating_mul(nanos(interval));
             let Some(mut out) = chain.tick(source, now)? else { break };
             self.timeline.place(&mut out, interval);
@@ -145,7 +145,7 @@ impl Evaluation {
         Ok(())
     }
 
-    fn add_frame(&mut self, out: &[OnTopic], plan: &Plan) -> Result<(), EvalError> {
+    fn add_frame(&mut self, out: &[OnTopic], plan: &EvaluationPlan) -> Result<(), EvalError> {
         let number = self.truth.len();
         for stream in &plan.streams {
             let arrays = arrays(out, &stream.detections);
@@ -168,13 +168,16 @@ impl Evaluation {
     }
 
     /// AP50 of each stream over the labelled frames.
-    pub fn scores(&self) -> BTreeMap<String, Score> {
+    pub fn scores(&self) -> BTreeMap<String, StreamScore> {
         let score = |(stream, frames): (&String, &Vec<Vec<Detection>>)| {
             let labelled = frames.iter().zip(&self.truth);
-            let scored: Vec<Scored> =
+            let scored: Vec<ScoredFrame> =
                 labelled.filter_map(|(found, truth)| Some((found.clone(), truth.clone()?))).collect();
             let classes = by_class(&scored, self.difficulty);
-            Some((stream.clone(), Score { ap50: mean(&classes)?, difficulty: self.difficulty, classes }))
+            Some((
+                stream.clone(),
+                StreamScore { ap50: mean_over_classes(&classes)?, difficulty: self.difficulty, classes },
+            ))
         };
         self.boxes.iter().filter_map(score).collect()
     }
@@ -207,7 +210,7 @@ fn arrays<'a>(out: &'a [OnTopic], topic: &'a str) -> impl Iterator<Item = &'a De
     })
 }
 
-fn save(out: &[OnTopic], stream: &Stream, folder: &Path, number: usize) -> Result<(), EvalError> {
+fn save(out: &[OnTopic], stream: &DetectorStream, folder: &Path, number: usize) -> Result<(), EvalError> {
     if let Some(frame) = image(out, &stream.images) {
         save_png(&folder.join(&stream.name).join(file_name(number)), frame)?;
     }
@@ -239,9 +242,9 @@ fn boxes(frames: &[Vec<Detection>]) -> String {
 }
 
 /// Scores as `{"STREAM": {"ap50": f, "difficulty": "moderate", "classes": {"CLASS": {"ap50": f, "objects": n}}}}`.
-fn scores_json(scores: &BTreeMap<String, Score>) -> String {
+fn scores_json(scores: &BTreeMap<String, StreamScore>) -> String {
     let class = |(ap50, objects): &(f64, usize)| json!({ "ap50": ap50, "objects": objects });
-    let score = |score: &Score| {
+    let score = |score: &StreamScore| {
         let classes: BTreeMap<&String, Value> = score.classes.iter().map(|(k, v)| (k, class(v))).collect();
         json!({ "ap50": score.ap50, "difficulty": score.difficulty, "classes": classes })
     };
@@ -259,4 +262,81 @@ fn record(recorder: &mut BagWriter, out: &[OnTopic], topics: &[String]) -> Resul
         recorder.record(&bag_topic, stamp, stamp, &bytes)?;
     }
     Ok(())
+}
+
+/// Moves the time stamps of several sources so that each frame is later than the one before it.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Timeline {
+    /// Time stamp of the last frame, ns.
+    last: Option<u64>,
+    /// Time that is added to the stamps of the current source, ns.
+    shift: u64,
+}
+
+impl Timeline {
+    /// Moves the stamps of the messages of a frame to `interval` after the frame before, if they are not later than that
+    /// frame. Sources were recorded independently, and a repeated source starts again at its first stamp, but labels and
+    /// images are matched by their stamps: no two frames may share a stamp. All later frames of the source are moved by
+    /// the same time, so that the intervals within a source do not change.
+    fn place(&mut self, out: &mut [OnTopic], interval: Duration) {
+        let Some((_, first)) = out.first() else { return };
+        // All messages of a frame carry the stamp of its image.
+        let stamp = first.stamp().as_ns();
+        if let Some(last) = self.last.filter(|last| stamp.saturating_add(self.shift) <= *last) {
+            self.shift = last.saturating_add(nanos(interval)) - stamp;
+        }
+        self.last = Some(stamp.saturating_add(self.shift));
+        if self.shift > 0 {
+            for (_, message) in out {
+                message.set_stamp(Time::from_ns(message.stamp().as_ns().saturating_add(self.shift)));
+            }
+        }
+    }
+}
+
+/// Width of the line between joined images, px.
+const GAP: usize = 4;
+
+/// Joins `frames` row by row. `None` without frames, or if one is not 8-bit RGB of the size of the first.
+fn mosaic(frames: &[&Frame]) -> Option<Frame> {
+    let (height, width, channels) = frames.first()?.dim();
+    let rows = frames.len().div_ceil(2);
+    // The picture is white at first, so that the gaps and an empty last place need no drawing.
+    let size = (rows * (height + GAP) - GAP, 2 * width + GAP, 3);
+    let mut picture = Array3::from_elem(size, u8::MAX);
+    for (index, frame) in frames.iter().enumerate() {
+        let pixels = frame.as_u8()?;
+        if frame.dim() != (height, width, 3) || channels != 3 {
+            return None;
+        }
+        let (top, left) = ((index / 2) * (height + GAP), (index % 2) * (width + GAP));
+        picture.slice_mut(s![top..top + height, left..left + width, ..]).assign(pixels);
+    }
+    Frame::from_u8(picture).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plain(value: u8) -> Frame {
+        Frame::from_u8(Array3::from_elem((2, 3, 3), value)).expect("a frame")
+    }
+
+    #[test]
+    fn four_frames_are_two_rows_with_a_line_between() {
+        let frames = [1, 2, 3, 4].map(plain);
+        let picture = mosaic(&frames.each_ref()).expect("a picture");
+        let picture = picture.as_u8().expect("8 bits");
+        assert_eq!(picture.dim(), (2 + GAP + 2, 3 + GAP + 3, 3));
+        let corners = [picture[(0, 0, 0)], picture[(0, 3 + GAP, 0)], picture[(2 + GAP, 0, 0)]];
+        assert_eq!((corners, picture[(0, 3, 0)]), ([1, 2, 3], 255));
+    }
+
+    #[test]
+    fn frames_that_do_not_fit_give_none() {
+        let small = Frame::from_u8(Array3::zeros((1, 1, 3))).expect("a frame");
+        assert_eq!(mosaic(&[&plain(1), &small]), None);
+        assert_eq!(mosaic(&[]), None);
+    }
 }

@@ -1,6 +1,13 @@
-//! The figures of the tables of the paper, in its units.
+//! The figures of the paper beside those of the grid: the published tables, a chart, and a section of the report.
 
-use crate::results::Stream;
+use maud::{Markup, html};
+use modulo_charts::{Axis, ChartBody, ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
+
+use crate::chart::{self, NamedChart, add_point, file_name, models, suffix};
+use crate::grid::CAPTURES;
+use crate::labels::{self, Conditions};
+use crate::report::tables::{Td, table};
+use crate::results::{Cell, Protocol, Results, Stream};
 
 /// The saturation factors of table 1.
 pub const ALPHAS: [f64; 4] = [1.5, 2.0, 3.0, 4.0];
@@ -24,6 +31,7 @@ impl Published {
         let (_, rest) = model.split_once("yolov10")?;
         let mut letters = rest.chars();
         let letter = letters.next().filter(|letter| "nsmblx".contains(*letter))?;
+        // `yolov10nano` would be another model. `yolov10n_dyn_w16` is the same one, exported in another form.
         let ends = !letters.next().is_some_and(|c| c.is_ascii_alphabetic());
         ends.then_some(Self(letter))
     }
@@ -32,6 +40,7 @@ impl Published {
     /// captures, which the paper assumes to be ideal.
     pub fn figures(&self, stream: Stream, alpha: f64) -> Option<[f64; 3]> {
         let figures = self.row(&stream.name())?;
+        // The ideal image does not depend on alpha: its row has three figures, all others have three for each alpha.
         if let [iou, f1, accuracy] = figures[..] {
             return Some([iou, f1, accuracy]);
         }
@@ -49,6 +58,155 @@ impl Published {
         let row = TABLES.lines().find_map(|line| line.strip_prefix(&format!("{} {name} ", self.0)))?;
         Some(row.split_whitespace().map(|n| n.parse().expect("the table holds numbers")).collect())
     }
+}
+
+/// Name of a figure of the paper and its value in a cell.
+type Figure = (&'static str, fn(&Cell) -> f64);
+
+const FIGURES: [Figure; 3] =
+    [("IoU", |cell| cell.paper.iou), ("F1", |cell| cell.paper.f1), ("accuracy", |cell| cell.paper.accuracy)];
+const STREAMS: [Stream; 4] = [Stream::Saturated, Stream::Modulo, Stream::Recovered, Stream::Ideal];
+
+/// One chart for each model of the paper.
+pub fn charts(results: &Results, conditions: Conditions) -> Vec<NamedChart> {
+    let cells = chart::cells(results, conditions);
+    let chart = |model: String| {
+        let own: Vec<&Cell> =
+            cells.iter().filter(|cell| labels::model(&cell.point) == model).copied().collect();
+        let published = Published::of(&own.first()?.point.model)?;
+        Some(chart_of(results, &own, (&model, published), conditions))
+    };
+    models(&cells).into_iter().filter_map(chart).collect()
+}
+
+fn chart_of(
+    results: &Results,
+    cells: &[&Cell],
+    (model, published): (&str, Published),
+    conditions: Conditions,
+) -> NamedChart {
+    let protocol = match results.setup.protocol {
+        Protocol::Suite => "the suite's protocol",
+        Protocol::Paper => "the paper's protocol",
+    };
+    let panels = STREAMS.iter().flat_map(|stream| {
+        FIGURES.iter().enumerate().map(|(index, figure)| panel(cells, published, *stream, index, *figure))
+    });
+    let title =
+        format!("The paper's figures beside ours, {model}, {}, {protocol}", labels::conditions(conditions));
+    let footer = format!(
+        "Paper: table 1, YOLOv10{} with its official weights on 100 KITTI images that are not named. Ours: {} \
+         labelled frames and the model file at hand; the figures are comparable in their course over alpha, not in \
+         their height.",
+        published.letter(),
+        results.input.labelled
+    );
+    let name = format!("paper_{}_{}", file_name(model), suffix(conditions));
+    NamedChart::new(name, title, results, footer, ChartBody::Panels(panels.collect()))
+}
+
+fn panel(
+    cells: &[&Cell],
+    published: Published,
+    stream: Stream,
+    index: usize,
+    (name, value): Figure,
+) -> ChartPanel {
+    let theirs = ALPHAS.iter().filter_map(|alpha| {
+        let figure = published.figures(stream, *alpha)?[index];
+        Some(point(*alpha, figure / 100.0, &format!("paper, {}, {name}", stream.name())))
+    });
+    let mut series = vec![Series {
+        name: "paper".to_owned(),
+        points: theirs.collect(),
+        style: SeriesStyle::LineAndMarkers,
+    }];
+    let mut own: Vec<&&Cell> = cells.iter().filter(|cell| cell.point.stream == stream).collect();
+    own.sort_by(|a, b| a.point.alpha.total_cmp(&b.point.alpha));
+    for cell in own {
+        let called = labels::stream(&cell.point);
+        let ours = match called.split_once('(') {
+            Some((_, method)) => format!("ours, {}", method.trim_end_matches(')')),
+            None if called.ends_with("sharp") => "ours, sharp".to_owned(),
+            None => "ours".to_owned(),
+        };
+        let point = point(cell.point.alpha, value(cell), &format!("{ours}, {called}, {name}"));
+        add_point(&mut series, ours, point, SeriesStyle::LineAndMarkers);
+    }
+    ChartPanel { x: Axis::log("alpha"), y: Axis::percent(format!("{name}, {}", stream.name()), 1.0), series }
+}
+
+fn point(alpha: f64, value: f64, what: &str) -> DataPoint {
+    let hover = format!("{what}, alpha {alpha}: {:.1} %", 100.0 * value);
+    DataPoint { x: alpha, y: value, label: String::new(), hover, emphasis: Emphasis::Normal }
+}
+
+/// The section with the tables. It is empty if no model is one of the paper.
+pub fn section(results: &Results) -> Markup {
+    let known = |cell: &Cell| Published::of(&cell.point.model).is_some();
+    let head =
+        ["stream", "model", "alpha", "lens px", "noise", "IoU", "paper", "F1", "paper", "accuracy", "paper"];
+    let rows: Vec<Vec<Td>> = results.cells.iter().filter_map(accuracy).collect();
+    let times: Vec<Vec<Td>> = results.cells.iter().filter_map(time).collect();
+    let time_head =
+        ["stream", "model", "alpha", "capture, assumed", "merge or unwrap, tone", "detector", "sum", "paper"];
+    html! {
+        @if results.cells.iter().any(known) {
+            h2 { "The paper's tables" }
+            p {
+                "Table 1, in percent. The paper used 100 KITTI images, the official weights, and SPUD for recovery. The "
+                "other figures belong to the frames and the model named above."
+            }
+            (table(&head, &rows))
+            p {
+                "Table 2, in milliseconds. The paper assumes " (CAPTURE_MS) " ms for a capture, and " (CAPTURES)
+                " captures for merged exposures. Its times were measured on an RTX 4070; the other times are medians on the "
+                "processor named below."
+            }
+            (table(&time_head, &times))
+        }
+    }
+}
+
+fn accuracy(cell: &Cell) -> Option<Vec<Td>> {
+    let published = Published::of(&cell.point.model)?.figures(cell.point.stream, cell.point.alpha);
+    let theirs = |index: usize| Td::number(published.map(|figures| figures[index]), 1);
+    let point = &cell.point;
+    let mut row = vec![Td::Text(labels::stream(point)), Td::Text(labels::model(point))];
+    row.extend([point.alpha, point.psf_sigma, point.noise].map(Td::setting));
+    for (index, ours) in [cell.paper.iou, cell.paper.f1, cell.paper.accuracy].into_iter().enumerate() {
+        row.extend([Td::percent(Some(ours)), theirs(index)]);
+    }
+    Some(row)
+}
+
+fn time(cell: &Cell) -> Option<Vec<Td>> {
+    let published = Published::of(&cell.point.model)?;
+    let sum = labels::frame_ms(cell)?;
+    let of = |stages: &[&str]| {
+        stages.iter().filter_map(|stage| cell.latency_ms.get(*stage)).map(|time| time.p50).sum::<f64>()
+    };
+    let (captures, theirs) = match cell.point.stream {
+        Stream::Saturated | Stream::Modulo => (1.0, Some(published.ms()[0])),
+        Stream::Recovered => (1.0, Some(published.ms()[1])),
+        Stream::MultiExposure | Stream::MultiExposureStill => (CAPTURES as f64, Some(published.ms()[2])),
+        // No sensor delivers the ideal image.
+        Stream::Ideal => return None,
+    };
+    // The times of the paper include its captures, which a simulation cannot measure. The time that the paper assumes
+    // for them is added to ours, so that the sums can be compared.
+    let capture = captures * CAPTURE_MS;
+    let point = &cell.point;
+    Some(vec![
+        Td::Text(labels::stream(point)),
+        Td::Text(labels::model(point)),
+        Td::setting(point.alpha),
+        Td::number(Some(capture), 0),
+        Td::number(Some(of(&["merge", "unwrap", "tone", "deblur"])), 1),
+        Td::number(Some(of(&["pre", "infer", "post"])), 1),
+        Td::number(Some(capture + sum), 1),
+        Td::number(theirs, 2),
+    ])
 }
 
 #[cfg(test)]

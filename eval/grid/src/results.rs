@@ -206,7 +206,7 @@ pub struct Cell {
     /// Mean SSIM against that image.
     pub ssim_sharp: Option<f64>,
     /// Durations of each stage: `sense`, `unwrap`, `tone` or `deblur`, `pre`, `infer`, `post`, ms.
-    pub latency_ms: BTreeMap<String, Percentiles>,
+    pub latency_ms: BTreeMap<String, StagePercentiles>,
     /// Histogram of the time of a frame without `sense`: (upper bound in ms, frames). Empty buckets are left out.
     pub latency_histogram: Vec<(f64, u64)>,
     /// The machine and the settings of the durations.
@@ -249,7 +249,7 @@ pub struct Paper {
 
 /// Quantiles of a stage over the frames of a cell, ms, by the nearest rank.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Percentiles {
+pub struct StagePercentiles {
     /// Median.
     pub p50: f64,
     /// 95th percentile.

@@ -2,7 +2,7 @@
 
 use modulo_core::BBox;
 use modulo_eval::metric::average::{ap, ap50_95, curve};
-use modulo_eval::metric::matching::{Image, Role};
+use modulo_eval::metric::matching::{ImageBoxes, ObjectRole};
 use serde_json::Value;
 
 const GOLDEN: &str = include_str!("data/coco_golden.json");
@@ -15,10 +15,10 @@ fn row(row: &Value) -> (BBox, f32) {
     (BBox { x1: x, y1: y, x2: x + width, y2: y + height }, last)
 }
 
-fn images(case: &Value) -> Vec<Image> {
+fn images(case: &Value) -> Vec<ImageBoxes> {
     let rows = |value: &Value| value.as_array().expect("rows").iter().map(row).collect::<Vec<_>>();
-    let role = |crowd: f32| if crowd == 1.0 { Role::Area } else { Role::Counts };
-    let image = |image: &Value| Image {
+    let role = |crowd: f32| if crowd == 1.0 { ObjectRole::Area } else { ObjectRole::Counts };
+    let image = |image: &Value| ImageBoxes {
         truth: rows(&image["truth"]).into_iter().map(|(bbox, crowd)| (bbox, role(crowd))).collect(),
         found: rows(&image["found"]),
         least_height: 0.0,

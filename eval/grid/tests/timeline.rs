@@ -8,7 +8,7 @@ use modulo_bags::import::import_kitti;
 use modulo_bags::source::{GroundTruth, SourceOptions, open};
 use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_core::Frame;
-use modulo_eval::launch_file::{Evaluation, Plan};
+use modulo_eval::launch_file::{Evaluation, EvaluationPlan};
 use modulo_eval::results::Difficulty;
 use modulo_images::save_png;
 use modulo_runtime::driver::lockstep::Lockstep;
@@ -33,7 +33,7 @@ fn record(sources: &[&Path], more: &[(&str, &str)], bag: &Path) {
     let mut recorder = BagWriter::create(bag, Compression::None).expect("a new bag");
     let mut evaluation = Evaluation::new(Difficulty::Moderate);
     let topics = ["/ideal", "/ground_truth"].map(str::to_owned).to_vec();
-    let plan = Plan {
+    let plan = EvaluationPlan {
         interval: Duration::ZERO,
         streams: Vec::new(),
         truth: Some(topics[1].clone()),

@@ -47,6 +47,7 @@ impl<'b> Decoder<'b> {
 
     /// Takes the next primitive and returns it in little-endian order, for either byte order of the message.
     fn number<const N: usize>(&mut self) -> Result<[u8; N]> {
+        // XCDR1 aligns a primitive to its size, up to 8 bytes. The alignment counts from the end of the encapsulation.
         let body = self.at - ENCAPSULATION.len();
         self.at = body.next_multiple_of(N) + ENCAPSULATION.len();
         let mut value = [0; N];
@@ -57,9 +58,11 @@ impl<'b> Decoder<'b> {
         Ok(value)
     }
 
-    /// Takes the length of a sequence. Each element has at least one byte, so the length must not exceed the rest.
+    /// Takes the length of a sequence.
     fn length(&mut self) -> Result<usize> {
         let length = u32::from_le_bytes(self.number()?) as usize;
+        // Each element has at least one byte. A length beyond the rest is damage, and must not decide how much memory
+        // the visitor allocates.
         if length > self.left() {
             return Err(CdrError::Short { offset: self.at, expected: length, got: self.left() });
         }
@@ -131,6 +134,7 @@ impl<'de> Deserializer<'de> for &mut Decoder<'de> {
     }
 
     fn deserialize_unit_struct<V: Visitor<'de>>(self, _: &'static str, visitor: V) -> Result<V::Value> {
+        // ROS gives a message without fields one byte, see `serialize_unit_struct` of the encoder.
         self.take(1)?;
         visitor.visit_unit()
     }
@@ -140,6 +144,7 @@ impl<'de> Deserializer<'de> for &mut Decoder<'de> {
     }
 
     fn deserialize_seq<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value> {
+        // A sequence has a length on the wire, an array and a struct have none: their length is that of the Rust type.
         let left = self.length()?;
         visitor.visit_seq(Elements { decoder: self, left })
     }

@@ -24,6 +24,7 @@ impl Encoder {
 
     /// Appends a primitive of `N` bytes after zero padding up to a multiple of `N`.
     fn put<const N: usize>(&mut self, value: [u8; N]) -> Result<()> {
+        // The padding is zero, so that equal messages have equal bytes. ROS itself leaves old memory there.
         let body = self.out.len() - ENCAPSULATION.len();
         self.out.resize(self.out.len() + body.next_multiple_of(N) - body, 0);
         self.out.extend_from_slice(&value);
@@ -88,6 +89,7 @@ impl<'e> Serializer for &'e mut Encoder {
     }
 
     fn serialize_str(self, text: &str) -> Result<()> {
+        // The length of a string includes its closing NUL.
         self.put_length(text.len().saturating_add(1))?;
         self.out.extend_from_slice(text.as_bytes());
         self.put([0])
@@ -105,6 +107,7 @@ impl<'e> Serializer for &'e mut Encoder {
     }
 
     fn serialize_seq(self, length: Option<usize>) -> Result<Self> {
+        // The length comes before the elements, so that it must be known.
         self.put_length(length.ok_or(CdrError::Unsupported("a sequence of unknown length"))?)?;
         Ok(self)
     }

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use modulo_core::{Frame, FrameError, Samples};
 use modulo_msgs::cdr;
-use modulo_msgs::image::{ImageError, encode_frame};
+use modulo_msgs::image::{ImageMessageError, encode_frame};
 use modulo_msgs::sensor_msgs::Image;
 use modulo_msgs::std_msgs::Header;
 use ndarray::Array3;
@@ -163,10 +163,10 @@ fn errors_name_the_numbers() {
     let unknown = spoiled(|image| image.encoding = "bayer_rggb8".into());
     assert!(unknown.to_string().contains("'bayer_rggb8'"), "{unknown}");
     assert!(unknown.to_string().contains("rgb8, bgr8, mono8"), "{unknown}");
-    assert_eq!(spoiled(|image| image.step = 8), ImageError::Step { step: 8, row: 9 });
-    assert_eq!(spoiled(|image| image.data.truncate(19)), ImageError::Short { expected: 20, got: 19 });
+    assert_eq!(spoiled(|image| image.step = 8), ImageMessageError::Step { step: 8, row: 9 });
+    assert_eq!(spoiled(|image| image.data.truncate(19)), ImageMessageError::Short { expected: 20, got: 19 });
     let empty = spoiled(|image| image.width = 0);
-    assert_eq!(empty, ImageError::Frame(FrameError::Empty { height: 2, width: 0 }));
+    assert_eq!(empty, ImageMessageError::Frame(FrameError::Empty { height: 2, width: 0 }));
     let data = [1.0, 2.0, 3.0, f32::NAN].iter().flat_map(|sample: &f32| sample.to_le_bytes()).collect();
     let floats = Image { height: 2, width: 2, encoding: "32FC1".into(), step: 8, data, ..Default::default() };
     let why = floats.to_frame().expect_err("a depth camera's NaN").to_string();

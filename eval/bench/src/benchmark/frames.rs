@@ -8,8 +8,8 @@ use modulo_images::{EXTENSIONS, White, read_image};
 use modulo_scene::{Preset, Scene};
 use ndarray::Array3;
 
-use super::Request;
-use crate::{BenchError, Event, Skipped, samples8};
+use super::BenchmarkRequest;
+use crate::{BenchError, BenchEvent, Skipped, samples8};
 
 /// Size of the procedural scenes, px: that of most frames of KITTI.
 const WIDTH: usize = 1242;
@@ -31,8 +31,8 @@ pub struct BenchFrame {
     pub dim: (usize, usize, usize),
 }
 
-/// The output of a sensor, and the truth.
-pub struct Capture {
+/// The output of the sensor for one frame, and the truth.
+pub struct SensedFrame {
     pub modulo: Frame,
     pub ideal: Array3<u8>,
     pub wraps: Array3<u8>,
@@ -41,8 +41,8 @@ pub struct Capture {
 
 /// Finds the readable frames, and lists the others.
 pub fn usable(
-    request: &Request,
-    tell: &mut dyn FnMut(Event<'_>),
+    request: &BenchmarkRequest,
+    tell: &mut dyn FnMut(BenchEvent<'_>),
 ) -> Result<(Vec<BenchFrame>, Vec<Skipped>), BenchError> {
     let sources = match &request.frames {
         None => procedural(),
@@ -50,15 +50,19 @@ pub fn usable(
     };
     let (mut found, mut skipped) = (Vec::new(), Vec::new());
     for source in sources {
+        // The frame is decoded here only to know that it can be read, and its size. Keeping the radiance of a whole
+        // folder would need twelve bytes a pixel.
         match source.radiance() {
             Ok(radiance) => found.push(BenchFrame { dim: radiance.dim(), source }),
             Err(why) => {
                 let left_out = Skipped { file: source.to_string(), why: why.to_string() };
-                tell(Event::Skipped(&left_out));
+                tell(BenchEvent::Skipped(&left_out));
                 skipped.push(left_out);
             }
         }
     }
+    // Frames that cannot be read are skipped, so that one damaged file does not end a run of hours. A folder without
+    // any readable frame is a wrong request.
     match (&request.frames, found.is_empty()) {
         (Some(folder), true) => Err(BenchError::NoFrames(folder.clone())),
         _ => Ok((found, skipped)),
@@ -66,15 +70,15 @@ pub fn usable(
 }
 
 /// Exposes all frames. Only 8- or 16-bit images are kept, not the radiance.
-pub fn sense(frames: &[BenchFrame], sensor: &Sensor, seed: u64) -> Result<Vec<Capture>, BenchError> {
+pub fn sense(frames: &[BenchFrame], sensor: &Sensor, seed: u64) -> Result<Vec<SensedFrame>, BenchError> {
     let sample = |frame: &BenchFrame| {
         let exposure = sensor.expose(frame.source.radiance()?.view(), seed)?;
-        Ok(Capture::of(&exposure))
+        Ok(SensedFrame::of(&exposure))
     };
     frames.iter().map(sample).collect()
 }
 
-impl Capture {
+impl SensedFrame {
     fn of(exposure: &Exposure) -> Self {
         let (modulo, ideal, wraps) = (exposure.modulo(), samples8(exposure.ideal()), exposure.wraps());
         Self { modulo, ideal, wraps, range: exposure.range() }
@@ -116,6 +120,7 @@ fn list(folder: &Path) -> Result<Vec<PathBuf>, BenchError> {
             files.push(path);
         }
     }
+    // The order of `read_dir` depends on the file system. The results must not.
     files.sort();
     Ok(files)
 }

@@ -12,10 +12,10 @@ use clap::Parser;
 use modulo_core::unwrap::{METHODS, Options, by_name};
 use modulo_core::{MAX_THREADS, Sensor, UnwrapError, WorkersError};
 
-use crate::atomic_file::{make_folder, write_json};
-use crate::{BenchError, Event, SensorOptions, Skipped, need};
-use frames::Capture;
-pub use results::{Meta, Row, Size};
+use crate::{BenchError, BenchEvent, SensorOptions, Skipped, make_folder, need, write_json};
+use frames::SensedFrame;
+pub use results::{BenchmarkRow, Meta, Size};
+pub(crate) use timing::timed;
 
 /// Name of the list of results in the folder.
 pub const RESULTS: &str = "results.json";
@@ -24,7 +24,7 @@ pub const META: &str = "meta.json";
 
 /// The settings of a benchmark, as options of a command line.
 #[derive(Clone, Debug, PartialEq, Parser)]
-pub struct Request {
+pub struct BenchmarkRequest {
     /// Folder of images. Without it: eight frames of the procedural scenes, 1242 x 375
     #[arg(long, value_name = "FOLDER")]
     pub frames: Option<PathBuf>,
@@ -53,9 +53,9 @@ pub struct Request {
 
 /// Result of a benchmark.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Outcome {
+pub struct BenchmarkOutcome {
     /// One row for each alpha, number of threads and method. Also in [`RESULTS`].
-    pub rows: Vec<Row>,
+    pub rows: Vec<BenchmarkRow>,
     /// The frames and the machine. Also in [`META`].
     pub meta: Meta,
     /// Files that could not be read.
@@ -69,20 +69,26 @@ pub struct Outcome {
 /// # Errors
 /// [`BenchError`] before the first measurement if the request is wrong or the folder has no frame, and later if results
 /// cannot be written. A frame that cannot be read is skipped.
-pub fn unwrap(request: &Request, tell: &mut dyn FnMut(Event<'_>)) -> Result<Outcome, BenchError> {
+pub fn unwrap(
+    request: &BenchmarkRequest,
+    tell: &mut dyn FnMut(BenchEvent<'_>),
+) -> Result<BenchmarkOutcome, BenchError> {
     let sensors = check(request)?;
     make_folder(&request.out)?;
     let (files, skipped) = frames::usable(request, tell)?;
     let meta = Meta::new(request, &files);
+    // Written first, so that the chart of a run that was killed has its subtitle.
     write_json(&request.out.join(META), &meta)?;
-    let mut outcome = Outcome { rows: Vec::new(), meta, skipped, warnings: Vec::new() };
+    let mut outcome = BenchmarkOutcome { rows: Vec::new(), meta, skipped, warnings: Vec::new() };
     let total = sensors.len() * request.threads.len() * request.method.len();
+    // The exposures of one alpha are shared by all methods and thread counts: every row of an alpha has the same frames
+    // and the same noise.
     for sensor in &sensors {
         let samples = frames::sense(&files, sensor, request.sensor.seed)?;
         for &threads in &request.threads {
             for method in &request.method {
                 let next = format!("{method} alpha {} threads {threads}", sensor.range().alpha());
-                tell(Event::Step { done: outcome.rows.len(), total, next: &next });
+                tell(BenchEvent::Step { done: outcome.rows.len(), total, next: &next });
                 measure(request, method, threads, &samples, &mut outcome, tell)?;
                 write_json(&request.out.join(RESULTS), &outcome.rows)?;
             }
@@ -93,18 +99,18 @@ pub fn unwrap(request: &Request, tell: &mut dyn FnMut(Event<'_>)) -> Result<Outc
 
 /// Measures one row, and warns if it is uncertain.
 fn measure(
-    request: &Request,
+    request: &BenchmarkRequest,
     name: &str,
     threads: usize,
-    samples: &[Capture],
-    outcome: &mut Outcome,
-    tell: &mut dyn FnMut(Event<'_>),
+    samples: &[SensedFrame],
+    outcome: &mut BenchmarkOutcome,
+    tell: &mut dyn FnMut(BenchEvent<'_>),
 ) -> Result<(), BenchError> {
     let mut method = by_name(name, &Options { threads, ..Options::default() })?;
     let measured = timing::measure(method.as_mut(), samples, request.repeats)?;
-    let row = Row::new(request, name, threads, samples, &measured);
+    let row = BenchmarkRow::new(request, name, threads, samples, &measured);
     if let Some(warning) = row.warning(measured.spread) {
-        tell(Event::Warning(&warning));
+        tell(BenchEvent::Warning(&warning));
         outcome.warnings.push(warning);
     }
     outcome.rows.push(row);
@@ -112,7 +118,7 @@ fn measure(
 }
 
 /// Checks the request, and makes the sensor of each alpha.
-fn check(request: &Request) -> Result<Vec<Sensor>, BenchError> {
+fn check(request: &BenchmarkRequest) -> Result<Vec<Sensor>, BenchError> {
     need("the list of methods", &request.method)?;
     need("the list of thread counts", &request.threads)?;
     if request.repeats == 0 {
@@ -122,6 +128,7 @@ fn check(request: &Request) -> Result<Vec<Sensor>, BenchError> {
         if !(1..=MAX_THREADS).contains(&threads) {
             return Err(UnwrapError::from(WorkersError::Threads { threads }).into());
         }
+        // A wrong name must be refused now, and not after the methods before it were measured.
         for name in &request.method {
             by_name(name, &Options { threads, ..Options::default() })?;
         }

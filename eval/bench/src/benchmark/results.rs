@@ -1,12 +1,10 @@
-//! The results of a benchmark as JSON: [`Row`] for one method at one alpha with one number of threads, and [`Meta`].
-
 use std::collections::BTreeMap;
 
 use modulo_core::Psf;
 use serde::{Deserialize, Serialize};
 
-use super::Request;
-use super::frames::{BenchFrame, Capture};
+use super::BenchmarkRequest;
+use super::frames::{BenchFrame, SensedFrame};
 use super::timing::Measured;
 
 /// If calls on one frame differ by more than this share of their median, the figure is uncertain.
@@ -14,7 +12,7 @@ const MOST_SPREAD: f64 = 0.1;
 
 /// Time and accuracy of one method over all frames.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Row {
+pub struct BenchmarkRow {
     /// Name of the method, as in [`modulo_core::unwrap::METHODS`] or as another program calls its method.
     pub method: String,
     /// Saturation factor.
@@ -43,16 +41,17 @@ pub struct Row {
     pub samples: Option<u64>,
 }
 
-impl Row {
+impl BenchmarkRow {
     /// The row of `measured`.
     pub(super) fn new(
-        request: &Request,
+        request: &BenchmarkRequest,
         method: &str,
         threads: usize,
-        samples: &[Capture],
+        samples: &[SensedFrame],
         measured: &Measured,
     ) -> Self {
         Self {
+            // The name of the request, not that of the method that `auto` selected: that one can differ between frames.
             method: method.to_owned(),
             alpha: samples.first().map_or(0.0, |sample| sample.range.alpha()),
             psf_sigma: request.sensor.psf().sigma(),
@@ -121,7 +120,7 @@ pub struct Size {
 }
 
 impl Meta {
-    pub(super) fn new(request: &Request, frames: &[BenchFrame]) -> Self {
+    pub(super) fn new(request: &BenchmarkRequest, frames: &[BenchFrame]) -> Self {
         let folder = request.frames.as_ref().map(|folder| folder.display().to_string());
         let psf = match request.sensor.psf() {
             Psf::None => "none",
@@ -144,6 +143,7 @@ impl Meta {
 }
 
 fn sizes(frames: &[BenchFrame]) -> Vec<Size> {
+    // Sorted by size first, so that sizes with the same number of frames have a fixed order.
     let mut counts = BTreeMap::new();
     frames.iter().for_each(|frame| *counts.entry(frame.dim).or_insert(0) += 1);
     let size = |((height, width, channels), frames)| Size { width, height, channels, frames };

@@ -1,11 +1,20 @@
-//! Times the calls of one method on all frames.
+//! Times the calls of one method on all frames. This is the only file of the crate that reads a clock: durations are
+//! reported, and decide nothing.
+
+use std::time::Instant;
 
 use modulo_core::metric::{exact_share, mse, psnr_db, quantile};
 use modulo_core::{Recovered, Unwrap, UnwrapError, tone};
 
-use super::frames::Capture;
-use crate::stopwatch::timed;
+use super::frames::SensedFrame;
 use crate::{BenchError, samples8};
+
+/// The result of `work` and its duration in ms.
+pub(crate) fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
+    let start = Instant::now();
+    let result = work();
+    (result, start.elapsed().as_secs_f64() * 1e3)
+}
 
 /// Durations and errors of one method.
 pub struct Measured {
@@ -20,11 +29,17 @@ pub struct Measured {
 }
 
 /// Calls the method on each frame once to warm up buffers and caches, then `repeats` times with timing.
-pub fn measure(method: &mut dyn Unwrap, samples: &[Capture], repeats: usize) -> Result<Measured, BenchError> {
+pub fn measure(
+    method: &mut dyn Unwrap,
+    samples: &[SensedFrame],
+    repeats: usize,
+) -> Result<Measured, BenchError> {
     let mut out = Recovered::default();
     let mut all = Measured { times: Vec::new(), spread: 0.0, samples: 0, exact: 0.0, squares: 0.0 };
     let mut spreads = Vec::new();
     for sample in samples {
+        // The first call on a frame can allocate buffers, and fills caches. It is not timed, but scored: all calls give
+        // the same result.
         method.unwrap(&sample.modulo, sample.range, &mut out)?;
         all.score(sample, &out)?;
         let mut times = Vec::with_capacity(repeats);
@@ -34,6 +49,8 @@ pub fn measure(method: &mut dyn Unwrap, samples: &[Capture], repeats: usize) -> 
             times.push(ms);
         }
         times.sort_by(f64::total_cmp);
+        // The interquartile range of the calls on one frame shows disturbances of the machine. The spread over all
+        // frames would also contain the differences between frames.
         spreads.push((at(&times, 0.75) - at(&times, 0.25)) / at(&times, 0.5).max(1e-9));
         all.times.append(&mut times);
     }
@@ -44,7 +61,7 @@ pub fn measure(method: &mut dyn Unwrap, samples: &[Capture], repeats: usize) -> 
 }
 
 impl Measured {
-    fn score(&mut self, sample: &Capture, out: &Recovered) -> Result<(), BenchError> {
+    fn score(&mut self, sample: &SensedFrame, out: &Recovered) -> Result<(), BenchError> {
         let picture = tone::linear8(&out.x, sample.range).map_err(UnwrapError::from)?;
         let count = sample.wraps.len() as f64;
         self.samples += sample.wraps.len() as u64;

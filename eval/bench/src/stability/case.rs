@@ -51,7 +51,7 @@ impl Family {
 
 /// The description of a scene, as `results.json` has it.
 #[derive(Clone, Debug, Serialize)]
-pub struct Scene {
+pub struct SceneDescription {
     /// Unique name of lower-case letters, digits and `_`, which also names the pictures.
     pub name: String,
     pub family: Family,
@@ -67,7 +67,7 @@ pub struct Scene {
 
 /// A scene, its sensor, and the expected results.
 pub struct Case {
-    pub(super) scene: Scene,
+    pub(super) scene: SceneDescription,
     psf: Psf,
     read_noise: f64,
     draw: Box<dyn Fn() -> Array3<f32>>,
@@ -86,7 +86,7 @@ impl Case {
     ) -> Self {
         let (name, what) = (name.into(), what.into());
         Self {
-            scene: Scene { name, family, what, why: "", twin: None, bits: 8, alpha: 4.0 },
+            scene: SceneDescription { name, family, what, why: "", twin: None, bits: 8, alpha: 4.0 },
             psf: Psf::None,
             read_noise: 0.0,
             draw: Box::new(draw),
@@ -161,6 +161,7 @@ impl Case {
 
     /// The expected result of `method`.
     pub(super) fn expected(&self, method: &str) -> Expect {
+        // The last exception that names the method is the most specific one.
         let own = self.but.iter().rev().find(|(methods, _)| methods.contains(&method));
         own.map_or(self.all, |(_, expect)| *expect)
     }
@@ -170,7 +171,9 @@ impl Case {
     /// # Errors
     /// [`SensorError`] for an impossible sensor or image, which no case of the catalogue has.
     pub fn expose(&self) -> Result<Exposure, SensorError> {
-        let Scene { bits, alpha, .. } = self.scene;
+        let SceneDescription { bits, alpha, .. } = self.scene;
+        // Scenes are drawn in codes of 8 bits. A sensor of other bits sees the same scene in units of its peak, so that
+        // its range is alpha peaks as well.
         let full_scale = (256.0 * alpha) as f32;
         let radiance = (self.draw)().mapv_into(|codes| codes / full_scale);
         let (psf, read_noise) = (self.psf, self.read_noise);

@@ -5,7 +5,7 @@
 use modulo_core::unwrap::Trust;
 use serde::Serialize;
 
-use super::measure::Score;
+use super::MethodScore;
 
 /// Share of exact k from which a scene is recovered and trust is justified.
 pub const RECOVERED: f64 = 0.999;
@@ -26,7 +26,7 @@ pub enum Expect {
 /// Comparison of a result with its expectation.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Verdict {
+pub enum Judgement {
     /// The expectation holds.
     Held,
     /// A documented failure no longer occurs: the documentation must be changed.
@@ -37,7 +37,7 @@ pub enum Verdict {
 
 impl Expect {
     /// Compares `score` with the expectation.
-    pub fn judge(self, score: &Score) -> Verdict {
+    pub fn judge(self, score: &MethodScore) -> Judgement {
         let below = |least: f64| {
             (score.exact < least)
                 .then(|| format!("{} exact, {} expected", percent(score.exact), percent(least)))
@@ -48,10 +48,12 @@ impl Expect {
             Self::UpToOffset => (score.up_to_offset < 1.0)
                 .then(|| format!("{} exact up to an offset, 100 % expected", percent(score.up_to_offset))),
         };
+        // A failure that is gone is told, but is no error: the documentation is to be improved, and the build stays
+        // green.
         match broken {
-            Some(how) => Verdict::Broken(how),
-            None if self.is_failure() && score.exact >= RECOVERED => Verdict::Better,
-            None => Verdict::Held,
+            Some(how) => Judgement::Broken(how),
+            None if self.is_failure() && score.exact >= RECOVERED => Judgement::Better,
+            None => Judgement::Held,
         }
     }
 
@@ -76,7 +78,7 @@ impl Expect {
     }
 }
 
-impl Verdict {
+impl Judgement {
     /// The worse of two verdicts.
     pub fn both(first: Self, second: Self) -> Self {
         match (&first, &second) {
@@ -88,16 +90,19 @@ impl Verdict {
 }
 
 /// Judges the trust of a method: it must be justified if k is observable.
-pub fn judge_trust(score: &Score, observable: bool) -> Verdict {
+pub fn judge_trust(score: &MethodScore, observable: bool) -> Judgement {
+    // Where k is not observable, another scene gives the same y. A method that trusted no such result could trust no
+    // result on that other scene either, so that a wrong trust is excused there and nowhere else.
     let vouched = score.report.trust == Trust::Trusted;
     if vouched && score.exact < RECOVERED && observable {
-        return Verdict::Broken(format!("vouches for k, of which {} is exact", percent(score.exact)));
+        return Judgement::Broken(format!("vouches for k, of which {} is exact", percent(score.exact)));
     }
-    Verdict::Held
+    Judgement::Held
 }
 
 /// `share` as percent with two decimal digits, rounded down: only 1 is "100 %".
 pub fn percent(share: f64) -> String {
+    // Rounding would show 99.9999 % as 100 %, although samples are wrong.
     let hundredths = (share * 1e4).floor() / 100.0;
     if hundredths.fract() == 0.0 { format!("{hundredths} %") } else { format!("{hundredths:.2} %") }
 }
@@ -108,32 +113,32 @@ mod tests {
 
     use super::*;
 
-    fn score(exact: f64, up_to_offset: f64, trust: Trust) -> Score {
-        Score { exact, up_to_offset, psnr: None, report: Report { trust, ..Report::default() } }
+    fn score(exact: f64, up_to_offset: f64, trust: Trust) -> MethodScore {
+        MethodScore { exact, up_to_offset, psnr: None, report: Report { trust, ..Report::default() } }
     }
 
     #[test]
     fn worse_is_broken_and_better_is_said() {
         let worse = |expect: Expect, exact| {
-            matches!(expect.judge(&score(exact, exact, Trust::Unknown)), Verdict::Broken(_))
+            matches!(expect.judge(&score(exact, exact, Trust::Unknown)), Judgement::Broken(_))
         };
         assert!(worse(Expect::Exact, 0.99999) && !worse(Expect::Exact, 1.0));
         assert!(worse(Expect::AtLeast(0.9), 0.89) && !worse(Expect::AtLeast(0.9), 0.9));
         assert!(worse(Expect::Fails(0.5, ""), 0.49) && !worse(Expect::Fails(0.5, ""), 0.5));
-        assert_eq!(Expect::Fails(0.5, "").judge(&score(0.9991, 1.0, Trust::Unknown)), Verdict::Better);
-        assert_eq!(Expect::UpToOffset.judge(&score(0.0, 1.0, Trust::Unknown)), Verdict::Held);
-        assert_eq!(Expect::UpToOffset.judge(&score(1.0, 1.0, Trust::Unknown)), Verdict::Better);
+        assert_eq!(Expect::Fails(0.5, "").judge(&score(0.9991, 1.0, Trust::Unknown)), Judgement::Better);
+        assert_eq!(Expect::UpToOffset.judge(&score(0.0, 1.0, Trust::Unknown)), Judgement::Held);
+        assert_eq!(Expect::UpToOffset.judge(&score(1.0, 1.0, Trust::Unknown)), Judgement::Better);
         assert!(worse(Expect::UpToOffset, 0.9));
     }
 
     #[test]
     fn only_absent_evidence_excuses_false_trust() {
         let wrong = score(0.99, 1.0, Trust::Trusted);
-        assert!(matches!(judge_trust(&wrong, true), Verdict::Broken(_)));
-        assert_eq!(judge_trust(&wrong, false), Verdict::Held);
-        assert_eq!(judge_trust(&score(0.99, 1.0, Trust::Contradicted), true), Verdict::Held);
-        assert_eq!(judge_trust(&score(0.99, 1.0, Trust::Unknown), true), Verdict::Held);
-        assert_eq!(judge_trust(&score(1.0, 1.0, Trust::Trusted), true), Verdict::Held);
+        assert!(matches!(judge_trust(&wrong, true), Judgement::Broken(_)));
+        assert_eq!(judge_trust(&wrong, false), Judgement::Held);
+        assert_eq!(judge_trust(&score(0.99, 1.0, Trust::Contradicted), true), Judgement::Held);
+        assert_eq!(judge_trust(&score(0.99, 1.0, Trust::Unknown), true), Judgement::Held);
+        assert_eq!(judge_trust(&score(1.0, 1.0, Trust::Trusted), true), Judgement::Held);
     }
 
     #[test]

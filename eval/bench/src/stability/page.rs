@@ -6,18 +6,18 @@ use maud::{Markup, html};
 use modulo_charts::html_page;
 
 use super::case::Family;
-use super::expect::{Verdict, percent};
-use super::report::{Report, SceneRow, Trial};
+use super::expect::{Judgement, percent};
+use super::report::{SceneRow, StabilityReport, Trial};
 
 /// Rows, columns, channels.
-type Shape = (usize, usize, usize);
+type PictureShape = (usize, usize, usize);
 
 const TITLE: &str = "Stability of the unwrapping methods";
 /// Pictures narrower than this many pixels are shown as squares.
 const TINY: usize = 100;
 
 /// The page of `report`. Pictures are linked by the paths in the trials.
-pub fn html(report: &Report) -> String {
+pub fn html(report: &StabilityReport) -> String {
     let body = html! {
         (head(report))
         (legend())
@@ -47,7 +47,7 @@ pub fn html(report: &Report) -> String {
     html_page(TITLE, include_str!("page.css"), body)
 }
 
-fn head(report: &Report) -> Markup {
+fn head(report: &StabilityReport) -> Markup {
     let outcome = &report.outcome;
     let total = outcome.held + outcome.better.len() + outcome.broken.len();
     html! {
@@ -83,7 +83,7 @@ fn legend() -> Markup {
 }
 
 /// The table of scenes and methods.
-fn summary(report: &Report) -> Markup {
+fn summary(report: &StabilityReport) -> Markup {
     let methods = report.scenes.first().map_or(&[][..], |scene| &scene.trials);
     let words = |trial: &Trial| trial.method.split('_').enumerate();
     html! {
@@ -153,7 +153,7 @@ fn article(row: &SceneRow) -> Markup {
     }
 }
 
-fn tile(shape: Shape, trial: &Trial) -> Markup {
+fn tile(shape: PictureShape, trial: &Trial) -> Markup {
     let psnr = trial.psnr_db.map_or("no error".to_owned(), |psnr| format!("{psnr:.1} dB"));
     let caption = html! {
         b { (trial.method) } " " span class=(shade(trial.exact)) { (percent(trial.exact)) } " " (psnr)
@@ -163,20 +163,20 @@ fn tile(shape: Shape, trial: &Trial) -> Markup {
         }
         br; i { "expected: " (trial.expected) @if let Some(why) = trial.reason { ": " (why) } }
         @match &trial.verdict {
-            Verdict::Held => {}
-            Verdict::Better => { br; b { (mark(&trial.verdict)) " better than expected" } }
-            Verdict::Broken(how) => { br; b { (mark(&trial.verdict)) " broken: " (how) } }
+            Judgement::Held => {}
+            Judgement::Better => { br; b { (mark(&trial.verdict)) " better than expected" } }
+            Judgement::Broken(how) => { br; b { (mark(&trial.verdict)) " broken: " (how) } }
         }
     };
     let class = match &trial.verdict {
-        Verdict::Held => "",
-        Verdict::Better => "better",
-        Verdict::Broken(_) => "broken",
+        Judgement::Held => "",
+        Judgement::Better => "better",
+        Judgement::Broken(_) => "broken",
     };
     figure(trial.picture.as_deref().unwrap_or(""), shape, caption, class)
 }
 
-fn figure(path: &str, (height, width, _): Shape, caption: Markup, class: &str) -> Markup {
+fn figure(path: &str, (height, width, _): PictureShape, caption: Markup, class: &str) -> Markup {
     html! {
         figure class=(class) {
             img.tiny[width < TINY] src=(path) width=(width) height=(height) alt="";
@@ -186,16 +186,16 @@ fn figure(path: &str, (height, width, _): Shape, caption: Markup, class: &str) -
 }
 
 /// The families of the scenes in their order.
-fn families(report: &Report) -> BTreeSet<Family> {
+fn families(report: &StabilityReport) -> BTreeSet<Family> {
     report.scenes.iter().map(|row| row.scene.family).collect()
 }
 
 /// The mark of a verdict, in addition to its colour.
-fn mark(verdict: &Verdict) -> &'static str {
+fn mark(verdict: &Judgement) -> &'static str {
     match verdict {
-        Verdict::Held => "",
-        Verdict::Better => "\u{25b2}",
-        Verdict::Broken(_) => "\u{2717}",
+        Judgement::Held => "",
+        Judgement::Better => "\u{25b2}",
+        Judgement::Broken(_) => "\u{2717}",
     }
 }
 

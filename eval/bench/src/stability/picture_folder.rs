@@ -1,9 +1,9 @@
-//! [`PictureFolder`]: the pictures of a run, as files beside the page.
+//! [`ScenePictures`]: the pictures of a run, as files beside the page.
 //!
 //! All pictures have the same gamma, which makes dark scenes visible: radiance is `255 sqrt(x / (alpha 2^b))`, codes are
 //! `255 y / 2^b`. No figure is computed from pictures.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use modulo_core::{Exposure, Frame, FrameError, SensorError};
 use modulo_images::save_png;
@@ -29,11 +29,6 @@ const ROWS: std::ops::Range<usize> = 32..160;
 /// Width of the white gap between pictures side by side, px.
 const GAP: usize = 4;
 
-/// The folder of the pictures, if there is one.
-pub struct PictureFolder {
-    out: Option<PathBuf>,
-}
-
 /// The pictures of one scene.
 pub struct ScenePictures<'a> {
     out: &'a Path,
@@ -43,36 +38,20 @@ pub struct ScenePictures<'a> {
     modulo: Array3<u8>,
 }
 
-impl PictureFolder {
-    /// Writes pictures into `out`, which has the subfolders `pictures` and `figures`.
-    pub fn in_folder(out: &Path) -> Self {
-        Self { out: Some(out.to_owned()) }
-    }
-
-    /// Writes no pictures.
-    pub fn none() -> Self {
-        Self { out: None }
-    }
-
-    /// Writes the truth and the modulo image of `scene`.
-    pub fn open<'a>(
-        &'a self,
-        scene: &'a str,
-        exposure: &Exposure,
-        y: &Frame,
-    ) -> Result<Option<ScenePictures<'a>>, BenchError> {
-        let Some(out) = self.out.as_deref() else { return Ok(None) };
+impl<'a> ScenePictures<'a> {
+    /// Writes the truth and the modulo image of `scene` into `out`, which has the subfolders `pictures` and `figures`.
+    pub fn new(out: &'a Path, scene: &'a str, exposure: &Exposure, y: &Frame) -> Result<Self, BenchError> {
         let limit = exposure.range().limit();
+        // The sensor delivers whole codes. A perfect result is therefore floor(x), and equals this picture byte for
+        // byte.
         let truth = radiance(&exposure.x().mapv(f32::floor), limit);
         let modulo = codes(y, exposure.range().peak());
-        let pictures = ScenePictures { out, scene, limit, truth, modulo };
+        let pictures = Self { out, scene, limit, truth, modulo };
         pictures.save(&pictures.path("truth"), &[&pictures.truth])?;
         pictures.save(&pictures.path("modulo"), &[&pictures.modulo])?;
-        Ok(Some(pictures))
+        Ok(pictures)
     }
-}
 
-impl ScenePictures<'_> {
     /// Writes the result of `method`, unless it equals the truth. Returns the path of its picture within the folder.
     pub fn add(&self, method: &str, x: &Array3<f32>) -> Result<String, BenchError> {
         let result = radiance(x, self.limit);
@@ -81,6 +60,7 @@ impl ScenePictures<'_> {
                 .map(|picture| picture.slice(s![ROWS, .., ..]).to_owned());
             self.save(&format!("figures/{method}.png"), &parts.each_ref())?;
         }
+        // Most methods are exact on most scenes. Their pictures would be copies of the truth: the page links that one.
         if result == self.truth {
             return Ok(self.path("truth"));
         }

@@ -165,6 +165,8 @@ fn distance(a: (usize, usize), b: (usize, usize)) -> f64 {
 
 /// The `index`-th random number in [0, 1) of `seed` by SplitMix64 (Steele, Lea and Flood 2014).
 fn fraction(seed: u64, index: u64) -> f64 {
+    // A hash of seed and pixel, instead of a sequence of random numbers: the value of a pixel does not depend on the
+    // order in which the pixels are drawn. The upper 53 bits are the mantissa of a double.
     let state = (seed << 32).wrapping_add(index + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     let mixed = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     let mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);

@@ -1,23 +1,23 @@
-//! [`Report`]: the results of a run, as `results.json` has them.
+//! [`StabilityReport`]: the results of a run, as `results.json` has them.
 
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::case::Scene;
-use super::expect::{RECOVERED, Verdict};
+use super::case::SceneDescription;
+use super::expect::{Judgement, RECOVERED};
 
 /// All results of a run.
 #[derive(Serialize)]
-pub struct Report {
-    pub outcome: Outcome,
+pub struct StabilityReport {
+    pub outcome: StabilityOutcome,
     pub scenes: Vec<SceneRow>,
     pub refusals: Vec<RejectionRow>,
 }
 
 /// Numbers of expectations that held and broke.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Outcome {
+pub struct StabilityOutcome {
     /// Number of expectations that held.
     pub held: usize,
     /// `scene, method: what` for each documented failure that no longer occurs.
@@ -34,7 +34,7 @@ pub struct Outcome {
 #[derive(Serialize)]
 pub struct SceneRow {
     #[serde(flatten)]
-    pub scene: Scene,
+    pub scene: SceneDescription,
     /// Rows, columns, channels.
     pub shape: (usize, usize, usize),
     pub trials: Vec<Trial>,
@@ -60,7 +60,7 @@ pub struct Trial {
     pub trusted: Option<bool>,
     /// The fields of [`modulo_core::unwrap::QualityMetrics`] by name.
     pub signal: Option<BTreeMap<&'static str, f32>>,
-    pub verdict: Verdict,
+    pub verdict: Judgement,
     /// Path of the picture within the folder of the run.
     pub picture: Option<String>,
 }
@@ -70,27 +70,28 @@ pub struct Trial {
 pub struct RejectionRow {
     /// The input and its receiver.
     pub what: String,
-    /// The error message, or a note that there was none.
+    /// The error message, or a note that the input was accepted.
     pub said: String,
     /// Whether the message names the place and the value.
     pub held: bool,
 }
 
-impl Report {
+impl StabilityReport {
     /// Counts the verdicts of `scenes` and `refusals`.
     pub fn new(scenes: Vec<SceneRow>, refusals: Vec<RejectionRow>) -> Self {
-        let mut outcome = Outcome::default();
+        let mut outcome = StabilityOutcome::default();
         for (scene, trial) in
             scenes.iter().flat_map(|scene| scene.trials.iter().map(move |trial| (scene, trial)))
         {
             let place = format!("{}, {}", scene.scene.name, trial.method);
             match &trial.verdict {
-                Verdict::Held => outcome.held += 1,
-                Verdict::Better => {
+                Judgement::Held => outcome.held += 1,
+                Judgement::Better => {
                     outcome.better.push(format!("{place}: expected was \"{}\"", trial.expected))
                 }
-                Verdict::Broken(how) => outcome.broken.push(format!("{place}: {how}")),
+                Judgement::Broken(how) => outcome.broken.push(format!("{place}: {how}")),
             }
+            // Trust is counted only over recovered results: a method that never trusts is safe, but of no use.
             let recovered = trial.exact >= RECOVERED;
             outcome.could_vouch += usize::from(recovered && trial.trusted.is_some());
             outcome.vouched += usize::from(recovered && trial.trusted == Some(true));

@@ -1,14 +1,14 @@
-//! The charts of a grid, one file each: from results to a [`Chart`].
+//! The charts of a grid: from results to a [`Chart`]. This file has the charts over alpha.
 
-mod alpha;
-mod frontier;
-mod paper;
 pub(crate) mod pictures;
 mod time;
 
-use modulo_charts::{Body, Chart, ChartError, PageWidth, Point, Series, SeriesStyle};
+use modulo_charts::{
+    Axis, Chart, ChartBody, ChartError, ChartPanel, DataPoint, Emphasis, PageWidth, Series, SeriesStyle,
+};
 
 use crate::labels::{self, Conditions, distinct};
+use crate::published;
 use crate::results::{Cell, Results};
 pub use pictures::DetectionPicture;
 
@@ -36,7 +36,13 @@ pub struct RenderedChart {
 
 impl NamedChart {
     /// A chart whose subtitle names the data and the machine of `results`.
-    fn new(name: String, title: String, results: &Results, footer: String, body: Body) -> Self {
+    pub(crate) fn new(
+        name: String,
+        title: String,
+        results: &Results,
+        footer: String,
+        body: ChartBody,
+    ) -> Self {
         Self { name, chart: Chart { title, subtitle: subtitle(results), footer, body } }
     }
 
@@ -56,23 +62,17 @@ pub fn all(results: &Results) -> Vec<NamedChart> {
     let each = |draw: fn(&Results, Conditions) -> Vec<NamedChart>| {
         conditions.iter().flat_map(|conditions| draw(results, *conditions)).collect::<Vec<_>>()
     };
-    [
-        each(frontier::charts),
-        each(alpha::charts),
-        each(paper::charts),
-        each(time::stages),
-        each(time::histograms),
-    ]
-    .concat()
+    [each(time::frontiers), each(alphas), each(published::charts), each(time::stages), each(time::histograms)]
+        .concat()
 }
 
 /// The cells that belong to `conditions`.
-fn cells(results: &Results, conditions: Conditions) -> Vec<&Cell> {
+pub(crate) fn cells(results: &Results, conditions: Conditions) -> Vec<&Cell> {
     results.cells.iter().filter(|cell| labels::belongs(&cell.point, conditions)).collect()
 }
 
 /// The distinct models of cells.
-fn models(cells: &[&Cell]) -> Vec<String> {
+pub(crate) fn models(cells: &[&Cell]) -> Vec<String> {
     distinct(cells.iter().map(|cell| labels::model(&cell.point)))
 }
 
@@ -93,7 +93,7 @@ fn subtitle(results: &Results) -> String {
 }
 
 /// Adds a point to the series of a name, which is created if it is missing.
-fn add_point(series: &mut Vec<Series>, name: String, point: Point, style: SeriesStyle) {
+pub(crate) fn add_point(series: &mut Vec<Series>, name: String, point: DataPoint, style: SeriesStyle) {
     match series.iter_mut().find(|series| series.name == name) {
         Some(series) => series.points.push(point),
         None => series.push(Series { name, points: vec![point], style }),
@@ -101,11 +101,63 @@ fn add_point(series: &mut Vec<Series>, name: String, point: Point, style: Series
 }
 
 /// The conditions as part of a file name.
-fn suffix((psf_sigma, noise): Conditions) -> String {
+pub(crate) fn suffix((psf_sigma, noise): Conditions) -> String {
     format!("psf{psf_sigma}_noise{noise}")
 }
 
 /// A text as part of a file name.
-fn file_name(name: &str) -> String {
+pub(crate) fn file_name(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() || ".-".contains(c) { c } else { '_' }).collect()
+}
+
+/// Accuracy against the saturation factor: one chart for each model and input size, with a line for each stream and method.
+/// There is no chart of a single alpha.
+fn alphas(results: &Results, conditions: Conditions) -> Vec<NamedChart> {
+    let cells = cells(results, conditions);
+    if distinct(cells.iter().map(|cell| cell.point.alpha)).len() < 2 {
+        return Vec::new();
+    }
+    models(&cells).iter().map(|model| over_alpha(results, &cells, model, conditions)).collect()
+}
+
+fn over_alpha(results: &Results, cells: &[&Cell], model: &str, conditions: Conditions) -> NamedChart {
+    let of_model = cells.iter().filter(|cell| labels::model(&cell.point) == model);
+    let mut cells: Vec<&Cell> = of_model.copied().collect();
+    // The line joins its points in this order. The cells have the order of the grid, in which alpha is as the user gave
+    // it.
+    cells.sort_by(|a, b| a.point.alpha.total_cmp(&b.point.alpha));
+    // A panel for each group: in one panel, the series of two groups would have the same names.
+    let groups = distinct(cells.iter().flat_map(|cell| cell.ap50.keys()));
+    let footer = "Alpha: the brightest radiance over what the sensor holds. AP50: average precision at IoU 0.5, \
+                  one-to-one matching, ignore regions left out. The sharp ideal is what the scene would look like \
+                  without a lens.";
+    let title = format!("Accuracy against alpha, {model}, {}", labels::conditions(conditions));
+    let body = ChartBody::Panels(groups.iter().map(|group| panel(&cells, group)).collect());
+    let name = format!("alpha_{}_{}", file_name(model), suffix(conditions));
+    NamedChart::new(name, title, results, footer.to_owned(), body)
+}
+
+fn panel(cells: &[&Cell], group: &str) -> ChartPanel {
+    let names = distinct(cells.iter().map(|cell| labels::stream(&cell.point)));
+    let series = |name: String| {
+        let own = cells.iter().filter(|cell| labels::stream(&cell.point) == name);
+        let points = own.filter_map(|cell| point(cell, group)).collect();
+        Series { name, points, style: SeriesStyle::LineAndMarkers }
+    };
+    ChartPanel {
+        x: Axis::log("alpha, the saturation factor"),
+        y: Axis::percent(format!("AP50 of {group}"), 1.0),
+        series: names.into_iter().map(series).collect(),
+    }
+}
+
+fn point(cell: &Cell, group: &str) -> Option<DataPoint> {
+    let ap50 = (*cell.ap50.get(group)?)?;
+    let interval = cell.interval95.get(&format!("ap50.{group}"));
+    let interval = interval.map_or(String::new(), |[low, high]| {
+        format!(" (95 % interval {:.1} to {:.1})", 100.0 * low, 100.0 * high)
+    });
+    let (stream, alpha) = (labels::stream(&cell.point), cell.point.alpha);
+    let hover = format!("{stream}, alpha {alpha}: AP50 of {group} {:.1} %{interval}", 100.0 * ap50);
+    Some(DataPoint { x: alpha, y: ap50, label: String::new(), hover, emphasis: Emphasis::Normal })
 }

@@ -1,6 +1,6 @@
 //! Images with boxes: figure 2 of the paper, and the worst frame of each stream.
 
-use modulo_charts::{Body, Picture, Pictures};
+use modulo_charts::{ChartBody, Picture, Pictures};
 
 use super::NamedChart;
 use crate::labels::{self, distinct};
@@ -44,7 +44,8 @@ pub fn charts(results: &Results, pictures: &[DetectionPicture]) -> Vec<NamedChar
     let worst = worst(&cells);
     let four = labels::nearest_to_four(&cells);
     let alpha = four.first().map_or(4.0, |cell| cell.point.alpha);
-    // The frame that is there for every cell.
+    // The pictures do not say which of them belong to the busiest frame. It is the only frame that was drawn for all
+    // cells.
     let busiest = pictures
         .iter()
         .find(|picture| cells.iter().all(|cell| find(pictures, &cell.point, picture.number).is_some()));
@@ -70,7 +71,7 @@ type Row = (String, Vec<Option<Picture>>);
 
 fn named(results: &Results, name: &str, title: String, cells: &[&Cell], rows: Vec<Row>) -> NamedChart {
     let columns = cells.iter().map(|cell| labels::stream(&cell.point)).collect();
-    let body = Body::Pictures(Pictures { columns, rows });
+    let body = ChartBody::Pictures(Pictures { columns, rows });
     let mut named = NamedChart::new(name.to_owned(), title, results, FOOTER.to_owned(), body);
     if let Some(Cell { point, .. }) = cells.first() {
         let conditions = labels::conditions(labels::conditions_of(point));
@@ -97,6 +98,8 @@ fn selected(results: &Results) -> Vec<&Cell> {
     let own = |cell: &&Cell| labels::conditions_of(&cell.point) == first;
     let cells: Vec<&Cell> = results.cells.iter().filter(own).collect();
     let Some(model) = cells.first().map(|cell| labels::model(&cell.point)) else { return Vec::new() };
+    // All methods, lenses and models would make a table of hundreds of images. The first ones in the order of the grid
+    // are those that the user named first.
     let method = cells.iter().find_map(|cell| cell.point.method.clone());
     let of = |cell: &&&Cell| {
         let point = &cell.point;

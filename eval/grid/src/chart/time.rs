@@ -1,10 +1,96 @@
-//! The time of a frame: its stages, and its distribution.
+//! The charts of time: speed against accuracy, the stages of a frame, and the distribution of its time.
 
-use modulo_charts::{Axis, Bar, Bars, Body, Panel, Point, Series, SeriesStyle};
+use modulo_charts::{Axis, Bar, Bars, ChartBody, ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
 
-use super::{NamedChart, models, suffix};
-use crate::labels::{self, Conditions, SENSE, STAGES};
-use crate::results::{Cell, Results};
+use super::{NamedChart, add_point, models, suffix};
+use crate::budget::{Candidate, pareto_front};
+use crate::labels::{self, Conditions, SENSE, STAGES, distinct};
+use crate::results::{Cell, Results, Stream};
+
+/// Name of the line in the legend.
+const FRONT: &str = "Pareto front";
+
+/// Speed against accuracy: one chart for each alpha, the alpha nearest to 4 first, with a point for each model, stream and
+/// method.
+pub fn frontiers(results: &Results, conditions: Conditions) -> Vec<NamedChart> {
+    let mut cells = super::cells(results, conditions);
+    cells.retain(|cell| labels::frame_ms(cell).is_some());
+    let mut alphas = distinct(cells.iter().map(|cell| cell.point.alpha));
+    alphas.sort_by(|a, b| (a - 4.0).abs().total_cmp(&(b - 4.0).abs()));
+    alphas.into_iter().map(|alpha| frontier(results, &cells, alpha, conditions)).collect()
+}
+
+fn frontier(results: &Results, cells: &[&Cell], alpha: f64, conditions: Conditions) -> NamedChart {
+    let cells: Vec<&Cell> = cells.iter().filter(|cell| cell.point.alpha == alpha).copied().collect();
+    let groups = distinct(cells.iter().flat_map(|cell| cell.ap50.keys()));
+    let footer = "Time: the sum of the medians of unwrap, tone or deblur, pre, infer and post; the capture and the \
+                 simulation of the sensor are not in it. Grey: dominated, something else is both faster and more \
+                 accurate. The ideal streams are no choice, for no sensor delivers them: they are not on the front. \
+                 Towards the upper left is better.";
+    let title = format!("Speed against accuracy, alpha {alpha}, {}", labels::conditions(conditions));
+    let body = ChartBody::Panels(groups.iter().map(|group| frontier_panel(&cells, group)).collect());
+    let name = format!("frontier_alpha{alpha}_{}", suffix(conditions));
+    NamedChart::new(name, title, results, footer.to_owned(), body)
+}
+
+fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
+    let scored: Vec<(&Cell, Candidate)> =
+        cells.iter().filter_map(|cell| Some((*cell, candidate(cell, group)?))).collect();
+    // An ideal image is more accurate than every image that a sensor delivers. On the front it would dominate all real
+    // choices.
+    let real: Vec<&(&Cell, Candidate)> = scored.iter().filter(|(cell, _)| is_choice(cell)).collect();
+    let front = pareto_front(&real.iter().map(|(_, candidate)| *candidate).collect::<Vec<_>>());
+    let front: Vec<&(&Cell, Candidate)> = front.into_iter().map(|index| real[index]).collect();
+    let several = models(cells).len() > 1;
+    let mut series: Vec<Series> = Vec::new();
+    for (cell, candidate) in &scored {
+        // Cells are compared by address: two cells can have equal figures.
+        let kept = !is_choice(cell) || front.iter().any(|(other, _)| std::ptr::eq(*other, *cell));
+        let name = labels::stream(&cell.point);
+        let model = labels::model(&cell.point);
+        let point = DataPoint {
+            x: candidate.cost,
+            y: candidate.gain,
+            hover: format!(
+                "{name}, {model}: {:.1} ms, AP50 of {group} {:.1} %",
+                candidate.cost,
+                100.0 * candidate.gain
+            ),
+            label: if several { model } else { name.clone() },
+            emphasis: if kept { Emphasis::Normal } else { Emphasis::Faded },
+        };
+        add_point(&mut series, name, point, SeriesStyle::Markers);
+    }
+    series.push(Series { name: FRONT.to_owned(), points: steps(&front), style: SeriesStyle::Line });
+    ChartPanel {
+        x: Axis::log("time a frame, ms (median)"),
+        y: Axis::percent(format!("AP50 of {group}"), 1.0),
+        series,
+    }
+}
+
+fn candidate(cell: &Cell, group: &str) -> Option<Candidate> {
+    Some(Candidate { cost: labels::frame_ms(cell)?, gain: (*cell.ap50.get(group)?)? })
+}
+
+/// Whether a real camera can deliver the image of a cell.
+fn is_choice(cell: &Cell) -> bool {
+    cell.point.stream != Stream::Ideal
+}
+
+/// The best gain at each time, as a step function.
+fn steps(front: &[&(&Cell, Candidate)]) -> Vec<DataPoint> {
+    let at = |x: f64, y: f64| DataPoint { x, y, ..DataPoint::default() };
+    let mut points: Vec<DataPoint> = Vec::new();
+    for (_, Candidate { cost, gain }) in front {
+        // Between two choices, the best gain is that of the faster one, so that the line goes right before it goes up.
+        if let Some(last) = points.last().map(|point| point.y) {
+            points.push(at(*cost, last));
+        }
+        points.push(at(*cost, *gain));
+    }
+    points
+}
 
 /// One chart at the alpha nearest to 4: the stages of a frame, a bar for each stream, method and model.
 pub fn stages(results: &Results, conditions: Conditions) -> Vec<NamedChart> {
@@ -16,7 +102,7 @@ pub fn stages(results: &Results, conditions: Conditions) -> Vec<NamedChart> {
     let footer = "Medians over the frames of a cell, stage by stage. The capture and the simulation of the sensor are \
                  not in it.";
     let title = format!("Where the time of a frame goes, alpha {alpha}, {}", labels::conditions(conditions));
-    let body = Body::Bars(Bars { label: "time a frame, ms".to_owned(), rows });
+    let body = ChartBody::Bars(Bars { label: "time a frame, ms".to_owned(), rows });
     let name = format!("latency_{}", suffix(conditions));
     vec![NamedChart::new(name, title, results, footer.to_owned(), body)]
 }
@@ -29,7 +115,7 @@ fn bar(cell: &Cell) -> Bar {
     Bar { label, parts, note }
 }
 
-/// Upper bound of a bucket divided by its lower bound.
+/// Upper bound of a bucket divided by its lower bound: `10^(1 / 20)`.
 const BUCKET: f64 = 1.122_018_454_301_963_3;
 
 /// One chart at the alpha nearest to 4: the histogram of the time of a frame, with a panel for each model and a line for
@@ -42,22 +128,26 @@ pub fn histograms(results: &Results, conditions: Conditions) -> Vec<NamedChart> 
     let footer = "Share of the frames in buckets of 1/20 of a power of ten. From the captured image to the boxes; the \
                  capture and the simulation of the sensor are not in it.";
     let title = format!("How long frames take, alpha {alpha}, {}", labels::conditions(conditions));
-    let body = Body::Panels(models(&cells).iter().map(|model| panel(&cells, model)).collect());
+    let body = ChartBody::Panels(models(&cells).iter().map(|model| panel(&cells, model)).collect());
     let name = format!("histogram_{}", suffix(conditions));
     vec![NamedChart::new(name, title, results, footer.to_owned(), body)]
 }
 
-fn panel(cells: &[&Cell], model: &str) -> Panel {
+fn panel(cells: &[&Cell], model: &str) -> ChartPanel {
     let own = cells.iter().filter(|cell| labels::model(&cell.point) == model);
     let series: Vec<Series> = own.map(|cell| series(cell)).collect();
     let most = series.iter().flat_map(|series| &series.points).map(|point| point.y).fold(0.1, f64::max);
-    Panel { x: Axis::log(format!("time a frame, ms, {model}")), y: Axis::percent("frames", most), series }
+    ChartPanel {
+        x: Axis::log(format!("time a frame, ms, {model}")),
+        y: Axis::percent("frames", most),
+        series,
+    }
 }
 
 /// The outline of the buckets, from 0 to 0.
 fn series(cell: &Cell) -> Series {
     let all: u64 = cell.latency_histogram.iter().map(|(_, count)| count).sum();
-    let at = |x: f64, y: f64| Point { x, y, ..Point::default() };
+    let at = |x: f64, y: f64| DataPoint { x, y, ..DataPoint::default() };
     let mut points = Vec::new();
     for (bound, count) in &cell.latency_histogram {
         let share = *count as f64 / all.max(1) as f64;

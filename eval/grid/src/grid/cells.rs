@@ -18,8 +18,8 @@ pub struct Axes {
     #[arg(long, value_delimiter = ',')]
     pub method: Vec<String>,
     /// Whether the lens blur is removed from recovered images
-    #[arg(long, value_enum, default_value_t = Deblur::Both)]
-    pub deblur: Deblur,
+    #[arg(long, value_enum, default_value_t = DeblurChoice::Both)]
+    pub deblur: DeblurChoice,
     /// Saturation factors: brightest radiance divided by the peak of the sensor
     #[arg(long, value_delimiter = ',', default_value = "1.5,2,3,4")]
     pub alpha: Vec<f64>,
@@ -39,7 +39,7 @@ pub struct Axes {
 
 /// Whether the lens blur is removed from recovered images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Deblur {
+pub enum DeblurChoice {
     /// With and without deblurring; under the protocol of the paper only without
     Both,
     /// Always
@@ -68,6 +68,7 @@ impl Axes {
     pub fn points(&self, protocol: Protocol) -> Result<Vec<Point>, GridError> {
         self.check(protocol)?;
         let inputs = or_default(&self.input, &[if protocol == Protocol::Paper { "640x640" } else { "auto" }]);
+        // The order of the loops is the order of work: a model and its input size are loaded once for all their cells.
         let mut points = Vec::new();
         for model in self.model.iter().map(|model| Self::model_name(model)) {
             for input in &inputs {
@@ -77,6 +78,8 @@ impl Axes {
                             let (model, input) = (model.clone(), input.clone());
                             let point =
                                 Point { stream, method, deblur, alpha, psf_sigma, noise, model, input };
+                            // Values may be listed twice, and a lens blur of 0 gives the sharp ideal image a second
+                            // time.
                             if !points.contains(&point) {
                                 points.push(point);
                             }
@@ -92,11 +95,12 @@ impl Axes {
     fn images(&self, protocol: Protocol) -> Vec<(Stream, Option<String>, bool, f64)> {
         let methods = self.methods(protocol);
         let deblur: &[bool] = match (self.deblur, protocol) {
-            (Deblur::Both, Protocol::Suite) => &[false, true],
-            (Deblur::Off, _) | (Deblur::Both, Protocol::Paper) => &[false],
-            (Deblur::On, _) => &[true],
+            (DeblurChoice::Both, Protocol::Suite) => &[false, true],
+            (DeblurChoice::Off, _) | (DeblurChoice::Both, Protocol::Paper) => &[false],
+            (DeblurChoice::On, _) => &[true],
         };
         let mut images = Vec::new();
+        // The ideal image without a lens is the best that a detector can get: deblurring is compared with it.
         if self.stream.contains(&Stream::Ideal) {
             images.push((Stream::Ideal, None, false, 0.0));
         }
@@ -136,6 +140,8 @@ impl Axes {
                 return Err(GridError::Empty(what));
             }
         }
+        // The scripts of the paper have a fixed lens and no noise. Other values would be ignored, which the results
+        // would not show.
         if protocol == Protocol::Paper && (self.psf_sigma != [1.4] || self.noise != [0.0]) {
             let value = format!("{:?} px with noise {:?}", self.psf_sigma, self.noise);
             let possible = "the lens of the paper: blur 1.4 px (7 taps), no noise".to_owned();
@@ -148,6 +154,7 @@ impl Axes {
             let possible = format!("one of {}", known.join(", "));
             return Err(GridError::Value { what: "method", value: method, possible });
         }
+        // A cell names its model without the folder. Two files of one name would share their cells.
         let mut models: Vec<&PathBuf> = self.model.iter().collect();
         models.sort();
         models.dedup();

@@ -85,7 +85,11 @@ impl<'a> DetectorWorker<'a> {
         image: Arc<StampedFrame>,
         cache: &DetectionCache,
     ) -> Result<DetectorOutput, GridError> {
+        // The sharp ideal image is the same for all lenses, and a recovered image is often the same for several
+        // methods. The number is part of the key, because the durations of an output belong to its frame.
         let key = (number, digest(&image.frame));
+        // The lock is not held during the inference. Two workers never have the same frame, so that no image is
+        // detected twice.
         if let Some(output) = cache.lock().get(&key) {
             return Ok(output.clone());
         }
@@ -119,6 +123,7 @@ fn digest(frame: &Frame) -> u64 {
     match frame.samples() {
         Samples::U8(pixels) => pixels.hash(&mut hasher),
         Samples::U16(pixels) => pixels.hash(&mut hasher),
+        // Floats have no hash, because NaN differs from itself. Their bits have one.
         Samples::F32(pixels) => pixels.mapv(f32::to_bits).hash(&mut hasher),
     }
     hasher.finish()

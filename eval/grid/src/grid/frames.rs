@@ -7,9 +7,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use modulo_bags::source::{GroundTruth, SourceError, SourceFrame};
 use sha2::{Digest, Sha256};
 
-use super::GridError;
+use super::request::{Data, Drive};
+use crate::GridError;
 use crate::classes::DONT_CARE;
-use crate::data::{Data, Drive};
 use crate::results::Input;
 
 /// Labels that reach outside the image by at most this many px give no warning: they were rounded.
@@ -57,6 +57,8 @@ impl Frames {
     /// # Errors
     /// [`GridError::Nothing`] if no frame can be scored; [`GridError::Source`] if the data is missing.
     pub fn inspect(data: &Data) -> Result<Self, GridError> {
+        // All frames are read once before the first cell. A frame that turned out to be damaged in the middle of a run
+        // would be scored in some cells only.
         let drives = data.open()?;
         let (kept, truths, drive_of) = Default::default();
         let mut frames = Self { drives, kept, truths, drive_of, input: Input::default(), place: 0, drive: 0 };
@@ -115,6 +117,7 @@ impl Frames {
             Err(why) => return notes.unreadable.push(why.to_string()),
         };
         let drive = drive.clone().or_else(|| data.drive_of(&frame.name));
+        // Two drives can have frames of one name. Within a drive, a frame that comes twice would count twice.
         if !notes.names.insert((drive.clone(), frame.name.clone())) {
             return notes.twice.push(frame.name);
         }
@@ -122,6 +125,7 @@ impl Frames {
         let (height, width, _) = frame.radiance.dim();
         let truth = notes.inside(truth, &frame.name, (height, width));
         notes.digest.update(format!("{drive:?} {} {height} {width} {truth:?}\n", frame.name));
+        // The digest covers the pixels, too: results of other images with the same names and labels must not be joined.
         let pixels: Vec<u8> = frame.radiance.iter().flat_map(|value| value.to_le_bytes()).collect();
         notes.digest.update(pixels);
         self.kept.insert(place, self.truths.len());
@@ -143,6 +147,7 @@ impl Notes {
             let bbox = label.bbox.clamp(height, width);
             let [old, new] = [label.bbox, bbox].map(|b| [b.x1, b.y1, b.x2, b.y2]);
             let beyond = old.iter().zip(new).any(|(old, new)| (old - new).abs() > TOLERANCE);
+            // Cutting a DontCare area changes no score, so that it needs no warning.
             if beyond && label.class != DONT_CARE {
                 self.outside.push(format!("{} of {name}", label.class));
             }

@@ -43,6 +43,7 @@ impl<'a> FramesWithNeighbours<'a> {
 
     fn around(&self, raw: &Raw) -> Option<[Array3<f32>; 2]> {
         let own = &raw.frame.as_ref().ok()?.radiance;
+        // Frames of another drive show another scene, and captures of different sizes cannot be merged.
         let fits = |drive: usize, other: &Array3<f32>| drive == raw.drive && other.dim() == own.dim();
         let before =
             self.before.as_ref().filter(|(drive, other)| fits(*drive, other)).map(|(_, other)| other);
@@ -60,6 +61,7 @@ impl Iterator for FramesWithNeighbours<'_> {
         loop {
             let raw = self.ahead.take().or_else(|| self.frames.raw())?;
             let mut around = None;
+            // One frame is read ahead. It is kept in `ahead`, because a source is read only forwards.
             if self.neighbours == Neighbours::Kept {
                 self.ahead = self.frames.raw();
                 around = self.around(&raw);

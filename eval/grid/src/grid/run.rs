@@ -1,22 +1,28 @@
-//! [`run`]: runs the cells one after the other and stores the results after each of them.
+//! [`run`]: runs the cells one after the other and stores the results after each of them, with the settings, definitions
+//! and classes that all cells share.
 
-use std::path::Path;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 
+use modulo_detector::describe;
 use modulo_runtime::Clock;
+use sha2::{Digest, Sha256};
 
 use super::frames::Frames;
 use super::nodes::Nodes;
-use super::pipeline::multi_exposure;
+use super::pipeline::{BITS, RECOVERY_DEFINITION, multi_exposure};
 use super::runner::CellRunner;
 use super::score::Scorer;
-use super::{GridError, Request, merge, setup};
+use super::{Axes, Request};
+use crate::classes::{ClassGroups, ClassMap, Table, of_labels};
 use crate::metric::bootstrap::Units;
-use crate::results::{Point, RESULTS, Results};
-use crate::store;
+use crate::metric::{average, bootstrap, latency, matching, paper};
+use crate::results::{Point, RESULTS, Results, Setup};
+use crate::{GridError, store};
 
 /// Progress of a grid run.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Event<'a> {
+pub enum GridEvent<'a> {
     /// The folder already holds some of the cells.
     Resumed {
         /// Number of these cells.
@@ -37,14 +43,14 @@ pub enum Event<'a> {
 
 /// Result of a grid run.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Outcome {
+pub struct GridOutcome {
     /// The results as they are in the folder.
     pub results: Results,
     /// Number of frames without an answer, over all cells.
     pub unanswered: usize,
 }
 
-impl Outcome {
+impl GridOutcome {
     /// Whether frames, labels or answers are missing.
     pub fn lost(&self) -> bool {
         self.unanswered > 0 || !self.results.input.warnings.is_empty()
@@ -61,31 +67,34 @@ pub fn run(
     request: &Request,
     nodes: &dyn Nodes,
     timer: &dyn Clock,
-    tell: &(dyn Fn(Event<'_>) + Sync),
-) -> Result<Outcome, GridError> {
+    tell: &(dyn Fn(GridEvent<'_>) + Sync),
+) -> Result<GridOutcome, GridError> {
     let points = request.options.axes.points(request.options.protocol)?;
     multi_exposure::check(request, &points)?;
     let (map, groups) = (request.class_map()?, request.groups()?);
-    let setup = setup::setup(request, &map, &groups, &points)?;
+    let setup = setup(request, &map, &groups, &points)?;
     let mut frames = Frames::inspect(&request.data)?;
-    frames.input.warnings.iter().for_each(|warning| tell(Event::Warning(warning)));
-    let mapped = setup::mapped_classes(request, &map, &mut frames)?;
+    frames.input.warnings.iter().for_each(|warning| tell(GridEvent::Warning(warning)));
+    // The models are opened before the first cell, so that a wrong file ends the run now and not after hours.
+    let mapped = mapped_classes(request, &map, &mut frames)?;
     let units = Units::new(&frames.drive_of, request.options.seed);
-    let definitions = setup::definitions();
+    let definitions = definitions();
     let fresh = Results { setup, input: frames.input.clone(), definitions, cells: Vec::new() };
     let mut results = if request.options.fresh { fresh } else { resume(&request.out, fresh)? };
+    // Shards take every n-th cell: models and inputs vary slowest, so that blocks would give one shard all the slow
+    // models.
     let mine = points.iter().enumerate().filter(|(index, _)| request.options.shard.has(*index));
     let (done, todo): (Vec<&Point>, Vec<&Point>) = mine
         .map(|(_, point)| point)
         .partition(|point| results.cells.iter().any(|cell| cell.point == **point));
-    tell(Event::Resumed { cells: done.len() });
+    tell(GridEvent::Resumed { cells: done.len() });
     let mut runner = CellRunner::new(request, nodes, timer);
     let truths = frames.truths.clone();
     let each = frames.len() as u64;
     for (index, point) in todo.iter().enumerate() {
         let name = point.to_string();
-        tell(Event::Cell { frames: (index as u64 * each, todo.len() as u64 * each), name: &name });
-        let frames = runner.run(point, &mut frames, &|| tell(Event::Frame))?;
+        tell(GridEvent::Cell { frames: (index as u64 * each, todo.len() as u64 * each), name: &name });
+        let frames = runner.run(point, &mut frames, &|| tell(GridEvent::Frame))?;
         let scorer = Scorer {
             truths: &truths,
             map: &map,
@@ -95,19 +104,97 @@ pub fn run(
             units: &units,
         };
         results.cells.push(scorer.cell((*point).clone(), &frames, runner.device()));
-        merge::sort(&mut results.cells, &points);
+        // Cells of an earlier run may come later in the grid.
+        store::sort(&mut results.cells, &points);
         store::save(&request.out, &results)?;
     }
     // A run without any cell to process writes its files, too.
     store::save(&request.out, &results)?;
     let unanswered = results.cells.iter().map(|cell| cell.unanswered).sum();
-    Ok(Outcome { results, unanswered })
+    Ok(GridOutcome { results, unanswered })
 }
 
 /// The results in the folder, if they belong to the same request, else `fresh`.
 fn resume(folder: &Path, fresh: Results) -> Result<Results, GridError> {
     let Some(old) = store::load(folder)? else { return Ok(fresh) };
-    merge::check_same(&folder.join(RESULTS), &old, &fresh)?;
+    store::check_same(&folder.join(RESULTS), &old, &fresh)?;
+    // Cells that are no longer in the grid are dropped: the report would mix two requests.
     let cells = old.cells.into_iter().filter(|cell| fresh.setup.grid.contains(&cell.point)).collect();
     Ok(Results { cells, ..fresh })
+}
+
+/// The setup of `request` with the cells at `points`. Reads the files of the models.
+fn setup(
+    request: &Request,
+    map: &ClassMap,
+    groups: &ClassGroups,
+    points: &[Point],
+) -> Result<Setup, GridError> {
+    let options = &request.options;
+    let model = |path: &PathBuf| Ok((Axes::model_name(path), sha256(path)?));
+    Ok(Setup {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        protocol: options.protocol,
+        source: request.data.name(),
+        bits: BITS,
+        seed: options.seed,
+        difficulty: request.difficulty(),
+        engine: options.engine.to_string(),
+        class_map: map.table.clone(),
+        groups: groups.table().clone(),
+        models: options.axes.model.iter().map(model).collect::<Result<_, GridError>>()?,
+        grid: points.to_vec(),
+    })
+}
+
+fn sha256(model: &Path) -> Result<String, GridError> {
+    let bytes = match modulo_detector::embedded(model) {
+        Some(bytes) => bytes.to_vec(),
+        None => std::fs::read(model).map_err(|why| GridError::io(model, why))?,
+    };
+    Ok(modulo_models::hex(&Sha256::digest(bytes)))
+}
+
+/// The definition of each figure, by its name.
+fn definitions() -> Table {
+    [
+        ("ap50", average::DEFINITION),
+        ("ap50_95", "Mean over groups of the mean AP at the ten IoU thresholds 0.50, 0.55, ..., 0.95."),
+        ("classes", "As ap50, for one class of the labels. Other classes of its group that the model cannot find are ignored."),
+        ("difficulty", matching::DIFFICULTIES),
+        ("exact_k, psnr_db, ssim", RECOVERY_DEFINITION),
+        ("interval95", bootstrap::DEFINITION),
+        ("latency_ms", latency::DEFINITION),
+        ("paper", paper::DEFINITION),
+    ]
+    .map(|(name, text)| (name.to_owned(), text.split_whitespace().collect::<Vec<_>>().join(" ")))
+    .into()
+}
+
+/// For each model the classes of the labels that it can find.
+type MappedClasses = BTreeMap<String, BTreeSet<String>>;
+
+/// Finds the mapped classes of each model, and notes in `frames.input` the classes without a counterpart.
+fn mapped_classes(
+    request: &Request,
+    map: &ClassMap,
+    frames: &mut Frames,
+) -> Result<MappedClasses, GridError> {
+    let labels: BTreeSet<String> =
+        of_labels(frames.truths.iter().flatten()).into_iter().map(str::to_owned).collect();
+    let mut all = MappedClasses::new();
+    for model in &request.options.axes.model {
+        let name = Axes::model_name(model);
+        let own = describe(model, request.options.engine, request.threads())?.classes;
+        let found: BTreeSet<String> =
+            own.iter().filter_map(|class| map.mapped(class)).map(str::to_owned).collect();
+        // A model without class names may find every class.
+        let mapped =
+            if own.is_empty() { labels.clone() } else { labels.intersection(&found).cloned().collect() };
+        let without = &mut frames.input.without_twin;
+        without.insert(format!("labels, for {name}"), labels.difference(&mapped).cloned().collect());
+        without.insert(name.clone(), own.into_iter().filter(|class| map.mapped(class).is_none()).collect());
+        all.insert(name, mapped);
+    }
+    Ok(all)
 }

@@ -11,8 +11,7 @@ use super::detect::{DetectionCache, DetectorConfig, DetectorWorker};
 use super::frames::Frames;
 use super::neighbours::{FrameWithNeighbours, FramesWithNeighbours};
 use super::nodes::Nodes;
-use super::pipeline::quality::RecoveryQuality;
-use super::pipeline::{self, DetectorInput, FramePipeline, Stages, multi_exposure};
+use super::pipeline::{self, DetectorInput, FramePipeline, RecoveryQuality, Stages, multi_exposure};
 use super::{Axes, GridError, Request};
 use crate::results::{Device, Point};
 
@@ -56,6 +55,8 @@ impl<'a> CellRunner<'a> {
         let pipelines = self.workers.iter().map(|_| self.pipeline(point)).collect::<Result<Vec<_>, _>>()?;
         let all = Mutex::new(vec![FrameResult::default(); frames.len()]);
         let frames = FramesWithNeighbours::new(frames, multi_exposure::neighbours(point.stream))?;
+        // The channel is short, so that only a few frames are in memory: a frame has twelve bytes a pixel, and reading
+        // is usually faster than the inference.
         let (send, receive) = sync_channel(self.workers.len() + 1);
         // Every worker shares the receiver. After the last worker has ended, sending fails instead of waiting for ever.
         let receive = Arc::new(Mutex::new(receive));
@@ -86,6 +87,8 @@ impl<'a> CellRunner<'a> {
                 }
             }
             drop(send);
+            // A worker that fails ends alone, and the others go on with the remaining frames. Its error is reported
+            // here.
             workers.into_iter().try_for_each(|worker| match worker.join() {
                 Ok(result) => result,
                 Err(panic) => std::panic::resume_unwind(panic),
@@ -110,6 +113,7 @@ impl<'a> CellRunner<'a> {
         let model = model.ok_or(GridError::Empty("the list of models"))?;
         let threads = self.request.threads();
         let config = DetectorConfig { model, engine: options.engine, input: &point.input, threads };
+        // The old models are freed before the new ones are loaded, so that the memory never holds both.
         self.workers.clear();
         for _ in 0..self.request.jobs() {
             self.workers.push(DetectorWorker::open(self.nodes, self.timer, &config)?);

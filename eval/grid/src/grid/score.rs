@@ -5,11 +5,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use modulo_bags::source::GroundTruth;
 use modulo_core::Detection;
 
-use super::pipeline::quality::ImageSimilarity;
+use super::pipeline::ImageSimilarity;
 use super::runner::FrameResult;
-use crate::classes::{ClassMap, DONT_CARE, Groups, Membership};
-use crate::metric::average_precision::image;
-use crate::metric::matching::Image;
+use crate::classes::{ClassGroups, ClassMap, DONT_CARE, Membership};
+use crate::metric::average::image_boxes;
+use crate::metric::matching::ImageBoxes;
 use crate::metric::{average, bootstrap, latency, paper};
 use crate::results::{Cell, ClassScore, Device, Difficulty, Paper, Point, WORST, Worst};
 
@@ -19,8 +19,8 @@ pub struct Scorer<'a> {
     pub truths: &'a [Vec<GroundTruth>],
     /// Mapping from the classes of the model to those of the labels.
     pub map: &'a ClassMap,
-    /// Groups of classes.
-    pub groups: &'a Groups,
+    /// ClassGroups of classes.
+    pub groups: &'a ClassGroups,
     /// Classes of the labels that the model can find.
     pub mapped: &'a BTreeSet<String>,
     /// The objects that are scored.
@@ -36,12 +36,13 @@ impl Scorer<'_> {
     /// The figures of the cell at `point`.
     pub fn cell(&self, point: Point, frames: &[FrameResult], device: Device) -> Cell {
         let found = self.mapped_detections(frames);
-        let groups: BTreeMap<&str, Vec<Image>> = self
+        let groups: BTreeMap<&str, Vec<ImageBoxes>> = self
             .groups
             .names()
             .into_iter()
             .map(|group| (group, self.of_group(&found, group, self.difficulty)))
             .collect();
+        // The figures of the paper are computed for every protocol, as a comparison with COCO's.
         let papers = self.papers(&found);
         let recoveries = frames.iter().filter_map(|frame| frame.recovery.as_ref());
         let samples: u64 = recoveries.clone().map(|r| r.samples).sum();
@@ -57,7 +58,7 @@ impl Scorer<'_> {
             unanswered: frames.iter().filter(|frame| frame.found.is_none()).count(),
             ap50: by_group(&groups, |images| average::ap(images, 0.5)),
             ap50_95: (!means.is_empty()).then(|| average::mean(&means)),
-            objects: by_group(&groups, |images| images.iter().map(Image::objects).sum()),
+            objects: by_group(&groups, |images| images.iter().map(ImageBoxes::objects).sum()),
             classes: self.classes(&found),
             difficulty: self.difficulties(&found),
             precision: by_group(&groups, |images| average::curve(images, 0.5).unwrap_or_default()),
@@ -88,12 +89,12 @@ impl Scorer<'_> {
         frames.iter().map(of).collect()
     }
 
-    fn of_group(&self, found: &Found, group: &str, difficulty: Difficulty) -> Vec<Image> {
+    fn of_group(&self, found: &Found, group: &str, difficulty: Difficulty) -> Vec<ImageBoxes> {
         self.images(found, difficulty, |class| self.groups.membership(class, group))
     }
 
     /// The images for one class. Classes of its group that the model cannot find are ignored.
-    fn of_class(&self, found: &Found, class: &str) -> Vec<Image> {
+    fn of_class(&self, found: &Found, class: &str) -> Vec<ImageBoxes> {
         let group = self.groups.of(class);
         self.images(found, self.difficulty, |other| match other {
             other if other == class => Membership::Member,
@@ -109,15 +110,15 @@ impl Scorer<'_> {
         found: &Found,
         difficulty: Difficulty,
         membership: impl Fn(&str) -> Membership,
-    ) -> Vec<Image> {
+    ) -> Vec<ImageBoxes> {
         let frames = found.iter().zip(self.truths);
-        frames.map(|(found, truth)| image(found, truth, difficulty, &membership)).collect()
+        frames.map(|(found, truth)| image_boxes(found, truth, difficulty, &membership)).collect()
     }
 
     fn classes(&self, found: &Found) -> BTreeMap<String, ClassScore> {
         let score = |class: &String| {
             let images = self.of_class(found, class);
-            let objects = images.iter().map(Image::objects).sum();
+            let objects = images.iter().map(ImageBoxes::objects).sum();
             let (ap50, ap50_95) = (average::ap(&images, 0.5)?, average::ap50_95(&images)?);
             Some((class.clone(), ClassScore { ap50, ap50_95, objects }))
         };
@@ -146,6 +147,7 @@ impl Scorer<'_> {
 
     fn worst(&self, papers: &[Paper]) -> Vec<Worst> {
         let labelled = |number: &usize| self.truths[*number].iter().any(|label| label.class != DONT_CARE);
+        // A frame without objects has an F1 of 0 under the rule of the paper: it would always be among the worst.
         let numbers = (0..papers.len()).filter(labelled);
         let mut worst: Vec<Worst> = numbers.map(|number| Worst { number, f1: papers[number].f1 }).collect();
         worst.sort_by(|a, b| a.f1.total_cmp(&b.f1));
@@ -153,9 +155,14 @@ impl Scorer<'_> {
         worst
     }
 
-    fn intervals(&self, groups: &BTreeMap<&str, Vec<Image>>, papers: &[Paper]) -> BTreeMap<String, [f64; 2]> {
+    fn intervals(
+        &self,
+        groups: &BTreeMap<&str, Vec<ImageBoxes>>,
+        papers: &[Paper],
+    ) -> BTreeMap<String, [f64; 2]> {
         let mut intervals = BTreeMap::new();
         for (group, images) in groups {
+            // The matching does not depend on the draw, so that it is done once and not a thousand times.
             let sample = average::Sample::new(images, 0.5);
             if let Some(interval) = self.units.interval(|times| sample.ap(times)) {
                 intervals.insert(format!("ap50.{group}"), interval);
@@ -176,6 +183,9 @@ impl Scorer<'_> {
     }
 }
 
-fn by_group<T>(groups: &BTreeMap<&str, Vec<Image>>, figure: impl Fn(&[Image]) -> T) -> BTreeMap<String, T> {
+fn by_group<T>(
+    groups: &BTreeMap<&str, Vec<ImageBoxes>>,
+    figure: impl Fn(&[ImageBoxes]) -> T,
+) -> BTreeMap<String, T> {
     groups.iter().map(|(group, images)| ((*group).to_owned(), figure(images))).collect()
 }

@@ -1,6 +1,13 @@
 //! Average precision (AP) as COCO defines it: the mean over 101 recalls of the best precision at that recall or above.
 
-use super::matching::{Image, Mark};
+use std::collections::{BTreeMap, BTreeSet};
+
+use modulo_bags::source::GroundTruth;
+use modulo_core::Detection;
+
+use super::matching::{ImageBoxes, Mark, ObjectRole};
+use crate::classes::{DONT_CARE, Membership};
+use crate::results::Difficulty;
 
 /// Number of recalls at which the curve is sampled: 0, 0.01, ..., 1.
 pub const RECALLS: usize = 101;
@@ -19,17 +26,17 @@ pub fn thresholds() -> impl Iterator<Item = f64> {
 }
 
 /// Precision at each of the [`RECALLS`]. `None` if no object is scored.
-pub fn curve(images: &[Image], least_iou: f64) -> Option<Vec<f64>> {
+pub fn curve(images: &[ImageBoxes], least_iou: f64) -> Option<Vec<f64>> {
     Sample::new(images, least_iou).curve(&vec![1; images.len()])
 }
 
 /// AP at one IoU threshold. `None` if no object is scored.
-pub fn ap(images: &[Image], least_iou: f64) -> Option<f64> {
+pub fn ap(images: &[ImageBoxes], least_iou: f64) -> Option<f64> {
     curve(images, least_iou).as_deref().map(mean)
 }
 
 /// Mean AP over [`thresholds`]. `None` if no object is scored.
-pub fn ap50_95(images: &[Image]) -> Option<f64> {
+pub fn ap50_95(images: &[ImageBoxes]) -> Option<f64> {
     thresholds().map(|threshold| ap(images, threshold)).collect::<Option<Vec<f64>>>().as_deref().map(mean)
 }
 
@@ -47,11 +54,13 @@ pub struct Sample {
 
 impl Sample {
     /// Matches the detections of all images.
-    pub fn new(images: &[Image], least_iou: f64) -> Self {
-        let of = |(place, image): (usize, &Image)| {
+    pub fn new(images: &[ImageBoxes], least_iou: f64) -> Self {
+        let of = |(place, image): (usize, &ImageBoxes)| {
             image.marks(least_iou).into_iter().map(move |mark| (mark, place))
         };
         let mut marks: Vec<(Mark, usize)> = images.iter().enumerate().flat_map(of).collect();
+        // The sort is stable, as that of pycocotools (mergesort): equal scores keep the order of the images, on which
+        // AP depends.
         marks.sort_by(|a, b| b.0.score.total_cmp(&a.0.score));
         Self { marks, objects: images.iter().map(|image| image.objects() as u64).collect() }
     }
@@ -77,11 +86,14 @@ pub fn precisions(marks: impl Iterator<Item = (bool, u64)>, objects: u64) -> Vec
         right += if is_right { times } else { 0 };
         points.push((right as f64 / objects as f64, right as f64 / seen as f64));
     }
+    // Precision at a recall is the best one at that recall or above, which makes the curve fall. It is computed from
+    // the end.
     let mut best: f64 = 0.0;
     for point in points.iter_mut().rev() {
         best = best.max(point.1);
         point.1 = best;
     }
+    // Recalls and points both rise, so that one pass over the points serves all recalls.
     let mut at = 0;
     let read = |step: usize| {
         // The same values as numpy.linspace(0, 1, 101), whose 0.35 is slightly larger than 7/20.
@@ -94,9 +106,56 @@ pub fn precisions(marks: impl Iterator<Item = (bool, u64)>, objects: u64) -> Vec
     (0..RECALLS).map(read).collect()
 }
 
+/// One frame: its detections and its ground truth.
+pub type ScoredFrame = (Vec<Detection>, Vec<GroundTruth>);
+
+/// AP50 and number of objects of each class that has an object of `difficulty`.
+pub fn by_class(frames: &[ScoredFrame], difficulty: Difficulty) -> BTreeMap<String, (f64, usize)> {
+    let objects = frames.iter().flat_map(|(_, truth)| truth);
+    let classes: BTreeSet<&str> =
+        objects.filter(|t| difficulty.role(t) == ObjectRole::Counts).map(|t| t.class.as_str()).collect();
+    let score = |class: &str| {
+        let own = |other: &str| if other == class { Membership::Member } else { Membership::Other };
+        let images: Vec<ImageBoxes> =
+            frames.iter().map(|(found, truth)| image_boxes(found, truth, difficulty, own)).collect();
+        let objects = images.iter().map(ImageBoxes::objects).sum();
+        Some((class.to_owned(), (ap(&images, 0.5)?, objects)))
+    };
+    classes.into_iter().filter_map(score).collect()
+}
+
+/// The mean of the AP50 of the classes. `None` if there is no class.
+pub fn mean_over_classes(by_class: &BTreeMap<String, (f64, usize)>) -> Option<f64> {
+    let figures: Vec<f64> = by_class.values().map(|(ap, _)| *ap).collect();
+    (!figures.is_empty()).then(|| mean(&figures))
+}
+
+/// The boxes of one image for matching. `membership` gives the relation of each class to the category that is scored.
+pub fn image_boxes(
+    found: &[Detection],
+    truth: &[GroundTruth],
+    difficulty: Difficulty,
+    membership: impl Fn(&str) -> Membership,
+) -> ImageBoxes {
+    let role = |label: &GroundTruth| match membership(&label.class) {
+        _ if label.class == DONT_CARE => Some(ObjectRole::Area),
+        Membership::Member => Some(difficulty.role(label)),
+        Membership::Ignored => Some(ObjectRole::Ignored),
+        Membership::Other => None,
+    };
+    // Detections of a class that is ignored in the group are left out: they can neither hit nor miss a scored object.
+    let found = found.iter().filter(|d| membership(&d.class) == Membership::Member);
+    ImageBoxes {
+        truth: truth.iter().filter_map(|label| Some((label.bbox, role(label)?))).collect(),
+        found: found.map(|d| (d.bbox, d.score)).collect(),
+        least_height: difficulty.least_height(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::matching::Role;
+    use modulo_core::BBox;
+
     use super::*;
 
     #[test]
@@ -121,10 +180,9 @@ mod tests {
 
     #[test]
     fn an_image_drawn_twice_is_two_images() {
-        let bbox = |x: f32| modulo_core::BBox { x1: x, y1: 0.0, x2: x + 9.0, y2: 9.0 };
-        let image = |found: &[(f32, f32)]| Image {
-            truth: vec![(bbox(0.0), Role::Counts)],
-            found: found.iter().map(|(x, score)| (bbox(*x), *score)).collect(),
+        let image = |found: &[(f32, f32)]| ImageBoxes {
+            truth: vec![(bbox(0.0, 9.0), ObjectRole::Counts)],
+            found: found.iter().map(|(x, score)| (bbox(*x, 9.0), *score)).collect(),
             least_height: 0.0,
         };
         let (a, b) = (image(&[(0.0, 0.9), (50.0, 0.8)]), image(&[(50.0, 0.85)]));
@@ -136,6 +194,41 @@ mod tests {
 
     #[test]
     fn without_objects_there_is_no_curve() {
-        assert_eq!((ap(&[Image::default()], 0.5), ap50_95(&[])), (None, None));
+        assert_eq!((ap(&[ImageBoxes::default()], 0.5), ap50_95(&[])), (None, None));
+    }
+
+    fn bbox(x: f32, size: f32) -> BBox {
+        BBox { x1: x, y1: 0.0, x2: x + size, y2: size }
+    }
+
+    fn object(x: f32, size: f32, occluded: i32) -> GroundTruth {
+        GroundTruth { bbox: bbox(x, size), class: "car".into(), truncated: 0.0, occluded }
+    }
+
+    fn detection(x: f32, size: f32, score: f32) -> Detection {
+        Detection { bbox: bbox(x, size), score, class: "car".into() }
+    }
+
+    fn ap50(found: Vec<Detection>, truth: Vec<GroundTruth>) -> f64 {
+        by_class(&[(found, truth)], Difficulty::Moderate)["car"].0
+    }
+
+    #[test]
+    fn ignore_regions_neither_help_nor_harm() {
+        let truth = || vec![object(0.0, 30.0, 0), object(100.0, 30.0, 2), object(200.0, 8.0, 0)];
+        let dont_care = GroundTruth { class: DONT_CARE.into(), ..object(300.0, 90.0, -1) };
+        let truth = || [truth(), vec![dont_care.clone()]].concat();
+        let right = detection(0.0, 30.0, 0.5);
+        for bad in [detection(100.0, 30.0, 0.9), detection(200.0, 8.0, 0.9), detection(310.0, 30.0, 0.9)] {
+            assert_eq!(ap50(vec![bad, right.clone()], truth()), 1.0);
+        }
+        assert_eq!(by_class(&[(vec![], truth())], Difficulty::Moderate)["car"], (0.0, 1));
+        assert_eq!(by_class(&[(vec![], truth())], Difficulty::All)["car"], (0.0, 3));
+    }
+
+    #[test]
+    fn without_objects_there_is_no_class() {
+        let scores = by_class(&[(vec![detection(0.0, 30.0, 0.9)], vec![])], Difficulty::Moderate);
+        assert!(scores.is_empty() && mean_over_classes(&scores).is_none());
     }
 }

@@ -29,6 +29,8 @@ impl Units {
         let mut names: Vec<&String> = drives.iter().flatten().collect();
         names.sort();
         names.dedup();
+        // Frames of one drive are nearly the same image: drawn one by one, they would make the interval too narrow. A
+        // single drive gives no second sample, so that its frames are drawn nevertheless.
         let known = names.len() >= 2 && drives.iter().all(Option::is_some);
         let place = |(frame, drive): (usize, &Option<String>)| match drive {
             Some(drive) if known => names.binary_search(&drive).expect("names are those of all drives"),
@@ -43,6 +45,8 @@ impl Units {
         if self.count < 2 {
             return None;
         }
+        // Started anew for each figure: all figures of all cells use the same draws, so that their differences are not
+        // noise.
         let mut random = Pcg64::seed_from_u64(self.seed);
         let mut figures: Vec<f64> = (0..DRAWS)
             .filter_map(|_| {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use modulo_core::metric::quantile;
 
 use crate::labels::SENSE;
-use crate::results::Percentiles;
+use crate::results::StagePercentiles;
 
 /// The definition of a latency for the report.
 pub const DEFINITION: &str = "\
@@ -17,7 +17,7 @@ pub const DEFINITION: &str = "\
 /// Quantiles of each stage. Durations of a stage that occurs twice in a frame are added.
 pub fn by_stage<'a>(
     frames: impl Iterator<Item = &'a [(&'static str, u64)]>,
-) -> BTreeMap<String, Percentiles> {
+) -> BTreeMap<String, StagePercentiles> {
     let mut stages: BTreeMap<&str, Vec<u64>> = BTreeMap::new();
     for frame in frames {
         let mut sums: BTreeMap<&str, u64> = BTreeMap::new();
@@ -36,16 +36,17 @@ pub fn histogram<'a>(frames: impl Iterator<Item = &'a [(&'static str, u64)]>) ->
     let mut counts: BTreeMap<i32, u64> = BTreeMap::new();
     for frame in frames {
         let ns: u64 = frame.iter().filter(|(stage, _)| *stage != SENSE).map(|(_, ns)| ns).sum();
+        // A duration of 0 has no logarithm. A clock of low resolution can measure it.
         let ms = (ns as f64 / 1e6).max(1e-6);
         *counts.entry((ms.log10() * BUCKETS).floor() as i32 + 1).or_default() += 1;
     }
     counts.into_iter().map(|(bucket, count)| (10f64.powf(f64::from(bucket) / BUCKETS), count)).collect()
 }
 
-fn percentiles(mut ns: Vec<u64>) -> Percentiles {
+fn percentiles(mut ns: Vec<u64>) -> StagePercentiles {
     ns.sort_unstable();
     let at = |q: f64| quantile(&ns, q).expect("a stage is listed with its first duration") as f64 / 1e6;
-    Percentiles { p50: at(0.50), p95: at(0.95), p99: at(0.99) }
+    StagePercentiles { p50: at(0.50), p95: at(0.95), p99: at(0.99) }
 }
 
 #[cfg(test)]
@@ -57,7 +58,7 @@ mod tests {
         let frames: Vec<Vec<(&'static str, u64)>> =
             (1..=100).map(|ms| vec![("infer", ms * 1_000_000), ("pre", 1), ("pre", 2)]).collect();
         let stages = by_stage(frames.iter().map(|frame| &frame[..]));
-        assert_eq!(stages["infer"], Percentiles { p50: 50.0, p95: 95.0, p99: 99.0 });
+        assert_eq!(stages["infer"], StagePercentiles { p50: 50.0, p95: 95.0, p99: 99.0 });
         assert_eq!(stages["pre"].p50, 3e-6);
         assert!(by_stage([].into_iter()).is_empty());
     }

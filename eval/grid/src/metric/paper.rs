@@ -30,6 +30,8 @@ pub fn of_image(found: &[Detection], truth: &[(BBox, &str)]) -> Paper {
     let is_found = |(bbox, class): &(BBox, &str)| {
         found.iter().any(|d| d.class == *class && f64::from(d.bbox.iou(*bbox)) >= IOU)
     };
+    // True positives are counted by detections and misses by objects, so that the sum can exceed the number of objects.
+    // The scripts count in this way.
     let right = ious.len() as f64;
     let wrong = (found.len() - ious.len()) as f64;
     let missed = truth.iter().filter(|object| !is_found(object)).count() as f64;

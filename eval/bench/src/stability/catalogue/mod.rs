@@ -1,12 +1,14 @@
-//! The catalogue: scenes that are hard for some methods, with the expected results. One file for each kind of scene.
+//! The catalogue: scenes that are hard for some methods, with the expected results, and inputs that must be refused.
 
-mod bright;
 mod edges;
 mod sensors;
-mod slopes;
-mod uneven;
+
+use modulo_core::unwrap::{METHODS, Options, by_name};
+use modulo_core::{Frame, Psf, Range, Recovered, Sensor, SensorConfig};
+use ndarray::Array3;
 
 use super::case::Case;
+use super::report::RejectionRow;
 
 /// Methods that solve a Poisson equation: a wrong difference distorts its surroundings.
 const LEAST_SQUARES: &[&str] = &["spud", "least_squares"];
@@ -22,8 +24,62 @@ const RIM: &str = "first differences exceed half a peak on the edge and are take
 
 /// All cases, in the order of [`Family`](super::case::Family).
 pub fn cases() -> Vec<Case> {
-    [edges::cases(), bright::cases(), slopes::cases(), uneven::cases(), sensors::cases()]
-        .into_iter()
-        .flatten()
-        .collect()
+    edges::cases().into_iter().chain(sensors::cases()).collect()
+}
+
+const SENSOR: SensorConfig =
+    SensorConfig { bits: 8, alpha: 4.0, psf: Psf::Paper7, read_noise: 0.0, shot_noise: 0.0 };
+
+/// Tries the inputs that must be refused with an error that names the place and the value.
+pub fn rejections() -> Vec<RejectionRow> {
+    let mut rows: Vec<_> = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY].into_iter().map(radiance).collect();
+    rows.extend([(0, 4, 3), (4, 0, 3), (4, 4, 2)].map(shape));
+    let wrong = |name: &str, value: f64, config| {
+        row(format!("{name} = {value} for the sensor"), Sensor::new(config), value)
+    };
+    rows.extend([0, 17].map(|bits| wrong("bits", f64::from(bits), SensorConfig { bits, ..SENSOR })));
+    rows.extend([0.0, f64::NAN, 257.0].map(|alpha| wrong("alpha", alpha, SensorConfig { alpha, ..SENSOR })));
+    rows.extend(METHODS.iter().map(|method| code(method)));
+    rows
+}
+
+/// An image with one invalid pixel.
+fn radiance(value: f32) -> RejectionRow {
+    let mut image = Array3::from_elem((6, 8, 3), 0.25);
+    image[(2, 5, 1)] = value;
+    let result = Sensor::new(SENSOR).and_then(|sensor| sensor.expose(image.view(), 0));
+    row(format!("one pixel of radiance {value} for the sensor"), result, "row 2, column 5, channel 1")
+}
+
+fn shape(dim: (usize, usize, usize)) -> RejectionRow {
+    let (height, width, channels) = dim;
+    let result = Sensor::new(SENSOR).and_then(|sensor| sensor.expose(Array3::zeros(dim).view(), 0));
+    let wrong = if channels == 2 { channels } else { 0 };
+    row(format!("an image of {height} x {width} x {channels} for the sensor"), result, wrong)
+}
+
+/// A code of 9 bits in an image of 8 bits.
+fn code(method: &str) -> RejectionRow {
+    let mut codes = Array3::from_elem((6, 8, 3), 7u16);
+    // An image of 16 bits can hold a code that a sensor of 8 bits never delivers. A method that took it would compute
+    // with a modulo value above the peak.
+    codes[(2, 5, 1)] = 256;
+    let unwrap = || {
+        let range = Range::new(8, 4.0).map_err(|e| e.to_string())?;
+        let y = Frame::from_u16(codes).map_err(|e| e.to_string())?;
+        let mut method = by_name(method, &Options::default()).map_err(|e| e.to_string())?;
+        method.unwrap(&y, range, &mut Recovered::default()).map_err(|e| e.to_string())
+    };
+    row(format!("a code of 256 with 8 bits for {method}"), unwrap(), "row 2, column 5, channel 1) is 256")
+}
+
+/// The row of an input. It holds if the error contains `named`.
+fn row<T, E: ToString>(what: String, result: Result<T, E>, named: impl ToString) -> RejectionRow {
+    match result {
+        Ok(_) => RejectionRow { what, said: "nothing: it was taken".to_owned(), held: false },
+        Err(error) => {
+            let said = error.to_string();
+            RejectionRow { held: said.contains(&named.to_string()), what, said }
+        }
+    }
 }

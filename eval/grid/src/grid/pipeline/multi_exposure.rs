@@ -8,12 +8,10 @@ use modulo_core::{Bracket, Psf, Range, Sensor, SensorConfig, tone};
 use modulo_runtime::Clock;
 use ndarray::Array3;
 
-use super::quality::RecoveryQuality;
-use super::{BITS, DetectorInput, FrameWithNeighbours, Truth, unstamped};
-use crate::data::Data;
-use crate::error::GridError;
-use crate::grid::Request;
+use super::{BITS, DetectorInput, FrameWithNeighbours, RecoveryQuality, Truth, unstamped};
+use crate::GridError;
 use crate::grid::neighbours::Neighbours;
+use crate::grid::{Data, Request};
 use crate::results::{Point, Protocol, Stream};
 
 /// Number of captures that are merged.
@@ -60,6 +58,7 @@ impl<'a> MultiExposurePipeline<'a> {
     pub fn new(point: &Point, timer: &'a dyn Clock, seed: u64) -> Result<Self, GridError> {
         let range = Range::new(BITS, point.alpha).map_err(modulo_core::SensorError::from)?;
         let bracket = Bracket::new(range, CAPTURES);
+        // An exposure of a fraction of the time sees that fraction of the light: alpha is multiplied by the time.
         let sensor = |time: f64, psf_sigma: f64| {
             Sensor::new(SensorConfig {
                 bits: BITS,
@@ -81,6 +80,7 @@ impl<'a> MultiExposurePipeline<'a> {
         FrameWithNeighbours { number, frame, around }: &FrameWithNeighbours,
     ) -> Result<DetectorInput, GridError> {
         let now = &frame.radiance;
+        // The scene of the scored frame is in the middle, so that the ghosts lie on both sides of a moving object.
         let scenes: [&Array3<f32>; CAPTURES] = match around {
             Some([before, after]) => [before, now, after],
             None => [now; CAPTURES],
@@ -89,7 +89,7 @@ impl<'a> MultiExposurePipeline<'a> {
         let start = self.timer.ticks_ns();
         let mut captures = Vec::with_capacity(CAPTURES);
         for (index, (sensor, scene)) in self.sensors.iter().zip(scenes).enumerate() {
-            // Each capture has its own noise.
+            // Each capture has its own noise. The upper bits keep its seed apart from those of the following frames.
             let seed = seed.wrapping_add((index as u64) << 48);
             captures.push(sensor.expose(scene.view(), seed)?.saturated());
         }
@@ -98,6 +98,7 @@ impl<'a> MultiExposurePipeline<'a> {
         let merged = self.timer.ticks_ns();
         let image = tone::linear8(&x, self.range).map_err(modulo_core::SensorError::from)?;
         let toned = self.timer.ticks_ns();
+        // The truth is computed after the last measurement: it is no work of a camera.
         let truth = self.truth.expose(now, seed)?;
         Ok(DetectorInput {
             recovery: RecoveryQuality::of_merged(&image, &truth),

@@ -10,7 +10,7 @@ use modulo_runtime::Clock;
 use ndarray::Array3;
 
 use super::{BITS, DetectorInput, Stages, unstamped};
-use crate::error::GridError;
+use crate::GridError;
 use crate::results::{Point, Stream};
 
 /// Threshold of SPUD on phi, in units of the peak.
@@ -54,6 +54,7 @@ impl<'a> PaperPipeline<'a> {
         } else if self.stream == Stream::Modulo {
             image.mapv_inplace(|v| v * 255.0);
         }
+        // The conversion of the scripts to bytes truncates.
         let frame = Frame::from_u8(image.mapv(|v| v as u8)).map_err(UnwrapError::from)?;
         Ok(DetectorInput { image: Some(unstamped(frame)), stages, recovery: None })
     }
@@ -61,12 +62,17 @@ impl<'a> PaperPipeline<'a> {
     /// `alpha * blurred` of the stretched image in [0, 1]. The blur comes before the scaling.
     fn exposed(&self, frame: &SourceFrame) -> Array3<f32> {
         let alpha = self.alpha as f32;
+        // The scripts stretch each image to 0..255 and truncate it to whole codes before anything else. They blur it
+        // with seven taps, sigma 1.4 px, before they multiply it by alpha. The text of the paper does not mention the
+        // blur.
         let x = stretched(&frame.radiance).mapv(|v| v / 255.0);
         optics::blurred(x, Psf::Paper7).mapv(|v| v * alpha)
     }
 
     /// Unwraps the unquantised modulo image by SPUD, then maps minimum and maximum of the whole tensor to 0 and 255.
     fn recovered(&mut self, y: &Array3<f32>) -> Result<Array3<f32>, GridError> {
+        // SPUD of the scripts gets the float image in units of the peak. `Spud` works in codes, and its threshold is in
+        // units of the peak, so that scaling by the peak changes nothing.
         let peak = self.range.peak();
         let codes = y.mapv(|v| v * peak);
         let phi = self.spud.solve(codes.view(), self.range)?;
@@ -77,6 +83,7 @@ impl<'a> PaperPipeline<'a> {
 
 /// `mod(x, 1)`, except that a positive multiple of 1 gives 1.
 fn wrapped(x: f32) -> f32 {
+    // In the scripts, a positive multiple of the peak becomes the peak and not 0.
     let rest = x.rem_euclid(1.0);
     if rest == 0.0 && x > 0.0 { 1.0 } else { rest }
 }

@@ -9,9 +9,8 @@ use modulo_runtime::driver::lockstep::{Lockstep, OnTopic};
 use modulo_runtime::{Clock, Message, SensorModel, StampedFrame};
 use modulo_unwrap::UnwrapParameters;
 
-use super::quality::RecoveryQuality;
-use super::{BITS, DetectorInput, Nodes, Truth, node_name, stamp};
-use crate::error::GridError;
+use super::{BITS, DetectorInput, Nodes, RecoveryQuality, Truth, node_name, stamp};
+use crate::GridError;
 use crate::results::{Point, Stream};
 
 /// The nodes of one cell before its detector.
@@ -53,6 +52,8 @@ impl<'a> SuitePipeline<'a> {
 
     /// Processes frame `number`. The seed of its noise depends only on its number.
     pub fn run(&mut self, number: usize, frame: SourceFrame) -> Result<DetectorInput, GridError> {
+        // The noise depends on the number of the frame alone, so that it does not depend on the worker that gets the
+        // frame, and is the same in all cells. The parameter of the node is a signed integer.
         let seed = (self.seed.wrapping_add(number as u64) & i64::MAX as u64) as i64;
         let radiance = self.unwrap.is_some().then(|| frame.radiance.clone());
         let sensed = match self.stream {
@@ -64,6 +65,8 @@ impl<'a> SuitePipeline<'a> {
             }
         };
         let with = CameraParameters { seed, ..self.camera.clone() };
+        // The camera seeds the noise of a frame by its own count of frames. With one camera for a worker, the noise of
+        // a frame would depend on the frames that this worker had before.
         let mut camera = Lockstep::new(self.timer, vec![sensed.to_owned()]);
         camera.add(self.nodes.camera(Box::new(SingleFrame(Some(frame))), &with)?, &node_name("camera"))?;
         // The camera skips a frame that it cannot expose. The cell counts it as unanswered.
@@ -75,6 +78,7 @@ impl<'a> SuitePipeline<'a> {
             let out = unwrap.feed("/modulo", Message::Image(modulo), stamp(number))?;
             passed.stages.extend(unwrap.stages());
             passed.image = image(&out, "/recovered");
+            // The quality is computed outside the chain, whose stages are timed.
             if let (Some(toned), Some(counts)) = (&passed.image, image(&out, "/hdr")) {
                 let truth = self.truth.expose(&radiance, seed.unsigned_abs())?;
                 passed.recovery =

@@ -1,0 +1,282 @@
+//! `bench unwrap` and its chart, and `simulate`, on synthetic images. The labels of the chart must be readable.
+
+use std::path::Path;
+
+use clap::Parser;
+use modulo_bench::benchmark::{self, BenchmarkRequest, BenchmarkRow, META, Meta};
+use modulo_bench::frontier::{draw_frontier, frontier_from};
+use modulo_bench::simulate::{self, SimulationRequest, SimulationRow};
+use modulo_bench::{BenchError, BenchEvent};
+use modulo_charts::PageWidth;
+use modulo_core::Frame;
+use modulo_core::unwrap::METHODS;
+use modulo_images::{decode, read_image, save_png};
+use modulo_scene::{Preset, Scene};
+use ndarray::Array3;
+
+/// Writes a slope that every method can unwrap.
+fn slope(path: &Path, width: usize) {
+    let codes = Array3::from_shape_fn((24, width, 3), |(i, j, c)| (i + 2 * j + 5 * c) as u8);
+    save_png(path, &Frame::from_u8(codes).expect("an image")).expect("a writable folder");
+}
+
+#[test]
+fn rows_are_written_as_they_come() {
+    let folder = tempfile::tempdir().unwrap();
+    let (frames, out) = (folder.path().join("frames"), folder.path().join("out"));
+    std::fs::create_dir(&frames).unwrap();
+    slope(&frames.join("a.png"), 40);
+    slope(&frames.join("b.PNG"), 32);
+    std::fs::write(frames.join("broken.jpg"), b"").unwrap();
+    std::fs::write(frames.join("notes.txt"), b"").unwrap();
+    let words = ["bench", "--alpha", "2,4", "--threads", "1,2", "--repeats", "2", "--out"].map(Path::new);
+    let request =
+        BenchmarkRequest::parse_from(words.iter().chain([&&*out, &Path::new("--frames"), &&*frames]));
+    let read = || -> Vec<BenchmarkRow> {
+        std::fs::read(out.join(benchmark::RESULTS))
+            .map_or(vec![], |text| serde_json::from_slice(&text).unwrap())
+    };
+    let outcome = benchmark::unwrap(&request, &mut |event| {
+        if let BenchEvent::Step { done, total, .. } = event {
+            assert_eq!((read().len(), total), (done, 4 * METHODS.len()));
+        }
+    })
+    .unwrap();
+    assert_eq!(read(), outcome.rows);
+    assert_eq!(outcome.rows.len(), 4 * METHODS.len());
+    assert_eq!(outcome.skipped.len(), 1);
+    assert!(outcome.skipped[0].why.contains("broken.jpg"), "{:?}", outcome.skipped);
+    let samples = (24 * 40 + 24 * 32) * 3;
+    for (row, &name) in outcome.rows.iter().zip(METHODS.iter().cycle()) {
+        assert_eq!((row.method.as_str(), row.frames, row.samples), (name, 2, Some(samples)));
+        assert!(row.ms_p5 <= Some(row.ms_p50) && Some(row.ms_p50) <= row.ms_p95 && row.ms_p50 > 0.0);
+        assert!(row.exact_k < 1.0 || row.psnr_db.is_none(), "{row:?}");
+    }
+    // The threads that a method is given change no result.
+    for rows in outcome.rows.chunks(2 * METHODS.len()) {
+        for (one, two) in rows[..METHODS.len()].iter().zip(&rows[METHODS.len()..]) {
+            assert_eq!((one.threads, two.threads), (1, 2));
+            assert_eq!((one.exact_k, one.psnr_db), (two.exact_k, two.psnr_db));
+        }
+    }
+    let meta: Meta = serde_json::from_slice(&std::fs::read(out.join(META)).unwrap()).unwrap();
+    assert_eq!(meta, outcome.meta);
+    assert_eq!(meta.sizes.iter().map(|size| size.frames).sum::<usize>(), 2);
+}
+
+#[test]
+fn the_list_has_the_fields_that_peers_merge_with() {
+    let peer = r#"{"method": "numpy_spud", "alpha": 4, "psf_sigma": 1.4, "threads": 1, "ms_p50": 60.5,
+                   "exact_k": 0.5, "psnr_db": null, "frames": 20}"#;
+    let row: BenchmarkRow = serde_json::from_str(peer).unwrap();
+    let value = serde_json::to_value(&row).unwrap();
+    assert_eq!(value, serde_json::from_str::<serde_json::Value>(&peer.replace(": 4,", ": 4.0,")).unwrap());
+}
+
+#[test]
+fn a_wrong_benchmark_is_refused_before_anything_is_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    let empty = folder.path().to_owned();
+    let fails = |change: &dyn Fn(&mut BenchmarkRequest)| {
+        let mut request =
+            BenchmarkRequest::parse_from(["bench", "--out", empty.join("out").to_str().expect("UTF-8")]);
+        request.frames = Some(empty.clone());
+        change(&mut request);
+        benchmark::unwrap(&request, &mut |_| ()).unwrap_err()
+    };
+    assert!(matches!(fails(&|_| ()), BenchError::NoFrames { .. }));
+    assert!(matches!(fails(&|r| r.frames = Some(empty.join("nowhere"))), BenchError::Io { .. }));
+    assert_eq!(fails(&|r| r.repeats = 0).to_string(), "repeats is 0, but must be 1 or more");
+    assert!(matches!(fails(&|r| r.threads = vec![0]), BenchError::Unwrap(_)));
+    assert!(matches!(fails(&|r| r.method.clear()), BenchError::Empty { .. }));
+}
+
+/// Text and left, top, right, bottom of each horizontal text of an SVG.
+fn texts(svg: &str) -> Vec<(String, [f64; 4])> {
+    let attribute = |line: &str, name: &str| -> String {
+        let (_, rest) = line.split_once(&format!(" {name}=\"")).unwrap_or_else(|| panic!("{name}: {line}"));
+        rest.split('"').next().unwrap_or_default().to_owned()
+    };
+    let number = |line: &str, name: &str| attribute(line, name).parse::<f64>().expect("a number");
+    let level = |line: &&str| line.starts_with("<text") && !line.contains("rotate");
+    let area = |line: &str| {
+        let (x, y, size) = (number(line, "x"), number(line, "y"), number(line, "font-size"));
+        let width = number(line, "textLength");
+        let left = match attribute(line, "text-anchor").as_str() {
+            "start" => x,
+            "middle" => x - width / 2.0,
+            _ => x - width,
+        };
+        // Capitals and digits of the font are 0.73 of its size high.
+        let text = line.split('>').nth(1).and_then(|rest| rest.split('<').next()).unwrap_or_default();
+        (text.to_owned(), [left, y - 0.73 * size, left + width, y])
+    };
+    svg.lines().filter(level).map(area).collect()
+}
+
+/// Rows of many methods with equal times and accuracies, which are hard to label.
+fn crowded() -> Vec<BenchmarkRow> {
+    let mut rows = Vec::new();
+    for (number, method) in ('a'..='p').enumerate() {
+        for alpha in [1.5, 2.0, 3.0, 4.0, 8.0] {
+            let wrong = if alpha > 4.0 { 0.1 * number as f64 / 16.0 } else { 0.0 };
+            rows.push(BenchmarkRow {
+                method: format!("method_{method}"),
+                alpha,
+                psf_sigma: 1.4,
+                threads: 1,
+                ms_p50: 20.0 + 3.0 * number as f64 + alpha,
+                ms_p5: None,
+                ms_p95: None,
+                exact_k: 1.0 - wrong,
+                psnr_db: None,
+                frames: 20,
+                samples: None,
+            });
+        }
+    }
+    rows
+}
+
+fn store(folder: &Path, rows: &[BenchmarkRow]) -> std::path::PathBuf {
+    let path = folder.join("results.json");
+    std::fs::write(&path, serde_json::to_vec(rows).expect("rows are JSON")).expect("a writable folder");
+    path
+}
+
+#[test]
+fn no_text_lies_on_another_or_leaves_the_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let svg = frontier_from(&store(folder.path(), &crowded())).unwrap().svg(PageWidth::Wide).unwrap();
+    let found = texts(&svg);
+    assert!(found.len() > 16 + 16 * 2, "only {} texts", found.len());
+    for (i, (text, a)) in found.iter().enumerate() {
+        assert!(a[0] >= 0.0 && a[1] >= 0.0 && a[2] <= 1200.0, "{text} at {a:?}");
+        for (other, b) in &found[..i] {
+            let apart = a[0] >= b[2] || b[0] >= a[2] || a[1] >= b[3] || b[1] >= a[3];
+            assert!(apart, "{text:?} at {a:?} lies on {other:?} at {b:?}");
+        }
+    }
+    for letter in 'a'..='p' {
+        assert_eq!(svg.matches(&format!(">method_{letter}<")).count(), 1);
+    }
+}
+
+#[test]
+fn both_pictures_are_written_and_the_same_each_time() {
+    let folder = tempfile::tempdir().unwrap();
+    let results = store(folder.path(), &crowded());
+    let [svg, png] = draw_frontier(&results).unwrap();
+    let first = (std::fs::read(&svg).unwrap(), std::fs::read(&png).unwrap());
+    draw_frontier(&results).unwrap();
+    assert!(first == (std::fs::read(&svg).unwrap(), std::fs::read(&png).unwrap()));
+    let picture = decode(std::io::Cursor::new(first.1), "frontier").unwrap();
+    assert_eq!((picture.width(), picture.channels()), (2400, 3));
+    let inked = picture.to_f32().iter().filter(|value| **value < 128.0).count();
+    assert!(inked > 20_000, "{inked} dark samples");
+}
+
+#[test]
+fn results_that_are_none_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("results.json");
+    assert!(matches!(frontier_from(&path), Err(BenchError::Io { .. })));
+    std::fs::write(&path, "[{\"method\": \"x\"}]").unwrap();
+    let why = frontier_from(&path).unwrap_err().to_string();
+    assert!(why.contains("results.json") && why.contains("alpha"), "{why}");
+    std::fs::write(&path, "[]").unwrap();
+    assert!(matches!(frontier_from(&path), Err(BenchError::Empty { .. })));
+}
+
+/// The request of a command line for `files` with a perfect lens.
+fn request(out: &Path, files: &[&Path]) -> SimulationRequest {
+    let words = ["simulate", "--psf-sigma", "0", "--out"].map(Path::new);
+    SimulationRequest::parse_from(words.iter().chain([&out]).chain(files))
+}
+
+/// Writes a frame of a procedural scene as 8-bit PNG.
+fn street(path: &Path) {
+    let codes = Scene::new(Preset::Glare, 1).render(0, 60, 100).radiance.mapv(|v| (v * 256.0) as u8);
+    save_png(path, &Frame::from_u8(codes).expect("an image")).expect("a writable folder");
+}
+
+fn pixels(path: &Path) -> Array3<u8> {
+    read_image(path).expect("a picture").as_u8().expect("8 bits").clone()
+}
+
+#[test]
+fn every_file_alpha_and_method_has_a_row_and_a_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("street.png"), folder.path().join("out"));
+    street(&file);
+    let methods: Vec<String> = METHODS.iter().map(|&name| name.to_owned()).collect();
+    let request =
+        SimulationRequest { alpha: vec![1.0, 2.5], method: methods.clone(), ..request(&out, &[&file]) };
+    let mut steps = Vec::new();
+    let outcome = simulate::simulate(&request, &mut |event| {
+        if let BenchEvent::Step { done, total, .. } = event {
+            steps.push((done, total));
+        }
+    })
+    .unwrap();
+    assert_eq!(steps, [(0, 2), (1, 2)]);
+    let written: Vec<SimulationRow> =
+        serde_json::from_slice(&std::fs::read(out.join(simulate::RESULTS)).unwrap()).unwrap();
+    assert_eq!(written, outcome.rows);
+    assert_eq!(written.len(), 2 * methods.len());
+    for (index, row) in written.iter().enumerate() {
+        assert_eq!(row.method, methods[index % methods.len()]);
+        assert_eq!(row.file, file.display().to_string());
+        let alpha = [1.0, 2.5][index / methods.len()];
+        assert_eq!(row.alpha, alpha);
+        let picture = |stream: &str| pixels(&out.join(format!("street_alpha{alpha}_{stream}.png")));
+        let (ideal, recovered) = (picture("ideal"), picture(&row.method));
+        assert_eq!(row.psnr_db.is_none(), ideal == recovered, "{row:?}");
+        assert_eq!(row.exact_k == 1.0, ideal == recovered, "{row:?}");
+        assert_eq!(row.ssim.unwrap() > 1.0 - 1e-12, ideal == recovered, "{row:?}");
+        // At alpha 1 nothing wraps, and the sensor's codes are the picture.
+        assert!(alpha > 1.0 || picture("modulo") == picture("saturated"), "{row:?}");
+        assert!(alpha > 1.0 || row.exact_k == 1.0, "{row:?}");
+    }
+}
+
+#[test]
+fn a_file_that_cannot_be_read_is_named_and_the_others_go_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let (good, bad) = (folder.path().join("good.png"), folder.path().join("bad.png"));
+    street(&good);
+    std::fs::write(&bad, b"no picture").unwrap();
+    let request = |files: &[&Path]| SimulationRequest {
+        method: vec!["spud".to_owned()],
+        ..request(&folder.path().join("out"), files)
+    };
+    let mut told = Vec::new();
+    let outcome = simulate::simulate(&request(&[&bad, &good]), &mut |event| {
+        if let BenchEvent::Skipped(skipped) = event {
+            told.push(skipped.clone());
+        }
+    })
+    .unwrap();
+    assert_eq!(outcome.rows.len(), 1);
+    assert_eq!(outcome.skipped, told);
+    assert_eq!(told[0].file, bad.display().to_string());
+    assert!(told[0].why.contains("bad.png"), "{}", told[0].why);
+    let alone = simulate::simulate(&request(&[&bad]), &mut |_| ()).unwrap_err();
+    assert!(matches!(&alone, BenchError::Image(_)) && alone.to_string().contains("bad.png"), "{alone}");
+}
+
+#[test]
+fn a_wrong_simulation_is_refused_before_anything_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let request = |change: &dyn Fn(&mut SimulationRequest)| {
+        let mut request = request(&out, &[Path::new("x.png")]);
+        change(&mut request);
+        simulate::simulate(&request, &mut |_| ()).unwrap_err().to_string()
+    };
+    assert_eq!(request(&|r| r.images.clear()), "the list of files is empty; at least one entry is needed");
+    assert!(request(&|r| r.alpha = vec![0.0]).starts_with("alpha is 0"));
+    assert!(request(&|r| r.method = vec!["best".into()]).contains("method \"best\" is unknown"));
+    assert!(request(&|r| r.white = -1.0).starts_with("white = -1"));
+    assert!(!out.exists());
+}

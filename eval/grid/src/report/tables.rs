@@ -1,0 +1,168 @@
+//! The tables of the report, whose columns a script can sort: the summary and all cells.
+
+use maud::{Markup, Render, html};
+
+use crate::labels::{self, Conditions, STAGES, distinct};
+use crate::results::{Cell, Results};
+
+/// One cell of a table.
+pub enum Td {
+    /// A text.
+    Text(String),
+    /// A displayed text and the number by which it is sorted. `None` sorts first.
+    Number(String, Option<f64>),
+}
+
+impl Td {
+    /// A number with `digits` decimal digits; `-` without a value.
+    pub fn number(value: Option<f64>, digits: usize) -> Self {
+        Self::Number(value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}")), value)
+    }
+
+    /// A setting with all its digits.
+    pub fn setting(value: f64) -> Self {
+        Self::Number(value.to_string(), Some(value))
+    }
+
+    /// A fraction as percent with one decimal digit.
+    pub fn percent(fraction: Option<f64>) -> Self {
+        Self::number(fraction.map(|fraction| 100.0 * fraction), 1)
+    }
+}
+
+impl Render for Td {
+    fn render(&self) -> Markup {
+        match self {
+            Self::Text(text) => html! { td { (text) } },
+            Self::Number(text, Some(value)) => html! { td.n data-v=(value) { (text) } },
+            Self::Number(text, None) => html! { td.n data-v="-1e99" { (text) } },
+        }
+    }
+}
+
+/// A table with its head.
+pub fn table(head: &[impl Render], rows: &[Vec<Td>]) -> Markup {
+    html! {
+        div.wide {
+            table.sort {
+                thead { tr { @for name in head { th scope="col" { (name) } } } }
+                tbody { @for row in rows { tr { @for cell in row { (cell) } } } }
+            }
+        }
+    }
+}
+
+/// The summary: AP50 by stream and alpha, a table for each model and lens. Those of the first model and lens are open.
+pub fn summary(results: &Results) -> Markup {
+    let models = distinct(results.cells.iter().map(|cell| labels::model(&cell.point)));
+    let all = labels::all_conditions(&results.cells);
+    let blocks = models.iter().flat_map(|model| all.iter().map(move |conditions| (model, *conditions)));
+    html! {
+        h2 { "At a glance" }
+        p {
+            "AP50 in percent by stream (rows) and alpha (columns), over " (results.input.labelled) " labelled frames. "
+            "The 95 % interval of the bootstrap is in brackets."
+        }
+        @for (index, (model, conditions)) in blocks.enumerate() {
+            details open[index == 0] {
+                summary { (model) ", " (labels::conditions(conditions)) }
+                (group_tables(results, model, conditions))
+            }
+        }
+    }
+}
+
+/// The tables of one model and lens, one for each group.
+fn group_tables(results: &Results, model: &str, conditions: Conditions) -> Markup {
+    let own = |cell: &&Cell| labels::model(&cell.point) == model && labels::belongs(&cell.point, conditions);
+    let cells: Vec<&Cell> = results.cells.iter().filter(own).collect();
+    let objects = |group| cells.first().and_then(|cell| cell.objects.get(group)).unwrap_or(&0);
+    html! {
+        @for group in distinct(cells.iter().flat_map(|cell| cell.ap50.keys())) {
+            h3 { (group) " (" (objects(group)) " objects)" }
+            (by_alpha(&cells, group))
+        }
+    }
+}
+
+fn by_alpha(cells: &[&Cell], group: &str) -> Markup {
+    let mut alphas = distinct(cells.iter().map(|cell| cell.point.alpha));
+    alphas.sort_by(f64::total_cmp);
+    let head = [vec!["stream".to_owned()], alphas.iter().map(|alpha| format!("alpha {alpha}")).collect()];
+    let row = |name: &String| {
+        let figure = |alpha: &f64| {
+            let found =
+                cells.iter().find(|cell| cell.point.alpha == *alpha && labels::stream(&cell.point) == *name);
+            found.map_or(Td::number(None, 1), |cell| ap50(cell, group))
+        };
+        std::iter::once(Td::Text(name.clone())).chain(alphas.iter().map(figure)).collect()
+    };
+    let names = distinct(cells.iter().map(|cell| labels::stream(&cell.point)));
+    table(&head.concat(), &names.iter().map(row).collect::<Vec<_>>())
+}
+
+fn ap50(cell: &Cell, group: &str) -> Td {
+    let value = cell.ap50.get(group).copied().flatten();
+    let interval = cell.interval95.get(&format!("ap50.{group}"));
+    let interval = interval.map(|[low, high]| format!(" ({:.1} to {:.1})", 100.0 * low, 100.0 * high));
+    let text = labels::percent(value) + interval.as_deref().unwrap_or("");
+    Td::Number(text, value)
+}
+
+/// The section with the table of all cells, one row for each.
+pub fn cells(results: &Results) -> Markup {
+    let groups = distinct(results.cells.iter().flat_map(|cell| cell.ap50.keys().cloned()));
+    let timed = |stage: &&str| results.cells.iter().any(|cell| cell.latency_ms.contains_key(*stage));
+    let stages: Vec<&str> = STAGES.into_iter().filter(timed).collect();
+    let rows: Vec<Vec<Td>> = results.cells.iter().map(|cell| cell_row(cell, &groups, &stages)).collect();
+    html! {
+        h2 { "All cells" }
+        p {
+            "Figures are in percent unless a unit is named. Click on the name of a column to sort by it. These and more "
+            "figures are in results.json and results.csv beside this page."
+        }
+        (table(&cell_head(&groups, &stages), &rows))
+    }
+}
+
+fn cell_head(groups: &[String], stages: &[&str]) -> Vec<String> {
+    let point = ["stream", "alpha", "lens px", "noise", "model", "input", "frames"].map(str::to_owned);
+    let ap50 = groups.iter().map(|group| format!("AP50 {group}"));
+    let figures =
+        ["AP50:95", "paper IoU", "F1", "accuracy", "exact k", "trusted", "PSNR dB", "SSIM", "ms a frame"];
+    let stages = stages.iter().map(|stage| format!("{stage} ms p50 / p95 / p99"));
+    point.into_iter().chain(ap50).chain(figures.map(str::to_owned)).chain(stages).collect()
+}
+
+fn cell_row(cell: &Cell, groups: &[String], stages: &[&str]) -> Vec<Td> {
+    let point = &cell.point;
+    let mut row = vec![
+        Td::Text(labels::stream(point)),
+        Td::setting(point.alpha),
+        Td::setting(point.psf_sigma),
+        Td::setting(point.noise),
+        Td::Text(point.model.clone()),
+        Td::Text(point.input.clone()),
+        Td::Number(frames(cell), Some(cell.frames as f64)),
+    ];
+    row.extend(groups.iter().map(|group| Td::percent(cell.ap50.get(group).copied().flatten())));
+    row.push(Td::percent(cell.ap50_95));
+    row.extend([cell.paper.iou, cell.paper.f1, cell.paper.accuracy].map(|figure| Td::percent(Some(figure))));
+    row.extend([cell.exact_k, cell.trusted].map(Td::percent));
+    row.extend([Td::number(cell.psnr_db, 2), Td::number(cell.ssim, 4)]);
+    row.push(Td::number(labels::frame_ms(cell), 1));
+    let stage = |stage: &&str| {
+        let time = cell.latency_ms.get(*stage);
+        let text = time.map(|t| format!("{:.1} / {:.1} / {:.1}", t.p50, t.p95, t.p99));
+        Td::Number(text.unwrap_or_else(|| "-".to_owned()), time.map(|time| time.p50))
+    };
+    row.extend(stages.iter().map(stage));
+    row
+}
+
+fn frames(cell: &Cell) -> String {
+    match cell.unanswered {
+        0 => cell.frames.to_string(),
+        missing => format!("{}, {missing} unanswered", cell.frames),
+    }
+}
