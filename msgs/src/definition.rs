@@ -49,6 +49,7 @@ pub(crate) fn full_name(package: &str, name: &str) -> Option<String> {
     if !parts.iter().all(|part| word(part)) {
         return None;
     }
+    // Definitions write `pkg/Name` or, within a package, `Name`. Bags also write `pkg/msg/Name`, the name in ROS 2.
     match parts[..] {
         [name] if !package.is_empty() => Some(format!("{package}/msg/{name}")),
         [package, name] => Some(format!("{package}/msg/{name}")),

@@ -81,6 +81,7 @@ impl<'de> Visitor<'de> for MessageSeed<'_> {
         let mut message = Vec::with_capacity(self.fields.len());
         for field in self.fields {
             let value = ValueSeed { r#type: &field.r#type, description: self.description };
+            // The decoder gives one element for each field that it was asked for, so that the loop never ends early.
             let Some(value) = values.next_element_seed(value)? else { break };
             message.push((field.name.clone(), value));
         }

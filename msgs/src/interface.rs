@@ -114,6 +114,7 @@ fn service(name: &str) -> Vec<Field> {
 }
 
 fn service_message(name: &str) -> Result<Option<Vec<Field>>, DefinitionError> {
+    // The last underscore: the name of a service itself may contain some.
     let Some((service, part)) = name.rsplit_once('_') else { return Ok(None) };
     let Some(text) = definition(service) else { return Ok(None) };
     let (request, response) = text.split_once("---\n").unwrap_or((text, ""));

@@ -116,5 +116,6 @@ fn hex([r, g, b]: Colour) -> String {
 }
 
 fn escaped(text: &str) -> String {
+    // The ampersand comes first: later it would also replace those of the other entities.
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }

@@ -47,6 +47,7 @@ pub fn belongs(point: &Point, (psf_sigma, noise): Conditions) -> bool {
 /// All conditions of the cells, in the order of their first appearance. The sharp ideal image is ignored if there are other
 /// cells.
 pub fn all_conditions(cells: &[Cell]) -> Vec<Conditions> {
+    // As a condition of its own, the sharp ideal image would get charts and tables with a single entry.
     let real = cells.iter().filter(|cell| !is_sharp_ideal(&cell.point));
     let found = distinct(real.map(|cell| conditions_of(&cell.point)));
     if found.is_empty() { distinct(cells.iter().map(|cell| conditions_of(&cell.point))) } else { found }
@@ -60,6 +61,7 @@ fn is_sharp_ideal(point: &Point) -> bool {
 /// measured stages.
 pub fn frame_ms(cell: &Cell) -> Option<f64> {
     let stages = cell.latency_ms.iter().filter(|(stage, _)| *stage != SENSE);
+    // The sum of the medians is not the median of the sums, but only the percentiles of the stages are stored.
     let medians: Vec<f64> = stages.map(|(_, time)| time.p50).collect();
     (!medians.is_empty()).then(|| medians.iter().sum())
 }

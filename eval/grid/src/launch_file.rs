@@ -148,6 +148,7 @@ impl Evaluation {
     fn add_frame(&mut self, out: &[OnTopic], plan: &EvaluationPlan) -> Result<(), EvalError> {
         let number = self.truth.len();
         for stream in &plan.streams {
+            // A frame without an answer gets an empty list: the lists of all streams must have one entry for each frame.
             let arrays = arrays(out, &stream.detections);
             let found = arrays.flat_map(|a| a.detections.iter().filter_map(|d| d.to_detection())).collect();
             self.boxes.entry(stream.name.clone()).or_default().push(found);
@@ -170,6 +171,7 @@ impl Evaluation {
     /// AP50 of each stream over the labelled frames.
     pub fn scores(&self) -> BTreeMap<String, StreamScore> {
         let score = |(stream, frames): (&String, &Vec<Vec<Detection>>)| {
+            // In a frame without labels, every box would count as wrong.
             let labelled = frames.iter().zip(&self.truth);
             let scored: Vec<ScoredFrame> =
                 labelled.filter_map(|(found, truth)| Some((found.clone(), truth.clone()?))).collect();
@@ -256,6 +258,7 @@ fn scores_json(scores: &BTreeMap<String, StreamScore>) -> String {
 fn record(recorder: &mut BagWriter, out: &[OnTopic], topics: &[String]) -> Result<(), EvalError> {
     for (topic, message) in out.iter().filter(|(topic, _)| topics.contains(topic)) {
         let bytes = message.encode()?;
+        // The stamp, and not the wall clock: the same run must give the same bytes.
         let stamp = message.stamp().as_ns();
         let kind = message.kind();
         let bag_topic = BagTopic::new(topic, kind.type_name(), Topic::new(topic, kind).qos);

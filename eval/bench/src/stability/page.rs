@@ -31,7 +31,7 @@ pub fn html(report: &StabilityReport) -> String {
         }
         section {
             h2 { "Refused" }
-            p { "What no sensor delivers is refused, by an error that names the place and the value." }
+            p { "Images and settings that no sensor has are refused by an error that names the place and the value." }
             div.wide {
                 table.refusals {
                     @for row in &report.refusals {

@@ -20,6 +20,7 @@ pub fn by_stage<'a>(
 ) -> BTreeMap<String, StagePercentiles> {
     let mut stages: BTreeMap<&str, Vec<u64>> = BTreeMap::new();
     for frame in frames {
+        // Durations are added within a frame first. Otherwise the percentiles would be over parts of frames.
         let mut sums: BTreeMap<&str, u64> = BTreeMap::new();
         frame.iter().for_each(|(stage, ns)| *sums.entry(stage).or_default() += ns);
         sums.into_iter().for_each(|(stage, ns)| stages.entry(stage).or_default().push(ns));

@@ -35,6 +35,7 @@ impl Render for Td {
         match self {
             Self::Text(text) => html! { td { (text) } },
             Self::Number(text, Some(value)) => html! { td.n data-v=(value) { (text) } },
+            // The script compares numbers only: a missing figure gets one that is lower than all others.
             Self::Number(text, None) => html! { td.n data-v="-1e99" { (text) } },
         }
     }
