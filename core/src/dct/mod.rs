@@ -92,7 +92,8 @@ impl Dct2 {
 
 /// Loads a run of sixteen samples of a row-major plane, with 0 beyond the end of the row.
 #[inline(always)]
-pub(crate) fn load_run(plane: &[f32], width: usize, SampleRun { row, sample }: SampleRun) -> [f32; LANES] {
+pub(crate) fn load_run<T: Copy + Default>(plane: &[T], width: usize, run: SampleRun) -> [T; LANES] {
+    let SampleRun { row, sample } = run;
     let row = &plane[row * width..][..width];
     // Only the last run of a row can be short. Its copy is out of line, so that all others stay one load.
     match row[sample..].first_chunk() {
@@ -103,10 +104,8 @@ pub(crate) fn load_run(plane: &[f32], width: usize, SampleRun { row, sample }: S
 
 #[cold]
 #[inline(never)]
-fn tail(rest: &[f32]) -> [f32; LANES] {
-    let mut out = [0.0; LANES];
-    out.iter_mut().zip(rest).for_each(|(out, &sample)| *out = sample);
-    out
+fn tail<T: Copy + Default>(rest: &[T]) -> [T; LANES] {
+    std::array::from_fn(|lane| rest.get(lane).copied().unwrap_or_default())
 }
 
 /// Stores a run of samples, the inverse of [`load_run`].

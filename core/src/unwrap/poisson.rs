@@ -4,7 +4,7 @@
 use std::f64::consts::PI;
 
 use super::{Integers, Range, UnwrapError};
-use crate::dct::{ImageDct, LANES, SampleRun, SpectralFilter};
+use crate::dct::{ImageDct, LANES, SampleRun, SpectralFilter, load_run};
 use crate::frame::Frame;
 use crate::simd::widest;
 use crate::workers::Workers;
@@ -106,12 +106,8 @@ impl Codes {
 
     /// Returns a run of sixteen codes, with 0 beyond the end of the row.
     #[inline(always)]
-    pub fn at(&self, SampleRun { row, sample }: SampleRun) -> [u16; LANES] {
-        let rest = &self.samples[row * self.stride..][..self.stride][sample..];
-        match rest.first_chunk() {
-            Some(codes) => *codes,
-            None => tail(rest),
-        }
+    pub fn at(&self, run: SampleRun) -> [u16; LANES] {
+        load_run(&self.samples, self.stride, run)
     }
 
     /// Returns a run of sixteen samples of the divergence, with 0 beyond the end of the row; half a peak is 2^15.
@@ -165,12 +161,6 @@ impl Codes {
         }
         out
     }
-}
-
-#[cold]
-#[inline(never)]
-fn tail(rest: &[u16]) -> [u16; LANES] {
-    std::array::from_fn(|lane| rest.get(lane).copied().unwrap_or(0))
 }
 
 /// Shifts all samples up, and returns the bits that occur in them.
