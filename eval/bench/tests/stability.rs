@@ -12,6 +12,7 @@ mod data;
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use modulo_bench::stability::{Case, cases, measure, run};
 use modulo_core::unwrap::{METHODS, Options, Trust, by_name};
@@ -170,20 +171,35 @@ fn never_trusted_and_wrong() {
     let mut files = Vec::new();
     images_below(&folder, &mut files);
     let stride = if std::env::var("MODULO_TRUST").is_ok_and(|all| all == "all") { 1 } else { STRIDE };
-    let (mut tally, mut index) = (Tally::default(), 0);
-    for file in &files {
-        let Ok(pixels) = read_image(file) else {
-            println!("skipped: {} cannot be decoded", file.display());
-            continue;
-        };
-        let radiance = White::new(0.0).unwrap().radiance(&pixels);
-        let name = file.file_name().unwrap().to_string_lossy();
-        for condition in conditions() {
-            index += 1;
-            if index % stride == 0 {
-                tally.take(&name, &radiance, condition);
+    let conditions: Vec<_> = conditions().collect();
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let mut tally = Tally::default();
+        while let Some((number, file)) = files.iter().enumerate().nth(next.fetch_add(1, Ordering::Relaxed)) {
+            let Ok(pixels) = read_image(file) else {
+                println!("skipped: {} cannot be decoded", file.display());
+                continue;
+            };
+            let radiance = White::new(0.0).unwrap().radiance(&pixels);
+            let name = file.file_name().unwrap().to_string_lossy();
+            for (index, &condition) in (number * conditions.len()..).zip(&conditions) {
+                if index % stride == 0 {
+                    tally.take(&name, &radiance, condition);
+                }
             }
         }
+        tally
+    };
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let tallies: Vec<Tally> = std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..cores).map(|_| scope.spawn(&work)).collect();
+        workers.into_iter().map(|worker| worker.join().expect("a worker does not panic")).collect()
+    });
+    let mut tally = Tally::default();
+    for part in tallies {
+        tally.frames += part.frames;
+        tally.trusted += part.trusted;
+        tally.wrong.extend(part.wrong);
     }
     println!("{} frames, {} trusted, {} of them wrong", tally.frames, tally.trusted, tally.wrong.len());
     assert!(tally.trusted > 0, "a ladder that trusts nothing is of no use");
