@@ -56,21 +56,21 @@ impl Chart {
     /// The chart as SVG 1.1.
     ///
     /// # Errors
-    /// [`ChartError::Font`], or [`ChartError::Encode`] of an image.
+    /// [`ChartError::Encode`] of an image.
     pub fn svg(&self, page: PageWidth) -> Result<String, ChartError> {
-        svg::text(&self.canvas(page)?)
+        svg::text(&self.canvas(page))
     }
 
     /// The chart of [`PageWidth::Wide`] as PNG, with twice the pixels of the SVG along each side.
     ///
     /// # Errors
-    /// [`ChartError`] if the font cannot be read or the picture cannot be encoded.
+    /// [`ChartError::Size`] or [`ChartError::Encode`].
     pub fn png(&self) -> Result<Vec<u8>, ChartError> {
-        raster::png(&self.canvas(PageWidth::Wide)?)
+        raster::png(&self.canvas(PageWidth::Wide))
     }
 
-    fn canvas(&self, page: PageWidth) -> Result<Canvas, ChartError> {
-        let mut canvas = Canvas::new(page.width(), font::Font::new()?);
+    fn canvas(&self, page: PageWidth) -> Canvas {
+        let mut canvas = Canvas::new(page.width(), font::Font::new());
         let mut y = canvas.paragraph((MARGIN, MARGIN + 18.0), &self.title, 20.0, INK);
         y = canvas.paragraph((MARGIN, y - 7.0), &self.subtitle, 12.5, GREY);
         let names = self.body.names();
@@ -83,7 +83,7 @@ impl Chart {
         y = legend::draw(&mut canvas, &names, (MARGIN, y + 16.0));
         y = canvas.paragraph((MARGIN, y + 8.0), &self.footer, 11.0, GREY);
         canvas.height = (y + MARGIN / 2.0).ceil();
-        Ok(canvas)
+        canvas
     }
 }
 
@@ -107,7 +107,10 @@ impl Body {
                 series.map(|s| (s.name.as_str(), LegendKey::Series(s.style))).collect()
             }
             Self::Bars(bars) => bars.parts().map(|name| (name, LegendKey::Block)).collect(),
-            Self::Pictures(_) => Vec::new(),
+            Self::Pictures(pictures) => {
+                let boxes = pictures.legend.iter();
+                boxes.map(|(name, colour)| (name.as_str(), LegendKey::Colour(*colour))).collect()
+            }
         };
         let first = |name| all.iter().find(|entry| entry.0 == name).copied();
         distinct(all.iter().map(|entry| entry.0)).into_iter().filter_map(first).collect()

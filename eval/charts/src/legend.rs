@@ -1,7 +1,7 @@
 //! The legend below the panels, in columns.
 
 use crate::canvas::{Anchor, Canvas};
-use crate::primitives::{INK, Position};
+use crate::primitives::{Colour, INK, Position};
 use crate::series::{Emphasis, SeriesStyle};
 use crate::style::Style;
 
@@ -19,6 +19,8 @@ pub enum LegendKey {
     Series(SeriesStyle),
     /// A filled square.
     Block,
+    /// A filled square of this colour.
+    Colour(Colour),
 }
 
 impl LegendKey {
@@ -29,10 +31,13 @@ impl LegendKey {
         if matches!(self, Self::Series(SeriesStyle::LineAndMarkers | SeriesStyle::Markers)) {
             style.mark(canvas, (x + KEY_WIDTH / 2.0, y), Emphasis::Normal, "");
         }
-        if self == Self::Block {
-            let area = (x + KEY_WIDTH / 2.0 - BLOCK, y - BLOCK, x + KEY_WIDTH / 2.0 + BLOCK, y + BLOCK);
-            canvas.block(area, style.colour, "");
-        }
+        let colour = match self {
+            Self::Series(_) => return,
+            Self::Block => style.colour,
+            Self::Colour(colour) => colour,
+        };
+        let area = (x + KEY_WIDTH / 2.0 - BLOCK, y - BLOCK, x + KEY_WIDTH / 2.0 + BLOCK, y + BLOCK);
+        canvas.block(area, colour, "");
     }
 }
 

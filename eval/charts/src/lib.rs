@@ -11,12 +11,15 @@ mod font;
 mod html;
 mod label;
 mod legend;
+mod palette;
 mod panel;
 mod picture;
 mod pictures;
+mod plates;
 mod primitives;
 mod raster;
 mod series;
+mod sheet;
 mod style;
 mod svg;
 
@@ -24,16 +27,15 @@ pub use axis::{Axis, Direction, Scale, Unit};
 pub use bars::{Bar, Bars};
 pub use chart::{Body, Chart, PageWidth, distinct};
 pub use html::html_page;
-pub use picture::Picture;
+pub use palette::class_colour;
+pub use picture::{LabelledBox, Picture};
 pub use pictures::Pictures;
 pub use series::{Emphasis, Panel, Point, Series, SeriesStyle};
+pub use sheet::sheet;
 
 /// Error of a chart.
 #[derive(Debug, thiserror::Error)]
 pub enum ChartError {
-    /// The embedded font cannot be read.
-    #[error("the font of the charts cannot be read: {0}")]
-    Font(#[from] ttf_parser::FaceParsingError),
     /// A picture with this number of columns and rows is empty or too large.
     #[error("a chart of {0} x {1} px cannot be painted")]
     Size(u32, u32),

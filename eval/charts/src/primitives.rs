@@ -28,12 +28,3 @@ pub const COLOURS: [Colour; 7] = [
     [0xe6, 0x9f, 0x00],
     [0x56, 0xb4, 0xe9],
 ];
-
-/// The colour of an index that is visible on dark images, too: yellow instead of black.
-pub fn bright(index: usize) -> Colour {
-    const BLACK: Colour = [0; 3];
-    match COLOURS[index % COLOURS.len()] {
-        BLACK => [0xf0, 0xe4, 0x42],
-        colour => colour,
-    }
-}

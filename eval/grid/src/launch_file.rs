@@ -7,6 +7,7 @@ use std::time::Duration;
 use modulo_bags::FileError;
 use modulo_bags::bag::{BagError, BagTopic, BagWriter};
 use modulo_bags::source::{GroundTruth, from_detections};
+use modulo_charts::{Picture, distinct, sheet};
 use modulo_core::{Detection, Frame};
 use modulo_images::{SaveError, save_png};
 use modulo_msgs::cdr::CdrError;
@@ -15,10 +16,10 @@ use modulo_runtime::clock::nanos;
 use modulo_runtime::driver::RunError;
 use modulo_runtime::driver::lockstep::{Lockstep, OnTopic};
 use modulo_runtime::{Message, Topic};
+use ndarray::Array3;
 use serde_json::{Value, json};
 
 use crate::metric::average_precision::{Scored, by_class, mean};
-use crate::mosaic::mosaic;
 use crate::results::Difficulty;
 use crate::timeline::Timeline;
 
@@ -76,7 +77,7 @@ pub struct Plan {
     /// Topic of the ground truth.
     pub truth: Option<String>,
     /// Whether images are saved: `FOLDER/STREAM/NUMBER.png`, and `FOLDER/grid.png` with the last frame of every stream
-    /// and its boxes, in two columns and in the order of the detectors.
+    /// and its boxes, in two columns and in the order of the detectors, with a legend of the classes.
     pub save_images: bool,
     /// Folder for images and results.
     pub folder: PathBuf,
@@ -153,15 +154,26 @@ impl Evaluation {
             }
         }
         if plan.save_images {
-            let topics = plan.streams.iter().filter_map(|s| s.annotated.as_deref());
-            let frames: Vec<&Frame> = topics.filter_map(|topic| image(out, topic)).collect();
-            if let Some(picture) = mosaic(&frames) {
-                save_png(&plan.folder.join("grid.png"), &picture)?;
-            }
+            self.save_sheet(out, plan)?;
         }
         let truth = plan.truth.as_deref().and_then(|topic| arrays(out, topic).next());
         self.truth.push(truth.map(from_detections));
         Ok(())
+    }
+
+    /// Writes the annotated images of the last frame as one.
+    fn save_sheet(&self, out: &[OnTopic], plan: &Plan) -> Result<(), EvalError> {
+        let mut pictures = Vec::new();
+        for stream in &plan.streams {
+            let annotated = stream.annotated.as_deref().and_then(|topic| image(out, topic));
+            pictures.extend(annotated.and_then(picture).map(|picture| (stream.name.as_str(), picture)));
+        }
+        let found = self.boxes.values().filter_map(|frames| frames.last()).flatten();
+        let Some(sheet) = sheet(&pictures, &distinct(found.map(|d| d.class.as_str()))) else { return Ok(()) };
+        let size = (sheet.height() as usize, sheet.width() as usize, 3);
+        let pixels = Array3::from_shape_vec(size, sheet.into_raw()).expect("three samples a pixel");
+        let frame = Frame::from_u8(pixels).expect("a sheet has three channels");
+        Ok(save_png(&plan.folder.join("grid.png"), &frame)?)
     }
 
     /// AP50 of each stream over the labelled frames.
@@ -216,6 +228,14 @@ fn image<'a>(out: &'a [OnTopic], topic: &str) -> Option<&'a Frame> {
         Message::Image(image) => Some(&image.frame),
         _ => None,
     })
+}
+
+/// An annotated frame. `None` unless it is 8-bit RGB.
+fn picture(frame: &Frame) -> Option<Picture> {
+    let pixels = frame.as_u8()?;
+    let (height, width, _) = pixels.dim();
+    let [width, height] = [width, height].map(|side| u32::try_from(side).ok());
+    Picture::new(width?, height?, pixels.iter().copied().collect(), Vec::new()).ok()
 }
 
 /// File name of the image of a frame.

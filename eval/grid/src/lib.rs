@@ -14,7 +14,6 @@ pub mod grid;
 mod labels;
 pub mod launch_file;
 pub mod metric;
-mod mosaic;
 mod pareto;
 mod published;
 pub mod report;
