@@ -4,7 +4,7 @@ use crate::bars::Bars;
 use crate::canvas::{Anchor, Canvas};
 use crate::panel::{ChartPanel, Emphasis, SeriesStyle};
 use crate::pictures::Pictures;
-use crate::primitives::{GREY, INK, Position, Style};
+use crate::primitives::{Colour, GREY, INK, Position, Style};
 use crate::{ChartError, font, panel, raster, svg};
 
 /// A chart.
@@ -55,21 +55,21 @@ impl Chart {
     /// The chart as SVG 1.1.
     ///
     /// # Errors
-    /// [`ChartError::Font`], or [`ChartError::Encode`] of an image.
+    /// [`ChartError::Encode`] of an image.
     pub fn svg(&self, page: PageWidth) -> Result<String, ChartError> {
-        svg::text(&self.canvas(page)?)
+        svg::text(&self.canvas(page))
     }
 
     /// The chart of [`PageWidth::Wide`] as PNG, with twice the pixels of the SVG along each side.
     ///
     /// # Errors
-    /// [`ChartError`] if the font cannot be read or the picture cannot be encoded.
+    /// [`ChartError::Size`] or [`ChartError::Encode`].
     pub fn png(&self) -> Result<Vec<u8>, ChartError> {
-        raster::png(&self.canvas(PageWidth::Wide)?)
+        raster::png(&self.canvas(PageWidth::Wide))
     }
 
-    fn canvas(&self, page: PageWidth) -> Result<Canvas, ChartError> {
-        let mut canvas = Canvas::new(page.width(), font::Font::new()?);
+    fn canvas(&self, page: PageWidth) -> Canvas {
+        let mut canvas = Canvas::new(page.width(), font::Font::new());
         let mut y = canvas.paragraph((MARGIN, MARGIN + 18.0), &self.title, 20.0, INK);
         y = canvas.paragraph((MARGIN, y - 7.0), &self.subtitle, 12.5, GREY);
         let names = self.body.names();
@@ -83,7 +83,7 @@ impl Chart {
         y = canvas.paragraph((MARGIN, y + 8.0), &self.footer, 11.0, GREY);
         // The height is known only now, since the wrapped texts depend on the width of the page.
         canvas.height = (y + MARGIN / 2.0).ceil();
-        Ok(canvas)
+        canvas
     }
 }
 
@@ -107,7 +107,10 @@ impl ChartBody {
                 series.map(|s| (s.name.as_str(), LegendKey::Series(s.style))).collect()
             }
             Self::Bars(bars) => bars.parts().map(|name| (name, LegendKey::Block)).collect(),
-            Self::Pictures(_) => Vec::new(),
+            Self::Pictures(pictures) => {
+                let boxes = pictures.legend.iter();
+                boxes.map(|(name, colour)| (name.as_str(), LegendKey::Colour(*colour))).collect()
+            }
         };
         // A series that is in several panels has one entry. Its index in this list is its style, so that it looks the
         // same in all panels and on both pages.
@@ -130,6 +133,8 @@ pub enum LegendKey {
     Series(SeriesStyle),
     /// A filled square.
     Block,
+    /// A filled square of this colour.
+    Colour(Colour),
 }
 
 impl LegendKey {
@@ -140,15 +145,14 @@ impl LegendKey {
         if matches!(self, Self::Series(SeriesStyle::LineAndMarkers | SeriesStyle::Markers)) {
             style.mark(canvas, (x + KEY_WIDTH / 2.0, y), Emphasis::Normal, "");
         }
-        if self == Self::Block {
-            let area = (
-                x + KEY_WIDTH / 2.0 - KEY_BLOCK,
-                y - KEY_BLOCK,
-                x + KEY_WIDTH / 2.0 + KEY_BLOCK,
-                y + KEY_BLOCK,
-            );
-            canvas.block(area, style.colour, "");
-        }
+        let colour = match self {
+            Self::Series(_) => return,
+            Self::Block => style.colour,
+            Self::Colour(colour) => colour,
+        };
+        let area =
+            (x + KEY_WIDTH / 2.0 - KEY_BLOCK, y - KEY_BLOCK, x + KEY_WIDTH / 2.0 + KEY_BLOCK, y + KEY_BLOCK);
+        canvas.block(area, colour, "");
     }
 }
 

@@ -1,31 +1,38 @@
+use ab_glyph::{Font as _, FontRef, GlyphId, OutlineCurve, PxScale};
 use tiny_skia::{Path, PathBuilder};
-use ttf_parser::{Face, FaceParsingError, GlyphId, OutlineBuilder};
 
-use crate::primitives::Position;
-
-/// The typeface of all charts, DejaVu Sans. It is embedded in the program, so that text has the same width on every machine.
-pub struct Font(Face<'static>);
+/// The typeface of all charts and images, DejaVu Sans. It is embedded in the program, so that text has the same width on every
+/// machine.
+pub struct Font(FontRef<'static>);
 
 impl Font {
-    pub fn new() -> Result<Self, FaceParsingError> {
-        Ok(Self(Face::parse(dejavu::sans::regular(), 0)?))
+    pub fn new() -> Self {
+        let bytes = include_bytes!("../font/DejaVuSans.ttf");
+        Self(FontRef::try_from_slice(bytes).expect("the embedded file is a valid font"))
+    }
+
+    /// The font as `imageproc` takes it: the font, the scale for font size `size` px, and the distance in px from the top of
+    /// the text to its baseline.
+    pub fn scaled(&self, size: f32) -> (&FontRef<'static>, PxScale, f32) {
+        let scale = self.scale(size);
+        (&self.0, PxScale::from(scale * self.0.height_unscaled()), scale * self.0.ascent_unscaled())
     }
 
     /// Width of `text` in px at font size `size` px.
     pub fn width(&self, text: &str, size: f32) -> f32 {
-        text.chars().map(|c| self.advance(c, size)).sum()
+        text.chars().map(|c| self.advance(self.0.glyph_id(c), size)).sum()
     }
 
     /// The outlines of `text` with its baseline starting at (0, 0). `None` if the text has no visible glyph.
     pub fn path(&self, text: &str, size: f32) -> Option<Path> {
-        let mut pen = Pen { builder: PathBuilder::new(), x: 0.0, scale: self.scale(size) };
-        for c in text.chars() {
-            if let Some(glyph) = self.0.glyph_index(c) {
-                self.0.outline_glyph(glyph, &mut pen);
+        let (mut builder, mut x) = (PathBuilder::new(), 0.0);
+        for glyph in text.chars().map(|c| self.0.glyph_id(c)) {
+            if let Some(outline) = self.0.outline(glyph) {
+                trace(&mut builder, &outline.curves, x, self.scale(size));
             }
-            pen.x += self.advance(c, size);
+            x += self.advance(glyph, size);
         }
-        pen.builder.finish()
+        builder.finish()
     }
 
     /// Breaks `text` at spaces into lines of at most `width` px. A longer word gets a line of its own.
@@ -43,55 +50,36 @@ impl Font {
         lines
     }
 
-    fn advance(&self, c: char, size: f32) -> f32 {
-        // Glyph 0 stands for characters that the font does not contain. Their width must count, since the browser draws
-        // them with another font.
-        let glyph = self.0.glyph_index(c).unwrap_or(GlyphId(0));
-        let advance = self.0.glyph_hor_advance(glyph).expect("every glyph of the font has an advance");
-        f32::from(advance) * self.scale(size)
+    fn advance(&self, glyph: GlyphId, size: f32) -> f32 {
+        self.0.h_advance_unscaled(glyph) * self.scale(size)
     }
 
+    /// Pixels of one font unit.
     fn scale(&self, size: f32) -> f32 {
-        size / f32::from(self.0.units_per_em().max(1))
+        size / self.0.units_per_em().expect("the embedded font has its units")
     }
 }
 
-/// Converts glyphs in font units with y upwards to a path in px with y downwards.
-struct Pen {
-    builder: PathBuilder,
-    x: f32,
-    scale: f32,
-}
-
-impl Pen {
-    fn at(&self, x: f32, y: f32) -> Position {
-        (self.x + x * self.scale, -y * self.scale)
-    }
-}
-
-impl OutlineBuilder for Pen {
-    fn move_to(&mut self, x: f32, y: f32) {
-        let (x, y) = self.at(x, y);
-        self.builder.move_to(x, y);
-    }
-
-    fn line_to(&mut self, x: f32, y: f32) {
-        let (x, y) = self.at(x, y);
-        self.builder.line_to(x, y);
-    }
-
-    fn quad_to(&mut self, x1: f32, y1: f32, x: f32, y: f32) {
-        let ((x1, y1), (x, y)) = (self.at(x1, y1), self.at(x, y));
-        self.builder.quad_to(x1, y1, x, y);
-    }
-
-    fn curve_to(&mut self, x1: f32, y1: f32, x2: f32, y2: f32, x: f32, y: f32) {
-        let ((x1, y1), (x2, y2), (x, y)) = (self.at(x1, y1), self.at(x2, y2), self.at(x, y));
-        self.builder.cubic_to(x1, y1, x2, y2, x, y);
-    }
-
-    fn close(&mut self) {
-        self.builder.close();
+/// Adds the outline of a glyph, in font units with y upwards, to a path in px with y downwards.
+fn trace(builder: &mut PathBuilder, curves: &[OutlineCurve], x: f32, scale: f32) {
+    let at = |p: &ab_glyph::Point| (x + p.x * scale, -p.y * scale);
+    let mut last = None;
+    for curve in curves {
+        let (OutlineCurve::Line(start, end)
+        | OutlineCurve::Quad(start, _, end)
+        | OutlineCurve::Cubic(start, _, _, end)) = curve;
+        // Each contour is closed, so that a curve that starts elsewhere starts the next one.
+        if last != Some(start) {
+            let (x, y) = at(start);
+            builder.move_to(x, y);
+        }
+        let (x, y) = at(end);
+        match curve {
+            OutlineCurve::Line(..) => builder.line_to(x, y),
+            OutlineCurve::Quad(_, p, _) => builder.quad_to(at(p).0, at(p).1, x, y),
+            OutlineCurve::Cubic(_, p, q, _) => builder.cubic_to(at(p).0, at(p).1, at(q).0, at(q).1, x, y),
+        }
+        last = Some(end);
     }
 }
 
@@ -101,7 +89,7 @@ mod tests {
 
     #[test]
     fn lines_hold_all_words_and_fit() {
-        let font = Font::new().unwrap();
+        let font = Font::new();
         let text = "a few words of which one is unreasonablylongandunbreakable and α ends";
         let lines = font.wrap(text, 12.0, 90.0);
         assert_eq!(lines.join(" "), text);

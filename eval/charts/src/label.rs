@@ -91,7 +91,7 @@ fn around(request: &LabelRequest, far: f32, angle: f32) -> Area {
 }
 
 /// Whether the line from `a` to `b` crosses the area, checked every 3 px.
-fn crosses(a: Position, b: Position, area: Area) -> bool {
+pub fn crosses(a: Position, b: Position, area: Area) -> bool {
     let length = (b.0 - a.0).hypot(b.1 - a.1);
     let steps = (length / 3.0).ceil().clamp(1.0, 1000.0);
     (0..=steps as u16).any(|step| {

@@ -9,28 +9,30 @@ mod canvas;
 mod chart;
 mod font;
 mod label;
+mod palette;
 mod panel;
 mod picture;
 mod pictures;
+mod plates;
 mod primitives;
 mod raster;
+mod sheet;
 mod svg;
 
 pub use axis::{Axis, AxisDirection, Scale, Unit};
 pub use bars::{Bar, Bars};
 pub use chart::{Chart, ChartBody, PageWidth, distinct};
+pub use palette::class_colour;
 pub use panel::{ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
-pub use picture::Picture;
+pub use picture::{LabelledBox, Picture};
 pub use pictures::Pictures;
+pub use sheet::sheet;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 /// Error of a chart.
 #[derive(Debug, thiserror::Error)]
 pub enum ChartError {
-    /// The embedded font cannot be read.
-    #[error("the font of the charts cannot be read: {0}")]
-    Font(#[from] ttf_parser::FaceParsingError),
     /// A picture with this number of columns and rows is empty or too large.
     #[error("a chart of {0} x {1} px cannot be painted")]
     Size(u32, u32),

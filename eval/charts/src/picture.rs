@@ -1,34 +1,173 @@
-//! [`Picture`]: an image with boxes.
+//! [`Picture`]: an image with labelled boxes.
 
 use std::sync::Arc;
 
-use crate::ChartError;
+use image::imageops::{FilterType, resize};
+use image::{Rgb, RgbImage};
+use imageproc::drawing::{
+    draw_antialiased_line_segment_mut, draw_filled_rect_mut, draw_hollow_rect_mut, draw_text_mut,
+};
+use imageproc::pixelops::interpolate;
+use imageproc::rect::Rect;
 
-/// An image with boxes.
+use crate::ChartError;
+use crate::font::Font;
+use crate::palette::ink_on;
+use crate::plates::{connection, place};
+use crate::primitives::{Area, Colour, Position};
+
+/// An image with labelled boxes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
-    pub(crate) width: u32,
-    pub(crate) height: u32,
-    pub(crate) rgb: Arc<[u8]>,
-    pub(crate) boxes: Vec<([f32; 4], usize)>,
+    pixels: Arc<RgbImage>,
+    boxes: Vec<LabelledBox>,
+}
+
+/// A box on an image.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LabelledBox {
+    /// Left, top, right and bottom in px of the image.
+    pub corners: [f32; 4],
+    /// Red, green and blue.
+    pub colour: [u8; 3],
+    /// The text of its label. A box with an empty text has no label.
+    pub label: String,
 }
 
 impl Picture {
-    /// An image of `height` rows and `width` columns. `rgb` has red, green and blue of each pixel, row by row. A box is
-    /// left, top, right and bottom in px of the image, and the index of its colour.
+    /// An image of `height` rows and `width` columns. `rgb` has red, green and blue of each pixel, row by row. The first
+    /// boxes are drawn over the others and have the first choice of places for their labels.
     ///
     /// # Errors
     /// [`ChartError::Picture`] if the number of samples does not fit.
-    pub fn new(
-        width: u32,
-        height: u32,
-        rgb: Vec<u8>,
-        boxes: Vec<([f32; 4], usize)>,
-    ) -> Result<Self, ChartError> {
-        let needed = 3 * u64::from(width) * u64::from(height);
-        if needed == 0 || rgb.len() as u64 != needed {
-            return Err(ChartError::Picture(width, height, rgb.len()));
+    pub fn new(width: u32, height: u32, rgb: Vec<u8>, boxes: Vec<LabelledBox>) -> Result<Self, ChartError> {
+        let samples = rgb.len();
+        let pixels = RgbImage::from_raw(width, height, rgb);
+        let fits = pixels.filter(|image| samples > 0 && image.as_raw().len() == samples);
+        let pixels = Arc::new(fits.ok_or(ChartError::Picture(width, height, samples))?);
+        Ok(Self { pixels, boxes })
+    }
+
+    /// Number of columns and rows.
+    pub(crate) fn size(&self) -> (u32, u32) {
+        self.pixels.dimensions()
+    }
+
+    /// Returns the image with the boxes and their labels drawn in.
+    ///
+    /// Labels are within the image and never cover each other. They avoid objects if there is room. A label without a free
+    /// place is left out.
+    pub fn annotated(&self) -> RgbImage {
+        self.drawn((*self.pixels).clone(), 12.0)
+    }
+
+    /// The image at another size, with lines and text that fit this size. `least` is the least font size in px.
+    pub(crate) fn annotated_at(&self, width: u32, height: u32, least: f32) -> RgbImage {
+        self.drawn(resize(&*self.pixels, width.max(1), height.max(1), FilterType::Triangle), least)
+    }
+
+    fn drawn(&self, mut image: RgbImage, least: f32) -> RgbImage {
+        let size = (image.width() as f32, image.height() as f32);
+        let scale = (size.0 / self.pixels.width() as f32, size.1 / self.pixels.height() as f32);
+        let mean = (size.0 + size.1) / 2.0;
+        // The rule of the ultralytics package.
+        let line = (0.003 * mean).round().max(2.0);
+        let text = Lettering { font: Font::new(), size: (0.02 * mean).round().max(least) };
+        let visible = |labelled| Some((labelled, visible(labelled, scale, size)?));
+        let boxes: Vec<(&LabelledBox, Area)> = self.boxes.iter().filter_map(visible).collect();
+        for (labelled, area) in boxes.iter().rev() {
+            outline(&mut image, *area, line as u32, Rgb(labelled.colour));
         }
-        Ok(Self { width, height, rgb: rgb.into(), boxes })
+        let labelled: Vec<_> = boxes.into_iter().filter(|(labelled, _)| !labelled.label.is_empty()).collect();
+        let sizes: Vec<_> = labelled.iter().map(|(labelled, _)| text.plate(&labelled.label)).collect();
+        let areas: Vec<Area> = labelled.iter().map(|(_, area)| *area).collect();
+        let places = place(&areas, &sizes, size);
+        let placed =
+            || labelled.iter().zip(&places).filter_map(|(labelled, place)| Some((labelled, (*place)?)));
+        for ((labelled, area), plate) in placed() {
+            connect(&mut image, *area, plate, Rgb(labelled.colour));
+        }
+        for ((labelled, _), plate) in placed() {
+            text.draw_plate(&mut image, plate, labelled);
+        }
+        image
+    }
+}
+
+/// Colour of the thin line around a box.
+const CASING: Colour = [0x20; 3];
+
+/// The visible part of a box, in whole pixels of an image of size `(width, height)`. `None` if it is outside.
+fn visible(labelled: &LabelledBox, scale: (f32, f32), (width, height): (f32, f32)) -> Option<Area> {
+    let [left, top, right, bottom] = labelled.corners;
+    let area = (
+        (left * scale.0).round().max(0.0),
+        (top * scale.1).round().max(0.0),
+        (right * scale.0).round().min(width),
+        (bottom * scale.1).round().min(height),
+    );
+    let finite = labelled.corners.iter().all(|at| at.is_finite());
+    (finite && area.0 < area.2 && area.1 < area.3).then_some(area)
+}
+
+/// Draws lines of `line` px inside the area, which has whole numbers, and a dark line around them, which separates them from
+/// a bright image.
+fn outline(image: &mut RgbImage, (left, top, right, bottom): Area, line: u32, colour: Rgb<u8>) {
+    let (width, height) = ((right - left) as u32, (bottom - top) as u32);
+    let around = Rect::at(left as i32 - 1, top as i32 - 1).of_size(width + 2, height + 2);
+    draw_hollow_rect_mut(image, around, Rgb(CASING));
+    for inset in (0..line).take_while(|inset| 2 * inset < width.min(height)) {
+        let corner = Rect::at(left as i32 + inset as i32, top as i32 + inset as i32);
+        draw_hollow_rect_mut(image, corner.of_size(width - 2 * inset, height - 2 * inset), colour);
+    }
+}
+
+/// Draws a line from the box to its label if they do not touch.
+fn connect(image: &mut RgbImage, of: Area, plate: Area, colour: Rgb<u8>) {
+    if let Some(ends) = connection(of, plate) {
+        let [from, to] = [ends.0, ends.1].map(|(x, y): Position| (x as i32, y as i32));
+        // Two lines side by side are as thick as a box.
+        let (across, along) = ((to.0 - from.0).abs(), (to.1 - from.1).abs());
+        let (dx, dy) = if across > along { (0, 1) } else { (1, 0) };
+        draw_antialiased_line_segment_mut(image, from, to, colour, interpolate);
+        draw_antialiased_line_segment_mut(
+            image,
+            (from.0 + dx, from.1 + dy),
+            (to.0 + dx, to.1 + dy),
+            colour,
+            interpolate,
+        );
+    }
+}
+
+/// Draws texts of one size.
+pub(crate) struct Lettering {
+    pub font: Font,
+    /// Font size, px.
+    pub size: f32,
+}
+
+impl Lettering {
+    /// Width and height of the plate of a text, px.
+    fn plate(&self, text: &str) -> (f32, f32) {
+        ((self.font.width(text, self.size) + 0.6 * self.size).ceil(), (1.3 * self.size).ceil())
+    }
+
+    /// Draws `text` with its left end at column `x` and its capital letters in the middle between `top` and `bottom`.
+    pub fn draw(&self, image: &mut RgbImage, (x, top, bottom): (f32, f32, f32), text: &str, colour: Colour) {
+        /// Height of a capital letter at font size 1.
+        const CAPITAL: f32 = 0.73;
+        let (font, scale, ascent) = self.font.scaled(self.size);
+        let y = (top + bottom + CAPITAL * self.size) / 2.0 - ascent;
+        draw_text_mut(image, Rgb(colour), x.round() as i32, y.round() as i32, scale, font, text);
+    }
+
+    fn draw_plate(&self, image: &mut RgbImage, plate: Area, labelled: &LabelledBox) {
+        let (left, top, right, bottom) = plate;
+        // A plate has at least one pixel, as its text is not empty.
+        let (width, height) = ((right - left).max(1.0) as u32, (bottom - top).max(1.0) as u32);
+        let area = Rect::at(left as i32, top as i32).of_size(width, height);
+        draw_filled_rect_mut(image, area, Rgb(labelled.colour));
+        self.draw(image, (left + 0.3 * self.size, top, bottom), &labelled.label, ink_on(labelled.colour));
     }
 }

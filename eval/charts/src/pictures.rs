@@ -1,8 +1,8 @@
-//! [`Pictures`]: images with boxes in rows and columns.
+//! [`Pictures`]: images with boxes in rows.
 
 use crate::canvas::{Anchor, Canvas, Shape};
 use crate::picture::Picture;
-use crate::primitives::{GREY, INK, Position, bright};
+use crate::primitives::{GREY, INK};
 
 /// A table of images.
 #[derive(Clone, Debug, PartialEq)]
@@ -11,45 +11,41 @@ pub struct Pictures {
     pub columns: Vec<String>,
     /// Name of each row and its image in each column. `None` leaves the place empty.
     pub rows: Vec<(String, Vec<Option<Picture>>)>,
+    /// Names and colours of the boxes.
+    pub legend: Vec<(String, [u8; 3])>,
 }
 
 const SIZE: f32 = 12.5;
 const GAP: f32 = 6.0;
-/// Line width of a box, px.
-const LINE: f32 = 1.6;
+/// Pages of at least this width have two images side by side.
+const WIDE: f32 = 900.0;
+/// Least font size on an image, px of the chart.
+pub const LEAST_TEXT: f32 = 9.0;
 
 impl Pictures {
-    /// Draws into (left, top, width). Returns the y below it.
+    /// Draws into (left, top, width), each image below the name of its column. Returns the y below it.
     pub(crate) fn draw(&self, canvas: &mut Canvas, (left, top, width): (f32, f32, f32)) -> f32 {
-        let columns = self.columns.len().max(1) as f32;
-        let cell = (width - left + GAP) / columns - GAP;
-        let at = |column: usize| left + column as f32 * (cell + GAP);
-        for (column, name) in self.columns.iter().enumerate() {
-            canvas.text((at(column) + cell / 2.0, top + SIZE), name, SIZE, INK, Anchor::Middle);
-        }
-        let mut y = top + 2.0 * SIZE;
+        let columns: u8 = if canvas.width < WIDE { 1 } else { 2 };
+        let cell = (width - left + GAP) / f32::from(columns) - GAP;
+        let height = |picture: &Picture| cell / picture.size().0 as f32 * picture.size().1 as f32;
+        let mut y = top;
         for (name, pictures) in &self.rows {
-            canvas.text((left, y + SIZE), name, SIZE, GREY, Anchor::Start);
-            y += 1.6 * SIZE;
-            let scale = |picture: &Picture| cell / picture.width as f32;
-            for (column, picture) in pictures.iter().enumerate() {
-                if let Some(picture) = picture {
-                    draw(canvas, picture, (at(column), y), scale(picture));
+            canvas.text((left, y + SIZE), name, SIZE, INK, Anchor::Start);
+            y += 1.5 * SIZE;
+            let named: Vec<_> = self.columns.iter().zip(pictures).collect();
+            for line in named.chunks(columns.into()) {
+                y += 1.5 * SIZE;
+                for (column, (name, picture)) in (0u8..).zip(line) {
+                    let Some(picture) = picture else { continue };
+                    let x = left + f32::from(column) * (cell + GAP);
+                    canvas.text((x, y - 0.4 * SIZE), name, SIZE, GREY, Anchor::Start);
+                    let area = (x, y, x + cell, y + height(picture));
+                    canvas.shapes.push(Shape::Picture { area, picture: picture.clone() });
                 }
+                y += line.iter().filter_map(|(_, picture)| picture.as_ref()).map(height).fold(0.0, f32::max);
             }
-            let heights = pictures.iter().flatten().map(|picture| scale(picture) * picture.height as f32);
-            y += heights.fold(SIZE, f32::max) + GAP;
+            y += SIZE;
         }
         y
-    }
-}
-
-fn draw(canvas: &mut Canvas, picture: &Picture, (x, y): Position, scale: f32) {
-    let (width, height) = (scale * picture.width as f32, scale * picture.height as f32);
-    canvas.shapes.push(Shape::Picture { area: (x, y, x + width, y + height), picture: picture.clone() });
-    for ([x1, y1, x2, y2], colour) in &picture.boxes {
-        let at = |dx: f32, dy: f32| (x + (scale * dx).clamp(0.0, width), y + (scale * dy).clamp(0.0, height));
-        let corners = vec![at(*x1, *y1), at(*x2, *y1), at(*x2, *y2), at(*x1, *y2), at(*x1, *y1)];
-        canvas.line(corners, bright(*colour), LINE);
     }
 }

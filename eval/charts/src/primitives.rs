@@ -34,15 +34,6 @@ pub const COLOURS: [Colour; 7] = [
     [0x56, 0xb4, 0xe9],
 ];
 
-/// The colour of an index that is visible on dark images, too: yellow instead of black.
-pub fn bright(index: usize) -> Colour {
-    const BLACK: Colour = [0; 3];
-    match COLOURS[index % COLOURS.len()] {
-        BLACK => [0xf0, 0xe4, 0x42],
-        colour => colour,
-    }
-}
-
 /// Colour, marker and dashes of the series of an index. The first 56 styles differ in colour or marker. Lines of indices 7
 /// to 13, 21 to 27 and so on are dashed.
 #[derive(Clone, Copy, Debug, PartialEq)]

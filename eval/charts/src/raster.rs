@@ -3,24 +3,18 @@
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 use tiny_skia::{
-    Color, FillRule, FilterQuality, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, PixmapPaint, Rect,
-    Stroke, StrokeDash, Transform,
+    Color, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, PixmapPaint, Stroke, StrokeDash,
+    Transform,
 };
 
 use crate::ChartError;
 use crate::canvas::{Anchor, Canvas, Rotation, Shape};
-use crate::font::Font;
 use crate::picture::Picture;
-use crate::primitives::{Area, Colour, Position, WHITE, bright};
+use crate::pictures::LEAST_TEXT;
+use crate::primitives::{Area, Colour, Position, WHITE};
 
 /// Pixels of the PNG for one px of the chart, along each side.
 const ZOOM: f32 = 2.0;
-/// Line width of a box on an image, px.
-const LINE: f32 = 2.0;
-/// Images with at least this many columns have large labels.
-const WIDE: u32 = 640;
-const SMALL: f32 = 10.0;
-const LARGE: f32 = 15.0;
 
 /// Renders the canvas as RGB PNG.
 pub fn png(canvas: &Canvas) -> Result<Vec<u8>, ChartError> {
@@ -33,69 +27,11 @@ pub fn png(canvas: &Canvas) -> Result<Vec<u8>, ChartError> {
     Ok(bytes)
 }
 
-impl Picture {
-    /// Draws the boxes into the image, the first ones first. The label of a box is above it if there is room, else inside.
-    /// Returns red, green and blue of each pixel, row by row.
-    ///
-    /// # Errors
-    /// [`ChartError::Font`] or [`ChartError::Size`].
-    pub fn annotated(&self, labels: &[String]) -> Result<Vec<u8>, ChartError> {
-        annotated(self, labels)
-    }
-}
-
-fn annotated(picture: &Picture, labels: &[String]) -> Result<Vec<u8>, ChartError> {
-    let font = Font::new()?;
-    let size = if picture.width < WIDE { SMALL } else { LARGE };
-    let height = (1.3 * size).ceil();
-    let mut pixels = pixmap(picture)?;
-    for ((corners, index), label) in picture.boxes.iter().zip(labels) {
-        if corners.iter().any(|at| !at.is_finite()) {
-            continue;
-        }
-        // Rounded to whole pixels, so that lines are sharp.
-        let [left, top, right, bottom] = corners.map(|at| at.round().clamp(-1e6, 1e6));
-        let colour = bright(*index);
-        let above = if top >= height { top - height } else { top };
-        let lines = [
-            (left, top, right, top + LINE),
-            (left, bottom - LINE, right, bottom),
-            (left, top, left + LINE, bottom),
-            (right - LINE, top, right, bottom),
-            (left, above, left + (font.width(label, size) + 2.0 * LINE).ceil(), above + height),
-        ];
-        for (left, top, right, bottom) in lines {
-            if let Some(area) = Rect::from_ltrb(left, top, right, bottom) {
-                pixels.fill_rect(area, &paint(colour), Transform::identity(), None);
-            }
-        }
-        let place = Transform::from_translate(left + LINE, above + size);
-        fill(&mut pixels, font.path(label, size), ink_on(colour), place);
-    }
-    Ok(rgb(&pixels))
-}
-
-/// Black or white, whichever has the higher contrast (luma of ITU-R BT.601).
-fn ink_on([red, green, blue]: Colour) -> Colour {
-    let luma = 299 * u32::from(red) + 587 * u32::from(green) + 114 * u32::from(blue);
-    if luma >= 128_000 { [0; 3] } else { WHITE }
-}
-
 /// Red, green and blue of each pixel. All pixels are opaque, so that premultiplied samples equal the plain ones.
 fn rgb(pixels: &Pixmap) -> Vec<u8> {
     let mut rgb = Vec::with_capacity(pixels.data().len() / 4 * 3);
     pixels.data().chunks_exact(4).for_each(|pixel| rgb.extend_from_slice(&pixel[..3]));
     rgb
-}
-
-fn pixmap(picture: &Picture) -> Result<Pixmap, ChartError> {
-    let Picture { width, height, .. } = *picture;
-    let mut pixels = Pixmap::new(width, height).ok_or(ChartError::Size(width, height))?;
-    pixels.fill(Color::WHITE);
-    for (pixel, rgb) in pixels.data_mut().chunks_exact_mut(4).zip(picture.rgb.chunks_exact(3)) {
-        pixel[..3].copy_from_slice(rgb);
-    }
-    Ok(pixels)
 }
 
 fn draw(pixels: &mut Pixmap, canvas: &Canvas, shape: &Shape) -> Result<(), ChartError> {
@@ -125,13 +61,17 @@ fn draw(pixels: &mut Pixmap, canvas: &Canvas, shape: &Shape) -> Result<(), Chart
     Ok(())
 }
 
-/// Scales the image into its area.
+/// Draws the image with its boxes at the resolution of the PNG into its area.
 fn paste(pixels: &mut Pixmap, (left, top, right, bottom): Area, picture: &Picture) -> Result<(), ChartError> {
-    let source = pixmap(picture)?;
-    let scale = ((right - left) / picture.width as f32, (bottom - top) / picture.height as f32);
-    let place = Transform::from_scale(scale.0, scale.1).post_translate(left, top);
-    let paint = PixmapPaint { quality: FilterQuality::Bilinear, ..PixmapPaint::default() };
-    pixels.draw_pixmap(0, 0, source.as_ref(), &paint, zoomed(place), None);
+    let [left, top, right, bottom] = [left, top, right, bottom].map(|at| (ZOOM * at).round() as i32);
+    let image = picture.annotated_at((right - left) as u32, (bottom - top) as u32, ZOOM * LEAST_TEXT);
+    let (width, height) = image.dimensions();
+    let mut source = Pixmap::new(width, height).ok_or(ChartError::Size(width, height))?;
+    for (pixel, rgb) in source.data_mut().chunks_exact_mut(4).zip(image.pixels()) {
+        pixel[..3].copy_from_slice(&rgb.0);
+        pixel[3] = u8::MAX;
+    }
+    pixels.draw_pixmap(left, top, source.as_ref(), &PixmapPaint::default(), Transform::identity(), None);
     Ok(())
 }
 

@@ -4,17 +4,16 @@ use std::fmt::Write;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use image::RgbImage;
 use image::codecs::jpeg::JpegEncoder;
-use image::imageops::{self, FilterType};
 
 use crate::ChartError;
 use crate::canvas::{Anchor, Canvas, Rotation, Shape};
 use crate::picture::Picture;
+use crate::pictures::LEAST_TEXT;
 use crate::primitives::{Area, Colour, Position, WHITE};
 
-/// Highest resolution of an image: pixels for one px of the chart.
-const FINEST: f32 = 2.0;
+/// Pixels of an image for one px of the chart, along each side.
+const ZOOM: f32 = 1.5;
 /// Quality of JPEG, of 100.
 const QUALITY: u8 = 82;
 
@@ -37,11 +36,13 @@ pub fn text(canvas: &Canvas) -> Result<String, ChartError> {
     Ok(out)
 }
 
-/// Embeds the image as JPEG with at most [`FINEST`] pixels for one px of the chart.
+/// Embeds the image with its boxes as JPEG.
 fn image(out: &mut String, (left, top, right, bottom): Area, picture: &Picture) -> Result<(), ChartError> {
     let (width, height) = (right - left, bottom - top);
     // A report embeds many photographs, which are much smaller as JPEG than as PNG.
-    let jpeg = jpeg(picture, (FINEST * width) as u32, (FINEST * height) as u32)?;
+    let drawn = picture.annotated_at((ZOOM * width) as u32, (ZOOM * height) as u32, ZOOM * LEAST_TEXT);
+    let mut jpeg = Vec::new();
+    JpegEncoder::new_with_quality(&mut jpeg, QUALITY).encode_image(&drawn)?;
     let data = STANDARD.encode(jpeg);
     // Writing to a String cannot fail.
     let _ = writeln!(
@@ -50,16 +51,6 @@ fn image(out: &mut String, (left, top, right, bottom): Area, picture: &Picture) 
          preserveAspectRatio=\"none\" href=\"data:image/jpeg;base64,{data}\"/>"
     );
     Ok(())
-}
-
-fn jpeg(picture: &Picture, width: u32, height: u32) -> Result<Vec<u8>, ChartError> {
-    let pixels = RgbImage::from_raw(picture.width, picture.height, picture.rgb.to_vec());
-    let pixels = pixels.expect("a picture has three samples for each pixel");
-    let (width, height) = (width.clamp(1, picture.width), height.clamp(1, picture.height));
-    let small = imageops::resize(&pixels, width, height, FilterType::Triangle);
-    let mut bytes = Vec::new();
-    JpegEncoder::new_with_quality(&mut bytes, QUALITY).encode_image(&small)?;
-    Ok(bytes)
 }
 
 fn push(out: &mut String, shape: &Shape) {

@@ -1,8 +1,8 @@
 //! Any data can be drawn, and series can be distinguished.
 
 use modulo_charts::{
-    Axis, Bar, Bars, Chart, ChartBody, ChartError, ChartPanel, DataPoint, Emphasis, PageWidth, Picture,
-    Pictures, Scale, Series, SeriesStyle,
+    Axis, Bar, Bars, Chart, ChartBody, ChartError, ChartPanel, DataPoint, Emphasis, LabelledBox, PageWidth,
+    Picture, Pictures, Scale, Series, SeriesStyle,
 };
 
 fn axis(scale: Scale) -> Axis {
@@ -102,14 +102,21 @@ fn bars_are_as_long_as_their_parts() {
 #[test]
 fn pictures_lie_in_both_forms_and_wrong_sizes_are_refused() {
     assert!(matches!(Picture::new(2, 2, vec![0; 11], vec![]), Err(ChartError::Picture(2, 2, 11))));
-    let picture = Picture::new(40, 20, [200, 30, 30].repeat(800), vec![([5.0, 5.0, 20.0, 15.0], 0)]).unwrap();
+    let boxed = LabelledBox { corners: [5.0, 5.0, 20.0, 15.0], colour: [1, 250, 3], label: "0.9".to_owned() };
+    let picture = Picture::new(40, 20, [200, 30, 30].repeat(800), vec![boxed]).unwrap();
     let rows = vec![("alpha 2".to_owned(), vec![Some(picture), None])];
     let columns = vec!["one".to_owned(), "two".to_owned()];
-    let chart = chart(ChartBody::Pictures(Pictures { columns, rows }));
+    let chart = chart(ChartBody::Pictures(Pictures {
+        columns,
+        rows,
+        legend: vec![("boxes".to_owned(), [1, 250, 3])],
+    }));
     let svg = chart.svg(PageWidth::Wide).unwrap();
     assert_eq!(svg.matches("data:image/jpeg;base64,").count(), 1);
-    assert_eq!(svg.matches("<polyline").count(), 1, "one box");
+    assert_eq!(svg.matches("#01fa03").count(), 1, "the legend names the colour");
     let png = image::load_from_memory(&chart.png().unwrap()).unwrap().to_rgb8();
+    let green = png.pixels().filter(|p| p.0 == [1, 250, 3]).count();
+    assert!(green > 3000, "the box, its label and its key are green, {green} px");
     let red = png.pixels().filter(|p| p.0 == [200, 30, 30]).count();
     assert!(red as f32 > 0.3 * (2.0 * 570.0 * 285.0 * 2.0), "{red} red pixels");
 }

@@ -7,6 +7,7 @@ use std::time::Duration;
 use modulo_bags::FileError;
 use modulo_bags::bag::{BagError, BagTopic, BagWriter};
 use modulo_bags::source::{GroundTruth, from_detections};
+use modulo_charts::{Picture, distinct, sheet};
 use modulo_core::{Detection, Frame};
 use modulo_images::{SaveError, save_png};
 use modulo_msgs::cdr::CdrError;
@@ -16,7 +17,7 @@ use modulo_runtime::clock::nanos;
 use modulo_runtime::driver::RunError;
 use modulo_runtime::driver::lockstep::{Lockstep, OnTopic};
 use modulo_runtime::{Message, Topic};
-use ndarray::{Array3, s};
+use ndarray::Array3;
 use serde_json::{Value, json};
 
 use crate::metric::average::{ScoredFrame, by_class, mean_over_classes};
@@ -76,7 +77,7 @@ pub struct EvaluationPlan {
     /// Topic of the ground truth.
     pub truth: Option<String>,
     /// Whether images are saved: `FOLDER/STREAM/NUMBER.png`, and `FOLDER/grid.png` with the last frame of every stream
-    /// and its boxes, in two columns and in the order of the detectors.
+    /// and its boxes, in two columns and in the order of the detectors, with a legend of the classes.
     pub save_images: bool,
     /// Folder for images and results.
     pub folder: PathBuf,
@@ -157,15 +158,26 @@ impl Evaluation {
             }
         }
         if plan.save_images {
-            let topics = plan.streams.iter().filter_map(|s| s.annotated.as_deref());
-            let frames: Vec<&Frame> = topics.filter_map(|topic| image(out, topic)).collect();
-            if let Some(picture) = mosaic(&frames) {
-                save_png(&plan.folder.join("grid.png"), &picture)?;
-            }
+            self.save_sheet(out, plan)?;
         }
         let truth = plan.truth.as_deref().and_then(|topic| arrays(out, topic).next());
         self.truth.push(truth.map(from_detections));
         Ok(())
+    }
+
+    /// Writes the annotated images of the last frame as one.
+    fn save_sheet(&self, out: &[OnTopic], plan: &Plan) -> Result<(), EvalError> {
+        let mut pictures = Vec::new();
+        for stream in &plan.streams {
+            let annotated = stream.annotated.as_deref().and_then(|topic| image(out, topic));
+            pictures.extend(annotated.and_then(picture).map(|picture| (stream.name.as_str(), picture)));
+        }
+        let found = self.boxes.values().filter_map(|frames| frames.last()).flatten();
+        let Some(sheet) = sheet(&pictures, &distinct(found.map(|d| d.class.as_str()))) else { return Ok(()) };
+        let size = (sheet.height() as usize, sheet.width() as usize, 3);
+        let pixels = Array3::from_shape_vec(size, sheet.into_raw()).expect("three samples a pixel");
+        let frame = Frame::from_u8(pixels).expect("a sheet has three channels");
+        Ok(save_png(&plan.folder.join("grid.png"), &frame)?)
     }
 
     /// AP50 of each stream over the labelled frames.
@@ -224,6 +236,14 @@ fn image<'a>(out: &'a [OnTopic], topic: &str) -> Option<&'a Frame> {
         Message::Image(image) => Some(&image.frame),
         _ => None,
     })
+}
+
+/// An annotated frame. `None` unless it is 8-bit RGB.
+fn picture(frame: &Frame) -> Option<Picture> {
+    let pixels = frame.as_u8()?;
+    let (height, width, _) = pixels.dim();
+    let [width, height] = [width, height].map(|side| u32::try_from(side).ok());
+    Picture::new(width?, height?, pixels.iter().copied().collect(), Vec::new()).ok()
 }
 
 /// File name of the image of a frame.
@@ -294,52 +314,5 @@ impl Timeline {
                 message.set_stamp(Time::from_ns(message.stamp().as_ns().saturating_add(self.shift)));
             }
         }
-    }
-}
-
-/// Width of the line between joined images, px.
-const GAP: usize = 4;
-
-/// Joins `frames` row by row. `None` without frames, or if one is not 8-bit RGB of the size of the first.
-fn mosaic(frames: &[&Frame]) -> Option<Frame> {
-    let (height, width, channels) = frames.first()?.dim();
-    let rows = frames.len().div_ceil(2);
-    // The picture is white at first, so that the gaps and an empty last place need no drawing.
-    let size = (rows * (height + GAP) - GAP, 2 * width + GAP, 3);
-    let mut picture = Array3::from_elem(size, u8::MAX);
-    for (index, frame) in frames.iter().enumerate() {
-        let pixels = frame.as_u8()?;
-        if frame.dim() != (height, width, 3) || channels != 3 {
-            return None;
-        }
-        let (top, left) = ((index / 2) * (height + GAP), (index % 2) * (width + GAP));
-        picture.slice_mut(s![top..top + height, left..left + width, ..]).assign(pixels);
-    }
-    Frame::from_u8(picture).ok()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn plain(value: u8) -> Frame {
-        Frame::from_u8(Array3::from_elem((2, 3, 3), value)).expect("a frame")
-    }
-
-    #[test]
-    fn four_frames_are_two_rows_with_a_line_between() {
-        let frames = [1, 2, 3, 4].map(plain);
-        let picture = mosaic(&frames.each_ref()).expect("a picture");
-        let picture = picture.as_u8().expect("8 bits");
-        assert_eq!(picture.dim(), (2 + GAP + 2, 3 + GAP + 3, 3));
-        let corners = [picture[(0, 0, 0)], picture[(0, 3 + GAP, 0)], picture[(2 + GAP, 0, 0)]];
-        assert_eq!((corners, picture[(0, 3, 0)]), ([1, 2, 3], 255));
-    }
-
-    #[test]
-    fn frames_that_do_not_fit_give_none() {
-        let small = Frame::from_u8(Array3::zeros((1, 1, 3))).expect("a frame");
-        assert_eq!(mosaic(&[&plain(1), &small]), None);
-        assert_eq!(mosaic(&[]), None);
     }
 }

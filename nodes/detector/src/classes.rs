@@ -66,12 +66,6 @@ impl Classes {
         (self.wanted.is_empty() || self.wanted.contains(&name)).then_some(name)
     }
 
-    /// Returns a number that stays with `name`, such as to choose a colour.
-    pub fn position(&self, name: &str) -> usize {
-        let listed = self.published.iter().position(|known| known == name);
-        listed.or_else(|| name.parse().ok()).unwrap_or(0)
-    }
-
     /// Returns whether `name` can be published. A class without a name is called by its number.
     fn possible(&self, name: &str) -> bool {
         let by_number = || name.parse().is_ok_and(|index| self.names.name(index) == name);

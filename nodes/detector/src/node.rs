@@ -68,7 +68,7 @@ impl Detector {
             cx.stage("infer", || engine.engine.run(pre.tensor())).map_err(|error| error.to_string())?;
         let found = cx.stage("post", || detections(&rows, &letterbox, settings));
         if cx.wanted(ANNOTATED) {
-            let frame = cx.stage("draw", || annotated(&image.frame, bits, &found, &settings.classes))?;
+            let frame = cx.stage("draw", || annotated(&image.frame, bits, &found))?;
             let image = StampedFrame { header: image.header.clone(), frame };
             cx.emit(ANNOTATED, Message::Image(Arc::new(image)));
         }

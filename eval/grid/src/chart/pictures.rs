@@ -1,6 +1,6 @@
 //! Images with boxes: figure 2 of the paper, and the worst frame of each stream.
 
-use modulo_charts::{ChartBody, Picture, Pictures};
+use modulo_charts::{ChartBody, Picture, Pictures, class_colour};
 
 use super::NamedChart;
 use crate::labels::{self, distinct};
@@ -15,11 +15,14 @@ pub struct DetectionPicture {
     pub number: usize,
     /// Name of the frame in the data.
     pub frame: String,
+    /// The classes of the objects that were found.
+    pub classes: Vec<String>,
     /// The image with the boxes.
     pub picture: Picture,
 }
 
-const FOOTER: &str = "Blue: labelled. Orange: found, with a score of at least 0.25.";
+const FOOTER: &str = "White boxes are labelled objects. Coloured boxes are objects that were found with a score of at least 0.25, in the colour of \
+     their class.";
 
 /// The cells and frames that the charts show: frame `busiest` at all alphas, and the worst frame of each stream at the
 /// alpha nearest to 4.
@@ -55,7 +58,7 @@ pub fn charts(results: &Results, pictures: &[DetectionPicture]) -> Vec<NamedChar
             (format!("alpha {alpha}"), row(pictures, &cells, busiest.number))
         };
         let title = format!("What the detector sees: frame {}", busiest.frame);
-        named(results, "pictures_streams", title, &four, alphas.iter().map(row).collect())
+        named(results, "pictures_streams", title, &four, (alphas.iter().map(row).collect(), legend(pictures)))
     });
     let row = |(what, number): &(String, usize)| {
         let frame =
@@ -63,15 +66,29 @@ pub fn charts(results: &Results, pictures: &[DetectionPicture]) -> Vec<NamedChar
         (format!("{what}, frame {frame}"), row(pictures, &four, *number))
     };
     let title = format!("The worst frame of each stream, alpha {alpha}");
-    let worst = named(results, "pictures_worst", title, &four, worst.iter().map(row).collect());
+    let worst =
+        named(results, "pictures_worst", title, &four, (worst.iter().map(row).collect(), legend(pictures)));
     by_alpha.into_iter().chain([worst]).collect()
 }
 
 type Row = (String, Vec<Option<Picture>>);
+type Legend = Vec<(String, [u8; 3])>;
 
-fn named(results: &Results, name: &str, title: String, cells: &[&Cell], rows: Vec<Row>) -> NamedChart {
+/// The colours of the classes of `pictures`.
+fn legend(pictures: &[DetectionPicture]) -> Legend {
+    let classes = distinct(pictures.iter().flat_map(|picture| picture.classes.iter().cloned()));
+    classes.into_iter().map(|class| (class.clone(), class_colour(&class))).collect()
+}
+
+fn named(
+    results: &Results,
+    name: &str,
+    title: String,
+    cells: &[&Cell],
+    (rows, legend): (Vec<Row>, Legend),
+) -> NamedChart {
     let columns = cells.iter().map(|cell| labels::stream(&cell.point)).collect();
-    let body = ChartBody::Pictures(Pictures { columns, rows });
+    let body = ChartBody::Pictures(Pictures { columns, rows, legend });
     let mut named = NamedChart::new(name.to_owned(), title, results, FOOTER.to_owned(), body);
     if let Some(Cell { point, .. }) = cells.first() {
         let conditions = labels::conditions(labels::conditions_of(point));

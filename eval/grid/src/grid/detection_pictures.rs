@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use modulo_bags::source::GroundTruth;
-use modulo_charts::Picture;
-use modulo_core::{Detection, Frame};
+use modulo_charts::{LabelledBox, Picture, class_colour, distinct};
+use modulo_core::{BBox, Detection, Frame};
 use modulo_runtime::Clock;
 
 use super::detect::DetectionCache;
@@ -19,8 +19,8 @@ use crate::results::{Point, Results};
 
 /// Lowest score of a box that is drawn.
 const LEAST_SHOWN: f32 = 0.25;
-/// Index of the colour of labelled and of detected boxes.
-const COLOURS: [usize; 2] = [0, 1];
+/// Colour of labelled boxes.
+const WHITE: [u8; 3] = [0xff; 3];
 
 /// Draws figure 2 of the paper over the alphas of `results`, and the worst frame of each stream, for the first model, lens
 /// and method. Without cells there is no chart.
@@ -66,21 +66,23 @@ fn detect(
             let (Some(image), Some(worker)) = (input.image, runner.workers.first_mut()) else { continue };
             let output = worker.detect(number, image.clone(), &DetectionCache::default())?;
             let found = output.found.as_deref().map_or(&[][..], Vec::as_slice);
-            let Some(picture) = picture(&image.frame, &truths[number], found) else { continue };
-            pictures.push(DetectionPicture { point: point.clone(), number, frame: name, picture });
+            let shown: Vec<&Detection> = found.iter().filter(|d| d.score >= LEAST_SHOWN).collect();
+            let Some(picture) = picture(&image.frame, &truths[number], &shown) else { continue };
+            let classes = distinct(shown.into_iter().map(|d| d.class.clone()));
+            pictures.push(DetectionPicture { point: point.clone(), number, frame: name, classes, picture });
         }
     }
     Ok(pictures)
 }
 
-fn picture(frame: &Frame, truth: &[GroundTruth], found: &[Detection]) -> Option<Picture> {
+fn picture(frame: &Frame, truth: &[GroundTruth], found: &[&Detection]) -> Option<Picture> {
     let pixels = frame.as_u8()?;
     let (height, width, channels) = pixels.dim();
     let rgb =
         pixels.iter().flat_map(|&sample| std::iter::repeat_n(sample, if channels == 1 { 3 } else { 1 }));
-    let labelled =
-        truth.iter().filter(|label| label.class != DONT_CARE).map(|label| (label.bbox, COLOURS[0]));
-    let found = found.iter().filter(|d| d.score >= LEAST_SHOWN).map(|d| (d.bbox, COLOURS[1]));
-    let boxes = labelled.chain(found).map(|(b, colour)| ([b.x1, b.y1, b.x2, b.y2], colour)).collect();
+    let boxed = |b: BBox, colour, label| LabelledBox { corners: [b.x1, b.y1, b.x2, b.y2], colour, label };
+    let found = found.iter().map(|d| boxed(d.bbox, class_colour(&d.class), format!("{:.2}", d.score)));
+    let labelled = truth.iter().filter(|label| label.class != DONT_CARE);
+    let boxes = found.chain(labelled.map(|label| boxed(label.bbox, WHITE, String::new()))).collect();
     Picture::new(u32::try_from(width).ok()?, u32::try_from(height).ok()?, rgb.collect(), boxes).ok()
 }
