@@ -52,18 +52,16 @@ impl Deblur {
         let samples = in_order(x.view());
         let (_, width, channels) = x.dim();
         let stride = width * channels;
-        let (filter, max) = (
-            SpectralFilter {
-                by_row: &self.by_row,
-                by_column: &self.by_column,
-                rule: |by_row: f32, by_column: f32, c: f32| {
-                    let h = by_row * by_column;
-                    // Where H is near 0 the noise would be amplified without bound; the NSR limits the gain to 25.
-                    c * (h / (h * h + NSR as f32))
-                },
+        let filter = SpectralFilter {
+            by_row: &self.by_row,
+            by_column: &self.by_column,
+            rule: |by_row: f32, by_column: f32, c: f32| {
+                let h = by_row * by_column;
+                // Where H is near 0 the noise would be amplified without bound; the NSR limits the gain to 25.
+                c * (h / (h * h + NSR as f32))
             },
-            (range.limit() as f32).next_down(),
-        );
+        };
+        let max = (range.limit() as f32).next_down();
         self.grid.filter(
             &Workers::current_thread(),
             #[inline(always)]

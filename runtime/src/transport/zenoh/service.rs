@@ -101,7 +101,6 @@ impl ZenohTransport {
             guards.push(Box::new((queryable, token)));
         }
         let (clock, calls) = (self.clock.clone(), queue.clone());
-        // One thread for all services, so that answers come in the order of the calls.
         thread::Builder::new()
             .name("services".into())
             .spawn(move || {
