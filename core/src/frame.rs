@@ -8,6 +8,15 @@ use ndarray::{Array3, ArrayView3};
 
 /// An image that is valid by construction: `H x W x C` samples, `H`, `W` >= 1, `C` = 1 (mono) or 3 (red, green,
 /// blue), row-major and interleaved; samples of 32 bits are finite.
+/// ```
+/// use modulo_core::Frame;
+/// use ndarray::Array3;
+///
+/// let frame = Frame::from_u8(Array3::zeros((2, 3, 3)))?;
+/// assert_eq!((frame.height(), frame.width(), frame.channels(), frame.depth()), (2, 3, 3, 8));
+/// assert!(Frame::from_u8(Array3::zeros((2, 3, 4))).is_err(), "four channels are no image");
+/// # Ok::<(), modulo_core::FrameError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     samples: Samples,

@@ -70,6 +70,20 @@ pub enum SensorError {
 }
 
 /// A sensor with a valid configuration.
+/// ```
+/// use modulo_core::{Psf, Sensor, SensorConfig};
+/// use ndarray::Array3;
+///
+/// // An image whose right half is four times as bright as the peak of 8 bits allows.
+/// let radiance = Array3::from_shape_fn((4, 8, 1), |(_, column, _)| if column < 4 { 0.1 } else { 0.9 });
+/// let config = SensorConfig { bits: 8, alpha: 4.0, psf: Psf::None, read_noise: 0.0, shot_noise: 0.0 };
+/// let exposure = Sensor::new(config)?.expose(radiance.view(), 0)?;
+/// let modulo = exposure.modulo();
+/// // x = 0.9 * 4 * 256 = 921 counts, which wrap three times: 921 = 153 + 3 * 256.
+/// assert_eq!(modulo.as_u8().map(|pixels| pixels[(0, 7, 0)]), Some(153));
+/// assert_eq!(exposure.wraps()[(0, 7, 0)], 3);
+/// # Ok::<(), modulo_core::SensorError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Sensor {
     range: Range,

@@ -9,6 +9,12 @@ use std::str::FromStr;
 const LARGEST: usize = 8192;
 
 /// The specification of a rendered sequence: a preset, a seed, a size and a length.
+/// ```
+/// let spec: modulo_scene::SceneSpec = "scene://tunnel?seed=3&width=64&height=32".parse()?;
+/// let frame = spec.scene().render(0, spec.height, spec.width);
+/// assert_eq!(frame.radiance.dim(), (32, 64, 3));
+/// # Ok::<(), modulo_scene::SpecError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SceneSpec {
     /// The light and the location.

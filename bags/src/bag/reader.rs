@@ -11,6 +11,22 @@ use super::storage::{self, Cursor, IndexUse, Merge, MergeInput, Storage};
 use super::{BagError, BagWarning, RawMessage, TopicCount};
 
 /// An open bag: its index is known, and no message has been read yet.
+/// ```
+/// use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, Selection};
+/// use modulo_runtime::Qos;
+///
+/// let folder = tempfile::tempdir()?;
+/// let path = folder.path().join("bag");
+/// let mut writer = BagWriter::create(&path, Compression::Zstd)?;
+/// let topic = writer.topic(&BagTopic::new("/log", "std_msgs/msg/String", Qos::Results))?;
+/// writer.write(topic, 7, 7, &[0, 1, 0, 0, 1, 0, 0, 0, 0])?;
+/// writer.finish()?;
+///
+/// let bag = BagReader::open(&path)?;
+/// let times: Vec<u64> = bag.messages(&Selection::default()).map(|m| m.map(|m| m.log_time)).collect::<Result<_, _>>()?;
+/// assert_eq!(times, [7]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct BagReader {
     path: PathBuf,

@@ -142,6 +142,15 @@ const FRAME_ID: &str = "camera";
 ///
 /// # Errors
 /// [`SourceError`] when the path is missing, holds no frame, or cannot be read.
+/// ```
+/// use modulo_bags::source::{SourceOptions, open};
+///
+/// let mut source = open("scene://tunnel?seed=3&frames=2&width=64&height=32", &SourceOptions::default())?;
+/// let frame = source.next().expect("the scene has two frames")?;
+/// assert_eq!(frame.radiance.dim(), (32, 64, 3));
+/// assert!(frame.ground_truth.is_some());
+/// # Ok::<(), modulo_bags::source::SourceError>(())
+/// ```
 pub fn open(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, SourceError> {
     if spec.starts_with("scene://") {
         return Ok(Box::new(SceneSource::open(spec)?));

@@ -82,6 +82,22 @@ impl FromStr for Method {
 }
 
 /// A method that finds the wrap counts of a modulo image.
+/// ```
+/// use modulo_core::unwrap::{Method, Options, Trust};
+/// use modulo_core::{Psf, Recovered, Sensor, SensorConfig};
+/// use ndarray::Array3;
+///
+/// let radiance = Array3::from_shape_fn((32, 64, 1), |(i, j, _)| (i + j) as f32 / 100.0);
+/// let config = SensorConfig { bits: 8, alpha: 4.0, psf: Psf::None, read_noise: 0.0, shot_noise: 0.0 };
+/// let exposure = Sensor::new(config)?.expose(radiance.view(), 0)?;
+///
+/// let mut recovered = Recovered::default();
+/// let mut method = Method::Auto.build(&Options::default())?;
+/// method.unwrap(&exposure.modulo(), exposure.range(), &mut recovered)?;
+/// assert_eq!(recovered.k, exposure.wraps());
+/// assert_eq!(recovered.report.trust, Trust::Trusted);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait Unwrap: Send {
     /// Returns the name of the method, as in [`METHODS`].
     fn name(&self) -> &'static str;

@@ -20,6 +20,12 @@ use crate::substitution::truth;
 /// [`LaunchError::At`] for a mistake in a file, [`LaunchError::UnknownArgument`]
 /// for an argument that no file declares, [`LaunchError::File`] when a file
 /// cannot be read.
+/// ```
+/// let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("recovered.launch.yaml");
+/// let plan = modulo_launch::resolve(&file, &[("alpha".into(), "2.0".into())])?;
+/// assert_eq!(plan.nodes.len(), 3);
+/// # Ok::<(), modulo_launch::LaunchError>(())
+/// ```
 pub fn resolve(file: &Path, arguments: &[(String, String)]) -> Result<Plan, LaunchError> {
     check(file, arguments).map_err(Mistakes::into_first)
 }

@@ -26,6 +26,23 @@ const DETECTIONS: usize = 0;
 const ANNOTATED: usize = 1;
 
 /// Finds objects in the images of one stream.
+/// ```
+/// use modulo_detector::{Detector, DetectorParameters, EngineChoice};
+/// use modulo_runtime::driver::lockstep::Lockstep;
+/// use modulo_runtime::{Message, NodeName, StampedFrame, SystemClock};
+/// use modulo_core::Frame;
+///
+/// let parameters = DetectorParameters { engine: EngineChoice::Rten, ..Default::default() };
+/// let clock = SystemClock::default();
+/// let mut chain = Lockstep::new(&clock, vec!["/detector/detections".into()]);
+/// chain.add(Box::new(Detector::new(&parameters)?), &NodeName::new("detector", "/", &[])?)?;
+///
+/// let frame = Frame::from_u8(ndarray::Array3::zeros((64, 96, 3)))?;
+/// let image = Message::Image(StampedFrame { header: Default::default(), frame }.into());
+/// let answers = chain.feed("/recovered", image, 0)?;
+/// assert!(matches!(&answers[..], [(_, Message::Detections(boxes))] if boxes.detections.is_empty()));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Detector {
     parameters: DetectorParameters,
     settings: Settings,
