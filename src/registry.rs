@@ -1,5 +1,4 @@
-//! The list of nodes by the name of their executable: the one place that knows
-//! all of them.
+//! The list of nodes by the name of their executable: the one place that knows all of them.
 
 use anyhow::Context;
 use modulo_camera::{CameraParameters, ModuloCamera};

@@ -24,8 +24,7 @@ const IMAGE: &str = "sensor_msgs/msg/Image";
 const START: u64 = 1_700_000_000_000_000_000;
 const MS: u64 = 1_000_000;
 
-/// A bag of `count` messages on /data, `every` ms apart, each `length` bytes with
-/// its number in front.
+/// A bag of `count` messages on /data, `every` ms apart, each `length` bytes with its number in front.
 fn write_bag(path: &Path, count: u32, every: u64, length: usize) {
     let mut bag = BagWriter::create(path, Compression::None).expect("a new bag");
     let topic = bag.topic(&BagTopic::new("/data", IMAGE, Qos::Images)).expect("a topic");

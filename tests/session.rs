@@ -11,8 +11,7 @@ use modulo_runtime::transport::Transport;
 use modulo_runtime::transport::zenoh::meeting_port;
 use zenoh::Wait;
 
-/// The meeting port is taken by somebody who does not speak zenoh: nodes then
-/// see each other through the router alone.
+/// The meeting port is taken by somebody who does not speak zenoh: nodes then see each other through the router alone.
 #[test]
 fn a_router_is_used_when_there_is_one() {
     let bench = Bench::new();

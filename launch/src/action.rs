@@ -1,6 +1,5 @@
-//! The actions of a launch file, read but not yet evaluated: every mistake that
-//! can be seen without values is found here, also in branches that will not be
-//! taken. Nothing is evaluated and no other file is opened.
+//! The actions of a launch file, read but not yet evaluated: every mistake that can be seen without values is found
+//! here, also in branches that will not be taken. Nothing is evaluated and no other file is opened.
 
 mod process;
 

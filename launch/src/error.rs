@@ -1,5 +1,4 @@
-//! [`LaunchError`]: one line that names the place, the thing and what is
-//! possible. Nothing is printed here.
+//! [`LaunchError`]: one line that names the place, the thing and what is possible. Nothing is printed here.
 
 use std::path::{Path, PathBuf};
 

@@ -27,8 +27,7 @@ pub(crate) fn share(package: &str, around: &Surroundings<'_>) -> Result<PathBuf,
     Ok(installed(package, around)?.join("share").join(package))
 }
 
-/// The prefix under which a package is installed; for the suite in a checkout
-/// the checkout.
+/// The prefix under which a package is installed; for the suite in a checkout the checkout.
 ///
 /// # Errors
 /// [`SubstitutionError`] with the places that were looked at.

@@ -1,9 +1,7 @@
-//! Runs a [`Plan`]: starts its processes, marks their output, starts crashed
-//! ones again, and ends them all in order. No process outlives the launcher:
-//! each leads its own process group, which is killed when it is let go.
+//! Runs a [`Plan`]: starts its processes, marks their output, starts crashed ones again, and ends them all in order. No
+//! process outlives the launcher: each leads its own process group, which is killed when it is let go.
 //!
-//! At a shutdown every process gets SIGINT, after its `sigterm_timeout` SIGTERM,
-//! after its `sigkill_timeout` SIGKILL.
+//! At a shutdown every process gets SIGINT, after its `sigterm_timeout` SIGTERM, after its `sigkill_timeout` SIGKILL.
 
 mod job;
 mod running;
@@ -149,12 +147,10 @@ pub(crate) fn start_error(process: &str, why: impl ToString) -> LaunchError {
     LaunchError::Start { process: process.to_owned(), why: why.to_string() }
 }
 
-/// Runs `plan` until all its processes have ended, one of them ends all, or the
-/// launcher gets SIGINT or SIGTERM.
+/// Runs `plan` until all its processes have ended, one of them ends all, or the launcher gets SIGINT or SIGTERM.
 ///
 /// # Errors
-/// [`LaunchError::Start`] when an executable is not found; nothing has been
-/// started then.
+/// [`LaunchError::Start`] when an executable is not found; nothing has been started then.
 pub async fn run(plan: Plan, how: &Supervision) -> Result<Outcome, LaunchError> {
     // The handlers are there before the first process: a signal would else end the launcher and leave its
     // processes running.

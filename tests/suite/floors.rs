@@ -1,5 +1,4 @@
-//! Arrows between crates point downward, and each library is named where
-//! ARCHITECTURE.md says.
+//! Arrows between crates point downward, and each library is named where ARCHITECTURE.md says.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -1,5 +1,4 @@
-//! The launch files, run by the shipped binary: three processes, one process,
-//! lockstep.
+//! The launch files, run by the shipped binary: three processes, one process, lockstep.
 
 use crate::harness::{Bench, arg, classes, json, model, text};
 

@@ -181,7 +181,7 @@ fn respawn(action: &ProcessAction, view: View<'_>) -> Result<Respawn, LaunchErro
             if number < -1 {
                 return Err(view.refuse(text, why));
             }
-            // Of the allowed numbers only -1 does not fit, and `None` stands for any number of starts.
+            // Neither -1 nor a count beyond 32 bits fits: `None` stands for any number of starts.
             u32::try_from(number).ok()
         }
     };
@@ -195,8 +195,7 @@ fn respawn(action: &ProcessAction, view: View<'_>) -> Result<Respawn, LaunchErro
 /// character plain, and the value of a substitution is never split. As in ROS 2, no quote spans a substitution.
 ///
 /// # Errors
-/// [`SubstitutionError`] for a quote that does not end or spans a substitution,
-/// and for a substitution without a value.
+/// [`SubstitutionError`] for a quote that does not end or spans a substitution, and for a substitution without a value.
 fn split_words(template: &Template, around: &Surroundings<'_>) -> Result<Vec<String>, SubstitutionError> {
     let mut splitter = Splitter::default();
     for part in &template.parts {

@@ -1,6 +1,5 @@
-//! From a launch file and arguments to a [`Plan`]: actions are done in the order
-//! of the file, each in the scope that the earlier ones left. A mistake does not
-//! hide the next one. Nothing is started.
+//! From a launch file and arguments to a [`Plan`]: actions are done in the order of the file, each in the scope that
+//! the earlier ones left. A mistake does not hide the next one. Nothing is started.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -12,13 +11,11 @@ use crate::attributes::Text;
 use crate::error::{LaunchError, Mistakes};
 use crate::substitution::truth;
 
-/// Reads `file` and works it out with `arguments`, the (name, value) pairs of
-/// the command line.
+/// Reads `file` and works it out with `arguments`, the (name, value) pairs of the command line.
 ///
 /// # Errors
-/// [`LaunchError::At`] for a mistake in a file, [`LaunchError::UnknownArgument`]
-/// for an argument that no file declares, [`LaunchError::File`] when a file
-/// cannot be read.
+/// [`LaunchError::At`] for a mistake in a file, [`LaunchError::UnknownArgument`] for an argument that no file declares,
+/// [`LaunchError::File`] when a file cannot be read.
 pub fn resolve(file: &Path, arguments: &[(String, String)]) -> Result<Plan, LaunchError> {
     check(file, arguments).map_err(Mistakes::into_first)
 }
@@ -49,8 +46,7 @@ pub fn check(file: &Path, arguments: &[(String, String)]) -> Result<Plan, Mistak
     Ok(resolver.plan)
 }
 
-/// The outermost file's path: `$(dirname)` is absolute in ROS, so that it means
-/// the same in an included file.
+/// The outermost file's path: `$(dirname)` is absolute in ROS, so that it means the same in an included file.
 pub(super) fn absolute(file: &Path) -> PathBuf {
     std::path::absolute(file).unwrap_or_else(|_| file.to_owned())
 }

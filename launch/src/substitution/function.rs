@@ -72,8 +72,7 @@ impl Function {
     /// The function called `name`.
     ///
     /// # Errors
-    /// [`SubstitutionError`] with the known names, or with the reason why a
-    /// known one of ROS 2 is not supported.
+    /// [`SubstitutionError`] with the known names, or with the reason why a known one of ROS 2 is not supported.
     pub fn named(name: &str) -> Result<Self, SubstitutionError> {
         if let Some((_, function, ..)) = KNOWN.iter().find(|known| known.0 == name) {
             return Ok(*function);

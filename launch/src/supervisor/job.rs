@@ -81,8 +81,7 @@ fn node_command(node: &NodePlan, suite: &Path) -> Result<CommandLine, LaunchErro
     Ok(CommandLine { program: installed(node)?, arguments })
 }
 
-/// The command of an `executable` action. The suite's own command is `suite`,
-/// whether or not it is on the PATH.
+/// The command of an `executable` action. The suite's own command is `suite`, whether or not it is on the PATH.
 fn executable_command(executable: &ExecutablePlan, suite: &Path) -> CommandLine {
     let mut words = executable.command.iter().cloned();
     let program = match words.next() {
@@ -123,8 +122,7 @@ fn variable(process: &ProcessPlan, name: &str) -> String {
 }
 
 impl Job {
-    /// Runs the process until it has ended for good. `told` turns true when all
-    /// are to end.
+    /// Runs the process until it has ended for good. `told` turns true when all are to end.
     pub async fn keep(self, mut told: watch::Receiver<bool>, print: Print) -> ProcessOutcome {
         let (mut restarts, mut short_lives) = (0, 0);
         let done = |restarts, end| ProcessOutcome { label: self.process.label.clone(), restarts, end };
