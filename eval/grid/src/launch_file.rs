@@ -166,7 +166,7 @@ impl Evaluation {
     }
 
     /// Writes the annotated images of the last frame as one.
-    fn save_sheet(&self, out: &[OnTopic], plan: &Plan) -> Result<(), EvalError> {
+    fn save_sheet(&self, out: &[OnTopic], plan: &EvaluationPlan) -> Result<(), EvalError> {
         let mut pictures = Vec::new();
         for stream in &plan.streams {
             let annotated = stream.annotated.as_deref().and_then(|topic| image(out, topic));
