@@ -5,8 +5,7 @@
 //! Writes `results.json` into the folder `evaluation`, as `modulo eval` does.
 
 use clap::Parser;
-use modulo_eval::data::Data;
-use modulo_eval::grid::{Options, Request, Suite, run};
+use modulo_eval::grid::{Data, GridOptions, Request, Suite, run};
 use modulo_runtime::SystemClock;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -15,7 +14,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         ["evaluate_cell", "--stream", "recovered", "--method", "auto", "--alpha", &alpha, "--fresh"];
     let request = Request {
         data: Data::Any("scene://tunnel?seed=3&frames=8".into()),
-        options: Options::try_parse_from(options)?,
+        options: GridOptions::try_parse_from(options)?,
         processor: "the processor of this machine".into(),
         out: "evaluation".into(),
     };

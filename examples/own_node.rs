@@ -49,7 +49,8 @@ impl Node for Road {
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let (clock, stop) = (Arc::new(SystemClock::default()), Stop::default());
+    let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
+    let stop = Stop::default();
     end_on_signals(&stop)?;
     let domain = std::env::var("ROS_DOMAIN_ID").map_or(Ok(0), |id| id.parse())?;
     let transport = ZenohTransport::open(domain, Hashes::Rihs01, clock.clone())?;

@@ -1,16 +1,13 @@
-//! The command line, as clap reads it.
-
-pub mod bag;
-pub mod eval;
-pub mod graph;
+//! The command line, as clap reads it. The arguments of a command stand in the file of the command.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand};
-use modulo_detector::EngineChoice;
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use modulo_eval::grid::words;
 use modulo_runtime::transport::keys::Hashes;
+
+use crate::command::{bag, bench, eval, graph, launch, model, param, run};
 
 /// Version of the suite.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -46,10 +43,10 @@ pub struct Cli {
 #[derive(Subcommand)]
 pub enum Command {
     /// Start the nodes of a ROS 2 launch file and supervise them
-    Launch(Launch),
+    Launch(launch::Launch),
     /// Run one node: modulo_camera, unwrap or detector
     #[command(disable_help_flag = true)]
-    Run(Run),
+    Run(run::Run),
     /// Record, replay, describe, convert, import and repair bags
     #[command(subcommand)]
     Bag(bag::Bag),
@@ -59,7 +56,7 @@ pub enum Command {
     Simulate(modulo_bench::simulate::SimulationRequest),
     /// Measure the unwrapping methods
     #[command(subcommand)]
-    Bench(Bench),
+    Bench(bench::Bench),
     /// Run all methods on the scenes on which methods fail, and show the results
     Stability {
         /// Folder for index.html, results.json and the pictures
@@ -68,16 +65,16 @@ pub enum Command {
     },
     /// Read and set parameters of running nodes
     #[command(subcommand)]
-    Param(Param),
+    Param(param::Param),
     /// List topics, print their messages and rates
     #[command(subcommand)]
-    Topic(graph::Topic),
+    Topic(graph::TopicCommand),
     /// List nodes, print their publishers, subscriptions and services
     #[command(subcommand)]
-    Node(graph::Node),
+    Node(graph::NodeCommand),
     /// Fetch official detection models, or check a model
     #[command(subcommand)]
-    Model(Model),
+    Model(model::Model),
     /// Print the chosen inference engine, how to get a faster one, and how nodes meet
     Doctor,
     /// Print a script that completes the command line in a shell
@@ -93,140 +90,6 @@ pub enum Command {
     },
 }
 
-/// `modulo launch`
-#[derive(Args)]
-pub struct Launch {
-    /// Launch file (ROS 2 YAML). Without it, the launch files that are found are listed
-    pub file: Option<PathBuf>,
-    /// Arguments as name:=value
-    pub arguments: Vec<String>,
-    /// Run all nodes in this one process
-    #[arg(long)]
-    pub compose: bool,
-    /// Write the summary to this file as JSON
-    #[arg(long, value_name = "FILE")]
-    pub summary: Option<PathBuf>,
-    /// End with exit code 3 also when newer images replaced older ones
-    #[arg(long)]
-    pub strict: bool,
-    /// Also print what the nodes log, with one line for each frame
-    #[arg(long, short, conflicts_with_all = ["print", "check", "show_args"])]
-    pub verbose: bool,
-    /// Say what the file would start, and end
-    #[arg(long, conflicts_with_all = ["compose", "summary"])]
-    pub print: bool,
-    /// Say every mistake in the file with its line, or that there is none, and end
-    #[arg(long, conflicts_with_all = ["compose", "summary", "print", "show_args"])]
-    pub check: bool,
-    /// List the file's arguments, and end
-    #[arg(long, short = 's', conflicts_with_all = ["compose", "summary", "print"])]
-    pub show_args: bool,
-}
-
-/// `modulo run`
-#[derive(Args)]
-pub struct Run {
-    /// Name of the node: modulo_camera, unwrap or detector
-    pub node: String,
-    /// --ros-args ... as ROS 2 writes them, or --help
-    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
-    pub arguments: Vec<String>,
-}
-
-/// `modulo bench`
-#[derive(Subcommand)]
-pub enum Bench {
-    /// Measure the time and the accuracy of every method, and draw a chart of both
-    Unwrap(modulo_bench::benchmark::BenchmarkRequest),
-    /// Draw the charts of the results in a folder again
-    Chart {
-        /// Folder with results.json and meta.json
-        folder: PathBuf,
-    },
-}
-
-/// `modulo param`
-#[derive(Subcommand)]
-pub enum Param {
-    /// List the parameters of a node, or of all nodes
-    List {
-        /// Fully qualified node name, such as /detector
-        node: Option<String>,
-        /// Also print the types
-        #[arg(long)]
-        param_type: bool,
-    },
-    /// Print the value of a parameter
-    Get {
-        /// Fully qualified node name
-        node: String,
-        /// Name of the parameter
-        name: String,
-        /// Print the value without its type
-        #[arg(long)]
-        hide_type: bool,
-    },
-    /// Print the type, meaning and range of parameters
-    Describe {
-        /// Fully qualified node name
-        node: String,
-        /// Names of the parameters
-        #[arg(required = true)]
-        names: Vec<String>,
-    },
-    /// Print all values as a file for --params-file
-    Dump {
-        /// Fully qualified node name
-        node: String,
-    },
-    /// Change the value of a parameter, which the node may refuse
-    Set {
-        /// Fully qualified node name
-        node: String,
-        /// Name of the parameter
-        name: String,
-        /// New value
-        #[arg(allow_hyphen_values = true)]
-        value: String,
-    },
-}
-
-/// `modulo model`
-#[derive(Subcommand)]
-pub enum Model {
-    /// Download an official YOLOv10 export, checked by sha256 (weights: AGPL-3.0)
-    Fetch(ModelFetch),
-    /// Print the input, output, engine and speed of a model
-    Check(ModelCheck),
-}
-
-/// `modulo model fetch`
-#[derive(Args)]
-pub struct ModelFetch {
-    /// Name of the export: yolov10n, yolov10s, yolov10m, yolov10b, yolov10l or yolov10x
-    pub name: String,
-    /// Folder for the file NAME.onnx
-    #[arg(short, long, value_name = "FOLDER", default_value = "./")]
-    pub out: PathBuf,
-    /// Another URL of the file, such as that of a mirror
-    #[arg(long)]
-    pub url: Option<String>,
-    /// Expected sha256 of the file, in place of the known one
-    #[arg(long, value_name = "HEX")]
-    pub sha256: Option<String>,
-}
-
-/// `modulo model check`
-#[derive(Args)]
-pub struct ModelCheck {
-    /// Path of the ONNX file
-    pub file: PathBuf,
-    /// Inference engine: ONNX Runtime (ort), rten, or auto for ONNX Runtime where its library is found, and rten
-    /// elsewhere
-    #[arg(long, default_value = "auto", value_parser = words(EngineChoice::WORDS))]
-    pub engine: EngineChoice,
-}
-
 /// Reads the command line. A link named after a node runs that node. Every option takes a negative number, so that its
 /// refusal names the possible range.
 pub fn parse() -> Cli {
@@ -234,8 +97,10 @@ pub fn parse() -> Cli {
     let called = arguments.first().map(PathBuf::from).unwrap_or_default();
     let called = called.file_stem().and_then(|name| name.to_str()).unwrap_or_default();
     if crate::registry::KINDS.iter().any(|kind| kind.name == called) {
+        // `ros2 run` and `ros2 launch` start a node by the name of its executable, which is such a link.
         arguments.splice(0..1, ["modulo", "run", called].map(OsString::from));
     }
+    // The long version replaces only the text of --version; -V stays one line.
     let matches = with_negative_numbers(command()).long_version(LONG_VERSION).get_matches_from(arguments);
     Cli::from_arg_matches(&matches).unwrap_or_else(|why| why.exit())
 }
@@ -243,6 +108,8 @@ pub fn parse() -> Cli {
 /// Returns the command line. `--hash` is shown in the long help of commands that exchange messages with other nodes.
 pub fn command() -> clap::Command {
     let command = Cli::command();
+    // A global option is in the help of every command, so it is hidden and shown again where it has a
+    // meaning.
     let hash = command.get_arguments().find(|argument| argument.get_id() == "hash");
     let hash = hash.expect("the field `hash` declares it").clone().hide(false).hide_short_help(true);
     ON_THE_GRAPH.into_iter().fold(command, |command, path| with_argument(command, path, &hash))

@@ -45,12 +45,13 @@ fn fail(code: u8, why: &anyhow::Error) -> ExitCode {
     ExitCode::from(code)
 }
 
-/// The error and its causes in one line; an error that ends with its cause's words has said it.
+/// Returns the error and its causes in one line. A cause that the text before it repeats already is left out.
 fn told(why: &anyhow::Error) -> String {
     let mut text = String::new();
     for cause in why.chain().map(ToString::to_string) {
         if text.is_empty() {
             text = cause;
+        // Many libraries write the text of their cause at the end of their own.
         } else if !text.ends_with(&cause) {
             text = format!("{text}: {cause}");
         }

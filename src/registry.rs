@@ -1,5 +1,4 @@
-//! The list of nodes by the name of their executable: the one place that knows
-//! all of them.
+//! The list of nodes by the name of their executable: the one place that knows all of them.
 
 use anyhow::Context;
 use modulo_camera::{CameraParameters, ModuloCamera};
@@ -9,30 +8,30 @@ use modulo_runtime::{Descriptor, Node, ParameterSet as _, Parameters};
 use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 
 /// One kind of node.
-pub struct Kind {
+pub struct NodeKind {
     /// Name of the executable, and of the node unless it gets another.
     pub name: &'static str,
-    /// One line.
+    /// A description of one line.
     pub about: &'static str,
     declare: fn() -> Vec<Descriptor>,
     make: fn(&Parameters) -> anyhow::Result<Box<dyn Node>>,
 }
 
 /// All kinds, in the order in which frames pass them.
-pub const KINDS: [Kind; 3] = [
-    Kind {
+pub const KINDS: [NodeKind; 3] = [
+    NodeKind {
         name: "modulo_camera",
         about: "a simulated modulo sensor over any source of frames",
         declare: CameraParameters::descriptors,
         make: |parameters| Ok(Box::new(ModuloCamera::new(&parameters.into())?)),
     },
-    Kind {
+    NodeKind {
         name: "unwrap",
         about: "modulo image in, recovered image out",
         declare: UnwrapParameters::descriptors,
         make: |parameters| Ok(Box::new(UnwrapNode::new(&parameters.into())?)),
     },
-    Kind {
+    NodeKind {
         name: "detector",
         about: "image in, bounding boxes out (YOLOv10, end to end)",
         declare: DetectorParameters::descriptors,
@@ -41,14 +40,14 @@ pub const KINDS: [Kind; 3] = [
 ];
 
 /// The kind called `name`.
-pub fn kind(name: &str) -> anyhow::Result<&'static Kind> {
+pub fn kind(name: &str) -> anyhow::Result<&'static NodeKind> {
     KINDS.iter().find(|kind| kind.name == name).with_context(|| {
         let known: Vec<_> = KINDS.iter().map(|kind| kind.name).collect();
         format!("node '{name}' is unknown, known are {}", known.join(", "))
     })
 }
 
-impl Kind {
+impl NodeKind {
     /// Its parameters with their defaults.
     pub fn parameters(&self) -> Parameters {
         Parameters::declare([(self.declare)(), CommonParameters::descriptors()].concat())

@@ -2,11 +2,9 @@
 
 mod harness;
 
-use std::process::Command;
 use std::time::{Duration, Instant};
 
-use harness::peer::{Heard, Peer};
-use harness::{Background, Bench, arg, json, model, wait_until};
+use harness::{Background, Bench, Heard, Peer, arg, json, model, signal, wait_until};
 use modulo_runtime::transport::Transport;
 use modulo_runtime::{Clock, Message, MessageKind, SystemClock};
 use serde_json::Value;
@@ -18,18 +16,6 @@ fn suite(bench: &Bench, more: &[&str]) -> Background {
     let fixed =
         ["launch", "launch/recovered.launch.yaml", &source, &model, "engine:=rten", "rate:=10", "loop:=true"];
     bench.start(&[&fixed[..], &["--summary", &summary], more].concat())
-}
-
-/// Process id of the node of `launcher` with this kind.
-fn node(launcher: &Background, kind: &str) -> Option<String> {
-    let parent = launcher.0.id().to_string();
-    let found = Command::new("pgrep").args(["-P", &parent, "-f", &format!("run {kind}")]).output();
-    let found = String::from_utf8(found.expect("pgrep runs").stdout).expect("numbers");
-    found.lines().next().map(str::to_owned)
-}
-
-fn signal(signal: &str, pid: &str) {
-    assert!(Command::new("kill").args([signal, pid]).status().expect("kill runs").success());
 }
 
 fn stamp(message: &Message) -> u64 {
@@ -47,8 +33,8 @@ fn next_answer(heard: &Heard, what: &str) {
 }
 
 /// Stops the process until frames on its `input` were sent for as long as `pause`.
-fn stop_for(input: &Heard, process: &str, pause: Duration) {
-    signal("-STOP", process);
+fn stop_for(input: &Heard, process: u32, pause: Duration) {
+    signal(process, "STOP");
     let end = SystemClock::default().now_ns() + pause.as_nanos() as u64;
     input.until("frames in the pause", |frame| stamp(frame) >= end);
 }
@@ -76,12 +62,12 @@ fn every_frame_is_answered_or_counted_when_nodes_are_killed() {
             [("detector", Some(&recovered)), ("unwrap", Some(&modulo)), ("modulo_camera", None)]
         {
             next_answer(&detections, "boxes before the crash");
-            let victim = node(&running, kind).expect("it runs");
+            let victim = running.node(kind).expect("it runs");
             if let Some(input) = input {
                 // It dies with frames in its hands.
-                stop_for(input, &victim, Duration::from_millis(300));
+                stop_for(input, victim, Duration::from_millis(300));
             }
-            signal("-KILL", &victim);
+            signal(victim, "KILL");
             let crashed = Instant::now();
             next_answer(&detections, "boxes after the crash");
             let back = crashed.elapsed();
@@ -117,9 +103,9 @@ fn a_replaced_image_is_a_loss_only_when_that_is_asked_for() {
             [("/modulo", MessageKind::Image), ("/detector/detections", MessageKind::Detections)]
                 .map(|(topic, kind)| peer.hear(topic, kind));
         next_answer(&detections, "boxes before the pause");
-        let reader = node(&running, "unwrap").expect("it runs");
-        stop_for(&frames, &reader, Duration::from_millis(500));
-        signal("-CONT", &reader);
+        let reader = running.node("unwrap").expect("it runs");
+        stop_for(&frames, reader, Duration::from_millis(500));
+        signal(reader, "CONT");
         next_answer(&detections, "boxes after the pause");
         assert_eq!(running.interrupt(), Some(code), "{more:?}");
         let summary = json(&bench.path("summary.json"));

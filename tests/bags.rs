@@ -1,15 +1,14 @@
-//! Bags with the shipped binary: recorded, killed, split, replayed, driven.
+//! Bags of the shipped binary: they are recorded, cut by a crash, split, replayed, and controlled by services.
 
 mod harness;
 
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::thread::sleep;
 use std::time::{Duration, Instant, SystemTime};
 
-use harness::{Bench, data, text};
+use harness::{Bench, data, signal, text, wait_until};
 use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, Selection};
 use modulo_msgs::builtin::Time;
 use modulo_msgs::rosbag2_interfaces as player;
@@ -25,8 +24,7 @@ const IMAGE: &str = "sensor_msgs/msg/Image";
 const START: u64 = 1_700_000_000_000_000_000;
 const MS: u64 = 1_000_000;
 
-/// A bag of `count` messages on /data, `every` ms apart, each `length` bytes with
-/// its number in front.
+/// A bag of `count` messages on /data, `every` ms apart, each `length` bytes with its number in front.
 fn write_bag(path: &Path, count: u32, every: u64, length: usize) {
     let mut bag = BagWriter::create(path, Compression::None).expect("a new bag");
     let topic = bag.topic(&BagTopic::new("/data", IMAGE, Qos::Images)).expect("a topic");
@@ -54,49 +52,6 @@ fn utf8(path: &Path) -> &str {
     path.to_str().expect("UTF-8")
 }
 
-fn wait_until(what: &str, mut done: impl FnMut() -> bool) {
-    let start = Instant::now();
-    while !done() {
-        assert!(start.elapsed() < Duration::from_secs(60), "waited in vain: {what}");
-        sleep(Duration::from_millis(20));
-    }
-}
-
-/// `modulo bag record` in the background, ended with the test.
-struct Recorder(Child);
-
-impl Recorder {
-    fn start(bench: &Bench, bag: &Path, arguments: &[&str]) -> Self {
-        let all = [&["bag", "record", "-o", utf8(bag)], arguments].concat();
-        let child = bench.modulo(&all).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
-        let recorder = Self(child.expect("the binary starts"));
-        wait_until("the bag's folder", || bag.is_dir());
-        recorder
-    }
-
-    fn signal(&self, name: &str) {
-        let sent = Command::new("kill").args([&format!("-{name}"), &self.0.id().to_string()]).status();
-        assert!(sent.is_ok_and(|status| status.success()), "the process is there");
-    }
-
-    /// Sends a signal and waits for the end: exit code and standard output.
-    fn end(mut self, signal: &str) -> (Option<i32>, String) {
-        self.signal(signal);
-        let code = self.0.wait().expect("it ends").code();
-        let mut said = String::new();
-        let out = self.0.stdout.take().expect("piped");
-        std::io::Read::read_to_string(&mut { out }, &mut said).expect("UTF-8");
-        (code, said)
-    }
-}
-
-impl Drop for Recorder {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
-
 /// Plays `bag` to its end for a recorder that is there.
 fn play(bench: &Bench, bag: &Path, arguments: &[&str]) {
     let output =
@@ -112,7 +67,7 @@ fn a_killed_recorder_keeps_all_but_its_last_second() {
 
     // Killed while messages come.
     let (bag, saved) = (bench.path("killed"), bench.path("saved"));
-    let recorder = Recorder::start(&bench, &bag, &[]);
+    let recorder = bench.record(&bag, &[]);
     let playing = bench.start(&["bag", "play", utf8(&source), "--loop", "--wait-for", "/rosbag2_recorder"]);
     let file = bag.join("killed_0.mcap");
     wait_until("four seconds of messages", || std::fs::metadata(&file).is_ok_and(|f| f.len() > 8_000_000));
@@ -122,6 +77,7 @@ fn a_killed_recorder_keeps_all_but_its_last_second() {
     let recovered = bench.run(&["bag", "recover", utf8(&bag), utf8(&saved)]);
     assert_eq!(recovered.status.code(), Some(3), "the end is lost: {}", text(&recovered));
     let kept = numbers(&saved);
+    // The bag has 40 messages and is played in a loop: any gap breaks the order of the numbers.
     assert!(kept.windows(2).all(|pair| pair[1].1 == (pair[0].1 + 1) % 40), "{kept:?}");
     let last = Duration::from_nanos(kept.last().expect("messages").0);
     let lost = killed.saturating_sub(last);
@@ -129,8 +85,9 @@ fn a_killed_recorder_keeps_all_but_its_last_second() {
 
     // Killed in a pause: a second after the last message nothing is missing.
     let (bag, saved) = (bench.path("paused"), bench.path("all"));
-    let recorder = Recorder::start(&bench, &bag, &[]);
+    let recorder = bench.record(&bag, &[]);
     play(&bench, &source, &["--rate", "4"]);
+    // The recorder writes out its chunk once a second.
     sleep(Duration::from_millis(1300));
     recorder.end("KILL");
     bench.run(&["bag", "recover", utf8(&bag), utf8(&saved)]);
@@ -143,8 +100,7 @@ fn a_terminated_recorder_leaves_a_whole_bag_in_parts() {
     let bench = Bench::new();
     let (source, bag) = (bench.path("source"), bench.path("bag"));
     write_bag(&source, 30, 100, 1000);
-    let recorder =
-        Recorder::start(&bench, &bag, &["--all", "--max-bag-duration", "1", "--compression", "lz4"]);
+    let recorder = bench.record(&bag, &["--all", "--max-bag-duration", "1", "--compression", "lz4"]);
     play(&bench, &source, &[]);
     let (code, said) = recorder.end("TERM");
     assert_eq!(code, Some(0), "{said}");
@@ -177,14 +133,15 @@ fn what_a_recorder_lost_is_counted() {
     let bench = Bench::new();
     let (source, bag) = (bench.path("source"), bench.path("bag"));
     write_bag(&source, 60, 40, 1_000_000);
-    let recorder = Recorder::start(&bench, &bag, &["/data"]);
+    let recorder = bench.record(&bag, &["/data"]);
     std::thread::scope(|scope| {
         scope.spawn(|| play(&bench, &source, &[]));
         let file = bag.join("bag_0.mcap");
         wait_until("the first messages", || std::fs::metadata(&file).is_ok_and(|f| f.len() > 1_000_000));
-        recorder.signal("STOP");
+        // While the process stands still, more than its queue can hold is sent.
+        signal(recorder.0.id(), "STOP");
         sleep(Duration::from_millis(1200));
-        recorder.signal("CONT");
+        signal(recorder.0.id(), "CONT");
     });
     let (code, said) = recorder.end("INT");
     assert_eq!(code, Some(3), "{said}");
@@ -214,7 +171,7 @@ impl Remote {
         self.transport.call(&service, &ros_type, request, Duration::from_secs(10)).expect("answered")
     }
 
-    /// What comes on `topic`.
+    /// Subscribes to `topic`.
     fn listen(&self, topic: &str, type_name: &str, qos: Qos) -> (Guard, Receiver<RawSample>) {
         let node_name = NodeName { name: "listener".into(), namespace: "/".into(), remaps: Vec::new() };
         let endpoint = Endpoint {
@@ -263,6 +220,7 @@ fn a_replay_is_driven_by_services_and_tells_the_time() {
     let (_time, time) = remote.listen("/clock", "rosgraph_msgs/msg/Clock", Qos::Clock);
     let mut playing = bench.start(&["bag", "play", utf8(&source), "--start-paused", "--clock", "50"]);
     wait_until("the player", || remote.transport.is_ready("/rosbag2_player"));
+    // The clock is published while the player is paused: enough time for more than ten messages.
     sleep(Duration::from_millis(700));
 
     let paused: player::IsPausedResponse = call!(remote, "IsPaused", player::IsPausedRequest);

@@ -1,11 +1,10 @@
-//! Promise 5: what crashes is back, as it was, and nobody else notices.
+//! A node that crashes is started again with its parameters, and the other nodes go on.
 
 mod harness;
 
 use std::time::{Duration, Instant};
 
-use harness::peer::Peer;
-use harness::{Background, Bench, arg, command_line, model, signal, text, wait_until};
+use harness::{Background, Bench, Peer, arg, command_line, model, signal, text, wait_until};
 use modulo_runtime::MessageKind;
 use modulo_runtime::transport::Transport;
 
@@ -14,12 +13,6 @@ fn suite(bench: &Bench) -> Background {
     let (source, model) = (arg("source", bench.images(4)), arg("model", model()));
     let more = ["engine:=rten", "rate:=10", "loop:=true"];
     bench.start(&[&["launch", "launch/recovered.launch.yaml", &source, &model][..], &more].concat())
-}
-
-/// Process id of the node of `launcher` that is of this kind.
-fn node(launcher: &Background, kind: &str) -> Option<u32> {
-    let of_kind = |line: &str| line.contains(&format!(" run {kind} "));
-    launcher.children().into_iter().find(|(_, line)| of_kind(line)).map(|(pid, _)| pid)
 }
 
 /// Whether a crash took a frame is a matter of timing; `tests/accounts.rs` looks at the accounts.
@@ -42,7 +35,7 @@ fn a_crashed_node_is_back_with_its_last_accepted_parameters() {
     assert_eq!(refused.status.code(), Some(1), "{}", text(&refused));
 
     let [victim, unwrap, camera] =
-        ["detector", "unwrap", "modulo_camera"].map(|kind| node(&running, kind).expect("it runs"));
+        ["detector", "unwrap", "modulo_camera"].map(|kind| running.node(kind).expect("it runs"));
     let (_heard, detections) = peer.listen("/detector/detections", MessageKind::Detections);
     let publisher = || {
         let sample = detections.recv_timeout(Duration::from_secs(30)).expect("boxes");
@@ -51,6 +44,7 @@ fn a_crashed_node_is_back_with_its_last_accepted_parameters() {
     let first = publisher();
     let crashed = Instant::now();
     signal(victim, "KILL");
+    // The attachment names the publisher: another one means that the node has a new life.
     while publisher() == first {}
     let back = crashed.elapsed();
     println!("back after {back:?}");
@@ -60,12 +54,14 @@ fn a_crashed_node_is_back_with_its_last_accepted_parameters() {
         let got = bench.run(&["param", "get", "/detector", name]);
         assert!(text(&got).contains(value), "{name}: {}", text(&got));
     }
-    let now = ["unwrap", "modulo_camera"].map(|kind| node(&running, kind).expect("it runs"));
+    let now = ["unwrap", "modulo_camera"].map(|kind| running.node(kind).expect("it runs"));
     assert_eq!(now, [unwrap, camera], "the neighbours have not noticed");
     end_after_crash(running);
 
     // Another launch is another life.
     let running = suite(&bench);
+    // The saved state belongs to the launch that has ended, so the parameter has its value from the file
+    // again.
     wait_until("the next launch", || {
         let got = bench.run(&["param", "get", "/detector", "input"]);
         text(&got).contains("recovered")
@@ -77,8 +73,8 @@ fn a_crashed_node_is_back_with_its_last_accepted_parameters() {
 fn nodes_end_with_a_launcher_that_was_killed() {
     let bench = Bench::new();
     let mut running = suite(&bench);
-    wait_until("the nodes", || node(&running, "modulo_camera").is_some());
-    let nodes = ["detector", "unwrap", "modulo_camera"].map(|kind| node(&running, kind).expect("it runs"));
+    wait_until("the nodes", || running.node("modulo_camera").is_some());
+    let nodes = ["detector", "unwrap", "modulo_camera"].map(|kind| running.node(kind).expect("it runs"));
     running.0.kill().expect("it runs");
     running.0.wait().expect("it ends");
     let start = Instant::now();

@@ -8,8 +8,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use harness::peer::Peer;
-use harness::{Bench, wait_until};
+use harness::{Bench, Peer, wait_until};
 use modulo_core::Frame;
 use modulo_msgs::cdr;
 use modulo_msgs::rcl_interfaces::{
@@ -48,6 +47,7 @@ fn no_frame_is_unwrapped_with_the_alpha_of_another() {
     wait_until("the camera", || peer.transport.is_ready("/modulo_camera"));
 
     let loaded = Arc::new(AtomicBool::new(true));
+    // The load lets frames and descriptions arrive late and in bursts, which is when they could be mixed up.
     for _ in 0..2 {
         let loaded = loaded.clone();
         std::thread::spawn(move || while loaded.load(Ordering::Relaxed) {});
@@ -67,6 +67,7 @@ fn no_frame_is_unwrapped_with_the_alpha_of_another() {
             let alpha = sensors.of(info.header.stamp).expect("just taken").alpha;
             alphas.insert(info.header.stamp.as_ns(), alpha);
         }
+        // Either of the two images may come first: a recovered one waits here for its ideal one.
         recoveries.retain(|stamp, frame| {
             let Some(expected) = ideals.remove(stamp) else { return true };
             let alpha = alphas[stamp];

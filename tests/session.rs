@@ -5,15 +5,13 @@ mod harness;
 
 use std::net::TcpListener;
 
-use harness::peer::Peer;
-use harness::{Bench, arg, json, model, text, wait_until};
+use harness::{Bench, Peer, arg, json, model, text, wait_until};
 use modulo_runtime::MessageKind;
 use modulo_runtime::transport::Transport;
 use modulo_runtime::transport::zenoh::meeting_port;
 use zenoh::Wait;
 
-/// The meeting port is taken by somebody who does not speak zenoh: nodes then
-/// see each other through the router alone.
+/// The meeting port is taken by somebody who does not speak zenoh: nodes then see each other through the router alone.
 #[test]
 fn a_router_is_used_when_there_is_one() {
     let bench = Bench::new();
@@ -26,6 +24,7 @@ fn a_router_is_used_when_there_is_one() {
     ] {
         config.insert_json5(key, value).expect("a known key");
     }
+    // The port of the router is the same for all domains, so another program may hold it for a moment.
     let mut router = None;
     wait_until("port 7447 is free", || {
         router = zenoh::open(config.clone()).wait().ok();
@@ -55,6 +54,7 @@ fn images_go_through_shared_memory() {
             .expect("it starts"),
     );
     wait_until("a node with shared memory of zenoh", || {
+        // A process that shares memory has a file of /dev/shm among its mappings.
         let maps = |node| std::fs::read_to_string(format!("/proc/{node}/maps")).unwrap_or_default();
         running.children().into_iter().any(|(node, _)| maps(node).contains("/dev/shm/"))
     });

@@ -8,6 +8,7 @@ use ndarray::{Array3, ArrayView3};
 
 /// An image that is valid by construction: `H x W x C` samples, `H`, `W` >= 1, `C` = 1 (mono) or 3 (red, green,
 /// blue), row-major and interleaved; samples of 32 bits are finite.
+///
 /// ```
 /// use modulo_core::Frame;
 /// use ndarray::Array3;

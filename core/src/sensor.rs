@@ -70,6 +70,7 @@ pub enum SensorError {
 }
 
 /// A sensor with a valid configuration.
+///
 /// ```
 /// use modulo_core::{Psf, Sensor, SensorConfig};
 /// use ndarray::Array3;

@@ -58,6 +58,7 @@ fn file(name: &str, data: &[u8]) {
     let folder = super::folder(&[(name, data)]);
     let path = folder.path().join(name);
     for (number, bag) in [BagReader::open(&path), BagReader::salvage(&path)].iter().flatten().enumerate() {
+        // A bag that breaks off, or has too many messages, cannot be compared with its copy.
         let Some(read) = messages(bag) else { continue };
         let out = folder.path().join(format!("out{number}"));
         if copy(bag, &out, Compression::None).is_ok() {

@@ -3,7 +3,6 @@
 //! `cargo fuzz run -s none NAME` looks for such bytes; `tests/corpus.rs` repeats those that are kept.
 
 pub mod bags;
-pub mod labels;
 pub mod messages;
 pub mod texts;
 pub mod vision;
@@ -21,9 +20,9 @@ pub const TARGETS: [(&str, Target); 15] = [
     ("metadata", bags::metadata),
     ("ros1", bags::ros1),
     ("sqlite", bags::sqlite),
-    ("kitti", labels::kitti),
-    ("coco", labels::coco),
-    ("yolo", labels::yolo),
+    ("kitti", texts::kitti),
+    ("coco", texts::coco),
+    ("yolo", texts::yolo),
     ("launch", texts::launch),
     ("parameters", texts::parameters),
     ("detector", vision::detector),

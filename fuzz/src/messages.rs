@@ -23,6 +23,7 @@ pub fn cdr(data: &[u8]) {
         let description = type_description(name).expect("a type of the suite is described");
         assert!(dynamic::from_slice(&description, bytes).is_ok(), "{name} by its description");
     }
+    // The messages that nodes exchange are read in a second way, with images and boxes checked.
     let kind = MessageKind::ALL[usize::from(choice) % MessageKind::ALL.len()];
     if let Ok(message) = Message::decode(kind, bytes) {
         let written = message.encode().expect("what was read can be written");

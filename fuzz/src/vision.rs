@@ -50,6 +50,7 @@ pub fn detector(data: &[u8]) {
 /// Seven bytes of header, then samples, repeated until the image is full.
 fn image(data: &[u8]) -> Option<(Frame, Range, Options)> {
     let (&[bits, whole, part, height, width, channels, threads], samples) = data.split_first_chunk()?;
+    // Every byte is brought into its range, so that few inputs end here.
     let bits = bits % 16 + 1;
     let range = Range::new(bits, f64::from(whole) + (f64::from(part) + 1.0) / 256.0).ok()?;
     let dim =
@@ -57,6 +58,7 @@ fn image(data: &[u8]) -> Option<(Frame, Range, Options)> {
     if samples.is_empty() {
         return None;
     }
+    // A short input fills a whole image, so that the fuzzer can work with few bytes.
     let mut bytes = samples.iter().cycle().map(|&byte| u16::from(byte));
     let mut sample =
         || (bytes.next().unwrap_or(0) | bytes.next().unwrap_or(0) << 8) & ((1u32 << bits) - 1) as u16;

@@ -1,22 +1,15 @@
-//! The actions of a launch file, read but not yet evaluated: every mistake that
-//! can be seen without values is found here, also in branches that will not be
-//! taken. Nothing is evaluated and no other file is opened.
+//! The actions of a launch file, read but not yet evaluated: every mistake that can be seen without values is found
+//! here, also in branches that will not be taken. Nothing is evaluated and no other file is opened.
 
-mod declaration;
 mod process;
-mod structure;
-mod value;
 
 use std::path::{Path, PathBuf};
 
-pub(crate) use declaration::Argument;
-pub(crate) use process::{ExecutableAction, NodeAction, ProcessAction};
-pub(crate) use structure::Include;
-pub(crate) use value::{Parameter, ParameterValue};
+pub(crate) use process::{ExecutableAction, NodeAction, Parameter, ParameterValue, ProcessAction};
 
 use crate::attributes::{Attributes, Text};
 use crate::error::{LaunchError, Mistakes, listed};
-use crate::yaml::{self, Content, Item};
+use crate::yaml::{self, Content, Item, ScalarType};
 
 /// A launch file.
 #[derive(Clone, Debug)]
@@ -32,13 +25,13 @@ pub(crate) struct LaunchFile {
 pub(crate) struct Action {
     /// Line in the file, from 1.
     pub line: usize,
-    /// Whether it is done at all.
+    /// The condition under which it is done.
     pub condition: Condition,
     /// What is done.
-    pub kind: Kind,
+    pub kind: ActionKind,
 }
 
-/// Whether an action is done.
+/// The condition under which an action is done.
 #[derive(Clone, Debug)]
 pub(crate) enum Condition {
     Always,
@@ -48,7 +41,7 @@ pub(crate) enum Condition {
 
 /// What an action does.
 #[derive(Clone, Debug)]
-pub(crate) enum Kind {
+pub(crate) enum ActionKind {
     Argument(Argument),
     Let { name: Text, value: Text },
     SetEnvironment { name: Text, value: Text },
@@ -64,39 +57,56 @@ pub(crate) enum Kind {
     Executable(Box<ExecutableAction>),
 }
 
-/// Name of an action, its keys besides `if` and `unless`, and its reader.
-struct Reader {
-    name: &'static str,
-    keys: &'static [&'static [&'static str]],
-    read: fn(&Attributes<'_>) -> Result<Kind, Mistakes>,
+/// A declared launch argument.
+#[derive(Clone, Debug)]
+pub(crate) struct Argument {
+    /// Its name.
+    pub name: Text,
+    /// Its value when none is given.
+    pub default: Option<Text>,
+    /// What it is for.
+    pub description: Option<Text>,
+    /// The possible values; any when empty.
+    pub choices: Vec<Text>,
 }
 
-const READERS: [Reader; 14] = [
-    Reader {
-        name: "arg",
-        keys: &[&["name", "default", "description", "choice"]],
-        read: declaration::argument,
-    },
-    Reader { name: "let", keys: &[&["name", "value"]], read: declaration::variable },
-    Reader { name: "set_env", keys: &[&["name", "value"]], read: declaration::set_environment },
-    Reader { name: "unset_env", keys: &[&["name"]], read: declaration::unset_environment },
-    Reader { name: "group", keys: &[&["scoped", "children"]], read: structure::group },
-    Reader { name: "push_ros_namespace", keys: &[&["namespace"]], read: structure::push_namespace },
-    Reader { name: "push-ros-namespace", keys: &[&["namespace"]], read: structure::push_namespace },
-    Reader { name: "include", keys: &[&["file", "arg"]], read: structure::include },
-    Reader { name: "timer", keys: &[&["period", "children"]], read: structure::timer },
-    Reader { name: "log", keys: &[&["message"]], read: structure::log },
-    Reader { name: "set_parameter", keys: &[&["name", "value"]], read: structure::set_parameter },
-    Reader { name: "set_remap", keys: &[&["from", "to"]], read: structure::set_remap },
-    Reader { name: "node", keys: &[process::NODE_KEYS, process::PROCESS_KEYS], read: process::node },
-    Reader { name: "executable", keys: &[&["cmd"], process::PROCESS_KEYS], read: process::executable },
+/// Another launch file, with values for its arguments.
+#[derive(Clone, Debug)]
+pub(crate) struct Include {
+    /// Its path; a relative one starts at the including file.
+    pub file: Text,
+    /// (name, value) of its arguments.
+    pub arguments: Vec<(Text, Text)>,
+}
+
+/// The name of an action, its keys besides `if` and `unless`, and the function that reads it.
+struct ActionReader {
+    name: &'static str,
+    keys: &'static [&'static [&'static str]],
+    read: fn(&Attributes<'_>) -> Result<ActionKind, Mistakes>,
+}
+
+const READERS: [ActionReader; 14] = [
+    ActionReader { name: "arg", keys: &[&["name", "default", "description", "choice"]], read: argument },
+    ActionReader { name: "let", keys: &[&["name", "value"]], read: variable },
+    ActionReader { name: "set_env", keys: &[&["name", "value"]], read: set_environment },
+    ActionReader { name: "unset_env", keys: &[&["name"]], read: unset_environment },
+    ActionReader { name: "group", keys: &[&["scoped", "children"]], read: group },
+    ActionReader { name: "push_ros_namespace", keys: &[&["namespace"]], read: push_namespace },
+    ActionReader { name: "push-ros-namespace", keys: &[&["namespace"]], read: push_namespace },
+    ActionReader { name: "include", keys: &[&["file", "arg"]], read: include },
+    ActionReader { name: "timer", keys: &[&["period", "children"]], read: timer },
+    ActionReader { name: "log", keys: &[&["message"]], read: log },
+    ActionReader { name: "set_parameter", keys: &[&["name", "value"]], read: set_parameter },
+    ActionReader { name: "set_remap", keys: &[&["from", "to"]], read: set_remap },
+    ActionReader { name: "node", keys: &[process::NODE_KEYS, process::PROCESS_KEYS], read: process::node },
+    ActionReader { name: "executable", keys: &[&["cmd"], process::PROCESS_KEYS], read: process::executable },
 ];
 
 /// Reads the launch file at `path`.
 ///
 /// # Errors
-/// [`LaunchError::File`] when it cannot be opened, [`LaunchError::At`] for each
-/// action in it that is none.
+/// [`LaunchError::File`] when it cannot be opened, [`LaunchError::At`] for each entry in it that is no action.
 pub(crate) fn read_file(path: &Path) -> Result<LaunchFile, Mistakes> {
     let text = std::fs::read_to_string(path).map_err(|e| LaunchError::file(path, e))?;
     let root = yaml::read(path, &text)?;
@@ -109,6 +119,7 @@ pub(crate) fn read_file(path: &Path) -> Result<LaunchFile, Mistakes> {
 
 /// Reads a list of actions.
 fn read_all(file: &Path, items: &[Item]) -> Result<Vec<Action>, Mistakes> {
+    // Every action is read, also behind a mistake, so that one run names all of them.
     Mistakes::gather(items.iter().map(|item| read(file, item)))
 }
 
@@ -131,12 +142,14 @@ fn read(file: &Path, item: &Item) -> Result<Action, Mistakes> {
         let message = format!("unknown action '{}', known actions are {known}", key.name);
         return Err(LaunchError::at(file, key.line, message).into());
     };
+    // ROS 2 takes a list right below `group` for its children.
     if let ("group", Content::List(children)) = (reader.name, &body.content) {
-        let kind = Kind::Group { scoped: None, children: read_all(file, children)? };
+        let kind = ActionKind::Group { scoped: None, children: read_all(file, children)? };
         return Ok(Action { line: key.line, condition: Condition::Always, kind });
     }
     let known: Vec<&str> = reader.keys.iter().copied().flatten().chain(&["if", "unless"]).copied().collect();
     let mut attributes = Attributes::read(file, reader.name, body, &known)?;
+    // A key that is missing has no line of its own: the error names that of the action.
     attributes.line = key.line;
     let condition = condition(&attributes)?;
     Ok(Action { line: key.line, condition, kind: (reader.read)(&attributes)? })
@@ -151,4 +164,64 @@ fn condition(attributes: &Attributes<'_>) -> Result<Condition, LaunchError> {
             Err(attributes.refuse(unless.line, "'if' and 'unless' exclude each other"))
         }
     }
+}
+
+fn argument(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
+    let choices = attributes.entries("choice", &["value"])?;
+    Ok(ActionKind::Argument(Argument {
+        name: attributes.plain("name")?.ok_or_else(|| attributes.missing("name"))?,
+        default: attributes.text("default")?,
+        description: attributes.plain("description")?,
+        choices: choices.iter().map(choice).collect::<Result<_, _>>()?,
+    }))
+}
+
+fn choice(choice: &Attributes<'_>) -> Result<Text, LaunchError> {
+    choice.plain("value")?.ok_or_else(|| choice.missing("value"))
+}
+
+fn variable(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
+    Ok(ActionKind::Let { name: attributes.required("name")?, value: attributes.required("value")? })
+}
+
+fn set_environment(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
+    Ok(ActionKind::SetEnvironment {
+        name: attributes.required("name")?,
+        value: attributes.required("value")?,
+    })
+}
+
+fn unset_environment(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
+    Ok(ActionKind::UnsetEnvironment { name: attributes.required("name")? })
+}
+
+fn group(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
+    let children = read_all(attributes.file, attributes.list("children")?)?;
+    Ok(ActionKind::Group { scoped: attributes.literal("scoped", ScalarType::Bool)?, children })
+}
+
+fn push_namespace(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
+    Ok(ActionKind::PushNamespace(attributes.required("namespace")?))
+}
+
+fn include(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
+    let file = attributes.required("file")?;
+    Ok(ActionKind::Include(Include { file, arguments: attributes.pairs("arg", ["name", "value"])? }))
+}
+
+fn timer(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
+    let period = attributes.number("period")?.ok_or_else(|| attributes.missing("period"))?;
+    Ok(ActionKind::Timer { period, children: read_all(attributes.file, attributes.list("children")?)? })
+}
+
+fn log(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
+    Ok(ActionKind::Log(attributes.required("message")?))
+}
+
+fn set_parameter(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
+    Ok(ActionKind::SetParameter { name: attributes.required("name")?, value: attributes.required("value")? })
+}
+
+fn set_remap(attributes: &Attributes<'_>) -> Result<ActionKind, Mistakes> {
+    Ok(ActionKind::SetRemap { from: attributes.required("from")?, to: attributes.required("to")? })
 }

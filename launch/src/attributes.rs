@@ -132,6 +132,7 @@ impl<'a> Attributes<'a> {
     /// `item` as a scalar of one of the `allowed` types.
     pub fn scalar(&self, key: &str, item: &Item, allowed: &[ScalarType]) -> Result<Text, LaunchError> {
         match &item.content {
+            // Only a string can hold substitutions; whether their value fits is known when they are evaluated.
             Content::Scalar(text, ScalarType::String) => {
                 let template =
                     Template::parse(text).map_err(|e| self.refuse(item.line, format!("{key}: {e}")))?;

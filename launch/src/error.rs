@@ -1,5 +1,4 @@
-//! [`LaunchError`]: one line that names the place, the thing and what is
-//! possible. Nothing is printed here.
+//! [`LaunchError`]: one line that names the place, the thing and what is possible. Nothing is printed here.
 
 use std::path::{Path, PathBuf};
 
@@ -76,6 +75,7 @@ impl Mistakes {
 
     /// The values, if all are there, else the mistakes of all that are not.
     pub(crate) fn gather<T>(results: impl IntoIterator<Item = Result<T, Self>>) -> Result<Vec<T>, Self> {
+        // All results are looked at: a mistake does not hide the next one.
         let (mut values, mut mistakes) = (Vec::new(), Vec::new());
         for result in results {
             match result {
@@ -105,7 +105,7 @@ impl LaunchError {
     }
 }
 
-/// `words` as "a, b and c" would be read, or `none` when there are none.
+/// Joins `words` with commas. Without words the result is `none`.
 pub(crate) fn listed<S: AsRef<str>>(words: impl IntoIterator<Item = S>, none: &str) -> String {
     let words: Vec<String> = words.into_iter().map(|w| w.as_ref().to_owned()).collect();
     if words.is_empty() { none.to_owned() } else { words.join(", ") }

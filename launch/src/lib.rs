@@ -8,9 +8,8 @@
 
 mod action;
 mod attributes;
-pub mod compose;
 mod error;
-mod files;
+mod package;
 pub mod plan;
 mod progress;
 pub mod substitution;
@@ -18,11 +17,12 @@ pub mod summary;
 pub mod supervisor;
 mod yaml;
 
-pub use compose::{ComposedNode, compose};
 pub use error::{LaunchError, Mistakes};
-pub use files::{FoundFile, launch_files};
-pub use plan::{DeclaredArgument, NodePlan, Plan, check, declared_arguments, resolve, ros_arguments};
+pub use package::{FoundFile, SUITE, launch_files};
+pub use plan::{
+    ComposedNode, DeclaredArgument, NodePlan, Plan, check, compose, declared_arguments, resolve,
+    ros_arguments,
+};
 pub use progress::Progress;
-pub use substitution::SUITE;
 pub use summary::{NodeReport, Summary, reports_so_far};
 pub use supervisor::{Ending, Outcome, Supervision, run};

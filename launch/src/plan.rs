@@ -1,32 +1,32 @@
-//! [`Plan`]: what a launch file comes to, with every value in place. Nothing is
-//! started here; the same file and arguments give the same plan.
+//! [`Plan`]: the processes that a launch file starts, with every value in place, as text, and as nodes of one process.
+//! Nothing is started here; the same file and arguments give the same plan.
 
 mod arguments;
-mod command_line;
-mod parameter;
-mod print;
 mod process;
 mod resolve;
 mod scope;
-mod value;
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use serde::Serialize;
 
+use crate::error::LaunchError;
+use crate::package::SUITE;
+
 pub use arguments::{DeclaredArgument, declared_arguments};
-pub use parameter::ParameterText;
 pub use resolve::{check, resolve};
+pub use scope::ParameterText;
 pub(crate) use scope::environment;
 
 /// Everything that a launch file starts.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Plan {
-    /// The value that every declared argument has in the end.
+    /// The values of all declared arguments.
     pub arguments: BTreeMap<String, String>,
-    /// What `log` actions say, in order.
+    /// The messages of the `log` actions, in order.
     pub messages: Vec<String>,
     /// ROS 2 nodes in the order of the file.
     pub nodes: Vec<NodePlan>,
@@ -77,7 +77,7 @@ pub struct ExecutablePlan {
 /// How a process is run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ProcessPlan {
-    /// What its output lines are marked with.
+    /// The mark in front of each line of its output.
     pub label: String,
     /// Variables to set, and those to remove (`None`), in the launcher's environment.
     pub env: BTreeMap<String, Option<String>>,
@@ -87,7 +87,7 @@ pub struct ProcessPlan {
     pub output: Output,
     /// Whether it is started again after a crash.
     pub respawn: Respawn,
-    /// What its end means for the others.
+    /// The effect of its end on the other processes.
     pub on_exit: OnExit,
     /// From SIGINT to SIGTERM at a shutdown.
     pub sigterm_timeout: Duration,
@@ -124,15 +124,30 @@ pub enum Respawn {
     },
 }
 
-/// What the end of a process means for the others.
+/// The effect of the end of a process on the others.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum OnExit {
-    /// They go on.
+    /// The other processes go on.
     #[default]
     Continue,
-    /// They are shut down.
+    /// The other processes are shut down.
     Shutdown,
+}
+
+/// A node of this suite to run beside others in one process.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ComposedNode {
+    /// Its executable: `modulo_camera`, `unwrap` or `detector`.
+    pub kind: String,
+    /// Its name.
+    pub name: String,
+    /// Its namespace, `/` for none.
+    pub namespace: String,
+    /// (name, value as text) in order; a later one of the same name wins.
+    pub parameters: Vec<(String, String)>,
+    /// (from, to) in order; the first that fits is used.
+    pub remaps: Vec<(String, String)>,
 }
 
 impl Plan {
@@ -161,10 +176,123 @@ pub fn ros_arguments(node: &NodePlan) -> Vec<String> {
     }
     push("-r", format!("__ns:={}", node.namespace));
     let set = |(name, value): &(String, ParameterText)| format!("{name}:={}", value.as_yaml());
+    // A node takes the last value that it is given for a parameter: those for all nodes come first, then the
+    // files, and the values of this node last.
     node.shared_parameters.iter().for_each(|parameter| push("-p", set(parameter)));
     node.parameter_files.iter().for_each(|file| push("--params-file", file.display().to_string()));
     node.parameters.iter().for_each(|parameter| push("-p", set(parameter)));
     node.remaps.iter().for_each(|(from, to)| push("-r", format!("{from}:={to}")));
     all.extend(node.ros_args.iter().cloned());
     all
+}
+
+/// Translates `plan` into nodes that run in one process. A setting that is not possible there is refused.
+///
+/// # Errors
+/// [`LaunchError::NotComposable`] for executables, nodes of other packages, and
+/// settings that only a process of its own can have.
+pub fn compose(plan: &Plan) -> Result<Vec<ComposedNode>, LaunchError> {
+    if let Some(executable) = plan.executables.first() {
+        return Err(refuse(&executable.process.label, "it is an executable, not a node of this suite"));
+    }
+    plan.nodes.iter().map(composed).collect()
+}
+
+fn composed(node: &NodePlan) -> Result<ComposedNode, LaunchError> {
+    let label = &node.process.label;
+    if node.package != SUITE {
+        let why = format!("its package is '{}', only nodes of '{SUITE}' can", node.package);
+        return Err(refuse(label, &why));
+    }
+    // Each of these belongs to a whole process: in a shared one it would reach the other nodes as well.
+    let own = [
+        (!node.args.is_empty(), "args"),
+        (!node.ros_args.is_empty(), "ros_args"),
+        (!node.parameter_files.is_empty(), "param from a file"),
+        (!node.process.env.is_empty(), "env"),
+        (node.process.cwd.is_some(), "cwd"),
+        (!node.process.start_after.is_zero(), "a timer"),
+    ];
+    if let Some((_, setting)) = own.iter().find(|(used, _)| *used) {
+        return Err(refuse(label, &format!("it has {setting}, which needs a process of its own")));
+    }
+    Ok(ComposedNode {
+        kind: node.executable.clone(),
+        name: node.name.clone().unwrap_or_else(|| node.executable.clone()),
+        namespace: node.namespace.clone(),
+        parameters: node
+            .shared_parameters
+            .iter()
+            .chain(&node.parameters)
+            .map(|(name, value)| (name.clone(), value.text.clone()))
+            .collect(),
+        remaps: node.remaps.clone(),
+    })
+}
+
+fn refuse(process: &str, why: &str) -> LaunchError {
+    LaunchError::NotComposable { process: process.to_owned(), why: why.to_owned() }
+}
+
+impl fmt::Display for Plan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.messages.iter().try_for_each(|message| writeln!(f, "log {message}"))?;
+        self.nodes.iter().try_for_each(|node| node.fmt(f))?;
+        self.executables.iter().try_for_each(|executable| executable.fmt(f))
+    }
+}
+
+impl fmt::Display for NodePlan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = self.fully_qualified().unwrap_or_else(|| format!("{} (its own name)", self.namespace));
+        writeln!(f, "node {name}: {}/{}", self.package, self.executable)?;
+        self.shared_parameters.iter().try_for_each(|(name, value)| writeln!(f, "  {name} = {value}"))?;
+        for file in &self.parameter_files {
+            writeln!(f, "  params {}", file.display())?;
+        }
+        self.parameters.iter().try_for_each(|(name, value)| writeln!(f, "  {name} = {value}"))?;
+        self.remaps.iter().try_for_each(|(from, to)| writeln!(f, "  {from} -> {to}"))?;
+        for (what, arguments) in [("args", &self.args), ("ros_args", &self.ros_args)] {
+            if !arguments.is_empty() {
+                writeln!(f, "  {what} {}", arguments.join(" "))?;
+            }
+        }
+        self.process.fmt(f)
+    }
+}
+
+impl fmt::Display for ExecutablePlan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "executable {}: {}", self.process.label, self.command.join(" "))?;
+        self.process.fmt(f)
+    }
+}
+
+/// Shows the settings that differ from the defaults.
+impl fmt::Display for ProcessPlan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (name, value) in &self.env {
+            match value {
+                Some(value) => writeln!(f, "  env {name}={value}")?,
+                None => writeln!(f, "  env {name} is removed")?,
+            }
+        }
+        if let Some(cwd) = &self.cwd {
+            writeln!(f, "  in {}", cwd.display())?;
+        }
+        if self.output == Output::Log {
+            writeln!(f, "  shows its errors only")?;
+        }
+        if let Respawn::After { delay, max_retries } = self.respawn {
+            let times = max_retries.map_or("any number of".to_owned(), |n| format!("{n}"));
+            writeln!(f, "  started again after a crash, {times} times, {} s later", delay.as_secs_f64())?;
+        }
+        if self.on_exit == OnExit::Shutdown {
+            writeln!(f, "  its end is the end of all")?;
+        }
+        if !self.start_after.is_zero() {
+            writeln!(f, "  started after {} s", self.start_after.as_secs_f64())?;
+        }
+        Ok(())
+    }
 }

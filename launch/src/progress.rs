@@ -29,9 +29,11 @@ impl Progress {
         let Some((stage, frames, durations)) = last_stage(reports) else {
             return "waiting for the first frame".to_owned();
         };
+        // The counts of another stage are not comparable, so the rate starts anew.
         if stage != self.stage {
             *self = Self { stage, ..Self::default() };
         }
+        // The newest count that is older than the window stays, so that the rate covers all of the window.
         while self.counts.get(1).is_some_and(|(time, _)| now.saturating_sub(*time) >= WINDOW) {
             self.counts.pop_front();
         }

@@ -1,21 +1,14 @@
-//! Text with `$(name arguments)` in it, as every string of a launch file may
-//! be: the grammar of ROS 2's `launch` frontend. Nothing is executed here and no
-//! Python or shell is ever evaluated.
+//! Texts with substitutions `$(name arguments)`, in the grammar of ROS 2's `launch` frontend. Every string of a launch file
+//! can be such a text. Nothing is executed here, and no Python or shell is ever evaluated.
 //!
-//! A backslash makes the next character plain, and so must it a dollar that
-//! opens no substitution. Inside of `$(...)` arguments are separated by one space
-//! each, may be quoted with `'` or `"`, and nest. What ROS 2 refuses or reads in
-//! another way than it looks is refused.
+//! A backslash makes the next character plain; a dollar that opens no substitution needs one. Within `$(...)` arguments are
+//! separated by one space each, may be quoted with `'` or `"`, and nest. A text that ROS 2 refuses, or reads in another way
+//! than it looks, is refused.
 
-mod evaluate;
 mod function;
-mod package;
 
-pub use evaluate::Surroundings;
-pub(crate) use evaluate::truth;
-pub use function::Function;
-pub use package::SUITE;
-pub(crate) use package::share;
+pub(crate) use function::truth;
+pub use function::{Function, Surroundings};
 
 /// No launch file nests substitutions deeper than this; keeps recursion bounded.
 const DEEPEST: usize = 32;
@@ -59,8 +52,8 @@ impl Template {
     /// [`SubstitutionError`] for a substitution that does not end, is unknown,
     /// or has another number of arguments than it takes.
     pub fn parse(text: &str) -> Result<Self, SubstitutionError> {
-        let mut reader = Reader { text, rest: text };
-        reader.template(Place::Text, 0)
+        let mut parser = TemplateParser { text, rest: text };
+        parser.template(TemplatePosition::Text, 0)
     }
 
     /// A text without substitutions.
@@ -85,9 +78,9 @@ impl Template {
     }
 }
 
-/// Where a template stands.
+/// The position of a template, which tells where it ends.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Place {
+enum TemplatePosition {
     /// A whole text; it ends with it.
     Text,
     /// An argument in quotes.
@@ -98,8 +91,8 @@ enum Place {
     BareInQuotes,
 }
 
-impl Place {
-    /// Where the arguments of a substitution stand that stands here.
+impl TemplatePosition {
+    /// Returns the position of the arguments of a substitution that stands here.
     fn arguments(self) -> Self {
         match self {
             Self::Text | Self::Bare => Self::Bare,
@@ -112,12 +105,12 @@ impl Place {
     }
 }
 
-struct Reader<'a> {
+struct TemplateParser<'a> {
     text: &'a str,
     rest: &'a str,
 }
 
-impl Reader<'_> {
+impl TemplateParser<'_> {
     fn take(&mut self) -> Option<char> {
         let c = self.rest.chars().next()?;
         self.rest = &self.rest[c.len_utf8()..];
@@ -128,26 +121,28 @@ impl Reader<'_> {
         Err(SubstitutionError::Invalid(format!("'{}': {why}", self.text)))
     }
 
-    fn template(&mut self, place: Place, depth: usize) -> Result<Template, SubstitutionError> {
+    fn template(&mut self, position: TemplatePosition, depth: usize) -> Result<Template, SubstitutionError> {
         let mut template = Template::default();
         loop {
+            // A substitution is looked for first, since it can stand in a text, in quotes and within a bare
+            // argument.
             if self.rest.starts_with("$(") {
-                template.parts.push(self.call(place.arguments(), depth + 1)?);
+                template.parts.push(self.call(position.arguments(), depth + 1)?);
                 continue;
             }
-            if place.is_bare() && self.rest.starts_with([' ', ')']) {
+            if position.is_bare() && self.rest.starts_with([' ', ')']) {
                 return Ok(template);
             }
-            match (self.take(), place) {
-                (None, Place::Text) => return Ok(template),
-                (None, Place::Quoted(quote)) => {
+            match (self.take(), position) {
+                (None, TemplatePosition::Text) => return Ok(template),
+                (None, TemplatePosition::Quoted(quote)) => {
                     return self.refuse(&format!("the quote {quote} does not end"));
                 }
                 (None, _) => return self.refuse("a substitution does not end, ')' is missing"),
-                (Some('\\'), _) => template.push(self.escaped(place)?),
-                (Some(c), Place::Quoted(quote)) if c == quote => return Ok(template),
+                (Some('\\'), _) => template.push(self.escaped(position)?),
+                (Some(c), TemplatePosition::Quoted(quote)) if c == quote => return Ok(template),
                 (Some('$'), _) => return self.refuse("a dollar without '(', write \\$ for a plain one"),
-                (Some(c @ ('(' | '\'' | '"')), _) if place.is_bare() => {
+                (Some(c @ ('(' | '\'' | '"')), _) if position.is_bare() => {
                     return self.refuse(&format!("write \\{c} or quote the argument"));
                 }
                 (Some(c), _) => template.push(c),
@@ -155,10 +150,10 @@ impl Reader<'_> {
         }
     }
 
-    /// The character behind a backslash.
-    fn escaped(&mut self, place: Place) -> Result<char, SubstitutionError> {
+    /// Reads the character behind a backslash.
+    fn escaped(&mut self, position: TemplatePosition) -> Result<char, SubstitutionError> {
         match self.take() {
-            Some(' ') if place.is_bare() => self.refuse("quote an argument that has a space in it"),
+            Some(' ') if position.is_bare() => self.refuse("quote an argument that has a space in it"),
             Some('\n') => self.refuse("a backslash before a line break has no meaning"),
             // ROS 2 looks one character back and takes what follows for escaped.
             Some('\\') if self.rest.starts_with(['$', '(', ')']) => {
@@ -168,36 +163,45 @@ impl Reader<'_> {
         }
     }
 
-    fn call(&mut self, place: Place, depth: usize) -> Result<Part, SubstitutionError> {
+    fn call(&mut self, position: TemplatePosition, depth: usize) -> Result<Part, SubstitutionError> {
         if depth > DEEPEST {
             return self.refuse("substitutions are nested too deeply");
         }
         self.rest = &self.rest["$(".len()..];
+        // The name ends at the first character that cannot be part of a name.
         let end = self.rest.find([' ', ')', '$', '(', '\'', '"']).unwrap_or(self.rest.len());
         let (name, rest) = self.rest.split_at(end);
         let function = Function::named(name)?;
         self.rest = rest;
-        let arguments = self.arguments(place, depth)?;
+        let arguments = self.arguments(position, depth)?;
         function.check_count(arguments.len())?;
         Ok(Part::Call(function, arguments))
     }
 
-    fn arguments(&mut self, place: Place, depth: usize) -> Result<Vec<Template>, SubstitutionError> {
+    fn arguments(
+        &mut self,
+        position: TemplatePosition,
+        depth: usize,
+    ) -> Result<Vec<Template>, SubstitutionError> {
         let mut arguments = Vec::new();
         loop {
             match self.take() {
                 Some(')') => return Ok(arguments),
+                // ROS 2 separates arguments by exactly one space; with more of them the text is not what it
+                // seems.
                 Some(' ') => {}
                 None => return self.refuse("a substitution does not end, ')' is missing"),
                 Some(_) => return self.refuse("a space is missing before an argument"),
             }
-            match (self.rest.chars().next(), place) {
+            match (self.rest.chars().next(), position) {
                 (Some(' ' | ')'), _) => return self.refuse("one space, no more, goes before an argument"),
-                (Some(quote @ ('\'' | '"')), Place::Bare) => {
+                // Below a quoted argument a quote would end the outer one, so only a bare argument may be
+                // quoted.
+                (Some(quote @ ('\'' | '"')), TemplatePosition::Bare) => {
                     self.take();
-                    arguments.push(self.template(Place::Quoted(quote), depth)?);
+                    arguments.push(self.template(TemplatePosition::Quoted(quote), depth)?);
                 }
-                _ => arguments.push(self.template(place, depth)?),
+                _ => arguments.push(self.template(position, depth)?),
             }
         }
     }

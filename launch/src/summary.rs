@@ -15,7 +15,7 @@ use modulo_runtime::report::{Histogram, add, quantile};
 
 use crate::error::LaunchError;
 
-/// What a run did, over all its nodes.
+/// The counts and durations of a run, over all its nodes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Summary {
     /// Frames that the sources sent.
@@ -94,6 +94,7 @@ impl Summary {
                 *lives = if lives.is_empty() { life } else { format!("{lives}; after a restart {life}") };
             }
             for (stage, buckets) in &report.stages {
+                // All nodes count in buckets of the same bounds, so their counts can be added.
                 let merged = stages.entry(stage).or_default();
                 buckets.iter().for_each(|(bound, count)| *merged.entry(*bound).or_default() += count);
             }
@@ -101,6 +102,7 @@ impl Summary {
         let latency = stages.into_iter().filter_map(|(stage, h)| Some((stage.to_owned(), percentiles(&h)?)));
         summary.latency_ms = latency.collect();
         for (process, count) in restarts.into_iter().filter(|(_, count)| *count > 0) {
+            // Two processes may have the same label, such as the same node in two namespaces.
             *summary.restarts.entry(process.to_owned()).or_default() += count;
         }
         summary
@@ -149,7 +151,7 @@ impl Summary {
     }
 
     fn add_detections(&mut self, report: &NodeReport) {
-        // Named also when nothing was found in it.
+        // A stream in which nothing was found is named as well.
         let read = report.status.get("stream").map(|stream| (stream, BTreeMap::new()));
         for (stream, found) in report.classes.iter().map(|(s, c)| (s, c.clone())).chain(read) {
             let classes = self.detections.entry(stream.clone()).or_default();
@@ -158,7 +160,7 @@ impl Summary {
     }
 }
 
-/// A source says how many frames it sent; else its busiest topic does.
+/// Returns the number of frames that a source has sent: from its status, else from its busiest topic.
 fn frames(report: &NodeReport) -> u64 {
     if report.status.get("role").map(String::as_str) != Some("source") {
         return 0;
@@ -195,6 +197,7 @@ pub fn reports_so_far(folder: &Path) -> Vec<NodeReport> {
 fn read_files(folder: &Path) -> impl Iterator<Item = Result<NodeReport, (PathBuf, String)>> {
     let files = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let mut files: Vec<_> = files.filter(|file| file.extension().is_some_and(|e| e == "json")).collect();
+    // A folder is listed in any order: sorted, the same run gives the same summary and the same warnings.
     files.sort();
     files.into_iter().map(|file| {
         let text = std::fs::read_to_string(&file).map_err(|e| e.to_string());

@@ -1,11 +1,8 @@
-//! Runs a [`Plan`]: starts its processes, marks their output, starts crashed
-//! ones again, and ends them all in order. No process outlives the launcher:
-//! each leads its own process group, which is killed when it is let go.
+//! Runs a [`Plan`]: starts its processes, marks their output, starts crashed ones again, and ends them all in order. No
+//! process outlives the launcher: each leads its own process group, which is killed when it is let go.
 //!
-//! At a shutdown every process gets SIGINT, after its `sigterm_timeout` SIGTERM,
-//! after its `sigkill_timeout` SIGKILL.
+//! At a shutdown every process gets SIGINT, after its `sigterm_timeout` SIGTERM, after its `sigkill_timeout` SIGKILL.
 
-mod command;
 mod job;
 mod running;
 
@@ -26,7 +23,7 @@ use crate::summary::{NodeReport, Summary, read_reports, reports_so_far};
 
 use job::Job;
 
-/// What a plan needs to be run.
+/// The surroundings in which a plan is run.
 #[derive(Clone)]
 pub struct Supervision {
     /// The program that runs this suite's nodes as `<suite> run <node>`.
@@ -56,7 +53,7 @@ pub enum Channel {
 }
 
 impl Supervision {
-    /// With the running program as the suite.
+    /// Creates the surroundings with the running program as the suite.
     ///
     /// # Errors
     /// [`LaunchError::Start`] when the running program's path is unknown.
@@ -135,8 +132,7 @@ impl ProcessEnd {
 }
 
 impl Outcome {
-    /// Whether a process failed in the end; a crash that was made good by a
-    /// restart is none.
+    /// Returns whether a process failed in the end. A crash that a restart has repaired is no failure.
     pub fn failed(&self) -> bool {
         self.processes.iter().any(|process| process.end.is_failure())
     }
@@ -151,13 +147,13 @@ pub(crate) fn start_error(process: &str, why: impl ToString) -> LaunchError {
     LaunchError::Start { process: process.to_owned(), why: why.to_string() }
 }
 
-/// Runs `plan` until all its processes have ended, one of them ends all, or the
-/// launcher gets SIGINT or SIGTERM.
+/// Runs `plan` until all its processes have ended, one of them ends all, or the launcher gets SIGINT or SIGTERM.
 ///
 /// # Errors
-/// [`LaunchError::Start`] when an executable is not found; nothing has been
-/// started then.
+/// [`LaunchError::Start`] when an executable is not found; nothing has been started then.
 pub async fn run(plan: Plan, how: &Supervision) -> Result<Outcome, LaunchError> {
+    // The handlers are there before the first process: a signal would else end the launcher and leave its
+    // processes running.
     let open = |kind| signal(kind).map_err(|e| start_error("launcher", e));
     let (mut interrupt, mut terminate) = (open(SignalKind::interrupt())?, open(SignalKind::terminate())?);
     let stop = async {
@@ -169,7 +165,7 @@ pub async fn run(plan: Plan, how: &Supervision) -> Result<Outcome, LaunchError> 
     run_until(plan, how, stop).await
 }
 
-/// As [`run`], with `stop` in place of the signals.
+/// Runs `plan` as [`run`] does, until `stop` completes in place of the signals.
 ///
 /// # Errors
 /// As [`run`].
@@ -182,8 +178,10 @@ pub async fn run_until(
         tempfile::tempdir().map_err(|e| start_error("launcher", format!("folder of reports: {e}")))?;
     plan.messages.iter().for_each(|message| (how.print)(Channel::Out, &format!("[launch] {message}")));
     let state = tempfile::tempdir().map_err(|e| start_error("launcher", format!("folder of state: {e}")))?;
+    // Both folders last as long as the run: a node that is started again finds its state there.
     let jobs = job::all(&plan, how, reports.path(), state.path())?;
     let begin = Instant::now();
+    // The second future never ends: it only passes reports on until the processes are done.
     let (ending, processes) = tokio::select! {
         ended = supervise(jobs, how, stop) => ended,
         never = watch_reports(how.watch.as_ref(), reports.path()) => match never {},
@@ -205,6 +203,8 @@ async fn supervise(
     how: &Supervision,
     stop: impl Future<Output = ()>,
 ) -> (Ending, Vec<ProcessOutcome>) {
+    // The order to end is a state and not an event: a process that is between two starts finds it when it
+    // looks.
     let (shut_down, told) = watch::channel(false);
     let mut running = JoinSet::new();
     for job in jobs {
@@ -218,6 +218,7 @@ async fn supervise(
     tokio::pin!(stop);
     loop {
         tokio::select! {
+            // A future that has completed must not be polled again.
             () = &mut stop, if ending == Ending::Completed => {
                 ending = Ending::Interrupted;
                 shut_down.send_replace(true);
@@ -225,6 +226,7 @@ async fn supervise(
             end = running.join_next() => match end {
                 None => return (ending, ended),
                 Some(Ok((on_exit, outcome))) => {
+                    // A node that cannot start is missing for good, so the others have nothing to wait for.
                     let last = matches!(outcome.end, ProcessEnd::Refused | ProcessEnd::NotStarted(_));
                     ended.push(outcome);
                     if last || on_exit == OnExit::Shutdown {

@@ -81,6 +81,7 @@ fn is_integer(lower: &str) -> bool {
     let hexadecimal = magnitude
         .strip_prefix("0x")
         .is_some_and(|rest| !rest.is_empty() && rest.chars().all(|c| c.is_ascii_hexdigit()));
+    // A leading zero means octal in YAML 1.1 and nothing in YAML 1.2.
     hexadecimal || (digits(magnitude) && (magnitude == "0" || !magnitude.starts_with('0')))
 }
 
@@ -91,6 +92,7 @@ fn is_float(lower: &str) -> bool {
     let Some((whole, fraction)) = mantissa.split_once('.') else { return false };
     let plain = (digits(whole) && (fraction.is_empty() || digits(fraction)))
         || (whole.is_empty() && digits(fraction));
+    // PyYAML, which ROS 2 uses, takes an exponent without a sign for a part of a word.
     let signed = exponent.strip_prefix(['+', '-']).is_some_and(digits);
     matches!(magnitude, ".inf" | ".nan") || (plain && signed)
 }
@@ -101,6 +103,7 @@ fn is_doubtful(text: &str) -> bool {
     let lower = text.to_ascii_lowercase();
     let magnitude = magnitude(&lower);
     let based = ["0x", "0o", "0b"].iter().filter_map(|prefix| magnitude.strip_prefix(prefix)).next();
+    // A text with two points, such as a version, is a word to every reader.
     let decimal = magnitude.trim_start_matches('.').starts_with(|c: char| c.is_ascii_digit())
         && magnitude.matches('.').count() < 2
         && magnitude.chars().all(|c| c.is_ascii_digit() || "_:.+-e".contains(c));
@@ -112,7 +115,7 @@ fn is_doubtful(text: &str) -> bool {
 }
 
 impl Item {
-    /// What it is, for an error.
+    /// Describes the item for an error.
     pub fn described(&self) -> String {
         match &self.content {
             Content::Scalar(text, ScalarType::String) => format!("the string '{text}'"),
@@ -131,7 +134,7 @@ impl Item {
 /// # Errors
 /// [`LaunchError::At`] with the line of what is not readable.
 pub(crate) fn read(file: &Path, text: &str) -> Result<Item, LaunchError> {
-    let mut reader = Reader { file, parser: Parser::new_from_str(text), last_line: 1 };
+    let mut reader = YamlReader { file, parser: Parser::new_from_str(text), last_line: 1 };
     let mut root = None;
     loop {
         match reader.next()? {
@@ -144,13 +147,13 @@ pub(crate) fn read(file: &Path, text: &str) -> Result<Item, LaunchError> {
     root.ok_or_else(|| LaunchError::at(file, 1, "is empty, 'launch:' with a list is expected"))
 }
 
-struct Reader<'a> {
+struct YamlReader<'a> {
     file: &'a Path,
     parser: Parser<'a, StrInput<'a>>,
     last_line: usize,
 }
 
-impl<'a> Reader<'a> {
+impl<'a> YamlReader<'a> {
     fn next(&mut self) -> Result<(Event<'a>, usize), LaunchError> {
         match self.parser.next_event() {
             None => Ok((Event::StreamEnd, self.last_line)),
@@ -215,6 +218,7 @@ impl<'a> Reader<'a> {
                 Event::Scalar(text, _, _, None) => text.into_owned(),
                 _ => return Err(self.refuse(line, "a key that is not a word")),
             };
+            // Most YAML readers keep the last one without a word.
             if pairs.iter().any(|(key, _)| key.name == name) {
                 return Err(LaunchError::at(self.file, line, format!("key '{name}' is given twice")));
             }

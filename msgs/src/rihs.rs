@@ -13,6 +13,7 @@ use crate::type_description_interfaces::{Field, IndividualTypeDescription, TypeD
 
 /// `RIHS01_` and 64 hexadecimal digits for a message, a service, or a service's request, response or event. `None` when
 /// the suite does not define it.
+///
 /// ```
 /// let hash = modulo_msgs::type_hash("sensor_msgs/msg/Image").expect("the suite defines it");
 /// assert_eq!(hash, "RIHS01_d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47");

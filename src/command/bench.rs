@@ -1,16 +1,28 @@
 //! `modulo simulate`, `modulo bench` and `modulo stability`: the unwrapping methods on images.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
+use clap::Subcommand;
 use indicatif::{ProgressBar, ProgressStyle};
 use modulo_bench::{BenchEvent, benchmark, frontier, simulate, stability};
 
-use crate::cli::Bench;
 use crate::{Ended, Failure};
 
 /// Template of the progress bar.
 const STEPS: &str = "{bar:30} {pos}/{len} {eta} {msg}";
+
+/// `modulo bench`
+#[derive(Subcommand)]
+pub enum Bench {
+    /// Measure the time and the accuracy of every method, and draw a chart of both
+    Unwrap(benchmark::BenchmarkRequest),
+    /// Draw the charts of the results in a folder again
+    Chart {
+        /// Folder with results.json and meta.json
+        folder: PathBuf,
+    },
+}
 
 /// Sends image files through the sensor and the methods.
 pub fn simulate(request: &simulate::SimulationRequest) -> Result<Ended, Failure> {
@@ -116,6 +128,8 @@ fn tell(bar: &ProgressBar, event: BenchEvent<'_>) {
             bar.set_position(done as u64);
             bar.set_message(next.to_owned());
         }
+        // A line that is printed while a bar is drawn would tear it apart, so the bar is taken away
+        // meanwhile.
         BenchEvent::Skipped(skipped) => bar.suspend(|| eprintln!("modulo: skipped: {}", skipped.why)),
         BenchEvent::Warning(warning) => bar.suspend(|| eprintln!("modulo: {warning}")),
     }

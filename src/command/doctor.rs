@@ -32,6 +32,7 @@ fn engine() {
     say!("looked   in this order:");
     for place in onnxruntime_places() {
         let chosen = taken.as_ref().is_ok_and(|taken| Path::new(taken) == place);
+        // A bare file name is looked up by the dynamic loader in folders that this program does not know.
         let by_loader = place.parent().is_none_or(|folder| folder.as_os_str().is_empty());
         let found = match (chosen, by_loader) {
             (true, _) => "taken",
@@ -67,6 +68,7 @@ fn transport() {
         }
     }
     let port = meeting_port(number);
+    // Only a try to listen tells whether the port is free. The socket is closed again at once.
     match TcpListener::bind(("127.0.0.1", port)) {
         Ok(_) => say!("meeting  127.0.0.1:{port} is free: the next node listens there"),
         Err(why) => {

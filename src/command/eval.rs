@@ -1,8 +1,9 @@
 //! `modulo eval FILE`: runs the nodes of a launch file in lockstep. Without FILE it runs the grid.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
+use clap::{Args, Subcommand};
 use modulo_bags::bag::{BagWriter, Compression};
 use modulo_eval::launch_file::{DetectorStream, Evaluation, EvaluationPlan, StreamScore};
 use modulo_launch::Summary;
@@ -11,17 +12,77 @@ use modulo_runtime::{MessageKind, Node, NodeName, NodeReport, SystemClock};
 
 use super::launch::{prepare, tell_slower_engine};
 use super::progress::ProgressLine;
-use super::{grid, pairs, report, start_log, usage};
-use crate::cli::eval::{Eval, Verb};
+use super::{grid, pairs, start_log, usage};
 use crate::{Ended, Failure};
+
+/// `modulo eval`
+#[derive(Args)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+pub struct Eval {
+    /// Command for existing results
+    #[command(subcommand)]
+    pub verb: Option<Verb>,
+    /// Launch file (ROS 2 YAML) with one camera. Without it: a grid over --kitti, --sequence, --yolo, --coco or
+    /// --source
+    pub file: Option<PathBuf>,
+    /// Arguments of the launch file as name:=value
+    #[arg(requires = "file")]
+    pub arguments: Vec<String>,
+    /// Source of frames, such as a bag or scene://PRESET: for the grid, or instead of the source in FILE (repeatable)
+    #[arg(long, value_name = "SOURCE")]
+    pub source: Vec<String>,
+    /// Folder for the results
+    #[arg(short, long, value_name = "FOLDER", required = true)]
+    pub out: Option<PathBuf>,
+    /// With FILE: write the messages on --topics into this new bag folder
+    #[arg(long, value_name = "FOLDER", requires_all = ["topics", "file"])]
+    pub bag: Option<PathBuf>,
+    /// Topics for --bag
+    #[arg(long, value_name = "TOPIC", num_args = 1.., requires = "bag")]
+    pub topics: Vec<String>,
+    /// With FILE: write every image that a detector gets as PNG
+    #[arg(long, requires = "file")]
+    pub images: bool,
+    /// Also print what the nodes log, with one line for each frame
+    #[arg(long, short)]
+    pub verbose: bool,
+    #[command(flatten)]
+    pub grid: grid::Grid,
+}
+
+/// `modulo eval VERB`
+#[derive(Subcommand)]
+pub enum Verb {
+    /// Join the results of shards
+    Merge {
+        /// Folder for the joined results
+        out: PathBuf,
+        /// Folders of the shards
+        #[arg(required = true)]
+        folders: Vec<PathBuf>,
+    },
+    /// Draw charts and report of the results in a folder again
+    Report {
+        /// Folder with results.json
+        folder: PathBuf,
+    },
+    /// Print the stream, method and model of highest accuracy within a time
+    Budget {
+        /// Folder with results.json
+        folder: PathBuf,
+        /// Time from the captured image to the boxes, ms
+        #[arg(long)]
+        ms: f64,
+    },
+}
 
 /// Runs the evaluation or the subcommand.
 pub fn eval(args: &Eval) -> Result<Ended, Failure> {
     start_log(if args.verbose { "debug" } else { "warn" });
     match &args.verb {
         Some(Verb::Merge { out, folders }) => return grid::merge(out, folders),
-        Some(Verb::Report { folder }) => return report::report(folder),
-        Some(Verb::Budget { folder, ms }) => return report::budget(folder, *ms),
+        Some(Verb::Report { folder }) => return grid::report(folder),
+        Some(Verb::Budget { folder, ms }) => return grid::budget(folder, *ms),
         None => {}
     }
     let out = args.out.as_deref().context("--out is needed").map_err(usage)?;
@@ -40,6 +101,7 @@ fn launch_file(args: &Eval, file: &Path, out: &Path) -> Result<Ended, Failure> {
     if args.source.is_empty() {
         reports = run(args, (file, out), &arguments, &mut evaluation, bag.as_mut())?;
     }
+    // All sources add to the same evaluation, so that the scores count over all frames and not over sources.
     for source in &args.source {
         let arguments = [arguments.clone(), vec![("source".to_owned(), source.clone())]].concat();
         reports.extend(run(args, (file, out), &arguments, &mut evaluation, bag.as_mut())?);
@@ -72,6 +134,7 @@ fn run(
     bag: Option<&mut BagWriter>,
 ) -> Result<Vec<NodeReport>, Failure> {
     let made = nodes(file, arguments)?;
+    // A node that asks for a period is driven by time and not by messages: it is where frames come from.
     let source = made.iter().position(|(node, _)| node.period().is_some());
     let source = source.with_context(|| format!("{}: no node is a source of frames", file.display()));
     let source = source.map_err(usage)?;

@@ -4,6 +4,7 @@ use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
+use clap::{Args, Subcommand};
 use modulo_msgs::{dynamic, rihs, ros_name};
 use modulo_runtime::Clock;
 use modulo_runtime::graph::Graph;
@@ -11,39 +12,89 @@ use modulo_runtime::transport::keys::{EntityKind, Token};
 use modulo_runtime::transport::zenoh::ZenohTransport;
 
 use super::{open_session, stop_on_signals};
-use crate::cli::graph::{Echo, Node, Topic};
 use crate::{Ended, Failure};
 
+/// `modulo topic`
+#[derive(Subcommand)]
+pub enum TopicCommand {
+    /// List all topics
+    List {
+        /// Also print the types
+        #[arg(short = 't', long)]
+        show_types: bool,
+    },
+    /// Print the type of a topic and the number of its publishers and subscriptions
+    Info {
+        /// Name of the topic, such as /recovered
+        topic: String,
+        /// Also print nodes, quality of service and type hashes
+        #[arg(short, long)]
+        verbose: bool,
+    },
+    /// Print the messages of a topic as YAML
+    Echo(Echo),
+    /// Print the rate of the messages of a topic until SIGINT
+    Hz {
+        /// Name of the topic, such as /recovered
+        topic: String,
+        /// Largest number of messages over which the rate is computed
+        #[arg(short, long, default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(2..))]
+        window: u32,
+    },
+}
+
+/// `modulo topic echo`
+#[derive(Args)]
+pub struct Echo {
+    /// Name of the topic, such as /detections
+    pub topic: String,
+    /// End after the first message
+    #[arg(long)]
+    pub once: bool,
+}
+
+/// `modulo node`
+#[derive(Subcommand)]
+pub enum NodeCommand {
+    /// List all nodes
+    List,
+    /// Print the publishers, subscriptions and services of a node
+    Info {
+        /// Name of the node, such as /detector
+        node: String,
+    },
+}
+
 /// Runs one of the topic commands.
-pub fn topic(args: &Topic) -> Result<Ended, Failure> {
+pub fn topic(args: &TopicCommand) -> Result<Ended, Failure> {
     let (clock, transport) = open_session()?;
     match args {
-        Topic::List { show_types } => {
+        TopicCommand::List { show_types } => {
             for (topic, types) in transport.settled_graph().topics() {
                 let types: Vec<String> = types.into_iter().collect();
                 let shown = if *show_types { format!(" [{}]", types.join(", ")) } else { String::new() };
                 say!("{topic}{shown}");
             }
         }
-        Topic::Info { topic, verbose } => {
+        TopicCommand::Info { topic, verbose } => {
             let topic = absolute(topic);
             info(&transport.graph_with(&topic)?, &topic, *verbose);
         }
-        Topic::Echo(args) => echo(&transport, args)?,
-        Topic::Hz { topic, window } => hz(&transport, &*clock, topic, *window as usize)?,
+        TopicCommand::Echo(args) => echo(&transport, args)?,
+        TopicCommand::Hz { topic, window } => hz(&transport, &*clock, topic, *window as usize)?,
     }
     transport.close();
     Ok(Ended::Done)
 }
 
 /// Runs one of the node commands.
-pub fn node(args: &Node) -> Result<Ended, Failure> {
+pub fn node(args: &NodeCommand) -> Result<Ended, Failure> {
     let (_clock, transport) = open_session()?;
     let graph = transport.settled_graph();
     let nodes = graph.nodes();
     match args {
-        Node::List => nodes.iter().for_each(|node| say!("{node}")),
-        Node::Info { node } => {
+        NodeCommand::List => nodes.iter().for_each(|node| say!("{node}")),
+        NodeCommand::Info { node } => {
             let node = absolute(node);
             if !nodes.contains(&node) {
                 let known: Vec<_> = nodes.into_iter().collect();
@@ -93,6 +144,7 @@ fn describe(graph: &Graph, node: &str) {
         ("Service Clients", EntityKind::Client),
     ] {
         say!("  {title}:");
+        // A set sorts the lines and shows endpoints of the same topic and type once.
         let own = graph.tokens().filter(|t| t.kind == kind && t.node_name() == node);
         let lines: BTreeSet<String> = own
             .filter_map(|t| t.endpoint.as_ref())
@@ -108,6 +160,7 @@ fn echo(transport: &ZenohTransport, args: &Echo) -> Result<(), Failure> {
     let description = rihs::type_description(name);
     let description = description.with_context(|| format!("{name} is not a type that modulo knows"))?;
     while listening.goes_on() {
+        // Nothing comes when the command was asked to end meanwhile.
         let Some(sample) = listening.next(None) else { continue };
         let value = dynamic::from_slice(&description, &sample.item.payload)?;
         say!("{value}---");
@@ -121,7 +174,7 @@ fn echo(transport: &ZenohTransport, args: &Echo) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Once a second: rate, and how even it is.
+/// Prints the rate of the messages, and its spread, once a second.
 fn hz(transport: &ZenohTransport, clock: &dyn Clock, topic: &str, window: usize) -> Result<(), Failure> {
     let listening = transport.listen(&absolute(topic), stop_on_signals()?)?;
     let now = || clock.ticks_ns() as f64 / 1e9;
@@ -135,6 +188,7 @@ fn hz(transport: &ZenohTransport, clock: &dyn Clock, topic: &str, window: usize)
             }
         }
         if now() >= due {
+            // The next line is due one second after this one was due, so that delays do not add up.
             due += 1.0;
             say!("{}", rate(arrived.make_contiguous(), listening.lost()));
         }

@@ -1,23 +1,51 @@
-//! `modulo eval` without a launch file: runs the grid over labelled frames.
+//! `modulo eval` without a launch file: runs the grid over labelled frames. `modulo eval report` and `modulo eval budget`
+//! show its results.
 
 use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
+use clap::Args;
 use modulo_bags::source::FrameList;
 use modulo_eval::grid::{
-    Data, GridError, GridEvent, Request, Suite, draw_pictures, merge as merge_shards, run,
+    Data, GridError, GridEvent, GridOptions, Request, Suite, draw_pictures, merge as merge_shards, run,
 };
-use modulo_eval::report as page;
-use modulo_eval::results::{Cell, Results};
+use modulo_eval::results::{Cell, RESULTS, Results};
+use modulo_eval::{budget as choices, report as page, store};
 use modulo_runtime::SystemClock;
 
 use super::bench::{processor, progress_bar};
-use super::{report, usage};
-use crate::cli::eval;
+use super::usage;
 use crate::{Ended, Failure};
 
+/// The grid of `modulo eval`.
+#[derive(Args)]
+#[command(next_help_heading = "Grid, without FILE")]
+pub struct Grid {
+    /// KITTI object folder (image_2, label_2)
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["file", "sequence", "yolo", "coco", "source"])]
+    pub kitti: Option<PathBuf>,
+    /// Frames of --kitti to take: a file of lines FRAME [DRIVE], or `paper` for the paper's test images
+    #[arg(long, value_name = "FILE", requires = "kitti")]
+    pub list: Option<PathBuf>,
+    /// KITTI drives with tracking labels, one folder for each drive
+    #[arg(long, value_name = "FOLDER", num_args = 1.., conflicts_with_all = ["file", "yolo", "coco", "source"])]
+    pub sequence: Vec<PathBuf>,
+    /// Folder of images with YOLO labels (subfolders images and labels, or both side by side)
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["file", "coco", "source"])]
+    pub yolo: Option<PathBuf>,
+    /// COCO annotation file
+    #[arg(long, value_name = "JSON", conflicts_with_all = ["file", "source"])]
+    pub coco: Option<PathBuf>,
+    /// Folder of the images of --coco, if they are not in the usual place
+    #[arg(long, value_name = "FOLDER", requires = "coco")]
+    pub coco_images: Option<PathBuf>,
+    /// The settings of the grid.
+    #[command(flatten)]
+    pub options: GridOptions,
+}
+
 /// Runs the cells that are not finished yet.
-pub fn grid(args: &eval::Grid, source: &[String], out: &Path) -> Result<Ended, Failure> {
+pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure> {
     let request = Request {
         data: data(args, source)?,
         options: args.options.clone(),
@@ -41,12 +69,13 @@ pub fn grid(args: &eval::Grid, source: &[String], out: &Path) -> Result<Ended, F
     let outcome = run(&request, &Suite, &SystemClock::default(), &tell).map_err(failure)?;
     bar.finish_and_clear();
     outcome.results.cells.iter().for_each(print_cell);
+    // The pictures compare all cells, so they are drawn when the last shard or run has made them complete.
     if outcome.results.cells.len() == outcome.results.setup.grid.len() {
         let timer = SystemClock::default();
         let pictures = draw_pictures(&request, &Suite, &timer, &outcome.results).map_err(failure)?;
         page::save_pictures(out, &pictures).map_err(failure)?;
     }
-    report::report(out)?;
+    report(out)?;
     Ok(if outcome.lost() { Ended::WithLoss } else { Ended::Done })
 }
 
@@ -54,13 +83,14 @@ pub fn grid(args: &eval::Grid, source: &[String], out: &Path) -> Result<Ended, F
 pub fn merge(out: &Path, folders: &[PathBuf]) -> Result<Ended, Failure> {
     let results = merge_shards(out, folders).map_err(failure)?;
     let Results { setup, input, cells, .. } = &results;
-    report::report(out)?;
+    report(out)?;
     say!("{} of {} cells", cells.len(), setup.grid.len());
+    // A shard that is missing, or a frame that could not be read, is a loss: the exit code tells it.
     let whole = cells.len() == setup.grid.len() && input.warnings.is_empty();
     Ok(if whole { Ended::Done } else { Ended::WithLoss })
 }
 
-fn data(args: &eval::Grid, source: &[String]) -> Result<Data, Failure> {
+fn data(args: &Grid, source: &[String]) -> Result<Data, Failure> {
     let list = match args.list.as_deref() {
         Some(path) if path == Path::new("paper") => Some(FrameList::paper()),
         Some(path) => Some(FrameList::read(path)?),
@@ -82,6 +112,7 @@ fn data(args: &eval::Grid, source: &[String]) -> Result<Data, Failure> {
 
 fn failure(why: GridError) -> Failure {
     match why {
+        // These come from the command line, and the others from files or from the run.
         GridError::Empty { .. }
         | GridError::Value { .. }
         | GridError::Table { .. }
@@ -102,4 +133,30 @@ fn print_cell(cell: &Cell) {
         percent(cell.exact_k),
         cell.latency_ms.get("infer").map_or(0.0, |infer| infer.p50)
     );
+}
+
+/// Draws the charts and the report of the results in a folder.
+pub fn report(folder: &Path) -> Result<Ended, Failure> {
+    say!("{}", page::write(folder)?.display());
+    Ok(Ended::Done)
+}
+
+/// Prints the Pareto front at each alpha, lens and noise. `*` marks the best choice within `ms`.
+pub fn budget(folder: &Path, ms: f64) -> Result<Ended, Failure> {
+    if !(ms > 0.0 && ms.is_finite()) {
+        return Err(usage(anyhow!("--ms is {ms}, it must be more than 0")));
+    }
+    let results = store::load(folder)?;
+    let results = results.ok_or_else(|| GridError::NoResults(folder.join(RESULTS)))?;
+    for found in choices::within(&results, ms) {
+        say!("alpha {}, {}:", found.alpha, found.conditions);
+        for choice in &found.front {
+            let mark = if found.best.as_ref() == Some(choice) { '*' } else { ' ' };
+            say!("{mark} {:8.1} ms  AP50 {:5.1}  {}", choice.ms, 100.0 * choice.ap50, choice.name());
+        }
+        if found.best.is_none() {
+            say!("  no choice is within {ms} ms");
+        }
+    }
+    Ok(Ended::Done)
 }

@@ -5,6 +5,7 @@ use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
+use clap::Args;
 use modulo_launch::plan::OnExit;
 use modulo_launch::supervisor::Watch;
 use modulo_launch::{
@@ -17,20 +18,49 @@ use modulo_runtime::ros_args::RosArgs;
 use modulo_runtime::{Clock, NodeName, NodeReport, Parameters, Stop, SystemClock, Urgency};
 
 use super::progress::{self, ProgressLine};
-use super::{hash, pairs, start_log, usage};
-use crate::cli::Launch;
-use crate::registry::{self, Kind};
+use super::{HASHES_VARIABLE, chosen_hashes, pairs, start_log, usage};
+use crate::registry::{self, NodeKind};
 use crate::{Ended, Failure};
 
 /// Time between two looks at the reports of nodes in this process.
 const GLANCE: Duration = Duration::from_millis(200);
 
-/// How a run went.
-struct Run {
+/// `modulo launch`
+#[derive(Args)]
+pub struct Launch {
+    /// Launch file (ROS 2 YAML). Without it, the launch files that are found are listed
+    pub file: Option<PathBuf>,
+    /// Arguments as name:=value
+    pub arguments: Vec<String>,
+    /// Run all nodes in this one process
+    #[arg(long)]
+    pub compose: bool,
+    /// Write the summary to this file as JSON
+    #[arg(long, value_name = "FILE")]
+    pub summary: Option<PathBuf>,
+    /// End with exit code 3 also when newer images replaced older ones
+    #[arg(long)]
+    pub strict: bool,
+    /// Also print what the nodes log, with one line for each frame
+    #[arg(long, short, conflicts_with_all = ["print", "check", "show_args"])]
+    pub verbose: bool,
+    /// Say what the file would start, and end
+    #[arg(long, conflicts_with_all = ["compose", "summary"])]
+    pub print: bool,
+    /// Say every mistake in the file with its line, or that there is none, and end
+    #[arg(long, conflicts_with_all = ["compose", "summary", "print", "show_args"])]
+    pub check: bool,
+    /// List the file's arguments, and end
+    #[arg(long, short = 's', conflicts_with_all = ["compose", "summary", "print"])]
+    pub show_args: bool,
+}
+
+/// The result of a launch.
+struct LaunchResult {
     summary: Summary,
     /// The processes that failed, if there are any.
     failure: Option<anyhow::Error>,
-    /// Whether it ended by itself.
+    /// Whether the run ended by itself.
     completed: bool,
 }
 
@@ -49,8 +79,9 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
         say!("{plan}");
         return Ok(Ended::Done);
     }
+    // Lockstep runs the nodes as one process does, so the hint at the end is given for such files only.
     let evaluable = modulo_launch::compose(&plan).is_ok();
-    let Run { summary, failure, completed } =
+    let LaunchResult { summary, failure, completed } =
         if args.compose { run_composed(&plan)? } else { run_processes(plan, args.verbose)? };
     if let Some(file) = &args.summary {
         summary.write(file)?;
@@ -79,16 +110,17 @@ pub fn tell_slower_engine(summary: &Summary) {
     }
 }
 
-/// `word` as a shell takes it.
+/// Quotes `word` for a shell where it needs quotes.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "-_./:=,+@%".contains(c);
     if word.chars().all(plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', "'\\''")) }
 }
 
-/// The refusal of a command line without a launch file, with the files that can be launched.
+/// Refuses a command line without a launch file, and lists the files that can be launched.
 fn no_file() -> Failure {
     let files = launch_files();
     let name = |path: &PathBuf| path.display().to_string();
+    // The descriptions begin in one column.
     let width = files.iter().map(|file| name(&file.path).chars().count()).max().unwrap_or(0);
     let lines: String =
         files.iter().map(|file| format!("  {:width$}  {}\n", name(&file.path), file.about)).collect();
@@ -117,7 +149,7 @@ fn show_args(file: &Path) -> Result<Ended, Failure> {
     Ok(Ended::Done)
 }
 
-/// What the file says, and whether its nodes take the parameters that it gives.
+/// Checks the file, and the parameters that it gives to nodes of the suite.
 fn check(path: &Path, arguments: &[String]) -> Result<Ended, Failure> {
     let file = path.display();
     let mistakes = match modulo_launch::check(path, &pairs(arguments)?) {
@@ -135,7 +167,7 @@ fn check(path: &Path, arguments: &[String]) -> Result<Ended, Failure> {
     Err(Failure::Run(anyhow!("{file}: {} mistakes", mistakes.len())))
 }
 
-/// Every parameter of a node of the suite that it would refuse.
+/// Returns the parameters that a node of the suite would refuse, each with the reason.
 fn refusals(node: &NodePlan) -> Vec<String> {
     if node.package != modulo_launch::SUITE {
         return Vec::new();
@@ -150,6 +182,7 @@ fn refusals(node: &NodePlan) -> Vec<String> {
     };
     match settings() {
         Ok((declared, settings)) => {
+            // Each setting is tried by itself, so that one refusal does not hide the next one.
             let refused = settings.iter().filter_map(|s| declared.with_text(std::slice::from_ref(s)).err());
             refused.map(|why| at(why.into())).collect()
         }
@@ -157,10 +190,11 @@ fn refusals(node: &NodePlan) -> Vec<String> {
     }
 }
 
-fn run_processes(mut plan: Plan, verbose: bool) -> Result<Run, Failure> {
-    let word = hash::chosen()?.word();
+fn run_processes(mut plan: Plan, verbose: bool) -> Result<LaunchResult, Failure> {
+    let word = chosen_hashes()?.word();
     for node in &mut plan.nodes {
-        node.process.env.entry(hash::VARIABLE.to_owned()).or_insert(Some(word.to_owned()));
+        // An `env` of the launch file wins over the option.
+        node.process.env.entry(HASHES_VARIABLE.to_owned()).or_insert(Some(word.to_owned()));
         if verbose && node.package == modulo_launch::SUITE {
             // In front: a level of the launch file comes later and wins.
             node.ros_args.splice(0..0, ["--log-level", "debug"].map(str::to_owned));
@@ -176,14 +210,16 @@ fn run_processes(mut plan: Plan, verbose: bool) -> Result<Run, Failure> {
     let supervision = Supervision::new(Arc::new(progress::print), watch)?;
     let runtime = tokio::runtime::Runtime::new().context("tokio runtime")?;
     let outcome = runtime.block_on(modulo_launch::run(plan, &supervision))?;
+    // The line leaves the screen before the summary is printed.
     drop((supervision, line));
+    // All of them are named: the first failure is often the cause of the others.
     let failed = outcome.processes.iter().filter(|p| p.end.is_failure());
     let names: Vec<_> = failed.map(|p| format!("{} {}", p.label, p.end)).collect();
     let failure = (!names.is_empty()).then(|| anyhow!("failed: {}", names.join(", ")));
-    Ok(Run { summary: outcome.summary(), failure, completed: outcome.ending == Ending::Completed })
+    Ok(LaunchResult { summary: outcome.summary(), failure, completed: outcome.ending == Ending::Completed })
 }
 
-fn run_composed(plan: &Plan) -> Result<Run, Failure> {
+fn run_composed(plan: &Plan) -> Result<LaunchResult, Failure> {
     // The end of a member asks `stop`, too; only signals ask `asked`.
     let (stop, asked) = (Stop::default(), Stop::default());
     end_on_signals(&stop).context("signal handlers")?;
@@ -193,7 +229,7 @@ fn run_composed(plan: &Plan) -> Result<Run, Failure> {
     eprintln!("[launch] running {} in one process; Ctrl-C ends the run", names.join(", "));
     let reports = run_members(members, &stop)?;
     let completed = asked.urgency() == Urgency::None;
-    Ok(Run { summary: Summary::new(&reports, []), failure: None, completed })
+    Ok(LaunchResult { summary: Summary::new(&reports, []), failure: None, completed })
 }
 
 /// Runs the members. Where a progress line is shown, they keep their reports in a folder meanwhile.
@@ -217,12 +253,13 @@ fn run_members(mut members: Vec<Member>, stop: &Stop) -> Result<Vec<NodeReport>,
             }
         });
         let reports = composed::run(members, &clock, stop);
+        // The closed channel ends the thread at once, without another look at the reports.
         drop(end);
         Ok(reports?)
     })
 }
 
-/// The plan's nodes, made in this process.
+/// Makes the nodes of the plan in this process.
 fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
     let nodes = modulo_launch::compose(plan).map_err(usage)?;
     let member = |(node, on_exit): (&ComposedNode, OnExit)| {
@@ -238,8 +275,8 @@ fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
     nodes.iter().zip(on_exits).map(member).collect::<anyhow::Result<_>>().map_err(usage)
 }
 
-/// Kind, node_name and parameters of one node of a plan.
-pub fn prepare(node: &ComposedNode) -> anyhow::Result<(&'static Kind, NodeName, Parameters)> {
+/// Returns the kind, the name and the parameters of one node of a plan.
+pub fn prepare(node: &ComposedNode) -> anyhow::Result<(&'static NodeKind, NodeName, Parameters)> {
     let kind = registry::kind(&node.kind)?;
     let node_name = NodeName::new(&node.name, &node.namespace, &node.remaps)?;
     let parameters =

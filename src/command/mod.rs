@@ -1,6 +1,6 @@
-//! One file a subcommand.
+//! The commands, one file for each, with its arguments.
 
-/// `println!` for a reader that may leave, such as `head`: that is nobody's mistake.
+/// Prints a line as `println!` does. A reader that has left, such as `head`, is no error.
 macro_rules! say {
     ($($text:tt)*) => {{
         use std::io::Write as _;
@@ -8,24 +8,23 @@ macro_rules! say {
     }};
 }
 
-mod bag;
-mod bench;
+pub mod bag;
+pub mod bench;
 mod doctor;
-mod eval;
-mod graph;
+pub mod eval;
+pub mod graph;
 mod grid;
-mod hash;
-mod launch;
-mod model;
-mod param;
+pub mod launch;
+pub mod model;
+pub mod param;
 mod progress;
-mod report;
-mod run;
+pub mod run;
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use anyhow::{Context, anyhow};
 use modulo_runtime::rosout::RosoutLayer;
+use modulo_runtime::transport::keys::Hashes;
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::{Clock, Stop, SystemClock, end_on_signals};
 use tracing_subscriber::EnvFilter;
@@ -37,9 +36,15 @@ use tracing_subscriber::util::SubscriberInitExt;
 use crate::cli::{self, Cli, Command};
 use crate::{Ended, Failure};
 
+/// The environment variable for processes that take no option, such as the nodes of a launch.
+const HASHES_VARIABLE: &str = "MODULO_TYPE_HASH";
+
+/// The form of type hashes in all keys of this process, once it is chosen.
+static CHOSEN: OnceLock<Hashes> = OnceLock::new();
+
 /// Runs the command of `cli`.
 pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
-    cli.hash.into_iter().for_each(hash::choose);
+    cli.hash.into_iter().for_each(choose_hashes);
     match cli.command {
         Command::Launch(args) => launch::launch(&args),
         Command::Run(args) => run::run(&args),
@@ -78,6 +83,7 @@ fn start_log(level: &str) {
 /// Starts the log of a node: the lines from `level` on go to `/rosout`, and those that also pass `screen` to standard
 /// error. Lines of libraries are shown with the level `debug` only.
 fn start_log_with(level: &str, screen: LevelFilter, rosout: Option<RosoutLayer>) {
+    // A library logs what it works around by itself, which a user of the suite cannot act on.
     let libraries = if level == "debug" { "warn" } else { "off" };
     // The names of all crates of the suite begin with `modulo`.
     let default = format!("{libraries},modulo={level}");
@@ -94,6 +100,7 @@ fn start_log_with(level: &str, screen: LevelFilter, rosout: Option<RosoutLayer>)
 
 fn domain() -> Result<u32, Failure> {
     let Ok(text) = std::env::var("ROS_DOMAIN_ID") else { return Ok(0) };
+    // ROS 2 allows these numbers: the ports of DDS end with them.
     let domain = text.trim().parse::<u32>().ok().filter(|domain| *domain <= 232);
     domain.ok_or_else(|| usage(anyhow!("ROS_DOMAIN_ID = '{text}': must be a number in 0 to 232")))
 }
@@ -101,7 +108,7 @@ fn domain() -> Result<u32, Failure> {
 /// The machine's clock and a session in the domain of the environment.
 fn open_session() -> Result<(Arc<dyn Clock>, ZenohTransport), Failure> {
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
-    let transport = ZenohTransport::open(domain()?, hash::chosen()?, clock.clone())?;
+    let transport = ZenohTransport::open(domain()?, chosen_hashes()?, clock.clone())?;
     Ok((clock, transport))
 }
 
@@ -119,4 +126,27 @@ fn stop_on_signals() -> Result<Stop, Failure> {
     let stop = Stop::default();
     end_on_signals(&stop).context("signal handlers")?;
     Ok(stop)
+}
+
+/// Chooses the form of type hashes for the whole process, regardless of the environment. The first choice stays.
+fn choose_hashes(hashes: Hashes) {
+    // Fails only when the option was given twice.
+    let _ = CHOSEN.set(hashes);
+}
+
+/// Returns the chosen form of type hashes, or the value of the environment variable.
+fn chosen_hashes() -> Result<Hashes, Failure> {
+    match (CHOSEN.get(), std::env::var(HASHES_VARIABLE)) {
+        (Some(chosen), _) => Ok(*chosen),
+        (None, Ok(text)) if !text.is_empty() => parse_hashes(&text),
+        (None, _) => Ok(Hashes::default()),
+    }
+}
+
+/// Reads the word of the option `--hash`.
+fn parse_hashes(text: &str) -> Result<Hashes, Failure> {
+    let found = Hashes::WORDS.into_iter().find(|(word, _)| *word == text);
+    found
+        .map(|(_, hashes)| hashes)
+        .ok_or_else(|| usage(anyhow!("'{text}' is not a form of type hashes: rihs01 and none are possible")))
 }

@@ -1,23 +1,60 @@
 //! `modulo model`: fetch an official export, check any model.
 
 use std::num::NonZeroUsize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
-use modulo_detector::{ModelInfo, describe, measure};
+use modulo_detector::{EngineChoice, ModelInfo, describe, measure};
+use modulo_eval::grid::words;
 use modulo_models::{FetchRequest, Fetched, LICENCE, fetch, official};
 use modulo_runtime::SystemClock;
 
 use super::{start_log, usage};
-use crate::cli::{Model, ModelCheck, ModelFetch};
 use crate::{Ended, Failure};
 
-/// (height, width) at which speed is measured: the scenes' and KITTI's, padded.
+/// Sizes (height, width) at which the speed is measured: those of the scenes and of KITTI, padded.
 const SIZES: [(usize, usize); 2] = [(192, 640), (384, 1248)];
 const RUNS: NonZeroUsize = NonZeroUsize::MIN.saturating_add(19);
 /// Class names that are shown.
 const SHOWN: usize = 8;
+
+/// `modulo model`
+#[derive(Subcommand)]
+pub enum Model {
+    /// Download an official YOLOv10 export, checked by sha256 (weights: AGPL-3.0)
+    Fetch(ModelFetch),
+    /// Print the input, output, engine and speed of a model
+    Check(ModelCheck),
+}
+
+/// `modulo model fetch`
+#[derive(Args)]
+pub struct ModelFetch {
+    /// Name of the export: yolov10n, yolov10s, yolov10m, yolov10b, yolov10l or yolov10x
+    pub name: String,
+    /// Folder for the file NAME.onnx
+    #[arg(short, long, value_name = "FOLDER", default_value = "./")]
+    pub out: PathBuf,
+    /// Another URL of the file, such as that of a mirror
+    #[arg(long)]
+    pub url: Option<String>,
+    /// Expected sha256 of the file, in place of the known one
+    #[arg(long, value_name = "HEX")]
+    pub sha256: Option<String>,
+}
+
+/// `modulo model check`
+#[derive(Args)]
+pub struct ModelCheck {
+    /// Path of the ONNX file
+    pub file: PathBuf,
+    /// Inference engine: ONNX Runtime (ort), rten, or auto for ONNX Runtime where its library is found, and rten
+    /// elsewhere
+    #[arg(long, default_value = "auto", value_parser = words(EngineChoice::WORDS))]
+    pub engine: EngineChoice,
+}
 
 /// Runs one of the model commands.
 pub fn model(args: &Model) -> Result<Ended, Failure> {
@@ -50,7 +87,7 @@ fn fetch_official(args: &ModelFetch) -> Result<Ended, Failure> {
     Ok(Ended::Done)
 }
 
-/// On standard error; silent where that is no terminal.
+/// Returns a progress bar for standard error, which is shown on a terminal only.
 fn bar() -> anyhow::Result<ProgressBar> {
     let style = "{wide_bar} {bytes}/{total_bytes} {bytes_per_sec} {eta}";
     Ok(ProgressBar::no_length().with_style(ProgressStyle::with_template(style).context("progress bar")?))

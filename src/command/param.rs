@@ -5,6 +5,7 @@ use std::io::Write as _;
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
+use clap::Subcommand;
 use modulo_msgs::cdr;
 use modulo_msgs::rcl_interfaces::{
     DescribeParametersRequest, DescribeParametersResponse, GetParametersRequest, GetParametersResponse,
@@ -24,11 +25,56 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::{graph, open_session};
-use crate::cli::Param;
 use crate::{Ended, Failure};
 
 /// Time limit for a node to appear, and for it to answer.
 const PATIENCE: Duration = Duration::from_secs(5);
+
+/// `modulo param`
+#[derive(Subcommand)]
+pub enum Param {
+    /// List the parameters of a node, or of all nodes
+    List {
+        /// Fully qualified node name, such as /detector
+        node: Option<String>,
+        /// Also print the types
+        #[arg(long)]
+        param_type: bool,
+    },
+    /// Print the value of a parameter
+    Get {
+        /// Fully qualified node name
+        node: String,
+        /// Name of the parameter
+        name: String,
+        /// Print the value without its type
+        #[arg(long)]
+        hide_type: bool,
+    },
+    /// Print the type, meaning and range of parameters
+    Describe {
+        /// Fully qualified node name
+        node: String,
+        /// Names of the parameters
+        #[arg(required = true)]
+        names: Vec<String>,
+    },
+    /// Print all values as a file for --params-file
+    Dump {
+        /// Fully qualified node name
+        node: String,
+    },
+    /// Change the value of a parameter, which the node may refuse
+    Set {
+        /// Fully qualified node name
+        node: String,
+        /// Name of the parameter
+        name: String,
+        /// New value
+        #[arg(allow_hyphen_values = true)]
+        value: String,
+    },
+}
 
 /// Runs one of the parameter commands.
 pub fn param(args: &Param) -> Result<Ended, Failure> {
@@ -61,6 +107,7 @@ pub fn param(args: &Param) -> Result<Ended, Failure> {
             let values = get(&transport, node, &names)?;
             let all: Vec<_> = names.into_iter().zip(values).collect();
             let node = graph::absolute(node);
+            // A reader that has left, such as `head`, is no failure.
             let _ = std::io::stdout().write_all(file::write(&node, &all).as_bytes());
         }
         Param::Set { node, name, value } => set(&transport, node, name, value)?,
@@ -99,6 +146,7 @@ fn call<Q: Serialize, R: DeserializeOwned>(
     request: &Q,
 ) -> anyhow::Result<R> {
     let node = graph::absolute(node);
+    // A node that was just started is not in the graph yet, and its services answer only when it is.
     for _ in 0..PATIENCE.as_millis() / 20 {
         if transport.is_ready(&node) {
             break;
@@ -120,6 +168,7 @@ fn list(transport: &ZenohTransport, node: &str) -> anyhow::Result<Vec<String>> {
 fn get(transport: &ZenohTransport, node: &str, names: &[String]) -> anyhow::Result<Vec<ParameterValue>> {
     let request = GetParametersRequest { names: names.to_vec() };
     let GetParametersResponse { values } = call(transport, node, Service::GetParameters, &request)?;
+    // The answer has no names: with another length, values would be shown under wrong names.
     if values.len() != names.len() {
         return Err(anyhow!("{node} gave {} values for {} parameters", values.len(), names.len()));
     }
@@ -143,6 +192,7 @@ fn describe(
 /// Sets one parameter. The type of its present value is the type that the text is read as.
 fn set(transport: &ZenohTransport, node: &str, name: &str, text: &str) -> anyhow::Result<()> {
     let present = get_one(transport, node, name)?;
+    // A node refuses a value of another type: `2` has to be sent as 2.0 to a parameter of type double.
     let like = from_ros(present).unwrap_or(Value::String(String::new()));
     let value = like
         .parse_like(text)

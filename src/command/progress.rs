@@ -19,7 +19,7 @@ const PAUSE: Duration = Duration::from_millis(100);
 pub struct ProgressLine {
     clock: SystemClock,
     start: Duration,
-    /// With the time of the last text.
+    /// The progress, and the time of the last text.
     state: Mutex<(Progress, Option<Duration>)>,
 }
 
@@ -44,6 +44,7 @@ impl ProgressLine {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let (progress, drawn) = &mut *state;
         let now = Duration::from_nanos(self.clock.ticks_ns()).saturating_sub(self.start);
+        // To collect the reports takes time, so it is done only for a text that is shown.
         if !self.is_shown() || drawn.is_some_and(|drawn| now.saturating_sub(drawn) < PAUSE) {
             return;
         }
@@ -55,6 +56,7 @@ impl ProgressLine {
 impl Drop for ProgressLine {
     fn drop(&mut self) {
         LINE.finish_and_clear();
+        // A line of the log that comes later must not bring the progress line back.
         LINE.set_draw_target(ProgressDrawTarget::hidden());
     }
 }

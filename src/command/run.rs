@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use anyhow::Context;
+use clap::Args;
 use modulo_runtime::driver::live::{self, NodeSetup};
 use modulo_runtime::process::node_files::{ReportFile, SavedState};
 use modulo_runtime::ros_args::{Logs, RosArgs};
@@ -10,27 +11,31 @@ use modulo_runtime::rosout::{self, LogQueue};
 use modulo_runtime::{Descriptor, NodeName, SystemClock, launcher};
 use tracing_subscriber::filter::LevelFilter;
 
-use super::{hash, open_session, start_log_with, stop_on_signals, usage};
-use crate::cli::{self, Run};
-use crate::registry::{self, Kind};
+use super::{choose_hashes, open_session, parse_hashes, start_log_with, stop_on_signals, usage};
+use crate::cli;
+use crate::registry::{self, NodeKind};
 use crate::{Ended, Failure};
+
+/// `modulo run`
+#[derive(Args)]
+pub struct Run {
+    /// Name of the node: modulo_camera, unwrap or detector
+    pub node: String,
+    /// --ros-args ... as ROS 2 writes them, or --help
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+    pub arguments: Vec<String>,
+}
 
 /// Runs one node until it is done or asked to end.
 pub fn run(args: &Run) -> Result<Ended, Failure> {
     let kind = registry::kind(&args.node).map_err(usage)?;
     let (ros, own) = RosArgs::parse(&args.arguments).map_err(usage)?;
-    if own.iter().any(|argument| argument == "--help" || argument == "-h") {
-        print_help(kind);
-        return Ok(Ended::Done);
-    }
-    if let Some(argument) = own.iter().find(|argument| ["--version", "-V"].contains(&argument.as_str())) {
-        let version = if argument == "-V" { cli::VERSION } else { cli::LONG_VERSION };
-        say!("{} {version}", kind.name);
+    if answers(kind, &own) {
         return Ok(Ended::Done);
     }
     let own = match &own[..] {
         [option, value, rest @ ..] if option == "--hash" => {
-            hash::choose(hash::parse(value)?);
+            choose_hashes(parse_hashes(value)?);
             rest
         }
         own => own,
@@ -41,6 +46,7 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
     let node_name = ros.node_name(kind.name).map_err(usage)?;
     let log = start_log(&ros, &node_name);
     let stop = stop_on_signals()?;
+    // A launcher that was killed cannot tell its nodes to end, so each one watches it by itself.
     launcher::end_with_launcher(&stop).context("watch of the launcher")?;
 
     let settings = ros.parameters_for(&node_name).map_err(usage)?;
@@ -48,6 +54,8 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
     let refused = |why: anyhow::Error| usage(why.context(named.clone()));
     let parameters = kind.parameters().with_text(&settings).map_err(|why| refused(why.into()))?;
     let saved = launcher::folder(launcher::STATE_DIR).map(|folder| SavedState::new(&folder, &node_name));
+    // After a crash the node goes on with the parameters that it had accepted, also those that were set at
+    // run time.
     let parameters = match &saved {
         Some(saved) => saved.restore(parameters),
         None => parameters,
@@ -55,15 +63,32 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
     let report_file =
         launcher::folder(launcher::REPORT_DIR).map(|folder| ReportFile::create(&folder, &named));
     let report_file = report_file.transpose().context("file of the node's report")?;
+    // The node is made before the session is open: it appears in the graph when its model is loaded and it
+    // can work.
     let node = kind.make(&parameters).map_err(refused)?;
 
     let (clock, transport) = open_session()?;
     let rosout = log.map(|log| log.publish(&node_name, &transport)).transpose()?;
     let setup = NodeSetup { node, parameters, node_name, saved, report_file };
     live::run(setup, &transport, &clock, stop)?;
+    // The last lines of the log are sent while the session is still open.
     drop(rosout);
     transport.close();
     Ok(Ended::Done)
+}
+
+/// Prints the help or the version where an argument asks for it, and returns whether one did.
+fn answers(kind: &NodeKind, own: &[String]) -> bool {
+    let asked = |names: [&str; 2]| own.iter().find(|argument| names.contains(&argument.as_str()));
+    if asked(["--help", "-h"]).is_some() {
+        print_help(kind);
+    } else if let Some(argument) = asked(["--version", "-V"]) {
+        let version = if argument == "-V" { cli::VERSION } else { cli::LONG_VERSION };
+        say!("{} {version}", kind.name);
+    } else {
+        return false;
+    }
+    true
 }
 
 /// Starts the log; lines for `/rosout` wait in the queue.
@@ -84,7 +109,7 @@ fn start_log(ros: &RosArgs, node_name: &NodeName) -> Option<LogQueue> {
     queue
 }
 
-fn print_help(kind: &Kind) {
+fn print_help(kind: &NodeKind) {
     say!("{}: {}\n", kind.name, kind.about);
     say!("Usage: modulo run {0} [--ros-args -p NAME:=VALUE ...]\n\nParameters:", kind.name);
     for descriptor in kind.parameters().descriptors() {

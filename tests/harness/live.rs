@@ -21,7 +21,11 @@ impl Domain {
         let listen = |port| TcpListener::bind((Ipv4Addr::LOCALHOST, port));
         for _ in 0..1000 {
             let step = TRIED.fetch_add(1, Ordering::Relaxed);
+            // Test programs that run at the same time begin at different numbers, so that they seldom try the
+            // same domain.
             let id = 100 + std::process::id().wrapping_add(step) % 133;
+            // The lock keeps other tests away, and the second try finds nodes that an earlier test has left
+            // running.
             if let Ok(lock) = listen(meeting_port(id) - 300)
                 && listen(meeting_port(id)).is_ok()
             {

@@ -1,21 +1,29 @@
-//! Runs the shipped binary as a user would, each test in a ROS domain of its own.
+//! Runs the shipped binary as a user would, each test in a ROS domain of its own, and [`Peer`]: a ROS node in the process
+//! of the test.
 
 #![allow(dead_code, reason = "each test binary uses its part")]
 
 pub mod data;
 mod live;
-pub mod peer;
 
 pub use live::{Domain, wait_until};
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
 
+use modulo_runtime::queue::{Keep, Limit, Queue};
+use modulo_runtime::transport::keys::{Endpoint, Hashes, qos_string};
+use modulo_runtime::transport::zenoh::ZenohTransport;
+use modulo_runtime::transport::{Address, Guard, Incoming, Publisher, RawSample, Transport};
+use modulo_runtime::{Clock, Message, MessageKind, NodeName, SystemClock, Topic};
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// A folder and a domain of one test.
+/// The folder and the domain of one test.
 pub struct Bench {
     /// Files of this test.
     pub folder: TempDir,
@@ -39,6 +47,7 @@ impl Bench {
             .args(arguments)
             .current_dir(env!("CARGO_MANIFEST_DIR"))
             .env("ROS_DOMAIN_ID", self.domain.id.to_string())
+            // A variable of the shell that runs the tests would change what they see.
             .env_remove("MODULO_REPORT_DIR")
             .env_remove("MODULO_STATE_DIR")
             .env_remove("MODULO_LAUNCHER_PID")
@@ -63,6 +72,7 @@ impl Bench {
     /// Starts a recording into `bag`, and waits until the bag is there.
     pub fn record(&self, bag: &Path, arguments: &[&str]) -> Background {
         let all = [&["bag", "record", "-o", bag.to_str().expect("UTF-8")], arguments].concat();
+        // The few lines of the recorder fit into the pipe, so that nothing has to read them before the end.
         let child = self.modulo(&all).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
         let recording = Background(child.expect("the binary starts"));
         wait_until("the bag's folder is there", || bag.is_dir());
@@ -113,9 +123,15 @@ impl Background {
         };
         all.filter(is_child).map(|pid| (pid, command_line(pid))).collect()
     }
+
+    /// Process id of the node of this launcher that is of this kind.
+    pub fn node(&self, kind: &str) -> Option<u32> {
+        let of_kind = |line: &str| line.contains(&format!(" run {kind} "));
+        self.children().into_iter().find(|(_, line)| of_kind(line)).map(|(pid, _)| pid)
+    }
 }
 
-/// Its words; empty where the process has ended.
+/// Returns the command line of a process; empty where it has ended.
 pub fn command_line(pid: u32) -> String {
     std::fs::read_to_string(format!("/proc/{pid}/cmdline")).unwrap_or_default().replace('\0', " ")
 }
@@ -158,4 +174,84 @@ pub fn json(path: &Path) -> Value {
 pub fn classes(summary: &Value, stream: &str) -> BTreeMap<String, u64> {
     let classes = summary["detections"][stream].as_object().cloned().unwrap_or_default();
     classes.into_iter().map(|(class, n)| (class, n.as_u64().expect("a count"))).collect()
+}
+
+/// A node `/peer` on the domain of a bench.
+pub struct Peer {
+    pub transport: ZenohTransport,
+    pub node_name: NodeName,
+    _announced: Guard,
+}
+
+/// The messages that arrive on a topic.
+pub struct Heard {
+    kind: MessageKind,
+    queue: Arc<Queue<Incoming>>,
+    _subscription: Guard,
+}
+
+impl Peer {
+    pub fn new(bench: &Bench) -> Self {
+        Self::with_hashes(bench, Hashes::Rihs01)
+    }
+
+    pub fn with_hashes(bench: &Bench, hashes: Hashes) -> Self {
+        let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
+        let transport = ZenohTransport::open(bench.domain.id, hashes, clock).expect("a session on loopback");
+        let node_name = NodeName::new("peer", "/", &[]).expect("a name");
+        let announced = transport.announce(&node_name).expect("a token");
+        Self { transport, node_name, _announced: announced }
+    }
+
+    pub fn advertise(&self, topic: &str, kind: MessageKind) -> Box<dyn Publisher> {
+        self.transport.advertise(&self.node_name, &address(topic, kind)).expect("a publisher")
+    }
+
+    /// Samples on `topic` as they come.
+    pub fn listen(&self, topic: &str, kind: MessageKind) -> (Guard, Receiver<RawSample>) {
+        let Address { topic, qos, .. } = address(topic, kind);
+        let dds_type = modulo_msgs::dds_name(kind.type_name());
+        let endpoint = Endpoint { topic, dds_type, type_hash: kind.type_hash(), qos: qos_string(qos).into() };
+        let (samples, arrived) = channel();
+        let take = move |sample| drop(samples.send(sample));
+        (self.transport.subscribe_raw(&self.node_name, &endpoint, take).expect("a subscription"), arrived)
+    }
+
+    pub fn hear(&self, topic: &str, kind: MessageKind) -> Heard {
+        let clock = Arc::new(SystemClock::default());
+        let queue = Arc::new(Queue::new(clock, Limit { messages: 0, bytes: 0 }));
+        let (waiting, lane) = (queue.clone(), queue.open(Keep::Last(1000)));
+        let deliver = Box::new(move |incoming| drop(waiting.push(lane, incoming)));
+        let subscription = self
+            .transport
+            .subscribe(&self.node_name, &address(topic, kind), deliver)
+            .expect("a subscription");
+        Heard { kind, queue, _subscription: subscription }
+    }
+}
+
+fn address(topic: &str, kind: MessageKind) -> Address {
+    let Topic { name, kind, qos } = Topic::new(topic, kind);
+    Address { topic: name, kind, qos }
+}
+
+impl Heard {
+    /// The next message within `patience`.
+    pub fn next(&self, patience: Duration) -> Option<Message> {
+        let incoming = self.queue.take(Some(patience)).item()?;
+        Some(incoming.open(self.kind).expect("a message of its kind"))
+    }
+
+    /// The first message for which `wanted` holds.
+    pub fn until(&self, what: &str, wanted: impl Fn(&Message) -> bool) -> Message {
+        let start = Instant::now();
+        while start.elapsed() < Duration::from_secs(30) {
+            if let Some(message) = self.next(Duration::from_millis(100))
+                && wanted(&message)
+            {
+                return message;
+            }
+        }
+        panic!("waited in vain: {what}");
+    }
 }

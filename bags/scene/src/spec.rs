@@ -9,6 +9,7 @@ use std::str::FromStr;
 const LARGEST: usize = 8192;
 
 /// The specification of a rendered sequence: a preset, a seed, a size and a length.
+///
 /// ```
 /// let spec: modulo_scene::SceneSpec = "scene://tunnel?seed=3&width=64&height=32".parse()?;
 /// let frame = spec.scene().render(0, spec.height, spec.width);

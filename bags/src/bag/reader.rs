@@ -11,6 +11,7 @@ use super::storage::{self, Cursor, IndexUse, Merge, MergeInput, Storage};
 use super::{BagError, BagWarning, RawMessage, TopicCount};
 
 /// An open bag: its index is known, and no message has been read yet.
+///
 /// ```
 /// use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, Selection};
 /// use modulo_runtime::Qos;

@@ -142,6 +142,7 @@ const FRAME_ID: &str = "camera";
 ///
 /// # Errors
 /// [`SourceError`] when the path is missing, holds no frame, or cannot be read.
+///
 /// ```
 /// use modulo_bags::source::{SourceOptions, open};
 ///

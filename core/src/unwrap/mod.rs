@@ -82,6 +82,7 @@ impl FromStr for Method {
 }
 
 /// A method that finds the wrap counts of a modulo image.
+///
 /// ```
 /// use modulo_core::unwrap::{Method, Options, Trust};
 /// use modulo_core::{Psf, Recovered, Sensor, SensorConfig};

@@ -6,9 +6,8 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::resolve::{absolute, identity, included};
-use super::scope::Scope;
-use super::value::argument_value;
-use crate::action::{self, Action, Kind, LaunchFile};
+use super::scope::{Scope, argument_value};
+use crate::action::{self, Action, ActionKind, LaunchFile};
 use crate::error::{LaunchError, Mistakes, listed};
 
 /// An argument of a launch file.
@@ -32,8 +31,7 @@ pub fn declared_arguments(file: &Path) -> Result<Vec<DeclaredArgument>, LaunchEr
     declared(&absolute(file), &[]).map_err(Mistakes::into_first)
 }
 
-/// The same when `arguments` are given: the path of an included file may depend
-/// on them.
+/// Returns the declared arguments when `arguments` are given: the path of an included file may depend on them.
 pub(super) fn declared(
     file: &Path,
     arguments: &[(String, String)],
@@ -49,7 +47,7 @@ pub(super) fn declared(
     Ok(collector.found)
 }
 
-/// "its arguments are ..." for an error.
+/// Names the declared arguments for an error.
 pub(super) fn known(declared: &[DeclaredArgument]) -> String {
     match declared {
         [] => "it declares no arguments".to_owned(),
@@ -72,7 +70,7 @@ impl Collector {
 
     fn one(&mut self, file: &Path, action: &Action) -> Result<(), LaunchError> {
         match &action.kind {
-            Kind::Argument(argument) => {
+            ActionKind::Argument(argument) => {
                 let view = self.scope.at(file);
                 let source = |text: &crate::attributes::Text| text.source.clone();
                 let declared = DeclaredArgument {
@@ -85,20 +83,24 @@ impl Collector {
                 if let Ok((name, value)) = argument_value(argument, view) {
                     self.scope.variables.insert(name, value);
                 }
+                // An argument that an include gives has its value already: a value from outside would be
+                // ignored, so the argument is not offered.
                 let known = self.fixed.contains(&declared.name)
                     || self.found.iter().any(|other| other.name == declared.name);
                 self.found.extend((!known).then_some(declared));
                 Ok(())
             }
-            Kind::Let { name, value } => {
+            ActionKind::Let { name, value } => {
                 let view = self.scope.at(file);
                 if let (Ok(name), Ok(value)) = (view.string(name), view.string(value)) {
                     self.scope.variables.insert(name, value);
                 }
                 Ok(())
             }
-            Kind::Group { children, .. } | Kind::Timer { children, .. } => self.all(file, children),
-            Kind::Include(include) => {
+            ActionKind::Group { children, .. } | ActionKind::Timer { children, .. } => {
+                self.all(file, children)
+            }
+            ActionKind::Include(include) => {
                 // A file that is not there counts only if it is really included.
                 match included(include, self.scope.at(file)) {
                     Ok(inner) => self.include(&inner, file, include),
@@ -116,12 +118,14 @@ impl Collector {
         include: &action::Include,
     ) -> Result<(), LaunchError> {
         let identity = identity(&inner.path);
+        // A file that includes itself is refused when the plan is made; here it would be read without end.
         if self.open.contains(&identity) {
             return Ok(());
         }
         let view = self.scope.at(file);
         let names: Vec<String> = include.arguments.iter().flat_map(|(name, _)| view.string(name)).collect();
         let values = view.pairs(&include.arguments).unwrap_or_default();
+        // The path of a further include may depend on these values.
         self.scope.variables.extend(values);
         let outer = self.fixed.len();
         self.fixed.extend(names);

@@ -1,23 +1,22 @@
-//! From a `node` or `executable` action to what is started. Nothing is started
-//! here.
+//! Turns a `node` or `executable` action into the plan of a process. Nothing is started here.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::scope::{Scope, View};
-use super::value::parameter_value;
-use super::{ExecutablePlan, NodePlan, OnExit, Output, ProcessPlan, Respawn, command_line};
+use super::scope::{Scope, View, parameter_value};
+use super::{ExecutablePlan, NodePlan, OnExit, Output, ProcessPlan, Respawn};
 use crate::action::{ExecutableAction, NodeAction, Parameter, ProcessAction};
 use crate::attributes::Text;
 use crate::error::LaunchError;
-use crate::substitution::SUITE;
+use crate::package::SUITE;
+use crate::substitution::{Part, SubstitutionError, Surroundings, Template};
 
 /// ROS 2's default from SIGINT to SIGTERM, and from SIGTERM to SIGKILL.
 const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Where a process is declared.
-pub(super) struct Place<'a> {
+pub(super) struct DeclarationSite<'a> {
     pub file: &'a Path,
     pub line: usize,
     pub view: View<'a>,
@@ -30,45 +29,48 @@ pub(super) struct Place<'a> {
 /// The plan of an `executable` action.
 pub(super) fn executable(
     action: &ExecutableAction,
-    place: &Place<'_>,
+    site: &DeclarationSite<'_>,
 ) -> Result<ExecutablePlan, LaunchError> {
-    let command = words(Some(&action.command), place)?;
+    let command = words(Some(&action.command), site)?;
     let Some(program) = command.first().filter(|program| !program.is_empty()) else {
-        return Err(place.view.refuse(&action.command, "executable: cmd is empty"));
+        return Err(site.view.refuse(&action.command, "executable: cmd is empty"));
     };
-    let name = place.view.optional(&action.process.name)?;
+    let name = site.view.optional(&action.process.name)?;
     let base =
         Path::new(program).file_name().map_or(program.clone(), |name| name.to_string_lossy().into_owned());
-    let process = process(&action.process, name.unwrap_or(base), place)?;
+    let process = process(&action.process, name.unwrap_or(base), site)?;
     Ok(ExecutablePlan { command, process })
 }
 
 /// The plan of a `node` action.
-pub(super) fn node(action: &NodeAction, place: &Place<'_>) -> Result<NodePlan, LaunchError> {
-    let view = place.view;
+pub(super) fn node(action: &NodeAction, site: &DeclarationSite<'_>) -> Result<NodePlan, LaunchError> {
+    let view = site.view;
     let package = view.string(&action.package)?;
     let executable = view.string(&action.executable)?;
     let given = view.optional(&action.process.name)?;
+    // A program of another package may choose its own name. A node of this suite is named after its
+    // executable.
     let name = given.or_else(|| (package == SUITE).then(|| executable.clone()));
     let label = view.optional(&action.label)?.or_else(|| name.clone()).unwrap_or_else(|| executable.clone());
-    let (parameter_files, parameters) = own_parameters(&action.parameters, place)?;
-    let mut remaps = place.scope.remaps.clone();
+    let (parameter_files, parameters) = own_parameters(&action.parameters, site)?;
+    // As in `launch_ros`, the rules for all nodes come first. The first rule that fits is used.
+    let mut remaps = site.scope.remaps.clone();
     remaps.extend(view.pairs(&action.remaps)?);
-    let namespace = place.scope.joined(&view.optional(&action.namespace)?.unwrap_or_default());
-    check_names(name.as_deref(), &namespace, &remaps, place)?;
+    let namespace = site.scope.joined(&view.optional(&action.namespace)?.unwrap_or_default());
+    check_names(name.as_deref(), &namespace, &remaps, site)?;
     Ok(NodePlan {
         package,
         executable,
         name,
         namespace,
-        shared_parameters: place.scope.parameters.clone(),
+        shared_parameters: site.scope.parameters.clone(),
         parameter_files,
         parameters,
         remaps,
-        args: words(action.args.as_ref(), place)?,
-        ros_args: words(action.ros_args.as_ref(), place)?,
-        process: process(&action.process, label, place)?,
-        declared_at: (place.file.to_owned(), place.line),
+        args: words(action.args.as_ref(), site)?,
+        ros_args: words(action.ros_args.as_ref(), site)?,
+        process: process(&action.process, label, site)?,
+        declared_at: (site.file.to_owned(), site.line),
     })
 }
 
@@ -76,67 +78,73 @@ fn check_names(
     name: Option<&str>,
     namespace: &str,
     remaps: &[(String, String)],
-    place: &Place<'_>,
+    site: &DeclarationSite<'_>,
 ) -> Result<(), LaunchError> {
+    // The own name of another program is unknown here. Any valid name lets the others be checked.
     modulo_runtime::NodeName::new(name.unwrap_or("unnamed"), namespace, remaps)
         .map(|_| ())
-        .map_err(|e| LaunchError::at(place.file, place.line, format!("node: {e}")))
+        .map_err(|e| LaunchError::at(site.file, site.line, format!("node: {e}")))
 }
 
 type Parameters = (Vec<PathBuf>, Vec<(String, super::ParameterText)>);
 
-fn own_parameters(own: &[Parameter], place: &Place<'_>) -> Result<Parameters, LaunchError> {
+fn own_parameters(own: &[Parameter], site: &DeclarationSite<'_>) -> Result<Parameters, LaunchError> {
     let (mut files, mut values) = (Vec::new(), Vec::new());
     for parameter in own {
         match parameter {
             Parameter::File(text) => {
-                let path = PathBuf::from(place.view.string(text)?);
+                let path = PathBuf::from(site.view.string(text)?);
                 if !path.is_file() {
                     let why = format!("param: from: {} is no file", path.display());
-                    return Err(place.view.refuse(text, why));
+                    return Err(site.view.refuse(text, why));
                 }
                 files.push(path);
             }
             Parameter::Value { name, value, kind } => {
-                let shown = place.view.string(name)?;
+                let shown = site.view.string(name)?;
                 if shown.is_empty() || shown.contains(":=") || shown.contains(char::is_whitespace) {
-                    return Err(place.view.refuse(name, format!("param: '{shown}' is no parameter name")));
+                    return Err(site.view.refuse(name, format!("param: '{shown}' is no parameter name")));
                 }
-                values.push((shown, parameter_value(name, value, *kind, place.view)?));
+                values.push((shown, parameter_value(name, value, *kind, site.view)?));
             }
         }
     }
     Ok((files, values))
 }
 
-fn words(text: Option<&Text>, place: &Place<'_>) -> Result<Vec<String>, LaunchError> {
+fn words(text: Option<&Text>, site: &DeclarationSite<'_>) -> Result<Vec<String>, LaunchError> {
     let Some(text) = text else { return Ok(Vec::new()) };
-    place.view.locate(text, command_line::words(&text.template, &place.view.surroundings()))
+    site.view.locate(text, split_words(&text.template, &site.view.surroundings()))
 }
 
-fn process(action: &ProcessAction, label: String, place: &Place<'_>) -> Result<ProcessPlan, LaunchError> {
-    let view = place.view;
+fn process(
+    action: &ProcessAction,
+    label: String,
+    site: &DeclarationSite<'_>,
+) -> Result<ProcessPlan, LaunchError> {
+    let view = site.view;
     let seconds = |key: &str, text: &Option<Text>, default: Duration| match text {
         Some(text) => view.number(key, text).map(Duration::from_secs_f64),
         None => Ok(default),
     };
     Ok(ProcessPlan {
         label,
-        env: environment(&view.pairs(&action.env)?, place),
+        env: environment(&view.pairs(&action.env)?, site),
         cwd: view.optional(&action.cwd)?.map(PathBuf::from),
         output: output(action.output.as_ref(), view)?,
         respawn: respawn(action, view)?,
         on_exit: on_exit(action.on_exit.as_ref(), view)?,
         sigterm_timeout: seconds("sigterm_timeout", &action.sigterm_timeout, PATIENCE)?,
         sigkill_timeout: seconds("sigkill_timeout", &action.sigkill_timeout, PATIENCE)?,
-        start_after: place.start_after,
+        start_after: site.start_after,
     })
 }
 
-/// How the environment at `place` with the `own` variables differs from the
-/// launcher's.
-fn environment(own: &[(String, String)], place: &Place<'_>) -> BTreeMap<String, Option<String>> {
-    let (outside, inside) = (place.outside, &place.scope.environment);
+/// Returns the difference between the environment of the process, with its `own` variables, and that of the launcher.
+fn environment(own: &[(String, String)], site: &DeclarationSite<'_>) -> BTreeMap<String, Option<String>> {
+    let (outside, inside) = (site.outside, &site.scope.environment);
+    // Only the differences are kept: the plan stays short, and a variable that is not text reaches the
+    // process as it is.
     let removed = outside.keys().filter(|key| !inside.contains_key(*key)).map(|key| (key.clone(), None));
     let set = inside.iter().filter(|(key, value)| outside.get(*key) != Some(value));
     let set = set.map(|(key, value)| (key.clone(), Some(value.clone())));
@@ -173,6 +181,7 @@ fn respawn(action: &ProcessAction, view: View<'_>) -> Result<Respawn, LaunchErro
             if number < -1 {
                 return Err(view.refuse(text, why));
             }
+            // Neither -1 nor a count beyond 32 bits fits: `None` stands for any number of starts.
             u32::try_from(number).ok()
         }
     };
@@ -180,4 +189,97 @@ fn respawn(action: &ProcessAction, view: View<'_>) -> Result<Respawn, LaunchErro
         Some(true) => Respawn::After { delay: Duration::from_secs_f64(delay.unwrap_or(0.0)), max_retries },
         _ => Respawn::Never,
     })
+}
+
+/// Splits a command line into words as a shell would, without running one: quotes group, a backslash makes the next
+/// character plain, and the value of a substitution is never split. As in ROS 2, no quote spans a substitution.
+///
+/// # Errors
+/// [`SubstitutionError`] for a quote that does not end or spans a substitution, and for a substitution without a value.
+fn split_words(template: &Template, around: &Surroundings<'_>) -> Result<Vec<String>, SubstitutionError> {
+    let mut splitter = Splitter::default();
+    for part in &template.parts {
+        match part {
+            Part::Text(text) => splitter.text(text),
+            Part::Call(..) if splitter.quote.is_some() => {
+                let why = "a quote spans a substitution; leave it out, the value is one word anyway";
+                return Err(SubstitutionError::Invalid(why.to_owned()));
+            }
+            Part::Call(..) => splitter.word.get_or_insert_default().push_str(&part.evaluate(around)?),
+        }
+    }
+    splitter.finish()
+}
+
+#[derive(Default)]
+struct Splitter {
+    words: Vec<String>,
+    word: Option<String>,
+    quote: Option<char>,
+}
+
+impl Splitter {
+    fn text(&mut self, text: &str) {
+        let mut chars = text.chars();
+        while let Some(c) = chars.next() {
+            match (c, self.quote) {
+                (c, Some(quote)) if c == quote => self.quote = None,
+                // As in a shell, a backslash between single quotes is a plain character.
+                ('\\', None | Some('"')) => self.push(chars.next().unwrap_or('\\')),
+                (c @ ('\'' | '"'), None) => {
+                    // A pair of quotes with nothing between is a word too, so the word begins with its quote.
+                    self.quote = Some(c);
+                    self.word.get_or_insert_default();
+                }
+                (c, None) if c.is_whitespace() => self.words.extend(self.word.take()),
+                (c, _) => self.push(c),
+            }
+        }
+    }
+
+    fn push(&mut self, c: char) {
+        self.word.get_or_insert_default().push(c);
+    }
+
+    fn finish(mut self) -> Result<Vec<String>, SubstitutionError> {
+        if let Some(quote) = self.quote {
+            return Err(SubstitutionError::Invalid(format!("the quote {quote} does not end")));
+        }
+        self.words.extend(self.word);
+        Ok(self.words)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn split(text: &str) -> Result<Vec<String>, SubstitutionError> {
+        let variables = [("v".to_owned(), "a b".to_owned())].into();
+        let environment = Default::default();
+        let file = std::path::Path::new("f");
+        let around = Surroundings { file, variables: &variables, environment: &environment };
+        split_words(&Template::parse(text)?, &around)
+    }
+
+    #[test]
+    fn splits_as_a_shell() {
+        assert_eq!(
+            split("sh -c 'echo \"x y\"' $(var v)z").expect("valid"),
+            ["sh", "-c", "echo \"x y\"", "a bz"]
+        );
+        assert_eq!(split("a '' b\"c d\"e").expect("valid"), ["a", "", "bc de"]);
+        assert!(split("'-p $(var v)'").is_err());
+        assert!(split("  ").expect("valid").is_empty());
+        assert!(split("'a").is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn quoted_words_come_back(words in prop::collection::vec("[a-z \"]{0,6}", 0..5)) {
+            let line: Vec<String> = words.iter().map(|w| format!("'{w}'")).collect();
+            prop_assert_eq!(split(&line.join(" ")).expect("valid"), words);
+        }
+    }
 }

@@ -1,25 +1,22 @@
-//! From a launch file and arguments to a [`Plan`]: actions are done in the order
-//! of the file, each in the scope that the earlier ones left. A mistake does not
-//! hide the next one. Nothing is started.
+//! From a launch file and arguments to a [`Plan`]: actions are done in the order of the file, each in the scope that
+//! the earlier ones left. A mistake does not hide the next one. Nothing is started.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::scope::{Scope, View, environment};
-use super::value::{argument_value, shared_value};
+use super::scope::{Scope, View, argument_value, environment, shared_value};
 use super::{Plan, arguments, process};
-use crate::action::{self, Action, Condition, Include, Kind, LaunchFile};
+use crate::action::{self, Action, ActionKind, Condition, Include, LaunchFile};
 use crate::attributes::Text;
 use crate::error::{LaunchError, Mistakes};
 use crate::substitution::truth;
 
-/// Reads `file` and works it out with `arguments`, the (name, value) pairs of
-/// the command line.
+/// Reads `file` and works it out with `arguments`, the (name, value) pairs of the command line.
 ///
 /// # Errors
-/// [`LaunchError::At`] for a mistake in a file, [`LaunchError::UnknownArgument`]
-/// for an argument that no file declares, [`LaunchError::File`] when a file
-/// cannot be read.
+/// [`LaunchError::At`] for a mistake in a file, [`LaunchError::UnknownArgument`] for an argument that no file declares,
+/// [`LaunchError::File`] when a file cannot be read.
+///
 /// ```
 /// let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("recovered.launch.yaml");
 /// let plan = modulo_launch::resolve(&file, &[("alpha".into(), "2.0".into())])?;
@@ -30,15 +27,15 @@ pub fn resolve(file: &Path, arguments: &[(String, String)]) -> Result<Plan, Laun
     check(file, arguments).map_err(Mistakes::into_first)
 }
 
-/// As [`resolve`], with every mistake and not only the first one. What merely
-/// follows from an earlier mistake is left out. Values are looked at once every
-/// file can be read.
+/// Does the same as [`resolve`], and returns every mistake and not only the first one. A mistake that merely follows from
+/// an earlier one is left out. Values are checked once every file can be read.
 ///
 /// # Errors
 /// As [`resolve`].
 pub fn check(file: &Path, arguments: &[(String, String)]) -> Result<Plan, Mistakes> {
     let file = &absolute(file);
     let declared = arguments::declared(file, arguments)?;
+    // An unknown argument is most often misspelt: the default would be used without a word.
     let unknown = arguments.iter().filter(|(name, _)| declared.iter().all(|d| d.name != *name));
     Mistakes::gather(unknown.map(|(name, _)| {
         let known = arguments::known(&declared);
@@ -56,8 +53,7 @@ pub fn check(file: &Path, arguments: &[(String, String)]) -> Result<Plan, Mistak
     Ok(resolver.plan)
 }
 
-/// The outermost file's path: `$(dirname)` is absolute in ROS, so that it means
-/// the same in an included file.
+/// The outermost file's path: `$(dirname)` is absolute in ROS, so that it means the same in an included file.
 pub(super) fn absolute(file: &Path) -> PathBuf {
     std::path::absolute(file).unwrap_or_else(|_| file.to_owned())
 }
@@ -67,8 +63,8 @@ pub(super) fn identity(file: &Path) -> PathBuf {
     file.canonicalize().unwrap_or_else(|_| file.to_owned())
 }
 
-/// The included file. ROS 2 takes a relative path from the folder in which the
-/// launch is started, which is nobody's intention.
+/// Reads the included file. A relative path is refused: ROS 2 would look for it in the folder in which the launch is
+/// started, and not beside the including file.
 pub(super) fn included(include: &Include, view: View<'_>) -> Result<LaunchFile, Mistakes> {
     let path = PathBuf::from(view.string(&include.file)?);
     if path.is_relative() {
@@ -110,8 +106,10 @@ impl Resolver {
             Ok(false) => Ok(()),
             Err(mistake) => Err(mistake.into()),
         };
+        // A use of this variable would be reported as undefined, which only follows from this mistake.
         if done.is_err()
-            && let Kind::Argument(action::Argument { name, .. }) | Kind::Let { name, .. } = &action.kind
+            && let ActionKind::Argument(action::Argument { name, .. }) | ActionKind::Let { name, .. } =
+                &action.kind
         {
             self.scope.broken.extend(name.template.as_plain().map(str::to_owned));
         }
@@ -121,61 +119,69 @@ impl Resolver {
     fn apply(&mut self, file: &Path, action: &Action) -> Result<(), Mistakes> {
         let view = self.scope.at(file);
         match &action.kind {
-            Kind::Argument(argument) => {
+            ActionKind::Argument(argument) => {
                 let (name, value) = argument_value(argument, view)?;
                 self.plan.arguments.insert(name.clone(), value.clone());
                 self.scope.variables.insert(name, value);
             }
-            Kind::Let { name, value } => {
+            ActionKind::Let { name, value } => {
                 let (name, value) = (view.string(name)?, view.string(value)?);
                 self.scope.variables.insert(name, value);
             }
-            Kind::SetEnvironment { name, value } => {
+            ActionKind::SetEnvironment { name, value } => {
                 let (name, value) = (variable_name(view, name)?, view.string(value)?);
                 self.scope.environment.insert(name, value);
             }
-            Kind::UnsetEnvironment { name } => {
+            ActionKind::UnsetEnvironment { name } => {
                 let name = view.string(name)?;
                 self.scope.environment.remove(&name);
             }
-            Kind::PushNamespace(namespace) => {
+            ActionKind::PushNamespace(namespace) => {
                 let pushed = view.string(namespace)?;
                 self.scope.namespace = self.scope.joined(&pushed);
             }
-            Kind::SetParameter { name, value } => {
+            ActionKind::SetParameter { name, value } => {
                 let pair = (view.string(name)?, shared_value(name, value, view)?);
                 self.scope.parameters.push(pair);
             }
-            Kind::SetRemap { from, to } => {
+            ActionKind::SetRemap { from, to } => {
                 let pair = (view.string(from)?, view.string(to)?);
                 self.scope.remaps.push(pair);
             }
-            Kind::Log(message) => {
+            ActionKind::Log(message) => {
                 let message = view.string(message)?;
                 self.plan.messages.push(message);
             }
-            Kind::Group { scoped, children } => self.group(file, scoped.as_ref(), children)?,
-            Kind::Timer { period, children } => self.timer(file, period, children)?,
-            Kind::Include(include) => self.include(file, action.line, include)?,
-            Kind::Node(node) => {
-                let plan = process::node(node, &self.place(file, action.line))?;
+            ActionKind::Group { scoped, children } => self.group(file, scoped.as_ref(), children)?,
+            ActionKind::Timer { period, children } => self.timer(file, period, children)?,
+            ActionKind::Include(include) => self.include(file, action.line, include)?,
+            ActionKind::Node(node) => {
+                let plan = process::node(node, &self.site(file, action.line))?;
                 self.plan.nodes.push(plan);
             }
-            Kind::Executable(executable) => {
-                let plan = process::executable(executable, &self.place(file, action.line))?;
+            ActionKind::Executable(executable) => {
+                let plan = process::executable(executable, &self.site(file, action.line))?;
                 self.plan.executables.push(plan);
             }
         }
         Ok(())
     }
 
-    fn place<'a>(&'a self, file: &'a Path, line: usize) -> process::Place<'a> {
+    fn site<'a>(&'a self, file: &'a Path, line: usize) -> process::DeclarationSite<'a> {
         let Self { scope, outside, start_after, .. } = self;
-        process::Place { file, line, view: scope.at(file), scope, outside, start_after: *start_after }
+        process::DeclarationSite {
+            file,
+            line,
+            view: scope.at(file),
+            scope,
+            outside,
+            start_after: *start_after,
+        }
     }
 
     fn group(&mut self, file: &Path, scoped: Option<&Text>, children: &[Action]) -> Result<(), Mistakes> {
         let scoped = scoped.map(|text| self.scope.at(file).bool("scoped", text)).transpose()?;
+        // The scope is restored also after a mistake, since the actions behind the group are checked as well.
         let outer = self.scope.clone();
         let done = self.all(file, children);
         if scoped.unwrap_or(true) {
@@ -185,6 +191,7 @@ impl Resolver {
     }
 
     fn timer(&mut self, file: &Path, period: &Text, children: &[Action]) -> Result<(), Mistakes> {
+        // Periods of nested timers add up: the inner timer begins when the outer one is over.
         let before = self.start_after;
         self.start_after += Duration::from_secs_f64(self.scope.at(file).number("period", period)?);
         let done = self.all(file, children);
@@ -202,6 +209,7 @@ impl Resolver {
             let why = format!("include: {} includes itself", launch_file.path.display());
             return Err(LaunchError::at(file, line, why).into());
         }
+        // ROS 2 takes any name here: a misspelt one would leave the default of the file in place.
         let declared = arguments::declared(&launch_file.path, &[])?;
         for ((name, _), (text, _)) in arguments.iter().zip(&include.arguments) {
             if declared.iter().all(|d| d.name != *name) {
@@ -212,6 +220,8 @@ impl Resolver {
             }
         }
         self.scope.variables.extend(arguments);
+        // The file counts as open only while it is read: to include it twice, one after the other, is no
+        // loop.
         self.open.push(identity);
         let done = self.all(&launch_file.path, &launch_file.actions);
         self.open.pop();

@@ -1,16 +1,20 @@
-//! [`Scope`]: what holds at a place of a launch file. A group that is scoped
-//! works on a copy.
+//! [`Scope`]: the variables, the environment, the namespace, the parameters and the remappings at a place of a launch file.
+//! [`View`] evaluates texts there. A group that is scoped works on a copy.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 use std::path::Path;
 
-use super::ParameterText;
-use crate::attributes::Text;
-use crate::error::LaunchError;
-use crate::substitution::{SubstitutionError, Surroundings};
-use crate::yaml::ScalarType;
+use modulo_runtime::parameter::yaml_text::of_string;
+use serde::Serialize;
 
-/// What holds at a place of a launch file.
+use crate::action::{Argument, ParameterValue};
+use crate::attributes::Text;
+use crate::error::{LaunchError, listed};
+use crate::substitution::{SubstitutionError, Surroundings};
+use crate::yaml::{Content, ScalarType};
+
+/// The state at a place of a launch file, as the actions before it have left it.
 #[derive(Clone, Debug)]
 pub(super) struct Scope {
     /// Arguments and `let`s.
@@ -19,9 +23,9 @@ pub(super) struct Scope {
     pub environment: BTreeMap<String, String>,
     /// The pushed namespace, absolute.
     pub namespace: String,
-    /// From `set_parameter`.
+    /// The parameters of `set_parameter`.
     pub parameters: Vec<(String, ParameterText)>,
-    /// From `set_remap`.
+    /// The rules of `set_remap`.
     pub remaps: Vec<(String, String)>,
     /// Variables that have no value because of a mistake.
     pub broken: BTreeSet<String>,
@@ -69,15 +73,16 @@ pub(super) struct View<'a> {
 }
 
 impl View<'_> {
-    /// What templates refer to.
+    /// Returns the values that templates can refer to.
     pub fn surroundings(&self) -> Surroundings<'_> {
         let Scope { variables, environment, .. } = self.scope;
         Surroundings { file: self.file, variables, environment }
     }
 
-    /// `result` with the line of `text` in its error.
+    /// Returns `result`, with the line of `text` in its error.
     pub fn locate<T>(&self, text: &Text, result: Result<T, SubstitutionError>) -> Result<T, LaunchError> {
         result.map_err(|error| match &error {
+            // The mistake that took the value from this variable is reported already.
             SubstitutionError::Undefined { name, .. } if self.scope.broken.contains(name) => {
                 LaunchError::Consequence
             }
@@ -85,27 +90,27 @@ impl View<'_> {
         })
     }
 
-    /// An error at `text`.
+    /// Returns an error at the line of `text`.
     pub fn refuse(&self, text: &Text, why: impl ToString) -> LaunchError {
         LaunchError::at(self.file, text.line, why.to_string())
     }
 
-    /// The string.
+    /// Evaluates `text` to a string.
     pub fn string(&self, text: &Text) -> Result<String, LaunchError> {
         self.locate(text, text.template.evaluate(&self.surroundings()))
     }
 
-    /// The string, if there is a text.
+    /// Evaluates `text` to a string, if there is one.
     pub fn optional(&self, text: &Option<Text>) -> Result<Option<String>, LaunchError> {
         text.as_ref().map(|text| self.string(text)).transpose()
     }
 
-    /// The strings of pairs.
+    /// Evaluates pairs of texts to pairs of strings.
     pub fn pairs(&self, pairs: &[(Text, Text)]) -> Result<Vec<(String, String)>, LaunchError> {
         pairs.iter().map(|(a, b)| Ok((self.string(a)?, self.string(b)?))).collect()
     }
 
-    /// The bool, in YAML's words.
+    /// Evaluates `text` to a bool as YAML writes it: `true`, `yes`, `on` and their opposites.
     pub fn bool(&self, key: &str, text: &Text) -> Result<bool, LaunchError> {
         let value = self.string(text)?;
         if ScalarType::of_plain(&value) != ScalarType::Bool {
@@ -114,10 +119,174 @@ impl View<'_> {
         Ok(matches!(value.to_ascii_lowercase().as_str(), "true" | "yes" | "on"))
     }
 
-    /// The number in `[0, 1e9]`.
+    /// Evaluates `text` to a number in `[0, 1e9]`.
     pub fn number(&self, key: &str, text: &Text) -> Result<f64, LaunchError> {
         let value = self.string(text)?;
+        // `Duration` refuses negative, infinite and huge numbers with a panic, so they end here.
         let number = value.trim().parse::<f64>().ok().filter(|n| (0.0..=1e9).contains(n));
         number.ok_or_else(|| self.refuse(text, format!("{key} = '{value}' must be a number in 0 to 1e9")))
+    }
+}
+
+/// Name and value of an argument: as given, else its default.
+pub(super) fn argument_value(argument: &Argument, view: View<'_>) -> Result<(String, String), LaunchError> {
+    let name = view.string(&argument.name)?;
+    let value = match (view.surroundings().variables.get(&name), &argument.default) {
+        // A value that was given from outside, or by an earlier action, wins over the default.
+        (Some(value), _) => value.clone(),
+        (None, Some(default)) => view.string(default)?,
+        (None, None) => {
+            let why = format!("argument '{name}' has no value and no default, give {name}:=VALUE");
+            return Err(view.refuse(&argument.name, why));
+        }
+    };
+    let choices: Result<Vec<String>, _> = argument.choices.iter().map(|choice| view.string(choice)).collect();
+    let choices = choices?;
+    if !choices.is_empty() && !choices.contains(&value) {
+        let why = format!("argument '{name}' = '{value}' must be one of {}", listed(choices, ""));
+        return Err(view.refuse(&argument.name, why));
+    }
+    Ok((name, value))
+}
+
+/// The value of the parameter `name`.
+pub(super) fn parameter_value(
+    name: &Text,
+    value: &ParameterValue,
+    kind: Option<&'static str>,
+    view: View<'_>,
+) -> Result<ParameterText, LaunchError> {
+    let checked = match value {
+        // As in ROS 2, a string without a substitution is a string, even if it looks like a number.
+        ParameterValue::Scalar((text, written)) => {
+            let is_string = *written == Some(ScalarType::String);
+            ParameterText::scalar(view.string(text)?, kind.or(is_string.then_some("str")))
+        }
+        ParameterValue::List(items) => {
+            let values: Result<Vec<_>, LaunchError> =
+                items.iter().map(|(text, kind)| Ok((view.string(text)?, *kind))).collect();
+            ParameterText::list(values?, kind)
+        }
+    };
+    checked.map_err(|why| view.refuse(name, format!("parameter '{}' {why}", name.source)))
+}
+
+/// The value of the parameter `name` for all nodes, which ROS 2 reads with YAML's rules and passes on as a scalar.
+pub(super) fn shared_value(name: &Text, value: &Text, view: View<'_>) -> Result<ParameterText, LaunchError> {
+    let checked = ParameterText::scalar(view.string(value)?, None);
+    let scalar = checked.and_then(|value| match value.text.starts_with('[') {
+        true => Err(format!("= {value} is a list, which ROS 2 does not pass on here")),
+        false => Ok(value),
+    });
+    scalar.map_err(|why| view.refuse(name, format!("parameter '{}' {why}", name.source)))
+}
+
+/// The value of a parameter.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct ParameterText {
+    /// The value as text, a list as `[a, b]`.
+    pub text: String,
+    /// The type that the launch file asks for, such as `str` or `list_of_int`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kind: Option<&'static str>,
+}
+
+impl ParameterText {
+    /// A scalar; a `kind` is checked, and a `float` gets its decimal point.
+    ///
+    /// # Errors
+    /// A text that names the type that `text` does not have.
+    pub(super) fn scalar(text: String, kind: Option<&'static str>) -> Result<Self, String> {
+        let text = match kind {
+            Some(of) if !of.starts_with("list_of_") => typed(text, of)?,
+            // ROS 2 asks YAML for the type of a text, so the text must be a value to YAML.
+            _ if is_value(&text) => text,
+            _ => {
+                return Err(format!(
+                    "= '{text}' is neither a scalar nor a list to ROS 2, give it type: \"str\""
+                ));
+            }
+        };
+        Ok(Self { text, kind })
+    }
+
+    /// A list of (text, type as it is written).
+    ///
+    /// # Errors
+    /// A text that names the item that does not have the requested type.
+    pub(super) fn list(
+        items: Vec<(String, Option<ScalarType>)>,
+        kind: Option<&'static str>,
+    ) -> Result<Self, String> {
+        let of = match kind.map(|kind| kind.strip_prefix("list_of_").ok_or(kind)) {
+            Some(Err(kind)) => return Err(format!("is a list, must be a {kind}")),
+            Some(Ok(of)) => of,
+            None => "",
+        };
+        let items: Result<Vec<String>, String> = items
+            .into_iter()
+            .map(|(text, kind)| {
+                let text = typed(text, of)?;
+                // Without quotes, ROS 2 would read the string '1' as a number.
+                let is_string = of == "str" || (of.is_empty() && kind == Some(ScalarType::String));
+                Ok(if is_string { of_string(&text) } else { text })
+            })
+            .collect();
+        Ok(Self { text: format!("[{}]", items?.join(", ")), kind })
+    }
+
+    /// The text to write after `name:=` on a ROS 2 command line.
+    pub fn as_yaml(&self) -> String {
+        if self.kind == Some("str") { of_string(&self.text) } else { self.text.clone() }
+    }
+}
+
+impl fmt::Display for ParameterText {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.as_yaml())
+    }
+}
+
+fn typed(text: String, of: &str) -> Result<String, String> {
+    let fits = match of {
+        "int" => text.parse::<i64>().is_ok(),
+        "float" => text.parse::<f64>().is_ok(),
+        "bool" => ScalarType::of_plain(&text) == ScalarType::Bool,
+        _ => true,
+    };
+    if !fits {
+        return Err(format!("= {text} is no {of}"));
+    }
+    // ROS 2 reads `4` as an integer, which a parameter of type double does not take.
+    Ok(if of == "float" && text.parse::<i64>().is_ok() { format!("{text}.0") } else { text })
+}
+
+/// Whether YAML's rules make a scalar or a list of scalars of `text`, and every reader of YAML the same one.
+fn is_value(text: &str) -> bool {
+    match crate::yaml::read(Path::new(""), text).map(|item| item.content) {
+        Ok(Content::Scalar(_, kind)) => kind != ScalarType::Null,
+        Ok(Content::List(items)) => {
+            !items.is_empty() && items.iter().all(|item| matches!(item.content, Content::Scalar(..)))
+        }
+        Ok(Content::Map(_)) | Err(_) => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use modulo_runtime::parameter::yaml_text;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        /// `\'` and `\u{7f}` of Rust are not YAML.
+        #[test]
+        fn a_string_reads_back(text in "[ -~\n\t\u{7f}\u{85}é']{0,8}") {
+            let scalar = ParameterText::scalar(text.clone(), Some("str")).expect("any text is a string");
+            prop_assert_eq!(yaml_text::string(&scalar.as_yaml()), Some(text.clone()));
+            let list = ParameterText::list(vec![(text.clone(), Some(ScalarType::String))], Some("list_of_str"));
+            prop_assert_eq!(yaml_text::strings(&list.expect("strings").as_yaml()), Some(vec![text]));
+        }
     }
 }

@@ -1,8 +1,12 @@
-//! The substitutions there are, and those of ROS 2 that are refused, with the
-//! reason. Nothing is evaluated here.
+//! The functions that a substitution can call, their values, and the functions of ROS 2 that are refused, with the reason.
+//! Only the given surroundings are read, and the file system for packages; nothing is executed.
 
-use super::SubstitutionError;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::{Part, SubstitutionError, Template};
 use crate::error::listed;
+use crate::package;
 
 /// A substitution that can be evaluated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,7 +53,7 @@ const KNOWN: [(&str, Function, usize, usize); 12] = [
     ("if", Function::If, 2, 3),
 ];
 
-/// What ROS 2 has too, and why it is not here.
+/// The functions of ROS 2 that are not supported, each with the reason.
 const REFUSED: [(&str, &str); 11] = [
     ("eval", "it runs Python; compute the value outside or use $(if), $(equals), $(and), $(or), $(not)"),
     ("command", "it runs a shell; pass the value as a launch argument"),
@@ -68,8 +72,7 @@ impl Function {
     /// The function called `name`.
     ///
     /// # Errors
-    /// [`SubstitutionError`] with the known names, or with the reason why a
-    /// known one of ROS 2 is not supported.
+    /// [`SubstitutionError`] with the known names, or with the reason why a known one of ROS 2 is not supported.
     pub fn named(name: &str) -> Result<Self, SubstitutionError> {
         if let Some((_, function, ..)) = KNOWN.iter().find(|known| known.0 == name) {
             return Ok(*function);
@@ -84,9 +87,8 @@ impl Function {
     }
 
     pub(super) fn check_count(self, given: usize) -> Result<(), SubstitutionError> {
-        let Some(&(name, _, fewest, most)) = KNOWN.iter().find(|known| known.1 == self) else {
-            return Ok(());
-        };
+        let known = KNOWN.iter().find(|known| known.1 == self);
+        let &(name, _, fewest, most) = known.expect("every function is in the list");
         if (fewest..=most).contains(&given) {
             return Ok(());
         }
@@ -97,5 +99,167 @@ impl Function {
             (a, b) => format!("{a} or {b} arguments"),
         };
         Err(SubstitutionError::Invalid(format!("$({name}) takes {takes}, not {given}")))
+    }
+}
+
+/// The values that a template can refer to.
+#[derive(Clone, Copy, Debug)]
+pub struct Surroundings<'a> {
+    /// The launch file in which the template stands.
+    pub file: &'a Path,
+    /// Launch arguments and `let`s.
+    pub variables: &'a BTreeMap<String, String>,
+    /// The environment, as `set_env` and `unset_env` left it.
+    pub environment: &'a BTreeMap<String, String>,
+}
+
+impl Template {
+    /// The text with every substitution replaced by its value.
+    ///
+    /// # Errors
+    /// [`SubstitutionError`] for what has no value.
+    pub fn evaluate(&self, around: &Surroundings<'_>) -> Result<String, SubstitutionError> {
+        self.parts.iter().map(|part| part.evaluate(around)).collect()
+    }
+}
+
+impl Part {
+    /// The value of this piece.
+    ///
+    /// # Errors
+    /// [`SubstitutionError`] for what has no value.
+    pub fn evaluate(&self, around: &Surroundings<'_>) -> Result<String, SubstitutionError> {
+        match self {
+            Self::Text(text) => Ok(text.clone()),
+            Self::Call(function, arguments) => {
+                let values: Result<Vec<String>, _> = arguments.iter().map(|a| a.evaluate(around)).collect();
+                call(*function, &values?, around)
+            }
+        }
+    }
+}
+
+fn call(
+    function: Function,
+    arguments: &[String],
+    around: &Surroundings<'_>,
+) -> Result<String, SubstitutionError> {
+    let argument = |index: usize| arguments.get(index).map_or("", String::as_str);
+    let truth = |index: usize| truth(argument(index));
+    Ok(match function {
+        Function::Var => variable(argument(0), arguments.get(1), around)?,
+        Function::Env => match around.environment.get(argument(0)).or(arguments.get(1)) {
+            Some(value) => value.clone(),
+            None => {
+                let name = argument(0);
+                return Err(SubstitutionError::Invalid(format!(
+                    "environment variable {name} is not set, $(env {name} DEFAULT) gives it a default"
+                )));
+            }
+        },
+        Function::Dirname => folder_of(around.file),
+        Function::Filename => around.file.display().to_string(),
+        Function::FindPkgShare => package::share(argument(0), around)?.display().to_string(),
+        Function::FindPkgPrefix => package::prefix(argument(0), around)?.display().to_string(),
+        Function::Not => (!truth(0)?).to_string(),
+        // With `&` and `|` both sides are evaluated: a side that is no condition is a mistake, whatever the
+        // other one says.
+        Function::And => (truth(0)? & truth(1)?).to_string(),
+        Function::Or => (truth(0)? | truth(1)?).to_string(),
+        Function::Equals => equal(argument(0), argument(1)).to_string(),
+        Function::NotEquals => (!equal(argument(0), argument(1))).to_string(),
+        Function::If => argument(if truth(0)? { 1 } else { 2 }).to_owned(),
+    })
+}
+
+fn folder_of(file: &Path) -> String {
+    let folder = file.parent().filter(|p| !p.as_os_str().is_empty());
+    folder.unwrap_or(Path::new(".")).display().to_string()
+}
+
+fn variable(
+    name: &str,
+    default: Option<&String>,
+    around: &Surroundings<'_>,
+) -> Result<String, SubstitutionError> {
+    around.variables.get(name).or(default).cloned().ok_or_else(|| {
+        let known = listed(around.variables.keys(), "none");
+        SubstitutionError::Undefined { name: name.to_owned(), known }
+    })
+}
+
+/// ROS 2's rule for conditions: `true` or `1`, `false` or `0`, in any case.
+///
+/// # Errors
+/// [`SubstitutionError`] for anything else.
+pub(crate) fn truth(text: &str) -> Result<bool, SubstitutionError> {
+    match text.trim().to_ascii_lowercase().as_str() {
+        "true" | "1" => Ok(true),
+        "false" | "0" => Ok(false),
+        _ => Err(SubstitutionError::Invalid(format!("'{text}' is no condition, true, 1, false and 0 are"))),
+    }
+}
+
+/// ROS 2's `$(equals)`: bools as bools, numbers within 1e-9 of the larger, else text.
+fn equal(left: &str, right: &str) -> bool {
+    // Conditions come before numbers, so that `true` equals `1`.
+    if let (Ok(left), Ok(right)) = (truth(left), truth(right)) {
+        return left == right;
+    }
+    match (left.trim().parse::<f64>(), right.trim().parse::<f64>()) {
+        (Ok(l), Ok(r)) => {
+            // The tolerance is the default of `math.isclose` of Python. The first comparison makes equal
+            // infinities equal, whose difference is not a number.
+            l == r || (l - r).abs() <= 1e-9 * l.abs().max(r.abs()) && l.is_finite() && r.is_finite()
+        }
+        _ => left == right,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn value(text: &str) -> Result<String, String> {
+        let pair = |(k, v): (&str, &str)| (k.to_owned(), v.to_owned());
+        let variables = [("x", "4.0"), ("name", "x"), ("on", "True")].map(pair).into();
+        let environment = [("HOME", "/home/u")].map(pair).into();
+        let file = Path::new("/opt/pkg/launch/a.launch.yaml");
+        let around = Surroundings { file, variables: &variables, environment: &environment };
+        Template::parse(text).and_then(|t| t.evaluate(&around)).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn values() {
+        for (text, expected) in [
+            ("$(var x)", "4.0"),
+            ("$(var $(var name))", "4.0"),
+            ("$(var none 'a b')", "a b"),
+            ("$(env HOME)/$(env NOPE d)", "/home/u/d"),
+            ("$(dirname)|$(filename)", "/opt/pkg/launch|/opt/pkg/launch/a.launch.yaml"),
+            ("$(not $(var on))", "false"),
+            ("$(and 1 $(var on))$(or 0 false)", "truefalse"),
+            ("$(equals $(var x) 4)$(equals true 1)$(equals a b)", "truetruefalse"),
+            ("$(not-equals nan nan)$(equals inf inf)", "truetrue"),
+            ("$(if $(var on) yes no)$(if 0 yes)", "yes"),
+        ] {
+            assert_eq!(value(text).as_deref(), Ok(expected), "{text}");
+        }
+    }
+
+    #[test]
+    fn what_has_no_value_says_what_has() {
+        for (text, message) in [
+            ("$(var y)", "undefined variable 'y', defined here are name, on, x"),
+            ("$(env NOPE)", "environment variable NOPE is not set"),
+            ("$(not maybe)", "'maybe' is no condition"),
+            (
+                "$(find-pkg-share no_such)",
+                "package 'no_such' is not found, looked in AMENT_PREFIX_PATH, which is empty",
+            ),
+        ] {
+            let error = value(text).expect_err(text);
+            assert!(error.contains(message), "{error}");
+        }
     }
 }

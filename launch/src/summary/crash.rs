@@ -72,10 +72,10 @@ impl<'a> Lives<'a> {
 ///
 /// `missing = sent + unwanted - received - lost`, each over all lives, where `received = taken + replaced + unread`.
 ///
-/// A latched topic is left out, since a reader that comes back gets its last message. This holds for a node that reads a
-/// topic for the whole launch, which begins when all readers are ready. Without a crash nothing is missing by construction, so that only a pair of which the reader or a sender has crashed is looked
-/// at. Of a reader whose inputs were changed at run time, and of a topic whose sender is no node of the launch, the
-/// number is unknown: it is told that frames were lost, and not how many.
+/// A latched topic is left out, since a reader that comes back gets its last message. The equation holds for a node that
+/// reads a topic for the whole launch, which begins when all readers are ready. The number is unknown where the inputs of
+/// the reader were changed at run time, and where the sender is no node of the launch: the loss is then reported without
+/// a number.
 pub(super) fn losses(reports: &[NodeReport]) -> Vec<LostInCrash> {
     let mut nodes: BTreeMap<&str, Lives<'_>> = BTreeMap::new();
     for report in reports {
@@ -85,6 +85,8 @@ pub(super) fn losses(reports: &[NodeReport]) -> Vec<LostInCrash> {
     for (name, reader) in &nodes {
         for topic in reader.reads() {
             let senders: Vec<&Lives<'_>> = nodes.values().filter(|node| node.writes(topic)).collect();
+            // Without a crash nothing can be missing: counts that differ come from a reader that joined or
+            // left by itself.
             if !reader.crashed() && !senders.iter().any(|sender| sender.crashed()) {
                 continue;
             }
@@ -93,6 +95,7 @@ pub(super) fn losses(reports: &[NodeReport]) -> Vec<LostInCrash> {
             } else {
                 let made =
                     |node: &&Lives<'_>| node.sum(|r| &r.published, topic) + node.sum(|r| &r.unwanted, topic);
+                // A message that was not made because the reader was down is lost for it as well.
                 let made: u64 = senders.iter().map(made).sum();
                 let accounted = reader.sum(|r| &r.received, topic) + reader.sum(|r| &r.lost, topic);
                 (Some(made.saturating_sub(accounted)), Some(made))

@@ -1,18 +1,17 @@
 //! [`Job`]: one process from its first start to its last end, restarts included.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitStatus;
 use std::time::{Duration, Instant};
 
 use modulo_runtime::launcher;
 use tokio::sync::watch;
 
-use super::command::{self, CommandLine};
 use super::running::Running;
-use super::{Channel, Print, ProcessEnd, ProcessOutcome, Supervision};
+use super::{Channel, Print, ProcessEnd, ProcessOutcome, Supervision, start_error};
 use crate::error::LaunchError;
-use crate::plan::{Plan, ProcessPlan, Respawn};
-use crate::substitution::SUITE;
+use crate::package::SUITE;
+use crate::plan::{ExecutablePlan, NodePlan, Plan, ProcessPlan, Respawn, ros_arguments};
 
 /// A process that lived shorter crashed for a reason that may still be there.
 const SHORT_LIFE: Duration = Duration::from_secs(5);
@@ -21,13 +20,20 @@ const FIRST_PAUSE: Duration = Duration::from_millis(100);
 /// ... up to this: a crashed node is back within 2 s.
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
 
-/// Whose program a process is.
+/// The origin of the program of a process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Origin {
     /// A node of this suite: its exit statuses are known, and it ends cleanly on SIGINT.
     Suite,
     /// Any other program.
     Foreign,
+}
+
+/// Program and arguments.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct CommandLine {
+    pub program: PathBuf,
+    pub arguments: Vec<String>,
 }
 
 /// One process to keep running.
@@ -37,8 +43,8 @@ pub(super) struct Job {
     pub process: ProcessPlan,
 }
 
-/// The jobs of `plan`. Nodes leave their reports in `reports`, and in `state`
-/// what outlasts their crash.
+/// Returns the jobs of `plan`. Nodes write their reports into the folder `reports`, and the state that outlasts their crash
+/// into `state`.
 pub(super) fn all(
     plan: &Plan,
     how: &Supervision,
@@ -53,19 +59,70 @@ pub(super) fn all(
     let nodes = plan.nodes.iter().map(|node| {
         let origin = if node.package == SUITE { Origin::Suite } else { Origin::Foreign };
         let mut process = node.process.clone();
+        // These come after the variables of the plan: no launch file can lead the reports of a node
+        // elsewhere.
         process.env.extend(told.iter().map(|(name, value)| ((*name).to_owned(), Some(value.clone()))));
-        Ok(Job { origin, command: command::of_node(node, &how.suite)?, process })
+        Ok(Job { origin, command: node_command(node, &how.suite)?, process })
     });
     let executables = plan.executables.iter().map(|executable| {
-        let command = command::of_executable(executable, &how.suite);
+        let command = executable_command(executable, &how.suite);
         Ok(Job { origin: Origin::Foreign, command, process: executable.process.clone() })
     });
     nodes.chain(executables).collect()
 }
 
+/// A node of the suite is run by `suite`, another one from its package.
+fn node_command(node: &NodePlan, suite: &Path) -> Result<CommandLine, LaunchError> {
+    let mut arguments = ros_arguments(node);
+    if node.package == SUITE {
+        arguments.splice(0..0, ["run".to_owned(), node.executable.clone()]);
+        return Ok(CommandLine { program: suite.to_owned(), arguments });
+    }
+    Ok(CommandLine { program: installed(node)?, arguments })
+}
+
+/// The command of an `executable` action. The suite's own command is `suite`, whether or not it is on the PATH.
+fn executable_command(executable: &ExecutablePlan, suite: &Path) -> CommandLine {
+    let mut words = executable.command.iter().cloned();
+    let program = match words.next() {
+        Some(word) if word == SUITE => suite.to_owned(),
+        word => word.expect("the plan of an executable has a command that is not empty").into(),
+    };
+    CommandLine { program, arguments: words.collect() }
+}
+
+fn installed(node: &NodePlan) -> Result<PathBuf, LaunchError> {
+    let prefixes = variable(&node.process, "AMENT_PREFIX_PATH");
+    let places: Vec<PathBuf> = prefixes
+        .split(':')
+        .filter(|prefix| !prefix.is_empty())
+        .map(|prefix| Path::new(prefix).join("lib").join(&node.package).join(&node.executable))
+        .collect();
+    if let Some(program) = places.iter().find(|place| place.is_file()) {
+        return Ok(program.clone());
+    }
+    let package = &node.package;
+    Err(start_error(
+        &node.process.label,
+        if places.is_empty() {
+            format!("package '{package}' is not found: AMENT_PREFIX_PATH is empty, is ROS 2 sourced?")
+        } else {
+            let places: Vec<String> = places.iter().map(|place| place.display().to_string()).collect();
+            format!("executable is not found, looked at {}", places.join(", "))
+        },
+    ))
+}
+
+/// A variable as the process will see it.
+fn variable(process: &ProcessPlan, name: &str) -> String {
+    match process.env.get(name) {
+        Some(value) => value.clone().unwrap_or_default(),
+        None => std::env::var_os(name).unwrap_or_default().to_string_lossy().into_owned(),
+    }
+}
+
 impl Job {
-    /// Runs the process until it has ended for good. `told` turns true when all
-    /// are to end.
+    /// Runs the process until it has ended for good. `told` turns true when all are to end.
     pub async fn keep(self, mut told: watch::Receiver<bool>, print: Print) -> ProcessOutcome {
         let (mut restarts, mut short_lives) = (0, 0);
         let done = |restarts, end| ProcessOutcome { label: self.process.label.clone(), restarts, end };
@@ -81,6 +138,8 @@ impl Job {
                     return done(restarts, ProcessEnd::NotStarted(error.to_string()));
                 }
             };
+            // A process that has ended by itself is not called shut down, even if the order to end comes at
+            // the same moment: the first branch is looked at first.
             let end = tokio::select! {
                 biased;
                 status = running.wait() => self.ended(status, restarts),
@@ -90,10 +149,12 @@ impl Job {
                     return done(restarts, self.after_shutdown(&status));
                 }
             };
+            // The last lines of this life are shown before the first ones of the next.
             running.finish().await;
             let ProcessEnd::Crashed(status) = &end else {
                 return done(restarts, end);
             };
+            // A long life forgives: the next crash is another one, and is answered at once.
             short_lives = if start.elapsed() < SHORT_LIFE { short_lives + 1 } else { 0 };
             let Some(delay) = self.restart_delay(restarts, short_lives) else {
                 self.say(&print, &format!("ended with {status}"));
@@ -128,7 +189,7 @@ impl Job {
         }
     }
 
-    /// The pause before the next start; `None` when there is none.
+    /// Returns the pause before the next start; `None` when the process is not started again.
     fn restart_delay(&self, restarts: u32, short_lives: u32) -> Option<Duration> {
         match self.process.respawn {
             Respawn::After { delay, max_retries } if max_retries.is_none_or(|most| restarts < most) => {
@@ -143,23 +204,25 @@ impl Job {
     }
 }
 
-/// Nothing after the first short life, then doubling.
+/// Returns the pause after a number of short lives: none after the first one, then twice the last one.
 fn backoff(short_lives: u32) -> Duration {
     match short_lives {
         0 | 1 => Duration::ZERO,
+        // The exponent has a limit, since a number of 32 bits cannot be shifted any further.
         n => FIRST_PAUSE.saturating_mul(1 << (n - 2).min(8)).min(LONGEST_PAUSE),
     }
 }
 
-/// Waits until all are told to end, or nobody is left who could tell.
+/// Waits until all are told to end. It also returns when the supervisor, which tells it, has ended.
 async fn told_to_end(told: &mut watch::Receiver<bool>) {
     let _ = told.wait_for(|told| *told).await;
 }
 
-/// Waits; false when all are told to end before it is over.
+/// Waits for `delay`. Returns false when all are told to end before it is over.
 async fn pause(delay: Duration, told: &mut watch::Receiver<bool>) -> bool {
     tokio::select! {
         biased;
+        // The order to end wins over a start that is due at the same moment.
         () = told_to_end(told) => false,
         () = tokio::time::sleep(delay) => true,
     }

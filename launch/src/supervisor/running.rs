@@ -14,7 +14,7 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
 
-use super::command::CommandLine;
+use super::job::CommandLine;
 use super::{Channel, Print, start_error};
 use crate::error::LaunchError;
 use crate::plan::{Output, ProcessPlan};
@@ -37,7 +37,7 @@ pub(super) struct Running {
 struct Group(Pid);
 
 impl Group {
-    /// A group that is already gone is no error.
+    /// Sends `signal` to all processes of the group. A group that has ended already is no error.
     fn signal(&self, signal: Signal) {
         let _ = killpg(self.0, signal);
     }
@@ -67,6 +67,8 @@ impl Running {
 
     /// Waits for the end of the process and kills what is left of its group.
     pub async fn wait(&mut self) -> io::Result<ExitStatus> {
+        // The signal is subscribed to before the first look, so that an end between look and wait is not
+        // missed.
         let mut children = signal(SignalKind::child())?;
         while let Some(Group(leader)) = &self.group {
             // It is not reaped here: until it is, no other process gets its number.
@@ -74,14 +76,17 @@ impl Running {
             if waitid(Id::Pid(*leader), flags)? == WaitStatus::StillAlive {
                 children.recv().await;
             } else {
+                // Letting the group go kills what the process has started and left running.
                 self.group = None;
             }
         }
         self.child.wait().await
     }
 
-    /// Asks the process to end, ever more firmly.
+    /// Asks the process to end with SIGINT, then with SIGTERM, and ends it with SIGKILL.
     pub async fn shut_down(&mut self, process: &ProcessPlan) -> io::Result<ExitStatus> {
+        // The order of ROS 2: SIGINT lets a node finish what is on its way, SIGTERM is for programs that
+        // ignore it, and SIGKILL cannot be ignored.
         let steps = [
             (Signal::SIGINT, process.sigterm_timeout, Signal::SIGTERM),
             (Signal::SIGTERM, process.sigkill_timeout, Signal::SIGKILL),
@@ -104,6 +109,8 @@ impl Running {
     /// Shows the last output.
     pub async fn finish(self) {
         drop(self.group);
+        // A process that has left the group may still hold the pipe open, so the wait for its end has a
+        // limit.
         for mut reader in self.readers {
             if timeout(LAST_WORDS, &mut reader).await.is_err() {
                 reader.abort();
@@ -114,6 +121,8 @@ impl Running {
 
 fn prepared(command: &CommandLine, process: &ProcessPlan) -> Command {
     let mut prepared = Command::new(&command.program);
+    // A process in the background that reads from the terminal would be stopped by SIGTTIN, so the input is
+    // empty.
     prepared.args(&command.arguments).stdin(Stdio::null()).stderr(Stdio::piped());
     prepared.stdout(match process.output {
         Output::Screen => Stdio::piped(),
@@ -144,6 +153,8 @@ fn forward(
         let mut reader = BufReader::new(stream);
         let mut line = Vec::new();
         while let Ok(1..) = (&mut reader).take(LONGEST_LINE).read_until(b'\n', &mut line).await {
+            // Any program may write any bytes: those that are not UTF-8 are replaced, and the line is still
+            // shown.
             let text = String::from_utf8_lossy(&line);
             print(channel, &format!("[{label}] {}", text.trim_end_matches(['\n', '\r'])));
             line.clear();

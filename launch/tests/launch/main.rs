@@ -2,13 +2,16 @@
 
 mod plans;
 mod refusals;
-mod shipped;
 mod supervision;
 
 use std::path::PathBuf;
 
 use modulo_launch::{LaunchError, Plan, resolve};
 use tempfile::TempDir;
+
+fn owned(pairs: &[(&str, &str)]) -> Vec<(String, String)> {
+    pairs.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect()
+}
 
 /// Launch files in a folder of their own.
 struct Files(TempDir);
@@ -31,8 +34,7 @@ impl Files {
     }
 
     fn resolve(&self, arguments: &[(&str, &str)]) -> Result<Plan, LaunchError> {
-        let arguments: Vec<_> = arguments.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect();
-        resolve(&self.path("main.launch.yaml"), &arguments)
+        resolve(&self.path("main.launch.yaml"), &owned(arguments))
     }
 
     /// The error, with the folder's path cut off.

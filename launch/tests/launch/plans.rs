@@ -1,12 +1,12 @@
-//! What launch files come to.
+//! The plans of launch files, and of those that come with the suite.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use modulo_launch::plan::{OnExit, Output, Respawn};
-use modulo_launch::{Plan, compose, declared_arguments, ros_arguments};
+use modulo_launch::{NodePlan, Plan, compose, declared_arguments, resolve, ros_arguments};
 
-use crate::Files;
+use crate::{Files, owned};
 
 fn plan(text: &str, arguments: &[(&str, &str)]) -> Plan {
     Files::new(text).resolve(arguments).expect("resolves")
@@ -46,30 +46,10 @@ launch:
 "#;
     let plan = plan(text, &[("gain", "4")]);
     let node = &plan.nodes[0];
-    let expected = [
-        "--fast",
-        "a b",
-        "--ros-args",
-        "-r",
-        "__node:=u",
-        "-r",
-        "__ns:=/left",
-        "-p",
-        "gain:=4.0",
-        "-p",
-        "list:=[a, 'b c', 4]",
-        "-p",
-        "text:='12'",
-        "-p",
-        "empty:=''",
-        "-p",
-        "filter.size:=3",
-        "-r",
-        "modulo:=/camera/image",
-        "--log-level",
-        "debug",
-    ];
-    assert_eq!(ros_arguments(node), expected);
+    let expected = "--fast | a b | --ros-args | -r | __node:=u | -r | __ns:=/left | -p | gain:=4.0 | \
+                    -p | list:=[a, 'b c', 4] | -p | text:='12' | -p | empty:='' | -p | filter.size:=3 | \
+                    -r | modulo:=/camera/image | --log-level | debug";
+    assert_eq!(ros_arguments(node).join(" | "), expected);
     assert_eq!(node.fully_qualified().as_deref(), Some("/left/u"));
     let process = &node.process;
     assert_eq!(process.env["A"].as_deref(), Some("4"));
@@ -257,4 +237,107 @@ fn a_plan_can_be_shown() {
     assert_eq!(plan.to_string(), expected);
     let json = serde_json::to_value(&plan).expect("serialises");
     assert_eq!(json["nodes"][0]["namespace"], "/");
+}
+
+/// The path of a launch file that comes with the suite.
+fn file(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("{name}.launch.yaml"))
+}
+
+fn shipped_plan(name: &str, arguments: &[(&str, &str)]) -> Plan {
+    resolve(&file(name), &owned(arguments)).expect("resolves")
+}
+
+fn parameter<'a>(node: &'a NodePlan, name: &str) -> &'a str {
+    &node.parameters.iter().find(|(n, _)| n == name).expect("set").1.text
+}
+
+fn names(plan: &Plan) -> Vec<&str> {
+    plan.nodes.iter().filter_map(|node| node.name.as_deref()).collect()
+}
+
+#[test]
+fn raw_and_recovered_differ_in_the_input_alone() {
+    let (raw, recovered) = (shipped_plan("raw", &[]), shipped_plan("recovered", &[]));
+    assert_eq!(names(&raw), ["detector", "unwrap", "modulo_camera"]);
+    assert_eq!(parameter(&raw.nodes[0], "input"), "modulo");
+    assert_eq!(parameter(&recovered.nodes[0], "input"), "recovered");
+    let shown = |plan: &Plan| plan.to_string();
+    assert_eq!(shown(&raw).replace("input = modulo", "input = recovered"), shown(&recovered));
+}
+
+#[test]
+fn compare_has_a_detector_for_each_stream() {
+    let plan = shipped_plan("compare", &[]);
+    let expected = ["modulo", "recovered", "saturated", "ideal"];
+    let inputs: Vec<&str> = plan.nodes[..4].iter().map(|node| parameter(node, "input")).collect();
+    assert_eq!(inputs, expected);
+    assert_eq!(names(&plan)[..4], expected.map(|stream| format!("detector_{stream}")));
+    assert_eq!(
+        parameter(&plan.nodes[4], "wait_for"),
+        "[detector_modulo, detector_recovered, detector_saturated, detector_ideal]"
+    );
+}
+
+#[test]
+fn the_source_ends_all_and_every_node_comes_back() {
+    for name in ["raw", "recovered", "compare"] {
+        for node in shipped_plan(name, &[]).nodes {
+            let source = node.executable == "modulo_camera";
+            assert_eq!(node.process.on_exit == OnExit::Shutdown, source, "{:?}", node.name);
+            assert_ne!(node.process.respawn, Respawn::Never, "{:?}", node.name);
+        }
+    }
+}
+
+#[test]
+fn arguments_reach_the_nodes() {
+    let plan = shipped_plan(
+        "recovered",
+        &[("alpha", "2.5"), ("source", "/a b/c"), ("model", "m.onnx"), ("loop", "true")],
+    );
+    let [detector, unwrap, camera] = plan.nodes.as_slice() else { panic!("three nodes") };
+    assert_eq!((parameter(camera, "alpha"), parameter(unwrap, "method")), ("2.5", "auto"));
+    assert_eq!((parameter(camera, "source"), parameter(camera, "loop")), ("/a b/c", "true"));
+    assert_eq!(parameter(detector, "model"), "m.onnx");
+    let error = resolve(&file("raw"), &[("alpha".into(), "big".into())]).expect_err("no number").to_string();
+    assert!(error.ends_with("parameter 'alpha' = big is no float"), "{error}");
+    assert!(resolve(&file("raw"), &[("input".into(), "ideal".into())]).is_err(), "raw has a fixed input");
+}
+
+#[test]
+fn every_argument_has_a_default_and_a_description() {
+    for name in ["raw", "recovered", "compare", "suite"] {
+        let declared = declared_arguments(&file(name)).expect("readable");
+        assert!(declared.len() >= 15, "{name}");
+        for argument in declared {
+            assert!(argument.default.is_some() && argument.description.is_some(), "{name}: {argument:?}");
+        }
+    }
+}
+
+#[test]
+fn all_run_in_one_process() {
+    for name in ["raw", "recovered", "compare"] {
+        let plan = shipped_plan(name, &[]);
+        assert_eq!(compose(&plan).map(|nodes| nodes.len()), Ok(plan.nodes.len()));
+    }
+}
+
+/// `$(dirname)` of a file given by a relative path was joined to it twice.
+#[test]
+fn a_relative_path_finds_what_the_file_includes() {
+    let path = Path::new("../launch/recovered.launch.yaml");
+    assert_eq!(names(&resolve(path, &[]).expect("resolves")), ["detector", "unwrap", "modulo_camera"]);
+}
+
+/// unwrap knows the lens in any case, and removes its blur on request.
+#[test]
+fn deblur_is_a_yes_or_no_for_unwrap() {
+    for deblur in ["false", "true"] {
+        let plan = shipped_plan("recovered", &[("psf_sigma", "1.4"), ("deblur", deblur)]);
+        // The lens itself reaches it with the description of the sensor.
+        let [_, unwrap, camera] = plan.nodes.as_slice() else { panic!("three nodes") };
+        assert_eq!((parameter(camera, "psf_sigma"), parameter(unwrap, "deblur")), ("1.4", deblur));
+    }
 }

@@ -50,23 +50,6 @@ const MISTAKES: &[(&str, &str)] = &[
         "- include: { file: none.launch.yaml }",
         "2: include: 'none.launch.yaml' starts at any working folder, write $(dirname)/none.launch.yaml",
     ),
-    ("- node: { pkg: p, exec: e, name: 1st }", "2: node: '1st' is not a ROS name"),
-    ("- node: { pkg: p, exec: e, namespace: a b }", "2: node: '/a b' is not a ROS name"),
-    ("- node: { pkg: p, exec: e, remap: [{ from: a }] }", "2: remap: key 'to' is missing"),
-    ("- node: { pkg: p, exec: e, output: printer }", "2: output = 'printer' must be screen, both or log"),
-    ("- node: { pkg: p, exec: e, on_exit: restart }", "2: on_exit = 'restart' must be shutdown"),
-    (
-        "- node: { pkg: p, exec: e, respawn: true }",
-        "2: node: respawn: expected a string, found the bool true, write \"true\"",
-    ),
-    (
-        "- node: { pkg: p, exec: e, sigterm_timeout: '1.5' }",
-        "2: node: sigterm_timeout: expected a number, found the string '1.5', write 1.5 without quotes",
-    ),
-    (
-        "- node: { pkg: p, exec: e, on_exit: $(var x) }",
-        "2: node: on_exit: ROS 2 evaluates no substitution here",
-    ),
     (
         "- set_use_sim_time: { value: true }",
         "2: set_use_sim_time: ROS 2 does not set it for nodes; write set_parameter",
@@ -79,73 +62,74 @@ const MISTAKES: &[(&str, &str)] = &[
         "- set_parameter: { name: a, value: 'b: c' }",
         "2: parameter 'a' = 'b: c' is neither a scalar nor a list",
     ),
-    ("- node: { pkg: p, exec: e, args: '' }", "2: node: args: is empty, leave it out"),
-    (
-        "- node: { pkg: p, exec: e, param: [{ name: a, value: 1, type: list_of_int }] }",
-        "2: param: value: is no list, must be of type list_of_int",
-    ),
-    (
-        "- node: { pkg: p, exec: e, param: [{ name: a, value: ['1'], type: list_of_int }] }",
-        "2: param: value: the string '1' must be of type int",
-    ),
     (
         "- set_parameter: { name: a, value: 4.0 }",
         "2: set_parameter: value: expected a string, found the number 4.0, write \"4.0\"",
-    ),
-    ("- node: { pkg: p, exec: e, respawn: often }", "2: respawn = 'often' must be true or false"),
-    ("- node: { pkg: p, exec: e, respawn_max_retries: -2 }", "2: respawn_max_retries = '-2' must be a count"),
-    ("- node: { pkg: p, exec: e, param: [{ name: a }] }", "2: param: one of 'value' and 'param' is needed"),
-    ("- node: { pkg: p, exec: e, param: [{ value: 1 }] }", "2: param: key 'name' is missing"),
-    ("- node: { pkg: p, exec: e, param: [{ from: no.yaml }] }", "2: param: from: no.yaml is no file"),
-    ("- node: { pkg: p, exec: e, param: [{ from: f, name: a }] }", "2: param: 'from' stands alone"),
-    (
-        "- node: { pkg: p, exec: e, param: [{ name: a, value: { b: 1 } }] }",
-        "2: param: value: expected a value",
-    ),
-    (
-        "- node: { pkg: p, exec: e, param: [{ name: a, value: x, type: int }] }",
-        "2: param: value: the string 'x' must be of type int",
-    ),
-    (
-        "- node: { pkg: p, exec: e, param: [{ name: a, value: [1], type: int }] }",
-        "2: param: value: is a list, must be of type int",
-    ),
-    (
-        "- node: { pkg: p, exec: e, param: [{ name: a, value: 4, type: float }] }",
-        "2: param: value: the integer 4 must be of type float",
-    ),
-    (
-        "- node: { pkg: p, exec: e, param: [{ name: a, value: [1, 2.0] }] }",
-        "2: param: value: the number 2.0 must be of type int as the first in its list",
-    ),
-    (
-        "- node: { pkg: p, exec: e, param: [{ name: a, value: [] }] }",
-        "2: param: value: an empty list has no type for ROS 2",
     ),
     (
         "- let: { name: x, value: '' }\n- node: { pkg: p, exec: e, param: [{ name: a, value: $(var x) }] }",
         "3: parameter 'a' = '' is neither a scalar nor a list to ROS 2, give it type: \"str\"",
     ),
-    ("- node: { pkg: p, exec: e, param: [] }", "2: node: param: the list is empty, leave it out"),
     ("- log: { message: costs 5 $ }", "2: log: message: 'costs 5 $': a dollar without '('"),
     ("- arg: { name: $(var x) }", "2: arg: name: ROS 2 evaluates no substitution here"),
     ("- log: { message: 010 }", "2: 010 is read in different ways by YAML readers, write \"010\""),
-    (
-        "- node: { pkg: p, exec: e, param: [{ name: a, value: 1, type: long }] }",
-        "2: param: type: unknown 'long', known are int, float",
-    ),
     ("- executable: { cmd: '' }", "2: executable: cmd is empty"),
     ("- executable: { cmd: \"a 'b\" }", "2: the quote ' does not end"),
     ("- set_env: { name: 'A=B', value: x }", "2: 'A=B' is no name of an environment variable"),
 ];
 
+/// (attributes of a node in line 2, how the message begins)
+const NODE_MISTAKES: &[(&str, &str)] = &[
+    ("name: 1st", "node: '1st' is not a ROS name"),
+    ("namespace: a b", "node: '/a b' is not a ROS name"),
+    ("remap: [{ from: a }]", "remap: key 'to' is missing"),
+    ("output: printer", "output = 'printer' must be screen, both or log"),
+    ("on_exit: restart", "on_exit = 'restart' must be shutdown"),
+    ("respawn: true", "node: respawn: expected a string, found the bool true, write \"true\""),
+    (
+        "sigterm_timeout: '1.5'",
+        "node: sigterm_timeout: expected a number, found the string '1.5', write 1.5 without quotes",
+    ),
+    ("on_exit: $(var x)", "node: on_exit: ROS 2 evaluates no substitution here"),
+    ("args: ''", "node: args: is empty, leave it out"),
+    ("respawn: often", "respawn = 'often' must be true or false"),
+    ("respawn_max_retries: -2", "respawn_max_retries = '-2' must be a count"),
+    ("param: []", "node: param: the list is empty, leave it out"),
+];
+
+/// (attributes of a parameter in line 2, how the message begins)
+const PARAMETER_MISTAKES: &[(&str, &str)] = &[
+    ("name: a, value: 1, type: list_of_int", "param: value: is no list, must be of type list_of_int"),
+    ("name: a, value: ['1'], type: list_of_int", "param: value: the string '1' must be of type int"),
+    ("name: a", "param: one of 'value' and 'param' is needed"),
+    ("value: 1", "param: key 'name' is missing"),
+    ("from: no.yaml", "param: from: no.yaml is no file"),
+    ("from: f, name: a", "param: 'from' stands alone"),
+    ("name: a, value: { b: 1 }", "param: value: expected a value"),
+    ("name: a, value: x, type: int", "param: value: the string 'x' must be of type int"),
+    ("name: a, value: [1], type: int", "param: value: is a list, must be of type int"),
+    ("name: a, value: 4, type: float", "param: value: the integer 4 must be of type float"),
+    ("name: a, value: [1, 2.0]", "param: value: the number 2.0 must be of type int as the first in its list"),
+    ("name: a, value: []", "param: value: an empty list has no type for ROS 2"),
+    ("name: a, value: 1, type: long", "param: type: unknown 'long', known are int, float"),
+];
+
+fn assert_refused(actions: &str, message: &str) {
+    let text: String = actions.lines().map(|line| format!("  {line}\n")).collect();
+    let refusal = Files::new(&format!("launch:\n{text}")).refusal(&[]);
+    assert!(refusal.starts_with(&format!("main.launch.yaml:{message}")), "{actions}\n{refusal}");
+    assert_eq!(refusal.lines().count(), 1, "{refusal}");
+}
+
 #[test]
 fn mistakes_are_named_with_their_line() {
-    for (actions, message) in MISTAKES {
-        let text: String = actions.lines().map(|line| format!("  {line}\n")).collect();
-        let refusal = Files::new(&format!("launch:\n{text}")).refusal(&[]);
-        assert!(refusal.starts_with(&format!("main.launch.yaml:{message}")), "{actions}\n{refusal}");
-        assert_eq!(refusal.lines().count(), 1, "{refusal}");
+    MISTAKES.iter().for_each(|(actions, message)| assert_refused(actions, message));
+    let node = |attributes: &str| format!("- node: {{ pkg: p, exec: e, {attributes} }}");
+    for (attributes, message) in NODE_MISTAKES {
+        assert_refused(&node(attributes), &format!("2: {message}"));
+    }
+    for (attributes, message) in PARAMETER_MISTAKES {
+        assert_refused(&node(&format!("param: [{{ {attributes} }}]")), &format!("2: {message}"));
     }
 }
 

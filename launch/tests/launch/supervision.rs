@@ -1,4 +1,4 @@
-//! Processes: order of ends, restarts, and that none is left over.
+//! The processes of a plan end in order, are started again after a crash, and none is left running.
 
 use std::future::pending;
 use std::path::PathBuf;
@@ -76,12 +76,14 @@ async fn on_exit_shutdown_ends_the_others_with_everything_they_started() {
     let others = sh("other", "echo $$; sleep 1000 & echo $!; wait", "");
     let begin = Instant::now();
     let outcome = outcome(&[others, sh("last", "sleep 0.5", LAST)], &lines).await.expect("runs");
+    // Both shells end at SIGINT; SIGTERM would come only after 5 s.
     assert!(begin.elapsed() < Duration::from_secs(4));
     assert_eq!(end(&outcome, "other"), &ProcessEnd::ShutDown);
     assert!(!outcome.failed());
     let pids: Vec<String> =
         lines.all().iter().filter_map(|l| l.strip_prefix("[other] ")).map(String::from).collect();
     assert_eq!(pids.len(), 2);
+    // The group was killed before the run ended, but the kernel may take a moment to end its last process.
     tokio::time::sleep(Duration::from_millis(50)).await;
     assert!(!is_alive(&pids[0]) && !is_alive(&pids[1]));
 }
@@ -120,6 +122,7 @@ async fn a_crashed_process_is_restarted_and_counted() {
     let lines = Lines::default();
     let folder = tempfile::tempdir().expect("a folder");
     let mark = folder.path().join("mark");
+    // The file tells the second life from the first one.
     let script = format!("if [ -e {0} ]; then echo back; else touch {0}; exit 1; fi", mark.display());
     let begin = Instant::now();
     let outcome = outcome(&[sh("phoenix", &script, RESPAWN)], &lines).await.expect("runs");
@@ -228,6 +231,8 @@ async fn a_signal_to_the_launcher_is_an_orderly_end() {
     let how = lines.supervision("/nonexistent");
     let signal = async {
         lines.wait_for("[node] ready").await;
+        // The test itself is the launcher here. Its handler is there, since a process has been started
+        // already.
         raise(Signal::SIGTERM).expect("sent");
     };
     let (outcome, ()) = tokio::join!(run(plan, &how), signal);

@@ -26,6 +26,7 @@ const DETECTIONS: usize = 0;
 const ANNOTATED: usize = 1;
 
 /// Finds objects in the images of one stream.
+///
 /// ```
 /// use modulo_detector::{Detector, DetectorParameters, EngineChoice};
 /// use modulo_runtime::driver::lockstep::Lockstep;

@@ -94,6 +94,7 @@ impl ModuloCamera {
         header: &Header,
         cx: &mut Context<'_>,
     ) -> Result<(), String> {
+        // All seeds are allowed, so their sum with the number may pass the end of the range.
         let seed = self.seed.wrapping_add(number);
         self.sensed += 1;
         // Before the frame that it describes, and for late readers also when there is no reader now.
@@ -105,6 +106,7 @@ impl ModuloCamera {
         }
         let exposure =
             cx.stage("sense", || self.sensor.expose(radiance.view(), seed)).map_err(|why| why.to_string())?;
+        // A stream without a reader is not even computed.
         let mut send = |output, frame: fn(&Exposure) -> Frame| {
             if cx.wanted(output) {
                 let image = StampedFrame { header: header.clone(), frame: frame(&exposure) };

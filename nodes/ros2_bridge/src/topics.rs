@@ -20,12 +20,12 @@ const RESULTS_WAITING: usize = 64;
 /// A topic that is forwarded until this is dropped.
 pub struct Forwarding {
     _source: Option<Guard>,
-    waiting: Waiting,
+    waiting: ForwardQueue,
 }
 
 /// Messages on their way to the other side.
 #[derive(Clone)]
-struct Waiting {
+struct ForwardQueue {
     queue: Arc<Queue<RawSample>>,
     lane: Lane,
 }
@@ -40,7 +40,7 @@ pub fn forward(
     transport: &ZenohTransport,
     node: &mut r2r::Node,
 ) -> anyhow::Result<Forwarding> {
-    let waiting = Waiting::new(route.qos);
+    let waiting = ForwardQueue::new(route.qos);
     let source = match route.direction {
         RouteDirection::DdsToZenoh => {
             let publisher = transport.advertise_raw(bridge, &route.endpoint())?;
@@ -66,7 +66,7 @@ pub fn forward(
                 )
                 .with_context(|| format!("publisher of {} on DDS", route.topic))?;
             waiting.send_with(&route.topic, move |bytes| Ok(publisher.publish_raw(bytes)?));
-            let Waiting { queue, lane } = waiting.clone();
+            let ForwardQueue { queue, lane } = waiting.clone();
             Some(
                 transport
                     .subscribe_raw(bridge, &route.endpoint(), move |sample| drop(queue.push(lane, sample)))?,
@@ -82,7 +82,7 @@ impl Drop for Forwarding {
     }
 }
 
-impl Waiting {
+impl ForwardQueue {
     fn new(qos: Qos) -> Self {
         let limit = Limit { messages: 0, bytes: 0 };
         let queue = Arc::new(Queue::new(Arc::new(SystemClock::default()), limit));

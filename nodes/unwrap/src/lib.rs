@@ -6,28 +6,75 @@
 //! in the camera. The method used, its quality metrics and its trust are published on `/diagnostics` for each frame, as
 //! the method reports them; the node judges nothing itself.
 
-mod parameters;
-
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use modulo_core::deblur::Deblur;
-use modulo_core::unwrap::{QualityMetrics, Recovered, Report, Trust, Unwrap};
-use modulo_core::{Frame, Psf, Range, tone};
+use modulo_core::unwrap::{
+    Method, Options, QualityMetrics, Recovered, Report, ThresholdOn, Trust, TrustLimits, Unwrap, UnwrapError,
+};
+use modulo_core::{Frame, MAX_THREADS, Psf, Range, tone};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
+use modulo_runtime::sensor::parameters::SensorOverride;
 use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::{
-    Context, Flow, Message, MessageKind, Node, ParameterError, Parameters, SensorModel, StampedFrame,
-    StepError, Topic, Trigger,
+    Context, Flow, Message, MessageKind, Node, ParameterError, ParameterSet as _, Parameters, SensorModel,
+    StampedFrame, StepError, Topic, Trigger,
 };
-
-pub use parameters::UnwrapParameters;
 
 /// Output indices, in the order of [`Node::outputs`].
 const RECOVERED: usize = 0;
 const HDR: usize = 1;
 const DIAGNOSTICS: usize = 2;
+
+modulo_runtime::parameters! {
+    /// The parameters of the `unwrap` node.
+    pub struct UnwrapParameters {
+        /// Unwrapping method. auto starts with lines and takes gradient_tree where the image is too steep for lines.
+        method: Method = Method::Auto => Method::ALL,
+        /// Number of threads that unwrapping may use. The result does not depend on it.
+        threads: usize = 1 => 1..=MAX_THREADS,
+        /// Removes the blur of the lens (psf, psf_sigma) from the recovered image after unwrapping. The hdr image keeps
+        /// it.
+        deblur: bool = false,
+        /// For auto: the largest fraction of steep 2 x 2 loops with which it trusts lines.
+        trust_lines: f64 = TrustLimits::default().lines => 0.0..=1.0,
+        /// For auto: the smallest fraction of each row and column that must agree before it trusts lines.
+        trust_consensus: f64 = TrustLimits::default().consensus => 0.0..=1.0,
+        /// For auto: the largest fraction of steep 2 x 2 loops with which it trusts gradient_tree.
+        trust_gradient_tree: f64 = TrustLimits::default().gradient_tree => 0.0..=1.0,
+        /// For spud: the hard threshold, in units of the peak.
+        tau: f64 = Options::default().tau => 0.0..=1e6,
+        /// For spud: the threshold acts on the coefficients after the division (phi) or before it (rho).
+        threshold_on: ThresholdOn = ThresholdOn::Phi => [("phi", ThresholdOn::Phi), ("rho", ThresholdOn::Rho)],
+        ..sensor: SensorOverride,
+    }
+}
+
+impl UnwrapParameters {
+    /// Returns the options of the unwrapping method.
+    fn options(&self) -> Options {
+        Options {
+            tau: self.tau,
+            threshold_on: self.threshold_on,
+            threads: self.threads,
+            trust: TrustLimits {
+                lines: self.trust_lines,
+                consensus: self.trust_consensus,
+                gradient_tree: self.trust_gradient_tree,
+            },
+        }
+    }
+
+    /// Returns the unwrapping method with its options.
+    fn method(&self) -> Result<Box<dyn Unwrap>, ParameterError> {
+        self.check()?;
+        // Only errors of the machine remain: it may have no more threads.
+        let refuse = |why: UnwrapError| ParameterError::new("threads", self.threads, why.to_string());
+        self.method.build(&self.options()).map_err(refuse)
+    }
+}
 
 /// The unwrapping of modulo images as a node.
 pub struct UnwrapNode {
@@ -99,6 +146,7 @@ impl UnwrapNode {
 
     /// Unwraps `modulo`, or keeps it until the description of its sensor has come.
     fn take(&mut self, modulo: Arc<StampedFrame>, cx: &mut Context<'_>) -> Result<Flow, StepError> {
+        // Bits and alpha may both be set as parameters: then no description is needed.
         let stamp = modulo.header.stamp;
         if !self.parameters.sensor.is_complete() && self.described.of(stamp).is_none() {
             // Only the newest frame is kept: when the next one has come, the description of the last one will not.
@@ -118,6 +166,7 @@ impl UnwrapNode {
 
     /// Takes a sensor description; unwraps the frame that was kept for it.
     fn describe(&mut self, info: &DiagnosticArray, cx: &mut Context<'_>) -> Result<Flow, StepError> {
+        // Descriptions are kept by stamp, since the one of the next frame may come before this frame.
         self.described.note(info).map_err(|why| StepError::Skip(why.to_string()))?;
         match self.kept.take_if(|kept| kept.header.stamp == info.header.stamp) {
             Some(modulo) => self.take(modulo, cx),
@@ -137,6 +186,7 @@ impl UnwrapNode {
         }
         if cx.wanted(RECOVERED) {
             let x = &self.recovered.x;
+            // A sharpened image is for the detector only: `hdr` keeps what the sensor saw.
             let frame = match deblur {
                 None => cx.stage("tone", || tone::linear8(x, *range)),
                 Some(deblur) => cx.stage("deblur", || deblur.linear8(x, *range)),

@@ -1,13 +1,11 @@
 //! Parameters from one declaration: the table in the documentation, `--help`,
 //! the descriptors of a running node, and the commands that read and set them.
 
-mod harness;
-
 use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-use harness::{Background, Bench, text};
+use crate::harness::{Background, Bench, text};
 use modulo_runtime::driver::CommonParameters;
 use modulo_runtime::{Descriptor, ParameterSet as _};
 
@@ -22,7 +20,7 @@ fn nodes() -> [(&'static str, Vec<Descriptor>); 4] {
 }
 
 const TABLE: &str = "docs/parameters.md";
-const REWRITE: &str = "MODULO_REWRITE=1 cargo test --workspace --test parameters";
+const REWRITE: &str = "MODULO_REWRITE=1 cargo test --workspace --test suite parameters";
 
 fn table() -> String {
     let mut page = format!(
@@ -37,6 +35,7 @@ fn table() -> String {
         for Descriptor { name, default, allowed, read_only, description } in declared {
             let fixed = if read_only { "*Fixed.* " } else { "" };
             let kind = default.type_name();
+            // A vertical bar would end the cell of the table.
             let description = description.replace('|', "\\|");
             let default = default.to_yaml();
             let _ = writeln!(page, "| `{name}` | {kind} | `{default}` | {allowed} | {fixed}{description} |");

@@ -1,11 +1,9 @@
 //! The repository as a ROS 2 package: what CMake installs is found and run.
 
-mod harness;
-
 use std::path::Path;
 use std::process::{Command, Output};
 
-use harness::{Bench, data, text};
+use crate::harness::{Bench, data, text};
 
 fn done(output: &Output) {
     assert!(output.status.success(), "{}", text(output));
@@ -76,6 +74,7 @@ fn the_environment_leads_to_the_package() {
         return;
     }
     let setup = bench.path("prefix").join("share/modulo/local_setup.sh");
+    // Sourced twice, as shells that start each other do: the prefix must not be added a second time.
     let script = format!(". {0}; . {0}; echo $AMENT_PREFIX_PATH", setup.display());
     let output = Command::new("sh")
         .args(["-c", &script])

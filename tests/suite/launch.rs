@@ -1,9 +1,6 @@
-//! The launch files, run by the shipped binary: three processes, one process,
-//! lockstep.
+//! The launch files, run by the shipped binary: three processes, one process, lockstep.
 
-mod harness;
-
-use harness::{Bench, arg, classes, json, model, text};
+use crate::harness::{Bench, arg, classes, json, model, text};
 
 fn launch<'a>(file: &'a str, source: &'a str, model: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     let mut arguments = vec!["launch", file, source, model, "alpha:=2", "engine:=rten", "rate:=5"];
@@ -66,6 +63,7 @@ fn lockstep_writes_the_same_bytes_twice() {
     let bench = Bench::new();
     let source = arg("source", bench.images(4));
     let model = arg("model", model());
+    // The noise is drawn from a seed, so it must not differ between the two runs either.
     let boxes = ["once", "twice"].map(|name| {
         let out = bench.path(name);
         let noise = ["read_noise:=5", "seed:=7", "engine:=rten"];
@@ -107,6 +105,7 @@ fn bad_input_is_one_line_and_no_panic() {
     let source = arg("source", &images);
     let good_model = arg("model", model());
     let candidates = good_model.replace("rows", "candidates");
+    // A picture that ends in the middle: the header promises more rows than there are.
     let truncated = bench.path("truncated");
     std::fs::create_dir_all(&truncated).expect("writable");
     let whole = std::fs::read(images.join("000000.png")).expect("readable");

@@ -1,18 +1,20 @@
-//! The suite as ROS 2 sees it: logs on `/rosout`, simulated time, late readers,
-//! peers that do not fit.
+//! The suite as ROS 2 sees it: recordings and replays, parameters of running nodes, logs on `/rosout`, simulated time, late
+//! readers, and peers that do not fit.
 
-mod harness;
-
+use std::path::Path;
 use std::time::Duration;
 
-use harness::peer::Peer;
-use harness::{Background, Bench, arg, text, wait_until};
+use crate::harness::{Background, Bench, Peer, arg, json, model, text, wait_until};
+use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, Selection};
+use modulo_msgs::cdr;
 use modulo_msgs::rcl_interfaces::Log;
 use modulo_msgs::rosgraph_msgs;
+use modulo_msgs::sensor_msgs::Image;
 use modulo_msgs::std_msgs::Time;
+use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::transport::Transport;
 use modulo_runtime::transport::keys::{Endpoint, EntityKind, Hashes, NO_HASH};
-use modulo_runtime::{Message, MessageKind};
+use modulo_runtime::{Message, MessageKind, Qos};
 
 /// A camera that sends small images for ever.
 fn camera(bench: &Bench, more: &[&str]) -> Background {
@@ -26,10 +28,6 @@ fn log(message: Message) -> Log {
         Message::Log(log) => Log::clone(&log),
         other => panic!("a log line, not {other:?}"),
     }
-}
-
-fn stamp_of(message: &Message) -> Time {
-    message.stamp()
 }
 
 /// Whoever reads `/rosout` late gets what was said before.
@@ -66,21 +64,21 @@ fn stamps_follow_the_clock_topic_while_use_sim_time_is_on() {
     let _camera = camera(&bench, &["-p", "use_sim_time:=true"]);
 
     let first = images.until("an image", |_| true);
-    assert_eq!(stamp_of(&first), Time::default(), "0 before the first time on /clock");
+    assert_eq!(first.stamp(), Time::default(), "0 before the first time on /clock");
 
     let told = Time { sec: 42, nanosec: 500_000_000 };
     wait_until("the camera on /clock", || clock.wanted());
     clock.put(&Message::Clock(rosgraph_msgs::Clock { clock: told }.into())).expect("sent");
-    images.until("an image of the simulated time", |image| stamp_of(image) == told);
+    images.until("an image of the simulated time", |image| image.stamp() == told);
 
     let off = bench.run(&["param", "set", "/modulo_camera", "use_sim_time", "false"]);
     assert_eq!(off.status.code(), Some(0), "{}", text(&off));
-    images.until("an image of the machine's time", |image| stamp_of(image).sec > 1_000_000_000);
+    images.until("an image of the machine's time", |image| image.stamp().sec > 1_000_000_000);
     assert!(!clock.wanted(), "nobody reads /clock any more");
 
     let on = bench.run(&["param", "set", "/modulo_camera", "use_sim_time", "true"]);
     assert_eq!(on.status.code(), Some(0), "{}", text(&on));
-    images.until("an image of the simulated time again", |image| stamp_of(image) == told);
+    images.until("an image of the simulated time again", |image| image.stamp() == told);
 }
 
 /// zenoh is silent about a peer that speaks of another type: the node is not.
@@ -167,10 +165,132 @@ fn a_latched_message_waits_for_late_readers() {
     let (_latched, samples) = hear(":1:,1:,:,:,,");
     assert_eq!(samples.recv_timeout(Duration::from_secs(10)), Ok((3, Some(3))));
     let (_volatile, only_new) = hear("::,1:,:,:,,");
+    // On one machine a message takes far less than half a second.
     assert!(samples.recv_timeout(Duration::from_millis(500)).is_err(), "the last one, once");
     wait_until("the publisher's readers", || publisher.wanted());
     publisher.put(vec![0, 1, 0, 0, 4]).expect("sent");
     for samples in [&samples, &only_new] {
         assert_eq!(samples.recv_timeout(Duration::from_secs(10)), Ok((4, Some(4))));
     }
+}
+
+/// Every detection message of a bag.
+fn detections(bag: &Path) -> Vec<Detection2DArray> {
+    let bag = BagReader::open(bag).expect("a whole bag");
+    let messages = bag.messages(&Selection::of(["/detector/detections"]));
+    messages.map(|m| cdr::from_slice(&m.expect("readable").data).expect("detections")).collect()
+}
+
+fn images(bag: &Path, topic: &str) -> Vec<Image> {
+    let bag = BagReader::open(bag).expect("a whole bag");
+    let messages = bag.messages(&Selection::of([topic]));
+    messages.map(|m| cdr::from_slice(&m.expect("readable").data).expect("an image")).collect()
+}
+
+#[test]
+fn a_recorded_run_replayed_gives_the_same_boxes() {
+    let bench = Bench::new();
+    let source = arg("source", bench.images(5));
+    let model = arg("model", model());
+    let (live, again) = (bench.path("live"), bench.path("again"));
+
+    let recording = bench.record(&live, &[]);
+    let output =
+        bench.run(&["launch", "launch/recovered.launch.yaml", &source, &model, "engine:=rten", "rate:=4"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    assert_eq!(recording.interrupt(), Some(0));
+    let first = detections(&live);
+    assert_eq!(first.len(), 5);
+    let modulo = images(&live, "/modulo");
+    for (array, image) in first.iter().zip(&modulo) {
+        assert_eq!(array.header, image.header, "a result carries stamp and frame of its image");
+        for detection in &array.detections {
+            let bbox = detection.to_detection().expect("a class").bbox;
+            assert!(bbox.x1 >= 0.0 && bbox.y1 >= 0.0 && bbox.x2 <= 96.0 && bbox.y2 <= 64.0, "{bbox:?}");
+        }
+    }
+
+    let recording = bench.record(&again, &[]);
+    let replayed = live.display().to_string();
+    let bag = arg("bag", &replayed);
+    let output =
+        bench.run(&["launch", "launch/replay.launch.yaml", &bag, &model, "engine:=rten", "play_rate:=0.5"]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    assert_eq!(recording.interrupt(), Some(0));
+    assert_eq!(detections(&again), first);
+}
+
+#[test]
+fn the_input_is_swapped_while_the_suite_runs() {
+    let bench = Bench::new();
+    let source = arg("source", bench.images(4));
+    let model = arg("model", model());
+    let (bag, summary) = (bench.path("bag"), bench.path("summary.json"));
+    let recording = bench.record(&bag, &[]);
+    let running = bench.start(&[
+        "launch",
+        "launch/recovered.launch.yaml",
+        &source,
+        &model,
+        "engine:=rten",
+        "rate:=10",
+        "loop:=true",
+        "--summary",
+        &summary.display().to_string(),
+    ]);
+    wait_until("the detector", || {
+        let got = bench.run(&["param", "get", "/detector", "input"]);
+        text(&got).contains("recovered")
+    });
+    let swapped = bench.run(&["param", "set", "/detector", "input", "modulo"]);
+    assert_eq!(swapped.status.code(), Some(0), "{}", text(&swapped));
+    let refused = bench.run(&["param", "set", "/detector", "input", "recoverd"]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(
+        text(&refused).contains("recoverd") && text(&refused).contains("saturated"),
+        "{}",
+        text(&refused)
+    );
+    assert!(text(&bench.run(&["param", "get", "/detector", "input"])).contains("modulo"));
+    // Frames of the new stream are answered, and counted for it.
+    let counted = || json(&summary)["detections"]["modulo"]["car"].as_u64() > Some(3);
+    std::thread::sleep(Duration::from_millis(500));
+    assert_eq!(running.interrupt(), Some(0));
+    assert_eq!(recording.interrupt(), Some(0));
+    assert!(detections(&bag).len() > 3 && counted(), "{}", json(&summary));
+}
+
+/// A message that is no image is counted and skipped; the node lives.
+#[test]
+fn a_bad_frame_on_a_topic_is_skipped() {
+    let bench = Bench::new();
+    let bag = bench.path("bad");
+    let mut writer = BagWriter::create(&bag, Compression::None).expect("a new bag");
+    let topic =
+        writer.topic(&BagTopic::new("/modulo", "sensor_msgs/msg/Image", Qos::Images)).expect("a topic");
+    let good = Image::from_frame(
+        Default::default(),
+        &modulo_core::Frame::from_u8(ndarray::Array3::zeros((64, 96, 3))).expect("a frame"),
+    );
+    let mut odd = good.clone();
+    odd.encoding = "bayer_rggb8".into();
+    let good = cdr::to_vec(&good).expect("encodes");
+    // Between two good images: one that is cut, one of an encoding that is not known, and one without a byte.
+    let payloads = [good.clone(), good[..200].to_vec(), cdr::to_vec(&odd).expect("encodes"), vec![], good];
+    for (number, payload) in (0u64..).zip(&payloads) {
+        let time = number * 200_000_000 + 1;
+        writer.write(topic, time, time, payload).expect("writable");
+    }
+    writer.finish().expect("writable");
+
+    let summary = bench.path("summary.json");
+    let (bag, model) = (arg("bag", &bag), arg("model", model()));
+    let file = summary.display().to_string();
+    let arguments =
+        ["launch", "launch/replay.launch.yaml", "engine:=rten", "bits:=8", "alpha:=4.0", "--summary", &file];
+    let output = bench.run(&[&arguments[..], &[&bag, &model]].concat());
+    assert_eq!(output.status.code(), Some(3), "done, but something was lost: {}", text(&output));
+    let summary = json(&summary);
+    assert_eq!(summary["topics"]["/modulo"]["bad"], 3, "{summary}");
+    assert_eq!(summary["topics"]["/detector/detections"]["out"], 2, "{summary}");
 }

@@ -1,10 +1,8 @@
 //! The screen of a user: on a terminal, in a pipe, and with the variables that choose colours.
 
-mod harness;
-
 use std::process::{Command, Output};
 
-use harness::{Bench, arg, data, model, text};
+use crate::harness::{Bench, arg, data, model, text};
 
 /// Variables that change what is printed.
 const VARIABLES: [&str; 5] = ["NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE", "CI", "TERM"];
@@ -26,6 +24,7 @@ fn on_terminal(bench: &Bench, variables: &[(&str, &str)], arguments: &[&str]) ->
         .chain(modulo.get_args())
         .map(|word| word.to_string_lossy())
         .collect();
+    // `script` gives the program a terminal of its own, which has no size until it is set.
     let line = format!("stty cols 100 rows 24; exec '{}'", words.join("' '"));
     let mut script = Command::new("script");
     script.args(["-qefc", &line, "/dev/null"]).current_dir(env!("CARGO_MANIFEST_DIR"));
@@ -150,6 +149,7 @@ fn the_slower_engine_is_told_once() {
         let arguments = ["launch", "--compose", "launch/compare.launch.yaml", &source, &model, engine];
         let output = bench.modulo(&arguments).env("ORT_DYLIB_PATH", "").output().expect("it starts");
         let said = text(&output);
+        // Where ONNX Runtime is installed system-wide, `auto` finds it without the variable.
         let hints = if said.contains("engine rten") { hints } else { 0 };
         assert_eq!(said.matches("no ONNX Runtime library was found").count(), hints, "{said}");
     }
@@ -159,6 +159,7 @@ fn the_slower_engine_is_told_once() {
 #[test]
 fn no_library_writes_on_the_screen() {
     let bench = Bench::new();
+    // A port that is taken makes zenoh log a warning, and nothing else goes wrong.
     let taken = std::net::TcpListener::bind(("127.0.0.1", 0)).expect("a free port");
     let port = taken.local_addr().expect("a port").port();
     let keys = format!("listen/endpoints=[\"tcp/127.0.0.1:{port}\"];listen/exit_on_failure=false");

@@ -1,0 +1,115 @@
+//! Where packages lie, and the launch files that can be found: the suite itself lies in its checkout or beside its binary,
+//! all other packages where ROS 2 installed them.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use crate::plan::environment;
+use crate::substitution::{SubstitutionError, Surroundings};
+
+/// The name of the package of this suite.
+pub const SUITE: &str = "modulo";
+
+/// A file by which the share folder of the suite is recognised.
+const MARKER: &str = "launch/suite.launch.yaml";
+
+/// `share/<package>` of a package; for the suite the folder that holds `launch/`.
+///
+/// # Errors
+/// [`SubstitutionError`] with the places that were looked at.
+pub(crate) fn share(package: &str, around: &Surroundings<'_>) -> Result<PathBuf, SubstitutionError> {
+    // A checkout can have any name and an installed suite any prefix, so the folder is known by a file in it.
+    if package == SUITE
+        && let Some(root) = suite_roots(around.file).into_iter().find(|root| root.join(MARKER).is_file())
+    {
+        return Ok(root);
+    }
+    Ok(installed(package, around)?.join("share").join(package))
+}
+
+/// The prefix under which a package is installed; for the suite in a checkout the checkout.
+///
+/// # Errors
+/// [`SubstitutionError`] with the places that were looked at.
+pub(crate) fn prefix(package: &str, around: &Surroundings<'_>) -> Result<PathBuf, SubstitutionError> {
+    if package != SUITE {
+        return installed(package, around);
+    }
+    let share = share(package, around)?;
+    let installed = share.ends_with(Path::new("share").join(SUITE));
+    Ok(share.ancestors().nth(if installed { 2 } else { 0 }).unwrap_or(&share).to_owned())
+}
+
+/// Returns the folders that may be the share folder of the suite, the likeliest first.
+fn suite_roots(file: &Path) -> Vec<PathBuf> {
+    let beside_the_file = file.parent().and_then(Path::parent).map(Path::to_owned);
+    let binary = std::env::current_exe().and_then(|exe| exe.canonicalize()).unwrap_or_default();
+    let above_the_binary = binary.ancestors().skip(1);
+    beside_the_file
+        .into_iter()
+        .chain(above_the_binary.flat_map(|dir| [dir.join("share").join(SUITE), dir.to_owned()]))
+        .collect()
+}
+
+fn installed(package: &str, around: &Surroundings<'_>) -> Result<PathBuf, SubstitutionError> {
+    let path = around.environment.get("AMENT_PREFIX_PATH").map_or("", String::as_str);
+    let prefixes: Vec<&str> = path.split(':').filter(|prefix| !prefix.is_empty()).collect();
+    let found = prefixes.iter().map(Path::new).find(|prefix| prefix.join("share").join(package).is_dir());
+    // An empty name would be the folder of all packages, and a name with a slash could lead out of it.
+    if let (Some(prefix), false) = (found, package.is_empty() || package.contains('/')) {
+        return Ok(prefix.to_owned());
+    }
+    let places = match (prefixes.is_empty(), package == SUITE) {
+        (true, true) => "looked beside the launch file, above the binary and in AMENT_PREFIX_PATH".to_owned(),
+        (true, false) => "looked in AMENT_PREFIX_PATH, which is empty".to_owned(),
+        (false, _) => {
+            let places: Vec<String> = prefixes.iter().map(|p| format!("{p}/share/{package}")).collect();
+            format!("looked at {}", places.join(", "))
+        }
+    };
+    Err(SubstitutionError::Invalid(format!("package '{package}' is not found, {places}")))
+}
+
+/// A launch file that was found.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FoundFile {
+    /// Its path.
+    pub path: PathBuf,
+    /// The first line of its leading comment; empty without a comment.
+    pub about: String,
+}
+
+/// Returns the launch files in the folder `launch` of the current folder, and then those in
+/// `$(find-pkg-share modulo)/launch`, each in the order of their names.
+pub fn launch_files() -> Vec<FoundFile> {
+    let here = PathBuf::from("launch");
+    let around = Surroundings {
+        file: &here.join("any.launch.yaml"),
+        variables: &BTreeMap::new(),
+        environment: &environment(),
+    };
+    // Within a checkout both folders are the same, and its files are listed once.
+    let mut folders = vec![here.clone()];
+    folders.extend(
+        share(SUITE, &around).ok().map(|share| share.join("launch")).filter(|folder| *folder != here),
+    );
+    folders.iter().flat_map(|folder| files_in(folder)).collect()
+}
+
+fn files_in(folder: &Path) -> Vec<FoundFile> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let is_launch_file = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        path.is_file() && ["launch.yaml", "launch.yml"].iter().any(|ending| name.ends_with(ending))
+    };
+    let mut paths: Vec<PathBuf> = entries.filter(is_launch_file).collect();
+    paths.sort();
+    let found = |path: PathBuf| FoundFile { about: about(&path), path };
+    paths.into_iter().map(found).collect()
+}
+
+fn about(file: &Path) -> String {
+    let text = std::fs::read_to_string(file).unwrap_or_default();
+    let comment = text.lines().next().and_then(|line| line.strip_prefix('#'));
+    comment.unwrap_or_default().trim().to_owned()
+}

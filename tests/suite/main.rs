@@ -1,0 +1,11 @@
+//! Tests that drive the shipped binary and can share a process: each has a folder and a ROS domain of its own.
+
+#[path = "../harness/mod.rs"]
+mod harness;
+
+mod floors;
+mod launch;
+mod packaging;
+mod parameters;
+mod ros;
+mod screen;
