@@ -7,5 +7,6 @@ mod floors;
 mod launch;
 mod packaging;
 mod parameters;
+mod recorded;
 mod ros;
 mod screen;

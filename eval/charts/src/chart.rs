@@ -3,7 +3,7 @@
 use crate::bars::Bars;
 use crate::canvas::{Anchor, Canvas};
 use crate::panel::{ChartPanel, Emphasis, SeriesStyle};
-use crate::pictures::Pictures;
+use crate::picture::Pictures;
 use crate::primitives::{Colour, GREY, INK, Position, Style};
 use crate::{ChartError, font, panel, raster, svg};
 

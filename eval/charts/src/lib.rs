@@ -12,7 +12,6 @@ mod label;
 mod palette;
 mod panel;
 mod picture;
-mod pictures;
 mod plates;
 mod primitives;
 mod raster;
@@ -24,8 +23,7 @@ pub use bars::{Bar, Bars};
 pub use chart::{Chart, ChartBody, PageWidth, distinct};
 pub use palette::class_colour;
 pub use panel::{ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
-pub use picture::{LabelledBox, Picture};
-pub use pictures::Pictures;
+pub use picture::{LabelledBox, Picture, Pictures};
 pub use sheet::sheet;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};

@@ -1,4 +1,4 @@
-//! [`Picture`]: an image with labelled boxes.
+//! [`Picture`]: an image with labelled boxes, and [`Pictures`]: a table of them.
 
 use std::sync::Arc;
 
@@ -11,10 +11,11 @@ use imageproc::pixelops::interpolate;
 use imageproc::rect::Rect;
 
 use crate::ChartError;
+use crate::canvas::{Anchor, Canvas, Shape};
 use crate::font::Font;
 use crate::palette::ink_on;
 use crate::plates::{connection, place};
-use crate::primitives::{Area, Colour, Position};
+use crate::primitives::{Area, Colour, GREY, INK, Position};
 
 /// An image with labelled boxes.
 #[derive(Clone, Debug, PartialEq)]
@@ -169,5 +170,53 @@ impl Lettering {
         let area = Rect::at(left as i32, top as i32).of_size(width, height);
         draw_filled_rect_mut(image, area, Rgb(labelled.colour));
         self.draw(image, (left + 0.3 * self.size, top, bottom), &labelled.label, ink_on(labelled.colour));
+    }
+}
+
+/// A table of images.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pictures {
+    /// Names of the columns.
+    pub columns: Vec<String>,
+    /// Name of each row and its image in each column. `None` leaves the place empty.
+    pub rows: Vec<(String, Vec<Option<Picture>>)>,
+    /// Names and colours of the boxes.
+    pub legend: Vec<(String, [u8; 3])>,
+}
+
+/// Font size of the names, px.
+const SIZE: f32 = 12.5;
+/// Distance between two images, px.
+const GAP: f32 = 6.0;
+/// Pages of at least this width have two images side by side.
+const WIDE: f32 = 900.0;
+/// Least font size on an image, px of the chart.
+pub const LEAST_TEXT: f32 = 9.0;
+
+impl Pictures {
+    /// Draws into (left, top, width), each image below the name of its column. Returns the y below it.
+    pub(crate) fn draw(&self, canvas: &mut Canvas, (left, top, width): (f32, f32, f32)) -> f32 {
+        let columns: u8 = if canvas.width < WIDE { 1 } else { 2 };
+        let cell = (width - left + GAP) / f32::from(columns) - GAP;
+        let height = |picture: &Picture| cell / picture.size().0 as f32 * picture.size().1 as f32;
+        let mut y = top;
+        for (name, pictures) in &self.rows {
+            canvas.text((left, y + SIZE), name, SIZE, INK, Anchor::Start);
+            y += 1.5 * SIZE;
+            let named: Vec<_> = self.columns.iter().zip(pictures).collect();
+            for line in named.chunks(columns.into()) {
+                y += 1.5 * SIZE;
+                for (column, (name, picture)) in (0u8..).zip(line) {
+                    let Some(picture) = picture else { continue };
+                    let x = left + f32::from(column) * (cell + GAP);
+                    canvas.text((x, y - 0.4 * SIZE), name, SIZE, GREY, Anchor::Start);
+                    let area = (x, y, x + cell, y + height(picture));
+                    canvas.shapes.push(Shape::Picture { area, picture: picture.clone() });
+                }
+                y += line.iter().filter_map(|(_, picture)| picture.as_ref()).map(height).fold(0.0, f32::max);
+            }
+            y += SIZE;
+        }
+        y
     }
 }

@@ -9,8 +9,8 @@ use tiny_skia::{
 
 use crate::ChartError;
 use crate::canvas::{Anchor, Canvas, Rotation, Shape};
+use crate::picture::LEAST_TEXT;
 use crate::picture::Picture;
-use crate::pictures::LEAST_TEXT;
 use crate::primitives::{Area, Colour, Position, WHITE};
 
 /// Pixels of the PNG for one px of the chart, along each side.

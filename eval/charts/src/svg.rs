@@ -8,8 +8,8 @@ use image::codecs::jpeg::JpegEncoder;
 
 use crate::ChartError;
 use crate::canvas::{Anchor, Canvas, Rotation, Shape};
+use crate::picture::LEAST_TEXT;
 use crate::picture::Picture;
-use crate::pictures::LEAST_TEXT;
 use crate::primitives::{Area, Colour, Position, WHITE};
 
 /// Pixels of an image for one px of the chart, along each side.

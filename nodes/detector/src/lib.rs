@@ -9,7 +9,6 @@
 mod classes;
 mod draw;
 mod engine;
-mod error;
 mod input_size;
 mod model;
 mod node;
@@ -17,12 +16,24 @@ mod parameter;
 mod post;
 mod pre;
 
+use modulo_runtime::ParameterError;
+
 pub use classes::parse_class_map;
 pub use engine::{EngineChoice, EngineError, onnxruntime_library, onnxruntime_places};
-pub use error::DetectorError;
 pub use model::{DEMO, ModelInfo, Speed, describe, embedded, measure};
 pub use node::Detector;
 pub use parameter::DetectorParameters;
 
 /// The class map that the suite ships: COCO's names to KITTI's.
 pub const COCO_TO_KITTI: &str = include_str!("../class_maps/coco_to_kitti.yaml");
+
+/// Error: a detector could not be made.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DetectorError {
+    /// A parameter is not possible in general, or not with this model.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// The model or the engine cannot be used.
+    #[error(transparent)]
+    Engine(#[from] EngineError),
+}

@@ -13,9 +13,9 @@ use modulo_runtime::{
 };
 use ndarray::Array4;
 
+use crate::DetectorError;
 use crate::draw::annotated;
 use crate::engine::{self, Engine, EngineError, OpenedEngine};
-use crate::error::DetectorError;
 use crate::input_size::InputSize;
 use crate::model::cores;
 use crate::parameter::{DetectorParameters, Settings};

@@ -12,7 +12,7 @@ use modulo_runtime::driver::lockstep::Lockstep;
 use modulo_runtime::{Clock, Message, StampedFrame};
 
 use super::GridError;
-use super::nodes::Nodes;
+use super::pipeline::Nodes;
 use super::pipeline::{Stages, node_name, stamp};
 
 /// Lowest score of a detection. AP needs detections of low confidence, too.

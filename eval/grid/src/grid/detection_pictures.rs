@@ -10,7 +10,7 @@ use modulo_runtime::Clock;
 use super::detect::DetectionCache;
 use super::frames::Frames;
 use super::neighbours::{FrameWithNeighbours, FramesWithNeighbours, Neighbours};
-use super::nodes::Nodes;
+use super::pipeline::Nodes;
 use super::runner::CellRunner;
 use super::{GridError, Request};
 use crate::chart::{DetectionPicture, NamedChart, pictures};

@@ -9,7 +9,7 @@ use modulo_runtime::Clock;
 use sha2::{Digest, Sha256};
 
 use super::frames::Frames;
-use super::nodes::Nodes;
+use super::pipeline::Nodes;
 use super::pipeline::{BITS, RECOVERY_DEFINITION, multi_exposure};
 use super::runner::CellRunner;
 use super::score::Scorer;

@@ -10,7 +10,7 @@ use modulo_runtime::Clock;
 use super::detect::{DetectionCache, DetectorConfig, DetectorWorker};
 use super::frames::Frames;
 use super::neighbours::{FrameWithNeighbours, FramesWithNeighbours};
-use super::nodes::Nodes;
+use super::pipeline::Nodes;
 use super::pipeline::{self, DetectorInput, FramePipeline, RecoveryQuality, Stages, multi_exposure};
 use super::{Axes, GridError, Request};
 use crate::results::{Device, Point};

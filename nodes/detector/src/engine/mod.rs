@@ -2,7 +2,6 @@
 //!
 //! An engine knows tensors, but no images, parameters or messages. A requested engine is used or refused; only `auto` chooses, and it reports its choice.
 
-mod library;
 mod onnxruntime;
 mod rten;
 
@@ -140,7 +139,7 @@ pub fn onnxruntime_library() -> Result<String, EngineError> {
 
 /// Returns the places where ONNX Runtime is looked for, in order; one without a folder is left to the system's loader.
 pub fn onnxruntime_places() -> Vec<PathBuf> {
-    library::places_here()
+    onnxruntime::places_here()
 }
 
 /// Loads `model` with the engine asked for. `auto` falls back to rten when no library is found, never because a model

@@ -3,7 +3,7 @@
 //! The library is loaded at run time, once a process, and never downloaded.
 
 use std::num::NonZeroUsize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use ndarray::{Array2, ArrayView4, Ix3};
@@ -12,7 +12,7 @@ use ort::session::Session;
 use ort::session::builder::GraphOptimizationLevel;
 use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
 
-use super::{Engine, EngineError, Signature, library};
+use super::{Engine, EngineError, Signature};
 use crate::model::{ElementType, ModelLayout, TensorSpec, embedded};
 
 /// The word for this engine.
@@ -39,7 +39,7 @@ pub fn library() -> Result<Library, EngineError> {
         return Ok(library.clone());
     }
     let mut looked = Vec::new();
-    for place in library::places_here() {
+    for place in places_here() {
         match load(&place) {
             Ok(environment) => {
                 let library = Library { environment, place: place.display().to_string() };
@@ -137,5 +137,41 @@ impl Engine for OnnxRuntime {
             }
             _ => Err(failed(format!("output is {shape:?}, needed is [1, N, 6]"))),
         }
+    }
+}
+
+/// Returns the places that this process tries, in order.
+pub fn places_here() -> Vec<PathBuf> {
+    let variable = std::env::var_os("ORT_DYLIB_PATH").map(PathBuf::from);
+    places(variable, std::env::current_exe().ok().as_deref())
+}
+
+/// Returns the places in the order in which they are tried: `$ORT_DYLIB_PATH`, beside the program, the install's
+/// library folder, the system's loader.
+fn places(variable: Option<PathBuf>, program: Option<&Path>) -> Vec<PathBuf> {
+    let name = format!("{}onnxruntime{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX);
+    let folder = program.and_then(Path::parent);
+    let beside = folder.map(|folder| folder.join(&name));
+    let installed = folder.map(|folder| folder.join("../lib/modulo").join(&name));
+    variable
+        .filter(|path| !path.as_os_str().is_empty())
+        .into_iter()
+        .chain(beside)
+        .chain(installed)
+        .chain([PathBuf::from(&name)])
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_variable_comes_first_and_the_loader_last() {
+        let found = places(Some("/opt/my.so".into()), Some(Path::new("/usr/bin/modulo")));
+        assert_eq!(found.first().map(PathBuf::as_path), Some(Path::new("/opt/my.so")));
+        assert!(found.iter().any(|place| place.starts_with("/usr/bin/../lib/modulo")));
+        assert_eq!(found.last().and_then(|place| place.parent()), Some(Path::new("")));
+        assert_eq!(places(Some("".into()), None).len(), 1);
     }
 }

@@ -12,8 +12,8 @@ use std::path::Path;
 pub use names::ClassNames;
 pub use speed::{Speed, measure};
 
+use crate::DetectorError;
 use crate::engine::{self, EngineChoice, EngineError, OpenedEngine, Signature};
-use crate::error::DetectorError;
 
 /// Value of the parameter `model` for the embedded model; a file of that name is `./demo`.
 pub const DEMO: &str = "demo";

@@ -7,8 +7,8 @@ use modulo_runtime::Clock;
 use ndarray::Array4;
 
 use super::{ModelLayout, cores};
+use crate::DetectorError;
 use crate::engine::{self, Engine, EngineChoice, EngineError, OpenedEngine};
-use crate::error::DetectorError;
 
 /// Runs before the first timed one: buffers grow and caches fill in them.
 const WARM_UP: usize = 3;

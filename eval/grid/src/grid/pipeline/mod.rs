@@ -7,17 +7,20 @@ mod suite;
 
 use std::sync::Arc;
 
+use modulo_bags::source::Source;
+use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_core::metric::{mse, psnr_db, ssim};
 use modulo_core::unwrap::Trust;
 use modulo_core::{Exposure, Frame, Sensor};
+use modulo_detector::{Detector, DetectorParameters};
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::std_msgs::Header;
-use modulo_runtime::{Clock, NodeName, StampedFrame};
+use modulo_runtime::{Clock, Node, NodeName, StampedFrame};
+use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 use ndarray::Array3;
 
 use super::Request;
 use super::neighbours::FrameWithNeighbours;
-use super::nodes::Nodes;
 use crate::GridError;
 use crate::results::{Point, Protocol, Stream};
 use multi_exposure::MultiExposurePipeline;
@@ -44,6 +47,39 @@ pub struct DetectorInput {
 /// Turns the frames of one cell into images for the detector. Each worker has its own.
 pub type FramePipeline<'a> =
     Box<dyn FnMut(FrameWithNeighbours) -> Result<DetectorInput, GridError> + Send + 'a>;
+
+/// Makes nodes. A test can replace some of them.
+pub trait Nodes: Sync {
+    /// Makes a camera that reads `source`.
+    ///
+    /// # Errors
+    /// [`GridError`] for an impossible parameter.
+    fn camera(&self, source: Box<dyn Source>, with: &CameraParameters) -> Result<Box<dyn Node>, GridError> {
+        Ok(Box::new(ModuloCamera::over(source, with)?))
+    }
+
+    /// Makes an unwrapping node.
+    ///
+    /// # Errors
+    /// [`GridError`] for an impossible parameter.
+    fn unwrap(&self, with: &UnwrapParameters) -> Result<Box<dyn Node>, GridError> {
+        Ok(Box::new(UnwrapNode::new(with)?))
+    }
+
+    /// Makes a detector and warms it up.
+    ///
+    /// # Errors
+    /// [`GridError`] for an impossible parameter or a model that does not run.
+    fn detector(&self, with: &DetectorParameters) -> Result<Box<dyn Node>, GridError> {
+        Ok(Box::new(Detector::new(with)?))
+    }
+}
+
+/// Makes the nodes of the suite.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Suite;
+
+impl Nodes for Suite {}
 
 /// The pipeline of the cell at `point`.
 ///
