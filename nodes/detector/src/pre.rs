@@ -2,8 +2,9 @@
 
 use std::borrow::Cow;
 
-use fast_image_resize::images::{Image, ImageRef};
-use fast_image_resize::{FilterType, PixelType, ResizeAlg, ResizeOptions, Resizer};
+use fast_image_resize::images::{Image, TypedImageRef};
+use fast_image_resize::pixels::{U8, U8x3};
+use fast_image_resize::{FilterType, PixelTrait, ResizeAlg, ResizeOptions, Resizer};
 use modulo_core::{Frame, Letterbox, Samples};
 use ndarray::{Array4, ArrayView4};
 
@@ -64,15 +65,14 @@ impl Preprocessor {
         (height, width, channels): (usize, usize, usize),
         (to_height, to_width): (usize, usize),
     ) -> Result<Vec<u8>, String> {
-        let kind = if channels == 3 { PixelType::U8x3 } else { PixelType::U8 };
         let side = |side: usize| u32::try_from(side).map_err(|error| error.to_string());
-        let from =
-            ImageRef::new(side(width)?, side(height)?, pixels, kind).map_err(|error| error.to_string())?;
-        let mut into = Image::new(side(to_width)?, side(to_height)?, kind);
-        // As OpenCV's INTER_LINEAR, with which the models were trained.
-        let options = ResizeOptions::new().resize_alg(ResizeAlg::Interpolation(FilterType::Bilinear));
-        self.resizer.resize(&from, &mut into, &options).map_err(|error| error.to_string())?;
-        Ok(into.into_vec())
+        let (from, to) = ((side(width)?, side(height)?), (side(to_width)?, side(to_height)?));
+        // Calls with a pixel type: for any pixel type, the compiler would generate code for thirteen of them.
+        if channels == 3 {
+            resize::<U8x3>(&mut self.resizer, pixels, from, to)
+        } else {
+            resize::<U8>(&mut self.resizer, pixels, from, to)
+        }
     }
 
     fn write(&mut self, pixels: &[u8], letterbox: &Letterbox, channels: usize) {
@@ -88,6 +88,23 @@ impl Preprocessor {
             if channels == 3 { write_colour(row, planes) } else { write_mono(row, planes) }
         }
     }
+}
+
+/// Resizes an image of `from` = (width, height) px to `to`.
+fn resize<P: PixelTrait>(
+    resizer: &mut Resizer,
+    pixels: &[u8],
+    from: (u32, u32),
+    to: (u32, u32),
+) -> Result<Vec<u8>, String> {
+    let from = TypedImageRef::<P>::from_buffer(from.0, from.1, pixels).map_err(|error| error.to_string())?;
+    let mut into = Image::new(to.0, to.1, P::pixel_type());
+    let mut view = into.typed_image_mut::<P>().expect("the image was made with this pixel type");
+    // As OpenCV's INTER_LINEAR, with which the models were trained.
+    let options = ResizeOptions::new().resize_alg(ResizeAlg::Interpolation(FilterType::Bilinear));
+    resizer.resize_typed(&from, &mut view, &options).map_err(|error| error.to_string())?;
+    drop(view);
+    Ok(into.into_vec())
 }
 
 fn write_colour(row: &[u8], [red, green, blue]: [&mut [f32]; 3]) {
