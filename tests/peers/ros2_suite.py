@@ -144,7 +144,8 @@ def launch():
 
 def suite():
     """The suite at 5 Hz, once its detector answers."""
-    process = start("modulo", "launch", str(ROOT / "launch/recovered.launch.yaml"), "rate:=5.0", f"{SCENE}5000")
+    process = start("modulo", "launch", str(ROOT / "launch/recovered.launch.yaml"), "--verbose", "rate:=5.0",
+                    f"{SCENE}5000")
     expect("/modulo_camera\n/unwrap\n/detector", "ros2", "node", "list")
     return process
 

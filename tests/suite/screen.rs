@@ -177,14 +177,20 @@ fn no_library_writes_on_the_screen() {
 fn launch_without_a_file_lists_the_files_that_it_finds() {
     let bench = Bench::new();
     let listed = |folder: &std::path::Path| {
-        let output = bench.modulo(&["launch"]).current_dir(folder).output().expect("it starts");
+        let mut command = bench.modulo(&["launch"]);
+        // An installation, for a binary that was built outside of the source tree.
+        let output = command.current_dir(folder).env("AMENT_PREFIX_PATH", bench.path("install")).output();
+        let output = output.expect("it starts");
         assert_eq!(output.status.code(), Some(2), "{}", text(&output));
         text(&output)
     };
+    let installed = bench.path("install/share/modulo/launch");
+    std::fs::create_dir_all(&installed).expect("writable");
+    std::fs::copy("launch/recovered.launch.yaml", installed.join("recovered.launch.yaml")).expect("writable");
     let here = listed(env!("CARGO_MANIFEST_DIR").as_ref());
     assert!(here.contains("  launch/recovered.launch.yaml"), "{here}");
     assert!(here.contains("  Detection on the recovered images (p = true).\n"), "{here}");
-    assert_eq!(here.matches("recovered.launch.yaml").count(), 1, "{here}");
+    assert_eq!(here.matches("  launch/recovered.launch.yaml").count(), 1, "{here}");
 
     std::fs::create_dir(bench.path("launch")).expect("writable");
     std::fs::write(bench.path("launch/mine.launch.yaml"), "# My own.\nlaunch: []\n").expect("writable");
