@@ -75,19 +75,25 @@ fn usage(why: impl Into<anyhow::Error>) -> Failure {
     Failure::Usage(why.into())
 }
 
-/// Starts the log on standard error with the lines of the suite from `level` on. `RUST_LOG` replaces the level.
+/// Starts the log on standard error with the lines of the suite from `level` on.
 fn start_log(level: &str) {
     start_log_with(level, LevelFilter::TRACE, None);
 }
 
 /// Starts the log of a node: the lines from `level` on go to `/rosout`, and those that also pass `screen` to standard
-/// error. Lines of libraries are shown with the level `debug` only.
+/// error. Lines of libraries are shown with the level `debug` only. `RUST_LOG` adds directives: a level of its own concerns
+/// the libraries, and `modulo=LEVEL` the suite.
 fn start_log_with(level: &str, screen: LevelFilter, rosout: Option<RosoutLayer>) {
     // A library logs what it works around by itself, which a user of the suite cannot act on.
     let libraries = if level == "debug" { "warn" } else { "off" };
     // The names of all crates of the suite begin with `modulo`.
     let default = format!("{libraries},modulo={level}");
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
+    // rmw_zenoh sets RUST_LOG=warn in each process with a node, and so in all that `ros2 launch` starts. It must not hide the
+    // lines of the suite, whose level ROS users set with `--log-level`.
+    let filter = match std::env::var(EnvFilter::DEFAULT_ENV) {
+        Ok(more) => EnvFilter::builder().parse_lossy(format!("{default},{more}")),
+        Err(_) => EnvFilter::new(default),
+    };
     let colour = anstream::AutoStream::choice(&std::io::stderr()) != anstream::ColorChoice::Never;
     let lines = tracing_subscriber::fmt::layer()
         .with_writer(|| progress::LogWriter)

@@ -98,7 +98,8 @@ fn start_log(ros: &RosArgs, node_name: &NodeName) -> Option<LogQueue> {
         Logs::Disabled => (None, None),
     };
     let level = ros.log_level_of(&node_name.name);
-    let chosen = level.is_some() || std::env::var_os("RUST_LOG").is_some();
+    let chosen =
+        level.is_some() || std::env::var("RUST_LOG").is_ok_and(|directives| directives.contains("modulo"));
     let screen = match ros.stdout_logs {
         Logs::Disabled => LevelFilter::OFF,
         // The launcher shows the progress of all nodes in place of these lines; `/rosout` has them.

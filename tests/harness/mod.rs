@@ -63,9 +63,14 @@ impl Bench {
         self.modulo(arguments).output().expect("the binary starts")
     }
 
-    /// Starts it in the background.
+    /// Starts it in the background, with the `RUST_LOG` that rmw_zenoh sets in all that `ros2 launch` starts.
     pub fn start(&self, arguments: &[&str]) -> Background {
-        let child = self.modulo(arguments).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
+        let child = self
+            .modulo(arguments)
+            .env("RUST_LOG", "warn")
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn();
         Background(child.expect("the binary starts"))
     }
 

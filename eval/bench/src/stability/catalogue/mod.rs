@@ -22,7 +22,7 @@ const SORTED: &[&str] = &["tree", "quality_guided"];
 /// The reason why methods that use only first differences fail behind a soft but high edge.
 const RIM: &str = "first differences exceed half a peak on the edge and are taken for small ones";
 
-/// All cases, in the order of [`Family`](super::case::Family).
+/// All cases, in the order of their families.
 pub fn cases() -> Vec<Case> {
     edges::cases().into_iter().chain(sensors::cases()).collect()
 }
