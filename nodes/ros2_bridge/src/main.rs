@@ -93,11 +93,9 @@ fn run(plan: &BridgePlan, node_name: &NodeName) -> anyhow::Result<()> {
     let dds = r2r::Context::create().context("ROS 2")?;
     let stop = Stop::default();
     end_on_signals(&stop).context("signal handlers")?;
-    let mirror = |suite_node: Option<&str>| Mirror::new(suite_node, plan, node_name, &transport, &dds);
-    let mirrors: Vec<Mirror<'_>> = std::iter::once(None)
-        .chain(plan.nodes.iter().map(|node| Some(node.as_str())))
-        .map(mirror)
-        .collect::<Result<_, _>>()?;
+    let names = std::iter::once(None).chain(plan.nodes.iter().map(|node| Some(node.as_str())));
+    let mirrors = names.map(|suite_node| Mirror::new(suite_node, plan, node_name, &transport, &dds));
+    let mirrors: Vec<Mirror<'_>> = mirrors.collect::<Result<_, _>>()?;
     let _ready = transport.announce(node_name)?;
     thread::scope(|scope| {
         // A thread for each DDS node: the large images of one do not keep the calls of another waiting.

@@ -1,5 +1,5 @@
 //! The live driver: one node on a transport, until its source is over or it is asked to stop. The newest frame wins,
-//! and each replaced one is counted; only a source of rate 0 waits for its readers ([`Pacing`]).
+//! and each replaced one is counted; only a source of rate 0 waits for its readers (`pacing.rs`).
 
 mod inputs;
 mod source;
