@@ -244,7 +244,8 @@ def images_dds():
         for topic, (sender, receiver) in ways.items():
             environment = lambda rmw: os.environ | {"RMW_IMPLEMENTATION": rmw}
             readers[topic] = subprocess.Popen([*probe, "receive", topic, count], env=environment(receiver), stdout=subprocess.PIPE)
-            RUNNING.append(subprocess.Popen([*probe, "send", topic, count], env=environment(sender), start_new_session=True))
+            RUNNING.append(subprocess.Popen([*probe, "send", topic, count], env=environment(sender), stderr=subprocess.DEVNULL,
+                                            start_new_session=True))
         for topic, reader in readers.items():
             found = yaml.safe_load(reader.communicate()[0])
             print(f"{'ok   ' if found['lost'] == 0 and found['in_order'] else 'FAILS'} {topic}: {found} of {count} images")

@@ -10,7 +10,8 @@ mod parameters;
 mod topics;
 
 use std::io::IsTerminal as _;
-use std::process::ExitCode;
+use std::os::unix::process::CommandExt as _;
+use std::process::{Command, ExitCode};
 use std::sync::Arc;
 use std::thread;
 
@@ -25,12 +26,22 @@ use tracing_subscriber::EnvFilter;
 
 use mirror::Mirror;
 
+/// The variable that keeps the arguments of the command line, and what separates them there.
+const ARGUMENTS: &str = "MODULO_BRIDGE_ARGUMENTS";
+const SEPARATOR: &str = "\u{1f}";
+
 /// Exit code of a command line that cannot be understood, as in the suite.
 const USAGE: u8 = 2;
 
 fn main() -> ExitCode {
     start_log();
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let arguments = match arguments() {
+        Ok(arguments) => arguments,
+        Err(why) => {
+            eprintln!("ros2_bridge: it cannot be started again: {why}");
+            return ExitCode::FAILURE;
+        }
+    };
     if arguments.iter().any(|argument| argument == "--help" || argument == "-h") {
         print_help();
         return ExitCode::SUCCESS;
@@ -49,6 +60,23 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+/// Returns the arguments of the command line, after this process was started again without them. rcl reads the command line
+/// by itself and applies a remapping of the node's name, which every launch file gives, to all nodes of the process: the
+/// mirrors would have the name of the bridge.
+fn arguments() -> std::io::Result<Vec<String>> {
+    let given: Vec<String> = std::env::args().skip(1).collect();
+    if given.is_empty() {
+        let kept = std::env::var(ARGUMENTS).unwrap_or_default();
+        return Ok(kept
+            .split(SEPARATOR)
+            .filter(|argument| !argument.is_empty())
+            .map(str::to_owned)
+            .collect());
+    }
+    let mut again = Command::new(std::env::current_exe()?);
+    Err(again.env(ARGUMENTS, given.join(SEPARATOR)).exec())
 }
 
 /// r2r logs an error each time that a wait ends without a message, which is no fault; what it really cannot do, its
@@ -97,14 +125,18 @@ fn run(plan: &BridgePlan, node_name: &NodeName) -> anyhow::Result<()> {
     let mirrors = names.map(|suite_node| Mirror::new(suite_node, plan, node_name, &transport, &dds));
     let mirrors: Vec<Mirror<'_>> = mirrors.collect::<Result<_, _>>()?;
     let _ready = transport.announce(node_name)?;
+    // Without one of its nodes the bridge is of no use, so that all end with the first.
+    let live = |mirror: &Mirror<'_>| {
+        let ended = mirror.run(&stop);
+        stop.ask(Urgency::Now);
+        ended
+    };
     thread::scope(|scope| {
         // A thread for each DDS node: the large images of one do not keep the calls of another waiting.
-        let threads: Vec<_> = mirrors.iter().map(|mirror| scope.spawn(|| mirror.run(&stop))).collect();
-        threads.into_iter().try_for_each(|thread| {
-            let ended = thread.join().expect("a thread of the bridge does not panic");
-            // Without one of its nodes the bridge is of no use.
-            stop.ask(Urgency::Now);
-            ended
-        })
+        let live = &live;
+        let threads: Vec<_> = mirrors.iter().map(|mirror| scope.spawn(move || live(mirror))).collect();
+        let mut ended =
+            threads.into_iter().map(|thread| thread.join().expect("a thread of the bridge does not panic"));
+        ended.try_for_each(|ended| ended)
     })
 }

@@ -81,7 +81,8 @@ impl<'a> Mirror<'a> {
         while stop.urgency() == Urgency::None && self.is_alive() {
             for route in &self.plan.routes {
                 if !open.contains_key(route.topic.as_str()) && self.carries(route, &node)? {
-                    let forwarding = topics::forward(route, self.bridge, self.transport, &mut node)?;
+                    let forwarding =
+                        topics::forward(route, self.bridge, self.transport, &mut node, self.owner())?;
                     tracing::info!("{} [{}] on {name}: {:?}", route.topic, route.ros_type, route.direction);
                     open.insert(&route.topic, forwarding);
                 }
@@ -103,9 +104,16 @@ impl<'a> Mirror<'a> {
         let graph = self.transport.graph();
         let mut publishers =
             graph.endpoints(EntityKind::Publisher, &route.topic).map(|token| token.node_name());
-        Ok(match self.suite_node {
-            Some(own) => publishers.any(|publisher| publisher == own),
-            None => publishers.any(|publisher| !self.plan.nodes.contains(&publisher)),
-        })
+        let belongs = self.owner();
+        Ok(publishers.any(|publisher| belongs(&publisher)))
+    }
+
+    /// Tells whether what a node of the suite publishes belongs to this node of the DDS graph.
+    fn owner(&self) -> impl Fn(&str) -> bool + Send + Sync + 'static {
+        let (own, mirrored) = (self.suite_node.map(str::to_owned), self.plan.nodes.clone());
+        move |publisher| match &own {
+            Some(own) => publisher == own,
+            None => !mirrored.iter().any(|node| node == publisher),
+        }
     }
 }

@@ -8,6 +8,7 @@ use futures::StreamExt as _;
 use futures::executor::block_on;
 use modulo_runtime::bridge::{Route, RouteDirection};
 use modulo_runtime::queue::{Keep, Lane, Limit, Next, Queue};
+use modulo_runtime::transport::keys::{EntityKind, Token};
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::transport::{Guard, Payload, RawSample};
 use modulo_runtime::{NodeName, Qos, SystemClock};
@@ -30,15 +31,17 @@ struct ForwardQueue {
     lane: Lane,
 }
 
-/// Forwards `route` on `node` for as long as the result lives.
+/// Forwards `route` on `node` for as long as the result lives. Of the messages of the suite only those pass whose publisher, a
+/// fully qualified name, `belongs` to `node`: several nodes may publish one topic, and each of them has a node on DDS.
 ///
 /// # Errors
 /// When one of the two sides refuses the topic.
 pub fn forward(
     route: &Route,
     bridge: &NodeName,
-    transport: &ZenohTransport,
+    transport: &Arc<ZenohTransport>,
     node: &mut r2r::Node,
+    belongs: impl Fn(&str) -> bool + Send + Sync + 'static,
 ) -> anyhow::Result<Forwarding> {
     let waiting = ForwardQueue::new(route.qos);
     let source = match route.direction {
@@ -66,11 +69,14 @@ pub fn forward(
                 )
                 .with_context(|| format!("publisher of {} on DDS", route.topic))?;
             waiting.send_with(&route.topic, move |bytes| Ok(publisher.publish_raw(bytes)?));
-            let ForwardQueue { queue, lane } = waiting.clone();
-            Some(
-                transport
-                    .subscribe_raw(bridge, &route.endpoint(), move |sample| drop(queue.push(lane, sample)))?,
-            )
+            let (queue, lane) = (waiting.queue.clone(), waiting.lane);
+            let (suite, topic) = (transport.clone(), route.topic.clone());
+            let take = move |sample: RawSample| {
+                if publisher_of(&sample, &topic, &suite).is_none_or(|publisher| belongs(&publisher)) {
+                    drop(queue.push(lane, sample));
+                }
+            };
+            Some(transport.subscribe_raw(bridge, &route.endpoint(), take)?)
         }
     };
     Ok(Forwarding { _source: source, waiting })
@@ -109,6 +115,13 @@ impl ForwardQueue {
             tracing::info!("{topic}: {received} messages, {replaced} replaced by a newer one, {lost} lost");
         });
     }
+}
+
+/// The node that published `sample`; `None` for a publisher without a number, or one that is gone already.
+fn publisher_of(sample: &RawSample, topic: &str, transport: &ZenohTransport) -> Option<String> {
+    let gid = sample.attachment.as_ref()?.gid;
+    let graph = transport.graph();
+    graph.endpoints(EntityKind::Publisher, topic).find(|token| token.gid() == gid).map(Token::node_name)
 }
 
 /// The reliability of a subscription that all present publishers serve.
