@@ -48,7 +48,7 @@ impl ImageBoxes {
         self.truth.iter().filter(|(_, role)| *role == ObjectRole::Counts).count()
     }
 
-    /// Matches the best [`MOST_DETECTIONS`] by descending score: each takes the free object of largest IoU, at least
+    /// Matches the best `MOST_DETECTIONS` by descending score: each takes the free object of largest IoU, at least
     /// `least_iou`, scored objects before all others.
     pub fn marks(&self, least_iou: f64) -> Vec<Mark> {
         let mut found: Vec<&(BBox, f32)> = self.found.iter().collect();

@@ -112,7 +112,7 @@ pub fn write(folder: &Path) -> Result<PathBuf, GridError> {
     Ok(path)
 }
 
-/// Draws charts with images into `folder/charts`, where [`write`] finds them.
+/// Draws charts with images into `folder/charts`, where [`write()`] finds them.
 ///
 /// # Errors
 /// [`GridError`] if a chart cannot be drawn or written.
