@@ -55,7 +55,10 @@ pub fn forward(
             // would lose the newest message, is never full.
             let waiting = waiting.clone();
             thread::spawn(move || {
-                block_on(messages.for_each(|bytes| futures::future::ready(waiting.push(bytes))))
+                block_on(messages.for_each(|bytes| {
+                    waiting.push(bytes);
+                    futures::future::ready(())
+                }))
             });
             None
         }
