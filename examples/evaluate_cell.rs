@@ -27,7 +27,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 ap.map_or("no object".into(), |ap| format!("{:.1} %", 100.0 * ap))
             );
         }
-        println!("    exact wrap counts: {:.1} %", 100.0 * cell.exact_k.unwrap_or_default());
+        let exact = cell.exact_k.expect("a recovered stream has wrap counts");
+        println!("    exact wrap counts: {:.1} %", 100.0 * exact);
         for (stage, ms) in &cell.latency_ms {
             println!("    {stage}: {:.2} ms (median of {} frames)", ms.p50, cell.frames);
         }

@@ -1,10 +1,9 @@
 //! A node of one's own in the suite: it publishes the lower half of each image of `/recovered` on `/road/image`.
 //!
-//!     cargo run --release -- launch launch/sensor.launch.yaml loop:=true &
+//!     cargo run --release -- launch launch/sensor.launch.yaml loop:=true detectors:=[road] &
 //!     cargo run --release --example own_node
 //!     ros2 param set /road first_row 0.6
-//!
-//! Ctrl-C ends it. It is a node of the ROS graph like the others: `ros2 node info /road` shows its topics.
+//!     ros2 node info /road
 
 use std::sync::Arc;
 
@@ -25,16 +24,13 @@ impl Node for Road {
     fn inputs(&self) -> Vec<Topic> {
         vec![Topic::new("/recovered", MessageKind::Image)]
     }
-
     fn outputs(&self) -> Vec<Topic> {
         vec![Topic::new("~/image", MessageKind::Image)]
     }
-
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
         *self = Self::from(parameters);
         Ok(())
     }
-
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         if let Trigger::Message { message: Message::Image(image), .. } = trigger
             && let Some(pixels) = image.frame.as_u8()
@@ -56,8 +52,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let transport = ZenohTransport::open(domain, Hashes::Rihs01, clock.clone())?;
     let parameters = Parameters::declare(Road::descriptors());
     let node_name = NodeName::new("road", "/", &[])?;
-    let node = Box::new(Road::default());
-    let setup = NodeSetup { node, parameters, node_name, saved: None, report_file: None };
+    let setup =
+        NodeSetup { node: Box::new(Road::default()), parameters, node_name, saved: None, report_file: None };
     live::run(setup, &transport, &clock, stop)?;
     transport.close();
     Ok(())

@@ -64,7 +64,7 @@ pub(crate) struct Argument {
     pub name: Text,
     /// Its value when none is given.
     pub default: Option<Text>,
-    /// What it is for.
+    /// Its purpose, for `--show-args`.
     pub description: Option<Text>,
     /// The possible values; any when empty.
     pub choices: Vec<Text>,

@@ -53,7 +53,7 @@ crate::parameters! {
         zenoh_to_dds: Vec<String> = Vec::new(); fixed,
         /// Topics of the DDS graph that the suite gets, each as topic:type.
         dds_to_zenoh: Vec<String> = Vec::new(); fixed,
-        /// Nodes of the suite whose parameters the DDS graph can read and set, such as /detector.
+        /// Nodes of the suite that appear on DDS under their own names with their parameters, such as /detector.
         parameters_of: Vec<String> = Vec::new(); fixed,
     }
 }

@@ -243,7 +243,9 @@ def images_dds():
         readers = {}
         for topic, (sender, receiver) in ways.items():
             environment = lambda rmw: os.environ | {"RMW_IMPLEMENTATION": rmw}
-            readers[topic] = subprocess.Popen([*probe, "receive", topic, count], env=environment(receiver), stdout=subprocess.PIPE)
+            readers[topic] = subprocess.Popen([*probe, "receive", topic, count], env=environment(receiver), stdout=subprocess.PIPE,
+                                              start_new_session=True)
+            RUNNING.append(readers[topic])
             RUNNING.append(subprocess.Popen([*probe, "send", topic, count], env=environment(sender), stderr=subprocess.DEVNULL,
                                             start_new_session=True))
         for topic, reader in readers.items():

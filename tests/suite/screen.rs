@@ -16,7 +16,7 @@ fn plain(bench: &Bench, arguments: &[&str]) -> Command {
     command
 }
 
-/// What the binary writes to a terminal of 100 columns; `None` where there is no program `script`.
+/// Returns the output of the binary on a terminal of 100 columns; `None` where there is no program `script`.
 fn on_terminal(bench: &Bench, variables: &[(&str, &str)], arguments: &[&str]) -> Option<Output> {
     let modulo = plain(bench, arguments);
     let words: Vec<_> = [modulo.get_program()]

@@ -1,4 +1,4 @@
-//! What stands still behind the traffic: [`Street`], with sky, houses, pavement and road, and [`Tunnel`].
+//! The scenery that stands still behind the traffic: [`Street`], with sky, houses, pavement and road, and [`Tunnel`].
 //!
 //! One ray per pixel meets a corridor of planes. Values that depend only on the column or only on the row of a street
 //! are computed once.

@@ -1,4 +1,4 @@
-//! What the crate promises, seen from outside, and small inputs that the tests make for themselves.
+//! Tests of the public interface of the crate, with small inputs that the tests make for themselves.
 
 mod bags;
 mod damage;

@@ -192,7 +192,7 @@ pub(super) fn transpose(take: impl Fn(usize) -> Complex, mut put: impl FnMut(usi
 }
 
 /// Interleaves the two halves, as a perfect shuffle of cards: the uppermost bit of each index becomes its lowest.
-/// As many steps as an index of a row has bits exchange row and column. The compiler turns loops like this one
+/// One such step for each bit of the index of a row exchanges rows and columns. The compiler turns loops like this one
 /// into shuffles of whole vectors, but not lists of elements.
 #[inline(always)]
 fn interleave_halves(from: &Square, to: &mut Square) {

@@ -17,7 +17,7 @@ pub struct DeclaredArgument {
     pub name: String,
     /// Its value when none is given, as written; `None` when one must be given.
     pub default: Option<String>,
-    /// What it is for.
+    /// Its purpose, for `--show-args`.
     pub description: Option<String>,
     /// The possible values; any when empty.
     pub choices: Vec<String>,

@@ -32,7 +32,7 @@ pub enum WriteReason {
     Source,
     /// A listener has taken a message. Written when the last time is at least 10 ms ago.
     Step,
-    /// Nothing has happened. Written when the last time is at least 1 s ago.
+    /// No message came. The report is written when the last time is at least 1 s ago.
     Idle,
     /// The first and the last time.
     Edge,
