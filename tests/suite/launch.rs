@@ -3,7 +3,7 @@
 use crate::harness::{Bench, arg, classes, json, model, text};
 
 fn launch<'a>(file: &'a str, source: &'a str, model: &'a str, more: &[&'a str]) -> Vec<&'a str> {
-    let mut arguments = vec!["launch", file, source, model, "alpha:=2", "engine:=rten", "rate:=5"];
+    let mut arguments = vec!["launch", file, source, model, "alpha:=2", "engine:=rten"];
     arguments.extend(more);
     arguments
 }
