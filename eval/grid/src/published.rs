@@ -154,8 +154,9 @@ pub fn section(results: &Results) -> Markup {
         @if results.cells.iter().any(known) {
             h2 { "The paper's tables" }
             p {
-                "Table 1, in percent. The paper used 100 KITTI images, the official weights, and SPUD for recovery. The "
-                "other figures belong to the frames and the model named above."
+                "Table 1, in percent. The paper used 100 KITTI images, the official weights, and SPUD for recovery as "
+                "spud_as_published has it; spud takes the quantised image and is congruent with it. The other figures "
+                "belong to the frames and the model named above."
             }
             (table(&head, &rows))
             p {

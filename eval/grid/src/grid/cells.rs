@@ -6,6 +6,7 @@ use clap::{Parser, ValueEnum};
 use modulo_core::unwrap::METHODS;
 
 use super::GridError;
+use super::pipeline::paper::SPUD_AS_PUBLISHED;
 use crate::results::{Point, Protocol, Stream};
 
 /// The values that the cells combine. A value may be listed twice; its cells are in the grid once.
@@ -14,7 +15,8 @@ pub struct Axes {
     /// Images that the detector gets
     #[arg(long, value_delimiter = ',', default_value = "ideal,saturated,modulo,recovered")]
     pub stream: Vec<Stream>,
-    /// Unwrapping methods [default: auto,spud; spud for the paper]
+    /// Unwrapping methods, and spud_as_published: SPUD as the scripts of the paper have it, on the image before
+    /// quantisation and without congruence [default: auto,spud; spud_as_published,spud for the paper]
     #[arg(long, value_delimiter = ',')]
     pub method: Vec<String>,
     /// Whether the lens blur is removed from recovered images
@@ -36,6 +38,9 @@ pub struct Axes {
     #[arg(long, value_delimiter = ',')]
     pub input: Vec<String>,
 }
+
+/// The methods under the protocol of the paper: both forms of SPUD.
+const PAPER_METHODS: [&str; 2] = [SPUD_AS_PUBLISHED, "spud"];
 
 /// Whether the lens blur is removed from recovered images.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -111,7 +116,9 @@ impl Axes {
                         // Without a lens there is no blur to remove.
                         for &deblur in deblur.iter().filter(|deblur| !**deblur || psf_sigma > 0.0) {
                             let recovered = |m: &String| (stream, Some(m.clone()), deblur, psf_sigma);
-                            images.extend(methods.iter().map(recovered));
+                            // The scripts of the paper remove no blur.
+                            let possible = |m: &&String| !deblur || *m != SPUD_AS_PUBLISHED;
+                            images.extend(methods.iter().filter(possible).map(recovered));
                         }
                     }
                     // The ideal image of the paper never passed a lens.
@@ -125,7 +132,7 @@ impl Axes {
 
     /// The unwrapping methods. The paper has only SPUD.
     fn methods(&self, protocol: Protocol) -> Vec<String> {
-        or_default(&self.method, if protocol == Protocol::Paper { &["spud"] } else { &["auto", "spud"] })
+        or_default(&self.method, if protocol == Protocol::Paper { &PAPER_METHODS } else { &["auto", "spud"] })
     }
 
     fn check(&self, protocol: Protocol) -> Result<(), GridError> {
@@ -147,7 +154,8 @@ impl Axes {
             let possible = "the lens of the paper: blur 1.4 px (7 taps), no noise".to_owned();
             return Err(GridError::Value { what: "the lens", value, possible });
         }
-        let known: &[&str] = if protocol == Protocol::Paper { &["spud"] } else { METHODS };
+        let of_suite = [METHODS, &[SPUD_AS_PUBLISHED]].concat();
+        let known: &[&str] = if protocol == Protocol::Paper { &PAPER_METHODS } else { &of_suite };
         if let Some(method) =
             self.methods(protocol).into_iter().find(|method| !known.contains(&method.as_str()))
         {
@@ -212,10 +220,15 @@ mod tests {
     }
 
     #[test]
-    fn the_paper_has_four_streams_spud_alone_and_640() {
+    fn the_paper_has_four_streams_two_forms_of_spud_and_640() {
         let points = Axes::default().points(Protocol::Paper).expect("possible");
-        assert_eq!(points.len(), 4 * 4);
+        assert_eq!(points.len(), 4 * 5);
         assert!(points.iter().all(|p| p.input == "640x640" && !p.deblur));
-        assert!(points.iter().all(|p| p.method.as_deref().is_none_or(|method| method == "spud")));
+        assert!(
+            points.iter().filter_map(|p| p.method.as_deref()).all(|method| PAPER_METHODS.contains(&method))
+        );
+        let published = Axes { method: vec![SPUD_AS_PUBLISHED.into()], ..Axes::default() };
+        let points = published.points(Protocol::Suite).expect("possible");
+        assert_eq!(points.len(), 4 * 5, "it is never deblurred");
     }
 }

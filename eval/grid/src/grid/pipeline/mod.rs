@@ -2,7 +2,7 @@
 //! the exposure of the simulated sensor.
 
 pub mod multi_exposure;
-mod paper;
+pub mod paper;
 mod suite;
 
 use std::sync::Arc;
@@ -24,7 +24,7 @@ use super::neighbours::FrameWithNeighbours;
 use crate::GridError;
 use crate::results::{Point, Protocol, Stream};
 use multi_exposure::MultiExposurePipeline;
-use paper::PaperPipeline;
+use paper::{PaperPipeline, PublishedSpudPipeline, SPUD_AS_PUBLISHED};
 use suite::SuitePipeline;
 
 /// Bits of the simulated sensor.
@@ -99,6 +99,10 @@ pub fn open<'a>(
     if matches!(point.stream, Stream::MultiExposure | Stream::MultiExposureStill) {
         let mut pipeline = MultiExposurePipeline::new(point, timer, seed)?;
         return Ok(Box::new(move |frame| pipeline.run(&frame)));
+    }
+    if point.method.as_deref() == Some(SPUD_AS_PUBLISHED) {
+        let mut pipeline = PublishedSpudPipeline::new(point, timer, seed)?;
+        return Ok(Box::new(move |frame| pipeline.run(frame.number, &frame.frame)));
     }
     let mut pipeline = SuitePipeline::new(nodes, timer, point, seed)?;
     Ok(Box::new(move |frame| pipeline.run(frame.number, frame.frame)))

@@ -1,24 +1,90 @@
-//! [`PaperPipeline`]: the steps of a frame before the detector as in the scripts of the paper (`--protocol paper`).
+//! The steps of a frame before the detector as in the scripts of the paper: all of them ([`PaperPipeline`],
+//! `--protocol paper`), or their SPUD behind the sensor of the suite ([`PublishedSpudPipeline`]).
 //!
-//! The nodes of the suite work differently. Values are fractions of the peak. For the detector they become 8
-//! bits by truncation, not by rounding.
+//! The nodes of the suite work differently. For the detector, values become 8 bits by truncation, not by rounding.
 
 use modulo_bags::source::SourceFrame;
-use modulo_core::unwrap::{Range, Spud, ThresholdOn};
-use modulo_core::{Frame, Psf, UnwrapError, optics};
+use modulo_core::unwrap::{Range, Recovered, Spud, ThresholdOn, Unwrap};
+use modulo_core::{Frame, Psf, Sensor, SensorConfig, UnwrapError, optics, tone};
 use modulo_runtime::Clock;
 use ndarray::Array3;
 
-use super::{BITS, DetectorInput, Stages, unstamped};
+use super::{BITS, DetectorInput, RecoveryQuality, Stages, Truth, unstamped};
 use crate::GridError;
 use crate::results::{Point, Stream};
+
+/// The method of a cell with SPUD as the scripts of the paper have it: it takes the modulo image before quantisation, and
+/// stretches phi over all channels from minimum to maximum, without congruence. `spud` takes the quantised image y, and
+/// its result is y plus whole periods.
+pub const SPUD_AS_PUBLISHED: &str = "spud_as_published";
 
 /// Threshold of SPUD on phi, in units of the peak.
 const TAU: f64 = 0.1;
 
+/// SPUD on the exposures of the suite's sensor as the scripts of the paper apply it, for one cell.
+pub struct PublishedSpudPipeline<'a> {
+    sensor: Sensor,
+    spud: Spud,
+    truth: Truth,
+    seed: u64,
+    timer: &'a dyn Clock,
+}
+
+impl<'a> PublishedSpudPipeline<'a> {
+    /// Creates the pipeline of the cell at `point`.
+    pub fn new(point: &Point, timer: &'a dyn Clock, seed: u64) -> Result<Self, GridError> {
+        let sensor = |psf_sigma| {
+            Sensor::new(SensorConfig {
+                bits: BITS,
+                alpha: point.alpha,
+                psf: Psf::of_sigma(psf_sigma),
+                read_noise: point.noise,
+                shot_noise: 0.0,
+            })
+        };
+        let truth = Truth([sensor(point.psf_sigma)?, sensor(0.0)?]);
+        let spud = Spud::new(TAU, ThresholdOn::Phi)?;
+        Ok(Self { sensor: sensor(point.psf_sigma)?, spud, truth, seed, timer })
+    }
+
+    /// Processes frame `number`. Its noise is that of the other cells.
+    pub fn run(&mut self, number: usize, frame: &SourceFrame) -> Result<DetectorInput, GridError> {
+        let seed = self.seed.wrapping_add(number as u64);
+        let start = self.timer.ticks_ns();
+        let exposure = self.sensor.expose(frame.radiance.view(), seed)?;
+        let peak = self.sensor.range().peak();
+        let y = exposure.x().mapv(|x| x % peak);
+        let sensed = self.timer.ticks_ns();
+        let image = bytes(&published(&mut self.spud, &y, self.sensor.range())?)?;
+        let unwrapped = self.timer.ticks_ns();
+        let truth = self.truth.expose(&frame.radiance, seed)?;
+        Ok(DetectorInput {
+            // The result has an arbitrary offset and scale, and therefore no wrap counts.
+            recovery: RecoveryQuality::of_merged(&image, &truth),
+            image: Some(unstamped(image)),
+            stages: vec![
+                ("sense", sensed.saturating_sub(start)),
+                ("unwrap", unwrapped.saturating_sub(sensed)),
+            ],
+        })
+    }
+}
+
+/// Unwraps `y` (code units, not quantised) by SPUD, then maps minimum and maximum of the whole tensor to 0 and 255.
+fn published(spud: &mut Spud, y: &Array3<f32>, range: Range) -> Result<Array3<f32>, GridError> {
+    // The wrapped field is the gradient of x: phi is x without its mean, in code units.
+    Ok(stretched(&spud.solve(y.view(), range)?))
+}
+
+/// Truncates to bytes, as the scripts convert an image for the detector.
+fn bytes(image: &Array3<f32>) -> Result<Frame, GridError> {
+    Ok(Frame::from_u8(image.mapv(|v| v as u8)).map_err(UnwrapError::from)?)
+}
+
 /// The sensor and the unwrapping of one cell.
 pub struct PaperPipeline<'a> {
     stream: Stream,
+    as_published: bool,
     alpha: f64,
     range: Range,
     spud: Spud,
@@ -30,7 +96,8 @@ impl<'a> PaperPipeline<'a> {
     pub fn new(point: &Point, timer: &'a dyn Clock) -> Result<Self, GridError> {
         let range = Range::new(BITS, point.alpha).map_err(modulo_core::SensorError::from)?;
         let spud = Spud::new(TAU, ThresholdOn::Phi)?;
-        Ok(Self { stream: point.stream, alpha: point.alpha, range, spud, timer })
+        let as_published = point.method.as_deref() == Some(SPUD_AS_PUBLISHED);
+        Ok(Self { stream: point.stream, as_published, alpha: point.alpha, range, spud, timer })
     }
 
     /// Processes one frame.
@@ -54,9 +121,7 @@ impl<'a> PaperPipeline<'a> {
         } else if self.stream == Stream::Modulo {
             image.mapv_inplace(|v| v * 255.0);
         }
-        // The conversion of the scripts to bytes truncates.
-        let frame = Frame::from_u8(image.mapv(|v| v as u8)).map_err(UnwrapError::from)?;
-        Ok(DetectorInput { image: Some(unstamped(frame)), stages, recovery: None })
+        Ok(DetectorInput { image: Some(unstamped(bytes(&image)?)), stages, recovery: None })
     }
 
     /// `alpha * blurred` of the stretched image in [0, 1]. The blur comes before the scaling.
@@ -69,15 +134,20 @@ impl<'a> PaperPipeline<'a> {
         optics::blurred(x, Psf::Paper7).mapv(|v| v * alpha)
     }
 
-    /// Unwraps the unquantised modulo image by SPUD, then maps minimum and maximum of the whole tensor to 0 and 255.
+    /// Unwraps the modulo image `y` in units of the peak, by SPUD as published or made congruent.
     fn recovered(&mut self, y: &Array3<f32>) -> Result<Array3<f32>, GridError> {
         // SPUD of the scripts gets the float image in units of the peak. `Spud` works in codes, and its threshold is in
         // units of the peak, so that scaling by the peak changes nothing.
         let peak = self.range.peak();
         let codes = y.mapv(|v| v * peak);
-        let phi = self.spud.solve(codes.view(), self.range)?;
-        // The wrapped field is the gradient of x: phi is x without its mean, in code units.
-        Ok(stretched(&phi))
+        if self.as_published {
+            return published(&mut self.spud, &codes, self.range);
+        }
+        // Q_b of eq. 1: whole codes, of which 2^b is 0.
+        let y = Frame::from_u8(codes.mapv(|v| v as u32 as u8)).map_err(UnwrapError::from)?;
+        let mut out = Recovered::default();
+        self.spud.unwrap(&y, self.range, &mut out)?;
+        Ok(tone::linear8(&out.x, self.range).map_err(UnwrapError::from)?.to_f32())
     }
 }
 
@@ -111,9 +181,13 @@ mod tests {
     }
 
     fn shown(stream: Stream, alpha: f64, frame: &SourceFrame) -> Vec<u8> {
-        let point = Point { stream, alpha, ..Point::default() };
+        let method = (stream == Stream::Recovered).then(|| SPUD_AS_PUBLISHED.to_owned());
+        shown_at(&Point { stream, method, alpha, ..Point::default() }, frame)
+    }
+
+    fn shown_at(point: &Point, frame: &SourceFrame) -> Vec<u8> {
         let clock = ManualClock::default();
-        let passed = PaperPipeline::new(&point, &clock).expect("possible").run(frame).expect("passed");
+        let passed = PaperPipeline::new(point, &clock).expect("possible").run(frame).expect("passed");
         passed.image.expect("an image").frame.as_u8().expect("8 bits").iter().copied().collect()
     }
 
@@ -175,10 +249,35 @@ mod tests {
         assert!((0..256).all(near), "{row:?}");
     }
 
+    /// A ramp up to two thirds of full scale: stretched where SPUD is as published, absolute where it is congruent.
+    #[test]
+    fn spud_is_stretched_as_published_and_absolute_where_it_is_congruent() {
+        let radiance = Array3::from_shape_fn((32, 256, 1), |(_, x, _)| x as f32 / 384.0);
+        let ramp = SourceFrame { radiance: radiance.clone(), ..frame(&[0]) };
+        let clock = ManualClock::default();
+        let point = |method: &str| Point {
+            stream: Stream::Recovered,
+            method: Some(method.to_owned()),
+            alpha: 1.5,
+            psf_sigma: 1.4,
+            ..Point::default()
+        };
+        let mut pipeline =
+            PublishedSpudPipeline::new(&point(SPUD_AS_PUBLISHED), &clock, 0).expect("possible");
+        let image = pipeline.run(0, &ramp).expect("passed").image.expect("an image");
+        let brightest = |image: &[u8]| *image.iter().max().expect("pixels");
+        assert_eq!(brightest(image.frame.as_u8().expect("8 bits").as_slice().expect("in order")), 255);
+        // The protocol of the paper stretches x itself, too: there, full scale is the brightest sample in both.
+        let congruent = shown_at(&point("spud"), &ramp);
+        assert!((250..=255).contains(&brightest(&congruent)), "{}", brightest(&congruent));
+        assert!(congruent[16 * 256] <= 5, "an absolute level, found by the darkest pixels");
+    }
+
     #[test]
     fn spud_sees_less_than_a_code() {
         let clock = ManualClock::default();
-        let point = Point { stream: Stream::Recovered, alpha: 1.5, ..Point::default() };
+        let method = Some(SPUD_AS_PUBLISHED.to_owned());
+        let point = Point { stream: Stream::Recovered, method, alpha: 1.5, ..Point::default() };
         let mut way = PaperPipeline::new(&point, &clock).expect("possible");
         // Half a code from left to right, hidden from 8 bits; tau would drop it, so that the ramp is large in all.
         let y = Array3::from_shape_fn((64, 64, 1), |(_, x, _)| 0.1 + x as f32 / 64.0 * 0.5 / 256.0);
