@@ -11,7 +11,7 @@ use serde::Serialize;
 
 pub use crash::LostInCrash;
 pub use modulo_runtime::report::NodeReport;
-use modulo_runtime::report::{Histogram, add, quantile};
+use modulo_runtime::report::{Histogram, Percentiles, add, quantile};
 
 use crate::error::LaunchError;
 
@@ -42,17 +42,6 @@ pub struct Summary {
     /// Whether a detector with the engine `auto` took the slower one.
     #[serde(skip)]
     pub slower_engine: bool,
-}
-
-/// Percentiles in milliseconds: upper bounds of the buckets they lie in.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
-pub struct Percentiles {
-    /// Half of all were not slower.
-    pub p50: f64,
-    /// 95 % were not slower.
-    pub p95: f64,
-    /// 99 % were not slower.
-    pub p99: f64,
 }
 
 /// Messages of one topic, over all nodes.
@@ -88,8 +77,10 @@ impl Summary {
             summary.add_detections(report);
             summary.slower_engine |=
                 report.status.get("engine_from").is_some_and(|note| note.starts_with("auto: "));
-            if let (Some(rungs), Some(trusted)) = (report.status.get("rungs"), report.status.get("trusted")) {
-                let life = format!("{rungs}; trusted {trusted}");
+            if let (Some(methods), Some(trusted)) =
+                (report.status.get("methods_used"), report.status.get("trusted"))
+            {
+                let life = format!("{methods}; trusted {trusted}");
                 let lives = summary.unwrapped.entry(report.node.clone()).or_default();
                 *lives = if lives.is_empty() { life } else { format!("{lives}; after a restart {life}") };
             }
@@ -176,8 +167,7 @@ fn engine(reports: &[NodeReport]) -> Option<String> {
 }
 
 fn percentiles(histogram: &Histogram) -> Option<Percentiles> {
-    let at = |q| quantile(histogram, q).map(|us| us as f64 / 1000.0);
-    Some(Percentiles { p50: at(0.50)?, p95: at(0.95)?, p99: at(0.99)? })
+    Percentiles::of(|q| quantile(histogram, q).map(|us| us as f64 / 1000.0))
 }
 
 /// The reports in `folder`, one for each life of a node. One that cannot be read is left out with a warning.

@@ -249,7 +249,7 @@ mod tests {
 
     #[test]
     fn shows_what_was_written() {
-        let values = vec![KeyValue { key: "rung".into(), value: "lines".into() }];
+        let values = vec![KeyValue { key: "method_used".into(), value: "lines".into() }];
         let status =
             DiagnosticStatus { level: 1, name: "unwrap".into(), values, ..DiagnosticStatus::default() };
         let header = Header { stamp: Time { sec: 7, nanosec: 5 }, frame_id: "front \"left\"".into() };
@@ -257,7 +257,7 @@ mod tests {
         let text = shown("diagnostic_msgs/msg/DiagnosticArray", &array);
         let expected = "header:\n  stamp:\n    sec: 7\n    nanosec: 5\n  frame_id: \"front \\\"left\\\"\"\nstatus:\n-\n  \
                         level: 1\n  name: \"unwrap\"\n  message: \"\"\n  hardware_id: \"\"\n  values:\n  -\n    \
-                        key: \"rung\"\n    value: \"lines\"\n";
+                        key: \"method_used\"\n    value: \"lines\"\n";
         assert_eq!(text, expected);
     }
 

@@ -12,6 +12,24 @@ use crate::message::Message;
 /// Buckets of one stage: upper bound in microseconds to count.
 pub type Histogram = BTreeMap<u64, u64>;
 
+/// Quantiles of durations in ms, by the nearest rank.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Percentiles {
+    /// Median.
+    pub p50: f64,
+    /// 95th percentile.
+    pub p95: f64,
+    /// 99th percentile.
+    pub p99: f64,
+}
+
+impl Percentiles {
+    /// Returns the three quantiles that `at` gives; `None` without a duration.
+    pub fn of(at: impl Fn(f64) -> Option<f64>) -> Option<Self> {
+        Some(Self { p50: at(0.50)?, p95: at(0.95)?, p99: at(0.99)? })
+    }
+}
+
 /// The messages that one node received, sent and lost, its detections, and the durations of its stages.
 ///
 /// Every message that reached a node was taken by a step, replaced or left unread: `received = taken + replaced +

@@ -30,7 +30,7 @@ pub fn simulate(request: &simulate::SimulationRequest) -> Result<Ended, Failure>
     let outcome = simulate::simulate(request, &mut |event| tell(&bar, event))?;
     bar.finish_and_clear();
     say!(
-        "file                         alpha method            exact k   PSNR dB     SSIM rung           trusted       ms"
+        "file                         alpha method            exact k   PSNR dB     SSIM method used    trusted       ms"
     );
     for row in &outcome.rows {
         let number =
@@ -44,7 +44,7 @@ pub fn simulate(request: &simulate::SimulationRequest) -> Result<Ended, Failure>
             100.0 * row.exact_k,
             number(row.psnr_db, 2),
             number(row.ssim, 4),
-            row.rung,
+            row.method_used,
             row.ms
         );
     }

@@ -61,7 +61,7 @@ pub struct SimulationRow {
     /// Share of the samples with the true wrap count, 0 to 1.
     pub exact_k: f64,
     /// The method that produced the result: `method` itself, or the one that `auto` selected.
-    pub rung: String,
+    pub method_used: String,
     /// Whether the method trusts its result. `None` if it makes no statement.
     pub trusted: Option<bool>,
     /// Duration of one call on one thread, ms. For precise timing use `bench unwrap`.
@@ -167,7 +167,7 @@ impl InputImage<'_> {
             psnr_db: psnr_db(mse(&picture, &ideal)?),
             ssim: ssim(&picture, &ideal)?,
             exact_k: exact_share(&recovered.k, &exposure.wraps())?,
-            rung: recovered.report.method.to_owned(),
+            method_used: recovered.report.method.to_owned(),
             trusted: recovered.report.trust.claim(),
             ms,
         })

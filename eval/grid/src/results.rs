@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use clap::ValueEnum;
+use modulo_runtime::report::Percentiles;
 use serde::{Deserialize, Serialize};
 
 /// Name of the file of results.
@@ -206,7 +207,7 @@ pub struct Cell {
     /// Mean SSIM against that image.
     pub ssim_sharp: Option<f64>,
     /// Durations of each stage: `sense`, `unwrap`, `tone` or `deblur`, `pre`, `infer`, `post`, ms.
-    pub latency_ms: BTreeMap<String, StagePercentiles>,
+    pub latency_ms: BTreeMap<String, Percentiles>,
     /// Histogram of the time of a frame without `sense`: (upper bound in ms, frames). Empty buckets are left out.
     pub latency_histogram: Vec<(f64, u64)>,
     /// The machine and the settings of the durations.
@@ -245,17 +246,6 @@ pub struct Paper {
     pub f1: f64,
     /// Mean over images of TP / (TP + FP + FN).
     pub accuracy: f64,
-}
-
-/// Quantiles of a stage over the frames of a cell, ms, by the nearest rank.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct StagePercentiles {
-    /// Median.
-    pub p50: f64,
-    /// 95th percentile.
-    pub p95: f64,
-    /// 99th percentile.
-    pub p99: f64,
 }
 
 /// The machine and the settings that durations were measured with.

@@ -3,6 +3,8 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use modulo_runtime::launcher;
+
 use crate::GridError;
 use crate::results::{Cell, Point, RESULTS, Results, TABLE};
 
@@ -36,13 +38,9 @@ pub fn save(folder: &Path, results: &Results) -> Result<(), GridError> {
     replace(&folder.join(TABLE), &csv(&results.cells))
 }
 
-/// Writes `bytes` to a temporary file beside `path` and renames it.
+/// Replaces the content of `path` by `bytes`, as [`launcher::replace`] does.
 pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<(), GridError> {
-    let mut beside = path.as_os_str().to_owned();
-    beside.push(".part");
-    std::fs::write(&beside, bytes)
-        .and_then(|()| std::fs::rename(&beside, path))
-        .map_err(|why| GridError::io(path, why))
+    launcher::replace(path, bytes).map_err(|why| GridError::io(path, why))
 }
 
 /// Name of a column and its value in the row of a cell.

@@ -2,17 +2,17 @@
 
 use std::collections::BTreeMap;
 
-use modulo_eval::results::{Cell, Device, Input, Paper, Point, Results, Setup, StagePercentiles, Stream};
+use modulo_eval::results::{Cell, Device, Input, Paper, Point, Results, Setup, Stream};
 use modulo_eval::{budget, chart, report, store};
+use modulo_runtime::report::Percentiles;
 
 fn map<T: Clone>(pairs: &[(&str, T)]) -> BTreeMap<String, T> {
     pairs.iter().map(|(name, value)| ((*name).to_owned(), value.clone())).collect()
 }
 
-fn times(pairs: &[(&str, f64)]) -> BTreeMap<String, StagePercentiles> {
-    let spread = |&(name, p50): &(&str, f64)| {
-        (name.to_owned(), StagePercentiles { p50, p95: 1.2 * p50, p99: 1.5 * p50 })
-    };
+fn times(pairs: &[(&str, f64)]) -> BTreeMap<String, Percentiles> {
+    let spread =
+        |&(name, p50): &(&str, f64)| (name.to_owned(), Percentiles { p50, p95: 1.2 * p50, p99: 1.5 * p50 });
     pairs.iter().map(spread).collect()
 }
 

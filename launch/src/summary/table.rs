@@ -31,8 +31,8 @@ impl fmt::Display for Summary {
             let counts: Vec<String> = counts.iter().map(|(class, n)| format!("{n} {class}")).collect();
             write_list(f, &format!("detected on {stream}:"), &counts)?;
         }
-        for (node, rungs) in &self.unwrapped {
-            writeln!(f, "{}", fitted(&format!("{node} took {rungs}"), WIDTH))?;
+        for (node, methods) in &self.unwrapped {
+            writeln!(f, "{}", fitted(&format!("{node} used {methods}"), WIDTH))?;
         }
         for lost in &self.lost_in_crashes {
             writeln!(f, "{}", fitted(&lost.to_string(), WIDTH))?;
@@ -69,7 +69,9 @@ fn fitted(text: &str, width: usize) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Percentiles, TopicCounts};
+    use modulo_runtime::report::Percentiles;
+
+    use super::super::TopicCounts;
     use super::*;
 
     #[test]

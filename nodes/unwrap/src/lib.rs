@@ -268,7 +268,7 @@ impl RecoveryCounts {
         self.trusted += u64::from(report.trust == Trust::Trusted);
     }
 
-    /// Returns `("rungs", "lines 58, gradient_tree 2")` and `("trusted", "58 of 60 frames")`; nothing before the first
+    /// Returns `("methods_used", "lines 58, gradient_tree 2")` and `("trusted", "58 of 60 frames")`; nothing before the first
     /// frame.
     fn status(&self) -> Vec<(&'static str, String)> {
         let frames: u64 = self.methods.values().sum();
@@ -277,7 +277,7 @@ impl RecoveryCounts {
         }
         let methods = self.methods.iter().map(|(method, count)| format!("{method} {count}"));
         vec![
-            ("rungs", methods.collect::<Vec<_>>().join(", ")),
+            ("methods_used", methods.collect::<Vec<_>>().join(", ")),
             ("trusted", format!("{} of {frames} frames", self.trusted)),
         ]
     }
@@ -294,7 +294,7 @@ fn describe(node: &str, header: &Header, method: &str, report: &Report) -> Diagn
         Trust::Unknown => (DiagnosticStatus::OK, "the method makes no claim"),
     };
     // Two names: the method that was asked for, and the one that `auto` selected for this frame.
-    let mut values = vec![("method", method.to_owned()), ("rung", report.method.to_owned())];
+    let mut values = vec![("method", method.to_owned()), ("method_used", report.method.to_owned())];
     // A method without a claim has no entry, so that no reader takes it for distrust.
     if let Some(trusted) = report.trust.claim() {
         values.push(("trusted", trusted.to_string()));

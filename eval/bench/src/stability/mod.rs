@@ -83,7 +83,7 @@ fn examine(case: &Case, folder: Option<&Path>) -> Result<SceneRow, BenchError> {
             exact: score.exact,
             up_to_offset: score.up_to_offset,
             psnr_db: score.psnr,
-            rung: report.method,
+            method_used: report.method,
             trusted: report.trust.claim(),
             signal: report.quality.map(named),
             verdict,

@@ -159,7 +159,7 @@ fn tile(shape: PictureShape, trial: &Trial) -> Markup {
         b { (trial.method) } " " span class=(shade(trial.exact)) { (percent(trial.exact)) } " " (psnr)
         @if trial.up_to_offset > trial.exact { br; (percent(trial.up_to_offset)) " up to an offset" }
         @if let Some(trusted) = trial.trusted {
-            br; "by " (trial.rung) ", " @if !trusted { "not " } "trusted " (trust(trial.trusted))
+            br; "by " (trial.method_used) ", " @if !trusted { "not " } "trusted " (trust(trial.trusted))
         }
         br; i { "expected: " (trial.expected) @if let Some(why) = trial.reason { ": " (why) } }
         @match &trial.verdict {

@@ -55,7 +55,7 @@ pub struct Trial {
     /// PSNR in dB with the peak `alpha * 2^b`. `None` without any error.
     pub psnr_db: Option<f64>,
     /// The method that produced the result, see [`modulo_core::unwrap::Report`].
-    pub rung: &'static str,
+    pub method_used: &'static str,
     /// Whether the method trusts its result. `None` if it makes no statement.
     pub trusted: Option<bool>,
     /// The fields of [`modulo_core::unwrap::QualityMetrics`] by name.

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use modulo_core::metric::quantile;
+use modulo_runtime::report::Percentiles;
 
 use crate::labels::SENSE;
-use crate::results::StagePercentiles;
 
 /// The definition of a latency for the report.
 pub const DEFINITION: &str = "\
@@ -17,7 +17,7 @@ pub const DEFINITION: &str = "\
 /// Quantiles of each stage. Durations of a stage that occurs twice in a frame are added.
 pub fn by_stage<'a>(
     frames: impl Iterator<Item = &'a [(&'static str, u64)]>,
-) -> BTreeMap<String, StagePercentiles> {
+) -> BTreeMap<String, Percentiles> {
     let mut stages: BTreeMap<&str, Vec<u64>> = BTreeMap::new();
     for frame in frames {
         // Durations are added within a frame first. Otherwise the percentiles would be over parts of frames.
@@ -44,10 +44,10 @@ pub fn histogram<'a>(frames: impl Iterator<Item = &'a [(&'static str, u64)]>) ->
     counts.into_iter().map(|(bucket, count)| (10f64.powf(f64::from(bucket) / BUCKETS), count)).collect()
 }
 
-fn percentiles(mut ns: Vec<u64>) -> StagePercentiles {
+fn percentiles(mut ns: Vec<u64>) -> Percentiles {
     ns.sort_unstable();
-    let at = |q: f64| quantile(&ns, q).expect("a stage is listed with its first duration") as f64 / 1e6;
-    StagePercentiles { p50: at(0.50), p95: at(0.95), p99: at(0.99) }
+    Percentiles::of(|q| quantile(&ns, q).map(|ns| ns as f64 / 1e6))
+        .expect("a stage is listed with its first duration")
 }
 
 #[cfg(test)]
@@ -59,7 +59,7 @@ mod tests {
         let frames: Vec<Vec<(&'static str, u64)>> =
             (1..=100).map(|ms| vec![("infer", ms * 1_000_000), ("pre", 1), ("pre", 2)]).collect();
         let stages = by_stage(frames.iter().map(|frame| &frame[..]));
-        assert_eq!(stages["infer"], StagePercentiles { p50: 50.0, p95: 95.0, p99: 99.0 });
+        assert_eq!(stages["infer"], Percentiles { p50: 50.0, p95: 95.0, p99: 99.0 });
         assert_eq!(stages["pre"].p50, 3e-6);
         assert!(by_stage([].into_iter()).is_empty());
     }
