@@ -6,6 +6,7 @@
 
 use clap::Parser;
 use modulo_eval::grid::{Data, GridOptions, Request, Suite, run};
+use modulo_eval::results::Provenance;
 use modulo_runtime::SystemClock;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -15,7 +16,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let request = Request {
         data: Data::Any("scene://tunnel?seed=3&frames=8".into()),
         options: GridOptions::try_parse_from(options)?,
-        processor: "the processor of this machine".into(),
+        provenance: Provenance { command: "evaluate_cell".into(), ..Provenance::default() },
         out: "evaluation".into(),
     };
     let outcome = run(&request, &Suite, &SystemClock::default(), &|_| {})?;

@@ -24,18 +24,28 @@ fn run(bench: &Bench, out: &Path, more: &[&str]) -> Option<i32> {
     output.status.code()
 }
 
-/// `results.json` without its times, and without what they were measured on.
+/// `results.json` without its times, without the machine that they were measured on, and without the commands.
 fn timeless(folder: &Path) -> Value {
     let mut results = json(&folder.join("results.json"));
-    let cells = results["cells"].as_array_mut().expect("cells");
-    for cell in cells {
-        let cell = cell.as_object_mut().expect("a cell");
-        let times = cell.remove("latency_ms").expect("times");
-        cell.remove("latency_histogram").expect("times");
-        cell.remove("device");
+    let runs = results.as_object_mut().expect("results").remove("runs").expect("runs");
+    assert!(runs[0]["command"].as_str().is_some_and(|command| command.contains(SCENE)), "{runs}");
+    for cell in results["cells"].as_array_mut().expect("cells") {
+        let (times, frame) = (cell["latency_ms"].clone(), cell["frame_ms"].clone());
+        remove_times(cell);
         assert!(times["infer"]["p50"].as_f64().expect("a time") > 0.0, "{times}");
+        let [p50, low, high, cpu] =
+            [&frame["p50"], &frame["interval95"][0], &frame["interval95"][1], &frame["cpu_ms"]]
+                .map(|value| value.as_f64().expect("a time"));
+        assert!(low <= p50 && p50 <= high && cpu > 0.0 && frame["frames"] == 4, "{frame}");
     }
     results
+}
+
+fn remove_times(cell: &mut Value) {
+    let cell = cell.as_object_mut().expect("a cell");
+    for name in ["latency_ms", "latency_histogram", "frame_ms", "device"] {
+        cell.remove(name).expect("times");
+    }
 }
 
 fn whole(bench: &Bench) -> PathBuf {
@@ -78,9 +88,12 @@ fn a_killed_run_goes_on_where_it_stopped() {
     let out = bench.path("killed");
     let arguments = arguments(&out);
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    // With their times, which no second measurement repeats.
     let cells = || match out.join("results.json") {
-        file if file.is_file() => json(&file)["cells"].as_array().expect("cells").clone(),
+        file if file.is_file() => {
+            let mut cells = json(&file)["cells"].as_array().expect("cells").clone();
+            cells.iter_mut().for_each(remove_times);
+            cells
+        }
         _ => Vec::new(),
     };
     for _ in 0..3 {
@@ -95,8 +108,11 @@ fn a_killed_run_goes_on_where_it_stopped() {
     let whole = cells();
     assert!(before.len() < whole.len() && before.iter().all(|cell| whole.contains(cell)));
 
+    let kept = || json(&out.join("results.json"))["cells"].clone();
+    let before = kept();
     assert_eq!(run(&bench, &out, &[]), Some(0));
-    assert_eq!(cells(), whole, "nothing was left to do");
+    assert_eq!(kept(), before, "nothing was left to do, and no time was measured again");
+    assert_eq!(cells(), whole);
     assert_eq!(run(&bench, &out, &["--seed", "1"]), Some(1), "other figures must not be mixed in");
 }
 

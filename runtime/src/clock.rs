@@ -4,6 +4,9 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use nix::sys::time::TimeValLike;
+use nix::time::{ClockId, clock_gettime};
+
 /// Returns a duration in whole nanoseconds; `u64::MAX` for one of 584 years or more.
 pub fn nanos(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
@@ -15,6 +18,12 @@ pub trait Clock: Send + Sync {
     fn now_ns(&self) -> u64;
     /// Returns the nanoseconds of a monotonic counter with an arbitrary origin; only differences mean anything.
     fn ticks_ns(&self) -> u64;
+}
+
+/// Returns the processor time of all threads of this process so far, ns.
+pub fn cpu_time_ns() -> u64 {
+    let time = clock_gettime(ClockId::CLOCK_PROCESS_CPUTIME_ID).expect("Linux has this clock since 2.6");
+    u64::try_from(time.num_nanoseconds()).unwrap_or(0)
 }
 
 /// The clock of the machine.

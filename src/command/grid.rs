@@ -9,11 +9,12 @@ use modulo_bags::source::FrameList;
 use modulo_eval::grid::{
     Data, GridError, GridEvent, GridOptions, Request, Suite, draw_pictures, merge as merge_shards, run,
 };
-use modulo_eval::results::{Cell, RESULTS, Results};
+use modulo_eval::results::{Cell, Provenance, RESULTS, Results};
 use modulo_eval::{budget as choices, report as page, store};
-use modulo_runtime::SystemClock;
+use modulo_runtime::{Clock, SystemClock};
 
 use super::bench::{processor, progress_bar};
+use super::launch::quoted;
 use super::usage;
 use crate::{Ended, Failure};
 
@@ -49,7 +50,7 @@ pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure
     let request = Request {
         data: data(args, source)?,
         options: args.options.clone(),
-        processor: processor(),
+        provenance: provenance(),
         out: out.to_owned(),
     };
     let bar = progress_bar("{bar:30} {pos}/{len} frames, {eta} left: {msg}");
@@ -88,6 +89,23 @@ pub fn merge(out: &Path, folders: &[PathBuf]) -> Result<Ended, Failure> {
     // A shard that is missing, or a frame that could not be read, is a loss: the exit code tells it.
     let whole = cells.len() == setup.grid.len() && input.warnings.is_empty();
     Ok(if whole { Ended::Done } else { Ended::WithLoss })
+}
+
+/// Where, when and by which command this process runs.
+fn provenance() -> Provenance {
+    let words = std::env::args_os().map(|word| quoted(&word.to_string_lossy()));
+    let [host, load] =
+        ["/proc/sys/kernel/hostname", "/proc/loadavg"].map(|file| std::fs::read_to_string(file).ok());
+    let now = i128::from(SystemClock::default().now_ns() / 1_000_000_000);
+    let started = jiff::Timestamp::from_nanosecond(1_000_000_000 * now).expect("64 bits of ns end in 2554");
+    Provenance {
+        command: words.collect::<Vec<_>>().join(" "),
+        commit: env!("MODULO_COMMIT").to_owned(),
+        host: host.map_or_else(|| "unknown".to_owned(), |name| name.trim().to_owned()),
+        processor: processor(),
+        started: started.to_string(),
+        load: load.and_then(|text| text.split(' ').next()?.parse().ok()),
+    }
 }
 
 fn data(args: &Grid, source: &[String]) -> Result<Data, Failure> {
@@ -149,7 +167,7 @@ pub fn budget(folder: &Path, ms: f64) -> Result<Ended, Failure> {
     let results = store::load(folder)?;
     let results = results.ok_or_else(|| GridError::NoResults(folder.join(RESULTS)))?;
     for found in choices::within(&results, ms) {
-        say!("alpha {}, {}:", found.alpha, found.conditions);
+        say!("alpha {}, {}, times of {}:", found.alpha, found.conditions, found.pass);
         for choice in &found.front {
             let mark = if found.best.as_ref() == Some(choice) { '*' } else { ' ' };
             say!("{mark} {:8.1} ms  AP50 {:5.1}  {}", choice.ms, 100.0 * choice.ap50, choice.name());

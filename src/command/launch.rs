@@ -111,7 +111,7 @@ pub fn tell_slower_engine(summary: &Summary) {
 }
 
 /// Quotes `word` for a shell where it needs quotes.
-fn quoted(word: &str) -> String {
+pub(super) fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "-_./:=,+@%".contains(c);
     if word.chars().all(plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', "'\\''")) }
 }

@@ -3,13 +3,15 @@
 use crate::labels::{self, distinct};
 use crate::results::{Cell, Results, Stream};
 
-/// The choices at one saturation factor, lens and noise.
+/// The choices at one saturation factor, lens and noise, with times of one pass.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Budget<'a> {
     /// The saturation factor.
     pub alpha: f64,
     /// Lens and noise.
     pub conditions: String,
+    /// The pass that measured the times.
+    pub pass: &'a str,
     /// The Pareto front, from fast to accurate.
     pub front: Vec<Choice<'a>>,
     /// The most accurate choice within the time. `None` if no choice is fast enough.
@@ -27,27 +29,50 @@ pub struct Choice<'a> {
     pub ap50: f64,
 }
 
-/// For each alpha, lens and noise of the grid: the best choice that takes at most `ms` a frame.
+/// For each alpha, lens, noise and pass of the grid: the best choice that takes at most `ms` a frame.
 pub fn within(results: &Results, ms: f64) -> Vec<Budget<'_>> {
     let mut alphas = distinct(results.cells.iter().map(|cell| cell.point.alpha));
     alphas.sort_by(f64::total_cmp);
+    let passes = distinct(results.cells.iter().filter_map(pass));
     let mut budgets = Vec::new();
     for conditions in labels::all_conditions(&results.cells) {
         for &alpha in &alphas {
-            let here =
-                |cell: &&Cell| cell.point.alpha == alpha && labels::conditions_of(&cell.point) == conditions;
-            let choices: Vec<Choice<'_>> = results.cells.iter().filter(here).filter_map(choice).collect();
-            let candidates: Vec<Candidate> =
-                choices.iter().map(|c| Candidate { cost: c.ms, gain: c.ap50 }).collect();
-            let front: Vec<Choice<'_>> = pareto_front(&candidates).into_iter().map(|i| choices[i]).collect();
-            // The front rises in time and in accuracy: the last choice within the time is the most accurate one.
-            let best = front.iter().rev().find(|choice| choice.ms <= ms).copied();
-            if !front.is_empty() {
-                budgets.push(Budget { alpha, conditions: labels::conditions(conditions), front, best });
+            for pass in &passes {
+                let here = |cell: &&Cell| {
+                    cell.point.alpha == alpha
+                        && labels::conditions_of(&cell.point) == conditions
+                        && self::pass(cell) == Some(pass)
+                };
+                let front = front(results.cells.iter().filter(here).filter_map(choice).collect());
+                // The front rises in time and in accuracy: the last choice within the time is the most accurate one.
+                let best = front.iter().rev().find(|choice| choice.ms <= ms).copied();
+                if !front.is_empty() {
+                    let conditions = labels::conditions(conditions);
+                    budgets.push(Budget { alpha, conditions, pass, front, best });
+                }
             }
         }
     }
     budgets
+}
+
+fn pass(cell: &Cell) -> Option<&str> {
+    cell.frame_ms.as_ref().map(|time| time.pass.as_str())
+}
+
+/// The Pareto front of `choices`, which were measured in one pass.
+fn front(choices: Vec<Choice<'_>>) -> Vec<Choice<'_>> {
+    // A choice with more steps has to be faster than the measurement can be wrong, or more accurate.
+    let needless = |choice: &Choice<'_>| {
+        choices.iter().any(|simpler| {
+            simpler.steps() < choice.steps()
+                && simpler.ap50 >= choice.ap50
+                && simpler.interval()[0] <= choice.interval()[1]
+        })
+    };
+    let kept: Vec<Choice<'_>> = choices.iter().filter(|choice| !needless(choice)).copied().collect();
+    let candidates: Vec<Candidate> = kept.iter().map(|c| Candidate { cost: c.ms, gain: c.ap50 }).collect();
+    pareto_front(&candidates).into_iter().map(|index| kept[index]).collect()
 }
 
 /// The choice of a cell. Ideal images are no choice: no sensor delivers them.
@@ -59,6 +84,18 @@ fn choice(cell: &Cell) -> Option<Choice<'_>> {
 }
 
 impl Choice<'_> {
+    /// Number of steps between the image of the sensor and the detector: unwrapping or merging, deblurring.
+    fn steps(&self) -> usize {
+        let point = &self.cell.point;
+        let merges = matches!(point.stream, Stream::MultiExposure | Stream::MultiExposureStill);
+        usize::from(point.method.is_some() || merges) + usize::from(point.deblur)
+    }
+
+    /// Bounds of the 95 % interval of the time, ms.
+    fn interval(&self) -> [f64; 2] {
+        self.cell.frame_ms.as_ref().map_or([self.ms; 2], |time| time.interval95)
+    }
+
     /// Description such as `recovered (auto), yolov10n 640x192`.
     pub fn name(&self) -> String {
         format!("{}, {}", labels::stream(&self.cell.point), labels::model(&self.cell.point))

@@ -57,13 +57,31 @@ fn is_sharp_ideal(point: &Point) -> bool {
     point.stream == Stream::Ideal && point.psf_sigma == 0.0
 }
 
-/// Time from the captured image to the boxes, ms: the sum of the medians of all stages except [`SENSE`]. `None` without
-/// measured stages.
+/// Median time from the captured image to the boxes, ms. `None` if it was not measured.
 pub fn frame_ms(cell: &Cell) -> Option<f64> {
-    let stages = cell.latency_ms.iter().filter(|(stage, _)| *stage != SENSE);
-    // The sum of the medians is not the median of the sums, but only the percentiles of the stages are stored.
-    let medians: Vec<f64> = stages.map(|(_, time)| time.p50).collect();
-    (!medians.is_empty()).then(|| medians.iter().sum())
+    cell.frame_ms.as_ref().map(|time| time.p50)
+}
+
+/// One line for each detector and pass in which the machine was busy: the medians of its inference, which is the same
+/// in all cells, are more than 10 % apart.
+pub fn busy(cells: &[Cell]) -> Vec<String> {
+    let timed = |cell: &Cell| {
+        let infer = cell.latency_ms.get("infer")?.p50;
+        Some(((model(&cell.point), cell.frame_ms.as_ref()?.pass.clone()), infer))
+    };
+    let timed: Vec<_> = cells.iter().filter_map(timed).collect();
+    let apart = |detector: &(String, String)| {
+        let times = timed.iter().filter(|(other, _)| other == detector).map(|(_, ms)| *ms);
+        let (least, most) = times.fold((f64::INFINITY, 0.0f64), |(a, b), ms| (a.min(ms), b.max(ms)));
+        (most > 1.1 * least).then(|| {
+            format!(
+                "measured on a busy machine: the median inference of {} took {least:.1} to {most:.1} ms in the cells of \
+                 one pass ({})",
+                detector.0, detector.1
+            )
+        })
+    };
+    distinct(timed.iter().map(|(detector, _)| detector)).into_iter().filter_map(apart).collect()
 }
 
 /// The cells at the alpha nearest to 4, the largest of the paper.

@@ -15,6 +15,10 @@ pub const RESULTS: &str = "results.json";
 /// Name of the file with the same figures as a table, one row for each cell.
 pub const TABLE: &str = "results.csv";
 
+/// Version of the computation of the figures. It is raised when the same request gives other figures than before, so that
+/// old and new ones are never joined.
+pub const FIGURES: u32 = 2;
+
 /// The results of a grid.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Results {
@@ -26,6 +30,33 @@ pub struct Results {
     pub definitions: BTreeMap<String, String>,
     /// The finished cells in the order of the grid. A killed run and a shard have fewer cells than [`Setup::grid`].
     pub cells: Vec<Cell>,
+    /// The runs that made the cells, the first one first.
+    #[serde(default)]
+    pub runs: Vec<Provenance>,
+}
+
+/// Where, when and by which command results were made.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Provenance {
+    /// The command line.
+    pub command: String,
+    /// Commit of the program.
+    pub commit: String,
+    /// Name of the machine.
+    pub host: String,
+    /// Name of the processor.
+    pub processor: String,
+    /// Time of the start, such as `2026-11-22T10:00:00Z`.
+    pub started: String,
+    /// Mean number of running processes in the minute before the start. `None` where the system does not tell it.
+    pub load: Option<f64>,
+}
+
+impl Provenance {
+    /// Names the pass in which this run measures times.
+    pub fn pass(&self) -> String {
+        format!("{} {}", self.host, self.started)
+    }
 }
 
 /// The settings of a grid.
@@ -33,6 +64,9 @@ pub struct Results {
 pub struct Setup {
     /// Version of the program.
     pub version: String,
+    /// [`FIGURES`] of the program.
+    #[serde(default)]
+    pub figures: u32,
     /// The protocol of the pipelines.
     pub protocol: Protocol,
     /// The data, as it was given on the command line.
@@ -196,8 +230,14 @@ pub struct Cell {
     pub worst: Vec<Worst>,
     /// Share of the samples with the true wrap count. This and the next figures exist only for recovered streams.
     pub exact_k: Option<f64>,
+    /// Share of the frames in which all samples have the true wrap count.
+    #[serde(default)]
+    pub exact_frames: Option<f64>,
     /// Share of the frames that the method trusts. `None` if it makes no statement.
     pub trusted: Option<f64>,
+    /// Number of frames that the method trusts although less than 99.9 % of the samples have the true wrap count.
+    #[serde(default)]
+    pub trusted_wrong: Option<usize>,
     /// PSNR against the ideal image of the same lens, dB. `None` for equal images.
     pub psnr_db: Option<f64>,
     /// Mean SSIM against that image.
@@ -210,8 +250,26 @@ pub struct Cell {
     pub latency_ms: BTreeMap<String, Percentiles>,
     /// Histogram of the time of a frame without `sense`: (upper bound in ms, frames). Empty buckets are left out.
     pub latency_histogram: Vec<(f64, u64)>,
+    /// Time of a frame from the captured image to the boxes, without `sense`. `None` if it was not measured.
+    #[serde(default)]
+    pub frame_ms: Option<FrameTime>,
     /// The machine and the settings of the durations.
     pub device: Device,
+}
+
+/// Time of a frame.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FrameTime {
+    /// Median wall-clock time, ms.
+    pub p50: f64,
+    /// Bounds of the 95 % interval of the median, ms.
+    pub interval95: [f64; 2],
+    /// Median processor time of all threads, ms.
+    pub cpu_ms: f64,
+    /// Number of frames.
+    pub frames: usize,
+    /// The pass that measured it, see [`Provenance::pass`]. Only times of one pass can be compared.
+    pub pass: String,
 }
 
 /// Number of frames in [`Cell::worst`].
@@ -257,6 +315,6 @@ pub struct Device {
     pub engine: String,
     /// Threads of one inference.
     pub threads: usize,
-    /// Number of frames that were processed in parallel.
+    /// Number of frames that were processed at a time while durations were measured: 1.
     pub jobs: usize,
 }

@@ -123,6 +123,7 @@ fn add(all: &mut Results, part: Results, path: &Path) -> Result<(), GridError> {
     if part.setup.grid != all.setup.grid {
         return Err(GridError::OtherSetup(path.to_owned(), "its cells are those of another grid".to_owned()));
     }
+    all.runs.extend(part.runs);
     for cell in part.cells {
         match all.cells.iter().find(|known| known.point == cell.point) {
             None => all.cells.push(cell),
@@ -139,7 +140,8 @@ fn add(all: &mut Results, part: Results, path: &Path) -> Result<(), GridError> {
 
 /// The figures of a cell that must be the same in every run.
 fn timeless(cell: &Cell) -> Cell {
-    Cell { latency_ms: Default::default(), device: Default::default(), ..cell.clone() }
+    let (latency_ms, latency_histogram, device) = Default::default();
+    Cell { latency_ms, latency_histogram, device, frame_ms: None, ..cell.clone() }
 }
 
 /// Refuses the results `old` at `path` if they belong to another request than `new`. The grids may differ.
@@ -153,6 +155,7 @@ pub(crate) fn check_same(path: &Path, old: &Results, new: &Results) -> Result<()
     };
     let compared = [
         ("program version", pair(|results| results.setup.version.clone())),
+        ("version of the figures", pair(|results| results.setup.figures.to_string())),
         ("protocol", pair(|results| format!("{:?}", results.setup.protocol))),
         ("seed", pair(|results| results.setup.seed.to_string())),
         ("difficulty", pair(|results| format!("{:?}", results.setup.difficulty))),

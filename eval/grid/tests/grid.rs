@@ -9,7 +9,7 @@ use modulo_eval::grid::{
     Axes, Data, DeblurChoice, GridError, GridEvent, GridOptions, Nodes, Request, Suite, draw_pictures, run,
 };
 use modulo_eval::report;
-use modulo_eval::results::{Cell, Results, Stream};
+use modulo_eval::results::{Cell, Provenance, Results, Stream};
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::{
     Context, Flow, Message, Node, ParameterError, Parameters, StepError, SystemClock, Topic, Trigger,
@@ -65,8 +65,14 @@ fn still_request(out: &Path) -> Request {
     let axes = Axes { stream: vec![Stream::Ideal], alpha: vec![2.0], ..Axes::default() };
     Request {
         data: Data::Any("scene://day?seed=3&frames=3&width=320&height=128".to_owned()),
-        options: GridOptions { axes, engine: EngineChoice::Rten, jobs: 1, ..GridOptions::default() },
-        processor: String::new(),
+        options: GridOptions {
+            axes,
+            engine: EngineChoice::Rten,
+            jobs: 1,
+            time_frames: 0,
+            ..GridOptions::default()
+        },
+        provenance: Provenance::default(),
         out: out.to_owned(),
     }
 }
@@ -76,8 +82,12 @@ fn cells(nodes: &dyn Nodes) -> Vec<Cell> {
     let folder = tempfile::tempdir().expect("a folder");
     let outcome =
         run(&still_request(folder.path()), nodes, &SystemClock::default(), &|_| {}).expect("evaluated");
-    let timeless =
-        |cell: Cell| Cell { latency_ms: Default::default(), latency_histogram: Vec::new(), ..cell };
+    let timeless = |cell: Cell| Cell {
+        latency_ms: Default::default(),
+        latency_histogram: Vec::new(),
+        frame_ms: None,
+        ..cell
+    };
     outcome.results.cells.into_iter().map(timeless).collect()
 }
 
@@ -99,8 +109,9 @@ fn request(data: Data, streams: &[Stream], out: &Path) -> Request {
         alpha: vec![4.0],
         ..Axes::default()
     };
-    let options = GridOptions { axes, engine: EngineChoice::Rten, jobs: 2, ..GridOptions::default() };
-    Request { data, options, processor: String::new(), out: out.to_owned() }
+    let options =
+        GridOptions { axes, engine: EngineChoice::Rten, jobs: 2, time_frames: 1, ..GridOptions::default() };
+    Request { data, options, provenance: Provenance::default(), out: out.to_owned() }
 }
 
 fn results(request: &Request) -> Result<Results, GridError> {

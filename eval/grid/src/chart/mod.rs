@@ -84,12 +84,12 @@ fn subtitle(results: &Results) -> String {
     let devices = distinct(results.cells.iter().map(|cell| {
         let device = &cell.device;
         let threads = counted(device.threads, "thread an inference", "threads an inference");
-        let jobs = counted(device.jobs, "frame at a time", "frames at a time");
-        format!("{} on {}, {threads}, {jobs}", device.engine, device.processor)
+        format!("{} on {}, {threads}", device.engine, device.processor)
     }));
+    let busy = if labels::busy(&results.cells).is_empty() { vec![] } else { vec!["BUSY MACHINE".to_owned()] };
     let frames = format!("{} labelled frames of {}", results.input.labelled, results.setup.source);
     let objects = format!("objects that count: {}", objects.join(", "));
-    [vec![frames, objects], devices].concat().join(" · ")
+    [vec![frames, objects], devices, busy].concat().join(" · ")
 }
 
 /// Adds a point to the series of a name, which is created if it is missing.

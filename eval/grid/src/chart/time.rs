@@ -23,9 +23,9 @@ pub fn frontiers(results: &Results, conditions: Conditions) -> Vec<NamedChart> {
 fn frontier(results: &Results, cells: &[&Cell], alpha: f64, conditions: Conditions) -> NamedChart {
     let cells: Vec<&Cell> = cells.iter().filter(|cell| cell.point.alpha == alpha).copied().collect();
     let groups = distinct(cells.iter().flat_map(|cell| cell.ap50.keys()));
-    let footer = "Time: the sum of the medians of unwrap, tone or deblur, pre, infer and post; the capture and the \
-                 simulation of the sensor are not in it. Grey: dominated, something else is both faster and more \
-                 accurate. The ideal streams are no choice, for no sensor delivers them: they are not on the front. \
+    let footer = "Time: median of unwrap, tone or deblur, pre, infer and post together; the capture and the \
+                 simulation of the sensor are not in it. Grey: another choice is more accurate beyond the 95 % \
+                 intervals of both, and not slower. No sensor delivers the ideal streams: they are not on the front. \
                  Towards the upper left is better.";
     let title = format!("Speed against accuracy, alpha {alpha}, {}", labels::conditions(conditions));
     let body = ChartBody::Panels(groups.iter().map(|group| frontier_panel(&cells, group)).collect());
@@ -44,8 +44,7 @@ fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
     let several = models(cells).len() > 1;
     let mut series: Vec<Series> = Vec::new();
     for (cell, candidate) in &scored {
-        // Cells are compared by address: two cells can have equal figures.
-        let kept = !is_choice(cell) || front.iter().any(|(other, _)| std::ptr::eq(*other, *cell));
+        let kept = !is_choice(cell) || !real.iter().any(|(other, _)| beats(other, cell, group));
         let name = labels::stream(&cell.point);
         let model = labels::model(&cell.point);
         let point = DataPoint {
@@ -71,6 +70,17 @@ fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
 
 fn candidate(cell: &Cell, group: &str) -> Option<Candidate> {
     Some(Candidate { cost: labels::frame_ms(cell)?, gain: (*cell.ap50.get(group)?)? })
+}
+
+/// Whether a cell is more accurate than another one measured in the same pass, beyond the 95 % intervals of both, and not
+/// slower, within them.
+fn beats(cell: &Cell, other: &Cell, group: &str) -> bool {
+    let (Some(time), Some(others)) = (&cell.frame_ms, &other.frame_ms) else { return false };
+    let key = format!("ap50.{group}");
+    let (Some([low, _]), Some([_, high])) = (cell.interval95.get(&key), other.interval95.get(&key)) else {
+        return false;
+    };
+    time.pass == others.pass && time.interval95[0] <= others.interval95[1] && low > high
 }
 
 /// Whether a real camera can deliver the image of a cell.

@@ -53,6 +53,8 @@ pub struct DetectorWorker<'a> {
     chain: Lockstep<'a>,
     /// The engine in use.
     pub engine: String,
+    /// Threads of one inference.
+    pub threads: usize,
 }
 
 impl<'a> DetectorWorker<'a> {
@@ -71,14 +73,18 @@ impl<'a> DetectorWorker<'a> {
             score_threshold: LEAST_SCORE,
             ..DetectorParameters::default()
         })?;
-        let engine = node.status().into_iter().find(|(name, _)| *name == "engine");
-        let (_, engine) = engine.expect("the status of a detector names its engine");
+        let status = node.status();
+        let of =
+            |wanted: &str| status.iter().find(|(name, _)| *name == wanted).map(|(_, value)| value.clone());
+        let engine = of("engine").expect("the status of a detector names its engine");
+        let threads = of("threads").and_then(|threads| threads.parse().ok());
+        let threads = threads.expect("the status of a detector has the number of its threads");
         let mut chain = Lockstep::new(timer, vec!["/detector/detections".to_owned()]);
         chain.add(node, &node_name("detector"))?;
-        Ok(Self { chain, engine })
+        Ok(Self { chain, engine, threads })
     }
 
-    /// Detects objects in the image of frame `number`.
+    /// Detects objects in the image of frame `number`, or takes the output of an equal image of this frame.
     pub fn detect(
         &mut self,
         number: usize,
@@ -86,13 +92,23 @@ impl<'a> DetectorWorker<'a> {
         cache: &DetectionCache,
     ) -> Result<DetectorOutput, GridError> {
         // The sharp ideal image is the same for all lenses, and a recovered image is often the same for several
-        // methods. The number is part of the key, because the durations of an output belong to its frame.
+        // methods.
         let key = (number, digest(&image.frame));
         // The lock is not held during the inference. Two workers never have the same frame, so that no image is
         // detected twice.
         if let Some(output) = cache.lock().get(&key) {
             return Ok(output.clone());
         }
+        let output = self.infer(number, image)?;
+        let mut kept = cache.lock();
+        if kept.len() < MOST_KEPT {
+            kept.insert(key, output.clone());
+        }
+        Ok(output)
+    }
+
+    /// Detects objects in the image of frame `number`.
+    pub fn infer(&mut self, number: usize, image: Arc<StampedFrame>) -> Result<DetectorOutput, GridError> {
         let out = self.chain.feed("/image", Message::Image(image), stamp(number))?;
         let found = out.into_iter().find_map(|(_, message)| match message {
             Message::Detections(array) => Some(array),
@@ -101,12 +117,7 @@ impl<'a> DetectorWorker<'a> {
         let found = found.map(|array| {
             Arc::new(array.detections.iter().filter_map(|d| d.to_detection()).collect::<Vec<_>>())
         });
-        let output = DetectorOutput { found, stages: self.chain.stages().to_vec() };
-        let mut kept = cache.lock();
-        if kept.len() < MOST_KEPT {
-            kept.insert(key, output.clone());
-        }
-        Ok(output)
+        Ok(DetectorOutput { found, stages: self.chain.stages().to_vec() })
     }
 }
 

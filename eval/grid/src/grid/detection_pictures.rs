@@ -7,7 +7,6 @@ use modulo_charts::{LabelledBox, Picture, class_colour, distinct};
 use modulo_core::{BBox, Detection, Frame};
 use modulo_runtime::Clock;
 
-use super::detect::DetectionCache;
 use super::frames::Frames;
 use super::neighbours::{FrameWithNeighbours, FramesWithNeighbours, Neighbours};
 use super::pipeline::Nodes;
@@ -64,7 +63,7 @@ fn detect(
             let name = frame.name.clone();
             let input = runner.pipeline(point)?(FrameWithNeighbours { number, frame, around: None })?;
             let (Some(image), Some(worker)) = (input.image, runner.workers.first_mut()) else { continue };
-            let output = worker.detect(number, image.clone(), &DetectionCache::default())?;
+            let output = worker.infer(number, image.clone())?;
             let found = output.found.as_deref().map_or(&[][..], Vec::as_slice);
             let shown: Vec<&Detection> = found.iter().filter(|d| d.score >= LEAST_SHOWN).collect();
             let Some(picture) = picture(&image.frame, &truths[number], &shown) else { continue };

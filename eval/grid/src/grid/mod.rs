@@ -21,6 +21,7 @@ mod request;
 mod run;
 mod runner;
 mod score;
+mod timing;
 
 pub use crate::GridError;
 pub use crate::store::merge;

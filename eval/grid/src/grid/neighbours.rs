@@ -6,6 +6,7 @@ use ndarray::Array3;
 use super::frames::{Frames, Raw};
 
 /// A frame that is scored.
+#[derive(Clone)]
 pub struct FrameWithNeighbours {
     /// Number among the frames that are scored.
     pub number: usize,

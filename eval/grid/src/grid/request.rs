@@ -12,7 +12,7 @@ use modulo_detector::EngineChoice;
 use super::Axes;
 use crate::GridError;
 use crate::classes::{ClassGroups, ClassMap};
-use crate::results::{Difficulty, Protocol};
+use crate::results::{Difficulty, Protocol, Provenance};
 
 /// Everything that determines a grid run.
 #[derive(Clone, Debug)]
@@ -21,8 +21,8 @@ pub struct Request {
     pub data: Data,
     /// The settings.
     pub options: GridOptions,
-    /// Name of the processor, which is written into the results.
-    pub processor: String,
+    /// Where and by which command the results are made.
+    pub provenance: Provenance,
     /// Folder for the results.
     pub out: PathBuf,
 }
@@ -39,10 +39,13 @@ pub struct GridOptions {
     /// Inference engine
     #[arg(long, default_value = "auto", value_parser = words(EngineChoice::WORDS))]
     pub engine: EngineChoice,
-    /// Threads of one inference
-    #[arg(long, default_value_t = 1)]
+    /// Threads of one inference where times are measured. 0: one for each core, as the detector node has it
+    #[arg(long, default_value_t = 0)]
     pub threads: usize,
-    /// Number of frames that are processed in parallel. 0: one for each core
+    /// Number of frames on which the times of each cell are measured, after all cells are scored. 0: no times
+    #[arg(long, value_name = "N", default_value_t = 20)]
+    pub time_frames: usize,
+    /// Number of frames that are scored in parallel. 0: one for each core
     #[arg(long, default_value_t = 0)]
     pub jobs: usize,
     /// Seed of the noise and of the bootstrap
@@ -103,9 +106,10 @@ impl Request {
         self.options.difficulty.unwrap_or_else(|| self.data.difficulty())
     }
 
-    /// Threads of one inference, at least 1.
-    pub(super) fn threads(&self) -> usize {
-        self.options.threads.max(1)
+    /// The file of the model with this name in cells.
+    pub(super) fn model(&self, name: &str) -> Result<&Path, GridError> {
+        let model = self.options.axes.model.iter().find(|path| Axes::model_name(path) == name);
+        model.map(PathBuf::as_path).ok_or(GridError::Empty("the list of models"))
     }
 
     /// Number of frames that are processed in parallel, at least 1.

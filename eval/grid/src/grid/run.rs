@@ -13,12 +13,12 @@ use super::pipeline::Nodes;
 use super::pipeline::{BITS, RECOVERY_DEFINITION, multi_exposure};
 use super::runner::CellRunner;
 use super::score::Scorer;
-use super::{Axes, Request};
+use super::{Axes, Request, timing};
 use crate::classes::{ClassGroups, ClassMap, Table, of_labels};
 use crate::metric::bootstrap::Units;
 use crate::metric::{average, bootstrap, latency, matching, paper};
-use crate::results::{Point, RESULTS, Results, Setup};
-use crate::{GridError, store};
+use crate::results::{Cell, FIGURES, Point, RESULTS, Results, Setup};
+use crate::{GridError, labels, store};
 
 /// Progress of a grid run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,7 +79,7 @@ pub fn run(
     let mapped = mapped_classes(request, &map, &mut frames)?;
     let units = Units::new(&frames.drive_of, request.options.seed);
     let definitions = definitions();
-    let fresh = Results { setup, input: frames.input.clone(), definitions, cells: Vec::new() };
+    let fresh = Results { setup, input: frames.input.clone(), definitions, ..Results::default() };
     let mut results = if request.options.fresh { fresh } else { resume(&request.out, fresh)? };
     // Shards take every n-th cell: models and inputs vary slowest, so that blocks would give one shard all the slow
     // models.
@@ -88,6 +88,7 @@ pub fn run(
         .map(|(_, point)| point)
         .partition(|point| results.cells.iter().any(|cell| cell.point == **point));
     tell(GridEvent::Resumed { cells: done.len() });
+    results.runs.push(request.provenance.clone());
     let mut runner = CellRunner::new(request, nodes, timer);
     let truths = frames.truths.clone();
     let each = frames.len() as u64;
@@ -103,11 +104,13 @@ pub fn run(
             difficulty: request.difficulty(),
             units: &units,
         };
-        results.cells.push(scorer.cell((*point).clone(), &frames, runner.device()));
+        results.cells.push(scorer.cell((*point).clone(), &frames));
         // Cells of an earlier run may come later in the grid.
         store::sort(&mut results.cells, &points);
         store::save(&request.out, &results)?;
     }
+    drop(runner);
+    measure_times(request, nodes, timer, &mut frames, &mut results, tell)?;
     // A run without any cell to process writes its files, too.
     store::save(&request.out, &results)?;
     let unanswered = results.cells.iter().map(|cell| cell.unanswered).sum();
@@ -120,7 +123,30 @@ fn resume(folder: &Path, fresh: Results) -> Result<Results, GridError> {
     store::check_same(&folder.join(RESULTS), &old, &fresh)?;
     // Cells that are no longer in the grid are dropped: the report would mix two requests.
     let cells = old.cells.into_iter().filter(|cell| fresh.setup.grid.contains(&cell.point)).collect();
-    Ok(Results { cells, ..fresh })
+    Ok(Results { cells, runs: old.runs, ..fresh })
+}
+
+/// Measures the times of all cells anew if some of them have none or were measured in another pass.
+fn measure_times(
+    request: &Request,
+    nodes: &dyn Nodes,
+    timer: &dyn Clock,
+    frames: &mut Frames,
+    results: &mut Results,
+    tell: &(dyn Fn(GridEvent<'_>) + Sync),
+) -> Result<(), GridError> {
+    let pass = |cell: &Cell| cell.frame_ms.as_ref().map(|time| time.pass.clone());
+    let measured = results.cells.first().is_none_or(|first| pass(first).is_some())
+        && results.cells.iter().all(|cell| pass(cell) == pass(&results.cells[0]));
+    if measured || request.options.time_frames == 0 {
+        return Ok(());
+    }
+    let frames_of_cell = request.options.time_frames.min(frames.len()) as u64;
+    let all = results.cells.len() as u64 * frames_of_cell;
+    tell(GridEvent::Cell { frames: (0, all), name: "times" });
+    timing::measure(request, nodes, timer, frames, &mut results.cells, &|| tell(GridEvent::Frame))?;
+    labels::busy(&results.cells).iter().for_each(|warning| tell(GridEvent::Warning(warning)));
+    Ok(())
 }
 
 /// The setup of `request` with the cells at `points`. Reads the files of the models.
@@ -134,6 +160,7 @@ fn setup(
     let model = |path: &PathBuf| Ok((Axes::model_name(path), sha256(path)?));
     Ok(Setup {
         version: env!("CARGO_PKG_VERSION").to_owned(),
+        figures: FIGURES,
         protocol: options.protocol,
         source: request.data.name(),
         bits: BITS,
@@ -185,7 +212,7 @@ fn mapped_classes(
     let mut all = MappedClasses::new();
     for model in &request.options.axes.model {
         let name = Axes::model_name(model);
-        let own = describe(model, request.options.engine, request.threads())?.classes;
+        let own = describe(model, request.options.engine, 1)?.classes;
         let found: BTreeSet<String> =
             own.iter().filter_map(|class| map.mapped(class)).map(str::to_owned).collect();
         // A model without class names may find every class.

@@ -11,17 +11,15 @@ use super::detect::{DetectionCache, DetectorConfig, DetectorWorker};
 use super::frames::Frames;
 use super::neighbours::{FrameWithNeighbours, FramesWithNeighbours};
 use super::pipeline::Nodes;
-use super::pipeline::{self, DetectorInput, FramePipeline, RecoveryQuality, Stages, multi_exposure};
-use super::{Axes, GridError, Request};
-use crate::results::{Device, Point};
+use super::pipeline::{self, DetectorInput, FramePipeline, RecoveryQuality, multi_exposure};
+use super::{GridError, Request};
+use crate::results::Point;
 
 /// The result of one frame of one cell.
 #[derive(Clone, Debug, Default)]
 pub struct FrameResult {
     /// Detections by descending score. `None` if no answer came.
     pub found: Option<Arc<Vec<Detection>>>,
-    /// Durations of all stages, in order.
-    pub stages: Stages,
     /// Quality of a recovered image.
     pub recovery: Option<RecoveryQuality>,
 }
@@ -108,11 +106,10 @@ impl<'a> CellRunner<'a> {
         if self.loaded.as_ref() == Some(&wanted) {
             return Ok(());
         }
-        let options = &self.request.options;
-        let model = options.axes.model.iter().find(|path| Axes::model_name(path) == point.model);
-        let model = model.ok_or(GridError::Empty("the list of models"))?;
-        let threads = self.request.threads();
-        let config = DetectorConfig { model, engine: options.engine, input: &point.input, threads };
+        let model = self.request.model(&point.model)?;
+        // The cores are used by the jobs. The threads of the nodes are used where times are measured.
+        let config =
+            DetectorConfig { model, engine: self.request.options.engine, input: &point.input, threads: 1 };
         // The old models are freed before the new ones are loaded, so that the memory never holds both.
         self.workers.clear();
         for _ in 0..self.request.jobs() {
@@ -121,17 +118,6 @@ impl<'a> CellRunner<'a> {
         self.cache = DetectionCache::default();
         self.loaded = Some(wanted);
         Ok(())
-    }
-
-    /// The machine and settings that the durations of the last cell were measured with.
-    pub fn device(&self) -> Device {
-        let worker = self.workers.first().expect("a cell was run with at least one detector");
-        Device {
-            processor: self.request.processor.clone(),
-            engine: worker.engine.clone(),
-            threads: self.request.threads(),
-            jobs: self.request.jobs(),
-        }
     }
 }
 
@@ -148,9 +134,8 @@ fn run_frame(
     frame: FrameWithNeighbours,
 ) -> Result<FrameResult, GridError> {
     let number = frame.number;
-    let DetectorInput { image, mut stages, recovery } = pipeline(frame)?;
-    let Some(image) = image else { return Ok(FrameResult { found: None, stages, recovery }) };
+    let DetectorInput { image, recovery, .. } = pipeline(frame)?;
+    let Some(image) = image else { return Ok(FrameResult { found: None, recovery }) };
     let output = worker.detect(number, image, cache)?;
-    stages.extend(output.stages);
-    Ok(FrameResult { found: output.found, stages, recovery })
+    Ok(FrameResult { found: output.found, recovery })
 }

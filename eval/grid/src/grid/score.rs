@@ -4,14 +4,18 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use modulo_bags::source::GroundTruth;
 use modulo_core::Detection;
+use modulo_core::unwrap::Trust;
 
-use super::pipeline::ImageSimilarity;
+use super::pipeline::{ImageSimilarity, RecoveryQuality};
 use super::runner::FrameResult;
 use crate::classes::{ClassGroups, ClassMap, DONT_CARE, Membership};
 use crate::metric::average::image_boxes;
 use crate::metric::matching::ImageBoxes;
-use crate::metric::{average, bootstrap, latency, paper};
-use crate::results::{Cell, ClassScore, Device, Difficulty, Paper, Point, WORST, Worst};
+use crate::metric::{average, bootstrap, paper};
+use crate::results::{Cell, ClassScore, Difficulty, Paper, Point, WORST, Worst};
+
+/// Least share of exact wrap counts of a frame that may be trusted: docs/methods.md promises it.
+const LEAST_TRUSTED_SHARE: f64 = 0.999;
 
 /// The ground truth and the rules of scoring.
 pub struct Scorer<'a> {
@@ -34,7 +38,7 @@ type Found = Vec<Vec<Detection>>;
 
 impl Scorer<'_> {
     /// The figures of the cell at `point`.
-    pub fn cell(&self, point: Point, frames: &[FrameResult], device: Device) -> Cell {
+    pub fn cell(&self, point: Point, frames: &[FrameResult]) -> Cell {
         let found = self.mapped_detections(frames);
         let groups: BTreeMap<&str, Vec<ImageBoxes>> = self
             .groups
@@ -49,8 +53,12 @@ impl Scorer<'_> {
         let exact: u64 = recoveries.clone().map(|r| r.exact).sum();
         let (psnr_db, ssim) = ImageSimilarity::mean(recoveries.clone().map(|r| &r.ideal));
         let (psnr_sharp_db, ssim_sharp) = ImageSimilarity::mean(recoveries.clone().map(|r| &r.sharp));
-        let claims: Vec<f64> =
-            recoveries.filter_map(|r| r.trust.claim()).map(|t| f64::from(u8::from(t))).collect();
+        let share = |counts: &mut dyn Iterator<Item = bool>| {
+            let flags: Vec<f64> = counts.map(|flag| f64::from(u8::from(flag))).collect();
+            (!flags.is_empty()).then(|| average::mean(&flags))
+        };
+        let unwrapped = recoveries.clone().filter(|r| r.samples > 0);
+        let wrong = |r: &&RecoveryQuality| r.trust == Trust::Trusted && r.exact_share() < LEAST_TRUSTED_SHARE;
         let means: Vec<f64> = groups.values().filter_map(|images| average::ap50_95(images)).collect();
         Cell {
             point,
@@ -66,14 +74,15 @@ impl Scorer<'_> {
             paper: paper::mean(&papers),
             worst: self.worst(&papers),
             exact_k: (samples > 0).then(|| exact as f64 / samples as f64),
-            trusted: (!claims.is_empty()).then(|| average::mean(&claims)),
+            exact_frames: share(&mut unwrapped.clone().map(|r| r.exact == r.samples)),
+            trusted: share(&mut recoveries.clone().filter_map(|r| r.trust.claim())),
+            trusted_wrong: (samples > 0).then(|| unwrapped.filter(wrong).count()),
             psnr_db,
             ssim,
             psnr_sharp_db,
             ssim_sharp,
-            latency_ms: latency::by_stage(frames.iter().map(|frame| &frame.stages[..])),
-            latency_histogram: latency::histogram(frames.iter().map(|frame| &frame.stages[..])),
-            device,
+            // The times are measured in a pass of their own.
+            ..Cell::default()
         }
     }
 

@@ -8,8 +8,8 @@ use maud::{Markup, PreEscaped, html};
 use modulo_charts::{ChartError, html_page};
 
 use crate::chart::{self, NamedChart, RenderedChart};
-use crate::labels::distinct;
-use crate::results::{RESULTS, Results};
+use crate::labels::{self, distinct};
+use crate::results::{Provenance, RESULTS, Results};
 use crate::store::{load, replace};
 use crate::{GridError, published};
 
@@ -22,6 +22,7 @@ pub fn page(results: &Results, charts: &[RenderedChart]) -> String {
         @if done < all {
             p.warning { (done) " of " (all) " cells are here: this is a part of the grid, or a run that was ended." }
         }
+        @for warning in labels::busy(&results.cells) { p.warning { (warning) } }
         (tables::summary(results))
         (figures(charts))
         (published::section(results))
@@ -61,7 +62,7 @@ fn setup(results: &Results) -> Markup {
         input.without_twin.iter().map(|(whose, classes)| format!("{whose}: {}", classes.join(", ")));
     let devices = distinct(results.cells.iter().map(|cell| {
         let device = &cell.device;
-        format!("{} on {}, {} threads, {} jobs", device.engine, device.processor, device.threads, device.jobs)
+        format!("{} on {}, {} threads", device.engine, device.processor, device.threads)
     }));
     let facts = [
         ("modulo", setup.version.clone()),
@@ -81,10 +82,21 @@ fn setup(results: &Results) -> Markup {
     html! {
         h2 { "Definitions" }
         dl { @for (name, text) in &results.definitions { dt { (name) } dd { (text) } } }
+        h2 { "Runs" }
+        @for run in &results.runs { p { code { (run.command) } br; (run_facts(run)) } }
         h2 { "Configuration" }
         @for warning in &input.warnings { p { (warning) } }
         dl { @for (name, text) in &facts { dt { (name) } dd { @if text.is_empty() { "-" } @else { (text) } } } }
     }
+}
+
+/// When and where a run was made.
+fn run_facts(run: &Provenance) -> String {
+    let load = run.load.map_or_else(|| "unknown".to_owned(), |load| format!("{load:.1}"));
+    let Provenance { commit, host, processor, started, .. } = run;
+    format!(
+        "{started}, commit {commit}, on {host} ({processor}); load of the minute before: {load} processes"
+    )
 }
 
 /// File name of the report.

@@ -81,12 +81,32 @@ fn group_tables(results: &Results, model: &str, conditions: Conditions) -> Marku
     html! {
         @for group in distinct(cells.iter().flat_map(|cell| cell.ap50.keys())) {
             h3 { (group) " (" (objects(group)) " objects)" }
-            (by_alpha(&cells, group))
+            (by_alpha(&cells, |cell| ap50(cell, group)))
+        }
+        @let unwrapped: Vec<&Cell> = cells.iter().filter(|cell| cell.exact_k.is_some()).copied().collect();
+        @if !unwrapped.is_empty() {
+            h3 { "exactness" }
+            p {
+                "Share of the samples with the true wrap count; frames that are wholly exact; frames that the method "
+                "trusts; frames that it trusts although they are wrong (less than 99.9 % exact)."
+            }
+            (by_alpha(&unwrapped, exactness))
         }
     }
 }
 
-fn by_alpha(cells: &[&Cell], group: &str) -> Markup {
+fn exactness(cell: &Cell) -> Td {
+    let wrong = cell.trusted_wrong.map_or_else(|| "-".to_owned(), |count| count.to_string());
+    let text = format!(
+        "{} %; {} %; {} %; {wrong}",
+        labels::percent(cell.exact_k),
+        labels::percent(cell.exact_frames),
+        labels::percent(cell.trusted)
+    );
+    Td::Number(text, cell.exact_k)
+}
+
+fn by_alpha(cells: &[&Cell], figure_of: impl Fn(&Cell) -> Td) -> Markup {
     let mut alphas = distinct(cells.iter().map(|cell| cell.point.alpha));
     alphas.sort_by(f64::total_cmp);
     let head = [vec!["stream".to_owned()], alphas.iter().map(|alpha| format!("alpha {alpha}")).collect()];
@@ -94,7 +114,7 @@ fn by_alpha(cells: &[&Cell], group: &str) -> Markup {
         let figure = |alpha: &f64| {
             let found =
                 cells.iter().find(|cell| cell.point.alpha == *alpha && labels::stream(&cell.point) == *name);
-            found.map_or(Td::number(None, 1), |cell| ap50(cell, group))
+            found.map_or(Td::number(None, 1), |cell| figure_of(cell))
         };
         std::iter::once(Td::Text(name.clone())).chain(alphas.iter().map(figure)).collect()
     };
@@ -129,8 +149,18 @@ pub fn cells(results: &Results) -> Markup {
 fn cell_head(groups: &[String], stages: &[&str]) -> Vec<String> {
     let point = ["stream", "alpha", "lens px", "noise", "model", "input", "frames"].map(str::to_owned);
     let ap50 = groups.iter().map(|group| format!("AP50 {group}"));
-    let figures =
-        ["AP50:95", "paper IoU", "F1", "accuracy", "exact k", "trusted", "PSNR dB", "SSIM", "ms a frame"];
+    let figures = [
+        "AP50:95",
+        "paper IoU",
+        "F1",
+        "accuracy",
+        "exact k",
+        "trusted",
+        "PSNR dB",
+        "SSIM",
+        "ms a frame",
+        "CPU ms",
+    ];
     let stages = stages.iter().map(|stage| format!("{stage} ms p50 / p95 / p99"));
     point.into_iter().chain(ap50).chain(figures.map(str::to_owned)).chain(stages).collect()
 }
@@ -151,7 +181,10 @@ fn cell_row(cell: &Cell, groups: &[String], stages: &[&str]) -> Vec<Td> {
     row.extend([cell.paper.iou, cell.paper.f1, cell.paper.accuracy].map(|figure| Td::percent(Some(figure))));
     row.extend([cell.exact_k, cell.trusted].map(Td::percent));
     row.extend([Td::number(cell.psnr_db, 2), Td::number(cell.ssim, 4)]);
-    row.push(Td::number(labels::frame_ms(cell), 1));
+    let time = cell.frame_ms.as_ref();
+    let text = time.map(|t| format!("{:.1} ({:.1} to {:.1})", t.p50, t.interval95[0], t.interval95[1]));
+    row.push(Td::Number(text.unwrap_or_else(|| "-".to_owned()), time.map(|time| time.p50)));
+    row.push(Td::number(time.map(|time| time.cpu_ms), 1));
     let stage = |stage: &&str| {
         let time = cell.latency_ms.get(*stage);
         let text = time.map(|t| format!("{:.1} / {:.1} / {:.1}", t.p50, t.p95, t.p99));

@@ -156,7 +156,9 @@ pub struct ImageSimilarity {
 
 /// The definition of `exact_k`, `psnr_db` and `ssim` for the report.
 pub const RECOVERY_DEFINITION: &str = "\
-    exact_k: share of all samples whose wrap count is the true one, no shift forgiven. PSNR: 10 log10(255^2 / \
+    exact_k: share of all samples whose wrap count is the true one, no shift forgiven. exact_frames: share of \
+    the frames in which all of them are. trusted_wrong: number of frames that the method trusts although less \
+    than 99.9 % of their counts are the true ones. PSNR: 10 log10(255^2 / \
     mse) of the 8-bit image that the detector sees, the mse over the samples of all frames. SSIM: mean over \
     frames, 11 x 11 Gaussian window of 1.5 px. Both against the ideal image of the same sensor, lens and \
     noise (psnr_db, ssim), and against that of the same sensor and noise without a lens (psnr_sharp_db, \
@@ -182,6 +184,11 @@ impl RecoveryQuality {
             trust: diagnostics.map_or(Trust::Unknown, trust),
             ..Self::of_merged(image, truth)?
         })
+    }
+
+    /// Share of the samples with the true wrap count, 0 to 1. 1 without samples.
+    pub fn exact_share(&self) -> f64 {
+        if self.samples == 0 { 1.0 } else { self.exact as f64 / self.samples as f64 }
     }
 
     /// The quality of a merged image, which has no wrap counts.

@@ -1,0 +1,149 @@
+//! [`measure`]: the durations of cells, in a pass of their own.
+//!
+//! Accuracy may be computed by several jobs at a time, and an image that equals an earlier one is not detected again. Both
+//! would falsify durations. Here one frame is processed at a time with the threads of the nodes' own defaults, and the
+//! cells take turns frame by frame: a machine that becomes slower becomes slower for all of them.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use modulo_runtime::Clock;
+use modulo_runtime::clock::cpu_time_ns;
+
+use super::detect::{DetectorConfig, DetectorWorker};
+use super::frames::Frames;
+use super::neighbours::{FrameWithNeighbours, FramesWithNeighbours, Neighbours};
+use super::pipeline::{self, FramePipeline, Nodes, Stages, multi_exposure};
+use super::{GridError, Request};
+use crate::labels::SENSE;
+use crate::metric::latency;
+use crate::results::{Cell, Device, FrameTime};
+
+/// Number of frames of a cell whose processor time is measured, too. They are processed a second time for it.
+const CPU_FRAMES: usize = 5;
+
+/// Counts wall time, or the processor time of all threads of this process.
+struct SwitchClock<'a> {
+    wall: &'a dyn Clock,
+    counts_cpu: AtomicBool,
+}
+
+impl Clock for SwitchClock<'_> {
+    fn now_ns(&self) -> u64 {
+        self.wall.now_ns()
+    }
+
+    fn ticks_ns(&self) -> u64 {
+        if self.counts_cpu.load(Ordering::Relaxed) { cpu_time_ns() } else { self.wall.ticks_ns() }
+    }
+}
+
+/// The durations of one cell, frame by frame.
+#[derive(Clone, Default)]
+struct Measured {
+    wall: Vec<Stages>,
+    cpu: Vec<Stages>,
+}
+
+/// Measures all `cells` on the first frames of the data and calls `done` after each frame of each cell. Cells of one model
+/// and input size are neighbours in `cells`.
+///
+/// # Errors
+/// [`GridError`] if a node cannot be made or a step fails.
+pub fn measure(
+    request: &Request,
+    nodes: &dyn Nodes,
+    timer: &dyn Clock,
+    frames: &mut Frames,
+    cells: &mut [Cell],
+    done: &dyn Fn(),
+) -> Result<(), GridError> {
+    let clock = SwitchClock { wall: timer, counts_cpu: AtomicBool::new(false) };
+    let same_detector =
+        |a: &Cell, b: &Cell| (&a.point.model, &a.point.input) == (&b.point.model, &b.point.input);
+    cells
+        .chunk_by_mut(same_detector)
+        .try_for_each(|cells| measure_group(request, nodes, &clock, frames, cells, done))
+}
+
+/// Measures the cells of one detector.
+fn measure_group(
+    request: &Request,
+    nodes: &dyn Nodes,
+    clock: &SwitchClock<'_>,
+    frames: &mut Frames,
+    cells: &mut [Cell],
+    done: &dyn Fn(),
+) -> Result<(), GridError> {
+    let first = &cells[0].point;
+    let config = DetectorConfig {
+        model: request.model(&first.model)?,
+        engine: request.options.engine,
+        input: &first.input,
+        threads: request.options.threads,
+    };
+    let mut detector = DetectorWorker::open(nodes, clock, &config)?;
+    let open = |cell: &Cell| pipeline::open(request, nodes, clock, &cell.point);
+    let mut pipelines = cells.iter().map(open).collect::<Result<Vec<_>, _>>()?;
+    let mut measured = vec![Measured::default(); cells.len()];
+    let moving = cells.iter().any(|cell| multi_exposure::neighbours(cell.point.stream) == Neighbours::Kept);
+    let neighbours = if moving { Neighbours::Kept } else { Neighbours::Dropped };
+    let frames = FramesWithNeighbours::new(frames, neighbours)?.take(request.options.time_frames);
+    for (index, frame) in frames.enumerate() {
+        let frame = frame?;
+        for (pipeline, measured) in pipelines.iter_mut().zip(&mut measured) {
+            if index == 0 {
+                // The first frame makes buffers and plans, which later frames reuse.
+                run_frame(pipeline, &mut detector, &frame)?;
+            }
+            measured.wall.extend(run_frame(pipeline, &mut detector, &frame)?);
+            if index < CPU_FRAMES {
+                clock.counts_cpu.store(true, Ordering::Relaxed);
+                measured.cpu.extend(run_frame(pipeline, &mut detector, &frame)?);
+                clock.counts_cpu.store(false, Ordering::Relaxed);
+            }
+            done();
+        }
+    }
+    let device = Device {
+        processor: request.provenance.processor.clone(),
+        engine: detector.engine,
+        threads: detector.threads,
+        jobs: 1,
+    };
+    for (cell, measured) in cells.iter_mut().zip(&measured) {
+        store(cell, measured, &device, &request.provenance.pass());
+    }
+    Ok(())
+}
+
+/// The durations of all stages of one frame. `None` if a node gave no answer.
+fn run_frame(
+    pipeline: &mut FramePipeline<'_>,
+    detector: &mut DetectorWorker<'_>,
+    frame: &FrameWithNeighbours,
+) -> Result<Option<Stages>, GridError> {
+    let input = pipeline(frame.clone())?;
+    let Some(image) = input.image else { return Ok(None) };
+    let output = detector.infer(frame.number, image)?;
+    Ok(output.found.is_some().then(|| [input.stages, output.stages].concat()))
+}
+
+/// Puts the durations into the cell.
+fn store(cell: &mut Cell, measured: &Measured, device: &Device, pass: &str) {
+    let sums = |frames: &[Stages]| {
+        let sum = |frame: &Stages| {
+            let stages = frame.iter().filter(|(stage, _)| *stage != SENSE);
+            stages.map(|(_, ns)| *ns as f64 / 1e6).sum::<f64>()
+        };
+        let mut sums: Vec<f64> = frames.iter().map(sum).collect();
+        sums.sort_by(f64::total_cmp);
+        sums
+    };
+    let wall = sums(&measured.wall);
+    let Some((p50, interval95)) = latency::median(&wall) else { return };
+    let cpu_ms = latency::median(&sums(&measured.cpu)).map_or(0.0, |(median, _)| median);
+    cell.latency_ms = latency::by_stage(measured.wall.iter().map(Vec::as_slice));
+    cell.latency_histogram = latency::histogram(measured.wall.iter().map(Vec::as_slice));
+    cell.frame_ms = Some(FrameTime { p50, interval95, cpu_ms, frames: wall.len(), pass: pass.to_owned() });
+    cell.device = device.clone();
+}
