@@ -4,10 +4,11 @@
 //! The data go one way:
 //!
 //! ```text
-//! request -> cells -> frames -> pipeline (sensor, unwrapping) -> detect -> score -> store -> report
+//! request -> cells -> frames -> pipeline (sensor, unwrapping) -> detect -> score -> timing -> store -> report
 //! ```
 //!
-//! `run` goes over the cells and stores the results after each of them, `runner` processes the frames of one cell. Cells
+//! `run` goes over the cells and stores the results after each of them, `runner` processes the frames of one cell, and
+//! `timing` measures the times of all cells at the end. Cells
 //! are independent of each other: finished cells are kept, a run that was killed continues, and [`merge`] joins shards.
 //! No transport is used. The clock only measures durations; it decides nothing.
 
