@@ -82,7 +82,7 @@ pub fn kitti(data: &[u8]) {
 pub fn coco(data: &[u8]) {
     let folder = super::folder(&[("a.json", data), ("images/a.png", PIXEL)]);
     let images = folder.path().join("images");
-    if let Ok(mut source) = CocoSource::open(&folder.path().join("a.json"), Some(&images)) {
+    if let Ok(mut source) = CocoSource::open(&folder.path().join("a.json"), Some(&images), 0.0) {
         all(&mut source);
     }
 }
@@ -96,7 +96,7 @@ pub fn yolo(data: &[u8]) {
         ("labels/0.txt", labels),
         ("data.yaml", names.get(1..).unwrap_or(b"names: []")),
     ]);
-    if let Ok(mut source) = YoloSource::open(folder.path()) {
+    if let Ok(mut source) = YoloSource::open(folder.path(), 0.0) {
         all(&mut source);
     }
 }

@@ -1,20 +1,24 @@
 //! Image files to pixels and back: PNG, JPEG, OpenEXR, Radiance HDR.
 //!
 //! PNG and JPEG give integer codes, OpenEXR and Radiance HDR give linear radiance as floats of any scale. Alpha is
-//! dropped. Only [`White`] changes values. This crate knows no source, stream or message.
+//! dropped, and an image is turned as its EXIF orientation says. Only [`White`] changes values. This crate knows no
+//! source, stream or message.
 
+mod container;
 mod white;
 
-use std::fs::File;
-use std::io::{BufRead, BufReader, Seek};
+use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use image::error::{LimitError, LimitErrorKind, UnsupportedError, UnsupportedErrorKind};
-use image::{DynamicImage, ExtendedColorType, ImageBuffer, ImageFormat, ImageReader, Luma, LumaA, Rgb, Rgba};
+use image::{
+    DynamicImage, ExtendedColorType, ImageBuffer, ImageDecoder, ImageFormat, ImageReader, Limits, Luma,
+    LumaA, Rgb, Rgba,
+};
 use modulo_core::{Frame, Samples};
 use ndarray::Array3;
 
-pub use white::White;
+pub use white::{WHITE_PERCENTILE, White};
 
 /// Error of a file that cannot be read as an image. The message names the file, the fault and the possible values.
 #[derive(Debug, thiserror::Error)]
@@ -28,6 +32,13 @@ pub enum ImageError {
     /// The white point is not a radiance.
     #[error("white = {0}: must be a finite number, 0 (automatic) or above")]
     White(f32),
+    /// Codes of 16 bits that look like those of a converter of 12 bits or less. The values are the name of the image and
+    /// its largest code.
+    #[error(
+        "{0}: is an image of 16 bits, but its largest code is {1}, as from a converter of at most 12 bits; give the \
+         code of full scale as white, such as 4096 for 12 bits, or 65536 for a dark image of 16 bits"
+    )]
+    FewBits(String, u16),
 }
 
 /// File name extensions of images, in lower case.
@@ -36,20 +47,23 @@ pub const EXTENSIONS: [&str; 5] = ["png", "jpg", "jpeg", "exr", "hdr"];
 /// Reads one image file. The format is recognised by the content, not by the name.
 ///
 /// # Errors
-/// [`ImageError`] when the file is missing, cut short, of an unknown format, or holds NaN or an infinity.
+/// [`ImageError`] when the file is missing, cut short, of an unknown format, an animation, an OpenEXR image without red,
+/// green and blue, or holds NaN or an infinity.
 pub fn read_image(path: &Path) -> Result<Frame, ImageError> {
-    let file = File::open(path).map_err(|e| ImageError::Io(path.to_owned(), e))?;
-    decode(BufReader::new(file), &path.display().to_string())
+    let bytes = std::fs::read(path).map_err(|why| ImageError::Io(path.to_owned(), why))?;
+    decode(&bytes, &path.display().to_string())
 }
 
 /// Decodes one image; `origin` is its name in errors.
 ///
 /// # Errors
 /// As [`read_image`].
-pub fn decode(data: impl BufRead + Seek, origin: &str) -> Result<Frame, ImageError> {
+pub fn decode(bytes: &[u8], origin: &str) -> Result<Frame, ImageError> {
     let bad = |why: String| ImageError::Undecodable(origin.to_owned(), why);
-    let reader = ImageReader::new(data).with_guessed_format().map_err(|e| bad(e.to_string()))?;
-    let image = reader.decode().map_err(|e| bad(e.to_string()))?;
+    let reader =
+        ImageReader::new(Cursor::new(bytes)).with_guessed_format().map_err(|e| bad(e.to_string()))?;
+    container::check(reader.format(), bytes).map_err(bad)?;
+    let image = upright(reader).map_err(|e| bad(e.to_string()))?;
     let frame = match image {
         DynamicImage::ImageLuma8(i) => Frame::from_u8(samples(&i, |p: &Luma<u8>| p.0)),
         DynamicImage::ImageLumaA8(i) => Frame::from_u8(samples(&i, |p: &LumaA<u8>| [p.0[0]])),
@@ -68,6 +82,17 @@ pub fn decode(data: impl BufRead + Seek, origin: &str) -> Result<Frame, ImageErr
         other => return Err(bad(format!("colour type {:?} is not supported", other.color()))),
     };
     frame.map_err(|e| bad(e.to_string()))
+}
+
+/// Decodes an image and turns it as its EXIF orientation says.
+fn upright(reader: ImageReader<Cursor<&[u8]>>) -> Result<DynamicImage, image::ImageError> {
+    let mut decoder = reader.into_decoder()?;
+    // A header that claims a huge image must not use up the memory.
+    Limits::default().reserve(decoder.total_bytes())?;
+    let orientation = decoder.orientation()?;
+    let mut image = DynamicImage::from_decoder(decoder)?;
+    image.apply_orientation(orientation);
+    Ok(image)
 }
 
 /// Returns the first `N` channels of every pixel, `H x W x N`.
@@ -123,4 +148,139 @@ fn write(path: &Path, frame: &Frame) -> Result<(), image::ImageError> {
     let too_long = |_| image::ImageError::Limits(LimitError::from_kind(LimitErrorKind::DimensionError));
     let side = |n: usize| u32::try_from(n).map_err(too_long);
     image::save_buffer_with_format(path, &bytes, side(width)?, side(height)?, colour, ImageFormat::Png)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fmt::Write as _;
+
+    use exr::prelude::{SpecificChannels, WritableImage};
+    use image::codecs::jpeg::JpegEncoder;
+    use image::{GrayImage, ImageEncoder};
+
+    use super::*;
+
+    /// An image of 3 x 2 blocks of 8 x 8 px, of which the top left one is bright, with this EXIF orientation.
+    fn photograph(format: ImageFormat, orientation: u8) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        // TIFF, big endian: one entry, tag 0x0112 (orientation), one SHORT.
+        let exif =
+            [b"MM\0\x2a\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0", &[orientation][..], &[0; 6]].concat();
+        // JPEG works on such blocks, so that it keeps their levels.
+        let picture = GrayImage::from_fn(24, 16, |x, y| image::Luma([if x < 8 && y < 8 { 200 } else { 40 }]));
+        let colour = ExtendedColorType::L8;
+        if format == ImageFormat::Jpeg {
+            let mut encoder = JpegEncoder::new_with_quality(&mut bytes, 100);
+            encoder.set_exif_metadata(exif).expect("JPEG has EXIF");
+            encoder.write_image(&picture, 24, 16, colour).expect("encoded");
+        } else {
+            let mut encoder = image::codecs::png::PngEncoder::new(&mut bytes);
+            encoder.set_exif_metadata(exif).expect("PNG has EXIF");
+            encoder.write_image(&picture, 24, 16, colour).expect("encoded");
+        }
+        bytes
+    }
+
+    /// The bright block of an image, as (row, column) of the blocks, and the size in blocks.
+    fn bright(frame: &Frame) -> ((usize, usize), (usize, usize)) {
+        let levels = frame.to_f32();
+        let (height, width, _) = levels.dim();
+        let blocks = (0..height / 8).flat_map(|row| (0..width / 8).map(move |column| (row, column)));
+        let found = blocks.filter(|(row, column)| levels[(8 * row + 4, 8 * column + 4, 0)] > 100.0);
+        let found: Vec<_> = found.collect();
+        assert_eq!(found.len(), 1, "one bright block");
+        (found[0], (height / 8, width / 8))
+    }
+
+    #[test]
+    fn images_are_turned_as_their_orientation_says() {
+        for format in [ImageFormat::Jpeg, ImageFormat::Png] {
+            // The values of EXIF: 1 as it is, 2 mirrored, 3 half a turn, 6 a quarter turn to the right, 8 to the left.
+            for (orientation, place, size) in [
+                (1, (0, 0), (2, 3)),
+                (2, (0, 2), (2, 3)),
+                (3, (1, 2), (2, 3)),
+                (6, (0, 1), (3, 2)),
+                (8, (2, 0), (3, 2)),
+            ] {
+                let frame = decode(&photograph(format, orientation), "photograph").expect("readable");
+                assert_eq!(bright(&frame), (place, size), "{format:?} {orientation}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_truncated_jpeg_is_refused_with_its_name() {
+        let bytes = photograph(ImageFormat::Jpeg, 1);
+        for length in 3..bytes.len() {
+            let why = decode(&bytes[..length], "street.jpg").expect_err("truncated").to_string();
+            assert!(why.contains("street.jpg") && why.contains("truncated"), "{length}: {why}");
+        }
+        // Cameras write other data behind the image, and a thumbnail is a whole JPEG within the header.
+        decode(&[&bytes[..], &[0; 40]].concat(), "street.jpg").expect("whole");
+        let mut with_thumbnail =
+            [&[0xff, 0xd8, 0xff, 0xe1][..], &(bytes.len() as u16 + 2).to_be_bytes()].concat();
+        with_thumbnail.extend([&bytes[..], &bytes[2..]].concat());
+        decode(&with_thumbnail, "street.jpg").expect("whole");
+        let cut = with_thumbnail.len() - 2;
+        assert!(decode(&with_thumbnail[..cut], "street.jpg").is_err(), "only the thumbnail has an end");
+    }
+
+    #[test]
+    fn an_animation_is_refused_with_the_number_of_its_frames() {
+        let bytes = photograph(ImageFormat::Png, 1);
+        // Behind the signature and the header, both of a fixed length.
+        let animated = |frames: u8| {
+            // The checksum of the control is that of its type and data.
+            let control = [b"acTL\0\0\0", &[frames][..], &[0; 4]].concat();
+            let sum = crc(&control).to_be_bytes();
+            [&bytes[..33], &[0, 0, 0, 8], &control, &sum, &bytes[33..]].concat()
+        };
+        let why = decode(&animated(3), "loop.png").expect_err("an animation").to_string();
+        assert!(why.contains("loop.png") && why.contains("3 frames (APNG)"), "{why}");
+        decode(&animated(1), "still.png").expect("one image");
+    }
+
+    /// The checksum of a PNG chunk.
+    fn crc(data: &[u8]) -> u32 {
+        !data.iter().fold(u32::MAX, |crc, byte| {
+            (0..8).fold(
+                crc ^ u32::from(*byte),
+                |crc, _| if crc & 1 == 1 { crc >> 1 ^ 0xedb8_8320 } else { crc >> 1 },
+            )
+        })
+    }
+
+    #[test]
+    fn an_exr_of_luminance_and_chroma_is_refused_with_its_channels() {
+        let mut bytes = Cursor::new(Vec::new());
+        let channels = SpecificChannels::build().with_channel("BY").with_channel("RY").with_channel("Y");
+        let channels = channels.with_pixel_fn(|_| (0.0_f32, 0.0_f32, 0.5_f32));
+        exr::prelude::Image::from_channels((4, 4), channels)
+            .write()
+            .to_buffered(&mut bytes)
+            .expect("written");
+        let why = decode(bytes.get_ref(), "sky.exr").expect_err("no RGB").to_string();
+        assert!(why.contains("sky.exr") && why.contains("BY, RY, Y") && why.contains("R, G and B"), "{why}");
+        let bytes = bytes.into_inner();
+        for length in 0..bytes.len() {
+            let why = decode(&bytes[..length], "cut.exr").expect_err("truncated").to_string();
+            assert!(why.contains("cut.exr"), "{length}: {why}");
+        }
+    }
+
+    #[test]
+    fn no_cut_or_changed_file_is_a_panic() {
+        for bytes in [photograph(ImageFormat::Jpeg, 6), photograph(ImageFormat::Png, 6)] {
+            let mut told = String::new();
+            for place in 0..bytes.len() {
+                let mut damaged = bytes.clone();
+                damaged[place] ^= 0xff;
+                if let Err(why) = decode(&damaged, "damaged") {
+                    let _ = writeln!(told, "{why}");
+                }
+            }
+            assert!(told.lines().all(|line| line.starts_with("damaged: ")), "{told}");
+        }
+    }
 }

@@ -4,50 +4,105 @@ use ndarray::Array3;
 
 use crate::ImageError;
 
-/// Converts frames to radiance as a fraction of the peak. The value is the linear radiance of the peak; it is 0 until it
-/// is known.
+/// The automatic white point of a float image is this percentile of its samples. A hot pixel is above it.
+pub const WHITE_PERCENTILE: f64 = 99.9;
+/// The largest code of a converter of 12 bits.
+const TWELVE_BITS: u16 = 4095;
+
+/// Converts frames to radiance as a fraction of the peak.
 #[derive(Debug)]
-pub struct White(f32);
+pub struct White {
+    /// The value of full scale, if the user gave it.
+    given: Option<f32>,
+    /// The radiance of full scale that was found in a float image.
+    found: Option<f32>,
+    /// Whether an image had codes that need more than 12 bits.
+    wide: bool,
+}
 
 impl White {
-    /// `white` > 0 is used as it is; 0 stands for the largest value of the first float image that is not black.
+    /// `white` > 0 becomes full scale in float images and in images of 16 bits. 0 stands for 65536 in the latter, and for
+    /// [`WHITE_PERCENTILE`] of the first float image that is not black.
     ///
     /// # Errors
     /// [`ImageError::White`] for a negative, infinite or NaN `white`.
     pub fn new(white: f32) -> Result<Self, ImageError> {
-        if white.is_finite() && white >= 0.0 { Ok(Self(white)) } else { Err(ImageError::White(white)) }
+        if !(white.is_finite() && white >= 0.0) {
+            return Err(ImageError::White(white));
+        }
+        Ok(Self { given: Some(white).filter(|white| *white > 0.0), found: None, wide: false })
+    }
+
+    /// The radiance of full scale that was found in a float image.
+    pub fn found(&self) -> Option<f32> {
+        self.found
     }
 
     /// Whether the white point was given, or has been taken from a float image.
     pub fn is_known(&self) -> bool {
-        self.0 > 0.0
+        self.given.or(self.found).is_some()
     }
 
-    /// Radiance in `[0, 1)`, `H x W x C`: integers as fractions of their range, floats as linear radiance.
-    pub fn radiance(&mut self, frame: &Frame) -> Array3<f32> {
-        match frame.samples() {
+    /// Radiance in `[0, 1)`, `H x W x C`: integers as fractions of their range, floats as linear radiance. `origin` is the
+    /// name of the frame in errors.
+    ///
+    /// # Errors
+    /// [`ImageError::FewBits`] for 16 bits without a given white point whose largest code is in 256 to 4095, unless an
+    /// earlier frame had a larger one.
+    pub fn radiance(
+        &mut self,
+        frame: &Frame,
+        origin: impl std::fmt::Display,
+    ) -> Result<Array3<f32>, ImageError> {
+        Ok(match frame.samples() {
             // Divided by the number of codes, not by the largest one: 255 stays below the peak.
             Samples::U8(codes) => codes.mapv(|v| f32::from(v) / 256.0),
-            Samples::U16(codes) => codes.mapv(|v| f32::from(v) / 65536.0),
-            Samples::F32(linear) => self.scale(linear),
-        }
+            Samples::U16(codes) => match self.given {
+                Some(white) => scaled(&codes.mapv(f32::from), white),
+                None => {
+                    let largest = codes.iter().copied().max().unwrap_or_default();
+                    self.wide |= largest > TWELVE_BITS;
+                    // Read as 16 bits, such an image would be so dark that no alpha of use wraps it: every figure would
+                    // be perfect and mean nothing. A nearly black image fits both readings, so it says nothing.
+                    if !self.wide && largest > u16::from(u8::MAX) {
+                        return Err(ImageError::FewBits(origin.to_string(), largest));
+                    }
+                    codes.mapv(|v| f32::from(v) / 65536.0)
+                }
+            },
+            Samples::F32(linear) => {
+                // A black image says nothing about the white point, so that the search goes on with the next image. Once
+                // found, it stays: a new one for each frame of a sequence would make its brightness flicker.
+                if !self.is_known() {
+                    self.found = bright(linear);
+                    if let Some(white) = self.found {
+                        tracing::info!("white is {white}, the {WHITE_PERCENTILE}th percentile of {origin}");
+                    }
+                }
+                self.given
+                    .or(self.found)
+                    .map_or_else(|| Array3::zeros(linear.dim()), |white| scaled(linear, white))
+            }
+        })
     }
+}
 
-    /// Divides `linear` by the white point, which is found first if it is not known.
-    fn scale(&mut self, linear: &Array3<f32>) -> Array3<f32> {
-        // A black image says nothing about the white point, so that the search goes on with the next image. Once found,
-        // the white point stays: a new one for each frame of a sequence would make its brightness flicker.
-        if self.0 == 0.0 {
-            self.0 = linear.iter().copied().fold(0.0, f32::max);
-        }
-        if self.0 == 0.0 {
-            return Array3::zeros(linear.dim());
-        }
-        // The division is done in f64, because a tiny white point would overflow f32. The radiance stays below 1,
-        // because the full range of the sensor is half-open.
-        let white = f64::from(self.0);
-        linear.mapv(|v| ((f64::from(v) / white) as f32).clamp(0.0, BELOW_ONE))
-    }
+/// [`WHITE_PERCENTILE`] of the samples by the nearest rank, or the largest one if that is not above 0. `None` for a black
+/// image.
+fn bright(linear: &Array3<f32>) -> Option<f32> {
+    let mut samples: Vec<f32> = linear.iter().copied().collect();
+    let rank = (samples.len() as f64 * WHITE_PERCENTILE / 100.0).ceil() as usize;
+    let (_, high, above) = samples.select_nth_unstable_by(rank.checked_sub(1)?, f32::total_cmp);
+    let largest = above.iter().copied().fold(*high, f32::max);
+    [*high, largest].into_iter().find(|white| *white > 0.0)
+}
+
+/// Divides `values` by `white`.
+fn scaled(values: &Array3<f32>, white: f32) -> Array3<f32> {
+    // The division is done in f64, because a tiny white point would overflow f32. The radiance stays below 1,
+    // because the full range of the sensor is half-open.
+    let white = f64::from(white);
+    values.mapv(|v| ((f64::from(v) / white) as f32).clamp(0.0, BELOW_ONE))
 }
 
 #[cfg(test)]
@@ -62,19 +117,57 @@ mod tests {
     #[test]
     fn automatic_white_is_the_first_bright_image_and_stays() {
         let mut white = White::new(0.0).expect("0 is automatic");
-        assert_eq!(white.radiance(&linear([0.0, 0.0, -1.0])).sum(), 0.0);
-        assert_eq!(white.radiance(&linear([1.0, 2.0, 4.0])).as_slice(), Some(&[0.25, 0.5, BELOW_ONE][..]));
-        assert_eq!(white.radiance(&linear([1.0, 8.0, 2.0])).as_slice(), Some(&[0.25, BELOW_ONE, 0.5][..]));
+        let mut radiance =
+            |values| white.radiance(&linear(values), "sky").expect("floats").into_raw_vec_and_offset().0;
+        assert_eq!(radiance([0.0, 0.0, -1.0]), [0.0; 3]);
+        assert_eq!(radiance([1.0, 2.0, 4.0]), [0.25, 0.5, BELOW_ONE]);
+        assert_eq!(radiance([1.0, 8.0, 2.0]), [0.25, BELOW_ONE, 0.5]);
+        assert_eq!(white.found(), Some(4.0));
+    }
+
+    #[test]
+    fn a_hot_pixel_is_not_white() {
+        let pixels =
+            |value: f32| Array3::from_shape_fn((40, 40, 1), |at| if at == (3, 5, 0) { 1e6 } else { value });
+        for value in [0.5, 2.0] {
+            let mut white = White::new(0.0).expect("0 is automatic");
+            let frame = Frame::from_f32(pixels(value)).expect("a frame");
+            let radiance = white.radiance(&frame, "sky").expect("floats");
+            assert_eq!((white.found(), radiance[(0, 0, 0)]), (Some(value), BELOW_ONE));
+        }
+        let mut white = White::new(0.0).expect("0 is automatic");
+        white.radiance(&Frame::from_f32(pixels(0.0)).expect("a frame"), "stars").expect("floats");
+        assert_eq!(white.found(), Some(1e6), "a star on black is all there is");
+    }
+
+    fn deep(code: u16) -> Frame {
+        Frame::from_u16(Array3::from_elem((1, 1, 1), code)).expect("one pixel")
     }
 
     #[test]
     fn codes_are_fractions_of_the_peak() {
         let codes = |v: u16| {
-            let frame = Frame::from_u16(Array3::from_elem((1, 1, 1), v)).expect("one pixel");
-            White::new(1.0).expect("1 is possible").radiance(&frame)[(0, 0, 0)]
+            White::new(0.0).expect("0 is automatic").radiance(&deep(v), "a").expect("16 bits")[(0, 0, 0)]
         };
         assert_eq!(codes(32768), 0.5);
+        assert_eq!(codes(64), 1.0 / 1024.0);
         assert!(codes(65535) < 1.0);
+    }
+
+    #[test]
+    fn codes_of_twelve_bits_ask_for_white() {
+        let mut white = White::new(0.0).expect("0 is automatic");
+        for code in [256, 4095] {
+            let why = white.radiance(&deep(code), "a.png").expect_err("few bits").to_string();
+            let told = ["a.png", &format!("largest code is {code}"), "white", "4096", "65536"];
+            assert!(told.iter().all(|told| why.contains(told)), "{why}");
+        }
+        // A sequence that has shown all its bits may go dark.
+        white.radiance(&deep(4096), "b.png").expect("16 bits");
+        assert_eq!(white.radiance(&deep(4095), "c.png").expect("dark")[(0, 0, 0)], 4095.0 / 65536.0);
+        let mut white = White::new(4096.0).expect("12 bits");
+        assert_eq!(white.radiance(&deep(1024), "a.png").expect("12 bits")[(0, 0, 0)], 0.25);
+        assert_eq!(white.radiance(&deep(4096), "a.png").expect("12 bits")[(0, 0, 0)], BELOW_ONE);
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::anyhow;
 use clap::Subcommand;
 use indicatif::{ProgressBar, ProgressStyle};
+use modulo_images::WHITE_PERCENTILE;
 use modulo_bench::{BenchEvent, benchmark, frontier, simulate, stability};
 
 use crate::{Ended, Failure};
@@ -29,6 +30,9 @@ pub fn simulate(request: &simulate::SimulationRequest) -> Result<Ended, Failure>
     let bar = progress_bar(STEPS);
     let outcome = simulate::simulate(request, &mut |event| tell(&bar, event))?;
     bar.finish_and_clear();
+    let mut whites: Vec<_> = outcome.rows.iter().filter_map(|row| Some((&row.file, row.white?))).collect();
+    whites.dedup();
+    whites.iter().for_each(|(file, white)| say!("white is {white}, the {WHITE_PERCENTILE}th percentile of {file}"));
     say!(
         "file                         alpha method            exact k   PSNR dB     SSIM method used    trusted       ms"
     );

@@ -1,7 +1,6 @@
 //! [`BagSource`]: the images of one topic of a bag, with the ground truth of the same stamp.
 
 use std::collections::HashMap;
-use std::io::Cursor;
 use std::path::Path;
 
 use modulo_core::Frame;
@@ -50,7 +49,7 @@ impl BagSource {
         let (header, pixels) = read_message(message)?;
         let stamp = header.stamp.as_ns();
         Ok(SourceFrame {
-            radiance: self.white.radiance(&pixels),
+            radiance: self.white.radiance(&pixels, origin(message))?,
             name: stamp.to_string(),
             stamp_ns: Some(stamp),
             frame_id: header.frame_id,
@@ -135,7 +134,7 @@ fn read_labels(bag: &BagReader) -> Result<HashMap<u64, Vec<GroundTruth>>, Source
 fn read_message(message: &RawMessage) -> Result<(Header, Frame), SourceError> {
     if message.topic.type_name == MessageKind::CompressedImage.type_name() {
         let image: CompressedImage = cdr::from_slice(&message.data).map_err(|e| bad(message, e))?;
-        return Ok((image.header, decode(Cursor::new(image.data), &origin(message))?));
+        return Ok((image.header, decode(&image.data, &origin(message))?));
     }
     let image: Image = cdr::from_slice(&message.data).map_err(|e| bad(message, e))?;
     let header = image.header.clone();

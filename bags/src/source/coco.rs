@@ -50,12 +50,12 @@ struct Category {
 
 impl CocoSource {
     /// Opens `annotations`; its images are in `images`, or, as the data set lies, beside the file, in `images` beside
-    /// it, or in `../NAME` for `instances_NAME.json`.
+    /// it, or in `../NAME` for `instances_NAME.json`. `white` as in [`super::SourceOptions`].
     ///
     /// # Errors
     /// [`SourceError`] when the file is not a COCO annotation file, when it names an image outside of the folder of
     /// images, or when its first image is not found.
-    pub fn open(annotations: &Path, images: Option<&Path>) -> Result<Self, SourceError> {
+    pub fn open(annotations: &Path, images: Option<&Path>, white: f32) -> Result<Self, SourceError> {
         let text = std::fs::read(annotations).map_err(|why| FileError::new(annotations, why))?;
         let bad = |line, why: String| SourceError::Label { path: annotations.to_owned(), line, why };
         let file: File = serde_json::from_slice(&text).map_err(|why| bad(why.line(), why.to_string()))?;
@@ -81,7 +81,7 @@ impl CocoSource {
         // An image without annotations is labelled: it contains no object.
         let truth = |image: &ImageEntry| by_image.remove(&image.id).unwrap_or_default();
         let labels = CocoLabels(paths.iter().cloned().zip(file.images.iter().map(truth)).collect());
-        Ok(Self { frames: FolderSource::of(paths, 0.0)?, labels })
+        Ok(Self { frames: FolderSource::of(paths, white)?, labels })
     }
 }
 
@@ -155,7 +155,7 @@ mod tests {
     fn images_come_in_the_order_of_the_file_with_their_boxes() {
         let folder = write(TEXT);
         let mut source =
-            CocoSource::open(&folder.path().join("annotations/instances_val.json"), None).expect("readable");
+            CocoSource::open(&folder.path().join("annotations/instances_val.json"), None, 0.0).expect("readable");
         let first = source.next().expect("two").expect("readable");
         let truth = first.ground_truth.expect("labelled");
         assert_eq!(first.name, "b");
@@ -176,7 +176,7 @@ mod tests {
         ] {
             let folder = write(text);
             let path = folder.path().join("annotations/instances_val.json");
-            let why = CocoSource::open(&path, None).expect_err(told).to_string();
+            let why = CocoSource::open(&path, None, 0.0).expect_err(told).to_string();
             assert!(why.contains(told) && why.contains("instances_val.json"), "{why}");
         }
     }

@@ -37,8 +37,9 @@ impl Source for FolderSource {
     fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
         let path = self.images.get(self.next)?;
         self.next += 1;
-        let frame = read_image(path).map(|pixels| SourceFrame {
-            radiance: self.white.radiance(&pixels),
+        let radiance = read_image(path).and_then(|pixels| self.white.radiance(&pixels, path.display()));
+        let frame = radiance.map(|radiance| SourceFrame {
+            radiance,
             name: stem(path),
             stamp_ns: None,
             frame_id: FRAME_ID.to_owned(),

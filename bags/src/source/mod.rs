@@ -81,7 +81,7 @@ pub enum SourceError {
 #[derive(Clone, Debug, PartialEq)]
 pub struct SourceFrame {
     /// Radiance, `H x W x C` with `C` = 1 or 3, as a fraction of the peak in `[0, 1)`: an 8-bit code is `v / 256`, a
-    /// 16-bit code `v / 65536`, a linear value `v / white` clamped below 1.
+    /// 16-bit code `v / 65536`, or `v / white` if white is given; a linear value `v / white`, clamped to this range.
     pub radiance: Array3<f32>,
     /// Name of the frame: the name of the file without extension, or the stamp in a bag.
     pub name: String,
@@ -126,8 +126,8 @@ pub trait Source: Send {
 /// Options for reading a source.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SourceOptions {
-    /// Linear radiance that maps to the peak, for float images. 0: the largest value of the first float image that is
-    /// not black, kept for the rest.
+    /// Value that maps to the peak, for float images and images of 16 bits, as [`White::new`](modulo_images::White::new)
+    /// takes it.
     pub white: f32,
     /// The image topic of a bag; `None` when the bag has just one.
     pub topic: Option<String>,

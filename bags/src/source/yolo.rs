@@ -27,17 +27,17 @@ pub struct YoloLabels(BTreeMap<usize, String>);
 impl YoloSource {
     /// Opens `folder`: one that holds `images` and `labels`, a folder of images whose path has a part `images`, or one
     /// with images and labels side by side. Class names come from `data.yaml`, `dataset.yaml` or `classes.txt` there or
-    /// up to two folders above; a class without one is called by its number.
+    /// up to two folders above; a class without one is called by its number. `white` as in [`super::SourceOptions`].
     ///
     /// # Errors
     /// [`SourceError`] when there is no image, or the names cannot be read.
-    pub fn open(folder: &Path) -> Result<Self, SourceError> {
+    pub fn open(folder: &Path, white: f32) -> Result<Self, SourceError> {
         if !folder.is_dir() {
             return Err(SourceError::Missing(folder.to_owned()));
         }
         let inside = folder.join("images");
         let images = list_images(if inside.is_dir() { &inside } else { folder })?;
-        Ok(Self { frames: FolderSource::of(images, 0.0)?, labels: YoloLabels(names(folder)?) })
+        Ok(Self { frames: FolderSource::of(images, white)?, labels: YoloLabels(names(folder)?) })
     }
 }
 

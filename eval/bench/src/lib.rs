@@ -14,7 +14,7 @@ use clap::{Args, ValueEnum};
 use modulo_charts::ChartError;
 use modulo_core::metric::ShapesDiffer;
 use modulo_core::{Frame, Psf, Samples, Sensor, SensorConfig, SensorError, UnwrapError};
-use modulo_images::{ImageError, SaveError};
+use modulo_images::{ImageError, SaveError, White};
 use ndarray::Array3;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -114,6 +114,10 @@ pub struct SensorOptions {
     /// Seed of the noise
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
+    /// Value that becomes full scale, for EXR, HDR and 16-bit images. 0: the 99.9th percentile of each EXR or HDR image,
+    /// and 65536 for 16-bit images
+    #[arg(long, default_value_t = 0.0)]
+    pub white: f32,
 }
 
 /// Shape of the lens blur.
@@ -134,9 +138,10 @@ impl SensorOptions {
         }
     }
 
-    /// The sensor of each alpha.
+    /// The sensor of each alpha, after the white point was checked.
     fn sensors(&self, alphas: &[f64]) -> Result<Vec<Sensor>, BenchError> {
         need("the list of alphas", alphas)?;
+        White::new(self.white)?;
         let Self { bits, read_noise, .. } = *self;
         let config = |alpha| SensorConfig { bits, alpha, psf: self.psf(), read_noise, shot_noise: 0.0 };
         alphas.iter().map(|&alpha| Ok(Sensor::new(config(alpha))?)).collect()

@@ -31,9 +31,6 @@ pub struct SimulationRequest {
     /// Saturation factors: brightest radiance divided by the peak of the sensor
     #[arg(long, value_delimiter = ',', default_value = "4")]
     pub alpha: Vec<f64>,
-    /// Linear radiance that maps to the peak, for EXR and HDR. 0: the brightest value of each file
-    #[arg(long, default_value_t = 0.0)]
-    pub white: f32,
     /// The sensor.
     #[command(flatten)]
     pub sensor: SensorOptions,
@@ -47,6 +44,8 @@ pub struct SimulationRequest {
 pub struct SimulationRow {
     /// The file as it was given.
     pub file: String,
+    /// The radiance that became full scale, of a float image without a given white point.
+    pub white: Option<f32>,
     /// Saturation factor.
     pub alpha: f64,
     /// Standard deviation of the lens blur, px.
@@ -96,8 +95,11 @@ pub fn simulate(
     let total = request.images.len() * sensors.len();
     let mut outcome = SimulationOutcome::default();
     for (index, (file, name)) in request.images.iter().zip(&names).enumerate() {
-        let picture = InputImage { file, name, request };
-        let rows = picture.read().and_then(|radiance| {
+        // A white point for each file: with a common one, the result of a file would depend on the files before it.
+        let mut white = White::new(request.sensor.white)?;
+        let radiance = read_image(file).and_then(|pixels| white.radiance(&pixels, file.display()));
+        let picture = InputImage { file, name, request, white: white.found() };
+        let rows = radiance.map_err(BenchError::from).and_then(|radiance| {
             let mut rows = Vec::new();
             for (sensor, done) in sensors.iter().zip(index * sensors.len()..) {
                 let next = format!("{} alpha {}", file.display(), sensor.range().alpha());
@@ -126,15 +128,10 @@ struct InputImage<'a> {
     file: &'a Path,
     name: &'a str,
     request: &'a SimulationRequest,
+    white: Option<f32>,
 }
 
 impl InputImage<'_> {
-    /// Reads radiance in `[0, 1)`, H x W x C.
-    fn read(&self) -> Result<Array3<f32>, BenchError> {
-        // A white point for each file: with a common one, the result of a file would depend on the files before it.
-        Ok(White::new(self.request.white)?.radiance(&read_image(self.file)?))
-    }
-
     /// Writes all streams at one alpha, and returns a row for each method.
     fn sense(
         &self,
@@ -161,6 +158,7 @@ impl InputImage<'_> {
         let (ideal, picture) = (samples8(exposure.ideal()), samples8(picture));
         Ok(SimulationRow {
             file: self.file.display().to_string(),
+            white: self.white,
             alpha: range.alpha(),
             psf_sigma: self.request.sensor.psf().sigma(),
             method: method.name().to_owned(),
@@ -178,10 +176,9 @@ impl InputImage<'_> {
     }
 }
 
-/// Checks files and white point, and makes the sensor of each alpha.
+/// Checks the files, and makes the sensor of each alpha.
 fn sensors(request: &SimulationRequest) -> Result<Vec<Sensor>, BenchError> {
     need("the list of files", &request.images)?;
-    White::new(request.white)?;
     request.sensor.sensors(&request.alpha)
 }
 

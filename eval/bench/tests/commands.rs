@@ -170,7 +170,7 @@ fn both_pictures_are_written_and_the_same_each_time() {
     let first = (std::fs::read(&svg).unwrap(), std::fs::read(&png).unwrap());
     draw_frontier(&results).unwrap();
     assert!(first == (std::fs::read(&svg).unwrap(), std::fs::read(&png).unwrap()));
-    let picture = decode(std::io::Cursor::new(first.1), "frontier").unwrap();
+    let picture = decode(&first.1, "frontier").unwrap();
     assert_eq!((picture.width(), picture.channels()), (2400, 3));
     let inked = picture.to_f32().iter().filter(|value| **value < 128.0).count();
     assert!(inked > 20_000, "{inked} dark samples");
@@ -277,6 +277,6 @@ fn a_wrong_simulation_is_refused_before_anything_is_written() {
     assert_eq!(request(&|r| r.images.clear()), "the list of files is empty; at least one entry is needed");
     assert!(request(&|r| r.alpha = vec![0.0]).starts_with("alpha is 0"));
     assert!(request(&|r| r.method = vec!["best".into()]).contains("method \"best\" is unknown"));
-    assert!(request(&|r| r.white = -1.0).starts_with("white = -1"));
+    assert!(request(&|r| r.sensor.white = -1.0).starts_with("white = -1"));
     assert!(!out.exists());
 }

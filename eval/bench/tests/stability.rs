@@ -180,7 +180,7 @@ fn never_trusted_and_wrong() {
                 println!("skipped: {} cannot be decoded", file.display());
                 continue;
             };
-            let radiance = White::new(0.0).unwrap().radiance(&pixels);
+            let radiance = White::new(0.0).unwrap().radiance(&pixels, file.display()).unwrap();
             let name = file.file_name().unwrap().to_string_lossy();
             for (index, &condition) in (number * conditions.len()..).zip(&conditions) {
                 if index % stride == 0 {

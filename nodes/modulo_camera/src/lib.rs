@@ -193,10 +193,11 @@ impl Node for ModuloCamera {
                 self.publish(&frame, cx)?;
             }
             Trigger::Message { message: Message::Image(image), .. } => {
-                let CameraInput::Topic { white, .. } = &mut self.input else { return Ok(Flow::Continue) };
+                let CameraInput::Topic { white, name } = &mut self.input else { return Ok(Flow::Continue) };
                 // The scale of float images is kept from message to message, as within a folder.
-                let radiance = white.radiance(&image.frame);
+                let radiance = white.radiance(&image.frame, &name);
                 self.taken += 1;
+                let radiance = radiance.map_err(|why| StepError::Skip(why.to_string()))?;
                 self.sense(self.taken - 1, &radiance, &image.header, cx).map_err(StepError::Skip)?;
             }
             Trigger::Message { .. } => {}

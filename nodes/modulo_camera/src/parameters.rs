@@ -13,7 +13,8 @@ modulo_runtime::parameters! {
         source: String = String::new(); fixed,
         /// The image topic to read from a source that is a bag. Empty: the only image topic of the bag.
         source_topic: String = String::new(); fixed,
-        /// Linear radiance of an EXR or HDR image that becomes full scale. 0: the brightest value of the first image.
+        /// Value that becomes full scale, for EXR, HDR and 16-bit images. 0: the 99.9th percentile of the first EXR or
+        /// HDR image, and 65536 for 16-bit images.
         white: f64 = 0.0 => 0.0..=1e12; fixed,
         /// Standard deviation of the read noise in code units.
         read_noise: f64 = 0.0 => 0.0..=65536.0,

@@ -19,8 +19,8 @@ const MOMENTS: [u32; 2] = [0, 90];
 
 /// The origin of a frame.
 pub enum FrameSource {
-    /// An image file.
-    File(PathBuf),
+    /// An image file and its white point, as in [`crate::SensorOptions`].
+    File(PathBuf, f32),
     /// A frame of a procedural scene.
     Scene(Scene, u32),
 }
@@ -46,7 +46,9 @@ pub fn usable(
 ) -> Result<(Vec<BenchFrame>, Vec<Skipped>), BenchError> {
     let sources = match &request.frames {
         None => procedural(),
-        Some(folder) => list(folder)?.into_iter().map(FrameSource::File).collect(),
+        Some(folder) => {
+            list(folder)?.into_iter().map(|file| FrameSource::File(file, request.sensor.white)).collect()
+        }
     };
     let (mut found, mut skipped) = (Vec::new(), Vec::new());
     for source in sources {
@@ -86,10 +88,10 @@ impl SensedFrame {
 }
 
 impl FrameSource {
-    /// Radiance in `[0, 1)`. The brightest value of a float image becomes the peak.
+    /// Radiance in `[0, 1)`.
     fn radiance(&self) -> Result<Array3<f32>, BenchError> {
         match self {
-            Self::File(path) => Ok(White::new(0.0)?.radiance(&read_image(path)?)),
+            Self::File(path, white) => Ok(White::new(*white)?.radiance(&read_image(path)?, path.display())?),
             Self::Scene(scene, frame) => Ok(scene.render(*frame, HEIGHT, WIDTH).radiance),
         }
     }
@@ -98,7 +100,7 @@ impl FrameSource {
 impl std::fmt::Display for FrameSource {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::File(path) => write!(f, "{}", path.display()),
+            Self::File(path, _) => write!(f, "{}", path.display()),
             Self::Scene(scene, frame) => write!(f, "scene://{} frame {frame}", scene.preset().name()),
         }
     }

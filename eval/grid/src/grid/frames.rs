@@ -56,10 +56,10 @@ impl Frames {
     ///
     /// # Errors
     /// [`GridError::Nothing`] if no frame can be scored; [`GridError::Source`] if the data is missing.
-    pub fn inspect(data: &Data) -> Result<Self, GridError> {
+    pub fn inspect(data: &Data, white: f32) -> Result<Self, GridError> {
         // All frames are read once before the first cell. A frame that turned out to be damaged in the middle of a run
         // would be scored in some cells only.
-        let drives = data.open()?;
+        let drives = data.open(white)?;
         let (kept, truths, drive_of) = Default::default();
         let mut frames = Self { drives, kept, truths, drive_of, input: Input::default(), place: 0, drive: 0 };
         let mut notes = Notes::default();

@@ -48,6 +48,10 @@ pub struct GridOptions {
     /// Number of frames that are scored in parallel. 0: one for each core
     #[arg(long, default_value_t = 0)]
     pub jobs: usize,
+    /// Value that becomes full scale, for EXR, HDR and 16-bit images. 0: the 99.9th percentile of the first EXR or HDR
+    /// image, and 65536 for 16-bit images
+    #[arg(long, default_value_t = 0.0)]
+    pub white: f32,
     /// Seed of the noise and of the bootstrap
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
@@ -179,20 +183,20 @@ pub enum Data {
 pub(super) type Drive = (Option<String>, Box<dyn Source>);
 
 impl Data {
-    /// Opens all sources.
-    pub(super) fn open(&self) -> Result<Vec<Drive>, SourceError> {
+    /// Opens all sources. `white` is that of [`GridOptions`].
+    pub(super) fn open(&self, white: f32) -> Result<Vec<Drive>, SourceError> {
         match self {
-            Self::Kitti { folder, list: None } => Ok(vec![(None, Box::new(KittiSource::open(folder, 0.0)?))]),
+            Self::Kitti { folder, list: None } => Ok(vec![(None, Box::new(KittiSource::open(folder, white)?))]),
             Self::Kitti { folder, list: Some(list) } => {
                 let folder = KittiFolder::listed(folder, &list.frames)?;
-                Ok(vec![(None, Box::new(KittiSource::of(folder, 0.0)?))])
+                Ok(vec![(None, Box::new(KittiSource::of(folder, white)?))])
             }
-            Self::Sequences(folders) => folders.iter().map(|folder| sequence(folder)).collect(),
-            Self::Yolo(folder) => Ok(vec![(None, Box::new(YoloSource::open(folder)?))]),
+            Self::Sequences(folders) => folders.iter().map(|folder| sequence(folder, white)).collect(),
+            Self::Yolo(folder) => Ok(vec![(None, Box::new(YoloSource::open(folder, white)?))]),
             Self::Coco { annotations, images } => {
-                Ok(vec![(None, Box::new(CocoSource::open(annotations, images.as_deref())?))])
+                Ok(vec![(None, Box::new(CocoSource::open(annotations, images.as_deref(), white)?))])
             }
-            Self::Any(spec) => Ok(vec![(None, source::open(spec, &SourceOptions::default())?)]),
+            Self::Any(spec) => Ok(vec![(None, source::open(spec, &SourceOptions { white, topic: None })?)]),
         }
     }
 
@@ -236,9 +240,9 @@ impl Data {
     }
 }
 
-fn sequence(folder: &Path) -> Result<Drive, SourceError> {
+fn sequence(folder: &Path, white: f32) -> Result<Drive, SourceError> {
     let drive = folder.file_name().map(|name| name.to_string_lossy().into_owned());
-    Ok((drive, Box::new(KittiSource::open(folder, 0.0)?)))
+    Ok((drive, Box::new(KittiSource::open(folder, white)?)))
 }
 
 #[cfg(test)]

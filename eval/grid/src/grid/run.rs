@@ -73,7 +73,7 @@ pub fn run(
     multi_exposure::check(request, &points)?;
     let (map, groups) = (request.class_map()?, request.groups()?);
     let setup = setup(request, &map, &groups, &points)?;
-    let mut frames = Frames::inspect(&request.data)?;
+    let mut frames = Frames::inspect(&request.data, request.options.white)?;
     frames.input.warnings.iter().for_each(|warning| tell(GridEvent::Warning(warning)));
     // The models are opened before the first cell, so that a wrong file ends the run now and not after hours.
     let mapped = mapped_classes(request, &map, &mut frames)?;
