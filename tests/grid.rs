@@ -201,3 +201,141 @@ fn what_cannot_be_scored_is_said() {
     assert!(code == Some(2) && said.contains("magic") && said.contains("spud"), "{said}");
     assert_eq!(bench.run(&["eval", "-o", "/tmp/nowhere"]).status.code(), Some(2));
 }
+
+/// Two small images in the form of each data set, with one car on each.
+struct DataSets<'a>(&'a Bench);
+
+impl DataSets<'_> {
+    fn new(bench: &Bench) -> DataSets<'_> {
+        let images = bench.images(2);
+        for folder in ["kitti/image_2", "kitti/label_2", "labels"] {
+            std::fs::create_dir_all(bench.path(folder)).expect("made");
+        }
+        let sets = DataSets(bench);
+        for name in ["000000", "000001"] {
+            let image = format!("{name}.png");
+            std::fs::copy(images.join(&image), bench.path("kitti/image_2").join(image)).expect("copied");
+            sets.write(&format!("kitti/label_2/{name}.txt"), &kitti_label("Car"));
+            sets.write(&format!("labels/{name}.txt"), "0 0.5 0.5 0.4 0.8\n");
+        }
+        sets.write("data.yaml", "names: [car, person]\n");
+        sets.coco("000000.png", "[7, 1], [8, 1]");
+        sets
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        std::fs::write(self.0.path(name), text).expect("written");
+    }
+
+    /// `first` is the file of image 7; objects are pairs of an image and a category, 1 (car) or 2 (dog).
+    fn coco(&self, first: &str, objects: &str) {
+        let objects: Vec<[u64; 2]> = serde_json::from_str(&format!("[{objects}]")).expect("pairs");
+        let objects: Vec<Value> = objects
+            .iter()
+            .map(|[image, category]| {
+                serde_json::json!({"image_id": image, "category_id": category, "bbox": [10, 10, 40, 50]})
+            })
+            .collect();
+        let file = serde_json::json!({
+            "images": [{"id": 7, "file_name": first}, {"id": 8, "file_name": "000001.png"}],
+            "annotations": objects,
+            "categories": [{"id": 1, "name": "car"}, {"id": 2, "name": "dog"}],
+        });
+        self.write("coco.json", &file.to_string());
+    }
+
+    /// The exit code and the output of a grid of one cell over a data set of this folder.
+    fn eval(&self, option: &str, name: &str, more: &[&str]) -> (Option<i32>, String) {
+        let [data, out] = [name, "out"].map(|name| self.0.path(name).display().to_string());
+        std::fs::remove_dir_all(&out).ok();
+        let model = harness::model();
+        // One of two cells: a part of a grid draws no pictures, which would take most of the time.
+        let cell = ["--stream", "ideal,saturated", "--alpha", "2", "--psf-sigma", "0", "--shard", "1/2"];
+        let quick = ["--engine", "rten", "--model", &model, "-o", &out];
+        let output = self.0.run(&[&["eval", option, &data], &cell[..], &quick, more].concat());
+        (output.status.code(), text(&output))
+    }
+}
+
+fn kitti_label(class: &str) -> String {
+    format!("{class} 0.00 0 0 10 10 50 60 1 1 1 1 1 1 0\n")
+}
+
+#[test]
+fn labels_without_an_odd_line_end_with_0() {
+    let bench = Bench::new();
+    let sets = DataSets::new(&bench);
+    for (option, name) in [("--kitti", "kitti"), ("--yolo", ""), ("--coco", "coco.json")] {
+        let (code, said) = sets.eval(option, name, &[]);
+        assert_eq!(code, Some(0), "{option}: {said}");
+        let figures = said.lines().find(|line| line.contains("AP50")).expect("the figures of the cell");
+        assert!(figures.contains("AP50 vehicle ") && !figures.contains("person"), "{figures}");
+    }
+}
+
+#[test]
+fn labels_that_cannot_be_scored_end_with_3_and_a_line() {
+    let bench = Bench::new();
+    let sets = DataSets::new(&bench);
+    let list = bench.path("list.txt").display().to_string();
+    let odd = |option: &str, name: &str, more: &[&str], lines: &[&[&str]]| {
+        let (code, said) = sets.eval(option, name, more);
+        assert_eq!(code, Some(3), "{option}: {said}");
+        for told in lines {
+            let line = said.lines().find(|line| told.iter().all(|told| line.contains(told)));
+            assert!(line.is_some(), "{told:?}: {said}");
+        }
+        assert!(!said.contains("scene://"), "{said}");
+    };
+    let no_group = "classes that no group holds";
+
+    sets.write("kitti/label_2/000001.txt", &kitti_label("Bike"));
+    sets.write("kitti/label_2/000002.txt", &kitti_label("Car"));
+    let unknown: &[&str] = &["1 labels", no_group, "bike (1)", "--groups"];
+    odd("--kitti", "kitti", &[], &[unknown, &["1 label files have no image", "000002.txt"]]);
+
+    sets.write("kitti/label_2/000000.txt", &kitti_label("DontCare"));
+    sets.write("list.txt", "000000\n000009\n");
+    let unscored: &[&str] = &["no labelled object is scored", "--difficulty"];
+    odd("--kitti", "kitti", &["--list", &list], &[&["1 frames are not readable", "000009.png"], unscored]);
+
+    sets.write("labels/000001.txt", "0 0.5 0.5 0.4 0.8\n7 0.5 0.5 0.4 0.8\n");
+    sets.write("labels/000002.txt", "0 0.5 0.5 0.4 0.8\n");
+    let unnamed: &[&str] = &["1 frames are not readable", "000001.txt:2", "class 7", "0 to 1"];
+    odd("--yolo", "", &[], &[unnamed, &["1 label files have no image", "000002.txt"]]);
+
+    sets.coco("gone.png", "[7, 1], [8, 1], [8, 2], [9, 1], [9, 1]");
+    let without: &[&str] = &["2 annotations have no image", "image 9"];
+    let gone: &[&str] = &["1 frames are not readable", "gone.png"];
+    odd("--coco", "coco.json", &[], &[&[no_group, "dog (1)"], without, gone]);
+}
+
+#[test]
+fn a_missing_data_set_is_named_with_what_is_needed() {
+    let bench = Bench::new();
+    let sets = DataSets::new(&bench);
+    sets.coco("gone.png", "[7, 1]");
+    std::fs::remove_file(bench.path("images/000001.png")).expect("removed");
+    for (option, name, told) in [
+        ("--kitti", "nowhere", ["nowhere", "image_2"]),
+        ("--sequence", "nowhere", ["nowhere", "image_02"]),
+        ("--yolo", "nowhere", ["nowhere", "YOLO"]),
+        ("--coco", "coco.json", ["gone.png", "--coco-images"]),
+        ("--coco", "nowhere.json", ["nowhere.json", "No such file"]),
+    ] {
+        let (code, said) = sets.eval(option, name, &[]);
+        assert_eq!(code, Some(1), "{said}");
+        assert!(told.iter().all(|told| said.contains(told)) && !said.contains("scene://"), "{said}");
+    }
+}
+
+#[test]
+fn a_class_may_be_left_out_on_purpose() {
+    let bench = Bench::new();
+    let sets = DataSets::new(&bench);
+    sets.coco("000000.png", "[7, 1], [8, 2]");
+    sets.write("groups.yaml", "car: vehicle\ndog:\n");
+    let groups = bench.path("groups.yaml").display().to_string();
+    let (code, said) = sets.eval("--coco", "coco.json", &["--groups", &groups]);
+    assert_eq!(code, Some(0), "{said}");
+}

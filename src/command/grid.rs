@@ -70,6 +70,12 @@ pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure
     let outcome = run(&request, &Suite, &SystemClock::default(), &tell).map_err(failure)?;
     bar.finish_and_clear();
     outcome.results.cells.iter().for_each(print_cell);
+    if outcome.results.cells.iter().any(Cell::is_unscored) {
+        eprintln!(
+            "modulo: no labelled object is scored, so that there is no AP; --groups names the classes that are scored, and \
+             --difficulty the objects"
+        );
+    }
     // The pictures compare all cells, so they are drawn when the last shard or run has made them complete.
     if outcome.results.cells.len() == outcome.results.setup.grid.len() {
         let timer = SystemClock::default();
@@ -83,11 +89,11 @@ pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure
 /// Joins shards.
 pub fn merge(out: &Path, folders: &[PathBuf]) -> Result<Ended, Failure> {
     let results = merge_shards(out, folders).map_err(failure)?;
-    let Results { setup, input, cells, .. } = &results;
+    let Results { setup, cells, .. } = &results;
     report(out)?;
     say!("{} of {} cells", cells.len(), setup.grid.len());
     // A shard that is missing, or a frame that could not be read, is a loss: the exit code tells it.
-    let whole = cells.len() == setup.grid.len() && input.warnings.is_empty();
+    let whole = cells.len() == setup.grid.len() && !results.lost();
     Ok(if whole { Ended::Done } else { Ended::WithLoss })
 }
 
@@ -142,12 +148,13 @@ fn failure(why: GridError) -> Failure {
 fn print_cell(cell: &Cell) {
     let percent =
         |value: Option<f64>| value.map_or("    -".to_owned(), |value| format!("{:5.1}", 100.0 * value));
-    let groups: Vec<String> =
-        cell.ap50.iter().map(|(group, ap)| format!("{group} {}", percent(*ap))).collect();
+    // A group without an object in the data has no AP, which says nothing.
+    let scored = cell.ap50.iter().filter(|(_, ap)| ap.is_some());
+    let groups: Vec<String> = scored.map(|(group, ap)| format!("{group} {}", percent(*ap))).collect();
     say!(
         "{:<64} AP50 {}  exact k {}  infer {:.1} ms",
         cell.point.to_string(),
-        groups.join(" "),
+        if groups.is_empty() { "-".to_owned() } else { groups.join(" ") },
         percent(cell.exact_k),
         cell.latency_ms.get("infer").map_or(0.0, |infer| infer.p50)
     );

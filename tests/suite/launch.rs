@@ -120,13 +120,23 @@ fn bad_input_is_one_line_and_no_panic() {
     let exr = bench.path("nan.exr");
     image::Rgb32FImage::from_pixel(4, 4, image::Rgb([f32::NAN; 3])).save(&exr).expect("writable");
     let exr = arg("source", &exr);
+    let cut = bench.path("cut.jpg");
+    image::RgbImage::new(64, 48).save(&cut).expect("writable");
+    let whole = std::fs::read(&cut).expect("readable");
+    std::fs::write(&cut, &whole[..whole.len() - 40]).expect("writable");
+    let cut = arg("source", &cut);
+    let deep = bench.path("deep.png");
+    image::ImageBuffer::from_pixel(64, 48, image::Luma([4000_u16])).save(&deep).expect("writable");
+    let deep = arg("source", &deep);
 
     let recovered = "launch/recovered.launch.yaml";
-    let cases: [(&[&str], &[&str]); 11] = [
+    let cases: [(&[&str], &[&str]); 13] = [
         (&[recovered, "source:=/no/such/folder", &good_model], &["/no/such/folder"]),
         (&[recovered, &truncated, &good_model], &["000000.png"]),
         (&[recovered, &kitti, &good_model], &["000000.txt", "3"]),
         (&[recovered, &exr, &good_model], &["nan.exr", "NaN"]),
+        (&[recovered, &cut, &good_model], &["cut.jpg", "truncated"]),
+        (&[recovered, &deep, &good_model], &["deep.png", "4000", "white", "4096"]),
         (&[recovered, &source, &good_model, "alpha:=0"], &["alpha", "0", "256"]),
         (&[recovered, &source, &good_model, "bits:=0"], &["bits", "0", "to 16"]),
         (&[recovered, &source, &good_model, "bits:=17"], &["bits", "17", "to 16"]),

@@ -9,16 +9,20 @@ use std::path::{Path, PathBuf};
 use modulo_core::BBox;
 use serde::Deserialize;
 
-use super::folder::{FolderSource, LabelledSource, Labels, stem};
+use super::folder::{FolderSource, LabelledSource, Labels, stem, warn_without_image};
 use super::{CROWD, GroundTruth, SourceError};
 use crate::{FileError, stays_inside};
 
 /// Images of a COCO annotation file, in its order.
 pub type CocoSource = LabelledSource<CocoLabels>;
 
-/// The objects of each image file of a COCO annotation file.
+/// The objects of a COCO annotation file.
 #[derive(Debug)]
-pub struct CocoLabels(HashMap<PathBuf, Vec<GroundTruth>>);
+pub struct CocoLabels {
+    of_image: HashMap<PathBuf, Vec<GroundTruth>>,
+    /// For each annotation of an image that the file does not list: that image.
+    without_image: Vec<String>,
+}
 
 #[derive(Deserialize)]
 struct File {
@@ -54,7 +58,7 @@ impl CocoSource {
     ///
     /// # Errors
     /// [`SourceError`] when the file is not a COCO annotation file, when it names an image outside of the folder of
-    /// images, or when its first image is not found.
+    /// images, or when none of its images is found.
     pub fn open(annotations: &Path, images: Option<&Path>, white: f32) -> Result<Self, SourceError> {
         let text = std::fs::read(annotations).map_err(|why| FileError::new(annotations, why))?;
         let bad = |line, why: String| SourceError::Label { path: annotations.to_owned(), line, why };
@@ -80,14 +84,23 @@ impl CocoSource {
         }
         // An image without annotations is labelled: it contains no object.
         let truth = |image: &ImageEntry| by_image.remove(&image.id).unwrap_or_default();
-        let labels = CocoLabels(paths.iter().cloned().zip(file.images.iter().map(truth)).collect());
+        let of_image = paths.iter().cloned().zip(file.images.iter().map(truth)).collect();
+        // The images that are listed have been taken out.
+        let unlisted =
+            file.annotations.iter().filter(|annotation| by_image.contains_key(&annotation.image_id));
+        let without_image = unlisted.map(|annotation| format!("image {}", annotation.image_id)).collect();
+        let labels = CocoLabels { of_image, without_image };
         Ok(Self { frames: FolderSource::of(paths, white)?, labels })
     }
 }
 
 impl Labels for CocoLabels {
     fn labels(&self, image: &Path, _: (usize, usize)) -> Result<Option<Vec<GroundTruth>>, SourceError> {
-        Ok(self.0.get(image).cloned())
+        Ok(self.of_image.get(image).cloned())
+    }
+
+    fn without_image(&self, _: &[PathBuf]) -> Vec<String> {
+        warn_without_image("annotations", &self.without_image)
     }
 }
 
@@ -110,7 +123,7 @@ fn label(annotation: &Annotation, names: &HashMap<u64, &str>) -> Result<GroundTr
     })
 }
 
-/// Returns the folder in which the first image is.
+/// Returns the first folder with any of the images.
 fn folder_of(annotations: &Path, images: &[ImageEntry]) -> Result<PathBuf, SourceError> {
     let beside = annotations.parent().unwrap_or(Path::new(""));
     let above = beside.join("..");
@@ -126,8 +139,13 @@ fn folder_of(annotations: &Path, images: &[ImageEntry]) -> Result<PathBuf, Sourc
         above,
     ];
     let Some(first) = images.first() else { return Ok(beside.to_owned()) };
-    let found = folders.into_iter().find(|folder| folder.join(&first.file_name).is_file());
-    found.ok_or_else(|| SourceError::Missing(beside.join(&first.file_name)))
+    // A single image may be missing, such as the first one.
+    let has_any = |folder: &PathBuf| images.iter().any(|image| folder.join(&image.file_name).is_file());
+    let needed = "none of the images of the annotation file was found; name their folder with --coco-images";
+    folders
+        .into_iter()
+        .find(has_any)
+        .ok_or_else(|| SourceError::Absent(beside.join(&first.file_name), needed))
 }
 
 #[cfg(test)]
@@ -154,8 +172,8 @@ mod tests {
     #[test]
     fn images_come_in_the_order_of_the_file_with_their_boxes() {
         let folder = write(TEXT);
-        let mut source =
-            CocoSource::open(&folder.path().join("annotations/instances_val.json"), None, 0.0).expect("readable");
+        let mut source = CocoSource::open(&folder.path().join("annotations/instances_val.json"), None, 0.0)
+            .expect("readable");
         let first = source.next().expect("two").expect("readable");
         let truth = first.ground_truth.expect("labelled");
         assert_eq!(first.name, "b");

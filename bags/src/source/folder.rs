@@ -1,6 +1,7 @@
 //! [`FolderSource`]: the images of a folder, sorted by name with numbers by their value; one file is a folder of one.
 //! [`LabelledSource`]: the same with labels.
 
+use std::collections::BTreeSet;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
@@ -77,6 +78,29 @@ pub trait Labels: Send {
     /// # Errors
     /// [`SourceError`] with the file and the line of a label that cannot be read.
     fn labels(&self, image: &Path, size: (usize, usize)) -> Result<Option<Vec<GroundTruth>>, SourceError>;
+
+    /// Returns one line for each kind of label that belongs to none of the files `images`.
+    fn without_image(&self, images: &[PathBuf]) -> Vec<String>;
+}
+
+/// Returns a line that counts the labels `names`, which have no image, and names the first one.
+pub(super) fn warn_without_image(what: &str, names: &[String]) -> Vec<String> {
+    let first = names.first().into_iter();
+    first
+        .map(|first| format!("{} {what} have no image and are left out, the first: {first}", names.len()))
+        .collect()
+}
+
+/// Returns the text files in `folder` whose names are not those of `images`, sorted. A folder that does not exist has none.
+pub(super) fn texts_without_image(folder: &Path, images: &[PathBuf]) -> Vec<PathBuf> {
+    let stems: BTreeSet<String> = images.iter().map(|image| stem(image)).collect();
+    let files = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let texts =
+        files.filter(|path| path.extension().is_some_and(|extension| extension == "txt") && path.is_file());
+    let mut alone: Vec<PathBuf> = texts.filter(|path| !stems.contains(&stem(path))).collect();
+    // The order of `read_dir` depends on the file system.
+    alone.sort();
+    alone
 }
 
 /// Image files with their labels as a source.
@@ -104,6 +128,10 @@ impl<L: Labels> Source for LabelledSource<L> {
 
     fn len(&self) -> Option<usize> {
         self.frames.len()
+    }
+
+    fn warnings(&self) -> Vec<String> {
+        self.labels.without_image(&self.frames.images)
     }
 
     fn rewind(&mut self) -> Result<(), SourceError> {

@@ -4,12 +4,14 @@
 //! Label lines are `type truncated occluded alpha x1 y1 x2 y2 h w l x y z ry` (15 columns, object development kit); a
 //! tracking line has the frame and the track in front of that (17 columns).
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use modulo_core::BBox;
 
-use super::folder::{FolderSource, LabelledSource, Labels, list_images, stem};
+use super::folder::{
+    FolderSource, LabelledSource, Labels, list_images, stem, texts_without_image, warn_without_image,
+};
 use super::{GroundTruth, SourceError};
 use crate::FileError;
 
@@ -22,6 +24,8 @@ const LAYOUTS: [(&str, &[&str]); 2] =
 pub struct KittiFolder {
     images: Vec<PathBuf>,
     labels: LabelFiles,
+    /// Whether `images` are those of a list, and not all of the folder.
+    listed: bool,
 }
 
 /// The location of the labels.
@@ -49,27 +53,30 @@ impl KittiFolder {
     pub fn open(path: &Path) -> Result<Self, SourceError> {
         let Some((images, labels)) = layout(path) else {
             let Some(file) = tracking_file(path) else {
-                return Err(SourceError::Missing(path.join(LAYOUTS[0].0)));
+                let needed = "a KITTI folder has its images in image_2 or image_02";
+                return Err(SourceError::Absent(path.join(LAYOUTS[0].0), needed));
             };
-            return Ok(Self { images: list_images(path)?, labels: LabelFiles::Drive(read_drive(&file)?) });
+            let labels = LabelFiles::Drive(read_drive(&file)?);
+            return Ok(Self { images: list_images(path)?, labels, listed: false });
         };
         let images = list_images(&path.join(images))?;
-        Ok(Self { images, labels: LabelFiles::Folders(labels.iter().map(|name| path.join(name)).collect()) })
+        let labels = LabelFiles::Folders(labels.iter().map(|name| path.join(name)).collect());
+        Ok(Self { images, labels, listed: false })
     }
 
-    /// Opens `path` as [`KittiFolder::open`] does, but only the frames called `frames`, in that order.
+    /// Opens `path` as [`KittiFolder::open`] does, but only the frames called `frames`, in that order. A frame without an
+    /// image is an image that cannot be read.
     ///
     /// # Errors
-    /// [`SourceError::Missing`] for the first frame that is not there.
+    /// Those of [`KittiFolder::open`].
     pub fn listed(path: &Path, frames: &[String]) -> Result<Self, SourceError> {
-        let Self { images, labels } = Self::open(path)?;
+        let Self { images, labels, .. } = Self::open(path)?;
         let by_name: BTreeMap<String, &PathBuf> = images.iter().map(|image| (stem(image), image)).collect();
         let image = |frame: &String| {
             let folder = images.first().and_then(|image| image.parent()).unwrap_or(path);
-            let missing = || SourceError::Missing(folder.join(format!("{frame}.png")));
-            by_name.get(frame).map(|image| (*image).clone()).ok_or_else(missing)
+            by_name.get(frame).map_or_else(|| folder.join(format!("{frame}.png")), |image| (*image).clone())
         };
-        Ok(Self { images: frames.iter().map(image).collect::<Result<_, _>>()?, labels })
+        Ok(Self { images: frames.iter().map(image).collect(), labels, listed: true })
     }
 
     /// Returns the image files, sorted by name.
@@ -116,6 +123,26 @@ impl KittiSource {
 impl Labels for KittiFolder {
     fn labels(&self, image: &Path, _: (usize, usize)) -> Result<Option<Vec<GroundTruth>>, SourceError> {
         self.labels_of(image)
+    }
+
+    fn without_image(&self, images: &[PathBuf]) -> Vec<String> {
+        if self.listed {
+            // The labels of all other frames are left out on purpose.
+            return Vec::new();
+        }
+        let (what, names) = match &self.labels {
+            LabelFiles::Folders(folders) => {
+                let files = folders.iter().flat_map(|folder| texts_without_image(folder, images));
+                ("label files", files.map(|file| file.display().to_string()).collect())
+            }
+            LabelFiles::Drive(frames) => {
+                let there: BTreeSet<u64> =
+                    images.iter().filter_map(|image| stem(image).parse().ok()).collect();
+                let missing = frames.keys().filter(|frame| !there.contains(frame));
+                ("labelled frames", missing.map(|frame| format!("frame {frame}")).collect::<Vec<_>>())
+            }
+        };
+        warn_without_image(what, &names)
     }
 }
 

@@ -37,6 +37,9 @@ pub enum SourceError {
          a KITTI folder (image_2 or image_02 inside), a .mcap, .db3 or ROS 1 .bag file or a bag folder", file = .0.display()
     )]
     Missing(PathBuf),
+    /// A file or folder of a data set does not exist. The text says what is needed.
+    #[error("{file}: no such file or folder; {1}", file = .0.display())]
+    Absent(PathBuf, &'static str),
     /// An address that is no scene.
     #[error(transparent)]
     Scene(#[from] modulo_scene::SpecError),
@@ -110,6 +113,11 @@ pub trait Source: Send {
 
     /// Returns how many frames there are from the start, if that is known.
     fn len(&self) -> Option<usize>;
+
+    /// Returns one line for each kind of label that belongs to no frame, so that no frame comes with it.
+    fn warnings(&self) -> Vec<String> {
+        Vec::new()
+    }
 
     /// Returns whether it is known that there is no frame at all.
     fn is_empty(&self) -> bool {

@@ -3,13 +3,15 @@
 //!
 //! Labels lie where ultralytics looks for them: in `labels` beside `images`, else beside the image.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use modulo_core::BBox;
 use serde::Deserialize;
 
-use super::folder::{FolderSource, LabelledSource, Labels, list_images};
+use super::folder::{
+    FolderSource, LabelledSource, Labels, list_images, texts_without_image, warn_without_image,
+};
 use super::kitti::number;
 use super::{GroundTruth, SourceError};
 use crate::FileError;
@@ -27,13 +29,17 @@ pub struct YoloLabels(BTreeMap<usize, String>);
 impl YoloSource {
     /// Opens `folder`: one that holds `images` and `labels`, a folder of images whose path has a part `images`, or one
     /// with images and labels side by side. Class names come from `data.yaml`, `dataset.yaml` or `classes.txt` there or
-    /// up to two folders above; a class without one is called by its number. `white` as in [`super::SourceOptions`].
+    /// up to two folders above; a class is called by its number where no
+    /// names are given. `white` as in [`super::SourceOptions`].
     ///
     /// # Errors
     /// [`SourceError`] when there is no image, or the names cannot be read.
     pub fn open(folder: &Path, white: f32) -> Result<Self, SourceError> {
         if !folder.is_dir() {
-            return Err(SourceError::Missing(folder.to_owned()));
+            return Err(SourceError::Absent(
+                folder.to_owned(),
+                "a folder of images with YOLO labels is needed",
+            ));
         }
         let inside = folder.join("images");
         let images = list_images(if inside.is_dir() { &inside } else { folder })?;
@@ -52,12 +58,35 @@ impl Labels for YoloLabels {
         // Numbered before blank lines are left out, so that errors name the line of the file.
         let lines = (1..).zip(text.lines()).filter(|(_, line)| !line.trim().is_empty());
         let label = |(line, text): (usize, &str)| {
-            let (class, bbox) = parse(text, width as f32, height as f32)
-                .map_err(|why| SourceError::Label { path: path.clone(), line, why })?;
-            let class = self.0.get(&class).cloned().unwrap_or_else(|| class.to_string());
+            let bad = |why| SourceError::Label { path: path.clone(), line, why };
+            let (class, bbox) = parse(text, width as f32, height as f32).map_err(bad)?;
+            let class = self.name(class).map_err(bad)?;
             Ok(GroundTruth { bbox, class, truncated: -1.0, occluded: -1 })
         };
         lines.map(label).collect::<Result<_, _>>().map(Some)
+    }
+
+    fn without_image(&self, images: &[PathBuf]) -> Vec<String> {
+        let folders = images.iter().flat_map(|image| label_files(image));
+        let folders: BTreeSet<PathBuf> = folders.filter_map(|file| Some(file.parent()?.to_owned())).collect();
+        let texts = folders.iter().flat_map(|folder| texts_without_image(folder, images));
+        // Other texts, such as lists of names, may lie beside the labels.
+        let is_label = |line: &str| line.trim().is_empty() || parse(line, 1.0, 1.0).is_ok();
+        let labels =
+            texts.filter(|path| std::fs::read_to_string(path).is_ok_and(|text| text.lines().all(is_label)));
+        warn_without_image("label files", &labels.map(|path| path.display().to_string()).collect::<Vec<_>>())
+    }
+}
+
+impl YoloLabels {
+    /// Returns the name of class `number`, or the number itself if the data set names no class.
+    fn name(&self, number: usize) -> Result<String, String> {
+        let (Some((first, _)), Some((last, _))) = (self.0.first_key_value(), self.0.last_key_value()) else {
+            return Ok(number.to_string());
+        };
+        let unnamed =
+            || format!("class {number} found, but the data set has names for the classes {first} to {last}");
+        self.0.get(&number).cloned().ok_or_else(unnamed)
     }
 }
 

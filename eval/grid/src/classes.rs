@@ -131,7 +131,22 @@ impl ClassGroups {
 
     /// The group in which `class` is scored.
     pub fn of(&self, class: &str) -> Option<&str> {
-        self.0.get(class).map(String::as_str).filter(|value| !value.contains(char::is_whitespace))
+        self.0.get(class).map(String::as_str).filter(|value| value.split_whitespace().count() == 1)
+    }
+
+    /// A line that counts the labels of classes that the table does not name. A line `class:` leaves one out on purpose.
+    pub fn unnamed<'a>(&self, labels: impl Iterator<Item = &'a GroundTruth>) -> Option<String> {
+        let unnamed = |label: &&GroundTruth| label.class != DONT_CARE && !self.0.contains_key(&label.class);
+        let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+        labels.filter(unnamed).for_each(|label| *counts.entry(&label.class).or_default() += 1);
+        let all: usize = counts.values().sum();
+        let classes: Vec<String> = counts.iter().map(|(class, count)| format!("{class} ({count})")).collect();
+        (all > 0).then(|| {
+            format!(
+                "{all} labels have classes that no group holds and are not scored: {}; the file of --groups may name them",
+                classes.join(", ")
+            )
+        })
     }
 }
 

@@ -59,6 +59,13 @@ impl Provenance {
     }
 }
 
+impl Results {
+    /// Whether frames or labels are missing, or a cell has no AP because no labelled object is scored.
+    pub fn lost(&self) -> bool {
+        !self.input.warnings.is_empty() || self.cells.iter().any(Cell::is_unscored)
+    }
+}
+
 /// The settings of a grid.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Setup {
@@ -270,6 +277,13 @@ pub struct FrameTime {
     pub frames: usize,
     /// The pass that measured it, see [`Provenance::pass`]. Only times of one pass can be compared.
     pub pass: String,
+}
+
+impl Cell {
+    /// Whether no labelled object is scored.
+    pub fn is_unscored(&self) -> bool {
+        self.ap50.values().all(Option::is_none)
+    }
 }
 
 /// Number of frames in [`Cell::worst`].

@@ -68,7 +68,8 @@ impl Frames {
             seen += 1;
             frames.note(data, raw, &mut notes);
         }
-        let warnings = notes.warnings();
+        let mut warnings = notes.warnings();
+        warnings.extend(frames.drives.iter().flat_map(|(_, source)| source.warnings()));
         if frames.truths.is_empty() {
             let why = warnings.into_iter().next().unwrap_or_else(|| "there is no frame".to_owned());
             return Err(GridError::Nothing { source_name: data.name(), frames: seen, why });

@@ -53,7 +53,7 @@ pub struct GridOutcome {
 impl GridOutcome {
     /// Whether frames, labels or answers are missing.
     pub fn lost(&self) -> bool {
-        self.unanswered > 0 || !self.results.input.warnings.is_empty()
+        self.unanswered > 0 || self.results.lost()
     }
 }
 
@@ -74,6 +74,7 @@ pub fn run(
     let (map, groups) = (request.class_map()?, request.groups()?);
     let setup = setup(request, &map, &groups, &points)?;
     let mut frames = Frames::inspect(&request.data, request.options.white)?;
+    frames.input.warnings.extend(groups.unnamed(frames.truths.iter().flatten()));
     frames.input.warnings.iter().for_each(|warning| tell(GridEvent::Warning(warning)));
     // The models are opened before the first cell, so that a wrong file ends the run now and not after hours.
     let mapped = mapped_classes(request, &map, &mut frames)?;
