@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 use anyhow::anyhow;
 use clap::Subcommand;
 use indicatif::{ProgressBar, ProgressStyle};
-use modulo_images::WHITE_PERCENTILE;
-use modulo_bench::{BenchEvent, benchmark, frontier, simulate, stability};
+use modulo_bench::{BenchError, BenchEvent, benchmark, frontier, simulate, stability};
+use modulo_core::{SensorError, UnwrapError, WorkersError};
+use modulo_images::{ImageError, WHITE_PERCENTILE};
 
+use super::usage;
 use crate::{Ended, Failure};
 
 /// Template of the progress bar.
@@ -28,11 +30,13 @@ pub enum Bench {
 /// Sends image files through the sensor and the methods.
 pub fn simulate(request: &simulate::SimulationRequest) -> Result<Ended, Failure> {
     let bar = progress_bar(STEPS);
-    let outcome = simulate::simulate(request, &mut |event| tell(&bar, event))?;
+    let outcome = simulate::simulate(request, &mut |event| tell(&bar, event)).map_err(failure)?;
     bar.finish_and_clear();
     let mut whites: Vec<_> = outcome.rows.iter().filter_map(|row| Some((&row.file, row.white?))).collect();
     whites.dedup();
-    whites.iter().for_each(|(file, white)| say!("white is {white}, the {WHITE_PERCENTILE}th percentile of {file}"));
+    whites
+        .iter()
+        .for_each(|(file, white)| say!("white is {white}, the {WHITE_PERCENTILE}th percentile of {file}"));
     say!(
         "file                         alpha method            exact k   PSNR dB     SSIM method used    trusted       ms"
     );
@@ -71,7 +75,7 @@ pub fn bench(command: &Bench) -> Result<Ended, Failure> {
 fn bench_unwrap(request: &benchmark::BenchmarkRequest) -> Result<Ended, Failure> {
     let request = benchmark::BenchmarkRequest { device: processor(), ..request.clone() };
     let bar = progress_bar(STEPS);
-    let outcome = benchmark::unwrap(&request, &mut |event| tell(&bar, event))?;
+    let outcome = benchmark::unwrap(&request, &mut |event| tell(&bar, event)).map_err(failure)?;
     bar.finish_and_clear();
     say!("method           alpha threads    ms p50   exact k   PSNR dB");
     for row in &outcome.rows {
@@ -89,6 +93,19 @@ fn bench_unwrap(request: &benchmark::BenchmarkRequest) -> Result<Ended, Failure>
         say!("{}", file.display());
     }
     Ok(if outcome.skipped.is_empty() { Ended::Done } else { Ended::WithLoss })
+}
+
+/// Tells an error of the command line from one of a file or of the run.
+fn failure(why: BenchError) -> Failure {
+    let of_command_line = match &why {
+        BenchError::Empty(_) | BenchError::Number { .. } | BenchError::Image(ImageError::White(_)) => true,
+        BenchError::Sensor(why) => !matches!(why, SensorError::Shape(_) | SensorError::NotFinite { .. }),
+        BenchError::Unwrap(
+            UnwrapError::Method { .. } | UnwrapError::Workers(WorkersError::Threads { .. }),
+        ) => true,
+        _ => false,
+    };
+    if of_command_line { usage(why) } else { why.into() }
 }
 
 /// Runs the stability suite.

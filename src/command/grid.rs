@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use clap::Args;
-use modulo_bags::source::FrameList;
+use modulo_bags::source::{FrameList, SourceError};
 use modulo_eval::grid::{
     Data, GridError, GridEvent, GridOptions, Request, Suite, draw_pictures, merge as merge_shards, run,
 };
 use modulo_eval::results::{Cell, Provenance, RESULTS, Results};
 use modulo_eval::{budget as choices, report as page, store};
+use modulo_images::ImageError;
 use modulo_runtime::{Clock, SystemClock};
 
 use super::bench::{processor, progress_bar};
@@ -135,14 +136,17 @@ fn data(args: &Grid, source: &[String]) -> Result<Data, Failure> {
 }
 
 fn failure(why: GridError) -> Failure {
-    match why {
-        // These come from the command line, and the others from files or from the run.
-        GridError::Empty { .. }
-        | GridError::Value { .. }
-        | GridError::Table { .. }
-        | GridError::Parameter(_) => usage(why),
-        why => why.into(),
-    }
+    // These come from the command line, and the others from files or from the run.
+    let of_command_line = match &why {
+        GridError::Empty(_) | GridError::Value { .. } | GridError::Table(..) | GridError::Parameter(_) => {
+            true
+        }
+        GridError::Source(why) => {
+            matches!(why, SourceError::Scene(_) | SourceError::Image(ImageError::White(_)))
+        }
+        _ => false,
+    };
+    if of_command_line { usage(why) } else { why.into() }
 }
 
 fn print_cell(cell: &Cell) {

@@ -79,6 +79,11 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
         say!("{plan}");
         return Ok(Ended::Done);
     }
+    // A node that refuses its parameters would end its own process, and the reason would be lost in a failed run.
+    let refused: Vec<String> = plan.nodes.iter().flat_map(refusals).collect();
+    if !refused.is_empty() {
+        return Err(usage(anyhow!(refused.join("; "))));
+    }
     // Lockstep runs the nodes as one process does, so the hint at the end is given for such files only.
     let evaluable = modulo_launch::compose(&plan).is_ok();
     let LaunchResult { summary, failure, completed } =

@@ -3,6 +3,7 @@
 #[path = "../harness/mod.rs"]
 mod harness;
 
+mod exit_codes;
 mod floors;
 mod launch;
 mod packaging;

@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use clap::{Parser, ValueEnum};
+use modulo_camera::CameraParameters;
 use modulo_core::unwrap::METHODS;
+use modulo_runtime::SensorModel;
 
 use super::GridError;
 use super::pipeline::paper::SPUD_AS_PUBLISHED;
@@ -69,7 +71,7 @@ impl Axes {
     /// The cells. Models and input sizes vary slowest, so that one detector serves all its cells in a row.
     ///
     /// # Errors
-    /// [`GridError`] for an empty list, two models of one name, or an impossible value.
+    /// [`GridError`] for an empty list, two models of one name, a sensor that is not possible, or another impossible value.
     pub fn points(&self, protocol: Protocol) -> Result<Vec<Point>, GridError> {
         self.check(protocol)?;
         let inputs = or_default(&self.input, &[if protocol == Protocol::Paper { "640x640" } else { "auto" }]);
@@ -145,6 +147,15 @@ impl Axes {
         ] {
             if empty {
                 return Err(GridError::Empty(what));
+            }
+        }
+        // Checked as the camera does it, before any frame is read.
+        for &alpha in &self.alpha {
+            for &psf_sigma in &self.psf_sigma {
+                for &read_noise in &self.noise {
+                    let sensor = SensorModel { alpha, psf_sigma, ..SensorModel::default() };
+                    CameraParameters { sensor, read_noise, ..CameraParameters::default() }.sensor()?;
+                }
             }
         }
         // The scripts of the paper have a fixed lens and no noise. Other values would be ignored, which the results

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Parser;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
 use modulo_bags::source::{
     self, CocoSource, FrameList, KittiFolder, KittiSource, Source, SourceError, SourceOptions, YoloSource,
 };
@@ -40,13 +40,13 @@ pub struct GridOptions {
     #[arg(long, default_value = "auto", value_parser = words(EngineChoice::WORDS))]
     pub engine: EngineChoice,
     /// Threads of one inference where times are measured. 0: one for each core, as the detector node has it
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = RangedU64ValueParser::<usize>::new().range(..=64))]
     pub threads: usize,
     /// Number of frames on which the times of each cell are measured, after all cells are scored. 0: no times
     #[arg(long, value_name = "N", default_value_t = 20)]
     pub time_frames: usize,
     /// Number of frames that are scored in parallel. 0: one for each core
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = RangedU64ValueParser::<usize>::new().range(..=1024))]
     pub jobs: usize,
     /// Value that becomes full scale, for EXR, HDR and 16-bit images. 0: the 99.9th percentile of the first EXR or HDR
     /// image, and 65536 for 16-bit images
@@ -186,7 +186,9 @@ impl Data {
     /// Opens all sources. `white` is that of [`GridOptions`].
     pub(super) fn open(&self, white: f32) -> Result<Vec<Drive>, SourceError> {
         match self {
-            Self::Kitti { folder, list: None } => Ok(vec![(None, Box::new(KittiSource::open(folder, white)?))]),
+            Self::Kitti { folder, list: None } => {
+                Ok(vec![(None, Box::new(KittiSource::open(folder, white)?))])
+            }
             Self::Kitti { folder, list: Some(list) } => {
                 let folder = KittiFolder::listed(folder, &list.frames)?;
                 Ok(vec![(None, Box::new(KittiSource::of(folder, white)?))])

@@ -1,0 +1,79 @@
+//! The exit code 2: a value out of range on a command line is refused before anything is done, by every command.
+
+use crate::harness::{Bench, arg, model, text};
+
+/// Commands with a value that is out of range, and words that the refusal must contain. FILE, FOLDER and OUT stand for an
+/// image, its folder and a folder for results.
+const REFUSED: [(&[&str], &[&str]); 43] = [
+    (&["simulate", "FILE", "-o", "OUT", "--alpha", "0"], &["alpha is 0", "256"]),
+    (&["simulate", "FILE", "-o", "OUT", "--alpha", "2,-4"], &["alpha is -4", "256"]),
+    (&["simulate", "FILE", "-o", "OUT", "--alpha", "NaN"], &["alpha is NaN", "256"]),
+    (&["simulate", "FILE", "-o", "OUT", "--psf-sigma", "-1"], &["sigma is -1", "100"]),
+    (&["simulate", "FILE", "-o", "OUT", "--bits", "17"], &["bits is 17", "16"]),
+    (&["simulate", "FILE", "-o", "OUT", "--bits", "300"], &["300"]),
+    (&["simulate", "FILE", "-o", "OUT", "--read-noise", "-1"], &["read_noise is -1", "65536"]),
+    (&["simulate", "FILE", "-o", "OUT", "--seed", "-1"], &["-1", "--seed"]),
+    (&["simulate", "FILE", "-o", "OUT", "--white", "-1"], &["white = -1", "0"]),
+    (&["simulate", "FILE", "-o", "OUT", "--method", "magic"], &["magic", "spud"]),
+    (&["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--alpha", "-1"], &["alpha is -1", "256"]),
+    (
+        &["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--repeats", "0"],
+        &["repeats is 0", "1 or more"],
+    ),
+    (&["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--threads", "0"], &["threads is 0", "256"]),
+    (&["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--bits", "0"], &["bits is 0", "16"]),
+    (&["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--white", "inf"], &["white = inf"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--alpha", "-4"], &["'alpha' = -4", "256"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--alpha", "2,300"], &["'alpha' = 300", "256"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--psf-sigma", "-1"], &["'psf_sigma' = -1", "100"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--noise", "-1"], &["'read_noise' = -1", "65536"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--threads", "65"], &["65", "64"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--jobs", "1025"], &["1025", "1024"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--white", "-1"], &["white = -1", "0"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--seed", "-1"], &["-1", "--seed"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--shard", "3/2"], &["3/2", "1 <= i <= n"]),
+    (&["eval", "--source", "scene://day?frames=-1", "-o", "OUT"], &["frames", "-1"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--protocol", "paper", "--noise", "1"], &["noise [1.0]"]),
+    (&["eval", "budget", "OUT", "--ms", "0"], &["--ms is 0", "more than 0"]),
+    (&["eval", "launch/recovered.launch.yaml", "-o", "OUT", "alpha:=-1"], &["'alpha' = -1", "256"]),
+    (&["launch", "launch/recovered.launch.yaml", "alpha:=-1"], &["'alpha' = -1", "256"]),
+    (&["launch", "launch/recovered.launch.yaml", "bits:=17"], &["'bits' = 17", "16"]),
+    (&["launch", "launch/recovered.launch.yaml", "rate:=-1"], &["'rate' = -1", "10000"]),
+    (&["launch", "launch/recovered.launch.yaml", "threads:=0"], &["'threads' = 0", "256"]),
+    (&["launch", "launch/recovered.launch.yaml", "score_threshold:=2"], &["'score_threshold' = 2"]),
+    (&["launch", "--compose", "launch/recovered.launch.yaml", "psf_sigma:=-1"], &["'psf_sigma' = -1", "100"]),
+    (&["run", "modulo_camera", "--ros-args", "-p", "alpha:=0.0"], &["'alpha' = 0", "256"]),
+    (&["run", "modulo_camera", "--ros-args", "-p", "white:=-1.0"], &["'white' = -1"]),
+    (&["run", "unwrap", "--ros-args", "-p", "tau:=-0.5"], &["'tau' = -0.5"]),
+    (&["run", "detector", "--ros-args", "-p", "max_det:=0"], &["'max_det' = 0", "1000"]),
+    (&["bag", "play", "bags/samples/tunnel", "--rate", "0"], &["0"]),
+    (&["bag", "play", "bags/samples/tunnel", "--clock", "-1"], &["--clock -1", "above 0"]),
+    (&["bag", "play", "bags/samples/tunnel", "--start-offset", "-1"], &["--start-offset -1"]),
+    (&["bag", "record", "-o", "OUT", "--max-bag-size", "-1"], &["-1", "--max-bag-size"]),
+    (&["topic", "hz", "/modulo", "--window", "1"], &["1", "--window"]),
+];
+
+#[test]
+fn a_value_out_of_range_ends_with_exit_code_2() {
+    let bench = Bench::new();
+    let folder = bench.images(1).display().to_string();
+    let [file, out] = [format!("{folder}/000000.png"), bench.path("out").display().to_string()];
+    for (words, told) in REFUSED {
+        let place = |word: &&str| match *word {
+            "FILE" => file.clone(),
+            "FOLDER" => folder.clone(),
+            "OUT" => out.clone(),
+            word => word.to_owned(),
+        };
+        let mut words: Vec<String> = words.iter().map(place).collect();
+        if words.iter().any(|word| word.ends_with(".launch.yaml")) {
+            // Were the value accepted, the run would be short.
+            words.extend([arg("source", &folder), arg("model", model())]);
+        }
+        let output = bench.run(&words.iter().map(String::as_str).collect::<Vec<_>>());
+        let said = text(&output);
+        assert_eq!(output.status.code(), Some(2), "{words:?}: {said}");
+        assert!(told.iter().all(|told| said.contains(told)), "{words:?} must name {told:?}: {said}");
+        assert!(!bench.path("out").exists(), "{words:?} has written something");
+    }
+}
