@@ -8,11 +8,14 @@
 //! | few steep loops | gradient_tree | if all counts are in range |
 //! | more | gradient_tree | no |
 //!
+//! In every case trust also needs evidence for the absolute offset, see [`congruence::is_evident`].
+//!
 //! Trust depends on y only. Two errors leave no trace in y and cannot be detected here: a region whose sharp
 //! contour is exactly a multiple of the peak, and a channel that is brighter than the peak everywhere.
 
 use super::{
     GradientTree, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Trust, Unwrap, UnwrapError,
+    congruence,
 };
 use crate::frame::Frame;
 
@@ -81,20 +84,21 @@ impl Unwrap for Auto {
         self.lines.unwrap(y, range, out)?;
         // The second method overwrites the report, but the metrics of y remain those of `lines`.
         let quality = out.report.quality;
-        match self.judge(out) {
-            MethodChoice::PassThrough => out.report.method = PASS_THROUGH,
-            MethodChoice::Lines => {}
+        let trusted = match self.judge(out) {
+            MethodChoice::PassThrough => {
+                out.report.method = PASS_THROUGH;
+                true
+            }
+            MethodChoice::Lines => true,
             MethodChoice::FallBack { trusted } => {
                 self.gradient_tree.unwrap(y, range, out)?;
                 out.report.quality = quality;
                 // A result that contradicts itself is not trusted, whatever y looks like.
-                if !trusted || out.report.trust == Trust::Contradicted {
-                    out.report.trust = Trust::Contradicted;
-                    return Ok(());
-                }
+                trusted && out.report.trust != Trust::Contradicted
             }
-        }
-        out.report.trust = Trust::Trusted;
+        };
+        let trusted = trusted && congruence::is_evident(out, range);
+        out.report.trust = if trusted { Trust::Trusted } else { Trust::Contradicted };
         Ok(())
     }
 }

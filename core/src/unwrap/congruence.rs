@@ -68,6 +68,60 @@ pub(super) fn is_enough(share: usize, best: usize, pixels: usize) -> bool {
     share as f64 >= best as f64 - TOLERANCE * pixels as f64
 }
 
+/// The shortest side, in pixels, of an image whose lines can contradict each other.
+const SHORTEST_SIDE: usize = 3;
+
+/// The least difference, in peaks, between the brightest pixel and the dark part of a scene.
+const CONTRAST: f32 = 0.25;
+
+/// Returns whether `out` contains what its counts rest on.
+///
+/// `x` and `x + 2^b` have the same y, so that differences determine the counts of a channel up to one constant, and the
+/// range decides only if the counts fill it: then any other constant would leave it. Elsewhere the suite assumes that the
+/// darkest part of the scene is below the peak. That needs a scene with a dark part: more than [`TOLERANCE`] of the pixels
+/// must be darker than the brightest one by [`CONTRAST`]. A flat image has none. An image with fewer than
+/// [`SHORTEST_SIDE`] rows or columns shows nothing at all, since no majority of lines can be wrong.
+pub(super) fn is_evident(out: &Recovered, range: Range) -> bool {
+    let (height, width, channels) = out.k.dim();
+    let most = range.max_wraps();
+    // Where nothing can wrap, every count is 0.
+    if most == 0 || height.min(width) < SHORTEST_SIDE {
+        return most == 0;
+    }
+    let (x, k) = (out.x.as_slice(), out.k.as_slice());
+    let (x, k) =
+        (x.expect("prepare has made the layout standard"), k.expect("prepare has made the layout standard"));
+    let [low, high] = [u8::min, u8::max].map(|extreme| extremes(k, channels, extreme));
+    (0..channels).all(|channel| {
+        let samples = || x[channel..].iter().step_by(channels).copied();
+        high[channel] - low[channel] == most || {
+            let dark = samples().fold(0.0, f32::max) - CONTRAST * range.peak();
+            samples().filter(|x| *x <= dark).count() as f64 > TOLERANCE * (height * width) as f64
+        }
+    })
+}
+
+/// Returns the least or the greatest of the interleaved samples of each channel.
+fn extremes(k: &[u8], channels: usize, extreme: fn(u8, u8) -> u8) -> [u8; 3] {
+    // A block holds whole pixels of one and of three channels, so that a lane belongs to one channel.
+    const BLOCK: usize = 48;
+    let mut lanes: [u8; BLOCK] = std::array::from_fn(|lane| k[lane % channels]);
+    let (blocks, rest) = k.as_chunks::<BLOCK>();
+    for block in blocks {
+        lanes.iter_mut().zip(block).for_each(|(lane, &k)| *lane = extreme(*lane, k));
+    }
+    lanes.iter_mut().zip(rest).for_each(|(lane, &k)| *lane = extreme(*lane, k));
+    std::array::from_fn(|channel| {
+        lanes
+            .iter()
+            .skip(channel % channels)
+            .step_by(channels)
+            .copied()
+            .reduce(extreme)
+            .expect("a block has lanes")
+    })
+}
+
 /// The number of steps of one peak; 16 bits hold residuals of up to 256 peaks.
 const STEPS_PER_PERIOD: i32 = 128;
 

@@ -141,7 +141,7 @@ pub enum Trust {
     Unknown,
     /// The method vouches for the counts.
     Trusted,
-    /// The image or the result contradicts the assumptions of the method.
+    /// The image or the result contradicts the assumptions of the method, or says too little to check them.
     Contradicted,
 }
 

@@ -91,6 +91,24 @@ fn shape() -> impl Strategy<Value = (usize, usize, usize)> {
     (1usize..=40, 1usize..=40, prop_oneof![Just(1usize), Just(3)])
 }
 
+#[test]
+fn an_image_that_says_nothing_is_not_trusted() {
+    let trust = |dim, code: u8, alpha| {
+        let y = Frame::from_u8(Array3::from_elem(dim, code)).unwrap();
+        recover("auto", &Options::default(), &y, Range::new(8, alpha).unwrap()).report.trust
+    };
+    for dim in [(1, 1, 1), (1, 1, 3), (2, 2, 3), (1, 64, 1), (64, 1, 3), (30, 40, 3)] {
+        for code in [0, 44, 255] {
+            assert_eq!(trust(dim, code, 4.0), Trust::Contradicted, "{dim:?} {code}");
+            assert_eq!(trust(dim, code, 1.0), Trust::Trusted, "{dim:?} {code}: nothing can wrap");
+        }
+    }
+    // A steep edge in so small an image: nothing tells 200 from -56.
+    let y = Frame::from_u8(Array3::from_shape_fn((2, 2, 1), |(_, j, _)| [10, 210][j])).unwrap();
+    let range = Range::new(8, 2.0).unwrap();
+    assert_eq!(recover("auto", &Options::default(), &y, range).report.trust, Trust::Contradicted);
+}
+
 proptest! {
     /// The sharpest images that Itoh's condition allows.
     #[test]
@@ -110,6 +128,50 @@ proptest! {
         for method in ["itoh", "tree"] {
             assert_exact(method, &Options::default(), &x, bits, range);
         }
+    }
+
+    /// The same y belongs to scenes that differ by whole peaks: none of them has a dark part that tells them apart.
+    #[test]
+    fn a_flat_scene_whose_offset_the_range_leaves_open_is_never_trusted(
+        dim in shape(),
+        bits in 2u8..=16,
+        alpha in 2u8..=8,
+        level in any::<u16>(),
+        ripple in proptest::collection::vec(0u32..=u32::from(u16::MAX), 40),
+    ) {
+        let peak = 1u32 << bits;
+        let range = Range::new(bits, f64::from(alpha)).unwrap();
+        // The ripple is below a quarter of the peak, and may carry y over the end of a period.
+        let x = Array3::from_shape_fn(dim, |(i, j, _)| u32::from(level) % peak + ripple[(i + j) % 40] % peak.div_ceil(4));
+        let out = recover("auto", &Options::default(), &wrap(&x, bits), range);
+        let filled = |c| {
+            let k = out.k.index_axis(Axis(2), c);
+            k.iter().max().unwrap() - k.iter().min().unwrap() == range.max_wraps()
+        };
+        prop_assume!(!(0..dim.2).all(filled));
+        prop_assert_eq!(out.report.trust, Trust::Contradicted);
+    }
+
+    /// A dark part of more than 2 % and a range that leaves other offsets open: trusted, and right.
+    #[test]
+    fn a_smooth_scene_with_a_dark_part_is_trusted(
+        (height, width, channels) in shape(),
+        bits in 6u8..=16,
+        spare in 0u8..3,
+        rise in 0.3f64..2.9,
+    ) {
+        prop_assume!(height >= 8 && width >= 8);
+        let peak = f64::from(1u32 << bits);
+        let x = Array3::from_shape_fn((height, width, channels), |(i, j, _)| {
+            let turn = (i + j) as f64 / (height + width - 2) as f64 * std::f64::consts::PI;
+            (peak * rise * (1.0 - turn.cos()) / 2.0) as u32
+        });
+        prop_assume!(second_order_holds(&x, bits) && itoh_holds(&x, bits));
+        let (range, known) = range_of(&x, bits);
+        prop_assume!(known);
+        let range = Range::new(bits, range.alpha() + f64::from(spare)).unwrap();
+        let out = recover("auto", &Options::default(), &wrap(&x, bits), range);
+        prop_assert_eq!((out.report.trust, out.x), (Trust::Trusted, x.mapv(|x| x as f32)));
     }
 
     #[test]

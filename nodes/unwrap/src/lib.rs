@@ -288,9 +288,10 @@ impl RecoveryCounts {
 fn describe(node: &str, header: &Header, method: &str, report: &Report) -> DiagnosticArray {
     let (level, message) = match report.trust {
         Trust::Trusted => (DiagnosticStatus::OK, "trusted"),
-        Trust::Contradicted => {
-            (DiagnosticStatus::WARN, "not trusted: y departs from what the method assumes")
-        }
+        Trust::Contradicted => (
+            DiagnosticStatus::WARN,
+            "not trusted: y departs from what the method assumes, or does not show it",
+        ),
         Trust::Unknown => (DiagnosticStatus::OK, "the method makes no claim"),
     };
     // Two names: the method that was asked for, and the one that `auto` selected for this frame.
