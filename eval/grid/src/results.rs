@@ -105,12 +105,54 @@ pub struct Input {
     pub labelled: usize,
     /// Number of drives. 0 if the data does not name them.
     pub drives: usize,
+    /// What the bootstrap of the intervals draws. `None` in results of older versions.
+    #[serde(default)]
+    pub drawn: Option<Drawn>,
     /// sha256 over the names, the labels and the pixels of the frames, hexadecimal.
     pub digest: String,
     /// One line for each kind of frame or label that was left out or changed.
     pub warnings: Vec<String>,
     /// Classes without a counterpart: of the labels, for each model, and of each model.
     pub without_twin: BTreeMap<String, Vec<String>>,
+}
+
+/// The units that the bootstrap of the intervals draws, with their number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Drawn {
+    /// Whole drives
+    Drives(usize),
+    /// Single frames
+    Frames(usize),
+}
+
+impl fmt::Display for Drawn {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Drives(count) => write!(f, "{count} drives"),
+            Self::Frames(count) => write!(f, "{count} frames"),
+        }
+    }
+}
+
+/// Number of drives below which an interval is too narrow to rely on.
+const ENOUGH_DRIVES: usize = 10;
+
+impl Input {
+    /// A warning about intervals whose units are few, or known to depend on each other.
+    pub fn interval_warning(&self) -> Option<String> {
+        let few = match self.drawn? {
+            Drawn::Drives(count) if count < ENOUGH_DRIVES => format!("only {count} drives"),
+            // Frames are drawn although drives are known: frames of one drive are near duplicates.
+            Drawn::Frames(count) if (1..ENOUGH_DRIVES).contains(&self.drives) => {
+                format!("{count} frames, many of them of the same drive")
+            }
+            _ => return None,
+        };
+        Some(format!(
+            "the 95 % intervals come from {few} and are too narrow; take at least {ENOUGH_DRIVES} drives"
+        ))
+    }
 }
 
 /// The pipeline from a frame to the detector.

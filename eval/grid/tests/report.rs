@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use modulo_eval::results::{Cell, Device, FrameTime, Input, Paper, Point, Results, Setup, Stream};
+use modulo_eval::results::{Cell, Device, Drawn, FrameTime, Input, Paper, Point, Results, Setup, Stream};
 use modulo_eval::{budget, chart, report, store};
 use modulo_runtime::report::Percentiles;
 
@@ -97,7 +97,8 @@ fn made_up() -> Results {
         grid: cells.iter().map(|cell| cell.point.clone()).collect(),
         ..Setup::default()
     };
-    let input = Input { frames: 20, labelled: 20, drives: 3, digest: "123".to_owned(), ..Input::default() };
+    let input = Input { frames: 20, labelled: 20, drives: 3, ..Input::default() };
+    let input = Input { drawn: Some(Drawn::Drives(3)), digest: "123".to_owned(), ..input };
     Results { setup, input, definitions: map(&[("ap50", "AP at <0.5>".to_owned())]), cells, runs: vec![] }
 }
 
@@ -133,6 +134,32 @@ fn rows<'a>(page: &'a str, heading: &str) -> Vec<&'a str> {
     let (_, rest) = page.split_once(&format!("<h2>{heading}</h2>")).expect("the heading");
     let (table, _) = rest.split_once("</tbody>").expect("a table");
     table.split("<tbody>").nth(1).expect("a body").split("<tr>").skip(1).collect()
+}
+
+#[test]
+fn intervals_say_what_was_drawn_and_warn_of_few_drives() {
+    let said = |drawn, drives| {
+        let mut results = made_up();
+        (results.input.drawn, results.input.drives) = (drawn, drives);
+        page(&results)
+    };
+    for (drawn, drives, told, warned) in [
+        (Some(Drawn::Drives(9)), 9, "draws from 9 drives.", Some("come from only 9 drives")),
+        (Some(Drawn::Drives(10)), 10, "draws from 10 drives.", None),
+        (
+            Some(Drawn::Frames(20)),
+            1,
+            "draws from 20 frames.",
+            Some("20 frames, many of them of the same drive"),
+        ),
+        (Some(Drawn::Frames(20)), 0, "draws from 20 frames.", None),
+        (None, 3, "is in brackets.", None),
+    ] {
+        let page = said(drawn, drives);
+        assert!(page.contains(told), "{drawn:?}");
+        assert_eq!(warned.is_some(), page.contains("at least 10 drives"), "{drawn:?}");
+        assert!(warned.is_none_or(|warned| page.contains(warned)), "{drawn:?}");
+    }
 }
 
 #[test]

@@ -75,10 +75,13 @@ pub fn run(
     let setup = setup(request, &map, &groups, &points)?;
     let mut frames = Frames::inspect(&request.data, request.options.white)?;
     frames.input.warnings.extend(groups.unnamed(frames.truths.iter().flatten()));
-    frames.input.warnings.iter().for_each(|warning| tell(GridEvent::Warning(warning)));
+    let units = Units::new(&frames.drive_of, request.options.seed);
+    frames.input.drawn = Some(units.drawn());
+    // Few drives are no loss, so that this warning is not among those of the input.
+    let warnings = frames.input.warnings.iter().cloned().chain(frames.input.interval_warning());
+    warnings.for_each(|warning| tell(GridEvent::Warning(&warning)));
     // The models are opened before the first cell, so that a wrong file ends the run now and not after hours.
     let mapped = mapped_classes(request, &map, &mut frames)?;
-    let units = Units::new(&frames.drive_of, request.options.seed);
     let definitions = definitions();
     let fresh = Results { setup, input: frames.input.clone(), definitions, ..Results::default() };
     let mut results = if request.options.fresh { fresh } else { resume(&request.out, fresh)? };

@@ -6,6 +6,8 @@ use modulo_core::metric::quantile;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
+use crate::results::Drawn;
+
 /// Number of draws.
 const DRAWS: usize = 1000;
 
@@ -19,7 +21,7 @@ pub const DEFINITION: &str = "\
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Units {
     of_frame: Vec<usize>,
-    count: usize,
+    drawn: Drawn,
     seed: u64,
 }
 
@@ -37,12 +39,19 @@ impl Units {
             _ => frame,
         };
         let of_frame = drives.iter().enumerate().map(place).collect();
-        Self { of_frame, count: if known { names.len() } else { drives.len() }, seed }
+        let drawn = if known { Drawn::Drives(names.len()) } else { Drawn::Frames(drives.len()) };
+        Self { of_frame, drawn, seed }
+    }
+
+    /// The kind and the number of the units.
+    pub fn drawn(&self) -> Drawn {
+        self.drawn
     }
 
     /// The interval of `figure`, which gets the number of times that each frame was drawn. `None` with fewer than two units.
     pub fn interval(&self, figure: impl Fn(&[u64]) -> Option<f64>) -> Option<[f64; 2]> {
-        if self.count < 2 {
+        let (Drawn::Drives(count) | Drawn::Frames(count)) = self.drawn;
+        if count < 2 {
             return None;
         }
         // Started anew for each figure: all figures of all cells use the same draws, so that their differences are not
@@ -50,8 +59,8 @@ impl Units {
         let mut random = Pcg64::seed_from_u64(self.seed);
         let mut figures: Vec<f64> = (0..DRAWS)
             .filter_map(|_| {
-                let mut times = vec![0; self.count];
-                (0..self.count).for_each(|_| times[random.random_range(0..self.count)] += 1);
+                let mut times = vec![0; count];
+                (0..count).for_each(|_| times[random.random_range(0..count)] += 1);
                 let weights: Vec<u64> = self.of_frame.iter().map(|&unit| times[unit]).collect();
                 figure(&weights)
             })
@@ -93,7 +102,7 @@ mod tests {
     #[test]
     fn a_drive_is_drawn_as_a_whole() {
         let units = Units::new(&drives(&["a", "a", "b", "b"]), 1);
-        assert_eq!(units.count, 2);
+        assert_eq!(units.drawn(), Drawn::Drives(2));
         let [low, high] = units.interval(share(&[1.0, 1.0, 0.0, 0.0])).expect("two drives");
         assert_eq!((low, high), (0.0, 1.0));
         let same = units.interval(|weights| Some((weights[0] == weights[1]) as u8 as f64));
@@ -102,7 +111,7 @@ mod tests {
 
     #[test]
     fn one_drive_is_no_sample_so_frames_are_drawn() {
-        assert_eq!(Units::new(&drives(&["a", "a", "a"]), 1).count, 3);
+        assert_eq!(Units::new(&drives(&["a", "a", "a"]), 1).drawn(), Drawn::Frames(3));
         assert_eq!(Units::new(&[None], 1).interval(|_| Some(1.0)), None);
     }
 }

@@ -62,8 +62,11 @@ pub fn summary(results: &Results) -> Markup {
         h2 { "At a glance" }
         p {
             "AP50 in percent by stream (rows) and alpha (columns), over " (results.input.labelled) " labelled frames. "
-            "The 95 % interval of the bootstrap is in brackets."
+            "The 95 % interval of the bootstrap is in brackets"
+            @if let Some(drawn) = results.input.drawn { "; the bootstrap draws from " (drawn) }
+            "."
         }
+        @if let Some(warning) = results.input.interval_warning() { p.warning { "Warning: " (warning) "." } }
         @for (index, (model, conditions)) in blocks.enumerate() {
             details open[index == 0] {
                 summary { (model) ", " (labels::conditions(conditions)) }
