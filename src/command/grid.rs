@@ -2,9 +2,12 @@
 //! show its results.
 
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
 
 use anyhow::anyhow;
 use clap::Args;
+use indicatif::ProgressBar;
 use modulo_bags::source::{FrameList, SourceError};
 use modulo_eval::grid::{
     Data, GridError, GridEvent, GridOptions, Request, Suite, draw_pictures, merge as merge_shards, run,
@@ -16,6 +19,7 @@ use modulo_runtime::{Clock, SystemClock};
 
 use super::bench::{processor, progress_bar};
 use super::launch::quoted;
+use super::progress::MinuteLines;
 use super::usage;
 use crate::{Ended, Failure};
 
@@ -54,29 +58,12 @@ pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure
         provenance: provenance(),
         out: out.to_owned(),
     };
-    let bar = progress_bar("{bar:30} {pos}/{len} frames, {eta} left: {msg}");
-    let tell = |event: GridEvent<'_>| match event {
-        GridEvent::Resumed { cells: 0 } => {}
-        GridEvent::Resumed { cells } => {
-            bar.suspend(|| eprintln!("modulo: {cells} cells are finished already"))
-        }
-        GridEvent::Cell { frames: (done, all), name } => {
-            bar.set_length(all);
-            bar.set_position(done);
-            bar.set_message(name.to_owned());
-        }
-        GridEvent::Frame => bar.inc(1),
-        GridEvent::Warning(warning) => bar.suspend(|| eprintln!("modulo: {warning}")),
-    };
-    let outcome = run(&request, &Suite, &SystemClock::default(), &tell).map_err(failure)?;
-    bar.finish_and_clear();
+    let progress = Progress::new();
+    let outcome =
+        run(&request, &Suite, &SystemClock::default(), &|event| progress.tell(event)).map_err(failure)?;
+    progress.bar.finish_and_clear();
     outcome.results.cells.iter().for_each(print_cell);
-    if outcome.results.cells.iter().any(Cell::is_unscored) {
-        eprintln!(
-            "modulo: no labelled object is scored, so that there is no AP; --groups names the classes that are scored, and \
-             --difficulty the objects"
-        );
-    }
+    tell_unscored(&outcome.results);
     // The pictures compare all cells, so they are drawn when the last shard or run has made them complete.
     if outcome.results.cells.len() == outcome.results.setup.grid.len() {
         let timer = SystemClock::default();
@@ -87,12 +74,73 @@ pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure
     Ok(if outcome.lost() { Ended::WithLoss } else { Ended::Done })
 }
 
+/// The progress of a run: a bar on a terminal, else a line a minute.
+struct Progress {
+    bar: ProgressBar,
+    clock: SystemClock,
+    lines: Mutex<MinuteLines>,
+}
+
+impl Progress {
+    fn new() -> Self {
+        // The message is cut where the line ends.
+        let bar = progress_bar("{bar:20} {pos}/{len} frames, {eta} left: {wide_msg}");
+        Self { bar, clock: SystemClock::default(), lines: Mutex::default() }
+    }
+
+    fn tell(&self, event: GridEvent<'_>) {
+        let Self { bar, .. } = self;
+        match event {
+            GridEvent::Resumed { cells: 0 } => {}
+            GridEvent::Resumed { cells } => {
+                bar.suspend(|| eprintln!("modulo: {cells} cells are finished already"))
+            }
+            GridEvent::Cell { frames: (done, all), name } => {
+                bar.set_length(all);
+                bar.set_position(done);
+                if done == 0 {
+                    self.with_lines(|lines, now| lines.begin(now));
+                }
+                bar.set_message(name.to_owned());
+            }
+            GridEvent::Frame => {
+                bar.inc(1);
+                if bar.is_hidden() {
+                    let (done, all) = (bar.position(), bar.length().unwrap_or_default());
+                    let line = self.with_lines(|lines, now| lines.line(now, done, all));
+                    line.iter().for_each(|line| eprintln!("modulo: {line}"));
+                }
+            }
+            GridEvent::Warning(warning) => bar.suspend(|| eprintln!("modulo: {warning}")),
+        }
+    }
+
+    /// Passes the lines and the present time to `with`.
+    fn with_lines<T>(&self, with: impl FnOnce(&mut MinuteLines, Duration) -> T) -> T {
+        // Workers finish frames in parallel.
+        let mut lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
+        with(&mut lines, Duration::from_nanos(self.clock.ticks_ns()))
+    }
+}
+
+/// Prints a line if there is a cell without an AP.
+fn tell_unscored(results: &Results) {
+    if results.cells.iter().any(Cell::is_unscored) {
+        eprintln!(
+            "modulo: no labelled object is scored, so that there is no AP; --groups names the classes that are scored, and \
+             --difficulty the objects"
+        );
+    }
+}
+
 /// Joins shards.
 pub fn merge(out: &Path, folders: &[PathBuf]) -> Result<Ended, Failure> {
     let results = merge_shards(out, folders).map_err(failure)?;
     let Results { setup, cells, .. } = &results;
     report(out)?;
     say!("{} of {} cells", cells.len(), setup.grid.len());
+    results.input.warnings.iter().for_each(|warning| eprintln!("modulo: {warning}"));
+    tell_unscored(&results);
     // A shard that is missing, or a frame that could not be read, is a loss: the exit code tells it.
     let whole = cells.len() == setup.grid.len() && !results.lost();
     Ok(if whole { Ended::Done } else { Ended::WithLoss })

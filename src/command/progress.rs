@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::sync::{LazyLock, Mutex, PoisonError};
 use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressDrawTarget};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget};
 use modulo_launch::{NodeReport, Progress, supervisor::Channel};
 use modulo_runtime::{Clock as _, SystemClock};
 
@@ -61,6 +61,33 @@ impl Drop for ProgressLine {
     }
 }
 
+/// The progress of a grid without a terminal: a line a minute.
+#[derive(Default)]
+pub struct MinuteLines {
+    /// The start of the present pass over the cells.
+    start: Duration,
+    /// The time of the last line, or the start.
+    last: Duration,
+}
+
+impl MinuteLines {
+    /// Begins a pass at the time `now`; its first line comes a minute later.
+    pub fn begin(&mut self, now: Duration) {
+        (self.start, self.last) = (now, now);
+    }
+
+    /// Returns the line that is due at the time `now`, with `done` of `all` frames of the pass.
+    pub fn line(&mut self, now: Duration, done: u64, all: u64) -> Option<String> {
+        if done == 0 || now < self.last + Duration::from_secs(60) {
+            return None;
+        }
+        self.last = now;
+        let left = all.saturating_sub(done);
+        let to_go = HumanDuration((now - self.start).mul_f64(left as f64 / done as f64));
+        Some(format!("{done} of {all} frames done, {left} left, {to_go} to go"))
+    }
+}
+
 /// Writes a line above the progress line. A closed terminal is no reason to end.
 pub fn print(channel: Channel, line: &str) {
     let _ = LINE.suspend(|| match channel {
@@ -79,5 +106,25 @@ impl Write for LogWriter {
 
     fn flush(&mut self) -> io::Result<()> {
         io::stderr().flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_a_minute_says_what_is_left() {
+        let mut lines = MinuteLines::default();
+        let mut line = |seconds, done| lines.line(Duration::from_secs(seconds), done, 400);
+        assert_eq!(line(59, 50), None);
+        assert_eq!(line(60, 100).as_deref(), Some("100 of 400 frames done, 300 left, 3 minutes to go"));
+        assert_eq!(line(119, 200), None);
+        assert_eq!(line(120, 300).as_deref(), Some("300 of 400 frames done, 100 left, 40 seconds to go"));
+        assert_eq!(line(300, 0), None, "nothing is known yet");
+        lines.begin(Duration::from_secs(300));
+        assert_eq!(lines.line(Duration::from_secs(359), 1, 4), None);
+        let line = lines.line(Duration::from_secs(360), 1, 4);
+        assert_eq!(line.as_deref(), Some("1 of 4 frames done, 3 left, 3 minutes to go"));
     }
 }

@@ -16,7 +16,7 @@ fn plain(bench: &Bench, arguments: &[&str]) -> Command {
     command
 }
 
-/// Returns the output of the binary on a terminal of 100 columns; `None` where there is no program `script`.
+/// Returns the output of the binary on a terminal of 80 columns; `None` where there is no program `script`.
 fn on_terminal(bench: &Bench, variables: &[(&str, &str)], arguments: &[&str]) -> Option<Output> {
     let modulo = plain(bench, arguments);
     let words: Vec<_> = [modulo.get_program()]
@@ -25,7 +25,7 @@ fn on_terminal(bench: &Bench, variables: &[(&str, &str)], arguments: &[&str]) ->
         .map(|word| word.to_string_lossy())
         .collect();
     // `script` gives the program a terminal of its own, which has no size until it is set.
-    let line = format!("stty cols 100 rows 24; exec '{}'", words.join("' '"));
+    let line = format!("stty cols 80 rows 24; exec '{}'", words.join("' '"));
     let mut script = Command::new("script");
     script.args(["-qefc", &line, "/dev/null"]).current_dir(env!("CARGO_MANIFEST_DIR"));
     for (name, value) in modulo.get_envs() {
@@ -89,6 +89,23 @@ fn lockstep_shows_a_line_for_each_source() {
     assert_redrawn(&screen, 2);
     let sources: Vec<usize> = screen.split("[eval] ").skip(1).map(|part| progress(part).len()).collect();
     assert!(sources.len() == 2 && !sources.contains(&0), "{screen:?}");
+}
+
+#[test]
+fn the_bar_of_a_grid_fits_the_terminal() {
+    let bench = Bench::new();
+    let [model, out] = [model(), bench.path("out").display().to_string()];
+    let scene = "scene://day?seed=3&frames=2&width=96&height=64";
+    let arguments =
+        ["eval", "--source", scene, "--model", &model, "--noise", "0.125", "--engine", "rten", "-o", &out];
+    let Some(output) = on_terminal(&bench, &[], &arguments) else { return };
+    let screen = text(&output);
+    assert!(matches!(output.status.code(), Some(0 | 3)), "{screen}");
+    let parts = screen.split(['\r', '\n', '\u{1b}']).map(|part| part.trim_start_matches("[2K"));
+    let bars: Vec<&str> =
+        parts.filter(|part| part.contains(" frames, ") && part.contains(" left: ")).collect();
+    assert!(!bars.is_empty(), "{screen:?}");
+    assert!(bars.iter().all(|bar| bar.chars().count() <= 80), "{bars:#?}");
 }
 
 #[test]
