@@ -157,6 +157,10 @@ def graph():
     expect("/modulo [sensor_msgs/msg/Image]\n/detector/detections [vision_msgs/msg/Detection2DArray]",
            "ros2", "topic", "list", "-t")
     expect(f"{IMAGE_HASH}\nReliability: BEST_EFFORT\nNode name: detector", "ros2", "topic", "info", "-v", "/recovered")
+    # One publisher of a node is listed once, whatever the node and its driver publish on the topic.
+    listed = expect("Node name: unwrap", "ros2", "topic", "info", "-v", "/diagnostics")
+    if (count := listed.count("Node name: unwrap\n")) != 1:
+        raise Failure(f"/unwrap is {count} times on /diagnostics")
     for topic in ["modulo", "recovered", "saturated", "ideal", "hdr", "detector/annotated"]:
         expect("height: \nwidth: \nencoding: ", "ros2", "topic", "echo", "--once", "--no-arr", f"/{topic}")
     for topic in ["detector/detections", "ground_truth"]:

@@ -81,6 +81,23 @@ fn stamps_follow_the_clock_topic_while_use_sim_time_is_on() {
     images.until("an image of the simulated time again", |image| image.stamp() == told);
 }
 
+/// A reader of the verdicts alone gets them, and the node is on the topic once.
+#[test]
+fn verdicts_need_no_reader_of_the_images() {
+    let bench = Bench::new();
+    let peer = Peer::new(&bench);
+    let verdicts = peer.hear("/diagnostics", MessageKind::Diagnostics);
+    let _unwrap = bench.start(&["run", "unwrap"]);
+    let _camera = camera(&bench, &[]);
+    for name in ["unwrap: recovery", "unwrap"] {
+        let named = |m: &Message| matches!(m, Message::Diagnostics(all) if all.status[0].name == name);
+        verdicts.until(name, named);
+    }
+    let graph = peer.transport.graph();
+    let writers = graph.endpoints(EntityKind::Publisher, "/diagnostics").map(|token| token.node_name());
+    assert_eq!(writers.filter(|name| name == "/unwrap").count(), 1);
+}
+
 /// zenoh is silent about a peer that speaks of another type: the node is not.
 #[test]
 fn a_peer_that_does_not_fit_is_reported_once() {

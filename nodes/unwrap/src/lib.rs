@@ -16,6 +16,7 @@ use modulo_core::unwrap::{
 use modulo_core::{Frame, MAX_THREADS, Psf, Range, tone};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
+use modulo_runtime::graph::diagnostics::Diagnostics;
 use modulo_runtime::sensor::parameters::SensorOverride;
 use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::{
@@ -216,7 +217,7 @@ impl Node for UnwrapNode {
         vec![
             Topic::new("recovered", MessageKind::Image),
             Topic::new("hdr", MessageKind::Image),
-            Topic::new("/diagnostics", MessageKind::Diagnostics),
+            Diagnostics::topic(),
         ]
     }
 
@@ -237,8 +238,8 @@ impl Node for UnwrapNode {
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         match trigger {
             Trigger::Message { message: Message::Image(modulo), .. }
-                // Without a reader of an image the whole work is saved.
-                if cx.wanted(RECOVERED) || cx.wanted(HDR) =>
+                // Without any reader the whole work is saved.
+                if cx.wanted(RECOVERED) || cx.wanted(HDR) || cx.wanted(DIAGNOSTICS) =>
             {
                 self.take(modulo, cx)
             }

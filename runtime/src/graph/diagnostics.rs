@@ -1,36 +1,37 @@
 //! [`Diagnostics`]: publishes the counts and the durations of the stages of a node on `/diagnostics`, once a second.
 
+use std::rc::Rc;
 use std::sync::Arc;
 
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 
 use crate::clock::Clock;
-use crate::driver::RunError;
-use crate::graph::{NodeName, Topic};
+use crate::graph::Topic;
 use crate::message::{Message, MessageKind};
 use crate::node::Node;
 use crate::report::{NodeReport, quantile};
-use crate::transport::{Address, Publisher, Transport};
+use crate::transport::Publisher;
 
 const PERIOD_NS: u64 = 1_000_000_000;
 
 /// The `/diagnostics` publisher of one node.
 pub struct Diagnostics {
-    publisher: Box<dyn Publisher>,
+    publisher: Rc<dyn Publisher>,
     due: u64,
     /// Messages that had been skipped when the last message was published.
     bad: u64,
 }
 
 impl Diagnostics {
-    /// Advertises `/diagnostics` for the node `node_name`.
-    ///
-    /// # Errors
-    /// [`RunError`] when the transport fails.
-    pub fn new(node_name: &NodeName, transport: &dyn Transport) -> Result<Self, RunError> {
-        let address = Address::resolve(node_name, &Topic::new("/diagnostics", MessageKind::Diagnostics))?;
-        Ok(Self { publisher: transport.advertise(node_name, &address)?, due: 0, bad: 0 })
+    /// Returns the topic. A node that publishes on it as well shares its publisher with its driver.
+    pub fn topic() -> Topic {
+        Topic::new("/diagnostics", MessageKind::Diagnostics)
+    }
+
+    /// Publishes with `publisher`.
+    pub fn new(publisher: Rc<dyn Publisher>) -> Self {
+        Self { publisher, due: 0, bad: 0 }
     }
 
     /// Returns whether a second has passed since the last message, and the topic has a reader.
@@ -96,11 +97,12 @@ mod tests {
 
     use super::*;
     use crate::clock::ManualClock;
+    use crate::graph::NodeName;
     use crate::node::{Context, Flow, StepError, Trigger};
     use crate::parameter::{ParameterError, Parameters};
     use crate::report::add;
-    use crate::transport::Incoming;
     use crate::transport::local::LocalTransport;
+    use crate::transport::{Address, Incoming, Transport};
 
     struct Idle;
 
@@ -126,10 +128,11 @@ mod tests {
         let node_name = NodeName::new("unwrap", "/", &remaps).expect("names");
         let (sender, arrived) = channel();
         let deliver = Box::new(move |incoming| sender.send(incoming).expect("the test listens"));
-        let address = Address::resolve(&node_name, &Topic::new("/health", MessageKind::Diagnostics));
-        let _subscription =
-            transport.subscribe(&node_name, &address.expect("a name"), deliver).expect("local");
-        let mut diagnostics = Diagnostics::new(&node_name, &transport).expect("local");
+        let address = Address::resolve(&node_name, &Diagnostics::topic()).expect("a name");
+        assert_eq!(address.topic, "/health");
+        let _subscription = transport.subscribe(&node_name, &address, deliver).expect("local");
+        let publisher = transport.advertise(&node_name, &address).expect("local");
+        let mut diagnostics = Diagnostics::new(publisher.into());
         let clock = ManualClock::at(0);
         let mut report = NodeReport::new("/unwrap");
         let mut levels = Vec::new();

@@ -4,6 +4,7 @@
 mod inputs;
 mod source;
 
+use std::rc::Rc;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
@@ -90,7 +91,7 @@ struct Live<'a> {
     stop: Stop,
     queue: Arc<EventQueue>,
     report: NodeReport,
-    publishers: Vec<(Address, Box<dyn Publisher>)>,
+    publishers: Vec<(Address, Rc<dyn Publisher>)>,
     inputs: Inputs,
     /// Tells sources of rate 0 which frames this node has taken.
     taken: Box<dyn Publisher>,
@@ -115,8 +116,13 @@ pub fn run(
     // Publishers come before subscriptions: the first message may already cause an output.
     let publishers = outputs
         .into_iter()
-        .map(|address| transport.advertise(&node_name, &address).map(|publisher| (address, publisher)))
-        .collect::<Result<_, _>>()?;
+        .map(|address| transport.advertise(&node_name, &address).map(|publisher| (address, publisher.into())))
+        .collect::<Result<Vec<(_, Rc<dyn Publisher>)>, _>>()?;
+    let diagnostics = Address::resolve(&node_name, &Diagnostics::topic())?;
+    let diagnostics = match publishers.iter().find(|(address, _)| *address == diagnostics) {
+        Some((_, publisher)) => publisher.clone(),
+        None => transport.advertise(&node_name, &diagnostics)?.into(),
+    };
     let queue = Arc::new(Queue::new(clock.clone(), Limit { messages: REQUESTS, bytes: usize::MAX }));
     // A node that waits for a message must see a request to end at once.
     stop.wakes(&queue);
@@ -134,7 +140,7 @@ pub fn run(
         inputs: Inputs::default(),
         taken: transport.advertise(&node_name, &Address::resolve(&node_name, &taken_topic())?)?,
         pacing: Pacing::default(),
-        diagnostics: Diagnostics::new(&node_name, transport)?,
+        diagnostics: Diagnostics::new(diagnostics),
         parameter_events: ParameterEvents::new(&node_name, transport)?,
         node_name,
     };
