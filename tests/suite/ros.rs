@@ -98,6 +98,43 @@ fn verdicts_need_no_reader_of_the_images() {
     assert_eq!(writers.filter(|name| name == "/unwrap").count(), 1);
 }
 
+/// Warnings of messages that cannot be read are few, and together they count each of them.
+#[test]
+fn unreadable_messages_are_warned_of_by_count() {
+    let bench = Bench::new();
+    let unwrap = bench.start(&["run", "unwrap"]);
+    let peer = Peer::new(&bench);
+    let logs = peer.hear("/rosout", MessageKind::Log);
+    wait_until("the node", || peer.transport.is_ready("/unwrap"));
+    // Each message of this topic is counted; of images only the newest one would wait.
+    let endpoint = Endpoint {
+        topic: "/sensor_info".into(),
+        dds_type: modulo_msgs::dds_name(MessageKind::Diagnostics.type_name()),
+        type_hash: MessageKind::Diagnostics.type_hash(),
+        qos: ":1:,1:,:,:,,".into(),
+    };
+    let broken = peer.transport.advertise_raw(&peer.node_name, &endpoint).expect("declared");
+    wait_until("the reader", || broken.wanted());
+    let mut told = Vec::new();
+    let skipped = |m: &Message| log(m.clone()).msg.starts_with("skipped: ");
+    for _ in 0..40 {
+        broken.put(vec![0, 1, 0, 0, 9]).expect("sent");
+    }
+    told.push(log(logs.until("the first warning", skipped)).msg);
+    assert!(told[0].contains("/sensor_info") && !told[0].contains("since"), "{told:?}");
+    assert_eq!(unwrap.interrupt(), Some(0));
+    let count = |line: &String| {
+        let before = line.split_once(" since the last warning").map_or("1", |(text, _)| text);
+        let number = before.rsplit(' ').find_map(|word| word.parse::<u32>().ok());
+        number.unwrap_or_else(|| panic!("a count: {line}"))
+    };
+    while told.iter().map(count).sum::<u32>() < 40 {
+        told.push(log(logs.until("a warning with a count", skipped)).msg);
+    }
+    assert_eq!(told.iter().map(count).sum::<u32>(), 40, "{told:?}");
+    assert!(told.len() < 40, "{told:?}");
+}
+
 /// zenoh is silent about a peer that speaks of another type: the node is not.
 #[test]
 fn a_peer_that_does_not_fit_is_reported_once() {

@@ -27,7 +27,7 @@ use crate::transport::queue::{Arrived, Keep, Lane, Limit, Next, Queue, Queued};
 use crate::transport::{
     Address, Guard, Incoming, ParameterPort, ParameterRequest, Publisher, Transport, TransportError,
 };
-use inputs::Inputs;
+use inputs::{Inputs, SkipWarnings};
 use source::{Pacing, images, taken_message, taken_topic};
 
 /// Time after which a node without work looks at the tasks of each second.
@@ -98,6 +98,8 @@ struct Live<'a> {
     /// The readers of this node's own frames, if it is such a source.
     pacing: Pacing,
     diagnostics: Diagnostics,
+    /// What was told of the messages that could not be read.
+    warnings: SkipWarnings,
     parameter_events: ParameterEvents,
 }
 
@@ -141,6 +143,7 @@ pub fn run(
         taken: transport.advertise(&node_name, &Address::resolve(&node_name, &taken_topic())?)?,
         pacing: Pacing::default(),
         diagnostics: Diagnostics::new(diagnostics),
+        warnings: SkipWarnings::default(),
         parameter_events: ParameterEvents::new(&node_name, transport)?,
         node_name,
     };
@@ -171,6 +174,9 @@ impl Live<'_> {
         // From here on requests are refused, so that no caller waits for a node that has ended.
         self.queue.end();
         std::mem::take(&mut self.inputs).close(&self.queue, &mut self.report);
+        for (topic, said) in self.warnings.rest() {
+            tracing::warn!(node = %self.report.node, topic, "{said}");
+        }
         self.report.status.extend(status_of(&*self.node));
         // The report of a node that failed stays one of a node that crashed, whose frames are missing.
         self.report.running = ended.is_err();
@@ -357,6 +363,12 @@ impl Live<'_> {
         self.book(&output, stream.as_deref());
         match result {
             Ok(flow) => Ok((flow, output.messages)),
+            // Each frame of a source is told: its name is in the text.
+            Err(StepError::Skip(why)) if stream.is_none() => {
+                tracing::warn!(node = %self.report.node, topic, "skipped: {why}");
+                add(&mut self.report.bad, topic, 1);
+                Ok((Flow::Continue, output.messages))
+            }
             Err(StepError::Skip(why)) => {
                 self.skip(topic, &why);
                 Ok((Flow::Continue, output.messages))
@@ -422,7 +434,9 @@ impl Live<'_> {
     }
 
     fn skip(&mut self, topic: &str, why: &str) {
-        tracing::warn!(node = %self.report.node, topic, "skipped: {why}");
         add(&mut self.report.bad, topic, 1);
+        if let Some(said) = self.warnings.note(topic, why, self.time.ticks_ns()) {
+            tracing::warn!(node = %self.report.node, topic, "{said}");
+        }
     }
 }
