@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
 
+use modulo_runtime::graph::name::is_hidden;
 use modulo_runtime::queue::{Arrived, Keep, Lane, Limit, Next, Queue};
 use modulo_runtime::transport::keys::{self, Endpoint, EntityKind};
 use modulo_runtime::transport::zenoh::ZenohTransport;
@@ -99,6 +100,7 @@ impl CaptureLoop<'_> {
         let graph = self.transport.graph();
         let publishers = graph.tokens().filter(|t| t.kind == EntityKind::Publisher);
         for endpoint in publishers.filter_map(|t| t.endpoint.as_ref()) {
+            // As with `ros2 bag record --all`, hidden topics are only recorded by name.
             let chosen =
                 topics.map_or(!is_hidden(&endpoint.topic), |topics| topics.contains(&endpoint.topic));
             if !chosen || !self.known.insert((endpoint.topic.clone(), endpoint.type_hash.clone())) {
@@ -157,12 +159,6 @@ impl CaptureLoop<'_> {
         }
         Ok(Captured { topics: self.recorder.finish()?, lost })
     }
-}
-
-/// Returns whether ROS 2 hides `topic`: a part of its name begins with an underscore. As `ros2 bag record --all` does,
-/// such topics are only recorded by name.
-fn is_hidden(topic: &str) -> bool {
-    topic.split('/').any(|part| part.starts_with('_'))
 }
 
 fn bag_topic(endpoint: &Endpoint) -> BagTopic {

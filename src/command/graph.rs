@@ -8,6 +8,7 @@ use clap::{Args, Subcommand};
 use modulo_msgs::{dynamic, rihs, ros_name};
 use modulo_runtime::Clock;
 use modulo_runtime::graph::Graph;
+use modulo_runtime::graph::name::{is_hidden, is_hidden_node};
 use modulo_runtime::transport::keys::{EntityKind, Token};
 use modulo_runtime::transport::zenoh::ZenohTransport;
 
@@ -17,11 +18,14 @@ use crate::{Ended, Failure};
 /// `modulo topic`
 #[derive(Subcommand)]
 pub enum TopicCommand {
-    /// List all topics
+    /// List the topics
     List {
         /// Also print the types
         #[arg(short = 't', long)]
         show_types: bool,
+        /// Also list hidden topics: those with a part that begins with an underscore
+        #[arg(long)]
+        include_hidden_topics: bool,
     },
     /// Print the type of a topic and the number of its publishers and subscriptions
     Info {
@@ -56,8 +60,12 @@ pub struct Echo {
 /// `modulo node`
 #[derive(Subcommand)]
 pub enum NodeCommand {
-    /// List all nodes
-    List,
+    /// List the nodes
+    List {
+        /// Also list hidden nodes: those whose name begins with an underscore
+        #[arg(short, long)]
+        all: bool,
+    },
     /// Print the publishers, subscriptions and services of a node
     Info {
         /// Name of the node, such as /detector
@@ -69,8 +77,10 @@ pub enum NodeCommand {
 pub fn topic(args: &TopicCommand) -> Result<Ended, Failure> {
     let (clock, transport) = open_session()?;
     match args {
-        TopicCommand::List { show_types } => {
-            for (topic, types) in transport.settled_graph().topics() {
+        TopicCommand::List { show_types, include_hidden_topics } => {
+            let mut topics = transport.settled_graph().topics();
+            topics.retain(|topic, _| *include_hidden_topics || !is_hidden(topic));
+            for (topic, types) in topics {
                 let types: Vec<String> = types.into_iter().collect();
                 let shown = if *show_types { format!(" [{}]", types.join(", ")) } else { String::new() };
                 say!("{topic}{shown}");
@@ -93,7 +103,9 @@ pub fn node(args: &NodeCommand) -> Result<Ended, Failure> {
     let graph = transport.settled_graph();
     let nodes = graph.nodes();
     match args {
-        NodeCommand::List => nodes.iter().for_each(|node| say!("{node}")),
+        NodeCommand::List { all } => {
+            nodes.iter().filter(|node| *all || !is_hidden_node(node)).for_each(|node| say!("{node}"));
+        }
         NodeCommand::Info { node } => {
             let node = absolute(node);
             if !nodes.contains(&node) {

@@ -161,6 +161,12 @@ def graph():
     listed = expect("Node name: unwrap", "ros2", "topic", "info", "-v", "/diagnostics")
     if (count := listed.count("Node name: unwrap\n")) != 1:
         raise Failure(f"/unwrap is {count} times on /diagnostics")
+    for command, word in [("node", "-a"), ("topic", "--include-hidden-topics")]:
+        for more in [[], [word]]:
+            theirs, ours = (set(expect("", tool, command, "list", *more).splitlines()) for tool in ["ros2", "modulo"])
+            # The tools themselves are nodes, too, with names that differ at each run.
+            if differ := {name for name in theirs ^ ours if "cli" not in name}:
+                raise Failure(f"{command} list {more}: listed by one of ros2 and modulo alone: {differ}")
     for topic in ["modulo", "recovered", "saturated", "ideal", "hdr", "detector/annotated"]:
         expect("height: \nwidth: \nencoding: ", "ros2", "topic", "echo", "--once", "--no-arr", f"/{topic}")
     for topic in ["detector/detections", "ground_truth"]:

@@ -135,6 +135,28 @@ fn unreadable_messages_are_warned_of_by_count() {
     assert!(told.len() < 40, "{told:?}");
 }
 
+/// Names with a leading underscore are listed only where they are asked for, as by `ros2 node list` and `ros2 topic list`.
+#[test]
+fn hidden_names_are_listed_on_request() {
+    let bench = Bench::new();
+    let _unwrap = bench.start(&["run", "unwrap", "--ros-args", "-r", "__ns:=/_car"]);
+    let peer = Peer::new(&bench);
+    let hidden = modulo_runtime::NodeName::new("_tool", "/", &[]).expect("a name");
+    let _tool = peer.transport.announce(&hidden).expect("a token");
+    wait_until("the node", || peer.transport.is_ready("/_car/unwrap"));
+    let listed =
+        |arguments: &[&str]| text(&bench.run(arguments)).lines().map(str::to_owned).collect::<Vec<_>>();
+    assert_eq!(listed(&["node", "list"]), ["/_car/unwrap", "/peer"]);
+    assert_eq!(listed(&["node", "list", "-a"]), ["/_car/unwrap", "/_tool", "/peer"]);
+    assert_eq!(listed(&["node", "list", "--all"]).len(), 3);
+    let topics = listed(&["topic", "list"]);
+    assert!(topics.contains(&"/diagnostics".to_owned()) && !topics.join(" ").contains("/_"), "{topics:?}");
+    let all = listed(&["topic", "list", "--include-hidden-topics"]);
+    for topic in ["/_modulo/taken", "/_car/recovered", "/diagnostics"] {
+        assert!(all.iter().any(|listed| listed == topic), "{all:?}");
+    }
+}
+
 /// zenoh is silent about a peer that speaks of another type: the node is not.
 #[test]
 fn a_peer_that_does_not_fit_is_reported_once() {

@@ -70,6 +70,17 @@ impl NodeName {
     }
 }
 
+/// Returns whether ROS 2 hides the topic or service `name` from lists: a part of its name begins with an underscore.
+pub fn is_hidden(name: &str) -> bool {
+    name.split('/').any(|part| part.starts_with('_'))
+}
+
+/// Returns whether ROS 2 hides the node with this fully qualified name from lists: its name begins with an underscore,
+/// whatever its namespace is.
+pub fn is_hidden_node(name: &str) -> bool {
+    name.rsplit('/').next().is_some_and(|name| name.starts_with('_'))
+}
+
 fn check_token(token: &str, name: &str) -> Result<(), NameError> {
     let why = if token.is_empty() {
         "a part of it is empty"
