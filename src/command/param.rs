@@ -189,14 +189,17 @@ fn describe(
     Ok(response.descriptors)
 }
 
-/// Sets one parameter. The type of its present value is the type that the text is read as.
+/// Sets one parameter. The type of its present value is the type that the text is read as; without a value, the type is
+/// that of the notation.
 fn set(transport: &ZenohTransport, node: &str, name: &str, text: &str) -> anyhow::Result<()> {
     let present = get_one(transport, node, name)?;
     // A node refuses a value of another type: `2` has to be sent as 2.0 to a parameter of type double.
-    let like = from_ros(present).unwrap_or(Value::String(String::new()));
-    let value = like
-        .parse_like(text)
-        .with_context(|| format!("parameter '{name}' = {text}: is not a {}", like.type_name()))?;
+    let value = match from_ros(present) {
+        Some(like) => like
+            .parse_like(text)
+            .with_context(|| format!("parameter '{name}' = {text}: is not of type {}", like.type_name()))?,
+        None => Value::guess(text),
+    };
     let parameters = vec![Parameter { name: name.to_owned(), value: to_ros(Some(&value)) }];
     let request = SetParametersRequest { parameters };
     let SetParametersResponse { mut results } = call(transport, node, Service::SetParameters, &request)?;

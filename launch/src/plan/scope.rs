@@ -274,7 +274,7 @@ fn is_value(text: &str) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use modulo_runtime::parameter::yaml_text;
+    use modulo_runtime::parameter::{Value, yaml_text};
     use proptest::prelude::*;
 
     use super::*;
@@ -286,7 +286,7 @@ mod tests {
             let scalar = ParameterText::scalar(text.clone(), Some("str")).expect("any text is a string");
             prop_assert_eq!(yaml_text::string(&scalar.as_yaml()), Some(text.clone()));
             let list = ParameterText::list(vec![(text.clone(), Some(ScalarType::String))], Some("list_of_str"));
-            prop_assert_eq!(yaml_text::strings(&list.expect("strings").as_yaml()), Some(vec![text]));
+            prop_assert_eq!(Value::Strings(Vec::new()).parse_like(&list.expect("strings").as_yaml()), Some(Value::Strings(vec![text])));
         }
     }
 }

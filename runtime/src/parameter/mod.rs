@@ -90,9 +90,9 @@ impl Descriptor {
         let refuse = |why: String| ParameterError::new(self.name, &shown, why);
         let given = value.type_name();
         // An integer is also accepted for a double, as command lines and YAML write 2 for 2.0.
-        let value = value
-            .coerced(&self.default)
-            .ok_or_else(|| refuse(format!("is a {given}, must be a {}", self.default.type_name())))?;
+        let value = value.coerced(&self.default).ok_or_else(|| {
+            refuse(format!("is of type {given}, must be of type {}", self.default.type_name()))
+        })?;
         match (&value, &self.allowed) {
             (_, Allowed::Any) => Ok(value),
             (Value::Integer(v), Allowed::Integers { from, to }) if (from..=to).contains(&v) => Ok(value),

@@ -99,10 +99,8 @@ fn change(parameters: Vec<Parameter>, port: &ParameterPort) -> Result<(), Parame
     let changes = parameters
         .into_iter()
         .map(|p| match from_ros(p.value) {
-            Ok(value) => Ok((p.name, value)),
-            Err(kind) => {
-                Err(ParameterError::new(p.name, format!("of type {kind}"), "type is not used by this node"))
-            }
+            Some(value) => Ok((p.name, value)),
+            None => Err(ParameterError::new(p.name, "not set", "cannot be removed; send a value")),
         })
         .collect::<Result<Vec<_>, _>>()?;
     let shown = changes.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
@@ -135,30 +133,32 @@ pub fn to_ros(value: Option<&Value>) -> ParameterValue {
         Some(Value::Strings(v)) => {
             (ros.r#type, ros.string_array_value) = (ParameterType::STRING_ARRAY, v.clone());
         }
+        Some(Value::Bytes(v)) => (ros.r#type, ros.byte_array_value) = (ParameterType::BYTE_ARRAY, v.clone()),
+        Some(Value::Bools(v)) => (ros.r#type, ros.bool_array_value) = (ParameterType::BOOL_ARRAY, v.clone()),
+        Some(Value::Integers(v)) => {
+            (ros.r#type, ros.integer_array_value) = (ParameterType::INTEGER_ARRAY, v.clone());
+        }
+        Some(Value::Doubles(v)) => {
+            (ros.r#type, ros.double_array_value) = (ParameterType::DOUBLE_ARRAY, v.clone());
+        }
     }
     ros
 }
 
-/// Converts a value of ROS. An empty array has no type of its own in `ros2 param`, which sends it as one of bools.
-///
-/// # Errors
-/// The name of ROS's type when no parameter of the suite has that type.
-pub fn from_ros(value: ParameterValue) -> Result<Value, &'static str> {
-    let (kind, is_empty) = match value.r#type {
-        ParameterType::BOOL => return Ok(Value::Bool(value.bool_value)),
-        ParameterType::INTEGER => return Ok(Value::Integer(value.integer_value)),
-        ParameterType::DOUBLE => return Ok(Value::Double(value.double_value)),
-        ParameterType::STRING => return Ok(Value::String(value.string_value)),
-        ParameterType::STRING_ARRAY => return Ok(Value::Strings(value.string_array_value)),
-        ParameterType::NOT_SET => ("not set", false),
-        ParameterType::BYTE_ARRAY => ("byte array", value.byte_array_value.is_empty()),
-        ParameterType::BOOL_ARRAY => ("bool array", value.bool_array_value.is_empty()),
-        ParameterType::INTEGER_ARRAY => ("integer array", value.integer_array_value.is_empty()),
-        ParameterType::DOUBLE_ARRAY => ("double array", value.double_array_value.is_empty()),
-        _ => ("unknown", false),
-    };
-    // The only arrays of the suite are lists of strings.
-    if is_empty { Ok(Value::Strings(Vec::new())) } else { Err(kind) }
+/// Converts a value of ROS; `None` when it is not set, or has a type that ROS 2 does not know.
+pub fn from_ros(value: ParameterValue) -> Option<Value> {
+    Some(match value.r#type {
+        ParameterType::BOOL => Value::Bool(value.bool_value),
+        ParameterType::INTEGER => Value::Integer(value.integer_value),
+        ParameterType::DOUBLE => Value::Double(value.double_value),
+        ParameterType::STRING => Value::String(value.string_value),
+        ParameterType::BYTE_ARRAY => Value::Bytes(value.byte_array_value),
+        ParameterType::BOOL_ARRAY => Value::Bools(value.bool_array_value),
+        ParameterType::INTEGER_ARRAY => Value::Integers(value.integer_array_value),
+        ParameterType::DOUBLE_ARRAY => Value::Doubles(value.double_array_value),
+        ParameterType::STRING_ARRAY => Value::Strings(value.string_array_value),
+        _ => return None,
+    })
 }
 
 fn describe(name: &str, descriptor: Option<&Descriptor>) -> ParameterDescriptor {
@@ -281,18 +281,39 @@ mod tests {
         assert!(Service::SetParameters.answer(&[0, 1, 0, 0, 255, 255, 255, 255], &port()).is_err());
     }
 
-    /// `ros2 param set /detector classes "[]"` sends an array of bools.
+    /// `ros2 param set /detector classes "[]"` sends an array of bools. A full array of a wrong type is refused by name.
     #[test]
     fn an_empty_array_of_any_type_is_an_empty_list() {
-        for kind in [ParameterType::BYTE_ARRAY, ParameterType::BOOL_ARRAY, ParameterType::DOUBLE_ARRAY] {
-            let value = ParameterValue { r#type: kind, ..ParameterValue::default() };
-            assert_eq!(from_ros(value), Ok(Value::Strings(Vec::new())));
-        }
-        let full = ParameterValue {
-            r#type: ParameterType::INTEGER_ARRAY,
-            integer_array_value: vec![1],
-            ..ParameterValue::default()
+        let port = port();
+        let set = |name: &str, value: Value| {
+            let request = SetParametersRequest { parameters: vec![parameter(name, value)] };
+            call::<_, SetParametersResponse>(&port, Service::SetParameters, &request).results.remove(0)
         };
-        assert_eq!(from_ros(full), Err("integer array"));
+        for empty in [Value::Bytes(vec![]), Value::Bools(vec![]), Value::Doubles(vec![])] {
+            assert!(set("wait_for", Value::String("camera".into())).successful);
+            assert!(set("wait_for", empty).successful);
+            assert_eq!((port.read)().get("wait_for"), Some(&Value::Strings(Vec::new())));
+        }
+        for (name, value, why) in [
+            (
+                "wait_for",
+                Value::Integers(vec![1, 2]),
+                "= [1, 2]: is of type integer_array, must be of type string_array",
+            ),
+            ("angle", Value::Bools(vec![]), "= []: is of type bool_array, must be of type double"),
+            ("angle", Value::Bytes(vec![7]), "= [7]: is of type byte_array, must be of type double"),
+        ] {
+            let result = set(name, value);
+            assert!(!result.successful && result.reason.contains(why), "{result:?}");
+        }
+        assert_eq!(from_ros(ParameterValue { r#type: 77, ..ParameterValue::default() }), None);
+        for value in [
+            Value::Bytes(vec![1]),
+            Value::Bools(vec![true]),
+            Value::Integers(vec![1]),
+            Value::Doubles(vec![1.0]),
+        ] {
+            assert_eq!(from_ros(to_ros(Some(&value))), Some(value));
+        }
     }
 }

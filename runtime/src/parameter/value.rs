@@ -17,6 +17,14 @@ pub enum Value {
     Double(f64),
     /// `string`
     String(String),
+    /// `byte_array`
+    Bytes(Vec<u8>),
+    /// `bool_array`
+    Bools(Vec<bool>),
+    /// `integer_array`
+    Integers(Vec<i64>),
+    /// `double_array`
+    Doubles(Vec<f64>),
     /// `string_array`
     Strings(Vec<String>),
 }
@@ -29,6 +37,9 @@ impl fmt::Display for Value {
             Self::Double(v) => write!(f, "{v}"),
             Self::String(v) => write!(f, "'{v}'"),
             Self::Strings(v) => write!(f, "[{}]", v.join(", ")),
+            Self::Bytes(_) | Self::Bools(_) | Self::Integers(_) | Self::Doubles(_) => {
+                f.write_str(&self.to_yaml())
+            }
         }
     }
 }
@@ -41,6 +52,10 @@ impl Value {
             Self::Integer(_) => "integer",
             Self::Double(_) => "double",
             Self::String(_) => "string",
+            Self::Bytes(_) => "byte_array",
+            Self::Bools(_) => "bool_array",
+            Self::Integers(_) => "integer_array",
+            Self::Doubles(_) => "double_array",
             Self::Strings(_) => "string_array",
         }
     }
@@ -50,17 +65,48 @@ impl Value {
     pub fn parse_like(&self, text: &str) -> Option<Value> {
         let text = text.trim();
         Some(match self {
-            // YAML 1.1, which `rcl` reads, has all of these words for a boolean.
-            Self::Bool(_) => Self::Bool(match text.to_ascii_lowercase().as_str() {
-                "true" | "yes" | "on" | "1" => true,
-                "false" | "no" | "off" | "0" => false,
-                _ => return None,
-            }),
+            Self::Bool(_) => Self::Bool(bool(text)?),
             Self::Integer(_) => Self::Integer(integer(text)?),
             Self::Double(_) => Self::Double(double(text)?),
             Self::String(_) => Self::String(yaml_text::string(text)?),
-            Self::Strings(_) => Self::Strings(yaml_text::strings(text)?),
+            Self::Bytes(_) => Self::Bytes(items(text, |item| u8::try_from(integer(item)?).ok())?),
+            Self::Bools(_) => Self::Bools(items(text, bool)?),
+            Self::Integers(_) => Self::Integers(items(text, integer)?),
+            Self::Doubles(_) => Self::Doubles(items(text, double)?),
+            Self::Strings(_) => Self::Strings(items(text, yaml_text::string)?),
         })
+    }
+
+    /// Reads `text` as a value of the type that its notation has, as `ros2 param set` does for every parameter.
+    pub fn guess(text: &str) -> Value {
+        let text = text.trim();
+        let list = || {
+            let items = yaml_text::items(text)?;
+            let items: Vec<_> = items.iter().map(|item| Self::guess_scalar(item)).collect();
+            // An empty list is one of bools, as in ROS 2.
+            let first = items.first().unwrap_or(&Self::Bool(false));
+            let alike = items.iter().all(|item| item.type_name() == first.type_name());
+            let empty = match first {
+                Self::Bool(_) => Self::Bools(Vec::new()),
+                Self::Integer(_) => Self::Integers(Vec::new()),
+                Self::Double(_) => Self::Doubles(Vec::new()),
+                _ => Self::Strings(Vec::new()),
+            };
+            empty.parse_like(text).filter(|_| alike)
+        };
+        match text.starts_with('[') {
+            true => list().unwrap_or_else(|| Self::String(text.to_owned())),
+            false => Self::guess_scalar(text),
+        }
+    }
+
+    fn guess_scalar(text: &str) -> Value {
+        // A number without a decimal point is no double, and 1 is no bool.
+        integer(text)
+            .map(Self::Integer)
+            .or_else(|| double(text).filter(|_| text.contains('.')).map(Self::Double))
+            .or_else(|| bool(text).map(Self::Bool))
+            .unwrap_or_else(|| Self::String(yaml_text::string(text).unwrap_or_else(|| text.to_owned())))
     }
 
     /// Returns this value as YAML on one line, which reads back as the same type and value.
@@ -70,18 +116,17 @@ impl Value {
             Self::Integer(v) => v.to_string(),
             Self::Double(v) => yaml_text::of_double(*v),
             Self::String(v) => yaml_text::of_string(v),
-            Self::Strings(v) => {
-                format!(
-                    "[{}]",
-                    v.iter().map(|item| yaml_text::of_string(item)).collect::<Vec<_>>().join(", ")
-                )
-            }
+            Self::Bytes(v) => list(v, u8::to_string),
+            Self::Bools(v) => list(v, bool::to_string),
+            Self::Integers(v) => list(v, i64::to_string),
+            Self::Doubles(v) => list(v, |item| yaml_text::of_double(*item)),
+            Self::Strings(v) => list(v, |item| yaml_text::of_string(item)),
         }
     }
 
     /// Returns this value as the type of `like`: an integer is also a double, a word is also a list of one word, and a
-    /// string that is a number is also a double, since `ros2 param load` sends 1e-05 as a string. Nothing else is
-    /// converted.
+    /// string that is a number is also a double, since `ros2 param load` sends 1e-05 as a string. An empty array is one
+    /// of any type, since `ros2 param` sends each as one of bools. Nothing else is converted.
     pub(super) fn coerced(self, like: &Value) -> Option<Value> {
         Some(match (self, like) {
             (Self::Integer(v), Self::Double(_)) => Self::Double(v as f64),
@@ -90,8 +135,33 @@ impl Value {
                 Self::Strings(if v.is_empty() { Vec::new() } else { vec![v] })
             }
             (value, like) if value.type_name() == like.type_name() => value,
+            (value, like) if value.is_empty_array() && like.type_name().ends_with("_array") => {
+                like.parse_like("[]")?
+            }
             _ => return None,
         })
+    }
+
+    fn is_empty_array(&self) -> bool {
+        self.to_yaml() == "[]"
+    }
+}
+
+fn list<T>(items: &[T], text: impl Fn(&T) -> String) -> String {
+    format!("[{}]", items.iter().map(text).collect::<Vec<_>>().join(", "))
+}
+
+/// Reads a list, `[a, b]` or `a, b`, whose items `read` reads.
+fn items<T>(text: &str, read: impl Fn(&str) -> Option<T>) -> Option<Vec<T>> {
+    yaml_text::items(text)?.iter().map(|item| read(item)).collect()
+}
+
+/// Reads a bool; YAML 1.1, which `rcl` reads, has all of these words for it.
+fn bool(text: &str) -> Option<bool> {
+    match text.to_ascii_lowercase().as_str() {
+        "true" | "yes" | "on" | "1" => Some(true),
+        "false" | "no" | "off" | "0" => Some(false),
+        _ => None,
     }
 }
 
@@ -125,6 +195,10 @@ mod tests {
             any::<i64>().prop_map(Value::Integer),
             any::<f64>().prop_filter("NaN is unequal to itself", |v| !v.is_nan()).prop_map(Value::Double),
             text.prop_map(Value::String),
+            prop::collection::vec(any::<u8>(), 0..4).prop_map(Value::Bytes),
+            prop::collection::vec(any::<bool>(), 0..4).prop_map(Value::Bools),
+            prop::collection::vec(any::<i64>(), 0..4).prop_map(Value::Integers),
+            prop::collection::vec(-1e300..1e300, 0..4).prop_map(Value::Doubles),
             prop::collection::vec(text, 0..4).prop_map(Value::Strings),
         ]
     }
@@ -137,7 +211,7 @@ mod tests {
 
         #[test]
         fn any_text_is_read_or_refused(value in value(), text in "\\PC{0,20}") {
-            let _ = value.parse_like(&text);
+            let _ = (value.parse_like(&text), Value::guess(&text));
         }
     }
 
@@ -153,6 +227,44 @@ mod tests {
         }
         assert_eq!(list.parse_like("a,b"), Some(Value::Strings(vec!["a".into(), "b".into()])));
         assert_eq!(list.parse_like("[a"), None);
+    }
+
+    /// Each as `rclpy.parameter.get_parameter_value` reads it.
+    #[test]
+    fn a_value_of_no_known_type_has_the_type_of_its_notation() {
+        for (text, value) in [
+            ("yes", Value::Bool(true)),
+            ("1", Value::Integer(1)),
+            ("[1, 0]", Value::Integers(vec![1, 0])),
+            ("[1, 2.5]", Value::String("[1, 2.5]".into())),
+            ("2.5", Value::Double(2.5)),
+            ("1e5", Value::String("1e5".into())),
+            ("[]", Value::Bools(Vec::new())),
+            ("[true, off]", Value::Bools(vec![true, false])),
+            ("[1, -2]", Value::Integers(vec![1, -2])),
+            ("[1.5, .inf]", Value::Doubles(vec![1.5, f64::INFINITY])),
+            ("[a, 'b, c']", Value::Strings(vec!["a".into(), "b, c".into()])),
+            ("a, b", Value::String("a, b".into())),
+            ("'8'", Value::String("8".into())),
+            ("[[1]]", Value::String("[[1]]".into())),
+        ] {
+            assert_eq!(Value::guess(text), value, "{text}");
+        }
+    }
+
+    #[test]
+    fn lists_of_numbers_are_read_by_their_type() {
+        for (like, text, value) in [
+            (Value::Bytes(Vec::new()), "[0, 255]", Some(Value::Bytes(vec![0, 255]))),
+            (Value::Bytes(Vec::new()), "[256]", None),
+            (Value::Bools(Vec::new()), "[yes, false]", Some(Value::Bools(vec![true, false]))),
+            (Value::Integers(Vec::new()), "1, 2", Some(Value::Integers(vec![1, 2]))),
+            (Value::Integers(Vec::new()), "['1']", None),
+            (Value::Doubles(Vec::new()), "[1, 2.5]", Some(Value::Doubles(vec![1.0, 2.5]))),
+            (Value::Doubles(Vec::new()), "[]", Some(Value::Doubles(Vec::new()))),
+        ] {
+            assert_eq!(like.parse_like(text), value, "{text}");
+        }
     }
 
     #[test]

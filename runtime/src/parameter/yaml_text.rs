@@ -39,21 +39,14 @@ pub fn string(text: &str) -> Option<String> {
     }
 }
 
-/// Returns the strings of a list `[a, 'b']`, or of `a, b`.
-pub fn strings(text: &str) -> Option<Vec<String>> {
+/// Returns the scalars of a list `[a, 'b']`, or of `a, b`, with their quotes.
+pub fn items(text: &str) -> Option<Vec<String>> {
     if !text.starts_with('[') {
         let items = text.split(',').map(str::trim).filter(|item| !item.is_empty());
-        return items.map(string).collect();
+        return Some(items.map(str::to_owned).collect());
     }
     match documents(text).ok()?.as_slice() {
-        [Yaml::Sequence(items)] => items.iter().map(inner).collect(),
-        _ => None,
-    }
-}
-
-fn inner(node: &Yaml<'_>) -> Option<String> {
-    match node {
-        Yaml::Representation(text, ..) => Some(text.to_string()),
+        [Yaml::Sequence(items)] => items.iter().map(scalar).collect(),
         _ => None,
     }
 }
