@@ -288,6 +288,28 @@ fn a_replay_is_driven_by_services_and_tells_the_time() {
     assert!(ran.is_sorted() && ran.last().is_some_and(|t| *t > START + 1_800 * MS), "{ran:?}");
 }
 
+/// The further services and the parameters of ROS 2 Jazzy's player.
+#[test]
+fn a_replay_is_stopped_by_a_service_and_has_the_parameters_of_a_player() {
+    let bench = Bench::new();
+    let remote = Remote::new(bench.domain.id);
+    let source = bench.path("source");
+    write_bag(&source, 20, 100, 100);
+    let mut playing = bench.start(&["bag", "play", utf8(&source), "--start-paused"]);
+    wait_until("the player", || remote.transport.is_ready("/rosbag2_player"));
+    let dump = bench.run(&["param", "dump", "/rosbag2_player"]);
+    let expected = "/rosbag2_player:\n  ros__parameters:\n    qos_overrides:\n      /parameter_events:\n        publisher:\n\
+                    \u{20}         depth: 1000\n          durability: volatile\n          history: keep_last\n\
+                    \u{20}         reliability: reliable\n    start_type_description_service: true\n    use_sim_time: false\n";
+    assert_eq!(text(&dump), expected);
+    let refused = bench.run(&["param", "set", "/rosbag2_player", "use_sim_time", "true"]);
+    assert!(text(&refused).contains("is read-only"), "{}", text(&refused));
+    let play: player::PlayResponse = call!(remote, "Play", player::PlayRequest::default());
+    assert!(!play.success, "a playback runs already");
+    let _: player::StopResponse = call!(remote, "Stop", player::StopRequest);
+    assert_eq!(playing.0.wait().expect("it ends").code(), Some(0));
+}
+
 #[test]
 fn a_replay_is_toggled_cut_and_repeated() {
     let bench = Bench::new();

@@ -8,7 +8,8 @@ use std::sync::mpsc::{Sender, channel};
 use modulo_msgs::cdr::{self, CdrError};
 use modulo_msgs::rosbag2_interfaces::{
     BurstRequest, BurstResponse, GetRateResponse, IsPausedResponse, PauseResponse, PlayNextResponse,
-    ResumeResponse, SeekRequest, SeekResponse, SetRateRequest, SetRateResponse, TogglePausedResponse,
+    PlayResponse, ResumeResponse, SeekRequest, SeekResponse, SetRateRequest, SetRateResponse, StopResponse,
+    TogglePausedResponse,
 };
 
 use modulo_runtime::queue::Queued;
@@ -27,6 +28,8 @@ modulo_runtime::services! {
         PlayNext = "play_next",
         Burst = "burst",
         Seek = "seek",
+        Play = "play",
+        Stop = "stop",
     }
 }
 
@@ -43,6 +46,8 @@ pub enum PlayerAction {
     Step(Option<u64>),
     /// Go on at this log time, ns since the epoch.
     Seek(u64),
+    /// End the replay.
+    Stop,
 }
 
 /// The result of an action.
@@ -104,7 +109,9 @@ impl Service {
             Self::Pause => PlayerAction::Move(Some(PlaybackState::Paused)),
             Self::Resume => PlayerAction::Move(Some(PlaybackState::Running)),
             Self::TogglePaused => PlayerAction::Move(None),
-            Self::IsPaused | Self::GetRate => PlayerAction::Tell,
+            // The node ends with its playback, so that a call of play always meets one that runs.
+            Self::IsPaused | Self::GetRate | Self::Play => PlayerAction::Tell,
+            Self::Stop => PlayerAction::Stop,
             Self::SetRate => PlayerAction::SetRate(cdr::from_slice::<SetRateRequest>(request)?.rate),
             Self::PlayNext => PlayerAction::Step(Some(1)),
             Self::Burst => {
@@ -128,6 +135,8 @@ impl Service {
             Self::PlayNext => cdr::to_vec(&PlayNextResponse { success }),
             Self::Burst => cdr::to_vec(&BurstResponse { actually_burst }),
             Self::Seek => cdr::to_vec(&SeekResponse { success }),
+            Self::Play => cdr::to_vec(&PlayResponse { success: false }),
+            Self::Stop => cdr::to_vec(&StopResponse),
         }
     }
 }

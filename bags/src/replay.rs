@@ -9,11 +9,12 @@ use std::time::Duration;
 use modulo_msgs::builtin::Time;
 use modulo_msgs::{Interface, cdr, rosgraph_msgs};
 use modulo_runtime::graph::NameError;
+use modulo_runtime::parameter::events::ParameterEvents;
 use modulo_runtime::queue::{Keep, Limit, Next, Queue};
 use modulo_runtime::transport::keys::{self, Endpoint};
 use modulo_runtime::transport::zenoh::{RawPublisher, RawService, ZenohTransport};
-use modulo_runtime::transport::{Guard, Transport, TransportError};
-use modulo_runtime::{Clock, NodeName, Qos, Stop, Urgency};
+use modulo_runtime::transport::{Guard, ParameterPort, ParameterRequest, Transport, TransportError};
+use modulo_runtime::{Allowed, Clock, Descriptor, NodeName, Parameters, Qos, Stop, Urgency, Value};
 
 use crate::bag::{BagError, BagReader, BagTopic, RawMessage, qos};
 use crate::control::{PlayerAction, PlayerCommand, PlayerReply, Service};
@@ -67,12 +68,13 @@ pub fn replay(
     let orders = Arc::new(Queue::new(clock.clone(), ORDERS));
     stop.wakes(&orders);
     // Services come before the announcement: a node that others see must answer them.
-    let _services = serve(transport, &node_name, &orders)?;
+    let _services =
+        (serve(transport, &node_name, &orders)?, serve_parameters(transport, &node_name, &**clock)?);
     let _node = transport.announce(&node_name)?;
     let clock = &**clock;
     // After the announcement, because tools wait for the node before they subscribe.
     wait_until_heard(&publishers, clock, stop);
-    let mut replay = Replay { clock, player, pace, ahead: None, publishers, time, orders };
+    let mut replay = Replay { clock, player, pace, ahead: None, publishers, time, orders, stopped: false };
     // The timeline starts here, so that the wait for readers is no part of it.
     replay.pace.jump(clock.ticks_ns(), 0);
     let done = replay.run(stop);
@@ -99,6 +101,46 @@ fn serve(
     transport.serve_raw(node_name, services.collect())
 }
 
+/// Offers the parameters that the player of ROS 2 Jazzy has. All of them are fixed: the player makes the time of the bag.
+fn serve_parameters(
+    transport: &ZenohTransport,
+    node_name: &NodeName,
+    clock: &dyn Clock,
+) -> Result<(Guard, ParameterEvents), TransportError> {
+    const OVERRIDES: &str = "Quality of service of /parameter_events.";
+    let parameters = [
+        ("qos_overrides./parameter_events.publisher.depth", Value::Integer(1000), OVERRIDES),
+        ("qos_overrides./parameter_events.publisher.durability", Value::String("volatile".into()), OVERRIDES),
+        ("qos_overrides./parameter_events.publisher.history", Value::String("keep_last".into()), OVERRIDES),
+        (
+            "qos_overrides./parameter_events.publisher.reliability",
+            Value::String("reliable".into()),
+            OVERRIDES,
+        ),
+        ("start_type_description_service", Value::Bool(true), "Serves ~/get_type_description."),
+        ("use_sim_time", Value::Bool(false), "Takes stamps from the topic /clock."),
+    ];
+    let declared = parameters.map(|(name, default, description)| Descriptor {
+        name,
+        default,
+        allowed: Allowed::Any,
+        read_only: true,
+        description,
+    });
+    let parameters = Parameters::declare(declared.into());
+    let events = ParameterEvents::new(node_name, transport)
+        .map_err(|why| TransportError::new("publisher of /parameter_events", why))?;
+    events.started(clock.now_ns(), &parameters);
+    let read = parameters.clone();
+    let request = move |request: ParameterRequest| {
+        // Fails only when the caller has gone.
+        let _ = request.answer.send(parameters.with(&request.changes, true).map(drop));
+        None
+    };
+    let port = ParameterPort { read: Box::new(move || read.clone()), request: Box::new(request) };
+    Ok((transport.serve_parameters(node_name, port)?, events))
+}
+
 /// Waits until a topic has a reader, or for half a second: discovery takes a moment, and the first message should reach
 /// the readers that are there already.
 fn wait_until_heard(publishers: &Publishers, clock: &dyn Clock, stop: &Stop) {
@@ -118,11 +160,13 @@ struct Replay<'a> {
     publishers: Publishers,
     time: Option<ClockPublisher>,
     orders: Arc<Queue<PlayerCommand>>,
+    /// Whether a caller has asked for the end.
+    stopped: bool,
 }
 
 impl Replay<'_> {
     fn run(&mut self, stop: &Stop) -> Result<(), ReplayError> {
-        while stop.urgency() == Urgency::None && self.look_ahead()? {
+        while !self.stopped && stop.urgency() == Urgency::None && self.look_ahead()? {
             let now = self.clock.ticks_ns();
             if let Some(time) = &mut self.time {
                 time.publish(now, self.player.log_time(self.pace.position(now)))?;
@@ -177,6 +221,7 @@ impl Replay<'_> {
         let (mut done, mut played) = (true, 0);
         match action {
             PlayerAction::Tell => {}
+            PlayerAction::Stop => self.stopped = true,
             PlayerAction::Move(state) => {
                 let other = if self.pace.state() == PlaybackState::Paused {
                     PlaybackState::Running

@@ -58,12 +58,13 @@ static DEFINITIONS: &[(&str, &str)] = definitions! {
     "builtin_interfaces" / "msg": "Duration" "Time";
     "diagnostic_msgs" / "msg": "DiagnosticArray" "DiagnosticStatus" "KeyValue";
     "geometry_msgs" / "msg": "Point" "Pose" "PoseWithCovariance" "Quaternion";
-    "rcl_interfaces" / "msg": "FloatingPointRange" "IntegerRange" "ListParametersResult" "Log" "Parameter"
-        "ParameterDescriptor" "ParameterEvent" "ParameterType" "ParameterValue" "SetParametersResult";
-    "rcl_interfaces" / "srv": "DescribeParameters" "GetParameterTypes" "GetParameters" "ListParameters"
-        "SetParameters" "SetParametersAtomically";
-    "rosbag2_interfaces" / "srv": "Burst" "GetRate" "IsPaused" "Pause" "PlayNext" "Resume" "Seek" "SetRate"
-        "TogglePaused";
+    "rcl_interfaces" / "msg": "FloatingPointRange" "IntegerRange" "ListParametersResult" "Log" "LoggerLevel" "Parameter"
+        "ParameterDescriptor" "ParameterEvent" "ParameterType" "ParameterValue" "SetLoggerLevelsResult"
+        "SetParametersResult";
+    "rcl_interfaces" / "srv": "DescribeParameters" "GetLoggerLevels" "GetParameterTypes" "GetParameters"
+        "ListParameters" "SetLoggerLevels" "SetParameters" "SetParametersAtomically";
+    "rosbag2_interfaces" / "srv": "Burst" "GetRate" "IsPaused" "Pause" "Play" "PlayNext" "Resume" "Seek" "SetRate"
+        "Stop" "TogglePaused";
     "rosgraph_msgs" / "msg": "Clock";
     "sensor_msgs" / "msg": "CameraInfo" "CompressedImage" "Image" "RegionOfInterest";
     "service_msgs" / "msg": "ServiceEventInfo";
@@ -73,7 +74,7 @@ static DEFINITIONS: &[(&str, &str)] = definitions! {
         "TypeDescription" "TypeSource";
     "type_description_interfaces" / "srv": "GetTypeDescription";
     "vision_msgs" / "msg": "BoundingBox2D" "Detection2D" "Detection2DArray" "ObjectHypothesis"
-        "ObjectHypothesisWithPose" "Point2D" "Pose2D";
+        "ObjectHypothesisWithPose" "Point2D" "Pose2D" "VisionInfo";
 };
 
 /// Returns the `.msg` or `.srv` text of a message or service of the suite, such as `sensor_msgs/msg/Image` or

@@ -96,6 +96,18 @@ messages! {
         /// Prefixes of the names.
         prefixes: Vec<String>,
     }
+    LoggerLevel = "rcl_interfaces/msg/LoggerLevel" {
+        /// Name of the logger, such as `front.unwrap` for the node `/front/unwrap`.
+        name: String,
+        /// [`Log::DEBUG`], `INFO`, `WARN`, `ERROR` or `FATAL`; 0 is unknown.
+        level: u32,
+    }
+    SetLoggerLevelsResult = "rcl_interfaces/msg/SetLoggerLevelsResult" {
+        /// Whether the level was accepted.
+        successful: bool,
+        /// The reason for a refusal.
+        reason: String,
+    }
     /// One line of `/rosout`.
     Log = "rcl_interfaces/msg/Log" {
         /// Time of the line.
@@ -159,6 +171,22 @@ messages! {
     DescribeParametersResponse = "rcl_interfaces/srv/DescribeParameters_Response" {
         /// The descriptors in the order of the request.
         descriptors: Vec<ParameterDescriptor>,
+    }
+    GetLoggerLevelsRequest = "rcl_interfaces/srv/GetLoggerLevels_Request" {
+        /// Names of the requested loggers.
+        names: Vec<String>,
+    }
+    GetLoggerLevelsResponse = "rcl_interfaces/srv/GetLoggerLevels_Response" {
+        /// The levels in the order of the request.
+        levels: Vec<LoggerLevel>,
+    }
+    SetLoggerLevelsRequest = "rcl_interfaces/srv/SetLoggerLevels_Request" {
+        /// The levels; each one is accepted or refused separately.
+        levels: Vec<LoggerLevel>,
+    }
+    SetLoggerLevelsResponse = "rcl_interfaces/srv/SetLoggerLevels_Response" {
+        /// The results in the order of the request.
+        results: Vec<SetLoggerLevelsResult>,
     }
     GetParameterTypesRequest = "rcl_interfaces/srv/GetParameterTypes_Request" {
         /// Names of the requested parameters.

@@ -60,7 +60,7 @@ pub mod service_msgs {
 
 /// `rosbag2_interfaces`: the services that control a running player, as in ROS 2 Jazzy.
 pub mod rosbag2_interfaces {
-    use crate::builtin::Time;
+    use crate::builtin::{Duration, Time};
     use crate::interface::messages;
 
     messages! {
@@ -88,6 +88,20 @@ pub mod rosbag2_interfaces {
             /// Speed; 2 is twice as fast as the recording.
             rate: f64,
         }
+        PlayRequest = "rosbag2_interfaces/srv/Play_Request" {
+            /// Bag time that is left out at the start.
+            start_offset: Time,
+            /// Bag time to play; negative for all of it.
+            playback_duration: Duration,
+            /// Time in the bag at which the playback ends; negative for the end of the bag.
+            playback_until_timestamp: Time,
+        }
+        PlayResponse = "rosbag2_interfaces/srv/Play_Response" {
+            /// Whether a playback was started; false while another one runs.
+            success: bool,
+        }
+        StopRequest = "rosbag2_interfaces/srv/Stop_Request"
+        StopResponse = "rosbag2_interfaces/srv/Stop_Response"
         PlayNextRequest = "rosbag2_interfaces/srv/PlayNext_Request"
         PlayNextResponse = "rosbag2_interfaces/srv/PlayNext_Response" {
             /// Whether a message was played, which is only possible while the player is paused.

@@ -277,6 +277,16 @@ pub mod vision_msgs {
             /// The objects; empty when the detector found no object.
             detections: Vec<Detection2D>,
         }
+        VisionInfo = "vision_msgs/msg/VisionInfo" {
+            /// The time at which the classes came into use.
+            header: Header,
+            /// Name of the method or model.
+            method: String,
+            /// The place where the meaning of `class_id` is found, such as the name of a parameter.
+            database_location: String,
+            /// Number of the version of that meaning; it changes with each change of the classes.
+            database_version: i32,
+        }
     }
 }
 

@@ -63,12 +63,13 @@ structs! {
     sensor_msgs: Image, CompressedImage, CameraInfo, RegionOfInterest;
     geometry_msgs: Point, Quaternion, Pose, PoseWithCovariance;
     vision_msgs: Point2D, Pose2D, BoundingBox2D, ObjectHypothesis, ObjectHypothesisWithPose, Detection2D,
-        Detection2DArray;
+        Detection2DArray, VisionInfo;
     diagnostic_msgs: KeyValue, DiagnosticStatus, DiagnosticArray;
     rosgraph_msgs: Clock;
     rosbag2_interfaces: PauseRequest, PauseResponse, ResumeRequest, ResumeResponse, TogglePausedRequest,
         TogglePausedResponse, IsPausedRequest, IsPausedResponse, SetRateRequest, SetRateResponse, GetRateRequest,
-        GetRateResponse, PlayNextRequest, PlayNextResponse, BurstRequest, BurstResponse, SeekRequest, SeekResponse;
+        GetRateResponse, PlayNextRequest, PlayNextResponse, BurstRequest, BurstResponse, SeekRequest, SeekResponse,
+        PlayRequest, PlayResponse, StopRequest, StopResponse;
     service_msgs: ServiceEventInfo;
     std_srvs: EmptyRequest, EmptyResponse, SetBoolRequest, SetBoolResponse, TriggerRequest, TriggerResponse;
     type_description_interfaces: FieldType, Field, IndividualTypeDescription, TypeDescription, TypeSource,
@@ -78,7 +79,8 @@ structs! {
         DescribeParametersRequest, DescribeParametersResponse, GetParameterTypesRequest,
         GetParameterTypesResponse, GetParametersRequest, GetParametersResponse, ListParametersRequest,
         ListParametersResponse, SetParametersRequest, SetParametersResponse, SetParametersAtomicallyRequest,
-        SetParametersAtomicallyResponse;
+        SetParametersAtomicallyResponse, LoggerLevel, SetLoggerLevelsResult, GetLoggerLevelsRequest,
+        GetLoggerLevelsResponse, SetLoggerLevelsRequest, SetLoggerLevelsResponse;
 }
 
 /// Asks a struct's `Deserialize` for its field names.
