@@ -23,6 +23,7 @@ pub mod run;
 use std::sync::{Arc, OnceLock};
 
 use anyhow::{Context, anyhow};
+use modulo_runtime::graph::logger::ApplyLevel;
 use modulo_runtime::rosout::RosoutLayer;
 use modulo_runtime::transport::keys::Hashes;
 use modulo_runtime::transport::zenoh::ZenohTransport;
@@ -31,6 +32,7 @@ use tracing_subscriber::EnvFilter;
 use tracing_subscriber::Layer;
 use tracing_subscriber::filter::LevelFilter;
 use tracing_subscriber::layer::SubscriberExt;
+use tracing_subscriber::reload;
 use tracing_subscriber::util::SubscriberInitExt;
 
 use crate::cli::{self, Cli, Command};
@@ -77,22 +79,25 @@ fn usage(why: impl Into<anyhow::Error>) -> Failure {
 
 /// Starts the log on standard error with the lines of the suite from `level` on.
 fn start_log(level: &str) {
-    start_log_with(level, LevelFilter::TRACE, None);
+    drop(start_log_with(level, LevelFilter::TRACE, None));
 }
 
 /// Starts the log of a node: the lines from `level` on go to `/rosout`, and those that also pass `screen` to standard
 /// error. Lines of libraries are shown with the level `debug` only. `RUST_LOG` adds directives: a level of its own concerns
-/// the libraries, and `modulo=LEVEL` the suite.
-fn start_log_with(level: &str, screen: LevelFilter, rosout: Option<RosoutLayer>) {
+/// the libraries, and `modulo=LEVEL` the suite. Returns a function that changes the level.
+fn start_log_with(level: &str, screen: LevelFilter, rosout: Option<RosoutLayer>) -> ApplyLevel {
     // A library logs what it works around by itself, which a user of the suite cannot act on.
-    let libraries = if level == "debug" { "warn" } else { "off" };
-    // The names of all crates of the suite begin with `modulo`.
-    let default = format!("{libraries},modulo={level}");
+    let libraries = |level| if level == "debug" { "warn" } else { "off" };
     // rmw_zenoh sets RUST_LOG=warn in each process with a node, and so in all that `ros2 launch` starts. It must not hide the
     // lines of the suite, whose level ROS users set with `--log-level`.
-    let filter = match std::env::var(EnvFilter::DEFAULT_ENV) {
-        Ok(more) => EnvFilter::builder().parse_lossy(format!("{default},{more}")),
-        Err(_) => EnvFilter::new(default),
+    let more = std::env::var(EnvFilter::DEFAULT_ENV).unwrap_or_default();
+    // The names of all crates of the suite begin with `modulo`. Of two directives for one target the later one holds.
+    let directives = format!("{},modulo={level},{more}", libraries(level));
+    let (filter, handle) = reload::Layer::new(EnvFilter::builder().parse_lossy(directives));
+    let apply = move |level| {
+        let directives = format!("{},{more},modulo={level}", libraries(level));
+        // Fails only when another log was started before this one.
+        let _ = handle.reload(EnvFilter::builder().parse_lossy(directives));
     };
     let colour = anstream::AutoStream::choice(&std::io::stderr()) != anstream::ColorChoice::Never;
     let lines = tracing_subscriber::fmt::layer()
@@ -102,6 +107,7 @@ fn start_log_with(level: &str, screen: LevelFilter, rosout: Option<RosoutLayer>)
         .with_filter(screen);
     // Fails only when a log was started before, which then goes on.
     let _ = tracing_subscriber::registry().with(filter).with(lines).with(rosout).try_init();
+    Box::new(apply)
 }
 
 fn domain() -> Result<u32, Failure> {

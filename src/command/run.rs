@@ -4,10 +4,15 @@ use std::sync::Arc;
 
 use anyhow::Context;
 use clap::Args;
+use modulo_runtime::driver::CommonParameters;
 use modulo_runtime::driver::live::{self, NodeSetup};
+use modulo_runtime::graph::logger::{Logger, LoggerService};
 use modulo_runtime::process::node_files::{ReportFile, SavedState};
 use modulo_runtime::ros_args::{Logs, RosArgs};
 use modulo_runtime::rosout::{self, LogQueue};
+use modulo_runtime::transport::keys::SERVICE_QOS;
+use modulo_runtime::transport::zenoh::{RawService, ZenohTransport};
+use modulo_runtime::transport::{Guard, TransportError};
 use modulo_runtime::{Descriptor, NodeName, SystemClock, launcher};
 use tracing_subscriber::filter::LevelFilter;
 
@@ -44,7 +49,7 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
         return Err(usage(anyhow::anyhow!("{}: '{argument}' is unknown; try --help", kind.name)));
     }
     let node_name = ros.node_name(kind.name).map_err(usage)?;
-    let log = start_log(&ros, &node_name);
+    let (log, logger) = start_log(&ros, &node_name);
     let stop = stop_on_signals()?;
     // A launcher that was killed cannot tell its nodes to end, so each one watches it by itself.
     launcher::end_with_launcher(&stop).context("watch of the launcher")?;
@@ -68,6 +73,8 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
     let node = kind.make(&parameters).map_err(refused)?;
 
     let (clock, transport) = open_session()?;
+    let CommonParameters { enable_logger_service, .. } = (&parameters).into();
+    let _logger = enable_logger_service.then(|| serve(logger, &node_name, &transport)).transpose()?;
     let rosout = log.map(|log| log.publish(&node_name, &transport)).transpose()?;
     let setup = NodeSetup { node, parameters, node_name, saved, report_file };
     live::run(setup, &transport, &clock, stop)?;
@@ -91,8 +98,20 @@ fn answers(kind: &NodeKind, own: &[String]) -> bool {
     true
 }
 
+/// Offers the level of `logger` to the graph.
+fn serve(logger: Logger, node_name: &NodeName, transport: &ZenohTransport) -> Result<Guard, TransportError> {
+    let logger = Arc::new(logger);
+    let services = LoggerService::ALL.iter().map(|&service| {
+        let (name, ros_type) = service.name_and_type();
+        let logger = logger.clone();
+        let answer = Box::new(move |request: &[u8]| Ok(logger.answer(service, request)?));
+        RawService { name, ros_type, qos: SERVICE_QOS, answer }
+    });
+    transport.serve_raw(node_name, services.collect())
+}
+
 /// Starts the log; lines for `/rosout` wait in the queue.
-fn start_log(ros: &RosArgs, node_name: &NodeName) -> Option<LogQueue> {
+fn start_log(ros: &RosArgs, node_name: &NodeName) -> (Option<LogQueue>, Logger) {
     let (layer, queue) = match ros.rosout_logs {
         Logs::Enabled => Some(rosout::layer(Arc::new(SystemClock::default()))).unzip(),
         Logs::Disabled => (None, None),
@@ -106,8 +125,8 @@ fn start_log(ros: &RosArgs, node_name: &NodeName) -> Option<LogQueue> {
         Logs::Enabled if !chosen && launcher::folder(launcher::REPORT_DIR).is_some() => LevelFilter::WARN,
         Logs::Enabled => LevelFilter::TRACE,
     };
-    start_log_with(level.unwrap_or("info"), screen, layer);
-    queue
+    let level = level.unwrap_or("info");
+    (queue, Logger::new(node_name, level, start_log_with(level, screen, layer)))
 }
 
 fn print_help(kind: &NodeKind) {

@@ -7,7 +7,10 @@ use std::time::Duration;
 use crate::harness::{Background, Bench, Peer, arg, json, model, text, wait_until};
 use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, Selection};
 use modulo_msgs::cdr;
-use modulo_msgs::rcl_interfaces::Log;
+use modulo_msgs::rcl_interfaces::{
+    GetLoggerLevelsRequest, GetLoggerLevelsResponse, Log, LoggerLevel, SetLoggerLevelsRequest,
+    SetLoggerLevelsResponse,
+};
 use modulo_msgs::rosgraph_msgs;
 use modulo_msgs::sensor_msgs::Image;
 use modulo_msgs::std_msgs::Time;
@@ -133,6 +136,48 @@ fn unreadable_messages_are_warned_of_by_count() {
     }
     assert_eq!(told.iter().map(count).sum::<u32>(), 40, "{told:?}");
     assert!(told.len() < 40, "{told:?}");
+}
+
+/// The level of the log changes while the node runs, by the services that nodes of ROS 2 have for it.
+#[test]
+fn the_level_of_the_log_is_read_and_set_by_services() {
+    let bench = Bench::new();
+    let _plain = bench.start(&["run", "unwrap", "--ros-args", "-r", "__node:=plain"]);
+    let _unwrap = bench.start(&["run", "unwrap", "--ros-args", "-p", "enable_logger_service:=true"]);
+    let peer = Peer::new(&bench);
+    wait_until("both nodes", || peer.transport.is_ready("/plain") && peer.transport.is_ready("/unwrap"));
+    let logs = peer.hear("/rosout", MessageKind::Log);
+    let call = |name: &str, request: Vec<u8>| {
+        let ros_type = if name.starts_with("get") { "GetLoggerLevels" } else { "SetLoggerLevels" };
+        let (service, ros_type) = (format!("/unwrap/{name}"), format!("rcl_interfaces/srv/{ros_type}"));
+        peer.transport.call(&service, &ros_type, request, Duration::from_secs(10)).expect("answered")
+    };
+    let request = cdr::to_vec(&GetLoggerLevelsRequest { names: vec!["unwrap".into()] }).expect("short");
+    let level = || {
+        let answer = call("get_logger_levels", request.clone());
+        cdr::from_slice::<GetLoggerLevelsResponse>(&answer).expect("a response").levels[0].level
+    };
+    let set = |level| {
+        let levels = vec![LoggerLevel { name: "unwrap".into(), level }];
+        let answer =
+            call("set_logger_levels", cdr::to_vec(&SetLoggerLevelsRequest { levels }).expect("short"));
+        cdr::from_slice::<SetLoggerLevelsResponse>(&answer).expect("a response").results[0].successful
+    };
+    // A refusal is a warning.
+    let refused = |alpha: &str| {
+        assert_eq!(bench.run(&["param", "set", "/unwrap", "alpha", alpha]).status.code(), Some(1));
+    };
+    assert_eq!(level(), u32::from(Log::INFO));
+    assert!(set(Log::ERROR.into()) && level() == u32::from(Log::ERROR));
+    refused("1001");
+    assert!(set(Log::WARN.into()) && !set(7));
+    refused("1002");
+    let warned = log(logs.until("a refusal", |m| log(m.clone()).msg.contains("'alpha' = 100")));
+    assert!(warned.msg.contains("1002"), "the refusal before it has a lower level: {}", warned.msg);
+
+    let graph = peer.transport.graph();
+    let servers = graph.endpoints(EntityKind::Server, "/plain/set_logger_levels").count();
+    assert_eq!(servers, 0, "only on request, as in ROS 2");
 }
 
 /// Names with a leading underscore are listed only where they are asked for, as by `ros2 node list` and `ros2 topic list`.

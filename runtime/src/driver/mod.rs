@@ -55,6 +55,8 @@ crate::parameters! {
         wait_for: Vec<String> = Vec::new(); fixed,
         /// Time in seconds to wait for the nodes of wait_for. The node fails when they are not ready by then.
         wait_timeout: f64 = 60.0 => 0.0..=3600.0; fixed,
+        /// Offers the services ~/get_logger_levels and ~/set_logger_levels, which read and change the level of the log.
+        enable_logger_service: bool = false; fixed,
     }
 }
 

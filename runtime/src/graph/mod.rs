@@ -1,8 +1,9 @@
-//! Everything that the ROS graph sees of a node: its name, its topics and services, `/diagnostics`, `/rosout`, `/clock`
-//! and the descriptions of its types; and the graph itself, with the endpoints that do not fit together.
+//! Everything that the ROS graph sees of a node: its name, its topics and services, `/diagnostics`, `/rosout`, `/clock`,
+//! the level of its log and the descriptions of its types; and the graph itself, with the endpoints that do not fit together.
 
 pub mod diagnostics;
 pub mod discovery;
+pub mod logger;
 pub mod name;
 pub mod node_time;
 pub mod rosout;

@@ -16,7 +16,7 @@ use tracing_subscriber::layer::Context;
 
 use crate::clock::Clock;
 use crate::driver::RunError;
-use crate::graph::{NodeName, Topic};
+use crate::graph::{NodeName, Topic, logger};
 use crate::message::{Message, MessageKind};
 use crate::transport::queue::{Keep, Lane, Limit, Next, Queue, Queued};
 use crate::transport::{Address, Guard, Publisher, Transport, TransportError};
@@ -103,8 +103,7 @@ impl LogQueue {
     pub fn publish(self, node_name: &NodeName, transport: &dyn Transport) -> Result<Guard, RunError> {
         let address = Address::resolve(node_name, &Topic::new("/rosout", MessageKind::Log))?;
         let publisher = transport.advertise(node_name, &address)?;
-        // As rcl names a node's logger.
-        let logger = node_name.fully_qualified().trim_matches('/').replace('/', ".");
+        let logger = logger::name_of(node_name);
         let queue = self.queue.clone();
         let thread = thread::Builder::new()
             .name("rosout".into())
