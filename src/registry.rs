@@ -4,7 +4,8 @@ use anyhow::Context;
 use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_detector::{Detector, DetectorParameters};
 use modulo_runtime::driver::CommonParameters;
-use modulo_runtime::{Descriptor, Node, ParameterSet as _, Parameters};
+use modulo_runtime::graph::{self, NameError};
+use modulo_runtime::{Descriptor, Node, NodeName, ParameterSet as _, Parameters, Topic};
 use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 
 /// One kind of node.
@@ -14,6 +15,7 @@ pub struct NodeKind {
     /// A description of one line.
     pub about: &'static str,
     declare: fn() -> Vec<Descriptor>,
+    outputs: fn() -> Vec<Topic>,
     make: fn(&Parameters) -> anyhow::Result<Box<dyn Node>>,
 }
 
@@ -23,18 +25,21 @@ pub const KINDS: [NodeKind; 3] = [
         name: "modulo_camera",
         about: "a simulated modulo sensor over any source of frames",
         declare: CameraParameters::descriptors,
+        outputs: modulo_camera::outputs,
         make: |parameters| Ok(Box::new(ModuloCamera::new(&parameters.into())?)),
     },
     NodeKind {
         name: "unwrap",
         about: "modulo image in, recovered image out",
         declare: UnwrapParameters::descriptors,
+        outputs: modulo_unwrap::outputs,
         make: |parameters| Ok(Box::new(UnwrapNode::new(&parameters.into())?)),
     },
     NodeKind {
         name: "detector",
         about: "image in, bounding boxes out (YOLOv10, end to end)",
         declare: DetectorParameters::descriptors,
+        outputs: modulo_detector::outputs,
         make: |parameters| Ok(Box::new(Detector::new(&parameters.into())?)),
     },
 ];
@@ -48,7 +53,13 @@ pub fn kind(name: &str) -> anyhow::Result<&'static NodeKind> {
 }
 
 impl NodeKind {
-    /// Its parameters with their defaults.
+    /// The parameters of a node of this kind and name with their defaults.
+    pub fn parameters_of(&self, node_name: &NodeName) -> Result<Parameters, NameError> {
+        let overrides = graph::qos_overrides(node_name, &(self.outputs)())?;
+        Ok(Parameters::declare([(self.declare)(), CommonParameters::descriptors(), overrides].concat()))
+    }
+
+    /// Its parameters with their defaults, without those that depend on the name of the node.
     pub fn parameters(&self) -> Parameters {
         Parameters::declare([(self.declare)(), CommonParameters::descriptors()].concat())
     }

@@ -100,9 +100,14 @@ impl CaptureLoop<'_> {
         let graph = self.transport.graph();
         let publishers = graph.tokens().filter(|t| t.kind == EntityKind::Publisher);
         for endpoint in publishers.filter_map(|t| t.endpoint.as_ref()) {
-            // As with `ros2 bag record --all`, hidden topics are only recorded by name.
-            let chosen =
-                topics.map_or(!is_hidden(&endpoint.topic), |topics| topics.contains(&endpoint.topic));
+            // As with `ros2 bag record --all`, hidden topics are only recorded by name. So are compressed variants of
+            // images that are recorded anyway: they would be made for the recorder alone.
+            let repeats = || {
+                let raw = endpoint.topic.strip_suffix("/compressed");
+                raw.is_some_and(|raw| graph.endpoints(EntityKind::Publisher, raw).next().is_some())
+            };
+            let usual = || !is_hidden(&endpoint.topic) && !repeats();
+            let chosen = topics.map_or_else(usual, |topics| topics.contains(&endpoint.topic));
             if !chosen || !self.known.insert((endpoint.topic.clone(), endpoint.type_hash.clone())) {
                 continue;
             }

@@ -13,7 +13,7 @@ use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{MessageKind, Qos};
 
 use crate::bag::{BagError, BagTopic, BagWriter, Compression, TopicId};
-use crate::source::{KittiFolder, SourceError, to_detections};
+use crate::source::{FRAME_ID, KittiFolder, SourceError, to_detections};
 use crate::{GROUND_TRUTH_TOPIC, IMAGE_TOPIC};
 
 /// Stamp of the first frame: 2011-09-26T00:00:00Z, the day of the recordings.
@@ -95,7 +95,7 @@ impl Import {
     }
 
     fn frame(&mut self, folder: &KittiFolder, image: &Path, stamp: u64) -> Result<(), ImportError> {
-        let header = Header { stamp: Time::from_ns(stamp), frame_id: "camera".to_owned() };
+        let header = Header { stamp: Time::from_ns(stamp), frame_id: FRAME_ID.to_owned() };
         self.bag.write(self.images, stamp, stamp, &encode_frame(&header, &codes(image)?)?)?;
         self.report.frames += 1;
         if let Some(labels) = folder.labels_of(image)? {

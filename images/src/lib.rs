@@ -10,10 +10,11 @@ mod white;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
+use image::codecs::{jpeg::JpegEncoder, png::PngEncoder};
 use image::error::{LimitError, LimitErrorKind, UnsupportedError, UnsupportedErrorKind};
 use image::{
-    DynamicImage, ExtendedColorType, ImageBuffer, ImageDecoder, ImageFormat, ImageReader, Limits, Luma,
-    LumaA, Rgb, Rgba,
+    DynamicImage, ExtendedColorType, ImageBuffer, ImageDecoder, ImageEncoder, ImageFormat, ImageReader, Limits,
+    Luma, LumaA, Rgb, Rgba,
 };
 use modulo_core::{Frame, Samples};
 use ndarray::Array3;
@@ -124,10 +125,41 @@ pub struct SaveError {
 /// # Errors
 /// [`SaveError`] when the file cannot be written, and for a frame of floats, which PNG cannot hold.
 pub fn save_png(path: &Path, frame: &Frame) -> Result<(), SaveError> {
-    write(path, frame).map_err(|source| SaveError { path: path.to_owned(), source })
+    let saved = encode(frame, FileFormat::Png).and_then(|file| Ok(std::fs::write(path, file)?));
+    saved.map_err(|source| SaveError { path: path.to_owned(), source })
 }
 
-fn write(path: &Path, frame: &Frame) -> Result<(), image::ImageError> {
+/// The format of a file that [`encode`] makes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FileFormat {
+    /// Small, with 8 bits a sample, whose values it changes a little.
+    #[default]
+    Jpeg,
+    /// Exact, with 8 or 16 bits a sample.
+    Png,
+}
+
+impl FileFormat {
+    /// Each format with its name.
+    pub const WORDS: [(&'static str, Self); 2] = [("jpeg", Self::Jpeg), ("png", Self::Png)];
+
+    /// Returns its name.
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Jpeg => "jpeg",
+            Self::Png => "png",
+        }
+    }
+}
+
+/// Quality of JPEG files in 1 to 100, the default of ROS's `compressed_image_transport`.
+const JPEG_QUALITY: u8 = 95;
+
+/// Returns `frame` as the content of an image file, grey or RGB.
+///
+/// # Errors
+/// The error of the encoder: no format here holds floats, and JPEG holds 8 bits.
+pub fn encode(frame: &Frame, format: FileFormat) -> Result<Vec<u8>, image::ImageError> {
     let (height, width, channels) = frame.dim();
     let colour = |grey, rgb| if channels == 1 { grey } else { rgb };
     let (bytes, colour) = match frame.samples() {
@@ -147,7 +179,14 @@ fn write(path: &Path, frame: &Frame) -> Result<(), image::ImageError> {
     };
     let too_long = |_| image::ImageError::Limits(LimitError::from_kind(LimitErrorKind::DimensionError));
     let side = |n: usize| u32::try_from(n).map_err(too_long);
-    image::save_buffer_with_format(path, &bytes, side(width)?, side(height)?, colour, ImageFormat::Png)
+    let (width, height, mut file) = (side(width)?, side(height)?, Vec::new());
+    match format {
+        FileFormat::Png => PngEncoder::new(&mut file).write_image(&bytes, width, height, colour),
+        FileFormat::Jpeg => {
+            JpegEncoder::new_with_quality(&mut file, JPEG_QUALITY).write_image(&bytes, width, height, colour)
+        }
+    }?;
+    Ok(file)
 }
 
 #[cfg(test)]
@@ -155,8 +194,7 @@ mod tests {
     use std::fmt::Write as _;
 
     use exr::prelude::{SpecificChannels, WritableImage};
-    use image::codecs::jpeg::JpegEncoder;
-    use image::{GrayImage, ImageEncoder};
+    use image::GrayImage;
 
     use super::*;
 
@@ -174,7 +212,7 @@ mod tests {
             encoder.set_exif_metadata(exif).expect("JPEG has EXIF");
             encoder.write_image(&picture, 24, 16, colour).expect("encoded");
         } else {
-            let mut encoder = image::codecs::png::PngEncoder::new(&mut bytes);
+            let mut encoder = PngEncoder::new(&mut bytes);
             encoder.set_exif_metadata(exif).expect("PNG has EXIF");
             encoder.write_image(&picture, 24, 16, colour).expect("encoded");
         }

@@ -272,22 +272,26 @@ fn size(frame: &Frame) -> usize {
     height * width * channels * usize::from(frame.depth() / 8)
 }
 
-fn without_pixels(header: Header, frame: &Frame) -> Image {
-    // A side beyond 32 bits means data beyond 32 bits, which CDR refuses.
-    let field = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
-    let encoding = match (frame.samples(), frame.channels()) {
+/// Returns the encoding that [`Image::from_frame`] gives the frame.
+pub fn encoding_of(frame: &Frame) -> &'static str {
+    match (frame.samples(), frame.channels()) {
         (Samples::U8(_), 1) => "mono8",
         (Samples::U8(_), _) => "rgb8",
         (Samples::U16(_), 1) => "mono16",
         (Samples::U16(_), _) => "rgb16",
         (Samples::F32(_), 1) => "32FC1",
         (Samples::F32(_), _) => "32FC3",
-    };
+    }
+}
+
+fn without_pixels(header: Header, frame: &Frame) -> Image {
+    // A side beyond 32 bits means data beyond 32 bits, which CDR refuses.
+    let field = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
     Image {
         header,
         height: field(frame.height()),
         width: field(frame.width()),
-        encoding: encoding.to_owned(),
+        encoding: encoding_of(frame).to_owned(),
         is_bigendian: 0,
         step: field(size(frame) / frame.height()),
         data: Vec::new(),

@@ -73,8 +73,8 @@ static DEFINITIONS: &[(&str, &str)] = definitions! {
     "type_description_interfaces" / "msg": "Field" "FieldType" "IndividualTypeDescription" "KeyValue"
         "TypeDescription" "TypeSource";
     "type_description_interfaces" / "srv": "GetTypeDescription";
-    "vision_msgs" / "msg": "BoundingBox2D" "Detection2D" "Detection2DArray" "ObjectHypothesis"
-        "ObjectHypothesisWithPose" "Point2D" "Pose2D" "VisionInfo";
+    "vision_msgs" / "msg": "BoundingBox2D" "Detection2D" "Detection2DArray" "LabelInfo" "ObjectHypothesis"
+        "ObjectHypothesisWithPose" "Point2D" "Pose2D" "VisionClass" "VisionInfo";
 };
 
 /// Returns the `.msg` or `.srv` text of a message or service of the suite, such as `sensor_msgs/msg/Image` or

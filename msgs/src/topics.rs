@@ -277,6 +277,20 @@ pub mod vision_msgs {
             /// The objects; empty when the detector found no object.
             detections: Vec<Detection2D>,
         }
+        VisionClass = "vision_msgs/msg/VisionClass" {
+            /// Index of the class in the output of the model.
+            class_id: u16,
+            /// Name of the class.
+            class_name: String,
+        }
+        LabelInfo = "vision_msgs/msg/LabelInfo" {
+            /// The time at which the classes came into use.
+            header: Header,
+            /// The classes that are published.
+            class_map: Vec<VisionClass>,
+            /// Smallest score that is published.
+            threshold: f32,
+        }
         VisionInfo = "vision_msgs/msg/VisionInfo" {
             /// The time at which the classes came into use.
             header: Header,

@@ -25,7 +25,8 @@ fn main() {
     let clock = Arc::new(SystemClock::default());
     let transport = ZenohTransport::open(domain, Hashes::Rihs01, clock).expect("a session");
     let node_name = NodeName::new("image_stream", "/", &[]).expect("a name");
-    let address = Address { topic: "/images".into(), kind: MessageKind::Image, qos: Qos::Images };
+    let address =
+        Address { topic: "/images".into(), kind: MessageKind::Image, qos: Qos::Images, profile: None };
     let publisher = transport.advertise(&node_name, &address).expect("a publisher");
     let frame = Frame::from_u8(Array3::from_shape_fn(SHAPE, |(i, j, c)| (i + j + c) as u8)).expect("a frame");
     let send = |number: u32| {

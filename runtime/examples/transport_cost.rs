@@ -74,7 +74,8 @@ fn ours() -> (ZenohTransport, NodeName, Address) {
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
     let transport = ZenohTransport::open(DOMAIN, Hashes::Rihs01, clock).expect("a session");
     let node_name = NodeName::new("cost", "/", &[]).expect("a name");
-    let address = Address { topic: "/images".into(), kind: MessageKind::Image, qos: Qos::Images };
+    let address =
+        Address { topic: "/images".into(), kind: MessageKind::Image, qos: Qos::Images, profile: None };
     (transport, node_name, address)
 }
 

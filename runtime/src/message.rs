@@ -9,7 +9,7 @@ use modulo_msgs::rcl_interfaces::{Log, ParameterEvent};
 use modulo_msgs::rosgraph_msgs::Clock;
 use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image};
 use modulo_msgs::std_msgs::{Header, Time};
-use modulo_msgs::vision_msgs::Detection2DArray;
+use modulo_msgs::vision_msgs::{Detection2DArray, LabelInfo, VisionInfo};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -93,6 +93,8 @@ kinds! {
     CompressedImage(CompressedImage) "sensor_msgs/msg/CompressedImage" header.stamp;
     CameraInfo(CameraInfo) "sensor_msgs/msg/CameraInfo" header.stamp;
     Detections(Detection2DArray) "vision_msgs/msg/Detection2DArray" header.stamp;
+    VisionInfo(VisionInfo) "vision_msgs/msg/VisionInfo" header.stamp;
+    LabelInfo(LabelInfo) "vision_msgs/msg/LabelInfo" header.stamp;
     Diagnostics(DiagnosticArray) "diagnostic_msgs/msg/DiagnosticArray" header.stamp;
     ParameterEvent(ParameterEvent) "rcl_interfaces/msg/ParameterEvent" stamp;
     Log(Log) "rcl_interfaces/msg/Log" stamp;

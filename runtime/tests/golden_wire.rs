@@ -54,7 +54,7 @@ fn the_endpoints_of_every_node_are_those_of_rcl() {
     };
     let node_name = NodeName::new("golden", "/odmi", &[]).expect("a name");
     for (topic, kind) in [("/rosout", MessageKind::Log), ("/parameter_events", MessageKind::ParameterEvent)] {
-        let Topic { name, kind, qos } = Topic::new(topic, kind);
+        let Topic { name, kind, qos, .. } = Topic::new(topic, kind);
         known(
             EntityKind::Publisher,
             Endpoint {

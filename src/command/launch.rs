@@ -183,7 +183,7 @@ fn refusals(node: &NodePlan) -> Vec<String> {
         let kind = registry::kind(&node.executable)?;
         let (ros, _) = RosArgs::parse(&modulo_launch::ros_arguments(node))?;
         let node_name = ros.node_name(kind.name)?;
-        Ok((kind.parameters(), ros.parameters_for(&node_name)?))
+        Ok((kind.parameters_of(&node_name)?, ros.parameters_for(&node_name)?))
     };
     match settings() {
         Ok((declared, settings)) => {
@@ -284,7 +284,7 @@ fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
 pub fn prepare(node: &ComposedNode) -> anyhow::Result<(&'static NodeKind, NodeName, Parameters)> {
     let kind = registry::kind(&node.kind)?;
     let node_name = NodeName::new(&node.name, &node.namespace, &node.remaps)?;
-    let parameters =
-        kind.parameters().with_text(&node.parameters).with_context(|| node_name.fully_qualified())?;
+    let parameters = kind.parameters_of(&node_name)?.with_text(&node.parameters);
+    let parameters = parameters.with_context(|| node_name.fully_qualified())?;
     Ok((kind, node_name, parameters))
 }

@@ -57,7 +57,8 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
     let settings = ros.parameters_for(&node_name).map_err(usage)?;
     let named = node_name.fully_qualified();
     let refused = |why: anyhow::Error| usage(why.context(named.clone()));
-    let parameters = kind.parameters().with_text(&settings).map_err(|why| refused(why.into()))?;
+    let parameters = kind.parameters_of(&node_name).map_err(usage)?;
+    let parameters = parameters.with_text(&settings).map_err(|why| refused(why.into()))?;
     let saved = launcher::folder(launcher::STATE_DIR).map(|folder| SavedState::new(&folder, &node_name));
     // After a crash the node goes on with the parameters that it had accepted, also those that were set at
     // run time.

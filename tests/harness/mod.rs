@@ -236,8 +236,8 @@ impl Peer {
 }
 
 fn address(topic: &str, kind: MessageKind) -> Address {
-    let Topic { name, kind, qos } = Topic::new(topic, kind);
-    Address { topic: name, kind, qos }
+    let Topic { name, kind, qos, .. } = Topic::new(topic, kind);
+    Address { topic: name, kind, qos, profile: None }
 }
 
 impl Heard {

@@ -171,6 +171,13 @@ def graph():
         expect("height: \nwidth: \nencoding: ", "ros2", "topic", "echo", "--once", "--no-arr", f"/{topic}")
     for topic in ["detector/detections", "ground_truth"]:
         expect("header:\ndetections: ", "ros2", "topic", "echo", "--once", "--no-arr", f"/{topic}")
+    for topic, form in [("modulo", "png"), ("recovered", "jpeg"), ("detector/annotated", "jpeg")]:
+        expect(f"frame_id: camera_optical\nformat: rgb8; {form} compressed bgr8",
+               "ros2", "topic", "echo", "--once", "--no-arr", f"/{topic}/compressed")
+    expect("frame_id: camera_optical\nheight: \nwidth: ", "ros2", "topic", "echo", "--once", "--no-arr", "/camera_info")
+    latched = ["--once", "--qos-durability", "transient_local", "--qos-reliability", "reliable"]
+    expect("database_location: /detector/label_info", "ros2", "topic", "echo", *latched, "/detector/vision_info")
+    expect("class_name: car\nthreshold: ", "ros2", "topic", "echo", *latched, "/detector/label_info")
     expect("name: 'unwrap: recovery'\nname: detector", "ros2", "topic", "echo", "/diagnostics", stopped_after=8)
     expect("name: \nmsg: ", "ros2", "topic", "echo", "--once", "/rosout")
     expect("average rate: ", "ros2", "topic", "hz", "/detector/detections", stopped_after=8)
@@ -218,8 +225,16 @@ def data():
     heard = boxes_of("modulo", "launch", str(ROOT / "launch/replay.launch.yaml"), f"bag:={WORK / 'theirs'}")
     if len(heard) < 10:
         raise Failure(f"a bag of ros2 bag record, replayed and detected: {len(heard)} frames with an answer")
-    start("ros2", "run", "modulo", "unwrap", "--ros-args", "-r", "__node:=undo", "-p", "alpha:=4.0")
+    start("ros2", "run", "modulo", "unwrap", "--ros-args", "-r", "__node:=undo", "-p", "alpha:=4.0",
+          "-p", "enable_logger_service:=true", "-p", "qos_overrides./recovered.publisher.reliability:=reliable")
     expect("/undo", "ros2", "node", "list")
+    expect("Reliability: RELIABLE", "ros2", "topic", "info", "-v", "/recovered")
+    expect("String value is: reliable", "ros2", "param", "get", "/undo", "qos_overrides./recovered.publisher.reliability")
+    levels = "rcl_interfaces/srv/{}etLoggerLevels"
+    expect("level=20", "ros2", "service", "call", "/undo/get_logger_levels", levels.format("G"), "{names: [undo]}")
+    expect("successful=True", "ros2", "service", "call", "/undo/set_logger_levels", levels.format("S"),
+           "{levels: [{name: undo, level: 10}]}")
+    expect("level=10", "ros2", "service", "call", "/undo/get_logger_levels", levels.format("G"), "{names: [undo]}")
     start("ros2", "bag", "play", str(BAG), "--loop")
     expect("encoding: ", "ros2", "topic", "echo", "--once", "--no-arr", "/recovered")
 

@@ -12,7 +12,7 @@ use modulo_msgs::rcl_interfaces::{
     SetLoggerLevelsResponse,
 };
 use modulo_msgs::rosgraph_msgs;
-use modulo_msgs::sensor_msgs::Image;
+use modulo_msgs::sensor_msgs::{CompressedImage, Image};
 use modulo_msgs::std_msgs::Time;
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::transport::Transport;
@@ -180,6 +180,123 @@ fn the_level_of_the_log_is_read_and_set_by_services() {
     assert_eq!(servers, 0, "only on request, as in ROS 2");
 }
 
+fn compressed(message: &Message) -> &CompressedImage {
+    match message {
+        Message::CompressedImage(file) => file,
+        other => panic!("a compressed image, not {other:?}"),
+    }
+}
+
+/// The compressed variants of image topics: published for their readers, and read where a node is told to.
+#[test]
+fn images_travel_as_files_where_they_are_asked_for() {
+    let bench = Bench::new();
+    let peer = Peer::new(&bench);
+    let logs = peer.hear("/rosout", MessageKind::Log);
+    let files = peer.hear("/recovered/compressed", MessageKind::CompressedImage);
+    let _unwrap = bench.start(&["run", "unwrap", "--ros-args", "-p", "image_transport:=compressed"]);
+    wait_until("the node", || peer.transport.is_ready("/unwrap"));
+    let graph = peer.transport.graph();
+    assert_eq!(
+        graph.endpoints(EntityKind::Subscription, "/modulo").count(),
+        0,
+        "only the compressed variant"
+    );
+    let infos = peer.hear("/camera_info", MessageKind::CameraInfo);
+    let _camera = camera(&bench, &[]);
+
+    let file = files.until("a file", |_| true);
+    let CompressedImage { header, format, data } = compressed(&file);
+    assert_eq!((header.frame_id.as_str(), format.as_str()), ("camera_optical", "rgb8; jpeg compressed bgr8"));
+    assert_eq!(image::guess_format(data).expect("a file"), image::ImageFormat::Jpeg);
+    let info = infos.until("the size of an image", |_| true);
+    let Message::CameraInfo(info) = info else { panic!("a camera info, not {info:?}") };
+    assert_eq!((info.width, info.height, info.header.frame_id.as_str()), (96, 64, "camera_optical"));
+
+    let set = bench.run(&["param", "set", "/unwrap", "compressed_format", "png"]);
+    assert_eq!(set.status.code(), Some(0), "{}", text(&set));
+    let file = files.until("a PNG file", |m| compressed(m).format == "rgb8; png compressed bgr8");
+    let pixels = image::load_from_memory(&compressed(&file).data).expect("a file").to_rgb8();
+    let truth = image::open(bench.path("images").join("000000.png")).expect("an image").to_rgb8();
+    assert_eq!(pixels.dimensions(), truth.dimensions());
+
+    let modulo = peer.advertise("/modulo/compressed", MessageKind::CompressedImage);
+    wait_until("the reader", || modulo.wanted());
+    let mut jpeg = std::io::Cursor::new(Vec::new());
+    truth.write_to(&mut jpeg, image::ImageFormat::Jpeg).expect("written");
+    let jpeg = CompressedImage { format: "jpeg".into(), data: jpeg.into_inner(), ..Default::default() };
+    modulo.put(&Message::CompressedImage(jpeg.into())).expect("sent");
+    let warned = log(logs.until("a refusal", |m| log(m.clone()).msg.contains("JPEG changes the values")));
+    assert!(warned.msg.contains("publish it as PNG"), "{}", warned.msg);
+}
+
+/// A late reader learns what the class ids of a detector mean, and that they have changed.
+#[test]
+fn class_ids_have_a_meaning_on_a_topic() {
+    let bench = Bench::new();
+    let model = arg("model", model());
+    let peer = Peer::new(&bench);
+    let boxes = peer.hear("/detector/detections", MessageKind::Detections);
+    let detector =
+        ["run", "detector", "--ros-args", "-p", &model, "-p", "engine:=rten", "-p", "input:=ideal"];
+    let _detector = bench.start(&detector);
+    let _camera = camera(&bench, &[]);
+    boxes.until("an answer", |_| true);
+    let late = Peer::new(&bench);
+    let infos = late.hear("/detector/vision_info", MessageKind::VisionInfo);
+    let labels = late.hear("/detector/label_info", MessageKind::LabelInfo);
+    let version = |wanted: i32| {
+        let of_version = |m: &Message| matches!(m, Message::VisionInfo(i) if i.database_version == wanted);
+        let Message::VisionInfo(info) = infos.until("a vision info", of_version) else { unreachable!() };
+        assert_eq!(
+            (info.method.as_str(), info.database_location.as_str()),
+            ("rows.onnx", "/detector/label_info")
+        );
+    };
+    version(1);
+    let Message::LabelInfo(all) = labels.until("the labels", |_| true) else { unreachable!() };
+    assert!(
+        all.class_map.len() > 1 && all.class_map.iter().any(|class| class.class_name == "car"),
+        "{all:?}"
+    );
+    let set = bench.run(&["param", "set", "/detector", "classes", "[car]"]);
+    assert_eq!(set.status.code(), Some(0), "{}", text(&set));
+    version(2);
+    let one = |m: &Message| matches!(m, Message::LabelInfo(info) if info.class_map.len() == 1);
+    labels.until("the one class that is published", one);
+}
+
+/// The quality of service of a publisher is a parameter, as in `rclcpp`.
+#[test]
+fn quality_of_service_is_overridden_by_parameters() {
+    let bench = Bench::new();
+    let own = |policy: &str| format!("qos_overrides./car/recovered.publisher.{policy}");
+    let (reliability, depth) = (own("reliability:=reliable"), own("depth:=7"));
+    let place = ["run", "unwrap", "--ros-args", "-r", "__ns:=/car", "-p"];
+    let _unwrap = bench.start(&[&place[..], &[&reliability, "-p", &depth]].concat());
+    let peer = Peer::new(&bench);
+    wait_until("the node", || peer.transport.is_ready("/car/unwrap"));
+    let graph = peer.transport.graph();
+    let qos = |topic: &str| {
+        let publisher = graph.endpoints(EntityKind::Publisher, topic).next().expect("a publisher");
+        publisher.endpoint.as_ref().expect("on a topic").qos.clone()
+    };
+    assert_eq!((qos("/car/recovered"), qos("/car/hdr")), ("::,7:,:,:,,".into(), "2::,5:,:,:,,".into()));
+    let got = bench.run(&["param", "get", "/car/unwrap", &own("reliability")]);
+    assert_eq!(text(&got), "String value is: reliable\n");
+    let set = bench.run(&["param", "set", "/car/unwrap", &own("reliability"), "best_effort"]);
+    assert!(text(&set).contains("is read-only"), "{}", text(&set));
+    for (setting, why) in [
+        (own("history:=keep_all"), "must be one of keep_last"),
+        (own("lifespan:=1"), "unknown parameter"),
+        ("qos_overrides./recovered.publisher.depth:=7".to_owned(), "unknown parameter"),
+    ] {
+        let refused = bench.run(&[&place[..], &[&setting]].concat());
+        assert_eq!(refused.status.code(), Some(2), "{setting}: {}", text(&refused));
+        assert!(text(&refused).contains(why), "{}", text(&refused));
+    }
+}
+
 /// Names with a leading underscore are listed only where they are asked for, as by `ros2 node list` and `ros2 topic list`.
 #[test]
 fn hidden_names_are_listed_on_request() {
@@ -322,6 +439,9 @@ fn a_recorded_run_replayed_gives_the_same_boxes() {
     let first = detections(&live);
     assert_eq!(first.len(), 5);
     let modulo = images(&live, "/modulo");
+    let recorded = BagReader::open(&live).expect("a whole bag").topics();
+    let files = recorded.iter().filter(|topic| topic.topic.name.ends_with("/compressed")).count();
+    assert_eq!(files, 0, "images are recorded once");
     for (array, image) in first.iter().zip(&modulo) {
         assert_eq!(array.header, image.header, "a result carries stamp and frame of its image");
         for detection in &array.detections {

@@ -90,7 +90,7 @@ pub struct SourceFrame {
     pub name: String,
     /// Time of exposure, ns since the epoch, where the data has one.
     pub stamp_ns: Option<u64>,
-    /// Coordinate frame; `camera` when the data has none.
+    /// Coordinate frame; `camera_optical` when the data has none.
     pub frame_id: String,
     /// The labelled objects; `None` for a frame without labels, an empty list for a labelled frame without objects.
     pub ground_truth: Option<Vec<GroundTruth>>,
@@ -142,7 +142,7 @@ pub struct SourceOptions {
 }
 
 /// Coordinate frame of images without one.
-const FRAME_ID: &str = "camera";
+pub(crate) const FRAME_ID: &str = "camera_optical";
 
 /// Opens what `spec` names: a scene (`scene://PRESET?seed=N`), a bag (a `.mcap`, `.db3` or ROS 1 `.bag` file, or a
 /// folder with `metadata.yaml` or such files), a KITTI folder (with `image_2` or `image_02`), a folder of images, or

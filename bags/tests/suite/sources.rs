@@ -164,7 +164,7 @@ fn an_imported_folder_is_the_folder() {
             assert_eq!(bag.stamp_ns, Some(1_316_995_200_000_000_000 + i as u64 * 100_000_000));
             assert_eq!(bag.radiance, file.radiance);
             assert_eq!(bag.ground_truth, file.ground_truth);
-            assert_eq!(bag.frame_id, "camera");
+            assert_eq!(bag.frame_id, "camera_optical");
         }
         let bag = BagReader::open(&out).expect("a bag");
         assert_eq!(read_all(&bag, &Selection::of(["/ground_truth"])).len(), 8);

@@ -63,7 +63,7 @@ structs! {
     sensor_msgs: Image, CompressedImage, CameraInfo, RegionOfInterest;
     geometry_msgs: Point, Quaternion, Pose, PoseWithCovariance;
     vision_msgs: Point2D, Pose2D, BoundingBox2D, ObjectHypothesis, ObjectHypothesisWithPose, Detection2D,
-        Detection2DArray, VisionInfo;
+        Detection2DArray, LabelInfo, VisionClass, VisionInfo;
     diagnostic_msgs: KeyValue, DiagnosticStatus, DiagnosticArray;
     rosgraph_msgs: Clock;
     rosbag2_interfaces: PauseRequest, PauseResponse, ResumeRequest, ResumeResponse, TogglePausedRequest,

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use modulo_msgs::vision_msgs::VisionClass;
 use modulo_runtime::ParameterError;
 
 use crate::model::ClassNames;
@@ -64,6 +65,15 @@ impl Classes {
             Some(map) => map.get(&name)?.clone(),
         };
         (self.wanted.is_empty() || self.wanted.contains(&name)).then_some(name)
+    }
+
+    /// Returns the published classes: the index in the model and the name of each.
+    pub fn labels(&self) -> Vec<VisionClass> {
+        let label = |index| {
+            let (class_id, class_name) = (u16::try_from(index).ok()?, self.publish(index)?);
+            Some(VisionClass { class_id, class_name })
+        };
+        (0..self.names.all().len()).filter_map(label).collect()
     }
 
     /// Returns whether `name` can be published. A class without a name is called by its number.

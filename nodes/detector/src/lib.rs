@@ -21,7 +21,7 @@ use modulo_runtime::ParameterError;
 pub use classes::parse_class_map;
 pub use engine::{EngineChoice, EngineError, onnxruntime_library, onnxruntime_places};
 pub use model::{DEMO, ModelInfo, Speed, describe, embedded, measure};
-pub use node::Detector;
+pub use node::{Detector, outputs};
 pub use parameter::DetectorParameters;
 
 /// The class map that the suite ships: COCO's names to KITTI's.

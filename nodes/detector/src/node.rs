@@ -4,8 +4,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use modulo_core::Detection;
-use modulo_msgs::std_msgs::Time;
-use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray};
+use modulo_msgs::std_msgs::{Header, Time};
+use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray, LabelInfo, VisionInfo};
 use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::{
     Context, Flow, Message, MessageKind, Node, ParameterError, Parameters, StampedFrame, StepError, Topic,
@@ -24,6 +24,8 @@ use crate::pre::Preprocessor;
 
 const DETECTIONS: usize = 0;
 const ANNOTATED: usize = 1;
+const VISION_INFO: usize = 2;
+const LABEL_INFO: usize = 3;
 
 /// Finds objects in the images of one stream.
 ///
@@ -53,6 +55,10 @@ pub struct Detector {
     described: SensorHistory,
     /// Whether a parameter that contradicts the camera was reported.
     contradiction_told: bool,
+    /// Number of the version of the published classes and their threshold.
+    version: i32,
+    /// Whether this version has not been published yet.
+    labels_due: bool,
 }
 
 impl Detector {
@@ -75,7 +81,31 @@ impl Detector {
             pre: Preprocessor::default(),
             described: SensorHistory::default(),
             contradiction_told: false,
+            version: 1,
+            labels_due: true,
         })
+    }
+
+    /// Publishes the meaning of the class ids, once for each version.
+    fn tell_labels(&mut self, header: &Header, cx: &mut Context<'_>) {
+        if !std::mem::take(&mut self.labels_due) {
+            return;
+        }
+        let info = VisionInfo {
+            header: header.clone(),
+            method: self.model_file(),
+            database_location: format!("{}/label_info", cx.node()),
+            database_version: self.version,
+        };
+        let (class_map, threshold) = (self.settings.classes.labels(), self.settings.score_threshold);
+        let labels = LabelInfo { header: header.clone(), class_map, threshold };
+        cx.emit(VISION_INFO, Message::VisionInfo(Arc::new(info)));
+        cx.emit(LABEL_INFO, Message::LabelInfo(Arc::new(labels)));
+    }
+
+    fn model_file(&self) -> String {
+        let model = Path::new(&self.parameters.model);
+        model.file_name().unwrap_or(model.as_os_str()).to_string_lossy().into_owned()
     }
 
     fn detect(&mut self, image: &StampedFrame, cx: &mut Context<'_>) -> Result<(), String> {
@@ -136,16 +166,23 @@ fn warm_up(engine: &mut dyn Engine, size: InputSize) -> Result<(), EngineError> 
     engine.run(Array4::zeros((1, 3, height, width)).view()).map(|_| ())
 }
 
+/// Returns the topics that a detector publishes.
+pub fn outputs() -> Vec<Topic> {
+    vec![
+        Topic::new("~/detections", MessageKind::Detections),
+        Topic::new("~/annotated", MessageKind::Image),
+        Topic::new("~/vision_info", MessageKind::VisionInfo),
+        Topic::new("~/label_info", MessageKind::LabelInfo),
+    ]
+}
+
 impl Node for Detector {
     fn inputs(&self) -> Vec<Topic> {
         vec![Topic::new(&self.settings.input, MessageKind::Image), sensor_info::topic()]
     }
 
     fn outputs(&self) -> Vec<Topic> {
-        vec![
-            Topic::new("~/detections", MessageKind::Detections),
-            Topic::new("~/annotated", MessageKind::Image),
-        ]
+        outputs()
     }
 
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
@@ -163,13 +200,19 @@ impl Node for Detector {
             warm_up(&mut *self.engine.engine, settings.input_size)
                 .map_err(|error| ParameterError::new("input_size", settings.input_size, error.to_string()))?;
         }
+        let labels = |settings: &Settings| (settings.classes.clone(), settings.score_threshold);
+        if labels(&settings) != labels(&self.settings) {
+            (self.version, self.labels_due) = (self.version.saturating_add(1), true);
+        }
         (self.settings, self.contradiction_told) = (settings, false);
         Ok(())
     }
 
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         match trigger {
-            Trigger::Message { message: Message::Image(image), .. } => self.detect(&image, cx),
+            Trigger::Message { message: Message::Image(image), .. } => {
+                self.detect(&image, cx).map(|()| self.tell_labels(&image.header, cx))
+            }
             Trigger::Message { message: Message::Diagnostics(info), .. } => {
                 self.described.note(&info).map_err(|why| why.to_string())
             }
@@ -180,13 +223,11 @@ impl Node for Detector {
     }
 
     fn status(&self) -> Vec<(&'static str, String)> {
-        let model = Path::new(&self.parameters.model);
-        let file = model.file_name().unwrap_or(model.as_os_str());
         vec![
             ("engine", self.engine.name.to_owned()),
             ("engine_from", self.engine.note.clone()),
             ("stream", self.settings.input.clone()),
-            ("model", file.to_string_lossy().into_owned()),
+            ("model", self.model_file()),
             ("input_size", self.shown_size()),
             ("threads", cores(self.parameters.threads).to_string()),
         ]

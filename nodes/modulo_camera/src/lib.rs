@@ -13,12 +13,14 @@ use modulo_bags::source::{self, GroundTruth, Source, SourceFrame, SourceOptions,
 use modulo_core::Frame;
 use modulo_core::sensor::{Exposure, Sensor};
 use modulo_images::White;
+use modulo_msgs::sensor_msgs::CameraInfo;
 use modulo_msgs::std_msgs::{Header, Time};
+use modulo_runtime::graph::Compression;
 use modulo_runtime::{
     Context, Flow, Message, MessageKind, Node, ParameterError, Parameters, StampedFrame, StepError, Topic,
     Trigger, sensor_info,
 };
-use ndarray::Array3;
+use ndarray::{Array3, Axis};
 
 pub use parameters::CameraParameters;
 
@@ -28,6 +30,7 @@ const SATURATED: usize = 1;
 const IDEAL: usize = 2;
 const GROUND_TRUTH: usize = 3;
 const SENSOR_INFO: usize = 4;
+const CAMERA_INFO: usize = 5;
 
 /// The camera as a node.
 pub struct ModuloCamera {
@@ -101,6 +104,9 @@ impl ModuloCamera {
         let CameraParameters { sensor, read_noise, shot_noise, .. } = &self.parameters;
         let noise = [("read_noise", *read_noise), ("shot_noise", *shot_noise)];
         cx.emit(SENSOR_INFO, sensor_info::message(header, sensor, &noise));
+        if cx.wanted(CAMERA_INFO) {
+            cx.emit(CAMERA_INFO, camera_info(radiance, header));
+        }
         if ![MODULO, SATURATED, IDEAL].iter().any(|&output| cx.wanted(output)) {
             return Ok(());
         }
@@ -119,10 +125,16 @@ impl ModuloCamera {
         Ok(())
     }
 
+    /// Returns the header of a frame of `stamp`, which its source has taken in the coordinate frame `frame_id`.
+    fn header(&self, stamp: Time, frame_id: &str) -> Header {
+        let own = &self.parameters.frame_id;
+        Header { stamp, frame_id: if own.is_empty() { frame_id } else { own }.to_owned() }
+    }
+
     fn publish(&mut self, frame: &SourceFrame, cx: &mut Context<'_>) -> Result<(), StepError> {
         // Recorded frames keep their stamps; images of a folder have none.
         let stamp = Time::from_ns(frame.stamp_ns.unwrap_or_else(|| cx.now_ns()));
-        let header = Header { stamp, frame_id: frame.frame_id.clone() };
+        let header = self.header(stamp, &frame.frame_id);
         // Published before the images: an evaluation of a frame has its ground truth by then.
         if let Some(truth) = frame.ground_truth.as_deref().filter(|_| cx.wanted(GROUND_TRUTH)) {
             cx.emit(GROUND_TRUTH, ground_truth(truth, &header));
@@ -135,8 +147,33 @@ impl ModuloCamera {
     }
 }
 
+/// Returns the size of the images. The camera is not calibrated, so that the matrices are 0, as ROS 2 defines it.
+fn camera_info(radiance: &Array3<f32>, header: &Header) -> Message {
+    let side = |axis| u32::try_from(radiance.len_of(Axis(axis))).unwrap_or(u32::MAX);
+    let (height, width) = (side(0), side(1));
+    Message::CameraInfo(Arc::new(CameraInfo {
+        header: header.clone(),
+        height,
+        width,
+        ..CameraInfo::default()
+    }))
+}
+
 fn ground_truth(truth: &[GroundTruth], header: &Header) -> Message {
     Message::Detections(Arc::new(to_detections(truth, header)))
+}
+
+/// Returns the topics that a camera publishes.
+pub fn outputs() -> Vec<Topic> {
+    vec![
+        // Any change of a value destroys its wraps.
+        Topic { compression: Compression::Lossless, ..Topic::new("modulo", MessageKind::Image) },
+        Topic::new("saturated", MessageKind::Image),
+        Topic::new("ideal", MessageKind::Image),
+        Topic::new("ground_truth", MessageKind::Detections),
+        sensor_info::topic(),
+        Topic::new("camera_info", MessageKind::CameraInfo),
+    ]
 }
 
 impl Node for ModuloCamera {
@@ -148,13 +185,7 @@ impl Node for ModuloCamera {
     }
 
     fn outputs(&self) -> Vec<Topic> {
-        vec![
-            Topic::new("modulo", MessageKind::Image),
-            Topic::new("saturated", MessageKind::Image),
-            Topic::new("ideal", MessageKind::Image),
-            Topic::new("ground_truth", MessageKind::Detections),
-            sensor_info::topic(),
-        ]
+        outputs()
     }
 
     fn period(&self) -> Option<Duration> {
@@ -198,7 +229,8 @@ impl Node for ModuloCamera {
                 let radiance = white.radiance(&image.frame, &name);
                 self.taken += 1;
                 let radiance = radiance.map_err(|why| StepError::Skip(why.to_string()))?;
-                self.sense(self.taken - 1, &radiance, &image.header, cx).map_err(StepError::Skip)?;
+                let header = self.header(image.header.stamp, &image.header.frame_id);
+                self.sense(self.taken - 1, &radiance, &header, cx).map_err(StepError::Skip)?;
             }
             Trigger::Message { .. } => {}
         }

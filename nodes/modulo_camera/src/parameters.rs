@@ -28,6 +28,9 @@ modulo_runtime::parameters! {
         r#loop: bool = false; fixed,
         /// Number of frames to send before the node ends. 0: all frames of the source.
         frames: i64 = 0 => 0..=i64::MAX,
+        /// Coordinate frame of the images, with the axes of an optical frame of REP 103 (z forward, x right, y down).
+        /// Empty: that of the source, and camera_optical for a source without one.
+        frame_id: String = String::new(),
         ..sensor: SensorModel,
     }
 }

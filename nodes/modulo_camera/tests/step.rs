@@ -61,7 +61,7 @@ fn the_streams_follow_equation_one() {
         assert_eq!(usize::from(modulo[(0, j, 0)]), x % 256);
         assert_eq!(usize::from(saturated[(0, j, 0)]), x.min(255));
     }
-    let expected = Header { stamp: Time::from_ns(5_000_000_007), frame_id: "camera".into() };
+    let expected = Header { stamp: Time::from_ns(5_000_000_007), frame_id: "camera_optical".into() };
     for output in 0..3 {
         assert_eq!(frame(&sent, output).header, expected);
     }

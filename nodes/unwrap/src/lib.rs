@@ -16,6 +16,7 @@ use modulo_core::unwrap::{
 use modulo_core::{Frame, MAX_THREADS, Psf, Range, tone};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
+use modulo_runtime::graph::Compression;
 use modulo_runtime::graph::diagnostics::Diagnostics;
 use modulo_runtime::sensor::parameters::SensorOverride;
 use modulo_runtime::sensor_info::{self, SensorHistory};
@@ -208,17 +209,24 @@ fn stamped(header: &Header, frame: Frame) -> Message {
     Message::Image(Arc::new(StampedFrame { header: header.clone(), frame }))
 }
 
+/// Returns the topics that an unwrap node publishes.
+pub fn outputs() -> Vec<Topic> {
+    vec![
+        Topic::new("recovered", MessageKind::Image),
+        // It may have floats, which no compressed variant can hold.
+        Topic { compression: Compression::None, ..Topic::new("hdr", MessageKind::Image) },
+        Diagnostics::topic(),
+    ]
+}
+
 impl Node for UnwrapNode {
     fn inputs(&self) -> Vec<Topic> {
-        vec![Topic::new("modulo", MessageKind::Image), sensor_info::topic()]
+        let modulo = Topic { compression: Compression::Lossless, ..Topic::new("modulo", MessageKind::Image) };
+        vec![modulo, sensor_info::topic()]
     }
 
     fn outputs(&self) -> Vec<Topic> {
-        vec![
-            Topic::new("recovered", MessageKind::Image),
-            Topic::new("hdr", MessageKind::Image),
-            Diagnostics::topic(),
-        ]
+        outputs()
     }
 
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {

@@ -7,6 +7,8 @@ pub mod lockstep;
 
 use std::time::Duration;
 
+use modulo_images::FileFormat;
+
 use crate::clock::{Clock, nanos};
 use crate::graph::{NameError, NodeName, Topic};
 use crate::message::MessageKind;
@@ -45,6 +47,15 @@ pub enum RunError {
     },
 }
 
+/// The variant of image topics that a node reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ImageTransport {
+    /// `sensor_msgs/msg/Image`
+    Raw,
+    /// `sensor_msgs/msg/CompressedImage`
+    Compressed,
+}
+
 crate::parameters! {
     /// The parameters that the driver itself reads, for every node.
     pub struct CommonParameters {
@@ -55,6 +66,13 @@ crate::parameters! {
         wait_for: Vec<String> = Vec::new(); fixed,
         /// Time in seconds to wait for the nodes of wait_for. The node fails when they are not ready by then.
         wait_timeout: f64 = 60.0 => 0.0..=3600.0; fixed,
+        /// Variant of the image topics that this node reads: raw (NAME), or compressed (NAME/compressed, a
+        /// CompressedImage). Of modulo images only PNG is read.
+        image_transport: ImageTransport = ImageTransport::Raw
+            => [("raw", ImageTransport::Raw), ("compressed", ImageTransport::Compressed)],
+        /// File format of the topics NAME/compressed, which are published for each image topic NAME while they have a
+        /// reader. Modulo images and images of more than 8 bits are always png.
+        compressed_format: FileFormat = FileFormat::Jpeg => FileFormat::WORDS,
         /// Offers the services ~/get_logger_levels and ~/set_logger_levels, which read and change the level of the log.
         enable_logger_service: bool = false; fixed,
     }

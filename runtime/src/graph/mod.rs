@@ -13,6 +13,9 @@ pub use discovery::Graph;
 pub use name::{NameError, NodeName};
 
 use crate::message::MessageKind;
+use crate::parameter::{Allowed, Descriptor, Parameters, Value};
+use crate::transport::Address;
+use crate::transport::keys::{Durability, Profile, Reliability, qos_string};
 
 /// Quality of service of a topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -41,12 +44,25 @@ impl Qos {
         match kind {
             MessageKind::Image | MessageKind::CompressedImage | MessageKind::CameraInfo => Self::Images,
             MessageKind::Detections | MessageKind::Diagnostics => Self::Results,
+            // They stay the same for many frames, and late readers need them, too.
+            MessageKind::VisionInfo | MessageKind::LabelInfo => Self::Latched,
             MessageKind::ParameterEvent => Self::Events,
             MessageKind::Log => Self::Logs,
             // As `rclcpp::ClockQoS`: the newest time, best effort.
             MessageKind::Clock => Self::Clock,
         }
     }
+}
+
+/// The compressed variant of an image topic NAME, NAME/compressed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Compression {
+    /// There is none.
+    None,
+    /// PNG only: the values must stay as they are, such as those of modulo images.
+    Lossless,
+    /// JPEG, or PNG where it is asked for and for images of more than 8 bits.
+    Any,
 }
 
 /// A topic that a node reads or writes.
@@ -59,13 +75,78 @@ pub struct Topic {
     pub kind: MessageKind,
     /// Quality of service.
     pub qos: Qos,
+    /// Its compressed variant.
+    pub compression: Compression,
 }
 
 impl Topic {
-    /// Creates a topic with the quality of service usual for its kind.
+    /// Creates a topic with the quality of service usual for its kind. A topic of images has a compressed variant.
     pub fn new(name: impl Into<String>, kind: MessageKind) -> Self {
-        Self { name: name.into(), kind, qos: Qos::usual(kind) }
+        let compression = if kind == MessageKind::Image { Compression::Any } else { Compression::None };
+        Self { name: name.into(), kind, qos: Qos::usual(kind), compression }
     }
+}
+
+/// Words of the policies in parameters.
+const RELIABILITIES: [(&str, Reliability); 2] =
+    [("reliable", Reliability::Reliable), ("best_effort", Reliability::BestEffort)];
+const DURABILITIES: [(&str, Durability); 2] =
+    [("volatile", Durability::Volatile), ("transient_local", Durability::TransientLocal)];
+
+/// Returns the name of the parameter for a policy of the publishers of `topic`, as `rclcpp` has it.
+fn override_name(topic: &str, policy: &str) -> String {
+    format!("qos_overrides.{topic}.publisher.{policy}")
+}
+
+/// Declares the parameters with which a user overrides the quality of service of `outputs`, the topics that `node`
+/// publishes. Only policies that the transport honours are declared; it never keeps all samples, so that `history` has
+/// one possible value.
+///
+/// # Errors
+/// [`NameError`] when a topic has no valid name.
+pub fn qos_overrides(node: &NodeName, outputs: &[Topic]) -> Result<Vec<Descriptor>, NameError> {
+    let mut declared = Vec::new();
+    for topic in outputs {
+        let address = Address::resolve(node, topic)?;
+        let Profile { reliability, durability, depth } = Profile::parse(qos_string(address.qos));
+        let reliability = RELIABILITIES.iter().find(|(_, value)| *value == reliability);
+        let durability = DURABILITIES.iter().find(|(_, value)| *value == durability);
+        let word = |word: Option<&str>| Value::String(word.unwrap_or_default().to_owned());
+        let depth = Value::Integer(i64::try_from(depth).unwrap_or(i64::MAX));
+        for (policy, default, allowed) in [
+            ("depth", depth, Allowed::Integers { from: 1, to: 10_000 }),
+            ("durability", word(durability.map(|d| d.0)), Allowed::Words(DURABILITIES.map(|d| d.0).into())),
+            ("history", word(Some("keep_last")), Allowed::Words(vec!["keep_last"])),
+            (
+                "reliability",
+                word(reliability.map(|r| r.0)),
+                Allowed::Words(RELIABILITIES.map(|r| r.0).into()),
+            ),
+        ] {
+            // A process declares a few of these names once, and a name lives as long as the process.
+            let name = override_name(&address.topic, policy).leak();
+            let description = "Quality of service of the publishers of this topic.";
+            declared.push(Descriptor { name, default, allowed, read_only: true, description });
+        }
+    }
+    Ok(declared)
+}
+
+/// Returns the profile that the parameters of [`qos_overrides`] give the publishers of `topic`; `None` where they are not
+/// declared.
+pub fn overridden(topic: &str, parameters: &Parameters) -> Option<Profile> {
+    let value = |policy| parameters.get(&override_name(topic, policy));
+    let word = |policy| match value(policy) {
+        Some(Value::String(word)) => Some(word.as_str()),
+        _ => None,
+    };
+    let Some(Value::Integer(depth)) = value("depth") else { return None };
+    let (reliability, durability) = (word("reliability")?, word("durability")?);
+    Some(Profile {
+        reliability: RELIABILITIES.iter().find(|(word, _)| *word == reliability)?.1,
+        durability: DURABILITIES.iter().find(|(word, _)| *word == durability)?.1,
+        depth: usize::try_from(*depth).ok()?,
+    })
 }
 
 /// Declares the services of a node: each variant has the name of its ROS type in `package`, and a name below the name

@@ -92,8 +92,10 @@ mod tests {
     fn the_time_on_clock_holds_while_it_is_asked_for() {
         let transport = LocalTransport::default();
         let node_name = NodeName { name: "camera".into(), namespace: "/".into(), remaps: Vec::new() };
-        let Topic { name, kind, qos } = Topic::new("/clock", MessageKind::Clock);
-        let simulator = transport.advertise(&node_name, &Address { topic: name, kind, qos }).expect("local");
+        let Topic { name, kind, qos, .. } = Topic::new("/clock", MessageKind::Clock);
+        let simulator = transport
+            .advertise(&node_name, &Address { topic: name, kind, qos, profile: None })
+            .expect("local");
         let tell = |ns| {
             let clock = Arc::new(rosgraph_msgs::Clock { clock: Time::from_ns(ns) });
             simulator.put(&Message::Clock(clock)).expect("local");

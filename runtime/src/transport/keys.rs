@@ -3,6 +3,8 @@
 //!
 //! Source: rmw_zenoh_cpp 0.2.10 (ROS 2 Jazzy), checked against bytes that a real node sent.
 
+use std::fmt;
+
 use xxhash_rust::xxh3::xxh3_128;
 
 use crate::graph::Qos;
@@ -239,6 +241,20 @@ pub struct Profile {
 /// Depth of a token without one.
 const DEFAULT_DEPTH: usize = 42;
 
+impl fmt::Display for Profile {
+    /// Writes the form that tokens carry.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let reliability = if self.reliability == Reliability::BestEffort { "2" } else { "" };
+        let durability = if self.durability == Durability::TransientLocal { "1" } else { "" };
+        let history = match self.depth {
+            usize::MAX => "2,".to_owned(),
+            DEFAULT_DEPTH => ",".to_owned(),
+            depth => format!(",{depth}"),
+        };
+        write!(f, "{reliability}:{durability}:{history}:,:,:,,")
+    }
+}
+
 impl Profile {
     /// Reads `<reliability>:<durability>:<history>,<depth>:...`. Missing or unknown fields get the defaults of
     /// rmw_zenoh.
@@ -351,6 +367,9 @@ mod tests {
         assert_eq!(read("2::,5:,:,:,,"), (false, false, 5));
         assert_eq!(read("::2,:,:,:,,"), (true, false, usize::MAX));
         assert_eq!(read("1:2:1,7:1,2:3,4:5,6,7"), (true, false, 7));
+        for text in ["2::,5:,:,:,,", "::,10:,:,:,,", ":1:,1:,:,:,,", "2:1:2,:,:,:,,", "::,:,:,:,,"] {
+            assert_eq!(Profile::parse(text).to_string(), text);
+        }
         for text in ["", ":", "::,x:", "é:::::"] {
             assert_eq!(read(text), (true, false, 42), "{text}");
         }

@@ -147,7 +147,8 @@ mod tests {
     fn declarations_end_with_their_guards() {
         let transport = LocalTransport::default();
         let node = NodeName::new("n", "/", &[]).expect("valid");
-        let address = Address { topic: "/t".into(), kind: MessageKind::Detections, qos: Qos::Results };
+        let address =
+            Address { topic: "/t".into(), kind: MessageKind::Detections, qos: Qos::Results, profile: None };
         let publisher = transport.advertise(&node, &address).expect("local");
         assert!(!publisher.wanted() && transport.publishers("/t") == ["/n"] && !transport.is_ready("/n"));
 

@@ -16,6 +16,7 @@ use std::sync::mpsc::Sender;
 use crate::graph::{NameError, NodeName, Qos, Topic};
 use crate::message::{DecodeError, Message, MessageKind};
 use crate::parameter::{ParameterError, Parameters, Value};
+use crate::transport::keys::Profile;
 use crate::transport::queue::Queued;
 use attachment::Attachment;
 
@@ -28,6 +29,8 @@ pub struct Address {
     pub kind: MessageKind,
     /// Quality of service.
     pub qos: Qos,
+    /// The profile that a user has given in place of that of `qos`.
+    pub profile: Option<Profile>,
 }
 
 impl Address {
@@ -36,7 +39,7 @@ impl Address {
     /// # Errors
     /// [`NameError`] when the name is not a ROS name.
     pub fn resolve(node_name: &NodeName, topic: &Topic) -> Result<Self, NameError> {
-        Ok(Self { topic: node_name.resolve(&topic.name)?, kind: topic.kind, qos: topic.qos })
+        Ok(Self { topic: node_name.resolve(&topic.name)?, kind: topic.kind, qos: topic.qos, profile: None })
     }
 }
 

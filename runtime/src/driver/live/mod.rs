@@ -2,15 +2,18 @@
 //! and each replaced one is counted; only a source of rate 0 waits for its readers (`pacing.rs`).
 
 mod inputs;
+mod outputs;
 mod source;
 
-use std::rc::Rc;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use modulo_msgs::std_msgs::Time;
 
-use super::{GRAPH_GLANCE, RunError, addresses, status_of, stream_of, wait_for, wait_until_ready};
+use super::{
+    CommonParameters, GRAPH_GLANCE, ImageTransport, RunError, addresses, status_of, stream_of, wait_for,
+    wait_until_ready,
+};
 use crate::clock::{Clock, nanos as nanoseconds};
 use crate::graph::NodeName;
 use crate::graph::diagnostics::Diagnostics;
@@ -28,6 +31,7 @@ use crate::transport::{
     Address, Guard, Incoming, ParameterPort, ParameterRequest, Publisher, Transport, TransportError,
 };
 use inputs::{Inputs, SkipWarnings};
+use outputs::{Output, compressed, decompress};
 use source::{Pacing, images, taken_message, taken_topic};
 
 /// Time after which a node without work looks at the tasks of each second.
@@ -91,7 +95,7 @@ struct Live<'a> {
     stop: Stop,
     queue: Arc<EventQueue>,
     report: NodeReport,
-    publishers: Vec<(Address, Rc<dyn Publisher>)>,
+    outputs: Vec<Output>,
     inputs: Inputs,
     /// Tells sources of rate 0 which frames this node has taken.
     taken: Box<dyn Publisher>,
@@ -114,15 +118,13 @@ pub fn run(
     stop: Stop,
 ) -> Result<NodeReport, RunError> {
     let NodeSetup { node, parameters, node_name, saved, report_file } = setup;
-    let outputs = addresses(&node_name, &node.outputs())?;
     // Publishers come before subscriptions: the first message may already cause an output.
-    let publishers = outputs
-        .into_iter()
-        .map(|address| transport.advertise(&node_name, &address).map(|publisher| (address, publisher.into())))
-        .collect::<Result<Vec<(_, Rc<dyn Publisher>)>, _>>()?;
+    let outputs = node.outputs();
+    let outputs = outputs.iter().map(|topic| Output::advertise(topic, &node_name, &parameters, transport));
+    let outputs = outputs.collect::<Result<Vec<_>, _>>()?;
     let diagnostics = Address::resolve(&node_name, &Diagnostics::topic())?;
-    let diagnostics = match publishers.iter().find(|(address, _)| *address == diagnostics) {
-        Some((_, publisher)) => publisher.clone(),
+    let diagnostics = match outputs.iter().find(|output| output.address.topic == diagnostics.topic) {
+        Some(output) => output.publisher.clone(),
         None => transport.advertise(&node_name, &diagnostics)?.into(),
     };
     let queue = Arc::new(Queue::new(clock.clone(), Limit { messages: REQUESTS, bytes: usize::MAX }));
@@ -138,7 +140,7 @@ pub fn run(
         time: NodeTime::new(&**clock),
         stop,
         queue,
-        publishers,
+        outputs,
         inputs: Inputs::default(),
         taken: transport.advertise(&node_name, &Address::resolve(&node_name, &taken_topic())?)?,
         pacing: Pacing::default(),
@@ -205,7 +207,13 @@ impl Live<'_> {
     }
 
     fn subscribe(&mut self) -> Result<(), RunError> {
-        let addresses = addresses(&self.node_name, &self.node.inputs())?;
+        let mut addresses = addresses(&self.node_name, &self.node.inputs())?;
+        let CommonParameters { image_transport, .. } = (&self.settings()).into();
+        if image_transport == ImageTransport::Compressed {
+            for image in addresses.iter_mut().filter(|address| address.kind == MessageKind::Image) {
+                *image = compressed(image);
+            }
+        }
         if addresses == self.inputs.addresses {
             return Ok(());
         }
@@ -319,17 +327,18 @@ impl Live<'_> {
     fn handle_message(&mut self, lane: Lane, incoming: Incoming) -> Result<Flow, RunError> {
         let input = self.inputs.index_of(lane).expect("a lane is closed together with its input");
         let Address { topic, kind, .. } = self.inputs.addresses[input].clone();
-        let message = match incoming.open(kind) {
+        let opened = incoming.open(kind).map_err(|why| why.to_string());
+        let message = match opened.and_then(|message| self.decompressed(input, message)) {
             Ok(message) => message,
             Err(why) => {
-                self.skip(&topic, &why.to_string());
+                self.skip(&topic, &why);
                 return Ok(Flow::Continue);
             }
         };
         // The stamp is kept, because the step consumes the message.
-        let told = (kind == MessageKind::Image && self.taken.wanted()).then(|| message.stamp());
-        let passes_on =
-            self.publishers.iter().any(|(a, publisher)| a.kind == MessageKind::Image && publisher.wanted());
+        let is_image = message.kind() == MessageKind::Image;
+        let told = (is_image && self.taken.wanted()).then(|| message.stamp());
+        let passes_on = self.outputs.iter().any(|o| o.address.kind == MessageKind::Image && o.wanted());
         // Before the step: the source can make the next frame while this one is worked on.
         if let Some(stamp) = told.filter(|_| !passes_on) {
             self.tell_taken(stamp, &[]);
@@ -338,13 +347,50 @@ impl Live<'_> {
         self.send_all(&messages);
         // A frame that is kept has no result yet; the step that answers it tells.
         if passes_on && flow != Flow::Kept && self.taken.wanted() {
-            let topic_of = |output: usize| self.publishers.get(output).map(|(a, _)| a.topic.as_str());
-            let sent = images(&messages, topic_of);
+            let sent = images(&messages, &self.outputs);
             if let Some((stamp, topics)) = sent.or(told.map(|stamp| (stamp, Vec::new()))) {
                 self.tell_taken(stamp, &topics);
             }
         }
         Ok(flow)
+    }
+
+    /// Returns the image of a message that came on the compressed variant of input `input`, and any other message as it is.
+    fn decompressed(&self, input: usize, message: Message) -> Result<Message, String> {
+        let topics = self.node.inputs();
+        match (&message, topics.get(input)) {
+            (Message::CompressedImage(file), Some(topic)) if topic.kind == MessageKind::Image => {
+                Ok(Message::Image(Arc::new(decompress(file, topic)?)))
+            }
+            _ => Ok(message),
+        }
+    }
+
+    /// Adds the compressed variants that have readers to the messages of a step. An image whose compressed variant alone has
+    /// readers is replaced by it.
+    fn with_compressed(&mut self, messages: Vec<(usize, Message)>) -> Vec<(usize, Message)> {
+        let mut all = Vec::with_capacity(messages.len());
+        for (index, message) in messages {
+            let format = || CommonParameters::from(&self.settings()).compressed_format;
+            let start = self.time.ticks_ns();
+            let Some(output) = self.outputs.get(index) else { continue };
+            match output.compress(&message, format) {
+                None => all.push((index, message)),
+                Some(Ok(file)) => {
+                    if output.publisher.wanted() {
+                        all.push((index, message));
+                    }
+                    all.push((index, file));
+                    self.report.book_stage("compress", self.time.ticks_ns() - start);
+                }
+                Some(Err(why)) => {
+                    let topic = output.route(MessageKind::CompressedImage).0.to_owned();
+                    all.push((index, message));
+                    self.skip(&topic, &why);
+                }
+            }
+        }
+        all
     }
 
     fn tell_taken(&self, stamp: Time, topics: &[String]) {
@@ -356,10 +402,11 @@ impl Live<'_> {
     /// Runs one step; returns the messages that it left. `topic` is named when the step skips its input.
     fn step(&mut self, trigger: Trigger, topic: &str) -> Result<(Flow, Vec<(usize, Message)>), RunError> {
         let stream = stream_of(&*self.node, &trigger);
-        let wanted: Vec<bool> = self.publishers.iter().map(|(_, publisher)| publisher.wanted()).collect();
+        let wanted: Vec<bool> = self.outputs.iter().map(Output::wanted).collect();
         let mut cx = Context::new(&self.report.node, &self.time, &wanted);
         let result = self.node.step(trigger, &mut cx);
-        let output = cx.finish();
+        let mut output = cx.finish();
+        output.messages = self.with_compressed(output.messages);
         self.book(&output, stream.as_deref());
         match result {
             Ok(flow) => Ok((flow, output.messages)),
@@ -391,13 +438,13 @@ impl Live<'_> {
             self.report.book_stage(stage, *duration);
         }
         for (output, message) in &output.messages {
-            if let Some((address, _)) = self.publishers.get(*output) {
-                self.report.book_published(&address.topic, message, stream);
+            if let Some(output) = self.outputs.get(*output) {
+                self.report.book_published(output.route(message.kind()).0, message, stream);
             }
         }
         for output in &output.unwanted {
-            if let Some((address, _)) = self.publishers.get(*output) {
-                add(&mut self.report.unwanted, &address.topic, 1);
+            if let Some(output) = self.outputs.get(*output) {
+                add(&mut self.report.unwanted, &output.address.topic, 1);
             }
         }
     }
@@ -416,10 +463,11 @@ impl Live<'_> {
     }
 
     fn send(&mut self, output: usize, message: &Message) {
-        let Some((address, publisher)) = self.publishers.get(output) else { return };
+        let Some(output) = self.outputs.get(output) else { return };
+        let (topic, publisher) = output.route(message.kind());
         if let Err(why) = publisher.put(message) {
             tracing::warn!(node = %self.report.node, "{why}");
-            add(&mut self.report.bad, &address.topic, 1);
+            add(&mut self.report.bad, topic, 1);
         }
     }
 

@@ -7,7 +7,7 @@ use std::time::Duration;
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 
-use super::{GRAPH_GLANCE, Live, LiveEvent, REQUESTS, nanoseconds};
+use super::{GRAPH_GLANCE, Live, LiveEvent, Output, REQUESTS, nanoseconds};
 use crate::clock::Clock;
 use crate::driver::RunError;
 use crate::graph::Topic;
@@ -113,8 +113,7 @@ impl Live<'_> {
 
     /// Notes that from now on the readers of the images among `messages` are waited for.
     fn note_frame(&mut self, messages: &[(usize, Message)]) {
-        let topic_of = |output: usize| self.publishers.get(output).map(|(address, _)| address.topic.as_str());
-        if let Some((stamp, topics)) = images(messages, topic_of) {
+        if let Some((stamp, topics)) = images(messages, &self.outputs) {
             self.pacing.sent(stamp, topics);
         }
     }
@@ -187,15 +186,15 @@ impl Pacing {
     }
 }
 
-/// Returns the stamp of the first image among the `messages` of a step, and the topics of
-/// all its images; `None` when there is no image.
-pub(super) fn images<'a>(
-    messages: &[(usize, Message)],
-    topic_of: impl Fn(usize) -> Option<&'a str>,
-) -> Option<(Time, Vec<String>)> {
-    let images = || messages.iter().filter(|(_, message)| message.kind() == MessageKind::Image);
+/// Returns the stamp of the first image among the `messages` of a step, and the topics of all its images, compressed ones
+/// included; `None` when there is no image.
+pub(super) fn images(messages: &[(usize, Message)], outputs: &[Output]) -> Option<(Time, Vec<String>)> {
+    let is_image = |message: &Message| matches!(message, Message::Image(_) | Message::CompressedImage(_));
+    let images = || messages.iter().filter(|(_, message)| is_image(message));
     let stamp = images().next()?.1.stamp();
-    Some((stamp, images().filter_map(|(output, _)| topic_of(*output)).map(str::to_owned).collect()))
+    let topic =
+        |(output, message): &(usize, Message)| Some(outputs.get(*output)?.route(message.kind()).0.to_owned());
+    Some((stamp, images().filter_map(topic).collect()))
 }
 
 #[cfg(test)]

@@ -118,7 +118,9 @@ impl ZenohTransport {
             topic: address.topic.clone(),
             dds_type: modulo_msgs::dds_name(address.kind.type_name()),
             type_hash: self.hash(address.kind.type_hash()),
-            qos: keys::qos_string(address.qos).to_owned(),
+            qos: address
+                .profile
+                .map_or_else(|| keys::qos_string(address.qos).to_owned(), |own| own.to_string()),
         }
     }
 
