@@ -111,13 +111,14 @@ impl CaptureLoop<'_> {
             if !chosen || !self.known.insert((endpoint.topic.clone(), endpoint.type_hash.clone())) {
                 continue;
             }
-            let topic = bag_topic(endpoint);
+            let mut topic = bag_topic(endpoint);
             if topic.schema.is_empty() {
-                tracing::warn!(
-                    "{} is recorded without a definition: this suite has no definition of {}",
-                    topic.name,
-                    topic.type_name
-                );
+                match self.transport.definition_of(endpoint) {
+                    Ok(text) => {
+                        (topic.schema, topic.schema_encoding) = (text.into_bytes(), "ros2msg".to_owned());
+                    }
+                    Err(why) => tracing::warn!("{} is recorded without a definition: {why}", topic.name),
+                }
             }
             match self.recorder.topic(&topic) {
                 // One publisher that is wrong must not end the recording of all others.

@@ -19,6 +19,9 @@ pub enum DefinitionError {
     /// A type is used that nothing defines.
     #[error("no definition of '{0}', expected one after a line 'MSG: {0}'")]
     Missing(String),
+    /// A type is part of itself.
+    #[error("'{0}' contains itself, or is nested too deep; a ROS message cannot")]
+    Recursive(String),
 }
 
 /// Returns the fields that `text` gives the type `name`. A type without fields gets the one that ROS gives it,
@@ -105,7 +108,8 @@ fn parse_type(package: &str, text: &str) -> Option<FieldType> {
         Some("") => (FieldType::UNBOUNDED_SEQUENCE, 0),
         Some(size) => match size.strip_prefix("<=") {
             Some(bound) => (FieldType::BOUNDED_SEQUENCE, bound.parse().ok()?),
-            None => (FieldType::ARRAY, size.parse().ok()?),
+            // An array without elements would be a value of no bytes, of which a message could claim any number.
+            None => (FieldType::ARRAY, size.parse().ok().filter(|size| *size > 0)?),
         },
     };
     // The bound of a sequence, `[<=4]`, was cut off before: the `<=` that is left bounds a string.
@@ -175,7 +179,9 @@ mod tests {
 
     #[test]
     fn refuses_lines_that_are_no_fields() {
-        for line in ["uint8", "uint8[ a", "uint8[x] a", "int8<=3 a", "a//B c", "uint8 a-b", "a/b/c/D e"] {
+        for line in
+            ["uint8", "uint8[0] a", "uint8[ a", "uint8[x] a", "int8<=3 a", "a//B c", "uint8 a-b", "a/b/c/D e"]
+        {
             let error = parse_fields("a/msg/T", line).expect_err(line).to_string();
             assert!(error.contains("a/msg/T") && error.contains(line), "{error}");
         }

@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 
 use crate::definition::{DefinitionError, full_name, parse_fields};
-use crate::type_description_interfaces::{Field, FieldType, IndividualTypeDescription};
+use crate::type_description_interfaces::{Field, FieldType, IndividualTypeDescription, TypeSource};
 
 /// A message with a ROS name.
 pub trait Interface {
@@ -163,13 +163,28 @@ pub fn ros2msg(name: &str) -> Option<String> {
             let needed = field.r#type.nested_type_name;
             if !needed.is_empty() && !listed.contains(&needed) {
                 let definition = definition(&needed)?;
-                text += &format!("\n{}\nMSG: {needed}\n{definition}", "=".repeat(SEPARATOR));
+                text += &section(&needed, definition);
                 listed.push(needed);
             }
         }
         next += 1;
     }
     Some(text)
+}
+
+/// Returns the text that [`ros2msg`] would return, made of the sources that a node has sent. `None` when the source of `name`
+/// is not among them, or one of them is no `.msg` text.
+pub fn ros2msg_of(name: &str, sources: &[TypeSource]) -> Option<String> {
+    let own = sources.iter().find(|source| source.type_name == name)?;
+    let needed = sources.iter().filter(|source| source.type_name != name);
+    let needed = needed.map(|source| section(&source.type_name, &source.raw_file_contents));
+    let readable = sources.iter().all(|source| source.encoding == "msg");
+    readable.then(|| own.raw_file_contents.clone() + &needed.collect::<String>())
+}
+
+/// Returns the definition of a type that another one needs, with the lines that separate them.
+fn section(name: &str, definition: &str) -> String {
+    format!("\n{}\nMSG: {name}\n{definition}", "=".repeat(SEPARATOR))
 }
 
 /// Returns the type's name on the wire: `sensor_msgs::msg::dds_::Image_`.

@@ -2,7 +2,7 @@
 //!
 //! Source: <https://github.com/ros-infrastructure/rep/pull/381> (REP 2011, 2016)
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::OnceLock;
 
 use sha2::{Digest, Sha256};
@@ -29,9 +29,18 @@ pub fn type_hash(name: &str) -> Option<String> {
 /// # Errors
 /// [`DefinitionError`] with the line that is no field, or the type that is missing.
 pub fn type_hash_of_schema(name: &str, text: &str) -> Result<String, DefinitionError> {
+    Ok(hash(&description_of_schema(name, text)?))
+}
+
+/// Returns the description of `name` that foreign `ros2msg` text gives it. Messages can be read with it as they come: no
+/// type in it contains itself.
+///
+/// # Errors
+/// As [`type_hash_of_schema`].
+pub fn description_of_schema(name: &str, text: &str) -> Result<TypeDescription, DefinitionError> {
     let name = full_name("", name).ok_or_else(|| DefinitionError::Missing(name.to_owned()))?;
     let types = interface::parse_schema(&name, text)?;
-    Ok(hash(&gather(&name, |wanted| Ok(types.get(wanted).cloned()))?))
+    gather(&name, |wanted| Ok(types.get(wanted).cloned()))
 }
 
 /// Returns the whole description of a type that the suite defines, as `~/get_type_description` answers it.
@@ -67,7 +76,27 @@ fn gather(
         }
     }
     let referenced_type_descriptions = referenced.into_values().collect();
-    Ok(TypeDescription { type_description, referenced_type_descriptions })
+    let description = TypeDescription { type_description, referenced_type_descriptions };
+    if is_nested_flat(&description) {
+        Ok(description)
+    } else {
+        Err(DefinitionError::Recursive(name.to_owned()))
+    }
+}
+
+/// Levels of types within types that a reader follows.
+const DEPTH: usize = 64;
+
+/// Returns whether no type contains itself, or more than [`DEPTH`] levels of others.
+fn is_nested_flat(description: &TypeDescription) -> bool {
+    let own = std::iter::once(&description.type_description);
+    let mut open: Vec<_> = own.chain(&description.referenced_type_descriptions).collect();
+    // Each round takes out the types whose needs are out already: one level.
+    for _ in 0..DEPTH {
+        let names: BTreeSet<_> = open.iter().map(|inner| inner.type_name.clone()).collect();
+        open.retain(|outer| needs(outer).iter().any(|need| names.contains(need)));
+    }
+    open.is_empty()
 }
 
 fn needs(description: &IndividualTypeDescription) -> Vec<String> {

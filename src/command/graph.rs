@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
-use anyhow::{Context, anyhow};
+use anyhow::{Context as _, anyhow};
 use clap::{Args, Subcommand};
 use modulo_msgs::{dynamic, rihs, ros_name};
 use modulo_runtime::Clock;
@@ -168,9 +168,15 @@ fn describe(graph: &Graph, node: &str) {
 
 fn echo(transport: &ZenohTransport, args: &Echo) -> Result<(), Failure> {
     let listening = transport.listen(&absolute(&args.topic), stop_on_signals()?)?;
-    let name = listening.type_name();
-    let description = rihs::type_description(name);
-    let description = description.with_context(|| format!("{name} is not a type that modulo knows"))?;
+    let name = ros_name(&listening.endpoint().dds_type);
+    let description = match rihs::type_description(&name) {
+        Some(description) => description,
+        None => {
+            let text =
+                transport.definition_of(listening.endpoint()).context("the suite does not know the type")?;
+            rihs::description_of_schema(&name, &text)?
+        }
+    };
     while listening.goes_on() {
         // Nothing comes when the command was asked to end meanwhile.
         let Some(sample) = listening.next(None) else { continue };

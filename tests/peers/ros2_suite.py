@@ -1,9 +1,9 @@
 """Runs the suite beside a real ROS 2 Jazzy: its launch files under `ros2 launch`, and each `ros2` command on its nodes.
 
     . /opt/ros/jazzy/setup.bash && . WORKSPACE/install/setup.bash
-    python3 tests/peers/ros2_suite.py launch graph parameters data dds images_dds
+    python3 tests/peers/ros2_suite.py launch graph types parameters data dds images_dds
 
-`colcon build` has installed the suite in WORKSPACE, for the last two checks with the bridge. The rmw of the first four is
+`colcon build` has installed the suite in WORKSPACE, for the last two checks with the bridge. The rmw of the first five is
 rmw_zenoh_cpp, whose router is started here; of the last two it is rmw_cyclonedds_cpp. Exit code 1 when a command fails or
 does not print what is expected of it.
 """
@@ -20,6 +20,7 @@ from pathlib import Path
 
 import rclpy
 import yaml
+from geometry_msgs.msg import TwistStamped
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -188,6 +189,29 @@ def graph():
     expect("rcl_interfaces/srv/SetParameters", "ros2", "service", "type", "/unwrap/set_parameters")
     expect("successful=True", "ros2", "service", "call", "/detector/get_type_description",
            "type_description_interfaces/srv/GetTypeDescription", "{type_name: sensor_msgs/msg/Image}")
+
+
+def types():
+    """A message of a package that the suite does not know: the node that publishes it describes it."""
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = Node("talker", context=context)
+    publisher = node.create_publisher(TwistStamped, "/cmd", 10)
+    message = TwistStamped()
+    message.twist.linear.x = 1.5
+    node.create_timer(0.1, lambda: publisher.publish(message))
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    threading.Thread(target=executor.spin, daemon=True).start()
+    try:
+        expect("twist:\n  linear:\n    x: 1.5", "modulo", "topic", "echo", "--once", "/cmd")
+        expect("", "modulo", "bag", "record", "-o", WORK / "typed", "/cmd", stopped_after=5)
+        expect("Topic: /cmd | Type: geometry_msgs/msg/TwistStamped", "ros2", "bag", "info", WORK / "typed")
+        if b"MSG: geometry_msgs/msg/Vector3" not in b"".join(file.read_bytes() for file in (WORK / "typed").glob("*.mcap")):
+            raise Failure("the bag has no definition of geometry_msgs/msg/TwistStamped")
+    finally:
+        executor.shutdown()
+        rclpy.shutdown(context=context)
 
 
 def parameters():

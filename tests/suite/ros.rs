@@ -2,6 +2,7 @@
 //! readers, and peers that do not fit.
 
 use std::path::Path;
+use std::process::Stdio;
 use std::time::Duration;
 
 use crate::harness::{Background, Bench, Peer, arg, json, model, text, wait_until};
@@ -14,9 +15,12 @@ use modulo_msgs::rcl_interfaces::{
 use modulo_msgs::rosgraph_msgs;
 use modulo_msgs::sensor_msgs::{CompressedImage, Image};
 use modulo_msgs::std_msgs::Time;
+use modulo_msgs::type_description_interfaces::{GetTypeDescriptionResponse, TypeSource};
 use modulo_msgs::vision_msgs::Detection2DArray;
+use modulo_runtime::graph::type_description;
 use modulo_runtime::transport::Transport;
-use modulo_runtime::transport::keys::{Endpoint, EntityKind, Hashes, NO_HASH};
+use modulo_runtime::transport::keys::{Endpoint, EntityKind, Hashes, NO_HASH, SERVICE_QOS};
+use modulo_runtime::transport::zenoh::RawService;
 use modulo_runtime::{Message, MessageKind, Qos};
 
 /// A camera that sends small images for ever.
@@ -374,6 +378,57 @@ fn without_hashes_it_speaks_with_humble() {
     assert!(text(&deaf).contains("--hash none"), "{}", text(&deaf));
     let wrong = bench.modulo(&["param", "get", "/unwrap", "method"]).env("MODULO_TYPE_HASH", "md5").output();
     assert_eq!(wrong.expect("the binary starts").status.code(), Some(2));
+}
+
+/// A type that the suite does not know is described by the node that publishes it.
+#[test]
+fn messages_of_other_packages_are_shown_and_recorded_with_their_definition() {
+    let bench = Bench::new();
+    let peer = Peer::new(&bench);
+    let (name, inner) = ("demo_msgs/msg/Level", "demo_msgs/msg/Unit");
+    let text = format!("Unit unit\nfloat64[] levels\n{}\nMSG: {inner}\nstring symbol\n", "=".repeat(80));
+    let type_hash = modulo_msgs::type_hash_of_schema(name, &text).expect("a definition");
+    let source = |type_name: &str, text: &str| TypeSource {
+        type_name: type_name.into(),
+        encoding: "msg".into(),
+        raw_file_contents: text.into(),
+    };
+    let type_sources = vec![source(name, "Unit unit\nfloat64[] levels"), source(inner, "string symbol")];
+    let described = GetTypeDescriptionResponse { successful: true, type_sources, ..Default::default() };
+    let answer = cdr::to_vec(&described).expect("short");
+    let (service, ros_type) = type_description::NAME_AND_TYPE;
+    let answer = Box::new(move |_: &[u8]| Ok(answer.clone()));
+    let service = RawService { name: service, ros_type, qos: SERVICE_QOS, answer };
+    let _service = peer.transport.serve_raw(&peer.node_name, vec![service]).expect("served");
+    let endpoint = Endpoint {
+        topic: "/level".into(),
+        dds_type: modulo_msgs::dds_name(name),
+        type_hash: type_hash.clone(),
+        qos: "::,10:,:,:,,".into(),
+    };
+    let publisher = peer.transport.advertise_raw(&peer.node_name, &endpoint).expect("declared");
+    let message = cdr::to_vec(&("mm".to_owned(), vec![1.5_f64, -2.0])).expect("short");
+
+    let (bag, mut came) = (bench.path("bag"), 0);
+    let recording = bench.record(&bag, &["/level"]);
+    let echo = bench.modulo(&["topic", "echo", "/level", "--once"]).stdout(Stdio::piped()).spawn();
+    let mut echo = Background(echo.expect("the binary starts"));
+    wait_until("an echo", || {
+        publisher.put(message.clone()).expect("sent");
+        echo.0.try_wait().expect("a child").is_some()
+    });
+    let shown = std::io::read_to_string(echo.0.stdout.take().expect("kept")).expect("UTF-8");
+    assert_eq!(shown, "unit:\n  symbol: \"mm\"\nlevels: [1.5, -2.0]\n---\n");
+    wait_until("the recorder", || {
+        publisher.put(message.clone()).expect("sent");
+        came += 1;
+        came > 10 && peer.transport.subscribers("/level") == ["/rosbag2_recorder"]
+    });
+    assert_eq!(recording.interrupt(), Some(0));
+    let topics = BagReader::open(&bag).expect("a whole bag").topics();
+    let topic = &topics[0].topic;
+    assert_eq!((topic.type_name.as_str(), &topic.type_hash), (name, &type_hash));
+    assert_eq!(String::from_utf8_lossy(&topic.schema), text.trim_end());
 }
 
 /// A late reader of a latched topic gets the last message, and no other.

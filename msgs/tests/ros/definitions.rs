@@ -65,6 +65,21 @@ fn a_foreign_schema_may_use_short_names_and_crlf() {
     assert!(error.contains("builtin_interfaces/msg/Time"), "{error}");
 }
 
+/// A reader of messages follows the types within types, so that they must have an end.
+#[test]
+fn a_type_within_itself_is_refused() {
+    let line = "=".repeat(80);
+    for text in [
+        "a/B b\n".to_owned(),
+        format!("a/C c\n{line}\nMSG: a/C\na/B[] b\n"),
+        (0..99).map(|n| format!("a/T{} t\n{line}\nMSG: a/T{}\n", n + 1, n + 1)).collect::<String>()
+            + "int8 end\n",
+    ] {
+        let why = type_hash_of_schema("a/B", &text).expect_err(&text).to_string();
+        assert!(why.contains("'a/msg/B' contains itself"), "{why}");
+    }
+}
+
 /// Every interface that ROS 2 reported, whether the suite defines it or not.
 #[test]
 fn schemas_of_the_whole_installation_hash_as_in_ros() {

@@ -4,12 +4,15 @@ use std::sync::Arc;
 use std::thread::sleep;
 use std::time::Duration;
 
-use modulo_msgs::ros_name;
+use modulo_msgs::interface::ros2msg_of;
+use modulo_msgs::type_description_interfaces::{GetTypeDescriptionRequest, GetTypeDescriptionResponse};
+use modulo_msgs::{cdr, ros_name, type_hash_of_schema};
 
 use super::ZenohTransport;
+use crate::graph::type_description::NAME_AND_TYPE;
 use crate::graph::{Graph, NodeName};
 use crate::process::stop::{Stop, Urgency};
-use crate::transport::keys::EntityKind;
+use crate::transport::keys::{Endpoint, EntityKind};
 use crate::transport::queue::{Arrived, Keep, Lane, Limit, Next, Queue};
 use crate::transport::{Guard, RawSample, Transport as _, TransportError};
 
@@ -75,14 +78,64 @@ impl ZenohTransport {
         let (queue, lane) = (samples.clone(), samples.open(Keep::All));
         let take = move |sample| drop(queue.push(lane, sample));
         let subscription = self.subscribe_raw(&node_name, &endpoint, take)?;
-        let type_name = ros_name(&endpoint.dds_type);
-        Ok(TopicListener { type_name, samples, lane, stop, _guards: (subscription, node) })
+        Ok(TopicListener { endpoint, samples, lane, stop, _guards: (subscription, node) })
+    }
+
+    /// Returns the definition of the type of `endpoint` with all that it uses, as bags carry it. The nodes that publish the
+    /// topic are asked for it, by the service that nodes of ROS 2 offer.
+    ///
+    /// # Errors
+    /// [`TransportError`] when none of them has a definition with the hash of `endpoint`.
+    pub fn definition_of(&self, endpoint: &Endpoint) -> Result<String, TransportError> {
+        let mut why = format!("no publisher of {} has the service ~/{SERVICE}", endpoint.topic);
+        let mut waited = Duration::ZERO;
+        // The token of the service may come a little later than that of the publisher.
+        while waited < CALM {
+            let graph = self.graph();
+            let services = graph.endpoints(EntityKind::Publisher, &endpoint.topic);
+            let services = services.map(|publisher| format!("{}/{SERVICE}", publisher.node_name()));
+            for service in services.filter(|name| graph.endpoints(EntityKind::Server, name).next().is_some())
+            {
+                match self.ask_for_definition(&service, endpoint) {
+                    Ok(text) => return Ok(text),
+                    Err(reason) => (why, waited) = (reason, CALM),
+                }
+            }
+            sleep(GLANCE);
+            waited += GLANCE;
+        }
+        Err(TransportError::new(format!("definition of {}", ros_name(&endpoint.dds_type)), why))
+    }
+
+    fn ask_for_definition(&self, service: &str, endpoint: &Endpoint) -> Result<String, String> {
+        let (type_name, type_hash) = (ros_name(&endpoint.dds_type), endpoint.type_hash.clone());
+        let request = GetTypeDescriptionRequest { type_name, type_hash, include_type_sources: true };
+        let bytes = cdr::to_vec(&request).map_err(|why| why.to_string())?;
+        let answer = self.call(service, NAME_AND_TYPE.1, bytes, ANSWER).map_err(|why| why.to_string())?;
+        let answer: GetTypeDescriptionResponse = cdr::from_slice(&answer).map_err(|why| why.to_string())?;
+        if !answer.successful {
+            return Err(format!("{service}: {}", answer.failure_reason));
+        }
+        let GetTypeDescriptionRequest { type_name, type_hash, .. } = request;
+        let text = ros2msg_of(&type_name, &answer.type_sources);
+        let text = text.ok_or_else(|| format!("{service} has no .msg text of {type_name}"))?;
+        // A definition that does not fit would show wrong values.
+        match type_hash_of_schema(&type_name, &text) {
+            Ok(hash) if hash == type_hash => Ok(text),
+            Ok(hash) => Err(format!("{service} has the definition {hash}, the topic {type_hash}")),
+            Err(why) => Err(format!("{service}: {why}")),
+        }
     }
 }
 
+/// Name of the service below the node.
+const SERVICE: &str = NAME_AND_TYPE.0;
+/// Time limit for its answer.
+const ANSWER: Duration = Duration::from_secs(2);
+
 /// A subscription to a topic of any type; its samples wait in a bounded queue.
 pub struct TopicListener {
-    type_name: String,
+    endpoint: Endpoint,
     samples: Arc<Queue<RawSample>>,
     lane: Lane,
     stop: Stop,
@@ -90,9 +143,9 @@ pub struct TopicListener {
 }
 
 impl TopicListener {
-    /// Returns the ROS name of the type of the topic.
-    pub fn type_name(&self) -> &str {
-        &self.type_name
+    /// Returns the endpoint that is read.
+    pub fn endpoint(&self) -> &Endpoint {
+        &self.endpoint
     }
 
     /// Returns the next sample within `patience`, or without a time limit for `None`.
