@@ -200,10 +200,20 @@ def types():
     message = TwistStamped()
     message.twist.linear.x = 1.5
     node.create_timer(0.1, lambda: publisher.publish(message))
+    arrays = {"bytes": ([b"\x01"], "[2, 255]", "Byte values are: [2, 255]"),
+              "bools": ([True], "[no, true]", "Boolean values are: [False, True]"),
+              "integers": ([1], "[3, -4]", "Integer values are: [3, -4]"),
+              "doubles": ([0.5], "[1, 2.5]", "Double values are: [1.0, 2.5]"),
+              "strings": (["a"], "[b, 'c d']", "String values are: ['b', 'c d']")}
+    for name, (default, _, _) in arrays.items():
+        node.declare_parameter(name, default)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     threading.Thread(target=executor.spin, daemon=True).start()
     try:
+        for name, (_, value, shown) in arrays.items():
+            expect("Set parameter successful", "modulo", "param", "set", "/talker", name, value)
+            expect(shown, "modulo", "param", "get", "/talker", name)
         expect("twist:\n  linear:\n    x: 1.5", "modulo", "topic", "echo", "--once", "/cmd")
         expect("", "modulo", "bag", "record", "-o", WORK / "typed", "/cmd", stopped_after=5)
         expect("Topic: /cmd | Type: geometry_msgs/msg/TwistStamped", "ros2", "bag", "info", WORK / "typed")
@@ -246,6 +256,12 @@ def data():
     stop(process)
     expect("/detector/detections\n/modulo", "modulo", "bag", "info", WORK / "theirs")
     expect("Topic: /modulo | Type: sensor_msgs/msg/Image", "ros2", "bag", "info", BAG)
+    player = start("modulo", "bag", "play", str(BAG), "--start-paused")
+    expect("durability: volatile\nuse_sim_time: false", "ros2", "param", "dump", "/rosbag2_player")
+    for name, answer in [("play", "success=False"), ("stop", "Stop_Response")]:
+        expect(answer, "ros2", "service", "call", f"/rosbag2_player/{name}", f"rosbag2_interfaces/srv/{name.capitalize()}")
+    if (code := player.wait(20)) != 0:
+        raise Failure(f"modulo bag play: exit code {code} after the service stop")
     heard = boxes_of("modulo", "launch", str(ROOT / "launch/replay.launch.yaml"), f"bag:={WORK / 'theirs'}")
     if len(heard) < 10:
         raise Failure(f"a bag of ros2 bag record, replayed and detected: {len(heard)} frames with an answer")
