@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 use image::codecs::{jpeg::JpegEncoder, png::PngEncoder};
 use image::error::{LimitError, LimitErrorKind, UnsupportedError, UnsupportedErrorKind};
 use image::{
-    DynamicImage, ExtendedColorType, ImageBuffer, ImageDecoder, ImageEncoder, ImageFormat, ImageReader, Limits,
-    Luma, LumaA, Rgb, Rgba,
+    DynamicImage, ExtendedColorType, ImageBuffer, ImageDecoder, ImageEncoder, ImageFormat, ImageReader,
+    Limits, Luma, LumaA, Rgb, Rgba,
 };
 use modulo_core::{Frame, Samples};
 use ndarray::Array3;

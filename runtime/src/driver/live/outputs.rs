@@ -1,7 +1,6 @@
 //! [`Output`]: a topic that a live node writes. A topic of images NAME has a compressed variant NAME/compressed, after the
 //! convention of ROS's `image_transport`: PNG or JPEG files, which are made only while the variant has a reader.
 
-use std::io::Cursor;
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -103,7 +102,7 @@ pub(super) fn decompress(file: &CompressedImage, topic: &Topic) -> Result<Stampe
         );
     }
     let frame =
-        modulo_images::decode(Cursor::new(&file.data), &file.format).map_err(|why| why.to_string())?;
+        modulo_images::decode(&file.data, &file.format).map_err(|why| why.to_string())?;
     Ok(StampedFrame { header: file.header.clone(), frame })
 }
 
