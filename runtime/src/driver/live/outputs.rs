@@ -101,8 +101,7 @@ pub(super) fn decompress(file: &CompressedImage, topic: &Topic) -> Result<Stampe
             "JPEG changes the values of a modulo image, which destroys its wraps; publish it as PNG".into()
         );
     }
-    let frame =
-        modulo_images::decode(&file.data, &file.format).map_err(|why| why.to_string())?;
+    let frame = modulo_images::decode(&file.data, &file.format).map_err(|why| why.to_string())?;
     Ok(StampedFrame { header: file.header.clone(), frame })
 }
 
