@@ -134,7 +134,8 @@ fn serve_parameters(
     let read = parameters.clone();
     let request = move |request: ParameterRequest| {
         // Fails only when the caller has gone.
-        let _ = request.answer.send(parameters.with(&request.changes, true).map(drop));
+        let answers = request.changes.iter().map(|values| parameters.with(values, true).map(drop));
+        let _ = request.answer.send(answers.collect());
         None
     };
     let port = ParameterPort { read: Box::new(move || read.clone()), request: Box::new(request) };

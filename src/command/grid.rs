@@ -58,7 +58,7 @@ pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure
         provenance: provenance(),
         out: out.to_owned(),
     };
-    let progress = Progress::new();
+    let progress = GridProgress::new();
     let outcome =
         run(&request, &Suite, &SystemClock::default(), &|event| progress.tell(event)).map_err(failure)?;
     progress.bar.finish_and_clear();
@@ -75,13 +75,13 @@ pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure
 }
 
 /// The progress of a run: a bar on a terminal, else a line a minute.
-struct Progress {
+struct GridProgress {
     bar: ProgressBar,
     clock: SystemClock,
     lines: Mutex<MinuteLines>,
 }
 
-impl Progress {
+impl GridProgress {
     fn new() -> Self {
         // The message is cut where the line ends.
         let bar = progress_bar("{bar:20} {pos}/{len} frames, {eta} left: {wide_msg}");

@@ -1,4 +1,4 @@
-"""AP by pycocotools on synthetic boxes, the peer that eval/grid/tests/coco.rs compares with.
+"""AP by pycocotools on synthetic boxes, the peer that eval/grid/src/metric/average.rs compares with.
 
 Boxes lie on quarter pixels, so that both sides read the same numbers; no image and no data set is needed.
 

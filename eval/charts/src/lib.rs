@@ -9,7 +9,6 @@ mod canvas;
 mod chart;
 mod font;
 mod label;
-mod palette;
 mod panel;
 mod picture;
 mod plates;
@@ -21,9 +20,9 @@ mod svg;
 pub use axis::{Axis, AxisDirection, Scale, Unit};
 pub use bars::{Bar, Bars};
 pub use chart::{Chart, ChartBody, PageWidth, distinct};
-pub use palette::class_colour;
 pub use panel::{ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
 pub use picture::{LabelledBox, Picture, Pictures};
+pub use primitives::class_colour;
 pub use sheet::sheet;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};

@@ -13,8 +13,8 @@ use imageproc::rect::Rect;
 use crate::ChartError;
 use crate::canvas::{Anchor, Canvas, Shape};
 use crate::font::Font;
-use crate::palette::ink_on;
 use crate::plates::{connection, place};
+use crate::primitives::ink_on;
 use crate::primitives::{Area, Colour, GREY, INK, Position};
 
 /// An image with labelled boxes.

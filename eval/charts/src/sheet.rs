@@ -5,9 +5,9 @@ use imageproc::drawing::draw_filled_rect_mut;
 use imageproc::rect::Rect;
 
 use crate::font::Font;
-use crate::palette::class_colour;
 use crate::picture::{Lettering, Picture};
 use crate::primitives::INK;
+use crate::primitives::class_colour;
 
 /// Width of the white gap between images, px.
 const GAP: u32 = 6;

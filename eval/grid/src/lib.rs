@@ -11,7 +11,14 @@ pub mod classes;
 pub mod grid;
 mod labels;
 pub mod launch_file;
-pub mod metric;
+/// The metrics of detections, one file each. The reports print the definition of each metric.
+pub mod metric {
+    pub mod average;
+    pub mod bootstrap;
+    pub mod latency;
+    pub mod matching;
+    pub mod paper;
+}
 mod published;
 pub mod report;
 pub mod results;

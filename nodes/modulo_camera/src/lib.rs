@@ -15,7 +15,7 @@ use modulo_core::sensor::{Exposure, Sensor};
 use modulo_images::White;
 use modulo_msgs::sensor_msgs::CameraInfo;
 use modulo_msgs::std_msgs::{Header, Time};
-use modulo_runtime::graph::Compression;
+use modulo_runtime::graph::ImageCompression;
 use modulo_runtime::{
     Context, Flow, Message, MessageKind, Node, ParameterError, Parameters, StampedFrame, StepError, Topic,
     Trigger, sensor_info,
@@ -167,7 +167,7 @@ fn ground_truth(truth: &[GroundTruth], header: &Header) -> Message {
 pub fn outputs() -> Vec<Topic> {
     vec![
         // Any change of a value destroys its wraps.
-        Topic { compression: Compression::Lossless, ..Topic::new("modulo", MessageKind::Image) },
+        Topic { compression: ImageCompression::Lossless, ..Topic::new("modulo", MessageKind::Image) },
         Topic::new("saturated", MessageKind::Image),
         Topic::new("ideal", MessageKind::Image),
         Topic::new("ground_truth", MessageKind::Detections),

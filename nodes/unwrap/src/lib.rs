@@ -16,7 +16,7 @@ use modulo_core::unwrap::{
 use modulo_core::{Frame, MAX_THREADS, Psf, Range, tone};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
-use modulo_runtime::graph::Compression;
+use modulo_runtime::graph::ImageCompression;
 use modulo_runtime::graph::diagnostics::Diagnostics;
 use modulo_runtime::sensor::parameters::SensorOverride;
 use modulo_runtime::sensor_info::{self, SensorHistory};
@@ -214,14 +214,15 @@ pub fn outputs() -> Vec<Topic> {
     vec![
         Topic::new("recovered", MessageKind::Image),
         // It may have floats, which no compressed variant can hold.
-        Topic { compression: Compression::None, ..Topic::new("hdr", MessageKind::Image) },
+        Topic { compression: ImageCompression::None, ..Topic::new("hdr", MessageKind::Image) },
         Diagnostics::topic(),
     ]
 }
 
 impl Node for UnwrapNode {
     fn inputs(&self) -> Vec<Topic> {
-        let modulo = Topic { compression: Compression::Lossless, ..Topic::new("modulo", MessageKind::Image) };
+        let modulo =
+            Topic { compression: ImageCompression::Lossless, ..Topic::new("modulo", MessageKind::Image) };
         vec![modulo, sensor_info::topic()]
     }
 

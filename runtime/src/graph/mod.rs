@@ -56,7 +56,7 @@ impl Qos {
 
 /// The compressed variant of an image topic NAME, NAME/compressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Compression {
+pub enum ImageCompression {
     /// There is none.
     None,
     /// PNG only: the values must stay as they are, such as those of modulo images.
@@ -76,13 +76,14 @@ pub struct Topic {
     /// Quality of service.
     pub qos: Qos,
     /// Its compressed variant.
-    pub compression: Compression,
+    pub compression: ImageCompression,
 }
 
 impl Topic {
     /// Creates a topic with the quality of service usual for its kind. A topic of images has a compressed variant.
     pub fn new(name: impl Into<String>, kind: MessageKind) -> Self {
-        let compression = if kind == MessageKind::Image { Compression::Any } else { Compression::None };
+        let compression =
+            if kind == MessageKind::Image { ImageCompression::Any } else { ImageCompression::None };
         Self { name: name.into(), kind, qos: Qos::usual(kind), compression }
     }
 }

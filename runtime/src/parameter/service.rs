@@ -62,12 +62,13 @@ impl Service {
             }),
             Self::SetParameters => respond(request, |SetParametersRequest { parameters }| {
                 // Each parameter is a change of its own here: one that is refused does not stop the others.
-                let results = parameters.into_iter().map(|p| set(vec![p], port)).collect();
-                SetParametersResponse { results }
+                let changes = parameters.into_iter().map(|parameter| vec![parameter]).collect();
+                SetParametersResponse { results: set(changes, port) }
             }),
             Self::SetParametersAtomically => {
                 respond(request, |SetParametersAtomicallyRequest { parameters }| {
-                    SetParametersAtomicallyResponse { result: set(parameters, port) }
+                    let result = set(vec![parameters], port).pop().expect("one answer for one change");
+                    SetParametersAtomicallyResponse { result }
                 })
             }
         }
@@ -86,24 +87,38 @@ fn has_prefix(name: &str, prefixes: &[String]) -> bool {
         || prefixes.iter().any(|p| name.strip_prefix(p).is_some_and(|r| r.is_empty() || r.starts_with('.')))
 }
 
-/// Hands the change to the node's loop and waits for its verdict.
-fn set(parameters: Vec<Parameter>, port: &ParameterPort) -> SetParametersResult {
-    let verdict = change(parameters, port);
-    SetParametersResult {
-        successful: verdict.is_ok(),
-        reason: verdict.err().map_or_else(String::new, |why| why.to_string()),
-    }
+/// Hands the changes to the node's loop, all at once, and waits for its answers, one for each change.
+fn set(changes: Vec<Vec<Parameter>>, port: &ParameterPort) -> Vec<SetParametersResult> {
+    let read = |p: Parameter| match from_ros(p.value) {
+        Some(value) => Ok((p.name, value)),
+        None => Err(ParameterError::new(p.name, "not set", "cannot be removed; send a value")),
+    };
+    let changes: Vec<Result<Vec<_>, _>> =
+        changes.into_iter().map(|parameters| parameters.into_iter().map(read).collect()).collect();
+    let possible: Vec<Vec<(String, Value)>> =
+        changes.iter().filter_map(|c| c.as_ref().ok().cloned()).collect();
+    let asked = possible.len();
+    // One request for all of them: a node that is busy with a long step takes one request after each step.
+    let mut answers = ask(possible, port).unwrap_or_else(|why| vec![Err(why); asked]).into_iter();
+    let result = |change: Result<Vec<_>, _>| {
+        let answer = change.and_then(|_| answers.next().expect("one answer for each change"));
+        SetParametersResult {
+            successful: answer.is_ok(),
+            reason: answer.err().map_or_else(String::new, |why| why.to_string()),
+        }
+    };
+    changes.into_iter().map(result).collect()
 }
 
-fn change(parameters: Vec<Parameter>, port: &ParameterPort) -> Result<(), ParameterError> {
-    let changes = parameters
-        .into_iter()
-        .map(|p| match from_ros(p.value) {
-            Some(value) => Ok((p.name, value)),
-            None => Err(ParameterError::new(p.name, "not set", "cannot be removed; send a value")),
-        })
-        .collect::<Result<Vec<_>, _>>()?;
-    let shown = changes.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
+/// Returns the answers of the node to all changes, or the reason why it gave none.
+fn ask(
+    changes: Vec<Vec<(String, Value)>>,
+    port: &ParameterPort,
+) -> Result<Vec<Result<(), ParameterError>>, ParameterError> {
+    if changes.is_empty() {
+        return Ok(Vec::new());
+    }
+    let shown = changes.iter().flatten().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
     let ended = |why: &str| ParameterError::new(shown.clone(), "?", why);
     let (answer, verdict) = channel();
     // Node and caller decide by it which of them is first: the one to answer, the other to give up.
@@ -113,11 +128,11 @@ fn change(parameters: Vec<Parameter>, port: &ParameterPort) -> Result<(), Parame
         return Err(ended("the node is ending, or has too many requests; try again"));
     }
     match verdict.recv_timeout(PATIENCE) {
-        Ok(verdict) => verdict,
+        Ok(answers) => Ok(answers),
         // From now on the node ignores the request.
         Err(_) if claim.take() => Err(ended("the node did not answer within 10 s; the value is unchanged")),
         // The node is applying it at this moment, so its answer counts.
-        Err(_) => verdict.recv().map_err(|_| ended("the node ended while it applied the value"))?,
+        Err(_) => verdict.recv().map_err(|_| ended("the node ended while it applied the value")),
     }
 }
 
@@ -203,8 +218,9 @@ mod tests {
         std::thread::spawn(move || {
             for request in inbox {
                 let mut set = applied.lock().expect("not poisoned");
-                let verdict = set.with(&request.changes, true).map(|next| *set = next);
-                request.answer.send(verdict).expect("the caller waits");
+                let apply = |values: &Vec<_>| set.with(values, true).map(|next| *set = next);
+                let answers = request.changes.iter().map(apply).collect();
+                request.answer.send(answers).expect("the caller waits");
             }
         });
         let read = Box::new(move || set.lock().expect("not poisoned").clone());
@@ -235,6 +251,26 @@ mod tests {
         assert!(results[1].successful);
         assert_eq!((port.read)().get("engine"), Some(&Value::String("ort".into())));
         assert_eq!((port.read)().get("angle"), Some(&Value::Double(4.0)));
+    }
+
+    /// A detector takes one request after each frame: a dump of 30 parameters took longer than its caller waited.
+    #[test]
+    fn many_parameters_are_one_request() {
+        let (requests, inbox) = channel::<ParameterRequest>();
+        let request = Box::new(move |request| requests.send(request).err().map(|e| e.0));
+        let read = Box::new(|| Parameters::declare(Set::descriptors()));
+        let answering = std::thread::spawn(move || {
+            let request = inbox.recv().expect("a request");
+            request.answer.send(vec![Ok(()); request.changes.len()]).expect("the caller waits");
+            assert!(inbox.recv().is_err(), "a second request");
+        });
+        let port = ParameterPort { read, request };
+        let parameters = vec![parameter("bits", Value::Integer(8)), parameter("loop", Value::Bool(true))];
+        let request = SetParametersRequest { parameters };
+        let results = call::<_, SetParametersResponse>(&port, Service::SetParameters, &request).results;
+        assert!(results.len() == 2 && results.iter().all(|result| result.successful), "{results:?}");
+        drop(port);
+        answering.join().expect("one request");
     }
 
     #[test]

@@ -140,13 +140,13 @@ pub trait Publisher: Send {
     fn put(&self, message: &Message) -> Result<(), TransportError>;
 }
 
-/// A change of parameters asked for from outside, answered between two steps.
+/// Changes of parameters asked for from outside, answered between two steps.
 #[derive(Debug)]
 pub struct ParameterRequest {
-    /// The values to set; either all of them are set, or none of them.
-    pub changes: Vec<(String, Value)>,
-    /// Receiver of the answer.
-    pub answer: Sender<Result<(), ParameterError>>,
+    /// Changes that are applied one after the other. Of a change, either all values are set or none of them.
+    pub changes: Vec<Vec<(String, Value)>>,
+    /// Receiver of the answers, one for each change.
+    pub answer: Sender<Vec<Result<(), ParameterError>>>,
     /// Decides between the node that applies the request and the caller that gives up.
     pub claim: Claim,
 }

@@ -39,7 +39,7 @@ impl Clock for SwitchClock<'_> {
 
 /// The durations of one cell, frame by frame.
 #[derive(Clone, Default)]
-struct Measured {
+struct CellTimes {
     wall: Vec<Stages>,
     cpu: Vec<Stages>,
 }
@@ -84,7 +84,7 @@ fn measure_group(
     let mut detector = DetectorWorker::open(nodes, clock, &config)?;
     let open = |cell: &Cell| pipeline::open(request, nodes, clock, &cell.point);
     let mut pipelines = cells.iter().map(open).collect::<Result<Vec<_>, _>>()?;
-    let mut measured = vec![Measured::default(); cells.len()];
+    let mut measured = vec![CellTimes::default(); cells.len()];
     let moving = cells.iter().any(|cell| multi_exposure::neighbours(cell.point.stream) == Neighbours::Kept);
     let neighbours = if moving { Neighbours::Kept } else { Neighbours::Dropped };
     let frames = FramesWithNeighbours::new(frames, neighbours)?.take(request.options.time_frames);
@@ -129,7 +129,7 @@ fn run_frame(
 }
 
 /// Puts the durations into the cell.
-fn store(cell: &mut Cell, measured: &Measured, device: &Device, pass: &str) {
+fn store(cell: &mut Cell, measured: &CellTimes, device: &Device, pass: &str) {
     let sums = |frames: &[Stages]| {
         let sum = |frame: &Stages| {
             let stages = frame.iter().filter(|(stage, _)| *stage != SENSE);

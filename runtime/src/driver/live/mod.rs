@@ -21,7 +21,7 @@ use crate::graph::node_time::NodeTime;
 use crate::message::{Message, MessageKind};
 use crate::node::{Context, Flow, Node, StepError, StepOutput, Trigger};
 use crate::parameter::events::ParameterEvents;
-use crate::parameter::{ParameterError, Parameters};
+use crate::parameter::{ParameterError, Parameters, Value};
 use crate::process::node_files::{ReportFile, SavedState, WriteReason};
 use crate::process::stop::{Stop, Urgency};
 use crate::report::{NodeReport, add};
@@ -31,7 +31,7 @@ use crate::transport::{
     Address, Guard, Incoming, ParameterPort, ParameterRequest, Publisher, Transport, TransportError,
 };
 use inputs::{Inputs, SkipWarnings};
-use outputs::{Output, compressed, decompress};
+use outputs::{LiveOutput, compressed, decompress};
 use source::{Pacing, images, taken_message, taken_topic};
 
 /// Time after which a node without work looks at the tasks of each second.
@@ -95,7 +95,7 @@ struct Live<'a> {
     stop: Stop,
     queue: Arc<EventQueue>,
     report: NodeReport,
-    outputs: Vec<Output>,
+    outputs: Vec<LiveOutput>,
     inputs: Inputs,
     /// Tells sources of rate 0 which frames this node has taken.
     taken: Box<dyn Publisher>,
@@ -120,7 +120,8 @@ pub fn run(
     let NodeSetup { node, parameters, node_name, saved, report_file } = setup;
     // Publishers come before subscriptions: the first message may already cause an output.
     let outputs = node.outputs();
-    let outputs = outputs.iter().map(|topic| Output::advertise(topic, &node_name, &parameters, transport));
+    let outputs =
+        outputs.iter().map(|topic| LiveOutput::advertise(topic, &node_name, &parameters, transport));
     let outputs = outputs.collect::<Result<Vec<_>, _>>()?;
     let diagnostics = Address::resolve(&node_name, &Diagnostics::topic())?;
     let diagnostics = match outputs.iter().find(|output| output.address.topic == diagnostics.topic) {
@@ -246,21 +247,21 @@ impl Live<'_> {
         if !request.claim.take() {
             return Ok(());
         }
-        let answer = self.change(request);
-        if let Err(why) = &answer {
+        let answers: Vec<_> = request.changes.iter().map(|values| self.change(values)).collect();
+        for why in answers.iter().filter_map(|answer| answer.as_ref().err()) {
             tracing::warn!(node = %self.report.node, "{why}");
         }
         // A parameter may change the inputs of the node or its clock.
         self.subscribe()?;
         self.time.follow(&self.settings(), &self.node_name, self.transport)?;
         // Fails only when the caller has gone.
-        let _ = request.answer.send(answer);
+        let _ = request.answer.send(answers);
         Ok(())
     }
 
-    fn change(&mut self, request: &ParameterRequest) -> Result<(), ParameterError> {
+    fn change(&mut self, values: &[(String, Value)]) -> Result<(), ParameterError> {
         let before = self.settings();
-        let next = before.with(&request.changes, true)?;
+        let next = before.with(values, true)?;
         self.node.configure(&next)?;
         if let Some(saved) = &self.saved {
             saved.keep(&next);
@@ -402,7 +403,7 @@ impl Live<'_> {
     /// Runs one step; returns the messages that it left. `topic` is named when the step skips its input.
     fn step(&mut self, trigger: Trigger, topic: &str) -> Result<(Flow, Vec<(usize, Message)>), RunError> {
         let stream = stream_of(&*self.node, &trigger);
-        let wanted: Vec<bool> = self.outputs.iter().map(Output::wanted).collect();
+        let wanted: Vec<bool> = self.outputs.iter().map(LiveOutput::wanted).collect();
         let mut cx = Context::new(&self.report.node, &self.time, &wanted);
         let result = self.node.step(trigger, &mut cx);
         let mut output = cx.finish();

@@ -1,4 +1,4 @@
-//! [`Output`]: a topic that a live node writes. A topic of images NAME has a compressed variant NAME/compressed, after the
+//! [`LiveOutput`]: a topic that a live node writes. A topic of images NAME has a compressed variant NAME/compressed, after the
 //! convention of ROS's `image_transport`: PNG or JPEG files, which are made only while the variant has a reader.
 
 use std::rc::Rc;
@@ -9,20 +9,20 @@ use modulo_msgs::image::encoding_of;
 use modulo_msgs::sensor_msgs::CompressedImage;
 
 use crate::driver::RunError;
-use crate::graph::{Compression, NodeName, Topic, overridden};
+use crate::graph::{ImageCompression, NodeName, Topic, overridden};
 use crate::message::{Message, MessageKind, StampedFrame};
 use crate::parameter::Parameters;
 use crate::transport::{Address, Publisher, Transport};
 
 /// A topic with its publisher, and with its compressed variant if it has one.
-pub(super) struct Output {
+pub(super) struct LiveOutput {
     pub address: Address,
     pub publisher: Rc<dyn Publisher>,
     variant: Option<(Address, Box<dyn Publisher>)>,
-    compression: Compression,
+    compression: ImageCompression,
 }
 
-impl Output {
+impl LiveOutput {
     /// Declares the publishers of `topic`, with the quality of service that `parameters` may give it.
     pub fn advertise(
         topic: &Topic,
@@ -34,8 +34,8 @@ impl Output {
         address.profile = overridden(&address.topic, parameters);
         let publisher = transport.advertise(node, &address)?.into();
         let variant = match topic.compression {
-            Compression::None => None,
-            Compression::Lossless | Compression::Any => {
+            ImageCompression::None => None,
+            ImageCompression::Lossless | ImageCompression::Any => {
                 let address = compressed(&address);
                 let publisher = transport.advertise(node, &address)?;
                 Some((address, publisher))
@@ -70,7 +70,7 @@ impl Output {
             return None;
         }
         // JPEG has 8 bits and changes values.
-        let keeps = image.frame.depth() > 8 || self.compression == Compression::Lossless;
+        let keeps = image.frame.depth() > 8 || self.compression == ImageCompression::Lossless;
         let format = if keeps { FileFormat::Png } else { format() };
         Some(compress(image, format).map(|file| Message::CompressedImage(Arc::new(file))))
     }
@@ -96,7 +96,7 @@ fn compress(image: &StampedFrame, format: FileFormat) -> Result<CompressedImage,
 /// # Errors
 /// The reason why the file cannot be read or used.
 pub(super) fn decompress(file: &CompressedImage, topic: &Topic) -> Result<StampedFrame, String> {
-    if topic.compression == Compression::Lossless && file.data.starts_with(&JPEG) {
+    if topic.compression == ImageCompression::Lossless && file.data.starts_with(&JPEG) {
         return Err(
             "JPEG changes the values of a modulo image, which destroys its wraps; publish it as PNG".into()
         );
@@ -140,7 +140,7 @@ mod tests {
             let most = if format == FileFormat::Jpeg { 16.0 } else { 0.0 };
             assert!(apart.iter().all(|d| *d <= most), "{named}: {apart}");
             let modulo =
-                Topic { compression: Compression::Lossless, ..Topic::new("modulo", MessageKind::Image) };
+                Topic { compression: ImageCompression::Lossless, ..Topic::new("modulo", MessageKind::Image) };
             let refused = decompress(&file, &modulo).err();
             assert_eq!(refused.is_some_and(|why| why.contains("PNG")), format == FileFormat::Jpeg, "{named}");
         }

@@ -7,7 +7,7 @@ use std::time::Duration;
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 
-use super::{GRAPH_GLANCE, Live, LiveEvent, Output, REQUESTS, nanoseconds};
+use super::{GRAPH_GLANCE, Live, LiveEvent, LiveOutput, REQUESTS, nanoseconds};
 use crate::clock::Clock;
 use crate::driver::RunError;
 use crate::graph::Topic;
@@ -188,7 +188,7 @@ impl Pacing {
 
 /// Returns the stamp of the first image among the `messages` of a step, and the topics of all its images, compressed ones
 /// included; `None` when there is no image.
-pub(super) fn images(messages: &[(usize, Message)], outputs: &[Output]) -> Option<(Time, Vec<String>)> {
+pub(super) fn images(messages: &[(usize, Message)], outputs: &[LiveOutput]) -> Option<(Time, Vec<String>)> {
     let is_image = |message: &Message| matches!(message, Message::Image(_) | Message::CompressedImage(_));
     let images = || messages.iter().filter(|(_, message)| is_image(message));
     let stamp = images().next()?.1.stamp();
