@@ -36,7 +36,7 @@ pub fn type_hash_of_schema(name: &str, text: &str) -> Result<String, DefinitionE
 /// type in it contains itself.
 ///
 /// # Errors
-/// As [`type_hash_of_schema`].
+/// The errors of [`type_hash_of_schema`].
 pub fn description_of_schema(name: &str, text: &str) -> Result<TypeDescription, DefinitionError> {
     let name = full_name("", name).ok_or_else(|| DefinitionError::Missing(name.to_owned()))?;
     let types = interface::parse_schema(&name, text)?;

@@ -105,7 +105,7 @@ pub struct Input {
     pub labelled: usize,
     /// Number of drives. 0 if the data does not name them.
     pub drives: usize,
-    /// What the bootstrap of the intervals draws. `None` in results of older versions.
+    /// The units that the bootstrap of the intervals draws. `None` in results of older versions.
     #[serde(default)]
     pub drawn: Option<Drawn>,
     /// sha256 over the names, the labels and the pixels of the frames, hexadecimal.

@@ -8,9 +8,9 @@
 //! ```
 //!
 //! `run` goes over the cells and stores the results after each of them, `runner` processes the frames of one cell, and
-//! `timing` measures the times of all cells at the end. Cells
-//! are independent of each other: finished cells are kept, a run that was killed continues, and [`merge`] joins shards.
-//! No transport is used. The clock only measures durations; it decides nothing.
+//! `timing` measures the times of all cells at the end. The figures of a cell do not depend on other cells: finished cells
+//! are kept, a run that was killed continues, and [`merge`] joins shards. No transport is used. The clock only measures
+//! durations; it decides nothing.
 
 mod cells;
 mod detect;

@@ -140,8 +140,9 @@ fn store(cell: &mut Cell, measured: &CellTimes, device: &Device, pass: &str) {
         sums
     };
     let wall = sums(&measured.wall);
-    let Some((p50, interval95)) = latency::median(&wall) else { return };
-    let cpu_ms = latency::median(&sums(&measured.cpu)).map_or(0.0, |(median, _)| median);
+    // Without an answered frame there is nothing to show, and the cell stays without times.
+    let medians = (latency::median(&wall), latency::median(&sums(&measured.cpu)));
+    let (Some((p50, interval95)), Some((cpu_ms, _))) = medians else { return };
     cell.latency_ms = latency::by_stage(measured.wall.iter().map(Vec::as_slice));
     cell.latency_histogram = latency::histogram(measured.wall.iter().map(Vec::as_slice));
     cell.frame_ms = Some(FrameTime { p50, interval95, cpu_ms, frames: wall.len(), pass: pass.to_owned() });

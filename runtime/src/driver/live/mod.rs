@@ -102,7 +102,7 @@ struct Live<'a> {
     /// The readers of this node's own frames, if it is such a source.
     pacing: Pacing,
     diagnostics: Diagnostics,
-    /// What was told of the messages that could not be read.
+    /// The warnings about messages that could not be read.
     warnings: SkipWarnings,
     parameter_events: ParameterEvents,
 }
