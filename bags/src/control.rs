@@ -12,8 +12,6 @@ use modulo_msgs::rosbag2_interfaces::{
     TogglePausedResponse,
 };
 
-use modulo_runtime::queue::Queued;
-
 use crate::play::PlaybackState;
 
 modulo_runtime::services! {
@@ -71,8 +69,6 @@ pub struct PlayerCommand {
     /// Receiver of the reply.
     pub answer: Sender<PlayerReply>,
 }
-
-impl Queued for PlayerCommand {}
 
 /// Error: a call gets no response.
 #[derive(Debug, thiserror::Error)]

@@ -35,8 +35,8 @@ pub struct PlayOptions {
 /// Error: a replay is not possible.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PlayError {
-    /// The rate is not finite and positive.
-    #[error("rate = {0}: must be a finite number above 0")]
+    /// The rate is not a finite number from 0 on.
+    #[error("rate = {0}: must be a finite number, 0 or above")]
     Rate(f64),
     /// A start behind the end of the bag.
     #[error("start offset = {offset:?}: the bag lasts {duration:?}")]
@@ -171,7 +171,8 @@ pub enum PlaybackState {
 }
 
 /// The position of a replay, `anchor.1 + (ticks - anchor.0) * rate` while it runs. Ticks and positions are nanoseconds
-/// from an origin of their own.
+/// from an origin of their own. At rate 0 no time passes by itself: each message is due at once, and takes the position
+/// along.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlaybackClock {
     rate: f64,
@@ -184,7 +185,7 @@ impl PlaybackClock {
     /// Creates a clock that is at position 0 at `ticks`.
     ///
     /// # Errors
-    /// [`PlayError::Rate`] for a rate that is not finite and positive.
+    /// [`PlayError::Rate`] for a rate that is not a finite number from 0 on.
     pub fn new(ticks: u64, rate: f64, state: PlaybackState) -> Result<Self, PlayError> {
         Ok(Self { rate: check(rate)?, state, anchor: (ticks, 0) })
     }
@@ -202,12 +203,13 @@ impl PlaybackClock {
 
     /// Returns the ticks at which `position` is reached; `None` while paused.
     pub fn ticks_of(&self, position: u64) -> Option<u64> {
-        let ahead = position.saturating_sub(self.anchor.1) as f64 / self.rate;
+        let ahead =
+            if self.rate == 0.0 { 0.0 } else { position.saturating_sub(self.anchor.1) as f64 / self.rate };
         // Rounded up: at that tick it is reached, not nearly.
         (self.state == PlaybackState::Running).then(|| self.anchor.0.saturating_add(ahead.ceil() as u64))
     }
 
-    /// Returns the speed; 2 is twice as fast as the recording.
+    /// Returns the speed; 2 is twice as fast as the recording, 0 as fast as the readers take the images.
     pub fn rate(&self) -> f64 {
         self.rate
     }
@@ -220,7 +222,7 @@ impl PlaybackClock {
     /// Goes on from `ticks` at another speed.
     ///
     /// # Errors
-    /// [`PlayError::Rate`] for a rate that is not finite and positive.
+    /// [`PlayError::Rate`] for a rate that is not a finite number from 0 on.
     pub fn set_rate(&mut self, ticks: u64, rate: f64) -> Result<(), PlayError> {
         let rate = check(rate)?;
         // The position so far counts at the old rate; only from here on the new one holds.
@@ -243,7 +245,7 @@ impl PlaybackClock {
 }
 
 fn check(rate: f64) -> Result<f64, PlayError> {
-    if rate.is_finite() && rate > 0.0 { Ok(rate) } else { Err(PlayError::Rate(rate)) }
+    if rate.is_finite() && rate >= 0.0 { Ok(rate) } else { Err(PlayError::Rate(rate)) }
 }
 
 #[cfg(test)]
@@ -270,9 +272,11 @@ mod tests {
         pace.set_state(9000, PlaybackState::Running);
         pace.set_rate(9100, 0.5).expect("a rate");
         assert_eq!((pace.position(9100), pace.position(9200), pace.ticks_of(500)), (400, 450, Some(9300)));
-        assert_eq!(pace.set_rate(9200, 0.0), Err(PlayError::Rate(0.0)));
+        assert_eq!(pace.set_rate(9200, -0.5), Err(PlayError::Rate(-0.5)));
         assert_eq!(pace.position(9300), 500);
         pace.jump(9300, 7);
         assert_eq!(pace.position(9302), 8);
+        pace.set_rate(9302, 0.0).expect("a rate");
+        assert_eq!((pace.position(9900), pace.ticks_of(500)), (8, Some(9302)), "each message is due at once");
     }
 }

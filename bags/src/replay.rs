@@ -7,14 +7,21 @@ use std::thread;
 use std::time::Duration;
 
 use modulo_msgs::builtin::Time;
-use modulo_msgs::{Interface, cdr, rosgraph_msgs};
+use modulo_msgs::{Interface, cdr, rosgraph_msgs, sensor_msgs};
+use modulo_runtime::clock::nanos;
+use modulo_runtime::driver::pacing::{Pacing, taken_topic};
 use modulo_runtime::graph::NameError;
 use modulo_runtime::parameter::events::ParameterEvents;
-use modulo_runtime::queue::{Keep, Limit, Next, Queue};
+use modulo_runtime::queue::{Keep, Limit, Queue, Queued};
+use modulo_runtime::transport::attachment::Attachment;
 use modulo_runtime::transport::keys::{self, Endpoint};
 use modulo_runtime::transport::zenoh::{RawPublisher, RawService, ZenohTransport};
-use modulo_runtime::transport::{Guard, ParameterPort, ParameterRequest, Transport, TransportError};
-use modulo_runtime::{Allowed, Clock, Descriptor, NodeName, Parameters, Qos, Stop, Urgency, Value};
+use modulo_runtime::transport::{
+    Address, Guard, Incoming, ParameterPort, ParameterRequest, Transport, TransportError,
+};
+use modulo_runtime::{
+    Allowed, Clock, Descriptor, Message, MessageKind, NodeName, Parameters, Qos, Stop, Urgency, Value,
+};
 
 use crate::bag::{BagError, BagReader, BagTopic, RawMessage, qos};
 use crate::control::{PlayerAction, PlayerCommand, PlayerReply, Service};
@@ -24,8 +31,25 @@ use crate::play::{NextMessage, PlaybackClock, PlaybackState, Player};
 const NODE: &str = "rosbag2_player";
 /// Interval at which the graph is looked at while a node in it is awaited.
 const GLANCE: Duration = Duration::from_millis(20);
-/// Orders that wait for the replay; each caller waits for its answer.
-const ORDERS: Limit = Limit { messages: 64, bytes: usize::MAX };
+/// Commands that wait for the replay; each caller waits for its answer.
+const COMMANDS: usize = 64;
+
+/// Something that the replay has to deal with between two messages.
+enum PlayerEvent {
+    /// A call of one of its services.
+    Command(PlayerCommand),
+    /// A reader has taken a frame.
+    Taken(Incoming),
+}
+
+impl Queued for PlayerEvent {
+    fn attachment(&self) -> Option<&Attachment> {
+        match self {
+            Self::Command(_) => None,
+            Self::Taken(incoming) => incoming.attachment(),
+        }
+    }
+}
 
 /// Error: a replay failed.
 #[derive(Debug, thiserror::Error)]
@@ -50,7 +74,8 @@ pub struct ReplayOptions {
     pub clock_hz: Option<f64>,
 }
 
-/// Sends every message of `player` when it is due by `pace`, which starts here; returns how many were sent, by topic.
+/// Sends every message of `player` when it is due by `pace`, which starts here; returns how many were sent, by topic. At
+/// rate 0 an image waits until the readers have taken the last one.
 ///
 /// # Errors
 /// [`ReplayError`] when the bag cannot be read on or the wire does not take it.
@@ -65,22 +90,36 @@ pub fn replay(
     let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: options.remaps.clone() };
     let time = options.clock_hz.map(|hz| ClockPublisher::declare(transport, &node_name, hz)).transpose()?;
     let publishers = Publishers::declare(transport, &node_name, player.bag(), time.as_ref())?;
-    let orders = Arc::new(Queue::new(clock.clone(), ORDERS));
-    stop.wakes(&orders);
+    let events = Arc::new(Queue::new(clock.clone(), Limit { messages: COMMANDS, bytes: usize::MAX }));
+    stop.wakes(&events);
     // Services come before the announcement: a node that others see must answer them.
     let _services =
-        (serve(transport, &node_name, &orders)?, serve_parameters(transport, &node_name, &**clock)?);
+        (serve(transport, &node_name, &events)?, serve_parameters(transport, &node_name, &**clock)?);
     let _node = transport.announce(&node_name)?;
     let clock = &**clock;
     // After the announcement, because tools wait for the node before they subscribe.
     wait_until_heard(&publishers, clock, stop);
-    let mut replay = Replay { clock, player, pace, ahead: None, publishers, time, orders, stopped: false };
+    let _told =
+        (pace.rate() == 0.0).then(|| listen_to_readers(transport, &node_name, &events)).transpose()?;
+    let pacing = Pacing::default();
+    let mut replay = Replay {
+        transport,
+        clock,
+        player,
+        pace,
+        pacing,
+        ahead: None,
+        publishers,
+        time,
+        events,
+        stopped: false,
+    };
     // The timeline starts here, so that the wait for readers is no part of it.
     replay.pace.jump(clock.ticks_ns(), 0);
     let done = replay.run(stop);
     // The last messages must have left before the publishers go.
     thread::sleep(transport.settling());
-    replay.orders.end();
+    replay.events.end();
     done.map(|()| replay.publishers.sent())
 }
 
@@ -88,17 +127,32 @@ pub fn replay(
 fn serve(
     transport: &ZenohTransport,
     node_name: &NodeName,
-    orders: &Arc<Queue<PlayerCommand>>,
+    events: &Arc<Queue<PlayerEvent>>,
 ) -> Result<Guard, TransportError> {
-    let lane = orders.open(Keep::All);
+    let lane = events.open(Keep::All);
     let services = Service::ALL.iter().map(|service| {
         let (name, ros_type) = service.name_and_type();
-        let orders = orders.clone();
-        let give = move |order| orders.push(lane, order).is_none();
+        let events = events.clone();
+        let give = move |command| events.push(lane, PlayerEvent::Command(command)).is_none();
         let answer = Box::new(move |request: &[u8]| Ok(service.call(request, &give)?));
         RawService { name, ros_type, qos: keys::SERVICE_QOS, answer }
     });
     transport.serve_raw(node_name, services.collect())
+}
+
+/// Subscribes to what the readers have taken, and waits until they have found out about it.
+fn listen_to_readers(
+    transport: &ZenohTransport,
+    node_name: &NodeName,
+    events: &Arc<Queue<PlayerEvent>>,
+) -> Result<Guard, TransportError> {
+    let (events, lane) = (events.clone(), events.open(Keep::Last(COMMANDS)));
+    let deliver = Box::new(move |incoming| drop(events.push(lane, PlayerEvent::Taken(incoming))));
+    let address = Address::resolve(node_name, &taken_topic())
+        .map_err(|why| TransportError::new("subscription to the readers", why))?;
+    let told = transport.subscribe(node_name, &address, deliver)?;
+    thread::sleep(transport.settling());
+    Ok(told)
 }
 
 /// Offers the parameters that the player of ROS 2 Jazzy has. All of them are fixed: the player makes the time of the bag.
@@ -153,14 +207,17 @@ fn wait_until_heard(publishers: &Publishers, clock: &dyn Clock, stop: &Stop) {
 
 /// A replay on its way.
 struct Replay<'a> {
+    transport: &'a ZenohTransport,
     clock: &'a dyn Clock,
     player: &'a mut Player,
     pace: PlaybackClock,
+    /// The readers of the last frame, which are waited for at rate 0.
+    pacing: Pacing,
     /// The next message, if it has been read.
     ahead: Option<NextMessage>,
     publishers: Publishers,
     time: Option<ClockPublisher>,
-    orders: Arc<Queue<PlayerCommand>>,
+    events: Arc<Queue<PlayerEvent>>,
     /// Whether a caller has asked for the end.
     stopped: bool,
 }
@@ -173,13 +230,21 @@ impl Replay<'_> {
                 time.publish(now, self.player.log_time(self.pace.position(now)))?;
             }
             // At most one message a turn, so that a replay that is late still serves its callers.
-            if self.ticks_until_due(now) == Some(0) {
-                self.send_next()?;
+            if self.ticks_until_due(now) == Some(0) && !self.waits_for_readers() {
+                self.send_next(now)?;
             }
-            if let Next::Item(arrived) = self.orders.take(self.patience()) {
-                let answer = self.carry_out(arrived.item.action, stop)?;
-                // Fails only when the caller has gone.
-                let _ = arrived.item.answer.send(answer);
+            match self.events.take(self.patience()).item() {
+                Some(PlayerEvent::Command(command)) => {
+                    let answer = self.carry_out(command.action, stop)?;
+                    // Fails only when the caller has gone.
+                    let _ = command.answer.send(answer);
+                }
+                Some(PlayerEvent::Taken(incoming)) => {
+                    if let Ok(Message::Diagnostics(taken)) = incoming.open(MessageKind::Diagnostics) {
+                        self.pacing.note(&taken);
+                    }
+                }
+                None => {}
             }
         }
         Ok(())
@@ -191,6 +256,21 @@ impl Replay<'_> {
             self.ahead = self.player.next_message().transpose()?;
         }
         Ok(self.ahead.is_some())
+    }
+
+    /// Returns whether the next message is the image of a frame that comes too early for the readers of the last one.
+    fn waits_for_readers(&mut self) -> bool {
+        let Some(next) = self.ahead.as_ref().filter(|_| self.pace.rate() == 0.0) else { return false };
+        let Some(stamp) = image_stamp(&next.message) else { return false };
+        let Some(to) = self.publishers.of(&next.message) else { return false };
+        if self.pacing.adds(stamp, &to.name) {
+            return false;
+        }
+        let holds = self.pacing.holds(self.transport, self.clock);
+        if !holds {
+            self.pacing.sent(stamp, [to.name.clone()]);
+        }
+        holds
     }
 
     /// Returns the ticks until the next message is due; `None` while paused, and at the end.
@@ -207,14 +287,20 @@ impl Replay<'_> {
         }
         let now = self.clock.ticks_ns();
         let time = self.time.as_ref().map(|time| time.ticks_until_due(now));
-        [self.ticks_until_due(now), time].into_iter().flatten().min().map(Duration::from_nanos)
+        // At rate 0 a message that has not been sent waits for readers, one of which may leave the graph.
+        let waits = self.pace.rate() == 0.0;
+        let due = self.ticks_until_due(now).map(|ticks| if waits { nanos(GLANCE) } else { ticks });
+        [due, time].into_iter().flatten().min().map(Duration::from_nanos)
     }
 
-    /// Sends the next message; its position.
-    fn send_next(&mut self) -> Result<Option<u64>, TransportError> {
-        let Some(due) = self.ahead.take() else { return Ok(None) };
+    /// Sends the next message. Where no time passes by itself, its position is the new one.
+    fn send_next(&mut self, now: u64) -> Result<(), TransportError> {
+        let Some(due) = self.ahead.take() else { return Ok(()) };
         self.publishers.send(due.message)?;
-        Ok(Some(due.position))
+        if self.pace.rate() == 0.0 || self.pace.state() == PlaybackState::Paused {
+            self.pace.jump(now, due.position);
+        }
+        Ok(())
     }
 
     fn carry_out(&mut self, action: PlayerAction, stop: &Stop) -> Result<PlayerReply, ReplayError> {
@@ -232,7 +318,8 @@ impl Replay<'_> {
                 self.pace.set_state(now, state.unwrap_or(other));
             }
             // An impossible rate is refused in the response, and the replay goes on.
-            PlayerAction::SetRate(rate) => done = self.pace.set_rate(now, rate).is_ok(),
+            // So is 0, as in rosbag2: readers tell what they have taken only to a replay that began at that rate.
+            PlayerAction::SetRate(rate) => done = rate > 0.0 && self.pace.set_rate(now, rate).is_ok(),
             PlayerAction::Step(number) => {
                 played = self.step(now, number.unwrap_or(u64::MAX), stop)?;
                 done = played > 0;
@@ -257,13 +344,19 @@ impl Replay<'_> {
         }
         let mut played = 0;
         while played < number && stop.urgency() == Urgency::None && self.look_ahead()? {
-            if let Some(position) = self.send_next()? {
-                self.pace.jump(now, position);
-            }
+            self.send_next(now)?;
             played += 1;
         }
         Ok(played)
     }
+}
+
+/// Returns the stamp of an image, raw or compressed, which stands at the start of its payload; `None` for other messages.
+fn image_stamp(message: &RawMessage) -> Option<Time> {
+    let image =
+        [sensor_msgs::Image::NAME, sensor_msgs::CompressedImage::NAME].contains(&&*message.topic.type_name);
+    // A payload that is too short is sent as it is, as any other.
+    image.then(|| cdr::from_slice(&message.data).ok()).flatten()
 }
 
 /// The publishers of the topics of a bag. A topic that the bag has with two types gets two of them.
@@ -304,12 +397,15 @@ impl Publishers {
         self.0.iter().any(|topic| topic.publisher.wanted())
     }
 
-    /// Sends the payload of `message` unchanged, on the publisher of its topic and type.
-    fn send(&mut self, message: RawMessage) -> Result<(), TransportError> {
+    /// Returns the publisher of the topic and type of `message`; `None` where --clock publishes the time instead.
+    fn of(&mut self, message: &RawMessage) -> Option<&mut TopicPublisher> {
         let BagTopic { name, type_name, .. } = &*message.topic;
-        let its = |to: &&mut TopicPublisher| to.topic.name == *name && to.topic.type_name == *type_name;
-        // A topic of the bag has no publisher where --clock publishes the time instead.
-        let Some(topic) = self.0.iter_mut().find(its) else { return Ok(()) };
+        self.0.iter_mut().find(|to| to.topic.name == *name && to.topic.type_name == *type_name)
+    }
+
+    /// Sends the payload of `message` unchanged.
+    fn send(&mut self, message: RawMessage) -> Result<(), TransportError> {
+        let Some(topic) = self.of(&message) else { return Ok(()) };
         topic.publisher.put(message.data)?;
         topic.sent += 1;
         Ok(())

@@ -98,7 +98,7 @@ pub struct Form {
 pub struct BagPlay {
     /// Bag folder, or .mcap, .db3 or ROS 1 .bag file
     pub bag: PathBuf,
-    /// Speed; 2 is twice as fast as the recording
+    /// Speed; 2 is twice as fast as the recording, 0 sends an image when the nodes have taken the last one
     #[arg(short, long, default_value_t = 1.0)]
     pub rate: f64,
     /// Start again at the end of the bag

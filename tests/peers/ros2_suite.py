@@ -136,10 +136,12 @@ def launch():
     if (code := stop(process, 20)) != 0:
         raise Failure(f"ros2 launch modulo detector.launch.yaml: exit code {code} after SIGINT")
     print("ok    ros2 launch modulo detector.launch.yaml")
-    theirs = boxes_of("ros2", "launch", "modulo", "replay.launch.yaml", f"bag:={BAG}")
-    ours = boxes_of("modulo", "launch", str(ROOT / "launch/replay.launch.yaml"), f"bag:={BAG}")
+    theirs = boxes_of("ros2", "launch", "modulo", "replay.launch.yaml", f"bag:={BAG}", "play_rate:=0")
+    ours = boxes_of("modulo", "launch", str(ROOT / "launch/replay.launch.yaml"), f"bag:={BAG}", "play_rate:=0")
     if not theirs or theirs != ours:
-        raise Failure(f"boxes of the sample bag: {len(theirs)} frames under ros2 launch, {len(ours)} under modulo launch")
+        differ = [stamp for stamp in sorted(theirs | ours) if theirs.get(stamp) != ours.get(stamp)]
+        raise Failure(f"boxes of the sample bag: {len(theirs)} frames under ros2 launch, {len(ours)} under modulo launch; "
+                      f"these stamps have other boxes or are missing: {differ}")
     print(f"ok    the same boxes on {len(theirs)} frames of the sample bag")
 
 

@@ -508,16 +508,13 @@ fn a_recorded_run_replayed_gives_the_same_boxes() {
     let recording = bench.record(&again, &[]);
     let replayed = live.display().to_string();
     let bag = arg("bag", &replayed);
-    // The frames were recorded as fast as they were answered; half a second for each is time enough for this.
-    let ns = |image: &Image| image.header.stamp.as_ns();
-    let speed = (ns(&modulo[4]) - ns(&modulo[0])) as f64 / 2e9;
-    let speed = format!("play_rate:={}", speed.max(0.001));
-    let output = bench.run(&["launch", "launch/replay.launch.yaml", &bag, &model, "engine:=rten", &speed]);
+    let output =
+        bench.run(&["launch", "launch/replay.launch.yaml", &bag, &model, "engine:=rten", "play_rate:=0"]);
     assert_eq!(output.status.code(), Some(0), "{}", text(&output));
     assert_eq!(recording.interrupt(), Some(0));
-    // The player keeps the times of the bag, so that a busy machine may leave out frames.
+    // The recorder may subscribe to the topic after the first results, but then it misses no result.
     let second = detections(&again);
-    assert!(!second.is_empty() && second.iter().all(|array| first.contains(array)), "{second:?}\n{first:?}");
+    assert!(!second.is_empty() && first.ends_with(&second), "{second:?}\n{first:?}");
 }
 
 #[test]

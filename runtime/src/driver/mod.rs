@@ -4,6 +4,7 @@
 pub mod composed;
 pub mod live;
 pub mod lockstep;
+pub mod pacing;
 
 use std::time::Duration;
 

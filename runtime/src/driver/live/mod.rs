@@ -1,5 +1,5 @@
 //! The live driver: one node on a transport, until its source is over or it is asked to stop. The newest frame wins,
-//! and each replaced one is counted; only a source of rate 0 waits for its readers (`pacing.rs`).
+//! and each replaced one is counted; only a source of rate 0 waits for its readers (`driver/pacing.rs`).
 
 mod inputs;
 mod outputs;
@@ -15,6 +15,7 @@ use super::{
     wait_until_ready,
 };
 use crate::clock::{Clock, nanos as nanoseconds};
+use crate::driver::pacing::{Pacing, taken_message, taken_topic};
 use crate::graph::NodeName;
 use crate::graph::diagnostics::Diagnostics;
 use crate::graph::node_time::NodeTime;
@@ -32,7 +33,7 @@ use crate::transport::{
 };
 use inputs::{Inputs, SkipWarnings};
 use outputs::{LiveOutput, compressed, decompress};
-use source::{Pacing, images, taken_message, taken_topic};
+use source::images;
 
 /// Time after which a node without work looks at the tasks of each second.
 const IDLE: Duration = Duration::from_millis(250);
