@@ -7,7 +7,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use modulo_eval::grid::words;
 use modulo_runtime::transport::keys::Hashes;
 
-use crate::command::{bag, bench, eval, graph, launch, model, param, run};
+use crate::command::{bag, bench, eval, graph, launch, model, param, run, view};
 
 /// Version of the suite.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
@@ -22,8 +22,16 @@ pub const LONG_VERSION: &str = concat!(
 );
 
 /// Commands that exchange messages with other nodes.
-const ON_THE_GRAPH: [&[&str]; 7] =
-    [&["launch"], &["run"], &["bag", "record"], &["bag", "play"], &["param"], &["topic"], &["node"]];
+const ON_THE_GRAPH: [&[&str]; 8] = [
+    &["launch"],
+    &["run"],
+    &["bag", "record"],
+    &["bag", "play"],
+    &["param"],
+    &["topic"],
+    &["node"],
+    &["view"],
+];
 
 /// Simulate a modulo camera, unwrap its images to high dynamic range and detect objects in them, as ROS 2-compatible
 /// nodes
@@ -72,6 +80,8 @@ pub enum Command {
     /// List nodes, print their publishers, subscriptions and services
     #[command(subcommand)]
     Node(graph::NodeCommand),
+    /// Show the streams, boxes and latencies of a running suite on a web page, with controls for its parameters
+    View(view::View),
     /// Fetch official detection models, or check a model
     #[command(subcommand)]
     Model(model::Model),

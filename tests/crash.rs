@@ -8,11 +8,14 @@ use harness::{Background, Bench, Peer, arg, command_line, model, signal, text, w
 use modulo_runtime::MessageKind;
 use modulo_runtime::transport::Transport;
 
+/// The names of the nodes' executables.
+const NODES: [&str; 3] = ["detector", "unwrap", "modulo_camera"];
+
 /// All three nodes, without end.
-fn suite(bench: &Bench) -> Background {
+fn suite(bench: &Bench, more: &[&str]) -> Background {
     let (source, model) = (arg("source", bench.images(4)), arg("model", model()));
-    let more = ["engine:=rten", "rate:=10", "loop:=true"];
-    bench.start(&[&["launch", "launch/recovered.launch.yaml", &source, &model][..], &more].concat())
+    let fixed = ["engine:=rten", "rate:=10", "loop:=true"];
+    bench.start(&[&["launch", "launch/recovered.launch.yaml", &source, &model][..], &fixed, more].concat())
 }
 
 /// Whether a crash took a frame is a matter of timing; `tests/accounts.rs` looks at the accounts.
@@ -24,7 +27,7 @@ fn end_after_crash(running: Background) {
 #[test]
 fn a_crashed_node_is_back_with_its_last_accepted_parameters() {
     let bench = Bench::new();
-    let running = suite(&bench);
+    let running = suite(&bench, &[]);
     let peer = Peer::new(&bench);
     wait_until("the camera", || peer.transport.is_ready("/modulo_camera"));
     for (name, value) in [("input", "modulo"), ("score_threshold", "0.125")] {
@@ -58,7 +61,7 @@ fn a_crashed_node_is_back_with_its_last_accepted_parameters() {
     end_after_crash(running);
 
     // Another launch is another life.
-    let running = suite(&bench);
+    let running = suite(&bench, &[]);
     // The saved state belongs to the launch that has ended, so the parameter has its value from the file
     // again.
     wait_until("the next launch", || {
@@ -68,14 +71,36 @@ fn a_crashed_node_is_back_with_its_last_accepted_parameters() {
     assert_eq!(running.interrupt(), Some(0));
 }
 
+/// A node that stands still is not in the way for long: it is killed and started again. The others go on.
+#[test]
+fn a_node_that_hangs_is_replaced() {
+    let bench = Bench::new();
+    let running = suite(&bench, &["--hang-timeout", "4"]);
+    let peer = Peer::new(&bench);
+    for kind in NODES {
+        let (_heard, detections) = peer.listen("/detector/detections", MessageKind::Detections);
+        detections.recv_timeout(Duration::from_secs(60)).expect("boxes before the hang");
+        let pids = || NODES.map(|kind| running.node(kind));
+        let before = pids();
+        let victim = running.node(kind).expect("it runs");
+        signal(victim, "STOP");
+        wait_until("another process", || running.node(kind).is_some_and(|pid| pid != victim));
+        let others = pids().iter().zip(&before).filter(|(now, before)| now == before).count();
+        assert_eq!(others, 2, "{kind}: the neighbours have not noticed");
+        // From a new subscription on, since boxes may have waited for the old one.
+        let (_heard, detections) = peer.listen("/detector/detections", MessageKind::Detections);
+        detections.recv_timeout(Duration::from_secs(60)).expect("boxes after the hang");
+    }
+    end_after_crash(running);
+}
+
 #[test]
 fn nodes_end_with_a_launcher_that_was_killed() {
     let bench = Bench::new();
-    let mut running = suite(&bench);
+    let mut running = suite(&bench, &[]);
     let mut nodes = Vec::new();
     wait_until("the nodes", || {
-        nodes =
-            ["detector", "unwrap", "modulo_camera"].iter().filter_map(|kind| running.node(kind)).collect();
+        nodes = NODES.iter().filter_map(|kind| running.node(kind)).collect();
         nodes.len() == 3
     });
     running.0.kill().expect("it runs");

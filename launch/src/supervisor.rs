@@ -32,6 +32,9 @@ pub struct Supervision {
     pub print: Print,
     /// Takes the reports of the nodes several times a second while they run.
     pub watch: Option<Watch>,
+    /// A node of the suite with `respawn` that shows no sign of life for so long is killed and started again; `None`
+    /// lets it hang. A step longer than this counts as a hang.
+    pub hang_timeout: Option<Duration>,
 }
 
 /// Takes a line to be shown.
@@ -53,13 +56,13 @@ pub enum Channel {
 }
 
 impl Supervision {
-    /// Creates the surroundings with the running program as the suite.
+    /// Creates the surroundings with the running program as the suite. Nodes that hang are left alone.
     ///
     /// # Errors
     /// [`LaunchError::Start`] when the running program's path is unknown.
     pub fn new(print: Print, watch: Option<Watch>) -> Result<Self, LaunchError> {
         let suite = std::env::current_exe().map_err(|e| start_error("launcher", e))?;
-        Ok(Self { suite, print, watch })
+        Ok(Self { suite, print, watch, hang_timeout: None })
     }
 }
 

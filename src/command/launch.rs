@@ -41,6 +41,9 @@ pub struct Launch {
     /// End with exit code 3 also when newer images replaced older ones
     #[arg(long)]
     pub strict: bool,
+    /// Replace a node with respawn that shows no sign of life for this time, in seconds; 0 never does
+    #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = hang_timeout, conflicts_with = "compose")]
+    pub hang_timeout: Duration,
     /// Also print what the nodes log, with one line for each frame
     #[arg(long, short, conflicts_with_all = ["print", "check", "show_args"])]
     pub verbose: bool,
@@ -87,7 +90,7 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
     // Lockstep runs the nodes as one process does, so the hint at the end is given for such files only.
     let evaluable = modulo_launch::compose(&plan).is_ok();
     let LaunchResult { summary, failure, completed } =
-        if args.compose { run_composed(&plan)? } else { run_processes(plan, args.verbose)? };
+        if args.compose { run_composed(&plan)? } else { run_processes(plan, args)? };
     if let Some(file) = &args.summary {
         summary.write(file)?;
     }
@@ -104,6 +107,12 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
         None if summary.lost(args.strict) => Ok(Ended::WithLoss),
         None => Ok(Ended::Done),
     }
+}
+
+fn hang_timeout(text: &str) -> Result<Duration, String> {
+    // Nodes show a sign of life once a second.
+    let seconds = text.parse().ok().filter(|seconds| *seconds == 0.0 || (1.0..=3600.0).contains(seconds));
+    seconds.map(Duration::from_secs_f64).ok_or_else(|| "must be 0 or a number in 1 to 3600".to_owned())
 }
 
 /// Prints how to get the faster engine when a detector did not find it.
@@ -195,12 +204,12 @@ fn refusals(node: &NodePlan) -> Vec<String> {
     }
 }
 
-fn run_processes(mut plan: Plan, verbose: bool) -> Result<LaunchResult, Failure> {
+fn run_processes(mut plan: Plan, args: &Launch) -> Result<LaunchResult, Failure> {
     let word = chosen_hashes()?.word();
     for node in &mut plan.nodes {
         // An `env` of the launch file wins over the option.
         node.process.env.entry(HASHES_VARIABLE.to_owned()).or_insert(Some(word.to_owned()));
-        if verbose && node.package == modulo_launch::SUITE {
+        if args.verbose && node.package == modulo_launch::SUITE {
             // In front: a level of the launch file comes later and wins.
             node.ros_args.splice(0..0, ["--log-level", "debug"].map(str::to_owned));
         }
@@ -212,7 +221,10 @@ fn run_processes(mut plan: Plan, verbose: bool) -> Result<LaunchResult, Failure>
     let line = Arc::new(ProgressLine::start());
     let shown = line.is_shown().then(|| line.clone());
     let watch = shown.map(|line| -> Watch { Arc::new(move |reports| line.show(|| reports.to_vec())) });
-    let supervision = Supervision::new(Arc::new(progress::print), watch)?;
+    let supervision = Supervision {
+        hang_timeout: Some(args.hang_timeout).filter(|limit| !limit.is_zero()),
+        ..Supervision::new(Arc::new(progress::print), watch)?
+    };
     let runtime = tokio::runtime::Runtime::new().context("tokio runtime")?;
     let outcome = runtime.block_on(modulo_launch::run(plan, &supervision))?;
     // The line leaves the screen before the summary is printed.

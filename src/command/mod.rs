@@ -19,6 +19,7 @@ pub mod model;
 pub mod param;
 mod progress;
 pub mod run;
+pub mod view;
 
 use std::sync::{Arc, OnceLock};
 
@@ -58,6 +59,7 @@ pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
         Command::Param(args) => param::param(&args),
         Command::Topic(args) => graph::topic(&args),
         Command::Node(args) => graph::node(&args),
+        Command::View(args) => view::view(&args),
         Command::Model(args) => model::model(&args),
         Command::Doctor => doctor::doctor(),
         Command::Completions { shell } => {

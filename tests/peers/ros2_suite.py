@@ -125,7 +125,10 @@ def launch():
         expect("default:", "ros2", "launch", "modulo", file.name, "--show-args")
         if file.name in ("detector.launch.yaml", "replay.launch.yaml", "dds.launch.yaml"):
             continue
-        arguments = [f"{SCENE}4"] + (["detectors:=[]"] if file.name == "sensor.launch.yaml" else [])
+        arguments = {
+            "sensor.launch.yaml": [f"{SCENE}4", "detectors:=[]"],
+            "cameras.launch.yaml": [f"{SCENE}4".replace("source", camera) for camera in ["front", "rear"]],
+        }.get(file.name, [f"{SCENE}4"])
         output = expect("[modulo_camera-", "ros2", "launch", "modulo", file.name, *arguments)
         started, ended = output.count("process started with pid"), output.count("process has finished cleanly")
         if started != ended:
@@ -305,7 +308,7 @@ def images_dds():
     with on_dds():
         lists = [f"{way}:=[{topic}:sensor_msgs/msg/Image]"
                  for way, topic in [("zenoh_to_dds", "/to_dds"), ("dds_to_zenoh", "/to_zenoh")]]
-        start("ros2", "run", "modulo_ros2_bridge", "ros2_bridge", "--ros-args", "-p", lists[0], "-p", lists[1])
+        bridge = start("ros2", "run", "modulo_ros2_bridge", "ros2_bridge", "--ros-args", "-p", lists[0], "-p", lists[1])
         ways = {"/to_dds": ("rmw_zenoh_cpp", "rmw_cyclonedds_cpp"), "/to_zenoh": ("rmw_cyclonedds_cpp", "rmw_zenoh_cpp")}
         readers = {}
         for topic, (sender, receiver) in ways.items():
@@ -315,11 +318,17 @@ def images_dds():
             RUNNING.append(readers[topic])
             RUNNING.append(subprocess.Popen([*probe, "send", topic, count], env=environment(sender), stderr=subprocess.DEVNULL,
                                             start_new_session=True))
+        # Both are judged before the check fails, so that one fault does not hide the other.
+        faults = []
         for topic, reader in readers.items():
             found = yaml.safe_load(reader.communicate()[0])
-            print(f"{'ok   ' if found['lost'] == 0 and found['in_order'] else 'FAILS'} {topic}: {found} of {count} images")
             if found["lost"] or not found["in_order"]:
-                raise Failure(f"{topic}: {found}")
+                faults.append(topic)
+            print(f"{'FAILS' if topic in faults else 'ok   '} {topic}: {found} of {count} images", flush=True)
+        bridge.send_signal(signal.SIGINT)
+        bridge.wait(10)
+        if faults:
+            raise Failure(f"images on {faults}:\n{(WORK / 'ros2.log').read_text()[-1500:]}")
 
 
 @contextlib.contextmanager

@@ -9,7 +9,7 @@ use serde_json::Value;
 const FLOORS: [&[&str]; 8] = [
     &["modulo"],
     &["modulo-launch", "modulo-eval", "modulo-bench"],
-    &["modulo-camera", "modulo-unwrap", "modulo-detector"],
+    &["modulo-camera", "modulo-unwrap", "modulo-detector", "modulo-viewer"],
     &["modulo-bags"],
     &["modulo-runtime"],
     &["modulo-msgs"],

@@ -97,6 +97,26 @@ fn compare_runs_a_detector_on_each_stream() {
     }
 }
 
+/// Two cameras in namespaces of their own are answered by their own detectors.
+#[test]
+fn each_camera_has_its_own_detector() {
+    let bench = Bench::new();
+    let images = bench.images(3);
+    let [front, rear] = ["front", "rear"].map(|camera| arg(camera, &images));
+    let model = arg("model", model());
+    let file = bench.path("summary.json");
+    let summary = ["--compose", "engine:=rten", "--summary", file.to_str().expect("UTF-8")];
+    let output =
+        bench.run(&[&["launch", "launch/cameras.launch.yaml", &front, &rear, &model][..], &summary].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let summary = json(&file);
+    for camera in ["front", "rear"] {
+        let count = |topic: &str| summary["topics"][format!("/{camera}/{topic}")]["out"].as_u64();
+        // The end of one camera ends both, so that the other one may have sent fewer frames.
+        assert!(count("modulo") >= Some(1) && count("detector/detections") == count("modulo"), "{summary}");
+    }
+}
+
 /// Each is one line that names the thing, the value and what is allowed.
 #[test]
 fn bad_input_is_one_line_and_no_panic() {

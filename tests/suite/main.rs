@@ -11,3 +11,4 @@ mod parameters;
 mod recorded;
 mod ros;
 mod screen;
+mod view;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitStatus;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
 use modulo_runtime::launcher;
 use tokio::sync::watch;
@@ -19,6 +19,8 @@ const SHORT_LIFE: Duration = Duration::from_secs(5);
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
 /// ... up to this: a crashed node is back within 2 s.
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
+/// Time between two looks at the report of a node.
+const LOOK: Duration = Duration::from_millis(250);
 
 /// The origin of the program of a process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,6 +43,19 @@ pub(super) struct Job {
     pub origin: Origin,
     pub command: CommandLine,
     pub process: ProcessPlan,
+    /// The signs of life of a node that is replaced when it hangs.
+    pub life_signs: Option<LifeSigns>,
+}
+
+/// Where a node of the suite shows that its loop still runs: it writes its report at least once a second.
+#[derive(Clone, Debug)]
+pub(super) struct LifeSigns {
+    /// Folder of the reports.
+    folder: PathBuf,
+    /// Fully qualified name of the node.
+    node: String,
+    /// The node hangs when its report is older than this.
+    limit: Duration,
 }
 
 /// Returns the jobs of `plan`. Nodes write their reports into the folder `reports`, and the state that outlasts their crash
@@ -62,11 +77,16 @@ pub(super) fn all(
         // These come after the variables of the plan: no launch file can lead the reports of a node
         // elsewhere.
         process.env.extend(told.iter().map(|(name, value)| ((*name).to_owned(), Some(value.clone()))));
-        Ok(Job { origin, command: node_command(node, &how.suite)?, process })
+        let watched = origin == Origin::Suite && matches!(process.respawn, Respawn::After { .. });
+        let life_signs = how.hang_timeout.filter(|_| watched).and_then(|limit| {
+            let name = node.name.as_ref().map(|name| format!("{}/{name}", node.namespace));
+            Some(LifeSigns { folder: reports.to_owned(), node: name?, limit })
+        });
+        Ok(Job { origin, command: node_command(node, &how.suite)?, process, life_signs })
     });
     let executables = plan.executables.iter().map(|executable| {
         let command = executable_command(executable, &how.suite);
-        Ok(Job { origin: Origin::Foreign, command, process: executable.process.clone() })
+        Ok(Job { origin: Origin::Foreign, command, process: executable.process.clone(), life_signs: None })
     });
     nodes.chain(executables).collect()
 }
@@ -143,6 +163,13 @@ impl Job {
             let end = tokio::select! {
                 biased;
                 status = running.wait() => self.ended(status, restarts),
+                why = hang(self.life_signs.as_ref()) => {
+                    self.say(&print, &format!("{why}; it is killed"));
+                    running.kill();
+                    // What it returns says only that it was killed.
+                    let _ = running.wait().await;
+                    ProcessEnd::Crashed(why)
+                }
                 () = told_to_end(&mut told) => {
                     let status = running.shut_down(&self.process).await;
                     running.finish().await;
@@ -211,6 +238,40 @@ fn backoff(short_lives: u32) -> Duration {
         // The exponent has a limit, since a number of 32 bits cannot be shifted any further.
         n => FIRST_PAUSE.saturating_mul(1 << (n - 2).min(8)).min(LONGEST_PAUSE),
     }
+}
+
+/// Waits until the node hangs, and returns what is wrong. Ends never for a process without signs of life.
+///
+/// A node that loads its model or waits for others has not written its report a second time, and is not judged. The looks are
+/// counted and not the time: a launcher that stood still itself must not blame its nodes.
+async fn hang(life_signs: Option<&LifeSigns>) -> String {
+    let Some(LifeSigns { folder, node, limit }) = life_signs else { return std::future::pending().await };
+    let looks = limit.as_millis().div_ceil(LOOK.as_millis()).max(1);
+    let (mut seen, mut changes, mut unchanged) = (None, 0, 0);
+    loop {
+        tokio::time::sleep(LOOK).await;
+        let now = last_report(folder, node);
+        if now != seen {
+            // The first one that is seen is that of an earlier life, or the one that the process makes at its start.
+            changes += u32::from(now.is_some());
+            (seen, unchanged) = (now, 0);
+            continue;
+        }
+        unchanged += 1;
+        if changes > 1 && unchanged >= looks {
+            return format!("no sign of life for {} s", limit.as_secs_f64());
+        }
+    }
+}
+
+/// Returns the number of lives that have a report, and when the last one was written.
+fn last_report(folder: &Path, node: &str) -> Option<(u32, SystemTime)> {
+    let written = |life: u32| -> Option<SystemTime> {
+        let report = launcher::file_of(folder, node, &format!("{life}.json")).metadata().ok()?;
+        // An empty file is one that a node is just making.
+        report.modified().ok().filter(|_| report.len() > 0)
+    };
+    (1..).map_while(|life| Some((life, written(life)?))).last()
 }
 
 /// Waits until all are told to end. It also returns when the supervisor, which tells it, has ended.

@@ -98,8 +98,13 @@ impl Running {
             }
             (self.say)(&format!("still runs {} s after {signal}, sending {next}", patience.as_secs_f64()));
         }
-        self.signal(Signal::SIGKILL);
+        self.kill();
         self.wait().await
+    }
+
+    /// Kills the process and its group. Also a stopped process ends then.
+    pub fn kill(&self) {
+        self.signal(Signal::SIGKILL);
     }
 
     fn signal(&self, signal: Signal) {

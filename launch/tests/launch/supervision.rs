@@ -19,7 +19,7 @@ impl Lines {
     fn supervision(&self, suite: &str) -> Supervision {
         let lines = self.0.clone();
         let print = Arc::new(move |_, line: &str| lines.lock().expect("not poisoned").push(line.to_owned()));
-        Supervision { suite: PathBuf::from(suite), print, watch: None }
+        Supervision { suite: PathBuf::from(suite), print, watch: None, hang_timeout: None }
     }
 
     fn all(&self) -> Vec<String> {

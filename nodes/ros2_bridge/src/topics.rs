@@ -15,8 +15,10 @@ use modulo_runtime::{NodeName, Qos, SystemClock};
 use r2r::QosProfile;
 use r2r::qos::ReliabilityPolicy;
 
-/// The number of results that wait for the other side. Of images, only the newest one waits.
+/// The number of results that wait for the other side.
 const RESULTS_WAITING: usize = 64;
+/// The number of images that wait for the other side, a third of a second at 30 Hz. A newer image replaces the oldest one.
+const IMAGES_WAITING: usize = 10;
 
 /// A topic that is forwarded until this is dropped.
 pub struct Forwarding {
@@ -95,7 +97,7 @@ impl ForwardQueue {
     fn new(qos: Qos) -> Self {
         let limit = Limit { messages: 0, bytes: 0 };
         let queue = Arc::new(Queue::new(Arc::new(SystemClock::default()), limit));
-        let lane = queue.open(if qos == Qos::Images { Keep::Latest } else { Keep::Last(RESULTS_WAITING) });
+        let lane = queue.open(Keep::Last(if qos == Qos::Images { IMAGES_WAITING } else { RESULTS_WAITING }));
         Self { queue, lane }
     }
 
@@ -137,7 +139,8 @@ fn reliability(route: &Route, node: &r2r::Node) -> anyhow::Result<ReliabilityPol
 
 fn profile(qos: Qos, reliability: ReliabilityPolicy) -> QosProfile {
     let profile = match qos {
-        Qos::Images => QosProfile::sensor_data(),
+        // Each image is many datagrams, and some are sent again; as many wait in DDS as in the queue before it.
+        Qos::Images => QosProfile::sensor_data().keep_last(IMAGES_WAITING),
         Qos::Results => QosProfile::default(),
         Qos::Latched => QosProfile::default().keep_last(1).transient_local(),
         Qos::Clock => QosProfile::sensor_data().keep_last(1),

@@ -1,6 +1,7 @@
 //! Parameters as ROS 2 has them: declared once with type, range and description, validated as a set, never accepted and
 //! ignored.
 
+pub mod client;
 pub mod events;
 pub mod file;
 pub mod service;

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use modulo_msgs::std_msgs::Time;
 
-use super::{GRAPH_GLANCE, Live, LiveEvent, LiveOutput, REQUESTS, nanoseconds};
+use super::{GRAPH_GLANCE, IDLE, Live, LiveEvent, LiveOutput, REQUESTS, nanoseconds};
 use crate::clock::Clock;
 use crate::driver::RunError;
 use crate::driver::pacing::{Pacing, taken_topic};
@@ -75,11 +75,12 @@ impl Live<'_> {
     fn wait_until(&mut self, due: u64) -> Result<(), RunError> {
         loop {
             // With no time left it still takes one event that waits, so that a fast source answers requests as well.
-            let patience = due.saturating_sub(self.time.ticks_ns());
-            match self.queue.take(Some(Duration::from_nanos(patience))) {
+            let patience = Duration::from_nanos(due.saturating_sub(self.time.ticks_ns()));
+            match self.queue.take(Some(patience.min(IDLE))) {
                 Next::Item(arrived) => drop(self.handle(arrived)?),
                 Next::Idle | Next::Ended => {}
             }
+            self.tell_when_due();
             if self.time.ticks_ns() >= due || self.stop.urgency() != Urgency::None {
                 return Ok(());
             }
@@ -91,6 +92,8 @@ impl Live<'_> {
             if let Next::Item(arrived) = self.queue.take(Some(GRAPH_GLANCE)) {
                 self.handle(arrived)?;
             }
+            // A source that waits long still shows that it is alive.
+            self.tell_when_due();
         }
         Ok(())
     }

@@ -1,0 +1,244 @@
+//! The messages between the page and the viewer: JSON texts both ways, and images as binary messages of a JSON [`ImageHeader`]
+//! behind its length (`u32`, little endian), followed by a JPEG file.
+
+use modulo_msgs::diagnostic_msgs::DiagnosticStatus;
+use modulo_msgs::rcl_interfaces::{ParameterDescriptor, ParameterValue};
+use modulo_msgs::vision_msgs::Detection2DArray;
+use modulo_runtime::parameter::text::{bare, type_name};
+use serde::{Deserialize, Serialize};
+
+/// A message from the page.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Request {
+    /// Show exactly these image topics.
+    Watch(Vec<String>),
+    /// The last image of this topic has been drawn: the next one may come.
+    Drawn(String),
+    /// Send the samples of the shown images at column `u` and row `v`.
+    Pixel {
+        /// Column from 0.
+        u: usize,
+        /// Row from 0.
+        v: usize,
+    },
+    /// Send all parameters of this node.
+    Parameters(String),
+    /// Set a parameter to a value in the notation of YAML.
+    Set {
+        /// Fully qualified name of the node.
+        node: String,
+        /// Name of the parameter.
+        name: String,
+        /// The value.
+        value: String,
+    },
+    /// Call a service of the player of a bag.
+    Player(PlayerCall),
+}
+
+/// A call of a service of `/rosbag2_player`.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum PlayerCall {
+    /// Only report the state.
+    State,
+    /// Pause, or go on.
+    Toggle,
+    /// Play the next message while paused.
+    Next,
+    /// Change the speed; 2 is twice as fast as the recording.
+    Rate(f64),
+    /// Go on at this time of the bag, in seconds since the epoch.
+    Seek(f64),
+}
+
+/// A message to the page.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Event {
+    /// The graph, at the start and when it has changed.
+    Graph(GraphView),
+    /// The newest status of each name on `/diagnostics` and `/sensor_info`.
+    Status(Vec<StatusView>),
+    /// The parameters of a node.
+    Parameters {
+        /// Fully qualified name of the node.
+        node: String,
+        /// Its parameters in the order of their names.
+        parameters: Vec<ParameterView>,
+    },
+    /// The result of [`Request::Set`].
+    Set {
+        /// Fully qualified name of the node.
+        node: String,
+        /// Name of the parameter.
+        name: String,
+        /// The reason of a refusal.
+        error: Option<String>,
+    },
+    /// The state of the player of a bag.
+    Player {
+        /// Whether it is paused.
+        paused: bool,
+        /// Its speed.
+        rate: f64,
+    },
+    /// The samples of the shown images at a pixel.
+    Pixel {
+        /// Column from 0.
+        u: usize,
+        /// Row from 0.
+        v: usize,
+        /// The samples of each shown image that has this pixel.
+        samples: Vec<PixelView>,
+    },
+    /// A request that could not be carried out.
+    Error(String),
+}
+
+/// What the page needs to know about the graph.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct GraphView {
+    /// Image topics that have a publisher.
+    pub images: Vec<String>,
+    /// The detectors.
+    pub detectors: Vec<DetectorView>,
+    /// All nodes with parameters.
+    pub nodes: Vec<String>,
+    /// Whether a bag is being replayed.
+    pub player: bool,
+}
+
+/// A topic of boxes and the images that its publisher reads.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DetectorView {
+    /// Fully qualified name of the node.
+    pub node: String,
+    /// The topic of its boxes.
+    pub topic: String,
+    /// The image topics that it reads now.
+    pub inputs: Vec<String>,
+}
+
+/// One status of `diagnostic_msgs/DiagnosticArray`.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StatusView {
+    /// Name of the status, such as `unwrap: recovery`.
+    pub name: String,
+    /// 0 for fine, 1 for a warning, 2 for an error, 3 for no news.
+    pub level: u8,
+    /// One sentence.
+    pub message: String,
+    /// Measurements with their names.
+    pub values: Vec<(String, String)>,
+}
+
+impl From<&DiagnosticStatus> for StatusView {
+    fn from(status: &DiagnosticStatus) -> Self {
+        let values = status.values.iter().map(|value| (value.key.clone(), value.value.clone()));
+        Self {
+            name: status.name.clone(),
+            level: status.level,
+            message: status.message.clone(),
+            values: values.collect(),
+        }
+    }
+}
+
+/// A parameter with what a control for it needs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ParameterView {
+    /// Name of the parameter.
+    pub name: String,
+    /// Name of its type, such as `double`.
+    pub r#type: &'static str,
+    /// The value.
+    pub value: String,
+    /// One sentence.
+    pub description: String,
+    /// Whether it can never be set.
+    pub read_only: bool,
+    /// Smallest and largest value of a number.
+    pub range: Option<(f64, f64)>,
+    /// The possible values of a string; empty when there are others.
+    pub words: Vec<String>,
+}
+
+impl ParameterView {
+    /// Returns the view of the parameter of `descriptor` with `value`.
+    pub fn new(descriptor: &ParameterDescriptor, value: &ParameterValue) -> Self {
+        let doubles = descriptor.floating_point_range.first().map(|range| (range.from_value, range.to_value));
+        let integers =
+            descriptor.integer_range.first().map(|range| (range.from_value as f64, range.to_value as f64));
+        let words = descriptor.additional_constraints.strip_prefix("one of ");
+        Self {
+            name: descriptor.name.clone(),
+            r#type: type_name(descriptor.r#type),
+            value: bare(value),
+            description: descriptor.description.clone(),
+            read_only: descriptor.read_only,
+            range: doubles.or(integers),
+            words: words.map_or_else(Vec::new, |words| words.split(", ").map(str::to_owned).collect()),
+        }
+    }
+}
+
+/// The samples of one image at a pixel.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PixelView {
+    /// Topic of the image.
+    pub topic: String,
+    /// Stamp of the image, seconds and nanoseconds.
+    pub stamp: (i32, u32),
+    /// One sample for each channel, in codes.
+    pub samples: Vec<f32>,
+}
+
+/// What stands before the JPEG file of an image.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ImageHeader {
+    /// Topic of the image.
+    pub topic: String,
+    /// Stamp of the image, seconds and nanoseconds.
+    pub stamp: (i32, u32),
+    /// Width in pixels.
+    pub width: usize,
+    /// Height in pixels.
+    pub height: usize,
+    /// The code that is shown as white, for an image of more than 8 bits.
+    pub white: Option<f32>,
+    /// The boxes of this very image, by the topic of the detector.
+    pub boxes: Vec<(String, Vec<BoxView>)>,
+}
+
+/// A box in pixels of the image.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BoxView {
+    /// Left, top, right and bottom edge.
+    pub edges: [f32; 4],
+    /// Name of the class.
+    pub class: String,
+    /// Score in 0 to 1.
+    pub score: f32,
+}
+
+impl BoxView {
+    /// Returns the boxes of `array`; those that are rotated or not finite are left out.
+    pub fn of(array: &Detection2DArray) -> Vec<Self> {
+        let detections = array.detections.iter().filter_map(|detection| detection.to_detection());
+        let view = |d: modulo_core::Detection| Self {
+            edges: [d.bbox.x1, d.bbox.y1, d.bbox.x2, d.bbox.y2],
+            class: d.class,
+            score: d.score,
+        };
+        detections.map(view).collect()
+    }
+}
+
+/// Returns the binary message of an image.
+pub fn image_message(header: &ImageHeader, jpeg: &[u8]) -> Vec<u8> {
+    let header = serde_json::to_vec(header).expect("strings and finite numbers are JSON");
+    let length = u32::try_from(header.len()).expect("a header is short");
+    [&length.to_le_bytes()[..], &header, jpeg].concat()
+}

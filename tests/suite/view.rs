@@ -1,0 +1,166 @@
+//! `modulo view`: the page and its socket, used as a browser uses them.
+
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::net::TcpStream;
+use std::process::Stdio;
+
+use serde_json::{Value, json};
+use tungstenite::client::IntoClientRequest as _;
+use tungstenite::stream::MaybeTlsStream;
+use tungstenite::{Message, WebSocket};
+
+use crate::harness::{Background, Bench, arg, model};
+
+/// A viewer, and the address that it prints.
+fn viewer(bench: &Bench) -> (Background, String) {
+    let mut child = bench.modulo(&["view", "--port", "0"]).stdout(Stdio::piped()).spawn().expect("it starts");
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().expect("piped")).read_line(&mut line).expect("a line");
+    let address = line.split(' ').find(|word| word.starts_with("http://")).expect("an address").to_owned();
+    (Background(child), address)
+}
+
+/// The host and the token of an address.
+fn parts(address: &str) -> (&str, &str) {
+    let (host, token) = address.split_once("/?token=").expect("a token");
+    (host.trim_start_matches("http://"), token)
+}
+
+struct Page(WebSocket<MaybeTlsStream<TcpStream>>);
+
+impl Page {
+    fn open(address: &str) -> Self {
+        let (host, token) = parts(address);
+        Self(tungstenite::connect(format!("ws://{host}/socket?token={token}")).expect("a connection").0)
+    }
+
+    fn ask(&mut self, request: &Value) {
+        self.0.send(Message::text(request.to_string())).expect("sent");
+    }
+
+    /// The next event of `kind` that `accept` accepts. Images are drawn as they come.
+    fn event(&mut self, kind: &str, accept: impl Fn(&Value) -> bool) -> Value {
+        loop {
+            match self.0.read().expect("a message") {
+                Message::Text(text) => {
+                    let event: Value = serde_json::from_str(&text).expect("JSON");
+                    if let Some(body) = event.get(kind).filter(|body| accept(body)) {
+                        return body.clone();
+                    }
+                }
+                Message::Binary(bytes) => {
+                    let header = header(&bytes);
+                    self.ask(&json!({ "drawn": header["topic"] }));
+                    if kind == "image" && accept(&header) {
+                        return header;
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+}
+
+/// The header of an image, behind which a JPEG file must follow.
+fn header(bytes: &[u8]) -> Value {
+    let (length, rest) = bytes.split_first_chunk().expect("a length");
+    let (header, file) = rest.split_at(u32::from_le_bytes(*length) as usize);
+    assert!(file.starts_with(&[0xff, 0xd8]), "a JPEG file");
+    serde_json::from_slice(header).expect("JSON")
+}
+
+#[test]
+fn a_page_shows_images_with_their_boxes_and_sets_parameters() {
+    let bench = Bench::new();
+    let (source, model) = (arg("source", bench.images(4)), arg("model", model()));
+    let _suite = bench.start(&[
+        "launch",
+        "launch/recovered.launch.yaml",
+        "--compose",
+        &source,
+        &model,
+        "engine:=rten",
+        "rate:=5.0",
+        "loop:=true",
+    ]);
+    let (_viewer, address) = viewer(&bench);
+    let mut page = Page::open(&address);
+    let graph = page.event("graph", |graph| !graph["detectors"].as_array().is_none_or(Vec::is_empty));
+    assert_eq!(graph["detectors"][0]["inputs"], json!(["/recovered"]), "{graph}");
+    page.ask(&json!({ "watch": ["/modulo", "/recovered"] }));
+    let image = page.event("image", |image| image["topic"] == "/recovered" && image["boxes"] != json!([]));
+    assert_eq!((&image["width"], &image["height"]), (&json!(96), &json!(64)), "{image}");
+    assert_eq!(image["boxes"][0][0], "/detector/detections");
+    page.event("image", |image| image["topic"] == "/modulo");
+    page.ask(&json!({ "pixel": { "u": 3, "v": 2 } }));
+    let pixel = page.event("pixel", |_| true);
+    assert_eq!(pixel["samples"].as_array().map(Vec::len), Some(2), "{pixel}");
+    assert_eq!(pixel["samples"][1]["samples"].as_array().map(Vec::len), Some(3), "{pixel}");
+
+    let set = |page: &mut Page, value: &str| {
+        page.ask(&json!({ "set": { "node": "/detector", "name": "input", "value": value } }));
+        page.event("set", |_| true)
+    };
+    let refused = set(&mut page, "nonsense");
+    assert!(refused["error"].as_str().is_some_and(|why| why.contains("one of")), "{refused}");
+    assert_eq!(set(&mut page, "modulo")["error"], Value::Null);
+    page.event("graph", |graph| graph["detectors"][0]["inputs"] == json!(["/modulo"]));
+    page.event("image", |image| image["topic"] == "/modulo" && image["boxes"] != json!([]));
+    page.ask(&json!({ "parameters": "/detector" }));
+    let parameters = page.event("parameters", |_| true);
+    let input = parameters["parameters"].as_array().and_then(|all| all.iter().find(|p| p["name"] == "input"));
+    let input = input.expect("the parameter");
+    assert_eq!(input["value"], "modulo");
+    assert_eq!(input["words"], json!(["modulo", "recovered", "saturated", "ideal"]));
+
+    for bad in [json!({ "watch": 5 }), json!({ "steer": "left" }), json!("nothing")] {
+        page.ask(&bad);
+        page.event("error", |why| why.as_str().is_some_and(|why| why.contains("unreadable request")));
+    }
+    page.ask(&json!({ "parameters": "/no_such_node" }));
+    page.event("error", |why| why.as_str().is_some_and(|why| why.contains("/no_such_node")));
+}
+
+/// The response to a request of HTTP, as text.
+fn get(host: &str, path: &str) -> String {
+    let mut stream = TcpStream::connect(host).expect("a connection");
+    write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").expect("sent");
+    let mut response = String::new();
+    stream.read_to_string(&mut response).expect("a response");
+    response
+}
+
+#[test]
+fn only_the_holder_of_the_token_is_served() {
+    let bench = Bench::new();
+    let (viewer, address) = viewer(&bench);
+    let (host, token) = parts(&address);
+    let page = get(host, "/");
+    assert!(
+        page.starts_with("HTTP/1.1 200") && page.contains("content-security-policy: default-src 'none'"),
+        "{page}"
+    );
+    assert!(!page.contains(token), "the page is for everybody");
+    let refusal = |path: &str, origin: Option<&str>| {
+        let mut request = format!("ws://{host}{path}").into_client_request().expect("a request");
+        if let Some(origin) = origin {
+            request.headers_mut().insert("origin", origin.parse().expect("a header"));
+        }
+        match tungstenite::connect(request) {
+            Ok(_) => None,
+            Err(tungstenite::Error::Http(response)) => Some(response.status().as_u16()),
+            Err(why) => panic!("{why}"),
+        }
+    };
+    assert_eq!(refusal("/socket", None), Some(401));
+    assert_eq!(refusal("/socket?token=0123456789abcdef", None), Some(401));
+    let right = format!("/socket?token={token}");
+    assert_eq!(refusal(&right, Some("http://elsewhere.example")), Some(401), "a page of another place");
+    assert_eq!(refusal(&right, Some(&format!("http://{host}"))), None);
+    assert_eq!(refusal(&right, None), None);
+    // Port and token are checked before anything is opened.
+    let taken = bench.run(&["view", "--port", host.rsplit_once(':').expect("a port").1]);
+    assert_eq!(taken.status.code(), Some(1));
+    assert_eq!(bench.run(&["view", "--token", "short"]).status.code(), Some(2));
+    assert_eq!(viewer.interrupt(), Some(0), "SIGINT ends it");
+}
