@@ -76,7 +76,6 @@ fn a_page_shows_images_with_their_boxes_and_sets_parameters() {
     let _suite = bench.start(&[
         "launch",
         "launch/recovered.launch.yaml",
-        "--compose",
         &source,
         &model,
         "engine:=rten",
