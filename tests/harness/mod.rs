@@ -15,11 +15,14 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
+use modulo_msgs::cdr;
+use modulo_msgs::rcl_interfaces::{Parameter, SetParametersRequest, SetParametersResponse};
+use modulo_runtime::parameter::service::to_ros;
 use modulo_runtime::queue::{Keep, Limit, Queue};
 use modulo_runtime::transport::keys::{Endpoint, Hashes, qos_string};
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::transport::{Address, Guard, Incoming, Publisher, RawSample, Transport};
-use modulo_runtime::{Clock, Message, MessageKind, NodeName, SystemClock, Topic};
+use modulo_runtime::{Clock, Message, MessageKind, NodeName, Qos, SystemClock, Topic};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -222,14 +225,29 @@ impl Peer {
         (self.transport.subscribe_raw(&self.node_name, &endpoint, take).expect("a subscription"), arrived)
     }
 
+    /// Sets a parameter of `node`; the error is the reason of the refusal.
+    pub fn set(&self, node: &str, name: &str, value: &modulo_runtime::Value) -> Result<(), String> {
+        let parameters = vec![Parameter { name: name.into(), value: to_ros(Some(value)) }];
+        let request = cdr::to_vec(&SetParametersRequest { parameters }).expect("short");
+        let (service, kind) = (format!("{node}/set_parameters"), "rcl_interfaces/srv/SetParameters");
+        let answer = self.transport.call(&service, kind, request, Duration::from_secs(60)).expect("answered");
+        let results = cdr::from_slice::<SetParametersResponse>(&answer).expect("a response").results;
+        if results[0].successful { Ok(()) } else { Err(results[0].reason.clone()) }
+    }
+
     pub fn hear(&self, topic: &str, kind: MessageKind) -> Heard {
+        self.hear_as(topic, kind, Qos::usual(kind))
+    }
+
+    /// As `hear`, with another quality of service than usual for this kind.
+    pub fn hear_as(&self, topic: &str, kind: MessageKind, qos: Qos) -> Heard {
         let clock = Arc::new(SystemClock::default());
         let queue = Arc::new(Queue::new(clock, Limit { messages: 0, bytes: 0 }));
         let (waiting, lane) = (queue.clone(), queue.open(Keep::Last(1000)));
         let deliver = Box::new(move |incoming| drop(waiting.push(lane, incoming)));
         let subscription = self
             .transport
-            .subscribe(&self.node_name, &address(topic, kind), deliver)
+            .subscribe(&self.node_name, &Address { qos, ..address(topic, kind) }, deliver)
             .expect("a subscription");
         Heard { kind, queue, _subscription: subscription }
     }
