@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use harness::{Background, Bench, Heard, Peer, arg, json, model, signal, text, wait_until};
 use modulo_runtime::transport::Transport;
-use modulo_runtime::{Clock, Message, MessageKind, Qos, SystemClock, Value as Parameter};
+use modulo_runtime::{Clock, Message, MessageKind, Qos, SystemClock};
 use serde_json::Value;
 
 /// All three nodes at 10 Hz without end; the summary goes to `summary.json`.
@@ -200,7 +200,7 @@ impl Swapped {
 
     /// Sets a parameter of the detector, and waits until `key` of its state has the value `wanted`.
     fn swap(&mut self, name: &str, value: &str, key: &str, wanted: &str) {
-        self.peer.set("/detector", name, &Parameter::String(value.into())).expect("possible");
+        self.peer.set("/detector", name, value).expect("possible");
         self.wait_for(key, wanted);
         self.heard.extend(std::iter::from_fn(|| self.detections.next(Duration::ZERO)));
     }
@@ -216,7 +216,7 @@ impl Swapped {
     /// answer.
     fn end(mut self, bench: &Bench) -> Vec<(Message, Message)> {
         // It has sent more frames than one, and so it ends when the last one is answered.
-        self.peer.set("/modulo_camera", "frames", &Parameter::Integer(1)).expect("possible");
+        self.peer.set("/modulo_camera", "frames", "1").expect("possible");
         assert_eq!(self.running.0.wait().expect("it ends").code(), Some(0));
         let summary = json(&bench.path("summary.json"));
         assert_eq!(summary["frames"], summary["topics"]["/detector/detections"]["out"], "{summary}");
@@ -270,16 +270,16 @@ fn every_frame_is_answered_once_while_the_model_is_swapped() {
         let model = Path::new(&model()).with_file_name(file).display().to_string();
         run.swap("model", &model, "model", file);
     }
-    let why = run.peer.set("/detector", "model", &Parameter::String("/no/such.onnx".into()));
+    let why = run.peer.set("/detector", "model", "/no/such.onnx");
     assert!(why.as_ref().is_err_and(|why| why.contains("'model' = /no/such.onnx")), "{why:?}");
-    let why = run.peer.set("/detector", "classes", &Parameter::Strings(vec!["zebra".into()]));
+    let why = run.peer.set("/detector", "classes", "[zebra]");
     assert!(
         why.as_ref().is_err_and(|why| why.contains("person, bicycle, car")),
         "the model is kept: {why:?}"
     );
     let kept = bench.run(&["param", "get", "/detector", "model"]);
     assert!(text(&kept).contains("rows.onnx"), "{}", text(&kept));
-    run.peer.set("/detector", "threads", &Parameter::Integer(1)).expect("possible");
+    run.peer.set("/detector", "threads", "1").expect("possible");
     run.wait_for("threads", "1");
     next_answer(&run.detections, "boxes after all swaps");
     let mut classes = BTreeSet::new();
@@ -301,27 +301,27 @@ fn every_frame_is_answered_once_while_other_settings_are_swapped() {
     let picture = bench.images(1).join("000000.png").display().to_string();
     let camera = "/modulo_camera";
     for (node, name, value) in [
-        ("/unwrap", "method", Parameter::String("tree".into())),
-        ("/unwrap", "deblur", Parameter::Bool(true)),
-        (camera, "alpha", Parameter::Double(2.0)),
-        (camera, "bits", Parameter::Integer(10)),
-        (camera, "psf_sigma", Parameter::Double(0.5)),
-        (camera, "source", Parameter::String(picture.clone())),
+        ("/unwrap", "method", "tree"),
+        ("/unwrap", "deblur", "true"),
+        (camera, "alpha", "2.0"),
+        (camera, "bits", "10"),
+        (camera, "psf_sigma", "0.5"),
+        (camera, "source", &picture),
     ] {
-        run.peer.set(node, name, &value).expect("possible");
+        run.peer.set(node, name, value).expect("possible");
         // What the camera uses reaches the unwrapping with the frame.
         for (of, state) in &states {
             if *of == node || ["alpha", "bits", "psf_sigma"].contains(&name) {
-                state.until(name, |state| in_use(state, name) == value.to_yaml());
+                state.until(name, |state| in_use(state, name) == value);
             }
         }
     }
-    let why = run.peer.set(camera, "source", &Parameter::String("/no/such".into()));
+    let why = run.peer.set(camera, "source", "/no/such");
     assert!(why.as_ref().is_err_and(|why| why.contains("'source' = /no/such")), "{why:?}");
     // A source that waits for a topic, and then a file again.
-    run.peer.set(camera, "source", &Parameter::String("topic:/none".into())).expect("possible");
+    run.peer.set(camera, "source", "topic:/none").expect("possible");
     wait_until("the camera reads the topic", || !run.peer.transport.subscribers("/none").is_empty());
-    run.peer.set(camera, "source", &Parameter::String(picture)).expect("possible");
+    run.peer.set(camera, "source", &picture).expect("possible");
     next_answer(&run.detections, "boxes after all swaps");
     run.end(&bench);
 }

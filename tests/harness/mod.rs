@@ -15,9 +15,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
-use modulo_msgs::cdr;
-use modulo_msgs::rcl_interfaces::{Parameter, SetParametersRequest, SetParametersResponse};
-use modulo_runtime::parameter::service::to_ros;
+use modulo_runtime::parameter::client::ParameterClient;
 use modulo_runtime::queue::{Keep, Limit, Queue};
 use modulo_runtime::transport::keys::{Endpoint, Hashes, qos_string};
 use modulo_runtime::transport::zenoh::ZenohTransport;
@@ -225,14 +223,9 @@ impl Peer {
         (self.transport.subscribe_raw(&self.node_name, &endpoint, take).expect("a subscription"), arrived)
     }
 
-    /// Sets a parameter of `node`; the error is the reason of the refusal.
-    pub fn set(&self, node: &str, name: &str, value: &modulo_runtime::Value) -> Result<(), String> {
-        let parameters = vec![Parameter { name: name.into(), value: to_ros(Some(value)) }];
-        let request = cdr::to_vec(&SetParametersRequest { parameters }).expect("short");
-        let (service, kind) = (format!("{node}/set_parameters"), "rcl_interfaces/srv/SetParameters");
-        let answer = self.transport.call(&service, kind, request, Duration::from_secs(60)).expect("answered");
-        let results = cdr::from_slice::<SetParametersResponse>(&answer).expect("a response").results;
-        if results[0].successful { Ok(()) } else { Err(results[0].reason.clone()) }
+    /// Sets a parameter of `node` to the value that `text` has in YAML; the error is the reason of the refusal.
+    pub fn set(&self, node: &str, name: &str, text: &str) -> Result<(), String> {
+        ParameterClient::new(&self.transport, node).set(name, text).map_err(|why| why.to_string())
     }
 
     pub fn hear(&self, topic: &str, kind: MessageKind) -> Heard {

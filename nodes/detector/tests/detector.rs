@@ -143,10 +143,10 @@ fn the_model_is_exchanged_or_refused() {
 
     // A model that does not load, and one that has no such class.
     let broken = parameters(&data("candidates.onnx"), &[]);
-    let why = node.prepare(&next, &broken).expect("another model")().err().expect("no detector").to_string();
+    let why = node.prepare(&next, &broken).expect("another model")().expect_err("no detector").to_string();
     assert!(why.contains("'model' = ") && why.contains("[1, N, 6]"), "{why}");
     let wrong = parameters(&data("rows.onnx"), &[("classes", "zebra")]);
-    let why = node.prepare(&next, &wrong).expect("another model")().err().expect("no such class").to_string();
+    let why = node.prepare(&next, &wrong).expect("another model")().expect_err("no such class").to_string();
     assert!(why.contains("person, bicycle, car"), "{why}");
     assert_eq!(first(&mut node), "0", "goes on exactly as before");
 
