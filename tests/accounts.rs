@@ -279,8 +279,7 @@ fn every_frame_is_answered_once_while_the_model_is_swapped() {
     );
     let kept = bench.run(&["param", "get", "/detector", "model"]);
     assert!(text(&kept).contains("rows.onnx"), "{}", text(&kept));
-    run.peer.set("/detector", "threads", "1").expect("possible");
-    run.wait_for("threads", "1");
+    run.swap("threads", "3", "threads", "3");
     next_answer(&run.detections, "boxes after all swaps");
     let mut classes = BTreeSet::new();
     for (state, answer) in run.end(&bench) {
@@ -298,7 +297,7 @@ fn every_frame_is_answered_once_while_other_settings_are_swapped() {
     let states = ["/unwrap", "/modulo_camera"].map(|node| {
         (node, run.peer.hear_as(&format!("{node}/state"), MessageKind::Diagnostics, Qos::Latched))
     });
-    let picture = bench.images(1).join("000000.png").display().to_string();
+    let picture = bench.path("images").join("000000.png").display().to_string();
     let camera = "/modulo_camera";
     for (node, name, value) in [
         ("/unwrap", "method", "tree"),
