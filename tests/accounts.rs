@@ -1,12 +1,16 @@
-//! What a crash takes is counted, named and told by the exit code; what a live run replaces is only counted.
+//! What a crash takes is counted, named and told by the exit code; what a live run replaces is only counted; a swap takes
+//! no frame.
 
 mod harness;
 
-use std::time::Instant;
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::time::{Duration, Instant};
 
-use harness::{Background, Bench, Heard, Peer, arg, json, model, signal, wait_until};
+use harness::{Background, Bench, Heard, Peer, arg, json, model, signal, text, wait_until};
 use modulo_runtime::transport::Transport;
-use modulo_runtime::{Clock, Message, MessageKind, SystemClock};
+use modulo_runtime::{Clock, Message, MessageKind, Qos, SystemClock};
 use serde_json::Value;
 
 /// All three nodes at 10 Hz without end; the summary goes to `summary.json`.
@@ -163,4 +167,160 @@ fn a_closed_pipe_costs_neither_the_exit_code_nor_the_summary() {
     drop(child.stdout.take());
     assert_eq!(child.wait().expect("it ends").code(), Some(0));
     assert_eq!(json(&bench.path("summary.json"))["frames"], 2);
+}
+
+/// A detector and what it publishes, in a suite whose camera shows one image again and again at rate 0.
+struct Swapped {
+    running: Background,
+    peer: Peer,
+    detections: Heard,
+    heard: Vec<Message>,
+    state: Heard,
+    states: RefCell<Vec<Message>>,
+}
+
+fn in_use<'a>(state: &'a Message, key: &str) -> &'a str {
+    let Message::Diagnostics(array) = state else { panic!("no state: {state:?}") };
+    let value = array.status[0].values.iter().find(|value| value.key == key);
+    value.map_or("", |value| value.value.as_str())
+}
+
+impl Swapped {
+    fn start(bench: &Bench) -> Self {
+        let peer = Peer::new(bench);
+        let detections = peer.hear("/detector/detections", MessageKind::Detections);
+        let state = peer.hear_as("/detector/state", MessageKind::Diagnostics, Qos::Latched);
+        let (source, model) = (arg("source", bench.images(1)), arg("model", model()));
+        let summary = bench.path("summary.json").display().to_string();
+        let fixed = ["launch", "launch/recovered.launch.yaml", &source, &model, "engine:=rten", "loop:=true"];
+        let running = bench.start(&[&fixed[..], &["score_threshold:=0.0", "--summary", &summary]].concat());
+        next_answer(&detections, "boxes");
+        Self { running, peer, detections, heard: Vec::new(), state, states: RefCell::default() }
+    }
+
+    /// Sets a parameter of the detector, and waits until `key` of its state has the value `wanted`.
+    fn swap(&mut self, name: &str, value: &str, key: &str, wanted: &str) {
+        self.peer.set("/detector", name, value).expect("possible");
+        self.wait_for(key, wanted);
+        self.heard.extend(std::iter::from_fn(|| self.detections.next(Duration::ZERO)));
+    }
+
+    fn wait_for(&self, key: &str, wanted: &str) {
+        self.state.until(wanted, |state| {
+            self.states.borrow_mut().push(state.clone());
+            in_use(state, key) == wanted
+        });
+    }
+
+    /// Ends the camera behind its last frame. Returns each answer with the state that it came in; every frame has one
+    /// answer.
+    fn end(mut self, bench: &Bench) -> Vec<(Message, Message)> {
+        // It has sent more frames than one, and so it ends when the last one is answered.
+        self.peer.set("/modulo_camera", "frames", "1").expect("possible");
+        assert_eq!(self.running.0.wait().expect("it ends").code(), Some(0));
+        let summary = json(&bench.path("summary.json"));
+        assert_eq!(summary["frames"], summary["topics"]["/detector/detections"]["out"], "{summary}");
+        self.heard.extend(std::iter::from_fn(|| self.detections.next(Duration::ZERO)));
+        self.states.borrow_mut().extend(std::iter::from_fn(|| self.state.next(Duration::ZERO)));
+        assert!(self.heard.is_sorted_by(|a, b| stamp(a) < stamp(b)), "no frame is answered twice");
+        let states = self.states.into_inner();
+        let of = |answer: &Message| {
+            let state = states.iter().rfind(|state| state.stamp().as_ns() <= stamp(answer));
+            state.expect("the state comes before the first answer").clone()
+        };
+        self.heard.into_iter().map(|answer| (of(&answer), answer)).collect()
+    }
+}
+
+/// Class and score of the box of the small model that has one of these classes.
+fn found(answer: &Message, classes: &[&str]) -> (String, String) {
+    let Message::Detections(array) = answer else { panic!("no boxes: {answer:?}") };
+    let mut found = array.detections.iter().map(|detection| &detection.results[0].hypothesis);
+    let found = found.find(|found| classes.contains(&found.class_id.as_str())).expect("one of its boxes");
+    (found.class_id.clone(), format!("{:.6}", found.score))
+}
+
+/// `MODULO_SWAP_ROUNDS` is the number of swaps; 100 if it is not set. The small model shows the mean of its image, so
+/// that each answer tells from which stream it really came.
+#[test]
+fn every_frame_is_answered_once_while_the_input_is_swapped() {
+    let rounds = std::env::var("MODULO_SWAP_ROUNDS").map_or(100, |text| text.parse().expect("a number"));
+    let bench = Bench::new();
+    let mut run = Swapped::start(&bench);
+    for round in 0..rounds {
+        let input = ["modulo", "saturated", "recovered"][round % 3];
+        run.swap("input", input, "stream", input);
+    }
+    let mut means: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for (state, answer) in run.end(&bench) {
+        means.entry(in_use(&state, "stream").to_owned()).or_default().insert(found(&answer, &["7"]).1);
+    }
+    assert_eq!(means.keys().collect::<Vec<_>>(), ["modulo", "recovered", "saturated"]);
+    let all: BTreeSet<_> = means.values().flatten().collect();
+    assert!(means.values().all(|means| means.len() == 1) && all.len() == 3, "{means:?}");
+}
+
+/// One of the two models has no names for its classes, so that each answer tells from which model it really came.
+#[test]
+fn every_frame_is_answered_once_while_the_model_is_swapped() {
+    let bench = Bench::new();
+    let mut run = Swapped::start(&bench);
+    for round in 0..10 {
+        let file = ["nameless.onnx", "rows.onnx"][round % 2];
+        let model = Path::new(&model()).with_file_name(file).display().to_string();
+        run.swap("model", &model, "model", file);
+    }
+    let why = run.peer.set("/detector", "model", "/no/such.onnx");
+    assert!(why.as_ref().is_err_and(|why| why.contains("'model' = /no/such.onnx")), "{why:?}");
+    let why = run.peer.set("/detector", "classes", "[zebra]");
+    assert!(
+        why.as_ref().is_err_and(|why| why.contains("person, bicycle, car")),
+        "the model is kept: {why:?}"
+    );
+    let kept = bench.run(&["param", "get", "/detector", "model"]);
+    assert!(text(&kept).contains("rows.onnx"), "{}", text(&kept));
+    run.swap("threads", "3", "threads", "3");
+    next_answer(&run.detections, "boxes after all swaps");
+    let mut classes = BTreeSet::new();
+    for (state, answer) in run.end(&bench) {
+        classes.insert((in_use(&state, "model").to_owned(), found(&answer, &["0", "person"]).0));
+    }
+    let expected = [("nameless.onnx", "0"), ("rows.onnx", "person")];
+    assert_eq!(classes, expected.map(|(model, class)| (model.into(), class.into())).into());
+}
+
+/// Settings of the other nodes, a source of frames, and a source that is a topic.
+#[test]
+fn every_frame_is_answered_once_while_other_settings_are_swapped() {
+    let bench = Bench::new();
+    let run = Swapped::start(&bench);
+    let states = ["/unwrap", "/modulo_camera"].map(|node| {
+        (node, run.peer.hear_as(&format!("{node}/state"), MessageKind::Diagnostics, Qos::Latched))
+    });
+    let picture = bench.path("images").join("000000.png").display().to_string();
+    let camera = "/modulo_camera";
+    for (node, name, value) in [
+        ("/unwrap", "method", "tree"),
+        ("/unwrap", "deblur", "true"),
+        (camera, "alpha", "2.0"),
+        (camera, "bits", "10"),
+        (camera, "psf_sigma", "0.5"),
+        (camera, "source", &picture),
+    ] {
+        run.peer.set(node, name, value).expect("possible");
+        // What the camera uses reaches the unwrapping with the frame.
+        for (of, state) in &states {
+            if *of == node || ["alpha", "bits", "psf_sigma"].contains(&name) {
+                state.until(name, |state| in_use(state, name) == value);
+            }
+        }
+    }
+    let why = run.peer.set(camera, "source", "/no/such");
+    assert!(why.as_ref().is_err_and(|why| why.contains("'source' = /no/such")), "{why:?}");
+    // A source that waits for a topic, and then a file again.
+    run.peer.set(camera, "source", "topic:/none").expect("possible");
+    wait_until("the camera reads the topic", || !run.peer.transport.subscribers("/none").is_empty());
+    run.peer.set(camera, "source", &picture).expect("possible");
+    next_answer(&run.detections, "boxes after all swaps");
+    run.end(&bench);
 }

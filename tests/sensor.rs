@@ -10,26 +10,11 @@ use std::time::Duration;
 
 use harness::{Bench, Peer, wait_until};
 use modulo_core::Frame;
-use modulo_msgs::cdr;
-use modulo_msgs::rcl_interfaces::{
-    Parameter, ParameterType, ParameterValue, SetParametersRequest, SetParametersResponse,
-};
 use modulo_runtime::sensor_info::SensorHistory;
 use modulo_runtime::transport::Transport;
 use modulo_runtime::{Message, MessageKind};
 
-const ALPHAS: [f64; 4] = [2.0, 3.0, 2.5, 4.0];
-
-fn set_alpha(peer: &Peer, alpha: f64) {
-    let value =
-        ParameterValue { r#type: ParameterType::DOUBLE, double_value: alpha, ..ParameterValue::default() };
-    let parameters = vec![Parameter { name: "alpha".into(), value }];
-    let request = cdr::to_vec(&SetParametersRequest { parameters }).expect("short");
-    let (service, kind) = ("/modulo_camera/set_parameters", "rcl_interfaces/srv/SetParameters");
-    let answer = peer.transport.call(service, kind, request, Duration::from_secs(10)).expect("answered");
-    let results = cdr::from_slice::<SetParametersResponse>(&answer).expect("a response").results;
-    assert!(results[0].successful, "{}", results[0].reason);
-}
+const ALPHAS: [&str; 4] = ["2.0", "3.0", "2.5", "4.0"];
 
 /// While alpha changes 200 times at 30 Hz on a busy machine, each recovered frame equals the ideal
 /// one of the same exposure. A frame that was unwrapped with the alpha of another
@@ -61,7 +46,7 @@ fn no_frame_is_unwrapped_with_the_alpha_of_another() {
         if change >= 200 && enough(&compared) {
             break;
         }
-        set_alpha(&peer, ALPHAS[change % ALPHAS.len()]);
+        peer.set("/modulo_camera", "alpha", ALPHAS[change % ALPHAS.len()]).expect("possible");
         for (heard, frames) in [(&ideal, &mut ideals), (&recovered, &mut recoveries)] {
             while let Some(Message::Image(image)) = heard.next(Duration::from_millis(8)) {
                 frames.insert(image.header.stamp.as_ns(), image.frame.clone());

@@ -35,7 +35,7 @@ pub mod sensor {
 pub use clock::{Clock, ManualClock, SystemClock};
 pub use graph::{NodeName, Qos, Topic, rosout};
 pub use message::{Message, MessageKind, StampedFrame};
-pub use node::{Context, Flow, Node, StepError, StepOutput, Trigger};
+pub use node::{Context, Flow, Job, Node, Part, StepError, StepOutput, Trigger};
 pub use parameter::{Allowed, Descriptor, ParameterError, ParameterSet, Parameters, Value};
 pub use process::stop::{Stop, Urgency, end_on_signals};
 pub use process::{launcher, ros_args};

@@ -1,6 +1,7 @@
 //! [`Node`]: a pure step. No thread, no clock and no transport in it; drivers bring those, so that live, composed and
 //! lockstep runs execute the same code.
 
+use std::any::Any;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -46,6 +47,12 @@ pub enum StepError {
     Fatal(String),
 }
 
+/// A part of a node that takes long to make, such as a loaded model.
+pub type Part = Box<dyn Any + Send>;
+
+/// Makes a [`Part`]. A driver runs it on a thread of its own, while the node goes on with the part that it has.
+pub type Job = Box<dyn FnOnce() -> Result<Part, ParameterError> + Send>;
+
 /// A node of the suite.
 pub trait Node: Send {
     /// Returns the topics that the node reads now. They may change with [`Node::configure`]; the driver then renews the
@@ -81,11 +88,33 @@ pub trait Node: Send {
     /// before.
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError>;
 
+    /// Returns the job that makes the part which the change from `now` to `next` needs; `None` when it needs no part that
+    /// takes long to make.
+    fn prepare(&self, now: &Parameters, next: &Parameters) -> Option<Job> {
+        let _ = (now, next);
+        None
+    }
+
+    /// Takes a set of parameters as [`Node::configure`] does, together with the `part` that was made for it.
+    ///
+    /// # Errors
+    /// As [`Node::configure`].
+    fn exchange(&mut self, parameters: &Parameters, part: Part) -> Result<(), ParameterError> {
+        drop(part);
+        self.configure(parameters)
+    }
+
     /// Does the work for one trigger.
     ///
     /// # Errors
     /// [`StepError::Skip`] for a bad input, [`StepError::Fatal`] when the node cannot go on.
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError>;
+
+    /// Returns the values in use as (key, value) pairs for the topic `~/state`, such as `("engine", "rten")`. They change
+    /// with parameters and with the sensor, and are no counts. The driver adds the name of the stream.
+    fn state(&self) -> Vec<(&'static str, String)> {
+        Vec::new()
+    }
 
     /// Returns the status of the node as (key, value) pairs for diagnostics and the summary, such as `("engine",
     /// "rten")` and `("stream", "recovered")`.

@@ -4,6 +4,7 @@
 mod harness;
 
 use std::io::Write;
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Barrier, Mutex};
 use std::time::Duration;
 
@@ -11,13 +12,17 @@ use modulo_core::Frame;
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::driver::live::{self, NodeSetup};
 use modulo_runtime::driver::{CommonParameters, composed, lockstep::Lockstep};
-use modulo_runtime::transport::Transport;
 use modulo_runtime::transport::keys::Hashes;
 use modulo_runtime::transport::local::LocalTransport;
 use modulo_runtime::transport::zenoh::ZenohTransport;
+use modulo_runtime::transport::{
+    Address, Claim, Deliver, Guard, Incoming, ParameterPort, ParameterRequest, Publisher, Transport,
+    TransportError,
+};
 use modulo_runtime::{
-    Clock, Context, Flow, ManualClock, Message, MessageKind, Node, NodeName, NodeReport, ParameterError,
-    ParameterSet, Parameters, StampedFrame, StepError, Stop, SystemClock, Topic, Trigger,
+    Clock, Context, Flow, Job, ManualClock, Message, MessageKind, Node, NodeName, NodeReport, ParameterError,
+    ParameterSet, Parameters, Part, StampedFrame, StepError, Stop, SystemClock, Topic, Trigger, Urgency,
+    Value,
 };
 use ndarray::Array3;
 
@@ -243,6 +248,149 @@ fn a_node_that_waits_in_vain_says_for_whom() {
         NodeSetup { node, parameters, node_name: node_name("counter"), saved: None, report_file: None };
     let error = live::run(setup, &transport, &clock, Stop::default()).expect_err("nobody is not there");
     assert!(error.to_string().contains("/nobody"), "{error}");
+}
+
+/// A local transport that hands the parameters of its node to the test.
+struct Offered {
+    local: LocalTransport,
+    ports: Mutex<Sender<ParameterPort>>,
+}
+
+impl Transport for Offered {
+    fn advertise(&self, node: &NodeName, address: &Address) -> Result<Box<dyn Publisher>, TransportError> {
+        self.local.advertise(node, address)
+    }
+    fn subscribe(&self, node: &NodeName, address: &Address, take: Deliver) -> Result<Guard, TransportError> {
+        self.local.subscribe(node, address, take)
+    }
+    fn announce(&self, node: &NodeName) -> Result<Guard, TransportError> {
+        self.local.announce(node)
+    }
+    fn serve_parameters(&self, _: &NodeName, port: ParameterPort) -> Result<Guard, TransportError> {
+        self.ports.lock().expect("not poisoned").send(port).expect("the test listens");
+        Ok(Box::new(()))
+    }
+    fn is_ready(&self, node: &str) -> bool {
+        self.local.is_ready(node)
+    }
+    fn publishers(&self, topic: &str) -> Vec<String> {
+        self.local.publishers(topic)
+    }
+    fn subscribers(&self, topic: &str) -> Vec<String> {
+        self.local.subscribers(topic)
+    }
+    fn settling(&self) -> Duration {
+        self.local.settling()
+    }
+}
+
+modulo_runtime::parameters! {
+    /// The parameters of [`Add`].
+    pub struct AddParameters {
+        /// Summand.
+        amount: u8 = 1 => 0..=255,
+    }
+}
+
+/// Adds an amount to every pixel. Another amount takes as long to make as the test wants.
+struct Add {
+    amount: u8,
+    makes: Arc<Mutex<Receiver<Result<u8, ParameterError>>>>,
+}
+
+impl Node for Add {
+    fn inputs(&self) -> Vec<Topic> {
+        vec![Topic::new("a", MessageKind::Image)]
+    }
+    fn outputs(&self) -> Vec<Topic> {
+        vec![Topic::new("b", MessageKind::Image)]
+    }
+    fn configure(&mut self, _: &Parameters) -> Result<(), ParameterError> {
+        Ok(())
+    }
+    fn prepare(&self, now: &Parameters, next: &Parameters) -> Option<Job> {
+        let makes = self.makes.clone();
+        let make = move || {
+            Ok(Box::new(makes.lock().expect("not poisoned").recv().expect("the test sends it")?) as Part)
+        };
+        (now.get("amount") != next.get("amount")).then(|| Box::new(make) as Job)
+    }
+    fn exchange(&mut self, _: &Parameters, part: Part) -> Result<(), ParameterError> {
+        self.amount = *part.downcast().expect("the part of this node");
+        Ok(())
+    }
+    fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
+        if let Trigger::Message { message: Message::Image(image), .. } = trigger {
+            let value = image.frame.as_u8().expect("8 bit")[(0, 0, 0)];
+            let frame = pixel(value + self.amount);
+            cx.emit(0, Message::Image(Arc::new(StampedFrame { header: image.header.clone(), frame })));
+        }
+        Ok(Flow::Continue)
+    }
+}
+
+/// While a part is made, frames are answered with the part that the node has, and the parameter keeps its value. The new
+/// one is exchanged, refused, or left out when the caller has given up.
+#[test]
+fn a_part_is_made_while_the_node_goes_on() {
+    let ((ports, port), (make, makes)) = (channel(), channel());
+    let transport = Arc::new(Offered { local: LocalTransport::default(), ports: Mutex::new(ports) });
+    let (test, stop) = (node_name("test"), Stop::default());
+    let address = |topic| Address::resolve(&test, &Topic::new(topic, MessageKind::Image)).expect("a name");
+    let (sender, answers) = channel();
+    let take = Box::new(move |incoming| sender.send(incoming).expect("the test listens"));
+    let _answers = transport.subscribe(&test, &address("b"), take).expect("local");
+    let frames = transport.advertise(&test, &address("a")).expect("local");
+    let frame = || {
+        let image = StampedFrame { header: Header::default(), frame: pixel(10) };
+        frames.put(&Message::Image(Arc::new(image))).expect("local");
+        match answers.recv().expect("an answer") {
+            Incoming::Message(Message::Image(image)) => image.frame.as_u8().expect("8 bit")[(0, 0, 0)] - 10,
+            other => panic!("no image: {other:?}"),
+        }
+    };
+    let (offered, asked) = (transport.clone(), stop.clone());
+    // Not in a scope: a failure must not wait for the node.
+    let running = std::thread::spawn(move || {
+        let node = Box::new(Add { amount: 1, makes: Arc::new(Mutex::new(makes)) });
+        let declared = [AddParameters::descriptors(), CommonParameters::descriptors()].concat();
+        let parameters = Parameters::declare(declared);
+        let setup =
+            NodeSetup { node, parameters, node_name: node_name("add"), saved: None, report_file: None };
+        let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
+        live::run(setup, &*offered, &clock, asked).expect("runs")
+    });
+    let port = port.recv().expect("the node starts");
+    let ask = |amount| {
+        let (answer, verdict) = channel();
+        let (claim, changes) = (Claim::default(), vec![vec![("amount".to_owned(), Value::Integer(amount))]]);
+        let request = ParameterRequest { changes, answer, claim: claim.clone() };
+        assert!((port.request)(request).is_none());
+        (claim, move || verdict.recv().map(|answers| answers.into_iter().next().expect("an answer")))
+    };
+    let in_use = || (frame(), (port.read)().get("amount").cloned());
+    let value = |amount: u8| (amount, Some(Value::Integer(amount.into())));
+
+    assert_eq!(in_use(), value(1));
+    let (_, verdict) = ask(5);
+    assert_eq!(in_use(), value(1), "it is not made yet");
+    let busy = ask(6).1().expect("answered").expect_err("one at a time").to_string();
+    assert!(busy.contains("'amount' = 6") && busy.contains("still loading"), "{busy}");
+    make.send(Ok(5)).expect("the job waits");
+    assert_eq!((verdict(), in_use()), (Ok(Ok(())), value(5)));
+
+    let refusal = ParameterError::new("amount", 7, "no");
+    let (_, verdict) = ask(7);
+    make.send(Err(refusal.clone())).expect("the job waits");
+    assert_eq!((verdict(), in_use()), (Ok(Err(refusal)), value(5)));
+
+    let (claim, verdict) = ask(9);
+    assert!(claim.take(), "the caller gives up");
+    make.send(Ok(9)).expect("the job waits");
+    assert!(verdict().is_err(), "there is no answer");
+    assert_eq!(in_use(), value(5));
+    stop.ask(Urgency::Now);
+    running.join().expect("no panic");
 }
 
 /// Three sessions without a router: they find each other, lose nothing and end.

@@ -15,11 +15,12 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
+use modulo_runtime::parameter::client::ParameterClient;
 use modulo_runtime::queue::{Keep, Limit, Queue};
 use modulo_runtime::transport::keys::{Endpoint, Hashes, qos_string};
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::transport::{Address, Guard, Incoming, Publisher, RawSample, Transport};
-use modulo_runtime::{Clock, Message, MessageKind, NodeName, SystemClock, Topic};
+use modulo_runtime::{Clock, Message, MessageKind, NodeName, Qos, SystemClock, Topic};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -222,14 +223,24 @@ impl Peer {
         (self.transport.subscribe_raw(&self.node_name, &endpoint, take).expect("a subscription"), arrived)
     }
 
+    /// Sets a parameter of `node` to the value that `text` has in YAML; the error is the reason of the refusal.
+    pub fn set(&self, node: &str, name: &str, text: &str) -> Result<(), String> {
+        ParameterClient::new(&self.transport, node).set(name, text).map_err(|why| why.to_string())
+    }
+
     pub fn hear(&self, topic: &str, kind: MessageKind) -> Heard {
+        self.hear_as(topic, kind, Qos::usual(kind))
+    }
+
+    /// As `hear`, with another quality of service than usual for this kind.
+    pub fn hear_as(&self, topic: &str, kind: MessageKind, qos: Qos) -> Heard {
         let clock = Arc::new(SystemClock::default());
         let queue = Arc::new(Queue::new(clock, Limit { messages: 0, bytes: 0 }));
         let (waiting, lane) = (queue.clone(), queue.open(Keep::Last(1000)));
         let deliver = Box::new(move |incoming| drop(waiting.push(lane, incoming)));
         let subscription = self
             .transport
-            .subscribe(&self.node_name, &address(topic, kind), deliver)
+            .subscribe(&self.node_name, &Address { qos, ..address(topic, kind) }, deliver)
             .expect("a subscription");
         Heard { kind, queue, _subscription: subscription }
     }

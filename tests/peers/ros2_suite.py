@@ -184,6 +184,7 @@ def graph():
     latched = ["--once", "--qos-durability", "transient_local", "--qos-reliability", "reliable"]
     expect("database_location: /detector/label_info", "ros2", "topic", "echo", *latched, "/detector/vision_info")
     expect("class_name: car\nthreshold: ", "ros2", "topic", "echo", *latched, "/detector/label_info")
+    expect("name: 'detector: state'\nkey: stream\nvalue: ", "ros2", "topic", "echo", *latched, "/detector/state")
     expect("name: 'unwrap: recovery'\nname: detector", "ros2", "topic", "echo", "/diagnostics", stopped_after=8)
     expect("name: \nmsg: ", "ros2", "topic", "echo", "--once", "/rosout")
     expect("average rate: ", "ros2", "topic", "hz", "/detector/detections", stopped_after=8)

@@ -497,6 +497,10 @@ fn a_recorded_run_replayed_gives_the_same_boxes() {
     let recorded = BagReader::open(&live).expect("a whole bag").topics();
     let files = recorded.iter().filter(|topic| topic.topic.name.ends_with("/compressed")).count();
     assert_eq!(files, 0, "images are recorded once");
+    for node in ["modulo_camera", "unwrap", "detector"] {
+        let state = format!("/{node}/state");
+        assert!(recorded.iter().any(|topic| topic.topic.name == state), "{state} is recorded");
+    }
     for (array, image) in first.iter().zip(&modulo) {
         assert_eq!(array.header, image.header, "a result carries stamp and frame of its image");
         for detection in &array.detections {

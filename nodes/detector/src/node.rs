@@ -8,8 +8,8 @@ use modulo_msgs::std_msgs::{Header, Time};
 use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray, LabelInfo, VisionInfo};
 use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::{
-    Context, Flow, Message, MessageKind, Node, ParameterError, Parameters, StampedFrame, StepError, Topic,
-    Trigger,
+    Context, Flow, Job, Message, MessageKind, Node, ParameterError, Parameters, Part, StampedFrame,
+    StepError, Topic, Trigger,
 };
 use ndarray::Array4;
 
@@ -47,9 +47,7 @@ const LABEL_INFO: usize = 3;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub struct Detector {
-    parameters: DetectorParameters,
-    settings: Settings,
-    engine: OpenedEngine,
+    loaded: Loaded,
     pre: Preprocessor,
     /// The sensor descriptions that the camera has sent.
     described: SensorHistory,
@@ -59,7 +57,54 @@ pub struct Detector {
     version: i32,
     /// Whether this version has not been published yet.
     labels_due: bool,
+    /// Bits of the sensor that made the last frame; 0: those of the encoding.
+    bits: u8,
 }
+
+/// A model that has run with these parameters.
+struct Loaded {
+    parameters: DetectorParameters,
+    settings: Settings,
+    engine: OpenedEngine,
+}
+
+impl Loaded {
+    /// Loads the model and runs it once at (height, width) of an image, so that the first frame is as fast as all others.
+    fn new(parameters: &DetectorParameters, (height, width): (usize, usize)) -> Result<Self, DetectorError> {
+        let threads = cores(parameters.threads);
+        let mut engine = engine::open(parameters.model()?, parameters.engine, threads)?;
+        let settings = Settings::new(parameters, &engine.layout, None)?;
+        warm_up(&mut *engine.engine, settings.input_size, (height, width))?;
+        tracing::info!("model {} runs on {} ({})", parameters.model, engine.name, engine.note);
+        Ok(Self { parameters: parameters.clone(), settings, engine })
+    }
+
+    /// Loads the model in place of that of `last`.
+    fn after(
+        last: &DetectorParameters,
+        parameters: &DetectorParameters,
+        size: (usize, usize),
+    ) -> Result<Self, ParameterError> {
+        Self::new(parameters, size).map_err(|why| match why {
+            DetectorError::Parameter(why) => why,
+            DetectorError::Engine(why) if parameters.model != last.model => {
+                ParameterError::new("model", &parameters.model, why.to_string())
+            }
+            DetectorError::Engine(why) if parameters.engine != last.engine => {
+                ParameterError::new("engine", parameters.engine, why.to_string())
+            }
+            DetectorError::Engine(why) => ParameterError::new("threads", parameters.threads, why.to_string()),
+        })
+    }
+
+    fn model_file(&self) -> String {
+        let model = Path::new(&self.parameters.model);
+        model.file_name().unwrap_or(model.as_os_str()).to_string_lossy().into_owned()
+    }
+}
+
+/// (height, width) of the image of a first run.
+const FIRST_RUN: (usize, usize) = (640, 640);
 
 impl Detector {
     /// Loads the model and runs it once, so that the first frame is as fast as all others and a model that cannot work
@@ -69,21 +114,29 @@ impl Detector {
     /// [`DetectorError::Parameter`] for a parameter that is not possible (with this model), [`DetectorError::Engine`]
     /// for a model that does not run.
     pub fn new(parameters: &DetectorParameters) -> Result<Self, DetectorError> {
-        let threads = cores(parameters.threads);
-        let mut engine = engine::open(parameters.model()?, parameters.engine, threads)?;
-        let settings = Settings::new(parameters, &engine.layout, None)?;
-        warm_up(&mut *engine.engine, settings.input_size)?;
-        tracing::info!("model {} runs on {} ({})", parameters.model, engine.name, engine.note);
         Ok(Self {
-            parameters: parameters.clone(),
-            settings,
-            engine,
+            loaded: Loaded::new(parameters, FIRST_RUN)?,
             pre: Preprocessor::default(),
             described: SensorHistory::default(),
             contradiction_told: false,
             version: 1,
             labels_due: true,
+            bits: 0,
         })
+    }
+
+    /// Takes another model or other settings between two frames.
+    fn change(&mut self, change: impl FnOnce(&mut Loaded)) {
+        let labels = |loaded: &Loaded| {
+            let Settings { classes, score_threshold, .. } = &loaded.settings;
+            (loaded.model_file(), classes.labels(), *score_threshold)
+        };
+        let before = labels(&self.loaded);
+        change(&mut self.loaded);
+        if labels(&self.loaded) != before {
+            (self.version, self.labels_due) = (self.version.saturating_add(1), true);
+        }
+        self.contradiction_told = false;
     }
 
     /// Publishes the meaning of the class ids, once for each version.
@@ -93,24 +146,21 @@ impl Detector {
         }
         let info = VisionInfo {
             header: header.clone(),
-            method: self.model_file(),
+            method: self.loaded.model_file(),
             database_location: format!("{}/label_info", cx.node()),
             database_version: self.version,
         };
-        let (class_map, threshold) = (self.settings.classes.labels(), self.settings.score_threshold);
-        let labels = LabelInfo { header: header.clone(), class_map, threshold };
+        let Settings { classes, score_threshold, .. } = &self.loaded.settings;
+        let labels =
+            LabelInfo { header: header.clone(), class_map: classes.labels(), threshold: *score_threshold };
         cx.emit(VISION_INFO, Message::VisionInfo(Arc::new(info)));
         cx.emit(LABEL_INFO, Message::LabelInfo(Arc::new(labels)));
     }
 
-    fn model_file(&self) -> String {
-        let model = Path::new(&self.parameters.model);
-        model.file_name().unwrap_or(model.as_os_str()).to_string_lossy().into_owned()
-    }
-
     fn detect(&mut self, image: &StampedFrame, cx: &mut Context<'_>) -> Result<(), String> {
-        let bits = self.bits(image.header.stamp);
-        let Self { settings, engine, pre, .. } = self;
+        self.bits = self.bits(image.header.stamp);
+        let Self { loaded: Loaded { settings, engine, .. }, pre, bits, .. } = self;
+        let bits = *bits;
         let letterbox = cx.stage("pre", || pre.fill(&image.frame, bits, settings.input_size))?;
         let rows =
             cx.stage("infer", || engine.engine.run(pre.tensor())).map_err(|error| error.to_string())?;
@@ -132,7 +182,7 @@ impl Detector {
     /// Bits of the sensor that made the frame of `stamp`; 0: those of the encoding.
     fn bits(&mut self, stamp: Time) -> u8 {
         let camera = self.described.of(stamp).or(self.described.latest()).map(|sensor| sensor.bits);
-        match (self.settings.bits, camera) {
+        match (self.loaded.settings.bits, camera) {
             (0, camera) => camera.unwrap_or(0),
             (own, Some(camera)) if own != camera => {
                 if !std::mem::replace(&mut self.contradiction_told, true) {
@@ -145,7 +195,7 @@ impl Detector {
     }
 
     fn shown_size(&self) -> String {
-        match (self.settings.input_size, self.pre.size()) {
+        match (self.loaded.settings.input_size, self.pre.size()) {
             (InputSize::Auto, Some((height, width))) => format!("auto {width}x{height}"),
             (size, _) => size.to_string(),
         }
@@ -161,8 +211,12 @@ fn line(stamp: Time, found: &[Detection]) -> String {
     format!("{}.{:09} {} boxes: {boxes}", stamp.sec, stamp.nanosec, found.len())
 }
 
-fn warm_up(engine: &mut dyn Engine, size: InputSize) -> Result<(), EngineError> {
-    let (height, width) = size.tensor(640, 640);
+fn warm_up(
+    engine: &mut dyn Engine,
+    size: InputSize,
+    (height, width): (usize, usize),
+) -> Result<(), EngineError> {
+    let (height, width) = size.tensor(height, width);
     engine.run(Array4::zeros((1, 3, height, width)).view()).map(|_| ())
 }
 
@@ -178,7 +232,7 @@ pub fn outputs() -> Vec<Topic> {
 
 impl Node for Detector {
     fn inputs(&self) -> Vec<Topic> {
-        vec![Topic::new(&self.settings.input, MessageKind::Image), sensor_info::topic()]
+        vec![Topic::new(&self.loaded.settings.input, MessageKind::Image), sensor_info::topic()]
     }
 
     fn outputs(&self) -> Vec<Topic> {
@@ -187,25 +241,43 @@ impl Node for Detector {
 
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
         let parameters = DetectorParameters::from(parameters);
-        if !parameters.same_engine(&self.parameters) {
-            let asked = format!("{} on {}", parameters.model, parameters.engine);
-            return Err(ParameterError::new(
-                "model, engine, threads",
-                asked,
-                "read-only: set them at the start",
-            ));
+        let size = self.pre.size().unwrap_or(FIRST_RUN);
+        let Loaded { parameters: last, settings, engine } = &mut self.loaded;
+        if !parameters.same_engine(last) {
+            let next = Loaded::after(last, &parameters, size)?;
+            self.change(|loaded| *loaded = next);
+            return Ok(());
         }
-        let settings = Settings::new(&parameters, &self.engine.layout, Some(&self.settings))?;
-        if settings.input_size != self.settings.input_size {
-            warm_up(&mut *self.engine.engine, settings.input_size)
-                .map_err(|error| ParameterError::new("input_size", settings.input_size, error.to_string()))?;
+        let next = Settings::new(&parameters, &engine.layout, Some(settings))?;
+        if next.input_size != settings.input_size {
+            warm_up(&mut *engine.engine, next.input_size, size)
+                .map_err(|error| ParameterError::new("input_size", next.input_size, error.to_string()))?;
         }
-        let labels = |settings: &Settings| (settings.classes.clone(), settings.score_threshold);
-        if labels(&settings) != labels(&self.settings) {
-            (self.version, self.labels_due) = (self.version.saturating_add(1), true);
-        }
-        (self.settings, self.contradiction_told) = (settings, false);
+        self.change(|loaded| (loaded.parameters, loaded.settings) = (parameters, next));
         Ok(())
+    }
+
+    fn prepare(&self, now: &Parameters, next: &Parameters) -> Option<Job> {
+        let [now, next] = [now, next].map(DetectorParameters::from);
+        if next.same_engine(&now) {
+            return None;
+        }
+        let size = self.pre.size().unwrap_or(FIRST_RUN);
+        Some(Box::new(move || Ok(Box::new(Loaded::after(&now, &next, size)?))))
+    }
+
+    fn exchange(&mut self, parameters: &Parameters, part: Part) -> Result<(), ParameterError> {
+        let typed = DetectorParameters::from(parameters);
+        match part.downcast::<Loaded>() {
+            Ok(loaded) if loaded.parameters.same_engine(&typed) => {
+                // Other parameters may have changed while the model was loaded.
+                let settings = Settings::new(&typed, &loaded.engine.layout, None)?;
+                let next = Loaded { parameters: typed, settings, engine: loaded.engine };
+                self.change(|loaded| *loaded = next);
+                Ok(())
+            }
+            _ => self.configure(parameters),
+        }
     }
 
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
@@ -222,14 +294,23 @@ impl Node for Detector {
         Ok(Flow::Continue)
     }
 
-    fn status(&self) -> Vec<(&'static str, String)> {
+    fn state(&self) -> Vec<(&'static str, String)> {
+        let Loaded { parameters, settings, engine } = &self.loaded;
         vec![
-            ("engine", self.engine.name.to_owned()),
-            ("engine_from", self.engine.note.clone()),
-            ("stream", self.settings.input.clone()),
-            ("model", self.model_file()),
+            ("engine", engine.name.to_owned()),
+            ("engine_from", engine.note.clone()),
+            ("model", self.loaded.model_file()),
+            ("model_path", parameters.model.clone()),
             ("input_size", self.shown_size()),
-            ("threads", cores(self.parameters.threads).to_string()),
+            ("threads", cores(parameters.threads).to_string()),
+            ("score_threshold", settings.score_threshold.to_string()),
+            ("bits", self.bits.to_string()),
         ]
+    }
+
+    fn status(&self) -> Vec<(&'static str, String)> {
+        let mut status = self.state();
+        status.push(("stream", self.loaded.settings.input.clone()));
+        status
     }
 }

@@ -16,9 +16,9 @@ modulo_runtime::parameters! {
     /// The parameters of the `detector` node.
     pub struct DetectorParameters {
         /// Path of the ONNX model, or demo for the embedded demonstration model, which is not made for roads.
-        model: String = DEMO.to_owned(); fixed,
+        model: String = DEMO.to_owned(),
         /// Inference engine. auto takes ONNX Runtime (ort) where its library is found, and rten elsewhere.
-        engine: EngineChoice = EngineChoice::Auto => EngineChoice::WORDS; fixed,
+        engine: EngineChoice = EngineChoice::Auto => EngineChoice::WORDS,
         /// Stream that the detector reads (the paper's p): modulo, recovered, saturated, ideal, or an absolute topic
         /// such as /camera/image_raw.
         input: String = "recovered".to_owned(),
@@ -34,7 +34,7 @@ modulo_runtime::parameters! {
         /// Path of a file with lines 'from: to' that renames classes and drops all others. Empty: no renaming.
         class_map: String = String::new(),
         /// Number of threads of one inference. 0: as many as the machine has cores.
-        threads: usize = 0 => 0..=64; fixed,
+        threads: usize = 0 => 0..=64,
         /// Bits of the sensor that made the image. 0: those of the camera's sensor description, and without one the
         /// whole range of the encoding, 8 or 16 bits.
         bits: u8 = 0 => 0..=16,

@@ -124,8 +124,36 @@ fn the_input_is_swapped_between_frames() {
         node.configure(&parameters(&data("rows.onnx"), &[("input", "raw")])).expect_err("no stream");
     assert!(refused.to_string().contains("modulo, recovered, saturated, ideal"), "{refused}");
     assert_eq!(node.inputs()[0].name, "/camera/image_raw", "goes on exactly as before");
-    let other = parameters(&data("nameless.onnx"), &[]);
-    assert!(node.configure(&other).expect_err("the model is fixed").to_string().contains("read-only"));
+}
+
+#[test]
+fn the_model_is_exchanged_or_refused() {
+    let mut node = detector("rows.onnx", &[("classes", "person")]);
+    let now = parameters(&data("rows.onnx"), &[("classes", "person")]);
+    let first = |node: &mut Detector| classes(&detections(node, grey(64, 64, 0)))[0].0.clone();
+    assert!(node.prepare(&now, &parameters(&data("rows.onnx"), &[("input", "modulo")])).is_none());
+
+    // Made beside the node, and then exchanged.
+    let next = parameters(&data("nameless.onnx"), &[("threads", "1")]);
+    let part = node.prepare(&now, &next).expect("another model")().expect("it loads");
+    assert_eq!(first(&mut node), "person", "the model that it has");
+    node.exchange(&next, part).expect("possible");
+    assert_eq!(first(&mut node), "0");
+    assert!(node.state().contains(&("model", "nameless.onnx".to_owned())), "{:?}", node.state());
+
+    // A model that does not load, and one that has no such class.
+    let broken = parameters(&data("candidates.onnx"), &[]);
+    let why = node.prepare(&next, &broken).expect("another model")().expect_err("no detector").to_string();
+    assert!(why.contains("'model' = ") && why.contains("[1, N, 6]"), "{why}");
+    let wrong = parameters(&data("rows.onnx"), &[("classes", "zebra")]);
+    let why = node.prepare(&next, &wrong).expect("another model")().expect_err("no such class").to_string();
+    assert!(why.contains("person, bicycle, car"), "{why}");
+    assert_eq!(first(&mut node), "0", "goes on exactly as before");
+
+    // Without a prepared part, the node loads the model by itself.
+    assert!(node.configure(&broken).is_err());
+    node.configure(&now).expect("possible");
+    assert_eq!(first(&mut node), "person");
 }
 
 #[test]

@@ -17,8 +17,8 @@ use modulo_msgs::sensor_msgs::CameraInfo;
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::graph::ImageCompression;
 use modulo_runtime::{
-    Context, Flow, Message, MessageKind, Node, ParameterError, Parameters, StampedFrame, StepError, Topic,
-    Trigger, sensor_info,
+    Context, Flow, Job, Message, MessageKind, Node, ParameterError, ParameterSet as _, Parameters, Part,
+    StampedFrame, StepError, Topic, Trigger, sensor_info,
 };
 use ndarray::{Array3, Axis};
 
@@ -41,7 +41,7 @@ pub struct ModuloCamera {
     seed: u64,
     period: Duration,
     limit: Option<u64>,
-    /// Frames taken from the source since the launch, those that could not be read included.
+    /// Frames taken from this source since the launch, those that could not be read included.
     taken: u64,
     /// Frames sensed in this life of the node.
     sensed: u64,
@@ -75,6 +75,24 @@ impl ModuloCamera {
             taken: 0,
             sensed: 0,
         })
+    }
+
+    /// Takes `parameters`, and another source from its first frame on.
+    fn take(
+        &mut self,
+        parameters: CameraParameters,
+        input: Option<CameraInput>,
+    ) -> Result<(), ParameterError> {
+        // The only step that can fail comes first, so that a set that is refused changes nothing.
+        self.sensor = parameters.sensor()?;
+        if let Some(input) = input {
+            (self.input, self.taken) = (input, 0);
+        }
+        self.seed = parameters.seed.unsigned_abs();
+        self.period = parameters.period();
+        self.limit = parameters.limit();
+        self.parameters = parameters;
+        Ok(())
     }
 
     fn next_frame(&mut self) -> Result<Option<SourceFrame>, StepError> {
@@ -208,13 +226,24 @@ impl Node for ModuloCamera {
 
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
         let parameters = CameraParameters::from(parameters);
-        // The only step that can fail comes first, so that a set that is refused changes nothing.
-        self.sensor = parameters.sensor()?;
-        self.seed = parameters.seed.unsigned_abs();
-        self.period = parameters.period();
-        self.limit = parameters.limit();
-        self.parameters = parameters;
-        Ok(())
+        let input = (parameters.source != self.parameters.source).then(|| CameraInput::open(&parameters));
+        self.take(parameters, input.transpose()?)
+    }
+
+    fn prepare(&self, now: &Parameters, next: &Parameters) -> Option<Job> {
+        let [now, next] = [now, next].map(CameraParameters::from);
+        // A folder of many images or a long bag takes long to open.
+        (next.source != now.source).then(|| -> Job {
+            Box::new(move || Ok(Box::new((next.source.clone(), CameraInput::open(&next)?))))
+        })
+    }
+
+    fn exchange(&mut self, parameters: &Parameters, part: Part) -> Result<(), ParameterError> {
+        let typed = CameraParameters::from(parameters);
+        match part.downcast::<(String, CameraInput)>() {
+            Ok(opened) if opened.0 == typed.source => self.take(typed, Some(opened.1)),
+            _ => self.configure(parameters),
+        }
     }
 
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
@@ -236,6 +265,14 @@ impl Node for ModuloCamera {
         }
         let over = self.limit.is_some_and(|limit| self.taken >= limit);
         Ok(if over { Flow::Done } else { Flow::Continue })
+    }
+
+    fn state(&self) -> Vec<(&'static str, String)> {
+        let CameraParameters { source, sensor, read_noise, shot_noise, .. } = &self.parameters;
+        let mut state = vec![("source", source.clone())];
+        state.extend(sensor.to_text());
+        state.extend([("read_noise", read_noise.to_string()), ("shot_noise", shot_noise.to_string())]);
+        state
     }
 
     fn status(&self) -> Vec<(&'static str, String)> {

@@ -9,8 +9,8 @@ modulo_runtime::parameters! {
     /// The parameters of the `modulo_camera` node.
     pub struct CameraParameters {
         /// Source of the frames: a folder of images (png, jpg, exr, hdr), one image, a KITTI folder, a bag,
-        /// scene://NAME, or topic:NAME for an Image topic of a running stack.
-        source: String = String::new(); fixed,
+        /// scene://NAME, or topic:NAME for an Image topic of a running stack. Another source starts with its first frame.
+        source: String = String::new(),
         /// The image topic to read from a source that is a bag. Empty: the only image topic of the bag.
         source_topic: String = String::new(); fixed,
         /// Value that becomes full scale, for EXR, HDR and 16-bit images. 0: the 99.9th percentile of the first EXR or
@@ -26,7 +26,7 @@ modulo_runtime::parameters! {
         rate: f64 = 0.0 => 0.0..=10_000.0,
         /// Starts again at the first frame after the last one.
         r#loop: bool = false; fixed,
-        /// Number of frames to send before the node ends. 0: all frames of the source.
+        /// Number of frames of the source to send before the node ends. 0: all of them.
         frames: i64 = 0 => 0..=i64::MAX,
         /// Coordinate frame of the images, with the axes of an optical frame of REP 103 (z forward, x right, y down).
         /// Empty: that of the source, and camera_optical for a source without one.

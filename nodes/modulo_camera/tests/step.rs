@@ -8,8 +8,8 @@ use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_core::Frame;
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{
-    Context, Flow, ManualClock, Message, Node, ParameterSet as _, StampedFrame, StepError, StepOutput,
-    Trigger,
+    Context, Flow, ManualClock, Message, Node, ParameterSet as _, Parameters, StampedFrame, StepError,
+    StepOutput, Trigger,
 };
 use ndarray::Array3;
 
@@ -154,6 +154,34 @@ fn folder_of(count: u8) -> tempfile::TempDir {
         modulo_images::save_png(&path, &Frame::from_u8(pixels).expect("a frame")).expect("writable");
     }
     folder
+}
+
+/// Another source starts with its first frame; one that cannot be opened leaves the camera as it is.
+#[test]
+fn the_source_is_exchanged_or_refused() {
+    let (one, two) = (folder_of(3), folder_of(5));
+    let declared = Parameters::declare(CameraParameters::descriptors());
+    let with = |source: &str| declared.with_text(&[("source", source)]).expect("possible");
+    let [one, two] = [&one, &two].map(|folder| folder.path().display().to_string());
+    let mut node = camera(&[("source", &one)]);
+    let mean = |node: &mut ModuloCamera| {
+        let (_, sent) = step(node, Trigger::Tick, &ALL).expect("a frame");
+        frame(&sent, 2).frame.to_f32().mean().expect("pixels")
+    };
+    let [first, second] = [mean(&mut node), mean(&mut node)];
+    let part = node.prepare(&with(&one), &with(&two)).expect("another source")().expect("it opens");
+    node.exchange(&with(&two), part).expect("possible");
+    assert_eq!((node.position(), [mean(&mut node), mean(&mut node)]), (Some(0), [first, second]));
+    assert!(node.state().contains(&("source", two.clone())));
+    let refused = node.prepare(&with(&two), &with("/no/such")).expect("another source")().err();
+    assert!(refused.expect("refused").to_string().contains("/no/such"));
+    assert!(node.configure(&with("/no/such")).is_err());
+    assert_eq!(node.position(), Some(2));
+    // From frames to a topic and back.
+    node.configure(&with("topic:/front")).expect("possible");
+    assert_eq!((node.inputs().len(), node.period()), (1, None));
+    node.configure(&with(&one)).expect("possible");
+    assert_eq!((node.inputs().len(), node.period()), (0, Some(Duration::ZERO)));
 }
 
 /// A camera that goes on after a crash sends what it would have sent without one, noise included.

@@ -257,6 +257,18 @@ impl Node for UnwrapNode {
         }
     }
 
+    fn state(&self) -> Vec<(&'static str, String)> {
+        let UnwrapParameters { deblur, threads, .. } = &self.parameters;
+        let mut state = vec![
+            ("method", self.method.name().to_owned()),
+            ("deblur", deblur.to_string()),
+            ("threads", threads.to_string()),
+        ];
+        // Before the first frame, the camera's sensor is not known.
+        state.extend(self.sensor.iter().flat_map(|prepared| prepared.model.to_text()));
+        state
+    }
+
     fn status(&self) -> Vec<(&'static str, String)> {
         let mut status = vec![("method", self.method.name().to_owned())];
         status.extend(self.counts.status());

@@ -1,4 +1,5 @@
-//! [`Diagnostics`]: publishes the counts and the durations of the stages of a node on `/diagnostics`, once a second.
+//! [`Diagnostics`]: publishes the counts and the durations of the stages of a node on `/diagnostics`, once a second; and
+//! [`StateTopic`]: publishes the values that a node uses on `~/state`, when they change.
 
 use std::rc::Rc;
 use std::sync::Arc;
@@ -7,7 +8,7 @@ use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 
 use crate::clock::Clock;
-use crate::graph::Topic;
+use crate::graph::{Qos, Topic};
 use crate::message::{Message, MessageKind};
 use crate::node::Node;
 use crate::report::{NodeReport, quantile};
@@ -78,16 +79,53 @@ fn describe(now_ns: u64, report: &NodeReport, node: &dyn Node, skipped: u64) -> 
             }
         }
     }
-    let status = DiagnosticStatus {
-        level: if skipped > 0 { DiagnosticStatus::WARN } else { DiagnosticStatus::OK },
-        // Names of statuses have no leading slash, as those of `diagnostic_updater`.
-        name: report.node.trim_start_matches('/').to_owned(),
-        message: if skipped > 0 { format!("{skipped} bad messages were skipped") } else { "running".into() },
-        hardware_id: String::new(),
-        values,
+    let (level, text) = match skipped {
+        0 => (DiagnosticStatus::OK, "running".to_owned()),
+        _ => (DiagnosticStatus::WARN, format!("{skipped} bad messages were skipped")),
     };
-    let header = Header { stamp: Time::from_ns(now_ns), frame_id: String::new() };
-    DiagnosticArray { header, status: vec![status] }
+    array(Time::from_ns(now_ns), report.node.trim_start_matches('/').to_owned(), level, text, values)
+}
+
+/// Returns a message with one status. Names of statuses have no leading slash, as those of `diagnostic_updater`.
+fn array(stamp: Time, name: String, level: u8, message: String, values: Vec<KeyValue>) -> DiagnosticArray {
+    let status = DiagnosticStatus { level, name, message, hardware_id: String::new(), values };
+    DiagnosticArray { header: Header { stamp, frame_id: String::new() }, status: vec![status] }
+}
+
+/// The `~/state` publisher of one node: the values in use, latched and stamped with the first frame that they hold for.
+pub struct StateTopic {
+    publisher: Box<dyn Publisher>,
+    last: Option<Vec<(&'static str, String)>>,
+}
+
+impl StateTopic {
+    /// Returns the topic, a `diagnostic_msgs/msg/DiagnosticArray`, which every ROS 2 node can read.
+    pub fn topic() -> Topic {
+        Topic { qos: Qos::Latched, ..Topic::new("~/state", MessageKind::Diagnostics) }
+    }
+
+    /// Publishes with `publisher`.
+    pub fn new(publisher: Box<dyn Publisher>) -> Self {
+        Self { publisher, last: None }
+    }
+
+    /// Publishes the values that `node`, which is called `name`, uses from the frame of `stamp` on, if they have changed.
+    /// `stream` is the name of the image stream that it answers.
+    pub fn tell(&mut self, stamp: Time, name: &str, node: &dyn Node, stream: Option<&str>) {
+        let stream = stream.map(|stream| ("stream", stream.to_owned()));
+        let state: Vec<_> = stream.into_iter().chain(node.state()).collect();
+        if self.last.as_ref() == Some(&state) {
+            return;
+        }
+        let value = |(key, value): &(&str, String)| KeyValue { key: (*key).to_owned(), value: value.clone() };
+        let (name, values) =
+            (format!("{}: state", name.trim_start_matches('/')), state.iter().map(value).collect());
+        let message = array(stamp, name, DiagnosticStatus::OK, "in use".to_owned(), values);
+        if let Err(why) = self.publisher.put(&Message::Diagnostics(Arc::new(message))) {
+            tracing::warn!("{why}");
+        }
+        self.last = Some(state);
+    }
 }
 
 #[cfg(test)]

@@ -19,6 +19,8 @@ use crate::transport::{Transport as _, TransportError};
 
 /// Time limit for a node to appear, and for it to answer.
 const PATIENCE: Duration = Duration::from_secs(5);
+/// Time limit for an answer to a request to set a parameter. A node answers it within 10 s: it may have to load a model.
+const SET_PATIENCE: Duration = Duration::from_secs(15);
 const GLANCE: Duration = Duration::from_millis(20);
 
 /// Error: the node did not do what was requested.
@@ -144,7 +146,8 @@ impl<'a> ParameterClient<'a> {
         let (name, ros_type) = service.name_and_type();
         let unreadable = |why| ClientError::Cdr(self.node.clone(), why);
         let request = cdr::to_vec(request).map_err(unreadable)?;
-        let answer = self.transport.call(&format!("{}/{name}", self.node), ros_type, request, PATIENCE);
+        let patience = if service == Service::SetParameters { SET_PATIENCE } else { PATIENCE };
+        let answer = self.transport.call(&format!("{}/{name}", self.node), ros_type, request, patience);
         let answer = answer.map_err(|why| ClientError::Call(self.node.clone(), why))?;
         cdr::from_slice(&answer).map_err(unreadable)
     }

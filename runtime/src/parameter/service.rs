@@ -1,7 +1,7 @@
 //! The six parameter services of a ROS 2 node, as functions from request bytes to response bytes. Pure but for the wait
 //! for the node's answer; no transport.
 
-use std::sync::mpsc::channel;
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
 
 use modulo_msgs::cdr::{self, CdrError};
@@ -19,7 +19,8 @@ use serde::de::DeserializeOwned;
 use crate::parameter::{Allowed, Descriptor, ParameterError, Value};
 use crate::transport::{Claim, ParameterPort, ParameterRequest};
 
-/// Time that a caller waits until the node has finished its current frame and has taken the request.
+/// Time that a caller waits until the node has finished its current frame, has loaded what the request needs, such as a
+/// model, and applies the request.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 crate::services! {
@@ -130,7 +131,9 @@ fn ask(
     match verdict.recv_timeout(PATIENCE) {
         Ok(answers) => Ok(answers),
         // From now on the node ignores the request.
-        Err(_) if claim.take() => Err(ended("the node did not answer within 10 s; the value is unchanged")),
+        Err(RecvTimeoutError::Timeout) if claim.take() => {
+            Err(ended("the node did not answer within 10 s; the value is unchanged"))
+        }
         // The node is applying it at this moment, so its answer counts.
         Err(_) => verdict.recv().map_err(|_| ended("the node ended while it applied the value")),
     }

@@ -160,6 +160,11 @@ impl Claim {
     pub fn take(&self) -> bool {
         !self.0.swap(true, Ordering::SeqCst)
     }
+
+    /// Returns whether a holder has the right already.
+    pub fn is_taken(&self) -> bool {
+        self.0.load(Ordering::SeqCst)
+    }
 }
 
 /// The access of a transport to the parameters of a node.

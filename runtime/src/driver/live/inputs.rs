@@ -4,54 +4,119 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use modulo_msgs::std_msgs::Time;
+
+use super::swap::{Input, Slot};
 use super::{EventQueue, LiveEvent};
 use crate::driver::keeps_latest;
-use crate::graph::{NodeName, Qos};
+use crate::graph::{NodeName, Qos, Topic};
+use crate::message::MessageKind;
 use crate::report::{NodeReport, add};
 use crate::transport::queue::{Keep, Lane, LaneCounts};
-use crate::transport::{Address, Guard, Transport, TransportError};
+use crate::transport::{Address, Transport, TransportError};
 
 /// Messages of a results topic that wait for a busy node.
 const RESULTS_WAITING: usize = 64;
 
-/// Renewed as a whole when the node's inputs change.
-#[derive(Default)]
+/// The subscriptions of a node.
 pub(super) struct Inputs {
-    pub addresses: Vec<Address>,
-    lanes: Vec<Lane>,
-    subscriptions: Vec<Guard>,
+    queue: Arc<EventQueue>,
+    slots: Vec<Slot>,
 }
 
 impl Inputs {
-    /// Subscribes the node `node_name` to `addresses`.
-    pub fn subscribe(
-        addresses: Vec<Address>,
-        node_name: &NodeName,
-        transport: &dyn Transport,
-        queue: &Arc<EventQueue>,
-    ) -> Result<Self, TransportError> {
-        let mut inputs = Self { addresses, ..Self::default() };
-        for address in &inputs.addresses {
-            // A newer image makes an older one useless, but each result counts.
-            let keep = if keeps_latest(address.kind) { Keep::Latest } else { Keep::Last(RESULTS_WAITING) };
-            let lane = queue.open(keep);
-            inputs.lanes.push(lane);
-            let queue = queue.clone();
-            let deliver = Box::new(move |incoming| drop(queue.push(lane, LiveEvent::Message(incoming))));
-            inputs.subscriptions.push(transport.subscribe(node_name, address, deliver)?);
-        }
-        Ok(inputs)
+    /// Returns a node's inputs before its first subscription.
+    pub fn new(queue: Arc<EventQueue>) -> Self {
+        Self { queue, slots: Vec::new() }
     }
 
-    /// Returns the index of the input whose messages come in `lane`; `None` for a lane of earlier inputs.
-    pub fn index_of(&self, lane: Lane) -> Option<usize> {
-        self.lanes.iter().position(|&open| open == lane)
+    /// Subscribes the node `node_name` to `topics`, and leaves the others at the ticks `now`. An image topic that takes
+    /// the place of another one takes over with its first image.
+    pub fn renew(
+        &mut self,
+        topics: Vec<(Topic, Address)>,
+        node_name: &NodeName,
+        transport: &dyn Transport,
+        now: u64,
+        report: &mut NodeReport,
+    ) -> Result<(), TransportError> {
+        let (count, before) = (topics.len(), self.slots.len());
+        for (index, (topic, address)) in topics.into_iter().enumerate() {
+            let slot = self.slots.get_mut(index);
+            if let Some(slot) = slot.filter(|slot| slot.current.address == address) {
+                slot.current.topic = topic;
+                continue;
+            }
+            let queue = &self.queue;
+            let open = || subscribe(topic, address.clone(), node_name, transport, queue);
+            match self.slots.get_mut(index) {
+                Some(slot) => {
+                    report.swapped = true;
+                    slot.change(&address, now, open)?
+                        .into_iter()
+                        .for_each(|input| input.close(queue, report));
+                }
+                None => self.slots.push(Slot::new(open()?)),
+            }
+        }
+        report.swapped |= before > count;
+        for slot in self.slots.split_off(count) {
+            slot.into_inputs().for_each(|input| input.close(&self.queue, report));
+        }
+        Ok(())
+    }
+
+    fn all(&self) -> impl Iterator<Item = &Input> {
+        self.slots.iter().flat_map(Slot::inputs)
+    }
+
+    /// Returns the names of all topics that are subscribed now.
+    pub fn topics(&self) -> impl Iterator<Item = &str> {
+        self.all().map(|input| input.address.topic.as_str())
+    }
+
+    /// Returns the input that is open in `lane`, with its index in the node's list; `None` for a closed one.
+    pub fn of(&self, lane: Lane) -> Option<(usize, &Input)> {
+        let slots = self.slots.iter().enumerate();
+        let mut inputs = slots.flat_map(|(index, slot)| slot.inputs().map(move |input| (index, input)));
+        inputs.find(|(_, input)| input.lane == lane)
+    }
+
+    /// Returns the name of the image stream whose frames are answered now, as the node declares it.
+    pub fn stream(&self) -> Option<&str> {
+        let mut streams = self.slots.iter().map(Slot::in_use);
+        streams.find(|topic| topic.kind == MessageKind::Image).map(|topic| topic.name.as_str())
+    }
+
+    /// Returns whether a message of `stamp` that came in `lane` is answered at the ticks `now`. One that is not counts
+    /// as replaced in `report`.
+    pub fn admit(&mut self, lane: Lane, stamp: Time, now: u64, report: &mut NodeReport) -> bool {
+        let Some((index, input)) = self.of(lane) else { return false };
+        let topic = input.address.topic.clone();
+        let (answered, closed) = self.slots[index].admit(lane, stamp.as_ns(), now);
+        if !answered {
+            add(&mut report.replaced, &topic, 1);
+        }
+        closed.into_iter().for_each(|input| input.close(&self.queue, report));
+        answered
+    }
+
+    /// Returns the warnings about streams that have given no frame since the node asked for them, at the ticks `now`, and
+    /// closes streams that the node has left.
+    pub fn look(&mut self, now: u64, report: &mut NodeReport) -> Vec<String> {
+        let mut warnings = Vec::new();
+        for slot in &mut self.slots {
+            let (warning, closed) = slot.look(now);
+            warnings.extend(warning);
+            closed.into_iter().for_each(|input| input.close(&self.queue, report));
+        }
+        warnings
     }
 
     /// Adds the counts of these subscriptions so far to `report`; messages that still wait do not count as received.
-    pub fn count(&self, queue: &EventQueue, report: &mut NodeReport) {
-        for (address, &lane) in self.addresses.iter().zip(&self.lanes) {
-            let counts = queue.counts(lane);
+    pub fn count(&self, report: &mut NodeReport) {
+        for Input { address, lane, .. } in self.all() {
+            let counts = self.queue.counts(*lane);
             book(
                 report,
                 address,
@@ -60,16 +125,29 @@ impl Inputs {
         }
     }
 
-    /// Ends the subscriptions and adds their counts to `report`.
-    pub fn close(mut self, queue: &EventQueue, report: &mut NodeReport) {
-        self.subscriptions.clear();
-        for (address, &lane) in self.addresses.iter().zip(&self.lanes) {
-            book(report, address, queue.close(lane));
-        }
+    /// Ends all subscriptions and adds their counts to `report`.
+    pub fn close(&mut self, report: &mut NodeReport) {
+        let inputs = std::mem::take(&mut self.slots).into_iter().flat_map(Slot::into_inputs);
+        inputs.for_each(|input| input.close(&self.queue, report));
     }
 }
 
-fn book(report: &mut NodeReport, Address { topic, qos, .. }: &Address, counts: LaneCounts) {
+fn subscribe(
+    topic: Topic,
+    address: Address,
+    node_name: &NodeName,
+    transport: &dyn Transport,
+    queue: &Arc<EventQueue>,
+) -> Result<Input, TransportError> {
+    // A newer image makes an older one useless, but each result counts.
+    let keep = if keeps_latest(address.kind) { Keep::Latest } else { Keep::Last(RESULTS_WAITING) };
+    let (lane, waiting) = (queue.open(keep), queue.clone());
+    let deliver = Box::new(move |incoming| drop(waiting.push(lane, LiveEvent::Message(incoming))));
+    let subscription = transport.subscribe(node_name, &address, deliver)?;
+    Ok(Input::new(topic, address, lane, subscription))
+}
+
+pub(super) fn book(report: &mut NodeReport, Address { topic, qos, .. }: &Address, counts: LaneCounts) {
     // A message without room in the queue counts as lost on its way, not as received.
     add(&mut report.received, topic, counts.received - counts.overflowed);
     add(&mut report.replaced, topic, counts.replaced);

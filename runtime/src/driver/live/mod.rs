@@ -3,36 +3,37 @@
 
 mod inputs;
 mod outputs;
+mod requests;
 mod source;
+mod swap;
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use modulo_msgs::std_msgs::Time;
 
 use super::{
-    CommonParameters, GRAPH_GLANCE, ImageTransport, RunError, addresses, status_of, stream_of, wait_for,
+    CommonParameters, GRAPH_GLANCE, ImageTransport, RunError, addresses, status_of, wait_for,
     wait_until_ready,
 };
 use crate::clock::{Clock, nanos as nanoseconds};
 use crate::driver::pacing::{Pacing, taken_message, taken_topic};
-use crate::graph::NodeName;
-use crate::graph::diagnostics::Diagnostics;
+use crate::graph::diagnostics::{Diagnostics, StateTopic};
 use crate::graph::node_time::NodeTime;
+use crate::graph::{NodeName, Topic};
 use crate::message::{Message, MessageKind};
-use crate::node::{Context, Flow, Node, StepError, StepOutput, Trigger};
+use crate::node::{Context, Flow, Node, Part, StepError, StepOutput, Trigger};
 use crate::parameter::events::ParameterEvents;
-use crate::parameter::{ParameterError, Parameters, Value};
+use crate::parameter::{ParameterError, Parameters};
 use crate::process::node_files::{ReportFile, SavedState, WriteReason};
 use crate::process::stop::{Stop, Urgency};
 use crate::report::{NodeReport, add};
 use crate::transport::attachment::Attachment;
-use crate::transport::queue::{Arrived, Keep, Lane, Limit, Next, Queue, Queued};
-use crate::transport::{
-    Address, Guard, Incoming, ParameterPort, ParameterRequest, Publisher, Transport, TransportError,
-};
+use crate::transport::queue::{Arrived, Lane, Limit, Next, Queue, Queued};
+use crate::transport::{Address, Incoming, ParameterRequest, Publisher, Transport};
 use inputs::{Inputs, SkipWarnings};
 use outputs::{LiveOutput, compressed, decompress};
+use requests::Making;
 use source::images;
 
 /// Time after which a node without work looks at the tasks of each second.
@@ -64,20 +65,22 @@ enum LiveEvent {
     Request(ParameterRequest),
     /// A reader has taken a frame of this source.
     Taken(Incoming),
+    /// The part that a request needs was made, or cannot be.
+    Made(Result<Part, ParameterError>),
 }
 
 impl Queued for LiveEvent {
     fn bytes(&self) -> usize {
         match self {
             Self::Message(incoming) | Self::Taken(incoming) => incoming.bytes(),
-            Self::Request(_) => 0,
+            Self::Request(_) | Self::Made(_) => 0,
         }
     }
 
     fn attachment(&self) -> Option<&Attachment> {
         match self {
             Self::Message(incoming) | Self::Taken(incoming) => incoming.attachment(),
-            Self::Request(_) => None,
+            Self::Request(_) | Self::Made(_) => None,
         }
     }
 }
@@ -103,6 +106,11 @@ struct Live<'a> {
     /// The readers of this node's own frames, if it is such a source.
     pacing: Pacing,
     diagnostics: Diagnostics,
+    state: StateTopic,
+    /// The part that a request waits for.
+    making: Option<Making>,
+    /// Number of changes of parameters so far.
+    changes: u64,
     /// The warnings about messages that could not be read.
     warnings: SkipWarnings,
     parameter_events: ParameterEvents,
@@ -132,6 +140,7 @@ pub fn run(
     let queue = Arc::new(Queue::new(clock.clone(), Limit { messages: REQUESTS, bytes: usize::MAX }));
     // A node that waits for a message must see a request to end at once.
     stop.wakes(&queue);
+    let state = transport.advertise(&node_name, &Address::resolve(&node_name, &StateTopic::topic())?)?;
     let live = Live {
         report: NodeReport::new(node_name.fully_qualified()),
         node,
@@ -141,12 +150,15 @@ pub fn run(
         transport,
         time: NodeTime::new(&**clock),
         stop,
+        inputs: Inputs::new(queue.clone()),
         queue,
         outputs,
-        inputs: Inputs::default(),
         taken: transport.advertise(&node_name, &Address::resolve(&node_name, &taken_topic())?)?,
         pacing: Pacing::default(),
         diagnostics: Diagnostics::new(diagnostics),
+        state: StateTopic::new(state),
+        making: None,
+        changes: 0,
         warnings: SkipWarnings::default(),
         parameter_events: ParameterEvents::new(&node_name, transport)?,
         node_name,
@@ -167,17 +179,24 @@ impl Live<'_> {
         // Last of all: a node that waits for this one may send at once.
         let announced = self.transport.announce(&self.node_name)?;
         self.parameter_events.started(self.time.now_ns(), &self.settings());
+        self.tell_state(Time::from_ns(self.time.now_ns()));
         self.keep_account(WriteReason::Edge);
         tracing::info!(node = %self.report.node, "ready");
-        let ended = match self.node.period() {
-            Some(_) => self.run_source(),
-            None => self.run_listener(),
+        // Another source may make a source a listener, and the other way round.
+        let ended = loop {
+            let is_source = self.node.period().is_some();
+            let ended = if is_source { self.run_source() } else { self.run_listener() };
+            let goes_on = self.stop.urgency() == Urgency::None && self.node.period().is_some() != is_source;
+            if ended.is_err() || !goes_on {
+                break ended;
+            }
         };
         // Out of the graph before the publishers go, so that no other node waits for this one.
         drop((announced, served));
         // From here on requests are refused, so that no caller waits for a node that has ended.
         self.queue.end();
-        std::mem::take(&mut self.inputs).close(&self.queue, &mut self.report);
+        self.making.take().into_iter().for_each(Making::join);
+        self.inputs.close(&mut self.report);
         for (topic, said) in self.warnings.rest() {
             tracing::warn!(node = %self.report.node, topic, "{said}");
         }
@@ -196,7 +215,7 @@ impl Live<'_> {
         let Some(file) = self.report_file.as_mut().filter(|file| file.is_due(reason, now)) else { return };
         // A copy: the counts of open subscriptions go into the file, and into the report only when they are closed.
         let mut report = NodeReport { running: true, ..self.report.clone() };
-        self.inputs.count(&self.queue, &mut report);
+        self.inputs.count(&mut report);
         report.status.extend(status_of(&*self.node));
         file.write(&report, now);
     }
@@ -208,69 +227,18 @@ impl Live<'_> {
         })
     }
 
+    /// Subscribes to the inputs that the node has now.
     fn subscribe(&mut self) -> Result<(), RunError> {
-        let mut addresses = addresses(&self.node_name, &self.node.inputs())?;
+        let topics = self.node.inputs();
+        let mut addresses = addresses(&self.node_name, &topics)?;
         let CommonParameters { image_transport, .. } = (&self.settings()).into();
         if image_transport == ImageTransport::Compressed {
             for image in addresses.iter_mut().filter(|address| address.kind == MessageKind::Image) {
                 *image = compressed(image);
             }
         }
-        if addresses == self.inputs.addresses {
-            return Ok(());
-        }
-        let renewed = Inputs::subscribe(addresses, &self.node_name, self.transport, &self.queue)?;
-        self.report.swapped |= !self.inputs.addresses.is_empty();
-        std::mem::replace(&mut self.inputs, renewed).close(&self.queue, &mut self.report);
-        Ok(())
-    }
-
-    /// Offers the parameters to the graph. A request waits in the queue of the node for the end of a step.
-    fn serve_parameters(&self) -> Result<Guard, TransportError> {
-        let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::All));
-        let parameters = self.parameters.clone();
-        let read = move || parameters.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let request = move |request| match queue.push(lane, LiveEvent::Request(request))? {
-            LiveEvent::Request(request) => Some(request),
-            LiveEvent::Message(_) | LiveEvent::Taken(_) => None,
-        };
-        let port = ParameterPort { read: Box::new(read), request: Box::new(request) };
-        self.transport.serve_parameters(&self.node_name, port)
-    }
-
-    fn settings(&self) -> Parameters {
-        self.parameters.lock().unwrap_or_else(PoisonError::into_inner).clone()
-    }
-
-    /// Applies a request between two steps, unless its caller has given up.
-    fn answer(&mut self, request: &ParameterRequest) -> Result<(), RunError> {
-        // A caller that gave up has reported that the value is unchanged.
-        if !request.claim.take() {
-            return Ok(());
-        }
-        let answers: Vec<_> = request.changes.iter().map(|values| self.change(values)).collect();
-        for why in answers.iter().filter_map(|answer| answer.as_ref().err()) {
-            tracing::warn!(node = %self.report.node, "{why}");
-        }
-        // A parameter may change the inputs of the node or its clock.
-        self.subscribe()?;
-        self.time.follow(&self.settings(), &self.node_name, self.transport)?;
-        // Fails only when the caller has gone.
-        let _ = request.answer.send(answers);
-        Ok(())
-    }
-
-    fn change(&mut self, values: &[(String, Value)]) -> Result<(), ParameterError> {
-        let before = self.settings();
-        let next = before.with(values, true)?;
-        self.node.configure(&next)?;
-        if let Some(saved) = &self.saved {
-            saved.keep(&next);
-        }
-        // Stored before the event is sent: a listener that asks back reads the new value.
-        *self.parameters.lock().unwrap_or_else(PoisonError::into_inner) = next.clone();
-        self.parameter_events.changed(self.time.now_ns(), &before, &next);
-        Ok(())
+        let (topics, now) = (topics.into_iter().zip(addresses).collect(), self.time.ticks_ns());
+        Ok(self.inputs.renew(topics, &self.node_name, self.transport, now, &mut self.report)?)
     }
 
     fn run_listener(&mut self) -> Result<(), RunError> {
@@ -284,7 +252,7 @@ impl Live<'_> {
             };
             match self.queue.take(Some(if draining { GRAPH_GLANCE } else { IDLE })) {
                 Next::Item(arrived) => {
-                    if self.handle(arrived)? == Flow::Done {
+                    if self.handle(arrived)? == Flow::Done || self.node.period().is_some() {
                         return Ok(());
                     }
                     // Each message restarts both waits, since more may follow it.
@@ -310,13 +278,14 @@ impl Live<'_> {
 
     /// Returns whether more messages can come.
     fn has_upstream(&self) -> bool {
-        self.inputs.addresses.iter().any(|address| !self.transport.publishers(&address.topic).is_empty())
+        self.inputs.topics().any(|topic| !self.transport.publishers(topic).is_empty())
     }
 
     fn handle(&mut self, arrived: Arrived<LiveEvent>) -> Result<Flow, RunError> {
         match arrived.item {
             LiveEvent::Message(incoming) => self.handle_message(arrived.lane, incoming),
-            LiveEvent::Request(request) => self.answer(&request).map(|()| Flow::Continue),
+            LiveEvent::Request(request) => self.answer(request).map(|()| Flow::Continue),
+            LiveEvent::Made(part) => self.made(part).map(|()| Flow::Continue),
             LiveEvent::Taken(incoming) => {
                 if let Ok(Message::Diagnostics(taken)) = incoming.open(MessageKind::Diagnostics) {
                     self.pacing.note(&taken);
@@ -327,16 +296,19 @@ impl Live<'_> {
     }
 
     fn handle_message(&mut self, lane: Lane, incoming: Incoming) -> Result<Flow, RunError> {
-        let input = self.inputs.index_of(lane).expect("a lane is closed together with its input");
-        let Address { topic, kind, .. } = self.inputs.addresses[input].clone();
+        let (input, read) = self.inputs.of(lane).expect("a lane is closed together with its input");
+        let (declared, Address { topic, kind, .. }) = (read.topic.clone(), read.address.clone());
         let opened = incoming.open(kind).map_err(|why| why.to_string());
-        let message = match opened.and_then(|message| self.decompressed(input, message)) {
+        let message = match opened.and_then(|message| decompressed(&declared, message)) {
             Ok(message) => message,
             Err(why) => {
                 self.skip(&topic, &why);
                 return Ok(Flow::Continue);
             }
         };
+        if !self.inputs.admit(lane, message.stamp(), self.time.ticks_ns(), &mut self.report) {
+            return Ok(Flow::Continue);
+        }
         // The stamp is kept, because the step consumes the message.
         let is_image = message.kind() == MessageKind::Image;
         let told = (is_image && self.taken.wanted()).then(|| message.stamp());
@@ -345,7 +317,8 @@ impl Live<'_> {
         if let Some(stamp) = told.filter(|_| !passes_on) {
             self.tell_taken(stamp, &[]);
         }
-        let (flow, messages) = self.step(Trigger::Message { input, message }, &topic)?;
+        let trigger = Trigger::Message { input, message };
+        let (flow, messages) = self.step(trigger, &topic, Some(&declared.name))?;
         self.send_all(&messages);
         // A frame that is kept has no result yet; the step that answers it tells.
         if passes_on && flow != Flow::Kept && self.taken.wanted() {
@@ -355,17 +328,6 @@ impl Live<'_> {
             }
         }
         Ok(flow)
-    }
-
-    /// Returns the image of a message that came on the compressed variant of input `input`, and any other message as it is.
-    fn decompressed(&self, input: usize, message: Message) -> Result<Message, String> {
-        let topics = self.node.inputs();
-        match (&message, topics.get(input)) {
-            (Message::CompressedImage(file), Some(topic)) if topic.kind == MessageKind::Image => {
-                Ok(Message::Image(Arc::new(decompress(file, topic)?)))
-            }
-            _ => Ok(message),
-        }
     }
 
     /// Adds the compressed variants that have readers to the messages of a step. An image whose compressed variant alone has
@@ -401,15 +363,24 @@ impl Live<'_> {
         }
     }
 
-    /// Runs one step; returns the messages that it left. `topic` is named when the step skips its input.
-    fn step(&mut self, trigger: Trigger, topic: &str) -> Result<(Flow, Vec<(usize, Message)>), RunError> {
-        let stream = stream_of(&*self.node, &trigger);
+    /// Runs one step; returns the messages that it left. `topic` is named when the step skips its input, which came on
+    /// `stream`; a source reads no stream.
+    fn step(
+        &mut self,
+        trigger: Trigger,
+        topic: &str,
+        stream: Option<&str>,
+    ) -> Result<(Flow, Vec<(usize, Message)>), RunError> {
         let wanted: Vec<bool> = self.outputs.iter().map(LiveOutput::wanted).collect();
         let mut cx = Context::new(&self.report.node, &self.time, &wanted);
         let result = self.node.step(trigger, &mut cx);
         let mut output = cx.finish();
         output.messages = self.with_compressed(output.messages);
-        self.book(&output, stream.as_deref());
+        self.book(&output, stream);
+        // Before the messages of the first frame that was made with these values.
+        if let Some((_, first)) = output.messages.first() {
+            self.tell_state(first.stamp());
+        }
         match result {
             Ok(flow) => Ok((flow, output.messages)),
             // Each frame of a source is told: its name is in the text.
@@ -473,12 +444,21 @@ impl Live<'_> {
         }
     }
 
-    /// Publishes the state of the node on `/diagnostics` and writes it to its report file, once a second.
+    /// Publishes the values in use from the frame of `stamp` on, if they have changed.
+    fn tell_state(&mut self, stamp: Time) {
+        self.state.tell(stamp, &self.report.node, &*self.node, self.inputs.stream());
+    }
+
+    /// Publishes the counts of the node on `/diagnostics` and writes them to its report file, once a second; warns of
+    /// streams that do not come.
     fn tell_when_due(&mut self) {
         self.keep_account(WriteReason::Idle);
+        for warning in self.inputs.look(self.time.ticks_ns(), &mut self.report) {
+            tracing::warn!(node = %self.report.node, "{warning}");
+        }
         if self.diagnostics.is_due(&self.time) {
             let mut report = self.report.clone();
-            self.inputs.count(&self.queue, &mut report);
+            self.inputs.count(&mut report);
             self.diagnostics.publish(&self.time, &report, &*self.node);
         }
     }
@@ -488,5 +468,15 @@ impl Live<'_> {
         if let Some(said) = self.warnings.note(topic, why, self.time.ticks_ns()) {
             tracing::warn!(node = %self.report.node, topic, "{said}");
         }
+    }
+}
+
+/// Returns the image of a message that came on the compressed variant of `topic`, and any other message as it is.
+fn decompressed(topic: &Topic, message: Message) -> Result<Message, String> {
+    match &message {
+        Message::CompressedImage(file) if topic.kind == MessageKind::Image => {
+            Ok(Message::Image(Arc::new(decompress(file, topic)?)))
+        }
+        _ => Ok(message),
     }
 }

@@ -16,7 +16,7 @@ use crate::transport::{Address, Guard};
 
 impl Live<'_> {
     /// Sends one frame each period, or with a period of zero as soon as every reader has taken the last frame. The
-    /// period may change between two frames.
+    /// period may change between two frames. Returns when the node is done, or has become a listener.
     pub(super) fn run_source(&mut self) -> Result<(), RunError> {
         // The subscription to what the readers have taken, which is held only while the period is zero.
         let mut told: Option<(Guard, Lane)> = None;
@@ -36,18 +36,27 @@ impl Live<'_> {
                 // Readers tell nothing before they have found out that this node listens.
                 due = due.max(self.time.ticks_ns() + nanoseconds(self.transport.settling()));
             }
+            if self.node.period().is_none() {
+                return Ok(());
+            }
             self.wait_until(due)?;
             if self.stop.urgency() != Urgency::None {
                 return Ok(());
             }
-            let (flow, messages) = self.step(Trigger::Tick, "source")?;
+            // A request may have come meanwhile: the step is one of the node as it is now.
+            if self.node.period().is_none() {
+                continue;
+            }
+            let changes = self.changes;
+            let (flow, messages) = self.step(Trigger::Tick, "source", None)?;
             // The step has made the next frame meanwhile; only its sending waits.
             if paced {
                 self.wait_for_readers()?;
                 self.note_frame(&messages);
             }
             self.send_all(&messages);
-            if flow == Flow::Done {
+            // A request that was answered while readers were waited for may have given the node another source.
+            if flow == Flow::Done && self.changes == changes {
                 return Ok(());
             }
             // Where the period has changed, the longer one holds for this once: nothing else keeps two frames apart.

@@ -67,9 +67,12 @@ impl ZenohTransport {
         }
     }
 
-    /// Serves the services that every ROS 2 node has.
+    /// Serves the services that every ROS 2 node has. A request to set a parameter may wait for a model, so that those
+    /// have a thread of their own.
     pub(super) fn serve(&self, node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError> {
-        self.serve_raw(node, handlers(port))
+        let (setting, reading) =
+            handlers(port).into_iter().partition(|service: &RawService| service.name.starts_with("set_"));
+        Ok(Box::new((self.serve_raw(node, setting)?, self.serve_raw(node, reading)?)))
     }
 
     /// Serves `handlers` by one thread for all of them: a request may wait for the frame at hand, and zenoh's own

@@ -1,0 +1,179 @@
+//! Requests to change the parameters of a live node: applied between two steps, all changes of a request at once. A part
+//! that takes long to make, such as a model, is made on a thread of its own first. Meanwhile the node goes on with the
+//! part that it has, and the request has no effect.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::PoisonError;
+use std::thread::JoinHandle;
+
+use super::{Live, LiveEvent};
+use crate::clock::Clock;
+use crate::driver::RunError;
+use crate::node::{Job, Part};
+use crate::parameter::{ParameterError, Parameters, Value};
+use crate::transport::queue::{Keep, Lane};
+use crate::transport::{Guard, ParameterPort, ParameterRequest, TransportError};
+
+/// A request whose changes are looked at, one after the other.
+struct Prepared {
+    request: ParameterRequest,
+    /// The parameters after the changes so far, if each one is accepted that was not refused.
+    expected: Parameters,
+    /// Of each change so far the part that it needs, or the reason why it is refused.
+    parts: Vec<Result<Option<Part>, ParameterError>>,
+}
+
+/// A part that is being made.
+pub(super) struct Making {
+    prepared: Prepared,
+    /// The parameters that the part is for.
+    next: Parameters,
+    lane: Lane,
+    thread: JoinHandle<()>,
+}
+
+impl Making {
+    /// Waits for the end of the thread: the process must not end while a library of an engine is at work.
+    pub fn join(self) {
+        let _ = self.thread.join();
+    }
+}
+
+/// Returns the names and the values that differ between two sets.
+fn difference(now: &Parameters, next: &Parameters) -> (String, String) {
+    let names = now.descriptors().iter().map(|descriptor| descriptor.name);
+    let changed = names.filter(|name| now.get(name) != next.get(name));
+    let pairs = changed.filter_map(|name| Some((name, next.get(name)?.to_string())));
+    let (names, values): (Vec<_>, Vec<_>) = pairs.unzip();
+    (names.join(", "), values.join(", "))
+}
+
+impl Live<'_> {
+    /// Offers the parameters to the graph. A request waits in the queue of the node for the end of a step.
+    pub(super) fn serve_parameters(&self) -> Result<Guard, TransportError> {
+        let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::All));
+        let parameters = self.parameters.clone();
+        let read = move || parameters.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let request = move |request| match queue.push(lane, LiveEvent::Request(request))? {
+            LiveEvent::Request(request) => Some(request),
+            LiveEvent::Message(_) | LiveEvent::Taken(_) | LiveEvent::Made(_) => None,
+        };
+        let port = ParameterPort { read: Box::new(read), request: Box::new(request) };
+        self.transport.serve_parameters(&self.node_name, port)
+    }
+
+    pub(super) fn settings(&self) -> Parameters {
+        self.parameters.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Applies a request between two steps, or starts to make the part that it needs.
+    pub(super) fn answer(&mut self, request: ParameterRequest) -> Result<(), RunError> {
+        let expected = self.settings();
+        self.prepare(Prepared { request, expected, parts: Vec::new() })
+    }
+
+    fn prepare(&mut self, mut prepared: Prepared) -> Result<(), RunError> {
+        while let Some(values) = prepared.request.changes.get(prepared.parts.len()) {
+            if prepared.request.claim.is_taken() {
+                break;
+            }
+            let part = match prepared.expected.with(values, true) {
+                Err(why) => Err(why),
+                Ok(next) => match self.node.prepare(&prepared.expected, &next) {
+                    None => {
+                        prepared.expected = next;
+                        Ok(None)
+                    }
+                    // One at a time: each may take as much memory as a model.
+                    Some(_) if self.making.is_some() => {
+                        let (names, values) = difference(&prepared.expected, &next);
+                        let why = "the node is still loading what was asked for before; try again later";
+                        Err(ParameterError::new(names, values, why))
+                    }
+                    Some(job) => return self.make(job, next, prepared),
+                },
+            };
+            prepared.parts.push(part);
+        }
+        self.apply(prepared)
+    }
+
+    /// Starts `job` on a thread of its own; its end comes as an event.
+    fn make(&mut self, job: Job, next: Parameters, mut prepared: Prepared) -> Result<(), RunError> {
+        let (names, values) = difference(&prepared.expected, &next);
+        let failed = move |why: String| ParameterError::new(names.clone(), values.clone(), why);
+        let (lane, queue, panicked) = (self.queue.open(Keep::Last(1)), self.queue.clone(), failed.clone());
+        let thread = std::thread::Builder::new().name("parts".into()).spawn(move || {
+            // Without an answer, the request would wait for ever, and no other part could be made.
+            let made = catch_unwind(AssertUnwindSafe(job));
+            let made = made.unwrap_or_else(|_| Err(panicked("the program failed at it; see the log".into())));
+            drop(queue.push(lane, LiveEvent::Made(made)));
+        });
+        match thread {
+            Ok(thread) => {
+                self.making = Some(Making { prepared, next, lane, thread });
+                Ok(())
+            }
+            Err(why) => {
+                self.queue.close(lane);
+                prepared.parts.push(Err(failed(format!("the system gives no thread: {why}"))));
+                self.prepare(prepared)
+            }
+        }
+    }
+
+    /// Takes the part that was made, and goes on with its request.
+    pub(super) fn made(&mut self, part: Result<Part, ParameterError>) -> Result<(), RunError> {
+        let making = self.making.take().expect("only a part that is being made is made");
+        let Making { mut prepared, next, lane, thread } = making;
+        self.queue.close(lane);
+        // It has sent its last event, and ends now.
+        let _ = thread.join();
+        prepared.parts.push(part.map(|part| {
+            prepared.expected = next;
+            Some(part)
+        }));
+        self.prepare(prepared)
+    }
+
+    fn apply(&mut self, Prepared { request, parts, .. }: Prepared) -> Result<(), RunError> {
+        // A caller that gave up has reported that the value is unchanged.
+        if !request.claim.take() {
+            if parts.iter().any(|part| matches!(part, Ok(Some(_)))) {
+                let text = "what a request needs was loaded after its caller had given up, and is not used";
+                tracing::warn!(node = %self.report.node, "{text}; set the parameters again");
+            }
+            return Ok(());
+        }
+        let changes = request.changes.iter().zip(parts);
+        let answers: Vec<_> = changes.map(|(values, part)| self.change(values, part?)).collect();
+        for why in answers.iter().filter_map(|answer| answer.as_ref().err()) {
+            tracing::warn!(node = %self.report.node, "{why}");
+        }
+        // A parameter may change the inputs of the node or its clock.
+        self.subscribe()?;
+        self.time.follow(&self.settings(), &self.node_name, self.transport)?;
+        // Fails only when the caller has gone.
+        let _ = request.answer.send(answers);
+        Ok(())
+    }
+
+    fn change(&mut self, values: &[(String, Value)], part: Option<Part>) -> Result<(), ParameterError> {
+        let before = self.settings();
+        let next = before.with(values, true)?;
+        match part {
+            None => self.node.configure(&next)?,
+            Some(part) => self.node.exchange(&next, part)?,
+        }
+        self.changes += 1;
+        if let Some(saved) = &self.saved {
+            saved.keep(&next);
+            // Another source begins with its first frame, also after a crash.
+            self.node.position().into_iter().for_each(|position| saved.keep_position(position));
+        }
+        // Stored before the event is sent: a listener that asks back reads the new value.
+        *self.parameters.lock().unwrap_or_else(PoisonError::into_inner) = next.clone();
+        self.parameter_events.changed(self.time.now_ns(), &before, &next);
+        Ok(())
+    }
+}
