@@ -4,7 +4,7 @@ use modulo_charts::{Axis, Bar, Bars, ChartBody, ChartPanel, DataPoint, Emphasis,
 
 use super::{NamedChart, add_point, models, suffix};
 use crate::budget::{Candidate, pareto_front};
-use crate::labels::{self, Conditions, SENSE, STAGES, distinct};
+use crate::labels::{self, Conditions, SENSE, STAGES, distinct, number};
 use crate::results::{Cell, Results, Stream};
 
 /// Name of the line in the legend.
@@ -24,7 +24,7 @@ fn frontier(results: &Results, cells: &[&Cell], alpha: f64, conditions: Conditio
     let cells: Vec<&Cell> = cells.iter().filter(|cell| cell.point.alpha == alpha).copied().collect();
     let groups = distinct(cells.iter().flat_map(|cell| cell.ap50.keys()));
     let footer = "Time: median of unwrap, tone or deblur, pre, infer and post together; the capture and the \
-                 simulation of the sensor are not in it. Grey: another choice is more accurate beyond the 95 % \
+                 simulation of the sensor are not in it. Bars: 95 % bootstrap intervals of AP50. Grey: another choice is more accurate beyond the 95 % \
                  intervals of both, and not slower. No sensor delivers the ideal streams: they are not on the front. \
                  Towards the upper left is better.";
     let title = format!("Speed against accuracy, alpha {alpha}, {}", labels::conditions(conditions));
@@ -50,10 +50,11 @@ fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
         let point = DataPoint {
             x: candidate.cost,
             y: candidate.gain,
+            interval: cell.interval95.get(&format!("ap50.{group}")).copied(),
             hover: format!(
-                "{name}, {model}: {:.1} ms, AP50 of {group} {:.1} %",
-                candidate.cost,
-                100.0 * candidate.gain
+                "{name}, {model}: {} ms, AP50 of {group} {} %",
+                number(candidate.cost, 1),
+                number(100.0 * candidate.gain, 1)
             ),
             label: if several { model } else { name.clone() },
             emphasis: if kept { Emphasis::Normal } else { Emphasis::Faded },
@@ -62,8 +63,8 @@ fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
     }
     series.push(Series { name: FRONT.to_owned(), points: steps(&front), style: SeriesStyle::Line });
     ChartPanel {
-        x: Axis::log("time a frame, ms (median)"),
-        y: Axis::percent(format!("AP50 of {group}"), 1.0),
+        x: Axis::log(format!("median time of a frame, ms, {}", labels::timed_frames(cells))),
+        y: Axis::percent(labels::ap50(group, &labels::frames(cells.iter().map(|cell| cell.frames))), 1.0),
         series,
     }
 }
@@ -109,10 +110,11 @@ pub fn stages(results: &Results, conditions: Conditions) -> Vec<NamedChart> {
     let cells = labels::nearest_to_four(&cells);
     let Some(alpha) = cells.first().map(|cell| cell.point.alpha) else { return Vec::new() };
     let rows = cells.iter().map(|cell| bar(cell)).collect();
+    let label = format!("median time of a frame, ms, {}", labels::timed_frames(&cells));
     let footer = "Medians over the frames of a cell, stage by stage. The capture and the simulation of the sensor are \
                  not in it.";
     let title = format!("Where the time of a frame goes, alpha {alpha}, {}", labels::conditions(conditions));
-    let body = ChartBody::Bars(Bars { label: "time a frame, ms".to_owned(), rows });
+    let body = ChartBody::Bars(Bars { label, rows });
     let name = format!("latency_{}", suffix(conditions));
     vec![NamedChart::new(name, title, results, footer.to_owned(), body)]
 }
@@ -121,7 +123,7 @@ fn bar(cell: &Cell) -> Bar {
     let label = format!("{}, {}", labels::stream(&cell.point), labels::model(&cell.point));
     let timed = |stage: &&str| Some(((*stage).to_owned(), cell.latency_ms.get(*stage)?.p50));
     let parts = STAGES.iter().filter(|stage| **stage != SENSE).filter_map(timed).collect();
-    let note = labels::frame_ms(cell).map_or(String::new(), |ms| format!("{ms:.1} ms"));
+    let note = labels::frame_ms(cell).map_or(String::new(), |ms| format!("{} ms", number(ms, 1)));
     Bar { label, parts, note }
 }
 
@@ -148,8 +150,8 @@ fn panel(cells: &[&Cell], model: &str) -> ChartPanel {
     let series: Vec<Series> = own.map(|cell| series(cell)).collect();
     let most = series.iter().flat_map(|series| &series.points).map(|point| point.y).fold(0.1, f64::max);
     ChartPanel {
-        x: Axis::log(format!("time a frame, ms, {model}")),
-        y: Axis::percent("frames", most),
+        x: Axis::log(format!("time of a frame, ms, {model}")),
+        y: Axis::percent(format!("share of frames, %, {}", labels::timed_frames(cells)), most),
         series,
     }
 }
