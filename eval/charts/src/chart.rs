@@ -36,7 +36,7 @@ pub enum ChartBody {
 pub enum PageWidth {
     /// 1200 px, for a screen or a sheet of paper.
     Wide,
-    /// 560 px, for a phone.
+    /// 420 px, for a phone.
     Narrow,
 }
 
@@ -46,7 +46,7 @@ impl PageWidth {
     fn width(self) -> f32 {
         match self {
             Self::Wide => 1200.0,
-            Self::Narrow => 560.0,
+            Self::Narrow => 420.0,
         }
     }
 }

@@ -135,7 +135,8 @@ impl Style {
     pub fn mark(&self, canvas: &mut Canvas, (x, y): Position, emphasis: Emphasis, hover: &str) {
         let points = self.outline().into_iter().map(|(dx, dy)| (x + RADIUS * dx, y + RADIUS * dy)).collect();
         let colour = self.with_emphasis(emphasis);
-        let (fill, edge) = if self.open { (WHITE, (colour, 1.8)) } else { (colour, (WHITE, 1.0)) };
+        // An outline shows the marker that it may cover.
+        let (fill, edge) = if self.open { (None, (colour, 1.8)) } else { (Some(colour), (WHITE, 1.0)) };
         canvas.shapes.push(Shape::Area { points, fill, edge, hover: hover.to_owned() });
     }
 

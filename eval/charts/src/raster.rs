@@ -40,7 +40,9 @@ fn draw(pixels: &mut Pixmap, canvas: &Canvas, shape: &Shape) -> Result<(), Chart
             stroke(pixels, path(points, false), *colour, *width, *dash);
         }
         Shape::Area { points, fill: colour, edge: (edge, width), .. } => {
-            fill(pixels, path(points, true), *colour, zoomed(Transform::identity()));
+            if let Some(colour) = colour {
+                fill(pixels, path(points, true), *colour, zoomed(Transform::identity()));
+            }
             stroke(pixels, path(points, true), *edge, *width, 0.0);
         }
         Shape::Picture { area, picture } => paste(pixels, *area, picture)?,

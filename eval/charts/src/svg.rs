@@ -69,7 +69,7 @@ fn push(out: &mut String, shape: &Shape) {
             out,
             "<polygon points=\"{}\" fill=\"{}\" stroke=\"{}\" stroke-width=\"{width}\">{}</polygon>",
             coordinates(points),
-            hex(*fill),
+            fill.map_or_else(|| "none\" pointer-events=\"all".to_owned(), hex),
             hex(*edge),
             if hover.is_empty() { String::new() } else { format!("<title>{}</title>", escaped(hover)) }
         ),

@@ -341,7 +341,7 @@ fn zero_has_no_sign_anywhere() {
     store::save(folder.path(), &results).expect("saved");
     let table = std::fs::read_to_string(folder.path().join("results.csv")).expect("a table");
     for text in [page(&results), table] {
-        let signed = ["-0.0", "-0<", ",-0,", "\"-0\"", " -0 "].map(|zero| text.find(zero));
+        let signed = [">-0.0", " -0.0", "(-0.0", ">-0<", ",-0,", "\"-0\""].map(|zero| text.find(zero));
         let shown =
             signed.iter().flatten().map(|at| &text[at.saturating_sub(60)..at + 20]).collect::<Vec<_>>();
         assert!(shown.is_empty(), "{shown:?}");

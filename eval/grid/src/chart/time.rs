@@ -130,15 +130,15 @@ fn bar(cell: &Cell) -> Bar {
 /// Upper bound of a bucket divided by its lower bound: `10^(1 / 20)`.
 const BUCKET: f64 = 1.122_018_454_301_963_3;
 
-/// One chart at the alpha nearest to 4: the histogram of the time of a frame, with a panel for each model and a line for
-/// each stream and method.
+/// One chart at the alpha nearest to 4: the distribution of the time of a frame, with a panel for each model and a line
+/// for each stream and method.
 pub fn histograms(results: &Results, conditions: Conditions) -> Vec<NamedChart> {
     let mut cells = super::cells(results, conditions);
     cells.retain(|cell| !cell.latency_histogram.is_empty());
     let cells = labels::nearest_to_four(&cells);
     let Some(alpha) = cells.first().map(|cell| cell.point.alpha) else { return Vec::new() };
-    let footer = "Share of the frames in buckets of 1/20 of a power of ten. From the captured image to the boxes; the \
-                 capture and the simulation of the sensor are not in it.";
+    let footer = "Share of the frames that take at most this time, from the captured image to the boxes, in buckets of \
+                 1/20 of a power of ten; the capture and the simulation of the sensor are not in it.";
     let title = format!("How long frames take, alpha {alpha}, {}", labels::conditions(conditions));
     let body = ChartBody::Panels(models(&cells).iter().map(|model| panel(&cells, model)).collect());
     let name = format!("histogram_{}", suffix(conditions));
@@ -147,24 +147,22 @@ pub fn histograms(results: &Results, conditions: Conditions) -> Vec<NamedChart> 
 
 fn panel(cells: &[&Cell], model: &str) -> ChartPanel {
     let own = cells.iter().filter(|cell| labels::model(&cell.point) == model);
-    let series: Vec<Series> = own.map(|cell| series(cell)).collect();
-    let most = series.iter().flat_map(|series| &series.points).map(|point| point.y).fold(0.1, f64::max);
     ChartPanel {
         x: Axis::log(format!("time of a frame, ms, {model}")),
-        y: Axis::percent(format!("share of frames, %, {}", labels::timed_frames(cells)), most),
-        series,
+        y: Axis::percent(format!("share of frames, %, {}", labels::timed_frames(cells)), 1.0),
+        series: own.map(|cell| series(cell)).collect(),
     }
 }
 
-/// The outline of the buckets, from 0 to 0.
+/// The share of the frames up to each bound of the buckets. Single buckets would cover those of other cells.
 fn series(cell: &Cell) -> Series {
     let all: u64 = cell.latency_histogram.iter().map(|(_, count)| count).sum();
-    let at = |x: f64, y: f64| DataPoint { x, y, ..DataPoint::default() };
-    let mut points = Vec::new();
+    let (mut points, mut sum) = (Vec::new(), 0);
     for (bound, count) in &cell.latency_histogram {
-        let share = *count as f64 / all.max(1) as f64;
-        let from = bound / BUCKET;
-        points.extend([at(from, 0.0), at(from, share), at(*bound, share), at(*bound, 0.0)]);
+        let share = |sum: u64| sum as f64 / all.max(1) as f64;
+        let below = DataPoint { x: bound / BUCKET, y: share(sum), ..DataPoint::default() };
+        sum += count;
+        points.extend([below, DataPoint { x: *bound, y: share(sum), ..DataPoint::default() }]);
     }
     Series { name: labels::stream(&cell.point), points, style: SeriesStyle::Line }
 }

@@ -175,7 +175,9 @@ fn pictures(folder: &Path) -> Result<Vec<RenderedChart>, GridError> {
     let load = |name: String| {
         let wide = read(folder.join(format!("{name}.svg")))?;
         let narrow = read(folder.join(format!("{name}.narrow.svg")))?;
-        Ok(RenderedChart { title: name.clone(), name, wide, narrow })
+        let title =
+            if name.ends_with("worst") { "The worst frame of each stream" } else { "What the detector sees" };
+        Ok(RenderedChart { title: title.to_owned(), name, wide, narrow })
     };
     names.into_iter().map(load).collect()
 }

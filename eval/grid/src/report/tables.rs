@@ -42,12 +42,14 @@ impl Render for Td {
     }
 }
 
-/// A table with its head.
+/// A table with its head. The head of a column of numbers is above their last digits.
 pub fn table(head: &[impl Render], rows: &[Vec<Td>]) -> Markup {
+    let is_number =
+        |column: usize| rows.first().is_some_and(|row| matches!(row.get(column), Some(Td::Number(..))));
     html! {
         div.wide {
             table.sort {
-                thead { tr { @for name in head { th scope="col" { (name) } } } }
+                thead { tr { @for (column, name) in head.iter().enumerate() { th.n[is_number(column)] scope="col" { (name) } } } }
                 tbody { @for row in rows { tr { @for cell in row { (cell) } } } }
             }
         }
@@ -101,13 +103,12 @@ fn group_tables(results: &Results, model: &str, conditions: Conditions) -> Marku
 
 fn exactness(cell: &Cell) -> Td {
     let wrong = cell.trusted_wrong.map_or_else(|| "-".to_owned(), |count| count.to_string());
-    let text = format!(
-        "{} %; {} %; {} %; {wrong}",
-        labels::percent(cell.exact_k),
-        labels::percent(cell.exact_frames),
-        labels::percent(cell.trusted)
-    );
-    Td::Number(text, cell.exact_k)
+    let share = |fraction: Option<f64>| match fraction {
+        Some(_) => labels::percent(fraction) + " %",
+        None => "-".to_owned(),
+    };
+    let shares = [cell.exact_k, cell.exact_frames, cell.trusted].map(share).join("; ");
+    Td::Number(format!("{shares}; {wrong}"), cell.exact_k)
 }
 
 fn by_alpha(cells: &[&Cell], figure_of: impl Fn(&Cell) -> Td) -> Markup {
