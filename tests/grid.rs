@@ -2,6 +2,7 @@
 
 mod harness;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use harness::{Bench, json, text, wait_until};
@@ -22,6 +23,72 @@ fn run(bench: &Bench, out: &Path, more: &[&str]) -> Option<i32> {
     let output = bench.run(&all);
     eprintln!("{}", text(&output));
     output.status.code()
+}
+
+/// A row of a table: value by column.
+type Row = BTreeMap<String, String>;
+
+fn rows(folder: &Path, file: &str) -> Vec<Row> {
+    let table = csv::Reader::from_path(folder.join(file)).expect("a table");
+    table.into_deserialize().map(|row| row.expect("a row")).collect()
+}
+
+/// The sum of a column, whose empty fields count as 0.
+fn sum<'a>(rows: impl IntoIterator<Item = &'a Row>, column: &str) -> f64 {
+    rows.into_iter().map(|row| row[column].parse::<f64>().unwrap_or_default()).sum()
+}
+
+/// Checks that the frames and boxes of each cell add up to the figures of the cell.
+fn check_lines(folder: &Path, results: &Value) {
+    let (cells, frames, boxes) =
+        (rows(folder, "results.csv"), rows(folder, "frames.csv"), rows(folder, "boxes.csv"));
+    let figures = results["cells"].as_array().expect("cells");
+    assert_eq!((cells.len(), frames.len()), (figures.len(), 4 * figures.len()));
+    for (cell, figures) in cells.iter().zip(figures) {
+        let own = |rows: &'static str| -> Vec<&Row> {
+            let rows = if rows == "frames" { &frames } else { &boxes };
+            rows.iter().filter(|row| row["cell"] == cell["cell"]).collect()
+        };
+        let (frames, boxes) = (own("frames"), own("boxes"));
+        let mean = |column: &str| sum(frames.iter().copied(), column) / 4.0;
+        let near = |value: f64, figure: &Value, what: &str| {
+            let figure = figure.as_f64().expect(what);
+            assert!(
+                (value - figure).abs() < 1e-9,
+                "{what} of {}: {value}, in the cell {figure}",
+                cell["cell"]
+            );
+        };
+        for name in ["iou", "f1", "accuracy"] {
+            near(mean(&format!("paper_{name}")), &figures["paper"][name], name);
+        }
+        for group in ["vehicle", "person"] {
+            let count = |column: &str| sum(frames.iter().copied(), &format!("{column}_{group}"));
+            near(count("objects"), &figures["objects"][group], "objects");
+            assert_eq!(count("true_positives") + count("false_negatives"), count("objects"));
+            let right = |row: &&&Row| row["group"] == group && row["outcome"] == "true positive";
+            let certain = |row: &&&Row| row["score"].parse::<f64>().expect("a score") >= 0.25;
+            assert_eq!(boxes.iter().filter(right).filter(certain).count() as f64, count("true_positives"));
+        }
+        if figures["exact_k"].is_null() {
+            assert!(frames.iter().all(|row| row["samples"].is_empty() && row["method_used"].is_empty()));
+            continue;
+        }
+        let whole = sum(frames.iter().copied(), "samples");
+        near(1.0 - sum(frames.iter().copied(), "wrong_k") / whole, &figures["exact_k"], "exact k");
+        near(mean("ssim"), &figures["ssim"], "SSIM");
+        let exact = frames.iter().filter(|row| row["wrong_k"] == "0").count() as f64;
+        near(exact / 4.0, &figures["exact_frames"], "exact frames");
+        let trusted = frames.iter().filter(|row| row["trusted"] == "true").count() as f64;
+        let claimed = figures["trusted"].as_f64().unwrap_or_default();
+        near(trusted / 4.0, &claimed.into(), "trusted");
+        assert!(frames.iter().all(|row| !row["method_used"].is_empty()), "{frames:?}");
+    }
+}
+
+/// The bytes of the tables of frames and boxes.
+fn lines(folder: &Path) -> [Vec<u8>; 2] {
+    ["frames.csv", "boxes.csv"].map(|file| std::fs::read(folder.join(file)).expect("a table"))
 }
 
 /// `results.json` without its times, without the machine that they were measured on, and without the commands.
@@ -61,11 +128,22 @@ fn the_same_command_gives_the_same_figures_however_it_is_cut() {
     let expected = timeless(&whole);
     let cells = expected["cells"].as_array().expect("cells");
     assert_eq!(cells.len(), 2 * 8, "two alphas, eight ways each");
-    assert!(whole.join("results.csv").is_file());
+    check_lines(&whole, &expected);
+    let time = &json(&whole.join("results.json"))["runs"][0]["time"];
+    let stages = time["stages_s"].as_object().expect("stages");
+    let seconds: f64 = stages.values().map(|seconds| seconds.as_f64().expect("seconds")).sum();
+    assert!((seconds - time["wall_s"].as_f64().expect("seconds")).abs() < 1e-6, "{time}");
+    for stage in [
+        "inspect", "load", "wait", "infer", "compare", "score", "store", "times", "pictures", "charts",
+        "other",
+    ] {
+        assert!(stages.contains_key(stage), "{stage}: {time}");
+    }
 
     let again = bench.path("again");
     assert_eq!(run(&bench, &again, &["--jobs", "1"]), Some(0));
     assert_eq!(timeless(&again).to_string(), expected.to_string());
+    assert!(lines(&again) == lines(&whole));
 
     // As a Slurm array does it: processes that know nothing of each other.
     let shards: Vec<PathBuf> = (1..=3).map(|i| bench.path(&format!("shard{i}"))).collect();
@@ -79,6 +157,7 @@ fn the_same_command_gives_the_same_figures_however_it_is_cut() {
     assert_eq!(part.status.code(), Some(3), "a shard is missing: {}", text(&part));
     assert_eq!(bench.run(&words).status.code(), Some(0));
     assert_eq!(timeless(&merged).to_string(), expected.to_string());
+    assert!(lines(&merged) == lines(&whole));
 }
 
 #[test]
@@ -105,6 +184,7 @@ fn a_killed_run_goes_on_where_it_stopped() {
     let before = cells();
     assert_eq!(run(&bench, &out, &[]), Some(0));
     assert_eq!(timeless(&out).to_string(), expected);
+    assert!(lines(&out) == lines(&bench.path("whole")));
     let whole = cells();
     assert!(before.len() < whole.len() && before.iter().all(|cell| whole.contains(cell)));
 
@@ -114,6 +194,52 @@ fn a_killed_run_goes_on_where_it_stopped() {
     assert_eq!(kept(), before, "nothing was left to do, and no time was measured again");
     assert_eq!(cells(), whole);
     assert_eq!(run(&bench, &out, &["--seed", "1"]), Some(1), "other figures must not be mixed in");
+}
+
+#[test]
+fn shot_noise_is_an_axis_that_a_later_run_can_extend() {
+    let bench = Bench::new();
+    let out = bench.path("out");
+    let words = ["--stream", "modulo,recovered", "--method", "auto", "--deblur", "off", "--time-frames", "0"];
+    let eval = |alphas: &str, noises: &str| {
+        let folder = out.to_str().expect("UTF-8");
+        let base = [
+            "eval",
+            "--source",
+            SCENE,
+            "--alpha",
+            alphas,
+            "--engine",
+            "rten",
+            "-o",
+            folder,
+            "--shot-noise",
+            noises,
+        ];
+        let output = bench.run(&[&base[..], &words[..]].concat());
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+        text(&output)
+    };
+    assert!(!eval("4", "0").contains("finished already"));
+    assert!(eval("4", "0,2").contains("2 cells are finished already"));
+    let table = rows(&out, "results.csv");
+    let noises: Vec<&str> = table.iter().map(|row| row["shot_noise"].as_str()).collect();
+    assert_eq!(noises, ["0", "0", "2", "2"]);
+    let exact = |row: &Row| row["exact_k"].parse::<f64>().expect("a share");
+    assert!(exact(&table[1]) > exact(&table[3]), "noise costs exactness: {table:?}");
+    assert!(table[3]["cell"].ends_with("shot noise 2"), "{table:?}");
+    assert_eq!(rows(&out, "frames.csv").len(), 4 * table.len());
+    for file in ["shot_demo_auto_alpha4_psf1.4_noise0.svg", "shot_demo_auto_alpha4_psf1.4_noise0.png"] {
+        assert!(out.join("charts").join(file).is_file(), "{file}");
+    }
+    // The lens and the read noise have one value, so that they have no chart.
+    let charts = std::fs::read_dir(out.join("charts")).expect("charts");
+    let names: Vec<String> =
+        charts.map(|file| file.expect("a file").file_name().into_string().expect("UTF-8")).collect();
+    assert!(
+        !names.iter().any(|name| ["psf_", "noise_", "alpha_"].iter().any(|kind| name.starts_with(kind))),
+        "{names:?}"
+    );
 }
 
 /// Two data sets with the same names and labels: the second one got the figures of the first.

@@ -59,19 +59,34 @@ pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure
         out: out.to_owned(),
     };
     let progress = GridProgress::new();
-    let outcome =
-        run(&request, &Suite, &SystemClock::default(), &|event| progress.tell(event)).map_err(failure)?;
+    let timer = SystemClock::default();
+    let outcome = run(&request, &Suite, &timer, &|event| progress.tell(event)).map_err(failure)?;
     progress.bar.finish_and_clear();
-    outcome.results.cells.iter().for_each(print_cell);
-    tell_unscored(&outcome.results);
+    let lost = outcome.lost();
+    let mut results = outcome.results;
+    results.cells.iter().for_each(print_cell);
+    tell_unscored(&results);
     // The pictures compare all cells, so they are drawn when the last shard or run has made them complete.
-    if outcome.results.cells.len() == outcome.results.setup.grid.len() {
-        let timer = SystemClock::default();
-        let pictures = draw_pictures(&request, &Suite, &timer, &outcome.results).map_err(failure)?;
+    let mut start = timer.ticks_ns();
+    if results.cells.len() == results.setup.grid.len() {
+        let pictures = draw_pictures(&request, &Suite, &timer, &results).map_err(failure)?;
         page::save_pictures(out, &pictures).map_err(failure)?;
+        start = add_stage(&mut results, "pictures", start, &timer);
     }
-    report(out)?;
-    Ok(if outcome.lost() { Ended::WithLoss } else { Ended::Done })
+    let charts = page::draw(out, &results).map_err(failure)?;
+    add_stage(&mut results, "charts", start, &timer);
+    store::save(out, &results).map_err(failure)?;
+    say!("{}", page::write_page(out, &results, &charts).map_err(failure)?.display());
+    Ok(if lost { Ended::WithLoss } else { Ended::Done })
+}
+
+/// Adds a stage that began at `start` to the time of this run. Returns its end.
+fn add_stage(results: &mut Results, stage: &str, start: u64, timer: &SystemClock) -> u64 {
+    let end = timer.ticks_ns();
+    if let Some(time) = results.runs.last_mut().and_then(|run| run.time.as_mut()) {
+        time.add(stage, end.saturating_sub(start) as f64 / 1e9);
+    }
+    end
 }
 
 /// The progress of a run: a bar on a terminal, else a line a minute.
@@ -160,6 +175,7 @@ fn provenance() -> Provenance {
         processor: processor(),
         started: started.to_string(),
         load: load.and_then(|text| text.split(' ').next()?.parse().ok()),
+        time: None,
     }
 }
 

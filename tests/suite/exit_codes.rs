@@ -4,7 +4,7 @@ use crate::harness::{Bench, arg, model, text};
 
 /// Commands with a value that is out of range, and words that the refusal must contain. FILE, FOLDER and OUT stand for an
 /// image, its folder and a folder for results.
-const REFUSED: [(&[&str], &[&str]); 43] = [
+const REFUSED: [(&[&str], &[&str]); 44] = [
     (&["simulate", "FILE", "-o", "OUT", "--alpha", "0"], &["alpha is 0", "256"]),
     (&["simulate", "FILE", "-o", "OUT", "--alpha", "2,-4"], &["alpha is -4", "256"]),
     (&["simulate", "FILE", "-o", "OUT", "--alpha", "NaN"], &["alpha is NaN", "256"]),
@@ -27,6 +27,7 @@ const REFUSED: [(&[&str], &[&str]); 43] = [
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--alpha", "2,300"], &["'alpha' = 300", "256"]),
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--psf-sigma", "-1"], &["'psf_sigma' = -1", "100"]),
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--noise", "-1"], &["'read_noise' = -1", "65536"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--shot-noise", "-1"], &["'shot_noise' = -1", "65536"]),
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--threads", "65"], &["65", "64"]),
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--jobs", "1025"], &["1025", "1024"]),
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--white", "-1"], &["white = -1", "0"]),

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use modulo_charts::{
-    Axis, AxisDirection, Chart, ChartBody, ChartPanel, DataPoint, Emphasis, PageWidth, Series, SeriesStyle,
-    Unit, distinct,
+    Axis, AxisDirection, Chart, ChartBody, ChartPanel, DataPoint, PageWidth, Series, SeriesStyle, Unit,
+    distinct,
 };
 
 use crate::benchmark::{BenchmarkRow, META, Meta};
@@ -33,17 +33,25 @@ pub fn frontier_from(results: &Path) -> Result<Chart, BenchError> {
     let meta: Option<Meta> = if meta.exists() { Some(read_json(&meta)?) } else { None };
     let exact = series(&rows, |row| row.exact_k);
     let wrong = series(&rows, |row| 1.0 - row.exact_k);
-    let time = || Axis::log("time a frame, ms (median)");
+    let frames = frames(&rows);
+    let time = || Axis::log(format!("median time of a call, ms, {frames}"));
     // Two panels show the same data: near 100 %, only the logarithm of the errors separates the methods, and where half
     // of the counts are wrong, only the linear axis does. The second axis is reversed, so that up is better in both.
-    let downwards =
-        Axis { unit: Unit::Percent, direction: AxisDirection::Down, ..Axis::log("wrong wrap counts") };
+    let downwards = Axis {
+        unit: Unit::Percent,
+        direction: AxisDirection::Down,
+        ..Axis::log(format!("wrong wrap counts, %, {frames}"))
+    };
     Ok(Chart {
         title: "Unwrapping: what is exact, and what it costs".to_owned(),
         subtitle: subtitle(&rows, meta.as_ref()),
         footer: footer(&rows, meta.as_ref()),
         body: ChartBody::Panels(vec![
-            ChartPanel { x: time(), y: Axis::percent("exact wrap counts", 1.0), series: exact },
+            ChartPanel {
+                x: time(),
+                y: Axis::percent(format!("exact wrap counts, %, {frames}"), 1.0),
+                series: exact,
+            },
             ChartPanel { x: time(), y: downwards, series: wrong },
         ]),
     })
@@ -51,7 +59,7 @@ pub fn frontier_from(results: &Path) -> Result<Chart, BenchError> {
 
 /// A line over alpha for each method, number of threads and blur.
 fn series(rows: &[BenchmarkRow], value: impl Fn(&BenchmarkRow) -> f64) -> Vec<Series> {
-    // The line joins the points by alpha. The series keep the order of the file, which determines their colours.
+    // The line joins the points by alpha. The series keep the order of the file.
     let mut sorted: Vec<&BenchmarkRow> = rows.iter().collect();
     sorted.sort_by(|a, b| a.alpha.total_cmp(&b.alpha));
     let mut series: Vec<Series> = Vec::new();
@@ -67,7 +75,7 @@ fn series(rows: &[BenchmarkRow], value: impl Fn(&BenchmarkRow) -> f64) -> Vec<Se
             y: value(r),
             label: r.alpha.to_string(),
             hover: format!("{name}, alpha {}: {:.3} ms, {:.4} % exact", r.alpha, r.ms_p50, 100.0 * r.exact_k),
-            emphasis: Emphasis::Normal,
+            ..DataPoint::default()
         };
         series.push(Series { points: own.map(point).collect(), style: SeriesStyle::LineAndMarkers, name });
     }
@@ -86,9 +94,15 @@ fn name(row: &BenchmarkRow, rows: &[BenchmarkRow]) -> String {
     name
 }
 
+/// The number of frames, such as `20 frames`.
+fn frames(rows: &[BenchmarkRow]) -> String {
+    let counts = distinct(rows.iter().map(|row| row.frames.to_string()));
+    let unit = if counts == ["1"] { "frame" } else { "frames" };
+    format!("{} {unit}", counts.join(" or "))
+}
+
 fn subtitle(rows: &[BenchmarkRow], meta: Option<&Meta>) -> String {
-    let frames = distinct(rows.iter().map(|row| row.frames.to_string())).join(" or ");
-    let mut parts = vec![format!("{frames} frames")];
+    let mut parts = vec![frames(rows)];
     let counts = distinct(rows.iter().map(|row| row.threads.to_string()));
     let blurs = distinct(rows.iter().map(|row| row.psf_sigma.to_string()));
     let lens = format!("lens blur of sigma {} px", blurs.join(", "));

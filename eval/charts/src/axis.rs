@@ -1,3 +1,5 @@
+use crate::chart::distinct;
+
 /// An axis of a panel. It maps values to positions along one side of the panel, and chooses the ticks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
@@ -23,6 +25,9 @@ pub enum Scale {
     },
     /// Logarithmic around the data. Zeros have a position of their own before the smallest value.
     Log,
+    /// The distinct values of the data at equal distances, each with a tick. Points of several series at one value are drawn
+    /// side by side, so that none covers another.
+    Settings,
 }
 
 /// Format of a tick.
@@ -52,17 +57,31 @@ const ZERO: f64 = 0.8;
 pub struct FittedAxis {
     from: f64,
     to: f64,
-    /// Position of zeros on a logarithmic axis. `None` on a linear axis.
-    zero: Option<f64>,
+    places: Places,
     direction: AxisDirection,
     /// Value and text of each tick.
     pub ticks: Vec<(f64, String)>,
+}
+
+/// The positions of values before they are scaled to the length of the axis.
+enum Places {
+    /// The values.
+    Linear,
+    /// The logarithms. `zero` is the position of zeros.
+    Log { zero: f64 },
+    /// The numbers of the values in this ascending list.
+    Settings(Vec<f64>),
 }
 
 impl Axis {
     /// A logarithmic axis of plain numbers, such as durations.
     pub fn log(label: impl Into<String>) -> Self {
         Self { label: label.into(), scale: Scale::Log, unit: Unit::Plain, direction: AxisDirection::Up }
+    }
+
+    /// An axis of the settings of the data, see [`Scale::Settings`].
+    pub fn settings(label: impl Into<String>) -> Self {
+        Self { scale: Scale::Settings, ..Self::log(label) }
     }
 
     /// A linear axis of shares from 0 to `most` as percent.
@@ -73,29 +92,43 @@ impl Axis {
 
     /// Fits the axis to finite `values`.
     pub fn fit(&self, values: impl Iterator<Item = f64> + Clone) -> FittedAxis {
-        let (from, to, zero, ticks) = match self.scale {
-            Scale::Linear { from, to } => (from, to, None, linear_ticks(from, to)),
+        let (from, to, places, ticks) = match self.scale {
+            Scale::Linear { from, to } => (from, to, Places::Linear, linear_ticks(from, to)),
             Scale::Log => log_range(values),
+            Scale::Settings => {
+                let mut settings = distinct(values);
+                settings.sort_by(f64::total_cmp);
+                (-0.5, settings.len() as f64 - 0.5, Places::Settings(settings.clone()), settings)
+            }
         };
         // An axis whose data have one value would have no length, and every position would be a division by zero.
         let pad = (to - from).max(1e-9) * PAD;
         let ticks = ticks.into_iter().map(|value| (value, self.unit.text(value))).collect();
-        FittedAxis { from: from - pad, to: to + pad, zero, direction: self.direction, ticks }
+        FittedAxis { from: from - pad, to: to + pad, places, direction: self.direction, ticks }
     }
 }
 
 impl FittedAxis {
     /// Position of a value: 0 at the left or bottom, 1 at the other end. Values outside are clamped.
     pub fn place(&self, value: f64) -> f32 {
-        let value = match self.zero {
-            Some(zero) if value <= 0.0 => zero,
-            Some(_) => value.log10(),
-            None => value,
+        let value = match &self.places {
+            Places::Log { zero } if value <= 0.0 => *zero,
+            Places::Log { .. } => value.log10(),
+            Places::Linear => value,
+            Places::Settings(settings) => settings.partition_point(|setting| *setting < value) as f64,
         };
         let share = ((value - self.from) / (self.to - self.from)).clamp(0.0, 1.0) as f32;
         match self.direction {
             AxisDirection::Up => share,
             AxisDirection::Down => 1.0 - share,
+        }
+    }
+
+    /// Distance of two neighbouring settings as a share of the length. 0 on an axis of another scale.
+    pub fn step(&self) -> f32 {
+        match self.places {
+            Places::Settings(_) => (1.0 / (self.to - self.from)) as f32,
+            Places::Linear | Places::Log { .. } => 0.0,
         }
     }
 }
@@ -126,8 +159,8 @@ fn linear_ticks(from: f64, to: f64) -> Vec<f64> {
     (first..=last).map(|n| n as f64 * step).collect()
 }
 
-/// Logarithms of both ends and of zeros, and the values of the ticks.
-fn log_range(values: impl Iterator<Item = f64> + Clone) -> (f64, f64, Option<f64>, Vec<f64>) {
+/// Logarithms of both ends, the positions, and the values of the ticks.
+fn log_range(values: impl Iterator<Item = f64> + Clone) -> (f64, f64, Places, Vec<f64>) {
     let positive = || values.clone().filter(|value| *value > 0.0);
     let least = positive().fold(f64::INFINITY, f64::min);
     let most = positive().fold(0.0, f64::max);
@@ -147,9 +180,9 @@ fn log_range(values: impl Iterator<Item = f64> + Clone) -> (f64, f64, Option<f64
     // Zero has no logarithm. A method without any error must be visible all the same, at a tick of its own.
     if values.clone().any(|value| value <= 0.0) {
         ticks.insert(0, 0.0);
-        return (from - ZERO, to, Some(from - ZERO), ticks);
+        return (from - ZERO, to, Places::Log { zero: from - ZERO }, ticks);
     }
-    (from, to, Some(from), ticks)
+    (from, to, Places::Log { zero: from }, ticks)
 }
 
 #[cfg(test)]
@@ -177,6 +210,8 @@ mod tests {
             texts(&share.fit([0.0, 0.00002, 0.6].into_iter())),
             ["0 %", "0.001 %", "0.01 %", "0.1 %", "1 %", "10 %", "100 %"]
         );
+        let settings = axis(Scale::Settings, Unit::Plain);
+        assert_eq!(texts(&settings.fit([4.0, 0.0, 1.5, 4.0].into_iter())), ["0", "1.5", "4"]);
         let linear = axis(Scale::Linear { from: 0.0, to: 1.0 }, Unit::Percent);
         assert_eq!(texts(&linear.fit(std::iter::empty())), ["0 %", "20 %", "40 %", "60 %", "80 %", "100 %"]);
     }
@@ -185,15 +220,20 @@ mod tests {
     fn places_rise_with_values_and_stay_on_the_axis() {
         for data in [vec![], vec![0.0], vec![5.0], vec![0.0, 1e-6, 0.3], vec![1e-12, 1e12], vec![7.0, 7.0]] {
             for direction in [AxisDirection::Up, AxisDirection::Down] {
-                let fitted = Axis { direction, ..axis(Scale::Log, Unit::Plain) }.fit(data.iter().copied());
-                let mut places: Vec<f32> =
-                    fitted.ticks.iter().map(|(value, _)| fitted.place(*value)).collect();
-                if direction == AxisDirection::Down {
-                    places.reverse();
+                for scale in [Scale::Log, Scale::Settings] {
+                    let fitted = Axis { direction, ..axis(scale, Unit::Plain) }.fit(data.iter().copied());
+                    let mut places: Vec<f32> =
+                        fitted.ticks.iter().map(|(value, _)| fitted.place(*value)).collect();
+                    if direction == AxisDirection::Down {
+                        places.reverse();
+                    }
+                    assert!(places.windows(2).all(|pair| pair[0] < pair[1]), "{data:?}: {places:?}");
+                    assert!(places.iter().all(|place| (0.0..=1.0).contains(place)), "{data:?}: {places:?}");
+                    assert!(
+                        data.iter().all(|value| (0.01..=0.99).contains(&fitted.place(*value))),
+                        "{data:?}"
+                    );
                 }
-                assert!(places.windows(2).all(|pair| pair[0] < pair[1]), "{data:?}: {places:?}");
-                assert!(places.iter().all(|place| (0.0..=1.0).contains(place)), "{data:?}: {places:?}");
-                assert!(data.iter().all(|value| (0.01..=0.99).contains(&fitted.place(*value))), "{data:?}");
             }
         }
     }

@@ -1,6 +1,6 @@
 use crate::axis::{Axis, Scale};
 use crate::canvas::{Anchor, Canvas};
-use crate::chart::LegendKey;
+use crate::number;
 use crate::primitives::{FAINT, GREY, INK, Style};
 
 /// Horizontal bars of several parts.
@@ -17,7 +17,7 @@ pub struct Bars {
 pub struct Bar {
     /// Label at the left.
     pub label: String,
-    /// Name and length, 0 or more, in the unit of the axis; parts of one name have one colour.
+    /// Name and length, 0 or more, in the unit of the axis; a part has the colour of its name.
     pub parts: Vec<(String, f64)>,
     /// Text after the bar.
     pub note: String,
@@ -36,12 +36,7 @@ impl Bars {
     }
 
     /// Draws into (left, top, width). Returns the y below it.
-    pub(crate) fn draw(
-        &self,
-        canvas: &mut Canvas,
-        names: &[(&str, LegendKey)],
-        (left, top, width): (f32, f32, f32),
-    ) -> f32 {
+    pub(crate) fn draw(&self, canvas: &mut Canvas, (left, top, width): (f32, f32, f32)) -> f32 {
         let width_of = |text: &str| canvas.font.width(text, SIZE);
         let widest = self.rows.iter().map(|row| width_of(&row.label)).fold(0.0, f32::max);
         let labels = self.rows.iter().map(|row| width_of(&row.note)).fold(0.0, f32::max);
@@ -56,11 +51,9 @@ impl Bars {
             canvas.text((label.0, label.1), &row.label, SIZE, INK, label.2);
             let mut start = 0.0;
             for (name, length) in row.parts.iter().filter(|(_, length)| length.is_finite()) {
-                let style = names.iter().position(|(other, _)| other == name);
-                let style = style.expect("the legend has the names of all parts");
                 let area = (place(start), y + 4.0, place(start + length), y + ROW - 4.0);
-                let hover = format!("{}, {name}: {length:.3}", row.label);
-                canvas.block(area, Style::of(style).colour, &hover);
+                let hover = format!("{}, {name}: {}", row.label, number(*length, 3));
+                canvas.block(area, Style::of(name).colour, &hover);
                 start += length;
             }
             canvas.text((place(start) + 6.0, y + 16.0), &row.note, SIZE, GREY, Anchor::Start);

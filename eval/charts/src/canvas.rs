@@ -2,7 +2,7 @@
 
 use crate::font::Font;
 use crate::picture::Picture;
-use crate::primitives::{Area, Colour, Position};
+use crate::primitives::{Area, Colour, Position, WHITE};
 
 /// The part of a text that is at its position.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,8 +24,9 @@ pub enum Rotation {
 pub enum Shape {
     /// An open line. `dash` is the length of its dashes; 0 draws a solid line.
     Line { points: Vec<Position>, colour: Colour, width: f32, dash: f32 },
-    /// A filled polygon with a white edge. The SVG shows `hover` while the pointer is on it.
-    Area { points: Vec<Position>, colour: Colour, hover: String },
+    /// A polygon, transparent without `fill`. `edge` is the colour and the width of its outline. The SVG shows `hover` while
+    /// the pointer is on it.
+    Area { points: Vec<Position>, fill: Option<Colour>, edge: (Colour, f32), hover: String },
     /// An image that fills `area`.
     Picture { area: Area, picture: Picture },
     /// A text of length `width` px whose baseline is at `position`.
@@ -60,7 +61,12 @@ impl Canvas {
     /// Adds a filled rectangle. The SVG shows `hover` while the pointer is on it.
     pub fn block(&mut self, (left, top, right, bottom): Area, colour: Colour, hover: &str) {
         let points = vec![(left, top), (right, top), (right, bottom), (left, bottom)];
-        self.shapes.push(Shape::Area { points, colour, hover: hover.to_owned() });
+        self.shapes.push(Shape::Area {
+            points,
+            fill: Some(colour),
+            edge: (WHITE, 1.0),
+            hover: hover.to_owned(),
+        });
     }
 
     pub fn text(&mut self, position: Position, text: &str, size: f32, colour: Colour, anchor: Anchor) {

@@ -4,7 +4,7 @@ use crate::bars::Bars;
 use crate::canvas::{Anchor, Canvas};
 use crate::panel::{ChartPanel, Emphasis, SeriesStyle};
 use crate::picture::Pictures;
-use crate::primitives::{Colour, GREY, INK, Position, Style};
+use crate::primitives::{Colour, FADED_TEXT, GREY, INK, Position, Style};
 use crate::{ChartError, font, panel, raster, svg};
 
 /// A chart.
@@ -36,7 +36,7 @@ pub enum ChartBody {
 pub enum PageWidth {
     /// 1200 px, for a screen or a sheet of paper.
     Wide,
-    /// 560 px, for a phone.
+    /// 420 px, for a phone.
     Narrow,
 }
 
@@ -46,7 +46,7 @@ impl PageWidth {
     fn width(self) -> f32 {
         match self {
             Self::Wide => 1200.0,
-            Self::Narrow => 560.0,
+            Self::Narrow => 420.0,
         }
     }
 }
@@ -75,8 +75,8 @@ impl Chart {
         let names = self.body.names();
         let width = canvas.width - MARGIN;
         y = match &self.body {
-            ChartBody::Panels(panels) => panel::draw_all(&mut canvas, panels, &names, (MARGIN, y, width)),
-            ChartBody::Bars(bars) => bars.draw(&mut canvas, &names, (MARGIN, y, width)),
+            ChartBody::Panels(panels) => panel::draw_all(&mut canvas, panels, (MARGIN, y, width)),
+            ChartBody::Bars(bars) => bars.draw(&mut canvas, (MARGIN, y, width)),
             ChartBody::Pictures(pictures) => pictures.draw(&mut canvas, (MARGIN, y, width)),
         };
         y = draw_legend(&mut canvas, &names, (MARGIN, y + 16.0));
@@ -103,8 +103,15 @@ impl ChartBody {
     fn names(&self) -> Vec<(&str, LegendKey)> {
         let all: Vec<(&str, LegendKey)> = match self {
             Self::Panels(panels) => {
-                let series = panels.iter().flat_map(|panel| &panel.series);
-                series.map(|s| (s.name.as_str(), LegendKey::Series(s.style))).collect()
+                let series = || panels.iter().flat_map(|panel| &panel.series);
+                // The key of a series is as grey as its points.
+                let normal = |name: &str| {
+                    let own = series().filter(|other| other.name == name);
+                    let mut points = own.flat_map(|other| &other.points).peekable();
+                    points.peek().is_none() || points.any(|point| point.emphasis == Emphasis::Normal)
+                };
+                let emphasis = |name| if normal(name) { Emphasis::Normal } else { Emphasis::Faded };
+                series().map(|s| (s.name.as_str(), LegendKey::Series(s.style, emphasis(&s.name)))).collect()
             }
             Self::Bars(bars) => bars.parts().map(|name| (name, LegendKey::Block)).collect(),
             Self::Pictures(pictures) => {
@@ -112,8 +119,7 @@ impl ChartBody {
                 boxes.map(|(name, colour)| (name.as_str(), LegendKey::Colour(*colour))).collect()
             }
         };
-        // A series that is in several panels has one entry. Its index in this list is its style, so that it looks the
-        // same in all panels and on both pages.
+        // A series that is in several panels has one entry.
         let first = |name| all.iter().find(|entry| entry.0 == name).copied();
         distinct(all.iter().map(|entry| entry.0)).into_iter().filter_map(first).collect()
     }
@@ -129,8 +135,8 @@ const KEY_BLOCK: f32 = 6.5;
 /// The symbol beside a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LegendKey {
-    /// The style of a series.
-    Series(SeriesStyle),
+    /// The style of a series, and whether all its points are grey.
+    Series(SeriesStyle, Emphasis),
     /// A filled square.
     Block,
     /// A filled square of this colour.
@@ -139,20 +145,24 @@ pub enum LegendKey {
 
 impl LegendKey {
     fn draw(self, canvas: &mut Canvas, style: &Style, (x, y): Position) {
-        if matches!(self, Self::Series(SeriesStyle::LineAndMarkers | SeriesStyle::Line)) {
+        if let Self::Series(SeriesStyle::LineAndMarkers | SeriesStyle::Line, _) = self {
             style.line(canvas, vec![(x, y), (x + KEY_WIDTH, y)]);
         }
-        if matches!(self, Self::Series(SeriesStyle::LineAndMarkers | SeriesStyle::Markers)) {
-            style.mark(canvas, (x + KEY_WIDTH / 2.0, y), Emphasis::Normal, "");
+        if let Self::Series(SeriesStyle::LineAndMarkers | SeriesStyle::Markers, emphasis) = self {
+            style.mark(canvas, (x + KEY_WIDTH / 2.0, y), emphasis, "");
         }
         let colour = match self {
-            Self::Series(_) => return,
+            Self::Series(..) => return,
             Self::Block => style.colour,
             Self::Colour(colour) => colour,
         };
         let area =
             (x + KEY_WIDTH / 2.0 - KEY_BLOCK, y - KEY_BLOCK, x + KEY_WIDTH / 2.0 + KEY_BLOCK, y + KEY_BLOCK);
         canvas.block(area, colour, "");
+    }
+
+    fn text_colour(self) -> Colour {
+        if matches!(self, Self::Series(_, Emphasis::Faded)) { FADED_TEXT } else { INK }
     }
 }
 
@@ -167,8 +177,9 @@ fn draw_legend(canvas: &mut Canvas, names: &[(&str, LegendKey)], (left, top): Po
     for (index, (name, key)) in names.iter().enumerate() {
         let x = left + column * (index % columns) as f32;
         let y = top + LEGEND_LINE * (index / columns) as f32;
-        key.draw(canvas, &Style::of(index), (x, y));
-        canvas.text((x + KEY_WIDTH + 8.0, y + LEGEND_SIZE * 0.36), name, LEGEND_SIZE, INK, Anchor::Start);
+        key.draw(canvas, &Style::of(name), (x, y));
+        let spot = (x + KEY_WIDTH + 8.0, y + LEGEND_SIZE * 0.36);
+        canvas.text(spot, name, LEGEND_SIZE, key.text_colour(), Anchor::Start);
     }
     top + LEGEND_LINE * names.len().div_ceil(columns) as f32
 }

@@ -1,7 +1,8 @@
 //! Charts as SVG and PNG, and the frame of an HTML page. The font is embedded in the program.
 //!
-//! A [`Chart`] is data; [`Chart::svg`] and [`Chart::png`] draw the same shapes. The palette is that of Okabe and Ito,
-//! markers distinguish the series without colour, and labels never overlap. No file is read or written.
+//! A [`Chart`] is data; [`Chart::svg`] and [`Chart::png`] draw the same shapes. The name of a series determines its colour and
+//! marker in every chart, markers distinguish the series without colour, and labels never overlap. No file is read or
+//! written.
 
 mod axis;
 mod bars;
@@ -39,6 +40,13 @@ pub enum ChartError {
     /// The picture cannot be encoded.
     #[error("chart: {0}")]
     Encode(#[from] image::ImageError),
+}
+
+/// `value` with `digits` decimal digits. A value that is rounded to zero has no sign: `-0.0` is never written.
+pub fn number(value: f64, digits: usize) -> String {
+    let text = format!("{value:.digits$}");
+    let unsigned = text.strip_prefix('-').filter(|rest| rest.chars().all(|c| c == '0' || c == '.'));
+    unsigned.map_or_else(|| text.clone(), str::to_owned)
 }
 
 /// An HTML page with the style sheet that all pages share, followed by the rules `css` of this page.

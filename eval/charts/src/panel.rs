@@ -2,7 +2,6 @@
 
 use crate::axis::{Axis, FittedAxis};
 use crate::canvas::{Anchor, Canvas, Rotation};
-use crate::chart::LegendKey;
 use crate::label::{LabelLayout, LabelRequest, nearest};
 use crate::primitives::{Area, Colour, FAINT, GREY, INK, Position, RADIUS, Style, WHITE};
 
@@ -56,12 +55,21 @@ pub struct DataPoint {
     pub x: f64,
     /// Vertical value.
     pub y: f64,
+    /// Bounds of the interval of `y`, drawn as a vertical bar.
+    pub interval: Option<[f64; 2]>,
     /// Label beside the point; may be empty.
     pub label: String,
     /// Text that the SVG shows while the pointer is on the point; may be empty.
     pub hover: String,
     /// Emphasis.
     pub emphasis: Emphasis,
+}
+
+impl DataPoint {
+    /// The bounds of the interval, if they are finite.
+    fn bounds(&self) -> Option<[f64; 2]> {
+        self.interval.filter(|bounds| bounds.iter().all(|bound| bound.is_finite()))
+    }
 }
 
 const TICK: f32 = 11.5;
@@ -71,6 +79,9 @@ const LEFT: f32 = 76.0;
 const BELOW: f32 = 50.0;
 /// Points of a series that are closer than this share a label, px.
 const NEAR: f32 = 16.0;
+
+/// Share of the distance of two settings over which the points of one setting are spread.
+const SPREAD: f32 = 0.7;
 
 /// Height of a panel with its axis.
 const HEIGHT: f32 = 470.0;
@@ -83,46 +94,44 @@ const GAP: f32 = 24.0;
 const LEAST: f32 = 350.0;
 
 /// Draws `panels` into (left, top, width), side by side as far as there is room. Returns the y below them.
-pub fn draw_all(
-    canvas: &mut Canvas,
-    panels: &[ChartPanel],
-    names: &[(&str, LegendKey)],
-    (left, top, width): (f32, f32, f32),
-) -> f32 {
+pub fn draw_all(canvas: &mut Canvas, panels: &[ChartPanel], (left, top, width): (f32, f32, f32)) -> f32 {
     let height = if panels.len() > FEW { LOW } else { HEIGHT };
     let columns = ((width / LEAST) as usize).clamp(1, panels.len().max(1));
     let column = width / columns as f32;
     for (index, panel) in panels.iter().enumerate() {
         let x = left + column * (index % columns) as f32;
         let y = top + (height + GAP) * (index / columns) as f32;
-        draw(canvas, panel, names, (x, y, column - GAP, height));
+        draw(canvas, panel, (x, y, column - GAP, height));
     }
     let rows = panels.len().div_ceil(columns) as f32;
     top + rows * height + (rows - 1.0).max(0.0) * GAP
 }
 
-/// Draws `panel` into (left, top, width, height). The index in `names` determines the style of a series.
-fn draw(
-    canvas: &mut Canvas,
-    panel: &ChartPanel,
-    names: &[(&str, LegendKey)],
-    (left, top, width, height): Area,
-) {
+/// Draws `panel` into (left, top, width, height).
+fn draw(canvas: &mut Canvas, panel: &ChartPanel, (left, top, width, height): Area) {
     let area = (left + LEFT, top, left + width, top + height - BELOW);
     let points = || panel.series.iter().flat_map(|series| &series.points).filter(|point| is_finite(point));
     let x = panel.x.fit(points().map(|point| point.x));
-    let y = panel.y.fit(points().map(|point| point.y));
+    let y = panel
+        .y
+        .fit(points().flat_map(|point| [point.y].into_iter().chain(point.bounds().into_iter().flatten())));
     grid(canvas, area, &x, &y);
     titles(canvas, panel, area, left);
-    let spot = |point: &DataPoint| {
-        let (across, up) = (x.place(point.x), y.place(point.y));
-        (area.0 + across * (area.2 - area.0), area.3 - up * (area.3 - area.1))
-    };
+    let place = |value: f64| area.3 - y.place(value) * (area.3 - area.1);
+    // Series of equal values would cover each other: at each setting they are side by side, in the order of the legend.
+    let (count, room) = (panel.series.len() as f32, x.step() * (area.2 - area.0));
+    let apart = (SPREAD * room / (count - 1.0).max(1.0)).min(2.2 * RADIUS);
+    let placed = panel.series.iter().enumerate().map(|(index, series)| {
+        let aside = apart * (index as f32 - (count - 1.0) / 2.0);
+        let x = |value: f64| area.0 + x.place(value) * (area.2 - area.0) + aside;
+        Placed::new(series, |point| (x(point.x), place(point.y)))
+    });
+    let placed: Vec<Placed<'_>> = placed.collect();
     // Lines are drawn first and labels last, over all series: no line covers a marker, and labels avoid everything that
     // was drawn before. Faded markers are below the others.
-    let placed = panel.series.iter().map(|series| Placed::new(series, names, spot)).collect::<Vec<_>>();
     let mut layout = LabelLayout { within: area, taken: Vec::new(), lines: Vec::new() };
     placed.iter().for_each(|series| series.line(canvas, &mut layout));
+    placed.iter().for_each(|series| series.intervals(canvas, &mut layout, place));
     placed.iter().for_each(|series| series.markers(canvas, &mut layout, Emphasis::Faded));
     placed.iter().for_each(|series| series.markers(canvas, &mut layout, Emphasis::Normal));
     placed.iter().for_each(|series| series.labels(canvas, &mut layout));
@@ -136,20 +145,26 @@ struct Placed<'a> {
 }
 
 impl<'a> Placed<'a> {
-    fn new(series: &'a Series, names: &[(&str, LegendKey)], spot: impl Fn(&DataPoint) -> Position) -> Self {
-        let index = names.iter().position(|(name, _)| *name == series.name);
+    fn new(series: &'a Series, spot: impl Fn(&DataPoint) -> Position) -> Self {
         let finite = series.points.iter().filter(|point| is_finite(point));
-        Self {
-            style: Style::of(index.expect("the legend has the names of all series")),
-            drawn: series.style,
-            points: finite.map(|point| (spot(point), point)).collect(),
-        }
+        let points = finite.map(|point| (spot(point), point)).collect();
+        Self { style: Style::of(&series.name), drawn: series.style, points }
     }
 
     fn line(&self, canvas: &mut Canvas, layout: &mut LabelLayout) {
         if self.drawn != SeriesStyle::Markers {
             layout.lines.extend(self.points.windows(2).map(|pair| (pair[0].0, pair[1].0)));
             self.style.line(canvas, self.points.iter().map(|(spot, _)| *spot).collect());
+        }
+    }
+
+    fn intervals(&self, canvas: &mut Canvas, layout: &mut LabelLayout, place: impl Fn(f64) -> f32) {
+        for ((x, _), point) in &self.points {
+            if let Some(bounds) = point.bounds() {
+                let [low, high] = bounds.map(&place);
+                layout.lines.push(((*x, low), (*x, high)));
+                self.style.interval(canvas, *x, (low, high), point.emphasis);
+            }
         }
     }
 
@@ -164,7 +179,7 @@ impl<'a> Placed<'a> {
 
     fn labels(&self, canvas: &mut Canvas, layout: &mut LabelLayout) {
         for (spot, text, emphasis) in groups(&self.points) {
-            note(canvas, layout, self.style.with_emphasis(emphasis), spot, &text);
+            note(canvas, layout, self.style.text_colour(emphasis), spot, &text);
         }
     }
 }

@@ -22,16 +22,42 @@ pub const WHITE: Colour = [0xff; 3];
 
 /// Half the size of a marker, px.
 pub const RADIUS: f32 = 6.0;
+/// Half the width of the caps of an interval, px.
+const CAP: f32 = 3.5;
+/// Number of different markers.
+const MARKERS: usize = 8;
 
-/// The palette of Okabe and Ito, which colour-blind readers can distinguish, without its yellow, which is faint on white.
-pub const COLOURS: [Colour; 7] = [
-    [0x00, 0x72, 0xb2],
-    [0xd5, 0x5e, 0x00],
-    [0x00, 0x9e, 0x73],
-    [0xcc, 0x79, 0xa7],
-    [0x00, 0x00, 0x00],
-    [0xe6, 0x9f, 0x00],
-    [0x56, 0xb4, 0xe9],
+/// Colour of the labels of faded points, which are read on white.
+pub const FADED_TEXT: Colour = [0x76, 0x76, 0x76];
+
+/// Colour and marker of each stream, method and stage of the project, by its name: it has this style in every chart. The
+/// first colours are those of Okabe and Ito, which colour-blind readers can distinguish. Each marker separates
+/// the names whose colours are similar.
+const STYLES: [(&str, Colour, usize); 23] = [
+    ("ideal", [0x00, 0x00, 0x00], 0),
+    ("saturated", [0xe6, 0x9f, 0x00], 1),
+    ("modulo", [0xd5, 0x5e, 0x00], 2),
+    ("auto", [0x00, 0x72, 0xb2], 3),
+    ("spud", [0x00, 0x9e, 0x73], 4),
+    ("spud_as_published", [0xcc, 0x79, 0xa7], 5),
+    ("lines", [0x56, 0xb4, 0xe9], 6),
+    ("multi_exposure", [0x33, 0x22, 0x88], 7),
+    ("multi_exposure_still", [0x8f, 0x7c, 0xe0], 0),
+    ("tree", [0x88, 0x22, 0x55], 1),
+    ("gradient_tree", [0x99, 0x99, 0x33], 2),
+    ("least_squares", [0x8c, 0x56, 0x4b], 4),
+    ("itoh", [0x44, 0xaa, 0x99], 7),
+    ("quality_guided", [0xaa, 0x44, 0x99], 6),
+    ("paper", [0x77, 0x77, 0x77], 5),
+    ("pareto", [0x77, 0x77, 0x77], 0),
+    // The stages are filled bars, which are apart from each other in light colours.
+    ("merge", [0x99, 0xdd, 0xff], 0),
+    ("unwrap", [0x77, 0xaa, 0xdd], 1),
+    ("tone", [0x44, 0xbb, 0x99], 2),
+    ("deblur", [0xaa, 0xaa, 0x00], 3),
+    ("pre", [0xee, 0xdd, 0x88], 4),
+    ("infer", [0xee, 0x88, 0x66], 5),
+    ("post", [0xff, 0xaa, 0xbb], 6),
 ];
 
 /// The colours with the names of common classes. Each colour is visible on dark and on bright images.
@@ -55,10 +81,13 @@ const CLASS_COLOURS: [(Colour, &[&str]); 12] = [
 pub fn class_colour(name: &str) -> Colour {
     let known = |names: &&[&str]| names.iter().any(|known| known.eq_ignore_ascii_case(name));
     let common = CLASS_COLOURS.iter().position(|(_, names)| known(names));
-    // The hash FNV-1a.
-    let hash =
-        name.bytes().fold(0x811c_9dc5_u32, |hash, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193));
-    CLASS_COLOURS[common.unwrap_or(hash as usize % CLASS_COLOURS.len())].0
+    CLASS_COLOURS[common.unwrap_or_else(|| hash(name) % CLASS_COLOURS.len())].0
+}
+
+/// The hash FNV-1a.
+fn hash(name: &str) -> usize {
+    name.bytes().fold(0x811c_9dc5_u32, |hash, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193))
+        as usize
 }
 
 /// Black or white, whichever has the higher contrast (relative luminance of WCAG 2, with a gamma of 2.2).
@@ -68,20 +97,34 @@ pub fn ink_on(colour: Colour) -> Colour {
     if 0.2126 * red + 0.7152 * green + 0.0722 * blue > 0.179 { [0; 3] } else { WHITE }
 }
 
-/// Colour, marker and dashes of the series of an index. The first 56 styles differ in colour or marker. Lines of indices 7
-/// to 13, 21 to 27 and so on are dashed.
+/// Colour, marker and dashes of a series.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Style {
     pub colour: Colour,
     marker: usize,
     dash: f32,
+    /// Whether the markers are outlines. They and a dashed line show a variant of a method.
+    open: bool,
 }
 
 impl Style {
-    pub fn of(index: usize) -> Self {
-        // Seven colours and eight markers have no common factor, so that their pairs repeat only after 56 series.
-        let dash = if index / COLOURS.len() % 2 == 1 { 5.0 } else { 0.0 };
-        Self { colour: COLOURS[index % COLOURS.len()], marker: index % 8, dash }
+    /// The style of a series or part. It depends on the name only, so that it is the same in every chart. The first known
+    /// word decides; further words, as in `recovered (auto, deblurred)`, are a variant of it. Names without a known word
+    /// share the colours and markers.
+    pub fn of(name: &str) -> Self {
+        let mut words: Vec<&str> =
+            name.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|word| !word.is_empty()).collect();
+        let style = |word: &&str| STYLES.iter().find(|(known, ..)| known.eq_ignore_ascii_case(word));
+        let Some((_, colour, marker)) = words.iter().find_map(style) else {
+            let hash = hash(name);
+            let (_, colour, _) = STYLES[hash % STYLES.len()];
+            return Self { colour, marker: hash / STYLES.len() % MARKERS, dash: 0.0, open: false };
+        };
+        words.retain(|word| style(word).is_none() && *word != "recovered");
+        // Variants that differ in a number, such as that of the threads, differ in marker and dashes, too.
+        let number: usize = name.chars().filter_map(|c| c.to_digit(10)).map(|digit| digit as usize).sum();
+        let dash = if words.is_empty() { 0.0 } else { [5.0, 2.0, 9.0][number % 3] };
+        Self { colour: *colour, marker: (marker + number) % MARKERS, dash, open: !words.is_empty() }
     }
 
     pub fn line(&self, canvas: &mut Canvas, points: Vec<Position>) {
@@ -91,14 +134,33 @@ impl Style {
     /// Draws the marker. The SVG shows `hover` while the pointer is on it.
     pub fn mark(&self, canvas: &mut Canvas, (x, y): Position, emphasis: Emphasis, hover: &str) {
         let points = self.outline().into_iter().map(|(dx, dy)| (x + RADIUS * dx, y + RADIUS * dy)).collect();
-        let hover = hover.to_owned();
-        canvas.shapes.push(Shape::Area { points, colour: self.with_emphasis(emphasis), hover });
+        let colour = self.with_emphasis(emphasis);
+        // An outline shows the marker that it may cover.
+        let (fill, edge) = if self.open { (None, (colour, 1.8)) } else { (Some(colour), (WHITE, 1.0)) };
+        canvas.shapes.push(Shape::Area { points, fill, edge, hover: hover.to_owned() });
+    }
+
+    /// Draws the interval from `low` to `high` of a point as a vertical bar with caps.
+    pub fn interval(&self, canvas: &mut Canvas, x: f32, (low, high): (f32, f32), emphasis: Emphasis) {
+        let colour = self.with_emphasis(emphasis);
+        canvas.line(vec![(x, low), (x, high)], colour, 1.1);
+        for y in [low, high] {
+            canvas.line(vec![(x - CAP, y), (x + CAP, y)], colour, 1.1);
+        }
     }
 
     pub fn with_emphasis(&self, emphasis: Emphasis) -> Colour {
         match emphasis {
             Emphasis::Normal => self.colour,
             Emphasis::Faded => FADED,
+        }
+    }
+
+    /// The colour of a label beside a marker.
+    pub fn text_colour(&self, emphasis: Emphasis) -> Colour {
+        match emphasis {
+            Emphasis::Normal => self.colour,
+            Emphasis::Faded => FADED_TEXT,
         }
     }
 
@@ -137,10 +199,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_fifty_six_differ() {
-        let styles: Vec<Style> = (0..56).map(Style::of).collect();
-        for (i, a) in styles.iter().enumerate() {
-            assert!(styles[..i].iter().all(|b| (a.colour, a.marker) != (b.colour, b.marker)), "{i}");
+    fn known_names_and_their_variants_differ() {
+        let names = STYLES.iter().map(|(name, ..)| (*name).to_owned());
+        let variants = ["recovered (auto, deblurred)", "auto, 1 thread", "auto, 2 threads", "ideal, sharp"];
+        let all: Vec<Style> = names.chain(variants.map(str::to_owned)).map(|name| Style::of(&name)).collect();
+        for (i, a) in all.iter().enumerate() {
+            assert!(all[..i].iter().all(|b| a != b), "{i}: {a:?}");
         }
+        assert_eq!(Style::of("recovered (auto)"), Style::of("auto"), "the method decides");
+        assert_eq!(Style::of("recovered (auto, deblurred)").colour, Style::of("auto").colour);
     }
 }

@@ -11,7 +11,7 @@ use crate::ChartError;
 use crate::canvas::{Anchor, Canvas, Rotation, Shape};
 use crate::picture::LEAST_TEXT;
 use crate::picture::Picture;
-use crate::primitives::{Area, Colour, Position, WHITE};
+use crate::primitives::{Area, Colour, Position};
 
 /// Pixels of the PNG for one px of the chart, along each side.
 const ZOOM: f32 = 2.0;
@@ -39,9 +39,11 @@ fn draw(pixels: &mut Pixmap, canvas: &Canvas, shape: &Shape) -> Result<(), Chart
         Shape::Line { points, colour, width, dash } => {
             stroke(pixels, path(points, false), *colour, *width, *dash);
         }
-        Shape::Area { points, colour, .. } => {
-            fill(pixels, path(points, true), *colour, zoomed(Transform::identity()));
-            stroke(pixels, path(points, true), WHITE, 1.0, 0.0);
+        Shape::Area { points, fill: colour, edge: (edge, width), .. } => {
+            if let Some(colour) = colour {
+                fill(pixels, path(points, true), *colour, zoomed(Transform::identity()));
+            }
+            stroke(pixels, path(points, true), *edge, *width, 0.0);
         }
         Shape::Picture { area, picture } => paste(pixels, *area, picture)?,
         Shape::Text { position, text, size, colour, anchor, rotation, width } => {

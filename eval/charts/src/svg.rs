@@ -65,12 +65,12 @@ fn push(out: &mut String, shape: &Shape) {
                 hex(*colour)
             )
         }
-        Shape::Area { points, colour, hover } => writeln!(
+        Shape::Area { points, fill, edge: (edge, width), hover } => writeln!(
             out,
-            "<polygon points=\"{}\" fill=\"{}\" stroke=\"{}\" stroke-width=\"1\">{}</polygon>",
+            "<polygon points=\"{}\" fill=\"{}\" stroke=\"{}\" stroke-width=\"{width}\">{}</polygon>",
             coordinates(points),
-            hex(*colour),
-            hex(WHITE),
+            fill.map_or_else(|| "none\" pointer-events=\"all".to_owned(), hex),
+            hex(*edge),
             if hover.is_empty() { String::new() } else { format!("<title>{}</title>", escaped(hover)) }
         ),
         // `image` writes it, because that can fail.

@@ -2,7 +2,7 @@
 
 use modulo_charts::{
     Axis, Bar, Bars, Chart, ChartBody, ChartError, ChartPanel, DataPoint, Emphasis, LabelledBox, PageWidth,
-    Picture, Pictures, Scale, Series, SeriesStyle,
+    Picture, Pictures, Scale, Series, SeriesStyle, number,
 };
 
 fn axis(scale: Scale) -> Axis {
@@ -46,7 +46,7 @@ fn a_look_leaves_out_marks_or_line_and_faded_marks_are_grey() {
     let point = |x, emphasis| DataPoint { x, y: x, emphasis, ..DataPoint::default() };
     let drawn = |style, emphasis| {
         let points = vec![point(1.0, emphasis), point(2.0, emphasis)];
-        let series = vec![Series { name: "one".to_owned(), points, style }];
+        let series = vec![Series { name: "auto".to_owned(), points, style }];
         let linear = Scale::Linear { from: 0.0, to: 3.0 };
         let panel = ChartPanel { x: axis(linear), y: axis(linear), series };
         let svg = chart(ChartBody::Panels(vec![panel])).svg(PageWidth::Wide).unwrap();
@@ -55,11 +55,86 @@ fn a_look_leaves_out_marks_or_line_and_faded_marks_are_grey() {
         };
         (of("<polyline", "#0072b2"), of("<polygon", "#0072b2"), of("<polygon", "#bdbdbd"))
     };
-    // Each with the legend's own piece.
+    // Each with the piece of the legend, which is as grey as the points.
     assert_eq!(drawn(SeriesStyle::LineAndMarkers, Emphasis::Normal), (2, 3, 0));
     assert_eq!(drawn(SeriesStyle::Markers, Emphasis::Normal), (0, 3, 0));
     assert_eq!(drawn(SeriesStyle::Line, Emphasis::Normal), (2, 0, 0));
-    assert_eq!(drawn(SeriesStyle::Markers, Emphasis::Faded), (0, 1, 2));
+    assert_eq!(drawn(SeriesStyle::Markers, Emphasis::Faded), (0, 0, 3));
+}
+
+/// The SVG of a panel of `series` (name, and y at the settings 1 and 2) with intervals of +- 1.
+fn over_settings(series: &[(&str, [f64; 2])]) -> String {
+    let point = |x, y| DataPoint {
+        x,
+        y,
+        hover: format!("{y} at {x}"),
+        interval: Some([y - 1.0, y + 1.0]),
+        ..DataPoint::default()
+    };
+    let series = series.iter().map(|(name, [one, two])| Series {
+        name: (*name).to_owned(),
+        points: vec![point(1.0, *one), point(2.0, *two)],
+        style: SeriesStyle::LineAndMarkers,
+    });
+    let y = axis(Scale::Linear { from: 0.0, to: 10.0 });
+    let panel = ChartPanel { x: Axis::settings("setting"), y, series: series.collect() };
+    chart(ChartBody::Panels(vec![panel])).svg(PageWidth::Wide).expect("drawn")
+}
+
+/// The lines of `svg` that begin with `element` and hold `part`.
+fn lines<'a>(svg: &'a str, element: &'a str, part: &'a str) -> impl Iterator<Item = &'a str> {
+    svg.lines().filter(move |line| line.starts_with(element) && line.contains(part))
+}
+
+#[test]
+fn a_name_has_one_colour_and_marker_in_every_chart() {
+    let names =
+        ["ideal", "ideal, sharp", "saturated", "modulo", "recovered (auto)", "recovered (auto, deblurred)"];
+    // In the legend, the line and the marker of a name come before its text.
+    let look = |svg: &str, name: &str| {
+        let legend = svg.lines().collect::<Vec<_>>();
+        let text = legend.iter().position(|line| line.contains(&format!(">{name}<"))).expect("an entry");
+        let (line, marker) = (legend[text - 2], legend[text - 1]);
+        let (_, style) = marker.split_once("fill").expect("a marker");
+        (line.split_once("fill").expect("a line").1.to_owned(), style.to_owned())
+    };
+    let all = over_settings(&names.map(|name| (name, [1.0, 2.0])));
+    for (index, name) in names.iter().enumerate() {
+        let single = over_settings(&[("another series", [1.0, 2.0]), (*name, [3.0, 4.0])]);
+        assert_eq!(look(&all, name), look(&single, name), "{name}");
+        assert!(names[..index].iter().all(|other| look(&all, other) != look(&all, name)), "{name}");
+    }
+}
+
+#[test]
+fn equal_curves_lie_side_by_side_with_their_intervals() {
+    let svg = over_settings(&[("ideal", [5.0, 6.0]), ("auto", [5.0, 6.0]), ("modulo", [5.0, 6.0])]);
+    let number = |text: &str| text.split(',').next().and_then(|x| x.parse::<f32>().ok()).expect("a number");
+    let leftmost = |line: &str| {
+        let corners = line.split('"').nth(1).expect("corners");
+        corners.split(' ').map(number).fold(f32::INFINITY, f32::min)
+    };
+    let mut left: Vec<f32> = lines(&svg, "<polygon", "<title>5 at 1</title>").map(leftmost).collect();
+    assert_eq!(left.len(), 3);
+    left.sort_by(f32::total_cmp);
+    assert!(left.windows(2).all(|pair| pair[1] - pair[0] > 3.0), "{left:?}");
+    // For each point a bar and its two caps.
+    assert_eq!(lines(&svg, "<polyline", "stroke-width=\"1.1\"").count(), 3 * 2 * 3);
+}
+
+#[test]
+fn zero_has_no_sign() {
+    for (value, digits, text) in [
+        (-0.0, 1, "0.0"),
+        (-0.04, 1, "0.0"),
+        (-0.06, 1, "-0.1"),
+        (-0.4, 0, "0"),
+        (-1.0, 0, "-1"),
+        (0.5, 1, "0.5"),
+    ] {
+        assert_eq!(number(value, digits), text);
+    }
+    assert!(number(f64::NEG_INFINITY, 1).starts_with('-'));
 }
 
 #[test]

@@ -3,12 +3,12 @@
 use crate::labels::{self, distinct};
 use crate::results::{Cell, Results, Stream};
 
-/// The choices at one saturation factor, lens and noise, with times of one pass.
+/// The choices at one saturation factor, lens, read noise and shot noise, with times of one pass.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Budget<'a> {
     /// The saturation factor.
     pub alpha: f64,
-    /// Lens and noise.
+    /// Lens, read noise and shot noise.
     pub conditions: String,
     /// The pass that measured the times.
     pub pass: &'a str,

@@ -1,11 +1,59 @@
 //! Labels of cells in tables and charts, and the time of a frame.
 
-pub use modulo_charts::distinct;
+pub use modulo_charts::{distinct, number};
 
 use crate::results::{Cell, Point, Stream};
 
-/// Standard deviation of the lens blur (px) and of the read noise (code units), which the tables of the paper do not vary.
-pub type Conditions = (f64, f64);
+/// A setting of the sensor, which charts vary or name.
+pub struct Setting {
+    /// Name in titles.
+    pub name: &'static str,
+    /// Name in the names of files.
+    pub file: &'static str,
+    /// Label of its axis.
+    pub axis: &'static str,
+    /// Its value in a cell.
+    pub of: fn(&Point) -> f64,
+    /// Name and value, such as `lens blur 1.4 px`.
+    pub text: fn(f64) -> String,
+}
+
+/// The settings of the sensor.
+pub const SETTINGS: [Setting; 4] = [
+    Setting {
+        name: "alpha",
+        file: "alpha",
+        axis: "alpha, the saturation factor",
+        of: |point| point.alpha,
+        text: |value| format!("alpha {value}"),
+    },
+    Setting {
+        name: "lens blur",
+        file: "psf",
+        axis: "standard deviation of the lens blur, px",
+        of: |point| point.psf_sigma,
+        text: |value| or_no("lens blur", value, " px"),
+    },
+    Setting {
+        name: "read noise",
+        file: "noise",
+        axis: "standard deviation of the read noise, code units",
+        of: |point| point.noise,
+        text: |value| or_no("read noise", value, " code units"),
+    },
+    Setting {
+        name: "shot noise",
+        file: "shot",
+        axis: "variance of the shot noise over the signal, code units",
+        of: |point| point.shot_noise,
+        text: |value| or_no("shot noise", value, " code units"),
+    },
+];
+/// Index of the lens blur in [`SETTINGS`].
+const LENS: usize = 1;
+
+/// The values of the [`SETTINGS`] without alpha, which the tables of the paper do not vary.
+pub type Conditions = [f64; 3];
 
 /// The stage that simulates the sensor. A real sensor takes no processor time.
 pub const SENSE: &str = "sense";
@@ -29,32 +77,80 @@ pub fn model(point: &Point) -> String {
     format!("{} {}", point.model, point.input)
 }
 
-/// Label of the conditions: `lens 1.4 px, noise 0`.
-pub fn conditions((psf_sigma, noise): Conditions) -> String {
-    format!("lens {psf_sigma} px, noise {noise}")
+fn or_no(name: &str, value: f64, unit: &str) -> String {
+    if value == 0.0 { format!("no {name}") } else { format!("{name} {value}{unit}") }
+}
+
+/// The values of the [`SETTINGS`] of a cell.
+pub fn settings(point: &Point) -> [f64; SETTINGS.len()] {
+    // The sum with 0 removes the sign of a zero.
+    SETTINGS.map(|setting| (setting.of)(point) + 0.0)
+}
+
+/// Names and values of all settings but `varied`: `lens blur 1.4 px, no read noise, no shot noise`.
+pub fn fixed_text(values: &[f64; SETTINGS.len()], varied: usize) -> String {
+    let fixed = SETTINGS.iter().zip(values).enumerate().filter(|(index, _)| *index != varied);
+    fixed.map(|(_, (setting, value))| (setting.text)(*value)).collect::<Vec<_>>().join(", ")
+}
+
+/// Label of the conditions, as [`fixed_text`] has it.
+pub fn conditions([psf_sigma, noise, shot_noise]: Conditions) -> String {
+    fixed_text(&[0.0, psf_sigma, noise, shot_noise], 0)
 }
 
 /// The conditions of a cell.
 pub fn conditions_of(point: &Point) -> Conditions {
-    (point.psf_sigma, point.noise)
+    let [_, psf_sigma, noise, shot_noise] = settings(point);
+    [psf_sigma, noise, shot_noise]
 }
 
 /// Whether a cell belongs to these conditions. The ideal image without a lens belongs to all lenses.
-pub fn belongs(point: &Point, (psf_sigma, noise): Conditions) -> bool {
-    point.noise == noise && (point.psf_sigma == psf_sigma || is_sharp_ideal(point))
+pub fn belongs(point: &Point, [psf_sigma, noise, shot_noise]: Conditions) -> bool {
+    is_at(point, &[0.0, psf_sigma, noise, shot_noise], 0)
 }
 
-/// All conditions of the cells, in the order of their first appearance. The sharp ideal image is ignored if there are other
-/// cells.
+/// Whether a cell has these settings, whatever its value of the setting `varied` is. The ideal image without a lens
+/// belongs to all lenses.
+pub fn is_at(point: &Point, values: &[f64; SETTINGS.len()], varied: usize) -> bool {
+    let own = settings(point);
+    let free = |index| index == varied || (index == LENS && is_sharp_ideal(point));
+    (0..SETTINGS.len()).all(|index| free(index) || own[index] == values[index])
+}
+
+/// All conditions of the cells, in the order of their first appearance.
 pub fn all_conditions(cells: &[Cell]) -> Vec<Conditions> {
-    // As a condition of its own, the sharp ideal image would get charts and tables with a single entry.
-    let real = cells.iter().filter(|cell| !is_sharp_ideal(&cell.point));
-    let found = distinct(real.map(|cell| conditions_of(&cell.point)));
-    if found.is_empty() { distinct(cells.iter().map(|cell| conditions_of(&cell.point))) } else { found }
+    distinct(with_lens(cells).iter().map(|cell| conditions_of(&cell.point)))
+}
+
+/// The cells without the sharp ideal image, if there are others: as a condition of its own, it would get charts and tables
+/// with a single entry.
+pub fn with_lens(cells: &[Cell]) -> Vec<&Cell> {
+    let found: Vec<&Cell> = cells.iter().filter(|cell| !is_sharp_ideal(&cell.point)).collect();
+    if found.is_empty() { cells.iter().collect() } else { found }
 }
 
 fn is_sharp_ideal(point: &Point) -> bool {
     point.stream == Stream::Ideal && point.psf_sigma == 0.0
+}
+
+/// Label of the accuracy of a group: `AP50 of vehicles, %, 20 frames`.
+pub fn ap50(group: &str, frames: &str) -> String {
+    let plural = if group.ends_with('s') { "" } else { "s" };
+    format!("AP50 of {group}{plural}, %, {frames}")
+}
+
+/// The number of frames of cells: `20 frames`, or `10 to 20 frames` if it differs.
+pub fn frames(counts: impl Iterator<Item = usize> + Clone) -> String {
+    match (counts.clone().min().unwrap_or(0), counts.max().unwrap_or(0)) {
+        (1, 1) => "1 frame".to_owned(),
+        (least, most) if least == most => format!("{most} frames"),
+        (least, most) => format!("{least} to {most} frames"),
+    }
+}
+
+/// The number of frames on which the times of cells were measured.
+pub fn timed_frames(cells: &[&Cell]) -> String {
+    frames(cells.iter().filter_map(|cell| cell.frame_ms.as_ref()).map(|time| time.frames))
 }
 
 /// Median time from the captured image to the boxes, ms. `None` if it was not measured.
@@ -75,9 +171,11 @@ pub fn busy(cells: &[Cell]) -> Vec<String> {
         let (least, most) = times.fold((f64::INFINITY, 0.0f64), |(a, b), ms| (a.min(ms), b.max(ms)));
         (most > 1.1 * least).then(|| {
             format!(
-                "measured on a busy machine: the median inference of {} took {least:.1} to {most:.1} ms in the cells of \
-                 one pass ({})",
-                detector.0, detector.1
+                "measured on a busy machine: the median inference of {} took {} to {} ms in the cells of one pass ({})",
+                detector.0,
+                number(least, 1),
+                number(most, 1),
+                detector.1
             )
         })
     };
@@ -93,5 +191,5 @@ pub fn nearest_to_four<'a>(cells: &[&'a Cell]) -> Vec<&'a Cell> {
 
 /// A fraction as percent with one decimal digit; `-` without a value.
 pub fn percent(fraction: Option<f64>) -> String {
-    fraction.map_or_else(|| "-".to_owned(), |f| format!("{:.1}", 100.0 * f))
+    fraction.map_or_else(|| "-".to_owned(), |fraction| number(100.0 * fraction, 1))
 }

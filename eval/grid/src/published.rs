@@ -1,7 +1,7 @@
 //! The figures of the paper beside those of the grid: the published tables, a chart, and a section of the report.
 
 use maud::{Markup, html};
-use modulo_charts::{Axis, ChartBody, ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
+use modulo_charts::{Axis, ChartBody, ChartPanel, DataPoint, Series, SeriesStyle, number};
 
 use crate::chart::{self, NamedChart, add_point, file_name, models, suffix};
 use crate::grid::CAPTURES;
@@ -60,11 +60,14 @@ impl Published {
     }
 }
 
-/// Name of a figure of the paper and its value in a cell.
-type Figure = (&'static str, fn(&Cell) -> f64);
+/// Name of a figure of the paper, its key in intervals, and its value in a cell.
+type Figure = (&'static str, &'static str, fn(&Cell) -> f64);
 
-const FIGURES: [Figure; 3] =
-    [("IoU", |cell| cell.paper.iou), ("F1", |cell| cell.paper.f1), ("accuracy", |cell| cell.paper.accuracy)];
+const FIGURES: [Figure; 3] = [
+    ("IoU", "paper.iou", |cell| cell.paper.iou),
+    ("F1", "paper.f1", |cell| cell.paper.f1),
+    ("accuracy", "paper.accuracy", |cell| cell.paper.accuracy),
+];
 const STREAMS: [Stream; 4] = [Stream::Saturated, Stream::Modulo, Stream::Recovered, Stream::Ideal];
 
 /// One chart for each model of the paper.
@@ -93,9 +96,9 @@ fn chart_of(
         FIGURES.iter().enumerate().map(|(index, figure)| panel(cells, published, *stream, index, *figure))
     });
     let title =
-        format!("The paper's figures beside ours, {model}, {}, {protocol}", labels::conditions(conditions));
+        format!("The paper's figures beside ours: {model}, {}, {protocol}", labels::conditions(conditions));
     let footer = format!(
-        "Paper: table 1, YOLOv10{} with its official weights on 100 KITTI images that are not named. Ours: {} \
+        "Bars: 95 % bootstrap intervals of ours. Paper: table 1, YOLOv10{} with its official weights on 100 KITTI images that are not named. Ours: {} \
          labelled frames and the model file at hand; the figures are comparable in their course over alpha, not in \
          their height.",
         published.letter(),
@@ -110,11 +113,11 @@ fn panel(
     published: Published,
     stream: Stream,
     index: usize,
-    (name, value): Figure,
+    (name, key, value): Figure,
 ) -> ChartPanel {
     let theirs = ALPHAS.iter().filter_map(|alpha| {
         let figure = published.figures(stream, *alpha)?[index];
-        Some(point(*alpha, figure / 100.0, &format!("paper, {}, {name}", stream.name())))
+        Some(point(*alpha, figure / 100.0, None, &format!("paper, {}, {name}", stream.name())))
     });
     let mut series = vec![Series {
         name: "paper".to_owned(),
@@ -123,29 +126,39 @@ fn panel(
     }];
     let mut own: Vec<&&Cell> = cells.iter().filter(|cell| cell.point.stream == stream).collect();
     own.sort_by(|a, b| a.point.alpha.total_cmp(&b.point.alpha));
-    for cell in own {
-        let called = labels::stream(&cell.point);
-        let ours = match called.split_once('(') {
-            Some((_, method)) => format!("ours, {}", method.trim_end_matches(')')),
-            None if called.ends_with("sharp") => "ours, sharp".to_owned(),
-            None => "ours".to_owned(),
-        };
-        let point = point(cell.point.alpha, value(cell), &format!("{ours}, {called}, {name}"));
+    for cell in &own {
+        let ours = labels::stream(&cell.point);
+        let interval = cell.interval95.get(key).copied();
+        let point = point(cell.point.alpha, value(cell), interval, &format!("{ours}, {name}"));
         add_point(&mut series, ours, point, SeriesStyle::LineAndMarkers);
     }
-    ChartPanel { x: Axis::log("alpha"), y: Axis::percent(format!("{name}, {}", stream.name()), 1.0), series }
+    let frames = labels::frames(own.iter().map(|cell| cell.frames));
+    let label = format!("{name}, {}, %, {frames}", stream.name());
+    ChartPanel { x: Axis::settings("alpha, the saturation factor"), y: Axis::percent(label, 1.0), series }
 }
 
-fn point(alpha: f64, value: f64, what: &str) -> DataPoint {
-    let hover = format!("{what}, alpha {alpha}: {:.1} %", 100.0 * value);
-    DataPoint { x: alpha, y: value, label: String::new(), hover, emphasis: Emphasis::Normal }
+fn point(alpha: f64, value: f64, interval: Option<[f64; 2]>, what: &str) -> DataPoint {
+    let hover = format!("{what}, alpha {alpha}: {} %", number(100.0 * value, 1));
+    DataPoint { x: alpha, y: value, interval, hover, ..DataPoint::default() }
 }
 
 /// The section with the tables. It is empty if no model is one of the paper.
 pub fn section(results: &Results) -> Markup {
     let known = |cell: &Cell| Published::of(&cell.point.model).is_some();
-    let head =
-        ["stream", "model", "alpha", "lens px", "noise", "IoU", "paper", "F1", "paper", "accuracy", "paper"];
+    let head = [
+        "stream",
+        "model",
+        "alpha",
+        "lens px",
+        "read noise",
+        "shot noise",
+        "IoU",
+        "paper",
+        "F1",
+        "paper",
+        "accuracy",
+        "paper",
+    ];
     let rows: Vec<Vec<Td>> = results.cells.iter().filter_map(accuracy).collect();
     let times: Vec<Vec<Td>> = results.cells.iter().filter_map(time).collect();
     let time_head =
@@ -174,7 +187,7 @@ fn accuracy(cell: &Cell) -> Option<Vec<Td>> {
     let theirs = |index: usize| Td::number(published.map(|figures| figures[index]), 1);
     let point = &cell.point;
     let mut row = vec![Td::Text(labels::stream(point)), Td::Text(labels::model(point))];
-    row.extend([point.alpha, point.psf_sigma, point.noise].map(Td::setting));
+    row.extend(labels::settings(point).map(Td::setting));
     for (index, ours) in [cell.paper.iou, cell.paper.f1, cell.paper.accuracy].into_iter().enumerate() {
         row.extend([Td::percent(Some(ours)), theirs(index)]);
     }

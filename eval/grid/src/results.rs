@@ -14,6 +14,10 @@ use serde::{Deserialize, Serialize};
 pub const RESULTS: &str = "results.json";
 /// Name of the file with the same figures as a table, one row for each cell.
 pub const TABLE: &str = "results.csv";
+/// Name of the table with one row for each frame of each cell.
+pub const FRAMES: &str = "frames.csv";
+/// Name of the table with one row for each box of each frame.
+pub const BOXES: &str = "boxes.csv";
 
 /// Version of the computation of the figures. It is raised when the same request gives other figures than before, so that
 /// old and new ones are never joined.
@@ -50,6 +54,28 @@ pub struct Provenance {
     pub started: String,
     /// Mean number of running processes in the minute before the start. `None` where the system does not tell it.
     pub load: Option<f64>,
+    /// Where the time of the run went. `None` in results of older versions, and if the run was killed.
+    #[serde(default)]
+    pub time: Option<RunTime>,
+}
+
+/// The wall time of a run by stage.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RunTime {
+    /// Wall time, s.
+    pub wall_s: f64,
+    /// Number of frames that were scored in parallel.
+    pub workers: usize,
+    /// Wall time of each stage, s. That of the workers is their mean, so that the sum is `wall_s`.
+    pub stages_s: BTreeMap<String, f64>,
+}
+
+impl RunTime {
+    /// Adds a stage that came after all others.
+    pub fn add(&mut self, stage: &str, seconds: f64) {
+        self.wall_s += seconds;
+        *self.stages_s.entry(stage.to_owned()).or_default() += seconds;
+    }
 }
 
 impl Provenance {
@@ -216,6 +242,9 @@ pub struct Point {
     pub psf_sigma: f64,
     /// Standard deviation of the read noise, code units.
     pub noise: f64,
+    /// Strength of the shot noise: its variance divided by the signal, code units. 0 in results of older versions.
+    #[serde(default)]
+    pub shot_noise: f64,
     /// Name of the model in [`Setup::models`].
     pub model: String,
     /// Input size of the model: `auto`, or `WIDTHxHEIGHT`.
@@ -232,7 +261,7 @@ impl Stream {
 impl fmt::Display for Point {
     /// Describes the cell, such as `yolov10n recovered auto deblurred, alpha 4, blur 1.4 px`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { stream, method, deblur, alpha, psf_sigma, noise, model, input } = self;
+        let Self { stream, method, deblur, alpha, psf_sigma, noise, shot_noise, model, input } = self;
         write!(f, "{model} {}", stream.name())?;
         method.iter().try_for_each(|method| write!(f, " {method}"))?;
         if *deblur {
@@ -241,6 +270,9 @@ impl fmt::Display for Point {
         write!(f, ", alpha {alpha}, blur {psf_sigma} px")?;
         if *noise > 0.0 {
             write!(f, ", noise {noise}")?;
+        }
+        if *shot_noise > 0.0 {
+            write!(f, ", shot noise {shot_noise}")?;
         }
         if input != "auto" {
             write!(f, ", {input}")?;

@@ -1,12 +1,15 @@
 //! Results as files, and the joining of shards. A file is complete at any time, even if the process is killed.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::File;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use csv::{ByteRecord, ByteRecordsIntoIter};
 use modulo_runtime::launcher;
 
 use crate::GridError;
-use crate::results::{Cell, Point, RESULTS, Results, TABLE};
+use crate::results::{BOXES, Cell, FRAMES, Point, RESULTS, Results, TABLE};
 
 /// Reads the results in `folder`. `None` if there are no results.
 ///
@@ -46,27 +49,29 @@ pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<(), GridError> {
 /// Name of a column and its value in the row of a cell.
 type Column = (&'static str, fn(&Cell) -> String);
 
-const SETTINGS: [Column; 9] = [
+const SETTINGS: [Column; 11] = [
+    ("cell", |cell| cell.point.to_string()),
     ("stream", |cell| cell.point.stream.name()),
     ("method", |cell| cell.point.method.as_deref().unwrap_or("").to_owned()),
     ("deblur", |cell| cell.point.deblur.to_string()),
-    ("alpha", |cell| cell.point.alpha.to_string()),
-    ("psf_sigma", |cell| cell.point.psf_sigma.to_string()),
-    ("noise", |cell| cell.point.noise.to_string()),
+    ("alpha", |cell| figure(Some(cell.point.alpha))),
+    ("psf_sigma", |cell| figure(Some(cell.point.psf_sigma))),
+    ("noise", |cell| figure(Some(cell.point.noise))),
+    ("shot_noise", |cell| figure(Some(cell.point.shot_noise))),
     ("model", |cell| cell.point.model.clone()),
     ("input", |cell| cell.point.input.clone()),
     ("frames", |cell| cell.frames.to_string()),
 ];
 const FIGURES: [Column; 9] = [
-    ("ap50_95", |cell| number(cell.ap50_95)),
-    ("paper_iou", |cell| number(Some(cell.paper.iou))),
-    ("paper_f1", |cell| number(Some(cell.paper.f1))),
-    ("paper_accuracy", |cell| number(Some(cell.paper.accuracy))),
-    ("exact_k", |cell| number(cell.exact_k)),
-    ("psnr_db", |cell| number(cell.psnr_db)),
-    ("ssim", |cell| number(cell.ssim)),
-    ("psnr_sharp_db", |cell| number(cell.psnr_sharp_db)),
-    ("ssim_sharp", |cell| number(cell.ssim_sharp)),
+    ("ap50_95", |cell| figure(cell.ap50_95)),
+    ("paper_iou", |cell| figure(Some(cell.paper.iou))),
+    ("paper_f1", |cell| figure(Some(cell.paper.f1))),
+    ("paper_accuracy", |cell| figure(Some(cell.paper.accuracy))),
+    ("exact_k", |cell| figure(cell.exact_k)),
+    ("psnr_db", |cell| figure(cell.psnr_db)),
+    ("ssim", |cell| figure(cell.ssim)),
+    ("psnr_sharp_db", |cell| figure(cell.psnr_sharp_db)),
+    ("ssim_sharp", |cell| figure(cell.ssim_sharp)),
 ];
 
 /// The cells as comma-separated values, one row for each cell. A missing figure is an empty field.
@@ -83,16 +88,112 @@ fn csv(cells: &[Cell]) -> Vec<u8> {
     write(head);
     for cell in cells {
         let mut row: Vec<String> = SETTINGS.map(|(_, value)| value(cell)).to_vec();
-        row.extend(groups.iter().map(|group| number(cell.ap50.get(*group).copied().flatten())));
+        row.extend(groups.iter().map(|group| figure(cell.ap50.get(*group).copied().flatten())));
         row.extend(FIGURES.map(|(_, value)| value(cell)));
-        row.extend(stages.iter().map(|stage| number(cell.latency_ms.get(*stage).map(|p| p.p50))));
+        row.extend(stages.iter().map(|stage| figure(cell.latency_ms.get(*stage).map(|p| p.p50))));
         write(row);
     }
     writer.into_inner().expect("memory can be flushed")
 }
 
-fn number(value: Option<f64>) -> String {
-    value.map_or(String::new(), |value| value.to_string())
+/// A figure with all its digits; empty without a value.
+pub(crate) fn figure(value: Option<f64>) -> String {
+    // The sum with 0 removes the sign of a zero.
+    value.map_or(String::new(), |value| (value + 0.0).to_string())
+}
+
+/// Lines of a table whose first column is the name of a cell.
+pub(crate) struct CellLines {
+    /// The names of the columns.
+    pub head: Vec<String>,
+    /// The values of each line.
+    pub lines: Vec<Vec<String>>,
+}
+
+/// Adds lines to the table `file` in `folder`. Creates both if they are missing.
+///
+/// # Errors
+/// [`GridError`] if the table has other columns, or cannot be read or written.
+pub(crate) fn append(folder: &Path, file: &str, lines: &CellLines) -> Result<(), GridError> {
+    let path = folder.join(file);
+    std::fs::create_dir_all(folder).map_err(|why| GridError::io(folder, why))?;
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let mut write =
+        |line: &Vec<String>| writer.write_record(line).expect("lines of one length fit into memory");
+    match read(&path)? {
+        Some((head, _)) if head != lines.head => return Err(other_columns(&path)),
+        Some(_) => {}
+        None => write(&lines.head),
+    }
+    lines.lines.iter().for_each(write);
+    let bytes = writer.into_inner().expect("memory can be flushed");
+    let file = File::options().create(true).append(true).open(&path);
+    file.and_then(|mut file| file.write_all(&bytes)).map_err(|why| GridError::io(&path, why))
+}
+
+/// Writes the tables of frames and boxes in `out` anew: the lines of `cells` in `folders`, in the order of `cells`. A cell has
+/// the lines of the first folder that knows it. Without cells, the tables are removed.
+///
+/// # Errors
+/// [`GridError`] if tables have different columns, or cannot be read or written.
+pub(crate) fn gather(out: &Path, folders: &[PathBuf], cells: &[Cell]) -> Result<(), GridError> {
+    for file in [FRAMES, BOXES] {
+        let path = out.join(file);
+        if cells.is_empty() && path.exists() {
+            std::fs::remove_file(&path).map_err(|why| GridError::io(&path, why))?;
+        } else if let Some(bytes) = gathered(folders, file, cells)? {
+            replace(&path, &bytes)?;
+        }
+    }
+    Ok(())
+}
+
+/// The table `file` of all `folders` with the lines of `cells`. `None` if no folder has it.
+fn gathered(folders: &[PathBuf], file: &str, cells: &[Cell]) -> Result<Option<Vec<u8>>, GridError> {
+    let places = cells.iter().enumerate().map(|(place, cell)| (cell.point.to_string().into_bytes(), place));
+    let places: BTreeMap<Vec<u8>, usize> = places.collect();
+    let mut head: Option<ByteRecord> = None;
+    let mut lines: BTreeMap<usize, (&PathBuf, Vec<ByteRecord>)> = BTreeMap::new();
+    for folder in folders {
+        let path = folder.join(file);
+        let Some((own, records)) = read(&path)? else { continue };
+        if head.get_or_insert_with(|| own.clone()) != &own {
+            return Err(other_columns(&path));
+        }
+        for record in records {
+            let record = record.map_err(|why| GridError::io(&path, why.into()))?;
+            // The last line is cut if the process was killed.
+            let name = record.get(0).filter(|_| record.len() == own.len());
+            let Some(place) = name.and_then(|name| places.get(name)) else { continue };
+            let (from, known) = lines.entry(*place).or_insert((folder, Vec::new()));
+            if *from == folder {
+                known.push(record);
+            }
+        }
+    }
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let all = head.iter().chain(lines.values().flat_map(|(_, records)| records));
+    all.for_each(|line| writer.write_byte_record(line).expect("lines of one length fit into memory"));
+    Ok(head.is_some().then(|| writer.into_inner().expect("memory can be flushed")))
+}
+
+/// The head and the records of a table. `None` if there is no such file.
+fn read(path: &Path) -> Result<Option<(ByteRecord, ByteRecordsIntoIter<File>)>, GridError> {
+    let file = match File::open(path) {
+        Ok(file) => file,
+        Err(why) if why.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(why) => return Err(GridError::io(path, why)),
+    };
+    let mut reader = csv::ReaderBuilder::new().flexible(true).from_reader(file);
+    let head = reader.byte_headers().map_err(|why| GridError::io(path, why.into()))?.clone();
+    Ok(Some((head, reader.into_byte_records())))
+}
+
+fn other_columns(path: &Path) -> GridError {
+    GridError::OtherSetup(
+        path.to_owned(),
+        "its columns are those of another version or other groups".to_owned(),
+    )
 }
 
 /// Joins the results of all `folders` in `out`, with the cells in the order of the grid.
@@ -115,6 +216,7 @@ pub fn merge(out: &Path, folders: &[PathBuf]) -> Result<Results, GridError> {
     let mut all = all.ok_or(GridError::Empty("the list of folders"))?;
     sort(&mut all.cells, &all.setup.grid);
     save(out, &all)?;
+    gather(out, folders, &all.cells)?;
     Ok(all)
 }
 

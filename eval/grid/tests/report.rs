@@ -240,6 +240,114 @@ fn charts_name_each_cell_and_grey_what_is_dominated() {
     assert!(!grey("ideal, yolov10n"), "no choice, and so not dominated");
 }
 
+/// The fill, edge and text of the entry of a series in the legend of the first chart that has it.
+fn entry<'a>(svg: &'a str, name: &str) -> (&'a str, &'a str) {
+    let lines: Vec<&str> = svg.lines().collect();
+    let text = lines.iter().rposition(|line| line.ends_with(&format!(">{name}</text>"))).expect("an entry");
+    let style = |line: &'a str| line.split_once(" fill=").expect("a shape").1;
+    (style(lines[text - 2]), style(lines[text - 1]))
+}
+
+#[test]
+fn a_stream_has_one_colour_in_every_report() {
+    let all = made_up();
+    let svg = |results: &Results, name: &str| {
+        let charts = chart::all(results);
+        let found = charts.iter().find(|named| named.name == name).expect("a chart");
+        found.chart.svg(modulo_charts::PageWidth::Wide).expect("a picture")
+    };
+    let chart = "alpha_yolov10n_640x192_psf1.4_noise0";
+    let whole = svg(&all, chart);
+    let names = ["ideal, sharp", "ideal", "saturated", "modulo", "recovered (auto)", "recovered (spud)"];
+    for (index, name) in names.iter().enumerate() {
+        let mut part = all.clone();
+        let keep = |cell: &Cell| match name.split_once('(') {
+            Some((_, method)) => cell.point.method.as_deref() == Some(method.trim_end_matches(')')),
+            None => cell.point.stream.name() == name.split(',').next().expect("a stream"),
+        };
+        part.cells.retain(keep);
+        assert_eq!(entry(&whole, name), entry(&svg(&part, chart), name), "{name}");
+        assert_eq!(
+            entry(&whole, name),
+            entry(&svg(&all, "paper_yolov10n_640x192_psf1.4_noise0"), name),
+            "{name}"
+        );
+        assert!(names[..index].iter().all(|other| entry(&whole, name) != entry(&whole, other)), "{name}");
+    }
+}
+
+#[test]
+fn charts_have_words_units_counts_and_intervals() {
+    let mut results = made_up();
+    for noise in [0.0, 1.0, 2.0] {
+        let noisy = results.cells.iter().find(|cell| cell.point.psf_sigma == 1.4).cloned().expect("a cell");
+        results.cells.push(Cell { point: Point { noise, shot_noise: 0.5, ..noisy.point }, ..noisy });
+    }
+    let charts = chart::all(&results);
+    let svg = |name: &str| {
+        let found = charts.iter().find(|named| named.name == name);
+        let names = || charts.iter().map(|named| &named.name).collect::<Vec<_>>();
+        found
+            .unwrap_or_else(|| panic!("{name}: {:?}", names()))
+            .chart
+            .svg(modulo_charts::PageWidth::Wide)
+            .expect("drawn")
+    };
+    let alpha = svg("alpha_yolov10n_640x192_psf1.4_noise0");
+    for text in [
+        "AP50 of vehicles, %, 20 frames",
+        "AP50 of persons, %, 20 frames",
+        "alpha, the saturation factor",
+        ">1.5</text>",
+    ] {
+        assert!(alpha.contains(text), "{text}");
+    }
+    // Two panels, six streams, five alphas, and a bar with two caps for each.
+    assert_eq!(alpha.matches("stroke-width=\"1.1\"").count(), 2 * 6 * 5 * 3);
+    let blur = svg("psf_yolov10n_640x192_alpha4_noise0");
+    assert!(blur.contains("lens blur, px") && blur.contains(">0.8</text>"));
+    let noise = svg("noise_yolov10n_640x192_alpha1.5_psf1.4_shot0.5");
+    assert!(
+        noise.contains("read noise, code units")
+            && noise.contains("lens blur 1.4 px, shot noise 0.5 code units")
+    );
+    assert!(
+        !charts.iter().any(|named| named.name.starts_with("shot_yolov10n_640x192_alpha1.5_psf1.4_noise2"))
+    );
+}
+
+#[test]
+fn a_series_without_a_choice_is_grey_in_the_legend() {
+    let mut results = made_up();
+    results.cells.retain(|cell| cell.point.model == "yolov10n");
+    let charts = chart::all(&results);
+    let frontier =
+        charts.iter().find(|named| named.name == "frontier_alpha4_psf1.4_noise0").expect("a chart");
+    let svg = frontier.chart.svg(modulo_charts::PageWidth::Wide).expect("a picture");
+    assert!(entry(&svg, "recovered (spud)").1.contains("#bdbdbd"), "dominated");
+    assert!(!entry(&svg, "recovered (auto)").1.contains("#bdbdbd"));
+}
+
+#[test]
+fn zero_has_no_sign_anywhere() {
+    let (mut results, folder) = (made_up(), tempfile::tempdir().expect("a folder"));
+    for cell in &mut results.cells {
+        (cell.ap50_95, cell.psnr_db, cell.exact_k) = (Some(-0.0), Some(-0.0), Some(-0.0));
+        (cell.paper.iou, cell.point.noise) = (-0.0, -0.0);
+        cell.ap50.values_mut().for_each(|ap50| *ap50 = Some(-0.0));
+        cell.interval95.values_mut().for_each(|bounds| *bounds = [-0.0, -0.0001]);
+        cell.latency_ms.values_mut().for_each(|time| time.p50 = -0.0);
+    }
+    store::save(folder.path(), &results).expect("saved");
+    let table = std::fs::read_to_string(folder.path().join("results.csv")).expect("a table");
+    for text in [page(&results), table] {
+        let signed = [">-0.0", " -0.0", "(-0.0", ">-0<", ",-0,", "\"-0\""].map(|zero| text.find(zero));
+        let shown =
+            signed.iter().flatten().map(|at| &text[at.saturating_sub(60)..at + 20]).collect::<Vec<_>>();
+        assert!(shown.is_empty(), "{shown:?}");
+    }
+}
+
 #[test]
 fn a_part_of_a_grid_says_so_and_an_empty_one_is_still_a_page() {
     let mut results = made_up();

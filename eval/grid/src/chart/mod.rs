@@ -1,13 +1,13 @@
-//! The charts of a grid: from results to a [`Chart`]. This file has the charts over alpha.
+//! The charts of a grid: from results to a [`Chart`]. This file has the charts over a setting of the sensor.
 
 pub(crate) mod pictures;
 mod time;
 
 use modulo_charts::{
-    Axis, Chart, ChartBody, ChartError, ChartPanel, DataPoint, Emphasis, PageWidth, Series, SeriesStyle,
+    Axis, Chart, ChartBody, ChartError, ChartPanel, DataPoint, PageWidth, Series, SeriesStyle,
 };
 
-use crate::labels::{self, Conditions, distinct};
+use crate::labels::{self, Conditions, SETTINGS, Setting, distinct, number};
 use crate::published;
 use crate::results::{Cell, Results};
 pub use pictures::DetectionPicture;
@@ -62,7 +62,8 @@ pub fn all(results: &Results) -> Vec<NamedChart> {
     let each = |draw: fn(&Results, Conditions) -> Vec<NamedChart>| {
         conditions.iter().flat_map(|conditions| draw(results, *conditions)).collect::<Vec<_>>()
     };
-    [each(time::frontiers), each(alphas), each(published::charts), each(time::stages), each(time::histograms)]
+    let over = (0..SETTINGS.len()).flat_map(|setting| over(results, setting)).collect();
+    [each(time::frontiers), over, each(published::charts), each(time::stages), each(time::histograms)]
         .concat()
 }
 
@@ -101,8 +102,15 @@ pub(crate) fn add_point(series: &mut Vec<Series>, name: String, point: DataPoint
 }
 
 /// The conditions as part of a file name.
-pub(crate) fn suffix((psf_sigma, noise): Conditions) -> String {
-    format!("psf{psf_sigma}_noise{noise}")
+pub(crate) fn suffix([psf_sigma, noise, shot_noise]: Conditions) -> String {
+    fixed_suffix(&[0.0, psf_sigma, noise, shot_noise], 0)
+}
+
+/// All settings but `varied` as part of a file name. The shot noise is left out if there is none.
+fn fixed_suffix(values: &[f64; SETTINGS.len()], varied: usize) -> String {
+    let fixed = SETTINGS.iter().zip(values).enumerate().filter(|(index, _)| *index != varied);
+    let named = fixed.filter(|(_, (setting, value))| setting.file != "shot" || **value != 0.0);
+    named.map(|(_, (setting, value))| format!("{}{value}", setting.file)).collect::<Vec<_>>().join("_")
 }
 
 /// A text as part of a file name.
@@ -110,54 +118,77 @@ pub(crate) fn file_name(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() || ".-".contains(c) { c } else { '_' }).collect()
 }
 
-/// Accuracy against the saturation factor: one chart for each model and input size, with a line for each stream and method.
-/// There is no chart of a single alpha.
-fn alphas(results: &Results, conditions: Conditions) -> Vec<NamedChart> {
-    let cells = cells(results, conditions);
-    if distinct(cells.iter().map(|cell| cell.point.alpha)).len() < 2 {
-        return Vec::new();
+/// Accuracy against the setting of this index: one chart for each model and input size, and each combination of the other
+/// settings, with a line for each stream and method. There is no chart of a single value.
+fn over(results: &Results, varied: usize) -> Vec<NamedChart> {
+    let cells = labels::with_lens(&results.cells);
+    let mut charts = Vec::new();
+    let others = |cell: &&Cell| {
+        let mut values = labels::settings(&cell.point);
+        values[varied] = 0.0;
+        values
+    };
+    for values in distinct(cells.iter().map(others)) {
+        let here = cells.iter().filter(|cell| labels::is_at(&cell.point, &values, varied));
+        if distinct(here.map(|cell| labels::settings(&cell.point)[varied])).len() < 2 {
+            continue;
+        }
+        let mut cells: Vec<&Cell> =
+            results.cells.iter().filter(|cell| labels::is_at(&cell.point, &values, varied)).collect();
+        // The line joins its points in this order. The cells have the order of the grid, in which the values are as the
+        // user gave them.
+        let value = |cell: &Cell| (SETTINGS[varied].of)(&cell.point);
+        cells.sort_by(|a, b| value(a).total_cmp(&value(b)));
+        let of_model = |model: &String| over_setting(results, &cells, model, (&values, varied));
+        charts.extend(models(&cells).iter().map(of_model));
     }
-    models(&cells).iter().map(|model| over_alpha(results, &cells, model, conditions)).collect()
+    charts
 }
 
-fn over_alpha(results: &Results, cells: &[&Cell], model: &str, conditions: Conditions) -> NamedChart {
+fn over_setting(
+    results: &Results,
+    cells: &[&Cell],
+    model: &str,
+    (values, varied): (&[f64; SETTINGS.len()], usize),
+) -> NamedChart {
     let of_model = cells.iter().filter(|cell| labels::model(&cell.point) == model);
-    let mut cells: Vec<&Cell> = of_model.copied().collect();
-    // The line joins its points in this order. The cells have the order of the grid, in which alpha is as the user gave
-    // it.
-    cells.sort_by(|a, b| a.point.alpha.total_cmp(&b.point.alpha));
+    let cells: Vec<&Cell> = of_model.copied().collect();
     // A panel for each group: in one panel, the series of two groups would have the same names.
     let groups = distinct(cells.iter().flat_map(|cell| cell.ap50.keys()));
-    let footer = "Alpha: the brightest radiance over what the sensor holds. AP50: average precision at IoU 0.5, \
-                  one-to-one matching, ignore regions left out. The sharp ideal is what the scene would look like \
+    let footer = "The settings are evenly spaced, and the points of one setting side by side. Bars: 95 % bootstrap \
+                  intervals. Alpha: the brightest radiance over what the sensor holds. AP50: average precision at IoU \
+                  0.5, one-to-one matching, ignore regions left out. The sharp ideal is what the scene would look like \
                   without a lens.";
-    let title = format!("Accuracy against alpha, {model}, {}", labels::conditions(conditions));
-    let body = ChartBody::Panels(groups.iter().map(|group| panel(&cells, group)).collect());
-    let name = format!("alpha_{}_{}", file_name(model), suffix(conditions));
+    let setting = &SETTINGS[varied];
+    let title = format!("Accuracy over {}: {model}, {}", setting.name, labels::fixed_text(values, varied));
+    let body = ChartBody::Panels(groups.iter().map(|group| panel(&cells, group, setting)).collect());
+    let name = format!("{}_{}_{}", setting.file, file_name(model), fixed_suffix(values, varied));
     NamedChart::new(name, title, results, footer.to_owned(), body)
 }
 
-fn panel(cells: &[&Cell], group: &str) -> ChartPanel {
+fn panel(cells: &[&Cell], group: &str, setting: &Setting) -> ChartPanel {
     let names = distinct(cells.iter().map(|cell| labels::stream(&cell.point)));
     let series = |name: String| {
         let own = cells.iter().filter(|cell| labels::stream(&cell.point) == name);
-        let points = own.filter_map(|cell| point(cell, group)).collect();
+        let points = own.filter_map(|cell| point(cell, group, setting)).collect();
         Series { name, points, style: SeriesStyle::LineAndMarkers }
     };
+    let frames = labels::frames(cells.iter().map(|cell| cell.frames));
     ChartPanel {
-        x: Axis::log("alpha, the saturation factor"),
-        y: Axis::percent(format!("AP50 of {group}"), 1.0),
+        x: Axis::settings(setting.axis),
+        y: Axis::percent(labels::ap50(group, &frames), 1.0),
         series: names.into_iter().map(series).collect(),
     }
 }
 
-fn point(cell: &Cell, group: &str) -> Option<DataPoint> {
+fn point(cell: &Cell, group: &str, setting: &Setting) -> Option<DataPoint> {
     let ap50 = (*cell.ap50.get(group)?)?;
-    let interval = cell.interval95.get(&format!("ap50.{group}"));
-    let interval = interval.map_or(String::new(), |[low, high]| {
-        format!(" (95 % interval {:.1} to {:.1})", 100.0 * low, 100.0 * high)
+    let interval = cell.interval95.get(&format!("ap50.{group}")).copied();
+    let bounds = interval.map_or(String::new(), |[low, high]| {
+        format!(" (95 % interval {} to {})", number(100.0 * low, 1), number(100.0 * high, 1))
     });
-    let (stream, alpha) = (labels::stream(&cell.point), cell.point.alpha);
-    let hover = format!("{stream}, alpha {alpha}: AP50 of {group} {:.1} %{interval}", 100.0 * ap50);
-    Some(DataPoint { x: alpha, y: ap50, label: String::new(), hover, emphasis: Emphasis::Normal })
+    let x = (setting.of)(&cell.point);
+    let (stream, at) = (labels::stream(&cell.point), (setting.text)(x));
+    let hover = format!("{stream}, {at}: AP50 of {group} {} %{bounds}", number(100.0 * ap50, 1));
+    Some(DataPoint { x, y: ap50, interval, hover, ..DataPoint::default() })
 }

@@ -3,7 +3,7 @@
 use modulo_charts::{ChartBody, Picture, Pictures, class_colour};
 
 use super::NamedChart;
-use crate::labels::{self, distinct};
+use crate::labels::{self, distinct, number};
 use crate::results::{Cell, Point, Results, Stream};
 
 /// The image of one frame in one cell, with its boxes.
@@ -135,7 +135,7 @@ fn worst(cells: &[&Cell]) -> Vec<(String, usize)> {
     let of = |cell: &&Cell| {
         let worst = cell.worst.first()?;
         let what = labels::stream(&cell.point);
-        Some((format!("worst of {what}: F1 {:.1} %", 100.0 * worst.f1), worst.number))
+        Some((format!("worst of {what}: F1 {} %", number(100.0 * worst.f1, 1)), worst.number))
     };
     labels::nearest_to_four(cells).iter().filter_map(of).collect()
 }

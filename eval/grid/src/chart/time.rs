@@ -4,7 +4,7 @@ use modulo_charts::{Axis, Bar, Bars, ChartBody, ChartPanel, DataPoint, Emphasis,
 
 use super::{NamedChart, add_point, models, suffix};
 use crate::budget::{Candidate, pareto_front};
-use crate::labels::{self, Conditions, SENSE, STAGES, distinct};
+use crate::labels::{self, Conditions, SENSE, STAGES, distinct, number};
 use crate::results::{Cell, Results, Stream};
 
 /// Name of the line in the legend.
@@ -24,7 +24,7 @@ fn frontier(results: &Results, cells: &[&Cell], alpha: f64, conditions: Conditio
     let cells: Vec<&Cell> = cells.iter().filter(|cell| cell.point.alpha == alpha).copied().collect();
     let groups = distinct(cells.iter().flat_map(|cell| cell.ap50.keys()));
     let footer = "Time: median of unwrap, tone or deblur, pre, infer and post together; the capture and the \
-                 simulation of the sensor are not in it. Grey: another choice is more accurate beyond the 95 % \
+                 simulation of the sensor are not in it. Bars: 95 % bootstrap intervals of AP50. Grey: another choice is more accurate beyond the 95 % \
                  intervals of both, and not slower. No sensor delivers the ideal streams: they are not on the front. \
                  Towards the upper left is better.";
     let title = format!("Speed against accuracy, alpha {alpha}, {}", labels::conditions(conditions));
@@ -50,10 +50,11 @@ fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
         let point = DataPoint {
             x: candidate.cost,
             y: candidate.gain,
+            interval: cell.interval95.get(&format!("ap50.{group}")).copied(),
             hover: format!(
-                "{name}, {model}: {:.1} ms, AP50 of {group} {:.1} %",
-                candidate.cost,
-                100.0 * candidate.gain
+                "{name}, {model}: {} ms, AP50 of {group} {} %",
+                number(candidate.cost, 1),
+                number(100.0 * candidate.gain, 1)
             ),
             label: if several { model } else { name.clone() },
             emphasis: if kept { Emphasis::Normal } else { Emphasis::Faded },
@@ -62,8 +63,8 @@ fn frontier_panel(cells: &[&Cell], group: &str) -> ChartPanel {
     }
     series.push(Series { name: FRONT.to_owned(), points: steps(&front), style: SeriesStyle::Line });
     ChartPanel {
-        x: Axis::log("time a frame, ms (median)"),
-        y: Axis::percent(format!("AP50 of {group}"), 1.0),
+        x: Axis::log(format!("median time of a frame, ms, {}", labels::timed_frames(cells))),
+        y: Axis::percent(labels::ap50(group, &labels::frames(cells.iter().map(|cell| cell.frames))), 1.0),
         series,
     }
 }
@@ -109,10 +110,11 @@ pub fn stages(results: &Results, conditions: Conditions) -> Vec<NamedChart> {
     let cells = labels::nearest_to_four(&cells);
     let Some(alpha) = cells.first().map(|cell| cell.point.alpha) else { return Vec::new() };
     let rows = cells.iter().map(|cell| bar(cell)).collect();
+    let label = format!("median time of a frame, ms, {}", labels::timed_frames(&cells));
     let footer = "Medians over the frames of a cell, stage by stage. The capture and the simulation of the sensor are \
                  not in it.";
     let title = format!("Where the time of a frame goes, alpha {alpha}, {}", labels::conditions(conditions));
-    let body = ChartBody::Bars(Bars { label: "time a frame, ms".to_owned(), rows });
+    let body = ChartBody::Bars(Bars { label, rows });
     let name = format!("latency_{}", suffix(conditions));
     vec![NamedChart::new(name, title, results, footer.to_owned(), body)]
 }
@@ -121,22 +123,22 @@ fn bar(cell: &Cell) -> Bar {
     let label = format!("{}, {}", labels::stream(&cell.point), labels::model(&cell.point));
     let timed = |stage: &&str| Some(((*stage).to_owned(), cell.latency_ms.get(*stage)?.p50));
     let parts = STAGES.iter().filter(|stage| **stage != SENSE).filter_map(timed).collect();
-    let note = labels::frame_ms(cell).map_or(String::new(), |ms| format!("{ms:.1} ms"));
+    let note = labels::frame_ms(cell).map_or(String::new(), |ms| format!("{} ms", number(ms, 1)));
     Bar { label, parts, note }
 }
 
 /// Upper bound of a bucket divided by its lower bound: `10^(1 / 20)`.
 const BUCKET: f64 = 1.122_018_454_301_963_3;
 
-/// One chart at the alpha nearest to 4: the histogram of the time of a frame, with a panel for each model and a line for
-/// each stream and method.
+/// One chart at the alpha nearest to 4: the distribution of the time of a frame, with a panel for each model and a line
+/// for each stream and method.
 pub fn histograms(results: &Results, conditions: Conditions) -> Vec<NamedChart> {
     let mut cells = super::cells(results, conditions);
     cells.retain(|cell| !cell.latency_histogram.is_empty());
     let cells = labels::nearest_to_four(&cells);
     let Some(alpha) = cells.first().map(|cell| cell.point.alpha) else { return Vec::new() };
-    let footer = "Share of the frames in buckets of 1/20 of a power of ten. From the captured image to the boxes; the \
-                 capture and the simulation of the sensor are not in it.";
+    let footer = "Share of the frames that take at most this time, from the captured image to the boxes, in buckets of \
+                 1/20 of a power of ten; the capture and the simulation of the sensor are not in it.";
     let title = format!("How long frames take, alpha {alpha}, {}", labels::conditions(conditions));
     let body = ChartBody::Panels(models(&cells).iter().map(|model| panel(&cells, model)).collect());
     let name = format!("histogram_{}", suffix(conditions));
@@ -145,24 +147,22 @@ pub fn histograms(results: &Results, conditions: Conditions) -> Vec<NamedChart> 
 
 fn panel(cells: &[&Cell], model: &str) -> ChartPanel {
     let own = cells.iter().filter(|cell| labels::model(&cell.point) == model);
-    let series: Vec<Series> = own.map(|cell| series(cell)).collect();
-    let most = series.iter().flat_map(|series| &series.points).map(|point| point.y).fold(0.1, f64::max);
     ChartPanel {
-        x: Axis::log(format!("time a frame, ms, {model}")),
-        y: Axis::percent("frames", most),
-        series,
+        x: Axis::log(format!("time of a frame, ms, {model}")),
+        y: Axis::percent(format!("share of frames, %, {}", labels::timed_frames(cells)), 1.0),
+        series: own.map(|cell| series(cell)).collect(),
     }
 }
 
-/// The outline of the buckets, from 0 to 0.
+/// The share of the frames up to each bound of the buckets. Single buckets would cover those of other cells.
 fn series(cell: &Cell) -> Series {
     let all: u64 = cell.latency_histogram.iter().map(|(_, count)| count).sum();
-    let at = |x: f64, y: f64| DataPoint { x, y, ..DataPoint::default() };
-    let mut points = Vec::new();
+    let (mut points, mut sum) = (Vec::new(), 0);
     for (bound, count) in &cell.latency_histogram {
-        let share = *count as f64 / all.max(1) as f64;
-        let from = bound / BUCKET;
-        points.extend([at(from, 0.0), at(from, share), at(*bound, share), at(*bound, 0.0)]);
+        let share = |sum: u64| sum as f64 / all.max(1) as f64;
+        let below = DataPoint { x: bound / BUCKET, y: share(sum), ..DataPoint::default() };
+        sum += count;
+        points.extend([below, DataPoint { x: *bound, y: share(sum), ..DataPoint::default() }]);
     }
     Series { name: labels::stream(&cell.point), points, style: SeriesStyle::Line }
 }

@@ -33,6 +33,9 @@ pub struct Axes {
     /// Standard deviations of the read noise in code units
     #[arg(long, value_delimiter = ',', default_value = "0")]
     pub noise: Vec<f64>,
+    /// Strengths of the shot noise: its standard deviation at the signal x is sqrt(strength * x) in code units
+    #[arg(long, value_delimiter = ',', default_value = "0")]
+    pub shot_noise: Vec<f64>,
     /// Detection models: ONNX files, or demo for the embedded model
     #[arg(long, value_delimiter = ',', default_value = "demo")]
     pub model: Vec<PathBuf>,
@@ -79,23 +82,36 @@ impl Axes {
         let mut points = Vec::new();
         for model in self.model.iter().map(|model| Self::model_name(model)) {
             for input in &inputs {
-                for &noise in &self.noise {
-                    for &alpha in &self.alpha {
-                        for (stream, method, deblur, psf_sigma) in self.images(protocol) {
-                            let (model, input) = (model.clone(), input.clone());
-                            let point =
-                                Point { stream, method, deblur, alpha, psf_sigma, noise, model, input };
-                            // Values may be listed twice, and a lens blur of 0 gives the sharp ideal image a second
-                            // time.
-                            if !points.contains(&point) {
-                                points.push(point);
-                            }
+                for [noise, shot_noise, alpha] in self.exposures() {
+                    for (stream, method, deblur, psf_sigma) in self.images(protocol) {
+                        let (model, input) = (model.clone(), input.clone());
+                        let point = Point {
+                            stream,
+                            method,
+                            deblur,
+                            alpha,
+                            psf_sigma,
+                            noise,
+                            shot_noise,
+                            model,
+                            input,
+                        };
+                        // Values may be listed twice, and a lens blur of 0 gives the sharp ideal image a second time.
+                        if !points.contains(&point) {
+                            points.push(point);
                         }
                     }
                 }
             }
         }
         Ok(points)
+    }
+
+    /// Every [read noise, shot noise, alpha].
+    fn exposures(&self) -> Vec<[f64; 3]> {
+        let noises =
+            self.noise.iter().flat_map(|noise| self.shot_noise.iter().map(move |shot| [*noise, *shot]));
+        noises.flat_map(|[noise, shot]| self.alpha.iter().map(move |alpha| [noise, shot, *alpha])).collect()
     }
 
     /// Every (stream, method, deblur, blur) at one alpha.
@@ -143,6 +159,7 @@ impl Axes {
             ("the list of alphas", self.alpha.is_empty()),
             ("the list of lens blurs", self.psf_sigma.is_empty()),
             ("the list of noises", self.noise.is_empty()),
+            ("the list of shot noises", self.shot_noise.is_empty()),
             ("the list of models", self.model.is_empty()),
         ] {
             if empty {
@@ -150,18 +167,19 @@ impl Axes {
             }
         }
         // Checked as the camera does it, before any frame is read.
-        for &alpha in &self.alpha {
+        for [read_noise, shot_noise, alpha] in self.exposures() {
             for &psf_sigma in &self.psf_sigma {
-                for &read_noise in &self.noise {
-                    let sensor = SensorModel { alpha, psf_sigma, ..SensorModel::default() };
-                    CameraParameters { sensor, read_noise, ..CameraParameters::default() }.sensor()?;
-                }
+                let sensor = SensorModel { alpha, psf_sigma, ..SensorModel::default() };
+                let defaults = CameraParameters::default();
+                CameraParameters { sensor, read_noise, shot_noise, ..defaults }.sensor()?;
             }
         }
         // The scripts of the paper have a fixed lens and no noise. Other values would be ignored, which the results
         // would not show.
-        if protocol == Protocol::Paper && (self.psf_sigma != [1.4] || self.noise != [0.0]) {
-            let value = format!("{:?} px with noise {:?}", self.psf_sigma, self.noise);
+        let plain = self.psf_sigma == [1.4] && self.noise == [0.0] && self.shot_noise == [0.0];
+        if protocol == Protocol::Paper && !plain {
+            let Self { psf_sigma, noise, shot_noise, .. } = self;
+            let value = format!("{psf_sigma:?} px with noise {noise:?} and shot noise {shot_noise:?}");
             let possible = "the lens of the paper: blur 1.4 px (7 taps), no noise".to_owned();
             return Err(GridError::Value { what: "the lens", value, possible });
         }
@@ -228,6 +246,10 @@ mod tests {
         assert!(auto.points(Protocol::Paper).is_err(), "the paper has no auto");
         let noisy = Axes { noise: vec![1.0], ..Axes::default() };
         assert!(noisy.points(Protocol::Paper).is_err(), "nor noise");
+        let shot = Axes { shot_noise: vec![0.0, 1.0], ..Axes::default() };
+        assert!(shot.points(Protocol::Paper).is_err(), "nor shot noise");
+        let points = shot.points(Protocol::Suite).expect("possible");
+        assert_eq!(points.len(), 2 * Axes::default().points(Protocol::Suite).expect("possible").len());
     }
 
     #[test]

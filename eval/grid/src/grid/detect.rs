@@ -26,14 +26,17 @@ const MOST_KEPT: usize = 20_000;
 pub struct DetectorOutput {
     /// Detections by descending score. `None` if the detector gave no answer.
     pub found: Option<Arc<Vec<Detection>>>,
-    /// Durations of the stages.
+    /// Durations of the stages. Empty if the detections were known.
     pub stages: Stages,
 }
 
-/// Outputs of one model at one input size, shared by its workers: an image that equals an earlier one of the same frame
-/// is not detected again. The key is the number of the frame and the hash of its pixels.
+/// Detections by the number of the frame and the hash of its pixels, as in [`DetectorOutput::found`].
+type KnownDetections = HashMap<(usize, u64), Option<Arc<Vec<Detection>>>>;
+
+/// Detections of one model at one input size, shared by its workers: an image that equals an earlier one of the same frame
+/// is not detected again.
 #[derive(Default)]
-pub struct DetectionCache(Mutex<HashMap<(usize, u64), DetectorOutput>>);
+pub struct DetectionCache(Mutex<KnownDetections>);
 
 /// The settings of a detector.
 #[derive(Clone, Debug, PartialEq)]
@@ -96,13 +99,13 @@ impl<'a> DetectorWorker<'a> {
         let key = (number, digest(&image.frame));
         // The lock is not held during the inference. Two workers never have the same frame, so that no image is
         // detected twice.
-        if let Some(output) = cache.lock().get(&key) {
-            return Ok(output.clone());
+        if let Some(found) = cache.lock().get(&key) {
+            return Ok(DetectorOutput { found: found.clone(), stages: Stages::new() });
         }
         let output = self.infer(number, image)?;
         let mut kept = cache.lock();
         if kept.len() < MOST_KEPT {
-            kept.insert(key, output.clone());
+            kept.insert(key, output.found.clone());
         }
         Ok(output)
     }
@@ -122,7 +125,7 @@ impl<'a> DetectorWorker<'a> {
 }
 
 impl DetectionCache {
-    fn lock(&self) -> MutexGuard<'_, HashMap<(usize, u64), DetectorOutput>> {
+    fn lock(&self) -> MutexGuard<'_, KnownDetections> {
         // The map is complete after every single operation, so that a panic of another worker does not harm it.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }

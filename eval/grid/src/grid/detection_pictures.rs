@@ -55,13 +55,16 @@ fn detect(
     let truths = frames.truths.clone();
     let mut pictures = Vec::new();
     for frame in FramesWithNeighbours::new(frames, Neighbours::Dropped)? {
+        if by_frame.is_empty() {
+            break;
+        }
         let FrameWithNeighbours { number, frame, .. } = frame?;
         let Some(points) = by_frame.remove(&number) else { continue };
         for point in points {
             runner.load_detector(point)?;
             let frame = frame.clone();
             let name = frame.name.clone();
-            let input = runner.pipeline(point)?(FrameWithNeighbours { number, frame, around: None })?;
+            let input = runner.pipeline(point, false)?(FrameWithNeighbours { number, frame, around: None })?;
             let (Some(image), Some(worker)) = (input.image, runner.workers.first_mut()) else { continue };
             let output = worker.infer(number, image.clone())?;
             let found = output.found.as_deref().map_or(&[][..], Vec::as_slice);

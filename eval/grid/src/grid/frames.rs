@@ -20,6 +20,8 @@ pub struct Frames {
     drives: Vec<Drive>,
     /// Number of each scored frame by its index over all drives.
     kept: BTreeMap<usize, usize>,
+    /// Names of the scored frames.
+    pub names: Vec<String>,
     /// Labels of the scored frames.
     pub truths: Vec<Vec<GroundTruth>>,
     /// Drive of each scored frame, if it is known.
@@ -60,8 +62,8 @@ impl Frames {
         // All frames are read once before the first cell. A frame that turned out to be damaged in the middle of a run
         // would be scored in some cells only.
         let drives = data.open(white)?;
-        let (kept, truths, drive_of) = Default::default();
-        let mut frames = Self { drives, kept, truths, drive_of, input: Input::default(), place: 0, drive: 0 };
+        let (kept, names, truths, drive_of, input) = Default::default();
+        let mut frames = Self { drives, kept, names, truths, drive_of, input, place: 0, drive: 0 };
         let mut notes = Notes::default();
         let mut seen = 0;
         while let Some(raw) = frames.raw() {
@@ -130,6 +132,7 @@ impl Frames {
         let pixels: Vec<u8> = frame.radiance.iter().flat_map(|value| value.to_le_bytes()).collect();
         notes.digest.update(pixels);
         self.kept.insert(place, self.truths.len());
+        self.names.push(frame.name);
         self.truths.push(truth);
         self.drive_of.push(drive);
     }

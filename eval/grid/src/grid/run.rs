@@ -8,7 +8,9 @@ use modulo_detector::describe;
 use modulo_runtime::Clock;
 use sha2::{Digest, Sha256};
 
+use super::account::{Account, INSPECT, LOAD, SCORE, STORE, TIMES};
 use super::frames::Frames;
+use super::listing::Listing;
 use super::pipeline::Nodes;
 use super::pipeline::{BITS, RECOVERY_DEFINITION, multi_exposure};
 use super::runner::CellRunner;
@@ -17,7 +19,7 @@ use super::{Axes, Request, timing};
 use crate::classes::{ClassGroups, ClassMap, Table, of_labels};
 use crate::metric::bootstrap::Units;
 use crate::metric::{average, bootstrap, latency, matching, paper};
-use crate::results::{Cell, FIGURES, Point, RESULTS, Results, Setup};
+use crate::results::{BOXES, Cell, FIGURES, FRAMES, Point, RESULTS, Results, Setup};
 use crate::{GridError, labels, store};
 
 /// Progress of a grid run.
@@ -57,8 +59,8 @@ impl GridOutcome {
     }
 }
 
-/// Runs the cells that are not finished yet, and writes `results.json` and `results.csv` into the folder of the request
-/// after each of them. `timer` measures the stages.
+/// Runs the cells that are not finished yet, and writes `results.json`, `results.csv`, `frames.csv` and `boxes.csv` into the
+/// folder of the request after each of them. `timer` measures the stages.
 ///
 /// # Errors
 /// [`GridError`] before the first cell if the request is wrong, the folder holds results of another request, or no frame
@@ -69,11 +71,12 @@ pub fn run(
     timer: &dyn Clock,
     tell: &(dyn Fn(GridEvent<'_>) + Sync),
 ) -> Result<GridOutcome, GridError> {
+    let mut account = Account::new(timer, request.jobs());
     let points = request.options.axes.points(request.options.protocol)?;
     multi_exposure::check(request, &points)?;
     let (map, groups) = (request.class_map()?, request.groups()?);
     let setup = setup(request, &map, &groups, &points)?;
-    let mut frames = Frames::inspect(&request.data, request.options.white)?;
+    let mut frames = account.stage(INSPECT, || Frames::inspect(&request.data, request.options.white))?;
     frames.input.warnings.extend(groups.unnamed(frames.truths.iter().flatten()));
     let units = Units::new(&frames.drive_of, request.options.seed);
     frames.input.drawn = Some(units.drawn());
@@ -81,10 +84,49 @@ pub fn run(
     let warnings = frames.input.warnings.iter().cloned().chain(frames.input.interval_warning());
     warnings.for_each(|warning| tell(GridEvent::Warning(&warning)));
     // The models are opened before the first cell, so that a wrong file ends the run now and not after hours.
-    let mapped = mapped_classes(request, &map, &mut frames)?;
-    let definitions = definitions();
-    let fresh = Results { setup, input: frames.input.clone(), definitions, ..Results::default() };
-    let mut results = if request.options.fresh { fresh } else { resume(&request.out, fresh)? };
+    let mapped = account.stage(LOAD, || mapped_classes(request, &map, &mut frames))?;
+    let (input, definitions) = (frames.input.clone(), definitions());
+    let mut results = resume(request, Results { setup, input, definitions, ..Results::default() })?;
+    let (names, truths, drives) = (frames.names.clone(), frames.truths.clone(), frames.drive_of.clone());
+    let scorer = |point: &Point| Scorer {
+        names: &names,
+        drives: &drives,
+        truths: &truths,
+        map: &map,
+        groups: &groups,
+        mapped: &mapped[&point.model],
+        difficulty: request.difficulty(),
+        units: &units,
+    };
+    let todo = todo(request, &points, &results, tell);
+    let mut runner = CellRunner::new(request, nodes, timer);
+    let each = frames.len() as u64;
+    for (index, point) in todo.iter().enumerate() {
+        let name = point.to_string();
+        tell(GridEvent::Cell { frames: (index as u64 * each, todo.len() as u64 * each), name: &name });
+        let found = runner.run(point, &mut frames, &mut account, &|| tell(GridEvent::Frame))?;
+        let scorer = scorer(point);
+        let (cell, listing) =
+            account.stage(SCORE, || (scorer.cell((*point).clone(), &found), scorer.listing(point, &found)));
+        account.stage(STORE, || keep(request, &points, &mut results, cell, &listing))?;
+    }
+    drop(runner);
+    account.stage(TIMES, || measure_times(request, nodes, timer, &mut frames, &mut results, tell))?;
+    account.stage(STORE, || gather(request, &results.cells))?;
+    results.runs.last_mut().expect("resume adds this run").time = Some(account.finish());
+    // A run without any cell to process writes its files, too.
+    store::save(&request.out, &results)?;
+    let unanswered = results.cells.iter().map(|cell| cell.unanswered).sum();
+    Ok(GridOutcome { results, unanswered })
+}
+
+/// The cells of this shard that are not finished yet.
+fn todo<'a>(
+    request: &Request,
+    points: &'a [Point],
+    results: &Results,
+    tell: &(dyn Fn(GridEvent<'_>) + Sync),
+) -> Vec<&'a Point> {
     // Shards take every n-th cell: models and inputs vary slowest, so that blocks would give one shard all the slow
     // models.
     let mine = points.iter().enumerate().filter(|(index, _)| request.options.shard.has(*index));
@@ -92,42 +134,48 @@ pub fn run(
         .map(|(_, point)| point)
         .partition(|point| results.cells.iter().any(|cell| cell.point == **point));
     tell(GridEvent::Resumed { cells: done.len() });
-    results.runs.push(request.provenance.clone());
-    let mut runner = CellRunner::new(request, nodes, timer);
-    let truths = frames.truths.clone();
-    let each = frames.len() as u64;
-    for (index, point) in todo.iter().enumerate() {
-        let name = point.to_string();
-        tell(GridEvent::Cell { frames: (index as u64 * each, todo.len() as u64 * each), name: &name });
-        let frames = runner.run(point, &mut frames, &|| tell(GridEvent::Frame))?;
-        let scorer = Scorer {
-            truths: &truths,
-            map: &map,
-            groups: &groups,
-            mapped: &mapped[&point.model],
-            difficulty: request.difficulty(),
-            units: &units,
-        };
-        results.cells.push(scorer.cell((*point).clone(), &frames));
-        // Cells of an earlier run may come later in the grid.
-        store::sort(&mut results.cells, &points);
-        store::save(&request.out, &results)?;
-    }
-    drop(runner);
-    measure_times(request, nodes, timer, &mut frames, &mut results, tell)?;
-    // A run without any cell to process writes its files, too.
-    store::save(&request.out, &results)?;
-    let unanswered = results.cells.iter().map(|cell| cell.unanswered).sum();
-    Ok(GridOutcome { results, unanswered })
+    todo
 }
 
-/// The results in the folder, if they belong to the same request, else `fresh`.
-fn resume(folder: &Path, fresh: Results) -> Result<Results, GridError> {
-    let Some(old) = store::load(folder)? else { return Ok(fresh) };
-    store::check_same(&folder.join(RESULTS), &old, &fresh)?;
-    // Cells that are no longer in the grid are dropped: the report would mix two requests.
-    let cells = old.cells.into_iter().filter(|cell| fresh.setup.grid.contains(&cell.point)).collect();
-    Ok(Results { cells, runs: old.runs, ..fresh })
+/// Stores a finished cell with its lines.
+fn keep(
+    request: &Request,
+    points: &[Point],
+    results: &mut Results,
+    cell: Cell,
+    listing: &Listing,
+) -> Result<(), GridError> {
+    // The lines come first: a cell without lines would never be run again.
+    store::append(&request.out, FRAMES, &listing.frames)?;
+    store::append(&request.out, BOXES, &listing.boxes)?;
+    results.cells.push(cell);
+    // Cells of an earlier run may come later in the grid.
+    store::sort(&mut results.cells, points);
+    store::save(&request.out, results)
+}
+
+/// Leaves only the lines of `cells` in the tables of frames and boxes, in the order of `cells`.
+fn gather(request: &Request, cells: &[Cell]) -> Result<(), GridError> {
+    store::gather(&request.out, std::slice::from_ref(&request.out), cells)
+}
+
+/// The results in the folder, if they belong to the same request and may be kept, else `fresh`. Adds this run.
+fn resume(request: &Request, fresh: Results) -> Result<Results, GridError> {
+    let folder = &request.out;
+    let old = if request.options.fresh { None } else { store::load(folder)? };
+    let mut results = match old {
+        Some(old) => {
+            store::check_same(&folder.join(RESULTS), &old, &fresh)?;
+            // Cells that are no longer in the grid are dropped: the report would mix two requests.
+            let cells = old.cells.into_iter().filter(|cell| fresh.setup.grid.contains(&cell.point)).collect();
+            Results { cells, runs: old.runs, ..fresh }
+        }
+        None => fresh,
+    };
+    // Lines of cells that were not finished are left out: these cells are run again.
+    gather(request, &results.cells)?;
+    results.runs.push(request.provenance.clone());
+    Ok(results)
 }
 
 /// Measures the times of all cells anew if some of them have none or were measured in another pass.

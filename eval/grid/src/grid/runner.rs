@@ -2,12 +2,14 @@
 
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::ScopedJoinHandle;
 
 use modulo_bags::source::SourceError;
 use modulo_core::Detection;
 use modulo_runtime::Clock;
 
-use super::detect::{DetectionCache, DetectorConfig, DetectorWorker};
+use super::account::{Account, COMPARE, LOAD, Spent, WAIT};
+use super::detect::{DetectionCache, DetectorConfig, DetectorOutput, DetectorWorker};
 use super::frames::Frames;
 use super::neighbours::{FrameWithNeighbours, FramesWithNeighbours};
 use super::pipeline::Nodes;
@@ -42,15 +44,17 @@ impl<'a> CellRunner<'a> {
         Self { request, nodes, timer, workers: Vec::new(), cache: DetectionCache::default(), loaded: None }
     }
 
-    /// Runs all frames of the cell at `point` and calls `done` after each of them.
+    /// Runs all frames of the cell at `point` and calls `done` after each of them. Adds the time of the workers to `account`.
     pub fn run(
         &mut self,
         point: &Point,
         frames: &mut Frames,
+        account: &mut Account<'_>,
         done: &(dyn Fn() + Sync),
     ) -> Result<Vec<FrameResult>, GridError> {
-        self.load_detector(point)?;
-        let pipelines = self.workers.iter().map(|_| self.pipeline(point)).collect::<Result<Vec<_>, _>>()?;
+        account.stage(LOAD, || self.load_detector(point))?;
+        let pipelines =
+            self.workers.iter().map(|_| self.pipeline(point, true)).collect::<Result<Vec<_>, _>>()?;
         let all = Mutex::new(vec![FrameResult::default(); frames.len()]);
         let frames = FramesWithNeighbours::new(frames, multi_exposure::neighbours(point.stream))?;
         // The channel is short, so that only a few frames are in memory: a frame has twelve bytes a pixel, and reading
@@ -58,22 +62,25 @@ impl<'a> CellRunner<'a> {
         let (send, receive) = sync_channel(self.workers.len() + 1);
         // Every worker shares the receiver. After the last worker has ended, sending fails instead of waiting for ever.
         let receive = Arc::new(Mutex::new(receive));
-        let cache = &self.cache;
-        std::thread::scope(|scope| {
+        let (cache, timer, start) = (&self.cache, self.timer, self.timer.ticks_ns());
+        let spent = std::thread::scope(|scope| {
             let workers: Vec<_> = pipelines
                 .into_iter()
                 .zip(&mut self.workers)
                 .map(|(mut pipeline, worker)| {
                     let (all, receive) = (&all, receive.clone());
-                    scope.spawn(move || -> Result<(), GridError> {
+                    scope.spawn(move || -> Result<(Spent, u64), GridError> {
+                        let (mut spent, mut since) = (Spent::new(), start);
                         while let Some(frame) = next(&receive) {
+                            *spent.entry(WAIT).or_default() += timer.ticks_ns().saturating_sub(since);
                             let frame = frame?;
                             let number = frame.number;
-                            let result = run_frame(&mut pipeline, worker, cache, frame)?;
+                            let result = run_frame(&mut pipeline, worker, cache, frame, &mut spent)?;
                             all.lock().unwrap_or_else(PoisonError::into_inner)[number] = result;
                             done();
+                            since = timer.ticks_ns();
                         }
-                        Ok(())
+                        Ok((spent, since))
                     })
                 })
                 .collect();
@@ -87,17 +94,24 @@ impl<'a> CellRunner<'a> {
             drop(send);
             // A worker that fails ends alone, and the others go on with the remaining frames. Its error is reported
             // here.
-            workers.into_iter().try_for_each(|worker| match worker.join() {
+            let join = |worker: ScopedJoinHandle<'_, _>| match worker.join() {
                 Ok(result) => result,
                 Err(panic) => std::panic::resume_unwind(panic),
-            })
+            };
+            workers.into_iter().map(join).collect::<Result<Vec<(Spent, u64)>, GridError>>()
         })?;
+        // A worker without a further frame waits until the last worker is ready.
+        let end = timer.ticks_ns();
+        for (mut spent, since) in spent {
+            *spent.entry(WAIT).or_default() += end.saturating_sub(since);
+            account.add(&spent);
+        }
         Ok(all.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// The steps before the detector for the cell at `point`.
-    pub fn pipeline(&self, point: &Point) -> Result<FramePipeline<'a>, GridError> {
-        pipeline::open(self.request, self.nodes, self.timer, point)
+    /// The steps before the detector for the cell at `point`, see [`pipeline::open`].
+    pub fn pipeline(&self, point: &Point, compares: bool) -> Result<FramePipeline<'a>, GridError> {
+        pipeline::open(self.request, self.nodes, self.timer, point, compares)
     }
 
     /// Loads the detectors of the cell at `point`, if they differ from those of the cell before.
@@ -127,15 +141,21 @@ fn next(receive: &Mutex<Receiver<Read>>) -> Option<Read> {
     receive.lock().unwrap_or_else(PoisonError::into_inner).recv().ok()
 }
 
+/// Runs one frame, and adds its stages to `spent`.
 fn run_frame(
     pipeline: &mut FramePipeline<'_>,
     worker: &mut DetectorWorker<'_>,
     cache: &DetectionCache,
     frame: FrameWithNeighbours,
+    spent: &mut Spent,
 ) -> Result<FrameResult, GridError> {
     let number = frame.number;
-    let DetectorInput { image, recovery, .. } = pipeline(frame)?;
-    let Some(image) = image else { return Ok(FrameResult { found: None, recovery }) };
-    let output = worker.detect(number, image, cache)?;
+    let DetectorInput { image, recovery, stages, compare_ns } = pipeline(frame)?;
+    let output = match image {
+        Some(image) => worker.detect(number, image, cache)?,
+        None => DetectorOutput::default(),
+    };
+    let stages = stages.into_iter().chain(output.stages).chain([(COMPARE, compare_ns)]);
+    stages.for_each(|(stage, ns)| *spent.entry(stage).or_default() += ns);
     Ok(FrameResult { found: output.found, recovery })
 }

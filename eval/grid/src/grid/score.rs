@@ -19,6 +19,10 @@ const LEAST_TRUSTED_SHARE: f64 = 0.999;
 
 /// The ground truth and the rules of scoring.
 pub struct Scorer<'a> {
+    /// Names of the frames.
+    pub names: &'a [String],
+    /// Drives of the frames, where known.
+    pub drives: &'a [Option<String>],
     /// Labels of every frame.
     pub truths: &'a [Vec<GroundTruth>],
     /// Mapping from the classes of the model to those of the labels.
@@ -34,7 +38,7 @@ pub struct Scorer<'a> {
 }
 
 /// Detections of each frame, in the classes of the labels.
-type Found = Vec<Vec<Detection>>;
+pub type Found = Vec<Vec<Detection>>;
 
 impl Scorer<'_> {
     /// The figures of the cell at `point`.
@@ -87,7 +91,7 @@ impl Scorer<'_> {
     }
 
     /// The detections in the classes of the labels. Classes without a counterpart are dropped.
-    fn mapped_detections(&self, frames: &[FrameResult]) -> Found {
+    pub(super) fn mapped_detections(&self, frames: &[FrameResult]) -> Found {
         let mapped = |detection: &Detection| {
             let class = self.map.mapped(&detection.class)?.to_owned();
             Some(Detection { class, ..detection.clone() })
@@ -145,7 +149,7 @@ impl Scorer<'_> {
         Difficulty::ALL.into_iter().map(score).collect()
     }
 
-    fn papers(&self, found: &Found) -> Vec<Paper> {
+    pub(super) fn papers(&self, found: &Found) -> Vec<Paper> {
         let of_image = |(found, truth): (&Vec<Detection>, &Vec<GroundTruth>)| {
             let labels = truth.iter().filter(|label| label.class != DONT_CARE);
             let labels: Vec<_> = labels.map(|label| (label.bbox, label.class.as_str())).collect();

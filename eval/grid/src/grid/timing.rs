@@ -2,12 +2,16 @@
 //!
 //! Accuracy may be computed by several jobs at a time, and an image that equals an earlier one is not detected again. Both
 //! would falsify durations. Here one frame is processed at a time with the threads of the nodes' own defaults, and the
-//! cells take turns frame by frame: a machine that becomes slower becomes slower for all of them.
+//! cells take turns frame by frame in changing order: a machine that becomes slower becomes slower for all of them.
 
+use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use modulo_runtime::Clock;
 use modulo_runtime::clock::cpu_time_ns;
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_pcg::Pcg64;
 
 use super::detect::{DetectorConfig, DetectorWorker};
 use super::frames::Frames;
@@ -82,19 +86,26 @@ fn measure_group(
         threads: request.options.threads,
     };
     let mut detector = DetectorWorker::open(nodes, clock, &config)?;
-    let open = |cell: &Cell| pipeline::open(request, nodes, clock, &cell.point);
+    let open = |cell: &Cell| pipeline::open(request, nodes, clock, &cell.point, false);
     let mut pipelines = cells.iter().map(open).collect::<Result<Vec<_>, _>>()?;
     let mut measured = vec![CellTimes::default(); cells.len()];
     let moving = cells.iter().any(|cell| multi_exposure::neighbours(cell.point.stream) == Neighbours::Kept);
     let neighbours = if moving { Neighbours::Kept } else { Neighbours::Dropped };
     let frames = FramesWithNeighbours::new(frames, neighbours)?.take(request.options.time_frames);
+    let mut sizes = BTreeSet::new();
     for (index, frame) in frames.enumerate() {
         let frame = frame?;
-        for (pipeline, measured) in pipelines.iter_mut().zip(&mut measured) {
-            if index == 0 {
-                // The first frame makes buffers and plans, which later frames reuse.
-                run_frame(pipeline, &mut detector, &frame)?;
-            }
+        // The first frame of a size makes buffers and plans, which later frames of this size reuse.
+        if sizes.insert(frame.frame.radiance.dim()) {
+            pipelines
+                .iter_mut()
+                .try_for_each(|pipeline| run_frame(pipeline, &mut detector, &frame).map(drop))?;
+        }
+        // A cell after a slow one may find a warmer processor: no cell has the same neighbours on all frames.
+        let mut order: Vec<usize> = (0..pipelines.len()).collect();
+        order.shuffle(&mut Pcg64::seed_from_u64(index as u64));
+        for cell in order {
+            let (pipeline, measured) = (&mut pipelines[cell], &mut measured[cell]);
             measured.wall.extend(run_frame(pipeline, &mut detector, &frame)?);
             if index < CPU_FRAMES {
                 clock.counts_cpu.store(true, Ordering::Relaxed);

@@ -11,7 +11,8 @@ use crate::labels::SENSE;
 pub const DEFINITION: &str = "\
     Wall-clock time of one stage on one frame, ms; p50, p95 and p99 over the first frames of the data (the smallest \
     duration that is not exceeded by that share). Measured in a pass of its own after all cells are scored: one \
-    frame at a time, the cells in turn on each frame, every image detected anew, after one frame to warm up. \
+    frame at a time, the cells in turn and in changing order on each frame, every image detected anew, after one frame of \
+    each size to warm up. \
     frame_ms: the sum of all stages but sense, its median with the 95 % interval (order statistics), and the median \
     processor time of all threads. Only times of one pass are compared. threads: threads of one inference.";
 

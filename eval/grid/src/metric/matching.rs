@@ -39,6 +39,17 @@ pub struct Mark {
     pub right: bool,
 }
 
+/// The result of matching a detection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// It found a scored object.
+    Right,
+    /// It found no object.
+    Wrong,
+    /// It found an object or area that is ignored, or is too small to be scored.
+    Ignored,
+}
+
 /// Number of detections of an image and category that are scored, those of the highest scores.
 const MOST_DETECTIONS: usize = 100;
 
@@ -48,32 +59,39 @@ impl ImageBoxes {
         self.truth.iter().filter(|(_, role)| *role == ObjectRole::Counts).count()
     }
 
-    /// Matches the best `MOST_DETECTIONS` by descending score: each takes the free object of largest IoU, at least
-    /// `least_iou`, scored objects before all others.
+    /// The scored detections as [`Self::outcomes`] has them.
     pub fn marks(&self, least_iou: f64) -> Vec<Mark> {
-        let mut found: Vec<&(BBox, f32)> = self.found.iter().collect();
-        found.sort_by(|a, b| b.1.total_cmp(&a.1));
-        found.truncate(MOST_DETECTIONS);
+        let scored = self.outcomes(least_iou).into_iter().filter(|(_, outcome)| *outcome != Outcome::Ignored);
+        scored.map(|(i, outcome)| Mark { score: self.found[i].1, right: outcome == Outcome::Right }).collect()
+    }
+
+    /// Matches the best `MOST_DETECTIONS` by descending score: each takes the free object of largest IoU, at least
+    /// `least_iou`, scored objects before all others. Each outcome comes with the index of its detection.
+    pub fn outcomes(&self, least_iou: f64) -> Vec<(usize, Outcome)> {
+        let mut order: Vec<usize> = (0..self.found.len()).collect();
+        order.sort_by(|a, b| self.found[*b].1.total_cmp(&self.found[*a].1));
+        order.truncate(MOST_DETECTIONS);
         // The order of the scores decides who takes an object: a detection of a lower score finds only the objects that
         // are left.
         let mut free = vec![true; self.truth.len()];
-        let mut marks = Vec::with_capacity(found.len());
-        for (bbox, score) in found {
-            let hit = self.best(*bbox, least_iou, &free);
+        let outcome = |index: usize| {
+            let (bbox, _) = self.found[index];
+            let hit = self.best(bbox, least_iou, &free).map(|object| (object, self.truth[object].1));
             // An area holds any number of objects, so that it stays free.
-            if let Some(index) = hit {
-                free[index] = self.truth[index].1 == ObjectRole::Area;
+            if let Some((object, role)) = hit {
+                free[object] = role == ObjectRole::Area;
             }
-            match hit.map(|index| self.truth[index].1) {
-                Some(ObjectRole::Counts) => marks.push(Mark { score: *score, right: true }),
-                Some(_) => {}
+            let outcome = match hit {
+                Some((_, ObjectRole::Counts)) => Outcome::Right,
+                Some(_) => Outcome::Ignored,
                 // Objects lower than this are not scored, so that a detection of this size without an object is no
                 // error either.
-                None if bbox.y2 - bbox.y1 < self.least_height => {}
-                None => marks.push(Mark { score: *score, right: false }),
-            }
-        }
-        marks
+                None if bbox.y2 - bbox.y1 < self.least_height => Outcome::Ignored,
+                None => Outcome::Wrong,
+            };
+            (index, outcome)
+        };
+        order.into_iter().map(outcome).collect()
     }
 
     /// The object that a detection takes: of equal ones the last, as in the program of COCO.

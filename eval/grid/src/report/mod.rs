@@ -5,7 +5,7 @@ pub(crate) mod tables;
 use std::path::{Path, PathBuf};
 
 use maud::{Markup, PreEscaped, html};
-use modulo_charts::{ChartError, html_page};
+use modulo_charts::{ChartError, html_page, number};
 
 use crate::chart::{self, NamedChart, RenderedChart};
 use crate::labels::{self, distinct};
@@ -83,7 +83,10 @@ fn setup(results: &Results) -> Markup {
         h2 { "Definitions" }
         dl { @for (name, text) in &results.definitions { dt { (name) } dd { (text) } } }
         h2 { "Runs" }
-        @for run in &results.runs { p { code { (run.command) } br; (run_facts(run)) } }
+        @for run in &results.runs {
+            p { code { (run.command) } br; (run_facts(run)) }
+            @if let Some(time) = &run.time { (tables::run_time(time)) }
+        }
         h2 { "Configuration" }
         @for warning in &input.warnings { p { (warning) } }
         dl { @for (name, text) in &facts { dt { (name) } dd { @if text.is_empty() { "-" } @else { (text) } } } }
@@ -92,7 +95,7 @@ fn setup(results: &Results) -> Markup {
 
 /// When and where a run was made.
 fn run_facts(run: &Provenance) -> String {
-    let load = run.load.map_or_else(|| "unknown".to_owned(), |load| format!("{load:.1}"));
+    let load = run.load.map_or_else(|| "unknown".to_owned(), |load| number(load, 1));
     let Provenance { commit, host, processor, started, .. } = run;
     format!(
         "{started}, commit {commit}, on {host} ({processor}); load of the minute before: {load} processes"
@@ -114,13 +117,27 @@ const PICTURES: &str = "pictures";
 pub fn write(folder: &Path) -> Result<PathBuf, GridError> {
     let found = load(folder)?;
     let results = found.ok_or_else(|| GridError::NoResults(folder.join(RESULTS)))?;
-    let mut drawn = Vec::new();
-    for named in chart::all(&results) {
-        drawn.push(save(&folder.join(CHARTS), &named)?);
-    }
-    drawn.extend(pictures(&folder.join(CHARTS))?);
+    let charts = draw(folder, &results)?;
+    write_page(folder, &results, &charts)
+}
+
+/// Draws all charts of `results` into `folder/charts`. Returns them with the charts with images that are in that folder.
+///
+/// # Errors
+/// [`GridError`] if a chart cannot be drawn or written.
+pub fn draw(folder: &Path, results: &Results) -> Result<Vec<RenderedChart>, GridError> {
+    let folder = folder.join(CHARTS);
+    let drawn: Result<Vec<_>, _> = chart::all(results).iter().map(|named| save(&folder, named)).collect();
+    Ok([drawn?, pictures(&folder)?].concat())
+}
+
+/// Writes [`PAGE`] with `charts` into `folder`. Returns its path.
+///
+/// # Errors
+/// [`GridError`] if it cannot be written.
+pub fn write_page(folder: &Path, results: &Results, charts: &[RenderedChart]) -> Result<PathBuf, GridError> {
     let path = folder.join(PAGE);
-    replace(&path, page(&results, &drawn).as_bytes())?;
+    replace(&path, page(results, charts).as_bytes())?;
     Ok(path)
 }
 
@@ -158,7 +175,9 @@ fn pictures(folder: &Path) -> Result<Vec<RenderedChart>, GridError> {
     let load = |name: String| {
         let wide = read(folder.join(format!("{name}.svg")))?;
         let narrow = read(folder.join(format!("{name}.narrow.svg")))?;
-        Ok(RenderedChart { title: name.clone(), name, wide, narrow })
+        let title =
+            if name.ends_with("worst") { "The worst frame of each stream" } else { "What the detector sees" };
+        Ok(RenderedChart { title: title.to_owned(), name, wide, narrow })
     };
     names.into_iter().map(load).collect()
 }

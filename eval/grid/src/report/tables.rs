@@ -2,8 +2,8 @@
 
 use maud::{Markup, Render, html};
 
-use crate::labels::{self, Conditions, STAGES, distinct};
-use crate::results::{Cell, Results};
+use crate::labels::{self, Conditions, STAGES, distinct, number};
+use crate::results::{Cell, Results, RunTime};
 
 /// One cell of a table.
 pub enum Td {
@@ -16,7 +16,7 @@ pub enum Td {
 impl Td {
     /// A number with `digits` decimal digits; `-` without a value.
     pub fn number(value: Option<f64>, digits: usize) -> Self {
-        Self::Number(value.map_or_else(|| "-".to_owned(), |value| format!("{value:.digits$}")), value)
+        Self::Number(value.map_or_else(|| "-".to_owned(), |value| number(value, digits)), value)
     }
 
     /// A setting with all its digits.
@@ -34,19 +34,22 @@ impl Render for Td {
     fn render(&self) -> Markup {
         match self {
             Self::Text(text) => html! { td { (text) } },
-            Self::Number(text, Some(value)) => html! { td.n data-v=(value) { (text) } },
+            // The sum with 0 removes the sign of a zero.
+            Self::Number(text, Some(value)) => html! { td.n data-v=(value + 0.0) { (text) } },
             // The script compares numbers only: a missing figure gets one that is lower than all others.
             Self::Number(text, None) => html! { td.n data-v="-1e99" { (text) } },
         }
     }
 }
 
-/// A table with its head.
+/// A table with its head. The head of a column of numbers is above their last digits.
 pub fn table(head: &[impl Render], rows: &[Vec<Td>]) -> Markup {
+    let is_number =
+        |column: usize| rows.first().is_some_and(|row| matches!(row.get(column), Some(Td::Number(..))));
     html! {
         div.wide {
             table.sort {
-                thead { tr { @for name in head { th scope="col" { (name) } } } }
+                thead { tr { @for (column, name) in head.iter().enumerate() { th.n[is_number(column)] scope="col" { (name) } } } }
                 tbody { @for row in rows { tr { @for cell in row { (cell) } } } }
             }
         }
@@ -100,13 +103,12 @@ fn group_tables(results: &Results, model: &str, conditions: Conditions) -> Marku
 
 fn exactness(cell: &Cell) -> Td {
     let wrong = cell.trusted_wrong.map_or_else(|| "-".to_owned(), |count| count.to_string());
-    let text = format!(
-        "{} %; {} %; {} %; {wrong}",
-        labels::percent(cell.exact_k),
-        labels::percent(cell.exact_frames),
-        labels::percent(cell.trusted)
-    );
-    Td::Number(text, cell.exact_k)
+    let share = |fraction: Option<f64>| match fraction {
+        Some(_) => labels::percent(fraction) + " %",
+        None => "-".to_owned(),
+    };
+    let shares = [cell.exact_k, cell.exact_frames, cell.trusted].map(share).join("; ");
+    Td::Number(format!("{shares}; {wrong}"), cell.exact_k)
 }
 
 fn by_alpha(cells: &[&Cell], figure_of: impl Fn(&Cell) -> Td) -> Markup {
@@ -128,9 +130,29 @@ fn by_alpha(cells: &[&Cell], figure_of: impl Fn(&Cell) -> Td) -> Markup {
 fn ap50(cell: &Cell, group: &str) -> Td {
     let value = cell.ap50.get(group).copied().flatten();
     let interval = cell.interval95.get(&format!("ap50.{group}"));
-    let interval = interval.map(|[low, high]| format!(" ({:.1} to {:.1})", 100.0 * low, 100.0 * high));
+    let interval = interval.map(|bounds| {
+        let [low, high] = bounds.map(|bound| number(100.0 * bound, 1));
+        format!(" ({low} to {high})")
+    });
     let text = labels::percent(value) + interval.as_deref().unwrap_or("");
     Td::Number(text, value)
+}
+
+/// The wall time of a run by stage, the longest first.
+pub fn run_time(time: &RunTime) -> Markup {
+    let mut stages: Vec<(&String, &f64)> = time.stages_s.iter().collect();
+    stages.sort_by(|a, b| b.1.total_cmp(a.1));
+    let row = |(stage, seconds): (&String, &f64)| {
+        let share = (time.wall_s > 0.0).then(|| seconds / time.wall_s);
+        vec![Td::Text(stage.clone()), Td::number(Some(*seconds), 1), Td::percent(share)]
+    };
+    html! {
+        p {
+            "The run took " (number(time.wall_s, 1)) " s with " (time.workers) " workers. The stages of the workers are "
+            "their mean, so that all stages add up to this time."
+        }
+        (table(&["stage", "s", "share, %"], &stages.into_iter().map(row).collect::<Vec<_>>()))
+    }
 }
 
 /// The section with the table of all cells, one row for each.
@@ -150,7 +172,8 @@ pub fn cells(results: &Results) -> Markup {
 }
 
 fn cell_head(groups: &[String], stages: &[&str]) -> Vec<String> {
-    let point = ["stream", "alpha", "lens px", "noise", "model", "input", "frames"].map(str::to_owned);
+    let point = ["stream", "alpha", "lens px", "read noise", "shot noise", "model", "input", "frames"]
+        .map(str::to_owned);
     let ap50 = groups.iter().map(|group| format!("AP50 {group}"));
     let figures = [
         "AP50:95",
@@ -170,27 +193,25 @@ fn cell_head(groups: &[String], stages: &[&str]) -> Vec<String> {
 
 fn cell_row(cell: &Cell, groups: &[String], stages: &[&str]) -> Vec<Td> {
     let point = &cell.point;
-    let mut row = vec![
-        Td::Text(labels::stream(point)),
-        Td::setting(point.alpha),
-        Td::setting(point.psf_sigma),
-        Td::setting(point.noise),
-        Td::Text(point.model.clone()),
-        Td::Text(point.input.clone()),
-        Td::Number(frames(cell), Some(cell.frames as f64)),
-    ];
+    let mut row = vec![Td::Text(labels::stream(point))];
+    row.extend(labels::settings(point).map(Td::setting));
+    row.extend([point.model.clone(), point.input.clone()].map(Td::Text));
+    row.push(Td::Number(frames(cell), Some(cell.frames as f64)));
     row.extend(groups.iter().map(|group| Td::percent(cell.ap50.get(group).copied().flatten())));
     row.push(Td::percent(cell.ap50_95));
     row.extend([cell.paper.iou, cell.paper.f1, cell.paper.accuracy].map(|figure| Td::percent(Some(figure))));
     row.extend([cell.exact_k, cell.trusted].map(Td::percent));
     row.extend([Td::number(cell.psnr_db, 2), Td::number(cell.ssim, 4)]);
     let time = cell.frame_ms.as_ref();
-    let text = time.map(|t| format!("{:.1} ({:.1} to {:.1})", t.p50, t.interval95[0], t.interval95[1]));
+    let text = time.map(|time| {
+        let [p50, low, high] = [time.p50, time.interval95[0], time.interval95[1]].map(|ms| number(ms, 1));
+        format!("{p50} ({low} to {high})")
+    });
     row.push(Td::Number(text.unwrap_or_else(|| "-".to_owned()), time.map(|time| time.p50)));
     row.push(Td::number(time.map(|time| time.cpu_ms), 1));
     let stage = |stage: &&str| {
         let time = cell.latency_ms.get(*stage);
-        let text = time.map(|t| format!("{:.1} / {:.1} / {:.1}", t.p50, t.p95, t.p99));
+        let text = time.map(|time| [time.p50, time.p95, time.p99].map(|ms| number(ms, 1)).join(" / "));
         Td::Number(text.unwrap_or_else(|| "-".to_owned()), time.map(|time| time.p50))
     };
     row.extend(stages.iter().map(stage));

@@ -40,8 +40,10 @@ pub struct DetectorInput {
     pub image: Option<Arc<StampedFrame>>,
     /// Duration of each step.
     pub stages: Stages,
-    /// Quality of a recovered or merged image.
+    /// Quality of a recovered or merged image. `None` if nothing is compared.
     pub recovery: Option<RecoveryQuality>,
+    /// Duration of the comparison, ns. It is no work of a camera.
+    pub compare_ns: u64,
 }
 
 /// Turns the frames of one cell into images for the detector. Each worker has its own.
@@ -81,7 +83,20 @@ pub struct Suite;
 
 impl Nodes for Suite {}
 
-/// The pipeline of the cell at `point`.
+/// The nodes, clock, seed and comparison of a pipeline.
+#[derive(Clone, Copy)]
+pub struct PipelineConfig<'a> {
+    /// Makes the nodes.
+    pub nodes: &'a dyn Nodes,
+    /// Measures the stages.
+    pub timer: &'a dyn Clock,
+    /// Seed of the noise of the first frame.
+    pub seed: u64,
+    /// Whether the images are compared with the true ones, which takes longer than most methods.
+    pub compares: bool,
+}
+
+/// The pipeline of the cell at `point`. `compares`: see [`PipelineConfig::compares`].
 ///
 /// # Errors
 /// [`GridError`] for an impossible parameter.
@@ -90,21 +105,22 @@ pub fn open<'a>(
     nodes: &'a dyn Nodes,
     timer: &'a dyn Clock,
     point: &Point,
+    compares: bool,
 ) -> Result<FramePipeline<'a>, GridError> {
-    let seed = request.options.seed;
+    let config = PipelineConfig { nodes, timer, seed: request.options.seed, compares };
     if request.options.protocol == Protocol::Paper {
         let mut pipeline = PaperPipeline::new(point, timer)?;
         return Ok(Box::new(move |frame| pipeline.run(&frame.frame)));
     }
     if matches!(point.stream, Stream::MultiExposure | Stream::MultiExposureStill) {
-        let mut pipeline = MultiExposurePipeline::new(point, timer, seed)?;
+        let mut pipeline = MultiExposurePipeline::new(point, config)?;
         return Ok(Box::new(move |frame| pipeline.run(&frame)));
     }
     if point.method.as_deref() == Some(SPUD_AS_PUBLISHED) {
-        let mut pipeline = PublishedSpudPipeline::new(point, timer, seed)?;
+        let mut pipeline = PublishedSpudPipeline::new(point, config)?;
         return Ok(Box::new(move |frame| pipeline.run(frame.number, &frame.frame)));
     }
-    let mut pipeline = SuitePipeline::new(nodes, timer, point, seed)?;
+    let mut pipeline = SuitePipeline::new(point, config)?;
     Ok(Box::new(move |frame| pipeline.run(frame.number, frame.frame)))
 }
 
@@ -126,14 +142,27 @@ fn unstamped(frame: Frame) -> Arc<StampedFrame> {
 struct Truth([Sensor; 2]);
 
 impl Truth {
-    fn expose(&self, radiance: &Array3<f32>, seed: u64) -> Result<[Exposure; 2], GridError> {
-        let [blurred, sharp] = &self.0;
-        Ok([blurred.expose(radiance.view(), seed)?, sharp.expose(radiance.view(), seed)?])
+    /// Adds the quality that `quality` computes from the true exposures to `input`, unless nothing is compared.
+    fn compare(
+        &self,
+        config: PipelineConfig<'_>,
+        (radiance, seed): (&Array3<f32>, u64),
+        input: &mut DetectorInput,
+        quality: impl FnOnce(&[Exposure; 2]) -> Option<RecoveryQuality>,
+    ) -> Result<(), GridError> {
+        if config.compares {
+            let start = config.timer.ticks_ns();
+            let [blurred, sharp] = &self.0;
+            let truth = [blurred.expose(radiance.view(), seed)?, sharp.expose(radiance.view(), seed)?];
+            input.recovery = quality(&truth);
+            input.compare_ns = config.timer.ticks_ns().saturating_sub(start);
+        }
+        Ok(())
     }
 }
 
 /// The quality of one frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct RecoveryQuality {
     /// Number of samples with the true wrap count.
     pub exact: u64,
@@ -141,6 +170,8 @@ pub struct RecoveryQuality {
     pub samples: u64,
     /// Whether the method trusts its result.
     pub trust: Trust,
+    /// The method that was used, which `auto` selects. Empty if the node does not tell it.
+    pub method_used: String,
     /// Similarity to the ideal image through the same lens.
     pub ideal: ImageSimilarity,
     /// Similarity to the ideal image without a lens.
@@ -150,8 +181,10 @@ pub struct RecoveryQuality {
 /// Similarity of two 8-bit images.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ImageSimilarity {
-    mse: f64,
-    ssim: Option<f64>,
+    /// Mean squared difference of the samples.
+    pub mse: f64,
+    /// SSIM. `None` for an image that is smaller than its window.
+    pub ssim: Option<f64>,
 }
 
 /// The definition of `exact_k`, `psnr_db` and `ssim` for the report.
@@ -181,7 +214,12 @@ impl RecoveryQuality {
         Some(Self {
             exact: exact.count() as u64,
             samples: wraps.len() as u64,
-            trust: diagnostics.map_or(Trust::Unknown, trust),
+            trust: match value(diagnostics, "trusted") {
+                Some("true") => Trust::Trusted,
+                Some("false") => Trust::Contradicted,
+                _ => Trust::Unknown,
+            },
+            method_used: value(diagnostics, "method_used").unwrap_or_default().to_owned(),
             ..Self::of_merged(image, truth)?
         })
     }
@@ -198,14 +236,10 @@ impl RecoveryQuality {
     }
 }
 
-/// Reads from the diagnostics of the unwrapping node whether it trusts the frame.
-fn trust(diagnostics: &DiagnosticArray) -> Trust {
-    let mut values = diagnostics.status.iter().flat_map(|status| &status.values);
-    match values.find(|value| value.key == "trusted").map(|value| value.value.as_str()) {
-        Some("true") => Trust::Trusted,
-        Some("false") => Trust::Contradicted,
-        _ => Trust::Unknown,
-    }
+/// The value of `key` in the diagnostics of the unwrapping node.
+fn value<'a>(diagnostics: Option<&'a DiagnosticArray>, key: &str) -> Option<&'a str> {
+    let mut values = diagnostics?.status.iter().flat_map(|status| &status.values);
+    values.find(|value| value.key == key).map(|value| value.value.as_str())
 }
 
 impl ImageSimilarity {

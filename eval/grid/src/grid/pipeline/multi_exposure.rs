@@ -5,10 +5,9 @@
 //! that is scored. Moving objects leave ghosts: the captures are not aligned.
 
 use modulo_core::{Bracket, Psf, Range, Sensor, SensorConfig, tone};
-use modulo_runtime::Clock;
 use ndarray::Array3;
 
-use super::{BITS, DetectorInput, FrameWithNeighbours, RecoveryQuality, Truth, unstamped};
+use super::{BITS, DetectorInput, FrameWithNeighbours, PipelineConfig, RecoveryQuality, Truth, unstamped};
 use crate::GridError;
 use crate::grid::neighbours::Neighbours;
 use crate::grid::{Data, Request};
@@ -49,13 +48,12 @@ pub struct MultiExposurePipeline<'a> {
     sensors: Vec<Sensor>,
     truth: Truth,
     range: Range,
-    seed: u64,
-    timer: &'a dyn Clock,
+    config: PipelineConfig<'a>,
 }
 
 impl<'a> MultiExposurePipeline<'a> {
     /// The pipeline of the cell at `point`.
-    pub fn new(point: &Point, timer: &'a dyn Clock, seed: u64) -> Result<Self, GridError> {
+    pub fn new(point: &Point, config: PipelineConfig<'a>) -> Result<Self, GridError> {
         let range = Range::new(BITS, point.alpha).map_err(modulo_core::SensorError::from)?;
         let bracket = Bracket::new(range, CAPTURES);
         // An exposure of a fraction of the time sees that fraction of the light: alpha is multiplied by the time.
@@ -65,13 +63,13 @@ impl<'a> MultiExposurePipeline<'a> {
                 alpha: point.alpha * time,
                 psf: Psf::of_sigma(psf_sigma),
                 read_noise: point.noise,
-                shot_noise: 0.0,
+                shot_noise: point.shot_noise,
             })
         };
         let of_time = |time: &f32| sensor(f64::from(*time), point.psf_sigma);
         let sensors = bracket.times().iter().map(of_time).collect::<Result<_, _>>()?;
         let truth = Truth([sensor(1.0, point.psf_sigma)?, sensor(1.0, 0.0)?]);
-        Ok(Self { bracket, sensors, truth, range, seed, timer })
+        Ok(Self { bracket, sensors, truth, range, config })
     }
 
     /// Processes one frame.
@@ -85,29 +83,30 @@ impl<'a> MultiExposurePipeline<'a> {
             Some([before, after]) => [before, now, after],
             None => [now; CAPTURES],
         };
-        let seed = self.seed.wrapping_add(*number as u64);
-        let start = self.timer.ticks_ns();
+        let PipelineConfig { timer, seed, .. } = self.config;
+        let seed = seed.wrapping_add(*number as u64);
+        let start = timer.ticks_ns();
         let mut captures = Vec::with_capacity(CAPTURES);
         for (index, (sensor, scene)) in self.sensors.iter().zip(scenes).enumerate() {
             // Each capture has its own noise. The upper bits keep its seed apart from those of the following frames.
             let seed = seed.wrapping_add((index as u64) << 48);
             captures.push(sensor.expose(scene.view(), seed)?.saturated());
         }
-        let sensed = self.timer.ticks_ns();
+        let sensed = timer.ticks_ns();
         let x = self.bracket.merge(&captures)?;
-        let merged = self.timer.ticks_ns();
+        let merged = timer.ticks_ns();
         let image = tone::linear8(&x, self.range).map_err(modulo_core::SensorError::from)?;
-        let toned = self.timer.ticks_ns();
-        // The truth is computed after the last measurement: it is no work of a camera.
-        let truth = self.truth.expose(now, seed)?;
-        Ok(DetectorInput {
-            recovery: RecoveryQuality::of_merged(&image, &truth),
-            image: Some(unstamped(image)),
-            stages: vec![
-                ("sense", sensed.saturating_sub(start)),
-                ("merge", merged.saturating_sub(sensed)),
-                ("tone", toned.saturating_sub(merged)),
-            ],
-        })
+        let toned = timer.ticks_ns();
+        let stages = vec![
+            ("sense", sensed.saturating_sub(start)),
+            ("merge", merged.saturating_sub(sensed)),
+            ("tone", toned.saturating_sub(merged)),
+        ];
+        let image = unstamped(image);
+        let mut input = DetectorInput { image: Some(image.clone()), stages, ..DetectorInput::default() };
+        self.truth.compare(self.config, (now, seed), &mut input, |truth| {
+            RecoveryQuality::of_merged(&image.frame, truth)
+        })?;
+        Ok(input)
     }
 }

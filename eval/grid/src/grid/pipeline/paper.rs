@@ -9,7 +9,7 @@ use modulo_core::{Frame, Psf, Sensor, SensorConfig, UnwrapError, optics, tone};
 use modulo_runtime::Clock;
 use ndarray::Array3;
 
-use super::{BITS, DetectorInput, RecoveryQuality, Stages, Truth, unstamped};
+use super::{BITS, DetectorInput, PipelineConfig, RecoveryQuality, Stages, Truth, unstamped};
 use crate::GridError;
 use crate::results::{Point, Stream};
 
@@ -26,47 +26,45 @@ pub struct PublishedSpudPipeline<'a> {
     sensor: Sensor,
     spud: Spud,
     truth: Truth,
-    seed: u64,
-    timer: &'a dyn Clock,
+    config: PipelineConfig<'a>,
 }
 
 impl<'a> PublishedSpudPipeline<'a> {
     /// Creates the pipeline of the cell at `point`.
-    pub fn new(point: &Point, timer: &'a dyn Clock, seed: u64) -> Result<Self, GridError> {
+    pub fn new(point: &Point, config: PipelineConfig<'a>) -> Result<Self, GridError> {
         let sensor = |psf_sigma| {
             Sensor::new(SensorConfig {
                 bits: BITS,
                 alpha: point.alpha,
                 psf: Psf::of_sigma(psf_sigma),
                 read_noise: point.noise,
-                shot_noise: 0.0,
+                shot_noise: point.shot_noise,
             })
         };
         let truth = Truth([sensor(point.psf_sigma)?, sensor(0.0)?]);
         let spud = Spud::new(TAU, ThresholdOn::Phi)?;
-        Ok(Self { sensor: sensor(point.psf_sigma)?, spud, truth, seed, timer })
+        Ok(Self { sensor: sensor(point.psf_sigma)?, spud, truth, config })
     }
 
     /// Processes frame `number`. Its noise is that of the other cells.
     pub fn run(&mut self, number: usize, frame: &SourceFrame) -> Result<DetectorInput, GridError> {
-        let seed = self.seed.wrapping_add(number as u64);
-        let start = self.timer.ticks_ns();
+        let PipelineConfig { timer, seed, .. } = self.config;
+        let seed = seed.wrapping_add(number as u64);
+        let start = timer.ticks_ns();
         let exposure = self.sensor.expose(frame.radiance.view(), seed)?;
         let peak = self.sensor.range().peak();
         let y = exposure.x().mapv(|x| x % peak);
-        let sensed = self.timer.ticks_ns();
-        let image = bytes(&published(&mut self.spud, &y, self.sensor.range())?)?;
-        let unwrapped = self.timer.ticks_ns();
-        let truth = self.truth.expose(&frame.radiance, seed)?;
-        Ok(DetectorInput {
-            // The result has an arbitrary offset and scale, and therefore no wrap counts.
-            recovery: RecoveryQuality::of_merged(&image, &truth),
-            image: Some(unstamped(image)),
-            stages: vec![
-                ("sense", sensed.saturating_sub(start)),
-                ("unwrap", unwrapped.saturating_sub(sensed)),
-            ],
-        })
+        let sensed = timer.ticks_ns();
+        let image = unstamped(bytes(&published(&mut self.spud, &y, self.sensor.range())?)?);
+        let unwrapped = timer.ticks_ns();
+        let stages =
+            vec![("sense", sensed.saturating_sub(start)), ("unwrap", unwrapped.saturating_sub(sensed))];
+        let mut input = DetectorInput { image: Some(image.clone()), stages, ..DetectorInput::default() };
+        // The result has an arbitrary offset and scale, and therefore no wrap counts.
+        self.truth.compare(self.config, (&frame.radiance, seed), &mut input, |truth| {
+            RecoveryQuality::of_merged(&image.frame, truth)
+        })?;
+        Ok(input)
     }
 }
 
@@ -121,7 +119,7 @@ impl<'a> PaperPipeline<'a> {
         } else if self.stream == Stream::Modulo {
             image.mapv_inplace(|v| v * 255.0);
         }
-        Ok(DetectorInput { image: Some(unstamped(bytes(&image)?)), stages, recovery: None })
+        Ok(DetectorInput { image: Some(unstamped(bytes(&image)?)), stages, ..DetectorInput::default() })
     }
 
     /// `alpha * blurred` of the stretched image in [0, 1]. The blur comes before the scaling.
@@ -171,6 +169,7 @@ fn stretched(values: &Array3<f32>) -> Array3<f32> {
 mod tests {
     use modulo_runtime::ManualClock;
 
+    use super::super::Suite;
     use super::*;
 
     /// One row of grey codes of 8 bits.
@@ -262,8 +261,8 @@ mod tests {
             psf_sigma: 1.4,
             ..Point::default()
         };
-        let mut pipeline =
-            PublishedSpudPipeline::new(&point(SPUD_AS_PUBLISHED), &clock, 0).expect("possible");
+        let config = PipelineConfig { nodes: &Suite, timer: &clock, seed: 0, compares: true };
+        let mut pipeline = PublishedSpudPipeline::new(&point(SPUD_AS_PUBLISHED), config).expect("possible");
         let image = pipeline.run(0, &ramp).expect("passed").image.expect("an image");
         let brightest = |image: &[u8]| *image.iter().max().expect("pixels");
         assert_eq!(brightest(image.frame.as_u8().expect("8 bits").as_slice().expect("in order")), 255);

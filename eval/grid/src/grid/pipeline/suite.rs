@@ -6,34 +6,28 @@ use modulo_bags::source::{Source, SourceError, SourceFrame};
 use modulo_camera::CameraParameters;
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_runtime::driver::lockstep::{Lockstep, OnTopic};
-use modulo_runtime::{Clock, Message, SensorModel, StampedFrame};
+use modulo_runtime::{Message, SensorModel, StampedFrame};
 use modulo_unwrap::UnwrapParameters;
 
-use super::{BITS, DetectorInput, Nodes, RecoveryQuality, Truth, node_name, stamp};
+use super::{BITS, DetectorInput, PipelineConfig, RecoveryQuality, Truth, node_name, stamp};
 use crate::GridError;
 use crate::results::{Point, Stream};
 
 /// The nodes of one cell before its detector.
 pub struct SuitePipeline<'a> {
-    nodes: &'a dyn Nodes,
-    timer: &'a dyn Clock,
+    config: PipelineConfig<'a>,
     stream: Stream,
     camera: CameraParameters,
     unwrap: Option<Lockstep<'a>>,
     truth: Truth,
-    seed: u64,
 }
 
 impl<'a> SuitePipeline<'a> {
     /// The pipeline of the cell at `point`.
-    pub fn new(
-        nodes: &'a dyn Nodes,
-        timer: &'a dyn Clock,
-        point: &Point,
-        seed: u64,
-    ) -> Result<Self, GridError> {
+    pub fn new(point: &Point, config: PipelineConfig<'a>) -> Result<Self, GridError> {
         let lens = |psf_sigma| CameraParameters {
             read_noise: point.noise,
+            shot_noise: point.shot_noise,
             sensor: SensorModel { bits: BITS, alpha: point.alpha, psf_sigma, ..SensorModel::default() },
             ..CameraParameters::default()
         };
@@ -42,19 +36,19 @@ impl<'a> SuitePipeline<'a> {
             let (method, sensor) = (method.parse()?, camera.sensor.clone().into());
             let with = UnwrapParameters { method, deblur: point.deblur, sensor, ..Default::default() };
             let topics = ["/recovered", "/hdr", "/diagnostics"].map(str::to_owned).to_vec();
-            let mut chain = Lockstep::new(timer, topics);
-            chain.add(nodes.unwrap(&with)?, &node_name("unwrap"))?;
+            let mut chain = Lockstep::new(config.timer, topics);
+            chain.add(config.nodes.unwrap(&with)?, &node_name("unwrap"))?;
             Ok::<_, GridError>(chain)
         });
         let truth = Truth([camera.sensor()?, lens(0.0).sensor()?]);
-        Ok(Self { nodes, timer, stream: point.stream, camera, unwrap: unwrap.transpose()?, truth, seed })
+        Ok(Self { config, stream: point.stream, camera, unwrap: unwrap.transpose()?, truth })
     }
 
     /// Processes frame `number`. The seed of its noise depends only on its number.
     pub fn run(&mut self, number: usize, frame: SourceFrame) -> Result<DetectorInput, GridError> {
         // The noise depends on the number of the frame alone, so that it does not depend on the worker that gets the
         // frame, and is the same in all cells. The parameter of the node is a signed integer.
-        let seed = (self.seed.wrapping_add(number as u64) & i64::MAX as u64) as i64;
+        let seed = (self.config.seed.wrapping_add(number as u64) & i64::MAX as u64) as i64;
         let radiance = self.unwrap.is_some().then(|| frame.radiance.clone());
         let sensed = match self.stream {
             Stream::Ideal => "/ideal",
@@ -67,22 +61,24 @@ impl<'a> SuitePipeline<'a> {
         let with = CameraParameters { seed, ..self.camera.clone() };
         // The camera seeds the noise of a frame by its own count of frames. With one camera for a worker, the noise of
         // a frame would depend on the frames that this worker had before.
-        let mut camera = Lockstep::new(self.timer, vec![sensed.to_owned()]);
-        camera.add(self.nodes.camera(Box::new(SingleFrame(Some(frame))), &with)?, &node_name("camera"))?;
+        let mut camera = Lockstep::new(self.config.timer, vec![sensed.to_owned()]);
+        let source = Box::new(SingleFrame(Some(frame)));
+        camera.add(self.config.nodes.camera(source, &with)?, &node_name("camera"))?;
         // The camera skips a frame that it cannot expose. The cell counts it as unanswered.
         let Some(out) = camera.tick(0, stamp(number))? else { return Ok(DetectorInput::default()) };
-        let mut passed =
-            DetectorInput { image: image(&out, sensed), stages: camera.stages().to_vec(), recovery: None };
+        let (image_sensed, stages) = (image(&out, sensed), camera.stages().to_vec());
+        let mut passed = DetectorInput { image: image_sensed, stages, ..DetectorInput::default() };
         if let (Some(unwrap), Some(radiance)) = (&mut self.unwrap, radiance) {
             let Some(modulo) = passed.image.take() else { return Ok(passed) };
             let out = unwrap.feed("/modulo", Message::Image(modulo), stamp(number))?;
             passed.stages.extend(unwrap.stages());
             passed.image = image(&out, "/recovered");
             // The quality is computed outside the chain, whose stages are timed.
-            if let (Some(toned), Some(counts)) = (&passed.image, image(&out, "/hdr")) {
-                let truth = self.truth.expose(&radiance, seed.unsigned_abs())?;
-                passed.recovery =
-                    RecoveryQuality::of_unwrapped(&counts.frame, &toned.frame, diagnostics(&out), &truth);
+            if let (Some(toned), Some(counts)) = (passed.image.clone(), image(&out, "/hdr")) {
+                let scene = (&radiance, seed.unsigned_abs());
+                self.truth.compare(self.config, scene, &mut passed, |truth| {
+                    RecoveryQuality::of_unwrapped(&counts.frame, &toned.frame, diagnostics(&out), truth)
+                })?;
             }
         }
         Ok(passed)
