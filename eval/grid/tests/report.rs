@@ -353,6 +353,8 @@ fn a_part_of_a_grid_says_so_and_an_empty_one_is_still_a_page() {
     let mut results = made_up();
     results.cells.truncate(7);
     assert!(page(&results).contains("7 of 110 cells are here"));
+    results.cells.iter_mut().for_each(|cell| (cell.frame_ms, cell.device) = Default::default());
+    assert!(!page(&results).contains("0 threads"), "nothing was timed");
     results.cells.clear();
     well_formed(&page(&results)).expect("well-formed");
 }

@@ -82,7 +82,8 @@ fn subtitle(results: &Results) -> String {
     let objects = results.cells.first().map(|cell| &cell.objects);
     let objects = objects.into_iter().flatten().map(|(group, n)| format!("{n} {group}")).collect::<Vec<_>>();
     let counted = |n: usize, one: &str, many: &str| format!("{n} {}", if n == 1 { one } else { many });
-    let devices = distinct(results.cells.iter().map(|cell| {
+    let timed = results.cells.iter().filter(|cell| cell.frame_ms.is_some());
+    let devices = distinct(timed.map(|cell| {
         let device = &cell.device;
         let threads = counted(device.threads, "thread an inference", "threads an inference");
         format!("{} on {}, {threads}", device.engine, device.processor)

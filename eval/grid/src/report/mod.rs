@@ -60,7 +60,8 @@ fn setup(results: &Results) -> Markup {
     };
     let unmapped =
         input.without_twin.iter().map(|(whose, classes)| format!("{whose}: {}", classes.join(", ")));
-    let devices = distinct(results.cells.iter().map(|cell| {
+    let timed = results.cells.iter().filter(|cell| cell.frame_ms.is_some());
+    let devices = distinct(timed.map(|cell| {
         let device = &cell.device;
         format!("{} on {}, {} threads", device.engine, device.processor, device.threads)
     }));
