@@ -47,7 +47,7 @@ const REFUSED: [(&[&str], &[&str]); 44] = [
     (&["run", "modulo_camera", "--ros-args", "-p", "white:=-1.0"], &["'white' = -1"]),
     (&["run", "unwrap", "--ros-args", "-p", "tau:=-0.5"], &["'tau' = -0.5"]),
     (&["run", "detector", "--ros-args", "-p", "max_det:=0"], &["'max_det' = 0", "1000"]),
-    (&["bag", "play", "bags/samples/tunnel", "--rate", "0"], &["0"]),
+    (&["bag", "play", "bags/samples/tunnel", "--rate", "-1"], &["rate = -1"]),
     (&["bag", "play", "bags/samples/tunnel", "--clock", "-1"], &["--clock -1", "above 0"]),
     (&["bag", "play", "bags/samples/tunnel", "--start-offset", "-1"], &["--start-offset -1"]),
     (&["bag", "record", "-o", "OUT", "--max-bag-size", "-1"], &["-1", "--max-bag-size"]),
