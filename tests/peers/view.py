@@ -79,7 +79,7 @@ def drive(page, address, picture):
     check(True, "the pixel under the pointer is shown in each stream")
 
     if picture:
-        page.screenshot(path=picture)
+        page.screenshot(path=picture, clip={"x": 0, "y": 0, "width": 1400, "height": 590})
     page.click("#toggle")
     wait(page, "() => document.getElementById('player-state').textContent.startsWith('paused')", None)
     # What was on its way when the player paused.

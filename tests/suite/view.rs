@@ -107,10 +107,13 @@ fn a_page_shows_images_with_their_boxes_and_sets_parameters() {
     page.event("image", |image| image["topic"] == "/modulo" && image["boxes"] != json!([]));
     page.ask(&json!({ "parameters": "/detector" }));
     let parameters = page.event("parameters", |_| true);
-    let input = parameters["parameters"].as_array().and_then(|all| all.iter().find(|p| p["name"] == "input"));
-    let input = input.expect("the parameter");
-    assert_eq!(input["value"], "modulo");
-    assert_eq!(input["words"], json!(["modulo", "recovered", "saturated", "ideal"]));
+    let parameter = |name: &str| {
+        let mut all = parameters["parameters"].as_array().expect("a list").iter();
+        all.find(|parameter| parameter["name"] == name).expect("the parameter").clone()
+    };
+    assert_eq!(parameter("input")["value"], "modulo");
+    assert!(parameter("engine")["words"].as_array().is_some_and(|words| words.contains(&json!("rten"))));
+    assert_eq!(parameter("score_threshold")["range"], json!([0.0, 1.0]));
 
     for bad in [json!({ "watch": 5 }), json!({ "steer": "left" }), json!("nothing")] {
         page.ask(&bad);

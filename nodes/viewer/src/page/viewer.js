@@ -5,7 +5,7 @@
 
 const byId = (id) => document.getElementById(id);
 const token = new URLSearchParams(location.search).get("token") ?? "";
-const PREFERRED = ["/modulo", "/recovered", "/saturated", "/ideal"];
+const STREAMS = ["modulo", "recovered", "saturated", "ideal"];
 
 let socket = null;
 let graph = { images: [], detectors: [], nodes: [], player: false };
@@ -72,7 +72,7 @@ function showGraph(now) {
   const replay = now.player && !graph.player;
   graph = now;
   if (chosen === null && now.images.length) {
-    const first = PREFERRED.filter((topic) => now.images.includes(topic));
+    const first = STREAMS.map((name) => `/${name}`).filter((topic) => now.images.includes(topic));
     choose(first.length ? first : now.images.slice(0, 1));
   }
   byId("topic-list").replaceChildren(...now.images.map((topic, index) => {
@@ -169,8 +169,11 @@ function drawBox(context, box, unit) {
   context.fillText(label, x1 + 2 * unit, top + 11.5 * unit);
 }
 
-// The same class has the same colour on every page.
+// Common classes are well apart; any other one has the same colour on every page, too.
+const HUES = { car: 205, van: 175, truck: 50, bus: 30, train: 80, person: 340, pedestrian: 340, cyclist: 110, bicycle: 130, motorcycle: 270 };
+
 function hue(text) {
+  if (text in HUES) return HUES[text];
   let sum = 0;
   for (const letter of text) sum = (sum * 31 + letter.codePointAt(0)) % 360;
   return (sum * 137) % 360;
@@ -281,13 +284,24 @@ function options(select, words, value) {
   select.value = value;
 }
 
+// A detector reads a stream of its namespace by name, and any other topic by its absolute name.
+function inputs(node, value) {
+  const space = node.slice(0, node.lastIndexOf("/"));
+  const names = graph.images.filter((topic) => !/\/(annotated|hdr)$/.test(topic)).map((topic) => {
+    const name = topic.startsWith(`${space}/`) ? topic.slice(space.length + 1) : topic;
+    return STREAMS.includes(name) ? name : topic;
+  });
+  return [...new Set([...STREAMS.filter((name) => names.includes(name)), ...names, value])];
+}
+
 function showControls() {
   for (const name of ["input", "method"]) {
     const found = find(name);
-    byId(`${name}-control`).hidden = !found || found.parameter.words.length === 0;
-    if (!found) continue;
+    const words = found ? (name === "input" ? inputs(found.node, found.parameter.value) : found.parameter.words) : [];
+    byId(`${name}-control`).hidden = words.length === 0;
+    if (words.length === 0) continue;
     const select = byId(name);
-    options(select, found.parameter.words, found.parameter.value);
+    options(select, words, found.parameter.value);
     select.onchange = () => set(found.node, name, select.value);
   }
   // Only the camera's alpha changes the image; of the others, 0 means that of the camera.
