@@ -81,7 +81,7 @@ pub enum Command {
     #[command(subcommand)]
     Node(graph::NodeCommand),
     /// Show the streams, boxes and latencies of a running suite on a web page, with controls for its parameters
-    View(view::View),
+    View(view::ViewCommand),
     /// Fetch official detection models, or check a model
     #[command(subcommand)]
     Model(model::Model),

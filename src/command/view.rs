@@ -10,7 +10,7 @@ use crate::{Ended, Failure};
 
 /// `modulo view`
 #[derive(Args)]
-pub struct View {
+pub struct ViewCommand {
     /// Port of the page; 0 takes a free one
     #[arg(long, default_value_t = 8088)]
     pub port: u16,
@@ -23,7 +23,7 @@ pub struct View {
 }
 
 /// Runs the command.
-pub fn view(args: &View) -> Result<Ended, Failure> {
+pub fn view(args: &ViewCommand) -> Result<Ended, Failure> {
     start_log("info");
     let stop = stop_on_signals()?;
     let options =

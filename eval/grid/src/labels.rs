@@ -5,7 +5,7 @@ pub use modulo_charts::{distinct, number};
 use crate::results::{Cell, Point, Stream};
 
 /// A setting of the sensor, which charts vary or name.
-pub struct Setting {
+pub struct GridSetting {
     /// Name in titles.
     pub name: &'static str,
     /// Name in the names of files.
@@ -19,29 +19,29 @@ pub struct Setting {
 }
 
 /// The settings of the sensor.
-pub const SETTINGS: [Setting; 4] = [
-    Setting {
+pub const SETTINGS: [GridSetting; 4] = [
+    GridSetting {
         name: "alpha",
         file: "alpha",
         axis: "alpha, the saturation factor",
         of: |point| point.alpha,
         text: |value| format!("alpha {value}"),
     },
-    Setting {
+    GridSetting {
         name: "lens blur",
         file: "psf",
         axis: "standard deviation of the lens blur, px",
         of: |point| point.psf_sigma,
         text: |value| or_no("lens blur", value, " px"),
     },
-    Setting {
+    GridSetting {
         name: "read noise",
         file: "noise",
         axis: "standard deviation of the read noise, code units",
         of: |point| point.noise,
         text: |value| or_no("read noise", value, " code units"),
     },
-    Setting {
+    GridSetting {
         name: "shot noise",
         file: "shot",
         axis: "variance of the shot noise over the signal, code units",

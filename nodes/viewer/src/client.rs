@@ -21,7 +21,7 @@ use tokio::sync::{Notify, mpsc};
 use tokio::task::spawn_blocking;
 
 use crate::protocol::{
-    BoxView, DetectorView, Event, GraphView, ImageHeader, ParameterView, PlayerCall, Request, StatusView,
+    BoxView, DetectorView, Event, GraphView, ImageHeader, PageRequest, ParameterView, PlayerCall, StatusView,
     image_message,
 };
 use crate::server::Viewer;
@@ -99,7 +99,7 @@ impl Client {
     async fn take(
         &self,
         text: &str,
-        requests: &mpsc::Sender<Request>,
+        requests: &mpsc::Sender<PageRequest>,
         socket: &mut WebSocket,
     ) -> Result<(), axum::Error> {
         let request = match serde_json::from_str(text) {
@@ -107,9 +107,9 @@ impl Client {
             Err(why) => return send(socket, &Event::Error(format!("unreadable request: {why}"))).await,
         };
         match request {
-            Request::Watch(topics) => self.inbox().streams.watch(&topics),
-            Request::Drawn(topic) => self.inbox().streams.drawn(&topic),
-            Request::Pixel { u, v } => {
+            PageRequest::Watch(topics) => self.inbox().streams.watch(&topics),
+            PageRequest::Drawn(topic) => self.inbox().streams.drawn(&topic),
+            PageRequest::Pixel { u, v } => {
                 let samples = self.inbox().streams.pixel(u, v);
                 return send(socket, &Event::Pixel { u, v, samples }).await;
             }
@@ -230,7 +230,7 @@ impl Client {
     }
 
     /// Carries out requests one after the other, until the browser goes.
-    fn carry_out(&self, mut waiting: mpsc::Receiver<Request>, answers: &mpsc::Sender<Event>) {
+    fn carry_out(&self, mut waiting: mpsc::Receiver<PageRequest>, answers: &mpsc::Sender<Event>) {
         while let Some(request) = waiting.blocking_recv() {
             let event = self.answer(request).unwrap_or_else(|why| Event::Error(why.to_string()));
             // Nobody waits for the answer once the browser has gone.
@@ -240,10 +240,10 @@ impl Client {
         }
     }
 
-    fn answer(&self, request: Request) -> Result<Event, ClientError> {
+    fn answer(&self, request: PageRequest) -> Result<Event, ClientError> {
         let transport = &self.viewer.transport;
         Ok(match request {
-            Request::Parameters(node) => {
+            PageRequest::Parameters(node) => {
                 let client = ParameterClient::new(transport, &node);
                 let names = client.names()?;
                 let (values, descriptors) = (client.values(&names)?, client.descriptors(&names)?);
@@ -252,12 +252,12 @@ impl Client {
                 parameters.sort_by(|a, b| a.name.cmp(&b.name));
                 Event::Parameters { node, parameters }
             }
-            Request::Set { node, name, value } => {
+            PageRequest::Set { node, name, value } => {
                 let set = ParameterClient::new(transport, &node).set(&name, &value);
                 Event::Set { node, name, error: set.err().map(|why| why.to_string()) }
             }
-            Request::Player(call) => self.play(call)?,
-            Request::Watch(_) | Request::Drawn(_) | Request::Pixel { .. } => {
+            PageRequest::Player(call) => self.play(call)?,
+            PageRequest::Watch(_) | PageRequest::Drawn(_) | PageRequest::Pixel { .. } => {
                 unreachable!("requests without a node are answered at once")
             }
         })

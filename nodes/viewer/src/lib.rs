@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! topics -> Streams (newest few images, boxes by stamp) -> one WebSocket for each browser -> page
-//! page -> Request -> parameter and player services
+//! page -> PageRequest -> parameter and player services
 //! ```
 //!
 //! The viewer is a reader as any other: nodes never wait for it, it keeps at most [`streams::KEPT_BYTES`] of images for each

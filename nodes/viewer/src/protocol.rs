@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 /// A message from the page.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum Request {
+pub enum PageRequest {
     /// Show exactly these image topics.
     Watch(Vec<String>),
     /// The last image of this topic has been drawn: the next one may come.
@@ -68,7 +68,7 @@ pub enum Event {
         /// Its parameters in the order of their names.
         parameters: Vec<ParameterView>,
     },
-    /// The result of [`Request::Set`].
+    /// The result of [`PageRequest::Set`].
     Set {
         /// Fully qualified name of the node.
         node: String,

@@ -16,7 +16,7 @@ use crate::protocol::{DetectorView, PixelView};
 const KEPT: usize = 60;
 /// Their bytes.
 pub const KEPT_BYTES: usize = 64 << 20;
-/// Results of one detector that wait for their image.
+/// DetectorResults of one detector that wait for their image.
 const KEPT_BOXES: usize = 32;
 /// Boxes are waited for at most this long, and only those of a detector that has answered within this time, ns.
 const PATIENCE_NS: u64 = 1_000_000_000;
@@ -24,13 +24,13 @@ const PATIENCE_NS: u64 = 1_000_000_000;
 /// The images and boxes of one browser.
 #[derive(Default)]
 pub struct Streams {
-    topics: BTreeMap<String, Stream>,
-    results: BTreeMap<String, Results>,
+    topics: BTreeMap<String, WatchedTopic>,
+    results: BTreeMap<String, DetectorResults>,
 }
 
 /// One image topic.
 #[derive(Default)]
-struct Stream {
+struct WatchedTopic {
     /// The newest images that have not been sent, undecoded.
     waiting: VecDeque<(Time, Payload)>,
     /// When the first image since the last one that was sent came, in ticks of the clock.
@@ -42,7 +42,7 @@ struct Stream {
 
 /// The boxes of one detector.
 #[derive(Default)]
-struct Results {
+struct DetectorResults {
     by_stamp: VecDeque<(Time, Arc<Detection2DArray>)>,
     /// When the last ones came, in ticks of the clock.
     last_ns: u64,
@@ -152,7 +152,7 @@ impl Streams {
 }
 
 fn boxes_of<'a>(
-    results: &'a BTreeMap<String, Results>,
+    results: &'a BTreeMap<String, DetectorResults>,
     detector: &str,
     stamp: Time,
 ) -> Option<&'a Arc<Detection2DArray>> {

@@ -7,7 +7,7 @@ use modulo_charts::{
     Axis, Chart, ChartBody, ChartError, ChartPanel, DataPoint, PageWidth, Series, SeriesStyle,
 };
 
-use crate::labels::{self, Conditions, SETTINGS, Setting, distinct, number};
+use crate::labels::{self, Conditions, GridSetting, SETTINGS, distinct, number};
 use crate::published;
 use crate::results::{Cell, Results};
 pub use pictures::DetectionPicture;
@@ -167,7 +167,7 @@ fn over_setting(
     NamedChart::new(name, title, results, footer.to_owned(), body)
 }
 
-fn panel(cells: &[&Cell], group: &str, setting: &Setting) -> ChartPanel {
+fn panel(cells: &[&Cell], group: &str, setting: &GridSetting) -> ChartPanel {
     let names = distinct(cells.iter().map(|cell| labels::stream(&cell.point)));
     let series = |name: String| {
         let own = cells.iter().filter(|cell| labels::stream(&cell.point) == name);
@@ -182,7 +182,7 @@ fn panel(cells: &[&Cell], group: &str, setting: &Setting) -> ChartPanel {
     }
 }
 
-fn point(cell: &Cell, group: &str, setting: &Setting) -> Option<DataPoint> {
+fn point(cell: &Cell, group: &str, setting: &GridSetting) -> Option<DataPoint> {
     let ap50 = (*cell.ap50.get(group)?)?;
     let interval = cell.interval95.get(&format!("ap50.{group}")).copied();
     let bounds = interval.map_or(String::new(), |[low, high]| {

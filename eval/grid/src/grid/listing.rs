@@ -9,7 +9,7 @@ use super::score::Scorer;
 use crate::classes::Membership;
 use crate::labels::number;
 use crate::metric::average::image_boxes;
-use crate::metric::matching::Outcome;
+use crate::metric::matching::MatchOutcome;
 use crate::results::{Paper, Point};
 use crate::store::{CellLines, figure};
 
@@ -57,7 +57,7 @@ struct MatchedFrame<'a> {
     /// For each group its name and the number of its scored objects.
     objects: Vec<(&'a str, usize)>,
     /// For each box its group and its outcome. `None` if it belongs to no group, or is beyond those that are scored.
-    outcomes: Vec<Option<(&'a str, Outcome)>>,
+    outcomes: Vec<Option<(&'a str, MatchOutcome)>>,
 }
 
 impl Scorer<'_> {
@@ -135,17 +135,17 @@ fn counts(found: &[Detection], matched: &MatchedFrame<'_>) -> Vec<String> {
             let boxes = found.iter().zip(&matched.outcomes).filter(|(found, _)| found.score >= COUNTED);
             boxes.filter(|(_, other)| **other == Some((group, outcome))).count()
         };
-        let right = count(Outcome::Right);
-        [objects, right, count(Outcome::Wrong), objects - right].map(|count| count.to_string())
+        let right = count(MatchOutcome::Right);
+        [objects, right, count(MatchOutcome::Wrong), objects - right].map(|count| count.to_string())
     };
     matched.objects.iter().flat_map(of_group).collect()
 }
 
-fn box_line(first: &[String], found: &Detection, outcome: Option<(&str, Outcome)>) -> Vec<String> {
+fn box_line(first: &[String], found: &Detection, outcome: Option<(&str, MatchOutcome)>) -> Vec<String> {
     let (group, outcome) = match outcome {
-        Some((group, Outcome::Right)) => (group, "true positive"),
-        Some((group, Outcome::Wrong)) => (group, "false positive"),
-        Some((group, Outcome::Ignored)) => (group, "ignored"),
+        Some((group, MatchOutcome::Right)) => (group, "true positive"),
+        Some((group, MatchOutcome::Wrong)) => (group, "false positive"),
+        Some((group, MatchOutcome::Ignored)) => (group, "ignored"),
         None => ("", "not scored"),
     };
     let corners = [found.bbox.x1, found.bbox.y1, found.bbox.x2, found.bbox.y2];

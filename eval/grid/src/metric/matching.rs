@@ -41,7 +41,7 @@ pub struct Mark {
 
 /// The result of matching a detection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Outcome {
+pub enum MatchOutcome {
     /// It found a scored object.
     Right,
     /// It found no object.
@@ -61,13 +61,16 @@ impl ImageBoxes {
 
     /// The scored detections as [`Self::outcomes`] has them.
     pub fn marks(&self, least_iou: f64) -> Vec<Mark> {
-        let scored = self.outcomes(least_iou).into_iter().filter(|(_, outcome)| *outcome != Outcome::Ignored);
-        scored.map(|(i, outcome)| Mark { score: self.found[i].1, right: outcome == Outcome::Right }).collect()
+        let scored =
+            self.outcomes(least_iou).into_iter().filter(|(_, outcome)| *outcome != MatchOutcome::Ignored);
+        scored
+            .map(|(i, outcome)| Mark { score: self.found[i].1, right: outcome == MatchOutcome::Right })
+            .collect()
     }
 
     /// Matches the best `MOST_DETECTIONS` by descending score: each takes the free object of largest IoU, at least
     /// `least_iou`, scored objects before all others. Each outcome comes with the index of its detection.
-    pub fn outcomes(&self, least_iou: f64) -> Vec<(usize, Outcome)> {
+    pub fn outcomes(&self, least_iou: f64) -> Vec<(usize, MatchOutcome)> {
         let mut order: Vec<usize> = (0..self.found.len()).collect();
         order.sort_by(|a, b| self.found[*b].1.total_cmp(&self.found[*a].1));
         order.truncate(MOST_DETECTIONS);
@@ -82,12 +85,12 @@ impl ImageBoxes {
                 free[object] = role == ObjectRole::Area;
             }
             let outcome = match hit {
-                Some((_, ObjectRole::Counts)) => Outcome::Right,
-                Some(_) => Outcome::Ignored,
+                Some((_, ObjectRole::Counts)) => MatchOutcome::Right,
+                Some(_) => MatchOutcome::Ignored,
                 // Objects lower than this are not scored, so that a detection of this size without an object is no
                 // error either.
-                None if bbox.y2 - bbox.y1 < self.least_height => Outcome::Ignored,
-                None => Outcome::Wrong,
+                None if bbox.y2 - bbox.y1 < self.least_height => MatchOutcome::Ignored,
+                None => MatchOutcome::Wrong,
             };
             (index, outcome)
         };

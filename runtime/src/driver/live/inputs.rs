@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use modulo_msgs::std_msgs::Time;
 
-use super::swap::{Input, Slot};
+use super::swap::{Slot, SlotInput};
 use super::{EventQueue, LiveEvent};
 use crate::driver::keeps_latest;
 use crate::graph::{NodeName, Qos, Topic};
@@ -66,7 +66,7 @@ impl Inputs {
         Ok(())
     }
 
-    fn all(&self) -> impl Iterator<Item = &Input> {
+    fn all(&self) -> impl Iterator<Item = &SlotInput> {
         self.slots.iter().flat_map(Slot::inputs)
     }
 
@@ -76,7 +76,7 @@ impl Inputs {
     }
 
     /// Returns the input that is open in `lane`, with its index in the node's list; `None` for a closed one.
-    pub fn of(&self, lane: Lane) -> Option<(usize, &Input)> {
+    pub fn of(&self, lane: Lane) -> Option<(usize, &SlotInput)> {
         let slots = self.slots.iter().enumerate();
         let mut inputs = slots.flat_map(|(index, slot)| slot.inputs().map(move |input| (index, input)));
         inputs.find(|(_, input)| input.lane == lane)
@@ -115,7 +115,7 @@ impl Inputs {
 
     /// Adds the counts of these subscriptions so far to `report`; messages that still wait do not count as received.
     pub fn count(&self, report: &mut NodeReport) {
-        for Input { address, lane, .. } in self.all() {
+        for SlotInput { address, lane, .. } in self.all() {
             let counts = self.queue.counts(*lane);
             book(
                 report,
@@ -138,13 +138,13 @@ fn subscribe(
     node_name: &NodeName,
     transport: &dyn Transport,
     queue: &Arc<EventQueue>,
-) -> Result<Input, TransportError> {
+) -> Result<SlotInput, TransportError> {
     // A newer image makes an older one useless, but each result counts.
     let keep = if keeps_latest(address.kind) { Keep::Latest } else { Keep::Last(RESULTS_WAITING) };
     let (lane, waiting) = (queue.open(keep), queue.clone());
     let deliver = Box::new(move |incoming| drop(waiting.push(lane, LiveEvent::Message(incoming))));
     let subscription = transport.subscribe(node_name, &address, deliver)?;
-    Ok(Input::new(topic, address, lane, subscription))
+    Ok(SlotInput::new(topic, address, lane, subscription))
 }
 
 pub(super) fn book(report: &mut NodeReport, Address { topic, qos, .. }: &Address, counts: LaneCounts) {

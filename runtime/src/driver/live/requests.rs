@@ -15,7 +15,7 @@ use crate::transport::queue::{Keep, Lane};
 use crate::transport::{Guard, ParameterPort, ParameterRequest, TransportError};
 
 /// A request whose changes are looked at, one after the other.
-struct Prepared {
+struct PreparedRequest {
     request: ParameterRequest,
     /// The parameters after the changes so far, if each one is accepted that was not refused.
     expected: Parameters,
@@ -25,7 +25,7 @@ struct Prepared {
 
 /// A part that is being made.
 pub(super) struct Making {
-    prepared: Prepared,
+    prepared: PreparedRequest,
     /// The parameters that the part is for.
     next: Parameters,
     lane: Lane,
@@ -69,10 +69,10 @@ impl Live<'_> {
     /// Applies a request between two steps, or starts to make the part that it needs.
     pub(super) fn answer(&mut self, request: ParameterRequest) -> Result<(), RunError> {
         let expected = self.settings();
-        self.prepare(Prepared { request, expected, parts: Vec::new() })
+        self.prepare(PreparedRequest { request, expected, parts: Vec::new() })
     }
 
-    fn prepare(&mut self, mut prepared: Prepared) -> Result<(), RunError> {
+    fn prepare(&mut self, mut prepared: PreparedRequest) -> Result<(), RunError> {
         while let Some(values) = prepared.request.changes.get(prepared.parts.len()) {
             if prepared.request.claim.is_taken() {
                 break;
@@ -99,7 +99,7 @@ impl Live<'_> {
     }
 
     /// Starts `job` on a thread of its own; its end comes as an event.
-    fn make(&mut self, job: Job, next: Parameters, mut prepared: Prepared) -> Result<(), RunError> {
+    fn make(&mut self, job: Job, next: Parameters, mut prepared: PreparedRequest) -> Result<(), RunError> {
         let (names, values) = difference(&prepared.expected, &next);
         let failed = move |why: String| ParameterError::new(names.clone(), values.clone(), why);
         let (lane, queue, panicked) = (self.queue.open(Keep::Last(1)), self.queue.clone(), failed.clone());
@@ -136,7 +136,7 @@ impl Live<'_> {
         self.prepare(prepared)
     }
 
-    fn apply(&mut self, Prepared { request, parts, .. }: Prepared) -> Result<(), RunError> {
+    fn apply(&mut self, PreparedRequest { request, parts, .. }: PreparedRequest) -> Result<(), RunError> {
         // A caller that gave up has reported that the value is unchanged.
         if !request.claim.take() {
             if parts.iter().any(|part| matches!(part, Ok(Some(_)))) {

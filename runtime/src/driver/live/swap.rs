@@ -26,7 +26,7 @@ const WARNING_PERIOD: Duration = Duration::from_secs(1);
 const MAX_LAG: Duration = Duration::from_secs(10);
 
 /// A topic that a node reads, with its subscription.
-pub(super) struct Input {
+pub(super) struct SlotInput {
     /// The topic as the node declares it.
     pub topic: Topic,
     pub address: Address,
@@ -39,7 +39,7 @@ pub(super) struct Input {
     subscription: Guard,
 }
 
-impl Input {
+impl SlotInput {
     pub fn new(topic: Topic, address: Address, lane: Lane, subscription: Guard) -> Self {
         Self { topic, address, lane, overlap: None, left: None, subscription }
     }
@@ -54,23 +54,23 @@ impl Input {
 /// One input of a node.
 pub(super) struct Slot {
     /// The stream that the node has asked for.
-    pub current: Input,
-    waiting: Option<Waiting>,
+    pub current: SlotInput,
+    waiting: Option<PendingSwap>,
     leaving: Vec<Leaving>,
     /// Stamps of the first and the last answered frame, ns, since they last went backwards.
     answered: Option<(u64, u64)>,
 }
 
 /// The current stream has given no frame yet, so that `old` is answered.
-struct Waiting {
-    old: Input,
+struct PendingSwap {
+    old: SlotInput,
     since: u64,
     warn_at: u64,
 }
 
 /// A stream that is no longer answered.
 struct Leaving {
-    old: Input,
+    old: SlotInput,
     left: Left,
 }
 
@@ -83,18 +83,18 @@ struct Left {
 }
 
 impl Slot {
-    pub fn new(input: Input) -> Self {
+    pub fn new(input: SlotInput) -> Self {
         Self { current: input, waiting: None, leaving: Vec::new(), answered: None }
     }
 
     /// Returns the subscriptions that are open now.
-    pub fn inputs(&self) -> impl Iterator<Item = &Input> {
+    pub fn inputs(&self) -> impl Iterator<Item = &SlotInput> {
         let waiting = self.waiting.iter().map(|waiting| &waiting.old);
         std::iter::once(&self.current).chain(waiting).chain(self.leaving.iter().map(|leaving| &leaving.old))
     }
 
     /// Returns all subscriptions.
-    pub fn into_inputs(self) -> impl Iterator<Item = Input> {
+    pub fn into_inputs(self) -> impl Iterator<Item = SlotInput> {
         let waiting = self.waiting.map(|waiting| waiting.old);
         std::iter::once(self.current)
             .chain(waiting)
@@ -112,17 +112,17 @@ impl Slot {
         &mut self,
         to: &Address,
         now: u64,
-        open: impl FnOnce() -> Result<Input, E>,
-    ) -> Result<Option<Input>, E> {
+        open: impl FnOnce() -> Result<SlotInput, E>,
+    ) -> Result<Option<SlotInput>, E> {
         let waiting = self.waiting.take();
-        if let Some(Waiting { old, .. }) = waiting {
+        if let Some(PendingSwap { old, .. }) = waiting {
             // The last stream has not begun, so that the one before it is still the one that is answered.
             if old.address == *to {
                 let last = std::mem::replace(&mut self.current, old);
                 return Ok(self.put_aside(last));
             }
             let next = self.take_or_open(to, open)?;
-            self.waiting = Some(Waiting { old, since: now, warn_at: now + nanos(PATIENCE) });
+            self.waiting = Some(PendingSwap { old, since: now, warn_at: now + nanos(PATIENCE) });
             let last = std::mem::replace(&mut self.current, next);
             return Ok(self.put_aside(last));
         }
@@ -132,24 +132,28 @@ impl Slot {
         if !keeps_latest(old.address.kind) || !keeps_latest(to.kind) {
             return Ok(Some(old));
         }
-        self.waiting = Some(Waiting { old, since: now, warn_at: now + nanos(PATIENCE) });
+        self.waiting = Some(PendingSwap { old, since: now, warn_at: now + nanos(PATIENCE) });
         Ok(None)
     }
 
     /// Returns the stream at `to`, which may still be open.
-    fn take_or_open<E>(&mut self, to: &Address, open: impl FnOnce() -> Result<Input, E>) -> Result<Input, E> {
+    fn take_or_open<E>(
+        &mut self,
+        to: &Address,
+        open: impl FnOnce() -> Result<SlotInput, E>,
+    ) -> Result<SlotInput, E> {
         let input = match self.leaving.iter().position(|leaving| leaving.old.address == *to) {
             Some(index) => {
                 let Leaving { old, left } = self.leaving.remove(index);
-                Input { left: Some(left), ..old }
+                SlotInput { left: Some(left), ..old }
             }
             None => open()?,
         };
-        Ok(Input { overlap: Some(0), ..input })
+        Ok(SlotInput { overlap: Some(0), ..input })
     }
 
     /// Leaves a stream that has not begun; returns it if it is no longer needed.
-    fn put_aside(&mut self, input: Input) -> Option<Input> {
+    fn put_aside(&mut self, input: SlotInput) -> Option<SlotInput> {
         match input.left {
             Some(left) => self.leaving.push(Leaving { old: input, left }),
             None => return Some(input),
@@ -159,13 +163,13 @@ impl Slot {
 
     /// Takes note of a message of `stamp` (ns; 0 is unknown) that came in `lane` at the ticks `now`. Returns whether it
     /// is answered, and a subscription that is no longer needed.
-    pub fn admit(&mut self, lane: Lane, stamp: u64, now: u64) -> (bool, Option<Input>) {
+    pub fn admit(&mut self, lane: Lane, stamp: u64, now: u64) -> (bool, Option<SlotInput>) {
         if let Some(index) = self.leaving.iter().position(|leaving| leaving.old.lane == lane) {
             let over = stamp >= self.leaving[index].left.first;
             return (false, over.then(|| self.leaving.remove(index).old));
         }
         let is_new = lane == self.current.lane;
-        if let Some(Waiting { old, .. }) = self.waiting.take_if(|_| is_new) {
+        if let Some(PendingSwap { old, .. }) = self.waiting.take_if(|_| is_new) {
             self.leaving.push(Leaving { old, left: Left { first: stamp, since: now } });
             self.current.left = None;
         }
@@ -190,7 +194,7 @@ impl Slot {
 
     /// Looks at the time that the swap takes, at the ticks `now`. Returns a warning if one is due, and a subscription
     /// that is no longer needed.
-    pub fn look(&mut self, now: u64) -> (Option<String>, Option<Input>) {
+    pub fn look(&mut self, now: u64) -> (Option<String>, Option<SlotInput>) {
         let late = |leaving: &Leaving| now.saturating_sub(leaving.left.since) > nanos(PATIENCE);
         let closed = self.leaving.iter().position(late).map(|index| self.leaving.remove(index).old);
         let Some(waiting) = self.waiting.as_mut().filter(|waiting| now >= waiting.warn_at) else {
@@ -231,9 +235,9 @@ mod tests {
         Address { topic: topic.into(), kind: MessageKind::Image, qos: Qos::Images, profile: None }
     }
 
-    fn open(queue: &EventQueue, topic: &str) -> Input {
+    fn open(queue: &EventQueue, topic: &str) -> SlotInput {
         let declared = Topic::new(topic, MessageKind::Image);
-        Input::new(declared, address(topic), queue.open(Keep::Latest), Box::new(()))
+        SlotInput::new(declared, address(topic), queue.open(Keep::Latest), Box::new(()))
     }
 
     impl Bench {
