@@ -33,7 +33,7 @@ pub(super) fn taken_message(node: &str, stamp: Time, topics: &[String]) -> Messa
 /// The last frame of a source of rate 0, and the nodes that have taken it. Such a source sends its next frame when the
 /// slowest reader has taken the last one, so that no frame is replaced by a newer one.
 ///
-/// Each live node tells on [`TOPIC`] which frame it has taken. A node that passes images on tells it when its step is
+/// Each live node tells on [`taken_topic`] which frame it has taken. A node that passes images on tells it when its step is
 /// over, and names the topics on which it has published, so that the source also waits for the readers of those; any
 /// other node tells it before its step, so that the source can make the next frame meanwhile. The messages are only
 /// sent while a source listens.
@@ -60,7 +60,7 @@ impl Pacing {
         self.stamp == Some(stamp) && self.topics.insert(topic.to_owned())
     }
 
-    /// Takes a message of [`TOPIC`]. Those of earlier frames are ignored.
+    /// Takes a message of [`taken_topic`]. Those of earlier frames are ignored.
     pub fn note(&mut self, message: &DiagnosticArray) {
         if Some(message.header.stamp) == self.stamp {
             for status in &message.status {
@@ -84,7 +84,7 @@ impl Pacing {
         false
     }
 
-    /// Returns the nodes that have not taken the frame yet. Only those are waited for that publish [`TOPIC`]: other
+    /// Returns the nodes that have not taken the frame yet. Only those are waited for that publish [`taken_topic`]: other
     /// readers, such as a viewer, set no pace. A node that leaves the graph is not waited for any longer.
     fn waits_for(&self, transport: &dyn Transport) -> Vec<String> {
         let telling: BTreeSet<String> = transport.publishers(TOPIC).into_iter().collect();
