@@ -1,5 +1,5 @@
-//! What a crash takes is counted, named and told by the exit code; what a live run replaces is only counted; a swap takes
-//! no frame.
+//! Frames that a crash takes are counted and named, and change the exit code; frames that a live run replaces are only
+//! counted; a swap takes no frame.
 
 mod harness;
 

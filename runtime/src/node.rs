@@ -98,7 +98,7 @@ pub trait Node: Send {
     /// Takes a set of parameters as [`Node::configure`] does, together with the `part` that was made for it.
     ///
     /// # Errors
-    /// As [`Node::configure`].
+    /// The same as those of [`Node::configure`].
     fn exchange(&mut self, parameters: &Parameters, part: Part) -> Result<(), ParameterError> {
         drop(part);
         self.configure(parameters)

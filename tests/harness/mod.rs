@@ -232,7 +232,7 @@ impl Peer {
         self.hear_as(topic, kind, Qos::usual(kind))
     }
 
-    /// As `hear`, with another quality of service than usual for this kind.
+    /// Does the same as `hear`, with another quality of service than usual for this kind.
     pub fn hear_as(&self, topic: &str, kind: MessageKind, qos: Qos) -> Heard {
         let clock = Arc::new(SystemClock::default());
         let queue = Arc::new(Queue::new(clock, Limit { messages: 0, bytes: 0 }));

@@ -38,7 +38,7 @@ const PLAYER: &str = "/rosbag2_player";
 /// Time limit for its answer.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// What the callbacks of the transport leave for the connection.
+/// The messages of the graph that wait for the connection; the callbacks of the transport fill it.
 #[derive(Default)]
 struct Inbox {
     streams: Streams,

@@ -97,7 +97,7 @@ pub enum Event {
     Error(String),
 }
 
-/// What the page needs to know about the graph.
+/// The part of the graph that the page shows.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct GraphView {
     /// Image topics that have a publisher.
@@ -195,7 +195,7 @@ pub struct PixelView {
     pub samples: Vec<f32>,
 }
 
-/// What stands before the JPEG file of an image.
+/// The header of a binary message, in front of the JPEG file of an image.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ImageHeader {
     /// Topic of the image.

@@ -24,7 +24,7 @@ const REQUEST_BYTES: usize = 64 << 10;
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; \
                       connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
 
-/// What all browsers share.
+/// The session, the clock and the token that all browsers share.
 pub(crate) struct Viewer {
     pub transport: ZenohTransport,
     pub node_name: NodeName,

@@ -19,7 +19,7 @@ struct PreparedRequest {
     request: ParameterRequest,
     /// The parameters after the changes so far, if each one is accepted that was not refused.
     expected: Parameters,
-    /// Of each change so far the part that it needs, or the reason why it is refused.
+    /// For each change so far: the part that it needs, or the reason why it is refused.
     parts: Vec<Result<Option<Part>, ParameterError>>,
 }
 
