@@ -11,6 +11,7 @@ use crate::dct::{self, ImageDct, LANES, SpectralFilter};
 use crate::frame::{Frame, FrameError, check_shape, in_order};
 use crate::optics::Psf;
 use crate::range::{HALF_A_CODE, Range};
+use crate::simd::widest;
 use crate::tone;
 use crate::workers::Workers;
 
@@ -74,10 +75,13 @@ impl Deblur {
         // The output of the transform lies by bands of columns, so it is read in runs of sixteen samples.
         let (mut shown, scale) = (vec![0; samples.len()], 255.0 / range.limit());
         for (row, out) in shown.chunks_exact_mut(stride).enumerate() {
-            for (index, out) in out.chunks_mut(LANES).enumerate() {
-                let values = self.grid.out(dct::SampleRun { row, sample: index * LANES });
-                out.iter_mut().zip(values).for_each(|(out, &value)| *out = tone::to_u8(value, scale));
-            }
+            let values = |index: usize| self.grid.out(dct::SampleRun { row, sample: index * LANES });
+            widest!({
+                for (index, out) in out.chunks_mut(LANES).enumerate() {
+                    let shown = values(index).map(|value| tone::to_u8(value, scale));
+                    out.copy_from_slice(&shown[..out.len()]);
+                }
+            });
         }
         Frame::from_u8(Array3::from_shape_vec(x.dim(), shown).expect("one pixel is shown for each of x"))
     }

@@ -5,6 +5,9 @@
 
 use ndarray::Array3;
 
+use crate::frame::in_order;
+use crate::simd::widest;
+
 /// The point spread function of a lens, in pixels of the sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub enum Psf {
@@ -74,51 +77,120 @@ pub(crate) enum Border {
 ///
 /// The border is `dcb|abcd|cba`, OpenCV's default, so it differs from that of the [`Sensor`](crate::Sensor).
 pub fn blurred(image: Array3<f32>, psf: Psf) -> Array3<f32> {
-    let dim = image.dim();
-    let mut image = image.as_standard_layout().into_owned();
-    let samples = image.as_slice_mut().expect("the layout was made standard");
+    let dim @ (_, width, channels) = image.dim();
     // An empty image has no sample that its border could repeat.
-    if !samples.is_empty() {
-        blur(samples, dim, &psf.taps(), Border::WholeSample);
+    if image.is_empty() {
+        return image;
     }
-    image
+    let (image, stride) = (image.as_standard_layout(), width * channels);
+    let (samples, mut out) = (in_order(image.view()), vec![0.0; image.len()]);
+    let taps = psf.taps();
+    let mut blur = RowBlur::new(dim, &taps, Border::WholeSample);
+    for out in out.chunks_exact_mut(stride) {
+        let read = |row: usize, to: &mut [f32]| to.copy_from_slice(&samples[row * stride..][..stride]);
+        blur.next_row(read, out);
+    }
+    Array3::from_shape_vec(dim, out).expect("every sample has its blurred one")
 }
 
-/// Blurs `image` (H x W x C interleaved, of the shape `dim`) in place with an odd number of `taps` along both sides.
-pub(crate) fn blur(
-    image: &mut [f32],
-    (height, width, channels): (usize, usize, usize),
-    taps: &[f32],
+/// Blurs an image (H x W x C interleaved) with an odd number of taps along both sides, and returns it row by row. Each row of
+/// the source is read once, and only the rows that the kernel spans are kept: they stay in the cache.
+pub(crate) struct RowBlur<'a> {
+    dim: (usize, usize, usize),
+    taps: &'a [f32],
     border: Border,
-) {
-    // Taps sum to 1, so a single tap changes nothing.
-    if taps.len() < 2 {
-        return;
-    }
-    let stride = width * channels;
-    let reach = taps.len() / 2;
-    // One tap after the other over a whole row: the inner loop has no border case and runs in wide vectors.
-    let mut padded = vec![0.0; (width + 2 * reach) * channels];
-    let mut across = vec![0.0; image.len()];
-    for (row, out) in image.chunks_exact(stride).zip(across.chunks_exact_mut(stride)) {
-        for (column, pixel) in padded.chunks_exact_mut(channels).enumerate() {
-            let source = border.reflect(column as isize - reach as isize, width) * channels;
-            pixel.copy_from_slice(&row[source..source + channels]);
+    /// A row of the source, continued beyond its border.
+    padded: Vec<f32>,
+    /// The last rows, blurred along the row: row i of the source lies at i modulo the number of taps.
+    across: Vec<f32>,
+    /// Start in `across` of the row for each tap.
+    starts: Vec<usize>,
+    /// Number of rows of the source that were read.
+    read: usize,
+    /// Number of rows that were returned.
+    returned: usize,
+}
+
+/// Number of samples that one pass over the taps sums up: their sums stay in registers.
+const BLOCK: usize = 32;
+
+impl<'a> RowBlur<'a> {
+    /// Prepares the blur of an image of the shape `dim` = (H, W, C), of at least one sample.
+    pub fn new(dim @ (_, width, channels): (usize, usize, usize), taps: &'a [f32], border: Border) -> Self {
+        let row = width * channels;
+        let padded = vec![0.0; row + (taps.len() - 1) * channels];
+        let across = vec![0.0; taps.len() * row];
+        Self {
+            dim,
+            taps,
+            border,
+            padded,
+            across,
+            starts: Vec::with_capacity(taps.len()),
+            read: 0,
+            returned: 0,
         }
-        taps.iter().enumerate().for_each(|(t, &tap)| add(out, &padded[t * channels..], tap));
     }
-    for (row, out) in image.chunks_exact_mut(stride).enumerate() {
-        // `image` is free for the result, since the first pass has left everything in `across`.
-        out.fill(0.0);
-        for (t, &tap) in taps.iter().enumerate() {
-            let source = border.reflect(row as isize + t as isize - reach as isize, height) * stride;
-            add(out, &across[source..source + stride], tap);
+
+    /// Writes the next row of the blurred image (W x C samples) into `out`. `read` writes the row of the source with the index
+    /// that it gets; it gets each index once, in order.
+    pub fn next_row(&mut self, mut read: impl FnMut(usize, &mut [f32]), out: &mut [f32]) {
+        let (height, width, channels) = self.dim;
+        let (stride, reach, row) = (width * channels, self.taps.len() / 2, self.returned);
+        self.returned += 1;
+        // Taps sum to 1, so a single tap changes nothing.
+        if reach == 0 {
+            return read(row, out);
+        }
+        // A reflected row is never farther away than the kernel reaches, so that it is at hand, too.
+        while self.read < height.min(row + reach + 1) {
+            read(self.read, &mut self.padded[reach * channels..][..stride]);
+            self.continue_row();
+            let across = &mut self.across[self.read % self.taps.len() * stride..][..stride];
+            let (padded, taps) = (&self.padded, self.taps);
+            widest!(sum_of_taps(across, taps, |t| &padded[t * channels..]));
+            self.read += 1;
+        }
+        // The rows are looked up once, and not for each block of samples.
+        self.starts.clear();
+        self.starts.extend((0..self.taps.len()).map(|t| {
+            let source = self.border.reflect(row as isize + t as isize - reach as isize, height);
+            source % self.taps.len() * stride
+        }));
+        let (across, taps, starts) = (&self.across, self.taps, &self.starts);
+        widest!(sum_of_taps(out, taps, |t| &across[starts[t]..][..stride]));
+    }
+
+    /// Continues the row in `padded` at both ends.
+    fn continue_row(&mut self) {
+        let (_, width, channels) = self.dim;
+        let reach = self.taps.len() / 2;
+        for column in (0..reach).chain(reach + width..2 * reach + width) {
+            let source = reach + self.border.reflect(column as isize - reach as isize, width);
+            self.padded.copy_within(source * channels..(source + 1) * channels, column * channels);
         }
     }
 }
 
-fn add(out: &mut [f32], source: &[f32], tap: f32) {
-    out.iter_mut().zip(source).for_each(|(o, s)| *o += tap * s);
+/// Writes the sum of `taps[t] * source(t)` into `out`, in the order of the taps.
+#[inline(always)]
+fn sum_of_taps<'s>(out: &mut [f32], taps: &[f32], source: impl Fn(usize) -> &'s [f32]) {
+    let (blocks, rest) = out.as_chunks_mut::<BLOCK>();
+    let first_of_rest = BLOCK * blocks.len();
+    for (index, block) in blocks.iter_mut().enumerate() {
+        let mut sums = [0.0; BLOCK];
+        for (t, &tap) in taps.iter().enumerate() {
+            // The compiler must know the length, or the sums would not stay in registers.
+            let source =
+                source(t)[BLOCK * index..].first_chunk::<BLOCK>().expect("a source is as long as `out`");
+            sums.iter_mut().zip(source).for_each(|(sum, s)| *sum += tap * s);
+        }
+        *block = sums;
+    }
+    for (index, out) in rest.iter_mut().enumerate() {
+        let terms = taps.iter().enumerate().map(|(t, &tap)| tap * source(t)[first_of_rest + index]);
+        *out = terms.fold(0.0, |sum, term| sum + term);
+    }
 }
 
 impl Border {
@@ -159,12 +231,15 @@ mod tests {
     #[test]
     fn is_the_separable_sum() {
         let taps = Psf::Gaussian { sigma: 0.9 }.taps();
-        let dims = [(5, 8, 3), (1, 9, 1), (9, 1, 3), (2, 2, 1), (1, 1, 3)];
+        let dims = [(5, 8, 3), (1, 9, 1), (9, 1, 3), (2, 2, 1), (1, 1, 3), (12, 45, 3)];
         let cases = dims.map(|dim| [(dim, Border::HalfSample), (dim, Border::WholeSample)]);
         for (dim @ (h, w, c), border) in cases.into_iter().flatten() {
             let image: Vec<f32> = (0..h * w * c).map(|i| ((i * 37) % 23) as f32 / 23.0).collect();
-            let mut got = image.clone();
-            blur(&mut got, dim, &taps, border);
+            let mut got = vec![0.0; image.len()];
+            let mut blur = RowBlur::new(dim, &taps, border);
+            for out in got.chunks_exact_mut(w * c) {
+                blur.next_row(|row, to| to.copy_from_slice(&image[row * w * c..][..w * c]), out);
+            }
             let reach = taps.len() as isize / 2;
             for (index, value) in got.iter().enumerate() {
                 let (i, j, k) = (index / c / w, index / c % w, index % c);

@@ -2,14 +2,15 @@
 //!
 //! One exposure gives every stream, so that the modulo, saturated and ideal frames carry the same noise.
 
-use ndarray::{Array3, ArrayView3};
+use ndarray::{Array3, ArrayView2, ArrayView3, Axis};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 
 use crate::frame::{Frame, FrameError, SamplePosition, check_shape, position_of};
-use crate::optics::{self, Border, MAX_SIGMA, Psf};
+use crate::optics::{Border, MAX_SIGMA, Psf, RowBlur};
 use crate::range::{Range, RangeError};
+use crate::simd::{floor, mapped, widest};
 use crate::tone;
 
 /// The largest `f32` below 1; radiance of full scale and more is clamped to it.
@@ -127,43 +128,67 @@ impl Sensor {
     /// # Errors
     /// [`SensorError`] when the shape is not that of an image, or a value is NaN or infinite.
     pub fn expose(&self, radiance: ArrayView3<'_, f32>, seed: u64) -> Result<Exposure, SensorError> {
-        let dim = radiance.dim();
+        let dim @ (height, width, channels) = radiance.dim();
         check_shape(dim)?;
-        // The order of the samples is that of the noise, so that a seed gives the same image for every memory layout.
-        let mut x: Vec<f32> = radiance.iter().copied().collect();
-        if let Some(index) = x.iter().position(|value| !value.is_finite()) {
-            return Err(SensorError::NotFinite { at: position_of(index, dim), value: x[index] });
-        }
-        // Clamped before the blur: a value above full scale would otherwise leak into its neighbours.
-        x.iter_mut().for_each(|value| *value = value.clamp(0.0, BELOW_ONE));
-        optics::blur(&mut x, dim, &self.taps, Border::HalfSample);
         let limit = self.range.limit();
-        // The limit need not be exact in `f32`; in double precision a product is rounded only once.
-        x.iter_mut().for_each(|value| *value = (limit * f64::from(*value)) as f32);
-        // The noise comes after the lens, which blurs light and not the charge of the sensor.
-        add_noise(&mut x, self.shot_noise, self.read_noise, seed);
         // `floor(x / 2^b)` must never reach `ceil(alpha)`, so x stays strictly below the limit even after rounding.
         let most = largest_below(limit);
-        x.iter_mut().for_each(|value| *value = value.clamp(0.0, most));
-        let x = Array3::from_shape_vec(dim, x).expect("x was collected from an array of this shape");
+        let (mut random, mut fault) = (Pcg64Mcg::seed_from_u64(seed), None);
+        let mut blur = RowBlur::new(dim, &self.taps, Border::HalfSample);
+        let (mut x, mut line) = (Vec::with_capacity(radiance.len()), vec![0.0; width * channels]);
+        // All steps row by row, since a row stays in the cache and an image does not.
+        for _ in 0..height {
+            let read = |row: usize, to: &mut [f32]| {
+                if let Some(index) = read_row(radiance.index_axis(Axis(0), row), to) {
+                    fault.get_or_insert((row * to.len() + index, to[index]));
+                }
+            };
+            blur.next_row(read, &mut line);
+            // The limit need not be exact in `f32`; in double precision a product is rounded only once.
+            widest!(line.iter_mut().for_each(|value| *value = (limit * f64::from(*value)) as f32));
+            // The noise comes after the lens, which blurs light and not the charge of the sensor.
+            self.add_noise(&mut line, &mut random);
+            widest!(line.iter_mut().for_each(|value| *value = value.clamp(0.0, most)));
+            x.extend_from_slice(&line);
+        }
+        if let Some((index, value)) = fault {
+            return Err(SensorError::NotFinite { at: position_of(index, dim), value });
+        }
+        let x = Array3::from_shape_vec(dim, x).expect("x has the rows of this shape");
         Ok(Exposure { x, range: self.range })
+    }
+
+    /// Adds Gaussian noise of variance `shot * x + read^2` to every sample of `x` (>= 0, code units).
+    ///
+    /// Shot and read noise are independent, so one random number stands for both.
+    fn add_noise(&self, x: &mut [f32], random: &mut Pcg64Mcg) {
+        let (shot, read) = (self.shot_noise, self.read_noise);
+        // A sensor without noise is the common case, and drawing numbers for it would only cost time.
+        if shot == 0.0 && read == 0.0 {
+            return;
+        }
+        for sample in x {
+            let sigma = (shot * f64::from(*sample) + read * read).sqrt();
+            let deviate: f64 = StandardNormal.sample(random);
+            *sample += (sigma * deviate) as f32;
+        }
     }
 }
 
-/// Adds Gaussian noise of variance `shot * x + read^2` to every sample of `x` (>= 0, code units).
-///
-/// Shot and read noise are independent, so one random number stands for both.
-fn add_noise(x: &mut [f32], shot: f64, read: f64, seed: u64) {
-    // A sensor without noise is the common case, and drawing numbers for it would only cost time.
-    if shot == 0.0 && read == 0.0 {
-        return;
+/// Copies a row of radiance (W x C) into `to`, clamped to `[0, 1)`: a value above full scale would otherwise leak into its
+/// neighbours in the blur. Returns the index of the first value that is not finite, which is copied as it is.
+fn read_row(radiance: ArrayView2<'_, f32>, to: &mut [f32]) -> Option<usize> {
+    // The order of the samples is that of the noise, so that a seed gives the same image for every memory layout.
+    match radiance.to_slice() {
+        Some(row) => to.copy_from_slice(row),
+        None => to.iter_mut().zip(radiance).for_each(|(to, &value)| *to = value),
     }
-    let mut random = Pcg64Mcg::seed_from_u64(seed);
-    for sample in x {
-        let sigma = (shot * f64::from(*sample) + read * read).sqrt();
-        let deviate: f64 = StandardNormal.sample(&mut random);
-        *sample += (sigma * deviate) as f32;
+    // One pass without a branch; the position is looked for only when there is one.
+    if !widest!(to.iter().fold(true, |finite, value| finite & value.is_finite())) {
+        return to.iter().position(|value| !value.is_finite());
     }
+    widest!(to.iter_mut().for_each(|value| *value = value.clamp(0.0, BELOW_ONE)));
+    None
 }
 
 /// Returns the largest `f32` strictly below `limit` (> 0), or 0.
@@ -208,24 +233,31 @@ impl Exposure {
     pub fn ideal(&self) -> Frame {
         let scale = 255.0 / self.range.limit();
         // Rounded down before it is scaled: the ideal stream shows the same counts as the other two.
-        Frame::from_u8(self.x.mapv(|x| tone::to_u8(x as u32 as f32, scale))).expect(IS_AN_IMAGE)
+        Frame::from_u8(mapped(&self.x, |x| tone::to_u8(whole(x) as f32, scale))).expect(IS_AN_IMAGE)
     }
 
     /// Returns the true wrap counts: `k = floor(x / 2^b)`, at most `ceil(alpha) - 1`.
     pub fn wraps(&self) -> Array3<u8> {
         let bits = self.range.bits();
-        self.x.mapv(|x| (x as u32 >> bits) as u8)
+        self.x.mapv(|x| (whole(x) >> bits) as u8)
     }
 
-    /// Makes integer samples from `floor(x)`, which fits 24 bits.
+    /// Makes integer samples from `floor(x)`.
+    #[inline(always)]
     fn digitise(&self, code: impl Fn(u32) -> u32) -> Frame {
         let frame = if self.range.bits() <= 8 {
-            Frame::from_u8(self.x.mapv(|x| code(x as u32) as u8))
+            Frame::from_u8(mapped(&self.x, |x| code(whole(x)) as u8))
         } else {
-            Frame::from_u16(self.x.mapv(|x| code(x as u32) as u16))
+            Frame::from_u16(mapped(&self.x, |x| code(whole(x)) as u16))
         };
         frame.expect(IS_AN_IMAGE)
     }
+}
+
+/// Returns `floor(x)`, which fits 24 bits.
+#[inline(always)]
+fn whole(x: f32) -> u32 {
+    floor(f64::from(x))
 }
 
 #[cfg(test)]
@@ -235,7 +267,8 @@ mod tests {
     #[test]
     fn variance_is_shot_and_read_together() {
         let mut x = vec![400.0; 100_000];
-        add_noise(&mut x, 0.25, 5.0, 7);
+        let config = SensorConfig { bits: 8, alpha: 4.0, psf: Psf::None, read_noise: 5.0, shot_noise: 0.25 };
+        Sensor::new(config).unwrap().add_noise(&mut x, &mut Pcg64Mcg::seed_from_u64(7));
         let mean = x.iter().map(|v| f64::from(*v)).sum::<f64>() / x.len() as f64;
         let variance = x.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / x.len() as f64;
         assert!((mean - 400.0).abs() < 0.2, "mean {mean}");

@@ -6,7 +6,7 @@ use ndarray::Array3;
 
 use crate::frame::{Frame, FrameError};
 use crate::range::Range;
-use crate::simd::widest;
+use crate::simd::{floor, mapped};
 
 /// Returns `round(255 * x / (alpha * 2^b))`, clamped to 0..255, as a frame of 8 bits.
 ///
@@ -15,7 +15,7 @@ use crate::simd::widest;
 pub fn linear8(x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
     // In double precision, since codes near a half would round differently in single precision.
     let scale = 255.0 / range.limit();
-    Frame::from_u8(widest!(x.mapv(|x| to_u8(x, scale))))
+    Frame::from_u8(mapped(x, |x| to_u8(x, scale)))
 }
 
 /// Returns the HDR image in code units. Where all of the range fits 16 bits (`alpha * 2^b <= 65536`) it is
@@ -33,10 +33,11 @@ pub fn hdr(x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
     }
 }
 
-/// Scales one sample by `scale`, which is `255 / (alpha * 2^b)`; `as` clamps and converts NaN to 0.
+/// Scales one sample by `scale`, which is `255 / (alpha * 2^b)`, clamped to 0..255; NaN becomes 0, as `max` returns the number.
 #[inline(always)]
+#[expect(clippy::manual_clamp, reason = "`clamp` would keep NaN")]
 pub(crate) fn to_u8(x: f32, scale: f64) -> u8 {
-    (f64::from(x) * scale + 0.5) as u8
+    floor((f64::from(x) * scale + 0.5).max(0.0).min(255.0)) as u8
 }
 
 #[cfg(test)]
