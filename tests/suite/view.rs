@@ -13,11 +13,24 @@ use crate::harness::{Background, Bench, arg, model};
 
 /// A viewer, and the address that it prints.
 fn viewer(bench: &Bench) -> (Background, String) {
-    let mut child = bench.modulo(&["view", "--port", "0"]).stdout(Stdio::piped()).spawn().expect("it starts");
-    let mut line = String::new();
-    BufReader::new(child.stdout.take().expect("piped")).read_line(&mut line).expect("a line");
-    let address = line.split(' ').find(|word| word.starts_with("http://")).expect("an address").to_owned();
-    (Background(child), address)
+    let (viewer, [address]) = viewer_with(bench, &[], ["http://"]);
+    (viewer, address)
+}
+
+/// A viewer with further arguments, and the addresses that it prints, one for each scheme.
+fn viewer_with<const N: usize>(
+    bench: &Bench,
+    more: &[&str],
+    schemes: [&str; N],
+) -> (Background, [String; N]) {
+    let arguments = [&["view", "--port", "0"], more].concat();
+    let mut child = bench.modulo(&arguments).stdout(Stdio::piped()).spawn().expect("it starts");
+    let mut lines = BufReader::new(child.stdout.take().expect("piped")).lines();
+    let addresses = schemes.map(|scheme| {
+        let line = lines.next().expect("a line for each address").expect("UTF-8");
+        line.split(' ').find(|word| word.starts_with(scheme)).expect("an address").to_owned()
+    });
+    (Background(child), addresses)
 }
 
 /// The host and the token of an address.
@@ -86,6 +99,13 @@ fn a_page_shows_images_with_their_boxes_and_sets_parameters() {
     let mut page = Page::open(&address);
     let graph = page.event("graph", |graph| !graph["detectors"].as_array().is_none_or(Vec::is_empty));
     assert_eq!(graph["detectors"][0]["inputs"], json!(["/recovered"]), "{graph}");
+    let offers = graph["detectors"][0]["offers"].as_array().expect("a list");
+    assert!(
+        offers.contains(&json!("recovered"))
+            && offers.contains(&json!("auto"))
+            && !offers.contains(&json!("/hdr")),
+        "{graph}"
+    );
     page.ask(&json!({ "watch": ["/modulo", "/recovered"] }));
     let image = page.event("image", |image| image["topic"] == "/recovered" && image["boxes"] != json!([]));
     assert_eq!((&image["width"], &image["height"]), (&json!(96), &json!(64)), "{image}");
@@ -164,5 +184,110 @@ fn only_the_holder_of_the_token_is_served() {
     let taken = bench.run(&["view", "--port", host.rsplit_once(':').expect("a port").1]);
     assert_eq!(taken.status.code(), Some(1));
     assert_eq!(bench.run(&["view", "--token", "short"]).status.code(), Some(2));
+    assert_eq!(viewer.interrupt(), Some(0), "SIGINT ends it");
+}
+
+/// A client of the Foxglove WebSocket protocol.
+struct Foxglove {
+    socket: WebSocket<MaybeTlsStream<TcpStream>>,
+    /// All channels that it was offered.
+    channels: Vec<Value>,
+}
+
+impl Foxglove {
+    fn open(address: &str) -> Self {
+        let mut request = address.into_client_request().expect("an address");
+        let protocol = "foxglove.sdk.v1".parse().expect("a header");
+        request.headers_mut().insert("sec-websocket-protocol", protocol);
+        Self { socket: tungstenite::connect(request).expect("a connection").0, channels: Vec::new() }
+    }
+
+    fn ask(&mut self, request: &Value) {
+        self.socket.send(Message::text(request.to_string())).expect("sent");
+    }
+
+    /// The next text message of `op` that `accept` accepts.
+    fn hear(&mut self, op: &str, accept: impl Fn(&Value) -> bool) -> Value {
+        loop {
+            if let Message::Text(text) = self.socket.read().expect("a message") {
+                let message: Value = serde_json::from_str(&text).expect("JSON");
+                self.channels.extend(message["channels"].as_array().into_iter().flatten().cloned());
+                if message["op"] == op && accept(&message) {
+                    return message;
+                }
+            }
+        }
+    }
+
+    /// The id of the channel of `topic`, which must have this schema.
+    fn channel(&mut self, topic: &str, schema: &str) -> Value {
+        loop {
+            if let Some(channel) = self.channels.iter().find(|channel| channel["topic"] == topic) {
+                let kind = (&channel["schemaName"], &channel["encoding"]);
+                assert_eq!(kind, (&json!(schema), &json!("protobuf")));
+                return channel["id"].clone();
+            }
+            self.hear("advertise", |_| true);
+        }
+    }
+
+    /// The next message of the subscription `id`.
+    fn message(&mut self, id: u32) -> Vec<u8> {
+        loop {
+            if let Message::Binary(bytes) = self.socket.read().expect("a message")
+                // Opcode, id of the subscription, and time.
+                && let Some((1, [a, b, c, d, rest @ ..])) = bytes.split_first().map(|(op, rest)| (*op, rest))
+                && u32::from_le_bytes([*a, *b, *c, *d]) == id
+            {
+                return rest[8..].to_vec();
+            }
+        }
+    }
+
+    /// The value of a parameter; `None` where there is none.
+    fn parameter(&mut self, name: &str) -> Option<Value> {
+        self.ask(&json!({ "op": "getParameters", "parameterNames": [name], "id": name }));
+        let values = self.hear("parameterValues", |message| message["id"] == name);
+        values["parameters"].as_array().expect("a list").first().map(|first| first["value"].clone())
+    }
+
+    /// Sets a parameter, and returns what it has then.
+    fn set(&mut self, name: &str, value: &str) -> Value {
+        let parameters = json!([{ "name": name, "value": value }]);
+        self.ask(&json!({ "op": "setParameters", "parameters": parameters, "id": "set" }));
+        self.hear("parameterValues", |message| message["id"] == "set")["parameters"][0]["value"].clone()
+    }
+}
+
+#[test]
+fn foxglove_gets_images_with_boxes_and_sets_parameters_with_the_token() {
+    let bench = Bench::new();
+    let (source, model) = (arg("source", bench.images(4)), arg("model", model()));
+    let file = "launch/recovered.launch.yaml";
+    let _suite = bench.start(&["launch", file, &source, &model, "engine:=rten", "rate:=5.0", "loop:=true"]);
+    let (viewer, [page, address]) = viewer_with(&bench, &["--foxglove", "0"], ["http://", "ws://"]);
+    let mut client = Foxglove::open(&address);
+    let server = client.hear("serverInfo", |_| true);
+    assert!(
+        server["capabilities"].as_array().is_some_and(|all| all.contains(&json!("parameters"))),
+        "{server}"
+    );
+    let image = client.channel("/recovered", "foxglove.CompressedImage");
+    let boxes = client.channel("/detector/detections", "foxglove.ImageAnnotations");
+    let subscriptions = json!([{ "id": 1, "channelId": image }, { "id": 2, "channelId": boxes }]);
+    client.ask(&json!({ "op": "subscribe", "subscriptions": subscriptions }));
+    assert!(client.message(1).windows(3).any(|part| part == [0xff, 0xd8, 0xff]), "a JPEG file");
+    assert!(!client.message(2).is_empty(), "boxes");
+
+    assert_eq!(client.parameter("/detector.input"), Some(json!("recovered")));
+    assert_eq!(client.parameter("/detector.score_threshold"), Some(json!(0.25)));
+    assert_eq!(client.parameter("/no_such_node.input"), None);
+    assert_eq!(client.set("/detector.input", "modulo"), "recovered", "no token was given");
+    assert_eq!(client.set("token", "0123456789abcdef"), "");
+    assert_eq!(client.set("/detector.input", "modulo"), "recovered", "a wrong token was given");
+    assert_eq!(client.set("token", parts(&page).1), "", "the token is never told");
+    assert_eq!(client.set("/detector.input", "modulo"), "modulo");
+    let mut other = Foxglove::open(&address);
+    assert_eq!(other.set("/detector.input", "recovered"), "modulo", "each client gives the token");
     assert_eq!(viewer.interrupt(), Some(0), "SIGINT ends it");
 }

@@ -4,6 +4,7 @@
 //! ```text
 //! topics -> Streams (newest few images, boxes by stamp) -> one WebSocket for each browser -> page
 //! page -> PageRequest -> parameter and player services
+//! topics -> Streams -> channels of the Foxglove protocol -> Foxglove, Lichtblick
 //! ```
 //!
 //! The viewer is a reader as any other: nodes never wait for it, it keeps at most [`streams::KEPT_BYTES`] of images for each
@@ -11,17 +12,31 @@
 //! the printed address, is needed for everything but the empty page.
 
 mod client;
+mod feed;
+mod foxglove;
 pub mod protocol;
-mod server;
 pub mod streams;
+pub mod top;
+mod watch;
 
 use std::io;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 
+use axum::Router;
+use axum::extract::ws::WebSocketUpgrade;
+use axum::extract::{RawQuery, State};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use modulo_runtime::process::stop::Wake;
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::transport::{Transport as _, TransportError};
-use modulo_runtime::{Clock, NodeName, Stop};
+use modulo_runtime::{Clock, NodeName, Stop, Urgency};
+use tokio::sync::{Notify, Semaphore};
+
+use crate::feed::Session;
+use crate::foxglove::FoxgloveServer;
 
 /// Name of the node in the graph.
 const NODE: &str = "viewer";
@@ -33,6 +48,19 @@ pub struct ViewOptions {
     pub address: SocketAddr,
     /// The token of the address; a random one for `None`.
     pub token: Option<String>,
+    /// The port for Foxglove, on the same address, if it is served; port 0 takes a free one.
+    pub foxglove: Option<u16>,
+}
+
+/// The addresses of a viewer that is ready.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ViewAddresses {
+    /// The page, with the token.
+    pub page: String,
+    /// The address for Foxglove.
+    pub foxglove: Option<String>,
+    /// The token.
+    pub token: String,
 }
 
 /// Error: the viewer cannot run.
@@ -41,6 +69,9 @@ pub enum ViewError {
     /// The address cannot be listened on.
     #[error("{0}: {1}; choose another one with --address or --port")]
     Listen(SocketAddr, io::Error),
+    /// The address for Foxglove cannot be listened on.
+    #[error("Foxglove on {0}: {1}; choose another port with --foxglove PORT")]
+    Foxglove(SocketAddr, ::foxglove::FoxgloveError),
     /// The operating system gives no random numbers for the token.
     #[error("no random numbers for the token: {0}; give one with --token")]
     Random(getrandom::Error),
@@ -52,7 +83,7 @@ pub enum ViewError {
     Transport(#[from] TransportError),
 }
 
-/// Serves the page until `stop` is asked for an end. `ready` gets the address to open, with the token, once a browser can connect.
+/// Serves the page until `stop` is asked for an end. `ready` gets the addresses once clients can connect.
 ///
 /// # Errors
 /// [`ViewError`] when the address is taken or the transport fails.
@@ -61,7 +92,7 @@ pub fn run(
     clock: Arc<dyn Clock>,
     options: &ViewOptions,
     stop: &Stop,
-    ready: impl FnOnce(&str),
+    ready: impl FnOnce(&ViewAddresses),
 ) -> Result<(), ViewError> {
     let token = match &options.token {
         Some(token) => token.clone(),
@@ -70,13 +101,24 @@ pub fn run(
     let taken = |why| ViewError::Listen(options.address, why);
     let listener = TcpListener::bind(options.address).map_err(taken)?;
     let address = listener.local_addr().map_err(taken)?;
+    let page = format!("http://{address}/?token={token}");
+    let mut addresses = ViewAddresses { page, foxglove: None, token: token.clone() };
     let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() };
     let _announced = transport.announce(&node_name)?;
-    let viewer = server::Viewer::new(transport, node_name, clock, token.clone());
+    let session = Arc::new(Session { transport, node_name, clock });
     // Two threads: zenoh may not be called from a runtime of one.
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build()?;
-    ready(&format!("http://{address}/?token={token}"));
-    runtime.block_on(server::serve(viewer, listener, stop))?;
+    runtime.block_on(async {
+        if let Some(port) = options.foxglove {
+            let address = SocketAddr::new(address.ip(), port);
+            let server = FoxgloveServer::start(session.clone(), address, token.clone()).await;
+            let server = server.map_err(|why| ViewError::Foxglove(address, why))?;
+            addresses.foxglove = Some(format!("ws://{}", SocketAddr::new(address.ip(), server.port())));
+            tokio::spawn(server.serve());
+        }
+        ready(&addresses);
+        serve(Viewer::new(session, token), listener, stop).await
+    })?;
     // A call that still waits for its node must not hold up the end.
     runtime.shutdown_background();
     Ok(())
@@ -87,4 +129,104 @@ fn random_token() -> Result<String, getrandom::Error> {
     let mut bytes = [0; 16];
     getrandom::fill(&mut bytes)?;
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+/// Browsers at one time, since each of them costs memory and the encoding of its images.
+const BROWSERS: usize = 8;
+/// The largest message from the page.
+const REQUEST_BYTES: usize = 64 << 10;
+/// The page asks nothing from any other place, and no other page may show it.
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; \
+                      connect-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
+
+/// The session and the token that all browsers share.
+pub(crate) struct Viewer {
+    pub session: Arc<Session>,
+    token: String,
+    seats: Arc<Semaphore>,
+}
+
+impl Viewer {
+    pub fn new(session: Arc<Session>, token: String) -> Arc<Self> {
+        Arc::new(Self { session, token, seats: Arc::new(Semaphore::new(BROWSERS)) })
+    }
+}
+
+/// Serves the page until `stop` is asked for an end.
+pub(crate) async fn serve(viewer: Arc<Viewer>, listener: TcpListener, stop: &Stop) -> Result<(), ViewError> {
+    listener.set_nonblocking(true)?;
+    let listener = tokio::net::TcpListener::from_std(listener)?;
+    let routes = Router::new()
+        .route("/", get(|| file("text/html; charset=utf-8", include_str!("page/index.html"))))
+        .route("/viewer.js", get(|| file("text/javascript; charset=utf-8", include_str!("page/viewer.js"))))
+        .route("/viewer.css", get(|| file("text/css; charset=utf-8", include_str!("page/viewer.css"))))
+        .route("/socket", get(socket))
+        .with_state(viewer);
+    let end = Arc::new(End(Notify::new()));
+    stop.wakes(&end);
+    tokio::select! {
+        served = axum::serve(listener, routes).into_future() => served?,
+        () = end.reached(stop) => {}
+    }
+    Ok(())
+}
+
+async fn file(kind: &'static str, text: &'static str) -> impl IntoResponse {
+    let headers = [
+        (header::CONTENT_TYPE, kind),
+        (header::CONTENT_SECURITY_POLICY, POLICY),
+        (header::REFERRER_POLICY, "no-referrer"),
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (header::CACHE_CONTROL, "no-store"),
+    ];
+    (headers, text)
+}
+
+/// Opens the connection of a browser that knows the token. A page of another place cannot know it.
+async fn socket(
+    State(viewer): State<Arc<Viewer>>,
+    RawQuery(query): RawQuery,
+    headers: HeaderMap,
+    upgrade: WebSocketUpgrade,
+) -> Response {
+    let given =
+        query.as_deref().and_then(|query| query.split('&').find_map(|pair| pair.strip_prefix("token=")));
+    if given != Some(&viewer.token) || !is_same_origin(&headers) {
+        let why = "The token is missing or wrong: open the address that `modulo view` has printed.";
+        return (StatusCode::UNAUTHORIZED, why).into_response();
+    }
+    let Ok(seat) = viewer.seats.clone().try_acquire_owned() else {
+        let why = format!("{BROWSERS} browsers are connected already: close one of them.");
+        return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();
+    };
+    upgrade.max_message_size(REQUEST_BYTES).on_upgrade(move |socket| async move {
+        client::serve(viewer, socket).await;
+        drop(seat);
+    })
+}
+
+/// A browser names the place of the page that opens the connection; other programs name none.
+fn is_same_origin(headers: &HeaderMap) -> bool {
+    let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
+    let origin = text(header::ORIGIN)
+        .map(|origin| origin.trim_start_matches("http://").trim_start_matches("https://"));
+    origin.is_none() || origin == text(header::HOST)
+}
+
+/// Wakes the server when the process is asked for an end.
+struct End(Notify);
+
+impl Wake for End {
+    fn wake(&self) {
+        self.0.notify_one();
+    }
+}
+
+impl End {
+    async fn reached(&self, stop: &Stop) {
+        // A wake before this wait is kept, so that it is never missed.
+        while stop.urgency() == Urgency::None {
+            self.0.notified().await;
+        }
+    }
 }

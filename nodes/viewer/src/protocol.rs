@@ -4,6 +4,7 @@
 use modulo_msgs::diagnostic_msgs::DiagnosticStatus;
 use modulo_msgs::rcl_interfaces::{ParameterDescriptor, ParameterValue};
 use modulo_msgs::vision_msgs::Detection2DArray;
+use modulo_runtime::parameter::client::{ClientError, ParameterClient};
 use modulo_runtime::parameter::text::{bare, type_name};
 use serde::{Deserialize, Serialize};
 
@@ -106,6 +107,9 @@ pub struct GraphView {
     pub detectors: Vec<DetectorView>,
     /// All nodes with parameters.
     pub nodes: Vec<String>,
+    /// The topics `~/state` of all nodes.
+    #[serde(skip)]
+    pub states: Vec<String>,
     /// Whether a bag is being replayed.
     pub player: bool,
 }
@@ -117,8 +121,10 @@ pub struct DetectorView {
     pub node: String,
     /// The topic of its boxes.
     pub topic: String,
-    /// The image topics that it reads now.
+    /// The image topics that it reads now; two while its input changes.
     pub inputs: Vec<String>,
+    /// The values of its parameter `input` for which there is an image topic now, and `auto`.
+    pub offers: Vec<String>,
 }
 
 /// One status of `diagnostic_msgs/DiagnosticArray`.
@@ -146,6 +152,13 @@ impl From<&DiagnosticStatus> for StatusView {
     }
 }
 
+impl StatusView {
+    /// Returns the first value whose key is `key`.
+    pub fn value(&self, key: &str) -> Option<&str> {
+        self.values.iter().find(|(name, _)| name == key).map(|(_, value)| value.as_str())
+    }
+}
+
 /// A parameter with what a control for it needs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ParameterView {
@@ -166,6 +179,15 @@ pub struct ParameterView {
 }
 
 impl ParameterView {
+    /// Asks a node for its parameters called `names`.
+    ///
+    /// # Errors
+    /// [`ClientError`] when the node does not answer.
+    pub fn read(client: &ParameterClient<'_>, names: &[String]) -> Result<Vec<Self>, ClientError> {
+        let (values, descriptors) = (client.values(names)?, client.descriptors(names)?);
+        Ok(descriptors.iter().zip(&values).map(|(descriptor, value)| Self::new(descriptor, value)).collect())
+    }
+
     /// Returns the view of the parameter of `descriptor` with `value`.
     pub fn new(descriptor: &ParameterDescriptor, value: &ParameterValue) -> Self {
         let doubles = descriptor.floating_point_range.first().map(|range| (range.from_value, range.to_value));

@@ -284,14 +284,10 @@ function options(select, words, value) {
   select.value = value;
 }
 
-// A detector reads a stream of its namespace by name, and any other topic by its absolute name.
+// The value that is set stays in the list, even if there is no such topic now.
 function inputs(node, value) {
-  const space = node.slice(0, node.lastIndexOf("/"));
-  const names = graph.images.filter((topic) => !/\/(annotated|hdr)$/.test(topic)).map((topic) => {
-    const name = topic.startsWith(`${space}/`) ? topic.slice(space.length + 1) : topic;
-    return STREAMS.includes(name) ? name : topic;
-  });
-  return [...new Set([...STREAMS.filter((name) => names.includes(name)), ...names, value])];
+  const offers = graph.detectors.find((detector) => detector.node === node)?.offers ?? [];
+  return [...new Set([...offers, value])];
 }
 
 function showControls() {

@@ -1,0 +1,191 @@
+//! [`Feed`]: the subscriptions of one view of a running suite, and [`GraphView`], the part of the ROS graph that is shown.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use modulo_msgs::diagnostic_msgs::DiagnosticArray;
+use modulo_msgs::ros_name;
+use modulo_msgs::vision_msgs::Detection2DArray;
+use modulo_runtime::graph::Graph;
+use modulo_runtime::transport::keys::{Endpoint, EntityKind};
+use modulo_runtime::transport::zenoh::ZenohTransport;
+use modulo_runtime::transport::{Guard, Payload, RawSample, TransportError};
+use modulo_runtime::{Clock, Message, MessageKind, NodeName};
+
+use crate::protocol::{DetectorView, GraphView, StatusView};
+
+/// Name of the player of ROS 2, and of the suite.
+pub(crate) const PLAYER: &str = "/rosbag2_player";
+/// The input that follows the trust of the unwrapper.
+const AUTO: &str = "auto";
+/// The streams that a detector reads by a short name.
+const STREAMS: [&str; 4] = ["modulo", "recovered", "saturated", "ideal"];
+/// Names of statuses that are kept; a publisher may invent more.
+const STATUSES: usize = 256;
+
+/// The session, the name and the clock of a viewer.
+pub(crate) struct Session {
+    pub transport: ZenohTransport,
+    pub node_name: NodeName,
+    pub clock: Arc<dyn Clock>,
+}
+
+/// A message of the suite.
+pub(crate) enum Heard {
+    /// An image, as CDR.
+    Image(Payload),
+    Boxes(Arc<Detection2DArray>),
+    Statuses(Arc<DiagnosticArray>),
+}
+
+/// The node and the topic that a message comes from.
+pub(crate) struct MessageOrigin {
+    pub node: String,
+    pub topic: String,
+}
+
+type Take = dyn Fn(&MessageOrigin, Heard) + Send + Sync;
+
+/// The subscriptions of one view.
+pub(crate) struct Feed {
+    session: Arc<Session>,
+    take: Arc<Take>,
+    guards: BTreeMap<String, Guard>,
+}
+
+impl Feed {
+    /// Creates a feed without a subscription. `take` gets each message, in a thread of the transport, and must not wait.
+    pub fn new(session: Arc<Session>, take: impl Fn(&MessageOrigin, Heard) + Send + Sync + 'static) -> Self {
+        Self { session, take: Arc::new(take), guards: BTreeMap::new() }
+    }
+
+    /// Looks at the graph, and subscribes to exactly the topics that `wanted` chooses. Returns the graph and what failed.
+    pub fn look(&mut self, wanted: impl FnOnce(&GraphView) -> BTreeSet<String>) -> (GraphView, Vec<String>) {
+        let graph = self.session.transport.graph();
+        let view = GraphView::of(&graph, &self.session.node_name.fully_qualified());
+        let wanted = wanted(&view);
+        self.guards.retain(|topic, _| wanted.contains(topic));
+        let mut errors = Vec::new();
+        for topic in wanted {
+            let publisher = graph.endpoints(EntityKind::Publisher, &topic).next();
+            let publisher = publisher.and_then(|token| Some((token.node_name(), token.endpoint.as_ref()?)));
+            // A topic without a publisher has no type yet; it is looked at again.
+            let (Some((node, endpoint)), false) = (publisher, self.guards.contains_key(&topic)) else {
+                continue;
+            };
+            match self.subscribe(node, endpoint) {
+                Ok(guard) => drop(self.guards.insert(topic, guard)),
+                Err(why) => errors.push(why.to_string()),
+            }
+        }
+        (view, errors)
+    }
+
+    fn subscribe(&self, node: String, endpoint: &Endpoint) -> Result<Guard, TransportError> {
+        let (take, type_name) = (self.take.clone(), ros_name(&endpoint.dds_type));
+        let origin = MessageOrigin { node, topic: endpoint.topic.clone() };
+        let hear = move |sample: RawSample| {
+            if let Some(heard) = Heard::read(&type_name, sample) {
+                take(&origin, heard);
+            }
+        };
+        self.session.transport.subscribe_raw(&self.session.node_name, endpoint, hear)
+    }
+}
+
+impl Heard {
+    /// Reads a message. One that cannot be read is left out: its reader in the suite counts it.
+    fn read(type_name: &str, sample: RawSample) -> Option<Self> {
+        match MessageKind::from_type_name(type_name)? {
+            MessageKind::Image => Some(Self::Image(sample.payload)),
+            kind @ (MessageKind::Detections | MessageKind::Diagnostics) => {
+                match Message::decode(kind, &sample.payload).ok()? {
+                    Message::Detections(boxes) => Some(Self::Boxes(boxes)),
+                    Message::Diagnostics(array) => Some(Self::Statuses(array)),
+                    _ => None,
+                }
+            }
+            _ => None,
+        }
+    }
+}
+
+/// The newest status of each name.
+#[derive(Default)]
+pub(crate) struct Statuses(BTreeMap<String, StatusView>);
+
+impl Statuses {
+    /// Takes the statuses of `array`; names beyond the first 256 are left out.
+    pub fn note(&mut self, array: &DiagnosticArray) {
+        for status in &array.status {
+            if self.0.len() < STATUSES || self.0.contains_key(&status.name) {
+                self.0.insert(status.name.clone(), status.into());
+            }
+        }
+    }
+
+    pub fn get(&self, name: &str) -> Option<&StatusView> {
+        self.0.get(name)
+    }
+
+    pub fn all(&self) -> Vec<StatusView> {
+        self.0.values().cloned().collect()
+    }
+}
+
+impl GraphView {
+    /// Returns the view of `graph` without the node `own`.
+    fn of(graph: &Graph, own: &str) -> Self {
+        let of = |kind, message: MessageKind| {
+            graph.tokens().filter(move |token| token.kind == kind).filter_map(move |token| {
+                let endpoint = token.endpoint.as_ref()?;
+                let fits = ros_name(&endpoint.dds_type) == message.type_name();
+                fits.then(|| (token.node_name(), endpoint.topic.clone()))
+            })
+        };
+        let published = |message| of(EntityKind::Publisher, message);
+        let images: BTreeSet<String> = published(MessageKind::Image).map(|(_, topic)| topic).collect();
+        let images: Vec<String> = images.into_iter().collect();
+        let detectors = published(MessageKind::Detections).map(|(node, topic)| {
+            let inputs = of(EntityKind::Subscription, MessageKind::Image);
+            let inputs = inputs.filter(|(reader, _)| *reader == node).map(|(_, input)| input).collect();
+            DetectorView { inputs, offers: offers(&node, &images), node, topic }
+        });
+        // Labels are published with the type of boxes as well, by a node that reads no image.
+        let detectors = detectors.filter(|detector| !detector.inputs.is_empty()).collect();
+        let states = published(MessageKind::Diagnostics).filter(|(node, topic)| *topic == state_topic(node));
+        let mut nodes = graph.nodes_with_parameters();
+        nodes.remove(own);
+        Self {
+            detectors,
+            states: states.map(|(_, topic)| topic).collect(),
+            player: nodes.contains(PLAYER),
+            nodes: nodes.into_iter().collect(),
+            images,
+        }
+    }
+}
+
+/// Returns the topic of the values that `node` uses.
+pub(crate) fn state_topic(node: &str) -> String {
+    format!("{node}/state")
+}
+
+/// Returns the name of the topic that `node`, which is not remapped, reads when its input is `stream`.
+pub(crate) fn input_topic(node: &str, stream: &str) -> String {
+    match node.rsplit_once('/') {
+        Some((namespace, _)) if !stream.starts_with('/') => format!("{namespace}/{stream}"),
+        _ => stream.to_owned(),
+    }
+}
+
+/// Returns the values of the parameter `input` of the detector `node` that name one of `images`: a stream of its namespace by
+/// its short name, any other image by its topic, and `auto`. Annotated images and `/hdr` are left out: no detector was made for
+/// them.
+fn offers(node: &str, images: &[String]) -> Vec<String> {
+    let short = STREAMS.into_iter().filter(|stream| images.contains(&input_topic(node, stream)));
+    let is_short = |topic: &&String| STREAMS.iter().any(|stream| input_topic(node, stream) == **topic);
+    let made = |topic: &&String| topic.ends_with("/annotated") || topic.ends_with("/hdr");
+    let others = images.iter().filter(|topic| !is_short(topic) && !made(topic));
+    short.map(str::to_owned).chain(others.cloned()).chain([AUTO.to_owned()]).collect()
+}
