@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 pub(crate) use process::{ExecutableAction, NodeAction, Parameter, ParameterValue, ProcessAction};
 
 use crate::attributes::{Attributes, Text};
-use crate::error::{LaunchError, Mistakes, listed};
 use crate::yaml::{self, Content, Item, ScalarType};
+use crate::{LaunchError, Mistakes, listed};
 
 /// A launch file.
 #[derive(Clone, Debug)]

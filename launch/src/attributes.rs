@@ -3,9 +3,9 @@
 
 use std::path::Path;
 
-use crate::error::{LaunchError, listed};
 use crate::substitution::Template;
 use crate::yaml::{Content, Item, Key, ScalarType};
+use crate::{LaunchError, listed};
 
 /// A string of a launch file with its line.
 #[derive(Clone, Debug, PartialEq)]

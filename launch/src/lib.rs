@@ -4,25 +4,135 @@
 //! into a [`Plan`], and a plan is run, printed, or translated for one process.
 //!
 //! The dialect is a subset of ROS 2's own: what is accepted here means the same
-//! to `ros2 launch`, and what is not supported is refused by name.
+//! to `ros2 launch`, and what is not supported is refused by name. What is wrong is a
+//! [`LaunchError`] of one line that names the place, the thing and the possible values.
 
 mod action;
 mod attributes;
-mod error;
 mod package;
 pub mod plan;
-mod progress;
 pub mod substitution;
 pub mod summary;
 pub mod supervisor;
+mod trace;
 mod yaml;
 
-pub use error::{LaunchError, Mistakes};
+use std::path::{Path, PathBuf};
+
 pub use package::{FoundFile, SUITE, launch_files};
 pub use plan::{
     ComposedNode, DeclaredArgument, NodePlan, Plan, check, compose, declared_arguments, resolve,
     ros_arguments,
 };
-pub use progress::Progress;
 pub use summary::{NodeReport, Summary, reports_so_far};
 pub use supervisor::{Ending, Outcome, Supervision, run};
+pub use trace::TraceCounts;
+
+/// Why a launch file cannot be read, resolved or run.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum LaunchError {
+    /// Something in a launch file.
+    #[error("{}:{line}: {message}", file.display())]
+    At {
+        /// The launch file.
+        file: PathBuf,
+        /// Line in it, from 1.
+        line: usize,
+        /// The mistake and the possible values.
+        message: String,
+    },
+    /// A file that cannot be read or written.
+    #[error("{}: {why}", file.display())]
+    File {
+        /// The file.
+        file: PathBuf,
+        /// The system's reason.
+        why: String,
+    },
+    /// A `name:=value` that no launch file declares.
+    #[error("unknown launch argument '{name}', {known}")]
+    UnknownArgument {
+        /// The name on the command line.
+        name: String,
+        /// The declared ones, as text.
+        known: String,
+    },
+    /// A process that cannot be started.
+    #[error("{process}: {why}")]
+    Start {
+        /// Its label.
+        process: String,
+        /// The command that was tried, and why it failed.
+        why: String,
+    },
+    /// Something that is wrong only because of an earlier mistake; never shown.
+    #[error("follows from an earlier mistake")]
+    Consequence,
+    /// A plan that cannot run inside one process.
+    #[error("{process} cannot run in one process: {why}")]
+    NotComposable {
+        /// Its label.
+        process: String,
+        /// Which property of it stands in the way.
+        why: String,
+    },
+}
+
+/// Everything that is wrong with a launch file; never empty.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Mistakes(Vec<LaunchError>);
+
+impl Mistakes {
+    /// All of them, in the order of the file.
+    pub fn all(&self) -> &[LaunchError] {
+        &self.0
+    }
+
+    /// The first one.
+    pub fn into_first(self) -> LaunchError {
+        self.0.into_iter().next().expect("it is only made with at least one mistake")
+    }
+
+    /// Those that are not `dropped`; no mistake when none is left.
+    pub(crate) fn without(self, dropped: &LaunchError) -> Result<(), Self> {
+        let left: Vec<_> = self.0.into_iter().filter(|mistake| mistake != dropped).collect();
+        if left.is_empty() { Ok(()) } else { Err(Self(left)) }
+    }
+
+    /// The values, if all are there, else the mistakes of all that are not.
+    pub(crate) fn gather<T>(results: impl IntoIterator<Item = Result<T, Self>>) -> Result<Vec<T>, Self> {
+        // All results are looked at: a mistake does not hide the next one.
+        let (mut values, mut mistakes) = (Vec::new(), Vec::new());
+        for result in results {
+            match result {
+                Ok(value) => values.push(value),
+                Err(Self(more)) => mistakes.extend(more),
+            }
+        }
+        if mistakes.is_empty() { Ok(values) } else { Err(Self(mistakes)) }
+    }
+}
+
+impl From<LaunchError> for Mistakes {
+    fn from(error: LaunchError) -> Self {
+        Self(vec![error])
+    }
+}
+
+impl LaunchError {
+    /// An error at a line of a launch file.
+    pub fn at(file: &Path, line: usize, message: impl Into<String>) -> Self {
+        Self::At { file: file.to_owned(), line, message: message.into() }
+    }
+
+    /// An error of the file system.
+    pub fn file(file: &Path, why: impl ToString) -> Self {
+        Self::File { file: file.to_owned(), why: why.to_string() }
+    }
+}
+
+/// Joins `words` with commas. Without words the result is `none`.
+pub(crate) fn listed<S: AsRef<str>>(words: impl IntoIterator<Item = S>, none: &str) -> String {
+    let words: Vec<String> = words.into_iter().map(|w| w.as_ref().to_owned()).collect();
+    if words.is_empty() { none.to_owned() } else { words.join(", ") }
+}

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use crate::error::LaunchError;
+use crate::LaunchError;
 use crate::package::SUITE;
 
 pub use arguments::{DeclaredArgument, declared_arguments};

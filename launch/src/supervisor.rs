@@ -17,9 +17,10 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 
-use crate::error::LaunchError;
+use crate::LaunchError;
 use crate::plan::{OnExit, Plan};
 use crate::summary::{NodeReport, Summary, read_reports, reports_so_far};
+use crate::trace::{self, TraceCounts};
 
 use job::Job;
 
@@ -35,7 +36,16 @@ pub struct Supervision {
     /// A node of the suite with `respawn` that shows no sign of life for so long is killed and started again; `None`
     /// lets it hang. A step longer than this counts as a hang.
     pub hang_timeout: Option<Duration>,
+    /// A process that crashes more often than this within a minute is not started again, and the run ends; `None` sets no
+    /// limit.
+    pub max_restarts: Option<u32>,
+    /// File for a trace of the run: the spans of all nodes of the suite as trace events of Chrome and Perfetto.
+    pub trace: Option<PathBuf>,
 }
+
+/// Restarts within a minute that are allowed by default. The first crash is answered at once and the pauses grow up to a
+/// second, so that a process that crashes at each start reaches this within some seconds.
+pub const MAX_RESTARTS: u32 = 10;
 
 /// Takes a line to be shown.
 pub type Print = Arc<dyn Fn(Channel, &str) + Send + Sync>;
@@ -56,13 +66,14 @@ pub enum Channel {
 }
 
 impl Supervision {
-    /// Creates the surroundings with the running program as the suite. Nodes that hang are left alone.
+    /// Creates the surroundings with the running program as the suite. Nodes that hang are left alone, and
+    /// [`MAX_RESTARTS`] holds.
     ///
     /// # Errors
     /// [`LaunchError::Start`] when the running program's path is unknown.
     pub fn new(print: Print, watch: Option<Watch>) -> Result<Self, LaunchError> {
         let suite = std::env::current_exe().map_err(|e| start_error("launcher", e))?;
-        Ok(Self { suite, print, watch, hang_timeout: None })
+        Ok(Self { suite, print, watch, hang_timeout: None, max_restarts: Some(MAX_RESTARTS), trace: None })
     }
 }
 
@@ -77,6 +88,8 @@ pub struct Outcome {
     pub reports: Vec<NodeReport>,
     /// From the first start to the last end.
     pub elapsed: Duration,
+    /// The content of the trace, if one was asked for.
+    pub trace: Option<TraceCounts>,
 }
 
 /// Why a run ended.
@@ -108,6 +121,13 @@ pub enum ProcessEnd {
     ShutDown,
     /// By itself, otherwise; with the status in words.
     Crashed(String),
+    /// By itself, more often within a minute than restarts are allowed.
+    GaveUp {
+        /// The crashes within the last minute.
+        crashes: u32,
+        /// The status of the last one in words, with the last line of its standard error.
+        status: String,
+    },
     /// A node of this suite that refused its command line at its first start (exit status 2): starting it again would
     /// change nothing.
     Refused,
@@ -121,6 +141,11 @@ impl fmt::Display for ProcessEnd {
             Self::Exited => write!(f, "ended"),
             Self::ShutDown => write!(f, "was shut down"),
             Self::Crashed(status) => write!(f, "crashed: {status}"),
+            Self::GaveUp { crashes, status } => write!(
+                f,
+                "crashed {crashes} times within a minute, the last time with {status}; remove the cause, or allow more \
+                 restarts with --max-restarts"
+            ),
             Self::Refused => write!(f, "refused its arguments"),
             Self::NotStarted(why) => write!(f, "could not be started: {why}"),
         }
@@ -130,7 +155,12 @@ impl fmt::Display for ProcessEnd {
 impl ProcessEnd {
     /// Whether something went wrong.
     pub fn is_failure(&self) -> bool {
-        matches!(self, Self::Crashed(_) | Self::Refused | Self::NotStarted(_))
+        matches!(self, Self::Crashed(_)) || self.is_final()
+    }
+
+    /// Whether the process is missing for good, so that the others have nothing to wait for.
+    fn is_final(&self) -> bool {
+        matches!(self, Self::GaveUp { .. } | Self::Refused | Self::NotStarted(_))
     }
 }
 
@@ -189,7 +219,9 @@ pub async fn run_until(
         ended = supervise(jobs, how, stop) => ended,
         never = watch_reports(how.watch.as_ref(), reports.path()) => match never {},
     };
-    Ok(Outcome { ending, processes, reports: read_reports(reports.path()), elapsed: begin.elapsed() })
+    let elapsed = begin.elapsed();
+    let trace = how.trace.as_ref().map(|file| trace::join(reports.path(), file)).transpose()?;
+    Ok(Outcome { ending, processes, reports: read_reports(reports.path()), elapsed, trace })
 }
 
 /// Passes the reports in `folder` on to `watch`, again and again.
@@ -229,8 +261,7 @@ async fn supervise(
             end = running.join_next() => match end {
                 None => return (ending, ended),
                 Some(Ok((on_exit, outcome))) => {
-                    // A node that cannot start is missing for good, so the others have nothing to wait for.
-                    let last = matches!(outcome.end, ProcessEnd::Refused | ProcessEnd::NotStarted(_));
+                    let last = outcome.end.is_final();
                     ended.push(outcome);
                     if last || on_exit == OnExit::Shutdown {
                         shut_down.send_replace(true);

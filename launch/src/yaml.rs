@@ -6,7 +6,7 @@ use std::path::Path;
 
 use saphyr_parser::{Event, Parser, ScalarStyle, Span, StrInput};
 
-use crate::error::LaunchError;
+use crate::LaunchError;
 
 /// No launch file is nested deeper than this; keeps recursion bounded.
 const DEEPEST: usize = 64;

@@ -26,6 +26,12 @@ pub fn cpu_time_ns() -> u64 {
     u64::try_from(time.num_nanoseconds()).expect("processor time is never negative")
 }
 
+/// Returns the nanoseconds since the machine has started, the same in all its processes.
+pub fn monotonic_ns() -> u64 {
+    let time = clock_gettime(ClockId::CLOCK_MONOTONIC).expect("Linux has this clock since 2.6");
+    u64::try_from(time.num_nanoseconds()).expect("this time is never negative")
+}
+
 /// The clock of the machine.
 #[derive(Debug, Clone)]
 pub struct SystemClock {

@@ -24,6 +24,7 @@ pub mod process {
     pub mod node_files;
     pub mod ros_args;
     pub mod stop;
+    pub mod trace;
 }
 
 /// The sensor behind the images: its parameters, and the description that a camera publishes with each frame.

@@ -6,6 +6,8 @@ use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::time::Duration;
 
+use modulo_msgs::std_msgs::Time;
+
 use crate::clock::Clock;
 use crate::graph::Topic;
 use crate::message::Message;
@@ -25,6 +27,16 @@ pub enum Trigger {
     },
 }
 
+impl Trigger {
+    /// Returns the stamp of the image that the step is about.
+    pub fn frame(&self) -> Option<Time> {
+        match self {
+            Self::Message { message: Message::Image(image), .. } => Some(image.header.stamp),
+            _ => None,
+        }
+    }
+}
+
 /// The state of a node after a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flow {
@@ -32,6 +44,8 @@ pub enum Flow {
     Continue,
     /// The message at hand is kept; a later step answers it.
     Kept,
+    /// Further steps may follow, and [`Node::inputs`] has changed with this one.
+    NewInputs,
     /// The source is exhausted: this node ends, and with it those that only read from it.
     Done,
 }
@@ -55,8 +69,8 @@ pub type Job = Box<dyn FnOnce() -> Result<Part, ParameterError> + Send>;
 
 /// A node of the suite.
 pub trait Node: Send {
-    /// Returns the topics that the node reads now. They may change with [`Node::configure`]; the driver then renews the
-    /// subscriptions.
+    /// Returns the topics that the node reads now. They may change with [`Node::configure`], and with a step that returns
+    /// [`Flow::NewInputs`]; the driver then renews the subscriptions.
     fn inputs(&self) -> Vec<Topic>;
 
     /// Returns the topics written, fixed for the node's life. [`Context::emit`] and [`Context::wanted`] take an index
@@ -131,13 +145,15 @@ pub struct Context<'a> {
     unwanted: RefCell<BTreeSet<usize>>,
     emitted: Vec<(usize, Message)>,
     stages: Vec<(&'static str, u64)>,
+    begins: Vec<u64>,
 }
 
 impl<'a> Context<'a> {
     /// Creates the context of one step. `node` is the fully qualified name of the node, such as `/unwrap`; `wanted[i]`
     /// is whether `outputs()[i]` has a reader.
     pub fn new(node: &'a str, clock: &'a dyn Clock, wanted: &'a [bool]) -> Self {
-        Self { node, clock, wanted, unwanted: RefCell::default(), emitted: Vec::new(), stages: Vec::new() }
+        let (emitted, stages, begins) = (Vec::new(), Vec::new(), Vec::new());
+        Self { node, clock, wanted, unwanted: RefCell::default(), emitted, stages, begins }
     }
 
     /// Returns the fully qualified name of the node, such as `/unwrap`.
@@ -171,12 +187,14 @@ impl<'a> Context<'a> {
         let start = self.clock.ticks_ns();
         let result = work();
         self.stages.push((stage, self.clock.ticks_ns().saturating_sub(start)));
+        self.begins.push(start);
         result
     }
 
     /// Returns the output of the step.
     pub fn finish(self) -> StepOutput {
-        StepOutput { messages: self.emitted, unwanted: self.unwanted.into_inner(), stages: self.stages }
+        let Self { emitted: messages, unwanted, stages, begins, .. } = self;
+        StepOutput { messages, unwanted: unwanted.into_inner(), stages, begins }
     }
 }
 
@@ -189,4 +207,6 @@ pub struct StepOutput {
     pub unwanted: BTreeSet<usize>,
     /// Durations of its stages, nanoseconds.
     pub stages: Vec<(&'static str, u64)>,
+    /// Ticks of the clock at which these stages began, in the same order.
+    pub begins: Vec<u64>,
 }

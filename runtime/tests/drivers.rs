@@ -276,6 +276,9 @@ impl Transport for Offered {
     fn publishers(&self, topic: &str) -> Vec<String> {
         self.local.publishers(topic)
     }
+    fn published(&self, kind: MessageKind) -> Vec<(String, String)> {
+        self.local.published(kind)
+    }
     fn subscribers(&self, topic: &str) -> Vec<String> {
         self.local.subscribers(topic)
     }

@@ -3,9 +3,9 @@
 
 use super::ActionKind;
 use crate::attributes::{Attributes, Text};
-use crate::error::{LaunchError, Mistakes, listed};
 use crate::substitution::{Part, Template};
 use crate::yaml::{Content, Item, ScalarType};
+use crate::{LaunchError, Mistakes, listed};
 
 /// The keys of a node beside those of a process.
 pub(super) const NODE_KEYS: &[&str] =

@@ -8,7 +8,8 @@ use serde::Serialize;
 use super::resolve::{absolute, identity, included};
 use super::scope::{Scope, argument_value};
 use crate::action::{self, Action, ActionKind, LaunchFile};
-use crate::error::{LaunchError, Mistakes, listed};
+use crate::attributes::Text;
+use crate::{LaunchError, Mistakes, listed};
 
 /// An argument of a launch file.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
@@ -70,26 +71,7 @@ impl Collector {
 
     fn one(&mut self, file: &Path, action: &Action) -> Result<(), LaunchError> {
         match &action.kind {
-            ActionKind::Argument(argument) => {
-                let view = self.scope.at(file);
-                let source = |text: &crate::attributes::Text| text.source.clone();
-                let declared = DeclaredArgument {
-                    name: view.string(&argument.name)?,
-                    default: argument.default.as_ref().map(source),
-                    description: argument.description.as_ref().map(source),
-                    choices: argument.choices.iter().map(source).collect(),
-                };
-                // A default that has no value yet is no error here: it may never be needed.
-                if let Ok((name, value)) = argument_value(argument, view) {
-                    self.scope.variables.insert(name, value);
-                }
-                // An argument that an include gives has its value already: a value from outside would be
-                // ignored, so the argument is not offered.
-                let known = self.fixed.contains(&declared.name)
-                    || self.found.iter().any(|other| other.name == declared.name);
-                self.found.extend((!known).then_some(declared));
-                Ok(())
-            }
+            ActionKind::Argument(argument) => self.declare(file, argument),
             ActionKind::Let { name, value } => {
                 let view = self.scope.at(file);
                 if let (Ok(name), Ok(value)) = (view.string(name), view.string(value)) {
@@ -109,6 +91,27 @@ impl Collector {
             }
             _ => Ok(()),
         }
+    }
+
+    fn declare(&mut self, file: &Path, argument: &action::Argument) -> Result<(), LaunchError> {
+        let view = self.scope.at(file);
+        let source = |text: &Text| text.source.clone();
+        let declared = DeclaredArgument {
+            name: view.string(&argument.name)?,
+            default: argument.default.as_ref().map(source),
+            description: argument.description.as_ref().map(source),
+            choices: argument.choices.iter().map(source).collect(),
+        };
+        // A default that has no value yet is no error here: it may never be needed.
+        if let Ok((name, value)) = argument_value(argument, view) {
+            self.scope.variables.insert(name, value);
+        }
+        // An argument that an include gives has its value already: a value from outside would be ignored, so the argument
+        // is not offered.
+        let known =
+            self.fixed.contains(&declared.name) || self.found.iter().any(|other| other.name == declared.name);
+        self.found.extend((!known).then_some(declared));
+        Ok(())
     }
 
     fn include(

@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use super::scope::{Scope, View, parameter_value};
 use super::{ExecutablePlan, NodePlan, OnExit, Output, ProcessPlan, Respawn};
+use crate::LaunchError;
 use crate::action::{ExecutableAction, NodeAction, Parameter, ProcessAction};
 use crate::attributes::Text;
-use crate::error::LaunchError;
 use crate::package::SUITE;
 use crate::substitution::{Part, SubstitutionError, Surroundings, Template};
 

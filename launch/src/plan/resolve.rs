@@ -8,8 +8,8 @@ use super::scope::{Scope, View, argument_value, environment, shared_value};
 use super::{Plan, arguments, process};
 use crate::action::{self, Action, ActionKind, Condition, Include, LaunchFile};
 use crate::attributes::Text;
-use crate::error::{LaunchError, Mistakes};
 use crate::substitution::truth;
+use crate::{LaunchError, Mistakes};
 
 /// Reads `file` and works it out with `arguments`, the (name, value) pairs of the command line.
 ///

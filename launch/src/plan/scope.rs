@@ -10,9 +10,9 @@ use serde::Serialize;
 
 use crate::action::{Argument, ParameterValue};
 use crate::attributes::Text;
-use crate::error::{LaunchError, listed};
 use crate::substitution::{SubstitutionError, Surroundings};
 use crate::yaml::{Content, ScalarType};
+use crate::{LaunchError, listed};
 
 /// The state at a place of a launch file, as the actions before it have left it.
 #[derive(Clone, Debug)]

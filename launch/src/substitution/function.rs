@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::{Part, SubstitutionError, Template};
-use crate::error::listed;
+use crate::listed;
 use crate::package;
 
 /// A substitution that can be evaluated.

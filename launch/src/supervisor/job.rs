@@ -1,15 +1,17 @@
 //! [`Job`]: one process from its first start to its last end, restarts included.
 
+use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
 use std::process::ExitStatus;
 use std::time::{Duration, Instant, SystemTime};
 
 use modulo_runtime::launcher;
+use modulo_runtime::process::trace::TRACE_DIR;
 use tokio::sync::watch;
 
 use super::running::Running;
 use super::{Channel, Print, ProcessEnd, ProcessOutcome, Supervision, start_error};
-use crate::error::LaunchError;
+use crate::LaunchError;
 use crate::package::SUITE;
 use crate::plan::{ExecutablePlan, NodePlan, Plan, ProcessPlan, Respawn, ros_arguments};
 
@@ -19,6 +21,8 @@ const SHORT_LIFE: Duration = Duration::from_secs(5);
 const FIRST_PAUSE: Duration = Duration::from_millis(100);
 /// ... up to this: a crashed node is back within 2 s.
 const LONGEST_PAUSE: Duration = Duration::from_secs(1);
+/// Time over which restarts are limited.
+const MINUTE: Duration = Duration::from_secs(60);
 /// Time between two looks at the report of a node.
 const LOOK: Duration = Duration::from_millis(250);
 
@@ -45,6 +49,8 @@ pub(super) struct Job {
     pub process: ProcessPlan,
     /// The signs of life of a node that is replaced when it hangs.
     pub life_signs: Option<LifeSigns>,
+    /// The largest number of restarts within a minute; `None` sets no limit.
+    pub max_restarts: Option<u32>,
 }
 
 /// Where a node of the suite shows that its loop still runs: it writes its report at least once a second.
@@ -66,29 +72,51 @@ pub(super) fn all(
     reports: &Path,
     state: &Path,
 ) -> Result<Vec<Job>, LaunchError> {
+    let traced = how.trace.iter().map(|_| (TRACE_DIR, reports.display().to_string()));
     let told = [
         (launcher::REPORT_DIR, reports.display().to_string()),
         (launcher::STATE_DIR, state.display().to_string()),
         (launcher::PID, std::process::id().to_string()),
     ];
-    let nodes = plan.nodes.iter().map(|node| {
-        let origin = if node.package == SUITE { Origin::Suite } else { Origin::Foreign };
-        let mut process = node.process.clone();
-        // These come after the variables of the plan: no launch file can lead the reports of a node
-        // elsewhere.
-        process.env.extend(told.iter().map(|(name, value)| ((*name).to_owned(), Some(value.clone()))));
-        let watched = origin == Origin::Suite && matches!(process.respawn, Respawn::After { .. });
-        let life_signs = how.hang_timeout.filter(|_| watched).and_then(|limit| {
-            let name = node.name.as_ref().map(|name| format!("{}/{name}", node.namespace));
-            Some(LifeSigns { folder: reports.to_owned(), node: name?, limit })
-        });
-        Ok(Job { origin, command: node_command(node, &how.suite)?, process, life_signs })
-    });
+    let told: Vec<_> = told.into_iter().chain(traced).collect();
+    let nodes = plan.nodes.iter().map(|node| node_job(node, how, reports, &told));
     let executables = plan.executables.iter().map(|executable| {
         let command = executable_command(executable, &how.suite);
-        Ok(Job { origin: Origin::Foreign, command, process: executable.process.clone(), life_signs: None })
+        let mut process = executable.process.clone();
+        if executable.command.first().is_some_and(|word| word == SUITE) {
+            // A player of the suite reports what it has sent.
+            let folder = Some(reports.display().to_string());
+            process.env.insert(launcher::REPORT_DIR.to_owned(), folder);
+        }
+        Ok(Job {
+            origin: Origin::Foreign,
+            command,
+            process,
+            life_signs: None,
+            max_restarts: how.max_restarts,
+        })
     });
     nodes.chain(executables).collect()
+}
+
+/// Returns the job of a node that gets the variables `told`.
+fn node_job(
+    node: &NodePlan,
+    how: &Supervision,
+    reports: &Path,
+    told: &[(&str, String)],
+) -> Result<Job, LaunchError> {
+    let origin = if node.package == SUITE { Origin::Suite } else { Origin::Foreign };
+    let mut process = node.process.clone();
+    // These come after the variables of the plan: no launch file can lead the reports of a node elsewhere.
+    process.env.extend(told.iter().map(|(name, value)| ((*name).to_owned(), Some(value.clone()))));
+    let watched = origin == Origin::Suite && matches!(process.respawn, Respawn::After { .. });
+    let life_signs = how.hang_timeout.filter(|_| watched).and_then(|limit| {
+        let name = node.name.as_ref().map(|name| format!("{}/{name}", node.namespace));
+        Some(LifeSigns { folder: reports.to_owned(), node: name?, limit })
+    });
+    let command = node_command(node, &how.suite)?;
+    Ok(Job { origin, command, process, life_signs, max_restarts: how.max_restarts })
 }
 
 /// A node of the suite is run by `suite`, another one from its package.
@@ -144,10 +172,13 @@ fn variable(process: &ProcessPlan, name: &str) -> String {
 impl Job {
     /// Runs the process until it has ended for good. `told` turns true when all are to end.
     pub async fn keep(self, mut told: watch::Receiver<bool>, print: Print) -> ProcessOutcome {
-        let (mut restarts, mut short_lives) = (0, 0);
-        let done = |restarts, end| ProcessOutcome { label: self.process.label.clone(), restarts, end };
+        let mut restarts = Restarts::default();
+        let done = |restarts: &Restarts, end| {
+            let label = self.process.label.clone();
+            ProcessOutcome { label, restarts: restarts.count, end }
+        };
         if !pause(self.process.start_after, &mut told).await {
-            return done(0, ProcessEnd::ShutDown);
+            return done(&restarts, ProcessEnd::ShutDown);
         }
         loop {
             let start = Instant::now();
@@ -155,14 +186,14 @@ impl Job {
                 Ok(running) => running,
                 Err(error) => {
                     self.say(&print, &error.to_string());
-                    return done(restarts, ProcessEnd::NotStarted(error.to_string()));
+                    return done(&restarts, ProcessEnd::NotStarted(error.to_string()));
                 }
             };
             // A process that has ended by itself is not called shut down, even if the order to end comes at
             // the same moment: the first branch is looked at first.
             let end = tokio::select! {
                 biased;
-                status = running.wait() => self.ended(status, restarts),
+                status = running.wait() => self.ended(status, restarts.count),
                 why = hang(self.life_signs.as_ref()) => {
                     self.say(&print, &format!("{why}; it is killed"));
                     running.kill();
@@ -173,26 +204,51 @@ impl Job {
                 () = told_to_end(&mut told) => {
                     let status = running.shut_down(&self.process).await;
                     running.finish().await;
-                    return done(restarts, self.after_shutdown(&status));
+                    return done(&restarts, self.after_shutdown(&status));
                 }
             };
             // The last lines of this life are shown before the first ones of the next.
-            running.finish().await;
-            let ProcessEnd::Crashed(status) = &end else {
-                return done(restarts, end);
+            let last_line = running.finish().await;
+            let delay = match self.after_end(&end, &last_line, start.elapsed(), &mut restarts, &print) {
+                Ok(delay) => delay,
+                Err(end) => return done(&restarts, end),
             };
-            // A long life forgives: the next crash is another one, and is answered at once.
-            short_lives = if start.elapsed() < SHORT_LIFE { short_lives + 1 } else { 0 };
-            let Some(delay) = self.restart_delay(restarts, short_lives) else {
-                self.say(&print, &format!("ended with {status}"));
-                return done(restarts, end);
-            };
-            restarts += 1;
-            self.say(&print, &format!("ended with {status}, restart {restarts} in {} ms", delay.as_millis()));
             if !pause(delay, &mut told).await {
-                return done(restarts, end);
+                return done(&restarts, end);
             }
         }
+    }
+
+    /// Returns the pause before the next start after a life of `lived` that ended with `end`; or how the process ended
+    /// for good.
+    fn after_end(
+        &self,
+        end: &ProcessEnd,
+        last_line: &str,
+        lived: Duration,
+        restarts: &mut Restarts,
+        print: &Print,
+    ) -> Result<Duration, ProcessEnd> {
+        let ProcessEnd::Crashed(status) = end else { return Err(end.clone()) };
+        let Respawn::After { delay, max_retries } = self.process.respawn else {
+            self.say(print, &format!("ended with {status}"));
+            return Err(end.clone());
+        };
+        if max_retries.is_some_and(|most| restarts.count >= most) {
+            let count = restarts.count;
+            self.say(print, &format!("ended with {status} after {count} restarts (respawn_max_retries)"));
+            return Err(end.clone());
+        }
+        let now = Instant::now();
+        if let Some(crashes) = restarts.exceed(self.max_restarts, now) {
+            self.say(print, &format!("ended with {status}, crash {crashes} within a minute: the run ends"));
+            let reason = if last_line.is_empty() { String::new() } else { format!(" ({last_line})") };
+            return Err(ProcessEnd::GaveUp { crashes, status: format!("{status}{reason}") });
+        }
+        let delay = delay.max(restarts.next(lived, now));
+        let (count, ms) = (restarts.count, delay.as_millis());
+        self.say(print, &format!("ended with {status}, restart {count} in {ms} ms"));
+        Ok(delay)
     }
 
     /// A node that refuses its arguments at its first start will always do so. At a restart it has accepted them
@@ -216,18 +272,37 @@ impl Job {
         }
     }
 
-    /// Returns the pause before the next start; `None` when the process is not started again.
-    fn restart_delay(&self, restarts: u32, short_lives: u32) -> Option<Duration> {
-        match self.process.respawn {
-            Respawn::After { delay, max_retries } if max_retries.is_none_or(|most| restarts < most) => {
-                Some(delay.max(backoff(short_lives)))
-            }
-            _ => None,
-        }
-    }
-
     fn say(&self, print: &Print, message: &str) {
         print(Channel::Err, &format!("[{}] {message}", self.process.label));
+    }
+}
+
+/// The restarts of one process.
+#[derive(Default)]
+struct Restarts {
+    /// Since the launch.
+    count: u32,
+    /// Crashes after short lives, one after the other.
+    short_lives: u32,
+    /// When the restarts of the last minute were.
+    recent: VecDeque<Instant>,
+}
+
+impl Restarts {
+    /// Returns the number of crashes within the last minute if a restart at `now` would be one more than `most` allows.
+    fn exceed(&mut self, most: Option<u32>, now: Instant) -> Option<u32> {
+        self.recent.retain(|time| now.duration_since(*time) < MINUTE);
+        let recent = u32::try_from(self.recent.len()).unwrap_or(u32::MAX);
+        most.filter(|most| recent >= *most).map(|_| recent.saturating_add(1))
+    }
+
+    /// Counts a restart at `now`, after a life of `lived`; returns the pause before it.
+    fn next(&mut self, lived: Duration, now: Instant) -> Duration {
+        self.count += 1;
+        self.recent.push_back(now);
+        // A long life forgives: the next crash is another one, and is answered at once.
+        self.short_lives = if lived < SHORT_LIFE { self.short_lives + 1 } else { 0 };
+        backoff(self.short_lives)
     }
 }
 
@@ -299,5 +374,19 @@ mod tests {
         assert_eq!(backoff(2), FIRST_PAUSE);
         assert!((0..100).map(backoff).all(|pause| pause <= LONGEST_PAUSE));
         assert_eq!(backoff(u32::MAX), LONGEST_PAUSE);
+    }
+
+    #[test]
+    fn restarts_are_limited_within_a_minute_and_not_over_a_long_run() {
+        let (begin, mut restarts) = (Instant::now(), Restarts::default());
+        for second in [0, 7, 14, 21] {
+            let now = begin + Duration::from_secs(second);
+            assert_eq!(restarts.exceed(Some(3), now), (second == 21).then_some(4));
+            restarts.next(Duration::ZERO, now);
+        }
+        let late = begin + Duration::from_secs(21) + MINUTE;
+        assert_eq!((restarts.exceed(Some(3), late), restarts.count), (None, 4));
+        assert_eq!(restarts.exceed(Some(0), late), Some(1), "no restart is allowed");
+        assert_eq!(restarts.exceed(None, late), None);
     }
 }

@@ -3,6 +3,7 @@
 
 use std::io;
 use std::process::{ExitStatus, Stdio};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use nix::sys::signal::{Signal, killpg};
@@ -16,7 +17,7 @@ use tokio::time::timeout;
 
 use super::job::CommandLine;
 use super::{Channel, Print, start_error};
-use crate::error::LaunchError;
+use crate::LaunchError;
 use crate::plan::{Output, ProcessPlan};
 
 /// A longer line is shown in pieces, so that memory stays bounded.
@@ -31,6 +32,8 @@ pub(super) struct Running {
     group: Option<Group>,
     readers: Vec<JoinHandle<()>>,
     say: Box<dyn Fn(&str) + Send + Sync>,
+    /// The last line of its standard error.
+    last_line: Arc<Mutex<String>>,
 }
 
 /// A process group; killed when let go.
@@ -59,10 +62,16 @@ impl Running {
         let group = Group(Pid::from_raw(id.ok_or_else(|| refuse("ended at once".to_owned()))?));
         let label = &process.label;
         let out = child.stdout.take().map(|out| forward(out, Channel::Out, label, print));
-        let err = child.stderr.take().map(|err| forward(err, Channel::Err, label, print));
+        let last_line = Arc::new(Mutex::new(String::new()));
+        let (noted, shown) = (last_line.clone(), print.clone());
+        let note: Print = Arc::new(move |channel, line: &str| {
+            line.clone_into(&mut noted.lock().unwrap_or_else(PoisonError::into_inner));
+            shown(channel, line);
+        });
+        let err = child.stderr.take().map(|err| forward(err, Channel::Err, label, &note));
         let (print, label) = (print.clone(), label.clone());
         let say = Box::new(move |message: &str| print(Channel::Err, &format!("[{label}] {message}")));
-        Ok(Self { child, group: Some(group), readers: out.into_iter().chain(err).collect(), say })
+        Ok(Self { child, group: Some(group), readers: out.into_iter().chain(err).collect(), say, last_line })
     }
 
     /// Waits for the end of the process and kills what is left of its group.
@@ -111,8 +120,8 @@ impl Running {
         self.group.iter().for_each(|group| group.signal(signal));
     }
 
-    /// Shows the last output.
-    pub async fn finish(self) {
+    /// Shows the last output. Returns the last line of standard error; empty where there is none.
+    pub async fn finish(self) -> String {
         drop(self.group);
         // A process that has left the group may still hold the pipe open, so the wait for its end has a
         // limit.
@@ -121,6 +130,8 @@ impl Running {
                 reader.abort();
             }
         }
+        let line = self.last_line.lock().unwrap_or_else(PoisonError::into_inner);
+        line.split_once("] ").map_or(String::new(), |(_, line)| line.to_owned())
     }
 }
 
@@ -169,7 +180,6 @@ fn forward(
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
     use std::sync::mpsc::channel;
 
     use super::*;

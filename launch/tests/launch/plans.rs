@@ -52,8 +52,8 @@ launch:
     assert_eq!(ros_arguments(node).join(" | "), expected);
     assert_eq!(node.fully_qualified().as_deref(), Some("/left/u"));
     let process = &node.process;
-    assert_eq!(process.env["A"].as_deref(), Some("4"));
-    assert_eq!((process.output, process.on_exit), (Output::Log, OnExit::Shutdown));
+    assert_eq!((process.env["A"].as_deref(), process.output), (Some("4"), Output::Log));
+    assert_eq!(process.on_exit, OnExit::Shutdown);
     assert_eq!(process.respawn, Respawn::After { delay: Duration::from_millis(500), max_retries: Some(3) });
     assert_eq!(process.cwd, Some(PathBuf::from("/tmp")));
     assert_eq!((process.sigterm_timeout.as_millis(), process.sigkill_timeout.as_millis()), (1500, 5000));

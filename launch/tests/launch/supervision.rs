@@ -19,7 +19,14 @@ impl Lines {
     fn supervision(&self, suite: &str) -> Supervision {
         let lines = self.0.clone();
         let print = Arc::new(move |_, line: &str| lines.lock().expect("not poisoned").push(line.to_owned()));
-        Supervision { suite: PathBuf::from(suite), print, watch: None, hang_timeout: None }
+        Supervision {
+            suite: PathBuf::from(suite),
+            print,
+            watch: None,
+            hang_timeout: None,
+            max_restarts: Some(3),
+            trace: None,
+        }
     }
 
     fn all(&self) -> Vec<String> {
@@ -172,6 +179,17 @@ async fn restarts_have_an_end_when_they_are_limited() {
     let outcome = outcome(&[sh("bad", "exit 1", &more)], &Lines::default()).await.expect("runs");
     assert_eq!(outcome.processes[0].restarts, 2);
     assert!(outcome.failed());
+}
+
+/// A node that crashes at each start ended no run, and the others waited for it for ever.
+#[tokio::test]
+async fn too_many_restarts_end_all_with_the_reason() {
+    let actions = [sh("sick", "echo no lens >&2; exit 5", RESPAWN), sh("other", "sleep 1000", "")];
+    let outcome = outcome(&actions, &Lines::default()).await.expect("runs");
+    assert_eq!(end(&outcome, "other"), &ProcessEnd::ShutDown);
+    let sick = end(&outcome, "sick").to_string();
+    assert!(outcome.failed() && sick.contains("crashed 4 times within a minute"), "{sick}");
+    assert!(sick.contains("exit status: 5 (no lens)") && sick.contains("--max-restarts"), "{sick}");
 }
 
 #[tokio::test]

@@ -15,6 +15,7 @@ mod node;
 mod parameter;
 mod post;
 mod pre;
+mod trust;
 
 use modulo_runtime::ParameterError;
 

@@ -3,9 +3,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use modulo_core::Detection;
+use modulo_core::{Detection, Psf};
+use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray, LabelInfo, VisionInfo};
+use modulo_runtime::graph::diagnostics::RECOVERY_TOPIC;
 use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::{
     Context, Flow, Job, Message, MessageKind, Node, ParameterError, Parameters, Part, StampedFrame,
@@ -18,16 +20,22 @@ use crate::draw::annotated;
 use crate::engine::{self, Engine, EngineError, OpenedEngine};
 use crate::input_size::InputSize;
 use crate::model::cores;
-use crate::parameter::{DetectorParameters, Settings};
+use crate::parameter::{DetectorParameters, Settings, StreamChoice};
 use crate::post::detections;
 use crate::pre::Preprocessor;
+use crate::trust::TrustFollower;
 
+/// Indices of the outputs of a camera; those of the next camera follow. The outputs of the model come last.
 const DETECTIONS: usize = 0;
 const ANNOTATED: usize = 1;
-const VISION_INFO: usize = 2;
-const LABEL_INFO: usize = 3;
+const OF_A_CAMERA: usize = 2;
+const VISION_INFO: usize = 0;
+const LABEL_INFO: usize = 1;
 
-/// Finds objects in the images of one stream.
+/// Index of the statuses of the recovered frames in the inputs of a camera with `input: auto`.
+const RECOVERY: usize = 2;
+
+/// Finds objects in the images of one stream, or of one stream of each of several cameras.
 ///
 /// ```
 /// use modulo_detector::{Detector, DetectorParameters, EngineChoice};
@@ -49,9 +57,9 @@ const LABEL_INFO: usize = 3;
 pub struct Detector {
     loaded: Loaded,
     pre: Preprocessor,
-    /// The sensor descriptions that the camera has sent.
-    described: SensorHistory,
-    /// Whether a parameter that contradicts the camera was reported.
+    /// The cameras in the order of the inputs and outputs; at least one.
+    cameras: Vec<Camera>,
+    /// Whether a parameter that contradicts a camera was reported.
     contradiction_told: bool,
     /// Number of the version of the published classes and their threshold.
     version: i32,
@@ -59,6 +67,42 @@ pub struct Detector {
     labels_due: bool,
     /// Bits of the sensor that made the last frame; 0: those of the encoding.
     bits: u8,
+}
+
+/// A camera that is read.
+#[derive(Default)]
+struct Camera {
+    /// Its namespace, such as /front; `None` for that of the node.
+    namespace: Option<String>,
+    /// The sensor descriptions that it has sent.
+    described: SensorHistory,
+    /// The choice of `input: auto`.
+    trust: TrustFollower,
+}
+
+impl Camera {
+    /// Returns the topic of the camera that `topic` is in its namespace.
+    fn topic(&self, topic: Topic) -> Topic {
+        match &self.namespace {
+            Some(namespace) => Topic { name: format!("{namespace}/{}", topic.name), ..topic },
+            None => topic,
+        }
+    }
+
+    /// Returns the stream to read now, where the parameters ask for `input`.
+    fn stream<'a>(&self, input: &'a StreamChoice) -> &'a str {
+        match input {
+            StreamChoice::Stream(stream) => stream,
+            StreamChoice::Auto { .. } if !self.trust.falls_back() => "recovered",
+            StreamChoice::Auto { fallback: Some(stream) } => stream,
+            // Measured (docs/live.md): without blur an image that is not trusted is worse than the saturated one; with
+            // blur it is better.
+            StreamChoice::Auto { fallback: None } => match self.described.latest() {
+                Some(sensor) if sensor.psf() == Psf::None => "saturated",
+                _ => "recovered",
+            },
+        }
+    }
 }
 
 /// A model that has run with these parameters.
@@ -117,7 +161,7 @@ impl Detector {
         Ok(Self {
             loaded: Loaded::new(parameters, FIRST_RUN)?,
             pre: Preprocessor::default(),
-            described: SensorHistory::default(),
+            cameras: cameras(parameters),
             contradiction_told: false,
             version: 1,
             labels_due: true,
@@ -131,8 +175,11 @@ impl Detector {
             let Settings { classes, score_threshold, .. } = &loaded.settings;
             (loaded.model_file(), classes.labels(), *score_threshold)
         };
-        let before = labels(&self.loaded);
+        let (before, input) = (labels(&self.loaded), self.loaded.settings.input.clone());
         change(&mut self.loaded);
+        if self.loaded.settings.input != input {
+            self.cameras.iter_mut().for_each(|camera| camera.trust = TrustFollower::default());
+        }
         if labels(&self.loaded) != before {
             (self.version, self.labels_due) = (self.version.saturating_add(1), true);
         }
@@ -153,35 +200,39 @@ impl Detector {
         let Settings { classes, score_threshold, .. } = &self.loaded.settings;
         let labels =
             LabelInfo { header: header.clone(), class_map: classes.labels(), threshold: *score_threshold };
-        cx.emit(VISION_INFO, Message::VisionInfo(Arc::new(info)));
-        cx.emit(LABEL_INFO, Message::LabelInfo(Arc::new(labels)));
+        let first = OF_A_CAMERA * self.cameras.len();
+        cx.emit(first + VISION_INFO, Message::VisionInfo(Arc::new(info)));
+        cx.emit(first + LABEL_INFO, Message::LabelInfo(Arc::new(labels)));
     }
 
-    fn detect(&mut self, image: &StampedFrame, cx: &mut Context<'_>) -> Result<(), String> {
-        self.bits = self.bits(image.header.stamp);
+    /// Finds the objects in an image of the camera with this index.
+    fn detect(&mut self, camera: usize, image: &StampedFrame, cx: &mut Context<'_>) -> Result<(), String> {
+        self.bits = self.bits(camera, image.header.stamp);
+        let first = OF_A_CAMERA * camera;
         let Self { loaded: Loaded { settings, engine, .. }, pre, bits, .. } = self;
         let bits = *bits;
         let letterbox = cx.stage("pre", || pre.fill(&image.frame, bits, settings.input_size))?;
         let rows =
             cx.stage("infer", || engine.engine.run(pre.tensor())).map_err(|error| error.to_string())?;
         let found = cx.stage("post", || detections(&rows, &letterbox, settings));
-        if cx.wanted(ANNOTATED) {
+        if cx.wanted(first + ANNOTATED) {
             let frame = cx.stage("draw", || annotated(&image.frame, bits, &found))?;
             let image = StampedFrame { header: image.header.clone(), frame };
-            cx.emit(ANNOTATED, Message::Image(Arc::new(image)));
+            cx.emit(first + ANNOTATED, Message::Image(Arc::new(image)));
         }
         let header = &image.header;
         tracing::debug!("{}", line(image.header.stamp, &found));
         let detections =
             found.iter().map(|detection| Detection2D::from_detection(detection, header)).collect();
         let array = Detection2DArray { header: header.clone(), detections };
-        cx.emit(DETECTIONS, Message::Detections(Arc::new(array)));
+        cx.emit(first + DETECTIONS, Message::Detections(Arc::new(array)));
         Ok(())
     }
 
     /// Bits of the sensor that made the frame of `stamp`; 0: those of the encoding.
-    fn bits(&mut self, stamp: Time) -> u8 {
-        let camera = self.described.of(stamp).or(self.described.latest()).map(|sensor| sensor.bits);
+    fn bits(&mut self, camera: usize, stamp: Time) -> u8 {
+        let described = &self.cameras[camera].described;
+        let camera = described.of(stamp).or(described.latest()).map(|sensor| sensor.bits);
         match (self.loaded.settings.bits, camera) {
             (0, camera) => camera.unwrap_or(0),
             (own, Some(camera)) if own != camera => {
@@ -192,6 +243,32 @@ impl Detector {
             }
             (own, _) => own,
         }
+    }
+
+    /// Takes a description of the sensor, or the status of a recovered frame; both may lead to another stream.
+    fn note(
+        &mut self,
+        (camera, input): (usize, usize),
+        info: &DiagnosticArray,
+        now_ns: u64,
+    ) -> Result<Flow, String> {
+        let (camera, wanted) = (&mut self.cameras[camera], &self.loaded.settings.input);
+        let before = camera.stream(wanted).to_owned();
+        if input == RECOVERY {
+            let mut values = info.status.iter().flat_map(|status| &status.values);
+            // A method without a claim is no reason to leave its image.
+            let claim = values.find(|value| value.key == "trusted");
+            camera.trust.note(claim.is_none_or(|trusted| trusted.value == "true"), now_ns);
+        } else {
+            camera.described.note(info).map_err(|why| why.to_string())?;
+        }
+        let stream = camera.topic(Topic::new(camera.stream(wanted), MessageKind::Image)).name;
+        if camera.stream(wanted) == before {
+            return Ok(Flow::Continue);
+        }
+        let trust = if camera.trust.falls_back() { "not trusted" } else { "trusted" };
+        tracing::info!("input: auto reads {stream} from now on: the recovered images are {trust}");
+        Ok(Flow::NewInputs)
     }
 
     fn shown_size(&self) -> String {
@@ -220,23 +297,48 @@ fn warm_up(
     engine.run(Array4::zeros((1, 3, height, width)).view()).map(|_| ())
 }
 
-/// Returns the topics that a detector publishes.
+fn cameras(parameters: &DetectorParameters) -> Vec<Camera> {
+    if parameters.cameras.is_empty() {
+        return vec![Camera::default()];
+    }
+    let namespaces = parameters.cameras.iter().cloned();
+    namespaces.map(|namespace| Camera { namespace: Some(namespace), ..Camera::default() }).collect()
+}
+
+/// Returns the topics that a detector of one camera publishes.
 pub fn outputs() -> Vec<Topic> {
-    vec![
-        Topic::new("~/detections", MessageKind::Detections),
-        Topic::new("~/annotated", MessageKind::Image),
+    outputs_of(&[Camera::default()])
+}
+
+fn outputs_of(cameras: &[Camera]) -> Vec<Topic> {
+    let of_camera = |camera: &Camera| {
+        let own = camera.namespace.as_deref().unwrap_or_default();
+        [("detections", MessageKind::Detections), ("annotated", MessageKind::Image)]
+            .map(|(name, kind)| Topic::new(format!("~{own}/{name}"), kind))
+    };
+    let of_model = [
         Topic::new("~/vision_info", MessageKind::VisionInfo),
         Topic::new("~/label_info", MessageKind::LabelInfo),
-    ]
+    ];
+    cameras.iter().flat_map(of_camera).chain(of_model).collect()
 }
 
 impl Node for Detector {
     fn inputs(&self) -> Vec<Topic> {
-        vec![Topic::new(&self.loaded.settings.input, MessageKind::Image), sensor_info::topic()]
+        let input = &self.loaded.settings.input;
+        let of_camera = |camera: &Camera| {
+            let image = camera.topic(Topic::new(camera.stream(input), MessageKind::Image));
+            let mut topics = vec![image, camera.topic(sensor_info::topic())];
+            if let StreamChoice::Auto { .. } = input {
+                topics.push(camera.topic(Topic::new(RECOVERY_TOPIC, MessageKind::Diagnostics)));
+            }
+            topics
+        };
+        self.cameras.iter().flat_map(of_camera).collect()
     }
 
     fn outputs(&self) -> Vec<Topic> {
-        outputs()
+        outputs_of(&self.cameras)
     }
 
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
@@ -281,12 +383,14 @@ impl Node for Detector {
     }
 
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
+        let of_a_camera = if matches!(self.loaded.settings.input, StreamChoice::Auto { .. }) { 3 } else { 2 };
         match trigger {
-            Trigger::Message { message: Message::Image(image), .. } => {
-                self.detect(&image, cx).map(|()| self.tell_labels(&image.header, cx))
+            Trigger::Message { input, message: Message::Image(image) } => {
+                self.detect(input / of_a_camera, &image, cx).map(|()| self.tell_labels(&image.header, cx))
             }
-            Trigger::Message { message: Message::Diagnostics(info), .. } => {
-                self.described.note(&info).map_err(|why| why.to_string())
+            Trigger::Message { input, message: Message::Diagnostics(info) } => {
+                let place = (input / of_a_camera, input % of_a_camera);
+                return self.note(place, &info, cx.now_ns()).map_err(StepError::Skip);
             }
             Trigger::Message { .. } | Trigger::Tick => Err("the detector only answers images".to_owned()),
         }
@@ -305,12 +409,20 @@ impl Node for Detector {
             ("threads", cores(parameters.threads).to_string()),
             ("score_threshold", settings.score_threshold.to_string()),
             ("bits", self.bits.to_string()),
+            ("input", parameters.input.clone()),
         ]
     }
 
     fn status(&self) -> Vec<(&'static str, String)> {
         let mut status = self.state();
-        status.push(("stream", self.loaded.settings.input.clone()));
+        let input = &self.loaded.settings.input;
+        let streams = self
+            .cameras
+            .iter()
+            .map(|camera| camera.topic(Topic::new(camera.stream(input), MessageKind::Image)).name);
+        status.push(("stream", streams.collect::<Vec<_>>().join(", ")));
+        // Both engines are opened without any accelerator.
+        status.push(("device", "cpu".to_owned()));
         status
     }
 }

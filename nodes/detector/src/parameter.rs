@@ -1,5 +1,6 @@
 //! The parameters of the `detector` node, and their check against a model.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use modulo_runtime::{NodeName, ParameterError, ParameterSet as _};
@@ -8,6 +9,9 @@ use crate::classes::Classes;
 use crate::engine::EngineChoice;
 use crate::input_size::InputSize;
 use crate::model::{DEMO, ModelLayout};
+
+/// The word for an input that follows the trust of the unwrapper.
+const AUTO: &str = "auto";
 
 /// The streams that have a short name.
 const STREAMS: [&str; 4] = ["modulo", "recovered", "saturated", "ideal"];
@@ -19,9 +23,15 @@ modulo_runtime::parameters! {
         model: String = DEMO.to_owned(),
         /// Inference engine. auto takes ONNX Runtime (ort) where its library is found, and rten elsewhere.
         engine: EngineChoice = EngineChoice::Auto => EngineChoice::WORDS,
-        /// Stream that the detector reads (the paper's p): modulo, recovered, saturated, ideal, or an absolute topic
-        /// such as /camera/image_raw.
+        /// Stream that the detector reads (the paper's p): modulo, recovered, saturated, ideal, an absolute topic such as
+        /// /camera/image_raw, or auto: recovered while unwrap trusts it, else that of fallback.
         input: String = "recovered".to_owned(),
+        /// Stream that input: auto reads while unwrap does not trust the recovered image: modulo, recovered, saturated, ideal,
+        /// an absolute topic, or auto: what was measured to be best, saturated where the lens has no blur, else recovered.
+        fallback: String = AUTO.to_owned(),
+        /// Namespaces of the cameras whose streams are read by turns, such as [/front, /rear]. The results of /front are on
+        /// ~/front/detections and ~/front/annotated. Empty: one camera, in the namespace of the detector.
+        cameras: Vec<String> = Vec::new(); fixed,
         /// Detections with a lower score are not published.
         score_threshold: f64 = 0.25 => 0.0..=1.0,
         /// Largest number of detections of a frame. Those with the best scores are kept.
@@ -52,17 +62,47 @@ impl DetectorParameters {
         Ok(Path::new(&self.model))
     }
 
+    /// Refuses cameras that are no namespaces, are named twice, or whose streams `input` and `fallback` do not name.
+    fn check_cameras(&self) -> Result<(), ParameterError> {
+        let refuse = |why: &str| Err(ParameterError::new("cameras", self.cameras.join(", "), why));
+        let is_namespace = |name: &String| name.starts_with('/') && NodeName::default().resolve(name).is_ok();
+        if !self.cameras.iter().all(is_namespace) {
+            return refuse("must be absolute namespaces, such as [/front, /rear]");
+        }
+        let unique: BTreeSet<_> = self.cameras.iter().collect();
+        if unique.len() < self.cameras.len() {
+            return refuse("must name each namespace once");
+        }
+        if !self.cameras.is_empty() && [&self.input, &self.fallback].iter().any(|name| name.starts_with('/'))
+        {
+            return refuse("needs an input that each camera has, such as recovered, and no absolute topic");
+        }
+        Ok(())
+    }
+
     /// Returns whether `other` needs the same loaded model.
     pub(crate) fn same_engine(&self, other: &Self) -> bool {
         (&self.model, self.engine, self.threads) == (&other.model, other.engine, other.threads)
     }
 }
 
+/// The stream that a detector reads: a stream's name or an absolute topic.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum StreamChoice {
+    /// Always this one.
+    Stream(String),
+    /// `recovered` while the unwrapper trusts it, else this one.
+    Auto {
+        /// The stream in place of an image that is not trusted; `None` selects it by the lens of the sensor.
+        fallback: Option<String>,
+    },
+}
+
 /// The settings that may change between two frames.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// A stream's name or an absolute topic.
-    pub input: String,
+    /// The stream to read.
+    pub input: StreamChoice,
     /// Smallest score, in [0, 1].
     pub score_threshold: f32,
     /// Largest number of detections of a frame, at least 1.
@@ -86,9 +126,13 @@ impl Settings {
         last: Option<&Self>,
     ) -> Result<Self, ParameterError> {
         parameters.check()?;
+        parameters.check_cameras()?;
         let (size, classes) = (&parameters.input_size, last.map(|last| &last.classes));
         Ok(Self {
-            input: input(&parameters.input)?,
+            input: match (stream("fallback", &parameters.fallback)?, stream("input", &parameters.input)?) {
+                (fallback, None) => StreamChoice::Auto { fallback },
+                (_, Some(input)) => StreamChoice::Stream(input),
+            },
             score_threshold: parameters.score_threshold as f32,
             max_det: parameters.max_det,
             input_size: InputSize::parse(size, layout.size)
@@ -99,13 +143,17 @@ impl Settings {
     }
 }
 
-fn input(name: &str) -> Result<String, ParameterError> {
-    if STREAMS.contains(&name) || (name.starts_with('/') && NodeName::default().resolve(name).is_ok()) {
-        return Ok(name.to_owned());
+/// Returns the stream that `name`, the value of `parameter`, stands for; `None` for auto.
+fn stream(parameter: &str, name: &str) -> Result<Option<String>, ParameterError> {
+    if name == AUTO {
+        return Ok(None);
     }
-    let why =
-        format!("must be one of {}, or an absolute topic such as /camera/image_raw", STREAMS.join(", "));
-    Err(ParameterError::new("input", name, why))
+    if STREAMS.contains(&name) || (name.starts_with('/') && NodeName::default().resolve(name).is_ok()) {
+        return Ok(Some(name.to_owned()));
+    }
+    let streams = STREAMS.join(", ");
+    let why = format!("must be one of {streams}, auto, or an absolute topic such as /camera/image_raw");
+    Err(ParameterError::new(parameter, name, why))
 }
 
 #[cfg(test)]
@@ -116,10 +164,10 @@ mod tests {
     fn an_input_is_a_stream_or_a_topic() {
         for possible in ["modulo", "recovered", "saturated", "ideal", "/image", "/camera/image_raw", "/_a/b2"]
         {
-            assert_eq!(input(possible).as_deref(), Ok(possible));
+            assert_eq!(stream("input", possible), Ok(Some(possible.to_owned())));
         }
         for bad in ["", "p", "Recovered", "image", "/", "//a", "/a/", "/a b", "/2a", "~/a"] {
-            let why = input(bad).expect_err(bad).to_string();
+            let why = stream("input", bad).expect_err(bad).to_string();
             assert!(why.contains("modulo, recovered, saturated, ideal") && why.contains("absolute"), "{why}");
         }
     }

@@ -5,11 +5,13 @@ use std::sync::Arc;
 
 use modulo_core::Frame;
 use modulo_detector::{Detector, DetectorError, DetectorParameters, EngineChoice, describe, measure};
+use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_msgs::vision_msgs::Detection2DArray;
+use modulo_runtime::driver::lockstep::Lockstep;
 use modulo_runtime::{
-    Context, ManualClock, Message, MessageKind, Node, ParameterSet, Parameters, StampedFrame, StepError,
-    StepOutput, Trigger,
+    Context, ManualClock, Message, MessageKind, Node, NodeName, ParameterSet, Parameters, SensorModel,
+    StampedFrame, StepError, StepOutput, Trigger, sensor_info,
 };
 use ndarray::Array3;
 
@@ -332,4 +334,75 @@ fn speed_is_the_median_run_at_each_size() {
     // Looks 0 to 5 are at 0, 1, 4, 9, 16, 25: the runs take 1, 5, 9; then 13, 17, 21.
     assert_eq!(timed("rows.onnx", &[(64, 96), (128, 128)]), [(64, 96, 5), (128, 128, 17)]);
     assert_eq!(timed("static_96x64.onnx", &[(192, 640), (384, 1248)]), [(64, 96, 5)], "it takes no other");
+}
+
+/// Returns the streams that 30 frames are answered from, the frames 10 to 19 of which are not trusted.
+fn answered(fallback: &str, psf_sigma: f64) -> Vec<&'static str> {
+    let clock = ManualClock::at(0);
+    let mut chain = Lockstep::new(&clock, vec!["/detector/detections".into()]);
+    let node = detector("rows.onnx", &[("input", "auto"), ("fallback", fallback)]);
+    chain.add(Box::new(node), &NodeName::new("detector", "/", &[]).expect("a name")).expect("names");
+    let sensor = SensorModel { psf_sigma, ..SensorModel::default() };
+    let mut streams = Vec::new();
+    for frame in 0..30u64 {
+        let now = frame * 100_000_000;
+        let mut image = image(grey(96, 160, 204));
+        image.header.stamp = Time::from_ns(now);
+        let info = sensor_info::message(&image.header, &sensor, &[]);
+        chain.feed("/sensor_info", info, now).expect("a step");
+        let image = Message::Image(Arc::new(image));
+        for stream in ["/saturated", "/recovered"] {
+            let answers = chain.feed(stream, image.clone(), now).expect("a step");
+            streams.extend(answers.iter().map(|_| stream));
+        }
+        let trusted = !(10..20).contains(&frame);
+        let value = KeyValue { key: "trusted".into(), value: trusted.to_string() };
+        let status = vec![DiagnosticStatus { values: vec![value], ..DiagnosticStatus::default() }];
+        let array = DiagnosticArray { status, ..DiagnosticArray::default() };
+        chain.feed("/recovery", Message::Diagnostics(Arc::new(array)), now).expect("a step");
+    }
+    streams
+}
+
+/// Each frame is answered once. Five frames in a row that are not trusted lead to the other stream, five trusted ones back.
+#[test]
+fn auto_reads_the_fallback_while_the_recovered_image_is_not_trusted() {
+    let fallen = |frame| if (15..25).contains(&frame) { "/saturated" } else { "/recovered" };
+    for (fallback, psf_sigma, falls) in [("saturated", 1.4, true), ("auto", 0.0, true), ("auto", 1.4, false)]
+    {
+        let expected = (0..30).map(|frame| if falls { fallen(frame) } else { "/recovered" });
+        let streams = answered(fallback, psf_sigma);
+        assert!(streams.iter().copied().eq(expected), "{fallback} {psf_sigma} {streams:?}");
+    }
+    let why = refusal(&data("rows.onnx"), &[("fallback", "raw")]);
+    assert!(why.contains("fallback") && why.contains("saturated"), "{why}");
+}
+
+/// Each camera has its own description of the sensor and its own topics.
+#[test]
+fn one_detector_answers_several_cameras() {
+    let clock = ManualClock::at(0);
+    let outputs = ["/detector/front/detections", "/detector/car/rear/detections"];
+    let mut chain = Lockstep::new(&clock, outputs.map(String::from).to_vec());
+    let node = detector("rows.onnx", &[("cameras", "[/front, /car/rear]"), ("input", "modulo")]);
+    chain.add(Box::new(node), &NodeName::new("detector", "/", &[]).expect("a name")).expect("names");
+    for frame in 0..4 {
+        for (camera, output, bits) in [("/front", outputs[0], 8), ("/car/rear", outputs[1], 6)] {
+            let mut image = image(grey(96, 160, 60));
+            image.header.stamp = Time::from_ns(frame);
+            let info =
+                sensor_info::message(&image.header, &SensorModel { bits, ..SensorModel::default() }, &[]);
+            chain.feed(&format!("{camera}/sensor_info"), info, frame).expect("a step");
+            let answers = chain.feed(&format!("{camera}/modulo"), Message::Image(Arc::new(image)), frame);
+            let topics: Vec<_> = answers.expect("a step").into_iter().map(|(topic, _)| topic).collect();
+            assert_eq!(topics, [output]);
+        }
+        let foreign = chain.feed("/modulo", Message::Image(Arc::new(image(grey(96, 160, 60)))), frame);
+        assert!(foreign.expect("a step").is_empty());
+    }
+    for (cameras, named) in [("[front]", "absolute"), ("[/front, /front]", "once"), ("['/']", "absolute")] {
+        assert!(refusal(&data("rows.onnx"), &[("cameras", cameras)]).contains(named), "{cameras}");
+    }
+    let why = refusal(&data("rows.onnx"), &[("cameras", "[/front]"), ("input", "/image")]);
+    assert!(why.contains("no absolute topic"), "{why}");
 }

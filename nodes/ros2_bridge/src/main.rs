@@ -6,7 +6,6 @@
 //! back to the side that it came from.
 
 mod mirror;
-mod parameters;
 mod topics;
 
 use std::io::IsTerminal as _;

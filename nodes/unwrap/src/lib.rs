@@ -4,7 +4,7 @@
 //!
 //! The header of the modulo image is copied. The node never guesses the sensor: its model is a group of parameters, as
 //! in the camera. The method used, its quality metrics and its trust are published on `/diagnostics` for each frame, as
-//! the method reports them; the node judges nothing itself.
+//! the method reports them, and on `recovery` for a detector that selects its input by it; the node judges nothing itself.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ use modulo_core::{Frame, MAX_THREADS, Psf, Range, tone};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::graph::ImageCompression;
-use modulo_runtime::graph::diagnostics::Diagnostics;
+use modulo_runtime::graph::diagnostics::{Diagnostics, RECOVERY_TOPIC};
 use modulo_runtime::sensor::parameters::SensorOverride;
 use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::{
@@ -29,6 +29,7 @@ use modulo_runtime::{
 const RECOVERED: usize = 0;
 const HDR: usize = 1;
 const DIAGNOSTICS: usize = 2;
+const RECOVERY: usize = 3;
 
 modulo_runtime::parameters! {
     /// The parameters of the `unwrap` node.
@@ -182,10 +183,16 @@ impl UnwrapNode {
         cx.stage("unwrap", || self.method.unwrap(&modulo.frame, *range, &mut self.recovered))
             .map_err(|why| skip(why.to_string()))?;
         self.counts.count(&self.recovered.report);
-        if cx.wanted(DIAGNOSTICS) {
-            let said = describe(cx.node(), &modulo.header, self.method.name(), &self.recovered.report);
-            cx.emit(DIAGNOSTICS, Message::Diagnostics(Arc::new(said)));
-        }
+        let said = (cx.wanted(DIAGNOSTICS) | cx.wanted(RECOVERY)).then(|| {
+            let report = &self.recovered.report;
+            Message::Diagnostics(Arc::new(describe(cx.node(), &modulo.header, self.method.name(), report)))
+        });
+        let tell = |output, cx: &mut Context<'_>| {
+            if let (Some(said), true) = (&said, cx.wanted(output)) {
+                cx.emit(output, said.clone());
+            }
+        };
+        tell(DIAGNOSTICS, cx);
         if cx.wanted(RECOVERED) {
             let x = &self.recovered.x;
             // A sharpened image is for the detector only: `hdr` keeps what the sensor saw.
@@ -201,6 +208,8 @@ impl UnwrapNode {
             // Without a scale: a reader gets the counts of the sensor and can compute with them.
             cx.emit(HDR, stamped(&modulo.header, frame));
         }
+        // After the image: a detector that changes its input because of it has answered this frame already.
+        tell(RECOVERY, cx);
         Ok(())
     }
 }
@@ -216,6 +225,7 @@ pub fn outputs() -> Vec<Topic> {
         // It may have floats, which no compressed variant can hold.
         Topic { compression: ImageCompression::None, ..Topic::new("hdr", MessageKind::Image) },
         Diagnostics::topic(),
+        Topic::new(RECOVERY_TOPIC, MessageKind::Diagnostics),
     ]
 }
 
@@ -248,7 +258,7 @@ impl Node for UnwrapNode {
         match trigger {
             Trigger::Message { message: Message::Image(modulo), .. }
                 // Without any reader the whole work is saved.
-                if cx.wanted(RECOVERED) || cx.wanted(HDR) || cx.wanted(DIAGNOSTICS) =>
+                if (RECOVERED..=RECOVERY).any(|output| cx.wanted(output)) =>
             {
                 self.take(modulo, cx)
             }
@@ -290,7 +300,7 @@ impl RecoveryCounts {
         self.trusted += u64::from(report.trust == Trust::Trusted);
     }
 
-    /// Returns `("methods_used", "lines 58, gradient_tree 2")` and `("trusted", "58 of 60 frames")`; nothing before the first
+    /// Returns `("methods_used", "lines 58, gradient_tree 2")` `("trusted", "58 of 60 frames")` and the same as a share; nothing before the first
     /// frame.
     fn status(&self) -> Vec<(&'static str, String)> {
         let frames: u64 = self.methods.values().sum();
@@ -301,6 +311,7 @@ impl RecoveryCounts {
         vec![
             ("methods_used", methods.collect::<Vec<_>>().join(", ")),
             ("trusted", format!("{} of {frames} frames", self.trusted)),
+            ("trusted_share", format!("{:.4}", self.trusted as f64 / frames as f64)),
         ]
     }
 }

@@ -8,6 +8,7 @@ use crate::clock::{Clock, ManualClock};
 use crate::graph::NodeName;
 use crate::message::Message;
 use crate::node::{Context, Flow, Node, StepError, StepOutput, Trigger};
+use crate::process::trace::TraceFile;
 use crate::report::{NodeReport, add};
 use crate::transport::Address;
 
@@ -21,9 +22,26 @@ pub struct Lockstep<'a> {
 
 struct ChainMember {
     node: Box<dyn Node>,
+    node_name: NodeName,
     inputs: Vec<Address>,
     outputs: Vec<Address>,
     report: NodeReport,
+    /// The spans of its steps, if they are wanted.
+    trace: Option<TraceFile>,
+}
+
+impl ChainMember {
+    /// Counts and reports the failure of a step; after one that is only skipped the run goes on, as a live node does.
+    fn settle(&mut self, failure: StepError, topic: &str) -> Result<Flow, RunError> {
+        match failure {
+            StepError::Skip(why) => {
+                tracing::warn!(node = %self.report.node, topic, "skipped: {why}");
+                add(&mut self.report.bad, topic, 1);
+                Ok(Flow::Continue)
+            }
+            StepError::Fatal(why) => Err(RunError::Fatal(self.report.node.clone(), why)),
+        }
+    }
 }
 
 /// A message on a topic.
@@ -45,9 +63,11 @@ impl<'a> Lockstep<'a> {
         let outputs = addresses(node_name, &node.outputs())?;
         self.members.push(ChainMember {
             node,
+            node_name: node_name.clone(),
             inputs,
             outputs,
             report: NodeReport::new(node_name.fully_qualified()),
+            trace: TraceFile::of_launch(&node_name.fully_qualified(), self.timer),
         });
         Ok(())
     }
@@ -132,9 +152,14 @@ impl<'a> Lockstep<'a> {
         let clock = StepClock { now: ManualClock::at(now_ns), timer: self.timer };
         let member = &mut self.members[index];
         let stream = stream_of(&*member.node, &trigger);
+        let (frame, begin) = (trigger.frame(), clock.ticks_ns());
         let mut cx = Context::new(&member.report.node, &clock, &wanted);
         let result = member.node.step(trigger, &mut cx);
-        let StepOutput { messages, stages, .. } = cx.finish();
+        let output = cx.finish();
+        if let Some(trace) = &member.trace {
+            trace.add_step((begin, clock.ticks_ns()), &output, frame, None);
+        }
+        let StepOutput { messages, stages, .. } = output;
         for (stage, duration) in stages {
             member.report.book_stage(stage, duration);
             self.stages.push((stage, duration));
@@ -145,16 +170,10 @@ impl<'a> Lockstep<'a> {
                 pending.push_back((address.topic.clone(), message));
             }
         }
-        match result {
-            Ok(flow) => Ok(flow),
-            Err(StepError::Skip(why)) => {
-                tracing::warn!(node = %member.report.node, topic, "skipped: {why}");
-                // The run goes on as a live node does, and the report shows what is missing.
-                add(&mut member.report.bad, topic, 1);
-                Ok(Flow::Continue)
-            }
-            Err(StepError::Fatal(why)) => Err(RunError::Fatal(member.report.node.clone(), why)),
+        if result == Ok(Flow::NewInputs) {
+            member.inputs = addresses(&member.node_name, &member.node.inputs())?;
         }
+        result.or_else(|error| member.settle(error, topic))
     }
 
     fn is_wanted(&self, topic: &str) -> bool {

@@ -1,6 +1,7 @@
 //! [`Diagnostics`]: publishes the counts and the durations of the stages of a node on `/diagnostics`, once a second; and
 //! [`StateTopic`]: publishes the values that a node uses on `~/state`, when they change.
 
+use std::collections::BTreeMap;
 use std::rc::Rc;
 use std::sync::Arc;
 
@@ -14,6 +15,10 @@ use crate::node::Node;
 use crate::report::{NodeReport, quantile};
 use crate::transport::Publisher;
 
+/// Topic of the status of each recovered frame, relative to the namespace of the `unwrap` node. It has the stamp of the frame,
+/// and the value `trusted` where the method makes a claim.
+pub const RECOVERY_TOPIC: &str = "recovery";
+
 const PERIOD_NS: u64 = 1_000_000_000;
 
 /// The `/diagnostics` publisher of one node.
@@ -22,6 +27,30 @@ pub struct Diagnostics {
     due: u64,
     /// Messages that had been skipped when the last message was published.
     bad: u64,
+    /// The work of the node since the last message.
+    window: Window,
+    /// Stamp of the newest frame.
+    newest: Option<Time>,
+}
+
+/// The frames of the last second or so.
+#[derive(Default)]
+struct Window {
+    /// Ticks of its begin.
+    since: u64,
+    frames: u32,
+    /// Sum of the durations in ns, and their number, by stage.
+    stages: BTreeMap<&'static str, (u64, u32)>,
+}
+
+/// The condition of a node, which its status shows: it runs, waits for images in vain, or is disabled.
+pub enum NodeCondition<'a> {
+    /// It takes every frame that comes.
+    Running,
+    /// It was disabled by the service `~/enable`.
+    Disabled,
+    /// No input comes; with the warning.
+    Silent(&'a str),
 }
 
 impl Diagnostics {
@@ -32,20 +61,59 @@ impl Diagnostics {
 
     /// Publishes with `publisher`.
     pub fn new(publisher: Rc<dyn Publisher>) -> Self {
-        Self { publisher, due: 0, bad: 0 }
+        Self { publisher, due: 0, bad: 0, window: Window::default(), newest: None }
+    }
+
+    /// Notes the durations of the stages of a step, ns, and the stamp of its frame if it was one of an image.
+    pub fn book(&mut self, stages: &[(&'static str, u64)], frame: Option<Time>) {
+        for (stage, duration) in stages {
+            let (sum, count) = self.window.stages.entry(stage).or_default();
+            (*sum, *count) = (*sum + duration, *count + 1);
+        }
+        self.window.frames += u32::from(frame.is_some());
+        self.newest = frame.or(self.newest);
     }
 
     /// Returns whether a second has passed since the last message, and the topic has a reader.
-    pub fn is_due(&self, clock: &dyn Clock) -> bool {
-        clock.ticks_ns() >= self.due && self.publisher.wanted()
+    pub fn is_due(&mut self, clock: &dyn Clock) -> bool {
+        let now = clock.ticks_ns();
+        let wanted = self.publisher.wanted();
+        // The first message for a new reader is not about the hours before it.
+        if !wanted && now.saturating_sub(self.window.since) >= PERIOD_NS {
+            self.window = Window { since: now, ..Window::default() };
+        }
+        wanted && now >= self.due
     }
 
-    /// Publishes `report`. The level is WARN when messages were skipped since the last time.
-    pub fn publish(&mut self, clock: &dyn Clock, report: &NodeReport, node: &dyn Node) {
-        self.due = clock.ticks_ns() + PERIOD_NS;
+    /// Publishes `report`. The level is WARN when messages were skipped since the last time, and when no input comes.
+    pub fn publish(
+        &mut self,
+        clock: &dyn Clock,
+        report: &NodeReport,
+        node: &dyn Node,
+        condition: &NodeCondition<'_>,
+    ) {
+        let now = clock.ticks_ns();
+        self.due = now + PERIOD_NS;
+        let window = std::mem::replace(&mut self.window, Window { since: now, ..Window::default() });
+        let mut values = window.values(now);
+        if let Some(stamp) = self.newest {
+            let age = i128::from(clock.now_ns()) - i128::from(stamp.as_ns());
+            values.push(("age_ms".to_owned(), format!("{:.3}", age as f64 / 1e6)));
+        }
+        let enabled = !matches!(condition, NodeCondition::Disabled);
+        values.push(("enabled".to_owned(), enabled.to_string()));
+        let dropped: u64 = report.dropped().values().sum();
+        values.push(("dropped_frames".to_owned(), dropped.to_string()));
         let bad = report.bad.values().sum();
         let skipped = bad - std::mem::replace(&mut self.bad, bad);
-        let message = Message::Diagnostics(Arc::new(describe(clock.now_ns(), report, node, skipped)));
+        let message = Message::Diagnostics(Arc::new(describe(
+            clock.now_ns(),
+            report,
+            node,
+            values,
+            (skipped, condition),
+        )));
         if let Err(why) = self.publisher.put(&message) {
             // A warning each second about the same fault would hide all others.
             tracing::debug!("{why}");
@@ -53,14 +121,34 @@ impl Diagnostics {
     }
 }
 
+impl Window {
+    /// Returns the rate of the frames, and the mean duration of each stage, at the ticks `now`.
+    fn values(&self, now: u64) -> Vec<(String, String)> {
+        let seconds = now.saturating_sub(self.since) as f64 / 1e9;
+        let rate = if seconds > 0.0 { f64::from(self.frames) / seconds } else { 0.0 };
+        let mut values = vec![("rate_hz".to_owned(), format!("{rate:.2}"))];
+        values.extend(self.stages.iter().map(|(stage, (sum, count))| {
+            (format!("{stage}_ms"), format!("{:.3}", *sum as f64 / 1e6 / f64::from(*count)))
+        }));
+        values
+    }
+}
+
 /// Returns the report as a diagnostics message.
-fn describe(now_ns: u64, report: &NodeReport, node: &dyn Node, skipped: u64) -> DiagnosticArray {
+fn describe(
+    now_ns: u64,
+    report: &NodeReport,
+    node: &dyn Node,
+    recent: Vec<(String, String)>,
+    (skipped, condition): (u64, &NodeCondition<'_>),
+) -> DiagnosticArray {
     let mut values = Vec::new();
     // Viewers of diagnostics show these pairs as they are, so the units stand in the keys.
     let mut say = |key: String, value: String| values.push(KeyValue { key, value });
     for (key, value) in node.status() {
         say(key.to_owned(), value);
     }
+    recent.into_iter().for_each(|(key, value)| say(key, value));
     for (what, counts) in [
         ("received", &report.received),
         ("published", &report.published),
@@ -79,11 +167,22 @@ fn describe(now_ns: u64, report: &NodeReport, node: &dyn Node, skipped: u64) -> 
             }
         }
     }
-    let (level, text) = match skipped {
-        0 => (DiagnosticStatus::OK, "running".to_owned()),
-        _ => (DiagnosticStatus::WARN, format!("{skipped} bad messages were skipped")),
-    };
+    let (level, text) = level_of(condition, skipped);
     array(Time::from_ns(now_ns), report.node.trim_start_matches('/').to_owned(), level, text, values)
+}
+
+/// Returns the level and the text of the status of a node in this condition.
+fn level_of(condition: &NodeCondition<'_>, skipped: u64) -> (u8, String) {
+    match (condition, skipped) {
+        (NodeCondition::Disabled, _) => {
+            (DiagnosticStatus::OK, "disabled; call ~/enable with data: true to go on".to_owned())
+        }
+        (NodeCondition::Silent(warning), _) => (DiagnosticStatus::WARN, (*warning).to_owned()),
+        (NodeCondition::Running, 0) => (DiagnosticStatus::OK, "running".to_owned()),
+        (NodeCondition::Running, _) => {
+            (DiagnosticStatus::WARN, format!("{skipped} bad messages were skipped"))
+        }
+    }
 }
 
 /// Returns a message with one status. Names of statuses have no leading slash, as those of `diagnostic_updater`.
@@ -110,10 +209,11 @@ impl StateTopic {
     }
 
     /// Publishes the values that `node`, which is called `name`, uses from the frame of `stamp` on, if they have changed.
-    /// `stream` is the name of the image stream that it answers.
-    pub fn tell(&mut self, stamp: Time, name: &str, node: &dyn Node, stream: Option<&str>) {
+    /// `stream` is the name of the image stream that it answers; a node that is not `enabled` answers none.
+    pub fn tell(&mut self, stamp: Time, name: &str, node: &dyn Node, stream: Option<&str>, enabled: bool) {
         let stream = stream.map(|stream| ("stream", stream.to_owned()));
-        let state: Vec<_> = stream.into_iter().chain(node.state()).collect();
+        let enabled = ("enabled", enabled.to_string());
+        let state: Vec<_> = stream.into_iter().chain(node.state()).chain([enabled]).collect();
         if self.last.as_ref() == Some(&state) {
             return;
         }
@@ -177,7 +277,7 @@ mod tests {
         for bad in [0, 2, 0, 1] {
             add(&mut report.bad, "/modulo", bad);
             assert!(diagnostics.is_due(&clock));
-            diagnostics.publish(&clock, &report, &Idle);
+            diagnostics.publish(&clock, &report, &Idle, &NodeCondition::Running);
             assert!(!diagnostics.is_due(&clock), "once a second");
             clock.set(clock.now_ns() + Duration::from_secs(1).as_nanos() as u64);
             let Ok(Incoming::Message(Message::Diagnostics(array))) = arrived.try_recv() else {

@@ -43,6 +43,13 @@ impl Graph {
         self.tokens().filter(|token| token.kind == EntityKind::Node).map(Token::node_name).collect()
     }
 
+    /// Returns the fully qualified names of the nodes whose parameters can be asked for.
+    pub fn nodes_with_parameters(&self) -> BTreeSet<String> {
+        let servers = self.tokens().filter(|token| token.kind == EntityKind::Server);
+        let topics = servers.filter_map(|token| token.endpoint.as_ref()).map(|endpoint| &endpoint.topic);
+        topics.filter_map(|topic| topic.strip_suffix("/list_parameters").map(str::to_owned)).collect()
+    }
+
     /// Returns the topics that have a publisher or a subscription, each with its types.
     pub fn topics(&self) -> BTreeMap<String, BTreeSet<String>> {
         let mut topics: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();

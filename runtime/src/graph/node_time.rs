@@ -33,6 +33,11 @@ impl<'a> NodeTime<'a> {
         Self { machine, told: Arc::default(), simulation: None }
     }
 
+    /// Returns the time of the machine, ns since the epoch, whatever `/clock` shows.
+    pub fn machine_ns(&self) -> u64 {
+        self.machine.now_ns()
+    }
+
     /// Goes over to the time that `parameters` ask for.
     ///
     /// # Errors

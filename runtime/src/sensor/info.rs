@@ -27,6 +27,12 @@ pub fn topic() -> Topic {
     Topic { qos: Qos::Latched, ..Topic::new(TOPIC, MessageKind::Diagnostics) }
 }
 
+/// Returns whether `topic` is that of a sensor, in any namespace. Such a topic is latched, whatever a bag says of it: bags
+/// of other programs, and older ones of this suite, name the quality of service usual for its type.
+pub fn is_topic(topic: &str) -> bool {
+    topic.rsplit('/').next() == Some(TOPIC)
+}
+
 /// Returns the description of the frame with this `header`; `more` are values that describe the sensor beyond its
 /// model.
 pub fn message(header: &Header, model: &SensorModel, more: &[(&'static str, f64)]) -> Message {

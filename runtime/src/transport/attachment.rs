@@ -1,5 +1,5 @@
-//! [`Attachment`]: the 33 bytes that go with every sample of rmw_zenoh, and [`Gaps`], which counts the samples that
-//! were lost on the way by their sequence numbers.
+//! [`Attachment`]: the 33 bytes that go with every sample of rmw_zenoh; [`Gaps`], which counts the samples that were lost
+//! on the way by their sequence numbers; and [`Delays`], which notices slow links and clocks that differ by their times.
 
 use std::collections::BTreeMap;
 
@@ -69,6 +69,66 @@ impl Gaps {
     }
 }
 
+/// Time over which the least delay of a topic is looked for, ns. Within it, some message finds the link and the machine idle.
+const DELAY_WINDOW_NS: u64 = 2_000_000_000;
+/// Fewest messages in a window that say anything.
+const DELAY_SAMPLES: u32 = 5;
+/// A least delay above this is reported, ns: no network in a vehicle needs as much.
+const SLOW_NS: i64 = 500_000_000;
+/// So is one below this, ns. NTP keeps the clocks of a network within a few milliseconds.
+const EARLY_NS: i64 = -100_000_000;
+
+/// The delays between the sending and the arrival of messages, by topic, each by the clock of its machine.
+#[derive(Debug, Default)]
+pub struct Delays {
+    topics: BTreeMap<String, DelayWindow>,
+}
+
+#[derive(Debug, Default)]
+struct DelayWindow {
+    start_ns: u64,
+    samples: u32,
+    least_ns: i64,
+    reported: bool,
+}
+
+impl Delays {
+    /// Notes a message of `topic` that was sent and has arrived at these times, ns since the epoch. Returns a warning when
+    /// all messages of two seconds were late or early, once until they are in time again.
+    pub fn note(&mut self, topic: &str, sent_ns: i64, arrived_ns: u64) -> Option<String> {
+        let delay_ns = i64::try_from(arrived_ns).unwrap_or(i64::MAX).saturating_sub(sent_ns);
+        if !self.topics.contains_key(topic) {
+            self.topics.insert(topic.to_owned(), DelayWindow { start_ns: arrived_ns, ..Default::default() });
+        }
+        let window = self.topics.get_mut(topic)?;
+        window.least_ns = if window.samples == 0 { delay_ns } else { window.least_ns.min(delay_ns) };
+        window.samples += 1;
+        // A clock that was set back also ends the window.
+        let over = arrived_ns.abs_diff(window.start_ns) >= DELAY_WINDOW_NS && window.samples >= DELAY_SAMPLES;
+        if !over {
+            return None;
+        }
+        let (least_ns, was_reported) = (window.least_ns, window.reported);
+        let reported = !(EARLY_NS..=SLOW_NS).contains(&least_ns);
+        *window = DelayWindow { start_ns: arrived_ns, reported, ..Default::default() };
+        (reported && !was_reported).then(|| delay_warning(least_ns))
+    }
+}
+
+fn delay_warning(least_ns: i64) -> String {
+    let seconds = least_ns.unsigned_abs() as f64 / 1e9;
+    if least_ns < 0 {
+        return format!(
+            "messages arrive {seconds:.2} s before they were sent: the clocks of the two machines differ by at least \
+             this time; synchronise them with NTP or PTP"
+        );
+    }
+    format!(
+        "messages arrive at least {seconds:.2} s after they were sent: the link is slow, or the clocks of the two machines \
+         differ; reduce the data on the link, or synchronise the clocks with NTP or PTP"
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -107,6 +167,30 @@ mod tests {
         // A late sample, the one after the greatest, and the extremes.
         assert_eq!([step(1, 3), step(1, 46), step(1, i64::MIN), step(1, 47)], [0, 0, 0, 0]);
         assert_eq!(step(1, i64::MAX), i64::MAX as u64 - 48);
+    }
+
+    #[test]
+    fn late_and_early_messages_are_reported_once_until_they_are_in_time() {
+        const S: i64 = 1_000_000_000;
+        let mut delays = Delays::default();
+        let mut now = 100 * S;
+        // Thirty messages in three seconds with these delays; one message of ten was delayed by the link.
+        let mut messages = |delay: i64| {
+            let warnings = (0..30).filter_map(|number| {
+                now += S / 10;
+                let held = if number % 10 == 0 { S } else { 0 };
+                delays.note("/modulo", now - delay - held, now as u64)
+            });
+            warnings.collect::<Vec<_>>()
+        };
+        assert_eq!(messages(S / 100), [""; 0]);
+        let early = messages(-S);
+        assert!(early.len() == 1 && early[0].contains("arrive 1.00 s before they were sent"), "{early:?}");
+        assert_eq!(messages(-S), [""; 0], "it is reported already");
+        assert_eq!(messages(S / 100), [""; 0]);
+        let late = messages(S);
+        assert!(late.len() == 1 && late[0].contains("at least 1.00 s after they were sent"), "{late:?}");
+        assert_eq!(delays.note("/modulo", i64::MIN, u64::MAX), None, "any time may come from the wire");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use super::{Address, Deliver, Guard, Incoming, ParameterPort, Publisher, Transport, TransportError};
 use crate::graph::NodeName;
-use crate::message::Message;
+use crate::message::{Message, MessageKind};
 
 /// The graph of one process. Clones share it.
 #[derive(Clone, Default)]
@@ -17,8 +17,8 @@ pub struct LocalTransport {
 
 #[derive(Default)]
 struct LocalGraph {
-    /// (topic, node) of each publisher.
-    publishers: Vec<(String, String)>,
+    /// Topic, kind of its messages and node of each publisher.
+    publishers: Vec<(String, MessageKind, String)>,
     subscribers: BTreeMap<String, Vec<Subscriber>>,
     nodes: Vec<String>,
     next_id: u64,
@@ -69,7 +69,7 @@ impl Publisher for LocalPublisher {
 impl Transport for LocalTransport {
     fn advertise(&self, node: &NodeName, address: &Address) -> Result<Box<dyn Publisher>, TransportError> {
         let topic = address.topic.clone();
-        let entry = (topic.clone(), node.fully_qualified());
+        let entry = (topic.clone(), address.kind, node.fully_qualified());
         self.graph().publishers.push(entry.clone());
         let transport = self.clone();
         let gone = Undeclare(move || {
@@ -120,7 +120,13 @@ impl Transport for LocalTransport {
 
     fn publishers(&self, topic: &str) -> Vec<String> {
         let graph = self.graph();
-        graph.publishers.iter().filter(|(on, _)| on == topic).map(|(_, node)| node.clone()).collect()
+        graph.publishers.iter().filter(|(on, ..)| on == topic).map(|(.., node)| node.clone()).collect()
+    }
+
+    fn published(&self, kind: MessageKind) -> Vec<(String, String)> {
+        let graph = self.graph();
+        let of_kind = graph.publishers.iter().filter(|(_, on, _)| *on == kind);
+        of_kind.map(|(topic, _, node)| (topic.clone(), node.clone())).collect()
     }
 
     fn subscribers(&self, topic: &str) -> Vec<String> {
@@ -141,7 +147,6 @@ mod tests {
 
     use super::*;
     use crate::graph::Qos;
-    use crate::message::MessageKind;
 
     #[test]
     fn declarations_end_with_their_guards() {

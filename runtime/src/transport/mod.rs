@@ -175,6 +175,9 @@ pub struct ParameterPort {
     pub request: Box<dyn Fn(ParameterRequest) -> Option<ParameterRequest> + Send + Sync>,
 }
 
+/// Pauses a node (`false`) or lets it go on; the error is the reason why it has not done so.
+pub type Enable = Box<dyn Fn(bool) -> Result<(), String> + Send + Sync>;
+
 /// Something that must stay alive for a declaration to hold.
 pub type Guard = Box<dyn Send + Sync>;
 
@@ -209,11 +212,24 @@ pub trait Transport: Send + Sync {
     /// [`TransportError`] when the transport fails.
     fn serve_parameters(&self, node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError>;
 
+    /// Offers the service `~/enable` of `node`; `enable` pauses the node or lets it go on, and returns when that is done. A
+    /// transport within one process offers it to no caller.
+    ///
+    /// # Errors
+    /// [`TransportError`] when the transport fails.
+    fn serve_enable(&self, node: &NodeName, enable: Enable) -> Result<Guard, TransportError> {
+        let _ = (node, enable);
+        Ok(Box::new(()))
+    }
+
     /// Returns whether the node with this fully qualified name has been announced.
     fn is_ready(&self, node: &str) -> bool;
 
     /// Returns the fully qualified names of the nodes that publish `topic` now.
     fn publishers(&self, topic: &str) -> Vec<String>;
+
+    /// Returns (topic, node) of each publisher of messages of `kind` now.
+    fn published(&self, kind: MessageKind) -> Vec<(String, String)>;
 
     /// Returns the fully qualified names of the nodes that subscribe to `topic` now.
     fn subscribers(&self, topic: &str) -> Vec<String>;

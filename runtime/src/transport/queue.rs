@@ -122,9 +122,18 @@ struct State<T> {
 
 struct Waiting<T> {
     keep: Keep,
-    items: VecDeque<(u64, u64, T)>,
+    items: VecDeque<WaitingItem<T>>,
     counts: LaneCounts,
     gaps: Gaps,
+}
+
+struct WaitingItem<T> {
+    /// Number of its arrival.
+    arrival: u64,
+    /// Number of the arrival since which its lane waits for its turn: its own, or that of the message that it replaced.
+    turn: u64,
+    stamp_ns: u64,
+    item: T,
 }
 
 impl<T: Queued> Queue<T> {
@@ -163,6 +172,8 @@ impl<T: Queued> Queue<T> {
         if let Some(attachment) = item.attachment() {
             waiting.counts.missing += waiting.gaps.step(attachment);
         }
+        let arrival = state.arrivals;
+        let mut turn = arrival;
         let displaced = match waiting.keep {
             Keep::All => {
                 let bytes = state.held.bytes.saturating_add(item.bytes());
@@ -173,23 +184,27 @@ impl<T: Queued> Queue<T> {
                 state.held = Limit { messages: state.held.messages + 1, bytes };
                 None
             }
-            Keep::Latest => waiting.items.pop_front().inspect(|_| waiting.counts.replaced += 1),
+            Keep::Latest => waiting.items.pop_front().inspect(|replaced| {
+                waiting.counts.replaced += 1;
+                turn = replaced.turn;
+            }),
             Keep::Last(most) if waiting.items.len() >= most.max(1) => {
                 waiting.counts.overflowed += 1;
                 waiting.items.pop_front()
             }
             Keep::Last(_) => None,
         };
-        waiting.items.push_back((state.arrivals, self.clock.now_ns(), item));
+        waiting.items.push_back(WaitingItem { arrival, turn, stamp_ns: self.clock.now_ns(), item });
         state.arrivals += 1;
         // Released first, or the reader would wake only to wait for the lock.
         drop(guard);
         self.changed.notify_all();
         // Returned and not dropped here: to free an image takes time, and the lock was held.
-        displaced.map(|(_, _, item)| item)
+        displaced.map(|displaced| displaced.item)
     }
 
-    /// Takes the item that arrived first over all lanes. Waits for one at most `patience`, or without end when that is
+    /// Takes the item that arrived first over all lanes. Among lanes with [`Keep::Latest`] that is the one that has waited
+    /// longest for its turn, so that each of several cameras gets its share of a busy reader. Waits for one at most `patience`, or without end when that is
     /// `None`.
     pub fn take(&self, patience: Option<Duration>) -> Next<T> {
         let state = self.lock();
@@ -226,7 +241,7 @@ impl<T: Queued> Queue<T> {
         waiting.counts.unread = waiting.items.len() as u64;
         // Only these lanes share the limit of the queue.
         if waiting.keep == Keep::All {
-            waiting.items.iter().for_each(|(_, _, item)| state.release(item));
+            waiting.items.iter().for_each(|waiting| state.release(&waiting.item));
         }
         waiting.counts
     }
@@ -247,10 +262,19 @@ impl<T: Queued> Queue<T> {
 impl<T: Queued> State<T> {
     fn pop_oldest(&mut self) -> Option<Arrived<T>> {
         // By the number of the arrival: several items may have one stamp.
-        let fronts = self.lanes.iter().filter_map(|(lane, w)| Some((w.items.front()?.0, *lane)));
-        let (_, lane) = fronts.min()?;
+        let fronts = || self.lanes.iter().filter_map(|(lane, w)| Some((*lane, w.keep, w.items.front()?)));
+        let other =
+            fronts().filter(|(_, keep, _)| *keep != Keep::Latest).min_by_key(|(.., item)| item.arrival);
+        let latest = fronts().filter(|(_, keep, _)| *keep == Keep::Latest).min_by_key(|(.., item)| item.turn);
+        // A replaced message would lose its place to a lane that is never replaced. But a message that describes an image
+        // came before it, and must be taken before it.
+        let (lane, ..) = match (other, latest) {
+            (Some(other), Some(latest)) if latest.2.arrival < other.2.arrival => latest,
+            (Some(other), _) => other,
+            (None, latest) => latest?,
+        };
         let waiting = self.lanes.get_mut(&lane)?;
-        let (_, stamp_ns, item) = waiting.items.pop_front()?;
+        let WaitingItem { stamp_ns, item, .. } = waiting.items.pop_front()?;
         if waiting.keep == Keep::All {
             self.release(&item);
         }
@@ -299,6 +323,25 @@ mod tests {
         assert_eq!(queue.take(NOW), Next::Item(Arrived { lane, stamp_ns: 9, item: 2 }));
         assert_eq!(queue.take(NOW), Next::Idle);
         assert_eq!(queue.counts(lane), LaneCounts { received: 2, replaced: 1, ..LaneCounts::default() });
+    }
+
+    #[test]
+    fn lanes_that_are_replaced_get_their_turn() {
+        let queue = queue(1, 1);
+        let [front, rear, described] =
+            [Keep::Latest, Keep::Latest, Keep::Last(9)].map(|keep| queue.open(keep));
+        let mut taken = Vec::new();
+        for round in 0..6 {
+            // The image of the camera at the rear always comes last, right before the reader is free.
+            queue.push(front, round);
+            queue.push(described, 100 + round);
+            queue.push(rear, 200 + round);
+            taken.extend(std::iter::repeat_with(|| queue.take(NOW).item().expect("three came")).take(2));
+        }
+        let images: Vec<_> = taken.iter().copied().filter(|item| !(100..200).contains(item)).collect();
+        assert_eq!(images, [0, 201, 2, 203, 4, 205]);
+        let position = |item| taken.iter().position(|one| *one == item);
+        assert!((0..6).step_by(2).all(|round| position(101 + round) < position(201 + round)), "{taken:?}");
     }
 
     #[test]

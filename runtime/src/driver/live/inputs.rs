@@ -1,13 +1,15 @@
 //! [`Inputs`]: the present subscriptions of a live node, a lane of its queue each, and [`SkipWarnings`]: warnings of
-//! the messages on them that could not be read.
+//! the messages on them that could not be read; [`Silence`]: the warning that no image comes.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::time::Duration;
 
 use modulo_msgs::std_msgs::Time;
 
 use super::swap::{Slot, SlotInput};
 use super::{EventQueue, LiveEvent};
+use crate::clock::nanos;
 use crate::driver::keeps_latest;
 use crate::graph::{NodeName, Qos, Topic};
 use crate::message::MessageKind;
@@ -82,10 +84,19 @@ impl Inputs {
         inputs.find(|(_, input)| input.lane == lane)
     }
 
-    /// Returns the name of the image stream whose frames are answered now, as the node declares it.
-    pub fn stream(&self) -> Option<&str> {
-        let mut streams = self.slots.iter().map(Slot::in_use);
-        streams.find(|topic| topic.kind == MessageKind::Image).map(|topic| topic.name.as_str())
+    /// Returns the topics of the images that are waited for.
+    pub fn image_topics(&self) -> impl Iterator<Item = &str> + Clone {
+        let inputs = self.slots.iter().map(|slot| &slot.current);
+        let images = inputs.filter(|input| input.topic.kind == MessageKind::Image);
+        images.map(|input| input.address.topic.as_str())
+    }
+
+    /// Returns the name of the image stream whose frames are answered now, as the node declares it; those of several
+    /// cameras with commas between them.
+    pub fn stream(&self) -> Option<String> {
+        let streams = self.slots.iter().map(Slot::in_use).filter(|topic| topic.kind == MessageKind::Image);
+        let names: Vec<_> = streams.map(|topic| topic.name.as_str()).collect();
+        (!names.is_empty()).then(|| names.join(", "))
     }
 
     /// Returns whether a message of `stamp` that came in `lane` is answered at the ticks `now`. One that is not counts
@@ -161,6 +172,91 @@ pub(super) fn book(report: &mut NodeReport, Address { topic, qos, .. }: &Address
     of_its_kind.insert(topic.clone());
 }
 
+/// A node that waits for an image for so long warns.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// The waits of a node for the next image of each of its image topics. Only the time counts in which the node could have
+/// taken one.
+#[derive(Default)]
+pub(super) struct Silence {
+    waits: BTreeMap<String, Wait>,
+}
+
+/// The wait for the next image of one topic.
+struct Wait {
+    /// Ticks of its begin.
+    since: u64,
+    /// The warning, while it holds.
+    told: Option<String>,
+}
+
+impl Silence {
+    /// Returns the warning that holds now, of one of the topics.
+    pub fn told(&self) -> Option<&str> {
+        self.waits.values().find_map(|wait| wait.told.as_deref())
+    }
+
+    /// Notes that an image of `topic` was answered from the ticks `begin` to `now`. Returns a text when a warning was given
+    /// before.
+    pub fn end(&mut self, topic: &str, begin: u64, now: u64) -> Option<String> {
+        let before = self.waits.get(topic)?.since;
+        // Images of other topics could not be taken meanwhile.
+        self.waits
+            .values_mut()
+            .for_each(|wait| wait.since = (wait.since + now.saturating_sub(begin)).min(now));
+        let wait = self.waits.get_mut(topic)?;
+        wait.since = now;
+        wait.told.take()?;
+        Some(format!("an image has come on {topic} after {} s", seconds(now, before)))
+    }
+
+    /// Returns the text of a warning if one is due at the ticks `now`: once, when no image has come on one of `topics` for
+    /// 2 s. Publishers that are still starting are waited for without a warning.
+    pub fn look<'a>(
+        &mut self,
+        topics: impl Iterator<Item = &'a str> + Clone,
+        node: &str,
+        transport: &dyn Transport,
+        now: u64,
+    ) -> Option<&str> {
+        self.waits.retain(|waited, _| topics.clone().any(|topic| topic == waited));
+        for topic in topics {
+            // The images of a new input are waited for from now on.
+            if !self.waits.contains_key(topic) {
+                self.waits.insert(topic.to_owned(), Wait { since: now, told: None });
+            }
+        }
+        let is_due = |wait: &Wait| wait.told.is_none() && now.saturating_sub(wait.since) >= nanos(PATIENCE);
+        let (topic, wait) = self.waits.iter_mut().find(|(_, wait)| is_due(wait))?;
+        let publishers = transport.publishers(topic);
+        // A node announces itself when it is ready: a camera may wait for a detector that loads its model.
+        if !publishers.is_empty() && !publishers.iter().any(|publisher| transport.is_ready(publisher)) {
+            wait.since = now;
+            return None;
+        }
+        let images = transport.published(MessageKind::Image).into_iter().filter(|(_, by)| by != node);
+        let images: BTreeSet<String> = images.map(|(topic, _)| topic).collect();
+        Some(wait.told.insert(warning(topic, &publishers, &images, seconds(now, wait.since))))
+    }
+}
+
+fn seconds(now: u64, since: u64) -> u64 {
+    Duration::from_nanos(now.saturating_sub(since)).as_secs()
+}
+
+fn warning(topic: &str, publishers: &[String], images: &BTreeSet<String>, seconds: u64) -> String {
+    let cause = match publishers {
+        [] => "no node publishes it".to_owned(),
+        publishers => format!("{} publishes it, but sends nothing", publishers.join(", ")),
+    };
+    let kind = MessageKind::Image.type_name();
+    let others = match images.iter().map(String::as_str).collect::<Vec<_>>() {
+        images if images.is_empty() => format!("no topic of the type {kind} is published now"),
+        images => format!("the published topics of the type {kind} are {}", images.join(", ")),
+    };
+    format!("no image has come on {topic} for {seconds} s: {cause}; {others}")
+}
+
 /// Shortest time between two warnings about one topic.
 const WARNING_PERIOD_NS: u64 = 1_000_000_000;
 
@@ -201,6 +297,50 @@ impl SkipWarnings {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::transport::local::LocalTransport;
+
+    #[test]
+    fn a_silent_input_is_told_once_and_not_while_its_publisher_starts() {
+        const S: u64 = 1_000_000_000;
+        let transport = LocalTransport::default();
+        let node = |name: &str| NodeName::new(name, "/", &[]).expect("a name");
+        let image = |topic: &str| {
+            Address::resolve(&node("unwrap"), &Topic::new(topic, MessageKind::Image)).expect("a name")
+        };
+        let own = transport.advertise(&node("unwrap"), &image("/recovered")).expect("local");
+        let mut silence = Silence::default();
+        let look = |silence: &mut Silence, topics: &[&str], now| {
+            silence.look(topics.iter().copied(), "/unwrap", &transport, now).map(str::to_owned)
+        };
+        assert_eq!([0, 2 * S - 1].map(|now| look(&mut silence, &["/modulo"], now)), [None, None]);
+        let told = look(&mut silence, &["/modulo"], 2 * S).expect("a warning");
+        assert!(told.contains("no node publishes it; no topic of the type"), "{told}");
+        assert_eq!((look(&mut silence, &["/modulo"], 9 * S), silence.told()), (None, Some(told.as_str())));
+        let ended = silence.end("/modulo", 9 * S, 10 * S);
+        assert_eq!(ended.as_deref(), Some("an image has come on /modulo after 10 s"));
+        assert_eq!((silence.end("/modulo", 10 * S, 11 * S), silence.told()), (None, None));
+
+        let camera = transport.advertise(&node("camera"), &image("/modulo")).expect("local");
+        assert_eq!(look(&mut silence, &["/modulo"], 13 * S), None, "it is not ready yet");
+        let ready = transport.announce(&node("camera")).expect("local");
+        assert_eq!(look(&mut silence, &["/modulo"], 15 * S - 1), None);
+        let told = look(&mut silence, &["/modulo"], 15 * S).expect("a warning");
+        assert!(
+            told.contains("/camera publishes it, but sends nothing") && told.ends_with("are /modulo"),
+            "{told}"
+        );
+        assert_eq!(look(&mut silence, &["/other"], 16 * S), None, "another input");
+
+        let both = ["/a", "/b"];
+        assert_eq!(look(&mut silence, &both, 20 * S), None);
+        // A long step for one camera is no silence of the other one.
+        assert_eq!(silence.end("/a", 20 * S, 23 * S), None);
+        assert_eq!(look(&mut silence, &both, 23 * S), None);
+        assert_eq!(silence.end("/a", 25 * S, 25 * S), None);
+        let told = look(&mut silence, &both, 25 * S).expect("a warning");
+        assert!(told.contains("no image has come on /b for 2 s"), "{told}");
+        drop((own, camera, ready));
+    }
 
     #[test]
     fn skipped_messages_are_told_once_a_second_and_none_is_left_out_of_the_count() {

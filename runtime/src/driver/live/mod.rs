@@ -7,6 +7,7 @@ mod requests;
 mod source;
 mod swap;
 
+use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -18,7 +19,7 @@ use super::{
 };
 use crate::clock::{Clock, nanos as nanoseconds};
 use crate::driver::pacing::{Pacing, taken_message, taken_topic};
-use crate::graph::diagnostics::{Diagnostics, StateTopic};
+use crate::graph::diagnostics::{Diagnostics, NodeCondition, StateTopic};
 use crate::graph::node_time::NodeTime;
 use crate::graph::{NodeName, Topic};
 use crate::message::{Message, MessageKind};
@@ -27,19 +28,23 @@ use crate::parameter::events::ParameterEvents;
 use crate::parameter::{ParameterError, Parameters};
 use crate::process::node_files::{ReportFile, SavedState, WriteReason};
 use crate::process::stop::{Stop, Urgency};
+use crate::process::trace::{FlowPoint, Span, TraceFile};
 use crate::report::{NodeReport, add};
-use crate::transport::attachment::Attachment;
+use crate::transport::attachment::{Attachment, Delays};
 use crate::transport::queue::{Arrived, Lane, Limit, Next, Queue, Queued};
 use crate::transport::{Address, Incoming, ParameterRequest, Publisher, Transport};
-use inputs::{Inputs, SkipWarnings};
+use inputs::{Inputs, Silence, SkipWarnings};
 use outputs::{LiveOutput, compressed, decompress};
-use requests::Making;
+use requests::{EnableRequest, Making};
 use source::images;
 
 /// Time after which a node without work looks at the tasks of each second.
 const IDLE: Duration = Duration::from_millis(250);
 /// A draining node gives up this long after its last message, even if its upstream is still there.
 const DRAIN_LIMIT_NS: u64 = 2_000_000_000;
+/// Largest number of messages of one topic that an upstream node which ends as well can still send after that time: the one
+/// that it works on and the one that waits for it, with a reserve. A node that gets more was asked to end without its upstream.
+const LATE_MESSAGES: u32 = 4;
 /// Parameter requests that wait for a busy node; each caller waits for its answer.
 const REQUESTS: usize = 64;
 
@@ -67,25 +72,35 @@ enum LiveEvent {
     Taken(Incoming),
     /// The part that a request needs was made, or cannot be.
     Made(Result<Part, ParameterError>),
+    /// A request to pause, or to go on.
+    Enable(EnableRequest),
 }
 
 impl Queued for LiveEvent {
     fn bytes(&self) -> usize {
         match self {
             Self::Message(incoming) | Self::Taken(incoming) => incoming.bytes(),
-            Self::Request(_) | Self::Made(_) => 0,
+            Self::Request(_) | Self::Made(_) | Self::Enable(_) => 0,
         }
     }
 
     fn attachment(&self) -> Option<&Attachment> {
         match self {
             Self::Message(incoming) | Self::Taken(incoming) => incoming.attachment(),
-            Self::Request(_) | Self::Made(_) => None,
+            Self::Request(_) | Self::Made(_) | Self::Enable(_) => None,
         }
     }
 }
 
 type EventQueue = Queue<LiveEvent>;
+
+/// The time after a node with messages in its queue was asked to end.
+struct Drain {
+    /// Its start, ns of the machine's clock.
+    start_ns: u64,
+    /// Number of messages that came after its limit, by topic.
+    late: BTreeMap<String, u32>,
+}
 
 /// A node with everything it needs to run.
 struct Live<'a> {
@@ -113,7 +128,15 @@ struct Live<'a> {
     changes: u64,
     /// The warnings about messages that could not be read.
     warnings: SkipWarnings,
+    /// The delays of messages between machines.
+    delays: Delays,
     parameter_events: ParameterEvents,
+    /// The wait for the next image.
+    silence: Silence,
+    /// The spans of this run, if its launcher wants them.
+    trace: Option<TraceFile>,
+    /// Whether the node works. While it does not, it has no subscription, and a source sends nothing.
+    enabled: bool,
 }
 
 /// Runs a node until it is done, and returns its report.
@@ -160,7 +183,11 @@ pub fn run(
         making: None,
         changes: 0,
         warnings: SkipWarnings::default(),
+        delays: Delays::default(),
         parameter_events: ParameterEvents::new(&node_name, transport)?,
+        silence: Silence::default(),
+        trace: TraceFile::of_launch(&node_name.fully_qualified(), &**clock),
+        enabled: true,
         node_name,
     };
     live.run()
@@ -175,7 +202,7 @@ impl Live<'_> {
         self.wait_for_others()?;
         self.subscribe()?;
         self.time.follow(&self.settings(), &self.node_name, self.transport)?;
-        let served = self.serve_parameters()?;
+        let served = (self.serve_parameters()?, self.serve_enable()?);
         // Last of all: a node that waits for this one may send at once.
         let announced = self.transport.announce(&self.node_name)?;
         self.parameter_events.started(self.time.now_ns(), &self.settings());
@@ -193,6 +220,11 @@ impl Live<'_> {
         };
         // Out of the graph before the publishers go, so that no other node waits for this one.
         drop((announced, served));
+        self.close(ended)
+    }
+
+    /// Ends the subscriptions and completes the report of a node that has ended.
+    fn close(mut self, ended: Result<(), RunError>) -> Result<NodeReport, RunError> {
         // From here on requests are refused, so that no caller waits for a node that has ended.
         self.queue.end();
         self.making.take().into_iter().for_each(Making::join);
@@ -229,6 +261,9 @@ impl Live<'_> {
 
     /// Subscribes to the inputs that the node has now.
     fn subscribe(&mut self) -> Result<(), RunError> {
+        if !self.enabled {
+            return Ok(());
+        }
         let topics = self.node.inputs();
         let mut addresses = addresses(&self.node_name, &topics)?;
         let CommonParameters { image_transport, .. } = (&self.settings()).into();
@@ -244,6 +279,7 @@ impl Live<'_> {
     fn run_listener(&mut self) -> Result<(), RunError> {
         // When the last message came, or the drain began; and since when no publisher is left.
         let (mut quiet_since, mut alone_since) = (None, None);
+        let mut drain = None;
         loop {
             let draining = match self.stop.urgency() {
                 Urgency::Now => return Ok(()),
@@ -252,7 +288,8 @@ impl Live<'_> {
             };
             match self.queue.take(Some(if draining { GRAPH_GLANCE } else { IDLE })) {
                 Next::Item(arrived) => {
-                    if self.handle(arrived)? == Flow::Done || self.node.period().is_some() {
+                    let goes_on = draining && self.upstream_goes_on(&arrived, &mut drain);
+                    if goes_on || self.handle(arrived)? == Flow::Done || self.node.period().is_some() {
                         return Ok(());
                     }
                     // Each message restarts both waits, since more may follow it.
@@ -276,6 +313,20 @@ impl Live<'_> {
         }
     }
 
+    /// Returns whether a publisher of an input sends as before, although this node was asked to end. `drain` holds the start
+    /// of the drain, and the number of messages that came late in it, by topic. Messages that waited for a slow step came in time.
+    fn upstream_goes_on(&self, arrived: &Arrived<LiveEvent>, drain: &mut Option<Drain>) -> bool {
+        let drain =
+            drain.get_or_insert_with(|| Drain { start_ns: self.time.machine_ns(), late: BTreeMap::new() });
+        let Some((_, input)) = self.inputs.of(arrived.lane) else { return false };
+        if arrived.stamp_ns <= drain.start_ns + DRAIN_LIMIT_NS {
+            return false;
+        }
+        let late = drain.late.entry(input.address.topic.clone()).or_default();
+        *late += 1;
+        *late > LATE_MESSAGES
+    }
+
     /// Returns whether more messages can come.
     fn has_upstream(&self) -> bool {
         self.inputs.topics().any(|topic| !self.transport.publishers(topic).is_empty())
@@ -283,9 +334,10 @@ impl Live<'_> {
 
     fn handle(&mut self, arrived: Arrived<LiveEvent>) -> Result<Flow, RunError> {
         match arrived.item {
-            LiveEvent::Message(incoming) => self.handle_message(arrived.lane, incoming),
+            LiveEvent::Message(incoming) => self.handle_message(arrived.lane, arrived.stamp_ns, incoming),
             LiveEvent::Request(request) => self.answer(request).map(|()| Flow::Continue),
             LiveEvent::Made(part) => self.made(part).map(|()| Flow::Continue),
+            LiveEvent::Enable(request) => self.enable(&request).map(|()| Flow::Continue),
             LiveEvent::Taken(incoming) => {
                 if let Ok(Message::Diagnostics(taken)) = incoming.open(MessageKind::Diagnostics) {
                     self.pacing.note(&taken);
@@ -295,9 +347,11 @@ impl Live<'_> {
         }
     }
 
-    fn handle_message(&mut self, lane: Lane, incoming: Incoming) -> Result<Flow, RunError> {
+    fn handle_message(&mut self, lane: Lane, arrived_ns: u64, incoming: Incoming) -> Result<Flow, RunError> {
         let (input, read) = self.inputs.of(lane).expect("a lane is closed together with its input");
         let (declared, Address { topic, kind, .. }) = (read.topic.clone(), read.address.clone());
+        self.watch_delay(&topic, incoming.attachment(), arrived_ns);
+        let begin = self.time.ticks_ns();
         let opened = incoming.open(kind).map_err(|why| why.to_string());
         let message = match opened.and_then(|message| decompressed(&declared, message)) {
             Ok(message) => message,
@@ -310,24 +364,48 @@ impl Live<'_> {
             return Ok(Flow::Continue);
         }
         // The stamp is kept, because the step consumes the message.
-        let is_image = message.kind() == MessageKind::Image;
-        let told = (is_image && self.taken.wanted()).then(|| message.stamp());
+        let frame = (message.kind() == MessageKind::Image).then(|| message.stamp());
+        self.trace("decode", begin, frame);
+        let told = frame.filter(|_| self.taken.wanted());
         let passes_on = self.outputs.iter().any(|o| o.address.kind == MessageKind::Image && o.wanted());
         // Before the step: the source can make the next frame while this one is worked on.
         if let Some(stamp) = told.filter(|_| !passes_on) {
             self.tell_taken(stamp, &[]);
         }
         let trigger = Trigger::Message { input, message };
-        let (flow, messages) = self.step(trigger, &topic, Some(&declared.name))?;
+        let (flow, messages) = self.step(trigger, &topic, Some(&declared.name), frame)?;
+        if frame.is_some()
+            && let Some(said) = self.silence.end(&topic, begin, self.time.ticks_ns())
+        {
+            tracing::info!(node = %self.report.node, topic, "{said}");
+        }
         self.send_all(&messages);
+        if flow == Flow::NewInputs {
+            self.subscribe()?;
+        }
         // A frame that is kept has no result yet; the step that answers it tells.
-        if passes_on && flow != Flow::Kept && self.taken.wanted() {
-            let sent = images(&messages, &self.outputs);
-            if let Some((stamp, topics)) = sent.or(told.map(|stamp| (stamp, Vec::new()))) {
-                self.tell_taken(stamp, &topics);
-            }
+        if passes_on && flow != Flow::Kept {
+            self.tell_passed_on(told, &messages);
         }
         Ok(flow)
+    }
+
+    /// Tells sources of rate 0 that the frame of the stamp `told` was answered by these messages.
+    fn tell_passed_on(&self, told: Option<Time>, messages: &[(usize, Message)]) {
+        if !self.taken.wanted() {
+            return;
+        }
+        let sent = images(messages, &self.outputs);
+        if let Some((stamp, topics)) = sent.or(told.map(|stamp| (stamp, Vec::new()))) {
+            self.tell_taken(stamp, &topics);
+        }
+    }
+
+    fn watch_delay(&mut self, topic: &str, attachment: Option<&Attachment>, arrived_ns: u64) {
+        let Some(attachment) = attachment else { return };
+        if let Some(warning) = self.delays.note(topic, attachment.stamp_ns, arrived_ns) {
+            tracing::warn!(node = %self.report.node, topic, "{warning}");
+        }
     }
 
     /// Adds the compressed variants that have readers to the messages of a step. An image whose compressed variant alone has
@@ -364,41 +442,66 @@ impl Live<'_> {
     }
 
     /// Runs one step; returns the messages that it left. `topic` is named when the step skips its input, which came on
-    /// `stream`; a source reads no stream.
+    /// `stream`; a source reads no stream. `frame` is the stamp of an input image.
     fn step(
         &mut self,
         trigger: Trigger,
         topic: &str,
         stream: Option<&str>,
+        frame: Option<Time>,
     ) -> Result<(Flow, Vec<(usize, Message)>), RunError> {
         let wanted: Vec<bool> = self.outputs.iter().map(LiveOutput::wanted).collect();
         let mut cx = Context::new(&self.report.node, &self.time, &wanted);
+        let begin = self.time.ticks_ns();
         let result = self.node.step(trigger, &mut cx);
         let mut output = cx.finish();
         output.messages = self.with_compressed(output.messages);
+        let image = output.messages.iter().find(|(_, message)| message.kind() == MessageKind::Image);
+        let made = image.map(|(_, message)| message.stamp());
+        let point = match made {
+            _ if result == Ok(Flow::Kept) => None,
+            Some(_) if stream.is_none() => Some(FlowPoint::Source),
+            Some(_) => Some(FlowPoint::Pass),
+            None => frame.map(|_| FlowPoint::End),
+        };
+        if let Some(trace) = &self.trace {
+            trace.add_step((begin, self.time.ticks_ns()), &output, frame.or(made), point);
+        }
+        self.diagnostics.book(&output.stages, frame.or(made.filter(|_| stream.is_none())));
         self.book(&output, stream);
         // Before the messages of the first frame that was made with these values.
         if let Some((_, first)) = output.messages.first() {
             self.tell_state(first.stamp());
         }
+        self.settle(result, output.messages, topic, stream.is_none())
+    }
+
+    /// Counts and reports the failure of a step; a step that is only skipped goes on.
+    fn settle(
+        &mut self,
+        result: Result<Flow, StepError>,
+        messages: Vec<(usize, Message)>,
+        topic: &str,
+        is_source: bool,
+    ) -> Result<(Flow, Vec<(usize, Message)>), RunError> {
         match result {
-            Ok(flow) => Ok((flow, output.messages)),
+            Ok(flow) => Ok((flow, messages)),
             // Each frame of a source is told: its name is in the text.
-            Err(StepError::Skip(why)) if stream.is_none() => {
+            Err(StepError::Skip(why)) if is_source => {
                 tracing::warn!(node = %self.report.node, topic, "skipped: {why}");
                 add(&mut self.report.bad, topic, 1);
-                Ok((Flow::Continue, output.messages))
+                Ok((Flow::Continue, messages))
             }
             Err(StepError::Skip(why)) => {
                 self.skip(topic, &why);
-                Ok((Flow::Continue, output.messages))
+                Ok((Flow::Continue, messages))
             }
             Err(StepError::Fatal(why)) => {
-                if stream.is_some() {
+                if !is_source {
                     add(&mut self.report.bad, topic, 1);
                 }
                 // They are counted as sent already, and were made before the step failed.
-                self.send_all(&output.messages);
+                self.send_all(&messages);
                 Err(RunError::Fatal(self.report.node.clone(), why))
             }
         }
@@ -429,10 +532,21 @@ impl Live<'_> {
         if let (Some(saved), Some(position)) = (&self.saved, self.node.position()) {
             saved.keep_position(position);
         }
+        let begin = self.time.ticks_ns();
         for (output, message) in messages {
             self.send(*output, message);
         }
+        let of_a_frame = |kind| matches!(kind, MessageKind::Image | MessageKind::Detections);
+        let mut sent = messages.iter().filter(|(_, message)| of_a_frame(message.kind()));
+        self.trace("send", begin, sent.next().map(|(_, message)| message.stamp()));
         self.tell_when_due();
+    }
+
+    /// Adds a span from `begin` until now to the trace, if it belongs to a frame.
+    fn trace(&self, name: &'static str, begin: u64, frame: Option<Time>) {
+        if let (Some(trace), Some(_)) = (&self.trace, frame) {
+            trace.add(Span { name, begin, end: self.time.ticks_ns(), frame, flow: None });
+        }
     }
 
     fn send(&mut self, output: usize, message: &Message) {
@@ -446,7 +560,7 @@ impl Live<'_> {
 
     /// Publishes the values in use from the frame of `stamp` on, if they have changed.
     fn tell_state(&mut self, stamp: Time) {
-        self.state.tell(stamp, &self.report.node, &*self.node, self.inputs.stream());
+        self.state.tell(stamp, &self.report.node, &*self.node, self.inputs.stream().as_deref(), self.enabled);
     }
 
     /// Publishes the counts of the node on `/diagnostics` and writes them to its report file, once a second; warns of
@@ -456,10 +570,21 @@ impl Live<'_> {
         for warning in self.inputs.look(self.time.ticks_ns(), &mut self.report) {
             tracing::warn!(node = %self.report.node, "{warning}");
         }
+        if self.stop.urgency() == Urgency::None {
+            let (topics, now) = (self.inputs.image_topics(), self.time.ticks_ns());
+            if let Some(said) = self.silence.look(topics, &self.report.node, self.transport, now) {
+                tracing::warn!(node = %self.report.node, "{said}");
+            }
+        }
         if self.diagnostics.is_due(&self.time) {
             let mut report = self.report.clone();
             self.inputs.count(&mut report);
-            self.diagnostics.publish(&self.time, &report, &*self.node);
+            let condition = match self.silence.told() {
+                _ if !self.enabled => NodeCondition::Disabled,
+                Some(warning) => NodeCondition::Silent(warning),
+                None => NodeCondition::Running,
+            };
+            self.diagnostics.publish(&self.time, &report, &*self.node, &condition);
         }
     }
 

@@ -4,7 +4,11 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::PoisonError;
+use std::sync::mpsc::{Sender, channel};
 use std::thread::JoinHandle;
+use std::time::Duration;
+
+use modulo_msgs::std_msgs::Time;
 
 use super::{Live, LiveEvent};
 use crate::clock::Clock;
@@ -12,7 +16,18 @@ use crate::driver::RunError;
 use crate::node::{Job, Part};
 use crate::parameter::{ParameterError, Parameters, Value};
 use crate::transport::queue::{Keep, Lane};
-use crate::transport::{Guard, ParameterPort, ParameterRequest, TransportError};
+use crate::transport::{Claim, Guard, ParameterPort, ParameterRequest, TransportError};
+
+/// A request to pause a node, or to let it go on.
+pub(super) struct EnableRequest {
+    enabled: bool,
+    answer: Sender<()>,
+    /// Decides between the node that applies the request and the caller that gives up.
+    claim: Claim,
+}
+
+/// Time that a caller of `~/enable` waits for the end of the step at hand.
+const PATIENCE: Duration = Duration::from_secs(10);
 
 /// A request whose changes are looked at, one after the other.
 struct PreparedRequest {
@@ -56,10 +71,55 @@ impl Live<'_> {
         let read = move || parameters.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let request = move |request| match queue.push(lane, LiveEvent::Request(request))? {
             LiveEvent::Request(request) => Some(request),
-            LiveEvent::Message(_) | LiveEvent::Taken(_) | LiveEvent::Made(_) => None,
+            LiveEvent::Message(_) | LiveEvent::Taken(_) | LiveEvent::Made(_) | LiveEvent::Enable(_) => None,
         };
         let port = ParameterPort { read: Box::new(read), request: Box::new(request) };
         self.transport.serve_parameters(&self.node_name, port)
+    }
+
+    /// Offers the service that pauses the node.
+    pub(super) fn serve_enable(&self) -> Result<Guard, TransportError> {
+        let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::All));
+        let enable = move |enabled| {
+            let (answer, answered) = channel();
+            let claim = Claim::default();
+            let request = EnableRequest { enabled, answer, claim: claim.clone() };
+            if queue.push(lane, LiveEvent::Enable(request)).is_some() {
+                return Err("the node is busy with other requests, or is ending".to_owned());
+            }
+            match answered.recv_timeout(PATIENCE) {
+                Ok(()) => Ok(()),
+                // The node may apply it just now.
+                Err(_) if !claim.take() => Ok(()),
+                Err(_) => {
+                    Err("the node has not finished its step within 10 s; it goes on as before".to_owned())
+                }
+            }
+        };
+        self.transport.serve_enable(&self.node_name, Box::new(enable))
+    }
+
+    /// Pauses the node or lets it go on. A paused node keeps its model and its parameters, and has no subscription, so
+    /// that the frames of this time are no frames of the node and count nowhere.
+    pub(super) fn enable(&mut self, request: &EnableRequest) -> Result<(), RunError> {
+        if !request.claim.take() {
+            return Ok(());
+        }
+        let enabled = request.enabled;
+        if enabled != std::mem::replace(&mut self.enabled, enabled) {
+            tracing::info!(node = %self.report.node, "{}", if enabled { "enabled" } else { "disabled" });
+            if enabled {
+                self.subscribe()?;
+            } else {
+                // From now on the counts of other nodes say nothing about the frames that this one should have.
+                self.report.swapped = true;
+                self.inputs.close(&mut self.report);
+            }
+            self.tell_state(Time::from_ns(self.time.now_ns()));
+        }
+        // Fails only when the caller has gone.
+        let _ = request.answer.send(());
+        Ok(())
     }
 
     pub(super) fn settings(&self) -> Parameters {

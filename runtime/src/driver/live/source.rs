@@ -25,14 +25,7 @@ impl Live<'_> {
         loop {
             let (before, paced) = (self.period_ns(), self.is_paced());
             if paced != told.is_some() {
-                match told.take() {
-                    Some((_, lane)) => drop(self.queue.close(lane)),
-                    // Readers tell what they take only while a source listens, since it costs them a message
-                    // for each frame.
-                    None => told = Some(self.listen_to_readers()?),
-                }
-                // A frame of the time before says nothing about the readers at the new pace.
-                self.pacing = Pacing::default();
+                self.change_pacing(&mut told)?;
                 // Readers tell nothing before they have found out that this node listens.
                 due = due.max(self.time.ticks_ns() + nanoseconds(self.transport.settling()));
             }
@@ -47,8 +40,12 @@ impl Live<'_> {
             if self.node.period().is_none() {
                 continue;
             }
+            if !self.enabled {
+                due = self.time.ticks_ns() + nanoseconds(IDLE);
+                continue;
+            }
             let changes = self.changes;
-            let (flow, messages) = self.step(Trigger::Tick, "source", None)?;
+            let (flow, messages) = self.step(Trigger::Tick, "source", None, None)?;
             // The step has made the next frame meanwhile; only its sending waits.
             if paced {
                 self.wait_for_readers()?;
@@ -63,6 +60,18 @@ impl Live<'_> {
             let period = self.period_ns().max(before);
             due = next_due(due, period, self.time.ticks_ns());
         }
+    }
+
+    /// Begins to listen to the readers, or ends it if `told` holds the subscription.
+    fn change_pacing(&mut self, told: &mut Option<(Guard, Lane)>) -> Result<(), RunError> {
+        match told.take() {
+            Some((_, lane)) => drop(self.queue.close(lane)),
+            // Readers tell what they take only while a source listens, since it costs them a message for each frame.
+            None => *told = Some(self.listen_to_readers()?),
+        }
+        // A frame of the time before says nothing about the readers at the new pace.
+        self.pacing = Pacing::default();
+        Ok(())
     }
 
     fn period_ns(&self) -> u64 {
@@ -97,8 +106,12 @@ impl Live<'_> {
     }
 
     fn wait_for_readers(&mut self) -> Result<(), RunError> {
-        while self.stop.urgency() == Urgency::None && self.pacing.holds(self.transport, &self.time) {
-            if let Next::Item(arrived) = self.queue.take(Some(GRAPH_GLANCE)) {
+        // A frame that is ready when the node is disabled stays until the node goes on.
+        while self.stop.urgency() == Urgency::None
+            && (!self.enabled || self.pacing.holds(self.transport, &self.time))
+        {
+            let patience = if self.enabled { GRAPH_GLANCE } else { IDLE };
+            if let Next::Item(arrived) = self.queue.take(Some(patience)) {
                 self.handle(arrived)?;
             }
             // A source that waits long still shows that it is alive.

@@ -25,9 +25,10 @@ pub use session::meeting_port;
 pub use topic::RawPublisher;
 
 use super::keys::{self, Endpoint, EntityKind, Hashes, Token};
-use super::{Address, Deliver, Guard, Incoming, ParameterPort, Publisher, Transport, TransportError};
+use super::{Address, Deliver, Enable, Guard, Incoming, ParameterPort, Publisher, Transport, TransportError};
 use crate::clock::Clock;
 use crate::graph::{Graph, NodeName};
+use crate::message::MessageKind;
 
 /// A zenoh session in one ROS domain.
 pub struct ZenohTransport {
@@ -153,12 +154,27 @@ impl Transport for ZenohTransport {
         self.serve(node, port)
     }
 
+    fn serve_enable(&self, node: &NodeName, enable: Enable) -> Result<Guard, TransportError> {
+        self.serve_raw(node, vec![service::enable_service(enable)])
+    }
+
     fn is_ready(&self, node: &str) -> bool {
         lock(&self.graph).has_node(node)
     }
 
     fn publishers(&self, topic: &str) -> Vec<String> {
         lock(&self.graph).endpoints(EntityKind::Publisher, topic).map(Token::node_name).collect()
+    }
+
+    fn published(&self, kind: MessageKind) -> Vec<(String, String)> {
+        let dds_type = modulo_msgs::dds_name(kind.type_name());
+        let graph = lock(&self.graph);
+        let publishers = graph.tokens().filter(|token| token.kind == EntityKind::Publisher);
+        let of_kind = publishers.filter_map(|token| {
+            let endpoint = token.endpoint.as_ref().filter(|endpoint| endpoint.dds_type == dds_type)?;
+            Some((endpoint.topic.clone(), token.node_name()))
+        });
+        of_kind.collect()
     }
 
     fn subscribers(&self, topic: &str) -> Vec<String> {

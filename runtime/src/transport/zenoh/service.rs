@@ -5,6 +5,8 @@ use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
+use modulo_msgs::cdr;
+use modulo_msgs::std_srvs::{SetBoolRequest, SetBoolResponse};
 use zenoh::Wait;
 use zenoh::query::{ConsolidationMode, Query, QueryTarget};
 
@@ -15,7 +17,7 @@ use crate::parameter::service::Service;
 use crate::transport::attachment::Attachment;
 use crate::transport::keys::{self, Endpoint, EntityKind};
 use crate::transport::queue::{Keep, Limit, Next, Queue, Queued};
-use crate::transport::{Guard, ParameterPort, TransportError};
+use crate::transport::{Enable, Guard, ParameterPort, TransportError};
 
 impl ZenohTransport {
     /// Calls a service and waits for its answer.
@@ -193,6 +195,18 @@ fn handlers(port: ParameterPort) -> Vec<RawService> {
         answer: Box::new(|request| Ok(type_description::answer(request)?)),
     };
     parameters.chain([described]).collect()
+}
+
+/// Returns the service `~/enable` of a node.
+pub(super) fn enable_service(enable: Enable) -> RawService {
+    let answer = Box::new(move |request: &[u8]| {
+        let SetBoolRequest { data } = cdr::from_slice(request)?;
+        let done = enable(data);
+        let success = done.is_ok();
+        let message = done.err().unwrap_or_else(|| if data { "enabled" } else { "disabled" }.to_owned());
+        Ok(cdr::to_vec(&SetBoolResponse { success, message })?)
+    });
+    RawService { name: "enable", ros_type: "std_srvs/srv/SetBool", qos: keys::SERVICE_QOS, answer }
 }
 
 /// Answers one service call. A call without payload or attachment is an error.
