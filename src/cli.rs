@@ -22,7 +22,7 @@ pub const LONG_VERSION: &str = concat!(
 );
 
 /// Commands that exchange messages with other nodes.
-const ON_THE_GRAPH: [&[&str]; 8] = [
+const ON_THE_GRAPH: [&[&str]; 9] = [
     &["launch"],
     &["run"],
     &["bag", "record"],
@@ -30,6 +30,7 @@ const ON_THE_GRAPH: [&[&str]; 8] = [
     &["param"],
     &["topic"],
     &["node"],
+    &["top"],
     &["view"],
 ];
 
@@ -80,6 +81,8 @@ pub enum Command {
     /// List nodes, print their publishers, subscriptions and services
     #[command(subcommand)]
     Node(graph::NodeCommand),
+    /// Show the nodes of a running suite with their rates, latencies and drops in the terminal, with keys that change parameters
+    Top(view::TopCommand),
     /// Show the streams, boxes and latencies of a running suite on a web page, with controls for its parameters
     View(view::ViewCommand),
     /// Fetch official detection models, or check a model
@@ -106,7 +109,7 @@ pub fn parse() -> Cli {
     let mut arguments: Vec<OsString> = std::env::args_os().collect();
     let called = arguments.first().map(PathBuf::from).unwrap_or_default();
     let called = called.file_stem().and_then(|name| name.to_str()).unwrap_or_default();
-    if crate::registry::KINDS.iter().any(|kind| kind.name == called) {
+    if crate::command::run::KINDS.iter().any(|kind| kind.name == called) {
         // `ros2 run` and `ros2 launch` start a node by the name of its executable, which is such a link.
         arguments.splice(0..1, ["modulo", "run", called].map(OsString::from));
     }

@@ -5,7 +5,6 @@
 
 mod cli;
 mod command;
-mod registry;
 
 use std::process::ExitCode;
 

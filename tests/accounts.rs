@@ -6,12 +6,21 @@ mod harness;
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use harness::{Background, Bench, Heard, Peer, arg, json, model, signal, text, wait_until};
+use modulo_core::Frame;
+use modulo_msgs::cdr;
+use modulo_msgs::sensor_msgs::Image;
+use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::transport::Transport;
 use modulo_runtime::{Clock, Message, MessageKind, Qos, SystemClock};
+use ndarray::Array3;
 use serde_json::Value;
+
+/// The nodes of a run.
+const NODES: [&str; 3] = ["detector", "unwrap", "modulo_camera"];
 
 /// All three nodes at 10 Hz without end; the summary goes to `summary.json`.
 fn suite(bench: &Bench, more: &[&str]) -> Background {
@@ -58,7 +67,8 @@ fn sum(summary: &Value, field: &str) -> u64 {
 fn every_frame_is_answered_or_counted_when_nodes_are_killed() {
     let rounds = std::env::var("MODULO_CRASH_ROUNDS").map_or(1, |text| text.parse().expect("a number"));
     let bench = Bench::new();
-    let running = suite(&bench, &[]);
+    // Many rounds crash a node more often than a run usually takes.
+    let running = suite(&bench, &["--max-restarts", "0"]);
     let peer = Peer::new(&bench);
     wait_until("the camera", || peer.transport.is_ready("/modulo_camera"));
     let detections = peer.hear("/detector/detections", MessageKind::Detections);
@@ -69,6 +79,8 @@ fn every_frame_is_answered_or_counted_when_nodes_are_killed() {
         {
             next_answer(&detections, "boxes before the crash");
             let victim = running.node(kind).expect("it runs");
+            let others = || NODES.map(|node| running.node(node).filter(|pid| *pid != victim));
+            let before = others();
             if let Some(input) = input {
                 // It dies with frames in its hands.
                 stop_for_frames(input, 4, victim);
@@ -78,11 +90,14 @@ fn every_frame_is_answered_or_counted_when_nodes_are_killed() {
             next_answer(&detections, "boxes after the crash");
             // Shown and not held to a limit, since it depends on the load of the machine.
             println!("round {round}: {kind} is back after {:?}", crashed.elapsed());
+            let kept =
+                others().into_iter().zip(before).filter(|(now, before)| before.is_some() && now == before);
+            assert_eq!(kept.count(), 2, "the other nodes go on");
         }
     }
     assert_eq!(running.interrupt(), Some(3), "frames were lost");
     let summary = json(&bench.path("summary.json"));
-    for kind in ["detector", "unwrap", "modulo_camera"] {
+    for kind in NODES {
         assert_eq!(summary["restarts"][kind], rounds, "{summary}");
     }
     let crashes = summary["lost_in_crashes"].as_array().expect("a list");
@@ -145,6 +160,103 @@ fn an_unreadable_image_is_skipped_and_counted() {
         "{summary}"
     );
     assert_eq!(summary["topics"]["/detector/detections"]["out"], 4, "{summary}");
+}
+
+/// An image of 8 bits with this stamp, in seconds.
+fn image(sec: i32, height: usize) -> Image {
+    let frame = Frame::from_u8(Array3::zeros((height, 96, 3))).expect("a frame");
+    Image::from_frame(Header { stamp: Time { sec, nanosec: 0 }, frame_id: "camera".into() }, &frame)
+}
+
+/// Images that no node can use, each with the name of its fault.
+fn sick_images() -> Vec<(&'static str, Vec<u8>)> {
+    let bytes = |change: fn(&mut Image)| {
+        let mut image = image(1, 64);
+        change(&mut image);
+        cdr::to_vec(&image).expect("encodes")
+    };
+    vec![
+        ("empty", vec![]),
+        ("cut", bytes(|_| ())[..200].to_vec()),
+        ("unknown encoding", bytes(|image| image.encoding = "bayer_rggb8".into())),
+        ("wrong height", bytes(|image| image.height += 1)),
+        ("rows that overlap", bytes(|image| image.step = 1)),
+        ("no pixel", bytes(|image| (image.height, image.width) = (0, 0))),
+        (
+            "largest size",
+            bytes(|image| (image.height, image.width, image.step) = (u32::MAX, u32::MAX, u32::MAX)),
+        ),
+        (
+            "NaN",
+            bytes(|image| {
+                image.encoding = "32FC3".into();
+                image.width /= 4;
+                image.data.fill(0xff);
+            }),
+        ),
+    ]
+}
+
+/// Sick publishers: images that cannot be used, stamps that go back, sizes that change, a flood. Each image is answered or
+/// counted, and no node ends.
+#[test]
+fn images_of_sick_publishers_are_answered_or_counted() {
+    let bench = Bench::new();
+    let reports = bench.path("reports");
+    std::fs::create_dir(&reports).expect("a writable folder");
+    let start = |arguments: &[&str]| {
+        let mut node = bench.modulo(&[&["run"], arguments].concat());
+        node.env("MODULO_REPORT_DIR", &reports)
+            .env("RUST_LOG", "error")
+            .stdout(Stdio::null())
+            .stderr(Stdio::null());
+        Background(node.spawn().expect("the binary starts"))
+    };
+    let model = arg("model", model());
+    let unwrap = start(&["unwrap", "--ros-args", "-p", "bits:=8", "-p", "alpha:=4.0"]);
+    let detector = start(&["detector", "--ros-args", "-p", &model, "-p", "engine:=rten"]);
+    let peer = Peer::new(&bench);
+    let images = peer.advertise_raw("/modulo", MessageKind::Image);
+    let answers = peer.hear("/detector/detections", MessageKind::Detections);
+    wait_until("the nodes", || ["/unwrap", "/detector"].iter().all(|node| peer.transport.is_ready(node)));
+    wait_until("the reader", || images.wanted());
+
+    let answer_to = |sec: i32, what: &str| {
+        answers.until(what, |message| {
+            // The sick images have the stamp 1 s.
+            assert_ne!(stamp(message), 1_000_000_000, "{what} was answered");
+            stamp(message) == u64::try_from(sec).expect("positive") * 1_000_000_000
+        });
+    };
+    let send = |image: &Image| images.put(cdr::to_vec(image).expect("encodes")).expect("it is sent");
+    let sick = sick_images();
+    for (sec, (name, bytes)) in (100..).zip(&sick) {
+        images.put(bytes.clone()).expect("it is sent");
+        // The stamps go back, and each image has another size.
+        let sec = 300 - sec;
+        send(&image(sec, 300 - sec as usize));
+        answer_to(sec, name);
+    }
+    let flood = 500;
+    (0..flood).for_each(|number| send(&image(1000 + number, 64)));
+    // The last one of a burst may get lost on the way, but then the next one comes.
+    let last = (0..).find(|number| {
+        send(&image(2000 + number, 64));
+        answers.next(Duration::from_millis(500)).is_some_and(|message| stamp(&message) >= 2_000_000_000_000)
+    });
+    let sent = 2 * sick.len() as u64 + flood as u64 + last.expect("an answer") as u64 + 1;
+    for node in [unwrap, detector] {
+        assert_eq!(node.interrupt(), Some(0));
+    }
+
+    let report = json(&reports.join("unwrap.1.json"));
+    let count = |field: &str, topic: &str| report[field][topic].as_u64().unwrap_or_default();
+    // On a busy machine, a sick image may be replaced by the good one after it before the node has read it.
+    assert!((1..=sick.len() as u64).contains(&count("bad", "/modulo")), "{report}");
+    assert_eq!(count("received", "/modulo") + count("lost", "/modulo"), sent, "{report}");
+    let answered = count("published", "/recovered") + count("unwanted", "/recovered");
+    let rest = ["replaced", "bad", "unread"].map(|field| count(field, "/modulo"));
+    assert_eq!(answered + rest.iter().sum::<u64>(), count("received", "/modulo"), "{report}");
 }
 
 /// `modulo launch FILE | head` ended with a panic and without the summary's file.

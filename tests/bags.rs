@@ -3,6 +3,7 @@
 mod harness;
 
 use std::path::Path;
+use std::process::Stdio;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::thread::sleep;
@@ -140,7 +141,6 @@ fn a_killed_recorder_keeps_all_but_its_last_second() {
     assert!(kept.windows(2).all(|pair| pair[1].1 == (pair[0].1 + 1) % 40), "{kept:?}");
     let last = Duration::from_nanos(kept.last().expect("messages").0);
     let lost = killed.saturating_sub(last);
-    println!("{lost:?} before the kill are lost");
     // A chunk is written each second; the limit leaves room for a busy machine.
     assert!(lost < Duration::from_secs(3), "{lost:?} before the kill are lost");
 
@@ -191,6 +191,33 @@ fn a_terminated_recorder_leaves_a_whole_bag_in_parts() {
             && info.contains("Messages:          30"),
         "{info}"
     );
+}
+
+/// A file that cannot grow, as on a full disk: the recorder ends with the reason, and what it has flushed is a bag.
+#[test]
+fn a_recorder_on_a_full_disk_ends_with_the_reason() {
+    let bench = Bench::new();
+    let (source, bag) = (bench.path("source"), bench.path("bag"));
+    write_bag(&source, 30, 20, 1_000_000);
+    let recorder = bench.modulo(&["bag", "record", "-o", utf8(&bag), "/data"]);
+    // The limit is in blocks of 512 bytes; without the trap, the kernel would end the process.
+    let mut limited = std::process::Command::new("sh");
+    limited.args(["-c", "trap '' XFSZ; ulimit -f 24000; exec \"$@\"", "sh"]).arg(recorder.get_program());
+    limited.args(recorder.get_args()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    for (name, value) in recorder.get_envs() {
+        match value {
+            Some(value) => limited.env(name, value),
+            None => limited.env_remove(name),
+        };
+    }
+    let recorder = limited.spawn().expect("a shell");
+    wait_until("the bag's folder is there", || bag.is_dir());
+    play(&bench, &source, &[]);
+    let output = recorder.wait_with_output().expect("it ends");
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+    assert!(text(&output).contains("bag_0.mcap") && text(&output).contains("os error"), "{}", text(&output));
+    let kept: Vec<_> = numbers(&bag).into_iter().map(|(_, number)| number).collect();
+    assert!(!kept.is_empty() && kept.len() < 30 && kept.is_sorted(), "{kept:?}");
 }
 
 /// A recorder that cannot keep up says how much it lost, and ends with 3.

@@ -1,12 +1,19 @@
-//! A node that crashes is started again with its parameters, and the other nodes go on.
+//! A node that crashes is started again with its parameters, and the other nodes go on. Frames know their sensor: a change of
+//! the camera reaches the other nodes with the very frame that it concerns.
 
 mod harness;
 
+use std::collections::BTreeMap;
+use std::process::Stdio;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use harness::{Background, Bench, Peer, arg, command_line, model, signal, text, wait_until};
-use modulo_runtime::MessageKind;
+use modulo_core::Frame;
+use modulo_runtime::sensor_info::SensorHistory;
 use modulo_runtime::transport::Transport;
+use modulo_runtime::{Message, MessageKind};
 
 /// The names of the nodes' executables.
 const NODES: [&str; 3] = ["detector", "unwrap", "modulo_camera"];
@@ -72,12 +79,14 @@ fn a_crashed_node_is_back_with_its_last_accepted_parameters() {
 }
 
 /// A node that stands still is not in the way for long: it is killed and started again. The others go on.
+/// `MODULO_CRASH_ROUNDS` is how often each node is stopped; once if it is not set.
 #[test]
 fn a_node_that_hangs_is_replaced() {
+    let rounds = std::env::var("MODULO_CRASH_ROUNDS").map_or(1, |text| text.parse().expect("a number"));
     let bench = Bench::new();
     let running = suite(&bench, &["--hang-timeout", "4"]);
     let peer = Peer::new(&bench);
-    for kind in NODES {
+    for kind in std::iter::repeat_n(NODES, rounds).flatten() {
         let (_heard, detections) = peer.listen("/detector/detections", MessageKind::Detections);
         detections.recv_timeout(Duration::from_secs(60)).expect("boxes before the hang");
         let pids = || NODES.map(|kind| running.node(kind));
@@ -85,13 +94,41 @@ fn a_node_that_hangs_is_replaced() {
         let victim = running.node(kind).expect("it runs");
         signal(victim, "STOP");
         wait_until("another process", || running.node(kind).is_some_and(|pid| pid != victim));
+        let replaced = Instant::now();
         let others = pids().iter().zip(&before).filter(|(now, before)| now == before).count();
         assert_eq!(others, 2, "{kind}: the neighbours have not noticed");
         // From a new subscription on, since boxes may have waited for the old one.
         let (_heard, detections) = peer.listen("/detector/detections", MessageKind::Detections);
         detections.recv_timeout(Duration::from_secs(60)).expect("boxes after the hang");
+        // Shown and not held to a limit, since it depends on the load of the machine.
+        println!("{kind} is back {:?} after it was killed", replaced.elapsed());
     }
     end_after_crash(running);
+}
+
+/// A file that a node needs was removed, so that each start fails. The run ends, and the last line names the node, the count
+/// and the reason.
+#[test]
+fn a_node_that_crashes_at_each_start_ends_the_run() {
+    for (kind, file, reason) in [("modulo_camera", "images", "source"), ("detector", "rows.onnx", "model")] {
+        let bench = Bench::new();
+        let (source, rows) = (arg("source", bench.images(4)), bench.path("rows.onnx"));
+        std::fs::copy(model(), &rows).expect("copied");
+        let (rows, fixed) = (arg("model", &rows), ["engine:=rten", "rate:=10", "loop:=true"]);
+        let launch = ["launch", "launch/recovered.launch.yaml", "--max-restarts", "2", &source, &rows];
+        let arguments = [&launch[..], &fixed].concat();
+        let child = bench.modulo(&arguments).stdout(Stdio::null()).stderr(Stdio::piped()).spawn();
+        let running = Background(child.expect("the binary starts"));
+        let peer = Peer::new(&bench);
+        wait_until("the camera", || peer.transport.is_ready("/modulo_camera"));
+        std::fs::rename(bench.path(file), bench.path("gone")).expect("renamed");
+        signal(running.node(kind).expect("it runs"), "KILL");
+        let (code, said) = running.errors();
+        let last = said.lines().last().unwrap_or_default();
+        let crashes = format!("{kind} crashed 3 times within a minute, the last time with exit status: 2");
+        assert!(code == Some(1) && last.contains(&crashes) && last.contains(reason), "{code:?} {said}");
+        assert!(last.contains("--max-restarts"), "{last}");
+    }
 }
 
 #[test]
@@ -106,4 +143,63 @@ fn nodes_end_with_a_launcher_that_was_killed() {
     running.0.kill().expect("it runs");
     running.0.wait().expect("it ends");
     wait_until("the end of the nodes", || !nodes.iter().any(|&pid| !command_line(pid).is_empty()));
+}
+
+const ALPHAS: [&str; 4] = ["2.0", "3.0", "2.5", "4.0"];
+
+/// While alpha changes 200 times at 30 Hz on a busy machine, each recovered frame equals the ideal
+/// one of the same exposure. A frame that was unwrapped with the alpha of another
+/// frame would differ: its scale, and most of its wraps, would be wrong.
+#[test]
+fn no_frame_is_unwrapped_with_the_alpha_of_another() {
+    let bench = Bench::new();
+    let source = "source:=scene://tunnel?seed=3&frames=100000";
+    let camera = ["-p", source, "-p", "psf_sigma:=1.4", "-p", "rate:=30", "-p", "wait_for:=[unwrap]"];
+    let _unwrap = bench.start(&["run", "unwrap"]);
+    let peer = Peer::new(&bench);
+    let [ideal, recovered] = ["/ideal", "/recovered"].map(|topic| peer.hear(topic, MessageKind::Image));
+    let described = peer.hear("/sensor_info", MessageKind::Diagnostics);
+    let running = bench.start(&[&["run", "modulo_camera", "--ros-args"][..], &camera].concat());
+    wait_until("the camera", || peer.transport.is_ready("/modulo_camera"));
+
+    let loaded = Arc::new(AtomicBool::new(true));
+    // The load lets frames and descriptions arrive late and in bursts, which is when they could be mixed up.
+    for _ in 0..2 {
+        let loaded = loaded.clone();
+        std::thread::spawn(move || while loaded.load(Ordering::Relaxed) {});
+    }
+    let (mut ideals, mut recoveries) = (BTreeMap::<u64, Frame>::new(), BTreeMap::<u64, Frame>::new());
+    let (mut sensors, mut alphas) = (SensorHistory::default(), BTreeMap::new());
+    let mut compared = BTreeMap::new();
+    // 200 changes, and on a slow machine more, until enough frames have been compared.
+    let enough = |compared: &BTreeMap<_, i32>| compared.values().sum::<i32>() >= 60;
+    for change in 0..2000 {
+        if change >= 200 && enough(&compared) {
+            break;
+        }
+        peer.set("/modulo_camera", "alpha", ALPHAS[change % ALPHAS.len()]).expect("possible");
+        for (heard, frames) in [(&ideal, &mut ideals), (&recovered, &mut recoveries)] {
+            while let Some(Message::Image(image)) = heard.next(Duration::from_millis(8)) {
+                frames.insert(image.header.stamp.as_ns(), image.frame.clone());
+            }
+        }
+        while let Some(Message::Diagnostics(info)) = described.next(Duration::ZERO) {
+            sensors.note(&info).expect("a sensor");
+            let alpha = sensors.of(info.header.stamp).expect("just taken").alpha;
+            alphas.insert(info.header.stamp.as_ns(), alpha);
+        }
+        // Either of the two images may come first: a recovered one waits here for its ideal one.
+        recoveries.retain(|stamp, frame| {
+            let Some(expected) = ideals.remove(stamp) else { return true };
+            let alpha = alphas[stamp];
+            assert!(*frame == expected, "the frame of {stamp} ns, alpha {alpha}, differs");
+            *compared.entry(alpha.to_string()).or_insert(0) += 1;
+            false
+        });
+    }
+    loaded.store(false, Ordering::Relaxed);
+    drop(running);
+    println!("compared frames by alpha: {compared:?}");
+    assert_eq!(compared.len(), ALPHAS.len(), "{compared:?}");
+    assert!(enough(&compared), "{compared:?}");
 }

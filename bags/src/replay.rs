@@ -20,7 +20,8 @@ use modulo_runtime::transport::{
     Address, Guard, Incoming, ParameterPort, ParameterRequest, Transport, TransportError,
 };
 use modulo_runtime::{
-    Allowed, Clock, Descriptor, Message, MessageKind, NodeName, Parameters, Qos, Stop, Urgency, Value,
+    Allowed, Clock, Descriptor, Message, MessageKind, NodeName, NodeReport, Parameters, Qos, Stop, Urgency,
+    Value, sensor_info,
 };
 
 use crate::bag::{BagError, BagReader, BagTopic, RawMessage, qos};
@@ -194,6 +195,25 @@ fn serve_parameters(
     };
     let port = ParameterPort { read: Box::new(move || read.clone()), request: Box::new(request) };
     Ok((transport.serve_parameters(node_name, port)?, events))
+}
+
+/// Returns the account of a replay that has sent so many messages by topic, for the summary of a launch: its frames are the
+/// images on the topic with the most of them.
+pub fn report(sent: &BTreeMap<String, u64>, bag: &BagReader, options: &ReplayOptions) -> NodeReport {
+    let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: options.remaps.clone() };
+    let mut report = NodeReport::new(node_name.fully_qualified());
+    let mut frames = 0;
+    for topic in bag.topics().into_iter().map(|counted| counted.topic) {
+        let Some(count) = sent.get(&topic.name) else { continue };
+        if matches!(topic.type_name.as_str(), "sensor_msgs/msg/Image" | "sensor_msgs/msg/CompressedImage") {
+            frames = frames.max(*count);
+        }
+        let name = node_name.resolve(&topic.name).unwrap_or_else(|_| topic.name.clone());
+        report.published.insert(name, *count);
+    }
+    let status = [("role", "source".to_owned()), ("frames", frames.to_string())];
+    report.status.extend(status.map(|(key, value)| (key.to_owned(), value)));
+    report
 }
 
 /// Waits until a topic has a reader, or for half a second: discovery takes a moment, and the first message should reach
@@ -458,12 +478,14 @@ impl ClockPublisher {
 
 fn endpoint(topic: &BagTopic, node_name: &NodeName) -> Result<Endpoint, TransportError> {
     let refused = |why: NameError| TransportError::new("topic of the bag", why);
+    let is_status = topic.type_name == MessageKind::Diagnostics.type_name();
+    let latched = is_status && sensor_info::is_topic(&topic.name);
     // A token needs some text in place of the hash, and rmw_zenoh has one for this.
     let type_hash = if topic.type_hash.is_empty() { keys::NO_HASH } else { &topic.type_hash };
     Ok(Endpoint {
         topic: node_name.resolve(&topic.name).map_err(refused)?,
         dds_type: modulo_msgs::dds_name(&topic.type_name),
         type_hash: type_hash.to_owned(),
-        qos: keys::qos_string(qos::parse(&topic.qos)).to_owned(),
+        qos: keys::qos_string(if latched { Qos::Latched } else { qos::parse(&topic.qos) }).to_owned(),
     })
 }

@@ -9,9 +9,11 @@ use modulo_bags::bag::{self, BagInfo, BagReader, BagWarning, BagWriter, Compress
 use modulo_bags::capture::capture;
 use modulo_bags::import::import_kitti;
 use modulo_bags::play::{PlayOptions, PlaybackClock, PlaybackState, Player, Repeat};
-use modulo_bags::replay::{ReplayError, ReplayOptions, replay};
+use modulo_bags::replay::{self, ReplayError, ReplayOptions, replay};
 use modulo_eval::grid::words;
 use modulo_runtime::driver::wait_until_ready;
+use modulo_runtime::launcher;
+use modulo_runtime::process::node_files::ReportFile;
 
 use super::{open_session, pairs, start_log, stop_on_signals, usage};
 use crate::{Ended, Failure};
@@ -219,6 +221,11 @@ fn play(args: &BagPlay) -> Result<Ended, Failure> {
         .map_err(|missing| ReplayError::Waited(PATIENCE.as_secs(), missing))?;
     let sent = replay(&transport, &clock, &mut player, pace, &options, &stop)?;
     transport.close();
+    if let Some(folder) = launcher::folder(launcher::REPORT_DIR) {
+        let report = replay::report(&sent, player.bag(), &options);
+        let file = ReportFile::create(&folder, &report.node).context("file of the player's report");
+        file?.write(&report, clock.ticks_ns());
+    }
     for (topic, count) in sent {
         say!("{topic}: {count} messages");
     }

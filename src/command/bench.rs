@@ -1,16 +1,26 @@
 //! `modulo simulate`, `modulo bench` and `modulo stability`: the unwrapping methods on images.
 
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
-use anyhow::anyhow;
+use anyhow::{Context as _, anyhow};
 use clap::Subcommand;
 use indicatif::{ProgressBar, ProgressStyle};
-use modulo_bench::{BenchError, BenchEvent, benchmark, frontier, simulate, stability};
+use modulo_bags::source::{self, SourceOptions};
+use modulo_bench::{BenchError, BenchEvent, benchmark, frontier, pipeline, simulate, stability};
 use modulo_core::{SensorError, UnwrapError, WorkersError};
+use modulo_detector::{EngineChoice, measure};
 use modulo_images::{ImageError, WHITE_PERCENTILE};
+use modulo_launch::launch_files;
+use modulo_runtime::SystemClock;
 
 use super::usage;
 use crate::{Ended, Failure};
+
+/// A side of the detector's input is a multiple of this, px.
+const STRIDE: usize = 32;
+/// Number of runs of the network by itself before and after each run of the pipeline.
+const BARE_RUNS: NonZeroUsize = NonZeroUsize::new(20).expect("not zero");
 
 /// Template of the progress bar.
 const STEPS: &str = "{bar:30} {pos}/{len} {eta} {msg}";
@@ -20,6 +30,9 @@ const STEPS: &str = "{bar:30} {pos}/{len} {eta} {msg}";
 pub enum Bench {
     /// Measure the time and the accuracy of every method, and draw a chart of both
     Unwrap(benchmark::BenchmarkRequest),
+    /// Measure the time from the modulo image to the boxes in one process, in several and in lockstep, beside that of the network
+    /// by itself
+    Pipeline(pipeline::PipelineRequest),
     /// Draw the charts of the results in a folder again
     Chart {
         /// Folder with results.json and meta.json
@@ -63,6 +76,7 @@ pub fn simulate(request: &simulate::SimulationRequest) -> Result<Ended, Failure>
 pub fn bench(command: &Bench) -> Result<Ended, Failure> {
     match command {
         Bench::Unwrap(request) => bench_unwrap(request),
+        Bench::Pipeline(request) => bench_pipeline(request),
         Bench::Chart { folder } => {
             for file in frontier::draw_frontier(&folder.join(benchmark::RESULTS))? {
                 say!("{}", file.display());
@@ -93,6 +107,47 @@ fn bench_unwrap(request: &benchmark::BenchmarkRequest) -> Result<Ended, Failure>
         say!("{}", file.display());
     }
     Ok(if outcome.skipped.is_empty() { Ended::Done } else { Ended::WithLoss })
+}
+
+fn bench_pipeline(request: &pipeline::PipelineRequest) -> Result<Ended, Failure> {
+    let engine = EngineChoice::WORDS.iter().find(|(word, _)| *word == request.engine);
+    let engine = engine.expect("the option takes these words only").1;
+    let program = std::env::current_exe().context("this program")?;
+    let file = launch_files().into_iter().find(|file| file.path.ends_with("recovered.launch.yaml"));
+    let file =
+        file.context("recovered.launch.yaml was found neither in ./launch nor in the package modulo")?;
+    let mut source = source::open(&request.frames, &SourceOptions::default()).map_err(usage)?;
+    let first = source.next().context("the source has no frame")?.map_err(anyhow::Error::from)?;
+    let (height, width, _) = first.radiance.dim();
+    let size = [(height.next_multiple_of(STRIDE), width.next_multiple_of(STRIDE))];
+    let clock = SystemClock::default();
+    let mut bare = || {
+        let speeds = measure(Path::new(&request.model), engine, 0, &size, BARE_RUNS, &clock);
+        let speeds = speeds.map_err(|why| BenchError::Run(why.to_string()))?;
+        Ok(speeds[0].median_ns as f64 / 1e6)
+    };
+    let bar = progress_bar(STEPS);
+    let rows = pipeline::pipeline(request, (&program, &file.path), &mut bare, &mut |event| tell(&bar, event))
+        .map_err(failure)?;
+    bar.finish_and_clear();
+    say!("mode      engine  frames    p50 ms    p99 ms   bare ms    ratio   cpu s/frame    rss MB");
+    for row in &rows {
+        say!(
+            "{:<9} {:<7} {:>6} {:>9.2} {:>9.2} {:>9.2} {:>8.3} {:>13.3} {:>9.1}",
+            format!("{:?}", row.mode).to_lowercase(),
+            row.engine,
+            row.frames,
+            row.p50_ms,
+            row.p99_ms,
+            row.bare_p50_ms,
+            row.p50_ms / row.bare_p50_ms,
+            row.cpu_s_per_frame,
+            row.rss_mb
+        );
+        let stages = row.stage_ms.iter().map(|(name, ms)| format!("{name} {ms:.2}"));
+        say!("          {}", stages.collect::<Vec<_>>().join(", "));
+    }
+    Ok(Ended::Done)
 }
 
 /// Tells an error of the command line from one of a file or of the run.

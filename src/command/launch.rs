@@ -7,7 +7,7 @@ use std::time::Duration;
 use anyhow::{Context, anyhow};
 use clap::Args;
 use modulo_launch::plan::OnExit;
-use modulo_launch::supervisor::Watch;
+use modulo_launch::supervisor::{MAX_RESTARTS, Watch};
 use modulo_launch::{
     ComposedNode, Ending, NodePlan, Plan, Summary, Supervision, launch_files, reports_so_far,
 };
@@ -18,8 +18,8 @@ use modulo_runtime::ros_args::RosArgs;
 use modulo_runtime::{Clock, NodeName, NodeReport, Parameters, Stop, SystemClock, Urgency};
 
 use super::progress::{self, ProgressLine};
+use super::run::{NodeKind, kind_of};
 use super::{HASHES_VARIABLE, chosen_hashes, pairs, start_log, usage};
-use crate::registry::{self, NodeKind};
 use crate::{Ended, Failure};
 
 /// Time between two looks at the reports of nodes in this process.
@@ -44,6 +44,12 @@ pub struct Launch {
     /// Replace a node with respawn that shows no sign of life for this time, in seconds; 0 never does
     #[arg(long, value_name = "SECONDS", default_value = "10", value_parser = hang_timeout, conflicts_with = "compose")]
     pub hang_timeout: Duration,
+    /// Write a trace of the run to this file, for ui.perfetto.dev or chrome://tracing
+    #[arg(long, value_name = "FILE", conflicts_with = "compose")]
+    pub trace: Option<PathBuf>,
+    /// End the run when a process crashes more often than this within a minute; 0 sets no limit
+    #[arg(long, value_name = "PER_MINUTE", default_value_t = MAX_RESTARTS, conflicts_with = "compose")]
+    pub max_restarts: u32,
     /// Also print what the nodes log, with one line for each frame
     #[arg(long, short, conflicts_with_all = ["print", "check", "show_args"])]
     pub verbose: bool,
@@ -189,7 +195,7 @@ fn refusals(node: &NodePlan) -> Vec<String> {
     let (file, line) = &node.declared_at;
     let at = |why: anyhow::Error| format!("{}:{line}: {why:#}", file.display());
     let settings = || -> anyhow::Result<_> {
-        let kind = registry::kind(&node.executable)?;
+        let kind = kind_of(&node.executable)?;
         let (ros, _) = RosArgs::parse(&modulo_launch::ros_arguments(node))?;
         let node_name = ros.node_name(kind.name)?;
         Ok((kind.parameters_of(&node_name)?, ros.parameters_for(&node_name)?))
@@ -223,12 +229,17 @@ fn run_processes(mut plan: Plan, args: &Launch) -> Result<LaunchResult, Failure>
     let watch = shown.map(|line| -> Watch { Arc::new(move |reports| line.show(|| reports.to_vec())) });
     let supervision = Supervision {
         hang_timeout: Some(args.hang_timeout).filter(|limit| !limit.is_zero()),
+        max_restarts: Some(args.max_restarts).filter(|most| *most > 0),
+        trace: args.trace.clone(),
         ..Supervision::new(Arc::new(progress::print), watch)?
     };
     let runtime = tokio::runtime::Runtime::new().context("tokio runtime")?;
     let outcome = runtime.block_on(modulo_launch::run(plan, &supervision))?;
     // The line leaves the screen before the summary is printed.
     drop((supervision, line));
+    if let (Some(file), Some(counts)) = (&args.trace, outcome.trace) {
+        eprintln!("[launch] {}: {counts}", file.display());
+    }
     // All of them are named: the first failure is often the cause of the others.
     let failed = outcome.processes.iter().filter(|p| p.end.is_failure());
     let names: Vec<_> = failed.map(|p| format!("{} {}", p.label, p.end)).collect();
@@ -294,7 +305,7 @@ fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
 
 /// Returns the kind, the name and the parameters of one node of a plan.
 pub fn prepare(node: &ComposedNode) -> anyhow::Result<(&'static NodeKind, NodeName, Parameters)> {
-    let kind = registry::kind(&node.kind)?;
+    let kind = kind_of(&node.kind)?;
     let node_name = NodeName::new(&node.name, &node.namespace, &node.remaps)?;
     let parameters = kind.parameters_of(&node_name)?.with_text(&node.parameters);
     let parameters = parameters.with_context(|| node_name.fully_qualified())?;

@@ -10,7 +10,6 @@ macro_rules! say {
 
 pub mod bag;
 pub mod bench;
-mod doctor;
 pub mod eval;
 pub mod graph;
 mod grid;
@@ -59,9 +58,10 @@ pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
         Command::Param(args) => param::param(&args),
         Command::Topic(args) => graph::topic(&args),
         Command::Node(args) => graph::node(&args),
+        Command::Top(args) => view::top(&args),
         Command::View(args) => view::view(&args),
         Command::Model(args) => model::model(&args),
-        Command::Doctor => doctor::doctor(),
+        Command::Doctor => model::doctor(),
         Command::Completions { shell } => {
             clap_complete::generate(shell, &mut cli::command(), "modulo", &mut std::io::stdout());
             Ok(Ended::Done)

@@ -1,16 +1,13 @@
 //! `modulo param`: parameters of running nodes, through the services that `ros2 param` uses.
 
-use std::collections::BTreeSet;
 use std::io::Write as _;
 
 use anyhow::anyhow;
 use clap::Subcommand;
 use modulo_msgs::rcl_interfaces::ParameterType;
-use modulo_runtime::graph::Graph;
 use modulo_runtime::parameter::client::ParameterClient;
 use modulo_runtime::parameter::file;
 use modulo_runtime::parameter::text::{bare, described, labelled, type_name};
-use modulo_runtime::transport::keys::{EntityKind, Token};
 
 use super::{graph, open_session};
 use crate::{Ended, Failure};
@@ -69,7 +66,7 @@ pub fn param(args: &Param) -> Result<Ended, Failure> {
     match args {
         Param::List { node: Some(node), param_type } => print_names(&client(node), *param_type)?,
         Param::List { node: None, param_type } => {
-            for node in serving(&transport.settled_graph()) {
+            for node in transport.settled_graph().nodes_with_parameters() {
                 say!("{node}:");
                 print_names(&client(&node), *param_type)?;
             }
@@ -88,14 +85,7 @@ pub fn param(args: &Param) -> Result<Ended, Failure> {
                 say!("{}", described(&descriptor));
             }
         }
-        Param::Dump { node } => {
-            let names = client(node).names()?;
-            let values = client(node).values(&names)?;
-            let all: Vec<_> = names.into_iter().zip(values).collect();
-            let node = graph::absolute(node);
-            // A reader that has left, such as `head`, is no failure.
-            let _ = std::io::stdout().write_all(file::write(&node, &all).as_bytes());
-        }
+        Param::Dump { node } => dump(&client(node), node)?,
         Param::Set { node, name, value } => {
             client(node).set(name, value)?;
             say!("Set parameter successful");
@@ -105,13 +95,13 @@ pub fn param(args: &Param) -> Result<Ended, Failure> {
     Ok(Ended::Done)
 }
 
-/// Returns the nodes whose parameters can be asked for.
-fn serving(graph: &Graph) -> BTreeSet<String> {
-    let lists = |token: &Token| {
-        let endpoint = token.endpoint.as_ref()?;
-        endpoint.topic.strip_suffix("/list_parameters").map(str::to_owned)
-    };
-    graph.tokens().filter(|token| token.kind == EntityKind::Server).filter_map(lists).collect()
+fn dump(client: &ParameterClient<'_>, node: &str) -> Result<(), Failure> {
+    let names = client.names()?;
+    let values = client.values(&names)?;
+    let all: Vec<_> = names.into_iter().zip(values).collect();
+    // A reader that has left, such as `head`, is no failure.
+    let _ = std::io::stdout().write_all(file::write(&graph::absolute(node), &all).as_bytes());
+    Ok(())
 }
 
 fn print_names(node: &ParameterClient<'_>, types: bool) -> anyhow::Result<()> {

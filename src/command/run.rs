@@ -1,25 +1,30 @@
-//! `modulo run NODE`: one node in this process, on the wire.
+//! `modulo run NODE`: one node in this process, on the wire; and the list of nodes by the name of their executable, the one
+//! place that knows all of them.
 
 use std::sync::Arc;
 
 use anyhow::Context;
 use clap::Args;
-use modulo_runtime::driver::CommonParameters;
-use modulo_runtime::driver::live::{self, NodeSetup};
+use modulo_camera::{CameraParameters, ModuloCamera};
+use modulo_detector::{Detector, DetectorParameters};
+use modulo_runtime::driver::live::NodeSetup;
+use modulo_runtime::driver::{CommonParameters, live};
+use modulo_runtime::graph::NameError;
 use modulo_runtime::graph::logger::{Logger, LoggerService};
 use modulo_runtime::process::node_files::{ReportFile, SavedState};
 use modulo_runtime::ros_args::{Logs, RosArgs};
-use modulo_runtime::rosout::{self, LogQueue};
+use modulo_runtime::rosout::LogQueue;
 use modulo_runtime::transport::keys::SERVICE_QOS;
 use modulo_runtime::transport::zenoh::{RawService, ZenohTransport};
 use modulo_runtime::transport::{Guard, TransportError};
-use modulo_runtime::{Descriptor, NodeName, SystemClock, launcher};
+use modulo_runtime::{
+    Descriptor, Node, NodeName, ParameterSet as _, Parameters, SystemClock, Topic, graph, launcher, rosout,
+};
+use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 use tracing_subscriber::filter::LevelFilter;
 
 use super::{choose_hashes, open_session, parse_hashes, start_log_with, stop_on_signals, usage};
-use crate::cli;
-use crate::registry::{self, NodeKind};
-use crate::{Ended, Failure};
+use crate::{Ended, Failure, cli};
 
 /// `modulo run`
 #[derive(Args)]
@@ -33,7 +38,7 @@ pub struct Run {
 
 /// Runs one node until it is done or asked to end.
 pub fn run(args: &Run) -> Result<Ended, Failure> {
-    let kind = registry::kind(&args.node).map_err(usage)?;
+    let kind = kind_of(&args.node).map_err(usage)?;
     let (ros, own) = RosArgs::parse(&args.arguments).map_err(usage)?;
     if answers(kind, &own) {
         return Ok(Ended::Done);
@@ -137,5 +142,67 @@ fn print_help(kind: &NodeKind) {
         let Descriptor { name, default, allowed, read_only, description } = descriptor;
         let fixed = if *read_only { ", fixed at the start" } else { "" };
         say!("  {name} ({}, {allowed}, default {default}{fixed})\n      {description}", default.type_name());
+    }
+}
+
+/// One kind of node.
+pub struct NodeKind {
+    /// Name of the executable, and of the node unless it gets another.
+    pub name: &'static str,
+    /// A description of one line.
+    pub about: &'static str,
+    declare: fn() -> Vec<Descriptor>,
+    outputs: fn() -> Vec<Topic>,
+    make: fn(&Parameters) -> anyhow::Result<Box<dyn Node>>,
+}
+
+/// All kinds, in the order in which frames pass them.
+pub const KINDS: [NodeKind; 3] = [
+    NodeKind {
+        name: "modulo_camera",
+        about: "a simulated modulo sensor over any source of frames",
+        declare: CameraParameters::descriptors,
+        outputs: modulo_camera::outputs,
+        make: |parameters| Ok(Box::new(ModuloCamera::new(&parameters.into())?)),
+    },
+    NodeKind {
+        name: "unwrap",
+        about: "modulo image in, recovered image out",
+        declare: UnwrapParameters::descriptors,
+        outputs: modulo_unwrap::outputs,
+        make: |parameters| Ok(Box::new(UnwrapNode::new(&parameters.into())?)),
+    },
+    NodeKind {
+        name: "detector",
+        about: "image in, bounding boxes out (YOLOv10, end to end)",
+        declare: DetectorParameters::descriptors,
+        outputs: modulo_detector::outputs,
+        make: |parameters| Ok(Box::new(Detector::new(&parameters.into())?)),
+    },
+];
+
+/// The kind called `name`.
+pub fn kind_of(name: &str) -> anyhow::Result<&'static NodeKind> {
+    KINDS.iter().find(|kind| kind.name == name).with_context(|| {
+        let known: Vec<_> = KINDS.iter().map(|kind| kind.name).collect();
+        format!("node '{name}' is unknown, known are {}", known.join(", "))
+    })
+}
+
+impl NodeKind {
+    /// The parameters of a node of this kind and name with their defaults.
+    pub fn parameters_of(&self, node_name: &NodeName) -> Result<Parameters, NameError> {
+        let overrides = graph::qos_overrides(node_name, &(self.outputs)())?;
+        Ok(Parameters::declare([(self.declare)(), CommonParameters::descriptors(), overrides].concat()))
+    }
+
+    /// Its parameters with their defaults, without those that depend on the name of the node.
+    pub fn parameters(&self) -> Parameters {
+        Parameters::declare([(self.declare)(), CommonParameters::descriptors()].concat())
+    }
+
+    /// A node with these parameters.
+    pub fn make(&self, parameters: &Parameters) -> anyhow::Result<Box<dyn Node>> {
+        (self.make)(parameters)
     }
 }

@@ -1,11 +1,14 @@
-//! `modulo view`: the suite in a browser.
+//! `modulo view`: the suite in a browser. `modulo top`: the suite in a terminal.
 
+use std::io::IsTerminal as _;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
+use anyhow::{Context as _, anyhow};
 use clap::Args;
-use modulo_viewer::ViewOptions;
+use modulo_viewer::top::{Top, show};
+use modulo_viewer::{ViewAddresses, ViewOptions};
 
-use super::{open_session, start_log, stop_on_signals};
+use super::{domain, open_session, start_log, stop_on_signals};
 use crate::{Ended, Failure};
 
 /// `modulo view`
@@ -20,16 +23,31 @@ pub struct ViewCommand {
     /// Token that a browser needs; a new random one by default
     #[arg(long, value_parser = token)]
     pub token: Option<String>,
+    /// Also serve Foxglove and Lichtblick over WebSocket, on this port of the same address; 0 takes a free one. They see all
+    /// images and parameters without the token, but set parameters only with it
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "8765")]
+    pub foxglove: Option<u16>,
 }
 
 /// Runs the command.
 pub fn view(args: &ViewCommand) -> Result<Ended, Failure> {
     start_log("info");
     let stop = stop_on_signals()?;
-    let options =
-        ViewOptions { address: SocketAddr::new(args.address, args.port), token: args.token.clone() };
+    let options = ViewOptions {
+        address: SocketAddr::new(args.address, args.port),
+        token: args.token.clone(),
+        foxglove: args.foxglove,
+    };
     let (clock, transport) = open_session()?;
-    let open = |address: &str| say!("open {address} in a browser; SIGINT ends the viewer");
+    let open = |at: &ViewAddresses| {
+        say!("open {} in a browser; SIGINT ends the viewer", at.page);
+        if let Some(address) = &at.foxglove {
+            say!(
+                "open {address} in Foxglove; set the parameter `token` there to {} to change others",
+                at.token
+            );
+        }
+    };
     modulo_viewer::run(transport, clock, &options, &stop, open)?;
     Ok(Ended::Done)
 }
@@ -38,4 +56,28 @@ pub fn view(args: &ViewCommand) -> Result<Ended, Failure> {
 fn token(text: &str) -> Result<String, String> {
     let valid = text.len() >= 8 && text.bytes().all(|byte| byte.is_ascii_alphanumeric());
     if valid { Ok(text.to_owned()) } else { Err("must be at least 8 letters and digits".to_owned()) }
+}
+
+/// `modulo top`
+#[derive(Args)]
+pub struct TopCommand {
+    /// Print the table once as plain text, as is done where standard output is not a terminal
+    #[arg(long)]
+    pub once: bool,
+}
+
+/// Runs the command.
+pub fn top(args: &TopCommand) -> Result<Ended, Failure> {
+    let (clock, transport) = open_session()?;
+    let mut top = Top::new(transport, clock)?;
+    if args.once || !std::io::stdout().is_terminal() {
+        let none = anyhow!(
+            "no node was found in domain {}; start a suite with `modulo launch`, or set ROS_DOMAIN_ID to its domain",
+            domain()?
+        );
+        say!("{}", top.once().ok_or(none)?);
+    } else {
+        show(top, &stop_on_signals()?).context("terminal")?;
+    }
+    Ok(Ended::Done)
 }

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use modulo_runtime::parameter::client::ParameterClient;
 use modulo_runtime::queue::{Keep, Limit, Queue};
 use modulo_runtime::transport::keys::{Endpoint, Hashes, qos_string};
-use modulo_runtime::transport::zenoh::ZenohTransport;
+use modulo_runtime::transport::zenoh::{RawPublisher, ZenohTransport};
 use modulo_runtime::transport::{Address, Guard, Incoming, Publisher, RawSample, Transport};
 use modulo_runtime::{Clock, Message, MessageKind, NodeName, Qos, SystemClock, Topic};
 use serde_json::Value;
@@ -51,6 +51,7 @@ impl Bench {
             // A variable of the shell that runs the tests would change what they see.
             .env_remove("MODULO_REPORT_DIR")
             .env_remove("MODULO_STATE_DIR")
+            .env_remove("MODULO_TRACE_DIR")
             .env_remove("MODULO_LAUNCHER_PID")
             .env_remove("ZENOH_SESSION_CONFIG_URI")
             .env_remove("ZENOH_CONFIG_OVERRIDE")
@@ -116,6 +117,13 @@ impl Background {
         let code = self.0.wait().expect("it ends").code();
         let out = self.0.stdout.take().map(std::io::read_to_string);
         (code, out.transpose().expect("UTF-8").unwrap_or_default())
+    }
+
+    /// Waits for the end: exit code, and standard error, which must be piped.
+    pub fn errors(mut self) -> (Option<i32>, String) {
+        let errors = self.0.stderr.take().map(std::io::read_to_string);
+        let errors = errors.expect("standard error is piped").expect("UTF-8");
+        (self.0.wait().expect("it ends").code(), errors)
     }
 
     /// Process ids of its children, each with its command line.
@@ -213,11 +221,14 @@ impl Peer {
         self.transport.advertise(&self.node_name, &address(topic, kind)).expect("a publisher")
     }
 
+    /// A publisher of any bytes on `topic`.
+    pub fn advertise_raw(&self, topic: &str, kind: MessageKind) -> RawPublisher {
+        self.transport.advertise_raw(&self.node_name, &endpoint(topic, kind)).expect("a publisher")
+    }
+
     /// Samples on `topic` as they come.
     pub fn listen(&self, topic: &str, kind: MessageKind) -> (Guard, Receiver<RawSample>) {
-        let Address { topic, qos, .. } = address(topic, kind);
-        let dds_type = modulo_msgs::dds_name(kind.type_name());
-        let endpoint = Endpoint { topic, dds_type, type_hash: kind.type_hash(), qos: qos_string(qos).into() };
+        let endpoint = endpoint(topic, kind);
         let (samples, arrived) = channel();
         let take = move |sample| drop(samples.send(sample));
         (self.transport.subscribe_raw(&self.node_name, &endpoint, take).expect("a subscription"), arrived)
@@ -244,6 +255,12 @@ impl Peer {
             .expect("a subscription");
         Heard { kind, queue, _subscription: subscription }
     }
+}
+
+fn endpoint(topic: &str, kind: MessageKind) -> Endpoint {
+    let Address { topic, qos, .. } = address(topic, kind);
+    let dds_type = modulo_msgs::dds_name(kind.type_name());
+    Endpoint { topic, dds_type, type_hash: kind.type_hash(), qos: qos_string(qos).into() }
 }
 
 fn address(topic: &str, kind: MessageKind) -> Address {

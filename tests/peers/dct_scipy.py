@@ -1,12 +1,11 @@
 """Times scipy's cosine transforms beside ours, in one run.
 
     pip install numpy scipy
-    cargo build --release -p modulo-core --example time_dct
-    python tests/peers/dct_scipy.py target/release/examples/time_dct [HEIGHT WIDTH]
+    python tests/peers/dct_scipy.py
 """
 
 import subprocess
-import sys
+
 import time
 
 import numpy as np
@@ -52,16 +51,16 @@ def spud(y, tau):
 
 
 def main():
-    binary, *sides = sys.argv[1:]
-    height, width = map(int, sides or (375, 1242))
+    # The size of the frame of the bench.
+    height, width = 375, 1242
     planes = np.random.default_rng(0).random((3, height, width), dtype=np.float32)
     pair = lambda: [idctn(dctn(p, norm="ortho", workers=1), norm="ortho", workers=1) for p in planes]
     print(f"scipy dct pair               least {least(pair):7.2f} ms")
     i, j = np.mgrid[:height, :width]
     y = np.stack([(3 * i + j + 17 * c) // 2 % 256 for c in range(3)], axis=2).astype(np.uint8)
     print(f"scipy spud                   least {least(lambda: spud(y, 0.1)):7.2f} ms")
-    sys.stdout.flush()
-    subprocess.run([binary, str(height), str(width)], check=True)
+    
+    subprocess.run("cargo bench -p modulo-core --bench stages -- dct unwrap.*spud".split(), check=True)
 
 
 main()

@@ -7,19 +7,16 @@ Exit code 1 when the page shows no frame, a control does not reach its node, the
 anything outside of its origin, or a script without the token can connect. PICTURE gets a screenshot.
 """
 
-import os
 import shutil
-import signal
 import subprocess
 import sys
 from pathlib import Path
 
 from playwright.sync_api import sync_playwright
 
-ROOT = Path(__file__).resolve().parents[2]
-BAG = ROOT / "bags/samples/tunnel"
+from replay import address, check, viewer
+
 PATIENCE_MS = 60_000
-STARTED = []
 
 # Mean code of the canvas of a topic: 0 as long as nothing was drawn.
 MEAN = """(topic) => {
@@ -36,18 +33,6 @@ WITHOUT_TOKEN = """() => new Promise((done) => {
     socket.onopen = () => done("opened");
     socket.onerror = () => done("refused");
 })"""
-
-
-def start(*command, **more):
-    process = subprocess.Popen(command, cwd=ROOT, start_new_session=True, **more)
-    STARTED.append(process)
-    return process
-
-
-def check(holds, text):
-    if not holds:
-        raise SystemExit(f"FAILS {text}")
-    print(f"ok    {text}", flush=True)
 
 
 def wait(page, script, argument):
@@ -72,6 +57,8 @@ def drive(page, address, picture):
     check("modulo" in read.stdout, "the switch changes the input of the detector, and the boxes follow")
     page.select_option("#input", "recovered")
     wait(page, f"(topic) => /boxes/.test(({CAPTION})(topic))", "/recovered")
+    wait(page, f"(topic) => !/boxes/.test(({CAPTION})(topic))", "/modulo")
+    check(True, "no boxes are drawn on the stream that the detector has left")
 
     box = page.locator("figure canvas").first.bounding_box()
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
@@ -79,7 +66,7 @@ def drive(page, address, picture):
     check(True, "the pixel under the pointer is shown in each stream")
 
     if picture:
-        page.screenshot(path=picture, clip={"x": 0, "y": 0, "width": 1400, "height": 590})
+        page.screenshot(path=picture, clip={"x": 0, "y": 0, "width": 1400, "height": 568})
     page.click("#toggle")
     wait(page, "() => document.getElementById('player-state').textContent.startsWith('paused')", None)
     # What was on its way when the player paused.
@@ -102,25 +89,11 @@ def drive(page, address, picture):
 def main():
     global MODULO
     MODULO, picture = str(Path(sys.argv[1]).resolve()), (sys.argv[2:] or [None])[0]
-    os.environ.setdefault("ROS_DOMAIN_ID", "139")
-    for node in [["unwrap"], ["detector", "--ros-args", "-p", "engine:=rten"]]:
-        start(MODULO, "run", *node)
-    start(MODULO, "bag", "play", str(BAG), "--loop", "--rate", "0.5", "--topics", "/modulo", "/sensor_info",
-          "--wait-for", "/unwrap", "/detector")
-    viewer = start(MODULO, "view", "--port", "0", stdout=subprocess.PIPE, text=True)
-    address = next(word for word in viewer.stdout.readline().split() if word.startswith("http://"))
-    with sync_playwright() as playwright:
+    with viewer(MODULO, "139") as process, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
-        drive(browser.new_page(viewport={"width": 1400, "height": 900}), address, picture)
+        drive(browser.new_page(viewport={"width": 1400, "height": 900}), address(process, "http://"), picture)
         browser.close()
-    viewer.send_signal(signal.SIGINT)
-    check(viewer.wait(10) == 0, "SIGINT ends the viewer with exit code 0")
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    finally:
-        for process in STARTED:
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGTERM)
+    main()

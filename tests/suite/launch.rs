@@ -1,10 +1,14 @@
-//! The launch files, run by the shipped binary: three processes, one process, lockstep.
+//! The launch files, run by the shipped binary: three processes, one process, lockstep; and command lines that every command
+//! refuses with exit code 2 before anything is done. Recorded frames: the sample bag that comes with the project, and real frames
+//! where the shared test data is at hand.
 
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use modulo_runtime::MessageKind;
+use serde_json::Value;
 
-use crate::harness::{Bench, Peer, arg, classes, json, model, text};
+use crate::harness::{Bench, Peer, arg, classes, data, json, model, text};
 
 fn launch<'a>(file: &'a str, source: &'a str, model: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     let mut arguments = vec!["launch", file, source, model, "alpha:=2", "engine:=rten"];
@@ -101,21 +105,26 @@ fn compare_runs_a_detector_on_each_stream() {
     }
 }
 
-/// Two cameras in namespaces of their own are answered by their own detectors.
+/// Two cameras in namespaces of their own are answered by their own detectors, or by one that they share.
 #[test]
-fn each_camera_has_its_own_detector() {
-    let bench = Bench::new();
-    let images = bench.images(3);
-    let [front, rear] = ["front", "rear"].map(|camera| arg(camera, &images));
-    let model = arg("model", model());
-    let file = ["launch", "launch/cameras.launch.yaml", "engine:=rten", "rate:=5.0", "loop:=true"];
-    let running = bench.start(&[&file[..], &[&front, &rear, &model]].concat());
-    let peer = Peer::new(&bench);
-    let topics = ["/front/detector/detections", "/rear/detector/detections"];
-    for (_heard, boxes) in topics.map(|topic| peer.listen(topic, MessageKind::Detections)) {
-        boxes.recv_timeout(Duration::from_secs(60)).expect("boxes");
+fn each_camera_is_answered_on_a_topic_of_its_own() {
+    for (shared, topics) in [
+        ("shared:=false", ["/front/detector/detections", "/rear/detector/detections"]),
+        ("shared:=true", ["/detector/front/detections", "/detector/rear/detections"]),
+    ] {
+        let bench = Bench::new();
+        let images = bench.images(3);
+        let [front, rear] = ["front", "rear"].map(|camera| arg(camera, &images));
+        let model = arg("model", model());
+        let file =
+            ["launch", "launch/cameras.launch.yaml", "engine:=rten", "rate:=5.0", "loop:=true", shared];
+        let running = bench.start(&[&file[..], &[&front, &rear, &model]].concat());
+        let peer = Peer::new(&bench);
+        for (_heard, boxes) in topics.map(|topic| peer.listen(topic, MessageKind::Detections)) {
+            boxes.recv_timeout(Duration::from_secs(60)).expect("boxes");
+        }
+        assert_eq!(running.interrupt(), Some(0), "{shared}");
     }
-    assert_eq!(running.interrupt(), Some(0));
 }
 
 /// Each is one line that names the thing, the value and what is allowed.
@@ -258,4 +267,193 @@ fn completions_and_manual_pages_name_the_commands() {
     assert!(man.status.success(), "{}", text(&man));
     let page = std::fs::read_to_string(folder.join("modulo-bag-record.1")).expect("a page for each command");
     assert!(page.contains("compression"), "{page}");
+}
+
+/// Commands with a value that is out of range, and words that the refusal must contain. FILE, FOLDER and OUT stand for an
+/// image, its folder and a folder for results.
+const REFUSED: [(&[&str], &[&str]); 44] = [
+    (&["simulate", "FILE", "-o", "OUT", "--alpha", "0"], &["alpha is 0", "256"]),
+    (&["simulate", "FILE", "-o", "OUT", "--alpha", "2,-4"], &["alpha is -4", "256"]),
+    (&["simulate", "FILE", "-o", "OUT", "--alpha", "NaN"], &["alpha is NaN", "256"]),
+    (&["simulate", "FILE", "-o", "OUT", "--psf-sigma", "-1"], &["sigma is -1", "100"]),
+    (&["simulate", "FILE", "-o", "OUT", "--bits", "17"], &["bits is 17", "16"]),
+    (&["simulate", "FILE", "-o", "OUT", "--bits", "300"], &["300"]),
+    (&["simulate", "FILE", "-o", "OUT", "--read-noise", "-1"], &["read_noise is -1", "65536"]),
+    (&["simulate", "FILE", "-o", "OUT", "--seed", "-1"], &["-1", "--seed"]),
+    (&["simulate", "FILE", "-o", "OUT", "--white", "-1"], &["white = -1", "0"]),
+    (&["simulate", "FILE", "-o", "OUT", "--method", "magic"], &["magic", "spud"]),
+    (&["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--alpha", "-1"], &["alpha is -1", "256"]),
+    (
+        &["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--repeats", "0"],
+        &["repeats is 0", "1 or more"],
+    ),
+    (&["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--threads", "0"], &["threads is 0", "256"]),
+    (&["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--bits", "0"], &["bits is 0", "16"]),
+    (&["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--white", "inf"], &["white = inf"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--alpha", "-4"], &["'alpha' = -4", "256"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--alpha", "2,300"], &["'alpha' = 300", "256"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--psf-sigma", "-1"], &["'psf_sigma' = -1", "100"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--noise", "-1"], &["'read_noise' = -1", "65536"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--shot-noise", "-1"], &["'shot_noise' = -1", "65536"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--threads", "65"], &["65", "64"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--jobs", "1025"], &["1025", "1024"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--white", "-1"], &["white = -1", "0"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--seed", "-1"], &["-1", "--seed"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--shard", "3/2"], &["3/2", "1 <= i <= n"]),
+    (&["eval", "--source", "scene://day?frames=-1", "-o", "OUT"], &["frames", "-1"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--protocol", "paper", "--noise", "1"], &["noise [1.0]"]),
+    (&["eval", "budget", "OUT", "--ms", "0"], &["--ms is 0", "more than 0"]),
+    (&["eval", "launch/recovered.launch.yaml", "-o", "OUT", "alpha:=-1"], &["'alpha' = -1", "256"]),
+    (&["launch", "launch/recovered.launch.yaml", "alpha:=-1"], &["'alpha' = -1", "256"]),
+    (&["launch", "launch/recovered.launch.yaml", "bits:=17"], &["'bits' = 17", "16"]),
+    (&["launch", "launch/recovered.launch.yaml", "rate:=-1"], &["'rate' = -1", "10000"]),
+    (&["launch", "launch/recovered.launch.yaml", "threads:=0"], &["'threads' = 0", "256"]),
+    (&["launch", "launch/recovered.launch.yaml", "score_threshold:=2"], &["'score_threshold' = 2"]),
+    (&["launch", "--compose", "launch/recovered.launch.yaml", "psf_sigma:=-1"], &["'psf_sigma' = -1", "100"]),
+    (&["run", "modulo_camera", "--ros-args", "-p", "alpha:=0.0"], &["'alpha' = 0", "256"]),
+    (&["run", "modulo_camera", "--ros-args", "-p", "white:=-1.0"], &["'white' = -1"]),
+    (&["run", "unwrap", "--ros-args", "-p", "tau:=-0.5"], &["'tau' = -0.5"]),
+    (&["run", "detector", "--ros-args", "-p", "max_det:=0"], &["'max_det' = 0", "1000"]),
+    (&["bag", "play", "bags/samples/tunnel", "--rate", "-1"], &["rate = -1"]),
+    (&["bag", "play", "bags/samples/tunnel", "--clock", "-1"], &["--clock -1", "above 0"]),
+    (&["bag", "play", "bags/samples/tunnel", "--start-offset", "-1"], &["--start-offset -1"]),
+    (&["bag", "record", "-o", "OUT", "--max-bag-size", "-1"], &["-1", "--max-bag-size"]),
+    (&["topic", "hz", "/modulo", "--window", "1"], &["1", "--window"]),
+];
+
+#[test]
+fn a_value_out_of_range_ends_with_exit_code_2() {
+    let bench = Bench::new();
+    let folder = bench.images(1).display().to_string();
+    let [file, out] = [format!("{folder}/000000.png"), bench.path("out").display().to_string()];
+    for (words, told) in REFUSED {
+        let place = |word: &&str| match *word {
+            "FILE" => file.clone(),
+            "FOLDER" => folder.clone(),
+            "OUT" => out.clone(),
+            word => word.to_owned(),
+        };
+        let mut words: Vec<String> = words.iter().map(place).collect();
+        if words.iter().any(|word| word.ends_with(".launch.yaml")) {
+            // Were the value accepted, the run would be short.
+            words.extend([arg("source", &folder), arg("model", model())]);
+        }
+        let output = bench.run(&words.iter().map(String::as_str).collect::<Vec<_>>());
+        let said = text(&output);
+        assert_eq!(output.status.code(), Some(2), "{words:?}: {said}");
+        assert!(told.iter().all(|told| said.contains(told)), "{words:?} must name {told:?}: {said}");
+        assert!(!bench.path("out").exists(), "{words:?} has written something");
+    }
+}
+
+#[test]
+fn the_pipeline_is_measured_in_every_mode() {
+    let bench = Bench::new();
+    let (out, model) = (bench.path("out"), model());
+    let folder = out.display().to_string();
+    let frames = "scene://tunnel?seed=3&width=160&height=64";
+    // At rate 0 no frame is replaced, however slow the machine is.
+    let fixed = ["bench", "pipeline", "--frames", frames, "--engine", "rten", "--count", "12", "--rate", "0"];
+    let output = bench.run(&[&fixed[..], &["--model", &model, "-o", &folder]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let rows = json(&out.join("results.json"));
+    for (row, mode) in ["lockstep", "composed", "live"].into_iter().enumerate() {
+        let row = &rows[row];
+        assert_eq!((&row["mode"], &row["engine"]), (&mode.into(), &"rten".into()), "{rows}");
+        let number = |name: &str| row[name].as_f64().unwrap_or_else(|| panic!("{name} in {rows}"));
+        assert!(0.0 < number("p50_ms") && number("p50_ms") <= number("p99_ms"), "{rows}");
+        let infer = row["stage_ms"]["detector infer"].as_f64().expect("the stage of the network");
+        assert!(0.0 < infer && infer <= number("p99_ms"), "{rows}");
+        for name in ["bare_p50_ms", "cpu_s_per_frame", "rss_mb", "frames"] {
+            assert!(number(name) > 0.0, "{name} in {rows}");
+        }
+    }
+}
+
+fn sample() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/samples/tunnel")
+}
+
+/// The command of docs/bags.md makes the very bytes that are committed.
+#[test]
+fn the_sample_is_made_by_its_command() {
+    let bench = Bench::new();
+    let (bag, out) = (bench.path("tunnel"), bench.path("out"));
+    let source = "source:=scene://tunnel?seed=3&frames=12";
+    let output = bench.run(&[
+        "eval",
+        "launch/recovered.launch.yaml",
+        source,
+        "rate:=4",
+        "engine:=rten",
+        "-o",
+        out.to_str().expect("UTF-8"),
+        "--bag",
+        bag.to_str().expect("UTF-8"),
+        "--topics",
+        "/modulo",
+        "/sensor_info",
+        "/ground_truth",
+    ]);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    for file in ["tunnel_0.mcap", "metadata.yaml"] {
+        let [made, committed] =
+            [bag.join(file), sample().join(file)].map(|p| std::fs::read(p).expect("readable"));
+        assert!(made == committed, "{file} differs from the committed one");
+    }
+}
+
+#[test]
+fn the_sample_replayed_shows_traffic() {
+    let bench = Bench::new();
+    let bag = arg("bag", sample());
+    let summary = bench.path("summary.json");
+    let file = summary.display().to_string();
+    let arguments =
+        ["launch", "launch/replay.launch.yaml", &bag, "play_rate:=0", "engine:=rten", "--summary", &file];
+    let output = bench.run(&arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    assert!(!text(&output).contains("DURABILITY"), "{}", text(&output));
+    let summary = json(&summary);
+    assert_eq!(summary["frames"], 12, "{summary}");
+    // At rate 0 the player waits for the nodes, so that a busy machine replaces no frame.
+    let count = |topic: &str, field: &str| summary["topics"][topic][field].as_u64().expect("a count");
+    assert_eq!(count("/detector/detections", "out"), 12, "{summary}");
+    assert_eq!(count("/modulo", "dropped") + count("/recovered", "dropped"), 0, "{summary}");
+    assert!(classes(&summary, "recovered")["car"] >= 30, "{summary}");
+}
+
+fn boxes(file: &Value) -> Vec<&Vec<Value>> {
+    let frames = file.as_object().expect("frames");
+    frames
+        .values()
+        .flat_map(|frame| frame.as_array().expect("boxes"))
+        .map(|b| b.as_array().expect("a box"))
+        .collect()
+}
+
+#[test]
+fn cars_and_persons_are_found_on_the_recovered_stream() {
+    let data = [("source", "data/kitti_object"), ("model", "models/yolov10n_dyn_w16.onnx")];
+    let [Some(source), Some(model)] = data.map(|(name, path)| Some(arg(name, data::shared(path)?))) else {
+        return;
+    };
+    let bench = Bench::new();
+    let out = bench.path("out");
+    let folder = out.to_str().expect("UTF-8");
+    let fixed =
+        ["eval", "launch/recovered.launch.yaml", "psf_sigma:=1.4", "engine:=rten", "alpha:=2", "-o", folder];
+    let output = bench.run(&[&fixed[..], &[&source, &model]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let summary = json(&out.join("summary.json"));
+    assert_eq!(summary["frames"], 20, "{summary}");
+    let found = classes(&summary, "recovered");
+    assert!(found["car"] >= 60, "{found:?}");
+    assert!(found["person"] >= 5, "{found:?}");
+    let file = json(&out.join("recovered.json"));
+    assert_eq!(file.as_object().expect("frames").len(), 20);
+    for b in boxes(&file) {
+        let [x1, y1, x2, y2] = [0, 1, 2, 3].map(|i| b[i].as_f64().expect("a number"));
+        assert!(0.0 <= x1 && x1 < x2 && x2 <= 1242.0 && 0.0 <= y1 && y1 < y2 && y2 <= 376.0, "{b:?}");
+    }
 }

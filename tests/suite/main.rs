@@ -3,12 +3,10 @@
 #[path = "../harness/mod.rs"]
 mod harness;
 
-mod exit_codes;
-mod floors;
 mod launch;
-mod packaging;
+mod live;
 mod parameters;
-mod recorded;
+mod repository;
 mod ros;
 mod screen;
 mod view;

@@ -5,7 +5,6 @@ mod damage;
 mod files;
 mod play;
 mod ros1;
-mod shared;
 mod sources;
 mod sqlite;
 

@@ -1,9 +1,12 @@
-//! The unwrapping methods on images: simulation of image files, benchmark with its chart, and the stability suite.
+//! The unwrapping methods on images: simulation of image files, benchmark with its chart, and the stability suite; and a
+//! benchmark of the whole pipeline.
 //!
-//! Nothing here knows a node, a message or a topic: the methods are those of `modulo-core`, which the nodes use.
+//! No crate of a node is used here: the methods are those of `modulo-core`, which the nodes use, and the benchmark of the
+//! pipeline runs the program as a user does.
 
 pub mod benchmark;
 pub mod frontier;
+pub mod pipeline;
 pub mod simulate;
 pub mod stability;
 
@@ -59,6 +62,9 @@ pub enum BenchError {
     /// The method does not exist, or refuses the image.
     #[error(transparent)]
     Unwrap(#[from] UnwrapError),
+    /// A run of the pipeline, or of the network by itself, fails.
+    #[error("{0}")]
+    Run(String),
     /// Images have different shapes.
     #[error(transparent)]
     Shapes(#[from] ShapesDiffer),

@@ -5,26 +5,22 @@
 //! written.
 
 mod axis;
-mod bars;
 mod canvas;
 mod chart;
-mod font;
 mod label;
 mod panel;
 mod picture;
 mod plates;
 mod primitives;
 mod raster;
-mod sheet;
 mod svg;
 
 pub use axis::{Axis, AxisDirection, Scale, Unit};
-pub use bars::{Bar, Bars};
-pub use chart::{Chart, ChartBody, PageWidth, distinct};
+
+pub use chart::{Bar, Bars, Chart, ChartBody, PageWidth, distinct};
 pub use panel::{ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
-pub use picture::{LabelledBox, Picture, Pictures};
+pub use picture::{LabelledBox, Picture, Pictures, sheet};
 pub use primitives::class_colour;
-pub use sheet::sheet;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 

@@ -1,9 +1,9 @@
-//! [`Picture`]: an image with labelled boxes, and [`Pictures`]: a table of them.
+//! [`Picture`]: an image with labelled boxes, [`Pictures`]: a table of them in a chart, and [`sheet`]: several as one image.
 
 use std::sync::Arc;
 
 use image::imageops::{FilterType, resize};
-use image::{Rgb, RgbImage};
+use image::{GenericImage, Rgb, RgbImage};
 use imageproc::drawing::{
     draw_antialiased_line_segment_mut, draw_filled_rect_mut, draw_hollow_rect_mut, draw_text_mut,
 };
@@ -11,11 +11,10 @@ use imageproc::pixelops::interpolate;
 use imageproc::rect::Rect;
 
 use crate::ChartError;
+use crate::canvas::Font;
 use crate::canvas::{Anchor, Canvas, Shape};
-use crate::font::Font;
 use crate::plates::{connection, place};
-use crate::primitives::ink_on;
-use crate::primitives::{Area, Colour, GREY, INK, Position};
+use crate::primitives::{Area, Colour, GREY, INK, Position, class_colour, ink_on};
 
 /// An image with labelled boxes.
 #[derive(Clone, Debug, PartialEq)]
@@ -218,5 +217,82 @@ impl Pictures {
             y += SIZE;
         }
         y
+    }
+}
+
+/// Width of the white gap between images, px.
+const SHEET_GAP: u32 = 6;
+/// Font size of names and legend, px.
+const SHEET_TEXT: f32 = 15.0;
+/// Height of a line of text, px.
+const SHEET_LINE: u32 = 24;
+
+/// Draws images of one size in two columns, row by row, each below its name. A legend below them names the colours of
+/// `classes`; entries that have no room are left out. `None` without images, or if their sizes differ.
+pub fn sheet(pictures: &[(&str, Picture)], classes: &[&str]) -> Option<RgbImage> {
+    let (width, height) = pictures.first()?.1.size();
+    if pictures.iter().any(|(_, picture)| picture.size() != (width, height)) {
+        return None;
+    }
+    let (columns, rows) = (pictures.len().min(2) as u32, pictures.len().div_ceil(2) as u32);
+    let total = (columns * (width + SHEET_GAP) - SHEET_GAP, rows * (SHEET_LINE + height) + SHEET_LINE);
+    let mut sheet = RgbImage::from_pixel(total.0, total.1, Rgb([u8::MAX; 3]));
+    let text = Lettering { font: Font::new(), size: SHEET_TEXT };
+    for (index, (name, picture)) in (0u32..).zip(pictures) {
+        let (left, top) = (index % 2 * (width + SHEET_GAP), index / 2 * (SHEET_LINE + height));
+        text.draw(&mut sheet, (left as f32 + 2.0, top as f32, (top + SHEET_LINE) as f32), name, INK);
+        sheet
+            .copy_from(&picture.annotated(), left, top + SHEET_LINE)
+            .expect("the sheet has room for all images");
+    }
+    legend(&mut sheet, &text, classes);
+    Some(sheet)
+}
+
+/// Draws the legend into the last line.
+fn legend(sheet: &mut RgbImage, text: &Lettering, classes: &[&str]) {
+    let (top, bottom) = ((sheet.height() - SHEET_LINE) as f32, sheet.height() as f32);
+    let mut left = 2.0;
+    for class in classes {
+        let block = Rect::at(left as i32, top as i32 + 6).of_size(SHEET_LINE - 11, SHEET_LINE - 11);
+        let (start, width) = (left + SHEET_LINE as f32 - 5.0, text.font.width(class, SHEET_TEXT));
+        if start + width > sheet.width() as f32 {
+            return;
+        }
+        draw_filled_rect_mut(sheet, block, Rgb(class_colour(class)));
+        text.draw(sheet, (start, top, bottom), class, INK);
+        left = (start + width + 1.2 * SHEET_TEXT).ceil();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plain(value: u8, width: u32) -> Picture {
+        Picture::new(width, 2, vec![value; 6 * width as usize], vec![]).expect("a picture")
+    }
+
+    #[test]
+    fn four_images_are_two_rows_with_a_gap_between() {
+        let pictures = [1, 2, 3, 4].map(|value| ("one", plain(value, 90)));
+        let sheet = sheet(&pictures, &["car", "a class whose name is longer than the sheet is wide"])
+            .expect("a sheet");
+        assert_eq!(sheet.dimensions(), (90 + SHEET_GAP + 90, 3 * SHEET_LINE + 4));
+        let at = |x, y| sheet.get_pixel(x, y).0[0];
+        let corners = [
+            at(0, SHEET_LINE),
+            at(90 + SHEET_GAP, SHEET_LINE),
+            at(0, 2 * SHEET_LINE + 2),
+            at(90 + SHEET_GAP, 2 * SHEET_LINE + 2),
+        ];
+        assert_eq!((corners, at(90, SHEET_LINE)), ([1, 2, 3, 4], 255));
+        assert!(sheet.pixels().any(|pixel| pixel.0 == class_colour("car")), "the legend shows the car");
+    }
+
+    #[test]
+    fn sizes_that_differ_give_none() {
+        assert_eq!(sheet(&[("one", plain(1, 3)), ("two", plain(1, 4))], &[]), None);
+        assert_eq!(sheet(&[], &[]), None);
     }
 }

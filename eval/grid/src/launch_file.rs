@@ -16,7 +16,7 @@ use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::clock::nanos;
 use modulo_runtime::driver::RunError;
 use modulo_runtime::driver::lockstep::{Lockstep, OnTopic};
-use modulo_runtime::{Message, Topic};
+use modulo_runtime::{Message, Qos, sensor_info};
 use ndarray::Array3;
 use serde_json::{Value, json};
 
@@ -281,7 +281,8 @@ fn record(recorder: &mut BagWriter, out: &[OnTopic], topics: &[String]) -> Resul
         // The stamp, and not the wall clock: the same run must give the same bytes.
         let stamp = message.stamp().as_ns();
         let kind = message.kind();
-        let bag_topic = BagTopic::new(topic, kind.type_name(), Topic::new(topic, kind).qos);
+        let qos = if sensor_info::is_topic(topic) { Qos::Latched } else { Qos::usual(kind) };
+        let bag_topic = BagTopic::new(topic, kind.type_name(), qos);
         recorder.record(&bag_topic, stamp, stamp, &bytes)?;
     }
     Ok(())

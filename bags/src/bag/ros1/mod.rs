@@ -175,14 +175,13 @@ impl Ros1File {
     /// Returns the wanted messages of one chunk, by log time.
     fn read_chunk(
         &self,
-        chunk: ChunkLocation,
+        ChunkLocation { offset, span }: ChunkLocation,
         wanted: &HashMap<u32, ConvertedConnection>,
         from: u64,
     ) -> Result<VecDeque<Result<RawMessage, BagError>>, String> {
-        let ChunkLocation { offset, span } = chunk;
         let at = |why: String| format!("chunk at byte {offset}: {why}");
         let mut records = self.bag.chunk_records();
-        records.seek(chunk.offset).map_err(|e| at(e.to_string()))?;
+        records.seek(offset).map_err(|e| at(e.to_string()))?;
         let Some(Ok(ChunkRecord::Chunk(chunk))) = records.next() else {
             return Err(at("not a chunk, or a broken one".to_owned()));
         };

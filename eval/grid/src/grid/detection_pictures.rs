@@ -7,8 +7,7 @@ use modulo_charts::{LabelledBox, Picture, class_colour, distinct};
 use modulo_core::{BBox, Detection, Frame};
 use modulo_runtime::Clock;
 
-use super::frames::Frames;
-use super::neighbours::{FrameWithNeighbours, FramesWithNeighbours, Neighbours};
+use super::frames::{FrameWithNeighbours, Frames, FramesWithNeighbours, Neighbours};
 use super::pipeline::Nodes;
 use super::runner::CellRunner;
 use super::{GridError, Request};

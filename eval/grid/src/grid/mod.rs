@@ -12,13 +12,11 @@
 //! are kept, a run that was killed continues, and [`merge`] joins shards. No transport is used. The clock only measures
 //! durations; it decides nothing.
 
-mod account;
 mod cells;
 mod detect;
 mod detection_pictures;
 mod frames;
 mod listing;
-mod neighbours;
 mod pipeline;
 mod request;
 mod run;

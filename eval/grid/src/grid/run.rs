@@ -8,12 +8,12 @@ use modulo_detector::describe;
 use modulo_runtime::Clock;
 use sha2::{Digest, Sha256};
 
-use super::account::{Account, INSPECT, LOAD, SCORE, STORE, TIMES};
 use super::frames::Frames;
 use super::listing::Listing;
 use super::pipeline::Nodes;
 use super::pipeline::{BITS, RECOVERY_DEFINITION, multi_exposure};
 use super::runner::CellRunner;
+use super::runner::{Account, INSPECT, LOAD, SCORE, STORE, TIMES};
 use super::score::Scorer;
 use super::{Axes, Request, timing};
 use crate::classes::{ClassGroups, ClassMap, Table, of_labels};

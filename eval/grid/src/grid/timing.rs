@@ -14,8 +14,7 @@ use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
 
 use super::detect::{DetectorConfig, DetectorWorker};
-use super::frames::Frames;
-use super::neighbours::{FrameWithNeighbours, FramesWithNeighbours, Neighbours};
+use super::frames::{FrameWithNeighbours, Frames, FramesWithNeighbours, Neighbours};
 use super::pipeline::{self, FramePipeline, Nodes, Stages, multi_exposure};
 use super::{GridError, Request};
 use crate::labels::SENSE;

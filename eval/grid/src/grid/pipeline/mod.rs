@@ -20,7 +20,7 @@ use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 use ndarray::Array3;
 
 use super::Request;
-use super::neighbours::FrameWithNeighbours;
+use super::frames::FrameWithNeighbours;
 use crate::GridError;
 use crate::results::{Point, Protocol, Stream};
 use multi_exposure::MultiExposurePipeline;

@@ -9,7 +9,7 @@ use ndarray::Array3;
 
 use super::{BITS, DetectorInput, FrameWithNeighbours, PipelineConfig, RecoveryQuality, Truth, unstamped};
 use crate::GridError;
-use crate::grid::neighbours::Neighbours;
+use crate::grid::frames::Neighbours;
 use crate::grid::{Data, Request};
 use crate::results::{Point, Protocol, Stream};
 

@@ -1,0 +1,210 @@
+//! A running suite: nodes without input, disabled nodes, an input that follows the trust, and traces.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use modulo_core::Frame;
+use modulo_msgs::cdr;
+use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus};
+use modulo_msgs::std_srvs::{SetBoolRequest, SetBoolResponse};
+use modulo_runtime::transport::Transport;
+use modulo_runtime::{Message, MessageKind, Qos, StampedFrame};
+use serde_json::Value;
+
+use crate::harness::{Bench, Heard, Peer, arg, json, model, text, wait_until};
+
+/// Waits for a log line that contains `text`.
+fn line(log: &Heard, text: &str) -> String {
+    let message = log.until(text, |message| matches!(message, Message::Log(log) if log.msg.contains(text)));
+    let Message::Log(line) = message else { unreachable!("it was a line") };
+    line.msg.clone()
+}
+
+/// Waits for a status of `name` that `wanted` takes.
+fn status(heard: &Heard, name: &str, wanted: impl Fn(&DiagnosticStatus) -> bool) -> DiagnosticStatus {
+    let of = |array: &DiagnosticArray| array.status.iter().find(|s| s.name == name && wanted(s)).cloned();
+    let found = |message: &Message| match message {
+        Message::Diagnostics(array) => of(array),
+        _ => None,
+    };
+    let message = heard.until(name, |message| found(message).is_some());
+    found(&message).expect("it was found")
+}
+
+fn value<'a>(status: &'a DiagnosticStatus, key: &str) -> &'a str {
+    status.values.iter().find(|value| value.key == key).map_or("", |value| &value.value)
+}
+
+#[test]
+fn a_node_without_input_names_the_topics_that_exist() {
+    let bench = Bench::new();
+    let peer = Peer::new(&bench);
+    let log = peer.hear_as("/rosout", MessageKind::Log, Qos::Logs);
+    let diagnostics = peer.hear("/diagnostics", MessageKind::Diagnostics);
+    let _other = peer.advertise("/front/modulo", MessageKind::Image);
+    let _node = bench.start(&["run", "unwrap"]);
+    let warning = line(&log, "no image has come on /modulo");
+    assert!(warning.contains("no node publishes it") && warning.contains("/front/modulo"), "{warning}");
+    let silent = status(&diagnostics, "unwrap", |status| status.level == DiagnosticStatus::WARN);
+    assert!(silent.message.contains("no image has come on /modulo"), "{silent:?}");
+
+    let modulo = peer.advertise("/modulo", MessageKind::Image);
+    let frame = Frame::from_u8(ndarray::Array3::zeros((8, 8, 3))).expect("a frame");
+    let image = Message::Image(StampedFrame { header: Default::default(), frame }.into());
+    wait_until("the node goes on", || {
+        modulo.put(&image).expect("sent");
+        let next = log.next(Duration::from_millis(100));
+        matches!(next, Some(Message::Log(log)) if log.msg.contains("an image has come on /modulo"))
+    });
+    status(&diagnostics, "unwrap", |status| status.level == DiagnosticStatus::OK);
+}
+
+/// Calls `~/enable` of a node.
+fn enable(peer: &Peer, node: &str, data: bool) {
+    let request = cdr::to_vec(&SetBoolRequest { data }).expect("short");
+    let (service, patience) = (format!("{node}/enable"), Duration::from_secs(30));
+    let answer = peer.transport.call(&service, "std_srvs/srv/SetBool", request, patience).expect("an answer");
+    let SetBoolResponse { success, message } = cdr::from_slice(&answer).expect("a response");
+    assert!(success, "{node}: {message}");
+}
+
+#[test]
+fn a_disabled_node_rests_and_goes_on() {
+    let bench = Bench::new();
+    let (source, model) = (arg("source", bench.images(4)), arg("model", model()));
+    let summary = bench.path("summary.json");
+    let fixed = ["launch", "launch/recovered.launch.yaml", "engine:=rten", "rate:=20", "loop:=true"];
+    let out = summary.display().to_string();
+    let running = bench.start(&[&fixed[..], &["--summary", &out, &source, &model]].concat());
+    let peer = Peer::new(&bench);
+    wait_until("the camera", || peer.transport.is_ready("/modulo_camera"));
+    for (node, input, output, kind) in [
+        ("detector", "/recovered", "/detector/detections", MessageKind::Detections),
+        ("unwrap", "/modulo", "/recovered", MessageKind::Image),
+        ("modulo_camera", "", "/modulo", MessageKind::Image),
+    ] {
+        let name = format!("/{node}");
+        let state = peer.hear_as(&format!("{name}/state"), MessageKind::Diagnostics, Qos::Latched);
+        let enabled = |wanted: &str| {
+            status(&state, &format!("{node}: state"), |status| value(status, "enabled") == wanted);
+        };
+        peer.hear(output, kind).until("a message", |_| true);
+        enabled("true");
+        enable(&peer, &name, false);
+        enabled("false");
+        // A subscription of now hears nothing of before.
+        assert!(peer.hear(output, kind).next(Duration::from_millis(200)).is_none(), "{node}");
+        wait_until("it reads no more", || !peer.transport.subscribers(input).contains(&name));
+        let diagnostics = peer.hear("/diagnostics", MessageKind::Diagnostics);
+        let told = status(&diagnostics, node, |status| value(status, "enabled") == "false");
+        assert!(told.message.contains("disabled"), "{told:?}");
+        if node == "detector" {
+            // A source that waits for its readers does not wait for a disabled one.
+            peer.set("/modulo_camera", "rate", "0.0").expect("possible");
+            let images = peer.hear("/modulo", MessageKind::Image);
+            for _ in 0..10 {
+                images.until("images", |_| true);
+            }
+            peer.set("/modulo_camera", "rate", "20.0").expect("possible");
+        }
+        enable(&peer, &name, true);
+        enabled("true");
+        peer.hear(output, kind).until("messages again", |_| true);
+    }
+    assert_eq!(running.interrupt(), Some(0));
+    let topics = json(&summary)["topics"].clone();
+    let lost = topics.as_object().expect("topics").values().map(|topic| topic["lost"].as_u64());
+    assert_eq!(lost.sum::<Option<u64>>(), Some(0), "{topics}");
+}
+
+/// The values of `/diagnostics` that a user looks at first.
+#[test]
+fn diagnostics_tell_the_rate_the_age_and_what_runs() {
+    let bench = Bench::new();
+    let peer = Peer::new(&bench);
+    let diagnostics = peer.hear("/diagnostics", MessageKind::Diagnostics);
+    let (source, model) = (arg("source", bench.images(4)), arg("model", model()));
+    let fixed = ["launch", "launch/recovered.launch.yaml", "engine:=rten", "rate:=20", "loop:=true"];
+    let running = bench.start(&[&fixed[..], &[&source, &model]].concat());
+    for (node, keys) in [
+        ("modulo_camera", &["sense_ms"][..]),
+        ("unwrap", &["unwrap_ms", "method", "trusted_share"]),
+        ("detector", &["infer_ms", "engine", "device"]),
+    ] {
+        let number = |status: &DiagnosticStatus, key| value(status, key).parse::<f64>().ok();
+        let all = status(&diagnostics, node, |status| {
+            number(status, "rate_hz").is_some_and(|rate| rate > 0.0)
+                && keys.iter().all(|key| !value(status, key).is_empty())
+        });
+        let (age, dropped) = (number(&all, "age_ms"), number(&all, "dropped_frames"));
+        assert!(age.is_some_and(|age| age > 0.0) && dropped.is_some(), "{all:?}");
+    }
+    assert_eq!(running.interrupt(), Some(0));
+}
+
+/// Read noise of 100 code units leaves no image that can be trusted.
+#[test]
+fn an_auto_input_follows_the_trust_of_the_unwrapper() {
+    let bench = Bench::new();
+    let (source, model) = (arg("source", bench.images(4)), arg("model", model()));
+    let fixed =
+        ["launch", "launch/recovered.launch.yaml", "engine:=rten", "alpha:=1.0", "rate:=20", "loop:=true"];
+    let running = bench.start(&[&fixed[..], &[&source, &model]].concat());
+    let peer = Peer::new(&bench);
+    wait_until("the camera", || peer.transport.is_ready("/modulo_camera"));
+    let state = peer.hear_as("/detector/state", MessageKind::Diagnostics, Qos::Latched);
+    let detections = peer.hear("/detector/detections", MessageKind::Detections);
+    let reads = |stream: &str| {
+        let wanted =
+            |status: &DiagnosticStatus| value(status, "stream") == stream && value(status, "input") == "auto";
+        status(&state, "detector: state", wanted);
+        detections.until("boxes", |_| true);
+    };
+    peer.set("/detector", "fallback", "saturated").expect("possible");
+    peer.set("/detector", "input", "auto").expect("possible");
+    reads("recovered");
+    for (noise, stream) in [("100.0", "saturated"), ("0.0", "recovered")] {
+        peer.set("/modulo_camera", "read_noise", noise).expect("possible");
+        reads(stream);
+    }
+    assert_eq!(running.interrupt(), Some(0));
+}
+
+#[test]
+fn a_trace_follows_each_frame_through_all_nodes() {
+    let bench = Bench::new();
+    let (source, model, trace) =
+        (arg("source", bench.images(4)), arg("model", model()), bench.path("trace.json"));
+    let file = trace.display().to_string();
+    let fixed = ["launch", "launch/recovered.launch.yaml", "engine:=rten", "--trace", &file];
+    let output = bench.run(&[&fixed[..], &[&source, &model]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    assert!(text(&output).contains("spans of 3 nodes, 0 spans were lost"), "{}", text(&output));
+    let trace = json(&trace);
+    let events = trace["traceEvents"].as_array().expect("events");
+    let named = |event: &Value, name: &str| event["name"] == name;
+    let pids = events.iter().filter(|event| named(event, "process_name"));
+    let pids: BTreeMap<_, _> = pids.map(|e| (e["args"]["name"].as_str(), e["pid"].as_u64())).collect();
+    let sources = events.iter().filter(|event| event["ph"] == "s").map(|event| event["id"].as_str());
+    let frames: BTreeSet<_> = sources.map(|id| id.expect("the stamp of a frame")).collect();
+    assert_eq!(frames.len(), 4);
+    for frame in frames {
+        let begin = |node: &str, stage: &str| {
+            let of = |e: &&Value| {
+                named(e, stage) && e["pid"].as_u64() == pids[&Some(node)] && e["args"]["frame"] == frame
+            };
+            let spans: Vec<_> = events.iter().filter(of).collect();
+            assert_eq!(spans.len(), 1, "{node} {stage} {frame}");
+            spans[0]["ts"].as_f64().expect("a time")
+        };
+        let way = [("/modulo_camera", "sense"), ("/unwrap", "unwrap"), ("/detector", "infer")];
+        let begins = way.map(|(node, stage)| (begin(node, "step"), begin(node, stage)));
+        assert!(
+            begins.iter().all(|(step, stage)| step <= stage) && begins.is_sorted_by(|a, b| a.1 < b.1),
+            "{begins:?}"
+        );
+        let flow =
+            ["s", "t", "f"].map(|ph| events.iter().filter(|e| e["ph"] == ph && e["id"] == frame).count());
+        assert_eq!(flow, [1, 1, 1], "{frame}");
+    }
+}
