@@ -72,6 +72,14 @@ fn tone_linear8(bencher: Bencher<'_, '_>) {
 }
 
 #[divan::bench]
+fn tone_unit_planes(bencher: Bencher<'_, '_>) {
+    let (height, width, channels) = DIM;
+    let (row, mut planes) = (vec![77; height * width * channels], [const { Vec::new() }; 3]);
+    planes.iter_mut().for_each(|plane| plane.resize(height * width, 0.0));
+    bencher.bench_local(|| tone::unit_planes(&row, planes.each_mut().map(Vec::as_mut_slice)));
+}
+
+#[divan::bench]
 fn deblur(bencher: Bencher<'_, '_>) {
     let (x, mut deblur) = (recovered().x, Deblur::new(Psf::Paper7));
     bencher.bench_local(|| deblur.linear8(&x, range()).expect("an image"));

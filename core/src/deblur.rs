@@ -78,8 +78,8 @@ impl Deblur {
             let values = |index: usize| self.grid.out(dct::SampleRun { row, sample: index * LANES });
             widest!({
                 for (index, out) in out.chunks_mut(LANES).enumerate() {
-                    let shown = values(index).map(|value| tone::to_u8(value, scale));
-                    out.copy_from_slice(&shown[..out.len()]);
+                    // A loop, since `map` of an array is not inlined here.
+                    out.iter_mut().zip(values(index)).for_each(|(out, value)| *out = tone::to_u8(*value, scale));
                 }
             });
         }

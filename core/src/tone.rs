@@ -6,7 +6,7 @@ use ndarray::Array3;
 
 use crate::frame::{Frame, FrameError};
 use crate::range::Range;
-use crate::simd::{floor, mapped};
+use crate::simd::{floor, mapped, widest};
 
 /// Returns `round(255 * x / (alpha * 2^b))`, clamped to 0..255, as a frame of 8 bits.
 ///
@@ -31,6 +31,19 @@ pub fn hdr(x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
     } else {
         Frame::from_f32(x.clone())
     }
+}
+
+/// Writes a row of 8-bit pixels, `W x 3` interleaved, as three planes of `W` samples in [0, 1]: `x / 255`.
+///
+/// Where a plane is shorter than the row, the rest of the row is left out.
+pub fn unit_planes(row: &[u8], [red, green, blue]: [&mut [f32]; 3]) {
+    widest!(for (pixel, ((red, green), blue)) in
+        row.as_chunks::<3>().0.iter().zip(red.iter_mut().zip(green).zip(blue))
+    {
+        *red = f32::from(pixel[0]) / 255.0;
+        *green = f32::from(pixel[1]) / 255.0;
+        *blue = f32::from(pixel[2]) / 255.0;
+    });
 }
 
 /// Scales one sample by `scale`, which is `255 / (alpha * 2^b)`, clamped to 0..255; NaN becomes 0, as `max` returns the number.

@@ -10,6 +10,7 @@ use std::f64::consts::TAU;
 
 use super::{Range, Recovered};
 use crate::dct::LANES;
+use crate::simd::widest;
 
 /// The share of the pixels that may be out of range at a greater base level: hot pixels and small wrong regions
 /// must not raise the whole image.
@@ -91,34 +92,57 @@ pub(super) fn is_evident(out: &Recovered, range: Range) -> bool {
     let (x, k) = (out.x.as_slice(), out.k.as_slice());
     let (x, k) =
         (x.expect("prepare has made the layout standard"), k.expect("prepare has made the layout standard"));
-    let [low, high] = [u8::min, u8::max].map(|extreme| extremes(k, channels, extreme));
-    (0..channels).all(|channel| {
-        let samples = || x[channel..].iter().step_by(channels).copied();
-        high[channel] - low[channel] == most || {
-            let dark = samples().fold(0.0, f32::max) - CONTRAST * range.peak();
-            samples().filter(|x| *x <= dark).count() as f64 > TOLERANCE * (height * width) as f64
-        }
-    })
+    // Closures, since a call of a function by its address would not be inlined.
+    let low = widest!(extremes(k, channels, |a, b| a.min(b)));
+    let high = widest!(extremes(k, channels, |a, b| a.max(b)));
+    let fills = |channel: usize| high[channel] - low[channel] == most;
+    if (0..channels).all(fills) {
+        return true;
+    }
+    // `f32::max` would also care for NaN, which no recovered image has.
+    let brightest = widest!(extremes(x, channels, |a, b| if b > a { b } else { a }));
+    let dark = widest!(count_up_to(x, channels, brightest.map(|x| x - CONTRAST * range.peak())));
+    (0..channels)
+        .all(|channel| fills(channel) || f64::from(dark[channel]) > TOLERANCE * (height * width) as f64)
 }
 
+/// Samples in a block, which holds whole pixels of one and of three channels, so that a lane belongs to one channel.
+/// It is longer than the widest vector.
+const BLOCK: usize = 768;
+
 /// Returns the least or the greatest of the interleaved samples of each channel.
-fn extremes(k: &[u8], channels: usize, extreme: fn(u8, u8) -> u8) -> [u8; 3] {
-    // A block holds whole pixels of one and of three channels, so that a lane belongs to one channel.
-    const BLOCK: usize = 48;
-    let mut lanes: [u8; BLOCK] = std::array::from_fn(|lane| k[lane % channels]);
-    let (blocks, rest) = k.as_chunks::<BLOCK>();
+#[inline(always)]
+fn extremes<T: Copy>(samples: &[T], channels: usize, extreme: impl Fn(T, T) -> T) -> [T; 3] {
+    let mut lanes: [T; BLOCK] = std::array::from_fn(|lane| samples[lane % channels]);
+    let (blocks, rest) = samples.as_chunks::<BLOCK>();
     for block in blocks {
-        lanes.iter_mut().zip(block).for_each(|(lane, &k)| *lane = extreme(*lane, k));
+        lanes.iter_mut().zip(block).for_each(|(lane, &sample)| *lane = extreme(*lane, sample));
     }
-    lanes.iter_mut().zip(rest).for_each(|(lane, &k)| *lane = extreme(*lane, k));
+    lanes.iter_mut().zip(rest).for_each(|(lane, &sample)| *lane = extreme(*lane, sample));
+    of_channels(&lanes, channels, extreme)
+}
+
+/// Returns the number of the interleaved samples of each channel that are at most its limit.
+#[inline(always)]
+fn count_up_to(samples: &[f32], channels: usize, limits: [f32; 3]) -> [u32; 3] {
+    let limits: [f32; BLOCK] = std::array::from_fn(|lane| limits[lane % channels]);
+    let mut lanes = [0; BLOCK];
+    let (blocks, rest) = samples.as_chunks::<BLOCK>();
+    for block in blocks {
+        let samples = block.iter().zip(&limits);
+        lanes.iter_mut().zip(samples).for_each(|(lane, (sample, limit))| *lane += u32::from(sample <= limit));
+    }
+    let samples = rest.iter().zip(&limits);
+    lanes.iter_mut().zip(samples).for_each(|(lane, (sample, limit))| *lane += u32::from(sample <= limit));
+    of_channels(&lanes, channels, |a, b| a + b)
+}
+
+/// Returns the lanes of each channel, joined.
+#[inline(always)]
+fn of_channels<T: Copy>(lanes: &[T; BLOCK], channels: usize, join: impl Fn(T, T) -> T) -> [T; 3] {
     std::array::from_fn(|channel| {
-        lanes
-            .iter()
-            .skip(channel % channels)
-            .step_by(channels)
-            .copied()
-            .reduce(extreme)
-            .expect("a block has lanes")
+        let own = lanes.iter().skip(channel % channels).step_by(channels).copied();
+        own.reduce(&join).expect("a block has lanes")
     })
 }
 
