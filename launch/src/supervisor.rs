@@ -22,7 +22,7 @@ use crate::plan::{OnExit, Plan};
 use crate::summary::{NodeReport, Summary, read_reports, reports_so_far};
 use crate::trace::{self, TraceCounts};
 
-use job::Job;
+use job::{Folders, Job};
 
 /// The surroundings in which a plan is run.
 #[derive(Clone)]
@@ -207,21 +207,18 @@ pub async fn run_until(
     how: &Supervision,
     stop: impl Future<Output = ()>,
 ) -> Result<Outcome, LaunchError> {
-    let reports =
-        tempfile::tempdir().map_err(|e| start_error("launcher", format!("folder of reports: {e}")))?;
+    let folders = Folders::new().map_err(|e| start_error("launcher", format!("temporary folder: {e}")))?;
     plan.messages.iter().for_each(|message| (how.print)(Channel::Out, &format!("[launch] {message}")));
-    let state = tempfile::tempdir().map_err(|e| start_error("launcher", format!("folder of state: {e}")))?;
-    // Both folders last as long as the run: a node that is started again finds its state there.
-    let jobs = job::all(&plan, how, reports.path(), state.path())?;
+    let jobs = job::all(&plan, how, &folders)?;
     let begin = Instant::now();
     // The second future never ends: it only passes reports on until the processes are done.
     let (ending, processes) = tokio::select! {
         ended = supervise(jobs, how, stop) => ended,
-        never = watch_reports(how.watch.as_ref(), reports.path()) => match never {},
+        never = watch_reports(how.watch.as_ref(), folders.reports()) => match never {},
     };
     let elapsed = begin.elapsed();
-    let trace = how.trace.as_ref().map(|file| trace::join(reports.path(), file)).transpose()?;
-    Ok(Outcome { ending, processes, reports: read_reports(reports.path()), elapsed, trace })
+    let trace = how.trace.as_ref().map(|file| trace::join(folders.traces(), file)).transpose()?;
+    Ok(Outcome { ending, processes, reports: read_reports(folders.reports()), elapsed, trace })
 }
 
 /// Passes the reports in `folder` on to `watch`, again and again.

@@ -1,12 +1,14 @@
 //! [`Job`]: one process from its first start to its last end, restarts included.
 
 use std::collections::VecDeque;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::process::ExitStatus;
 use std::time::{Duration, Instant, SystemTime};
 
 use modulo_runtime::launcher;
 use modulo_runtime::process::trace::TRACE_DIR;
+use tempfile::TempDir;
 use tokio::sync::watch;
 
 use super::running::Running;
@@ -64,18 +66,45 @@ pub(super) struct LifeSigns {
     limit: Duration,
 }
 
-/// Returns the jobs of `plan`. Nodes write their reports into the folder `reports`, and the state that outlasts their crash
-/// into `state`.
-pub(super) fn all(
-    plan: &Plan,
-    how: &Supervision,
-    reports: &Path,
-    state: &Path,
-) -> Result<Vec<Job>, LaunchError> {
-    let traced = how.trace.iter().map(|_| (TRACE_DIR, reports.display().to_string()));
+/// The folders for the files of the nodes. They last as long as the run, so that a node that is started again finds its state.
+pub(super) struct Folders {
+    reports: TempDir,
+    state: TempDir,
+    traces: TempDir,
+}
+
+impl Folders {
+    /// Makes the folders. A node writes its report before it sends a result, so that the reports lie in memory where that is
+    /// possible: a file on a disk costs half a millisecond of each result.
+    ///
+    /// # Errors
+    /// The error of the system.
+    pub fn new() -> io::Result<Self> {
+        let in_memory = || tempfile::tempdir_in(MEMORY).or_else(|_| tempfile::tempdir());
+        Ok(Self { reports: in_memory()?, state: in_memory()?, traces: tempfile::tempdir()? })
+    }
+
+    /// Returns the folder of the reports.
+    pub fn reports(&self) -> &Path {
+        self.reports.path()
+    }
+
+    /// Returns the folder of the traces.
+    pub fn traces(&self) -> &Path {
+        self.traces.path()
+    }
+}
+
+/// A folder in memory, which Linux has.
+const MEMORY: &str = "/dev/shm";
+
+/// Returns the jobs of `plan`, whose nodes write into `folders`.
+pub(super) fn all(plan: &Plan, how: &Supervision, folders: &Folders) -> Result<Vec<Job>, LaunchError> {
+    let reports = folders.reports();
+    let traced = how.trace.iter().map(|_| (TRACE_DIR, folders.traces().display().to_string()));
     let told = [
         (launcher::REPORT_DIR, reports.display().to_string()),
-        (launcher::STATE_DIR, state.display().to_string()),
+        (launcher::STATE_DIR, folders.state.path().display().to_string()),
         (launcher::PID, std::process::id().to_string()),
     ];
     let told: Vec<_> = told.into_iter().chain(traced).collect();

@@ -109,6 +109,8 @@ fn defaults(domain: u32, role: SessionRole) -> Vec<(&'static str, String)> {
         ("queries_default_timeout", "600000".into()),
         // One key turns it on: large payloads then go through shared memory.
         ("transport/shared_memory/enabled", "false".into()),
+        // In bytes. Smaller payloads gain nothing, and a node that sends only such needs no pool of 16 MiB.
+        ("transport/shared_memory/transport_optimization/message_size_threshold", "65536".into()),
         ("transport/link/tx/queue/size/data", "16".into()),
         ("transport/link/tx/queue/congestion_control/drop/wait_before_drop", "20000".into()),
         ("transport/link/tx/queue/congestion_control/drop/max_wait_before_drop_fragments", "200000".into()),
