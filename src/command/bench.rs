@@ -7,12 +7,14 @@ use anyhow::{Context as _, anyhow};
 use clap::Subcommand;
 use indicatif::{ProgressBar, ProgressStyle};
 use modulo_bags::source::{self, SourceOptions};
-use modulo_bench::{BenchError, BenchEvent, benchmark, frontier, pipeline, simulate, stability};
+use modulo_bench::engines::EngineOutcome;
+use modulo_bench::{BenchError, BenchEvent, benchmark, engines, frontier, pipeline, simulate, stability};
 use modulo_core::{SensorError, UnwrapError, WorkersError};
-use modulo_detector::{EngineChoice, measure};
+use modulo_detector::{EngineChoice, EngineOptions, measure, prefer};
 use modulo_images::{ImageError, WHITE_PERCENTILE};
 use modulo_launch::launch_files;
 use modulo_runtime::SystemClock;
+use modulo_runtime::clock::monotonic_ns;
 
 use super::usage;
 use crate::{Ended, Failure};
@@ -33,6 +35,15 @@ pub enum Bench {
     /// Measure the time from the modulo image to the boxes in one process, in several and in lockstep, beside that of the network
     /// by itself
     Pipeline(pipeline::PipelineRequest),
+    /// Measure the inference engines of this machine and the agreement of their boxes, and draw a chart of both
+    Detector {
+        /// The frames and the model.
+        #[command(flatten)]
+        request: pipeline::SuiteRequest,
+        /// From now on, let engine: auto take the fastest engine on the processor whose boxes agree
+        #[arg(long)]
+        prefer: bool,
+    },
     /// Draw the charts of the results in a folder again
     Chart {
         /// Folder with results.json and meta.json
@@ -77,6 +88,7 @@ pub fn bench(command: &Bench) -> Result<Ended, Failure> {
     match command {
         Bench::Unwrap(request) => bench_unwrap(request),
         Bench::Pipeline(request) => bench_pipeline(request),
+        Bench::Detector { request, prefer } => bench_detector(request, *prefer),
         Bench::Chart { folder } => {
             for file in frontier::draw_frontier(&folder.join(benchmark::RESULTS))? {
                 say!("{}", file.display());
@@ -110,30 +122,34 @@ fn bench_unwrap(request: &benchmark::BenchmarkRequest) -> Result<Ended, Failure>
 }
 
 fn bench_pipeline(request: &pipeline::PipelineRequest) -> Result<Ended, Failure> {
-    let engine = EngineChoice::WORDS.iter().find(|(word, _)| *word == request.engine);
-    let engine = engine.expect("the option takes these words only").1;
-    let program = std::env::current_exe().context("this program")?;
-    let file = launch_files().into_iter().find(|file| file.path.ends_with("recovered.launch.yaml"));
-    let file =
-        file.context("recovered.launch.yaml was found neither in ./launch nor in the package modulo")?;
-    let mut source = source::open(&request.frames, &SourceOptions::default()).map_err(usage)?;
+    let engine = word_of(&request.engine).expect("the option takes these words only");
+    let options = EngineOptions {
+        engine,
+        device: request.device.parse().map_err(|why: String| usage(anyhow!(why)))?,
+        threads: 0,
+    };
+    let mut source = source::open(&request.suite.frames, &SourceOptions::default()).map_err(usage)?;
     let first = source.next().context("the source has no frame")?.map_err(anyhow::Error::from)?;
     let (height, width, _) = first.radiance.dim();
     let size = [(height.next_multiple_of(STRIDE), width.next_multiple_of(STRIDE))];
     let clock = SystemClock::default();
     let mut bare = || {
-        let speeds = measure(Path::new(&request.model), engine, 0, &size, BARE_RUNS, &clock);
+        let speeds = measure(Path::new(&request.suite.model), options, &size, BARE_RUNS, &clock);
         let speeds = speeds.map_err(|why| BenchError::Run(why.to_string()))?;
-        Ok(speeds[0].median_ns as f64 / 1e6)
+        Ok(speeds[0].durations_ns.iter().map(|&ns| ns as f64 / 1e6).collect())
     };
+    let (path, launch_file) = this_program()?;
+    let program = pipeline::Program { path: &path, launch_file: &launch_file, now_ns: monotonic_ns };
+    let mut bench = pipeline::Bench { program, bare: &mut bare };
     let bar = progress_bar(STEPS);
-    let rows = pipeline::pipeline(request, (&program, &file.path), &mut bare, &mut |event| tell(&bar, event))
-        .map_err(failure)?;
+    let rows = pipeline::pipeline(request, &mut bench, &mut |event| tell(&bar, event)).map_err(failure)?;
     bar.finish_and_clear();
-    say!("mode      engine  frames    p50 ms    p99 ms   bare ms    ratio   cpu s/frame    rss MB");
+    say!(
+        "mode      engine   frames    p50 ms    p99 ms   bare ms    ratio  frames/s  first box s  cpu s/frame    rss MB"
+    );
     for row in &rows {
         say!(
-            "{:<9} {:<7} {:>6} {:>9.2} {:>9.2} {:>9.2} {:>8.3} {:>13.3} {:>9.1}",
+            "{:<9} {:<8} {:>6} {:>9.2} {:>9.2} {:>9.2} {:>8.3} {:>9.2} {:>12} {:>12.3} {:>9.1}",
             format!("{:?}", row.mode).to_lowercase(),
             row.engine,
             row.frames,
@@ -141,6 +157,8 @@ fn bench_pipeline(request: &pipeline::PipelineRequest) -> Result<Ended, Failure>
             row.p99_ms,
             row.bare_p50_ms,
             row.p50_ms / row.bare_p50_ms,
+            row.frames_per_s,
+            row.first_box_s.map_or("-".into(), |s| format!("{s:.2}")),
             row.cpu_s_per_frame,
             row.rss_mb
         );
@@ -148,6 +166,51 @@ fn bench_pipeline(request: &pipeline::PipelineRequest) -> Result<Ended, Failure>
         say!("          {}", stages.collect::<Vec<_>>().join(", "));
     }
     Ok(Ended::Done)
+}
+
+/// Returns this program and the launch file of the suite that a benchmark runs.
+fn this_program() -> Result<(PathBuf, PathBuf), Failure> {
+    let program = std::env::current_exe().context("this program")?;
+    let file = launch_files().into_iter().find(|file| file.path.ends_with("recovered.launch.yaml"));
+    let file =
+        file.context("recovered.launch.yaml was found neither in ./launch nor in the package modulo")?;
+    Ok((program, file.path))
+}
+
+fn bench_detector(request: &pipeline::SuiteRequest, take: bool) -> Result<Ended, Failure> {
+    let (path, launch_file) = this_program()?;
+    let program = pipeline::Program { path: &path, launch_file: &launch_file, now_ns: monotonic_ns };
+    let bar = progress_bar(STEPS);
+    let (rows, chart) =
+        engines::engines(request, &program, &mut |event| tell(&bar, event)).map_err(failure)?;
+    bar.finish_and_clear();
+    say!("engine    device    frames    p50 ms    p99 ms   boxes   agreement");
+    for row in &rows {
+        let name = format!("{:<9} {:<8}", row.engine, row.device);
+        match &row.outcome {
+            EngineOutcome::Measured(figures) => say!(
+                "{name} {:>7} {:>9.2} {:>9.2} {:>7} {:>10.2}%",
+                figures.frames,
+                figures.p50_ms,
+                figures.p99_ms,
+                figures.boxes,
+                100.0 * figures.agreement
+            ),
+            EngineOutcome::Missing(why) => say!("{name} {why}"),
+        }
+    }
+    chart.iter().for_each(|file| say!("{}", file.display()));
+    let fastest = engines::fastest(&rows).and_then(|row| word_of(row.engine));
+    if let (true, Some(engine)) = (take, fastest) {
+        let file = prefer(engine).context("the choice of auto")?;
+        say!("auto takes {engine} from now on: {}", file.display());
+    }
+    Ok(Ended::Done)
+}
+
+/// Returns the engine of this word.
+fn word_of(engine: &str) -> Option<EngineChoice> {
+    EngineChoice::WORDS.iter().find(|(word, _)| *word == engine).map(|(_, choice)| *choice)
 }
 
 /// Tells an error of the command line from one of a file or of the run.

@@ -220,11 +220,12 @@ fn print_cell(cell: &Cell) {
     let scored = cell.ap50.iter().filter(|(_, ap)| ap.is_some());
     let groups: Vec<String> = scored.map(|(group, ap)| format!("{group} {}", percent(*ap))).collect();
     say!(
-        "{:<64} AP50 {}  exact k {}  infer {:.1} ms",
+        "{:<64} AP50 {}  exact k {}  infer {}",
         cell.point.to_string(),
         if groups.is_empty() { "-".to_owned() } else { groups.join(" ") },
         percent(cell.exact_k),
-        cell.latency_ms.get("infer").map_or(0.0, |infer| infer.p50)
+        // Without --time-frames, no time is measured.
+        cell.latency_ms.get("infer").map_or("-".to_owned(), |infer| format!("{:.1} ms", infer.p50))
     );
 }
 

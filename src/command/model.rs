@@ -8,7 +8,10 @@ use std::path::{Path, PathBuf};
 use anyhow::Context;
 use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
-use modulo_detector::{EngineChoice, ModelInfo, describe, measure, onnxruntime_library, onnxruntime_places};
+use modulo_detector::{
+    Device, EngineChoice, EngineOptions, ModelInfo, auto_engine, describe, measure, onnxruntime_library,
+    onnxruntime_places,
+};
 use modulo_eval::grid::words;
 use modulo_models::{FetchRequest, Fetched, LICENCE, fetch, official};
 use modulo_runtime::SystemClock;
@@ -53,10 +56,13 @@ pub struct ModelFetch {
 pub struct ModelCheck {
     /// Path of the ONNX file
     pub file: PathBuf,
-    /// Inference engine: ONNX Runtime (ort), rten, or auto for ONNX Runtime where its library is found, and rten
-    /// elsewhere
+    /// Inference engine: ONNX Runtime (ort), ONNX Runtime with OpenVINO (openvino), rten, or auto for ort where its library
+    /// is found, and rten elsewhere
     #[arg(long, default_value = "auto", value_parser = words(EngineChoice::WORDS))]
     pub engine: EngineChoice,
+    /// Device that runs the model: cpu, cuda or tensorrt, the last two with the number of a GPU where it is not the first
+    #[arg(long, default_value = "cpu")]
+    pub device: Device,
 }
 
 /// Runs one of the model commands.
@@ -97,10 +103,11 @@ fn bar() -> anyhow::Result<ProgressBar> {
 }
 
 fn check(args: &ModelCheck) -> Result<Ended, Failure> {
-    let info = describe(&args.file, args.engine, 0)?;
+    let options = EngineOptions { engine: args.engine, device: args.device, threads: 0 };
+    let info = describe(&args.file, options)?;
     print_info(&args.file, &info);
-    for speed in measure(&args.file, args.engine, 0, &SIZES, RUNS, &SystemClock::default())? {
-        let ms = speed.median_ns as f64 / 1e6;
+    for speed in measure(&args.file, options, &SIZES, RUNS, &SystemClock::default())? {
+        let ms = speed.median_ns() as f64 / 1e6;
         say!("speed    {ms:.1} ms at {}x{}, median of {RUNS} runs", speed.width, speed.height);
     }
     Ok(Ended::Done)
@@ -134,9 +141,12 @@ pub fn doctor() -> Result<Ended, Failure> {
 
 fn engine() {
     let taken = onnxruntime_library();
-    match &taken {
-        Ok(place) => say!("engine   auto takes ort, ONNX Runtime from {place}"),
-        Err(_) => say!("engine   auto takes rten, built in; no ONNX Runtime library was found"),
+    match (&taken, auto_engine()) {
+        (Ok(place), (EngineChoice::OnnxRuntime, _)) => {
+            say!("engine   auto takes ort, ONNX Runtime from {place}");
+        }
+        (Ok(_), (engine, why)) => say!("engine   auto takes {engine}, {why}"),
+        (Err(_), _) => say!("engine   auto takes rten, built in; no ONNX Runtime library was found"),
     }
     say!("looked   in this order:");
     for place in onnxruntime_places() {

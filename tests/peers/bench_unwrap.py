@@ -58,8 +58,8 @@ class NumpySpud:
 
     name = "numpy_spud"
 
-    def __init__(self):
-        self.inverse = {}
+    def __init__(self, workers=1):
+        self.inverse, self.workers = {}, workers
 
     def eigenvalues(self, height, width):
         if (height, width) not in self.inverse:
@@ -83,10 +83,10 @@ class NumpySpud:
         rho[:, :, 1:] += gx
         rho[:, :-1] -= gy
         rho[:, 1:] += gy
-        spectrum = dctn(rho, axes=(1, 2), norm="ortho", workers=1, overwrite_x=True)
+        spectrum = dctn(rho, axes=(1, 2), norm="ortho", workers=self.workers, overwrite_x=True)
         spectrum *= self.eigenvalues(*planes.shape[1:])
         spectrum[np.abs(spectrum) <= TAU * peak] = 0
-        return idctn(spectrum, axes=(1, 2), norm="ortho", workers=1, overwrite_x=True)
+        return idctn(spectrum, axes=(1, 2), norm="ortho", workers=self.workers, overwrite_x=True)
 
 
 class SkimageUnwrap:

@@ -370,6 +370,34 @@ fn the_pipeline_is_measured_in_every_mode() {
     }
 }
 
+#[test]
+fn the_engines_of_this_machine_are_measured_and_one_is_preferred() {
+    let bench = Bench::new();
+    let (out, model, home) = (bench.path("out"), model(), bench.path("home"));
+    let folder = out.display().to_string();
+    let frames = "scene://tunnel?seed=3&width=160&height=64";
+    let fixed = ["bench", "detector", "--frames", frames, "--count", "9", "--prefer"];
+    let mut command = bench.modulo(&[&fixed[..], &["--model", &model, "-o", &folder]].concat());
+    let output = command.env("XDG_CONFIG_HOME", &home).output().expect("the program runs");
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let rows = json(&out.join("results.json"));
+    let row = |engine: &str, device: &str| {
+        let rows = rows.as_array().expect("a list");
+        rows.iter().find(|row| row["engine"] == engine && row["device"] == device).expect("a row")
+    };
+    assert_eq!(row("rten", "cpu")["measured"]["agreement"], 1.0, "{rows}");
+    assert!(row("rten", "cpu")["measured"]["p50_ms"].as_f64().is_some_and(|ms| ms > 0.0), "{rows}");
+    let missing = row("ort", "cuda")["missing"].as_str().expect("no GPU where the tests run");
+    assert!(missing.contains("engine 'ort'") || missing.contains("cuda:0"), "{missing}");
+    assert!(out.join("engines.png").exists());
+    let preferred = std::fs::read_to_string(home.join("modulo/engine")).expect("the choice of auto");
+    let preferred = preferred.lines().next().expect("an engine");
+    assert!(
+        row(preferred, "cpu")["measured"]["agreement"].as_f64().is_some_and(|share| share >= 0.99),
+        "{rows}"
+    );
+}
+
 fn sample() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("bags/samples/tunnel")
 }

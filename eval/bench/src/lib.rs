@@ -5,6 +5,7 @@
 //! pipeline runs the program as a user does.
 
 pub mod benchmark;
+pub mod engines;
 pub mod frontier;
 pub mod pipeline;
 pub mod simulate;

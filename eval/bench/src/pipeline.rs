@@ -1,7 +1,7 @@
 //! `bench pipeline`: the time of a frame from its modulo image to its boxes, beside the time of the network by itself.
 //!
-//! Each mode is a run of this program of its own, and the traces of its nodes give the times. The network is measured before and
-//! after each run, so that a machine that becomes slower becomes slower for both.
+//! Each mode is a run of this program of its own, and the traces of its nodes give the times. The network is measured after each
+//! run.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -20,6 +20,8 @@ use crate::{BenchError, BenchEvent, make_folder, read_json, write_json};
 /// Name of the list of results in the folder.
 pub const RESULTS: &str = "results.json";
 
+/// Number of turns that the modes take, so that a machine that becomes slower becomes slower for all of them.
+const ROUNDS: usize = 4;
 /// The first frames of a run, which fill caches and make buffers; they are not counted.
 const WARM_UP: usize = 5;
 /// Time between two looks at the memory of a run.
@@ -29,33 +31,45 @@ const TICKS: f64 = 100.0;
 /// The ROS domain of the runs. It is neither the default of a suite nor a domain of a test.
 const DOMAIN: &str = "96";
 
-/// The settings of a benchmark of the pipeline, as options of a command line.
+/// The frames and the model of a run of the suite, as options of a command line.
 #[derive(Clone, Debug, PartialEq, Args)]
-pub struct PipelineRequest {
+pub struct SuiteRequest {
     /// Source of the frames, as the parameter `source` of the camera takes it
     #[arg(long, value_name = "SOURCE", default_value = "scene://tunnel?seed=3&width=1242&height=375")]
     pub frames: String,
     /// YOLOv10 model in ONNX format, or demo: the embedded demonstration
     #[arg(long, default_value = "demo")]
     pub model: String,
-    /// Inference engine: ONNX Runtime (ort), rten, or auto for ONNX Runtime where its library is found, and rten elsewhere
-    #[arg(long, default_value = "auto", value_parser = ["auto", "ort", "rten"])]
-    pub engine: String,
     /// Saturation factor: brightest radiance divided by the peak of the sensor
     #[arg(long, default_value_t = 4.0)]
     pub alpha: f64,
     /// Standard deviation of the lens blur in px. 0: a perfect lens
     #[arg(long, default_value_t = 1.4)]
     pub psf_sigma: f64,
-    /// Number of frames of each run
+    /// Number of frames of each mode or engine
     #[arg(long, default_value_t = 100)]
     pub count: usize,
-    /// Frames per second. 0: the next frame as soon as the last one was taken, so that the camera works beside the network
-    #[arg(long, default_value_t = 10.0)]
-    pub rate: f64,
     /// Folder for results.json
     #[arg(short, long, value_name = "FOLDER")]
     pub out: PathBuf,
+}
+
+/// The settings of a benchmark of the pipeline, as options of a command line.
+#[derive(Clone, Debug, PartialEq, Args)]
+pub struct PipelineRequest {
+    /// The frames and the model.
+    #[command(flatten)]
+    pub suite: SuiteRequest,
+    /// Inference engine: ONNX Runtime (ort), ONNX Runtime with OpenVINO (openvino), rten, or auto for ort where its library is
+    /// found, and rten elsewhere
+    #[arg(long, default_value = "auto", value_parser = ["auto", "ort", "openvino", "rten"])]
+    pub engine: String,
+    /// Device that runs the model: cpu, cuda or tensorrt, the last two with the number of a GPU where it is not the first
+    #[arg(long, default_value = "cpu")]
+    pub device: String,
+    /// Frames per second. 0: the next frame as soon as the last one was taken, so that the camera works beside the network
+    #[arg(long, default_value_t = 10.0)]
+    pub rate: f64,
 }
 
 /// The way in which the nodes run.
@@ -79,12 +93,16 @@ pub struct PipelineRow {
     pub engine: String,
     /// Number of frames that were counted.
     pub frames: usize,
+    /// Frames answered per second, from the first counted frame of a run to its last one.
+    pub frames_per_s: f64,
     /// Median time from the arrival of a modulo image at the unwrap node to the end of its boxes' sending, ms.
     pub p50_ms: f64,
     /// The 99th percentile of this time, ms.
     pub p99_ms: f64,
-    /// Time of the network by itself on a tensor that is ready, ms: the mean of its medians before and after the run.
+    /// Median time of the network by itself on a tensor that is ready, ms, measured after each run.
     pub bare_p50_ms: f64,
+    /// Time from the start of the program to the end of the sending of its first boxes, s: that of the slowest run.
+    pub first_box_s: Option<f64>,
     /// Processor time of the whole run, its start and the simulated sensor included, over the number of frames, s.
     pub cpu_s_per_frame: f64,
     /// Largest resident memory of the process of the detector, MB.
@@ -93,60 +111,152 @@ pub struct PipelineRow {
     pub stage_ms: BTreeMap<String, f64>,
 }
 
-/// Runs all modes of `launch_file` with `program`, which is this program, and writes the results. `bare` returns the median
-/// time in ms of the network by itself.
+/// The program under test.
+#[derive(Clone, Copy)]
+pub struct Program<'a> {
+    /// Path of this program.
+    pub path: &'a Path,
+    /// The launch file of its suite.
+    pub launch_file: &'a Path,
+    /// Returns the ticks of the clock of the traces, ns.
+    pub now_ns: fn() -> u64,
+}
+
+/// The program under test, and the bare network beside which it runs.
+pub struct Bench<'a> {
+    /// The program.
+    pub program: Program<'a>,
+    /// Returns durations of the network by itself on a tensor that is ready, ms.
+    pub bare: &'a mut dyn FnMut() -> Result<Vec<f64>, BenchError>,
+}
+
+/// Runs all modes by turns, and writes the results.
 ///
 /// # Errors
 /// [`BenchError`] when a run fails, its files cannot be read, or `bare` fails.
 pub fn pipeline(
     request: &PipelineRequest,
-    (program, launch_file): (&Path, &Path),
-    bare: &mut dyn FnMut() -> Result<f64, BenchError>,
+    bench: &mut Bench<'_>,
     tell: &mut dyn FnMut(BenchEvent<'_>),
 ) -> Result<Vec<PipelineRow>, BenchError> {
-    if request.count == 0 {
-        let possible = "at least 1";
-        return Err(BenchError::Number { what: "count", value: 0, possible });
+    let PipelineRequest { suite, engine, device, rate } = request;
+    if suite.count < ROUNDS {
+        let possible = "at least 4, the number of turns";
+        return Err(BenchError::Number { what: "count", value: suite.count, possible });
     }
-    make_folder(&request.out)?;
+    make_folder(&suite.out)?;
+    let settings = |mode| Settings { mode, suite, engine, device, rate: *rate, more: &[] };
+    let frames = suite.count.div_ceil(ROUNDS) + WARM_UP;
     let modes = [(Mode::Lockstep, "lockstep"), (Mode::Composed, "composed"), (Mode::Live, "live")];
-    let mut rows: Vec<PipelineRow> = Vec::new();
-    let mut before = bare()?;
-    for (done, (mode, next)) in modes.into_iter().enumerate() {
-        tell(BenchEvent::Step { done, total: modes.len(), next });
-        let mut row = run(request, (program, launch_file), mode)?;
-        let after = bare()?;
-        row.bare_p50_ms = f64::midpoint(before, after);
-        before = after;
-        rows.push(row);
+    let mut runs = modes.map(|_| Vec::new());
+    for round in 0..ROUNDS {
+        for (place, (mode, next)) in modes.into_iter().enumerate() {
+            tell(BenchEvent::Step { done: round * modes.len() + place, total: ROUNDS * modes.len(), next });
+            let folder = temporary_folder()?;
+            let mut run = run(&settings(mode), frames, &bench.program, folder.path())?;
+            run.bare_ms = (bench.bare)()?;
+            runs[place].push(run);
+        }
     }
-    write_json(&request.out.join(RESULTS), &rows)?;
+    let rows = modes.iter().zip(runs).map(|(&(mode, _), runs)| row(mode, runs));
+    let rows = rows.collect::<Result<Vec<_>, _>>()?;
+    write_json(&suite.out.join(RESULTS), &rows)?;
     Ok(rows)
 }
 
-/// Runs one mode.
-fn run(
-    request: &PipelineRequest,
-    (program, launch_file): (&Path, &Path),
-    mode: Mode,
-) -> Result<PipelineRow, BenchError> {
-    let temporary = tempfile::tempdir().map_err(|why| BenchError::Io(std::env::temp_dir(), why))?;
-    let folder = temporary.path().to_owned();
+/// The settings of a run.
+pub(crate) struct Settings<'a> {
+    pub mode: Mode,
+    pub suite: &'a SuiteRequest,
+    pub engine: &'a str,
+    pub device: &'a str,
+    pub rate: f64,
+    /// Further arguments of the launch file.
+    pub more: &'a [String],
+}
+
+/// One run of one mode, and the network by itself right after it.
+pub(crate) struct Run {
+    pub engine: String,
+    pub times: Times,
+    bare_ms: Vec<f64>,
+    first_box_s: Option<f64>,
+    cpu_s_per_frame: f64,
+    pub rss_mb: f64,
+}
+
+/// Makes a folder for the files of a run.
+pub(crate) fn temporary_folder() -> Result<tempfile::TempDir, BenchError> {
+    tempfile::tempdir().map_err(|why| BenchError::Io(std::env::temp_dir(), why))
+}
+
+/// Joins the runs of one mode; there is at least one.
+fn row(mode: Mode, runs: Vec<Run>) -> Result<PipelineRow, BenchError> {
+    let count = runs.len() as f64;
+    let mean = |value: fn(&Run) -> f64| runs.iter().map(value).sum::<f64>() / count;
+    let [total, bare] = [
+        sorted(runs.iter().flat_map(|run| run.times.total())),
+        sorted(runs.iter().flat_map(|run| run.bare_ms.iter().copied())),
+    ];
+    if total.is_empty() {
+        let why =
+            format!("no frame was answered after the first {WARM_UP} of each run; choose a larger --count");
+        return Err(BenchError::Run(why));
+    }
+    let mut stages = BTreeMap::<String, Vec<f64>>::new();
+    for (name, durations) in runs.iter().flat_map(|run| &run.times.stages) {
+        stages.entry(name.clone()).or_default().extend(durations);
+    }
+    Ok(PipelineRow {
+        mode,
+        engine: runs[0].engine.clone(),
+        frames: total.len(),
+        frames_per_s: mean(|run| run.times.frames_per_s()),
+        p50_ms: at(&total, 0.5),
+        p99_ms: at(&total, 0.99),
+        bare_p50_ms: at(&bare, 0.5),
+        first_box_s: runs.iter().filter_map(|run| run.first_box_s).reduce(f64::max),
+        cpu_s_per_frame: mean(|run| run.cpu_s_per_frame),
+        rss_mb: runs.iter().map(|run| run.rss_mb).fold(0.0, f64::max),
+        stage_ms: stages.into_iter().map(|(name, values)| (name, at(&sorted(values), 0.5))).collect(),
+    })
+}
+
+pub(crate) fn sorted(values: impl IntoIterator<Item = f64>) -> Vec<f64> {
+    let mut values: Vec<f64> = values.into_iter().collect();
+    values.sort_by(f64::total_cmp);
+    values
+}
+
+pub(crate) fn at(sorted: &[f64], share: f64) -> f64 {
+    quantile(sorted, share).expect("there is a value")
+}
+
+/// Runs the suite on `frames` frames of its source, and leaves the files of the run in `folder`.
+pub(crate) fn run(
+    settings: &Settings<'_>,
+    frames: usize,
+    program: &Program<'_>,
+    folder: &Path,
+) -> Result<Run, BenchError> {
     let cpu = children_cpu_s();
-    let log = fs::File::create(folder.join("log.txt")).map_err(|why| BenchError::Io(folder.clone(), why))?;
-    let errors = log.try_clone().map_err(|why| BenchError::Io(folder.clone(), why))?;
-    let mut command = Command::new(program);
+    let log = fs::File::create(folder.join("log.txt")).map_err(|why| BenchError::Io(folder.into(), why))?;
+    let errors = log.try_clone().map_err(|why| BenchError::Io(folder.into(), why))?;
+    let mode = settings.mode;
+    let mut command = Command::new(program.path);
     command
         .arg(command_of(mode))
-        .arg(launch_file)
-        .args(arguments(request, mode, &folder))
+        .arg(program.launch_file)
+        .args(arguments(settings, frames, folder))
         .stdin(Stdio::null())
         .stdout(log)
         .stderr(errors);
-    command.env("MODULO_TRACE_DIR", &folder).env("ROS_DOMAIN_ID", DOMAIN);
+    command.env("MODULO_TRACE_DIR", folder).env("ROS_DOMAIN_ID", DOMAIN);
     command.env("ZENOH_CONFIG_OVERRIDE", "transport/shared_memory/enabled=true");
-    let mut child = command.spawn().map_err(|why| BenchError::Io(program.to_owned(), why))?;
-    let (success, rss_mb) = watch(&mut child, mode).map_err(|why| BenchError::Io(program.to_owned(), why))?;
+    let start_ms = (program.now_ns)() as f64 / 1e6;
+    let failed = |why| BenchError::Io(program.path.to_owned(), why);
+    let mut child = command.spawn().map_err(failed)?;
+    let (success, rss_mb) = watch(&mut child, mode).map_err(failed)?;
     if !success {
         let log = fs::read_to_string(folder.join("log.txt")).unwrap_or_else(|why| why.to_string());
         return Err(BenchError::Run(format!("the run failed: {}", log.trim())));
@@ -154,27 +264,14 @@ fn run(
     let cpu_s = children_cpu_s() - cpu;
     let engine = read_json::<RunSummary>(&folder.join("summary.json"))?.engine;
     let engine = engine.ok_or_else(|| BenchError::Run("no detector told its engine".to_owned()))?;
-    let Times { mut total, stages } = times(&folder)?;
-    total.sort_by(f64::total_cmp);
-    if total.is_empty() {
-        let why = format!("no frame was answered after the first {WARM_UP}; choose a larger --count");
-        return Err(BenchError::Run(why));
-    }
-    let at = |values: &[f64], share| quantile(values, share).expect("there is a value");
-    let stage_ms = stages.into_iter().map(|(name, mut values)| {
-        values.sort_by(f64::total_cmp);
-        (name, at(&values, 0.5))
-    });
-    Ok(PipelineRow {
-        mode,
+    let times = times(folder)?;
+    Ok(Run {
         engine,
-        frames: total.len(),
-        p50_ms: at(&total, 0.5),
-        p99_ms: at(&total, 0.99),
-        bare_p50_ms: 0.0,
-        cpu_s_per_frame: cpu_s / request.count as f64,
+        first_box_s: times.first_end_ms.map(|end| (end - start_ms) / 1e3),
+        times,
+        bare_ms: Vec::new(),
+        cpu_s_per_frame: cpu_s / frames as f64,
         rss_mb,
-        stage_ms: stage_ms.collect(),
     })
 }
 
@@ -186,8 +283,9 @@ fn command_of(mode: Mode) -> &'static str {
 }
 
 /// The arguments of a run that leaves its summary in `folder`.
-fn arguments(request: &PipelineRequest, mode: Mode, folder: &Path) -> Vec<OsString> {
-    let PipelineRequest { frames, model, engine, alpha, psf_sigma, count, rate, .. } = request;
+fn arguments(settings: &Settings<'_>, count: usize, folder: &Path) -> Vec<OsString> {
+    let Settings { mode, suite, engine, device, rate, more } = settings;
+    let SuiteRequest { frames, model, alpha, psf_sigma, .. } = suite;
     let mut arguments: Vec<OsString> = [
         format!("source:={frames}"),
         format!("frames:={count}"),
@@ -195,18 +293,20 @@ fn arguments(request: &PipelineRequest, mode: Mode, folder: &Path) -> Vec<OsStri
         format!("rate:={rate:?}"),
         format!("model:={model}"),
         format!("engine:={engine}"),
+        format!("device:={device}"),
         format!("alpha:={alpha:?}"),
         format!("psf_sigma:={psf_sigma:?}"),
     ]
     .map(OsString::from)
     .into();
+    arguments.extend(more.iter().map(OsString::from));
     match mode {
         Mode::Lockstep => arguments.extend(["-o".into(), folder.into()]),
         Mode::Composed | Mode::Live => {
             arguments.extend(["--summary".into(), folder.join("summary.json").into()]);
         }
     }
-    arguments.extend((mode == Mode::Composed).then(|| "--compose".into()));
+    arguments.extend((*mode == Mode::Composed).then(|| "--compose".into()));
     arguments
 }
 
@@ -259,13 +359,31 @@ fn children_cpu_s() -> f64 {
     ticks.sum::<f64>() / TICKS
 }
 
-/// The durations of a run, ms.
+/// The times of a run, ms.
 #[derive(Default)]
-struct Times {
-    /// From the arrival of each modulo image to the end of its boxes' sending.
-    total: Vec<f64>,
-    /// The durations of each stage of unwrap and detector, one for each frame.
-    stages: BTreeMap<String, Vec<f64>>,
+pub(crate) struct Times {
+    /// The arrival of each counted modulo image, and the end of its boxes' sending.
+    frames: Vec<(f64, f64)>,
+    /// The end of the sending of the first boxes.
+    first_end_ms: Option<f64>,
+    /// The durations of each stage of unwrap and detector, one for each counted frame.
+    pub stages: BTreeMap<String, Vec<f64>>,
+}
+
+impl Times {
+    fn total(&self) -> impl Iterator<Item = f64> {
+        self.frames.iter().map(|(begin, end)| end - begin)
+    }
+
+    fn frames_per_s(&self) -> f64 {
+        let ends = || self.frames.iter().map(|&(_, end)| end);
+        match (ends().reduce(f64::min), ends().reduce(f64::max)) {
+            (Some(first), Some(last)) if last > first => {
+                1e3 * (self.frames.len() - 1) as f64 / (last - first)
+            }
+            _ => 0.0,
+        }
+    }
 }
 
 /// A line of a trace. Only spans have all fields.
@@ -302,17 +420,19 @@ fn times(folder: &Path) -> Result<Times, BenchError> {
             }
         }
     }
+    let ends = frames.values().filter_map(|times| times[1]);
+    let first_end_ms = ends.reduce(f64::min).map(|end| end / 1e3);
     // Names of frames are stamps in ns, whose order as texts is that of time.
     let counted: BTreeMap<_, _> = frames
         .into_iter()
-        .filter_map(|(frame, times)| Some((frame, (times[1]? - times[0]?) / 1e3)))
+        .filter_map(|(frame, [begin, end])| Some((frame, (begin? / 1e3, end? / 1e3))))
         .skip(WARM_UP)
         .collect();
     let mut stages = BTreeMap::<String, Vec<f64>>::new();
     for (_, name, ms) in spans.into_iter().filter(|(frame, ..)| counted.contains_key(frame)) {
         stages.entry(name).or_default().push(ms);
     }
-    Ok(Times { total: counted.into_values().collect(), stages })
+    Ok(Times { frames: counted.into_values().collect(), first_end_ms, stages })
 }
 
 /// Reads the lines of the trace of a node.

@@ -20,7 +20,10 @@ mod trust;
 use modulo_runtime::ParameterError;
 
 pub use classes::parse_class_map;
-pub use engine::{EngineChoice, EngineError, onnxruntime_library, onnxruntime_places};
+pub use engine::{
+    Device, EngineChoice, EngineError, EngineOptions, auto_engine, onnxruntime_library, onnxruntime_places,
+    prefer,
+};
 pub use model::{DEMO, ModelInfo, Speed, describe, embedded, measure};
 pub use node::{Detector, outputs};
 pub use parameter::DetectorParameters;

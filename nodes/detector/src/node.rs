@@ -19,7 +19,6 @@ use crate::DetectorError;
 use crate::draw::annotated;
 use crate::engine::{self, Engine, EngineError, OpenedEngine};
 use crate::input_size::InputSize;
-use crate::model::cores;
 use crate::parameter::{DetectorParameters, Settings, StreamChoice};
 use crate::post::detections;
 use crate::pre::Preprocessor;
@@ -115,8 +114,7 @@ struct Loaded {
 impl Loaded {
     /// Loads the model and runs it once at (height, width) of an image, so that the first frame is as fast as all others.
     fn new(parameters: &DetectorParameters, (height, width): (usize, usize)) -> Result<Self, DetectorError> {
-        let threads = cores(parameters.threads);
-        let mut engine = engine::open(parameters.model()?, parameters.engine, threads)?;
+        let mut engine = engine::open(parameters.model()?, parameters.engine_options()?)?;
         let settings = Settings::new(parameters, &engine.layout, None)?;
         warm_up(&mut *engine.engine, settings.input_size, (height, width))?;
         tracing::info!("model {} runs on {} ({})", parameters.model, engine.name, engine.note);
@@ -136,6 +134,9 @@ impl Loaded {
             }
             DetectorError::Engine(why) if parameters.engine != last.engine => {
                 ParameterError::new("engine", parameters.engine, why.to_string())
+            }
+            DetectorError::Engine(why) if parameters.device != last.device => {
+                ParameterError::new("device", &parameters.device, why.to_string())
             }
             DetectorError::Engine(why) => ParameterError::new("threads", parameters.threads, why.to_string()),
         })
@@ -403,10 +404,11 @@ impl Node for Detector {
         vec![
             ("engine", engine.name.to_owned()),
             ("engine_from", engine.note.clone()),
+            ("device", parameters.device.clone()),
             ("model", self.loaded.model_file()),
             ("model_path", parameters.model.clone()),
             ("input_size", self.shown_size()),
-            ("threads", cores(parameters.threads).to_string()),
+            ("threads", engine.threads.to_string()),
             ("score_threshold", settings.score_threshold.to_string()),
             ("bits", self.bits.to_string()),
             ("input", parameters.input.clone()),
@@ -421,8 +423,6 @@ impl Node for Detector {
             .iter()
             .map(|camera| camera.topic(Topic::new(camera.stream(input), MessageKind::Image)).name);
         status.push(("stream", streams.collect::<Vec<_>>().join(", ")));
-        // Both engines are opened without any accelerator.
-        status.push(("device", "cpu".to_owned()));
         status
     }
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use modulo_runtime::{NodeName, ParameterError, ParameterSet as _};
 
 use crate::classes::Classes;
-use crate::engine::EngineChoice;
+use crate::engine::{EngineChoice, EngineOptions};
 use crate::input_size::InputSize;
 use crate::model::{DEMO, ModelLayout};
 
@@ -21,8 +21,12 @@ modulo_runtime::parameters! {
     pub struct DetectorParameters {
         /// Path of the ONNX model, or demo for the embedded demonstration model, which is not made for roads.
         model: String = DEMO.to_owned(),
-        /// Inference engine. auto takes ONNX Runtime (ort) where its library is found, and rten elsewhere.
+        /// Inference engine: ONNX Runtime (ort), ONNX Runtime with OpenVINO (openvino), rten, or auto: ort where its library is
+        /// found, and rten elsewhere.
         engine: EngineChoice = EngineChoice::Auto => EngineChoice::WORDS,
+        /// Device that runs the model: cpu, cuda or tensorrt, the last two with ort only and with the number of a GPU where it is
+        /// not the first, such as cuda:1. A device that is not there is an error.
+        device: String = "cpu".to_owned(),
         /// Stream that the detector reads (the paper's p): modulo, recovered, saturated, ideal, an absolute topic such as
         /// /camera/image_raw, or auto: recovered while unwrap trusts it, else that of fallback.
         input: String = "recovered".to_owned(),
@@ -62,6 +66,13 @@ impl DetectorParameters {
         Ok(Path::new(&self.model))
     }
 
+    /// Returns the engine, and where and how it runs.
+    pub(crate) fn engine_options(&self) -> Result<EngineOptions, ParameterError> {
+        let refuse = |why: String| ParameterError::new("device", &self.device, why);
+        let device = self.device.parse().map_err(refuse)?;
+        Ok(EngineOptions { engine: self.engine, device, threads: self.threads })
+    }
+
     /// Refuses cameras that are no namespaces, are named twice, or whose streams `input` and `fallback` do not name.
     fn check_cameras(&self) -> Result<(), ParameterError> {
         let refuse = |why: &str| Err(ParameterError::new("cameras", self.cameras.join(", "), why));
@@ -82,7 +93,7 @@ impl DetectorParameters {
 
     /// Returns whether `other` needs the same loaded model.
     pub(crate) fn same_engine(&self, other: &Self) -> bool {
-        (&self.model, self.engine, self.threads) == (&other.model, other.engine, other.threads)
+        (&self.model, self.engine_options()) == (&other.model, other.engine_options())
     }
 }
 

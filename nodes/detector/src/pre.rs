@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use fast_image_resize::images::{Image, TypedImageRef};
 use fast_image_resize::pixels::{U8, U8x3};
 use fast_image_resize::{FilterType, PixelTrait, ResizeAlg, ResizeOptions, Resizer};
-use modulo_core::{Frame, Letterbox, Samples};
+use modulo_core::{Frame, Letterbox, Samples, tone};
 use ndarray::{Array4, ArrayView4};
 
 use crate::input_size::InputSize;
@@ -85,7 +85,7 @@ impl Preprocessor {
             let start = (top + y) * width + left;
             let columns = start..start + inner_width;
             let planes = [&mut red[columns.clone()], &mut green[columns.clone()], &mut blue[columns]];
-            if channels == 3 { write_colour(row, planes) } else { write_mono(row, planes) }
+            if channels == 3 { tone::unit_planes(row, planes) } else { write_mono(row, planes) }
         }
     }
 }
@@ -105,15 +105,6 @@ fn resize<P: PixelTrait>(
     resizer.resize_typed(&from, &mut view, &options).map_err(|error| error.to_string())?;
     drop(view);
     Ok(into.into_vec())
-}
-
-fn write_colour(row: &[u8], [red, green, blue]: [&mut [f32]; 3]) {
-    let planes = red.iter_mut().zip(green).zip(blue);
-    for (pixel, ((red, green), blue)) in row.chunks_exact(3).zip(planes) {
-        *red = f32::from(pixel[0]) / 255.0;
-        *green = f32::from(pixel[1]) / 255.0;
-        *blue = f32::from(pixel[2]) / 255.0;
-    }
 }
 
 fn write_mono(row: &[u8], [red, green, blue]: [&mut [f32]; 3]) {

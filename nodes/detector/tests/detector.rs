@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use modulo_core::Frame;
-use modulo_detector::{Detector, DetectorError, DetectorParameters, EngineChoice, describe, measure};
+use modulo_detector::{
+    Detector, DetectorError, DetectorParameters, EngineChoice, EngineOptions, describe, measure,
+};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_msgs::vision_msgs::Detection2DArray;
@@ -230,7 +232,9 @@ fn names_come_from_metadata_then_a_file_then_numbers() {
     let folder = tempfile::tempdir().expect("a folder");
     let model = folder.path().join("mine.onnx");
     std::fs::copy(data("nameless.onnx"), &model).expect("copied");
-    let known = |model: &Path| describe(model, EngineChoice::Rten, 1).expect("a model").classes;
+    let known = |model: &Path| {
+        describe(model, EngineOptions::on_cpu(EngineChoice::Rten, 1)).expect("a model").classes
+    };
     assert_eq!(known(&data("rows.onnx")), ["person", "bicycle", "car"]);
     assert_eq!(known(&model), Vec::<String>::new());
     let mut node = opened(&model, &[]).expect("a detector");
@@ -327,9 +331,15 @@ impl modulo_runtime::Clock for Slower {
 fn speed_is_the_median_run_at_each_size() {
     let runs = std::num::NonZeroUsize::new(3).expect("not zero");
     let timed = |file: &str, sizes: &[(usize, usize)]| {
-        let speeds =
-            measure(&data(file), EngineChoice::Rten, 1, sizes, runs, &Slower::default()).expect("runs");
-        speeds.iter().map(|speed| (speed.height, speed.width, speed.median_ns)).collect::<Vec<_>>()
+        let speeds = measure(
+            &data(file),
+            EngineOptions::on_cpu(EngineChoice::Rten, 1),
+            sizes,
+            runs,
+            &Slower::default(),
+        )
+        .expect("runs");
+        speeds.iter().map(|speed| (speed.height, speed.width, speed.median_ns())).collect::<Vec<_>>()
     };
     // Looks 0 to 5 are at 0, 1, 4, 9, 16, 25: the runs take 1, 5, 9; then 13, 17, 21.
     assert_eq!(timed("rows.onnx", &[(64, 96), (128, 128)]), [(64, 96, 5), (128, 128, 17)]);

@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use modulo_detector::describe;
+use modulo_detector::{EngineOptions, describe};
 use modulo_runtime::Clock;
 use sha2::{Digest, Sha256};
 
@@ -264,7 +264,7 @@ fn mapped_classes(
     let mut all = MappedClasses::new();
     for model in &request.options.axes.model {
         let name = Axes::model_name(model);
-        let own = describe(model, request.options.engine, 1)?.classes;
+        let own = describe(model, EngineOptions::on_cpu(request.options.engine, 1))?.classes;
         let found: BTreeSet<String> =
             own.iter().filter_map(|class| map.mapped(class)).map(str::to_owned).collect();
         // A model without class names may find every class.

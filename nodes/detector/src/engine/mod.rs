@@ -6,12 +6,15 @@ mod onnxruntime;
 mod rten;
 
 use std::fmt;
+use std::io;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use ndarray::{Array2, ArrayView4};
 
 use crate::model::{ModelLayout, TensorSpec, embedded};
+use onnxruntime::Provider;
 
 /// A loaded model, ready to run.
 pub trait Engine: Send {
@@ -30,20 +33,87 @@ pub enum EngineChoice {
     Auto,
     /// ONNX Runtime or an error.
     OnnxRuntime,
+    /// ONNX Runtime with OpenVINO's kernels for the processor, or an error.
+    OpenVino,
     /// rten, pure Rust, always there.
     Rten,
 }
 
 impl EngineChoice {
     /// Every choice with its word, as the parameter `engine` has it.
-    pub const WORDS: [(&'static str, Self); 3] =
-        [("auto", Self::Auto), ("ort", Self::OnnxRuntime), ("rten", Self::Rten)];
+    pub const WORDS: [(&'static str, Self); 4] = [
+        ("auto", Self::Auto),
+        (onnxruntime::NAME, Self::OnnxRuntime),
+        (onnxruntime::OPENVINO, Self::OpenVino),
+        (self::rten::NAME, Self::Rten),
+    ];
 }
 
 impl fmt::Display for EngineChoice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let word = Self::WORDS.iter().find(|(_, choice)| choice == self).map(|(word, _)| *word);
         f.write_str(word.expect("every choice has a word"))
+    }
+}
+
+/// The processor or GPU that runs a model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Device {
+    /// The processor.
+    Cpu,
+    /// The NVIDIA GPU with this number, by CUDA.
+    Cuda(u8),
+    /// The NVIDIA GPU with this number, by TensorRT with numbers of 16 bits.
+    TensorRt(u8),
+}
+
+impl fmt::Display for Device {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Cpu => f.write_str("cpu"),
+            Self::Cuda(number) => write!(f, "cuda:{number}"),
+            Self::TensorRt(number) => write!(f, "tensorrt:{number}"),
+        }
+    }
+}
+
+impl FromStr for Device {
+    type Err = String;
+
+    /// Reads `cpu`, `cuda` or `tensorrt`, the last two with or without the number of a GPU, as in `cuda:1`.
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (kind, number) = text.split_once(':').unwrap_or((text, "0"));
+        match (kind, number.parse()) {
+            _ if text == "cpu" => Ok(Self::Cpu),
+            ("cuda", Ok(number)) => Ok(Self::Cuda(number)),
+            ("tensorrt", Ok(number)) => Ok(Self::TensorRt(number)),
+            _ => Err("must be cpu, cuda, tensorrt, or one of the last two with the number of a GPU, such as cuda:1".into()),
+        }
+    }
+}
+
+/// An engine, and where and how it runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EngineOptions {
+    /// The requested engine.
+    pub engine: EngineChoice,
+    /// The device that runs the model.
+    pub device: Device,
+    /// Number of threads of one inference on the processor. 0: as many as the machine has cores.
+    pub threads: usize,
+}
+
+impl EngineOptions {
+    /// Returns `engine` on the processor with `threads` threads, 0 for as many as the machine has cores.
+    pub fn on_cpu(engine: EngineChoice, threads: usize) -> Self {
+        Self { engine, device: Device::Cpu, threads }
+    }
+
+    /// Returns the number of threads, or as many as the machine runs at once for 0.
+    pub fn cores(self) -> NonZeroUsize {
+        NonZeroUsize::new(self.threads)
+            .or_else(|| std::thread::available_parallelism().ok())
+            .unwrap_or(NonZeroUsize::MIN)
     }
 }
 
@@ -76,6 +146,31 @@ pub enum EngineError {
         found: String,
         /// The shape that is needed.
         needed: &'static str,
+    },
+    /// The engine does not run on this device.
+    #[error(
+        "engine {engine} runs on the processor only, not on {device}; set engine to ort, or device to cpu"
+    )]
+    ProcessorOnly {
+        /// The engine.
+        engine: EngineChoice,
+        /// The device that was asked for.
+        device: Device,
+    },
+    /// A part of ONNX Runtime is not there, or cannot work on this machine.
+    #[error(
+        "engine {engine} on {device} is not possible with the library {library}: {why}; \
+         install one that can (tools/install_onnxruntime.py --help), or set engine to ort and device to cpu"
+    )]
+    Provider {
+        /// The engine.
+        engine: &'static str,
+        /// The device that was asked for.
+        device: Device,
+        /// Path of the library.
+        library: String,
+        /// The error of the library.
+        why: String,
     },
     /// The model failed on an input.
     #[error("{engine} failed on a {height} x {width} input: {why}")]
@@ -121,8 +216,10 @@ pub struct Signature {
 pub struct OpenedEngine {
     /// The engine.
     pub engine: Box<dyn Engine>,
-    /// Name of the engine, `ort` or `rten`.
+    /// Name of the engine, `ort`, `openvino` or `rten`.
     pub name: &'static str,
+    /// Number of threads of one inference on the processor.
+    pub threads: NonZeroUsize,
     /// Input and output of the model.
     pub layout: ModelLayout,
     /// Path of the library, or the reason why `auto` took rten.
@@ -142,30 +239,128 @@ pub fn onnxruntime_places() -> Vec<PathBuf> {
     onnxruntime::places_here()
 }
 
-/// Loads `model` with the engine asked for. `auto` falls back to rten when no library is found, never because a model
-/// does not load.
-pub fn open(model: &Path, choice: EngineChoice, threads: NonZeroUsize) -> Result<OpenedEngine, EngineError> {
+/// Returns the engine that `auto` takes on the processor, and the reason: the one that was measured to be the best with the
+/// library that is found (see [`prefer`]), else ONNX Runtime where its library is found, else rten.
+pub fn auto_engine() -> (EngineChoice, String) {
+    let library = match onnxruntime::library() {
+        Ok(library) => library,
+        Err(why) => {
+            tracing::debug!("auto takes rten, {why}");
+            return (EngineChoice::Rten, "no ONNX Runtime library found".to_owned());
+        }
+    };
+    let file = preference_file();
+    let text = file.as_ref().and_then(|file| std::fs::read_to_string(file).ok());
+    match (file, text.and_then(|text| preferred(&text, &library.place))) {
+        (Some(file), Some(engine)) => (engine, format!("measured to be the fastest, {}", file.display())),
+        _ => (EngineChoice::OnnxRuntime, library.place),
+    }
+}
+
+/// Writes down that `auto` takes `engine` on this machine, as long as the library of ONNX Runtime is the one that is found
+/// now. Returns the file.
+///
+/// # Errors
+/// [`io::Error`] when the file cannot be written, or no home folder is known.
+pub fn prefer(engine: EngineChoice) -> io::Result<PathBuf> {
+    let unknown = || io::Error::new(io::ErrorKind::NotFound, "neither XDG_CONFIG_HOME nor HOME is set");
+    let file = preference_file().ok_or_else(unknown)?;
+    std::fs::create_dir_all(file.parent().expect("the file lies in a folder"))?;
+    let library = onnxruntime::library().map_or_else(|_| String::new(), |library| library.place);
+    std::fs::write(&file, format!("{engine}\n{library}\n"))?;
+    Ok(file)
+}
+
+/// Returns `modulo/engine` in the user's folder of configurations.
+fn preference_file() -> Option<PathBuf> {
+    let folder = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+    let folder = folder("XDG_CONFIG_HOME").or_else(|| folder("HOME").map(|home| home.join(".config")))?;
+    Some(folder.join("modulo/engine"))
+}
+
+/// Reads the first line of `text`, an engine, if the second one is this `library`.
+fn preferred(text: &str, library: &str) -> Option<EngineChoice> {
+    let (word, measured) = text.trim_end().split_once('\n')?;
+    let choice = EngineChoice::WORDS.iter().find(|(known, _)| *known == word).map(|(_, choice)| *choice);
+    choice.filter(|choice| *choice != EngineChoice::Auto && measured == library)
+}
+
+/// Loads `model` with the engine asked for, on the device asked for. `auto` takes its [`auto_engine`]: never another one
+/// because a model does not load, and never the processor in place of a GPU.
+pub fn open(model: &Path, options: EngineOptions) -> Result<OpenedEngine, EngineError> {
     // A missing file is the most common mistake, and both engines describe it at length.
     if embedded(model).is_none() {
         std::fs::File::open(model).map_err(|error| EngineError::load(model, "the system", error))?;
     }
-    let with_rten = |note| {
-        let (engine, layout) = self::rten::Rten::load(model, threads)?;
-        Ok(OpenedEngine { engine: Box::new(engine), name: self::rten::NAME, layout, note })
-    };
-    if choice == EngineChoice::Rten {
-        return with_rten("as asked".to_owned());
-    }
-    match onnxruntime::library() {
-        Ok(found) => {
-            let (engine, layout) = onnxruntime::OnnxRuntime::load(model, threads, &found)?;
-            let engine = Box::new(engine);
-            Ok(OpenedEngine { engine, name: onnxruntime::NAME, layout, note: found.place })
+    let (EngineOptions { device, .. }, threads) = (options, options.cores());
+    let (engine, auto) = match (options.engine, device) {
+        (EngineChoice::Auto, Device::Cpu) => {
+            let (engine, why) = auto_engine();
+            (engine, format!("auto: {why}"))
         }
-        Err(error) if choice == EngineChoice::OnnxRuntime => Err(error),
-        Err(error) => {
-            tracing::debug!("detector takes rten, {error}");
-            with_rten("auto: no ONNX Runtime library found".to_owned())
+        (EngineChoice::Auto, _) => (EngineChoice::OnnxRuntime, String::new()),
+        (engine, _) => (engine, "as asked".to_owned()),
+    };
+    let provider = match (engine, device) {
+        (EngineChoice::Rten, Device::Cpu) => {
+            let (engine, layout) = self::rten::Rten::load(model, threads)?;
+            let (engine, name) = (Box::new(engine), self::rten::NAME);
+            return Ok(OpenedEngine { engine, name, threads, layout, note: auto });
+        }
+        (EngineChoice::OpenVino, Device::Cpu) => Provider::OpenVino,
+        (EngineChoice::Rten | EngineChoice::OpenVino, _) => {
+            return Err(EngineError::ProcessorOnly { engine, device });
+        }
+        (_, Device::Cpu) => Provider::Cpu,
+        (_, Device::Cuda(number)) => Provider::Cuda(number),
+        (_, Device::TensorRt(number)) => Provider::TensorRt(number),
+    };
+    let library = onnxruntime::library()?;
+    let (opened, layout) = onnxruntime::OnnxRuntime::load(model, provider, threads, &library)?;
+    let bf16 = matches!(provider, Provider::OpenVino) && onnxruntime::has_bf16();
+    let note = if bf16 { format!("{}, bf16", library.place) } else { library.place };
+    Ok(OpenedEngine { engine: Box::new(opened), name: provider.engine(), threads, layout, note })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_is_written_as_it_is_read() {
+        for device in [Device::Cpu, Device::Cuda(0), Device::Cuda(3), Device::TensorRt(1)] {
+            assert_eq!(device.to_string().parse(), Ok(device));
+        }
+        assert_eq!(("cuda".parse(), "tensorrt".parse()), (Ok(Device::Cuda(0)), Ok(Device::TensorRt(0))));
+        for bad in ["", "gpu", "cpu:0", "cuda:", "cuda:-1", "cuda:256", "cuda:1:1", "CUDA"] {
+            assert!(bad.parse::<Device>().is_err_and(|why| why.contains("cuda:1")), "{bad}");
+        }
+    }
+
+    #[test]
+    fn auto_follows_a_measurement_with_the_same_library() {
+        assert_eq!(preferred("openvino\n/opt/a.so\n", "/opt/a.so"), Some(EngineChoice::OpenVino));
+        assert_eq!(preferred("rten\n/opt/a.so\n", "/opt/a.so"), Some(EngineChoice::Rten));
+        for text in ["openvino\n/opt/b.so\n", "openvino\n", "", "auto\n/opt/a.so\n", "fast\n/opt/a.so\n"] {
+            assert_eq!(preferred(text, "/opt/a.so"), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn no_engine_falls_back_from_a_gpu() {
+        let device = Device::Cuda(0);
+        let open = |engine| open(Path::new("demo"), EngineOptions { engine, device, threads: 1 });
+        for engine in [EngineChoice::Rten, EngineChoice::OpenVino] {
+            let why = open(engine).err().expect("refused").to_string();
+            assert!(why.contains("cuda:0") && why.contains("set engine to ort"), "{why}");
+        }
+        // There may be a library on this machine, but none with CUDA where the tests run.
+        for engine in [EngineChoice::Auto, EngineChoice::OnnxRuntime] {
+            let why = open(engine).err().expect("refused").to_string();
+            assert!(
+                why.contains("no ONNX Runtime library") || why.contains("on cuda:0 is not possible"),
+                "{why}"
+            );
         }
     }
 }

@@ -10,7 +10,7 @@ use std::path::Path;
 use modulo_runtime::Clock;
 use ndarray::Array4;
 
-use crate::engine::{Engine, EngineChoice, EngineError, OpenedEngine, Signature};
+use crate::engine::{Engine, EngineError, EngineOptions, OpenedEngine, Signature};
 use crate::{DetectorError, engine};
 
 /// Value of the parameter `model` for the embedded model; a file of that name is `./demo`.
@@ -130,7 +130,7 @@ fn list(ports: &[TensorSpec]) -> String {
 /// A description of a model for people.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ModelInfo {
-    /// The engine that loaded it, `ort` or `rten`.
+    /// The engine that loaded it, `ort`, `openvino` or `rten`.
     pub engine: &'static str,
     /// Path of the library, or the reason for this engine.
     pub note: String,
@@ -146,13 +146,12 @@ pub struct ModelInfo {
     pub threads: usize,
 }
 
-/// Loads `model` and describes it. `threads` = 0 stands for all cores.
+/// Loads `model` and describes it.
 ///
 /// # Errors
 /// [`DetectorError::Engine`] as at the start of a detector.
-pub fn describe(model: &Path, engine: EngineChoice, threads: usize) -> Result<ModelInfo, DetectorError> {
-    let threads = cores(threads);
-    let OpenedEngine { name, layout, note, .. } = engine::open(model, engine, threads)?;
+pub fn describe(model: &Path, options: EngineOptions) -> Result<ModelInfo, DetectorError> {
+    let OpenedEngine { name, threads, layout, note, .. } = engine::open(model, options)?;
     Ok(ModelInfo {
         engine: name,
         note,
@@ -164,56 +163,55 @@ pub fn describe(model: &Path, engine: EngineChoice, threads: usize) -> Result<Mo
     })
 }
 
-/// `asked` threads, or as many as the machine runs at once for 0.
-pub fn cores(asked: usize) -> NonZeroUsize {
-    NonZeroUsize::new(asked)
-        .or_else(|| std::thread::available_parallelism().ok())
-        .unwrap_or(NonZeroUsize::MIN)
-}
-
 /// Runs before the first timed one: buffers grow and caches fill in them.
 const WARM_UP: usize = 3;
 
-/// The duration of one inference at one size.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// The durations of inferences at one size.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Speed {
     /// Rows of the input.
     pub height: usize,
     /// Columns of the input.
     pub width: usize,
-    /// Median duration, ns.
-    pub median_ns: u64,
+    /// The durations in ascending order, ns; there is at least one.
+    pub durations_ns: Vec<u64>,
+}
+
+impl Speed {
+    /// Returns the median duration, ns.
+    pub fn median_ns(&self) -> u64 {
+        self.durations_ns[self.durations_ns.len() / 2]
+    }
 }
 
 /// Times `runs` inferences of `model` on a grey image at each of `sizes` (height, width; multiples of 32). A model that
-/// fixes its size is timed at that size only. `threads` = 0 stands for all cores.
+/// fixes its size is timed at that size only.
 ///
 /// # Errors
 /// [`DetectorError::Engine`] when the model does not load or not run.
 pub fn measure(
     model: &Path,
-    engine: EngineChoice,
-    threads: usize,
+    options: EngineOptions,
     sizes: &[(usize, usize)],
     runs: NonZeroUsize,
     clock: &dyn Clock,
 ) -> Result<Vec<Speed>, DetectorError> {
     let OpenedEngine { mut engine, layout: ModelLayout { size: fixed, .. }, .. } =
-        engine::open(model, engine, cores(threads))?;
+        engine::open(model, options)?;
     let sizes = fixed.as_ref().map_or(sizes, std::slice::from_ref);
     let speed = |&(height, width): &(usize, usize)| {
-        let median_ns = median(engine.as_mut(), (height, width), runs, clock)?;
-        Ok(Speed { height, width, median_ns })
+        let durations_ns = durations(engine.as_mut(), (height, width), runs, clock)?;
+        Ok(Speed { height, width, durations_ns })
     };
     sizes.iter().map(speed).collect()
 }
 
-fn median(
+fn durations(
     engine: &mut dyn Engine,
     (height, width): (usize, usize),
     runs: NonZeroUsize,
     clock: &dyn Clock,
-) -> Result<u64, EngineError> {
+) -> Result<Vec<u64>, EngineError> {
     let grey = Array4::from_elem((1, 3, height, width), 0.5);
     for _ in 0..WARM_UP {
         engine.run(grey.view())?;
@@ -225,7 +223,7 @@ fn median(
         durations.push(clock.ticks_ns().saturating_sub(start));
     }
     durations.sort_unstable();
-    Ok(durations[durations.len() / 2])
+    Ok(durations)
 }
 
 /// Largest valid class index; a broken file must not cost gigabytes of memory.
