@@ -79,7 +79,9 @@ impl Deblur {
             widest!({
                 for (index, out) in out.chunks_mut(LANES).enumerate() {
                     // A loop, since `map` of an array is not inlined here.
-                    out.iter_mut().zip(values(index)).for_each(|(out, value)| *out = tone::to_u8(*value, scale));
+                    out.iter_mut()
+                        .zip(values(index))
+                        .for_each(|(out, value)| *out = tone::to_u8(*value, scale));
                 }
             });
         }

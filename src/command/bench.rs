@@ -140,7 +140,7 @@ fn bench_pipeline(request: &pipeline::PipelineRequest) -> Result<Ended, Failure>
     };
     let (path, launch_file) = this_program()?;
     let program = pipeline::Program { path: &path, launch_file: &launch_file, now_ns: monotonic_ns };
-    let mut bench = pipeline::Bench { program, bare: &mut bare };
+    let mut bench = pipeline::PipelineBench { program, bare: &mut bare };
     let bar = progress_bar(STEPS);
     let rows = pipeline::pipeline(request, &mut bench, &mut |event| tell(&bar, event)).map_err(failure)?;
     bar.finish_and_clear();

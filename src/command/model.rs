@@ -9,8 +9,8 @@ use anyhow::Context;
 use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use modulo_detector::{
-    Device, EngineChoice, EngineOptions, ModelInfo, auto_engine, describe, measure, onnxruntime_library,
-    onnxruntime_places,
+    EngineChoice, EngineDevice, EngineOptions, ModelInfo, auto_engine, describe, measure,
+    onnxruntime_library, onnxruntime_places,
 };
 use modulo_eval::grid::words;
 use modulo_models::{FetchRequest, Fetched, LICENCE, fetch, official};
@@ -62,7 +62,7 @@ pub struct ModelCheck {
     pub engine: EngineChoice,
     /// Device that runs the model: cpu, cuda or tensorrt, the last two with the number of a GPU where it is not the first
     #[arg(long, default_value = "cpu")]
-    pub device: Device,
+    pub device: EngineDevice,
 }
 
 /// Runs one of the model commands.

@@ -10,7 +10,7 @@ use modulo_charts::{Axis, Chart, ChartBody, ChartPanel, DataPoint, PageWidth, Se
 use modulo_core::BBox;
 use serde::Serialize;
 
-use crate::pipeline::{Mode, Program, RESULTS, Settings, SuiteRequest, at, run, sorted, temporary_folder};
+use crate::pipeline::{Mode, Program, RESULTS, RunSettings, SuiteRequest, at, run, sorted, temporary_folder};
 use crate::{BenchError, BenchEvent, make_folder, read_json, write, write_json};
 
 /// Engines and devices in the order in which they are measured; the first one that is there is the reference.
@@ -140,7 +140,8 @@ fn measure(
     let folder = temporary_folder()?;
     // Boxes at the limit of the score must find their twins below it.
     let more = [format!("score_threshold:={}", SCORE - SCORE_TOLERANCE)];
-    let settings = Settings { mode: Mode::Lockstep, suite: request, engine, device, rate: 0.0, more: &more };
+    let settings =
+        RunSettings { mode: Mode::Lockstep, suite: request, engine, device, rate: 0.0, more: &more };
     let mut run = run(&settings, request.count, program, folder.path())?;
     let times = sorted(run.times.stages.remove("detector infer").unwrap_or_default());
     if times.is_empty() {

@@ -123,7 +123,7 @@ pub struct Program<'a> {
 }
 
 /// The program under test, and the bare network beside which it runs.
-pub struct Bench<'a> {
+pub struct PipelineBench<'a> {
     /// The program.
     pub program: Program<'a>,
     /// Returns durations of the network by itself on a tensor that is ready, ms.
@@ -136,7 +136,7 @@ pub struct Bench<'a> {
 /// [`BenchError`] when a run fails, its files cannot be read, or `bare` fails.
 pub fn pipeline(
     request: &PipelineRequest,
-    bench: &mut Bench<'_>,
+    bench: &mut PipelineBench<'_>,
     tell: &mut dyn FnMut(BenchEvent<'_>),
 ) -> Result<Vec<PipelineRow>, BenchError> {
     let PipelineRequest { suite, engine, device, rate } = request;
@@ -145,7 +145,7 @@ pub fn pipeline(
         return Err(BenchError::Number { what: "count", value: suite.count, possible });
     }
     make_folder(&suite.out)?;
-    let settings = |mode| Settings { mode, suite, engine, device, rate: *rate, more: &[] };
+    let settings = |mode| RunSettings { mode, suite, engine, device, rate: *rate, more: &[] };
     let frames = suite.count.div_ceil(ROUNDS) + WARM_UP;
     let modes = [(Mode::Lockstep, "lockstep"), (Mode::Composed, "composed"), (Mode::Live, "live")];
     let mut runs = modes.map(|_| Vec::new());
@@ -165,7 +165,7 @@ pub fn pipeline(
 }
 
 /// The settings of a run.
-pub(crate) struct Settings<'a> {
+pub(crate) struct RunSettings<'a> {
     pub mode: Mode,
     pub suite: &'a SuiteRequest,
     pub engine: &'a str,
@@ -176,7 +176,7 @@ pub(crate) struct Settings<'a> {
 }
 
 /// One run of one mode, and the network by itself right after it.
-pub(crate) struct Run {
+pub(crate) struct ModeRun {
     pub engine: String,
     pub times: Times,
     bare_ms: Vec<f64>,
@@ -191,9 +191,9 @@ pub(crate) fn temporary_folder() -> Result<tempfile::TempDir, BenchError> {
 }
 
 /// Joins the runs of one mode; there is at least one.
-fn row(mode: Mode, runs: Vec<Run>) -> Result<PipelineRow, BenchError> {
+fn row(mode: Mode, runs: Vec<ModeRun>) -> Result<PipelineRow, BenchError> {
     let count = runs.len() as f64;
-    let mean = |value: fn(&Run) -> f64| runs.iter().map(value).sum::<f64>() / count;
+    let mean = |value: fn(&ModeRun) -> f64| runs.iter().map(value).sum::<f64>() / count;
     let [total, bare] = [
         sorted(runs.iter().flat_map(|run| run.times.total())),
         sorted(runs.iter().flat_map(|run| run.bare_ms.iter().copied())),
@@ -234,11 +234,11 @@ pub(crate) fn at(sorted: &[f64], share: f64) -> f64 {
 
 /// Runs the suite on `frames` frames of its source, and leaves the files of the run in `folder`.
 pub(crate) fn run(
-    settings: &Settings<'_>,
+    settings: &RunSettings<'_>,
     frames: usize,
     program: &Program<'_>,
     folder: &Path,
-) -> Result<Run, BenchError> {
+) -> Result<ModeRun, BenchError> {
     let cpu = children_cpu_s();
     let log = fs::File::create(folder.join("log.txt")).map_err(|why| BenchError::Io(folder.into(), why))?;
     let errors = log.try_clone().map_err(|why| BenchError::Io(folder.into(), why))?;
@@ -265,7 +265,7 @@ pub(crate) fn run(
     let engine = read_json::<RunSummary>(&folder.join("summary.json"))?.engine;
     let engine = engine.ok_or_else(|| BenchError::Run("no detector told its engine".to_owned()))?;
     let times = times(folder)?;
-    Ok(Run {
+    Ok(ModeRun {
         engine,
         first_box_s: times.first_end_ms.map(|end| (end - start_ms) / 1e3),
         times,
@@ -283,8 +283,8 @@ fn command_of(mode: Mode) -> &'static str {
 }
 
 /// The arguments of a run that leaves its summary in `folder`.
-fn arguments(settings: &Settings<'_>, count: usize, folder: &Path) -> Vec<OsString> {
-    let Settings { mode, suite, engine, device, rate, more } = settings;
+fn arguments(settings: &RunSettings<'_>, count: usize, folder: &Path) -> Vec<OsString> {
+    let RunSettings { mode, suite, engine, device, rate, more } = settings;
     let SuiteRequest { frames, model, alpha, psf_sigma, .. } = suite;
     let mut arguments: Vec<OsString> = [
         format!("source:={frames}"),

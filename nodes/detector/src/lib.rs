@@ -21,8 +21,8 @@ use modulo_runtime::ParameterError;
 
 pub use classes::parse_class_map;
 pub use engine::{
-    Device, EngineChoice, EngineError, EngineOptions, auto_engine, onnxruntime_library, onnxruntime_places,
-    prefer,
+    EngineChoice, EngineDevice, EngineError, EngineOptions, auto_engine, onnxruntime_library,
+    onnxruntime_places, prefer,
 };
 pub use model::{DEMO, ModelInfo, Speed, describe, embedded, measure};
 pub use node::{Detector, outputs};

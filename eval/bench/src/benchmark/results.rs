@@ -4,8 +4,8 @@ use modulo_core::Psf;
 use serde::{Deserialize, Serialize};
 
 use super::BenchmarkRequest;
+use super::Measured;
 use super::frames::{BenchFrame, SensedFrame};
-use super::timing::Measured;
 
 /// If calls on one frame differ by more than this share of their median, the figure is uncertain.
 const MOST_SPREAD: f64 = 0.1;

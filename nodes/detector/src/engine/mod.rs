@@ -58,7 +58,7 @@ impl fmt::Display for EngineChoice {
 
 /// The processor or GPU that runs a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Device {
+pub enum EngineDevice {
     /// The processor.
     Cpu,
     /// The NVIDIA GPU with this number, by CUDA.
@@ -67,7 +67,7 @@ pub enum Device {
     TensorRt(u8),
 }
 
-impl fmt::Display for Device {
+impl fmt::Display for EngineDevice {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Cpu => f.write_str("cpu"),
@@ -77,7 +77,7 @@ impl fmt::Display for Device {
     }
 }
 
-impl FromStr for Device {
+impl FromStr for EngineDevice {
     type Err = String;
 
     /// Reads `cpu`, `cuda` or `tensorrt`, the last two with or without the number of a GPU, as in `cuda:1`.
@@ -98,7 +98,7 @@ pub struct EngineOptions {
     /// The requested engine.
     pub engine: EngineChoice,
     /// The device that runs the model.
-    pub device: Device,
+    pub device: EngineDevice,
     /// Number of threads of one inference on the processor. 0: as many as the machine has cores.
     pub threads: usize,
 }
@@ -106,7 +106,7 @@ pub struct EngineOptions {
 impl EngineOptions {
     /// Returns `engine` on the processor with `threads` threads, 0 for as many as the machine has cores.
     pub fn on_cpu(engine: EngineChoice, threads: usize) -> Self {
-        Self { engine, device: Device::Cpu, threads }
+        Self { engine, device: EngineDevice::Cpu, threads }
     }
 
     /// Returns the number of threads, or as many as the machine runs at once for 0.
@@ -155,7 +155,7 @@ pub enum EngineError {
         /// The engine.
         engine: EngineChoice,
         /// The device that was asked for.
-        device: Device,
+        device: EngineDevice,
     },
     /// A part of ONNX Runtime is not there, or cannot work on this machine.
     #[error(
@@ -166,7 +166,7 @@ pub enum EngineError {
         /// The engine.
         engine: &'static str,
         /// The device that was asked for.
-        device: Device,
+        device: EngineDevice,
         /// Path of the library.
         library: String,
         /// The error of the library.
@@ -294,7 +294,7 @@ pub fn open(model: &Path, options: EngineOptions) -> Result<OpenedEngine, Engine
     }
     let (EngineOptions { device, .. }, threads) = (options, options.cores());
     let (engine, auto) = match (options.engine, device) {
-        (EngineChoice::Auto, Device::Cpu) => {
+        (EngineChoice::Auto, EngineDevice::Cpu) => {
             let (engine, why) = auto_engine();
             (engine, format!("auto: {why}"))
         }
@@ -302,18 +302,18 @@ pub fn open(model: &Path, options: EngineOptions) -> Result<OpenedEngine, Engine
         (engine, _) => (engine, "as asked".to_owned()),
     };
     let provider = match (engine, device) {
-        (EngineChoice::Rten, Device::Cpu) => {
+        (EngineChoice::Rten, EngineDevice::Cpu) => {
             let (engine, layout) = self::rten::Rten::load(model, threads)?;
             let (engine, name) = (Box::new(engine), self::rten::NAME);
             return Ok(OpenedEngine { engine, name, threads, layout, note: auto });
         }
-        (EngineChoice::OpenVino, Device::Cpu) => Provider::OpenVino,
+        (EngineChoice::OpenVino, EngineDevice::Cpu) => Provider::OpenVino,
         (EngineChoice::Rten | EngineChoice::OpenVino, _) => {
             return Err(EngineError::ProcessorOnly { engine, device });
         }
-        (_, Device::Cpu) => Provider::Cpu,
-        (_, Device::Cuda(number)) => Provider::Cuda(number),
-        (_, Device::TensorRt(number)) => Provider::TensorRt(number),
+        (_, EngineDevice::Cpu) => Provider::Cpu,
+        (_, EngineDevice::Cuda(number)) => Provider::Cuda(number),
+        (_, EngineDevice::TensorRt(number)) => Provider::TensorRt(number),
     };
     let library = onnxruntime::library()?;
     let (opened, layout) = onnxruntime::OnnxRuntime::load(model, provider, threads, &library)?;
@@ -328,12 +328,17 @@ mod tests {
 
     #[test]
     fn a_device_is_written_as_it_is_read() {
-        for device in [Device::Cpu, Device::Cuda(0), Device::Cuda(3), Device::TensorRt(1)] {
+        for device in
+            [EngineDevice::Cpu, EngineDevice::Cuda(0), EngineDevice::Cuda(3), EngineDevice::TensorRt(1)]
+        {
             assert_eq!(device.to_string().parse(), Ok(device));
         }
-        assert_eq!(("cuda".parse(), "tensorrt".parse()), (Ok(Device::Cuda(0)), Ok(Device::TensorRt(0))));
+        assert_eq!(
+            ("cuda".parse(), "tensorrt".parse()),
+            (Ok(EngineDevice::Cuda(0)), Ok(EngineDevice::TensorRt(0)))
+        );
         for bad in ["", "gpu", "cpu:0", "cuda:", "cuda:-1", "cuda:256", "cuda:1:1", "CUDA"] {
-            assert!(bad.parse::<Device>().is_err_and(|why| why.contains("cuda:1")), "{bad}");
+            assert!(bad.parse::<EngineDevice>().is_err_and(|why| why.contains("cuda:1")), "{bad}");
         }
     }
 
@@ -348,7 +353,7 @@ mod tests {
 
     #[test]
     fn no_engine_falls_back_from_a_gpu() {
-        let device = Device::Cuda(0);
+        let device = EngineDevice::Cuda(0);
         let open = |engine| open(Path::new("demo"), EngineOptions { engine, device, threads: 1 });
         for engine in [EngineChoice::Rten, EngineChoice::OpenVino] {
             let why = open(engine).err().expect("refused").to_string();

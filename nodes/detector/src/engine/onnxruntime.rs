@@ -13,7 +13,7 @@ use ort::session::Session;
 use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
 use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
 
-use super::{Device, Engine, EngineError, Signature};
+use super::{Engine, EngineDevice, EngineError, Signature};
 use crate::model::{ElementType, ModelLayout, TensorSpec, embedded};
 
 /// The word for this engine.
@@ -93,11 +93,11 @@ impl Provider {
         if matches!(self, Self::OpenVino) { OPENVINO } else { NAME }
     }
 
-    fn device(self) -> Device {
+    fn device(self) -> EngineDevice {
         match self {
-            Self::Cpu | Self::OpenVino => Device::Cpu,
-            Self::Cuda(number) => Device::Cuda(number),
-            Self::TensorRt(number) => Device::TensorRt(number),
+            Self::Cpu | Self::OpenVino => EngineDevice::Cpu,
+            Self::Cuda(number) => EngineDevice::Cuda(number),
+            Self::TensorRt(number) => EngineDevice::TensorRt(number),
         }
     }
 }
