@@ -133,8 +133,8 @@ fn bench_pipeline(request: &pipeline::PipelineRequest) -> Result<Ended, Failure>
     let (height, width, _) = first.radiance.dim();
     let size = [(height.next_multiple_of(STRIDE), width.next_multiple_of(STRIDE))];
     let clock = SystemClock::default();
-    let mut bare = || {
-        let speeds = measure(Path::new(&request.suite.model), options, &size, BARE_RUNS, &clock);
+    let mut bare = |period| {
+        let speeds = measure(Path::new(&request.suite.model), options, &size, (BARE_RUNS, period), &clock);
         let speeds = speeds.map_err(|why| BenchError::Run(why.to_string()))?;
         Ok(speeds[0].durations_ns.iter().map(|&ns| ns as f64 / 1e6).collect())
     };
@@ -182,7 +182,7 @@ fn bench_detector(request: &pipeline::SuiteRequest, take: bool) -> Result<Ended,
     let program = pipeline::Program { path: &path, launch_file: &launch_file, now_ns: monotonic_ns };
     let bar = progress_bar(STEPS);
     let (rows, chart) =
-        engines::engines(request, &program, &mut |event| tell(&bar, event)).map_err(failure)?;
+        engines::engines(request, &program, &processor(), &mut |event| tell(&bar, event)).map_err(failure)?;
     bar.finish_and_clear();
     say!("engine    device    frames    p50 ms    p99 ms   boxes   agreement");
     for row in &rows {

@@ -4,6 +4,7 @@
 use std::net::TcpListener;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use anyhow::Context;
 use clap::{Args, Subcommand};
@@ -106,7 +107,7 @@ fn check(args: &ModelCheck) -> Result<Ended, Failure> {
     let options = EngineOptions { engine: args.engine, device: args.device, threads: 0 };
     let info = describe(&args.file, options)?;
     print_info(&args.file, &info);
-    for speed in measure(&args.file, options, &SIZES, RUNS, &SystemClock::default())? {
+    for speed in measure(&args.file, options, &SIZES, (RUNS, Duration::ZERO), &SystemClock::default())? {
         let ms = speed.median_ns() as f64 / 1e6;
         say!("speed    {ms:.1} ms at {}x{}, median of {RUNS} runs", speed.width, speed.height);
     }

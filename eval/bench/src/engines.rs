@@ -3,6 +3,7 @@
 //! Each engine is a run of this program of its own, in lockstep on the same frames. The boxes are compared with those of an
 //! engine that computes with 32 bits on the processor: ONNX Runtime where it is, else rten.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -73,13 +74,14 @@ impl EngineRow {
     }
 }
 
-/// Measures all engines and writes the results. Returns the rows and the files of the chart.
+/// Measures all engines on this `processor` and writes the results. Returns the rows and the files of the chart.
 ///
 /// # Errors
 /// [`BenchError`] when no engine runs, or a file cannot be read or written.
 pub fn engines(
     request: &SuiteRequest,
     program: &Program<'_>,
+    processor: &str,
     tell: &mut dyn FnMut(BenchEvent<'_>),
 ) -> Result<(Vec<EngineRow>, [PathBuf; 2]), BenchError> {
     make_folder(&request.out)?;
@@ -111,7 +113,7 @@ pub fn engines(
         return Err(BenchError::Run(rows.iter().map(why).collect::<Vec<_>>().join("; ")));
     }
     write_json(&request.out.join(RESULTS), &rows)?;
-    let chart = chart(&rows, request);
+    let chart = chart(&rows, request, processor);
     let files = ["engines.svg", "engines.png"].map(|name| request.out.join(name));
     write(&files[0], chart.svg(PageWidth::Wide)?.as_bytes())?;
     write(&files[1], &chart.png()?)?;
@@ -182,7 +184,12 @@ fn are_twins(one: &ScoredBox, other: &ScoredBox) -> bool {
         && place(one).iou(place(other)) >= LEAST_IOU
 }
 
-fn chart(rows: &[EngineRow], request: &SuiteRequest) -> Chart {
+/// Returns the name of the file of a model.
+fn name_of(model: &str) -> Cow<'_, str> {
+    Path::new(model).file_name().map_or(model.into(), |name| name.to_string_lossy())
+}
+
+fn chart(rows: &[EngineRow], request: &SuiteRequest, processor: &str) -> Chart {
     let frames = rows.iter().find_map(EngineRow::figures).map_or(0, |figures| figures.frames);
     let series = rows.iter().filter_map(|row| {
         let EngineFigures { p50_ms, agreement, .. } = *row.figures()?;
@@ -193,7 +200,7 @@ fn chart(rows: &[EngineRow], request: &SuiteRequest) -> Chart {
     });
     Chart {
         title: "Inference engines: the time of each, and the agreement of its boxes".to_owned(),
-        subtitle: format!("{} on {frames} frames of {}", request.model, request.frames),
+        subtitle: format!("{} on {frames} frames, alpha {}; {processor}", name_of(&request.model), request.alpha),
         footer: "Agreement: a twin of the same class with the reference, IoU of at least 0.9 and scores at most 0.03 apart.".to_owned(),
         body: ChartBody::Panels(vec![ChartPanel {
             x: Axis::log(format!("median time of an inference, ms, {frames} frames")),

@@ -25,7 +25,7 @@ const ROUNDS: usize = 4;
 /// The first frames of a run, which fill caches and make buffers; they are not counted.
 const WARM_UP: usize = 5;
 /// Time between two looks at the memory of a run.
-const GLANCE: Duration = Duration::from_millis(50);
+const GLANCE: Duration = Duration::from_millis(200);
 /// Clock ticks per second in `/proc/PID/stat`, which Linux fixes for all programs.
 const TICKS: f64 = 100.0;
 /// The ROS domain of the runs. It is neither the default of a suite nor a domain of a test.
@@ -99,7 +99,8 @@ pub struct PipelineRow {
     pub p50_ms: f64,
     /// The 99th percentile of this time, ms.
     pub p99_ms: f64,
-    /// Median time of the network by itself on a tensor that is ready, ms, measured after each run.
+    /// Median time of the network by itself on a tensor that is ready, ms, measured after each run at the same pace: a processor
+    /// that was idle in between is slower.
     pub bare_p50_ms: f64,
     /// Time from the start of the program to the end of the sending of its first boxes, s: that of the slowest run.
     pub first_box_s: Option<f64>,
@@ -126,8 +127,8 @@ pub struct Program<'a> {
 pub struct PipelineBench<'a> {
     /// The program.
     pub program: Program<'a>,
-    /// Returns durations of the network by itself on a tensor that is ready, ms.
-    pub bare: &'a mut dyn FnMut() -> Result<Vec<f64>, BenchError>,
+    /// Returns durations of the network by itself on a tensor that is ready, ms, with a run in each period.
+    pub bare: &'a mut dyn FnMut(Duration) -> Result<Vec<f64>, BenchError>,
 }
 
 /// Runs all modes by turns, and writes the results.
@@ -154,7 +155,7 @@ pub fn pipeline(
             tell(BenchEvent::Step { done: round * modes.len() + place, total: ROUNDS * modes.len(), next });
             let folder = temporary_folder()?;
             let mut run = run(&settings(mode), frames, &bench.program, folder.path())?;
-            run.bare_ms = (bench.bare)()?;
+            run.bare_ms = (bench.bare)(settings(mode).period())?;
             runs[place].push(run);
         }
     }
@@ -173,6 +174,14 @@ pub(crate) struct RunSettings<'a> {
     pub rate: f64,
     /// Further arguments of the launch file.
     pub more: &'a [String],
+}
+
+impl RunSettings<'_> {
+    /// The time between two frames; zero where the next frame comes when the last one is done.
+    fn period(&self) -> Duration {
+        let paced = self.mode != Mode::Lockstep && self.rate > 0.0;
+        if paced { Duration::from_secs_f64(self.rate.recip()) } else { Duration::ZERO }
+    }
 }
 
 /// One run of one mode, and the network by itself right after it.
@@ -318,9 +327,10 @@ struct RunSummary {
 
 /// Waits for the end of a run; returns whether it succeeded, and the largest resident memory of its detector, MB.
 fn watch(child: &mut Child, mode: Mode) -> std::io::Result<(bool, f64)> {
-    let mut rss_mb = 0.0;
+    let (mut rss_mb, mut process) = (0.0, (mode != Mode::Live).then_some(child.id()));
     loop {
-        let process = if mode == Mode::Live { detector_of(child.id()) } else { Some(child.id()) };
+        // Found once, since each look at the processes takes time from them.
+        process = process.or_else(|| detector_of(child.id()));
         // The largest value so far is kept by the system; a process that has just ended has none.
         rss_mb = process.and_then(peak_rss_mb).unwrap_or(rss_mb);
         if let Some(status) = child.try_wait()? {

@@ -80,8 +80,11 @@ impl Folders {
     /// # Errors
     /// The error of the system.
     pub fn new() -> io::Result<Self> {
-        let in_memory = || tempfile::tempdir_in(MEMORY).or_else(|_| tempfile::tempdir());
-        Ok(Self { reports: in_memory()?, state: in_memory()?, traces: tempfile::tempdir()? })
+        // With a name, since the folders of a launcher that is killed stay.
+        let in_folder = |folder: &Path| tempfile::Builder::new().prefix("modulo_launch_").tempdir_in(folder);
+        let on_disk = || in_folder(&std::env::temp_dir());
+        let in_memory = || in_folder(Path::new(MEMORY)).or_else(|_| on_disk());
+        Ok(Self { reports: in_memory()?, state: in_memory()?, traces: on_disk()? })
     }
 
     /// Returns the folder of the reports.

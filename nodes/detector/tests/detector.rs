@@ -335,7 +335,7 @@ fn speed_is_the_median_run_at_each_size() {
             &data(file),
             EngineOptions::on_cpu(EngineChoice::Rten, 1),
             sizes,
-            runs,
+            (runs, std::time::Duration::ZERO),
             &Slower::default(),
         )
         .expect("runs");

@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::num::NonZeroUsize;
 use std::path::Path;
+use std::time::Duration;
 
 use modulo_runtime::Clock;
 use ndarray::Array4;
@@ -184,7 +185,7 @@ impl Speed {
     }
 }
 
-/// Times `runs` inferences of `model` on a grey image at each of `sizes` (height, width; multiples of 32). A model that
+/// Times `runs` inferences of `model`, one in each `period`, on a grey image at each of `sizes` (height, width; multiples of 32). A model that
 /// fixes its size is timed at that size only.
 ///
 /// # Errors
@@ -193,14 +194,14 @@ pub fn measure(
     model: &Path,
     options: EngineOptions,
     sizes: &[(usize, usize)],
-    runs: NonZeroUsize,
+    (runs, period): (NonZeroUsize, Duration),
     clock: &dyn Clock,
 ) -> Result<Vec<Speed>, DetectorError> {
     let OpenedEngine { mut engine, layout: ModelLayout { size: fixed, .. }, .. } =
         engine::open(model, options)?;
     let sizes = fixed.as_ref().map_or(sizes, std::slice::from_ref);
     let speed = |&(height, width): &(usize, usize)| {
-        let durations_ns = durations(engine.as_mut(), (height, width), runs, clock)?;
+        let durations_ns = durations(engine.as_mut(), (height, width), (runs, period), clock)?;
         Ok(Speed { height, width, durations_ns })
     };
     sizes.iter().map(speed).collect()
@@ -209,7 +210,7 @@ pub fn measure(
 fn durations(
     engine: &mut dyn Engine,
     (height, width): (usize, usize),
-    runs: NonZeroUsize,
+    (runs, period): (NonZeroUsize, Duration),
     clock: &dyn Clock,
 ) -> Result<Vec<u64>, EngineError> {
     let grey = Array4::from_elem((1, 3, height, width), 0.5);
@@ -220,7 +221,9 @@ fn durations(
     for _ in 0..runs.get() {
         let start = clock.ticks_ns();
         engine.run(grey.view())?;
-        durations.push(clock.ticks_ns().saturating_sub(start));
+        let duration = clock.ticks_ns().saturating_sub(start);
+        durations.push(duration);
+        std::thread::sleep(period.saturating_sub(Duration::from_nanos(duration)));
     }
     durations.sort_unstable();
     Ok(durations)
