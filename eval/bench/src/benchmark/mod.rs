@@ -1,6 +1,6 @@
 //! `bench unwrap`: time and accuracy of the methods on the same frames.
 //!
-//! Only the call of [`Unwrap::unwrap`](modulo_core::Unwrap::unwrap) into buffers of the right size is timed.
+//! Only the call of [`Unwrap::unwrap`] into buffers of the right size is timed.
 
 mod frames;
 mod results;
