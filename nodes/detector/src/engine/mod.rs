@@ -222,7 +222,7 @@ pub struct OpenedEngine {
     pub threads: NonZeroUsize,
     /// Input and output of the model.
     pub layout: ModelLayout,
-    /// Path of the library, or the reason why `auto` took rten.
+    /// Path of the library, or the reason for rten.
     pub note: String,
 }
 
@@ -293,7 +293,7 @@ pub fn open(model: &Path, options: EngineOptions) -> Result<OpenedEngine, Engine
         std::fs::File::open(model).map_err(|error| EngineError::load(model, "the system", error))?;
     }
     let (EngineOptions { device, .. }, threads) = (options, options.cores());
-    let (engine, auto) = match (options.engine, device) {
+    let (engine, reason) = match (options.engine, device) {
         (EngineChoice::Auto, EngineDevice::Cpu) => {
             let (engine, why) = auto_engine();
             (engine, format!("auto: {why}"))
@@ -305,7 +305,7 @@ pub fn open(model: &Path, options: EngineOptions) -> Result<OpenedEngine, Engine
         (EngineChoice::Rten, EngineDevice::Cpu) => {
             let (engine, layout) = self::rten::Rten::load(model, threads)?;
             let (engine, name) = (Box::new(engine), self::rten::NAME);
-            return Ok(OpenedEngine { engine, name, threads, layout, note: auto });
+            return Ok(OpenedEngine { engine, name, threads, layout, note: reason });
         }
         (EngineChoice::OpenVino, EngineDevice::Cpu) => Provider::OpenVino,
         (EngineChoice::Rten | EngineChoice::OpenVino, _) => {
