@@ -81,7 +81,7 @@ fn tone_unit_planes(bencher: Bencher<'_, '_>) {
 
 #[divan::bench]
 fn deblur(bencher: Bencher<'_, '_>) {
-    let (x, mut deblur) = (recovered().x, Deblur::new(Psf::Paper7));
+    let (x, deblur) = (recovered().x, Deblur::new(Psf::Paper7));
     bencher.bench_local(|| deblur.linear8(&x, range()).expect("an image"));
 }
 

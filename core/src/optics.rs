@@ -1,7 +1,7 @@
 //! The lens: a small separable blur of the radiance before it is sampled.
 //!
 //! The sensor continues the image beyond its border by half-sample symmetry (`dcba|abcd|dcba`). A symmetric
-//! kernel is then exactly a product in the domain of the DCT-II, which [`Deblur`](crate::Deblur) inverts.
+//! kernel keeps this symmetry, so that [`Deblur`](crate::Deblur) can undo the blur up to the border.
 
 use ndarray::Array3;
 
@@ -67,7 +67,7 @@ fn gaussian(sigma: f64) -> Vec<f32> {
 /// The rule that continues an image `abcd` beyond its border.
 #[derive(Clone, Copy)]
 pub(crate) enum Border {
-    /// Half-sample symmetry, `dcba|abcd|dcba`: the sample at the border is repeated, as the DCT-II assumes.
+    /// Half-sample symmetry, `dcba|abcd|dcba`: the sample at the border is repeated.
     HalfSample,
     /// Whole-sample symmetry, `dcb|abcd|cba`: OpenCV's default, `BORDER_REFLECT_101`.
     WholeSample,
@@ -85,23 +85,23 @@ pub fn blurred(image: Array3<f32>, psf: Psf) -> Array3<f32> {
     let (image, stride) = (image.as_standard_layout(), width * channels);
     let (samples, mut out) = (in_order(image.view()), vec![0.0; image.len()]);
     let taps = psf.taps();
-    let mut blur = RowBlur::new(dim, &taps, Border::WholeSample);
+    let mut filter = RowFilter::new(dim, &taps, Border::WholeSample);
     for out in out.chunks_exact_mut(stride) {
         let read = |row: usize, to: &mut [f32]| to.copy_from_slice(&samples[row * stride..][..stride]);
-        blur.next_row(read, out);
+        filter.next_row(read, out);
     }
     Array3::from_shape_vec(dim, out).expect("every sample has its blurred one")
 }
 
-/// Blurs an image (H x W x C interleaved) with an odd number of taps along both sides, and returns it row by row. Each row of
-/// the source is read once, and only the rows that the kernel spans are kept: they stay in the cache.
-pub(crate) struct RowBlur<'a> {
+/// Filters an image (H x W x C interleaved) with an odd number of symmetric taps of sum 1 along both sides, and returns it row
+/// by row. Each row of the source is read once, and only the rows that the kernel spans are kept: they stay in the cache.
+pub(crate) struct RowFilter<'a> {
     dim: (usize, usize, usize),
     taps: &'a [f32],
     border: Border,
     /// A row of the source, continued beyond its border.
     padded: Vec<f32>,
-    /// The last rows, blurred along the row: row i of the source lies at i modulo the number of taps.
+    /// The last rows, filtered along the row: row i of the source lies at i modulo the number of taps.
     across: Vec<f32>,
     /// Start in `across` of the row for each tap.
     starts: Vec<usize>,
@@ -114,8 +114,8 @@ pub(crate) struct RowBlur<'a> {
 /// Number of samples that one pass over the taps sums up: their sums stay in registers.
 const BLOCK: usize = 32;
 
-impl<'a> RowBlur<'a> {
-    /// Prepares the blur of an image of the shape `dim` = (H, W, C), of at least one sample.
+impl<'a> RowFilter<'a> {
+    /// Prepares the filter for an image of the shape `dim` = (H, W, C), of at least one sample.
     pub fn new(dim @ (_, width, channels): (usize, usize, usize), taps: &'a [f32], border: Border) -> Self {
         let row = width * channels;
         let padded = vec![0.0; row + (taps.len() - 1) * channels];
@@ -132,7 +132,7 @@ impl<'a> RowBlur<'a> {
         }
     }
 
-    /// Writes the next row of the blurred image (W x C samples) into `out`. `read` writes the row of the source with the index
+    /// Writes the next row of the filtered image (W x C samples) into `out`. `read` writes the row of the source with the index
     /// that it gets; it gets each index once, in order.
     pub fn next_row(&mut self, mut read: impl FnMut(usize, &mut [f32]), out: &mut [f32]) {
         let (height, width, channels) = self.dim;
@@ -236,9 +236,9 @@ mod tests {
         for (dim @ (h, w, c), border) in cases.into_iter().flatten() {
             let image: Vec<f32> = (0..h * w * c).map(|i| ((i * 37) % 23) as f32 / 23.0).collect();
             let mut got = vec![0.0; image.len()];
-            let mut blur = RowBlur::new(dim, &taps, border);
+            let mut filter = RowFilter::new(dim, &taps, border);
             for out in got.chunks_exact_mut(w * c) {
-                blur.next_row(|row, to| to.copy_from_slice(&image[row * w * c..][..w * c]), out);
+                filter.next_row(|row, to| to.copy_from_slice(&image[row * w * c..][..w * c]), out);
             }
             let reach = taps.len() as isize / 2;
             for (index, value) in got.iter().enumerate() {

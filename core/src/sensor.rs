@@ -8,7 +8,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 
 use crate::frame::{Frame, FrameError, SamplePosition, check_shape, position_of};
-use crate::optics::{Border, MAX_SIGMA, Psf, RowBlur};
+use crate::optics::{Border, MAX_SIGMA, Psf, RowFilter};
 use crate::range::{Range, RangeError};
 use crate::simd::{floor, mapped, widest};
 use crate::tone;
@@ -134,7 +134,7 @@ impl Sensor {
         // `floor(x / 2^b)` must never reach `ceil(alpha)`, so x stays strictly below the limit even after rounding.
         let most = largest_below(limit);
         let (mut random, mut fault) = (Pcg64Mcg::seed_from_u64(seed), None);
-        let mut blur = RowBlur::new(dim, &self.taps, Border::HalfSample);
+        let mut lens = RowFilter::new(dim, &self.taps, Border::HalfSample);
         let (mut x, mut line) = (Vec::with_capacity(radiance.len()), vec![0.0; width * channels]);
         // All steps row by row, since a row stays in the cache and an image does not.
         for _ in 0..height {
@@ -143,7 +143,7 @@ impl Sensor {
                     fault.get_or_insert((row * to.len() + index, to[index]));
                 }
             };
-            blur.next_row(read, &mut line);
+            lens.next_row(read, &mut line);
             // The limit need not be exact in `f32`; in double precision a product is rounded only once.
             widest!(line.iter_mut().for_each(|value| *value = (limit * f64::from(*value)) as f32));
             // The noise comes after the lens, which blurs light and not the charge of the sensor.
