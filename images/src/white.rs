@@ -1,6 +1,8 @@
 use modulo_core::sensor::BELOW_ONE;
 use modulo_core::{Frame, Samples};
 use ndarray::Array3;
+use rand::{Rng, SeedableRng};
+use rand_pcg::Pcg64Mcg;
 
 use crate::ImageError;
 
@@ -46,6 +48,11 @@ impl White {
     /// Radiance in `[0, 1)`, `H x W x C`: integers as fractions of their range, floats as linear radiance. `origin` is the
     /// name of the frame in errors.
     ///
+    /// A code of integers stands for all radiance from half a code below it to half a code above it, so each sample is moved
+    /// at random within this interval, in the same way for each frame. Without this dither the radiance of a picture lies
+    /// on a grid: at an alpha of 4, all counts are multiples of 4, and the low bits of y depend on the wrap count. The
+    /// largest code stands for clipped radiance and stays.
+    ///
     /// # Errors
     /// [`ImageError::FewBits`] for 16 bits without a given white point whose largest code is in 256 to 4095, unless an
     /// earlier frame had a larger one.
@@ -55,10 +62,10 @@ impl White {
         origin: impl std::fmt::Display,
     ) -> Result<Array3<f32>, ImageError> {
         Ok(match frame.samples() {
-            // Divided by the number of codes, not by the largest one: 255 stays below the peak.
-            Samples::U8(codes) => codes.mapv(|v| f32::from(v) / 256.0),
+            // The largest code stands for full scale and all beyond it: a clipped sky saturates the sensor, too.
+            Samples::U8(codes) => scaled(&dithered(codes, f32::from(u8::MAX)), f32::from(u8::MAX)),
             Samples::U16(codes) => match self.given {
-                Some(white) => scaled(&codes.mapv(f32::from), white),
+                Some(white) => scaled(&dithered(codes, white.floor()), white),
                 None => {
                     let largest = codes.iter().copied().max().unwrap_or_default();
                     self.wide |= largest > TWELVE_BITS;
@@ -67,7 +74,7 @@ impl White {
                     if !self.wide && largest > u16::from(u8::MAX) {
                         return Err(ImageError::FewBits(origin.to_string(), largest));
                     }
-                    codes.mapv(|v| f32::from(v) / 65536.0)
+                    dithered(codes, f32::from(u16::MAX)) / 65536.0
                 }
             },
             Samples::F32(linear) => {
@@ -85,6 +92,20 @@ impl White {
             }
         })
     }
+}
+
+/// Moves each code by up to half a code, but none below 0, and none from `white` on.
+fn dithered<T: Copy + Into<f32>>(codes: &Array3<T>, white: f32) -> Array3<f32> {
+    /// Any number will do: the noise of the sensor has its own seed.
+    const SEED: u64 = 0x6d6f_6475_6c6f;
+    let mut random = Pcg64Mcg::seed_from_u64(SEED);
+    let mut shifts = vec![0; codes.len()];
+    random.fill_bytes(&mut shifts);
+    let shifted = codes.iter().zip(shifts).map(|(&code, shift): (_, u8)| {
+        let code = code.into();
+        if code >= white { code } else { (code + (f32::from(shift) + 0.5) / 256.0 - 0.5).max(0.0) }
+    });
+    Array3::from_shape_vec(codes.dim(), shifted.collect()).expect("each code has its shift")
 }
 
 /// [`WHITE_PERCENTILE`] of the samples by the nearest rank, or the largest one if that is not above 0. `None` for a black
@@ -108,6 +129,7 @@ fn scaled(values: &Array3<f32>, white: f32) -> Array3<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ndarray::Axis;
 
     fn linear(values: [f32; 3]) -> Frame {
         let pixels = Array3::from_shape_vec((1, 3, 1), values.to_vec()).expect("1 x 3 x 1");
@@ -149,9 +171,27 @@ mod tests {
         let codes = |v: u16| {
             White::new(0.0).expect("0 is automatic").radiance(&deep(v), "a").expect("16 bits")[(0, 0, 0)]
         };
-        assert_eq!(codes(32768), 0.5);
-        assert_eq!(codes(64), 1.0 / 1024.0);
-        assert!(codes(65535) < 1.0);
+        for (code, fraction) in [(32768, 0.5), (64, 1.0 / 1024.0), (65535, 65535.0 / 65536.0)] {
+            assert!((codes(code) - fraction).abs() <= 0.5 / 65536.0, "{code}");
+        }
+    }
+
+    #[test]
+    fn codes_are_spread_over_the_interval_that_they_stand_for() {
+        let pixels = Array3::from_shape_fn((100, 256, 3), |(_, code, _)| code as u8);
+        let frame = Frame::from_u8(pixels).expect("a frame");
+        let radiance = White::new(0.0).expect("0 is automatic").radiance(&frame, "a").expect("8 bits");
+        assert!(
+            radiance.indexed_iter().all(|((_, code, _), value)| (value * 255.0 - code as f32).abs() <= 0.501)
+        );
+        assert!(radiance.index_axis(Axis(1), 255).iter().all(|value| *value == BELOW_ONE), "clipped");
+        assert!(radiance.iter().all(|value| *value >= 0.0));
+        for alpha in [2, 4, 8] {
+            let x = radiance.mapv(|value| (value * (alpha * 256) as f32) as i32);
+            // On the grid of 8 bits, the wrap count is y modulo alpha on every sample.
+            let leaked = x.iter().filter(|x| *x / 256 == *x % 256 % alpha).count() as f64 / x.len() as f64;
+            assert!((leaked - 1.0 / f64::from(alpha)).abs() < 0.02, "alpha {alpha}: {leaked}");
+        }
     }
 
     #[test]
@@ -164,9 +204,11 @@ mod tests {
         }
         // A sequence that has shown all its bits may go dark.
         white.radiance(&deep(4096), "b.png").expect("16 bits");
-        assert_eq!(white.radiance(&deep(4095), "c.png").expect("dark")[(0, 0, 0)], 4095.0 / 65536.0);
+        let dark = white.radiance(&deep(4095), "c.png").expect("dark")[(0, 0, 0)];
+        assert!((dark - 4095.0 / 65536.0).abs() <= 0.5 / 65536.0);
         let mut white = White::new(4096.0).expect("12 bits");
-        assert_eq!(white.radiance(&deep(1024), "a.png").expect("12 bits")[(0, 0, 0)], 0.25);
+        let quarter = white.radiance(&deep(1024), "a.png").expect("12 bits")[(0, 0, 0)];
+        assert!((quarter - 0.25).abs() <= 0.5 / 4096.0);
         assert_eq!(white.radiance(&deep(4096), "a.png").expect("12 bits")[(0, 0, 0)], BELOW_ONE);
     }
 

@@ -225,7 +225,7 @@ fn check(bag: &Path, expected: &[u8]) {
         .map(|frame| {
             let truth: Vec<GroundTruth> = frame.ground_truth.expect("labelled");
             let [object] = &truth[..] else { panic!("one object: {truth:?}") };
-            ((frame.radiance[[0, 0, 0]] * 256.0).round() as u8, object.bbox.x1)
+            ((frame.radiance[[0, 0, 0]] * 255.0).round() as u8, object.bbox.x1)
         })
         .collect();
     let objects: Vec<f32> = expected.iter().map(|value| f32::from(*value)).collect();

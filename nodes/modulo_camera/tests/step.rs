@@ -41,11 +41,12 @@ fn frame(messages: &[(usize, Message)], output: usize) -> &StampedFrame {
     image
 }
 
-/// An 8-bit ramp as one PNG.
+/// A 16-bit ramp as one PNG, in steps of 8 of 512 counts. Each value is far from the next count, so that its dither changes
+/// none.
 fn ramp(folder: &Path) -> String {
     let path = folder.join("ramp.png");
-    let pixels = Array3::from_shape_fn((4, 64, 3), |(_, j, _)| (4 * j) as u8);
-    modulo_images::save_png(&path, &Frame::from_u8(pixels).expect("a frame")).expect("writable");
+    let pixels = Array3::from_shape_fn((4, 64, 3), |(_, j, _)| (8 * j * 128 + 64) as u16);
+    modulo_images::save_png(&path, &Frame::from_u16(pixels).expect("a frame")).expect("writable");
     path.display().to_string()
 }
 
@@ -57,7 +58,7 @@ fn the_streams_follow_equation_one() {
     assert_eq!(flow, Flow::Continue);
     let [modulo, saturated] = [0, 1].map(|output| frame(&sent, output).frame.as_u8().expect("8 bits"));
     for j in 0..64 {
-        let x = 2 * 4 * j;
+        let x = 8 * j;
         assert_eq!(usize::from(modulo[(0, j, 0)]), x % 256);
         assert_eq!(usize::from(saturated[(0, j, 0)]), x.min(255));
     }

@@ -5,7 +5,7 @@
 
 use modulo_bags::source::SourceFrame;
 use modulo_core::unwrap::{Range, Recovered, Spud, ThresholdOn, Unwrap};
-use modulo_core::{Frame, Psf, Sensor, SensorConfig, UnwrapError, optics, tone};
+use modulo_core::{Frame, Gains, Psf, Sensor, SensorConfig, UnwrapError, optics, tone};
 use modulo_runtime::Clock;
 use ndarray::Array3;
 
@@ -39,6 +39,7 @@ impl<'a> PublishedSpudPipeline<'a> {
                 psf: Psf::of_sigma(psf_sigma),
                 read_noise: point.noise,
                 shot_noise: point.shot_noise,
+                gains: Gains::One,
             })
         };
         let truth = Truth([sensor(point.psf_sigma)?, sensor(0.0)?]);
@@ -104,7 +105,7 @@ impl<'a> PaperPipeline<'a> {
         let start = self.timer.ticks_ns();
         let mut image = match self.stream {
             // The original frame in codes of 8 bits, without a lens.
-            Stream::Ideal => frame.radiance.mapv(|v| v * 256.0),
+            Stream::Ideal => codes(frame),
             Stream::Saturated => self.exposed(frame).mapv(|v| v.clamp(0.0, 1.0) * 255.0),
             Stream::Modulo | Stream::Recovered => self.exposed(frame).mapv(wrapped),
             Stream::MultiExposure | Stream::MultiExposureStill => {
@@ -128,7 +129,7 @@ impl<'a> PaperPipeline<'a> {
         // The scripts stretch each image to 0..255 and truncate it to whole codes before anything else. They blur it
         // with seven taps, sigma 1.4 px, before they multiply it by alpha. The text of the paper does not mention the
         // blur.
-        let x = stretched(&frame.radiance).mapv(|v| v / 255.0);
+        let x = stretched(&codes(frame)).mapv(|v| v / 255.0);
         optics::blurred(x, Psf::Paper7).mapv(|v| v * alpha)
     }
 
@@ -147,6 +148,11 @@ impl<'a> PaperPipeline<'a> {
         self.spud.unwrap(&y, self.range, &mut out)?;
         Ok(tone::linear8(&out.x, self.range).map_err(UnwrapError::from)?.to_f32())
     }
+}
+
+/// The codes of 8 bits of the image file. Rounding takes away the dither of the source, which the scripts do not have.
+fn codes(frame: &SourceFrame) -> Array3<f32> {
+    frame.radiance.mapv(|v| (v * 255.0).round())
 }
 
 /// `mod(x, 1)`, except that a positive multiple of 1 gives 1.
@@ -174,7 +180,7 @@ mod tests {
 
     /// One row of grey codes of 8 bits.
     fn frame(codes: &[u8]) -> SourceFrame {
-        let radiance = Array3::from_shape_fn((1, codes.len(), 1), |(_, x, _)| f32::from(codes[x]) / 256.0);
+        let radiance = Array3::from_shape_fn((1, codes.len(), 1), |(_, x, _)| f32::from(codes[x]) / 255.0);
         let (name, frame_id) = (String::new(), String::new());
         SourceFrame { radiance, name, stamp_ns: None, frame_id, ground_truth: None }
     }
