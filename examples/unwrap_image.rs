@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut source = modulo_bags::source::open(&image, &Default::default())?;
     let radiance = source.next().ok_or("the source has no frame")??.radiance;
     let psf = Psf::Gaussian { sigma: 1.4 };
-    let sensor = Sensor::new(SensorConfig { bits: 8, alpha, psf, read_noise: 0.0, shot_noise: 0.0 })?;
+    let sensor = Sensor::new(SensorConfig { alpha, psf, ..SensorConfig::default() })?;
     let exposure = sensor.expose(radiance.view(), 0)?;
 
     // `auto` takes the simplest method that the image allows, and says whether it trusts the result.

@@ -242,6 +242,31 @@ fn shot_noise_is_an_axis_that_a_later_run_can_extend() {
     );
 }
 
+/// A sensor with two gains has its own method, and its saturated stream is merged.
+#[test]
+fn two_gains_are_exact_without_a_lens() {
+    let bench = Bench::new();
+    let out = bench.path("out");
+    let words =
+        "--alpha 4 --psf-sigma 0 --stream ideal,saturated,modulo,recovered --method auto,spud --engine rten";
+    let more = ["--gains", "none,checkerboard", "--time-frames", "0", "-o", out.to_str().expect("UTF-8")];
+    let base = ["eval", "--source", SCENE];
+    let words: Vec<&str> = base.into_iter().chain(words.split(' ')).chain(more).collect();
+    let output = bench.run(&words);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let table = rows(&out, "results.csv");
+    let named: Vec<[&str; 3]> =
+        table.iter().map(|row| ["gains", "stream", "method"].map(|column| row[column].as_str())).collect();
+    let gains = "checkerboard_gains";
+    let expected = [["checkerboard", "saturated", gains], ["checkerboard", "recovered", gains]];
+    assert_eq!(named[named.len() - 2..], expected, "{named:?}");
+    assert_eq!(named.iter().filter(|row| row[0] == "none").count(), 5, "{named:?}");
+    let exact: f64 = table[table.len() - 1]["exact_k"].parse().expect("a share");
+    assert!(exact > 0.99, "{exact}");
+    let cells = json(&out.join("results.json"))["cells"].clone();
+    assert_eq!(cells[6]["gains"], "checkerboard", "{cells}");
+}
+
 /// Two data sets with the same names and labels: the second one got the figures of the first.
 #[test]
 fn figures_of_other_pixels_are_not_taken_over() {

@@ -6,7 +6,7 @@ use divan::{Bencher, counter::ItemsCount};
 use modulo_core::dct::Dct2;
 use modulo_core::sensor::{Sensor, SensorConfig};
 use modulo_core::unwrap::{METHODS, Options, by_name};
-use modulo_core::{Deblur, Frame, Psf, Range, Recovered, tone};
+use modulo_core::{Deblur, Frame, GainPattern, Gains, Psf, Range, Recovered, TwoGains, Unwrap as _, tone};
 use ndarray::Array3;
 
 #[path = "../tests/library/mod.rs"]
@@ -31,7 +31,7 @@ static RADIANCE: LazyLock<Array3<f32>> = LazyLock::new(|| {
 static MODULO: LazyLock<Frame> = LazyLock::new(|| sense(Psf::Paper7));
 
 fn sensor(psf: Psf) -> Sensor {
-    let config = SensorConfig { bits: 8, alpha: ALPHA, psf, read_noise: 0.0, shot_noise: 0.0 };
+    let config = SensorConfig { alpha: ALPHA, psf, ..SensorConfig::default() };
     Sensor::new(config).expect("a possible sensor")
 }
 
@@ -63,6 +63,17 @@ fn unwrap<const THREADS: usize>(bencher: Bencher<'_, '_>, name: &str) {
     let mut out = Recovered::default();
     LazyLock::force(&MODULO);
     bencher.bench_local(|| method.unwrap(&MODULO, range(), &mut out).expect("an image of the sensor"));
+}
+
+#[divan::bench(args = ["checkerboard", "rows"])]
+fn unwrap_two_gains(bencher: Bencher<'_, '_>, pattern: &str) {
+    let pattern = GainPattern::named(pattern).expect("a pattern");
+    let gains = Gains::Two { pattern, ratio: ALPHA.recip() };
+    let sensor = Sensor::new(SensorConfig { alpha: ALPHA, gains, ..SensorConfig::default() });
+    let exposure = sensor.expect("a possible sensor").expose(RADIANCE.view(), 0).expect("finite radiance");
+    let (modulo, mut out) = (exposure.modulo(), Recovered::default());
+    let mut method = TwoGains::new(gains).expect("two gains");
+    bencher.bench_local(|| method.unwrap(&modulo, range(), &mut out).expect("an image of the sensor"));
 }
 
 #[divan::bench]

@@ -118,14 +118,14 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::{Psf, Sensor, SensorConfig};
+    use crate::{Sensor, SensorConfig};
 
     /// Returns one capture of `radiance` for each exposure time of `bracket`.
     fn captures(bracket: &Bracket, radiance: &Array3<f32>) -> Vec<Frame> {
         let expose = |time: &f32| {
             let alpha = bracket.range.alpha() * f64::from(*time);
             let bits = bracket.range.bits();
-            let config = SensorConfig { bits, alpha, psf: Psf::None, read_noise: 0.0, shot_noise: 0.0 };
+            let config = SensorConfig { bits, alpha, ..SensorConfig::default() };
             let sensor = Sensor::new(config).expect("a sensor");
             sensor.expose(radiance.view(), 0).expect("an exposure").saturated()
         };

@@ -2,12 +2,15 @@
 //!
 //! One exposure gives every stream, so that the modulo, saturated and ideal frames carry the same noise.
 
+use std::borrow::Cow;
+
 use ndarray::{Array3, ArrayView2, ArrayView3, Axis};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 
 use crate::frame::{Frame, FrameError, SamplePosition, check_shape, position_of};
+use crate::gains::{Gains, merge_saturated};
 use crate::optics::{Border, MAX_SIGMA, Psf, RowFilter};
 use crate::range::{Range, RangeError};
 use crate::simd::{floor, mapped, widest};
@@ -35,6 +38,15 @@ pub struct SensorConfig {
     pub read_noise: f64,
     /// The factor of the shot noise, whose standard deviation is `sqrt(shot_noise * x)` in code units, 0 to 65536.
     pub shot_noise: f64,
+    /// The gains of the pixels.
+    pub gains: Gains,
+}
+
+impl Default for SensorConfig {
+    /// Returns a sensor of 8 bits and one gain, alpha 4, without blur and noise.
+    fn default() -> Self {
+        Self { bits: 8, alpha: 4.0, psf: Psf::None, read_noise: 0.0, shot_noise: 0.0, gains: Gains::One }
+    }
 }
 
 /// Error: the sensor cannot be made, or the exposure cannot be taken.
@@ -57,6 +69,14 @@ pub enum SensorError {
         /// The value of the parameter.
         value: f64,
     },
+    /// The lower gain is out of range.
+    #[error("gain_ratio is {ratio}, more than 0 and at most {most} (1 / alpha) is possible")]
+    GainRatio {
+        /// The lower gain over the full one.
+        ratio: f64,
+        /// The largest ratio with which a pixel of low gain never wraps.
+        most: f64,
+    },
     /// The radiance does not have the shape of an image.
     #[error(transparent)]
     Shape(#[from] FrameError),
@@ -73,12 +93,12 @@ pub enum SensorError {
 /// A sensor with a valid configuration.
 ///
 /// ```
-/// use modulo_core::{Psf, Sensor, SensorConfig};
+/// use modulo_core::{Sensor, SensorConfig};
 /// use ndarray::Array3;
 ///
 /// // An image whose right half is four times as bright as the peak of 8 bits allows.
 /// let radiance = Array3::from_shape_fn((4, 8, 1), |(_, column, _)| if column < 4 { 0.1 } else { 0.9 });
-/// let config = SensorConfig { bits: 8, alpha: 4.0, psf: Psf::None, read_noise: 0.0, shot_noise: 0.0 };
+/// let config = SensorConfig { alpha: 4.0, ..SensorConfig::default() };
 /// let exposure = Sensor::new(config)?.expose(radiance.view(), 0)?;
 /// let modulo = exposure.modulo();
 /// // x = 0.9 * 4 * 256 = 921 counts, which wrap three times: 921 = 153 + 3 * 256.
@@ -92,6 +112,7 @@ pub struct Sensor {
     taps: Vec<f32>,
     read_noise: f64,
     shot_noise: f64,
+    gains: Gains,
 }
 
 impl Sensor {
@@ -112,13 +133,24 @@ impl Sensor {
                 return Err(SensorError::Noise { name, value });
             }
         }
-        let SensorConfig { read_noise, shot_noise, .. } = config;
-        Ok(Self { range, taps: config.psf.taps(), read_noise, shot_noise })
+        let SensorConfig { read_noise, shot_noise, gains, .. } = config;
+        if let Gains::Two { ratio, .. } = gains {
+            let most = range.alpha().recip().min(1.0);
+            if !(ratio > 0.0 && ratio <= most) {
+                return Err(SensorError::GainRatio { ratio, most });
+            }
+        }
+        Ok(Self { range, taps: config.psf.taps(), read_noise, shot_noise, gains })
     }
 
     /// Returns the bits and alpha.
     pub fn range(&self) -> Range {
         self.range
+    }
+
+    /// Returns the gains of the pixels.
+    pub fn gains(&self) -> Gains {
+        self.gains
     }
 
     /// Exposes the sensor to `radiance`, H x W x C with full scale 1; values outside `[0, 1)` are clamped. `x =
@@ -137,7 +169,7 @@ impl Sensor {
         let mut lens = RowFilter::new(dim, &self.taps, Border::HalfSample);
         let (mut x, mut line) = (Vec::with_capacity(radiance.len()), vec![0.0; width * channels]);
         // All steps row by row, since a row stays in the cache and an image does not.
-        for _ in 0..height {
+        for row in 0..height {
             let read = |row: usize, to: &mut [f32]| {
                 if let Some(index) = read_row(radiance.index_axis(Axis(0), row), to) {
                     fault.get_or_insert((row * to.len() + index, to[index]));
@@ -147,7 +179,7 @@ impl Sensor {
             // The limit need not be exact in `f32`; in double precision a product is rounded only once.
             widest!(line.iter_mut().for_each(|value| *value = (limit * f64::from(*value)) as f32));
             // The noise comes after the lens, which blurs light and not the charge of the sensor.
-            self.add_noise(&mut line, &mut random);
+            self.add_noise(&mut line, (row, channels), &mut random);
             widest!(line.iter_mut().for_each(|value| *value = value.clamp(0.0, most)));
             x.extend_from_slice(&line);
         }
@@ -155,19 +187,21 @@ impl Sensor {
             return Err(SensorError::NotFinite { at: position_of(index, dim), value });
         }
         let x = Array3::from_shape_vec(dim, x).expect("x has the rows of this shape");
-        Ok(Exposure { x, range: self.range })
+        Ok(Exposure { x, range: self.range, gains: self.gains })
     }
 
-    /// Adds Gaussian noise of variance `shot * x + read^2` to every sample of `x` (>= 0, code units).
+    /// Adds Gaussian noise of variance `shot * x + (read / gain)^2` to every sample of the row `x` (>= 0, code units at full
+    /// gain): the read noise comes after the gain.
     ///
     /// Shot and read noise are independent, so one random number stands for both.
-    fn add_noise(&self, x: &mut [f32], random: &mut Pcg64Mcg) {
+    fn add_noise(&self, x: &mut [f32], (row, channels): (usize, usize), random: &mut Pcg64Mcg) {
         let (shot, read) = (self.shot_noise, self.read_noise);
         // A sensor without noise is the common case, and drawing numbers for it would only cost time.
         if shot == 0.0 && read == 0.0 {
             return;
         }
-        for sample in x {
+        for (index, sample) in x.iter_mut().enumerate() {
+            let read = read / self.gains.at(row, index / channels);
             let sigma = (shot * f64::from(*sample) + read * read).sqrt();
             let deviate: f64 = StandardNormal.sample(random);
             *sample += (sigma * deviate) as f32;
@@ -203,6 +237,7 @@ fn largest_below(limit: f64) -> f32 {
 pub struct Exposure {
     x: Array3<f32>,
     range: Range,
+    gains: Gains,
 }
 
 impl Exposure {
@@ -216,17 +251,32 @@ impl Exposure {
         self.range
     }
 
-    /// Returns the modulo stream (eq. 1): `y = floor(x mod 2^b)`, 8-bit samples for b <= 8, else 16-bit samples.
+    /// Returns the gains of the pixels.
+    pub fn gains(&self) -> Gains {
+        self.gains
+    }
+
+    /// Returns the modulo stream (eq. 1): `y = floor(gain x mod 2^b)`, 8-bit samples for b <= 8, else 16-bit samples.
     pub fn modulo(&self) -> Frame {
         // x is not negative, so the remainder by a power of two is a mask of its integer part.
         let mask = (1 << self.range.bits()) - 1;
-        self.digitise(|count| count & mask)
+        self.digitise(&self.converted(), |count| count & mask)
     }
 
-    /// Returns the saturated stream: `floor(min(x, 2^b - 1))`, with samples as in [`Exposure::modulo`].
+    /// Returns the saturated stream: `floor(min(x, 2^b - 1))`, with samples as in [`Exposure::modulo`]. With two gains it is
+    /// the image of spatially varying exposure, `floor(x / alpha)`, where a pixel of full gain that saturates is predicted from
+    /// its neighbours of low gain.
     pub fn saturated(&self) -> Frame {
         let most = (1 << self.range.bits()) - 1;
-        self.digitise(|count| count.min(most))
+        match self.gains {
+            Gains::One => self.digitise(&self.x, |count| count.min(most)),
+            Gains::Two { pattern, ratio } => {
+                let codes = mapped(&self.converted(), |x| whole(x).min(most) as f32);
+                let alpha = self.range.alpha() as f32;
+                let x = merge_saturated(&codes, pattern, ratio, self.range).mapv(|x| x.max(0.0) / alpha);
+                self.digitise(&x, |count| count.min(most))
+            }
+        }
     }
 
     /// Returns the ideal stream: `floor(x)`, neither wrapped nor clipped, scaled to 8 bits as by [`tone::linear8`].
@@ -236,19 +286,50 @@ impl Exposure {
         Frame::from_u8(mapped(&self.x, |x| tone::to_u8(whole(x) as f32, scale))).expect(IS_AN_IMAGE)
     }
 
-    /// Returns the true wrap counts: `k = floor(x / 2^b)`, at most `ceil(alpha) - 1`.
+    /// Returns the true wrap counts: `k = floor(gain x / 2^b)`, at most `ceil(alpha) - 1`, and 0 at pixels of low gain.
     pub fn wraps(&self) -> Array3<u8> {
         let bits = self.range.bits();
-        self.x.mapv(|x| (whole(x) >> bits) as u8)
+        self.converted().mapv(|x| (whole(x) >> bits) as u8)
+    }
+
+    /// Returns the share of the samples of full gain with the true wrap count in `k`; 1 if there are none. `None` if `k` has
+    /// another shape.
+    pub fn exact_share(&self, k: &Array3<u8>) -> Option<f64> {
+        let wraps = self.wraps();
+        if k.dim() != wraps.dim() {
+            return None;
+        }
+        let full = wraps
+            .indexed_iter()
+            .zip(k)
+            .filter(|(((row, column, _), _), _)| self.gains.at(*row, *column) == 1.0);
+        let (exact, all) = full
+            .fold((0u64, 0u64), |(exact, all), ((_, true_k), k)| (exact + u64::from(true_k == k), all + 1));
+        Some(if all == 0 { 1.0 } else { exact as f64 / all as f64 })
+    }
+
+    /// Returns the radiance in the code units of each pixel: `gain x`.
+    fn converted(&self) -> Cow<'_, Array3<f32>> {
+        let Gains::Two { .. } = self.gains else { return Cow::Borrowed(&self.x) };
+        // The product must stay below 2^b at pixels of low gain, also when it is rounded.
+        let below_peak = largest_below(f64::from(self.range.peak()));
+        let mut x = self.x.clone();
+        for ((row, column, _), x) in x.indexed_iter_mut() {
+            let gain = self.gains.at(row, column);
+            if gain < 1.0 {
+                *x = ((f64::from(*x) * gain) as f32).min(below_peak);
+            }
+        }
+        Cow::Owned(x)
     }
 
     /// Makes integer samples from `floor(x)`.
     #[inline(always)]
-    fn digitise(&self, code: impl Fn(u32) -> u32) -> Frame {
+    fn digitise(&self, x: &Array3<f32>, code: impl Fn(u32) -> u32) -> Frame {
         let frame = if self.range.bits() <= 8 {
-            Frame::from_u8(mapped(&self.x, |x| code(whole(x)) as u8))
+            Frame::from_u8(mapped(x, |x| code(whole(x)) as u8))
         } else {
-            Frame::from_u16(mapped(&self.x, |x| code(whole(x)) as u16))
+            Frame::from_u16(mapped(x, |x| code(whole(x)) as u16))
         };
         frame.expect(IS_AN_IMAGE)
     }
@@ -267,8 +348,8 @@ mod tests {
     #[test]
     fn variance_is_shot_and_read_together() {
         let mut x = vec![400.0; 100_000];
-        let config = SensorConfig { bits: 8, alpha: 4.0, psf: Psf::None, read_noise: 5.0, shot_noise: 0.25 };
-        Sensor::new(config).unwrap().add_noise(&mut x, &mut Pcg64Mcg::seed_from_u64(7));
+        let config = SensorConfig { read_noise: 5.0, shot_noise: 0.25, ..SensorConfig::default() };
+        Sensor::new(config).unwrap().add_noise(&mut x, (0, 1), &mut Pcg64Mcg::seed_from_u64(7));
         let mean = x.iter().map(|v| f64::from(*v)).sum::<f64>() / x.len() as f64;
         let variance = x.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / x.len() as f64;
         assert!((mean - 400.0).abs() < 0.2, "mean {mean}");

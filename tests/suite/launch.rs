@@ -432,6 +432,19 @@ fn the_sample_is_made_by_its_command() {
 }
 
 #[test]
+fn a_camera_with_two_gains_tells_unwrap_of_them() {
+    let bench = Bench::new();
+    let out = bench.path("out");
+    let arguments =
+        ["source:=scene://tunnel?seed=3&frames=2", "psf_sigma:=0.0", "gains:=rows", "engine:=rten"];
+    let words =
+        [&["eval", "launch/recovered.launch.yaml"][..], &arguments, &["-o", out.to_str().expect("UTF-8")]];
+    let output = bench.run(&words.concat());
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    assert!(text(&output).contains("/unwrap used row_gains 2"), "{}", text(&output));
+}
+
+#[test]
 fn the_sample_replayed_shows_traffic() {
     let bench = Bench::new();
     let bag = arg("bag", sample());

@@ -31,7 +31,7 @@ const FLOORS: [(&str, f64, f64); METHODS.len()] = [
 ];
 
 fn expose(radiance: &Array3<f32>, alpha: f64, psf: Psf) -> Exposure {
-    let config = SensorConfig { bits: 8, alpha, psf, read_noise: 0.0, shot_noise: 0.0 };
+    let config = SensorConfig { alpha, psf, ..SensorConfig::default() };
     Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap()
 }
 

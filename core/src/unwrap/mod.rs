@@ -85,11 +85,11 @@ impl FromStr for Method {
 ///
 /// ```
 /// use modulo_core::unwrap::{Method, Options, Trust};
-/// use modulo_core::{Psf, Recovered, Sensor, SensorConfig};
+/// use modulo_core::{Recovered, Sensor, SensorConfig};
 /// use ndarray::Array3;
 ///
 /// let radiance = Array3::from_shape_fn((32, 64, 1), |(i, j, _)| (i + j) as f32 / 100.0);
-/// let config = SensorConfig { bits: 8, alpha: 4.0, psf: Psf::None, read_noise: 0.0, shot_noise: 0.0 };
+/// let config = SensorConfig { alpha: 4.0, ..SensorConfig::default() };
 /// let exposure = Sensor::new(config)?.expose(radiance.view(), 0)?;
 ///
 /// let mut recovered = Recovered::default();
@@ -114,7 +114,7 @@ pub trait Unwrap: Send {
 /// The result of unwrapping one image.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recovered {
-    /// The radiance x_hat in code units, H x W x C: exactly `y + k * 2^b`.
+    /// The radiance x_hat in code units, H x W x C: exactly `y + k * 2^b`, and at pixels of low gain `(y + 1/2) / gain - 1/2`.
     pub x: Array3<f32>,
     /// The wrap counts, H x W x C, `0 <= k <= ceil(alpha) - 1`.
     pub k: Array3<u8>,
@@ -125,7 +125,8 @@ pub struct Recovered {
 /// The report of a method on its own result.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
-    /// The name of the method used, as in [`METHODS`], or [`PASS_THROUGH`]; empty before the first image.
+    /// The name of the method used, as in [`METHODS`], [`PASS_THROUGH`] or
+    /// [`GainPattern::method`](crate::GainPattern::method); empty before the first image.
     pub method: &'static str,
     /// The quality metrics of y, if the method computes them.
     pub quality: Option<QualityMetrics>,
@@ -243,7 +244,7 @@ pub fn by_name(name: &str, options: &Options) -> Result<Box<dyn Unwrap>, UnwrapE
 
 impl Recovered {
     /// Resizes the buffers for an image of `dim` in standard layout; old values stay until they are overwritten.
-    fn prepare(&mut self, dim: (usize, usize, usize), method: &'static str) {
+    pub(crate) fn prepare(&mut self, dim: (usize, usize, usize), method: &'static str) {
         // The fields are public: a caller may have put in an array of another layout.
         if self.x.dim() != dim || !self.x.is_standard_layout() {
             self.x = Array3::zeros(dim);
@@ -255,7 +256,7 @@ impl Recovered {
     }
 
     /// Returns x and k, row-major and interleaved, after [`Recovered::prepare`].
-    fn buffers(&mut self) -> (&mut [f32], &mut [u8]) {
+    pub(crate) fn buffers(&mut self) -> (&mut [f32], &mut [u8]) {
         let (x, k) = (self.x.as_slice_mut(), self.k.as_slice_mut());
         (x.expect("prepare has made the layout standard"), k.expect("prepare has made the layout standard"))
     }
@@ -263,7 +264,7 @@ impl Recovered {
 
 /// The samples of a modulo image, row-major and interleaved.
 #[derive(Clone, Copy)]
-enum Integers<'a> {
+pub(crate) enum Integers<'a> {
     U8(&'a [u8]),
     U16(&'a [u16]),
 }
@@ -279,7 +280,7 @@ impl<'a> Integers<'a> {
     }
 
     /// Returns the samples of `y`, all of which are below 2^b.
-    fn checked(y: &'a Frame, range: Range) -> Result<Self, UnwrapError> {
+    pub(crate) fn checked(y: &'a Frame, range: Range) -> Result<Self, UnwrapError> {
         let (samples, most) = (Self::of(y)?, range.peak() - 1.0);
         // Integers are compared at the speed of memory, and not at all where no sample can be too large.
         let largest = match samples {

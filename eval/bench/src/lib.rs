@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use modulo_charts::ChartError;
 use modulo_core::metric::ShapesDiffer;
-use modulo_core::{Frame, Psf, Samples, Sensor, SensorConfig, SensorError, UnwrapError};
+use modulo_core::{Frame, GainPattern, Gains, Psf, Samples, Sensor, SensorConfig, SensorError, UnwrapError};
 use modulo_images::{ImageError, SaveError, White};
 use ndarray::Array3;
 use serde::Serialize;
@@ -118,6 +118,9 @@ pub struct SensorOptions {
     /// Standard deviation of the read noise in code units
     #[arg(long, default_value_t = 0.0)]
     pub read_noise: f64,
+    /// Strength of the shot noise: its standard deviation at the signal x is sqrt(strength * x) in code units
+    #[arg(long, default_value_t = 0.0)]
+    pub shot_noise: f64,
     /// Seed of the noise
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
@@ -146,11 +149,22 @@ impl SensorOptions {
     }
 
     /// The sensor of each alpha, after the white point was checked.
-    fn sensors(&self, alphas: &[f64]) -> Result<Vec<Sensor>, BenchError> {
+    fn sensors(&self, alphas: &[f64], gains: Option<GainPattern>) -> Result<Vec<Sensor>, BenchError> {
         need("the list of alphas", alphas)?;
         White::new(self.white)?;
-        let Self { bits, read_noise, .. } = *self;
-        let config = |alpha| SensorConfig { bits, alpha, psf: self.psf(), read_noise, shot_noise: 0.0 };
+        let Self { bits, read_noise, shot_noise, .. } = *self;
+        let gains = |alpha: f64| match gains {
+            Some(pattern) => Gains::Two { pattern, ratio: alpha.recip().min(1.0) },
+            None => Gains::One,
+        };
+        let config = |alpha| SensorConfig {
+            bits,
+            alpha,
+            psf: self.psf(),
+            read_noise,
+            shot_noise,
+            gains: gains(alpha),
+        };
         alphas.iter().map(|&alpha| Ok(Sensor::new(config(alpha))?)).collect()
     }
 }

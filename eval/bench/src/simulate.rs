@@ -6,9 +6,9 @@ use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use clap::Parser;
-use modulo_core::metric::{exact_share, mse, psnr_db, ssim};
+use modulo_core::metric::{mse, psnr_db, ssim};
 use modulo_core::unwrap::{Options, by_name};
-use modulo_core::{Exposure, Recovered, Sensor, Unwrap, UnwrapError, tone};
+use modulo_core::{Exposure, GainPattern, Recovered, Sensor, TwoGains, Unwrap, UnwrapError, tone};
 use modulo_images::{White, read_image, save_png};
 use ndarray::Array3;
 use serde::{Deserialize, Serialize};
@@ -31,6 +31,9 @@ pub struct SimulationRequest {
     /// Saturation factors: brightest radiance divided by the peak of the sensor
     #[arg(long, value_delimiter = ',', default_value = "4")]
     pub alpha: Vec<f64>,
+    /// Pixels with a lower gain (1 / alpha), which do not wrap. Their images have a method of their own
+    #[arg(long, default_value = "none", value_parser = ["none", "checkerboard", "rows"])]
+    pub gains: String,
     /// The sensor.
     #[command(flatten)]
     pub sensor: SensorOptions,
@@ -50,14 +53,16 @@ pub struct SimulationRow {
     pub alpha: f64,
     /// Standard deviation of the lens blur, px.
     pub psf_sigma: f64,
-    /// Name of the method, as in [`modulo_core::unwrap::METHODS`].
+    /// Pixels with a lower gain: `none`, `checkerboard` or `rows`.
+    pub gains: String,
+    /// Name of the method, as in [`modulo_core::unwrap::METHODS`], or that of the gains.
     pub method: String,
     /// `10 log10(255^2 / mse)` of the recovered against the ideal 8-bit image, over all samples. `None` (`null`) if they
     /// are equal.
     pub psnr_db: Option<f64>,
     /// Mean SSIM of these two images, see [`modulo_core::metric::ssim`]. `None` if a side is shorter than 11 px.
     pub ssim: Option<f64>,
-    /// Share of the samples with the true wrap count, 0 to 1.
+    /// Share of the samples with the true wrap count, 0 to 1; with two gains, of those of full gain.
     pub exact_k: f64,
     /// The method that produced the result: `method` itself, or the one that `auto` selected.
     pub method_used: String,
@@ -104,7 +109,10 @@ pub fn simulate(
             for (sensor, done) in sensors.iter().zip(index * sensors.len()..) {
                 let next = format!("{} alpha {}", file.display(), sensor.range().alpha());
                 tell(BenchEvent::Step { done, total, next: &next });
-                rows.extend(picture.sense(&radiance, sensor, &mut methods)?);
+                rows.extend(match TwoGains::new(sensor.gains()) {
+                    Some(two_gains) => picture.sense(&radiance, sensor, &mut [Box::new(two_gains)])?,
+                    None => picture.sense(&radiance, sensor, &mut methods)?,
+                });
             }
             Ok(rows)
         });
@@ -161,10 +169,11 @@ impl InputImage<'_> {
             white: self.white,
             alpha: range.alpha(),
             psf_sigma: self.request.sensor.psf().sigma(),
+            gains: self.request.gains.clone(),
             method: method.name().to_owned(),
             psnr_db: psnr_db(mse(&picture, &ideal)?),
             ssim: ssim(&picture, &ideal)?,
-            exact_k: exact_share(&recovered.k, &exposure.wraps())?,
+            exact_k: exposure.exact_share(&recovered.k).expect("a method keeps the shape of its image"),
             method_used: recovered.report.method.to_owned(),
             trusted: recovered.report.trust.claim(),
             ms,
@@ -179,7 +188,7 @@ impl InputImage<'_> {
 /// Checks the files, and makes the sensor of each alpha.
 fn sensors(request: &SimulationRequest) -> Result<Vec<Sensor>, BenchError> {
     need("the list of files", &request.images)?;
-    request.sensor.sensors(&request.alpha)
+    request.sensor.sensors(&request.alpha, GainPattern::named(&request.gains))
 }
 
 fn methods(request: &SimulationRequest) -> Result<Vec<Box<dyn Unwrap>>, BenchError> {

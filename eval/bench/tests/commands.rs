@@ -196,12 +196,25 @@ fn request(out: &Path, files: &[&Path]) -> SimulationRequest {
 
 /// Writes a frame of a procedural scene as 8-bit PNG.
 fn street(path: &Path) {
-    let codes = Scene::new(Preset::Glare, 1).render(0, 60, 100).radiance.mapv(|v| (v * 256.0) as u8);
+    let codes = Scene::new(Preset::Glare, 1).render(0, 60, 100).radiance.mapv(|v| (v * 255.0).round() as u8);
     save_png(path, &Frame::from_u8(codes).expect("an image")).expect("a writable folder");
 }
 
 fn pixels(path: &Path) -> Array3<u8> {
     read_image(path).expect("a picture").as_u8().expect("8 bits").clone()
+}
+
+#[test]
+fn two_gains_have_a_method_of_their_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("street.png"), folder.path().join("out"));
+    street(&file);
+    let request = SimulationRequest { gains: "rows".into(), ..request(&out, &[&file]) };
+    let rows = simulate::simulate(&request, &mut |_| {}).unwrap().rows;
+    let [row] = &rows[..] else { panic!("one alpha, one method: {rows:?}") };
+    assert_eq!((row.gains.as_str(), row.method.as_str()), ("rows", "row_gains"));
+    assert!(row.exact_k > 0.95, "{}", row.exact_k);
+    assert!(out.join("street_alpha4_row_gains.png").is_file());
 }
 
 #[test]

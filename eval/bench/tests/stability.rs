@@ -144,7 +144,7 @@ struct Tally {
 
 impl Tally {
     fn take(&mut self, name: &str, radiance: &Array3<f32>, (alpha, psf, read_noise): (f64, Psf, f64)) {
-        let config = SensorConfig { bits: 8, alpha, psf, read_noise, shot_noise: 0.0 };
+        let config = SensorConfig { alpha, psf, read_noise, ..SensorConfig::default() };
         let exposure = Sensor::new(config).expect("a sensor").expose(radiance.view(), 1).expect("an image");
         let mut out = Recovered::default();
         let mut auto = by_name("auto", &Options::default()).expect("listed");

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use clap::ValueEnum;
+use modulo_core::GainPattern;
 use modulo_runtime::report::Percentiles;
 use serde::{Deserialize, Serialize};
 
@@ -232,7 +233,8 @@ pub enum Stream {
 pub struct Point {
     /// The image that the detector gets.
     pub stream: Stream,
-    /// Unwrapping method. `None` for streams other than [`Stream::Recovered`].
+    /// Unwrapping method, or the one that the gains have. `None` for streams other than [`Stream::Recovered`], but for the
+    /// saturated stream of a sensor with two gains, whose pixels are merged.
     pub method: Option<String>,
     /// Whether the lens blur was removed. Only for [`Stream::Recovered`].
     pub deblur: bool,
@@ -245,10 +247,25 @@ pub struct Point {
     /// Strength of the shot noise: its variance divided by the signal, code units. 0 in results of older versions.
     #[serde(default)]
     pub shot_noise: f64,
+    /// Pixels with a lower gain: `none`, `checkerboard` or `rows`.
+    #[serde(default = "no_gains")]
+    pub gains: String,
     /// Name of the model in [`Setup::models`].
     pub model: String,
     /// Input size of the model: `auto`, or `WIDTHxHEIGHT`.
     pub input: String,
+}
+
+/// The gains in results of older versions.
+fn no_gains() -> String {
+    "none".to_owned()
+}
+
+impl Point {
+    /// The pixels with a lower gain.
+    pub fn pattern(&self) -> Option<GainPattern> {
+        GainPattern::named(&self.gains)
+    }
 }
 
 impl Stream {
@@ -261,7 +278,8 @@ impl Stream {
 impl fmt::Display for Point {
     /// Describes the cell, such as `yolov10n recovered auto deblurred, alpha 4, blur 1.4 px`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { stream, method, deblur, alpha, psf_sigma, noise, shot_noise, model, input } = self;
+        let Self { stream, method, deblur, alpha, psf_sigma, noise, shot_noise, gains: _, model, input } =
+            self;
         write!(f, "{model} {}", stream.name())?;
         method.iter().try_for_each(|method| write!(f, " {method}"))?;
         if *deblur {

@@ -404,8 +404,8 @@ impl CameraParameters {
         self.check()?;
         let SensorModel { bits, alpha, .. } = self.sensor;
         let Self { read_noise, shot_noise, .. } = *self;
-        let sensor =
-            Sensor::new(SensorConfig { bits, alpha, psf: self.sensor.psf(), read_noise, shot_noise });
+        let (psf, gains) = (self.sensor.psf(), self.sensor.gains()?);
+        let sensor = Sensor::new(SensorConfig { bits, alpha, psf, read_noise, shot_noise, gains });
         Ok(sensor.expect("the declared ranges lie within those of `Sensor`"))
     }
 

@@ -13,7 +13,7 @@ use modulo_core::deblur::Deblur;
 use modulo_core::unwrap::{
     Method, Options, QualityMetrics, Recovered, Report, ThresholdOn, Trust, TrustLimits, Unwrap, UnwrapError,
 };
-use modulo_core::{Frame, MAX_THREADS, Psf, Range, tone};
+use modulo_core::{Frame, MAX_THREADS, Psf, Range, TwoGains, tone};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::graph::ImageCompression;
@@ -34,7 +34,8 @@ const RECOVERY: usize = 3;
 modulo_runtime::parameters! {
     /// The parameters of the `unwrap` node.
     pub struct UnwrapParameters {
-        /// Unwrapping method. auto starts with lines and takes gradient_tree where the image is too steep for lines.
+        /// Unwrapping method. auto starts with lines and takes gradient_tree where the image is too steep for lines. Images
+        /// of a sensor with two gains (see gains) have a method of their own.
         method: Method = Method::Auto => Method::ALL,
         /// Number of threads that unwrapping may use. The result does not depend on it.
         threads: usize = 1 => 1..=MAX_THREADS,
@@ -101,6 +102,8 @@ struct Prepared {
     range: Range,
     /// Removes the blur of the lens from `recovered`, if that is requested.
     deblur: Option<Deblur>,
+    /// The method for a sensor with two gains, which replaces the one of the parameters.
+    two_gains: Option<TwoGains>,
 }
 
 impl UnwrapNode {
@@ -142,7 +145,8 @@ impl UnwrapNode {
         if self.sensor.as_ref().is_none_or(|prepared| prepared.model != model) {
             let blur = Some(model.psf()).filter(|psf| self.parameters.deblur && *psf != Psf::None);
             let (range, deblur) = (model.range()?, blur.map(Deblur::new));
-            self.sensor = Some(Prepared { model, range, deblur });
+            let two_gains = TwoGains::new(model.gains()?);
+            self.sensor = Some(Prepared { model, range, deblur, two_gains });
         }
         Ok(())
     }
@@ -179,8 +183,12 @@ impl UnwrapNode {
 
     fn unwrap(&mut self, modulo: &StampedFrame, cx: &mut Context<'_>) -> Result<(), StepError> {
         let skip = |why: String| StepError::Skip(why);
-        let Prepared { range, deblur, .. } = self.sensor.as_mut().expect("`prepare` comes before");
-        cx.stage("unwrap", || self.method.unwrap(&modulo.frame, *range, &mut self.recovered))
+        let Prepared { range, deblur, two_gains, .. } = self.sensor.as_mut().expect("`prepare` comes before");
+        let method: &mut dyn Unwrap = match two_gains {
+            Some(two_gains) => two_gains,
+            None => self.method.as_mut(),
+        };
+        cx.stage("unwrap", || method.unwrap(&modulo.frame, *range, &mut self.recovered))
             .map_err(|why| skip(why.to_string()))?;
         self.counts.count(&self.recovered.report);
         let said = (cx.wanted(DIAGNOSTICS) | cx.wanted(RECOVERY)).then(|| {

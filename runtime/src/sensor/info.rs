@@ -3,7 +3,7 @@
 //!
 //! The camera publishes it on [`TOPIC`] before each frame, with the stamp of the frame, as a
 //! `diagnostic_msgs/msg/DiagnosticArray`, which every ROS 2 node can read: one status named `sensor`, whose values are
-//! the parameters of the sensor by name (`bits`, `alpha`, `psf`, `psf_sigma`, and the noise). The topic is reliable and
+//! the parameters of the sensor by name (`bits`, `alpha`, `psf`, `psf_sigma`, `gains`, `gain_ratio`, and the noise). The topic is reliable and
 //! transient local, so that a late reader gets the last one.
 
 use std::collections::VecDeque;
@@ -117,9 +117,11 @@ mod tests {
             alpha in 1e-3f64..256.0,
             paper in any::<bool>(),
             psf_sigma in 0.0f64..4.0,
+            (gains, gain_ratio) in (0usize..3, 0.0f64..1.0),
         ) {
             let psf = if paper { BlurShape::Paper7 } else { BlurShape::Gaussian };
-            let model = SensorModel { bits, alpha, psf, psf_sigma };
+            let gains = modulo_core::GainPattern::WORDS[gains].1;
+            let model = SensorModel { bits, alpha, psf, psf_sigma, gains, gain_ratio };
             prop_assert_eq!(read(&description(1, &model)), Ok(model));
         }
     }

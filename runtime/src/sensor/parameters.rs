@@ -1,8 +1,8 @@
 //! [`SensorModel`]: the parameters that describe a sensor and its lens, declared once for the node that simulates them
 //! and for the nodes that undo them.
 
-use modulo_core::Range;
 use modulo_core::optics::{MAX_SIGMA, Psf};
+use modulo_core::{GainPattern, Gains, Range};
 
 use crate::parameter::{ParameterError, ParameterSet as _};
 
@@ -29,7 +29,7 @@ impl BlurShape {
 }
 
 crate::parameters! {
-    /// Bits, saturation factor and lens blur of a sensor.
+    /// Bits, saturation factor, lens blur and gains of a sensor.
     pub struct SensorModel {
         /// Bits of the sensor's converter. The peak is 2^bits code units.
         bits: u8 = 8 => 1..=16,
@@ -40,6 +40,10 @@ crate::parameters! {
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
         /// Standard deviation of the gaussian lens blur in px. 0 is a perfect lens. paper7 does not use it.
         psf_sigma: f64 = 0.0 => 0.0..=MAX_SIGMA,
+        /// Pixels with a lower gain, which do not wrap: none, a checkerboard, or every second row.
+        gains: Option<GainPattern> = None => GainPattern::WORDS,
+        /// The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha.
+        gain_ratio: f64 = 0.0 => 0.0..=1.0,
     }
 }
 
@@ -57,7 +61,30 @@ impl SensorModel {
     pub fn psf(&self) -> Psf {
         self.psf.of_sigma(self.psf_sigma)
     }
+
+    /// Returns the gains of the pixels.
+    ///
+    /// # Errors
+    /// [`ParameterError`] of a `gain_ratio` above `1 / alpha`, with which the pixels of low gain would wrap, too.
+    pub fn gains(&self) -> Result<Gains, ParameterError> {
+        let Some(pattern) = self.gains else { return Ok(Gains::One) };
+        let most = self.alpha.recip().min(1.0);
+        if self.gain_ratio > most {
+            let why =
+                format!("must be at most {most} (1 / alpha), so that the pixels of low gain do not wrap");
+            return Err(ParameterError::new("gain_ratio", self.gain_ratio, why));
+        }
+        Ok(Gains::Two { pattern, ratio: if self.gain_ratio > 0.0 { self.gain_ratio } else { most } })
+    }
 }
+
+/// The words of [`SensorOverride::gains`]: those of a sensor, and `camera` for the gains that the camera describes.
+const OVERRIDES: [(&str, Option<Option<GainPattern>>); 4] = [
+    ("camera", None),
+    ("none", Some(None)),
+    ("checkerboard", Some(Some(GainPattern::Checkerboard))),
+    ("rows", Some(Some(GainPattern::Rows))),
+];
 
 crate::parameters! {
     /// The sensor behind the images that a node reads. Each value that is not set here is taken from the sensor
@@ -72,6 +99,11 @@ crate::parameters! {
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
         /// Standard deviation of the gaussian lens blur in px. 0: the blur of the camera's sensor description.
         psf_sigma: f64 = 0.0 => 0.0..=MAX_SIGMA,
+        /// Pixels with a lower gain: none, a checkerboard, every second row, or as the camera's sensor description has
+        /// them (none without a description).
+        gains: Option<Option<GainPattern>> = None => OVERRIDES,
+        /// The lower gain divided by the full one, where gains is not camera. 0: 1 / alpha.
+        gain_ratio: f64 = 0.0 => 0.0..=1.0,
     }
 }
 
@@ -93,8 +125,13 @@ impl SensorOverride {
             Some(camera) if !own_lens => (camera.psf, camera.psf_sigma),
             _ => (self.psf, self.psf_sigma),
         };
-        let bits = bits.ok_or_else(|| missing("bits"))?;
-        let model = SensorModel { bits, alpha: alpha.ok_or_else(|| missing("alpha"))?, psf, psf_sigma };
+        let (gains, gain_ratio) = match (self.gains, camera) {
+            (Some(gains), _) => (gains, self.gain_ratio),
+            (None, Some(camera)) => (camera.gains, camera.gain_ratio),
+            (None, None) => (None, 0.0),
+        };
+        let (bits, alpha) = (bits.ok_or_else(|| missing("bits"))?, alpha.ok_or_else(|| missing("alpha"))?);
+        let model = SensorModel { bits, alpha, psf, psf_sigma, gains, gain_ratio };
         model.check()?;
         Ok(model)
     }
@@ -107,8 +144,8 @@ impl SensorOverride {
 
 impl From<SensorModel> for SensorOverride {
     fn from(model: SensorModel) -> Self {
-        let SensorModel { bits, alpha, psf, psf_sigma } = model;
-        Self { bits, alpha, psf, psf_sigma }
+        let SensorModel { bits, alpha, psf, psf_sigma, gains, gain_ratio } = model;
+        Self { bits, alpha, psf, psf_sigma, gains: Some(gains), gain_ratio }
     }
 }
 
@@ -129,14 +166,42 @@ mod tests {
 
     #[test]
     fn a_value_that_is_not_set_is_the_cameras() {
-        let camera = SensorModel { bits: 10, alpha: 3.0, psf: BlurShape::Paper7, psf_sigma: 0.0 };
+        let rows = (Some(GainPattern::Rows), 0.25);
+        let camera = SensorModel {
+            bits: 10,
+            alpha: 3.0,
+            psf: BlurShape::Paper7,
+            psf_sigma: 0.0,
+            gains: rows.0,
+            gain_ratio: rows.1,
+        };
         let unset = SensorOverride::default();
         assert_eq!(unset.over(Some(&camera)), Ok(camera.clone()));
         assert_eq!(unset.over(None).expect_err("nothing is known").name, "bits");
-        let set = SensorOverride { alpha: 2.0, psf_sigma: 1.0, ..SensorOverride::default() };
-        let expected = SensorModel { bits: 10, alpha: 2.0, psf: BlurShape::Gaussian, psf_sigma: 1.0 };
+        let set =
+            SensorOverride { alpha: 2.0, psf_sigma: 1.0, gains: Some(None), ..SensorOverride::default() };
+        let expected = SensorModel { bits: 10, alpha: 2.0, psf_sigma: 1.0, ..SensorModel::default() };
         assert_eq!(set.over(Some(&camera)), Ok(expected.clone()));
         assert_eq!(SensorOverride::from(expected.clone()).over(Some(&camera)), Ok(expected));
+    }
+
+    #[test]
+    fn pixels_of_low_gain_never_wrap() {
+        let gains = |alpha, gain_ratio| {
+            SensorModel {
+                alpha,
+                gain_ratio,
+                gains: Some(GainPattern::Checkerboard),
+                ..SensorModel::default()
+            }
+            .gains()
+        };
+        for (alpha, given, ratio) in [(4.0, 0.0, 0.25), (4.0, 0.125, 0.125), (0.5, 0.0, 1.0)] {
+            assert_eq!(gains(alpha, given), Ok(Gains::Two { pattern: GainPattern::Checkerboard, ratio }));
+        }
+        let why = gains(4.0, 0.26).expect_err("0.26 * 4 > 1").to_string();
+        assert!(why.contains("gain_ratio") && why.contains("0.25"), "{why}");
+        assert_eq!(SensorModel { gain_ratio: 0.9, ..SensorModel::default() }.gains(), Ok(Gains::One));
     }
 
     #[test]

@@ -177,7 +177,7 @@ impl Case {
         let full_scale = (256.0 * alpha) as f32;
         let radiance = (self.draw)().mapv_into(|codes| codes / full_scale);
         let (psf, read_noise) = (self.psf, self.read_noise);
-        let config = SensorConfig { bits, alpha, psf, read_noise, shot_noise: 0.0 };
+        let config = SensorConfig { bits, alpha, psf, read_noise, ..SensorConfig::default() };
         Sensor::new(config)?.expose(radiance.view(), SEED)
     }
 }

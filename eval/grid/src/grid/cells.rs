@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Parser, ValueEnum};
 use modulo_camera::CameraParameters;
+use modulo_core::GainPattern;
 use modulo_core::unwrap::METHODS;
 use modulo_runtime::SensorModel;
 
@@ -36,6 +37,10 @@ pub struct Axes {
     /// Strengths of the shot noise: its standard deviation at the signal x is sqrt(strength * x) in code units
     #[arg(long, value_delimiter = ',', default_value = "0")]
     pub shot_noise: Vec<f64>,
+    /// Pixels with a lower gain (1 / alpha), which do not wrap; their images have a method of their own, and the saturated
+    /// stream is then that of spatially varying exposure
+    #[arg(long, value_delimiter = ',', default_value = "none", value_parser = ["none", "checkerboard", "rows"])]
+    pub gains: Vec<String>,
     /// Detection models: ONNX files, or demo for the embedded model
     #[arg(long, value_delimiter = ',', default_value = "demo")]
     pub model: Vec<PathBuf>,
@@ -57,6 +62,9 @@ pub enum DeblurChoice {
     /// Never
     Off,
 }
+
+/// Stream, method, whether it is deblurred, and the lens blur in px.
+type ImageSettings = (Stream, Option<String>, bool, f64);
 
 impl Default for Axes {
     /// The defaults of the command line.
@@ -83,7 +91,7 @@ impl Axes {
         for model in self.model.iter().map(|model| Self::model_name(model)) {
             for input in &inputs {
                 for [noise, shot_noise, alpha] in self.exposures() {
-                    for (stream, method, deblur, psf_sigma) in self.images(protocol) {
+                    for (gains, (stream, method, deblur, psf_sigma)) in self.gained_images(protocol) {
                         let (model, input) = (model.clone(), input.clone());
                         let point = Point {
                             stream,
@@ -93,6 +101,7 @@ impl Axes {
                             psf_sigma,
                             noise,
                             shot_noise,
+                            gains,
                             model,
                             input,
                         };
@@ -114,8 +123,26 @@ impl Axes {
         noises.flat_map(|[noise, shot]| self.alpha.iter().map(move |alpha| [noise, shot, *alpha])).collect()
     }
 
+    /// Every image at one alpha, with the gains of its sensor.
+    fn gained_images(&self, protocol: Protocol) -> Vec<(String, ImageSettings)> {
+        let of_gains = |gains: &String| -> Vec<(String, ImageSettings)> {
+            let images = self.images(protocol).into_iter();
+            let Some(pattern) = GainPattern::named(gains) else {
+                return images.map(|image| (gains.clone(), image)).collect();
+            };
+            // The gains decide the method. A raw image of two gains is no image for a detector, and the ideal one has none.
+            let of_two =
+                images.filter(|(stream, ..)| matches!(stream, Stream::Saturated | Stream::Recovered));
+            let method = Some(pattern.method().to_owned());
+            of_two
+                .map(|(stream, _, deblur, sigma)| (gains.clone(), (stream, method.clone(), deblur, sigma)))
+                .collect()
+        };
+        self.gains.iter().flat_map(of_gains).collect()
+    }
+
     /// Every (stream, method, deblur, blur) at one alpha.
-    fn images(&self, protocol: Protocol) -> Vec<(Stream, Option<String>, bool, f64)> {
+    fn images(&self, protocol: Protocol) -> Vec<ImageSettings> {
         let methods = self.methods(protocol);
         let deblur: &[bool] = match (self.deblur, protocol) {
             (DeblurChoice::Both, Protocol::Suite) => &[false, true],
@@ -160,6 +187,7 @@ impl Axes {
             ("the list of lens blurs", self.psf_sigma.is_empty()),
             ("the list of noises", self.noise.is_empty()),
             ("the list of shot noises", self.shot_noise.is_empty()),
+            ("the list of gains", self.gains.is_empty()),
             ("the list of models", self.model.is_empty()),
         ] {
             if empty {
@@ -176,11 +204,16 @@ impl Axes {
         }
         // The scripts of the paper have a fixed lens and no noise. Other values would be ignored, which the results
         // would not show.
-        let plain = self.psf_sigma == [1.4] && self.noise == [0.0] && self.shot_noise == [0.0];
+        let plain = self.psf_sigma == [1.4]
+            && self.noise == [0.0]
+            && self.shot_noise == [0.0]
+            && self.gains == ["none"];
         if protocol == Protocol::Paper && !plain {
-            let Self { psf_sigma, noise, shot_noise, .. } = self;
-            let value = format!("{psf_sigma:?} px with noise {noise:?} and shot noise {shot_noise:?}");
-            let possible = "the lens of the paper: blur 1.4 px (7 taps), no noise".to_owned();
+            let Self { psf_sigma, noise, shot_noise, gains, .. } = self;
+            let value = format!(
+                "{psf_sigma:?} px with noise {noise:?}, shot noise {shot_noise:?} and gains {gains:?}"
+            );
+            let possible = "the lens of the paper: blur 1.4 px (7 taps), no noise, one gain".to_owned();
             return Err(GridError::Value { what: "the lens", value, possible });
         }
         let of_suite = [METHODS, &[SPUD_AS_PUBLISHED]].concat();

@@ -166,7 +166,7 @@ impl Truth {
 pub struct RecoveryQuality {
     /// Number of samples with the true wrap count.
     pub exact: u64,
-    /// Number of samples.
+    /// Number of samples; with two gains, of those of full gain.
     pub samples: u64,
     /// Whether the method trusts its result.
     pub trust: Trust,
@@ -207,13 +207,17 @@ impl RecoveryQuality {
         truth: &[Exposure; 2],
     ) -> Option<Self> {
         let peak = truth[0].range().peak();
-        let wraps = truth[0].wraps();
+        let (wraps, gains) = (truth[0].wraps(), truth[0].gains());
         let counts = counts.to_f32();
+        let full = wraps
+            .indexed_iter()
+            .zip(&counts)
+            .filter(|(((row, column, _), _), _)| gains.at(*row, *column) == 1.0);
         // x_hat = y + k P with y < P, so that the integer part of x_hat / P is k.
-        let exact = counts.iter().zip(&wraps).filter(|(count, wraps)| (*count / peak) as u8 == **wraps);
+        let exact = full.clone().filter(|((_, wraps), count)| (*count / peak) as u8 == **wraps);
         Some(Self {
             exact: exact.count() as u64,
-            samples: wraps.len() as u64,
+            samples: full.count() as u64,
             trust: match value(diagnostics, "trusted") {
                 Some("true") => Trust::Trusted,
                 Some("false") => Trust::Contradicted,

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use modulo_bags::source::{Source, SourceError, SourceFrame};
 use modulo_camera::CameraParameters;
+use modulo_core::unwrap::Method;
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_runtime::driver::lockstep::{Lockstep, OnTopic};
 use modulo_runtime::{Message, SensorModel, StampedFrame};
@@ -28,12 +29,21 @@ impl<'a> SuitePipeline<'a> {
         let lens = |psf_sigma| CameraParameters {
             read_noise: point.noise,
             shot_noise: point.shot_noise,
-            sensor: SensorModel { bits: BITS, alpha: point.alpha, psf_sigma, ..SensorModel::default() },
+            sensor: SensorModel {
+                bits: BITS,
+                alpha: point.alpha,
+                psf_sigma,
+                gains: point.pattern(),
+                ..SensorModel::default()
+            },
             ..CameraParameters::default()
         };
         let camera = lens(point.psf_sigma);
-        let unwrap = point.method.as_ref().map(|method| {
-            let (method, sensor) = (method.parse()?, camera.sensor.clone().into());
+        let recovers = point.method.as_ref().filter(|_| point.stream == Stream::Recovered);
+        let unwrap = recovers.map(|method| {
+            // Gains have a method of their own, which the node takes whatever the parameter.
+            let method = if point.pattern().is_some() { Method::Auto } else { method.parse()? };
+            let sensor = camera.sensor.clone().into();
             let with = UnwrapParameters { method, deblur: point.deblur, sensor, ..Default::default() };
             let topics = ["/recovered", "/hdr", "/diagnostics"].map(str::to_owned).to_vec();
             let mut chain = Lockstep::new(config.timer, topics);

@@ -1,0 +1,498 @@
+//! Two gains in one shot: every second pixel has a lower gain and does not wrap, so that its neighbours of full gain can be
+//! unwrapped from it, whatever the lens.
+//!
+//! At a pixel of full gain, each pair of neighbours of low gain on opposite sides gives a guess of x, its mean. The weight of a
+//! guess falls with the square of the difference within its pair, here and at the pixels of full gain around, since a pair along an
+//! edge knows more than one across it. The wrap count is the one that brings `y + k 2^b` nearest to this prediction. The layout is that of spatially varying exposure
+//! (Nayar and Mitsunaga 2000, *CVPR*), whose pixels of full gain saturate; see [`Exposure::saturated`](crate::Exposure::saturated).
+
+use ndarray::Array3;
+
+use crate::frame::Frame;
+use crate::range::{HALF_A_CODE, Range};
+use crate::simd::widest;
+use crate::unwrap::{Integers, Recovered, Trust, Unwrap, UnwrapError};
+
+/// The gains of the pixels of a sensor.
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
+pub enum Gains {
+    /// All pixels have the full gain.
+    #[default]
+    One,
+    /// Some pixels have a lower gain.
+    Two {
+        /// The pixels with the lower gain.
+        pattern: GainPattern,
+        /// The lower gain over the full one, more than 0 and at most `1 / alpha`, so that these pixels never wrap.
+        ratio: f64,
+    },
+}
+
+/// The arrangement of the pixels with the lower gain.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GainPattern {
+    /// Pixels whose row and column (from 0) add up to an odd number.
+    Checkerboard,
+    /// Pixels in odd rows.
+    Rows,
+}
+
+/// The largest number of pairs of neighbours of a pixel.
+const MAX_PAIRS: usize = 3;
+
+/// Differences within a pair well below this share of the peak hardly count.
+const SOFT: f32 = 3.0 / 16.0;
+
+/// The largest share of the doubtful pixels with which the result is trusted. About one of three doubtful pixels is wrong.
+const MOST_DOUBTFUL: f64 = 1e-3;
+
+impl Gains {
+    /// Returns the gain of a pixel over the full one.
+    pub fn at(self, row: usize, column: usize) -> f64 {
+        match self {
+            Self::Two { pattern, ratio } if pattern.is_low(row, column) => ratio,
+            Self::One | Self::Two { .. } => 1.0,
+        }
+    }
+}
+
+impl GainPattern {
+    /// The gains of a sensor with their words; `None` stands for one gain.
+    pub const WORDS: [(&'static str, Option<Self>); 3] =
+        [("none", None), ("checkerboard", Some(Self::Checkerboard)), ("rows", Some(Self::Rows))];
+
+    /// Returns the pattern of a word of [`GainPattern::WORDS`]; `None` for `none` and for any other text.
+    pub fn named(word: &str) -> Option<Self> {
+        Self::WORDS.into_iter().find(|(known, _)| *known == word).and_then(|(_, pattern)| pattern)
+    }
+
+    /// Returns the name of the method that unwraps the images of a sensor with these gains.
+    pub fn method(self) -> &'static str {
+        match self {
+            Self::Checkerboard => "checkerboard_gains",
+            Self::Rows => "row_gains",
+        }
+    }
+
+    /// Returns whether a pixel has the lower gain.
+    pub fn is_low(self, row: usize, column: usize) -> bool {
+        match self {
+            Self::Checkerboard => (row + column) % 2 == 1,
+            Self::Rows => row % 2 == 1,
+        }
+    }
+
+    /// Returns the pairs of neighbours of low gain on opposite sides of a pixel of full gain, at most [`MAX_PAIRS`]: (rows
+    /// down, columns to the right) of one of the two, and the share of the pair.
+    fn pairs(self) -> &'static [((isize, isize), f32)] {
+        match self {
+            Self::Checkerboard => &[((0, -1), 1.0), ((-1, 0), 1.0)],
+            Self::Rows => &[((-1, 0), 1.0), ((-1, -1), 0.5), ((-1, 1), 0.5)],
+        }
+    }
+
+    /// Returns the nearest pixels of full gain around one of them.
+    fn full_around(self) -> [(isize, isize); 4] {
+        match self {
+            Self::Checkerboard => [(-1, -1), (-1, 1), (1, -1), (1, 1)],
+            Self::Rows => [(0, -1), (0, 1), (0, -1), (0, 1)],
+        }
+    }
+}
+
+/// The unwrapping of images of a sensor with two gains.
+pub struct TwoGains {
+    pattern: GainPattern,
+    prediction: Prediction,
+}
+
+impl TwoGains {
+    /// Makes the method for the gains of a sensor; `None` for a sensor with one gain.
+    pub fn new(gains: Gains) -> Option<Self> {
+        let Gains::Two { pattern, ratio } = gains else { return None };
+        Some(Self { pattern, prediction: Prediction { ratio: ratio as f32, ..Prediction::default() } })
+    }
+
+    /// Writes radiance and wrap counts of the codes `y` into `out`.
+    fn recover<T: Copy + Into<f32>>(&mut self, y: &[T], range: Range, out: &mut Recovered) {
+        /// The floats from here on are whole numbers.
+        const WHOLE: f32 = (1 << 23) as f32;
+        let dim @ (height, width, channels) = out.x.dim();
+        let (stride, peak, limit) = (width * channels, range.peak(), range.limit() as f32);
+        let (most, largest, per_peak) = (f32::from(range.max_wraps()), limit.next_down(), peak.recip());
+        let low_at = |row| low_samples(self.pattern, row, width, channels);
+        let low_rows = [low_at(0), low_at(1)];
+        let (x, k) = out.buffers();
+        let mut doubtful = 0;
+        self.prediction.rows(self.pattern, y, dim, range, |row, low, predicted| {
+            let from = row * stride;
+            let samples =
+                x[from..][..stride].iter_mut().zip(&mut k[from..][..stride]).zip(&y[from..][..stride]);
+            let known = low.iter().zip(predicted).zip(&low_rows[row % 2]);
+            doubtful += widest!({
+                let mut doubtful = 0u32;
+                for (((x, k), y), ((&low, &predicted), &is_low)) in samples.zip(known) {
+                    let y: f32 = (*y).into();
+                    // The last period of the range need not be a whole one.
+                    let most = if y + most * peak < limit { most } else { (most - 1.0).max(0.0) };
+                    // The sum is rounded to the nearest whole number, which its low bits hold.
+                    let nearest = ((predicted - y) * per_peak).max(0.0).min(most) + WHOLE;
+                    let full = y + (nearest - WHOLE) * peak;
+                    doubtful += u32::from(!is_low & ((full - predicted).abs() > 0.375 * peak));
+                    *x = if is_low { low.min(largest) } else { full };
+                    *k = if is_low { 0 } else { nearest.to_bits() as u8 };
+                }
+                doubtful
+            });
+        });
+        let pixels_of_full_gain = (height * width * channels).div_ceil(2);
+        // An image of one pixel, or of one row of full gain, has no neighbours of low gain.
+        let vouched = f64::from(doubtful) <= MOST_DOUBTFUL * pixels_of_full_gain as f64
+            && self.pattern.pairs().iter().any(|&(step, _)| has_pair(step, height, width));
+        out.report.trust = if vouched { Trust::Trusted } else { Trust::Contradicted };
+    }
+}
+
+impl Unwrap for TwoGains {
+    fn name(&self) -> &'static str {
+        self.pattern.method()
+    }
+
+    fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
+        let samples = Integers::checked(y, range)?;
+        out.prepare(y.dim(), self.pattern.method());
+        match samples {
+            Integers::U8(y) => self.recover(y, range, out),
+            Integers::U16(y) => self.recover(y, range, out),
+        }
+        Ok(())
+    }
+}
+
+/// Returns the radiance (H x W x C, code units) of a sensor whose pixels of full gain saturate at the peak, as spatially varying
+/// exposure reads it: a pixel that saturates gets the prediction of its neighbours of low gain. `codes` are below 2^b.
+pub(crate) fn merge_saturated(
+    codes: &Array3<f32>,
+    pattern: GainPattern,
+    ratio: f64,
+    range: Range,
+) -> Array3<f32> {
+    let dim @ (_, width, channels) = codes.dim();
+    let (codes, stride, most) = (codes.as_standard_layout(), width * channels, range.peak() - 1.0);
+    let y = codes.as_slice().expect("the layout was made standard");
+    let mut x = Vec::with_capacity(y.len());
+    let mut prediction = Prediction { ratio: ratio as f32, ..Prediction::default() };
+    prediction.rows(pattern, y, dim, range, |row, low, predicted| {
+        let is_low = low_samples(pattern, row, width, channels);
+        let samples = y[row * stride..][..stride].iter().zip(low.iter().zip(predicted)).zip(is_low);
+        x.extend(samples.map(|((&y, (&low, &predicted)), is_low)| match (is_low, y >= most) {
+            (true, _) => low,
+            (false, false) => y,
+            (false, true) => predicted.max(y),
+        }));
+    });
+    Array3::from_shape_vec(dim, x).expect("every code has its radiance")
+}
+
+/// Returns for each sample of a row whether it has the lower gain.
+fn low_samples(pattern: GainPattern, row: usize, width: usize, channels: usize) -> Vec<bool> {
+    (0..width * channels).map(|sample| pattern.is_low(row, sample / channels)).collect()
+}
+
+/// Returns whether an image has neighbours at this step: along a side of one pixel there are none.
+fn has_pair((down, right): (isize, isize), height: usize, width: usize) -> bool {
+    (down == 0 || height > 1) && (right == 0 || width > 1)
+}
+
+/// The prediction of one row after the other. Rows have one pixel more at both ends.
+#[derive(Default)]
+struct Prediction {
+    ratio: f32,
+    width: usize,
+    channels: usize,
+    /// Radiance of the last rows as if all pixels had low gain: row i lies at i modulo 4.
+    radiance: [Vec<f32>; 4],
+    /// Differences within each pair, for the last rows: row i lies at i modulo 3.
+    differences: [[Vec<f32>; 3]; MAX_PAIRS],
+    predicted: Vec<f32>,
+    weights: Vec<f32>,
+}
+
+impl Prediction {
+    /// Calls `take` with each row: its number, the radiance of its codes as if they had low gain, and the prediction from
+    /// neighbours of low gain, which holds at pixels of full gain only.
+    fn rows<T: Copy + Into<f32>>(
+        &mut self,
+        pattern: GainPattern,
+        y: &[T],
+        (height, width, channels): (usize, usize, usize),
+        range: Range,
+        mut take: impl FnMut(usize, &[f32], &[f32]),
+    ) {
+        (self.width, self.channels) = (width, channels);
+        let stride = width * channels;
+        // The differences of a row need the row below it, and its prediction the differences of the row below it.
+        for row in 0..height + 2 {
+            if row < height {
+                self.read(row, &y[row * stride..][..stride]);
+            }
+            if let Some(row) = row.checked_sub(1).filter(|row| *row < height) {
+                self.compare(row, pattern, height);
+            }
+            if let Some(row) = row.checked_sub(2) {
+                self.predict(row, pattern, height, SOFT * range.peak());
+                take(row, &self.radiance[row % 4][channels..][..stride], &self.predicted);
+            }
+        }
+    }
+
+    /// Takes the codes of a row.
+    fn read<T: Copy + Into<f32>>(&mut self, row: usize, y: &[T]) {
+        let (channels, scale) = (self.channels, 1.0 / self.ratio);
+        let radiance = &mut self.radiance[row % 4];
+        radiance.resize(y.len() + 2 * channels, 0.0);
+        let inner = radiance[channels..].iter_mut().zip(y);
+        // A code stands for the interval above it, and x_hat is a whole code too: the half codes cancel for a ratio of 1.
+        widest!(inner.for_each(|(x, &y)| *x = (y.into() + HALF_A_CODE) * scale - HALF_A_CODE));
+        mirror(radiance, self.width, channels);
+    }
+
+    /// Computes the differences within the pairs around the pixels of a row.
+    fn compare(&mut self, row: usize, pattern: GainPattern, height: usize) {
+        let (samples, channels) = (self.width * self.channels, self.channels);
+        for (&(step, _), rows) in pattern.pairs().iter().zip(&mut self.differences) {
+            let differences = &mut rows[row % 3];
+            differences.resize(samples + 2 * channels, 0.0);
+            let (a, b) = pair(&self.radiance, (row, height), step, (samples, channels));
+            let pairs = differences[channels..].iter_mut().zip(a.iter().zip(b));
+            widest!(pairs.for_each(|(difference, (a, b))| *difference = (a - b).abs()));
+            mirror(differences, self.width, channels);
+        }
+    }
+
+    /// Predicts a row from the means of its pairs.
+    fn predict(&mut self, row: usize, pattern: GainPattern, height: usize, soft: f32) {
+        let (samples, channels) = (self.width * self.channels, self.channels);
+        for sums in [&mut self.predicted, &mut self.weights] {
+            sums.clear();
+            sums.resize(samples, 0.0);
+        }
+        for (&(step, share), differences) in pattern.pairs().iter().zip(&self.differences) {
+            if !has_pair(step, height, self.width) {
+                continue;
+            }
+            let (a, b) = pair(&self.radiance, (row, height), step, (samples, channels));
+            let around = |(down, right): (isize, isize)| {
+                &differences[mirrored(row, down, height) % 3][(right + 1) as usize * channels..][..samples]
+            };
+            let (here, [p, q, r, s]) = (around((0, 0)), pattern.full_around().map(around));
+            let differences = here.iter().zip(p.iter().zip(q)).zip(r.iter().zip(s));
+            let sums = self.predicted.iter_mut().zip(&mut self.weights).zip(a.iter().zip(b)).zip(differences);
+            widest!(sums.for_each(|(((sum, weights), (a, b)), ((here, (p, q)), (r, s)))| {
+                let difference = here + (p + q + r + s) * 0.25 + soft;
+                let weight = share / (difference * difference);
+                *sum += weight * (a + b) * 0.5;
+                *weights += weight;
+            }));
+        }
+        let normalised = self.predicted.iter_mut().zip(&self.weights);
+        // Without any pair the prediction would be 0 / 0; such an image is dark for all that is known.
+        widest!(normalised.for_each(|(sum, weight)| *sum = if *weight > 0.0 { *sum / weight } else { 0.0 }));
+    }
+}
+
+/// Returns the samples of both neighbours of a pair, for the pixels of a row.
+fn pair(
+    radiance: &[Vec<f32>; 4],
+    (row, height): (usize, usize),
+    (down, right): (isize, isize),
+    (samples, channels): (usize, usize),
+) -> (&[f32], &[f32]) {
+    let neighbour = |down, right: isize| {
+        &radiance[mirrored(row, down, height) % 4][(right + 1) as usize * channels..][..samples]
+    };
+    (neighbour(down, right), neighbour(-down, -right))
+}
+
+/// Returns the row `down` rows below `row`. Beyond the border lies the mirror image without the border row (`dcb|abcd`), whose
+/// pixels have the same gains.
+fn mirrored(row: usize, down: isize, height: usize) -> usize {
+    let last = height as isize - 1;
+    let at = (row as isize + down).abs();
+    (if at > last { 2 * last - at } else { at }).max(0) as usize
+}
+
+/// Fills the pixel at both ends of a row with the mirror image of the row without its border pixel.
+fn mirror(row: &mut [f32], width: usize, channels: usize) {
+    let (inner, reach) = (width * channels, if width > 1 { 2 * channels } else { channels });
+    row.copy_within(reach..reach + channels, 0);
+    row.copy_within(channels + inner - reach..2 * channels + inner - reach, channels + inner);
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::{Sensor, SensorConfig};
+
+    const PATTERNS: [GainPattern; 2] = [GainPattern::Checkerboard, GainPattern::Rows];
+
+    /// The prediction by its definition, one pixel after the other.
+    fn predicted(
+        x: impl Fn(usize, usize) -> f64,
+        pattern: GainPattern,
+        (i, j): (usize, usize),
+        (height, width): (usize, usize),
+        peak: f64,
+    ) -> f64 {
+        let at = |i: isize, j: isize| {
+            let mirror = |at: isize, n: usize| {
+                let last = n as isize - 1;
+                (if at < 0 {
+                    -at
+                } else if at > last {
+                    2 * last - at
+                } else {
+                    at
+                }) as usize
+            };
+            x(mirror(i, height), mirror(j, width))
+        };
+        let (mut sum, mut weights) = (0.0, 0.0);
+        let (i, j) = (i as isize, j as isize);
+        for &((down, right), share) in pattern.pairs() {
+            if (down != 0 && height == 1) || (right != 0 && width == 1) {
+                continue;
+            }
+            let difference = |(i, j)| (at(i + down, j + right) - at(i - down, j - right)).abs();
+            // Where a side has one pixel there is one pair, so that its weight does not matter.
+            let around = if height == 1 || width == 1 {
+                0.0
+            } else {
+                let mirror = |at: isize, n: usize| {
+                    if at < 0 {
+                        -at
+                    } else if at >= n as isize {
+                        2 * n as isize - 2 - at
+                    } else {
+                        at
+                    }
+                };
+                pattern
+                    .full_around()
+                    .map(|(a, b)| difference((mirror(i + a, height), mirror(j + b, width))))
+                    .iter()
+                    .sum::<f64>()
+            };
+            let weight = f64::from(share) / (difference((i, j)) + around / 4.0 + 3.0 / 16.0 * peak).powi(2);
+            let (a, b) = (at(i + down, j + right), at(i - down, j - right));
+            sum += weight * (a + b) / 2.0;
+            weights += weight;
+        }
+        if weights > 0.0 { sum / weights } else { 0.0 }
+    }
+
+    proptest! {
+        #[test]
+        fn takes_the_count_that_is_nearest_to_the_prediction(
+            (height, width, rgb) in (1usize..7, 1usize..9, any::<bool>()),
+            (bits, alpha) in (2u8..=10, 0.6f64..9.0),
+            rows in any::<bool>(),
+            seed in any::<u64>(),
+        ) {
+            let channels = if rgb { 3 } else { 1 };
+            let pattern = PATTERNS[usize::from(rows)];
+            let ratio = alpha.recip().min(1.0);
+            let range = Range::new(bits, alpha).unwrap();
+            let mut random = seed | 1;
+            let codes = Array3::from_shape_simple_fn((height, width, channels), || {
+                random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                // Only codes that x below the limit can have.
+                ((random >> 40) % f64::from(range.peak()).min(range.limit()).floor().max(1.0) as u64) as u16
+            });
+            let mut out = Recovered::default();
+            let mut method = TwoGains::new(Gains::Two { pattern, ratio }).unwrap();
+            method.unwrap(&Frame::from_u16(codes.clone()).unwrap(), range, &mut out).unwrap();
+            let peak = f64::from(range.peak());
+            for ((i, j, c), &k) in out.k.indexed_iter() {
+                let y = f64::from(codes[(i, j, c)]);
+                prop_assert!(f64::from(out.x[(i, j, c)]) < range.limit());
+                if pattern.is_low(i, j) {
+                    prop_assert_eq!(k, 0);
+                    let low = ((y + 0.5) / ratio - 0.5).min(range.limit());
+                    prop_assert!((f64::from(out.x[(i, j, c)]) - low).abs() < 1e-3 * peak);
+                    continue;
+                }
+                prop_assert_eq!(f64::from(out.x[(i, j, c)]), y + f64::from(k) * peak);
+                let low = |i, j| (f64::from(codes[(i, j, c)]) + 0.5) / ratio - 0.5;
+                let goal = predicted(low, pattern, (i, j), (height, width), peak);
+                let off = |k: u8| (y + f64::from(k) * peak - goal).abs();
+                let possible = (0..=range.max_wraps()).filter(|k| *k == 0 || y + f64::from(*k) * peak < range.limit());
+                let best = possible.map(off).fold(f64::MAX, f64::min);
+                prop_assert!(off(k) <= best + 1e-3 * peak, "({i}, {j}, {c}): {} {best}", off(k));
+            }
+        }
+
+        #[test]
+        fn a_smooth_scene_is_exact_and_trusted(rows in any::<bool>(), alpha in 1.5f64..8.0, rgb in any::<bool>()) {
+            let gains = Gains::Two { pattern: PATTERNS[usize::from(rows)], ratio: alpha.recip() };
+            let radiance = Array3::from_shape_fn((60, 80, if rgb { 3 } else { 1 }), |(i, j, c)| {
+                0.5 + 0.45 * ((i as f32 / 17.0).sin() * (j as f32 / 23.0 + c as f32).cos())
+            });
+            let sensor = Sensor::new(SensorConfig { alpha, gains, ..SensorConfig::default() }).unwrap();
+            let exposure = sensor.expose(radiance.view(), 0).unwrap();
+            let mut out = Recovered::default();
+            TwoGains::new(gains).unwrap().unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
+            prop_assert_eq!(exposure.exact_share(&out.k), Some(1.0));
+            prop_assert_eq!(out.report.trust, Trust::Trusted);
+            // A pixel of low gain counts steps of alpha codes.
+            let error = out.x.iter().zip(exposure.x()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+            prop_assert!(f64::from(error) <= alpha / 2.0 + 1.0, "{error}");
+        }
+    }
+
+    #[test]
+    fn noise_without_a_scene_and_an_image_without_neighbours_are_not_trusted() {
+        let range = Range::new(8, 4.0).unwrap();
+        let trust = |codes: Array3<u8>, pattern| {
+            let mut out = Recovered::default();
+            let mut method = TwoGains::new(Gains::Two { pattern, ratio: 0.25 }).unwrap();
+            method.unwrap(&Frame::from_u8(codes).unwrap(), range, &mut out).unwrap();
+            out.report.trust
+        };
+        for pattern in PATTERNS {
+            let noise = Array3::from_shape_fn((20, 30, 3), |(i, j, c)| {
+                (((i * 7919 + j * 104_729 + c * 31) * 2_654_435_761) >> 7) as u8
+            });
+            assert_eq!(trust(noise, pattern), Trust::Contradicted);
+            assert_eq!(trust(Array3::zeros((1, 1, 1)), pattern), Trust::Contradicted);
+        }
+        assert_eq!(trust(Array3::zeros((1, 9, 1)), GainPattern::Rows), Trust::Contradicted);
+        assert_eq!(trust(Array3::zeros((1, 9, 1)), GainPattern::Checkerboard), Trust::Trusted);
+    }
+
+    #[test]
+    fn a_saturated_pixel_takes_the_radiance_of_its_neighbours() {
+        let gains = Gains::Two { pattern: GainPattern::Checkerboard, ratio: 0.25 };
+        let sensor = Sensor::new(SensorConfig { gains, ..SensorConfig::default() }).unwrap();
+        for (radiance, shown) in [(0.1, 25.0), (0.8, 204.0)] {
+            let saturated =
+                sensor.expose(Array3::from_elem((6, 8, 3), radiance).view(), 0).unwrap().saturated();
+            assert!(saturated.to_f32().iter().all(|v| (v - shown).abs() <= 1.0), "{radiance}");
+        }
+    }
+
+    #[test]
+    fn read_noise_comes_after_the_gain() {
+        let gains = Gains::Two { pattern: GainPattern::Rows, ratio: 0.25 };
+        let sensor = Sensor::new(SensorConfig { read_noise: 3.0, gains, ..SensorConfig::default() }).unwrap();
+        let exposure = sensor.expose(Array3::from_elem((200, 300, 1), 0.5).view(), 1).unwrap();
+        for (parity, expected) in [(0, 3.0), (1, 12.0)] {
+            let rows = exposure.x().indexed_iter().filter(|((i, ..), _)| i % 2 == parity);
+            let squares: Vec<f64> = rows.map(|(_, x)| (f64::from(*x) - 512.0).powi(2)).collect();
+            let sigma = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+            assert!((sigma / expected - 1.0).abs() < 0.02, "{sigma}");
+        }
+    }
+}
