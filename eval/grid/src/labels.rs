@@ -61,10 +61,13 @@ pub const SENSE: &str = "sense";
 /// The stages of a frame in their order.
 pub const STAGES: [&str; 8] = [SENSE, "merge", "unwrap", "tone", "deblur", "pre", "infer", "post"];
 
-/// Label of the image that the detector gets: `recovered (auto, deblurred)`, `saturated`, `ideal, sharp`.
+/// Label of the image that the detector gets: `recovered (auto, deblurred)`, `saturated`, `row_gains, saturated`,
+/// `ideal, sharp`.
 pub fn stream(point: &Point) -> String {
     let name = point.stream.name();
     match &point.method {
+        // The method comes first, since the first word decides on the colour.
+        Some(method) if point.stream == Stream::Saturated => format!("{method}, {name}"),
         Some(method) if point.deblur => format!("{name} ({method}, deblurred)"),
         Some(method) => format!("{name} ({method})"),
         None if is_sharp_ideal(point) => format!("{name}, sharp"),
