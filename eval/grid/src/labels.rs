@@ -61,13 +61,13 @@ pub const SENSE: &str = "sense";
 /// The stages of a frame in their order.
 pub const STAGES: [&str; 8] = [SENSE, "merge", "unwrap", "tone", "deblur", "pre", "infer", "post"];
 
-/// Label of the image that the detector gets: `recovered (auto, deblurred)`, `saturated`, `row_gains, saturated`,
+/// Label of the image that the detector gets: `recovered (auto, deblurred)`, `saturated`, `row_gains, saturating`,
 /// `ideal, sharp`.
 pub fn stream(point: &Point) -> String {
     let name = point.stream.name();
     match &point.method {
-        // The method comes first, since the first word decides on the colour.
-        Some(method) if point.stream == Stream::Saturated => format!("{method}, {name}"),
+        // The style is that of the first known word, and a variant of it by an unknown one.
+        Some(method) if point.stream == Stream::Saturated => format!("{method}, saturating"),
         Some(method) if point.deblur => format!("{name} ({method}, deblurred)"),
         Some(method) => format!("{name} ({method})"),
         None if is_sharp_ideal(point) => format!("{name}, sharp"),
