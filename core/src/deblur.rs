@@ -12,7 +12,7 @@ use crate::simd::widest;
 use crate::tone;
 
 /// The power of the noise over that of the image, for the filter along one side. It limits the gain at any frequency to about
-/// `1 / (2 sqrt(0.01))` = 5, which noise and wrong wrap counts are amplified by, too.
+/// `1 / (2 sqrt(0.01))` = 5, by which noise and wrong wrap counts are amplified, too.
 pub const REGULARISATION: f64 = 1e-2;
 
 /// The inverse filter of one lens.

@@ -3,8 +3,10 @@
 //!
 //! At a pixel of full gain, each pair of neighbours of low gain on opposite sides gives a guess of x, its mean. The weight of a
 //! guess falls with the square of the difference within its pair, here and at the pixels of full gain around, since a pair along an
-//! edge knows more than one across it. The wrap count is the one that brings `y + k 2^b` nearest to this prediction. The layout is that of spatially varying exposure
-//! (Nayar and Mitsunaga 2000, *CVPR*), whose pixels of full gain saturate; see [`Exposure::saturated`](crate::Exposure::saturated).
+//! edge knows more than one across it. The wrap count is the one that brings `y + k 2^b` nearest to this prediction.
+//!
+//! The layout is that of spatially varying exposure (Nayar and Mitsunaga 2000, *CVPR*), whose pixels of full gain saturate; see
+//! [`Exposure::saturated`](crate::Exposure::saturated).
 
 use ndarray::Array3;
 
@@ -40,7 +42,7 @@ pub enum GainPattern {
 /// The largest number of pairs of neighbours of a pixel.
 const MAX_PAIRS: usize = 3;
 
-/// Differences within a pair well below this share of the peak hardly count.
+/// This share of the peak is added to each difference, so that differences far below it hardly change the weights.
 const SOFT: f32 = 3.0 / 16.0;
 
 /// The largest share of the doubtful pixels with which the result is trusted. About one of three doubtful pixels is wrong.

@@ -141,7 +141,7 @@ impl UnwrapNode {
                 camera.alpha
             );
         }
-        // The filter has tables of the size of the image, so it is made anew only for another sensor.
+        // The taps of the filter take time to compute, and the methods keep buffers, so both are made anew only for another sensor.
         if self.sensor.as_ref().is_none_or(|prepared| prepared.model != model) {
             let blur = Some(model.psf()).filter(|psf| self.parameters.deblur && *psf != Psf::None);
             let (range, deblur) = (model.range()?, blur.map(Deblur::new));

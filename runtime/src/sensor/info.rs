@@ -3,8 +3,8 @@
 //!
 //! The camera publishes it on [`TOPIC`] before each frame, with the stamp of the frame, as a
 //! `diagnostic_msgs/msg/DiagnosticArray`, which every ROS 2 node can read: one status named `sensor`, whose values are
-//! the parameters of the sensor by name (`bits`, `alpha`, `psf`, `psf_sigma`, `gains`, `gain_ratio`, and the noise). The topic is reliable and
-//! transient local, so that a late reader gets the last one.
+//! the parameters of the sensor by name (`bits`, `alpha`, `psf`, `psf_sigma`, `gains`, `gain_ratio`, and the noise). The
+//! topic is reliable and transient local, so that a late reader gets the last one.
 
 use std::collections::VecDeque;
 use std::sync::Arc;

@@ -130,7 +130,8 @@ impl Axes {
             let Some(pattern) = GainPattern::named(gains) else {
                 return images.map(|image| (gains.clone(), image)).collect();
             };
-            // The gains decide the method. A raw image of two gains is no image for a detector, and the ideal one has none.
+            // The gains decide the method. The raw image of two gains is no image for a detector, and the ideal image does not
+            // depend on the gains.
             let of_two =
                 images.filter(|(stream, ..)| matches!(stream, Stream::Saturated | Stream::Recovered));
             let method = Some(pattern.method().to_owned());
