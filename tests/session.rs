@@ -15,7 +15,13 @@ use zenoh::Wait;
 #[test]
 fn a_router_is_used_when_there_is_one() {
     let bench = Bench::new();
-    let _deaf = TcpListener::bind(("127.0.0.1", meeting_port(bench.domain.id))).expect("a free port");
+    // A program that another test starts at this moment holds the sockets of this process until it runs, and with them
+    // the port that the search for a free domain has just tried.
+    let mut deaf = None;
+    wait_until("the meeting port is free", || {
+        deaf = TcpListener::bind(("127.0.0.1", meeting_port(bench.domain.id))).ok();
+        deaf.is_some()
+    });
     let mut config = zenoh::Config::default();
     for (key, value) in [
         ("mode", "\"router\""),
