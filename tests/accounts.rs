@@ -178,7 +178,7 @@ fn sick_images() -> Vec<(&'static str, Vec<u8>)> {
     vec![
         ("empty", vec![]),
         ("cut", bytes(|_| ())[..200].to_vec()),
-        ("unknown encoding", bytes(|image| image.encoding = "bayer_rggb8".into())),
+        ("unknown encoding", bytes(|image| image.encoding = "yuv422".into())),
         ("wrong height", bytes(|image| image.height += 1)),
         ("rows that overlap", bytes(|image| image.step = 1)),
         ("no pixel", bytes(|image| (image.height, image.width) = (0, 0))),

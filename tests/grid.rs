@@ -267,6 +267,31 @@ fn two_gains_are_exact_without_a_lens() {
     assert_eq!(cells[6]["gains"], "checkerboard", "{cells}");
 }
 
+/// The images of a mosaic are compared and detected in as those of three chips.
+#[test]
+fn a_mosaic_is_exact_behind_a_lens() {
+    let bench = Bench::new();
+    let out = bench.path("out");
+    let words = "--alpha 2 --psf-sigma 1.4 --stream ideal,recovered,multi_exposure --method auto,spud_as_published \
+                 --deblur off --engine rten";
+    let more = ["--mosaic", "none,grbg", "--time-frames", "0", "-o", out.to_str().expect("UTF-8")];
+    let base = ["eval", "--source", SCENE];
+    let words: Vec<&str> = base.into_iter().chain(words.split(' ')).chain(more).collect();
+    let output = bench.run(&words);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let table = rows(&out, "results.csv");
+    let named: Vec<[&str; 2]> =
+        table.iter().map(|row| ["mosaic", "stream"].map(|column| row[column].as_str())).collect();
+    let of = |mosaic| [[mosaic, "ideal"], [mosaic, "ideal"], [mosaic, "recovered"]];
+    // Three captures and SPUD as published have three chips only.
+    let three_chips = [["none", "recovered"], ["none", "multi_exposure"]];
+    assert_eq!(named, [&of("none")[..], &three_chips, &of("grbg")].concat());
+    let last = &table[table.len() - 1];
+    let exact: f64 = last["exact_k"].parse().expect("a share");
+    assert!(exact > 0.999, "{exact}");
+    assert_eq!(last["psnr_db"].parse::<f64>().ok().filter(|psnr| *psnr < 45.0), None, "{last:?}");
+}
+
 /// Two data sets with the same names and labels: the second one got the figures of the first.
 #[test]
 fn figures_of_other_pixels_are_not_taken_over() {

@@ -6,8 +6,10 @@ use std::fmt;
 
 use ndarray::{Array3, ArrayView3};
 
+use crate::mosaic::Mosaic;
+
 /// An image that is valid by construction: `H x W x C` samples, `H`, `W` >= 1, `C` = 1 (mono) or 3 (red, green,
-/// blue), row-major and interleaved; samples of 32 bits are finite.
+/// blue), row-major and interleaved; samples of 32 bits are finite. The one channel may be a colour mosaic.
 ///
 /// ```
 /// use modulo_core::Frame;
@@ -21,6 +23,7 @@ use ndarray::{Array3, ArrayView3};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     samples: Samples,
+    mosaic: Option<Mosaic>,
 }
 
 /// The samples of a [`Frame`], `H x W x C`, in standard layout.
@@ -68,6 +71,21 @@ pub enum FrameError {
         /// The number of channels.
         channels: usize,
     },
+    /// The image cannot be a colour mosaic: it is too small, has three colours at each pixel, or floats.
+    #[error(
+        "image of {height} x {width} pixels, {channels} channels and {depth} bits cannot be a colour mosaic, which has at least 2 x 2 \
+         pixels, 1 channel, and integers of 8 or 16 bits"
+    )]
+    Mosaic {
+        /// The number of rows.
+        height: usize,
+        /// The number of columns.
+        width: usize,
+        /// The number of channels.
+        channels: usize,
+        /// The bits of a sample.
+        depth: u8,
+    },
     /// A float sample is NaN or infinite.
     #[error("sample at ({at}) is {value}, finite numbers are needed")]
     NotFinite {
@@ -84,7 +102,7 @@ impl Frame {
     /// # Errors
     /// [`FrameError`] when a side is 0 or `C` is neither 1 nor 3.
     pub fn from_u8(pixels: Array3<u8>) -> Result<Self, FrameError> {
-        Ok(Self { samples: Samples::U8(checked(pixels)?) })
+        Ok(Self { samples: Samples::U8(checked(pixels)?), mosaic: None })
     }
 
     /// Makes a frame of 16-bit samples, `H x W x C`.
@@ -92,7 +110,7 @@ impl Frame {
     /// # Errors
     /// [`FrameError`] when a side is 0 or `C` is neither 1 nor 3.
     pub fn from_u16(pixels: Array3<u16>) -> Result<Self, FrameError> {
-        Ok(Self { samples: Samples::U16(checked(pixels)?) })
+        Ok(Self { samples: Samples::U16(checked(pixels)?), mosaic: None })
     }
 
     /// Makes a frame of float samples, `H x W x C`.
@@ -109,7 +127,24 @@ impl Frame {
                 value: samples[index],
             });
         }
-        Ok(Self { samples: Samples::F32(pixels) })
+        Ok(Self { samples: Samples::F32(pixels), mosaic: None })
+    }
+
+    /// Declares that the pixels are a colour mosaic.
+    ///
+    /// # Errors
+    /// [`FrameError::Mosaic`] when the frame has three channels, float samples, or a side of one pixel.
+    pub fn with_mosaic(self, mosaic: Mosaic) -> Result<Self, FrameError> {
+        let ((height, width, channels), depth) = (self.dim(), self.depth());
+        if channels != 1 || height.min(width) < 2 || depth == 32 {
+            return Err(FrameError::Mosaic { height, width, channels, depth });
+        }
+        Ok(Self { mosaic: Some(mosaic), ..self })
+    }
+
+    /// Returns the colour mosaic that the pixels are, if they are one.
+    pub fn mosaic(&self) -> Option<Mosaic> {
+        self.mosaic
     }
 
     /// Returns the samples, which have one of three types.

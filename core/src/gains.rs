@@ -8,9 +8,10 @@
 //! The layout is that of spatially varying exposure (Nayar and Mitsunaga 2000, *CVPR*), whose pixels of full gain saturate; see
 //! [`Exposure::saturated`](crate::Exposure::saturated).
 
-use ndarray::Array3;
+use ndarray::{Array3, s};
 
-use crate::frame::Frame;
+use crate::frame::{Frame, in_order};
+use crate::mosaic::PLACES;
 use crate::range::{HALF_A_CODE, Range};
 use crate::simd::widest;
 use crate::unwrap::{Integers, Recovered, Trust, Unwrap, UnwrapError};
@@ -115,6 +116,24 @@ impl TwoGains {
         Some(Self { pattern, prediction: Prediction { ratio: ratio as f32, ..Prediction::default() } })
     }
 
+    /// Writes radiance and wrap counts of a mosaic into `out`: the pixels of each colour have the pattern by themselves.
+    fn recover_mosaic(&mut self, y: &Array3<f32>, range: Range, out: &mut Recovered) {
+        let (mut colour, mut trust) = (Recovered::default(), Trust::Trusted);
+        for (row, column) in PLACES {
+            let place = s![row..;2, column..;2, ..];
+            let codes = y.slice(place);
+            colour.prepare(codes.dim(), self.pattern.method());
+            self.recover(in_order(codes.as_standard_layout().view()), range, &mut colour);
+            out.x.slice_mut(place).assign(&colour.x);
+            out.k.slice_mut(place).assign(&colour.k);
+            // One colour that is not trusted makes the whole image so.
+            if colour.report.trust != Trust::Trusted {
+                trust = colour.report.trust;
+            }
+        }
+        out.report.trust = trust;
+    }
+
     /// Writes radiance and wrap counts of the codes `y` into `out`.
     fn recover<T: Copy + Into<f32>>(&mut self, y: &[T], range: Range, out: &mut Recovered) {
         /// The floats from here on are whole numbers.
@@ -164,6 +183,7 @@ impl Unwrap for TwoGains {
         let samples = Integers::checked(y, range)?;
         out.prepare(y.dim(), self.pattern.method());
         match samples {
+            _ if y.mosaic().is_some() => self.recover_mosaic(&y.to_f32(), range, out),
             Integers::U8(y) => self.recover(y, range, out),
             Integers::U16(y) => self.recover(y, range, out),
         }

@@ -8,7 +8,13 @@ pub(crate) const HALF_A_CODE: f32 = 0.5;
 pub struct Range {
     bits: u8,
     alpha: f64,
+    /// The share of the pixels that a method may leave below the least count.
+    outliers: f64,
 }
+
+/// The share of the pixels of an image that may be out of range at a greater base level: hot pixels and small wrong regions must
+/// not raise the whole image.
+const OUTLIERS: f64 = 0.02;
 
 /// Error: these numbers cannot be a [`Range`].
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -40,7 +46,7 @@ impl Range {
         if !(alpha > 0.0 && alpha <= 256.0) {
             return Err(RangeError::Alpha { alpha });
         }
-        Ok(Self { bits, alpha })
+        Ok(Self { bits, alpha, outliers: OUTLIERS })
     }
 
     /// Returns b, the bits of the converter.
@@ -61,6 +67,17 @@ impl Range {
     /// Returns `alpha * 2^b` in code units; radiance is strictly below it.
     pub fn limit(self) -> f64 {
         self.alpha * f64::from(self.peak())
+    }
+
+    /// Returns the range of the difference of two values of this range, as far as 256 peaks hold it. It has either sign, so that its
+    /// least value is no outlier.
+    pub(crate) fn of_differences(self) -> Self {
+        Self { alpha: (2.0 * self.alpha).min(256.0), outliers: 0.0, ..self }
+    }
+
+    /// Returns the share of the pixels that a method may leave below the least count.
+    pub(crate) fn outliers(self) -> f64 {
+        self.outliers
     }
 
     /// Returns `ceil(alpha) - 1`, the largest wrap count k of radiance in range.

@@ -6,11 +6,12 @@ use std::borrow::Cow;
 
 use ndarray::{Array3, ArrayView2, ArrayView3, Axis};
 use rand::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
+use rand_distr::{Distribution, StandardNormal, StandardUniform};
 use rand_pcg::Pcg64Mcg;
 
 use crate::frame::{Frame, FrameError, SamplePosition, check_shape, position_of};
 use crate::gains::{Gains, merge_saturated};
+use crate::mosaic::{Mosaic, by_colour};
 use crate::optics::{Border, MAX_SIGMA, Psf, RowFilter};
 use crate::range::{Range, RangeError};
 use crate::simd::{floor, mapped, widest};
@@ -22,8 +23,11 @@ pub const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 /// The reason why the frames of an exposure are valid.
 const IS_AN_IMAGE: &str = "`Sensor::expose` has checked the shape";
 
+/// The seed of the fixed pattern, which is that of the sensor and not of an exposure.
+const PATTERN_SEED: u64 = 0x656d_7661_3132_3838;
+
 /// The largest noise parameter in code units: the peak of 16 bits.
-const MAX_NOISE: f64 = 65536.0;
+pub const MAX_NOISE: f64 = 65536.0;
 
 /// The configuration of a sensor and its lens.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,14 +42,35 @@ pub struct SensorConfig {
     pub read_noise: f64,
     /// The factor of the shot noise, whose standard deviation is `sqrt(shot_noise * x)` in code units, 0 to 65536.
     pub shot_noise: f64,
-    /// The gains of the pixels.
+    /// The photo response non-uniformity (EMVA 1288): the standard deviation of the gain between pixels as a fraction, 0 to 1.
+    pub prnu: f64,
+    /// The share of the samples that are hot: their dark signal is evenly distributed up to the peak, 0 to 1.
+    pub hot_pixels: f64,
+    /// The gains of the pixels; with a colour mosaic, of each 2 x 2 pixels.
     pub gains: Gains,
+    /// The colour filters of the pixels; `None` if each pixel sees all channels of the radiance.
+    pub mosaic: Option<Mosaic>,
+}
+
+impl SensorConfig {
+    /// A sensor of 8 bits, one gain and no mosaic, alpha 4, without blur and noise.
+    pub const PLAIN: Self = Self {
+        bits: 8,
+        alpha: 4.0,
+        psf: Psf::None,
+        read_noise: 0.0,
+        shot_noise: 0.0,
+        prnu: 0.0,
+        hot_pixels: 0.0,
+        gains: Gains::One,
+        mosaic: None,
+    };
 }
 
 impl Default for SensorConfig {
-    /// Returns a sensor of 8 bits and one gain, alpha 4, without blur and noise.
+    /// Returns [`SensorConfig::PLAIN`].
     fn default() -> Self {
-        Self { bits: 8, alpha: 4.0, psf: Psf::None, read_noise: 0.0, shot_noise: 0.0, gains: Gains::One }
+        Self::PLAIN
     }
 }
 
@@ -62,12 +87,14 @@ pub enum SensorError {
         sigma: f64,
     },
     /// A noise parameter is out of range.
-    #[error("{name} is {value}, 0 to {MAX_NOISE} is possible")]
+    #[error("{name} is {value}, 0 to {most} is possible")]
     Noise {
-        /// The name of the parameter, `read_noise` or `shot_noise`.
+        /// The name of the parameter.
         name: &'static str,
         /// The value of the parameter.
         value: f64,
+        /// The largest possible value.
+        most: f64,
     },
     /// The lower gain is out of range.
     #[error("gain_ratio is {ratio}, more than 0 and at most {most} (1 / alpha) is possible")]
@@ -80,6 +107,12 @@ pub enum SensorError {
     /// The radiance does not have the shape of an image.
     #[error(transparent)]
     Shape(#[from] FrameError),
+    /// The radiance of a sensor with a colour mosaic has no colours.
+    #[error("radiance has {channels} channels, a sensor with a colour mosaic needs 3")]
+    Mosaic {
+        /// The number of channels.
+        channels: usize,
+    },
     /// A sample of the radiance is NaN or infinite.
     #[error("radiance at ({at}) is {value}, finite numbers are needed")]
     NotFinite {
@@ -112,7 +145,27 @@ pub struct Sensor {
     taps: Vec<f32>,
     read_noise: f64,
     shot_noise: f64,
+    prnu: f64,
+    hot_pixels: f64,
+    layout: PixelArrangement,
+}
+
+/// The gain and the colour of each pixel.
+#[derive(Clone, Copy, Debug)]
+struct PixelArrangement {
     gains: Gains,
+    mosaic: Option<Mosaic>,
+}
+
+impl PixelArrangement {
+    /// Returns the gain of a pixel over the full one. With a mosaic, 2 x 2 pixels have one gain, so that the pixels of each colour
+    /// by themselves have the pattern of the gains.
+    fn gain(self, row: usize, column: usize) -> f64 {
+        match self.mosaic {
+            None => self.gains.at(row, column),
+            Some(_) => self.gains.at(row / 2, column / 2),
+        }
+    }
 }
 
 impl Sensor {
@@ -128,19 +181,25 @@ impl Sensor {
         {
             return Err(SensorError::PsfSigma { sigma });
         }
-        for (name, value) in [("read_noise", config.read_noise), ("shot_noise", config.shot_noise)] {
-            if !(0.0..=MAX_NOISE).contains(&value) {
-                return Err(SensorError::Noise { name, value });
+        let SensorConfig { read_noise, shot_noise, prnu, hot_pixels, gains, mosaic, .. } = config;
+        for (name, value, most) in [
+            ("read_noise", read_noise, MAX_NOISE),
+            ("shot_noise", shot_noise, MAX_NOISE),
+            ("prnu", prnu, 1.0),
+            ("hot_pixels", hot_pixels, 1.0),
+        ] {
+            if !(0.0..=most).contains(&value) {
+                return Err(SensorError::Noise { name, value, most });
             }
         }
-        let SensorConfig { read_noise, shot_noise, gains, .. } = config;
         if let Gains::Two { ratio, .. } = gains {
             let most = range.alpha().recip().min(1.0);
             if !(ratio > 0.0 && ratio <= most) {
                 return Err(SensorError::GainRatio { ratio, most });
             }
         }
-        Ok(Self { range, taps: config.psf.taps(), read_noise, shot_noise, gains })
+        let layout = PixelArrangement { gains, mosaic };
+        Ok(Self { range, taps: config.psf.taps(), read_noise, shot_noise, prnu, hot_pixels, layout })
     }
 
     /// Returns the bits and alpha.
@@ -150,24 +209,28 @@ impl Sensor {
 
     /// Returns the gains of the pixels.
     pub fn gains(&self) -> Gains {
-        self.gains
+        self.layout.gains
     }
 
     /// Exposes the sensor to `radiance`, H x W x C with full scale 1; values outside `[0, 1)` are clamped. `x =
     /// alpha * 2^b * blur(radiance) + noise` is clamped to `[0, alpha * 2^b)`. The blur repeats the sample at the
-    /// border of the image (`dcba|abcd|dcba`).
+    /// border of the image (`dcba|abcd|dcba`). With a mosaic, each pixel keeps one of the three channels.
     ///
     /// # Errors
-    /// [`SensorError`] when the shape is not that of an image, or a value is NaN or infinite.
+    /// [`SensorError`] when the shape is not that of an image, or not one of which the sensor has a mosaic, or a value is NaN or
+    /// infinite.
     pub fn expose(&self, radiance: ArrayView3<'_, f32>, seed: u64) -> Result<Exposure, SensorError> {
         let dim @ (height, width, channels) = radiance.dim();
-        check_shape(dim)?;
+        self.check_radiance(dim)?;
         let limit = self.range.limit();
         // `floor(x / 2^b)` must never reach `ceil(alpha)`, so x stays strictly below the limit even after rounding.
         let most = largest_below(limit);
         let (mut random, mut fault) = (Pcg64Mcg::seed_from_u64(seed), None);
+        let mut pattern = Pcg64Mcg::seed_from_u64(PATTERN_SEED);
         let mut lens = RowFilter::new(dim, &self.taps, Border::HalfSample);
-        let (mut x, mut line) = (Vec::with_capacity(radiance.len()), vec![0.0; width * channels]);
+        let seen = if self.layout.mosaic.is_some() { 1 } else { channels };
+        let mut x = Vec::with_capacity(height * width * seen);
+        let (mut light, mut line) = (vec![0.0; width * channels], vec![0.0; width * seen]);
         // All steps row by row, since a row stays in the cache and an image does not.
         for row in 0..height {
             let read = |row: usize, to: &mut [f32]| {
@@ -175,19 +238,59 @@ impl Sensor {
                     fault.get_or_insert((row * to.len() + index, to[index]));
                 }
             };
-            lens.next_row(read, &mut line);
+            match self.layout.mosaic {
+                None => lens.next_row(read, &mut line),
+                Some(mosaic) => {
+                    // The lens lies in front of the filters, so that it blurs each colour by itself.
+                    lens.next_row(read, &mut light);
+                    mosaic.filter_row(row, &light, &mut line);
+                }
+            }
             // The limit need not be exact in `f32`; in double precision a product is rounded only once.
             widest!(line.iter_mut().for_each(|value| *value = (limit * f64::from(*value)) as f32));
+            self.add_fixed_pattern(&mut line, &mut pattern);
             // The noise comes after the lens, which blurs light and not the charge of the sensor.
-            self.add_noise(&mut line, (row, channels), &mut random);
+            self.add_noise(&mut line, (row, seen), &mut random);
             widest!(line.iter_mut().for_each(|value| *value = value.clamp(0.0, most)));
             x.extend_from_slice(&line);
         }
         if let Some((index, value)) = fault {
             return Err(SensorError::NotFinite { at: position_of(index, dim), value });
         }
-        let x = Array3::from_shape_vec(dim, x).expect("x has the rows of this shape");
-        Ok(Exposure { x, range: self.range, gains: self.gains })
+        let x = Array3::from_shape_vec((height, width, seen), x).expect("x has the rows of this shape");
+        Ok(Exposure { x, range: self.range, layout: self.layout })
+    }
+
+    /// Returns an error for radiance of a shape that this sensor cannot see.
+    fn check_radiance(
+        &self,
+        dim @ (height, width, channels): (usize, usize, usize),
+    ) -> Result<(), SensorError> {
+        check_shape(dim)?;
+        if self.layout.mosaic.is_none() {
+            return Ok(());
+        }
+        if channels != 3 {
+            return Err(SensorError::Mosaic { channels });
+        }
+        if height.min(width) < 2 {
+            return Err(FrameError::Mosaic { height, width, channels: 1, depth: 8 }.into());
+        }
+        Ok(())
+    }
+
+    /// Applies the gains of the pixels to the row `x` (>= 0, code units) and adds the dark signal of the hot ones.
+    fn add_fixed_pattern(&self, x: &mut [f32], pattern: &mut Pcg64Mcg) {
+        if self.prnu == 0.0 && self.hot_pixels == 0.0 {
+            return;
+        }
+        for sample in x {
+            // All numbers of a sample are drawn whether they are used or not, so that the hot pixels do not depend on the gains.
+            let deviate: f64 = StandardNormal.sample(pattern);
+            let [chance, level]: [f64; 2] = [(); 2].map(|()| StandardUniform.sample(pattern));
+            let dark = if chance < self.hot_pixels { level * f64::from(self.range.peak()) } else { 0.0 };
+            *sample = (f64::from(*sample) * (1.0 + self.prnu * deviate).max(0.0) + dark) as f32;
+        }
     }
 
     /// Adds Gaussian noise of variance `shot * x + (read / gain)^2` to every sample of the row `x` (>= 0, code units at full
@@ -201,7 +304,7 @@ impl Sensor {
             return;
         }
         for (index, sample) in x.iter_mut().enumerate() {
-            let read = read / self.gains.at(row, index / channels);
+            let read = read / self.layout.gain(row, index / channels);
             let sigma = (shot * f64::from(*sample) + read * read).sqrt();
             let deviate: f64 = StandardNormal.sample(random);
             *sample += (sigma * deviate) as f32;
@@ -237,11 +340,11 @@ fn largest_below(limit: f64) -> f32 {
 pub struct Exposure {
     x: Array3<f32>,
     range: Range,
-    gains: Gains,
+    layout: PixelArrangement,
 }
 
 impl Exposure {
-    /// Returns the radiance with blur and noise, H x W x C in code units, in `[0, alpha * 2^b)`.
+    /// Returns the radiance with blur and noise, H x W x C in code units, in `[0, alpha * 2^b)`; C is 1 with a mosaic.
     pub fn x(&self) -> &Array3<f32> {
         &self.x
     }
@@ -253,7 +356,17 @@ impl Exposure {
 
     /// Returns the gains of the pixels.
     pub fn gains(&self) -> Gains {
-        self.gains
+        self.layout.gains
+    }
+
+    /// Returns the colour filters of the pixels.
+    pub fn mosaic(&self) -> Option<Mosaic> {
+        self.layout.mosaic
+    }
+
+    /// Returns the gain of a pixel over the full one.
+    pub fn gain(&self, row: usize, column: usize) -> f64 {
+        self.layout.gain(row, column)
     }
 
     /// Returns the modulo stream (eq. 1): `y = floor(gain x mod 2^b)`, 8-bit samples for b <= 8, else 16-bit samples.
@@ -268,13 +381,17 @@ impl Exposure {
     /// its neighbours of low gain.
     pub fn saturated(&self) -> Frame {
         let most = (1 << self.range.bits()) - 1;
-        match self.gains {
+        match self.layout.gains {
             Gains::One => self.digitise(&self.x, |count| count.min(most)),
             Gains::Two { pattern, ratio } => {
                 let codes = mapped(&self.converted(), |x| whole(x).min(most) as f32);
                 let alpha = self.range.alpha() as f32;
-                let x = merge_saturated(&codes, pattern, ratio, self.range).mapv(|x| x.max(0.0) / alpha);
-                self.digitise(&x, |count| count.min(most))
+                let merge = |codes: &Array3<f32>| merge_saturated(codes, pattern, ratio, self.range);
+                let x = match self.layout.mosaic {
+                    None => merge(&codes),
+                    Some(_) => by_colour(&codes, merge),
+                };
+                self.digitise(&x.mapv(|x| x.max(0.0) / alpha), |count| count.min(most))
             }
         }
     }
@@ -283,7 +400,7 @@ impl Exposure {
     pub fn ideal(&self) -> Frame {
         let scale = 255.0 / self.range.limit();
         // Rounded down before it is scaled: the ideal stream shows the same counts as the other two.
-        Frame::from_u8(mapped(&self.x, |x| tone::to_u8(whole(x) as f32, scale))).expect(IS_AN_IMAGE)
+        self.frame(Frame::from_u8(mapped(&self.x, |x| tone::to_u8(whole(x) as f32, scale))))
     }
 
     /// Returns the true wrap counts: `k = floor(gain x / 2^b)`, at most `ceil(alpha) - 1`, and 0 at pixels of low gain.
@@ -299,10 +416,8 @@ impl Exposure {
         if k.dim() != wraps.dim() {
             return None;
         }
-        let full = wraps
-            .indexed_iter()
-            .zip(k)
-            .filter(|(((row, column, _), _), _)| self.gains.at(*row, *column) == 1.0);
+        let full =
+            wraps.indexed_iter().zip(k).filter(|(((row, column, _), _), _)| self.gain(*row, *column) == 1.0);
         let (exact, all) = full
             .fold((0u64, 0u64), |(exact, all), ((_, true_k), k)| (exact + u64::from(true_k == k), all + 1));
         Some(if all == 0 { 1.0 } else { exact as f64 / all as f64 })
@@ -310,12 +425,12 @@ impl Exposure {
 
     /// Returns the radiance in the code units of each pixel: `gain x`.
     fn converted(&self) -> Cow<'_, Array3<f32>> {
-        let Gains::Two { .. } = self.gains else { return Cow::Borrowed(&self.x) };
+        let Gains::Two { .. } = self.layout.gains else { return Cow::Borrowed(&self.x) };
         // The product must stay below 2^b at pixels of low gain, also when it is rounded.
         let below_peak = largest_below(f64::from(self.range.peak()));
         let mut x = self.x.clone();
         for ((row, column, _), x) in x.indexed_iter_mut() {
-            let gain = self.gains.at(row, column);
+            let gain = self.gain(row, column);
             if gain < 1.0 {
                 *x = ((f64::from(*x) * gain) as f32).min(below_peak);
             }
@@ -326,12 +441,20 @@ impl Exposure {
     /// Makes integer samples from `floor(x)`.
     #[inline(always)]
     fn digitise(&self, x: &Array3<f32>, code: impl Fn(u32) -> u32) -> Frame {
-        let frame = if self.range.bits() <= 8 {
+        self.frame(if self.range.bits() <= 8 {
             Frame::from_u8(mapped(x, |x| code(whole(x)) as u8))
         } else {
             Frame::from_u16(mapped(x, |x| code(whole(x)) as u16))
-        };
-        frame.expect(IS_AN_IMAGE)
+        })
+    }
+
+    /// Returns the frame with the mosaic of the sensor.
+    fn frame(&self, frame: Result<Frame, FrameError>) -> Frame {
+        match self.layout.mosaic {
+            None => frame,
+            Some(mosaic) => frame.and_then(|frame| frame.with_mosaic(mosaic)),
+        }
+        .expect(IS_AN_IMAGE)
     }
 }
 

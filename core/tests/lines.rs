@@ -185,7 +185,16 @@ fn reference(y: &Array3<u16>, range: Range, word: i64) -> (Array3<u8>, QualityMe
     let loops = (height - 1) * (width - 1) * channels;
     let Seen { residues, steep, clamped, least_agreement } = seen;
     let (residues, steep) = (share(residues, loops), share(steep, loops));
-    (k, QualityMetrics { residues, steep, consensus: least_agreement, clamped: share(clamped, y.len()) })
+    (
+        k,
+        QualityMetrics {
+            residues,
+            steep,
+            consensus: least_agreement,
+            clamped: share(clamped, y.len()),
+            jumps: 0.0,
+        },
+    )
 }
 
 fn lines(y: &Frame, range: Range) -> Recovered {

@@ -9,14 +9,13 @@ mod data;
 
 use modulo_core::unwrap::{Options, Trust, by_name};
 use modulo_core::{
-    Deblur, Frame, GainPattern, Gains, Psf, Range, Recovered, SamplePosition, Sensor, SensorConfig,
+    Deblur, Frame, GainPattern, Gains, Mosaic, Psf, Range, Recovered, SamplePosition, Sensor, SensorConfig,
     SensorError, TwoGains, Unwrap as _, optics, tone,
 };
 use ndarray::Array3;
 use proptest::prelude::*;
 
-const PLAIN: SensorConfig =
-    SensorConfig { bits: 8, alpha: 4.0, psf: Psf::None, read_noise: 0.0, shot_noise: 0.0, gains: Gains::One };
+const PLAIN: SensorConfig = SensorConfig::PLAIN;
 
 fn ramp(dim: (usize, usize, usize)) -> Array3<f32> {
     let n = dim.0 * dim.1 * dim.2;
@@ -37,7 +36,7 @@ proptest! {
         noise in prop_oneof![Just((0.0, 0.0)), (0f64..100.0, 0f64..100.0)],
         seed in any::<u64>(),
     ) {
-        let config = SensorConfig { bits, alpha, psf, read_noise: noise.0, shot_noise: noise.1, gains: Gains::One };
+        let config = SensorConfig { bits, alpha, psf, read_noise: noise.0, shot_noise: noise.1, ..SensorConfig::default() };
         let exposure = Sensor::new(config).unwrap().expose((ramp(dim) * 1.2 - 0.1).view(), seed).unwrap();
         let (x, k) = (exposure.x(), exposure.wraps());
         let (modulo, saturated) = (exposure.modulo(), exposure.saturated());
@@ -277,5 +276,48 @@ fn the_border_is_as_sharp_as_the_inside() {
         println!("{psf:?}: {border:.2} at the border, {inside:.2} inside, {opencv:.2} at OpenCV's border");
         assert!(border < 2.0 * inside, "{psf:?}: {border:.2} at the border, {inside:.2} inside");
         assert!(opencv > 2.5 * border, "{psf:?}: {opencv:.2} at OpenCV's border, {border:.2} at its own");
+    }
+}
+
+#[test]
+fn the_fixed_pattern_has_the_statistics_that_were_asked_for_and_stays() {
+    let config = SensorConfig { prnu: 0.02, hot_pixels: 0.01, ..SensorConfig::default() };
+    let sensor = Sensor::new(config).unwrap();
+    let dark = Array3::zeros((200, 300, 1));
+    let bright = Array3::from_elem((200, 300, 1), 0.5);
+    let [dark, bright, again] = [(&dark, 1), (&bright, 2), (&bright, 3)]
+        .map(|(radiance, seed)| sensor.expose(radiance.view(), seed).unwrap());
+    assert_eq!(bright.x(), again.x(), "the pattern is that of the sensor, and not of an exposure");
+    let hot: Vec<f64> = dark.x().iter().filter(|x| **x > 0.0).map(|x| f64::from(*x)).collect();
+    let share = hot.len() as f64 / dark.x().len() as f64;
+    assert!((share / 0.01 - 1.0).abs() < 0.1, "{share}");
+    let mean = hot.iter().sum::<f64>() / hot.len() as f64;
+    assert!((mean / 128.0 - 1.0).abs() < 0.1, "evenly distributed up to the peak of 256: {mean}");
+    let gains: Vec<f64> =
+        bright.x().iter().zip(dark.x()).map(|(x, dark)| f64::from(x - dark) / 512.0).collect();
+    let sigma = (gains.iter().map(|gain| (gain - 1.0).powi(2)).sum::<f64>() / gains.len() as f64).sqrt();
+    assert!((sigma / 0.02 - 1.0).abs() < 0.02, "{sigma}");
+}
+
+/// 2 x 2 pixels of a mosaic have one gain, so that the pixels of each colour have the pattern by themselves.
+#[test]
+fn two_gains_go_with_a_mosaic() {
+    let radiance = Array3::from_shape_fn((64, 80, 3), |(i, j, c)| {
+        0.5 + 0.45 * ((i as f32 / 23.0).sin() * (j as f32 / 29.0 + c as f32).cos())
+    });
+    for pattern in [GainPattern::Checkerboard, GainPattern::Rows] {
+        let gains = Gains::Two { pattern, ratio: 0.25 };
+        let config = SensorConfig { gains, mosaic: Some(Mosaic::Grbg), ..PLAIN };
+        let exposure = Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap();
+        let low = |i: usize, j: usize| exposure.gain(i, j) < 1.0;
+        assert!(low(2, 0) && low(3, 1) && !low(0, 0) && !low(1, 1), "pairs of rows and columns");
+        let mut out = Recovered::default();
+        let mut method = TwoGains::new(gains).unwrap();
+        method.unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
+        assert_eq!((exposure.exact_share(&out.k), out.report.trust), (Some(1.0), Trust::Trusted));
+        let saturated = exposure.saturated();
+        let apart = (saturated.to_f32() - exposure.x().mapv(|x| x / 4.0)).mapv(f32::abs);
+        // At the border, the image is continued by its mirror image, whose slope is another one: two pixels of 5 codes.
+        assert!(apart.iter().all(|difference| *difference <= 12.0), "{apart}");
     }
 }

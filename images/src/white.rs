@@ -61,6 +61,7 @@ impl White {
         frame: &Frame,
         origin: impl std::fmt::Display,
     ) -> Result<Array3<f32>, ImageError> {
+        let frame = frame.demosaiced();
         Ok(match frame.samples() {
             // The largest code stands for full scale and all beyond it: a clipped sky saturates the sensor, too.
             Samples::U8(codes) => scaled(&dithered(codes, f32::from(u8::MAX)), f32::from(u8::MAX)),

@@ -1,12 +1,12 @@
 //! Conversion between [`Image`], which has rows of bytes, and [`Frame`], which has the pixels that the suite computes
 //! with.
 //!
-//! Pixels are never scaled, converted between depths, or guessed: an encoding that is not in the table is refused. Images
+//! Pixels are never scaled, converted between depths, demosaiced, or guessed: an encoding that is not in the table is refused. Images
 //! are written without padding and in little endian.
 
 use std::borrow::Cow;
 
-use modulo_core::{Frame, FrameError, Samples};
+use modulo_core::{Frame, FrameError, Mosaic, Samples};
 use ndarray::Array3;
 
 use crate::cdr::{self, ByteOrder, CdrError};
@@ -52,6 +52,7 @@ enum Depth {
 #[derive(Clone, Copy)]
 enum Channels {
     Mono,
+    Bayer(Mosaic),
     Rgb,
     Bgr,
     Rgba,
@@ -68,7 +69,7 @@ struct Encoding {
 /// The encodings that can be read.
 ///
 /// Source: `sensor_msgs/image_encodings.hpp`.
-const ENCODINGS: [(&str, Depth, Channels); 14] = [
+const ENCODINGS: [(&str, Depth, Channels); 22] = [
     ("rgb8", Depth::U8, Channels::Rgb),
     ("bgr8", Depth::U8, Channels::Bgr),
     ("mono8", Depth::U8, Channels::Mono),
@@ -77,6 +78,14 @@ const ENCODINGS: [(&str, Depth, Channels); 14] = [
     ("rgb16", Depth::U16, Channels::Rgb),
     ("bgr16", Depth::U16, Channels::Bgr),
     ("mono16", Depth::U16, Channels::Mono),
+    ("bayer_rggb8", Depth::U8, Channels::Bayer(Mosaic::Rggb)),
+    ("bayer_bggr8", Depth::U8, Channels::Bayer(Mosaic::Bggr)),
+    ("bayer_grbg8", Depth::U8, Channels::Bayer(Mosaic::Grbg)),
+    ("bayer_gbrg8", Depth::U8, Channels::Bayer(Mosaic::Gbrg)),
+    ("bayer_rggb16", Depth::U16, Channels::Bayer(Mosaic::Rggb)),
+    ("bayer_bggr16", Depth::U16, Channels::Bayer(Mosaic::Bggr)),
+    ("bayer_grbg16", Depth::U16, Channels::Bayer(Mosaic::Grbg)),
+    ("bayer_gbrg16", Depth::U16, Channels::Bayer(Mosaic::Gbrg)),
     // The encodings of OpenCV do not name their channels. OpenCV itself keeps blue first.
     ("8UC1", Depth::U8, Channels::Mono),
     ("8UC3", Depth::U8, Channels::Bgr),
@@ -100,7 +109,7 @@ impl Encoding {
             Depth::F32 => 4,
         };
         let samples = match self.channels {
-            Channels::Mono => 1,
+            Channels::Mono | Channels::Bayer(_) => 1,
             Channels::Rgb | Channels::Bgr => 3,
             Channels::Rgba | Channels::Bgra => 4,
         };
@@ -115,13 +124,13 @@ fn names() -> String {
 impl Image {
     /// Returns the pixels, red first.
     ///
-    /// Reads `rgb8 bgr8 mono8 rgba8 bgra8 rgb16 bgr16 mono16 8UC1 8UC3 16UC1 16UC3 32FC1 32FC3` in either byte order
-    /// with any `step` of at least one row. Alpha is dropped. `8UC3`, `16UC3` and `32FC3` do not define the order of their
-    /// channels and are read as those of OpenCV, blue first.
+    /// Reads `rgb8 bgr8 mono8 rgba8 bgra8 rgb16 bgr16 mono16 8UC1 8UC3 16UC1 16UC3 32FC1 32FC3` and the colour mosaics
+    /// `bayer_{rggb,bggr,grbg,gbrg}{8,16}` in either byte order with any `step` of at least one row. Alpha is dropped.
+    /// `8UC3`, `16UC3` and `32FC3` do not define the order of their channels and are read as those of OpenCV, blue first.
     ///
     /// # Errors
-    /// [`ImageMessageError`] for another encoding, a side of 0, a `step` below one row, fewer than `height * step` bytes,
-    /// and floats that are NaN or infinite.
+    /// [`ImageMessageError`] for another encoding, a side of 0, a mosaic with a side of 1, a `step` below one row, fewer
+    /// than `height * step` bytes, and floats that are NaN or infinite.
     pub fn to_frame(&self) -> Result<Frame, ImageMessageError> {
         decode(PixelLayout::of(self)?, self.data.as_slice().into())
     }
@@ -177,7 +186,7 @@ impl PixelLayout {
 fn decode(layout: PixelLayout, data: Cow<'_, [u8]>) -> Result<Frame, ImageMessageError> {
     let packed = without_padding(layout, data);
     let channels = layout.encoding.channels;
-    Ok(match layout.encoding.depth {
+    let frame = match layout.encoding.depth {
         Depth::U8 => Frame::from_u8(array(layout, red_first(channels, packed))),
         Depth::U16 => {
             let samples = wide(layout.order, &packed, u16::from_be_bytes, u16::from_le_bytes);
@@ -187,7 +196,11 @@ fn decode(layout: PixelLayout, data: Cow<'_, [u8]>) -> Result<Frame, ImageMessag
             let samples = wide(layout.order, &packed, f32::from_be_bytes, f32::from_le_bytes);
             Frame::from_f32(array(layout, red_first(channels, samples.into())))
         }
-    }?)
+    }?;
+    Ok(match channels {
+        Channels::Bayer(mosaic) => frame.with_mosaic(mosaic)?,
+        _ => frame,
+    })
 }
 
 fn without_padding(layout: PixelLayout, data: Cow<'_, [u8]>) -> Cow<'_, [u8]> {
@@ -222,7 +235,7 @@ fn wide<T, const N: usize>(
 
 fn red_first<T: Copy>(channels: Channels, samples: Cow<'_, [T]>) -> Vec<T> {
     match channels {
-        Channels::Mono | Channels::Rgb => samples.into_owned(),
+        Channels::Mono | Channels::Bayer(_) | Channels::Rgb => samples.into_owned(),
         Channels::Bgr => each_pixel(&samples, |&[b, g, r]| [r, g, b]),
         Channels::Rgba => each_pixel(&samples, |&[r, g, b, _]| [r, g, b]),
         Channels::Bgra => each_pixel(&samples, |&[b, g, r, _]| [r, g, b]),
@@ -235,12 +248,12 @@ fn each_pixel<T: Copy, const N: usize>(samples: &[T], rgb: impl Fn(&[T; N]) -> [
 
 fn array<T>(layout: PixelLayout, samples: Vec<T>) -> Array3<T> {
     let PixelLayout { height, width, .. } = layout;
-    let channels = if let Channels::Mono = layout.encoding.channels { 1 } else { 3 };
+    let channels = if let Channels::Mono | Channels::Bayer(_) = layout.encoding.channels { 1 } else { 3 };
     Array3::from_shape_vec((height, width, channels), samples).expect("the layout fits its data")
 }
 
 impl Image {
-    /// `frame` as `rgb8`, `mono8`, `rgb16`, `mono16`, `32FC3` (blue first, as OpenCV has it) or `32FC1`, without
+    /// `frame` as `rgb8`, `mono8`, `bayer_*8`, `rgb16`, `mono16`, `bayer_*16`, `32FC3` (blue first, as OpenCV has it) or `32FC1`, without
     /// padding, little endian.
     pub fn from_frame(header: Header, frame: &Frame) -> Self {
         let mut image = without_pixels(header, frame);
@@ -274,6 +287,9 @@ fn size(frame: &Frame) -> usize {
 
 /// Returns the encoding that [`Image::from_frame`] gives the frame.
 pub fn encoding_of(frame: &Frame) -> &'static str {
+    if let Some(mosaic) = frame.mosaic() {
+        return bayer(mosaic, frame.depth());
+    }
     match (frame.samples(), frame.channels()) {
         (Samples::U8(_), 1) => "mono8",
         (Samples::U8(_), _) => "rgb8",
@@ -281,6 +297,23 @@ pub fn encoding_of(frame: &Frame) -> &'static str {
         (Samples::U16(_), _) => "rgb16",
         (Samples::F32(_), 1) => "32FC1",
         (Samples::F32(_), _) => "32FC3",
+    }
+}
+
+/// Returns the encoding of a mosaic whose samples have `depth` bits, 8 or 16.
+fn bayer(mosaic: Mosaic, depth: u8) -> &'static str {
+    let named = ENCODINGS.iter().find(|(_, of_depth, channels)| {
+        matches!(channels, Channels::Bayer(known) if *known == mosaic)
+            && matches!((of_depth, depth), (Depth::U8, 8) | (Depth::U16, 16))
+    });
+    named.expect("a mosaic has integers of 8 or 16 bits").0
+}
+
+/// Returns the mosaic of an encoding such as `bayer_rggb8`; `None` for any other text.
+pub fn mosaic_of(encoding: &str) -> Option<Mosaic> {
+    match Encoding::of(encoding)?.channels {
+        Channels::Bayer(mosaic) => Some(mosaic),
+        _ => None,
     }
 }
 

@@ -445,6 +445,19 @@ fn a_camera_with_two_gains_tells_unwrap_of_them() {
 }
 
 #[test]
+fn a_mosaic_is_recovered_by_the_suite() {
+    let bench = Bench::new();
+    let out = bench.path("out");
+    let arguments =
+        ["source:=scene://tunnel?seed=3&frames=2", "psf_sigma:=1.4", "alpha:=2.0", "mosaic:=grbg"];
+    let places = ["engine:=rten", "-o", out.to_str().expect("UTF-8")];
+    let words = [&["eval", "launch/recovered.launch.yaml"][..], &arguments, &places].concat();
+    let output = bench.run(&words);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    assert!(text(&output).contains("trusted 2 of 2"), "{}", text(&output));
+}
+
+#[test]
 fn the_sample_replayed_shows_traffic() {
     let bench = Bench::new();
     let bag = arg("bag", sample());

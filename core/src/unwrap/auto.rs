@@ -4,18 +4,17 @@
 //!
 //! | metrics of y | method used | trusted |
 //! |---|---|---|
-//! | hardly a steep loop, each line agrees, all counts in range | lines; pass_through if all k are 0 | yes |
-//! | few steep loops | gradient_tree | if all counts are in range |
-//! | more | gradient_tree | no |
+//! | hardly a steep loop, each line agrees, all counts in range, hardly a jump | lines; pass_through if all k are 0 | yes |
+//! | else | gradient_tree | if all counts are in range, and hardly a second difference of the result is above one peak (4 bits and more) |
 //!
 //! In every case trust also needs evidence for the absolute offset, see [`congruence::is_evident`].
 //!
-//! Trust depends on y only. Two errors leave no trace in y and cannot be detected here: a region whose sharp
+//! Two errors leave no trace in y and in the result and cannot be detected here: a region whose sharp
 //! contour is exactly a multiple of the peak, and a channel that is brighter than the peak everywhere.
 
 use super::{
     GradientTree, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Trust, Unwrap, UnwrapError,
-    congruence,
+    congruence, jumps,
 };
 use crate::frame::Frame;
 
@@ -26,20 +25,26 @@ pub struct TrustLimits {
     pub lines: f64,
     /// For `lines`: the least [`QualityMetrics::consensus`], a fraction of a line.
     pub consensus: f64,
-    /// For `gradient_tree`: the greatest [`QualityMetrics::steep`], a fraction of the loops.
-    pub gradient_tree: f64,
+    /// For `gradient_tree`: the greatest [`QualityMetrics::jumps`], second differences per sample.
+    pub jumps: f64,
 }
 
 impl Default for TrustLimits {
     /// Returns 1e-5, 0.70 and 2e-5.
     fn default() -> Self {
-        Self { lines: 1e-5, consensus: 0.70, gradient_tree: 2e-5 }
+        Self { lines: 1e-5, consensus: 0.70, jumps: 2e-5 }
     }
 }
+
+/// The fewest bits with which second differences show a wrong count: rounding to whole codes moves them by up to two codes,
+/// which must be far below the peak.
+const FEWEST_BITS: u8 = 4;
 
 /// The method with the buffers of the methods that it selects.
 pub struct Auto {
     limits: TrustLimits,
+    /// Whether trust needs evidence for the absolute offset.
+    needs_offset: bool,
     lines: Lines,
     gradient_tree: GradientTree,
 }
@@ -48,7 +53,7 @@ pub struct Auto {
 enum MethodChoice {
     PassThrough,
     Lines,
-    FallBack { trusted: bool },
+    FallBack,
 }
 
 impl Auto {
@@ -58,20 +63,32 @@ impl Auto {
     /// [`UnwrapError::Workers`] when the threads are not available.
     pub fn new(options: &Options) -> Result<Self, UnwrapError> {
         let gradient_tree = GradientTree::new(options.threads)?;
-        Ok(Self { limits: options.trust, lines: Lines::default(), gradient_tree })
+        Ok(Self { limits: options.trust, needs_offset: true, lines: Lines::default(), gradient_tree })
+    }
+
+    /// Makes the method for differences between colours, whose absolute offset the caller finds.
+    ///
+    /// # Errors
+    /// [`UnwrapError::Workers`] when the threads are not available.
+    pub(super) fn of_differences(options: &Options) -> Result<Self, UnwrapError> {
+        Ok(Self { needs_offset: false, ..Self::new(options)? })
     }
 
     fn judge(&self, lines: &Recovered) -> MethodChoice {
-        let QualityMetrics { steep, consensus, clamped, .. } =
+        let QualityMetrics { steep, consensus, clamped, jumps, .. } =
             lines.report.quality.expect("lines always gives its quality");
         // Compared in double precision, in which the limits are given.
         let (steep, consensus) = (f64::from(steep), f64::from(consensus));
         // A clamped count contradicts the range, however smooth y looks.
-        if steep <= self.limits.lines && consensus >= self.limits.consensus && clamped == 0.0 {
+        if steep <= self.limits.lines
+            && consensus >= self.limits.consensus
+            && clamped == 0.0
+            && f64::from(jumps) <= self.limits.jumps
+        {
             let wrapped = lines.k.iter().any(|&k| k > 0);
             return if wrapped { MethodChoice::Lines } else { MethodChoice::PassThrough };
         }
-        MethodChoice::FallBack { trusted: steep <= self.limits.gradient_tree }
+        MethodChoice::FallBack
     }
 }
 
@@ -82,22 +99,27 @@ impl Unwrap for Auto {
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         self.lines.unwrap(y, range, out)?;
+        let jumps = jumps::share(&out.x, range);
         // The second method overwrites the report, but the metrics of y remain those of `lines`.
-        let quality = out.report.quality;
+        let quality = out.report.quality.map(|quality| QualityMetrics { jumps, ..quality });
+        out.report.quality = quality;
         let trusted = match self.judge(out) {
             MethodChoice::PassThrough => {
                 out.report.method = PASS_THROUGH;
                 true
             }
             MethodChoice::Lines => true,
-            MethodChoice::FallBack { trusted } => {
+            MethodChoice::FallBack => {
                 self.gradient_tree.unwrap(y, range, out)?;
-                out.report.quality = quality;
+                let jumps = jumps::share(&out.x, range);
+                out.report.quality = quality.map(|quality| QualityMetrics { jumps, ..quality });
                 // A result that contradicts itself is not trusted, whatever y looks like.
-                trusted && out.report.trust != Trust::Contradicted
+                range.bits() >= FEWEST_BITS
+                    && f64::from(jumps) <= self.limits.jumps
+                    && out.report.trust != Trust::Contradicted
             }
         };
-        let trusted = trusted && congruence::is_evident(out, range);
+        let trusted = trusted && (!self.needs_offset || congruence::is_evident(out, range));
         out.report.trust = if trusted { Trust::Trusted } else { Trust::Contradicted };
         Ok(())
     }

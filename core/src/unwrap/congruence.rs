@@ -12,10 +12,6 @@ use super::{Range, Recovered};
 use crate::dct::LANES;
 use crate::simd::widest;
 
-/// The share of the pixels that may be out of range at a greater base level: hot pixels and small wrong regions
-/// must not raise the whole image.
-const TOLERANCE: f64 = 0.02;
-
 /// Finds the absolute offset of `k`, clamps to the range, and writes one channel of `out`, which must be
 /// prepared. `levels` is a buffer.
 pub(super) fn write_channel(
@@ -27,7 +23,7 @@ pub(super) fn write_channel(
     out: &mut Recovered,
 ) {
     let most = i32::from(range.max_wraps());
-    let zero = base_level(k, most, levels);
+    let zero = base_level(k, range, levels);
     let k = k.iter().map(|k| (k.saturating_sub(zero)).clamp(0, most) as u8);
     let peak = range.peak();
     let channels = out.x.dim().2;
@@ -42,7 +38,7 @@ pub(super) fn write_channel(
 
 /// Returns the count that stands for k = 0. Of all levels that leave nearly as many pixels in `0..=most` as the
 /// best one does, it is the highest, which makes the image darkest.
-fn base_level(k: &[i32], most: i32, levels: &mut Vec<usize>) -> i32 {
+pub(super) fn base_level(k: &[i32], range: Range, levels: &mut Vec<usize>) -> i32 {
     let low = *k.iter().min().expect("an image has pixels");
     let high = *k.iter().max().expect("an image has pixels");
     levels.clear();
@@ -51,22 +47,23 @@ fn base_level(k: &[i32], most: i32, levels: &mut Vec<usize>) -> i32 {
     levels.resize(high.abs_diff(low) as usize + 1, 0);
     k.iter().for_each(|&k| levels[k.abs_diff(low) as usize] += 1);
     // An estimate may contain any integers, so no sum may overflow.
-    low.saturating_add(base_level_index(levels, most) as i32)
+    low.saturating_add(base_level_index(levels, range) as i32)
 }
 
 /// Returns the index of the [`base_level`] for `counts` pixels at each level. A level below the first holds no
 /// more pixels than the first itself.
-pub(super) fn base_level_index(counts: &[usize], most: i32) -> usize {
+pub(super) fn base_level_index(counts: &[usize], range: Range) -> usize {
     let pixels = counts.iter().sum();
-    let in_range = |zero: usize| counts[zero..].iter().take(most as usize + 1).sum::<usize>();
+    let in_range =
+        |zero: usize| counts[zero..].iter().take(usize::from(range.max_wraps()) + 1).sum::<usize>();
     let best = (0..counts.len()).map(in_range).max().expect("an image has at least one level");
-    let enough = (0..counts.len()).rfind(|&zero| is_enough(in_range(zero), best, pixels));
+    let enough = (0..counts.len()).rfind(|&zero| is_enough(in_range(zero), best, pixels, range));
     enough.expect("the best level is enough")
 }
 
-/// Returns whether `share` is nearly `best`, within the tolerance for so many `pixels`.
-pub(super) fn is_enough(share: usize, best: usize, pixels: usize) -> bool {
-    share as f64 >= best as f64 - TOLERANCE * pixels as f64
+/// Returns whether `share` is nearly `best`, within the outliers among so many `pixels`.
+pub(super) fn is_enough(share: usize, best: usize, pixels: usize, range: Range) -> bool {
+    share as f64 >= best as f64 - range.outliers() * pixels as f64
 }
 
 /// The shortest side, in pixels, of an image whose lines can contradict each other.
@@ -79,7 +76,7 @@ const CONTRAST: f32 = 0.25;
 ///
 /// `x` and `x + 2^b` have the same y, so that differences determine the counts of a channel up to one constant, and the
 /// range decides only if the counts fill it: then any other constant would leave it. Elsewhere the suite assumes that the
-/// darkest part of the scene is below the peak. That needs a scene with a dark part: more than [`TOLERANCE`] of the pixels
+/// darkest part of the scene is below the peak. That needs a scene with a dark part: more than [`Range::outliers`] of the pixels
 /// must be darker than the brightest one by [`CONTRAST`]. A flat image has none. An image with fewer than
 /// [`SHORTEST_SIDE`] rows or columns shows nothing at all, since no majority of lines can be wrong.
 pub(super) fn is_evident(out: &Recovered, range: Range) -> bool {
@@ -102,8 +99,9 @@ pub(super) fn is_evident(out: &Recovered, range: Range) -> bool {
     // `f32::max` would also care for NaN, which no recovered image has.
     let brightest = widest!(extremes(x, channels, |a, b| if b > a { b } else { a }));
     let dark = widest!(count_up_to(x, channels, brightest.map(|x| x - CONTRAST * range.peak())));
-    (0..channels)
-        .all(|channel| fills(channel) || f64::from(dark[channel]) > TOLERANCE * (height * width) as f64)
+    (0..channels).all(|channel| {
+        fills(channel) || f64::from(dark[channel]) > range.outliers() * (height * width) as f64
+    })
 }
 
 /// Samples in a block, which holds whole pixels of one and of three channels, so that a lane belongs to one channel.
@@ -216,7 +214,7 @@ impl Histogram {
 
     /// Returns the rule `k = round((phi + s - y) / 2^b) - zero` in `0..=most`: s is the circular mean of the
     /// residuals, zero the level that [`base_level_index`] finds.
-    pub fn count_rule(&self, most: u8) -> CountRule {
+    pub fn count_rule(&self, range: Range) -> CountRule {
         let shift = self.mean_phase();
         // Half a period more makes the shift to the right round to the nearest count.
         let offset = ((0.5 + shift) * f64::from(STEPS_PER_PERIOD) + 0.5).floor() as i32;
@@ -227,8 +225,8 @@ impl Histogram {
         for (residual, &count) in (i32::from(i16::MIN)..).zip(&self.counts) {
             levels[(wraps(residual, offset) - low) as usize] += count as usize;
         }
-        let most = i32::from(most);
-        CountRule { offset, zero: low + base_level_index(&levels, most) as i32, most }
+        let zero = low + base_level_index(&levels, range) as i32;
+        CountRule { offset, zero, most: range.max_wraps().into() }
     }
 
     /// Returns the circular mean of `(y - phi) / 2^b` in peaks, -0.5 to 0.5.
@@ -276,10 +274,23 @@ fn wraps(residual: i32, offset: i32) -> i32 {
 mod tests {
     use super::*;
 
+    fn with_counts_to(most: u8) -> Range {
+        Range::new(8, f64::from(most) + 1.0).unwrap()
+    }
+
+    #[test]
+    fn a_difference_has_no_outliers() {
+        let mut k = vec![3; 1000];
+        k[0] = 2;
+        let range = with_counts_to(1);
+        assert_eq!(base_level(&k, range, &mut Vec::new()), 3);
+        assert_eq!(base_level(&k, range.of_differences(), &mut Vec::new()), 2);
+    }
+
     #[test]
     fn darkest_offset_that_keeps_the_image_in_range() {
-        assert_eq!(base_level(&[5, 5, 6, 7], 3, &mut Vec::new()), 5);
-        assert_eq!(base_level(&[-1, -1, 0, 0], 1, &mut Vec::new()), -1);
+        assert_eq!(base_level(&[5, 5, 6, 7], with_counts_to(3), &mut Vec::new()), 5);
+        assert_eq!(base_level(&[-1, -1, 0, 0], with_counts_to(1), &mut Vec::new()), -1);
     }
 
     #[test]
@@ -287,9 +298,9 @@ mod tests {
         let mut k = vec![3; 1000];
         k[500..].fill(4);
         k[..19].fill(-7);
-        assert_eq!(base_level(&k, 1, &mut Vec::new()), 3);
+        assert_eq!(base_level(&k, with_counts_to(1), &mut Vec::new()), 3);
         k[..30].fill(2);
-        assert_eq!(base_level(&k, 2, &mut Vec::new()), 2, "more than 2 % are no outliers");
+        assert_eq!(base_level(&k, with_counts_to(2), &mut Vec::new()), 2, "more than 2 % are no outliers");
     }
 
     #[test]
@@ -300,7 +311,7 @@ mod tests {
             let residuals: Vec<i16> =
                 x.iter().map(|&x| residuals([x + shift; LANES], [(x % 65536.0) as u16; LANES])[0]).collect();
             residuals.iter().for_each(|&residual| histogram.count(residual));
-            let rule = histogram.count_rule(3);
+            let rule = histogram.count_rule(with_counts_to(3));
             let rule = LaneCountRules::new(|_| rule);
             for (x, residual) in x.iter().zip(residuals) {
                 let want = [(x / 65536.0) as u8; LANES];

@@ -6,7 +6,9 @@ mod auto;
 mod congruence;
 mod gradient_tree;
 mod itoh;
+mod jumps;
 mod lines;
+mod mosaic;
 mod poisson;
 mod quality_guided;
 mod spud;
@@ -27,6 +29,7 @@ pub use quality_guided::QualityGuided;
 pub use spud::{LeastSquares, Spud};
 pub use tree::Tree;
 
+use self::mosaic::MosaicUnwrap;
 use crate::frame::{Frame, FrameError, SamplePosition, Samples, copy_channel, in_order, position_of};
 use crate::workers::WorkersError;
 
@@ -46,7 +49,8 @@ macro_rules! methods {
             /// Every method with its name.
             pub const ALL: [(&'static str, Self); METHODS.len()] = [$(($name, Self::$method)),*];
 
-            /// Makes the method with these options.
+            /// Makes the method with these options, for images with and without a colour mosaic. The types of the methods
+            /// themselves take a mosaic for an image of one colour.
             ///
             /// # Errors
             /// [`UnwrapError::Tau`] for a negative or NaN threshold, [`UnwrapError::Workers`] when the threads
@@ -55,7 +59,7 @@ macro_rules! methods {
                 let make: fn(&Options) -> Result<Box<dyn Unwrap>, UnwrapError> = match self {
                     $(Self::$method => $make,)*
                 };
-                make(options)
+                Ok(Box::new(MosaicUnwrap::new(make(options)?, options)?))
             }
         }
     };
@@ -114,7 +118,7 @@ pub trait Unwrap: Send {
 /// The result of unwrapping one image.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recovered {
-    /// The radiance x_hat in code units, H x W x C: exactly `y + k * 2^b`, and at pixels of low gain `(y + 1/2) / gain - 1/2`.
+    /// The radiance x_hat in code units, H x W x C, a colour mosaic where y is one: exactly `y + k * 2^b`, and at pixels of low gain `(y + 1/2) / gain - 1/2`.
     pub x: Array3<f32>,
     /// The wrap counts, H x W x C, `0 <= k <= ceil(alpha) - 1`.
     pub k: Array3<u8>,
@@ -173,6 +177,9 @@ pub struct QualityMetrics {
     pub consensus: f32,
     /// The fraction of the samples whose count was out of range and was clamped: they contradict the others.
     pub clamped: f32,
+    /// The second differences of the result along rows and columns that are above one peak, per sample. Only `auto`
+    /// computes them; other methods leave 0.
+    pub jumps: f32,
 }
 
 /// The options of all methods; each method reads its own.

@@ -134,7 +134,7 @@ impl Spud {
         for other in others {
             all.iter_mut().zip(other).for_each(|(all, other)| all.add(other));
         }
-        std::array::from_fn(|channel| all[channel].count_rule(range.max_wraps()))
+        std::array::from_fn(|channel| all[channel].count_rule(range))
     }
 
     /// Writes `out`, which must be prepared.

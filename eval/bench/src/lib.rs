@@ -17,7 +17,9 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use modulo_charts::ChartError;
 use modulo_core::metric::ShapesDiffer;
-use modulo_core::{Frame, GainPattern, Gains, Psf, Samples, Sensor, SensorConfig, SensorError, UnwrapError};
+use modulo_core::{
+    Frame, GainPattern, Gains, Mosaic, Psf, Samples, Sensor, SensorConfig, SensorError, UnwrapError,
+};
 use modulo_images::{ImageError, SaveError, White};
 use ndarray::Array3;
 use serde::Serialize;
@@ -149,7 +151,12 @@ impl SensorOptions {
     }
 
     /// The sensor of each alpha, after the white point was checked.
-    fn sensors(&self, alphas: &[f64], gains: Option<GainPattern>) -> Result<Vec<Sensor>, BenchError> {
+    fn sensors(
+        &self,
+        alphas: &[f64],
+        gains: Option<GainPattern>,
+        mosaic: Option<Mosaic>,
+    ) -> Result<Vec<Sensor>, BenchError> {
         need("the list of alphas", alphas)?;
         White::new(self.white)?;
         let Self { bits, read_noise, shot_noise, .. } = *self;
@@ -164,6 +171,8 @@ impl SensorOptions {
             read_noise,
             shot_noise,
             gains: gains(alpha),
+            mosaic,
+            ..SensorConfig::default()
         };
         alphas.iter().map(|&alpha| Ok(Sensor::new(config(alpha))?)).collect()
     }

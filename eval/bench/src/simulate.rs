@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use clap::Parser;
 use modulo_core::metric::{mse, psnr_db, ssim};
 use modulo_core::unwrap::{Options, by_name};
-use modulo_core::{Exposure, GainPattern, Recovered, Sensor, TwoGains, Unwrap, UnwrapError, tone};
+use modulo_core::{Exposure, GainPattern, Mosaic, Recovered, Sensor, TwoGains, Unwrap, UnwrapError, tone};
 use modulo_images::{White, read_image, save_png};
 use ndarray::Array3;
 use serde::{Deserialize, Serialize};
@@ -34,6 +34,10 @@ pub struct SimulationRequest {
     /// Pixels with a lower gain (1 / alpha), which do not wrap. Their images have a method of their own
     #[arg(long, default_value = "none", value_parser = ["none", "checkerboard", "rows"])]
     pub gains: String,
+    /// Colour filters of a sensor with one chip. The modulo and saturated images are then mosaics, the recovered ones have three
+    /// colours
+    #[arg(long, default_value = "none", value_parser = ["none", "rggb", "bggr", "grbg", "gbrg"])]
+    pub mosaic: String,
     /// The sensor.
     #[command(flatten)]
     pub sensor: SensorOptions,
@@ -55,6 +59,8 @@ pub struct SimulationRow {
     pub psf_sigma: f64,
     /// Pixels with a lower gain: `none`, `checkerboard` or `rows`.
     pub gains: String,
+    /// Colour filters: `none`, `rggb`, `bggr`, `grbg` or `gbrg`.
+    pub mosaic: String,
     /// Name of the method, as in [`modulo_core::unwrap::METHODS`], or that of the gains.
     pub method: String,
     /// `10 log10(255^2 / mse)` of the recovered against the ideal 8-bit image, over all samples. `None` (`null`) if they
@@ -84,8 +90,8 @@ pub struct SimulationOutcome {
 /// Runs the simulation. For each file and alpha it writes `NAME_alphaA_ideal.png`, `.._saturated.png`, `.._modulo.png`
 /// and `NAME_alphaA_METHOD.png` for each method; after each file it writes [`RESULTS`] with all rows so far.
 ///
-/// `ideal` and the recovered images have 8 bits, `round(255 x / (alpha 2^b))`; `modulo` and `saturated` hold the codes of
-/// the sensor, with 8 bits a sample for b <= 8, else 16.
+/// `ideal` and the recovered images have 8 bits, `round(255 x / (alpha 2^b))`, and are demosaiced; `modulo` and `saturated` hold
+/// the codes of the sensor, with 8 bits a sample for b <= 8, else 16.
 ///
 /// # Errors
 /// [`BenchError`] before anything is written if the request is wrong, and later if a result cannot be written. A file
@@ -149,7 +155,7 @@ impl InputImage<'_> {
     ) -> Result<Vec<SimulationRow>, BenchError> {
         let exposure = sensor.expose(radiance.view(), self.request.sensor.seed)?;
         let path = |stream: &str| self.path(exposure.range().alpha(), stream);
-        save_png(&path("ideal"), &exposure.ideal())?;
+        save_png(&path("ideal"), &exposure.ideal().demosaiced())?;
         save_png(&path("saturated"), &exposure.saturated())?;
         save_png(&path("modulo"), &exposure.modulo())?;
         methods.iter_mut().map(|method| self.recover(&exposure, method.as_mut())).collect()
@@ -161,15 +167,18 @@ impl InputImage<'_> {
         // One call, with the allocation of its buffers: the duration is only a rough figure.
         let (unwrapped, ms) = timed(|| method.unwrap(&modulo, range, &mut recovered));
         unwrapped?;
-        let picture = tone::linear8(&recovered.x, range).map_err(UnwrapError::from)?;
+        let colours = exposure.mosaic().map(|mosaic| mosaic.demosaic(recovered.x.view()));
+        let x = colours.as_ref().unwrap_or(&recovered.x);
+        let picture = tone::linear8(x, range).map_err(UnwrapError::from)?;
         save_png(&self.path(range.alpha(), method.name()), &picture)?;
-        let (ideal, picture) = (samples8(exposure.ideal()), samples8(picture));
+        let (ideal, picture) = (samples8(exposure.ideal().demosaiced().into_owned()), samples8(picture));
         Ok(SimulationRow {
             file: self.file.display().to_string(),
             white: self.white,
             alpha: range.alpha(),
             psf_sigma: self.request.sensor.psf().sigma(),
             gains: self.request.gains.clone(),
+            mosaic: self.request.mosaic.clone(),
             method: method.name().to_owned(),
             psnr_db: psnr_db(mse(&picture, &ideal)?),
             ssim: ssim(&picture, &ideal)?,
@@ -188,7 +197,8 @@ impl InputImage<'_> {
 /// Checks the files, and makes the sensor of each alpha.
 fn sensors(request: &SimulationRequest) -> Result<Vec<Sensor>, BenchError> {
     need("the list of files", &request.images)?;
-    request.sensor.sensors(&request.alpha, GainPattern::named(&request.gains))
+    let (gains, mosaic) = (GainPattern::named(&request.gains), Mosaic::named(&request.mosaic));
+    request.sensor.sensors(&request.alpha, gains, mosaic)
 }
 
 fn methods(request: &SimulationRequest) -> Result<Vec<Box<dyn Unwrap>>, BenchError> {

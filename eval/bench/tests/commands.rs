@@ -218,6 +218,20 @@ fn two_gains_have_a_method_of_their_own() {
 }
 
 #[test]
+fn a_mosaic_is_unwrapped_and_demosaiced() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("street.png"), folder.path().join("out"));
+    street(&file);
+    let request = SimulationRequest { mosaic: "gbrg".into(), alpha: vec![2.0], ..request(&out, &[&file]) };
+    let rows = simulate::simulate(&request, &mut |_| {}).unwrap().rows;
+    let [row] = &rows[..] else { panic!("one alpha, one method: {rows:?}") };
+    assert_eq!(row.mosaic, "gbrg");
+    assert!(row.exact_k > 0.99, "{}", row.exact_k);
+    assert_eq!(pixels(&out.join("street_alpha2_modulo.png")).dim().2, 1);
+    assert_eq!(pixels(&out.join("street_alpha2_auto.png")).dim().2, 3);
+}
+
+#[test]
 fn every_file_alpha_and_method_has_a_row_and_a_picture() {
     let folder = tempfile::tempdir().unwrap();
     let (file, out) = (folder.path().join("street.png"), folder.path().join("out"));

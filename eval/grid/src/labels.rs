@@ -2,6 +2,8 @@
 
 pub use modulo_charts::{distinct, number};
 
+use modulo_core::Mosaic;
+
 use crate::results::{Cell, Point, Stream};
 
 /// A setting of the sensor, which charts vary or name.
@@ -64,7 +66,10 @@ pub const STAGES: [&str; 8] = [SENSE, "merge", "unwrap", "tone", "deblur", "pre"
 /// Label of the image that the detector gets: `recovered (auto, deblurred)`, `saturated`, `row_gains, saturating`,
 /// `ideal, sharp`.
 pub fn stream(point: &Point) -> String {
-    let name = point.stream.name();
+    let name = match Mosaic::named(&point.mosaic) {
+        None => point.stream.name(),
+        Some(mosaic) => format!("{} {}", point.stream.name(), mosaic.word()),
+    };
     match &point.method {
         // The style is that of the first known word, and a variant of it by an unknown one.
         Some(method) if point.stream == Stream::Saturated => format!("{method}, saturating"),

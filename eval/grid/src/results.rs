@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use clap::ValueEnum;
-use modulo_core::GainPattern;
+use modulo_core::{GainPattern, Mosaic};
 use modulo_runtime::report::Percentiles;
 use serde::{Deserialize, Serialize};
 
@@ -248,16 +248,19 @@ pub struct Point {
     #[serde(default)]
     pub shot_noise: f64,
     /// Pixels with a lower gain: `none`, `checkerboard` or `rows`.
-    #[serde(default = "no_gains")]
+    #[serde(default = "no_part")]
     pub gains: String,
+    /// Colour filters of the sensor: `none`, `rggb`, `bggr`, `grbg` or `gbrg`.
+    #[serde(default = "no_part")]
+    pub mosaic: String,
     /// Name of the model in [`Setup::models`].
     pub model: String,
     /// Input size of the model: `auto`, or `WIDTHxHEIGHT`.
     pub input: String,
 }
 
-/// The gains in results of older versions.
-fn no_gains() -> String {
+/// The gains and the mosaic in results of older versions.
+fn no_part() -> String {
     "none".to_owned()
 }
 
@@ -278,8 +281,19 @@ impl Stream {
 impl fmt::Display for Point {
     /// Describes the cell, such as `yolov10n recovered auto deblurred, alpha 4, blur 1.4 px`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { stream, method, deblur, alpha, psf_sigma, noise, shot_noise, gains: _, model, input } =
-            self;
+        let Self {
+            stream,
+            method,
+            deblur,
+            alpha,
+            psf_sigma,
+            noise,
+            shot_noise,
+            gains: _,
+            mosaic,
+            model,
+            input,
+        } = self;
         write!(f, "{model} {}", stream.name())?;
         method.iter().try_for_each(|method| write!(f, " {method}"))?;
         if *deblur {
@@ -291,6 +305,9 @@ impl fmt::Display for Point {
         }
         if *shot_noise > 0.0 {
             write!(f, ", shot noise {shot_noise}")?;
+        }
+        if let Some(mosaic) = Mosaic::named(mosaic) {
+            write!(f, ", mosaic {}", mosaic.word())?;
         }
         if input != "auto" {
             write!(f, ", {input}")?;

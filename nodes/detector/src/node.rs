@@ -212,12 +212,15 @@ impl Detector {
         let first = OF_A_CAMERA * camera;
         let Self { loaded: Loaded { settings, engine, .. }, pre, bits, .. } = self;
         let bits = *bits;
-        let letterbox = cx.stage("pre", || pre.fill(&image.frame, bits, settings.input_size))?;
+        let (frame, letterbox) = cx.stage("pre", || {
+            let frame = image.frame.demosaiced();
+            pre.fill(&frame, bits, settings.input_size).map(|letterbox| (frame, letterbox))
+        })?;
         let rows =
             cx.stage("infer", || engine.engine.run(pre.tensor())).map_err(|error| error.to_string())?;
         let found = cx.stage("post", || detections(&rows, &letterbox, settings));
         if cx.wanted(first + ANNOTATED) {
-            let frame = cx.stage("draw", || annotated(&image.frame, bits, &found))?;
+            let frame = cx.stage("draw", || annotated(&frame, bits, &found))?;
             let image = StampedFrame { header: image.header.clone(), frame };
             cx.emit(first + ANNOTATED, Message::Image(Arc::new(image)));
         }

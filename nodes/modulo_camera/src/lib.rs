@@ -9,8 +9,8 @@ use std::time::Duration;
 
 use modulo_bags::source;
 use modulo_bags::source::{GroundTruth, Source, SourceFrame, SourceOptions, to_detections};
-use modulo_core::Frame;
-use modulo_core::sensor::{Exposure, Sensor, SensorConfig};
+use modulo_core::sensor::{Exposure, MAX_NOISE, Sensor, SensorConfig};
+use modulo_core::{Frame, Mosaic};
 use modulo_images::White;
 use modulo_msgs::sensor_msgs::CameraInfo;
 use modulo_msgs::std_msgs::{Header, Time};
@@ -116,9 +116,8 @@ impl ModuloCamera {
         let seed = self.seed.wrapping_add(number);
         self.sensed += 1;
         // Before the frame that it describes, and for late readers also when there is no reader now.
-        let CameraParameters { sensor, read_noise, shot_noise, .. } = &self.parameters;
-        let noise = [("read_noise", *read_noise), ("shot_noise", *shot_noise)];
-        cx.emit(SENSOR_INFO, sensor_info::message(header, sensor, &noise));
+        let info = sensor_info::message(header, &self.parameters.sensor, &self.parameters.noise());
+        cx.emit(SENSOR_INFO, info);
         if cx.wanted(CAMERA_INFO) {
             cx.emit(CAMERA_INFO, camera_info(radiance, header));
         }
@@ -265,10 +264,11 @@ impl Node for ModuloCamera {
     }
 
     fn state(&self) -> Vec<(&'static str, String)> {
-        let CameraParameters { source, sensor, read_noise, shot_noise, .. } = &self.parameters;
+        let CameraParameters { source, sensor, mosaic, .. } = &self.parameters;
         let mut state = vec![("source", source.clone())];
         state.extend(sensor.to_text());
-        state.extend([("read_noise", read_noise.to_string()), ("shot_noise", shot_noise.to_string())]);
+        state.push(("mosaic", mosaic.map_or("none", Mosaic::word).to_owned()));
+        state.extend(self.parameters.noise().into_iter().map(|(name, value)| (name, value.to_string())));
         state
     }
 
@@ -376,10 +376,22 @@ modulo_runtime::parameters! {
         /// Value that becomes full scale, for EXR, HDR and 16-bit images. 0: the 99.9th percentile of the first EXR or
         /// HDR image, and 65536 for 16-bit images.
         white: f64 = 0.0 => 0.0..=1e12; fixed,
+        /// Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of
+        /// the source. The images of a mosaic have the encoding bayer_*8 or bayer_*16.
+        mosaic: Option<Mosaic> = None => Mosaic::WORDS,
         /// Standard deviation of the read noise in code units.
-        read_noise: f64 = 0.0 => 0.0..=65536.0,
+        read_noise: f64 = 0.0 => 0.0..=MAX_NOISE,
         /// Strength of the shot noise: its standard deviation at the signal x is sqrt(shot_noise * x) in code units.
-        shot_noise: f64 = 0.0 => 0.0..=65536.0,
+        shot_noise: f64 = 0.0 => 0.0..=MAX_NOISE,
+        /// Electrons that fill the 2^bits codes of the converter at full gain (the saturation capacity of EMVA 1288). They add
+        /// shot noise of the variance x * 2^bits / full_well_electrons. 0: only shot_noise.
+        full_well_electrons: f64 = 0.0 => 0.0..=1e9,
+        /// Photo response non-uniformity (EMVA 1288): standard deviation of the gain between pixels, as a fraction. The pattern is
+        /// the same in every frame.
+        prnu: f64 = 0.0 => 0.0..=1.0,
+        /// Share of the samples that are hot: their dark signal is evenly distributed up to the peak. The pattern is the same in
+        /// every frame.
+        hot_pixels: f64 = 0.0 => 0.0..=1.0,
         /// Seed of the noise.
         seed: i64 = 0 => 0..=i64::MAX,
         /// Frames per second. 0: the next frame as soon as every reader has taken the last one.
@@ -403,10 +415,39 @@ impl CameraParameters {
     pub fn sensor(&self) -> Result<Sensor, ParameterError> {
         self.check()?;
         let SensorModel { bits, alpha, .. } = self.sensor;
-        let Self { read_noise, shot_noise, .. } = *self;
+        let Self { mosaic, read_noise, prnu, hot_pixels, .. } = *self;
+        let shot_noise = self.shot_variance();
         let (psf, gains) = (self.sensor.psf(), self.sensor.gains()?);
-        let sensor = Sensor::new(SensorConfig { bits, alpha, psf, read_noise, shot_noise, gains });
+        let sensor = Sensor::new(SensorConfig {
+            bits,
+            alpha,
+            psf,
+            read_noise,
+            shot_noise,
+            prnu,
+            hot_pixels,
+            gains,
+            mosaic,
+        });
         Ok(sensor.expect("the declared ranges lie within those of `Sensor`"))
+    }
+
+    /// Returns the variance of the shot noise divided by the signal, in code units.
+    fn shot_variance(&self) -> f64 {
+        let of_electrons = match self.full_well_electrons {
+            0.0 => 0.0,
+            electrons => f64::from(self.sensor.bits).exp2() / electrons,
+        };
+        (self.shot_noise + of_electrons).min(MAX_NOISE)
+    }
+
+    /// Returns the noise by the name of its parameter, a fixed pattern only if there is one. The shot noise includes that of the
+    /// electrons.
+    fn noise(&self) -> Vec<(&'static str, f64)> {
+        let mut noise = vec![("read_noise", self.read_noise), ("shot_noise", self.shot_variance())];
+        let pattern = [("prnu", self.prnu), ("hot_pixels", self.hot_pixels)];
+        noise.extend(pattern.into_iter().filter(|(_, value)| *value > 0.0));
+        noise
     }
 
     /// Returns the time between two frames. Zero: as fast as its readers take them.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use modulo_camera::{CameraParameters, ModuloCamera};
-use modulo_core::Frame;
+use modulo_core::{Frame, Mosaic};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{
     Context, Flow, ManualClock, Message, Node, ParameterSet as _, Parameters, StampedFrame, StepError,
@@ -94,6 +94,22 @@ fn noise_depends_on_seed_and_frame_alone() {
     let alone = [true, false, false, false];
     assert_eq!(run("7", &ALL), run("7", &alone), "whoever else listens");
     assert_ne!(run("7", &ALL), run("8", &ALL));
+}
+
+#[test]
+fn a_sensor_has_the_mosaic_and_the_noise_of_its_data_sheet() {
+    let scene = ("source", "scene://day?seed=1&frames=1&width=96&height=64");
+    let run = |changes: &[(&str, &str)]| {
+        let mut node = camera(&[&[scene][..], changes].concat());
+        frame(&step(&mut node, Trigger::Tick, &ALL).expect("a frame").1, 0).frame.clone()
+    };
+    let mosaic = run(&[("mosaic", "gbrg")]);
+    assert_eq!((mosaic.dim(), mosaic.mosaic()), ((64, 96, 1), Some(Mosaic::Gbrg)));
+    // 2^8 codes over 5120 electrons are shot noise of 0.05.
+    assert_eq!(run(&[("full_well_electrons", "5120")]), run(&[("shot_noise", "0.05")]));
+    assert_ne!(run(&[("full_well_electrons", "5120")]), run(&[]));
+    assert_ne!(run(&[("prnu", "0.01")]), run(&[]));
+    assert_ne!(run(&[("hot_pixels", "0.01")]), run(&[]));
 }
 
 #[test]

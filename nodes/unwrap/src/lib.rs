@@ -2,10 +2,13 @@
 //! as HDR: the counts that the sensor saw, exact, as integers of 16 bits where `alpha * 2^bits <= 65536`, else as
 //! floats.
 //!
+//! A colour mosaic is unwrapped as it is. `recovered` shows it with three colours at each pixel, `hdr` keeps the mosaic.
+//!
 //! The header of the modulo image is copied. The node never guesses the sensor: its model is a group of parameters, as
 //! in the camera. The method used, its quality metrics and its trust are published on `/diagnostics` for each frame, as
 //! the method reports them, and on `recovery` for a detector that selects its input by it; the node judges nothing itself.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -13,7 +16,7 @@ use modulo_core::deblur::Deblur;
 use modulo_core::unwrap::{
     Method, Options, QualityMetrics, Recovered, Report, ThresholdOn, Trust, TrustLimits, Unwrap, UnwrapError,
 };
-use modulo_core::{Frame, MAX_THREADS, Psf, Range, TwoGains, tone};
+use modulo_core::{Frame, FrameError, MAX_THREADS, Psf, Range, TwoGains, tone};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::graph::ImageCompression;
@@ -30,6 +33,7 @@ const RECOVERED: usize = 0;
 const HDR: usize = 1;
 const DIAGNOSTICS: usize = 2;
 const RECOVERY: usize = 3;
+const CONFIDENCE: usize = 4;
 
 modulo_runtime::parameters! {
     /// The parameters of the `unwrap` node.
@@ -46,8 +50,9 @@ modulo_runtime::parameters! {
         trust_lines: f64 = TrustLimits::default().lines => 0.0..=1.0,
         /// For auto: the smallest fraction of each row and column that must agree before it trusts lines.
         trust_consensus: f64 = TrustLimits::default().consensus => 0.0..=1.0,
-        /// For auto: the largest fraction of steep 2 x 2 loops with which it trusts gradient_tree.
-        trust_gradient_tree: f64 = TrustLimits::default().gradient_tree => 0.0..=1.0,
+        /// For auto: the largest number of second differences of the result above one peak, per sample, with which it trusts
+        /// a result.
+        trust_jumps: f64 = TrustLimits::default().jumps => 0.0..=2.0,
         /// For spud: the hard threshold, in units of the peak.
         tau: f64 = Options::default().tau => 0.0..=1e6,
         /// For spud: the threshold acts on the coefficients after the division (phi) or before it (rho).
@@ -66,7 +71,7 @@ impl UnwrapParameters {
             trust: TrustLimits {
                 lines: self.trust_lines,
                 consensus: self.trust_consensus,
-                gradient_tree: self.trust_gradient_tree,
+                jumps: self.trust_jumps,
             },
         }
     }
@@ -183,7 +188,7 @@ impl UnwrapNode {
 
     fn unwrap(&mut self, modulo: &StampedFrame, cx: &mut Context<'_>) -> Result<(), StepError> {
         let skip = |why: String| StepError::Skip(why);
-        let Prepared { range, deblur, two_gains, .. } = self.sensor.as_mut().expect("`prepare` comes before");
+        let Prepared { range, two_gains, .. } = self.sensor.as_mut().expect("`prepare` comes before");
         let method: &mut dyn Unwrap = match two_gains {
             Some(two_gains) => two_gains,
             None => self.method.as_mut(),
@@ -201,23 +206,42 @@ impl UnwrapNode {
             }
         };
         tell(DIAGNOSTICS, cx);
+        self.emit_images(modulo, cx).map_err(|why| skip(why.to_string()))?;
+        // After the image: a detector that changes its input because of it has answered this frame already.
+        tell(RECOVERY, cx);
+        Ok(())
+    }
+
+    /// Sends the images of the result that have a reader.
+    fn emit_images(&self, modulo: &StampedFrame, cx: &mut Context<'_>) -> Result<(), FrameError> {
+        let Prepared { range, deblur, .. } = self.sensor.as_ref().expect("`prepare` comes before");
+        let mosaic = modulo.frame.mosaic();
         if cx.wanted(RECOVERED) {
-            let x = &self.recovered.x;
+            let x = match mosaic {
+                None => Cow::Borrowed(&self.recovered.x),
+                Some(mosaic) => Cow::Owned(cx.stage("demosaic", || mosaic.demosaic(self.recovered.x.view()))),
+            };
             // A sharpened image is for the detector only: `hdr` keeps what the sensor saw.
             let frame = match deblur {
-                None => cx.stage("tone", || tone::linear8(x, *range)),
-                Some(deblur) => cx.stage("deblur", || deblur.linear8(x, *range)),
+                None => cx.stage("tone", || tone::linear8(&x, *range)),
+                Some(deblur) => cx.stage("deblur", || deblur.linear8(&x, *range)),
             };
-            let frame = frame.map_err(|why| skip(why.to_string()))?;
-            cx.emit(RECOVERED, stamped(&modulo.header, frame));
+            cx.emit(RECOVERED, stamped(&modulo.header, frame?));
         }
         if cx.wanted(HDR) {
-            let frame = tone::hdr(&self.recovered.x, *range).map_err(|why| skip(why.to_string()))?;
+            let frame = tone::hdr(&self.recovered.x, *range)?;
+            // There is no encoding for a mosaic of floats.
+            let frame = match mosaic.filter(|_| frame.depth() == 16) {
+                Some(mosaic) => frame.with_mosaic(mosaic).expect("it has the shape of the modulo image"),
+                None => frame,
+            };
             // Without a scale: a reader gets the counts of the sensor and can compute with them.
             cx.emit(HDR, stamped(&modulo.header, frame));
         }
-        // After the image: a detector that changes its input because of it has answered this frame already.
-        tell(RECOVERY, cx);
+        if cx.wanted(CONFIDENCE) {
+            let frame = cx.stage("confidence", || self.recovered.confidence(mosaic, *range));
+            cx.emit(CONFIDENCE, stamped(&modulo.header, frame));
+        }
         Ok(())
     }
 }
@@ -234,6 +258,7 @@ pub fn outputs() -> Vec<Topic> {
         Topic { compression: ImageCompression::None, ..Topic::new("hdr", MessageKind::Image) },
         Diagnostics::topic(),
         Topic::new(RECOVERY_TOPIC, MessageKind::Diagnostics),
+        Topic::new("confidence", MessageKind::Image),
     ]
 }
 
@@ -266,7 +291,7 @@ impl Node for UnwrapNode {
         match trigger {
             Trigger::Message { message: Message::Image(modulo), .. }
                 // Without any reader the whole work is saved.
-                if (RECOVERED..=RECOVERY).any(|output| cx.wanted(output)) =>
+                if (RECOVERED..=CONFIDENCE).any(|output| cx.wanted(output)) =>
             {
                 self.take(modulo, cx)
             }
@@ -331,7 +356,7 @@ fn describe(node: &str, header: &Header, method: &str, report: &Report) -> Diagn
         Trust::Trusted => (DiagnosticStatus::OK, "trusted"),
         Trust::Contradicted => (
             DiagnosticStatus::WARN,
-            "not trusted: y departs from what the method assumes, or does not show it",
+            "not trusted: y or the result departs from what the method assumes, or does not show it",
         ),
         Trust::Unknown => (DiagnosticStatus::OK, "the method makes no claim"),
     };
@@ -341,10 +366,15 @@ fn describe(node: &str, header: &Header, method: &str, report: &Report) -> Diagn
     if let Some(trusted) = report.trust.claim() {
         values.push(("trusted", trusted.to_string()));
     }
-    if let Some(QualityMetrics { residues, steep, consensus, clamped }) = report.quality {
+    if let Some(QualityMetrics { residues, steep, consensus, clamped, jumps }) = report.quality {
         let share = |value: f32| format!("{value:.3e}");
-        let shares =
-            [("residues", residues), ("steep", steep), ("consensus", consensus), ("clamped", clamped)];
+        let shares = [
+            ("residues", residues),
+            ("steep", steep),
+            ("consensus", consensus),
+            ("clamped", clamped),
+            ("jumps", jumps),
+        ];
         values.extend(shares.map(|(name, value)| (name, share(value))));
     }
     let values = values.into_iter().map(|(key, value)| KeyValue { key: key.to_owned(), value }).collect();

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use modulo_core::sensor::{Sensor, SensorConfig};
-use modulo_core::{Frame, Psf};
+use modulo_core::{Frame, Mosaic, Psf};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{
     Context, Flow, ManualClock, Message, Node, ParameterSet, Parameters, SensorModel, StampedFrame,
@@ -134,6 +134,29 @@ fn two_nodes_differ_in_diagnostics() {
         let Message::Diagnostics(said) = &sent[0].1 else { panic!("a description is expected: {sent:?}") };
         assert_eq!(said.status[0].name, status);
     }
+}
+
+#[test]
+fn a_mosaic_is_shown_in_colours_and_kept_in_hdr() {
+    let radiance = Array3::from_shape_fn((48, 64, 3), |(i, j, c)| {
+        0.5 + 0.4 * ((i as f32 / 17.0).sin() * (j as f32 / 19.0 + c as f32).cos())
+    });
+    let mosaic = Some(Mosaic::Bggr);
+    let config = SensorConfig { alpha: 2.0, mosaic, ..SensorConfig::default() };
+    let exposure = Sensor::new(config).expect("a sensor").expose(radiance.view(), 0).expect("an image");
+    let mut node = unwrap(&[("alpha", "2")]);
+    let wanted = [true, true, false, false, true];
+    let sent = step(&mut node, exposure.modulo(), &wanted).expect("a good frame");
+    let [(0, recovered), (1, hdr), (4, confidence)] = &sent[..] else {
+        panic!("three images are expected: {sent:?}")
+    };
+    let [recovered, hdr, confidence] = [recovered, hdr, confidence].map(|sent| &image(sent).frame);
+    assert_eq!((recovered.dim(), recovered.mosaic()), ((48, 64, 3), None));
+    let apart = (recovered.to_f32() - exposure.ideal().demosaiced().to_f32()).mapv(f32::abs);
+    assert!(apart.iter().all(|difference| *difference <= 1.0), "{apart}");
+    assert_eq!((hdr.dim(), hdr.mosaic()), ((48, 64, 1), mosaic));
+    assert_eq!(hdr.to_f32(), exposure.x().mapv(f32::floor));
+    assert!(confidence.as_u8().expect("8 bits").iter().all(|&value| value == 255));
 }
 
 /// The oracle is the sensor: a range of 18 bits leaves no room in 16.

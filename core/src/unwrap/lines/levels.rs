@@ -28,7 +28,8 @@ struct Extent<W> {
 impl<W: Word> Levels<'_, W> {
     /// Finds the base level; `sums` and `counts` are buffers.
     #[inline(always)]
-    pub fn zero(&self, most: u8, sums: &mut Vec<W>, counts: &mut Vec<usize>) -> BaseLevel<W> {
+    pub fn zero(&self, range: Range, sums: &mut Vec<W>, counts: &mut Vec<usize>) -> BaseLevel<W> {
+        let most = range.max_wraps();
         counts.clear();
         counts.reserve(1 << W::BITS);
         let extent = self.extent(sums);
@@ -37,13 +38,13 @@ impl<W: Word> Levels<'_, W> {
         let mut zero = BaseLevel { level: extent.low, outside: 0 };
         // If all levels fit the range, counting one level at a time is faster than a histogram.
         if (0..self.layout.channels).all(|channel| span(channel) <= u16::from(most)) {
-            self.raise_level(&mut zero, sums);
+            self.raise_level(&mut zero, range, sums);
         } else {
             for (channel, level) in zero.level[..self.layout.channels].iter_mut().enumerate() {
                 counts.clear();
                 counts.resize(usize::from(span(channel)) + 1, 0);
                 self.histogram(channel, extent.low[channel], sums, counts);
-                let index = congruence::base_level_index(counts, most.into());
+                let index = congruence::base_level_index(counts, range);
                 let inside = counts[index..].iter().take(usize::from(most) + 1);
                 zero.outside += counts.iter().sum::<usize>() - inside.sum::<usize>();
                 *level = level.plus(W::low(index as u16));
@@ -54,7 +55,7 @@ impl<W: Word> Levels<'_, W> {
 
     /// Raises the base level while few enough samples are below it; every k is in range.
     #[inline(always)]
-    fn raise_level(&self, zero: &mut BaseLevel<W>, sums: &mut Vec<W>) {
+    fn raise_level(&self, zero: &mut BaseLevel<W>, range: Range, sums: &mut Vec<W>) {
         let RowLayout { height, width, channels } = self.layout;
         let pixels = height * width;
         let mut below = [0; 3];
@@ -63,7 +64,8 @@ impl<W: Word> Levels<'_, W> {
             let counts = self.count(&zero.level, sums);
             let before = zero.level;
             for channel in 0..channels {
-                let enough = congruence::is_enough(pixels - below[channel] - counts[channel], pixels, pixels);
+                let enough =
+                    congruence::is_enough(pixels - below[channel] - counts[channel], pixels, pixels, range);
                 below[channel] += if enough { counts[channel] } else { 0 };
                 zero.level[channel] = zero.level[channel].plus(W::one_if(enough));
             }

@@ -103,7 +103,7 @@ impl<W: Word> Buffers<W> {
         let levels = Levels { layout, rows: &self.rows, constants: &self.constants.sums };
         let Self { offsets, counts, .. } = self;
         let outside = widest!({
-            let zero = levels.zero(range.max_wraps(), offsets, counts);
+            let zero = levels.zero(range, offsets, counts);
             levels.write(samples, &zero, range, offsets, out);
             zero.outside
         });
@@ -135,6 +135,7 @@ impl<W: Word> Buffers<W> {
             steep: share(self.gradient.suspect, loops),
             consensus: row.min(column),
             clamped: share(outside as u64, height * width * channels),
+            jumps: 0.0,
         }
     }
 }

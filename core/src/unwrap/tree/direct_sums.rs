@@ -135,7 +135,7 @@ impl DirectSums {
         let zero: [i16; 3] = std::array::from_fn(|channel| {
             let (low, _) = extent(&self.k[channel]);
             self.count(channel);
-            let index = congruence::base_level_index(&self.levels, range.max_wraps().into());
+            let index = congruence::base_level_index(&self.levels, range);
             // `is_possible` has found all levels within one range, so only those below the base level are outside.
             outside += self.levels[..index].iter().sum::<usize>();
             low + index as i16

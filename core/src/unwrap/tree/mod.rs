@@ -203,7 +203,7 @@ fn finish(outside: usize, y: Integers<'_>, range: Range, out: &mut Recovered) {
 fn write_counts<const CHANNELS: usize>(forest: &mut Forest, range: Range, out: &mut Recovered) -> usize {
     let main = forest.regions.largest();
     let most = i16::from(range.max_wraps());
-    let level = level(forest, main, most);
+    let level = level(forest, main, range);
     let regions = &forest.regions;
     let mut outside = 0;
     let (counts, _) = out.buffers().1.as_chunks_mut::<CHANNELS>();
@@ -229,7 +229,7 @@ fn write_radiance<T: Copy + Into<f32>>(y: &[T], range: Range, out: &mut Recovere
 }
 
 /// Returns the k of the root `main` by channel.
-fn level(Forest { regions, segments, levels, .. }: &mut Forest, main: u32, most: i16) -> Quad {
+fn level(Forest { regions, segments, levels, .. }: &mut Forest, main: u32, range: Range) -> Quad {
     let parts = || segments.iter().filter(|segment| regions.root(segment.node) == main);
     let offset = |segment: &Segment, lane: usize| regions.offset_from_root(segment.node)[lane];
     std::array::from_fn(|lane| {
@@ -241,6 +241,6 @@ fn level(Forest { regions, segments, levels, .. }: &mut Forest, main: u32, most:
             levels[usize::from(offset(segment, lane).abs_diff(low))] += segment.pixels().len();
         }
         // Counts are relative to the root, so the k of the root is what brings the base level to 0.
-        -(low + congruence::base_level_index(levels, most.into()) as i16)
+        -(low + congruence::base_level_index(levels, range) as i16)
     })
 }

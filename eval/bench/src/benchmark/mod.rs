@@ -133,7 +133,7 @@ fn check(request: &BenchmarkRequest) -> Result<Vec<Sensor>, BenchError> {
             by_name(name, &Options { threads, ..Options::default() })?;
         }
     }
-    request.sensor.sensors(&request.alpha, None)
+    request.sensor.sensors(&request.alpha, None, None)
 }
 
 /// Returns the result of `work` and its duration in ms. Durations are reported, and decide nothing.

@@ -95,9 +95,16 @@ fn examine(case: &Case, folder: Option<&Path>) -> Result<SceneRow, BenchError> {
 }
 
 fn named(
-    QualityMetrics { residues, steep, consensus, clamped }: QualityMetrics,
+    QualityMetrics { residues, steep, consensus, clamped, jumps }: QualityMetrics,
 ) -> BTreeMap<&'static str, f32> {
-    [("residues", residues), ("steep", steep), ("consensus", consensus), ("clamped", clamped)].into()
+    [
+        ("residues", residues),
+        ("steep", steep),
+        ("consensus", consensus),
+        ("clamped", clamped),
+        ("jumps", jumps),
+    ]
+    .into()
 }
 
 /// Accuracy of a result.

@@ -41,6 +41,9 @@ pub struct Axes {
     /// stream is then that of spatially varying exposure
     #[arg(long, value_delimiter = ',', default_value = "none", value_parser = ["none", "checkerboard", "rows"])]
     pub gains: Vec<String>,
+    /// Colour filters of a sensor with one chip, whose images are demosaiced for the detector
+    #[arg(long, value_delimiter = ',', default_value = "none", value_parser = ["none", "rggb", "bggr", "grbg", "gbrg"])]
+    pub mosaic: Vec<String>,
     /// Detection models: ONNX files, or demo for the embedded model
     #[arg(long, value_delimiter = ',', default_value = "demo")]
     pub model: Vec<PathBuf>,
@@ -90,9 +93,12 @@ impl Axes {
         let mut points = Vec::new();
         for model in self.model.iter().map(|model| Self::model_name(model)) {
             for input in &inputs {
-                for [noise, shot_noise, alpha] in self.exposures() {
+                for ([noise, shot_noise, alpha], mosaic) in self.exposures() {
                     for (gains, (stream, method, deblur, psf_sigma)) in self.gained_images(protocol) {
-                        let (model, input) = (model.clone(), input.clone());
+                        if mosaic != "none" && !can_be_mosaic(stream, method.as_deref()) {
+                            continue;
+                        }
+                        let (model, input, mosaic) = (model.clone(), input.clone(), mosaic.clone());
                         let point = Point {
                             stream,
                             method,
@@ -102,6 +108,7 @@ impl Axes {
                             noise,
                             shot_noise,
                             gains,
+                            mosaic,
                             model,
                             input,
                         };
@@ -116,11 +123,13 @@ impl Axes {
         Ok(points)
     }
 
-    /// Every [read noise, shot noise, alpha].
-    fn exposures(&self) -> Vec<[f64; 3]> {
+    /// Every [read noise, shot noise, alpha] with every mosaic.
+    fn exposures(&self) -> Vec<([f64; 3], &String)> {
         let noises =
             self.noise.iter().flat_map(|noise| self.shot_noise.iter().map(move |shot| [*noise, *shot]));
-        noises.flat_map(|[noise, shot]| self.alpha.iter().map(move |alpha| [noise, shot, *alpha])).collect()
+        let exposures =
+            noises.flat_map(|[noise, shot]| self.alpha.iter().map(move |alpha| [noise, shot, *alpha]));
+        exposures.flat_map(|exposure| self.mosaic.iter().map(move |mosaic| (exposure, mosaic))).collect()
     }
 
     /// Every image at one alpha, with the gains of its sensor.
@@ -189,6 +198,7 @@ impl Axes {
             ("the list of noises", self.noise.is_empty()),
             ("the list of shot noises", self.shot_noise.is_empty()),
             ("the list of gains", self.gains.is_empty()),
+            ("the list of mosaics", self.mosaic.is_empty()),
             ("the list of models", self.model.is_empty()),
         ] {
             if empty {
@@ -196,26 +206,15 @@ impl Axes {
             }
         }
         // Checked as the camera does it, before any frame is read.
-        for [read_noise, shot_noise, alpha] in self.exposures() {
+        for ([read_noise, shot_noise, alpha], _) in self.exposures() {
             for &psf_sigma in &self.psf_sigma {
                 let sensor = SensorModel { alpha, psf_sigma, ..SensorModel::default() };
                 let defaults = CameraParameters::default();
                 CameraParameters { sensor, read_noise, shot_noise, ..defaults }.sensor()?;
             }
         }
-        // The scripts of the paper have a fixed lens and no noise. Other values would be ignored, which the results
-        // would not show.
-        let plain = self.psf_sigma == [1.4]
-            && self.noise == [0.0]
-            && self.shot_noise == [0.0]
-            && self.gains == ["none"];
-        if protocol == Protocol::Paper && !plain {
-            let Self { psf_sigma, noise, shot_noise, gains, .. } = self;
-            let value = format!(
-                "{psf_sigma:?} px with noise {noise:?}, shot noise {shot_noise:?} and gains {gains:?}"
-            );
-            let possible = "the lens of the paper: blur 1.4 px (7 taps), no noise, one gain".to_owned();
-            return Err(GridError::Value { what: "the lens", value, possible });
+        if protocol == Protocol::Paper {
+            self.check_paper()?;
         }
         let of_suite = [METHODS, &[SPUD_AS_PUBLISHED]].concat();
         let known: &[&str] = if protocol == Protocol::Paper { &PAPER_METHODS } else { &of_suite };
@@ -225,6 +224,30 @@ impl Axes {
             let possible = format!("one of {}", known.join(", "));
             return Err(GridError::Value { what: "method", value: method, possible });
         }
+        self.check_models()
+    }
+
+    /// The scripts of the paper have a fixed lens and no noise. Other values would be ignored, which the results would not
+    /// show.
+    fn check_paper(&self) -> Result<(), GridError> {
+        let plain = self.psf_sigma == [1.4]
+            && self.noise == [0.0]
+            && self.shot_noise == [0.0]
+            && self.gains == ["none"]
+            && self.mosaic == ["none"];
+        if !plain {
+            let Self { psf_sigma, noise, shot_noise, gains, mosaic, .. } = self;
+            let value = format!(
+                "{psf_sigma:?} px with noise {noise:?}, shot noise {shot_noise:?}, gains {gains:?} and mosaic {mosaic:?}"
+            );
+            let possible =
+                "the lens of the paper: blur 1.4 px (7 taps), no noise, one gain, no mosaic".to_owned();
+            return Err(GridError::Value { what: "the lens", value, possible });
+        }
+        Ok(())
+    }
+
+    fn check_models(&self) -> Result<(), GridError> {
         // A cell names its model without the folder. Two files of one name would share their cells.
         let mut models: Vec<&PathBuf> = self.model.iter().collect();
         models.sort();
@@ -237,6 +260,11 @@ impl Axes {
         }
         Ok(())
     }
+}
+
+/// Returns whether the pipeline of a stream simulates a mosaic. Elsewhere a cell of a mosaic would show the figures of three chips.
+fn can_be_mosaic(stream: Stream, method: Option<&str>) -> bool {
+    !matches!(stream, Stream::MultiExposure | Stream::MultiExposureStill) && method != Some(SPUD_AS_PUBLISHED)
 }
 
 fn or_default(list: &[String], default: &[&str]) -> Vec<String> {

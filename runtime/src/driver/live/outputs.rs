@@ -5,7 +5,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use modulo_images::FileFormat;
-use modulo_msgs::image::encoding_of;
+use modulo_msgs::image::{encoding_of, mosaic_of};
 use modulo_msgs::sensor_msgs::CompressedImage;
 
 use crate::driver::RunError;
@@ -69,8 +69,10 @@ impl LiveOutput {
         if !variant.wanted() {
             return None;
         }
-        // JPEG has 8 bits and changes values.
-        let keeps = image.frame.depth() > 8 || self.compression == ImageCompression::Lossless;
+        // JPEG has 8 bits and changes values, in a mosaic those of one colour by those of the others.
+        let keeps = image.frame.depth() > 8
+            || image.frame.mosaic().is_some()
+            || self.compression == ImageCompression::Lossless;
         let format = if keeps { FileFormat::Png } else { format() };
         Some(compress(image, format).map(|file| Message::CompressedImage(Arc::new(file))))
     }
@@ -102,6 +104,12 @@ pub(super) fn decompress(file: &CompressedImage, topic: &Topic) -> Result<Stampe
         );
     }
     let frame = modulo_images::decode(&file.data, &file.format).map_err(|why| why.to_string())?;
+    // A file does not tell that its grey pixels are a mosaic; the encoding of the image stands first in the format.
+    let encoding = file.format.split(';').next().unwrap_or(&file.format).trim();
+    let frame = match mosaic_of(encoding) {
+        Some(mosaic) => frame.with_mosaic(mosaic).map_err(|why| why.to_string())?,
+        None => frame,
+    };
     Ok(StampedFrame { header: file.header.clone(), frame })
 }
 
@@ -110,7 +118,7 @@ const JPEG: [u8; 2] = [0xff, 0xd8];
 
 #[cfg(test)]
 mod tests {
-    use modulo_core::Frame;
+    use modulo_core::{Frame, Mosaic};
     use modulo_msgs::std_msgs::{Header, Time};
     use ndarray::Array3;
 
@@ -129,13 +137,18 @@ mod tests {
             (eight(3), FileFormat::Png, "rgb8; png compressed bgr8"),
             (eight(1), FileFormat::Png, "mono8; png compressed "),
             (deep, FileFormat::Png, "rgb16; png compressed bgr16"),
+            (
+                eight(1).and_then(|frame| frame.with_mosaic(Mosaic::Grbg)),
+                FileFormat::Png,
+                "bayer_grbg8; png compressed ",
+            ),
             (eight(3), FileFormat::Jpeg, "rgb8; jpeg compressed bgr8"),
         ] {
             let image = StampedFrame { header: header.clone(), frame: frame.expect("a frame") };
             let file = compress(&image, format).expect("a file");
             assert_eq!(file.format, named);
             let again = decompress(&file, &Topic::new("recovered", MessageKind::Image)).expect("an image");
-            assert_eq!(again.header, header);
+            assert_eq!((&again.header, again.frame.mosaic()), (&header, image.frame.mosaic()));
             let apart = (again.frame.to_f32() - image.frame.to_f32()).mapv(f32::abs);
             let most = if format == FileFormat::Jpeg { 16.0 } else { 0.0 };
             assert!(apart.iter().all(|d| *d <= most), "{named}: {apart}");

@@ -4,7 +4,7 @@ mod edges;
 mod sensors;
 
 use modulo_core::unwrap::{METHODS, Options, by_name};
-use modulo_core::{Frame, Gains, Psf, Range, Recovered, Sensor, SensorConfig};
+use modulo_core::{Frame, Psf, Range, Recovered, Sensor, SensorConfig};
 use ndarray::Array3;
 
 use super::case::Case;
@@ -27,14 +27,7 @@ pub fn cases() -> Vec<Case> {
     edges::cases().into_iter().chain(sensors::cases()).collect()
 }
 
-const SENSOR: SensorConfig = SensorConfig {
-    bits: 8,
-    alpha: 4.0,
-    psf: Psf::Paper7,
-    read_noise: 0.0,
-    shot_noise: 0.0,
-    gains: Gains::One,
-};
+const SENSOR: SensorConfig = SensorConfig { psf: Psf::Paper7, ..SensorConfig::PLAIN };
 
 /// Tries the inputs that must be refused with an error that names the place and the value.
 pub fn rejections() -> Vec<RejectionRow> {

@@ -207,12 +207,12 @@ impl RecoveryQuality {
         truth: &[Exposure; 2],
     ) -> Option<Self> {
         let peak = truth[0].range().peak();
-        let (wraps, gains) = (truth[0].wraps(), truth[0].gains());
+        let wraps = truth[0].wraps();
         let counts = counts.to_f32();
         let full = wraps
             .indexed_iter()
             .zip(&counts)
-            .filter(|(((row, column, _), _), _)| gains.at(*row, *column) == 1.0);
+            .filter(|(((row, column, _), _), _)| truth[0].gain(*row, *column) == 1.0);
         // x_hat = y + k P with y < P, so that the integer part of x_hat / P is k.
         let exact = full.clone().filter(|((_, wraps), count)| (*count / peak) as u8 == **wraps);
         Some(Self {
@@ -235,7 +235,8 @@ impl RecoveryQuality {
 
     /// The quality of a merged image, which has no wrap counts.
     pub fn of_merged(image: &Frame, truth: &[Exposure; 2]) -> Option<Self> {
-        let [ideal, sharp] = truth.each_ref().map(|truth| ImageSimilarity::of(image, &truth.ideal()));
+        let [ideal, sharp] =
+            truth.each_ref().map(|truth| ImageSimilarity::of(image, &truth.ideal().demosaiced()));
         Some(Self { ideal: ideal?, sharp: sharp?, ..Self::default() })
     }
 }

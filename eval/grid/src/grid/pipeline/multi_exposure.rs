@@ -4,7 +4,7 @@
 //! The captures are three consecutive frames of the drive with the longest exposure last; the middle one is the frame
 //! that is scored. Moving objects leave ghosts: the captures are not aligned.
 
-use modulo_core::{Bracket, Gains, Psf, Range, Sensor, SensorConfig, tone};
+use modulo_core::{Bracket, Psf, Range, Sensor, SensorConfig, tone};
 use ndarray::Array3;
 
 use super::{BITS, DetectorInput, FrameWithNeighbours, PipelineConfig, RecoveryQuality, Truth, unstamped};
@@ -64,7 +64,7 @@ impl<'a> MultiExposurePipeline<'a> {
                 psf: Psf::of_sigma(psf_sigma),
                 read_noise: point.noise,
                 shot_noise: point.shot_noise,
-                gains: Gains::One,
+                ..SensorConfig::default()
             })
         };
         let of_time = |time: &f32| sensor(f64::from(*time), point.psf_sigma);

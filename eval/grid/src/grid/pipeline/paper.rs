@@ -5,7 +5,7 @@
 
 use modulo_bags::source::SourceFrame;
 use modulo_core::unwrap::{Range, Recovered, Spud, ThresholdOn, Unwrap};
-use modulo_core::{Frame, Gains, Psf, Sensor, SensorConfig, UnwrapError, optics, tone};
+use modulo_core::{Frame, Psf, Sensor, SensorConfig, UnwrapError, optics, tone};
 use modulo_runtime::Clock;
 use ndarray::Array3;
 
@@ -39,7 +39,7 @@ impl<'a> PublishedSpudPipeline<'a> {
                 psf: Psf::of_sigma(psf_sigma),
                 read_noise: point.noise,
                 shot_noise: point.shot_noise,
-                gains: Gains::One,
+                ..SensorConfig::default()
             })
         };
         let truth = Truth([sensor(point.psf_sigma)?, sensor(0.0)?]);

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use modulo_bags::source::{Source, SourceError, SourceFrame};
 use modulo_camera::CameraParameters;
+use modulo_core::Mosaic;
 use modulo_core::unwrap::Method;
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_runtime::driver::lockstep::{Lockstep, OnTopic};
@@ -29,6 +30,7 @@ impl<'a> SuitePipeline<'a> {
         let lens = |psf_sigma| CameraParameters {
             read_noise: point.noise,
             shot_noise: point.shot_noise,
+            mosaic: Mosaic::named(&point.mosaic),
             sensor: SensorModel {
                 bits: BITS,
                 alpha: point.alpha,

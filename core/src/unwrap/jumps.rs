@@ -1,0 +1,208 @@
+//! Checks a result by itself: where a count is wrong, second differences of the radiance jump by one peak.
+//!
+//! Behind a lens, second differences of the true radiance are small. Around a region of wrong counts each of them is off by one
+//! peak in the direction that crosses the border of the region, so that many of them exceed it.
+
+use ndarray::Array3;
+
+use super::{Range, Recovered};
+use crate::frame::{Frame, in_order};
+use crate::mosaic::Mosaic;
+use crate::simd::widest;
+
+/// The second difference, in peaks, above which a pixel belongs to no region. Where true ones are at most 3/8, those at the border of
+/// a region of wrong counts are off by one peak and so at least 5/8.
+const BARRIER: f32 = 0.375;
+
+/// The least share of the pixels that the largest region needs: in a more divided image no region stands out.
+const LARGEST: f64 = 0.85;
+
+/// Returns the second differences along the rows and columns of `x` above one peak, per sample.
+pub(super) fn share(x: &Array3<f32>, range: Range) -> f32 {
+    let (height, width, channels) = x.dim();
+    let (samples, stride) = (in_order(x.view()), width * channels);
+    let mut count = 0u64;
+    for row in 0..height {
+        let here = &samples[row * stride..][..stride];
+        if width > 2 {
+            let inner = stride - 2 * channels;
+            count += steep(&here[..inner], &here[channels..][..inner], &here[2 * channels..], range.peak());
+        }
+        if row > 0 && row + 1 < height {
+            let [above, below] = [row - 1, row + 1].map(|row| &samples[row * stride..][..stride]);
+            count += steep(above, here, below, range.peak());
+        }
+    }
+    count as f32 / samples.len() as f32
+}
+
+/// Returns the number of second differences above `limit`.
+fn steep(before: &[f32], here: &[f32], after: &[f32], limit: f32) -> u64 {
+    let samples = before.iter().zip(here).zip(after);
+    let exceeds = |((before, here), after): ((&f32, &f32), &f32)| {
+        u32::from((before + after - here - here).abs() > limit)
+    };
+    u64::from(widest!(samples.fold(0u32, |count, sample| count + exceeds(sample))))
+}
+
+impl Recovered {
+    /// Returns a confidence image, H x W x 1 of 8 bits: 255 where the counts are vouched for, 0 elsewhere. `mosaic` is that of the
+    /// modulo image.
+    ///
+    /// The pixels at which no second difference is above 3/8 of the peak form regions; the largest one is vouched for if it has at
+    /// least 85 % of the pixels. In a mosaic, 2 x 2 pixels count as one, with neighbours of the same colours. Behind a lens
+    /// of 0.8 px and more, hardly a count in it is wrong (docs/methods.md); behind a sharper one an error may leave no trace.
+    pub fn confidence(&self, mosaic: Option<Mosaic>, range: Range) -> Frame {
+        let (height, width, _) = self.x.dim();
+        let cell = if mosaic.is_some() { 2 } else { 1 };
+        let (rows, columns) = (height.div_ceil(cell), width.div_ceil(cell));
+        let free = self.free(cell, range);
+        let region = largest_region(&free, columns);
+        // In a divided image, no region can be told to be the right one.
+        let enough = region.len() as f64 >= LARGEST * (rows * columns) as f64;
+        let mut vouched = vec![false; rows * columns];
+        if enough {
+            region.into_iter().for_each(|at| vouched[at] = true);
+        }
+        let value = |(row, column, _): (usize, usize, usize)| {
+            if vouched[row / cell * columns + column / cell] { u8::MAX } else { 0 }
+        };
+        Frame::from_u8(Array3::from_shape_fn((height, width, 1), value))
+            .expect("the result has the shape of an image")
+    }
+
+    /// Returns for each cell of `cell` x `cell` pixels whether no second difference is above the barrier.
+    fn free(&self, cell: usize, range: Range) -> Vec<bool> {
+        let (height, width, channels) = self.x.dim();
+        let (columns, limit) = (width.div_ceil(cell), BARRIER * range.peak());
+        let x = self.x.as_standard_layout();
+        let samples = in_order(x.view());
+        let mut free = vec![true; height.div_ceil(cell) * columns];
+        for row in 0..height {
+            let line = &mut free[row / cell * columns..][..columns];
+            let at = |row: usize| &samples[row * width * channels..][..width * channels];
+            let mut bar = |from: usize, before: &[f32], here: &[f32], after: &[f32]| {
+                for (index, ((before, here), after)) in before.iter().zip(here).zip(after).enumerate() {
+                    if (before + after - here - here).abs() > limit {
+                        line[(from + index / channels) / cell] = false;
+                    }
+                }
+            };
+            // In a mosaic, the next pixel of the same colour is two pixels away.
+            let step = cell * channels;
+            if width > 2 * cell {
+                bar(cell, at(row), &at(row)[step..], &at(row)[2 * step..]);
+            }
+            if row >= cell && row + cell < height {
+                bar(0, at(row - cell), at(row), at(row + cell));
+            }
+        }
+        free
+    }
+}
+
+/// Returns the places of the largest region of free places, which are neighbours along rows and columns of `columns` places.
+fn largest_region(free: &[bool], columns: usize) -> Vec<usize> {
+    let mut open = free.to_vec();
+    let mut largest = Vec::new();
+    for start in 0..open.len() {
+        // A barrier, or already part of a region.
+        if !open[start] {
+            continue;
+        }
+        open[start] = false;
+        let mut region = vec![start];
+        let mut next = 0;
+        while let Some(&at) = region.get(next) {
+            next += 1;
+            let column = at % columns;
+            let neighbours = [
+                at.checked_sub(columns),
+                Some(at + columns).filter(|&below| below < open.len()),
+                (column > 0).then(|| at - 1),
+                (column + 1 < columns).then_some(at + 1),
+            ];
+            for neighbour in neighbours.into_iter().flatten() {
+                if std::mem::replace(&mut open[neighbour], false) {
+                    region.push(neighbour);
+                }
+            }
+        }
+        if region.len() > largest.len() {
+            largest = region;
+        }
+    }
+    largest
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const RANGE: (u8, f64) = (8, 4.0);
+
+    fn range() -> Range {
+        Range::new(RANGE.0, RANGE.1).unwrap()
+    }
+
+    /// A smooth result, in which the counts of a square are one too high.
+    fn result(dim: (usize, usize, usize), square: Option<usize>) -> Recovered {
+        let inside = |at: usize| square.is_some_and(|side| (20..20 + side).contains(&at));
+        let x = Array3::from_shape_fn(dim, |(i, j, c)| {
+            let smooth = 300.0 + 200.0 * ((i as f32 / 30.0).sin() + (j as f32 / 40.0 + c as f32).cos());
+            smooth + if inside(i) && inside(j) { 256.0 } else { 0.0 }
+        });
+        Recovered { k: Array3::zeros(dim), x, ..Recovered::default() }
+    }
+
+    proptest! {
+        #[test]
+        fn counts_second_differences_above_one_peak(
+            (height, width, rgb) in (1usize..6, 1usize..6, any::<bool>()), seed in any::<u64>(),
+        ) {
+            let mut random = seed | 1;
+            let dim = (height, width, if rgb { 3 } else { 1 });
+            let x = Array3::from_shape_simple_fn(dim, || {
+                random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                ((random >> 40) % 1024) as f32
+            });
+            let mut count = 0;
+            for (i, j, c) in ndarray::indices(dim) {
+                let second = |a: f32, b: f32| (a + b - 2.0 * x[(i, j, c)]).abs() > 256.0;
+                let along = j > 0 && j + 1 < width && second(x[(i, j - 1, c)], x[(i, j + 1, c)]);
+                let across = i > 0 && i + 1 < height && second(x[(i - 1, j, c)], x[(i + 1, j, c)]);
+                count += u32::from(along) + u32::from(across);
+            }
+            prop_assert_eq!(share(&x, range()), count as f32 / x.len() as f32);
+        }
+    }
+
+    #[test]
+    fn a_square_of_wrong_counts_is_seen_and_not_vouched_for() {
+        for (channels, mosaic) in [(3, None), (1, None), (1, Some(Mosaic::Gbrg))] {
+            let dim = (90, 120, channels);
+            let right = result(dim, None);
+            assert_eq!(share(&right.x, range()), 0.0);
+            let all = right.confidence(mosaic, range());
+            assert!(all.as_u8().unwrap().iter().all(|&value| value == 255));
+            let wrong = result(dim, Some(24));
+            let confidence = wrong.confidence(mosaic, range());
+            let confidence = confidence.as_u8().unwrap();
+            let inside = |at: usize| (20..44).contains(&at);
+            assert!(
+                confidence.indexed_iter().all(|((i, j, _), &value)| value == 0 || !inside(i) || !inside(j))
+            );
+            assert!(confidence.iter().filter(|value| **value == 255).count() > 90 * 120 - 30 * 30);
+        }
+    }
+
+    #[test]
+    fn a_divided_image_is_not_vouched_for() {
+        // Stripes as wide as three pixels, of which every second one is two peaks brighter.
+        let x = Array3::from_shape_fn((60, 60, 1), |(i, ..)| if i / 3 % 2 == 0 { 10.0 } else { 522.0 });
+        let out = Recovered { k: Array3::zeros(x.dim()), x, ..Recovered::default() };
+        assert!(out.confidence(None, range()).as_u8().unwrap().iter().all(|&value| value == 0));
+    }
+}

@@ -1,0 +1,405 @@
+//! Unwraps colour mosaics with any method: green first, then red and blue against it.
+//!
+//! The green pixels form a square lattice that is turned by 45 degrees, with sides of sqrt(2) px. Along its rows and columns a
+//! method works on it as on any image. Both other colours go with them as channels, since a jump by one peak in one colour is
+//! hardly one in all three. At each green pixel, one of them is the mean of the neighbours to the left and right, and the other one is
+//! the mean of the neighbours above and below. The mean of two wrapped samples is right where they differ by less than half a peak.
+//!
+//! Red (or blue) is then unwrapped as its difference from the green around it. The difference changes little from one red pixel to the
+//! next, even where the scene does, so that `auto` can unwrap it at twice the distance.
+//!
+//! A result that is not trusted is improved once: the other colours, which are known by then, replace their wrapped means.
+
+use ndarray::Array3;
+
+use super::{Auto, Integers, Options, Range, Recovered, Trust, TrustLimits, Unwrap, UnwrapError, congruence};
+use crate::frame::Frame;
+use crate::mosaic::{Mosaic, mirrored};
+
+/// Pixels beyond the border of the image that belong to the lattice. Beyond them, its rows repeat their last pixel.
+const MARGIN: isize = 2;
+
+/// Pixels of the mirror image around the image: the margin and the neighbours of its pixels.
+const PADDING: usize = MARGIN as usize + 1;
+
+/// A method that also takes mosaics.
+pub(super) struct MosaicUnwrap {
+    method: Box<dyn Unwrap>,
+    /// Unwraps the differences between the colours.
+    differences: Auto,
+    limits: TrustLimits,
+    /// The results for the lattice and for the differences, as buffers.
+    green: Recovered,
+    difference: Recovered,
+    levels: Vec<usize>,
+}
+
+impl MosaicUnwrap {
+    /// Wraps `method`, which `options` have made.
+    ///
+    /// # Errors
+    /// [`UnwrapError::Workers`] when the threads are not available.
+    pub fn new(method: Box<dyn Unwrap>, options: &Options) -> Result<Self, UnwrapError> {
+        Ok(Self {
+            method,
+            differences: Auto::of_differences(options)?,
+            limits: options.trust,
+            green: Recovered::default(),
+            difference: Recovered::default(),
+            levels: Vec::new(),
+        })
+    }
+
+    /// Unwraps green along the lattice, to which `others` gives the wrapped samples of the other colours, and then red and blue.
+    fn pass(
+        &mut self,
+        image: &MosaicImage,
+        others: &Others,
+        range: Range,
+        out: &mut Recovered,
+    ) -> Result<(), UnwrapError> {
+        let lattice = Lattice::new(image);
+        self.method.unwrap(&lattice.frame(image, others, range), range, &mut self.green)?;
+        lattice.scatter(&self.green, out);
+        out.report = self.green.report;
+        // Beyond the margin nothing is steep, which must not make an image look flatter than it is.
+        let inside = (image.height * image.width / 2) as f32 / (lattice.rows * lattice.columns) as f32;
+        let mut vouched = true;
+        if let Some(quality) = &mut out.report.quality {
+            for share in [&mut quality.steep, &mut quality.residues, &mut quality.jumps] {
+                *share /= inside;
+            }
+            vouched = f64::from(quality.jumps) <= self.limits.jumps;
+        }
+        let green = padded(
+            out.x.as_slice().expect("prepare has made the layout standard"),
+            image.height,
+            image.width,
+        );
+        let (red_row, red_column) = image.mosaic.red();
+        for place in [(red_row, red_column), (1 - red_row, 1 - red_column)] {
+            vouched &= self.unwrap_against_green(image, &green, place, range, out)?;
+        }
+        if out.report.trust == Trust::Trusted && !vouched {
+            out.report.trust = Trust::Contradicted;
+        }
+        Ok(())
+    }
+
+    /// Unwraps the pixels at one place of the 2 x 2 pixels; returns whether nothing contradicts the result.
+    fn unwrap_against_green(
+        &mut self,
+        image: &MosaicImage,
+        green: &[f32],
+        (row, column): (usize, usize),
+        range: Range,
+        out: &mut Recovered,
+    ) -> Result<bool, UnwrapError> {
+        let MosaicImage { height, width, .. } = *image;
+        let dim = ((height - row).div_ceil(2), (width - column).div_ceil(2), 1);
+        let (mask, soft) = ((1 << range.bits()) - 1, range.peak() / 16.0);
+        let expected = Array3::from_shape_fn(dim, |(i, j, _)| {
+            green_between(green, image.padded_index(2 * i + row, 2 * j + column), image.padded_width(), soft)
+        });
+        // Whole numbers from here on, so that each count follows without rounding.
+        let code = |i: usize, j: usize| i32::from(image.codes[(2 * i + row) * width + 2 * j + column]);
+        let wrapped =
+            Array3::from_shape_fn(dim, |(i, j, _)| ((code(i, j) - expected[(i, j, 0)]) & mask) as u16);
+        self.differences.unwrap(&frame(wrapped, range), range.of_differences(), &mut self.difference)?;
+        // A difference is known up to a multiple of the peak, and so are these counts.
+        let differences = self.difference.x.indexed_iter();
+        let k: Vec<i32> = differences
+            .map(|((i, j, _), &x)| (x as i32 + expected[(i, j, 0)] - code(i, j)) >> range.bits())
+            .collect();
+        let most = i32::from(range.max_wraps());
+        let zero = congruence::base_level(&k, range, &mut self.levels);
+        let mut inside = true;
+        for ((i, j, _), k) in ndarray::indices(dim).into_iter().zip(k) {
+            let count = k.saturating_sub(zero);
+            inside &= (0..=most).contains(&count);
+            let at = (2 * i + row, 2 * j + column, 0);
+            out.k[at] = count.clamp(0, most) as u8;
+            out.x[at] = code(i, j) as f32 + f32::from(out.k[at]) * range.peak();
+        }
+        Ok(inside && self.difference.report.trust == Trust::Trusted)
+    }
+}
+
+impl Unwrap for MosaicUnwrap {
+    fn name(&self) -> &'static str {
+        self.method.name()
+    }
+
+    fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
+        let Some(mosaic) = y.mosaic() else { return self.method.unwrap(y, range, out) };
+        let codes = match Integers::checked(y, range)? {
+            Integers::U8(y) => y.iter().map(|&y| y.into()).collect(),
+            Integers::U16(y) => y.to_vec(),
+        };
+        out.prepare(y.dim(), self.name());
+        let image = MosaicImage { codes, height: y.height(), width: y.width(), mosaic };
+        self.pass(&image, &Others::wrapped(&image, range), range, out)?;
+        if out.report.trust != Trust::Trusted {
+            self.pass(&image, &Others::known(&image, out, range), range, out)?;
+        }
+        Ok(())
+    }
+}
+
+/// The codes of a mosaic image, row-major.
+struct MosaicImage {
+    codes: Vec<u16>,
+    height: usize,
+    width: usize,
+    mosaic: Mosaic,
+}
+
+impl MosaicImage {
+    /// Returns the width of the image with its mirror image around it.
+    fn padded_width(&self) -> usize {
+        self.width + 2 * PADDING
+    }
+
+    /// Returns the index of a pixel in the image with its mirror image around it.
+    fn padded_index(&self, row: usize, column: usize) -> usize {
+        (row + PADDING) * self.padded_width() + column + PADDING
+    }
+}
+
+/// Returns the image with [`PADDING`] pixels of its mirror image around it, in which all colours keep their places.
+fn padded<T: Copy>(image: &[T], height: usize, width: usize) -> Vec<T> {
+    let around = |count: usize| {
+        (0..count + 2 * PADDING).map(move |at| mirrored(at as isize - PADDING as isize, count))
+    };
+    let columns: Vec<usize> = around(width).collect();
+    around(height).flat_map(|row| columns.iter().map(move |&column| image[row * width + column])).collect()
+}
+
+/// Returns green, rounded, at a pixel of another colour: the mean of its neighbours, with more weight on the two opposite ones
+/// that agree.
+fn green_between(green: &[f32], at: usize, width: usize, soft: f32) -> i32 {
+    let (left, right, above, below) = (green[at - 1], green[at + 1], green[at - width], green[at + width]);
+    let weight = |a: f32, b: f32| ((a - b).abs() + soft).powi(-2);
+    let (along, across) = (weight(left, right), weight(above, below));
+    let mean = (along * (left + right) + across * (above + below)) / (2.0 * (along + across));
+    (mean + 0.5) as i32
+}
+
+/// The wrapped samples of the other colours at each pixel with the mirror image around it, of which only those at green pixels
+/// have a meaning: the mean of the neighbours in the row, and of those in the column.
+struct Others {
+    along: Vec<u16>,
+    across: Vec<u16>,
+}
+
+impl Others {
+    /// Takes the samples from wrapped codes.
+    fn wrapped(image: &MosaicImage, range: Range) -> Self {
+        let shift = 16 - range.bits();
+        let codes: Vec<u16> =
+            padded(&image.codes, image.height, image.width).iter().map(|y| y << shift).collect();
+        // In the upper bits of a word, half of the signed difference is half of the wrapped one.
+        let mean =
+            |a: u16, b: u16| a.wrapping_add((b.wrapping_sub(a).cast_signed() >> 1).cast_unsigned()) >> shift;
+        Self::between(&codes, image.padded_width(), mean)
+    }
+
+    /// Takes the samples from known radiance.
+    fn known(image: &MosaicImage, out: &Recovered, range: Range) -> Self {
+        let mask = (1 << range.bits()) - 1;
+        let x = padded(
+            out.x.as_slice().expect("prepare has made the layout standard"),
+            image.height,
+            image.width,
+        );
+        Self::between(&x, image.padded_width(), |a, b| ((0.5 * (a + b)) as u32 & mask) as u16)
+    }
+
+    /// Takes the means of the neighbours of each pixel.
+    fn between<T: Copy>(image: &[T], width: usize, mean: impl Fn(T, T) -> u16) -> Self {
+        let of_distance = |distance: usize| {
+            let mut means = vec![0; image.len()];
+            let neighbours = image.iter().zip(&image[2 * distance..]);
+            means[distance..].iter_mut().zip(neighbours).for_each(|(to, (&a, &b))| *to = mean(a, b));
+            means
+        };
+        // A green pixel has one colour beside it, and the other one above and below.
+        Self { along: of_distance(1), across: of_distance(width) }
+    }
+}
+
+/// The lattice of the green pixels: row b and column a are the pixel in row `a - b` and column `a + b + parity`.
+struct Lattice {
+    height: isize,
+    width: isize,
+    /// The sum of row and column of the green pixels, modulo 2.
+    parity: isize,
+    /// The number b of the first row.
+    first: isize,
+    rows: usize,
+    columns: usize,
+}
+
+impl Lattice {
+    fn new(image: &MosaicImage) -> Self {
+        let [height, width] = [image.height, image.width].map(usize::cast_signed);
+        let (red_row, red_column) = image.mosaic.red();
+        // Beside red there is green.
+        let parity = ((red_row + red_column + 1) % 2).cast_signed();
+        let first = -((height - 1 + parity) / 2);
+        let last = (width - 1 - parity).div_euclid(2);
+        let columns = ((height + width - 2 - parity) / 2 + 1).cast_unsigned();
+        Self { height, width, parity, first, rows: (last - first + 1).cast_unsigned(), columns }
+    }
+
+    /// Returns the first and the last column of a row that lie in the image.
+    fn inside(&self, b: isize) -> (isize, isize) {
+        (b.max(-b - self.parity), (self.height - 1 + b).min(self.width - 1 - self.parity - b))
+    }
+
+    /// Returns green and the two other colours along the lattice.
+    fn frame(&self, image: &MosaicImage, others: &Others, range: Range) -> Frame {
+        let green = padded(&image.codes, image.height, image.width);
+        let (padding, width) = (PADDING.cast_signed(), image.padded_width().cast_signed());
+        let red_row = image.mosaic.red().0.cast_signed();
+        let mut pixels = Vec::with_capacity(3 * self.rows * self.columns);
+        for b in (self.first..).take(self.rows) {
+            let (least, most) = self.inside(b);
+            // The next pixel of a row is one row and one column further.
+            pixels.extend((0..self.columns.cast_signed()).flat_map(|a| {
+                let a = a.clamp(least - MARGIN, most + MARGIN);
+                let (row, column) = (a - b, a + b + self.parity);
+                let at = ((row + padding) * width + column + padding).cast_unsigned();
+                // In a row with red pixels, red lies beside green, and blue above and below it.
+                match row & 1 == red_row {
+                    true => [others.along[at], green[at], others.across[at]],
+                    false => [others.across[at], green[at], others.along[at]],
+                }
+            }));
+        }
+        let pixels = Array3::from_shape_vec((self.rows, self.columns, 3), pixels);
+        frame(pixels.expect("each row has its columns"), range)
+    }
+
+    /// Writes the green pixels of the lattice to the image.
+    fn scatter(&self, green: &Recovered, out: &mut Recovered) {
+        for (index, b) in (self.first..).take(self.rows).enumerate() {
+            let (least, most) = self.inside(b);
+            for a in least..=most {
+                let at = ((a - b).cast_unsigned(), (a + b + self.parity).cast_unsigned(), 0);
+                let from = (index, a.cast_unsigned(), GREEN);
+                (out.x[at], out.k[at]) = (green.x[from], green.k[from]);
+            }
+        }
+    }
+}
+
+/// The channel of green.
+const GREEN: usize = 1;
+
+/// Returns codes of 8 bits where they fit, which methods unwrap faster.
+fn frame(codes: Array3<u16>, range: Range) -> Frame {
+    let frame = if range.bits() <= 8 {
+        Frame::from_u8(codes.mapv(|code| code as u8))
+    } else {
+        Frame::from_u16(codes)
+    };
+    frame.expect("the shape is that of an image")
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::unwrap::Method;
+    use crate::{Exposure, Psf, Sensor, SensorConfig};
+
+    /// A coloured scene of waves, behind the lens and the mosaic of a sensor.
+    fn exposure(dim: (usize, usize), alpha: f64, mosaic: Mosaic) -> Exposure {
+        let radiance = Array3::from_shape_fn((dim.0, dim.1, 3), |(i, j, c)| {
+            let wave = (i as f32 / 19.0 + c as f32 / 5.0).sin() * (j as f32 / 23.0).cos();
+            (0.5 + 0.49 * wave) * [1.0, 0.9, 0.6][c]
+        });
+        let config = SensorConfig { alpha, mosaic: Some(mosaic), ..SensorConfig::default() };
+        Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap()
+    }
+
+    fn unwrapped(method: Method, y: &Frame, range: Range) -> Recovered {
+        let mut out = Recovered::default();
+        method.build(&Options::default()).unwrap().unwrap(y, range, &mut out).unwrap();
+        out
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(40))]
+        #[test]
+        fn a_smooth_scene_is_exact_and_trusted(
+            dim in (60usize..90, 60usize..90), alpha in 1.5f64..6.0, which in 1usize..5,
+        ) {
+            let mosaic = Mosaic::WORDS[which].1.unwrap();
+            let exposure = exposure(dim, alpha, mosaic);
+            let out = unwrapped(Method::Auto, &exposure.modulo(), exposure.range());
+            prop_assert_eq!(exposure.exact_share(&out.k), Some(1.0));
+            prop_assert_eq!(out.report.trust, Trust::Trusted);
+        }
+
+        #[test]
+        fn any_codes_of_any_size_give_a_congruent_result(
+            (height, width) in (2usize..9, 2usize..9), bits in 1u8..=16, alpha in 0.6f64..200.0, which in 1usize..5, seed in any::<u64>(),
+        ) {
+            let range = Range::new(bits, alpha).unwrap();
+            let mut random = seed | 1;
+            let codes = Array3::from_shape_simple_fn((height, width, 1), || {
+                random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                ((random >> 40) % (1 << bits)) as u16
+            });
+            let y = Frame::from_u16(codes.clone()).unwrap().with_mosaic(Mosaic::WORDS[which].1.unwrap()).unwrap();
+            let out = unwrapped(Method::Auto, &y, range);
+            for ((at, x), y) in out.x.indexed_iter().zip(&codes) {
+                prop_assert_eq!(*x, f32::from(*y) + f32::from(out.k[at]) * range.peak());
+                prop_assert!(out.k[at] <= range.max_wraps());
+            }
+        }
+
+        #[test]
+        fn the_lattice_has_each_green_pixel_once(height in 2usize..12, width in 2usize..12, which in 1usize..5) {
+            let mosaic = Mosaic::WORDS[which].1.unwrap();
+            let image = MosaicImage { codes: vec![0; height * width], height, width, mosaic };
+            let lattice = Lattice::new(&image);
+            let mut seen = Array3::<i32>::zeros((height, width, 1));
+            for b in (lattice.first..).take(lattice.rows) {
+                let (least, most) = lattice.inside(b);
+                prop_assert!(least >= 0 && least <= most && most.cast_unsigned() < lattice.columns);
+                for a in least..=most {
+                    seen[((a - b).cast_unsigned(), (a + b + lattice.parity).cast_unsigned(), 0)] += 1;
+                }
+            }
+            for ((i, j, _), &count) in seen.indexed_iter() {
+                prop_assert_eq!(count, i32::from(mosaic.channel(i, j) == 1), "({}, {})", i, j);
+            }
+        }
+    }
+
+    #[test]
+    fn behind_a_lens_edges_of_all_directions_are_recovered() {
+        // Discs of all directions and contrasts, which the lens spreads over a few pixels.
+        let radiance = Array3::from_shape_fn((120, 160, 3), |(i, j, c)| {
+            let disc =
+                |row: f32, column: f32, radius: f32| (i as f32 - row).hypot(j as f32 - column) < radius;
+            let light = if disc(40.0, 50.0, 25.0) {
+                0.8
+            } else if disc(80.0, 110.0, 30.0) {
+                0.45
+            } else {
+                0.05
+            };
+            light * [0.9, 1.0, 0.8][c]
+        });
+        let psf = Psf::Gaussian { sigma: 1.4 };
+        let config = SensorConfig { alpha: 2.0, psf, mosaic: Some(Mosaic::Rggb), ..SensorConfig::default() };
+        let exposure = Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap();
+        let out = unwrapped(Method::Auto, &exposure.modulo(), exposure.range());
+        assert_eq!(exposure.exact_share(&out.k), Some(1.0));
+    }
+}
