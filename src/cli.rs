@@ -62,7 +62,7 @@ pub enum Command {
     /// Evaluate a launch file, or a grid of settings over labelled frames: every frame once, none dropped
     Eval(Box<eval::Eval>),
     /// Simulate the sensor on image files and unwrap the result
-    Simulate(modulo_bench::simulate::SimulationRequest),
+    Simulate(bench::Simulate),
     /// Measure the unwrapping methods
     #[command(subcommand)]
     Bench(bench::Bench),

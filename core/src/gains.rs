@@ -69,6 +69,12 @@ impl GainPattern {
         Self::WORDS.into_iter().find(|(known, _)| *known == word).and_then(|(_, pattern)| pattern)
     }
 
+    /// Returns the word of the pattern, as in [`GainPattern::WORDS`].
+    pub fn word(self) -> &'static str {
+        let found = Self::WORDS.into_iter().find(|(_, pattern)| *pattern == Some(self));
+        found.expect("each pattern has a word").0
+    }
+
     /// Returns the name of the method that unwraps the images of a sensor with these gains.
     pub fn method(self) -> &'static str {
         match self {

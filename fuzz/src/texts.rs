@@ -4,7 +4,7 @@ use modulo_bags::source::{
     CocoSource, GroundTruth, KittiSource, Source, YoloSource, from_detections, to_detections,
 };
 use modulo_launch::substitution::Template;
-use modulo_launch::{check, ros_arguments};
+use modulo_launch::{NodeParameter, check, ros_arguments};
 use modulo_runtime::parameter::file;
 use modulo_runtime::ros_args::RosArgs;
 use modulo_runtime::{NodeName, ParameterSet, Parameters, Value};
@@ -18,7 +18,11 @@ pub fn launch(data: &[u8]) {
     let Ok(plan) = check(&folder.path().join("a.launch.yaml"), &[]) else { return };
     for node in &plan.nodes {
         let _ = RosArgs::parse(&ros_arguments(node));
-        for (name, text) in node.parameters.iter().filter(|(_, text)| text.kind == Some("str")) {
+        for parameter in &node.parameters {
+            let NodeParameter::Value(name, text) = parameter else { continue };
+            if text.kind != Some("str") {
+                continue;
+            }
             let read = Value::String(String::new()).parse_like(&text.as_yaml());
             assert_eq!(read, Some(Value::String(text.text.clone())), "{name}");
         }

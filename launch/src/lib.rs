@@ -21,8 +21,8 @@ use std::path::{Path, PathBuf};
 
 pub use package::{FoundFile, SUITE, launch_files};
 pub use plan::{
-    ComposedNode, DeclaredArgument, NodePlan, Plan, check, compose, declared_arguments, resolve,
-    ros_arguments,
+    ComposedNode, DeclaredArgument, NodeParameter, NodePlan, Plan, check, compose, declared_arguments,
+    resolve, ros_arguments,
 };
 pub use summary::{NodeReport, Summary, reports_so_far};
 pub use supervisor::{Ending, Outcome, Supervision, run};

@@ -11,6 +11,8 @@ use std::fmt;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use modulo_runtime::NodeName;
+use modulo_runtime::parameter::file as parameter_file;
 use serde::Serialize;
 
 use crate::LaunchError;
@@ -48,10 +50,8 @@ pub struct NodePlan {
     /// (name, value) from `set_parameter`, for all nodes that follow it; a
     /// later one of the same name wins, and all that follows here wins over them.
     pub shared_parameters: Vec<(String, ParameterText)>,
-    /// Parameter files, read before `parameters`.
-    pub parameter_files: Vec<PathBuf>,
-    /// (name, value) in order; a later one of the same name wins.
-    pub parameters: Vec<(String, ParameterText)>,
+    /// Its own parameters and parameter files, in order; a later one wins.
+    pub parameters: Vec<NodeParameter>,
     /// (from, to) in order; the first that fits is used.
     pub remaps: Vec<(String, String)>,
     /// Arguments before `--ros-args`.
@@ -63,6 +63,16 @@ pub struct NodePlan {
     /// Launch file and line that declare it.
     #[serde(skip)]
     pub declared_at: (PathBuf, usize),
+}
+
+/// What an entry of `param` gives to a node.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NodeParameter {
+    /// The values of a parameter file.
+    File(PathBuf),
+    /// The name and the value of one parameter.
+    Value(String, ParameterText),
 }
 
 /// A program that is no node.
@@ -175,12 +185,15 @@ pub fn ros_arguments(node: &NodePlan) -> Vec<String> {
         push("-r", format!("__node:={name}"));
     }
     push("-r", format!("__ns:={}", node.namespace));
-    let set = |(name, value): &(String, ParameterText)| format!("{name}:={}", value.as_yaml());
-    // A node takes the last value that it is given for a parameter: those for all nodes come first, then the
-    // files, and the values of this node last.
-    node.shared_parameters.iter().for_each(|parameter| push("-p", set(parameter)));
-    node.parameter_files.iter().for_each(|file| push("--params-file", file.display().to_string()));
-    node.parameters.iter().for_each(|parameter| push("-p", set(parameter)));
+    let set = |name: &str, value: &ParameterText| format!("{name}:={}", value.as_yaml());
+    // A node takes the last value that it is given for a parameter: those for all nodes come first.
+    node.shared_parameters.iter().for_each(|(name, value)| push("-p", set(name, value)));
+    for parameter in &node.parameters {
+        match parameter {
+            NodeParameter::File(file) => push("--params-file", file.display().to_string()),
+            NodeParameter::Value(name, value) => push("-p", set(name, value)),
+        }
+    }
     node.remaps.iter().for_each(|(from, to)| push("-r", format!("{from}:={to}")));
     all.extend(node.ros_args.iter().cloned());
     all
@@ -208,7 +221,6 @@ fn composed(node: &NodePlan) -> Result<ComposedNode, LaunchError> {
     let own = [
         (!node.args.is_empty(), "args"),
         (!node.ros_args.is_empty(), "ros_args"),
-        (!node.parameter_files.is_empty(), "param from a file"),
         (!node.process.env.is_empty(), "env"),
         (node.process.cwd.is_some(), "cwd"),
         (!node.process.start_after.is_zero(), "a timer"),
@@ -216,18 +228,21 @@ fn composed(node: &NodePlan) -> Result<ComposedNode, LaunchError> {
     if let Some((_, setting)) = own.iter().find(|(used, _)| *used) {
         return Err(refuse(label, &format!("it has {setting}, which needs a process of its own")));
     }
-    Ok(ComposedNode {
-        kind: node.executable.clone(),
-        name: node.name.clone().unwrap_or_else(|| node.executable.clone()),
-        namespace: node.namespace.clone(),
-        parameters: node
-            .shared_parameters
-            .iter()
-            .chain(&node.parameters)
-            .map(|(name, value)| (name.clone(), value.text.clone()))
-            .collect(),
-        remaps: node.remaps.clone(),
-    })
+    let name = node.name.clone().unwrap_or_else(|| node.executable.clone());
+    let wrong = |why: String| refuse(label, &why);
+    let node_name = NodeName::new(&name, &node.namespace, &node.remaps);
+    let node_name = node_name.map_err(|why| wrong(why.to_string()))?;
+    let shared = node.shared_parameters.iter().map(|(name, value)| (name.clone(), value.text.clone()));
+    let mut parameters: Vec<_> = shared.collect();
+    for parameter in &node.parameters {
+        match parameter {
+            NodeParameter::File(file) => parameters
+                .extend(parameter_file::read(file, &node_name).map_err(|why| wrong(why.to_string()))?),
+            NodeParameter::Value(name, value) => parameters.push((name.clone(), value.text.clone())),
+        }
+    }
+    let (kind, namespace, remaps) = (node.executable.clone(), node.namespace.clone(), node.remaps.clone());
+    Ok(ComposedNode { kind, name, namespace, parameters, remaps })
 }
 
 fn refuse(process: &str, why: &str) -> LaunchError {
@@ -247,10 +262,10 @@ impl fmt::Display for NodePlan {
         let name = self.fully_qualified().unwrap_or_else(|| format!("{} (its own name)", self.namespace));
         writeln!(f, "node {name}: {}/{}", self.package, self.executable)?;
         self.shared_parameters.iter().try_for_each(|(name, value)| writeln!(f, "  {name} = {value}"))?;
-        for file in &self.parameter_files {
-            writeln!(f, "  params {}", file.display())?;
-        }
-        self.parameters.iter().try_for_each(|(name, value)| writeln!(f, "  {name} = {value}"))?;
+        self.parameters.iter().try_for_each(|parameter| match parameter {
+            NodeParameter::File(file) => writeln!(f, "  params {}", file.display()),
+            NodeParameter::Value(name, value) => writeln!(f, "  {name} = {value}"),
+        })?;
         self.remaps.iter().try_for_each(|(from, to)| writeln!(f, "  {from} -> {to}"))?;
         for (what, arguments) in [("args", &self.args), ("ros_args", &self.ros_args)] {
             if !arguments.is_empty() {

@@ -4,17 +4,21 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
-use clap::Subcommand;
+use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use modulo_bags::source::{self, SourceOptions};
 use modulo_bench::engines::EngineOutcome;
-use modulo_bench::{BenchError, BenchEvent, benchmark, engines, frontier, pipeline, simulate, stability};
-use modulo_core::{SensorError, UnwrapError, WorkersError};
+use modulo_bench::{
+    BenchError, BenchEvent, Lens, SensorOptions, benchmark, engines, frontier, pipeline, simulate, stability,
+};
+use modulo_camera::CameraParameters;
+use modulo_core::{GainPattern, Mosaic, SensorError, UnwrapError, WorkersError};
 use modulo_detector::{EngineChoice, EngineOptions, measure, prefer};
 use modulo_images::{ImageError, WHITE_PERCENTILE};
 use modulo_launch::launch_files;
 use modulo_runtime::SystemClock;
 use modulo_runtime::clock::monotonic_ns;
+use modulo_runtime::sensor::parameters::BlurShape;
 
 use super::usage;
 use crate::{Ended, Failure};
@@ -26,6 +30,41 @@ const BARE_RUNS: NonZeroUsize = NonZeroUsize::new(20).expect("not zero");
 
 /// Template of the progress bar.
 const STEPS: &str = "{bar:30} {pos}/{len} {eta} {msg}";
+
+/// `modulo simulate`
+#[derive(Args)]
+pub struct Simulate {
+    /// Parameter file of the camera with the values of the chip and the lens, such as sensors/mosaic.yaml
+    #[arg(long = "sensor", value_name = "FILE", conflicts_with_all = ["psf_sigma", "psf", "bits", "read_noise", "shot_noise", "gains", "mosaic"])]
+    sensor_file: Option<PathBuf>,
+    #[command(flatten)]
+    request: simulate::SimulationRequest,
+}
+
+impl Simulate {
+    /// Returns the request with the sensor of the file, if there is one.
+    fn request(self) -> Result<simulate::SimulationRequest, Failure> {
+        let Self { sensor_file, mut request } = self;
+        let Some(file) = sensor_file else { return Ok(request) };
+        let camera = CameraParameters::read_sensor(&file)?;
+        request.gains = camera.sensor.gains.map_or("none", GainPattern::word).to_owned();
+        request.mosaic = camera.mosaic.map_or("none", Mosaic::word).to_owned();
+        request.sensor = SensorOptions {
+            psf_sigma: camera.sensor.psf_sigma,
+            psf: match camera.sensor.psf {
+                BlurShape::Gaussian => Lens::Gaussian,
+                BlurShape::Paper7 => Lens::Paper7,
+            },
+            bits: camera.sensor.bits,
+            read_noise: camera.read_noise,
+            shot_noise: camera.shot_variance(),
+            prnu: camera.prnu,
+            hot_pixels: camera.hot_pixels,
+            ..request.sensor
+        };
+        Ok(request)
+    }
+}
 
 /// `modulo bench`
 #[derive(Subcommand)]
@@ -52,9 +91,10 @@ pub enum Bench {
 }
 
 /// Sends image files through the sensor and the methods.
-pub fn simulate(request: &simulate::SimulationRequest) -> Result<Ended, Failure> {
+pub fn simulate(args: Simulate) -> Result<Ended, Failure> {
+    let request = args.request()?;
     let bar = progress_bar(STEPS);
-    let outcome = simulate::simulate(request, &mut |event| tell(&bar, event)).map_err(failure)?;
+    let outcome = simulate::simulate(&request, &mut |event| tell(&bar, event)).map_err(failure)?;
     bar.finish_and_clear();
     let mut whites: Vec<_> = outcome.rows.iter().filter_map(|row| Some((&row.file, row.white?))).collect();
     whites.dedup();

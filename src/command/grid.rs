@@ -9,6 +9,7 @@ use anyhow::anyhow;
 use clap::Args;
 use indicatif::ProgressBar;
 use modulo_bags::source::{FrameList, SourceError};
+use modulo_camera::CameraParameters;
 use modulo_eval::grid::{
     Data, GridError, GridEvent, GridOptions, Request, Suite, draw_pictures, merge as merge_shards, run,
 };
@@ -45,6 +46,9 @@ pub struct Grid {
     /// Folder of the images of --coco, if they are not in the usual place
     #[arg(long, value_name = "FOLDER", requires = "coco")]
     pub coco_images: Option<PathBuf>,
+    /// Parameter file of the camera with the values of the chip and the lens, such as sensors/mosaic.yaml
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["file", "psf_sigma", "noise", "shot_noise", "gains", "mosaic"])]
+    pub sensor: Option<PathBuf>,
     /// The settings of the grid.
     #[command(flatten)]
     pub options: GridOptions,
@@ -52,12 +56,12 @@ pub struct Grid {
 
 /// Runs the cells that are not finished yet.
 pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure> {
-    let request = Request {
-        data: data(args, source)?,
-        options: args.options.clone(),
-        provenance: provenance(),
-        out: out.to_owned(),
-    };
+    let mut options = args.options.clone();
+    if let Some(file) = &args.sensor {
+        options.axes.take_sensor(&CameraParameters::read_sensor(file)?).map_err(failure)?;
+    }
+    let request =
+        Request { data: data(args, source)?, options, provenance: provenance(), out: out.to_owned() };
     let progress = GridProgress::new();
     let timer = SystemClock::default();
     let outcome = run(&request, &Suite, &timer, &|event| progress.tell(event)).map_err(failure)?;

@@ -52,7 +52,7 @@ pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
         Command::Run(args) => run::run(&args),
         Command::Bag(args) => bag::bag(&args),
         Command::Eval(args) => eval::eval(&args),
-        Command::Simulate(args) => bench::simulate(&args),
+        Command::Simulate(args) => bench::simulate(args),
         Command::Bench(command) => bench::bench(&command),
         Command::Stability { out } => bench::stability(&out),
         Command::Param(args) => param::param(&args),

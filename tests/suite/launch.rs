@@ -35,6 +35,36 @@ fn three_processes_detect_on_every_frame_and_end_by_themselves() {
     assert!(text(&output).contains("p95 ms"), "the summary is shown");
 }
 
+/// A sensor file replaces arguments in processes and in one process, and the commands that measure read the same file.
+#[test]
+fn a_sensor_file_describes_the_sensor_everywhere() {
+    let bench = Bench::new();
+    let [images, out, summary] = [bench.images(2), bench.path("out"), bench.path("summary.json")]
+        .map(|path| path.display().to_string());
+    let (source, model) = (format!("source:={images}"), arg("model", model()));
+    for more in [&[][..], &["--compose"]] {
+        let more = [&["sensor:=sensors/two_gains.yaml", "gains:=rows", "--summary", &summary], more].concat();
+        let output = bench.run(&launch("launch/recovered.launch.yaml", &source, &model, &more));
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+        assert!(text(&output).contains("/unwrap used checkerboard_gains 2"), "{more:?}: {}", text(&output));
+    }
+    let sensor = ["--sensor", "sensors/two_gains.yaml", "--alpha", "2", "-o", &out];
+    let measured = bench.run(&[&["simulate", &format!("{images}/000000.png")], &sensor[..]].concat());
+    assert_eq!(measured.status.code(), Some(0), "{}", text(&measured));
+    let row = &json(&bench.path("out/results.json"))[0];
+    assert_eq!((&row["gains"], &row["psf_sigma"]), (&"checkerboard".into(), &0.0.into()), "{row}");
+    let grid =
+        ["eval", "--source", &images, "--stream", "recovered", "--engine", "rten", "--time-frames", "0"];
+    let measured = bench.run(&[&grid, &sensor[..]].concat());
+    assert_eq!(measured.status.code(), Some(0), "{}", text(&measured));
+    let cell = &json(&bench.path("out/results.json"))["cells"][0];
+    let words = ["gains", "mosaic"].map(|name| cell[name].as_str().expect("a word"));
+    assert_eq!(words, ["checkerboard", "none"], "{cell}");
+    let figures = ["psf_sigma", "noise", "shot_noise", "prnu", "hot_pixels"];
+    let figures = figures.map(|name| cell[name].as_f64().expect("a number"));
+    assert_eq!(figures, [0.0, 0.06, 0.0256, 0.005, 1e-5], "{cell}");
+}
+
 #[test]
 fn processes_one_process_and_lockstep_give_the_same_boxes() {
     let bench = Bench::new();
@@ -271,7 +301,7 @@ fn completions_and_manual_pages_name_the_commands() {
 
 /// Commands with a value that is out of range, and words that the refusal must contain. FILE, FOLDER and OUT stand for an
 /// image, its folder and a folder for results.
-const REFUSED: [(&[&str], &[&str]); 44] = [
+const REFUSED: [(&[&str], &[&str]); 47] = [
     (&["simulate", "FILE", "-o", "OUT", "--alpha", "0"], &["alpha is 0", "256"]),
     (&["simulate", "FILE", "-o", "OUT", "--alpha", "2,-4"], &["alpha is -4", "256"]),
     (&["simulate", "FILE", "-o", "OUT", "--alpha", "NaN"], &["alpha is NaN", "256"]),
@@ -282,6 +312,11 @@ const REFUSED: [(&[&str], &[&str]); 44] = [
     (&["simulate", "FILE", "-o", "OUT", "--seed", "-1"], &["-1", "--seed"]),
     (&["simulate", "FILE", "-o", "OUT", "--white", "-1"], &["white = -1", "0"]),
     (&["simulate", "FILE", "-o", "OUT", "--method", "magic"], &["magic", "spud"]),
+    (&["simulate", "FILE", "-o", "OUT", "--sensor", "sensors/arguments.yaml"], &["/modulo_camera"]),
+    (
+        &["simulate", "FILE", "-o", "OUT", "--sensor", "sensors/mosaic.yaml", "--bits", "8"],
+        &["--sensor", "--bits", "cannot be used"],
+    ),
     (&["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--alpha", "-1"], &["alpha is -1", "256"]),
     (
         &["bench", "unwrap", "--frames", "FOLDER", "-o", "OUT", "--repeats", "0"],
@@ -295,6 +330,7 @@ const REFUSED: [(&[&str], &[&str]); 44] = [
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--psf-sigma", "-1"], &["'psf_sigma' = -1", "100"]),
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--noise", "-1"], &["'read_noise' = -1", "65536"]),
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--shot-noise", "-1"], &["'shot_noise' = -1", "65536"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--sensor", "no.yaml"], &["no.yaml"]),
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--threads", "65"], &["65", "64"]),
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--jobs", "1025"], &["1025", "1024"]),
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--white", "-1"], &["white = -1", "0"]),

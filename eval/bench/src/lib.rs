@@ -123,6 +123,12 @@ pub struct SensorOptions {
     /// Strength of the shot noise: its standard deviation at the signal x is sqrt(strength * x) in code units
     #[arg(long, default_value_t = 0.0)]
     pub shot_noise: f64,
+    /// Photo response non-uniformity, a fraction. Only a sensor file sets it
+    #[arg(skip)]
+    pub prnu: f64,
+    /// Share of the samples that are hot. Only a sensor file sets it
+    #[arg(skip)]
+    pub hot_pixels: f64,
     /// Seed of the noise
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
@@ -159,7 +165,7 @@ impl SensorOptions {
     ) -> Result<Vec<Sensor>, BenchError> {
         need("the list of alphas", alphas)?;
         White::new(self.white)?;
-        let Self { bits, read_noise, shot_noise, .. } = *self;
+        let Self { bits, read_noise, shot_noise, prnu, hot_pixels, .. } = *self;
         let gains = |alpha: f64| match gains {
             Some(pattern) => Gains::Two { pattern, ratio: alpha.recip().min(1.0) },
             None => Gains::One,
@@ -170,9 +176,10 @@ impl SensorOptions {
             psf: self.psf(),
             read_noise,
             shot_noise,
+            prnu,
+            hot_pixels,
             gains: gains(alpha),
             mosaic,
-            ..SensorConfig::default()
         };
         alphas.iter().map(|&alpha| Ok(Sensor::new(config(alpha))?)).collect()
     }

@@ -101,6 +101,11 @@ pub fn fixed_text(values: &[f64; SETTINGS.len()], varied: usize) -> String {
     fixed.map(|(_, (setting, value))| (setting.text)(*value)).collect::<Vec<_>>().join(", ")
 }
 
+/// Names and values of the noises: `no read noise, no shot noise`.
+pub fn noises(noise: f64, shot_noise: f64) -> String {
+    format!("{}, {}", (SETTINGS[2].text)(noise), (SETTINGS[3].text)(shot_noise))
+}
+
 /// Label of the conditions, as [`fixed_text`] has it.
 pub fn conditions([psf_sigma, noise, shot_noise]: Conditions) -> String {
     fixed_text(&[0.0, psf_sigma, noise, shot_noise], 0)

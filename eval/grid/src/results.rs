@@ -247,6 +247,12 @@ pub struct Point {
     /// Strength of the shot noise: its variance divided by the signal, code units. 0 in results of older versions.
     #[serde(default)]
     pub shot_noise: f64,
+    /// Photo response non-uniformity, a fraction. 0 in results of older versions.
+    #[serde(default)]
+    pub prnu: f64,
+    /// Share of the samples that are hot. 0 in results of older versions.
+    #[serde(default)]
+    pub hot_pixels: f64,
     /// Pixels with a lower gain: `none`, `checkerboard` or `rows`.
     #[serde(default = "no_part")]
     pub gains: String,
@@ -289,6 +295,8 @@ impl fmt::Display for Point {
             psf_sigma,
             noise,
             shot_noise,
+            prnu,
+            hot_pixels,
             gains: _,
             mosaic,
             model,
@@ -305,6 +313,12 @@ impl fmt::Display for Point {
         }
         if *shot_noise > 0.0 {
             write!(f, ", shot noise {shot_noise}")?;
+        }
+        if *prnu > 0.0 {
+            write!(f, ", PRNU {prnu}")?;
+        }
+        if *hot_pixels > 0.0 {
+            write!(f, ", hot pixels {hot_pixels}")?;
         }
         if let Some(mosaic) = Mosaic::named(mosaic) {
             write!(f, ", mosaic {}", mosaic.word())?;

@@ -49,7 +49,7 @@ pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<(), GridError> {
 /// Name of a column and its value in the row of a cell.
 type Column = (&'static str, fn(&Cell) -> String);
 
-const SETTINGS: [Column; 13] = [
+const SETTINGS: [Column; 15] = [
     ("cell", |cell| cell.point.to_string()),
     ("stream", |cell| cell.point.stream.name()),
     ("method", |cell| cell.point.method.as_deref().unwrap_or("").to_owned()),
@@ -58,6 +58,8 @@ const SETTINGS: [Column; 13] = [
     ("psf_sigma", |cell| figure(Some(cell.point.psf_sigma))),
     ("noise", |cell| figure(Some(cell.point.noise))),
     ("shot_noise", |cell| figure(Some(cell.point.shot_noise))),
+    ("prnu", |cell| figure(Some(cell.point.prnu))),
+    ("hot_pixels", |cell| figure(Some(cell.point.hot_pixels))),
     ("gains", |cell| cell.point.gains.clone()),
     ("mosaic", |cell| cell.point.mosaic.clone()),
     ("model", |cell| cell.point.model.clone()),

@@ -276,6 +276,46 @@ fn a_stream_has_one_colour_in_every_report() {
     }
 }
 
+/// At each lens and alpha, the simplest choice within a point of the ideal image is named.
+#[test]
+fn the_simplest_sufficient_sensor_is_shown() {
+    let with = |stream, method: Option<&str>, gains: &str, (alpha, lens): (f64, f64), ap50: f64| {
+        let mut cell = cell(stream, method, alpha, "yolov10n", lens);
+        cell.point.gains = gains.to_owned();
+        cell.ap50 = map(&[("vehicle", Some(ap50))]);
+        cell
+    };
+    let mut results = made_up();
+    results.cells.clear();
+    // AP50 of the saturated image, of `auto` and of two gains; that of the ideal image is 0.9.
+    for (at, [saturated, auto, gains]) in [
+        ((2.0, 0.5), [0.895, 0.9, 0.9]),
+        ((4.0, 0.5), [0.8, 0.7, 0.891]),
+        ((2.0, 1.4), [0.88, 0.895, 0.91]),
+        ((4.0, 1.4), [0.889, 0.5, 0.889]),
+    ] {
+        results.cells.extend([
+            with(Stream::Ideal, None, "none", at, 0.9),
+            with(Stream::Ideal, None, "none", (at.0, 0.0), 0.95),
+            with(Stream::Recovered, Some("checkerboard_gains"), "checkerboard", at, gains),
+            with(Stream::Recovered, Some("auto"), "none", at, auto),
+            with(Stream::Saturated, None, "none", at, saturated),
+        ]);
+    }
+    let charts = chart::all(&results);
+    let chart = charts.iter().find(|named| named.name.starts_with("sensors_")).expect("lens and alpha vary");
+    let svg = chart.chart.svg(modulo_charts::PageWidth::Wide).expect("drawn");
+    for text in [
+        "alpha 2, lens blur 0.5 px: saturated, AP50 of vehicle 89.5 %, ideal 90.0 %",
+        "alpha 4, lens blur 0.5 px: recovered (checkerboard_gains), AP50 of vehicle 89.1 %",
+        "alpha 2, lens blur 1.4 px: recovered (auto), AP50 of vehicle 89.5 %",
+        "alpha 4, lens blur 1.4 px: no choice, AP50 of vehicle less, ideal 90.0 %",
+    ] {
+        assert!(svg.contains(text), "{text}");
+    }
+    assert!(!svg.contains("lens blur 0 px"), "no sensor was measured there");
+}
+
 #[test]
 fn charts_have_words_units_counts_and_intervals() {
     let mut results = made_up();

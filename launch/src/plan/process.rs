@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::scope::{Scope, View, parameter_value};
-use super::{ExecutablePlan, NodePlan, OnExit, Output, ProcessPlan, Respawn};
+use super::{ExecutablePlan, NodeParameter, NodePlan, OnExit, Output, ProcessPlan, Respawn};
 use crate::LaunchError;
 use crate::action::{ExecutableAction, NodeAction, Parameter, ProcessAction};
 use crate::attributes::Text;
@@ -52,7 +52,7 @@ pub(super) fn node(action: &NodeAction, site: &DeclarationSite<'_>) -> Result<No
     // executable.
     let name = given.or_else(|| (package == SUITE).then(|| executable.clone()));
     let label = view.optional(&action.label)?.or_else(|| name.clone()).unwrap_or_else(|| executable.clone());
-    let (parameter_files, parameters) = own_parameters(&action.parameters, site)?;
+    let parameters = own_parameters(&action.parameters, site)?;
     // As in `launch_ros`, the rules for all nodes come first. The first rule that fits is used.
     let mut remaps = site.scope.remaps.clone();
     remaps.extend(view.pairs(&action.remaps)?);
@@ -64,7 +64,6 @@ pub(super) fn node(action: &NodeAction, site: &DeclarationSite<'_>) -> Result<No
         name,
         namespace,
         shared_parameters: site.scope.parameters.clone(),
-        parameter_files,
         parameters,
         remaps,
         args: words(action.args.as_ref(), site)?,
@@ -86,30 +85,27 @@ fn check_names(
         .map_err(|e| LaunchError::at(site.file, site.line, format!("node: {e}")))
 }
 
-type Parameters = (Vec<PathBuf>, Vec<(String, super::ParameterText)>);
-
-fn own_parameters(own: &[Parameter], site: &DeclarationSite<'_>) -> Result<Parameters, LaunchError> {
-    let (mut files, mut values) = (Vec::new(), Vec::new());
-    for parameter in own {
-        match parameter {
+fn own_parameters(own: &[Parameter], site: &DeclarationSite<'_>) -> Result<Vec<NodeParameter>, LaunchError> {
+    let read = |parameter: &Parameter| {
+        Ok(match parameter {
             Parameter::File(text) => {
                 let path = PathBuf::from(site.view.string(text)?);
                 if !path.is_file() {
                     let why = format!("param: from: {} is no file", path.display());
                     return Err(site.view.refuse(text, why));
                 }
-                files.push(path);
+                NodeParameter::File(path)
             }
             Parameter::Value { name, value, kind } => {
                 let shown = site.view.string(name)?;
                 if shown.is_empty() || shown.contains(":=") || shown.contains(char::is_whitespace) {
                     return Err(site.view.refuse(name, format!("param: '{shown}' is no parameter name")));
                 }
-                values.push((shown, parameter_value(name, value, *kind, site.view)?));
+                NodeParameter::Value(shown, parameter_value(name, value, *kind, site.view)?)
             }
-        }
-    }
-    Ok((files, values))
+        })
+    };
+    own.iter().map(read).collect()
 }
 
 fn words(text: Option<&Text>, site: &DeclarationSite<'_>) -> Result<Vec<String>, LaunchError> {

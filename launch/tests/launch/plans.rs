@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use modulo_launch::plan::{OnExit, Output, Respawn};
-use modulo_launch::{NodePlan, Plan, compose, declared_arguments, resolve, ros_arguments};
+use modulo_launch::{NodeParameter, NodePlan, Plan, compose, declared_arguments, resolve, ros_arguments};
 
 use crate::{Files, owned};
 
@@ -226,6 +226,24 @@ fn only_nodes_of_the_suite_can_share_a_process() {
     }
 }
 
+/// As in `launch_ros`, the order in the launch file decides, in processes and in one process.
+#[test]
+fn the_last_value_of_a_parameter_wins_wherever_it_comes_from() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("values.yaml");
+    std::fs::write(&path, "/**/unwrap:\n  ros__parameters: { a: 2, b: 2 }\n").expect("writable");
+    let text = format!(
+        "launch:\n  - node:\n      pkg: modulo\n      exec: unwrap\n      namespace: front\n      param:\n        \
+         - {{ name: a, value: '1' }}\n        - from: {}\n        - {{ name: b, value: '3' }}\n",
+        path.display()
+    );
+    let plan = plan(&text, &[]);
+    let arguments = ros_arguments(&plan.nodes[0]).join(" ");
+    assert!(arguments.ends_with(&format!("-p a:=1 --params-file {} -p b:=3", path.display())), "{arguments}");
+    let pairs = [("a", "1"), ("a", "2"), ("b", "2"), ("b", "3")].map(|(n, v)| (n.to_owned(), v.to_owned()));
+    assert_eq!(compose(&plan).expect("composable")[0].parameters, pairs);
+}
+
 #[test]
 fn a_plan_can_be_shown() {
     let plan = plan(
@@ -249,7 +267,11 @@ fn shipped_plan(name: &str, arguments: &[(&str, &str)]) -> Plan {
 }
 
 fn parameter<'a>(node: &'a NodePlan, name: &str) -> &'a str {
-    &node.parameters.iter().find(|(n, _)| n == name).expect("set").1.text
+    let value = |parameter: &'a NodeParameter| match parameter {
+        NodeParameter::Value(n, value) if n == name => Some(value.text.as_str()),
+        _ => None,
+    };
+    node.parameters.iter().find_map(value).expect("set")
 }
 
 fn names(plan: &Plan) -> Vec<&str> {

@@ -4,6 +4,7 @@
 //! One exposure gives the modulo, the saturated and the ideal stream; each is made only while it has a reader. The node
 //! never unwraps and never paces itself: its period is a request to the driver.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -15,9 +16,11 @@ use modulo_images::White;
 use modulo_msgs::sensor_msgs::CameraInfo;
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::graph::ImageCompression;
+use modulo_runtime::parameter::file as parameter_file;
+use modulo_runtime::process::ros_args::ArgsError;
 use modulo_runtime::{
-    Context, Flow, Job, Message, MessageKind, Node, ParameterError, ParameterSet as _, Parameters, Part,
-    SensorModel, StampedFrame, StepError, Topic, Trigger, sensor_info,
+    Context, Flow, Job, Message, MessageKind, Node, NodeName, ParameterError, ParameterSet as _, Parameters,
+    Part, SensorModel, StampedFrame, StepError, Topic, Trigger, sensor_info,
 };
 use ndarray::{Array3, Axis};
 
@@ -407,7 +410,43 @@ modulo_runtime::parameters! {
     }
 }
 
+/// The parameters that a sensor file can set for the commands that measure: those of the chip and the lens.
+const OF_SENSOR: [&str; 10] = [
+    "bits",
+    "psf",
+    "psf_sigma",
+    "gains",
+    "mosaic",
+    "read_noise",
+    "shot_noise",
+    "full_well_electrons",
+    "prnu",
+    "hot_pixels",
+];
+
 impl CameraParameters {
+    /// Returns the sensor that the parameter file at `path` describes for a node `/modulo_camera`; all that the file does not set
+    /// has its default.
+    ///
+    /// # Errors
+    /// [`ArgsError::File`] of a file that cannot be read, that has no parameter of that node, or one that does not belong to
+    /// the chip or the lens, such as `alpha`, and of a value that is not possible.
+    pub fn read_sensor(path: &Path) -> Result<Self, ArgsError> {
+        let wrong = |why: String| ArgsError::File(path.display().to_string(), why);
+        let node_name = NodeName::new("modulo_camera", "/", &[]).expect("a name without a remapping");
+        let pairs = parameter_file::read(path, &node_name)?;
+        if pairs.is_empty() {
+            return Err(wrong("it has no parameter of the node /modulo_camera".to_owned()));
+        }
+        if let Some((name, _)) = pairs.iter().find(|(name, _)| !OF_SENSOR.contains(&name.as_str())) {
+            let possible = OF_SENSOR.join(", ");
+            return Err(wrong(format!(
+                "'{name}' does not describe the chip or the lens; these do: {possible}"
+            )));
+        }
+        Self::from_text(&pairs).map_err(|why| wrong(why.to_string()))
+    }
+
     /// Returns the simulated sensor.
     ///
     /// # Errors
@@ -432,8 +471,8 @@ impl CameraParameters {
         Ok(sensor.expect("the declared ranges lie within those of `Sensor`"))
     }
 
-    /// Returns the variance of the shot noise divided by the signal, in code units.
-    fn shot_variance(&self) -> f64 {
+    /// Returns the variance of the shot noise divided by the signal in code units, that of the electrons included.
+    pub fn shot_variance(&self) -> f64 {
         let of_electrons = match self.full_well_electrons {
             0.0 => 0.0,
             electrons => f64::from(self.sensor.bits).exp2() / electrons,

@@ -264,3 +264,21 @@ fn a_bad_image_is_skipped_and_a_source_without_a_good_one_ends() {
         }
     }
 }
+
+/// The sensor files of the project are sensors, but for the one that leaves all to the arguments.
+#[test]
+fn the_sensor_files_are_possible() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../sensors");
+    for name in ["paper", "mosaic", "two_gains"] {
+        let camera = CameraParameters::read_sensor(&folder.join(format!("{name}.yaml"))).expect(name);
+        camera.sensor().expect(name);
+        assert_eq!(camera.mosaic.is_some(), name == "mosaic", "{name}");
+        assert_eq!(camera.sensor.gains.is_some(), name == "two_gains", "{name}");
+    }
+    assert!(CameraParameters::read_sensor(&folder.join("arguments.yaml")).is_err());
+    let exposed = tempfile::tempdir().expect("a temporary folder");
+    let file = exposed.path().join("alpha.yaml");
+    std::fs::write(&file, "/**:\n  ros__parameters: { bits: 8, alpha: 2.0 }\n").expect("writable");
+    let why = CameraParameters::read_sensor(&file).expect_err("alpha is no value of a chip").to_string();
+    assert!(why.contains("alpha.yaml") && why.contains("'alpha'"), "{why}");
+}

@@ -1,6 +1,8 @@
 //! [`Case`]: one scene of the catalogue, its sensor, and the expected result of each method.
 
-use modulo_core::{Exposure, Psf, Sensor, SensorConfig, SensorError};
+use modulo_core::unwrap::{METHODS, Options, by_name};
+use modulo_core::{Exposure, GainPattern, Gains, Mosaic, Psf, Sensor, SensorConfig, SensorError};
+use modulo_core::{TwoGains, Unwrap};
 use ndarray::Array3;
 use serde::Serialize;
 
@@ -26,6 +28,8 @@ pub enum Family {
     Sizes,
     Alpha,
     Streets,
+    Mosaics,
+    Gains,
 }
 
 impl Family {
@@ -45,6 +49,13 @@ impl Family {
             Self::Sizes => ("Sizes", "Odd and tiny images, and one without colour."),
             Self::Alpha => ("Saturation factor", "One scene, brighter and brighter."),
             Self::Streets => ("Streets", "The rendered driving scenes, with and without a lens."),
+            Self::Mosaics => {
+                ("Colour mosaics", "A chip whose pixels see one colour each, in the pattern RGGB.")
+            }
+            Self::Gains => (
+                "Two gains",
+                "Every second pixel or row has a lower gain, by which a method of its own unwraps.",
+            ),
         }
     }
 }
@@ -68,8 +79,8 @@ pub struct SceneDescription {
 /// A scene, its sensor, and the expected results.
 pub struct Case {
     pub(super) scene: SceneDescription,
-    psf: Psf,
-    read_noise: f64,
+    /// The sensor, but for the bits and alpha of the scene.
+    sensor: SensorConfig,
     draw: Box<dyn Fn() -> Array3<f32>>,
     all: Expect,
     but: Vec<(&'static [&'static str], Expect)>,
@@ -87,8 +98,7 @@ impl Case {
         let (name, what) = (name.into(), what.into());
         Self {
             scene: SceneDescription { name, family, what, why: "", twin: None, bits: 8, alpha: 4.0 },
-            psf: Psf::None,
-            read_noise: 0.0,
+            sensor: SensorConfig::PLAIN,
             draw: Box::new(draw),
             all: Expect::Exact,
             but: Vec::new(),
@@ -107,13 +117,25 @@ impl Case {
 
     /// Sets the lens of the paper with 7 x 7 taps.
     pub(super) fn lens(mut self) -> Self {
-        self.psf = Psf::Paper7;
+        self.sensor.psf = Psf::Paper7;
         self
     }
 
     /// Sets a Gaussian lens blur of `sigma` px.
     pub(super) fn gaussian(mut self, sigma: f64) -> Self {
-        self.psf = Psf::Gaussian { sigma };
+        self.sensor.psf = Psf::Gaussian { sigma };
+        self
+    }
+
+    /// Sets the colour filters.
+    pub(super) fn mosaic(mut self, mosaic: Mosaic) -> Self {
+        self.sensor.mosaic = Some(mosaic);
+        self
+    }
+
+    /// Gives the pixels of `pattern` the gain `1 / alpha` of the saturation factor that is set by now.
+    pub(super) fn gains(mut self, pattern: GainPattern) -> Self {
+        self.sensor.gains = Gains::Two { pattern, ratio: self.scene.alpha.recip() };
         self
     }
 
@@ -131,7 +153,7 @@ impl Case {
 
     /// Sets the standard deviation of the read noise, codes.
     pub(super) fn read_noise(mut self, sigma: f64) -> Self {
-        self.read_noise = sigma;
+        self.sensor.read_noise = sigma;
         self
     }
 
@@ -166,6 +188,19 @@ impl Case {
         own.map_or(self.all, |(_, expect)| *expect)
     }
 
+    /// Returns the methods that can unwrap the images of the sensor.
+    pub fn methods(&self) -> Vec<Box<dyn Unwrap>> {
+        match TwoGains::new(self.sensor.gains) {
+            Some(two_gains) => vec![Box::new(two_gains)],
+            None => METHODS
+                .iter()
+                .map(|name| {
+                    by_name(name, &Options::default()).expect("a method of the list with its defaults")
+                })
+                .collect(),
+        }
+    }
+
     /// Draws the scene and exposes the sensor to it.
     ///
     /// # Errors
@@ -176,8 +211,6 @@ impl Case {
         // its range is alpha peaks as well.
         let full_scale = (256.0 * alpha) as f32;
         let radiance = (self.draw)().mapv_into(|codes| codes / full_scale);
-        let (psf, read_noise) = (self.psf, self.read_noise);
-        let config = SensorConfig { bits, alpha, psf, read_noise, ..SensorConfig::default() };
-        Sensor::new(config)?.expose(radiance.view(), SEED)
+        Sensor::new(SensorConfig { bits, alpha, ..self.sensor })?.expose(radiance.view(), SEED)
     }
 }

@@ -17,9 +17,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use expect::{Judgement, judge_trust};
-use modulo_core::metric::exact_share;
-use modulo_core::unwrap::{METHODS, Options, QualityMetrics, Report, by_name};
-use modulo_core::{Exposure, Frame, FrameError, Recovered, SensorError};
+use modulo_core::unwrap::{QualityMetrics, Report};
+use modulo_core::{Exposure, Frame, FrameError, Recovered, SensorError, Unwrap};
 use modulo_images::save_png;
 use ndarray::{Array3, Axis, concatenate, s};
 use report::{SceneRow, StabilityReport, Trial};
@@ -72,8 +71,10 @@ fn examine(case: &Case, folder: Option<&Path>) -> Result<SceneRow, BenchError> {
     let y = exposure.modulo();
     let pictures = folder.map(|out| ScenePictures::new(out, case.name(), &exposure, &y)).transpose()?;
     let mut trials = Vec::new();
-    for &method in METHODS {
-        let (score, x) = score(method, &y, &exposure)?;
+    // Pictures of a mosaic have colours; its modulo image is shown as it is.
+    for mut method in case.methods() {
+        let (score, x) = score(method.as_mut(), &y, &exposure)?;
+        let method = method.name();
         let expected = case.expected(method);
         let verdict = Judgement::both(expected.judge(&score), judge_trust(&score, case.is_observable()));
         let report = score.report;
@@ -88,10 +89,18 @@ fn examine(case: &Case, folder: Option<&Path>) -> Result<SceneRow, BenchError> {
             trusted: report.trust.claim(),
             signal: report.quality.map(named),
             verdict,
-            picture: pictures.as_ref().map(|pictures| pictures.add(method, &x)).transpose()?,
+            picture: pictures
+                .as_ref()
+                .map(|pictures| pictures.add(method, &in_colour(x, &exposure)))
+                .transpose()?,
         });
     }
     Ok(SceneRow { scene: case.scene.clone(), shape: y.dim(), trials })
+}
+
+/// Demosaics the radiance of a colour mosaic; any other one stays as it is.
+fn in_colour(x: Array3<f32>, exposure: &Exposure) -> Array3<f32> {
+    exposure.mosaic().map(|mosaic| mosaic.demosaic(x.view())).unwrap_or(x)
 }
 
 fn named(
@@ -121,13 +130,16 @@ pub struct MethodScore {
 }
 
 /// Unwraps `y` by `method` on one thread and compares the result with `truth`. Also returns x_hat.
-pub fn score(method: &str, y: &Frame, truth: &Exposure) -> Result<(MethodScore, Array3<f32>), BenchError> {
+pub fn score(
+    method: &mut dyn Unwrap,
+    y: &Frame,
+    truth: &Exposure,
+) -> Result<(MethodScore, Array3<f32>), BenchError> {
     let mut out = Recovered::default();
-    by_name(method, &Options::default())?.unwrap(y, truth.range(), &mut out)?;
-    let wraps = truth.wraps();
-    let off = out.k.mapv(i16::from) - wraps.mapv(i16::from);
+    method.unwrap(y, truth.range(), &mut out)?;
+    let off = out.k.mapv(i16::from) - truth.wraps().mapv(i16::from);
     let score = MethodScore {
-        exact: exact_share(&out.k, &wraps)?,
+        exact: truth.exact_share(&out.k).expect("a method keeps the shape of its image"),
         up_to_offset: up_to_offset(&off),
         psnr: psnr(&out.x, truth),
         report: out.report,
@@ -186,7 +198,7 @@ impl<'a> ScenePictures<'a> {
         let limit = exposure.range().limit();
         // The sensor delivers whole codes. A perfect result is therefore floor(x), and equals this picture byte for
         // byte.
-        let truth = radiance(&exposure.x().mapv(f32::floor), limit);
+        let truth = radiance(&in_colour(exposure.x().mapv(f32::floor), exposure), limit);
         let modulo = codes(y, exposure.range().peak());
         let pictures = Self { out, scene, limit, truth, modulo };
         pictures.save(&pictures.path("truth"), &[&pictures.truth])?;

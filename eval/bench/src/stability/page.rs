@@ -100,7 +100,9 @@ fn summary(report: &StabilityReport) -> Markup {
                 @for family in families(report) {
                     tbody {
                         tr.family { th colspan=(methods.len() + 1) { span { (family.title().0) } } }
-                        @for scene in report.scenes.iter().filter(|row| row.scene.family == family) { (row(scene)) }
+                        @for scene in report.scenes.iter().filter(|row| row.scene.family == family) {
+                            (row(scene, methods.len()))
+                        }
                     }
                 }
             }
@@ -108,7 +110,9 @@ fn summary(report: &StabilityReport) -> Markup {
     }
 }
 
-fn row(SceneRow { scene, trials, .. }: &SceneRow) -> Markup {
+/// A scene with `columns` methods. The only method of a sensor with two gains takes the whole row.
+fn row(SceneRow { scene, trials, .. }: &SceneRow, columns: usize) -> Markup {
+    let span = columns / trials.len().max(1);
     html! {
         tr {
             th scope="row" {
@@ -116,7 +120,9 @@ fn row(SceneRow { scene, trials, .. }: &SceneRow) -> Markup {
                 @if scene.twin.is_some() { " " abbr title="unobservable" { "\u{2205}" } }
             }
             @for trial in trials {
-                td class=(shade(trial.exact)) title={ "expected: " (trial.expected) } {
+                td class=(shade(trial.exact)) colspan=[(span > 1).then_some(span)]
+                    title={ "expected: " (trial.expected) } {
+                    @if span > 1 { (trial.method) " " }
                     (percent(trial.exact).trim_end_matches(" %"))
                     sup { (mark(&trial.verdict)) (trust(trial.trusted)) }
                 }

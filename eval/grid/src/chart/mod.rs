@@ -1,6 +1,7 @@
 //! The charts of a grid: from results to a [`Chart`]. This file has the charts over a setting of the sensor.
 
 pub(crate) mod pictures;
+mod sensors;
 mod time;
 
 use modulo_charts::{
@@ -63,8 +64,15 @@ pub fn all(results: &Results) -> Vec<NamedChart> {
         conditions.iter().flat_map(|conditions| draw(results, *conditions)).collect::<Vec<_>>()
     };
     let over = (0..SETTINGS.len()).flat_map(|setting| over(results, setting)).collect();
-    [each(time::frontiers), over, each(published::charts), each(time::stages), each(time::histograms)]
-        .concat()
+    [
+        each(time::frontiers),
+        over,
+        sensors::charts(results),
+        each(published::charts),
+        each(time::stages),
+        each(time::histograms),
+    ]
+    .concat()
 }
 
 /// The cells that belong to `conditions`.

@@ -4,11 +4,13 @@ use std::path::PathBuf;
 
 use clap::{Parser, ValueEnum};
 use modulo_camera::CameraParameters;
-use modulo_core::GainPattern;
 use modulo_core::unwrap::METHODS;
+use modulo_core::{GainPattern, Mosaic};
 use modulo_runtime::SensorModel;
+use modulo_runtime::sensor::parameters::BlurShape;
 
 use super::GridError;
+use super::pipeline::BITS;
 use super::pipeline::paper::SPUD_AS_PUBLISHED;
 use crate::results::{Point, Protocol, Stream};
 
@@ -44,6 +46,12 @@ pub struct Axes {
     /// Colour filters of a sensor with one chip, whose images are demosaiced for the detector
     #[arg(long, value_delimiter = ',', default_value = "none", value_parser = ["none", "rggb", "bggr", "grbg", "gbrg"])]
     pub mosaic: Vec<String>,
+    /// Photo response non-uniformity of all cells, a fraction. Only a sensor file sets it
+    #[arg(skip)]
+    pub prnu: f64,
+    /// Share of the samples that are hot in all cells. Only a sensor file sets it
+    #[arg(skip)]
+    pub hot_pixels: f64,
     /// Detection models: ONNX files, or demo for the embedded model
     #[arg(long, value_delimiter = ',', default_value = "demo")]
     pub model: Vec<PathBuf>,
@@ -77,6 +85,32 @@ impl Default for Axes {
 }
 
 impl Axes {
+    /// Replaces the lens, noise, gains and mosaic by those of `camera`.
+    ///
+    /// # Errors
+    /// [`GridError::Value`] for a chip that does not have 8 bits and for the lens of the paper.
+    pub fn take_sensor(&mut self, camera: &CameraParameters) -> Result<(), GridError> {
+        let SensorModel { bits, psf, psf_sigma, gains, .. } = camera.sensor;
+        if bits != BITS {
+            return Err(GridError::Value {
+                what: "bits",
+                value: bits.to_string(),
+                possible: BITS.to_string(),
+            });
+        }
+        if psf != BlurShape::Gaussian {
+            let possible = "gaussian, or --protocol paper".to_owned();
+            return Err(GridError::Value { what: "psf", value: "paper7".to_owned(), possible });
+        }
+        self.psf_sigma = vec![psf_sigma];
+        self.noise = vec![camera.read_noise];
+        self.shot_noise = vec![camera.shot_variance()];
+        self.gains = vec![gains.map_or("none", GainPattern::word).to_owned()];
+        self.mosaic = vec![camera.mosaic.map_or("none", Mosaic::word).to_owned()];
+        (self.prnu, self.hot_pixels) = (camera.prnu, camera.hot_pixels);
+        Ok(())
+    }
+
     /// The name of a model in cells: its file name without extension.
     pub fn model_name(model: &std::path::Path) -> String {
         model.file_stem().unwrap_or(model.as_os_str()).to_string_lossy().into_owned()
@@ -107,6 +141,8 @@ impl Axes {
                             psf_sigma,
                             noise,
                             shot_noise,
+                            prnu: self.prnu,
+                            hot_pixels: self.hot_pixels,
                             gains,
                             mosaic,
                             model,
@@ -233,6 +269,7 @@ impl Axes {
         let plain = self.psf_sigma == [1.4]
             && self.noise == [0.0]
             && self.shot_noise == [0.0]
+            && [self.prnu, self.hot_pixels] == [0.0, 0.0]
             && self.gains == ["none"]
             && self.mosaic == ["none"];
         if !plain {

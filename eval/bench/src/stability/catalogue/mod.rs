@@ -1,5 +1,6 @@
 //! The catalogue: scenes that are hard for some methods, with the expected results, and inputs that must be refused.
 
+mod arrangements;
 mod edges;
 mod sensors;
 
@@ -13,6 +14,9 @@ use super::report::RejectionRow;
 /// Methods that solve a Poisson equation: a wrong difference distorts its surroundings.
 const LEAST_SQUARES: &[&str] = &["spud", "least_squares"];
 
+/// Methods that average over many differences where noise drowns each of them.
+const AVERAGING: &[&str] = &["spud", "least_squares", "auto"];
+
 /// Methods that use only first differences.
 const FIRST_ORDER: &[&str] = &["spud", "least_squares", "itoh", "tree", "quality_guided"];
 
@@ -24,7 +28,7 @@ const RIM: &str = "first differences exceed half a peak on the edge and are take
 
 /// All cases, in the order of their families.
 pub fn cases() -> Vec<Case> {
-    edges::cases().into_iter().chain(sensors::cases()).collect()
+    edges::cases().into_iter().chain(sensors::cases()).chain(arrangements::cases()).collect()
 }
 
 const SENSOR: SensorConfig = SensorConfig { psf: Psf::Paper7, ..SensorConfig::PLAIN };

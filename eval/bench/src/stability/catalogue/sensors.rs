@@ -6,7 +6,7 @@ use modulo_scene::Preset;
 use super::super::case::{Case, Family};
 use super::super::expect::Expect;
 use super::super::radiance::{Radiance, SIZE, red_block, rendered, shift_red};
-use super::{FIRST_ORDER, LEAST_SQUARES, RIM, SORTED};
+use super::{AVERAGING, FIRST_ORDER, LEAST_SQUARES, RIM, SORTED};
 
 pub fn cases() -> Vec<Case> {
     let uneven = [noise(), hot_pixels(), levels(), lost_levels(), colour()];
@@ -36,15 +36,15 @@ fn noise() -> Vec<Case> {
             .why("first differences have a sigma of 42 codes, 0.3 % of them wrap; mixed ones 60, 3 % of them wrap")
             .all(Expect::AtLeast(0.99))
             .but(&["itoh"], Expect::Fails(0.3, "one wrong difference spoils the rest of its row"))
-            .but(&["lines", "gradient_tree", "auto"], Expect::Fails(0.2, "too many mixed differences wrap")),
+            .but(&["lines", "gradient_tree"], Expect::Fails(0.2, "too many mixed differences wrap")),
         noisy(50)
             .why("7 % of the first differences wrap; least squares averages, the others follow")
             .all(drowned)
-            .but(LEAST_SQUARES, Expect::Fails(0.85, "errors no longer cancel everywhere")),
+            .but(AVERAGING, Expect::Fails(0.85, "errors no longer cancel everywhere")),
         noisy(70)
             .why("20 % of the first differences wrap; what is left is chance, and no method is held to more than that")
             .all(Expect::Fails(0.1, "differences that noise carries beyond half a peak are everywhere"))
-            .but(LEAST_SQUARES, Expect::Fails(0.4, "errors no longer cancel")),
+            .but(AVERAGING, Expect::Fails(0.4, "errors no longer cancel")),
     ]
 }
 
@@ -197,7 +197,7 @@ fn alphas() -> Vec<Case> {
 }
 
 fn streets() -> Vec<Case> {
-    Preset::ALL.into_iter().flat_map(|preset| [soft(preset), sharp(preset)]).collect()
+    Preset::ALL.into_iter().flat_map(|preset| [soft(preset), half(preset), sharp(preset)]).collect()
 }
 
 fn street(preset: Preset, suffix: &str, lens: &str) -> Case {
@@ -219,6 +219,37 @@ fn soft(preset: Preset) -> Case {
     }
 }
 
+/// A lens of half a pixel is sharper than what `auto` needs at this alpha.
+fn half(preset: Preset) -> Case {
+    let (row, streak) = (
+        "one wrong difference spoils the rest of its row",
+        "edges that end within the image break the mixed differences and leave streaks",
+    );
+    let case = street(preset, "_half", "through a lens of sigma 0.5 pixels")
+        .gaussian(0.5)
+        .why("the highest edges still jump by more than half a peak from pixel to pixel");
+    match preset {
+        Preset::Day => case
+            .all(Expect::Fails(0.35, "the sky jumps along its whole contour and is one peak off"))
+            .but(&["itoh"], Expect::Fails(0.1, row))
+            .but(LEAST_SQUARES, Expect::Fails(0.9, "the errors of the contour spread, and mostly cancel"))
+            .but(
+                &["quality_guided"],
+                Expect::Fails(0.6, "a part of the sky is joined over its flattest contour"),
+            ),
+        Preset::Glare => case
+            .all(Expect::AtLeast(0.99))
+            .but(LEAST_SQUARES, Expect::Fails(0.98, "errors at the highest edges spread"))
+            .but(&["itoh"], Expect::Fails(0.85, row))
+            .but(&["lines"], Expect::Fails(0.5, streak))
+            .but(&["quality_guided"], Expect::Fails(0.9, "a region is joined over a steep edge")),
+        Preset::Tunnel => case
+            .all(Expect::Fails(0.96, "the mouth of the tunnel jumps along its whole contour"))
+            .but(&["lines"], Expect::Fails(0.6, streak)),
+        Preset::Night => case.all(Expect::AtLeast(0.99)).but(&["lines"], Expect::Fails(0.4, streak)),
+    }
+}
+
 fn sharp(preset: Preset) -> Case {
     let (contour, row, streak) = (
         "whole contours jump by more than half a peak",
@@ -228,6 +259,7 @@ fn sharp(preset: Preset) -> Case {
     // The expected shares of all methods, of itoh, and of lines.
     let (all, itoh, lines) = match preset {
         Preset::Day => (0.35, 0.1, 0.2),
+        // The region that is lost depends on a few pixels, so the bound is far below the 99.97 % that the trees reach.
         Preset::Glare => (0.6, 0.5, 0.25),
         Preset::Tunnel => (0.96, 0.96, 0.1),
         Preset::Night => (0.99, 0.98, 0.4),

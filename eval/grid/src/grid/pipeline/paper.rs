@@ -39,6 +39,8 @@ impl<'a> PublishedSpudPipeline<'a> {
                 psf: Psf::of_sigma(psf_sigma),
                 read_noise: point.noise,
                 shot_noise: point.shot_noise,
+                prnu: point.prnu,
+                hot_pixels: point.hot_pixels,
                 ..SensorConfig::default()
             })
         };

@@ -30,6 +30,8 @@ impl<'a> SuitePipeline<'a> {
         let lens = |psf_sigma| CameraParameters {
             read_noise: point.noise,
             shot_noise: point.shot_noise,
+            prnu: point.prnu,
+            hot_pixels: point.hot_pixels,
             mosaic: Mosaic::named(&point.mosaic),
             sensor: SensorModel {
                 bits: BITS,
