@@ -46,7 +46,7 @@ impl Simulate {
     fn request(self) -> Result<simulate::SimulationRequest, Failure> {
         let Self { sensor_file, mut request } = self;
         let Some(file) = sensor_file else { return Ok(request) };
-        let camera = CameraParameters::read_sensor(&file)?;
+        let camera = CameraParameters::read_sensor(&file).map_err(usage)?;
         request.gains = camera.sensor.gains.map_or("none", GainPattern::word).to_owned();
         request.mosaic = camera.mosaic.map_or("none", Mosaic::word).to_owned();
         request.sensor = SensorOptions {

@@ -58,7 +58,8 @@ pub struct Grid {
 pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure> {
     let mut options = args.options.clone();
     if let Some(file) = &args.sensor {
-        options.axes.take_sensor(&CameraParameters::read_sensor(file)?).map_err(failure)?;
+        let camera = CameraParameters::read_sensor(file).map_err(usage)?;
+        options.axes.take_sensor(&camera).map_err(failure)?;
     }
     let request =
         Request { data: data(args, source)?, options, provenance: provenance(), out: out.to_owned() };

@@ -53,8 +53,8 @@ fn a_sensor_file_describes_the_sensor_everywhere() {
     assert_eq!(measured.status.code(), Some(0), "{}", text(&measured));
     let row = &json(&bench.path("out/results.json"))[0];
     assert_eq!((&row["gains"], &row["psf_sigma"]), (&"checkerboard".into(), &0.0.into()), "{row}");
-    let grid =
-        ["eval", "--source", &images, "--stream", "recovered", "--engine", "rten", "--time-frames", "0"];
+    let scene = "scene://day?frames=1&width=320&height=192";
+    let grid = ["eval", "--source", scene, "--stream", "recovered", "--engine", "rten", "--time-frames", "0"];
     let measured = bench.run(&[&grid, &sensor[..]].concat());
     assert_eq!(measured.status.code(), Some(0), "{}", text(&measured));
     let cell = &json(&bench.path("out/results.json"))["cells"][0];

@@ -306,12 +306,13 @@ fn the_simplest_sufficient_sensor_is_shown() {
     let chart = charts.iter().find(|named| named.name.starts_with("sensors_")).expect("lens and alpha vary");
     let svg = chart.chart.svg(modulo_charts::PageWidth::Wide).expect("drawn");
     for text in [
-        "alpha 2, lens blur 0.5 px: saturated, AP50 of vehicle 89.5 %, ideal 90.0 %",
-        "alpha 4, lens blur 0.5 px: recovered (checkerboard_gains), AP50 of vehicle 89.1 %",
-        "alpha 2, lens blur 1.4 px: recovered (auto), AP50 of vehicle 89.5 %",
-        "alpha 4, lens blur 1.4 px: no choice, AP50 of vehicle less, ideal 90.0 %",
+        "alpha 2, lens blur 0.5 px: saturated, AP50 89.5 %, AP50 of the ideal image 90.0 %",
+        "alpha 4, lens blur 0.5 px: no choice, AP50 of the ideal image 90.0 %",
+        "alpha 4, lens blur 0.5 px: recovered (checkerboard_gains), AP50 89.1 %",
+        "alpha 2, lens blur 1.4 px: recovered (auto), AP50 89.5 %",
+        "alpha 4, lens blur 1.4 px: no choice, AP50 of the ideal image 90.0 %",
     ] {
-        assert!(svg.contains(text), "{text}");
+        assert!(svg.contains(text), "{text}: {svg}");
     }
     assert!(!svg.contains("lens blur 0 px"), "no sensor was measured there");
 }

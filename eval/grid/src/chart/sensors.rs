@@ -1,13 +1,11 @@
 //! Which sensor for which scene: for each lens and saturation factor, the simplest sensor and method that keep the accuracy of
 //! the ideal image.
 
-use modulo_charts::{
-    Axis, AxisDirection, ChartBody, ChartPanel, DataPoint, Scale, Series, SeriesStyle, Unit,
-};
+use modulo_charts::{Axis, ChartBody, ChartPanel, DataPoint, Emphasis, Scale, Series, SeriesStyle};
 
-use super::{NamedChart, add_point, file_name, models};
+use super::{NamedChart, file_name, models};
 use crate::labels::{self, distinct, number};
-use crate::results::{Cell, Results, Stream};
+use crate::results::{Cell, Point, Results, Stream};
 
 /// A choice may have this much less AP50 than the ideal image: one point.
 const LOSS: f64 = 0.01;
@@ -15,24 +13,26 @@ const LOSS: f64 = 0.01;
 /// The name of the series of the scenes that no choice suffices for.
 const NO_CHOICE: &str = "no choice";
 
-/// One chart for each model and noise whose cells have several lenses and several saturation factors.
+/// One chart for each model, noise, mosaic and group of objects whose cells have several lenses and saturation factors.
 pub fn charts(results: &Results) -> Vec<NamedChart> {
-    let mut charts = Vec::new();
     let all: Vec<&Cell> = results.cells.iter().collect();
+    let mut charts = Vec::new();
     for model in models(&all) {
-        for noise in distinct(all.iter().map(|cell| noise(cell))) {
-            let here = |cell: &&Cell| labels::model(&cell.point) == model && self::noise(cell) == noise;
+        for fixed in distinct(all.iter().map(|cell| fixed(cell))) {
+            let here = |cell: &&Cell| labels::model(&cell.point) == model && self::fixed(cell) == fixed;
             let cells: Vec<&Cell> = all.iter().copied().filter(here).collect();
             if values(&cells, |cell| cell.point.alpha).len() > 1 && values(&cells, lens).len() > 1 {
-                charts.push(chart(results, &cells, &model, noise));
+                let groups = distinct(cells.iter().flat_map(|cell| cell.ap50.keys()));
+                charts.extend(groups.iter().map(|group| chart(results, &cells, &model, group)));
             }
         }
     }
     charts
 }
 
-fn noise(cell: &Cell) -> [f64; 2] {
-    [cell.point.noise, cell.point.shot_noise]
+/// The settings that are the same in all cells of a chart: read noise, shot noise, mosaic.
+fn fixed(cell: &Cell) -> (f64, f64, &str) {
+    (cell.point.noise, cell.point.shot_noise, &cell.point.mosaic)
 }
 
 fn lens(cell: &Cell) -> f64 {
@@ -46,90 +46,115 @@ fn values(cells: &[&Cell], of: fn(&Cell) -> f64) -> Vec<f64> {
     values
 }
 
-fn chart(results: &Results, cells: &[&Cell], model: &str, [noise, shot_noise]: [f64; 2]) -> NamedChart {
-    let groups = distinct(cells.iter().flat_map(|cell| cell.ap50.keys()));
-    let mosaics = distinct(cells.iter().map(|cell| cell.point.mosaic.as_str()));
-    let panels = groups.iter().flat_map(|group| mosaics.iter().map(|mosaic| panel(cells, group, mosaic)));
-    let body = ChartBody::Panels(panels.collect());
-    let footer = "Each marker is the first choice in this order whose AP50 is at most 1 point below that of the ideal image of \
-                  the same scene, lens and mosaic: the saturated image of a normal chip, of a chip with two gains, three \
-                  captures, the raw modulo image, the recovered one, the recovered one of a modulo chip with two gains; each \
-                  without deblurring before with it. The 95 % intervals of AP50 are wider than a point: see the other charts.";
-    let title = format!("Which sensor for which scene: {model}, {}", labels::noises(noise, shot_noise));
-    let name = format!("sensors_{}_noise{noise}_shot{shot_noise}", file_name(model));
-    NamedChart::new(name, title, results, footer.to_owned(), body)
+/// `cells` is not empty.
+fn chart(results: &Results, cells: &[&Cell], model: &str, group: &str) -> NamedChart {
+    let (noise, shot_noise, mosaic) = fixed(cells[0]);
+    let body =
+        ChartBody::Panels([Pixels::Normal, Pixels::Modulo].map(|pixels| panel(cells, group, pixels)).into());
+    let footer = "Each marker is the simplest choice whose AP50 is at most 1 point below that of the ideal image behind the same \
+                  lens. Normal pixels, in this order: one gain, two gains, three captures. Modulo pixels: the raw image, the \
+                  recovered one, then deblurred; then those of two gains. The 95 % intervals of AP50 are often wider than a point: \
+                  see the other charts.";
+    let chip =
+        if mosaic == "none" { "all colours at each pixel".to_owned() } else { format!("mosaic {mosaic}") };
+    let frames = labels::frames(cells.iter().map(|cell| cell.frames));
+    let title = format!(
+        "Which sensor for which scene: {group}, {frames}, {model}, {chip}, {}",
+        labels::noises(noise, shot_noise)
+    );
+    let name = format!("sensors_{}_{group}_{mosaic}_noise{noise}_shot{shot_noise}", file_name(model));
+    NamedChart::new(file_name(&name), title, results, footer.to_owned(), body)
 }
 
-fn panel(cells: &[&Cell], group: &str, mosaic: &str) -> ChartPanel {
-    let cells: Vec<&Cell> = cells.iter().copied().filter(|cell| cell.point.mosaic == mosaic).collect();
-    let lenses = values(&cells, lens);
-    let mut series: Vec<Series> = Vec::new();
-    for alpha in values(&cells, |cell| cell.point.alpha) {
+/// Behaviour of the pixels at the peak.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Pixels {
+    /// They saturate.
+    Normal,
+    /// They wrap.
+    Modulo,
+}
+
+fn panel(cells: &[&Cell], group: &str, pixels: Pixels) -> ChartPanel {
+    let lenses = values(cells, lens);
+    // Each series with its rank, by which the legend is sorted.
+    let mut series: Vec<(u8, Series)> = Vec::new();
+    for alpha in values(cells, |cell| cell.point.alpha) {
         for &lens in &lenses {
             let here = |cell: &&Cell| cell.point.alpha == alpha && self::lens(cell) == lens;
             let scene: Vec<&Cell> = cells.iter().copied().filter(here).collect();
-            // The sharp ideal image is a cell of its own at a lens that no other cell may have.
-            let Some(ideal) = ideal(&scene, group).filter(|_| scene.iter().any(|cell| rank(cell).is_some()))
-            else {
-                continue;
-            };
-            let (name, hover) = match simplest(&scene, group, ideal) {
-                Some((cell, ap50)) => (labels::stream(&cell.point), percent(ap50)),
-                None => (NO_CHOICE.to_owned(), "less".to_owned()),
-            };
-            let hover = format!(
-                "alpha {alpha}, lens blur {lens} px: {name}, AP50 of {group} {hover}, ideal {}",
-                percent(ideal)
-            );
-            let point = DataPoint { x: lens, y: alpha, hover, ..DataPoint::default() };
-            add_point(&mut series, name, point, SeriesStyle::Markers);
+            let Some((rank, name, point)) = marker(&scene, group, pixels) else { continue };
+            match series.iter_mut().find(|(_, series)| series.name == name) {
+                Some((_, series)) => series.points.push(point),
+                None => {
+                    series.push((rank, Series { name, points: vec![point], style: SeriesStyle::Markers }))
+                }
+            }
         }
     }
-    let most = lenses.last().copied().unwrap_or_default();
-    let chip = if mosaic == "none" { "all colours a pixel".to_owned() } else { format!("mosaic {mosaic}") };
-    let frames = labels::frames(cells.iter().map(|cell| cell.frames));
+    series.sort_by_key(|(rank, _)| *rank);
+    let words = if pixels == Pixels::Normal { "normal" } else { "modulo" };
     ChartPanel {
         x: Axis {
-            label: format!("standard deviation of the lens blur, px ({group}, {frames})"),
-            scale: Scale::Linear { from: 0.0, to: most },
-            unit: Unit::Plain,
-            direction: AxisDirection::Up,
+            scale: Scale::Linear { from: 0.0, to: lenses.last().copied().unwrap_or_default() },
+            ..Axis::log(format!("lens blur, px ({words} pixels)"))
         },
-        y: Axis::log(format!("alpha, the saturation factor; {chip}")),
-        series,
+        y: Axis::log("alpha, the saturation factor"),
+        series: series.into_iter().map(|(_, series)| series).collect(),
     }
+}
+
+/// The marker of one lens and saturation factor, with the name of its series and the rank of the choice. `None` if no sensor was
+/// measured there.
+fn marker(scene: &[&Cell], group: &str, pixels: Pixels) -> Option<(u8, String, DataPoint)> {
+    let choices: Vec<(u8, &Cell, f64)> = choices(scene, group, pixels).collect();
+    let Point { alpha, psf_sigma, .. } = choices.first()?.1.point;
+    let ideal = ideal(scene, group)?;
+    let suffices = choices.into_iter().filter(|(_, _, ap50)| *ap50 >= ideal - LOSS);
+    // Of equally simple choices, the most accurate one.
+    let simplest = suffices.min_by(|a, b| a.0.cmp(&b.0).then(b.2.total_cmp(&a.2)));
+    let (rank, name, accuracy, emphasis) = match simplest {
+        Some((rank, cell, ap50)) => {
+            // The title has the mosaic.
+            let point = Point { mosaic: "none".to_owned(), ..cell.point.clone() };
+            (rank, labels::stream(&point), format!(", AP50 {}", percent(ap50)), Emphasis::Normal)
+        }
+        None => (u8::MAX, NO_CHOICE.to_owned(), String::new(), Emphasis::Faded),
+    };
+    let hover = format!(
+        "alpha {alpha}, lens blur {psf_sigma} px: {name}{accuracy}, AP50 of the ideal image {}",
+        percent(ideal)
+    );
+    Some((rank, name, DataPoint { x: psf_sigma, y: alpha, hover, emphasis, ..DataPoint::default() }))
 }
 
 fn percent(share: f64) -> String {
     format!("{} %", number(100.0 * share, 1))
 }
 
-fn ap50(cell: &Cell, group: &str) -> Option<f64> {
-    *cell.ap50.get(group)?
-}
-
 /// AP50 of the ideal image of a scene.
 fn ideal(scene: &[&Cell], group: &str) -> Option<f64> {
-    scene.iter().find(|cell| cell.point.stream == Stream::Ideal).and_then(|cell| ap50(cell, group))
+    *scene.iter().find(|cell| cell.point.stream == Stream::Ideal)?.ap50.get(group)?
 }
 
-/// The first choice that suffices, and its AP50. Of equally simple choices it is the most accurate one.
-fn simplest<'a>(scene: &[&'a Cell], group: &str, ideal: f64) -> Option<(&'a Cell, f64)> {
-    let choices = scene.iter().filter_map(|&cell| Some((rank(cell)?, cell, ap50(cell, group)?)));
-    let suffices = choices.filter(|(_, _, ap50)| *ap50 >= ideal - LOSS);
-    let first = suffices.min_by(|a, b| a.0.cmp(&b.0).then(b.2.total_cmp(&a.2)));
-    first.map(|(_, cell, ap50)| (cell, ap50))
+/// The cells of a scene that a sensor with these pixels can deliver: place in the order of choices, cell, AP50.
+fn choices<'a>(scene: &[&'a Cell], group: &str, pixels: Pixels) -> impl Iterator<Item = (u8, &'a Cell, f64)> {
+    scene.iter().filter_map(move |&cell| {
+        let (of, rank) = rank(cell)?;
+        let ap50 = (*cell.ap50.get(group)?)?;
+        (of == pixels).then_some((rank, cell, ap50))
+    })
 }
 
-/// The place of a cell in the order of the choices. `None` for images that no sensor delivers.
-fn rank(cell: &Cell) -> Option<u8> {
+/// The pixels of a cell and its place in the order of the choices. `None` for images that no sensor delivers.
+fn rank(cell: &Cell) -> Option<(Pixels, u8)> {
     let point = &cell.point;
     let two_gains = u8::from(point.pattern().is_some());
     Some(match point.stream {
-        Stream::Saturated => two_gains,
-        Stream::MultiExposure => 2,
-        Stream::Modulo => 3,
-        Stream::Recovered => 4 + 2 * two_gains + u8::from(point.deblur),
+        Stream::Saturated => (Pixels::Normal, two_gains),
+        Stream::MultiExposure => (Pixels::Normal, 2),
+        Stream::Modulo => (Pixels::Modulo, 0),
+        Stream::Recovered => (Pixels::Modulo, 1 + 2 * two_gains + u8::from(point.deblur)),
         Stream::Ideal | Stream::MultiExposureStill => return None,
     })
 }
