@@ -3,7 +3,7 @@
 //! The filter needs radiance that was recovered exactly and a point spread function that is known; nothing is
 //! estimated from the image.
 
-use ndarray::Array3;
+use ndarray::{Array3, ArrayRef3};
 
 use crate::frame::{Frame, FrameError, check_shape, in_order};
 use crate::optics::{Border, Psf, RowFilter};
@@ -32,7 +32,7 @@ impl Deblur {
     ///
     /// # Errors
     /// [`FrameError`] when `x` does not have the shape of an image.
-    pub fn linear8(&self, x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
+    pub fn linear8(&self, x: &ArrayRef3<f32>, range: Range) -> Result<Frame, FrameError> {
         // A perfect lens has nothing to undo, and half a code would be added for nothing.
         if self.taps.len() == 1 {
             return tone::linear8(x, range);

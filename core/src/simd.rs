@@ -3,7 +3,7 @@
 //! This is the only module with `unsafe`. Code is written once for all machines. Here it is compiled again with AVX2 and FMA,
 //! and with AVX-512, and the widest copy that the processor has runs. No intrinsic is called.
 
-use ndarray::Array3;
+use ndarray::{Array3, ArrayRef3};
 
 /// Evaluates an expression with the widest vector instructions of this machine.
 ///
@@ -22,7 +22,7 @@ pub(crate) use widest;
 
 /// Returns the array of `value` of each sample, computed with the widest vector instructions.
 #[inline(always)]
-pub(crate) fn mapped<T: Copy + Default>(x: &Array3<f32>, value: impl Fn(f32) -> T) -> Array3<T> {
+pub(crate) fn mapped<T: Copy + Default>(x: &ArrayRef3<f32>, value: impl Fn(f32) -> T) -> Array3<T> {
     // `mapv` is not inlined, and would run in the copy for the compiler's baseline.
     let Some(samples) = x.as_slice() else { return x.mapv(value) };
     let mut out = vec![T::default(); samples.len()];

@@ -2,7 +2,7 @@
 //!
 //! One scale serves all channels. It depends only on the sensor, never on the image: there is no automatic exposure.
 
-use ndarray::Array3;
+use ndarray::{Array3, ArrayRef3};
 
 use crate::frame::{Frame, FrameError};
 use crate::range::Range;
@@ -12,7 +12,7 @@ use crate::simd::{floor, mapped, widest};
 ///
 /// # Errors
 /// [`FrameError`] when `x` (H x W x C, code units) does not have the shape of an image.
-pub fn linear8(x: &Array3<f32>, range: Range) -> Result<Frame, FrameError> {
+pub fn linear8(x: &ArrayRef3<f32>, range: Range) -> Result<Frame, FrameError> {
     // In double precision, since codes near a half would round differently in single precision.
     let scale = 255.0 / range.limit();
     Frame::from_u8(mapped(x, |x| to_u8(x, scale)))
