@@ -45,17 +45,41 @@ impl BagSource {
         &self.bag
     }
 
-    fn frame(&mut self, message: &RawMessage) -> Result<SourceFrame, SourceError> {
+    /// Returns the next image as it was recorded, such as the codes of a modulo image; `None` at the end. After an error the
+    /// next call goes on with the image behind the bad one.
+    pub fn next_image(&mut self) -> Option<Result<RecordedImage, SourceError>> {
+        let message = self.messages.next()?;
+        Some(message.map_err(SourceError::from).and_then(|message| self.image(&message)))
+    }
+
+    fn image(&self, message: &RawMessage) -> Result<RecordedImage, SourceError> {
         let (header, pixels) = read_message(message)?;
+        let ground_truth = self.labels.get(&header.stamp.as_ns()).cloned();
+        Ok(RecordedImage { header, pixels, ground_truth })
+    }
+
+    fn frame(&mut self, message: &RawMessage) -> Result<SourceFrame, SourceError> {
+        let RecordedImage { header, pixels, ground_truth } = self.image(message)?;
         let stamp = header.stamp.as_ns();
         Ok(SourceFrame {
             radiance: self.white.radiance(&pixels, origin(message))?,
             name: stamp.to_string(),
             stamp_ns: Some(stamp),
             frame_id: header.frame_id,
-            ground_truth: self.labels.get(&stamp).cloned(),
+            ground_truth,
         })
     }
+}
+
+/// An image of a bag as it was recorded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordedImage {
+    /// The stamp and the coordinate frame of the message.
+    pub header: Header,
+    /// The pixels of the message, a colour mosaic where its encoding names one.
+    pub pixels: Frame,
+    /// The labelled objects; `None` for an image without labels.
+    pub ground_truth: Option<Vec<GroundTruth>>,
 }
 
 impl Source for BagSource {

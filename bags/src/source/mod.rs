@@ -18,7 +18,7 @@ use modulo_msgs::std_msgs::Header;
 use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray};
 use ndarray::Array3;
 
-pub use bag::BagSource;
+pub use bag::{BagSource, RecordedImage};
 pub use coco::CocoSource;
 pub use folder::FolderSource;
 pub use kitti::{FrameList, KittiFolder, KittiSource};
