@@ -77,7 +77,10 @@ impl UnwrapParameters {
     }
 
     /// Returns the unwrapping method with its options.
-    fn method(&self) -> Result<Box<dyn Unwrap>, ParameterError> {
+    ///
+    /// # Errors
+    /// [`ParameterError`] of the first parameter that is out of its range, or of `threads` that the machine does not have.
+    pub fn method(&self) -> Result<Box<dyn Unwrap>, ParameterError> {
         self.check()?;
         // Only errors of the machine remain: it may have no more threads.
         let refuse = |why: UnwrapError| ParameterError::new("threads", self.threads, why.to_string());
