@@ -1,0 +1,623 @@
+"""A simulated modulo camera sensor, the unwrapping of its images, and the score of detections, on numpy arrays.
+
+A modulo sensor of b bits wraps around where a normal one saturates: it delivers `y = floor(x mod 2^b)`. Unwrapping finds the wrap
+counts k, so that `x = y + k 2^b` is the radiance again.
+
+>>> import numpy as np
+>>> import modulo
+>>> ramp = np.linspace(0, 1, 640, dtype=np.float32)
+>>> scene = np.tile(ramp, (480, 1))
+>>> sensor = modulo.Sensor(bits=8, alpha=4)
+>>> modulo_image, saturated, ideal, wraps = sensor.expose(scene)
+>>> result = modulo.unwrap(modulo_image, bits=8, alpha=4)
+>>> bool((result.k == wraps).all()), result.report.trusted
+(True, True)
+
+Images are arrays H x W (grey) or H x W x C, where C is 1 (grey) or 3 (red, green, blue), of samples of the type `uint8`, `uint16` or
+`float32`. Arrays of any strides are read; those in C order are not copied for it, except for integers that become a frame of
+their own. A result of an image H x W is H x W.
+
+*Code units*: one unit is one step of the sensor's converter, so that the peak is `2^bits` and radiance lies in
+`[0, alpha 2^bits)`.
+
+Parameters have the names, ranges and defaults of the nodes `modulo_camera` and `unwrap`. What is not possible raises a `ValueError`
+with the value and the remedy; an argument that is no array at all, a `TypeError`. While a function computes, other threads of
+Python run. An image has at most 2^27 samples.
+"""
+
+import os
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from modulo import _core
+
+__all__ = [
+    "METHODS",
+    "AveragePrecision",
+    "Codes",
+    "Detection",
+    "Exposure",
+    "Frame",
+    "GroundTruth",
+    "Image",
+    "Quality",
+    "Report",
+    "Sensor",
+    "Unwrapped",
+    "__version__",
+    "average_precision",
+    "deblur",
+    "read_bag",
+    "read_source",
+    "tone_map",
+    "unwrap",
+]
+
+__version__: str = _core.__version__
+
+METHODS: tuple[str, ...] = tuple(_core.METHODS)
+"""The names of the unwrapping methods; docs/methods.md describes them."""
+
+Codes: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16]
+"""An image of integer codes, H x W or H x W x C: `uint8` for 8 bits and less, else `uint16`."""
+
+Image: TypeAlias = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.float32]
+"""An image of any of the types of samples, H x W or H x W x C."""
+
+
+class Exposure(NamedTuple):
+    """The images of one exposure, all with the same noise."""
+
+    modulo: Codes
+    """The codes of the modulo sensor, `floor(x mod 2^b)`."""
+    saturated: Codes
+    """The codes of a sensor that saturates, `floor(min(x, 2^b - 1))`."""
+    ideal: NDArray[np.uint8]
+    """The whole range, neither wrapped nor clipped, in 8 bits: `round(255 floor(x) / (alpha 2^b))`."""
+    wraps: NDArray[np.uint8]
+    """The true wrap counts k, `floor(x / 2^b)`."""
+
+
+class Quality(NamedTuple):
+    """Measures of how far a modulo image departs from the assumptions of `lines`, over all channels."""
+
+    residues: float
+    """The share of the 2 x 2 loops around which the wrapped differences do not sum to 0."""
+    steep: float
+    """The share of the 2 x 2 loops whose wrapped mixed difference is above 3/8 of the peak."""
+    consensus: float
+    """The least share, over all rows and columns, of the pixels that agree on how a line continues the line before."""
+    clamped: float
+    """The share of the samples whose count was out of range and was clamped."""
+    jumps: float
+    """The second differences of the result above one peak, per sample; only `auto` computes them."""
+
+
+class Report(NamedTuple):
+    """The report of a method on its own result."""
+
+    method: str
+    """The method used: the one that was asked for, the one that `auto` took, or that of the gains."""
+    trusted: bool | None
+    """Whether the method vouches for the counts; `None` if it makes no claim."""
+    quality: Quality | None
+    """The quality metrics; `None` for a method that does not compute them."""
+    confidence: NDArray[np.uint8] | None
+    """255 where the counts are vouched for, else 0, H x W; `None` unless it was asked for."""
+
+
+class Unwrapped(NamedTuple):
+    """The result of unwrapping one image."""
+
+    x: NDArray[np.float32]
+    """The radiance in code units, `y + k 2^b`, of the shape of the image."""
+    k: NDArray[np.uint8]
+    """The wrap counts, 0 to `ceil(alpha) - 1`, of the shape of the image."""
+    report: Report
+    """The report of the method."""
+
+
+class GroundTruth(NamedTuple):
+    """A labelled object."""
+
+    x1: float
+    """The left edge of the box in px; pixel 0 covers [0, 1)."""
+    y1: float
+    """The upper edge in px."""
+    x2: float
+    """The right edge in px."""
+    y2: float
+    """The lower edge in px."""
+    class_name: str
+    """The class in lower case; `dontcare` is an area to leave out."""
+    truncated: float = -1.0
+    """The share of the object outside the image, 0 to 1; -1 if it is unknown."""
+    occluded: int = -1
+    """0 visible, 1 partly occluded, 2 largely occluded, 3 unknown, 4 a crowd, which is an area; -1 if it is not told."""
+
+
+class Detection(NamedTuple):
+    """An object that a detector has found."""
+
+    x1: float
+    """The left edge of the box in px; pixel 0 covers [0, 1)."""
+    y1: float
+    """The upper edge in px."""
+    x2: float
+    """The right edge in px."""
+    y2: float
+    """The lower edge in px."""
+    score: float
+    """The confidence, 0 to 1."""
+    class_name: str
+    """The class, as in the labels."""
+
+
+class Frame(NamedTuple):
+    """A recorded or rendered frame."""
+
+    image: Image
+    """The codes of a bag as they were recorded, or the radiance of a source; H x W or H x W x 3."""
+    name: str
+    """The name of the file without its extension, or the stamp in a bag."""
+    stamp_ns: int | None
+    """The time of exposure in ns since the epoch, if it is known."""
+    frame_id: str
+    """The coordinate frame."""
+    mosaic: str
+    """The colour filters of the pixels: none, rggb, bggr, grbg or gbrg."""
+    ground_truth: list[GroundTruth] | None
+    """The labelled objects; `None` for a frame without labels."""
+
+
+class AveragePrecision(NamedTuple):
+    """The average precision of one class, 0 to 1."""
+
+    ap50: float
+    """At an intersection over union of 0.5."""
+    ap50_95: float
+    """The mean over the thresholds 0.5, 0.55, ..., 0.95."""
+    objects: int
+    """The number of scored objects."""
+
+
+class Sensor:
+    """A simulated modulo sensor behind a lens, with the noise of a camera.
+
+    Parameters
+    ----------
+    bits : int, in 1 to 16
+        Bits of the sensor's converter. The peak is 2^bits code units.
+    alpha : float, a finite number in 0.001 to 256
+        Saturation factor: the brightest radiance of the scene divided by the sensor's peak.
+    psf_sigma : float, a finite number in 0 to 100
+        Standard deviation of the gaussian lens blur in px. 0 is a perfect lens. paper7 does not use it.
+    read_noise : float, a finite number in 0 to 65536
+        Standard deviation of the read noise in code units.
+    shot_noise : float, a finite number in 0 to 65536
+        Strength of the shot noise: its standard deviation at the signal x is sqrt(shot_noise * x) in code units.
+    mosaic : str, one of none, rggb, bggr, grbg, gbrg
+        Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the source.
+        The images of a mosaic have the encoding bayer_*8 or bayer_*16. Here they are H x W.
+    gains : str, one of none, checkerboard, rows
+        Pixels with a lower gain, which do not wrap: none, a checkerboard, or every second row.
+    seed : int, in 0 to 9223372036854775807
+        Seed of the noise. A sensor gives each frame the same noise; the camera adds the number of the frame to its seed.
+    psf : str, one of gaussian, paper7
+        Shape of the lens blur: gaussian with the width psf_sigma, or paper7 for the paper's fixed 7 taps (about 1.4 px).
+    gain_ratio : float, a finite number in 0 to 1
+        The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha.
+    full_well_electrons : float, a finite number in 0 to 1000000000
+        Electrons that fill the 2^bits codes of the converter at full gain (the saturation capacity of EMVA 1288). They add shot noise
+        of the variance x * 2^bits / full_well_electrons. 0: only shot_noise.
+    prnu : float, a finite number in 0 to 1
+        Photo response non-uniformity (EMVA 1288): standard deviation of the gain between pixels, as a fraction. The pattern is the
+        same in every frame.
+    hot_pixels : float, a finite number in 0 to 1
+        Share of the samples that are hot: their dark signal is evenly distributed up to the peak. The pattern is the same in every
+        frame.
+    white : float, a finite number in 0 to 1000000000000
+        The value that becomes full scale, for radiance of the types float32 and uint16. 0: 1 for float32, and 65536 for uint16.
+
+    Raises
+    ------
+    ValueError
+        With the parameter, its value and the possible ones.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import modulo
+    >>> radiance = np.full((2, 3), 0.9, dtype=np.float32)
+    >>> exposure = modulo.Sensor(alpha=4).expose(radiance)
+    >>> int(exposure.modulo[0, 0]), int(exposure.wraps[0, 0])  # 0.9 * 4 * 256 = 921 = 153 + 3 * 256
+    (153, 3)
+    >>> modulo.Sensor(bits=17)
+    Traceback (most recent call last):
+    ValueError: parameter 'bits' = 17: must be in 1 to 16
+    """
+
+    def __init__(
+        self,
+        bits: int = 8,
+        alpha: float = 4.0,
+        psf_sigma: float = 0.0,
+        read_noise: float = 0.0,
+        shot_noise: float = 0.0,
+        mosaic: str = "none",
+        gains: str = "none",
+        seed: int = 0,
+        *,
+        psf: str = "gaussian",
+        gain_ratio: float = 0.0,
+        full_well_electrons: float = 0.0,
+        prnu: float = 0.0,
+        hot_pixels: float = 0.0,
+        white: float = 0.0,
+    ) -> None:
+        self._sensor = _core.Sensor(
+            {
+                "bits": bits,
+                "alpha": alpha,
+                "psf_sigma": psf_sigma,
+                "read_noise": read_noise,
+                "shot_noise": shot_noise,
+                "mosaic": mosaic,
+                "gains": gains,
+                "seed": seed,
+                "psf": psf,
+                "gain_ratio": gain_ratio,
+                "full_well_electrons": full_well_electrons,
+                "prnu": prnu,
+                "hot_pixels": hot_pixels,
+                "white": white,
+            }
+        )
+
+    def expose(self, radiance: Image) -> Exposure:
+        """Exposes the sensor to an image of radiance.
+
+        Parameters
+        ----------
+        radiance : array of float32, uint8 or uint16, H x W or H x W x C
+            Floats are radiance relative to full scale (see `white`), clamped to [0, 1). Integers are codes of a picture, and fractions
+            of 256 or 65536. As in the camera, each code is moved at random within its interval, in the same way for each
+            image, so that the counts do not lie on a grid; the largest code stands for full scale. A sensor with a
+            mosaic needs 3 channels.
+
+        Returns
+        -------
+        Exposure
+            The images modulo, saturated and ideal, and the true wrap counts. They have the shape of the radiance, and H x W for a mosaic.
+
+        Raises
+        ------
+        ValueError
+            With the sample that is NaN or infinite, or the shape or type that is not possible.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import modulo
+        >>> picture = np.zeros((4, 6, 3), dtype=np.uint8)
+        >>> mosaic = modulo.Sensor(mosaic="rggb").expose(picture).modulo
+        >>> mosaic.shape, mosaic.dtype
+        ((4, 6), dtype('uint8'))
+        """
+        return Exposure(*self._sensor.expose(radiance))
+
+
+def unwrap(
+    y: Codes,
+    bits: int = 8,
+    alpha: float = 4.0,
+    method: str = "auto",
+    threads: int = 1,
+    *,
+    mosaic: str = "none",
+    gains: str = "none",
+    gain_ratio: float = 0.0,
+    tau: float = 0.1,
+    threshold_on: str = "phi",
+    trust_lines: float = 1e-5,
+    trust_consensus: float = 0.7,
+    trust_jumps: float = 2e-5,
+    confidence: bool = False,
+) -> Unwrapped:
+    """Recovers the radiance from a modulo image.
+
+    Parameters
+    ----------
+    y : array of uint8 or uint16, H x W or H x W x C
+        The codes of the modulo sensor, below 2^bits.
+    bits : int, in 1 to 16
+        Bits of the sensor's converter. The peak is 2^bits code units.
+    alpha : float, a finite number in 0.001 to 256
+        Saturation factor: the brightest radiance of the scene divided by the sensor's peak.
+    method : str, one of auto, spud, least_squares, itoh, lines, tree, gradient_tree, quality_guided
+        Unwrapping method. auto starts with lines and takes gradient_tree where the image is too steep for lines. Images of a sensor
+        with two gains (see gains) have a method of their own.
+    threads : int, in 1 to 256
+        Number of threads that unwrapping may use. The result does not depend on it.
+    mosaic : str, one of none, rggb, bggr, grbg, gbrg
+        Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the source.
+        The images of a mosaic have the encoding bayer_*8 or bayer_*16. Here they are H x W.
+    gains : str, one of none, checkerboard, rows
+        Pixels with a lower gain, which do not wrap: none, a checkerboard, or every second row.
+    gain_ratio : float, a finite number in 0 to 1
+        The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha.
+    tau : float, a finite number in 0 to 1000000
+        For spud: the hard threshold, in units of the peak.
+    threshold_on : str, one of phi, rho
+        For spud: the threshold acts on the coefficients after the division (phi) or before it (rho).
+    trust_lines : float, a finite number in 0 to 1
+        For auto: the largest fraction of steep 2 x 2 loops with which it trusts lines.
+    trust_consensus : float, a finite number in 0 to 1
+        For auto: the smallest fraction of each row and column that must agree before it trusts lines.
+    trust_jumps : float, a finite number in 0 to 2
+        For auto: the largest number of second differences of the result above one peak, per sample, with which it trusts a result.
+    confidence : bool
+        Whether the report shall have the confidence image. It takes longer than unwrapping by `lines`.
+
+    Returns
+    -------
+    Unwrapped
+        The radiance x in code units, the wrap counts k, and the report of the method.
+
+    Raises
+    ------
+    ValueError
+        With the parameter or the code that is not possible, and for floats, which are no codes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import modulo
+    >>> radiance = np.tile(np.linspace(0, 1, 640, dtype=np.float32), (480, 1))
+    >>> y, _, _, wraps = modulo.Sensor(alpha=4, psf_sigma=1).expose(radiance)
+    >>> x, k, report = modulo.unwrap(y, bits=8, alpha=4)
+    >>> bool((k == wraps).all()), bool((x == y + 256.0 * k).all())
+    (True, True)
+    >>> report.method, report.trusted
+    ('lines', True)
+    >>> modulo.unwrap(y, method="magic")
+    Traceback (most recent call last):
+    ValueError: parameter 'method' = 'magic': must be one of auto, spud, least_squares, itoh, lines, tree, gradient_tree, quality_guided
+    """
+    parameters: dict[str, int | float | str] = {
+        "bits": bits,
+        "alpha": alpha,
+        "method": method,
+        "threads": threads,
+        "mosaic": mosaic,
+        "gains": gains,
+        "gain_ratio": gain_ratio,
+        "tau": tau,
+        "threshold_on": threshold_on,
+        "trust_lines": trust_lines,
+        "trust_consensus": trust_consensus,
+        "trust_jumps": trust_jumps,
+    }
+    x, k, (used, trusted, quality, image) = _core.unwrap(y, parameters, confidence)
+    return Unwrapped(x, k, Report(used, trusted, quality and Quality(*quality), image))
+
+
+def tone_map(x: Image, bits: int = 8, alpha: float = 4.0, *, mosaic: str = "none") -> NDArray[np.uint8]:
+    """Returns radiance as an image of 8 bits: `round(255 x / (alpha 2^bits))`, clamped to 0 to 255.
+
+    Parameters
+    ----------
+    x : array of float32, uint8 or uint16, H x W or H x W x C
+        The radiance in code units, such as `Unwrapped.x`. NaN becomes 0.
+    bits : int, in 1 to 16
+        Bits of the sensor's converter. The peak is 2^bits code units.
+    alpha : float, a finite number in 0.001 to 256
+        Saturation factor: the brightest radiance of the scene divided by the sensor's peak.
+    mosaic : str, one of none, rggb, bggr, grbg, gbrg
+        Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the source.
+        The images of a mosaic have the encoding bayer_*8 or bayer_*16. Here they are H x W, and the result is H x W x 3.
+
+    Returns
+    -------
+    array of uint8
+        The image, of the shape of x, or H x W x 3 for a mosaic.
+
+    Raises
+    ------
+    ValueError
+        With the parameter, the shape or the type that is not possible.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import modulo
+    >>> modulo.tone_map(np.array([[0, 512, 1024]], dtype=np.float32), bits=8, alpha=4)
+    array([[  0, 128, 255]], dtype=uint8)
+    """
+    return _core.picture(x, {"bits": bits, "alpha": alpha, "mosaic": mosaic}, False)
+
+
+def deblur(
+    x: Image,
+    bits: int = 8,
+    alpha: float = 4.0,
+    psf_sigma: float = 0.0,
+    *,
+    psf: str = "gaussian",
+    mosaic: str = "none",
+) -> NDArray[np.uint8]:
+    """Returns radiance as an image of 8 bits like `tone_map`, without the blur of the lens (a Wiener filter).
+
+    Parameters
+    ----------
+    x : array of float32, uint8 or uint16, H x W or H x W x C
+        The radiance in code units, such as `Unwrapped.x`.
+    bits : int, in 1 to 16
+        Bits of the sensor's converter. The peak is 2^bits code units.
+    alpha : float, a finite number in 0.001 to 256
+        Saturation factor: the brightest radiance of the scene divided by the sensor's peak.
+    psf_sigma : float, a finite number in 0 to 100
+        Standard deviation of the gaussian lens blur in px. 0 is a perfect lens. paper7 does not use it.
+    psf : str, one of gaussian, paper7
+        Shape of the lens blur: gaussian with the width psf_sigma, or paper7 for the paper's fixed 7 taps (about 1.4 px).
+    mosaic : str, one of none, rggb, bggr, grbg, gbrg
+        Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the source.
+        The images of a mosaic have the encoding bayer_*8 or bayer_*16. Here they are H x W, and the result is H x W x 3.
+
+    Returns
+    -------
+    array of uint8
+        The image, of the shape of x, or H x W x 3 for a mosaic.
+
+    Raises
+    ------
+    ValueError
+        With the parameter, the shape or the type that is not possible.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import modulo
+    >>> edge = np.tile(np.repeat(np.float32([0.2, 0.8]), 16), (32, 1))
+    >>> y = modulo.Sensor(psf_sigma=1).expose(edge).modulo
+    >>> x = modulo.unwrap(y).x
+    >>> blurred, sharp = modulo.tone_map(x), modulo.deblur(x, psf_sigma=1)
+    >>> bool(np.ptp(sharp[16, 15:17]) > np.ptp(blurred[16, 15:17]))
+    True
+    """
+    return _core.picture(
+        x, {"bits": bits, "alpha": alpha, "psf_sigma": psf_sigma, "psf": psf, "mosaic": mosaic}, True
+    )
+
+
+def read_bag(path: str | os.PathLike[str], source_topic: str = "") -> Iterator[Frame]:
+    """Reads the images of a bag as they were recorded, with the labels of the same stamp.
+
+    Parameters
+    ----------
+    path : path
+        A `.mcap`, `.db3` or ROS 1 `.bag` file, or the folder of a bag.
+    source_topic : str, any value
+        The image topic to read from a source that is a bag. Empty: the only image topic of the bag.
+
+    Returns
+    -------
+    iterator of Frame
+        The frames in the order of the recording. After an error the next call goes on with the image behind the bad one.
+
+    Raises
+    ------
+    ValueError
+        For a bag that cannot be read, or without this topic; while frames are read, for an image that cannot be decoded.
+
+    Warns
+    -----
+    UserWarning
+        For a bag that was cut: its whole chunks are read.
+
+    Examples
+    --------
+    >>> import modulo
+    >>> frame = next(modulo.read_bag("bags/samples/tunnel"))
+    >>> frame.image.shape, frame.image.dtype, frame.mosaic, len(frame.ground_truth)
+    ((192, 640, 3), dtype('uint8'), 'none', 14)
+    >>> modulo.unwrap(frame.image, bits=8, alpha=4).report.trusted
+    True
+    """
+    return map(_frame, _core.Bag({"source": os.fspath(path), "source_topic": source_topic}))
+
+
+def read_source(source: str | os.PathLike[str], white: float = 0.0, source_topic: str = "") -> Iterator[Frame]:
+    """Reads the radiance of the frames that the camera would see, for `Sensor.expose`.
+
+    Parameters
+    ----------
+    source : str or path
+        A folder of images (png, jpg, exr, hdr), one image, a KITTI folder, a bag, or `scene://NAME?seed=N&frames=N&width=W&height=H`
+        for a rendered scene: `day`, `tunnel`, `glare` or `night`.
+    white : float, a finite number in 0 to 1000000000000
+        Value that becomes full scale, for EXR, HDR and 16-bit images. 0: the 99.9th percentile of the first EXR or HDR image, and
+        65536 for 16-bit images.
+    source_topic : str, any value
+        The image topic to read from a source that is a bag. Empty: the only image topic of the bag.
+
+    Returns
+    -------
+    iterator of Frame
+        The frames in their order; the images are float32 in [0, 1). A scene without `frames` has no end.
+
+    Raises
+    ------
+    ValueError
+        For a source that cannot be read; while frames are read, for an image that cannot be decoded.
+
+    Warns
+    -----
+    UserWarning
+        For labels that belong to no frame.
+
+    Examples
+    --------
+    >>> import modulo
+    >>> frame = next(modulo.read_source("scene://glare?seed=4&width=320&height=96"))
+    >>> frame.image.shape, frame.image.dtype, frame.ground_truth[0].class_name
+    ((96, 320, 3), dtype('float32'), 'cyclist')
+    """
+    return map(_frame, _core.Source({"source": os.fspath(source), "white": white, "source_topic": source_topic}))
+
+
+def average_precision(
+    detections: Sequence[Sequence[Detection]],
+    ground_truth: Sequence[Sequence[GroundTruth]],
+    difficulty: str = "moderate",
+) -> dict[str, AveragePrecision]:
+    """Scores detections by the average precision (AP) of each class, as COCO defines it.
+
+    Detections take, by descending score, the free object of largest intersection over union of at least the threshold (one to one,
+    at most 100 detections an image and class). AP is the mean precision at the recalls 0, 0.01, ..., 1.
+
+    Parameters
+    ----------
+    detections : sequence of sequences of Detection
+        The detections of each image.
+    ground_truth : sequence of sequences of GroundTruth
+        The objects of each image, in the same order.
+    difficulty : str, one of easy, moderate, hard, all
+        The objects that are scored, as in KITTI: moderate ones are at least 25 px high, at most partly occluded and 30 % outside the
+        image. Objects beyond that are ignored, whether they are found or not. Detections lower than this that find nothing are
+        ignored, too. all: every object, for labels without this information.
+
+    Returns
+    -------
+    dict of str to AveragePrecision
+        The scores of each class that has a scored object.
+
+    Raises
+    ------
+    ValueError
+        For another number of images, or a box or score that is not possible.
+
+    Examples
+    --------
+    >>> import modulo
+    >>> truth = [modulo.GroundTruth(0, 0, 40, 40, "car"), modulo.GroundTruth(100, 0, 150, 40, "car")]
+    >>> found = [modulo.Detection(1, 0, 40, 40, 0.9, "car"), modulo.Detection(300, 0, 340, 40, 0.8, "car")]
+    >>> scores = modulo.average_precision([found], [truth])
+    >>> scores["car"].objects, round(scores["car"].ap50, 3)
+    (2, 0.505)
+    """
+    if len(detections) != len(ground_truth):
+        raise ValueError(
+            f"detections has {len(detections)} images and ground_truth {len(ground_truth)}; each image needs an entry in both"
+        )
+    scores = _core.average_precision(list(zip(detections, ground_truth)), difficulty)
+    return {class_name: AveragePrecision(*score) for class_name, score in scores.items()}
+
+
+def _frame(fields: "_core._Frame") -> Frame:
+    image, name, stamp_ns, frame_id, mosaic, objects = fields
+    ground_truth = None if objects is None else [GroundTruth(*one) for one in objects]
+    return Frame(image, name, stamp_ns, frame_id, mosaic, ground_truth)

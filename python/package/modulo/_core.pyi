@@ -1,0 +1,46 @@
+"""The functions of the Rust crates. The package `modulo` documents them and gives names to their results."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import final
+
+from numpy import float32, uint8, uint16
+from numpy.typing import NDArray
+
+_Codes = NDArray[uint8] | NDArray[uint16]
+_Image = NDArray[uint8] | NDArray[uint16] | NDArray[float32]
+_Value = bool | int | float | str
+_Report = tuple[str, bool | None, tuple[float, float, float, float, float] | None, NDArray[uint8] | None]
+_Found = tuple[float, float, float, float, float, str]
+_Object = tuple[float, float, float, float, str, float, int]
+_Frame = tuple[_Image, str, int | None, str, str, list[_Object] | None]
+
+__all__ = ["METHODS", "Bag", "Sensor", "Source", "__version__", "average_precision", "declared", "picture", "unwrap"]
+
+METHODS: list[str]
+__version__: str
+
+@final
+class Sensor:
+    def __new__(cls, parameters: Mapping[str, _Value]) -> Sensor: ...
+    def expose(self, radiance: _Image) -> tuple[_Codes, _Codes, NDArray[uint8], NDArray[uint8]]: ...
+
+@final
+class Bag:
+    def __new__(cls, parameters: Mapping[str, _Value]) -> Bag: ...
+    def __iter__(self) -> Iterator[_Frame]: ...
+    def __next__(self) -> _Frame: ...
+
+@final
+class Source:
+    def __new__(cls, parameters: Mapping[str, _Value]) -> Source: ...
+    def __iter__(self) -> Iterator[_Frame]: ...
+    def __next__(self) -> _Frame: ...
+
+def unwrap(
+    y: _Image, parameters: Mapping[str, _Value], confidence: bool
+) -> tuple[NDArray[float32], NDArray[uint8], _Report]: ...
+def picture(x: _Image, parameters: Mapping[str, _Value], deblur: bool) -> NDArray[uint8]: ...
+def average_precision(
+    frames: Sequence[tuple[Sequence[_Found], Sequence[_Object]]], difficulty: str
+) -> dict[str, tuple[float, float, int]]: ...
+def declared() -> list[tuple[str, _Value, str, str]]: ...

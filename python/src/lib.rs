@@ -1,0 +1,38 @@
+//! The module `modulo._core`: the sensor, the unwrapping and the scores of the suite on numpy arrays.
+//!
+//! Nothing is computed here. Arrays, parameters and results are converted, and the crates of the suite do the rest while Python
+//! runs other threads. The package `modulo`, in `package/modulo`, gives these functions their types and documents them.
+
+mod image;
+mod parameters;
+mod picture;
+mod recording;
+mod score;
+mod sensor;
+mod unwrap;
+
+use pyo3::prelude::*;
+
+/// The module that Python imports.
+#[pymodule]
+mod _core {
+    #[pymodule_export]
+    use super::parameters::declared;
+    #[pymodule_export]
+    use super::picture::picture;
+    #[pymodule_export]
+    use super::recording::{Bag, Source};
+    #[pymodule_export]
+    use super::score::average_precision;
+    #[pymodule_export]
+    use super::sensor::Sensor;
+    #[pymodule_export]
+    use super::unwrap::unwrap;
+    use super::*;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("METHODS", modulo_core::unwrap::METHODS.to_vec())?;
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

@@ -1,0 +1,58 @@
+//! Radiance as an image of 8 bits, with or without the blur of the lens.
+
+use modulo_camera::CameraParameters;
+use modulo_core::{Deblur, Frame, FrameError, Mosaic, Range, tone};
+use modulo_runtime::SensorModel;
+use ndarray::{Array3, ArrayRef3};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::image::{Image, View, frame_to_numpy, value_error};
+use crate::parameters::parse;
+
+/// Returns the image of 8 bits of the radiance `x`, deblurred on request.
+#[pyfunction]
+pub fn picture<'py>(
+    py: Python<'py>,
+    x: &Bound<'py, PyAny>,
+    parameters: &Bound<'py, PyDict>,
+    deblur: bool,
+) -> PyResult<Bound<'py, PyAny>> {
+    let parameters = parse(parameters)?;
+    let (mosaic, sensor) = (CameraParameters::from(&parameters).mosaic, SensorModel::from(&parameters));
+    let range = sensor.range().map_err(value_error)?;
+    let psf = deblur.then(|| sensor.psf());
+    let Image { pixels, is_flat } = Image::new("x", x)?;
+    let view = pixels.view();
+    let frame = py.detach(|| -> Result<Frame, FrameError> {
+        match &view {
+            View::F32(x) => shown(x, mosaic, psf.map(Deblur::new), range),
+            codes => shown(&codes.to_frame()?.to_f32(), mosaic, psf.map(Deblur::new), range),
+        }
+    });
+    Ok(frame_to_numpy(py, frame.map_err(value_error)?, is_flat))
+}
+
+/// Returns the radiance `x` (H x W x C, code units) as the node `unwrap` shows it.
+fn shown(
+    x: &ArrayRef3<f32>,
+    mosaic: Option<Mosaic>,
+    deblur: Option<Deblur>,
+    range: Range,
+) -> Result<Frame, FrameError> {
+    let colours: Option<Array3<f32>> = match mosaic {
+        None => None,
+        Some(mosaic) => {
+            let (height, width, channels) = x.dim();
+            if channels != 1 || height.min(width) < 2 {
+                return Err(FrameError::Mosaic { height, width, channels, depth: 16 });
+            }
+            Some(mosaic.demosaic(x.view()))
+        }
+    };
+    let x = colours.as_ref().map_or(x, |colours| colours);
+    match deblur {
+        None => tone::linear8(x, range),
+        Some(deblur) => deblur.linear8(x, range),
+    }
+}

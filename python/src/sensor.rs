@@ -1,0 +1,52 @@
+//! The simulated sensor.
+
+use modulo_camera::CameraParameters;
+use modulo_images::White;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::image::{Image, View, frame_to_numpy, to_numpy, value_error};
+use crate::parameters::parse;
+
+/// A simulated modulo sensor.
+#[pyclass(frozen, module = "modulo._core")]
+pub struct Sensor {
+    sensor: modulo_core::Sensor,
+    seed: u64,
+    white: f32,
+    has_mosaic: bool,
+}
+
+#[pymethods]
+impl Sensor {
+    #[new]
+    fn new(parameters: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let parameters = CameraParameters::from(&parse(parameters)?);
+        let sensor = parameters.sensor().map_err(value_error)?;
+        let (seed, white) = (parameters.seed.unsigned_abs(), parameters.white as f32);
+        Ok(Self { sensor, seed, white, has_mosaic: parameters.mosaic.is_some() })
+    }
+
+    /// Returns the images modulo, saturated and ideal, and the true wrap counts.
+    fn expose<'py>(&self, py: Python<'py>, radiance: &Bound<'py, PyAny>) -> PyResult<[Bound<'py, PyAny>; 4]> {
+        let Image { pixels, is_flat } = Image::new("radiance", radiance)?;
+        let is_flat = is_flat || self.has_mosaic;
+        let view = pixels.view();
+        let (modulo, saturated, ideal, wraps) = py.detach(|| -> PyResult<_> {
+            let exposure = match &view {
+                // Relative to full scale already.
+                View::F32(radiance) if self.white == 0.0 => self.sensor.expose(radiance.view(), self.seed),
+                codes => {
+                    let frame = codes.to_frame().map_err(value_error)?;
+                    let mut white = White::new(self.white).map_err(value_error)?;
+                    let radiance = white.radiance(&frame, "radiance").map_err(value_error)?;
+                    self.sensor.expose(radiance.view(), self.seed)
+                }
+            };
+            let exposure = exposure.map_err(value_error)?;
+            Ok((exposure.modulo(), exposure.saturated(), exposure.ideal(), exposure.wraps()))
+        })?;
+        let image = |frame| frame_to_numpy(py, frame, is_flat);
+        Ok([image(modulo), image(saturated), image(ideal), to_numpy(py, wraps, is_flat)])
+    }
+}

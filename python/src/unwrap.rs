@@ -1,0 +1,61 @@
+//! The unwrapping of modulo images.
+
+use modulo_camera::CameraParameters;
+use modulo_core::unwrap::{QualityMetrics, Recovered, Unwrap};
+use modulo_core::{Frame, Mosaic, TwoGains};
+use modulo_runtime::SensorModel;
+use modulo_unwrap::UnwrapParameters;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::image::{Image, frame_to_numpy, to_numpy, value_error};
+use crate::parameters::parse;
+
+/// Residues, steep, consensus, clamped and jumps.
+type Quality = (f32, f32, f32, f32, f32);
+
+/// The method used, whether it trusts its result, its quality metrics, and the confidence image.
+type Report<'py> = (&'static str, Option<bool>, Option<Quality>, Option<Bound<'py, PyAny>>);
+
+/// Returns the frame as the mosaic that it is declared to be.
+pub fn declared_as(frame: Frame, mosaic: Option<Mosaic>) -> PyResult<Frame> {
+    match mosaic {
+        None => Ok(frame),
+        Some(mosaic) => frame.with_mosaic(mosaic).map_err(value_error),
+    }
+}
+
+/// Returns the radiance, the wrap counts, and the report of the method.
+#[pyfunction]
+pub fn unwrap<'py>(
+    py: Python<'py>,
+    y: &Bound<'py, PyAny>,
+    parameters: &Bound<'py, PyDict>,
+    confidence: bool,
+) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Report<'py>)> {
+    let parameters = parse(parameters)?;
+    let mosaic = CameraParameters::from(&parameters).mosaic;
+    let sensor = SensorModel::from(&parameters);
+    let (range, gains) = (sensor.range().map_err(value_error)?, sensor.gains().map_err(value_error)?);
+    let mut method: Box<dyn Unwrap> = match TwoGains::new(gains) {
+        Some(two_gains) => Box::new(two_gains),
+        None => UnwrapParameters::from(&parameters).method().map_err(value_error)?,
+    };
+    let Image { pixels, is_flat } = Image::new("y", y)?;
+    let view = pixels.view();
+    let (recovered, confidence) = py.detach(|| -> PyResult<_> {
+        let frame = declared_as(view.to_frame().map_err(value_error)?, mosaic)?;
+        let mut recovered = Recovered::default();
+        method.unwrap(&frame, range, &mut recovered).map_err(value_error)?;
+        let confidence = confidence.then(|| recovered.confidence(mosaic, range));
+        Ok((recovered, confidence))
+    })?;
+    let Recovered { x, k, report } = recovered;
+    let quality = report.quality.map(|quality| {
+        let QualityMetrics { residues, steep, consensus, clamped, jumps } = quality;
+        (residues, steep, consensus, clamped, jumps)
+    });
+    let confidence = confidence.map(|frame| frame_to_numpy(py, frame, true));
+    let report = (report.method, report.trust.claim(), quality, confidence);
+    Ok((to_numpy(py, x, is_flat), to_numpy(py, k, is_flat), report))
+}
