@@ -1,0 +1,58 @@
+"""Names, defaults, ranges and help of the arguments are those that the nodes declare."""
+
+import inspect
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+import modulo
+from modulo import _core
+
+DECLARED = {name: (default, allowed, help_text) for name, default, allowed, help_text in _core.declared()}
+
+# The arguments that no node declares: arrays and paths, and what a node gives as a topic of its own.
+OWN = {"self", "y", "x", "radiance", "path", "source", "confidence"}
+
+# Where Python has no file formats, the help of the node would be wrong.
+OWN_HELP = {(modulo.Sensor, "white")}
+
+DOCUMENTED: list[Callable[..., Any]] = [
+    modulo.Sensor,
+    modulo.unwrap,
+    modulo.tone_map,
+    modulo.deblur,
+    modulo.read_bag,
+    modulo.read_source,
+]
+
+
+@pytest.mark.parametrize("function", DOCUMENTED)
+def test_arguments_are_those_that_the_nodes_declare(function: Callable[..., Any]) -> None:
+    text = " ".join((inspect.getdoc(function) or "").split())
+    arguments = {name: one for name, one in inspect.signature(function).parameters.items() if name not in OWN}
+    assert arguments
+    for name, argument in arguments.items():
+        default, allowed, help_text = DECLARED[name]
+        assert (argument.default, type(argument.default)) == (default, type(default)), name
+        assert argument.annotation is type(default), name
+        assert f"{name} : {type(default).__name__}, {allowed}" in text, name
+        assert (function, name) in OWN_HELP or help_text in text, name
+
+
+def test_the_whole_sensor_and_method_can_be_set() -> None:
+    """No parameter of the nodes is forgotten, except those of the stream around them."""
+    stream = {"source", "source_topic", "rate", "loop", "frames", "frame_id"}
+    given = {name for function in DOCUMENTED for name in inspect.signature(function).parameters} | {"deblur"}
+    assert set(DECLARED) - stream <= given
+
+
+def test_the_methods_are_those_of_the_parameter() -> None:
+    assert f"one of {', '.join(modulo.METHODS)}" == DECLARED["method"][1]
+
+
+def test_all_that_is_public_is_documented() -> None:
+    public = set(modulo.__all__) - {"METHODS", "Codes", "Image", "__version__"}
+    assert all(inspect.getdoc(getattr(modulo, name)) for name in public)
+    own = {name for name, value in vars(modulo).items() if getattr(value, "__module__", "") == "modulo"}
+    assert {name for name in own if not name.startswith("_")} == public

@@ -1,0 +1,66 @@
+"""Images and results are bit for bit those of `modulo simulate`."""
+
+import json
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+import modulo
+
+
+def pixels(path: Path) -> NDArray[np.uint8]:
+    with Image.open(path) as image:
+        return np.asarray(image, dtype=np.uint8)
+
+
+def saved(out: Path, picture: Path, stream: str) -> NDArray[np.uint8]:
+    return pixels(out / f"{picture.stem}_alpha4_{stream}.png")
+
+
+def compare(binary: Path, out: Path, pictures: list[Path], methods: tuple[str, ...], mosaic: str, gains: str) -> None:
+    """Compares each stream and each method on each picture."""
+    options = ["--method", ",".join(methods), "--mosaic", mosaic, "--gains", gains, "--alpha", "4"]
+    noise = ["--psf-sigma", "1.4", "--read-noise", "1.5", "--shot-noise", "0.1", "--seed", "7"]
+    subprocess.run([binary, "simulate", *pictures, *options, *noise, "--out", out], check=True, capture_output=True)
+    rows = json.loads((out / "results.json").read_text())
+    sensor = modulo.Sensor(8, 4, psf_sigma=1.4, read_noise=1.5, shot_noise=0.1, mosaic=mosaic, gains=gains, seed=7)
+    assert len(rows) == len(pictures) * len(methods if gains == "none" else ["of the gains"])
+    for row in rows:
+        picture = Path(row["file"])
+        exposure = sensor.expose(pixels(picture))
+        assert np.array_equal(exposure.modulo, saved(out, picture, "modulo"))
+        assert np.array_equal(exposure.saturated, saved(out, picture, "saturated"))
+        if mosaic == "none":
+            assert np.array_equal(exposure.ideal, saved(out, picture, "ideal"))
+        method = row["method"] if gains == "none" else "auto"
+        x, k, report = modulo.unwrap(exposure.modulo, 8, 4, method, mosaic=mosaic, gains=gains)
+        assert np.array_equal(modulo.tone_map(x, 8, 4, mosaic=mosaic), saved(out, picture, row["method"])), row["method"]
+        assert (report.method, report.trusted) == (row["method_used"], row["trusted"])
+        if gains == "none":
+            assert np.mean(k == exposure.wraps) == pytest.approx(row["exact_k"], rel=1e-12)
+
+
+@pytest.fixture
+def scenes(tmp_path: Path) -> list[Path]:
+    """Two rendered scenes as pictures."""
+    files = [tmp_path / "glare.png", tmp_path / "night.png"]
+    for file in files:
+        frame = next(modulo.read_source(f"scene://{file.stem}?seed=4&width=241&height=95"))
+        Image.fromarray(modulo.tone_map(frame.image, 1, 0.5)).save(file)
+    return files
+
+
+@pytest.mark.parametrize(
+    ("mosaic", "gains"),
+    [("none", "none"), ("rggb", "none"), ("none", "checkerboard"), ("gbrg", "rows")],
+)
+def test_rendered_scenes(binary: Path, scenes: list[Path], tmp_path: Path, mosaic: str, gains: str) -> None:
+    compare(binary, tmp_path / "out", scenes, modulo.METHODS, mosaic, gains)
+
+
+def test_kitti(binary: Path, kitti: list[Path], tmp_path: Path) -> None:
+    compare(binary, tmp_path / "out", kitti, modulo.METHODS, "none", "none")

@@ -1,0 +1,267 @@
+"""Whatever the array is: an answer of the right shape, or a ValueError. Memory does not grow, and other threads run."""
+
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import modulo
+
+AnyArray = NDArray[Any]
+
+DTYPES = ["u1", "u2", "f4", ">u2", ">f4", "f8", "f2", "i1", "i4", "u8", "?", "c8", "O", "U2", "M8[s]", "V3", "u1,f4"]
+
+
+def contiguous(array: AnyArray) -> AnyArray:
+    return array
+
+
+def unaligned(array: AnyArray) -> AnyArray:
+    if array.dtype.hasobject:
+        return array
+    memory = np.zeros(array.nbytes + 1, dtype=np.uint8)
+    moved = memory[1:].view(array.dtype).reshape(array.shape) if array.nbytes else array
+    moved[...] = array
+    return moved
+
+
+def field(array: AnyArray) -> AnyArray:
+    """One field of a record: its strides are no multiple of the size of a sample."""
+    records = np.zeros(array.shape, dtype=[("before", "u1"), ("sample", array.dtype)])
+    records["sample"] = array
+    return records["sample"]
+
+
+def broadcast(array: AnyArray) -> AnyArray:
+    return np.broadcast_to(array[:1], (3, *array.shape[1:])) if array.ndim and len(array) else array
+
+
+def read_only(array: AnyArray) -> AnyArray:
+    array.flags.writeable = False
+    return array
+
+
+LAYOUTS: list[Callable[[AnyArray], AnyArray]] = [
+    contiguous,
+    unaligned,
+    field,
+    broadcast,
+    read_only,
+    np.asfortranarray,
+    np.transpose,
+    np.flip,
+    lambda array: array[::2] if array.ndim else array,
+    lambda array: array[..., ::-1] if array.ndim else array,
+    lambda array: np.repeat(array, 3, axis=-1)[..., ::3] if array.ndim else array,
+    lambda array: array.view(np.matrix) if array.ndim == 2 else array,
+]
+
+
+@st.composite
+def arrays(draw: st.DrawFn) -> AnyArray:
+    image = st.tuples(st.integers(0, 9), st.integers(0, 9)) | st.tuples(
+        st.integers(1, 9), st.integers(1, 9), st.sampled_from([1, 3, 3, 0, 2, 4])
+    )
+    shape = draw(image | st.lists(st.integers(0, 4), max_size=5).map(tuple))
+    dtype = np.dtype(draw(st.sampled_from(["u1", "u2", "f4"]) | st.sampled_from(DTYPES)))
+    size = int(np.prod(shape)) * dtype.itemsize
+    if dtype.hasobject:
+        array = np.full(shape, "object", dtype=object)
+    else:
+        seed = draw(st.integers(0, 2**32 - 1))
+        array = np.frombuffer(np.random.default_rng(seed).bytes(size), dtype=dtype).reshape(shape).copy()
+    if dtype.kind == "f":
+        # Random bits are mostly huge numbers, and half of the arrays shall be images.
+        if draw(st.booleans()):
+            array = np.random.default_rng(seed).uniform(0, 1.2, shape) * np.ones(shape)
+            array = np.asarray(array, dtype=dtype)
+        if array.size and draw(st.booleans()):
+            array.flat[-1] = draw(st.sampled_from([np.nan, np.inf, -np.inf, -1.0, 0.5]))
+    return draw(st.sampled_from(LAYOUTS))(array)
+
+
+PARAMETERS: dict[str, st.SearchStrategy[Any]] = {
+    "bits": st.integers(-1, 18),
+    "alpha": st.sampled_from([4.0, 1.0, 0.001, 256, 3.3, 0.0, -1.0, float("nan"), 300.0]),
+    "method": st.sampled_from([*modulo.METHODS, "magic"]),
+    "threads": st.sampled_from([1, 2, 0, 257, -1]),
+    "mosaic": st.sampled_from(["none", "rggb", "bggr", "grbg", "gbrg", "rgb"]),
+    "gains": st.sampled_from(["none", "checkerboard", "rows", "columns"]),
+    "gain_ratio": st.sampled_from([0.0, 0.25, 1.0, -1.0, float("nan")]),
+    "psf_sigma": st.sampled_from([0.0, 0.5, 1.4, 9.0, -1.0, float("inf")]),
+    "psf": st.sampled_from(["gaussian", "paper7", "box"]),
+    "read_noise": st.sampled_from([0.0, 2.5, 65536.0, -1.0]),
+    "shot_noise": st.sampled_from([0.0, 1.0, 1e9]),
+    "full_well_electrons": st.sampled_from([0.0, 1e-300, 1e4, -1.0]),
+    "prnu": st.sampled_from([0.0, 1.0, 2.0]),
+    "hot_pixels": st.sampled_from([0.0, 1.0, -0.5]),
+    "seed": st.sampled_from([0, 2**63 - 1, 2**63, -1]),
+    "white": st.sampled_from([0.0, 1e-40, 2.0, 4096.0, 1e12, -1.0, float("nan")]),
+    "tau": st.sampled_from([0.1, 0.0, 1e6, float("nan")]),
+    "threshold_on": st.sampled_from(["phi", "rho", "both"]),
+    "trust_lines": st.sampled_from([1e-5, 0.0, 1.0, 2.0]),
+    "confidence": st.booleans(),
+}
+
+
+def options(*names: str) -> st.SearchStrategy[dict[str, Any]]:
+    """A few of the parameters; most of the time possible ones, so that most arrays reach the core."""
+    return st.fixed_dictionaries({}, optional={name: PARAMETERS[name] for name in names})
+
+
+SENSOR = options(
+    "bits", "alpha", "psf_sigma", "read_noise", "shot_noise", "mosaic", "gains", "seed", "psf", "gain_ratio",
+    "full_well_electrons", "prnu", "hot_pixels", "white",
+)  # fmt: skip
+UNWRAP = options(
+    "bits", "alpha", "method", "threads", "mosaic", "gains", "gain_ratio", "tau", "threshold_on", "trust_lines",
+    "confidence",
+)  # fmt: skip
+TONE = options("bits", "alpha", "mosaic")
+DEBLUR = options("bits", "alpha", "psf_sigma", "psf", "mosaic")
+CODES = st.sampled_from([np.uint8, np.uint16])
+
+
+def answered(call: Callable[[], Any]) -> Any:
+    """The answer, or nothing when the call raises a ValueError; any other exception fails the test."""
+    try:
+        return call()
+    except ValueError as why:
+        assert str(why)
+        return None
+
+
+@settings(max_examples=1000, deadline=None, suppress_health_check=list(HealthCheck))
+@given(array=arrays(), sensor=SENSOR, unwrap=UNWRAP, tone=TONE, blur=DEBLUR)
+def test_each_array_gets_an_answer_or_a_value_error(
+    array: AnyArray, sensor: dict[str, Any], unwrap: dict[str, Any], tone: dict[str, Any], blur: dict[str, Any]
+) -> None:
+    exposure = answered(lambda: modulo.Sensor(**sensor).expose(array))
+    if exposure is not None:
+        shape = array.shape[:2] if sensor.get("mosaic", "none") != "none" else array.shape
+        assert all(image.shape == shape for image in exposure)
+    if exposure is not None and exposure.modulo.ndim == array.ndim:
+        # An array that is an image is one for the other functions, too.
+        result = answered(lambda: modulo.unwrap(exposure.modulo, **unwrap))
+        assert result is None or result.x.shape == result.k.shape == exposure.modulo.shape
+    result = answered(lambda: modulo.unwrap(array, **unwrap))
+    if result is not None:
+        assert result.x.shape == result.k.shape == array.shape
+        assert unwrap.get("gains", "none") != "none" or np.array_equal(
+            result.x, np.asarray(array) + np.float32(2.0 ** unwrap.get("bits", 8)) * result.k
+        )
+    for function, arguments in [(modulo.tone_map, tone), (modulo.deblur, blur)]:
+        image = answered(lambda: function(array, **arguments))
+        assert image is None or (image.dtype, image.shape[:2]) == (np.uint8, array.shape[:2])
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("dtype", ["u1", "u2", "f4"])
+def test_the_layout_does_not_matter(layout: Callable[[AnyArray], AnyArray], dtype: str) -> None:
+    values = np.random.default_rng(1).integers(0, 250, (7, 9, 3))
+    array = layout((values / 256).astype("f4") if dtype == "f4" else values.astype(dtype))
+    plain = np.array(array, order="C")
+    sensor = modulo.Sensor(psf_sigma=1, read_noise=2, white=0 if dtype == "f4" else 256)
+    if array.shape[-1] == 3:
+        for image, other in zip(sensor.expose(array), sensor.expose(plain), strict=True):
+            assert np.array_equal(image, other)
+        assert np.array_equal(modulo.tone_map(array), modulo.tone_map(plain))
+        if dtype != "f4":
+            assert np.array_equal(modulo.unwrap(array).x, modulo.unwrap(plain).x)
+    else:
+        with pytest.raises(ValueError, match="channels"):
+            sensor.expose(array)
+
+
+def test_what_is_not_possible_is_named_with_its_remedy() -> None:
+    image = np.zeros((4, 6), dtype=np.float32)
+    image[1, 2] = np.nan
+    calls: list[tuple[Callable[[], object], str]] = [
+        (lambda: modulo.Sensor().expose(image), "radiance at (row 1, column 2, channel 0) is NaN"),
+        (lambda: modulo.unwrap(np.zeros((4, 6), "f4")), "integers of 8 or 16 bits are needed"),
+        (lambda: modulo.unwrap(np.full((4, 6), 256, "u2")), "is 256, 0 to 255 is possible with 8 bits"),
+        (lambda: modulo.unwrap(np.zeros((4, 6), "i8")), "samples of type int64, uint8, uint16 or float32"),
+        (lambda: modulo.unwrap(np.zeros((4, 6, 2), "u1")), "image has 2 channels"),
+        (lambda: modulo.unwrap(np.zeros((0, 6), "u1")), "image of 0 x 6 pixels is empty"),
+        (lambda: modulo.unwrap(np.zeros(6, "u1")), "has 1 dimensions"),
+        (lambda: modulo.unwrap(np.zeros((4, 6), "u1"), gains="rows", gain_ratio=0.5), "at most 0.25 (1 / alpha)"),
+        (lambda: modulo.tone_map(np.zeros((4, 6, 3), "f4"), mosaic="rggb"), "cannot be a colour mosaic"),
+        (lambda: modulo.Sensor().expose(np.full((4, 6), 4095, "u2")), "give the code of full scale as white"),
+        (lambda: modulo.Sensor(bits="eight"), "parameter 'bits' = 'eight'"),  # type: ignore[arg-type]
+        (lambda: modulo.Sensor(seed=2**64), "parameter 'seed'"),
+        (lambda: modulo.Sensor(psf=None), "parameter 'psf' = None"),  # type: ignore[arg-type]
+        (lambda: modulo.average_precision([], [], "simple"), "possible are easy, moderate, hard, all"),
+        (lambda: modulo.read_bag("no such bag"), "no such bag"),
+        (lambda: modulo.read_source("scene://dusk"), "dusk"),
+    ]
+    for call, text in calls:
+        with pytest.raises(ValueError) as raised:
+            call()
+        assert text in str(raised.value)
+    with pytest.raises(TypeError, match="numpy array is needed"):
+        modulo.unwrap([[0, 1]])  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("shape", [(1 << 20, 1 << 20, 3), (1 << 40, 1 << 20), ((1 << 27) + 1, 1), (2, 1 << 61, 1)])
+def test_a_huge_array_is_refused_before_it_is_copied(shape: tuple[int, ...]) -> None:
+    try:
+        array = np.broadcast_to(np.uint8(0), shape)
+    except ValueError:
+        pytest.skip("numpy itself has no array of this size")
+    calls: list[Callable[[AnyArray], object]] = [modulo.Sensor().expose, modulo.unwrap, modulo.tone_map, modulo.deblur]
+    for call in calls:
+        with pytest.raises(ValueError, match="cut it into tiles"):
+            call(array)
+
+
+def resident() -> int:
+    """The memory of this process in bytes."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="memory is read from /proc")
+def test_ten_thousand_calls_leave_no_memory() -> None:
+    radiance = np.random.default_rng(1).random((24, 32, 3), dtype=np.float32)
+    box = modulo.Detection(0, 0, 30, 30, 0.5, "car")
+
+    def round() -> None:
+        y = modulo.Sensor(psf_sigma=1, read_noise=1).expose(radiance[::-1]).modulo
+        x = modulo.unwrap(y, confidence=True).x
+        modulo.tone_map(x)
+        modulo.deblur(x, psf_sigma=0.5)
+        answered(lambda: modulo.unwrap(x))  # type: ignore[arg-type]
+        modulo.average_precision([[box]], [[modulo.GroundTruth(0, 0, 30, 30, "car")]])
+        next(modulo.read_source("scene://day?frames=1&width=32&height=24"))
+
+    for _ in range(500):
+        round()
+    before = resident()
+    for _ in range(10_000):
+        round()
+    # One array of 24 x 32 x 3 bytes for each call would be 23 MB.
+    assert resident() - before < 4e6
+
+
+def test_other_threads_run_while_an_image_is_unwrapped() -> None:
+    y = modulo.Sensor().expose(np.random.default_rng(1).random((900, 900), dtype=np.float32)).modulo
+    worker = threading.Thread(target=modulo.unwrap, args=(y, 8, 4, "quality_guided"))
+    worker.start()
+    ticks = 0
+    while worker.is_alive():
+        time.sleep(1e-3)
+        ticks += 1
+    assert ticks > 20
+
+
+def test_the_number_of_threads_does_not_matter() -> None:
+    y = modulo.Sensor().expose(np.random.default_rng(1).random((90, 80, 3), dtype=np.float32)).modulo
+    for method in modulo.METHODS:
+        one, three = (modulo.unwrap(y, method=method, threads=threads) for threads in (1, 3))
+        assert np.array_equal(one.k, three.k)
