@@ -75,9 +75,9 @@ impl<'py> Image<'py> {
 
 impl<'py> Pixels<'py> {
     fn new(name: &str, array: &Bound<'py, PyUntypedArray>, dim: [usize; 3]) -> PyResult<Self> {
-        // `require` copies only what is not in order and aligned, as `reshape` after it never does.
+        // `require` makes a plain array in order and aligned, and copies only what is not; `reshape` after it copies nothing.
         let numpy = array.py().import("numpy")?;
-        let required = numpy.call_method1("require", (array, None::<()>, ["C", "A"]))?;
+        let required = numpy.call_method1("require", (array, None::<()>, ["C", "A", "E"]))?;
         let cube = required.call_method1("reshape", (dim,))?;
         if let Ok(pixels) = cube.cast::<PyArray3<u8>>() {
             return Ok(Self::U8(pixels.try_readonly().map_err(value_error)?));

@@ -22,7 +22,7 @@ def skip(request: pytest.FixtureRequest, why: str) -> None:
 def binary(request: pytest.FixtureRequest) -> Path:
     """The program `modulo`: `MODULO_BINARY`, or that of the last build."""
     target = ROOT / os.environ.get("CARGO_TARGET_DIR", "target")
-    found = [Path(os.environ.get("MODULO_BINARY", "")), target / "release/modulo", target / "debug/modulo"]
+    found = [Path(os.environ.get("MODULO_BINARY", "")), target / "debug/modulo", target / "release/modulo"]
     existing = [path for path in found if path.is_file()]
     if not existing:
         skip(request, "there is no binary of modulo; run cargo build, or set MODULO_BINARY")
