@@ -68,6 +68,14 @@ impl<'py> Image<'py> {
                 "{name} has {height} x {width} x {channels} samples, at most {MOST_SAMPLES} are possible; cut it into tiles"
             )));
         }
+        // numpy gives an empty array strides that ndarray does not take.
+        match dim {
+            [_, _, 0] => return Err(value_error(FrameError::Channels { channels: 0 })),
+            [height, width, _] if height * width == 0 => {
+                return Err(value_error(FrameError::Empty { height, width }));
+            }
+            _ => {}
+        }
         let pixels = Pixels::new(name, array, dim)?;
         Ok(Self { pixels, is_flat })
     }
