@@ -10,7 +10,8 @@ use numpy::{
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 
-/// The largest number of samples of an image. The unwrapping methods need up to 40 bytes of memory for each of them.
+/// The largest number of samples of an image. On an image of noise, `gradient_tree` was measured to need 200 bytes of memory for each
+/// of them, and the other methods 7 to 65.
 const MOST_SAMPLES: usize = 1 << 27;
 
 /// Returns the `ValueError` with the text of an error of the suite.
