@@ -39,8 +39,8 @@ fn three_processes_detect_on_every_frame_and_end_by_themselves() {
 #[test]
 fn a_sensor_file_describes_the_sensor_everywhere() {
     let bench = Bench::new();
-    let [images, out, summary] = [bench.images(2), bench.path("out"), bench.path("summary.json")]
-        .map(|path| path.display().to_string());
+    let paths = [bench.images(2), bench.path("out"), bench.path("grid"), bench.path("summary.json")];
+    let [images, out, grid_out, summary] = paths.map(|path| path.display().to_string());
     let (source, model) = (format!("source:={images}"), arg("model", model()));
     for more in [&[][..], &["--compose"]] {
         let more = [&["sensor:=sensors/two_gains.yaml", "gains:=rows", "--summary", &summary], more].concat();
@@ -48,16 +48,17 @@ fn a_sensor_file_describes_the_sensor_everywhere() {
         assert_eq!(output.status.code(), Some(0), "{}", text(&output));
         assert!(text(&output).contains("/unwrap used checkerboard_gains 2"), "{more:?}: {}", text(&output));
     }
-    let sensor = ["--sensor", "sensors/two_gains.yaml", "--alpha", "2", "-o", &out];
-    let measured = bench.run(&[&["simulate", &format!("{images}/000000.png")], &sensor[..]].concat());
+    let sensor = ["--sensor", "sensors/two_gains.yaml", "--alpha", "2", "-o"];
+    let measured =
+        bench.run(&[&["simulate", &format!("{images}/000000.png")], &sensor[..], &[&out]].concat());
     assert_eq!(measured.status.code(), Some(0), "{}", text(&measured));
     let row = &json(&bench.path("out/results.json"))[0];
     assert_eq!((&row["gains"], &row["psf_sigma"]), (&"checkerboard".into(), &0.0.into()), "{row}");
     let scene = "scene://day?frames=1&width=320&height=192";
     let grid = ["eval", "--source", scene, "--stream", "recovered", "--engine", "rten", "--time-frames", "0"];
-    let measured = bench.run(&[&grid, &sensor[..]].concat());
+    let measured = bench.run(&[&grid, &sensor[..], &[&grid_out]].concat());
     assert_eq!(measured.status.code(), Some(0), "{}", text(&measured));
-    let cell = &json(&bench.path("out/results.json"))["cells"][0];
+    let cell = &json(&bench.path("grid/results.json"))["cells"][0];
     let words = ["gains", "mosaic"].map(|name| cell[name].as_str().expect("a word"));
     assert_eq!(words, ["checkerboard", "none"], "{cell}");
     let figures = ["psf_sigma", "noise", "shot_noise", "prnu", "hot_pixels"];

@@ -60,17 +60,7 @@ launch:
     assert_eq!(plan.arguments["gain"], "4");
 }
 
-#[test]
-fn a_parameter_file_comes_before_parameters() {
-    let text = "launch:\n  - node:\n      pkg: p\n      exec: e\n      param:\n        - { name: a, value: 1 }\n        \
-                - { from: $(dirname)/p.yaml }\n";
-    let files = Files::new(text).with("p.yaml", "");
-    let node = files.resolve(&[]).expect("resolves").nodes.remove(0);
-    let file = files.path("p.yaml").display().to_string();
-    assert_eq!(ros_arguments(&node), ["--ros-args", "-r", "__ns:=/", "--params-file", &file, "-p", "a:=1"]);
-}
-
-/// As in `launch_ros`: what is set for all nodes gives way to a node's own file.
+/// As in `launch_ros`: a node's own values and files come after those of all nodes, in the order of the launch file.
 #[test]
 fn parameters_of_all_nodes_come_before_those_of_one() {
     let text = "launch:\n  - set_parameter: { name: a, value: '1' }\n  - node:\n      pkg: modulo\n      exec: unwrap\n      \
@@ -78,7 +68,7 @@ fn parameters_of_all_nodes_come_before_those_of_one() {
     let files = Files::new(text).with("p.yaml", "");
     let node = files.resolve(&[]).expect("resolves").nodes.remove(0);
     let file = files.path("p.yaml").display().to_string();
-    assert_eq!(ros_arguments(&node)[5..], ["-p", "a:=1", "--params-file", &file, "-p", "a:=2"]);
+    assert_eq!(ros_arguments(&node)[5..], ["-p", "a:=1", "-p", "a:=2", "--params-file", &file]);
 }
 
 #[test]
@@ -234,7 +224,7 @@ fn the_last_value_of_a_parameter_wins_wherever_it_comes_from() {
     std::fs::write(&path, "/**/unwrap:\n  ros__parameters: { a: 2, b: 2 }\n").expect("writable");
     let text = format!(
         "launch:\n  - node:\n      pkg: modulo\n      exec: unwrap\n      namespace: front\n      param:\n        \
-         - {{ name: a, value: '1' }}\n        - from: {}\n        - {{ name: b, value: '3' }}\n",
+         - {{ name: a, value: 1 }}\n        - from: {}\n        - {{ name: b, value: 3 }}\n",
         path.display()
     );
     let plan = plan(&text, &[]);
