@@ -28,7 +28,7 @@ import modulo
 ALPHAS = (2.0, 3.0, 4.0)
 
 # The height at which a method without a wrong count is drawn, %.
-NONE = 3e-4
+NO_ERROR = 3e-4
 
 # Colours of Okabe and Ito, which readers with any colour vision tell apart, and a marker for each method.
 COLOURS = ["#000000", "#D55E00", "#E69F00", "#999999", "#009E73", "#56B4E9", "#0072B2", "#CC79A7"]
@@ -103,23 +103,23 @@ def frontier(file: Path) -> None:
         for alpha in ALPHAS:
             sensor = modulo.Sensor(8, alpha, psf_sigma=0.5, read_noise=1)
             time_ms, wrong = measured(method, [sensor.expose(scene) for scene in scenes], alpha)
-            points.append((time_ms, max(wrong, NONE)))
+            points.append((time_ms, max(wrong, NO_ERROR)))
         times, heights = zip(*points, strict=True)
         axes.plot(times, heights, color=colour, marker=marker, markersize=6, linewidth=1, label=method, clip_on=False)
         for alpha, point in zip(ALPHAS, points, strict=True):
-            if point[1] > NONE:
+            if point[1] > NO_ERROR:
                 # Beside a neighbour at nearly the same place, the labels stand on the left.
                 place = (-11, -3) if method in {"spud", "gradient_tree"} else (6, -3)
                 axes.annotate(f"{alpha:g}", point, place, textcoords="offset points", color=colour, fontsize=8)
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.set_ylim(100, NONE)
+    axes.set_ylim(100, NO_ERROR)
     axes.xaxis.set_major_locator(FixedLocator([0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200]))
-    axes.yaxis.set_major_locator(FixedLocator([NONE, 0.001, 0.01, 0.1, 1, 10, 100]))
+    axes.yaxis.set_major_locator(FixedLocator([NO_ERROR, 0.001, 0.01, 0.1, 1, 10, 100]))
     axes.yaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_minor_locator(NullLocator())
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: "none" if value <= NONE else f"{value:g}"))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: "0" if value <= NO_ERROR else f"{value:g}"))
     axes.grid(color="#dddddd", linewidth=0.6)
     axes.set_axisbelow(True)
     height, width, channels = scenes[0].shape

@@ -2,7 +2,7 @@
 
 use modulo_camera::CameraParameters;
 use modulo_core::unwrap::{QualityMetrics, Recovered, Unwrap};
-use modulo_core::{Frame, Mosaic, TwoGains};
+use modulo_core::TwoGains;
 use modulo_runtime::SensorModel;
 use modulo_unwrap::UnwrapParameters;
 use pyo3::prelude::*;
@@ -16,14 +16,6 @@ type Quality = (f32, f32, f32, f32, f32);
 
 /// The method used, whether it trusts its result, its quality metrics, and the confidence image.
 type Report<'py> = (&'static str, Option<bool>, Option<Quality>, Option<Bound<'py, PyAny>>);
-
-/// Returns the frame as the mosaic that it is declared to be.
-pub fn declared_as(frame: Frame, mosaic: Option<Mosaic>) -> PyResult<Frame> {
-    match mosaic {
-        None => Ok(frame),
-        Some(mosaic) => frame.with_mosaic(mosaic).map_err(value_error),
-    }
-}
 
 /// Returns the radiance, the wrap counts, and the report of the method.
 #[pyfunction]
@@ -44,7 +36,10 @@ pub fn unwrap<'py>(
     let Image { pixels, is_flat } = Image::new("y", y)?;
     let view = pixels.view();
     let (recovered, confidence) = py.detach(|| -> PyResult<_> {
-        let frame = declared_as(view.to_frame().map_err(value_error)?, mosaic)?;
+        let mut frame = view.to_frame().map_err(value_error)?;
+        if let Some(mosaic) = mosaic {
+            frame = frame.with_mosaic(mosaic).map_err(value_error)?;
+        }
         let mut recovered = Recovered::default();
         method.unwrap(&frame, range, &mut recovered).map_err(value_error)?;
         let confidence = confidence.then(|| recovered.confidence(mosaic, range));

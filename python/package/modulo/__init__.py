@@ -284,7 +284,7 @@ class Sensor:
         ----------
         radiance : array of float32, uint8 or uint16, H x W or H x W x C
             Floats are radiance relative to full scale (see `white`), clamped to [0, 1). Integers are codes of a picture, and fractions
-            of 256 or 65536. As in the camera, each code is moved at random within its interval, in the same way for each
+            of 255 or 65536 (or of `white`). As in the camera, each code is moved at random within its interval, in the same way for each
             image, so that the counts do not lie on a grid; the largest code stands for full scale. A sensor with a
             mosaic needs 3 channels.
 
