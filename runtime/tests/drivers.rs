@@ -216,6 +216,35 @@ fn a_composed_chain_drains_to_its_last_frame() {
     assert_eq!(reports[2].stages["increment"].values().sum::<u64>(), 19);
 }
 
+/// A node that was asked to end, and leaves because its source does not, has answered or counted every image it took.
+#[test]
+fn a_node_that_leaves_its_source_counts_every_image() {
+    let (transport, test, stop) = (LocalTransport::default(), node_name("test"), Stop::default());
+    let address = Address::resolve(&test, &Topic::new("a", MessageKind::Image)).expect("a name");
+    let frames = transport.advertise(&test, &address).expect("local");
+    let (asked, local) = (stop.clone(), transport.clone());
+    let running = std::thread::spawn(move || {
+        let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
+        let (node, node_name) = (Box::new(increment("a", "b")), node_name("leaver"));
+        let setup = NodeSetup { node, parameters: waiting_for(""), node_name, saved: None, report_file: None };
+        live::run(setup, &local, &clock, asked).expect("runs")
+    });
+    let mut sent = 0;
+    while !running.is_finished() {
+        let image = StampedFrame { header: Header::default(), frame: pixel(0) };
+        frames.put(&Message::Image(Arc::new(image))).expect("local");
+        sent += 1;
+        if sent == 10 {
+            stop.ask(Urgency::Drain);
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let report = running.join().expect("no panic");
+    let (received, published, dropped, bad) = counts(&report);
+    assert!(received > 10, "it went on for a while: {received}");
+    assert_eq!((published, dropped, bad), (received, 0, 0));
+}
+
 #[test]
 fn lockstep_gives_the_same_messages_every_time() {
     let run = || {

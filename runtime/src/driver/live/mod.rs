@@ -289,7 +289,9 @@ impl Live<'_> {
             match self.queue.take(Some(if draining { GRAPH_GLANCE } else { IDLE })) {
                 Next::Item(arrived) => {
                     let goes_on = draining && self.upstream_goes_on(&arrived, &mut drain);
-                    if goes_on || self.handle(arrived)? == Flow::Done || self.node.period().is_some() {
+                    // Handled in any case: it has left the queue, where it would count as unread.
+                    let flow = self.handle(arrived)?;
+                    if goes_on || flow == Flow::Done || self.node.period().is_some() {
                         return Ok(());
                     }
                     // Each message restarts both waits, since more may follow it.
