@@ -226,7 +226,8 @@ fn a_node_that_leaves_its_source_counts_every_image() {
     let running = std::thread::spawn(move || {
         let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
         let (node, node_name) = (Box::new(increment("a", "b")), node_name("leaver"));
-        let setup = NodeSetup { node, parameters: waiting_for(""), node_name, saved: None, report_file: None };
+        let setup =
+            NodeSetup { node, parameters: waiting_for(""), node_name, saved: None, report_file: None };
         live::run(setup, &local, &clock, asked).expect("runs")
     });
     let mut sent = 0;

@@ -39,7 +39,7 @@ impl Default for TrustLimits {
 
 /// The fewest bits with which second differences show a wrong count: rounding to whole codes moves them by up to two codes,
 /// which must be far below the peak.
-const FEWEST_BITS: u8 = 4;
+pub(super) const FEWEST_BITS: u8 = 4;
 
 /// With more than this share of steep loops and few residues, the mixed differences are noise. Read noise with a sigma of 0.12 peaks
 /// gives 0.09 by itself; sharp frames at alpha 8 have up to 0.1 without noise, but with many residues.

@@ -47,6 +47,9 @@ impl Default for GradientTree {
 }
 
 impl GradientTree {
+    /// The name of the method.
+    pub(super) const NAME: &'static str = "gradient_tree";
+
     /// Runs on `threads` threads; the result does not depend on their number.
     ///
     /// # Errors
@@ -69,7 +72,7 @@ impl GradientTree {
 
 impl Unwrap for GradientTree {
     fn name(&self) -> &'static str {
-        "gradient_tree"
+        Self::NAME
     }
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {

@@ -36,6 +36,24 @@ pub(super) fn share(x: &Array3<f32>, range: Range) -> f32 {
     count as f32 / samples.len() as f32
 }
 
+/// Returns the second differences of green along both diagonals of the mosaic `x` above one peak, per green pixel. A pixel is green
+/// where the sum of its row and column is `parity`, modulo 2.
+pub(super) fn share_of_green(x: &Array3<f32>, parity: usize, range: Range) -> f32 {
+    let (height, width, _) = x.dim();
+    let rows: Vec<&[f32]> = in_order(x.view()).chunks_exact(width).collect();
+    let mut count = 0u32;
+    for (row, lines) in (1..).zip(rows.windows(3)) {
+        let [above, here, below] = [lines[0], lines[1], lines[2]];
+        for column in (2 - (row + parity) % 2..width - 1).step_by(2) {
+            let twice = 2.0 * here[column];
+            let falling = above[column - 1] + below[column + 1] - twice;
+            let rising = above[column + 1] + below[column - 1] - twice;
+            count += u32::from(falling.abs() > range.peak()) + u32::from(rising.abs() > range.peak());
+        }
+    }
+    count as f32 / (height * width / 2) as f32
+}
+
 /// Returns the number of second differences above `limit`.
 fn steep(before: &[f32], here: &[f32], after: &[f32], limit: f32) -> u64 {
     let samples = before.iter().zip(here).zip(after);

@@ -59,7 +59,7 @@ macro_rules! methods {
                 let make: fn(&Options) -> Result<Box<dyn Unwrap>, UnwrapError> = match self {
                     $(Self::$method => $make,)*
                 };
-                Ok(Box::new(MosaicUnwrap::new(make(options)?, options)?))
+                Ok(Box::new(MosaicUnwrap::new(make(options)?, self == Self::Auto, options)?))
             }
         }
     };

@@ -12,7 +12,11 @@
 
 use ndarray::Array3;
 
-use super::{Auto, Integers, Options, Range, Recovered, Trust, TrustLimits, Unwrap, UnwrapError, congruence};
+use super::auto::FEWEST_BITS;
+use super::{
+    Auto, GradientTree, Integers, Options, Range, Recovered, Trust, TrustLimits, Unwrap, UnwrapError,
+    congruence, jumps,
+};
 use crate::frame::Frame;
 use crate::mosaic::{Mosaic, mirrored};
 
@@ -25,6 +29,8 @@ const PADDING: usize = MARGIN as usize + 1;
 /// A method that also takes mosaics.
 pub(super) struct MosaicUnwrap {
     method: Box<dyn Unwrap>,
+    /// Whether the method says which results are to be trusted.
+    judges: bool,
     /// Unwraps the differences between the colours.
     differences: Auto,
     limits: TrustLimits,
@@ -35,13 +41,14 @@ pub(super) struct MosaicUnwrap {
 }
 
 impl MosaicUnwrap {
-    /// Wraps `method`, which `options` have made.
+    /// Wraps `method`, which `options` have made. `judges` says whether it is `auto`, which judges its results.
     ///
     /// # Errors
     /// [`UnwrapError::Workers`] when the threads are not available.
-    pub fn new(method: Box<dyn Unwrap>, options: &Options) -> Result<Self, UnwrapError> {
+    pub fn new(method: Box<dyn Unwrap>, judges: bool, options: &Options) -> Result<Self, UnwrapError> {
         Ok(Self {
             method,
+            judges,
             differences: Auto::of_differences(options)?,
             limits: options.trust,
             green: Recovered::default(),
@@ -64,13 +71,13 @@ impl MosaicUnwrap {
         out.report = self.green.report;
         // Beyond the margin nothing is steep, which must not make an image look flatter than it is.
         let inside = (image.height * image.width / 2) as f32 / (lattice.rows * lattice.columns) as f32;
-        let mut vouched = true;
+        let jumps = jumps::share_of_green(&out.x, lattice.parity.cast_unsigned(), range);
         if let Some(quality) = &mut out.report.quality {
-            for share in [&mut quality.steep, &mut quality.residues, &mut quality.jumps] {
-                *share /= inside;
-            }
-            vouched = f64::from(quality.jumps) <= self.limits.jumps;
+            quality.steep /= inside;
+            quality.residues /= inside;
+            quality.jumps = jumps;
         }
+        let mut vouched = self.vouches_for_green(jumps, range);
         let green = padded(
             out.x.as_slice().expect("prepare has made the layout standard"),
             image.height,
@@ -80,10 +87,22 @@ impl MosaicUnwrap {
         for place in [(red_row, red_column), (1 - red_row, 1 - red_column)] {
             vouched &= self.unwrap_against_green(image, &green, place, range, out)?;
         }
-        if out.report.trust == Trust::Trusted && !vouched {
-            out.report.trust = Trust::Contradicted;
+        if self.judges {
+            out.report.trust = if vouched { Trust::Trusted } else { Trust::Contradicted };
         }
         Ok(())
+    }
+
+    /// Returns whether green is right, by its second differences above one peak, per green pixel.
+    ///
+    /// `auto` judges all three channels of the lattice and the pixels beyond the image, too. Where only those have jumps, the result of
+    /// the tree is not worse.
+    fn vouches_for_green(&self, jumps: f32, range: Range) -> bool {
+        let report = self.green.report;
+        let judged_again = report.method == GradientTree::NAME
+            && range.bits() >= FEWEST_BITS
+            && congruence::is_evident(&self.green, range);
+        f64::from(jumps) <= self.limits.jumps && (report.trust == Trust::Trusted || judged_again)
     }
 
     /// Unwraps the pixels at one place of the 2 x 2 pixels; returns whether nothing contradicts the result.
@@ -379,6 +398,41 @@ mod tests {
                 prop_assert_eq!(count, i32::from(mosaic.channel(i, j) == 1), "({}, {})", i, j);
             }
         }
+    }
+
+    /// The other colours help to find green, and the lattice reaches beyond the image. Jumps of the counts there do not matter.
+    #[test]
+    fn exact_results_and_no_others_are_trusted() {
+        let mut cases = [0, 0];
+        for seed in 0u64..4 {
+            let mut random = 12345 + seed;
+            let mut next = || {
+                random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                (random >> 40) as f32 / (1u64 << 24) as f32
+            };
+            let discs: Vec<[f32; 4]> =
+                (0..14).map(|_| [120.0 * next(), 160.0 * next(), 5.0 + 20.0 * next(), next()]).collect();
+            let radiance = Array3::from_shape_fn((120, 160, 3), |(i, j, c)| {
+                let covers = |disc: &&[f32; 4]| (i as f32 - disc[0]).hypot(j as f32 - disc[1]) < disc[2];
+                discs.iter().rfind(covers).map_or(0.05, |disc| disc[3]) * [0.9, 1.0, 0.8][c]
+            });
+            for (alpha, sigma) in [(3.0, 1.4), (3.0, 2.0), (4.0, 2.0), (4.0, 1.7), (1.5, 0.8)] {
+                let psf = Psf::Gaussian { sigma };
+                let mosaic = Some(Mosaic::Rggb);
+                let config = SensorConfig { alpha, psf, mosaic, ..SensorConfig::default() };
+                let exposure = Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap();
+                let out = unwrapped(Method::Auto, &exposure.modulo(), exposure.range());
+                let is_exact = exposure.exact_share(&out.k) == Some(1.0);
+                let is_trusted = out.report.trust == Trust::Trusted;
+                assert_eq!(
+                    is_trusted, is_exact,
+                    "{seed}, alpha {alpha}, lens of {sigma} px: {:?}",
+                    out.report
+                );
+                cases[usize::from(is_exact)] += 1;
+            }
+        }
+        assert!(cases.iter().all(|cases| *cases > 5), "both are met: {cases:?}");
     }
 
     #[test]
