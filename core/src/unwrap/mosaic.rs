@@ -8,7 +8,8 @@
 //! Red (or blue) is then unwrapped as its difference from the green around it. The difference changes little from one red pixel to the
 //! next, even where the scene does, so that `auto` can unwrap it at twice the distance.
 //!
-//! A result that is not trusted is improved once: the other colours, which are known by then, replace their wrapped means.
+//! A result that is not trusted is improved by further passes, in which the other colours, as far as they are known by then, replace their
+//! wrapped means. The passes end when green no longer has fewer jumps than before.
 
 use ndarray::Array3;
 
@@ -22,6 +23,9 @@ use crate::mosaic::{Mosaic, mirrored};
 
 /// Pixels beyond the border of the image that belong to the lattice. Beyond them, its rows repeat their last pixel.
 const MARGIN: isize = 2;
+
+/// The most passes for one image. Beyond them, results hardly improve.
+const PASSES: usize = 4;
 
 /// Pixels of the mirror image around the image: the margin and the neighbours of its pixels.
 const PADDING: usize = MARGIN as usize + 1;
@@ -38,6 +42,8 @@ pub(super) struct MosaicUnwrap {
     green: Recovered,
     difference: Recovered,
     levels: Vec<usize>,
+    /// The result of a further pass.
+    next: Recovered,
 }
 
 impl MosaicUnwrap {
@@ -54,17 +60,19 @@ impl MosaicUnwrap {
             green: Recovered::default(),
             difference: Recovered::default(),
             levels: Vec::new(),
+            next: Recovered::default(),
         })
     }
 
     /// Unwraps green along the lattice, to which `others` gives the wrapped samples of the other colours, and then red and blue.
+    /// Returns the second differences of green above one peak, per green pixel.
     fn pass(
         &mut self,
         image: &MosaicImage,
         others: &Others,
         range: Range,
         out: &mut Recovered,
-    ) -> Result<(), UnwrapError> {
+    ) -> Result<f32, UnwrapError> {
         let lattice = Lattice::new(image);
         self.method.unwrap(&lattice.frame(image, others, range), range, &mut self.green)?;
         lattice.scatter(&self.green, out);
@@ -90,7 +98,7 @@ impl MosaicUnwrap {
         if self.judges {
             out.report.trust = if vouched { Trust::Trusted } else { Trust::Contradicted };
         }
-        Ok(())
+        Ok(jumps)
     }
 
     /// Returns whether green is right, by its second differences above one peak, per green pixel.
@@ -157,9 +165,24 @@ impl Unwrap for MosaicUnwrap {
         };
         out.prepare(y.dim(), self.name());
         let image = MosaicImage { codes, height: y.height(), width: y.width(), mosaic };
-        self.pass(&image, &Others::wrapped(&image, range), range, out)?;
-        if out.report.trust != Trust::Trusted {
-            self.pass(&image, &Others::known(&image, out, range), range, out)?;
+        let mut jumps = self.pass(&image, &Others::wrapped(&image, range), range, out)?;
+        for _ in 1..PASSES {
+            if out.report.trust == Trust::Trusted {
+                break;
+            }
+            let mut next = std::mem::take(&mut self.next);
+            next.prepare(y.dim(), self.name());
+            let others = Others::known(&image, out, range);
+            let jumps_now = self.pass(&image, &others, range, &mut next)?;
+            let improves = jumps_now < jumps;
+            if improves {
+                std::mem::swap(out, &mut next);
+                jumps = jumps_now;
+            }
+            self.next = next;
+            if !improves {
+                break;
+            }
         }
         Ok(())
     }
