@@ -1,8 +1,8 @@
 //! The unwrapping of modulo images.
 
 use modulo_camera::CameraParameters;
-use modulo_core::unwrap::{QualityMetrics, Recovered, Unwrap};
 use modulo_core::TwoGains;
+use modulo_core::unwrap::{QualityMetrics, Recovered, Unwrap};
 use modulo_runtime::SensorModel;
 use modulo_unwrap::UnwrapParameters;
 use pyo3::prelude::*;
