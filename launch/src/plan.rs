@@ -65,7 +65,7 @@ pub struct NodePlan {
     pub declared_at: (PathBuf, usize),
 }
 
-/// What an entry of `param` gives to a node.
+/// An entry of `param` in a launch file: the values that it sets.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum NodeParameter {

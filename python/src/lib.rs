@@ -1,7 +1,6 @@
 //! The module `modulo._core`: the sensor, the unwrapping and the scores of the suite on numpy arrays.
 //!
-//! Nothing is computed here. Arrays, parameters and results are converted, and the crates of the suite do the rest while Python
-//! runs other threads. The package `modulo`, in `package/modulo`, gives these functions their types and documents them.
+//! This crate converts arrays, parameters and results. The crates of the suite compute, while Python runs other threads. The package `modulo`, in `package/modulo`, gives these functions their types and documents them.
 
 mod image;
 mod parameters;

@@ -100,8 +100,8 @@ fn objects(truth: Option<Vec<GroundTruth>>) -> Option<Vec<Object>> {
 
 fn warn(py: Python<'_>, mut warnings: impl Iterator<Item = String>) -> PyResult<()> {
     warnings.try_for_each(|text| {
-        // A text with a zero byte, which no warning has, would be cut.
-        let text = CString::new(text.replace('\0', " ")).unwrap_or_default();
+        // A text of C ends at its first zero byte, which a name in a damaged bag may have.
+        let text = CString::new(text.replace('\0', " ")).expect("no zero byte is left");
         PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 2)
     })
 }

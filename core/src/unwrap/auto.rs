@@ -88,7 +88,7 @@ impl Auto {
     /// Makes the method for differences between colours, whose absolute offset the caller finds.
     ///
     /// # Errors
-    /// As [`Auto::new`].
+    /// The errors of [`Auto::new`].
     pub(super) fn of_differences(options: &Options) -> Result<Self, UnwrapError> {
         Ok(Self { needs_offset: false, ..Self::new(options)? })
     }

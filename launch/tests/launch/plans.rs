@@ -60,7 +60,7 @@ launch:
     assert_eq!(plan.arguments["gain"], "4");
 }
 
-/// As in `launch_ros`: a node's own values and files come after those of all nodes, in the order of the launch file.
+/// A node's own values and files come after those of all nodes, in the order of the launch file, as in `launch_ros`.
 #[test]
 fn parameters_of_all_nodes_come_before_those_of_one() {
     let text = "launch:\n  - set_parameter: { name: a, value: '1' }\n  - node:\n      pkg: modulo\n      exec: unwrap\n      \
@@ -216,7 +216,7 @@ fn only_nodes_of_the_suite_can_share_a_process() {
     }
 }
 
-/// As in `launch_ros`, the order in the launch file decides, in processes and in one process.
+/// The order in the launch file decides, as in `launch_ros`, both in processes and in one process.
 #[test]
 fn the_last_value_of_a_parameter_wins_wherever_it_comes_from() {
     let folder = tempfile::tempdir().expect("a temporary folder");

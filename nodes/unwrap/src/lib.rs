@@ -38,7 +38,8 @@ const CONFIDENCE: usize = 4;
 modulo_runtime::parameters! {
     /// The parameters of the `unwrap` node.
     pub struct UnwrapParameters {
-        /// Unwrapping method. auto starts with lines and takes gradient_tree where the image is too steep for lines. Images
+        /// Unwrapping method. auto starts with lines and takes gradient_tree where the image is too steep for lines, or
+        /// spud where noise makes it steep. Images
         /// of a sensor with two gains (see gains) have a method of their own.
         method: Method = Method::Auto => Method::ALL,
         /// Number of threads that unwrapping may use. The result does not depend on it.

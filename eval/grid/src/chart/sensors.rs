@@ -96,7 +96,7 @@ fn panel(cells: &[&Cell], group: &str, pixels: Pixels) -> ChartPanel {
     let words = if pixels == Pixels::Normal { "normal" } else { "modulo" };
     ChartPanel {
         x: Axis {
-            scale: Scale::Linear { from: 0.0, to: lenses.last().copied().unwrap_or_default() },
+            scale: Scale::Linear { from: 0.0, to: *lenses.last().expect("a chart has cells") },
             ..Axis::log(format!("lens blur, px ({words} pixels)"))
         },
         y: Axis::log("alpha, the saturation factor"),
