@@ -63,6 +63,8 @@ pub enum Command {
     Eval(Box<eval::Eval>),
     /// Simulate the sensor on image files and unwrap the result
     Simulate(bench::Simulate),
+    /// Unwrap modulo images of your own
+    Unwrap(modulo_bench::recover::UnwrapRequest),
     /// Measure the unwrapping methods
     #[command(subcommand)]
     Bench(bench::Bench),
@@ -109,7 +111,7 @@ pub fn parse() -> Cli {
     let mut arguments: Vec<OsString> = std::env::args_os().collect();
     let called = arguments.first().map(PathBuf::from).unwrap_or_default();
     let called = called.file_stem().and_then(|name| name.to_str()).unwrap_or_default();
-    if crate::command::run::KINDS.iter().any(|kind| kind.name == called) {
+    if crate::command::run::is_node(called) {
         // `ros2 run` and `ros2 launch` start a node by the name of its executable, which is such a link.
         arguments.splice(0..1, ["modulo", "run", called].map(OsString::from));
     }

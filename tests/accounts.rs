@@ -178,7 +178,7 @@ fn sick_images() -> Vec<(&'static str, Vec<u8>)> {
     vec![
         ("empty", vec![]),
         ("cut", bytes(|_| ())[..200].to_vec()),
-        ("unknown encoding", bytes(|image| image.encoding = "yuv422".into())),
+        ("unknown encoding", bytes(|image| image.encoding = "yuv411".into())),
         ("wrong height", bytes(|image| image.height += 1)),
         ("rows that overlap", bytes(|image| image.step = 1)),
         ("no pixel", bytes(|image| (image.height, image.width) = (0, 0))),
@@ -444,4 +444,37 @@ fn every_frame_is_answered_once_while_other_settings_are_swapped() {
     run.peer.set(camera, "source", &picture).expect("possible");
     next_answer(&run.detections, "boxes after all swaps");
     run.end(&bench);
+}
+
+/// One detector reads two cameras. A change of the input that is none for a camera takes no frame of it: each image of both
+/// cameras has one answer, or was replaced by a newer one.
+#[test]
+fn every_frame_of_two_cameras_is_answered_once_while_the_input_is_swapped() {
+    let bench = Bench::new();
+    let model = arg("model", model());
+    let summary = bench.path("summary.json").display().to_string();
+    let [front, rear] = [("front", "tunnel"), ("rear", "glare")]
+        .map(|(camera, scene)| format!("{camera}:=scene://{scene}?seed=1&width=96&height=64&frames=1000000"));
+    let fixed =
+        ["launch", "launch/cameras.launch.yaml", "shared:=true", "input:=auto", "rate:=20.0", "engine:=rten"];
+    let running = bench.start(&[&fixed[..], &[&front, &rear, &model, "--summary", &summary]].concat());
+    let peer = Peer::new(&bench);
+    let heard = ["front", "rear"]
+        .map(|camera| peer.hear(&format!("/detector/{camera}/detections"), MessageKind::Detections));
+    let next = || heard.iter().for_each(|camera| next_answer(camera, "boxes of each camera"));
+    next();
+    for round in 0..12 {
+        peer.set("/detector", "input", ["recovered", "auto"][round % 2]).expect("possible");
+        next();
+    }
+    assert_eq!(running.interrupt(), Some(0));
+    let summary = json(&bench.path("summary.json"));
+    for camera in ["front", "rear"] {
+        let image = &summary["topics"][format!("/{camera}/recovered")];
+        let answered = summary["topics"][format!("/detector/{camera}/detections")]["out"].as_u64();
+        let [sent, replaced] = ["out", "replaced"].map(|field| image[field].as_u64().expect("a count"));
+        assert_eq!(answered, Some(sent - replaced), "{camera}: {summary}");
+    }
+    let streams: Vec<_> = summary["detections"].as_object().expect("by stream").keys().collect();
+    assert_eq!(streams, ["/front/recovered", "/rear/recovered"]);
 }

@@ -3,20 +3,20 @@
 mod harness;
 
 use std::path::Path;
-use std::process::Stdio;
-use std::sync::Arc;
+use std::process::{Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex};
 use std::thread::sleep;
 use std::time::{Duration, Instant, SystemTime};
 
-use harness::{Bench, data, signal, text, wait_until};
+use harness::{Background, Bench, data, signal, text, wait_until};
 use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, Selection};
 use modulo_msgs::builtin::Time;
 use modulo_msgs::rosbag2_interfaces as player;
 use modulo_msgs::{cdr, rosgraph_msgs};
 use modulo_runtime::transport::RawSample;
 use modulo_runtime::transport::keys::{self, Endpoint, EntityKind, Hashes, Token};
-use modulo_runtime::transport::zenoh::ZenohTransport;
+use modulo_runtime::transport::zenoh::{RawPublisher, RawService, ZenohTransport};
 use modulo_runtime::transport::{Guard, Transport};
 use modulo_runtime::{NodeName, Qos, SystemClock};
 
@@ -191,6 +191,83 @@ fn a_terminated_recorder_leaves_a_whole_bag_in_parts() {
             && info.contains("Messages:          30"),
         "{info}"
     );
+}
+
+/// A terminal that is closed sends SIGHUP. A process under nohup ignores it from its start.
+#[test]
+fn a_recorder_whose_terminal_is_closed_leaves_a_whole_bag() {
+    let bench = Bench::new();
+    let (source, bag) = (bench.path("source"), bench.path("bag"));
+    write_bag(&source, 3, 1, 1000);
+    // The tests may run under nohup themselves.
+    let mut command = Command::new("env");
+    let of_bench = bench.modulo(&["bag", "record", "-o", utf8(&bag), "--all"]);
+    command.args(["--default-signal=HUP".as_ref(), of_bench.get_program()]).args(of_bench.get_args());
+    command.env("ROS_DOMAIN_ID", bench.domain.id.to_string()).stdin(Stdio::null()).stdout(Stdio::piped());
+    let recorder = Background(command.spawn().expect("it starts"));
+    play(&bench, &source, &[]);
+    let (code, said) = recorder.end("HUP");
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("/data: 3 messages, 0 lost"), "{said}");
+    let read = BagReader::open(&bag).expect("a bag");
+    assert!(read.warnings().is_empty() && read.message_count() == 3, "{:?}", read.warnings());
+}
+
+/// A service for definitions that does not answer until the other end of `forever` is dropped.
+fn stalled(forever: Receiver<()>) -> RawService {
+    let forever = Mutex::new(forever);
+    let answer = Box::new(move |_: &[u8]| {
+        let _ = forever.lock().map(|end| end.recv());
+        Ok(Vec::new())
+    });
+    let ros_type = "type_description_interfaces/srv/GetTypeDescription";
+    RawService { name: "get_type_description", ros_type, qos: keys::SERVICE_QOS, answer }
+}
+
+/// A topic whose type the suite does not know.
+fn foreign(number: u32) -> Endpoint {
+    Endpoint {
+        topic: format!("/foreign_{number}"),
+        dds_type: modulo_msgs::dds_name(&format!("foreign_msgs/msg/Kind{number}")),
+        type_hash: format!("RIHS01_{}", "0".repeat(64)),
+        qos: keys::qos_string(Qos::Results).into(),
+    }
+}
+
+/// Publishers of other packages may have a service for their definitions that does not answer.
+#[test]
+fn a_definition_that_nobody_gives_delays_no_other_topic_and_no_stop() {
+    // At two seconds for each question, one after the other, the last topic would be subscribed after the test has given up.
+    const TOPICS: u32 = 60;
+    let bench = Bench::new();
+    let (recorder, bag) = (Remote::new(bench.domain.id), bench.path("bag"));
+    let node_name = NodeName { name: "foreign".into(), namespace: "/".into(), remaps: Vec::new() };
+    let (give, forever) = channel();
+    let transport = &recorder.transport;
+    let _service = transport.serve_raw(&node_name, vec![stalled(forever)]).expect("a service");
+    let advertise = |number| transport.advertise_raw(&node_name, &foreign(number)).expect("a publisher");
+    let publishers: Vec<_> = (0..TOPICS).map(advertise).collect();
+    let recording = bench.record(&bag, &["--all"]);
+    wait_until("all topics are subscribed", || {
+        let graph = transport.graph();
+        let read = |topic: &String| graph.endpoints(EntityKind::Subscription, topic).next().is_some();
+        (0..TOPICS).all(|number| read(&format!("/foreign_{number}")))
+            && publishers.iter().all(RawPublisher::wanted)
+    });
+    // The recorder is ended while messages come, the first of which have arrived by then.
+    for _ in 0..20 {
+        for publisher in &publishers {
+            publisher.put(cdr::to_vec(&7_u32).expect("short")).expect("sent");
+        }
+        sleep(Duration::from_millis(20));
+    }
+    let (code, said) = recording.end("INT");
+    drop(give);
+    assert_eq!(code, Some(0), "{said}");
+    let read = BagReader::open(&bag).expect("a bag");
+    let topics = read.topics();
+    assert_eq!(topics.len(), TOPICS as usize, "{said}");
+    assert!(topics.iter().all(|topic| topic.messages > 0), "{said}");
 }
 
 /// A file that cannot grow, as on a full disk: the recorder ends with the reason, and what it has flushed is a bag.

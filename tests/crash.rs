@@ -78,6 +78,29 @@ fn a_crashed_node_is_back_with_its_last_accepted_parameters() {
     assert_eq!(running.interrupt(), Some(0));
 }
 
+/// A source that was set at run time and has been removed since does not keep the camera from starting again.
+#[test]
+fn a_node_whose_accepted_parameters_are_not_possible_any_more_takes_those_of_its_launch() {
+    let bench = Bench::new();
+    let running = suite(&bench, &["--max-restarts", "1"]);
+    let peer = Peer::new(&bench);
+    let detections = peer.hear("/detector/detections", MessageKind::Detections);
+    detections.until("boxes", |_| true);
+    let other = bench.path("other");
+    std::fs::create_dir(&other).expect("a writable folder");
+    std::fs::copy(bench.path("images").join("000000.png"), other.join("0.png")).expect("copied");
+    peer.set("/modulo_camera", "source", &other.display().to_string()).expect("possible");
+    std::fs::remove_dir_all(&other).expect("removed");
+    let victim = running.node("modulo_camera").expect("it runs");
+    signal(victim, "KILL");
+    wait_until("another camera", || running.node("modulo_camera").is_some_and(|pid| pid != victim));
+    while detections.next(Duration::ZERO).is_some() {}
+    detections.until("boxes after the crash", |_| true);
+    let source = bench.run(&["param", "get", "/modulo_camera", "source"]);
+    assert!(text(&source).contains("images"), "{}", text(&source));
+    end_after_crash(running);
+}
+
 /// A node that stands still is not in the way for long: it is killed and started again. The others go on.
 /// `MODULO_CRASH_ROUNDS` is how often each node is stopped; once if it is not set.
 #[test]
@@ -140,9 +163,18 @@ fn nodes_end_with_a_launcher_that_was_killed() {
         nodes = NODES.iter().filter_map(|kind| running.node(kind)).collect();
         nodes.len() == 3
     });
+    let environment = std::fs::read_to_string(format!("/proc/{}/environ", nodes[0])).expect("it runs");
+    let reports = environment.split('\0').find_map(|entry| entry.strip_prefix("MODULO_REPORT_DIR="));
+    let reports = std::path::PathBuf::from(reports.expect("a launcher names it"));
     running.0.kill().expect("it runs");
     running.0.wait().expect("it ends");
     wait_until("the end of the nodes", || !nodes.iter().any(|&pid| !command_line(pid).is_empty()));
+    // What it has left in memory is removed by the next launcher.
+    assert!(reports.is_dir(), "{}", reports.display());
+    let output =
+        bench.run(&["launch", "launch/raw.launch.yaml", "source:=scene://day?frames=1&width=64&height=32"]);
+    assert_eq!(output.status.code(), Some(0), "{}", harness::text(&output));
+    assert!(!reports.exists(), "{}", reports.display());
 }
 
 const ALPHAS: [&str; 4] = ["2.0", "3.0", "2.5", "4.0"];

@@ -193,7 +193,8 @@ fn a_killed_run_goes_on_where_it_stopped() {
     assert_eq!(run(&bench, &out, &[]), Some(0));
     assert_eq!(kept(), before, "nothing was left to do, and no time was measured again");
     assert_eq!(cells(), whole);
-    assert_eq!(run(&bench, &out, &["--seed", "1"]), Some(1), "other figures must not be mixed in");
+    assert_eq!(run(&bench, &out, &["--seed", "1"]), Some(2), "other figures must not be mixed in");
+    assert_eq!(kept(), before, "a refused command changes nothing");
 }
 
 #[test]
@@ -229,7 +230,9 @@ fn shot_noise_is_an_axis_that_a_later_run_can_extend() {
     assert!(exact(&table[1]) > exact(&table[3]), "noise costs exactness: {table:?}");
     assert!(table[3]["cell"].ends_with("shot noise 2"), "{table:?}");
     assert_eq!(rows(&out, "frames.csv").len(), 4 * table.len());
-    for file in ["shot_demo_auto_alpha4_psf1.4_noise0.svg", "shot_demo_auto_alpha4_psf1.4_noise0.png"] {
+    for file in
+        ["shot_demo_input_auto_alpha4_psf1.4_read0.svg", "shot_demo_input_auto_alpha4_psf1.4_read0.png"]
+    {
         assert!(out.join("charts").join(file).is_file(), "{file}");
     }
     // The lens and the read noise have one value, so that they have no chart.
@@ -237,9 +240,104 @@ fn shot_noise_is_an_axis_that_a_later_run_can_extend() {
     let names: Vec<String> =
         charts.map(|file| file.expect("a file").file_name().into_string().expect("UTF-8")).collect();
     assert!(
-        !names.iter().any(|name| ["psf_", "noise_", "alpha_"].iter().any(|kind| name.starts_with(kind))),
+        !names.iter().any(|name| ["psf_", "read_", "alpha_"].iter().any(|kind| name.starts_with(kind))),
         "{names:?}"
     );
+}
+
+/// Cells of another grid on the same folder were thrown away.
+#[test]
+fn a_grid_extended_by_other_lenses_keeps_the_old_cells() {
+    let bench = Bench::new();
+    let out = bench.path("out");
+    let folder = out.to_str().expect("UTF-8");
+    let eval = |more: &[&str]| {
+        let base = ["eval", "--source", SCENE, "--alpha", "4", "--engine", "rten", "--time-frames", "0"];
+        let words =
+            ["--stream", "ideal,saturated,recovered", "--method", "auto", "--deblur", "off", "-o", folder];
+        let output = bench.run(&[&base[..], &words, more].concat());
+        (output.status.code(), text(&output))
+    };
+    let (code, said) = eval(&["--psf-sigma", "1.4,0.8", "--read-noise", "2"]);
+    assert_eq!(code, Some(0), "{said}");
+    let cells = || json(&out.join("results.json"))["cells"].as_array().expect("cells").clone();
+    let (old, old_rows, [old_frames, old_boxes]) = (cells(), rows(&out, "results.csv"), lines(&out));
+    assert_eq!(old.len(), 7);
+
+    // The second word of the read noise is that of older versions.
+    let (code, said) = eval(&["--psf-sigma", "0.8,2", "--noise", "2"]);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(
+        said.contains("4 cells are finished already") && said.contains("3 cells of other grids"),
+        "{said}"
+    );
+    assert_eq!(cells()[..7].to_vec(), old, "the figures of the old cells stay");
+    assert_eq!(cells().len(), 7 + 3);
+    let [frames, boxes] = lines(&out);
+    assert!(frames.starts_with(&old_frames) && boxes.starts_with(&old_boxes), "so do their lines");
+    assert_eq!((frames.len() > old_frames.len(), rows(&out, "frames.csv").len()), (true, 4 * 10));
+    assert_eq!(rows(&out, "results.csv")[..7], old_rows);
+    let lenses: Vec<f64> = cells().iter().filter_map(|cell| cell["psf_sigma"].as_f64()).collect();
+    assert!([0.8, 1.4, 2.0].iter().all(|lens| lenses.contains(lens)), "{lenses:?}");
+    let page = std::fs::read_to_string(out.join("report.html")).expect("a report");
+    assert!(["1.4 px", "0.8 px", "2 px"].iter().all(|lens| page.contains(&format!("lens blur {lens}"))));
+    // A saturated image has a PSNR, but no wrap counts.
+    let saturated = &rows(&out, "results.csv")[2];
+    let psnr: f64 = saturated["psnr_db"].parse().expect("a PSNR");
+    assert!(saturated["stream"] == "saturated" && (5.0..60.0).contains(&psnr), "{saturated:?}");
+    assert!(saturated["exact_k"].is_empty(), "{saturated:?}");
+}
+
+#[test]
+fn a_grid_without_a_cell_is_refused_and_empty_combinations_are_named() {
+    let bench = Bench::new();
+    let out = bench.path("out");
+    let eval = |more: &[&str]| {
+        let base = ["eval", "--source", SCENE, "--engine", "rten", "--time-frames", "0", "--alpha", "2"];
+        let output = bench.run(&[&base[..], &["-o", out.to_str().expect("UTF-8")], more].concat());
+        (output.status.code(), text(&output))
+    };
+    let published = ["--mosaic", "rggb", "--stream", "recovered", "--method", "spud_as_published"];
+    for (options, named) in [
+        (&["--gains", "checkerboard", "--stream", "modulo"][..], "--stream modulo --gains checkerboard"),
+        (&published, "--stream recovered --method spud_as_published --mosaic rggb"),
+    ] {
+        let (code, said) = eval(options);
+        assert_eq!(code, Some(2), "{said}");
+        assert!(said.contains(named) && said.lines().count() == 1, "{said}");
+    }
+    assert!(!out.exists(), "nothing was run");
+    let (code, said) = eval(&["--gains", "none,rows", "--stream", "ideal,saturated", "--psf-sigma", "0"]);
+    assert_eq!(code, Some(0), "{said}");
+    let line = said.lines().find(|line| line.contains("no cell")).expect("a line");
+    assert!(line.contains("--stream ideal --gains rows (") && !line.contains("saturated --gains"), "{line}");
+}
+
+/// Hours of work ended with an error about the folder of the results.
+#[test]
+fn a_folder_that_cannot_hold_results_is_refused_before_anything_runs() {
+    let bench = Bench::new();
+    std::fs::write(bench.path("file"), "").expect("written");
+    let file = bench.path("file").display().to_string();
+    let picture = bench.images(1).join("000000.png").display().to_string();
+    // The words before and after the folder.
+    let commands: [(&[&str], &[&str]); 7] = [
+        (&["eval", "--source", SCENE, "--engine", "rten", "-o"], &[]),
+        (&["eval", "launch/raw.launch.yaml", "-o"], &[]),
+        (&["eval", "merge"], &["shard"]),
+        (&["simulate", &picture, "-o"], &[]),
+        (&["unwrap", &picture, "--alpha", "4", "-o"], &[]),
+        (&["bench", "unwrap", "-o"], &[]),
+        (&["stability", "-o"], &[]),
+    ];
+    for ((before, after), out) in commands.iter().flat_map(|command| [(command, "/proc/x"), (command, &file)])
+    {
+        let output = bench.run(&[*before, &[out], *after].concat());
+        let said = text(&output);
+        assert_eq!(output.status.code(), Some(2), "{before:?}: {said}");
+        assert!(said.contains(out) && said.contains("no result can be written"), "{before:?}: {said}");
+        assert!(!said.contains("lockstep"), "nothing was run: {said}");
+    }
 }
 
 /// A sensor with two gains has its own method, and its saturated stream is merged.
@@ -317,7 +415,11 @@ fn figures_of_other_pixels_are_not_taken_over() {
     let (code, first) = eval(&a, &[]);
     assert_eq!(code, Some(0), "{first}");
     let (code, refused) = eval(&b, &[]);
-    assert_eq!(code, Some(1), "{refused}");
+    assert_eq!(code, Some(2), "{refused}");
+    // Both grids are named, too.
+    for grid in ["There: 2 cells of ideal", "Here: 2 cells of ideal"] {
+        assert!(refused.contains(grid), "{grid}: {refused}");
+    }
     for side in [&a, &b] {
         assert!(refused.contains(side.to_str().expect("UTF-8")), "{refused}");
     }

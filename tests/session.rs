@@ -3,7 +3,10 @@
 
 mod harness;
 
+use std::fs::File;
 use std::net::TcpListener;
+use std::os::unix::fs::PermissionsExt;
+use std::process::Stdio;
 
 use harness::{Bench, Peer, arg, json, model, text, wait_until};
 use modulo_runtime::MessageKind;
@@ -84,6 +87,49 @@ fn without_the_key_nothing_is_shared() {
     let _reader = peer.hear("/recovered", MessageKind::Image);
     let maps = std::fs::read_to_string(format!("/proc/{}/maps", unwrap.0.id())).expect("it runs");
     assert!(!maps.contains("/dev/shm/"), "{maps}");
+}
+
+/// Another session may be stopped while it has its turn; the turn only avoids a warning.
+#[test]
+fn a_turn_that_does_not_end_holds_nobody_up() {
+    let bench = Bench::new();
+    let folder = bench.folder.path().display().to_string();
+    let lock = File::create(bench.path(&format!("modulo-meeting-{}.lock", meeting_port(bench.domain.id))));
+    let lock = lock.expect("writable");
+    lock.lock().expect("nobody else has it");
+    let start = |arguments: &[&str]| {
+        let mut command = bench.modulo(arguments);
+        command.env("XDG_RUNTIME_DIR", &folder).env("TMPDIR", &folder);
+        let command = command.stdout(Stdio::null()).stderr(Stdio::null());
+        harness::Background(command.spawn().expect("it starts"))
+    };
+    let (mut list, mut node) = (start(&["node", "list"]), start(&["run", "unwrap"]));
+    // The handlers of signals are there before the session is opened.
+    wait_until("the signal handlers", || {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", node.0.id())).unwrap_or_default();
+        let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).unwrap_or("0");
+        u64::from_str_radix(caught.trim(), 16).is_ok_and(|caught| caught & (1 << 14) != 0)
+    });
+    harness::signal(node.0.id(), "TERM");
+    for (what, child) in [("the list", &mut list.0), ("the node", &mut node.0)] {
+        wait_until(what, || child.try_wait().expect("a child").is_some());
+    }
+    assert_eq!([&mut list, &mut node].map(|child| child.0.wait().expect("ended").code()), [Some(0); 2]);
+    drop(lock);
+}
+
+/// Without a folder of the login session, no other user can reach the lock, either.
+#[test]
+fn the_lock_of_the_meeting_is_in_a_folder_of_the_user() {
+    let bench = Bench::new();
+    let mut list = bench.modulo(&["node", "list"]);
+    list.env_remove("XDG_RUNTIME_DIR").env("TMPDIR", bench.folder.path());
+    assert!(list.status().expect("it starts").success());
+    let folders: Vec<_> = std::fs::read_dir(bench.folder.path()).expect("there").flatten().collect();
+    let [folder] = &folders[..] else { panic!("{folders:?}") };
+    assert_eq!(folder.metadata().expect("there").permissions().mode() & 0o777, 0o700);
+    let lock = folder.path().join(format!("modulo-meeting-{}.lock", meeting_port(bench.domain.id)));
+    assert!(lock.is_file(), "{}", lock.display());
 }
 
 #[test]

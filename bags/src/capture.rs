@@ -2,9 +2,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::thread;
 use std::time::Duration;
 
 use modulo_runtime::graph::name::is_hidden;
+use modulo_runtime::process::stop::Wake as _;
 use modulo_runtime::queue::{Arrived, Keep, Lane, Limit, Next, Queue};
 use modulo_runtime::transport::keys::{self, Endpoint, EntityKind};
 use modulo_runtime::transport::zenoh::ZenohTransport;
@@ -19,6 +22,9 @@ const NODE: &str = "rosbag2_recorder";
 const GLANCE_NS: u64 = 50_000_000;
 /// Samples that wait for the disk. As rosbag2's cache of 100 MiB, and bounded in number for topics of tiny messages.
 const WAITING: Limit = Limit { messages: 1 << 20, bytes: 100 << 20 };
+/// Bytes of the samples that wait for the definitions of their topics at most. A topic whose sample finds no room is recorded
+/// without a definition.
+const HELD: usize = 64 << 20;
 /// After a stop, samples that wait are written for this long; the rest is lost and counted.
 const LAST_WRITES_NS: u64 = 250_000_000;
 
@@ -49,7 +55,7 @@ pub struct Captured {
 /// # Errors
 /// [`CaptureError`] when a topic cannot be subscribed or the disk is full.
 pub fn capture(
-    transport: &ZenohTransport,
+    transport: &Arc<ZenohTransport>,
     clock: &Arc<dyn Clock>,
     recorder: BagWriter,
     topics: Option<&[String]>,
@@ -68,7 +74,9 @@ pub fn capture(
         queue,
         known: BTreeSet::new(),
         lanes: BTreeMap::new(),
-        guards: Vec::new(),
+        asked: BTreeMap::new(),
+        held: 0,
+        guards: BTreeMap::new(),
     };
     while stop.urgency() == Urgency::None {
         capture.subscribe_new(topics)?;
@@ -77,6 +85,7 @@ pub fn capture(
         // However fast samples come, the graph and the stop are looked at in between.
         while stop.urgency() == Urgency::None && clock.ticks_ns() < look {
             capture.write_next(Duration::from_nanos(look.saturating_sub(clock.ticks_ns())))?;
+            capture.take_answers()?;
         }
         capture.recorder.settle(clock.now_ns())?;
     }
@@ -85,14 +94,26 @@ pub fn capture(
 
 /// A recording on its way.
 struct CaptureLoop<'a> {
-    transport: &'a ZenohTransport,
+    transport: &'a Arc<ZenohTransport>,
     node_name: NodeName,
     recorder: BagWriter,
     queue: Arc<Queue<RawSample>>,
     /// Topic and type hash of each subscription, and of those that are refused.
     known: BTreeSet<(String, String)>,
     lanes: BTreeMap<Lane, BagTopic>,
-    guards: Vec<Guard>,
+    /// Topics that are subscribed, but wait for their definition: a bag has it in front of the first message.
+    asked: BTreeMap<Lane, AskedTopic>,
+    /// Bytes of their samples.
+    held: usize,
+    guards: BTreeMap<Lane, Guard>,
+}
+
+/// A topic whose publishers are asked for its definition.
+struct AskedTopic {
+    topic: BagTopic,
+    /// Samples that have come before the definition.
+    samples: Vec<Arrived<RawSample>>,
+    answer: Receiver<Result<String, TransportError>>,
 }
 
 impl CaptureLoop<'_> {
@@ -111,42 +132,103 @@ impl CaptureLoop<'_> {
             if !chosen || !self.known.insert((endpoint.topic.clone(), endpoint.type_hash.clone())) {
                 continue;
             }
-            let mut topic = bag_topic(endpoint);
-            if topic.schema.is_empty() {
-                match self.transport.definition_of(endpoint) {
-                    Ok(text) => {
-                        (topic.schema, topic.schema_encoding) = (text.into_bytes(), "ros2msg".to_owned());
-                    }
-                    Err(why) => tracing::warn!("{} is recorded without a definition: {why}", topic.name),
-                }
-            }
-            match self.recorder.topic(&topic) {
-                // One publisher that is wrong must not end the recording of all others.
-                Err(why @ BagError::TypeConflict { .. }) => {
-                    tracing::warn!("{why}: not recorded");
-                    continue;
-                }
-                added => drop(added?),
-            }
             // A lane for each subscription, so that losses are known by topic.
             let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::All));
-            self.lanes.insert(lane, topic);
             let take = move |sample| drop(queue.push(lane, sample));
-            self.guards.push(self.transport.subscribe_raw(&self.node_name, endpoint, take)?);
+            self.guards.insert(lane, self.transport.subscribe_raw(&self.node_name, endpoint, take)?);
+            let topic = bag_topic(endpoint);
+            if topic.schema.is_empty() {
+                let answer = self.ask(endpoint)?;
+                self.asked.insert(lane, AskedTopic { topic, samples: Vec::new(), answer });
+            } else {
+                self.begin(lane, topic)?;
+            }
         }
         Ok(())
     }
 
+    /// Asks for the definition of the type of `endpoint` on a thread of its own: the publishers may take seconds to answer.
+    fn ask(&self, endpoint: &Endpoint) -> Result<Receiver<Result<String, TransportError>>, TransportError> {
+        let (transport, endpoint, queue) = (self.transport.clone(), endpoint.clone(), self.queue.clone());
+        let (give, answer) = channel();
+        let asking = move || {
+            // Fails only when the recording has ended.
+            let _ = give.send(transport.definition_of(&endpoint));
+            queue.wake();
+        };
+        let thread = thread::Builder::new().name("definition".into()).spawn(asking);
+        thread.map_err(|why| TransportError::new("thread that asks for a definition", why))?;
+        Ok(answer)
+    }
+
+    /// Records `topic` from now on, unless the bag has the topic with another type.
+    fn begin(&mut self, lane: Lane, topic: BagTopic) -> Result<(), BagError> {
+        match self.recorder.topic(&topic) {
+            // One publisher that is wrong must not end the recording of all others.
+            Err(why @ BagError::TypeConflict { .. }) => {
+                tracing::warn!("{why}: not recorded");
+                self.guards.remove(&lane);
+                self.queue.close(lane);
+            }
+            added => {
+                added?;
+                self.lanes.insert(lane, topic);
+            }
+        }
+        Ok(())
+    }
+
+    /// Records the topics whose definitions have come, or will not come.
+    fn take_answers(&mut self) -> Result<(), BagError> {
+        let lanes: Vec<Lane> = self.asked.keys().copied().collect();
+        for lane in lanes {
+            match self.asked[&lane].answer.try_recv() {
+                Ok(answer) => self.begin_asked(lane, answer.map_err(|why| why.to_string()))?,
+                Err(TryRecvError::Empty) => {}
+                Err(TryRecvError::Disconnected) => {
+                    self.begin_asked(lane, Err("nobody answers".to_owned()))?
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Records a topic with its definition or without one, and what has come of it so far.
+    fn begin_asked(&mut self, lane: Lane, definition: Result<String, String>) -> Result<(), BagError> {
+        let Some(AskedTopic { mut topic, samples, .. }) = self.asked.remove(&lane) else { return Ok(()) };
+        match definition {
+            Ok(text) => (topic.schema, topic.schema_encoding) = (text.into_bytes(), "ros2msg".to_owned()),
+            Err(why) => tracing::warn!("{} is recorded without a definition: {why}", topic.name),
+        }
+        self.held -= samples.iter().map(held_bytes).sum::<usize>();
+        self.begin(lane, topic)?;
+        samples.iter().try_for_each(|sample| self.write(sample))
+    }
+
     /// Writes the sample that arrived first; waits at most `patience` for one. Returns whether there was one.
     fn write_next(&mut self, patience: Duration) -> Result<bool, BagError> {
-        let Next::Item(Arrived { lane, stamp_ns, item }) = self.queue.take(Some(patience)) else {
+        let Next::Item(sample) = self.queue.take(Some(patience)) else {
             return Ok(false);
         };
-        let topic = &self.lanes[&lane];
-        // The source time, which rosbag2 stores as the time of publication; other publishers may send none.
-        let sent = item.attachment.map_or(stamp_ns, |a| u64::try_from(a.stamp_ns).unwrap_or(stamp_ns));
-        self.recorder.record(topic, stamp_ns, sent, &item.payload)?;
+        let Some(asked) = self.asked.get_mut(&sample.lane) else {
+            self.write(&sample)?;
+            return Ok(true);
+        };
+        let lane = sample.lane;
+        self.held += held_bytes(&sample);
+        asked.samples.push(sample);
+        if self.held > HELD {
+            self.begin_asked(lane, Err("its messages do not fit into the memory until it comes".to_owned()))?;
+        }
         Ok(true)
+    }
+
+    fn write(&mut self, Arrived { lane, stamp_ns, item }: &Arrived<RawSample>) -> Result<(), BagError> {
+        // A topic that cannot be recorded has no entry.
+        let Some(topic) = self.lanes.get(lane) else { return Ok(()) };
+        // The source time, which rosbag2 stores as the time of publication; other publishers may send none.
+        let sent = item.attachment.map_or(*stamp_ns, |a| u64::try_from(a.stamp_ns).unwrap_or(*stamp_ns));
+        self.recorder.record(topic, *stamp_ns, sent, &item.payload)
     }
 
     /// Ends the subscriptions, writes waiting samples within a time limit, and completes the bag.
@@ -154,6 +236,10 @@ impl CaptureLoop<'_> {
         // New samples end first, or the loop below could go on until its limit.
         self.guards.clear();
         let end = clock.ticks_ns() + LAST_WRITES_NS;
+        self.take_answers()?;
+        while let Some(lane) = self.asked.keys().next().copied() {
+            self.begin_asked(lane, Err("the recording ends before it has come".to_owned()))?;
+        }
         while clock.ticks_ns() < end && self.write_next(Duration::ZERO)? {}
         let mut lost = BTreeMap::new();
         for (lane, topic) in &self.lanes {
@@ -165,6 +251,11 @@ impl CaptureLoop<'_> {
         }
         Ok(Captured { topics: self.recorder.finish()?, lost })
     }
+}
+
+/// Returns the bytes that a sample keeps in memory.
+fn held_bytes(sample: &Arrived<RawSample>) -> usize {
+    size_of::<Arrived<RawSample>>() + sample.item.payload.len()
 }
 
 fn bag_topic(endpoint: &Endpoint) -> BagTopic {

@@ -9,6 +9,9 @@ use modulo_runtime::clock::nanos;
 
 use crate::bag::{BagError, BagReader, Messages, RawMessage, Selection};
 
+/// A shorter part of a bag is not repeated.
+const SHORTEST_ROUND: Duration = Duration::from_millis(1);
+
 /// The behaviour at the end of the bag.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Repeat {
@@ -38,6 +41,11 @@ pub enum PlayError {
     /// The rate is not a finite number from 0 on.
     #[error("rate = {0}: must be a finite number, 0 or above")]
     Rate(f64),
+    /// A repetition of so little time that the messages would come without a pause.
+    #[error(
+        "loop = true: the part of the bag that is played lasts {0:?}, and at least 1 ms is needed; play more of it, or only once"
+    )]
+    Round(Duration),
     /// A start behind the end of the bag.
     #[error("start offset = {offset:?}: the bag lasts {duration:?}")]
     StartOffset {
@@ -76,7 +84,7 @@ impl Player {
     /// Prepares the replay of `bag`.
     ///
     /// # Errors
-    /// [`PlayError::StartOffset`] for an offset behind the end.
+    /// [`PlayError::StartOffset`] for an offset behind the end, [`PlayError::Round`] for a repetition of less than 1 ms.
     pub fn new(bag: BagReader, options: &PlayOptions) -> Result<Self, PlayError> {
         // An empty bag lasts no time at all.
         let (first, last) = bag.span().unwrap_or((0, 0));
@@ -88,6 +96,10 @@ impl Player {
         };
         let end = options.duration.map_or(last, |duration| last.min(start.saturating_add(nanos(duration))));
         let selection = Selection { topics: options.topics.clone(), start_ns: Some(start) };
+        let round = Duration::from_nanos(end - start);
+        if options.repeat == Repeat::Forever && round < SHORTEST_ROUND && bag.span().is_some() {
+            return Err(PlayError::Round(round));
+        }
         let messages = bag.messages(&selection);
         let (repeat, window) = (options.repeat, (start, end));
         Ok(Self { bag, selection, messages, repeat, window, began: 0, heard: false, left_out: 0 })

@@ -17,7 +17,7 @@ use modulo_runtime::transport::attachment::Attachment;
 use modulo_runtime::transport::keys::{self, Endpoint};
 use modulo_runtime::transport::zenoh::{RawPublisher, RawService, ZenohTransport};
 use modulo_runtime::transport::{
-    Address, Guard, Incoming, ParameterPort, ParameterRequest, Transport, TransportError,
+    Address, Guard, Incoming, ParameterAnswer, ParameterPort, ParameterRequest, Transport, TransportError,
 };
 use modulo_runtime::{
     Allowed, Clock, Descriptor, Message, MessageKind, NodeName, NodeReport, Parameters, Qos, Stop, Urgency,
@@ -190,7 +190,7 @@ fn serve_parameters(
     let request = move |request: ParameterRequest| {
         // Fails only when the caller has gone.
         let answers = request.changes.iter().map(|values| parameters.with(values, true).map(drop));
-        let _ = request.answer.send(answers.collect());
+        let _ = request.answer.send(ParameterAnswer::Done(answers.collect()));
         None
     };
     let port = ParameterPort { read: Box::new(move || read.clone()), request: Box::new(request) };

@@ -27,7 +27,7 @@ pub enum BracketError {
         needed: usize,
     },
     /// The captures differ in shape.
-    #[error("captures of {first:?} and {other:?} (rows, columns, channels), all must be alike")]
+    #[error("captures differ in (rows, columns, channels): {first:?} and {other:?}")]
     Shapes {
         /// The shape of the first capture.
         first: (usize, usize, usize),

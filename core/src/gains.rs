@@ -178,7 +178,7 @@ impl TwoGains {
         // An image of one pixel, or of one row of full gain, has no neighbours of low gain.
         let vouched = f64::from(doubtful) <= MOST_DOUBTFUL * pixels_of_full_gain as f64
             && self.pattern.pairs().iter().any(|&(step, _)| has_pair(step, height, width));
-        out.report.trust = if vouched { Trust::Trusted } else { Trust::Contradicted };
+        out.report.trust = if vouched { Trust::Trusted } else { Trust::Untrusted };
     }
 }
 
@@ -495,10 +495,10 @@ mod tests {
             let noise = Array3::from_shape_fn((20, 30, 3), |(i, j, c)| {
                 (((i * 7919 + j * 104_729 + c * 31) * 2_654_435_761) >> 7) as u8
             });
-            assert_eq!(trust(noise, pattern), Trust::Contradicted);
-            assert_eq!(trust(Array3::zeros((1, 1, 1)), pattern), Trust::Contradicted);
+            assert_eq!(trust(noise, pattern), Trust::Untrusted);
+            assert_eq!(trust(Array3::zeros((1, 1, 1)), pattern), Trust::Untrusted);
         }
-        assert_eq!(trust(Array3::zeros((1, 9, 1)), GainPattern::Rows), Trust::Contradicted);
+        assert_eq!(trust(Array3::zeros((1, 9, 1)), GainPattern::Rows), Trust::Untrusted);
         assert_eq!(trust(Array3::zeros((1, 9, 1)), GainPattern::Checkerboard), Trust::Trusted);
     }
 

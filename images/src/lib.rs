@@ -6,7 +6,8 @@
 
 mod white;
 
-use std::io::Cursor;
+use std::fs::File;
+use std::io::{self, BufRead, Cursor, Read, Seek};
 use std::path::{Path, PathBuf};
 
 use exr::meta::MetaData;
@@ -14,8 +15,8 @@ use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
 use image::error::{LimitError, LimitErrorKind, UnsupportedError, UnsupportedErrorKind};
 use image::{
-    DynamicImage, ExtendedColorType, ImageBuffer, ImageDecoder, ImageEncoder, ImageFormat, ImageReader,
-    Limits, Luma, LumaA, Rgb, Rgba,
+    ColorType, DynamicImage, ExtendedColorType, ImageBuffer, ImageDecoder, ImageEncoder, ImageFormat,
+    ImageReader, Limits, Luma, LumaA, Rgb, Rgba,
 };
 use modulo_core::{Frame, Samples};
 use ndarray::Array3;
@@ -52,8 +53,54 @@ pub const EXTENSIONS: [&str; 5] = ["png", "jpg", "jpeg", "exr", "hdr"];
 /// [`ImageError`] when the file is missing, cut short, of an unknown format, an animation, an OpenEXR image without red,
 /// green and blue, or holds NaN or an infinity.
 pub fn read_image(path: &Path) -> Result<Frame, ImageError> {
-    let bytes = std::fs::read(path).map_err(|why| ImageError::Io(path.to_owned(), why))?;
+    let io = |why| ImageError::Io(path.to_owned(), why);
+    let mut bytes = Vec::new();
+    open_regular(path).and_then(|mut file| file.read_to_end(&mut bytes)).map_err(io)?;
     decode(&bytes, &path.display().to_string())
+}
+
+/// Opens a regular file for reading. To open a pipe would wait for its writer, and a device may have no end.
+///
+/// # Errors
+/// The error of the system, or one that says what the file is not.
+pub fn open_regular(path: &Path) -> io::Result<File> {
+    check_regular(path)?;
+    File::open(path)
+}
+
+/// Checks that `path` is a regular file, as [`open_regular`] does.
+///
+/// # Errors
+/// The same as those of [`open_regular`].
+pub fn check_regular(path: &Path) -> io::Result<()> {
+    if std::fs::metadata(path)?.is_file() {
+        return Ok(());
+    }
+    Err(io::Error::other(
+        "is not a regular file but a pipe, a device or a folder; copy its content to a file",
+    ))
+}
+
+/// The samples that [`decode`] finds in an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SampleDepth {
+    /// Codes of 8 bits.
+    U8,
+    /// Codes of 16 bits.
+    U16,
+    /// Linear radiance.
+    F32,
+}
+
+/// Returns the depth of the samples of an image, of which only the header is read; `None` when it is no readable image.
+pub fn sample_depth(image: impl BufRead + Seek) -> Option<SampleDepth> {
+    let decoder = ImageReader::new(image).with_guessed_format().ok()?.into_decoder().ok()?;
+    Some(match decoder.color_type() {
+        ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8 => SampleDepth::U8,
+        ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16 => SampleDepth::U16,
+        ColorType::Rgb32F | ColorType::Rgba32F => SampleDepth::F32,
+        _ => return None,
+    })
 }
 
 /// Decodes one image; `origin` is its name in errors.

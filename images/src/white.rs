@@ -4,7 +4,7 @@ use ndarray::Array3;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use crate::ImageError;
+use crate::{ImageError, SampleDepth};
 
 /// The automatic white point of a float image is this percentile of its samples. A hot pixel is above it.
 pub const WHITE_PERCENTILE: f64 = 99.9;
@@ -40,9 +40,35 @@ impl White {
         self.found
     }
 
-    /// Whether the white point was given, or has been taken from a float image.
-    pub fn is_known(&self) -> bool {
-        self.given.or(self.found).is_some()
+    /// Returns whether no image with such samples changes how later images are read.
+    pub fn is_settled(&self, depth: SampleDepth) -> bool {
+        self.given.is_some()
+            || match depth {
+                SampleDepth::U8 => true,
+                SampleDepth::U16 => self.wide,
+                SampleDepth::F32 => self.found.is_some(),
+            }
+    }
+
+    /// Learns from `frame` what [`White::radiance`] would learn from it, such as the white point. `origin` is the name of the
+    /// frame in the log.
+    pub fn learn(&mut self, frame: &Frame, origin: impl std::fmt::Display) {
+        if self.given.is_some() {
+            return;
+        }
+        match frame.demosaiced().samples() {
+            Samples::U8(_) => {}
+            Samples::U16(codes) => self.wide |= codes.iter().any(|code| *code > TWELVE_BITS),
+            // A black image says nothing about the white point, so that the search goes on with the next image. Once
+            // found, it stays: a new one for each frame of a sequence would make its brightness flicker.
+            Samples::F32(linear) if self.found.is_none() => {
+                self.found = bright(linear);
+                if let Some(white) = self.found {
+                    tracing::info!("white is {white}, the {WHITE_PERCENTILE}th percentile of {origin}");
+                }
+            }
+            Samples::F32(_) => {}
+        }
     }
 
     /// Radiance in `[0, 1)`, `H x W x C`: integers as fractions of their range, floats as linear radiance. `origin` is the
@@ -62,6 +88,7 @@ impl White {
         origin: impl std::fmt::Display,
     ) -> Result<Array3<f32>, ImageError> {
         let frame = frame.demosaiced();
+        self.learn(&frame, &origin);
         Ok(match frame.samples() {
             // The largest code stands for full scale and all beyond it: a clipped sky saturates the sensor, too.
             Samples::U8(codes) => scaled(&dithered(codes, f32::from(u8::MAX)), f32::from(u8::MAX)),
@@ -69,7 +96,6 @@ impl White {
                 Some(white) => scaled(&dithered(codes, white.floor()), white),
                 None => {
                     let largest = codes.iter().copied().max().unwrap_or_default();
-                    self.wide |= largest > TWELVE_BITS;
                     // Read as 16 bits, such an image would be so dark that no alpha of use wraps it: every figure would
                     // be perfect and mean nothing. A nearly black image fits both readings, so it says nothing.
                     if !self.wide && largest > u16::from(u8::MAX) {
@@ -78,19 +104,10 @@ impl White {
                     dithered(codes, f32::from(u16::MAX)) / 65536.0
                 }
             },
-            Samples::F32(linear) => {
-                // A black image says nothing about the white point, so that the search goes on with the next image. Once
-                // found, it stays: a new one for each frame of a sequence would make its brightness flicker.
-                if !self.is_known() {
-                    self.found = bright(linear);
-                    if let Some(white) = self.found {
-                        tracing::info!("white is {white}, the {WHITE_PERCENTILE}th percentile of {origin}");
-                    }
-                }
-                self.given
-                    .or(self.found)
-                    .map_or_else(|| Array3::zeros(linear.dim()), |white| scaled(linear, white))
-            }
+            Samples::F32(linear) => self
+                .given
+                .or(self.found)
+                .map_or_else(|| Array3::zeros(linear.dim()), |white| scaled(linear, white)),
         })
     }
 }

@@ -216,6 +216,21 @@ mod tests {
         Part::Call(function, arguments)
     }
 
+    /// The number of substitutions in a template.
+    fn calls(template: &Template) -> usize {
+        let call = |part: &Part| match part {
+            Part::Text(_) => 0,
+            Part::Call(_, arguments) => 1 + arguments.iter().map(calls).sum::<usize>(),
+        };
+        template.parts.iter().map(call).sum()
+    }
+
+    /// The number of `$(` in a text whose dollar no backslash makes plain.
+    fn openings(text: &str) -> usize {
+        let plain = text.replace(r"\\", "").replace(r"\$", "");
+        plain.matches("$(").count()
+    }
+
     #[test]
     fn nests_and_joins() {
         let template = Template::parse("a/$(var x$(var 'y z'))b").expect("valid");
@@ -281,8 +296,16 @@ mod tests {
 
     proptest! {
         #[test]
-        fn any_text_is_parsed_or_refused(text in r#"(\$\(|var |not |[ a-z()$'"\\é]){0,20}"#) {
-            let _ = Template::parse(&text);
+        fn each_substitution_of_a_text_is_parsed_or_the_text_is_refused(
+            text in r#"(\$\((var|env|not)? |\)|[ a-z()$'"\\é]){0,12}"#,
+        ) {
+            match Template::parse(&text) {
+                Ok(template) => prop_assert_eq!(calls(&template), openings(&text)),
+                Err(why) => {
+                    prop_assert!(text.contains(['$', '\\']), "{why}");
+                    prop_assert!(why.to_string().contains("$(") || why.to_string().contains(&text), "{why}");
+                }
+            }
         }
 
         #[test]

@@ -142,9 +142,10 @@ impl Summary {
 
     fn add_detections(&mut self, report: &NodeReport) {
         // A stream in which nothing was found is named as well.
-        let read = report.status.get("stream").map(|stream| (stream, BTreeMap::new()));
-        for (stream, found) in report.classes.iter().map(|(s, c)| (s, c.clone())).chain(read) {
-            let classes = self.detections.entry(stream.clone()).or_default();
+        let read = report.status.get("stream").into_iter().flat_map(|streams| streams.split(", "));
+        let read = read.map(|stream| (stream, BTreeMap::new()));
+        for (stream, found) in report.classes.iter().map(|(s, c)| (s.as_str(), c.clone())).chain(read) {
+            let classes = self.detections.entry(stream.to_owned()).or_default();
             found.iter().for_each(|(class, n)| add(classes, class, *n));
         }
     }
@@ -353,6 +354,16 @@ mod tests {
             serde_json::json!({"recovered": {"car": 4}, "modulo": {"car": 2, "bus": 8}, "ideal": {}});
         let summary = Summary::new(&[node.clone(), node], []);
         assert_eq!(serde_json::to_value(&summary.detections).expect("serialises"), expected);
+    }
+
+    #[test]
+    fn each_camera_of_a_detector_has_its_own_stream() {
+        let node = report(
+            r#"{"node": "/detector", "classes": {"/front/recovered": {"car": 2}},
+                "status": {"stream": "/front/recovered, /rear/recovered"}}"#,
+        );
+        let streams: Vec<_> = Summary::new(&[node], []).detections.into_keys().collect();
+        assert_eq!(streams, ["/front/recovered", "/rear/recovered"]);
     }
 
     #[test]

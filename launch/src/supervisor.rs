@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use modulo_runtime::process::stop::is_hangup_ignored;
 use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::watch;
 use tokio::task::JoinSet;
@@ -88,8 +89,8 @@ pub struct Outcome {
     pub reports: Vec<NodeReport>,
     /// From the first start to the last end.
     pub elapsed: Duration,
-    /// The content of the trace, if one was asked for.
-    pub trace: Option<TraceCounts>,
+    /// The content of the trace, if one was asked for, or why it could not be written.
+    pub trace: Option<Result<TraceCounts, LaunchError>>,
 }
 
 /// Why a run ended.
@@ -180,7 +181,7 @@ pub(crate) fn start_error(process: &str, why: impl ToString) -> LaunchError {
     LaunchError::Start { process: process.to_owned(), why: why.to_string() }
 }
 
-/// Runs `plan` until all its processes have ended, one of them ends all, or the launcher gets SIGINT or SIGTERM.
+/// Runs `plan` until all its processes have ended, one of them ends all, or the launcher gets SIGINT, SIGTERM or SIGHUP.
 ///
 /// # Errors
 /// [`LaunchError::Start`] when an executable is not found; nothing has been started then.
@@ -189,10 +190,13 @@ pub async fn run(plan: Plan, how: &Supervision) -> Result<Outcome, LaunchError> 
     // processes running.
     let open = |kind| signal(kind).map_err(|e| start_error("launcher", e));
     let (mut interrupt, mut terminate) = (open(SignalKind::interrupt())?, open(SignalKind::terminate())?);
+    // Under nohup, a closed terminal does not end the run.
+    let mut hangup = (!is_hangup_ignored()).then(|| open(SignalKind::hangup())).transpose()?;
     let stop = async {
         tokio::select! {
             _ = interrupt.recv() => {}
             _ = terminate.recv() => {}
+            Some(_) = async { hangup.as_mut()?.recv().await } => {}
         }
     };
     run_until(plan, how, stop).await
@@ -217,7 +221,7 @@ pub async fn run_until(
         never = watch_reports(how.watch.as_ref(), folders.reports()) => match never {},
     };
     let elapsed = begin.elapsed();
-    let trace = how.trace.as_ref().map(|file| trace::join(folders.traces(), file)).transpose()?;
+    let trace = how.trace.as_ref().map(|file| trace::join(folders.traces(), file));
     Ok(Outcome { ending, processes, reports: read_reports(folders.reports()), elapsed, trace })
 }
 

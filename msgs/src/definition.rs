@@ -189,8 +189,25 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_text_panics(text in "([a-z0-9/<=\\[\\]# _\"-]{0,30}\n){0,4}|\\PC{0,60}") {
-            let _ = parse_fields("a/msg/T", &text);
+        fn each_line_of_any_text_is_a_field_or_is_named(
+            text in "([a-z0-9/<=\\[\\]# _\"-]{0,30}\n){0,4}|((u?int8|string<=9|a/B)(\\[<?=?[0-9]?\\])? [a-c]( 1|=2| # c)?\n){0,4}|\\PC{0,60}",
+        ) {
+            let lines: Vec<_> = text.lines().map(without_comment).filter(|line| !line.is_empty()).collect();
+            match parse_fields("a/msg/T", &text) {
+                Ok(fields) => {
+                    let constants = lines.iter().filter(|line| line.replace("<=", "").contains('=')).count();
+                    prop_assert!(fields.len() <= lines.len().max(1) && fields.len() + constants >= lines.len());
+                    // In their order, with their names.
+                    let mut left = lines.iter();
+                    let found = fields.iter().all(|field| left.any(|line| line.contains(&field.name)));
+                    prop_assert!(found || fields[0].name == "structure_needs_at_least_one_member");
+                    prop_assert!(fields.iter().all(|field| !field.name.is_empty()));
+                }
+                Err(DefinitionError::Line(name, line)) => {
+                    prop_assert!(name == "a/msg/T" && lines.contains(&line.as_str()), "{line}");
+                }
+                Err(why) => prop_assert!(false, "{why}"),
+            }
         }
     }
 }

@@ -270,12 +270,14 @@ mod tests {
 
     proptest! {
         #[test]
-        fn no_bytes_panic_and_no_length_is_believed(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
+        fn no_length_is_believed(bytes in proptest::collection::vec(any::<u8>(), 0..200)) {
             let bytes = [&[0, 1, 0, 0], &bytes[..]].concat();
             for name in names().filter(|name| name.contains("/msg/")) {
                 let description = type_description(name).unwrap();
                 if let Ok(value) = from_slice(&description, &bytes) {
-                    let _ = value.to_string();
+                    // Each byte is shown once, with the name of its field.
+                    let shown = value.to_string();
+                    prop_assert!(shown.len() < 1000 + 100 * bytes.len(), "{name}: {} bytes", shown.len());
                 }
             }
         }

@@ -1,8 +1,8 @@
 //! Conversion between [`Image`], which has rows of bytes, and [`Frame`], which has the pixels that the suite computes
 //! with.
 //!
-//! Pixels are never scaled, converted between depths, demosaiced, or guessed: an encoding that is not in the table is refused. Images
-//! are written without padding and in little endian.
+//! Pixels are never scaled, converted between depths, demosaiced, or guessed: an encoding that is not in the table is refused. Only
+//! luma and chroma become red, green and blue (`yuv.rs`). Images are written without padding and in little endian.
 
 use std::borrow::Cow;
 
@@ -12,6 +12,7 @@ use ndarray::Array3;
 use crate::cdr::{self, ByteOrder, CdrError};
 use crate::sensor_msgs::Image;
 use crate::std_msgs::Header;
+use crate::yuv::YuvLayout;
 
 /// Error of an [`Image`] that is not a valid [`Frame`].
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -27,10 +28,26 @@ pub enum ImageMessageError {
         /// Bytes of the pixels of one row.
         row: u64,
     },
+    /// Pixels would be without chroma.
+    #[error(
+        "image of {width} x {height} px has the encoding '{encoding}', whose sides must be multiples of {columns} and {rows} px"
+    )]
+    Odd {
+        /// The encoding.
+        encoding: String,
+        /// Number of columns of the image.
+        width: u32,
+        /// Number of rows of the image.
+        height: u32,
+        /// Number of columns that share their chroma.
+        columns: u32,
+        /// Number of rows that share their chroma.
+        rows: u32,
+    },
     /// Rows are missing.
-    #[error("image data has {got} bytes, height * step = {expected} expected")]
+    #[error("image data has {got} bytes, {expected} expected of its height, step and encoding")]
     Short {
-        /// `height * step`.
+        /// `height * step`, and the second plane of encodings that have one.
         expected: u64,
         /// Bytes of the data.
         got: usize,
@@ -57,6 +74,7 @@ enum Channels {
     Bgr,
     Rgba,
     Bgra,
+    Yuv(YuvLayout),
 }
 
 /// Depth and channels of a pixel.
@@ -68,8 +86,8 @@ struct Encoding {
 
 /// The encodings that can be read.
 ///
-/// Source: `sensor_msgs/image_encodings.hpp`.
-const ENCODINGS: [(&str, Depth, Channels); 22] = [
+/// Source: `sensor_msgs/image_encodings.hpp`, and `nv12` of V4L2, which it does not have.
+const ENCODINGS: [(&str, Depth, Channels); 33] = [
     ("rgb8", Depth::U8, Channels::Rgb),
     ("bgr8", Depth::U8, Channels::Bgr),
     ("mono8", Depth::U8, Channels::Mono),
@@ -78,6 +96,8 @@ const ENCODINGS: [(&str, Depth, Channels); 22] = [
     ("rgb16", Depth::U16, Channels::Rgb),
     ("bgr16", Depth::U16, Channels::Bgr),
     ("mono16", Depth::U16, Channels::Mono),
+    ("rgba16", Depth::U16, Channels::Rgba),
+    ("bgra16", Depth::U16, Channels::Bgra),
     ("bayer_rggb8", Depth::U8, Channels::Bayer(Mosaic::Rggb)),
     ("bayer_bggr8", Depth::U8, Channels::Bayer(Mosaic::Bggr)),
     ("bayer_grbg8", Depth::U8, Channels::Bayer(Mosaic::Grbg)),
@@ -89,10 +109,20 @@ const ENCODINGS: [(&str, Depth, Channels); 22] = [
     // The encodings of OpenCV do not name their channels. OpenCV itself keeps blue first.
     ("8UC1", Depth::U8, Channels::Mono),
     ("8UC3", Depth::U8, Channels::Bgr),
+    ("8UC4", Depth::U8, Channels::Bgra),
     ("16UC1", Depth::U16, Channels::Mono),
     ("16UC3", Depth::U16, Channels::Bgr),
+    ("16UC4", Depth::U16, Channels::Bgra),
     ("32FC1", Depth::F32, Channels::Mono),
     ("32FC3", Depth::F32, Channels::Bgr),
+    ("uyvy", Depth::U8, Channels::Yuv(YuvLayout::Uyvy)),
+    ("yuyv", Depth::U8, Channels::Yuv(YuvLayout::Yuyv)),
+    // The older names of the two.
+    ("yuv422", Depth::U8, Channels::Yuv(YuvLayout::Uyvy)),
+    ("yuv422_yuy2", Depth::U8, Channels::Yuv(YuvLayout::Yuyv)),
+    ("nv12", Depth::U8, Channels::Yuv(YuvLayout::Nv12)),
+    ("nv21", Depth::U8, Channels::Yuv(YuvLayout::Nv21)),
+    ("nv24", Depth::U8, Channels::Yuv(YuvLayout::Nv24)),
 ];
 
 impl Encoding {
@@ -101,7 +131,7 @@ impl Encoding {
         found.map(|&(_, depth, channels)| Self { depth, channels })
     }
 
-    /// Returns the number of bytes of one pixel.
+    /// Returns the number of bytes of one pixel in the rows that the step counts.
     fn pixel(self) -> u64 {
         let sample = match self.depth {
             Depth::U8 => 1,
@@ -112,8 +142,22 @@ impl Encoding {
             Channels::Mono | Channels::Bayer(_) => 1,
             Channels::Rgb | Channels::Bgr => 3,
             Channels::Rgba | Channels::Bgra => 4,
+            Channels::Yuv(layout) => layout.pixel(),
         };
         sample * samples
+    }
+
+    /// Refuses an image in which a pixel would have no chroma.
+    fn check_sides(
+        self,
+        &Image { height, width, ref encoding, .. }: &Image,
+    ) -> Result<(), ImageMessageError> {
+        let Channels::Yuv(layout) = self.channels else { return Ok(()) };
+        let (columns, rows) = layout.block();
+        if width.is_multiple_of(columns) && height.is_multiple_of(rows) {
+            return Ok(());
+        }
+        Err(ImageMessageError::Odd { encoding: encoding.clone(), width, height, columns, rows })
     }
 }
 
@@ -124,13 +168,14 @@ fn names() -> String {
 impl Image {
     /// Returns the pixels, red first.
     ///
-    /// Reads `rgb8 bgr8 mono8 rgba8 bgra8 rgb16 bgr16 mono16 8UC1 8UC3 16UC1 16UC3 32FC1 32FC3` and the colour mosaics
-    /// `bayer_{rggb,bggr,grbg,gbrg}{8,16}` in either byte order with any `step` of at least one row. Alpha is dropped.
-    /// `8UC3`, `16UC3` and `32FC3` do not define the order of their channels and are read as those of OpenCV, blue first.
+    /// Reads `rgb8 bgr8 mono8 rgba8 bgra8 rgb16 bgr16 mono16 rgba16 bgra16 8UC{1,3,4} 16UC{1,3,4} 32FC{1,3}`, the colour mosaics
+    /// `bayer_{rggb,bggr,grbg,gbrg}{8,16}`, and `uyvy yuyv yuv422 yuv422_yuy2 nv12 nv21 nv24` as `rgb8`, in either byte order with any
+    /// `step` of at least one row. Alpha is dropped. `8UC3` and its like do not define the order of their channels and are read
+    /// as those of OpenCV, blue first. The step of the last three encodings is that of their plane of luma.
     ///
     /// # Errors
-    /// [`ImageMessageError`] for another encoding, a side of 0, a mosaic with a side of 1, a `step` below one row, fewer
-    /// than `height * step` bytes, and floats that are NaN or infinite.
+    /// [`ImageMessageError`] for another encoding, a side of 0, a mosaic with a side of 1, pixels that share their chroma with none, a
+    /// `step` below one row, too few bytes, and floats that are NaN or infinite.
     pub fn to_frame(&self) -> Result<Frame, ImageMessageError> {
         decode(PixelLayout::of(self)?, self.data.as_slice().into())
     }
@@ -166,26 +211,32 @@ impl PixelLayout {
         if h == 0 || w == 0 {
             return Err(FrameError::Empty { height: h, width: w }.into());
         }
+        encoding.check_sides(image)?;
         // Height, width and step come from the network. Their products fit in 64 bits, but not in 32 bits.
         let row = u64::from(width) * encoding.pixel();
         if u64::from(step) < row {
             return Err(ImageMessageError::Step { step, row });
         }
-        let expected = u64::from(height) * u64::from(step);
+        let rows = u64::from(height) * u64::from(step);
+        let expected = if let Channels::Yuv(layout) = encoding.channels { layout.size(rows) } else { rows };
         if (image.data.len() as u64) < expected {
             return Err(ImageMessageError::Short { expected, got: image.data.len() });
         }
-        // More bytes than `height * step` are no error, because the pixels are known all the same.
+        // More bytes than these are no error, because the pixels are known all the same.
         let order = if image.is_bigendian == 0 { ByteOrder::Little } else { ByteOrder::Big };
         Ok(Self { encoding, height: h, width: w, row: row as usize, step: step as usize, order })
     }
 }
 
 /// Makes pixels of the bytes in three steps: drop the padding of the rows, make samples of bytes, put red first. Each step
-/// copies only if it changes something.
+/// copies only if it changes something. Luma and chroma are converted in a single step.
 fn decode(layout: PixelLayout, data: Cow<'_, [u8]>) -> Result<Frame, ImageMessageError> {
-    let packed = without_padding(layout, data);
     let channels = layout.encoding.channels;
+    if let Channels::Yuv(yuv) = channels {
+        let PixelLayout { height, width, step, .. } = layout;
+        return Ok(Frame::from_u8(array(layout, yuv.to_rgb(&data, height, width, step)))?);
+    }
+    let packed = without_padding(layout, data);
     let frame = match layout.encoding.depth {
         Depth::U8 => Frame::from_u8(array(layout, red_first(channels, packed))),
         Depth::U16 => {
@@ -235,7 +286,8 @@ fn wide<T, const N: usize>(
 
 fn red_first<T: Copy>(channels: Channels, samples: Cow<'_, [T]>) -> Vec<T> {
     match channels {
-        Channels::Mono | Channels::Bayer(_) | Channels::Rgb => samples.into_owned(),
+        // Luma and chroma have become red, green and blue before.
+        Channels::Mono | Channels::Bayer(_) | Channels::Rgb | Channels::Yuv(_) => samples.into_owned(),
         Channels::Bgr => each_pixel(&samples, |&[b, g, r]| [r, g, b]),
         Channels::Rgba => each_pixel(&samples, |&[r, g, b, _]| [r, g, b]),
         Channels::Bgra => each_pixel(&samples, |&[b, g, r, _]| [r, g, b]),

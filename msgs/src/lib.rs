@@ -13,6 +13,7 @@ pub mod rcl_interfaces;
 pub mod rihs;
 mod services;
 mod topics;
+mod yuv;
 
 pub use crate::interface::{Interface, dds_name, ros_name, ros2msg};
 pub use crate::rihs::{type_hash, type_hash_of_schema};

@@ -34,7 +34,8 @@ pub enum Pixels<'py> {
     F32(PyReadonlyArray3<'py, f32>),
 }
 
-/// The samples of [`Pixels`], which a thread without Python may read.
+/// The samples of [`Pixels`]. They belong to numpy: another thread may write them as soon as the lock of Python is released, so that
+/// a function copies what it reads without the lock.
 pub enum View<'a> {
     U8(ArrayView3<'a, u8>),
     U16(ArrayView3<'a, u16>),

@@ -23,14 +23,12 @@ pub fn picture<'py>(
     let range = sensor.range().map_err(value_error)?;
     let psf = deblur.then(|| sensor.psf());
     let Image { pixels, is_flat } = Image::new("x", x)?;
-    let view = pixels.view();
-    let frame = py.detach(|| -> Result<Frame, FrameError> {
-        match &view {
-            View::F32(x) => shown(x, mosaic, psf.map(Deblur::new), range),
-            codes => shown(&codes.to_frame()?.to_f32(), mosaic, psf.map(Deblur::new), range),
-        }
-    });
-    Ok(frame_to_numpy(py, frame.map_err(value_error)?, is_flat))
+    let x = match pixels.view() {
+        View::F32(x) => x.to_owned(),
+        codes => codes.to_frame().map_err(value_error)?.to_f32(),
+    };
+    let frame = py.detach(|| shown(&x, mosaic, psf.map(Deblur::new), range)).map_err(value_error)?;
+    Ok(frame_to_numpy(py, frame, is_flat))
 }
 
 /// Returns the radiance `x` (H x W x C, code units) as the node `unwrap` shows it.

@@ -1,7 +1,9 @@
 //! The simulated sensor.
 
 use modulo_camera::CameraParameters;
+use modulo_core::Frame;
 use modulo_images::White;
+use ndarray::Array3;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -15,6 +17,14 @@ pub struct Sensor {
     seed: u64,
     white: f32,
     has_mosaic: bool,
+}
+
+/// A copy of the samples that `expose` was given.
+enum Given {
+    /// Radiance relative to full scale.
+    Radiance(Array3<f32>),
+    /// The codes of a picture.
+    Codes(Frame),
 }
 
 #[pymethods]
@@ -31,19 +41,19 @@ impl Sensor {
     fn expose<'py>(&self, py: Python<'py>, radiance: &Bound<'py, PyAny>) -> PyResult<[Bound<'py, PyAny>; 4]> {
         let Image { pixels, is_flat } = Image::new("radiance", radiance)?;
         let is_flat = is_flat || self.has_mosaic;
-        let view = pixels.view();
+        let given = match pixels.view() {
+            View::F32(radiance) if self.white == 0.0 => Given::Radiance(radiance.to_owned()),
+            codes => Given::Codes(codes.to_frame().map_err(value_error)?),
+        };
         let (modulo, saturated, ideal, wraps) = py.detach(|| -> PyResult<_> {
-            let exposure = match &view {
-                // Relative to full scale already.
-                View::F32(radiance) if self.white == 0.0 => self.sensor.expose(radiance.view(), self.seed),
-                codes => {
-                    let frame = codes.to_frame().map_err(value_error)?;
+            let radiance = match given {
+                Given::Radiance(radiance) => radiance,
+                Given::Codes(frame) => {
                     let mut white = White::new(self.white).map_err(value_error)?;
-                    let radiance = white.radiance(&frame, "radiance").map_err(value_error)?;
-                    self.sensor.expose(radiance.view(), self.seed)
+                    white.radiance(&frame, "radiance").map_err(value_error)?
                 }
             };
-            let exposure = exposure.map_err(value_error)?;
+            let exposure = self.sensor.expose(radiance.view(), self.seed).map_err(value_error)?;
             Ok((exposure.modulo(), exposure.saturated(), exposure.ideal(), exposure.wraps()))
         })?;
         let image = |frame| frame_to_numpy(py, frame, is_flat);

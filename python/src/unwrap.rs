@@ -34,12 +34,11 @@ pub fn unwrap<'py>(
         None => UnwrapParameters::from(&parameters).method().map_err(value_error)?,
     };
     let Image { pixels, is_flat } = Image::new("y", y)?;
-    let view = pixels.view();
+    let mut frame = pixels.view().to_frame().map_err(value_error)?;
+    if let Some(mosaic) = mosaic {
+        frame = frame.with_mosaic(mosaic).map_err(value_error)?;
+    }
     let (recovered, confidence) = py.detach(|| -> PyResult<_> {
-        let mut frame = view.to_frame().map_err(value_error)?;
-        if let Some(mosaic) = mosaic {
-            frame = frame.with_mosaic(mosaic).map_err(value_error)?;
-        }
         let mut recovered = Recovered::default();
         method.unwrap(&frame, range, &mut recovered).map_err(value_error)?;
         let confidence = confidence.then(|| recovered.confidence(mosaic, range));

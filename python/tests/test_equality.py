@@ -23,7 +23,9 @@ def saved(out: Path, picture: Path, stream: str) -> NDArray[np.uint8]:
 
 def compare(binary: Path, out: Path, pictures: list[Path], methods: tuple[str, ...], mosaic: str, gains: str) -> None:
     """Compares each stream and each method on each picture."""
-    options = ["--method", ",".join(methods), "--mosaic", mosaic, "--gains", gains, "--alpha", "4"]
+    options = ["--mosaic", mosaic, "--gains", gains, "--alpha", "4"]
+    if gains == "none":
+        options += ["--method", ",".join(methods)]
     noise = ["--psf-sigma", "1.4", "--read-noise", "1.5", "--shot-noise", "0.1", "--seed", "7"]
     subprocess.run([binary, "simulate", *pictures, *options, *noise, "--out", out], check=True, capture_output=True)
     rows = json.loads((out / "results.json").read_text())

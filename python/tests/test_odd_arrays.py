@@ -1,5 +1,6 @@
 """Whatever the array is: an answer of the right shape, or a ValueError. Memory does not grow, and other threads run."""
 
+import sys
 import threading
 import time
 from collections.abc import Callable
@@ -267,6 +268,42 @@ def test_other_threads_run_while_an_image_is_unwrapped() -> None:
         time.sleep(1e-3)
         ticks += 1
     assert ticks > 20
+
+
+def test_another_thread_may_write_the_array_during_a_call() -> None:
+    radiance = np.random.default_rng(1).random((400, 600, 3), dtype=np.float32)
+    sensor = modulo.Sensor(psf_sigma=1)
+    y = sensor.expose(radiance).modulo
+    calls: list[tuple[Callable[[AnyArray], AnyArray], AnyArray]] = [
+        (lambda array: sensor.expose(array).modulo, radiance),
+        (lambda array: modulo.Sensor(white=2).expose(array).modulo, radiance),
+        (lambda array: modulo.unwrap(array).x, y),
+        (modulo.tone_map, modulo.unwrap(y).x),
+        (lambda array: modulo.deblur(array, psf_sigma=1), modulo.unwrap(y).x),
+    ]
+    # The writer runs as soon as the call releases the lock of Python, and not before.
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1000)
+    try:
+        for call, array in calls:
+            expected = call(array)
+            for _ in range(5):
+                given = array.copy()
+                begin = threading.Event()
+
+                def write(given: AnyArray = given, begin: threading.Event = begin) -> None:
+                    begin.wait()
+                    given.fill(0)
+
+                writer = threading.Thread(target=write)
+                writer.start()
+                begin.set()
+                result = call(given)
+                writer.join()
+                assert np.array_equal(result, expected)
+                assert not given.any()
+    finally:
+        sys.setswitchinterval(interval)
 
 
 def test_the_number_of_threads_does_not_matter() -> None:

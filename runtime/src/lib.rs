@@ -22,6 +22,7 @@ pub mod transport;
 pub mod process {
     pub mod launcher;
     pub mod node_files;
+    pub mod output;
     pub mod ros_args;
     pub mod stop;
     pub mod trace;
@@ -36,7 +37,9 @@ pub mod sensor {
 pub use clock::{Clock, ManualClock, SystemClock};
 pub use graph::{NodeName, Qos, Topic, rosout};
 pub use message::{Message, MessageKind, StampedFrame};
-pub use node::{Context, Flow, Job, Node, Part, StepError, StepOutput, Trigger};
+pub use node::{
+    Context, Flow, Job, Node, Part, PlannedInputs, StepError, StepOutput, Trigger, change_parameters,
+};
 pub use parameter::{Allowed, Descriptor, ParameterError, ParameterSet, Parameters, Value};
 pub use process::stop::{Stop, Urgency, end_on_signals};
 pub use process::{launcher, ros_args};

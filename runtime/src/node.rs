@@ -61,6 +61,14 @@ pub enum StepError {
     Fatal(String),
 }
 
+/// The topics that a node reads after a change of its parameters.
+pub struct PlannedInputs {
+    /// Those that [`Node::inputs`] returns right after the change.
+    pub first: Vec<Topic>,
+    /// Those that a later step may bring with [`Flow::NewInputs`].
+    pub later: Vec<Topic>,
+}
+
 /// A part of a node that takes long to make, such as a loaded model.
 pub type Part = Box<dyn Any + Send>;
 
@@ -72,6 +80,16 @@ pub trait Node: Send {
     /// Returns the topics that the node reads now. They may change with [`Node::configure`], and with a step that returns
     /// [`Flow::NewInputs`]; the driver then renews the subscriptions.
     fn inputs(&self) -> Vec<Topic>;
+
+    /// Returns the topics that the node would read with the parameters `next`. The driver subscribes to them before the
+    /// node takes `next`, and refuses the change where it cannot. A node whose parameters name no topic keeps its inputs.
+    ///
+    /// # Errors
+    /// [`ParameterError`] with the parameter, its value and the possible values.
+    fn inputs_with(&self, next: &Parameters) -> Result<PlannedInputs, ParameterError> {
+        let _ = next;
+        Ok(PlannedInputs { first: self.inputs(), later: Vec::new() })
+    }
 
     /// Returns the topics written, fixed for the node's life. [`Context::emit`] and [`Context::wanted`] take an index
     /// into this list.
@@ -95,7 +113,8 @@ pub trait Node: Send {
         let _ = position;
     }
 
-    /// Takes a whole validated set of parameters, between two steps.
+    /// Takes a whole validated set of parameters, between two steps. It reads no file and loads no model: that is the work
+    /// of the job of [`Node::prepare`].
     ///
     /// # Errors
     /// [`ParameterError`] with the parameter, its value and the possible values; the node then continues exactly as
@@ -124,6 +143,12 @@ pub trait Node: Send {
     /// [`StepError::Skip`] for a bad input, [`StepError::Fatal`] when the node cannot go on.
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError>;
 
+    /// Gives the message up that a step has kept ([`Flow::Kept`]), since what it waits for has not come within about a second.
+    /// Returns the reason, with which it counts as skipped; `None` when no message is kept.
+    fn give_up(&mut self) -> Option<String> {
+        None
+    }
+
     /// Returns the values in use as (key, value) pairs for the topic `~/state`, such as `("engine", "rten")`. They change
     /// with parameters and with the sensor, and are no counts. The driver adds the name of the stream.
     fn state(&self) -> Vec<(&'static str, String)> {
@@ -134,6 +159,23 @@ pub trait Node: Send {
     /// "rten")` and `("stream", "recovered")`.
     fn status(&self) -> Vec<(&'static str, String)> {
         Vec::new()
+    }
+}
+
+/// Changes the parameters of `node` from `now` to `next` on the thread of the caller, which waits for the part that the
+/// change needs. A driver does this in steps, so that its node goes on meanwhile.
+///
+/// # Errors
+/// The same as those of [`Node::configure`].
+pub fn change_parameters(
+    node: &mut dyn Node,
+    now: &Parameters,
+    next: &Parameters,
+) -> Result<(), ParameterError> {
+    node.inputs_with(next)?;
+    match node.prepare(now, next) {
+        None => node.configure(next),
+        Some(job) => node.exchange(next, job()?),
     }
 }
 

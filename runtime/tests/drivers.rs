@@ -16,13 +16,13 @@ use modulo_runtime::transport::keys::Hashes;
 use modulo_runtime::transport::local::LocalTransport;
 use modulo_runtime::transport::zenoh::ZenohTransport;
 use modulo_runtime::transport::{
-    Address, Claim, Deliver, Guard, Incoming, ParameterPort, ParameterRequest, Publisher, Transport,
-    TransportError,
+    Address, Claim, Deliver, Guard, Incoming, ParameterAnswer, ParameterPort, ParameterRequest, Publisher,
+    Transport, TransportError,
 };
 use modulo_runtime::{
     Clock, Context, Flow, Job, ManualClock, Message, MessageKind, Node, NodeName, NodeReport, ParameterError,
-    ParameterSet, Parameters, Part, StampedFrame, StepError, Stop, SystemClock, Topic, Trigger, Urgency,
-    Value,
+    ParameterSet, Parameters, Part, PlannedInputs, StampedFrame, StepError, Stop, SystemClock, Topic,
+    Trigger, Urgency, Value,
 };
 use ndarray::Array3;
 
@@ -362,8 +362,15 @@ impl Node for Add {
     }
 }
 
+/// Returns what a node loads, as its state says.
+fn loading(state: Incoming) -> Option<String> {
+    let Incoming::Message(Message::Diagnostics(array)) = state else { panic!("no state: {state:?}") };
+    let value = array.status[0].values.iter().find(|value| value.key == "loading");
+    value.map(|value| value.value.clone())
+}
+
 /// While a part is made, frames are answered with the part that the node has, and the parameter keeps its value. The new
-/// one is exchanged, refused, or left out when the caller has given up.
+/// one is exchanged or refused, also when the caller has gone meanwhile.
 #[test]
 fn a_part_is_made_while_the_node_goes_on() {
     let ((ports, port), (make, makes)) = (channel(), channel());
@@ -373,6 +380,11 @@ fn a_part_is_made_while_the_node_goes_on() {
     let (sender, answers) = channel();
     let take = Box::new(move |incoming| sender.send(incoming).expect("the test listens"));
     let _answers = transport.subscribe(&test, &address("b"), take).expect("local");
+    let states = Arc::new(Mutex::new(Vec::new()));
+    let told = states.clone();
+    let note = move |incoming: Incoming| told.lock().expect("not poisoned").push(loading(incoming));
+    let state = Address::resolve(&test, &Topic::new("/add/state", MessageKind::Diagnostics)).expect("a name");
+    let _states = transport.subscribe(&test, &state, Box::new(note)).expect("local");
     let frames = transport.advertise(&test, &address("a")).expect("local");
     let frame = || {
         let image = StampedFrame { header: Header::default(), frame: pixel(10) };
@@ -399,7 +411,16 @@ fn a_part_is_made_while_the_node_goes_on() {
         let (claim, changes) = (Claim::default(), vec![vec![("amount".to_owned(), Value::Integer(amount))]]);
         let request = ParameterRequest { changes, answer, claim: claim.clone() };
         assert!((port.request)(request).is_none());
-        (claim, move || verdict.recv().map(|answers| answers.into_iter().next().expect("an answer")))
+        let answer = move || loop {
+            match verdict.recv() {
+                Ok(ParameterAnswer::Loading) => {}
+                Ok(ParameterAnswer::Done(answers)) => {
+                    break Ok(answers.into_iter().next().expect("an answer"));
+                }
+                Err(gone) => break Err(gone),
+            }
+        };
+        (claim, answer)
     };
     let in_use = || (frame(), (port.read)().get("amount").cloned());
     let value = |amount: u8| (amount, Some(Value::Integer(amount.into())));
@@ -417,13 +438,130 @@ fn a_part_is_made_while_the_node_goes_on() {
     make.send(Err(refusal.clone())).expect("the job waits");
     assert_eq!((verdict(), in_use()), (Ok(Err(refusal)), value(5)));
 
+    // A caller that has been told that the node loads does not take its request back by going.
     let (claim, verdict) = ask(9);
-    assert!(claim.take(), "the caller gives up");
+    wait_until("the node has begun to load", || claim.is_taken());
+    drop(verdict);
     make.send(Ok(9)).expect("the job waits");
-    assert!(verdict().is_err(), "there is no answer");
-    assert_eq!(in_use(), value(5));
+    wait_until("the part is in use", || in_use() == value(9));
+    let mut states = states.lock().expect("not poisoned").clone();
+    states.dedup();
+    let loads = |amount: u8| Some(format!("amount = {amount}"));
+    assert_eq!(states, [None, loads(5), None, loads(7), None, loads(9), None]);
     stop.ask(Urgency::Now);
     running.join().expect("no panic");
+}
+
+modulo_runtime::parameters! {
+    /// The parameters of [`Relay`].
+    pub struct RelayParameters {
+        /// The topics to read.
+        inputs: Vec<String> = vec!["/left/a".into(), "/right/a".into()],
+    }
+}
+
+/// Reads any number of topics, and sends the images on.
+struct Relay(RelayParameters);
+
+fn topics_of(parameters: &RelayParameters) -> Vec<Topic> {
+    parameters.inputs.iter().map(|name| Topic::new(name, MessageKind::Image)).collect()
+}
+
+impl Node for Relay {
+    fn inputs(&self) -> Vec<Topic> {
+        topics_of(&self.0)
+    }
+    fn inputs_with(&self, next: &Parameters) -> Result<PlannedInputs, ParameterError> {
+        Ok(PlannedInputs { first: topics_of(&next.into()), later: Vec::new() })
+    }
+    fn outputs(&self) -> Vec<Topic> {
+        vec![Topic::new("out", MessageKind::Image)]
+    }
+    fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
+        self.0 = parameters.into();
+        Ok(())
+    }
+    fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
+        if let Trigger::Message { input, message: Message::Image(image) } = trigger {
+            // The index tells under which of its inputs the node has seen the image.
+            let value = image.frame.as_u8().expect("8 bit")[(0, 0, 0)] + input as u8;
+            cx.emit(
+                0,
+                Message::Image(Arc::new(StampedFrame { header: image.header.clone(), frame: pixel(value) })),
+            );
+        }
+        Ok(Flow::Continue)
+    }
+}
+
+/// A change of one input leaves the subscriptions of all others alone, whatever their order; an input that the node
+/// publishes itself, or that is no name, is refused, and nothing is stored.
+#[test]
+fn inputs_are_found_by_their_address() {
+    let (ports, port) = channel();
+    let transport = Arc::new(Offered { local: LocalTransport::default(), ports: Mutex::new(ports) });
+    let (test, stop) = (node_name("test"), Stop::default());
+    let address = |topic| Address::resolve(&test, &Topic::new(topic, MessageKind::Image)).expect("a name");
+    let (sender, answers) = channel();
+    let take = Box::new(move |incoming| sender.send(incoming).expect("the test listens"));
+    let _answers = transport.subscribe(&test, &address("out"), take).expect("local");
+    let topics = ["/left/a", "/right/a", "/left/b"];
+    let publishers = topics.map(|topic| transport.advertise(&test, &address(topic)).expect("local"));
+    let sent = std::cell::Cell::new(0);
+    let answer = |publisher: usize| {
+        sent.set(sent.get() + 1);
+        let header = Header { stamp: Time::from_ns(sent.get()), ..Header::default() };
+        publishers[publisher]
+            .put(&Message::Image(Arc::new(StampedFrame { header, frame: pixel(10) })))
+            .expect("local");
+        match answers.recv_timeout(Duration::from_secs(60)).expect("an answer") {
+            Incoming::Message(Message::Image(image)) => image.frame.as_u8().expect("8 bit")[(0, 0, 0)] - 10,
+            other => panic!("no image: {other:?}"),
+        }
+    };
+    let (offered, asked) = (transport.clone(), stop.clone());
+    let running = std::thread::spawn(move || {
+        let declared = [RelayParameters::descriptors(), CommonParameters::descriptors()].concat();
+        let (node, parameters) = (Box::new(Relay(RelayParameters::default())), Parameters::declare(declared));
+        let setup =
+            NodeSetup { node, parameters, node_name: node_name("relay"), saved: None, report_file: None };
+        let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
+        live::run(setup, &*offered, &clock, asked).expect("runs")
+    });
+    let port = port.recv().expect("the node starts");
+    let set = |inputs: &[&str]| {
+        let (answer, verdict) = channel();
+        let value = Value::Strings(inputs.iter().map(|name| (*name).to_owned()).collect());
+        let changes = vec![vec![("inputs".to_owned(), value)]];
+        assert!((port.request)(ParameterRequest { changes, answer, claim: Claim::default() }).is_none());
+        match verdict.recv_timeout(Duration::from_secs(60)).expect("an answer") {
+            ParameterAnswer::Done(mut answers) => {
+                answers.pop().expect("one change").map_err(|why| why.to_string())
+            }
+            ParameterAnswer::Loading => panic!("this node loads nothing"),
+        }
+    };
+    assert_eq!([answer(0), answer(1)], [0, 1]);
+    for (bad, why) in [("/out", "publishes /out itself"), ("a b", "'a b'")] {
+        let told = set(&["/right/a", bad]).expect_err(bad);
+        assert!(told.contains("'inputs' = ") && told.contains(why), "{told}");
+    }
+    assert_eq!([answer(0), answer(1)], [0, 1], "refused whole");
+    assert_eq!((port.read)().get("inputs").map(ToString::to_string).as_deref(), Some("[/left/a, /right/a]"));
+
+    // The same topics at other places are no change of any of them.
+    set(&["/right/a", "/left/a"]).expect("possible");
+    assert_eq!([answer(0), answer(1)], [1, 0]);
+    set(&["/left/b", "/left/a", "/right/a"]).expect("possible");
+    assert_eq!([answer(2), answer(0), answer(1)], [0, 1, 2]);
+    set(&["/right/a"]).expect("possible");
+    assert_eq!(answer(1), 0);
+    stop.ask(Urgency::Now);
+    let report = running.join().expect("no panic");
+    let received = topics.map(|topic| {
+        (report.received.get(topic).copied().unwrap_or(0), report.unread.get(topic).copied().unwrap_or(0))
+    });
+    assert_eq!(received, [(4, 0), (5, 0), (1, 0)]);
 }
 
 /// Three sessions without a router: they find each other, lose nothing and end.

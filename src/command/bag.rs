@@ -1,13 +1,16 @@
 //! `modulo bag`: record, play, info, recover, convert, import.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use clap::{Args, Subcommand};
-use modulo_bags::bag::{self, BagInfo, BagReader, BagWarning, BagWriter, Compression, Split, WriteOptions};
+use modulo_bags::bag::{
+    self, BagError, BagInfo, BagReader, BagWarning, BagWriter, Compression, Split, WriteOptions,
+};
 use modulo_bags::capture::capture;
-use modulo_bags::import::import_kitti;
+use modulo_bags::import::{ImportError, import_kitti};
 use modulo_bags::play::{PlayOptions, PlaybackClock, PlaybackState, Player, Repeat};
 use modulo_bags::replay::{self, ReplayError, ReplayOptions, replay};
 use modulo_eval::grid::words;
@@ -143,7 +146,10 @@ pub fn bag(args: &Bag) -> Result<Ended, Failure> {
         Bag::Recover(args) => copy(&BagReader::salvage(&args.bag)?, args),
         Bag::Convert(args) => copy(&BagReader::open(&args.bag)?, args),
         Bag::Import(BagImport::Kitti { folder, out }) => {
-            let report = import_kitti(folder, out, Compression::None)?;
+            let report = import_kitti(folder, out, Compression::None).map_err(|why| match why {
+                ImportError::Bag(why) => without_place(why),
+                why => why.into(),
+            })?;
             say!("{} frames, {} labelled, {} objects", report.frames, report.labelled, report.objects);
             Ok(Ended::Done)
         }
@@ -151,7 +157,7 @@ pub fn bag(args: &Bag) -> Result<Ended, Failure> {
 }
 
 fn copy(reader: &BagReader, args: &BagCopy) -> Result<Ended, Failure> {
-    let copied = bag::copy(reader, &args.out, write_options(&args.form))?;
+    let copied = bag::copy(reader, &args.out, write_options(&args.form)).map_err(without_place)?;
     for topic in copied.topics {
         say!("{}: {} messages", topic.topic.name, topic.messages);
     }
@@ -160,6 +166,11 @@ fn copy(reader: &BagReader, args: &BagCopy) -> Result<Ended, Failure> {
     let Some(why) = copied.broke else { return Ok(ended) };
     eprintln!("modulo: {why}");
     Ok(Ended::WithLoss)
+}
+
+/// Tells a new bag without a place, which is a wrong command line, from an error of a run.
+fn without_place(why: BagError) -> Failure {
+    if why.is_without_place() { usage(why) } else { why.into() }
 }
 
 fn write_options(form: &Form) -> WriteOptions {
@@ -182,12 +193,16 @@ fn loss<'a>(warnings: impl IntoIterator<Item = &'a BagWarning>) -> Ended {
 
 fn record(args: &BagRecord) -> Result<Ended, Failure> {
     let stop = stop_on_signals()?;
-    let recorder = BagWriter::create(&args.output, write_options(&args.form))?;
+    let recorder = BagWriter::create(&args.output, write_options(&args.form)).map_err(without_place)?;
     let (clock, transport) = open_session()?;
     let topics = Some(args.topics.as_slice()).filter(|topics| !topics.is_empty());
     tracing::info!("recording into {}; SIGINT ends it", args.output.display());
+    let transport = Arc::new(transport);
     let captured = capture(&transport, &clock, recorder, topics, &stop)?;
-    transport.close();
+    // A question for a definition that is still open must not delay the end.
+    if let Some(transport) = Arc::into_inner(transport) {
+        transport.close();
+    }
     for topic in &captured.topics {
         // A topic without a loss has no entry.
         let lost = captured.lost.get(&topic.topic.name).copied().unwrap_or(0);

@@ -9,7 +9,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use modulo_bags::source::{self, SourceOptions};
 use modulo_bench::engines::EngineOutcome;
 use modulo_bench::{
-    BenchError, BenchEvent, Lens, SensorOptions, benchmark, engines, frontier, pipeline, simulate, stability,
+    BenchError, BenchEvent, Lens, SensorOptions, below_100, benchmark, engines, frontier, pipeline, recover,
+    simulate, stability,
 };
 use modulo_camera::CameraParameters;
 use modulo_core::{GainPattern, Mosaic, SensorError, UnwrapError, WorkersError};
@@ -102,25 +103,55 @@ pub fn simulate(args: Simulate) -> Result<Ended, Failure> {
         .iter()
         .for_each(|(file, white)| say!("white is {white}, the {WHITE_PERCENTILE}th percentile of {file}"));
     say!(
-        "file                         alpha method            exact k   PSNR dB     SSIM method used    trusted       ms"
+        "file                         alpha method             exact k   PSNR dB     SSIM method used    trusted       ms"
     );
     for row in &outcome.rows {
         let number =
             |value: Option<f64>, digits| value.map_or("-".into(), |value| format!("{value:.digits$}"));
         let file = Path::new(&row.file).file_name().unwrap_or_default().to_string_lossy();
-        let trusted = row.trusted.map_or("-", |trusted| if trusted { "yes" } else { "no" });
+        let trusted = word_of_trust(row.trusted);
         say!(
-            "{file:<28} {:>5} {:<16} {:>7.3}% {:>9} {:>8} {:<14} {trusted:<7} {:>8.2}",
+            "{file:<28} {:>5} {:<16} {:>8}% {:>9} {:>8} {:<14} {trusted:<7} {:>8.2}",
             row.alpha,
             row.method,
-            100.0 * row.exact_k,
-            number(row.psnr_db, 2),
+            below_100(row.exact_k, 3),
+            psnr(row.psnr_db),
             number(row.ssim, 4),
             row.method_used,
             row.ms
         );
     }
     Ok(if outcome.skipped.is_empty() { Ended::Done } else { Ended::WithLoss })
+}
+
+/// Unwraps modulo images.
+pub fn unwrap(request: &recover::UnwrapRequest) -> Result<Ended, Failure> {
+    let bar = progress_bar(STEPS);
+    let outcome = recover::unwrap_files(request, &mut |event| tell(&bar, event)).map_err(failure)?;
+    bar.finish_and_clear();
+    say!("file                         method           method used    trusted largest k       ms");
+    for row in &outcome.rows {
+        let file = Path::new(&row.file).file_name().unwrap_or_default().to_string_lossy();
+        say!(
+            "{file:<28} {:<16} {:<14} {:<7} {:>9} {:>8.2}",
+            row.method,
+            row.method_used,
+            word_of_trust(row.trusted),
+            row.most_k,
+            row.ms
+        );
+    }
+    Ok(if outcome.skipped.is_empty() { Ended::Done } else { Ended::WithLoss })
+}
+
+/// The claim of a method about its result in a table.
+fn word_of_trust(trusted: Option<bool>) -> &'static str {
+    trusted.map_or("-", |trusted| if trusted { "yes" } else { "no" })
+}
+
+/// The PSNR in a table; equal images have none in results and an infinite one here.
+fn psnr(db: Option<f64>) -> String {
+    db.map_or("inf".to_owned(), |db| format!("{db:.2}"))
 }
 
 /// Measures the methods, or draws the chart of earlier results.
@@ -143,16 +174,16 @@ fn bench_unwrap(request: &benchmark::BenchmarkRequest) -> Result<Ended, Failure>
     let bar = progress_bar(STEPS);
     let outcome = benchmark::unwrap(&request, &mut |event| tell(&bar, event)).map_err(failure)?;
     bar.finish_and_clear();
-    say!("method           alpha threads    ms p50   exact k   PSNR dB");
+    say!("method           alpha threads    ms p50    exact k   PSNR dB");
     for row in &outcome.rows {
-        let psnr = row.psnr_db.map_or("-".into(), |psnr| format!("{psnr:.2}"));
         say!(
-            "{:<16} {:>5} {:>7} {:>9.2} {:>8.3}% {psnr:>9}",
+            "{:<16} {:>5} {:>7} {:>9.2} {:>9}% {:>9}",
             row.method,
             row.alpha,
             row.threads,
             row.ms_p50,
-            100.0 * row.exact_k
+            below_100(row.exact_k, 3),
+            psnr(row.psnr_db)
         );
     }
     for file in frontier::draw_frontier(&request.out.join(benchmark::RESULTS))? {
@@ -256,7 +287,11 @@ fn word_of(engine: &str) -> Option<EngineChoice> {
 /// Tells an error of the command line from one of a file or of the run.
 fn failure(why: BenchError) -> Failure {
     let of_command_line = match &why {
-        BenchError::Empty(_) | BenchError::Number { .. } | BenchError::Image(ImageError::White(_)) => true,
+        BenchError::Empty(_)
+        | BenchError::Number { .. }
+        | BenchError::Option(_)
+        | BenchError::Output(..)
+        | BenchError::Image(ImageError::White(_)) => true,
         BenchError::Sensor(why) => !matches!(why, SensorError::Shape(_) | SensorError::NotFinite { .. }),
         BenchError::Unwrap(
             UnwrapError::Method { .. } | UnwrapError::Workers(WorkersError::Threads { .. }),
@@ -269,7 +304,7 @@ fn failure(why: BenchError) -> Failure {
 /// Runs the stability suite.
 pub fn stability(out: &Path) -> Result<Ended, Failure> {
     let bar = progress_bar(STEPS);
-    let outcome = stability::run(out, |event| tell(&bar, event))?;
+    let outcome = stability::run(out, |event| tell(&bar, event)).map_err(failure)?;
     bar.finish_and_clear();
     outcome.better.iter().for_each(|what| say!("better than documented: {what}"));
     outcome.broken.iter().for_each(|what| say!("broken: {what}"));

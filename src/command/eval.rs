@@ -6,11 +6,12 @@ use anyhow::{Context, anyhow};
 use clap::{Args, Subcommand};
 use modulo_bags::bag::{BagWriter, Compression};
 use modulo_eval::launch_file::{DetectorStream, Evaluation, EvaluationPlan, StreamScore};
+use modulo_eval::store;
 use modulo_launch::Summary;
 use modulo_runtime::driver::lockstep::Lockstep;
 use modulo_runtime::{MessageKind, Node, NodeName, NodeReport, SystemClock};
 
-use super::launch::{prepare, tell_slower_engine};
+use super::launch::{prepare, refuse, tell_slower_engine};
 use super::progress::ProgressLine;
 use super::{grid, pairs, start_log, usage};
 use crate::{Ended, Failure};
@@ -153,6 +154,8 @@ fn run(
         let annotated = plan.streams.iter().map(|s| s.annotated.clone());
         recorded.extend(images.chain(annotated).flatten());
     }
+    // After the checks of the nodes, so that a wrong command makes no folder, and before the first frame.
+    store::prepare(out).map_err(grid::failure)?;
     let names: Vec<&str> = made.iter().map(|(_, node_name)| node_name.name.as_str()).collect();
     eprintln!("[eval] {} in lockstep: every frame once, none dropped", names.join(", "));
     let timer = SystemClock::default();
@@ -169,6 +172,7 @@ type Made = Vec<(Box<dyn Node>, NodeName)>;
 
 fn nodes(file: &Path, arguments: &[(String, String)]) -> Result<Made, Failure> {
     let plan = modulo_launch::resolve(file, arguments).map_err(usage)?;
+    refuse(&plan)?;
     let nodes = modulo_launch::compose(&plan).map_err(usage)?;
     let make = |node| {
         let (kind, node_name, parameters) = prepare(node)?;

@@ -1,6 +1,8 @@
 //! `modulo topic` and `modulo node`: the nodes, topics and messages of the graph. No ROS installation is needed.
 
 use std::collections::{BTreeSet, VecDeque};
+use std::io::Write as _;
+use std::ops::ControlFlow;
 use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
@@ -181,15 +183,28 @@ fn echo(transport: &ZenohTransport, args: &Echo) -> Result<(), Failure> {
         // Nothing comes when the command was asked to end meanwhile.
         let Some(sample) = listening.next(None) else { continue };
         let value = dynamic::from_slice(&description, &sample.item.payload)?;
-        say!("{value}---");
-        if args.once {
+        if print(&format!("{value}---")).is_break() || args.once {
             break;
         }
     }
     if listening.lost() > 0 {
-        eprintln!("{} messages are not shown: they came faster than they could be printed", listening.lost());
+        // A reader that has left, such as `head`, may have read these lines, too.
+        let _ = writeln!(
+            std::io::stderr(),
+            "{} messages are not shown: they came faster than they could be printed",
+            listening.lost()
+        );
     }
     Ok(())
+}
+
+/// Prints a line of a command without an end of its own, which a reader ends by closing the pipe.
+fn print(line: &str) -> ControlFlow<()> {
+    if writeln!(std::io::stdout(), "{line}").is_ok() {
+        ControlFlow::Continue(())
+    } else {
+        ControlFlow::Break(())
+    }
 }
 
 /// Prints the rate of the messages, and its spread, once a second.
@@ -208,7 +223,9 @@ fn hz(transport: &ZenohTransport, clock: &dyn Clock, topic: &str, window: usize)
         if now() >= due {
             // The next line is due one second after this one was due, so that delays do not add up.
             due += 1.0;
-            say!("{}", rate(arrived.make_contiguous(), listening.lost()));
+            if print(&rate(arrived.make_contiguous(), listening.lost())).is_break() {
+                break;
+            }
         }
     }
     Ok(())

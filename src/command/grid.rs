@@ -10,6 +10,7 @@ use clap::Args;
 use indicatif::ProgressBar;
 use modulo_bags::source::{FrameList, SourceError};
 use modulo_camera::CameraParameters;
+use modulo_eval::below_100;
 use modulo_eval::grid::{
     Data, GridError, GridEvent, GridOptions, Request, Suite, draw_pictures, merge as merge_shards, run,
 };
@@ -47,7 +48,7 @@ pub struct Grid {
     #[arg(long, value_name = "FOLDER", requires = "coco")]
     pub coco_images: Option<PathBuf>,
     /// Parameter file of the camera with the values of the chip and the lens, such as sensors/mosaic.yaml
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["file", "psf_sigma", "noise", "shot_noise", "gains", "mosaic"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["file", "psf_sigma", "read_noise", "shot_noise", "gains", "mosaic"])]
     pub sensor: Option<PathBuf>,
     /// The settings of the grid.
     #[command(flatten)]
@@ -67,13 +68,13 @@ pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure
     let timer = SystemClock::default();
     let outcome = run(&request, &Suite, &timer, &|event| progress.tell(event)).map_err(failure)?;
     progress.bar.finish_and_clear();
-    let lost = outcome.lost();
+    let (lost, whole) = (outcome.lost(), outcome.whole);
     let mut results = outcome.results;
     results.cells.iter().for_each(print_cell);
     tell_unscored(&results);
     // The pictures compare all cells, so they are drawn when the last shard or run has made them complete.
     let mut start = timer.ticks_ns();
-    if results.cells.len() == results.setup.grid.len() {
+    if whole {
         let pictures = draw_pictures(&request, &Suite, &timer, &results).map_err(failure)?;
         page::save_pictures(out, &pictures).map_err(failure)?;
         start = add_stage(&mut results, "pictures", start, &timer);
@@ -111,10 +112,7 @@ impl GridProgress {
     fn tell(&self, event: GridEvent<'_>) {
         let Self { bar, .. } = self;
         match event {
-            GridEvent::Resumed { cells: 0 } => {}
-            GridEvent::Resumed { cells } => {
-                bar.suspend(|| eprintln!("modulo: {cells} cells are finished already"))
-            }
+            GridEvent::Resumed { cells, others } => bar.suspend(|| tell_resumed(cells, others)),
             GridEvent::Cell { frames: (done, all), name } => {
                 bar.set_length(all);
                 bar.set_position(done);
@@ -143,6 +141,16 @@ impl GridProgress {
     }
 }
 
+/// Prints what the folder of the results already holds.
+fn tell_resumed(cells: usize, others: usize) {
+    if cells > 0 {
+        eprintln!("modulo: {cells} cells are finished already");
+    }
+    if others > 0 {
+        eprintln!("modulo: {others} cells of other grids are in the folder and stay");
+    }
+}
+
 /// Prints a line if there is a cell without an AP.
 fn tell_unscored(results: &Results) {
     if results.cells.iter().any(Cell::is_unscored) {
@@ -155,6 +163,7 @@ fn tell_unscored(results: &Results) {
 
 /// Joins shards.
 pub fn merge(out: &Path, folders: &[PathBuf]) -> Result<Ended, Failure> {
+    store::prepare(out).map_err(failure)?;
     let results = merge_shards(out, folders).map_err(failure)?;
     let Results { setup, cells, .. } = &results;
     report(out)?;
@@ -204,12 +213,16 @@ fn data(args: &Grid, source: &[String]) -> Result<Data, Failure> {
     }
 }
 
-fn failure(why: GridError) -> Failure {
+pub fn failure(why: GridError) -> Failure {
     // These come from the command line, and the others from files or from the run.
     let of_command_line = match &why {
-        GridError::Empty(_) | GridError::Value { .. } | GridError::Table(..) | GridError::Parameter(_) => {
-            true
-        }
+        GridError::Empty(_)
+        | GridError::Value { .. }
+        | GridError::Table(..)
+        | GridError::Parameter(_)
+        | GridError::NoCell(_)
+        | GridError::Output(..)
+        | GridError::OtherSetup(..) => true,
         GridError::Source(why) => {
             matches!(why, SourceError::Scene(_) | SourceError::Image(ImageError::White(_)))
         }
@@ -220,7 +233,7 @@ fn failure(why: GridError) -> Failure {
 
 fn print_cell(cell: &Cell) {
     let percent =
-        |value: Option<f64>| value.map_or("    -".to_owned(), |value| format!("{:5.1}", 100.0 * value));
+        |value: Option<f64>| value.map_or("    -".to_owned(), |value| format!("{:>5}", below_100(value, 1)));
     // A group without an object in the data has no AP, which says nothing.
     let scored = cell.ap50.iter().filter(|(_, ap)| ap.is_some());
     let groups: Vec<String> = scored.map(|(group, ap)| format!("{group} {}", percent(*ap))).collect();

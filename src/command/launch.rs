@@ -1,19 +1,22 @@
 //! `modulo launch FILE`: separate processes, or one with `--compose`.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
 use anyhow::{Context, anyhow};
 use clap::Args;
-use modulo_launch::plan::OnExit;
-use modulo_launch::supervisor::{MAX_RESTARTS, Watch};
+use modulo_launch::plan::{NodeParameter, OnExit};
+use modulo_launch::supervisor::{MAX_RESTARTS, ProcessEnd, Watch};
 use modulo_launch::{
-    ComposedNode, Ending, NodePlan, Plan, Summary, Supervision, launch_files, reports_so_far,
+    ComposedNode, Ending, NodePlan, Outcome, Plan, Summary, Supervision, launch_files, reports_so_far,
 };
 use modulo_runtime::driver::composed::{self, Member};
 use modulo_runtime::end_on_signals;
+use modulo_runtime::parameter::file::{self as parameter_file, Entry};
 use modulo_runtime::process::node_files::ReportFile;
+use modulo_runtime::process::output::prepare_file;
 use modulo_runtime::ros_args::RosArgs;
 use modulo_runtime::{Clock, NodeName, NodeReport, Parameters, Stop, SystemClock, Urgency};
 
@@ -53,10 +56,10 @@ pub struct Launch {
     /// Also print what the nodes log, with one line for each frame
     #[arg(long, short, conflicts_with_all = ["print", "check", "show_args"])]
     pub verbose: bool,
-    /// Say what the file would start, and end
+    /// Print the processes that the file would start, and exit
     #[arg(long, conflicts_with_all = ["compose", "summary"])]
     pub print: bool,
-    /// Say every mistake in the file with its line, or that there is none, and end
+    /// Check the file, print each error with its line, and exit
     #[arg(long, conflicts_with_all = ["compose", "summary", "print", "show_args"])]
     pub check: bool,
     /// List the file's arguments, and end
@@ -68,7 +71,7 @@ pub struct Launch {
 struct LaunchResult {
     summary: Summary,
     /// The processes that failed, if there are any.
-    failure: Option<anyhow::Error>,
+    failure: Option<Failure>,
     /// Whether the run ended by itself.
     completed: bool,
 }
@@ -88,31 +91,34 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
         say!("{plan}");
         return Ok(Ended::Done);
     }
-    // A node that refuses its parameters would end its own process, and the reason would be lost in a failed run.
-    let refused: Vec<String> = plan.nodes.iter().flat_map(refusals).collect();
-    if !refused.is_empty() {
-        return Err(usage(anyhow!(refused.join("; "))));
-    }
+    refuse(&plan)?;
+    // A result without a place would be known only when the whole run is over.
+    args.summary.iter().chain(&args.trace).try_for_each(|file| prepare_file(file)).map_err(usage)?;
     // Lockstep runs the nodes as one process does, so the hint at the end is given for such files only.
     let evaluable = modulo_launch::compose(&plan).is_ok();
     let LaunchResult { summary, failure, completed } =
         if args.compose { run_composed(&plan)? } else { run_processes(plan, args)? };
+    // Printed first, so that a full disk does not take it. It ends with a line break of its own.
+    say!("{}", summary.to_string().trim_end());
     if let Some(file) = &args.summary {
         summary.write(file)?;
     }
-    // The summary ends with a line break of its own.
-    say!("{}", summary.to_string().trim_end());
     tell_slower_engine(&summary);
     if evaluable && completed && failure.is_none() && summary.frames > 0 && !summary.detections.is_empty() {
-        let words = [file.display().to_string()].into_iter().chain(args.arguments.iter().cloned());
-        let words: Vec<String> = words.map(|word| quoted(&word)).collect();
-        eprintln!("pictures with boxes: modulo eval {} --images -o out", words.join(" "));
+        tell_pictures(file, &args.arguments);
     }
     match failure {
-        Some(why) => Err(Failure::Run(why)),
+        Some(failure) => Err(failure),
         None if summary.lost(args.strict) => Ok(Ended::WithLoss),
         None => Ok(Ended::Done),
     }
+}
+
+/// Prints the command that draws the boxes of this run.
+fn tell_pictures(file: &Path, arguments: &[String]) {
+    let words = [file.display().to_string()].into_iter().chain(arguments.iter().cloned());
+    let words: Vec<String> = words.map(|word| quoted(&word)).collect();
+    eprintln!("pictures with boxes: modulo eval {} --images -o out", words.join(" "));
 }
 
 fn hang_timeout(text: &str) -> Result<Duration, String> {
@@ -176,7 +182,8 @@ fn check(path: &Path, arguments: &[String]) -> Result<Ended, Failure> {
         Ok(plan) => {
             let mistakes: Vec<String> = plan.nodes.iter().flat_map(refusals).collect();
             if mistakes.is_empty() {
-                say!("{file}: ok, {} nodes, {} executables", plan.nodes.len(), plan.executables.len());
+                let (nodes, executables) = (plan.nodes.len(), plan.executables.len());
+                say!("{file}: ok, {}, {}", counted(nodes, "node"), counted(executables, "executable"));
                 return Ok(Ended::Done);
             }
             mistakes
@@ -184,10 +191,23 @@ fn check(path: &Path, arguments: &[String]) -> Result<Ended, Failure> {
         Err(mistakes) => mistakes.all().iter().map(ToString::to_string).collect(),
     };
     mistakes.iter().for_each(|mistake| say!("{mistake}"));
-    Err(Failure::Run(anyhow!("{file}: {} mistakes", mistakes.len())))
+    Err(Failure::Run(anyhow!("{file}: {}", counted(mistakes.len(), "error"))))
 }
 
-/// Returns the parameters that a node of the suite would refuse, each with the reason.
+/// Returns `1 node` or `2 nodes`.
+fn counted(count: usize, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
+}
+
+/// Refuses a plan with a parameter that its node would refuse. Such a node would end its own process, and the reason would be
+/// lost in a failed run.
+pub(super) fn refuse(plan: &Plan) -> Result<(), Failure> {
+    let refused: Vec<String> = plan.nodes.iter().flat_map(refusals).collect();
+    if refused.is_empty() { Ok(()) } else { Err(usage(anyhow!(refused.join("; ")))) }
+}
+
+/// Returns the parameters that a node of the suite would refuse, and those that the launch file writes at this node although
+/// it has none of that name, each with the reason. A node ignores parameters that are meant for all nodes of a stack.
 fn refusals(node: &NodePlan) -> Vec<String> {
     if node.package != modulo_launch::SUITE {
         return Vec::new();
@@ -198,7 +218,10 @@ fn refusals(node: &NodePlan) -> Vec<String> {
         let kind = kind_of(&node.executable)?;
         let (ros, _) = RosArgs::parse(&modulo_launch::ros_arguments(node))?;
         let node_name = ros.node_name(kind.name)?;
-        Ok((kind.parameters_of(&node_name)?, ros.parameters_for(&node_name)?))
+        let declared = kind.parameters_of(&node_name)?;
+        let settings = ros.parameters_for(&node_name)?;
+        let ignored = ignored(node, &node_name, &declared)?;
+        Ok((declared, settings.into_iter().filter(|(name, _)| !ignored.contains(name)).collect::<Vec<_>>()))
     };
     match settings() {
         Ok((declared, settings)) => {
@@ -208,6 +231,29 @@ fn refusals(node: &NodePlan) -> Vec<String> {
         }
         Err(why) => vec![at(why)],
     }
+}
+
+/// Returns the names that are set for several nodes, unknown to this one, and not written at it: those of `set_parameter`,
+/// and those below a wildcard of a parameter file unless they look like a misspelling.
+fn ignored(node: &NodePlan, node_name: &NodeName, declared: &Parameters) -> anyhow::Result<BTreeSet<String>> {
+    let unknown = |name: &&String| declared.descriptor(name).is_none();
+    let shared = node.shared_parameters.iter().map(|(name, _)| name);
+    let mut ignored: BTreeSet<String> = shared.filter(unknown).cloned().collect();
+    let mut written = BTreeSet::new();
+    for parameter in &node.parameters {
+        match parameter {
+            NodeParameter::Value(name, _) => drop(written.insert(name.clone())),
+            NodeParameter::File(file) => {
+                for Entry { name, by_name, .. } in parameter_file::entries(file, node_name)? {
+                    let meant = by_name || declared.near(&name).is_some();
+                    if unknown(&&name) {
+                        if meant { &mut written } else { &mut ignored }.insert(name);
+                    }
+                }
+            }
+        }
+    }
+    Ok(&ignored - &written)
 }
 
 fn run_processes(mut plan: Plan, args: &Launch) -> Result<LaunchResult, Failure> {
@@ -237,14 +283,28 @@ fn run_processes(mut plan: Plan, args: &Launch) -> Result<LaunchResult, Failure>
     let outcome = runtime.block_on(modulo_launch::run(plan, &supervision))?;
     // The line leaves the screen before the summary is printed.
     drop((supervision, line));
-    if let (Some(file), Some(counts)) = (&args.trace, outcome.trace) {
-        eprintln!("[launch] {}: {counts}", file.display());
+    let mut others = Vec::new();
+    match (&args.trace, &outcome.trace) {
+        (Some(file), Some(Ok(counts))) => eprintln!("[launch] {}: {counts}", file.display()),
+        (_, Some(Err(why))) => others.push(format!("no trace was written: {why}")),
+        _ => {}
     }
-    // All of them are named: the first failure is often the cause of the others.
-    let failed = outcome.processes.iter().filter(|p| p.end.is_failure());
-    let names: Vec<_> = failed.map(|p| format!("{} {}", p.label, p.end)).collect();
-    let failure = (!names.is_empty()).then(|| anyhow!("failed: {}", names.join(", ")));
+    let failure = failure_of(&outcome, others);
     Ok(LaunchResult { summary: outcome.summary(), failure, completed: outcome.ending == Ending::Completed })
+}
+
+/// Returns the failure of a run in which processes, or those `others`, have failed. A node that has refused its arguments makes
+/// it one of the command line.
+fn failure_of(outcome: &Outcome, mut others: Vec<String>) -> Option<Failure> {
+    let failed: Vec<_> = outcome.processes.iter().filter(|process| process.end.is_failure()).collect();
+    let refused = others.is_empty() && failed.iter().all(|process| process.end == ProcessEnd::Refused);
+    // All of them are named: the first failure is often the cause of the others.
+    let names: Vec<_> = failed.iter().map(|process| format!("{} {}", process.label, process.end)).collect();
+    if !names.is_empty() {
+        others.insert(0, format!("failed: {}", names.join(", ")));
+    }
+    let why = anyhow!(others.join("; "));
+    (!others.is_empty()).then(|| if refused { usage(why) } else { Failure::Run(why) })
 }
 
 fn run_composed(plan: &Plan) -> Result<LaunchResult, Failure> {
@@ -307,7 +367,8 @@ fn members(plan: &Plan) -> Result<Vec<Member>, Failure> {
 pub fn prepare(node: &ComposedNode) -> anyhow::Result<(&'static NodeKind, NodeName, Parameters)> {
     let kind = kind_of(&node.kind)?;
     let node_name = NodeName::new(&node.name, &node.namespace, &node.remaps)?;
-    let parameters = kind.parameters_of(&node_name)?.with_text(&node.parameters);
-    let parameters = parameters.with_context(|| node_name.fully_qualified())?;
+    let declared = kind.parameters_of(&node_name)?;
+    let known = declared.known_of(node.parameters.clone(), &node_name.fully_qualified());
+    let parameters = declared.with_text(&known).with_context(|| node_name.fully_qualified())?;
     Ok((kind, node_name, parameters))
 }

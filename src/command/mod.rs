@@ -10,6 +10,7 @@ macro_rules! say {
 
 pub mod bag;
 pub mod bench;
+mod camera_end;
 pub mod eval;
 pub mod graph;
 mod grid;
@@ -24,6 +25,7 @@ use std::sync::{Arc, OnceLock};
 
 use anyhow::{Context, anyhow};
 use modulo_runtime::graph::logger::ApplyLevel;
+use modulo_runtime::ros_args::check_security;
 use modulo_runtime::rosout::RosoutLayer;
 use modulo_runtime::transport::keys::Hashes;
 use modulo_runtime::transport::zenoh::ZenohTransport;
@@ -53,6 +55,7 @@ pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
         Command::Bag(args) => bag::bag(&args),
         Command::Eval(args) => eval::eval(&args),
         Command::Simulate(args) => bench::simulate(args),
+        Command::Unwrap(request) => bench::unwrap(&request),
         Command::Bench(command) => bench::bench(&command),
         Command::Stability { out } => bench::stability(&out),
         Command::Param(args) => param::param(&args),
@@ -121,6 +124,11 @@ fn domain() -> Result<u32, Failure> {
 
 /// The machine's clock and a session in the domain of the environment.
 fn open_session() -> Result<(Arc<dyn Clock>, ZenohTransport), Failure> {
+    let variable = |name: &str| std::env::var(name).ok();
+    let (enable, strategy) = (variable("ROS_SECURITY_ENABLE"), variable("ROS_SECURITY_STRATEGY"));
+    if let Some(said) = check_security(enable.as_deref(), strategy.as_deref()).map_err(usage)? {
+        tracing::warn!("{said}");
+    }
     let clock: Arc<dyn Clock> = Arc::new(SystemClock::default());
     let transport = ZenohTransport::open(domain()?, chosen_hashes()?, clock.clone())?;
     Ok((clock, transport))

@@ -8,7 +8,7 @@ use clap::Args;
 use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_detector::{Detector, DetectorParameters};
 use modulo_runtime::driver::live::NodeSetup;
-use modulo_runtime::driver::{CommonParameters, live};
+use modulo_runtime::driver::{CommonParameters, RunError, live};
 use modulo_runtime::graph::NameError;
 use modulo_runtime::graph::logger::{Logger, LoggerService};
 use modulo_runtime::process::node_files::{ReportFile, SavedState};
@@ -23,7 +23,7 @@ use modulo_runtime::{
 use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 use tracing_subscriber::filter::LevelFilter;
 
-use super::{choose_hashes, open_session, parse_hashes, start_log_with, stop_on_signals, usage};
+use super::{camera_end, choose_hashes, open_session, parse_hashes, start_log_with, stop_on_signals, usage};
 use crate::{Ended, Failure, cli};
 
 /// `modulo run`
@@ -38,6 +38,9 @@ pub struct Run {
 
 /// Runs one node until it is done or asked to end.
 pub fn run(args: &Run) -> Result<Ended, Failure> {
+    if args.node == camera_end::NAME {
+        return camera_end::run(&args.arguments);
+    }
     let kind = kind_of(&args.node).map_err(usage)?;
     let (ros, own) = RosArgs::parse(&args.arguments).map_err(usage)?;
     if answers(kind, &own) {
@@ -63,31 +66,51 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
     let named = node_name.fully_qualified();
     let refused = |why: anyhow::Error| usage(why.context(named.clone()));
     let parameters = kind.parameters_of(&node_name).map_err(usage)?;
+    let settings = parameters.known_of(settings, &named);
     let parameters = parameters.with_text(&settings).map_err(|why| refused(why.into()))?;
     let saved = launcher::folder(launcher::STATE_DIR).map(|folder| SavedState::new(&folder, &node_name));
-    // After a crash the node goes on with the parameters that it had accepted, also those that were set at
-    // run time.
-    let parameters = match &saved {
-        Some(saved) => saved.restore(parameters),
-        None => parameters,
-    };
     let report_file =
         launcher::folder(launcher::REPORT_DIR).map(|folder| ReportFile::create(&folder, &named));
     let report_file = report_file.transpose().context("file of the node's report")?;
     // The node is made before the session is open: it appears in the graph when its model is loaded and it
     // can work.
-    let node = kind.make(&parameters).map_err(refused)?;
+    let (node, parameters) = restored(kind, parameters, saved.as_ref()).map_err(refused)?;
 
     let (clock, transport) = open_session()?;
     let CommonParameters { enable_logger_service, .. } = (&parameters).into();
     let _logger = enable_logger_service.then(|| serve(logger, &node_name, &transport)).transpose()?;
     let rosout = log.map(|log| log.publish(&node_name, &transport)).transpose()?;
     let setup = NodeSetup { node, parameters, node_name, saved, report_file };
-    live::run(setup, &transport, &clock, stop)?;
+    live::run(setup, &transport, &clock, stop).map_err(|why| match why {
+        RunError::Name(_) | RunError::OwnOutput(_) | RunError::Parameter(_) => {
+            usage(anyhow::anyhow!("{named}: {why}"))
+        }
+        why => why.into(),
+    })?;
     // The last lines of the log are sent while the session is still open.
     drop(rosout);
     transport.close();
     Ok(Ended::Done)
+}
+
+/// Makes the node. After a crash it goes on with the parameters that it had accepted, also those that were set at run time;
+/// where these are not possible any more, as with a source that was removed, with those of its launch.
+fn restored(
+    kind: &NodeKind,
+    launched: Parameters,
+    saved: Option<&SavedState>,
+) -> anyhow::Result<(Box<dyn Node>, Parameters)> {
+    let Some(saved) = saved else { return Ok((kind.make(&launched)?, launched)) };
+    let accepted = saved.restore(launched.clone());
+    match kind.make(&accepted) {
+        Ok(node) => Ok((node, accepted)),
+        Err(why) if accepted != launched => {
+            tracing::warn!("{why:#}; the parameters and the position from before the crash are given up");
+            saved.forget();
+            Ok((kind.make(&launched)?, launched))
+        }
+        Err(why) => Err(why),
+    }
 }
 
 /// Prints the help or the version where an argument asks for it, and returns whether one did.
@@ -180,6 +203,11 @@ pub const KINDS: [NodeKind; 3] = [
         make: |parameters| Ok(Box::new(Detector::new(&parameters.into())?)),
     },
 ];
+
+/// Returns whether `modulo run` starts a node of this name.
+pub fn is_node(name: &str) -> bool {
+    name == camera_end::NAME || KINDS.iter().any(|kind| kind.name == name)
+}
 
 /// The kind called `name`.
 pub fn kind_of(name: &str) -> anyhow::Result<&'static NodeKind> {

@@ -97,7 +97,7 @@ class Network:
         subprocess.run([CONFIGURATION / "certificates.sh"], cwd=folder, check=True, stderr=subprocess.DEVNULL)
         hosts = Path(f"/etc/netns/{PERCEPTION}/hosts")
         hosts.parent.mkdir(parents=True, exist_ok=True)
-        hosts.write_text(f"{LINK}.1 camera\n")
+        hosts.write_text(f"127.0.0.1 localhost\n{LINK}.1 camera\n")
         self.routers = [
             Process(host, [self.router], folder, ZENOH_ROUTER_CONFIG_URI=str(CONFIGURATION / file))
             for host, file in ((CAMERA, "camera_router.json5"), (PERCEPTION, "perception_router.json5"))
@@ -253,8 +253,46 @@ def encrypted(modulo, network):
             code = answer.child.wait(PATIENCE)
             print(f"TLS, a parameter of the camera set on {host}: exit code {code}, {answer.text().strip()}")
             assert (code == 0) == possible
+        denied(modulo)
         suite.wait_for(10)
         suite.end()
+
+
+# The services of the nodes beside the camera, and whether they change something.
+SERVICES = [
+    ("/modulo_camera/set_parameters", "rcl_interfaces/srv/SetParameters", "{parameters: []}", True),
+    ("/modulo_camera/set_parameters_atomically", "rcl_interfaces/srv/SetParametersAtomically", "{parameters: []}", True),
+    ("/modulo_camera/enable", "std_srvs/srv/SetBool", "{data: true}", True),
+    ("/logging/set_logger_levels", "rcl_interfaces/srv/SetLoggerLevels", "{levels: []}", True),
+    *((f"/rosbag2_player/{name}", f"rosbag2_interfaces/srv/{name.title().replace('_', '')}", "{}", True)
+      for name in ("pause", "resume", "toggle_paused", "set_rate", "play_next", "burst", "seek", "play", "stop")),
+    ("/modulo_camera/get_parameters", "rcl_interfaces/srv/GetParameters", "{names: []}", False),
+    ("/modulo_camera/list_parameters", "rcl_interfaces/srv/ListParameters", "{}", False),
+    ("/modulo_camera/describe_parameters", "rcl_interfaces/srv/DescribeParameters", "{names: []}", False),
+    ("/modulo_camera/get_parameter_types", "rcl_interfaces/srv/GetParameterTypes", "{names: []}", False),
+]
+
+
+def denied(modulo):
+    """Of the services beside the camera, the other machine gets an answer of those alone that change nothing."""
+    nodes = [
+        Process(CAMERA, [modulo, "bag", "play", ROOT / "bags/samples/tunnel", "--start-paused"]),
+        Process(CAMERA, [modulo, "run", "unwrap", "--ros-args", "-r", "__node:=logging", "-r", "modulo:=/none", "-r",
+                         "recovered:=/none/recovered", "-p", "enable_logger_service:=true"]),
+    ]
+    ask = [sys.executable, str(ROOT / "tests/peers/call_services.py")]
+    # Debian's own python3, which has rclpy.
+    ask[0] = "/usr/bin/python3"
+    answer = Process(PERCEPTION, [*ask, json.dumps(SERVICES)], RMW_IMPLEMENTATION="rmw_zenoh_cpp")
+    code = answer.child.wait(2 * PATIENCE)
+    wait_until("the output", lambda: code != 0 or answer.text().rstrip().endswith("]"))
+    assert code == 0, answer.text()
+    answered = json.loads(answer.lines[-1])
+    expected = [name for name, _, _, changes in SERVICES if not changes]
+    print(f"TLS, services that answer the other machine: {answered}")
+    assert answered == expected, answer.text()
+    for node in nodes:
+        node.end()
 
 
 def main():

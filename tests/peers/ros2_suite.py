@@ -1,15 +1,16 @@
 """Runs the suite beside a real ROS 2 Jazzy: its launch files under `ros2 launch`, and each `ros2` command on its nodes.
 
     . /opt/ros/jazzy/setup.bash && . WORKSPACE/install/setup.bash
-    python3 tests/peers/ros2_suite.py launch graph types parameters data dds images_dds
+    python3 tests/peers/ros2_suite.py launch foreign crash graph types parameters data images dds images_dds
 
-`colcon build` has installed the suite in WORKSPACE, for the last two checks with the bridge. The rmw of the first five is
+`colcon build` has installed the suite in WORKSPACE, for the last two checks with the bridge. The rmw of the first eight is
 rmw_zenoh_cpp, whose router is started here; of the last two it is rmw_cyclonedds_cpp. Exit code 1 when a command fails or
 does not print what is expected of it.
 """
 
 import contextlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -19,6 +20,7 @@ import time
 from pathlib import Path
 
 import rclpy
+import ros2_images
 import yaml
 from geometry_msgs.msg import TwistStamped
 from rclpy.executors import SingleThreadedExecutor
@@ -32,6 +34,8 @@ SCENE = "source:=scene://tunnel?seed=3&frames="
 IMAGE_HASH = "RIHS01_d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47"
 PATIENCE = 90
 RUNNING = []
+# The arguments that keep a run going while its camera is killed.
+RATE = {"recovered": ["rate:=5.0"], "cameras": []}
 WORK = Path(tempfile.mkdtemp())
 
 
@@ -150,6 +154,55 @@ def launch():
     print(f"ok    the same boxes on {len(theirs)} frames of the sample bag")
 
 
+FOREIGN = """
+from launch import LaunchDescription
+from launch.actions import IncludeLaunchDescription
+from launch.launch_description_sources import AnyLaunchDescriptionSource
+from launch_ros.actions import SetParameter, SetParametersFromFile
+
+def generate_launch_description():
+    return LaunchDescription([
+        SetParameter("wheel_radius", 0.383),
+        SetParametersFromFile("{stack}"),
+        IncludeLaunchDescription(AnyLaunchDescriptionSource("{file}"), launch_arguments={{"source": "{source}"}}.items()),
+    ])
+"""
+
+
+def foreign():
+    """A launch file of another package, which sets parameters of all nodes: each of ours ignores them with one warning."""
+    stack, file = WORK / "stack.yaml", WORK / "foreign.launch.py"
+    stack.write_text("/**:\n  ros__parameters:\n    robot_base_frame: base_link\n")
+    file.write_text(FOREIGN.format(stack=stack, file=ROOT / "launch/recovered.launch.yaml", source=SCENE.split(":=")[1] + "4"))
+    output = "".join(expect("[modulo_camera-", "ros2", "launch", str(file)))
+    warnings = [line for line in output.splitlines() if "are ignored" in line]
+    if len(warnings) != 3 or not all("wheel_radius" in line and "robot_base_frame" in line for line in warnings):
+        raise Failure(f"a launch file of another package: not one warning of each node:\n" + "\n".join(warnings))
+
+
+def crash():
+    """A camera that is killed under `ros2 launch` comes back alone, and the run ends with its last frame."""
+    for name, sources in [("recovered", ["source"]), ("cameras", ["front", "rear"])]:
+        arguments = [SCENE.replace("source", source, 1) + "40" for source in sources]
+        log = WORK / f"crash_{name}.log"
+        with log.open("w") as output:
+            process = subprocess.Popen(["ros2", "launch", "modulo", f"{name}.launch.yaml", *arguments, *RATE[name]],
+                                       stdout=output, stderr=output, start_new_session=True)
+        RUNNING.append(process)
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end and log.read_text().count("ready") < 3 * len(sources):
+            time.sleep(0.1)
+        camera = re.search(r"\[modulo_camera-\d+\]: process started with pid \[(\d+)\]", log.read_text())
+        os.kill(int(camera[1]), signal.SIGKILL)
+        code = process.wait(PATIENCE)
+        text = log.read_text()
+        died, cameras = text.count("process has died"), text.count("[modulo_camera-") and len(re.findall(
+            r"\[modulo_camera-\d+\]: process started", text))
+        if (code, died, cameras) != (0, 1, len(sources) + 1):
+            raise Failure(f"{name}: exit code {code}, {died} processes died, {cameras} starts of a camera:\n{text[-2500:]}")
+        print(f"ok    ros2 launch modulo {name}.launch.yaml with a camera that was killed")
+
+
 def suite():
     """The suite at 5 Hz, once its detector answers."""
     process = start("modulo", "launch", str(ROOT / "launch/recovered.launch.yaml"), "--verbose", "rate:=5.0",
@@ -169,6 +222,10 @@ def graph():
     listed, _ = expect("Node name: unwrap", "ros2", "topic", "info", "-v", "/diagnostics")
     if (count := listed.count("Node name: unwrap\n")) != 1:
         raise Failure(f"/unwrap is {count} times on /diagnostics")
+    # A tool that has ended is no node any longer.
+    expect("/detector", "modulo", "top", "--once")
+    if "/modulo_top" in expect("/detector", "ros2", "node", "list")[0]:
+        raise Failure("/modulo_top is a node after its end")
     for command, word in [("node", "-a"), ("topic", "--include-hidden-topics")]:
         for more in [[], [word]]:
             theirs, ours = (set(expect("", tool, command, "list", *more)[0].splitlines()) for tool in ["ros2", "modulo"])
@@ -287,6 +344,11 @@ def data():
     expect("level=10", "ros2", "service", "call", "/undo/get_logger_levels", levels.format("G"), "{names: [undo]}")
     start("ros2", "bag", "play", str(BAG), "--loop")
     expect("encoding: ", "ros2", "topic", "echo", "--once", "--no-arr", "/recovered")
+
+
+def images():
+    """Images of a real camera into the suite, and the streams of the suite back."""
+    ros2_images.check(start, Failure)
 
 
 def dds():

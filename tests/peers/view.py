@@ -39,8 +39,32 @@ def wait(page, script, argument):
     page.wait_for_function(script, arg=argument, timeout=PATIENCE_MS)
 
 
+class Relay:
+    """Stands between the page and the viewer, so that a connection can end with a question on its way."""
+
+    def __init__(self, page):
+        self.sockets, self.deaf = [], False
+        page.route_web_socket("**/socket*", self.open)
+
+    def open(self, socket):
+        server = socket.connect_to_server()
+        self.sockets.append(socket)
+        socket.on_message(lambda message: None if self.deaf else server.send(message))
+
+    def lose(self, page, ask):
+        """Calls `ask`, whose message does not arrive, and waits for the next connection."""
+        self.deaf, before = True, len(self.sockets)
+        ask()
+        page.wait_for_timeout(500)
+        self.deaf = False
+        self.sockets[-1].close()
+        while len(self.sockets) == before:
+            page.wait_for_timeout(100)
+
+
 def drive(page, address, picture):
     errors, places = [], set()
+    relay = Relay(page)
     page.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
     page.on("pageerror", lambda why: errors.append(str(why)))
     page.on("request", lambda request: places.add(request.url.split("/")[2]))
@@ -64,6 +88,13 @@ def drive(page, address, picture):
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     wait(page, "() => document.querySelectorAll('#pixel tbody tr').length >= 2", None)
     check(True, "the pixel under the pointer is shown in each stream")
+
+    relay.lose(page, lambda: page.mouse.move(box["x"] + 3, box["y"] + 3))
+    wait(page, f"(topic) => ({MEAN})(topic) > 5", "/recovered")
+    page.evaluate("() => document.querySelector('#pixel tbody').replaceChildren()")
+    page.mouse.move(box["x"] + box["width"] / 3, box["y"] + box["height"] / 3)
+    wait(page, "() => document.querySelectorAll('#pixel tbody tr').length >= 2", None)
+    check(True, "the pixel is shown again after a connection that was lost with a question on its way")
 
     if picture:
         page.screenshot(path=picture, clip={"x": 0, "y": 0, "width": 1400, "height": 568})

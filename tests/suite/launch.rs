@@ -61,7 +61,7 @@ fn a_sensor_file_describes_the_sensor_everywhere() {
     let cell = &json(&bench.path("grid/results.json"))["cells"][0];
     let words = ["gains", "mosaic"].map(|name| cell[name].as_str().expect("a word"));
     assert_eq!(words, ["checkerboard", "none"], "{cell}");
-    let figures = ["psf_sigma", "noise", "shot_noise", "prnu", "hot_pixels"];
+    let figures = ["psf_sigma", "read_noise", "shot_noise", "prnu", "hot_pixels"];
     let figures = figures.map(|name| cell[name].as_f64().expect("a number"));
     assert_eq!(figures, [0.0, 0.06, 0.0256, 0.005, 1e-5], "{cell}");
 }
@@ -222,6 +222,61 @@ fn bad_input_is_one_line_and_no_panic() {
     }
 }
 
+/// A command whose results cannot be written runs nothing.
+#[test]
+fn an_output_that_cannot_be_written_is_refused_before_the_run() {
+    let bench = Bench::new();
+    let images = bench.images(1).display().to_string();
+    let kitti = bench.path("kitti");
+    std::fs::create_dir_all(kitti.join("image_2")).expect("writable");
+    std::fs::copy(bench.path("images/000000.png"), kitti.join("image_2/000000.png")).expect("copied");
+    let (kitti, image) = (kitti.display().to_string(), format!("{images}/000000.png"));
+    // Root can write nearly everywhere, but nobody can below a file.
+    let out = format!("{image}/out");
+    let (source, model) = (format!("source:={images}"), arg("model", model()));
+    let recovered = ["launch", "launch/recovered.launch.yaml", &source, &model];
+    let cases: [&[&str]; 12] = [
+        &[&recovered[..], &["--summary", &out]].concat(),
+        &[&recovered[..], &["--summary", "/no/dir/s.json"]].concat(),
+        &[&recovered[..], &["--summary", &images]].concat(),
+        &[&recovered[..], &["--compose", "--summary", &out]].concat(),
+        &[&recovered[..], &["--trace", &out]].concat(),
+        &["bag", "record", "-o", &out],
+        &["bag", "import", "kitti", &kitti, &out],
+        &["bag", "convert", "bags/samples/tunnel", &out],
+        &["simulate", &image, "-o", &out],
+        &["bench", "unwrap", "--frames", &images, "-o", &out],
+        &["bench", "detector", "--frames", &images, "--model", &model, "-o", &out],
+        &["stability", "-o", &out],
+    ];
+    for words in cases {
+        let output = bench.run(words);
+        let said = text(&output);
+        assert_eq!(output.status.code(), Some(2), "{words:?}: {said}");
+        let lines: Vec<_> = said.lines().collect();
+        assert_eq!(lines.len(), 1, "{words:?} has run something: {said}");
+        let path = words.iter().position(|word| ["-o", "--summary", "--trace"].contains(word));
+        let path = path.map_or(out.as_str(), |option| words[option + 1]);
+        assert!(lines[0].contains(path) && lines[0].contains("written"), "{words:?}: {said}");
+        assert_eq!(said.matches("os error").count(), 1, "{words:?} tells its cause once: {said}");
+    }
+}
+
+/// The disk may be full when the run is over: what was counted is printed first.
+#[test]
+fn a_summary_that_cannot_be_written_at_the_end_is_printed() {
+    let bench = Bench::new();
+    let (source, model) = (arg("source", bench.images(2)), arg("model", model()));
+    for option in ["--summary", "--trace"] {
+        let arguments = launch("launch/recovered.launch.yaml", &source, &model, &[option, "/dev/full"]);
+        let output = bench.run(&arguments);
+        let said = text(&output);
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        let summary = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(summary.contains("2 frames") && said.contains("/dev/full"), "{option}: {said}");
+    }
+}
+
 #[test]
 fn an_unknown_launch_key_is_refused_with_its_line() {
     let bench = Bench::new();
@@ -244,7 +299,7 @@ fn a_refusing_node_ends_the_launch() {
     let source = arg("source", bench.images(1));
     let model = arg("model", "/no/such/model.onnx");
     let output = bench.run(&launch("launch/recovered.launch.yaml", &source, &model, &[]));
-    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+    assert_eq!(output.status.code(), Some(2), "{}", text(&output));
     assert!(text(&output).contains("/no/such/model.onnx"));
 }
 
@@ -265,7 +320,7 @@ fn check_says_ok_or_every_mistake_with_its_line() {
     let said = text(&output);
     assert_eq!(output.status.code(), Some(1), "{said}");
     assert!(said.contains("bad.launch.yaml:2: undefined variable 'nope'"), "{said}");
-    assert!(said.contains("bad.launch.yaml:3: period = 'soon'") && said.contains("2 mistakes"), "{said}");
+    assert!(said.contains("bad.launch.yaml:3: period = 'soon'") && said.contains("2 errors"), "{said}");
 }
 
 /// The declarations of the nodes are part of what a launch file can break.
@@ -288,6 +343,37 @@ fn check_knows_the_parameters_of_the_suite() {
     }
 }
 
+/// Parameters for all nodes of a stack are no mistakes of its launch file, those written at a node of the suite are.
+#[test]
+fn check_tells_parameters_of_other_nodes_from_misspelt_ones() {
+    let bench = Bench::new();
+    let (file, parameters) = (bench.path("stack.launch.yaml"), bench.path("stack.yaml"));
+    let check = |stack: &str, own: &str| {
+        std::fs::write(&parameters, format!("{stack}\n")).expect("writable");
+        let from = parameters.display();
+        let text = format!(
+            "launch:\n  - set_parameter: {{ name: wheel_radius, value: \"0.383\" }}\n  - node:\n      pkg: modulo\n      \
+             exec: unwrap\n      param: [{{ from: \"{from}\" }}{own}]\n"
+        );
+        std::fs::write(&file, text).expect("writable");
+        bench.run(&["launch", "--check", file.to_str().expect("UTF-8")])
+    };
+    let fine = check("/**: {ros__parameters: {robot_base_frame: base_link}}", "");
+    assert_eq!(fine.status.code(), Some(0), "{}", text(&fine));
+    for (stack, own, named) in [
+        ("/unwrap: {ros__parameters: {robot_base_frame: a}}", "", "robot_base_frame"),
+        ("/**: {ros__parameters: {psf_sgima: 1.0}}", "", "did you mean 'psf_sigma'?"),
+        ("/**: {ros__parameters: {}}", ", { name: wheel_radius, value: 0.4 }", "wheel_radius"),
+        ("/**: {ros__parameters: {bits: 99}}", "", "must be in 0 to 16"),
+    ] {
+        let refused = check(stack, own);
+        assert_eq!(refused.status.code(), Some(1), "{stack}{own}: {}", text(&refused));
+        assert!(text(&refused).contains(named), "{stack}{own}: {}", text(&refused));
+    }
+    let launched = bench.run(&["launch", file.to_str().expect("UTF-8")]);
+    assert_eq!(launched.status.code(), Some(2), "{}", text(&launched));
+}
+
 #[test]
 fn completions_and_manual_pages_name_the_commands() {
     let bench = Bench::new();
@@ -302,7 +388,7 @@ fn completions_and_manual_pages_name_the_commands() {
 
 /// Commands with a value that is out of range, and words that the refusal must contain. FILE, FOLDER and OUT stand for an
 /// image, its folder and a folder for results.
-const REFUSED: [(&[&str], &[&str]); 47] = [
+const REFUSED: [(&[&str], &[&str]); 48] = [
     (&["simulate", "FILE", "-o", "OUT", "--alpha", "0"], &["alpha is 0", "256"]),
     (&["simulate", "FILE", "-o", "OUT", "--alpha", "2,-4"], &["alpha is -4", "256"]),
     (&["simulate", "FILE", "-o", "OUT", "--alpha", "NaN"], &["alpha is NaN", "256"]),
@@ -329,7 +415,7 @@ const REFUSED: [(&[&str], &[&str]); 47] = [
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--alpha", "-4"], &["'alpha' = -4", "256"]),
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--alpha", "2,300"], &["'alpha' = 300", "256"]),
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--psf-sigma", "-1"], &["'psf_sigma' = -1", "100"]),
-    (&["eval", "--source", "FOLDER", "-o", "OUT", "--noise", "-1"], &["'read_noise' = -1", "65536"]),
+    (&["eval", "--source", "FOLDER", "-o", "OUT", "--read-noise", "-1"], &["'read_noise' = -1", "65536"]),
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--shot-noise", "-1"], &["'shot_noise' = -1", "65536"]),
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--sensor", "no.yaml"], &["no.yaml"]),
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--threads", "65"], &["65", "64"]),
@@ -338,7 +424,10 @@ const REFUSED: [(&[&str], &[&str]); 47] = [
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--seed", "-1"], &["-1", "--seed"]),
     (&["eval", "--source", "FOLDER", "-o", "OUT", "--shard", "3/2"], &["3/2", "1 <= i <= n"]),
     (&["eval", "--source", "scene://day?frames=-1", "-o", "OUT"], &["frames", "-1"]),
-    (&["eval", "--source", "FOLDER", "-o", "OUT", "--protocol", "paper", "--noise", "1"], &["noise [1.0]"]),
+    (
+        &["eval", "--source", "FOLDER", "-o", "OUT", "--protocol", "paper", "--read-noise", "1"],
+        &["read noise [1.0]"],
+    ),
     (&["eval", "budget", "OUT", "--ms", "0"], &["--ms is 0", "more than 0"]),
     (&["eval", "launch/recovered.launch.yaml", "-o", "OUT", "alpha:=-1"], &["'alpha' = -1", "256"]),
     (&["launch", "launch/recovered.launch.yaml", "alpha:=-1"], &["'alpha' = -1", "256"]),
@@ -346,6 +435,7 @@ const REFUSED: [(&[&str], &[&str]); 47] = [
     (&["launch", "launch/recovered.launch.yaml", "rate:=-1"], &["'rate' = -1", "10000"]),
     (&["launch", "launch/recovered.launch.yaml", "threads:=0"], &["'threads' = 0", "256"]),
     (&["launch", "launch/recovered.launch.yaml", "score_threshold:=2"], &["'score_threshold' = 2"]),
+    (&["launch", "launch/recovered.launch.yaml", "image_bits:=17"], &["'bits' = 17", "16"]),
     (&["launch", "--compose", "launch/recovered.launch.yaml", "psf_sigma:=-1"], &["'psf_sigma' = -1", "100"]),
     (&["run", "modulo_camera", "--ros-args", "-p", "alpha:=0.0"], &["'alpha' = 0", "256"]),
     (&["run", "modulo_camera", "--ros-args", "-p", "white:=-1.0"], &["'white' = -1"]),

@@ -1,6 +1,8 @@
 //! A running suite: nodes without input, disabled nodes, an input that follows the trust, and traces.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::io::{BufRead, BufReader};
+use std::process::Stdio;
 use std::time::Duration;
 
 use modulo_core::Frame;
@@ -11,7 +13,7 @@ use modulo_runtime::transport::Transport;
 use modulo_runtime::{Message, MessageKind, Qos, StampedFrame};
 use serde_json::Value;
 
-use crate::harness::{Bench, Heard, Peer, arg, json, model, text, wait_until};
+use crate::harness::{Background, Bench, Heard, Peer, arg, json, model, text, wait_until};
 
 /// Waits for a log line that contains `text`.
 fn line(log: &Heard, text: &str) -> String {
@@ -42,7 +44,8 @@ fn a_node_without_input_names_the_topics_that_exist() {
     let log = peer.hear_as("/rosout", MessageKind::Log, Qos::Logs);
     let diagnostics = peer.hear("/diagnostics", MessageKind::Diagnostics);
     let _other = peer.advertise("/front/modulo", MessageKind::Image);
-    let _node = bench.start(&["run", "unwrap"]);
+    let sensor = ["run", "unwrap", "--ros-args", "-p", "bits:=8", "-p", "alpha:=4.0"];
+    let _node = bench.start(&sensor);
     let warning = line(&log, "no image has come on /modulo");
     assert!(warning.contains("no node publishes it") && warning.contains("/front/modulo"), "{warning}");
     let silent = status(&diagnostics, "unwrap", |status| status.level == DiagnosticStatus::WARN);
@@ -59,6 +62,44 @@ fn a_node_without_input_names_the_topics_that_exist() {
     status(&diagnostics, "unwrap", |status| status.level == DiagnosticStatus::OK);
 }
 
+/// A replay of rate 0 waits for each node that reads it: one that lacks the description of the sensor lets it go on.
+#[test]
+fn a_replay_without_sensor_descriptions_is_not_held_up() {
+    let bench = Bench::new();
+    let peer = Peer::new(&bench);
+    let log = peer.hear_as("/rosout", MessageKind::Log, Qos::Logs);
+    let _results = peer.hear("/recovered", MessageKind::Image);
+    let _node = bench.start(&["run", "unwrap"]);
+    wait_until("the node", || peer.transport.is_ready("/unwrap"));
+    let begin = std::time::Instant::now();
+    let played = bench.run(&["bag", "play", "bags/samples/tunnel", "--rate", "0", "--topics", "/modulo"]);
+    assert_eq!(played.status.code(), Some(0), "{}", text(&played));
+    // Twelve frames: without an answer, the player would wait for a minute.
+    assert!(begin.elapsed() < Duration::from_secs(40), "{:?}", begin.elapsed());
+    line(&log, "no sensor description has come on the topic sensor_info");
+}
+
+/// A publisher whose images cannot be read is not silent.
+#[test]
+fn images_that_cannot_be_read_are_not_called_silence() {
+    let bench = Bench::new();
+    let peer = Peer::new(&bench);
+    let log = peer.hear_as("/rosout", MessageKind::Log, Qos::Logs);
+    let modulo = peer.advertise_raw("/modulo", MessageKind::Image);
+    let _node = bench.start(&["run", "unwrap"]);
+    wait_until("the node", || peer.transport.is_ready("/unwrap"));
+    let mut skipped = 0;
+    // Warnings come once a second: with the fourth one, more than the two seconds are over after which a node warns of silence.
+    wait_until("warnings", || {
+        modulo.put(vec![0, 1, 0, 0, 7]).expect("sent");
+        while let Some(Message::Log(line)) = log.next(Duration::from_millis(50)) {
+            assert!(!line.msg.contains("sends nothing"), "{}", line.msg);
+            skipped += u32::from(line.msg.contains("skipped"));
+        }
+        skipped >= 4
+    });
+}
+
 /// Calls `~/enable` of a node.
 fn enable(peer: &Peer, node: &str, data: bool) {
     let request = cdr::to_vec(&SetBoolRequest { data }).expect("short");
@@ -66,6 +107,32 @@ fn enable(peer: &Peer, node: &str, data: bool) {
     let answer = peer.transport.call(&service, "std_srvs/srv/SetBool", request, patience).expect("an answer");
     let SetBoolResponse { success, message } = cdr::from_slice(&answer).expect("a response");
     assert!(success, "{node}: {message}");
+}
+
+/// A reader that leaves, such as `head -1` behind `modulo topic echo TOPIC`, ends the command.
+#[test]
+fn a_closed_pipe_ends_a_command_that_prints_without_end() {
+    let bench = Bench::new();
+    let _camera = bench.start(&[
+        "run",
+        "modulo_camera",
+        "--ros-args",
+        "-p",
+        "source:=scene://day?width=64&height=32",
+        "-p",
+        "rate:=20.0",
+    ]);
+    for command in [["topic", "echo", "/camera_info"], ["topic", "hz", "/modulo"]] {
+        let child = bench.modulo(&command).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
+        let mut printing = Background(child.expect("it starts"));
+        let mut reader = BufReader::new(printing.0.stdout.take().expect("piped"));
+        let mut line = String::new();
+        reader.read_line(&mut line).expect("text");
+        assert!(!line.is_empty(), "{command:?}");
+        drop(reader);
+        wait_until("the end of the command", || printing.0.try_wait().expect("a child").is_some());
+        assert_eq!(printing.0.wait().expect("ended").code(), Some(0), "{command:?}");
+    }
 }
 
 #[test]

@@ -124,7 +124,7 @@ fn a_running_node_tells_and_takes_parameters_as_ros2_param_shows_them() {
         ("alpha", "-.5", "parameter 'alpha' = -0.5"),
         ("wait_timeout", "1", "is read-only"),
         ("method", "magic", "must be one of"),
-        ("alhpa", "1", "unknown parameter, known are"),
+        ("alhpa", "1", "unknown parameter, did you mean 'alpha'?, known are"),
     ] {
         let refused = bench.run(&["param", "set", "/front/u", name, value]);
         assert_eq!(refused.status.code(), Some(1), "{name}");
@@ -164,7 +164,7 @@ fn negative_values_reach_what_refuses_them() {
     let grid = ["eval", "--source", "scene://day?frames=1", "--out", out.to_str().expect("UTF-8")];
     for (arguments, why) in [
         (
-            [&grid[..], &["--noise", "-1"]].concat(),
+            [&grid[..], &["--read-noise", "-1"]].concat(),
             "'read_noise' = -1: must be a finite number in 0 to 65536",
         ),
         ([&grid[..], &["--alpha", "-4,2"]].concat(), "'alpha' = -4: must be a finite number in 0.001 to 256"),
@@ -188,7 +188,7 @@ fn wrong_ros_arguments_end_with_exit_code_2_and_one_line() {
         (&["-p", "alpha=2"], "alpha=2"),
         (&["-p", "alpha:=wide"], "wide: is not a double"),
         (&["-p", "alpha:=-1"], "'alpha' = -1: must be a finite number in 0 to 256"),
-        (&["-p", "alhpa:=2"], "unknown parameter"),
+        (&["--enclave", "/e"], "no secure enclaves"),
         (&["--log-level", "loud"], "is not a log level"),
         (&["--params-file", "/no/such.yaml"], "/no/such.yaml"),
         (&["--params-file", file], "wide: is not a double"),
@@ -200,4 +200,54 @@ fn wrong_ros_arguments_end_with_exit_code_2_and_one_line() {
         let said = text(&output);
         assert!(said.contains(why) && said.lines().count() == 1, "{arguments:?}: {said}");
     }
+}
+
+/// A node ignores parameters that it does not have, as `rclcpp` does, and names them in one warning.
+#[test]
+fn parameters_of_other_nodes_are_ignored_with_one_warning() {
+    let bench = Bench::new();
+    let file = bench.path("stack.yaml");
+    std::fs::write(&file, "/**:\n  ros__parameters: {robot_base_frame: base_link, bits: 6}\n")
+        .expect("writable");
+    let file = file.to_str().expect("UTF-8");
+    let given = [
+        "source:=scene://tunnel?seed=3&frames=1&width=64&height=32",
+        "psf_sgima:=2.0",
+        "wheel_radius:=0.383",
+    ];
+    let overrides = "qos_overrides./clock.subscription.depth:=3";
+    let given = given.iter().chain([&overrides]).flat_map(|setting| ["-p", setting]);
+    let arguments: Vec<&str> =
+        ["run", "modulo_camera", "--ros-args", "--params-file", file].into_iter().chain(given).collect();
+    let output = bench.run(&arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output));
+    let said = text(&output);
+    assert_eq!(said.matches("are ignored").count(), 1, "{said}");
+    for name in [
+        "'robot_base_frame'",
+        "'wheel_radius'",
+        "'psf_sgima' (did you mean 'psf_sigma'?)",
+        "qos_overrides./clock",
+    ] {
+        assert!(said.contains(name), "{name}: {said}");
+    }
+}
+
+#[test]
+fn security_that_is_demanded_is_refused() {
+    let bench = Bench::new();
+    let run = |strategy: &str| {
+        let source = "source:=scene://tunnel?seed=3&frames=1&width=64&height=32";
+        let mut command = bench.modulo(&["run", "modulo_camera", "--ros-args", "-p", source]);
+        command
+            .env("ROS_SECURITY_ENABLE", "true")
+            .env("ROS_SECURITY_STRATEGY", strategy)
+            .output()
+            .expect("starts")
+    };
+    let (refused, warned) = (run("Enforce"), run("Permissive"));
+    assert_eq!(refused.status.code(), Some(2), "{}", text(&refused));
+    assert!(text(&refused).contains("ROS_SECURITY_STRATEGY=Enforce"), "{}", text(&refused));
+    assert_eq!(warned.status.code(), Some(0), "{}", text(&warned));
+    assert_eq!(text(&warned).matches("without security").count(), 1, "{}", text(&warned));
 }

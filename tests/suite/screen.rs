@@ -102,8 +102,19 @@ fn the_bar_of_a_grid_fits_the_terminal() {
     let bench = Bench::new();
     let [model, out] = [model(), bench.path("out").display().to_string()];
     let scene = "scene://day?seed=3&frames=2&width=96&height=64";
-    let arguments =
-        ["eval", "--source", scene, "--model", &model, "--noise", "0.125", "--engine", "rten", "-o", &out];
+    let arguments = [
+        "eval",
+        "--source",
+        scene,
+        "--model",
+        &model,
+        "--read-noise",
+        "0.125",
+        "--engine",
+        "rten",
+        "-o",
+        &out,
+    ];
     let Some(output) = on_terminal(&bench, &[], &arguments) else { return };
     let screen = text(&output);
     assert!(matches!(output.status.code(), Some(0 | 3)), "{screen}");

@@ -3,13 +3,16 @@
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
 use std::process::Stdio;
+use std::sync::{Mutex, mpsc};
 
+use modulo_runtime::transport::keys::PARAMETER_QOS;
+use modulo_runtime::transport::zenoh::RawService;
 use serde_json::{Value, json};
 use tungstenite::client::IntoClientRequest as _;
 use tungstenite::stream::MaybeTlsStream;
 use tungstenite::{Message, WebSocket};
 
-use crate::harness::{Background, Bench, arg, model};
+use crate::harness::{Background, Bench, Peer, arg, model, wait_until};
 
 /// A viewer, and the address that it prints.
 fn viewer(bench: &Bench) -> (Background, String) {
@@ -192,6 +195,8 @@ struct Foxglove {
     socket: WebSocket<MaybeTlsStream<TcpStream>>,
     /// All channels that it was offered.
     channels: Vec<Value>,
+    /// All warnings and errors that it was told.
+    warnings: Vec<String>,
 }
 
 impl Foxglove {
@@ -199,7 +204,8 @@ impl Foxglove {
         let mut request = address.into_client_request().expect("an address");
         let protocol = "foxglove.sdk.v1".parse().expect("a header");
         request.headers_mut().insert("sec-websocket-protocol", protocol);
-        Self { socket: tungstenite::connect(request).expect("a connection").0, channels: Vec::new() }
+        let socket = tungstenite::connect(request).expect("a connection").0;
+        Self { socket, channels: Vec::new(), warnings: Vec::new() }
     }
 
     fn ask(&mut self, request: &Value) {
@@ -212,6 +218,9 @@ impl Foxglove {
             if let Message::Text(text) = self.socket.read().expect("a message") {
                 let message: Value = serde_json::from_str(&text).expect("JSON");
                 self.channels.extend(message["channels"].as_array().into_iter().flatten().cloned());
+                if message["op"] == "status" {
+                    self.warnings.push(message["message"].to_string());
+                }
                 if message["op"] == op && accept(&message) {
                     return message;
                 }
@@ -290,4 +299,43 @@ fn foxglove_gets_images_with_boxes_and_sets_parameters_with_the_token() {
     let mut other = Foxglove::open(&address);
     assert_eq!(other.set("/detector.input", "recovered"), "modulo", "each client gives the token");
     assert_eq!(viewer.interrupt(), Some(0), "SIGINT ends it");
+}
+
+/// Any web page may ask; each question that waits for a node takes a thread.
+#[test]
+fn foxglove_refuses_requests_when_too_many_wait_for_a_node() {
+    const REQUESTS: usize = 12;
+    let (bench, (give, forever)) = (Bench::new(), mpsc::channel::<()>());
+    let (peer, forever) = (Peer::new(&bench), Mutex::new(forever));
+    let service = |name, ros_type, answer| RawService { name, ros_type, qos: PARAMETER_QOS, answer };
+    let stalled = service(
+        "get_parameters",
+        "rcl_interfaces/srv/GetParameters",
+        Box::new(move |_: &[u8]| {
+            // Until the end of the test.
+            let _ = forever.lock().map(|end| end.recv());
+            Ok(Vec::new())
+        }),
+    );
+    let listed =
+        service("list_parameters", "rcl_interfaces/srv/ListParameters", Box::new(|_: &[u8]| Ok(Vec::new())));
+    let _services = peer.transport.serve_raw(&peer.node_name, vec![stalled, listed]).expect("services");
+    let (_viewer, [_page, address]) = viewer_with(&bench, &["--foxglove", "0"], ["http://", "ws://"]);
+    let mut client = Foxglove::open(&address);
+    let warned = |client: &mut Foxglove| {
+        client.ask(&json!({ "op": "getParameters", "parameterNames": ["/peer.x"], "id": "first" }));
+        client.hear("parameterValues", |_| true);
+        std::mem::take(&mut client.warnings)
+    };
+    // Before the viewer knows the node, it answers without asking it.
+    wait_until("the viewer asks the node", || !warned(&mut client).is_empty());
+    for id in 0..REQUESTS {
+        client.ask(&json!({ "op": "getParameters", "parameterNames": ["/peer.x"], "id": id.to_string() }));
+    }
+    for _ in 0..REQUESTS {
+        client.hear("parameterValues", |_| true);
+    }
+    let refused = client.warnings.iter().filter(|why| why.contains("too many requests")).count();
+    assert_eq!((refused, client.warnings.len()), (REQUESTS - 8, REQUESTS), "{:?}", client.warnings);
+    drop(give);
 }

@@ -18,6 +18,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use modulo_runtime::Qos;
+use modulo_runtime::process::output::OutputError;
 
 use crate::FileError;
 pub use reader::{BagInfo, BagReader, Messages, Selection};
@@ -128,6 +129,9 @@ pub enum BagError {
         /// Description of the fault.
         why: String,
     },
+    /// The folder of a new bag cannot be made.
+    #[error(transparent)]
+    Output(#[from] OutputError),
     /// The folder exists; a bag is never overwritten.
     #[error("{file}: is already there; a bag is never overwritten, choose another name", file = .0.display())]
     Exists(PathBuf),
@@ -153,6 +157,11 @@ pub enum BagError {
 }
 
 impl BagError {
+    /// Returns whether a new bag has no place: nothing was written then.
+    pub fn is_without_place(&self) -> bool {
+        matches!(self, Self::Output(_) | Self::Exists(_) | Self::Name(_))
+    }
+
     /// Returns the error of a damaged MCAP file.
     pub(super) fn damaged(path: &Path, why: impl std::fmt::Display) -> Self {
         Self::Damaged(path.to_owned(), why.to_string(), "`modulo bag recover` may save the rest")

@@ -216,8 +216,7 @@ impl<'a> Walk<'a> {
 
 /// Hands each record inside a chunk to `take`; `body` is the chunk's record.
 ///
-/// `mcap::read::ChunkReader` would do, were it not for its trust in the lengths inside: a broken one is allocated as it
-/// stands.
+/// `mcap::read::ChunkReader` is not used because it allocates whatever length a damaged record claims.
 fn unpack(
     header: &ChunkHeader,
     body: &[u8],

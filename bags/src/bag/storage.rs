@@ -2,10 +2,11 @@
 //! one.
 
 use std::fmt::Debug;
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+use modulo_images::open_regular;
 
 use super::mcap_file::McapFile;
 use super::ros1::Ros1File;
@@ -57,7 +58,7 @@ pub(super) trait Cursor: Send {
 /// Opens the file `path`.
 pub(super) fn open(path: &Path, index: IndexUse) -> Result<Arc<dyn Storage>, BagError> {
     let mut start = Vec::new();
-    let file = File::open(path).map_err(|e| FileError::new(path, e))?;
+    let file = open_regular(path).map_err(|e| FileError::new(path, e))?;
     // The longest of the signatures, that of SQLite, has 16 bytes.
     file.take(16).read_to_end(&mut start).map_err(|e| FileError::new(path, e))?;
     Ok(if start.starts_with(b"SQLite format 3\0") {

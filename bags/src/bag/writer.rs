@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
+use modulo_runtime::process::output::OutputError;
+
 use super::bag_file::BagFile;
 use super::metadata::{self, Contents, FileContents};
 use super::{BagError, BagReader, BagTopic, BagWarning, Selection, TopicCount};
@@ -219,11 +221,11 @@ impl BagWriter {
 
 fn make_folder(folder: &Path) -> Result<(), BagError> {
     if let Some(parent) = folder.parent() {
-        std::fs::create_dir_all(parent).map_err(|e| FileError::new(parent, e))?;
+        std::fs::create_dir_all(parent).map_err(|e| OutputError::new(folder, e))?;
     }
     std::fs::create_dir(folder).map_err(|e| match e.kind() {
         std::io::ErrorKind::AlreadyExists => BagError::Exists(folder.to_owned()),
-        _ => FileError::new(folder, e).into(),
+        _ => OutputError::new(folder, e).into(),
     })
 }
 

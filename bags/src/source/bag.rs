@@ -1,15 +1,18 @@
 //! [`BagSource`]: the images of one topic of a bag, with the ground truth of the same stamp.
 
 use std::collections::HashMap;
+use std::io::Cursor;
 use std::path::Path;
+use std::sync::Arc;
 
 use modulo_core::Frame;
-use modulo_images::{ImageError, White, decode};
+use modulo_images::{ImageError, SampleDepth, White, decode, sample_depth};
 use modulo_msgs::cdr;
-use modulo_msgs::sensor_msgs::{CompressedImage, Image};
+use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image};
 use modulo_msgs::std_msgs::Header;
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::MessageKind;
+use modulo_runtime::graph::camera_info_topic;
 
 use super::{GroundTruth, Source, SourceError, SourceFrame, SourceOptions, from_detections};
 use crate::GROUND_TRUTH_TOPIC;
@@ -23,6 +26,7 @@ pub struct BagSource {
     frames: u64,
     white: White,
     labels: HashMap<u64, Vec<GroundTruth>>,
+    camera_info: Option<Arc<CameraInfo>>,
 }
 
 impl BagSource {
@@ -37,7 +41,8 @@ impl BagSource {
         let selection = Selection::of([topic.topic.name.clone()]);
         let messages = bag.messages(&selection);
         let labels = read_labels(&bag)?;
-        Ok(Self { bag, selection, messages, frames: topic.messages, white, labels })
+        let camera_info = read_camera_info(&bag, &topic)?;
+        Ok(Self { bag, selection, messages, frames: topic.messages, white, labels, camera_info })
     }
 
     /// Returns the bag itself, for its warnings.
@@ -56,6 +61,24 @@ impl BagSource {
         let (header, pixels) = read_message(message)?;
         let ground_truth = self.labels.get(&header.stamp.as_ns()).cloned();
         Ok(RecordedImage { header, pixels, ground_truth })
+    }
+
+    /// Learns the white level from a message that is skipped. What cannot be read teaches nothing, as in `frame`.
+    fn learn(&mut self, message: &RawMessage) {
+        let depths = [SampleDepth::U8, SampleDepth::U16, SampleDepth::F32];
+        if depths.into_iter().all(|depth| self.white.is_settled(depth)) {
+            return;
+        }
+        if message.topic.type_name == MessageKind::CompressedImage.type_name() {
+            let image = cdr::from_slice::<CompressedImage>(&message.data).ok();
+            let depth = image.and_then(|image| sample_depth(Cursor::new(&image.data)));
+            if depth.is_none_or(|depth| self.white.is_settled(depth)) {
+                return;
+            }
+        }
+        if let Ok((_, pixels)) = read_message(message) {
+            self.white.learn(&pixels, origin(message));
+        }
     }
 
     fn frame(&mut self, message: &RawMessage) -> Result<SourceFrame, SourceError> {
@@ -88,20 +111,23 @@ impl Source for BagSource {
         Some(message.map_err(SourceError::from).and_then(|message| self.frame(&message)))
     }
 
-    /// Reads only the first frame, which may define the white level.
+    /// Decodes only the images that decide how the later ones are read.
     fn skip(&mut self, frames: u64) {
-        if frames > 0 {
-            drop(self.next());
-        }
-        for _ in 1..frames {
-            if self.messages.next().is_none() {
-                return;
+        for _ in 0..frames {
+            match self.messages.next() {
+                None => return,
+                Some(Ok(message)) => self.learn(&message),
+                Some(Err(_)) => {}
             }
         }
     }
 
     fn len(&self) -> Option<usize> {
         usize::try_from(self.frames).ok()
+    }
+
+    fn camera_info(&self) -> Option<Arc<CameraInfo>> {
+        self.camera_info.clone()
     }
 
     fn rewind(&mut self) -> Result<(), SourceError> {
@@ -153,6 +179,22 @@ fn read_labels(bag: &BagReader) -> Result<HashMap<u64, Vec<GroundTruth>>, Source
         }
     }
     Ok(labels)
+}
+
+/// Reads the first camera info beside the topic of the images. A camera seldom changes its calibration, and a bag is not read as a
+/// whole for it.
+fn read_camera_info(bag: &BagReader, images: &TopicCount) -> Result<Option<Arc<CameraInfo>>, SourceError> {
+    // The files of NAME are on NAME/compressed.
+    let name = &*images.topic.name;
+    let is_file = kind(images) == Some(MessageKind::CompressedImage);
+    let raw = name.rsplit_once('/').filter(|_| is_file).map_or(name, |(raw, _)| raw);
+    let topic = camera_info_topic(raw);
+    let is_info = |t: &TopicCount| t.topic.name == topic && kind(t) == Some(MessageKind::CameraInfo);
+    if !bag.topics().iter().any(is_info) {
+        return Ok(None);
+    }
+    let Some(message) = bag.messages(&Selection::of([topic])).next().transpose()? else { return Ok(None) };
+    Ok(Some(Arc::new(cdr::from_slice(&message.data).map_err(|e| bad(&message, e))?)))
 }
 
 fn read_message(message: &RawMessage) -> Result<(Header, Frame), SourceError> {

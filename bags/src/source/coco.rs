@@ -4,9 +4,11 @@
 //! labelled individually.
 
 use std::collections::HashMap;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 use modulo_core::BBox;
+use modulo_images::open_regular;
 use serde::Deserialize;
 
 use super::folder::{FolderSource, LabelledSource, Labels, stem, warn_without_image};
@@ -60,7 +62,9 @@ impl CocoSource {
     /// [`SourceError`] when the file is not a COCO annotation file, when it names an image outside of the folder of
     /// images, or when none of its images is found.
     pub fn open(annotations: &Path, images: Option<&Path>, white: f32) -> Result<Self, SourceError> {
-        let text = std::fs::read(annotations).map_err(|why| FileError::new(annotations, why))?;
+        let mut text = Vec::new();
+        let read = open_regular(annotations).and_then(|mut file| file.read_to_end(&mut text));
+        read.map_err(|why| FileError::new(annotations, why))?;
         let bad = |line, why: String| SourceError::Label { path: annotations.to_owned(), line, why };
         let file: File = serde_json::from_slice(&text).map_err(|why| bad(why.line(), why.to_string()))?;
         // Checked before any path is joined: an annotation file may come from anywhere.

@@ -3,9 +3,10 @@
 
 use std::collections::BTreeSet;
 use std::ffi::OsStr;
+use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-use modulo_images::{EXTENSIONS, White, read_image};
+use modulo_images::{EXTENSIONS, White, check_regular, open_regular, read_image, sample_depth};
 
 use super::{FRAME_ID, GroundTruth, Source, SourceError, SourceFrame};
 use crate::FileError;
@@ -49,16 +50,20 @@ impl Source for FolderSource {
         Some(frame.map_err(SourceError::from))
     }
 
-    /// Reads only the float images that define the white level.
+    /// Reads only the images that decide how the later ones are read.
     fn skip(&mut self, frames: u64) {
-        for _ in 0..frames {
-            match self.images.get(self.next) {
-                None => return,
-                // A white level of 0 is that of the first float image, so this one must be read.
-                Some(image) if is_float(image) && !self.white.is_known() => drop(self.next()),
-                Some(_) => self.next += 1,
+        let end =
+            usize::try_from(frames).unwrap_or(usize::MAX).saturating_add(self.next).min(self.images.len());
+        for image in &self.images[self.next..end] {
+            let depth = open_regular(image).ok().and_then(|file| sample_depth(BufReader::new(file)));
+            // What is no image teaches nothing, neither here nor in `next`.
+            if depth.is_some_and(|depth| !self.white.is_settled(depth))
+                && let Ok(pixels) = read_image(image)
+            {
+                self.white.learn(&pixels, image.display());
             }
         }
+        self.next = end;
     }
 
     fn len(&self) -> Option<usize> {
@@ -146,6 +151,7 @@ pub(crate) fn list_images(folder: &Path) -> Result<Vec<PathBuf>, SourceError> {
     for entry in std::fs::read_dir(folder).map_err(io)? {
         let path = entry.map_err(io)?.path();
         if is_image(&path) {
+            check_file(&path)?;
             images.push(path);
         }
     }
@@ -173,14 +179,17 @@ pub(crate) fn stem(path: &Path) -> String {
 }
 
 fn one_image(path: &Path) -> Result<PathBuf, SourceError> {
+    check_file(path)?;
     if is_image(path) { Ok(path.to_owned()) } else { Err(SourceError::Extension(path.to_owned())) }
 }
 
-fn is_float(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr") || e.eq_ignore_ascii_case("hdr"))
-}
-
+/// Returns whether `path` is called as an image is, and is not a folder.
 fn is_image(path: &Path) -> bool {
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase());
-    path.is_file() && extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str()))
+    path.exists() && !path.is_dir() && extension.is_some_and(|e| EXTENSIONS.contains(&e.as_str()))
+}
+
+/// Refuses a pipe or a device.
+fn check_file(path: &Path) -> Result<(), FileError> {
+    check_regular(path).map_err(|why| FileError::new(path, why))
 }

@@ -11,9 +11,11 @@ mod scene;
 mod yolo;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use modulo_core::{BBox, Detection};
 use modulo_images::ImageError;
+use modulo_msgs::sensor_msgs::CameraInfo;
 use modulo_msgs::std_msgs::Header;
 use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray};
 use ndarray::Array3;
@@ -34,9 +36,16 @@ pub enum SourceError {
     /// The path does not exist.
     #[error(
         "{file}: no such path; possible are scene://PRESET, an image (png, jpg, jpeg, exr, hdr), a folder of images, \
-         a KITTI folder (image_2 or image_02 inside), a .mcap, .db3 or ROS 1 .bag file or a bag folder", file = .0.display()
+         a KITTI folder (image_2 or image_02 inside), a .mcap, .db3 or ROS 1 .bag file or a bag folder, and as source of a \
+         camera topic:NAME, such as topic:/camera/image_raw, for the images that another node publishes", file = .0.display()
     )]
     Missing(PathBuf),
+    /// A camera, or a stream of a network.
+    #[error(
+        "{0}: devices and URLs are not read; bring their images in by a driver of ROS 2, such as v4l2_camera or usb_cam, and \
+         give the camera source topic:NAME, such as topic:/image_raw"
+    )]
+    Device(String),
     /// A file or folder of a data set does not exist. The text says what is needed.
     #[error("{file}: no such file or folder; {1}", file = .0.display())]
     Absent(PathBuf, &'static str),
@@ -114,6 +123,11 @@ pub trait Source: Send {
     /// Returns how many frames there are from the start, if that is known.
     fn len(&self) -> Option<usize>;
 
+    /// Returns the camera info that was recorded with the images, whose calibration holds for all of them; `None` without one.
+    fn camera_info(&self) -> Option<Arc<CameraInfo>> {
+        None
+    }
+
     /// Returns one line for each kind of label that belongs to no frame, so that no frame comes with it.
     fn warnings(&self) -> Vec<String> {
         Vec::new()
@@ -165,6 +179,9 @@ pub fn open(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, Sour
         return Ok(Box::new(SceneSource::open(spec)?));
     }
     let path = Path::new(spec);
+    if spec.contains("://") || spec.starts_with("/dev/video") {
+        return Err(SourceError::Device(spec.to_owned()));
+    }
     if !path.exists() {
         return Err(SourceError::Missing(path.to_owned()));
     }
@@ -249,6 +266,18 @@ mod tests {
         fn labels_return(labels in proptest::collection::vec(label(), 0..4)) {
             let header = Header::default();
             prop_assert_eq!(from_detections(&to_detections(&labels, &header)), labels);
+        }
+    }
+
+    #[test]
+    fn a_source_that_is_no_recording_says_what_to_write() {
+        for (spec, remedy) in [
+            ("/camera/image_raw", "topic:/camera/image_raw"),
+            ("/dev/video0", "v4l2_camera"),
+            ("rtsp://10.0.0.3/stream", "topic:NAME"),
+        ] {
+            let why = open(spec, &SourceOptions::default()).err().expect("no recording").to_string();
+            assert!(why.contains(spec) && why.contains(remedy), "{why}");
         }
     }
 

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use modulo_bags::bag::{BagReader, BagWriter, Compression};
 use modulo_bags::control::{PlayerAction, PlayerCommand, PlayerReply, Service};
-use modulo_bags::play::{PlayOptions, PlaybackState, Player, Repeat};
+use modulo_bags::play::{PlayError, PlayOptions, PlaybackState, Player, Repeat};
 use modulo_msgs::builtin::Time;
 use modulo_msgs::cdr;
 use modulo_msgs::rosbag2_interfaces::{
@@ -78,6 +78,24 @@ fn a_round_may_be_short() {
     let duration = Some(Duration::from_millis(150));
     let options = PlayOptions { repeat: Repeat::Forever, duration, ..PlayOptions::default() };
     assert_eq!(played(&path, &options, 5), [(0, 0), (100, 1), (150, 0), (250, 1), (300, 0)]);
+}
+
+/// Its messages would come without a pause.
+#[test]
+fn a_part_without_a_duration_is_played_only_once() {
+    let (_folder, path) = recorded();
+    let (_single, one) = temporary("one");
+    let mut recorder = BagWriter::create(&one, Compression::None).expect("new");
+    recorder.record(&topic(0), 5_000, 1, &[7]).expect("written");
+    recorder.finish().expect("finished");
+    let none = PlayOptions { duration: Some(Duration::ZERO), ..PlayOptions::default() };
+    let end = PlayOptions { start_offset: Duration::from_millis(900), ..PlayOptions::default() };
+    for (path, options) in [(&path, none), (&path, end), (&one, PlayOptions::default())] {
+        assert_eq!(played(path, &options, 9).len(), 1, "{options:?}");
+        let forever = PlayOptions { repeat: Repeat::Forever, ..options };
+        let refused = Player::new(BagReader::open(path).expect("a bag"), &forever).err();
+        assert_eq!(refused, Some(PlayError::Round(Duration::ZERO)), "{forever:?}");
+    }
 }
 
 #[test]

@@ -228,6 +228,49 @@ fn a_chunk_that_ends_before_it_starts_is_read() {
     assert_eq!(due.collect::<Vec<_>>(), [0, S, 2 * S]);
 }
 
+/// A few bytes of LZ4 can stand for any number of zeros.
+#[test]
+fn a_chunk_unpacks_to_the_size_of_its_header() {
+    let (_folder, path) = temporary("packed.bag");
+    let whole = bag(&[("/image", IMAGE)], &[vec![(0, S, image(S, 1))]]);
+    let place = |name: &[u8]| whole.windows(name.len()).position(|w| w == name).expect("there");
+    // The chunk begins with its operation, and goes on behind its data.
+    let begin = place(b"op=\x05") - 8;
+    let header = place(b"size=") + 9;
+    let length = |at: usize| u32::from_le_bytes(whole[at..at + 4].try_into().expect("4 bytes")) as usize;
+    let data = header + 4..header + 4 + length(header);
+    let end = data.end;
+    let first_error = |claimed: u32, data: &[u8]| {
+        let mut encoder = lz4::EncoderBuilder::new().build(Vec::new()).expect("an encoder");
+        std::io::Write::write_all(&mut encoder, data).expect("packed");
+        let packed = encoder.finish().0;
+        let fields: [(&str, &[u8]); 3] =
+            [("op", &[5]), ("compression", b"lz4"), ("size", &claimed.to_le_bytes())];
+        let chunk = record(&fields, &packed);
+        let mut bytes = [&whole[..begin], &chunk, &whole[end..]].concat();
+        let index = (place(b"index_pos=") + 10, length_of_index(&whole, begin, end, chunk.len()));
+        bytes[index.0..index.0 + 8].copy_from_slice(&index.1.to_le_bytes());
+        std::fs::write(&path, &bytes).expect("written");
+        let bag = BagReader::open(&path).expect("its index is whole");
+        let found = bag.messages(&Selection::default()).next().expect("a message or an error");
+        found.map(|message| message.log_time).map_err(|why| why.to_string())
+    };
+    let data = &whole[data];
+    assert_eq!(first_error(data.len() as u32, data), Ok(S));
+    let zeros = [data, &vec![0; 8 << 20]].concat();
+    let why = first_error(data.len() as u32, &zeros).expect_err("too much");
+    assert!(why.contains(&format!("more than the {} bytes of its header", data.len())), "{why}");
+    let why = first_error(3 << 30, data).expect_err("too much");
+    assert!(why.contains("3221225472 bytes, more than 1073741824"), "{why}");
+}
+
+/// Where the index of `bag` begins when its only chunk, at `begin..end`, has another length.
+fn length_of_index(bag: &[u8], begin: usize, end: usize, chunk: usize) -> u64 {
+    let at = bag.windows(10).position(|w| w == b"index_pos=").expect("a header") + 10;
+    let index = u64::from_le_bytes(bag[at..at + 8].try_into().expect("8 bytes"));
+    index + chunk as u64 - (end - begin) as u64
+}
+
 #[test]
 fn a_message_that_cannot_be_converted_is_left_out_and_counted() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -4,15 +4,20 @@
 #[path = "../../../tests/harness/data.rs"]
 mod data;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use image::{ImageBuffer, Rgb, Rgba};
-use modulo_bags::bag::{BagReader, Compression, Selection};
+use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, Selection};
 use modulo_bags::import::{ImportReport, import_kitti};
-use modulo_bags::source::{GroundTruth, SourceFrame, SourceOptions, open};
-use modulo_core::{BBox, Frame};
+use modulo_bags::source::{CocoSource, GroundTruth, Source, SourceFrame, SourceOptions, YoloSource, open};
+use modulo_core::{BBox, Frame, Samples};
 use modulo_images::save_png;
+use modulo_msgs::cdr;
+use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image};
+use modulo_msgs::std_msgs::{Header, Time};
+use modulo_runtime::Qos;
 use ndarray::Array3;
+use proptest::prelude::*;
 
 use crate::{COMPRESSIONS, frame, read_all, temporary, write_kitti};
 
@@ -32,6 +37,130 @@ fn frames(path: &Path, white: f32) -> Vec<SourceFrame> {
     source.rewind().expect("rewound");
     assert_eq!(std::iter::from_fn(|| source.next()).map(|f| f.expect("a frame")).collect::<Vec<_>>(), first);
     first
+}
+
+/// An image whose samples decide how later ones are read, or leave it open.
+fn telling(kind: usize) -> Frame {
+    let deep = |code: u16| Frame::from_u16(Array3::from_elem((4, 6, 1), code)).expect("4 x 6");
+    let linear = |value: f32| Frame::from_f32(Array3::from_elem((4, 6, 3), value)).expect("4 x 6");
+    match kind {
+        0 => frame(7),
+        // Nearly black, of 12 bits, of 16 bits.
+        1 => deep(200),
+        2 => deep(3000),
+        3 => deep(60_000),
+        4 => linear(0.0),
+        kind => linear(kind as f32),
+    }
+}
+
+fn save(image: &Frame, folder: &Path, number: usize) {
+    let path = folder.join(format!("{number:06}"));
+    match image.samples() {
+        Samples::F32(linear) => {
+            let pixel = |x: u32, y: u32| [0, 1, 2].map(|c| linear[(y as usize, x as usize, c)]);
+            let image = ImageBuffer::from_fn(6, 4, |x, y| Rgb(pixel(x, y)));
+            image.save(path.with_extension("exr")).expect("saved");
+        }
+        _ => save_png(&path.with_extension("png"), image).expect("saved"),
+    }
+}
+
+/// Writes the same frames as a folder, as KITTI, with YOLO's labels, with COCO's, and as bags.
+fn write_sources(images: &[Frame], folder: &Path) {
+    let [plain, yolo, kitti] = ["plain", "yolo/images", "kitti/image_2"].map(|name| folder.join(name));
+    for place in [&plain, &yolo, &kitti] {
+        std::fs::create_dir_all(place).expect("a folder");
+        images.iter().enumerate().for_each(|(number, image)| save(image, place, number));
+    }
+    let mut files: Vec<_> = std::fs::read_dir(&plain).expect("there").flatten().map(|e| e.path()).collect();
+    files.sort();
+    let entry = |(id, file): (usize, &PathBuf)| {
+        let name = file.file_name().expect("a name").display();
+        format!(r#"{{"id": {id}, "file_name": "{name}", "width": 6, "height": 4}}"#)
+    };
+    let entries: Vec<String> = files.iter().enumerate().map(entry).collect();
+    let text = format!(r#"{{"images": [{}], "annotations": [], "categories": []}}"#, entries.join(","));
+    std::fs::write(folder.join("coco.json"), text).expect("written");
+    for (name, type_name) in [("raw", "sensor_msgs/msg/Image"), ("packed", "sensor_msgs/msg/CompressedImage")]
+    {
+        let mut bag = BagWriter::create(&folder.join(name), Compression::None).expect("a new bag");
+        let topic = bag.topic(&BagTopic::new("/image", type_name, Qos::Images)).expect("a topic");
+        for ((image, file), number) in images.iter().zip(&files).zip(1..) {
+            let header = Header { stamp: Time::from_ns(number), ..Header::default() };
+            let data = std::fs::read(file).expect("saved above");
+            let payload = match name {
+                "raw" => cdr::to_vec(&Image::from_frame(header, image)),
+                _ => cdr::to_vec(&CompressedImage { header, format: String::new(), data }),
+            };
+            bag.write(topic, number, number, &payload.expect("short")).expect("written");
+        }
+        bag.finish().expect("written");
+    }
+}
+
+/// Each source of the folder that [`write_sources`] has filled, and a scene.
+fn open_sources(folder: &Path) -> Vec<Box<dyn Source>> {
+    let opened = |spec: &str| open(spec, &SourceOptions::default()).expect("a source");
+    let inside = |name: &str| opened(&folder.join(name).display().to_string());
+    let coco = CocoSource::open(&folder.join("coco.json"), Some(&folder.join("plain")), 0.0);
+    vec![
+        inside("plain"),
+        inside("kitti"),
+        Box::new(YoloSource::open(&folder.join("yolo"), 0.0).expect("a source")),
+        Box::new(coco.expect("a source")),
+        inside("raw"),
+        inside("packed"),
+        opened("scene://day?seed=3&width=32&height=16&frames=4"),
+    ]
+}
+
+/// The radiance of the frames that follow; `None` for one that is refused.
+fn read_on(source: &mut dyn Source) -> Vec<Option<Array3<f32>>> {
+    std::iter::from_fn(|| source.next()).map(|frame| frame.ok().map(|frame| frame.radiance)).collect()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(32))]
+
+    /// After a crash a node skips the frames that it has taken. The others must not differ from those without a crash.
+    #[test]
+    fn frames_behind_a_crash_are_those_without_one(kinds in proptest::collection::vec(0_usize..8, 1..6)) {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let images: Vec<Frame> = kinds.iter().map(|kind| telling(*kind)).collect();
+        write_sources(&images, folder.path());
+        let whole: Vec<_> = open_sources(folder.path()).iter_mut().map(|s| read_on(&mut **s)).collect();
+        for position in 0..=images.len() + 1 {
+            for (index, source) in open_sources(folder.path()).iter_mut().enumerate() {
+                source.skip(position as u64);
+                let rest = whole[index].get(position..).unwrap_or_default();
+                prop_assert_eq!(read_on(&mut **source), rest, "source {} behind {}", index, position);
+            }
+        }
+    }
+}
+
+/// A pipe would be waited for, and a device has no end.
+#[test]
+fn only_regular_files_are_read() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let images = folder.path().join("images");
+    std::fs::create_dir(&images).expect("a folder");
+    save_png(&images.join("0.png"), &frame(1)).expect("saved");
+    let [inside, pipe, bag] =
+        [images.join("a.png"), folder.path().join("a.png"), folder.path().join("a.mcap")];
+    for path in [&inside, &pipe, &bag] {
+        assert!(std::process::Command::new("mkfifo").arg(path).status().is_ok_and(|made| made.success()));
+    }
+    for path in [&images, &pipe, &bag, Path::new("/dev/zero")] {
+        let named = if *path == *images { &inside } else { path };
+        let why = error_of(path);
+        assert!(why.contains(&named.display().to_string()) && why.contains("not a regular file"), "{why}");
+    }
+    for path in [&*bag, Path::new("/dev/zero")] {
+        let why = BagReader::open(path).expect_err("not a file").to_string();
+        assert!(why.contains("not a regular file"), "{why}");
+    }
 }
 
 #[test]
@@ -311,4 +440,40 @@ fn high_dynamic_range_files_load() {
     assert_eq!(walk(&data.join("hdr/polyhaven"), None), (4, 0));
     assert_eq!(walk(&data.join("hdr/openexr_images/ScanLines_Desk.exr"), None), (1, 0));
     assert_eq!(walk(&data.join("bdd/unlabelled"), None), (3, 0));
+}
+
+/// The calibration in a bag is that of the camera whose images are read, also where these are files.
+#[test]
+fn a_bag_has_the_camera_info_beside_its_images() {
+    const INFO: &str = "sensor_msgs/msg/CameraInfo";
+    let (_guard, path) = temporary("calibrated");
+    let mut bag = BagWriter::create(&path, Compression::Lz4).expect("a new folder");
+    let mut write = |topic: &str, type_name: &str, at: u64, data: Vec<u8>| {
+        let id = bag.topic(&BagTopic::new(topic, type_name, Qos::Images)).expect("one type");
+        bag.write(id, at, at, &data).expect("written");
+    };
+    let info = |width| CameraInfo { width, k: [500.0; 9], ..CameraInfo::default() };
+    let encoded = |width| cdr::to_vec(&info(width)).expect("encodes");
+    let image = Image::from_frame(Header::default(), &frame(1));
+    for topic in ["/front/image_raw", "/image"] {
+        write(topic, "sensor_msgs/msg/Image", 5, cdr::to_vec(&image).expect("encodes"));
+    }
+    let file = CompressedImage { format: "png".into(), ..CompressedImage::default() };
+    write(
+        "/rear/image/compressed",
+        "sensor_msgs/msg/CompressedImage",
+        5,
+        cdr::to_vec(&file).expect("encodes"),
+    );
+    for (topic, width) in [("/front/camera_info", 6), ("/front/camera_info", 7), ("/rear/camera_info", 8)] {
+        write(topic, INFO, 6 + u64::from(width), encoded(width));
+    }
+    bag.finish().expect("finished");
+    for (topic, expected) in
+        [("/front/image_raw", Some(info(6))), ("/rear/image/compressed", Some(info(8))), ("/image", None)]
+    {
+        let options = SourceOptions { topic: Some(topic.into()), ..SourceOptions::default() };
+        let source = open(&path.display().to_string(), &options).expect("a source");
+        assert_eq!(source.camera_info().as_deref(), expected.as_ref(), "{topic}");
+    }
 }

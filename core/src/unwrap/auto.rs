@@ -144,11 +144,11 @@ impl Unwrap for Auto {
                 // A result that contradicts itself is not trusted, whatever y looks like.
                 range.bits() >= FEWEST_BITS
                     && f64::from(jumps) <= self.limits.jumps
-                    && out.report.trust != Trust::Contradicted
+                    && out.report.trust != Trust::Untrusted
             }
         };
         let trusted = trusted && (!self.needs_offset || congruence::is_evident(out, range));
-        out.report.trust = if trusted { Trust::Trusted } else { Trust::Contradicted };
+        out.report.trust = if trusted { Trust::Trusted } else { Trust::Untrusted };
         Ok(())
     }
 }

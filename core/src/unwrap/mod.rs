@@ -146,8 +146,9 @@ pub enum Trust {
     Unknown,
     /// The method vouches for the counts.
     Trusted,
-    /// The image or the result contradicts the assumptions of the method, or says too little to check them.
-    Contradicted,
+    /// The method does not vouch for the counts: the image or the result violates its assumptions, or has too little evidence
+    /// for them or for the absolute offset. The counts may be right all the same.
+    Untrusted,
 }
 
 impl Trust {
@@ -156,7 +157,7 @@ impl Trust {
         match self {
             Self::Unknown => None,
             Self::Trusted => Some(true),
-            Self::Contradicted => Some(false),
+            Self::Untrusted => Some(false),
         }
     }
 }

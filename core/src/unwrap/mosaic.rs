@@ -97,7 +97,7 @@ impl MosaicUnwrap {
             vouched &= self.unwrap_against_green(image, &green, place, range, out)?;
         }
         if self.judges {
-            out.report.trust = if vouched { Trust::Trusted } else { Trust::Contradicted };
+            out.report.trust = if vouched { Trust::Trusted } else { Trust::Untrusted };
         }
         Ok(jumps)
     }

@@ -8,6 +8,7 @@ pub mod benchmark;
 pub mod engines;
 pub mod frontier;
 pub mod pipeline;
+pub mod recover;
 pub mod simulate;
 pub mod stability;
 
@@ -16,14 +17,15 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use modulo_charts::ChartError;
+pub use modulo_charts::below_100;
 use modulo_core::metric::ShapesDiffer;
 use modulo_core::{
     Frame, GainPattern, Gains, Mosaic, Psf, Samples, Sensor, SensorConfig, SensorError, UnwrapError,
 };
 use modulo_images::{ImageError, SaveError, White};
 use ndarray::Array3;
-use serde::Serialize;
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
 /// Error of a simulation, benchmark or stability run. The message names the value and the possible ones.
 #[derive(Debug, thiserror::Error)]
@@ -41,6 +43,12 @@ pub enum BenchError {
         /// The possible values.
         possible: &'static str,
     },
+    /// Options that do not go together, or that this command does not have. The text is a sentence with the remedy.
+    #[error("{0}")]
+    Option(String),
+    /// Results cannot be written into a folder.
+    #[error("no result can be written into {path}, so that another folder is needed: {1}", path = .0.display())]
+    Output(PathBuf, #[source] std::io::Error),
     /// A folder without a readable image.
     #[error("{}: there is no readable image (.png, .jpg, .jpeg, .exr, .hdr)", .0.display())]
     NoFrames(PathBuf),
@@ -147,7 +155,39 @@ pub enum Lens {
     Paper7,
 }
 
+/// The settings of a simulated sensor that are the same at every alpha, in results.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SensorSettings {
+    /// Bits of the converter.
+    pub bits: u8,
+    /// Shape of the lens blur: `gaussian` or `paper7`.
+    pub psf: String,
+    /// Standard deviation of the lens blur, px.
+    pub psf_sigma: f64,
+    /// Standard deviation of the read noise, code units.
+    pub read_noise: f64,
+    /// Strength of the shot noise: its variance divided by the signal, code units.
+    pub shot_noise: f64,
+    /// Photo response non-uniformity, a fraction.
+    pub prnu: f64,
+    /// Share of the samples that are hot.
+    pub hot_pixels: f64,
+    /// Seed of the noise.
+    pub seed: u64,
+}
+
 impl SensorOptions {
+    /// The settings for results.
+    fn settings(&self) -> SensorSettings {
+        let Self { bits, read_noise, shot_noise, prnu, hot_pixels, seed, .. } = *self;
+        let psf = match self.psf {
+            Lens::Gaussian => "gaussian",
+            Lens::Paper7 => "paper7",
+        };
+        let (psf, psf_sigma) = (psf.to_owned(), self.psf().sigma());
+        SensorSettings { bits, psf, psf_sigma, read_noise, shot_noise, prnu, hot_pixels, seed }
+    }
+
     /// The blur of the lens.
     fn psf(&self) -> Psf {
         match self.psf {
@@ -193,9 +233,10 @@ fn samples8(frame: Frame) -> Array3<u8> {
     }
 }
 
-/// Creates `folder` and its parents.
+/// Creates `folder` and its parents, and checks that a file can be written into it: a run of hours must not end without results.
 fn make_folder(folder: &Path) -> Result<(), BenchError> {
-    fs::create_dir_all(folder).map_err(|source| BenchError::Io(folder.to_owned(), source))
+    let made = fs::create_dir_all(folder).and_then(|()| tempfile::tempfile_in(folder));
+    made.map(drop).map_err(|source| BenchError::Output(folder.to_owned(), source))
 }
 
 /// Writes `value` as JSON to a temporary file beside `path` and renames it.

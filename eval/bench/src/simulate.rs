@@ -14,7 +14,10 @@ use ndarray::Array3;
 use serde::{Deserialize, Serialize};
 
 use crate::benchmark::timed;
-use crate::{BenchError, BenchEvent, SensorOptions, Skipped, make_folder, need, samples8, write_json};
+use crate::recover::save_counts;
+use crate::{
+    BenchError, BenchEvent, SensorOptions, SensorSettings, Skipped, make_folder, need, samples8, write_json,
+};
 
 /// Name of the list of results in the folder.
 pub const RESULTS: &str = "results.json";
@@ -25,8 +28,8 @@ pub struct SimulationRequest {
     /// Images: PNG or JPEG of 8 or 16 bits, OpenEXR, Radiance HDR
     #[arg(required = true)]
     pub images: Vec<PathBuf>,
-    /// Unwrapping methods
-    #[arg(long, value_delimiter = ',', default_value = "auto")]
+    /// Unwrapping methods, for a sensor with one gain [default: auto]
+    #[arg(long, value_delimiter = ',')]
     pub method: Vec<String>,
     /// Saturation factors: brightest radiance divided by the peak of the sensor
     #[arg(long, value_delimiter = ',', default_value = "4")]
@@ -41,6 +44,10 @@ pub struct SimulationRequest {
     /// The sensor.
     #[command(flatten)]
     pub sensor: SensorOptions,
+    /// Also write wrap counts (NAME_alphaA_k.png) and image in code units (NAME_alphaA_x.png, 16 bits): the true ones, and those of
+    /// each method (NAME_alphaA_METHOD_k.png and NAME_alphaA_METHOD_x.png)
+    #[arg(long)]
+    pub counts: bool,
     /// Folder for the images and results.json
     #[arg(short, long, value_name = "FOLDER")]
     pub out: PathBuf,
@@ -55,8 +62,9 @@ pub struct SimulationRow {
     pub white: Option<f32>,
     /// Saturation factor.
     pub alpha: f64,
-    /// Standard deviation of the lens blur, px.
-    pub psf_sigma: f64,
+    /// The other settings of the sensor.
+    #[serde(flatten)]
+    pub sensor: SensorSettings,
     /// Pixels with a lower gain: `none`, `checkerboard` or `rows`.
     pub gains: String,
     /// Colour filters: `none`, `rggb`, `bggr`, `grbg` or `gbrg`.
@@ -158,6 +166,10 @@ impl InputImage<'_> {
         save_png(&path("ideal"), &exposure.ideal().demosaiced())?;
         save_png(&path("saturated"), &exposure.saturated())?;
         save_png(&path("modulo"), &exposure.modulo())?;
+        if self.request.counts {
+            // The sensor counts whole codes.
+            save_counts(path, &exposure.wraps(), &exposure.x().mapv(f32::floor), exposure.range())?;
+        }
         methods.iter_mut().map(|method| self.recover(&exposure, method.as_mut())).collect()
     }
 
@@ -171,12 +183,16 @@ impl InputImage<'_> {
         let x = colours.as_ref().unwrap_or(&recovered.x);
         let picture = tone::linear8(x, range).map_err(UnwrapError::from)?;
         save_png(&self.path(range.alpha(), method.name()), &picture)?;
+        if self.request.counts {
+            let path = |what: &str| self.path(range.alpha(), &format!("{}_{what}", method.name()));
+            save_counts(path, &recovered.k, &recovered.x, range)?;
+        }
         let (ideal, picture) = (samples8(exposure.ideal().demosaiced().into_owned()), samples8(picture));
         Ok(SimulationRow {
             file: self.file.display().to_string(),
             white: self.white,
             alpha: range.alpha(),
-            psf_sigma: self.request.sensor.psf().sigma(),
+            sensor: self.request.sensor.settings(),
             gains: self.request.gains.clone(),
             mosaic: self.request.mosaic.clone(),
             method: method.name().to_owned(),
@@ -202,13 +218,49 @@ fn sensors(request: &SimulationRequest) -> Result<Vec<Sensor>, BenchError> {
 }
 
 fn methods(request: &SimulationRequest) -> Result<Vec<Box<dyn Unwrap>>, BenchError> {
-    need("the list of methods", &request.method)?;
-    let method = |name: &String| Ok(by_name(name, &Options::default())?);
-    request.method.iter().map(method).collect()
+    let SimulationRequest { method, gains, alpha, sensor, counts, .. } = request;
+    if *counts && alpha.iter().any(|alpha| alpha * f64::from(sensor.bits).exp2() > 65536.0) {
+        let why = "--counts writes images of 16 bits, which cannot hold alpha * 2^bits above 65536";
+        return Err(BenchError::Option(why.to_owned()));
+    }
+    methods_of(method, GainPattern::named(gains))
+}
+
+/// The methods of these names, or `auto`.
+///
+/// # Errors
+/// [`BenchError`] for an unknown name, and for any name where the gains decide the method.
+pub(crate) fn methods_of(
+    names: &[String],
+    gains: Option<GainPattern>,
+) -> Result<Vec<Box<dyn Unwrap>>, BenchError> {
+    if let (Some(gains), [_, ..]) = (gains, names) {
+        return Err(BenchError::Option(format!(
+            "--method {} has no effect with --gains {}, whose images are unwrapped by {}: leave out one of these options",
+            names.join(","),
+            gains.word(),
+            gains.method()
+        )));
+    }
+    let method = |name: &str| {
+        match name {
+        // The method of the scripts of the paper, which is none for y.
+        "spud_as_published" => Err(BenchError::Option(
+            "spud_as_published needs the image before quantisation, which only modulo eval gives it; spud is the same \
+             method on the modulo image"
+                .to_owned(),
+        )),
+        name => Ok(by_name(name, &Options::default())?),
+    }
+    };
+    match names {
+        [] => Ok(vec![method("auto")?]),
+        names => names.iter().map(|name| method(name)).collect(),
+    }
 }
 
 /// The name of each file without extension, with `-2`, `-3` and so on if another file has it already.
-fn names(files: &[PathBuf]) -> Vec<String> {
+pub(crate) fn names(files: &[PathBuf]) -> Vec<String> {
     // Files of two folders can have one name. A numbered name can exist as a file, too (`x-2.jpg`), so that each name
     // is checked against all names before it.
     let mut taken = HashSet::new();

@@ -5,6 +5,7 @@ use std::path::Path;
 use clap::Parser;
 use modulo_bench::benchmark::{self, BenchmarkRequest, BenchmarkRow, META, Meta};
 use modulo_bench::frontier::{draw_frontier, frontier_from};
+use modulo_bench::recover::{self, UnwrapRequest};
 use modulo_bench::simulate::{self, SimulationRequest, SimulationRow};
 use modulo_bench::{BenchError, BenchEvent};
 use modulo_charts::PageWidth;
@@ -305,5 +306,76 @@ fn a_wrong_simulation_is_refused_before_anything_is_written() {
     assert!(request(&|r| r.alpha = vec![0.0]).starts_with("alpha is 0"));
     assert!(request(&|r| r.method = vec!["best".into()]).contains("method \"best\" is unknown"));
     assert!(request(&|r| r.sensor.white = -1.0).starts_with("white = -1"));
+    // The gains decide the method: one that was asked for would be ignored.
+    let ignored = request(&|r| (r.gains, r.method) = ("checkerboard".into(), vec!["spud".into()]));
+    for told in ["--method spud", "--gains checkerboard", "checkerboard_gains"] {
+        assert!(ignored.contains(told), "{told}: {ignored}");
+    }
+    let published = request(&|r| r.method = vec!["spud_as_published".into()]);
+    assert!(published.contains("modulo eval") && published.contains("spud is the same"), "{published}");
+    let wide = request(&|r| (r.counts, r.sensor.bits) = (true, 16));
+    assert!(wide.contains("--counts") && wide.contains("65536"), "{wide}");
     assert!(!out.exists());
+}
+
+#[test]
+fn rows_of_different_sensors_differ() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("street.png"), folder.path().join("out"));
+    street(&file);
+    let mut request = request(&out, &[&file]);
+    (request.sensor.read_noise, request.sensor.seed, request.sensor.prnu) = (3.0, 9, 0.01);
+    simulate::simulate(&request, &mut |_| {}).unwrap();
+    let text = std::fs::read_to_string(out.join(simulate::RESULTS)).unwrap();
+    for field in ["bits", "psf", "psf_sigma", "shot_noise", "hot_pixels"] {
+        assert!(text.contains(&format!("\"{field}\": ")), "{field}: {text}");
+    }
+    for value in ["\"read_noise\": 3.0", "\"seed\": 9", "\"prnu\": 0.01"] {
+        assert!(text.contains(value), "{value}: {text}");
+    }
+}
+
+/// y, the true k and the true x of `simulate` belong together, and `unwrap` finds them from y.
+#[test]
+fn a_modulo_image_is_unwrapped_as_the_simulation_did() {
+    let folder = tempfile::tempdir().unwrap();
+    let [file, simulated, out] = ["street.png", "simulated", "out"].map(|name| folder.path().join(name));
+    street(&file);
+    let mut with = SimulationRequest { counts: true, ..request(&simulated, &[&file]) };
+    with.sensor.psf_sigma = 1.4;
+    let expected = simulate::simulate(&with, &mut |_| {}).unwrap().rows;
+    let path = |what: &str| simulated.join(format!("street_alpha4_{what}.png"));
+    let (y, k, x) = (pixels(&path("modulo")), pixels(&path("k")), read_image(&path("x")).unwrap());
+    assert!(k.iter().any(|&k| k > 0), "the scene must wrap");
+    let sum = y.iter().zip(&k).map(|(&y, &k)| f32::from(y) + 256.0 * f32::from(k));
+    assert_eq!((x.depth(), sum.collect::<Vec<_>>()), (16, x.to_f32().into_iter().collect()));
+
+    let words =
+        [Path::new("unwrap"), &path("modulo"), Path::new("--alpha"), Path::new("4"), Path::new("-o"), &out];
+    let rows = recover::unwrap_files(&UnwrapRequest::parse_from(words), &mut |_| {}).unwrap().rows;
+    let [row] = &rows[..] else { panic!("one file, one method: {rows:?}") };
+    assert_eq!((&row.method_used, row.trusted), (&expected[0].method_used, expected[0].trusted));
+    for (ours, theirs) in [("auto", "auto"), ("auto_k", "auto_k"), ("auto_x", "auto_x")] {
+        let ours = read_image(&out.join(format!("street_alpha4_modulo_{ours}.png"))).unwrap();
+        assert_eq!(ours, read_image(&path(theirs)).unwrap(), "{theirs}");
+    }
+}
+
+#[test]
+fn what_is_no_image_of_the_sensor_is_not_unwrapped() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (folder.path().join("street.png"), folder.path().join("out"));
+    street(&file);
+    let fails = |more: &[&str]| {
+        let words = ["unwrap", file.to_str().unwrap(), "-o", out.to_str().unwrap()];
+        let request = UnwrapRequest::parse_from(words.iter().chain(more));
+        recover::unwrap_files(&request, &mut |_| {}).unwrap_err().to_string()
+    };
+    assert!(fails(&["--alpha", "0"]).starts_with("alpha is 0"));
+    assert!(fails(&["--alpha", "2", "--bits", "17"]).starts_with("bits is 17"));
+    assert!(fails(&["--alpha", "8", "--bits", "14"]).contains("65536"));
+    assert!(fails(&["--alpha", "2", "--gains", "rows", "--method", "spud"]).contains("row_gains"));
+    assert!(!out.exists());
+    assert!(fails(&["--alpha", "2", "--bits", "4"]).contains("with 4 bits"), "codes above 15");
+    assert!(fails(&["--alpha", "2", "--mosaic", "rggb"]).contains("channel"), "three channels");
 }

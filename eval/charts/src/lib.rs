@@ -45,6 +45,17 @@ pub fn number(value: f64, digits: usize) -> String {
     unsigned.map_or_else(|| text.clone(), str::to_owned)
 }
 
+/// A fraction as percent with `digits` decimal digits, or with as many more as keep a fraction below 1 from being rounded to
+/// 100.
+pub fn below_100(fraction: f64, digits: usize) -> String {
+    let text = number(100.0 * fraction, digits);
+    let rounded_up = fraction < 1.0 && text.starts_with("100") && digits < MOST_DIGITS;
+    if rounded_up { below_100(fraction, digits + 1) } else { text }
+}
+
+/// Decimal digits beyond which a percentage in double precision says nothing.
+const MOST_DIGITS: usize = 13;
+
 /// An HTML page with the style sheet that all pages share, followed by the rules `css` of this page.
 pub fn html_page(title: &str, css: &str, body: Markup) -> String {
     html! {
@@ -60,4 +71,20 @@ pub fn html_page(title: &str, css: &str, body: Markup) -> String {
         }
     }
     .into_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_whole_is_never_100_percent() {
+        assert_eq!(below_100(1.0 - 3.0 / 1_397_250.0, 3), "99.9998");
+        assert_eq!(below_100(1.0 - 7.0 / 1_397_250.0, 3), "99.999");
+        assert_eq!(
+            [below_100(1.0, 3), below_100(0.5, 1), below_100(0.9999, 1)],
+            ["100.000", "50.0", "99.99"]
+        );
+        assert!(below_100(1.0 - f64::EPSILON / 2.0, 0).len() < 20);
+    }
 }

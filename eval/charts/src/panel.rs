@@ -120,6 +120,8 @@ fn draw(canvas: &mut Canvas, panel: &ChartPanel, (left, top, width, height): Are
     let place = |value: f64| area.3 - y.place(value) * (area.3 - area.1);
     // Series of equal values would cover each other: at each setting they are side by side, in the order of the legend.
     let (count, room) = (panel.series.len() as f32, x.step() * (area.2 - area.0));
+    // Between two axes of settings, the value of y tells the series apart.
+    let room = if y.step() > 0.0 { 0.0 } else { room };
     let apart = (SPREAD * room / (count - 1.0).max(1.0)).min(2.2 * RADIUS);
     let placed = panel.series.iter().enumerate().map(|(index, series)| {
         let aside = apart * (index as f32 - (count - 1.0) / 2.0);

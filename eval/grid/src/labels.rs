@@ -1,6 +1,6 @@
 //! Labels of cells in tables and charts, and the time of a frame.
 
-pub use modulo_charts::{distinct, number};
+pub use modulo_charts::{below_100, distinct, number};
 
 use modulo_core::Mosaic;
 
@@ -38,9 +38,9 @@ pub const SETTINGS: [GridSetting; 4] = [
     },
     GridSetting {
         name: "read noise",
-        file: "noise",
+        file: "read",
         axis: "standard deviation of the read noise, code units",
-        of: |point| point.noise,
+        of: |point| point.read_noise,
         text: |value| or_no("read noise", value, " code units"),
     },
     GridSetting {
@@ -80,9 +80,11 @@ pub fn stream(point: &Point) -> String {
     }
 }
 
-/// Label of the model and its input size: `yolov10n 640x640`.
+/// Label of the model and its input size: `yolov10n 640x640`, `yolov10n, input auto`.
 pub fn model(point: &Point) -> String {
-    format!("{} {}", point.model, point.input)
+    // Without the word, the input size `auto` reads as the unwrapping method of this name.
+    let word = if point.input == "auto" { ", input" } else { "" };
+    format!("{}{word} {}", point.model, point.input)
 }
 
 fn or_no(name: &str, value: f64, unit: &str) -> String {
@@ -101,25 +103,39 @@ pub fn fixed_text(values: &[f64; SETTINGS.len()], varied: usize) -> String {
     fixed.map(|(_, (setting, value))| (setting.text)(*value)).collect::<Vec<_>>().join(", ")
 }
 
+/// The number of points of a grid with the values that they have: `8 cells of ideal, saturated; demo, input auto; alpha 2, 4; ...`.
+pub fn grid(points: &[Point]) -> String {
+    let list = |of: &dyn Fn(&Point) -> String| distinct(points.iter().map(of)).join(", ");
+    let settings = SETTINGS.iter().map(|setting| {
+        let mut values = distinct(points.iter().map(setting.of));
+        values.sort_by(f64::total_cmp);
+        let values: Vec<String> = values.into_iter().map(|value| value.to_string()).collect();
+        format!("{} {}", setting.name, values.join(", "))
+    });
+    let [streams, models, gains] = [list(&stream), list(&model), list(&|point| point.gains.clone())];
+    let settings: Vec<String> = settings.collect();
+    format!("{} cells of {streams}; {models}; {}; gains {gains}", points.len(), settings.join("; "))
+}
+
 /// Names and values of the noises: `no read noise, no shot noise`.
-pub fn noises(noise: f64, shot_noise: f64) -> String {
-    format!("{}, {}", (SETTINGS[2].text)(noise), (SETTINGS[3].text)(shot_noise))
+pub fn noises(read_noise: f64, shot_noise: f64) -> String {
+    format!("{}, {}", (SETTINGS[2].text)(read_noise), (SETTINGS[3].text)(shot_noise))
 }
 
 /// Label of the conditions, as [`fixed_text`] has it.
-pub fn conditions([psf_sigma, noise, shot_noise]: Conditions) -> String {
-    fixed_text(&[0.0, psf_sigma, noise, shot_noise], 0)
+pub fn conditions([psf_sigma, read_noise, shot_noise]: Conditions) -> String {
+    fixed_text(&[0.0, psf_sigma, read_noise, shot_noise], 0)
 }
 
 /// The conditions of a cell.
 pub fn conditions_of(point: &Point) -> Conditions {
-    let [_, psf_sigma, noise, shot_noise] = settings(point);
-    [psf_sigma, noise, shot_noise]
+    let [_, psf_sigma, read_noise, shot_noise] = settings(point);
+    [psf_sigma, read_noise, shot_noise]
 }
 
 /// Whether a cell belongs to these conditions. The ideal image without a lens belongs to all lenses.
-pub fn belongs(point: &Point, [psf_sigma, noise, shot_noise]: Conditions) -> bool {
-    is_at(point, &[0.0, psf_sigma, noise, shot_noise], 0)
+pub fn belongs(point: &Point, [psf_sigma, read_noise, shot_noise]: Conditions) -> bool {
+    is_at(point, &[0.0, psf_sigma, read_noise, shot_noise], 0)
 }
 
 /// Whether a cell has these settings, whatever its value of the setting `varied` is. The ideal image without a lens
@@ -202,7 +218,7 @@ pub fn nearest_to_four<'a>(cells: &[&'a Cell]) -> Vec<&'a Cell> {
     cells.iter().filter(|cell| distance(cell) == least).copied().collect()
 }
 
-/// A fraction as percent with one decimal digit; `-` without a value.
+/// A fraction as percent as [`below_100`] has it, with at least one decimal digit; `-` without a value.
 pub fn percent(fraction: Option<f64>) -> String {
-    fraction.map_or_else(|| "-".to_owned(), |fraction| number(100.0 * fraction, 1))
+    fraction.map_or_else(|| "-".to_owned(), |fraction| below_100(fraction, 1))
 }

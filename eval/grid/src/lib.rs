@@ -28,6 +28,7 @@ use std::path::{Path, PathBuf};
 
 use modulo_bags::FileError;
 use modulo_bags::source::SourceError;
+pub use modulo_charts::below_100;
 use modulo_core::SensorError;
 use modulo_detector::DetectorError;
 use modulo_runtime::ParameterError;
@@ -49,6 +50,12 @@ pub enum GridError {
         /// The possible values.
         possible: String,
     },
+    /// A grid without a cell. The texts name the combinations of options, each with the reason.
+    #[error("the grid has no cell: {list}", list = .0.join("; "))]
+    NoCell(Vec<String>),
+    /// Results cannot be written into a folder.
+    #[error("no result can be written into {path}, so that another folder is needed: {1}", path = .0.display())]
+    Output(PathBuf, #[source] std::io::Error),
     /// No frame of the data can be scored.
     #[error("{source_name}: none of the {frames} frames can be scored: {why}")]
     Nothing {
@@ -63,7 +70,7 @@ pub enum GridError {
     #[error("{path}: {1}", path = .0.display())]
     Table(PathBuf, String),
     /// A file holds results of another request. The text names the difference.
-    #[error("{path}: holds results of another setup: {1}; choose another folder, or start anew with --fresh", path = .0.display())]
+    #[error("{path}: holds results that cannot be shown with those of this command: {1}; choose another folder, or start anew with --fresh", path = .0.display())]
     OtherSetup(PathBuf, String),
     /// A file holds other figures for a cell than an earlier file.
     #[error("{path}: cell {1} was measured before with other figures", path = .0.display())]

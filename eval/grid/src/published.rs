@@ -172,12 +172,12 @@ pub fn section(results: &Results) -> Markup {
                 "belong to the frames and the model named above."
             }
             (table(&head, &rows))
-            p {
+            @if !times.is_empty() { p {
                 "Table 2, in milliseconds. The paper assumes " (CAPTURE_MS) " ms for a capture, and " (CAPTURES)
                 " captures for merged exposures. Its times were measured on an RTX 4070; the other times are medians on the "
                 "processor named below."
             }
-            (table(&time_head, &times))
+            (table(&time_head, &times)) }
         }
     }
 }

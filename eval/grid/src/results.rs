@@ -22,7 +22,7 @@ pub const BOXES: &str = "boxes.csv";
 
 /// Version of the computation of the figures. It is raised when the same request gives other figures than before, so that
 /// old and new ones are never joined.
-pub const FIGURES: u32 = 2;
+pub const FIGURES: u32 = 3;
 
 /// The results of a grid.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -119,7 +119,7 @@ pub struct Setup {
     pub groups: BTreeMap<String, String>,
     /// The sha256 of each model, by its name in cells.
     pub models: BTreeMap<String, String>,
-    /// All cells of the grid in order, over all shards.
+    /// All cells in order, over all shards, and over all grids that were run on the folder.
     pub grid: Vec<Point>,
 }
 
@@ -242,8 +242,9 @@ pub struct Point {
     pub alpha: f64,
     /// Standard deviation of the lens blur, px. Every alpha also has a sharp [`Stream::Ideal`], at 0.
     pub psf_sigma: f64,
-    /// Standard deviation of the read noise, code units.
-    pub noise: f64,
+    /// Standard deviation of the read noise, code units. Its field was `noise` in results of older versions.
+    #[serde(alias = "noise")]
+    pub read_noise: f64,
     /// Strength of the shot noise: its variance divided by the signal, code units. 0 in results of older versions.
     #[serde(default)]
     pub shot_noise: f64,
@@ -293,7 +294,7 @@ impl fmt::Display for Point {
             deblur,
             alpha,
             psf_sigma,
-            noise,
+            read_noise,
             shot_noise,
             prnu,
             hot_pixels,
@@ -308,8 +309,8 @@ impl fmt::Display for Point {
             write!(f, " deblurred")?;
         }
         write!(f, ", alpha {alpha}, blur {psf_sigma} px")?;
-        if *noise > 0.0 {
-            write!(f, ", noise {noise}")?;
+        if *read_noise > 0.0 {
+            write!(f, ", read noise {read_noise}")?;
         }
         if *shot_noise > 0.0 {
             write!(f, ", shot noise {shot_noise}")?;
@@ -358,7 +359,7 @@ pub struct Cell {
     pub paper: Paper,
     /// The [`WORST`] labelled frames with the lowest F1, the worst first.
     pub worst: Vec<Worst>,
-    /// Share of the samples with the true wrap count. This and the next figures exist only for recovered streams.
+    /// Share of the samples with the true wrap count. This and the next three figures exist only for recovered streams.
     pub exact_k: Option<f64>,
     /// Share of the frames in which all samples have the true wrap count.
     #[serde(default)]
@@ -368,11 +369,14 @@ pub struct Cell {
     /// Number of frames that the method trusts although less than 99.9 % of the samples have the true wrap count.
     #[serde(default)]
     pub trusted_wrong: Option<usize>,
-    /// PSNR against the ideal image of the same lens, dB. `None` for equal images.
+    /// PSNR against the ideal image of the same lens, dB; infinite (`"inf"` in JSON) for equal images. This and the next figures
+    /// exist for recovered, merged and saturated streams.
+    #[serde(default, with = "psnr")]
     pub psnr_db: Option<f64>,
     /// Mean SSIM against that image.
     pub ssim: Option<f64>,
     /// PSNR against the ideal image without a lens, dB.
+    #[serde(default, with = "psnr")]
     pub psnr_sharp_db: Option<f64>,
     /// Mean SSIM against that image.
     pub ssim_sharp: Option<f64>,
@@ -385,6 +389,36 @@ pub struct Cell {
     pub frame_ms: Option<FrameTime>,
     /// The machine and the settings of the durations.
     pub device: Device,
+}
+
+/// A PSNR in JSON, which has no infinite numbers: a number, `"inf"`, or `null` for none.
+mod psnr {
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    #[derive(Serialize, Deserialize)]
+    #[serde(untagged)]
+    enum Psnr {
+        Finite(f64),
+        Word(String),
+    }
+
+    pub fn serialize<S: Serializer>(value: &Option<f64>, to: S) -> Result<S::Ok, S::Error> {
+        let infinite = |value: f64| value == f64::INFINITY;
+        let word = |value| if infinite(value) { Psnr::Word("inf".to_owned()) } else { Psnr::Finite(value) };
+        value.map(word).serialize(to)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
+        match Option::<Psnr>::deserialize(from)? {
+            None => Ok(None),
+            Some(Psnr::Finite(value)) => Ok(Some(value)),
+            Some(Psnr::Word(word)) if word == "inf" => Ok(Some(f64::INFINITY)),
+            Some(Psnr::Word(word)) => {
+                Err(D::Error::custom(format!("a PSNR is '{word}', but must be a number or inf")))
+            }
+        }
+    }
 }
 
 /// Time of a frame.

@@ -9,6 +9,7 @@ use csv::{ByteRecord, ByteRecordsIntoIter};
 use modulo_runtime::launcher;
 
 use crate::GridError;
+use crate::labels;
 use crate::results::{BOXES, Cell, FRAMES, Point, RESULTS, Results, TABLE};
 
 /// Reads the results in `folder`. `None` if there are no results.
@@ -25,6 +26,17 @@ pub fn load(folder: &Path) -> Result<Option<Results>, GridError> {
         Err(why) if why.kind() == std::io::ErrorKind::NotFound => Ok(None),
         Err(why) => Err(GridError::io(&path, why)),
     }
+}
+
+/// Creates `folder` and checks that a file can be written into it.
+///
+/// # Errors
+/// [`GridError::Output`] if that fails.
+pub fn prepare(folder: &Path) -> Result<(), GridError> {
+    let probe = folder.join(format!(".modulo-{}", std::process::id()));
+    let written = std::fs::create_dir_all(folder).and_then(|()| std::fs::write(&probe, []));
+    let done = written.and_then(|()| std::fs::remove_file(&probe));
+    done.map_err(|why| GridError::Output(folder.to_owned(), why))
 }
 
 /// Writes [`RESULTS`] and [`TABLE`]. Creates `folder` if it is missing.
@@ -56,7 +68,7 @@ const SETTINGS: [Column; 15] = [
     ("deblur", |cell| cell.point.deblur.to_string()),
     ("alpha", |cell| figure(Some(cell.point.alpha))),
     ("psf_sigma", |cell| figure(Some(cell.point.psf_sigma))),
-    ("noise", |cell| figure(Some(cell.point.noise))),
+    ("read_noise", |cell| figure(Some(cell.point.read_noise))),
     ("shot_noise", |cell| figure(Some(cell.point.shot_noise))),
     ("prnu", |cell| figure(Some(cell.point.prnu))),
     ("hot_pixels", |cell| figure(Some(cell.point.hot_pixels))),
@@ -279,7 +291,9 @@ pub(crate) fn check_same(path: &Path, old: &Results, new: &Results) -> Result<()
     match compared.iter().find(|(what, (a, b))| differs(what, a, b)) {
         None => Ok(()),
         Some((what, (a, b))) => {
-            let why = format!("its {what} is {a}, and this request has {b}");
+            let [old, new] = [old, new].map(|results| labels::grid(&results.setup.grid));
+            let why =
+                format!("its {what} is {a}, and that of this command is {b}. There: {old}. Here: {new}");
             Err(GridError::OtherSetup(path.to_owned(), why))
         }
     }

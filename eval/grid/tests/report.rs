@@ -225,8 +225,7 @@ fn the_papers_figures_stand_beside_ours() {
 #[test]
 fn charts_name_each_cell_and_grey_what_is_dominated() {
     let charts = chart::all(&made_up());
-    let frontier =
-        charts.iter().find(|named| named.name == "frontier_alpha4_psf1.4_noise0").expect("a chart");
+    let frontier = charts.iter().find(|named| named.name == "frontier_alpha4_psf1.4_read0").expect("a chart");
     let svg = frontier.chart.svg(modulo_charts::PageWidth::Wide).expect("a picture");
     assert!(
         svg.contains("<title>recovered (auto), yolov10n 640x192: 59.6 ms, AP50 of vehicle 85.4 %</title>")
@@ -256,7 +255,7 @@ fn a_stream_has_one_colour_in_every_report() {
         let found = charts.iter().find(|named| named.name == name).expect("a chart");
         found.chart.svg(modulo_charts::PageWidth::Wide).expect("a picture")
     };
-    let chart = "alpha_yolov10n_640x192_psf1.4_noise0";
+    let chart = "alpha_yolov10n_640x192_psf1.4_read0";
     let whole = svg(&all, chart);
     let names = ["ideal, sharp", "ideal", "saturated", "modulo", "recovered (auto)", "recovered (spud)"];
     for (index, name) in names.iter().enumerate() {
@@ -269,7 +268,7 @@ fn a_stream_has_one_colour_in_every_report() {
         assert_eq!(entry(&whole, name), entry(&svg(&part, chart), name), "{name}");
         assert_eq!(
             entry(&whole, name),
-            entry(&svg(&all, "paper_yolov10n_640x192_psf1.4_noise0"), name),
+            entry(&svg(&all, "paper_yolov10n_640x192_psf1.4_read0"), name),
             "{name}"
         );
         assert!(names[..index].iter().all(|other| entry(&whole, name) != entry(&whole, other)), "{name}");
@@ -315,6 +314,77 @@ fn the_simplest_sufficient_sensor_is_shown() {
         assert!(svg.contains(text), "{text}: {svg}");
     }
     assert!(!svg.contains("lens blur 0 px"), "no sensor was measured there");
+    // The ticks are the measured lenses and alphas.
+    for tick in ["0.5", "1.4", "2", "4"] {
+        assert!(svg.contains(&format!(">{tick}</text>")), "{tick}: {svg}");
+    }
+    assert!(!svg.contains(">1</text>"), "a value that nobody measured: {svg}");
+    assert!(chart.name.contains("vehicle"), "the larger group comes first: {}", chart.name);
+}
+
+#[test]
+fn nothing_that_is_not_whole_reads_as_whole_and_each_figure_has_a_column() {
+    let mut results = made_up();
+    for cell in results.cells.iter_mut().filter(|cell| cell.exact_k.is_some()) {
+        cell.exact_k = Some(1.0 - 3.0 / 1_397_250.0);
+        (cell.exact_frames, cell.trusted, cell.trusted_wrong) = (Some(0.95), Some(1.0), Some(1));
+        cell.psnr_db = Some(f64::INFINITY);
+    }
+    let page = page(&results);
+    well_formed(&page).expect("well formed");
+    let (_, exactness) = page.split_once("<h3>exactness</h3>").expect("a table");
+    let (table, _) = exactness.split_once("</table>").expect("its end");
+    for column in
+        ["exact samples, %", "wholly exact frames, %", "trusted frames, %", "trusted but wrong frames"]
+    {
+        assert!(table.contains(&format!(">{column}</th>")), "{column}: {table}");
+    }
+    let row = table.split("<tr>").nth(2).expect("a row");
+    for figure in [">99.9998<", ">95.0<", ">100.0<", ">1<"] {
+        assert!(row.contains(figure), "{figure}: {row}");
+    }
+    let cells = rows(&page, "All cells").concat();
+    assert!(cells.contains(">inf<") && cells.contains(r#"data-v="Infinity""#), "{cells}");
+    assert!(cells.contains(">99.9998<"), "{cells}");
+}
+
+#[test]
+fn the_times_of_the_paper_stand_only_beside_measured_ones() {
+    let mut results = made_up();
+    assert!(page(&results).contains("Table 2, in milliseconds"));
+    results.cells.iter_mut().for_each(|cell| cell.frame_ms = None);
+    let page = page(&results);
+    assert!(page.contains("Table 1, in percent") && !page.contains("Table 2"));
+}
+
+#[test]
+fn the_input_size_auto_does_not_read_as_a_method() {
+    let mut results = made_up();
+    results.cells.iter_mut().for_each(|cell| cell.point.input = "auto".to_owned());
+    let page = page(&results);
+    assert!(page.contains("yolov10n, input auto") && !page.contains("yolov10n auto"));
+    let charts = chart::all(&results);
+    assert!(charts.iter().any(|named| named.name == "alpha_yolov10n_input_auto_psf1.4_read0"));
+}
+
+/// Files of older versions have another name for the read noise, and `null` for any PSNR that is no number.
+#[test]
+fn results_of_older_versions_are_read() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut results = made_up();
+    results.cells.truncate(2);
+    results.cells[0].psnr_db = Some(f64::INFINITY);
+    results.cells[0].point.read_noise = 2.5;
+    modulo_eval::store::save(folder.path(), &results).expect("written");
+    let loaded = || modulo_eval::store::load(folder.path()).expect("readable").expect("there");
+    assert_eq!(loaded().cells, results.cells);
+    let file = folder.path().join("results.json");
+    let text = std::fs::read_to_string(&file).expect("text");
+    assert!(text.contains(r#""psnr_db": "inf""#) && text.contains(r#""read_noise": 2.5"#), "{text}");
+    let old = text.replace("\"read_noise\"", "\"noise\"").replace("\"inf\"", "null");
+    std::fs::write(&file, old).expect("written");
+    results.cells[0].psnr_db = None;
+    assert_eq!(loaded().cells, results.cells);
 }
 
 #[test]
@@ -322,7 +392,9 @@ fn charts_have_words_units_counts_and_intervals() {
     let mut results = made_up();
     for noise in [0.0, 1.0, 2.0] {
         let noisy = results.cells.iter().find(|cell| cell.point.psf_sigma == 1.4).cloned().expect("a cell");
-        results.cells.push(Cell { point: Point { noise, shot_noise: 0.5, ..noisy.point }, ..noisy });
+        results
+            .cells
+            .push(Cell { point: Point { read_noise: noise, shot_noise: 0.5, ..noisy.point }, ..noisy });
     }
     let charts = chart::all(&results);
     let svg = |name: &str| {
@@ -334,7 +406,7 @@ fn charts_have_words_units_counts_and_intervals() {
             .svg(modulo_charts::PageWidth::Wide)
             .expect("drawn")
     };
-    let alpha = svg("alpha_yolov10n_640x192_psf1.4_noise0");
+    let alpha = svg("alpha_yolov10n_640x192_psf1.4_read0");
     for text in [
         "AP50 of vehicles, %, 20 frames",
         "AP50 of persons, %, 20 frames",
@@ -345,15 +417,15 @@ fn charts_have_words_units_counts_and_intervals() {
     }
     // Two panels, six streams, five alphas, and a bar with two caps for each.
     assert_eq!(alpha.matches("stroke-width=\"1.1\"").count(), 2 * 6 * 5 * 3);
-    let blur = svg("psf_yolov10n_640x192_alpha4_noise0");
+    let blur = svg("psf_yolov10n_640x192_alpha4_read0");
     assert!(blur.contains("lens blur, px") && blur.contains(">0.8</text>"));
-    let noise = svg("noise_yolov10n_640x192_alpha1.5_psf1.4_shot0.5");
+    let noise = svg("read_yolov10n_640x192_alpha1.5_psf1.4_shot0.5");
     assert!(
         noise.contains("read noise, code units")
             && noise.contains("lens blur 1.4 px, shot noise 0.5 code units")
     );
     assert!(
-        !charts.iter().any(|named| named.name.starts_with("shot_yolov10n_640x192_alpha1.5_psf1.4_noise2"))
+        !charts.iter().any(|named| named.name.starts_with("shot_yolov10n_640x192_alpha1.5_psf1.4_read2"))
     );
 }
 
@@ -362,8 +434,7 @@ fn a_series_without_a_choice_is_grey_in_the_legend() {
     let mut results = made_up();
     results.cells.retain(|cell| cell.point.model == "yolov10n");
     let charts = chart::all(&results);
-    let frontier =
-        charts.iter().find(|named| named.name == "frontier_alpha4_psf1.4_noise0").expect("a chart");
+    let frontier = charts.iter().find(|named| named.name == "frontier_alpha4_psf1.4_read0").expect("a chart");
     let svg = frontier.chart.svg(modulo_charts::PageWidth::Wide).expect("a picture");
     assert!(entry(&svg, "recovered (spud)").1.contains("#bdbdbd"), "dominated");
     assert!(!entry(&svg, "recovered (auto)").1.contains("#bdbdbd"));
@@ -374,7 +445,7 @@ fn zero_has_no_sign_anywhere() {
     let (mut results, folder) = (made_up(), tempfile::tempdir().expect("a folder"));
     for cell in &mut results.cells {
         (cell.ap50_95, cell.psnr_db, cell.exact_k) = (Some(-0.0), Some(-0.0), Some(-0.0));
-        (cell.paper.iou, cell.point.noise) = (-0.0, -0.0);
+        (cell.paper.iou, cell.point.read_noise) = (-0.0, -0.0);
         cell.ap50.values_mut().for_each(|ap50| *ap50 = Some(-0.0));
         cell.interval95.values_mut().for_each(|bounds| *bounds = [-0.0, -0.0001]);
         cell.latency_ms.values_mut().for_each(|time| time.p50 = -0.0);

@@ -152,7 +152,7 @@ fn collect(
         if let Some(file) = entry.text("from")? {
             let alone = outer.is_none() && PARAMETER_KEYS[..4].iter().all(|key| entry.item(key).is_none());
             if !alone {
-                return Err(entry.refuse(file.line, "'from' stands alone, not nested and without other keys"));
+                return Err(entry.refuse(file.line, "'from' must be the only key of its entry"));
             }
             all.push(Parameter::File(file));
             continue;

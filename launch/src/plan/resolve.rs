@@ -5,11 +5,17 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use super::scope::{Scope, View, argument_value, environment, shared_value};
-use super::{Plan, arguments, process};
+use super::{NodePlan, OnExit, Plan, arguments, process};
 use crate::action::{self, Action, ActionKind, Condition, Include, LaunchFile};
 use crate::attributes::Text;
+use crate::package::SUITE;
 use crate::substitution::truth;
 use crate::{LaunchError, Mistakes};
+
+/// The executable of the camera.
+const CAMERA: &str = "modulo_camera";
+/// The executable that ends with the frames of the camera in its namespace, and not when the camera crashes.
+const END_OF_CAMERA: &str = "camera_end";
 
 /// Reads `file` and works it out with `arguments`, the (name, value) pairs of the command line.
 ///
@@ -50,7 +56,21 @@ pub fn check(file: &Path, arguments: &[(String, String)]) -> Result<Plan, Mistak
         start_after: Duration::ZERO,
     };
     resolver.all(&launch_file.path, &launch_file.actions)?;
-    Ok(resolver.plan)
+    Ok(with_ends(resolver.plan))
+}
+
+/// Takes the nodes [`END_OF_CAMERA`] out of the plan: this launcher sees by itself whether a camera has crashed or has come to
+/// its end, and ends the run in the second case. `ros2 launch` does not tell these two apart, and needs the node for it.
+fn with_ends(mut plan: Plan) -> Plan {
+    let is_end = |node: &NodePlan| node.package == SUITE && node.executable == END_OF_CAMERA;
+    let ends: Vec<String> =
+        plan.nodes.iter().filter(|node| is_end(node)).map(|node| node.namespace.clone()).collect();
+    plan.nodes.retain(|node| !is_end(node));
+    let cameras = plan.nodes.iter_mut().filter(|node| node.package == SUITE && node.executable == CAMERA);
+    cameras
+        .filter(|camera| ends.contains(&camera.namespace))
+        .for_each(|camera| camera.process.on_exit = OnExit::Shutdown);
+    plan
 }
 
 /// The outermost file's path: `$(dirname)` is absolute in ROS, so that it means the same in an included file.

@@ -162,7 +162,7 @@ fn call(
         Function::FindPkgShare => package::share(argument(0), around)?.display().to_string(),
         Function::FindPkgPrefix => package::prefix(argument(0), around)?.display().to_string(),
         Function::Not => (!truth(0)?).to_string(),
-        // With `&` and `|` both sides are evaluated: a side that is no condition is a mistake, whatever the
+        // With `&` and `|` both sides are evaluated: a side that is not a condition is an error, whatever the
         // other one says.
         Function::And => (truth(0)? & truth(1)?).to_string(),
         Function::Or => (truth(0)? | truth(1)?).to_string(),
@@ -196,7 +196,7 @@ pub(crate) fn truth(text: &str) -> Result<bool, SubstitutionError> {
     match text.trim().to_ascii_lowercase().as_str() {
         "true" | "1" => Ok(true),
         "false" | "0" => Ok(false),
-        _ => Err(SubstitutionError::Invalid(format!("'{text}' is no condition, true, 1, false and 0 are"))),
+        _ => Err(SubstitutionError::Invalid(format!("'{text}' is not a condition; use true, false, 1 or 0"))),
     }
 }
 
@@ -252,7 +252,7 @@ mod tests {
         for (text, message) in [
             ("$(var y)", "undefined variable 'y', defined here are name, on, x"),
             ("$(env NOPE)", "environment variable NOPE is not set"),
-            ("$(not maybe)", "'maybe' is no condition"),
+            ("$(not maybe)", "'maybe' is not a condition"),
             (
                 "$(find-pkg-share no_such)",
                 "package 'no_such' is not found, looked in AMENT_PREFIX_PATH, which is empty",

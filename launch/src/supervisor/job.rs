@@ -1,13 +1,16 @@
 //! [`Job`]: one process from its first start to its last end, restarts included.
 
 use std::collections::VecDeque;
+use std::fs::File;
 use std::io;
+use std::os::unix::process::ExitStatusExt as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitStatus;
 use std::time::{Duration, Instant, SystemTime};
 
 use modulo_runtime::launcher;
 use modulo_runtime::process::trace::TRACE_DIR;
+use nix::sys::signal::Signal;
 use tempfile::TempDir;
 use tokio::sync::watch;
 
@@ -68,10 +71,55 @@ pub(super) struct LifeSigns {
 
 /// The folders for the files of the nodes. They last as long as the run, so that a node that is started again finds its state.
 pub(super) struct Folders {
-    reports: TempDir,
-    state: TempDir,
-    traces: TempDir,
+    reports: RunFolder,
+    state: RunFolder,
+    traces: RunFolder,
 }
+
+/// A folder that is removed with its launcher, or by a later one.
+struct RunFolder {
+    folder: TempDir,
+    /// Locked as long as the launcher lives. `None` where no file can be locked: nobody else then removes the folder.
+    _owner: Option<File>,
+}
+
+impl RunFolder {
+    /// Makes a folder in `parent`, from which it removes the folders of launchers that were killed.
+    fn new_in(parent: &Path) -> io::Result<Self> {
+        remove_leftovers(parent);
+        let folder = tempfile::Builder::new().prefix(PREFIX).tempdir_in(parent)?;
+        // The file gets its name when it is locked, so that no other launcher finds it unlocked.
+        let (new, named) = (folder.path().join("owner.new"), folder.path().join(OWNER));
+        let owner = File::create(&new).and_then(|file| {
+            file.try_lock()?;
+            std::fs::rename(&new, &named)?;
+            Ok(file)
+        });
+        Ok(Self { folder, _owner: owner.ok() })
+    }
+}
+
+/// Removes the folders in `parent` whose launcher is dead: nobody locks their file any more.
+fn remove_leftovers(parent: &Path) {
+    for entry in std::fs::read_dir(parent).into_iter().flatten().flatten() {
+        let (name, owner) = (entry.file_name(), entry.path().join(OWNER));
+        let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
+        // A pipe of another user would be waited for.
+        let is_file = std::fs::symlink_metadata(&owner).is_ok_and(|found| found.is_file());
+        if !(name.as_encoded_bytes().starts_with(PREFIX.as_bytes()) && is_folder && is_file) {
+            continue;
+        }
+        if File::open(&owner).is_ok_and(|file| file.try_lock().is_ok()) {
+            // Fails only where the folder is another user's, or is being removed by another launcher.
+            let _ = std::fs::remove_dir_all(entry.path());
+        }
+    }
+}
+
+/// The names of the folders begin with this.
+const PREFIX: &str = "modulo_launch_";
+/// The file in a folder that its launcher keeps locked.
+const OWNER: &str = "owner.lock";
 
 impl Folders {
     /// Makes the folders. A node writes its report before it sends a result, so that the reports lie in memory where that is
@@ -80,21 +128,19 @@ impl Folders {
     /// # Errors
     /// The error of the system.
     pub fn new() -> io::Result<Self> {
-        // With a name, since the folders of a launcher that is killed stay.
-        let in_folder = |folder: &Path| tempfile::Builder::new().prefix("modulo_launch_").tempdir_in(folder);
-        let on_disk = || in_folder(&std::env::temp_dir());
-        let in_memory = || in_folder(Path::new(MEMORY)).or_else(|_| on_disk());
+        let on_disk = || RunFolder::new_in(&std::env::temp_dir());
+        let in_memory = || RunFolder::new_in(Path::new(MEMORY)).or_else(|_| on_disk());
         Ok(Self { reports: in_memory()?, state: in_memory()?, traces: on_disk()? })
     }
 
     /// Returns the folder of the reports.
     pub fn reports(&self) -> &Path {
-        self.reports.path()
+        self.reports.folder.path()
     }
 
     /// Returns the folder of the traces.
     pub fn traces(&self) -> &Path {
-        self.traces.path()
+        self.traces.folder.path()
     }
 }
 
@@ -107,7 +153,7 @@ pub(super) fn all(plan: &Plan, how: &Supervision, folders: &Folders) -> Result<V
     let traced = how.trace.iter().map(|_| (TRACE_DIR, folders.traces().display().to_string()));
     let told = [
         (launcher::REPORT_DIR, reports.display().to_string()),
-        (launcher::STATE_DIR, folders.state.path().display().to_string()),
+        (launcher::STATE_DIR, folders.state.folder.path().display().to_string()),
         (launcher::PID, std::process::id().to_string()),
     ];
     let told: Vec<_> = told.into_iter().chain(traced).collect();
@@ -236,7 +282,7 @@ impl Job {
                 () = told_to_end(&mut told) => {
                     let status = running.shut_down(&self.process).await;
                     running.finish().await;
-                    return done(&restarts, self.after_shutdown(&status));
+                    return done(&restarts, after_shutdown(self.origin, &status));
                 }
             };
             // The last lines of this life are shown before the first ones of the next.
@@ -296,16 +342,22 @@ impl Job {
         }
     }
 
-    /// Programs differ in their status after SIGINT; nodes of the suite end with 0.
-    fn after_shutdown(&self, status: &std::io::Result<ExitStatus>) -> ProcessEnd {
-        match (self.origin, status) {
-            (Origin::Suite, Ok(status)) if !status.success() => ProcessEnd::Crashed(status.to_string()),
-            _ => ProcessEnd::ShutDown,
-        }
-    }
-
     fn say(&self, print: &Print, message: &str) {
         print(Channel::Err, &format!("[{}] {message}", self.process.label));
+    }
+}
+
+/// Programs differ in their status after SIGINT. Nodes of the suite end with 0, but for one that has just been started and
+/// does not catch the signals yet: it has done nothing that could be lost.
+fn after_shutdown(origin: Origin, status: &std::io::Result<ExitStatus>) -> ProcessEnd {
+    let asked = [Signal::SIGINT as i32, Signal::SIGTERM as i32];
+    match (origin, status) {
+        (Origin::Suite, Ok(status))
+            if !status.success() && !status.signal().is_some_and(|s| asked.contains(&s)) =>
+        {
+            ProcessEnd::Crashed(status.to_string())
+        }
+        _ => ProcessEnd::ShutDown,
     }
 }
 
@@ -332,7 +384,7 @@ impl Restarts {
     fn next(&mut self, lived: Duration, now: Instant) -> Duration {
         self.count += 1;
         self.recent.push_back(now);
-        // A long life forgives: the next crash is another one, and is answered at once.
+        // After a long run the back-off is reset: the next restart is immediate.
         self.short_lives = if lived < SHORT_LIFE { self.short_lives + 1 } else { 0 };
         backoff(self.short_lives)
     }
@@ -400,12 +452,47 @@ async fn pause(delay: Duration, told: &mut watch::Receiver<bool>) -> bool {
 mod tests {
     use super::*;
 
+    /// One node had refused its arguments, and the run said that another one had crashed: SIGINT had ended it while it started.
+    #[test]
+    fn a_node_that_is_ended_while_it_starts_has_not_crashed() {
+        let end = |origin, wait_status| after_shutdown(origin, &Ok(ExitStatus::from_raw(wait_status)));
+        for signal in [Signal::SIGINT, Signal::SIGTERM] {
+            assert_eq!(end(Origin::Suite, signal as i32), ProcessEnd::ShutDown);
+        }
+        let exit_code_1 = 1 << 8;
+        for status in [Signal::SIGKILL as i32, Signal::SIGSEGV as i32, exit_code_1] {
+            assert!(matches!(end(Origin::Suite, status), ProcessEnd::Crashed(_)), "{status}");
+        }
+        assert_eq!(end(Origin::Foreign, exit_code_1), ProcessEnd::ShutDown);
+    }
+
     #[test]
     fn a_crashed_process_is_back_within_two_seconds() {
         assert_eq!(backoff(1), Duration::ZERO);
         assert_eq!(backoff(2), FIRST_PAUSE);
         assert!((0..100).map(backoff).all(|pause| pause <= LONGEST_PAUSE));
         assert_eq!(backoff(u32::MAX), LONGEST_PAUSE);
+    }
+
+    #[test]
+    fn folders_of_dead_launchers_are_removed_and_others_stay() {
+        let parent = tempfile::tempdir().expect("a folder");
+        let made = |name: &str, owner: Option<&str>| {
+            let folder = parent.path().join(name);
+            std::fs::create_dir(&folder).expect("a folder");
+            owner.map(|owner| File::create(folder.join(owner)).expect("a file"));
+            folder
+        };
+        let dead = made("modulo_launch_dead", Some(OWNER));
+        let other = made("another_dead", Some(OWNER));
+        let beginning = made("modulo_launch_begins", None);
+        let alive = RunFolder::new_in(parent.path()).expect("a folder");
+        let next = RunFolder::new_in(parent.path()).expect("a folder");
+        assert!(!dead.exists());
+        assert!(other.exists() && beginning.exists() && alive.folder.path().exists());
+        drop(alive);
+        assert!(next.folder.path().exists());
+        assert_eq!(std::fs::read_dir(parent.path()).expect("there").count(), 3);
     }
 
     #[test]

@@ -302,6 +302,30 @@ fn the_source_ends_all_and_every_node_comes_back() {
     }
 }
 
+/// A camera on another machine describes its sensor; only what is given here replaces that. A detector may read any topic.
+#[test]
+fn the_sensor_is_given_where_the_camera_is_elsewhere() {
+    let sensor =
+        |node: &NodePlan| ["bits", "alpha", "psf_sigma"].map(|name| parameter(node, name).to_owned());
+    let plan = shipped_plan("recovered", &[("bits", "10")]);
+    let [_, unwrap, camera] = plan.nodes.as_slice() else { panic!("three nodes") };
+    assert_eq!(
+        (sensor(camera), sensor(unwrap)),
+        (["10", "4.0", "1.0"].map(str::to_owned), ["0", "0.0", "0.0"].map(str::to_owned))
+    );
+    let plan = shipped_plan("recovered", &[("camera", "false")]);
+    assert_eq!(sensor(&plan.nodes[1]), ["0", "0.0", "0.0"]);
+    let plan = shipped_plan(
+        "recovered",
+        &[("camera", "false"), ("bits", "10"), ("alpha", "3.0"), ("psf_sigma", "1.4")],
+    );
+    assert_eq!((plan.nodes.len(), sensor(&plan.nodes[1])), (2, ["10", "3.0", "1.4"].map(str::to_owned)));
+    for input in ["auto", "/camera/image_raw"] {
+        let plan = shipped_plan("detector", &[("input", input)]);
+        assert_eq!(parameter(&plan.nodes[0], "input"), input);
+    }
+}
+
 #[test]
 fn arguments_reach_the_nodes() {
     let plan = shipped_plan(

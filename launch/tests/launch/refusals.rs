@@ -35,7 +35,7 @@ const MISTAKES: &[(&str, &str)] = &[
     ("- log:\n    message: \"$(var nope)\"", "3: undefined variable 'nope', defined here are none"),
     ("- log: { message: \"$(eval '1')\" }", "2: log: message: $(eval) is not supported: it runs Python"),
     ("- log: { message: \"$(var x\" }", "2: log: message: '$(var x': a substitution does not end"),
-    ("- log: { message: a, if: maybe }", "2: if: 'maybe' is no condition, true, 1, false and 0 are"),
+    ("- log: { message: a, if: maybe }", "2: if: 'maybe' is not a condition; use true, false, 1 or 0"),
     ("- log: { message: a, if: '1', unless: '1' }", "2: log: 'if' and 'unless' exclude each other"),
     ("- arg: { name: x }", "2: argument 'x' has no value and no default, give x:=VALUE"),
     (
@@ -72,7 +72,7 @@ const MISTAKES: &[(&str, &str)] = &[
     ),
     ("- log: { message: costs 5 $ }", "2: log: message: 'costs 5 $': a dollar without '('"),
     ("- arg: { name: $(var x) }", "2: arg: name: ROS 2 evaluates no substitution here"),
-    ("- log: { message: 010 }", "2: 010 is read in different ways by YAML readers, write \"010\""),
+    ("- log: { message: 010 }", "2: YAML readers disagree on 010; write \"010\" for text"),
     ("- executable: { cmd: '' }", "2: executable: cmd is empty"),
     ("- executable: { cmd: \"a 'b\" }", "2: the quote ' does not end"),
     ("- set_env: { name: 'A=B', value: x }", "2: 'A=B' is no name of an environment variable"),
@@ -104,7 +104,7 @@ const PARAMETER_MISTAKES: &[(&str, &str)] = &[
     ("name: a", "param: one of 'value' and 'param' is needed"),
     ("value: 1", "param: key 'name' is missing"),
     ("from: no.yaml", "param: from: no.yaml is no file"),
-    ("from: f, name: a", "param: 'from' stands alone"),
+    ("from: f, name: a", "param: 'from' must be the only key"),
     ("name: a, value: { b: 1 }", "param: value: expected a value"),
     ("name: a, value: x, type: int", "param: value: the string 'x' must be of type int"),
     ("name: a, value: [1], type: int", "param: value: is a list, must be of type int"),
@@ -224,7 +224,7 @@ fn every_mistake_is_found_and_nothing_that_follows_from_one() {
             "main.launch.yaml:4: undefined variable 'nope'",
             "b.launch.yaml:2: unknown action 'nod'",
             "b.launch.yaml:3: log: key 'message' is missing",
-            "main.launch.yaml:7: if: 'maybe' is no condition",
+            "main.launch.yaml:7: if: 'maybe' is not a condition",
         ],
     );
 }

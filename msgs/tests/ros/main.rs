@@ -6,3 +6,4 @@ mod definitions;
 mod golden;
 mod images;
 mod wire;
+mod yuv;

@@ -1,7 +1,9 @@
 //! [`Classes`]: from the model's class index to the name that is published.
 
 use std::collections::BTreeMap;
+use std::io::Read as _;
 use std::path::Path;
+use std::{fs, io};
 
 use modulo_msgs::vision_msgs::VisionClass;
 use modulo_runtime::ParameterError;
@@ -11,37 +13,56 @@ use crate::model::ClassNames;
 /// Number of known names that an error lists.
 const SHOWN: usize = 12;
 
+/// Size of the largest file with a class map, bytes.
+const MAX_MAP: u64 = 1 << 20;
+
 /// The published classes and their names.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Classes {
     names: ClassNames,
-    map_file: String,
-    map: Option<BTreeMap<String, String>>,
+    map: ClassMap,
     published: Vec<String>,
     wanted: Vec<String>,
 }
 
-impl Classes {
-    /// `map_file` is a path or "" (no map); it is not read again if `last`, the classes until now, have read it.
-    /// `wanted` names the classes to keep as they are called after the map, empty = all.
+/// The new names of classes, as a file with lines `from: to` has them.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ClassMap {
+    /// Path of the file; empty where there is none.
+    file: String,
+    /// By the name in the model. Other classes are dropped. `None`: all classes keep their names.
+    names: Option<BTreeMap<String, String>>,
+}
+
+impl ClassMap {
+    /// Reads the file at `path` for a model with these `names`; an empty path is no map.
     ///
     /// # Errors
-    /// [`ParameterError`] of `class_map` or `classes`, with the names that are known.
-    pub fn new(
-        names: &ClassNames,
-        map_file: &str,
-        wanted: &[String],
-        last: Option<&Self>,
-    ) -> Result<Self, ParameterError> {
-        let map = match (last, map_file) {
-            (_, "") => None,
-            (Some(last), path) if last.map_file == path => last.map.clone(),
-            (_, path) => {
-                Some(read_map(path, names).map_err(|why| ParameterError::new("class_map", path, why))?)
-            }
-        };
-        let (names, map_file) = (names.clone(), map_file.to_owned());
-        let mut classes = Self { names, map_file, map, published: Vec::new(), wanted: Vec::new() };
+    /// [`ParameterError`] of `class_map`: the file is no regular file of at most 1 MiB, has another form, or names a class
+    /// that the model does not have.
+    pub fn read(path: &str, names: &ClassNames) -> Result<Self, ParameterError> {
+        if path.is_empty() {
+            return Ok(Self::default());
+        }
+        let map =
+            read_map(Path::new(path), names).map_err(|why| ParameterError::new("class_map", path, why))?;
+        Ok(Self { file: path.to_owned(), names: Some(map) })
+    }
+
+    /// Path of the file; empty where there is none.
+    pub fn file(&self) -> &str {
+        &self.file
+    }
+}
+
+impl Classes {
+    /// `wanted` names the classes to keep as they are called after the `map`, empty = all.
+    ///
+    /// # Errors
+    /// [`ParameterError`] of `classes`, with the names that are known.
+    pub fn new(names: &ClassNames, map: ClassMap, wanted: &[String]) -> Result<Self, ParameterError> {
+        let names = names.clone();
+        let mut classes = Self { names, map, published: Vec::new(), wanted: Vec::new() };
         for index in 0..classes.names.all().len() {
             if let Some(name) = classes.publish(index).filter(|name| !classes.published.contains(name)) {
                 classes.published.push(name);
@@ -60,7 +81,7 @@ impl Classes {
     /// Returns the name under which class `index` is published; `None` drops it.
     pub fn publish(&self, index: usize) -> Option<String> {
         let name = self.names.name(index);
-        let name = match &self.map {
+        let name = match &self.map.names {
             None => name,
             Some(map) => map.get(&name)?.clone(),
         };
@@ -76,16 +97,22 @@ impl Classes {
         (0..self.names.all().len()).filter_map(label).collect()
     }
 
-    /// Returns whether `name` can be published. A class without a name is called by its number.
+    /// Returns the map.
+    pub fn map(&self) -> &ClassMap {
+        &self.map
+    }
+
+    /// Returns whether `name` can be published. The classes of a model without names are called by their numbers.
     fn possible(&self, name: &str) -> bool {
-        let by_number = || name.parse().is_ok_and(|index| self.names.name(index) == name);
-        self.published.iter().any(|known| known == name) || (self.map.is_none() && by_number())
+        let is_unnamed = self.names.all().is_empty() && self.map.names.is_none();
+        let by_number = || name.parse().is_ok_and(|index: u16| self.names.name(index.into()) == name);
+        self.published.iter().any(|known| known == name) || (is_unnamed && by_number())
     }
 }
 
 /// Reads a class map; an empty `to` drops the class like a class that is not named at all.
-fn read_map(path: &str, names: &ClassNames) -> Result<BTreeMap<String, String>, String> {
-    let text = std::fs::read_to_string(Path::new(path)).map_err(|error| error.to_string())?;
+fn read_map(path: &Path, names: &ClassNames) -> Result<BTreeMap<String, String>, String> {
+    let text = read_text(path).map_err(|error| error.to_string())?;
     let known = names.all();
     let mut map = parse_class_map(&text)?;
     if let Some(from) = map.keys().find(|from| !known.is_empty() && !known.contains(from)) {
@@ -96,6 +123,20 @@ fn read_map(path: &str, names: &ClassNames) -> Result<BTreeMap<String, String>, 
         return Err("maps no class, at least one line 'from: to' is needed".to_owned());
     }
     Ok(map)
+}
+
+/// Reads a regular file of at most [`MAX_MAP`] bytes. A pipe or a device could keep its reader for ever.
+fn read_text(path: &Path) -> io::Result<String> {
+    let refuse = |why: String| Err(io::Error::new(io::ErrorKind::InvalidInput, why));
+    if !fs::metadata(path)?.is_file() {
+        return refuse("is not a regular file".to_owned());
+    }
+    let mut text = String::new();
+    fs::File::open(path)?.take(MAX_MAP + 1).read_to_string(&mut text)?;
+    if text.len() as u64 > MAX_MAP {
+        return refuse(format!("is larger than {MAX_MAP} bytes, and no class map"));
+    }
+    Ok(text)
 }
 
 /// Parses the lines `from: to` of a class map; `#` opens a comment, names may be in quotes.
@@ -143,7 +184,8 @@ mod tests {
         file.write_all(map.as_bytes()).expect("written");
         let path = if map.is_empty() { "" } else { file.path().to_str().expect("a path") };
         let wanted: Vec<_> = wanted.iter().map(|name| (*name).to_owned()).collect();
-        Classes::new(&names(), path, &wanted, None).map_err(|why| why.to_string())
+        let map = ClassMap::read(path, &names());
+        map.and_then(|map| Classes::new(&names(), map, &wanted)).map_err(|why| why.to_string())
     }
 
     #[test]
@@ -172,14 +214,22 @@ mod tests {
         }
         assert!(classes("car = car", &[]).expect_err("no colon").contains("line 1"));
         assert!(classes("# nothing", &[]).expect_err("empty").contains("maps no class"));
-        let missing =
-            Classes::new(&names(), "/nowhere/map.yaml", &[], None).expect_err("missing").to_string();
+        let read = |path: &str| ClassMap::read(path, &names()).expect_err("no map").to_string();
+        let missing = read("/nowhere/map.yaml");
         assert!(missing.contains("/nowhere/map.yaml"), "{missing}");
+        for special in ["/dev/zero", "/dev/null", "/tmp"] {
+            assert!(read(special).contains("is not a regular file"), "{special}");
+        }
     }
 
     #[test]
     fn a_class_without_a_name_is_its_number() {
-        assert_eq!(classes("", &["99"]).expect("a number").publish(99).as_deref(), Some("99"));
+        let nameless = ClassNames::of(Path::new("none"), None);
+        let of = |name: &str| Classes::new(&nameless, ClassMap::default(), &[name.to_owned()]);
+        assert_eq!(of("99").expect("a number").publish(99).as_deref(), Some("99"));
+        assert!(of("99999999").is_err(), "a number of 16 bits");
         assert!(classes("", &["2"]).is_err(), "2 is called car");
+        let why = classes("", &["99"]).expect_err("all classes of this model have names");
+        assert!(why.contains("person, bicycle, car"), "{why}");
     }
 }

@@ -39,6 +39,10 @@ mod tests {
 
     use super::*;
 
+    fn edge() -> impl Strategy<Value = f32> {
+        prop_oneof![4 => -10.0..30.0_f32, 1 => any::<f32>()]
+    }
+
     fn drawn(shape: (usize, usize, usize), bbox: BBox) -> Array3<u8> {
         let frame = Frame::from_u16(Array3::zeros(shape)).expect("a frame");
         let found = [Detection { bbox, score: 0.5, class: "car".into() }];
@@ -63,12 +67,25 @@ mod tests {
     }
 
     proptest! {
+        /// The image keeps its size. A box is drawn if a pixel of the image lies in it, and leaves no trace if it is beyond
+        /// the image or has no place.
         #[test]
-        fn nothing_panics_at_any_edge(
-            height in 1usize..20, width in 1usize..20,
-            x1 in any::<f32>(), y1 in any::<f32>(), x2 in any::<f32>(), y2 in any::<f32>(),
+        fn a_box_is_seen_where_it_meets_the_image(
+            height in 1usize..20, width in 1usize..20, x1 in edge(), y1 in edge(), x2 in edge(), y2 in edge(),
         ) {
-            drawn((height, width, 3), BBox { x1, y1, x2, y2 });
+            let pixels = drawn((height, width, 3), BBox { x1, y1, x2, y2 });
+            prop_assert_eq!(pixels.dim(), (height, width, 3));
+            let ends = [(x1, x2, width), (y1, y2, height)];
+            let is_finite = [x1, y1, x2, y2].iter().all(|at| at.is_finite());
+            let meets = |&(from, to, side): &(f32, f32, usize)| from.max(0.0) + 1.0 < to.min(side as f32);
+            let misses = |&(from, to, side): &(f32, f32, usize)| to < from || to < -1.0 || from > side as f32 + 1.0;
+            let is_drawn = pixels.iter().any(|&sample| sample > 0);
+            if is_finite && ends.iter().all(meets) {
+                prop_assert!(is_drawn);
+            }
+            if !is_finite || ends.iter().any(misses) {
+                prop_assert!(!is_drawn);
+            }
         }
     }
 }

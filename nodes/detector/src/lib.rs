@@ -7,6 +7,7 @@
 //! end-to-end export that gives `[1, N, 6]` rows of x1, y1, x2, y2, score, class.
 
 mod classes;
+mod code_range;
 mod draw;
 mod engine;
 mod input_size;

@@ -10,14 +10,16 @@ use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray, LabelInfo, VisionI
 use modulo_runtime::graph::diagnostics::RECOVERY_TOPIC;
 use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::{
-    Context, Flow, Job, Message, MessageKind, Node, ParameterError, Parameters, Part, StampedFrame,
-    StepError, Topic, Trigger,
+    Context, Flow, Job, Message, MessageKind, Node, ParameterError, Parameters, Part, PlannedInputs,
+    StampedFrame, StepError, Topic, Trigger,
 };
 use ndarray::Array4;
 
 use crate::DetectorError;
+use crate::classes::ClassMap;
+use crate::code_range::CodeRange;
 use crate::draw::annotated;
-use crate::engine::{self, Engine, EngineError, OpenedEngine};
+use crate::engine::{self, OpenedEngine};
 use crate::input_size::InputSize;
 use crate::parameter::{DetectorParameters, Settings, StreamChoice};
 use crate::post::detections;
@@ -33,6 +35,11 @@ const LABEL_INFO: usize = 1;
 
 /// Index of the statuses of the recovered frames in the inputs of a camera with `input: auto`.
 const RECOVERY: usize = 2;
+
+/// The stream that `input: auto` reads while it is trusted.
+const TRUSTED: &str = "recovered";
+/// The stream that `input: auto` reads while the recovered one is not trusted and the lens has no blur.
+const SHARP_FALLBACK: &str = "saturated";
 
 /// Finds objects in the images of one stream, or of one stream of each of several cameras.
 ///
@@ -77,6 +84,8 @@ struct Camera {
     described: SensorHistory,
     /// The choice of `input: auto`.
     trust: TrustFollower,
+    /// The codes of its images of 16 bits.
+    codes: CodeRange,
 }
 
 impl Camera {
@@ -88,17 +97,26 @@ impl Camera {
         }
     }
 
+    /// Returns the topics to read for `stream`, where the parameters ask for `input`.
+    fn inputs(&self, input: &StreamChoice, stream: &str) -> Vec<Topic> {
+        let mut topics = vec![Topic::new(stream, MessageKind::Image), sensor_info::topic()];
+        if let StreamChoice::Auto { .. } = input {
+            topics.push(Topic::new(RECOVERY_TOPIC, MessageKind::Diagnostics));
+        }
+        topics.into_iter().map(|topic| self.topic(topic)).collect()
+    }
+
     /// Returns the stream to read now, where the parameters ask for `input`.
     fn stream<'a>(&self, input: &'a StreamChoice) -> &'a str {
         match input {
             StreamChoice::Stream(stream) => stream,
-            StreamChoice::Auto { .. } if !self.trust.falls_back() => "recovered",
+            StreamChoice::Auto { .. } if !self.trust.falls_back() => TRUSTED,
             StreamChoice::Auto { fallback: Some(stream) } => stream,
             // Measured (docs/live.md): without blur an image that is not trusted is worse than the saturated one; with
             // blur it is better.
             StreamChoice::Auto { fallback: None } => match self.described.latest() {
-                Some(sensor) if sensor.psf() == Psf::None => "saturated",
-                _ => "recovered",
+                Some(sensor) if sensor.psf() == Psf::None => SHARP_FALLBACK,
+                _ => TRUSTED,
             },
         }
     }
@@ -115,8 +133,10 @@ impl Loaded {
     /// Loads the model and runs it once at (height, width) of an image, so that the first frame is as fast as all others.
     fn new(parameters: &DetectorParameters, (height, width): (usize, usize)) -> Result<Self, DetectorError> {
         let mut engine = engine::open(parameters.model()?, parameters.engine_options()?)?;
-        let settings = Settings::new(parameters, &engine.layout, None)?;
-        warm_up(&mut *engine.engine, settings.input_size, (height, width))?;
+        let map = ClassMap::read(&parameters.class_map, &engine.layout.names)?;
+        let settings = Settings::new(parameters, &engine.layout, map)?;
+        let (height, width) = settings.input_size.tensor(height, width);
+        engine.engine.run(Array4::zeros((1, 3, height, width)).view())?;
         tracing::info!("model {} runs on {} ({})", parameters.model, engine.name, engine.note);
         Ok(Self { parameters: parameters.clone(), settings, engine })
     }
@@ -137,6 +157,9 @@ impl Loaded {
             }
             DetectorError::Engine(why) if parameters.device != last.device => {
                 ParameterError::new("device", &parameters.device, why.to_string())
+            }
+            DetectorError::Engine(why) if parameters.input_size != last.input_size => {
+                ParameterError::new("input_size", &parameters.input_size, why.to_string())
             }
             DetectorError::Engine(why) => ParameterError::new("threads", parameters.threads, why.to_string()),
         })
@@ -170,6 +193,33 @@ impl Detector {
         })
     }
 
+    /// Takes the parameters with another model, if there is one, and the class `map` that they name.
+    fn take(
+        &mut self,
+        parameters: &Parameters,
+        model: Option<Loaded>,
+        map: ClassMap,
+    ) -> Result<(), ParameterError> {
+        let parameters = DetectorParameters::from(parameters);
+        let now = model.as_ref().unwrap_or(&self.loaded);
+        let again = |name, value: &str| Err(ParameterError::new(name, value, "was not loaded; set it again"));
+        // Other parameters may have changed while a part of this change was loaded.
+        if !parameters.same_engine(&now.parameters) {
+            return again("model", &parameters.model);
+        }
+        if parameters.class_map != map.file() {
+            return again("class_map", &parameters.class_map);
+        }
+        let settings = Settings::new(&parameters, &now.engine.layout, map)?;
+        self.change(|loaded| {
+            if let Some(Loaded { engine, .. }) = model {
+                loaded.engine = engine;
+            }
+            (loaded.parameters, loaded.settings) = (parameters, settings);
+        });
+        Ok(())
+    }
+
     /// Takes another model or other settings between two frames.
     fn change(&mut self, change: impl FnOnce(&mut Loaded)) {
         let labels = |loaded: &Loaded| {
@@ -179,7 +229,9 @@ impl Detector {
         let (before, input) = (labels(&self.loaded), self.loaded.settings.input.clone());
         change(&mut self.loaded);
         if self.loaded.settings.input != input {
-            self.cameras.iter_mut().for_each(|camera| camera.trust = TrustFollower::default());
+            for camera in &mut self.cameras {
+                (camera.trust, camera.codes) = Default::default();
+            }
         }
         if labels(&self.loaded) != before {
             (self.version, self.labels_due) = (self.version.saturating_add(1), true);
@@ -209,6 +261,11 @@ impl Detector {
     /// Finds the objects in an image of the camera with this index.
     fn detect(&mut self, camera: usize, image: &StampedFrame, cx: &mut Context<'_>) -> Result<(), String> {
         self.bits = self.bits(camera, image.header.stamp);
+        if self.bits == 0
+            && let Some(warning) = self.cameras[camera].codes.note(&image.frame)
+        {
+            tracing::warn!("{warning}");
+        }
         let first = OF_A_CAMERA * camera;
         let Self { loaded: Loaded { settings, engine, .. }, pre, bits, .. } = self;
         let bits = *bits;
@@ -236,7 +293,11 @@ impl Detector {
     /// Bits of the sensor that made the frame of `stamp`; 0: those of the encoding.
     fn bits(&mut self, camera: usize, stamp: Time) -> u8 {
         let described = &self.cameras[camera].described;
-        let camera = described.of(stamp).or(described.latest()).map(|sensor| sensor.bits);
+        // The images of an absolute topic may be those of any camera: only a description of the very frame is about them.
+        let is_foreign =
+            matches!(&self.loaded.settings.input, StreamChoice::Stream(name) if name.starts_with('/'));
+        let latest = described.latest().filter(|_| !is_foreign);
+        let camera = described.of(stamp).or(latest).map(|sensor| sensor.bits);
         match (self.loaded.settings.bits, camera) {
             (0, camera) => camera.unwrap_or(0),
             (own, Some(camera)) if own != camera => {
@@ -292,15 +353,6 @@ fn line(stamp: Time, found: &[Detection]) -> String {
     format!("{}.{:09} {} boxes: {boxes}", stamp.sec, stamp.nanosec, found.len())
 }
 
-fn warm_up(
-    engine: &mut dyn Engine,
-    size: InputSize,
-    (height, width): (usize, usize),
-) -> Result<(), EngineError> {
-    let (height, width) = size.tensor(height, width);
-    engine.run(Array4::zeros((1, 3, height, width)).view()).map(|_| ())
-}
-
 fn cameras(parameters: &DetectorParameters) -> Vec<Camera> {
     if parameters.cameras.is_empty() {
         return vec![Camera::default()];
@@ -330,15 +382,20 @@ fn outputs_of(cameras: &[Camera]) -> Vec<Topic> {
 impl Node for Detector {
     fn inputs(&self) -> Vec<Topic> {
         let input = &self.loaded.settings.input;
-        let of_camera = |camera: &Camera| {
-            let image = camera.topic(Topic::new(camera.stream(input), MessageKind::Image));
-            let mut topics = vec![image, camera.topic(sensor_info::topic())];
-            if let StreamChoice::Auto { .. } = input {
-                topics.push(camera.topic(Topic::new(RECOVERY_TOPIC, MessageKind::Diagnostics)));
-            }
-            topics
+        self.cameras.iter().flat_map(|camera| camera.inputs(input, camera.stream(input))).collect()
+    }
+
+    fn inputs_with(&self, next: &Parameters) -> Result<PlannedInputs, ParameterError> {
+        let (input, fallback) = DetectorParameters::from(next).streams()?;
+        let all = |stream: &str| {
+            self.cameras.iter().flat_map(|camera| camera.inputs(&input, stream)).collect::<Vec<_>>()
         };
-        self.cameras.iter().flat_map(of_camera).collect()
+        let first = match &input {
+            same if *same == self.loaded.settings.input => self.inputs(),
+            StreamChoice::Stream(stream) => all(stream),
+            StreamChoice::Auto { .. } => all(TRUSTED),
+        };
+        Ok(PlannedInputs { first, later: all(fallback.as_deref().unwrap_or(SHARP_FALLBACK)) })
     }
 
     fn outputs(&self) -> Vec<Topic> {
@@ -346,43 +403,31 @@ impl Node for Detector {
     }
 
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
-        let parameters = DetectorParameters::from(parameters);
-        let size = self.pre.size().unwrap_or(FIRST_RUN);
-        let Loaded { parameters: last, settings, engine } = &mut self.loaded;
-        if !parameters.same_engine(last) {
-            let next = Loaded::after(last, &parameters, size)?;
-            self.change(|loaded| *loaded = next);
-            return Ok(());
-        }
-        let next = Settings::new(&parameters, &engine.layout, Some(settings))?;
-        if next.input_size != settings.input_size {
-            warm_up(&mut *engine.engine, next.input_size, size)
-                .map_err(|error| ParameterError::new("input_size", next.input_size, error.to_string()))?;
-        }
-        self.change(|loaded| (loaded.parameters, loaded.settings) = (parameters, next));
-        Ok(())
+        let map = self.loaded.settings.classes.map().clone();
+        self.take(parameters, None, map)
     }
 
     fn prepare(&self, now: &Parameters, next: &Parameters) -> Option<Job> {
         let [now, next] = [now, next].map(DetectorParameters::from);
-        if next.same_engine(&now) {
-            return None;
+        if !next.same_engine(&now) {
+            let size = self.pre.size().unwrap_or(FIRST_RUN);
+            return Some(Box::new(move || Ok(Box::new(Loaded::after(&now, &next, size)?))));
         }
-        let size = self.pre.size().unwrap_or(FIRST_RUN);
-        Some(Box::new(move || Ok(Box::new(Loaded::after(&now, &next, size)?))))
+        let names = self.loaded.engine.layout.names.clone();
+        (next.class_map != now.class_map)
+            .then(|| -> Job { Box::new(move || Ok(Box::new(ClassMap::read(&next.class_map, &names)?))) })
     }
 
     fn exchange(&mut self, parameters: &Parameters, part: Part) -> Result<(), ParameterError> {
-        let typed = DetectorParameters::from(parameters);
         match part.downcast::<Loaded>() {
-            Ok(loaded) if loaded.parameters.same_engine(&typed) => {
-                // Other parameters may have changed while the model was loaded.
-                let settings = Settings::new(&typed, &loaded.engine.layout, None)?;
-                let next = Loaded { parameters: typed, settings, engine: loaded.engine };
-                self.change(|loaded| *loaded = next);
-                Ok(())
+            Ok(loaded) => {
+                let map = loaded.settings.classes.map().clone();
+                self.take(parameters, Some(*loaded), map)
             }
-            _ => self.configure(parameters),
+            Err(part) => {
+                let map = part.downcast::<ClassMap>().expect("a part of this node is a model or a class map");
+                self.take(parameters, None, *map)
+            }
         }
     }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use modulo_runtime::{NodeName, ParameterError, ParameterSet as _};
 
-use crate::classes::Classes;
+use crate::classes::{ClassMap, Classes};
 use crate::engine::{EngineChoice, EngineOptions};
 use crate::input_size::InputSize;
 use crate::model::{DEMO, ModelLayout};
@@ -73,6 +73,18 @@ impl DetectorParameters {
         Ok(EngineOptions { engine: self.engine, device, threads: self.threads })
     }
 
+    /// Returns the stream to read, and the topic of `fallback` unless that is auto.
+    ///
+    /// # Errors
+    /// [`ParameterError`] of `input` or `fallback`.
+    pub(crate) fn streams(&self) -> Result<(StreamChoice, Option<String>), ParameterError> {
+        let fallback = stream("fallback", &self.fallback)?;
+        Ok(match stream("input", &self.input)? {
+            None => (StreamChoice::Auto { fallback: fallback.clone() }, fallback),
+            Some(input) => (StreamChoice::Stream(input), fallback),
+        })
+    }
+
     /// Refuses cameras that are no namespaces, are named twice, or whose streams `input` and `fallback` do not name.
     fn check_cameras(&self) -> Result<(), ParameterError> {
         let refuse = |why: &str| Err(ParameterError::new("cameras", self.cameras.join(", "), why));
@@ -91,9 +103,10 @@ impl DetectorParameters {
         Ok(())
     }
 
-    /// Returns whether `other` needs the same loaded model.
+    /// Returns whether `other` needs the same loaded model. A model has run once at its size of the input.
     pub(crate) fn same_engine(&self, other: &Self) -> bool {
-        (&self.model, self.engine_options()) == (&other.model, other.engine_options())
+        let engine = |of: &Self| (of.model.clone(), of.engine_options(), of.input_size.clone());
+        engine(self) == engine(other)
     }
 }
 
@@ -127,28 +140,25 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Returns the settings that the parameters give for a model of this `layout`; `last` are the settings until now.
+    /// Returns the settings that the parameters give for a model of this `layout`, with the class `map` that they name.
     ///
     /// # Errors
     /// [`ParameterError`] of the first one that is not possible.
     pub fn new(
         parameters: &DetectorParameters,
         layout: &ModelLayout,
-        last: Option<&Self>,
+        map: ClassMap,
     ) -> Result<Self, ParameterError> {
         parameters.check()?;
         parameters.check_cameras()?;
-        let (size, classes) = (&parameters.input_size, last.map(|last| &last.classes));
+        let size = &parameters.input_size;
         Ok(Self {
-            input: match (stream("fallback", &parameters.fallback)?, stream("input", &parameters.input)?) {
-                (fallback, None) => StreamChoice::Auto { fallback },
-                (_, Some(input)) => StreamChoice::Stream(input),
-            },
+            input: parameters.streams()?.0,
             score_threshold: parameters.score_threshold as f32,
             max_det: parameters.max_det,
             input_size: InputSize::parse(size, layout.size)
                 .map_err(|why| ParameterError::new("input_size", size, why))?,
-            classes: Classes::new(&layout.names, &parameters.class_map, &parameters.classes, classes)?,
+            classes: Classes::new(&layout.names, map, &parameters.classes)?,
             bits: parameters.bits,
         })
     }

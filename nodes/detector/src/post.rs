@@ -42,6 +42,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::classes::ClassMap;
     use crate::model::{ClassNames, ModelLayout};
     use crate::parameter::DetectorParameters;
 
@@ -49,7 +50,7 @@ mod tests {
         let names = ClassNames::of(Path::new("none"), Some("{0: 'person', 1: 'bicycle', 2: 'car'}"));
         let layout = ModelLayout { input: "images".into(), output: "output0".into(), size: None, names };
         let parameters = DetectorParameters::from_text(changes).expect("possible");
-        Settings::new(&parameters, &layout, None).expect("readable")
+        Settings::new(&parameters, &layout, ClassMap::default()).expect("readable")
     }
 
     fn found(rows: &[[f32; 6]], changes: &[(&str, &str)]) -> Vec<Detection> {

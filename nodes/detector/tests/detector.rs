@@ -13,7 +13,7 @@ use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::driver::lockstep::Lockstep;
 use modulo_runtime::{
     Context, ManualClock, Message, MessageKind, Node, NodeName, ParameterSet, Parameters, SensorModel,
-    StampedFrame, StepError, StepOutput, Trigger, sensor_info,
+    StampedFrame, StepError, StepOutput, Topic, Trigger, change_parameters, sensor_info,
 };
 use ndarray::Array3;
 
@@ -154,10 +154,36 @@ fn the_model_is_exchanged_or_refused() {
     assert!(why.contains("person, bicycle, car"), "{why}");
     assert_eq!(first(&mut node), "0", "goes on exactly as before");
 
-    // Without a prepared part, the node loads the model by itself.
-    assert!(node.configure(&broken).is_err());
-    node.configure(&now).expect("possible");
+    // A node loads nothing between two frames.
+    let why = node.configure(&now).expect_err("it was not loaded").to_string();
+    assert!(why.contains("'model' = ") && why.contains("was not loaded"), "{why}");
+    change_parameters(&mut node, &next, &now).expect("possible");
     assert_eq!(first(&mut node), "person");
+
+    // The first run at another size may take long, so that it belongs to the job as well.
+    let sized = parameters(&data("rows.onnx"), &[("input_size", "96x64")]);
+    assert!(node.prepare(&now, &sized).is_some());
+}
+
+/// The driver subscribes to the next inputs before the node takes its parameters.
+#[test]
+fn the_next_inputs_are_known_before_a_change() {
+    let mut node = detector("rows.onnx", &[]);
+    let now = parameters(&data("rows.onnx"), &[]);
+    let names = |topics: Vec<Topic>| topics.into_iter().map(|topic| topic.name).collect::<Vec<_>>();
+    for (changes, later) in [
+        (&[("input", "modulo")][..], &["saturated", "sensor_info"][..]),
+        (&[("input", "auto"), ("fallback", "/rear/image")], &["/rear/image", "sensor_info", "recovery"]),
+        (&[("input", "auto")], &["saturated", "sensor_info", "recovery"]),
+        (&[("fallback", "/rear/image")], &["/rear/image", "sensor_info"]),
+    ] {
+        let next = parameters(&data("rows.onnx"), changes);
+        let planned = node.inputs_with(&next).expect("possible");
+        change_parameters(&mut node, &now, &next).expect("possible");
+        assert_eq!(names(planned.first), names(node.inputs()), "{changes:?}");
+        assert_eq!(names(planned.later), later, "{changes:?}");
+    }
+    assert!(node.inputs_with(&parameters(&data("rows.onnx"), &[("input", "a b")])).is_err());
 }
 
 #[test]
@@ -203,9 +229,27 @@ fn bits_bring_the_sensor_to_the_models_range() {
     for (bits, level, expected) in
         [("12", 2048, 128.0), ("0", 2048, 8.0), ("10", 1023, 255.0), ("4", 15, 240.0)]
     {
-        let mut node = detector("rows.onnx", &[("bits", bits), ("score_threshold", "0"), ("classes", "7")]);
+        let mut node = detector("rows.onnx", &[("bits", bits), ("score_threshold", "0")]);
         let told = classes(&detections(&mut node, dark(level)));
-        assert!((told[0].1 - expected / 255.0).abs() < 1e-4, "{bits} bits: {told:?}");
+        let (_, score) =
+            told.iter().find(|(class, _)| class == "7").expect("the score of this class is the level");
+        assert!((score - expected / 255.0).abs() < 1e-4, "{bits} bits: {told:?}");
+    }
+}
+
+/// A stream of the suite keeps the last description of its camera; an absolute topic may have images of another camera.
+#[test]
+fn a_description_is_about_the_frames_of_its_own_camera() {
+    for (input, stamp, bits) in [("recovered", 9, "6"), ("/image", 9, "0"), ("/image", 7, "6")] {
+        let mut node = detector("rows.onnx", &[("input", input)]);
+        let header = Header { stamp: Time { sec: stamp, nanosec: 8 }, frame_id: "camera".into() };
+        let model = SensorModel { bits: 6, ..SensorModel::default() };
+        let clock = ManualClock::at(0);
+        let trigger = Trigger::Message { input: 1, message: sensor_info::message(&header, &model, &[]) };
+        node.step(trigger, &mut Context::new("/detector", &clock, &[])).expect("a description");
+        // Of the second 7.
+        detections(&mut node, grey(96, 160, 60));
+        assert!(node.state().contains(&("bits", bits.to_owned())), "{input}, {stamp}: {:?}", node.state());
     }
 }
 
@@ -217,7 +261,11 @@ fn a_class_map_is_read_when_it_changes_and_not_again() {
     let map = ("class_map", file.to_str().expect("a path"));
     let mut node = detector("rows.onnx", &[map]);
     std::fs::remove_file(&file).expect("removed");
-    let mut set = |changes: &[(&str, &str)]| node.configure(&parameters(&data("rows.onnx"), changes));
+    let mut now = parameters(&data("rows.onnx"), &[map]);
+    let mut set = |changes: &[(&str, &str)]| {
+        let next = parameters(&data("rows.onnx"), changes);
+        change_parameters(&mut node, &now, &next).map(|()| now = next)
+    };
     set(&[map, ("score_threshold", "0.5")]).expect("the map is known");
     set(&[map, ("classes", "auto")]).expect("its names are known");
     let why = set(&[map, ("classes", "car")]).expect_err("renamed by the map").to_string();

@@ -4,6 +4,8 @@
 //! One exposure gives the modulo, the saturated and the ideal stream; each is made only while it has a reader. The node
 //! never unwraps and never paces itself: its period is a request to the driver.
 
+mod calibration;
+
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -13,16 +15,17 @@ use modulo_bags::source::{GroundTruth, Source, SourceFrame, SourceOptions, to_de
 use modulo_core::sensor::{Exposure, MAX_NOISE, Sensor, SensorConfig};
 use modulo_core::{Frame, Mosaic};
 use modulo_images::White;
-use modulo_msgs::sensor_msgs::CameraInfo;
 use modulo_msgs::std_msgs::{Header, Time};
-use modulo_runtime::graph::ImageCompression;
+use modulo_runtime::graph::{ImageCompression, NameError};
 use modulo_runtime::parameter::file as parameter_file;
 use modulo_runtime::process::ros_args::ArgsError;
 use modulo_runtime::{
     Context, Flow, Job, Message, MessageKind, Node, NodeName, ParameterError, ParameterSet as _, Parameters,
-    Part, SensorModel, StampedFrame, StepError, Topic, Trigger, sensor_info,
+    Part, PlannedInputs, SensorModel, StampedFrame, StepError, Topic, Trigger, sensor_info,
 };
 use ndarray::{Array3, Axis};
+
+use calibration::Calibration;
 
 /// Output indices, in the order of [`Node::outputs`].
 const MODULO: usize = 0;
@@ -35,6 +38,8 @@ const CAMERA_INFO: usize = 5;
 /// The camera as a node.
 pub struct ModuloCamera {
     input: CameraInput,
+    /// That of the source.
+    calibration: Calibration,
     sensor: Sensor,
     /// Describes the sensor to the nodes that read its frames.
     parameters: CameraParameters,
@@ -66,6 +71,7 @@ impl ModuloCamera {
 
     fn with(input: CameraInput, parameters: &CameraParameters) -> Result<Self, ParameterError> {
         Ok(Self {
+            calibration: input.calibration(),
             input,
             sensor: parameters.sensor()?,
             parameters: parameters.clone(),
@@ -86,6 +92,7 @@ impl ModuloCamera {
         // The only step that can fail comes first, so that a set that is refused changes nothing.
         self.sensor = parameters.sensor()?;
         if let Some(input) = input {
+            self.calibration = input.calibration();
             (self.input, self.taken) = (input, 0);
         }
         self.seed = parameters.seed.unsigned_abs();
@@ -121,8 +128,10 @@ impl ModuloCamera {
         // Before the frame that it describes, and for late readers also when there is no reader now.
         let info = sensor_info::message(header, &self.parameters.sensor, &self.parameters.noise());
         cx.emit(SENSOR_INFO, info);
-        if cx.wanted(CAMERA_INFO) {
-            cx.emit(CAMERA_INFO, camera_info(radiance, header));
+        if !self.calibration.is_on_topic_of(cx.node()) && cx.wanted(CAMERA_INFO) {
+            let side = |axis| u32::try_from(radiance.len_of(Axis(axis))).unwrap_or(u32::MAX);
+            let info = self.calibration.of((side(0), side(1)), header);
+            cx.emit(CAMERA_INFO, Message::CameraInfo(Arc::new(info)));
         }
         if ![MODULO, SATURATED, IDEAL].iter().any(|&output| cx.wanted(output)) {
             return Ok(());
@@ -164,18 +173,6 @@ impl ModuloCamera {
     }
 }
 
-/// Returns the size of the images. The camera is not calibrated, so that the matrices are 0, as ROS 2 defines it.
-fn camera_info(radiance: &Array3<f32>, header: &Header) -> Message {
-    let side = |axis| u32::try_from(radiance.len_of(Axis(axis))).unwrap_or(u32::MAX);
-    let (height, width) = (side(0), side(1));
-    Message::CameraInfo(Arc::new(CameraInfo {
-        header: header.clone(),
-        height,
-        width,
-        ..CameraInfo::default()
-    }))
-}
-
 fn ground_truth(truth: &[GroundTruth], header: &Header) -> Message {
     Message::Detections(Arc::new(to_detections(truth, header)))
 }
@@ -196,9 +193,18 @@ pub fn outputs() -> Vec<Topic> {
 impl Node for ModuloCamera {
     fn inputs(&self) -> Vec<Topic> {
         match &self.input {
-            CameraInput::Topic { name, .. } => vec![Topic::new(name, MessageKind::Image)],
+            CameraInput::Topic { name, .. } => calibration::topics(name),
             CameraInput::Frames(_) => Vec::new(),
         }
+    }
+
+    fn inputs_with(&self, next: &Parameters) -> Result<PlannedInputs, ParameterError> {
+        let next = CameraParameters::from(next);
+        if next.source == self.parameters.source {
+            return Ok(PlannedInputs { first: self.inputs(), later: Vec::new() });
+        }
+        let topics = topic_of(&next.source)?.map(calibration::topics);
+        Ok(PlannedInputs { first: topics.unwrap_or_default(), later: Vec::new() })
     }
 
     fn outputs(&self) -> Vec<Topic> {
@@ -225,8 +231,10 @@ impl Node for ModuloCamera {
 
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
         let parameters = CameraParameters::from(parameters);
-        let input = (parameters.source != self.parameters.source).then(|| CameraInput::open(&parameters));
-        self.take(parameters, input.transpose()?)
+        if parameters.source != self.parameters.source {
+            return Err(not_opened(&parameters.source));
+        }
+        self.take(parameters, None)
     }
 
     fn prepare(&self, now: &Parameters, next: &Parameters) -> Option<Job> {
@@ -241,7 +249,7 @@ impl Node for ModuloCamera {
         let typed = CameraParameters::from(parameters);
         match part.downcast::<(String, CameraInput)>() {
             Ok(opened) if opened.0 == typed.source => self.take(typed, Some(opened.1)),
-            _ => self.configure(parameters),
+            _ => Err(not_opened(&typed.source)),
         }
     }
 
@@ -260,6 +268,7 @@ impl Node for ModuloCamera {
                 let header = self.header(image.header.stamp, &image.header.frame_id);
                 self.sense(self.taken - 1, &radiance, &header, cx).map_err(StepError::Skip)?;
             }
+            Trigger::Message { message: Message::CameraInfo(info), .. } => self.calibration.take(info),
             Trigger::Message { .. } => {}
         }
         let over = self.limit.is_some_and(|limit| self.taken >= limit);
@@ -278,6 +287,20 @@ impl Node for ModuloCamera {
     fn status(&self) -> Vec<(&'static str, String)> {
         vec![("role", "source".into()), ("frames", self.sensed.to_string())]
     }
+}
+
+/// Returns the name of the topic that `source` stands for; `None` for frames that are read.
+fn topic_of(source: &str) -> Result<Option<&str>, ParameterError> {
+    let Some(name) = source.strip_prefix("topic:") else { return Ok(None) };
+    let refuse = |why: NameError| {
+        ParameterError::new("source", source, format!("{why}; write it as in topic:/camera/image_raw"))
+    };
+    NodeName::default().resolve(name).map_err(refuse)?;
+    Ok(Some(name))
+}
+
+fn not_opened(source: &str) -> ParameterError {
+    ParameterError::new("source", source, "was not opened; set it again")
 }
 
 /// A source of frames, or a topic that brings them.
@@ -307,7 +330,7 @@ impl CameraInput {
     /// Opens the source that the parameter `source` names.
     fn open(parameters: &CameraParameters) -> Result<Self, ParameterError> {
         let (spec, white) = (&parameters.source, parameters.white as f32);
-        if let Some(name) = spec.strip_prefix("topic:") {
+        if let Some(name) = topic_of(spec)? {
             let white =
                 White::new(white).map_err(|why| ParameterError::new("white", white, why.to_string()))?;
             return Ok(Self::Topic { name: name.to_owned(), white });
@@ -317,6 +340,14 @@ impl CameraInput {
         let source = source::open(spec, &options)
             .map_err(|why| ParameterError::new("source", spec, why.to_string()))?;
         Ok(Self::Frames(FrameReader::new(source, parameters.r#loop)))
+    }
+
+    /// Returns the calibration of the camera that has taken the images.
+    fn calibration(&self) -> Calibration {
+        match self {
+            Self::Frames(reader) => Calibration::recorded(reader.source.camera_info()),
+            Self::Topic { name, .. } => Calibration::beside(name),
+        }
     }
 }
 
@@ -362,7 +393,15 @@ impl FrameReader {
     fn skip(&mut self, frames: u64) {
         // The position counts on over all rounds of a loop, so only its rest lies in this round.
         let round = self.source.len().map(|frames| frames as u64).filter(|frames| self.repeat && *frames > 0);
-        self.source.skip(round.map_or(frames, |round| frames % round));
+        let mut rest = frames;
+        if let Some(round) = round.filter(|round| frames >= *round) {
+            // Any frame of the rounds before may have decided how this one is read.
+            self.source.skip(round);
+            // A source that is gone is reported by the next frame.
+            let _ = self.source.rewind();
+            rest = frames % round;
+        }
+        self.source.skip(rest);
         // An earlier life has sent frames, so the source is not without a good one.
         self.given = frames > 0;
     }

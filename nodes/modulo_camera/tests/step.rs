@@ -6,10 +6,11 @@ use std::time::Duration;
 
 use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_core::{Frame, Mosaic};
+use modulo_msgs::sensor_msgs::{CameraInfo, RegionOfInterest};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{
     Context, Flow, ManualClock, Message, Node, ParameterSet as _, Parameters, StampedFrame, StepError,
-    StepOutput, Trigger,
+    StepOutput, Trigger, change_parameters,
 };
 use ndarray::Array3;
 
@@ -138,6 +139,75 @@ fn a_topic_is_sensed_with_its_header() {
     assert_eq!(frame(&sent, 0).frame.as_u8().expect("8 bits")[(0, 0, 0)], 56);
 }
 
+/// A calibrated camera of 4 x 2 px that is binned to 2 x 1 px.
+fn calibration() -> CameraInfo {
+    CameraInfo {
+        header: Header { stamp: Time::from_ns(1), frame_id: "lens".into() },
+        height: 2,
+        width: 4,
+        distortion_model: "plumb_bob".into(),
+        d: vec![-0.3, 0.1, 0.0, 0.002, 0.0],
+        k: [700.0, 0.0, 2.0, 0.0, 701.0, 1.0, 0.0, 0.0, 1.0],
+        r: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        p: [699.0, 0.0, 2.0, -50.0, 0.0, 699.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+        binning_x: 2,
+        binning_y: 2,
+        roi: RegionOfInterest::default(),
+    }
+}
+
+/// The camera info that a camera at the topic `source` sends with an image of (height, width), after it has had `info`.
+fn camera_info(
+    source: &str,
+    info: Option<CameraInfo>,
+    (height, width): (usize, usize),
+) -> Option<CameraInfo> {
+    let mut node = camera(&[("source", &format!("topic:{source}"))]);
+    let beside: Vec<_> = node.inputs().into_iter().skip(1).map(|topic| topic.name).collect();
+    assert_eq!(beside, [source.replace("image_raw", "camera_info")]);
+    if let Some(info) = info {
+        let trigger = Trigger::Message { input: 1, message: Message::CameraInfo(info.into()) };
+        let (flow, sent) = step(&mut node, trigger, &[true; 6]).expect("taken");
+        assert!(flow == Flow::Continue && sent.is_empty());
+    }
+    let header = Header { stamp: Time::from_ns(42), frame_id: "front".into() };
+    let frame = Frame::from_u8(Array3::zeros((height, width, 3))).expect("a frame");
+    let image = Message::Image(StampedFrame { header: header.clone(), frame }.into());
+    let (_, sent) =
+        step(&mut node, Trigger::Message { input: 0, message: image }, &[true; 6]).expect("a frame");
+    let found = sent.into_iter().find_map(|(_, message)| match message {
+        Message::CameraInfo(info) => Some(CameraInfo::clone(&info)),
+        _ => None,
+    });
+    assert!(found.as_ref().is_none_or(|info| info.header == header));
+    found
+}
+
+#[test]
+fn the_calibration_of_the_source_is_passed_on_with_each_image() {
+    let sent = |info, size| camera_info("/front/image_raw", info, size).expect("a camera info");
+    let header = Header { stamp: Time::from_ns(42), frame_id: "front".into() };
+    let binned = calibration();
+    assert_eq!(sent(Some(binned.clone()), (1, 2)), CameraInfo { header: header.clone(), ..binned.clone() });
+    let roi = RegionOfInterest { x_offset: 1, width: 2, height: 2, ..RegionOfInterest::default() };
+    let region = CameraInfo { roi, binning_x: 0, binning_y: 0, ..binned.clone() };
+    assert_eq!(sent(Some(region.clone()), (2, 2)), CameraInfo { header: header.clone(), ..region.clone() });
+    // A calibration of other images would be wrong, one without a focal length says nothing.
+    let unknown = CameraInfo { header, height: 2, width: 4, ..CameraInfo::default() };
+    for info in [None, Some(binned), Some(region), Some(CameraInfo { k: [0.0; 9], ..calibration() })] {
+        assert_eq!(sent(info, (2, 4)), unknown);
+    }
+}
+
+/// In the namespace of the source, its camera info is beside the images of this camera already.
+#[test]
+fn a_camera_info_of_the_source_is_not_sent_a_second_time() {
+    for source in ["/image_raw", "image_raw"] {
+        assert_eq!(camera_info(source, None, (2, 4)), None, "{source}");
+        assert!(camera_info(source, Some(calibration()), (1, 2)).is_some(), "its own topic is remapped");
+    }
+}
+
 #[test]
 fn what_is_impossible_is_refused_with_the_parameter() {
     for (name, value) in [("source", "/no/such/folder"), ("source", "scene://dusk")] {
@@ -192,12 +262,19 @@ fn the_source_is_exchanged_or_refused() {
     assert!(node.state().contains(&("source", two.clone())));
     let refused = node.prepare(&with(&two), &with("/no/such")).expect("another source")().err();
     assert!(refused.expect("refused").to_string().contains("/no/such"));
-    assert!(node.configure(&with("/no/such")).is_err());
+    let unopened =
+        node.configure(&with(&one)).expect_err("a node opens nothing between two frames").to_string();
+    assert!(unopened.contains("was not opened"), "{unopened}");
     assert_eq!(node.position(), Some(2));
     // From frames to a topic and back.
-    node.configure(&with("topic:/front")).expect("possible");
-    assert_eq!((node.inputs().len(), node.period()), (1, None));
-    node.configure(&with(&one)).expect("possible");
+    assert_eq!(node.inputs_with(&with("topic:/front")).expect("possible").first[0].name, "/front");
+    change_parameters(&mut node, &with(&two), &with("topic:/front")).expect("possible");
+    assert_eq!((node.inputs()[0].name.as_str(), node.inputs().len(), node.period()), ("/front", 2, None));
+    for bad in ["topic:", "topic:a b", "topic:/x//y"] {
+        let why = change_parameters(&mut node, &with("topic:/front"), &with(bad)).expect_err(bad).to_string();
+        assert!(why.contains(bad) && why.contains("topic:/camera/image_raw"), "{why}");
+    }
+    change_parameters(&mut node, &with("topic:/front"), &with(&one)).expect("possible");
     assert_eq!((node.inputs().len(), node.period()), (0, Some(Duration::ZERO)));
 }
 
@@ -233,6 +310,29 @@ fn it_goes_on_behind_the_last_frame() {
             assert_eq!(again.position(), Some(position as u64));
             assert_eq!(frames(&mut again), all[position..], "{source}, loop {repeat}, behind {position}");
         }
+    }
+}
+
+/// Codes of 12 bits are refused until a larger one has come, which may have been in an earlier round.
+#[test]
+fn a_crash_in_a_later_round_changes_no_frame() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (number, code) in [3000, 60_000, 2000].into_iter().enumerate() {
+        let image = Frame::from_u16(Array3::from_elem((4, 6, 1), code)).expect("a frame");
+        modulo_images::save_png(&folder.path().join(format!("{number}.png")), &image).expect("writable");
+    }
+    let source = folder.path().display().to_string();
+    let settings = [("source", source.as_str()), ("loop", "true"), ("frames", "8")];
+    let sent = |node: &mut ModuloCamera, count: usize| -> Vec<Option<Frame>> {
+        let mut next = || step(node, Trigger::Tick, &ALL).ok().map(|(_, sent)| frame(&sent, 0).frame.clone());
+        std::iter::repeat_with(&mut next).take(count).collect()
+    };
+    let whole = sent(&mut camera(&settings), 8);
+    assert_eq!(whole.iter().filter(|frame| frame.is_none()).count(), 1, "only the first one is refused");
+    for position in 0..8 {
+        let mut again = camera(&settings);
+        again.resume(position as u64);
+        assert_eq!(sent(&mut again, 8 - position), whole[position..], "behind {position}");
     }
 }
 

@@ -20,7 +20,7 @@ use modulo_runtime::ros_args::RosArgs;
 use modulo_runtime::transport::Transport as _;
 use modulo_runtime::transport::keys::Hashes;
 use modulo_runtime::transport::zenoh::ZenohTransport;
-use modulo_runtime::{NodeName, ParameterSet as _, Stop, SystemClock, Urgency, end_on_signals};
+use modulo_runtime::{NodeName, ParameterSet as _, Parameters, Stop, SystemClock, Urgency, end_on_signals};
 use tracing_subscriber::EnvFilter;
 
 use mirror::Mirror;
@@ -108,7 +108,8 @@ fn plan(arguments: &[String]) -> anyhow::Result<(BridgePlan, NodeName)> {
         anyhow::bail!("'{argument}' is unknown; try --help");
     }
     let node_name = ros.node_name("ros2_bridge")?;
-    let settings = ros.parameters_for(&node_name)?;
+    let declared = Parameters::declare(BridgeParameters::descriptors());
+    let settings = declared.known_of(ros.parameters_for(&node_name)?, &node_name.fully_qualified());
     Ok((BridgePlan::new(&BridgeParameters::from_text(&settings)?, &node_name)?, node_name))
 }
 

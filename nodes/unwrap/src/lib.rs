@@ -35,6 +35,10 @@ const DIAGNOSTICS: usize = 2;
 const RECOVERY: usize = 3;
 const CONFIDENCE: usize = 4;
 
+/// Why a frame without a sensor description is skipped.
+const UNDESCRIBED: &str = "no sensor description has come on the topic sensor_info; start a camera or replay a bag that has this \
+                           topic (modulo bag play --topics /modulo /sensor_info), or set the parameters bits and alpha";
+
 modulo_runtime::parameters! {
     /// The parameters of the `unwrap` node.
     pub struct UnwrapParameters {
@@ -97,8 +101,12 @@ pub struct UnwrapNode {
     described: SensorHistory,
     /// The sensor of the last frame with its range and deblurring.
     sensor: Option<Prepared>,
-    /// A frame whose sensor description has not come yet.
+    /// A frame that came before the first sensor description.
     kept: Option<Arc<StampedFrame>>,
+    /// Whether a frame has waited for the first description in vain: those that follow do not wait.
+    undescribed: bool,
+    /// Frames whose own description was late or lost, so that an earlier one was used.
+    reused: u64,
     recovered: Recovered,
     counts: RecoveryCounts,
     /// Whether a parameter that contradicts the camera was reported.
@@ -127,6 +135,8 @@ impl UnwrapNode {
             described: SensorHistory::default(),
             sensor: None,
             kept: None,
+            undescribed: false,
+            reused: 0,
             recovered: Recovered::default(),
             counts: RecoveryCounts::default(),
             contradiction_told: false,
@@ -135,7 +145,7 @@ impl UnwrapNode {
 
     /// Prepares for the sensor that made the frame of `stamp`.
     fn prepare(&mut self, stamp: Time) -> Result<(), ParameterError> {
-        let camera = self.described.of(stamp);
+        let camera = self.described.nearest(stamp);
         let model = self.parameters.sensor.over(camera)?;
         if let Some(camera) = camera
             && (camera.bits, camera.alpha) != (model.bits, model.alpha)
@@ -160,31 +170,40 @@ impl UnwrapNode {
         Ok(())
     }
 
-    /// Unwraps `modulo`, or keeps it until the description of its sensor has come.
+    /// Unwraps `modulo`. Before the very first sensor description it is kept for a while.
     fn take(&mut self, modulo: Arc<StampedFrame>, cx: &mut Context<'_>) -> Result<Flow, StepError> {
-        // Bits and alpha may both be set as parameters: then no description is needed.
         let stamp = modulo.header.stamp;
-        if !self.parameters.sensor.is_complete() && self.described.of(stamp).is_none() {
-            // Only the newest frame is kept: when the next one has come, the description of the last one will not.
-            return match self.kept.replace(modulo) {
-                None => Ok(Flow::Kept),
-                Some(_) => Err(StepError::Skip(
-                    "no sensor description came with the frame; start a camera that publishes sensor_info, or set \
-                     the parameters bits and alpha"
-                        .into(),
-                )),
-            };
+        // Bits and alpha may both be set as parameters: then no description is needed.
+        if !self.parameters.sensor.is_complete() {
+            if self.described.latest().is_none() {
+                return self.keep(modulo);
+            }
+            // The description goes before its frame, so that it is late or lost; the sensor changes rarely.
+            self.reused += u64::from(self.described.of(stamp).is_none());
         }
         self.prepare(stamp).map_err(|why| StepError::Skip(why.to_string()))?;
         self.unwrap(&modulo, cx)?;
         Ok(Flow::Continue)
     }
 
+    /// Keeps `modulo` for the first sensor description, or skips it when that was waited for in vain.
+    fn keep(&mut self, modulo: Arc<StampedFrame>) -> Result<Flow, StepError> {
+        if self.undescribed {
+            return Err(StepError::Skip(UNDESCRIBED.into()));
+        }
+        // Only the newest frame is kept.
+        match self.kept.replace(modulo) {
+            None => Ok(Flow::Kept),
+            Some(_) => Err(StepError::Skip(UNDESCRIBED.into())),
+        }
+    }
+
     /// Takes a sensor description; unwraps the frame that was kept for it.
     fn describe(&mut self, info: &DiagnosticArray, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         // Descriptions are kept by stamp, since the one of the next frame may come before this frame.
         self.described.note(info).map_err(|why| StepError::Skip(why.to_string()))?;
-        match self.kept.take_if(|kept| kept.header.stamp == info.header.stamp) {
+        self.undescribed = false;
+        match self.kept.take() {
             Some(modulo) => self.take(modulo, cx),
             None => Ok(Flow::Continue),
         }
@@ -304,6 +323,12 @@ impl Node for UnwrapNode {
         }
     }
 
+    fn give_up(&mut self) -> Option<String> {
+        self.kept.take()?;
+        self.undescribed = true;
+        Some(UNDESCRIBED.to_owned())
+    }
+
     fn state(&self) -> Vec<(&'static str, String)> {
         let UnwrapParameters { deblur, threads, .. } = &self.parameters;
         let mut state = vec![
@@ -319,6 +344,9 @@ impl Node for UnwrapNode {
     fn status(&self) -> Vec<(&'static str, String)> {
         let mut status = vec![("method", self.method.name().to_owned())];
         status.extend(self.counts.status());
+        if self.reused > 0 {
+            status.push(("description_reused", self.reused.to_string()));
+        }
         status
     }
 }
@@ -358,9 +386,9 @@ impl RecoveryCounts {
 fn describe(node: &str, header: &Header, method: &str, report: &Report) -> DiagnosticArray {
     let (level, message) = match report.trust {
         Trust::Trusted => (DiagnosticStatus::OK, "trusted"),
-        Trust::Contradicted => (
+        Trust::Untrusted => (
             DiagnosticStatus::WARN,
-            "not trusted: y or the result departs from what the method assumes, or does not show it",
+            "not trusted: the image violates the assumptions of the method, or has too little evidence for the absolute offset",
         ),
         Trust::Unknown => (DiagnosticStatus::OK, "the method makes no claim"),
     };

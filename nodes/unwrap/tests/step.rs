@@ -125,6 +125,17 @@ fn each_frame_is_described_with_its_own_stamp_and_counted() {
     assert!(status.contains(&("trusted", "2 of 3 frames".to_owned())), "{status:?}");
 }
 
+/// A uniform image violates no assumption, but nothing in it tells the absolute offset.
+#[test]
+fn the_reason_of_an_untrusted_frame_covers_missing_evidence() {
+    let mut node = unwrap(&[("alpha", "4")]);
+    let uniform = Frame::from_u8(Array3::from_elem((30, 40, 3), 44)).expect("an image");
+    let sent = step(&mut node, uniform, &[false, false, true]).expect("a good frame");
+    let [(2, Message::Diagnostics(said))] = &sent[..] else { panic!("a description: {sent:?}") };
+    let message = &said.status[0].message;
+    assert!(message.starts_with("not trusted: ") && message.contains("too little evidence"), "{message}");
+}
+
 #[test]
 fn two_nodes_differ_in_diagnostics() {
     let (modulo, _) = exposure(8);
@@ -237,12 +248,47 @@ fn each_frame_is_unwrapped_with_the_sensor_that_made_it() {
     assert_eq!((flow, &image(&sent[0].1).frame), (Ok(Flow::Continue), &ideal));
 
     let (flow, sent) = feed(0, frame(3));
-    assert_eq!((flow, sent.len()), (Ok(Flow::Kept), 0), "its description is on the way");
-    let (flow, sent) = feed(1, described(3, 2.0));
-    let answered = image(&sent[0].1);
-    assert_eq!((flow, &answered.header, &answered.frame), (Ok(Flow::Continue), &at(3), &ideal));
+    assert_eq!(
+        (flow, !sent.is_empty()),
+        (Ok(Flow::Continue), true),
+        "its description is late: that of frame 2 is used"
+    );
+    assert!(feed(1, described(3, 2.0)).1.is_empty(), "it is answered already");
+    assert!(feed(1, described(5, 2.0)).1.is_empty());
+    let (flow, sent) = feed(0, frame(5));
+    assert_eq!((flow, &image(&sent[0].1).frame), (Ok(Flow::Continue), &ideal));
+    let (_, sent) = feed(0, frame(6));
+    assert_eq!(&image(&sent[0].1).frame, &ideal, "the description of frame 5");
+    assert!(node.status().contains(&("description_reused", "2".to_owned())), "{:?}", node.status());
+}
 
-    assert_eq!(feed(0, frame(4)).0, Ok(Flow::Kept));
-    let Err(StepError::Skip(why)) = feed(0, frame(5)).0 else { panic!("a frame without its sensor is lost") };
+/// Before the very first description a frame waits, and those after it only as long as it does.
+#[test]
+fn a_frame_waits_for_the_first_description_and_not_for_ever() {
+    let clock = ManualClock::at(0);
+    let feed = |node: &mut UnwrapNode, input, message| {
+        let mut cx = Context::new("/unwrap", &clock, &[true, false, false]);
+        let flow = node.step(Trigger::Message { input, message }, &mut cx);
+        (flow, cx.finish().messages)
+    };
+    let (modulo, ideal) = exposure(8);
+    let at = |ns| Header { stamp: Time::from_ns(ns), ..header() };
+    let frame = |ns| Message::Image(Arc::new(StampedFrame { header: at(ns), frame: modulo.clone() }));
+    let model = SensorModel { alpha: 2.0, ..SensorModel::default() };
+    let described = |ns| sensor_info::message(&at(ns), &model, &[]);
+    let mut node = UnwrapNode::new(&UnwrapParameters::default()).expect("a node");
+    assert_eq!(node.give_up(), None);
+    assert_eq!(feed(&mut node, 0, frame(1)).0, Ok(Flow::Kept));
+    let (flow, sent) = feed(&mut node, 1, described(1));
+    let answered = image(&sent[0].1);
+    assert_eq!((flow, &answered.header, &answered.frame), (Ok(Flow::Continue), &at(1), &ideal));
+
+    let mut node = UnwrapNode::new(&UnwrapParameters::default()).expect("a node");
+    assert_eq!(feed(&mut node, 0, frame(1)).0, Ok(Flow::Kept));
+    let Err(StepError::Skip(why)) = feed(&mut node, 0, frame(2)).0 else { panic!("the newer frame is kept") };
     assert!(why.contains("sensor_info") && why.contains("alpha"), "{why}");
+    assert_eq!(node.give_up(), Some(why.clone()));
+    assert_eq!(feed(&mut node, 0, frame(3)).0, Err(StepError::Skip(why)), "the next ones do not wait");
+    assert!(feed(&mut node, 1, described(4)).1.is_empty());
+    assert_eq!(feed(&mut node, 0, frame(4)).0, Ok(Flow::Continue));
 }

@@ -17,6 +17,7 @@ use modulo_runtime::graph::name::is_hidden_node;
 use modulo_runtime::parameter::Value;
 use modulo_runtime::parameter::client::{ClientError, ParameterClient};
 use modulo_runtime::parameter::service::from_ros;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::task::spawn_blocking;
 
 use crate::feed::Session;
@@ -25,6 +26,10 @@ use crate::watch::{JpegImage, LOOK, Watch};
 
 /// Messages that wait for a client; the oldest one is dropped when there are more.
 const BACKLOG: usize = 32;
+/// Requests for parameters that wait for nodes at most, of all clients together.
+const REQUESTS: usize = 8;
+/// The message to a client whose request is refused because there are more.
+const BUSY: &str = "too many requests for parameters wait for the nodes; ask again";
 /// The parameter to which a client gives the token before it may set any other one.
 const TOKEN: &str = "token";
 /// Boxes and the background of their labels.
@@ -194,11 +199,24 @@ struct ParameterProxy {
     /// The clients that have given the token.
     trusted: Mutex<Vec<ClientId>>,
     server: OnceLock<WebSocketServerHandle>,
+    /// The requests that may wait for nodes at the same time.
+    places: Arc<Semaphore>,
 }
 
 impl ParameterProxy {
+    /// Returns a place for one more request; `None` when too many wait for nodes already.
+    fn place(&self) -> Option<OwnedSemaphorePermit> {
+        self.places.clone().try_acquire_owned().ok()
+    }
+
     fn new(session: Arc<Session>, token: String) -> Self {
-        Self { session, token, trusted: Mutex::default(), server: OnceLock::new() }
+        Self {
+            session,
+            token,
+            trusted: Mutex::default(),
+            server: OnceLock::new(),
+            places: Arc::new(Semaphore::new(REQUESTS)),
+        }
     }
 
     /// Returns the names of all parameters, that of the token first.
@@ -276,8 +294,13 @@ impl ParameterHandler for Handler {
         responder: GetParametersResponder,
     ) {
         let parameters = self.0.clone();
+        let Some(place) = parameters.place() else {
+            client.send_warning(BUSY);
+            return responder.respond(Vec::new());
+        };
         // Nodes answer between two frames, which the connection must not wait for.
         spawn_blocking(move || {
+            let _place = place;
             let names = if names.is_empty() { parameters.names(&client) } else { names };
             responder.respond(parameters.read(&client, &names));
         });
@@ -291,7 +314,12 @@ impl ParameterHandler for Handler {
         responder: SetParametersResponder,
     ) {
         let parameters = self.0.clone();
+        let Some(place) = parameters.place() else {
+            client.send_error(BUSY);
+            return responder.respond(Vec::new());
+        };
         spawn_blocking(move || {
+            let _place = place;
             let (mut names, mut is_changed) = (Vec::new(), false);
             for Parameter { name, value, .. } in changes {
                 // A parameter of a node can be set, but not removed.

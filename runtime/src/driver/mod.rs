@@ -33,6 +33,9 @@ pub enum RunError {
     /// A parameter was refused at the start.
     #[error(transparent)]
     Parameter(#[from] ParameterError),
+    /// An input of the node is one of its own outputs.
+    #[error("this node publishes {0} itself, and would answer its own images; name a topic of another node")]
+    OwnOutput(String),
     /// The step cannot go on.
     #[error("{0}: {1}")]
     Fatal(String, String),

@@ -19,6 +19,9 @@ use crate::transport::Publisher;
 /// and the value `trusted` where the method makes a claim.
 pub const RECOVERY_TOPIC: &str = "recovery";
 
+/// Key of the last message on `~/state` of a node whose frames are over. A node that crashes or is asked to end does not send it.
+pub const ENDED: &str = "ended";
+
 const PERIOD_NS: u64 = 1_000_000_000;
 
 /// The `/diagnostics` publisher of one node.
@@ -29,8 +32,8 @@ pub struct Diagnostics {
     bad: u64,
     /// The work of the node since the last message.
     window: Window,
-    /// Stamp of the newest frame.
-    newest: Option<Time>,
+    /// Stamp of the last frame.
+    last_frame: Option<Time>,
 }
 
 /// The frames of the last second or so.
@@ -61,7 +64,7 @@ impl Diagnostics {
 
     /// Publishes with `publisher`.
     pub fn new(publisher: Rc<dyn Publisher>) -> Self {
-        Self { publisher, due: 0, bad: 0, window: Window::default(), newest: None }
+        Self { publisher, due: 0, bad: 0, window: Window::default(), last_frame: None }
     }
 
     /// Notes the durations of the stages of a step, ns, and the stamp of its frame if it was one of an image.
@@ -71,7 +74,12 @@ impl Diagnostics {
             (*sum, *count) = (*sum + duration, *count + 1);
         }
         self.window.frames += u32::from(frame.is_some());
-        self.newest = frame.or(self.newest);
+        self.last_frame = frame.or(self.last_frame);
+    }
+
+    /// Returns the first stamp behind that of the last frame; before the first frame the time of `clock`.
+    pub fn next_stamp(&self, clock: &dyn Clock) -> Time {
+        Time::from_ns(self.last_frame.map_or(clock.now_ns(), |stamp| stamp.as_ns().saturating_add(1)))
     }
 
     /// Returns whether a second has passed since the last message, and the topic has a reader.
@@ -97,7 +105,7 @@ impl Diagnostics {
         self.due = now + PERIOD_NS;
         let window = std::mem::replace(&mut self.window, Window { since: now, ..Window::default() });
         let mut values = window.values(now);
-        if let Some(stamp) = self.newest {
+        if let Some(stamp) = self.last_frame {
             let age = i128::from(clock.now_ns()) - i128::from(stamp.as_ns());
             values.push(("age_ms".to_owned(), format!("{:.3}", age as f64 / 1e6)));
         }
@@ -209,14 +217,23 @@ impl StateTopic {
     }
 
     /// Publishes the values that `node`, which is called `name`, uses from the frame of `stamp` on, if they have changed.
-    /// `stream` is the name of the image stream that it answers; a node that is not `enabled` answers none.
-    pub fn tell(&mut self, stamp: Time, name: &str, node: &dyn Node, stream: Option<&str>, enabled: bool) {
-        let stream = stream.map(|stream| ("stream", stream.to_owned()));
-        let enabled = ("enabled", enabled.to_string());
-        let state: Vec<_> = stream.into_iter().chain(node.state()).chain([enabled]).collect();
-        if self.last.as_ref() == Some(&state) {
-            return;
+    /// `of_driver` are the values that the node itself does not know, such as the name of the stream that it answers.
+    pub fn tell(&mut self, stamp: Time, name: &str, node: &dyn Node, of_driver: Vec<(&'static str, String)>) {
+        let state = [node.state(), of_driver].concat();
+        if self.last.as_ref() != Some(&state) {
+            self.put(stamp, name, &state);
+            self.last = Some(state);
         }
+    }
+
+    /// Publishes that the node, which is called `name`, ends because its frames are over ([`ENDED`]), beside the last values.
+    pub fn tell_end(&mut self, stamp: Time, name: &str) {
+        let mut state = self.last.take().unwrap_or_default();
+        state.push((ENDED, "true".to_owned()));
+        self.put(stamp, name, &state);
+    }
+
+    fn put(&self, stamp: Time, name: &str, state: &[(&'static str, String)]) {
         let value = |(key, value): &(&str, String)| KeyValue { key: (*key).to_owned(), value: value.clone() };
         let (name, values) =
             (format!("{}: state", name.trim_start_matches('/')), state.iter().map(value).collect());
@@ -224,7 +241,6 @@ impl StateTopic {
         if let Err(why) = self.publisher.put(&Message::Diagnostics(Arc::new(message))) {
             tracing::warn!("{why}");
         }
-        self.last = Some(state);
     }
 }
 

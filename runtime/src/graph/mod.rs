@@ -88,6 +88,13 @@ impl Topic {
     }
 }
 
+/// Returns the topic with the camera info of the images on `topic`, which is `camera_info` in the same namespace, as
+/// `image_transport` of ROS 2 has it.
+pub fn camera_info_topic(topic: &str) -> String {
+    let namespace = topic.rsplit_once('/').map(|(namespace, _)| format!("{namespace}/"));
+    format!("{}camera_info", namespace.unwrap_or_default())
+}
+
 /// Words of the policies in parameters.
 const RELIABILITIES: [(&str, Reliability); 2] =
     [("reliable", Reliability::Reliable), ("best_effort", Reliability::BestEffort)];

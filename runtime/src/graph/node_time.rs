@@ -27,6 +27,9 @@ pub struct NodeTime<'a> {
     simulation: Option<Guard>,
 }
 
+/// A change of the clock of a node: the next subscription of `/clock`, if it changes.
+pub struct ClockChange(Option<Option<Guard>>);
+
 impl<'a> NodeTime<'a> {
     /// Returns a clock with the time of `machine`.
     pub fn new(machine: &'a dyn Clock) -> Self {
@@ -38,23 +41,29 @@ impl<'a> NodeTime<'a> {
         self.machine.now_ns()
     }
 
-    /// Goes over to the time that `parameters` ask for.
+    /// Subscribes to `/clock` if `parameters` ask for its time and it is not subscribed yet.
     ///
     /// # Errors
     /// [`RunError`] when `/clock` cannot be subscribed.
-    pub fn follow(
-        &mut self,
+    pub fn open(
+        &self,
         parameters: &Parameters,
         node_name: &NodeName,
         transport: &dyn Transport,
-    ) -> Result<(), RunError> {
-        match (is_simulated(parameters), &self.simulation) {
-            (true, None) => self.simulation = Some(self.simulate(node_name, transport)?),
+    ) -> Result<ClockChange, RunError> {
+        Ok(ClockChange(match (is_simulated(parameters), &self.simulation) {
+            (true, None) => Some(Some(self.simulate(node_name, transport)?)),
             // Dropping the guard ends the subscription.
-            (false, Some(_)) => self.simulation = None,
-            (true, Some(_)) | (false, None) => {}
+            (false, Some(_)) => Some(None),
+            (true, Some(_)) | (false, None) => None,
+        }))
+    }
+
+    /// Goes over to the time of `change`.
+    pub fn follow(&mut self, ClockChange(change): ClockChange) {
+        if let Some(simulation) = change {
+            self.simulation = simulation;
         }
-        Ok(())
     }
 
     /// Subscribes to `/clock`; each message sets the time.
@@ -112,7 +121,8 @@ mod tests {
         let machine = ManualClock::at(77);
         let mut time = NodeTime::new(&machine);
         let follow = |on, time: &mut NodeTime<'_>| {
-            time.follow(&asked(on), &node_name, &transport).expect("local");
+            let change = time.open(&asked(on), &node_name, &transport).expect("local");
+            time.follow(change);
         };
         follow(false, &mut time);
         tell(3);

@@ -19,8 +19,9 @@ use crate::transport::{Transport as _, TransportError};
 
 /// Time limit for a node to appear, and for it to answer.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Time limit for an answer to a request to set a parameter. A node answers it within 10 s: it may have to load a model.
-const SET_PATIENCE: Duration = Duration::from_secs(15);
+/// Time limit for an answer to a request to set a parameter. A node answers it within 20 s: it may be busy, and may have to
+/// load a model.
+const SET_PATIENCE: Duration = Duration::from_secs(25);
 const GLANCE: Duration = Duration::from_millis(20);
 
 /// Error: the node did not do what was requested.

@@ -29,12 +29,31 @@ const PARAMETERS: &str = "ros__parameters";
 /// # Errors
 /// [`ArgsError::File`] when it cannot be read or is no parameter file.
 pub fn read(path: &Path, node_name: &NodeName) -> Result<Vec<(String, String)>, ArgsError> {
+    Ok(entries(path, node_name)?.into_iter().map(|entry| (entry.name, entry.text)).collect())
+}
+
+/// Returns the entries of the file at `path` for the node `node_name`, in order.
+///
+/// # Errors
+/// The same as those of [`read`].
+pub fn entries(path: &Path, node_name: &NodeName) -> Result<Vec<Entry>, ArgsError> {
     let wrong = |why: String| ArgsError::File(path.display().to_string(), why);
     let text = std::fs::read_to_string(path).map_err(|why| wrong(why.to_string()))?;
     parse(&text, node_name).map_err(wrong)
 }
 
-fn parse(text: &str, node_name: &NodeName) -> Result<Vec<(String, String)>, String> {
+/// A parameter in a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// Its name.
+    pub name: String,
+    /// Its value as text.
+    pub text: String,
+    /// Whether the file names the node, and not several nodes by a wildcard.
+    pub by_name: bool,
+}
+
+fn parse(text: &str, node_name: &NodeName) -> Result<Vec<Entry>, String> {
     let documents = yaml_text::documents(text)?;
     let mut found = Vec::new();
     match documents.first() {
@@ -49,12 +68,7 @@ fn parse(text: &str, node_name: &NodeName) -> Result<Vec<(String, String)>, Stri
 }
 
 /// Reads the entry of one node, or of a namespace with several nodes.
-fn node(
-    pattern: &str,
-    body: &Node<'_>,
-    node_name: &NodeName,
-    found: &mut Vec<(String, String)>,
-) -> Result<(), String> {
+fn node(pattern: &str, body: &Node<'_>, node_name: &NodeName, found: &mut Vec<Entry>) -> Result<(), String> {
     let Node::Mapping(entries) = body else {
         return Err(format!("'{pattern}' has no mapping '{PARAMETERS}'"));
     };
@@ -72,7 +86,9 @@ fn node(
             let mut all = Vec::new();
             flatten(&key(name)?, value, &mut all)?;
             // Entries of other nodes are read as well, so that a mistake in them is found here.
-            found.extend(all.into_iter().filter(|_| matches(pattern, node_name)));
+            let by_name = !pattern.contains('*');
+            let all = all.into_iter().map(|(name, text)| Entry { name, text, by_name });
+            found.extend(all.filter(|_| matches(pattern, node_name)));
         }
     }
     Ok(())
@@ -164,7 +180,17 @@ mod tests {
     use crate::parameter::service::to_ros;
 
     fn read(text: &str) -> Result<Vec<(String, String)>, String> {
-        parse(text, &NodeName::new("eye", "/car", &[]).expect("valid"))
+        let entries = parse(text, &NodeName::new("eye", "/car", &[]).expect("valid"))?;
+        Ok(entries.into_iter().map(|entry| (entry.name, entry.text)).collect())
+    }
+
+    #[test]
+    fn an_entry_for_several_nodes_is_told_from_one_for_this_node() {
+        let text = "/car/eye: {ros__parameters: {a: 1}}\n/**: {ros__parameters: {b: 1}}\n/car/*: {ros__parameters: {c: 1}}\n\
+                    car: {eye: {ros__parameters: {d: 1}}}\n";
+        let entries = parse(text, &NodeName::new("eye", "/car", &[]).expect("valid")).expect("readable");
+        let by_name = entries.iter().map(|entry| (entry.name.as_str(), entry.by_name)).collect::<Vec<_>>();
+        assert_eq!(by_name, [("a", true), ("b", false), ("c", false), ("d", true)]);
     }
 
     fn pairs(expected: &[(&str, &str)]) -> Vec<(String, String)> {

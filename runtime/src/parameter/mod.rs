@@ -1,5 +1,5 @@
-//! Parameters as ROS 2 has them: declared once with type, range and description, validated as a set, never accepted and
-//! ignored.
+//! Parameters as ROS 2 has them: declared once with type, range and description, and validated as a set. A change of a
+//! parameter that a node does not know is refused; one that it is started with is ignored with a warning, as in `rclcpp`.
 
 pub mod client;
 pub mod events;
@@ -10,11 +10,14 @@ pub mod typed;
 mod value;
 pub mod yaml_text;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 pub use typed::ParameterSet;
 pub use value::Value;
+
+/// Likeness in `[0, 1]` from which on a name is taken for a misspelling of another one.
+const NEAR: f64 = 0.6;
 
 /// The allowed values of a parameter.
 #[derive(Clone, Debug, PartialEq)]
@@ -178,9 +181,39 @@ impl Parameters {
         self.with(&typed?, false)
     }
 
+    /// Returns those of `settings` that are declared. As in `rclcpp`, `node` ignores the others, since a parameter file or a
+    /// launch file may set them for all nodes of a stack; one warning names them all.
+    pub fn known_of(&self, settings: Vec<(String, String)>, node: &str) -> Vec<(String, String)> {
+        let (known, unknown): (Vec<_>, Vec<_>) =
+            settings.into_iter().partition(|(name, _)| self.descriptor(name).is_some());
+        if let Some(said) = self.ignored(&unknown) {
+            tracing::warn!(node, "{said}");
+        }
+        known
+    }
+
+    /// Returns the warning about settings of parameters that are not declared; `None` when there are none.
+    fn ignored(&self, unknown: &[(String, String)]) -> Option<String> {
+        let names: BTreeSet<_> = unknown.iter().map(|(name, _)| name).collect();
+        let named = names.iter().map(|name| match self.near(name) {
+            Some(near) => format!("'{name}' (did you mean '{near}'?)"),
+            None => format!("'{name}'"),
+        });
+        let named = named.collect::<Vec<_>>().join(", ");
+        (!names.is_empty()).then(|| format!("parameters that this node does not have are ignored: {named}"))
+    }
+
+    /// Returns the declared name that `name` is most likely a misspelling of.
+    pub fn near(&self, name: &str) -> Option<&'static str> {
+        let likeness = |d: &Descriptor| (strsim::normalized_damerau_levenshtein(d.name, name), d.name);
+        let near = self.declared.iter().map(likeness).filter(|(likeness, _)| *likeness >= NEAR);
+        near.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, name)| name)
+    }
+
     fn unknown(&self, name: &str, value: impl fmt::Display) -> ParameterError {
         let known: Vec<_> = self.declared.iter().map(|d| d.name).collect();
-        ParameterError::new(name, value, format!("unknown parameter, known are {}", known.join(", ")))
+        let near = self.near(name).map(|near| format!(", did you mean '{near}'?")).unwrap_or_default();
+        ParameterError::new(name, value, format!("unknown parameter{near}, known are {}", known.join(", ")))
     }
 }
 
@@ -250,6 +283,23 @@ mod tests {
                 "{message}"
             );
         }
+    }
+
+    #[test]
+    fn settings_of_other_nodes_are_ignored_with_one_warning() {
+        let given = |names: &[&str]| names.iter().map(|name| ((*name).to_owned(), "2".to_owned())).collect();
+        let all: Vec<_> =
+            given(&["wheel_radius", "angle", "agnle", "qos_overrides./clock.subscription.depth"]);
+        assert_eq!(set().known_of(all.clone(), "/n"), given(&["angle"]));
+        let unknown: Vec<_> = all.into_iter().filter(|(name, _)| name != "angle").collect();
+        let said = set().ignored(&unknown).expect("three are unknown");
+        assert!(
+            said.contains("'agnle' (did you mean 'angle'?)") && said.contains("'wheel_radius'"),
+            "{said}"
+        );
+        assert_eq!(said.matches("did you mean").count(), 1, "{said}");
+        assert_eq!(set().ignored(&[]), None);
+        assert!(text("agnle", "2").expect_err("unknown").to_string().contains("did you mean 'angle'?"));
     }
 
     #[test]

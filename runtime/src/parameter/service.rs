@@ -1,7 +1,7 @@
 //! The six parameter services of a ROS 2 node, as functions from request bytes to response bytes. Pure but for the wait
 //! for the node's answer; no transport.
 
-use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::mpsc::{RecvError, RecvTimeoutError, channel};
 use std::time::Duration;
 
 use modulo_msgs::cdr::{self, CdrError};
@@ -17,11 +17,12 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::parameter::{Allowed, Descriptor, ParameterError, Value};
-use crate::transport::{Claim, ParameterPort, ParameterRequest};
+use crate::transport::{Claim, ParameterAnswer, ParameterPort, ParameterRequest};
 
-/// Time that a caller waits until the node has finished its current frame, has loaded what the request needs, such as a
-/// model, and applies the request.
+/// Time that a caller waits until the node has finished its current frame.
 const PATIENCE: Duration = Duration::from_secs(10);
+/// Time that a caller waits after that until the node has loaded what the request needs, such as a model.
+const LOADING: Duration = Duration::from_secs(10);
 
 crate::services! {
     /// The six parameter services of a node.
@@ -119,23 +120,37 @@ fn ask(
     if changes.is_empty() {
         return Ok(Vec::new());
     }
-    let shown = changes.iter().flatten().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
-    let ended = |why: &str| ParameterError::new(shown.clone(), "?", why);
+    let (names, values): (Vec<_>, Vec<_>) =
+        changes.iter().flatten().map(|(name, value)| (name.clone(), value.to_string())).unzip();
+    let none = |why: &str| ParameterError::new(names.join(", "), values.join(", "), why);
     let (answer, verdict) = channel();
     // Node and caller decide by it which of them is first: the one to answer, the other to give up.
     let claim = Claim::default();
     let request = ParameterRequest { changes, answer, claim: claim.clone() };
     if (port.request)(request).is_some() {
-        return Err(ended("the node is ending, or has too many requests; try again"));
+        return Err(none("the node is ending, or has too many requests; try again"));
     }
-    match verdict.recv_timeout(PATIENCE) {
-        Ok(answers) => Ok(answers),
+    let ended = |_| none("the node ended while it applied the value; see its log");
+    let first = match verdict.recv_timeout(PATIENCE) {
         // From now on the node ignores the request.
         Err(RecvTimeoutError::Timeout) if claim.take() => {
-            Err(ended("the node did not answer within 10 s; the value is unchanged"))
+            return Err(none("the node did not answer within 10 s; the value is unchanged"));
         }
         // The node is applying it at this moment, so its answer counts.
-        Err(_) => verdict.recv().map_err(|_| ended("the node ended while it applied the value")),
+        Err(_) => verdict.recv().map_err(ended)?,
+        Ok(answer) => answer,
+    };
+    let last = match first {
+        ParameterAnswer::Loading => verdict.recv_timeout(LOADING),
+        done @ ParameterAnswer::Done(_) => Ok(done),
+    };
+    match last {
+        Ok(ParameterAnswer::Done(answers)) => Ok(answers),
+        Ok(ParameterAnswer::Loading) | Err(RecvTimeoutError::Timeout) => Err(none(
+            "the node is still loading what this needs; the value takes effect when that is done, unless it fails: \
+             its topic ~/state and its log say so",
+        )),
+        Err(RecvTimeoutError::Disconnected) => Err(ended(RecvError)),
     }
 }
 
@@ -223,7 +238,7 @@ mod tests {
                 let mut set = applied.lock().expect("not poisoned");
                 let apply = |values: &Vec<_>| set.with(values, true).map(|next| *set = next);
                 let answers = request.changes.iter().map(apply).collect();
-                request.answer.send(answers).expect("the caller waits");
+                request.answer.send(ParameterAnswer::Done(answers)).expect("the caller waits");
             }
         });
         let read = Box::new(move || set.lock().expect("not poisoned").clone());
@@ -264,7 +279,10 @@ mod tests {
         let read = Box::new(|| Parameters::declare(Set::descriptors()));
         let answering = std::thread::spawn(move || {
             let request = inbox.recv().expect("a request");
-            request.answer.send(vec![Ok(()); request.changes.len()]).expect("the caller waits");
+            request
+                .answer
+                .send(ParameterAnswer::Done(vec![Ok(()); request.changes.len()]))
+                .expect("the caller waits");
             assert!(inbox.recv().is_err(), "a second request");
         });
         let port = ParameterPort { read, request };

@@ -158,6 +158,18 @@ impl SavedState {
         }
     }
 
+    /// Removes what was kept, so that the node is as at its first start.
+    pub fn forget(&self) {
+        for file in [&self.parameters, &self.position] {
+            match fs::remove_file(file) {
+                Err(why) if why.kind() != io::ErrorKind::NotFound => {
+                    tracing::warn!("{}: {why}; it is restored at the next start", file.display());
+                }
+                Ok(()) | Err(_) => {}
+            }
+        }
+    }
+
     fn write(&self, accepted: &Parameters) -> io::Result<()> {
         // Values that are fixed at the start come from the launch again.
         let changeable = accepted.descriptors().iter().filter(|d| !d.read_only);

@@ -73,6 +73,18 @@ pub enum ArgsError {
     /// An argument is not understood.
     #[error("--ros-args: '{0}' {1}")]
     Argument(String, &'static str),
+    /// A secure enclave is requested.
+    #[error(
+        "--enclave {0}: the suite has no secure enclaves of ROS 2 (SROS 2); leave the option out, and encrypt the connections \
+         between machines by their routers (docs/machines.md)"
+    )]
+    Enclave(String),
+    /// The environment demands secure enclaves.
+    #[error(
+        "ROS_SECURITY_ENABLE=true with ROS_SECURITY_STRATEGY=Enforce demands secure enclaves of ROS 2 (SROS 2), which the suite \
+         does not have; unset one of the two, and encrypt the connections between machines by their routers (docs/machines.md)"
+    )]
+    Security,
     /// A parameter file is not there or not of the right shape.
     #[error("parameter file {0}: {1}")]
     File(String, String),
@@ -80,8 +92,7 @@ pub enum ArgsError {
 
 const RULE: &str = "is not a rule 'from:=to'";
 const LEVEL: &str = "is not a log level; debug, info, warn, error, fatal and LOGGER:=LEVEL are possible";
-const UNKNOWN: &str = "is unknown; -r, -p, --params-file, --log-level, --enclave, --log-config-file, \
-                       --log-file-name and --enable|disable-rosout|stdout|external-lib-logs are possible";
+const UNKNOWN: &str = "is unknown; -r, -p, --params-file, --log-level, --log-config-file, --log-file-name and --enable|disable-rosout|stdout|external-lib-logs are possible";
 
 impl RosArgs {
     /// Reads the arguments from `--ros-args` to `--`. Also returns the arguments outside of them.
@@ -111,7 +122,7 @@ impl RosArgs {
             "--disable-rosout-logs" => self.rosout_logs = Logs::Disabled,
             "--enable-stdout-logs" => self.stdout_logs = Logs::Enabled,
             "--disable-stdout-logs" => self.stdout_logs = Logs::Disabled,
-            // There is no such library here, no log file, and no secure enclave.
+            // There is no such library here, and no log file.
             "--enable-external-lib-logs" | "--disable-external-lib-logs" => {}
             _ => return self.option(flag, rest.next()),
         }
@@ -129,7 +140,8 @@ impl RosArgs {
                 Ok(())
             }
             "--log-level" => self.log_level(value()?),
-            "-e" | "--enclave" | "--log-config-file" | "--log-file-name" => value().map(|_| ()),
+            "-e" | "--enclave" => Err(ArgsError::Enclave(value()?.clone())),
+            "--log-config-file" | "--log-file-name" => value().map(|_| ()),
             _ => Err(wrong(UNKNOWN)),
         }
     }
@@ -223,6 +235,24 @@ impl RosArgs {
     }
 }
 
+/// Checks what the environment variables `ROS_SECURITY_ENABLE` and `ROS_SECURITY_STRATEGY` demand; returns a warning where
+/// they ask for security without demanding it. The values are those of `rcl`.
+///
+/// # Errors
+/// [`ArgsError::Security`] when security is demanded: a node that went on unsecured would deceive its user.
+pub fn check_security(
+    enable: Option<&str>,
+    strategy: Option<&str>,
+) -> Result<Option<&'static str>, ArgsError> {
+    match (enable, strategy) {
+        (Some("true"), Some("Enforce")) => Err(ArgsError::Security),
+        (Some("true"), _) => Ok(Some(
+            "ROS_SECURITY_ENABLE=true: the suite has no secure enclaves of ROS 2; it goes on without security",
+        )),
+        _ => Ok(None),
+    }
+}
+
 impl Remap {
     fn is_for(&self, name: &str) -> bool {
         self.node.as_ref().is_none_or(|node| node == name)
@@ -256,7 +286,7 @@ mod tests {
     #[test]
     fn reads_what_ros2_launch_writes() {
         let line = "own --ros-args -r __node:=eye -r __ns:=/car -p angle:=2.5 -p other:angle:=9 -r modulo:=/raw \
-                    --log-level info --enclave /e --disable-rosout-logs -- more";
+                    --log-level info --disable-rosout-logs -- more";
         let (args, own) = parse(line).expect("a valid line");
         assert_eq!(own, ["own", "more"]);
         let node_name = args.node_name("modulo_camera").expect("valid names");
@@ -296,9 +326,21 @@ mod tests {
             ("--ros-args -r", "-r' needs a value"),
             ("--ros-args --log-level loud", "loud' is not a log level"),
             ("--ros-args angle:=2", "angle:=2' is unknown"),
+            ("--ros-args --enclave /e", "--enclave /e: the suite has no secure enclaves"),
         ] {
             let message = parse(line).expect_err("must be refused").to_string();
             assert!(message.contains(named), "{message}");
+        }
+    }
+
+    #[test]
+    fn security_is_refused_where_it_is_demanded() {
+        assert_eq!(check_security(Some("true"), Some("Enforce")), Err(ArgsError::Security));
+        for strategy in [None, Some("Permissive")] {
+            assert!(check_security(Some("true"), strategy).is_ok_and(|said| said.is_some()));
+        }
+        for (enable, strategy) in [(None, Some("Enforce")), (Some("false"), Some("Enforce")), (None, None)] {
+            assert_eq!(check_security(enable, strategy), Ok(None));
         }
     }
 

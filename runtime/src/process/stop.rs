@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::thread;
 
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
 /// The urgency of a request to end.
@@ -16,7 +16,7 @@ pub enum Urgency {
     /// The node is to finish the messages that are still on their way from upstream nodes which end as well (SIGINT, or
     /// a launch that is over).
     Drain,
-    /// Finish the step at hand (SIGTERM, a second SIGINT).
+    /// Finish the step at hand (SIGTERM, SIGHUP, a second SIGINT).
     Now,
 }
 
@@ -64,12 +64,16 @@ impl Stop {
     }
 }
 
-/// Installs handlers: SIGINT asks `stop` for a drain, SIGTERM or a second SIGINT for an end at once.
+/// Installs handlers: SIGINT asks `stop` for a drain; SIGTERM, SIGHUP or a second SIGINT for an end at once. A SIGHUP that
+/// the process ignores since its start, as under `nohup`, stays ignored.
 ///
 /// # Errors
 /// The error of the operating system when it refuses the handlers or a thread.
 pub fn end_on_signals(stop: &Stop) -> io::Result<()> {
     let mut signals = Signals::new([SIGINT, SIGTERM])?;
+    if !is_hangup_ignored() {
+        signals.add_signal(SIGHUP)?;
+    }
     let stop = stop.clone();
     thread::Builder::new().name("signals".into()).spawn(move || {
         for signal in signals.forever() {
@@ -81,6 +85,15 @@ pub fn end_on_signals(stop: &Stop) -> io::Result<()> {
         }
     })?;
     Ok(())
+}
+
+/// Returns whether this process ignores SIGHUP, which a terminal sends when it is closed.
+pub fn is_hangup_ignored() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    // Bit n stands for signal n + 1.
+    let ignored = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    ignored.is_some_and(|mask| mask & (1 << (SIGHUP - 1)) != 0)
 }
 
 #[cfg(test)]

@@ -128,9 +128,15 @@ impl Drop for TraceFile {
 }
 
 fn write_all(spans: &Receiver<Span>, out: &mut impl Write, lost: &AtomicU64, offset: u64) -> io::Result<()> {
-    let mut told = 0;
+    let (mut told, mut flushed) = (0, true);
     loop {
-        let next = spans.recv_timeout(PAUSE);
+        // A node without work has no span, and must not wake for its trace.
+        let next = if flushed {
+            spans.recv().map_err(|_| RecvTimeoutError::Disconnected)
+        } else {
+            spans.recv_timeout(PAUSE)
+        };
+        flushed = next.is_err();
         match &next {
             Ok(span) => write_span(out, span, offset)?,
             Err(_) => {
@@ -174,6 +180,32 @@ fn line(out: &mut impl Write, value: &serde_json::Value) -> io::Result<()> {
 mod tests {
     use super::*;
     use crate::clock::SystemClock;
+
+    /// Tells of each flush.
+    struct Flushes(std::sync::mpsc::Sender<()>);
+
+    impl Write for Flushes {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            self.0.send(()).map_err(io::Error::other)
+        }
+    }
+
+    #[test]
+    fn spans_are_flushed_at_once_and_an_idle_node_sleeps() {
+        let ((spans, waiting), (flushes, flushed)) = (sync_channel(9), std::sync::mpsc::channel());
+        let writer = thread::spawn(move || write_all(&waiting, &mut Flushes(flushes), &AtomicU64::new(0), 0));
+        for _ in 0..2 {
+            spans.send(Span { name: "step", begin: 0, end: 1, frame: None, flow: None }).expect("it waits");
+            flushed.recv().expect("the span is on the disk");
+            assert!(flushed.recv_timeout(10 * PAUSE).is_err(), "nothing has come since");
+        }
+        drop(spans);
+        writer.join().expect("no panic").expect("written");
+    }
 
     #[test]
     fn spans_that_find_no_room_are_counted_and_the_others_are_whole_lines() {

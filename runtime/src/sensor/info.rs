@@ -86,6 +86,14 @@ impl SensorHistory {
         self.by_stamp.iter().rev().find(|(at, _)| *at == stamp).map(|(_, model)| model)
     }
 
+    /// Returns the sensor of the frame of `stamp` as far as it is known: where its own description is late or lost, that of the
+    /// last frame before it, else the last one that has come.
+    pub fn nearest(&self, stamp: Time) -> Option<&SensorModel> {
+        // The description of the next frame may have come already, and that one may have another sensor.
+        let before = self.by_stamp.iter().rev().find(|(at, _)| at.as_ns() <= stamp.as_ns());
+        before.map(|(_, model)| model).or_else(|| self.latest())
+    }
+
     /// Returns the sensor of the last description.
     pub fn latest(&self) -> Option<&SensorModel> {
         self.by_stamp.back().map(|(_, model)| model)
@@ -137,6 +145,9 @@ mod tests {
         assert_eq!(history.of(Time::from_ns(last - 1)), Some(&model(last as f64)));
         assert_eq!(history.latest(), Some(&model(last as f64 + 1.0)));
         assert_eq!(history.of(Time::from_ns(0)), None, "too long ago");
+        assert_eq!(history.nearest(Time::from_ns(last - 1)), Some(&model(last as f64)));
+        assert_eq!(history.nearest(Time::from_ns(last + 7)), history.latest(), "its own is late");
+        assert_eq!(history.nearest(Time::from_ns(0)), history.latest(), "nothing is known of that time");
         assert_eq!(history.by_stamp.len(), REMEMBERED);
     }
 

@@ -75,7 +75,7 @@ const DELAY_WINDOW_NS: u64 = 2_000_000_000;
 const DELAY_SAMPLES: u32 = 5;
 /// A least delay above this is reported, ns: no network in a vehicle needs as much.
 const SLOW_NS: i64 = 500_000_000;
-/// So is one below this, ns. NTP keeps the clocks of a network within a few milliseconds.
+/// A least delay below this is reported as well, ns: the clocks differ. NTP keeps the clocks of a network within a few milliseconds.
 const EARLY_NS: i64 = -100_000_000;
 
 /// The delays between the sending and the arrival of messages, by topic, each by the clock of its machine.

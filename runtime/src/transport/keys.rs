@@ -351,9 +351,20 @@ mod tests {
     }
 
     proptest! {
+        /// A node needs its name, anything else four more parts. What is read is written in the same way.
         #[test]
-        fn no_key_panics(key in "(@ros2_lv)?(/[A-Za-z0-9%:,]{0,6}){0,15}") {
-            let _ = Token::parse(&key);
+        fn a_key_with_all_of_its_parts_is_a_token(
+            (domain, node, entity) in (0..233_u32, any::<u64>(), any::<u64>()),
+            kind in "NN|MP|MS|SS|SC|XX",
+            rest in "/[a-z%]{0,5}/[a-z]{0,4}(/[A-Za-z0-9%:,]{0,6}){0,6}",
+        ) {
+            let token = Token::parse(&format!("@ros2_lv/{domain}/1f/{node}/{entity}/{kind}/%{rest}"));
+            let more = rest.matches('/').count() - 2;
+            prop_assert_eq!(token.is_some(), kind == "NN" || (kind != "XX" && more >= 4));
+            if let Some(token) = token {
+                prop_assert_eq!((token.domain, token.node_id, token.entity_id), (domain, node, entity));
+                prop_assert_eq!(Token::parse(&token.to_key()), Some(token));
+            }
         }
     }
 

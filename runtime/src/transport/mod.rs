@@ -145,10 +145,20 @@ pub trait Publisher: Send {
 pub struct ParameterRequest {
     /// Changes that are applied one after the other. Of a change, either all values are set or none of them.
     pub changes: Vec<Vec<(String, Value)>>,
-    /// Receiver of the answers, one for each change.
-    pub answer: Sender<Vec<Result<(), ParameterError>>>,
+    /// Receiver of the answer.
+    pub answer: Sender<ParameterAnswer>,
     /// Decides between the node that applies the request and the caller that gives up.
     pub claim: Claim,
+}
+
+/// The answer of a node to a [`ParameterRequest`].
+#[derive(Debug, PartialEq, Eq)]
+pub enum ParameterAnswer {
+    /// The node has begun to load what the changes need, such as a model. They take effect when that is done, also when the
+    /// caller waits no longer. `Done` follows.
+    Loading,
+    /// One result for each change.
+    Done(Vec<Result<(), ParameterError>>),
 }
 
 /// A right that exactly one of its holders gets: clones share it.

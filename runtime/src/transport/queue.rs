@@ -243,6 +243,8 @@ impl<T: Queued> Queue<T> {
         if waiting.keep == Keep::All {
             waiting.items.iter().for_each(|waiting| state.release(&waiting.item));
         }
+        // Released before the items are freed, which takes time where they are images.
+        drop(state);
         waiting.counts
     }
 
@@ -355,6 +357,31 @@ mod tests {
         assert_eq!(queue.take(NOW).item(), Some(40));
         let counted = LaneCounts { received: 5, overflowed: 2, unread: 2, ..LaneCounts::default() };
         assert_eq!(queue.close(b), counted);
+    }
+
+    /// Notes when it is freed whether the queue is locked.
+    struct Probe {
+        queue: std::sync::Weak<Queue<Probe>>,
+        locked: Arc<Mutex<Option<bool>>>,
+    }
+
+    impl Queued for Probe {}
+
+    impl Drop for Probe {
+        fn drop(&mut self) {
+            let locked = self.queue.upgrade().map(|queue| queue.state.try_lock().is_err());
+            *self.locked.lock().expect("no panic") = locked;
+        }
+    }
+
+    #[test]
+    fn items_of_a_closed_lane_are_freed_while_the_queue_is_free() {
+        let clock = Arc::new(ManualClock::at(9));
+        let queue = Arc::new(Queue::new(clock, Limit { messages: 1, bytes: 0 }));
+        let (lane, locked) = (queue.open(Keep::All), Arc::new(Mutex::new(None)));
+        queue.push(lane, Probe { queue: Arc::downgrade(&queue), locked: locked.clone() });
+        assert_eq!(queue.close(lane).unread, 1);
+        assert_eq!(*locked.lock().expect("no panic"), Some(false));
     }
 
     #[test]

@@ -4,15 +4,17 @@
 mod message;
 
 use std::collections::{BTreeMap, HashMap, VecDeque};
-use std::io::Read;
+use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use modulo_images::open_regular;
 use modulo_runtime::Qos;
 use rosbag::record_types::Connection;
 use rosbag::{ChunkRecord, IndexRecord, MessageRecord, RosBag};
 
 use self::message::Convert;
+use super::mcap_file::MAX_CHUNK;
 use super::storage::{Cursor, FileSummary, Merge, MergeInput, Storage};
 use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount};
 use crate::FileError;
@@ -172,6 +174,35 @@ impl Storage for Ros1File {
 }
 
 impl Ros1File {
+    /// Checks that the chunk at `offset` unpacks to the size that its header names. The crate `rosbag` unpacks a chunk
+    /// without a limit.
+    fn check_chunk(&self, offset: u64) -> Result<(), String> {
+        let mut file = open_regular(&self.path).map_err(|e| e.to_string())?;
+        file.seek(SeekFrom::Start(offset)).map_err(|e| e.to_string())?;
+        let mut start = Vec::new();
+        file.by_ref().take(HEADER).read_to_end(&mut start).map_err(|e| e.to_string())?;
+        let (header, rest) = block(&start).ok_or("its header is cut")?;
+        let size = field(header, b"size").and_then(|size| Some(u32::from_le_bytes(size.try_into().ok()?)));
+        let size = size.ok_or("its header has no size")?;
+        if size as usize > MAX_CHUNK {
+            return Err(format!("it has {size} bytes, more than {MAX_CHUNK}"));
+        }
+        if field(header, b"compression") != Some(b"lz4") {
+            return Ok(());
+        }
+        let (packed, _) = rest.split_first_chunk::<4>().ok_or("its header is cut")?;
+        let data = offset + (8 + header.len()) as u64;
+        file.seek(SeekFrom::Start(data)).map_err(|e| e.to_string())?;
+        let unpacked = lz4::Decoder::new(file.take(u32::from_le_bytes(*packed).into()));
+        let mut unpacked = unpacked.map_err(|e| e.to_string())?.take(u64::from(size) + 1);
+        let found = std::io::copy(&mut unpacked, &mut std::io::sink()).map_err(|e| e.to_string())?;
+        if found > size.into() {
+            Err(format!("it unpacks to more than the {size} bytes of its header"))
+        } else {
+            Ok(())
+        }
+    }
+
     /// Returns the wanted messages of one chunk, by log time.
     fn read_chunk(
         &self,
@@ -180,6 +211,7 @@ impl Ros1File {
         from: u64,
     ) -> Result<VecDeque<Result<RawMessage, BagError>>, String> {
         let at = |why: String| format!("chunk at byte {offset}: {why}");
+        self.check_chunk(offset).map_err(at)?;
         let mut records = self.bag.chunk_records();
         records.seek(offset).map_err(|e| at(e.to_string()))?;
         let Some(Ok(ChunkRecord::Chunk(chunk))) = records.next() else {

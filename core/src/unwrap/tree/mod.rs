@@ -191,7 +191,7 @@ fn place(forest: &mut Forest, y: Integers<'_>, range: Range, out: &mut Recovered
 /// Completes `out` from its counts, of which `outside` were out of range.
 fn finish(outside: usize, y: Integers<'_>, range: Range, out: &mut Recovered) {
     if outside > 0 {
-        out.report.trust = Trust::Contradicted;
+        out.report.trust = Trust::Untrusted;
     }
     match y {
         Integers::U8(y) => write_radiance(y, range, out),

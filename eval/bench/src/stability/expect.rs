@@ -136,7 +136,7 @@ mod tests {
         let wrong = score(0.99, 1.0, Trust::Trusted);
         assert!(matches!(judge_trust(&wrong, true), Judgement::Broken(_)));
         assert_eq!(judge_trust(&wrong, false), Judgement::Held);
-        assert_eq!(judge_trust(&score(0.99, 1.0, Trust::Contradicted), true), Judgement::Held);
+        assert_eq!(judge_trust(&score(0.99, 1.0, Trust::Untrusted), true), Judgement::Held);
         assert_eq!(judge_trust(&score(0.99, 1.0, Trust::Unknown), true), Judgement::Held);
         assert_eq!(judge_trust(&score(1.0, 1.0, Trust::Trusted), true), Judgement::Held);
     }

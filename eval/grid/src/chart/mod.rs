@@ -16,7 +16,7 @@ pub use pictures::DetectionPicture;
 /// A chart with the name of its files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NamedChart {
-    /// File name without extension, such as `frontier_alpha4_psf1.4_noise0`.
+    /// File name without extension, such as `frontier_alpha4_psf1.4_read0`.
     pub name: String,
     /// The chart.
     pub chart: Chart,
@@ -111,8 +111,8 @@ pub(crate) fn add_point(series: &mut Vec<Series>, name: String, point: DataPoint
 }
 
 /// The conditions as part of a file name.
-pub(crate) fn suffix([psf_sigma, noise, shot_noise]: Conditions) -> String {
-    fixed_suffix(&[0.0, psf_sigma, noise, shot_noise], 0)
+pub(crate) fn suffix([psf_sigma, read_noise, shot_noise]: Conditions) -> String {
+    fixed_suffix(&[0.0, psf_sigma, read_noise, shot_noise], 0)
 }
 
 /// All settings but `varied` as part of a file name. The shot noise is left out if there is none.
@@ -122,9 +122,10 @@ fn fixed_suffix(values: &[f64; SETTINGS.len()], varied: usize) -> String {
     named.map(|(_, (setting, value))| format!("{}{value}", setting.file)).collect::<Vec<_>>().join("_")
 }
 
-/// A text as part of a file name.
+/// A text as part of a file name, with its words separated by `_`.
 pub(crate) fn file_name(name: &str) -> String {
-    name.chars().map(|c| if c.is_ascii_alphanumeric() || ".-".contains(c) { c } else { '_' }).collect()
+    let words = name.split(|c: char| !c.is_ascii_alphanumeric() && !".-".contains(c));
+    words.filter(|word| !word.is_empty()).collect::<Vec<_>>().join("_")
 }
 
 /// Accuracy against the setting of this index: one chart for each model and input size, and each combination of the other

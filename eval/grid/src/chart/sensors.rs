@@ -1,7 +1,7 @@
 //! Which sensor for which scene: for each lens and saturation factor, the simplest sensor and method that keep the accuracy of
 //! the ideal image.
 
-use modulo_charts::{Axis, ChartBody, ChartPanel, DataPoint, Emphasis, Scale, Series, SeriesStyle};
+use modulo_charts::{Axis, ChartBody, ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
 
 use super::{NamedChart, file_name, models};
 use crate::labels::{self, distinct, number};
@@ -22,7 +22,7 @@ pub fn charts(results: &Results) -> Vec<NamedChart> {
             let here = |cell: &&Cell| labels::model(&cell.point) == model && self::fixed(cell) == fixed;
             let cells: Vec<&Cell> = all.iter().copied().filter(here).collect();
             if values(&cells, |cell| cell.point.alpha).len() > 1 && values(&cells, lens).len() > 1 {
-                let groups = distinct(cells.iter().flat_map(|cell| cell.ap50.keys()));
+                let groups = groups(&cells);
                 charts.extend(groups.iter().map(|group| chart(results, &cells, &model, group)));
             }
         }
@@ -32,7 +32,15 @@ pub fn charts(results: &Results) -> Vec<NamedChart> {
 
 /// The settings that are the same in all cells of a chart: read noise, shot noise, mosaic.
 fn fixed(cell: &Cell) -> (f64, f64, &str) {
-    (cell.point.noise, cell.point.shot_noise, &cell.point.mosaic)
+    (cell.point.read_noise, cell.point.shot_noise, &cell.point.mosaic)
+}
+
+/// The groups, those with the most objects first: the report opens the first chart.
+fn groups<'a>(cells: &[&'a Cell]) -> Vec<&'a String> {
+    let mut groups = distinct(cells.iter().flat_map(|cell| cell.ap50.keys()));
+    let objects = |group: &&String| cells.iter().filter_map(|cell| cell.objects.get(*group)).max();
+    groups.sort_by_key(|group| std::cmp::Reverse(objects(group)));
+    groups
 }
 
 fn lens(cell: &Cell) -> f64 {
@@ -48,7 +56,7 @@ fn values(cells: &[&Cell], of: fn(&Cell) -> f64) -> Vec<f64> {
 
 /// `cells` is not empty.
 fn chart(results: &Results, cells: &[&Cell], model: &str, group: &str) -> NamedChart {
-    let (noise, shot_noise, mosaic) = fixed(cells[0]);
+    let (read_noise, shot_noise, mosaic) = fixed(cells[0]);
     let body =
         ChartBody::Panels([Pixels::Normal, Pixels::Modulo].map(|pixels| panel(cells, group, pixels)).into());
     let footer = "Each marker is the simplest choice whose AP50 is at most 1 point below that of the ideal image behind the same \
@@ -60,9 +68,9 @@ fn chart(results: &Results, cells: &[&Cell], model: &str, group: &str) -> NamedC
     let frames = labels::frames(cells.iter().map(|cell| cell.frames));
     let title = format!(
         "Which sensor for which scene: {group}, {frames}, {model}, {chip}, {}",
-        labels::noises(noise, shot_noise)
+        labels::noises(read_noise, shot_noise)
     );
-    let name = format!("sensors_{}_{group}_{mosaic}_noise{noise}_shot{shot_noise}", file_name(model));
+    let name = format!("sensors_{}_{group}_{mosaic}_read{read_noise}_shot{shot_noise}", file_name(model));
     NamedChart::new(file_name(&name), title, results, footer.to_owned(), body)
 }
 
@@ -76,11 +84,10 @@ enum Pixels {
 }
 
 fn panel(cells: &[&Cell], group: &str, pixels: Pixels) -> ChartPanel {
-    let lenses = values(cells, lens);
     // Each series with its rank, by which the legend is sorted.
     let mut series: Vec<(u8, Series)> = Vec::new();
     for alpha in values(cells, |cell| cell.point.alpha) {
-        for &lens in &lenses {
+        for lens in values(cells, lens) {
             let here = |cell: &&Cell| cell.point.alpha == alpha && self::lens(cell) == lens;
             let scene: Vec<&Cell> = cells.iter().copied().filter(here).collect();
             let Some((rank, name, point)) = marker(&scene, group, pixels) else { continue };
@@ -95,11 +102,8 @@ fn panel(cells: &[&Cell], group: &str, pixels: Pixels) -> ChartPanel {
     series.sort_by_key(|(rank, _)| *rank);
     let words = if pixels == Pixels::Normal { "normal" } else { "modulo" };
     ChartPanel {
-        x: Axis {
-            scale: Scale::Linear { from: 0.0, to: *lenses.last().expect("a chart has cells") },
-            ..Axis::log(format!("lens blur, px ({words} pixels)"))
-        },
-        y: Axis::log("alpha, the saturation factor"),
+        x: Axis::settings(format!("lens blur, px ({words} pixels)")),
+        y: Axis::settings("alpha, the saturation factor"),
         series: series.into_iter().map(|(_, series)| series).collect(),
     }
 }

@@ -34,8 +34,8 @@ pub struct Axes {
     #[arg(long, value_delimiter = ',', default_value = "1.4")]
     pub psf_sigma: Vec<f64>,
     /// Standard deviations of the read noise in code units
-    #[arg(long, value_delimiter = ',', default_value = "0")]
-    pub noise: Vec<f64>,
+    #[arg(long, alias = "noise", value_delimiter = ',', default_value = "0")]
+    pub read_noise: Vec<f64>,
     /// Strengths of the shot noise: its standard deviation at the signal x is sqrt(strength * x) in code units
     #[arg(long, value_delimiter = ',', default_value = "0")]
     pub shot_noise: Vec<f64>,
@@ -103,7 +103,7 @@ impl Axes {
             return Err(GridError::Value { what: "psf", value: "paper7".to_owned(), possible });
         }
         self.psf_sigma = vec![psf_sigma];
-        self.noise = vec![camera.read_noise];
+        self.read_noise = vec![camera.read_noise];
         self.shot_noise = vec![camera.shot_variance()];
         self.gains = vec![gains.map_or("none", GainPattern::word).to_owned()];
         self.mosaic = vec![camera.mosaic.map_or("none", Mosaic::word).to_owned()];
@@ -127,7 +127,7 @@ impl Axes {
         let mut points = Vec::new();
         for model in self.model.iter().map(|model| Self::model_name(model)) {
             for input in &inputs {
-                for ([noise, shot_noise, alpha], mosaic) in self.exposures() {
+                for ([read_noise, shot_noise, alpha], mosaic) in self.exposures() {
                     for (gains, (stream, method, deblur, psf_sigma)) in self.gained_images(protocol) {
                         if mosaic != "none" && !can_be_mosaic(stream, method.as_deref()) {
                             continue;
@@ -139,7 +139,7 @@ impl Axes {
                             deblur,
                             alpha,
                             psf_sigma,
-                            noise,
+                            read_noise,
                             shot_noise,
                             prnu: self.prnu,
                             hot_pixels: self.hot_pixels,
@@ -156,15 +156,19 @@ impl Axes {
                 }
             }
         }
-        Ok(points)
+        if points.is_empty() {
+            Err(GridError::NoCell(self.without_cells(protocol, &points)))
+        } else {
+            Ok(points)
+        }
     }
 
     /// Every [read noise, shot noise, alpha] with every mosaic.
     fn exposures(&self) -> Vec<([f64; 3], &String)> {
         let noises =
-            self.noise.iter().flat_map(|noise| self.shot_noise.iter().map(move |shot| [*noise, *shot]));
+            self.read_noise.iter().flat_map(|read| self.shot_noise.iter().map(move |shot| [*read, *shot]));
         let exposures =
-            noises.flat_map(|[noise, shot]| self.alpha.iter().map(move |alpha| [noise, shot, *alpha]));
+            noises.flat_map(|[read, shot]| self.alpha.iter().map(move |alpha| [read, shot, *alpha]));
         exposures.flat_map(|exposure| self.mosaic.iter().map(move |mosaic| (exposure, mosaic))).collect()
     }
 
@@ -222,7 +226,7 @@ impl Axes {
     }
 
     /// The unwrapping methods. The paper has only SPUD.
-    fn methods(&self, protocol: Protocol) -> Vec<String> {
+    pub(super) fn methods(&self, protocol: Protocol) -> Vec<String> {
         or_default(&self.method, if protocol == Protocol::Paper { &PAPER_METHODS } else { &["auto", "spud"] })
     }
 
@@ -231,7 +235,7 @@ impl Axes {
             ("the list of streams", self.stream.is_empty()),
             ("the list of alphas", self.alpha.is_empty()),
             ("the list of lens blurs", self.psf_sigma.is_empty()),
-            ("the list of noises", self.noise.is_empty()),
+            ("the list of read noises", self.read_noise.is_empty()),
             ("the list of shot noises", self.shot_noise.is_empty()),
             ("the list of gains", self.gains.is_empty()),
             ("the list of mosaics", self.mosaic.is_empty()),
@@ -267,15 +271,15 @@ impl Axes {
     /// show.
     fn check_paper(&self) -> Result<(), GridError> {
         let plain = self.psf_sigma == [1.4]
-            && self.noise == [0.0]
+            && self.read_noise == [0.0]
             && self.shot_noise == [0.0]
             && [self.prnu, self.hot_pixels] == [0.0, 0.0]
             && self.gains == ["none"]
             && self.mosaic == ["none"];
         if !plain {
-            let Self { psf_sigma, noise, shot_noise, gains, mosaic, .. } = self;
+            let Self { psf_sigma, read_noise, shot_noise, gains, mosaic, .. } = self;
             let value = format!(
-                "{psf_sigma:?} px with noise {noise:?}, shot noise {shot_noise:?}, gains {gains:?} and mosaic {mosaic:?}"
+                "{psf_sigma:?} px with read noise {read_noise:?}, shot noise {shot_noise:?}, gains {gains:?} and mosaic {mosaic:?}"
             );
             let possible =
                 "the lens of the paper: blur 1.4 px (7 taps), no noise, one gain, no mosaic".to_owned();
@@ -300,7 +304,7 @@ impl Axes {
 }
 
 /// Returns whether the pipeline of a stream simulates a mosaic. Elsewhere a cell of a mosaic would show the figures of three chips.
-fn can_be_mosaic(stream: Stream, method: Option<&str>) -> bool {
+pub(super) fn can_be_mosaic(stream: Stream, method: Option<&str>) -> bool {
     !matches!(stream, Stream::MultiExposure | Stream::MultiExposureStill) && method != Some(SPUD_AS_PUBLISHED)
 }
 
@@ -343,7 +347,7 @@ mod tests {
         }
         let auto = Axes { method: vec!["auto".into()], ..Axes::default() };
         assert!(auto.points(Protocol::Paper).is_err(), "the paper has no auto");
-        let noisy = Axes { noise: vec![1.0], ..Axes::default() };
+        let noisy = Axes { read_noise: vec![1.0], ..Axes::default() };
         assert!(noisy.points(Protocol::Paper).is_err(), "nor noise");
         let shot = Axes { shot_noise: vec![0.0, 1.0], ..Axes::default() };
         assert!(shot.points(Protocol::Paper).is_err(), "nor shot noise");

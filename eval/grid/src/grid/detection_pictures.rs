@@ -21,7 +21,7 @@ const LEAST_SHOWN: f32 = 0.25;
 const WHITE: [u8; 3] = [0xff; 3];
 
 /// Draws figure 2 of the paper over the alphas of `results`, and the worst frame of each stream, for the first model, lens
-/// and method. Without cells there is no chart.
+/// and method of the request. Without cells there is no chart.
 ///
 /// # Errors
 /// [`GridError`] if a step fails.
@@ -35,9 +35,12 @@ pub fn draw_pictures(
     let busy = |truth: &Vec<GroundTruth>| truth.iter().filter(|label| label.class != DONT_CARE).count();
     let busiest = (0..frames.len()).rev().max_by_key(|&number| busy(&frames.truths[number]));
     let busiest = busiest.expect("data without a scored frame is refused");
-    let wanted = pictures::wanted(results, busiest);
+    // The folder may have cells of models that are not at hand.
+    let mut results = results.clone();
+    results.cells.retain(|cell| request.model(&cell.point.model).is_ok());
+    let wanted = pictures::wanted(&results, busiest);
     let pictures = detect(request, nodes, timer, &mut frames, &wanted)?;
-    Ok(pictures::charts(results, &pictures))
+    Ok(pictures::charts(&results, &pictures))
 }
 
 /// Runs the wanted frames of the wanted cells again.

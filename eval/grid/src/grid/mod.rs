@@ -13,6 +13,7 @@
 //! durations; it decides nothing.
 
 mod cells;
+mod combinations;
 mod detect;
 mod detection_pictures;
 mod frames;

@@ -15,20 +15,22 @@ use super::pipeline::{BITS, RECOVERY_DEFINITION, multi_exposure};
 use super::runner::CellRunner;
 use super::runner::{Account, INSPECT, LOAD, SCORE, STORE, TIMES};
 use super::score::Scorer;
-use super::{Axes, Request, timing};
+use super::{Axes, GridOptions, Request, timing};
 use crate::classes::{ClassGroups, ClassMap, Table, of_labels};
 use crate::metric::bootstrap::Units;
 use crate::metric::{average, bootstrap, latency, matching, paper};
-use crate::results::{BOXES, Cell, FIGURES, FRAMES, Point, RESULTS, Results, Setup};
+use crate::results::{BOXES, Cell, FIGURES, FRAMES, Input, Point, RESULTS, Results, Setup};
 use crate::{GridError, labels, store};
 
 /// Progress of a grid run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum GridEvent<'a> {
-    /// The folder already holds some of the cells.
+    /// The folder already holds cells, all of which stay.
     Resumed {
-        /// Number of these cells.
+        /// Number of the cells that this run would process.
         cells: usize,
+        /// Number of the cells of other grids.
+        others: usize,
     },
     /// A cell begins.
     Cell {
@@ -50,6 +52,8 @@ pub struct GridOutcome {
     pub results: Results,
     /// Number of frames without an answer, over all cells.
     pub unanswered: usize,
+    /// Whether all cells of the request are finished, over all shards.
+    pub whole: bool,
 }
 
 impl GridOutcome {
@@ -74,9 +78,12 @@ pub fn run(
     let mut account = Account::new(timer, request.jobs());
     let points = request.options.axes.points(request.options.protocol)?;
     multi_exposure::check(request, &points)?;
+    tell_unused(request, &points, tell);
     let (map, groups) = (request.class_map()?, request.groups()?);
     let setup = setup(request, &map, &groups, &points)?;
     let mut frames = account.stage(INSPECT, || Frames::inspect(&request.data, request.options.white))?;
+    // After the checks of the request, so that a wrong one makes no folder, and before the first cell.
+    store::prepare(&request.out)?;
     frames.input.warnings.extend(groups.unnamed(frames.truths.iter().flatten()));
     let units = Units::new(&frames.drive_of, request.options.seed);
     frames.input.drawn = Some(units.drawn());
@@ -108,7 +115,7 @@ pub fn run(
         let scorer = scorer(point);
         let (cell, listing) =
             account.stage(SCORE, || (scorer.cell((*point).clone(), &found), scorer.listing(point, &found)));
-        account.stage(STORE, || keep(request, &points, &mut results, cell, &listing))?;
+        account.stage(STORE, || keep(request, &mut results, cell, &listing))?;
     }
     drop(runner);
     account.stage(TIMES, || measure_times(request, nodes, timer, &mut frames, &mut results, tell))?;
@@ -117,7 +124,17 @@ pub fn run(
     // A run without any cell to process writes its files, too.
     store::save(&request.out, &results)?;
     let unanswered = results.cells.iter().map(|cell| cell.unanswered).sum();
-    Ok(GridOutcome { results, unanswered })
+    let whole = points.iter().all(|point| results.cells.iter().any(|cell| cell.point == *point));
+    Ok(GridOutcome { results, unanswered, whole })
+}
+
+/// Names the options that no cell has.
+fn tell_unused(request: &Request, points: &[Point], tell: &(dyn Fn(GridEvent<'_>) + Sync)) {
+    let GridOptions { axes, protocol, .. } = &request.options;
+    let without = axes.without_cells(*protocol, points);
+    let without =
+        (!without.is_empty()).then(|| format!("these combinations have no cell: {}", without.join("; ")));
+    without.iter().chain(&axes.unused_method()).for_each(|line| tell(GridEvent::Warning(line)));
 }
 
 /// The cells of this shard that are not finished yet.
@@ -133,24 +150,19 @@ fn todo<'a>(
     let (done, todo): (Vec<&Point>, Vec<&Point>) = mine
         .map(|(_, point)| point)
         .partition(|point| results.cells.iter().any(|cell| cell.point == **point));
-    tell(GridEvent::Resumed { cells: done.len() });
+    let others = results.cells.iter().filter(|cell| !points.contains(&cell.point)).count();
+    tell(GridEvent::Resumed { cells: done.len(), others });
     todo
 }
 
 /// Stores a finished cell with its lines.
-fn keep(
-    request: &Request,
-    points: &[Point],
-    results: &mut Results,
-    cell: Cell,
-    listing: &Listing,
-) -> Result<(), GridError> {
+fn keep(request: &Request, results: &mut Results, cell: Cell, listing: &Listing) -> Result<(), GridError> {
     // The lines come first: a cell without lines would never be run again.
     store::append(&request.out, FRAMES, &listing.frames)?;
     store::append(&request.out, BOXES, &listing.boxes)?;
     results.cells.push(cell);
     // Cells of an earlier run may come later in the grid.
-    store::sort(&mut results.cells, points);
+    store::sort(&mut results.cells, &results.setup.grid);
     store::save(&request.out, results)
 }
 
@@ -159,16 +171,17 @@ fn gather(request: &Request, cells: &[Cell]) -> Result<(), GridError> {
     store::gather(&request.out, std::slice::from_ref(&request.out), cells)
 }
 
-/// The results in the folder, if they belong to the same request and may be kept, else `fresh`. Adds this run.
+/// The results in the folder with the cells of `fresh`, or `fresh` alone if there are none. Adds this run.
+///
+/// # Errors
+/// [`GridError::OtherSetup`] if the cells of both cannot be shown together; the folder stays as it is.
 fn resume(request: &Request, fresh: Results) -> Result<Results, GridError> {
     let folder = &request.out;
     let old = if request.options.fresh { None } else { store::load(folder)? };
     let mut results = match old {
         Some(old) => {
             store::check_same(&folder.join(RESULTS), &old, &fresh)?;
-            // Cells that are no longer in the grid are dropped: the report would mix two requests.
-            let cells = old.cells.into_iter().filter(|cell| fresh.setup.grid.contains(&cell.point)).collect();
-            Results { cells, runs: old.runs, ..fresh }
+            joined(old, fresh)
         }
         None => fresh,
     };
@@ -178,7 +191,36 @@ fn resume(request: &Request, fresh: Results) -> Result<Results, GridError> {
     Ok(results)
 }
 
-/// Measures the times of all cells anew if some of them have none or were measured in another pass.
+/// The grid and the cells of `old` with those of `fresh`, which has no cell yet.
+fn joined(old: Results, fresh: Results) -> Results {
+    let Results { setup, input, definitions, .. } = fresh;
+    let mut models = old.setup.models;
+    models.extend(setup.models);
+    let mut without_twin = old.input.without_twin;
+    without_twin.extend(input.without_twin);
+    let grid = joined_grid(old.setup.grid, setup.grid);
+    let mut cells = old.cells;
+    store::sort(&mut cells, &grid);
+    Results {
+        setup: Setup { models, grid, ..setup },
+        input: Input { without_twin, ..input },
+        definitions,
+        cells,
+        runs: old.runs,
+    }
+}
+
+/// The order of `new` if it has all points of `old`; else the points of `old`, then the other points of `new`.
+fn joined_grid(old: Vec<Point>, new: Vec<Point>) -> Vec<Point> {
+    if old.iter().all(|point| new.contains(point)) {
+        return new;
+    }
+    let more: Vec<Point> = new.into_iter().filter(|point| !old.contains(point)).collect();
+    [old, more].concat()
+}
+
+/// Measures the times of the cells anew if some of them have none or were measured in another pass. Cells whose models this
+/// request does not have keep their times.
 fn measure_times(
     request: &Request,
     nodes: &dyn Nodes,
@@ -187,18 +229,29 @@ fn measure_times(
     results: &mut Results,
     tell: &(dyn Fn(GridEvent<'_>) + Sync),
 ) -> Result<(), GridError> {
-    let pass = |cell: &Cell| cell.frame_ms.as_ref().map(|time| time.pass.clone());
-    let measured = results.cells.first().is_none_or(|first| pass(first).is_some())
-        && results.cells.iter().all(|cell| pass(cell) == pass(&results.cells[0]));
-    if measured || request.options.time_frames == 0 {
-        return Ok(());
+    fn detector(cell: &Cell) -> (&str, &str) {
+        (&cell.point.model, &cell.point.input)
     }
-    let frames_of_cell = request.options.time_frames.min(frames.len()) as u64;
-    let all = results.cells.len() as u64 * frames_of_cell;
-    tell(GridEvent::Cell { frames: (0, all), name: "times" });
-    timing::measure(request, nodes, timer, frames, &mut results.cells, &|| tell(GridEvent::Frame))?;
-    labels::busy(&results.cells).iter().for_each(|warning| tell(GridEvent::Warning(warning)));
-    Ok(())
+    let pass = |cell: &Cell| cell.frame_ms.as_ref().map(|time| time.pass.clone());
+    // Only the models of this request are at hand.
+    let (mut cells, others): (Vec<Cell>, Vec<Cell>) = std::mem::take(&mut results.cells)
+        .into_iter()
+        .partition(|cell| request.model(&cell.point.model).is_ok());
+    let measured = cells.first().is_none_or(|first| pass(first).is_some())
+        && cells.iter().all(|cell| pass(cell) == pass(&cells[0]));
+    // Cells of earlier grids may stand between those of one detector.
+    cells.sort_by(|a, b| detector(a).cmp(&detector(b)));
+    let mut timed = Ok(());
+    if !measured && request.options.time_frames > 0 {
+        let frames_of_cell = request.options.time_frames.min(frames.len()) as u64;
+        tell(GridEvent::Cell { frames: (0, cells.len() as u64 * frames_of_cell), name: "times" });
+        timed = timing::measure(request, nodes, timer, frames, &mut cells, &|| tell(GridEvent::Frame));
+        labels::busy(&cells).iter().for_each(|warning| tell(GridEvent::Warning(warning)));
+    }
+    cells.extend(others);
+    store::sort(&mut cells, &results.setup.grid);
+    results.cells = cells;
+    timed
 }
 
 /// The setup of `request` with the cells at `points`. Reads the files of the models.

@@ -24,9 +24,9 @@ impl Td {
         Self::Number(value.to_string(), Some(value))
     }
 
-    /// A fraction as percent with one decimal digit.
+    /// A fraction as percent, see [`labels::percent`].
     pub fn percent(fraction: Option<f64>) -> Self {
-        Self::number(fraction.map(|fraction| 100.0 * fraction), 1)
+        Self::Number(labels::percent(fraction), fraction.map(|fraction| 100.0 * fraction))
     }
 }
 
@@ -34,6 +34,8 @@ impl Render for Td {
     fn render(&self) -> Markup {
         match self {
             Self::Text(text) => html! { td { (text) } },
+            // JavaScript reads another word for an infinite number.
+            Self::Number(text, Some(f64::INFINITY)) => html! { td.n data-v="Infinity" { (text) } },
             // The sum with 0 removes the sign of a zero.
             Self::Number(text, Some(value)) => html! { td.n data-v=(value + 0.0) { (text) } },
             // The script compares numbers only: a missing figure gets one that is lower than all others.
@@ -93,22 +95,35 @@ fn group_tables(results: &Results, model: &str, conditions: Conditions) -> Marku
         @if !unwrapped.is_empty() {
             h3 { "exactness" }
             p {
-                "Share of the samples with the true wrap count; frames that are wholly exact; frames that the method "
-                "trusts; frames that it trusts although they are wrong (less than 99.9 % exact)."
+                "Exact samples have the true wrap count, wholly exact frames have no other ones. A trusted frame is wrong if "
+                "less than 99.9 % of its samples are exact."
             }
-            (by_alpha(&unwrapped, exactness))
+            (exactness(&unwrapped))
         }
     }
 }
 
-fn exactness(cell: &Cell) -> Td {
-    let wrong = cell.trusted_wrong.map_or_else(|| "-".to_owned(), |count| count.to_string());
-    let share = |fraction: Option<f64>| match fraction {
-        Some(_) => labels::percent(fraction) + " %",
-        None => "-".to_owned(),
+/// One row for each stream and alpha.
+fn exactness(cells: &[&Cell]) -> Markup {
+    let head = [
+        "stream",
+        "alpha",
+        "exact samples, %",
+        "wholly exact frames, %",
+        "trusted frames, %",
+        "trusted but wrong frames",
+    ];
+    let mut sorted = cells.to_vec();
+    let names = distinct(cells.iter().map(|cell| labels::stream(&cell.point)));
+    let place = |cell: &Cell| names.iter().position(|name| *name == labels::stream(&cell.point));
+    sorted.sort_by(|a, b| place(a).cmp(&place(b)).then(a.point.alpha.total_cmp(&b.point.alpha)));
+    let row = |cell: &&Cell| {
+        let mut row = vec![Td::Text(labels::stream(&cell.point)), Td::setting(cell.point.alpha)];
+        row.extend([cell.exact_k, cell.exact_frames, cell.trusted].map(Td::percent));
+        row.push(Td::number(cell.trusted_wrong.map(|count| count as f64), 0));
+        row
     };
-    let shares = [cell.exact_k, cell.exact_frames, cell.trusted].map(share).join("; ");
-    Td::Number(format!("{shares}; {wrong}"), cell.exact_k)
+    table(&head, &sorted.iter().map(row).collect::<Vec<_>>())
 }
 
 fn by_alpha(cells: &[&Cell], figure_of: impl Fn(&Cell) -> Td) -> Markup {

@@ -290,7 +290,11 @@ fn preferred(text: &str, library: &str) -> Option<EngineChoice> {
 pub fn open(model: &Path, options: EngineOptions) -> Result<OpenedEngine, EngineError> {
     // A missing file is the most common mistake, and both engines describe it at length.
     if embedded(model).is_none() {
-        std::fs::File::open(model).map_err(|error| EngineError::load(model, "the system", error))?;
+        let file = std::fs::metadata(model).map_err(|error| EngineError::load(model, "the system", error))?;
+        // A pipe or a device could keep its reader for ever.
+        if !file.is_file() {
+            return Err(EngineError::load(model, "the system", "it is not a regular file"));
+        }
     }
     let (EngineOptions { device, .. }, threads) = (options, options.cores());
     let (engine, reason) = match (options.engine, device) {

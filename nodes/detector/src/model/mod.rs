@@ -303,6 +303,13 @@ mod tests {
 
     use super::*;
 
+    /// A dict as Python writes it.
+    fn written(names: &BTreeMap<usize, String>) -> String {
+        let escaped = |name: &String| name.replace('\\', "\\\\").replace('\'', "\\'");
+        let items: Vec<_> = names.iter().map(|(i, n)| format!("{i}: '{}'", escaped(n))).collect();
+        format!("{{{}}}", items.join(", "))
+    }
+
     #[test]
     fn reads_what_python_writes() {
         let names = python_dict(r#"{0: 'person', 2: "driver's seat", 3: 'a\'b', 4: 'x: y, z'}"#);
@@ -318,15 +325,20 @@ mod tests {
     proptest! {
         #[test]
         fn any_list_written_as_python_does_is_read_back(list in prop::collection::vec("[^\\x00]{1,8}", 0..9)) {
-            let escaped = |name: &String| name.replace('\\', "\\\\").replace('\'', "\\'");
-            let items: Vec<_> = list.iter().enumerate().map(|(i, n)| format!("{i}: '{}'", escaped(n))).collect();
-            let read = python_dict(&format!("{{{}}}", items.join(", "))).map(ClassNames);
-            prop_assert_eq!(read.map(|names| names.all()), Some(list));
+            let names: BTreeMap<usize, String> = list.iter().cloned().enumerate().collect();
+            prop_assert_eq!(python_dict(&written(&names)).map(|names| ClassNames(names).all()), Some(list));
         }
 
+        /// Only a dict has names, and those have indices that are possible. They are written and read back as the same.
         #[test]
-        fn no_text_panics(text in "\\{?.{0,40}\\}?") {
-            let _ = python_dict(&text);
+        fn names_come_from_a_whole_dict(
+            text in "\\{?([0-9]{1,5} ?: ?'[a-z\\\\\"]{0,4}',? ?){0,3}\\}?|\\{?.{0,40}\\}?",
+        ) {
+            if let Some(names) = python_dict(&text) {
+                prop_assert!(text.trim().starts_with('{') && text.trim().ends_with('}'), "{text}");
+                prop_assert!(names.keys().all(|&index| index <= MOST));
+                prop_assert_eq!(python_dict(&written(&names)), Some(names));
+            }
         }
     }
 }

@@ -34,6 +34,9 @@ function connect() {
   let opened = false;
   socket.onopen = () => {
     opened = true;
+    // The answers to what was asked before are lost, and the parameters may have changed: all nodes are new to this socket.
+    asked = false;
+    graph = { images: [], detectors: [], nodes: [], player: false };
     say("connected", "on");
     if (chosen) ask({ watch: chosen });
   };

@@ -16,7 +16,7 @@ use std::time::Duration;
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_runtime::graph::name::is_hidden_node;
 use modulo_runtime::transport::zenoh::ZenohTransport;
-use modulo_runtime::transport::{Transport as _, TransportError};
+use modulo_runtime::transport::{Guard, Transport as _, TransportError};
 use modulo_runtime::{Clock, NodeName};
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Constraint, Rect};
@@ -56,6 +56,7 @@ pub struct Top {
     table: Arc<Mutex<NodeTable>>,
     feed: Feed,
     graph: GraphView,
+    _announced: Guard,
 }
 
 impl Top {
@@ -66,6 +67,8 @@ impl Top {
     pub fn new(transport: ZenohTransport, clock: Arc<dyn Clock>) -> Result<Self, TransportError> {
         transport.settled_graph();
         let node_name = NodeName { name: NODE.into(), namespace: "/".into(), remaps: Vec::new() };
+        // With a token, the node leaves the list of nodes of `rmw_zenoh_cpp` when it ends.
+        let announced = transport.announce(&node_name)?;
         let session = Arc::new(Session { transport, node_name, clock });
         let table = Arc::new(Mutex::new(NodeTable::default()));
         let heard = table.clone();
@@ -74,7 +77,7 @@ impl Top {
                 lock(&heard).note(&array);
             }
         });
-        Ok(Self { session, table, feed, graph: GraphView::default() })
+        Ok(Self { session, table, feed, graph: GraphView::default(), _announced: announced })
     }
 
     /// Returns the table as text, with a line for each node; `None` without a node. It waits until each node has told its

@@ -20,6 +20,19 @@ use crate::transport::{Address, Transport, TransportError};
 /// Messages of a results topic that wait for a busy node.
 const RESULTS_WAITING: usize = 64;
 
+/// An input after a [`Renewal`].
+struct PlannedInput {
+    topic: Topic,
+    address: Address,
+    /// The slot that it takes over; `None` for one of its own.
+    slot: Option<usize>,
+    /// Its subscription, if none is open.
+    opened: Option<SlotInput>,
+}
+
+/// The next inputs of a node, in the order of its topics, with the subscriptions that they need in addition.
+pub(super) struct Renewal(Vec<PlannedInput>);
+
 /// The subscriptions of a node.
 pub(super) struct Inputs {
     queue: Arc<EventQueue>,
@@ -32,40 +45,73 @@ impl Inputs {
         Self { queue, slots: Vec::new() }
     }
 
-    /// Subscribes the node `node_name` to `topics`, and leaves the others at the ticks `now`. An image topic that takes
-    /// the place of another one takes over with its first image.
-    pub fn renew(
-        &mut self,
+    /// Subscribes the node `node_name` to those of `topics` that are not open yet. The inputs stay as they are until
+    /// [`Inputs::renew`].
+    pub fn open(
+        &self,
         topics: Vec<(Topic, Address)>,
         node_name: &NodeName,
         transport: &dyn Transport,
-        now: u64,
-        report: &mut NodeReport,
-    ) -> Result<(), TransportError> {
-        let (count, before) = (topics.len(), self.slots.len());
-        for (index, (topic, address)) in topics.into_iter().enumerate() {
-            let slot = self.slots.get_mut(index);
-            if let Some(slot) = slot.filter(|slot| slot.current.address == address) {
-                slot.current.topic = topic;
-                continue;
+    ) -> Result<Renewal, TransportError> {
+        let slots = self.slots_of(&topics);
+        let open = |((topic, address), slot): ((Topic, Address), Option<usize>)| {
+            let is_open = slot.is_some_and(|slot| self.slots[slot].reads(&address));
+            let open = || subscribe(topic.clone(), address.clone(), node_name, transport, &self.queue);
+            let opened = (!is_open).then(open).transpose()?;
+            Ok(PlannedInput { topic, address, slot, opened })
+        };
+        Ok(Renewal(topics.into_iter().zip(slots).map(open).collect::<Result<_, _>>()?))
+    }
+
+    /// Returns for each of `topics` the slot that it takes over, if any. A slot is found by its address: its index depends on
+    /// the inputs before it.
+    fn slots_of(&self, topics: &[(Topic, Address)]) -> Vec<Option<usize>> {
+        let rules: [fn(&Slot, &Address) -> bool; 3] = [
+            |slot, address| slot.current.address == *address,
+            Slot::reads,
+            // An image stream takes the place of another one: both lists are in the order of the cameras.
+            |slot, address| is_image(slot.current.address.kind) && is_image(address.kind),
+        ];
+        let mut found = vec![None; topics.len()];
+        for fits in rules {
+            for (index, (_, address)) in topics.iter().enumerate() {
+                let mut slots = (0..self.slots.len()).filter(|slot| !found.contains(&Some(*slot)));
+                let slot = slots.find(|&slot| fits(&self.slots[slot], address));
+                found[index] = found[index].or(slot);
             }
-            let queue = &self.queue;
-            let open = || subscribe(topic, address.clone(), node_name, transport, queue);
-            match self.slots.get_mut(index) {
-                Some(slot) => {
-                    report.swapped = true;
-                    slot.change(&address, now, open)?
-                        .into_iter()
-                        .for_each(|input| input.close(queue, report));
+        }
+        found
+    }
+
+    /// Takes the inputs of `renewal`, and leaves all others, at the ticks `now`. An image topic that takes the place of
+    /// another one takes over with its first image.
+    pub fn renew(&mut self, renewal: Renewal, now: u64, report: &mut NodeReport) {
+        let mut before: Vec<Option<Slot>> = std::mem::take(&mut self.slots).into_iter().map(Some).collect();
+        let mut closed = Vec::new();
+        for PlannedInput { topic, address, slot, opened } in renewal.0 {
+            let slot = slot.map(|slot| before[slot].take().expect("each slot has one successor"));
+            self.slots.push(match (slot, opened) {
+                (None, opened) => Slot::new(opened.expect("no slot reads it yet")),
+                (Some(mut slot), opened) => {
+                    report.swapped |= slot.current.address != address;
+                    closed.extend(slot.change(topic, &address, opened, now));
+                    slot
                 }
-                None => self.slots.push(Slot::new(open()?)),
-            }
+            });
         }
-        report.swapped |= before > count;
-        for slot in self.slots.split_off(count) {
-            slot.into_inputs().for_each(|input| input.close(&self.queue, report));
-        }
-        Ok(())
+        let left: Vec<Slot> = before.into_iter().flatten().collect();
+        report.swapped |= !left.is_empty();
+        closed.extend(left.into_iter().flat_map(Slot::into_inputs));
+        closed.into_iter().for_each(|input| input.close(&self.queue, report));
+    }
+
+    /// Ends the subscriptions that `renewal` has opened; the inputs stay as they are.
+    pub fn cancel(&self, renewal: Renewal) {
+        renewal
+            .0
+            .into_iter()
+            .filter_map(|planned| planned.opened)
+            .for_each(|input| input.cancel(&self.queue));
     }
 
     fn all(&self) -> impl Iterator<Item = &SlotInput> {
@@ -156,6 +202,10 @@ fn subscribe(
     let deliver = Box::new(move |incoming| drop(waiting.push(lane, LiveEvent::Message(incoming))));
     let subscription = transport.subscribe(node_name, &address, deliver)?;
     Ok(SlotInput::new(topic, address, lane, subscription))
+}
+
+fn is_image(kind: MessageKind) -> bool {
+    matches!(kind, MessageKind::Image | MessageKind::CompressedImage)
 }
 
 pub(super) fn book(report: &mut NodeReport, Address { topic, qos, .. }: &Address, counts: LaneCounts) {

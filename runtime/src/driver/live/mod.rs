@@ -33,18 +33,20 @@ use crate::report::{NodeReport, add};
 use crate::transport::attachment::{Attachment, Delays};
 use crate::transport::queue::{Arrived, Lane, Limit, Next, Queue, Queued};
 use crate::transport::{Address, Incoming, ParameterRequest, Publisher, Transport};
-use inputs::{Inputs, Silence, SkipWarnings};
+use inputs::{Inputs, Renewal, Silence, SkipWarnings};
 use outputs::{LiveOutput, compressed, decompress};
 use requests::{EnableRequest, Making};
 use source::images;
 
-/// Time after which a node without work looks at the tasks of each second.
+/// An idle node wakes this often for its periodic tasks.
 const IDLE: Duration = Duration::from_millis(250);
 /// A draining node gives up this long after its last message, even if its upstream is still there.
 const DRAIN_LIMIT_NS: u64 = 2_000_000_000;
-/// Largest number of messages of one topic that an upstream node which ends as well can still send after that time: the one
-/// that it works on and the one that waits for it, with a reserve. A node that gets more was asked to end without its upstream.
+/// After this many late messages on one topic the upstream node is considered to be running on, and the drain ends. An upstream
+/// node that ends as well still sends the message that it works on and the one that waits for it.
 const LATE_MESSAGES: u32 = 4;
+/// A message that a step has kept is given up after this long.
+const KEPT_LIMIT_NS: u64 = 1_000_000_000;
 /// Parameter requests that wait for a busy node; each caller waits for its answer.
 const REQUESTS: usize = 64;
 
@@ -133,6 +135,8 @@ struct Live<'a> {
     parameter_events: ParameterEvents,
     /// The wait for the next image.
     silence: Silence,
+    /// The frame that the last step on an image has kept: its stamp, its topic, and the ticks since then.
+    kept: Option<(Time, String, u64)>,
     /// The spans of this run, if its launcher wants them.
     trace: Option<TraceFile>,
     /// Whether the node works. While it does not, it has no subscription, and a source sends nothing.
@@ -186,6 +190,7 @@ pub fn run(
         delays: Delays::default(),
         parameter_events: ParameterEvents::new(&node_name, transport)?,
         silence: Silence::default(),
+        kept: None,
         trace: TraceFile::of_launch(&node_name.fully_qualified(), &**clock),
         enabled: true,
         node_name,
@@ -201,7 +206,8 @@ impl Live<'_> {
         }
         self.wait_for_others()?;
         self.subscribe()?;
-        self.time.follow(&self.settings(), &self.node_name, self.transport)?;
+        let clock = self.time.open(&self.settings(), &self.node_name, self.transport)?;
+        self.time.follow(clock);
         let served = (self.serve_parameters()?, self.serve_enable()?);
         // Last of all: a node that waits for this one may send at once.
         let announced = self.transport.announce(&self.node_name)?;
@@ -218,6 +224,9 @@ impl Live<'_> {
                 break ended;
             }
         };
+        if ended.is_ok() && self.stop.urgency() == Urgency::None {
+            self.state.tell_end(Time::from_ns(self.time.now_ns()), &self.report.node);
+        }
         // Out of the graph before the publishers go, so that no other node waits for this one.
         drop((announced, served));
         self.close(ended)
@@ -261,19 +270,54 @@ impl Live<'_> {
 
     /// Subscribes to the inputs that the node has now.
     fn subscribe(&mut self) -> Result<(), RunError> {
-        if !self.enabled {
-            return Ok(());
-        }
         let topics = self.node.inputs();
-        let mut addresses = addresses(&self.node_name, &topics)?;
-        let CommonParameters { image_transport, .. } = (&self.settings()).into();
+        let renewal = self.open_inputs(topics, &self.settings())?;
+        self.renew_inputs(renewal);
+        Ok(())
+    }
+
+    /// Opens the subscriptions to `topics` that the node needs in addition, with the driver's own `parameters`.
+    fn open_inputs(&self, topics: Vec<Topic>, parameters: &Parameters) -> Result<Renewal, RunError> {
+        let topics = self.without_own_camera_info(topics)?;
+        let addresses = self.input_addresses(&topics, parameters)?;
+        Ok(self.inputs.open(topics.into_iter().zip(addresses).collect(), &self.node_name, self.transport)?)
+    }
+
+    /// Returns the addresses of `topics`, which the node may read with the driver's own `parameters`.
+    fn input_addresses(&self, topics: &[Topic], parameters: &Parameters) -> Result<Vec<Address>, RunError> {
+        let mut addresses = addresses(&self.node_name, topics)?;
+        let CommonParameters { image_transport, .. } = parameters.into();
         if image_transport == ImageTransport::Compressed {
             for image in addresses.iter_mut().filter(|address| address.kind == MessageKind::Image) {
                 *image = compressed(image);
             }
         }
-        let (topics, now) = (topics.into_iter().zip(addresses).collect(), self.time.ticks_ns());
-        Ok(self.inputs.renew(topics, &self.node_name, self.transport, now, &mut self.report)?)
+        match addresses.iter().find(|input| self.outputs.iter().any(|output| output.publishes(&input.topic)))
+        {
+            Some(Address { topic, .. }) => Err(RunError::OwnOutput(topic.clone())),
+            None => Ok(addresses),
+        }
+    }
+
+    /// Goes over to the inputs of `renewal`. A node that is paused has none.
+    fn renew_inputs(&mut self, renewal: Renewal) {
+        if self.enabled {
+            self.inputs.renew(renewal, self.time.ticks_ns(), &mut self.report);
+        } else {
+            self.inputs.cancel(renewal);
+        }
+    }
+
+    /// Leaves out a camera info that this node publishes itself. It belongs to an image by convention, nobody has chosen it.
+    fn without_own_camera_info(&self, mut topics: Vec<Topic>) -> Result<Vec<Topic>, RunError> {
+        let addresses = addresses(&self.node_name, &topics)?;
+        let is_own = |input: &Address| {
+            input.kind == MessageKind::CameraInfo
+                && self.outputs.iter().any(|o| o.address.topic == input.topic)
+        };
+        let mut addresses = addresses.iter();
+        topics.retain(|_| addresses.next().is_none_or(|address| !is_own(address)));
+        Ok(topics)
     }
 
     fn run_listener(&mut self) -> Result<(), RunError> {
@@ -359,6 +403,8 @@ impl Live<'_> {
             Ok(message) => message,
             Err(why) => {
                 self.skip(&topic, &why);
+                // It cannot be read, but its publisher is not silent.
+                self.silence.end(&topic, begin, self.time.ticks_ns());
                 return Ok(Flow::Continue);
             }
         };
@@ -385,6 +431,11 @@ impl Live<'_> {
         if flow == Flow::NewInputs {
             self.subscribe()?;
         }
+        if let (Flow::Kept, Some(stamp)) = (flow, frame) {
+            self.kept = Some((stamp, topic, begin));
+        } else if !messages.is_empty() {
+            self.kept = None;
+        }
         // A frame that is kept has no result yet; the step that answers it tells.
         if passes_on && flow != Flow::Kept {
             self.tell_passed_on(told, &messages);
@@ -400,6 +451,22 @@ impl Live<'_> {
         let sent = images(messages, &self.outputs);
         if let Some((stamp, topics)) = sent.or(told.map(|stamp| (stamp, Vec::new()))) {
             self.tell_taken(stamp, &topics);
+        }
+    }
+
+    /// Gives the kept frame up when it has waited long enough, so that a source of rate 0 goes on.
+    fn give_up_kept(&mut self) {
+        let now = self.time.ticks_ns();
+        let Some((stamp, topic, _)) =
+            self.kept.take_if(|(_, _, since)| now.saturating_sub(*since) >= KEPT_LIMIT_NS)
+        else {
+            return;
+        };
+        if let Some(why) = self.node.give_up() {
+            self.skip(&topic, &why);
+            if self.taken.wanted() {
+                self.tell_taken(stamp, &[]);
+            }
         }
     }
 
@@ -562,12 +629,16 @@ impl Live<'_> {
 
     /// Publishes the values in use from the frame of `stamp` on, if they have changed.
     fn tell_state(&mut self, stamp: Time) {
-        self.state.tell(stamp, &self.report.node, &*self.node, self.inputs.stream().as_deref(), self.enabled);
+        let mut of_driver = vec![("enabled", self.enabled.to_string())];
+        of_driver.extend(self.inputs.stream().map(|stream| ("stream", stream)));
+        of_driver.extend(self.making.as_ref().map(|making| ("loading", making.to_string())));
+        self.state.tell(stamp, &self.report.node, &*self.node, of_driver);
     }
 
     /// Publishes the counts of the node on `/diagnostics` and writes them to its report file, once a second; warns of
     /// streams that do not come.
     fn tell_when_due(&mut self) {
+        self.give_up_kept();
         self.keep_account(WriteReason::Idle);
         for warning in self.inputs.look(self.time.ticks_ns(), &mut self.report) {
             tracing::warn!(node = %self.report.node, "{warning}");

@@ -49,6 +49,12 @@ impl LiveOutput {
         self.publisher.wanted() || self.variant.as_ref().is_some_and(|(_, variant)| variant.wanted())
     }
 
+    /// Returns whether messages leave on `topic`.
+    pub fn publishes(&self, topic: &str) -> bool {
+        let variant = self.variant.as_ref().map(|(address, _)| &address.topic);
+        self.address.topic == topic || variant.is_some_and(|variant| variant == topic)
+    }
+
     /// Returns the topic on which a message of `kind` leaves, and its publisher.
     pub fn route(&self, kind: MessageKind) -> (&str, &dyn Publisher) {
         match &self.variant {

@@ -1,7 +1,11 @@
 //! Requests to change the parameters of a live node: applied between two steps, all changes of a request at once. A part
 //! that takes long to make, such as a model, is made on a thread of its own first. Meanwhile the node goes on with the
 //! part that it has, and the request has no effect.
+//!
+//! Each change takes effect whole or not at all. In this order it is checked, its part is made, its inputs are subscribed,
+//! the node takes it, and only then is it stored, saved and published.
 
+use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::PoisonError;
 use std::sync::mpsc::{Sender, channel};
@@ -13,10 +17,10 @@ use modulo_msgs::std_msgs::Time;
 use super::{Live, LiveEvent};
 use crate::clock::Clock;
 use crate::driver::RunError;
-use crate::node::{Job, Part};
+use crate::node::{Job, Part, PlannedInputs};
 use crate::parameter::{ParameterError, Parameters, Value};
 use crate::transport::queue::{Keep, Lane};
-use crate::transport::{Claim, Guard, ParameterPort, ParameterRequest, TransportError};
+use crate::transport::{Claim, Guard, ParameterAnswer, ParameterPort, ParameterRequest, TransportError};
 
 /// A request to pause a node, or to let it go on.
 pub(super) struct EnableRequest {
@@ -36,6 +40,21 @@ struct PreparedRequest {
     expected: Parameters,
     /// For each change so far: the part that it needs, or the reason why it is refused.
     parts: Vec<Result<Option<Part>, ParameterError>>,
+    /// Whether the caller knows that its request takes effect, however long that takes.
+    promised: bool,
+}
+
+impl PreparedRequest {
+    /// Tells the caller that its request takes effect when all is loaded. Returns whether the caller still waits, or has
+    /// been told before.
+    fn promise(&mut self) -> bool {
+        if !self.promised && self.request.claim.take() {
+            self.promised = true;
+            // Fails only when the caller has gone.
+            let _ = self.request.answer.send(ParameterAnswer::Loading);
+        }
+        self.promised
+    }
 }
 
 /// A part that is being made.
@@ -45,6 +64,14 @@ pub(super) struct Making {
     next: Parameters,
     lane: Lane,
     thread: JoinHandle<()>,
+}
+
+/// The names and the values that are being loaded.
+impl fmt::Display for Making {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (names, values) = difference(&self.prepared.expected, &self.next);
+        write!(f, "{names} = {values}")
+    }
 }
 
 impl Making {
@@ -129,12 +156,12 @@ impl Live<'_> {
     /// Applies a request between two steps, or starts to make the part that it needs.
     pub(super) fn answer(&mut self, request: ParameterRequest) -> Result<(), RunError> {
         let expected = self.settings();
-        self.prepare(PreparedRequest { request, expected, parts: Vec::new() })
+        self.prepare(PreparedRequest { request, expected, parts: Vec::new(), promised: false })
     }
 
     fn prepare(&mut self, mut prepared: PreparedRequest) -> Result<(), RunError> {
         while let Some(values) = prepared.request.changes.get(prepared.parts.len()) {
-            if prepared.request.claim.is_taken() {
+            if !prepared.promised && prepared.request.claim.is_taken() {
                 break;
             }
             let part = match prepared.expected.with(values, true) {
@@ -160,6 +187,9 @@ impl Live<'_> {
 
     /// Starts `job` on a thread of its own; its end comes as an event.
     fn make(&mut self, job: Job, next: Parameters, mut prepared: PreparedRequest) -> Result<(), RunError> {
+        if !prepared.promise() {
+            return Ok(());
+        }
         let (names, values) = difference(&prepared.expected, &next);
         let failed = move |why: String| ParameterError::new(names.clone(), values.clone(), why);
         let (lane, queue, panicked) = (self.queue.open(Keep::Last(1)), self.queue.clone(), failed.clone());
@@ -172,6 +202,7 @@ impl Live<'_> {
         match thread {
             Ok(thread) => {
                 self.making = Some(Making { prepared, next, lane, thread });
+                self.tell_state(self.diagnostics.next_stamp(&self.time));
                 Ok(())
             }
             Err(why) => {
@@ -196,13 +227,10 @@ impl Live<'_> {
         self.prepare(prepared)
     }
 
-    fn apply(&mut self, PreparedRequest { request, parts, .. }: PreparedRequest) -> Result<(), RunError> {
+    fn apply(&mut self, prepared: PreparedRequest) -> Result<(), RunError> {
+        let PreparedRequest { request, parts, promised, .. } = prepared;
         // A caller that gave up has reported that the value is unchanged.
-        if !request.claim.take() {
-            if parts.iter().any(|part| matches!(part, Ok(Some(_)))) {
-                let text = "what a request needs was loaded after its caller had given up, and is not used";
-                tracing::warn!(node = %self.report.node, "{text}; set the parameters again");
-            }
+        if !promised && !request.claim.take() {
             return Ok(());
         }
         let changes = request.changes.iter().zip(parts);
@@ -210,29 +238,43 @@ impl Live<'_> {
         for why in answers.iter().filter_map(|answer| answer.as_ref().err()) {
             tracing::warn!(node = %self.report.node, "{why}");
         }
-        // A parameter may change the inputs of the node or its clock.
-        self.subscribe()?;
-        self.time.follow(&self.settings(), &self.node_name, self.transport)?;
+        if promised {
+            self.tell_state(self.diagnostics.next_stamp(&self.time));
+        }
         // Fails only when the caller has gone.
-        let _ = request.answer.send(answers);
+        let _ = request.answer.send(ParameterAnswer::Done(answers));
         Ok(())
     }
 
     fn change(&mut self, values: &[(String, Value)], part: Option<Part>) -> Result<(), ParameterError> {
         let before = self.settings();
         let next = before.with(values, true)?;
-        match part {
-            None => self.node.configure(&next)?,
-            Some(part) => self.node.exchange(&next, part)?,
+        let refuse = |why: RunError| {
+            let (names, values) = difference(&before, &next);
+            ParameterError::new(names, values, why.to_string())
+        };
+        let PlannedInputs { first, later } = self.node.inputs_with(&next)?;
+        self.input_addresses(&later, &next).map_err(refuse)?;
+        let renewal = self.open_inputs(first, &next).map_err(refuse)?;
+        let clock = self.time.open(&next, &self.node_name, self.transport).map_err(refuse)?;
+        let taken = match part {
+            None => self.node.configure(&next),
+            Some(part) => self.node.exchange(&next, part),
+        };
+        if let Err(why) = taken {
+            self.inputs.cancel(renewal);
+            return Err(why);
         }
+        self.renew_inputs(renewal);
+        self.time.follow(clock);
         self.changes += 1;
+        // Stored before the event is sent: a listener that asks back reads the new value.
+        *self.parameters.lock().unwrap_or_else(PoisonError::into_inner) = next.clone();
         if let Some(saved) = &self.saved {
             saved.keep(&next);
             // Another source begins with its first frame, also after a crash.
             self.node.position().into_iter().for_each(|position| saved.keep_position(position));
         }
-        // Stored before the event is sent: a listener that asks back reads the new value.
-        *self.parameters.lock().unwrap_or_else(PoisonError::into_inner) = next.clone();
         self.parameter_events.changed(self.time.now_ns(), &before, &next);
         Ok(())
     }

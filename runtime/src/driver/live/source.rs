@@ -14,6 +14,9 @@ use crate::process::stop::Urgency;
 use crate::queue::{Keep, Lane, Next};
 use crate::transport::{Address, Guard};
 
+/// The longest time by which a period that has become shorter waits for the readers of the last frame.
+const OVERLAP: Duration = Duration::from_secs(1);
+
 impl Live<'_> {
     /// Sends one frame each period, or with a period of zero as soon as every reader has taken the last frame. The
     /// period may change between two frames. Returns when the node is done, or has become a listener.
@@ -22,22 +25,25 @@ impl Live<'_> {
         let mut told: Option<(Guard, Lane)> = None;
         // A node that watches the graph, as a recorder does, has subscribed by then.
         let mut due = self.time.ticks_ns() + nanoseconds(self.transport.settling());
+        // When the last frame was due.
+        let mut last = None;
         loop {
-            let (before, paced) = (self.period_ns(), self.is_paced());
+            let (period, paced) = (self.node.period(), self.is_paced());
             if paced != told.is_some() {
                 self.change_pacing(&mut told)?;
                 // Readers tell nothing before they have found out that this node listens.
                 due = due.max(self.time.ticks_ns() + nanoseconds(self.transport.settling()));
             }
-            if self.node.period().is_none() {
+            if period.is_none() {
                 return Ok(());
             }
             self.wait_until(due)?;
             if self.stop.urgency() != Urgency::None {
                 return Ok(());
             }
-            // A request may have come meanwhile: the step is one of the node as it is now.
-            if self.node.period().is_none() {
+            // A request has changed the pace of the frame that is waited for.
+            if self.node.period() != period {
+                due = last.map_or(due, |last| self.due_after(last, period));
                 continue;
             }
             if !self.enabled {
@@ -56,10 +62,16 @@ impl Live<'_> {
             if flow == Flow::Done && self.changes == changes {
                 return Ok(());
             }
-            // Where the period has changed, the longer one holds for this once: nothing else keeps two frames apart.
-            let period = self.period_ns().max(before);
-            due = next_due(due, period, self.time.ticks_ns());
+            last = Some(due);
+            due = self.due_after(due, period);
         }
+    }
+
+    /// Returns the time of the frame after the one that was due at `last`, while the period was `before`. A shorter period holds
+    /// for the frame after the next one, or after [`OVERLAP`]: readers may still work on the last frame.
+    fn due_after(&self, last: u64, before: Option<Duration>) -> u64 {
+        let before = before.map_or(0, |before| nanoseconds(before.min(OVERLAP)));
+        next_due(last, self.period_ns().max(before), self.time.ticks_ns())
     }
 
     /// Begins to listen to the readers, or ends it if `told` holds the subscription.
@@ -89,8 +101,9 @@ impl Live<'_> {
         Ok((self.transport.subscribe(&self.node_name, &address, deliver)?, lane))
     }
 
-    /// Handles at most one event that waits, and all that come until `due`.
+    /// Handles at most one event that waits, and all that come until `due`, or until one has changed the period.
     fn wait_until(&mut self, due: u64) -> Result<(), RunError> {
+        let period = self.node.period();
         loop {
             // With no time left it still takes one event that waits, so that a fast source answers requests as well.
             let patience = Duration::from_nanos(due.saturating_sub(self.time.ticks_ns()));
@@ -99,7 +112,8 @@ impl Live<'_> {
                 Next::Idle | Next::Ended => {}
             }
             self.tell_when_due();
-            if self.time.ticks_ns() >= due || self.stop.urgency() != Urgency::None {
+            let is_over = self.time.ticks_ns() >= due || self.node.period() != period;
+            if is_over || self.stop.urgency() != Urgency::None {
                 return Ok(());
             }
         }

@@ -10,7 +10,6 @@ use std::time::Duration;
 use super::EventQueue;
 use super::inputs::book;
 use crate::clock::nanos;
-use crate::driver::keeps_latest;
 use crate::graph::Topic;
 use crate::report::NodeReport;
 use crate::transport::queue::Lane;
@@ -42,6 +41,12 @@ pub(super) struct SlotInput {
 impl SlotInput {
     pub fn new(topic: Topic, address: Address, lane: Lane, subscription: Guard) -> Self {
         Self { topic, address, lane, overlap: None, left: None, subscription }
+    }
+
+    /// Ends a subscription that the node has never read.
+    pub fn cancel(self, queue: &EventQueue) {
+        drop(self.subscription);
+        queue.close(self.lane);
     }
 
     /// Ends the subscription and adds its counts to `report`.
@@ -106,50 +111,51 @@ impl Slot {
         &self.waiting.as_ref().map_or(&self.current, |waiting| &waiting.old).topic
     }
 
-    /// Changes to the stream at `to` at the ticks `now`; `open` subscribes to it. Returns a subscription that is no
-    /// longer needed.
-    pub fn change<E>(
-        &mut self,
-        to: &Address,
-        now: u64,
-        open: impl FnOnce() -> Result<SlotInput, E>,
-    ) -> Result<Option<SlotInput>, E> {
-        let waiting = self.waiting.take();
-        if let Some(PendingSwap { old, .. }) = waiting {
-            // The last stream has not begun, so that the one before it is still the one that is answered.
-            if old.address == *to {
-                let last = std::mem::replace(&mut self.current, old);
-                return Ok(self.put_aside(last));
-            }
-            let next = self.take_or_open(to, open)?;
-            self.waiting = Some(PendingSwap { old, since: now, warn_at: now + nanos(PATIENCE) });
-            let last = std::mem::replace(&mut self.current, next);
-            return Ok(self.put_aside(last));
-        }
-        let next = self.take_or_open(to, open)?;
-        let old = std::mem::replace(&mut self.current, next);
-        // Each result counts: only an image is replaced by another one.
-        if !keeps_latest(old.address.kind) || !keeps_latest(to.kind) {
-            return Ok(Some(old));
-        }
-        self.waiting = Some(PendingSwap { old, since: now, warn_at: now + nanos(PATIENCE) });
-        Ok(None)
+    /// Returns whether a subscription to `address` is open.
+    pub fn reads(&self, address: &Address) -> bool {
+        self.inputs().any(|input| input.address == *address)
     }
 
-    /// Returns the stream at `to`, which may still be open.
-    fn take_or_open<E>(
+    /// Changes to the stream at `to`, which the node declares as `topic`, at the ticks `now`. `opened` is the subscription
+    /// to it where none is open. Returns a subscription that is no longer needed.
+    pub fn change(
         &mut self,
+        topic: Topic,
         to: &Address,
-        open: impl FnOnce() -> Result<SlotInput, E>,
-    ) -> Result<SlotInput, E> {
-        let input = match self.leaving.iter().position(|leaving| leaving.old.address == *to) {
-            Some(index) => {
-                let Leaving { old, left } = self.leaving.remove(index);
-                SlotInput { left: Some(left), ..old }
+        opened: Option<SlotInput>,
+        now: u64,
+    ) -> Option<SlotInput> {
+        if self.current.address == *to {
+            self.current.topic = topic;
+            return None;
+        }
+        // The last stream has not begun, so that the one before it is still the one that is answered.
+        if let Some(PendingSwap { old, .. }) = self.waiting.take_if(|waiting| waiting.old.address == *to) {
+            let last = std::mem::replace(&mut self.current, SlotInput { topic, ..old });
+            return self.put_aside(last);
+        }
+        let next = SlotInput { topic, overlap: Some(0), ..opened.unwrap_or_else(|| self.take_back(to)) };
+        let last = std::mem::replace(&mut self.current, next);
+        let begun = self.waiting.take();
+        let pending = |old| Some(PendingSwap { old, since: now, warn_at: now + nanos(PATIENCE) });
+        match begun {
+            Some(PendingSwap { old, .. }) => {
+                self.waiting = pending(old);
+                self.put_aside(last)
             }
-            None => open()?,
-        };
-        Ok(SlotInput { overlap: Some(0), ..input })
+            None => {
+                self.waiting = pending(last);
+                None
+            }
+        }
+    }
+
+    /// Returns the stream at `to`, which was left and is still open.
+    fn take_back(&mut self, to: &Address) -> SlotInput {
+        let index = self.leaving.iter().position(|leaving| leaving.old.address == *to);
+        let Leaving { old, left } =
+            self.leaving.remove(index.expect("a stream without a subscription is opened"));
+        SlotInput { left: Some(left), ..old }
     }
 
     /// Leaves a stream that has not begun; returns it if it is no longer needed.
@@ -177,7 +183,7 @@ impl Slot {
             Some(waiting) => &mut waiting.old,
             None => &mut self.current,
         };
-        // A stamp below the last one is no frame of before either: the source has started again.
+        // A smaller stamp means that the source has restarted, not that the frame is a repetition.
         let least = |last, from: u64, to: u64| from.max(last).max(to.saturating_sub(nanos(MAX_LAG)));
         let known = |(last, (from, to))| (least(last, from, to)..=to).contains(&stamp);
         if stamp != 0 && input.overlap.zip(self.answered).is_some_and(known) {
@@ -213,7 +219,6 @@ impl Slot {
 
 #[cfg(test)]
 mod tests {
-    use std::convert::Infallible;
     use std::sync::Arc;
 
     use proptest::prelude::*;
@@ -250,8 +255,8 @@ mod tests {
 
         /// Returns the topics that are closed.
         fn change(&mut self, topic: &str) -> Vec<String> {
-            let subscribe = || Ok::<_, Infallible>(open(&self.queue, topic));
-            let Ok(closed) = self.slot.change(&address(topic), 0, subscribe);
+            let opened = (!self.slot.reads(&address(topic))).then(|| open(&self.queue, topic));
+            let closed = self.slot.change(Topic::new(topic, MessageKind::Image), &address(topic), opened, 0);
             closed.into_iter().map(|input| input.address.topic).collect()
         }
 

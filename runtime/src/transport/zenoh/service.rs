@@ -65,7 +65,12 @@ impl ZenohTransport {
             Some(other) => {
                 format!("the node has {}, this command {}", other.type_hash, asked.type_hash)
             }
-            None => "no node answered; is it running?".to_owned(),
+            None if graph.endpoints(EntityKind::Server, &asked.topic).next().is_some() => {
+                "it serves this, but did not answer: it may be busy or hang (see its log), or a router on the way may deny the \
+                 request (access_control in the configuration of the router, docs/machines.md)"
+                    .to_owned()
+            }
+            None => "no such node is in the graph; is it running? modulo node list shows those that are".to_owned(),
         }
     }
 

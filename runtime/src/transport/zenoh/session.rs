@@ -1,6 +1,10 @@
 //! Opening a session: rmw_zenoh's configuration, and how sessions of one machine meet.
 
-use std::fs::File;
+use std::fs::{self, DirBuilder, File};
+use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::path::{Path, PathBuf};
+use std::thread::sleep;
+use std::time::Duration;
 
 use zenoh::{Config, Session, Wait};
 
@@ -8,6 +12,10 @@ use super::TransportError;
 
 /// First of the loopback ports on which sessions meet, one a domain.
 const MEETING_PORT: u16 = 7450;
+
+/// A session waits at most this long for its turn: the turn only avoids a warning of zenoh, and its holder may hang.
+const TURN: Duration = Duration::from_secs(3);
+const GLANCE: Duration = Duration::from_millis(10);
 
 /// The part of a session in the meeting of the sessions of a machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,16 +42,38 @@ pub(super) fn open_session(domain: u32) -> Result<Session, TransportError> {
     open(SessionRole::Guest)
 }
 
-/// Waits until no other session of this machine and `domain` is being opened. The turn ends when the file is dropped.
-/// It is `None` where no file can be locked; sessions then meet all the same.
+/// Waits until no other session of this user and `domain` is being opened, at most for [`TURN`]. Dropping the file ends the
+/// turn. Returns `None` where no file can be locked in this time; sessions then still find each other.
 fn wait_for_turn(domain: u32) -> Option<File> {
-    let path = std::env::temp_dir().join(format!("modulo-meeting-{}.lock", meeting_port(domain)));
+    let path = own_folder()?.join(format!("modulo-meeting-{}.lock", meeting_port(domain)));
     // The file is only locked and never read, so it stays empty.
-    let own = File::options().create(true).append(true).open(&path);
-    // The file of another user can be locked, too, although it cannot be written.
-    let file = own.or_else(|_| File::open(&path)).ok()?;
-    file.lock().ok()?;
-    Some(file)
+    let file = File::options().create(true).append(true).open(&path).ok()?;
+    for _ in 0..TURN.as_millis() / GLANCE.as_millis() {
+        if file.try_lock().is_ok() {
+            return Some(file);
+        }
+        sleep(GLANCE);
+    }
+    tracing::debug!("{} has been locked for {TURN:?}; going on without it", path.display());
+    None
+}
+
+/// Returns a folder in which no other user can make or lock a file: that of the login session, else one in the folder for
+/// temporary files.
+fn own_folder() -> Option<PathBuf> {
+    let user = fs::metadata("/proc/self").ok()?.uid();
+    let is_own = |folder: &Path| {
+        // A link that another user has made there would lead elsewhere.
+        fs::symlink_metadata(folder).is_ok_and(|found| found.is_dir() && found.uid() == user)
+    };
+    let session = std::env::var_os("XDG_RUNTIME_DIR").map(PathBuf::from);
+    if let Some(folder) = session.filter(|folder| is_own(folder)) {
+        return Some(folder);
+    }
+    let folder = std::env::temp_dir().join(format!("modulo-{user}"));
+    // Fails where the folder is there already.
+    let _ = DirBuilder::new().mode(0o700).create(&folder);
+    is_own(&folder).then_some(folder)
 }
 
 /// Returns the loopback port on which the sessions of `domain` meet.

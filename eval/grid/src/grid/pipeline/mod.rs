@@ -9,9 +9,9 @@ use std::sync::Arc;
 
 use modulo_bags::source::Source;
 use modulo_camera::{CameraParameters, ModuloCamera};
-use modulo_core::metric::{mse, psnr_db, ssim};
+use modulo_core::metric::{LEAST_SIDE, mse, psnr_db, ssim};
 use modulo_core::unwrap::Trust;
-use modulo_core::{Exposure, Frame, Sensor};
+use modulo_core::{Exposure, Frame, Gains, Sensor, tone};
 use modulo_detector::{Detector, DetectorParameters};
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::std_msgs::Header;
@@ -40,7 +40,7 @@ pub struct DetectorInput {
     pub image: Option<Arc<StampedFrame>>,
     /// Duration of each step.
     pub stages: Stages,
-    /// Quality of a recovered or merged image. `None` if nothing is compared.
+    /// Quality of a recovered, merged or saturated image. `None` if nothing is compared.
     pub recovery: Option<RecoveryQuality>,
     /// Duration of the comparison, ns. It is no work of a camera.
     pub compare_ns: u64,
@@ -192,7 +192,8 @@ pub const RECOVERY_DEFINITION: &str = "\
     exact_k: share of all samples whose wrap count is the true one, no shift forgiven. exact_frames: share of \
     the frames in which all of them are. trusted_wrong: number of frames that the method trusts although less \
     than 99.9 % of their counts are the true ones. PSNR: 10 log10(255^2 / \
-    mse) of the 8-bit image that the detector sees, the mse over the samples of all frames. SSIM: mean over \
+    mse) of the 8-bit image that the detector sees, the mse over the samples of all frames, inf for equal images. \
+    A saturated image is first brought to the scale of the ideal one, from which alpha separates it. SSIM: mean over \
     frames, 11 x 11 Gaussian window of 1.5 px. Both against the ideal image of the same sensor, lens and \
     noise (psnr_db, ssim), and against that of the same sensor and noise without a lens (psnr_sharp_db, \
     ssim_sharp).";
@@ -207,20 +208,26 @@ impl RecoveryQuality {
         truth: &[Exposure; 2],
     ) -> Option<Self> {
         let peak = truth[0].range().peak();
-        let wraps = truth[0].wraps();
-        let counts = counts.to_f32();
-        let full = wraps
-            .indexed_iter()
-            .zip(&counts)
-            .filter(|(((row, column, _), _), _)| truth[0].gain(*row, *column) == 1.0);
-        // x_hat = y + k P with y < P, so that the integer part of x_hat / P is k.
-        let exact = full.clone().filter(|((_, wraps), count)| (*count / peak) as u8 == **wraps);
+        let (wraps, counts) = (truth[0].wraps(), counts.to_f32());
+        let (_, width, channels) = wraps.dim();
+        let of_full_gain = |sample: usize| {
+            let pixel = sample / channels;
+            truth[0].gains() == Gains::One || truth[0].gain(pixel / width, pixel % width) == 1.0
+        };
+        let (mut exact, mut samples) = (0, 0);
+        for (sample, (wraps, count)) in wraps.as_slice()?.iter().zip(counts.as_slice()?).enumerate() {
+            if of_full_gain(sample) {
+                samples += 1;
+                // x_hat = y + k P with y < P, so that the integer part of x_hat / P is k.
+                exact += u64::from((count / peak) as u8 == *wraps);
+            }
+        }
         Some(Self {
-            exact: exact.count() as u64,
-            samples: full.count() as u64,
+            exact,
+            samples,
             trust: match value(diagnostics, "trusted") {
                 Some("true") => Trust::Trusted,
-                Some("false") => Trust::Contradicted,
+                Some("false") => Trust::Untrusted,
                 _ => Trust::Unknown,
             },
             method_used: value(diagnostics, "method_used").unwrap_or_default().to_owned(),
@@ -233,11 +240,24 @@ impl RecoveryQuality {
         if self.samples == 0 { 1.0 } else { self.exact as f64 / self.samples as f64 }
     }
 
+    /// The quality of a saturated image of codes, which has no wrap counts.
+    pub fn of_saturated(codes: &Frame, truth: &[Exposure; 2]) -> Option<Self> {
+        let range = truth[0].range();
+        // With two gains, the codes are those of x / alpha.
+        let scale = match truth[0].gains() {
+            Gains::One => 1.0,
+            Gains::Two { .. } => range.alpha() as f32,
+        };
+        let x = codes.demosaiced().to_f32().mapv(|code| scale * code);
+        Self::of_merged(&tone::linear8(&x, range).ok()?, truth)
+    }
+
     /// The quality of a merged image, which has no wrap counts.
     pub fn of_merged(image: &Frame, truth: &[Exposure; 2]) -> Option<Self> {
-        let [ideal, sharp] =
-            truth.each_ref().map(|truth| ImageSimilarity::of(image, &truth.ideal().demosaiced()));
-        Some(Self { ideal: ideal?, sharp: sharp?, ..Self::default() })
+        let [lens, none] = truth.each_ref().map(Exposure::ideal);
+        let ideal = ImageSimilarity::of(image, &lens.demosaiced())?;
+        let sharp = if none == lens { ideal } else { ImageSimilarity::of(image, &none.demosaiced())? };
+        Some(Self { ideal, sharp, ..Self::default() })
     }
 }
 
@@ -250,10 +270,14 @@ fn value<'a>(diagnostics: Option<&'a DiagnosticArray>, key: &str) -> Option<&'a 
 impl ImageSimilarity {
     fn of(left: &Frame, right: &Frame) -> Option<Self> {
         let (left, right) = (left.as_u8()?, right.as_u8()?);
-        Some(Self { mse: mse(left, right).ok()?, ssim: ssim(left, right).ok()? })
+        let mse = mse(left, right).ok()?;
+        let (height, width, _) = left.dim();
+        // Most recovered images equal the ideal one. SSIM, the most expensive figure, is exactly 1 then.
+        let equal = mse == 0.0 && height.min(width) >= LEAST_SIDE;
+        Some(Self { mse, ssim: if equal { Some(1.0) } else { ssim(left, right).ok()? } })
     }
 
-    /// Mean (PSNR dB, SSIM) of several images with equal weight.
+    /// Mean (PSNR dB, SSIM) of several images with equal weight. The PSNR of equal images is infinite.
     pub fn mean<'a>(all: impl Iterator<Item = &'a Self> + Clone) -> (Option<f64>, Option<f64>) {
         let mean = |figures: &mut dyn Iterator<Item = f64>| {
             let (sum, count) = figures.fold((0.0, 0u32), |(sum, count), figure| (sum + figure, count + 1));
@@ -261,6 +285,23 @@ impl ImageSimilarity {
         };
         // The mean is taken over the squared errors, not over PSNR: a single perfect frame has an infinite PSNR.
         let mse = mean(&mut all.clone().map(|one| one.mse));
-        (mse.and_then(psnr_db), mean(&mut all.filter_map(|one| one.ssim)))
+        (mse.map(|mse| psnr_db(mse).unwrap_or(f64::INFINITY)), mean(&mut all.filter_map(|one| one.ssim)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The shortcut for equal images gives what the windows give.
+    #[test]
+    fn equal_images_have_an_ssim_of_exactly_1() {
+        for (height, width) in [(11, 40), (32, 24), (10, 40)] {
+            let noisy = |(i, j, c): (usize, usize, usize)| ((i * 31 + j * 17 + c * 7) * 13 % 251) as u8;
+            let pixels = Array3::from_shape_fn((height, width, 3), noisy);
+            let frame = Frame::from_u8(pixels.clone()).expect("an image");
+            let found = ImageSimilarity::of(&frame, &frame).expect("one shape");
+            assert_eq!((found.mse, found.ssim), (0.0, ssim(&pixels, &pixels).expect("one shape")));
+        }
     }
 }

@@ -62,7 +62,7 @@ impl<'a> MultiExposurePipeline<'a> {
                 bits: BITS,
                 alpha: point.alpha * time,
                 psf: Psf::of_sigma(psf_sigma),
-                read_noise: point.noise,
+                read_noise: point.read_noise,
                 shot_noise: point.shot_noise,
                 prnu: point.prnu,
                 hot_pixels: point.hot_pixels,

@@ -10,6 +10,7 @@ use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_runtime::driver::lockstep::{Lockstep, OnTopic};
 use modulo_runtime::{Message, SensorModel, StampedFrame};
 use modulo_unwrap::UnwrapParameters;
+use ndarray::Array3;
 
 use super::{BITS, DetectorInput, PipelineConfig, RecoveryQuality, Truth, node_name, stamp};
 use crate::GridError;
@@ -28,7 +29,7 @@ impl<'a> SuitePipeline<'a> {
     /// The pipeline of the cell at `point`.
     pub fn new(point: &Point, config: PipelineConfig<'a>) -> Result<Self, GridError> {
         let lens = |psf_sigma| CameraParameters {
-            read_noise: point.noise,
+            read_noise: point.read_noise,
             shot_noise: point.shot_noise,
             prnu: point.prnu,
             hot_pixels: point.hot_pixels,
@@ -63,7 +64,8 @@ impl<'a> SuitePipeline<'a> {
         // The noise depends on the number of the frame alone, so that it does not depend on the worker that gets the
         // frame, and is the same in all cells. The parameter of the node is a signed integer.
         let seed = (self.config.seed.wrapping_add(number as u64) & i64::MAX as u64) as i64;
-        let radiance = self.unwrap.is_some().then(|| frame.radiance.clone());
+        let compared = self.config.compares && (self.unwrap.is_some() || self.stream == Stream::Saturated);
+        let radiance = compared.then(|| frame.radiance.clone());
         let sensed = match self.stream {
             Stream::Ideal => "/ideal",
             Stream::Saturated => "/saturated",
@@ -82,20 +84,35 @@ impl<'a> SuitePipeline<'a> {
         let Some(out) = camera.tick(0, stamp(number))? else { return Ok(DetectorInput::default()) };
         let (image_sensed, stages) = (image(&out, sensed), camera.stages().to_vec());
         let mut passed = DetectorInput { image: image_sensed, stages, ..DetectorInput::default() };
-        if let (Some(unwrap), Some(radiance)) = (&mut self.unwrap, radiance) {
-            let Some(modulo) = passed.image.take() else { return Ok(passed) };
-            let out = unwrap.feed("/modulo", Message::Image(modulo), stamp(number))?;
-            passed.stages.extend(unwrap.stages());
-            passed.image = image(&out, "/recovered");
-            // The quality is computed outside the chain, whose stages are timed.
-            if let (Some(toned), Some(counts)) = (passed.image.clone(), image(&out, "/hdr")) {
-                let scene = (&radiance, seed.unsigned_abs());
-                self.truth.compare(self.config, scene, &mut passed, |truth| {
-                    RecoveryQuality::of_unwrapped(&counts.frame, &toned.frame, diagnostics(&out), truth)
-                })?;
-            }
+        let scene = radiance.as_ref().map(|radiance| (radiance, seed.unsigned_abs()));
+        if self.unwrap.is_some() {
+            self.recover(&mut passed, stamp(number), scene)?;
+        } else if let (Some(scene), Some(codes)) = (scene, passed.image.clone()) {
+            self.truth.compare(self.config, scene, &mut passed, |truth| {
+                RecoveryQuality::of_saturated(&codes.frame, truth)
+            })?;
         }
         Ok(passed)
+    }
+
+    /// Replaces the modulo image by the recovered one, and compares it with the true exposures of `scene` (radiance, seed).
+    fn recover(
+        &mut self,
+        passed: &mut DetectorInput,
+        stamp_ns: u64,
+        scene: Option<(&Array3<f32>, u64)>,
+    ) -> Result<(), GridError> {
+        let (Some(unwrap), Some(modulo)) = (&mut self.unwrap, passed.image.take()) else { return Ok(()) };
+        let out = unwrap.feed("/modulo", Message::Image(modulo), stamp_ns)?;
+        passed.stages.extend(unwrap.stages());
+        passed.image = image(&out, "/recovered");
+        // The quality is computed outside the chain, whose stages are timed.
+        if let (Some(scene), Some(toned), Some(counts)) = (scene, passed.image.clone(), image(&out, "/hdr")) {
+            self.truth.compare(self.config, scene, passed, |truth| {
+                RecoveryQuality::of_unwrapped(&counts.frame, &toned.frame, diagnostics(&out), truth)
+            })?;
+        }
+        Ok(())
     }
 }
 

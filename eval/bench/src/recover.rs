@@ -1,0 +1,175 @@
+//! `unwrap`: unwraps modulo images of a real or simulated sensor, given as files.
+
+use std::path::{Path, PathBuf};
+
+use clap::Parser;
+use modulo_core::{
+    Frame, GainPattern, Gains, Mosaic, Range, Recovered, SensorError, TwoGains, Unwrap, UnwrapError, tone,
+};
+use modulo_images::{read_image, save_png};
+use ndarray::Array3;
+use serde::{Deserialize, Serialize};
+
+use crate::benchmark::timed;
+use crate::simulate::{RESULTS, methods_of, names};
+use crate::{BenchError, BenchEvent, Skipped, make_folder, need, write_json};
+
+/// The images and their sensor, as options of a command line.
+#[derive(Clone, Debug, PartialEq, Parser)]
+pub struct UnwrapRequest {
+    /// Modulo images: PNG of 8 or 16 bits with the codes of the sensor
+    #[arg(required = true)]
+    pub images: Vec<PathBuf>,
+    /// Bits of the converter of the sensor
+    #[arg(long, default_value_t = 8)]
+    pub bits: u8,
+    /// Saturation factor: brightest radiance divided by the peak of the sensor
+    #[arg(long)]
+    pub alpha: f64,
+    /// Unwrapping methods, for a sensor with one gain [default: auto]
+    #[arg(long, value_delimiter = ',')]
+    pub method: Vec<String>,
+    /// Pixels with a lower gain (1 / alpha), which do not wrap. Their images have a method of their own
+    #[arg(long, default_value = "none", value_parser = ["none", "checkerboard", "rows"])]
+    pub gains: String,
+    /// Colour filters of a sensor with one chip, whose images have one channel
+    #[arg(long, default_value = "none", value_parser = ["none", "rggb", "bggr", "grbg", "gbrg"])]
+    pub mosaic: String,
+    /// Folder for the images and results.json
+    #[arg(short, long, value_name = "FOLDER")]
+    pub out: PathBuf,
+}
+
+/// The result of one method on one image.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct UnwrapRow {
+    /// The file as it was given.
+    pub file: String,
+    /// Bits of the sensor.
+    pub bits: u8,
+    /// Saturation factor.
+    pub alpha: f64,
+    /// Pixels with a lower gain: `none`, `checkerboard` or `rows`.
+    pub gains: String,
+    /// Colour filters: `none`, `rggb`, `bggr`, `grbg` or `gbrg`.
+    pub mosaic: String,
+    /// Name of the method, as in [`modulo_core::unwrap::METHODS`], or that of the gains.
+    pub method: String,
+    /// The method that produced the result: `method` itself, or the one that `auto` selected.
+    pub method_used: String,
+    /// Whether the method trusts its result. `None` if it makes no statement.
+    pub trusted: Option<bool>,
+    /// The largest wrap count.
+    pub most_k: u8,
+    /// Duration of one call on one thread, ms.
+    pub ms: f64,
+}
+
+/// Result of [`unwrap_files`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct UnwrapOutcome {
+    /// One row for each file and method. Also in [`RESULTS`].
+    pub rows: Vec<UnwrapRow>,
+    /// Files that could not be read, or are no image of such a sensor.
+    pub skipped: Vec<Skipped>,
+}
+
+/// Unwraps the images. For each method it writes `NAME_METHOD.png` (8 bits, `round(255 x / (alpha 2^b))`, demosaiced),
+/// `NAME_METHOD_x.png` (16 bits, x in code units) and `NAME_METHOD_k.png` (8 bits, the wrap counts); after each file it writes
+/// [`RESULTS`] with all rows so far.
+///
+/// # Errors
+/// [`BenchError`] before anything is written if the request is wrong, and later if a result cannot be written. A file
+/// that cannot be used is skipped, unless it is the only one.
+pub fn unwrap_files(
+    request: &UnwrapRequest,
+    tell: &mut dyn FnMut(BenchEvent<'_>),
+) -> Result<UnwrapOutcome, BenchError> {
+    need("the list of files", &request.images)?;
+    let range = Range::new(request.bits, request.alpha).map_err(SensorError::from)?;
+    if range.limit() > 65536.0 {
+        let why = "the results have 16 bits, which cannot hold alpha * 2^bits above 65536; use the node unwrap for floats";
+        return Err(BenchError::Option(why.to_owned()));
+    }
+    let mut methods = methods(request, range)?;
+    make_folder(&request.out)?;
+    let mut outcome = UnwrapOutcome::default();
+    for (done, (file, name)) in request.images.iter().zip(names(&request.images)).enumerate() {
+        let next = file.display().to_string();
+        tell(BenchEvent::Step { done, total: request.images.len(), next: &next });
+        match of_file(request, (file, &name), range, &mut methods) {
+            Ok(rows) => outcome.rows.extend(rows),
+            Err(why @ (BenchError::Image(_) | BenchError::Unwrap(_))) if request.images.len() > 1 => {
+                let why =
+                    if why.to_string().contains(&next) { why.to_string() } else { format!("{next}: {why}") };
+                let skipped = Skipped { file: next, why };
+                tell(BenchEvent::Skipped(&skipped));
+                outcome.skipped.push(skipped);
+            }
+            Err(why) => return Err(why),
+        }
+        write_json(&request.out.join(RESULTS), &outcome.rows)?;
+    }
+    Ok(outcome)
+}
+
+/// The methods of the request, or that of the gains.
+fn methods(request: &UnwrapRequest, range: Range) -> Result<Vec<Box<dyn Unwrap>>, BenchError> {
+    let pattern = GainPattern::named(&request.gains);
+    let methods = methods_of(&request.method, pattern)?;
+    let two_gains = pattern
+        .and_then(|pattern| TwoGains::new(Gains::Two { pattern, ratio: range.alpha().recip().min(1.0) }));
+    Ok(two_gains.map_or(methods, |two_gains| vec![Box::new(two_gains)]))
+}
+
+/// Unwraps one file by all methods.
+fn of_file(
+    request: &UnwrapRequest,
+    (file, name): (&Path, &str),
+    range: Range,
+    methods: &mut [Box<dyn Unwrap>],
+) -> Result<Vec<UnwrapRow>, BenchError> {
+    let mosaic = Mosaic::named(&request.mosaic);
+    let y = read_image(file)?;
+    let y = match mosaic {
+        Some(mosaic) => y.with_mosaic(mosaic).map_err(UnwrapError::from)?,
+        None => y,
+    };
+    let row = |method: &mut Box<dyn Unwrap>| {
+        let mut recovered = Recovered::default();
+        let (unwrapped, ms) = timed(|| method.unwrap(&y, range, &mut recovered));
+        unwrapped?;
+        let path = |what: &str| request.out.join(format!("{name}_{}{what}.png", method.name()));
+        let colours = mosaic.map(|mosaic| mosaic.demosaic(recovered.x.view()));
+        let x = colours.as_ref().unwrap_or(&recovered.x);
+        save_png(&path(""), &tone::linear8(x, range).map_err(UnwrapError::from)?)?;
+        save_counts(|what| path(&format!("_{what}")), &recovered.k, &recovered.x, range)?;
+        Ok(UnwrapRow {
+            file: file.display().to_string(),
+            bits: range.bits(),
+            alpha: range.alpha(),
+            gains: request.gains.clone(),
+            mosaic: request.mosaic.clone(),
+            method: method.name().to_owned(),
+            method_used: recovered.report.method.to_owned(),
+            trusted: recovered.report.trust.claim(),
+            most_k: recovered.k.iter().copied().max().unwrap_or_default(),
+            ms,
+        })
+    };
+    methods.iter_mut().map(row).collect()
+}
+
+/// Writes the wrap counts `k` as a PNG of 8 bits at `path("k")`, and `x` in code units as one of 16 bits at `path("x")`.
+///
+/// # Errors
+/// [`BenchError`] if a file cannot be written, or the range of the sensor does not fit 16 bits.
+pub(crate) fn save_counts(
+    path: impl Fn(&str) -> PathBuf,
+    k: &Array3<u8>,
+    x: &Array3<f32>,
+    range: Range,
+) -> Result<(), BenchError> {
+    save_png(&path("k"), &Frame::from_u8(k.clone()).map_err(UnwrapError::from)?)?;
+    Ok(save_png(&path("x"), &tone::hdr(x, range).map_err(UnwrapError::from)?)?)
+}

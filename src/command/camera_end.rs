@@ -1,0 +1,64 @@
+//! `camera_end`: a process that ends when the camera of its namespace has sent its last frame, and not when it crashes. Launch
+//! files give it `on_exit: shutdown`: `ros2 launch` cannot tell the two ends of a process apart.
+
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
+
+use modulo_runtime::graph::diagnostics::ENDED;
+use modulo_runtime::ros_args::RosArgs;
+use modulo_runtime::transport::{Address, Incoming, Transport as _};
+use modulo_runtime::{Message, MessageKind, Qos, Topic, Urgency};
+
+use super::{open_session, start_log, stop_on_signals, usage};
+use crate::{Ended, Failure};
+
+/// Name of the executable, and of the node.
+pub const NAME: &str = "camera_end";
+/// Topic of the camera's state, relative to the namespace.
+const STATE: &str = "modulo_camera/state";
+const GLANCE: Duration = Duration::from_millis(250);
+
+/// Waits for the last frame of the camera, or for a request to end.
+pub fn run(arguments: &[String]) -> Result<Ended, Failure> {
+    let (ros, own) = RosArgs::parse(arguments).map_err(usage)?;
+    if own.iter().any(|argument| argument == "--help" || argument == "-h") {
+        say!("{NAME}: ends when the camera of its namespace has sent its last frame");
+        return Ok(Ended::Done);
+    }
+    if let Some(argument) = own.first() {
+        return Err(usage(anyhow::anyhow!("{NAME}: '{argument}' is unknown; it takes --ros-args only")));
+    }
+    let node_name = ros.node_name(NAME).map_err(usage)?;
+    start_log("info");
+    let stop = stop_on_signals()?;
+    let (_clock, transport) = open_session()?;
+    let state = Topic { qos: Qos::Latched, ..Topic::new(STATE, MessageKind::Diagnostics) };
+    let address = Address::resolve(&node_name, &state).map_err(usage)?;
+    let (states, arrived) = channel();
+    let deliver = Box::new(move |incoming| drop(states.send(incoming)));
+    let subscription = transport.subscribe(&node_name, &address, deliver)?;
+    let announced = transport.announce(&node_name)?;
+    while stop.urgency() == Urgency::None {
+        match arrived.recv_timeout(GLANCE) {
+            Ok(incoming) => {
+                if tells_end(incoming) {
+                    break;
+                }
+            }
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => break,
+        }
+    }
+    drop((announced, subscription));
+    transport.close();
+    Ok(Ended::Done)
+}
+
+fn tells_end(incoming: Incoming) -> bool {
+    let Ok(Message::Diagnostics(state)) = incoming.open(MessageKind::Diagnostics) else { return false };
+    state
+        .status
+        .iter()
+        .flat_map(|status| &status.values)
+        .any(|value| value.key == ENDED && value.value == "true")
+}
