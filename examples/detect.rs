@@ -10,7 +10,7 @@ use modulo_bags::source;
 use modulo_core::{Range, tone};
 use modulo_detector::{DEMO, Detector, DetectorParameters};
 use modulo_msgs::std_msgs::{Header, Time};
-use modulo_runtime::driver::lockstep::Lockstep;
+use modulo_runtime::lockstep::Lockstep;
 use modulo_runtime::{Message, NodeName, StampedFrame, SystemClock};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

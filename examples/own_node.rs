@@ -8,8 +8,11 @@
 use std::sync::Arc;
 
 use modulo_core::Frame;
-use modulo_runtime::driver::live::{self, NodeSetup};
-use modulo_runtime::{transport::keys::Hashes, transport::zenoh::ZenohTransport, *};
+use modulo_middleware::driver::live::{self, NodeSetup};
+use modulo_middleware::process::signals::end_on_signals;
+use modulo_middleware::transport::zenoh::ZenohTransport;
+use modulo_runtime::wire::keys::Hashes;
+use modulo_runtime::*;
 use ndarray::{Axis, Slice};
 
 parameters! {

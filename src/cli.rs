@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use modulo_eval::grid::words;
-use modulo_runtime::transport::keys::Hashes;
+use modulo_runtime::wire::keys::Hashes;
 
 use crate::command::{bag, bench, eval, graph, launch, model, param, run, view};
 

@@ -9,13 +9,14 @@ use std::path::Path;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
+use modulo_middleware::transport::Transport;
+use modulo_runtime::{Clock, Message, MessageKind, Qos, SystemClock};
+
 use harness::{Background, Bench, Heard, Peer, arg, json, model, signal, text, wait_until};
 use modulo_core::Frame;
 use modulo_msgs::cdr;
 use modulo_msgs::sensor_msgs::Image;
 use modulo_msgs::std_msgs::{Header, Time};
-use modulo_runtime::transport::Transport;
-use modulo_runtime::{Clock, Message, MessageKind, Qos, SystemClock};
 use ndarray::Array3;
 use serde_json::Value;
 

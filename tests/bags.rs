@@ -9,16 +9,16 @@ use std::sync::{Arc, Mutex};
 use std::thread::sleep;
 use std::time::{Duration, Instant, SystemTime};
 
+use modulo_middleware::transport::zenoh::{RawPublisher, RawService, ZenohTransport};
+use modulo_middleware::transport::{Guard, RawSample, Transport};
+use modulo_runtime::wire::keys::{self, Endpoint, EntityKind, Hashes, Token};
+use modulo_runtime::{NodeName, Qos, SystemClock};
+
 use harness::{Background, Bench, data, signal, text, wait_until};
 use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, Selection};
 use modulo_msgs::builtin::Time;
 use modulo_msgs::rosbag2_interfaces as player;
 use modulo_msgs::{cdr, rosgraph_msgs};
-use modulo_runtime::transport::RawSample;
-use modulo_runtime::transport::keys::{self, Endpoint, EntityKind, Hashes, Token};
-use modulo_runtime::transport::zenoh::{RawPublisher, RawService, ZenohTransport};
-use modulo_runtime::transport::{Guard, Transport};
-use modulo_runtime::{NodeName, Qos, SystemClock};
 
 const IMAGE: &str = "sensor_msgs/msg/Image";
 /// When the bags here begin, ns since the epoch.

@@ -9,11 +9,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use modulo_middleware::transport::Transport;
+use modulo_runtime::sensor_info::SensorHistory;
+use modulo_runtime::{Message, MessageKind};
+
 use harness::{Background, Bench, Peer, arg, command_line, model, signal, text, wait_until};
 use modulo_core::Frame;
-use modulo_runtime::sensor_info::SensorHistory;
-use modulo_runtime::transport::Transport;
-use modulo_runtime::{Message, MessageKind};
 
 /// The names of the nodes' executables.
 const NODES: [&str; 3] = ["detector", "unwrap", "modulo_camera"];

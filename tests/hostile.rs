@@ -8,12 +8,13 @@ use std::process::Command;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
+use modulo_middleware::parameter::client::ParameterClient;
+use modulo_runtime::parameter::ros::{from_ros, to_ros};
+use modulo_runtime::{Descriptor, Message, MessageKind, ParameterSet as _, Value};
+
 use harness::{Bench, Heard, Peer, model, text, wait_until};
 use modulo_msgs::cdr;
 use modulo_msgs::rcl_interfaces::{Parameter, SetParametersRequest, SetParametersResponse};
-use modulo_runtime::parameter::client::ParameterClient;
-use modulo_runtime::parameter::service::{from_ros, to_ros};
-use modulo_runtime::{Descriptor, Message, MessageKind, ParameterSet as _, Value};
 
 const NODES: [&str; 3] = ["modulo_camera", "unwrap", "detector"];
 

@@ -8,10 +8,11 @@ use std::net::TcpListener;
 use std::os::unix::fs::PermissionsExt;
 use std::process::Stdio;
 
-use harness::{Bench, Peer, arg, json, model, text, wait_until};
+use modulo_middleware::transport::Transport;
+use modulo_middleware::transport::zenoh::meeting_port;
 use modulo_runtime::MessageKind;
-use modulo_runtime::transport::Transport;
-use modulo_runtime::transport::zenoh::meeting_port;
+
+use harness::{Bench, Peer, arg, json, model, text, wait_until};
 use zenoh::Wait;
 
 /// The meeting port is taken by somebody who does not speak zenoh: nodes then see each other through the router alone.

@@ -1,14 +1,9 @@
 //! Recorded frames of every kind: folders of images, KITTI, and rosbag2 MCAP bags, read and written.
 //!
-//! Nothing here reads a clock of its own, opens a connection or knows of any node: `capture` and `replay` are lent a
-//! transport and a clock.
+//! Nothing here reads a clock, opens a connection or knows of any node.
 
 pub mod bag;
-pub mod capture;
-pub mod control;
 pub mod import;
-pub mod play;
-pub mod replay;
 pub mod source;
 
 use std::path::{Component, Path, PathBuf};

@@ -8,8 +8,8 @@ use std::sync::LazyLock;
 
 use modulo_msgs::rihs::type_description;
 use modulo_msgs::{dynamic, type_hash_of_schema};
-use modulo_runtime::transport::attachment::Attachment;
-use modulo_runtime::transport::keys::{Token, qos_of};
+use modulo_runtime::wire::attachment::Attachment;
+use modulo_runtime::wire::keys::{Token, qos_of};
 use modulo_runtime::{Message, MessageKind};
 
 static STRUCTS: LazyLock<Vec<(&str, wire::Reread)>> = LazyLock::new(|| wire::structs().into_iter().collect());

@@ -6,7 +6,7 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use modulo_runtime::process::trace::ENDING;
+use modulo_runtime::trace::ENDING;
 use serde_json::{Value, json};
 
 use crate::LaunchError;

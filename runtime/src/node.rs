@@ -9,9 +9,9 @@ use std::time::Duration;
 use modulo_msgs::std_msgs::Time;
 
 use crate::clock::Clock;
-use crate::graph::Topic;
 use crate::message::Message;
 use crate::parameter::{ParameterError, Parameters};
+use crate::topic::Topic;
 
 /// The reason for a step.
 #[derive(Clone, Debug)]
@@ -160,6 +160,20 @@ pub trait Node: Send {
     fn status(&self) -> Vec<(&'static str, String)> {
         Vec::new()
     }
+}
+
+/// Returns the name of the stream that the message of `trigger` came on, as the node declares it; a source reads no
+/// stream.
+pub fn stream_of(node: &dyn Node, trigger: &Trigger) -> Option<String> {
+    match trigger {
+        Trigger::Message { input, .. } => node.inputs().get(*input).map(|topic| topic.name.clone()),
+        Trigger::Tick => None,
+    }
+}
+
+/// Returns the status of a node as its report has it.
+pub fn status_of(node: &dyn Node) -> impl Iterator<Item = (String, String)> {
+    node.status().into_iter().map(|(key, value)| (key.to_owned(), value))
 }
 
 /// Changes the parameters of `node` from `now` to `next` on the thread of the caller, which waits for the part that the

@@ -9,14 +9,14 @@ use clap::{Args, Subcommand};
 use modulo_bags::bag::{
     self, BagError, BagInfo, BagReader, BagWarning, BagWriter, Compression, Split, WriteOptions,
 };
-use modulo_bags::capture::capture;
 use modulo_bags::import::{ImportError, import_kitti};
-use modulo_bags::play::{PlayOptions, PlaybackClock, PlaybackState, Player, Repeat};
-use modulo_bags::replay::{self, ReplayError, ReplayOptions, replay};
+use modulo_bags_live::capture::capture;
+use modulo_bags_live::play::{PlayOptions, PlaybackClock, PlaybackState, Player, Repeat};
+use modulo_bags_live::replay::{self, ReplayError, ReplayOptions, replay};
 use modulo_eval::grid::words;
-use modulo_runtime::driver::wait_until_ready;
+use modulo_middleware::driver::wait_until_ready;
+use modulo_middleware::process::node_files::ReportFile;
 use modulo_runtime::launcher;
-use modulo_runtime::process::node_files::ReportFile;
 
 use super::{open_session, pairs, start_log, stop_on_signals, usage};
 use crate::{Ended, Failure};

@@ -5,11 +5,11 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::thread::sleep;
 use std::time::Duration;
 
-use modulo_runtime::graph::diagnostics::ENDED;
+use modulo_middleware::graph::diagnostics::ENDED;
+use modulo_middleware::transport::zenoh::ZenohTransport;
+use modulo_middleware::transport::{Incoming, Transport as _};
 use modulo_runtime::ros_args::RosArgs;
-use modulo_runtime::transport::zenoh::ZenohTransport;
-use modulo_runtime::transport::{Address, Incoming, Transport as _};
-use modulo_runtime::{Message, MessageKind, Qos, Topic, Urgency};
+use modulo_runtime::{Address, Message, MessageKind, Qos, Topic, Urgency};
 
 use super::{open_session, start_log, stop_on_signals, usage};
 use crate::{Ended, Failure};

@@ -8,7 +8,7 @@ use modulo_bags::bag::{BagWriter, Compression};
 use modulo_eval::launch_file::{DetectorStream, Evaluation, EvaluationPlan, StreamScore};
 use modulo_eval::store;
 use modulo_launch::Summary;
-use modulo_runtime::driver::lockstep::Lockstep;
+use modulo_runtime::lockstep::Lockstep;
 use modulo_runtime::{MessageKind, Node, NodeName, NodeReport, SystemClock};
 
 use super::launch::{prepare, refuse, tell_slower_engine};

@@ -7,12 +7,12 @@ use std::time::Duration;
 
 use anyhow::{Context as _, anyhow};
 use clap::{Args, Subcommand};
+use modulo_middleware::graph::Graph;
+use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_msgs::{dynamic, rihs, ros_name};
 use modulo_runtime::Clock;
-use modulo_runtime::graph::Graph;
-use modulo_runtime::graph::name::{is_hidden, is_hidden_node};
-use modulo_runtime::transport::keys::{EntityKind, Token};
-use modulo_runtime::transport::zenoh::ZenohTransport;
+use modulo_runtime::name::{is_hidden, is_hidden_node};
+use modulo_runtime::wire::keys::{EntityKind, Token};
 
 use super::{open_session, stop_on_signals};
 use crate::{Ended, Failure};

@@ -12,11 +12,11 @@ use modulo_launch::supervisor::{MAX_RESTARTS, ProcessEnd, Watch};
 use modulo_launch::{
     ComposedNode, Ending, NodePlan, Outcome, Plan, Summary, Supervision, launch_files, reports_so_far,
 };
-use modulo_runtime::driver::composed::{self, Member};
-use modulo_runtime::end_on_signals;
+use modulo_middleware::driver::composed::{self, Member};
+use modulo_middleware::process::node_files::ReportFile;
+use modulo_middleware::process::signals::end_on_signals;
+use modulo_runtime::output::prepare_file;
 use modulo_runtime::parameter::file::{self as parameter_file, Entry};
-use modulo_runtime::process::node_files::ReportFile;
-use modulo_runtime::process::output::prepare_file;
 use modulo_runtime::ros_args::RosArgs;
 use modulo_runtime::{Clock, NodeName, NodeReport, Parameters, Stop, SystemClock, Urgency};
 

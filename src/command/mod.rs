@@ -24,12 +24,13 @@ pub mod view;
 use std::sync::{Arc, OnceLock};
 
 use anyhow::{Context, anyhow};
-use modulo_runtime::graph::logger::ApplyLevel;
+use modulo_middleware::graph::logger::ApplyLevel;
+use modulo_middleware::graph::rosout::RosoutLayer;
+use modulo_middleware::process::signals::end_on_signals;
+use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_runtime::ros_args::check_security;
-use modulo_runtime::rosout::RosoutLayer;
-use modulo_runtime::transport::keys::Hashes;
-use modulo_runtime::transport::zenoh::ZenohTransport;
-use modulo_runtime::{Clock, Stop, SystemClock, end_on_signals};
+use modulo_runtime::wire::keys::Hashes;
+use modulo_runtime::{Clock, Stop, SystemClock};
 use tracing_subscriber::EnvFilter;
 use tracing_subscriber::Layer;
 use tracing_subscriber::filter::LevelFilter;

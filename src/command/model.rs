@@ -14,9 +14,9 @@ use modulo_detector::{
     onnxruntime_library, onnxruntime_places,
 };
 use modulo_eval::grid::words;
+use modulo_middleware::transport::zenoh::meeting_port;
 use modulo_models::{FetchRequest, Fetched, LICENCE, fetch, official};
 use modulo_runtime::SystemClock;
-use modulo_runtime::transport::zenoh::meeting_port;
 
 use super::{domain, start_log, usage};
 use crate::{Ended, Failure};

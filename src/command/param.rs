@@ -4,8 +4,8 @@ use std::io::Write as _;
 
 use anyhow::anyhow;
 use clap::Subcommand;
+use modulo_middleware::parameter::client::ParameterClient;
 use modulo_msgs::rcl_interfaces::ParameterType;
-use modulo_runtime::parameter::client::ParameterClient;
 use modulo_runtime::parameter::file;
 use modulo_runtime::parameter::text::{bare, described, labelled, type_name};
 

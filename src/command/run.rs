@@ -7,18 +7,21 @@ use anyhow::Context;
 use clap::Args;
 use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_detector::{Detector, DetectorParameters};
-use modulo_runtime::driver::live::NodeSetup;
-use modulo_runtime::driver::{CommonParameters, RunError, live};
-use modulo_runtime::graph::NameError;
-use modulo_runtime::graph::logger::{Logger, LoggerService};
-use modulo_runtime::process::node_files::{ReportFile, SavedState};
+use modulo_middleware::driver::live::NodeSetup;
+use modulo_middleware::driver::{CommonParameters, RunError, live};
+use modulo_middleware::graph;
+use modulo_middleware::graph::logger::{Logger, LoggerService};
+use modulo_middleware::graph::rosout;
+use modulo_middleware::graph::rosout::LogQueue;
+use modulo_middleware::process::node_files::{ReportFile, SavedState};
+use modulo_middleware::process::signals::end_with_launcher;
+use modulo_middleware::transport::zenoh::{RawService, ZenohTransport};
+use modulo_middleware::transport::{Guard, TransportError};
+use modulo_runtime::name::NameError;
 use modulo_runtime::ros_args::{Logs, RosArgs};
-use modulo_runtime::rosout::LogQueue;
-use modulo_runtime::transport::keys::SERVICE_QOS;
-use modulo_runtime::transport::zenoh::{RawService, ZenohTransport};
-use modulo_runtime::transport::{Guard, TransportError};
+use modulo_runtime::wire::keys::SERVICE_QOS;
 use modulo_runtime::{
-    Descriptor, Node, NodeName, ParameterSet as _, Parameters, SystemClock, Topic, graph, launcher, rosout,
+    Descriptor, Node, NodeName, ParameterSet as _, Parameters, SystemClock, Topic, launcher,
 };
 use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 use tracing_subscriber::filter::LevelFilter;
@@ -60,7 +63,7 @@ pub fn run(args: &Run) -> Result<Ended, Failure> {
     let (log, logger) = start_log(&ros, &node_name);
     let stop = stop_on_signals()?;
     // A launcher that was killed cannot tell its nodes to end, so each one watches it by itself.
-    launcher::end_with_launcher(&stop).context("watch of the launcher")?;
+    end_with_launcher(&stop).context("watch of the launcher")?;
 
     let settings = ros.parameters_for(&node_name).map_err(usage)?;
     let named = node_name.fully_qualified();

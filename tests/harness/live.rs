@@ -4,7 +4,7 @@ use std::net::{Ipv4Addr, TcpListener};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::{Duration, Instant};
 
-use modulo_runtime::transport::zenoh::meeting_port;
+use modulo_middleware::transport::zenoh::meeting_port;
 
 /// A ROS domain that no other test on this machine uses until this is dropped.
 pub struct Domain {

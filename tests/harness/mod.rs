@@ -15,12 +15,12 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
-use modulo_runtime::parameter::client::ParameterClient;
-use modulo_runtime::queue::{Keep, Limit, Queue};
-use modulo_runtime::transport::keys::{Endpoint, Hashes, qos_string};
-use modulo_runtime::transport::zenoh::{RawPublisher, ZenohTransport};
-use modulo_runtime::transport::{Address, Guard, Incoming, Publisher, RawSample, Transport};
-use modulo_runtime::{Clock, Message, MessageKind, NodeName, Qos, SystemClock, Topic};
+use modulo_middleware::parameter::client::ParameterClient;
+use modulo_middleware::transport::queue::{Keep, Limit, Queue};
+use modulo_middleware::transport::zenoh::{RawPublisher, ZenohTransport};
+use modulo_middleware::transport::{Guard, Incoming, Publisher, RawSample, Transport};
+use modulo_runtime::wire::keys::{Endpoint, Hashes, qos_string};
+use modulo_runtime::{Address, Clock, Message, MessageKind, NodeName, Qos, SystemClock, Topic};
 use serde_json::Value;
 use tempfile::TempDir;
 

@@ -6,10 +6,10 @@ use std::process::Stdio;
 use std::time::Duration;
 
 use modulo_core::Frame;
+use modulo_middleware::transport::Transport;
 use modulo_msgs::cdr;
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus};
 use modulo_msgs::std_srvs::{SetBoolRequest, SetBoolResponse};
-use modulo_runtime::transport::Transport;
 use modulo_runtime::{Message, MessageKind, Qos, StampedFrame};
 use serde_json::Value;
 

@@ -5,9 +5,10 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-use crate::harness::{Background, Bench, text};
-use modulo_runtime::driver::CommonParameters;
+use modulo_middleware::driver::CommonParameters;
 use modulo_runtime::{Descriptor, ParameterSet as _};
+
+use crate::harness::{Background, Bench, text};
 
 /// Every node with its parameters.
 fn nodes() -> [(&'static str, Vec<Descriptor>); 4] {

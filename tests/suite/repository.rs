@@ -1,6 +1,7 @@
 //! The repository: arrows between crates point downward, each library is named where ARCHITECTURE.md says, and the
 //! installed ROS 2 package is found and run.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -12,8 +13,8 @@ use crate::harness::{Bench, data, text};
 const FLOORS: [&[&str]; 8] = [
     &["modulo"],
     &["modulo-launch", "modulo-eval", "modulo-bench"],
-    &["modulo-camera", "modulo-unwrap", "modulo-detector", "modulo-viewer"],
-    &["modulo-bags"],
+    &["modulo-camera", "modulo-unwrap", "modulo-detector", "modulo-viewer", "modulo-bags-live"],
+    &["modulo-bags", "modulo-middleware"],
     &["modulo-runtime"],
     &["modulo-msgs"],
     &["modulo-images", "modulo-scene"],
@@ -24,27 +25,67 @@ fn floor_of(name: &str) -> Option<usize> {
     FLOORS.iter().position(|floor| floor.contains(&name))
 }
 
-#[test]
-fn arrows_point_downward() {
+/// The only crates that link the transport.
+const ON_A_TRANSPORT: [&str; 4] = ["modulo", "modulo-bags-live", "modulo-middleware", "modulo-viewer"];
+
+/// A package by its name, with its dependencies: the name of each, and whether only its tests need it.
+type Package = (String, Vec<(String, bool)>);
+
+/// The packages of the workspace of this manifest.
+fn packages(manifest: &str) -> Vec<Package> {
     let output = Command::new(env!("CARGO"))
-        .args(["metadata", "--format-version", "1", "--no-deps", "--offline"])
+        .args(["metadata", "--format-version", "1", "--no-deps", "--offline", "--manifest-path", manifest])
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .output()
         .expect("cargo runs");
     let metadata: Value = serde_json::from_slice(&output.stdout).expect("cargo writes JSON");
-    let packages = metadata["packages"].as_array().expect("a list of packages");
+    let name = |of: &Value| of["name"].as_str().expect("a name").to_owned();
+    let list = |of: &Value, key: &str| of[key].as_array().expect("a list").clone();
+    let dependencies = |package: &Value| {
+        list(package, "dependencies").iter().map(|other| (name(other), other["kind"] == "dev")).collect()
+    };
+    list(&metadata, "packages").iter().map(|package| (name(package), dependencies(package))).collect()
+}
+
+#[test]
+fn arrows_point_downward() {
+    let packages = packages("Cargo.toml");
     // A new crate has to be placed on a floor before its arrows can be checked.
     assert_eq!(packages.len(), FLOORS.iter().map(|floor| floor.len()).sum::<usize>(), "a crate has no floor");
-    for package in packages {
-        let name = package["name"].as_str().expect("a name");
-        let floor = floor_of(name).unwrap_or_else(|| panic!("{name} has no floor"));
-        for dependency in package["dependencies"].as_array().expect("a list of dependencies") {
-            let other = dependency["name"].as_str().expect("a name");
-            if let Some(below) = floor_of(other) {
+    for (name, dependencies) in packages {
+        let floor = floor_of(&name).unwrap_or_else(|| panic!("{name} has no floor"));
+        for (other, _) in dependencies {
+            if let Some(below) = floor_of(&other) {
                 assert!(below > floor, "{name} must not know {other}");
             }
         }
     }
+}
+
+#[test]
+fn what_needs_no_transport_links_none() {
+    let mut all = packages("Cargo.toml");
+    for outside in ["python/Cargo.toml", "fuzz/Cargo.toml"] {
+        all.extend(packages(outside));
+    }
+    // From the floor of the transport upward: a crate links it with the first dependency that does.
+    let mut linking: BTreeSet<String> = BTreeSet::from(["zenoh".to_owned(), "zenoh-ext".to_owned()]);
+    loop {
+        let links =
+            |(_, others): &&Package| others.iter().any(|(other, dev)| !dev && linking.contains(other));
+        let further: Vec<_> = all
+            .iter()
+            .filter(links)
+            .map(|(name, _)| name.clone())
+            .filter(|name| !linking.contains(name))
+            .collect();
+        if further.is_empty() {
+            break;
+        }
+        linking.extend(further);
+    }
+    linking.retain(|name| !name.starts_with("zenoh"));
+    assert_eq!(linking.iter().collect::<Vec<_>>(), ON_A_TRANSPORT, "these link the transport");
 }
 
 /// Every source file of the workspace with its path from the root.
@@ -72,7 +113,7 @@ fn each_library_is_named_in_one_place() {
     let mut files = Vec::new();
     sources(Path::new(env!("CARGO_MANIFEST_DIR")), &mut files);
     for (library, home) in [
-        ("zenoh", "runtime/src/transport/zenoh/"),
+        ("zenoh", "middleware/src/transport/zenoh/"),
         ("ort", "nodes/detector/src/engine/onnxruntime.rs"),
         ("rten", "nodes/detector/src/engine/rten.rs"),
     ] {

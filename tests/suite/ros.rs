@@ -7,6 +7,12 @@ use std::process::Stdio;
 use std::sync::mpsc::RecvTimeoutError;
 use std::time::Duration;
 
+use modulo_middleware::graph::type_description;
+use modulo_middleware::transport::Transport;
+use modulo_middleware::transport::zenoh::RawService;
+use modulo_runtime::wire::keys::{Endpoint, EntityKind, Hashes, NO_HASH, SERVICE_QOS};
+use modulo_runtime::{Message, MessageKind, StampedFrame};
+
 use crate::harness::{Background, Bench, Peer, arg, json, model, signal, text, wait_until};
 use modulo_bags::bag::{BagReader, Selection};
 use modulo_core::Frame;
@@ -20,11 +26,6 @@ use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_msgs::type_description_interfaces::{GetTypeDescriptionResponse, TypeSource};
 use modulo_msgs::vision_msgs::Detection2DArray;
-use modulo_runtime::graph::type_description;
-use modulo_runtime::transport::Transport;
-use modulo_runtime::transport::keys::{Endpoint, EntityKind, Hashes, NO_HASH, SERVICE_QOS};
-use modulo_runtime::transport::zenoh::RawService;
-use modulo_runtime::{Message, MessageKind, StampedFrame};
 use ndarray::Array3;
 
 /// A camera that sends small images for ever.
@@ -554,7 +555,7 @@ fn a_latched_message_waits_for_late_readers() {
     let late = Peer::new(&bench);
     let hear = |qos: &str| {
         let (sender, samples) = std::sync::mpsc::channel();
-        let take = move |sample: modulo_runtime::transport::RawSample| {
+        let take = move |sample: modulo_middleware::transport::RawSample| {
             let _ = sender.send((sample.payload[4], sample.attachment.map(|a| a.sequence)));
         };
         (late.transport.subscribe_raw(&late.node_name, &endpoint(qos), take).expect("declared"), samples)

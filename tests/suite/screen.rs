@@ -4,8 +4,8 @@ use std::io::{Read as _, Write as _};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::{Arc, Mutex};
 
+use modulo_middleware::parameter::client::ParameterClient;
 use modulo_runtime::MessageKind;
-use modulo_runtime::parameter::client::ParameterClient;
 use modulo_runtime::parameter::text::bare;
 
 use crate::harness::{Background, Bench, Peer, arg, data, model, signal, text, wait_until};

@@ -5,8 +5,8 @@ use std::net::TcpStream;
 use std::process::Stdio;
 use std::sync::{Mutex, mpsc};
 
-use modulo_runtime::transport::keys::PARAMETER_QOS;
-use modulo_runtime::transport::zenoh::RawService;
+use modulo_middleware::transport::zenoh::RawService;
+use modulo_runtime::wire::keys::PARAMETER_QOS;
 use serde_json::{Value, json};
 use tungstenite::client::IntoClientRequest as _;
 use tungstenite::stream::MaybeTlsStream;

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use modulo_runtime::Qos;
-use modulo_runtime::process::output::OutputError;
+use modulo_runtime::output::OutputError;
 
 use crate::FileError;
 pub use reader::{BagInfo, BagReader, Messages, Selection};

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use modulo_runtime::process::output::OutputError;
+use modulo_runtime::output::OutputError;
 
 use super::bag_file::BagFile;
 use super::metadata::{self, Contents, FileContents};

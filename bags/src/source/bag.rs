@@ -12,7 +12,7 @@ use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image};
 use modulo_msgs::std_msgs::Header;
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::MessageKind;
-use modulo_runtime::graph::camera_info_topic;
+use modulo_runtime::topic::camera_info_topic;
 
 use super::{GroundTruth, Source, SourceError, SourceFrame, SourceOptions, from_detections};
 use crate::GROUND_TRUTH_TOPIC;

@@ -14,8 +14,7 @@ use modulo_msgs::cdr::CdrError;
 use modulo_msgs::std_msgs::Time;
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::clock::nanos;
-use modulo_runtime::driver::RunError;
-use modulo_runtime::driver::lockstep::{Lockstep, OnTopic};
+use modulo_runtime::lockstep::{Lockstep, LockstepError, OnTopic};
 use modulo_runtime::{Message, Qos, sensor_info};
 use ndarray::Array3;
 use serde_json::{Value, json};
@@ -52,7 +51,7 @@ impl DetectorStream {
 pub enum EvalError {
     /// A node failed.
     #[error(transparent)]
-    Run(#[from] RunError),
+    Run(#[from] LockstepError),
     /// An image could not be written.
     #[error(transparent)]
     Save(#[from] SaveError),

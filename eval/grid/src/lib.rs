@@ -32,7 +32,7 @@ pub use modulo_charts::below_100;
 use modulo_core::SensorError;
 use modulo_detector::DetectorError;
 use modulo_runtime::ParameterError;
-use modulo_runtime::driver::RunError;
+use modulo_runtime::lockstep::LockstepError;
 
 /// Error of a grid run. The message names the value and the possible ones.
 #[derive(Debug, thiserror::Error)]
@@ -107,7 +107,7 @@ pub enum GridError {
     Detector(#[from] DetectorError),
     /// A node failed.
     #[error(transparent)]
-    Run(#[from] RunError),
+    Run(#[from] LockstepError),
 }
 
 impl GridError {

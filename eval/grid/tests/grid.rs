@@ -18,7 +18,7 @@ use modulo_eval::report;
 use modulo_eval::results::{Cell, Difficulty, Provenance, Results, Stream};
 use modulo_images::save_png;
 use modulo_msgs::vision_msgs::Detection2DArray;
-use modulo_runtime::driver::lockstep::Lockstep;
+use modulo_runtime::lockstep::Lockstep;
 use modulo_runtime::{
     Context, Flow, ManualClock, Message, Node, NodeName, ParameterError, ParameterSet as _, Parameters,
     StepError, SystemClock, Topic, Trigger,

@@ -9,7 +9,7 @@ use std::process::ExitStatus;
 use std::time::{Duration, Instant, SystemTime};
 
 use modulo_runtime::launcher;
-use modulo_runtime::process::trace::TRACE_DIR;
+use modulo_runtime::trace::TRACE_DIR;
 use nix::sys::signal::Signal;
 use tempfile::TempDir;
 use tokio::sync::watch;

@@ -7,8 +7,8 @@ use modulo_core::{Detection, Psf};
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray, LabelInfo, VisionInfo};
-use modulo_runtime::graph::diagnostics::RECOVERY_TOPIC;
 use modulo_runtime::sensor_info::{self, SensorHistory};
+use modulo_runtime::topic::RECOVERY_TOPIC;
 use modulo_runtime::{
     Context, Flow, Job, Message, MessageKind, Node, ParameterError, Parameters, Part, PlannedInputs,
     StampedFrame, StepError, Topic, Trigger,
@@ -45,7 +45,7 @@ const SHARP_FALLBACK: &str = "saturated";
 ///
 /// ```
 /// use modulo_detector::{Detector, DetectorParameters, EngineChoice};
-/// use modulo_runtime::driver::lockstep::Lockstep;
+/// use modulo_runtime::lockstep::Lockstep;
 /// use modulo_runtime::{Message, NodeName, StampedFrame, SystemClock};
 /// use modulo_core::Frame;
 ///

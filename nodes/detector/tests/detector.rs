@@ -10,7 +10,7 @@ use modulo_detector::{
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_msgs::vision_msgs::Detection2DArray;
-use modulo_runtime::driver::lockstep::Lockstep;
+use modulo_runtime::lockstep::Lockstep;
 use modulo_runtime::{
     Context, ManualClock, Message, MessageKind, Node, NodeName, ParameterSet, Parameters, SensorModel,
     StampedFrame, StepError, StepOutput, Topic, Trigger, change_parameters, sensor_info,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use modulo_msgs::sensor_msgs::CameraInfo;
 use modulo_msgs::std_msgs::Header;
-use modulo_runtime::graph::camera_info_topic;
+use modulo_runtime::topic::camera_info_topic;
 use modulo_runtime::{MessageKind, Topic};
 
 /// Returns the topics to read for the images of `name`: they, and the camera info beside them.

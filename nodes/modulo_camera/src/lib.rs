@@ -16,9 +16,10 @@ use modulo_core::sensor::{Exposure, MAX_NOISE, Sensor, SensorConfig};
 use modulo_core::{Frame, Mosaic};
 use modulo_images::White;
 use modulo_msgs::std_msgs::{Header, Time};
-use modulo_runtime::graph::{ImageCompression, NameError};
+use modulo_runtime::name::NameError;
 use modulo_runtime::parameter::file as parameter_file;
-use modulo_runtime::process::ros_args::ArgsError;
+use modulo_runtime::ros_args::ArgsError;
+use modulo_runtime::topic::ImageCompression;
 use modulo_runtime::{
     Context, Flow, Job, Message, MessageKind, Node, NodeName, ParameterError, ParameterSet as _, Parameters,
     Part, PlannedInputs, SensorModel, StampedFrame, StepError, Topic, Trigger, sensor_info,

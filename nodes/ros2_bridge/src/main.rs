@@ -1,6 +1,6 @@
 //! `ros2_bridge`: a node in two graphs, that of the suite on zenoh and that of a ROS 2 on DDS.
 //!
-//! [`modulo_runtime::bridge::BridgePlan`] describes the routes. A node of the suite whose parameters the DDS graph may
+//! [`modulo_middleware::bridge::BridgePlan`] describes the routes. A node of the suite whose parameters the DDS graph may
 //! set appears there under its own name while it is alive ([`mirror`]), with its parameter services and its topics. All
 //! other topics belong to the node of the bridge. Messages are forwarded as bytes; none is decoded here, and none goes
 //! back to the side that it came from.
@@ -15,13 +15,14 @@ use std::sync::Arc;
 use std::thread;
 
 use anyhow::Context as _;
-use modulo_runtime::bridge::{BridgeParameters, BridgePlan};
-use modulo_runtime::ros_args::RosArgs;
-use modulo_runtime::transport::Transport as _;
-use modulo_runtime::transport::keys::Hashes;
-use modulo_runtime::transport::zenoh::ZenohTransport;
-use modulo_runtime::{NodeName, ParameterSet as _, Parameters, Stop, SystemClock, Urgency, end_on_signals};
 use tracing_subscriber::EnvFilter;
+use modulo_middleware::bridge::{BridgeParameters, BridgePlan};
+use modulo_middleware::process::signals::end_on_signals;
+use modulo_middleware::transport::Transport as _;
+use modulo_middleware::transport::zenoh::ZenohTransport;
+use modulo_runtime::{NodeName, ParameterSet as _, Parameters, Stop, SystemClock, Urgency};
+use modulo_runtime::ros_args::RosArgs;
+use modulo_runtime::wire::keys::Hashes;
 
 use mirror::Mirror;
 

@@ -19,10 +19,9 @@ use modulo_core::unwrap::{
 use modulo_core::{Frame, FrameError, MAX_THREADS, Psf, Range, TwoGains, tone};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
-use modulo_runtime::graph::ImageCompression;
-use modulo_runtime::graph::diagnostics::{Diagnostics, RECOVERY_TOPIC};
 use modulo_runtime::sensor::parameters::SensorOverride;
 use modulo_runtime::sensor_info::{self, SensorHistory};
+use modulo_runtime::topic::{self, ImageCompression, RECOVERY_TOPIC};
 use modulo_runtime::{
     Context, Flow, Message, MessageKind, Node, ParameterError, ParameterSet as _, Parameters, SensorModel,
     StampedFrame, StepError, Topic, Trigger,
@@ -279,7 +278,7 @@ pub fn outputs() -> Vec<Topic> {
         Topic::new("recovered", MessageKind::Image),
         // It may have floats, which no compressed variant can hold.
         Topic { compression: ImageCompression::None, ..Topic::new("hdr", MessageKind::Image) },
-        Diagnostics::topic(),
+        topic::diagnostics(),
         Topic::new(RECOVERY_TOPIC, MessageKind::Diagnostics),
         Topic::new("confidence", MessageKind::Image),
     ]

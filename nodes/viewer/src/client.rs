@@ -5,10 +5,10 @@ use std::time::Duration;
 
 use axum::body::Bytes;
 use axum::extract::ws::{Message as Frame, WebSocket};
+use modulo_middleware::parameter::client::{ClientError, ParameterClient};
 use modulo_msgs::builtin::Time;
 use modulo_msgs::cdr;
 use modulo_msgs::rosbag2_interfaces as player;
-use modulo_runtime::parameter::client::{ClientError, ParameterClient};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use tokio::sync::mpsc;

@@ -3,13 +3,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+use modulo_middleware::graph::Graph;
+use modulo_middleware::transport::zenoh::ZenohTransport;
+use modulo_middleware::transport::{Guard, Payload, RawSample, TransportError};
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::ros_name;
 use modulo_msgs::vision_msgs::Detection2DArray;
-use modulo_runtime::graph::Graph;
-use modulo_runtime::transport::keys::{Endpoint, EntityKind};
-use modulo_runtime::transport::zenoh::ZenohTransport;
-use modulo_runtime::transport::{Guard, Payload, RawSample, TransportError};
+use modulo_runtime::wire::keys::{Endpoint, EntityKind};
 use modulo_runtime::{Clock, Message, MessageKind, NodeName};
 
 use crate::protocol::{DetectorView, GraphView, StatusView};

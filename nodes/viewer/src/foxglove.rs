@@ -13,10 +13,10 @@ use foxglove::websocket::{
     SetParametersResponder,
 };
 use foxglove::{Channel, Context, FoxgloveError, WebSocketServer, WebSocketServerHandle};
-use modulo_runtime::graph::name::is_hidden_node;
-use modulo_runtime::parameter::Value;
-use modulo_runtime::parameter::client::{ClientError, ParameterClient};
-use modulo_runtime::parameter::service::from_ros;
+use modulo_middleware::parameter::client::{ClientError, ParameterClient};
+use modulo_runtime::Value;
+use modulo_runtime::name::is_hidden_node;
+use modulo_runtime::parameter::ros::from_ros;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::task::spawn_blocking;
 

@@ -29,9 +29,9 @@ use axum::extract::{RawQuery, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
-use modulo_runtime::process::stop::Wake;
-use modulo_runtime::transport::zenoh::ZenohTransport;
-use modulo_runtime::transport::{Transport as _, TransportError};
+use modulo_middleware::transport::zenoh::ZenohTransport;
+use modulo_middleware::transport::{Transport as _, TransportError};
+use modulo_runtime::stop::Wake;
 use modulo_runtime::{Clock, NodeName, Stop, Urgency};
 use tokio::sync::{Notify, Semaphore};
 

@@ -1,10 +1,10 @@
 //! The messages between the page and the viewer: JSON texts both ways, and images as binary messages of a JSON [`ImageHeader`]
 //! behind its length (`u32`, little endian), followed by a JPEG file.
 
+use modulo_middleware::parameter::client::{ClientError, ParameterClient};
 use modulo_msgs::diagnostic_msgs::DiagnosticStatus;
 use modulo_msgs::rcl_interfaces::{ParameterDescriptor, ParameterValue};
 use modulo_msgs::vision_msgs::Detection2DArray;
-use modulo_runtime::parameter::client::{ClientError, ParameterClient};
 use modulo_runtime::parameter::text::{bare, type_name};
 use serde::{Deserialize, Serialize};
 

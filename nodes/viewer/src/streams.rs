@@ -4,12 +4,12 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use modulo_core::{Frame, Samples};
+use modulo_middleware::transport::Payload;
 use modulo_msgs::cdr;
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::std_msgs::Time;
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::StampedFrame;
-use modulo_runtime::transport::Payload;
 
 use crate::feed::{MessageOrigin, input_topic};
 use crate::protocol::{DetectorView, GraphView, PixelView};

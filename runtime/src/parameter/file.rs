@@ -16,10 +16,10 @@ use std::path::Path;
 use modulo_msgs::rcl_interfaces::ParameterValue;
 use saphyr::Yaml as Node;
 
-use crate::graph::NodeName;
+use crate::name::NodeName;
 use crate::parameter::text::{self, Yaml};
 use crate::parameter::yaml_text;
-use crate::process::ros_args::ArgsError;
+use crate::ros_args::ArgsError;
 
 /// The key under which a node's parameters stand.
 const PARAMETERS: &str = "ros__parameters";
@@ -177,7 +177,7 @@ pub fn write(node: &str, parameters: &[(String, ParameterValue)]) -> String {
 mod tests {
     use super::*;
     use crate::parameter::Value;
-    use crate::parameter::service::to_ros;
+    use crate::parameter::ros::to_ros;
 
     fn read(text: &str) -> Result<Vec<(String, String)>, String> {
         let entries = parse(text, &NodeName::new("eye", "/car", &[]).expect("valid"))?;

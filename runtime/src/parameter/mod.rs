@@ -1,10 +1,8 @@
 //! Parameters as ROS 2 has them: declared once with type, range and description, and validated as a set. A change of a
 //! parameter that a node does not know is refused; one that it is started with is ignored with a warning, as in `rclcpp`.
 
-pub mod client;
-pub mod events;
 pub mod file;
-pub mod service;
+pub mod ros;
 pub mod text;
 pub mod typed;
 mod value;

@@ -120,7 +120,7 @@ pub fn described(descriptor: &ParameterDescriptor) -> String {
 mod tests {
     use super::*;
     use crate::parameter::Value;
-    use crate::parameter::service::to_ros;
+    use crate::parameter::ros::to_ros;
     use modulo_msgs::rcl_interfaces::FloatingPointRange;
 
     #[test]

@@ -12,10 +12,10 @@ use std::sync::Arc;
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 
-use crate::graph::{Qos, Topic};
 use crate::message::{Message, MessageKind};
 use crate::parameter::{ParameterError, ParameterSet as _};
 use crate::sensor::parameters::SensorModel;
+use crate::topic::{Qos, Topic};
 
 /// Name of the topic, relative to the namespace of the camera.
 pub const TOPIC: &str = "sensor_info";

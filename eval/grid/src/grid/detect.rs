@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use modulo_core::{Detection, Frame, Samples};
 use modulo_detector::{DetectorParameters, EngineChoice};
-use modulo_runtime::driver::lockstep::Lockstep;
+use modulo_runtime::lockstep::Lockstep;
 use modulo_runtime::{Clock, Message, StampedFrame};
 
 use super::GridError;

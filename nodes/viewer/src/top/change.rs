@@ -1,7 +1,7 @@
 //! [`Change`]: a change of a parameter that a key asks for.
 
-use modulo_runtime::parameter::client::{ClientError, ParameterClient};
-use modulo_runtime::transport::zenoh::ZenohTransport;
+use modulo_middleware::parameter::client::{ClientError, ParameterClient};
+use modulo_middleware::transport::zenoh::ZenohTransport;
 
 use crate::protocol::{GraphView, ParameterView};
 

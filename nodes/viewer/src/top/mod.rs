@@ -13,10 +13,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::sleep;
 use std::time::Duration;
 
+use modulo_middleware::transport::zenoh::ZenohTransport;
+use modulo_middleware::transport::{Guard, Transport as _, TransportError};
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
-use modulo_runtime::graph::name::is_hidden_node;
-use modulo_runtime::transport::zenoh::ZenohTransport;
-use modulo_runtime::transport::{Guard, Transport as _, TransportError};
+use modulo_runtime::name::is_hidden_node;
 use modulo_runtime::{Clock, NodeName};
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Constraint, Rect};

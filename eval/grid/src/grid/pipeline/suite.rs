@@ -7,7 +7,7 @@ use modulo_camera::CameraParameters;
 use modulo_core::Mosaic;
 use modulo_core::unwrap::Method;
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
-use modulo_runtime::driver::lockstep::{Lockstep, OnTopic};
+use modulo_runtime::lockstep::{Lockstep, OnTopic};
 use modulo_runtime::{Message, SensorModel, StampedFrame};
 use modulo_unwrap::UnwrapParameters;
 use ndarray::Array3;

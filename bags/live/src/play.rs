@@ -1,0 +1,293 @@
+//! [`Player`]: messages of a bag, each with its position on the timeline of the replay, and [`PlaybackClock`]: the
+//! position of a replay, given the ticks of a clock.
+//!
+//! The caller owns clock and transport: it waits until a message is due and sends the payload as it is.
+
+use std::time::Duration;
+
+use modulo_bags::bag::{BagError, BagReader, Messages, RawMessage, Selection};
+use modulo_runtime::clock::nanos;
+
+/// A shorter part of a bag is not repeated.
+const SHORTEST_ROUND: Duration = Duration::from_millis(1);
+
+/// The behaviour at the end of the bag.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Repeat {
+    /// The replay ends.
+    #[default]
+    Once,
+    /// The bag starts again from its first message.
+    Forever,
+}
+
+/// The part of a bag that is replayed.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct PlayOptions {
+    /// Bag time that is left out at the start, and at each repetition.
+    pub start_offset: Duration,
+    /// Bag time that is played; `None` is all of it.
+    pub duration: Option<Duration>,
+    /// Behaviour at the end of the bag.
+    pub repeat: Repeat,
+    /// Names of topics; `None` is all of them.
+    pub topics: Option<Vec<String>>,
+}
+
+/// Error: a replay is not possible.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum PlayError {
+    /// The rate is not a finite number from 0 on.
+    #[error("rate = {0}: must be a finite number, 0 or above")]
+    Rate(f64),
+    /// A repetition of so little time that the messages would come without a pause.
+    #[error(
+        "loop = true: the part of the bag that is played lasts {0:?}, and at least 1 ms is needed; play more of it, or only once"
+    )]
+    Round(Duration),
+    /// A start behind the end of the bag.
+    #[error("start offset = {offset:?}: the bag lasts {duration:?}")]
+    StartOffset {
+        /// The value that was offered.
+        offset: Duration,
+        /// First to last message.
+        duration: Duration,
+    },
+}
+
+/// A message and when to send it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NextMessage {
+    /// Position on the timeline of the replay, ns: bag time since its start, rounds one after the other.
+    pub position: u64,
+    /// Topic, log time and payload.
+    pub message: RawMessage,
+}
+
+/// A bag that is being replayed.
+pub struct Player {
+    bag: BagReader,
+    selection: Selection,
+    messages: Messages,
+    repeat: Repeat,
+    /// First and last log time of a round.
+    window: (u64, u64),
+    /// Position at which this round began, ns.
+    began: u64,
+    /// Whether this round had a message: one without any is never repeated.
+    heard: bool,
+    left_out: u64,
+}
+
+impl Player {
+    /// Prepares the replay of `bag`.
+    ///
+    /// # Errors
+    /// [`PlayError::StartOffset`] for an offset behind the end, [`PlayError::Round`] for a repetition of less than 1 ms.
+    pub fn new(bag: BagReader, options: &PlayOptions) -> Result<Self, PlayError> {
+        // An empty bag lasts no time at all.
+        let (first, last) = bag.span().unwrap_or((0, 0));
+        // An offset to the very end still plays the last message.
+        let start = first.checked_add(nanos(options.start_offset)).filter(|&start| start <= last);
+        let Some(start) = start else {
+            let duration = Duration::from_nanos(last - first);
+            return Err(PlayError::StartOffset { offset: options.start_offset, duration });
+        };
+        let end = options.duration.map_or(last, |duration| last.min(start.saturating_add(nanos(duration))));
+        let selection = Selection { topics: options.topics.clone(), start_ns: Some(start) };
+        let round = Duration::from_nanos(end - start);
+        if options.repeat == Repeat::Forever && round < SHORTEST_ROUND && bag.span().is_some() {
+            return Err(PlayError::Round(round));
+        }
+        let messages = bag.messages(&selection);
+        let (repeat, window) = (options.repeat, (start, end));
+        Ok(Self { bag, selection, messages, repeat, window, began: 0, heard: false, left_out: 0 })
+    }
+
+    /// Returns the next message that can be read; `None` at the end, and after an error.
+    pub fn next_message(&mut self) -> Option<Result<NextMessage, BagError>> {
+        let (start, end) = self.window;
+        loop {
+            match self.messages.next() {
+                Some(Ok(message)) if message.log_time <= end => {
+                    self.heard = true;
+                    let position = self.began.saturating_add(message.log_time.saturating_sub(start));
+                    return Some(Ok(NextMessage { position, message }));
+                }
+                Some(Err(bad @ BagError::BadMessage { .. })) => {
+                    tracing::warn!("{bad}");
+                    self.left_out += 1;
+                }
+                Some(Err(error)) => {
+                    // The position in the bag is unknown after an error, so it is not repeated.
+                    self.repeat = Repeat::Once;
+                    return Some(Err(error));
+                }
+                // A round without any message would repeat for ever without a pause.
+                _ if self.repeat == Repeat::Once || !self.heard => return None,
+                _ => {
+                    self.heard = false;
+                    self.began = self.began.saturating_add(end - start);
+                    self.messages = self.bag.messages(&self.selection);
+                }
+            }
+        }
+    }
+
+    /// Goes on at `log_time`, ns since the epoch; the position of that moment, or `None` when it is not within the
+    /// round.
+    pub fn seek(&mut self, log_time: u64) -> Option<u64> {
+        let (start, end) = self.window;
+        if !(start..=end).contains(&log_time) {
+            return None;
+        }
+        let selection = Selection { start_ns: Some(log_time), ..self.selection.clone() };
+        self.messages = self.bag.messages(&selection);
+        self.began = 0;
+        // The rest of this round may be empty, but the next round is not.
+        self.heard = true;
+        Some(log_time - start)
+    }
+
+    /// Returns the bag's time at `position`, ns since the epoch.
+    pub fn log_time(&self, position: u64) -> u64 {
+        let (start, end) = self.window;
+        let round = end - start;
+        start
+            + match self.repeat {
+                Repeat::Forever if round > 0 => position % round,
+                _ => position.min(round),
+            }
+    }
+
+    /// Returns how many single messages could not be read so far.
+    pub fn left_out(&self) -> u64 {
+        self.left_out
+    }
+
+    /// Returns the bag.
+    pub fn bag(&self) -> &BagReader {
+        &self.bag
+    }
+}
+
+/// Whether a replay goes on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PlaybackState {
+    /// The replay runs.
+    #[default]
+    Running,
+    /// The replay is paused until it is resumed.
+    Paused,
+}
+
+/// The position of a replay, `anchor.1 + (ticks - anchor.0) * rate` while it runs. Ticks and positions are nanoseconds
+/// from an origin of their own. At rate 0 no time passes by itself: each message is due at once, and takes the position
+/// along.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlaybackClock {
+    rate: f64,
+    state: PlaybackState,
+    /// A moment in ticks, and the position then.
+    anchor: (u64, u64),
+}
+
+impl PlaybackClock {
+    /// Creates a clock that is at position 0 at `ticks`.
+    ///
+    /// # Errors
+    /// [`PlayError::Rate`] for a rate that is not a finite number from 0 on.
+    pub fn new(ticks: u64, rate: f64, state: PlaybackState) -> Result<Self, PlayError> {
+        Ok(Self { rate: check(rate)?, state, anchor: (ticks, 0) })
+    }
+
+    /// Returns the position at `ticks`, ns.
+    pub fn position(&self, ticks: u64) -> u64 {
+        match self.state {
+            PlaybackState::Paused => self.anchor.1,
+            PlaybackState::Running => {
+                let passed = ticks.saturating_sub(self.anchor.0) as f64 * self.rate;
+                self.anchor.1.saturating_add(passed as u64)
+            }
+        }
+    }
+
+    /// Returns the ticks at which `position` is reached; `None` while paused.
+    pub fn ticks_of(&self, position: u64) -> Option<u64> {
+        let ahead =
+            if self.rate == 0.0 { 0.0 } else { position.saturating_sub(self.anchor.1) as f64 / self.rate };
+        // Rounded up: at that tick it is reached, not nearly.
+        (self.state == PlaybackState::Running).then(|| self.anchor.0.saturating_add(ahead.ceil() as u64))
+    }
+
+    /// Returns the speed; 2 is twice as fast as the recording, 0 as fast as the readers take the images.
+    pub fn rate(&self) -> f64 {
+        self.rate
+    }
+
+    /// Returns whether it goes on.
+    pub fn state(&self) -> PlaybackState {
+        self.state
+    }
+
+    /// Goes on from `ticks` at another speed.
+    ///
+    /// # Errors
+    /// [`PlayError::Rate`] for a rate that is not a finite number from 0 on.
+    pub fn set_rate(&mut self, ticks: u64, rate: f64) -> Result<(), PlayError> {
+        let rate = check(rate)?;
+        // The position so far counts at the old rate; only from here on the new one holds.
+        self.jump(ticks, self.position(ticks));
+        self.rate = rate;
+        Ok(())
+    }
+
+    /// Stops or goes on at `ticks`.
+    pub fn set_state(&mut self, ticks: u64, state: PlaybackState) {
+        // The time until now belongs to the old state.
+        self.jump(ticks, self.position(ticks));
+        self.state = state;
+    }
+
+    /// Moves the replay to `position` at `ticks`.
+    pub fn jump(&mut self, ticks: u64, position: u64) {
+        self.anchor = (ticks, position);
+    }
+}
+
+fn check(rate: f64) -> Result<f64, PlayError> {
+    if rate.is_finite() && rate >= 0.0 { Ok(rate) } else { Err(PlayError::Rate(rate)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_position_is_reached_when_it_is_said(rate in 0.01..100.0_f64, ticks in 0..u64::MAX / 4, ahead in 0..1_000_000_000_000_u64) {
+            let pace = PlaybackClock::new(ticks, rate, PlaybackState::Running).expect("a rate");
+            let at = pace.ticks_of(ahead).expect("running");
+            // Below the resolution of f64 and of whole ticks.
+            prop_assert!(pace.position(at).abs_diff(ahead) as f64 <= 1.0 + rate + ahead as f64 * 1e-14);
+        }
+    }
+
+    #[test]
+    fn changes_keep_the_position() {
+        let mut pace = PlaybackClock::new(1000, 2.0, PlaybackState::Running).expect("a rate");
+        assert_eq!((pace.position(1000), pace.position(1100)), (0, 200));
+        pace.set_state(1100, PlaybackState::Paused);
+        assert_eq!((pace.position(9000), pace.ticks_of(300)), (200, None));
+        pace.set_state(9000, PlaybackState::Running);
+        pace.set_rate(9100, 0.5).expect("a rate");
+        assert_eq!((pace.position(9100), pace.position(9200), pace.ticks_of(500)), (400, 450, Some(9300)));
+        assert_eq!(pace.set_rate(9200, -0.5), Err(PlayError::Rate(-0.5)));
+        assert_eq!(pace.position(9300), 500);
+        pace.jump(9300, 7);
+        assert_eq!(pace.position(9302), 8);
+        pace.set_rate(9302, 0.0).expect("a rate");
+        assert_eq!((pace.position(9900), pace.ticks_of(500)), (8, Some(9302)), "each message is due at once");
+    }
+}

@@ -1,0 +1,87 @@
+//! The composed driver: several live nodes in one process, a thread each, on the local transport. Frames are shared,
+//! never serialised.
+
+use std::sync::Arc;
+use std::thread;
+
+use modulo_runtime::{Clock, Node, NodeName, NodeReport, ParameterError, Parameters, Stop, Urgency};
+
+use super::RunError;
+use super::live::{self, NodeSetup};
+use crate::graph::node_time::is_simulated;
+use crate::process::node_files::ReportFile;
+use crate::transport::local::LocalTransport;
+
+/// The effect of the end of a node on the other nodes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MemberExit {
+    /// The other nodes continue.
+    Continue,
+    /// The other nodes finish the messages that are on their way, and end.
+    Shutdown,
+}
+
+/// One node of a composed process.
+pub struct Member {
+    /// The node.
+    pub node: Box<dyn Node>,
+    /// Parameters of the node.
+    pub parameters: Parameters,
+    /// Its name and remaps.
+    pub node_name: NodeName,
+    /// Effect of its end on the other nodes.
+    pub on_exit: MemberExit,
+    /// File that shows the report of the node while it runs.
+    pub report_file: Option<ReportFile>,
+}
+
+/// Asks the other members to end, also when this one panics.
+struct AskOnDrop {
+    stop: Stop,
+    urgency: Urgency,
+}
+
+impl Drop for AskOnDrop {
+    fn drop(&mut self) {
+        self.stop.ask(self.urgency);
+    }
+}
+
+/// Runs all members until they are done, and returns their reports in order. A member that fails also ends the others.
+///
+/// # Errors
+/// The first member's [`RunError`].
+pub fn run(members: Vec<Member>, clock: &Arc<dyn Clock>, stop: &Stop) -> Result<Vec<NodeReport>, RunError> {
+    if members.iter().any(|member| is_simulated(&member.parameters)) {
+        let why = "no node of a composed process publishes /clock; start the nodes as processes";
+        return Err(ParameterError::new("use_sim_time", true, why).into());
+    }
+    let transport = LocalTransport::default();
+    thread::scope(|scope| {
+        // All threads are started before the first one is joined.
+        let threads: Vec<_> = members
+            .into_iter()
+            .map(|member| {
+                let (transport, stop) = (&transport, stop.clone());
+                scope.spawn(move || {
+                    let Member { node, parameters, node_name, on_exit, report_file } = member;
+                    let setup = NodeSetup { node, parameters, node_name, saved: None, report_file };
+                    // A panic leaves the urgency as it is here, so that the other members end as well.
+                    let mut end = AskOnDrop { stop: stop.clone(), urgency: Urgency::Now };
+                    let result = live::run(setup, transport, clock, stop);
+                    end.urgency = match (&result, on_exit) {
+                        (Err(_), _) => Urgency::Now,
+                        (Ok(_), MemberExit::Shutdown) => Urgency::Drain,
+                        (Ok(_), MemberExit::Continue) => Urgency::None,
+                    };
+                    result
+                })
+            })
+            .collect();
+        threads
+            .into_iter()
+            // A panic in a member is an error of the program and not a result of the run.
+            .map(|thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+            .collect()
+    })
+}

@@ -1,0 +1,172 @@
+//! The loop of a source: one frame each period, or at the pace of its readers ([`Pacing`]).
+
+use std::time::Duration;
+
+use modulo_msgs::std_msgs::Time;
+use modulo_runtime::{Address, Clock, Flow, Message, Trigger, Urgency};
+
+use super::{GRAPH_GLANCE, IDLE, Live, LiveEvent, LiveOutput, REQUESTS, nanoseconds};
+use crate::driver::RunError;
+use crate::driver::pacing::{Pacing, taken_topic};
+use crate::transport::Guard;
+use crate::transport::queue::{Keep, Lane, Next};
+
+/// The longest time by which a period that has become shorter waits for the readers of the last frame.
+const OVERLAP: Duration = Duration::from_secs(1);
+
+impl Live<'_> {
+    /// Sends one frame each period, or with a period of zero as soon as every reader has taken the last frame. The
+    /// period may change between two frames. Returns when the node is done, or has become a listener.
+    pub(super) fn run_source(&mut self) -> Result<(), RunError> {
+        // The subscription to what the readers have taken, which is held only while the period is zero.
+        let mut told: Option<(Guard, Lane)> = None;
+        // A node that watches the graph, as a recorder does, has subscribed by then.
+        let mut due = self.time.ticks_ns() + nanoseconds(self.transport.settling());
+        // When the last frame was due.
+        let mut last = None;
+        loop {
+            let (period, paced) = (self.node.period(), self.is_paced());
+            if paced != told.is_some() {
+                self.change_pacing(&mut told)?;
+                // Readers tell nothing before they have found out that this node listens.
+                due = due.max(self.time.ticks_ns() + nanoseconds(self.transport.settling()));
+            }
+            if period.is_none() {
+                return Ok(());
+            }
+            self.wait_until(due)?;
+            if self.stop.urgency() != Urgency::None {
+                return Ok(());
+            }
+            // A request has changed the pace of the frame that is waited for.
+            if self.node.period() != period {
+                due = last.map_or(due, |last| self.due_after(last, period));
+                continue;
+            }
+            if !self.enabled {
+                due = self.time.ticks_ns() + nanoseconds(IDLE);
+                continue;
+            }
+            let changes = self.changes;
+            let (flow, messages) = self.step(Trigger::Tick, "source", None, None)?;
+            // The step has made the next frame meanwhile; only its sending waits.
+            if paced {
+                self.wait_for_readers()?;
+                self.note_frame(&messages);
+            }
+            self.send_all(&messages);
+            // A request that was answered while readers were waited for may have given the node another source.
+            if flow == Flow::Done && self.changes == changes {
+                return Ok(());
+            }
+            last = Some(due);
+            due = self.due_after(due, period);
+        }
+    }
+
+    /// Returns the time of the frame after the one that was due at `last`, while the period was `before`. A shorter period holds
+    /// for the frame after the next one, or after [`OVERLAP`]: readers may still work on the last frame.
+    fn due_after(&self, last: u64, before: Option<Duration>) -> u64 {
+        let before = before.map_or(0, |before| nanoseconds(before.min(OVERLAP)));
+        next_due(last, self.period_ns().max(before), self.time.ticks_ns())
+    }
+
+    /// Begins to listen to the readers, or ends it if `told` holds the subscription.
+    fn change_pacing(&mut self, told: &mut Option<(Guard, Lane)>) -> Result<(), RunError> {
+        match told.take() {
+            Some((_, lane)) => drop(self.queue.close(lane)),
+            // Readers tell what they take only while a source listens, since it costs them a message for each frame.
+            None => *told = Some(self.listen_to_readers()?),
+        }
+        // A frame of the time before says nothing about the readers at the new pace.
+        self.pacing = Pacing::default();
+        Ok(())
+    }
+
+    fn period_ns(&self) -> u64 {
+        self.node.period().map_or(0, nanoseconds)
+    }
+
+    fn is_paced(&self) -> bool {
+        self.node.period() == Some(Duration::ZERO)
+    }
+
+    fn listen_to_readers(&self) -> Result<(Guard, Lane), RunError> {
+        let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::Last(REQUESTS)));
+        let deliver = Box::new(move |incoming| drop(queue.push(lane, LiveEvent::Taken(incoming))));
+        let address = Address::resolve(&self.node_name, &taken_topic())?;
+        Ok((self.transport.subscribe(&self.node_name, &address, deliver)?, lane))
+    }
+
+    /// Handles at most one event that waits, and all that come until `due`, or until one has changed the period.
+    fn wait_until(&mut self, due: u64) -> Result<(), RunError> {
+        let period = self.node.period();
+        loop {
+            // With no time left it still takes one event that waits, so that a fast source answers requests as well.
+            let patience = Duration::from_nanos(due.saturating_sub(self.time.ticks_ns()));
+            match self.queue.take(Some(patience.min(IDLE))) {
+                Next::Item(arrived) => drop(self.handle(arrived)?),
+                Next::Idle | Next::Ended => {}
+            }
+            self.tell_when_due();
+            let is_over = self.time.ticks_ns() >= due || self.node.period() != period;
+            if is_over || self.stop.urgency() != Urgency::None {
+                return Ok(());
+            }
+        }
+    }
+
+    fn wait_for_readers(&mut self) -> Result<(), RunError> {
+        // A frame that is ready when the node is disabled stays until the node goes on.
+        while self.stop.urgency() == Urgency::None
+            && (!self.enabled || self.pacing.holds(self.transport, &self.time))
+        {
+            let patience = if self.enabled { GRAPH_GLANCE } else { IDLE };
+            if let Next::Item(arrived) = self.queue.take(Some(patience)) {
+                self.handle(arrived)?;
+            }
+            // A source that waits long still shows that it is alive.
+            self.tell_when_due();
+        }
+        Ok(())
+    }
+
+    /// Notes that from now on the readers of the images among `messages` are waited for.
+    fn note_frame(&mut self, messages: &[(usize, Message)]) {
+        if let Some((stamp, topics)) = images(messages, &self.outputs) {
+            self.pacing.sent(stamp, topics);
+        }
+    }
+}
+
+/// Returns the time of the frame after the one due at `due`, in ns: the first multiple of `period` after it that is not
+/// past. As a timer of ROS 2 does, a late source leaves frames out; it does not catch up in a burst.
+fn next_due(due: u64, period: u64, now: u64) -> u64 {
+    let late = now.saturating_sub(due);
+    due + period * late.div_ceil(period.max(1)).max(1)
+}
+
+/// Returns the stamp of the first image among the `messages` of a step, and the topics of all its images, compressed ones
+/// included; `None` when there is no image.
+pub(super) fn images(messages: &[(usize, Message)], outputs: &[LiveOutput]) -> Option<(Time, Vec<String>)> {
+    let is_image = |message: &Message| matches!(message, Message::Image(_) | Message::CompressedImage(_));
+    let images = || messages.iter().filter(|(_, message)| is_image(message));
+    let stamp = images().next()?.1.stamp();
+    let topic =
+        |(output, message): &(usize, Message)| Some(outputs.get(*output)?.route(message.kind()).0.to_owned());
+    Some((stamp, images().filter_map(topic).collect()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_late_source_leaves_frames_out() {
+        assert_eq!(next_due(1000, 100, 1000), 1100, "on time");
+        assert_eq!(next_due(1000, 100, 1099), 1100, "late, but not for the next one");
+        assert_eq!(next_due(1000, 100, 1100), 1100);
+        assert_eq!(next_due(1000, 100, 1351), 1400, "two frames are left out");
+        assert_eq!(next_due(1000, 0, 1351), 1000, "with no period, the next frame is due at once");
+    }
+}

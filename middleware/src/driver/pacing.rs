@@ -1,0 +1,171 @@
+//! [`Pacing`]: a source that sends its next frame when the slowest reader has taken the last one.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
+use modulo_msgs::std_msgs::{Header, Time};
+use modulo_runtime::{Clock, Message, MessageKind, Topic};
+
+use crate::transport::Transport;
+
+/// A paced source goes on when a reader that is there has not taken a frame for this long.
+const READER_LIMIT_NS: u64 = 60_000_000_000;
+
+/// Where nodes tell which frame they have taken; `ros2 topic list` hides it, as every name with a leading underscore.
+const TOPIC: &str = "/_modulo/taken";
+
+/// Returns the topic, as publishers and subscribers declare it.
+pub fn taken_topic() -> Topic {
+    Topic::new(TOPIC, MessageKind::Diagnostics)
+}
+
+/// Returns the message that `node` has taken the frame of `stamp`, and published what came of it on `topics`.
+pub(super) fn taken_message(node: &str, stamp: Time, topics: &[String]) -> Message {
+    let values = topics.iter().map(|topic| KeyValue { key: topic.clone(), value: String::new() }).collect();
+    let status = DiagnosticStatus { name: node.to_owned(), values, ..DiagnosticStatus::default() };
+    let header = Header { stamp, frame_id: String::new() };
+    Message::Diagnostics(Arc::new(DiagnosticArray { header, status: vec![status] }))
+}
+
+/// The last frame of a source of rate 0, and the nodes that have taken it. Such a source sends its next frame when the
+/// slowest reader has taken the last one, so that no frame is replaced by a newer one.
+///
+/// Each live node tells on [`taken_topic`] which frame it has taken. A node that passes images on tells it when its step is
+/// over, and names the topics on which it has published, so that the source also waits for the readers of those; any
+/// other node tells it before its step, so that the source can make the next frame meanwhile. The messages are only
+/// sent while a source listens.
+#[derive(Default)]
+pub struct Pacing {
+    stamp: Option<Time>,
+    /// Topics on which the frame, or what came of it, was published.
+    topics: BTreeSet<String>,
+    /// Nodes that have taken it.
+    taken: BTreeSet<String>,
+    /// When [`Pacing::holds`] was asked first, in ticks of the clock.
+    waiting_since: Option<u64>,
+}
+
+impl Pacing {
+    /// Notes that a frame of `stamp` leaves on `topics`.
+    pub fn sent(&mut self, stamp: Time, topics: impl IntoIterator<Item = String>) {
+        *self = Self { stamp: Some(stamp), topics: topics.into_iter().collect(), ..Self::default() };
+    }
+
+    /// Returns whether an image of `stamp` on `topic` belongs to the last frame, as the second image of a stereo camera.
+    /// If so, its readers are waited for as well.
+    pub fn adds(&mut self, stamp: Time, topic: &str) -> bool {
+        self.stamp == Some(stamp) && self.topics.insert(topic.to_owned())
+    }
+
+    /// Takes a message of [`taken_topic`]. Those of earlier frames are ignored.
+    pub fn note(&mut self, message: &DiagnosticArray) {
+        if Some(message.header.stamp) == self.stamp {
+            for status in &message.status {
+                self.taken.insert(status.name.clone());
+                // What this node published comes from the frame, so the readers of that are waited for, too.
+                self.topics.extend(status.values.iter().map(|value| value.key.clone()));
+            }
+        }
+    }
+
+    /// Returns whether the next frame has to wait for a reader. A reader that hangs must not stop a source for ever, so
+    /// that the answer is no, with a warning, after 60 s of waiting.
+    pub fn holds(&mut self, transport: &dyn Transport, clock: &dyn Clock) -> bool {
+        let missing = self.waits_for(transport);
+        let since = *self.waiting_since.get_or_insert(clock.ticks_ns());
+        if missing.is_empty() || clock.ticks_ns().saturating_sub(since) <= READER_LIMIT_NS {
+            return !missing.is_empty();
+        }
+        tracing::warn!("{} has not taken a frame for 60 s: going on", missing.join(", "));
+        *self = Self::default();
+        false
+    }
+
+    /// Returns the nodes that have not taken the frame yet. Only those are waited for that publish [`taken_topic`]: other
+    /// readers, such as a viewer, set no pace. A node that leaves the graph is not waited for any longer.
+    fn waits_for(&self, transport: &dyn Transport) -> Vec<String> {
+        let telling: BTreeSet<String> = transport.publishers(TOPIC).into_iter().collect();
+        let readers = self.topics.iter().flat_map(|topic| transport.subscribers(topic));
+        // A viewer or a recorder tells nothing, and waiting for it would never end.
+        let readers: BTreeSet<String> = readers.filter(|reader| telling.contains(reader)).collect();
+        readers.difference(&self.taken).cloned().collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::transport::local::LocalTransport;
+    use crate::transport::{Guard, Publisher};
+    use modulo_runtime::{Address, ManualClock, NodeName};
+
+    fn node_name(name: &str) -> NodeName {
+        NodeName::new(name, "/", &[]).expect("a name")
+    }
+
+    /// A node that reads `topic` and tells what it takes.
+    fn reader(transport: &LocalTransport, name: &str, topic: &str) -> (Guard, Box<dyn Publisher>) {
+        let node_name = node_name(name);
+        let input = Address::resolve(&node_name, &Topic::new(topic, MessageKind::Image)).expect("a name");
+        let telling = Address::resolve(&node_name, &taken_topic()).expect("a name");
+        let subscription = transport.subscribe(&node_name, &input, Box::new(|_| ())).expect("local");
+        (subscription, transport.advertise(&node_name, &telling).expect("local"))
+    }
+
+    fn note(pacing: &mut Pacing, node: &str, ns: u64, topics: &[String]) {
+        let Message::Diagnostics(message) = taken_message(node, Time::from_ns(ns), topics) else {
+            unreachable!()
+        };
+        pacing.note(&message);
+    }
+
+    #[test]
+    fn a_source_waits_for_every_reader_down_the_chain() {
+        let transport = LocalTransport::default();
+        let _unwrap = reader(&transport, "unwrap", "/modulo");
+        let detector = reader(&transport, "detector", "/recovered");
+        let viewer = Address::resolve(&node_name("viewer"), &Topic::new("/modulo", MessageKind::Image));
+        let deliver = Box::new(|_| ());
+        let _viewer = transport.subscribe(&node_name("viewer"), &viewer.expect("a name"), deliver);
+        let mut pacing = Pacing::default();
+        assert!(pacing.waits_for(&transport).is_empty(), "the first frame waits for no reader");
+
+        pacing.sent(Time::from_ns(5), ["/modulo".to_owned()]);
+        assert_eq!(pacing.waits_for(&transport), ["/unwrap"]);
+        note(&mut pacing, "/unwrap", 4, &[]);
+        assert_eq!(pacing.waits_for(&transport), ["/unwrap"], "that was an earlier frame");
+        // The detector may be heard before the node that it reads from.
+        note(&mut pacing, "/detector", 5, &[]);
+        note(&mut pacing, "/unwrap", 5, &["/recovered".into()]);
+        assert!(pacing.waits_for(&transport).is_empty());
+
+        pacing.sent(Time::from_ns(6), ["/modulo".to_owned()]);
+        note(&mut pacing, "/unwrap", 6, &["/recovered".into()]);
+        assert_eq!(pacing.waits_for(&transport), ["/detector"]);
+        drop(detector);
+        assert!(pacing.waits_for(&transport).is_empty(), "a node that has gone is not waited for");
+
+        pacing.sent(Time::from_ns(7), ["/modulo".to_owned()]);
+        note(&mut pacing, "/unwrap", 7, &[]);
+        assert!(pacing.waits_for(&transport).is_empty(), "a frame that was skipped has no readers");
+    }
+
+    #[test]
+    fn a_reader_that_hangs_holds_a_source_for_a_minute() {
+        let (transport, clock) = (LocalTransport::default(), ManualClock::at(0));
+        let _hangs = reader(&transport, "unwrap", "/modulo");
+        let mut pacing = Pacing::default();
+        pacing.sent(Time::from_ns(5), ["/modulo".to_owned()]);
+        assert!(pacing.adds(Time::from_ns(5), "/left"));
+        assert!(
+            !pacing.adds(Time::from_ns(5), "/left") && !pacing.adds(Time::from_ns(6), "/left"),
+            "the next frame"
+        );
+        assert!(pacing.holds(&transport, &clock));
+        clock.set(READER_LIMIT_NS);
+        assert!(pacing.holds(&transport, &clock));
+        clock.set(READER_LIMIT_NS + 1);
+        assert!(!pacing.holds(&transport, &clock));
+    }
+}

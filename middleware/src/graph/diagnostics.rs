@@ -1,0 +1,294 @@
+//! [`Diagnostics`]: publishes the counts and the durations of the stages of a node on `/diagnostics`, once a second; and
+//! [`StateTopic`]: publishes the values that a node uses on `~/state`, when they change.
+
+use std::collections::BTreeMap;
+use std::rc::Rc;
+use std::sync::Arc;
+
+use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
+use modulo_msgs::std_msgs::{Header, Time};
+use modulo_runtime::report::quantile;
+use modulo_runtime::{Clock, Message, MessageKind, Node, NodeReport, Qos, Topic};
+
+use crate::transport::Publisher;
+
+/// Key of the last message on `~/state` of a node whose frames are over. A node that crashes or is asked to end does not send it.
+pub const ENDED: &str = "ended";
+
+const PERIOD_NS: u64 = 1_000_000_000;
+
+/// The `/diagnostics` publisher of one node.
+pub struct Diagnostics {
+    publisher: Rc<dyn Publisher>,
+    due: u64,
+    /// Messages that had been skipped when the last message was published.
+    bad: u64,
+    /// The work of the node since the last message.
+    window: Window,
+    /// Stamp of the last frame.
+    last_frame: Option<Time>,
+}
+
+/// The frames of the last second or so.
+#[derive(Default)]
+struct Window {
+    /// Ticks of its begin.
+    since: u64,
+    frames: u32,
+    /// Sum of the durations in ns, and their number, by stage.
+    stages: BTreeMap<&'static str, (u64, u32)>,
+}
+
+/// The condition of a node, which its status shows: it runs, waits for images in vain, or is disabled.
+pub enum NodeCondition<'a> {
+    /// It takes every frame that comes.
+    Running,
+    /// It was disabled by the service `~/enable`.
+    Disabled,
+    /// No input comes; with the warning.
+    Silent(&'a str),
+}
+
+impl Diagnostics {
+    /// Publishes with `publisher`.
+    pub fn new(publisher: Rc<dyn Publisher>) -> Self {
+        Self { publisher, due: 0, bad: 0, window: Window::default(), last_frame: None }
+    }
+
+    /// Notes the durations of the stages of a step, ns, and the stamp of its frame if it was one of an image.
+    pub fn book(&mut self, stages: &[(&'static str, u64)], frame: Option<Time>) {
+        for (stage, duration) in stages {
+            let (sum, count) = self.window.stages.entry(stage).or_default();
+            (*sum, *count) = (*sum + duration, *count + 1);
+        }
+        self.window.frames += u32::from(frame.is_some());
+        self.last_frame = frame.or(self.last_frame);
+    }
+
+    /// Returns the first stamp behind that of the last frame; before the first frame the time of `clock`.
+    pub fn next_stamp(&self, clock: &dyn Clock) -> Time {
+        Time::from_ns(self.last_frame.map_or(clock.now_ns(), |stamp| stamp.as_ns().saturating_add(1)))
+    }
+
+    /// Returns whether a second has passed since the last message, and the topic has a reader.
+    pub fn is_due(&mut self, clock: &dyn Clock) -> bool {
+        let now = clock.ticks_ns();
+        let wanted = self.publisher.wanted();
+        // The first message for a new reader is not about the hours before it.
+        if !wanted && now.saturating_sub(self.window.since) >= PERIOD_NS {
+            self.window = Window { since: now, ..Window::default() };
+        }
+        wanted && now >= self.due
+    }
+
+    /// Publishes `report`. The level is WARN when messages were skipped since the last time, and when no input comes.
+    pub fn publish(
+        &mut self,
+        clock: &dyn Clock,
+        report: &NodeReport,
+        node: &dyn Node,
+        condition: &NodeCondition<'_>,
+    ) {
+        let now = clock.ticks_ns();
+        self.due = now + PERIOD_NS;
+        let window = std::mem::replace(&mut self.window, Window { since: now, ..Window::default() });
+        let mut values = window.values(now);
+        if let Some(stamp) = self.last_frame {
+            let age = i128::from(clock.now_ns()) - i128::from(stamp.as_ns());
+            values.push(("age_ms".to_owned(), format!("{:.3}", age as f64 / 1e6)));
+        }
+        let enabled = !matches!(condition, NodeCondition::Disabled);
+        values.push(("enabled".to_owned(), enabled.to_string()));
+        let dropped: u64 = report.dropped().values().sum();
+        values.push(("dropped_frames".to_owned(), dropped.to_string()));
+        let bad = report.bad.values().sum();
+        let skipped = bad - std::mem::replace(&mut self.bad, bad);
+        let message = Message::Diagnostics(Arc::new(describe(
+            clock.now_ns(),
+            report,
+            node,
+            values,
+            (skipped, condition),
+        )));
+        if let Err(why) = self.publisher.put(&message) {
+            // A warning each second about the same fault would hide all others.
+            tracing::debug!("{why}");
+        }
+    }
+}
+
+impl Window {
+    /// Returns the rate of the frames, and the mean duration of each stage, at the ticks `now`.
+    fn values(&self, now: u64) -> Vec<(String, String)> {
+        let seconds = now.saturating_sub(self.since) as f64 / 1e9;
+        let rate = if seconds > 0.0 { f64::from(self.frames) / seconds } else { 0.0 };
+        let mut values = vec![("rate_hz".to_owned(), format!("{rate:.2}"))];
+        values.extend(self.stages.iter().map(|(stage, (sum, count))| {
+            (format!("{stage}_ms"), format!("{:.3}", *sum as f64 / 1e6 / f64::from(*count)))
+        }));
+        values
+    }
+}
+
+/// Returns the report as a diagnostics message.
+fn describe(
+    now_ns: u64,
+    report: &NodeReport,
+    node: &dyn Node,
+    recent: Vec<(String, String)>,
+    (skipped, condition): (u64, &NodeCondition<'_>),
+) -> DiagnosticArray {
+    let mut values = Vec::new();
+    // Viewers of diagnostics show these pairs as they are, so the units stand in the keys.
+    let mut say = |key: String, value: String| values.push(KeyValue { key, value });
+    for (key, value) in node.status() {
+        say(key.to_owned(), value);
+    }
+    recent.into_iter().for_each(|(key, value)| say(key, value));
+    for (what, counts) in [
+        ("received", &report.received),
+        ("published", &report.published),
+        ("replaced", &report.replaced),
+        ("lost", &report.lost),
+        ("bad", &report.bad),
+    ] {
+        for (topic, count) in counts {
+            say(format!("{what} {topic}"), count.to_string());
+        }
+    }
+    for (stage, histogram) in &report.stages {
+        for (name, q) in [("p50", 0.5), ("p99", 0.99)] {
+            if let Some(us) = quantile(histogram, q) {
+                say(format!("{stage} {name} ms"), format!("{:.3}", us as f64 / 1000.0));
+            }
+        }
+    }
+    let (level, text) = level_of(condition, skipped);
+    array(Time::from_ns(now_ns), report.node.trim_start_matches('/').to_owned(), level, text, values)
+}
+
+/// Returns the level and the text of the status of a node in this condition.
+fn level_of(condition: &NodeCondition<'_>, skipped: u64) -> (u8, String) {
+    match (condition, skipped) {
+        (NodeCondition::Disabled, _) => {
+            (DiagnosticStatus::OK, "disabled; call ~/enable with data: true to go on".to_owned())
+        }
+        (NodeCondition::Silent(warning), _) => (DiagnosticStatus::WARN, (*warning).to_owned()),
+        (NodeCondition::Running, 0) => (DiagnosticStatus::OK, "running".to_owned()),
+        (NodeCondition::Running, _) => {
+            (DiagnosticStatus::WARN, format!("{skipped} bad messages were skipped"))
+        }
+    }
+}
+
+/// Returns a message with one status. Names of statuses have no leading slash, as those of `diagnostic_updater`.
+fn array(stamp: Time, name: String, level: u8, message: String, values: Vec<KeyValue>) -> DiagnosticArray {
+    let status = DiagnosticStatus { level, name, message, hardware_id: String::new(), values };
+    DiagnosticArray { header: Header { stamp, frame_id: String::new() }, status: vec![status] }
+}
+
+/// The `~/state` publisher of one node: the values in use, latched and stamped with the first frame that they hold for.
+pub struct StateTopic {
+    publisher: Box<dyn Publisher>,
+    last: Option<Vec<(&'static str, String)>>,
+}
+
+impl StateTopic {
+    /// Returns the topic, a `diagnostic_msgs/msg/DiagnosticArray`, which every ROS 2 node can read.
+    pub fn topic() -> Topic {
+        Topic { qos: Qos::Latched, ..Topic::new("~/state", MessageKind::Diagnostics) }
+    }
+
+    /// Publishes with `publisher`.
+    pub fn new(publisher: Box<dyn Publisher>) -> Self {
+        Self { publisher, last: None }
+    }
+
+    /// Publishes the values that `node`, which is called `name`, uses from the frame of `stamp` on, if they have changed.
+    /// `of_driver` are the values that the node itself does not know, such as the name of the stream that it answers.
+    pub fn tell(&mut self, stamp: Time, name: &str, node: &dyn Node, of_driver: Vec<(&'static str, String)>) {
+        let state = [node.state(), of_driver].concat();
+        if self.last.as_ref() != Some(&state) {
+            self.put(stamp, name, &state);
+            self.last = Some(state);
+        }
+    }
+
+    /// Publishes that the node, which is called `name`, ends because its frames are over ([`ENDED`]), beside the last values.
+    pub fn tell_end(&mut self, stamp: Time, name: &str) {
+        let mut state = self.last.take().unwrap_or_default();
+        state.push((ENDED, "true".to_owned()));
+        self.put(stamp, name, &state);
+    }
+
+    fn put(&self, stamp: Time, name: &str, state: &[(&'static str, String)]) {
+        let value = |(key, value): &(&str, String)| KeyValue { key: (*key).to_owned(), value: value.clone() };
+        let (name, values) =
+            (format!("{}: state", name.trim_start_matches('/')), state.iter().map(value).collect());
+        let message = array(stamp, name, DiagnosticStatus::OK, "in use".to_owned(), values);
+        if let Err(why) = self.publisher.put(&Message::Diagnostics(Arc::new(message))) {
+            tracing::warn!("{why}");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::channel;
+    use std::time::Duration;
+
+    use super::*;
+    use crate::transport::local::LocalTransport;
+    use crate::transport::{Incoming, Transport};
+    use modulo_runtime::report::add;
+    use modulo_runtime::{
+        Address, Context, Flow, ManualClock, NodeName, ParameterError, Parameters, StepError, Trigger,
+    };
+
+    struct Idle;
+
+    impl Node for Idle {
+        fn inputs(&self) -> Vec<Topic> {
+            Vec::new()
+        }
+        fn outputs(&self) -> Vec<Topic> {
+            Vec::new()
+        }
+        fn configure(&mut self, _: &Parameters) -> Result<(), ParameterError> {
+            Ok(())
+        }
+        fn step(&mut self, _: Trigger, _: &mut Context<'_>) -> Result<Flow, StepError> {
+            Ok(Flow::Done)
+        }
+    }
+
+    #[test]
+    fn the_topic_is_remapped_and_a_warning_ends_with_its_cause() {
+        let transport = LocalTransport::default();
+        let remaps = [("/diagnostics".to_owned(), "/health".to_owned())];
+        let node_name = NodeName::new("unwrap", "/", &remaps).expect("names");
+        let (sender, arrived) = channel();
+        let deliver = Box::new(move |incoming| sender.send(incoming).expect("the test listens"));
+        let address = Address::resolve(&node_name, &modulo_runtime::topic::diagnostics()).expect("a name");
+        assert_eq!(address.topic, "/health");
+        let _subscription = transport.subscribe(&node_name, &address, deliver).expect("local");
+        let publisher = transport.advertise(&node_name, &address).expect("local");
+        let mut diagnostics = Diagnostics::new(publisher.into());
+        let clock = ManualClock::at(0);
+        let mut report = NodeReport::new("/unwrap");
+        let mut levels = Vec::new();
+        for bad in [0, 2, 0, 1] {
+            add(&mut report.bad, "/modulo", bad);
+            assert!(diagnostics.is_due(&clock));
+            diagnostics.publish(&clock, &report, &Idle, &NodeCondition::Running);
+            assert!(!diagnostics.is_due(&clock), "once a second");
+            clock.set(clock.now_ns() + Duration::from_secs(1).as_nanos() as u64);
+            let Ok(Incoming::Message(Message::Diagnostics(array))) = arrived.try_recv() else {
+                panic!("a message on the remapped topic")
+            };
+            levels.push(array.status[0].level);
+        }
+        let [ok, warn] = [DiagnosticStatus::OK, DiagnosticStatus::WARN];
+        assert_eq!(levels, [ok, warn, ok, warn]);
+    }
+}

@@ -1,0 +1,110 @@
+//! Everything that the ROS graph sees of a node beside its topics: its services, `/diagnostics`, `/rosout`, `/clock`,
+//! the level of its log and the descriptions of its types; and the graph itself, with the endpoints that do not fit together.
+
+pub mod diagnostics;
+pub mod discovery;
+pub mod logger;
+pub mod node_time;
+pub mod rosout;
+pub mod type_description;
+
+pub use discovery::Graph;
+
+use modulo_runtime::name::{NameError, NodeName};
+use modulo_runtime::wire::keys::{Durability, Profile, Reliability, qos_string};
+use modulo_runtime::{Address, Allowed, Descriptor, Parameters, Topic, Value};
+
+/// Words of the policies in parameters.
+const RELIABILITIES: [(&str, Reliability); 2] =
+    [("reliable", Reliability::Reliable), ("best_effort", Reliability::BestEffort)];
+const DURABILITIES: [(&str, Durability); 2] =
+    [("volatile", Durability::Volatile), ("transient_local", Durability::TransientLocal)];
+
+/// Returns the name of the parameter for a policy of the publishers of `topic`, as `rclcpp` has it.
+fn override_name(topic: &str, policy: &str) -> String {
+    format!("qos_overrides.{topic}.publisher.{policy}")
+}
+
+/// Declares the parameters with which a user overrides the quality of service of `outputs`, the topics that `node`
+/// publishes. Only policies that the transport honours are declared; it never keeps all samples, so that `history` has
+/// one possible value.
+///
+/// # Errors
+/// [`NameError`] when a topic has no valid name.
+pub fn qos_overrides(node: &NodeName, outputs: &[Topic]) -> Result<Vec<Descriptor>, NameError> {
+    let mut declared = Vec::new();
+    for topic in outputs {
+        let address = Address::resolve(node, topic)?;
+        let Profile { reliability, durability, depth } = Profile::parse(qos_string(address.qos));
+        let reliability = RELIABILITIES.iter().find(|(_, value)| *value == reliability);
+        let durability = DURABILITIES.iter().find(|(_, value)| *value == durability);
+        let word = |word: Option<&str>| Value::String(word.unwrap_or_default().to_owned());
+        let depth = Value::Integer(i64::try_from(depth).unwrap_or(i64::MAX));
+        for (policy, default, allowed) in [
+            ("depth", depth, Allowed::Integers { from: 1, to: 10_000 }),
+            ("durability", word(durability.map(|d| d.0)), Allowed::Words(DURABILITIES.map(|d| d.0).into())),
+            ("history", word(Some("keep_last")), Allowed::Words(vec!["keep_last"])),
+            (
+                "reliability",
+                word(reliability.map(|r| r.0)),
+                Allowed::Words(RELIABILITIES.map(|r| r.0).into()),
+            ),
+        ] {
+            // A process declares a few of these names once, and a name lives as long as the process.
+            let name = override_name(&address.topic, policy).leak();
+            let description = "Quality of service of the publishers of this topic.";
+            declared.push(Descriptor { name, default, allowed, read_only: true, description });
+        }
+    }
+    Ok(declared)
+}
+
+/// Returns the profile that the parameters of [`qos_overrides`] give the publishers of `topic`; `None` where they are not
+/// declared.
+pub fn overridden(topic: &str, parameters: &Parameters) -> Option<Profile> {
+    let value = |policy| parameters.get(&override_name(topic, policy));
+    let word = |policy| match value(policy) {
+        Some(Value::String(word)) => Some(word.as_str()),
+        _ => None,
+    };
+    let Some(Value::Integer(depth)) = value("depth") else { return None };
+    let (reliability, durability) = (word("reliability")?, word("durability")?);
+    Some(Profile {
+        reliability: RELIABILITIES.iter().find(|(word, _)| *word == reliability)?.1,
+        durability: DURABILITIES.iter().find(|(word, _)| *word == durability)?.1,
+        depth: usize::try_from(*depth).ok()?,
+    })
+}
+
+/// Declares the services of a node: each variant has the name of its ROS type in `package`, and a name below the name
+/// of the node.
+///
+/// ```
+/// modulo_middleware::services! {
+///     /// The services of a lamp.
+///     pub enum LampService in "std_srvs" {
+///         SetBool = "set_light",
+///     }
+/// }
+/// assert_eq!(LampService::SetBool.name_and_type(), ("set_light", "std_srvs/srv/SetBool"));
+/// ```
+#[macro_export]
+macro_rules! services {
+    ($(#[$about:meta])* pub enum $services:ident in $package:literal { $($type:ident = $name:literal,)+ }) => {
+        $(#[$about])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum $services {
+            $(#[doc = concat!("`~/", $name, "`")] $type,)+
+        }
+
+        impl $services {
+            /// All services, in the order of their declaration.
+            pub const ALL: &[Self] = &[$(Self::$type),+];
+
+            /// Returns the name of the service below the name of its node, and its ROS type.
+            pub fn name_and_type(self) -> (&'static str, &'static str) {
+                match self { $(Self::$type => ($name, concat!($package, "/srv/", stringify!($type)))),+ }
+            }
+        }
+    };
+}

@@ -1,0 +1,178 @@
+//! The transport between the nodes of one process: it hands on an `Arc` and serialises nothing. A message that a
+//! subscriber does not take in time is replaced, as between processes.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use modulo_runtime::{Address, Message, MessageKind, NodeName};
+
+use super::{Deliver, Guard, Incoming, ParameterPort, Publisher, Transport, TransportError};
+
+/// The graph of one process. Clones share it.
+#[derive(Clone, Default)]
+pub struct LocalTransport {
+    graph: Arc<Mutex<LocalGraph>>,
+}
+
+#[derive(Default)]
+struct LocalGraph {
+    /// Topic, kind of its messages and node of each publisher.
+    publishers: Vec<(String, MessageKind, String)>,
+    subscribers: BTreeMap<String, Vec<Subscriber>>,
+    nodes: Vec<String>,
+    next_id: u64,
+}
+
+struct Subscriber {
+    id: u64,
+    node: String,
+    deliver: Deliver,
+}
+
+/// Runs its closure when dropped: takes a declaration out of the graph.
+struct Undeclare<F: FnMut() + Send + Sync>(F);
+
+impl<F: FnMut() + Send + Sync> Drop for Undeclare<F> {
+    fn drop(&mut self) {
+        (self.0)();
+    }
+}
+
+struct LocalPublisher {
+    transport: LocalTransport,
+    topic: String,
+    _gone: Guard,
+}
+
+impl LocalTransport {
+    fn graph(&self) -> MutexGuard<'_, LocalGraph> {
+        self.graph.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Publisher for LocalPublisher {
+    fn wanted(&self) -> bool {
+        self.transport.graph().subscribers.get(&self.topic).is_some_and(|s| !s.is_empty())
+    }
+
+    fn put(&self, message: &Message) -> Result<(), TransportError> {
+        // Held while messages are delivered, so that a subscription that has ended receives none.
+        let graph = self.transport.graph();
+        for subscriber in graph.subscribers.get(&self.topic).into_iter().flatten() {
+            (subscriber.deliver)(Incoming::Message(message.clone()));
+        }
+        Ok(())
+    }
+}
+
+impl Transport for LocalTransport {
+    fn advertise(&self, node: &NodeName, address: &Address) -> Result<Box<dyn Publisher>, TransportError> {
+        let topic = address.topic.clone();
+        let entry = (topic.clone(), address.kind, node.fully_qualified());
+        self.graph().publishers.push(entry.clone());
+        let transport = self.clone();
+        let gone = Undeclare(move || {
+            let publishers = &mut transport.graph().publishers;
+            if let Some(index) = publishers.iter().position(|publisher| *publisher == entry) {
+                // Only one entry: a node may publish a topic twice, and the other publisher is still there.
+                publishers.swap_remove(index);
+            }
+        });
+        Ok(Box::new(LocalPublisher { transport: self.clone(), topic, _gone: Box::new(gone) }))
+    }
+
+    fn subscribe(
+        &self,
+        node: &NodeName,
+        address: &Address,
+        deliver: Deliver,
+    ) -> Result<Guard, TransportError> {
+        let mut graph = self.graph();
+        // A node may subscribe to one topic twice, so its name does not identify a subscription.
+        let id = graph.next_id;
+        graph.next_id += 1;
+        let subscriber = Subscriber { id, node: node.fully_qualified(), deliver };
+        graph.subscribers.entry(address.topic.clone()).or_default().push(subscriber);
+        let (transport, topic) = (self.clone(), address.topic.clone());
+        Ok(Box::new(Undeclare(move || {
+            if let Some(list) = transport.graph().subscribers.get_mut(&topic) {
+                list.retain(|s| s.id != id);
+            }
+        })))
+    }
+
+    fn announce(&self, node: &NodeName) -> Result<Guard, TransportError> {
+        let name = node.fully_qualified();
+        self.graph().nodes.push(name.clone());
+        let transport = self.clone();
+        Ok(Box::new(Undeclare(move || transport.graph().nodes.retain(|n| *n != name))))
+    }
+
+    /// Keeps `port` and offers it to no caller: a local node cannot be reached from outside of its process.
+    fn serve_parameters(&self, _node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError> {
+        Ok(Box::new(port))
+    }
+
+    fn is_ready(&self, node: &str) -> bool {
+        self.graph().nodes.iter().any(|n| n == node)
+    }
+
+    fn publishers(&self, topic: &str) -> Vec<String> {
+        let graph = self.graph();
+        graph.publishers.iter().filter(|(on, ..)| on == topic).map(|(.., node)| node.clone()).collect()
+    }
+
+    fn published(&self, kind: MessageKind) -> Vec<(String, String)> {
+        let graph = self.graph();
+        let of_kind = graph.publishers.iter().filter(|(_, on, _)| *on == kind);
+        of_kind.map(|(topic, _, node)| (topic.clone(), node.clone())).collect()
+    }
+
+    fn subscribers(&self, topic: &str) -> Vec<String> {
+        let graph = self.graph();
+        graph.subscribers.get(topic).into_iter().flatten().map(|s| s.node.clone()).collect()
+    }
+
+    fn settling(&self) -> Duration {
+        Duration::ZERO
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::channel;
+
+    use modulo_msgs::vision_msgs::Detection2DArray;
+
+    use super::*;
+    use modulo_runtime::Qos;
+
+    #[test]
+    fn declarations_end_with_their_guards() {
+        let transport = LocalTransport::default();
+        let node = NodeName::new("n", "/", &[]).expect("valid");
+        let address =
+            Address { topic: "/t".into(), kind: MessageKind::Detections, qos: Qos::Results, profile: None };
+        let publisher = transport.advertise(&node, &address).expect("local");
+        assert!(!publisher.wanted() && transport.publishers("/t") == ["/n"] && !transport.is_ready("/n"));
+
+        let (sender, arrived) = channel();
+        let deliver = Box::new(move |incoming| sender.send(incoming).expect("the test listens"));
+        let subscription = transport.subscribe(&node, &address, deliver).expect("local");
+        let ready = transport.announce(&node).expect("local");
+        assert!(publisher.wanted() && transport.is_ready("/n") && transport.subscribers("/t") == ["/n"]);
+
+        let array = Arc::new(Detection2DArray::default());
+        publisher.put(&Message::Detections(array.clone())).expect("local");
+        let Ok(Incoming::Message(Message::Detections(got))) = arrived.try_recv() else {
+            panic!("the message must have arrived")
+        };
+        assert!(Arc::ptr_eq(&got, &array), "shared, not copied");
+
+        drop((subscription, ready));
+        assert!(!publisher.wanted() && !transport.is_ready("/n"));
+        drop(publisher);
+        assert!(transport.publishers("/t").is_empty());
+    }
+}

@@ -1,0 +1,240 @@
+//! The transport of messages from node to node. Two transports implement one trait: `local` within a process (shared,
+//! never serialised) and `zenoh` between processes.
+
+pub mod local;
+pub mod queue;
+pub mod zenoh;
+
+use std::fmt;
+use std::ops::Deref;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Sender;
+
+use modulo_runtime::message::DecodeError;
+use modulo_runtime::wire::attachment::Attachment;
+use modulo_runtime::{Address, Message, MessageKind, NodeName, ParameterError, Parameters, Value};
+
+use crate::transport::queue::Queued;
+
+/// Shared bytes; cheap to clone, read as a slice.
+#[derive(Clone)]
+pub struct Payload(Arc<dyn AsRef<[u8]> + Send + Sync>);
+
+impl Payload {
+    /// Returns the bytes of `keeper`.
+    pub fn new(keeper: impl AsRef<[u8]> + Send + Sync + 'static) -> Self {
+        Self(Arc::new(keeper))
+    }
+}
+
+impl Deref for Payload {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        (*self.0).as_ref()
+    }
+}
+
+impl fmt::Debug for Payload {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} bytes", self.len())
+    }
+}
+
+/// A sample as it came over the wire.
+#[derive(Clone, Debug)]
+pub struct RawSample {
+    /// CDR with its encapsulation header.
+    pub payload: Payload,
+    /// The number that the publisher gave it; nodes of a ROS stack always send one.
+    pub attachment: Option<Attachment>,
+}
+
+impl Queued for RawSample {
+    fn bytes(&self) -> usize {
+        self.payload.len()
+    }
+
+    fn attachment(&self) -> Option<&Attachment> {
+        self.attachment.as_ref()
+    }
+}
+
+/// A message that waits in a queue. A sample is not decoded yet, so that a replaced image costs no decoding.
+#[derive(Clone, Debug)]
+pub enum Incoming {
+    /// A message from the same process.
+    Message(Message),
+    /// CDR from another one.
+    Sample(RawSample),
+}
+
+impl Queued for Incoming {
+    fn bytes(&self) -> usize {
+        match self {
+            Self::Message(_) => 0,
+            Self::Sample(sample) => sample.bytes(),
+        }
+    }
+
+    fn attachment(&self) -> Option<&Attachment> {
+        match self {
+            Self::Message(_) => None,
+            Self::Sample(sample) => sample.attachment(),
+        }
+    }
+}
+
+/// Takes each message of a subscription, on a thread of the transport. It must not wait.
+pub type Deliver = Box<dyn Fn(Incoming) + Send + Sync>;
+
+impl Incoming {
+    /// Returns the message inside, which must be of `kind`.
+    ///
+    /// # Errors
+    /// [`DecodeError`] when the bytes are no message of that kind.
+    pub fn open(self, kind: MessageKind) -> Result<Message, DecodeError> {
+        match self {
+            Self::Message(message) => Ok(message),
+            Self::Sample(sample) => Message::decode(kind, &sample.payload),
+        }
+    }
+}
+
+/// A publisher. Dropping it takes it out of the graph.
+pub trait Publisher: Send {
+    /// Returns whether the topic has a reader now.
+    fn wanted(&self) -> bool;
+
+    /// Sends one message to all readers.
+    ///
+    /// # Errors
+    /// [`TransportError`] when it could not be handed over.
+    fn put(&self, message: &Message) -> Result<(), TransportError>;
+}
+
+/// Changes of parameters asked for from outside, answered between two steps.
+#[derive(Debug)]
+pub struct ParameterRequest {
+    /// Changes that are applied one after the other. Of a change, either all values are set or none of them.
+    pub changes: Vec<Vec<(String, Value)>>,
+    /// Receiver of the answer.
+    pub answer: Sender<ParameterAnswer>,
+    /// Decides between the node that applies the request and the caller that gives up.
+    pub claim: Claim,
+}
+
+/// The answer of a node to a [`ParameterRequest`].
+#[derive(Debug, PartialEq, Eq)]
+pub enum ParameterAnswer {
+    /// The node has begun to load what the changes need, such as a model. They take effect when that is done, also when the
+    /// caller waits no longer. `Done` follows.
+    Loading,
+    /// One result for each change.
+    Done(Vec<Result<(), ParameterError>>),
+}
+
+/// A right that exactly one of its holders gets: clones share it.
+#[derive(Clone, Debug, Default)]
+pub struct Claim(Arc<AtomicBool>);
+
+impl Claim {
+    /// Returns whether the caller is the first to ask.
+    pub fn take(&self) -> bool {
+        !self.0.swap(true, Ordering::SeqCst)
+    }
+
+    /// Returns whether a holder has the right already.
+    pub fn is_taken(&self) -> bool {
+        self.0.load(Ordering::SeqCst)
+    }
+}
+
+/// The access of a transport to the parameters of a node.
+pub struct ParameterPort {
+    /// Reads the current set.
+    pub read: Box<dyn Fn() -> Parameters + Send + Sync>,
+    /// Hands a request to the node's loop; returns it when the node has too many or is ending.
+    pub request: Box<dyn Fn(ParameterRequest) -> Option<ParameterRequest> + Send + Sync>,
+}
+
+/// Pauses a node (`false`) or lets it go on; the error is the reason why it has not done so.
+pub type Enable = Box<dyn Fn(bool) -> Result<(), String> + Send + Sync>;
+
+/// Something that must stay alive for a declaration to hold.
+pub type Guard = Box<dyn Send + Sync>;
+
+/// A carrier of messages.
+pub trait Transport: Send + Sync {
+    /// Declares a publisher of `node`.
+    ///
+    /// # Errors
+    /// [`TransportError`] when the transport fails.
+    fn advertise(&self, node: &NodeName, address: &Address) -> Result<Box<dyn Publisher>, TransportError>;
+
+    /// Declares a subscription of `node`, which lasts until the guard is dropped.
+    ///
+    /// # Errors
+    /// [`TransportError`] when the transport fails.
+    fn subscribe(
+        &self,
+        node: &NodeName,
+        address: &Address,
+        deliver: Deliver,
+    ) -> Result<Guard, TransportError>;
+
+    /// Shows `node` in the graph: from now on it counts as ready.
+    ///
+    /// # Errors
+    /// [`TransportError`] when the transport fails.
+    fn announce(&self, node: &NodeName) -> Result<Guard, TransportError>;
+
+    /// Makes the node's parameters reachable from outside.
+    ///
+    /// # Errors
+    /// [`TransportError`] when the transport fails.
+    fn serve_parameters(&self, node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError>;
+
+    /// Offers the service `~/enable` of `node`; `enable` pauses the node or lets it go on, and returns when that is done. A
+    /// transport within one process offers it to no caller.
+    ///
+    /// # Errors
+    /// [`TransportError`] when the transport fails.
+    fn serve_enable(&self, node: &NodeName, enable: Enable) -> Result<Guard, TransportError> {
+        let _ = (node, enable);
+        Ok(Box::new(()))
+    }
+
+    /// Returns whether the node with this fully qualified name has been announced.
+    fn is_ready(&self, node: &str) -> bool;
+
+    /// Returns the fully qualified names of the nodes that publish `topic` now.
+    fn publishers(&self, topic: &str) -> Vec<String>;
+
+    /// Returns (topic, node) of each publisher of messages of `kind` now.
+    fn published(&self, kind: MessageKind) -> Vec<(String, String)>;
+
+    /// Returns the fully qualified names of the nodes that subscribe to `topic` now.
+    fn subscribers(&self, topic: &str) -> Vec<String>;
+
+    /// Returns the time after the end of the last publisher during which a message may still be on its way.
+    fn settling(&self) -> std::time::Duration;
+}
+
+/// Error: the transport did not do what was requested.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{what}: {why}")]
+pub struct TransportError {
+    /// The operation, with its topic or node.
+    pub what: String,
+    /// The error of the transport.
+    pub why: String,
+}
+
+impl TransportError {
+    /// Creates the error of the operation `what`.
+    pub fn new(what: impl Into<String>, why: impl std::fmt::Display) -> Self {
+        Self { what: what.into(), why: why.to_string() }
+    }
+}

@@ -1,0 +1,238 @@
+//! The wire: the suite's nodes on a zenoh session, speaking the rmw_zenoh convention. The only folder that names zenoh.
+//!
+//! Sessions of one machine find each other without a router: the first one listens on a loopback port of the domain,
+//! all others connect to it and learn of each other there. When it ends, the next new session takes its place. A router
+//! on port 7447 is used when there is one.
+
+mod listen;
+mod service;
+mod session;
+mod topic;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use modulo_runtime::wire::keys::{self, Endpoint, EntityKind, Hashes, Token};
+use modulo_runtime::{Address, Clock, MessageKind, NodeName};
+use zenoh::liveliness::LivelinessToken;
+use zenoh::pubsub::Subscriber;
+use zenoh::sample::SampleKind;
+use zenoh::{Session, Wait};
+
+pub use listen::TopicListener;
+pub use service::{RawAnswer, RawService};
+pub use session::meeting_port;
+pub use topic::RawPublisher;
+
+use super::{Deliver, Enable, Guard, Incoming, ParameterPort, Publisher, Transport, TransportError};
+use crate::graph::Graph;
+
+/// A zenoh session in one ROS domain.
+pub struct ZenohTransport {
+    session: Session,
+    domain: u32,
+    hashes: Hashes,
+    clock: Arc<dyn Clock>,
+    graph: Arc<Mutex<Graph>>,
+    next_id: AtomicU64,
+    node_ids: Mutex<BTreeMap<String, u64>>,
+    _watch: Subscriber<()>,
+}
+
+impl ZenohTransport {
+    /// Opens a session in `domain`. `ZENOH_SESSION_CONFIG_URI` replaces the configuration, `ZENOH_CONFIG_OVERRIDE`
+    /// ("key=json5;key=json5") changes single keys of it. `hashes` is the form that the other nodes of the domain use.
+    ///
+    /// # Errors
+    /// [`TransportError`] with the error of zenoh.
+    pub fn open(domain: u32, hashes: Hashes, clock: Arc<dyn Clock>) -> Result<Self, TransportError> {
+        let session = session::open_session(domain)?;
+        let graph = Arc::new(Mutex::new(Graph::default()));
+        let watch = watch_graph(&session, domain, &graph)?;
+        Ok(Self {
+            session,
+            domain,
+            hashes,
+            clock,
+            graph,
+            next_id: AtomicU64::new(0),
+            node_ids: Mutex::default(),
+            _watch: watch,
+        })
+    }
+
+    /// Returns the graph as it is now.
+    pub fn graph(&self) -> Graph {
+        lock(&self.graph).clone()
+    }
+
+    /// Ends the session after everything sent has left.
+    pub fn close(self) {
+        if let Err(why) = self.session.close().wait() {
+            tracing::warn!("zenoh session did not close: {why}");
+        }
+    }
+
+    fn new_id(&self) -> u64 {
+        self.next_id.fetch_add(1, Ordering::Relaxed)
+    }
+
+    fn token(&self, node: &NodeName, kind: EntityKind, endpoint: Option<Endpoint>) -> Token {
+        // All endpoints of a node carry its number, whichever of them is declared first.
+        let node_id = *lock(&self.node_ids).entry(node.fully_qualified()).or_insert_with(|| self.new_id());
+        // As in rmw_zenoh, a node and its endpoints are numbered by one counter.
+        let entity_id = if kind == EntityKind::Node { node_id } else { self.new_id() };
+        Token {
+            domain: self.domain,
+            session: self.session.zid().to_string(),
+            node_id,
+            entity_id,
+            kind,
+            namespace: node.namespace.clone(),
+            node: node.name.clone(),
+            endpoint,
+        }
+    }
+
+    fn declare(&self, token: &Token) -> Result<LivelinessToken, TransportError> {
+        let key = token.to_key();
+        self.session
+            .liveliness()
+            .declare_token(key.clone())
+            .wait()
+            .map_err(|why| TransportError::new(format!("token {key}"), why))
+    }
+
+    /// Returns the form of `hash` on this wire.
+    fn hash(&self, hash: String) -> String {
+        match self.hashes {
+            Hashes::Rihs01 => hash,
+            Hashes::None => keys::NO_HASH.to_owned(),
+        }
+    }
+
+    fn topic_endpoint(&self, address: &Address) -> Endpoint {
+        Endpoint {
+            topic: address.topic.clone(),
+            dds_type: modulo_msgs::dds_name(address.kind.type_name()),
+            type_hash: self.hash(address.kind.type_hash()),
+            qos: address
+                .profile
+                .map_or_else(|| keys::qos_string(address.qos).to_owned(), |own| own.to_string()),
+        }
+    }
+
+    fn key(&self, endpoint: &Endpoint) -> String {
+        keys::data_key(self.domain, &endpoint.topic, &endpoint.dds_type, &endpoint.type_hash)
+    }
+}
+
+impl Transport for ZenohTransport {
+    fn advertise(&self, node: &NodeName, address: &Address) -> Result<Box<dyn Publisher>, TransportError> {
+        Ok(Box::new(self.advertise_raw(node, &self.topic_endpoint(address))?))
+    }
+
+    fn subscribe(
+        &self,
+        node: &NodeName,
+        address: &Address,
+        deliver: Deliver,
+    ) -> Result<Guard, TransportError> {
+        self.subscribe_raw(node, &self.topic_endpoint(address), move |sample| {
+            deliver(Incoming::Sample(sample))
+        })
+    }
+
+    fn announce(&self, node: &NodeName) -> Result<Guard, TransportError> {
+        Ok(Box::new(self.declare(&self.token(node, EntityKind::Node, None))?))
+    }
+
+    fn serve_parameters(&self, node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError> {
+        self.serve(node, port)
+    }
+
+    fn serve_enable(&self, node: &NodeName, enable: Enable) -> Result<Guard, TransportError> {
+        self.serve_raw(node, vec![service::enable_service(enable)])
+    }
+
+    fn is_ready(&self, node: &str) -> bool {
+        lock(&self.graph).has_node(node)
+    }
+
+    fn publishers(&self, topic: &str) -> Vec<String> {
+        lock(&self.graph).endpoints(EntityKind::Publisher, topic).map(Token::node_name).collect()
+    }
+
+    fn published(&self, kind: MessageKind) -> Vec<(String, String)> {
+        let dds_type = modulo_msgs::dds_name(kind.type_name());
+        let graph = lock(&self.graph);
+        let publishers = graph.tokens().filter(|token| token.kind == EntityKind::Publisher);
+        let of_kind = publishers.filter_map(|token| {
+            let endpoint = token.endpoint.as_ref().filter(|endpoint| endpoint.dds_type == dds_type)?;
+            Some((endpoint.topic.clone(), token.node_name()))
+        });
+        of_kind.collect()
+    }
+
+    fn subscribers(&self, topic: &str) -> Vec<String> {
+        lock(&self.graph).endpoints(EntityKind::Subscription, topic).map(Token::node_name).collect()
+    }
+
+    /// Returns 300 ms: the end of a token travels in another queue than the data and may overtake it.
+    fn settling(&self) -> Duration {
+        Duration::from_millis(300)
+    }
+}
+
+fn stamp(clock: &dyn Clock) -> i64 {
+    i64::try_from(clock.now_ns()).unwrap_or(i64::MAX)
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Keeps `graph` as it is in `domain` until the subscriber is dropped, and warns once about each endpoint that does not
+/// fit an endpoint of this session, since zenoh gives no warning.
+fn watch_graph(
+    session: &Session,
+    domain: u32,
+    graph: &Arc<Mutex<Graph>>,
+) -> Result<Subscriber<()>, TransportError> {
+    let (graph, own) = (graph.clone(), session.zid().to_string());
+    let said = Mutex::new(BTreeSet::new());
+    session
+        .liveliness()
+        .declare_subscriber(keys::token_selector(domain))
+        // Tokens from before this session count as well.
+        .history(true)
+        .callback(move |sample| {
+            let key = sample.key_expr().as_str();
+            match sample.kind() {
+                SampleKind::Put => {
+                    for conflict in appear(&graph, key, &own) {
+                        // A token comes again after each reconnection, but its conflict is told once.
+                        if lock(&said).insert(conflict.clone()) {
+                            tracing::warn!("{conflict}");
+                        }
+                    }
+                }
+                SampleKind::Delete => lock(&graph).disappear(key),
+            }
+        })
+        .wait()
+        .map_err(|why| TransportError::new(format!("watch of domain {domain}"), why))
+}
+
+/// Adds a token to the graph. Returns its conflicts with the endpoints of session `own` in words.
+fn appear(graph: &Mutex<Graph>, key: &str, own: &str) -> Vec<String> {
+    let mut graph = lock(graph);
+    graph.appear(key);
+    // Other programs may use keys of this form for something else.
+    let Some(token) = Token::parse(key) else { return Vec::new() };
+    let conflicts = graph.conflicts_with(&token);
+    let ours = conflicts.filter(|(other, _)| token.session == own || other.session == own);
+    ours.map(|(_, conflict)| conflict.to_string()).collect()
+}

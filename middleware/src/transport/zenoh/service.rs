@@ -1,0 +1,227 @@
+//! Services: calls of others', answers of the services that every ROS 2 node has.
+
+use std::error::Error;
+use std::sync::Arc;
+use std::thread;
+use std::time::Duration;
+
+use modulo_msgs::cdr;
+use modulo_msgs::std_srvs::{SetBoolRequest, SetBoolResponse};
+use modulo_runtime::wire::attachment::Attachment;
+use modulo_runtime::wire::keys::{self, Endpoint, EntityKind};
+use modulo_runtime::{Clock, NodeName};
+use zenoh::Wait;
+use zenoh::query::{ConsolidationMode, Query, QueryTarget};
+
+use super::{ZenohTransport, stamp};
+use crate::graph::type_description;
+use crate::parameter::service::Service;
+use crate::transport::queue::{Keep, Limit, Next, Queue, Queued};
+use crate::transport::{Enable, Guard, ParameterPort, TransportError};
+
+impl ZenohTransport {
+    /// Calls a service and waits for its answer.
+    ///
+    /// # Errors
+    /// [`TransportError`] when no server answers within `patience`.
+    pub fn call(
+        &self,
+        service: &str,
+        ros_type: &str,
+        request: Vec<u8>,
+        patience: Duration,
+    ) -> Result<Vec<u8>, TransportError> {
+        let endpoint = self.service_endpoint(service.to_owned(), ros_type)?;
+        let failed = |why: &dyn std::fmt::Display| TransportError::new(format!("call of {service}"), why);
+        let attachment = Attachment { sequence: 1, stamp_ns: stamp(&*self.clock), gid: [0; 16] };
+        let replies = self
+            .session
+            .get(self.key(&endpoint))
+            .payload(request)
+            .attachment(attachment.to_bytes().as_slice())
+            // Service servers declare themselves complete; without consolidation, the first answer comes at once.
+            .target(QueryTarget::AllComplete)
+            .consolidation(ConsolidationMode::None)
+            .timeout(patience)
+            .wait()
+            .map_err(|why| failed(&why))?;
+        // The channel closes at the timeout, or at once when no server has the key.
+        let reply = replies.recv().map_err(|_| failed(&self.why_nobody_answers(&endpoint)))?;
+        match reply.result() {
+            Ok(sample) => Ok(sample.payload().to_bytes().into_owned()),
+            Err(error) => Err(failed(&String::from_utf8_lossy(&error.payload().to_bytes()))),
+        }
+    }
+
+    /// Returns why there is no answer: a server with another hash is another key to zenoh.
+    fn why_nobody_answers(&self, asked: &Endpoint) -> String {
+        let graph = self.graph();
+        let servers = graph.endpoints(EntityKind::Server, &asked.topic);
+        let other = servers.filter_map(|t| t.endpoint.as_ref()).find(|e| e.type_hash != asked.type_hash);
+        match other {
+            Some(other) if other.type_hash == keys::NO_HASH => {
+                "the node is one without type hashes, as in ROS 2 Humble: use --hash none".to_owned()
+            }
+            Some(other) => {
+                format!("the node has {}, this command {}", other.type_hash, asked.type_hash)
+            }
+            None if graph.endpoints(EntityKind::Server, &asked.topic).next().is_some() => {
+                "it serves this, but did not answer: it may be busy or hang (see its log), or a router on the way may deny the \
+                 request (access_control in the configuration of the router, docs/machines.md)"
+                    .to_owned()
+            }
+            None => "no such node is in the graph; is it running? modulo node list shows those that are".to_owned(),
+        }
+    }
+
+    /// Serves the services that every ROS 2 node has. A request to set a parameter may wait for a model, so that those
+    /// have a thread of their own.
+    pub(super) fn serve(&self, node: &NodeName, port: ParameterPort) -> Result<Guard, TransportError> {
+        let (setting, reading) =
+            handlers(port).into_iter().partition(|service: &RawService| service.name.starts_with("set_"));
+        Ok(Box::new((self.serve_raw(node, setting)?, self.serve_raw(node, reading)?)))
+    }
+
+    /// Serves `handlers` by one thread for all of them: a request may wait for the frame at hand, and zenoh's own
+    /// threads must not wait with it. A caller for whom there is no room is answered with an error at once.
+    ///
+    /// # Errors
+    /// [`TransportError`] with the error of zenoh.
+    pub fn serve_raw(&self, node: &NodeName, handlers: Vec<RawService>) -> Result<Guard, TransportError> {
+        let queue = Arc::new(Queue::new(self.clock.clone(), Limit { messages: CALLS, bytes: usize::MAX }));
+        let lane = queue.open(Keep::All);
+        let mut guards: Vec<Guard> = Vec::new();
+        for (index, handler) in handlers.iter().enumerate() {
+            let topic = format!("{}/{}", node.fully_qualified(), handler.name);
+            let endpoint =
+                Endpoint { qos: handler.qos.to_owned(), ..self.service_endpoint(topic, handler.ros_type)? };
+            let queue = queue.clone();
+            let queryable = self
+                .session
+                .declare_queryable(self.key(&endpoint))
+                .complete(true)
+                .callback(move |query| {
+                    if let Some(Call { query, .. }) = queue.push(lane, Call { service: index, query }) {
+                        refuse(&query, "the node is busy with other calls, or is ending; call again");
+                    }
+                })
+                .wait()
+                .map_err(|why| TransportError::new(format!("service {}", endpoint.topic), why))?;
+            let token = self.declare(&self.token(node, EntityKind::Server, Some(endpoint)))?;
+            guards.push(Box::new((queryable, token)));
+        }
+        let (clock, calls) = (self.clock.clone(), queue.clone());
+        thread::Builder::new()
+            .name("services".into())
+            .spawn(move || {
+                while let Next::Item(arrived) = calls.take(None) {
+                    let Call { service, query } = arrived.item;
+                    let handler = &handlers[service];
+                    // The caller gets the error, too: without any reply it would wait for its timeout.
+                    if let Err(why) = reply(handler, &query, &*clock) {
+                        tracing::warn!("service {}: {why}", handler.name);
+                        refuse(&query, &why);
+                    }
+                }
+            })
+            .map_err(|why| TransportError::new("thread of the services", why))?;
+        Ok(Box::new((guards, EndCalls(queue))))
+    }
+
+    fn service_endpoint(&self, name: String, ros_type: &str) -> Result<Endpoint, TransportError> {
+        let unknown =
+            || TransportError::new(format!("service {name}"), format!("type {ros_type} is unknown"));
+        let type_hash = modulo_msgs::type_hash(ros_type).ok_or_else(unknown)?;
+        Ok(Endpoint {
+            topic: name,
+            dds_type: modulo_msgs::dds_name(ros_type),
+            type_hash: self.hash(type_hash),
+            qos: keys::SERVICE_QOS.to_owned(),
+        })
+    }
+}
+
+/// Calls that wait for a node at most; each caller waits for its answer.
+const CALLS: usize = 64;
+
+/// A call of one of a node's services.
+struct Call {
+    /// Index of the service.
+    service: usize,
+    query: Query,
+}
+
+impl Queued for Call {}
+
+/// Ends the thread that answers calls.
+struct EndCalls(Arc<Queue<Call>>);
+
+impl Drop for EndCalls {
+    fn drop(&mut self) {
+        self.0.end();
+    }
+}
+
+/// Sends an error to the caller in place of a response.
+fn refuse(query: &Query, why: &str) {
+    if let Err(failed) = query.reply_err(why).wait() {
+        tracing::debug!("a caller is gone: {failed}");
+    }
+}
+
+/// One service of a node. Requests and responses are CDR with its encapsulation header.
+pub struct RawService {
+    /// Name below the node's.
+    pub name: &'static str,
+    /// ROS name of the type, such as `std_srvs/srv/Trigger`.
+    pub ros_type: &'static str,
+    /// QoS string for the token.
+    pub qos: &'static str,
+    /// Computes the response to a request; an error is logged and sent to the caller.
+    pub answer: RawAnswer,
+}
+
+/// Computes the bytes of the response from the bytes of the request.
+pub type RawAnswer = Box<dyn Fn(&[u8]) -> Result<Vec<u8>, Box<dyn Error>> + Send>;
+
+fn handlers(port: ParameterPort) -> Vec<RawService> {
+    let port = Arc::new(port);
+    let parameters = Service::ALL.iter().map(|service| {
+        let (name, ros_type) = service.name_and_type();
+        let port = port.clone();
+        let answer = Box::new(move |request: &[u8]| Ok(service.answer(request, &port)?));
+        RawService { name, ros_type, qos: keys::PARAMETER_QOS, answer }
+    });
+    let (name, ros_type) = type_description::NAME_AND_TYPE;
+    let described = RawService {
+        name,
+        ros_type,
+        qos: keys::SERVICE_QOS,
+        answer: Box::new(|request| Ok(type_description::answer(request)?)),
+    };
+    parameters.chain([described]).collect()
+}
+
+/// Returns the service `~/enable` of a node.
+pub(super) fn enable_service(enable: Enable) -> RawService {
+    let answer = Box::new(move |request: &[u8]| {
+        let SetBoolRequest { data } = cdr::from_slice(request)?;
+        let done = enable(data);
+        let success = done.is_ok();
+        let message = done.err().unwrap_or_else(|| if data { "enabled" } else { "disabled" }.to_owned());
+        Ok(cdr::to_vec(&SetBoolResponse { success, message })?)
+    });
+    RawService { name: "enable", ros_type: "std_srvs/srv/SetBool", qos: keys::SERVICE_QOS, answer }
+}
+
+/// Answers one service call. A call without payload or attachment is an error.
+fn reply(handler: &RawService, query: &Query, clock: &dyn Clock) -> Result<(), String> {
+    let attachment = query.attachment().map(|a| a.to_bytes());
+    let caller = attachment.as_deref().and_then(Attachment::parse).ok_or("a request without attachment")?;
+    let request = query.payload().ok_or("a request without payload")?.to_bytes();
+    let answer = (handler.answer)(&request).map_err(|why| why.to_string())?;
+    // The answer repeats the number and the id of the caller, by which rmw_zenoh finds its request.
+    let attachment = Attachment { stamp_ns: stamp(clock), ..caller }.to_bytes();
+    let reply = query.reply(query.key_expr().clone(), answer).attachment(attachment.as_slice());
+    reply.wait().map_err(|why| why.to_string())
+}

@@ -1,0 +1,189 @@
+//! Publishers and subscriptions of ready-made CDR.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI64, Ordering};
+use std::time::Duration;
+
+use modulo_runtime::wire::attachment::Attachment;
+use modulo_runtime::wire::keys::{self, Durability, Endpoint, EntityKind, Profile};
+use modulo_runtime::{Clock, Message, NodeName};
+use zenoh::Wait;
+use zenoh::bytes::ZBytes;
+use zenoh::liveliness::LivelinessToken;
+use zenoh::qos::{CongestionControl, Reliability};
+use zenoh::sample::Sample;
+use zenoh_ext::{
+    AdvancedPublisher, AdvancedPublisherBuilderExt, AdvancedSubscriberBuilderExt, CacheConfig, HistoryConfig,
+    MissDetectionConfig, RecoveryConfig,
+};
+
+use super::{ZenohTransport, stamp};
+use crate::transport::{Guard, Payload, Publisher, RawSample, TransportError};
+
+/// Interval at which a publisher for late readers sends the number of its last sample.
+const HEARTBEAT: Duration = Duration::from_secs(1);
+
+/// A publisher of ready-made CDR. Dropping it takes it out of the graph.
+pub struct RawPublisher {
+    publisher: AdvancedPublisher<'static>,
+    clock: Arc<dyn Clock>,
+    gid: [u8; 16],
+    sequence: AtomicI64,
+    _token: LivelinessToken,
+}
+
+impl ZenohTransport {
+    /// Publishes ready-made CDR on `endpoint`.
+    ///
+    /// # Errors
+    /// [`TransportError`] with the error of zenoh.
+    pub fn advertise_raw(
+        &self,
+        node: &NodeName,
+        endpoint: &Endpoint,
+    ) -> Result<RawPublisher, TransportError> {
+        let profile = Profile::parse(&endpoint.qos);
+        // A bag may name another form of hash than this domain uses.
+        let endpoint = Endpoint { type_hash: self.hash(endpoint.type_hash.clone()), ..endpoint.clone() };
+        let publisher = self
+            .publisher(self.key(&endpoint), profile)
+            .map_err(|why| TransportError::new(format!("publisher of {}", endpoint.topic), why))?;
+        let token = self.token(node, EntityKind::Publisher, Some(endpoint));
+        Ok(RawPublisher {
+            publisher,
+            clock: self.clock.clone(),
+            gid: token.gid(),
+            sequence: AtomicI64::new(1),
+            _token: self.declare(&token)?,
+        })
+    }
+
+    /// Hands every sample of `endpoint` to `take`, on zenoh's own thread, until the guard is dropped.
+    ///
+    /// # Errors
+    /// [`TransportError`] with the error of zenoh.
+    pub fn subscribe_raw(
+        &self,
+        node: &NodeName,
+        endpoint: &Endpoint,
+        take: impl Fn(RawSample) + Send + Sync + 'static,
+    ) -> Result<Guard, TransportError> {
+        let take = move |sample: Sample| {
+            // Samples without an attachment come from programs outside of ROS and are still passed on.
+            let attachment = sample.attachment().map(|a| a.to_bytes());
+            take(RawSample {
+                payload: payload(sample.payload()),
+                attachment: attachment.as_deref().and_then(Attachment::parse),
+            });
+        };
+        let subscriber = self
+            .subscriber(self.key(endpoint), Profile::parse(&endpoint.qos), take)
+            .map_err(|why| TransportError::new(format!("subscription of {}", endpoint.topic), why))?;
+        // The token comes last: a publisher that sees it may send at once.
+        let token = self.declare(&self.token(node, EntityKind::Subscription, Some(endpoint.clone())))?;
+        Ok(Box::new((subscriber, token)))
+    }
+
+    /// Declares a publisher as rmw_zenoh does: it never waits for a reader, and keeps its last samples if it serves
+    /// late readers.
+    fn publisher(&self, key: String, profile: Profile) -> zenoh::Result<AdvancedPublisher<'static>> {
+        let reliable = profile.reliability == keys::Reliability::Reliable;
+        let publisher = self
+            .session
+            .declare_publisher(key)
+            .congestion_control(CongestionControl::Drop)
+            .reliability(if reliable { Reliability::Reliable } else { Reliability::BestEffort })
+            .advanced();
+        match profile.durability {
+            Durability::Volatile => publisher.wait(),
+            Durability::TransientLocal => {
+                // The publisher keeps what its depth promises; a reader asks for it when it finds the publisher.
+                let kept = CacheConfig::default().max_samples(profile.depth);
+                let publisher = publisher.cache(kept).publisher_detection();
+                // By best effort, a missed sample is not asked for again, so its number need not be sent.
+                if !reliable {
+                    return publisher.wait();
+                }
+                let misses = MissDetectionConfig::default().sporadic_heartbeat(HEARTBEAT);
+                publisher.sample_miss_detection(misses).wait()
+            }
+        }
+    }
+
+    /// Declares a subscriber as rmw_zenoh does: one for earlier samples gets those of present publishers, and of
+    /// publishers that it finds later.
+    fn subscriber(
+        &self,
+        key: String,
+        profile: Profile,
+        take: impl Fn(Sample) + Send + Sync + 'static,
+    ) -> zenoh::Result<Guard> {
+        let subscriber = self.session.declare_subscriber(key).callback(take);
+        if profile.durability == Durability::Volatile {
+            return Ok(Box::new(subscriber.wait()?));
+        }
+        // Publishers that appear later are asked for their last samples, too.
+        let history = HistoryConfig::default().detect_late_publishers().max_samples(profile.depth);
+        let subscriber = subscriber.history(history).subscriber_detection();
+        Ok(match profile.reliability {
+            keys::Reliability::BestEffort => Box::new(subscriber.wait()?),
+            keys::Reliability::Reliable => {
+                Box::new(subscriber.recovery(RecoveryConfig::default().heartbeat()).wait()?)
+            }
+        })
+    }
+}
+
+/// A smaller payload is copied: it would keep a whole receive buffer from being used again.
+const LARGE: usize = 65_536;
+
+/// A payload that arrived in one piece and is left where it is.
+struct InPlace(ZBytes);
+
+impl AsRef<[u8]> for InPlace {
+    fn as_ref(&self) -> &[u8] {
+        self.0.slices().next().unwrap_or_default()
+    }
+}
+
+fn payload(bytes: &ZBytes) -> Payload {
+    match bytes.to_bytes() {
+        Cow::Borrowed(slice) if slice.len() >= LARGE => Payload::new(InPlace(bytes.clone())),
+        copied => Payload::new(copied.into_owned()),
+    }
+}
+
+impl RawPublisher {
+    /// Returns whether the topic has a reader now.
+    pub fn wanted(&self) -> bool {
+        self.publisher.matching_status().wait().is_ok_and(|status| status.matching())
+    }
+
+    /// Sends CDR with its encapsulation header.
+    ///
+    /// # Errors
+    /// [`TransportError`] when zenoh does not take it.
+    pub fn put(&self, payload: Vec<u8>) -> Result<(), TransportError> {
+        let attachment = Attachment {
+            sequence: self.sequence.fetch_add(1, Ordering::Relaxed),
+            stamp_ns: stamp(&*self.clock),
+            gid: self.gid,
+        };
+        let put = self.publisher.put(payload).attachment(attachment.to_bytes().as_slice());
+        put.wait().map_err(|why| TransportError::new(format!("put on {}", self.publisher.key_expr()), why))
+    }
+}
+
+impl Publisher for RawPublisher {
+    fn wanted(&self) -> bool {
+        self.wanted()
+    }
+
+    fn put(&self, message: &Message) -> Result<(), TransportError> {
+        let payload = message
+            .encode()
+            .map_err(|why| TransportError::new(format!("message for {}", self.publisher.key_expr()), why))?;
+        self.put(payload)
+    }
+}

@@ -1,0 +1,388 @@
+//! The texts and bytes of the rmw_zenoh convention: topic keys, liveliness tokens, QoS strings. Pure; nothing here
+//! opens a connection.
+//!
+//! Source: rmw_zenoh_cpp 0.2.10 (ROS 2 Jazzy), checked against bytes that a real node sent.
+
+use std::fmt;
+
+use xxhash_rust::xxh3::xxh3_128;
+
+use crate::topic::Qos;
+
+/// The kinds of entities in the graph.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum EntityKind {
+    /// `NN`
+    Node,
+    /// `MP`
+    Publisher,
+    /// `MS`
+    Subscription,
+    /// `SS`
+    Server,
+    /// `SC`
+    Client,
+}
+
+impl EntityKind {
+    const ALL: [(Self, &'static str); 5] = [
+        (Self::Node, "NN"),
+        (Self::Publisher, "MP"),
+        (Self::Subscription, "MS"),
+        (Self::Server, "SS"),
+        (Self::Client, "SC"),
+    ];
+
+    fn code(self) -> &'static str {
+        Self::ALL.iter().find(|(kind, _)| *kind == self).map_or("NN", |(_, code)| code)
+    }
+
+    fn from_code(code: &str) -> Option<Self> {
+        Self::ALL.iter().find(|(_, c)| *c == code).map(|(kind, _)| *kind)
+    }
+}
+
+/// The topic or service of an endpoint token.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Endpoint {
+    /// Absolute ROS name of the topic or service.
+    pub topic: String,
+    /// DDS type name, `sensor_msgs::msg::dds_::Image_`.
+    pub dds_type: String,
+    /// `RIHS01_...`
+    pub type_hash: String,
+    /// QoS string as [`qos_string`] writes it.
+    pub qos: String,
+}
+
+/// A liveliness token: one entity of the ROS graph.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct Token {
+    /// `ROS_DOMAIN_ID`.
+    pub domain: u32,
+    /// Id of the zenoh session.
+    pub session: String,
+    /// Number of the node within its session.
+    pub node_id: u64,
+    /// Number of the entity within its session.
+    pub entity_id: u64,
+    /// Kind of the entity.
+    pub kind: EntityKind,
+    /// Namespace with a leading slash.
+    pub namespace: String,
+    /// Name of the node.
+    pub node: String,
+    /// Present on everything but nodes.
+    pub endpoint: Option<Endpoint>,
+}
+
+/// Returns the key expression of all tokens of a domain.
+pub fn token_selector(domain: u32) -> String {
+    format!("@ros2_lv/{domain}/**")
+}
+
+impl Token {
+    /// Returns the key expression of the token.
+    pub fn to_key(&self) -> String {
+        let Self { domain, session, node_id, entity_id, .. } = self;
+        let (kind, ns, node) = (self.kind.code(), mangle(&self.namespace), mangle(&self.node));
+        let mut key = format!("@ros2_lv/{domain}/{session}/{node_id}/{entity_id}/{kind}/%/{ns}/{node}");
+        if let Some(Endpoint { topic, dds_type, type_hash, qos }) = &self.endpoint {
+            key += &format!("/{}/{}/{type_hash}/{qos}", mangle(topic), mangle(dds_type));
+        }
+        key
+    }
+
+    /// Reads the key of a token; `None` when it is not one. A 14th component, which later ROS releases may add, is
+    /// ignored.
+    pub fn parse(key: &str) -> Option<Self> {
+        let parts: Vec<&str> = key.split('/').collect();
+        // The enclave between kind and namespace is ignored: the suite has no secure communication.
+        let (&["@ros2_lv", domain, session, node_id, entity_id, kind, _enclave, namespace, node], rest) =
+            parts.split_first_chunk::<9>()?
+        else {
+            return None;
+        };
+        let kind = EntityKind::from_code(kind)?;
+        let endpoint = match (kind, rest) {
+            // Tokens of nodes end with the name of the node.
+            (EntityKind::Node, _) => None,
+            (_, [topic, dds_type, type_hash, qos, ..]) => Some(Endpoint {
+                topic: demangle(topic),
+                dds_type: demangle(dds_type),
+                type_hash: (*type_hash).to_owned(),
+                qos: (*qos).to_owned(),
+            }),
+            _ => return None,
+        };
+        Some(Self {
+            domain: domain.parse().ok()?,
+            session: session.to_owned(),
+            node_id: node_id.parse().ok()?,
+            entity_id: entity_id.parse().ok()?,
+            kind,
+            namespace: demangle(namespace),
+            node: demangle(node),
+            endpoint,
+        })
+    }
+
+    /// Returns `/namespace/node`.
+    pub fn node_name(&self) -> String {
+        format!("{}/{}", self.namespace.trim_end_matches('/'), self.node)
+    }
+
+    /// Returns the endpoint's global id: XXH3-128 of its key, low half first.
+    pub fn gid(&self) -> [u8; 16] {
+        xxh3_128(self.to_key().as_bytes()).to_le_bytes()
+    }
+}
+
+fn mangle(name: &str) -> String {
+    // A slash separates the parts of a key, so names carry another character in its place.
+    name.replace('/', "%")
+}
+
+fn demangle(name: &str) -> String {
+    name.replace('%', "/")
+}
+
+/// The form of type hashes in keys and tokens.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Hashes {
+    /// `RIHS01_...`, as since ROS 2 Iron.
+    #[default]
+    Rihs01,
+    /// [`NO_HASH`], as in ROS 2 Humble.
+    None,
+}
+
+impl Hashes {
+    /// Each form with its word on the command line.
+    pub const WORDS: [(&'static str, Self); 2] = [("rihs01", Self::Rihs01), ("none", Self::None)];
+
+    /// Returns the word on the command line.
+    pub fn word(self) -> &'static str {
+        Self::WORDS.iter().find(|(_, form)| *form == self).expect("every form has a word").0
+    }
+}
+
+/// The text that rmw_zenoh writes for a ROS release without type hashes.
+pub const NO_HASH: &str = "TypeHashNotSupported";
+
+/// Returns the key of a topic's or service's data.
+pub fn data_key(domain: u32, name: &str, dds_type: &str, type_hash: &str) -> String {
+    // A key of zenoh must not begin with a slash or contain two in a row.
+    format!("{domain}/{}/{dds_type}/{type_hash}", name.trim_matches('/'))
+}
+
+/// Returns the QoS as tokens carry it; fields equal to the default stay empty.
+pub fn qos_string(qos: Qos) -> &'static str {
+    match qos {
+        Qos::Images => "2::,5:,:,:,,",
+        Qos::Results => "::,10:,:,:,,",
+        Qos::Latched => ":1:,1:,:,:,,",
+        Qos::Clock => "2::,1:,:,:,,",
+        Qos::Events => "::,1000:,:,:,,",
+        Qos::Logs => ":1:,1000:,:10,0:,,",
+    }
+}
+
+/// Returns the nearest of the suite's profiles to a token's QoS.
+pub fn qos_of(text: &str) -> Qos {
+    if let Some(known) = Qos::ALL.into_iter().find(|qos| qos_string(*qos) == text) {
+        return known;
+    }
+    // Only these two policies decide how the suite treats an endpoint.
+    let mut fields = text.split(':');
+    match (fields.next(), fields.next()) {
+        (_, Some("1")) => Qos::Latched,
+        (Some("2"), _) => Qos::Images,
+        _ => Qos::Results,
+    }
+}
+
+/// QoS of the parameter services: reliable, keep last 1000.
+pub const PARAMETER_QOS: &str = "::,1000:,:,:,,";
+
+/// QoS of other services: reliable, keep last 10.
+pub const SERVICE_QOS: &str = "::,10:,:,:,,";
+
+/// Whether samples are sent again until they have come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reliability {
+    /// Lost samples are sent again.
+    Reliable,
+    /// Lost samples are not sent again.
+    BestEffort,
+}
+
+/// The samples that a late reader gets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Durability {
+    /// The last samples from before it came.
+    TransientLocal,
+    /// A late reader gets only new samples.
+    Volatile,
+}
+
+/// The quality of service of an endpoint, read from its token: the policies that decide how an endpoint is carried, and
+/// whether two endpoints fit together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Profile {
+    /// Code 1 or, as here, 2; reliable when not given.
+    pub reliability: Reliability,
+    /// Code 1 or, as here, 2; volatile when not given.
+    pub durability: Durability,
+    /// Samples that are kept; all of them is `usize::MAX`, 42 when not given.
+    pub depth: usize,
+}
+
+/// Depth of a token without one.
+const DEFAULT_DEPTH: usize = 42;
+
+impl fmt::Display for Profile {
+    /// Writes the form that tokens carry.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let reliability = if self.reliability == Reliability::BestEffort { "2" } else { "" };
+        let durability = if self.durability == Durability::TransientLocal { "1" } else { "" };
+        let history = match self.depth {
+            usize::MAX => "2,".to_owned(),
+            DEFAULT_DEPTH => ",".to_owned(),
+            depth => format!(",{depth}"),
+        };
+        write!(f, "{reliability}:{durability}:{history}:,:,:,,")
+    }
+}
+
+impl Profile {
+    /// Reads `<reliability>:<durability>:<history>,<depth>:...`. Missing or unknown fields get the defaults of
+    /// rmw_zenoh.
+    pub fn parse(text: &str) -> Self {
+        let mut fields = text.split(':');
+        let mut field = || fields.next().unwrap_or_default();
+        let (reliability, durability, history) = (field(), field(), field());
+        let (history, depth) = history.split_once(',').unwrap_or((history, ""));
+        Self {
+            reliability: if reliability == "2" { Reliability::BestEffort } else { Reliability::Reliable },
+            durability: if durability == "1" { Durability::TransientLocal } else { Durability::Volatile },
+            // History 2 keeps all samples, and its depth has no meaning.
+            depth: if history == "2" { usize::MAX } else { depth.parse().unwrap_or(DEFAULT_DEPTH) },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const HASH: &str = "RIHS01_d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47";
+    const SESSION: &str = "112af272cd2810ecb4616e7a6a617677";
+
+    /// Sent by a real ROS 2 Jazzy node `/odmi/golden` under rmw_zenoh_cpp.
+    fn golden_tokens() -> [String; 3] {
+        [
+            format!("@ros2_lv/0/{SESSION}/0/0/NN/%/%odmi/golden"),
+            format!(
+                "@ros2_lv/0/{SESSION}/0/11/MP/%/%odmi/golden/%odmi%image_sensor/\
+                 sensor_msgs::msg::dds_::Image_/{HASH}/2::,5:,:,:,,"
+            ),
+            format!(
+                "@ros2_lv/0/{SESSION}/0/16/MP/%/%odmi/golden/%odmi%image_reliable2/\
+                 sensor_msgs::msg::dds_::Image_/{HASH}/::,10:,:,:,,"
+            ),
+        ]
+    }
+
+    fn image_publisher(entity_id: u64, topic: &str, qos: Qos) -> Token {
+        Token {
+            domain: 0,
+            session: SESSION.into(),
+            node_id: 0,
+            entity_id,
+            kind: EntityKind::Publisher,
+            namespace: "/odmi".into(),
+            node: "golden".into(),
+            endpoint: Some(Endpoint {
+                topic: topic.into(),
+                dds_type: "sensor_msgs::msg::dds_::Image_".into(),
+                type_hash: HASH.into(),
+                qos: qos_string(qos).into(),
+            }),
+        }
+    }
+
+    #[test]
+    fn tokens_equal_those_of_a_real_node() {
+        let [node, sensor, reliable] = golden_tokens();
+        assert_eq!(image_publisher(11, "/odmi/image_sensor", Qos::Images).to_key(), sensor);
+        assert_eq!(image_publisher(16, "/odmi/image_reliable2", Qos::Results).to_key(), reliable);
+        for key in [&node, &sensor, &reliable] {
+            let token = Token::parse(key).expect("a real token parses");
+            assert_eq!(&token.to_key(), key);
+            assert_eq!(token.node_name(), "/odmi/golden");
+        }
+    }
+
+    #[test]
+    fn data_keys_and_ids_equal_those_of_a_real_node() {
+        let publisher = image_publisher(16, "/odmi/image_reliable2", Qos::Results);
+        assert_eq!(
+            data_key(0, "/odmi/image_reliable2", "sensor_msgs::msg::dds_::Image_", HASH),
+            format!("0/odmi/image_reliable2/sensor_msgs::msg::dds_::Image_/{HASH}")
+        );
+        let gid = u128::from_be_bytes(publisher.gid());
+        assert_eq!(format!("{gid:032x}"), "01d577b5cefae79ff06ef90b046c84b7");
+    }
+
+    #[test]
+    fn qos_is_read_back() {
+        for qos in [Qos::Images, Qos::Results, Qos::Latched] {
+            assert_eq!(qos_of(qos_string(qos)), qos);
+        }
+    }
+
+    #[test]
+    fn a_later_field_is_ignored_and_a_missing_one_refused() {
+        let [_, sensor, _] = golden_tokens();
+        assert_eq!(Token::parse(&format!("{sensor}/cpu:buffer:")), Token::parse(&sensor));
+        assert_eq!(Token::parse(sensor.rsplit_once('/').expect("has parts").0), None);
+    }
+
+    proptest! {
+        /// A node needs its name, anything else four more parts. What is read is written in the same way.
+        #[test]
+        fn a_key_with_all_of_its_parts_is_a_token(
+            (domain, node, entity) in (0..233_u32, any::<u64>(), any::<u64>()),
+            kind in "NN|MP|MS|SS|SC|XX",
+            rest in "/[a-z%]{0,5}/[a-z]{0,4}(/[A-Za-z0-9%:,]{0,6}){0,6}",
+        ) {
+            let token = Token::parse(&format!("@ros2_lv/{domain}/1f/{node}/{entity}/{kind}/%{rest}"));
+            let more = rest.matches('/').count() - 2;
+            prop_assert_eq!(token.is_some(), kind == "NN" || (kind != "XX" && more >= 4));
+            if let Some(token) = token {
+                prop_assert_eq!((token.domain, token.node_id, token.entity_id), (domain, node, entity));
+                prop_assert_eq!(Token::parse(&token.to_key()), Some(token));
+            }
+        }
+    }
+
+    #[test]
+    fn reads_what_real_nodes_write() {
+        let read = |text| {
+            let Profile { reliability, durability, depth } = Profile::parse(text);
+            (reliability == Reliability::Reliable, durability == Durability::TransientLocal, depth)
+        };
+        assert_eq!(read(":1:,1000:,:10,0:,,"), (true, true, 1000));
+        assert_eq!(read("2::,5:,:,:,,"), (false, false, 5));
+        assert_eq!(read("::2,:,:,:,,"), (true, false, usize::MAX));
+        assert_eq!(read("1:2:1,7:1,2:3,4:5,6,7"), (true, false, 7));
+        for text in ["2::,5:,:,:,,", "::,10:,:,:,,", ":1:,1:,:,:,,", "2:1:2,:,:,:,,", "::,:,:,:,,"] {
+            assert_eq!(Profile::parse(text).to_string(), text);
+        }
+        for text in ["", ":", "::,x:", "é:::::"] {
+            assert_eq!(read(text), (true, false, 42), "{text}");
+        }
+    }
+}
