@@ -7,7 +7,6 @@
 
 use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::PoisonError;
 use std::sync::mpsc::{Sender, channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -92,13 +91,11 @@ impl Live<'_> {
     /// Offers the parameters to the graph. A request waits in the queue of the node for the end of a step.
     pub(super) fn serve_parameters(&self) -> Result<Guard, TransportError> {
         let (queue, lane) = (self.queue.clone(), self.queue.open(Keep::All));
-        let parameters = self.parameters.clone();
-        let read = move || parameters.lock().unwrap_or_else(PoisonError::into_inner).clone();
         let request = move |request| match queue.push(lane, LiveEvent::Request(request))? {
             LiveEvent::Request(request) => Some(request),
             LiveEvent::Message(_) | LiveEvent::Taken(_) | LiveEvent::Made(_) | LiveEvent::Enable(_) => None,
         };
-        let port = ParameterPort { read: Box::new(read), request: Box::new(request) };
+        let port = ParameterPort { read: Box::new(self.settings.reader()), request: Box::new(request) };
         self.transport.serve_parameters(&self.node_name, port)
     }
 
@@ -132,13 +129,13 @@ impl Live<'_> {
         }
         let enabled = request.enabled;
         if enabled != std::mem::replace(&mut self.enabled, enabled) {
-            tracing::info!(node = %self.report.node, "{}", if enabled { "enabled" } else { "disabled" });
+            tracing::info!(node = %self.books.node(), "{}", if enabled { "enabled" } else { "disabled" });
             if enabled {
                 self.subscribe()?;
             } else {
                 // From now on the counts of other nodes say nothing about the frames that this one should have.
-                self.report.swapped = true;
-                self.inputs.close(&mut self.report);
+                self.books.report.swapped = true;
+                self.inputs.close(&mut self.books.report);
             }
             self.tell_state(Time::from_ns(self.time.now_ns()));
         }
@@ -147,13 +144,9 @@ impl Live<'_> {
         Ok(())
     }
 
-    pub(super) fn settings(&self) -> Parameters {
-        self.parameters.lock().unwrap_or_else(PoisonError::into_inner).clone()
-    }
-
     /// Applies a request between two steps, or starts to make the part that it needs.
     pub(super) fn answer(&mut self, request: ParameterRequest) -> Result<(), RunError> {
-        let expected = self.settings();
+        let expected = self.settings.read();
         self.prepare(PreparedRequest { request, expected, parts: Vec::new(), promised: false })
     }
 
@@ -200,7 +193,7 @@ impl Live<'_> {
         match thread {
             Ok(thread) => {
                 self.making = Some(Making { prepared, next, lane, thread });
-                self.tell_state(self.diagnostics.next_stamp(&self.time));
+                self.tell_state(self.books.next_stamp(&self.time));
                 Ok(())
             }
             Err(why) => {
@@ -234,10 +227,10 @@ impl Live<'_> {
         let changes = request.changes.iter().zip(parts);
         let answers: Vec<_> = changes.map(|(values, part)| self.change(values, part?)).collect();
         for why in answers.iter().filter_map(|answer| answer.as_ref().err()) {
-            tracing::warn!(node = %self.report.node, "{why}");
+            tracing::warn!(node = %self.books.node(), "{why}");
         }
         if promised {
-            self.tell_state(self.diagnostics.next_stamp(&self.time));
+            self.tell_state(self.books.next_stamp(&self.time));
         }
         // Fails only when the caller has gone.
         let _ = request.answer.send(ParameterAnswer::Done(answers));
@@ -245,7 +238,7 @@ impl Live<'_> {
     }
 
     fn change(&mut self, values: &[(String, Value)], part: Option<Part>) -> Result<(), ParameterError> {
-        let before = self.settings();
+        let before = self.settings.read();
         let next = before.with(values, true)?;
         let refuse = |why: RunError| {
             let (names, values) = difference(&before, &next);
@@ -265,15 +258,7 @@ impl Live<'_> {
         }
         self.renew_inputs(renewal);
         self.time.follow(clock);
-        self.changes += 1;
-        // Stored before the event is sent: a listener that asks back reads the new value.
-        *self.parameters.lock().unwrap_or_else(PoisonError::into_inner) = next.clone();
-        if let Some(saved) = &self.saved {
-            saved.keep(&next);
-            // Another source begins with its first frame, also after a crash.
-            self.node.position().into_iter().for_each(|position| saved.keep_position(position));
-        }
-        self.parameter_events.changed(self.time.now_ns(), &before, &next);
+        self.settings.change(&before, &next, &*self.node, self.time.now_ns());
         Ok(())
     }
 }

@@ -47,7 +47,7 @@ impl Live<'_> {
                 due = self.time.ticks_ns() + nanoseconds(IDLE);
                 continue;
             }
-            let changes = self.changes;
+            let changes = self.settings.changes();
             let (flow, messages) = self.step(Trigger::Tick, "source", None, None)?;
             // The step has made the next frame meanwhile; only its sending waits.
             if paced {
@@ -56,7 +56,7 @@ impl Live<'_> {
             }
             self.send_all(&messages);
             // A request that was answered while readers were waited for may have given the node another source.
-            if flow == Flow::Done && self.changes == changes {
+            if flow == Flow::Done && self.settings.changes() == changes {
                 return Ok(());
             }
             last = Some(due);

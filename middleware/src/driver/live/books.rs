@@ -1,0 +1,146 @@
+//! [`Books`]: what a live node tells of itself: its report, the copy of it on the disk, `/diagnostics`, `~/state` and the trace.
+
+use std::rc::Rc;
+
+use modulo_msgs::std_msgs::Time;
+use modulo_runtime::node::status_of;
+use modulo_runtime::report::add;
+use modulo_runtime::trace::{FlowPoint, Span, TraceFile};
+use modulo_runtime::{Clock, Node, NodeReport, StepOutput};
+
+use super::inputs::Inputs;
+use super::outputs::LiveOutput;
+use crate::graph::diagnostics::{Diagnostics, NodeCondition, StateTopic};
+use crate::process::node_files::{ReportFile, WriteReason};
+use crate::transport::Publisher;
+
+/// The accounts of one node.
+pub(super) struct Books {
+    pub report: NodeReport,
+    file: Option<ReportFile>,
+    diagnostics: Diagnostics,
+    state: StateTopic,
+    /// The spans of this run, if its launcher wants them.
+    trace: Option<TraceFile>,
+}
+
+/// A step that has ended.
+pub(super) struct EndedStep<'a> {
+    /// Ticks of its begin.
+    pub begin: u64,
+    pub output: &'a StepOutput,
+    /// The stream that its input came on; a source reads none.
+    pub stream: Option<&'a str>,
+    /// Stamp of the input image.
+    pub input: Option<Time>,
+    /// Stamp of the image that it made.
+    pub made: Option<Time>,
+    /// Its place on the way of the frame.
+    pub point: Option<FlowPoint>,
+}
+
+impl Books {
+    /// Opens the books of the node with this fully qualified name.
+    pub fn open(
+        node: String,
+        file: Option<ReportFile>,
+        diagnostics: Rc<dyn Publisher>,
+        state: Box<dyn Publisher>,
+        clock: &dyn Clock,
+    ) -> Self {
+        Self {
+            trace: TraceFile::of_launch(&node, clock),
+            report: NodeReport::new(node),
+            file,
+            diagnostics: Diagnostics::new(diagnostics),
+            state: StateTopic::new(state),
+        }
+    }
+
+    /// Returns the fully qualified name of the node.
+    pub fn node(&self) -> &str {
+        &self.report.node
+    }
+
+    /// Books a step before its output is sent: messages that a crash keeps from being sent are then missed by their readers.
+    pub fn step(&mut self, step: &EndedStep<'_>, outputs: &[LiveOutput], clock: &dyn Clock) {
+        let &EndedStep { begin, output, stream, input, made, point } = step;
+        if let Some(trace) = &self.trace {
+            trace.add_step((begin, clock.ticks_ns()), output, input.or(made), point);
+        }
+        self.diagnostics.book(&output.stages, input.or(made.filter(|_| stream.is_none())));
+        for (stage, duration) in &output.stages {
+            self.report.book_stage(stage, *duration);
+        }
+        for (output, message) in &output.messages {
+            if let Some(output) = outputs.get(*output) {
+                self.report.book_published(output.route(message.kind()).0, message, stream);
+            }
+        }
+        for output in &output.unwanted {
+            if let Some(output) = outputs.get(*output) {
+                add(&mut self.report.unwanted, &output.address.topic, 1);
+            }
+        }
+    }
+
+    /// Adds a span from `begin` to `end` to the trace, if it belongs to a frame.
+    pub fn span(&self, name: &'static str, begin: u64, end: u64, frame: Option<Time>) {
+        if let (Some(trace), Some(_)) = (&self.trace, frame) {
+            trace.add(Span { name, begin, end, frame, flow: None });
+        }
+    }
+
+    /// Publishes the values in use from the frame of `stamp` on, if they have changed. `of_driver` are those that the node does
+    /// not know.
+    pub fn tell_state(&mut self, stamp: Time, node: &dyn Node, of_driver: Vec<(&'static str, String)>) {
+        self.state.tell(stamp, &self.report.node, node, of_driver);
+    }
+
+    /// Publishes that the frames of the node are over.
+    pub fn tell_end(&mut self, stamp: Time) {
+        self.state.tell_end(stamp, &self.report.node);
+    }
+
+    /// Returns the first stamp behind that of the last frame.
+    pub fn next_stamp(&self, clock: &dyn Clock) -> Time {
+        self.diagnostics.next_stamp(clock)
+    }
+
+    /// Brings the copy on the disk up to date when that is due.
+    pub fn keep(&mut self, reason: WriteReason, inputs: &Inputs, node: &dyn Node, clock: &dyn Clock) {
+        let now = clock.ticks_ns();
+        let Some(file) = self.file.as_mut().filter(|file| file.is_due(reason, now)) else { return };
+        // The counts of open subscriptions go into the copy, and into the report only when they are closed.
+        let mut report = NodeReport { running: true, ..self.report.clone() };
+        inputs.count(&mut report);
+        report.status.extend(status_of(node));
+        file.write(&report, now);
+    }
+
+    /// Publishes the counts on `/diagnostics` when that is due.
+    pub fn publish(
+        &mut self,
+        inputs: &Inputs,
+        node: &dyn Node,
+        condition: &NodeCondition<'_>,
+        clock: &dyn Clock,
+    ) {
+        if self.diagnostics.is_due(clock) {
+            let mut report = self.report.clone();
+            inputs.count(&mut report);
+            self.diagnostics.publish(clock, &report, node, condition);
+        }
+    }
+
+    /// Completes the report of a node that has ended, and writes it to the disk.
+    pub fn close(mut self, node: &dyn Node, has_failed: bool, now: u64) -> NodeReport {
+        self.report.status.extend(status_of(node));
+        // The report of a node that failed stays one of a node that crashed, whose frames are missing.
+        self.report.running = has_failed;
+        if let Some(file) = &mut self.file {
+            file.write(&self.report, now);
+        }
+        self.report
+    }
+}

@@ -1,0 +1,128 @@
+//! One step of a live node: its input, the messages that it makes, and their way out.
+
+use modulo_msgs::std_msgs::Time;
+use modulo_runtime::report::add;
+use modulo_runtime::trace::FlowPoint;
+use modulo_runtime::{Clock, Context, Flow, Message, MessageKind, StepError, Trigger};
+
+use super::Live;
+use super::books::EndedStep;
+use super::outputs::LiveOutput;
+use crate::driver::{CommonParameters, RunError};
+use crate::process::node_files::WriteReason;
+
+impl Live<'_> {
+    /// Runs one step; returns the messages that it left. `topic` is named when the step skips its input, which came on
+    /// `stream`; a source reads no stream. `frame` is the stamp of an input image.
+    pub(super) fn step(
+        &mut self,
+        trigger: Trigger,
+        topic: &str,
+        stream: Option<&str>,
+        frame: Option<Time>,
+    ) -> Result<(Flow, Vec<(usize, Message)>), RunError> {
+        let wanted: Vec<bool> = self.outputs.iter().map(LiveOutput::wanted).collect();
+        let mut cx = Context::new(self.books.node(), &self.time, &wanted);
+        let begin = self.time.ticks_ns();
+        let result = self.node.step(trigger, &mut cx);
+        let mut output = cx.finish();
+        output.messages = self.with_compressed(output.messages);
+        let image = output.messages.iter().find(|(_, message)| message.kind() == MessageKind::Image);
+        let made = image.map(|(_, message)| message.stamp());
+        let point = match made {
+            _ if result == Ok(Flow::Kept) => None,
+            Some(_) if stream.is_none() => Some(FlowPoint::Source),
+            Some(_) => Some(FlowPoint::Pass),
+            None => frame.map(|_| FlowPoint::End),
+        };
+        let ended = EndedStep { begin, output: &output, stream, input: frame, made, point };
+        self.books.step(&ended, &self.outputs, &self.time);
+        // Before the messages of the first frame that was made with these values.
+        if let Some((_, first)) = output.messages.first() {
+            self.tell_state(first.stamp());
+        }
+        self.settle(result, output.messages, topic, stream.is_none())
+    }
+
+    /// Counts and reports the failure of a step; a step that is only skipped goes on.
+    fn settle(
+        &mut self,
+        result: Result<Flow, StepError>,
+        messages: Vec<(usize, Message)>,
+        topic: &str,
+        is_source: bool,
+    ) -> Result<(Flow, Vec<(usize, Message)>), RunError> {
+        match result {
+            Ok(flow) => Ok((flow, messages)),
+            // Each frame of a source is told: its name is in the text.
+            Err(StepError::Skip(why)) if is_source => {
+                tracing::warn!(node = %self.books.node(), topic, "skipped: {why}");
+                add(&mut self.books.report.bad, topic, 1);
+                Ok((Flow::Continue, messages))
+            }
+            Err(StepError::Skip(why)) => {
+                self.skip(topic, &why);
+                Ok((Flow::Continue, messages))
+            }
+            Err(StepError::Fatal(why)) => {
+                if !is_source {
+                    add(&mut self.books.report.bad, topic, 1);
+                }
+                // They are counted as sent already, and were made before the step failed.
+                self.send_all(&messages);
+                Err(RunError::Fatal(self.books.node().to_owned(), why))
+            }
+        }
+    }
+
+    /// Adds the compressed variants that have readers to the messages of a step. An image whose compressed variant alone has
+    /// readers is replaced by it.
+    fn with_compressed(&mut self, messages: Vec<(usize, Message)>) -> Vec<(usize, Message)> {
+        let mut all = Vec::with_capacity(messages.len());
+        for (index, message) in messages {
+            let format = || CommonParameters::from(&self.settings.read()).compressed_format;
+            let start = self.time.ticks_ns();
+            let Some(output) = self.outputs.get(index) else { continue };
+            match output.compress(&message, format) {
+                None => all.push((index, message)),
+                Some(Ok(file)) => {
+                    if output.publisher.wanted() {
+                        all.push((index, message));
+                    }
+                    all.push((index, file));
+                    self.books.report.book_stage("compress", self.time.ticks_ns() - start);
+                }
+                Some(Err(why)) => {
+                    let topic = output.route(MessageKind::CompressedImage).0.to_owned();
+                    all.push((index, message));
+                    self.skip(&topic, &why);
+                }
+            }
+        }
+        all
+    }
+
+    /// Brings the accounts on the disk up to date, and then sends `messages`.
+    pub(super) fn send_all(&mut self, messages: &[(usize, Message)]) {
+        self.keep_books(if self.node.period().is_some() { WriteReason::Source } else { WriteReason::Step });
+        // Before the frame leaves: a crash in between loses it, but never sends it twice.
+        self.settings.keep_position(&*self.node);
+        let begin = self.time.ticks_ns();
+        for (output, message) in messages {
+            self.send(*output, message);
+        }
+        let of_a_frame = |kind| matches!(kind, MessageKind::Image | MessageKind::Detections);
+        let mut sent = messages.iter().filter(|(_, message)| of_a_frame(message.kind()));
+        self.books.span("send", begin, self.time.ticks_ns(), sent.next().map(|(_, message)| message.stamp()));
+        self.tell_when_due();
+    }
+
+    fn send(&mut self, output: usize, message: &Message) {
+        let Some(output) = self.outputs.get(output) else { return };
+        let (topic, publisher) = output.route(message.kind());
+        if let Err(why) = publisher.put(message) {
+            tracing::warn!(node = %self.books.node(), "{why}");
+            add(&mut self.books.report.bad, topic, 1);
+        }
+    }
+}

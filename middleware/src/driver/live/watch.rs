@@ -1,0 +1,266 @@
+//! [`Watch`]: what a live node looks for beside its work, and warns of in its log: messages that cannot be read, messages that
+//! arrive late, and images that do not come.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use modulo_runtime::MessageKind;
+use modulo_runtime::clock::nanos;
+use modulo_runtime::wire::attachment::{Attachment, Delays};
+
+use crate::transport::Transport;
+
+/// The watches of one node.
+pub(super) struct Watch {
+    node: String,
+    skips: SkipWarnings,
+    delays: Delays,
+    silence: Silence,
+}
+
+impl Watch {
+    /// Returns the watches of the node with this fully qualified name.
+    pub fn new(node: String) -> Self {
+        Self { node, skips: SkipWarnings::default(), delays: Delays::default(), silence: Silence::default() }
+    }
+
+    /// Notes that a message of `topic` was skipped at the ticks `now`.
+    pub fn skipped(&mut self, topic: &str, why: &str, now: u64) {
+        if let Some(warning) = self.skips.note(topic, why, now) {
+            tracing::warn!(node = %self.node, topic, "{warning}");
+        }
+    }
+
+    /// Notes the delay of a message of `topic` that has arrived at `arrived_ns`, ns since the epoch.
+    pub fn arrived(&mut self, topic: &str, attachment: Option<&Attachment>, arrived_ns: u64) {
+        let Some(attachment) = attachment else { return };
+        if let Some(warning) = self.delays.note(topic, attachment.stamp_ns, arrived_ns) {
+            tracing::warn!(node = %self.node, topic, "{warning}");
+        }
+    }
+
+    /// Notes that an image of `topic` was answered from the ticks `begin` to `now`.
+    pub fn answered(&mut self, topic: &str, begin: u64, now: u64) {
+        if let Some(end) = self.silence.end(topic, begin, now) {
+            tracing::info!(node = %self.node, topic, "{end}");
+        }
+    }
+
+    /// Notes that a message of `topic` came which cannot be read: its publisher is not silent.
+    pub fn unreadable(&mut self, topic: &str, begin: u64, now: u64) {
+        self.silence.end(topic, begin, now);
+    }
+
+    /// Warns if no image has come on one of `topics` for long, at the ticks `now`.
+    pub fn look<'a>(
+        &mut self,
+        topics: impl Iterator<Item = &'a str> + Clone,
+        transport: &dyn Transport,
+        now: u64,
+    ) {
+        if let Some(warning) = self.silence.look(topics, &self.node, transport, now) {
+            tracing::warn!(node = %self.node, "{warning}");
+        }
+    }
+
+    /// Returns the warning about an image that does not come, while it holds.
+    pub fn silence(&self) -> Option<&str> {
+        self.silence.told()
+    }
+
+    /// Warns of all skipped messages that no warning has counted.
+    pub fn close(mut self) {
+        for (topic, warning) in self.skips.rest() {
+            tracing::warn!(node = %self.node, topic, "{warning}");
+        }
+    }
+}
+
+/// A node that waits for an image for so long warns.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// The waits of a node for the next image of each of its image topics. Only the time counts in which the node could have
+/// taken one.
+#[derive(Default)]
+struct Silence {
+    waits: BTreeMap<String, Wait>,
+}
+
+/// The wait for the next image of one topic.
+struct Wait {
+    /// Ticks of its begin.
+    since: u64,
+    /// The warning, while it holds.
+    told: Option<String>,
+}
+
+impl Silence {
+    /// Returns the warning that holds now, of one of the topics.
+    fn told(&self) -> Option<&str> {
+        self.waits.values().find_map(|wait| wait.told.as_deref())
+    }
+
+    /// Notes that an image of `topic` was answered from the ticks `begin` to `now`. Returns a text when a warning was given
+    /// before.
+    fn end(&mut self, topic: &str, begin: u64, now: u64) -> Option<String> {
+        let before = self.waits.get(topic)?.since;
+        // Images of other topics could not be taken meanwhile.
+        self.waits
+            .values_mut()
+            .for_each(|wait| wait.since = (wait.since + now.saturating_sub(begin)).min(now));
+        let wait = self.waits.get_mut(topic)?;
+        wait.since = now;
+        wait.told.take()?;
+        Some(format!("an image has come on {topic} after {} s", seconds(now, before)))
+    }
+
+    /// Returns the text of a warning if one is due at the ticks `now`: once, when no image has come on one of `topics` for
+    /// 2 s. Publishers that are still starting are waited for without a warning.
+    fn look<'a>(
+        &mut self,
+        topics: impl Iterator<Item = &'a str> + Clone,
+        node: &str,
+        transport: &dyn Transport,
+        now: u64,
+    ) -> Option<&str> {
+        self.waits.retain(|waited, _| topics.clone().any(|topic| topic == waited));
+        for topic in topics {
+            // The images of a new input are waited for from now on.
+            if !self.waits.contains_key(topic) {
+                self.waits.insert(topic.to_owned(), Wait { since: now, told: None });
+            }
+        }
+        let is_due = |wait: &Wait| wait.told.is_none() && now.saturating_sub(wait.since) >= nanos(PATIENCE);
+        let (topic, wait) = self.waits.iter_mut().find(|(_, wait)| is_due(wait))?;
+        let publishers = transport.publishers(topic);
+        // A node announces itself when it is ready: a camera may wait for a detector that loads its model.
+        if !publishers.is_empty() && !publishers.iter().any(|publisher| transport.is_ready(publisher)) {
+            wait.since = now;
+            return None;
+        }
+        let images = transport.published(MessageKind::Image).into_iter().filter(|(_, by)| by != node);
+        let images: BTreeSet<String> = images.map(|(topic, _)| topic).collect();
+        Some(wait.told.insert(warning(topic, &publishers, &images, seconds(now, wait.since))))
+    }
+}
+
+fn seconds(now: u64, since: u64) -> u64 {
+    Duration::from_nanos(now.saturating_sub(since)).as_secs()
+}
+
+fn warning(topic: &str, publishers: &[String], images: &BTreeSet<String>, seconds: u64) -> String {
+    let cause = match publishers {
+        [] => "no node publishes it".to_owned(),
+        publishers => format!("{} publishes it, but sends nothing", publishers.join(", ")),
+    };
+    let kind = MessageKind::Image.type_name();
+    let others = match images.iter().map(String::as_str).collect::<Vec<_>>() {
+        images if images.is_empty() => format!("no topic of the type {kind} is published now"),
+        images => format!("the published topics of the type {kind} are {}", images.join(", ")),
+    };
+    format!("no image has come on {topic} for {seconds} s: {cause}; {others}")
+}
+
+/// Shortest time between two warnings about one topic.
+const WARNING_PERIOD_NS: u64 = 1_000_000_000;
+
+/// Warns of skipped messages at most once a second for each topic, with the number of those that were not told. A
+/// publisher whose images cannot be read would otherwise fill the log at its rate.
+#[derive(Default)]
+struct SkipWarnings {
+    /// By topic: ticks of the last warning, and the number of skipped messages since then.
+    topics: BTreeMap<String, (u64, u64)>,
+}
+
+impl SkipWarnings {
+    /// Notes that a message of `topic` was skipped at the ticks `now`; returns the text of a warning if one is due.
+    fn note(&mut self, topic: &str, why: &str, now: u64) -> Option<String> {
+        let Some((last, untold)) = self.topics.get_mut(topic) else {
+            self.topics.insert(topic.to_owned(), (now, 0));
+            return Some(format!("skipped: {why}"));
+        };
+        *untold += 1;
+        if now.saturating_sub(*last) < WARNING_PERIOD_NS {
+            return None;
+        }
+        *last = now;
+        Some(match std::mem::take(untold) {
+            1 => format!("skipped: {why}"),
+            count => format!("skipped: {why} (one of {count} since the last warning)"),
+        })
+    }
+
+    /// Returns each topic with skipped messages that no warning has counted, with the text of the last warning.
+    fn rest(&mut self) -> Vec<(String, String)> {
+        let topics = std::mem::take(&mut self.topics).into_iter();
+        let untold = topics.filter(|(_, (_, untold))| *untold > 0);
+        untold.map(|(topic, (_, n))| (topic, format!("skipped: {n} more since the last warning"))).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use modulo_runtime::{Address, NodeName, Topic};
+
+    use super::*;
+    use crate::transport::local::LocalTransport;
+
+    #[test]
+    fn a_silent_input_is_told_once_and_not_while_its_publisher_starts() {
+        const S: u64 = 1_000_000_000;
+        let transport = LocalTransport::default();
+        let node = |name: &str| NodeName::new(name, "/", &[]).expect("a name");
+        let image = |topic: &str| {
+            Address::resolve(&node("unwrap"), &Topic::new(topic, MessageKind::Image)).expect("a name")
+        };
+        let own = transport.advertise(&node("unwrap"), &image("/recovered")).expect("local");
+        let mut silence = Silence::default();
+        let look = |silence: &mut Silence, topics: &[&str], now| {
+            silence.look(topics.iter().copied(), "/unwrap", &transport, now).map(str::to_owned)
+        };
+        assert_eq!([0, 2 * S - 1].map(|now| look(&mut silence, &["/modulo"], now)), [None, None]);
+        let told = look(&mut silence, &["/modulo"], 2 * S).expect("a warning");
+        assert!(told.contains("no node publishes it; no topic of the type"), "{told}");
+        assert_eq!((look(&mut silence, &["/modulo"], 9 * S), silence.told()), (None, Some(told.as_str())));
+        let ended = silence.end("/modulo", 9 * S, 10 * S);
+        assert_eq!(ended.as_deref(), Some("an image has come on /modulo after 10 s"));
+        assert_eq!((silence.end("/modulo", 10 * S, 11 * S), silence.told()), (None, None));
+
+        let camera = transport.advertise(&node("camera"), &image("/modulo")).expect("local");
+        assert_eq!(look(&mut silence, &["/modulo"], 13 * S), None, "it is not ready yet");
+        let ready = transport.announce(&node("camera")).expect("local");
+        assert_eq!(look(&mut silence, &["/modulo"], 15 * S - 1), None);
+        let told = look(&mut silence, &["/modulo"], 15 * S).expect("a warning");
+        assert!(
+            told.contains("/camera publishes it, but sends nothing") && told.ends_with("are /modulo"),
+            "{told}"
+        );
+        assert_eq!(look(&mut silence, &["/other"], 16 * S), None, "another input");
+
+        let both = ["/a", "/b"];
+        assert_eq!(look(&mut silence, &both, 20 * S), None);
+        // A long step for one camera is no silence of the other one.
+        assert_eq!(silence.end("/a", 20 * S, 23 * S), None);
+        assert_eq!(look(&mut silence, &both, 23 * S), None);
+        assert_eq!(silence.end("/a", 25 * S, 25 * S), None);
+        let told = look(&mut silence, &both, 25 * S).expect("a warning");
+        assert!(told.contains("no image has come on /b for 2 s"), "{told}");
+        drop((own, camera, ready));
+    }
+
+    #[test]
+    fn skipped_messages_are_told_once_a_second_and_none_is_left_out_of_the_count() {
+        const MS: u64 = 1_000_000;
+        let mut warnings = SkipWarnings::default();
+        assert_eq!(warnings.note("/a", "cut", 0).as_deref(), Some("skipped: cut"));
+        assert_eq!(warnings.note("/b", "cut", 10 * MS).as_deref(), Some("skipped: cut"), "another topic");
+        assert_eq!(warnings.note("/a", "odd", 500 * MS), None);
+        assert_eq!(warnings.note("/a", "odd", 999 * MS), None);
+        let told = warnings.note("/a", "cut", 1000 * MS);
+        assert_eq!(told.as_deref(), Some("skipped: cut (one of 3 since the last warning)"));
+        assert_eq!(warnings.note("/a", "odd", 9000 * MS).as_deref(), Some("skipped: odd"));
+        assert_eq!(warnings.note("/a", "odd", 9001 * MS), None);
+        assert_eq!(warnings.rest(), [("/a".to_owned(), "skipped: 1 more since the last warning".to_owned())]);
+        assert_eq!(warnings.rest(), []);
+    }
+}
