@@ -4,7 +4,6 @@ mod bags;
 mod damage;
 mod files;
 mod play;
-mod ros1;
 mod sources;
 mod sqlite;
 
