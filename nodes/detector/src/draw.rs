@@ -27,7 +27,7 @@ pub fn annotated(frame: &Frame, bits: u8, found: &[Detection]) -> Result<Frame, 
     let boxes = found.iter().map(labelled).collect();
     let side = |side: usize| u32::try_from(side).map_err(|_| format!("cannot draw on a side of {side} px"));
     let picture = Picture::new(side(width)?, side(height)?, rgb, boxes).map_err(|error| error.to_string())?;
-    let drawn = picture.annotated().into_raw();
+    let drawn = picture.annotated().map_err(|error| error.to_string())?.into_raw();
     let pixels = Array3::from_shape_vec((height, width, 3), drawn).expect("three samples a pixel");
     Ok(Frame::from_u8(pixels).expect("the copy has the frame's size"))
 }
