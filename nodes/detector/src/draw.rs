@@ -2,8 +2,8 @@
 //!
 //! The image is only for people; no result is read from it.
 
-use modulo_charts::{LabelledBox, Picture, class_colour};
 use modulo_core::{Detection, Frame};
+use modulo_draw::{LabelledBox, Picture, class_colour};
 use ndarray::Array3;
 
 use crate::pre::eight_bit;
