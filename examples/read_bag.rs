@@ -1,4 +1,4 @@
-//! Reads a bag (rosbag2 MCAP or SQLite, or ROS 1) and prints the size of each image and the boxes of each detection.
+//! Reads a bag (rosbag2 MCAP or SQLite) and prints the size of each image and the boxes of each detection.
 //!
 //!     cargo run --release --example read_bag -- [BAG]
 //!

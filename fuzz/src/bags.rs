@@ -20,11 +20,6 @@ pub fn sqlite(data: &[u8]) {
     file("a.db3", &[b"SQLite format 3\0", data].concat());
 }
 
-/// A file of ROS 1.
-pub fn ros1(data: &[u8]) {
-    file("a.bag", &[b"#ROSBAG V2.0\n", data].concat());
-}
-
 /// A `metadata.yaml` beside a whole file, in a folder beside a foreign one: nothing outside the folder is read.
 pub fn metadata(data: &[u8]) {
     static WHOLE: LazyLock<Vec<u8>> = LazyLock::new(whole);

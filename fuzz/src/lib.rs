@@ -11,14 +11,13 @@ pub mod vision;
 pub type Target = fn(&[u8]);
 
 /// All targets by name.
-pub const TARGETS: [(&str, Target); 15] = [
+pub const TARGETS: [(&str, Target); 14] = [
     ("cdr", messages::cdr),
     ("dynamic", messages::dynamic),
     ("keys", messages::keys),
     ("schema", messages::schema),
     ("mcap", bags::mcap),
     ("metadata", bags::metadata),
-    ("ros1", bags::ros1),
     ("sqlite", bags::sqlite),
     ("kitti", texts::kitti),
     ("coco", texts::coco),

@@ -33,12 +33,12 @@ pub enum Bag {
     Play(BagPlay),
     /// Describe the content of a bag
     Info {
-        /// Bag folder, or .mcap, .db3 or ROS 1 .bag file
+        /// Bag folder, or .mcap or .db3 file
         bag: PathBuf,
     },
     /// Copy the readable messages of a damaged bag to a new bag
     Recover(BagCopy),
-    /// Convert a bag to MCAP: all of rosbag2's SQLite, images and camera calibrations of ROS 1
+    /// Convert a bag of rosbag2's SQLite to MCAP
     Convert(BagCopy),
     /// Convert a data set to a bag
     #[command(subcommand)]
@@ -60,7 +60,7 @@ pub enum BagImport {
 /// `modulo bag recover` and `modulo bag convert`
 #[derive(Args)]
 pub struct BagCopy {
-    /// Bag folder, or .mcap, .db3 or ROS 1 .bag file
+    /// Bag folder, or .mcap or .db3 file
     pub bag: PathBuf,
     /// New bag folder
     pub out: PathBuf,
@@ -101,7 +101,7 @@ pub struct Form {
 /// `modulo bag play`
 #[derive(Args)]
 pub struct BagPlay {
-    /// Bag folder, or .mcap, .db3 or ROS 1 .bag file
+    /// Bag folder, or .mcap or .db3 file
     pub bag: PathBuf,
     /// Speed; 2 is twice as fast as the recording, 0 sends an image when the nodes have taken the last one
     #[arg(short, long, default_value_t = 1.0)]

@@ -14,7 +14,7 @@ use modulo_bench::{
 };
 use modulo_camera::CameraParameters;
 use modulo_core::{GainPattern, Mosaic, SensorError, UnwrapError, WorkersError};
-use modulo_detector::{EngineChoice, EngineOptions, measure, prefer};
+use modulo_detector::{EngineChoice, EngineOptions, measure};
 use modulo_images::{ImageError, WHITE_PERCENTILE};
 use modulo_launch::launch_files;
 use modulo_runtime::SystemClock;
@@ -76,14 +76,7 @@ pub enum Bench {
     /// by itself
     Pipeline(pipeline::PipelineRequest),
     /// Measure the inference engines of this machine and the agreement of their boxes, and draw a chart of both
-    Detector {
-        /// The frames and the model.
-        #[command(flatten)]
-        request: pipeline::SuiteRequest,
-        /// From now on, let engine: auto take the fastest engine on the processor whose boxes agree
-        #[arg(long)]
-        prefer: bool,
-    },
+    Detector(pipeline::SuiteRequest),
     /// Draw the charts of the results in a folder again
     Chart {
         /// Folder with results.json and meta.json
@@ -159,7 +152,7 @@ pub fn bench(command: &Bench) -> Result<Ended, Failure> {
     match command {
         Bench::Unwrap(request) => bench_unwrap(request),
         Bench::Pipeline(request) => bench_pipeline(request),
-        Bench::Detector { request, prefer } => bench_detector(request, *prefer),
+        Bench::Detector(request) => bench_detector(request),
         Bench::Chart { folder } => {
             for file in frontier::draw_frontier(&folder.join(benchmark::RESULTS))? {
                 say!("{}", file.display());
@@ -248,7 +241,7 @@ fn this_program() -> Result<(PathBuf, PathBuf), Failure> {
     Ok((program, file.path))
 }
 
-fn bench_detector(request: &pipeline::SuiteRequest, take: bool) -> Result<Ended, Failure> {
+fn bench_detector(request: &pipeline::SuiteRequest) -> Result<Ended, Failure> {
     let (path, launch_file) = this_program()?;
     let program = pipeline::Program { path: &path, launch_file: &launch_file, now_ns: monotonic_ns };
     let bar = progress_bar(STEPS);
@@ -271,10 +264,11 @@ fn bench_detector(request: &pipeline::SuiteRequest, take: bool) -> Result<Ended,
         }
     }
     chart.iter().for_each(|file| say!("{}", file.display()));
-    let fastest = engines::fastest(&rows).and_then(|row| word_of(row.engine));
-    if let (true, Some(engine)) = (take, fastest) {
-        let file = prefer(engine).context("the choice of auto")?;
-        say!("auto takes {engine} from now on: {}", file.display());
+    if let Some(engine) = engines::fastest(&rows).map(|row| row.engine) {
+        say!(
+            "The fastest engine on the processor of this machine whose boxes agree is {engine}; give engine:={engine} to \
+             use it."
+        );
     }
     Ok(Ended::Done)
 }

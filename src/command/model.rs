@@ -10,8 +10,8 @@ use anyhow::Context;
 use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use modulo_detector::{
-    EngineChoice, EngineDevice, EngineOptions, ModelInfo, auto_engine, describe, measure,
-    onnxruntime_library, onnxruntime_places,
+    EngineChoice, EngineDevice, EngineOptions, ModelInfo, describe, measure, onnxruntime_library,
+    onnxruntime_places,
 };
 use modulo_eval::grid::words;
 use modulo_middleware::transport::zenoh::meeting_port;
@@ -142,12 +142,9 @@ pub fn doctor() -> Result<Ended, Failure> {
 
 fn engine() {
     let taken = onnxruntime_library();
-    match (&taken, auto_engine()) {
-        (Ok(place), (EngineChoice::OnnxRuntime, _)) => {
-            say!("engine   auto takes ort, ONNX Runtime from {place}");
-        }
-        (Ok(_), (engine, why)) => say!("engine   auto takes {engine}, {why}"),
-        (Err(_), _) => say!("engine   auto takes rten, built in; no ONNX Runtime library was found"),
+    match &taken {
+        Ok(place) => say!("engine   auto takes ort, ONNX Runtime from {place}"),
+        Err(_) => say!("engine   auto takes rten, built in; no ONNX Runtime library was found"),
     }
     say!("looked   in this order:");
     for place in onnxruntime_places() {

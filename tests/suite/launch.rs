@@ -498,14 +498,13 @@ fn the_pipeline_is_measured_in_every_mode() {
 }
 
 #[test]
-fn the_engines_of_this_machine_are_measured_and_one_is_preferred() {
+fn the_engines_of_this_machine_are_measured_and_the_fastest_is_named() {
     let bench = Bench::new();
-    let (out, model, home) = (bench.path("out"), model(), bench.path("home"));
+    let (out, model) = (bench.path("out"), model());
     let folder = out.display().to_string();
     let frames = "scene://tunnel?seed=3&width=160&height=64";
-    let fixed = ["bench", "detector", "--frames", frames, "--count", "9", "--prefer"];
-    let mut command = bench.modulo(&[&fixed[..], &["--model", &model, "-o", &folder]].concat());
-    let output = command.env("XDG_CONFIG_HOME", &home).output().expect("the program runs");
+    let fixed = ["bench", "detector", "--frames", frames, "--count", "9"];
+    let output = bench.run(&[&fixed[..], &["--model", &model, "-o", &folder]].concat());
     assert_eq!(output.status.code(), Some(0), "{}", text(&output));
     let rows = json(&out.join("results.json"));
     let row = |engine: &str, device: &str| {
@@ -517,10 +516,11 @@ fn the_engines_of_this_machine_are_measured_and_one_is_preferred() {
     let missing = row("ort", "cuda")["missing"].as_str().expect("no GPU where the tests run");
     assert!(missing.contains("engine 'ort'") || missing.contains("cuda:0"), "{missing}");
     assert!(out.join("engines.png").exists());
-    let preferred = std::fs::read_to_string(home.join("modulo/engine")).expect("the choice of auto");
-    let preferred = preferred.lines().next().expect("an engine");
+    let said = text(&output);
+    let (_, rest) = said.split_once("; give engine:=").expect("the argument that takes the fastest engine");
+    let fastest = rest.split_whitespace().next().expect("an engine");
     assert!(
-        row(preferred, "cpu")["measured"]["agreement"].as_f64().is_some_and(|share| share >= 0.99),
+        row(fastest, "cpu")["measured"]["agreement"].as_f64().is_some_and(|share| share >= 0.99),
         "{rows}"
     );
 }

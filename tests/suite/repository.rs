@@ -18,7 +18,7 @@ const FLOORS: [&[&str]; 8] = [
     &["modulo-runtime"],
     &["modulo-msgs"],
     &["modulo-images", "modulo-scene"],
-    &["modulo-core", "modulo-charts", "modulo-models"],
+    &["modulo-core", "modulo-draw", "modulo-models"],
 ];
 
 fn floor_of(name: &str) -> Option<usize> {

@@ -1,14 +1,13 @@
-//! Bags: MCAP read, written and repaired; rosbag2's SQLite and ROS 1 read.
+//! Bags: MCAP read, written and repaired; rosbag2's SQLite read.
 //!
-//! CDR payloads pass through unchanged; ROS 1 payloads, which are not CDR, are re-encoded. A damaged bag is read as far
-//! as possible, and each loss is reported by a [`BagWarning`].
+//! Payloads pass through unchanged. A damaged bag is read as far as possible, and each loss is reported by a
+//! [`BagWarning`].
 
 mod bag_file;
 mod mcap_file;
 mod metadata;
 pub mod qos;
 mod reader;
-mod ros1;
 mod scan;
 mod sqlite;
 mod storage;
@@ -86,8 +85,8 @@ pub struct RawMessage {
     pub data: Vec<u8>,
 }
 
-/// Returns whether `path` is a bag: a `.mcap`, `.db3` or `.bag` file, or a folder with `metadata.yaml` or with such
-/// files.
+/// Returns whether `path` is to be opened as a bag: a `.mcap`, `.db3` or `.bag` file, or a folder with `metadata.yaml` or
+/// with such files. Opening a `.bag` file of ROS 1 gives an error that names the remedy.
 pub fn is_bag(path: &Path) -> bool {
     if path.is_dir() {
         return path.join(metadata::FILE_NAME).is_file()
@@ -103,11 +102,17 @@ pub enum BagError {
     #[error(transparent)]
     Io(#[from] FileError),
     /// The file is not a bag.
-    #[error("{file}: not a bag, its first bytes are not those of MCAP, SQLite or ROS 1", file = .0.display())]
+    #[error("{file}: not a bag, its first bytes are not those of MCAP or SQLite", file = .0.display())]
     NotBag(PathBuf),
     /// The folder contains no bag.
-    #[error("{file}: no bag here, a metadata.yaml or a .mcap, .db3 or .bag file is needed", file = .0.display())]
+    #[error("{file}: no bag here, a metadata.yaml or a .mcap or .db3 file is needed", file = .0.display())]
     NoBag(PathBuf),
+    /// The file is a bag of ROS 1.
+    #[error(
+        "{file}: this is a ROS 1 bag, of which `rosbags-convert --src {file} --dst FOLDER` (from the Python package \
+         `rosbags`) makes a ROS 2 bag that can be read here", file = .0.display()
+    )]
+    Ros1(PathBuf),
     /// The metadata file describes a bag of a form that is not supported.
     #[error("{file}: {1}", file = .0.display())]
     Unsupported(PathBuf, String),

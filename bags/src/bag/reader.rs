@@ -57,7 +57,7 @@ impl Selection {
 }
 
 impl BagReader {
-    /// Opens a file (MCAP, rosbag2's SQLite, ROS 1), or a folder with `metadata.yaml` or with such files. An MCAP file
+    /// Opens a file (MCAP, rosbag2's SQLite), or a folder with `metadata.yaml` or with such files. An MCAP file
     /// without a summary, such as a truncated one, is scanned.
     ///
     /// # Errors
@@ -106,7 +106,7 @@ impl BagReader {
         &self.path
     }
 
-    /// Returns the storage's name in rosbag2: `mcap`, `sqlite3` or `rosbag_v2`.
+    /// Returns the storage's name in rosbag2: `mcap` or `sqlite3`.
     pub fn storage_id(&self) -> &'static str {
         self.files.first().map_or("mcap", |(_, file)| file.summary().id)
     }

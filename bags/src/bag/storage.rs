@@ -9,12 +9,11 @@ use std::sync::Arc;
 use modulo_images::open_regular;
 
 use super::mcap_file::McapFile;
-use super::ros1::Ros1File;
 use super::sqlite::SqliteFile;
 use super::{BagError, BagWarning, RawMessage, Selection, TopicCount};
 use crate::FileError;
 
-/// File name extensions of bags.
+/// File name extensions of bags. Those of ROS 1 are among them, so that their error names the remedy.
 const EXTENSIONS: [&str; 3] = ["mcap", "db3", "bag"];
 
 /// The summary of one file of a bag.
@@ -64,7 +63,7 @@ pub(super) fn open(path: &Path, index: IndexUse) -> Result<Arc<dyn Storage>, Bag
     Ok(if start.starts_with(b"SQLite format 3\0") {
         Arc::new(SqliteFile::open(path)?)
     } else if start.starts_with(b"#ROSBAG V") {
-        Arc::new(Ros1File::open(path)?)
+        return Err(BagError::Ros1(path.to_owned()));
     } else {
         // Anything else is read as MCAP, whose reader names the error.
         Arc::new(McapFile::open(path, index)?)

@@ -36,7 +36,7 @@ pub enum SourceError {
     /// The path does not exist.
     #[error(
         "{file}: no such path; possible are scene://PRESET, an image (png, jpg, jpeg, exr, hdr), a folder of images, \
-         a KITTI folder (image_2 or image_02 inside), a .mcap, .db3 or ROS 1 .bag file or a bag folder, and as source of a \
+         a KITTI folder (image_2 or image_02 inside), a .mcap or .db3 file or a bag folder, and as source of a \
          camera topic:NAME, such as topic:/camera/image_raw, for the images that another node publishes", file = .0.display()
     )]
     Missing(PathBuf),
@@ -56,7 +56,7 @@ pub enum SourceError {
     #[error("{file}: no image in this folder, at least one png, jpg, jpeg, exr or hdr is needed", file = .0.display())]
     Empty(PathBuf),
     /// A file that is not an image by its name.
-    #[error("{file}: not an image, possible are png, jpg, jpeg, exr, hdr, .mcap, .db3 and .bag", file = .0.display())]
+    #[error("{file}: not an image, possible are png, jpg, jpeg, exr, hdr, .mcap and .db3", file = .0.display())]
     Extension(PathBuf),
     /// The system does not read a file.
     #[error(transparent)]
@@ -158,7 +158,7 @@ pub struct SourceOptions {
 /// Coordinate frame of images without one.
 pub(crate) const FRAME_ID: &str = "camera_optical";
 
-/// Opens what `spec` names: a scene (`scene://PRESET?seed=N`), a bag (a `.mcap`, `.db3` or ROS 1 `.bag` file, or a
+/// Opens what `spec` names: a scene (`scene://PRESET?seed=N`), a bag (a `.mcap` or `.db3` file, or a
 /// folder with `metadata.yaml` or such files), a KITTI folder (with `image_2` or `image_02`), a folder of images, or
 /// one image.
 ///

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use modulo_bags::bag::{BagReader, BagWarning, Selection, Split, WriteOptions};
+use modulo_bags::source::{SourceOptions, open};
 use proptest::prelude::*;
 
 use crate::{COMPRESSIONS, Line, read_all, temporary, topic, write_bag};
@@ -120,6 +121,25 @@ fn metadata_names_no_file_outside_of_its_bag() {
     }
     std::fs::write(&metadata, ours.replace("bag_0.mcap", "./bag_0.mcap")).expect("written");
     assert_eq!(BagReader::open(&path).expect("inside").message_count(), 3);
+}
+
+/// As a file, in a folder, as a source: the error names the file and the command that converts it.
+#[test]
+fn a_bag_of_ros_1_is_refused_with_a_remedy() {
+    let (folder, path) = temporary("old.bag");
+    std::fs::write(&path, b"#ROSBAG V2.0\nE\0\0\0").expect("written");
+    let source = |path: &Path| open(&path.display().to_string(), &SourceOptions::default()).err();
+    for given in [&path, folder.path()] {
+        let errors = [
+            BagReader::open(given).expect_err("ROS 1").to_string(),
+            BagReader::salvage(given).expect_err("ROS 1").to_string(),
+            source(given).expect("ROS 1").to_string(),
+        ];
+        for error in errors {
+            let remedy = format!("`rosbags-convert --src {} --dst FOLDER`", path.display());
+            assert!(error.contains("a ROS 1 bag") && error.contains(&remedy), "{error}");
+        }
+    }
 }
 
 /// Times of several files may overlap: log time counts, not the file.

@@ -7,8 +7,8 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use modulo_charts::{Axis, Chart, ChartBody, ChartPanel, DataPoint, PageWidth, Series, SeriesStyle};
 use modulo_core::BBox;
+use modulo_draw::{Axis, Chart, ChartBody, ChartPanel, DataPoint, PageWidth, Series, SeriesStyle};
 use serde::Serialize;
 
 use crate::pipeline::{Mode, Program, RESULTS, RunSettings, SuiteRequest, at, run, sorted, temporary_folder};

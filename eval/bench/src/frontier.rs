@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use modulo_charts::{
+use modulo_draw::{
     Axis, AxisDirection, Chart, ChartBody, ChartPanel, DataPoint, PageWidth, Series, SeriesStyle, Unit,
     distinct,
 };

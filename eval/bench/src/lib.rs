@@ -16,12 +16,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use modulo_charts::ChartError;
-pub use modulo_charts::below_100;
 use modulo_core::metric::ShapesDiffer;
 use modulo_core::{
     Frame, GainPattern, Gains, Mosaic, Psf, Samples, Sensor, SensorConfig, SensorError, UnwrapError,
 };
+use modulo_draw::ChartError;
+pub use modulo_draw::below_100;
 use modulo_images::{ImageError, SaveError, White};
 use ndarray::Array3;
 use serde::de::DeserializeOwned;

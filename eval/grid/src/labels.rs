@@ -1,6 +1,6 @@
 //! Labels of cells in tables and charts, and the time of a frame.
 
-pub use modulo_charts::{below_100, distinct, number};
+pub use modulo_draw::{below_100, distinct, number};
 
 use modulo_core::Mosaic;
 

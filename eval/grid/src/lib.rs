@@ -28,9 +28,9 @@ use std::path::{Path, PathBuf};
 
 use modulo_bags::FileError;
 use modulo_bags::source::SourceError;
-pub use modulo_charts::below_100;
 use modulo_core::SensorError;
 use modulo_detector::DetectorError;
+pub use modulo_draw::below_100;
 use modulo_runtime::ParameterError;
 use modulo_runtime::lockstep::LockstepError;
 
@@ -86,7 +86,7 @@ pub enum GridError {
     NoResults(PathBuf),
     /// A chart could not be drawn.
     #[error("chart {0}: {1}")]
-    Chart(String, #[source] modulo_charts::ChartError),
+    Chart(String, #[source] modulo_draw::ChartError),
     /// The data cannot be read.
     #[error(transparent)]
     Source(#[from] SourceError),

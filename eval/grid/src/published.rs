@@ -1,7 +1,7 @@
 //! The figures of the paper beside those of the grid: the published tables, a chart, and a section of the report.
 
 use maud::{Markup, html};
-use modulo_charts::{Axis, ChartBody, ChartPanel, DataPoint, Series, SeriesStyle, number};
+use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Series, SeriesStyle, number};
 
 use crate::chart::{self, NamedChart, add_point, file_name, models, suffix};
 use crate::grid::CAPTURES;

@@ -226,7 +226,7 @@ fn the_papers_figures_stand_beside_ours() {
 fn charts_name_each_cell_and_grey_what_is_dominated() {
     let charts = chart::all(&made_up());
     let frontier = charts.iter().find(|named| named.name == "frontier_alpha4_psf1.4_read0").expect("a chart");
-    let svg = frontier.chart.svg(modulo_charts::PageWidth::Wide).expect("a picture");
+    let svg = frontier.chart.svg(modulo_draw::PageWidth::Wide).expect("a picture");
     assert!(
         svg.contains("<title>recovered (auto), yolov10n 640x192: 59.6 ms, AP50 of vehicle 85.4 %</title>")
     );
@@ -253,7 +253,7 @@ fn a_stream_has_one_colour_in_every_report() {
     let svg = |results: &Results, name: &str| {
         let charts = chart::all(results);
         let found = charts.iter().find(|named| named.name == name).expect("a chart");
-        found.chart.svg(modulo_charts::PageWidth::Wide).expect("a picture")
+        found.chart.svg(modulo_draw::PageWidth::Wide).expect("a picture")
     };
     let chart = "alpha_yolov10n_640x192_psf1.4_read0";
     let whole = svg(&all, chart);
@@ -303,7 +303,7 @@ fn the_simplest_sufficient_sensor_is_shown() {
     }
     let charts = chart::all(&results);
     let chart = charts.iter().find(|named| named.name.starts_with("sensors_")).expect("lens and alpha vary");
-    let svg = chart.chart.svg(modulo_charts::PageWidth::Wide).expect("drawn");
+    let svg = chart.chart.svg(modulo_draw::PageWidth::Wide).expect("drawn");
     for text in [
         "alpha 2, lens blur 0.5 px: saturated, AP50 89.5 %, AP50 of the ideal image 90.0 %",
         "alpha 4, lens blur 0.5 px: no choice, AP50 of the ideal image 90.0 %",
@@ -403,7 +403,7 @@ fn charts_have_words_units_counts_and_intervals() {
         found
             .unwrap_or_else(|| panic!("{name}: {:?}", names()))
             .chart
-            .svg(modulo_charts::PageWidth::Wide)
+            .svg(modulo_draw::PageWidth::Wide)
             .expect("drawn")
     };
     let alpha = svg("alpha_yolov10n_640x192_psf1.4_read0");
@@ -435,7 +435,7 @@ fn a_series_without_a_choice_is_grey_in_the_legend() {
     results.cells.retain(|cell| cell.point.model == "yolov10n");
     let charts = chart::all(&results);
     let frontier = charts.iter().find(|named| named.name == "frontier_alpha4_psf1.4_read0").expect("a chart");
-    let svg = frontier.chart.svg(modulo_charts::PageWidth::Wide).expect("a picture");
+    let svg = frontier.chart.svg(modulo_draw::PageWidth::Wide).expect("a picture");
     assert!(entry(&svg, "recovered (spud)").1.contains("#bdbdbd"), "dominated");
     assert!(!entry(&svg, "recovered (auto)").1.contains("#bdbdbd"));
 }

@@ -2,8 +2,8 @@
 //!
 //! The image is only for people; no result is read from it.
 
-use modulo_charts::{LabelledBox, Picture, class_colour};
 use modulo_core::{Detection, Frame};
+use modulo_draw::{LabelledBox, Picture, class_colour};
 use ndarray::Array3;
 
 use crate::pre::eight_bit;
@@ -27,7 +27,7 @@ pub fn annotated(frame: &Frame, bits: u8, found: &[Detection]) -> Result<Frame, 
     let boxes = found.iter().map(labelled).collect();
     let side = |side: usize| u32::try_from(side).map_err(|_| format!("cannot draw on a side of {side} px"));
     let picture = Picture::new(side(width)?, side(height)?, rgb, boxes).map_err(|error| error.to_string())?;
-    let drawn = picture.annotated().into_raw();
+    let drawn = picture.annotated().map_err(|error| error.to_string())?.into_raw();
     let pixels = Array3::from_shape_vec((height, width, 3), drawn).expect("three samples a pixel");
     Ok(Frame::from_u8(pixels).expect("the copy has the frame's size"))
 }

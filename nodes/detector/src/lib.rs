@@ -22,8 +22,7 @@ use modulo_runtime::ParameterError;
 
 pub use classes::parse_class_map;
 pub use engine::{
-    EngineChoice, EngineDevice, EngineError, EngineOptions, auto_engine, onnxruntime_library,
-    onnxruntime_places, prefer,
+    EngineChoice, EngineDevice, EngineError, EngineOptions, onnxruntime_library, onnxruntime_places,
 };
 pub use model::{DEMO, ModelInfo, Speed, describe, embedded, measure};
 pub use node::{Detector, outputs};

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use maud::{Markup, html};
-use modulo_charts::html_page;
+use modulo_draw::html_page;
 
 use super::case::Family;
 use super::expect::{Judgement, percent};

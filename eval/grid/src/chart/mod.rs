@@ -4,7 +4,7 @@ pub(crate) mod pictures;
 mod sensors;
 mod time;
 
-use modulo_charts::{
+use modulo_draw::{
     Axis, Chart, ChartBody, ChartError, ChartPanel, DataPoint, PageWidth, Series, SeriesStyle,
 };
 

@@ -1,6 +1,6 @@
 //! Images with boxes: figure 2 of the paper, and the worst frame of each stream.
 
-use modulo_charts::{ChartBody, Picture, Pictures, class_colour};
+use modulo_draw::{ChartBody, Picture, Pictures, class_colour};
 
 use super::NamedChart;
 use crate::labels::{self, distinct, number};

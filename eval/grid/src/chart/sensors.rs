@@ -1,7 +1,7 @@
 //! Which sensor for which scene: for each lens and saturation factor, the simplest sensor and method that keep the accuracy of
 //! the ideal image.
 
-use modulo_charts::{Axis, ChartBody, ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
+use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
 
 use super::{NamedChart, file_name, models};
 use crate::labels::{self, distinct, number};

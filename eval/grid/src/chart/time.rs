@@ -1,6 +1,6 @@
 //! The charts of time: speed against accuracy, the stages of a frame, and the distribution of its time.
 
-use modulo_charts::{Axis, Bar, Bars, ChartBody, ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
+use modulo_draw::{Axis, Bar, Bars, ChartBody, ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
 
 use super::{NamedChart, add_point, models, suffix};
 use crate::budget::{Candidate, pareto_front};

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use modulo_bags::source::GroundTruth;
-use modulo_charts::{LabelledBox, Picture, class_colour, distinct};
 use modulo_core::{BBox, Detection, Frame};
+use modulo_draw::{LabelledBox, Picture, class_colour, distinct};
 use modulo_runtime::Clock;
 
 use super::frames::{FrameWithNeighbours, Frames, FramesWithNeighbours, Neighbours};

@@ -5,7 +5,7 @@ pub(crate) mod tables;
 use std::path::{Path, PathBuf};
 
 use maud::{Markup, PreEscaped, html};
-use modulo_charts::{ChartError, html_page, number};
+use modulo_draw::{ChartError, html_page, number};
 
 use crate::chart::{self, NamedChart, RenderedChart};
 use crate::labels::{self, distinct};

@@ -6,7 +6,6 @@ mod onnxruntime;
 mod rten;
 
 use std::fmt;
-use std::io;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -239,54 +238,8 @@ pub fn onnxruntime_places() -> Vec<PathBuf> {
     onnxruntime::places_here()
 }
 
-/// Returns the engine that `auto` takes on the processor, and the reason: the one that was measured to be the best with the
-/// library that is found (see [`prefer`]), else ONNX Runtime where its library is found, else rten.
-pub fn auto_engine() -> (EngineChoice, String) {
-    let library = match onnxruntime::library() {
-        Ok(library) => library,
-        Err(why) => {
-            tracing::debug!("auto takes rten, {why}");
-            return (EngineChoice::Rten, "no ONNX Runtime library found".to_owned());
-        }
-    };
-    let file = preference_file();
-    let text = file.as_ref().and_then(|file| std::fs::read_to_string(file).ok());
-    match (file, text.and_then(|text| preferred(&text, &library.place))) {
-        (Some(file), Some(engine)) => (engine, format!("measured to be the fastest, {}", file.display())),
-        _ => (EngineChoice::OnnxRuntime, library.place),
-    }
-}
-
-/// Writes down that `auto` takes `engine` on this machine, as long as the library of ONNX Runtime is the one that is found
-/// now. Returns the file.
-///
-/// # Errors
-/// [`io::Error`] when the file cannot be written, or no home folder is known.
-pub fn prefer(engine: EngineChoice) -> io::Result<PathBuf> {
-    let unknown = || io::Error::new(io::ErrorKind::NotFound, "neither XDG_CONFIG_HOME nor HOME is set");
-    let file = preference_file().ok_or_else(unknown)?;
-    std::fs::create_dir_all(file.parent().expect("the file lies in a folder"))?;
-    let library = onnxruntime::library().map_or_else(|_| String::new(), |library| library.place);
-    std::fs::write(&file, format!("{engine}\n{library}\n"))?;
-    Ok(file)
-}
-
-/// Returns `modulo/engine` in the user's folder of configurations.
-fn preference_file() -> Option<PathBuf> {
-    let folder = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
-    let folder = folder("XDG_CONFIG_HOME").or_else(|| folder("HOME").map(|home| home.join(".config")))?;
-    Some(folder.join("modulo/engine"))
-}
-
-/// Reads the first line of `text`, an engine, if the second one is this `library`.
-fn preferred(text: &str, library: &str) -> Option<EngineChoice> {
-    let (word, measured) = text.trim_end().split_once('\n')?;
-    let choice = EngineChoice::WORDS.iter().find(|(known, _)| *known == word).map(|(_, choice)| *choice);
-    choice.filter(|choice| *choice != EngineChoice::Auto && measured == library)
-}
-
-/// Loads `model` with the engine asked for, on the device asked for. `auto` takes its [`auto_engine`]: never another one
-/// because a model does not load, and never the processor in place of a GPU.
+/// Loads `model` with the engine asked for, on the device asked for. `auto` takes ONNX Runtime where its library is found, else
+/// rten: never another one because a model does not load, and never the processor in place of a GPU.
 pub fn open(model: &Path, options: EngineOptions) -> Result<OpenedEngine, EngineError> {
     // A missing file is the most common mistake, and both engines describe it at length.
     if embedded(model).is_none() {
@@ -298,18 +251,17 @@ pub fn open(model: &Path, options: EngineOptions) -> Result<OpenedEngine, Engine
     }
     let (EngineOptions { device, .. }, threads) = (options, options.cores());
     let (engine, reason) = match (options.engine, device) {
-        (EngineChoice::Auto, EngineDevice::Cpu) => {
-            let (engine, why) = auto_engine();
-            (engine, format!("auto: {why}"))
+        (EngineChoice::Auto, EngineDevice::Cpu) if onnxruntime::library().is_err() => {
+            (EngineChoice::Rten, "auto: no ONNX Runtime library found")
         }
-        (EngineChoice::Auto, _) => (EngineChoice::OnnxRuntime, String::new()),
-        (engine, _) => (engine, "as asked".to_owned()),
+        (EngineChoice::Auto, _) => (EngineChoice::OnnxRuntime, "auto"),
+        (engine, _) => (engine, "as asked"),
     };
     let provider = match (engine, device) {
         (EngineChoice::Rten, EngineDevice::Cpu) => {
             let (engine, layout) = self::rten::Rten::load(model, threads)?;
             let (engine, name) = (Box::new(engine), self::rten::NAME);
-            return Ok(OpenedEngine { engine, name, threads, layout, note: reason });
+            return Ok(OpenedEngine { engine, name, threads, layout, note: reason.to_owned() });
         }
         (EngineChoice::OpenVino, EngineDevice::Cpu) => Provider::OpenVino,
         (EngineChoice::Rten | EngineChoice::OpenVino, _) => {
@@ -343,15 +295,6 @@ mod tests {
         );
         for bad in ["", "gpu", "cpu:0", "cuda:", "cuda:-1", "cuda:256", "cuda:1:1", "CUDA"] {
             assert!(bad.parse::<EngineDevice>().is_err_and(|why| why.contains("cuda:1")), "{bad}");
-        }
-    }
-
-    #[test]
-    fn auto_follows_a_measurement_with_the_same_library() {
-        assert_eq!(preferred("openvino\n/opt/a.so\n", "/opt/a.so"), Some(EngineChoice::OpenVino));
-        assert_eq!(preferred("rten\n/opt/a.so\n", "/opt/a.so"), Some(EngineChoice::Rten));
-        for text in ["openvino\n/opt/b.so\n", "openvino\n", "", "auto\n/opt/a.so\n", "fast\n/opt/a.so\n"] {
-            assert_eq!(preferred(text, "/opt/a.so"), None, "{text}");
         }
     }
 

@@ -1,6 +1,6 @@
 //! Any data can be drawn, and series can be distinguished.
 
-use modulo_charts::{
+use modulo_draw::{
     Axis, Bar, Bars, Chart, ChartBody, ChartError, ChartPanel, DataPoint, Emphasis, LabelledBox, PageWidth,
     Picture, Pictures, Scale, Series, SeriesStyle, number,
 };

@@ -2,19 +2,16 @@
 
 use std::sync::Arc;
 
+use image::RgbImage;
 use image::imageops::{FilterType, resize};
-use image::{GenericImage, Rgb, RgbImage};
-use imageproc::drawing::{
-    draw_antialiased_line_segment_mut, draw_filled_rect_mut, draw_hollow_rect_mut, draw_text_mut,
-};
-use imageproc::pixelops::interpolate;
-use imageproc::rect::Rect;
+use tiny_skia::{Color, Pixmap, PixmapPaint, Rect, Stroke, Transform};
 
 use crate::ChartError;
 use crate::canvas::Font;
 use crate::canvas::{Anchor, Canvas, Shape};
 use crate::plates::{connection, place};
-use crate::primitives::{Area, Colour, GREY, INK, Position, class_colour, ink_on};
+use crate::primitives::{Area, Colour, GREY, INK, class_colour, ink_on};
+use crate::raster::{fill, paint, path, pixmap, rgb};
 
 /// An image with labelled boxes.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,16 +54,20 @@ impl Picture {
     ///
     /// Labels are within the image and never cover each other. They avoid objects if there is room. A label without a free
     /// place is left out.
-    pub fn annotated(&self) -> RgbImage {
-        self.drawn((*self.pixels).clone(), 12.0)
+    ///
+    /// # Errors
+    /// [`ChartError::Size`] if the image is too large to be drawn on.
+    pub fn annotated(&self) -> Result<RgbImage, ChartError> {
+        self.drawn(&self.pixels, LEAST_LABEL).map(|image| rgb(&image))
     }
 
     /// The image at another size, with lines and text that fit this size. `least` is the least font size in px.
-    pub(crate) fn annotated_at(&self, width: u32, height: u32, least: f32) -> RgbImage {
-        self.drawn(resize(&*self.pixels, width.max(1), height.max(1), FilterType::Triangle), least)
+    pub(crate) fn annotated_at(&self, width: u32, height: u32, least: f32) -> Result<Pixmap, ChartError> {
+        self.drawn(&resize(&*self.pixels, width.max(1), height.max(1), FilterType::Triangle), least)
     }
 
-    fn drawn(&self, mut image: RgbImage, least: f32) -> RgbImage {
+    fn drawn(&self, image: &RgbImage, least: f32) -> Result<Pixmap, ChartError> {
+        let mut image = pixmap(image)?;
         let size = (image.width() as f32, image.height() as f32);
         let scale = (size.0 / self.pixels.width() as f32, size.1 / self.pixels.height() as f32);
         let mean = (size.0 + size.1) / 2.0;
@@ -76,7 +77,7 @@ impl Picture {
         let visible = |labelled| Some((labelled, visible(labelled, scale, size)?));
         let boxes: Vec<(&LabelledBox, Area)> = self.boxes.iter().filter_map(visible).collect();
         for (labelled, area) in boxes.iter().rev() {
-            outline(&mut image, *area, line as u32, Rgb(labelled.colour));
+            outline(&mut image, *area, line, labelled.colour);
         }
         let labelled: Vec<_> = boxes.into_iter().filter(|(labelled, _)| !labelled.label.is_empty()).collect();
         let sizes: Vec<_> = labelled.iter().map(|(labelled, _)| text.plate(&labelled.label)).collect();
@@ -85,15 +86,17 @@ impl Picture {
         let placed =
             || labelled.iter().zip(&places).filter_map(|(labelled, place)| Some((labelled, (*place)?)));
         for ((labelled, area), plate) in placed() {
-            connect(&mut image, *area, plate, Rgb(labelled.colour));
+            connect(&mut image, *area, plate, labelled.colour);
         }
         for ((labelled, _), plate) in placed() {
             text.draw_plate(&mut image, plate, labelled);
         }
-        image
+        Ok(image)
     }
 }
 
+/// Least font size of the labels on an image of its own size, px.
+const LEAST_LABEL: f32 = 12.0;
 /// Colour of the thin line around a box.
 const CASING: Colour = [0x20; 3];
 
@@ -112,31 +115,39 @@ fn visible(labelled: &LabelledBox, scale: (f32, f32), (width, height): (f32, f32
 
 /// Draws lines of `line` px inside the area, which has whole numbers, and a dark line around them, which separates them from
 /// a bright image.
-fn outline(image: &mut RgbImage, (left, top, right, bottom): Area, line: u32, colour: Rgb<u8>) {
-    let (width, height) = ((right - left) as u32, (bottom - top) as u32);
-    let around = Rect::at(left as i32 - 1, top as i32 - 1).of_size(width + 2, height + 2);
-    draw_hollow_rect_mut(image, around, Rgb(CASING));
-    for inset in (0..line).take_while(|inset| 2 * inset < width.min(height)) {
-        let corner = Rect::at(left as i32 + inset as i32, top as i32 + inset as i32);
-        draw_hollow_rect_mut(image, corner.of_size(width - 2 * inset, height - 2 * inset), colour);
+fn outline(image: &mut Pixmap, area: Area, line: f32, colour: Colour) {
+    let (left, top, right, bottom) = area;
+    frame(image, (left - 1.0, top - 1.0, right + 1.0, bottom + 1.0), 1.0, CASING);
+    frame(image, area, line, colour);
+}
+
+/// Draws lines of `line` px along the sides of the area, which has whole numbers, on its inner side.
+fn frame(image: &mut Pixmap, (left, top, right, bottom): Area, line: f32, colour: Colour) {
+    // The lines of a small area meet, and fill it.
+    let (width, height) = (line.min(right - left), line.min(bottom - top));
+    for side in [
+        (left, top, right, top + height),
+        (left, bottom - height, right, bottom),
+        (left, top, left + width, bottom),
+        (right - width, top, right, bottom),
+    ] {
+        block(image, side, colour);
+    }
+}
+
+/// Fills the area, which has whole numbers.
+fn block(image: &mut Pixmap, (left, top, right, bottom): Area, colour: Colour) {
+    if let Some(area) = Rect::from_ltrb(left, top, right, bottom) {
+        image.fill_rect(area, &paint(colour), Transform::identity(), None);
     }
 }
 
 /// Draws a line from the box to its label if they do not touch.
-fn connect(image: &mut RgbImage, of: Area, plate: Area, colour: Rgb<u8>) {
-    if let Some(ends) = connection(of, plate) {
-        let [from, to] = [ends.0, ends.1].map(|(x, y): Position| (x as i32, y as i32));
-        // Two lines side by side are as thick as a box.
-        let (across, along) = ((to.0 - from.0).abs(), (to.1 - from.1).abs());
-        let (dx, dy) = if across > along { (0, 1) } else { (1, 0) };
-        draw_antialiased_line_segment_mut(image, from, to, colour, interpolate);
-        draw_antialiased_line_segment_mut(
-            image,
-            (from.0 + dx, from.1 + dy),
-            (to.0 + dx, to.1 + dy),
-            colour,
-            interpolate,
-        );
+fn connect(image: &mut Pixmap, of: Area, plate: Area, colour: Colour) {
+    if let Some(line) = connection(of, plate).and_then(|(from, to)| path(&[from, to], false)) {
+        // As thick as a box.
+        let stroke = Stroke { width: 2.0, ..Stroke::default() };
+        image.stroke_path(&line, &paint(colour), &stroke, Transform::identity(), None);
     }
 }
 
@@ -154,20 +165,18 @@ impl Lettering {
     }
 
     /// Draws `text` with its left end at column `x` and its capital letters in the middle between `top` and `bottom`.
-    pub fn draw(&self, image: &mut RgbImage, (x, top, bottom): (f32, f32, f32), text: &str, colour: Colour) {
+    pub fn draw(&self, image: &mut Pixmap, (x, top, bottom): (f32, f32, f32), text: &str, colour: Colour) {
         /// Height of a capital letter at font size 1.
         const CAPITAL: f32 = 0.73;
-        let (font, scale, ascent) = self.font.scaled(self.size);
-        let y = (top + bottom + CAPITAL * self.size) / 2.0 - ascent;
-        draw_text_mut(image, Rgb(colour), x.round() as i32, y.round() as i32, scale, font, text);
+        let baseline = (top + bottom + CAPITAL * self.size) / 2.0;
+        // On whole pixels the horizontal lines of letters are sharp.
+        let place = Transform::from_translate(x.round(), baseline.round());
+        fill(image, self.font.path(text, self.size), colour, place);
     }
 
-    fn draw_plate(&self, image: &mut RgbImage, plate: Area, labelled: &LabelledBox) {
+    fn draw_plate(&self, image: &mut Pixmap, plate: Area, labelled: &LabelledBox) {
         let (left, top, right, bottom) = plate;
-        // A plate has at least one pixel, as its text is not empty.
-        let (width, height) = ((right - left).max(1.0) as u32, (bottom - top).max(1.0) as u32);
-        let area = Rect::at(left as i32, top as i32).of_size(width, height);
-        draw_filled_rect_mut(image, area, Rgb(labelled.colour));
+        block(image, (left.floor(), top.floor(), right.floor(), bottom.floor()), labelled.colour);
         self.draw(image, (left + 0.3 * self.size, top, bottom), &labelled.label, ink_on(labelled.colour));
     }
 }
@@ -228,7 +237,7 @@ const SHEET_TEXT: f32 = 15.0;
 const SHEET_LINE: u32 = 24;
 
 /// Draws images of one size in two columns, row by row, each below its name. A legend below them names the colours of
-/// `classes`; entries that have no room are left out. `None` without images, or if their sizes differ.
+/// `classes`; entries that have no room are left out. `None` without images, or if their sizes differ or are too large.
 pub fn sheet(pictures: &[(&str, Picture)], classes: &[&str]) -> Option<RgbImage> {
     let (width, height) = pictures.first()?.1.size();
     if pictures.iter().any(|(_, picture)| picture.size() != (width, height)) {
@@ -236,30 +245,32 @@ pub fn sheet(pictures: &[(&str, Picture)], classes: &[&str]) -> Option<RgbImage>
     }
     let (columns, rows) = (pictures.len().min(2) as u32, pictures.len().div_ceil(2) as u32);
     let total = (columns * (width + SHEET_GAP) - SHEET_GAP, rows * (SHEET_LINE + height) + SHEET_LINE);
-    let mut sheet = RgbImage::from_pixel(total.0, total.1, Rgb([u8::MAX; 3]));
+    let mut sheet = Pixmap::new(total.0, total.1)?;
+    sheet.fill(Color::WHITE);
     let text = Lettering { font: Font::new(), size: SHEET_TEXT };
     for (index, (name, picture)) in (0u32..).zip(pictures) {
         let (left, top) = (index % 2 * (width + SHEET_GAP), index / 2 * (SHEET_LINE + height));
         text.draw(&mut sheet, (left as f32 + 2.0, top as f32, (top + SHEET_LINE) as f32), name, INK);
-        sheet
-            .copy_from(&picture.annotated(), left, top + SHEET_LINE)
-            .expect("the sheet has room for all images");
+        let picture = picture.drawn(&picture.pixels, LEAST_LABEL).ok()?;
+        let (left, top) = (left as i32, (top + SHEET_LINE) as i32);
+        let paint = PixmapPaint::default();
+        sheet.draw_pixmap(left, top, picture.as_ref(), &paint, Transform::identity(), None);
     }
     legend(&mut sheet, &text, classes);
-    Some(sheet)
+    Some(rgb(&sheet))
 }
 
 /// Draws the legend into the last line.
-fn legend(sheet: &mut RgbImage, text: &Lettering, classes: &[&str]) {
+fn legend(sheet: &mut Pixmap, text: &Lettering, classes: &[&str]) {
     let (top, bottom) = ((sheet.height() - SHEET_LINE) as f32, sheet.height() as f32);
+    let side = SHEET_LINE as f32 - 11.0;
     let mut left = 2.0;
     for class in classes {
-        let block = Rect::at(left as i32, top as i32 + 6).of_size(SHEET_LINE - 11, SHEET_LINE - 11);
         let (start, width) = (left + SHEET_LINE as f32 - 5.0, text.font.width(class, SHEET_TEXT));
         if start + width > sheet.width() as f32 {
             return;
         }
-        draw_filled_rect_mut(sheet, block, Rgb(class_colour(class)));
+        block(sheet, (left, top + 6.0, left + side, top + 6.0 + side), class_colour(class));
         text.draw(sheet, (start, top, bottom), class, INK);
         left = (start + width + 1.2 * SHEET_TEXT).ceil();
     }

@@ -1,4 +1,4 @@
-//! Charts as SVG and PNG, and the frame of an HTML page. The font is embedded in the program.
+//! Charts as SVG and PNG, labelled boxes on images, and the frame of an HTML page. The font is embedded in the program.
 //!
 //! A [`Chart`] is data; [`Chart::svg`] and [`Chart::png`] draw the same shapes. The name of a series determines its colour and
 //! marker in every chart, markers distinguish the series without colour, and labels never overlap. No file is read or

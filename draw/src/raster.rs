@@ -1,7 +1,7 @@
 //! Renders shapes as pixels.
 
 use image::codecs::png::PngEncoder;
-use image::{ExtendedColorType, ImageEncoder};
+use image::{ExtendedColorType, ImageEncoder, RgbImage};
 use tiny_skia::{
     Color, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, PixmapPaint, Stroke, StrokeDash,
     Transform,
@@ -28,10 +28,21 @@ pub fn png(canvas: &Canvas) -> Result<Vec<u8>, ChartError> {
 }
 
 /// Red, green and blue of each pixel. All pixels are opaque, so that premultiplied samples equal the plain ones.
-fn rgb(pixels: &Pixmap) -> Vec<u8> {
+pub fn rgb(pixels: &Pixmap) -> RgbImage {
     let mut rgb = Vec::with_capacity(pixels.data().len() / 4 * 3);
     pixels.data().chunks_exact(4).for_each(|pixel| rgb.extend_from_slice(&pixel[..3]));
-    rgb
+    RgbImage::from_raw(pixels.width(), pixels.height(), rgb).expect("three samples a pixel")
+}
+
+/// The image as pixels to draw on.
+pub fn pixmap(image: &RgbImage) -> Result<Pixmap, ChartError> {
+    let (width, height) = image.dimensions();
+    let mut pixels = Pixmap::new(width, height).ok_or(ChartError::Size(width, height))?;
+    for (pixel, rgb) in pixels.data_mut().chunks_exact_mut(4).zip(image.as_raw().chunks_exact(3)) {
+        pixel[..3].copy_from_slice(rgb);
+        pixel[3] = u8::MAX;
+    }
+    Ok(pixels)
 }
 
 fn draw(pixels: &mut Pixmap, canvas: &Canvas, shape: &Shape) -> Result<(), ChartError> {
@@ -66,18 +77,12 @@ fn draw(pixels: &mut Pixmap, canvas: &Canvas, shape: &Shape) -> Result<(), Chart
 /// Draws the image with its boxes at the resolution of the PNG into its area.
 fn paste(pixels: &mut Pixmap, (left, top, right, bottom): Area, picture: &Picture) -> Result<(), ChartError> {
     let [left, top, right, bottom] = [left, top, right, bottom].map(|at| (ZOOM * at).round() as i32);
-    let image = picture.annotated_at((right - left) as u32, (bottom - top) as u32, ZOOM * LEAST_TEXT);
-    let (width, height) = image.dimensions();
-    let mut source = Pixmap::new(width, height).ok_or(ChartError::Size(width, height))?;
-    for (pixel, rgb) in source.data_mut().chunks_exact_mut(4).zip(image.pixels()) {
-        pixel[..3].copy_from_slice(&rgb.0);
-        pixel[3] = u8::MAX;
-    }
-    pixels.draw_pixmap(left, top, source.as_ref(), &PixmapPaint::default(), Transform::identity(), None);
+    let image = picture.annotated_at((right - left) as u32, (bottom - top) as u32, ZOOM * LEAST_TEXT)?;
+    pixels.draw_pixmap(left, top, image.as_ref(), &PixmapPaint::default(), Transform::identity(), None);
     Ok(())
 }
 
-fn path(points: &[Position], closed: bool) -> Option<Path> {
+pub fn path(points: &[Position], closed: bool) -> Option<Path> {
     let mut builder = PathBuilder::new();
     for (index, &(x, y)) in points.iter().enumerate() {
         if index == 0 { builder.move_to(x, y) } else { builder.line_to(x, y) }
@@ -88,7 +93,7 @@ fn path(points: &[Position], closed: bool) -> Option<Path> {
     builder.finish()
 }
 
-fn paint(colour: Colour) -> Paint<'static> {
+pub fn paint(colour: Colour) -> Paint<'static> {
     let [r, g, b] = colour;
     let mut paint = Paint { anti_alias: true, ..Paint::default() };
     paint.set_color_rgba8(r, g, b, 255);
@@ -99,7 +104,7 @@ fn zoomed(transform: Transform) -> Transform {
     transform.post_scale(ZOOM, ZOOM)
 }
 
-fn fill(pixels: &mut Pixmap, path: Option<Path>, colour: Colour, transform: Transform) {
+pub fn fill(pixels: &mut Pixmap, path: Option<Path>, colour: Colour, transform: Transform) {
     if let Some(path) = path {
         pixels.fill_path(&path, &paint(colour), FillRule::Winding, transform, None);
     }

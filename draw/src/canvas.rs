@@ -1,6 +1,6 @@
 //! [`Canvas`]: the shapes of a chart, before they become SVG or pixels.
 
-use ab_glyph::{Font as _, FontRef, GlyphId, OutlineCurve, PxScale};
+use ab_glyph::{Font as _, FontRef, GlyphId, OutlineCurve};
 use tiny_skia::{Path, PathBuilder};
 
 use crate::picture::Picture;
@@ -113,13 +113,6 @@ impl Font {
     pub fn new() -> Self {
         let bytes = include_bytes!("../font/DejaVuSans.ttf");
         Self(FontRef::try_from_slice(bytes).expect("the embedded file is a valid font"))
-    }
-
-    /// The font as `imageproc` takes it: the font, the scale for font size `size` px, and the distance in px from the top of
-    /// the text to its baseline.
-    pub fn scaled(&self, size: f32) -> (&FontRef<'static>, PxScale, f32) {
-        let scale = self.scale(size);
-        (&self.0, PxScale::from(scale * self.0.height_unscaled()), scale * self.0.ascent_unscaled())
     }
 
     /// Width of `text` in px at font size `size` px.

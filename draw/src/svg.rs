@@ -11,6 +11,7 @@ use crate::canvas::{Anchor, Canvas, Rotation, Shape};
 use crate::picture::LEAST_TEXT;
 use crate::picture::Picture;
 use crate::primitives::{Area, Colour, Position, WHITE};
+use crate::raster::rgb;
 
 /// Pixels of an image for one px of the chart, along each side.
 const ZOOM: f32 = 1.5;
@@ -40,9 +41,9 @@ pub fn text(canvas: &Canvas) -> Result<String, ChartError> {
 fn image(out: &mut String, (left, top, right, bottom): Area, picture: &Picture) -> Result<(), ChartError> {
     let (width, height) = (right - left, bottom - top);
     // A report embeds many photographs, which are much smaller as JPEG than as PNG.
-    let drawn = picture.annotated_at((ZOOM * width) as u32, (ZOOM * height) as u32, ZOOM * LEAST_TEXT);
+    let drawn = picture.annotated_at((ZOOM * width) as u32, (ZOOM * height) as u32, ZOOM * LEAST_TEXT)?;
     let mut jpeg = Vec::new();
-    JpegEncoder::new_with_quality(&mut jpeg, QUALITY).encode_image(&drawn)?;
+    JpegEncoder::new_with_quality(&mut jpeg, QUALITY).encode_image(&rgb(&drawn))?;
     let data = STANDARD.encode(jpeg);
     // Writing to a String cannot fail.
     let _ = writeln!(
