@@ -22,7 +22,7 @@ pub const LONG_VERSION: &str = concat!(
 );
 
 /// Commands that exchange messages with other nodes.
-const ON_THE_GRAPH: [&[&str]; 9] = [
+const GRAPH_COMMANDS: [&[&str]; 9] = [
     &["launch"],
     &["run"],
     &["bag", "record"],
@@ -68,7 +68,7 @@ pub enum Command {
     /// Measure the unwrapping methods
     #[command(subcommand)]
     Bench(bench::Bench),
-    /// Run all methods on the scenes on which methods fail, and show the results
+    /// Run every unwrapping method on scenes that are hard to unwrap, and write a report
     Stability {
         /// Folder for index.html, results.json and the pictures
         #[arg(short, long, value_name = "FOLDER")]
@@ -127,7 +127,7 @@ pub fn command() -> clap::Command {
     // meaning.
     let hash = command.get_arguments().find(|argument| argument.get_id() == "hash");
     let hash = hash.expect("the field `hash` declares it").clone().hide(false).hide_short_help(true);
-    ON_THE_GRAPH.into_iter().fold(command, |command, path| with_argument(command, path, &hash))
+    GRAPH_COMMANDS.into_iter().fold(command, |command, path| with_argument(command, path, &hash))
 }
 
 /// Adds `argument` to the subcommand that `path` leads to.

@@ -193,8 +193,8 @@ impl Streams {
     }
 }
 
-/// Returns whether `detector` finds its boxes in the image `topic` when it answers `streams`, names with commas between them. An
-/// input that is remapped cannot be told by its name: then, and without a name, each image that the node reads counts.
+/// Returns whether `detector` finds its boxes in the image `topic` when it answers `streams`, names with commas between them. The
+/// name does not identify a remapped input; then, and without a name, every image that the node reads is accepted.
 fn shows(graph: &GraphView, detector: &DetectorView, streams: Option<&str>, topic: &String) -> bool {
     let named = streams.iter().flat_map(|streams| streams.split(", "));
     let named = named.map(|stream| input_topic(&detector.node, stream));

@@ -174,8 +174,8 @@ impl Bounds {
         pixel.map(|code| (self.most - i16::from(u32::from(code) >= self.room)).max(0))
     }
 
-    /// Returns [`highest`](Self::highest) of a pixel at full scale in every channel; `None` for any other pixel,
-    /// and for all if there are so few codes that plateaus are everywhere.
+    /// Returns [`highest`](Self::highest) of a pixel at full scale in every channel; `None` for other pixels, and
+    /// for all pixels of a sensor of few bits, where plateaus are everywhere.
     #[inline(always)]
     pub fn at_full_scale(self, pixel: [u16; 4]) -> Option<Quad> {
         (self.fine && pixel[..3] == [self.top; 3]).then_some([self.most; 4])

@@ -78,8 +78,8 @@ impl Inputs {
         found
     }
 
-    /// Takes the inputs of `renewal`, and leaves all others, at the ticks `now`. An image topic that takes the place of
-    /// another one takes over with its first image.
+    /// Takes the inputs of `renewal`, and leaves all others, at the ticks `now`. A new image topic replaces the old one when its
+    /// first image arrives.
     pub fn renew(&mut self, renewal: Renewal, now: u64, report: &mut NodeReport) {
         let mut before: Vec<Option<Slot>> = std::mem::take(&mut self.slots).into_iter().map(Some).collect();
         let mut closed = Vec::new();

@@ -108,12 +108,12 @@ impl Live<'_> {
                 return Ok(Flow::Continue);
             }
         };
-        if !self.inputs.admit(lane, message.stamp(), self.time.ticks_ns(), &mut self.books.report) {
+        if !self.inputs.admit(lane, message.stamp(), self.time.ticks_ns(), &mut self.telemetry.report) {
             return Ok(Flow::Continue);
         }
         // The stamp is kept, because the step consumes the message.
         let frame = (message.kind() == MessageKind::Image).then(|| message.stamp());
-        self.books.span("decode", begin, self.time.ticks_ns(), frame);
+        self.telemetry.span("decode", begin, self.time.ticks_ns(), frame);
         let told = frame.filter(|_| self.taken.wanted());
         let passes_on = self.outputs.iter().any(|o| o.address.kind == MessageKind::Image && o.wanted());
         // Before the step: the source can make the next frame while this one is worked on.
@@ -169,8 +169,8 @@ impl Live<'_> {
     }
 
     fn tell_taken(&self, stamp: Time, topics: &[String]) {
-        if let Err(why) = self.taken.put(&taken_message(self.books.node(), stamp, topics)) {
-            tracing::warn!(node = %self.books.node(), "{why}");
+        if let Err(why) = self.taken.put(&taken_message(self.telemetry.node(), stamp, topics)) {
+            tracing::warn!(node = %self.telemetry.node(), "{why}");
         }
     }
 }

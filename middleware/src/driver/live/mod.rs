@@ -1,7 +1,7 @@
 //! The live driver: one node on a transport, until its source is over or it is asked to stop. The newest frame wins,
 //! and each replaced one is counted; only a source of rate 0 waits for its readers (`driver/pacing.rs`).
 
-mod books;
+mod telemetry;
 mod inputs;
 mod listener;
 mod outputs;
@@ -33,7 +33,7 @@ use crate::parameter::events::ParameterEvents;
 use crate::process::node_files::{ReportFile, SavedState, WriteReason};
 use crate::transport::queue::{Arrived, Limit, Queue, Queued};
 use crate::transport::{Incoming, ParameterRequest, Publisher, Transport};
-use books::Books;
+use telemetry::Telemetry;
 use inputs::{Inputs, Renewal};
 use outputs::{LiveOutput, compressed};
 use requests::{EnableRequest, Making};
@@ -106,7 +106,7 @@ struct Live<'a> {
     taken: Box<dyn Publisher>,
     /// The readers of this node's own frames, if it is such a source.
     pacing: Pacing,
-    books: Books,
+    telemetry: Telemetry,
     watch: Watch,
     /// The part that a request waits for.
     making: Option<Making>,
@@ -154,7 +154,7 @@ pub fn run(
         taken: transport.advertise(&node_name, &Address::resolve(&node_name, &taken_topic())?)?,
         pacing: Pacing::default(),
         watch: Watch::new(name.clone()),
-        books: Books::open(name, report_file, diagnostics, state, &**clock),
+        telemetry: Telemetry::open(name, report_file, diagnostics, state, &**clock),
         making: None,
         kept: None,
         enabled: true,
@@ -166,7 +166,7 @@ pub fn run(
 impl Live<'_> {
     fn run(mut self) -> Result<NodeReport, RunError> {
         if let Some(position) = self.settings.position() {
-            tracing::info!(node = %self.books.node(), "goes on behind frame {position}, as before the crash");
+            tracing::info!(node = %self.telemetry.node(), "goes on behind frame {position}, as before the crash");
             self.node.resume(position);
         }
         self.wait_for_others()?;
@@ -178,8 +178,8 @@ impl Live<'_> {
         let announced = self.transport.announce(&self.node_name)?;
         self.settings.started(self.time.now_ns());
         self.tell_state(Time::from_ns(self.time.now_ns()));
-        self.keep_books(WriteReason::Edge);
-        tracing::info!(node = %self.books.node(), "ready");
+        self.write_report(WriteReason::Edge);
+        tracing::info!(node = %self.telemetry.node(), "ready");
         // Another source may make a source a listener, and the other way round.
         let ended = loop {
             let is_source = self.node.period().is_some();
@@ -190,7 +190,7 @@ impl Live<'_> {
             }
         };
         if ended.is_ok() && self.stop.urgency() == Urgency::None {
-            self.books.tell_end(Time::from_ns(self.time.now_ns()));
+            self.telemetry.tell_end(Time::from_ns(self.time.now_ns()));
         }
         // Out of the graph before the publishers go, so that no other node waits for this one.
         drop((announced, served));
@@ -202,16 +202,16 @@ impl Live<'_> {
         // From here on requests are refused, so that no caller waits for a node that has ended.
         self.queue.end();
         self.making.take().into_iter().for_each(Making::join);
-        self.inputs.close(&mut self.books.report);
+        self.inputs.close(&mut self.telemetry.report);
         self.watch.close();
-        let report = self.books.close(&*self.node, ended.is_err(), self.time.ticks_ns());
+        let report = self.telemetry.close(&*self.node, ended.is_err(), self.time.ticks_ns());
         ended.map(|()| report)
     }
 
     fn wait_for_others(&self) -> Result<(), RunError> {
         let (nodes, patience) = wait_for(&self.node_name, &self.settings.read())?;
         wait_until_ready(self.transport, &self.time, nodes, patience, &self.stop).map_err(|missing| {
-            RunError::Waited { node: self.books.node().to_owned(), seconds: patience.as_secs(), missing }
+            RunError::Waited { node: self.telemetry.node().to_owned(), seconds: patience.as_secs(), missing }
         })
     }
 
@@ -249,7 +249,7 @@ impl Live<'_> {
     /// Goes over to the inputs of `renewal`. A node that is paused has none.
     fn renew_inputs(&mut self, renewal: Renewal) {
         if self.enabled {
-            self.inputs.renew(renewal, self.time.ticks_ns(), &mut self.books.report);
+            self.inputs.renew(renewal, self.time.ticks_ns(), &mut self.telemetry.report);
         } else {
             self.inputs.cancel(renewal);
         }
@@ -287,21 +287,21 @@ impl Live<'_> {
         let mut of_driver = vec![("enabled", self.enabled.to_string())];
         of_driver.extend(self.inputs.stream().map(|stream| ("stream", stream)));
         of_driver.extend(self.making.as_ref().map(|making| ("loading", making.to_string())));
-        self.books.tell_state(stamp, &*self.node, of_driver);
+        self.telemetry.tell_state(stamp, &*self.node, of_driver);
     }
 
-    /// Brings the account of the node on the disk up to date when that is due.
-    fn keep_books(&mut self, reason: WriteReason) {
-        self.books.keep(reason, &self.inputs, &*self.node, &self.time);
+    /// Brings the report on the disk up to date when that is due.
+    fn write_report(&mut self, reason: WriteReason) {
+        self.telemetry.write_report(reason, &self.inputs, &*self.node, &self.time);
     }
 
     /// Does what is due beside the frames: gives a kept frame up, brings the account on the disk and `/diagnostics` up to date,
     /// and warns of streams that do not come.
     fn tell_when_due(&mut self) {
         self.give_up_kept();
-        self.keep_books(WriteReason::Idle);
-        for warning in self.inputs.look(self.time.ticks_ns(), &mut self.books.report) {
-            tracing::warn!(node = %self.books.node(), "{warning}");
+        self.write_report(WriteReason::Idle);
+        for warning in self.inputs.look(self.time.ticks_ns(), &mut self.telemetry.report) {
+            tracing::warn!(node = %self.telemetry.node(), "{warning}");
         }
         if self.stop.urgency() == Urgency::None {
             self.watch.look(self.inputs.image_topics(), self.transport, self.time.ticks_ns());
@@ -311,12 +311,12 @@ impl Live<'_> {
             Some(warning) => NodeCondition::Silent(warning),
             None => NodeCondition::Running,
         };
-        self.books.publish(&self.inputs, &*self.node, &condition, &self.time);
+        self.telemetry.publish(&self.inputs, &*self.node, &condition, &self.time);
     }
 
     /// Counts a message of `topic` that is skipped.
     fn skip(&mut self, topic: &str, why: &str) {
-        add(&mut self.books.report.bad, topic, 1);
+        add(&mut self.telemetry.report.bad, topic, 1);
         self.watch.skipped(topic, why, self.time.ticks_ns());
     }
 }

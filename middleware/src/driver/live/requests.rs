@@ -129,13 +129,13 @@ impl Live<'_> {
         }
         let enabled = request.enabled;
         if enabled != std::mem::replace(&mut self.enabled, enabled) {
-            tracing::info!(node = %self.books.node(), "{}", if enabled { "enabled" } else { "disabled" });
+            tracing::info!(node = %self.telemetry.node(), "{}", if enabled { "enabled" } else { "disabled" });
             if enabled {
                 self.subscribe()?;
             } else {
                 // From now on the counts of other nodes say nothing about the frames that this one should have.
-                self.books.report.swapped = true;
-                self.inputs.close(&mut self.books.report);
+                self.telemetry.report.swapped = true;
+                self.inputs.close(&mut self.telemetry.report);
             }
             self.tell_state(Time::from_ns(self.time.now_ns()));
         }
@@ -193,7 +193,7 @@ impl Live<'_> {
         match thread {
             Ok(thread) => {
                 self.making = Some(Making { prepared, next, lane, thread });
-                self.tell_state(self.books.next_stamp(&self.time));
+                self.tell_state(self.telemetry.next_stamp(&self.time));
                 Ok(())
             }
             Err(why) => {
@@ -227,10 +227,10 @@ impl Live<'_> {
         let changes = request.changes.iter().zip(parts);
         let answers: Vec<_> = changes.map(|(values, part)| self.change(values, part?)).collect();
         for why in answers.iter().filter_map(|answer| answer.as_ref().err()) {
-            tracing::warn!(node = %self.books.node(), "{why}");
+            tracing::warn!(node = %self.telemetry.node(), "{why}");
         }
         if promised {
-            self.tell_state(self.books.next_stamp(&self.time));
+            self.tell_state(self.telemetry.next_stamp(&self.time));
         }
         // Fails only when the caller has gone.
         let _ = request.answer.send(ParameterAnswer::Done(answers));

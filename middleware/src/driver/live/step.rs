@@ -6,7 +6,7 @@ use modulo_runtime::trace::FlowPoint;
 use modulo_runtime::{Clock, Context, Flow, Message, MessageKind, StepError, Trigger};
 
 use super::Live;
-use super::books::EndedStep;
+use super::telemetry::EndedStep;
 use super::outputs::LiveOutput;
 use crate::driver::{CommonParameters, RunError};
 use crate::process::node_files::WriteReason;
@@ -22,7 +22,7 @@ impl Live<'_> {
         frame: Option<Time>,
     ) -> Result<(Flow, Vec<(usize, Message)>), RunError> {
         let wanted: Vec<bool> = self.outputs.iter().map(LiveOutput::wanted).collect();
-        let mut cx = Context::new(self.books.node(), &self.time, &wanted);
+        let mut cx = Context::new(self.telemetry.node(), &self.time, &wanted);
         let begin = self.time.ticks_ns();
         let result = self.node.step(trigger, &mut cx);
         let mut output = cx.finish();
@@ -36,7 +36,7 @@ impl Live<'_> {
             None => frame.map(|_| FlowPoint::End),
         };
         let ended = EndedStep { begin, output: &output, stream, input: frame, made, point };
-        self.books.step(&ended, &self.outputs, &self.time);
+        self.telemetry.record(&ended, &self.outputs, &self.time);
         // Before the messages of the first frame that was made with these values.
         if let Some((_, first)) = output.messages.first() {
             self.tell_state(first.stamp());
@@ -56,8 +56,8 @@ impl Live<'_> {
             Ok(flow) => Ok((flow, messages)),
             // Each frame of a source is told: its name is in the text.
             Err(StepError::Skip(why)) if is_source => {
-                tracing::warn!(node = %self.books.node(), topic, "skipped: {why}");
-                add(&mut self.books.report.bad, topic, 1);
+                tracing::warn!(node = %self.telemetry.node(), topic, "skipped: {why}");
+                add(&mut self.telemetry.report.bad, topic, 1);
                 Ok((Flow::Continue, messages))
             }
             Err(StepError::Skip(why)) => {
@@ -66,11 +66,11 @@ impl Live<'_> {
             }
             Err(StepError::Fatal(why)) => {
                 if !is_source {
-                    add(&mut self.books.report.bad, topic, 1);
+                    add(&mut self.telemetry.report.bad, topic, 1);
                 }
                 // They are counted as sent already, and were made before the step failed.
                 self.send_all(&messages);
-                Err(RunError::Fatal(self.books.node().to_owned(), why))
+                Err(RunError::Fatal(self.telemetry.node().to_owned(), why))
             }
         }
     }
@@ -90,7 +90,7 @@ impl Live<'_> {
                         all.push((index, message));
                     }
                     all.push((index, file));
-                    self.books.report.book_stage("compress", self.time.ticks_ns() - start);
+                    self.telemetry.report.book_stage("compress", self.time.ticks_ns() - start);
                 }
                 Some(Err(why)) => {
                     let topic = output.route(MessageKind::CompressedImage).0.to_owned();
@@ -104,7 +104,7 @@ impl Live<'_> {
 
     /// Brings the accounts on the disk up to date, and then sends `messages`.
     pub(super) fn send_all(&mut self, messages: &[(usize, Message)]) {
-        self.keep_books(if self.node.period().is_some() { WriteReason::Source } else { WriteReason::Step });
+        self.write_report(if self.node.period().is_some() { WriteReason::Source } else { WriteReason::Step });
         // Before the frame leaves: a crash in between loses it, but never sends it twice.
         self.settings.keep_position(&*self.node);
         let begin = self.time.ticks_ns();
@@ -113,7 +113,7 @@ impl Live<'_> {
         }
         let of_a_frame = |kind| matches!(kind, MessageKind::Image | MessageKind::Detections);
         let mut sent = messages.iter().filter(|(_, message)| of_a_frame(message.kind()));
-        self.books.span("send", begin, self.time.ticks_ns(), sent.next().map(|(_, message)| message.stamp()));
+        self.telemetry.span("send", begin, self.time.ticks_ns(), sent.next().map(|(_, message)| message.stamp()));
         self.tell_when_due();
     }
 
@@ -121,8 +121,8 @@ impl Live<'_> {
         let Some(output) = self.outputs.get(output) else { return };
         let (topic, publisher) = output.route(message.kind());
         if let Err(why) = publisher.put(message) {
-            tracing::warn!(node = %self.books.node(), "{why}");
-            add(&mut self.books.report.bad, topic, 1);
+            tracing::warn!(node = %self.telemetry.node(), "{why}");
+            add(&mut self.telemetry.report.bad, topic, 1);
         }
     }
 }

@@ -1,4 +1,4 @@
-//! [`Books`]: what a live node tells of itself: its report, the copy of it on the disk, `/diagnostics`, `~/state` and the trace.
+//! [`Telemetry`]: what a live node reports of itself: its report, the copy of it on the disk, `/diagnostics`, `~/state` and the trace.
 
 use std::rc::Rc;
 
@@ -14,8 +14,8 @@ use crate::graph::diagnostics::{Diagnostics, NodeCondition, StateTopic};
 use crate::process::node_files::{ReportFile, WriteReason};
 use crate::transport::Publisher;
 
-/// The accounts of one node.
-pub(super) struct Books {
+/// The telemetry of one node.
+pub(super) struct Telemetry {
     pub report: NodeReport,
     file: Option<ReportFile>,
     diagnostics: Diagnostics,
@@ -39,8 +39,8 @@ pub(super) struct EndedStep<'a> {
     pub point: Option<FlowPoint>,
 }
 
-impl Books {
-    /// Opens the books of the node with this fully qualified name.
+impl Telemetry {
+    /// Opens the telemetry of the node with this fully qualified name.
     pub fn open(
         node: String,
         file: Option<ReportFile>,
@@ -62,8 +62,8 @@ impl Books {
         &self.report.node
     }
 
-    /// Books a step before its output is sent: messages that a crash keeps from being sent are then missed by their readers.
-    pub fn step(&mut self, step: &EndedStep<'_>, outputs: &[LiveOutput], clock: &dyn Clock) {
+    /// Records a step before its output is sent: messages that a crash keeps from being sent are then missed by their readers.
+    pub fn record(&mut self, step: &EndedStep<'_>, outputs: &[LiveOutput], clock: &dyn Clock) {
         let &EndedStep { begin, output, stream, input, made, point } = step;
         if let Some(trace) = &self.trace {
             trace.add_step((begin, clock.ticks_ns()), output, input.or(made), point);
@@ -108,7 +108,7 @@ impl Books {
     }
 
     /// Brings the copy on the disk up to date when that is due.
-    pub fn keep(&mut self, reason: WriteReason, inputs: &Inputs, node: &dyn Node, clock: &dyn Clock) {
+    pub fn write_report(&mut self, reason: WriteReason, inputs: &Inputs, node: &dyn Node, clock: &dyn Clock) {
         let now = clock.ticks_ns();
         let Some(file) = self.file.as_mut().filter(|file| file.is_due(reason, now)) else { return };
         // The counts of open subscriptions go into the copy, and into the report only when they are closed.
