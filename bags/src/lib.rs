@@ -10,6 +10,7 @@ pub mod import;
 pub mod play;
 pub mod replay;
 pub mod source;
+mod yaml;
 
 use std::path::{Component, Path, PathBuf};
 
