@@ -34,6 +34,13 @@ const GRAPH_COMMANDS: [&[&str]; 9] = [
     &["view"],
 ];
 
+/// The commands in the order of `modulo help`, by what one does with them.
+const GROUPS: [(&str, &[&str]); 3] = [
+    ("Run", &["launch", "run", "bag", "unwrap", "model", "completions", "man"]),
+    ("Look", &["view", "top", "topic", "node", "param", "doctor"]),
+    ("Measure", &["eval", "simulate", "bench", "stability"]),
+];
+
 /// Simulate a modulo camera, unwrap its images to high dynamic range and detect objects in them, as ROS 2-compatible
 /// nodes
 #[derive(Parser)]
@@ -120,14 +127,36 @@ pub fn parse() -> Cli {
     Cli::from_arg_matches(&matches).unwrap_or_else(|why| why.exit())
 }
 
-/// Returns the command line. `--hash` is shown in the long help of commands that exchange messages with other nodes.
+/// Returns the command line. Its help lists the commands in groups; `--hash` is shown in the long help of commands that
+/// exchange messages with other nodes.
 pub fn command() -> clap::Command {
     let command = Cli::command();
+    let command = command.help_template(help_template(&Cli::command()));
     // A global option is in the help of every command, so it is hidden and shown again where it has a
     // meaning.
     let hash = command.get_arguments().find(|argument| argument.get_id() == "hash");
     let hash = hash.expect("the field `hash` declares it").clone().hide(false).hide_short_help(true);
     GRAPH_COMMANDS.into_iter().fold(command, |command, path| with_argument(command, path, &hash))
+}
+
+/// Returns the help of `command` with its commands in groups: clap knows headings for options only.
+fn help_template(command: &clap::Command) -> String {
+    let (heading, literal) = (command.get_styles().get_header(), command.get_styles().get_literal());
+    let names = || GROUPS.iter().flat_map(|(_, names)| *names);
+    let widest = names().map(|name| name.len()).max().unwrap_or_default();
+    let line = |name: &&str| {
+        let about = command.find_subcommand(name).and_then(clap::Command::get_about);
+        let about = about.expect("a test compares the groups with the commands");
+        format!("  {literal}{name}{literal:#}{:1$}  {about}\n", "", widest - name.len())
+    };
+    let group = |(group, names): &(&str, &[&str])| {
+        format!("\n{heading}{group}:{heading:#}\n{}", names.iter().map(line).collect::<String>())
+    };
+    format!(
+        "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n{}\n{heading}Options:{heading:#}\n{{options}}\n\n\
+         `modulo help COMMAND` prints the help of a command.\n",
+        GROUPS.iter().map(group).collect::<String>()
+    )
 }
 
 /// Adds `argument` to the subcommand that `path` leads to.
@@ -145,4 +174,38 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
         value => argument.allow_negative_numbers(value),
     };
     command.mut_args(takes).mut_subcommands(with_negative_numbers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_command_is_in_one_group() {
+        let command = Cli::command();
+        let mut commands: Vec<_> = command.get_subcommands().map(clap::Command::get_name).collect();
+        let mut grouped: Vec<_> = GROUPS.iter().flat_map(|(_, names)| names.iter().copied()).collect();
+        commands.sort_unstable();
+        grouped.sort_unstable();
+        assert_eq!(grouped, commands);
+    }
+
+    #[test]
+    fn the_help_shows_each_group_with_its_commands() {
+        let help = command().render_help().to_string();
+        let mut lines = help.lines();
+        for (group, names) in GROUPS {
+            lines.find(|line| *line == format!("{group}:")).unwrap_or_else(|| panic!("{group} in\n{help}"));
+            for name in names {
+                let line = lines.next().unwrap_or_default();
+                let about =
+                    line.strip_prefix(&format!("  {name} ")).unwrap_or_else(|| panic!("{name} in\n{help}"));
+                assert!(about.trim().len() > 10, "{line}");
+            }
+        }
+        for part in ["Usage: modulo <COMMAND>", "  -h, --help", "modulo help COMMAND"] {
+            assert!(help.contains(part), "{part} in\n{help}");
+        }
+        assert!(!help.contains("Commands:"), "{help}");
+    }
 }

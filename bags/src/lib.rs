@@ -5,6 +5,7 @@
 pub mod bag;
 pub mod import;
 pub mod source;
+mod yaml;
 
 use std::path::{Component, Path, PathBuf};
 

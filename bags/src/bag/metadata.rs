@@ -6,29 +6,25 @@ use std::fmt::Write;
 use std::path::Path;
 
 use modulo_runtime::parameter::yaml_text::of_string as quoted;
-use serde::Deserialize;
+use saphyr::Yaml;
 
 use super::{BagError, TopicCount, qos};
-use crate::{FileError, stays_inside};
+use crate::{FileError, stays_inside, yaml};
 
 pub(super) const FILE_NAME: &str = "metadata.yaml";
+
+/// Key of the mapping that holds all of the metadata.
+const ROOT: &str = "rosbag2_bagfile_information";
 
 /// Interface definitions and their hashes are those of this distribution.
 const ROS_DISTRO: &str = "jazzy";
 
-#[derive(Deserialize)]
-struct Root {
-    rosbag2_bagfile_information: Metadata,
-}
-
 /// The metadata that reading a bag needs.
-#[derive(Debug, Default, Deserialize, PartialEq, Eq)]
+#[derive(Debug, Default, PartialEq, Eq)]
 pub(super) struct Metadata {
     pub(super) storage_identifier: String,
     pub(super) relative_file_paths: Vec<String>,
-    #[serde(default)]
     pub(super) compression_mode: String,
-    #[serde(default)]
     pub(super) ros_distro: Option<String>,
 }
 
@@ -78,14 +74,29 @@ pub(super) fn read(path: &Path) -> Result<Metadata, BagError> {
 }
 
 fn parse(text: &str) -> Result<Metadata, String> {
-    let root: Result<Root, _> = serde_saphyr::from_str(text);
-    let first_line = |e: serde_saphyr::Error| e.to_string().chars().take_while(|c| *c != '\n').collect();
-    root.map(|root| root.rosbag2_bagfile_information).map_err(first_line)
+    let root = yaml::top(text, ROOT)?;
+    let word = |key: &str| match yaml::entry(&root, key) {
+        None => Ok(None),
+        Some(value) => yaml::scalar(value)
+            .map(|text| Some(text.to_owned()))
+            .ok_or_else(|| format!("{ROOT}.{key} is a list or a mapping, a word is needed")),
+    };
+    let files = yaml::entry(&root, "relative_file_paths").and_then(Yaml::as_sequence);
+    let files = files.and_then(|files| files.iter().map(yaml::scalar).collect::<Option<Vec<_>>>());
+    let files = files
+        .ok_or_else(|| format!("{ROOT}.relative_file_paths is no list of file names, which is needed"))?;
+    Ok(Metadata {
+        storage_identifier: word("storage_identifier")?
+            .ok_or_else(|| format!("{ROOT}.storage_identifier has no value, mcap or sqlite3 is needed"))?,
+        relative_file_paths: files.into_iter().map(str::to_owned).collect(),
+        compression_mode: word("compression_mode")?.unwrap_or_default(),
+        ros_distro: word("ros_distro")?,
+    })
 }
 
 /// Returns the text of `metadata.yaml`.
 pub(super) fn document(contents: &Contents<'_>) -> String {
-    format!("rosbag2_bagfile_information:\n{}", indented(&mapping(contents), 2))
+    format!("{ROOT}:\n{}", indented(&mapping(contents), 2))
 }
 
 /// Returns the metadata without its root, as the MCAP metadata record holds it.
@@ -178,6 +189,29 @@ mod tests {
             assert_eq!(metadata.relative_file_paths, ["a \"b\"_0.mcap"]);
             assert_eq!(metadata.storage_identifier, "mcap");
             assert_eq!(metadata.ros_distro.as_deref(), Some(ROS_DISTRO));
+        }
+    }
+
+    #[test]
+    fn a_fault_of_the_text_names_what_is_needed() {
+        let document = |rest: &str| format!("{ROOT}:\n  {rest}\n");
+        for (text, told) in [
+            (String::new(), ROOT),
+            ("a: 1".to_owned(), ROOT),
+            (document("relative_file_paths: [a]"), "storage_identifier has no value, mcap or sqlite3"),
+            (document("storage_identifier: mcap"), "relative_file_paths is no list of file names"),
+            (
+                document("{storage_identifier: mcap, relative_file_paths: [[a]]}"),
+                "relative_file_paths is no list",
+            ),
+            (document("{storage_identifier: [], relative_file_paths: [a]}"), "storage_identifier is a list"),
+            (document("storage_identifier: 'mcap"), "line "),
+            ("[".repeat(100_000), "line "),
+            ("- ".repeat(100_000), "line 1: nested deeper than 64"),
+            ("a: ".to_owned() + &"{a: ".repeat(100_000), "line "),
+        ] {
+            let why = parse(&text).expect_err(told);
+            assert!(why.contains(told), "{why}");
         }
     }
 

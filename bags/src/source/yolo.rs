@@ -7,14 +7,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use modulo_core::BBox;
-use serde::Deserialize;
+use saphyr::Yaml;
 
 use super::folder::{
     FolderSource, LabelledSource, Labels, list_images, texts_without_image, warn_without_image,
 };
 use super::kitti::number;
 use super::{GroundTruth, SourceError};
-use crate::FileError;
+use crate::{FileError, yaml};
 
 /// Files that may contain the names of the classes.
 const NAME_FILES: [&str; 4] = ["data.yaml", "dataset.yaml", "classes.txt", "labels/classes.txt"];
@@ -129,19 +129,6 @@ fn parse(line: &str, width: f32, height: f32) -> Result<(usize, BBox), String> {
     Ok((class, BBox { x1: bbox.x1 * width, y1: bbox.y1 * height, x2: bbox.x2 * width, y2: bbox.y2 * height }))
 }
 
-/// `names:` of a data set's file: a list, or by number.
-#[derive(Deserialize)]
-struct DataFile {
-    names: Names,
-}
-
-#[derive(Deserialize)]
-#[serde(untagged)]
-enum Names {
-    List(Vec<String>),
-    ByNumber(BTreeMap<usize, String>),
-}
-
 fn names(folder: &Path) -> Result<BTreeMap<usize, String>, SourceError> {
     // A split such as `images/val` lies two folders below the file of the data set.
     let files = folder.ancestors().take(3).flat_map(|folder| NAME_FILES.map(|name| folder.join(name)));
@@ -151,12 +138,28 @@ fn names(folder: &Path) -> Result<BTreeMap<usize, String>, SourceError> {
         return Ok(text.lines().map(|line| line.trim().to_owned()).enumerate().collect());
     }
     let bad = |why: String| SourceError::Label { path: path.clone(), line: 1, why };
-    let file: DataFile =
-        serde_saphyr::from_str(&text).map_err(|why| bad(format!("no readable `names`: {why}")))?;
-    Ok(match file.names {
-        Names::List(list) => list.into_iter().enumerate().collect(),
-        Names::ByNumber(map) => map,
-    })
+    listed(&text).map_err(|why| bad(format!("no readable `names`: {why}")))
+}
+
+/// Reads `names` of a data set's file: a list, or a mapping by number.
+fn listed(text: &str) -> Result<BTreeMap<usize, String>, String> {
+    let names = yaml::top(text, "names")?;
+    let names: Vec<(usize, &Yaml<'_>)> = match &names {
+        Yaml::Sequence(list) => list.iter().enumerate().collect(),
+        Yaml::Mapping(entries) => {
+            let numbered = entries.iter().map(|(number, name)| Ok((class_number(number)?, name)));
+            numbered.collect::<Result<_, String>>()?
+        }
+        _ => return Err("a list of names, or a mapping from numbers to names is needed".to_owned()),
+    };
+    let text = |(number, name)| Some((number, yaml::scalar(name)?.to_owned()));
+    let bad = "a name of a class is empty, a list or a mapping; a word is needed";
+    names.into_iter().map(text).collect::<Option<_>>().ok_or_else(|| bad.to_owned())
+}
+
+fn class_number(node: &Yaml<'_>) -> Result<usize, String> {
+    let text = yaml::scalar(node).unwrap_or_default();
+    text.parse().map_err(|_| format!("class '{text}' found, a whole number needed"))
 }
 
 #[cfg(test)]
@@ -192,10 +195,32 @@ mod tests {
     }
 
     #[test]
+    fn names_that_cannot_be_read_say_what_is_needed() {
+        for (text, told) in [
+            ("", "no value of 'names'"),
+            ("names: car", "a list of names"),
+            ("names: {car: 0}", "class 'car' found, a whole number needed"),
+            ("names: [[car]]", "a word is needed"),
+            ("names: [~]", "a word is needed"),
+            ("names: [car", "line "),
+            (
+                "a: &a [x,x,x,x,x,x,x,x,x]\nb: &b [*a,*a,*a,*a,*a,*a,*a,*a,*a]\nc: &c [*b,*b,*b,*b,*b,*b,*b,*b,*b]\n\
+              d: &d [*c,*c,*c,*c,*c,*c,*c,*c,*c]\ne: &e [*d,*d,*d,*d,*d,*d,*d,*d,*d]\nnames: [*e,*e,*e,*e]",
+                "alias",
+            ),
+        ] {
+            let why = listed(text).expect_err(text);
+            assert!(why.contains(told), "{why}");
+        }
+    }
+
+    #[test]
     fn names_may_be_a_list_or_numbered() {
-        for (text, last) in
-            [("names: [car, person]", "person"), ("path: x\nnames:\n  0: car\n  1: bus\n", "bus")]
-        {
+        for (text, last) in [
+            ("names: [car, person]", "person"),
+            ("path: x\nnames:\n  0: car\n  1: bus\n", "bus"),
+            ("names: [car, 1]", "1"),
+        ] {
             let folder = tempfile::tempdir().expect("a folder");
             std::fs::write(folder.path().join("data.yaml"), text).expect("written");
             let names = names(folder.path()).expect("readable");

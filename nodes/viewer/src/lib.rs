@@ -33,6 +33,8 @@ use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_middleware::transport::{Transport as _, TransportError};
 use modulo_runtime::stop::Wake;
 use modulo_runtime::{Clock, NodeName, Stop, Urgency};
+use rand::TryRng as _;
+use rand::rngs::{SysError, SysRng};
 use tokio::sync::{Notify, Semaphore};
 
 use crate::feed::Session;
@@ -74,7 +76,7 @@ pub enum ViewError {
     Foxglove(SocketAddr, ::foxglove::FoxgloveError),
     /// The operating system gives no random numbers for the token.
     #[error("no random numbers for the token: {0}; give one with --token")]
-    Random(getrandom::Error),
+    Random(SysError),
     /// The server failed.
     #[error("web server: {0}")]
     Serve(#[from] io::Error),
@@ -125,9 +127,9 @@ pub fn run(
 }
 
 /// Returns 128 random bits in hexadecimal digits.
-fn random_token() -> Result<String, getrandom::Error> {
+fn random_token() -> Result<String, SysError> {
     let mut bytes = [0; 16];
-    getrandom::fill(&mut bytes)?;
+    SysRng.try_fill_bytes(&mut bytes)?;
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
