@@ -31,6 +31,7 @@ pub mod process {
 /// The sensor behind the images: its parameters, and the description that a camera publishes with each frame.
 pub mod sensor {
     pub mod info;
+    pub mod options;
     pub mod parameters;
 }
 

@@ -6,7 +6,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use csv::{ByteRecord, ByteRecordsIntoIter};
-use modulo_runtime::launcher;
+use modulo_runtime::{ParameterSet as _, SensorModel, launcher};
 
 use crate::GridError;
 use crate::labels;
@@ -61,23 +61,6 @@ pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<(), GridError> {
 /// Name of a column and its value in the row of a cell.
 type Column = (&'static str, fn(&Cell) -> String);
 
-const SETTINGS: [Column; 15] = [
-    ("cell", |cell| cell.point.to_string()),
-    ("stream", |cell| cell.point.stream.name()),
-    ("method", |cell| cell.point.method.as_deref().unwrap_or("").to_owned()),
-    ("deblur", |cell| cell.point.deblur.to_string()),
-    ("alpha", |cell| figure(Some(cell.point.alpha))),
-    ("psf_sigma", |cell| figure(Some(cell.point.psf_sigma))),
-    ("read_noise", |cell| figure(Some(cell.point.read_noise))),
-    ("shot_noise", |cell| figure(Some(cell.point.shot_noise))),
-    ("prnu", |cell| figure(Some(cell.point.prnu))),
-    ("hot_pixels", |cell| figure(Some(cell.point.hot_pixels))),
-    ("gains", |cell| cell.point.gains.clone()),
-    ("mosaic", |cell| cell.point.mosaic.clone()),
-    ("model", |cell| cell.point.model.clone()),
-    ("input", |cell| cell.point.input.clone()),
-    ("frames", |cell| cell.frames.to_string()),
-];
 const FIGURES: [Column; 9] = [
     ("ap50_95", |cell| figure(cell.ap50_95)),
     ("paper_iou", |cell| figure(Some(cell.paper.iou))),
@@ -97,13 +80,19 @@ fn csv(cells: &[Cell]) -> Vec<u8> {
     let stages: BTreeSet<&String> = cells.iter().flat_map(|cell| cell.latency_ms.keys()).collect();
     let mut writer = csv::Writer::from_writer(Vec::new());
     let mut write = |row: Vec<String>| writer.write_record(row).expect("rows of one length fit into memory");
-    let mut head: Vec<String> = SETTINGS.map(|(name, _)| name.to_owned()).to_vec();
+    let mut head = ["cell", "stream", "method", "deblur"].map(str::to_owned).to_vec();
+    head.extend(SensorModel::descriptors().iter().map(|parameter| parameter.name.to_owned()));
+    head.extend(["model", "input", "frames"].map(str::to_owned));
     head.extend(groups.iter().map(|group| format!("ap50_{group}")));
     head.extend(FIGURES.map(|(name, _)| name.to_owned()));
     head.extend(stages.iter().map(|stage| format!("{stage}_ms_p50")));
     write(head);
     for cell in cells {
-        let mut row: Vec<String> = SETTINGS.map(|(_, value)| value(cell)).to_vec();
+        let Point { stream, method, deblur, sensor, model, input } = &cell.point;
+        let method = method.clone().unwrap_or_default();
+        let mut row = vec![cell.point.to_string(), stream.name(), method, deblur.to_string()];
+        row.extend(sensor.values().iter().map(labels::plain));
+        row.extend([model.clone(), input.clone(), cell.frames.to_string()]);
         row.extend(groups.iter().map(|group| figure(cell.ap50.get(*group).copied().flatten())));
         row.extend(FIGURES.map(|(_, value)| value(cell)));
         row.extend(stages.iter().map(|stage| figure(cell.latency_ms.get(*stage).map(|p| p.p50))));
