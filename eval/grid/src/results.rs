@@ -87,6 +87,11 @@ impl Provenance {
 }
 
 impl Results {
+    /// Whether the cell at `point` is finished.
+    pub fn has(&self, point: &Point) -> bool {
+        self.cells.iter().any(|cell| cell.point == *point)
+    }
+
     /// Whether frames or labels are missing, or a cell has no AP because no labelled object is scored.
     pub fn lost(&self) -> bool {
         !self.input.warnings.is_empty() || self.cells.iter().any(Cell::is_unscored)

@@ -10,7 +10,7 @@ use modulo_runtime::{ParameterSet as _, SensorModel, launcher};
 
 use crate::GridError;
 use crate::labels;
-use crate::results::{BOXES, Cell, FRAMES, Point, RESULTS, Results, TABLE};
+use crate::results::{BOXES, Cell, FRAMES, Input, Point, RESULTS, Results, Setup, TABLE};
 
 /// Reads the results in `folder`. `None` if there are no results.
 ///
@@ -51,6 +51,69 @@ pub fn save(folder: &Path, results: &Results) -> Result<(), GridError> {
     text.push(b'\n');
     replace(&path, &text)?;
     replace(&folder.join(TABLE), &csv(&results.cells))
+}
+
+/// The results in `folder` with the grid of `empty`, which has no cell yet, or `empty` alone if there are none or they are
+/// `replaced`.
+///
+/// # Errors
+/// [`GridError::OtherSetup`] if the cells of both cannot be shown together; the folder stays as it is.
+pub(crate) fn resume(folder: &Path, replaced: bool, empty: Results) -> Result<Results, GridError> {
+    let old = if replaced { None } else { load(folder)? };
+    let results = match old {
+        Some(old) => {
+            check_same(&folder.join(RESULTS), &old, &empty)?;
+            joined(old, empty)
+        }
+        None => empty,
+    };
+    // Lines of cells that were not finished are left out: these cells are run again.
+    gather(folder, &[folder.to_owned()], &results.cells)?;
+    Ok(results)
+}
+
+/// Stores a finished cell with its lines of frames and of boxes.
+pub(crate) fn keep(
+    folder: &Path,
+    results: &mut Results,
+    cell: Cell,
+    [frames, boxes]: [&CellLines; 2],
+) -> Result<(), GridError> {
+    // The lines come first: a cell without lines would never be run again.
+    append(folder, FRAMES, frames)?;
+    append(folder, BOXES, boxes)?;
+    results.cells.push(cell);
+    // Cells of an earlier run may come later in the grid.
+    sort(&mut results.cells, &results.setup.grid);
+    save(folder, results)
+}
+
+/// The grid and the cells of `old` with those of `fresh`, which has no cell yet.
+fn joined(old: Results, fresh: Results) -> Results {
+    let Results { setup, input, definitions, .. } = fresh;
+    let mut models = old.setup.models;
+    models.extend(setup.models);
+    let mut without_twin = old.input.without_twin;
+    without_twin.extend(input.without_twin);
+    let grid = joined_grid(old.setup.grid, setup.grid);
+    let mut cells = old.cells;
+    sort(&mut cells, &grid);
+    Results {
+        setup: Setup { models, grid, ..setup },
+        input: Input { without_twin, ..input },
+        definitions,
+        cells,
+        runs: old.runs,
+    }
+}
+
+/// The order of `new` if it has all points of `old`; else the points of `old`, then the other points of `new`.
+fn joined_grid(old: Vec<Point>, new: Vec<Point>) -> Vec<Point> {
+    if old.iter().all(|point| new.contains(point)) {
+        return new;
+    }
+    let more: Vec<Point> = new.into_iter().filter(|point| !old.contains(point)).collect();
+    [old, more].concat()
 }
 
 /// Replaces the content of `path` by `bytes`, as [`launcher::replace`] does.
@@ -119,7 +182,7 @@ pub(crate) struct CellLines {
 ///
 /// # Errors
 /// [`GridError`] if the table has other columns, or cannot be read or written.
-pub(crate) fn append(folder: &Path, file: &str, lines: &CellLines) -> Result<(), GridError> {
+fn append(folder: &Path, file: &str, lines: &CellLines) -> Result<(), GridError> {
     let path = folder.join(file);
     std::fs::create_dir_all(folder).map_err(|why| GridError::io(folder, why))?;
     let mut writer = csv::Writer::from_writer(Vec::new());
@@ -252,7 +315,7 @@ fn timeless(cell: &Cell) -> Cell {
 }
 
 /// Refuses the results `old` at `path` if they belong to another request than `new`. The grids may differ.
-pub(crate) fn check_same(path: &Path, old: &Results, new: &Results) -> Result<(), GridError> {
+fn check_same(path: &Path, old: &Results, new: &Results) -> Result<(), GridError> {
     let pair = |of: fn(&Results) -> String| (of(old), of(new));
     // Shards may have different models. Only a model that both know must be the same file.
     let known = |name: &&String| old.setup.models.contains_key(*name) && new.setup.models.contains_key(*name);

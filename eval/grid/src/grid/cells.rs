@@ -9,10 +9,12 @@ use modulo_runtime::sensor::parameters::BlurShape;
 use modulo_runtime::{ParameterSet as _, SensorModel};
 
 use super::GridError;
-use super::pipeline::BITS;
 use super::pipeline::paper::SPUD_AS_PUBLISHED;
 use crate::labels;
 use crate::results::{Point, Protocol, Stream};
+
+/// Bits of the simulated sensor.
+pub const BITS: u8 = 8;
 
 /// The parameters of the sensor that cells can differ in.
 #[derive(Clone, Debug, PartialEq)]

@@ -15,6 +15,13 @@ struct Combination<'a> {
 }
 
 impl Axes {
+    /// The options that no cell has, a sentence for each kind.
+    pub fn unused(&self, protocol: Protocol, points: &[Point]) -> Vec<String> {
+        let without = self.without_cells(protocol, points).join("; ");
+        let without = (!without.is_empty()).then(|| format!("these combinations have no cell: {without}"));
+        without.into_iter().chain(self.unused_method()).collect()
+    }
+
     /// The combinations of the lists that none of `points` has, such as `--stream modulo --gains rows (REASON)`.
     pub fn without_cells(&self, protocol: Protocol, points: &[Point]) -> Vec<String> {
         let methods = self.methods(protocol);
@@ -40,7 +47,7 @@ impl Axes {
     }
 
     /// A sentence if `--method` was given, but each sensor has a method of its own.
-    pub fn unused_method(&self) -> Option<String> {
+    fn unused_method(&self) -> Option<String> {
         let sensors = self.sensor.sensors(&["gains"]);
         let gains: Option<Vec<GainPattern>> = sensors.into_iter().map(|sensor| sensor.gains).collect();
         let gains = gains.filter(|_| !self.method.is_empty())?;

@@ -27,9 +27,6 @@ use multi_exposure::MultiExposurePipeline;
 use paper::{PaperPipeline, PublishedSpudPipeline, SPUD_AS_PUBLISHED};
 use suite::SuitePipeline;
 
-/// Bits of the simulated sensor.
-pub const BITS: u8 = 8;
-
 /// (stage, nanoseconds) in the order of the stages.
 pub type Stages = Vec<(&'static str, u64)>;
 
