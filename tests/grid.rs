@@ -264,8 +264,7 @@ fn a_grid_extended_by_other_lenses_keeps_the_old_cells() {
     let (old, old_rows, [old_frames, old_boxes]) = (cells(), rows(&out, "results.csv"), lines(&out));
     assert_eq!(old.len(), 7);
 
-    // The second word of the read noise is that of older versions.
-    let (code, said) = eval(&["--psf-sigma", "0.8,2", "--noise", "2"]);
+    let (code, said) = eval(&["--psf-sigma", "0.8,2", "--read-noise", "2"]);
     assert_eq!(code, Some(0), "{said}");
     assert!(
         said.contains("4 cells are finished already") && said.contains("3 cells of other grids"),

@@ -65,9 +65,8 @@ fn unwrap<const THREADS: usize>(bencher: Bencher<'_, '_>, name: &str) {
     bencher.bench_local(|| method.unwrap(&MODULO, range(), &mut out).expect("an image of the sensor"));
 }
 
-#[divan::bench(args = ["checkerboard", "rows"])]
-fn unwrap_two_gains(bencher: Bencher<'_, '_>, pattern: &str) {
-    let pattern = GainPattern::named(pattern).expect("a pattern");
+#[divan::bench(args = [GainPattern::Checkerboard, GainPattern::Rows])]
+fn unwrap_two_gains(bencher: Bencher<'_, '_>, pattern: GainPattern) {
     let gains = Gains::Two { pattern, ratio: ALPHA.recip() };
     let sensor = Sensor::new(SensorConfig { alpha: ALPHA, gains, ..SensorConfig::default() });
     let exposure = sensor.expect("a possible sensor").expose(RADIANCE.view(), 0).expect("finite radiance");

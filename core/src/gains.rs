@@ -66,11 +66,6 @@ impl GainPattern {
     pub const WORDS: [(&'static str, Option<Self>); 3] =
         [("none", None), ("checkerboard", Some(Self::Checkerboard)), ("rows", Some(Self::Rows))];
 
-    /// Returns the pattern of a word of [`GainPattern::WORDS`]; `None` for `none` and for any other text.
-    pub fn named(word: &str) -> Option<Self> {
-        Self::WORDS.into_iter().find(|(known, _)| *known == word).and_then(|(_, pattern)| pattern)
-    }
-
     /// Returns the word of the pattern, as in [`GainPattern::WORDS`].
     pub fn word(self) -> &'static str {
         let found = Self::WORDS.into_iter().find(|(_, pattern)| *pattern == Some(self));

@@ -39,11 +39,6 @@ impl Mosaic {
         ("gbrg", Some(Self::Gbrg)),
     ];
 
-    /// Returns the mosaic of a word of [`Mosaic::WORDS`]; `None` for `none` and for any other text.
-    pub fn named(word: &str) -> Option<Self> {
-        Self::WORDS.into_iter().find(|(known, _)| *known == word).and_then(|(_, mosaic)| mosaic)
-    }
-
     /// Returns the word of the mosaic, as in [`Mosaic::WORDS`].
     pub fn word(self) -> &'static str {
         let found = Self::WORDS.into_iter().find(|(_, mosaic)| *mosaic == Some(self));

@@ -32,9 +32,9 @@ impl Sensor {
     #[new]
     fn new(parameters: &Bound<'_, PyDict>) -> PyResult<Self> {
         let parameters = CameraParameters::from(&parse(parameters)?);
-        let sensor = parameters.sensor().map_err(value_error)?;
+        let sensor = parameters.sensor.simulated().map_err(value_error)?;
         let (seed, white) = (parameters.seed.unsigned_abs(), parameters.white as f32);
-        Ok(Self { sensor, seed, white, has_mosaic: parameters.mosaic.is_some() })
+        Ok(Self { sensor, seed, white, has_mosaic: parameters.sensor.mosaic.is_some() })
     }
 
     /// Returns the images modulo, saturated and ideal, and the true wrap counts.

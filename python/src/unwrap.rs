@@ -1,6 +1,5 @@
 //! The unwrapping of modulo images.
 
-use modulo_camera::CameraParameters;
 use modulo_core::TwoGains;
 use modulo_core::unwrap::{QualityMetrics, Recovered, Unwrap};
 use modulo_runtime::SensorModel;
@@ -26,9 +25,9 @@ pub fn unwrap<'py>(
     confidence: bool,
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>, Report<'py>)> {
     let parameters = parse(parameters)?;
-    let mosaic = CameraParameters::from(&parameters).mosaic;
     let sensor = SensorModel::from(&parameters);
-    let (range, gains) = (sensor.range().map_err(value_error)?, sensor.gains().map_err(value_error)?);
+    let (mosaic, range, gains) =
+        (sensor.mosaic, sensor.range().map_err(value_error)?, sensor.gains().map_err(value_error)?);
     let mut method: Box<dyn Unwrap> = match TwoGains::new(gains) {
         Some(two_gains) => Box::new(two_gains),
         None => UnwrapParameters::from(&parameters).method().map_err(value_error)?,

@@ -9,17 +9,16 @@ use indicatif::{ProgressBar, ProgressStyle};
 use modulo_bags::source::{self, SourceOptions};
 use modulo_bench::engines::EngineOutcome;
 use modulo_bench::{
-    BenchError, BenchEvent, Lens, SensorOptions, below_100, benchmark, engines, frontier, pipeline, recover,
-    simulate, stability,
+    BenchError, BenchEvent, below_100, benchmark, engines, frontier, pipeline, recover, simulate, stability,
 };
 use modulo_camera::CameraParameters;
-use modulo_core::{GainPattern, Mosaic, SensorError, UnwrapError, WorkersError};
+use modulo_core::{SensorError, UnwrapError, WorkersError};
 use modulo_detector::{EngineChoice, EngineOptions, measure};
 use modulo_images::{ImageError, WHITE_PERCENTILE};
 use modulo_launch::launch_files;
 use modulo_runtime::SystemClock;
 use modulo_runtime::clock::monotonic_ns;
-use modulo_runtime::sensor::parameters::BlurShape;
+use modulo_runtime::sensor::options::CHIP;
 
 use super::usage;
 use crate::{Ended, Failure};
@@ -36,7 +35,7 @@ const STEPS: &str = "{bar:30} {pos}/{len} {eta} {msg}";
 #[derive(Args)]
 pub struct Simulate {
     /// Parameter file of the camera with the values of the chip and the lens, such as sensors/mosaic.yaml
-    #[arg(long = "sensor", value_name = "FILE", conflicts_with_all = ["psf_sigma", "psf", "bits", "read_noise", "shot_noise", "gains", "mosaic"])]
+    #[arg(long = "sensor", value_name = "FILE", conflicts_with = CHIP)]
     sensor_file: Option<PathBuf>,
     #[command(flatten)]
     request: simulate::SimulationRequest,
@@ -47,22 +46,7 @@ impl Simulate {
     fn request(self) -> Result<simulate::SimulationRequest, Failure> {
         let Self { sensor_file, mut request } = self;
         let Some(file) = sensor_file else { return Ok(request) };
-        let camera = CameraParameters::read_sensor(&file).map_err(usage)?;
-        request.gains = camera.sensor.gains.map_or("none", GainPattern::word).to_owned();
-        request.mosaic = camera.mosaic.map_or("none", Mosaic::word).to_owned();
-        request.sensor = SensorOptions {
-            psf_sigma: camera.sensor.psf_sigma,
-            psf: match camera.sensor.psf {
-                BlurShape::Gaussian => Lens::Gaussian,
-                BlurShape::Paper7 => Lens::Paper7,
-            },
-            bits: camera.sensor.bits,
-            read_noise: camera.read_noise,
-            shot_noise: camera.shot_variance(),
-            prnu: camera.prnu,
-            hot_pixels: camera.hot_pixels,
-            ..request.sensor
-        };
+        request.exposure.sensor.take_chip(&CameraParameters::read_sensor(&file).map_err(usage)?);
         Ok(request)
     }
 }
@@ -105,7 +89,7 @@ pub fn simulate(args: Simulate) -> Result<Ended, Failure> {
         let trusted = word_of_trust(row.trusted);
         say!(
             "{file:<28} {:>5} {:<16} {:>8}% {:>9} {:>8} {:<14} {trusted:<7} {:>8.2}",
-            row.alpha,
+            row.sensor.alpha,
             row.method,
             below_100(row.exact_k, 3),
             psnr(row.psnr_db),
@@ -284,6 +268,7 @@ fn failure(why: BenchError) -> Failure {
         BenchError::Empty(_)
         | BenchError::Number { .. }
         | BenchError::Option(_)
+        | BenchError::Parameter(_)
         | BenchError::Output(..)
         | BenchError::Image(ImageError::White(_)) => true,
         BenchError::Sensor(why) => !matches!(why, SensorError::Shape(_) | SensorError::NotFinite { .. }),

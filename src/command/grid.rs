@@ -17,6 +17,7 @@ use modulo_eval::grid::{
 use modulo_eval::results::{Cell, Provenance, RESULTS, Results};
 use modulo_eval::{budget as choices, report as page, store};
 use modulo_images::ImageError;
+use modulo_runtime::sensor::options::CHIP;
 use modulo_runtime::{Clock, SystemClock};
 
 use super::bench::{processor, progress_bar};
@@ -48,7 +49,7 @@ pub struct Grid {
     #[arg(long, value_name = "FOLDER", requires = "coco")]
     pub coco_images: Option<PathBuf>,
     /// Parameter file of the camera with the values of the chip and the lens, such as sensors/mosaic.yaml
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["file", "psf_sigma", "read_noise", "shot_noise", "gains", "mosaic"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["file", CHIP])]
     pub sensor: Option<PathBuf>,
     /// The settings of the grid.
     #[command(flatten)]
@@ -59,8 +60,7 @@ pub struct Grid {
 pub fn grid(args: &Grid, source: &[String], out: &Path) -> Result<Ended, Failure> {
     let mut options = args.options.clone();
     if let Some(file) = &args.sensor {
-        let camera = CameraParameters::read_sensor(file).map_err(usage)?;
-        options.axes.take_sensor(&camera).map_err(failure)?;
+        options.axes.sensor.take_chip(&CameraParameters::read_sensor(file).map_err(usage)?);
     }
     let request =
         Request { data: data(args, source)?, options, provenance: provenance(), out: out.to_owned() };

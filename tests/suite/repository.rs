@@ -103,6 +103,27 @@ fn sources(folder: &Path, found: &mut Vec<(PathBuf, String)>) {
     }
 }
 
+/// The lines of a source file that are neither comments nor tests.
+fn product(text: &str) -> impl Iterator<Item = &str> {
+    let (product, _) = text.split_once("#[cfg(test)]").unwrap_or((text, ""));
+    product.lines().filter(|line| !line.trim_start().starts_with("//"))
+}
+
+/// The sensor computes with a parameter and its model declares it; options, results, tables and charts go over the declarations. The
+/// stability suite has a scene of hot pixels.
+#[test]
+fn a_parameter_of_the_sensor_is_named_in_few_files() {
+    let mut files = Vec::new();
+    sources(Path::new(env!("CARGO_MANIFEST_DIR")), &mut files);
+    for name in ["shot_noise", "full_well_electrons", "prnu", "hot_pixels"] {
+        let is_word = |word: &str| word == name;
+        let named = |line: &str| line.split(|c: char| !c.is_alphanumeric() && c != '_').any(is_word);
+        let found = files.iter().filter(|(path, text)| !is_example(path) && product(text).any(named));
+        let found: Vec<_> = found.map(|(path, _)| path).collect();
+        assert!(!found.is_empty() && found.len() <= 4, "{name} is named in {found:#?}");
+    }
+}
+
 /// Examples compare, measure and show: they may name what the product must not.
 fn is_example(path: &Path) -> bool {
     path.iter().any(|part| part == "examples" || part == "benches")

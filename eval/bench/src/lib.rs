@@ -15,17 +15,17 @@ pub mod stability;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use modulo_core::metric::ShapesDiffer;
-use modulo_core::{
-    Frame, GainPattern, Gains, Mosaic, Psf, Samples, Sensor, SensorConfig, SensorError, UnwrapError,
-};
+use modulo_core::{Frame, Samples, Sensor, SensorError, UnwrapError};
 use modulo_draw::ChartError;
 pub use modulo_draw::below_100;
 use modulo_images::{ImageError, SaveError, White};
+use modulo_runtime::sensor::options::{SensorCommand, SensorOptions};
+use modulo_runtime::{ParameterError, SensorModel};
 use ndarray::Array3;
+use serde::Serialize;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
 
 /// Error of a simulation, benchmark or stability run. The message names the value and the possible ones.
 #[derive(Debug, thiserror::Error)]
@@ -67,7 +67,10 @@ pub enum BenchError {
     /// An image cannot be written.
     #[error(transparent)]
     Save(#[from] SaveError),
-    /// The sensor is impossible, or cannot be exposed to the image.
+    /// A parameter of the sensor is impossible.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// The sensor cannot be exposed to the image.
     #[error(transparent)]
     Sensor(#[from] SensorError),
     /// The method does not exist, or refuses the image.
@@ -113,30 +116,13 @@ fn need<T>(what: &'static str, list: &[T]) -> Result<(), BenchError> {
     if list.is_empty() { Err(BenchError::Empty(what)) } else { Ok(()) }
 }
 
-/// The simulated sensor, as options of a command line.
-#[derive(Clone, Copy, Debug, PartialEq, Args)]
-pub struct SensorOptions {
-    /// Standard deviation of the lens blur in px. 0: a perfect lens
-    #[arg(long, default_value_t = 1.4)]
-    pub psf_sigma: f64,
-    /// Shape of the lens blur
-    #[arg(long, value_enum, default_value_t = Lens::Gaussian)]
-    pub psf: Lens,
-    /// Bits of the converter of the sensor
-    #[arg(long, default_value_t = 8)]
-    pub bits: u8,
-    /// Standard deviation of the read noise in code units
-    #[arg(long, default_value_t = 0.0)]
-    pub read_noise: f64,
-    /// Strength of the shot noise: its standard deviation at the signal x is sqrt(strength * x) in code units
-    #[arg(long, default_value_t = 0.0)]
-    pub shot_noise: f64,
-    /// Photo response non-uniformity, a fraction. Only a sensor file sets it
-    #[arg(skip)]
-    pub prnu: f64,
-    /// Share of the samples that are hot. Only a sensor file sets it
-    #[arg(skip)]
-    pub hot_pixels: f64,
+/// The simulated exposures, as options of a command line.
+#[derive(Clone, Debug, PartialEq, Args)]
+#[command(mut_arg("psf_sigma", |option| option.default_value("1.4")))]
+pub struct ExposureOptions<C: SensorCommand> {
+    /// The sensor.
+    #[command(flatten)]
+    pub sensor: SensorOptions<C>,
     /// Seed of the noise
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
@@ -146,82 +132,12 @@ pub struct SensorOptions {
     pub white: f32,
 }
 
-/// Shape of the lens blur.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Lens {
-    /// A Gaussian of --psf-sigma
-    Gaussian,
-    /// The fixed 7 taps of the paper (about 1.4 px)
-    Paper7,
-}
-
-/// The settings of a simulated sensor that are the same at every alpha, in results.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct SensorSettings {
-    /// Bits of the converter.
-    pub bits: u8,
-    /// Shape of the lens blur: `gaussian` or `paper7`.
-    pub psf: String,
-    /// Standard deviation of the lens blur, px.
-    pub psf_sigma: f64,
-    /// Standard deviation of the read noise, code units.
-    pub read_noise: f64,
-    /// Strength of the shot noise: its variance divided by the signal, code units.
-    pub shot_noise: f64,
-    /// Photo response non-uniformity, a fraction.
-    pub prnu: f64,
-    /// Share of the samples that are hot.
-    pub hot_pixels: f64,
-    /// Seed of the noise.
-    pub seed: u64,
-}
-
-impl SensorOptions {
-    /// The settings for results.
-    fn settings(&self) -> SensorSettings {
-        let Self { bits, read_noise, shot_noise, prnu, hot_pixels, seed, .. } = *self;
-        let psf = match self.psf {
-            Lens::Gaussian => "gaussian",
-            Lens::Paper7 => "paper7",
-        };
-        let (psf, psf_sigma) = (psf.to_owned(), self.psf().sigma());
-        SensorSettings { bits, psf, psf_sigma, read_noise, shot_noise, prnu, hot_pixels, seed }
-    }
-
-    /// The blur of the lens.
-    fn psf(&self) -> Psf {
-        match self.psf {
-            Lens::Gaussian => Psf::of_sigma(self.psf_sigma),
-            Lens::Paper7 => Psf::Paper7,
-        }
-    }
-
-    /// The sensor of each alpha, after the white point was checked.
-    fn sensors(
-        &self,
-        alphas: &[f64],
-        gains: Option<GainPattern>,
-        mosaic: Option<Mosaic>,
-    ) -> Result<Vec<Sensor>, BenchError> {
-        need("the list of alphas", alphas)?;
+impl<C: SensorCommand> ExposureOptions<C> {
+    /// The sensor of each alpha, with its parameters, after the white point was checked.
+    fn sensors(&self) -> Result<Vec<(SensorModel, Sensor)>, BenchError> {
         White::new(self.white)?;
-        let Self { bits, read_noise, shot_noise, prnu, hot_pixels, .. } = *self;
-        let gains = |alpha: f64| match gains {
-            Some(pattern) => Gains::Two { pattern, ratio: alpha.recip().min(1.0) },
-            None => Gains::One,
-        };
-        let config = |alpha| SensorConfig {
-            bits,
-            alpha,
-            psf: self.psf(),
-            read_noise,
-            shot_noise,
-            prnu,
-            hot_pixels,
-            gains: gains(alpha),
-            mosaic,
-        };
-        alphas.iter().map(|&alpha| Ok(Sensor::new(config(alpha))?)).collect()
+        let models = self.sensor.sensors(&["alpha"]).into_iter();
+        models.map(|model| Ok((model.clone(), model.simulated()?))).collect()
     }
 }
 

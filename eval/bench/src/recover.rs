@@ -3,45 +3,52 @@
 use std::path::{Path, PathBuf};
 
 use clap::Parser;
-use modulo_core::{
-    Frame, GainPattern, Gains, Mosaic, Range, Recovered, SensorError, TwoGains, Unwrap, UnwrapError, tone,
-};
+use clap::builder::Resettable;
+use modulo_core::{Frame, GainPattern, Mosaic, Range, Recovered, TwoGains, Unwrap, UnwrapError, tone};
 use modulo_images::{read_image, save_png};
+use modulo_runtime::SensorModel;
+use modulo_runtime::sensor::options::{SensorCommand, SensorOptions};
 use ndarray::Array3;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::benchmark::timed;
 use crate::simulate::{RESULTS, methods_of, names};
 use crate::{BenchError, BenchEvent, Skipped, make_folder, need, write_json};
 
+/// The parameters of the sensor that unwrapping needs are options, with one value each.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OneSensor;
+
+impl SensorCommand for OneSensor {
+    fn has(parameter: &str) -> bool {
+        ["bits", "alpha", "gains", "gain_ratio", "mosaic"].contains(&parameter)
+    }
+
+    fn varies(_: &str) -> bool {
+        false
+    }
+}
+
 /// The images and their sensor, as options of a command line.
 #[derive(Clone, Debug, PartialEq, Parser)]
+#[command(mut_arg("alpha", |option| option.default_value(Resettable::Reset).required(true)))]
 pub struct UnwrapRequest {
     /// Modulo images: PNG of 8 or 16 bits with the codes of the sensor
     #[arg(required = true)]
     pub images: Vec<PathBuf>,
-    /// Bits of the converter of the sensor
-    #[arg(long, default_value_t = 8)]
-    pub bits: u8,
-    /// Saturation factor: brightest radiance divided by the peak of the sensor
-    #[arg(long)]
-    pub alpha: f64,
+    /// The sensor.
+    #[command(flatten)]
+    pub sensor: SensorOptions<OneSensor>,
     /// Unwrapping methods, for a sensor with one gain [default: auto]
     #[arg(long, value_delimiter = ',')]
     pub method: Vec<String>,
-    /// Pixels with a lower gain (1 / alpha), which do not wrap. Their images have a method of their own
-    #[arg(long, default_value = "none", value_parser = ["none", "checkerboard", "rows"])]
-    pub gains: String,
-    /// Colour filters of a sensor with one chip, whose images have one channel
-    #[arg(long, default_value = "none", value_parser = ["none", "rggb", "bggr", "grbg", "gbrg"])]
-    pub mosaic: String,
     /// Folder for the images and results.json
     #[arg(short, long, value_name = "FOLDER")]
     pub out: PathBuf,
 }
 
 /// The result of one method on one image.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct UnwrapRow {
     /// The file as it was given.
     pub file: String,
@@ -50,9 +57,9 @@ pub struct UnwrapRow {
     /// Saturation factor.
     pub alpha: f64,
     /// Pixels with a lower gain: `none`, `checkerboard` or `rows`.
-    pub gains: String,
+    pub gains: &'static str,
     /// Colour filters: `none`, `rggb`, `bggr`, `grbg` or `gbrg`.
-    pub mosaic: String,
+    pub mosaic: &'static str,
     /// Name of the method, as in [`modulo_core::unwrap::METHODS`], or that of the gains.
     pub method: String,
     /// The method that produced the result: `method` itself, or the one that `auto` selected.
@@ -86,18 +93,22 @@ pub fn unwrap_files(
     tell: &mut dyn FnMut(BenchEvent<'_>),
 ) -> Result<UnwrapOutcome, BenchError> {
     need("the list of files", &request.images)?;
-    let range = Range::new(request.bits, request.alpha).map_err(SensorError::from)?;
+    let sensor = request.sensor.first();
+    let range = sensor.range()?;
     if range.limit() > 65536.0 {
         let why = "the results have 16 bits, which cannot hold alpha * 2^bits above 65536; use the node unwrap for floats";
         return Err(BenchError::Option(why.to_owned()));
     }
-    let mut methods = methods(request, range)?;
+    let mut methods = methods_of(&request.method, sensor.gains)?;
+    if let Some(two_gains) = TwoGains::new(sensor.gains()?) {
+        methods = vec![Box::new(two_gains)];
+    }
     make_folder(&request.out)?;
     let mut outcome = UnwrapOutcome::default();
     for (done, (file, name)) in request.images.iter().zip(names(&request.images)).enumerate() {
         let next = file.display().to_string();
         tell(BenchEvent::Step { done, total: request.images.len(), next: &next });
-        match of_file(request, (file, &name), range, &mut methods) {
+        match of_file(request, (file, &name), &sensor, &mut methods) {
             Ok(rows) => outcome.rows.extend(rows),
             Err(why @ (BenchError::Image(_) | BenchError::Unwrap(_))) if request.images.len() > 1 => {
                 let why =
@@ -113,23 +124,14 @@ pub fn unwrap_files(
     Ok(outcome)
 }
 
-/// The methods of the request, or that of the gains.
-fn methods(request: &UnwrapRequest, range: Range) -> Result<Vec<Box<dyn Unwrap>>, BenchError> {
-    let pattern = GainPattern::named(&request.gains);
-    let methods = methods_of(&request.method, pattern)?;
-    let two_gains = pattern
-        .and_then(|pattern| TwoGains::new(Gains::Two { pattern, ratio: range.alpha().recip().min(1.0) }));
-    Ok(two_gains.map_or(methods, |two_gains| vec![Box::new(two_gains)]))
-}
-
 /// Unwraps one file by all methods.
 fn of_file(
     request: &UnwrapRequest,
     (file, name): (&Path, &str),
-    range: Range,
+    sensor: &SensorModel,
     methods: &mut [Box<dyn Unwrap>],
 ) -> Result<Vec<UnwrapRow>, BenchError> {
-    let mosaic = Mosaic::named(&request.mosaic);
+    let (range, mosaic) = (sensor.range()?, sensor.mosaic);
     let y = read_image(file)?;
     let y = match mosaic {
         Some(mosaic) => y.with_mosaic(mosaic).map_err(UnwrapError::from)?,
@@ -148,8 +150,8 @@ fn of_file(
             file: file.display().to_string(),
             bits: range.bits(),
             alpha: range.alpha(),
-            gains: request.gains.clone(),
-            mosaic: request.mosaic.clone(),
+            gains: sensor.gains.map_or("none", GainPattern::word),
+            mosaic: mosaic.map_or("none", Mosaic::word),
             method: method.name().to_owned(),
             method_used: recovered.report.method.to_owned(),
             trusted: recovered.report.trust.claim(),

@@ -8,19 +8,34 @@ use std::path::{Path, PathBuf};
 use clap::Parser;
 use modulo_core::metric::{mse, psnr_db, ssim};
 use modulo_core::unwrap::{Options, by_name};
-use modulo_core::{Exposure, GainPattern, Mosaic, Recovered, Sensor, TwoGains, Unwrap, UnwrapError, tone};
+use modulo_core::{Exposure, GainPattern, Recovered, Sensor, TwoGains, Unwrap, UnwrapError, tone};
 use modulo_images::{White, read_image, save_png};
+use modulo_runtime::SensorModel;
+use modulo_runtime::sensor::options::SensorCommand;
 use ndarray::Array3;
 use serde::{Deserialize, Serialize};
 
 use crate::benchmark::timed;
 use crate::recover::save_counts;
-use crate::{
-    BenchError, BenchEvent, SensorOptions, SensorSettings, Skipped, make_folder, need, samples8, write_json,
-};
+use crate::{BenchError, BenchEvent, ExposureOptions, Skipped, make_folder, need, samples8, write_json};
 
 /// Name of the list of results in the folder.
 pub const RESULTS: &str = "results.json";
+
+/// Every parameter of the sensor is an option.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EveryParameter;
+
+impl SensorCommand for EveryParameter {
+    fn has(_: &str) -> bool {
+        true
+    }
+
+    fn varies(parameter: &str) -> bool {
+        // The names of the images have the alpha.
+        parameter == "alpha"
+    }
+}
 
 /// The settings of a simulation, as options of a command line.
 #[derive(Clone, Debug, PartialEq, Parser)]
@@ -31,19 +46,10 @@ pub struct SimulationRequest {
     /// Unwrapping methods, for a sensor with one gain [default: auto]
     #[arg(long, value_delimiter = ',')]
     pub method: Vec<String>,
-    /// Saturation factors: brightest radiance divided by the peak of the sensor
-    #[arg(long, value_delimiter = ',', default_value = "4")]
-    pub alpha: Vec<f64>,
-    /// Pixels with a lower gain (1 / alpha), which do not wrap. Their images have a method of their own
-    #[arg(long, default_value = "none", value_parser = ["none", "checkerboard", "rows"])]
-    pub gains: String,
-    /// Colour filters of a sensor with one chip. The modulo and saturated images are then mosaics, the recovered ones have three
-    /// colours
-    #[arg(long, default_value = "none", value_parser = ["none", "rggb", "bggr", "grbg", "gbrg"])]
-    pub mosaic: String,
-    /// The sensor.
+    /// The exposures. The images of two gains have a method of their own; the modulo and saturated images of a mosaic are mosaics,
+    /// the recovered ones have three colours.
     #[command(flatten)]
-    pub sensor: SensorOptions,
+    pub exposure: ExposureOptions<EveryParameter>,
     /// Also write wrap counts (NAME_alphaA_k.png) and image in code units (NAME_alphaA_x.png, 16 bits): the true ones, and those of
     /// each method (NAME_alphaA_METHOD_k.png and NAME_alphaA_METHOD_x.png)
     #[arg(long)]
@@ -60,15 +66,11 @@ pub struct SimulationRow {
     pub file: String,
     /// The radiance that became full scale, of a float image without a given white point.
     pub white: Option<f32>,
-    /// Saturation factor.
-    pub alpha: f64,
-    /// The other settings of the sensor.
-    #[serde(flatten)]
-    pub sensor: SensorSettings,
-    /// Pixels with a lower gain: `none`, `checkerboard` or `rows`.
-    pub gains: String,
-    /// Colour filters: `none`, `rggb`, `bggr`, `grbg` or `gbrg`.
-    pub mosaic: String,
+    /// The sensor.
+    #[serde(flatten, with = "modulo_runtime::parameter::flat")]
+    pub sensor: SensorModel,
+    /// Seed of the noise.
+    pub seed: u64,
     /// Name of the method, as in [`modulo_core::unwrap::METHODS`], or that of the gains.
     pub method: String,
     /// `10 log10(255^2 / mse)` of the recovered against the ideal 8-bit image, over all samples. `None` (`null`) if they
@@ -108,24 +110,27 @@ pub fn simulate(
     request: &SimulationRequest,
     tell: &mut dyn FnMut(BenchEvent<'_>),
 ) -> Result<SimulationOutcome, BenchError> {
-    let (sensors, mut methods) = (sensors(request)?, methods(request)?);
+    let sensors = sensors(request)?;
+    let mut methods = methods_of(&request.method, sensors[0].0.gains)?;
     make_folder(&request.out)?;
     let names = names(&request.images);
     let total = request.images.len() * sensors.len();
     let mut outcome = SimulationOutcome::default();
     for (index, (file, name)) in request.images.iter().zip(&names).enumerate() {
         // A white point for each file: with a common one, the result of a file would depend on the files before it.
-        let mut white = White::new(request.sensor.white)?;
+        let mut white = White::new(request.exposure.white)?;
         let radiance = read_image(file).and_then(|pixels| white.radiance(&pixels, file.display()));
         let picture = InputImage { file, name, request, white: white.found() };
         let rows = radiance.map_err(BenchError::from).and_then(|radiance| {
             let mut rows = Vec::new();
-            for (sensor, done) in sensors.iter().zip(index * sensors.len()..) {
+            for ((model, sensor), done) in sensors.iter().zip(index * sensors.len()..) {
                 let next = format!("{} alpha {}", file.display(), sensor.range().alpha());
                 tell(BenchEvent::Step { done, total, next: &next });
                 rows.extend(match TwoGains::new(sensor.gains()) {
-                    Some(two_gains) => picture.sense(&radiance, sensor, &mut [Box::new(two_gains)])?,
-                    None => picture.sense(&radiance, sensor, &mut methods)?,
+                    Some(two_gains) => {
+                        picture.sense(&radiance, (model, sensor), &mut [Box::new(two_gains)])?
+                    }
+                    None => picture.sense(&radiance, (model, sensor), &mut methods)?,
                 });
             }
             Ok(rows)
@@ -158,10 +163,10 @@ impl InputImage<'_> {
     fn sense(
         &self,
         radiance: &Array3<f32>,
-        sensor: &Sensor,
+        (model, sensor): (&SensorModel, &Sensor),
         methods: &mut [Box<dyn Unwrap>],
     ) -> Result<Vec<SimulationRow>, BenchError> {
-        let exposure = sensor.expose(radiance.view(), self.request.sensor.seed)?;
+        let exposure = sensor.expose(radiance.view(), self.request.exposure.seed)?;
         let path = |stream: &str| self.path(exposure.range().alpha(), stream);
         save_png(&path("ideal"), &exposure.ideal().demosaiced())?;
         save_png(&path("saturated"), &exposure.saturated())?;
@@ -170,10 +175,15 @@ impl InputImage<'_> {
             // The sensor counts whole codes.
             save_counts(path, &exposure.wraps(), &exposure.x().mapv(f32::floor), exposure.range())?;
         }
-        methods.iter_mut().map(|method| self.recover(&exposure, method.as_mut())).collect()
+        methods.iter_mut().map(|method| self.recover(model, &exposure, method.as_mut())).collect()
     }
 
-    fn recover(&self, exposure: &Exposure, method: &mut dyn Unwrap) -> Result<SimulationRow, BenchError> {
+    fn recover(
+        &self,
+        model: &SensorModel,
+        exposure: &Exposure,
+        method: &mut dyn Unwrap,
+    ) -> Result<SimulationRow, BenchError> {
         let (range, modulo) = (exposure.range(), exposure.modulo());
         let mut recovered = Recovered::default();
         // One call, with the allocation of its buffers: the duration is only a rough figure.
@@ -191,10 +201,8 @@ impl InputImage<'_> {
         Ok(SimulationRow {
             file: self.file.display().to_string(),
             white: self.white,
-            alpha: range.alpha(),
-            sensor: self.request.sensor.settings(),
-            gains: self.request.gains.clone(),
-            mosaic: self.request.mosaic.clone(),
+            sensor: model.clone(),
+            seed: self.request.exposure.seed,
             method: method.name().to_owned(),
             psnr_db: psnr_db(mse(&picture, &ideal)?),
             ssim: ssim(&picture, &ideal)?,
@@ -211,19 +219,14 @@ impl InputImage<'_> {
 }
 
 /// Checks the files, and makes the sensor of each alpha.
-fn sensors(request: &SimulationRequest) -> Result<Vec<Sensor>, BenchError> {
+fn sensors(request: &SimulationRequest) -> Result<Vec<(SensorModel, Sensor)>, BenchError> {
     need("the list of files", &request.images)?;
-    let (gains, mosaic) = (GainPattern::named(&request.gains), Mosaic::named(&request.mosaic));
-    request.sensor.sensors(&request.alpha, gains, mosaic)
-}
-
-fn methods(request: &SimulationRequest) -> Result<Vec<Box<dyn Unwrap>>, BenchError> {
-    let SimulationRequest { method, gains, alpha, sensor, counts, .. } = request;
-    if *counts && alpha.iter().any(|alpha| alpha * f64::from(sensor.bits).exp2() > 65536.0) {
+    let sensors = request.exposure.sensors()?;
+    if request.counts && sensors.iter().any(|(_, sensor)| sensor.range().limit() > 65536.0) {
         let why = "--counts writes images of 16 bits, which cannot hold alpha * 2^bits above 65536";
         return Err(BenchError::Option(why.to_owned()));
     }
-    methods_of(method, GainPattern::named(gains))
+    Ok(sensors)
 }
 
 /// The methods of these names, or `auto`.

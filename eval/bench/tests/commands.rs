@@ -8,8 +8,8 @@ use modulo_bench::frontier::{draw_frontier, frontier_from};
 use modulo_bench::recover::{self, UnwrapRequest};
 use modulo_bench::simulate::{self, SimulationRequest, SimulationRow};
 use modulo_bench::{BenchError, BenchEvent};
-use modulo_core::Frame;
 use modulo_core::unwrap::METHODS;
+use modulo_core::{Frame, GainPattern, Mosaic};
 use modulo_draw::PageWidth;
 use modulo_images::{decode, read_image, save_png};
 use modulo_scene::{Preset, Scene};
@@ -189,10 +189,16 @@ fn results_that_are_none_are_named() {
     assert!(matches!(frontier_from(&path), Err(BenchError::Empty { .. })));
 }
 
-/// The request of a command line for `files` with a perfect lens.
+/// The request of a command line with `options` for `files`.
+fn request_with(options: &str, out: &Path, files: &[&Path]) -> SimulationRequest {
+    let words = ["simulate", "--out"].map(Path::new);
+    let options = options.split_whitespace().map(Path::new);
+    SimulationRequest::parse_from(words.into_iter().chain([out]).chain(options).chain(files.iter().copied()))
+}
+
+/// A request with a perfect lens.
 fn request(out: &Path, files: &[&Path]) -> SimulationRequest {
-    let words = ["simulate", "--psf-sigma", "0", "--out"].map(Path::new);
-    SimulationRequest::parse_from(words.iter().chain([&out]).chain(files))
+    request_with("--psf-sigma 0", out, files)
 }
 
 /// Writes a frame of a procedural scene as 8-bit PNG.
@@ -210,10 +216,10 @@ fn two_gains_have_a_method_of_their_own() {
     let folder = tempfile::tempdir().unwrap();
     let (file, out) = (folder.path().join("street.png"), folder.path().join("out"));
     street(&file);
-    let request = SimulationRequest { gains: "rows".into(), ..request(&out, &[&file]) };
+    let request = request_with("--psf-sigma 0 --gains rows", &out, &[&file]);
     let rows = simulate::simulate(&request, &mut |_| {}).unwrap().rows;
     let [row] = &rows[..] else { panic!("one alpha, one method: {rows:?}") };
-    assert_eq!((row.gains.as_str(), row.method.as_str()), ("rows", "row_gains"));
+    assert_eq!((row.sensor.gains, row.method.as_str()), (Some(GainPattern::Rows), "row_gains"));
     assert!(row.exact_k > 0.95, "{}", row.exact_k);
     assert!(out.join("street_alpha4_row_gains.png").is_file());
 }
@@ -223,10 +229,10 @@ fn a_mosaic_is_unwrapped_and_demosaiced() {
     let folder = tempfile::tempdir().unwrap();
     let (file, out) = (folder.path().join("street.png"), folder.path().join("out"));
     street(&file);
-    let request = SimulationRequest { mosaic: "gbrg".into(), alpha: vec![2.0], ..request(&out, &[&file]) };
+    let request = request_with("--psf-sigma 0 --mosaic gbrg --alpha 2", &out, &[&file]);
     let rows = simulate::simulate(&request, &mut |_| {}).unwrap().rows;
     let [row] = &rows[..] else { panic!("one alpha, one method: {rows:?}") };
-    assert_eq!(row.mosaic, "gbrg");
+    assert_eq!(row.sensor.mosaic.map(Mosaic::word), Some("gbrg"));
     assert!(row.exact_k > 0.99, "{}", row.exact_k);
     assert_eq!(pixels(&out.join("street_alpha2_modulo.png")).dim().2, 1);
     assert_eq!(pixels(&out.join("street_alpha2_auto.png")).dim().2, 3);
@@ -238,8 +244,10 @@ fn every_file_alpha_and_method_has_a_row_and_a_picture() {
     let (file, out) = (folder.path().join("street.png"), folder.path().join("out"));
     street(&file);
     let methods: Vec<String> = METHODS.iter().map(|&name| name.to_owned()).collect();
-    let request =
-        SimulationRequest { alpha: vec![1.0, 2.5], method: methods.clone(), ..request(&out, &[&file]) };
+    let request = SimulationRequest {
+        method: methods.clone(),
+        ..request_with("--psf-sigma 0 --alpha 1,2.5", &out, &[&file])
+    };
     let mut steps = Vec::new();
     let outcome = simulate::simulate(&request, &mut |event| {
         if let BenchEvent::Step { done, total, .. } = event {
@@ -256,7 +264,7 @@ fn every_file_alpha_and_method_has_a_row_and_a_picture() {
         assert_eq!(row.method, methods[index % methods.len()]);
         assert_eq!(row.file, file.display().to_string());
         let alpha = [1.0, 2.5][index / methods.len()];
-        assert_eq!(row.alpha, alpha);
+        assert_eq!(row.sensor.alpha, alpha);
         let picture = |stream: &str| pixels(&out.join(format!("street_alpha{alpha}_{stream}.png")));
         let (ideal, recovered) = (picture("ideal"), picture(&row.method));
         assert_eq!(row.psnr_db.is_none(), ideal == recovered, "{row:?}");
@@ -297,23 +305,35 @@ fn a_file_that_cannot_be_read_is_named_and_the_others_go_on() {
 fn a_wrong_simulation_is_refused_before_anything_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
-    let request = |change: &dyn Fn(&mut SimulationRequest)| {
-        let mut request = request(&out, &[Path::new("x.png")]);
+    let with = |options: &str, change: &dyn Fn(&mut SimulationRequest)| {
+        let mut request = request_with(options, &out, &[Path::new("x.png")]);
         change(&mut request);
         simulate::simulate(&request, &mut |_| ()).unwrap_err().to_string()
     };
+    let request = |change| with("", change);
     assert_eq!(request(&|r| r.images.clear()), "the list of files is empty; at least one entry is needed");
-    assert!(request(&|r| r.alpha = vec![0.0]).starts_with("alpha is 0"));
     assert!(request(&|r| r.method = vec!["best".into()]).contains("method \"best\" is unknown"));
-    assert!(request(&|r| r.sensor.white = -1.0).starts_with("white = -1"));
+    assert!(request(&|r| r.exposure.white = -1.0).starts_with("white = -1"));
+    for (option, values, told) in [
+        ("--alpha", "0", "'alpha' = 0"),
+        ("--gains", "chess", "checkerboard"),
+        // The names of the images have no lens.
+        ("--psf-sigma", "0,1", "'psf_sigma' = 0,1"),
+    ] {
+        let words = ["simulate", "-o", "out", "x.png", option, values];
+        let why = SimulationRequest::try_parse_from(words).unwrap_err().to_string();
+        assert!(why.contains(told) && why.contains(values), "{why}");
+    }
+    let low = with("--gains rows --gain-ratio 0.5", &|_| ());
+    assert!(low.contains("'gain_ratio' = 0.5: must be at most 0.25"), "{low}");
     // The gains decide the method: one that was asked for would be ignored.
-    let ignored = request(&|r| (r.gains, r.method) = ("checkerboard".into(), vec!["spud".into()]));
+    let ignored = with("--gains checkerboard", &|r| r.method = vec!["spud".into()]);
     for told in ["--method spud", "--gains checkerboard", "checkerboard_gains"] {
         assert!(ignored.contains(told), "{told}: {ignored}");
     }
     let published = request(&|r| r.method = vec!["spud_as_published".into()]);
     assert!(published.contains("modulo eval") && published.contains("spud is the same"), "{published}");
-    let wide = request(&|r| (r.counts, r.sensor.bits) = (true, 16));
+    let wide = with("--bits 16", &|r| r.counts = true);
     assert!(wide.contains("--counts") && wide.contains("65536"), "{wide}");
     assert!(!out.exists());
 }
@@ -323,8 +343,7 @@ fn rows_of_different_sensors_differ() {
     let folder = tempfile::tempdir().unwrap();
     let (file, out) = (folder.path().join("street.png"), folder.path().join("out"));
     street(&file);
-    let mut request = request(&out, &[&file]);
-    (request.sensor.read_noise, request.sensor.seed, request.sensor.prnu) = (3.0, 9, 0.01);
+    let request = request_with("--read-noise 3 --seed 9 --prnu 0.01", &out, &[&file]);
     simulate::simulate(&request, &mut |_| {}).unwrap();
     let text = std::fs::read_to_string(out.join(simulate::RESULTS)).unwrap();
     for field in ["bits", "psf", "psf_sigma", "shot_noise", "hot_pixels"] {
@@ -341,8 +360,7 @@ fn a_modulo_image_is_unwrapped_as_the_simulation_did() {
     let folder = tempfile::tempdir().unwrap();
     let [file, simulated, out] = ["street.png", "simulated", "out"].map(|name| folder.path().join(name));
     street(&file);
-    let mut with = SimulationRequest { counts: true, ..request(&simulated, &[&file]) };
-    with.sensor.psf_sigma = 1.4;
+    let with = request_with("--counts --psf-sigma 1.4", &simulated, &[&file]);
     let expected = simulate::simulate(&with, &mut |_| {}).unwrap().rows;
     let path = |what: &str| simulated.join(format!("street_alpha4_{what}.png"));
     let (y, k, x) = (pixels(&path("modulo")), pixels(&path("k")), read_image(&path("x")).unwrap());
@@ -368,11 +386,14 @@ fn what_is_no_image_of_the_sensor_is_not_unwrapped() {
     street(&file);
     let fails = |more: &[&str]| {
         let words = ["unwrap", file.to_str().unwrap(), "-o", out.to_str().unwrap()];
-        let request = UnwrapRequest::parse_from(words.iter().chain(more));
-        recover::unwrap_files(&request, &mut |_| {}).unwrap_err().to_string()
+        match UnwrapRequest::try_parse_from(words.iter().chain(more)) {
+            Ok(request) => recover::unwrap_files(&request, &mut |_| {}).unwrap_err().to_string(),
+            Err(why) => why.to_string(),
+        }
     };
-    assert!(fails(&["--alpha", "0"]).starts_with("alpha is 0"));
-    assert!(fails(&["--alpha", "2", "--bits", "17"]).starts_with("bits is 17"));
+    assert!(fails(&[]).contains("--alpha"), "it is required");
+    assert!(fails(&["--alpha", "0"]).contains("'alpha' = 0"));
+    assert!(fails(&["--alpha", "2", "--bits", "17"]).contains("'bits' = 17"));
     assert!(fails(&["--alpha", "8", "--bits", "14"]).contains("65536"));
     assert!(fails(&["--alpha", "2", "--gains", "rows", "--method", "spud"]).contains("row_gains"));
     assert!(!out.exists());

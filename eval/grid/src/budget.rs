@@ -31,7 +31,7 @@ pub struct Choice<'a> {
 
 /// For each alpha, lens, noise and pass of the grid: the best choice that takes at most `ms` a frame.
 pub fn within(results: &Results, ms: f64) -> Vec<Budget<'_>> {
-    let mut alphas = distinct(results.cells.iter().map(|cell| cell.point.alpha));
+    let mut alphas = distinct(results.cells.iter().map(|cell| cell.point.sensor.alpha));
     alphas.sort_by(f64::total_cmp);
     let passes = distinct(results.cells.iter().filter_map(pass));
     let mut budgets = Vec::new();
@@ -39,7 +39,7 @@ pub fn within(results: &Results, ms: f64) -> Vec<Budget<'_>> {
         for &alpha in &alphas {
             for pass in &passes {
                 let here = |cell: &&Cell| {
-                    cell.point.alpha == alpha
+                    cell.point.sensor.alpha == alpha
                         && labels::conditions_of(&cell.point) == conditions
                         && self::pass(cell) == Some(pass)
                 };
@@ -47,7 +47,7 @@ pub fn within(results: &Results, ms: f64) -> Vec<Budget<'_>> {
                 // The front rises in time and in accuracy: the last choice within the time is the most accurate one.
                 let best = front.iter().rev().find(|choice| choice.ms <= ms).copied();
                 if !front.is_empty() {
-                    let conditions = labels::conditions(conditions);
+                    let conditions = labels::conditions(&conditions);
                     budgets.push(Budget { alpha, conditions, pass, front, best });
                 }
             }

@@ -3,59 +3,112 @@
 pub use modulo_draw::{below_100, distinct, number};
 
 use modulo_core::Mosaic;
+use modulo_runtime::{ParameterSet as _, SensorModel, Value};
 
 use crate::results::{Cell, Point, Stream};
 
-/// A setting of the sensor, which charts vary or name.
-pub struct GridSetting {
-    /// Name in titles.
-    pub name: &'static str,
-    /// Name in the names of files.
-    pub file: &'static str,
-    /// Label of its axis.
-    pub axis: &'static str,
+/// The parameters of the sensor that are named even where they have their default.
+const ALWAYS: [&str; 3] = ["alpha", "psf_sigma", "read_noise"];
+/// The parameters that the label of a stream names.
+const OF_STREAM: [&str; 3] = ["gains", "gain_ratio", "mosaic"];
+
+/// A number among the parameters of the sensor, which charts vary or name.
+#[derive(Clone, Copy, PartialEq)]
+pub struct GridSetting(pub &'static str);
+
+impl GridSetting {
+    /// All of them.
+    pub fn all() -> impl Iterator<Item = Self> {
+        let numbers =
+            SensorModel::descriptors().into_iter().filter(|p| matches!(p.default, Value::Double(_)));
+        numbers.map(|parameter| Self(parameter.name)).filter(|setting| !OF_STREAM.contains(&setting.0))
+    }
+
+    /// Those that tables of `cells` show.
+    pub fn columns(cells: &[Cell]) -> Vec<Self> {
+        let plain = Point::default();
+        let differs = |setting: &Self| cells.iter().any(|cell| setting.of(&cell.point) != setting.of(&plain));
+        Self::all().filter(|setting| ALWAYS.contains(&setting.0) || differs(setting)).collect()
+    }
+
     /// Its value in a cell.
-    pub of: fn(&Point) -> f64,
+    pub fn of(self, point: &Point) -> f64 {
+        let value = point.sensor.declared().into_iter().find(|(parameter, _)| parameter.name == self.0);
+        // The sum with 0 removes the sign of a zero.
+        if let Some((_, Value::Double(value))) = value { value + 0.0 } else { 0.0 }
+    }
+
+    /// The other parameters of the sensor, but for those that the label of the stream names.
+    pub fn others(self, point: &Point) -> SensorModel {
+        point.sensor.reset(&[&OF_STREAM[..], &[self.0]].concat())
+    }
+
+    /// Name in titles.
+    pub fn name(self) -> String {
+        words(self.0).0
+    }
+
+    /// Name in the names of files.
+    pub fn file(self) -> &'static str {
+        first_word(self.0)
+    }
+
+    /// Label of its axis.
+    pub fn axis(self) -> String {
+        if self.0 == "alpha" { ALPHA.to_owned() } else { self.column() }
+    }
+
+    /// Name of its column.
+    pub fn column(self) -> String {
+        let (name, unit) = words(self.0);
+        if unit.is_empty() { name } else { format!("{name},{unit}") }
+    }
+
     /// Name and value, such as `lens blur 1.4 px`.
-    pub text: fn(f64) -> String,
+    pub fn text(self, value: f64) -> String {
+        text(self.0, &Value::Double(value))
+    }
 }
 
-/// The settings of the sensor.
-pub const SETTINGS: [GridSetting; 4] = [
-    GridSetting {
-        name: "alpha",
-        file: "alpha",
-        axis: "alpha, the saturation factor",
-        of: |point| point.alpha,
-        text: |value| format!("alpha {value}"),
-    },
-    GridSetting {
-        name: "lens blur",
-        file: "psf",
-        axis: "standard deviation of the lens blur, px",
-        of: |point| point.psf_sigma,
-        text: |value| or_no("lens blur", value, " px"),
-    },
-    GridSetting {
-        name: "read noise",
-        file: "read",
-        axis: "standard deviation of the read noise, code units",
-        of: |point| point.read_noise,
-        text: |value| or_no("read noise", value, " code units"),
-    },
-    GridSetting {
-        name: "shot noise",
-        file: "shot",
-        axis: "variance of the shot noise over the signal, code units",
-        of: |point| point.shot_noise,
-        text: |value| or_no("shot noise", value, " code units"),
-    },
-];
-/// Index of the lens blur in [`SETTINGS`].
-const LENS: usize = 1;
+/// The name of a parameter in titles, and its unit.
+fn words(parameter: &str) -> (String, &'static str) {
+    match parameter {
+        "psf_sigma" => ("lens blur".to_owned(), " px"),
+        noise if noise.ends_with("_noise") => (noise.replace('_', " "), " code units"),
+        name => (name.replace('_', " "), ""),
+    }
+}
 
-/// The values of the [`SETTINGS`] without alpha, which the tables of the paper do not vary.
-pub type Conditions = [f64; 3];
+/// `psf_sigma` is the blur of the lens, whose file is `psf`.
+fn first_word(parameter: &'static str) -> &'static str {
+    parameter.split('_').next().unwrap_or(parameter)
+}
+
+/// Name and value of a parameter, such as `lens blur 1.4 px`, `no read noise`, `mosaic rggb`.
+fn text(parameter: &str, value: &Value) -> String {
+    let (name, unit) = words(parameter);
+    match value {
+        Value::Double(0.0) => format!("no {name}"),
+        value => format!("{name} {}{unit}", plain(value)),
+    }
+}
+
+/// A value as tables have it.
+pub fn plain(value: &Value) -> String {
+    match value {
+        // The sum with 0 removes the sign of a zero.
+        Value::Double(number) => (number + 0.0).to_string(),
+        Value::String(word) => word.clone(),
+        other => other.to_string(),
+    }
+}
+
+/// The sensors of cells without alpha, which the tables of the paper do not vary, and without the gains and the mosaic, which
+/// the label of the stream names.
+pub type Conditions = SensorModel;
+
+/// The label of the axis of alpha.
+pub const ALPHA: &str = "alpha, the saturation factor";
 
 /// The stage that simulates the sensor. A real sensor takes no processor time.
 pub const SENSE: &str = "sense";
@@ -66,10 +119,9 @@ pub const STAGES: [&str; 8] = [SENSE, "merge", "unwrap", "tone", "deblur", "pre"
 /// Label of the image that the detector gets: `recovered (auto, deblurred)`, `saturated`, `row_gains, saturating`,
 /// `ideal, sharp`.
 pub fn stream(point: &Point) -> String {
-    let name = match Mosaic::named(&point.mosaic) {
-        None => point.stream.name(),
-        Some(mosaic) => format!("{} {}", point.stream.name(), mosaic.word()),
-    };
+    let mosaic = point.sensor.mosaic.map(Mosaic::word);
+    let name =
+        [Some(point.stream.name().as_str()), mosaic].into_iter().flatten().collect::<Vec<_>>().join(" ");
     match &point.method {
         // The style is that of the first known word, and a variant of it by an unknown one.
         Some(method) if point.stream == Stream::Saturated => format!("{method}, saturating"),
@@ -87,63 +139,59 @@ pub fn model(point: &Point) -> String {
     format!("{}{word} {}", point.model, point.input)
 }
 
-fn or_no(name: &str, value: f64, unit: &str) -> String {
-    if value == 0.0 { format!("no {name}") } else { format!("{name} {value}{unit}") }
+/// Names and values of the parameters that `with` takes, without those that have their default and need not be named.
+fn named(sensor: &SensorModel, without: &[&str], with: fn(&'static str, &Value) -> String) -> Vec<String> {
+    let named = sensor.declared().into_iter().filter(|(parameter, value)| {
+        let differs = ALWAYS.contains(&parameter.name) || *value != parameter.default;
+        differs && !without.contains(&parameter.name)
+    });
+    named.map(|(parameter, value)| with(parameter.name, &value)).collect()
 }
 
-/// The values of the [`SETTINGS`] of a cell.
-pub fn settings(point: &Point) -> [f64; SETTINGS.len()] {
-    // The sum with 0 removes the sign of a zero.
-    SETTINGS.map(|setting| (setting.of)(point) + 0.0)
+/// Names and values of the parameters of a sensor but those of `without`: `lens blur 1.4 px, no read noise`.
+pub fn sensor(sensor: &SensorModel, without: &[&str]) -> String {
+    named(sensor, without, |parameter, value| text(parameter, value)).join(", ")
 }
 
-/// Names and values of all settings but `varied`: `lens blur 1.4 px, no read noise, no shot noise`.
-pub fn fixed_text(values: &[f64; SETTINGS.len()], varied: usize) -> String {
-    let fixed = SETTINGS.iter().zip(values).enumerate().filter(|(index, _)| *index != varied);
-    fixed.map(|(_, (setting, value))| (setting.text)(*value)).collect::<Vec<_>>().join(", ")
+/// The same as part of a file name: `psf1.4_read0`.
+pub fn suffix(sensor: &SensorModel, without: &[&str]) -> String {
+    named(sensor, without, |parameter, value| format!("{}{}", first_word(parameter), plain(value))).join("_")
+}
+
+/// Label of the conditions.
+pub fn conditions(conditions: &Conditions) -> String {
+    sensor(conditions, &["alpha"])
 }
 
 /// The number of points of a grid with the values that they have: `8 cells of ideal, saturated; demo, input auto; alpha 2, 4; ...`.
 pub fn grid(points: &[Point]) -> String {
-    let list = |of: &dyn Fn(&Point) -> String| distinct(points.iter().map(of)).join(", ");
-    let settings = SETTINGS.iter().map(|setting| {
-        let mut values = distinct(points.iter().map(setting.of));
-        values.sort_by(f64::total_cmp);
-        let values: Vec<String> = values.into_iter().map(|value| value.to_string()).collect();
-        format!("{} {}", setting.name, values.join(", "))
+    let list = |of: fn(&Point) -> String| distinct(points.iter().map(of)).join(", ");
+    let sensors: Vec<_> = points.iter().map(|point| point.sensor.declared()).collect();
+    let settings = SensorModel::descriptors().into_iter().enumerate().filter_map(|(index, parameter)| {
+        let values = distinct(sensors.iter().map(|sensor| sensor[index].1.clone()));
+        let differs = ALWAYS.contains(&parameter.name) || values != [parameter.default];
+        let values: Vec<String> = values.iter().map(plain).collect();
+        differs.then(|| format!("{} {}", words(parameter.name).0, values.join(", ")))
     });
-    let [streams, models, gains] = [list(&stream), list(&model), list(&|point| point.gains.clone())];
     let settings: Vec<String> = settings.collect();
-    format!("{} cells of {streams}; {models}; {}; gains {gains}", points.len(), settings.join("; "))
-}
-
-/// Names and values of the noises: `no read noise, no shot noise`.
-pub fn noises(read_noise: f64, shot_noise: f64) -> String {
-    format!("{}, {}", (SETTINGS[2].text)(read_noise), (SETTINGS[3].text)(shot_noise))
-}
-
-/// Label of the conditions, as [`fixed_text`] has it.
-pub fn conditions([psf_sigma, read_noise, shot_noise]: Conditions) -> String {
-    fixed_text(&[0.0, psf_sigma, read_noise, shot_noise], 0)
+    format!("{} cells of {}; {}; {}", points.len(), list(stream), list(model), settings.join("; "))
 }
 
 /// The conditions of a cell.
 pub fn conditions_of(point: &Point) -> Conditions {
-    let [_, psf_sigma, read_noise, shot_noise] = settings(point);
-    [psf_sigma, read_noise, shot_noise]
+    let SensorModel { alpha, gains, gain_ratio, mosaic, .. } = SensorModel::default();
+    SensorModel { alpha, gains, gain_ratio, mosaic, ..point.sensor.clone() }
 }
 
-/// Whether a cell belongs to these conditions. The ideal image without a lens belongs to all lenses.
-pub fn belongs(point: &Point, [psf_sigma, read_noise, shot_noise]: Conditions) -> bool {
-    is_at(point, &[0.0, psf_sigma, read_noise, shot_noise], 0)
+/// Whether a cell belongs to these conditions.
+pub fn belongs(point: &Point, conditions: &Conditions) -> bool {
+    is_at(point, conditions_of(point), conditions)
 }
 
-/// Whether a cell has these settings, whatever its value of the setting `varied` is. The ideal image without a lens
-/// belongs to all lenses.
-pub fn is_at(point: &Point, values: &[f64; SETTINGS.len()], varied: usize) -> bool {
-    let own = settings(point);
-    let free = |index| index == varied || (index == LENS && is_sharp_ideal(point));
-    (0..SETTINGS.len()).all(|index| free(index) || own[index] == values[index])
+/// Whether `own`, parameters of the sensor of a cell, are `wanted`. The ideal image without a lens belongs to all lenses.
+pub fn is_at(point: &Point, own: SensorModel, wanted: &SensorModel) -> bool {
+    let psf_sigma = if is_sharp_ideal(point) { wanted.psf_sigma } else { own.psf_sigma };
+    SensorModel { psf_sigma, ..own } == *wanted
 }
 
 /// All conditions of the cells, in the order of their first appearance.
@@ -159,7 +207,7 @@ pub fn with_lens(cells: &[Cell]) -> Vec<&Cell> {
 }
 
 fn is_sharp_ideal(point: &Point) -> bool {
-    point.stream == Stream::Ideal && point.psf_sigma == 0.0
+    point.stream == Stream::Ideal && point.sensor.psf_sigma == 0.0
 }
 
 /// Label of the accuracy of a group: `AP50 of vehicles, %, 20 frames`.
@@ -213,7 +261,7 @@ pub fn busy(cells: &[Cell]) -> Vec<String> {
 
 /// The cells at the alpha nearest to 4, the largest of the paper.
 pub fn nearest_to_four<'a>(cells: &[&'a Cell]) -> Vec<&'a Cell> {
-    let distance = |cell: &&Cell| (cell.point.alpha - 4.0).abs();
+    let distance = |cell: &&Cell| (cell.point.sensor.alpha - 4.0).abs();
     let least = cells.iter().map(distance).fold(f64::INFINITY, f64::min);
     cells.iter().filter(|cell| distance(cell) == least).copied().collect()
 }

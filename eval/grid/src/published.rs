@@ -5,7 +5,7 @@ use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Series, SeriesStyle, n
 
 use crate::chart::{self, NamedChart, add_point, file_name, models, suffix};
 use crate::grid::CAPTURES;
-use crate::labels::{self, Conditions};
+use crate::labels::{self, Conditions, GridSetting};
 use crate::report::tables::{Td, table};
 use crate::results::{Cell, Protocol, Results, Stream};
 
@@ -71,7 +71,7 @@ const FIGURES: [Figure; 3] = [
 const STREAMS: [Stream; 4] = [Stream::Saturated, Stream::Modulo, Stream::Recovered, Stream::Ideal];
 
 /// One chart for each model of the paper.
-pub fn charts(results: &Results, conditions: Conditions) -> Vec<NamedChart> {
+pub fn charts(results: &Results, conditions: &Conditions) -> Vec<NamedChart> {
     let cells = chart::cells(results, conditions);
     let chart = |model: String| {
         let own: Vec<&Cell> =
@@ -86,7 +86,7 @@ fn chart_of(
     results: &Results,
     cells: &[&Cell],
     (model, published): (&str, Published),
-    conditions: Conditions,
+    conditions: &Conditions,
 ) -> NamedChart {
     let protocol = match results.setup.protocol {
         Protocol::Suite => "the suite's protocol",
@@ -125,16 +125,16 @@ fn panel(
         style: SeriesStyle::LineAndMarkers,
     }];
     let mut own: Vec<&&Cell> = cells.iter().filter(|cell| cell.point.stream == stream).collect();
-    own.sort_by(|a, b| a.point.alpha.total_cmp(&b.point.alpha));
+    own.sort_by(|a, b| a.point.sensor.alpha.total_cmp(&b.point.sensor.alpha));
     for cell in &own {
         let ours = labels::stream(&cell.point);
         let interval = cell.interval95.get(key).copied();
-        let point = point(cell.point.alpha, value(cell), interval, &format!("{ours}, {name}"));
+        let point = point(cell.point.sensor.alpha, value(cell), interval, &format!("{ours}, {name}"));
         add_point(&mut series, ours, point, SeriesStyle::LineAndMarkers);
     }
     let frames = labels::frames(own.iter().map(|cell| cell.frames));
     let label = format!("{name}, {}, %, {frames}", stream.name());
-    ChartPanel { x: Axis::settings("alpha, the saturation factor"), y: Axis::percent(label, 1.0), series }
+    ChartPanel { x: Axis::settings(labels::ALPHA), y: Axis::percent(label, 1.0), series }
 }
 
 fn point(alpha: f64, value: f64, interval: Option<[f64; 2]>, what: &str) -> DataPoint {
@@ -145,21 +145,11 @@ fn point(alpha: f64, value: f64, interval: Option<[f64; 2]>, what: &str) -> Data
 /// The section with the tables. It is empty if no model is one of the paper.
 pub fn section(results: &Results) -> Markup {
     let known = |cell: &Cell| Published::of(&cell.point.model).is_some();
-    let head = [
-        "stream",
-        "model",
-        "alpha",
-        "lens px",
-        "read noise",
-        "shot noise",
-        "IoU",
-        "paper",
-        "F1",
-        "paper",
-        "accuracy",
-        "paper",
-    ];
-    let rows: Vec<Vec<Td>> = results.cells.iter().filter_map(accuracy).collect();
+    let columns = GridSetting::columns(&results.cells);
+    let mut head = ["stream", "model"].map(str::to_owned).to_vec();
+    head.extend(columns.iter().map(|setting| setting.column()));
+    head.extend(["IoU", "paper", "F1", "paper", "accuracy", "paper"].map(str::to_owned));
+    let rows: Vec<Vec<Td>> = results.cells.iter().filter_map(|cell| accuracy(cell, &columns)).collect();
     let times: Vec<Vec<Td>> = results.cells.iter().filter_map(time).collect();
     let time_head =
         ["stream", "model", "alpha", "capture, assumed", "merge or unwrap, tone", "detector", "sum", "paper"];
@@ -182,12 +172,12 @@ pub fn section(results: &Results) -> Markup {
     }
 }
 
-fn accuracy(cell: &Cell) -> Option<Vec<Td>> {
-    let published = Published::of(&cell.point.model)?.figures(cell.point.stream, cell.point.alpha);
+fn accuracy(cell: &Cell, columns: &[GridSetting]) -> Option<Vec<Td>> {
+    let published = Published::of(&cell.point.model)?.figures(cell.point.stream, cell.point.sensor.alpha);
     let theirs = |index: usize| Td::number(published.map(|figures| figures[index]), 1);
     let point = &cell.point;
     let mut row = vec![Td::Text(labels::stream(point)), Td::Text(labels::model(point))];
-    row.extend(labels::settings(point).map(Td::setting));
+    row.extend(columns.iter().map(|setting| Td::setting(setting.of(point))));
     for (index, ours) in [cell.paper.iou, cell.paper.f1, cell.paper.accuracy].into_iter().enumerate() {
         row.extend([Td::percent(Some(ours)), theirs(index)]);
     }
@@ -214,7 +204,7 @@ fn time(cell: &Cell) -> Option<Vec<Td>> {
     Some(vec![
         Td::Text(labels::stream(point)),
         Td::Text(labels::model(point)),
-        Td::setting(point.alpha),
+        Td::setting(point.sensor.alpha),
         Td::number(Some(capture), 0),
         Td::number(Some(of(&["merge", "unwrap", "tone", "deblur"])), 1),
         Td::number(Some(of(&["pre", "infer", "post"])), 1),

@@ -7,9 +7,11 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use clap::ValueEnum;
-use modulo_core::{GainPattern, Mosaic};
 use modulo_runtime::report::Percentiles;
+use modulo_runtime::{ParameterSet as _, SensorModel};
 use serde::{Deserialize, Serialize};
+
+use crate::labels;
 
 /// Name of the file of results.
 pub const RESULTS: &str = "results.json";
@@ -36,7 +38,6 @@ pub struct Results {
     /// The finished cells in the order of the grid. A killed run and a shard have fewer cells than [`Setup::grid`].
     pub cells: Vec<Cell>,
     /// The runs that made the cells, the first one first.
-    #[serde(default)]
     pub runs: Vec<Provenance>,
 }
 
@@ -55,8 +56,7 @@ pub struct Provenance {
     pub started: String,
     /// Mean number of running processes in the minute before the start. `None` where the system does not tell it.
     pub load: Option<f64>,
-    /// Where the time of the run went. `None` in results of older versions, and if the run was killed.
-    #[serde(default)]
+    /// Where the time of the run went. `None` if the run was killed.
     pub time: Option<RunTime>,
 }
 
@@ -87,6 +87,11 @@ impl Provenance {
 }
 
 impl Results {
+    /// Whether the cell at `point` is finished.
+    pub fn has(&self, point: &Point) -> bool {
+        self.cells.iter().any(|cell| cell.point == *point)
+    }
+
     /// Whether frames or labels are missing, or a cell has no AP because no labelled object is scored.
     pub fn lost(&self) -> bool {
         !self.input.warnings.is_empty() || self.cells.iter().any(Cell::is_unscored)
@@ -99,7 +104,6 @@ pub struct Setup {
     /// Version of the program.
     pub version: String,
     /// [`FIGURES`] of the program.
-    #[serde(default)]
     pub figures: u32,
     /// The protocol of the pipelines.
     pub protocol: Protocol,
@@ -132,8 +136,7 @@ pub struct Input {
     pub labelled: usize,
     /// Number of drives. 0 if the data does not name them.
     pub drives: usize,
-    /// The units that the bootstrap of the intervals draws. `None` in results of older versions.
-    #[serde(default)]
+    /// The units that the bootstrap of the intervals draws. `None` before it has drawn.
     pub drawn: Option<Drawn>,
     /// sha256 over the names, the labels and the pixels of the frames, hexadecimal.
     pub digest: String,
@@ -238,44 +241,13 @@ pub struct Point {
     pub method: Option<String>,
     /// Whether the lens blur was removed. Only for [`Stream::Recovered`].
     pub deblur: bool,
-    /// Saturation factor.
-    pub alpha: f64,
-    /// Standard deviation of the lens blur, px. Every alpha also has a sharp [`Stream::Ideal`], at 0.
-    pub psf_sigma: f64,
-    /// Standard deviation of the read noise, code units. Its field was `noise` in results of older versions.
-    #[serde(alias = "noise")]
-    pub read_noise: f64,
-    /// Strength of the shot noise: its variance divided by the signal, code units. 0 in results of older versions.
-    #[serde(default)]
-    pub shot_noise: f64,
-    /// Photo response non-uniformity, a fraction. 0 in results of older versions.
-    #[serde(default)]
-    pub prnu: f64,
-    /// Share of the samples that are hot. 0 in results of older versions.
-    #[serde(default)]
-    pub hot_pixels: f64,
-    /// Pixels with a lower gain: `none`, `checkerboard` or `rows`.
-    #[serde(default = "no_part")]
-    pub gains: String,
-    /// Colour filters of the sensor: `none`, `rggb`, `bggr`, `grbg` or `gbrg`.
-    #[serde(default = "no_part")]
-    pub mosaic: String,
+    /// The sensor. Every alpha also has a sharp [`Stream::Ideal`], whose `psf_sigma` is 0.
+    #[serde(flatten, with = "modulo_runtime::parameter::flat")]
+    pub sensor: SensorModel,
     /// Name of the model in [`Setup::models`].
     pub model: String,
     /// Input size of the model: `auto`, or `WIDTHxHEIGHT`.
     pub input: String,
-}
-
-/// The gains and the mosaic in results of older versions.
-fn no_part() -> String {
-    "none".to_owned()
-}
-
-impl Point {
-    /// The pixels with a lower gain.
-    pub fn pattern(&self) -> Option<GainPattern> {
-        GainPattern::named(&self.gains)
-    }
 }
 
 impl Stream {
@@ -288,41 +260,19 @@ impl Stream {
 impl fmt::Display for Point {
     /// Describes the cell, such as `yolov10n recovered auto deblurred, alpha 4, blur 1.4 px`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            stream,
-            method,
-            deblur,
-            alpha,
-            psf_sigma,
-            read_noise,
-            shot_noise,
-            prnu,
-            hot_pixels,
-            gains: _,
-            mosaic,
-            model,
-            input,
-        } = self;
+        let Self { stream, method, deblur, sensor, model, input } = self;
         write!(f, "{model} {}", stream.name())?;
         method.iter().try_for_each(|method| write!(f, " {method}"))?;
         if *deblur {
             write!(f, " deblurred")?;
         }
-        write!(f, ", alpha {alpha}, blur {psf_sigma} px")?;
-        if *read_noise > 0.0 {
-            write!(f, ", read noise {read_noise}")?;
-        }
-        if *shot_noise > 0.0 {
-            write!(f, ", shot noise {shot_noise}")?;
-        }
-        if *prnu > 0.0 {
-            write!(f, ", PRNU {prnu}")?;
-        }
-        if *hot_pixels > 0.0 {
-            write!(f, ", hot pixels {hot_pixels}")?;
-        }
-        if let Some(mosaic) = Mosaic::named(mosaic) {
-            write!(f, ", mosaic {}", mosaic.word())?;
+        write!(f, ", alpha {}, blur {} px", sensor.alpha, sensor.psf_sigma)?;
+        for (parameter, value) in sensor.declared() {
+            // The gains have a method of their own, which is named.
+            let named = ["alpha", "psf_sigma", "gains"].contains(&parameter.name);
+            if !named && value != parameter.default {
+                write!(f, ", {} {}", parameter.name.replace('_', " "), labels::plain(&value))?;
+            }
         }
         if input != "auto" {
             write!(f, ", {input}")?;
@@ -362,21 +312,19 @@ pub struct Cell {
     /// Share of the samples with the true wrap count. This and the next three figures exist only for recovered streams.
     pub exact_k: Option<f64>,
     /// Share of the frames in which all samples have the true wrap count.
-    #[serde(default)]
     pub exact_frames: Option<f64>,
     /// Share of the frames that the method trusts. `None` if it makes no statement.
     pub trusted: Option<f64>,
     /// Number of frames that the method trusts although less than 99.9 % of the samples have the true wrap count.
-    #[serde(default)]
     pub trusted_wrong: Option<usize>,
     /// PSNR against the ideal image of the same lens, dB; infinite (`"inf"` in JSON) for equal images. This and the next figures
     /// exist for recovered, merged and saturated streams.
-    #[serde(default, with = "psnr")]
+    #[serde(with = "psnr")]
     pub psnr_db: Option<f64>,
     /// Mean SSIM against that image.
     pub ssim: Option<f64>,
     /// PSNR against the ideal image without a lens, dB.
-    #[serde(default, with = "psnr")]
+    #[serde(with = "psnr")]
     pub psnr_sharp_db: Option<f64>,
     /// Mean SSIM against that image.
     pub ssim_sharp: Option<f64>,
@@ -385,7 +333,6 @@ pub struct Cell {
     /// Histogram of the time of a frame without `sense`: (upper bound in ms, frames). Empty buckets are left out.
     pub latency_histogram: Vec<(f64, u64)>,
     /// Time of a frame from the captured image to the boxes, without `sense`. `None` if it was not measured.
-    #[serde(default)]
     pub frame_ms: Option<FrameTime>,
     /// The machine and the settings of the durations.
     pub device: Device,

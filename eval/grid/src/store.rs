@@ -6,11 +6,11 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use csv::{ByteRecord, ByteRecordsIntoIter};
-use modulo_runtime::launcher;
+use modulo_runtime::{ParameterSet as _, SensorModel, launcher};
 
 use crate::GridError;
 use crate::labels;
-use crate::results::{BOXES, Cell, FRAMES, Point, RESULTS, Results, TABLE};
+use crate::results::{BOXES, Cell, FRAMES, Input, Point, RESULTS, Results, Setup, TABLE};
 
 /// Reads the results in `folder`. `None` if there are no results.
 ///
@@ -53,6 +53,69 @@ pub fn save(folder: &Path, results: &Results) -> Result<(), GridError> {
     replace(&folder.join(TABLE), &csv(&results.cells))
 }
 
+/// The results in `folder` with the grid of `empty`, which has no cell yet, or `empty` alone if there are none or they are
+/// `replaced`.
+///
+/// # Errors
+/// [`GridError::OtherSetup`] if the cells of both cannot be shown together; the folder stays as it is.
+pub(crate) fn resume(folder: &Path, replaced: bool, empty: Results) -> Result<Results, GridError> {
+    let old = if replaced { None } else { load(folder)? };
+    let results = match old {
+        Some(old) => {
+            check_same(&folder.join(RESULTS), &old, &empty)?;
+            joined(old, empty)
+        }
+        None => empty,
+    };
+    // Lines of cells that were not finished are left out: these cells are run again.
+    gather(folder, &[folder.to_owned()], &results.cells)?;
+    Ok(results)
+}
+
+/// Stores a finished cell with its lines of frames and of boxes.
+pub(crate) fn keep(
+    folder: &Path,
+    results: &mut Results,
+    cell: Cell,
+    [frames, boxes]: [&CellLines; 2],
+) -> Result<(), GridError> {
+    // The lines come first: a cell without lines would never be run again.
+    append(folder, FRAMES, frames)?;
+    append(folder, BOXES, boxes)?;
+    results.cells.push(cell);
+    // Cells of an earlier run may come later in the grid.
+    sort(&mut results.cells, &results.setup.grid);
+    save(folder, results)
+}
+
+/// The grid and the cells of `old` with those of `fresh`, which has no cell yet.
+fn joined(old: Results, fresh: Results) -> Results {
+    let Results { setup, input, definitions, .. } = fresh;
+    let mut models = old.setup.models;
+    models.extend(setup.models);
+    let mut without_twin = old.input.without_twin;
+    without_twin.extend(input.without_twin);
+    let grid = joined_grid(old.setup.grid, setup.grid);
+    let mut cells = old.cells;
+    sort(&mut cells, &grid);
+    Results {
+        setup: Setup { models, grid, ..setup },
+        input: Input { without_twin, ..input },
+        definitions,
+        cells,
+        runs: old.runs,
+    }
+}
+
+/// The order of `new` if it has all points of `old`; else the points of `old`, then the other points of `new`.
+fn joined_grid(old: Vec<Point>, new: Vec<Point>) -> Vec<Point> {
+    if old.iter().all(|point| new.contains(point)) {
+        return new;
+    }
+    let more: Vec<Point> = new.into_iter().filter(|point| !old.contains(point)).collect();
+    [old, more].concat()
+}
+
 /// Replaces the content of `path` by `bytes`, as [`launcher::replace`] does.
 pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<(), GridError> {
     launcher::replace(path, bytes).map_err(|why| GridError::io(path, why))
@@ -61,23 +124,6 @@ pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<(), GridError> {
 /// Name of a column and its value in the row of a cell.
 type Column = (&'static str, fn(&Cell) -> String);
 
-const SETTINGS: [Column; 15] = [
-    ("cell", |cell| cell.point.to_string()),
-    ("stream", |cell| cell.point.stream.name()),
-    ("method", |cell| cell.point.method.as_deref().unwrap_or("").to_owned()),
-    ("deblur", |cell| cell.point.deblur.to_string()),
-    ("alpha", |cell| figure(Some(cell.point.alpha))),
-    ("psf_sigma", |cell| figure(Some(cell.point.psf_sigma))),
-    ("read_noise", |cell| figure(Some(cell.point.read_noise))),
-    ("shot_noise", |cell| figure(Some(cell.point.shot_noise))),
-    ("prnu", |cell| figure(Some(cell.point.prnu))),
-    ("hot_pixels", |cell| figure(Some(cell.point.hot_pixels))),
-    ("gains", |cell| cell.point.gains.clone()),
-    ("mosaic", |cell| cell.point.mosaic.clone()),
-    ("model", |cell| cell.point.model.clone()),
-    ("input", |cell| cell.point.input.clone()),
-    ("frames", |cell| cell.frames.to_string()),
-];
 const FIGURES: [Column; 9] = [
     ("ap50_95", |cell| figure(cell.ap50_95)),
     ("paper_iou", |cell| figure(Some(cell.paper.iou))),
@@ -97,13 +143,19 @@ fn csv(cells: &[Cell]) -> Vec<u8> {
     let stages: BTreeSet<&String> = cells.iter().flat_map(|cell| cell.latency_ms.keys()).collect();
     let mut writer = csv::Writer::from_writer(Vec::new());
     let mut write = |row: Vec<String>| writer.write_record(row).expect("rows of one length fit into memory");
-    let mut head: Vec<String> = SETTINGS.map(|(name, _)| name.to_owned()).to_vec();
+    let mut head = ["cell", "stream", "method", "deblur"].map(str::to_owned).to_vec();
+    head.extend(SensorModel::descriptors().iter().map(|parameter| parameter.name.to_owned()));
+    head.extend(["model", "input", "frames"].map(str::to_owned));
     head.extend(groups.iter().map(|group| format!("ap50_{group}")));
     head.extend(FIGURES.map(|(name, _)| name.to_owned()));
     head.extend(stages.iter().map(|stage| format!("{stage}_ms_p50")));
     write(head);
     for cell in cells {
-        let mut row: Vec<String> = SETTINGS.map(|(_, value)| value(cell)).to_vec();
+        let Point { stream, method, deblur, sensor, model, input } = &cell.point;
+        let method = method.clone().unwrap_or_default();
+        let mut row = vec![cell.point.to_string(), stream.name(), method, deblur.to_string()];
+        row.extend(sensor.values().iter().map(labels::plain));
+        row.extend([model.clone(), input.clone(), cell.frames.to_string()]);
         row.extend(groups.iter().map(|group| figure(cell.ap50.get(*group).copied().flatten())));
         row.extend(FIGURES.map(|(_, value)| value(cell)));
         row.extend(stages.iter().map(|stage| figure(cell.latency_ms.get(*stage).map(|p| p.p50))));
@@ -130,7 +182,7 @@ pub(crate) struct CellLines {
 ///
 /// # Errors
 /// [`GridError`] if the table has other columns, or cannot be read or written.
-pub(crate) fn append(folder: &Path, file: &str, lines: &CellLines) -> Result<(), GridError> {
+fn append(folder: &Path, file: &str, lines: &CellLines) -> Result<(), GridError> {
     let path = folder.join(file);
     std::fs::create_dir_all(folder).map_err(|why| GridError::io(folder, why))?;
     let mut writer = csv::Writer::from_writer(Vec::new());
@@ -263,7 +315,7 @@ fn timeless(cell: &Cell) -> Cell {
 }
 
 /// Refuses the results `old` at `path` if they belong to another request than `new`. The grids may differ.
-pub(crate) fn check_same(path: &Path, old: &Results, new: &Results) -> Result<(), GridError> {
+fn check_same(path: &Path, old: &Results, new: &Results) -> Result<(), GridError> {
     let pair = |of: fn(&Results) -> String| (of(old), of(new));
     // Shards may have different models. Only a model that both know must be the same file.
     let known = |name: &&String| old.setup.models.contains_key(*name) && new.setup.models.contains_key(*name);

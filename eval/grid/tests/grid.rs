@@ -4,6 +4,7 @@
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
+use clap::Parser as _;
 use modulo_bags::bag::{BagReader, BagWriter, Compression, Selection};
 use modulo_bags::import::import_kitti;
 use modulo_bags::source::{GroundTruth, SourceOptions, open};
@@ -11,7 +12,7 @@ use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_core::Frame;
 use modulo_detector::{DetectorParameters, EngineChoice};
 use modulo_eval::grid::{
-    Axes, Data, DeblurChoice, GridError, GridEvent, GridOptions, Nodes, Request, Suite, draw_pictures, run,
+    Axes, Data, GridError, GridEvent, GridOptions, Nodes, Request, Suite, draw_pictures, run,
 };
 use modulo_eval::launch_file::{Evaluation, EvaluationPlan};
 use modulo_eval::report;
@@ -72,7 +73,7 @@ impl Node for DriftingDetector {
 }
 
 fn still_request(out: &Path) -> Request {
-    let axes = Axes { stream: vec![Stream::Ideal], alpha: vec![2.0], ..Axes::default() };
+    let axes = Axes::parse_from(["grid", "--stream", "ideal", "--alpha", "2"]);
     Request {
         data: Data::Any("scene://day?seed=3&frames=3&width=320&height=128".to_owned()),
         options: GridOptions {
@@ -112,13 +113,8 @@ fn two_runs_are_the_same_and_a_look_at_the_clock_is_seen() {
 }
 
 fn request(data: Data, streams: &[Stream], out: &Path) -> Request {
-    let axes = Axes {
-        stream: streams.to_vec(),
-        method: vec!["auto".to_owned()],
-        deblur: DeblurChoice::Off,
-        alpha: vec![4.0],
-        ..Axes::default()
-    };
+    let options = ["grid", "--method", "auto", "--deblur", "off", "--alpha", "4"];
+    let axes = Axes { stream: streams.to_vec(), ..Axes::parse_from(options) };
     let options =
         GridOptions { axes, engine: EngineChoice::Rten, jobs: 2, time_frames: 1, ..GridOptions::default() };
     Request { data, options, provenance: Provenance::default(), out: out.to_owned() }

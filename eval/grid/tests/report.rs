@@ -2,8 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use modulo_core::GainPattern;
 use modulo_eval::results::{Cell, Device, Drawn, FrameTime, Input, Paper, Point, Results, Setup, Stream};
 use modulo_eval::{budget, chart, report, store};
+use modulo_runtime::SensorModel;
 use modulo_runtime::report::Percentiles;
 
 fn map<T: Clone>(pairs: &[(&str, T)]) -> BTreeMap<String, T> {
@@ -37,8 +39,7 @@ fn cell(stream: Stream, method: Option<&str>, alpha: f64, model: &str, psf_sigma
         point: Point {
             stream,
             method: method.map(str::to_owned),
-            alpha,
-            psf_sigma,
+            sensor: SensorModel { alpha, psf_sigma, ..SensorModel::default() },
             model: model.to_owned(),
             input: "640x192".to_owned(),
             ..Point::default()
@@ -278,9 +279,9 @@ fn a_stream_has_one_colour_in_every_report() {
 /// At each lens and alpha, the simplest choice within a point of the ideal image is named.
 #[test]
 fn the_simplest_sufficient_sensor_is_shown() {
-    let with = |stream, method: Option<&str>, gains: &str, (alpha, lens): (f64, f64), ap50: f64| {
+    let with = |stream, method: Option<&str>, gains, (alpha, lens): (f64, f64), ap50: f64| {
         let mut cell = cell(stream, method, alpha, "yolov10n", lens);
-        cell.point.gains = gains.to_owned();
+        cell.point.sensor.gains = gains;
         cell.ap50 = map(&[("vehicle", Some(ap50))]);
         cell
     };
@@ -294,11 +295,11 @@ fn the_simplest_sufficient_sensor_is_shown() {
         ((4.0, 1.4), [0.889, 0.5, 0.889]),
     ] {
         results.cells.extend([
-            with(Stream::Ideal, None, "none", at, 0.9),
-            with(Stream::Ideal, None, "none", (at.0, 0.0), 0.95),
-            with(Stream::Recovered, Some("checkerboard_gains"), "checkerboard", at, gains),
-            with(Stream::Recovered, Some("auto"), "none", at, auto),
-            with(Stream::Saturated, None, "none", at, saturated),
+            with(Stream::Ideal, None, None, at, 0.9),
+            with(Stream::Ideal, None, None, (at.0, 0.0), 0.95),
+            with(Stream::Recovered, Some("checkerboard_gains"), Some(GainPattern::Checkerboard), at, gains),
+            with(Stream::Recovered, Some("auto"), None, at, auto),
+            with(Stream::Saturated, None, None, at, saturated),
         ]);
     }
     let charts = chart::all(&results);
@@ -367,34 +368,51 @@ fn the_input_size_auto_does_not_read_as_a_method() {
     assert!(charts.iter().any(|named| named.name == "alpha_yolov10n_input_auto_psf1.4_read0"));
 }
 
-/// Files of older versions have another name for the read noise, and `null` for any PSNR that is no number.
+/// An infinite PSNR, and a parameter of the sensor that the file does not have, are read; a name or a word that is misspelt is not.
 #[test]
-fn results_of_older_versions_are_read() {
+fn results_are_read_and_what_is_misspelt_is_named() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut results = made_up();
     results.cells.truncate(2);
     results.cells[0].psnr_db = Some(f64::INFINITY);
-    results.cells[0].point.read_noise = 2.5;
+    results.cells[0].point.sensor.read_noise = 2.5;
     modulo_eval::store::save(folder.path(), &results).expect("written");
     let loaded = || modulo_eval::store::load(folder.path()).expect("readable").expect("there");
     assert_eq!(loaded().cells, results.cells);
     let file = folder.path().join("results.json");
     let text = std::fs::read_to_string(&file).expect("text");
     assert!(text.contains(r#""psnr_db": "inf""#) && text.contains(r#""read_noise": 2.5"#), "{text}");
-    let old = text.replace("\"read_noise\"", "\"noise\"").replace("\"inf\"", "null");
-    std::fs::write(&file, old).expect("written");
-    results.cells[0].psnr_db = None;
+    std::fs::write(&file, text.replace("\"prnu\": 0.0,", "")).expect("written");
     assert_eq!(loaded().cells, results.cells);
+    for (word, misspelt, named) in [
+        (
+            r#""gains": "none""#,
+            r#""gains": "chekerboard""#,
+            ["'gains' = 'chekerboard'", "none, checkerboard, rows"],
+        ),
+        (r#""mosaic": "none""#, r#""mosaic": "rgbb""#, ["'mosaic' = 'rgbb'", "rggb"]),
+        (r#""read_noise": 2.5"#, r#""read_noise": -1"#, ["'read_noise' = -1", "0 to 65536"]),
+        (r#""read_noise""#, r#""raed_noise""#, ["unknown parameter", "did you mean 'read_noise'?"]),
+    ] {
+        std::fs::write(&file, text.replace(word, misspelt)).expect("written");
+        let why = modulo_eval::store::load(folder.path()).expect_err(misspelt).to_string();
+        assert!(why.contains("results.json") && named.iter().all(|text| why.contains(text)), "{why}");
+    }
 }
 
 #[test]
 fn charts_have_words_units_counts_and_intervals() {
     let mut results = made_up();
     for noise in [0.0, 1.0, 2.0] {
-        let noisy = results.cells.iter().find(|cell| cell.point.psf_sigma == 1.4).cloned().expect("a cell");
-        results
-            .cells
-            .push(Cell { point: Point { read_noise: noise, shot_noise: 0.5, ..noisy.point }, ..noisy });
+        let noisy =
+            results.cells.iter().find(|cell| cell.point.sensor.psf_sigma == 1.4).cloned().expect("a cell");
+        results.cells.push(Cell {
+            point: Point {
+                sensor: SensorModel { read_noise: noise, shot_noise: 0.5, ..noisy.point.sensor },
+                ..noisy.point
+            },
+            ..noisy
+        });
     }
     let charts = chart::all(&results);
     let svg = |name: &str| {
@@ -445,7 +463,7 @@ fn zero_has_no_sign_anywhere() {
     let (mut results, folder) = (made_up(), tempfile::tempdir().expect("a folder"));
     for cell in &mut results.cells {
         (cell.ap50_95, cell.psnr_db, cell.exact_k) = (Some(-0.0), Some(-0.0), Some(-0.0));
-        (cell.paper.iou, cell.point.read_noise) = (-0.0, -0.0);
+        (cell.paper.iou, cell.point.sensor.read_noise) = (-0.0, -0.0);
         cell.ap50.values_mut().for_each(|ap50| *ap50 = Some(-0.0));
         cell.interval95.values_mut().for_each(|bounds| *bounds = [-0.0, -0.0001]);
         cell.latency_ms.values_mut().for_each(|time| time.p50 = -0.0);

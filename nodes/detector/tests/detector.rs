@@ -245,7 +245,7 @@ fn a_description_is_about_the_frames_of_its_own_camera() {
         let header = Header { stamp: Time { sec: stamp, nanosec: 8 }, frame_id: "camera".into() };
         let model = SensorModel { bits: 6, ..SensorModel::default() };
         let clock = ManualClock::at(0);
-        let trigger = Trigger::Message { input: 1, message: sensor_info::message(&header, &model, &[]) };
+        let trigger = Trigger::Message { input: 1, message: sensor_info::message(&header, &model) };
         node.step(trigger, &mut Context::new("/detector", &clock, &[])).expect("a description");
         // Of the second 7.
         detections(&mut node, grey(96, 160, 60));
@@ -406,7 +406,7 @@ fn answered(fallback: &str, psf_sigma: f64) -> Vec<&'static str> {
         let now = frame * 100_000_000;
         let mut image = image(grey(96, 160, 204));
         image.header.stamp = Time::from_ns(now);
-        let info = sensor_info::message(&image.header, &sensor, &[]);
+        let info = sensor_info::message(&image.header, &sensor);
         chain.feed("/sensor_info", info, now).expect("a step");
         let image = Message::Image(Arc::new(image));
         for stream in ["/saturated", "/recovered"] {
@@ -448,8 +448,7 @@ fn one_detector_answers_several_cameras() {
         for (camera, output, bits) in [("/front", outputs[0], 8), ("/car/rear", outputs[1], 6)] {
             let mut image = image(grey(96, 160, 60));
             image.header.stamp = Time::from_ns(frame);
-            let info =
-                sensor_info::message(&image.header, &SensorModel { bits, ..SensorModel::default() }, &[]);
+            let info = sensor_info::message(&image.header, &SensorModel { bits, ..SensorModel::default() });
             chain.feed(&format!("{camera}/sensor_info"), info, frame).expect("a step");
             let answers = chain.feed(&format!("{camera}/modulo"), Message::Image(Arc::new(image)), frame);
             let topics: Vec<_> = answers.expect("a step").into_iter().map(|(topic, _)| topic).collect();

@@ -12,8 +12,8 @@ use std::time::Duration;
 
 use modulo_bags::source;
 use modulo_bags::source::{GroundTruth, Source, SourceFrame, SourceOptions, to_detections};
-use modulo_core::sensor::{Exposure, MAX_NOISE, Sensor, SensorConfig};
-use modulo_core::{Frame, Mosaic};
+use modulo_core::Frame;
+use modulo_core::sensor::{Exposure, Sensor};
 use modulo_images::White;
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::name::NameError;
@@ -71,10 +71,11 @@ impl ModuloCamera {
     }
 
     fn with(input: CameraInput, parameters: &CameraParameters) -> Result<Self, ParameterError> {
+        parameters.check()?;
         Ok(Self {
             calibration: input.calibration(),
             input,
-            sensor: parameters.sensor()?,
+            sensor: parameters.sensor.simulated()?,
             parameters: parameters.clone(),
             seed: parameters.seed.unsigned_abs(),
             period: parameters.period(),
@@ -91,7 +92,7 @@ impl ModuloCamera {
         input: Option<CameraInput>,
     ) -> Result<(), ParameterError> {
         // The only step that can fail comes first, so that a set that is refused changes nothing.
-        self.sensor = parameters.sensor()?;
+        self.sensor = parameters.sensor.simulated()?;
         if let Some(input) = input {
             self.calibration = input.calibration();
             (self.input, self.taken) = (input, 0);
@@ -127,7 +128,7 @@ impl ModuloCamera {
         let seed = self.seed.wrapping_add(number);
         self.sensed += 1;
         // Before the frame that it describes, and for late readers also when there is no reader now.
-        let info = sensor_info::message(header, &self.parameters.sensor, &self.parameters.noise());
+        let info = sensor_info::message(header, &self.parameters.sensor);
         cx.emit(SENSOR_INFO, info);
         if !self.calibration.is_on_topic_of(cx.node()) && cx.wanted(CAMERA_INFO) {
             let side = |axis| u32::try_from(radiance.len_of(Axis(axis))).unwrap_or(u32::MAX);
@@ -277,12 +278,8 @@ impl Node for ModuloCamera {
     }
 
     fn state(&self) -> Vec<(&'static str, String)> {
-        let CameraParameters { source, sensor, mosaic, .. } = &self.parameters;
-        let mut state = vec![("source", source.clone())];
-        state.extend(sensor.to_text());
-        state.push(("mosaic", mosaic.map_or("none", Mosaic::word).to_owned()));
-        state.extend(self.parameters.noise().into_iter().map(|(name, value)| (name, value.to_string())));
-        state
+        let CameraParameters { source, sensor, .. } = &self.parameters;
+        [vec![("source", source.clone())], sensor.to_text()].concat()
     }
 
     fn status(&self) -> Vec<(&'static str, String)> {
@@ -419,22 +416,6 @@ modulo_runtime::parameters! {
         /// Value that becomes full scale, for EXR, HDR and 16-bit images. 0: the 99.9th percentile of the first EXR or
         /// HDR image, and 65536 for 16-bit images.
         white: f64 = 0.0 => 0.0..=1e12; fixed,
-        /// Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of
-        /// the source. The images of a mosaic have the encoding bayer_*8 or bayer_*16.
-        mosaic: Option<Mosaic> = None => Mosaic::WORDS,
-        /// Standard deviation of the read noise in code units.
-        read_noise: f64 = 0.0 => 0.0..=MAX_NOISE,
-        /// Strength of the shot noise: its standard deviation at the signal x is sqrt(shot_noise * x) in code units.
-        shot_noise: f64 = 0.0 => 0.0..=MAX_NOISE,
-        /// Electrons that fill the 2^bits codes of the converter at full gain (the saturation capacity of EMVA 1288). They add
-        /// shot noise of the variance x * 2^bits / full_well_electrons. 0: only shot_noise.
-        full_well_electrons: f64 = 0.0 => 0.0..=1e9,
-        /// Photo response non-uniformity (EMVA 1288): standard deviation of the gain between pixels, as a fraction. The pattern is
-        /// the same in every frame.
-        prnu: f64 = 0.0 => 0.0..=1.0,
-        /// Share of the samples that are hot: their dark signal is evenly distributed up to the peak. The pattern is the same in
-        /// every frame.
-        hot_pixels: f64 = 0.0 => 0.0..=1.0,
         /// Seed of the noise.
         seed: i64 = 0 => 0..=i64::MAX,
         /// Frames per second. 0: the next frame as soon as every reader has taken the last one.
@@ -450,20 +431,6 @@ modulo_runtime::parameters! {
     }
 }
 
-/// The parameters that a sensor file can set for the commands that measure: those of the chip and the lens.
-const OF_SENSOR: [&str; 10] = [
-    "bits",
-    "psf",
-    "psf_sigma",
-    "gains",
-    "mosaic",
-    "read_noise",
-    "shot_noise",
-    "full_well_electrons",
-    "prnu",
-    "hot_pixels",
-];
-
 impl CameraParameters {
     /// Returns the sensor that the parameter file at `path` describes for a node `/modulo_camera`; all that the file does not set
     /// has its default.
@@ -471,62 +438,21 @@ impl CameraParameters {
     /// # Errors
     /// [`ArgsError::File`] of a file that cannot be read, that has no parameter of that node, or one that does not belong to
     /// the chip or the lens, such as `alpha`, and of a value that is not possible.
-    pub fn read_sensor(path: &Path) -> Result<Self, ArgsError> {
+    pub fn read_sensor(path: &Path) -> Result<SensorModel, ArgsError> {
         let wrong = |why: String| ArgsError::File(path.display().to_string(), why);
         let node_name = NodeName::new("modulo_camera", "/", &[]).expect("a name without a remapping");
         let pairs = parameter_file::read(path, &node_name)?;
         if pairs.is_empty() {
             return Err(wrong("it has no parameter of the node /modulo_camera".to_owned()));
         }
-        if let Some((name, _)) = pairs.iter().find(|(name, _)| !OF_SENSOR.contains(&name.as_str())) {
-            let possible = OF_SENSOR.join(", ");
+        let of_chip = SensorModel::of_chip();
+        if let Some((name, _)) = pairs.iter().find(|(name, _)| !of_chip.contains(&name.as_str())) {
+            let possible = of_chip.join(", ");
             return Err(wrong(format!(
                 "'{name}' does not describe the chip or the lens; these do: {possible}"
             )));
         }
-        Self::from_text(&pairs).map_err(|why| wrong(why.to_string()))
-    }
-
-    /// Returns the simulated sensor.
-    ///
-    /// # Errors
-    /// [`ParameterError`] of the first parameter that is out of its range.
-    pub fn sensor(&self) -> Result<Sensor, ParameterError> {
-        self.check()?;
-        let SensorModel { bits, alpha, .. } = self.sensor;
-        let Self { mosaic, read_noise, prnu, hot_pixels, .. } = *self;
-        let shot_noise = self.shot_variance();
-        let (psf, gains) = (self.sensor.psf(), self.sensor.gains()?);
-        let sensor = Sensor::new(SensorConfig {
-            bits,
-            alpha,
-            psf,
-            read_noise,
-            shot_noise,
-            prnu,
-            hot_pixels,
-            gains,
-            mosaic,
-        });
-        Ok(sensor.expect("the declared ranges lie within those of `Sensor`"))
-    }
-
-    /// Returns the variance of the shot noise divided by the signal in code units, that of the electrons included.
-    pub fn shot_variance(&self) -> f64 {
-        let of_electrons = match self.full_well_electrons {
-            0.0 => 0.0,
-            electrons => f64::from(self.sensor.bits).exp2() / electrons,
-        };
-        (self.shot_noise + of_electrons).min(MAX_NOISE)
-    }
-
-    /// Returns the noise by the name of its parameter, a fixed pattern only if there is one. The shot noise includes that of the
-    /// electrons.
-    fn noise(&self) -> Vec<(&'static str, f64)> {
-        let mut noise = vec![("read_noise", self.read_noise), ("shot_noise", self.shot_variance())];
-        let pattern = [("prnu", self.prnu), ("hot_pixels", self.hot_pixels)];
-        noise.extend(pattern.into_iter().filter(|(_, value)| *value > 0.0));
-        noise
+        SensorModel::from_text(&pairs).map_err(|why| wrong(why.to_string()))
     }
 
     /// Returns the time between two frames. Zero: as fast as its readers take them.

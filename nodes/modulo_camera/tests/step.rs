@@ -219,7 +219,8 @@ fn what_is_impossible_is_refused_with_the_parameter() {
 /// A structure can hold what the services would refuse; the node refuses it as well.
 #[test]
 fn a_value_out_of_range_is_refused_before_it_is_used() {
-    let below = CameraParameters { read_noise: -1.0, ..parameters(&[("source", "scene://day?frames=1")]) };
+    let mut below = parameters(&[("source", "scene://day?frames=1")]);
+    below.sensor.read_noise = -1.0;
     let refusal = ModuloCamera::new(&below).err().expect("refused").to_string();
     assert!(refusal.contains("'read_noise' = -1") && refusal.contains("0 to 65536"), "{refusal}");
 }
@@ -228,7 +229,7 @@ fn a_value_out_of_range_is_refused_before_it_is_used() {
 fn both_ends_of_each_range_are_a_sensor() {
     for (alpha, noise, sigma) in [("0.001", "0", "0"), ("256", "65536", "100")] {
         let pairs = [("alpha", alpha), ("read_noise", noise), ("shot_noise", noise), ("psf_sigma", sigma)];
-        assert!(parameters(&pairs).sensor().is_ok(), "{pairs:?}");
+        assert!(parameters(&pairs).sensor.simulated().is_ok(), "{pairs:?}");
     }
 }
 
@@ -370,10 +371,10 @@ fn a_bad_image_is_skipped_and_a_source_without_a_good_one_ends() {
 fn the_sensor_files_are_possible() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../sensors");
     for name in ["paper", "mosaic", "two_gains"] {
-        let camera = CameraParameters::read_sensor(&folder.join(format!("{name}.yaml"))).expect(name);
-        camera.sensor().expect(name);
-        assert_eq!(camera.mosaic.is_some(), name == "mosaic", "{name}");
-        assert_eq!(camera.sensor.gains.is_some(), name == "two_gains", "{name}");
+        let sensor = CameraParameters::read_sensor(&folder.join(format!("{name}.yaml"))).expect(name);
+        sensor.simulated().expect(name);
+        assert_eq!(sensor.mosaic.is_some(), name == "mosaic", "{name}");
+        assert_eq!(sensor.gains.is_some(), name == "two_gains", "{name}");
     }
     assert!(CameraParameters::read_sensor(&folder.join("arguments.yaml")).is_err());
     let exposed = tempfile::tempdir().expect("a temporary folder");

@@ -240,7 +240,7 @@ fn each_frame_is_unwrapped_with_the_sensor_that_made_it() {
     let at = |ns| Header { stamp: Time::from_ns(ns), ..header() };
     let frame = |ns| Message::Image(Arc::new(StampedFrame { header: at(ns), frame: modulo.clone() }));
     let model = |alpha| SensorModel { alpha, ..SensorModel::default() };
-    let described = |ns, alpha| sensor_info::message(&at(ns), &model(alpha), &[]);
+    let described = |ns, alpha| sensor_info::message(&at(ns), &model(alpha));
 
     assert!(feed(1, described(1, 2.0)).1.is_empty());
     assert!(feed(1, described(2, 4.0)).1.is_empty(), "the next frame has another sensor");
@@ -275,7 +275,7 @@ fn a_frame_waits_for_the_first_description_and_not_for_ever() {
     let at = |ns| Header { stamp: Time::from_ns(ns), ..header() };
     let frame = |ns| Message::Image(Arc::new(StampedFrame { header: at(ns), frame: modulo.clone() }));
     let model = SensorModel { alpha: 2.0, ..SensorModel::default() };
-    let described = |ns| sensor_info::message(&at(ns), &model, &[]);
+    let described = |ns| sensor_info::message(&at(ns), &model);
     let mut node = UnwrapNode::new(&UnwrapParameters::default()).expect("a node");
     assert_eq!(node.give_up(), None);
     assert_eq!(feed(&mut node, 0, frame(1)).0, Ok(Flow::Kept));

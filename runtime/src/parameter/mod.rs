@@ -2,6 +2,7 @@
 //! parameter that a node does not know is refused; one that it is started with is ignored with a warning, as in `rclcpp`.
 
 pub mod file;
+pub mod flat;
 pub mod ros;
 pub mod text;
 pub mod typed;
@@ -83,6 +84,17 @@ pub struct Parameters {
 }
 
 impl Descriptor {
+    /// Reads `text`, a command line's or a YAML scalar's, as a value of this parameter.
+    ///
+    /// # Errors
+    /// [`ParameterError`] with the possible values.
+    pub fn read(&self, text: &str) -> Result<Value, ParameterError> {
+        let value = self.default.parse_like(text).ok_or_else(|| {
+            ParameterError::new(self.name, text, format!("is not a {}", self.default.type_name()))
+        })?;
+        self.accept(value)
+    }
+
     /// Checks type and range, and converts where that loses nothing.
     ///
     /// # Errors
@@ -170,10 +182,7 @@ impl Parameters {
             .map(|(name, text)| {
                 let (name, text) = (name.as_ref(), text.as_ref());
                 let descriptor = self.descriptor(name).ok_or_else(|| self.unknown(name, text))?;
-                let value = descriptor.default.parse_like(text).ok_or_else(|| {
-                    ParameterError::new(name, text, format!("is not a {}", descriptor.default.type_name()))
-                })?;
-                Ok((name.to_owned(), value))
+                Ok((name.to_owned(), descriptor.read(text)?))
             })
             .collect();
         self.with(&typed?, false)

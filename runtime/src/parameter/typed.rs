@@ -19,8 +19,23 @@ pub trait ParameterSet: Default + for<'a> From<&'a Parameters> {
     /// [`ParameterError`] of the first value that is out of its range.
     fn check(&self) -> Result<(), ParameterError> {
         // The declaration that the services use is the one that is checked here, so that both accept the same values.
-        let mut all = Self::descriptors().into_iter().zip(self.values());
-        all.try_for_each(|(descriptor, value)| descriptor.accept(value).map(|_| ()))
+        self.declared().into_iter().try_for_each(|(descriptor, value)| descriptor.accept(value).map(|_| ()))
+    }
+
+    /// Returns the declarations of all fields with their values, in order.
+    fn declared(&self) -> Vec<(Descriptor, Value)> {
+        Self::descriptors().into_iter().zip(self.values()).collect()
+    }
+
+    /// Returns this set with the declared default of the parameters of these names.
+    fn reset(&self, names: &[&str]) -> Self {
+        let mut all = Parameters::declare(Self::descriptors());
+        for (descriptor, value) in self.declared() {
+            if !names.contains(&descriptor.name) {
+                all.values.insert(descriptor.name, value);
+            }
+        }
+        Self::from(&all)
     }
 
     /// Returns the set that (name, text) pairs give; every other parameter has its default.
@@ -33,8 +48,8 @@ pub trait ParameterSet: Default + for<'a> From<&'a Parameters> {
 
     /// Returns all parameters as (name, text), which [`ParameterSet::from_text`] reads back to an equal set.
     fn to_text(&self) -> Vec<(&'static str, String)> {
-        let values = self.values().into_iter().map(|value| value.to_yaml());
-        Self::descriptors().into_iter().map(|descriptor| descriptor.name).zip(values).collect()
+        let all = self.declared().into_iter();
+        all.map(|(descriptor, value)| (descriptor.name, value.to_yaml())).collect()
     }
 }
 

@@ -3,8 +3,8 @@
 //!
 //! The camera publishes it on [`TOPIC`] before each frame, with the stamp of the frame, as a
 //! `diagnostic_msgs/msg/DiagnosticArray`, which every ROS 2 node can read: one status named `sensor`, whose values are
-//! the parameters of the sensor by name (`bits`, `alpha`, `psf`, `psf_sigma`, `gains`, `gain_ratio`, and the noise). The
-//! topic is reliable and transient local, so that a late reader gets the last one.
+//! the parameters of [`SensorModel`] by name. The topic is reliable and transient local, so that a late reader gets the
+//! last one.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -33,11 +33,9 @@ pub fn is_topic(topic: &str) -> bool {
     topic.rsplit('/').next() == Some(TOPIC)
 }
 
-/// Returns the description of the frame with this `header`; `more` are values that describe the sensor beyond its
-/// model.
-pub fn message(header: &Header, model: &SensorModel, more: &[(&'static str, f64)]) -> Message {
-    let more = more.iter().map(|(key, value)| (*key, value.to_string()));
-    let values = model.to_text().into_iter().chain(more);
+/// Returns the description of the frame with this `header`.
+pub fn message(header: &Header, model: &SensorModel) -> Message {
+    let values = model.to_text().into_iter();
     let values = values.map(|(key, value)| KeyValue { key: key.to_owned(), value }).collect();
     let status = DiagnosticStatus { name: "sensor".into(), values, ..DiagnosticStatus::default() };
     Message::Diagnostics(Arc::new(DiagnosticArray { header: header.clone(), status: vec![status] }))
@@ -47,7 +45,7 @@ fn read(message: &DiagnosticArray) -> Result<SensorModel, ParameterError> {
     let known = SensorModel::descriptors();
     let values = message.status.iter().flat_map(|status| &status.values);
     let pairs: Vec<(&str, &str)> = values
-        // Further values, such as the noise, are not part of the model.
+        // Another camera may describe more than this model has.
         .filter(|value| known.iter().any(|descriptor| descriptor.name == value.key))
         .map(|value| (value.key.as_str(), value.value.as_str()))
         .collect();
@@ -112,7 +110,7 @@ mod tests {
     }
 
     fn description(ns: u64, model: &SensorModel) -> DiagnosticArray {
-        let Message::Diagnostics(array) = message(&header(ns), model, &[("read_noise", 0.5)]) else {
+        let Message::Diagnostics(array) = message(&header(ns), model) else {
             unreachable!("a description is a DiagnosticArray")
         };
         DiagnosticArray::clone(&array)
@@ -129,7 +127,7 @@ mod tests {
         ) {
             let psf = if paper { BlurShape::Paper7 } else { BlurShape::Gaussian };
             let gains = modulo_core::GainPattern::WORDS[gains].1;
-            let model = SensorModel { bits, alpha, psf, psf_sigma, gains, gain_ratio };
+            let model = SensorModel { bits, alpha, psf, psf_sigma, gains, gain_ratio, ..SensorModel::default() };
             prop_assert_eq!(read(&description(1, &model)), Ok(model));
         }
     }

@@ -1,8 +1,9 @@
-//! [`SensorModel`]: the parameters that describe a sensor and its lens, declared once for the node that simulates them
-//! and for the nodes that undo them.
+//! [`SensorModel`]: the parameters that describe a sensor and its lens, declared once for the node that simulates them,
+//! for the nodes that undo them, for the commands that vary them and for the results of these.
 
 use modulo_core::optics::{MAX_SIGMA, Psf};
-use modulo_core::{GainPattern, Gains, Range};
+use modulo_core::sensor::{MAX_NOISE, Sensor, SensorConfig};
+use modulo_core::{GainPattern, Gains, Mosaic, Range};
 
 use crate::parameter::{ParameterError, ParameterSet as _};
 
@@ -29,7 +30,7 @@ impl BlurShape {
 }
 
 crate::parameters! {
-    /// Bits, saturation factor, lens blur and gains of a sensor.
+    /// A sensor and its lens.
     pub struct SensorModel {
         /// Bits of the sensor's converter. The peak is 2^bits code units.
         bits: u8 = 8 => 1..=16,
@@ -44,10 +45,63 @@ crate::parameters! {
         gains: Option<GainPattern> = None => GainPattern::WORDS,
         /// The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha.
         gain_ratio: f64 = 0.0 => 0.0..=1.0,
+        /// Standard deviation of the read noise in code units.
+        read_noise: f64 = 0.0 => 0.0..=MAX_NOISE,
+        /// Strength of the shot noise: its standard deviation at the signal x is sqrt(shot_noise * x) in code units.
+        shot_noise: f64 = 0.0 => 0.0..=MAX_NOISE,
+        /// Electrons that fill the 2^bits codes of the converter at full gain (the saturation capacity of EMVA 1288). They add
+        /// shot noise of the variance x * 2^bits / full_well_electrons. 0: only shot_noise.
+        full_well_electrons: f64 = 0.0 => 0.0..=1e9,
+        /// Photo response non-uniformity (EMVA 1288): standard deviation of the gain between pixels, as a fraction. The pattern is
+        /// the same in every frame.
+        prnu: f64 = 0.0 => 0.0..=1.0,
+        /// Share of the samples that are hot: their dark signal is evenly distributed up to the peak. The pattern is the same in
+        /// every frame.
+        hot_pixels: f64 = 0.0 => 0.0..=1.0,
+        /// Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of
+        /// the source. The images of a mosaic have the encoding bayer_*8 or bayer_*16.
+        mosaic: Option<Mosaic> = None => Mosaic::WORDS,
     }
 }
 
+/// The parameters of [`SensorModel`] that belong to the exposure of a scene, and not to the chip or the lens.
+const OF_EXPOSURE: [&str; 2] = ["alpha", "gain_ratio"];
+
 impl SensorModel {
+    /// Returns the names of the parameters that describe the chip or the lens.
+    pub fn of_chip() -> Vec<&'static str> {
+        let names = Self::descriptors().into_iter().map(|descriptor| descriptor.name);
+        names.filter(|name| !OF_EXPOSURE.contains(name)).collect()
+    }
+
+    /// Returns the simulated sensor.
+    ///
+    /// # Errors
+    /// [`ParameterError`] of the first value that is out of its range.
+    pub fn simulated(&self) -> Result<Sensor, ParameterError> {
+        Ok(Sensor::new(self.config()?).expect("the declared ranges lie within those of `Sensor`"))
+    }
+
+    /// Returns the configuration of the simulated sensor.
+    ///
+    /// # Errors
+    /// [`ParameterError`] of the first value that is out of its range.
+    pub fn config(&self) -> Result<SensorConfig, ParameterError> {
+        self.check()?;
+        let Self { bits, alpha, read_noise, prnu, hot_pixels, mosaic, .. } = *self;
+        let (psf, gains, shot_noise) = (self.psf(), self.gains()?, self.shot_variance());
+        Ok(SensorConfig { bits, alpha, psf, read_noise, shot_noise, prnu, hot_pixels, gains, mosaic })
+    }
+
+    /// Returns the variance of the shot noise divided by the signal in code units, that of the electrons included.
+    fn shot_variance(&self) -> f64 {
+        let of_electrons = match self.full_well_electrons {
+            0.0 => 0.0,
+            electrons => f64::from(self.bits).exp2() / electrons,
+        };
+        (self.shot_noise + of_electrons).min(MAX_NOISE)
+    }
+
     /// Returns bits and saturation factor.
     ///
     /// # Errors
@@ -131,7 +185,8 @@ impl SensorOverride {
             (None, None) => (None, 0.0),
         };
         let (bits, alpha) = (bits.ok_or_else(|| missing("bits"))?, alpha.ok_or_else(|| missing("alpha"))?);
-        let model = SensorModel { bits, alpha, psf, psf_sigma, gains, gain_ratio };
+        let rest = camera.cloned().unwrap_or_default();
+        let model = SensorModel { bits, alpha, psf, psf_sigma, gains, gain_ratio, ..rest };
         model.check()?;
         Ok(model)
     }
@@ -144,7 +199,7 @@ impl SensorOverride {
 
 impl From<SensorModel> for SensorOverride {
     fn from(model: SensorModel) -> Self {
-        let SensorModel { bits, alpha, psf, psf_sigma, gains, gain_ratio } = model;
+        let SensorModel { bits, alpha, psf, psf_sigma, gains, gain_ratio, .. } = model;
         Self { bits, alpha, psf, psf_sigma, gains: Some(gains), gain_ratio }
     }
 }
@@ -174,6 +229,7 @@ mod tests {
             psf_sigma: 0.0,
             gains: rows.0,
             gain_ratio: rows.1,
+            ..SensorModel::default()
         };
         let unset = SensorOverride::default();
         assert_eq!(unset.over(Some(&camera)), Ok(camera.clone()));

@@ -19,7 +19,7 @@ const MOMENTS: [u32; 2] = [0, 90];
 
 /// The origin of a frame.
 pub enum FrameSource {
-    /// An image file and its white point, as in [`crate::SensorOptions`].
+    /// An image file and its white point, as in [`crate::ExposureOptions`].
     File(PathBuf, f32),
     /// A frame of a procedural scene.
     Scene(Scene, u32),
@@ -47,7 +47,7 @@ pub fn usable(
     let sources = match &request.frames {
         None => procedural(),
         Some(folder) => {
-            list(folder)?.into_iter().map(|file| FrameSource::File(file, request.sensor.white)).collect()
+            list(folder)?.into_iter().map(|file| FrameSource::File(file, request.exposure.white)).collect()
         }
     };
     let (mut found, mut skipped) = (Vec::new(), Vec::new());

@@ -12,8 +12,10 @@ use clap::Parser;
 use modulo_core::metric::{exact_share, mse, psnr_db, quantile};
 use modulo_core::unwrap::{METHODS, Options, by_name};
 use modulo_core::{MAX_THREADS, Recovered, Sensor, Unwrap, UnwrapError, WorkersError, tone};
+use modulo_runtime::SensorModel;
+use modulo_runtime::sensor::options::SensorCommand;
 
-use crate::{BenchError, BenchEvent, SensorOptions, Skipped, make_folder, need, samples8, write_json};
+use crate::{BenchError, BenchEvent, ExposureOptions, Skipped, make_folder, need, samples8, write_json};
 use frames::SensedFrame;
 pub use results::{BenchmarkRow, Meta, Size};
 
@@ -22,8 +24,23 @@ pub const RESULTS: &str = "results.json";
 /// Name of the file that describes the frames and the machine.
 pub const META: &str = "meta.json";
 
+/// The parameters of the sensor are options, except those of gains and mosaics: their images have methods of their own.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WithoutPattern;
+
+impl SensorCommand for WithoutPattern {
+    fn has(parameter: &str) -> bool {
+        !["gains", "gain_ratio", "mosaic"].contains(&parameter)
+    }
+
+    fn varies(parameter: &str) -> bool {
+        parameter == "alpha"
+    }
+}
+
 /// The settings of a benchmark, as options of a command line.
 #[derive(Clone, Debug, PartialEq, Parser)]
+#[command(mut_arg("alpha", |option| option.default_value("1.5,2,3,4,8")))]
 pub struct BenchmarkRequest {
     /// Folder of images. Without it: eight frames of the procedural scenes, 1242 x 375
     #[arg(long, value_name = "FOLDER")]
@@ -31,18 +48,15 @@ pub struct BenchmarkRequest {
     /// Unwrapping methods [default: all]
     #[arg(long, value_delimiter = ',', default_values = METHODS.iter().copied(), hide_default_value = true)]
     pub method: Vec<String>,
-    /// Saturation factors: brightest radiance divided by the peak of the sensor
-    #[arg(long, value_delimiter = ',', default_value = "1.5,2,3,4,8")]
-    pub alpha: Vec<f64>,
     /// Numbers of threads
     #[arg(long, value_delimiter = ',', default_value = "1")]
     pub threads: Vec<usize>,
     /// Number of timed calls for each frame, after one call that is not timed
     #[arg(long, default_value_t = 5)]
     pub repeats: usize,
-    /// The sensor.
+    /// The exposures.
     #[command(flatten)]
-    pub sensor: SensorOptions,
+    pub exposure: ExposureOptions<WithoutPattern>,
     /// Folder for results.json, meta.json and the charts
     #[arg(short, long, value_name = "FOLDER")]
     pub out: PathBuf,
@@ -83,8 +97,8 @@ pub fn unwrap(
     let total = sensors.len() * request.threads.len() * request.method.len();
     // The exposures of one alpha are shared by all methods and thread counts: every row of an alpha has the same frames
     // and the same noise.
-    for sensor in &sensors {
-        let samples = frames::sense(&files, sensor, request.sensor.seed)?;
+    for (_, sensor) in &sensors {
+        let samples = frames::sense(&files, sensor, request.exposure.seed)?;
         for &threads in &request.threads {
             for method in &request.method {
                 let next = format!("{method} alpha {} threads {threads}", sensor.range().alpha());
@@ -118,7 +132,7 @@ fn measure(
 }
 
 /// Checks the request, and makes the sensor of each alpha.
-fn check(request: &BenchmarkRequest) -> Result<Vec<Sensor>, BenchError> {
+fn check(request: &BenchmarkRequest) -> Result<Vec<(SensorModel, Sensor)>, BenchError> {
     need("the list of methods", &request.method)?;
     need("the list of thread counts", &request.threads)?;
     if request.repeats == 0 {
@@ -133,7 +147,7 @@ fn check(request: &BenchmarkRequest) -> Result<Vec<Sensor>, BenchError> {
             by_name(name, &Options { threads, ..Options::default() })?;
         }
     }
-    request.sensor.sensors(&request.alpha, None, None)
+    request.exposure.sensors()
 }
 
 /// Returns the result of `work` and its duration in ms. Durations are reported, and decide nothing.

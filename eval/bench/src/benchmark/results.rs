@@ -54,7 +54,7 @@ impl BenchmarkRow {
             // The name of the request, not that of the method that `auto` selected: that one can differ between frames.
             method: method.to_owned(),
             alpha: samples.first().map_or(0.0, |sample| sample.range.alpha()),
-            psf_sigma: request.sensor.psf().sigma(),
+            psf_sigma: request.exposure.sensor.first().psf().sigma(),
             threads,
             ms_p50: measured.ms(0.5),
             ms_p5: Some(measured.ms(0.05)),
@@ -122,7 +122,8 @@ pub struct Size {
 impl Meta {
     pub(super) fn new(request: &BenchmarkRequest, frames: &[BenchFrame]) -> Self {
         let folder = request.frames.as_ref().map(|folder| folder.display().to_string());
-        let psf = match request.sensor.psf() {
+        let sensor = request.exposure.sensor.first();
+        let psf = match sensor.psf() {
             Psf::None => "none",
             Psf::Gaussian { .. } => "gaussian",
             Psf::Paper7 => "paper7",
@@ -134,9 +135,9 @@ impl Meta {
             source: folder.unwrap_or_else(|| "own scenes".to_owned()),
             sizes: sizes(frames),
             psf: psf.to_owned(),
-            bits: request.sensor.bits,
-            read_noise: request.sensor.read_noise,
-            seed: request.sensor.seed,
+            bits: sensor.bits,
+            read_noise: sensor.read_noise,
+            seed: request.exposure.seed,
             repeats: request.repeats,
         }
     }

@@ -8,7 +8,9 @@ use modulo_draw::{
     Axis, Chart, ChartBody, ChartError, ChartPanel, DataPoint, PageWidth, Series, SeriesStyle,
 };
 
-use crate::labels::{self, Conditions, GridSetting, SETTINGS, distinct, number};
+use modulo_runtime::SensorModel;
+
+use crate::labels::{self, Conditions, GridSetting, distinct, number};
 use crate::published;
 use crate::results::{Cell, Results};
 pub use pictures::DetectionPicture;
@@ -60,10 +62,10 @@ impl NamedChart {
 /// All charts of the cells of `results`, those of the first conditions first.
 pub fn all(results: &Results) -> Vec<NamedChart> {
     let conditions = labels::all_conditions(&results.cells);
-    let each = |draw: fn(&Results, Conditions) -> Vec<NamedChart>| {
-        conditions.iter().flat_map(|conditions| draw(results, *conditions)).collect::<Vec<_>>()
+    let each = |draw: fn(&Results, &Conditions) -> Vec<NamedChart>| {
+        conditions.iter().flat_map(|conditions| draw(results, conditions)).collect::<Vec<_>>()
     };
-    let over = (0..SETTINGS.len()).flat_map(|setting| over(results, setting)).collect();
+    let over = GridSetting::all().flat_map(|setting| over(results, setting)).collect();
     [
         each(time::frontiers),
         over,
@@ -76,7 +78,7 @@ pub fn all(results: &Results) -> Vec<NamedChart> {
 }
 
 /// The cells that belong to `conditions`.
-pub(crate) fn cells(results: &Results, conditions: Conditions) -> Vec<&Cell> {
+pub(crate) fn cells<'a>(results: &'a Results, conditions: &Conditions) -> Vec<&'a Cell> {
     results.cells.iter().filter(|cell| labels::belongs(&cell.point, conditions)).collect()
 }
 
@@ -111,15 +113,8 @@ pub(crate) fn add_point(series: &mut Vec<Series>, name: String, point: DataPoint
 }
 
 /// The conditions as part of a file name.
-pub(crate) fn suffix([psf_sigma, read_noise, shot_noise]: Conditions) -> String {
-    fixed_suffix(&[0.0, psf_sigma, read_noise, shot_noise], 0)
-}
-
-/// All settings but `varied` as part of a file name. The shot noise is left out if there is none.
-fn fixed_suffix(values: &[f64; SETTINGS.len()], varied: usize) -> String {
-    let fixed = SETTINGS.iter().zip(values).enumerate().filter(|(index, _)| *index != varied);
-    let named = fixed.filter(|(_, (setting, value))| setting.file != "shot" || **value != 0.0);
-    named.map(|(_, (setting, value))| format!("{}{value}", setting.file)).collect::<Vec<_>>().join("_")
+pub(crate) fn suffix(conditions: &Conditions) -> String {
+    labels::suffix(conditions, &["alpha"])
 }
 
 /// A text as part of a file name, with its words separated by `_`.
@@ -128,28 +123,26 @@ pub(crate) fn file_name(name: &str) -> String {
     words.filter(|word| !word.is_empty()).collect::<Vec<_>>().join("_")
 }
 
-/// Accuracy against the setting of this index: one chart for each model and input size, and each combination of the other
-/// settings, with a line for each stream and method. There is no chart of a single value.
-fn over(results: &Results, varied: usize) -> Vec<NamedChart> {
-    let cells = labels::with_lens(&results.cells);
-    let mut charts = Vec::new();
-    let others = |cell: &&Cell| {
-        let mut values = labels::settings(&cell.point);
-        values[varied] = 0.0;
-        values
+/// Accuracy against a setting: one chart for each model and input size, and each combination of the other settings, with a line
+/// for each stream and method. There is no chart of a single value.
+fn over<'a>(results: &'a Results, varied: GridSetting) -> Vec<NamedChart> {
+    let value = |cell: &Cell| varied.of(&cell.point);
+    let with_others = |cells: Vec<&'a Cell>| -> Vec<(&'a Cell, SensorModel)> {
+        cells.into_iter().map(|cell| (cell, varied.others(&cell.point))).collect()
     };
-    for values in distinct(cells.iter().map(others)) {
-        let here = cells.iter().filter(|cell| labels::is_at(&cell.point, &values, varied));
-        if distinct(here.map(|cell| labels::settings(&cell.point)[varied])).len() < 2 {
+    let all = with_others(results.cells.iter().collect());
+    let with_lens = with_others(labels::with_lens(&results.cells));
+    let mut charts = Vec::new();
+    for others in distinct(with_lens.iter().map(|(_, others)| others)) {
+        let is_at = |(cell, own): &&(&Cell, SensorModel)| labels::is_at(&cell.point, own.clone(), others);
+        if distinct(with_lens.iter().filter(is_at).map(|(cell, _)| value(cell))).len() < 2 {
             continue;
         }
-        let mut cells: Vec<&Cell> =
-            results.cells.iter().filter(|cell| labels::is_at(&cell.point, &values, varied)).collect();
+        let mut cells: Vec<&Cell> = all.iter().filter(is_at).map(|(cell, _)| *cell).collect();
         // The line joins its points in this order. The cells have the order of the grid, in which the values are as the
         // user gave them.
-        let value = |cell: &Cell| (SETTINGS[varied].of)(&cell.point);
         cells.sort_by(|a, b| value(a).total_cmp(&value(b)));
-        let of_model = |model: &String| over_setting(results, &cells, model, (&values, varied));
+        let of_model = |model: &String| over_setting(results, &cells, model, (others, varied));
         charts.extend(models(&cells).iter().map(of_model));
     }
     charts
@@ -159,7 +152,7 @@ fn over_setting(
     results: &Results,
     cells: &[&Cell],
     model: &str,
-    (values, varied): (&[f64; SETTINGS.len()], usize),
+    (others, setting): (&SensorModel, GridSetting),
 ) -> NamedChart {
     let of_model = cells.iter().filter(|cell| labels::model(&cell.point) == model);
     let cells: Vec<&Cell> = of_model.copied().collect();
@@ -169,14 +162,14 @@ fn over_setting(
                   intervals. Alpha: the brightest radiance over what the sensor holds. AP50: average precision at IoU \
                   0.5, one-to-one matching, ignore regions left out. The sharp ideal is what the scene would look like \
                   without a lens.";
-    let setting = &SETTINGS[varied];
-    let title = format!("Accuracy over {}: {model}, {}", setting.name, labels::fixed_text(values, varied));
+    let without = [setting.0];
+    let title = format!("Accuracy over {}: {model}, {}", setting.name(), labels::sensor(others, &without));
     let body = ChartBody::Panels(groups.iter().map(|group| panel(&cells, group, setting)).collect());
-    let name = format!("{}_{}_{}", setting.file, file_name(model), fixed_suffix(values, varied));
+    let name = format!("{}_{}_{}", setting.file(), file_name(model), labels::suffix(others, &without));
     NamedChart::new(name, title, results, footer.to_owned(), body)
 }
 
-fn panel(cells: &[&Cell], group: &str, setting: &GridSetting) -> ChartPanel {
+fn panel(cells: &[&Cell], group: &str, setting: GridSetting) -> ChartPanel {
     let names = distinct(cells.iter().map(|cell| labels::stream(&cell.point)));
     let series = |name: String| {
         let own = cells.iter().filter(|cell| labels::stream(&cell.point) == name);
@@ -185,20 +178,20 @@ fn panel(cells: &[&Cell], group: &str, setting: &GridSetting) -> ChartPanel {
     };
     let frames = labels::frames(cells.iter().map(|cell| cell.frames));
     ChartPanel {
-        x: Axis::settings(setting.axis),
+        x: Axis::settings(setting.axis()),
         y: Axis::percent(labels::ap50(group, &frames), 1.0),
         series: names.into_iter().map(series).collect(),
     }
 }
 
-fn point(cell: &Cell, group: &str, setting: &GridSetting) -> Option<DataPoint> {
+fn point(cell: &Cell, group: &str, setting: GridSetting) -> Option<DataPoint> {
     let ap50 = (*cell.ap50.get(group)?)?;
     let interval = cell.interval95.get(&format!("ap50.{group}")).copied();
     let bounds = interval.map_or(String::new(), |[low, high]| {
         format!(" (95 % interval {} to {})", number(100.0 * low, 1), number(100.0 * high, 1))
     });
-    let x = (setting.of)(&cell.point);
-    let (stream, at) = (labels::stream(&cell.point), (setting.text)(x));
+    let x = setting.of(&cell.point);
+    let (stream, at) = (labels::stream(&cell.point), setting.text(x));
     let hover = format!("{stream}, {at}: AP50 of {group} {} %{bounds}", number(100.0 * ap50, 1));
     Some(DataPoint { x, y: ap50, interval, hover, ..DataPoint::default() })
 }

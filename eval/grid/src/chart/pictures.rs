@@ -42,11 +42,11 @@ pub fn charts(results: &Results, pictures: &[DetectionPicture]) -> Vec<NamedChar
     if cells.is_empty() || pictures.is_empty() {
         return Vec::new();
     }
-    let mut alphas = distinct(cells.iter().map(|cell| cell.point.alpha));
+    let mut alphas = distinct(cells.iter().map(|cell| cell.point.sensor.alpha));
     alphas.sort_by(f64::total_cmp);
     let worst = worst(&cells);
     let four = labels::nearest_to_four(&cells);
-    let alpha = four.first().map_or(4.0, |cell| cell.point.alpha);
+    let alpha = four.first().map_or(4.0, |cell| cell.point.sensor.alpha);
     // The pictures do not say which of them belong to the busiest frame. It is the only frame that was drawn for all
     // cells.
     let busiest = pictures
@@ -54,7 +54,8 @@ pub fn charts(results: &Results, pictures: &[DetectionPicture]) -> Vec<NamedChar
         .find(|picture| cells.iter().all(|cell| find(pictures, &cell.point, picture.number).is_some()));
     let by_alpha = busiest.map(|busiest| {
         let row = |alpha: &f64| {
-            let cells: Vec<&Cell> = cells.iter().filter(|cell| cell.point.alpha == *alpha).copied().collect();
+            let cells: Vec<&Cell> =
+                cells.iter().filter(|cell| cell.point.sensor.alpha == *alpha).copied().collect();
             (format!("alpha {alpha}"), row(pictures, &cells, busiest.number))
         };
         let title = format!("What the detector sees: frame {}", busiest.frame);
@@ -91,7 +92,7 @@ fn named(
     let body = ChartBody::Pictures(Pictures { columns, rows, legend });
     let mut named = NamedChart::new(name.to_owned(), title, results, FOOTER.to_owned(), body);
     if let Some(Cell { point, .. }) = cells.first() {
-        let conditions = labels::conditions(labels::conditions_of(point));
+        let conditions = labels::conditions(&labels::conditions_of(point));
         named.chart.subtitle = format!("{}, {conditions} · {}", labels::model(point), named.chart.subtitle);
     }
     named
@@ -111,7 +112,7 @@ fn find<'a>(pictures: &'a [DetectionPicture], point: &Point, number: usize) -> O
 /// One cell for each stream of the paper and each alpha, in the order of the paper: those of the first model, lens, noise
 /// and method.
 fn selected(results: &Results) -> Vec<&Cell> {
-    let Some(first) = labels::all_conditions(&results.cells).first().copied() else { return Vec::new() };
+    let Some(first) = labels::all_conditions(&results.cells).into_iter().next() else { return Vec::new() };
     let own = |cell: &&Cell| labels::conditions_of(&cell.point) == first;
     let cells: Vec<&Cell> = results.cells.iter().filter(own).collect();
     let Some(model) = cells.first().map(|cell| labels::model(&cell.point)) else { return Vec::new() };

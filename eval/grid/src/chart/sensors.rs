@@ -1,11 +1,13 @@
 //! Which sensor for which scene: for each lens and saturation factor, the simplest sensor and method that keep the accuracy of
 //! the ideal image.
 
+use modulo_core::Mosaic;
 use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
+use modulo_runtime::SensorModel;
 
 use super::{NamedChart, file_name, models};
 use crate::labels::{self, distinct, number};
-use crate::results::{Cell, Point, Results, Stream};
+use crate::results::{Cell, Results, Stream};
 
 /// A choice may have this much less AP50 than the ideal image: one point.
 const LOSS: f64 = 0.01;
@@ -21,7 +23,7 @@ pub fn charts(results: &Results) -> Vec<NamedChart> {
         for fixed in distinct(all.iter().map(|cell| fixed(cell))) {
             let here = |cell: &&Cell| labels::model(&cell.point) == model && self::fixed(cell) == fixed;
             let cells: Vec<&Cell> = all.iter().copied().filter(here).collect();
-            if values(&cells, |cell| cell.point.alpha).len() > 1 && values(&cells, lens).len() > 1 {
+            if values(&cells, |cell| cell.point.sensor.alpha).len() > 1 && values(&cells, lens).len() > 1 {
                 let groups = groups(&cells);
                 charts.extend(groups.iter().map(|group| chart(results, &cells, &model, group)));
             }
@@ -30,9 +32,9 @@ pub fn charts(results: &Results) -> Vec<NamedChart> {
     charts
 }
 
-/// The settings that are the same in all cells of a chart: read noise, shot noise, mosaic.
-fn fixed(cell: &Cell) -> (f64, f64, &str) {
-    (cell.point.read_noise, cell.point.shot_noise, &cell.point.mosaic)
+/// The sensor that all cells of a chart have but for its saturation factor, lens and gains.
+fn fixed(cell: &Cell) -> SensorModel {
+    SensorModel { psf_sigma: 0.0, mosaic: cell.point.sensor.mosaic, ..labels::conditions_of(&cell.point) }
 }
 
 /// The groups, those with the most objects first: the report opens the first chart.
@@ -44,7 +46,7 @@ fn groups<'a>(cells: &[&'a Cell]) -> Vec<&'a String> {
 }
 
 fn lens(cell: &Cell) -> f64 {
-    cell.point.psf_sigma
+    cell.point.sensor.psf_sigma
 }
 
 /// The distinct values in ascending order.
@@ -56,7 +58,8 @@ fn values(cells: &[&Cell], of: fn(&Cell) -> f64) -> Vec<f64> {
 
 /// `cells` is not empty.
 fn chart(results: &Results, cells: &[&Cell], model: &str, group: &str) -> NamedChart {
-    let (read_noise, shot_noise, mosaic) = fixed(cells[0]);
+    let sensor = fixed(cells[0]);
+    let (mosaic, without) = (sensor.mosaic.map_or("none", Mosaic::word), ["alpha", "psf_sigma", "mosaic"]);
     let body =
         ChartBody::Panels([Pixels::Normal, Pixels::Modulo].map(|pixels| panel(cells, group, pixels)).into());
     let footer = "Each marker is the simplest choice whose AP50 is at most 1 point below that of the ideal image behind the same \
@@ -68,9 +71,10 @@ fn chart(results: &Results, cells: &[&Cell], model: &str, group: &str) -> NamedC
     let frames = labels::frames(cells.iter().map(|cell| cell.frames));
     let title = format!(
         "Which sensor for which scene: {group}, {frames}, {model}, {chip}, {}",
-        labels::noises(read_noise, shot_noise)
+        labels::sensor(&sensor, &without)
     );
-    let name = format!("sensors_{}_{group}_{mosaic}_read{read_noise}_shot{shot_noise}", file_name(model));
+    let suffix = labels::suffix(&sensor, &without);
+    let name = format!("sensors_{}_{group}_{mosaic}_{suffix}", file_name(model));
     NamedChart::new(file_name(&name), title, results, footer.to_owned(), body)
 }
 
@@ -86,9 +90,9 @@ enum Pixels {
 fn panel(cells: &[&Cell], group: &str, pixels: Pixels) -> ChartPanel {
     // Each series with its rank, by which the legend is sorted.
     let mut series: Vec<(u8, Series)> = Vec::new();
-    for alpha in values(cells, |cell| cell.point.alpha) {
+    for alpha in values(cells, |cell| cell.point.sensor.alpha) {
         for lens in values(cells, lens) {
-            let here = |cell: &&Cell| cell.point.alpha == alpha && self::lens(cell) == lens;
+            let here = |cell: &&Cell| cell.point.sensor.alpha == alpha && self::lens(cell) == lens;
             let scene: Vec<&Cell> = cells.iter().copied().filter(here).collect();
             let Some((rank, name, point)) = marker(&scene, group, pixels) else { continue };
             match series.iter_mut().find(|(_, series)| series.name == name) {
@@ -103,7 +107,7 @@ fn panel(cells: &[&Cell], group: &str, pixels: Pixels) -> ChartPanel {
     let words = if pixels == Pixels::Normal { "normal" } else { "modulo" };
     ChartPanel {
         x: Axis::settings(format!("lens blur, px ({words} pixels)")),
-        y: Axis::settings("alpha, the saturation factor"),
+        y: Axis::settings(labels::ALPHA),
         series: series.into_iter().map(|(_, series)| series).collect(),
     }
 }
@@ -112,7 +116,7 @@ fn panel(cells: &[&Cell], group: &str, pixels: Pixels) -> ChartPanel {
 /// measured there.
 fn marker(scene: &[&Cell], group: &str, pixels: Pixels) -> Option<(u8, String, DataPoint)> {
     let choices: Vec<(u8, &Cell, f64)> = choices(scene, group, pixels).collect();
-    let Point { alpha, psf_sigma, .. } = choices.first()?.1.point;
+    let SensorModel { alpha, psf_sigma, .. } = choices.first()?.1.point.sensor;
     let ideal = ideal(scene, group)?;
     let suffices = choices.into_iter().filter(|(_, _, ap50)| *ap50 >= ideal - LOSS);
     // Of equally simple choices, the most accurate one.
@@ -120,7 +124,8 @@ fn marker(scene: &[&Cell], group: &str, pixels: Pixels) -> Option<(u8, String, D
     let (rank, name, accuracy, emphasis) = match simplest {
         Some((rank, cell, ap50)) => {
             // The title has the mosaic.
-            let point = Point { mosaic: "none".to_owned(), ..cell.point.clone() };
+            let mut point = cell.point.clone();
+            point.sensor.mosaic = None;
             (rank, labels::stream(&point), format!(", AP50 {}", percent(ap50)), Emphasis::Normal)
         }
         None => (u8::MAX, NO_CHOICE.to_owned(), String::new(), Emphasis::Faded),
@@ -153,7 +158,7 @@ fn choices<'a>(scene: &[&'a Cell], group: &str, pixels: Pixels) -> impl Iterator
 /// The pixels of a cell and its place in the order of the choices. `None` for images that no sensor delivers.
 fn rank(cell: &Cell) -> Option<(Pixels, u8)> {
     let point = &cell.point;
-    let two_gains = u8::from(point.pattern().is_some());
+    let two_gains = u8::from(point.sensor.gains.is_some());
     Some(match point.stream {
         Stream::Saturated => (Pixels::Normal, two_gains),
         Stream::MultiExposure => (Pixels::Normal, 2),

@@ -12,16 +12,16 @@ const FRONT: &str = "Pareto front";
 
 /// Speed against accuracy: one chart for each alpha, the alpha nearest to 4 first, with a point for each model, stream and
 /// method.
-pub fn frontiers(results: &Results, conditions: Conditions) -> Vec<NamedChart> {
+pub fn frontiers(results: &Results, conditions: &Conditions) -> Vec<NamedChart> {
     let mut cells = super::cells(results, conditions);
     cells.retain(|cell| labels::frame_ms(cell).is_some());
-    let mut alphas = distinct(cells.iter().map(|cell| cell.point.alpha));
+    let mut alphas = distinct(cells.iter().map(|cell| cell.point.sensor.alpha));
     alphas.sort_by(|a, b| (a - 4.0).abs().total_cmp(&(b - 4.0).abs()));
     alphas.into_iter().map(|alpha| frontier(results, &cells, alpha, conditions)).collect()
 }
 
-fn frontier(results: &Results, cells: &[&Cell], alpha: f64, conditions: Conditions) -> NamedChart {
-    let cells: Vec<&Cell> = cells.iter().filter(|cell| cell.point.alpha == alpha).copied().collect();
+fn frontier(results: &Results, cells: &[&Cell], alpha: f64, conditions: &Conditions) -> NamedChart {
+    let cells: Vec<&Cell> = cells.iter().filter(|cell| cell.point.sensor.alpha == alpha).copied().collect();
     let groups = distinct(cells.iter().flat_map(|cell| cell.ap50.keys()));
     let footer = "Time: median of unwrap, tone or deblur, pre, infer and post together; the capture and the \
                  simulation of the sensor are not in it. Bars: 95 % bootstrap intervals of AP50. Grey: another choice is more accurate beyond the 95 % \
@@ -104,11 +104,11 @@ fn steps(front: &[&(&Cell, Candidate)]) -> Vec<DataPoint> {
 }
 
 /// One chart at the alpha nearest to 4: the stages of a frame, a bar for each stream, method and model.
-pub fn stages(results: &Results, conditions: Conditions) -> Vec<NamedChart> {
+pub fn stages(results: &Results, conditions: &Conditions) -> Vec<NamedChart> {
     let mut cells = super::cells(results, conditions);
     cells.retain(|cell| labels::frame_ms(cell).is_some());
     let cells = labels::nearest_to_four(&cells);
-    let Some(alpha) = cells.first().map(|cell| cell.point.alpha) else { return Vec::new() };
+    let Some(alpha) = cells.first().map(|cell| cell.point.sensor.alpha) else { return Vec::new() };
     let rows = cells.iter().map(|cell| bar(cell)).collect();
     let label = format!("median time of a frame, ms, {}", labels::timed_frames(&cells));
     let footer = "Medians over the frames of a cell, stage by stage. The capture and the simulation of the sensor are \
@@ -132,11 +132,11 @@ const BUCKET: f64 = 1.122_018_454_301_963_3;
 
 /// One chart at the alpha nearest to 4: the distribution of the time of a frame, with a panel for each model and a line
 /// for each stream and method.
-pub fn histograms(results: &Results, conditions: Conditions) -> Vec<NamedChart> {
+pub fn histograms(results: &Results, conditions: &Conditions) -> Vec<NamedChart> {
     let mut cells = super::cells(results, conditions);
     cells.retain(|cell| !cell.latency_histogram.is_empty());
     let cells = labels::nearest_to_four(&cells);
-    let Some(alpha) = cells.first().map(|cell| cell.point.alpha) else { return Vec::new() };
+    let Some(alpha) = cells.first().map(|cell| cell.point.sensor.alpha) else { return Vec::new() };
     let footer = "Share of the frames that take at most this time, from the captured image to the boxes, in buckets of \
                  1/20 of a power of ten; the capture and the simulation of the sensor are not in it.";
     let title = format!("How long frames take, alpha {alpha}, {}", labels::conditions(conditions));

@@ -3,19 +3,44 @@
 use std::path::PathBuf;
 
 use clap::{Parser, ValueEnum};
-use modulo_camera::CameraParameters;
 use modulo_core::unwrap::METHODS;
-use modulo_core::{GainPattern, Mosaic};
-use modulo_runtime::SensorModel;
+use modulo_runtime::sensor::options::{SensorCommand, SensorOptions};
 use modulo_runtime::sensor::parameters::BlurShape;
+use modulo_runtime::{ParameterSet as _, SensorModel};
 
 use super::GridError;
-use super::pipeline::BITS;
 use super::pipeline::paper::SPUD_AS_PUBLISHED;
+use crate::labels;
 use crate::results::{Point, Protocol, Stream};
+
+/// Bits of the simulated sensor.
+pub const BITS: u8 = 8;
+
+/// The parameters of the sensor that cells can differ in.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VariedParameters;
+
+/// Parameters of the sensor that are the same in all cells.
+const FIXED: [&str; 3] = ["bits", "psf", "gain_ratio"];
+/// The parameters that vary fastest, but for the lens, which varies with the streams. The others vary before them.
+const FAST: [&str; 3] = ["alpha", "mosaic", "gains"];
+/// The parameter of the lens.
+const LENS: &str = "psf_sigma";
+
+impl SensorCommand for VariedParameters {
+    fn has(parameter: &str) -> bool {
+        !FIXED.contains(&parameter)
+    }
+
+    fn varies(_: &str) -> bool {
+        true
+    }
+}
 
 /// The values that the cells combine. A value may be listed twice; its cells are in the grid once.
 #[derive(Clone, Debug, PartialEq, Parser)]
+#[command(mut_arg("alpha", |option| option.default_value("1.5,2,3,4")))]
+#[command(mut_arg("psf_sigma", |option| option.default_value("1.4")))]
 pub struct Axes {
     /// Images that the detector gets
     #[arg(long, value_delimiter = ',', default_value = "ideal,saturated,modulo,recovered")]
@@ -27,31 +52,10 @@ pub struct Axes {
     /// Whether the lens blur is removed from recovered images
     #[arg(long, value_enum, default_value_t = DeblurChoice::Both)]
     pub deblur: DeblurChoice,
-    /// Saturation factors: brightest radiance divided by the peak of the sensor
-    #[arg(long, value_delimiter = ',', default_value = "1.5,2,3,4")]
-    pub alpha: Vec<f64>,
-    /// Standard deviations of the lens blur in px
-    #[arg(long, value_delimiter = ',', default_value = "1.4")]
-    pub psf_sigma: Vec<f64>,
-    /// Standard deviations of the read noise in code units
-    #[arg(long, alias = "noise", value_delimiter = ',', default_value = "0")]
-    pub read_noise: Vec<f64>,
-    /// Strengths of the shot noise: its standard deviation at the signal x is sqrt(strength * x) in code units
-    #[arg(long, value_delimiter = ',', default_value = "0")]
-    pub shot_noise: Vec<f64>,
-    /// Pixels with a lower gain (1 / alpha), which do not wrap; their images have a method of their own, and the saturated
-    /// stream is then that of spatially varying exposure
-    #[arg(long, value_delimiter = ',', default_value = "none", value_parser = ["none", "checkerboard", "rows"])]
-    pub gains: Vec<String>,
-    /// Colour filters of a sensor with one chip, whose images are demosaiced for the detector
-    #[arg(long, value_delimiter = ',', default_value = "none", value_parser = ["none", "rggb", "bggr", "grbg", "gbrg"])]
-    pub mosaic: Vec<String>,
-    /// Photo response non-uniformity of all cells, a fraction. Only a sensor file sets it
-    #[arg(skip)]
-    pub prnu: f64,
-    /// Share of the samples that are hot in all cells. Only a sensor file sets it
-    #[arg(skip)]
-    pub hot_pixels: f64,
+    /// The sensors. The images of two gains have a method of their own, and their saturated stream is that of spatially varying
+    /// exposure; the images of a mosaic are demosaiced for the detector.
+    #[command(flatten)]
+    pub sensor: SensorOptions<VariedParameters>,
     /// Detection models: ONNX files, or demo for the embedded model
     #[arg(long, value_delimiter = ',', default_value = "demo")]
     pub model: Vec<PathBuf>,
@@ -85,32 +89,6 @@ impl Default for Axes {
 }
 
 impl Axes {
-    /// Replaces the lens, noise, gains and mosaic by those of `camera`.
-    ///
-    /// # Errors
-    /// [`GridError::Value`] for a chip that does not have 8 bits and for the lens of the paper.
-    pub fn take_sensor(&mut self, camera: &CameraParameters) -> Result<(), GridError> {
-        let SensorModel { bits, psf, psf_sigma, gains, .. } = camera.sensor;
-        if bits != BITS {
-            return Err(GridError::Value {
-                what: "bits",
-                value: bits.to_string(),
-                possible: BITS.to_string(),
-            });
-        }
-        if psf != BlurShape::Gaussian {
-            let possible = "gaussian, or --protocol paper".to_owned();
-            return Err(GridError::Value { what: "psf", value: "paper7".to_owned(), possible });
-        }
-        self.psf_sigma = vec![psf_sigma];
-        self.read_noise = vec![camera.read_noise];
-        self.shot_noise = vec![camera.shot_variance()];
-        self.gains = vec![gains.map_or("none", GainPattern::word).to_owned()];
-        self.mosaic = vec![camera.mosaic.map_or("none", Mosaic::word).to_owned()];
-        (self.prnu, self.hot_pixels) = (camera.prnu, camera.hot_pixels);
-        Ok(())
-    }
-
     /// The name of a model in cells: its file name without extension.
     pub fn model_name(model: &std::path::Path) -> String {
         model.file_stem().unwrap_or(model.as_os_str()).to_string_lossy().into_owned()
@@ -123,31 +101,16 @@ impl Axes {
     pub fn points(&self, protocol: Protocol) -> Result<Vec<Point>, GridError> {
         self.check(protocol)?;
         let inputs = or_default(&self.input, &[if protocol == Protocol::Paper { "640x640" } else { "auto" }]);
+        let (sensors, images) = (self.sensors(), self.images(protocol));
         // The order of the loops is the order of work: a model and its input size are loaded once for all their cells.
         let mut points = Vec::new();
         for model in self.model.iter().map(|model| Self::model_name(model)) {
             for input in &inputs {
-                for ([read_noise, shot_noise, alpha], mosaic) in self.exposures() {
-                    for (gains, (stream, method, deblur, psf_sigma)) in self.gained_images(protocol) {
-                        if mosaic != "none" && !can_be_mosaic(stream, method.as_deref()) {
-                            continue;
-                        }
-                        let (model, input, mosaic) = (model.clone(), input.clone(), mosaic.clone());
-                        let point = Point {
-                            stream,
-                            method,
-                            deblur,
-                            alpha,
-                            psf_sigma,
-                            read_noise,
-                            shot_noise,
-                            prnu: self.prnu,
-                            hot_pixels: self.hot_pixels,
-                            gains,
-                            mosaic,
-                            model,
-                            input,
-                        };
+                for sensor in &sensors {
+                    for (stream, method, deblur, psf_sigma) in of_sensor(sensor, &images) {
+                        let sensor = SensorModel { psf_sigma, ..sensor.clone() };
+                        let (model, input) = (model.clone(), input.clone());
+                        let point = Point { stream, method, deblur, sensor, model, input };
                         // Values may be listed twice, and a lens blur of 0 gives the sharp ideal image a second time.
                         if !points.contains(&point) {
                             points.push(point);
@@ -163,35 +126,20 @@ impl Axes {
         }
     }
 
-    /// Every [read noise, shot noise, alpha] with every mosaic.
-    fn exposures(&self) -> Vec<([f64; 3], &String)> {
-        let noises =
-            self.read_noise.iter().flat_map(|read| self.shot_noise.iter().map(move |shot| [*read, *shot]));
-        let exposures =
-            noises.flat_map(|[read, shot]| self.alpha.iter().map(move |alpha| [read, shot, *alpha]));
-        exposures.flat_map(|exposure| self.mosaic.iter().map(move |mosaic| (exposure, mosaic))).collect()
+    /// Every sensor behind the first lens.
+    fn sensors(&self) -> Vec<SensorModel> {
+        let all = SensorModel::descriptors();
+        let slow = all.iter().map(|parameter| parameter.name);
+        let slow = slow.filter(|name| ![LENS].iter().chain(&FIXED).chain(&FAST).any(|other| other == name));
+        self.sensor.sensors(&slow.chain(FAST).collect::<Vec<_>>())
     }
 
-    /// Every image at one alpha, with the gains of its sensor.
-    fn gained_images(&self, protocol: Protocol) -> Vec<(String, ImageSettings)> {
-        let of_gains = |gains: &String| -> Vec<(String, ImageSettings)> {
-            let images = self.images(protocol).into_iter();
-            let Some(pattern) = GainPattern::named(gains) else {
-                return images.map(|image| (gains.clone(), image)).collect();
-            };
-            // The gains decide the method. The raw image of two gains is no image for a detector, and the ideal image does not
-            // depend on the gains.
-            let of_two =
-                images.filter(|(stream, ..)| matches!(stream, Stream::Saturated | Stream::Recovered));
-            let method = Some(pattern.method().to_owned());
-            of_two
-                .map(|(stream, _, deblur, sigma)| (gains.clone(), (stream, method.clone(), deblur, sigma)))
-                .collect()
-        };
-        self.gains.iter().flat_map(of_gains).collect()
+    /// The blur of every lens, px.
+    pub(super) fn lenses(&self) -> Vec<f64> {
+        self.sensor.sensors(&[LENS]).into_iter().map(|sensor| sensor.psf_sigma).collect()
     }
 
-    /// Every (stream, method, deblur, blur) at one alpha.
+    /// Every (stream, method, deblur, blur) of a sensor with one gain and no mosaic.
     fn images(&self, protocol: Protocol) -> Vec<ImageSettings> {
         let methods = self.methods(protocol);
         let deblur: &[bool] = match (self.deblur, protocol) {
@@ -204,7 +152,7 @@ impl Axes {
         if self.stream.contains(&Stream::Ideal) {
             images.push((Stream::Ideal, None, false, 0.0));
         }
-        for &psf_sigma in &self.psf_sigma {
+        for psf_sigma in self.lenses() {
             for &stream in &self.stream {
                 match stream {
                     Stream::Recovered => {
@@ -231,27 +179,21 @@ impl Axes {
     }
 
     fn check(&self, protocol: Protocol) -> Result<(), GridError> {
-        for (what, empty) in [
-            ("the list of streams", self.stream.is_empty()),
-            ("the list of alphas", self.alpha.is_empty()),
-            ("the list of lens blurs", self.psf_sigma.is_empty()),
-            ("the list of read noises", self.read_noise.is_empty()),
-            ("the list of shot noises", self.shot_noise.is_empty()),
-            ("the list of gains", self.gains.is_empty()),
-            ("the list of mosaics", self.mosaic.is_empty()),
-            ("the list of models", self.model.is_empty()),
-        ] {
+        for (what, empty) in
+            [("the list of streams", self.stream.is_empty()), ("the list of models", self.model.is_empty())]
+        {
             if empty {
                 return Err(GridError::Empty(what));
             }
         }
-        // Checked as the camera does it, before any frame is read.
-        for ([read_noise, shot_noise, alpha], _) in self.exposures() {
-            for &psf_sigma in &self.psf_sigma {
-                let sensor = SensorModel { alpha, psf_sigma, ..SensorModel::default() };
-                let defaults = CameraParameters::default();
-                CameraParameters { sensor, read_noise, shot_noise, ..defaults }.sensor()?;
-            }
+        let SensorModel { bits, psf, .. } = self.sensor.first();
+        if bits != BITS {
+            let (value, possible) = (bits.to_string(), BITS.to_string());
+            return Err(GridError::Value { what: "bits", value, possible });
+        }
+        if psf != BlurShape::Gaussian {
+            let possible = "gaussian, or --protocol paper".to_owned();
+            return Err(GridError::Value { what: "psf", value: "paper7".to_owned(), possible });
         }
         if protocol == Protocol::Paper {
             self.check_paper()?;
@@ -270,22 +212,14 @@ impl Axes {
     /// The scripts of the paper have a fixed lens and no noise. Other values would be ignored, which the results would not
     /// show.
     fn check_paper(&self) -> Result<(), GridError> {
-        let plain = self.psf_sigma == [1.4]
-            && self.read_noise == [0.0]
-            && self.shot_noise == [0.0]
-            && [self.prnu, self.hot_pixels] == [0.0, 0.0]
-            && self.gains == ["none"]
-            && self.mosaic == ["none"];
-        if !plain {
-            let Self { psf_sigma, read_noise, shot_noise, gains, mosaic, .. } = self;
-            let value = format!(
-                "{psf_sigma:?} px with read noise {read_noise:?}, shot noise {shot_noise:?}, gains {gains:?} and mosaic {mosaic:?}"
-            );
-            let possible =
-                "the lens of the paper: blur 1.4 px (7 taps), no noise, one gain, no mosaic".to_owned();
-            return Err(GridError::Value { what: "the lens", value, possible });
-        }
-        Ok(())
+        let all = self.sensors().into_iter();
+        let mut all = all.flat_map(|sensor| {
+            self.lenses().into_iter().map(move |psf_sigma| SensorModel { psf_sigma, ..sensor.clone() })
+        });
+        let plain = SensorModel { psf_sigma: 1.4, ..SensorModel::default() };
+        let Some(other) = all.find(|sensor| sensor.reset(&["alpha"]) != plain) else { return Ok(()) };
+        let possible = "that of the paper: blur 1.4 px (7 taps), no noise, one gain, no mosaic".to_owned();
+        Err(GridError::Value { what: "the sensor", value: labels::sensor(&other, &[]), possible })
     }
 
     fn check_models(&self) -> Result<(), GridError> {
@@ -303,6 +237,20 @@ impl Axes {
     }
 }
 
+/// The images that this sensor has of those of a sensor with one gain and no mosaic.
+fn of_sensor(sensor: &SensorModel, images: &[ImageSettings]) -> Vec<ImageSettings> {
+    let mut images = images.to_vec();
+    if let Some(pattern) = sensor.gains {
+        // The gains decide the method. The raw image of two gains is no image for a detector, and the ideal image does not
+        // depend on the gains.
+        images.retain(|(stream, ..)| matches!(stream, Stream::Saturated | Stream::Recovered));
+        images.iter_mut().for_each(|(_, method, ..)| *method = Some(pattern.method().to_owned()));
+    }
+    images
+        .retain(|(stream, method, ..)| sensor.mosaic.is_none() || can_be_mosaic(*stream, method.as_deref()));
+    images
+}
+
 /// Returns whether the pipeline of a stream simulates a mosaic. Elsewhere a cell of a mosaic would show the figures of three chips.
 pub(super) fn can_be_mosaic(stream: Stream, method: Option<&str>) -> bool {
     !matches!(stream, Stream::MultiExposure | Stream::MultiExposureStill) && method != Some(SPUD_AS_PUBLISHED)
@@ -316,6 +264,24 @@ fn or_default(list: &[String], default: &[&str]) -> Vec<String> {
 mod tests {
     use super::*;
 
+    fn axes(options: &str) -> Axes {
+        Axes::parse_from(["grid"].into_iter().chain(options.split(' ')))
+    }
+
+    #[test]
+    fn what_no_sensor_can_have_is_refused_with_the_possible_values() {
+        for (option, value, possible) in
+            [("--alpha", "0", "0.001 to 256"), ("--read-noise", "x", "double"), ("--mosaic", "rgbg", "rggb")]
+        {
+            let why = Axes::try_parse_from(["grid", option, value]).expect_err("impossible").to_string();
+            assert!([option, value, possible].iter().all(|text| why.contains(text)), "{why}");
+        }
+        let mut chip = Axes::default();
+        chip.sensor.take_chip(&SensorModel { bits: 10, ..SensorModel::default() });
+        let why = chip.points(Protocol::Suite).expect_err("10 bits").to_string();
+        assert!(why.contains("bits is 10") && why.contains('8'), "{why}");
+    }
+
     #[test]
     fn the_default_grid_has_one_sharp_ideal_an_alpha_and_deblurs_what_was_recovered() {
         let points = Axes::default().points(Protocol::Suite).expect("possible");
@@ -323,13 +289,13 @@ mod tests {
         assert_eq!(points.len(), 4 * (4 + 2 * 2));
         assert!(points.iter().all(|p| (p.stream == Stream::Recovered) == p.method.is_some()));
         assert!(points.iter().all(|p| !p.deblur || p.stream == Stream::Recovered));
-        let sharp = points.iter().filter(|p| p.stream == Stream::Ideal && p.psf_sigma == 0.0);
+        let sharp = points.iter().filter(|p| p.stream == Stream::Ideal && p.sensor.psf_sigma == 0.0);
         assert_eq!(sharp.count(), 4);
     }
 
     #[test]
     fn no_cell_is_there_twice_and_nothing_is_deblurred_without_a_lens() {
-        let axes = Axes { psf_sigma: vec![0.0, 0.0], alpha: vec![2.0, 2.0], ..Axes::default() };
+        let axes = axes("--psf-sigma 0,0 --alpha 2,2");
         let points = axes.points(Protocol::Suite).expect("possible");
         assert_eq!(points.len(), 3 + 2);
         assert!(points.iter().all(|p| !p.deblur));
@@ -338,18 +304,22 @@ mod tests {
     #[test]
     fn what_no_cell_can_have_is_refused() {
         for (axes, told) in [
-            (Axes { alpha: vec![], ..Axes::default() }, "alphas is empty"),
-            (Axes { method: vec!["magic".into()], ..Axes::default() }, "magic"),
-            (Axes { model: vec!["a/x.onnx".into(), "b/x.onnx".into()], ..Axes::default() }, "twice x"),
+            (Axes { stream: vec![], ..Axes::default() }, "streams is empty"),
+            (axes("--method magic"), "magic"),
+            (axes("--model a/x.onnx,b/x.onnx"), "twice x"),
         ] {
             let why = axes.points(Protocol::Suite).expect_err(told).to_string();
             assert!(why.contains(told), "{why}");
         }
-        let auto = Axes { method: vec!["auto".into()], ..Axes::default() };
+        let auto = axes("--method auto");
         assert!(auto.points(Protocol::Paper).is_err(), "the paper has no auto");
-        let noisy = Axes { read_noise: vec![1.0], ..Axes::default() };
-        assert!(noisy.points(Protocol::Paper).is_err(), "nor noise");
-        let shot = Axes { shot_noise: vec![0.0, 1.0], ..Axes::default() };
+        for other in
+            ["--read-noise 1", "--prnu 0.1", "--psf-sigma 1.4,0", "--gains none,rows", "--mosaic rggb"]
+        {
+            let why = axes(other).points(Protocol::Paper).expect_err("nor these").to_string();
+            assert!(why.contains("the paper"), "{why}");
+        }
+        let shot = axes("--shot-noise 0,1");
         assert!(shot.points(Protocol::Paper).is_err(), "nor shot noise");
         let points = shot.points(Protocol::Suite).expect("possible");
         assert_eq!(points.len(), 2 * Axes::default().points(Protocol::Suite).expect("possible").len());
@@ -363,7 +333,7 @@ mod tests {
         assert!(
             points.iter().filter_map(|p| p.method.as_deref()).all(|method| PAPER_METHODS.contains(&method))
         );
-        let published = Axes { method: vec![SPUD_AS_PUBLISHED.into()], ..Axes::default() };
+        let published = axes("--method spud_as_published");
         let points = published.points(Protocol::Suite).expect("possible");
         assert_eq!(points.len(), 4 * 5, "it is never deblurred");
     }

@@ -1,39 +1,42 @@
 //! The combinations of options that give no cell, each with the reason.
 
 use modulo_core::GainPattern;
+use modulo_runtime::SensorModel;
 
 use super::cells::{Axes, DeblurChoice, can_be_mosaic};
 use crate::labels::distinct;
 use crate::results::{Point, Protocol, Stream};
 
-/// The options of an image: stream, method, lens blur in px, gains, mosaic.
+/// The options of an image: stream, method, and the lens, gains and mosaic of the sensor.
 struct Combination<'a> {
     stream: Stream,
     method: Option<&'a str>,
-    psf_sigma: f64,
-    gains: &'a str,
-    mosaic: &'a str,
+    sensor: &'a SensorModel,
 }
 
 impl Axes {
+    /// The options that no cell has, a sentence for each kind.
+    pub fn unused(&self, protocol: Protocol, points: &[Point]) -> Vec<String> {
+        let without = self.without_cells(protocol, points).join("; ");
+        let without = (!without.is_empty()).then(|| format!("these combinations have no cell: {without}"));
+        without.into_iter().chain(self.unused_method()).collect()
+    }
+
     /// The combinations of the lists that none of `points` has, such as `--stream modulo --gains rows (REASON)`.
     pub fn without_cells(&self, protocol: Protocol, points: &[Point]) -> Vec<String> {
         let methods = self.methods(protocol);
         let mut without = Vec::new();
-        for (gains, mosaic) in self.gains.iter().flat_map(|gains| self.mosaic.iter().map(move |m| (gains, m)))
-        {
-            for (stream, &psf_sigma) in
-                self.stream.iter().flat_map(|stream| self.psf_sigma.iter().map(move |psf| (*stream, psf)))
-            {
+        for sensor in &self.sensor.sensors(&["gains", "mosaic", "psf_sigma"]) {
+            for &stream in &self.stream {
                 // Gains have a method of their own.
-                let choice = stream == Stream::Recovered && gains == "none";
+                let choice = stream == Stream::Recovered && sensor.gains.is_none();
                 let methods = if choice {
                     methods.iter().map(|method| Some(method.as_str())).collect()
                 } else {
                     vec![None]
                 };
                 for method in methods {
-                    let wanted = Combination { stream, method, psf_sigma, gains, mosaic };
+                    let wanted = Combination { stream, method, sensor };
                     if !points.iter().any(|point| wanted.has(point)) {
                         without.push(wanted.text(self.deblur));
                     }
@@ -44,14 +47,17 @@ impl Axes {
     }
 
     /// A sentence if `--method` was given, but each sensor has a method of its own.
-    pub fn unused_method(&self) -> Option<String> {
-        let own: Option<Vec<&str>> =
-            self.gains.iter().map(|gains| Some(GainPattern::named(gains)?.method())).collect();
-        let own = own.filter(|_| !self.method.is_empty())?;
+    fn unused_method(&self) -> Option<String> {
+        let sensors = self.sensor.sensors(&["gains"]);
+        let gains: Option<Vec<GainPattern>> = sensors.into_iter().map(|sensor| sensor.gains).collect();
+        let gains = gains.filter(|_| !self.method.is_empty())?;
+        let joined = |of: fn(GainPattern) -> &'static str| {
+            gains.iter().map(|gains| of(*gains)).collect::<Vec<_>>().join(",")
+        };
         Some(format!(
             "--method has no effect: the images of --gains {} are unwrapped by {}",
-            self.gains.join(","),
-            own.join(",")
+            joined(GainPattern::word),
+            joined(GainPattern::method)
         ))
     }
 }
@@ -62,23 +68,24 @@ impl Combination<'_> {
         // The ideal image of the paper has no lens.
         point.stream == self.stream
             && self.method.is_none_or(|method| point.method.as_deref() == Some(method))
-            && (self.stream == Stream::Ideal || point.psf_sigma == self.psf_sigma)
-            && (point.gains == self.gains && point.mosaic == self.mosaic)
+            && (self.stream == Stream::Ideal || point.sensor.psf_sigma == self.sensor.psf_sigma)
+            && (point.sensor.gains == self.sensor.gains && point.sensor.mosaic == self.sensor.mosaic)
     }
 
     /// The options with the reason.
     fn text(&self, deblur: DeblurChoice) -> String {
         let mut options = vec![format!("--stream {}", self.stream.name())];
         options.extend(self.method.map(|method| format!("--method {method}")));
-        let two_gains = self.gains != "none";
-        let why = if two_gains && !matches!(self.stream, Stream::Saturated | Stream::Recovered) {
-            options.push(format!("--gains {}", self.gains));
+        let SensorModel { gains, mosaic, psf_sigma, .. } = *self.sensor;
+        let of_two = matches!(self.stream, Stream::Saturated | Stream::Recovered);
+        let why = if let Some(gains) = gains.filter(|_| !of_two) {
+            options.push(format!("--gains {}", gains.word()));
             "a sensor with two gains has the streams saturated and recovered only"
-        } else if self.mosaic != "none" && !can_be_mosaic(self.stream, self.method) {
-            options.push(format!("--mosaic {}", self.mosaic));
+        } else if let Some(mosaic) = mosaic.filter(|_| !can_be_mosaic(self.stream, self.method)) {
+            options.push(format!("--mosaic {}", mosaic.word()));
             "merged captures and spud_as_published have three chips only"
-        } else if deblur == DeblurChoice::On && self.psf_sigma == 0.0 {
-            options.extend([format!("--psf-sigma {}", self.psf_sigma), "--deblur on".to_owned()]);
+        } else if deblur == DeblurChoice::On && psf_sigma == 0.0 {
+            options.extend([format!("--psf-sigma {psf_sigma}"), "--deblur on".to_owned()]);
             "without a lens there is no blur to remove"
         } else {
             options.push("--deblur on".to_owned());
@@ -90,10 +97,12 @@ impl Combination<'_> {
 
 #[cfg(test)]
 mod tests {
+    use clap::Parser as _;
+
     use super::*;
 
-    fn axes(streams: &[Stream]) -> Axes {
-        Axes { stream: streams.to_vec(), ..Axes::default() }
+    fn axes(options: &str) -> Axes {
+        Axes::parse_from(["grid"].into_iter().chain(options.split(' ')))
     }
 
     /// The sentence about a grid without a cell.
@@ -103,17 +112,13 @@ mod tests {
 
     #[test]
     fn a_grid_without_a_cell_names_the_combination() {
-        let gains = Axes { gains: vec!["checkerboard".into()], ..axes(&[Stream::Modulo]) };
-        let text = refused(&gains);
+        let text = refused(&axes("--gains checkerboard --stream modulo"));
         assert!(text.contains("--stream modulo --gains checkerboard (a sensor with two gains"), "{text}");
-        let method = vec!["spud_as_published".into()];
-        let mosaic =
-            Axes { mosaic: vec!["rggb".into()], method: method.clone(), ..axes(&[Stream::Recovered]) };
-        let text = refused(&mosaic);
+        let text = refused(&axes("--mosaic rggb --method spud_as_published --stream recovered"));
         assert!(text.contains("--stream recovered --method spud_as_published --mosaic rggb"), "{text}");
-        let sharp = Axes { psf_sigma: vec![0.0], deblur: DeblurChoice::On, ..axes(&[Stream::Recovered]) };
+        let sharp = axes("--psf-sigma 0 --deblur on --stream recovered");
         assert!(refused(&sharp).contains("--psf-sigma 0 --deblur on"), "{}", refused(&sharp));
-        let published = Axes { deblur: DeblurChoice::On, method, ..axes(&[Stream::Recovered]) };
+        let published = axes("--deblur on --method spud_as_published --stream recovered");
         assert!(refused(&published).contains("removes no blur"), "{}", refused(&published));
     }
 
@@ -123,22 +128,20 @@ mod tests {
             let points = axes.points(protocol).expect("cells");
             axes.without_cells(protocol, &points)
         };
-        let gains = vec!["none".to_owned(), "rows".to_owned()];
-        let some = Axes { gains, ..axes(&[Stream::Modulo, Stream::Recovered]) };
+        let some = axes("--gains none,rows --stream modulo,recovered");
         let [one] = &without(&some, Protocol::Suite)[..] else { panic!("one combination") };
         assert!(one.starts_with("--stream modulo --gains rows"), "{one}");
         for protocol in [Protocol::Suite, Protocol::Paper] {
             assert_eq!(without(&Axes::default(), protocol), Vec::<String>::new());
         }
-        let lenses = Axes { psf_sigma: vec![0.0, 1.4], ..Axes::default() };
+        let lenses = axes("--psf-sigma 0,1.4");
         assert_eq!(without(&lenses, Protocol::Suite), Vec::<String>::new());
     }
 
     #[test]
     fn a_method_that_no_sensor_uses_is_named() {
-        let method = vec!["spud".to_owned()];
-        let two = Axes { gains: vec!["rows".into()], method: method.clone(), ..Axes::default() };
+        let two = axes("--gains rows --method spud");
         assert!(two.unused_method().expect("a sentence").contains("row_gains"));
-        assert_eq!(Axes { method, ..Axes::default() }.unused_method(), None);
+        assert_eq!(axes("--method spud").unused_method(), None);
     }
 }

@@ -60,7 +60,7 @@ struct MatchedFrame<'a> {
     outcomes: Vec<Option<(&'a str, MatchOutcome)>>,
 }
 
-impl Scorer<'_> {
+impl Scorer {
     /// The lines of the cell at `point`.
     pub fn listing(&self, point: &Point, frames: &[FrameResult]) -> Listing {
         let cell = point.to_string();

@@ -31,5 +31,5 @@ pub use cells::{Axes, DeblurChoice};
 pub use detection_pictures::draw_pictures;
 pub use pipeline::multi_exposure::CAPTURES;
 pub use pipeline::{Nodes, Suite};
-pub use request::{Data, GridOptions, Request, Shard, words};
-pub use run::{GridEvent, GridOutcome, run};
+pub use request::{Data, GridEvent, GridOptions, Request, Shard, words};
+pub use run::{GridOutcome, run};

@@ -1,4 +1,4 @@
-//! [`Request`]: the data and the settings of a grid run, as the command line gives them.
+//! [`Request`]: the data and the settings of a grid run, as the command line gives them. [`GridEvent`]: its progress.
 
 use std::path::{Path, PathBuf};
 
@@ -8,11 +8,13 @@ use modulo_bags::source::{
     self, CocoSource, FrameList, KittiFolder, KittiSource, Source, SourceError, SourceOptions, YoloSource,
 };
 use modulo_detector::EngineChoice;
+use sha2::{Digest as _, Sha256};
 
 use super::Axes;
+use super::cells::BITS;
 use crate::GridError;
 use crate::classes::{ClassGroups, ClassMap};
-use crate::results::{Difficulty, Protocol, Provenance};
+use crate::results::{Difficulty, FIGURES, Point, Protocol, Provenance, Setup};
 
 /// Everything that determines a grid run.
 #[derive(Clone, Debug)]
@@ -25,6 +27,29 @@ pub struct Request {
     pub provenance: Provenance,
     /// Folder for the results.
     pub out: PathBuf,
+}
+
+/// Progress of a grid run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum GridEvent<'a> {
+    /// The folder already holds cells, all of which stay.
+    Resumed {
+        /// Number of the cells that this run would process.
+        cells: usize,
+        /// Number of the cells of other grids.
+        others: usize,
+    },
+    /// A cell begins.
+    Cell {
+        /// Number of processed frames, and of all frames, over all cells of this run.
+        frames: (u64, u64),
+        /// Description of the cell.
+        name: &'a str,
+    },
+    /// A frame of the cell is finished.
+    Frame,
+    /// A problem that does not end the run.
+    Warning(&'a str),
 }
 
 /// The settings of a grid run, as options of a command line.
@@ -116,6 +141,31 @@ impl Request {
         model.map(PathBuf::as_path).ok_or(GridError::Empty("the list of models"))
     }
 
+    /// The settings with the cells at `points`. Reads the files of the models.
+    pub(super) fn setup(
+        &self,
+        map: &ClassMap,
+        groups: &ClassGroups,
+        points: &[Point],
+    ) -> Result<Setup, GridError> {
+        let options = &self.options;
+        let model = |path: &PathBuf| Ok((Axes::model_name(path), sha256(path)?));
+        Ok(Setup {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            figures: FIGURES,
+            protocol: options.protocol,
+            source: self.data.name(),
+            bits: BITS,
+            seed: options.seed,
+            difficulty: self.difficulty(),
+            engine: options.engine.to_string(),
+            class_map: map.table.clone(),
+            groups: groups.table().clone(),
+            models: options.axes.model.iter().map(model).collect::<Result<_, GridError>>()?,
+            grid: points.to_vec(),
+        })
+    }
+
     /// Number of frames that are processed in parallel, at least 1.
     pub(super) fn jobs(&self) -> usize {
         match self.options.jobs {
@@ -135,8 +185,14 @@ pub struct Shard {
 }
 
 impl Shard {
+    /// The cells of the part.
+    pub(super) fn of<T>(self, cells: &[T]) -> impl Iterator<Item = &T> {
+        // Every n-th cell: models and inputs vary slowest, so that blocks would give one shard all the slow models.
+        cells.iter().enumerate().filter(move |(index, _)| self.has(*index)).map(|(_, cell)| cell)
+    }
+
     /// Whether the cell of this index (from 0) belongs to the part.
-    pub(super) fn has(self, cell: usize) -> bool {
+    fn has(self, cell: usize) -> bool {
         cell % self.of.max(1) + 1 == self.index
     }
 }
@@ -240,6 +296,14 @@ impl Data {
             _ => Difficulty::Moderate,
         }
     }
+}
+
+fn sha256(model: &Path) -> Result<String, GridError> {
+    let bytes = match modulo_detector::embedded(model) {
+        Some(bytes) => bytes.to_vec(),
+        None => std::fs::read(model).map_err(|why| GridError::io(model, why))?,
+    };
+    Ok(modulo_models::hex(&Sha256::digest(bytes)))
 }
 
 fn sequence(folder: &Path, white: f32) -> Result<Drive, SourceError> {

@@ -51,7 +51,8 @@ impl<'a> CellRunner<'a> {
         account: &mut Account<'_>,
         done: &(dyn Fn() + Sync),
     ) -> Result<Vec<FrameResult>, GridError> {
-        account.stage(LOAD, || self.load_detector(point))?;
+        self.load_detector(point)?;
+        account.book(LOAD);
         let pipelines =
             self.workers.iter().map(|_| self.pipeline(point, true)).collect::<Result<Vec<_>, _>>()?;
         let all = Mutex::new(vec![FrameResult::default(); frames.len()]);
@@ -61,6 +62,7 @@ impl<'a> CellRunner<'a> {
         let (send, receive) = sync_channel(self.workers.len() + 1);
         // Every worker shares the receiver. After the last worker has ended, sending fails instead of waiting for ever.
         let receive = Arc::new(Mutex::new(receive));
+        account.book(OTHER);
         let (cache, timer, start) = (&self.cache, self.timer, self.timer.ticks_ns());
         let spent = std::thread::scope(|scope| {
             let workers: Vec<_> = pipelines
@@ -103,7 +105,7 @@ impl<'a> CellRunner<'a> {
         let end = timer.ticks_ns();
         for (mut spent, since) in spent {
             *spent.entry(WAIT).or_default() += end.saturating_sub(since);
-            account.add(&spent);
+            account.add(&spent, end);
         }
         Ok(all.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
@@ -171,11 +173,15 @@ pub const COMPARE: &str = "compare";
 pub const SCORE: &str = "score";
 pub const STORE: &str = "store";
 pub const TIMES: &str = "times";
+/// All between the other stages.
+pub const OTHER: &str = "other";
 
 /// The wall time of a run so far, by stage.
 pub struct Account<'a> {
     timer: &'a dyn Clock,
     start: u64,
+    /// The end of the last stage.
+    booked: u64,
     workers: usize,
     stages_ns: BTreeMap<&'static str, f64>,
 }
@@ -183,30 +189,31 @@ pub struct Account<'a> {
 impl<'a> Account<'a> {
     /// Begins the account of a run with `workers` workers.
     pub fn new(timer: &'a dyn Clock, workers: usize) -> Self {
-        Self { timer, start: timer.ticks_ns(), workers, stages_ns: BTreeMap::new() }
+        let start = timer.ticks_ns();
+        Self { timer, start, booked: start, workers, stages_ns: BTreeMap::new() }
     }
 
-    /// Does `work`, for which all workers wait, as a stage.
-    pub fn stage<T>(&mut self, stage: &'static str, work: impl FnOnce() -> T) -> T {
-        let start = self.timer.ticks_ns();
-        let done = work();
-        *self.stages_ns.entry(stage).or_default() += self.timer.ticks_ns().saturating_sub(start) as f64;
-        done
+    /// Books the time since the last stage, in which all workers waited, as a stage that ends now.
+    pub fn book(&mut self, stage: &'static str) {
+        let now = self.timer.ticks_ns();
+        *self.stages_ns.entry(stage).or_default() += now.saturating_sub(self.booked) as f64;
+        self.booked = now;
     }
 
-    /// Adds the durations of one worker.
-    pub fn add(&mut self, spent: &Spent) {
+    /// Adds the durations of one worker until `end`.
+    pub fn add(&mut self, spent: &Spent, end: u64) {
+        self.booked = end;
         for (stage, ns) in spent {
             *self.stages_ns.entry(stage).or_default() += *ns as f64 / self.workers as f64;
         }
     }
 
-    /// The wall time since the start. Time outside of all stages is the stage `other`.
+    /// The wall time since the start. What no stage has is added to [`OTHER`].
     pub fn finish(&self) -> RunTime {
         let wall = self.timer.ticks_ns().saturating_sub(self.start) as f64;
-        let other = wall - self.stages_ns.values().sum::<f64>();
-        let stages = self.stages_ns.iter().map(|(stage, ns)| (*stage, *ns)).chain([("other", other)]);
-        let stages_s = stages.map(|(stage, ns)| (stage.to_owned(), ns / 1e9)).collect();
+        let mut stages_ns = self.stages_ns.clone();
+        *stages_ns.entry(OTHER).or_default() += wall - self.stages_ns.values().sum::<f64>();
+        let stages_s = stages_ns.into_iter().map(|(stage, ns)| (stage.to_owned(), ns / 1e9)).collect();
         RunTime { wall_s: wall / 1e9, workers: self.workers, stages_s }
     }
 }

@@ -5,10 +5,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use modulo_bags::source::GroundTruth;
 use modulo_core::Detection;
 use modulo_core::unwrap::Trust;
+use modulo_detector::{EngineOptions, describe};
 
+use super::frames::Frames;
 use super::pipeline::{ImageSimilarity, RecoveryQuality};
 use super::runner::FrameResult;
-use crate::classes::{ClassGroups, ClassMap, DONT_CARE, Membership};
+use super::{Axes, Request};
+use crate::GridError;
+use crate::classes::{ClassGroups, ClassMap, DONT_CARE, Membership, of_labels};
 use crate::metric::average::image_boxes;
 use crate::metric::matching::ImageBoxes;
 use crate::metric::{average, bootstrap, paper};
@@ -18,32 +22,53 @@ use crate::results::{Cell, ClassScore, Difficulty, Paper, Point, WORST, Worst};
 const LEAST_TRUSTED_SHARE: f64 = 0.999;
 
 /// The ground truth and the rules of scoring.
-pub struct Scorer<'a> {
+pub struct Scorer {
     /// Names of the frames.
-    pub names: &'a [String],
+    pub names: Vec<String>,
     /// Drives of the frames, where known.
-    pub drives: &'a [Option<String>],
+    pub drives: Vec<Option<String>>,
     /// Labels of every frame.
-    pub truths: &'a [Vec<GroundTruth>],
-    /// Mapping from the classes of the model to those of the labels.
-    pub map: &'a ClassMap,
-    /// ClassGroups of classes.
-    pub groups: &'a ClassGroups,
-    /// Classes of the labels that the model can find.
-    pub mapped: &'a BTreeSet<String>,
+    pub truths: Vec<Vec<GroundTruth>>,
+    /// Mapping from the classes of the models to those of the labels.
+    map: ClassMap,
+    /// Groups of classes.
+    pub groups: ClassGroups,
+    mapped: MappedClasses,
     /// The objects that are scored.
     pub difficulty: Difficulty,
     /// Units that the bootstrap draws.
-    pub units: &'a bootstrap::Units,
+    units: bootstrap::Units,
 }
+
+/// For each model the classes of the labels that it can find.
+type MappedClasses = BTreeMap<String, BTreeSet<String>>;
 
 /// Detections of each frame, in the classes of the labels.
 pub type Found = Vec<Vec<Detection>>;
 
-impl Scorer<'_> {
+impl Scorer {
+    /// The rules of `request` for `frames`. Notes in `frames.input` the units of the bootstrap, and the classes without a group or
+    /// a counterpart.
+    ///
+    /// # Errors
+    /// [`GridError`] for a model that cannot be opened.
+    pub fn new(
+        request: &Request,
+        map: ClassMap,
+        groups: ClassGroups,
+        frames: &mut Frames,
+    ) -> Result<Self, GridError> {
+        frames.input.warnings.extend(groups.unnamed(frames.truths.iter().flatten()));
+        let units = bootstrap::Units::new(&frames.drive_of, request.options.seed);
+        frames.input.drawn = Some(units.drawn());
+        let mapped = mapped_classes(request, &map, frames)?;
+        let (names, drives, truths) = (frames.names.clone(), frames.drive_of.clone(), frames.truths.clone());
+        Ok(Self { names, drives, truths, map, groups, mapped, difficulty: request.difficulty(), units })
+    }
+
     /// The figures of the cell at `point`.
     pub fn cell(&self, point: Point, frames: &[FrameResult]) -> Cell {
-        let found = self.mapped_detections(frames);
+        let (found, mapped) = (self.mapped_detections(frames), &self.mapped[&point.model]);
         let groups: BTreeMap<&str, Vec<ImageBoxes>> = self
             .groups
             .names()
@@ -71,7 +96,7 @@ impl Scorer<'_> {
             ap50: by_group(&groups, |images| average::ap(images, 0.5)),
             ap50_95: (!means.is_empty()).then(|| average::mean(&means)),
             objects: by_group(&groups, |images| images.iter().map(ImageBoxes::objects).sum()),
-            classes: self.classes(&found),
+            classes: self.classes(&found, mapped),
             difficulty: self.difficulties(&found),
             precision: by_group(&groups, |images| average::curve(images, 0.5).unwrap_or_default()),
             interval95: self.intervals(&groups, &papers),
@@ -107,11 +132,11 @@ impl Scorer<'_> {
     }
 
     /// The images for one class. Classes of its group that the model cannot find are ignored.
-    fn of_class(&self, found: &Found, class: &str) -> Vec<ImageBoxes> {
+    fn of_class(&self, found: &Found, class: &str, mapped: &BTreeSet<String>) -> Vec<ImageBoxes> {
         let group = self.groups.of(class);
         self.images(found, self.difficulty, |other| match other {
             other if other == class => Membership::Member,
-            other if group.is_some() && self.groups.of(other) == group && !self.mapped.contains(other) => {
+            other if group.is_some() && self.groups.of(other) == group && !mapped.contains(other) => {
                 Membership::Ignored
             }
             _ => Membership::Other,
@@ -124,18 +149,18 @@ impl Scorer<'_> {
         difficulty: Difficulty,
         membership: impl Fn(&str) -> Membership,
     ) -> Vec<ImageBoxes> {
-        let frames = found.iter().zip(self.truths);
+        let frames = found.iter().zip(&self.truths);
         frames.map(|(found, truth)| image_boxes(found, truth, difficulty, &membership)).collect()
     }
 
-    fn classes(&self, found: &Found) -> BTreeMap<String, ClassScore> {
+    fn classes(&self, found: &Found, mapped: &BTreeSet<String>) -> BTreeMap<String, ClassScore> {
         let score = |class: &String| {
-            let images = self.of_class(found, class);
+            let images = self.of_class(found, class, mapped);
             let objects = images.iter().map(ImageBoxes::objects).sum();
             let (ap50, ap50_95) = (average::ap(&images, 0.5)?, average::ap50_95(&images)?);
             Some((class.clone(), ClassScore { ap50, ap50_95, objects }))
         };
-        self.mapped.iter().filter_map(score).collect()
+        mapped.iter().filter_map(score).collect()
     }
 
     fn difficulties(&self, found: &Found) -> BTreeMap<Difficulty, BTreeMap<String, Option<f64>>> {
@@ -155,7 +180,7 @@ impl Scorer<'_> {
             let labels: Vec<_> = labels.map(|label| (label.bbox, label.class.as_str())).collect();
             paper::of_image(found, &labels)
         };
-        found.iter().zip(self.truths).map(of_image).collect()
+        found.iter().zip(&self.truths).map(of_image).collect()
     }
 
     fn worst(&self, papers: &[Paper]) -> Vec<Worst> {
@@ -194,6 +219,31 @@ impl Scorer<'_> {
         }
         intervals
     }
+}
+
+/// Finds the mapped classes of each model, and notes in `frames.input` the classes without a counterpart.
+fn mapped_classes(
+    request: &Request,
+    map: &ClassMap,
+    frames: &mut Frames,
+) -> Result<MappedClasses, GridError> {
+    let labels: BTreeSet<String> =
+        of_labels(frames.truths.iter().flatten()).into_iter().map(str::to_owned).collect();
+    let mut all = MappedClasses::new();
+    for model in &request.options.axes.model {
+        let name = Axes::model_name(model);
+        let own = describe(model, EngineOptions::on_cpu(request.options.engine, 1))?.classes;
+        let found: BTreeSet<String> =
+            own.iter().filter_map(|class| map.mapped(class)).map(str::to_owned).collect();
+        // A model without class names may find every class.
+        let mapped =
+            if own.is_empty() { labels.clone() } else { labels.intersection(&found).cloned().collect() };
+        let without = &mut frames.input.without_twin;
+        without.insert(format!("labels, for {name}"), labels.difference(&mapped).cloned().collect());
+        without.insert(name.clone(), own.into_iter().filter(|class| map.mapped(class).is_none()).collect());
+        all.insert(name, mapped);
+    }
+    Ok(all)
 }
 
 fn by_group<T>(

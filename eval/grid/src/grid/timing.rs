@@ -16,10 +16,11 @@ use rand_pcg::Pcg64;
 use super::detect::{DetectorConfig, DetectorWorker};
 use super::frames::{FrameWithNeighbours, Frames, FramesWithNeighbours, Neighbours};
 use super::pipeline::{self, FramePipeline, Nodes, Stages, multi_exposure};
-use super::{GridError, Request};
-use crate::labels::SENSE;
+use super::{GridError, GridEvent, Request};
+use crate::labels::{self, SENSE};
 use crate::metric::latency;
-use crate::results::{Cell, Device, FrameTime};
+use crate::results::{Cell, Device, FrameTime, Results};
+use crate::store;
 
 /// Number of frames of a cell whose processor time is measured, too. They are processed a second time for it.
 const CPU_FRAMES: usize = 5;
@@ -47,12 +48,47 @@ struct CellTimes {
     cpu: Vec<Stages>,
 }
 
-/// Measures all `cells` on the first frames of the data and calls `done` after each frame of each cell. Cells of one model
-/// and input size are neighbours in `cells`.
+/// Measures the times of the cells anew if some of them have none or were measured in another pass. Cells whose models this
+/// request does not have keep their times.
 ///
 /// # Errors
 /// [`GridError`] if a node cannot be made or a step fails.
 pub fn measure(
+    request: &Request,
+    nodes: &dyn Nodes,
+    timer: &dyn Clock,
+    frames: &mut Frames,
+    results: &mut Results,
+    tell: &(dyn Fn(GridEvent<'_>) + Sync),
+) -> Result<(), GridError> {
+    fn detector(cell: &Cell) -> (&str, &str) {
+        (&cell.point.model, &cell.point.input)
+    }
+    let pass = |cell: &Cell| cell.frame_ms.as_ref().map(|time| time.pass.clone());
+    // Only the models of this request are at hand.
+    let (mut cells, others): (Vec<Cell>, Vec<Cell>) = std::mem::take(&mut results.cells)
+        .into_iter()
+        .partition(|cell| request.model(&cell.point.model).is_ok());
+    let measured = cells.first().is_none_or(|first| pass(first).is_some())
+        && cells.iter().all(|cell| pass(cell) == pass(&cells[0]));
+    // Cells of earlier grids may stand between those of one detector.
+    cells.sort_by(|a, b| detector(a).cmp(&detector(b)));
+    let mut timed = Ok(());
+    if !measured && request.options.time_frames > 0 {
+        let frames_of_cell = request.options.time_frames.min(frames.len()) as u64;
+        tell(GridEvent::Cell { frames: (0, cells.len() as u64 * frames_of_cell), name: "times" });
+        timed = measure_cells(request, nodes, timer, frames, &mut cells, &|| tell(GridEvent::Frame));
+        labels::busy(&cells).iter().for_each(|warning| tell(GridEvent::Warning(warning)));
+    }
+    cells.extend(others);
+    store::sort(&mut cells, &results.setup.grid);
+    results.cells = cells;
+    timed
+}
+
+/// Measures all `cells` on the first frames of the data and calls `done` after each frame of each cell. Cells of one model
+/// and input size are neighbours in `cells`.
+fn measure_cells(
     request: &Request,
     nodes: &dyn Nodes,
     timer: &dyn Clock,

@@ -2,7 +2,7 @@
 
 use maud::{Markup, Render, html};
 
-use crate::labels::{self, Conditions, STAGES, distinct, number};
+use crate::labels::{self, Conditions, GridSetting, STAGES, distinct, number};
 use crate::results::{Cell, Results, RunTime};
 
 /// One cell of a table.
@@ -62,7 +62,7 @@ pub fn table(head: &[impl Render], rows: &[Vec<Td>]) -> Markup {
 pub fn summary(results: &Results) -> Markup {
     let models = distinct(results.cells.iter().map(|cell| labels::model(&cell.point)));
     let all = labels::all_conditions(&results.cells);
-    let blocks = models.iter().flat_map(|model| all.iter().map(move |conditions| (model, *conditions)));
+    let blocks = models.iter().flat_map(|model| all.iter().map(move |conditions| (model, conditions)));
     html! {
         h2 { "At a glance" }
         p {
@@ -82,7 +82,7 @@ pub fn summary(results: &Results) -> Markup {
 }
 
 /// The tables of one model and lens, one for each group.
-fn group_tables(results: &Results, model: &str, conditions: Conditions) -> Markup {
+fn group_tables(results: &Results, model: &str, conditions: &Conditions) -> Markup {
     let own = |cell: &&Cell| labels::model(&cell.point) == model && labels::belongs(&cell.point, conditions);
     let cells: Vec<&Cell> = results.cells.iter().filter(own).collect();
     let objects = |group| cells.first().and_then(|cell| cell.objects.get(group)).unwrap_or(&0);
@@ -116,9 +116,10 @@ fn exactness(cells: &[&Cell]) -> Markup {
     let mut sorted = cells.to_vec();
     let names = distinct(cells.iter().map(|cell| labels::stream(&cell.point)));
     let place = |cell: &Cell| names.iter().position(|name| *name == labels::stream(&cell.point));
-    sorted.sort_by(|a, b| place(a).cmp(&place(b)).then(a.point.alpha.total_cmp(&b.point.alpha)));
+    sorted
+        .sort_by(|a, b| place(a).cmp(&place(b)).then(a.point.sensor.alpha.total_cmp(&b.point.sensor.alpha)));
     let row = |cell: &&Cell| {
-        let mut row = vec![Td::Text(labels::stream(&cell.point)), Td::setting(cell.point.alpha)];
+        let mut row = vec![Td::Text(labels::stream(&cell.point)), Td::setting(cell.point.sensor.alpha)];
         row.extend([cell.exact_k, cell.exact_frames, cell.trusted].map(Td::percent));
         row.push(Td::number(cell.trusted_wrong.map(|count| count as f64), 0));
         row
@@ -127,13 +128,14 @@ fn exactness(cells: &[&Cell]) -> Markup {
 }
 
 fn by_alpha(cells: &[&Cell], figure_of: impl Fn(&Cell) -> Td) -> Markup {
-    let mut alphas = distinct(cells.iter().map(|cell| cell.point.alpha));
+    let mut alphas = distinct(cells.iter().map(|cell| cell.point.sensor.alpha));
     alphas.sort_by(f64::total_cmp);
     let head = [vec!["stream".to_owned()], alphas.iter().map(|alpha| format!("alpha {alpha}")).collect()];
     let row = |name: &String| {
         let figure = |alpha: &f64| {
-            let found =
-                cells.iter().find(|cell| cell.point.alpha == *alpha && labels::stream(&cell.point) == *name);
+            let found = cells
+                .iter()
+                .find(|cell| cell.point.sensor.alpha == *alpha && labels::stream(&cell.point) == *name);
             found.map_or(Td::number(None, 1), |cell| figure_of(cell))
         };
         std::iter::once(Td::Text(name.clone())).chain(alphas.iter().map(figure)).collect()
@@ -175,20 +177,26 @@ pub fn cells(results: &Results) -> Markup {
     let groups = distinct(results.cells.iter().flat_map(|cell| cell.ap50.keys().cloned()));
     let timed = |stage: &&str| results.cells.iter().any(|cell| cell.latency_ms.contains_key(*stage));
     let stages: Vec<&str> = STAGES.into_iter().filter(timed).collect();
-    let rows: Vec<Vec<Td>> = results.cells.iter().map(|cell| cell_row(cell, &groups, &stages)).collect();
+    let settings = GridSetting::columns(&results.cells);
+    let columns = (&settings[..], &groups[..], &stages[..]);
+    let rows: Vec<Vec<Td>> = results.cells.iter().map(|cell| cell_row(cell, columns)).collect();
     html! {
         h2 { "All cells" }
         p {
             "Figures are in percent unless a unit is named. Click on the name of a column to sort by it. These and more "
             "figures are in results.json and results.csv beside this page."
         }
-        (table(&cell_head(&groups, &stages), &rows))
+        (table(&cell_head(columns), &rows))
     }
 }
 
-fn cell_head(groups: &[String], stages: &[&str]) -> Vec<String> {
-    let point = ["stream", "alpha", "lens px", "read noise", "shot noise", "model", "input", "frames"]
-        .map(str::to_owned);
+/// The columns of the table of all cells: settings, groups, stages.
+type Columns<'a> = (&'a [GridSetting], &'a [String], &'a [&'a str]);
+
+fn cell_head((settings, groups, stages): Columns<'_>) -> Vec<String> {
+    let settings = settings.iter().map(|setting| setting.column());
+    let point = std::iter::once("stream".to_owned()).chain(settings);
+    let point = point.chain(["model", "input", "frames"].map(str::to_owned));
     let ap50 = groups.iter().map(|group| format!("AP50 {group}"));
     let figures = [
         "AP50:95",
@@ -203,13 +211,13 @@ fn cell_head(groups: &[String], stages: &[&str]) -> Vec<String> {
         "CPU ms",
     ];
     let stages = stages.iter().map(|stage| format!("{stage} ms p50 / p95 / p99"));
-    point.into_iter().chain(ap50).chain(figures.map(str::to_owned)).chain(stages).collect()
+    point.chain(ap50).chain(figures.map(str::to_owned)).chain(stages).collect()
 }
 
-fn cell_row(cell: &Cell, groups: &[String], stages: &[&str]) -> Vec<Td> {
+fn cell_row(cell: &Cell, (settings, groups, stages): Columns<'_>) -> Vec<Td> {
     let point = &cell.point;
     let mut row = vec![Td::Text(labels::stream(point))];
-    row.extend(labels::settings(point).map(Td::setting));
+    row.extend(settings.iter().map(|setting| Td::setting(setting.of(point))));
     row.extend([point.model.clone(), point.input.clone()].map(Td::Text));
     row.push(Td::Number(frames(cell), Some(cell.frames as f64)));
     row.extend(groups.iter().map(|group| Td::percent(cell.ap50.get(group).copied().flatten())));

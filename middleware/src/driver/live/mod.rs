@@ -1,7 +1,6 @@
 //! The live driver: one node on a transport, until its source is over or it is asked to stop. The newest frame wins,
 //! and each replaced one is counted; only a source of rate 0 waits for its readers (`driver/pacing.rs`).
 
-mod telemetry;
 mod inputs;
 mod listener;
 mod outputs;
@@ -10,6 +9,7 @@ mod settings;
 mod source;
 mod step;
 mod swap;
+mod telemetry;
 mod watch;
 
 use std::sync::Arc;
@@ -33,11 +33,11 @@ use crate::parameter::events::ParameterEvents;
 use crate::process::node_files::{ReportFile, SavedState, WriteReason};
 use crate::transport::queue::{Arrived, Limit, Queue, Queued};
 use crate::transport::{Incoming, ParameterRequest, Publisher, Transport};
-use telemetry::Telemetry;
 use inputs::{Inputs, Renewal};
 use outputs::{LiveOutput, compressed};
 use requests::{EnableRequest, Making};
 use settings::Settings;
+use telemetry::Telemetry;
 use watch::Watch;
 
 /// An idle node wakes this often for its periodic tasks.

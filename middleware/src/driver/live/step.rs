@@ -6,8 +6,8 @@ use modulo_runtime::trace::FlowPoint;
 use modulo_runtime::{Clock, Context, Flow, Message, MessageKind, StepError, Trigger};
 
 use super::Live;
-use super::telemetry::EndedStep;
 use super::outputs::LiveOutput;
+use super::telemetry::EndedStep;
 use crate::driver::{CommonParameters, RunError};
 use crate::process::node_files::WriteReason;
 
@@ -113,7 +113,12 @@ impl Live<'_> {
         }
         let of_a_frame = |kind| matches!(kind, MessageKind::Image | MessageKind::Detections);
         let mut sent = messages.iter().filter(|(_, message)| of_a_frame(message.kind()));
-        self.telemetry.span("send", begin, self.time.ticks_ns(), sent.next().map(|(_, message)| message.stamp()));
+        self.telemetry.span(
+            "send",
+            begin,
+            self.time.ticks_ns(),
+            sent.next().map(|(_, message)| message.stamp()),
+        );
         self.tell_when_due();
     }
 

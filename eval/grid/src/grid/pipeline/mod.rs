@@ -11,7 +11,7 @@ use modulo_bags::source::Source;
 use modulo_camera::{CameraParameters, ModuloCamera};
 use modulo_core::metric::{LEAST_SIDE, mse, psnr_db, ssim};
 use modulo_core::unwrap::Trust;
-use modulo_core::{Exposure, Frame, Gains, Sensor, tone};
+use modulo_core::{Exposure, Frame, Gains, Psf, Sensor, SensorConfig, tone};
 use modulo_detector::{Detector, DetectorParameters};
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_msgs::std_msgs::Header;
@@ -26,9 +26,6 @@ use crate::results::{Point, Protocol, Stream};
 use multi_exposure::MultiExposurePipeline;
 use paper::{PaperPipeline, PublishedSpudPipeline, SPUD_AS_PUBLISHED};
 use suite::SuitePipeline;
-
-/// Bits of the simulated sensor.
-pub const BITS: u8 = 8;
 
 /// (stage, nanoseconds) in the order of the stages.
 pub type Stages = Vec<(&'static str, u64)>;
@@ -142,6 +139,11 @@ fn unstamped(frame: Frame) -> Arc<StampedFrame> {
 struct Truth([Sensor; 2]);
 
 impl Truth {
+    /// The truth of a sensor.
+    fn of(sensor: SensorConfig) -> Result<Self, GridError> {
+        Ok(Self([Sensor::new(sensor)?, Sensor::new(SensorConfig { psf: Psf::None, ..sensor })?]))
+    }
+
     /// Adds the quality that `quality` computes from the true exposures to `input`, unless nothing is compared.
     fn compare(
         &self,

@@ -4,10 +4,10 @@
 //! The captures are three consecutive frames of the drive with the longest exposure last; the middle one is the frame
 //! that is scored. Moving objects leave ghosts: the captures are not aligned.
 
-use modulo_core::{Bracket, Psf, Range, Sensor, SensorConfig, tone};
+use modulo_core::{Bracket, Range, Sensor, SensorConfig, tone};
 use ndarray::Array3;
 
-use super::{BITS, DetectorInput, FrameWithNeighbours, PipelineConfig, RecoveryQuality, Truth, unstamped};
+use super::{DetectorInput, FrameWithNeighbours, PipelineConfig, RecoveryQuality, Truth, unstamped};
 use crate::GridError;
 use crate::grid::frames::Neighbours;
 use crate::grid::{Data, Request};
@@ -54,24 +54,13 @@ pub struct MultiExposurePipeline<'a> {
 impl<'a> MultiExposurePipeline<'a> {
     /// The pipeline of the cell at `point`.
     pub fn new(point: &Point, config: PipelineConfig<'a>) -> Result<Self, GridError> {
-        let range = Range::new(BITS, point.alpha).map_err(modulo_core::SensorError::from)?;
+        let (range, sensor) = (point.sensor.range()?, point.sensor.config()?);
         let bracket = Bracket::new(range, CAPTURES);
         // An exposure of a fraction of the time sees that fraction of the light: alpha is multiplied by the time.
-        let sensor = |time: f64, psf_sigma: f64| {
-            Sensor::new(SensorConfig {
-                bits: BITS,
-                alpha: point.alpha * time,
-                psf: Psf::of_sigma(psf_sigma),
-                read_noise: point.read_noise,
-                shot_noise: point.shot_noise,
-                prnu: point.prnu,
-                hot_pixels: point.hot_pixels,
-                ..SensorConfig::default()
-            })
-        };
-        let of_time = |time: &f32| sensor(f64::from(*time), point.psf_sigma);
+        let of_time =
+            |time: &f32| Sensor::new(SensorConfig { alpha: sensor.alpha * f64::from(*time), ..sensor });
         let sensors = bracket.times().iter().map(of_time).collect::<Result<_, _>>()?;
-        let truth = Truth([sensor(1.0, point.psf_sigma)?, sensor(1.0, 0.0)?]);
+        let truth = Truth::of(sensor)?;
         Ok(Self { bracket, sensors, truth, range, config })
     }
 

@@ -5,11 +5,11 @@
 
 use modulo_bags::source::SourceFrame;
 use modulo_core::unwrap::{Range, Recovered, Spud, ThresholdOn, Unwrap};
-use modulo_core::{Frame, Psf, Sensor, SensorConfig, UnwrapError, optics, tone};
+use modulo_core::{Frame, Psf, Sensor, UnwrapError, optics, tone};
 use modulo_runtime::Clock;
 use ndarray::Array3;
 
-use super::{BITS, DetectorInput, PipelineConfig, RecoveryQuality, Stages, Truth, unstamped};
+use super::{DetectorInput, PipelineConfig, RecoveryQuality, Stages, Truth, unstamped};
 use crate::GridError;
 use crate::results::{Point, Stream};
 
@@ -32,21 +32,9 @@ pub struct PublishedSpudPipeline<'a> {
 impl<'a> PublishedSpudPipeline<'a> {
     /// Creates the pipeline of the cell at `point`.
     pub fn new(point: &Point, config: PipelineConfig<'a>) -> Result<Self, GridError> {
-        let sensor = |psf_sigma| {
-            Sensor::new(SensorConfig {
-                bits: BITS,
-                alpha: point.alpha,
-                psf: Psf::of_sigma(psf_sigma),
-                read_noise: point.read_noise,
-                shot_noise: point.shot_noise,
-                prnu: point.prnu,
-                hot_pixels: point.hot_pixels,
-                ..SensorConfig::default()
-            })
-        };
-        let truth = Truth([sensor(point.psf_sigma)?, sensor(0.0)?]);
+        let truth = Truth::of(point.sensor.config()?)?;
         let spud = Spud::new(TAU, ThresholdOn::Phi)?;
-        Ok(Self { sensor: sensor(point.psf_sigma)?, spud, truth, config })
+        Ok(Self { sensor: point.sensor.simulated()?, spud, truth, config })
     }
 
     /// Processes frame `number`. Its noise is that of the other cells.
@@ -86,7 +74,6 @@ fn bytes(image: &Array3<f32>) -> Result<Frame, GridError> {
 pub struct PaperPipeline<'a> {
     stream: Stream,
     as_published: bool,
-    alpha: f64,
     range: Range,
     spud: Spud,
     timer: &'a dyn Clock,
@@ -95,10 +82,10 @@ pub struct PaperPipeline<'a> {
 impl<'a> PaperPipeline<'a> {
     /// The pipeline of the cell at `point`. Its lens is always that of the paper.
     pub fn new(point: &Point, timer: &'a dyn Clock) -> Result<Self, GridError> {
-        let range = Range::new(BITS, point.alpha).map_err(modulo_core::SensorError::from)?;
+        let range = point.sensor.range()?;
         let spud = Spud::new(TAU, ThresholdOn::Phi)?;
         let as_published = point.method.as_deref() == Some(SPUD_AS_PUBLISHED);
-        Ok(Self { stream: point.stream, as_published, alpha: point.alpha, range, spud, timer })
+        Ok(Self { stream: point.stream, as_published, range, spud, timer })
     }
 
     /// Processes one frame.
@@ -127,7 +114,7 @@ impl<'a> PaperPipeline<'a> {
 
     /// `alpha * blurred` of the stretched image in [0, 1]. The blur comes before the scaling.
     fn exposed(&self, frame: &SourceFrame) -> Array3<f32> {
-        let alpha = self.alpha as f32;
+        let alpha = self.range.alpha() as f32;
         // The scripts stretch each image to 0..255 and truncate it to whole codes before anything else. They blur it
         // with seven taps, sigma 1.4 px, before they multiply it by alpha. The text of the paper does not mention the
         // blur.
@@ -175,7 +162,7 @@ fn stretched(values: &Array3<f32>) -> Array3<f32> {
 
 #[cfg(test)]
 mod tests {
-    use modulo_runtime::ManualClock;
+    use modulo_runtime::{ManualClock, SensorModel};
 
     use super::super::Suite;
     use super::*;
@@ -187,9 +174,13 @@ mod tests {
         SourceFrame { radiance, name, stamp_ns: None, frame_id, ground_truth: None }
     }
 
+    fn sensor(alpha: f64, psf_sigma: f64) -> SensorModel {
+        SensorModel { alpha, psf_sigma, ..SensorModel::default() }
+    }
+
     fn shown(stream: Stream, alpha: f64, frame: &SourceFrame) -> Vec<u8> {
         let method = (stream == Stream::Recovered).then(|| SPUD_AS_PUBLISHED.to_owned());
-        shown_at(&Point { stream, method, alpha, ..Point::default() }, frame)
+        shown_at(&Point { stream, method, sensor: sensor(alpha, 0.0), ..Point::default() }, frame)
     }
 
     fn shown_at(point: &Point, frame: &SourceFrame) -> Vec<u8> {
@@ -265,8 +256,7 @@ mod tests {
         let point = |method: &str| Point {
             stream: Stream::Recovered,
             method: Some(method.to_owned()),
-            alpha: 1.5,
-            psf_sigma: 1.4,
+            sensor: sensor(1.5, 1.4),
             ..Point::default()
         };
         let config = PipelineConfig { nodes: &Suite, timer: &clock, seed: 0, compares: true };
@@ -284,7 +274,7 @@ mod tests {
     fn spud_sees_less_than_a_code() {
         let clock = ManualClock::default();
         let method = Some(SPUD_AS_PUBLISHED.to_owned());
-        let point = Point { stream: Stream::Recovered, method, alpha: 1.5, ..Point::default() };
+        let point = Point { stream: Stream::Recovered, method, sensor: sensor(1.5, 0.0), ..Point::default() };
         let mut way = PaperPipeline::new(&point, &clock).expect("possible");
         // Half a code from left to right, hidden from 8 bits; tau would drop it, so that the ramp is large in all.
         let y = Array3::from_shape_fn((64, 64, 1), |(_, x, _)| 0.1 + x as f32 / 64.0 * 0.5 / 256.0);

@@ -4,15 +4,14 @@ use std::sync::Arc;
 
 use modulo_bags::source::{Source, SourceError, SourceFrame};
 use modulo_camera::CameraParameters;
-use modulo_core::Mosaic;
 use modulo_core::unwrap::Method;
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_runtime::lockstep::{Lockstep, OnTopic};
-use modulo_runtime::{Message, SensorModel, StampedFrame};
+use modulo_runtime::{Message, StampedFrame};
 use modulo_unwrap::UnwrapParameters;
 use ndarray::Array3;
 
-use super::{BITS, DetectorInput, PipelineConfig, RecoveryQuality, Truth, node_name, stamp};
+use super::{DetectorInput, PipelineConfig, RecoveryQuality, Truth, node_name, stamp};
 use crate::GridError;
 use crate::results::{Point, Stream};
 
@@ -28,34 +27,20 @@ pub struct SuitePipeline<'a> {
 impl<'a> SuitePipeline<'a> {
     /// The pipeline of the cell at `point`.
     pub fn new(point: &Point, config: PipelineConfig<'a>) -> Result<Self, GridError> {
-        let lens = |psf_sigma| CameraParameters {
-            read_noise: point.read_noise,
-            shot_noise: point.shot_noise,
-            prnu: point.prnu,
-            hot_pixels: point.hot_pixels,
-            mosaic: Mosaic::named(&point.mosaic),
-            sensor: SensorModel {
-                bits: BITS,
-                alpha: point.alpha,
-                psf_sigma,
-                gains: point.pattern(),
-                ..SensorModel::default()
-            },
-            ..CameraParameters::default()
-        };
-        let camera = lens(point.psf_sigma);
+        let sensor = &point.sensor;
         let recovers = point.method.as_ref().filter(|_| point.stream == Stream::Recovered);
         let unwrap = recovers.map(|method| {
             // Gains have a method of their own, which the node takes whatever the parameter.
-            let method = if point.pattern().is_some() { Method::Auto } else { method.parse()? };
-            let sensor = camera.sensor.clone().into();
+            let method = if sensor.gains.is_some() { Method::Auto } else { method.parse()? };
+            let sensor = sensor.clone().into();
             let with = UnwrapParameters { method, deblur: point.deblur, sensor, ..Default::default() };
             let topics = ["/recovered", "/hdr", "/diagnostics"].map(str::to_owned).to_vec();
             let mut chain = Lockstep::new(config.timer, topics);
             chain.add(config.nodes.unwrap(&with)?, &node_name("unwrap"))?;
             Ok::<_, GridError>(chain)
         });
-        let truth = Truth([camera.sensor()?, lens(0.0).sensor()?]);
+        let truth = Truth::of(sensor.config()?)?;
+        let camera = CameraParameters { sensor: sensor.clone(), ..CameraParameters::default() };
         Ok(Self { config, stream: point.stream, camera, unwrap: unwrap.transpose()?, truth })
     }
 

@@ -1,0 +1,115 @@
+//! [`SensorOptions`]: the parameters of a sensor as options of a command line. Name, help, range and default are those of their
+//! declaration.
+
+use std::marker::PhantomData;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser as _, ValueParser};
+use clap::{Arg, ArgGroup, ArgMatches, Args, Command, FromArgMatches};
+
+use super::parameters::SensorModel;
+use crate::parameter::{Allowed, Descriptor, ParameterSet as _, Parameters, Value};
+
+/// The group of the options of the chip and the lens, which a sensor file sets.
+pub const CHIP: &str = "chip";
+
+/// Which parameters of [`SensorModel`] are options of a command.
+pub trait SensorCommand {
+    /// Returns whether this parameter is an option. Others have their default, or the value of a sensor file.
+    fn has(parameter: &str) -> bool;
+
+    /// Returns whether this option takes several values.
+    fn varies(parameter: &str) -> bool;
+}
+
+/// The values of the parameters of a sensor on the command line of `C`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SensorOptions<C> {
+    /// The values of each parameter, at least one.
+    values: Vec<(&'static str, Vec<Value>)>,
+    command: PhantomData<C>,
+}
+
+impl<C> SensorOptions<C> {
+    /// Returns the sensor with the first value of each parameter.
+    pub fn first(&self) -> SensorModel {
+        self.sensors(&[]).remove(0)
+    }
+
+    /// Returns the sensor of each combination of the values of the parameters `varied`, of which the last varies fastest. All
+    /// other parameters have their first value.
+    pub fn sensors(&self, varied: &[&str]) -> Vec<SensorModel> {
+        let place = |name: &str| varied.iter().position(|other| *other == name);
+        let mut ordered: Vec<_> = self.values.iter().collect();
+        ordered.sort_by_key(|(name, _)| place(name));
+        let mut all = vec![Parameters::declare(SensorModel::descriptors())];
+        for (name, values) in ordered {
+            let values = if place(name).is_some() { &values[..] } else { &values[..1] };
+            let with = |sensor: &Parameters, value: &Value| {
+                let set = sensor.with(&[((*name).to_owned(), value.clone())], false);
+                set.expect("the command line has refused all other values")
+            };
+            all = all.iter().flat_map(|sensor| values.iter().map(move |value| with(sensor, value))).collect();
+        }
+        all.iter().map(SensorModel::from).collect()
+    }
+
+    /// Takes the chip and the lens of `sensor`.
+    pub fn take_chip(&mut self, sensor: &SensorModel) {
+        let chip = SensorModel::of_chip();
+        for (own, (declared, value)) in self.values.iter_mut().zip(sensor.declared()) {
+            if chip.contains(&declared.name) {
+                own.1 = vec![value];
+            }
+        }
+    }
+}
+
+fn option<C: SensorCommand>(parameter: Descriptor) -> Arg {
+    let Descriptor { name, description, .. } = parameter;
+    let description = description.trim_end_matches('.');
+    let (help, words) = match &parameter.allowed {
+        Allowed::Words(words) => (description.to_owned(), Some(words.clone())),
+        range => (format!("{description}; {range}"), None),
+    };
+    let default = match &parameter.default {
+        Value::String(word) => word.clone(),
+        number => number.to_string(),
+    };
+    let parser = match words {
+        Some(words) => ValueParser::new(PossibleValuesParser::new(words).map(Value::String)),
+        None => ValueParser::new(move |text: &str| parameter.read(text)),
+    };
+    let option = Arg::new(name).long(name.replace('_', "-")).value_name(name.to_uppercase()).help(help);
+    let option = option.value_parser(parser).default_value(default).allow_negative_numbers(true);
+    if C::varies(name) { option.value_delimiter(',') } else { option }
+}
+
+impl<C: SensorCommand> Args for SensorOptions<C> {
+    fn augment_args(command: Command) -> Command {
+        let mut parameters = SensorModel::descriptors();
+        parameters.retain(|parameter| C::has(parameter.name));
+        let chip = SensorModel::of_chip().into_iter().filter(|name| C::has(name));
+        let chip = ArgGroup::new(CHIP).multiple(true).args(chip);
+        command.args(parameters.into_iter().map(option::<C>)).group(chip)
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl<C: SensorCommand> FromArgMatches for SensorOptions<C> {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let values = |Descriptor { name, default, .. }| {
+            let given = if C::has(name) { matches.get_many::<Value>(name) } else { None };
+            (name, given.map_or_else(|| vec![default], |given| given.cloned().collect()))
+        };
+        let values = SensorModel::descriptors().into_iter().map(values).collect();
+        Ok(Self { values, command: PhantomData })
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
+}
