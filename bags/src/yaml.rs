@@ -2,36 +2,15 @@
 
 use modulo_runtime::parameter::yaml_text::documents;
 use saphyr::{ScalarStyle, Yaml};
-use saphyr_parser::{Event, Parser};
-
-/// No file that is read here is nested deeper. A tree is built and freed by recursion, which must stay within the stack.
-const DEEPEST: usize = 64;
 
 /// Returns the value of `key` in the mapping at the top of `text`.
 ///
 /// # Errors
 /// The fault, with its line where the text is not YAML.
 pub(crate) fn top<'a>(text: &'a str, key: &str) -> Result<Yaml<'a>, String> {
-    check_depth(text)?;
     let documents = documents(text)?;
     let value = documents.first().and_then(|document| entry(document, key));
     value.cloned().ok_or_else(|| format!("no value of '{key}' at the top of the file, where it is needed"))
-}
-
-fn check_depth(text: &str) -> Result<(), String> {
-    let mut depth = 0_usize;
-    for event in Parser::new_from_str(text) {
-        let (event, span) = event.map_err(|why| why.to_string())?;
-        match event {
-            Event::SequenceStart(..) | Event::MappingStart(..) => depth += 1,
-            Event::SequenceEnd | Event::MappingEnd => depth -= 1,
-            _ => {}
-        }
-        if depth > DEEPEST {
-            return Err(format!("line {}: nested deeper than {DEEPEST}", span.start.line()));
-        }
-    }
-    Ok(())
 }
 
 /// Returns the value of `key` in a mapping. An entry without a value counts as absent.

@@ -2,13 +2,18 @@
 //! read back. No parameter is known here.
 
 use saphyr::{ScalarStyle, Yaml, YamlLoader};
-use saphyr_parser::Parser;
+use saphyr_parser::{Event, Parser};
+
+/// No file that is read here is nested deeper. A tree is built and freed by recursion, which must stay within the stack.
+const DEEPEST: usize = 64;
 
 /// Reads the documents in `text`; scalars are [`Yaml::Representation`].
 ///
 /// # Errors
-/// The error of the YAML parser as text, with its line.
+/// The error of the YAML parser, or of a text that is nested too deep, as text with its line.
 pub fn documents(text: &str) -> Result<Vec<Yaml<'_>>, String> {
+    // The loader calls itself for each level, and would leave its stack.
+    check_depth(text)?;
     let mut loader = YamlLoader::<Yaml<'_>>::default();
     // Scalars stay text: a parser that guesses types would lose the notation of 1e3 or 0x10.
     loader.early_parse(false);
@@ -17,6 +22,22 @@ pub fn documents(text: &str) -> Result<Vec<Yaml<'_>>, String> {
         Some(why) => Err(why.to_string()),
         None => Ok(loader.into_documents()),
     }
+}
+
+fn check_depth(text: &str) -> Result<(), String> {
+    let mut depth = 0_usize;
+    for event in Parser::new_from_str(text) {
+        let (event, span) = event.map_err(|why| why.to_string())?;
+        match event {
+            Event::SequenceStart(..) | Event::MappingStart(..) => depth += 1,
+            Event::SequenceEnd | Event::MappingEnd => depth -= 1,
+            _ => {}
+        }
+        if depth > DEEPEST {
+            return Err(format!("line {}: nested deeper than {DEEPEST}", span.start.line()));
+        }
+    }
+    Ok(())
 }
 
 /// Returns the text of a scalar; that of a quoted one is quoted again, so that it stays a string.
@@ -102,6 +123,18 @@ pub fn of_double(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_text_that_is_nested_too_deep_is_refused_with_its_line() {
+        for deep in
+            ["- ".repeat(100_000), "[".repeat(100_000), "a:\n  b: ".to_owned() + &"{c: ".repeat(100_000)]
+        {
+            let why = documents(&deep).expect_err("too deep");
+            assert!(why.contains("line") && why.contains("nested deeper than 64"), "{why}");
+        }
+        let deepest = format!("{}{}", "[".repeat(64), "]".repeat(64));
+        assert!(documents(&deepest).is_ok());
+    }
 
     #[test]
     fn strings_are_quoted_only_where_they_must() {
