@@ -71,10 +71,7 @@ fn option<C: SensorCommand>(parameter: Descriptor) -> Arg {
         Allowed::Words(words) => (description.to_owned(), Some(words.clone())),
         range => (format!("{description}; {range}"), None),
     };
-    let default = match &parameter.default {
-        Value::String(word) => word.clone(),
-        number => number.to_string(),
-    };
+    let default = parameter.default.plain();
     let parser = match words {
         Some(words) => ValueParser::new(PossibleValuesParser::new(words).map(Value::String)),
         None => ValueParser::new(move |text: &str| parameter.read(text)),
