@@ -262,6 +262,18 @@ mod tests {
     }
 
     #[test]
+    fn models_vary_slowest_then_noise_alpha_mosaic_and_gains() {
+        let options = "--read-noise 0,1 --alpha 2,4 --gains none,rows --mosaic none,rggb --stream saturated --model a,b";
+        let points = axes(options).points(Protocol::Suite).expect("possible");
+        let key = |point: &Point| {
+            let SensorModel { read_noise, alpha, mosaic, gains, .. } = point.sensor;
+            (point.model.clone(), read_noise, alpha, mosaic.is_some(), gains.is_some())
+        };
+        assert_eq!(points.len(), 32);
+        assert!(points.iter().map(key).is_sorted(), "{points:?}");
+    }
+
+    #[test]
     fn what_no_sensor_can_have_is_refused_with_the_possible_values() {
         for (option, value, possible) in
             [("--alpha", "0", "0.001 to 256"), ("--read-noise", "x", "double"), ("--mosaic", "rgbg", "rggb")]
