@@ -1,6 +1,5 @@
 //! Radiance as an image of 8 bits, with or without the blur of the lens.
 
-use modulo_camera::CameraParameters;
 use modulo_core::{Deblur, Frame, FrameError, Mosaic, Range, tone};
 use modulo_runtime::SensorModel;
 use ndarray::{Array3, ArrayRef3};
@@ -19,7 +18,7 @@ pub fn picture<'py>(
     deblur: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
     let parameters = parse(parameters)?;
-    let (mosaic, sensor) = (CameraParameters::from(&parameters).mosaic, SensorModel::from(&parameters));
+    let sensor = SensorModel::from(&parameters);
     let range = sensor.range().map_err(value_error)?;
     let psf = deblur.then(|| sensor.psf());
     let Image { pixels, is_flat } = Image::new("x", x)?;
@@ -27,7 +26,7 @@ pub fn picture<'py>(
         View::F32(x) => x.to_owned(),
         codes => codes.to_frame().map_err(value_error)?.to_f32(),
     };
-    let frame = py.detach(|| shown(&x, mosaic, psf.map(Deblur::new), range)).map_err(value_error)?;
+    let frame = py.detach(|| shown(&x, sensor.mosaic, psf.map(Deblur::new), range)).map_err(value_error)?;
     Ok(frame_to_numpy(py, frame, is_flat))
 }
 

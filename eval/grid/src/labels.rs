@@ -89,17 +89,7 @@ fn text(parameter: &str, value: &Value) -> String {
     let (name, unit) = words(parameter);
     match value {
         Value::Double(0.0) => format!("no {name}"),
-        value => format!("{name} {}{unit}", plain(value)),
-    }
-}
-
-/// A value as tables have it.
-pub fn plain(value: &Value) -> String {
-    match value {
-        // The sum with 0 removes the sign of a zero.
-        Value::Double(number) => (number + 0.0).to_string(),
-        Value::String(word) => word.clone(),
-        other => other.to_string(),
+        value => format!("{name} {}{unit}", value.plain()),
     }
 }
 
@@ -155,7 +145,7 @@ pub fn sensor(sensor: &SensorModel, without: &[&str]) -> String {
 
 /// The same as part of a file name: `psf1.4_read0`.
 pub fn suffix(sensor: &SensorModel, without: &[&str]) -> String {
-    named(sensor, without, |parameter, value| format!("{}{}", first_word(parameter), plain(value))).join("_")
+    named(sensor, without, |parameter, value| format!("{}{}", first_word(parameter), value.plain())).join("_")
 }
 
 /// Label of the conditions.
@@ -170,7 +160,7 @@ pub fn grid(points: &[Point]) -> String {
     let settings = SensorModel::descriptors().into_iter().enumerate().filter_map(|(index, parameter)| {
         let values = distinct(sensors.iter().map(|sensor| sensor[index].1.clone()));
         let differs = ALWAYS.contains(&parameter.name) || values != [parameter.default];
-        let values: Vec<String> = values.iter().map(plain).collect();
+        let values: Vec<String> = values.iter().map(Value::plain).collect();
         differs.then(|| format!("{} {}", words(parameter.name).0, values.join(", ")))
     });
     let settings: Vec<String> = settings.collect();

@@ -11,8 +11,6 @@ use modulo_runtime::report::Percentiles;
 use modulo_runtime::{ParameterSet as _, SensorModel};
 use serde::{Deserialize, Serialize};
 
-use crate::labels;
-
 /// Name of the file of results.
 pub const RESULTS: &str = "results.json";
 /// Name of the file with the same figures as a table, one row for each cell.
@@ -271,7 +269,7 @@ impl fmt::Display for Point {
             // The gains have a method of their own, which is named.
             let named = ["alpha", "psf_sigma", "gains"].contains(&parameter.name);
             if !named && value != parameter.default {
-                write!(f, ", {} {}", parameter.name.replace('_', " "), labels::plain(&value))?;
+                write!(f, ", {} {}", parameter.name.replace('_', " "), value.plain())?;
             }
         }
         if input != "auto" {

@@ -6,7 +6,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use csv::{ByteRecord, ByteRecordsIntoIter};
-use modulo_runtime::{ParameterSet as _, SensorModel, launcher};
+use modulo_runtime::{ParameterSet as _, SensorModel, Value, launcher};
 
 use crate::GridError;
 use crate::labels;
@@ -154,7 +154,7 @@ fn csv(cells: &[Cell]) -> Vec<u8> {
         let Point { stream, method, deblur, sensor, model, input } = &cell.point;
         let method = method.clone().unwrap_or_default();
         let mut row = vec![cell.point.to_string(), stream.name(), method, deblur.to_string()];
-        row.extend(sensor.values().iter().map(labels::plain));
+        row.extend(sensor.values().iter().map(Value::plain));
         row.extend([model.clone(), input.clone(), cell.frames.to_string()]);
         row.extend(groups.iter().map(|group| figure(cell.ap50.get(*group).copied().flatten())));
         row.extend(FIGURES.map(|(_, value)| value(cell)));

@@ -109,6 +109,15 @@ impl Value {
             .unwrap_or_else(|| Self::String(yaml_text::string(text).unwrap_or_else(|| text.to_owned())))
     }
 
+    /// Returns this value as tables and command lines have it: a text without quotes, a zero without a sign.
+    pub fn plain(&self) -> String {
+        match self {
+            Self::Double(v) => (v + 0.0).to_string(),
+            Self::String(v) => v.clone(),
+            other => other.to_string(),
+        }
+    }
+
     /// Returns this value as YAML on one line, which reads back as the same type and value.
     pub fn to_yaml(&self) -> String {
         match self {

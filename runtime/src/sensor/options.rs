@@ -66,22 +66,24 @@ impl<C> SensorOptions<C> {
 
 fn option<C: SensorCommand>(parameter: Descriptor) -> Arg {
     let Descriptor { name, description, .. } = parameter;
-    let description = description.trim_end_matches('.');
-    let (help, words) = match &parameter.allowed {
-        Allowed::Words(words) => (description.to_owned(), Some(words.clone())),
-        range => (format!("{description}; {range}"), None),
-    };
-    let default = match &parameter.default {
-        Value::String(word) => word.clone(),
-        number => number.to_string(),
-    };
-    let parser = match words {
-        Some(words) => ValueParser::new(PossibleValuesParser::new(words).map(Value::String)),
-        None => ValueParser::new(move |text: &str| parameter.read(text)),
+    let help = description.trim_end_matches('.');
+    let default = parameter.default.plain();
+    let (help, parser) = match &parameter.allowed {
+        Allowed::Words(words) => {
+            let words = PossibleValuesParser::new(words.clone()).map(Value::String);
+            (help.to_owned(), ValueParser::new(words))
+        }
+        range => {
+            let help = format!("{help} [{range}]");
+            (help, ValueParser::new(move |text: &str| parameter.read(text)))
+        }
     };
     let option = Arg::new(name).long(name.replace('_', "-")).value_name(name.to_uppercase()).help(help);
     let option = option.value_parser(parser).default_value(default).allow_negative_numbers(true);
-    if C::varies(name) { option.value_delimiter(',') } else { option }
+    if !C::varies(name) {
+        return option;
+    }
+    option.value_delimiter(',').value_name(format!("{},...", name.to_uppercase()))
 }
 
 impl<C: SensorCommand> Args for SensorOptions<C> {

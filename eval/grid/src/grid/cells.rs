@@ -5,22 +5,18 @@ use std::path::PathBuf;
 use clap::{Parser, ValueEnum};
 use modulo_core::unwrap::METHODS;
 use modulo_runtime::sensor::options::{SensorCommand, SensorOptions};
-use modulo_runtime::sensor::parameters::BlurShape;
-use modulo_runtime::{ParameterSet as _, SensorModel};
+use modulo_runtime::{ParameterError, ParameterSet as _, SensorModel};
 
 use super::GridError;
 use super::pipeline::paper::SPUD_AS_PUBLISHED;
 use crate::labels;
 use crate::results::{Point, Protocol, Stream};
 
-/// Bits of the simulated sensor.
-pub const BITS: u8 = 8;
-
 /// The parameters of the sensor that cells can differ in.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VariedParameters;
 
-/// Parameters of the sensor that are the same in all cells.
+/// Parameters of the sensor that have their default in all cells.
 const FIXED: [&str; 3] = ["bits", "psf", "gain_ratio"];
 /// The parameters that vary fastest, but for the lens, which varies with the streams. The others vary before them.
 const FAST: [&str; 3] = ["alpha", "mosaic", "gains"];
@@ -186,14 +182,11 @@ impl Axes {
                 return Err(GridError::Empty(what));
             }
         }
-        let SensorModel { bits, psf, .. } = self.sensor.first();
-        if bits != BITS {
-            let (value, possible) = (bits.to_string(), BITS.to_string());
-            return Err(GridError::Value { what: "bits", value, possible });
-        }
-        if psf != BlurShape::Gaussian {
-            let possible = "gaussian, or --protocol paper".to_owned();
-            return Err(GridError::Value { what: "psf", value: "paper7".to_owned(), possible });
+        for (parameter, value) in self.sensor.first().declared() {
+            if FIXED.contains(&parameter.name) && value != parameter.default {
+                let why = format!("must be {} in a grid", parameter.default);
+                return Err(ParameterError::new(parameter.name, value, why).into());
+            }
         }
         if protocol == Protocol::Paper {
             self.check_paper()?;
@@ -269,6 +262,18 @@ mod tests {
     }
 
     #[test]
+    fn models_vary_slowest_then_noise_alpha_mosaic_and_gains() {
+        let options = "--read-noise 0,1 --alpha 2,4 --gains none,rows --mosaic none,rggb --stream saturated --model a,b";
+        let points = axes(options).points(Protocol::Suite).expect("possible");
+        let key = |point: &Point| {
+            let SensorModel { read_noise, alpha, mosaic, gains, .. } = point.sensor;
+            (point.model.clone(), read_noise, alpha, mosaic.is_some(), gains.is_some())
+        };
+        assert_eq!(points.len(), 32);
+        assert!(points.iter().map(key).is_sorted(), "{points:?}");
+    }
+
+    #[test]
     fn what_no_sensor_can_have_is_refused_with_the_possible_values() {
         for (option, value, possible) in
             [("--alpha", "0", "0.001 to 256"), ("--read-noise", "x", "double"), ("--mosaic", "rgbg", "rggb")]
@@ -279,7 +284,7 @@ mod tests {
         let mut chip = Axes::default();
         chip.sensor.take_chip(&SensorModel { bits: 10, ..SensorModel::default() });
         let why = chip.points(Protocol::Suite).expect_err("10 bits").to_string();
-        assert!(why.contains("bits is 10") && why.contains('8'), "{why}");
+        assert!(why.contains("'bits' = 10: must be 8"), "{why}");
     }
 
     #[test]

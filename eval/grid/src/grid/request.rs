@@ -11,7 +11,6 @@ use modulo_detector::EngineChoice;
 use sha2::{Digest as _, Sha256};
 
 use super::Axes;
-use super::cells::BITS;
 use crate::GridError;
 use crate::classes::{ClassGroups, ClassMap};
 use crate::results::{Difficulty, FIGURES, Point, Protocol, Provenance, Setup};
@@ -155,7 +154,7 @@ impl Request {
             figures: FIGURES,
             protocol: options.protocol,
             source: self.data.name(),
-            bits: BITS,
+            bits: options.axes.sensor.first().bits,
             seed: options.seed,
             difficulty: self.difficulty(),
             engine: options.engine.to_string(),
