@@ -140,7 +140,7 @@ fn named(sensor: &SensorModel, without: &[&str], with: fn(&'static str, &Value) 
 
 /// Names and values of the parameters of a sensor but those of `without`: `lens blur 1.4 px, no read noise`.
 pub fn sensor(sensor: &SensorModel, without: &[&str]) -> String {
-    named(sensor, without, |parameter, value| text(parameter, value)).join(", ")
+    named(sensor, without, text).join(", ")
 }
 
 /// The same as part of a file name: `psf1.4_read0`.
