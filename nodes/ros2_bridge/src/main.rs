@@ -15,14 +15,14 @@ use std::sync::Arc;
 use std::thread;
 
 use anyhow::Context as _;
-use tracing_subscriber::EnvFilter;
 use modulo_middleware::bridge::{BridgeParameters, BridgePlan};
 use modulo_middleware::process::signals::end_on_signals;
 use modulo_middleware::transport::Transport as _;
 use modulo_middleware::transport::zenoh::ZenohTransport;
-use modulo_runtime::{NodeName, ParameterSet as _, Parameters, Stop, SystemClock, Urgency};
 use modulo_runtime::ros_args::RosArgs;
 use modulo_runtime::wire::keys::Hashes;
+use modulo_runtime::{NodeName, ParameterSet as _, Parameters, Stop, SystemClock, Urgency};
+use tracing_subscriber::EnvFilter;
 
 use mirror::Mirror;
 

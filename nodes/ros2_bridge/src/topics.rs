@@ -6,14 +6,14 @@ use std::thread;
 use anyhow::Context as _;
 use futures::StreamExt as _;
 use futures::executor::block_on;
-use r2r::QosProfile;
-use r2r::qos::ReliabilityPolicy;
 use modulo_middleware::bridge::{Route, RouteDirection};
-use modulo_middleware::transport::{Guard, Payload, RawSample};
 use modulo_middleware::transport::queue::{Keep, Lane, Limit, Next, Queue};
 use modulo_middleware::transport::zenoh::ZenohTransport;
-use modulo_runtime::{NodeName, Qos, SystemClock};
+use modulo_middleware::transport::{Guard, Payload, RawSample};
 use modulo_runtime::wire::keys::{EntityKind, Token};
+use modulo_runtime::{NodeName, Qos, SystemClock};
+use r2r::QosProfile;
+use r2r::qos::ReliabilityPolicy;
 
 /// The number of results that wait for the other side.
 const RESULTS_WAITING: usize = 64;
