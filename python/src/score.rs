@@ -2,12 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use modulo_ap::Difficulty;
+use modulo_ap::average::{self, Membership, ScoredFrame, ap50_95, image_boxes};
+use modulo_ap::matching::ImageBoxes;
 use modulo_bags::source::GroundTruth;
 use modulo_core::{BBox, Detection};
-use modulo_eval::classes::Membership;
-use modulo_eval::metric::average::{self, ScoredFrame, ap50_95, image_boxes};
-use modulo_eval::metric::matching::ImageBoxes;
-use modulo_eval::results::Difficulty;
 use pyo3::prelude::*;
 
 use crate::image::value_error;
@@ -25,12 +24,13 @@ pub fn average_precision(
     frames: Vec<(Vec<Found>, Vec<Object>)>,
     difficulty: &str,
 ) -> PyResult<BTreeMap<String, (f64, f64, usize)>> {
-    let words = Difficulty::ALL.map(|difficulty| difficulty.to_string());
-    let difficulty = words.iter().position(|word| word == difficulty).ok_or_else(|| {
+    let given = Difficulty::WORDS.into_iter().find(|(word, _)| *word == difficulty);
+    let (_, difficulty) = given.ok_or_else(|| {
+        let words = Difficulty::WORDS.map(|(word, _)| word);
         value_error(format!("difficulty is {difficulty:?}, possible are {}", words.join(", ")))
     })?;
     let frames: Vec<ScoredFrame> = frames.into_iter().map(scored_frame).collect::<PyResult<_>>()?;
-    Ok(py.detach(|| by_class(&frames, Difficulty::ALL[difficulty])))
+    Ok(py.detach(|| by_class(&frames, difficulty)))
 }
 
 fn by_class(frames: &[ScoredFrame], difficulty: Difficulty) -> BTreeMap<String, (f64, f64, usize)> {

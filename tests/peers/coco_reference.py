@@ -1,9 +1,9 @@
-"""AP by pycocotools on synthetic boxes, the peer that eval/grid/src/metric/average.rs compares with.
+"""AP by pycocotools on synthetic boxes, the peer that eval/ap/src/average.rs compares with.
 
 Boxes lie on quarter pixels, so that both sides read the same numbers; no image and no data set is needed.
 
     pip install pycocotools==2.0.10 numpy
-    python tests/peers/coco_reference.py > eval/grid/tests/data/coco_golden.json
+    python tests/peers/coco_reference.py > eval/ap/tests/data/coco_golden.json
 """
 
 import contextlib

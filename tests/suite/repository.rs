@@ -13,7 +13,7 @@ use crate::harness::{Bench, data, text};
 const FLOORS: [&[&str]; 8] = [
     &["modulo"],
     &["modulo-launch", "modulo-eval", "modulo-bench"],
-    &["modulo-camera", "modulo-unwrap", "modulo-detector", "modulo-viewer", "modulo-bags-live"],
+    &["modulo-camera", "modulo-unwrap", "modulo-detector", "modulo-viewer", "modulo-bags-live", "modulo-ap"],
     &["modulo-bags", "modulo-middleware"],
     &["modulo-runtime"],
     &["modulo-msgs"],

@@ -5,6 +5,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
+use modulo_ap::average::Membership;
+use modulo_ap::difficulty::DONT_CARE;
 use modulo_bags::source::GroundTruth;
 use modulo_detector::{COCO_TO_KITTI, parse_class_map};
 
@@ -15,8 +17,6 @@ pub const PAPER: &str = include_str!("../class_maps/paper.yaml");
 /// The groups vehicle and person.
 pub const GROUPS: &str = include_str!("../class_maps/groups.yaml");
 
-/// The class of areas that are never scored.
-pub const DONT_CARE: &str = "dontcare";
 /// The classes of KITTI in lower case.
 const KITTI: [&str; 8] = ["car", "van", "truck", "pedestrian", "person_sitting", "cyclist", "tram", "misc"];
 
@@ -82,17 +82,6 @@ impl ClassMap {
 /// The groups in which classes are scored: lines `class: group` and `class: ignore group`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ClassGroups(Table);
-
-/// Relation of a class to a group.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Membership {
-    /// The class is scored in the group.
-    Member,
-    /// Objects of the class are ignored in the group: it is similar, so that detecting it is not an error.
-    Ignored,
-    /// The class does not belong to the group.
-    Other,
-}
 
 impl Default for ClassGroups {
     fn default() -> Self {

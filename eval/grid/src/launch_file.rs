@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use modulo_ap::Difficulty;
+use modulo_ap::average::{ScoredFrame, by_class, mean_over_classes};
 use modulo_bags::FileError;
 use modulo_bags::bag::{BagError, BagTopic, BagWriter};
 use modulo_bags::source::{GroundTruth, from_detections};
@@ -18,9 +20,6 @@ use modulo_runtime::lockstep::{Lockstep, LockstepError, OnTopic};
 use modulo_runtime::{Message, Qos, sensor_info};
 use ndarray::Array3;
 use serde_json::{Value, json};
-
-use crate::metric::average::{ScoredFrame, by_class, mean_over_classes};
-use crate::results::Difficulty;
 
 /// Time between two frames of a source that has neither time stamps nor a rate.
 const NOMINAL_INTERVAL: Duration = Duration::from_millis(100);

@@ -13,10 +13,8 @@ mod labels;
 pub mod launch_file;
 /// The metrics of detections, one file each. The reports print the definition of each metric.
 pub mod metric {
-    pub mod average;
     pub mod bootstrap;
     pub mod latency;
-    pub mod matching;
     pub mod paper;
 }
 mod published;

@@ -7,6 +7,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use clap::ValueEnum;
+use modulo_ap::Difficulty;
 use modulo_runtime::report::Percentiles;
 use modulo_runtime::{ParameterSet as _, SensorModel};
 use serde::{Deserialize, Serialize};
@@ -192,21 +193,6 @@ pub enum Protocol {
     Suite,
     /// The steps of the scripts of the paper
     Paper,
-}
-
-/// The objects that are scored: the difficulties of KITTI, or all.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Difficulty {
-    /// At least 40 px high, fully visible, at most 15 % outside the image
-    Easy,
-    /// At least 25 px high, at most partly occluded, at most 30 % outside
-    #[default]
-    Moderate,
-    /// At least 25 px high, at most largely occluded, at most 50 % outside
-    Hard,
-    /// Every label, for data sets without this information
-    All,
 }
 
 /// The image that the detector gets.

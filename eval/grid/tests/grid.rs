@@ -5,6 +5,7 @@ use std::path::Path;
 use std::time::{Duration, SystemTime};
 
 use clap::Parser as _;
+use modulo_ap::Difficulty;
 use modulo_bags::bag::{BagReader, BagWriter, Compression, Selection};
 use modulo_bags::import::import_kitti;
 use modulo_bags::source::{GroundTruth, SourceOptions, open};
@@ -16,7 +17,7 @@ use modulo_eval::grid::{
 };
 use modulo_eval::launch_file::{Evaluation, EvaluationPlan};
 use modulo_eval::report;
-use modulo_eval::results::{Cell, Difficulty, Provenance, Results, Stream};
+use modulo_eval::results::{Cell, Provenance, Results, Stream};
 use modulo_images::save_png;
 use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::lockstep::Lockstep;

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use modulo_ap::difficulty::DONT_CARE;
 use modulo_bags::source::GroundTruth;
 use modulo_core::{BBox, Detection, Frame};
 use modulo_draw::{LabelledBox, Picture, class_colour, distinct};
@@ -12,7 +13,6 @@ use super::pipeline::Nodes;
 use super::runner::CellRunner;
 use super::{GridError, Request};
 use crate::chart::{DetectionPicture, NamedChart, pictures};
-use crate::classes::DONT_CARE;
 use crate::results::{Point, Results};
 
 /// Lowest score of a box that is drawn.

@@ -5,13 +5,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use modulo_ap::difficulty::DONT_CARE;
 use modulo_bags::source::{GroundTruth, SourceError, SourceFrame};
 use ndarray::Array3;
 use sha2::{Digest, Sha256};
 
 use super::request::{Data, Drive};
 use crate::GridError;
-use crate::classes::DONT_CARE;
 use crate::results::Input;
 
 /// Labels that reach outside the image by at most this many px give no warning: they were rounded.

@@ -1,15 +1,14 @@
 //! [`Listing`]: the results of each frame of a cell and of each of its boxes, as lines of `frames.csv` and `boxes.csv`.
 
+use modulo_ap::average::{Membership, image_boxes};
+use modulo_ap::matching::MatchOutcome;
 use modulo_bags::source::GroundTruth;
 use modulo_core::Detection;
 
 use super::pipeline::{ImageSimilarity, RecoveryQuality};
 use super::runner::FrameResult;
 use super::score::Scorer;
-use crate::classes::Membership;
 use crate::labels::number;
-use crate::metric::average::image_boxes;
-use crate::metric::matching::MatchOutcome;
 use crate::results::{Paper, Point};
 use crate::store::{CellLines, figure};
 

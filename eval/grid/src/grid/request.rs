@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use clap::builder::{PossibleValuesParser, RangedU64ValueParser, TypedValueParser};
+use modulo_ap::Difficulty;
 use modulo_bags::source::{
     self, CocoSource, FrameList, KittiFolder, KittiSource, Source, SourceError, SourceOptions, YoloSource,
 };
@@ -13,7 +14,7 @@ use sha2::{Digest as _, Sha256};
 use super::Axes;
 use crate::GridError;
 use crate::classes::{ClassGroups, ClassMap};
-use crate::results::{Difficulty, FIGURES, Point, Protocol, Provenance, Setup};
+use crate::results::{FIGURES, Point, Protocol, Provenance, Setup};
 
 /// Everything that determines a grid run.
 #[derive(Clone, Debug)]
@@ -80,7 +81,7 @@ pub struct GridOptions {
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
     /// Objects that are scored, also with FILE [default: moderate; all for YOLO and COCO labels]
-    #[arg(long, value_enum)]
+    #[arg(long, value_parser = words(Difficulty::WORDS))]
     pub difficulty: Option<Difficulty>,
     /// File of lines `class of the model: class of the labels`, instead of the mapping from COCO to KITTI
     #[arg(long, value_name = "FILE")]

@@ -1,5 +1,6 @@
 //! [`run`]: runs the cells one after the other and stores the results after each of them.
 
+use modulo_ap::{average, difficulty};
 use modulo_runtime::Clock;
 
 use super::frames::Frames;
@@ -8,7 +9,7 @@ use super::runner::{Account, CellRunner, INSPECT, LOAD, OTHER, SCORE, STORE, TIM
 use super::score::Scorer;
 use super::{GridEvent, GridOptions, Request, timing};
 use crate::classes::Table;
-use crate::metric::{average, bootstrap, latency, matching, paper};
+use crate::metric::{bootstrap, latency, paper};
 use crate::results::{Point, Results};
 use crate::{GridError, store};
 
@@ -97,7 +98,7 @@ fn definitions() -> Table {
         ("ap50", average::DEFINITION),
         ("ap50_95", "Mean over groups of the mean AP at the ten IoU thresholds 0.50, 0.55, ..., 0.95."),
         ("classes", "As ap50, for one class of the labels. Other classes of its group that the model cannot find are ignored."),
-        ("difficulty", matching::DIFFICULTIES),
+        ("difficulty", difficulty::DIFFICULTIES),
         ("exact_k, psnr_db, ssim", RECOVERY_DEFINITION),
         ("interval95", bootstrap::DEFINITION),
         ("latency_ms", latency::DEFINITION),

@@ -2,6 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use modulo_ap::Difficulty;
+use modulo_ap::average::{self, Membership, image_boxes};
+use modulo_ap::difficulty::DONT_CARE;
+use modulo_ap::matching::ImageBoxes;
 use modulo_bags::source::GroundTruth;
 use modulo_core::Detection;
 use modulo_core::unwrap::Trust;
@@ -12,11 +16,9 @@ use super::pipeline::{ImageSimilarity, RecoveryQuality};
 use super::runner::FrameResult;
 use super::{Axes, Request};
 use crate::GridError;
-use crate::classes::{ClassGroups, ClassMap, DONT_CARE, Membership, of_labels};
-use crate::metric::average::image_boxes;
-use crate::metric::matching::ImageBoxes;
-use crate::metric::{average, bootstrap, paper};
-use crate::results::{Cell, ClassScore, Difficulty, Paper, Point, WORST, Worst};
+use crate::classes::{ClassGroups, ClassMap, of_labels};
+use crate::metric::{bootstrap, paper};
+use crate::results::{Cell, ClassScore, Paper, Point, WORST, Worst};
 
 /// Least share of exact wrap counts of a frame that may be trusted: docs/methods.md promises it.
 const LEAST_TRUSTED_SHARE: f64 = 0.999;

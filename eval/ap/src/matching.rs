@@ -1,12 +1,6 @@
-//! Matching of detections and objects as in COCO: one to one, by descending score. The difficulties of KITTI determine the
-//! objects that are scored.
+//! Matching of detections and objects as in COCO: one to one, by descending score.
 
-use clap::ValueEnum;
-use modulo_bags::source::{CROWD, GroundTruth};
 use modulo_core::BBox;
-
-use crate::classes::DONT_CARE;
-use crate::results::Difficulty;
 
 /// Treatment of an object in the score.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -130,51 +124,6 @@ fn area(width: f64, height: f64) -> f64 {
     width.max(0.0) * height.max(0.0)
 }
 
-/// The definition of the difficulties for the report.
-pub const DIFFICULTIES: &str = "\
-    KITTI: easy: at least 40 px high, fully visible, at most 15 % outside the image; moderate: 25 px, partly \
-    occluded, 30 %; hard: 25 px, largely occluded, 50 %; all: every label. Objects beyond that are ignored, \
-    and lower detections are left out unless they find something. Missing annotations never exclude an \
-    object.";
-
-impl Difficulty {
-    /// All difficulties, from easy to all.
-    pub const ALL: [Self; 4] = [Self::Easy, Self::Moderate, Self::Hard, Self::All];
-
-    /// Least height of scored objects, and of detections that count as errors, px.
-    pub fn least_height(self) -> f32 {
-        match self {
-            Self::Easy => 40.0,
-            Self::Moderate | Self::Hard => 25.0,
-            Self::All => 0.0,
-        }
-    }
-
-    /// The role of an object of the category that is scored.
-    pub fn role(self, label: &GroundTruth) -> ObjectRole {
-        let (occluded, truncated) = match self {
-            Self::Easy => (0, 0.15),
-            Self::Moderate => (1, 0.30),
-            Self::Hard => (2, 0.50),
-            // A crowd has the largest code of occlusion, and is an area at every difficulty.
-            Self::All => (CROWD - 1, f32::INFINITY),
-        };
-        if label.class == DONT_CARE || label.occluded == CROWD {
-            return ObjectRole::Area;
-        }
-        let counts = label.bbox.y2 - label.bbox.y1 >= self.least_height()
-            && label.occluded <= occluded
-            && label.truncated <= truncated;
-        if counts { ObjectRole::Counts } else { ObjectRole::Ignored }
-    }
-}
-
-impl std::fmt::Display for Difficulty {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.to_possible_value().expect("no difficulty is hidden").get_name())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -207,39 +156,5 @@ mod tests {
         let inside = [(square(0.0, 20.0), 0.9), (square(50.0, 20.0), 0.8), (square(190.0, 20.0), 0.7)];
         assert_eq!(rights(&truth, &inside), [] as [bool; 0]);
         assert_eq!(rights(&truth, &[(square(300.0, 9.0), 0.9), (square(300.0, 11.0), 0.8)]), [false]);
-    }
-
-    fn label(height: f32, occluded: i32, truncated: f32) -> GroundTruth {
-        let bbox = BBox { x1: 0.0, y1: 0.0, x2: 9.0, y2: height };
-        GroundTruth { bbox, class: "car".into(), truncated, occluded }
-    }
-
-    #[test]
-    fn each_step_lets_more_objects_count() {
-        for (label, first) in [
-            (label(40.0, 0, 0.15), 0),
-            (label(39.9, 0, 0.0), 1),
-            (label(25.0, 1, 0.3), 1),
-            (label(80.0, 2, 0.0), 2),
-            (label(80.0, 0, 0.5), 2),
-            (label(24.9, 0, 0.0), 3),
-            (label(80.0, 3, 0.0), 3),
-            (label(80.0, 0, 0.9), 3),
-            (label(80.0, -1, -1.0), 0),
-        ] {
-            let counting = Difficulty::ALL.map(|step| step.role(&label) == ObjectRole::Counts);
-            assert_eq!(counting, std::array::from_fn(|step| step >= first), "{label:?}");
-        }
-    }
-
-    #[test]
-    fn areas_are_areas_at_every_step() {
-        let area = GroundTruth { class: DONT_CARE.into(), ..label(80.0, -1, -1.0) };
-        for step in Difficulty::ALL {
-            assert_eq!(
-                (step.role(&area), step.role(&label(80.0, CROWD, -1.0))),
-                (ObjectRole::Area, ObjectRole::Area)
-            );
-        }
     }
 }

@@ -5,9 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use modulo_bags::source::GroundTruth;
 use modulo_core::Detection;
 
-use super::matching::{ImageBoxes, Mark, ObjectRole};
-use crate::classes::{DONT_CARE, Membership};
-use crate::results::Difficulty;
+use crate::difficulty::{DONT_CARE, Difficulty};
+use crate::matching::{ImageBoxes, Mark, ObjectRole};
 
 /// Number of recalls at which the curve is sampled: 0, 0.01, ..., 1.
 pub const RECALLS: usize = 101;
@@ -128,6 +127,17 @@ pub fn by_class(frames: &[ScoredFrame], difficulty: Difficulty) -> BTreeMap<Stri
 pub fn mean_over_classes(by_class: &BTreeMap<String, (f64, usize)>) -> Option<f64> {
     let figures: Vec<f64> = by_class.values().map(|(ap, _)| *ap).collect();
     (!figures.is_empty()).then(|| mean(&figures))
+}
+
+/// Relation of a class to the category that is scored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Membership {
+    /// The class is scored in the category.
+    Member,
+    /// Objects of the class are ignored in the category: it is similar, so that detecting it is not an error.
+    Ignored,
+    /// The class does not belong to the category.
+    Other,
 }
 
 /// The boxes of one image for matching. `membership` gives the relation of each class to the category that is scored.
