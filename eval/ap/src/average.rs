@@ -244,7 +244,7 @@ mod tests {
     }
 
     /// Figures of pycocotools on synthetic boxes, by `tests/peers/coco_reference.py`.
-    const GOLDEN: &str = include_str!("../../tests/data/coco_golden.json");
+    const GOLDEN: &str = include_str!("../tests/data/coco_golden.json");
 
     /// Reads x, y, width, height and a last number.
     fn golden_row(row: &Value) -> (BBox, f32) {
