@@ -325,8 +325,11 @@ def data():
     expect("Topic: /modulo | Type: sensor_msgs/msg/Image", "ros2", "bag", "info", BAG)
     player = start("modulo", "bag", "play", str(BAG), "--start-paused")
     expect("durability: volatile\nuse_sim_time: false", "ros2", "param", "dump", "/rosbag2_player")
-    for name, answer in [("play", "success=False"), ("stop", "Stop_Response")]:
-        expect(answer, "ros2", "service", "call", f"/rosbag2_player/{name}", f"rosbag2_interfaces/srv/{name.capitalize()}")
+    expect("success=False", "ros2", "service", "call", "/rosbag2_player/play", "rosbag2_interfaces/srv/Play")
+    # No second try: the service ends with the player. A client that hangs when it is destroyed may not print the answer.
+    code, output, errors = run("ros2", "service", "call", "/rosbag2_player/stop", "rosbag2_interfaces/srv/Stop")
+    if code == 0 and "Stop_Response" not in output:
+        raise Failure(f"ros2 service call /rosbag2_player/stop: no answer:\n{(output + errors)[-1500:]}")
     if (code := player.wait(20)) != 0:
         raise Failure(f"modulo bag play: exit code {code} after the service stop")
     heard = boxes_of("modulo", "launch", str(ROOT / "launch/replay.launch.yaml"), f"bag:={WORK / 'theirs'}")
