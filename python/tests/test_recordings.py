@@ -54,7 +54,7 @@ def edges(row: list[float]) -> tuple[float, float, float, float]:
 
 def test_scores_are_those_of_pycocotools() -> None:
     """The same expected values as for the Rust crate, by tests/peers/coco_reference.py."""
-    cases = json.loads((ROOT / "eval/grid/tests/data/coco_golden.json").read_text())
+    cases = json.loads((ROOT / "eval/ap/tests/data/coco_golden.json").read_text())
     for case in cases:
         found = [[modulo.Detection(*edges(row), row[4], "car") for row in image["found"]] for image in case["images"]]
         truth = [
