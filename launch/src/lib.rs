@@ -19,7 +19,7 @@ mod yaml;
 
 use std::path::{Path, PathBuf};
 
-pub use package::{FoundFile, SUITE, launch_files};
+pub use package::{FoundFile, SUITE, launch_file, launch_files};
 pub use plan::{
     ComposedNode, DeclaredArgument, NodeParameter, NodePlan, Plan, check, compose, declared_arguments,
     resolve, ros_arguments,

@@ -96,6 +96,14 @@ pub fn launch_files() -> Vec<FoundFile> {
     folders.iter().flat_map(|folder| files_in(folder)).collect()
 }
 
+/// Returns the launch file that `file` means: `file` itself where it exists or names a folder, else the first of [`launch_files`] with
+/// this name. A name that none has stays as it is.
+pub fn launch_file(file: &Path) -> PathBuf {
+    let is_name = file.components().count() == 1 && !file.exists();
+    let found = launch_files().into_iter().find(|found| is_name && found.path.ends_with(file));
+    found.map_or_else(|| file.to_owned(), |found| found.path)
+}
+
 fn files_in(folder: &Path) -> Vec<FoundFile> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let is_launch_file = |path: &PathBuf| {

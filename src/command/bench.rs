@@ -15,7 +15,7 @@ use modulo_camera::CameraParameters;
 use modulo_core::{SensorError, UnwrapError, WorkersError};
 use modulo_detector::{EngineChoice, EngineOptions, measure};
 use modulo_images::{ImageError, WHITE_PERCENTILE};
-use modulo_launch::launch_files;
+use modulo_launch::launch_file;
 use modulo_runtime::SystemClock;
 use modulo_runtime::clock::monotonic_ns;
 use modulo_runtime::sensor::options::CHIP;
@@ -219,10 +219,7 @@ fn bench_pipeline(request: &pipeline::PipelineRequest) -> Result<Ended, Failure>
 /// Returns this program and the launch file of the suite that a benchmark runs.
 fn this_program() -> Result<(PathBuf, PathBuf), Failure> {
     let program = std::env::current_exe().context("this program")?;
-    let file = launch_files().into_iter().find(|file| file.path.ends_with("recovered.launch.yaml"));
-    let file =
-        file.context("recovered.launch.yaml was found neither in ./launch nor in the package modulo")?;
-    Ok((program, file.path))
+    Ok((program, launch_file("recovered.launch.yaml".as_ref())))
 }
 
 fn bench_detector(request: &pipeline::SuiteRequest) -> Result<Ended, Failure> {

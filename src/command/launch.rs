@@ -10,7 +10,8 @@ use clap::Args;
 use modulo_launch::plan::{NodeParameter, OnExit};
 use modulo_launch::supervisor::{MAX_RESTARTS, ProcessEnd, Watch};
 use modulo_launch::{
-    ComposedNode, Ending, NodePlan, Outcome, Plan, Summary, Supervision, launch_files, reports_so_far,
+    ComposedNode, Ending, NodePlan, Outcome, Plan, Summary, Supervision, launch_file, launch_files,
+    reports_so_far,
 };
 use modulo_middleware::driver::composed::{self, Member};
 use modulo_middleware::process::node_files::ReportFile;
@@ -31,7 +32,8 @@ const GLANCE: Duration = Duration::from_millis(200);
 /// `modulo launch`
 #[derive(Args)]
 pub struct Launch {
-    /// Launch file (ROS 2 YAML). Without it, the launch files that are found are listed
+    /// Launch file (ROS 2 YAML), or the name of a launch file of the suite, which is found from any folder. Without it, the launch
+    /// files that are found are listed
     pub file: Option<PathBuf>,
     /// Arguments as name:=value
     pub arguments: Vec<String>,
@@ -79,7 +81,7 @@ struct LaunchResult {
 /// Starts what the file says and prints the summary at the end.
 pub fn launch(args: &Launch) -> Result<Ended, Failure> {
     start_log(if args.verbose { "debug" } else { "warn" });
-    let file = args.file.as_deref().ok_or_else(no_file)?;
+    let file = &launch_file(args.file.as_deref().ok_or_else(no_file)?);
     if args.show_args {
         return show_args(file);
     }

@@ -220,11 +220,26 @@ fn launch_without_a_file_lists_the_files_that_it_finds() {
     };
     let installed = bench.path("install/share/modulo/launch");
     std::fs::create_dir_all(&installed).expect("writable");
-    std::fs::copy("launch/recovered.launch.yaml", installed.join("recovered.launch.yaml")).expect("writable");
+    for file in
+        std::fs::read_dir("launch").expect("the launch files").map(|file| file.expect("an entry").path())
+    {
+        if file.is_file() {
+            std::fs::copy(&file, installed.join(file.file_name().expect("a name"))).expect("writable");
+        }
+    }
     let here = listed(env!("CARGO_MANIFEST_DIR").as_ref());
     assert!(here.contains("  launch/recovered.launch.yaml"), "{here}");
     assert!(here.contains("  Detection on the recovered images (p = true).\n"), "{here}");
     assert_eq!(here.matches("  launch/recovered.launch.yaml").count(), 1, "{here}");
+
+    // A file of the suite is known by its name, wherever the command is typed.
+    let named = |name| {
+        let mut command = bench.modulo(&["launch", "--print", name]);
+        let output = command.current_dir(bench.folder.path()).env("AMENT_PREFIX_PATH", bench.path("install"));
+        text(&output.output().expect("it starts"))
+    };
+    assert!(named("recovered.launch.yaml").contains("modulo/detector"), "{}", named("recovered.launch.yaml"));
+    assert!(named("gone.launch.yaml").contains("gone.launch.yaml"), "{}", named("gone.launch.yaml"));
 
     std::fs::create_dir(bench.path("launch")).expect("writable");
     std::fs::write(bench.path("launch/mine.launch.yaml"), "# My own.\nlaunch: []\n").expect("writable");

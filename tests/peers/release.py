@@ -1,0 +1,120 @@
+"""Installs what `tools/release` has built, each into an empty place, and runs the main job from it.
+
+    tools/release FOLDER && python3 tests/peers/release.py FOLDER
+
+The tarball is unpacked into an empty root folder, the Debian package with its files alone into another one. With the libraries that the
+binary names and nothing else of this machine, `modulo launch recovered.launch.yaml` must end well in each, in a folder that has
+neither launch files nor sensors. The wheel is installed into an empty environment, and must unwrap an array. Prints the seconds
+of each, from nothing to the first box or the first array. Needs root; without it the roots are not entered, and their checks are
+skipped.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+FRAMES = 20
+ARRAY = """
+import numpy as np, modulo
+y, *_, wraps = modulo.Sensor(bits=8, alpha=4).expose(np.tile(np.linspace(0, 1, 640, dtype=np.float32), (480, 1)))
+assert (modulo.unwrap(y, bits=8, alpha=4).k == wraps).all()
+"""
+
+
+def run(*command, **options):
+    """Runs a command that must succeed; returns what it prints."""
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, **options)
+    assert done.returncode == 0, f"{command} ended with {done.returncode}: {done.stdout}{done.stderr}"
+    return done.stdout
+
+
+def only(folder, ending):
+    """Returns the single file in a folder with this ending."""
+    (found,) = folder.glob(f"*{ending}")
+    return found
+
+
+def add_libraries(root, binary):
+    """Copies the shared libraries that `binary` names, and its loader, into `root`."""
+    for line in run("ldd", binary).splitlines():
+        for word in line.split():
+            if word.startswith("/"):
+                place = root / word[1:]
+                place.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(word, place)
+
+
+def main_job(root, binary, launch):
+    """Runs the main job in `root`; returns the seconds until the first boxes."""
+    for folder in ("tmp", "dev", "proc", "home"):
+        (root / folder).mkdir(parents=True, exist_ok=True)
+    script = 'mount -t proc proc "$0/proc" && mount --rbind /dev "$0/dev" && exec chroot "$0" "$@"'
+    job = [binary, "launch", launch, f"source:=scene://tunnel?seed=3&frames={FRAMES}", "--verbose"]
+    environment = {"PATH": "/usr/sbin:/usr/bin:/sbin:/bin", "HOME": "/home", "ROS_DOMAIN_ID": "97"}
+    command = ["unshare", "--mount", "sh", "-c", script, str(root), *job]
+    begin, first, lines = time.monotonic(), None, []
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment) as suite:
+        for line in suite.stdout:
+            lines.append(line)
+            if first is None and " boxes: " in line:
+                first = time.monotonic() - begin
+    assert suite.returncode == 0, "".join(lines)
+    assert any(line.startswith(f"frames {FRAMES},") for line in lines), "".join(lines)
+    return first
+
+
+def tarball(folder, root):
+    """Unpacks the tarball in the root folder `root`; returns the seconds until the first box."""
+    begin = time.monotonic()
+    run("tar", "-xzf", only(folder, ".tar.gz"), "-C", root)
+    (top,) = root.iterdir()
+    unpacked = time.monotonic() - begin
+    add_libraries(root, top / "lib/modulo/modulo")
+    return unpacked + main_job(root, f"/{top.name}/bin/modulo", "recovered.launch.yaml")
+
+
+def package(folder, root):
+    """Installs the Debian package in `root`; returns the seconds until the first box."""
+    begin = time.monotonic()
+    (root / "var/lib/dpkg/updates").mkdir(parents=True)
+    (root / "var/lib/dpkg/info").mkdir()
+    (root / "var/lib/dpkg/status").touch()
+    # The packages that it depends on are not in this root, but their libraries are.
+    run("dpkg", f"--root={root}", "--force-depends", "-i", only(folder, ".deb"))
+    installed = time.monotonic() - begin
+    assert run("dpkg-deb", "-f", only(folder, ".deb"), "Depends").startswith("libc6"), "the dependencies are found"
+    add_libraries(root, root / "usr/lib/modulo/modulo")
+    return installed + main_job(root, "/usr/bin/modulo", "recovered.launch.yaml")
+
+
+def wheel(folder, root):
+    """Installs the wheel in an environment at `root`; returns the seconds until the first array, those of pip included."""
+    found = only(folder, ".whl")
+    assert "-abi3-manylinux" in found.name, found.name
+    run(sys.executable, "-m", "venv", root)
+    begin = time.monotonic()
+    run(root / "bin/pip", "install", "--quiet", found, cwd=root)
+    run(root / "bin/python", "-c", ARRAY, cwd=root)
+    return time.monotonic() - begin
+
+
+def main():
+    """Checks the sums, and installs each form."""
+    folder = Path(sys.argv[1]).resolve()
+    run("sha256sum", "--check", "SHA256SUMS", cwd=folder)
+    forms = {"tarball": tarball, "Debian package": package} if os.geteuid() == 0 else {}
+    if list(folder.glob("*.whl")):
+        forms["wheel"] = wheel
+    if not os.geteuid() == 0:
+        print("skipped: the tarball and the Debian package, whose roots only root can enter")
+    for name, install in forms.items():
+        with tempfile.TemporaryDirectory() as root:
+            print(f"ok: {name}, {install(folder, Path(root)):.1f} s to the first result")
+
+
+if __name__ == "__main__":
+    main()
