@@ -9,6 +9,7 @@ mod metadata;
 pub mod qos;
 mod reader;
 mod scan;
+#[cfg(feature = "sqlite")]
 mod sqlite;
 mod storage;
 mod writer;

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use jiff::Timestamp;
+use modulo_runtime::clock::utc;
 
 use super::metadata::{self, Metadata};
 use super::storage::{self, Cursor, IndexUse, Merge, MergeInput, Storage};
@@ -272,7 +272,7 @@ struct Utc(u64);
 
 impl fmt::Display for Utc {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let time = Timestamp::from_nanosecond(self.0.into()).expect("64 bits of ns end in the year 2554");
-        write!(f, "{} ({}.{:09})", time.strftime("%Y-%m-%d %H:%M:%S.%9f UTC"), self.0 / NS, self.0 % NS)
+        let (seconds, rest) = (self.0 / NS, self.0 % NS);
+        write!(f, "{}.{rest:09} UTC ({seconds}.{rest:09})", utc(seconds))
     }
 }

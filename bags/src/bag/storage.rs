@@ -9,7 +9,6 @@ use std::sync::Arc;
 use modulo_images::open_regular;
 
 use super::mcap_file::McapFile;
-use super::sqlite::SqliteFile;
 use super::{BagError, BagWarning, RawMessage, Selection, TopicCount};
 use crate::FileError;
 
@@ -61,13 +60,25 @@ pub(super) fn open(path: &Path, index: IndexUse) -> Result<Arc<dyn Storage>, Bag
     // The longest of the signatures, that of SQLite, has 16 bytes.
     file.take(16).read_to_end(&mut start).map_err(|e| FileError::new(path, e))?;
     Ok(if start.starts_with(b"SQLite format 3\0") {
-        Arc::new(SqliteFile::open(path)?)
+        open_sqlite(path)?
     } else if start.starts_with(b"#ROSBAG V") {
         return Err(BagError::Ros1(path.to_owned()));
     } else {
         // Anything else is read as MCAP, whose reader names the error.
         Arc::new(McapFile::open(path, index)?)
     })
+}
+
+#[cfg(feature = "sqlite")]
+fn open_sqlite(path: &Path) -> Result<Arc<dyn Storage>, BagError> {
+    Ok(Arc::new(super::sqlite::SqliteFile::open(path)?))
+}
+
+#[cfg(not(feature = "sqlite"))]
+fn open_sqlite(path: &Path) -> Result<Arc<dyn Storage>, BagError> {
+    let why = "this build does not read bags of SQLite; `modulo bag convert FILE FOLDER` of a build with the feature `sqlite` \
+               makes a bag of MCAP, which can be read here";
+    Err(BagError::Unsupported(path.to_owned(), why.to_owned()))
 }
 
 /// Returns whether `path` is called as a file of a bag is.
