@@ -23,10 +23,11 @@ use modulo_runtime::Qos;
 use modulo_runtime::output::OutputError;
 
 use crate::FileError;
+pub use bag_file::Compression;
 pub use reader::{BagInfo, BagReader, Messages};
 pub use storage::Selection;
 use storage::{IndexUse, Storage};
-pub use writer::{BagWriter, Compression, Copied, Split, TopicId, WriteOptions, copy};
+pub use writer::{BagWriter, Copied, Split, TopicId, WriteOptions, copy};
 
 /// A topic of a bag, from its channel and its schema.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
