@@ -5,7 +5,6 @@
 pub mod bag;
 pub mod import;
 pub mod source;
-mod yaml;
 
 use std::path::{Component, Path, PathBuf};
 

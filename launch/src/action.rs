@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 
 pub(crate) use process::{ExecutableAction, NodeAction, Parameter, ParameterValue, ProcessAction};
 
+use modulo_runtime::yaml::{self, Content, Item, ScalarType};
+
 use crate::attributes::{Attributes, Text};
-use crate::yaml::{self, Content, Item, ScalarType};
 use crate::{LaunchError, Mistakes, listed};
 
 /// A launch file.
@@ -109,7 +110,7 @@ const READERS: [ActionReader; 14] = [
 /// [`LaunchError::File`] when it cannot be opened, [`LaunchError::At`] for each entry in it that is no action.
 pub(crate) fn read_file(path: &Path) -> Result<LaunchFile, Mistakes> {
     let text = std::fs::read_to_string(path).map_err(|e| LaunchError::file(path, e))?;
-    let root = yaml::read(path, &text)?;
+    let root = yaml::read_agreed(&text).map_err(|e| LaunchError::at(path, e.line, e.message))?;
     let attributes = Attributes::read(path, "launch file", &root, &["launch"])?;
     if attributes.item("launch").is_none() {
         return Err(attributes.missing("launch").into());

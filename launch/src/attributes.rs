@@ -3,8 +3,9 @@
 
 use std::path::Path;
 
+use modulo_runtime::yaml::{Content, Item, Key, ScalarType};
+
 use crate::substitution::Template;
-use crate::yaml::{Content, Item, Key, ScalarType};
 use crate::{LaunchError, listed};
 
 /// A string of a launch file with its line.

@@ -15,7 +15,6 @@ pub mod substitution;
 pub mod summary;
 pub mod supervisor;
 mod trace;
-mod yaml;
 
 use std::path::{Path, PathBuf};
 

@@ -2,6 +2,7 @@
 
 use modulo_middleware::graph::type_description;
 use modulo_middleware::parameter::service::Service;
+use modulo_middleware::transport::zenoh::gid;
 use modulo_msgs::sensor_msgs::Image;
 use modulo_msgs::{cdr, ros_name, type_hash};
 use modulo_runtime::wire::attachment::Attachment;
@@ -95,7 +96,7 @@ fn every_sample_is_read_and_written() {
         assert_eq!(sample["key"], key);
         let bytes = hex(&sample["attachment"]);
         let attachment = Attachment::parse(&bytes).expect("an attachment");
-        assert_eq!((attachment.sequence, attachment.gid), (number, publisher.gid()));
+        assert_eq!((attachment.sequence, attachment.gid), (number, gid(&publisher)));
         assert_eq!(attachment.to_bytes().as_slice(), bytes);
         let image: Image = cdr::from_slice(&hex(&sample["payload"])).expect("an image");
         assert_eq!((image.width, image.height, image.encoding.as_str()), (3, 2, "rgb8"));

@@ -22,6 +22,9 @@ pub enum DefinitionError {
     /// A type is part of itself.
     #[error("'{0}' contains itself, or is nested too deep; a ROS message cannot")]
     Recursive(String),
+    /// The crate is built without the feature `hashes`.
+    #[error("this build has no hashes of types")]
+    NoHashes,
 }
 
 /// Returns the fields that `text` gives the type `name`. A type without fields gets the one that ROS gives it,

@@ -5,14 +5,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::OnceLock;
 
-use sha2::{Digest, Sha256};
-
 use crate::definition::{DefinitionError, full_name};
 use crate::interface;
 use crate::type_description_interfaces::{Field, IndividualTypeDescription, TypeDescription};
 
 /// `RIHS01_` and 64 hexadecimal digits for a message, a service, or a service's request, response or event. `None` when
-/// the suite does not define it.
+/// the suite does not define it, or when the crate is built without the feature `hashes`.
 ///
 /// ```
 /// let hash = modulo_msgs::type_hash("sensor_msgs/msg/Image").expect("the suite defines it");
@@ -27,9 +25,9 @@ pub fn type_hash(name: &str) -> Option<String> {
 /// line of 80 `=` and a line `MSG: pkg/Name`.
 ///
 /// # Errors
-/// [`DefinitionError`] with the line that is no field, or the type that is missing.
+/// [`DefinitionError`] with the line that is no field, or the type that is missing; and without the feature `hashes`.
 pub fn type_hash_of_schema(name: &str, text: &str) -> Result<String, DefinitionError> {
-    Ok(hash(&description_of_schema(name, text)?))
+    hash(&description_of_schema(name, text)?)
 }
 
 /// Returns the description of `name` that foreign `ros2msg` text gives it. Messages can be read with it as they come: no
@@ -52,7 +50,7 @@ fn all_hashes() -> BTreeMap<String, String> {
     let parts = ["", "_Request", "_Response", "_Event"];
     interface::names()
         .flat_map(|name| parts.map(|part| format!("{name}{part}")))
-        .filter_map(|name| type_description(&name).map(|description| (name, hash(&description))))
+        .filter_map(|name| hash(&type_description(&name)?).ok().map(|hash| (name, hash)))
         .collect()
 }
 
@@ -104,7 +102,7 @@ fn needs(description: &IndividualTypeDescription) -> Vec<String> {
     nested.filter(|name| !name.is_empty()).cloned().collect()
 }
 
-fn hash(description: &TypeDescription) -> String {
+fn hash(description: &TypeDescription) -> Result<String, DefinitionError> {
     // The hash is computed over text, so that the order of the keys and each space count: this is the form of
     // `json.dumps` of Python without newlines. serde_json would leave out the spaces.
     let referenced: Vec<_> = description.referenced_type_descriptions.iter().map(individual_json).collect();
@@ -113,8 +111,18 @@ fn hash(description: &TypeDescription) -> String {
         individual_json(&description.type_description),
         referenced.join(", "),
     );
-    let digits: String = Sha256::digest(json).iter().map(|byte| format!("{byte:02x}")).collect();
-    format!("RIHS01_{digits}")
+    sha256(&json).map(|digits| format!("RIHS01_{digits}")).ok_or(DefinitionError::NoHashes)
+}
+
+#[cfg(feature = "hashes")]
+fn sha256(text: &str) -> Option<String> {
+    use sha2::{Digest, Sha256};
+    Some(Sha256::digest(text).iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
+#[cfg(not(feature = "hashes"))]
+fn sha256(_: &str) -> Option<String> {
+    None
 }
 
 // `full_name` and `parse_line` accept only letters, digits, `_` and `/` in names, so that no name needs JSON escapes.

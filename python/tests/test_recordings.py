@@ -37,6 +37,13 @@ def test_a_cut_bag_warns_and_gives_its_whole_chunks(tmp_path: Path) -> None:
     assert 0 < len(frames) < 12
 
 
+def test_a_bag_of_sqlite_names_the_command_that_converts_it(tmp_path: Path) -> None:
+    bag = tmp_path / "old.db3"
+    bag.write_bytes(b"SQLite format 3\0")
+    with pytest.raises(ValueError, match="modulo bag convert"):
+        list(modulo.read_bag(bag))
+
+
 def test_labels_of_a_source_score_themselves() -> None:
     frames = list(itertools.islice(modulo.read_source("scene://day?seed=2"), 3))
     truth = [frame.ground_truth or [] for frame in frames]

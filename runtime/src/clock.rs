@@ -32,6 +32,22 @@ pub fn monotonic_ns() -> u64 {
     u64::try_from(time.num_nanoseconds()).expect("this time is never negative")
 }
 
+/// Returns the date and the time in UTC of a time in seconds since the Unix epoch, as `2026-11-24 06:12:04`.
+///
+/// Source: <https://howardhinnant.github.io/date_algorithms.html>, `civil_from_days`
+pub fn utc(seconds: u64) -> String {
+    // Years begin in March here, so that a leap day is the last day of one. The epoch is day 719,468 since 0000-03-01.
+    let days = seconds / 86_400 + 719_468;
+    let (era, day) = (days / 146_097, days % 146_097);
+    let year = (day - day / 1460 + day / 36_524 - day / 146_096) / 365;
+    let day = day - (365 * year + year / 4 - year / 100);
+    let month = (5 * day + 2) / 153;
+    let day = day - (153 * month + 2) / 5 + 1;
+    let (year, month) = if month < 10 { (year, month + 3) } else { (year + 1, month - 9) };
+    let (year, hour) = (400 * era + year, seconds / 3600 % 24);
+    format!("{year:04}-{month:02}-{day:02} {hour:02}:{:02}:{:02}", seconds / 60 % 60, seconds % 60)
+}
+
 /// The clock of the machine.
 #[derive(Debug, Clone)]
 pub struct SystemClock {
@@ -81,5 +97,24 @@ impl Clock for ManualClock {
 
     fn ticks_ns(&self) -> u64 {
         self.now.load(Ordering::Relaxed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_have_leap_days() {
+        for (seconds, date) in [
+            (0, "1970-01-01 00:00:00"),
+            (951_782_399, "2000-02-28 23:59:59"),
+            (951_782_400, "2000-02-29 00:00:00"),
+            (1_735_689_599, "2024-12-31 23:59:59"),
+            (4_107_542_400, "2100-03-01 00:00:00"),
+            (u64::MAX / 1_000_000_000, "2554-07-21 23:34:33"),
+        ] {
+            assert_eq!(utc(seconds), date);
+        }
     }
 }

@@ -17,6 +17,7 @@ pub mod ros_args;
 pub mod stop;
 pub mod topic;
 pub mod trace;
+pub mod yaml;
 
 /// The sensor behind the images: its parameters, and the description that a camera publishes with each frame.
 pub mod sensor {

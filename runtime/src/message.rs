@@ -136,7 +136,7 @@ impl MessageKind {
         Self::ALL.iter().copied().find(|kind| kind.type_name() == name)
     }
 
-    /// Returns the hash of the type, `RIHS01_...`.
+    /// Returns the hash of the type, `RIHS01_...`, which takes the feature `hashes` of `modulo_msgs`.
     pub fn type_hash(self) -> String {
         modulo_msgs::type_hash(self.type_name()).expect("every kind of message is defined in modulo_msgs")
     }

@@ -17,6 +17,7 @@ use modulo_eval::grid::{
 use modulo_eval::results::{Cell, Provenance, RESULTS, Results};
 use modulo_eval::{budget as choices, report as page, store};
 use modulo_images::ImageError;
+use modulo_runtime::clock::utc;
 use modulo_runtime::sensor::options::CHIP;
 use modulo_runtime::{Clock, SystemClock};
 
@@ -180,14 +181,13 @@ fn provenance() -> Provenance {
     let words = std::env::args_os().map(|word| quoted(&word.to_string_lossy()));
     let [host, load] =
         ["/proc/sys/kernel/hostname", "/proc/loadavg"].map(|file| std::fs::read_to_string(file).ok());
-    let now = i128::from(SystemClock::default().now_ns() / 1_000_000_000);
-    let started = jiff::Timestamp::from_nanosecond(1_000_000_000 * now).expect("64 bits of ns end in 2554");
+    let started = utc(SystemClock::default().now_ns() / 1_000_000_000);
     Provenance {
         command: words.collect::<Vec<_>>().join(" "),
         commit: env!("MODULO_COMMIT").to_owned(),
         host: host.map_or_else(|| "unknown".to_owned(), |name| name.trim().to_owned()),
         processor: processor(),
-        started: started.to_string(),
+        started: started.replace(' ', "T") + "Z",
         load: load.and_then(|text| text.split(' ').next()?.parse().ok()),
         time: None,
     }

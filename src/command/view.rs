@@ -1,15 +1,13 @@
 //! `modulo view`: the suite in a browser. `modulo top`: the suite in a terminal.
 
-use std::io::IsTerminal as _;
-use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::net::{IpAddr, Ipv4Addr};
 
-use anyhow::{Context as _, anyhow};
 use clap::Args;
-use modulo_viewer::top::{Top, show};
-use modulo_viewer::{ViewAddresses, ViewOptions};
 
-use super::{domain, open_session, start_log, stop_on_signals};
-use crate::{Ended, Failure};
+#[cfg(not(feature = "viewer"))]
+pub use absent::{top, view};
+#[cfg(feature = "viewer")]
+pub use present::{top, view};
 
 /// `modulo view`
 #[derive(Args)]
@@ -29,35 +27,6 @@ pub struct ViewCommand {
     pub foxglove: Option<u16>,
 }
 
-/// Runs the command.
-pub fn view(args: &ViewCommand) -> Result<Ended, Failure> {
-    start_log("info");
-    let stop = stop_on_signals()?;
-    let options = ViewOptions {
-        address: SocketAddr::new(args.address, args.port),
-        token: args.token.clone(),
-        foxglove: args.foxglove,
-    };
-    let (clock, transport) = open_session()?;
-    let open = |at: &ViewAddresses| {
-        say!("open {} in a browser; SIGINT ends the viewer", at.page);
-        if let Some(address) = &at.foxglove {
-            say!(
-                "open {address} in Foxglove; set the parameter `token` there to {} to change others",
-                at.token
-            );
-        }
-    };
-    modulo_viewer::run(transport, clock, &options, &stop, open)?;
-    Ok(Ended::Done)
-}
-
-/// Letters and digits need no quoting in an address, and fewer than 8 of them are soon guessed.
-fn token(text: &str) -> Result<String, String> {
-    let valid = text.len() >= 8 && text.bytes().all(|byte| byte.is_ascii_alphanumeric());
-    if valid { Ok(text.to_owned()) } else { Err("must be at least 8 letters and digits".to_owned()) }
-}
-
 /// `modulo top`
 #[derive(Args)]
 pub struct TopCommand {
@@ -66,18 +35,81 @@ pub struct TopCommand {
     pub once: bool,
 }
 
-/// Runs the command.
-pub fn top(args: &TopCommand) -> Result<Ended, Failure> {
-    let (clock, transport) = open_session()?;
-    let mut top = Top::new(transport, clock)?;
-    if args.once || !std::io::stdout().is_terminal() {
-        let none = anyhow!(
-            "no node was found in domain {}; start a suite with `modulo launch`, or set ROS_DOMAIN_ID to its domain",
-            domain()?
-        );
-        say!("{}", top.once().ok_or(none)?);
-    } else {
-        show(top, &stop_on_signals()?).context("terminal")?;
+/// Letters and digits need no quoting in an address, and fewer than 8 of them are soon guessed.
+fn token(text: &str) -> Result<String, String> {
+    let valid = text.len() >= 8 && text.bytes().all(|byte| byte.is_ascii_alphanumeric());
+    if valid { Ok(text.to_owned()) } else { Err("must be at least 8 letters and digits".to_owned()) }
+}
+
+/// The commands of a build with the feature `viewer`.
+#[cfg(feature = "viewer")]
+mod present {
+    use std::io::IsTerminal as _;
+    use std::net::SocketAddr;
+
+    use anyhow::{Context as _, anyhow};
+    use modulo_viewer::top::{Top, show};
+    use modulo_viewer::{ViewAddresses, ViewOptions};
+
+    use super::{TopCommand, ViewCommand};
+    use crate::command::{domain, open_session, start_log, stop_on_signals};
+    use crate::{Ended, Failure};
+
+    /// Runs the command.
+    pub fn view(args: &ViewCommand) -> Result<Ended, Failure> {
+        start_log("info");
+        let stop = stop_on_signals()?;
+        let options = ViewOptions {
+            address: SocketAddr::new(args.address, args.port),
+            token: args.token.clone(),
+            foxglove: args.foxglove,
+        };
+        let (clock, transport) = open_session()?;
+        let open = |at: &ViewAddresses| {
+            say!("open {} in a browser; SIGINT ends the viewer", at.page);
+            if let Some(address) = &at.foxglove {
+                say!(
+                    "open {address} in Foxglove; set the parameter `token` there to {} to change others",
+                    at.token
+                );
+            }
+        };
+        modulo_viewer::run(transport, clock, &options, &stop, open)?;
+        Ok(Ended::Done)
     }
-    Ok(Ended::Done)
+
+    /// Runs the command.
+    pub fn top(args: &TopCommand) -> Result<Ended, Failure> {
+        let (clock, transport) = open_session()?;
+        let mut top = Top::new(transport, clock)?;
+        if args.once || !std::io::stdout().is_terminal() {
+            let none = anyhow!(
+                "no node was found in domain {}; start a suite with `modulo launch`, or set ROS_DOMAIN_ID to its domain",
+                domain()?
+            );
+            say!("{}", top.once().ok_or(none)?);
+        } else {
+            show(top, &stop_on_signals()?).context("terminal")?;
+        }
+        Ok(Ended::Done)
+    }
+}
+
+/// The commands of a build without the feature `viewer`.
+#[cfg(not(feature = "viewer"))]
+mod absent {
+    use anyhow::anyhow;
+
+    use super::{TopCommand, ViewCommand};
+    use crate::{Ended, Failure};
+
+    /// Refuses the command.
+    pub fn view(_: &ViewCommand) -> Result<Ended, Failure> {
+        Err(anyhow!("this build has no viewer: it lacks the feature `viewer`").into())
+    }
+
+    /// Refuses the command.
+    pub fn top(_: &TopCommand) -> Result<Ended, Failure> {
+        Err(anyhow!("this build has no viewer: it lacks the feature `viewer`").into())
+    }
 }

@@ -12,8 +12,26 @@ use mcap::McapError;
 use mcap::records::{MessageHeader, Metadata as MetadataRecord};
 
 use super::metadata::{self, Contents, FileContents};
-use super::{BagError, BagTopic, Compression, TopicCount, qos};
+use super::{BagError, BagTopic, TopicCount, qos};
 use crate::FileError;
+
+/// The compression of chunks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Compression {
+    /// No compression, as rosbag2 writes by default: fastest.
+    #[default]
+    None,
+    /// LZ4: fast, moderately small.
+    Lz4,
+    /// Zstandard: slower, smaller.
+    Zstd,
+}
+
+impl Compression {
+    /// Each compression with its word on the command line.
+    pub const WORDS: [(&'static str, Self); 3] =
+        [("none", Self::None), ("lz4", Self::Lz4), ("zstd", Self::Zstd)];
+}
 
 /// Chunks are closed at this size, bytes.
 const CHUNK: u64 = 4 << 20;

@@ -10,13 +10,10 @@ use mcap::Summary;
 use mcap::sans_io::indexed_reader::{IndexedReadEvent, IndexedReader, IndexedReaderOptions, ReadOrder};
 use mcap::sans_io::summary_reader::{SummaryReadEvent, SummaryReader, SummaryReaderOptions};
 
-use super::scan::{UnchunkedMessage, scan};
+use super::scan::{MAX_CHUNK, UnchunkedMessage, scan};
 use super::storage::{Cursor, FileSummary, IndexUse, Storage};
 use super::{BagError, BagTopic, BagWarning, RawMessage, Selection, TopicCount, type_hash};
 use crate::FileError;
-
-/// No chunk may unpack to more, bytes: recorders write a few MiB.
-pub(super) const MAX_CHUNK: usize = 1 << 30;
 
 /// The index of one file.
 #[derive(Debug)]

@@ -6,10 +6,10 @@ use std::fmt::Write;
 use std::path::Path;
 
 use modulo_runtime::parameter::yaml_text::of_string as quoted;
-use saphyr::Yaml;
+use modulo_runtime::yaml::{self, Content, Item};
 
 use super::{BagError, TopicCount, qos};
-use crate::{FileError, stays_inside, yaml};
+use crate::{FileError, stays_inside};
 
 pub(super) const FILE_NAME: &str = "metadata.yaml";
 
@@ -74,15 +74,21 @@ pub(super) fn read(path: &Path) -> Result<Metadata, BagError> {
 }
 
 fn parse(text: &str) -> Result<Metadata, String> {
-    let root = yaml::top(text, ROOT)?;
-    let word = |key: &str| match yaml::entry(&root, key) {
+    let file = yaml::read(text).map_err(|why| why.to_string())?;
+    let root = file
+        .entry(ROOT)
+        .ok_or_else(|| format!("no value of '{ROOT}' at the top of the file, where it is needed"))?;
+    let word = |key: &str| match root.entry(key) {
         None => Ok(None),
-        Some(value) => yaml::scalar(value)
+        Some(value) => value
+            .text()
             .map(|text| Some(text.to_owned()))
             .ok_or_else(|| format!("{ROOT}.{key} is a list or a mapping, a word is needed")),
     };
-    let files = yaml::entry(&root, "relative_file_paths").and_then(Yaml::as_sequence);
-    let files = files.and_then(|files| files.iter().map(yaml::scalar).collect::<Option<Vec<_>>>());
+    let files = root.entry("relative_file_paths").and_then(|files| match &files.content {
+        Content::List(files) => files.iter().map(Item::text).collect::<Option<Vec<_>>>(),
+        _ => None,
+    });
     let files = files
         .ok_or_else(|| format!("{ROOT}.relative_file_paths is no list of file names, which is needed"))?;
     Ok(Metadata {
@@ -207,7 +213,7 @@ mod tests {
             (document("{storage_identifier: [], relative_file_paths: [a]}"), "storage_identifier is a list"),
             (document("storage_identifier: 'mcap"), "line "),
             ("[".repeat(100_000), "line "),
-            ("- ".repeat(100_000), "line 1: nested deeper than 64"),
+            ("- ".repeat(100_000), "line 1: a nesting deeper than 64"),
             ("a: ".to_owned() + &"{a: ".repeat(100_000), "line "),
         ] {
             let why = parse(&text).expect_err(told);

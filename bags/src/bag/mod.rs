@@ -9,19 +9,25 @@ mod metadata;
 pub mod qos;
 mod reader;
 mod scan;
+#[cfg(feature = "sqlite")]
 mod sqlite;
 mod storage;
 mod writer;
 
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use modulo_images::open_regular;
 use modulo_runtime::Qos;
 use modulo_runtime::output::OutputError;
 
 use crate::FileError;
-pub use reader::{BagInfo, BagReader, Messages, Selection};
-pub use writer::{BagWriter, Compression, Copied, Split, TopicId, WriteOptions, copy};
+pub use bag_file::Compression;
+pub use reader::{BagInfo, BagReader, Messages};
+pub use storage::Selection;
+use storage::{IndexUse, Storage};
+pub use writer::{BagWriter, Copied, Split, TopicId, WriteOptions, copy};
 
 /// A topic of a bag, from its channel and its schema.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
@@ -93,6 +99,34 @@ pub fn is_bag(path: &Path) -> bool {
             || storage::files_in(path).is_ok_and(|files| !files.is_empty());
     }
     storage::is_storage(path)
+}
+
+/// Opens the file `path`.
+fn open(path: &Path, index: IndexUse) -> Result<Arc<dyn Storage>, BagError> {
+    let mut start = Vec::new();
+    let file = open_regular(path).map_err(|e| FileError::new(path, e))?;
+    // The longest of the signatures, that of SQLite, has 16 bytes.
+    file.take(16).read_to_end(&mut start).map_err(|e| FileError::new(path, e))?;
+    Ok(if start.starts_with(b"SQLite format 3\0") {
+        open_sqlite(path)?
+    } else if start.starts_with(b"#ROSBAG V") {
+        return Err(BagError::Ros1(path.to_owned()));
+    } else {
+        // Anything else is read as MCAP, whose reader names the error.
+        Arc::new(mcap_file::McapFile::open(path, index)?)
+    })
+}
+
+#[cfg(feature = "sqlite")]
+fn open_sqlite(path: &Path) -> Result<Arc<dyn Storage>, BagError> {
+    Ok(Arc::new(sqlite::SqliteFile::open(path)?))
+}
+
+#[cfg(not(feature = "sqlite"))]
+fn open_sqlite(path: &Path) -> Result<Arc<dyn Storage>, BagError> {
+    let why = "this build does not read bags of SQLite; `modulo bag convert FILE FOLDER` of a build with the feature `sqlite` \
+               makes a bag of MCAP, which can be read here";
+    Err(BagError::Unsupported(path.to_owned(), why.to_owned()))
 }
 
 /// Error: a bag cannot be read or written.

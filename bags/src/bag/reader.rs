@@ -4,11 +4,11 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use jiff::Timestamp;
+use modulo_runtime::clock::utc;
 
 use super::metadata::{self, Metadata};
 use super::storage::{self, Cursor, IndexUse, Merge, MergeInput, Storage};
-use super::{BagError, BagWarning, RawMessage, TopicCount};
+use super::{BagError, BagWarning, RawMessage, Selection, TopicCount};
 
 /// An open bag: its index is known, and no message has been read yet.
 ///
@@ -34,26 +34,6 @@ pub struct BagReader {
     files: Vec<(PathBuf, Arc<dyn Storage>)>,
     ros_distro: Option<String>,
     warnings: Vec<BagWarning>,
-}
-
-/// A choice of messages.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Selection {
-    /// Names of topics; `None` is all of them.
-    pub topics: Option<Vec<String>>,
-    /// Messages from this log time on, ns since the epoch.
-    pub start_ns: Option<u64>,
-}
-
-impl Selection {
-    /// Selects these topics.
-    pub fn of<T: Into<String>>(topics: impl IntoIterator<Item = T>) -> Self {
-        Self { topics: Some(topics.into_iter().map(Into::into).collect()), start_ns: None }
-    }
-
-    pub(super) fn has(&self, topic: &str) -> bool {
-        self.topics.as_ref().is_none_or(|topics| topics.iter().any(|t| t == topic))
-    }
 }
 
 impl BagReader {
@@ -92,7 +72,7 @@ impl BagReader {
         }
         let mut files = Vec::new();
         for path in paths {
-            let file = storage::open(&path, index)?;
+            let file = super::open(&path, index)?;
             warnings.extend(file.summary().warnings.iter().cloned());
             files.push((path, file));
         }
@@ -272,7 +252,7 @@ struct Utc(u64);
 
 impl fmt::Display for Utc {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let time = Timestamp::from_nanosecond(self.0.into()).expect("64 bits of ns end in the year 2554");
-        write!(f, "{} ({}.{:09})", time.strftime("%Y-%m-%d %H:%M:%S.%9f UTC"), self.0 / NS, self.0 % NS)
+        let (seconds, rest) = (self.0 / NS, self.0 % NS);
+        write!(f, "{}.{rest:09} UTC ({seconds}.{rest:09})", utc(seconds))
     }
 }

@@ -13,9 +13,11 @@ use mcap::records::{ChunkHeader, ChunkIndex, Record, Statistics, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{McapError, Summary, parse_record};
 
-use super::mcap_file::MAX_CHUNK;
 use super::{BagError, BagWarning};
 use crate::FileError;
+
+/// No chunk may unpack to more, bytes: recorders write a few MiB.
+pub(super) const MAX_CHUNK: usize = 1 << 30;
 
 /// Opcode and length in front of every record.
 const RECORD_HEAD: u64 = 9;

@@ -161,7 +161,7 @@ impl SqliteMessages {
         let ids: Vec<_> = self.wanted.keys().map(i64::to_string).collect();
         // A statement borrows its connection, so it cannot stay open between two calls. The pair of time and
         // number finds the next message by the index, where an OFFSET would read all rows before it again.
-        let mut query = self.file.prepare_cached(&format!(
+        let mut query = self.file.prepare(&format!(
             "SELECT id, topic_id, timestamp, data FROM messages WHERE (timestamp, id) > (?1, ?2) \
              AND topic_id IN ({}) ORDER BY timestamp, id LIMIT {BATCH}",
             ids.join(", ")

@@ -2,19 +2,34 @@
 //! one.
 
 use std::fmt::Debug;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use modulo_images::open_regular;
-
-use super::mcap_file::McapFile;
-use super::sqlite::SqliteFile;
-use super::{BagError, BagWarning, RawMessage, Selection, TopicCount};
+use super::{BagError, BagWarning, RawMessage, TopicCount};
 use crate::FileError;
 
 /// File name extensions of bags. Those of ROS 1 are among them, so that their error names the remedy.
 const EXTENSIONS: [&str; 3] = ["mcap", "db3", "bag"];
+
+/// A choice of messages.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Selection {
+    /// Names of topics; `None` is all of them.
+    pub topics: Option<Vec<String>>,
+    /// Messages from this log time on, ns since the epoch.
+    pub start_ns: Option<u64>,
+}
+
+impl Selection {
+    /// Selects these topics.
+    pub fn of<T: Into<String>>(topics: impl IntoIterator<Item = T>) -> Self {
+        Self { topics: Some(topics.into_iter().map(Into::into).collect()), start_ns: None }
+    }
+
+    pub(super) fn has(&self, topic: &str) -> bool {
+        self.topics.as_ref().is_none_or(|topics| topics.iter().any(|t| t == topic))
+    }
+}
 
 /// The summary of one file of a bag.
 #[derive(Debug)]
@@ -52,22 +67,6 @@ pub(super) enum IndexUse {
 /// Messages in log-time order.
 pub(super) trait Cursor: Send {
     fn next(&mut self) -> Result<Option<RawMessage>, BagError>;
-}
-
-/// Opens the file `path`.
-pub(super) fn open(path: &Path, index: IndexUse) -> Result<Arc<dyn Storage>, BagError> {
-    let mut start = Vec::new();
-    let file = open_regular(path).map_err(|e| FileError::new(path, e))?;
-    // The longest of the signatures, that of SQLite, has 16 bytes.
-    file.take(16).read_to_end(&mut start).map_err(|e| FileError::new(path, e))?;
-    Ok(if start.starts_with(b"SQLite format 3\0") {
-        Arc::new(SqliteFile::open(path)?)
-    } else if start.starts_with(b"#ROSBAG V") {
-        return Err(BagError::Ros1(path.to_owned()));
-    } else {
-        // Anything else is read as MCAP, whose reader names the error.
-        Arc::new(McapFile::open(path, index)?)
-    })
 }
 
 /// Returns whether `path` is called as a file of a bag is.

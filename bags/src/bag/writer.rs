@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use modulo_runtime::output::OutputError;
 
-use super::bag_file::BagFile;
+use super::bag_file::{BagFile, Compression};
 use super::metadata::{self, Contents, FileContents};
 use super::{BagError, BagReader, BagTopic, BagWarning, Selection, TopicCount};
 use crate::FileError;
@@ -20,24 +20,6 @@ const FLUSH_EVERY: u64 = 1_000_000_000;
 /// Bytes of messages between two flushes. The system takes much more at once, but then one flush of it keeps a recorder
 /// on a slow disk busy for many seconds, in which it does not end.
 const FLUSH_BYTES: u64 = 4 << 20;
-
-/// The compression of chunks.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Compression {
-    /// No compression, as rosbag2 writes by default: fastest.
-    #[default]
-    None,
-    /// LZ4: fast, moderately small.
-    Lz4,
-    /// Zstandard: slower, smaller.
-    Zstd,
-}
-
-impl Compression {
-    /// Each compression with its word on the command line.
-    pub const WORDS: [(&'static str, Self); 3] =
-        [("none", Self::None), ("lz4", Self::Lz4), ("zstd", Self::Zstd)];
-}
 
 /// The limits at which a bag continues in a new file; a file has at least one message.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

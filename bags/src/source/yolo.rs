@@ -7,14 +7,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use modulo_core::BBox;
-use saphyr::Yaml;
+use modulo_runtime::yaml::{self, Content, Item};
 
 use super::folder::{
     FolderSource, LabelledSource, Labels, list_images, texts_without_image, warn_without_image,
 };
 use super::kitti::number;
 use super::{GroundTruth, SourceError};
-use crate::{FileError, yaml};
+use crate::FileError;
 
 /// Files that may contain the names of the classes.
 const NAME_FILES: [&str; 4] = ["data.yaml", "dataset.yaml", "classes.txt", "labels/classes.txt"];
@@ -143,23 +143,24 @@ fn names(folder: &Path) -> Result<BTreeMap<usize, String>, SourceError> {
 
 /// Reads `names` of a data set's file: a list, or a mapping by number.
 fn listed(text: &str) -> Result<BTreeMap<usize, String>, String> {
-    let names = yaml::top(text, "names")?;
-    let names: Vec<(usize, &Yaml<'_>)> = match &names {
-        Yaml::Sequence(list) => list.iter().enumerate().collect(),
-        Yaml::Mapping(entries) => {
-            let numbered = entries.iter().map(|(number, name)| Ok((class_number(number)?, name)));
+    let file = yaml::read(text).map_err(|why| why.to_string())?;
+    let names =
+        file.entry("names").ok_or("no value of 'names' at the top of the file, where it is needed")?;
+    let names: Vec<(usize, &Item)> = match &names.content {
+        Content::List(list) => list.iter().enumerate().collect(),
+        Content::Map(entries) => {
+            let number =
+                |text: &str| text.parse().map_err(|_| format!("class '{text}' found, a whole number needed"));
+            let numbered = entries.iter().map(|(key, name)| Ok((number(&key.name)?, name)));
             numbered.collect::<Result<_, String>>()?
         }
-        _ => return Err("a list of names, or a mapping from numbers to names is needed".to_owned()),
+        Content::Scalar(..) => {
+            return Err("a list of names, or a mapping from numbers to names is needed".to_owned());
+        }
     };
-    let text = |(number, name)| Some((number, yaml::scalar(name)?.to_owned()));
+    let text = |(number, name): (usize, &Item)| Some((number, name.text()?.to_owned()));
     let bad = "a name of a class is empty, a list or a mapping; a word is needed";
     names.into_iter().map(text).collect::<Option<_>>().ok_or_else(|| bad.to_owned())
-}
-
-fn class_number(node: &Yaml<'_>) -> Result<usize, String> {
-    let text = yaml::scalar(node).unwrap_or_default();
-    text.parse().map_err(|_| format!("class '{text}' found, a whole number needed"))
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ mod bags;
 mod damage;
 mod files;
 mod sources;
+#[cfg(feature = "sqlite")]
 mod sqlite;
 
 use std::path::{Path, PathBuf};

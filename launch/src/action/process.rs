@@ -1,10 +1,11 @@
 //! Reading `node` and `executable`, with the parameters of a node: `{name, value[, type]}`, `{name, param: [...]}` and
 //! `{from: file}`.
 
+use modulo_runtime::yaml::{Content, Item, ScalarType};
+
 use super::ActionKind;
 use crate::attributes::{Attributes, Text};
 use crate::substitution::{Part, Template};
-use crate::yaml::{Content, Item, ScalarType};
 use crate::{LaunchError, Mistakes, listed};
 
 /// The keys of a node beside those of a process.

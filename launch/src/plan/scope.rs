@@ -6,12 +6,12 @@ use std::fmt;
 use std::path::Path;
 
 use modulo_runtime::parameter::yaml_text::of_string;
+use modulo_runtime::yaml::{self, Content, ScalarType};
 use serde::Serialize;
 
 use crate::action::{Argument, ParameterValue};
 use crate::attributes::Text;
 use crate::substitution::{SubstitutionError, Surroundings};
-use crate::yaml::{Content, ScalarType};
 use crate::{LaunchError, listed};
 
 /// The state at a place of a launch file, as the actions before it have left it.
@@ -263,7 +263,7 @@ fn typed(text: String, of: &str) -> Result<String, String> {
 
 /// Whether YAML's rules make a scalar or a list of scalars of `text`, and every reader of YAML the same one.
 fn is_value(text: &str) -> bool {
-    match crate::yaml::read(Path::new(""), text).map(|item| item.content) {
+    match yaml::read_agreed(text).map(|item| item.content) {
         Ok(Content::Scalar(_, kind)) => kind != ScalarType::Null,
         Ok(Content::List(items)) => {
             !items.is_empty() && items.iter().all(|item| matches!(item.content, Content::Scalar(..)))

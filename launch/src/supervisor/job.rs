@@ -14,7 +14,7 @@ use nix::sys::signal::Signal;
 use tempfile::TempDir;
 use tokio::sync::watch;
 
-use super::running::Running;
+use super::running::{CommandLine, Running};
 use super::{Channel, Print, ProcessEnd, ProcessOutcome, Supervision, start_error};
 use crate::LaunchError;
 use crate::package::SUITE;
@@ -38,13 +38,6 @@ pub(super) enum Origin {
     Suite,
     /// Any other program.
     Foreign,
-}
-
-/// Program and arguments.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct CommandLine {
-    pub program: PathBuf,
-    pub arguments: Vec<String>,
 }
 
 /// One process to keep running.

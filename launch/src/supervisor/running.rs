@@ -2,6 +2,7 @@
 //! ended or is let go, everything in the group is killed.
 
 use std::io;
+use std::path::PathBuf;
 use std::process::{ExitStatus, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -15,10 +16,16 @@ use tokio::signal::unix::{SignalKind, signal};
 use tokio::task::JoinHandle;
 use tokio::time::timeout;
 
-use super::job::CommandLine;
 use super::{Channel, Print, start_error};
 use crate::LaunchError;
 use crate::plan::{Output, ProcessPlan};
+
+/// Program and arguments.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct CommandLine {
+    pub program: PathBuf,
+    pub arguments: Vec<String>,
+}
 
 /// A longer line is shown in pieces, so that memory stays bounded.
 const LONGEST_LINE: u64 = 64 * 1024;

@@ -13,6 +13,7 @@
 
 mod client;
 mod feed;
+#[cfg(feature = "foxglove")]
 mod foxglove;
 pub mod protocol;
 pub mod streams;
@@ -38,7 +39,6 @@ use rand::rngs::{SysError, SysRng};
 use tokio::sync::{Notify, Semaphore};
 
 use crate::feed::Session;
-use crate::foxglove::FoxgloveServer;
 
 /// Name of the node in the graph.
 const NODE: &str = "viewer";
@@ -73,7 +73,10 @@ pub enum ViewError {
     Listen(SocketAddr, io::Error),
     /// The address for Foxglove cannot be listened on.
     #[error("Foxglove on {0}: {1}; choose another port with --foxglove PORT")]
-    Foxglove(SocketAddr, ::foxglove::FoxgloveError),
+    Foxglove(SocketAddr, String),
+    /// The crate is built without the feature `foxglove`.
+    #[error("this build does not serve Foxglove: it lacks the feature `foxglove`")]
+    NoFoxglove,
     /// The operating system gives no random numbers for the token.
     #[error("no random numbers for the token: {0}; give one with --token")]
     Random(SysError),
@@ -113,10 +116,8 @@ pub fn run(
     runtime.block_on(async {
         if let Some(port) = options.foxglove {
             let address = SocketAddr::new(address.ip(), port);
-            let server = FoxgloveServer::start(session.clone(), address, token.clone()).await;
-            let server = server.map_err(|why| ViewError::Foxglove(address, why))?;
-            addresses.foxglove = Some(format!("ws://{}", SocketAddr::new(address.ip(), server.port())));
-            tokio::spawn(server.serve());
+            let port = serve_foxglove(session.clone(), address, token.clone()).await?;
+            addresses.foxglove = Some(format!("ws://{}", SocketAddr::new(address.ip(), port)));
         }
         ready(&addresses);
         serve(Viewer::new(session, token), listener, stop).await
@@ -124,6 +125,21 @@ pub fn run(
     // A call that still waits for its node must not hold up the end.
     runtime.shutdown_background();
     Ok(())
+}
+
+/// Serves Foxglove in the background. Returns its port.
+#[cfg(feature = "foxglove")]
+async fn serve_foxglove(session: Arc<Session>, address: SocketAddr, token: String) -> Result<u16, ViewError> {
+    let server = foxglove::FoxgloveServer::start(session, address, token).await;
+    let server = server.map_err(|why| ViewError::Foxglove(address, why.to_string()))?;
+    let port = server.port();
+    tokio::spawn(server.serve());
+    Ok(port)
+}
+
+#[cfg(not(feature = "foxglove"))]
+async fn serve_foxglove(_: Arc<Session>, _: SocketAddr, _: String) -> Result<u16, ViewError> {
+    Err(ViewError::NoFoxglove)
 }
 
 /// Returns 128 random bits in hexadecimal digits.

@@ -500,7 +500,7 @@ def read_bag(path: str | os.PathLike[str], source_topic: str = "") -> Iterator[F
     Parameters
     ----------
     path : path
-        A `.mcap` or `.db3` file, or the folder of a bag.
+        A `.mcap` file, or the folder of a bag. `modulo bag convert` makes one of a `.db3` file.
     source_topic : str, any value
         The image topic to read from a source that is a bag. Empty: the only image topic of the bag.
 

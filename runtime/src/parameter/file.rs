@@ -14,12 +14,12 @@
 use std::path::Path;
 
 use modulo_msgs::rcl_interfaces::ParameterValue;
-use saphyr::Yaml as Node;
 
 use crate::name::NodeName;
 use crate::parameter::text::{self, Yaml};
 use crate::parameter::yaml_text;
 use crate::ros_args::ArgsError;
+use crate::yaml::{self, Content, Item, Key};
 
 /// The key under which a node's parameters stand.
 const PARAMETERS: &str = "ros__parameters";
@@ -54,37 +54,34 @@ pub struct Entry {
 }
 
 fn parse(text: &str, node_name: &NodeName) -> Result<Vec<Entry>, String> {
-    let documents = yaml_text::documents(text)?;
+    let root = yaml::read(text).map_err(|why| why.to_string())?;
+    let Content::Map(nodes) = &root.content else {
+        return Err("must be one mapping of node names".into());
+    };
     let mut found = Vec::new();
-    match documents.first() {
-        Some(Node::Mapping(nodes)) if documents.len() == 1 => {
-            for (name, body) in nodes {
-                node(&key(name)?, body, node_name, &mut found)?;
-            }
-            Ok(found)
-        }
-        _ => Err("must be one mapping of node names".into()),
+    for (name, body) in nodes {
+        node(&name.name, body, node_name, &mut found)?;
     }
+    Ok(found)
 }
 
 /// Reads the entry of one node, or of a namespace with several nodes.
-fn node(pattern: &str, body: &Node<'_>, node_name: &NodeName, found: &mut Vec<Entry>) -> Result<(), String> {
-    let Node::Mapping(entries) = body else {
+fn node(pattern: &str, body: &Item, node_name: &NodeName, found: &mut Vec<Entry>) -> Result<(), String> {
+    let Content::Map(entries) = &body.content else {
         return Err(format!("'{pattern}' has no mapping '{PARAMETERS}'"));
     };
-    for (name, value) in entries {
-        let name = key(name)?;
+    for (Key { name, .. }, value) in entries {
         // Any other key continues the name: a node in this namespace, or a further part of it.
         if name != PARAMETERS {
             node(&format!("{pattern}/{name}"), value, node_name, found)?;
             continue;
         }
-        let Node::Mapping(parameters) = value else {
+        let Content::Map(parameters) = &value.content else {
             return Err(format!("'{PARAMETERS}' of '{pattern}' must be a mapping"));
         };
         for (name, value) in parameters {
             let mut all = Vec::new();
-            flatten(&key(name)?, value, &mut all)?;
+            flatten(&name.name, value, &mut all)?;
             // Entries of other nodes are read as well, so that a mistake in them is found here.
             let by_name = !pattern.contains('*');
             let all = all.into_iter().map(|(name, text)| Entry { name, text, by_name });
@@ -92,13 +89,6 @@ fn node(pattern: &str, body: &Node<'_>, node_name: &NodeName, found: &mut Vec<En
         }
     }
     Ok(())
-}
-
-fn key(node: &Node<'_>) -> Result<String, String> {
-    match node {
-        Node::Representation(text, ..) => Ok(text.to_string()),
-        _ => Err("a key must be a word".to_owned()),
-    }
 }
 
 /// Returns whether the name of a node in a file, with `*` for one part of a name and `**` for any number, means the
@@ -122,19 +112,19 @@ fn parts(name: &str) -> Vec<&str> {
 }
 
 /// Adds the parameters of `value` to `found`; nested mappings become names with dots.
-fn flatten(name: &str, value: &Node<'_>, found: &mut Vec<(String, String)>) -> Result<(), String> {
+fn flatten(name: &str, value: &Item, found: &mut Vec<(String, String)>) -> Result<(), String> {
     let no_value = || format!("parameter '{name}' has no value that a parameter can have");
-    let text = match value {
-        Node::Mapping(inner) => {
+    let text = match &value.content {
+        Content::Map(inner) => {
             return inner
                 .iter()
-                .try_for_each(|(part, value)| flatten(&format!("{name}.{}", key(part)?), value, found));
+                .try_for_each(|(part, value)| flatten(&format!("{name}.{}", part.name), value, found));
         }
-        Node::Sequence(items) => {
+        Content::List(items) => {
             let items: Option<Vec<String>> = items.iter().map(yaml_text::scalar).collect();
             format!("[{}]", items.ok_or_else(no_value)?.join(", "))
         }
-        scalar => yaml_text::scalar(scalar).ok_or_else(no_value)?,
+        Content::Scalar(..) => yaml_text::scalar(value).ok_or_else(no_value)?,
     };
     found.push((name.to_owned(), text));
     Ok(())

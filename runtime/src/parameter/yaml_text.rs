@@ -1,50 +1,13 @@
-//! YAML as ROS 2 parameters need it: a tree whose scalars keep their text and quotes, and strings written so that they
-//! read back. No parameter is known here.
+//! Scalars of YAML as ROS 2 parameters need them: read with their quotes, and strings written so that they read back. No
+//! parameter is known here.
 
-use saphyr::{ScalarStyle, Yaml, YamlLoader};
-use saphyr_parser::{Event, Parser};
-
-/// No file that is read here is nested deeper. A tree is built and freed by recursion, which must stay within the stack.
-const DEEPEST: usize = 64;
-
-/// Reads the documents in `text`; scalars are [`Yaml::Representation`].
-///
-/// # Errors
-/// The error of the YAML parser, or of a text that is nested too deep, as text with its line.
-pub fn documents(text: &str) -> Result<Vec<Yaml<'_>>, String> {
-    // The loader calls itself for each level, and would leave its stack.
-    check_depth(text)?;
-    let mut loader = YamlLoader::<Yaml<'_>>::default();
-    // Scalars stay text: a parser that guesses types would lose the notation of 1e3 or 0x10.
-    loader.early_parse(false);
-    Parser::new_from_str(text).load(&mut loader, true).map_err(|why| why.to_string())?;
-    match loader.error() {
-        Some(why) => Err(why.to_string()),
-        None => Ok(loader.into_documents()),
-    }
-}
-
-fn check_depth(text: &str) -> Result<(), String> {
-    let mut depth = 0_usize;
-    for event in Parser::new_from_str(text) {
-        let (event, span) = event.map_err(|why| why.to_string())?;
-        match event {
-            Event::SequenceStart(..) | Event::MappingStart(..) => depth += 1,
-            Event::SequenceEnd | Event::MappingEnd => depth -= 1,
-            _ => {}
-        }
-        if depth > DEEPEST {
-            return Err(format!("line {}: nested deeper than {DEEPEST}", span.start.line()));
-        }
-    }
-    Ok(())
-}
+use crate::yaml::{Content, Item, read};
 
 /// Returns the text of a scalar; that of a quoted one is quoted again, so that it stays a string.
-pub fn scalar(node: &Yaml<'_>) -> Option<String> {
-    match node {
-        Yaml::Representation(text, ScalarStyle::Plain, _) => Some(text.to_string()),
-        Yaml::Representation(text, ..) => Some(quoted(text)),
+pub fn scalar(item: &Item) -> Option<String> {
+    match &item.content {
+        Content::Scalar(text, _) if item.plain => Some(text.clone()),
+        Content::Scalar(text, _) => Some(quoted(text)),
         _ => None,
     }
 }
@@ -54,8 +17,8 @@ pub fn string(text: &str) -> Option<String> {
     if !text.starts_with(['"', '\'']) {
         return Some(text.to_owned());
     }
-    match documents(text).ok()?.as_slice() {
-        [Yaml::Representation(inner, ..)] => Some(inner.to_string()),
+    match read(text).ok()?.content {
+        Content::Scalar(inner, _) => Some(inner),
         _ => None,
     }
 }
@@ -66,8 +29,8 @@ pub fn items(text: &str) -> Option<Vec<String>> {
         let items = text.split(',').map(str::trim).filter(|item| !item.is_empty());
         return Some(items.map(str::to_owned).collect());
     }
-    match documents(text).ok()?.as_slice() {
-        [Yaml::Sequence(items)] => items.iter().map(scalar).collect(),
+    match read(text).ok()?.content {
+        Content::List(items) => items.iter().map(scalar).collect(),
         _ => None,
     }
 }
@@ -123,18 +86,6 @@ pub fn of_double(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_text_that_is_nested_too_deep_is_refused_with_its_line() {
-        let why = documents(&"- ".repeat(100_000)).expect_err("too deep");
-        assert!(why.contains("line 1: nested deeper than 64"), "{why}");
-        // The parser itself has a limit for brackets.
-        for brackets in ["[", "{a: "] {
-            assert!(documents(&brackets.repeat(100_000)).is_err());
-        }
-        let deepest = format!("{}{}", "[".repeat(64), "]".repeat(64));
-        assert!(documents(&deepest).is_ok());
-    }
 
     #[test]
     fn strings_are_quoted_only_where_they_must() {

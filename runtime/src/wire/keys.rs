@@ -5,8 +5,6 @@
 
 use std::fmt;
 
-use xxhash_rust::xxh3::xxh3_128;
-
 use crate::topic::Qos;
 
 /// The kinds of entities in the graph.
@@ -130,11 +128,6 @@ impl Token {
     /// Returns `/namespace/node`.
     pub fn node_name(&self) -> String {
         format!("{}/{}", self.namespace.trim_end_matches('/'), self.node)
-    }
-
-    /// Returns the endpoint's global id: XXH3-128 of its key, low half first.
-    pub fn gid(&self) -> [u8; 16] {
-        xxh3_128(self.to_key().as_bytes()).to_le_bytes()
     }
 }
 
@@ -326,14 +319,11 @@ mod tests {
     }
 
     #[test]
-    fn data_keys_and_ids_equal_those_of_a_real_node() {
-        let publisher = image_publisher(16, "/odmi/image_reliable2", Qos::Results);
+    fn data_keys_equal_those_of_a_real_node() {
         assert_eq!(
             data_key(0, "/odmi/image_reliable2", "sensor_msgs::msg::dds_::Image_", HASH),
             format!("0/odmi/image_reliable2/sensor_msgs::msg::dds_::Image_/{HASH}")
         );
-        let gid = u128::from_be_bytes(publisher.gid());
-        assert_eq!(format!("{gid:032x}"), "01d577b5cefae79ff06ef90b046c84b7");
     }
 
     #[test]

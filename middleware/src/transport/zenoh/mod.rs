@@ -24,7 +24,7 @@ use zenoh::{Session, Wait};
 pub use listen::TopicListener;
 pub use service::{RawAnswer, RawService};
 pub use session::meeting_port;
-pub use topic::RawPublisher;
+pub use topic::{RawPublisher, gid};
 
 use super::{Deliver, Enable, Guard, Incoming, ParameterPort, Publisher, Transport, TransportError};
 use crate::graph::Graph;

@@ -6,8 +6,9 @@ use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 
 use modulo_runtime::wire::attachment::Attachment;
-use modulo_runtime::wire::keys::{self, Durability, Endpoint, EntityKind, Profile};
+use modulo_runtime::wire::keys::{self, Durability, Endpoint, EntityKind, Profile, Token};
 use modulo_runtime::{Clock, Message, NodeName};
+use xxhash_rust::xxh3::xxh3_128;
 use zenoh::Wait;
 use zenoh::bytes::ZBytes;
 use zenoh::liveliness::LivelinessToken;
@@ -23,6 +24,11 @@ use crate::transport::{Guard, Payload, Publisher, RawSample, TransportError};
 
 /// Interval at which a publisher for late readers sends the number of its last sample.
 const HEARTBEAT: Duration = Duration::from_secs(1);
+
+/// Returns the global id of an endpoint: XXH3-128 of its key, low half first.
+pub fn gid(token: &Token) -> [u8; 16] {
+    xxh3_128(token.to_key().as_bytes()).to_le_bytes()
+}
 
 /// A publisher of ready-made CDR. Dropping it takes it out of the graph.
 pub struct RawPublisher {
@@ -53,7 +59,7 @@ impl ZenohTransport {
         Ok(RawPublisher {
             publisher,
             clock: self.clock.clone(),
-            gid: token.gid(),
+            gid: gid(&token),
             sequence: AtomicI64::new(1),
             _token: self.declare(&token)?,
         })

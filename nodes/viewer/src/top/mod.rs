@@ -13,16 +13,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::sleep;
 use std::time::Duration;
 
+use console::{Alignment, measure_text_width, pad_str};
 use modulo_middleware::transport::zenoh::ZenohTransport;
 use modulo_middleware::transport::{Guard, Transport as _, TransportError};
 use modulo_msgs::diagnostic_msgs::DiagnosticArray;
 use modulo_runtime::name::is_hidden_node;
 use modulo_runtime::{Clock, NodeName};
-use ratatui::buffer::Buffer;
-use ratatui::layout::{Constraint, Rect};
-use ratatui::style::{Color, Style};
-use ratatui::text::Line;
-use ratatui::widgets::{Cell, Row, Table, Widget as _};
 
 use crate::feed::{Feed, Heard, Session, Statuses};
 use crate::protocol::GraphView;
@@ -38,16 +34,16 @@ const PATIENCE: Duration = Duration::from_secs(5);
 const GLANCE: Duration = Duration::from_millis(50);
 /// Ages over which the percentiles are taken: those of the last minute.
 const AGES: usize = 60;
-/// The columns, and whether their values are numbers.
-const COLUMNS: [(&str, bool); 8] = [
-    ("node", false),
-    ("Hz", true),
-    ("age p50 ms", true),
-    ("age p99 ms", true),
-    ("dropped", true),
-    ("input", false),
-    ("uses", false),
-    ("trusted", true),
+/// The columns, and the sides at which their values stand.
+const COLUMNS: [(&str, Alignment); 8] = [
+    ("node", Alignment::Left),
+    ("Hz", Alignment::Right),
+    ("age p50 ms", Alignment::Right),
+    ("age p99 ms", Alignment::Right),
+    ("dropped", Alignment::Right),
+    ("input", Alignment::Left),
+    ("uses", Alignment::Left),
+    ("trusted", Alignment::Right),
 ];
 
 /// A look at a suite from the terminal.
@@ -93,7 +89,7 @@ impl Top {
             sleep(GLANCE);
         }
         let rows = self.rows();
-        (!rows.is_empty()).then(|| text(&rows))
+        (!rows.is_empty()).then(|| table(&rows).join("\n"))
     }
 
     /// Looks for nodes that have come or gone.
@@ -112,8 +108,8 @@ impl Top {
     }
 }
 
-fn lock(table: &Mutex<NodeTable>) -> MutexGuard<'_, NodeTable> {
-    table.lock().unwrap_or_else(PoisonError::into_inner)
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// The newest statuses of all nodes, and the ages of their last frames.
@@ -202,46 +198,27 @@ impl NodeRow {
             self.uses.clone(),
             self.trusted.map(|share| format!("{:.1} %", 100.0 * share)),
         ]
-        .map(|cell| cell.unwrap_or_else(|| "-".to_owned()))
+        .map(|cell| cell.map_or_else(|| "-".to_owned(), |text| printable(&text)))
     }
 }
 
-/// Returns the table of `rows`, and its width.
-fn table(rows: &[NodeRow]) -> (Table<'static>, u16) {
-    let cells: Vec<_> = rows.iter().map(NodeRow::cells).collect();
-    let titles = COLUMNS.map(|(title, _)| title.to_owned());
-    let width = |column: usize| {
-        let cells = cells.iter().chain([&titles]).map(|cells| cells[column].chars().count());
-        u16::try_from(cells.max().unwrap_or(0)).unwrap_or(u16::MAX)
-    };
-    let widths: Vec<u16> = (0..COLUMNS.len()).map(width).collect();
-    let row = |cells: &[String; COLUMNS.len()], style| {
-        let cell = |(text, (_, is_number)): (&String, (&str, bool))| {
-            let line = Line::from(text.clone());
-            Cell::from(if is_number { line.right_aligned() } else { line })
-        };
-        Row::new(cells.iter().zip(COLUMNS).map(cell)).style(style)
-    };
-    let colours = [Style::new(), Style::new().fg(Color::Yellow), Style::new().fg(Color::Red)];
-    let lines =
-        rows.iter().zip(&cells).map(|(node, cells)| row(cells, colours[usize::from(node.level.min(2))]));
-    let table = Table::new(lines, widths.iter().map(|width| Constraint::Length(*width)))
-        .header(row(&titles, Style::new().bold()))
-        .column_spacing(2);
-    (table, widths.iter().fold(2 * COLUMNS.len() as u16, |sum, width| sum.saturating_add(*width)))
+/// Returns `text` without control characters: what another node has sent must not steer the terminal.
+fn printable(text: &str) -> String {
+    text.chars().filter(|character| !character.is_control()).collect()
 }
 
-/// Returns the table without colours.
-fn text(rows: &[NodeRow]) -> String {
-    let (table, width) = table(rows);
-    let height = u16::try_from(rows.len() + 1).unwrap_or(u16::MAX);
-    let mut buffer = Buffer::empty(Rect::new(0, 0, width, height));
-    table.render(buffer.area, &mut buffer);
-    let lines = buffer.content.chunks(usize::from(width));
-    let line = |cells: &[ratatui::buffer::Cell]| {
-        cells.iter().map(ratatui::buffer::Cell::symbol).collect::<String>().trim_end().to_owned()
+/// Returns the lines of the table without colours: the titles, and one line for each of `rows`.
+fn table(rows: &[NodeRow]) -> Vec<String> {
+    let titles = COLUMNS.map(|(title, _)| title.to_owned());
+    let cells: Vec<_> = [titles].into_iter().chain(rows.iter().map(NodeRow::cells)).collect();
+    let width = |column: usize| cells.iter().map(|cells| measure_text_width(&cells[column])).max();
+    let widths: Vec<_> = (0..COLUMNS.len()).filter_map(width).collect();
+    let line = |cells: &[String; COLUMNS.len()]| {
+        let columns = cells.iter().zip(COLUMNS).zip(&widths);
+        let padded = columns.map(|((cell, (_, side)), width)| pad_str(cell, *width, side, None));
+        padded.collect::<Vec<_>>().join("  ").trim_end().to_owned()
     };
-    lines.map(line).collect::<Vec<_>>().join("\n")
+    cells.iter().map(line).collect()
 }
 
 #[cfg(test)]
@@ -286,11 +263,20 @@ mod tests {
         let row = nodes.row("/front/unwrap");
         assert_eq!(row.cells(), ["/front/unwrap", "30.0", "30.0", "60.0", "3", "modulo", "auto", "96.7 %"]);
         assert_eq!(row.changes, [Change::Method]);
-        let plain = text(&[row]);
-        let lines: Vec<&str> = plain.lines().collect();
-        assert_eq!(lines.len(), 2, "{plain}");
-        assert!(lines[0].starts_with("node           ") && lines[0].ends_with("trusted"), "{plain}");
-        assert!(lines[1].starts_with("/front/unwrap  30.0") && lines[1].ends_with(" 96.7 %"), "{plain}");
+        assert_eq!(
+            table(&[row]),
+            [
+                "node             Hz  age p50 ms  age p99 ms  dropped  input   uses  trusted",
+                "/front/unwrap  30.0        30.0        60.0        3  modulo  auto   96.7 %",
+            ]
+        );
+    }
+
+    #[test]
+    fn a_value_cannot_steer_the_terminal() {
+        let mut nodes = NodeTable::default();
+        nodes.note(&array("a: state", &[("stream", "\u{1b}[2Jx\r\ny\u{9b}5m")]));
+        assert_eq!(nodes.row("/a").cells()[5], "[2Jxy5m");
     }
 
     #[test]

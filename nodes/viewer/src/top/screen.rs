@@ -1,20 +1,16 @@
 //! The table on a terminal, with keys.
 
-use std::io;
-use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::io::{self, Write as _};
+use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
+use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
 
+use console::{Alignment, Key, Style, Term, pad_str};
 use modulo_runtime::{Stop, Urgency};
-use ratatui::Frame;
-use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
-use ratatui::layout::{Constraint, Layout};
-use ratatui::style::Style;
-use ratatui::text::Line;
-use ratatui::widgets::{Paragraph, TableState};
+use nix::sys::termios::{SetArg, Termios, cfmakeraw, tcgetattr, tcsetattr};
 
-use super::{Change, NodeRow, Top, table};
+use super::{Change, NodeRow, Top, lock, printable, table};
 use crate::feed::Session;
 use crate::protocol::GraphView;
 
@@ -32,12 +28,28 @@ const HELP: [&str; 6] = [
     "q       ends the view; the suite goes on",
 ];
 
-/// Restores the terminal at the end of its life. After a panic, the hook of ratatui has done so before the message.
-struct Restore;
+/// A terminal in raw mode that shows another screen without a cursor, until the end of this value.
+struct Screened {
+    terminal: Term,
+    before: Termios,
+}
 
-impl Drop for Restore {
+impl Screened {
+    fn new() -> io::Result<Self> {
+        let (mut terminal, before) = (Term::stdout(), tcgetattr(io::stdout())?);
+        let mut raw = before.clone();
+        cfmakeraw(&mut raw);
+        tcsetattr(io::stdout(), SetArg::TCSANOW, &raw)?;
+        terminal.write_all(b"\x1b[?1049h\x1b[?25l")?;
+        Ok(Self { terminal, before })
+    }
+}
+
+impl Drop for Screened {
     fn drop(&mut self) {
-        ratatui::restore();
+        // Both fail only for a terminal that is gone.
+        let _ = self.terminal.write_all(b"\x1b[?25h\x1b[?1049l");
+        let _ = tcsetattr(io::stdout(), SetArg::TCSANOW, &self.before);
     }
 }
 
@@ -47,27 +59,31 @@ impl Drop for Restore {
 /// The error of the operating system when the terminal cannot be used.
 pub fn show(mut top: Top, stop: &Stop) -> io::Result<()> {
     let (requests, waiting) = sync_channel(CHANGES);
-    let told = Arc::new(Mutex::new(String::new()));
-    let (session, answers) = (top.session.clone(), told.clone());
+    let message = Arc::new(Mutex::new(String::new()));
+    let (session, answers) = (top.session.clone(), message.clone());
     thread::Builder::new().name("changes".into()).spawn(move || carry_out(&session, &waiting, &answers))?;
-    let mut terminal = ratatui::try_init()?;
-    let _restore = Restore;
-    let mut screen = Screen { selected: TableState::new().with_selected(0), help: false, told };
+    let mut screened = Screened::new()?;
+    let (pressed, keys) = channel();
+    // One thread a key: none of them changes the mode of the terminal after the last key.
+    let read_key = || {
+        let (terminal, pressed) = (Term::stdout(), pressed.clone());
+        let read = move || pressed.send(terminal.read_key_raw());
+        thread::Builder::new().name("key".into()).spawn(read)
+    };
+    read_key()?;
+    let mut screen = Screen { selected: 0, help: false, message };
     while stop.urgency() == Urgency::None {
         top.look();
         let rows = top.rows();
-        terminal.draw(|frame| screen.draw(frame, &rows))?;
-        if !event::poll(TICK)? {
-            continue;
+        let drawn = screen.draw(&rows, screened.terminal.size());
+        screened.terminal.write_all(drawn.as_bytes())?;
+        let Ok(key) = keys.recv_timeout(TICK) else { continue };
+        match screen.press(&key?, &rows) {
+            Some(KeyCommand::Quit) => break,
+            Some(KeyCommand::Ask(change, node)) => screen.ask(&requests, change, node, &top.graph),
+            None => {}
         }
-        match event::read()? {
-            Event::Key(key) if key.kind != KeyEventKind::Release => match screen.press(key, &rows) {
-                Some(KeyCommand::Quit) => break,
-                Some(KeyCommand::Ask(change, node)) => screen.ask(&requests, change, node, &top.graph),
-                None => {}
-            },
-            _ => {}
-        }
+        read_key()?;
     }
     Ok(())
 }
@@ -80,10 +96,10 @@ struct ChangeRequest {
 }
 
 /// Carries out requests one after the other: a node answers between two frames, and keys must not wait for it.
-fn carry_out(session: &Session, waiting: &Receiver<ChangeRequest>, told: &Mutex<String>) {
+fn carry_out(session: &Session, waiting: &Receiver<ChangeRequest>, message: &Mutex<String>) {
     for ChangeRequest { change, node, graph } in waiting {
         let result = change.ask(&session.transport, &graph, &node);
-        *told.lock().unwrap_or_else(PoisonError::into_inner) = result;
+        *lock(message) = result;
     }
 }
 
@@ -96,37 +112,33 @@ enum KeyCommand {
 }
 
 struct Screen {
-    selected: TableState,
+    selected: usize,
     help: bool,
     /// The result of the last change.
-    told: Arc<Mutex<String>>,
+    message: Arc<Mutex<String>>,
 }
 
 impl Screen {
-    fn press(&mut self, key: KeyEvent, rows: &[NodeRow]) -> Option<KeyCommand> {
-        let change = match key.code {
-            KeyCode::Char('q') => return Some(KeyCommand::Quit),
+    fn press(&mut self, key: &Key, rows: &[NodeRow]) -> Option<KeyCommand> {
+        let change = match key {
             // A terminal in raw mode sends no SIGINT.
-            KeyCode::Char('c') if key.modifiers.contains(KeyModifiers::CONTROL) => {
-                return Some(KeyCommand::Quit);
-            }
-            KeyCode::Char('i') => Change::Input,
-            KeyCode::Char('m') => Change::Method,
-            KeyCode::Char('+' | '=') => Change::MoreAlpha,
-            KeyCode::Char('-') => Change::LessAlpha,
+            Key::Char('q') | Key::CtrlC => return Some(KeyCommand::Quit),
+            Key::Char('i') => Change::Input,
+            Key::Char('m') => Change::Method,
+            Key::Char('+' | '=') => Change::MoreAlpha,
+            Key::Char('-') => Change::LessAlpha,
             other => {
                 match other {
-                    KeyCode::Char('?') => self.help = !self.help,
-                    KeyCode::Up => self.selected.select_previous(),
-                    KeyCode::Down => self.selected.select_next(),
+                    Key::Char('?') => self.help = !self.help,
+                    Key::ArrowUp => self.selected = self.selected.saturating_sub(1),
+                    Key::ArrowDown => self.selected += 1,
                     _ => {}
                 }
                 return None;
             }
         };
-        let selected = self.selected.selected().and_then(|index| rows.get(index));
         let can = |row: &&NodeRow| row.changes.contains(&change);
-        let Some(node) = selected.filter(can).or_else(|| rows.iter().find(can)) else {
+        let Some(node) = rows.get(self.selected).filter(can).or_else(|| rows.iter().find(can)) else {
             self.say(format!("no {} is running", change.target()));
             return None;
         };
@@ -135,43 +147,54 @@ impl Screen {
 
     fn ask(&self, requests: &SyncSender<ChangeRequest>, change: Change, node: String, graph: &GraphView) {
         self.say(format!("{node} is asked"));
-        let request = ChangeRequest { change, node, graph: graph.clone() };
-        match requests.try_send(request) {
-            Ok(()) => {}
-            Err(TrySendError::Full(_)) => {
-                self.say("too many changes wait for their nodes; press the key again later".to_owned());
-            }
-            Err(TrySendError::Disconnected(_)) => unreachable!("the thread ends after the last sender"),
+        if requests.try_send(ChangeRequest { change, node, graph: graph.clone() }).is_err() {
+            self.say("too many changes wait for their nodes; press the key again later".to_owned());
         }
     }
 
     fn say(&self, text: String) {
-        *self.told.lock().unwrap_or_else(PoisonError::into_inner) = text;
+        *lock(&self.message) = text;
     }
 
-    fn draw(&mut self, frame: &mut Frame<'_>, rows: &[NodeRow]) {
-        let help = if self.help { HELP.len() as u16 } else { 0 };
-        let parts =
-            [Constraint::Min(1), Constraint::Length(help), Constraint::Length(1), Constraint::Length(1)];
-        let [nodes, help, told, keys] = Layout::vertical(parts).areas(frame.area());
+    /// Returns what draws the screen of `height` lines and `width` columns: each line covers the one before it, so that
+    /// nothing flickers.
+    fn draw(&mut self, rows: &[NodeRow], (height, width): (u16, u16)) -> String {
+        self.selected = self.selected.min(rows.len().saturating_sub(1));
+        let (height, width) = (usize::from(height), usize::from(width));
+        let line = |text: &str| pad_str(text, width, Alignment::Left, Some("")).into_owned();
+        let help = if self.help { &HELP[..] } else { &[] };
+        let room = height.saturating_sub(help.len() + 2).max(1);
+        let mut lines = self.nodes(rows, room, line);
+        lines.resize(room, line(""));
+        lines.extend(help.iter().map(|text| line(text)));
+        lines.push(line(&printable(&lock(&self.message))));
+        lines.push(Style::new().dim().apply_to(line(KEYS)).to_string());
+        lines.truncate(height);
+        format!("\x1b[H{}", lines.join("\r\n"))
+    }
+
+    /// Returns at most `room` lines of the table, the selected one among them.
+    fn nodes(&self, rows: &[NodeRow], room: usize, line: impl Fn(&str) -> String) -> Vec<String> {
         if rows.is_empty() {
-            frame.render_widget(Paragraph::new("No node is running in this domain yet."), nodes);
-        } else {
-            let (table, _) = table(rows);
-            let table = table.row_highlight_style(Style::new().reversed());
-            frame.render_stateful_widget(table, nodes, &mut self.selected);
+            return vec![line("No node is running in this domain yet.")];
         }
-        frame.render_widget(Paragraph::new(HELP.map(Line::from).to_vec()), help);
-        let text = self.told.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        frame.render_widget(Paragraph::new(text), told);
-        frame.render_widget(Paragraph::new(KEYS).style(Style::new().dim()), keys);
+        let styles = [Style::new(), Style::new().yellow(), Style::new().red()];
+        let selected = Style::new().reverse().force_styling(true);
+        let mut lines = table(rows).into_iter().map(|text| line(&text));
+        let titles = lines.next().map(|titles| Style::new().bold().apply_to(titles).to_string());
+        let nodes = rows.iter().zip(lines).enumerate().map(|(index, (row, text))| {
+            let text = styles[usize::from(row.level.min(2))].apply_to(text).to_string();
+            if index == self.selected { selected.apply_to(text).to_string() } else { text }
+        });
+        // With the titles, the selected line is the last one that there is room for.
+        let hidden = (self.selected + 2).saturating_sub(room);
+        titles.into_iter().chain(nodes.skip(hidden)).take(room).collect()
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use ratatui::Terminal;
-    use ratatui::backend::TestBackend;
+    use console::measure_text_width;
 
     use super::*;
 
@@ -180,34 +203,48 @@ mod tests {
     }
 
     fn screen() -> Screen {
-        Screen { selected: TableState::new().with_selected(0), help: false, told: Arc::default() }
+        Screen { selected: 0, help: false, message: Arc::default() }
     }
 
     #[test]
     fn a_key_concerns_the_selected_node_or_the_first_one_that_can() {
         let rows = [row("/a", &[Change::Method]), row("/b", &[Change::Input]), row("/c", &[Change::Input])];
         let mut screen = screen();
-        let mut press = |code| screen.press(KeyEvent::from(code), &rows);
+        let mut press = |key| screen.press(&key, &rows);
         let input = |node: &str| Some(KeyCommand::Ask(Change::Input, node.into()));
-        assert_eq!(press(KeyCode::Char('i')), input("/b"));
-        assert_eq!(press(KeyCode::Down), None);
-        assert_eq!(press(KeyCode::Down), None);
-        assert_eq!(press(KeyCode::Char('i')), input("/c"));
-        assert_eq!(press(KeyCode::Char('m')), Some(KeyCommand::Ask(Change::Method, "/a".into())));
-        assert_eq!(press(KeyCode::Char('+')), None, "there is no camera");
-        assert_eq!(press(KeyCode::Char('q')), Some(KeyCommand::Quit));
-        assert_eq!(*screen.told.lock().expect("no panic"), "no camera is running");
+        assert_eq!(press(Key::Char('i')), input("/b"));
+        assert_eq!(press(Key::ArrowDown), None);
+        assert_eq!(press(Key::ArrowDown), None);
+        assert_eq!(press(Key::Char('i')), input("/c"));
+        assert_eq!(press(Key::Char('m')), Some(KeyCommand::Ask(Change::Method, "/a".into())));
+        assert_eq!(press(Key::Char('+')), None, "there is no camera");
+        assert_eq!(press(Key::Char('q')), Some(KeyCommand::Quit));
+        assert_eq!(*screen.message.lock().expect("no panic"), "no camera is running");
     }
 
     #[test]
-    fn a_screen_of_any_size_is_drawn() {
-        let (mut screen, rows) = (screen(), [row("/a", &[])]);
-        for (width, height) in [(80, 24), (10, 2), (1, 1)] {
-            let mut terminal = Terminal::new(TestBackend::new(width, height)).expect("a buffer");
+    fn a_screen_of_any_size_is_filled() {
+        let rows = [row("/a", &[]), NodeRow { level: 1, ..row("/b", &[]) }];
+        for size in [(24, 80), (2, 10), (1, 1)] {
             for rows in [&rows[..], &[]] {
-                screen.press(KeyEvent::from(KeyCode::Char('?')), rows);
-                terminal.draw(|frame| screen.draw(frame, rows)).expect("a buffer");
+                for help in [false, true] {
+                    let drawn = Screen { help, ..screen() }.draw(rows, size);
+                    let lines: Vec<_> = drawn.split("\r\n").map(measure_text_width).collect();
+                    assert_eq!(lines, vec![usize::from(size.1); size.0.into()], "{drawn:?}");
+                }
             }
+        }
+    }
+
+    #[test]
+    fn the_selected_node_is_shown_where_not_all_have_room() {
+        let rows: Vec<_> = (0..9).map(|number| row(&format!("/node{number}"), &[])).collect();
+        for selected in 0..9 {
+            let drawn = Screen { selected, ..screen() }.draw(&rows, (5, 80));
+            assert!(
+                drawn.contains("trusted") && drawn.contains(&format!("\x1b[7m/node{selected}")),
+                "{drawn:?}"
+            );
         }
     }
 }

@@ -1,28 +1,36 @@
-//! YAML as a tree with line numbers and scalars kept as text, so that `4.0`
-//! stays `4.0`. Anchors, aliases, tags, several documents and repeated keys are
-//! refused: no launch file needs them. No meaning of a launch file is known here.
-
-use std::path::Path;
+//! YAML as a tree with line numbers and scalars kept as text, so that `4.0` stays `4.0`. Anchors that are used, tags, several
+//! documents and repeated keys are refused: no file that is read here needs them. No meaning of a file is known here.
 
 use saphyr_parser::{Event, Parser, ScalarStyle, Span, StrInput};
+use thiserror::Error;
 
-use crate::LaunchError;
-
-/// No launch file is nested deeper than this; keeps recursion bounded.
+/// No file that is read here is nested deeper than this; keeps recursion bounded.
 const DEEPEST: usize = 64;
+
+/// A text that cannot be read.
+#[derive(Debug, Error)]
+#[error("line {line}: {message}")]
+pub struct YamlError {
+    /// Line in the text, from 1.
+    pub line: usize,
+    /// What cannot be read there.
+    pub message: String,
+}
 
 /// A node of the tree.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Item {
+pub struct Item {
     /// Line in the file, from 1.
     pub line: usize,
+    /// Whether it is a scalar without quotes.
+    pub plain: bool,
     /// What it is.
     pub content: Content,
 }
 
 /// What a node of the tree is.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) enum Content {
+pub enum Content {
     /// A scalar as it is written, and what YAML takes it for.
     Scalar(String, ScalarType),
     /// A list.
@@ -33,7 +41,7 @@ pub(crate) enum Content {
 
 /// A key of a mapping.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Key {
+pub struct Key {
     /// Line in the file, from 1.
     pub line: usize,
     /// Its text.
@@ -42,7 +50,7 @@ pub(crate) struct Key {
 
 /// What YAML takes a scalar for. ROS 2 reads YAML 1.1, in which `yes` is a bool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum ScalarType {
+pub enum ScalarType {
     /// Quoted, or a word.
     String,
     /// `true`, `no`, ...
@@ -97,9 +105,9 @@ fn is_float(lower: &str) -> bool {
     matches!(magnitude, ".inf" | ".nan") || (plain && signed)
 }
 
-/// Whether one YAML reader takes the plain scalar `text` for a number or a date
-/// and another does not: `010`, `1e5`, `1_000`, `12:30`, `2011-09-26`.
-fn is_doubtful(text: &str) -> bool {
+/// Refuses a scalar without quotes that one YAML reader takes for a number or a date and another does not: `010`, `1e5`,
+/// `1_000`, `12:30`, `2011-09-26`. The error says what to write instead.
+fn agreed(text: &str) -> Result<(), String> {
     let lower = text.to_ascii_lowercase();
     let magnitude = magnitude(&lower);
     let based = ["0x", "0o", "0b"].iter().filter_map(|prefix| magnitude.strip_prefix(prefix)).next();
@@ -111,10 +119,30 @@ fn is_doubtful(text: &str) -> bool {
         Some(digits) => digits.chars().all(|c| c.is_ascii_hexdigit() || c == '_'),
         None => decimal,
     };
-    numeric && ScalarType::of_plain(text) == ScalarType::String
+    if numeric && ScalarType::of_plain(text) == ScalarType::String {
+        return Err(format!(
+            "YAML readers disagree on {text}; write \"{text}\" for text, or a number such as 10 or 1.0e+5"
+        ));
+    }
+    Ok(())
 }
 
 impl Item {
+    /// Returns the text of a scalar that has a value.
+    pub fn text(&self) -> Option<&str> {
+        match &self.content {
+            Content::Scalar(text, kind) if *kind != ScalarType::Null => Some(text),
+            _ => None,
+        }
+    }
+
+    /// Returns the value of `key` in a mapping. An entry without a value counts as absent.
+    pub fn entry(&self, key: &str) -> Option<&Item> {
+        let Content::Map(pairs) = &self.content else { return None };
+        let value = pairs.iter().find(|(name, _)| name.name == key).map(|(_, item)| item);
+        value.filter(|item| !matches!(item.content, Content::Scalar(_, ScalarType::Null)))
+    }
+
     /// Describes the item for an error.
     pub fn described(&self) -> String {
         match &self.content {
@@ -129,32 +157,49 @@ impl Item {
     }
 }
 
-/// Reads the one document in `text`; `file` is only for errors.
+/// Reads the one document in `text`; an empty text is a scalar without a value.
 ///
 /// # Errors
-/// [`LaunchError::At`] with the line of what is not readable.
-pub(crate) fn read(file: &Path, text: &str) -> Result<Item, LaunchError> {
-    let mut reader = YamlReader { file, parser: Parser::new_from_str(text), last_line: 1 };
+/// [`YamlError`] with the line of what is not readable.
+pub fn read(text: &str) -> Result<Item, YamlError> {
+    read_checked(text, |_| Ok(()))
+}
+
+/// Reads the one document in `text` as [`read`] does, and refuses scalars on which YAML readers disagree.
+///
+/// # Errors
+/// [`YamlError`] with the line of what is not readable.
+pub fn read_agreed(text: &str) -> Result<Item, YamlError> {
+    read_checked(text, agreed)
+}
+
+fn read_checked(text: &str, check: fn(&str) -> Result<(), String>) -> Result<Item, YamlError> {
+    let mut reader = YamlReader { parser: Parser::new_from_str(text), check, last_line: 1 };
     let mut root = None;
     loop {
         match reader.next()? {
             (Event::StreamEnd, _) => break,
             (Event::StreamStart | Event::DocumentStart(_) | Event::DocumentEnd | Event::Nothing, _) => {}
-            (_, line) if root.is_some() => return Err(reader.refuse(line, "a second YAML document")),
+            (_, line) if root.is_some() => return Err(refuse(line, "a second YAML document")),
             (event, line) => root = Some(reader.item(event, line, 0)?),
         }
     }
-    root.ok_or_else(|| LaunchError::at(file, 1, "is empty, 'launch:' with a list is expected"))
+    let empty = Item { line: 1, plain: true, content: Content::Scalar(String::new(), ScalarType::Null) };
+    Ok(root.unwrap_or(empty))
+}
+
+fn refuse(line: usize, what: &str) -> YamlError {
+    YamlError { line, message: format!("{what} is not possible here") }
 }
 
 struct YamlReader<'a> {
-    file: &'a Path,
     parser: Parser<'a, StrInput<'a>>,
+    check: fn(&str) -> Result<(), String>,
     last_line: usize,
 }
 
 impl<'a> YamlReader<'a> {
-    fn next(&mut self) -> Result<(Event<'a>, usize), LaunchError> {
+    fn next(&mut self) -> Result<(Event<'a>, usize), YamlError> {
         match self.parser.next_event() {
             None => Ok((Event::StreamEnd, self.last_line)),
             Some(Ok((event, Span { start, .. }))) => {
@@ -163,45 +208,37 @@ impl<'a> YamlReader<'a> {
             }
             Some(Err(error)) => {
                 let line = error.marker().line().max(1);
-                Err(LaunchError::at(self.file, line, format!("not YAML: {}", error.info())))
+                Err(YamlError { line, message: format!("not YAML: {}", error.info()) })
             }
         }
     }
 
-    fn refuse(&self, line: usize, what: &str) -> LaunchError {
-        LaunchError::at(self.file, line, format!("{what} is not possible in a launch file"))
-    }
-
-    fn item(&mut self, event: Event<'a>, line: usize, depth: usize) -> Result<Item, LaunchError> {
+    fn item(&mut self, event: Event<'a>, line: usize, depth: usize) -> Result<Item, YamlError> {
         if depth > DEEPEST {
-            return Err(self.refuse(line, &format!("a nesting deeper than {DEEPEST}")));
+            return Err(refuse(line, &format!("a nesting deeper than {DEEPEST}")));
         }
+        let plain = matches!(event, Event::Scalar(_, ScalarStyle::Plain, ..));
         let content = match event {
             Event::Scalar(_, _, _, Some(_))
             | Event::SequenceStart(_, Some(_))
             | Event::MappingStart(_, Some(_)) => {
-                return Err(self.refuse(line, "a YAML tag"));
+                return Err(refuse(line, "a YAML tag"));
             }
-            Event::Alias(_) => return Err(self.refuse(line, "a YAML alias")),
-            Event::Scalar(text, ScalarStyle::Plain, _, _) if is_doubtful(&text) => {
-                let message = format!(
-                    "YAML readers disagree on {text}; write \"{text}\" for text, or a number such as 10 or 1.0e+5"
-                );
-                return Err(LaunchError::at(self.file, line, message));
-            }
-            Event::Scalar(text, ScalarStyle::Plain, _, _) => {
+            Event::Alias(_) => return Err(refuse(line, "a YAML alias")),
+            Event::Scalar(text, ..) if plain => {
+                (self.check)(&text).map_err(|message| YamlError { line, message })?;
                 let kind = ScalarType::of_plain(&text);
                 Content::Scalar(text.into_owned(), kind)
             }
-            Event::Scalar(text, _, _, _) => Content::Scalar(text.into_owned(), ScalarType::String),
+            Event::Scalar(text, ..) => Content::Scalar(text.into_owned(), ScalarType::String),
             Event::SequenceStart(..) => Content::List(self.list(depth)?),
             Event::MappingStart(..) => Content::Map(self.map(depth)?),
-            _ => return Err(self.refuse(line, "this YAML")),
+            _ => return Err(refuse(line, "this YAML")),
         };
-        Ok(Item { line, content })
+        Ok(Item { line, plain, content })
     }
 
-    fn list(&mut self, depth: usize) -> Result<Vec<Item>, LaunchError> {
+    fn list(&mut self, depth: usize) -> Result<Vec<Item>, YamlError> {
         let mut items = Vec::new();
         loop {
             match self.next()? {
@@ -211,18 +248,18 @@ impl<'a> YamlReader<'a> {
         }
     }
 
-    fn map(&mut self, depth: usize) -> Result<Vec<(Key, Item)>, LaunchError> {
+    fn map(&mut self, depth: usize) -> Result<Vec<(Key, Item)>, YamlError> {
         let mut pairs: Vec<(Key, Item)> = Vec::new();
         loop {
             let (event, line) = self.next()?;
             let name = match event {
                 Event::MappingEnd => return Ok(pairs),
                 Event::Scalar(text, _, _, None) => text.into_owned(),
-                _ => return Err(self.refuse(line, "a key that is not a word")),
+                _ => return Err(refuse(line, "a key that is not a word")),
             };
             // Most YAML readers keep the last one without a word.
             if pairs.iter().any(|(key, _)| key.name == name) {
-                return Err(LaunchError::at(self.file, line, format!("key '{name}' is given twice")));
+                return Err(YamlError { line, message: format!("key '{name}' is given twice") });
             }
             let (event, value_line) = self.next()?;
             pairs.push((Key { line, name }, self.item(event, value_line, depth + 1)?));
@@ -236,7 +273,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn parse(text: &str) -> Result<Item, String> {
-        read(Path::new("f.yaml"), text).map_err(|e| e.to_string())
+        read_agreed(text).map_err(|e| e.to_string())
     }
 
     /// The lines of a node, its keys and all below it, in the order of the file.
@@ -282,27 +319,31 @@ mod tests {
     }
 
     #[test]
-    fn what_no_launch_file_needs_is_refused_with_its_line() {
+    fn what_no_file_needs_is_refused_with_its_line() {
         for (text, message) in [
-            ("a: 1\na: 2\n", "f.yaml:2: key 'a' is given twice"),
-            ("a: &x 1\nb: *x\n", "f.yaml:2: a YAML alias"),
-            ("a: !!str 1\n", "f.yaml:1: a YAML tag"),
-            ("a: 1\n---\nb: 1\n", "f.yaml:3: a second YAML document"),
-            ("a: 010\n", "f.yaml:1: YAML readers disagree on 010; write \"010\" for text"),
-            ("a: [1e5]\n", "f.yaml:1: YAML readers disagree on 1e5;"),
-            ("a: 2011_09_26\n", "f.yaml:1: YAML readers disagree on 2011_09_26;"),
-            ("a: 2011-09-26\n", "f.yaml:1: YAML readers disagree on 2011-09-26;"),
-            ("a: 12:30\n", "f.yaml:1: YAML readers disagree on 12:30;"),
-            ("a: 0b11\n", "f.yaml:1: YAML readers disagree on 0b11;"),
-            ("? [a]\n: 1\n", "f.yaml:1: a key that is not a word"),
-            ("a: [1\nb: 2\n", "f.yaml:"),
-            ("", "f.yaml:1: is empty"),
+            ("a: 1\na: 2\n", "line 2: key 'a' is given twice"),
+            ("a: &x 1\nb: *x\n", "line 2: a YAML alias"),
+            ("a: !!str 1\n", "line 1: a YAML tag"),
+            ("a: 1\n---\nb: 1\n", "line 3: a second YAML document"),
+            ("a: 010\n", "line 1: YAML readers disagree on 010; write \"010\" for text"),
+            ("a: [1e5]\n", "line 1: YAML readers disagree on 1e5;"),
+            ("a: 2011_09_26\n", "line 1: YAML readers disagree on 2011_09_26;"),
+            ("a: 2011-09-26\n", "line 1: YAML readers disagree on 2011-09-26;"),
+            ("a: 12:30\n", "line 1: YAML readers disagree on 12:30;"),
+            ("a: 0b11\n", "line 1: YAML readers disagree on 0b11;"),
+            ("? [a]\n: 1\n", "line 1: a key that is not a word"),
+            ("a: [1\nb: 2\n", "line "),
         ] {
             let error = parse(text).expect_err(text);
             assert!(error.starts_with(message), "{error}");
         }
+        assert!(parse("").expect("a scalar").text().is_none());
         assert!(parse(&"- ".repeat(100)).expect_err("too deep").contains("deeper than 64"));
-        assert!(parse(&"[".repeat(100_000)).is_err());
+        // The parser itself has a limit for brackets.
+        for brackets in ["[", "{a: "] {
+            assert!(parse(&brackets.repeat(100_000)).is_err());
+        }
+        assert!(parse(&format!("{}{}", "[".repeat(64), "]".repeat(64))).is_ok());
     }
 
     proptest! {
@@ -319,7 +360,7 @@ mod tests {
                     prop_assert!(found.is_sorted(), "{found:?}");
                 }
                 Err(why) => {
-                    let line = why.strip_prefix("f.yaml:").and_then(|rest| rest.split_once(": "));
+                    let line = why.strip_prefix("line ").and_then(|rest| rest.split_once(": "));
                     let line = line.and_then(|(line, _)| line.parse().ok());
                     prop_assert!(line.is_some_and(|line| lines.contains(&line)), "{why}");
                 }
