@@ -105,10 +105,9 @@ fn start_log_with(level: &str, screen: LevelFilter, rosout: Option<RosoutLayer>)
         // Fails only when another log was started before this one.
         let _ = handle.reload(EnvFilter::builder().parse_lossy(directives));
     };
-    let colour = anstream::AutoStream::choice(&std::io::stderr()) != anstream::ColorChoice::Never;
     let lines = tracing_subscriber::fmt::layer()
         .with_writer(|| progress::LogWriter)
-        .with_ansi(colour)
+        .with_ansi(console::colors_enabled_stderr())
         .with_target(false)
         .with_filter(screen);
     // Fails only when a log was started before, which then goes on.
