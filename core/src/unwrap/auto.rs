@@ -19,7 +19,7 @@
 
 use super::smoothed_tree::SmoothedTree;
 use super::{
-    GradientTree, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Spud, Trust, Unwrap,
+    GradientTree, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Spud, Tree, Trust, Unwrap,
     UnwrapError, congruence, jumps,
 };
 use crate::frame::Frame;
@@ -57,6 +57,13 @@ const STRONG_NOISE: f32 = 0.09;
 /// With less noise than this, in peaks, smoothing changes hardly anything.
 const SOME_NOISE: f32 = 0.02;
 
+/// With more than this share of residues, a second method rarely helps, and the second differences of the results do not tell the better
+/// one.
+const MOST_RESIDUES: f32 = 0.04;
+
+/// With more than this share of residues in strong noise, edges are as many as in sharp scenes at alpha 8, and no tree is right.
+const DROWNED_RESIDUES: f32 = 0.12;
+
 /// The method with the buffers of the methods that it selects.
 pub struct Auto {
     limits: TrustLimits,
@@ -66,7 +73,8 @@ pub struct Auto {
     gradient_tree: GradientTree,
     spud: Spud,
     smoothed_tree: SmoothedTree,
-    /// The result of `smoothed_tree` beside that of `gradient_tree`.
+    tree: Tree,
+    /// The result of a second method.
     other: Recovered,
 }
 
@@ -91,6 +99,7 @@ impl Auto {
             gradient_tree: GradientTree::new(options.threads)?,
             spud: Spud::with_threads(options.tau, options.threshold_on, options.threads)?,
             smoothed_tree: SmoothedTree::default(),
+            tree: Tree::default(),
             other: Recovered::default(),
         })
     }
@@ -135,7 +144,7 @@ impl Auto {
         // Rounding to few bits looks like noise, and is none.
         let noise = if range.bits() < FEWEST_BITS { 0.0 } else { noise };
         if noise > STRONG_NOISE {
-            self.smoothed_tree.unwrap(&mut self.gradient_tree, y.dim(), range, out);
+            self.grow_in_noise(y, range, quality.residues, out)?;
             quality.jumps = jumps::share(&out.x, range);
             return Ok(false);
         }
@@ -145,7 +154,7 @@ impl Auto {
         let trusted = range.bits() >= FEWEST_BITS
             && f64::from(quality.jumps) <= self.limits.jumps
             && out.report.trust != Trust::Untrusted;
-        if !trusted && noise > SOME_NOISE {
+        if !trusted && noise > SOME_NOISE && quality.residues <= MOST_RESIDUES {
             self.smoothed_tree.unwrap(&mut self.gradient_tree, y.dim(), range, &mut self.other);
             if jumps::bends(&self.other.x, range) < jumps::bends(&out.x, range) {
                 std::mem::swap(out, &mut self.other);
@@ -153,6 +162,29 @@ impl Auto {
             }
         }
         Ok(trusted)
+    }
+}
+
+impl Auto {
+    /// Unwraps y in strong noise by the method that wins at its share of residues.
+    fn grow_in_noise(
+        &mut self,
+        y: &Frame,
+        range: Range,
+        residues: f32,
+        out: &mut Recovered,
+    ) -> Result<(), UnwrapError> {
+        if residues > DROWNED_RESIDUES {
+            return self.spud.unwrap(y, range, out);
+        }
+        self.smoothed_tree.unwrap(&mut self.gradient_tree, y.dim(), range, out);
+        if residues <= MOST_RESIDUES {
+            self.tree.unwrap(y, range, &mut self.other)?;
+            if jumps::bends(&self.other.x, range) < jumps::bends(&out.x, range) {
+                std::mem::swap(out, &mut self.other);
+            }
+        }
+        Ok(())
     }
 }
 

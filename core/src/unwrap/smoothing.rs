@@ -9,15 +9,23 @@
 
 use crate::simd::widest;
 
-/// T over the standard deviation of the noise. Neighbours of equal radiance differ by sqrt(2) of it in each channel. A longer reach
-/// removes more noise, but at 2 and more it also joins what an edge that nearly wraps to 0 separates.
-const REACH: f32 = 1.4;
+/// T over the standard deviation of the noise, where T is small: neighbours of equal radiance differ by sqrt(2) of it in each channel.
+const REACH: f32 = 3.0;
+
+/// The greatest T, in peaks. A greater one also joins what an edge separates that nearly wraps to 0.
+const LIMIT: f32 = 0.15;
+
+/// The least T over the standard deviation of the noise, with which nearly half of the neighbours of equal radiance count.
+const LEAST_REACH: f32 = 1.4;
 
 /// The standard deviation of a normal variate over the median of its magnitude.
 const OF_MEDIAN: f32 = 1.4826;
 
 /// Of so many rows, one is read to find the noise.
 const ROWS_PER_SAMPLE: usize = 4;
+
+/// The peak of the codes.
+const PEAK: f32 = 65536.0;
 
 /// The number of steps of half a peak in which the noise is found.
 const STEPS: usize = 256;
@@ -41,7 +49,7 @@ impl Smoothing {
         noise: f32,
         out: &mut Vec<u16>,
     ) {
-        let reach = REACH * noise;
+        let reach = (REACH * noise).min(LIMIT * PEAK).max(LEAST_REACH * noise);
         out.resize(codes.len(), 0);
         let stride = width * channels;
         // The border is continued by its own pixels.
