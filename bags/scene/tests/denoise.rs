@@ -50,7 +50,7 @@ fn rendered_scenes_gain_by_denoising() {
         ("read noise of 5", SensorConfig { read_noise: 5.0, ..SENSOR }, 4.0),
         ("read noise of 20", SensorConfig { read_noise: 20.0, ..SENSOR }, 4.0),
         ("shot noise", SensorConfig { shot_noise: 0.25, ..SENSOR }, 4.0),
-        ("prnu", SensorConfig { prnu: 0.05, ..SENSOR }, 2.0),
+        ("prnu", SensorConfig { prnu: 0.02, ..SENSOR }, 1.5),
         ("two gains", SensorConfig { read_noise: 5.0, gains: two, ..SENSOR }, 4.0),
         ("mosaic", SensorConfig { read_noise: 5.0, mosaic: Some(Mosaic::Rggb), ..SENSOR }, 2.0),
     ] {

@@ -209,8 +209,8 @@ mod tests {
 
     proptest! {
         #[test]
-        fn counts_second_differences_above_one_peak(
-            (height, width, rgb) in (1usize..6, 1usize..6, any::<bool>()), seed in any::<u64>(),
+        fn counts_and_sums_second_differences(
+            (height, width, rgb) in (1usize..6, 1usize..40, any::<bool>()), seed in any::<u64>(),
         ) {
             let mut random = seed | 1;
             let dim = (height, width, if rgb { 3 } else { 1 });
@@ -218,14 +218,18 @@ mod tests {
                 random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
                 ((random >> 40) % 1024) as f32
             });
-            let mut count = 0;
+            let (mut count, mut sum) = (0, 0.0);
             for (i, j, c) in ndarray::indices(dim) {
-                let second = |a: f32, b: f32| (a + b - 2.0 * x[(i, j, c)]).abs() > 256.0;
-                let along = j > 0 && j + 1 < width && second(x[(i, j - 1, c)], x[(i, j + 1, c)]);
-                let across = i > 0 && i + 1 < height && second(x[(i - 1, j, c)], x[(i + 1, j, c)]);
-                count += u32::from(along) + u32::from(across);
+                let second = |a: f32, b: f32| (a + b - 2.0 * x[(i, j, c)]).abs();
+                let along = (j > 0 && j + 1 < width).then(|| second(x[(i, j - 1, c)], x[(i, j + 1, c)]));
+                let across = (i > 0 && i + 1 < height).then(|| second(x[(i - 1, j, c)], x[(i + 1, j, c)]));
+                for bend in [along, across].into_iter().flatten() {
+                    count += u32::from(bend > 256.0);
+                    sum += f64::from(bend.min(256.0)) / 256.0;
+                }
             }
             prop_assert_eq!(share(&x, range()), count as f32 / x.len() as f32);
+            prop_assert!((bends(&x, range()) - sum / x.len() as f64).abs() < 1e-9);
         }
     }
 

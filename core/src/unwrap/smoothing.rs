@@ -148,3 +148,64 @@ pub(super) fn noise(codes: &[u16], (height, width, channels): (usize, usize, usi
     let step = (1 << 15) as f32 / STEPS as f32;
     (median.unwrap_or(0) as f32 + 0.5) * step * OF_MEDIAN / 2.0
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, StandardNormal};
+    use rand_pcg::Pcg64Mcg;
+
+    use super::*;
+
+    /// Codes of `level` with noise of `sigma`, in codes of a peak of 2^16.
+    fn noisy(dim: (usize, usize, usize), sigma: f64, level: impl Fn(usize) -> u16) -> Vec<u16> {
+        let mut random = Pcg64Mcg::seed_from_u64(1);
+        let mut sample = |index: usize| {
+            let deviate: f64 = StandardNormal.sample(&mut random);
+            level(index / dim.2 % dim.1).wrapping_add((sigma * deviate) as i32 as u16)
+        };
+        (0..dim.0 * dim.1 * dim.2).map(&mut sample).collect()
+    }
+
+    /// The root mean square of the wrapped differences from `level`.
+    fn deviation(codes: &[u16], dim: (usize, usize, usize), level: impl Fn(usize) -> u16) -> f64 {
+        let square = |(index, code): (usize, &u16)| {
+            f64::from(code.wrapping_sub(level(index / dim.2 % dim.1)).cast_signed()).powi(2)
+        };
+        (codes.iter().enumerate().map(square).sum::<f64>() / codes.len() as f64).sqrt()
+    }
+
+    #[test]
+    fn measures_the_noise() {
+        for sigma in [500.0, 2000.0, 7680.0] {
+            for dim in [(60, 80, 3), (90, 120, 1)] {
+                let found = noise(&noisy(dim, sigma, |column| 400 * column as u16), dim);
+                assert!((f64::from(found) / sigma - 1.0).abs() < 0.1, "{found} for {sigma}");
+            }
+        }
+        assert!(noise(&[7], (1, 1, 1)) > 0.0, "an image without a loop has no noise that could be seen");
+    }
+
+    #[test]
+    fn removes_noise_at_the_wrap_and_keeps_edges() {
+        // The left half lies on both sides of the wrap, and the right half is three eighths of a peak away.
+        let level = |column: usize| if column < 40 { 100 } else { 24_576 };
+        for (dim, sigma) in [((60, 80, 3), 2500.0), ((60, 80, 1), 2500.0), ((60, 80, 3), 7000.0)] {
+            let codes = noisy(dim, sigma, level);
+            let (mut smoothing, mut out) = (Smoothing::default(), Vec::new());
+            smoothing.apply(&codes, dim, sigma as f32, &mut out);
+            let [before, after] = [&codes, &out].map(|codes| deviation(codes, dim, level));
+            assert!(after < 0.65 * before, "{dim:?}, {sigma}: {before} to {after}");
+        }
+    }
+
+    #[test]
+    fn an_image_of_any_size_is_smoothed() {
+        for dim in [(1, 1, 1), (1, 7, 3), (5, 1, 3), (2, 2, 1)] {
+            let codes = vec![65_535; dim.0 * dim.1 * dim.2];
+            let mut out = vec![3; 2];
+            Smoothing::default().apply(&codes, dim, 1000.0, &mut out);
+            assert_eq!(out, codes, "{dim:?}");
+        }
+    }
+}
