@@ -42,9 +42,9 @@ const UNDESCRIBED: &str = "no sensor description has come on the topic sensor_in
 modulo_runtime::parameters! {
     /// The parameters of the `unwrap` node.
     pub struct UnwrapParameters {
-        /// Unwrapping method. auto starts with lines and takes gradient_tree where the image is too steep for lines, or
-        /// spud where noise makes it steep. Images
-        /// of a sensor with two gains (see gains) have a method of their own.
+        /// Unwrapping method. auto starts with lines and takes gradient_tree where the image is too steep for lines; where noise
+        /// makes it steep, it takes a tree on smoothed codes, or spud. Images of a sensor with two gains (see gains) have a
+        /// method of their own.
         method: Method = Method::Auto => Method::ALL,
         /// Number of threads that unwrapping may use. The result does not depend on it.
         threads: usize = 1 => 1..=MAX_THREADS,
