@@ -137,7 +137,7 @@ pub(super) fn noise(codes: &[u16], (height, width, channels): (usize, usize, usi
         for ((a, b), (c, d)) in ends {
             let mixed = d.wrapping_sub(*c).wrapping_sub(b.wrapping_sub(*a)).cast_signed();
             // Half a peak belongs to the last step.
-            counts[(usize::from(mixed.unsigned_abs()) * STEPS >> 15).min(STEPS - 1)] += 1;
+            counts[((usize::from(mixed.unsigned_abs()) * STEPS) >> 15).min(STEPS - 1)] += 1;
         }
     }
     let (half, mut below) = (counts.iter().sum::<u32>() / 2, 0);
