@@ -5,16 +5,21 @@
 //! | metrics of y | method used | trusted |
 //! |---|---|---|
 //! | hardly a steep loop, each line agrees, all counts in range, hardly a jump | lines; pass_through if all k are 0 | yes |
-//! | steep loops that noise makes | spud | no |
+//! | nearly all loops as steep as chance makes them | spud | no |
+//! | strong noise | smoothed_tree | no |
 //! | else | gradient_tree | if all counts are in range, and hardly a second difference of the result is above one peak (4 bits and more) |
+//!
+//! Where `gradient_tree` is not trusted and there is noise, `smoothed_tree` runs as well, and the result with the smaller
+//! second differences is kept ([`jumps::bends`]).
 //!
 //! In every case trust also needs evidence for the absolute offset, see [`congruence::is_evident`].
 //!
 //! Two errors leave no trace in y and in the result and cannot be detected here: a region whose sharp
 //! contour is exactly a multiple of the peak, and a channel that is brighter than the peak everywhere.
 
+use super::smoothed_tree::SmoothedTree;
 use super::{
-    GradientTree, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Spud, Trust, Unwrap,
+    GradientTree, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Spud, Tree, Trust, Unwrap,
     UnwrapError, congruence, jumps,
 };
 use crate::frame::Frame;
@@ -41,16 +46,23 @@ impl Default for TrustLimits {
 /// which must be far below the peak.
 pub(super) const FEWEST_BITS: u8 = 4;
 
-/// With more than this share of steep loops and few residues, the mixed differences are noise. Read noise with a sigma of 0.12 peaks
-/// gives 0.09 by itself; sharp frames at alpha 8 have up to 0.1 without noise, but with many residues.
-const NOISY_STEEP: f32 = 0.07;
-
-/// Up to this share of residues, hardly a first difference of a noisy frame wraps, where four times as many mixed ones do.
-const NOISY_RESIDUES: f32 = 0.02;
-
 /// With more than this share of steep loops, most of the image is noise, and only the average over many differences says anything.
-/// Read noise with a sigma of 0.16 peaks gives 0.15 by itself, and codes of pure chance 0.25.
-const DROWNED_STEEP: f32 = 0.14;
+/// Read noise with a sigma of 0.18 peaks gives 0.19 by itself, and codes of pure chance 0.25.
+const DROWNED_STEEP: f32 = 0.18;
+
+/// With more noise than this, in peaks, a smoothed image is recovered better than the image itself. Read noise of 0.12 peaks is measured
+/// as 0.10 to 0.12, sharp scenes at alpha 8 without noise as up to 0.07.
+const STRONG_NOISE: f32 = 0.09;
+
+/// With less noise than this, in peaks, smoothing changes hardly anything.
+const SOME_NOISE: f32 = 0.02;
+
+/// With more than this share of residues, a second method rarely helps, and the second differences of the results do not tell the better
+/// one.
+const MOST_RESIDUES: f32 = 0.04;
+
+/// With more than this share of residues in strong noise, edges are as many as in sharp scenes at alpha 8, and no tree is right.
+const DROWNED_RESIDUES: f32 = 0.12;
 
 /// The method with the buffers of the methods that it selects.
 pub struct Auto {
@@ -60,13 +72,17 @@ pub struct Auto {
     lines: Lines,
     gradient_tree: GradientTree,
     spud: Spud,
+    smoothed_tree: SmoothedTree,
+    tree: Tree,
+    /// The result of a second method.
+    other: Recovered,
 }
 
 /// The decision that the metrics of `lines` lead to.
 enum MethodChoice {
     PassThrough,
     Lines,
-    GradientTree,
+    Tree,
     Spud,
 }
 
@@ -82,6 +98,9 @@ impl Auto {
             lines: Lines::default(),
             gradient_tree: GradientTree::new(options.threads)?,
             spud: Spud::with_threads(options.tau, options.threshold_on, options.threads)?,
+            smoothed_tree: SmoothedTree::default(),
+            tree: Tree::default(),
+            other: Recovered::default(),
         })
     }
 
@@ -93,10 +112,9 @@ impl Auto {
         Ok(Self { needs_offset: false, ..Self::new(options)? })
     }
 
-    fn judge(&self, lines: &Recovered) -> MethodChoice {
-        let QualityMetrics { residues, steep, consensus, clamped, jumps } =
-            lines.report.quality.expect("lines always gives its quality");
-        if steep > DROWNED_STEEP || (steep > NOISY_STEEP && residues <= NOISY_RESIDUES) {
+    fn judge(&self, quality: QualityMetrics, lines: &Recovered) -> MethodChoice {
+        let QualityMetrics { steep, consensus, clamped, jumps, .. } = quality;
+        if steep > DROWNED_STEEP {
             return MethodChoice::Spud;
         }
         // Compared in double precision, in which the limits are given.
@@ -110,7 +128,63 @@ impl Auto {
             let wrapped = lines.k.iter().any(|&k| k > 0);
             return if wrapped { MethodChoice::Lines } else { MethodChoice::PassThrough };
         }
-        MethodChoice::GradientTree
+        MethodChoice::Tree
+    }
+
+    /// Unwraps by the tree that the noise of y asks for; returns whether the result is trusted. Writes the jumps of the result into
+    /// `quality`.
+    fn grow(
+        &mut self,
+        y: &Frame,
+        range: Range,
+        quality: &mut QualityMetrics,
+        out: &mut Recovered,
+    ) -> Result<bool, UnwrapError> {
+        let noise = self.smoothed_tree.read(y, range)?;
+        // Rounding to few bits looks like noise, and is none.
+        let noise = if range.bits() < FEWEST_BITS { 0.0 } else { noise };
+        if noise > STRONG_NOISE {
+            self.grow_in_noise(y, range, quality.residues, out)?;
+            quality.jumps = jumps::share(&out.x, range);
+            return Ok(false);
+        }
+        self.gradient_tree.unwrap(y, range, out)?;
+        quality.jumps = jumps::share(&out.x, range);
+        // A result that contradicts itself is not trusted, whatever y looks like.
+        let trusted = range.bits() >= FEWEST_BITS
+            && f64::from(quality.jumps) <= self.limits.jumps
+            && out.report.trust != Trust::Untrusted;
+        if !trusted && noise > SOME_NOISE && quality.residues <= MOST_RESIDUES {
+            self.smoothed_tree.unwrap(&mut self.gradient_tree, y.dim(), range, &mut self.other);
+            if jumps::bends(&self.other.x, range) < jumps::bends(&out.x, range) {
+                std::mem::swap(out, &mut self.other);
+                quality.jumps = jumps::share(&out.x, range);
+            }
+        }
+        Ok(trusted)
+    }
+}
+
+impl Auto {
+    /// Unwraps y in strong noise by the method that wins at its share of residues.
+    fn grow_in_noise(
+        &mut self,
+        y: &Frame,
+        range: Range,
+        residues: f32,
+        out: &mut Recovered,
+    ) -> Result<(), UnwrapError> {
+        if residues > DROWNED_RESIDUES {
+            return self.spud.unwrap(y, range, out);
+        }
+        self.smoothed_tree.unwrap(&mut self.gradient_tree, y.dim(), range, out);
+        if residues <= MOST_RESIDUES {
+            self.tree.unwrap(y, range, &mut self.other)?;
+            if jumps::bends(&self.other.x, range) < jumps::bends(&out.x, range) {
+                std::mem::swap(out, &mut self.other);
+            }
+        }
+        Ok(())
     }
 }
 
@@ -121,11 +195,10 @@ impl Unwrap for Auto {
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         self.lines.unwrap(y, range, out)?;
-        let jumps = jumps::share(&out.x, range);
         // The second method overwrites the report, but the metrics of y remain those of `lines`.
-        let quality = out.report.quality.map(|quality| QualityMetrics { jumps, ..quality });
-        out.report.quality = quality;
-        let trusted = match self.judge(out) {
+        let mut quality = out.report.quality.expect("lines always gives its quality");
+        quality.jumps = jumps::share(&out.x, range);
+        let trusted = match self.judge(quality, out) {
             MethodChoice::PassThrough => {
                 out.report.method = PASS_THROUGH;
                 true
@@ -133,20 +206,12 @@ impl Unwrap for Auto {
             MethodChoice::Lines => true,
             MethodChoice::Spud => {
                 self.spud.unwrap(y, range, out)?;
-                out.report.quality =
-                    quality.map(|quality| QualityMetrics { jumps: jumps::share(&out.x, range), ..quality });
+                quality.jumps = jumps::share(&out.x, range);
                 false
             }
-            MethodChoice::GradientTree => {
-                self.gradient_tree.unwrap(y, range, out)?;
-                let jumps = jumps::share(&out.x, range);
-                out.report.quality = quality.map(|quality| QualityMetrics { jumps, ..quality });
-                // A result that contradicts itself is not trusted, whatever y looks like.
-                range.bits() >= FEWEST_BITS
-                    && f64::from(jumps) <= self.limits.jumps
-                    && out.report.trust != Trust::Untrusted
-            }
+            MethodChoice::Tree => self.grow(y, range, &mut quality, out)?,
         };
+        out.report.quality = Some(quality);
         let trusted = trusted && (!self.needs_offset || congruence::is_evident(out, range));
         out.report.trust = if trusted { Trust::Trusted } else { Trust::Untrusted };
         Ok(())

@@ -78,8 +78,22 @@ impl Unwrap for GradientTree {
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         let samples = Integers::checked(y, range)?;
         out.prepare(y.dim(), self.name());
+        self.unwrap_codes(samples, y.dim(), range, out);
+        Ok(())
+    }
+}
+
+impl GradientTree {
+    /// Unwraps `samples` of an image of `dim`, all below 2^b, into `out`, which must be prepared.
+    pub(super) fn unwrap_codes(
+        &mut self,
+        samples: Integers<'_>,
+        (_, width, channels): (usize, usize, usize),
+        range: Range,
+        out: &mut Recovered,
+    ) {
         let bounds = Bounds::new(range);
-        self.pixels.read(samples, (y.width(), y.channels()), range, bounds);
+        self.pixels.read(samples, (width, channels), range, bounds);
         let pixels = &self.pixels;
         // The two directions share nothing, so that each can have a thread.
         self.workers.each(&mut self.gradients, |_, gradient| gradient.unwrap(pixels, bounds));
@@ -92,7 +106,6 @@ impl Unwrap for GradientTree {
             changed: [&right.changed, &down.changed],
         };
         recover(&image, &mut self.sums, &mut self.forest, samples, range, out);
-        Ok(())
     }
 }
 

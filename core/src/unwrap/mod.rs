@@ -11,6 +11,8 @@ mod lines;
 mod mosaic;
 mod poisson;
 mod quality_guided;
+mod smoothed_tree;
+mod smoothing;
 mod spud;
 mod tree;
 mod wrapped;
@@ -129,7 +131,7 @@ pub struct Recovered {
 /// The report of a method on its own result.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
-    /// The name of the method used, as in [`METHODS`], [`PASS_THROUGH`] or
+    /// The name of the method used, as in [`METHODS`], [`PASS_THROUGH`], [`SMOOTHED_TREE`] or
     /// [`GainPattern::method`](crate::GainPattern::method); empty before the first image.
     pub method: &'static str,
     /// The quality metrics of y, if the method computes them.
@@ -164,6 +166,9 @@ impl Trust {
 
 /// The name for a result of `auto` in which all k are 0.
 pub const PASS_THROUGH: &str = "pass_through";
+
+/// The name for a result of `auto` by `gradient_tree` on a smoothed modulo image.
+pub const SMOOTHED_TREE: &str = "smoothed_tree";
 
 /// Measures of how far y departs from the assumptions of `lines`, over all channels; they need no ground truth.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
