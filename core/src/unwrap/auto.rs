@@ -8,15 +8,16 @@
 //! | steep loops that noise makes | spud | no |
 //! | else | gradient_tree | if all counts are in range, and hardly a second difference of the result is above one peak (4 bits and more) |
 //!
-//! In every case trust also needs evidence for the absolute offset, see [`congruence::is_evident`].
+//! In every case trust also needs evidence for the absolute offset, see [`offset::is_evident`].
 //!
 //! Two errors leave no trace in y and in the result and cannot be detected here: a region whose sharp
 //! contour is exactly a multiple of the peak, and a channel that is brighter than the peak everywhere.
 
 use super::{
-    GradientTree, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Spud, Trust, Unwrap,
-    UnwrapError, congruence, jumps,
+    GradientTree, Integers, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Spud, Trust, Unwrap,
+    UnwrapError, jumps, offset,
 };
+use super::defects::Defects;
 use crate::frame::Frame;
 
 /// The limits at which `auto` rejects the result of a method.
@@ -57,9 +58,11 @@ pub struct Auto {
     limits: TrustLimits,
     /// Whether trust needs evidence for the absolute offset.
     needs_offset: bool,
+    defects: Defects,
     lines: Lines,
     gradient_tree: GradientTree,
     spud: Spud,
+    levels: Vec<usize>,
 }
 
 /// The decision that the metrics of `lines` lead to.
@@ -79,9 +82,11 @@ impl Auto {
         Ok(Self {
             limits: options.trust,
             needs_offset: true,
+            defects: Defects::default(),
             lines: Lines::default(),
             gradient_tree: GradientTree::new(options.threads)?,
             spud: Spud::with_threads(options.tau, options.threshold_on, options.threads)?,
+            levels: Vec::new(),
         })
     }
 
@@ -94,7 +99,7 @@ impl Auto {
     }
 
     fn judge(&self, lines: &Recovered) -> MethodChoice {
-        let QualityMetrics { residues, steep, consensus, clamped, jumps } =
+        let QualityMetrics { residues, steep, consensus, clamped, jumps, .. } =
             lines.report.quality.expect("lines always gives its quality");
         if steep > DROWNED_STEEP || (steep > NOISY_STEEP && residues <= NOISY_RESIDUES) {
             return MethodChoice::Spud;
@@ -120,7 +125,33 @@ impl Unwrap for Auto {
     }
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        self.lines.unwrap(y, range, out)?;
+        let steep = self.lines.scan(y, range)?;
+        // A defect that matters makes loops steep: an image without steep loops is not searched, nor one of noise.
+        if steep == 0.0 || steep > DROWNED_STEEP {
+            return self.unwrap_scanned(y, range, out);
+        }
+        let codes = Integers::of(y)?;
+        let mut defects = std::mem::take(&mut self.defects);
+        let done = match defects.remove(y, codes, range) {
+            None => self.unwrap_scanned(y, range, out),
+            Some(sound) => {
+                self.lines.scan(sound, range).and_then(|_| self.unwrap_scanned(sound, range, out)).map(|()| {
+                    defects.restore(codes, range, out);
+                    out.report.quality =
+                        out.report.quality.map(|quality| QualityMetrics { defects: defects.share(y), ..quality });
+                })
+            }
+        };
+        self.defects = defects;
+        done
+    }
+}
+
+impl Auto {
+    /// Unwraps the image that `lines` has scanned.
+    fn unwrap_scanned(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
+        let few = range.of_few_outliers();
+        self.finish_lines(y, few, out)?;
         let jumps = jumps::share(&out.x, range);
         // The second method overwrites the report, but the metrics of y remain those of `lines`.
         let quality = out.report.quality.map(|quality| QualityMetrics { jumps, ..quality });
@@ -132,13 +163,13 @@ impl Unwrap for Auto {
             }
             MethodChoice::Lines => true,
             MethodChoice::Spud => {
-                self.spud.unwrap(y, range, out)?;
+                self.spud.unwrap(y, few, out)?;
                 out.report.quality =
                     quality.map(|quality| QualityMetrics { jumps: jumps::share(&out.x, range), ..quality });
                 false
             }
             MethodChoice::GradientTree => {
-                self.gradient_tree.unwrap(y, range, out)?;
+                self.gradient_tree.unwrap(y, few, out)?;
                 let jumps = jumps::share(&out.x, range);
                 out.report.quality = quality.map(|quality| QualityMetrics { jumps, ..quality });
                 // A result that contradicts itself is not trusted, whatever y looks like.
@@ -147,8 +178,27 @@ impl Unwrap for Auto {
                     && out.report.trust != Trust::Untrusted
             }
         };
-        let trusted = trusted && (!self.needs_offset || congruence::is_evident(out, range));
+        // Wrong regions must not raise the whole image: where the result contradicts itself, more samples may be out of range.
+        if out.report.quality.is_some_and(|quality| f64::from(quality.jumps) > self.limits.jumps) {
+            offset::darken(out, range, &mut self.levels);
+        }
+        let trusted = trusted && (!self.needs_offset || offset::is_evident(out, range));
         out.report.trust = if trusted { Trust::Trusted } else { Trust::Untrusted };
+        Ok(())
+    }
+
+    /// Writes the result of `lines` for the image that it has scanned. Where counts leave the range, alpha may be a little
+    /// larger than it was given.
+    fn finish_lines(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
+        let is_clamped = |out: &Recovered| out.report.quality.is_some_and(|quality| quality.clamped > 0.0);
+        self.lines.finish(y, range, out)?;
+        if is_clamped(out) && range.widened().max_wraps() > range.max_wraps() {
+            self.lines.unwrap(y, range.widened(), out)?;
+            // The counts beyond the range are right only if they explain the whole image.
+            if is_clamped(out) {
+                self.lines.unwrap(y, range, out)?;
+            }
+        }
         Ok(())
     }
 }

@@ -16,7 +16,7 @@ use ndarray::Array3;
 use super::auto::FEWEST_BITS;
 use super::{
     Auto, GradientTree, Integers, Options, Range, Recovered, Trust, TrustLimits, Unwrap, UnwrapError,
-    congruence, jumps,
+    congruence, jumps, offset,
 };
 use crate::frame::Frame;
 use crate::mosaic::{Mosaic, mirrored};
@@ -110,7 +110,7 @@ impl MosaicUnwrap {
         let report = self.green.report;
         let judged_again = report.method == GradientTree::NAME
             && range.bits() >= FEWEST_BITS
-            && congruence::is_evident(&self.green, range);
+            && offset::is_evident(&self.green, range);
         f64::from(jumps) <= self.limits.jumps && (report.trust == Trust::Trusted || judged_again)
     }
 

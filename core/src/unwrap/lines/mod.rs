@@ -26,7 +26,7 @@ mod rows;
 
 use columns::{ColumnConstants, SummedImage};
 use gradient::Gradient;
-use layout::{CodeRows, RowLayout};
+use layout::{CodeRows, RowLayout, share};
 use levels::Levels;
 use rows::{PrefixSums, Rows};
 
@@ -45,31 +45,63 @@ pub struct Lines {
     words: Buffers<u16>,
 }
 
+impl Lines {
+    /// Takes the first steps, which need not the whole range: sums the rows of `y`, and returns its share of steep loops.
+    ///
+    /// # Errors
+    /// Those of [`Unwrap::unwrap`].
+    pub(super) fn scan(&mut self, y: &Frame, range: Range) -> Result<f32, UnwrapError> {
+        let layout = RowLayout::of(y);
+        Ok(match Integers::checked(y, range)? {
+            Integers::U8(codes) => {
+                let samples = CodeRows::new(codes, layout, range);
+                if is_narrow(range) {
+                    self.bytes.scan(&samples, layout, range)
+                } else {
+                    self.words.scan(&samples, layout, range)
+                }
+            }
+            Integers::U16(codes) => self.words.scan(&CodeRows::new(codes, layout, range), layout, range),
+        })
+    }
+
+    /// Takes the last steps for the image that [`Lines::scan`] was called with.
+    ///
+    /// # Errors
+    /// Those of [`Unwrap::unwrap`].
+    pub(super) fn finish(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
+        out.prepare(y.dim(), self.name());
+        let layout = RowLayout::of(y);
+        match Integers::of(y)? {
+            Integers::U8(codes) => {
+                let samples = CodeRows::new(codes, layout, range);
+                if is_narrow(range) {
+                    self.bytes.finish(&samples, layout, range, out);
+                } else {
+                    self.words.finish(&samples, layout, range, out);
+                }
+            }
+            Integers::U16(codes) => {
+                self.words.finish(&CodeRows::new(codes, layout, range), layout, range, out)
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Returns whether words of 8 bits suffice, which hold twice as many lanes as words of 16.
+fn is_narrow(range: Range) -> bool {
+    range.bits() <= 8 && range.max_wraps() <= NARROW
+}
+
 impl Unwrap for Lines {
     fn name(&self) -> &'static str {
         "lines"
     }
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        let codes = Integers::checked(y, range)?;
-        out.prepare(y.dim(), self.name());
-        let (height, width, channels) = y.dim();
-        let layout = RowLayout { height, width, channels };
-        match codes {
-            Integers::U8(codes) => {
-                let samples = CodeRows::new(codes, layout, range);
-                // Words of 8 bits hold twice as many lanes as words of 16.
-                if range.bits() <= 8 && range.max_wraps() <= NARROW {
-                    self.bytes.unwrap(&samples, layout, range, out);
-                } else {
-                    self.words.unwrap(&samples, layout, range, out);
-                }
-            }
-            Integers::U16(codes) => {
-                self.words.unwrap(&CodeRows::new(codes, layout, range), layout, range, out)
-            }
-        }
-        Ok(())
+        self.scan(y, range)?;
+        self.finish(y, range, out)
     }
 }
 
@@ -87,7 +119,7 @@ struct Buffers<W> {
 }
 
 impl<W: Word> Buffers<W> {
-    fn unwrap<S>(&mut self, samples: &CodeRows<'_, S>, layout: RowLayout, range: Range, out: &mut Recovered)
+    fn scan<S>(&mut self, samples: &CodeRows<'_, S>, layout: RowLayout, range: Range) -> f32
     where
         S: Copy + Into<u16>,
     {
@@ -99,6 +131,13 @@ impl<W: Word> Buffers<W> {
         }
         // The counters of the last rows are not full, but belong to the totals.
         self.gradient.settle();
+        layout.share_of_loops(self.gradient.suspect)
+    }
+
+    fn finish<S>(&mut self, samples: &CodeRows<'_, S>, layout: RowLayout, range: Range, out: &mut Recovered)
+    where
+        S: Copy + Into<u16>,
+    {
         self.constants.find(&self.gradient, &SummedImage { samples, layout, rows: &self.rows }, range);
         let levels = Levels { layout, rows: &self.rows, constants: &self.constants.sums };
         let Self { offsets, counts, .. } = self;
@@ -122,20 +161,19 @@ impl<W: Word> Buffers<W> {
         self.rows.append(&self.sums, [here, up, upper]);
     }
 
-    fn quality(&self, RowLayout { height, width, channels }: RowLayout, outside: usize) -> QualityMetrics {
-        // An image of one row or one column has no loop.
-        let share = |count: u64, of: usize| if of == 0 { 0.0 } else { count as f32 / of as f32 };
-        let loops = (height - 1) * (width - 1) * channels;
+    fn quality(&self, layout: RowLayout, outside: usize) -> QualityMetrics {
+        let RowLayout { height, width, channels } = layout;
         let [row, column] = [
-            share(self.rows.least_agreement as u64, width),
-            share(self.constants.least_agreement as u64, height),
+            share(self.rows.least_agreement, width),
+            share(self.constants.least_agreement, height),
         ];
         QualityMetrics {
-            residues: share(self.gradient.residues, loops),
-            steep: share(self.gradient.suspect, loops),
+            residues: layout.share_of_loops(self.gradient.residues),
+            steep: layout.share_of_loops(self.gradient.suspect),
             consensus: row.min(column),
-            clamped: share(outside as u64, height * width * channels),
+            clamped: share(outside, height * width * channels),
             jumps: 0.0,
+            defects: 0.0,
         }
     }
 }
