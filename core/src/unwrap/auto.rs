@@ -99,17 +99,17 @@ impl Auto {
     }
 
     fn judge(&self, lines: &Recovered) -> MethodChoice {
-        let QualityMetrics { residues, steep, consensus, clamped, jumps, .. } =
+        let QualityMetrics { residues, steep, consensus, clamped, jumps, defects } =
             lines.report.quality.expect("lines always gives its quality");
         if steep > DROWNED_STEEP || (steep > NOISY_STEEP && residues <= NOISY_RESIDUES) {
             return MethodChoice::Spud;
         }
         // Compared in double precision, in which the limits are given.
         let (steep, consensus) = (f64::from(steep), f64::from(consensus));
-        // A clamped count contradicts the range, however smooth y looks.
+        // A clamped count contradicts the range, however smooth y looks. Only the value in the place of a defect may lie beside it.
         if steep <= self.limits.lines
             && consensus >= self.limits.consensus
-            && clamped == 0.0
+            && clamped <= defects
             && f64::from(jumps) <= self.limits.jumps
         {
             let wrapped = lines.k.iter().any(|&k| k > 0);
@@ -128,18 +128,16 @@ impl Unwrap for Auto {
         let steep = self.lines.scan(y, range)?;
         // A defect that matters makes loops steep: an image without steep loops is not searched, nor one of noise.
         if steep == 0.0 || steep > DROWNED_STEEP {
-            return self.unwrap_scanned(y, range, out);
+            return self.unwrap_scanned(y, 0.0, range, out);
         }
         let codes = Integers::of(y)?;
         let mut defects = std::mem::take(&mut self.defects);
         let done = match defects.remove(y, codes, range) {
-            None => self.unwrap_scanned(y, range, out),
-            Some(sound) => {
-                self.lines.scan(sound, range).and_then(|_| self.unwrap_scanned(sound, range, out)).map(|()| {
-                    defects.restore(codes, range, out);
-                    out.report.quality =
-                        out.report.quality.map(|quality| QualityMetrics { defects: defects.share(y), ..quality });
-                })
+            None => self.unwrap_scanned(y, 0.0, range, out),
+            Some((sound, share)) => {
+                let scanned = self.lines.scan(sound, range);
+                let done = scanned.and_then(|_| self.unwrap_scanned(sound, share, range, out));
+                done.map(|()| defects.restore(codes, range, out))
             }
         };
         self.defects = defects;
@@ -148,13 +146,19 @@ impl Unwrap for Auto {
 }
 
 impl Auto {
-    /// Unwraps the image that `lines` has scanned.
-    fn unwrap_scanned(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
+    /// Unwraps the image that `lines` has scanned, of whose samples a share of `defects` was replaced.
+    fn unwrap_scanned(
+        &mut self,
+        y: &Frame,
+        defects: f32,
+        range: Range,
+        out: &mut Recovered,
+    ) -> Result<(), UnwrapError> {
         let few = range.of_few_outliers();
-        self.finish_lines(y, few, out)?;
+        self.finish_lines(y, defects, few, out)?;
         let jumps = jumps::share(&out.x, range);
         // The second method overwrites the report, but the metrics of y remain those of `lines`.
-        let quality = out.report.quality.map(|quality| QualityMetrics { jumps, ..quality });
+        let quality = out.report.quality.map(|quality| QualityMetrics { jumps, defects, ..quality });
         out.report.quality = quality;
         let trusted = match self.judge(out) {
             MethodChoice::PassThrough => {
@@ -189,8 +193,14 @@ impl Auto {
 
     /// Writes the result of `lines` for the image that it has scanned. Where counts leave the range, alpha may be a little
     /// larger than it was given.
-    fn finish_lines(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        let is_clamped = |out: &Recovered| out.report.quality.is_some_and(|quality| quality.clamped > 0.0);
+    fn finish_lines(
+        &mut self,
+        y: &Frame,
+        defects: f32,
+        range: Range,
+        out: &mut Recovered,
+    ) -> Result<(), UnwrapError> {
+        let is_clamped = |out: &Recovered| out.report.quality.is_some_and(|quality| quality.clamped > defects);
         self.lines.finish(y, range, out)?;
         if is_clamped(out) && range.widened().max_wraps() > range.max_wraps() {
             self.lines.unwrap(y, range.widened(), out)?;

@@ -4,8 +4,10 @@
 //! ```text
 //!     m = y(i, j) - y(i, j') - y(i', j) + y(i', j')   modulo 2^b,   i' = i - 1, i + 1,   j' = j - 1, j + 1
 //! ```
-//! Behind a lens, the four m of a sound sample lie on both sides of 0 or near it. Those of a defect are all far from 0, on one side:
-//! all in 1/8 to 11/16 of the peak, or all in 5/16 to 7/8. The two intervals overlap, since d may be any value modulo the peak.
+//! Behind a lens, the m of a sound sample lie near 0 or on both sides of it, since m changes its sign from loop to loop where y is
+//! smooth. Those of a defect are all far from 0: all in 1/8 to 3/4 of the peak, or all in 1/4 to 7/8. The intervals contain half a peak,
+//! which is as far from 0 on either side. Where m lie on both sides of it, a sound sample at a steep corner looks the same. But there
+//! the loops around are steep, too, and a defect stands out from them.
 //!
 //! A defect is replaced by the value that its loops expect, y is unwrapped, and then the defect gets the count that brings it nearest
 //! to this value. So it takes part in no vote, tree or quality metric.
@@ -19,15 +21,24 @@ use crate::simd::widest;
 /// so that with this share at most 0.05 % of the counts are wrong. An image with more is sharp, or noisy.
 const MOST: f64 = 1e-3;
 
-/// The least distance of each m of a defect from 0 on the near side, and on the far side, in sixteenths of the peak.
-const NEAR: u16 = 2;
-const FAR: u16 = 5;
+/// The least distance of each m of a defect from 0 on the side of its deviation, and on the other side, in eighths of the peak.
+const NEAR: u16 = 1;
+const FAR: u16 = 2;
+
+/// The least m of a defect whose m lie on both sides, over the greatest mixed difference around it, in quarters. At the corner of an edge
+/// behind a lens of 1.4 px it is at most 6.6 quarters, `exp(1 / sigma^2)`.
+const STANDS_OUT: i32 = 7;
+
+/// As many samples are looked at for each one that may be a defect.
+const CANDIDATES: usize = 4;
 
 /// The defects of an image, with buffers.
 #[derive(Default)]
 pub(super) struct Defects {
     /// Their indices in the interleaved samples, in ascending order.
     found: Vec<usize>,
+    /// The samples that look like defects by themselves.
+    candidates: Vec<usize>,
     /// The image without them.
     sound: Option<Frame>,
     bytes: Search<u8>,
@@ -44,9 +55,9 @@ struct Surroundings {
 }
 
 impl Defects {
-    /// Returns `y` without its defects, or `None` if it has none, or too many to be defects. The samples of a colour mosaic are
-    /// compared with those of the same colour.
-    pub fn remove(&mut self, y: &Frame, codes: Integers<'_>, range: Range) -> Option<&Frame> {
+    /// Returns `y` without its defects, and their share of the samples; `None` if it has none, or too many to be defects. The
+    /// samples of a colour mosaic are compared with those of the same colour.
+    pub fn remove(&mut self, y: &Frame, codes: Integers<'_>, range: Range) -> Option<(&Frame, f32)> {
         let (height, width, channels) = y.dim();
         let around = Surroundings { height, width, channels, step: if y.mosaic().is_some() { 2 } else { 1 } };
         self.found.clear();
@@ -56,22 +67,24 @@ impl Defects {
         }
         let most = (MOST * (height * width * channels) as f64) as usize;
         // Reserved at once, so that no later frame of this size allocates.
+        self.candidates.clear();
+        self.candidates.reserve(CANDIDATES * most);
         self.found.reserve(most + 1);
+        let candidates = &mut self.candidates;
         let few = match codes {
-            Integers::U8(codes) => self.bytes.find(codes, around, range, most, &mut self.found),
-            Integers::U16(codes) => self.words.find(codes, around, range, most, &mut self.found),
+            Integers::U8(codes) => self.bytes.find(codes, around, range, CANDIDATES * most, candidates),
+            Integers::U16(codes) => self.words.find(codes, around, range, CANDIDATES * most, candidates),
         };
-        if !few || self.found.is_empty() {
+        if few {
+            let stand_out = self.candidates.iter().filter(|at| around.stands_out(codes, **at, range));
+            self.found.extend(stand_out.take(most + 1));
+        }
+        if self.found.is_empty() || self.found.len() > most {
             self.found.clear();
             return None;
         }
-        Some(self.replace(y, around, range))
-    }
-
-    /// Returns the share of the samples of `y` that were removed.
-    pub fn share(&self, y: &Frame) -> f32 {
-        let (height, width, channels) = y.dim();
-        self.found.len() as f32 / (height * width * channels) as f32
+        let share = self.found.len() as f32 / (height * width * channels) as f32;
+        Some((self.replace(y, around, range), share))
     }
 
     /// Gives the samples that were removed from `y` the counts that bring them nearest to the values in their place in `out`.
@@ -115,6 +128,42 @@ impl Surroundings {
         let index = |row: usize, column: usize| row * stride + column * self.channels + channel;
         [(0, 0), (0, 1), (1, 0), (1, 1)]
             .map(|(i, j)| [index(row, columns[j]), index(rows[i], column), index(rows[i], columns[j])])
+    }
+
+    /// Returns whether a candidate contradicts its neighbours on one side of 0, or more than the loops around it contradict
+    /// each other.
+    fn stands_out(self, codes: Integers<'_>, at: usize, range: Range) -> bool {
+        let peak = 1 << range.bits();
+        let code = |at: usize| i32::from(codes.at(at));
+        let wrapped = |difference: i32| (difference + peak / 2).rem_euclid(peak) - peak / 2;
+        let m = self.loops(at).map(|[beside, above, across]| {
+            wrapped(code(at) - code(beside) - code(above) + code(across))
+        });
+        if m.iter().all(|&m| m > 0) || m.iter().all(|&m| m < 0) {
+            return true;
+        }
+        let least = m.iter().map(|m| m.abs()).min().expect("there are four loops");
+        let mixed = |[a, b, c, d]: [usize; 4]| wrapped(code(a) - code(b) - code(c) + code(d)).abs();
+        let steepest = self.loops_around(at).map(mixed).max().expect("there are loops around");
+        4 * least > STANDS_OUT * steepest
+    }
+
+    /// Returns the corners of the loops around those of a sample.
+    fn loops_around(self, at: usize) -> impl Iterator<Item = [usize; 4]> {
+        let Self { height, width, channels, step } = self;
+        let stride = width * channels;
+        let (row, column) = (at / stride, at % stride / channels);
+        let inside = move |at: usize, steps: usize, length: usize| {
+            (at + steps * step).checked_sub(2 * step).filter(|at| at + step < length)
+        };
+        let of_sample = |i: usize, j: usize| (1..3).contains(&i) && (1..3).contains(&j);
+        let places = (0..4).flat_map(|i| (0..4).map(move |j| (i, j))).filter(move |&(i, j)| !of_sample(i, j));
+        places.filter_map(move |(i, j)| {
+            let (row, column) = (inside(row, i, height)?, inside(column, j, width)?);
+            let first = row * stride + column * channels + at % channels;
+            let (right, down) = (step * channels, step * stride);
+            Some([first, first + right, first + down, first + right + down])
+        })
     }
 
     /// Replaces each sample of the indices `found`, which ascend.
@@ -235,7 +284,7 @@ fn read_row<S: Copy + Into<u16>, W: Word>(row: &[S], around: Surroundings, bits:
 #[inline(always)]
 fn flag_row<W: Word>(rows: [&[W]; 3], margin: usize, flags: &mut [W]) -> bool {
     let length = flags.len();
-    let (near, far) = (W::low(NEAR << (W::BITS - 4)), W::low(FAR << (W::BITS - 4)));
+    let (near, far) = (W::low(NEAR << (W::BITS - 3)), W::low(FAR << (W::BITS - 3)));
     let [to_near, to_far] = [near, far].map(|limit| W::default().minus(limit));
     let [above, here, below] = rows;
     let (a, b, c) = (&above[..length], &above[margin..][..length], &above[2 * margin..][..length]);
