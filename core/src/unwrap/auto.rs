@@ -125,18 +125,19 @@ impl Unwrap for Auto {
     }
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        let steep = self.lines.scan(y, range)?;
-        // A defect that matters makes loops steep: an image without steep loops is not searched, nor one of noise.
-        if steep == 0.0 || steep > DROWNED_STEEP {
+        // A defect that matters makes loops steep: an image without steep loops is not searched.
+        let Some(rows) = self.lines.scan_to_steep(y, range)? else {
             return self.unwrap_scanned(y, 0.0, range, out);
-        }
+        };
         let codes = Integers::of(y)?;
         let mut defects = std::mem::take(&mut self.defects);
         let done = match defects.remove(y, codes, range) {
-            None => self.unwrap_scanned(y, 0.0, range, out),
+            None => {
+                self.lines.scan_from(rows, y, range).and_then(|()| self.unwrap_scanned(y, 0.0, range, out))
+            }
             Some((sound, share)) => {
-                let scanned = self.lines.scan(sound, range);
-                let done = scanned.and_then(|_| self.unwrap_scanned(sound, share, range, out));
+                let scanned = self.lines.scan_from(0, sound, range);
+                let done = scanned.and_then(|()| self.unwrap_scanned(sound, share, range, out));
                 done.map(|()| defects.restore(codes, range, out))
             }
         };

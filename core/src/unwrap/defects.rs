@@ -8,6 +8,8 @@
 //! A defect is replaced by that value, y is unwrapped, and then the defect gets the count that brings it nearest to the value that was
 //! found in its place. So it takes part in no vote, tree or quality metric.
 
+use std::ops::Range as Indices;
+
 use super::wrapped::{Word, biased, exceeds};
 use super::{Integers, Range, Recovered};
 use crate::frame::{Frame, Samples};
@@ -20,12 +22,18 @@ const MOST: f64 = 1e-3;
 /// The least deviation of a defect, in eighths of the peak.
 const LEAST_DEVIATION: i32 = 1;
 
+/// A defect gets the code of a neighbour from which its sound value differs by at most this part of the peak.
+const NEIGHBOUR: i32 = 32;
+
 /// The limit of a steep mixed difference in eighths of the peak, as in the quality metrics.
 const STEEP: u16 = 3;
 
 /// Samples that are looked at for each one that may be a defect: a defect in a flat part of the image is a corner of four steep loops,
 /// which have nine corners.
 const CANDIDATES: usize = 10;
+
+/// The number of neighbouring loops that are looked at together.
+const PART: usize = 192;
 
 /// The defects of an image, with buffers.
 #[derive(Default)]
@@ -166,13 +174,20 @@ impl Grid {
             widest!(codes.extend(samples.iter().map(|&sample| W::low(sample.into() << shift))));
             let Some(above) = row.checked_sub(self.step) else { continue };
             let (up, here) = (&rows[above % 3][..], &rows[row % 3][..]);
-            // Most rows have no steep loop, which one pass in vectors tells.
-            if widest!(count_steep(up, here, margin)) == 0 {
+            let loops = stride - margin;
+            // Most rows have no steep loop, nor have most parts of the others, which one pass in vectors tells.
+            if !widest!(has_steep(up, here, margin, 0..loops)) {
                 continue;
             }
-            for l in (0..stride - margin).filter(|&l| is_steep(up[l], up[l + margin], here[l], here[l + margin])) {
-                let first = above * stride + l;
-                found.extend([first, first + margin, first + below, first + below + margin]);
+            for from in (0..loops).step_by(PART) {
+                let part = from..loops.min(from + PART);
+                if !widest!(has_steep(up, here, margin, part.clone())) {
+                    continue;
+                }
+                for l in part.filter(|&l| is_steep(up[l], up[l + margin], here[l], here[l + margin])) {
+                    let first = above * stride + l;
+                    found.extend([first, first + margin, first + below, first + below + margin]);
+                }
             }
             if found.len() > most {
                 return false;
@@ -184,21 +199,47 @@ impl Grid {
     /// Returns the code that a sample should have, if it is a defect.
     fn sound_code(self, codes: Integers<'_>, at: usize) -> Option<u16> {
         let peak = 1 << self.range.bits();
-        let wrapped = |difference: i32| (difference + peak / 2).rem_euclid(peak) - peak / 2;
+        // The peak is a power of two, so that a mask gives the remainder, also that of negative numbers.
+        let wrapped = |difference: i32| ((difference + peak / 2) & (peak - 1)) - peak / 2;
         let loops = self.loops(codes, at);
-        let at_place = |(i, j): (usize, usize)| loops[i][j];
+        // The difference of each pair, and how much of a deviation of the sample it contains; beyond the border there is none.
+        let (mut pairs, mut count) = ([(0, 0); PAIRS.len()], 0);
+        let (mut deviations, mut outward) = ([0; OUTWARD], 0);
+        for (number, [a, b]) in PAIRS.into_iter().enumerate() {
+            let (Some(first), Some(second)) = (loops[a.0][a.1], loops[b.0][b.1]) else { continue };
+            let share = share_of_sample(a) - share_of_sample(b);
+            (pairs[count], count) = ((first - second, share), count + 1);
+            if number < OUTWARD {
+                // This deviation would make the two loops equal.
+                (deviations[outward], outward) = (wrapped(share * (first - second)), outward + 1);
+            }
+        }
         let disagreement = |deviation: i32| {
-            let value = |place| Some(at_place(place)? - share_of_sample(place) * deviation);
-            let pairs = PAIRS.iter().filter_map(|&[a, b]| Some(wrapped(value(a)? - value(b)?).abs()));
-            pairs.sum::<i32>()
+            pairs[..count].iter().map(|(difference, share)| wrapped(difference - share * deviation).abs()).sum::<i32>()
         };
-        // Each of these deviations makes a loop of the sample equal to one beside it.
-        let deviations = PAIRS[..OUTWARD].iter().filter_map(|&[own, beside]| {
-            Some(wrapped(share_of_sample(own) * (at_place(own)? - at_place(beside)?)))
-        });
-        let best = deviations.min_by_key(|&deviation| disagreement(deviation))?;
+        let best = deviations[..outward].iter().copied().min_by_key(|&deviation| disagreement(deviation))?;
         let is_defect = 8 * best.abs() >= LEAST_DEVIATION * peak && 2 * disagreement(best) < disagreement(0);
-        is_defect.then(|| (i32::from(codes.at(at)) - best).rem_euclid(peak) as u16)
+        if !is_defect {
+            return None;
+        }
+        let sound = i32::from(codes.at(at)) - best;
+        // Near an end of the range, the sound value may be a little beyond it. That of a neighbour is not.
+        let nearest = self.beside(codes, at).min_by_key(|code| wrapped(code - sound).abs());
+        let code = nearest.filter(|code| NEIGHBOUR * wrapped(code - sound).abs() <= peak).unwrap_or(sound);
+        Some((code & (peak - 1)) as u16)
+    }
+
+    /// Returns the codes beside a sample, and above and below it.
+    fn beside(self, codes: Integers<'_>, at: usize) -> impl Iterator<Item = i32> {
+        let (stride, margin) = (self.width * self.channels, self.step * self.channels);
+        let (row, sample, below) = (at / stride, at % stride, self.step * stride);
+        let places = [
+            (sample >= margin).then(|| at - margin),
+            (sample + margin < stride).then_some(at + margin),
+            (row >= self.step).then(|| at - below),
+            (row + self.step < self.height).then_some(at + below),
+        ];
+        places.into_iter().flatten().map(move |at| i32::from(codes.at(at)))
     }
 
     /// Returns the mixed differences, not wrapped, around a sample.
@@ -226,14 +267,15 @@ fn is_steep<W: Word>(a: W, b: W, c: W, d: W) -> bool {
     exceeds(biased(b.minus(a), d.minus(c)), STEEP)
 }
 
-/// Returns the number of steep loops between two rows, of which 255 and more may count as any number above 0.
+/// Returns whether one of the `loops` between two rows is steep; their corners are `margin` samples apart.
 #[inline(always)]
-fn count_steep<W: Word>(up: &[W], here: &[W], margin: usize) -> u16 {
-    let length = up.len() - margin;
-    let (a, b, c, d) = (&up[..length], &up[margin..][..length], &here[..length], &here[margin..][..length]);
+fn has_steep<W: Word>(up: &[W], here: &[W], margin: usize, loops: Indices<usize>) -> bool {
+    let (from, length) = (loops.start, loops.len());
+    let (a, b) = (&up[from..][..length], &up[from + margin..][..length]);
+    let (c, d) = (&here[from..][..length], &here[from + margin..][..length]);
     let mut any = W::default();
     for l in 0..length {
         any = any.max(W::one_if(is_steep(a[l], b[l], c[l], d[l])));
     }
-    any.into()
+    any != W::default()
 }

@@ -38,6 +38,9 @@ use crate::simd::widest;
 /// The largest wrap count for which words of 8 bits hold every k and errors of the same size.
 const NARROW: u8 = 63;
 
+/// The number of rows after which an image is looked at for steep loops.
+const PAUSE: usize = 16;
+
 /// The method with its buffers, one channel after the other, in O(pixels).
 #[derive(Default)]
 pub struct Lines {
@@ -46,26 +49,41 @@ pub struct Lines {
 }
 
 impl Lines {
-    /// Takes the first steps, which need not the whole range: sums the rows of `y`, and returns its share of steep loops.
+    /// Takes the first steps, which need not the whole range: sums the rows of `y`, up to the first ones with a steep loop. Returns the
+    /// number of rows that were summed, or `None` if the image has no steep loop.
     ///
     /// # Errors
     /// Those of [`Unwrap::unwrap`].
-    pub(super) fn scan(&mut self, y: &Frame, range: Range) -> Result<f32, UnwrapError> {
+    pub(super) fn scan_to_steep(&mut self, y: &Frame, range: Range) -> Result<Option<usize>, UnwrapError> {
+        self.scan(y, range, 0, true)
+    }
+
+    /// Sums the rows of `y` from row `from` on; `scan_to_steep` has summed those before.
+    ///
+    /// # Errors
+    /// Those of [`Unwrap::unwrap`].
+    pub(super) fn scan_from(&mut self, from: usize, y: &Frame, range: Range) -> Result<(), UnwrapError> {
+        self.scan(y, range, from, false).map(|_| ())
+    }
+
+    fn scan(&mut self, y: &Frame, range: Range, from: usize, pauses: bool) -> Result<Option<usize>, UnwrapError> {
         let layout = RowLayout::of(y);
         Ok(match Integers::checked(y, range)? {
             Integers::U8(codes) => {
                 let samples = CodeRows::new(codes, layout, range);
                 if is_narrow(range) {
-                    self.bytes.scan(&samples, layout, range)
+                    self.bytes.scan(&samples, layout, range, from, pauses)
                 } else {
-                    self.words.scan(&samples, layout, range)
+                    self.words.scan(&samples, layout, range, from, pauses)
                 }
             }
-            Integers::U16(codes) => self.words.scan(&CodeRows::new(codes, layout, range), layout, range),
+            Integers::U16(codes) => {
+                self.words.scan(&CodeRows::new(codes, layout, range), layout, range, from, pauses)
+            }
         })
     }
 
-    /// Takes the last steps for the image that [`Lines::scan`] was called with.
+    /// Takes the last steps for the image whose rows were summed.
     ///
     /// # Errors
     /// Those of [`Unwrap::unwrap`].
@@ -100,7 +118,7 @@ impl Unwrap for Lines {
     }
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        self.scan(y, range)?;
+        self.scan_from(0, y, range)?;
         self.finish(y, range, out)
     }
 }
@@ -119,25 +137,39 @@ struct Buffers<W> {
 }
 
 impl<W: Word> Buffers<W> {
-    fn scan<S>(&mut self, samples: &CodeRows<'_, S>, layout: RowLayout, range: Range) -> f32
+    /// Sums the rows from row `from` on. If it `pauses`, it ends after the first rows with a steep loop, and returns their number.
+    fn scan<S>(
+        &mut self,
+        samples: &CodeRows<'_, S>,
+        layout: RowLayout,
+        range: Range,
+        from: usize,
+        pauses: bool,
+    ) -> Option<usize>
     where
         S: Copy + Into<u16>,
     {
-        self.gradient.start(layout);
-        self.sums.start(layout);
-        self.rows.start(layout, range);
-        for i in 0..layout.height {
-            widest!(self.take_row(i, samples, layout));
+        if from == 0 {
+            self.gradient.start(layout);
+            self.sums.start(layout);
+            self.rows.start(layout, range);
         }
-        // The counters of the last rows are not full, but belong to the totals.
-        self.gradient.settle();
-        layout.share_of_loops(self.gradient.suspect)
+        for i in from..layout.height {
+            widest!(self.take_row(i, samples, layout));
+            let rows = i + 1;
+            if pauses && (rows % PAUSE == 0 || rows == layout.height) && self.gradient.has_steep_loops() {
+                return Some(rows);
+            }
+        }
+        None
     }
 
     fn finish<S>(&mut self, samples: &CodeRows<'_, S>, layout: RowLayout, range: Range, out: &mut Recovered)
     where
         S: Copy + Into<u16>,
     {
+        // The counters of the last rows are not full, but belong to the totals.
+        self.gradient.settle();
         self.constants.find(&self.gradient, &SummedImage { samples, layout, rows: &self.rows }, range);
         let levels = Levels { layout, rows: &self.rows, constants: &self.constants.sums };
         let Self { offsets, counts, .. } = self;
