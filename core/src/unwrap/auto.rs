@@ -13,11 +13,11 @@
 //! Two errors leave no trace in y and in the result and cannot be detected here: a region whose sharp
 //! contour is exactly a multiple of the peak, and a channel that is brighter than the peak everywhere.
 
-use super::{
-    GradientTree, Integers, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Spud, Trust, Unwrap,
-    UnwrapError, jumps, offset,
-};
 use super::defects::Defects;
+use super::{
+    GradientTree, Integers, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Spud, Trust,
+    Unwrap, UnwrapError, jumps, offset,
+};
 use crate::frame::Frame;
 
 /// The limits at which `auto` rejects the result of a method.
@@ -201,7 +201,8 @@ impl Auto {
         range: Range,
         out: &mut Recovered,
     ) -> Result<(), UnwrapError> {
-        let is_clamped = |out: &Recovered| out.report.quality.is_some_and(|quality| quality.clamped > defects);
+        let is_clamped =
+            |out: &Recovered| out.report.quality.is_some_and(|quality| quality.clamped > defects);
         self.lines.finish(y, range, out)?;
         if is_clamped(out) && range.widened().max_wraps() > range.max_wraps() {
             self.lines.unwrap(y, range.widened(), out)?;

@@ -160,7 +160,13 @@ fn share_of_sample((i, j): (usize, usize)) -> i32 {
 impl Grid {
     /// Writes the corners of all steep loops to `found`, some of them several times. Returns whether there are at most `most`; the
     /// search ends when there are more. `rows` is a buffer.
-    fn find_steep<S, W>(self, samples: &[S], rows: &mut [Vec<W>; 3], most: usize, found: &mut Vec<usize>) -> bool
+    fn find_steep<S, W>(
+        self,
+        samples: &[S],
+        rows: &mut [Vec<W>; 3],
+        most: usize,
+        found: &mut Vec<usize>,
+    ) -> bool
     where
         S: Copy + Into<u16>,
         W: Word,
@@ -215,7 +221,10 @@ impl Grid {
             }
         }
         let disagreement = |deviation: i32| {
-            pairs[..count].iter().map(|(difference, share)| wrapped(difference - share * deviation).abs()).sum::<i32>()
+            pairs[..count]
+                .iter()
+                .map(|(difference, share)| wrapped(difference - share * deviation).abs())
+                .sum::<i32>()
         };
         let best = deviations[..outward].iter().copied().min_by_key(|&deviation| disagreement(deviation))?;
         let is_defect = 8 * best.abs() >= LEAST_DEVIATION * peak && 2 * disagreement(best) < disagreement(0);
@@ -254,7 +263,8 @@ impl Grid {
             std::array::from_fn(|j| {
                 let first = place(row, i, height)? * stride + place(column, j, width)? * channels + channel;
                 let [right, down] = [step * channels, step * stride];
-                let [a, b, c, d] = [0, right, down, right + down].map(|more| i32::from(codes.at(first + more)));
+                let [a, b, c, d] =
+                    [0, right, down, right + down].map(|more| i32::from(codes.at(first + more)));
                 Some(a - b - c + d)
             })
         })

@@ -66,7 +66,13 @@ impl Lines {
         self.scan(y, range, from, false).map(|_| ())
     }
 
-    fn scan(&mut self, y: &Frame, range: Range, from: usize, pauses: bool) -> Result<Option<usize>, UnwrapError> {
+    fn scan(
+        &mut self,
+        y: &Frame,
+        range: Range,
+        from: usize,
+        pauses: bool,
+    ) -> Result<Option<usize>, UnwrapError> {
         let layout = RowLayout::of(y);
         Ok(match Integers::checked(y, range)? {
             Integers::U8(codes) => {
@@ -195,10 +201,8 @@ impl<W: Word> Buffers<W> {
 
     fn quality(&self, layout: RowLayout, outside: usize) -> QualityMetrics {
         let RowLayout { height, width, channels } = layout;
-        let [row, column] = [
-            share(self.rows.least_agreement, width),
-            share(self.constants.least_agreement, height),
-        ];
+        let [row, column] =
+            [share(self.rows.least_agreement, width), share(self.constants.least_agreement, height)];
         QualityMetrics {
             residues: layout.share_of_loops(self.gradient.residues),
             steep: layout.share_of_loops(self.gradient.suspect),
