@@ -78,8 +78,7 @@ impl Unwrap for GradientTree {
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         let samples = Integers::checked(y, range)?;
         out.prepare(y.dim(), self.name());
-        let bounds = Bounds::new(range);
-        self.pixels.read(samples, (y.width(), y.channels()), range, bounds);
+        let bounds = self.pixels.read(samples, (y.width(), y.channels()), range);
         let pixels = &self.pixels;
         // The two directions share nothing, so that each can have a thread.
         self.workers.each(&mut self.gradients, |_, gradient| gradient.unwrap(pixels, bounds));
