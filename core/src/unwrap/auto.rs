@@ -8,6 +8,8 @@
 //! | steep loops that noise makes | spud | no |
 //! | else | gradient_tree | if all counts are in range, and hardly a second difference of the result is above one peak (4 bits and more) |
 //!
+//! Hot, dead and stuck samples are left out first, see [`defects`](super::defects).
+//!
 //! In every case trust also needs evidence for the absolute offset, see [`offset::is_evident`].
 //!
 //! Two errors leave no trace in y and in the result and cannot be detected here: a region whose sharp
