@@ -16,8 +16,8 @@ use crate::frame::{Frame, Samples};
 use crate::simd::widest;
 
 /// The largest share of the samples that are taken for defects. The count of every second defect differs from that of its neighbours,
-/// so that with this share at most 0.05 % of the counts are wrong. An image with more is sharp, or noisy.
-const MOST: f64 = 1e-3;
+/// so that with this share 0.015 % of the counts are wrong. An image with more is sharp, or noisy.
+const MOST: f64 = 3e-4;
 
 /// The least deviation of a defect, in eighths of the peak.
 const LEAST_DEVIATION: i32 = 1;
