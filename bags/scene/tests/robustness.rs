@@ -35,7 +35,8 @@ fn hot_samples_cost_neither_speed_nor_trust() {
             let (method, trust) = (out.report.method, out.report.trust);
             assert!(["lines", PASS_THROUGH].contains(&method), "alpha {alpha}, hot {hot}: {:?}", out.report);
             assert_eq!(trust, expected.report.trust, "alpha {alpha}, hot {hot}: {:?}", out.report);
-            let samples = out.k.iter().zip(&exposure.wraps()).zip(exposure.x().iter().zip(clean.x()));
+            let truth = exposure.wraps();
+            let samples = out.k.iter().zip(&truth).zip(exposure.x().iter().zip(clean.x()));
             let wrong = samples.filter(|((k, truth), (x, clean))| k != truth && x == clean).count();
             assert_eq!(wrong, 0, "alpha {alpha}, hot {hot}: sound samples with a wrong count");
         }
