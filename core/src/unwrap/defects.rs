@@ -44,26 +44,24 @@ pub(super) struct Defects {
     found: Vec<(usize, u16)>,
     /// The image without them.
     sound: Option<Frame>,
-    bytes: [Vec<u8>; 3],
-    words: [Vec<u16>; 3],
+    bytes: [Vec<u8>; 2],
+    words: [Vec<u16>; 2],
 }
 
-/// The layout of the samples of an image. The neighbours of the same colour are `step` rows and columns away.
+/// The layout of the samples of an image.
 #[derive(Clone, Copy)]
 struct Grid {
     height: usize,
     width: usize,
     channels: usize,
-    step: usize,
     range: Range,
 }
 
 impl Defects {
-    /// Returns `y` without its defects, and their share of the samples; `None` if it has none, or too many to be defects. The
-    /// samples of a colour mosaic are compared with those of the same colour.
+    /// Returns `y` without its defects, and their share of the samples; `None` if it has none, or too many to be defects.
     pub fn remove(&mut self, y: &Frame, codes: Integers<'_>, range: Range) -> Option<(&Frame, f32)> {
-        let ((height, width, channels), step) = (y.dim(), 1 + usize::from(y.mosaic().is_some()));
-        let grid = Grid { height, width, channels, step, range };
+        let (height, width, channels) = y.dim();
+        let grid = Grid { height, width, channels, range };
         let samples = height * width * channels;
         let most = (MOST * samples as f64) as usize;
         self.found.clear();
@@ -163,7 +161,7 @@ impl Grid {
     fn find_steep<S, W>(
         self,
         samples: &[S],
-        rows: &mut [Vec<W>; 3],
+        rows: &mut [Vec<W>; 2],
         most: usize,
         found: &mut Vec<usize>,
     ) -> bool
@@ -171,15 +169,15 @@ impl Grid {
         S: Copy + Into<u16>,
         W: Word,
     {
-        let (stride, margin) = (self.width * self.channels, self.step * self.channels);
-        let (shift, below) = (W::BITS - self.range.bits(), self.step * stride);
+        let (stride, margin) = (self.width * self.channels, self.channels);
+        let shift = W::BITS - self.range.bits();
         for row in 0..self.height {
-            let codes = &mut rows[row % 3];
+            let codes = &mut rows[row % 2];
             codes.clear();
             let samples = &samples[row * stride..][..stride];
             widest!(codes.extend(samples.iter().map(|&sample| W::low(sample.into() << shift))));
-            let Some(above) = row.checked_sub(self.step) else { continue };
-            let (up, here) = (&rows[above % 3][..], &rows[row % 3][..]);
+            let Some(above) = row.checked_sub(1) else { continue };
+            let (up, here) = (&rows[above % 2][..], &rows[row % 2][..]);
             let loops = stride - margin;
             // Most rows have no steep loop, nor have most parts of the others, which one pass in vectors tells.
             if !widest!(has_steep(up, here, margin, 0..loops)) {
@@ -192,7 +190,7 @@ impl Grid {
                 }
                 for l in part.filter(|&l| is_steep(up[l], up[l + margin], here[l], here[l + margin])) {
                     let first = above * stride + l;
-                    found.extend([first, first + margin, first + below, first + below + margin]);
+                    found.extend([first, first + margin, first + stride, first + stride + margin]);
                 }
             }
             if found.len() > most {
@@ -240,29 +238,28 @@ impl Grid {
 
     /// Returns the codes beside a sample, and above and below it.
     fn beside(self, codes: Integers<'_>, at: usize) -> impl Iterator<Item = i32> {
-        let (stride, margin) = (self.width * self.channels, self.step * self.channels);
-        let (row, sample, below) = (at / stride, at % stride, self.step * stride);
+        let (stride, margin) = (self.width * self.channels, self.channels);
+        let (row, sample) = (at / stride, at % stride);
         let places = [
             (sample >= margin).then(|| at - margin),
             (sample + margin < stride).then_some(at + margin),
-            (row >= self.step).then(|| at - below),
-            (row + self.step < self.height).then_some(at + below),
+            (row > 0).then(|| at - stride),
+            (row + 1 < self.height).then_some(at + stride),
         ];
         places.into_iter().flatten().map(move |at| i32::from(codes.at(at)))
     }
 
     /// Returns the mixed differences, not wrapped, around a sample.
     fn loops(self, codes: Integers<'_>, at: usize) -> Loops {
-        let Self { height, width, channels, step, .. } = self;
+        let Self { height, width, channels, .. } = self;
         let stride = width * channels;
         let (row, column, channel) = (at / stride, at % stride / channels, at % channels);
-        let place = |at: usize, steps: usize, length: usize| {
-            (at + steps * step).checked_sub(2 * step).filter(|at| at + step < length)
-        };
+        let place =
+            |at: usize, steps: usize, length: usize| (at + steps).checked_sub(2).filter(|at| at + 1 < length);
         std::array::from_fn(|i| {
             std::array::from_fn(|j| {
                 let first = place(row, i, height)? * stride + place(column, j, width)? * channels + channel;
-                let [right, down] = [step * channels, step * stride];
+                let [right, down] = [channels, stride];
                 let [a, b, c, d] =
                     [0, right, down, right + down].map(|more| i32::from(codes.at(first + more)));
                 Some(a - b - c + d)
