@@ -9,18 +9,21 @@
 //! | strong noise | smoothed_tree | no |
 //! | else | gradient_tree | if all counts are in range, and hardly a second difference of the result is above one peak (4 bits and more) |
 //!
+//! Hot, dead and stuck samples are left out first, see [`defects`](super::defects).
+//!
 //! Where `gradient_tree` is not trusted and there is noise, `smoothed_tree` runs as well, and the result with the smaller
 //! second differences is kept ([`jumps::bends`]).
 //!
-//! In every case trust also needs evidence for the absolute offset, see [`congruence::is_evident`].
+//! In every case trust also needs evidence for the absolute offset, see [`offset::is_evident`].
 //!
 //! Two errors leave no trace in y and in the result and cannot be detected here: a region whose sharp
 //! contour is exactly a multiple of the peak, and a channel that is brighter than the peak everywhere.
 
+use super::defects::Defects;
 use super::smoothed_tree::SmoothedTree;
 use super::{
-    GradientTree, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Spud, Tree, Trust, Unwrap,
-    UnwrapError, congruence, jumps,
+    GradientTree, Integers, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Spud, Tree, Trust,
+    Unwrap, UnwrapError, jumps, offset,
 };
 use crate::frame::Frame;
 
@@ -69,6 +72,7 @@ pub struct Auto {
     limits: TrustLimits,
     /// Whether trust needs evidence for the absolute offset.
     needs_offset: bool,
+    defects: Defects,
     lines: Lines,
     gradient_tree: GradientTree,
     spud: Spud,
@@ -76,6 +80,7 @@ pub struct Auto {
     tree: Tree,
     /// The result of a second method.
     other: Recovered,
+    levels: Vec<usize>,
 }
 
 /// The decision that the metrics of `lines` lead to.
@@ -95,12 +100,14 @@ impl Auto {
         Ok(Self {
             limits: options.trust,
             needs_offset: true,
+            defects: Defects::default(),
             lines: Lines::default(),
             gradient_tree: GradientTree::new(options.threads)?,
             spud: Spud::with_threads(options.tau, options.threshold_on, options.threads)?,
             smoothed_tree: SmoothedTree::default(),
             tree: Tree::default(),
             other: Recovered::default(),
+            levels: Vec::new(),
         })
     }
 
@@ -113,16 +120,16 @@ impl Auto {
     }
 
     fn judge(&self, quality: QualityMetrics, lines: &Recovered) -> MethodChoice {
-        let QualityMetrics { steep, consensus, clamped, jumps, .. } = quality;
+        let QualityMetrics { steep, consensus, clamped, jumps, defects, .. } = quality;
         if steep > DROWNED_STEEP {
             return MethodChoice::Spud;
         }
         // Compared in double precision, in which the limits are given.
         let (steep, consensus) = (f64::from(steep), f64::from(consensus));
-        // A clamped count contradicts the range, however smooth y looks.
+        // A clamped count contradicts the range, however smooth y looks. Only the value in the place of a defect may lie beside it.
         if steep <= self.limits.lines
             && consensus >= self.limits.consensus
-            && clamped == 0.0
+            && clamped <= defects
             && f64::from(jumps) <= self.limits.jumps
         {
             let wrapped = lines.k.iter().any(|&k| k > 0);
@@ -163,9 +170,7 @@ impl Auto {
         }
         Ok(trusted)
     }
-}
 
-impl Auto {
     /// Unwraps y in strong noise by the method that wins at its share of residues.
     fn grow_in_noise(
         &mut self,
@@ -194,10 +199,41 @@ impl Unwrap for Auto {
     }
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        self.lines.unwrap(y, range, out)?;
-        // The second method overwrites the report, but the metrics of y remain those of `lines`.
-        let mut quality = out.report.quality.expect("lines always gives its quality");
-        quality.jumps = jumps::share(&out.x, range);
+        // A defect that matters makes loops steep: an image without steep loops is not searched.
+        let Some(rows) = self.lines.scan_to_steep(y, range)? else {
+            return self.unwrap_scanned(y, 0.0, range, out);
+        };
+        let codes = Integers::of(y)?;
+        let mut defects = std::mem::take(&mut self.defects);
+        let done = match defects.remove(y, codes, range) {
+            None => {
+                self.lines.scan_from(rows, y, range).and_then(|()| self.unwrap_scanned(y, 0.0, range, out))
+            }
+            Some((sound, share)) => {
+                let scanned = self.lines.scan_from(0, sound, range);
+                let done = scanned.and_then(|()| self.unwrap_scanned(sound, share, range, out));
+                done.map(|()| defects.restore(codes, range, out))
+            }
+        };
+        self.defects = defects;
+        done
+    }
+}
+
+impl Auto {
+    /// Unwraps the image that `lines` has scanned, of whose samples a share of `defects` was replaced.
+    fn unwrap_scanned(
+        &mut self,
+        y: &Frame,
+        defects: f32,
+        range: Range,
+        out: &mut Recovered,
+    ) -> Result<(), UnwrapError> {
+        let few = range.of_few_outliers();
+        self.finish_lines(y, defects, few, out)?;
+        // A second method overwrites the report, but the metrics of y remain those of `lines`.
+        let quality = out.report.quality.expect("lines always gives its quality");
+        let mut quality = QualityMetrics { jumps: jumps::share(&out.x, range), defects, ..quality };
         let trusted = match self.judge(quality, out) {
             MethodChoice::PassThrough => {
                 out.report.method = PASS_THROUGH;
@@ -205,15 +241,41 @@ impl Unwrap for Auto {
             }
             MethodChoice::Lines => true,
             MethodChoice::Spud => {
-                self.spud.unwrap(y, range, out)?;
+                self.spud.unwrap(y, few, out)?;
                 quality.jumps = jumps::share(&out.x, range);
                 false
             }
-            MethodChoice::Tree => self.grow(y, range, &mut quality, out)?,
+            MethodChoice::Tree => self.grow(y, few, &mut quality, out)?,
         };
         out.report.quality = Some(quality);
-        let trusted = trusted && (!self.needs_offset || congruence::is_evident(out, range));
+        // Wrong regions must not raise the whole image: where the result contradicts itself, more samples may be out of range.
+        if f64::from(quality.jumps) > self.limits.jumps {
+            offset::darken(out, range, &mut self.levels);
+        }
+        let trusted = trusted && (!self.needs_offset || offset::is_evident(out, range));
         out.report.trust = if trusted { Trust::Trusted } else { Trust::Untrusted };
+        Ok(())
+    }
+
+    /// Writes the result of `lines` for the image that it has scanned. Where counts leave the range, alpha may be a little
+    /// larger than it was given.
+    fn finish_lines(
+        &mut self,
+        y: &Frame,
+        defects: f32,
+        range: Range,
+        out: &mut Recovered,
+    ) -> Result<(), UnwrapError> {
+        let is_clamped =
+            |out: &Recovered| out.report.quality.is_some_and(|quality| quality.clamped > defects);
+        self.lines.finish(y, range, out)?;
+        if is_clamped(out) && range.widened().max_wraps() > range.max_wraps() {
+            self.lines.unwrap(y, range.widened(), out)?;
+            // The counts beyond the range are right only if they explain the whole image.
+            if is_clamped(out) {
+                self.lines.unwrap(y, range, out)?;
+            }
+        }
         Ok(())
     }
 }

@@ -92,8 +92,7 @@ impl GradientTree {
         range: Range,
         out: &mut Recovered,
     ) {
-        let bounds = Bounds::new(range);
-        self.pixels.read(samples, (width, channels), range, bounds);
+        let bounds = self.pixels.read(samples, (width, channels), range);
         let pixels = &self.pixels;
         // The two directions share nothing, so that each can have a thread.
         self.workers.each(&mut self.gradients, |_, gradient| gradient.unwrap(pixels, bounds));

@@ -4,11 +4,13 @@
 
 mod auto;
 mod congruence;
+mod defects;
 mod gradient_tree;
 mod itoh;
 mod jumps;
 mod lines;
 mod mosaic;
+mod offset;
 mod poisson;
 mod quality_guided;
 mod smoothed_tree;
@@ -186,6 +188,9 @@ pub struct QualityMetrics {
     /// The second differences of the result along rows and columns that are above one peak, per sample. Only `auto`
     /// computes them; other methods leave 0.
     pub jumps: f32,
+    /// The fraction of the samples that were left out as defects: hot, dead or stuck ones. Only `auto` looks for them; other
+    /// methods leave 0.
+    pub defects: f32,
 }
 
 /// The options of all methods; each method reads its own.
@@ -306,6 +311,14 @@ impl<'a> Integers<'a> {
             _ if f32::from(largest) <= most => Ok(samples),
             Self::U8(codes) => check_codes(codes, y.dim(), range, most).map(|()| samples),
             Self::U16(codes) => check_codes(codes, y.dim(), range, most).map(|()| samples),
+        }
+    }
+
+    /// Returns the sample at `index`.
+    fn at(self, index: usize) -> u16 {
+        match self {
+            Self::U8(samples) => samples[index].into(),
+            Self::U16(samples) => samples[index],
         }
     }
 

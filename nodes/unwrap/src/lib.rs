@@ -410,7 +410,7 @@ fn describe(node: &str, header: &Header, method: &str, report: &Report) -> Diagn
     if let Some(trusted) = report.trust.claim() {
         values.push(("trusted", trusted.to_string()));
     }
-    if let Some(QualityMetrics { residues, steep, consensus, clamped, jumps }) = report.quality {
+    if let Some(QualityMetrics { residues, steep, consensus, clamped, jumps, defects }) = report.quality {
         let share = |value: f32| format!("{value:.3e}");
         let shares = [
             ("residues", residues),
@@ -418,6 +418,7 @@ fn describe(node: &str, header: &Header, method: &str, report: &Report) -> Diagn
             ("consensus", consensus),
             ("clamped", clamped),
             ("jumps", jumps),
+            ("defects", defects),
         ];
         values.extend(shares.map(|(name, value)| (name, share(value))));
     }

@@ -94,6 +94,8 @@ class Quality(NamedTuple):
     """The share of the samples whose count was out of range and was clamped."""
     jumps: float
     """The second differences of the result above one peak, per sample; only `auto` computes them."""
+    defects: float
+    """The share of the samples that were left out as hot, dead or stuck; only `auto` looks for them."""
 
 
 class Report(NamedTuple):
