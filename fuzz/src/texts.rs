@@ -79,7 +79,7 @@ pub fn kitti(data: &[u8]) {
         ("drives/label_02/7.txt", data),
     ]);
     for path in [folder.path().to_owned(), folder.path().join("drives/image_02/7")] {
-        if let Ok(mut source) = KittiSource::open(&path, 0.0) {
+        if let Ok(mut source) = KittiSource::open(&path, &SourceOptions::default()) {
             all(&mut source);
         }
     }
@@ -89,7 +89,9 @@ pub fn kitti(data: &[u8]) {
 pub fn coco(data: &[u8]) {
     let folder = super::folder(&[("a.json", data), ("images/a.png", PIXEL)]);
     let images = folder.path().join("images");
-    if let Ok(mut source) = CocoSource::open(&folder.path().join("a.json"), Some(&images), 0.0) {
+    if let Ok(mut source) =
+        CocoSource::open(&folder.path().join("a.json"), Some(&images), &SourceOptions::default())
+    {
         all(&mut source);
     }
 }
@@ -103,7 +105,7 @@ pub fn yolo(data: &[u8]) {
         ("labels/0.txt", labels),
         ("data.yaml", names.get(1..).unwrap_or(b"names: []")),
     ]);
-    if let Ok(mut source) = YoloSource::open(folder.path(), 0.0) {
+    if let Ok(mut source) = YoloSource::open(folder.path(), &SourceOptions::default()) {
         all(&mut source);
     }
 }
