@@ -6,7 +6,7 @@
 use ndarray::{Array3, ArrayRef3};
 
 use crate::frame::{Frame, FrameError};
-use crate::range::Range;
+use crate::range::{HALF_A_CODE, Range};
 use crate::simd::{floor, mapped, widest};
 use crate::transfer::Transfer;
 
@@ -18,8 +18,9 @@ pub fn linear8(x: &ArrayRef3<f32>, range: Range) -> Result<Frame, FrameError> {
     picture(x, range, Transfer::Linear)
 }
 
-/// Returns the picture of 8 bits that `transfer` has for the radiance `x`: `round(255 * encode(x / (alpha * 2^b)))`. The picture
-/// that a sensor saw is returned as it was, but for what its lens, its noise and its whole codes have taken away. NaN becomes 0.
+/// Returns the picture of 8 bits that `transfer` has for the radiance `x` of whole codes: as [`linear8`], or
+/// `round(255 * encode((x + 1/2) / (alpha * 2^b)))`, where the half undoes the bias of rounding down. The picture that a sensor saw
+/// is returned, but for what its lens, its noise and its whole codes have taken away. NaN becomes 0.
 ///
 /// # Errors
 /// [`FrameError`] when `x` (H x W x C, code units) does not have the shape of an image.
@@ -36,7 +37,8 @@ pub(crate) fn shown(
     radiance: impl Fn(f32) -> f32,
 ) -> Array3<u8> {
     match ToneTable::of(range, transfer) {
-        Some(table) => mapped(x, |x| table.code(radiance(x))),
+        // Where a curve is steep, half a count is more than a code.
+        Some(table) => mapped(x, |x| table.code(radiance(x) + HALF_A_CODE)),
         None => {
             // In double precision, since codes near a half would round differently in single precision.
             let scale = 255.0 / range.limit();
@@ -48,13 +50,13 @@ pub(crate) fn shown(
 /// The codes of 8 bits of all radiance of a sensor: a power for each sample would take longer than unwrapping.
 pub(crate) struct ToneTable {
     codes: Vec<u8>,
-    /// Entries for one code unit, a power of two: whole code units are exact up to `alpha * 2^b = 65536`.
+    /// Entries for one code unit, a power of two: half code units are exact up to `alpha * 2^b = 65536`.
     per_unit: f32,
 }
 
 impl ToneTable {
     /// The largest number of entries.
-    const MOST: f64 = 65536.0;
+    const MOST: f64 = 131_072.0;
 
     /// Returns the table of `transfer`; `None` if the codes are proportional to radiance, which takes no table.
     pub(crate) fn of(range: Range, transfer: Transfer) -> Option<Self> {
@@ -143,7 +145,8 @@ mod tests {
             CURVES.into_iter().flat_map(|t| [(t, 12, 4.0), (t, 16, 4.0), (t, 12, 3.3)])
         {
             let range = Range::new(bits, alpha).unwrap();
-            let radiance = |code: &u8| (range.limit() * transfer.decode(f64::from(*code) / 255.0)) as f32;
+            let radiance =
+                |code: &u8| (range.limit() * transfer.decode(f64::from(*code) / 255.0)) as f32 - HALF_A_CODE;
             assert_eq!(
                 codes(all.iter().map(radiance).collect(), range, transfer),
                 all,
@@ -157,7 +160,8 @@ mod tests {
         for (transfer, alpha) in CURVES.into_iter().flat_map(|t| [(t, 0.3), (t, 1.5), (t, 4.0), (t, 256.0)]) {
             let range = Range::new(8, alpha).unwrap();
             let x: Vec<f32> = (0..range.limit().ceil() as u32).map(|x| x as f32).collect();
-            let defined = |x: &f32| (255.0 * transfer.encode(f64::from(*x) / range.limit())).round() as u8;
+            let defined =
+                |x: &f32| (255.0 * transfer.encode((f64::from(*x) + 0.5) / range.limit())).round() as u8;
             let defined: Vec<u8> = x.iter().map(defined).collect();
             assert!(defined.is_sorted());
             assert_eq!(codes(x, range, transfer), defined, "{transfer:?} {alpha}");

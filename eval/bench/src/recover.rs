@@ -83,8 +83,7 @@ pub struct UnwrapOutcome {
     pub skipped: Vec<Skipped>,
 }
 
-/// Unwraps the images. For each method it writes `NAME_METHOD.png` (8 bits, `round(255 encode(x / (alpha 2^b)))` with the transfer
-/// function, demosaiced),
+/// Unwraps the images. For each method it writes `NAME_METHOD.png` (8 bits as by [`tone::picture`], demosaiced),
 /// `NAME_METHOD_x.png` (16 bits, x in code units) and `NAME_METHOD_k.png` (8 bits, the wrap counts); after each file it writes
 /// [`RESULTS`] with all rows so far.
 ///

@@ -100,8 +100,7 @@ pub struct SimulationOutcome {
 /// Runs the simulation. For each file and alpha it writes `NAME_alphaA_ideal.png`, `.._saturated.png`, `.._modulo.png`
 /// and `NAME_alphaA_METHOD.png` for each method; after each file it writes [`RESULTS`] with all rows so far.
 ///
-/// `ideal` and the recovered images have 8 bits, `round(255 encode(x / (alpha 2^b)))` with the transfer function, and are
-/// demosaiced; `modulo` and `saturated` hold codes of b bits, with 8 bits a sample for b <= 8, else 16.
+/// `ideal` and the recovered images have 8 bits as by [`tone::picture`], and are demosaiced; `modulo` and `saturated` hold codes of b bits, with 8 bits a sample for b <= 8, else 16.
 ///
 /// # Errors
 /// [`BenchError`] before anything is written if the request is wrong, and later if a result cannot be written. A file

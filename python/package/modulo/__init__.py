@@ -76,8 +76,7 @@ class Exposure(NamedTuple):
     saturated: Codes
     """The codes of a sensor that saturates, `floor(min(x, 2^b - 1))`, as `transfer` encodes them."""
     ideal: NDArray[np.uint8]
-    """The whole range, neither wrapped nor clipped, in 8 bits: `round(255 encode(floor(x) / (alpha 2^b)))`, where encode is that of
-    `transfer`."""
+    """The whole range, neither wrapped nor clipped, in 8 bits: `floor(x)` as `tone_map` shows it."""
     wraps: NDArray[np.uint8]
     """The true wrap counts k, `floor(x / 2^b)`."""
 
@@ -415,7 +414,9 @@ def unwrap(
 def tone_map(
     x: Image, bits: int = 8, alpha: float = 4.0, *, mosaic: str = "none", transfer: str = "linear"
 ) -> NDArray[np.uint8]:
-    """Returns radiance as an image of 8 bits: `round(255 encode(x / (alpha 2^bits)))`, where encode is that of `transfer`.
+    """Returns radiance as an image of 8 bits: `round(255 encode(x / (alpha 2^bits)))`.
+
+    encode is that of `transfer`; unless that is linear, half a code unit is added to x, which holds whole codes.
 
     Parameters
     ----------
@@ -449,7 +450,7 @@ def tone_map(
     >>> modulo.tone_map(np.array([[0, 512, 1024]], dtype=np.float32), bits=8, alpha=4)
     array([[  0, 128, 255]], dtype=uint8)
     >>> modulo.tone_map(np.array([[0, 512, 1024]], dtype=np.float32), bits=8, alpha=4, transfer="srgb")
-    array([[  0, 188, 255]], dtype=uint8)
+    array([[  2, 188, 255]], dtype=uint8)
     """
     return _core.picture(x, {"bits": bits, "alpha": alpha, "mosaic": mosaic, "transfer": transfer}, False)
 
