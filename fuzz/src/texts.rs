@@ -1,7 +1,7 @@
 //! Files and arguments that a user writes: launch files, parameters, and labels of images.
 
 use modulo_bags::source::{
-    CocoSource, GroundTruth, KittiSource, Source, YoloSource, from_detections, to_detections,
+    CocoSource, GroundTruth, KittiSource, Source, SourceOptions, YoloSource, from_detections, to_detections,
 };
 use modulo_launch::substitution::Template;
 use modulo_launch::{NodeParameter, check, ros_arguments};
