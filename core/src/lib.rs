@@ -23,6 +23,7 @@ mod range;
 pub mod sensor;
 mod simd;
 pub mod tone;
+mod transfer;
 pub mod unwrap;
 mod workers;
 
@@ -37,5 +38,6 @@ pub use mosaic::Mosaic;
 pub use optics::Psf;
 pub use range::{Range, RangeError};
 pub use sensor::{Exposure, Sensor, SensorConfig, SensorError};
+pub use transfer::Transfer;
 pub use unwrap::{Recovered, Unwrap, UnwrapError};
 pub use workers::{MAX_THREADS, WorkersError};

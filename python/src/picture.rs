@@ -1,6 +1,6 @@
 //! Radiance as an image of 8 bits, with or without the blur of the lens.
 
-use modulo_core::{Deblur, Frame, FrameError, Mosaic, Range, tone};
+use modulo_core::{Deblur, Frame, FrameError, Range, tone};
 use modulo_runtime::SensorModel;
 use ndarray::{Array3, ArrayRef3};
 use pyo3::prelude::*;
@@ -20,24 +20,24 @@ pub fn picture<'py>(
     let parameters = parse(parameters)?;
     let sensor = SensorModel::from(&parameters);
     let range = sensor.range().map_err(value_error)?;
-    let psf = deblur.then(|| sensor.psf());
+    let lens = deblur.then(|| sensor.psf());
     let Image { pixels, is_flat } = Image::new("x", x)?;
     let x = match pixels.view() {
         View::F32(x) => x.to_owned(),
         codes => codes.to_frame().map_err(value_error)?.to_f32(),
     };
-    let frame = py.detach(|| shown(&x, sensor.mosaic, psf.map(Deblur::new), range)).map_err(value_error)?;
+    let frame = py.detach(|| shown(&x, &sensor, lens.map(Deblur::new), range)).map_err(value_error)?;
     Ok(frame_to_numpy(py, frame, is_flat))
 }
 
 /// Returns the radiance `x` (H x W x C, code units) as the node `unwrap` shows it.
 fn shown(
     x: &ArrayRef3<f32>,
-    mosaic: Option<Mosaic>,
+    sensor: &SensorModel,
     deblur: Option<Deblur>,
     range: Range,
 ) -> Result<Frame, FrameError> {
-    let colours: Option<Array3<f32>> = match mosaic {
+    let colours: Option<Array3<f32>> = match sensor.mosaic {
         None => None,
         Some(mosaic) => {
             let (height, width, channels) = x.dim();
@@ -49,7 +49,7 @@ fn shown(
     };
     let x = colours.as_ref().map_or(x, |colours| colours);
     match deblur {
-        None => tone::linear8(x, range),
-        Some(deblur) => deblur.linear8(x, range),
+        None => tone::picture(x, range, sensor.transfer),
+        Some(deblur) => deblur.picture(x, range, sensor.transfer),
     }
 }

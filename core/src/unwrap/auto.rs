@@ -22,8 +22,8 @@
 use super::defects::Defects;
 use super::smoothed_tree::SmoothedTree;
 use super::{
-    GradientTree, Integers, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Spud, Tree, Trust,
-    Unwrap, UnwrapError, jumps, offset,
+    GradientTree, Integers, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Spud, Tree,
+    Trust, Unwrap, UnwrapError, jumps, offset,
 };
 use crate::frame::Frame;
 

@@ -243,7 +243,8 @@ impl UnwrapNode {
 
     /// Sends the images of the result that have a reader.
     fn emit_images(&self, modulo: &StampedFrame, cx: &mut Context<'_>) -> Result<(), FrameError> {
-        let Prepared { range, deblur, denoise, .. } = self.sensor.as_ref().expect("`prepare` comes before");
+        let Prepared { model, range, deblur, denoise, .. } =
+            self.sensor.as_ref().expect("`prepare` comes before");
         let mosaic = modulo.frame.mosaic();
         let shown = cx.wanted(RECOVERED) || cx.wanted(HDR);
         let radiance = match denoise.as_ref().filter(|_| shown) {
@@ -257,8 +258,8 @@ impl UnwrapNode {
             };
             // A sharpened image is for the detector only: `hdr` keeps what the sensor saw.
             let frame = match deblur {
-                None => cx.stage("tone", || tone::linear8(&x, *range)),
-                Some(deblur) => cx.stage("deblur", || deblur.linear8(&x, *range)),
+                None => cx.stage("tone", || tone::picture(&x, *range, model.transfer)),
+                Some(deblur) => cx.stage("deblur", || deblur.picture(&x, *range, model.transfer)),
             };
             cx.emit(RECOVERED, stamped(&modulo.header, frame?));
         }

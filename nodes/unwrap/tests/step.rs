@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use modulo_core::sensor::{Sensor, SensorConfig};
-use modulo_core::{Frame, Mosaic, Psf};
+use modulo_core::{Frame, Mosaic, Psf, Transfer};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{
     Context, Flow, ManualClock, Message, Node, ParameterSet, Parameters, SensorModel, StampedFrame,
@@ -183,6 +183,30 @@ fn hdr_has_every_count_of_a_range_beyond_16_bits() {
         let sent = step(&mut node, exposure.modulo(), &[false, true]).expect("a good frame");
         let hdr = &image(&sent[0].1).frame;
         assert_eq!((hdr.depth(), hdr.to_f32()), (depth, exposure.x().mapv(f32::floor)), "alpha {alpha}");
+    }
+}
+
+#[test]
+fn the_recovered_image_is_shown_as_the_pictures_that_the_camera_sees() {
+    let radiance = Array3::from_shape_fn((24, 40, 3), |(i, j, _)| (i + j) as f32 / 64.0);
+    let (camera, own) = (Transfer::Srgb, Transfer::Rec709);
+    let ideal = |transfer| {
+        let config = SensorConfig { alpha: 2.0, transfer, ..SensorConfig::default() };
+        let exposure = Sensor::new(config).expect("a sensor").expose(radiance.view(), 0).expect("an image");
+        (exposure.modulo(), exposure.ideal())
+    };
+    let model = SensorModel { alpha: 2.0, transfer: camera, ..SensorModel::default() };
+    let described = sensor_info::message(&header(), &model);
+    for (set, expected) in [("camera", camera), ("rec709", own)] {
+        let (modulo, ideal) = ideal(expected);
+        let with = UnwrapParameters::from_text(&[("transfer", set)]).expect("possible");
+        let mut node = UnwrapNode::new(&with).expect("a node");
+        let clock = ManualClock::at(0);
+        let mut cx = Context::new("/unwrap", &clock, &[]);
+        let trigger = Trigger::Message { input: 1, message: described.clone() };
+        node.step(trigger, &mut cx).expect("a description");
+        let sent = step(&mut node, modulo, &[true]).expect("a good frame");
+        assert_eq!(image(&sent[0].1).frame, ideal, "{set}");
     }
 }
 
