@@ -67,6 +67,12 @@ const MOST_RESIDUES: f32 = 0.04;
 /// With more than this share of residues in strong noise, edges are as many as in sharp scenes at alpha 8, and no tree is right.
 const DROWNED_RESIDUES: f32 = 0.12;
 
+/// The largest share of clamped counts with which `lines` is used.
+const FEW_CLAMPED: f32 = 3e-4;
+
+/// The most second differences above one peak at a single sample whose count was clamped.
+const JUMPS_OF_SPIKE: f32 = 4.0;
+
 /// The method with the buffers of the methods that it selects.
 pub struct Auto {
     limits: TrustLimits,
@@ -120,17 +126,18 @@ impl Auto {
     }
 
     fn judge(&self, quality: QualityMetrics, lines: &Recovered) -> MethodChoice {
-        let QualityMetrics { steep, consensus, clamped, jumps, defects, .. } = quality;
+        let QualityMetrics { steep, consensus, clamped, jumps, .. } = quality;
         if steep > DROWNED_STEEP {
             return MethodChoice::Spud;
         }
         // Compared in double precision, in which the limits are given.
         let (steep, consensus) = (f64::from(steep), f64::from(consensus));
-        // A clamped count contradicts the range, however smooth y looks. Only the value in the place of a defect may lie beside it.
+        // A clamped count contradicts the range, however smooth y looks. Only single samples may do so: a defect in a dark part may be
+        // seen as a little below 0, and is then a spike by itself.
         if steep <= self.limits.lines
             && consensus >= self.limits.consensus
-            && clamped <= defects
-            && f64::from(jumps) <= self.limits.jumps
+            && clamped <= FEW_CLAMPED
+            && f64::from(jumps - JUMPS_OF_SPIKE * clamped) <= self.limits.jumps
         {
             let wrapped = lines.k.iter().any(|&k| k > 0);
             return if wrapped { MethodChoice::Lines } else { MethodChoice::PassThrough };
@@ -249,7 +256,7 @@ impl Auto {
         };
         out.report.quality = Some(quality);
         // Wrong regions must not raise the whole image: where the result contradicts itself, more samples may be out of range.
-        if f64::from(quality.jumps) > self.limits.jumps {
+        if !trusted && f64::from(quality.jumps) > self.limits.jumps {
             offset::darken(out, range, &mut self.levels);
         }
         let trusted = trusted && (!self.needs_offset || offset::is_evident(out, range));
@@ -266,8 +273,11 @@ impl Auto {
         range: Range,
         out: &mut Recovered,
     ) -> Result<(), UnwrapError> {
-        let is_clamped =
-            |out: &Recovered| out.report.quality.is_some_and(|quality| quality.clamped > defects);
+        let is_clamped = |out: &Recovered| {
+            out.report
+                .quality
+                .is_some_and(|quality| quality.clamped > if defects > 0.0 { FEW_CLAMPED } else { 0.0 })
+        };
         self.lines.finish(y, range, out)?;
         if is_clamped(out) && range.widened().max_wraps() > range.max_wraps() {
             self.lines.unwrap(y, range.widened(), out)?;
