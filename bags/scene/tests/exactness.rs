@@ -7,7 +7,7 @@
 mod data;
 
 use modulo_core::metric::exact_share;
-use modulo_core::unwrap::{METHODS, Options, Trust, by_name};
+use modulo_core::unwrap::{METHODS, Options, SMOOTHED_TREE, Trust, by_name};
 use modulo_core::{Exposure, Psf, Recovered, Sensor, SensorConfig};
 use modulo_scene::{Preset, Scene};
 use ndarray::Array3;
@@ -92,6 +92,7 @@ fn rendered_scenes_in_strong_noise() {
         );
         assert_eq!(out.report.trust, Trust::Untrusted, "{}", preset.name());
         assert!(share >= 0.995, "{}: {share}", preset.name());
+        assert!(["tree", SMOOTHED_TREE].contains(&out.report.method), "{}", out.report.method);
         let peak = exposure.range().peak();
         let y = exposure.modulo().to_f32();
         assert!(

@@ -376,8 +376,8 @@ fn deblur_is_a_yes_or_no_for_unwrap() {
         let [_, unwrap, camera] = plan.nodes.as_slice() else { panic!("three nodes") };
         assert_eq!((parameter(camera, "psf_sigma"), parameter(unwrap, "deblur")), ("1.4", deblur));
         // The noise of the sensor, too, reaches unwrap with the description.
-        let plan = shipped_plan("recovered", &[("read_noise", "5"), ("denoise", deblur)]);
+        let plan = shipped_plan("recovered", &[("read_noise", "5.5"), ("denoise", deblur)]);
         let [_, unwrap, camera] = plan.nodes.as_slice() else { panic!("three nodes") };
-        assert_eq!((parameter(camera, "read_noise"), parameter(unwrap, "denoise")), ("5", deblur));
+        assert_eq!((parameter(camera, "read_noise"), parameter(unwrap, "denoise")), ("5.5", deblur));
     }
 }
