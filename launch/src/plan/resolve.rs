@@ -4,11 +4,11 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::scope::{Scope, View, argument_value, environment, shared_value};
+use super::scope::{Scope, View, argument_value, shared_value};
 use super::{NodePlan, OnExit, Plan, arguments, process};
 use crate::action::{self, Action, ActionKind, Condition, Include, LaunchFile};
 use crate::attributes::Text;
-use crate::package::SUITE;
+use crate::package::{SUITE, environment};
 use crate::substitution::truth;
 use crate::{LaunchError, Mistakes};
 

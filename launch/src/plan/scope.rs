@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use crate::action::{Argument, ParameterValue};
 use crate::attributes::Text;
+use crate::package::environment;
 use crate::substitution::{SubstitutionError, Surroundings};
 use crate::{LaunchError, listed};
 
@@ -58,11 +59,6 @@ impl Scope {
     pub fn at<'a>(&'a self, file: &'a Path) -> View<'a> {
         View { file, scope: self }
     }
-}
-
-/// The launcher's environment; variables that are not text are left out.
-pub(crate) fn environment() -> BTreeMap<String, String> {
-    std::env::vars_os().filter_map(|(k, v)| Some((k.into_string().ok()?, v.into_string().ok()?))).collect()
 }
 
 /// A scope seen from a launch file: evaluates texts to values.
