@@ -6,7 +6,9 @@ use divan::{Bencher, counter::ItemsCount};
 use modulo_core::dct::Dct2;
 use modulo_core::sensor::{Sensor, SensorConfig};
 use modulo_core::unwrap::{METHODS, Options, by_name};
-use modulo_core::{Deblur, Frame, GainPattern, Gains, Psf, Range, Recovered, TwoGains, Unwrap as _, tone};
+use modulo_core::{
+    Deblur, Frame, GainPattern, Gains, Psf, Range, Recovered, Transfer, TwoGains, Unwrap as _, tone,
+};
 use ndarray::Array3;
 
 #[path = "../tests/library/mod.rs"]
@@ -92,7 +94,7 @@ fn tone_unit_planes(bencher: Bencher<'_, '_>) {
 #[divan::bench]
 fn deblur(bencher: Bencher<'_, '_>) {
     let (x, deblur) = (recovered().x, Deblur::new(Psf::Paper7));
-    bencher.bench_local(|| deblur.linear8(&x, range()).expect("an image"));
+    bencher.bench_local(|| deblur.picture(&x, range(), Transfer::Linear).expect("an image"));
 }
 
 /// A forward and an inverse transform of three planes.

@@ -9,7 +9,8 @@ use crate::frame::{Frame, FrameError, check_shape, in_order};
 use crate::optics::{Border, Psf, RowFilter};
 use crate::range::{HALF_A_CODE, Range};
 use crate::simd::widest;
-use crate::tone;
+use crate::tone::{self, ToneTable};
+use crate::transfer::Transfer;
 
 /// The power of the noise over that of the image, for the filter along one side. It limits the gain at any frequency to about
 /// `1 / (2 sqrt(0.01))` = 5, by which noise and wrong wrap counts are amplified, too.
@@ -26,21 +27,22 @@ impl Deblur {
         Self { taps: inverse(psf) }
     }
 
-    /// Returns the filtered image, clamped to `[0, alpha 2^b)` and scaled to 8 bits as by [`tone::linear8`]. Along either side,
+    /// Returns the filtered image, clamped to `[0, alpha 2^b)` and shown with 8 bits as by [`tone::picture`]. Along either side,
     /// the transfer function is close to `H / (H^2 + r)`, where H is that of the lens and r is [`REGULARISATION`]. `x` (H x W x
     /// C, code units) holds whole codes. It is continued beyond its border as by [`Sensor::expose`](crate::Sensor::expose).
     ///
     /// # Errors
     /// [`FrameError`] when `x` does not have the shape of an image.
-    pub fn linear8(&self, x: &ArrayRef3<f32>, range: Range) -> Result<Frame, FrameError> {
+    pub fn picture(&self, x: &ArrayRef3<f32>, range: Range, transfer: Transfer) -> Result<Frame, FrameError> {
         // A perfect lens has nothing to undo, and half a code would be added for nothing.
         if self.taps.len() == 1 {
-            return tone::linear8(x, range);
+            return tone::picture(x, range, transfer);
         }
         check_shape(x.dim())?;
         let (_, width, channels) = x.dim();
         let (x, stride) = (x.as_standard_layout(), width * channels);
         let (samples, scale) = (in_order(x.view()), 255.0 / range.limit());
+        let table = ToneTable::of(range, transfer);
         let (mut shown, mut line) = (vec![0; samples.len()], vec![0.0; stride]);
         let mut filter = RowFilter::new(x.dim(), &self.taps, Border::HalfSample);
         for shown in shown.chunks_exact_mut(stride) {
@@ -48,7 +50,12 @@ impl Deblur {
             filter.next_row(read, &mut line);
             // The half code undoes the bias of rounding down. Values beyond the range are clamped by the scaling.
             let pixels = shown.iter_mut().zip(&line);
-            widest!(pixels.for_each(|(out, value)| *out = tone::to_u8(value + HALF_A_CODE, scale)));
+            match &table {
+                Some(table) => pixels.for_each(|(out, value)| *out = table.code(value + HALF_A_CODE)),
+                None => {
+                    widest!(pixels.for_each(|(out, value)| *out = tone::to_u8(value + HALF_A_CODE, scale)))
+                }
+            }
         }
         Frame::from_u8(Array3::from_shape_vec(x.dim(), shown).expect("one pixel is shown for each of x"))
     }

@@ -167,6 +167,22 @@ impl Frame {
         &self.samples
     }
 
+    /// Returns the samples of a frame of integers, which may have any value, for changes.
+    pub(crate) fn samples_mut(&mut self) -> &mut Samples {
+        debug_assert!(self.depth() < 32, "floats have to stay finite");
+        &mut self.samples
+    }
+
+    /// Becomes a copy of `other`, in the same memory where the shapes are equal.
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        match (&mut self.samples, &other.samples) {
+            (Samples::U8(to), Samples::U8(from)) if to.dim() == from.dim() => to.assign(from),
+            (Samples::U16(to), Samples::U16(from)) if to.dim() == from.dim() => to.assign(from),
+            _ => self.samples = other.samples.clone(),
+        }
+        self.mosaic = other.mosaic;
+    }
+
     /// Takes the samples out of the frame without a copy.
     pub fn into_samples(self) -> Samples {
         self.samples

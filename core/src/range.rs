@@ -16,6 +16,12 @@ pub struct Range {
 /// not raise the whole image.
 const OUTLIERS: f64 = 0.02;
 
+/// The same for a result without contradictions, in which hardly a sample can be wrong.
+const FEW_OUTLIERS: f64 = 0.002;
+
+/// The relative error of alpha with which no count is lost.
+const ALPHA_TOLERANCE: f64 = 0.02;
+
 /// Error: these numbers cannot be a [`Range`].
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RangeError {
@@ -73,6 +79,16 @@ impl Range {
     /// least value is no outlier.
     pub(crate) fn of_differences(self) -> Self {
         Self { alpha: (2.0 * self.alpha).min(256.0), outliers: 0.0, ..self }
+    }
+
+    /// Returns this range for results that are expected to be without contradictions: hardly a pixel may be below the least count.
+    pub(crate) fn of_few_outliers(self) -> Self {
+        Self { outliers: self.outliers.min(FEW_OUTLIERS), ..self }
+    }
+
+    /// Returns the range whose alpha is as much larger as the true one may be.
+    pub(crate) fn widened(self) -> Self {
+        Self { alpha: ((1.0 + ALPHA_TOLERANCE) * self.alpha).min(256.0), ..self }
     }
 
     /// Returns the share of the pixels that a method may leave below the least count.

@@ -16,6 +16,7 @@ use crate::optics::{Border, MAX_SIGMA, Psf, RowFilter};
 use crate::range::{Range, RangeError};
 use crate::simd::{floor, mapped, widest};
 use crate::tone;
+use crate::transfer::Transfer;
 
 /// The largest `f32` below 1; radiance of full scale and more is clamped to it.
 pub const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
@@ -36,6 +37,8 @@ pub struct SensorConfig {
     pub bits: u8,
     /// The saturation factor alpha, in (0, 256]: the brightest radiance over the peak.
     pub alpha: f64,
+    /// How the ideal and the saturated image show radiance.
+    pub transfer: Transfer,
     /// The blur of the lens.
     pub psf: Psf,
     /// The standard deviation of the read noise in code units, 0 to 65536.
@@ -57,6 +60,7 @@ impl SensorConfig {
     pub const PLAIN: Self = Self {
         bits: 8,
         alpha: 4.0,
+        transfer: Transfer::Linear,
         psf: Psf::None,
         read_noise: 0.0,
         shot_noise: 0.0,
@@ -142,6 +146,7 @@ pub enum SensorError {
 #[derive(Clone, Debug)]
 pub struct Sensor {
     range: Range,
+    transfer: Transfer,
     taps: Vec<f32>,
     read_noise: f64,
     shot_noise: f64,
@@ -199,7 +204,8 @@ impl Sensor {
             }
         }
         let layout = PixelArrangement { gains, mosaic };
-        Ok(Self { range, taps: config.psf.taps(), read_noise, shot_noise, prnu, hot_pixels, layout })
+        let (transfer, taps) = (config.transfer, config.psf.taps());
+        Ok(Self { range, transfer, taps, read_noise, shot_noise, prnu, hot_pixels, layout })
     }
 
     /// Returns the bits and alpha.
@@ -258,7 +264,7 @@ impl Sensor {
             return Err(SensorError::NotFinite { at: position_of(index, dim), value });
         }
         let x = Array3::from_shape_vec((height, width, seen), x).expect("x has the rows of this shape");
-        Ok(Exposure { x, range: self.range, layout: self.layout })
+        Ok(Exposure { x, range: self.range, transfer: self.transfer, layout: self.layout })
     }
 
     /// Returns an error for radiance of a shape that this sensor cannot see.
@@ -340,6 +346,7 @@ fn largest_below(limit: f64) -> f32 {
 pub struct Exposure {
     x: Array3<f32>,
     range: Range,
+    transfer: Transfer,
     layout: PixelArrangement,
 }
 
@@ -352,6 +359,11 @@ impl Exposure {
     /// Returns the bits and alpha.
     pub fn range(&self) -> Range {
         self.range
+    }
+
+    /// Returns how the ideal and the saturated image show radiance.
+    pub fn transfer(&self) -> Transfer {
+        self.transfer
     }
 
     /// Returns the gains of the pixels.
@@ -376,14 +388,14 @@ impl Exposure {
         self.digitise(&self.converted(), |count| count & mask)
     }
 
-    /// Returns the saturated stream: `floor(min(x, 2^b - 1))`, with samples as in [`Exposure::modulo`]. With two gains it is
-    /// the image of spatially varying exposure, `floor(x / alpha)`, where a pixel of full gain that saturates is predicted from
-    /// its neighbours of low gain.
+    /// Returns the saturated stream: the codes that the transfer function has for `floor(min(x, 2^b - 1))`, with samples as in
+    /// [`Exposure::modulo`]. With two gains it is the image of spatially varying exposure, `floor(x / alpha)`, where a pixel of
+    /// full gain that saturates is predicted from its neighbours of low gain.
     pub fn saturated(&self) -> Frame {
-        let most = (1 << self.range.bits()) - 1;
         match self.layout.gains {
-            Gains::One => self.digitise(&self.x, |count| count.min(most)),
+            Gains::One => self.clipped(&self.x),
             Gains::Two { pattern, ratio } => {
+                let most = self.most();
                 let codes = mapped(&self.converted(), |x| whole(x).min(most) as f32);
                 let alpha = self.range.alpha() as f32;
                 let merge = |codes: &Array3<f32>| merge_saturated(codes, pattern, ratio, self.range);
@@ -391,16 +403,15 @@ impl Exposure {
                     None => merge(&codes),
                     Some(_) => by_colour(&codes, merge),
                 };
-                self.digitise(&x.mapv(|x| x.max(0.0) / alpha), |count| count.min(most))
+                self.clipped(&x.mapv(|x| x.max(0.0) / alpha))
             }
         }
     }
 
-    /// Returns the ideal stream: `floor(x)`, neither wrapped nor clipped, scaled to 8 bits as by [`tone::linear8`].
+    /// Returns the ideal stream: `floor(x)`, neither wrapped nor clipped, shown with 8 bits as by [`tone::picture`].
     pub fn ideal(&self) -> Frame {
-        let scale = 255.0 / self.range.limit();
-        // Rounded down before it is scaled: the ideal stream shows the same counts as the other two.
-        self.frame(Frame::from_u8(mapped(&self.x, |x| tone::to_u8(whole(x) as f32, scale))))
+        // Rounded down before it is shown: the ideal stream shows the same counts as the other two.
+        self.frame(Frame::from_u8(tone::shown(&self.x, self.range, self.transfer, |x| whole(x) as f32)))
     }
 
     /// Returns the true wrap counts: `k = floor(gain x / 2^b)`, at most `ceil(alpha) - 1`, and 0 at pixels of low gain.
@@ -436,6 +447,21 @@ impl Exposure {
             }
         }
         Cow::Owned(x)
+    }
+
+    /// Returns the largest code of the converter.
+    fn most(&self) -> u32 {
+        (1 << self.range.bits()) - 1
+    }
+
+    /// Returns the picture of a sensor that saturates.
+    fn clipped(&self, x: &Array3<f32>) -> Frame {
+        let most = self.most();
+        if self.transfer == Transfer::Linear {
+            return self.digitise(x, |count| count.min(most));
+        }
+        let codes = self.transfer.codes(most as u16);
+        self.digitise(x, |count| codes[count.min(most) as usize].into())
     }
 
     /// Makes integer samples from `floor(x)`.

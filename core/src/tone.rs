@@ -1,21 +1,86 @@
 //! Converts radiance to integers for a screen, a detector or an HDR file.
 //!
-//! One scale serves all channels. It depends only on the sensor, never on the image: there is no automatic exposure.
+//! One tone curve serves all channels. It depends only on the sensor and on the transfer function of the pictures that it sees,
+//! never on the image: there is no automatic exposure.
 
 use ndarray::{Array3, ArrayRef3};
 
 use crate::frame::{Frame, FrameError};
-use crate::range::Range;
+use crate::range::{HALF_A_CODE, Range};
 use crate::simd::{floor, mapped, widest};
+use crate::transfer::Transfer;
 
 /// Returns `round(255 * x / (alpha * 2^b))`, clamped to 0..255, as a frame of 8 bits.
 ///
 /// # Errors
 /// [`FrameError`] when `x` (H x W x C, code units) does not have the shape of an image.
 pub fn linear8(x: &ArrayRef3<f32>, range: Range) -> Result<Frame, FrameError> {
-    // In double precision, since codes near a half would round differently in single precision.
-    let scale = 255.0 / range.limit();
-    Frame::from_u8(mapped(x, |x| to_u8(x, scale)))
+    picture(x, range, Transfer::Linear)
+}
+
+/// Returns the picture of 8 bits that `transfer` has for the radiance `x` of whole codes: as [`linear8`], or
+/// `round(255 * encode((x + 1/2) / (alpha * 2^b)))`, where the half undoes the bias of rounding down. The picture that a sensor saw
+/// is returned, but for what its lens, its noise and its whole codes have taken away. NaN becomes 0.
+///
+/// # Errors
+/// [`FrameError`] when `x` (H x W x C, code units) does not have the shape of an image.
+pub fn picture(x: &ArrayRef3<f32>, range: Range, transfer: Transfer) -> Result<Frame, FrameError> {
+    Frame::from_u8(shown(x, range, transfer, |x| x))
+}
+
+/// Returns the codes of 8 bits of `radiance(x)` for each sample of `x`, as in [`picture`].
+#[inline(always)]
+pub(crate) fn shown(
+    x: &ArrayRef3<f32>,
+    range: Range,
+    transfer: Transfer,
+    radiance: impl Fn(f32) -> f32,
+) -> Array3<u8> {
+    match ToneTable::of(range, transfer) {
+        // Where a curve is steep, half a count is more than a code.
+        Some(table) => mapped(x, |x| table.code(radiance(x) + HALF_A_CODE)),
+        None => {
+            // In double precision, since codes near a half would round differently in single precision.
+            let scale = 255.0 / range.limit();
+            mapped(x, |x| to_u8(radiance(x), scale))
+        }
+    }
+}
+
+/// The codes of 8 bits of all radiance of a sensor: a power for each sample would take longer than unwrapping.
+pub(crate) struct ToneTable {
+    codes: Vec<u8>,
+    /// Entries for one code unit, a power of two: half code units are exact up to `alpha * 2^b = 65536`.
+    per_unit: f32,
+}
+
+impl ToneTable {
+    /// The largest number of entries.
+    const MOST: f64 = 131_072.0;
+
+    /// Returns the table of `transfer`; `None` if the codes are proportional to radiance, which takes no table.
+    pub(crate) fn of(range: Range, transfer: Transfer) -> Option<Self> {
+        if transfer == Transfer::Linear {
+            return None;
+        }
+        let per_unit = (Self::MOST / range.limit()).log2().floor().exp2();
+        let entries = range.limit() * per_unit;
+        let mut codes = Vec::with_capacity(entries.ceil() as usize);
+        for code in 0..u8::MAX {
+            // The least radiance that rounds to the next code.
+            let end = entries * transfer.decode((f64::from(code) + 0.5) / 255.0);
+            codes.resize(end.ceil() as usize, code);
+        }
+        codes.resize(entries.ceil() as usize, u8::MAX);
+        Some(Self { codes, per_unit: per_unit as f32 })
+    }
+
+    /// Returns the code of the radiance `x` in code units.
+    pub(crate) fn code(&self, x: f32) -> u8 {
+        // The conversion with `as` clamps to 0 and above, and sends NaN to 0.
+        let entry = (x * self.per_unit) as u32 as usize;
+        self.codes[entry.min(self.codes.len() - 1)]
+    }
 }
 
 /// Returns the HDR image in code units. Where all of the range fits 16 bits (`alpha * 2^b <= 65536`) it is
@@ -62,6 +127,53 @@ mod tests {
         let x = Array3::from_shape_vec((1, 2, 3), vec![0.0, 256.0, 511.9, 1024.0, 5000.0, -3.0]).unwrap();
         let got = linear8(&x, Range::new(8, 4.0).unwrap()).unwrap();
         assert_eq!(got.to_f32().into_raw_vec_and_offset().0, [0.0, 64.0, 127.0, 255.0, 255.0, 0.0]);
+    }
+
+    const CURVES: [Transfer; 3] = [Transfer::Srgb, Transfer::Gamma22, Transfer::Rec709];
+
+    /// Returns the codes that a curve has for the radiance `x`.
+    fn codes(x: Vec<f32>, range: Range, transfer: Transfer) -> Vec<u8> {
+        let x = Array3::from_shape_vec((1, x.len(), 1), x).unwrap();
+        picture(&x, range, transfer).unwrap().as_u8().unwrap().iter().copied().collect()
+    }
+
+    #[test]
+    fn each_code_of_a_picture_returns() {
+        // Of the code 1, a power of 2.2 leaves less radiance than an entry of the table.
+        let all: Vec<u8> = (2..=255).collect();
+        for (transfer, bits, alpha) in
+            CURVES.into_iter().flat_map(|t| [(t, 12, 4.0), (t, 16, 4.0), (t, 12, 3.3)])
+        {
+            let range = Range::new(bits, alpha).unwrap();
+            let radiance =
+                |code: &u8| (range.limit() * transfer.decode(f64::from(*code) / 255.0)) as f32 - HALF_A_CODE;
+            assert_eq!(
+                codes(all.iter().map(radiance).collect(), range, transfer),
+                all,
+                "{transfer:?} {bits} {alpha}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_curve_is_that_of_its_definition_for_whole_codes() {
+        for (transfer, alpha) in CURVES.into_iter().flat_map(|t| [(t, 0.3), (t, 1.5), (t, 4.0), (t, 256.0)]) {
+            let range = Range::new(8, alpha).unwrap();
+            let x: Vec<f32> = (0..range.limit().ceil() as u32).map(|x| x as f32).collect();
+            let defined =
+                |x: &f32| (255.0 * transfer.encode((f64::from(*x) + 0.5) / range.limit())).round() as u8;
+            let defined: Vec<u8> = x.iter().map(defined).collect();
+            assert!(defined.is_sorted());
+            assert_eq!(codes(x, range, transfer), defined, "{transfer:?} {alpha}");
+        }
+    }
+
+    #[test]
+    fn a_curve_clamps_what_is_out_of_range() {
+        let x = vec![f32::NAN, f32::NEG_INFINITY, -3.0, 1024.0, 1e30, f32::INFINITY];
+        for transfer in CURVES {
+            assert_eq!(codes(x.clone(), Range::new(8, 4.0).unwrap(), transfer), [0, 0, 0, 255, 255, 255]);
+        }
     }
 
     #[test]

@@ -193,6 +193,7 @@ fn reference(y: &Array3<u16>, range: Range, word: i64) -> (Array3<u8>, QualityMe
             consensus: least_agreement,
             clamped: share(clamped, y.len()),
             jumps: 0.0,
+            defects: 0.0,
         },
     )
 }

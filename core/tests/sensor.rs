@@ -10,7 +10,7 @@ mod data;
 use modulo_core::unwrap::{Options, Trust, by_name};
 use modulo_core::{
     Deblur, Frame, GainPattern, Gains, Mosaic, Psf, Range, Recovered, SamplePosition, Sensor, SensorConfig,
-    SensorError, TwoGains, Unwrap as _, optics, tone,
+    SensorError, Transfer, TwoGains, Unwrap as _, optics, tone,
 };
 use ndarray::Array3;
 use proptest::prelude::*;
@@ -143,7 +143,7 @@ fn sharpness(radiance: &Array3<f32>, deblur: &Deblur) -> (f64, f64) {
     let mut lines = by_name("lines", &Options::default()).unwrap();
     lines.unwrap(&exposure.modulo(), range, &mut recovered).unwrap();
     let blurred = tone::linear8(&recovered.x, range).unwrap();
-    let sharp = deblur.linear8(&recovered.x, range).unwrap();
+    let sharp = deblur.picture(&recovered.x, range, Transfer::Linear).unwrap();
     (psnr(&blurred, &ideal), psnr(&sharp, &ideal))
 }
 
@@ -207,11 +207,45 @@ fn two_gains_recover_kitti_without_a_lens() {
 }
 
 #[test]
+fn the_ideal_and_the_saturated_image_are_pictures_and_the_modulo_image_is_not() {
+    let radiance = Array3::from_shape_fn((4, 64, 1), |(_, column, _)| column as f32 / 64.0);
+    for bits in [8, 12] {
+        let expose = |transfer| {
+            let config = SensorConfig { bits, transfer, ..PLAIN };
+            Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap()
+        };
+        let (linear, coded) = (expose(Transfer::Linear), expose(Transfer::Srgb));
+        assert_eq!((coded.modulo(), coded.wraps()), (linear.modulo(), linear.wraps()));
+        let x = linear.x().mapv(f32::floor);
+        assert_eq!(coded.ideal(), tone::picture(&x, linear.range(), Transfer::Srgb).unwrap());
+        assert_ne!(coded.ideal(), linear.ideal());
+        let most = f64::from(linear.range().peak()) - 1.0;
+        let code = |code: f32| (most * Transfer::Srgb.encode(f64::from(code) / most)).round() as f32;
+        assert_eq!(coded.saturated().to_f32(), linear.saturated().to_f32().mapv(code));
+        assert_eq!(coded.saturated().depth(), linear.saturated().depth());
+    }
+}
+
+#[test]
+fn a_lens_is_undone_in_radiance_before_it_is_shown() {
+    let x = Array3::from_shape_fn((20, 30, 3), |(i, j, c)| ((i * 31 + j * 17 + c * 5) % 900) as f32);
+    let (range, deblur) = (Range::new(8, 4.0).unwrap(), Deblur::new(Psf::Paper7));
+    let linear = deblur.picture(&x, range, Transfer::Linear).unwrap().to_f32();
+    let shown = deblur.picture(&x, range, Transfer::Srgb).unwrap().to_f32();
+    for (linear, shown) in linear.iter().zip(&shown) {
+        let [least, most] =
+            [-0.51, 0.51].map(|half| Transfer::Srgb.encode((f64::from(*linear) + half) / 255.0));
+        let bounds = (255.0 * least - 0.51)..=(255.0 * most + 0.51);
+        assert!(bounds.contains(&f64::from(*shown)), "{linear} is shown as {shown}, not within {bounds:?}");
+    }
+}
+
+#[test]
 fn a_lens_that_does_nothing_changes_nothing() {
     let range = Range::new(8, 3.0).unwrap();
     let x = Array3::from_shape_fn((7, 20, 3), |(i, j, c)| (i * 31 + j * 17 + c) as f32);
     let deblur = Deblur::new(Psf::None);
-    assert_eq!(deblur.linear8(&x, range), tone::linear8(&x, range));
+    assert_eq!(deblur.picture(&x, range, Transfer::Linear), tone::linear8(&x, range));
 }
 
 #[test]
@@ -222,8 +256,10 @@ fn sharpens_an_edge_of_any_size_and_refuses_no_image() {
         let (before, after) = sharpness(&Array3::from_shape_fn((height, width, channels), edge), &deblur);
         assert!(after > before + 1.0, "{height} x {width}: {before:.1} dB, then {after:.1} dB");
     }
-    assert!(deblur.linear8(&Array3::zeros((0, 4, 3)), Range::new(8, 2.0).unwrap()).is_err());
-    assert!(deblur.linear8(&Array3::zeros((1, 1, 1)), Range::new(8, 2.0).unwrap()).is_ok());
+    assert!(
+        deblur.picture(&Array3::zeros((0, 4, 3)), Range::new(8, 2.0).unwrap(), Transfer::Linear).is_err()
+    );
+    assert!(deblur.picture(&Array3::zeros((1, 1, 1)), Range::new(8, 2.0).unwrap(), Transfer::Linear).is_ok());
 }
 
 #[test]
@@ -235,7 +271,7 @@ fn noise_of_five_codes_leaves_a_gain() {
     let exposure = Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap();
     let (x, range) = (exposure.x().mapv(f32::floor), exposure.range());
     let blurred = psnr(&tone::linear8(&x, range).unwrap(), &sharp);
-    let deblurred = psnr(&Deblur::new(Psf::Paper7).linear8(&x, range).unwrap(), &sharp);
+    let deblurred = psnr(&Deblur::new(Psf::Paper7).picture(&x, range, Transfer::Linear).unwrap(), &sharp);
     println!("{blurred:.2} dB, deblurred {deblurred:.2} dB");
     assert!(deblurred > blurred + 1.0, "{blurred:.2} dB, deblurred {deblurred:.2} dB");
 }
@@ -243,7 +279,7 @@ fn noise_of_five_codes_leaves_a_gain() {
 /// Returns the RMS error of the deblurred `x` against the sharp image, in 8-bit codes: within 4 px of the border, and
 /// inside.
 fn errors_at_border_and_inside(x: &Array3<f32>, sharp: &Array3<f32>, psf: Psf) -> [f64; 2] {
-    let shown = Deblur::new(psf).linear8(x, Range::new(8, 4.0).unwrap()).unwrap().to_f32();
+    let shown = Deblur::new(psf).picture(x, Range::new(8, 4.0).unwrap(), Transfer::Linear).unwrap().to_f32();
     let (height, width, _) = sharp.dim();
     let mut squares = [(0.0, 0); 2];
     for ((i, j, c), &value) in shown.indexed_iter() {

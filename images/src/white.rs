@@ -1,5 +1,5 @@
 use modulo_core::sensor::BELOW_ONE;
-use modulo_core::{Frame, Samples};
+use modulo_core::{Frame, Samples, Transfer};
 use ndarray::Array3;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -16,6 +16,8 @@ const TWELVE_BITS: u16 = 4095;
 pub struct White {
     /// The value of full scale, if the user gave it.
     given: Option<f32>,
+    /// How integers stand for radiance.
+    transfer: Transfer,
     /// The radiance of full scale that was found in a float image.
     found: Option<f32>,
     /// Whether an image had codes that need more than 12 bits.
@@ -24,15 +26,17 @@ pub struct White {
 
 impl White {
     /// `white` > 0 becomes full scale in float images and in images of 16 bits. 0 stands for 65536 in the latter, and for
-    /// [`WHITE_PERCENTILE`] of the first float image that is not black.
+    /// [`WHITE_PERCENTILE`] of the first float image that is not black. Integers stand for radiance as `transfer` has it; floats
+    /// are linear.
     ///
     /// # Errors
     /// [`ImageError::White`] for a negative, infinite or NaN `white`.
-    pub fn new(white: f32) -> Result<Self, ImageError> {
+    pub fn new(white: f32, transfer: Transfer) -> Result<Self, ImageError> {
         if !(white.is_finite() && white >= 0.0) {
             return Err(ImageError::White(white));
         }
-        Ok(Self { given: Some(white).filter(|white| *white > 0.0), found: None, wide: false })
+        let given = Some(white).filter(|white| *white > 0.0);
+        Ok(Self { given, transfer, found: None, wide: false })
     }
 
     /// The radiance of full scale that was found in a float image.
@@ -71,8 +75,8 @@ impl White {
         }
     }
 
-    /// Radiance in `[0, 1)`, `H x W x C`: integers as fractions of their range, floats as linear radiance. `origin` is the
-    /// name of the frame in errors.
+    /// Radiance in `[0, 1)`, `H x W x C`: integers as fractions of their range, decoded by the transfer function, floats as
+    /// linear radiance. `origin` is the name of the frame in errors.
     ///
     /// A code of integers stands for all radiance from half a code below it to half a code above it, so each sample is moved
     /// at random within this interval, in the same way for each frame. Without this dither the radiance of a picture lies
@@ -89,7 +93,7 @@ impl White {
     ) -> Result<Array3<f32>, ImageError> {
         let frame = frame.demosaiced();
         self.learn(&frame, &origin);
-        Ok(match frame.samples() {
+        let codes = match frame.samples() {
             // The largest code stands for full scale and all beyond it: a clipped sky saturates the sensor, too.
             Samples::U8(codes) => scaled(&dithered(codes, f32::from(u8::MAX)), f32::from(u8::MAX)),
             Samples::U16(codes) => match self.given {
@@ -104,10 +108,14 @@ impl White {
                     dithered(codes, f32::from(u16::MAX)) / 65536.0
                 }
             },
-            Samples::F32(linear) => self
-                .given
-                .or(self.found)
-                .map_or_else(|| Array3::zeros(linear.dim()), |white| scaled(linear, white)),
+            Samples::F32(linear) => {
+                let white = self.given.or(self.found);
+                return Ok(white.map_or_else(|| Array3::zeros(linear.dim()), |white| scaled(linear, white)));
+            }
+        };
+        Ok(match self.transfer {
+            Transfer::Linear => codes,
+            transfer => codes.mapv_into(|code| transfer.decode(code.into()) as f32),
         })
     }
 }
@@ -156,7 +164,7 @@ mod tests {
 
     #[test]
     fn automatic_white_is_the_first_bright_image_and_stays() {
-        let mut white = White::new(0.0).expect("0 is automatic");
+        let mut white = White::new(0.0, Transfer::Linear).expect("0 is automatic");
         let mut radiance =
             |values| white.radiance(&linear(values), "sky").expect("floats").into_raw_vec_and_offset().0;
         assert_eq!(radiance([0.0, 0.0, -1.0]), [0.0; 3]);
@@ -170,12 +178,12 @@ mod tests {
         let pixels =
             |value: f32| Array3::from_shape_fn((40, 40, 1), |at| if at == (3, 5, 0) { 1e6 } else { value });
         for value in [0.5, 2.0] {
-            let mut white = White::new(0.0).expect("0 is automatic");
+            let mut white = White::new(0.0, Transfer::Linear).expect("0 is automatic");
             let frame = Frame::from_f32(pixels(value)).expect("a frame");
             let radiance = white.radiance(&frame, "sky").expect("floats");
             assert_eq!((white.found(), radiance[(0, 0, 0)]), (Some(value), BELOW_ONE));
         }
-        let mut white = White::new(0.0).expect("0 is automatic");
+        let mut white = White::new(0.0, Transfer::Linear).expect("0 is automatic");
         white.radiance(&Frame::from_f32(pixels(0.0)).expect("a frame"), "stars").expect("floats");
         assert_eq!(white.found(), Some(1e6), "a star on black is all there is");
     }
@@ -187,7 +195,10 @@ mod tests {
     #[test]
     fn codes_are_fractions_of_the_peak() {
         let codes = |v: u16| {
-            White::new(0.0).expect("0 is automatic").radiance(&deep(v), "a").expect("16 bits")[(0, 0, 0)]
+            White::new(0.0, Transfer::Linear)
+                .expect("0 is automatic")
+                .radiance(&deep(v), "a")
+                .expect("16 bits")[(0, 0, 0)]
         };
         for (code, fraction) in [(32768, 0.5), (64, 1.0 / 1024.0), (65535, 65535.0 / 65536.0)] {
             assert!((codes(code) - fraction).abs() <= 0.5 / 65536.0, "{code}");
@@ -198,7 +209,8 @@ mod tests {
     fn codes_are_spread_over_the_interval_that_they_stand_for() {
         let pixels = Array3::from_shape_fn((100, 256, 3), |(_, code, _)| code as u8);
         let frame = Frame::from_u8(pixels).expect("a frame");
-        let radiance = White::new(0.0).expect("0 is automatic").radiance(&frame, "a").expect("8 bits");
+        let radiance =
+            White::new(0.0, Transfer::Linear).expect("0 is automatic").radiance(&frame, "a").expect("8 bits");
         assert!(
             radiance.indexed_iter().all(|((_, code, _), value)| (value * 255.0 - code as f32).abs() <= 0.501)
         );
@@ -213,8 +225,24 @@ mod tests {
     }
 
     #[test]
+    fn integers_are_decoded_and_floats_are_not() {
+        let white = || White::new(0.0, Transfer::Srgb).expect("0 is automatic");
+        let pixels = Array3::from_shape_fn((1, 256, 1), |(_, code, _)| code as u8);
+        let radiance = white().radiance(&Frame::from_u8(pixels).expect("a frame"), "a").expect("8 bits");
+        for ((_, code, _), value) in radiance.indexed_iter() {
+            let [least, most] =
+                [-0.501, 0.501].map(|half| Transfer::Srgb.decode((code as f64 + half) / 255.0));
+            assert!((least..=most).contains(&f64::from(*value)), "{code}: {value}");
+        }
+        let half = white().radiance(&deep(32768), "a").expect("16 bits")[(0, 0, 0)];
+        assert!((half - 0.214).abs() < 1e-4, "{half}");
+        let floats = white().radiance(&linear([1.0, 2.0, 4.0]), "a").expect("floats");
+        assert_eq!(floats.into_raw_vec_and_offset().0, [0.25, 0.5, BELOW_ONE]);
+    }
+
+    #[test]
     fn codes_of_twelve_bits_ask_for_white() {
-        let mut white = White::new(0.0).expect("0 is automatic");
+        let mut white = White::new(0.0, Transfer::Linear).expect("0 is automatic");
         for code in [256, 4095] {
             let why = white.radiance(&deep(code), "a.png").expect_err("few bits").to_string();
             let told = ["a.png", &format!("largest code is {code}"), "white", "4096", "65536"];
@@ -224,7 +252,7 @@ mod tests {
         white.radiance(&deep(4096), "b.png").expect("16 bits");
         let dark = white.radiance(&deep(4095), "c.png").expect("dark")[(0, 0, 0)];
         assert!((dark - 4095.0 / 65536.0).abs() <= 0.5 / 65536.0);
-        let mut white = White::new(4096.0).expect("12 bits");
+        let mut white = White::new(4096.0, Transfer::Linear).expect("12 bits");
         let quarter = white.radiance(&deep(1024), "a.png").expect("12 bits")[(0, 0, 0)];
         assert!((quarter - 0.25).abs() <= 0.5 / 4096.0);
         assert_eq!(white.radiance(&deep(4096), "a.png").expect("12 bits")[(0, 0, 0)], BELOW_ONE);
@@ -233,7 +261,7 @@ mod tests {
     #[test]
     fn white_must_be_finite_and_not_negative() {
         for white in [f32::NAN, f32::INFINITY, -1.0] {
-            assert!(White::new(white).is_err(), "{white}");
+            assert!(White::new(white, Transfer::Linear).is_err(), "{white}");
         }
     }
 }

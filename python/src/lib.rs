@@ -18,7 +18,7 @@ mod _core {
     #[pymodule_export]
     use super::parameters::declared;
     #[pymodule_export]
-    use super::picture::picture;
+    use super::picture::{denoise, picture};
     #[pymodule_export]
     use super::recording::{Bag, Source};
     #[pymodule_export]

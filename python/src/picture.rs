@@ -1,12 +1,12 @@
-//! Radiance as an image of 8 bits, with or without the blur of the lens.
+//! Radiance without the noise of its sensor, and as an image of 8 bits, with or without the blur of the lens.
 
-use modulo_core::{Deblur, Frame, FrameError, Mosaic, Range, tone};
+use modulo_core::{Deblur, Denoise, Frame, FrameError, Range, tone};
 use modulo_runtime::SensorModel;
 use ndarray::{Array3, ArrayRef3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::image::{Image, View, frame_to_numpy, value_error};
+use crate::image::{Image, View, frame_to_numpy, to_numpy, value_error};
 use crate::parameters::parse;
 
 /// Returns the image of 8 bits of the radiance `x`, deblurred on request.
@@ -20,24 +20,51 @@ pub fn picture<'py>(
     let parameters = parse(parameters)?;
     let sensor = SensorModel::from(&parameters);
     let range = sensor.range().map_err(value_error)?;
-    let psf = deblur.then(|| sensor.psf());
+    let lens = deblur.then(|| sensor.psf());
+    let (x, is_flat) = radiance(x)?;
+    let frame = py.detach(|| shown(&x, &sensor, lens.map(Deblur::new), range)).map_err(value_error)?;
+    Ok(frame_to_numpy(py, frame, is_flat))
+}
+
+/// Returns the radiance `x` without most of the noise of the sensor.
+#[pyfunction]
+pub fn denoise<'py>(
+    py: Python<'py>,
+    x: &Bound<'py, PyAny>,
+    parameters: &Bound<'py, PyDict>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let sensor = SensorModel::from(&parse(parameters)?);
+    let denoise = Denoise::new(sensor.config().map_err(value_error)?);
+    let (x, is_flat) = radiance(x)?;
+    let (height, width, channels) = x.dim();
+    if sensor.mosaic.is_some() && channels != 1 {
+        return Err(value_error(FrameError::Mosaic { height, width, channels, depth: 16 }));
+    }
+    let x = py.detach(|| match denoise {
+        None => x,
+        Some(denoise) => denoise.apply(&x),
+    });
+    Ok(to_numpy(py, x, is_flat))
+}
+
+/// Returns the argument `x` as floats, and whether it has no axis of channels.
+fn radiance(x: &Bound<'_, PyAny>) -> PyResult<(Array3<f32>, bool)> {
     let Image { pixels, is_flat } = Image::new("x", x)?;
     let x = match pixels.view() {
         View::F32(x) => x.to_owned(),
         codes => codes.to_frame().map_err(value_error)?.to_f32(),
     };
-    let frame = py.detach(|| shown(&x, sensor.mosaic, psf.map(Deblur::new), range)).map_err(value_error)?;
-    Ok(frame_to_numpy(py, frame, is_flat))
+    Ok((x, is_flat))
 }
 
 /// Returns the radiance `x` (H x W x C, code units) as the node `unwrap` shows it.
 fn shown(
     x: &ArrayRef3<f32>,
-    mosaic: Option<Mosaic>,
+    sensor: &SensorModel,
     deblur: Option<Deblur>,
     range: Range,
 ) -> Result<Frame, FrameError> {
-    let colours: Option<Array3<f32>> = match mosaic {
+    let colours: Option<Array3<f32>> = match sensor.mosaic {
         None => None,
         Some(mosaic) => {
             let (height, width, channels) = x.dim();
@@ -49,7 +76,7 @@ fn shown(
     };
     let x = colours.as_ref().map_or(x, |colours| colours);
     match deblur {
-        None => tone::linear8(x, range),
-        Some(deblur) => deblur.linear8(x, range),
+        None => tone::picture(x, range, sensor.transfer),
+        Some(deblur) => deblur.picture(x, range, sensor.transfer),
     }
 }

@@ -75,9 +75,10 @@ impl Source {
 }
 
 fn options(parameters: &Bound<'_, PyDict>) -> PyResult<(String, SourceOptions)> {
-    let CameraParameters { source, source_topic, white, .. } = CameraParameters::from(&parse(parameters)?);
+    let CameraParameters { source, source_topic, white, sensor, .. } =
+        CameraParameters::from(&parse(parameters)?);
     let topic = Some(source_topic).filter(|topic| !topic.is_empty());
-    Ok((source, SourceOptions { white: white as f32, topic }))
+    Ok((source, SourceOptions { white: white as f32, transfer: sensor.transfer, topic }))
 }
 
 /// Reads the next item while Python runs other threads.

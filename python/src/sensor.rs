@@ -1,7 +1,7 @@
 //! The simulated sensor.
 
 use modulo_camera::CameraParameters;
-use modulo_core::Frame;
+use modulo_core::{Frame, Transfer};
 use modulo_images::White;
 use ndarray::Array3;
 use pyo3::prelude::*;
@@ -16,6 +16,7 @@ pub struct Sensor {
     sensor: modulo_core::Sensor,
     seed: u64,
     white: f32,
+    transfer: Transfer,
     has_mosaic: bool,
 }
 
@@ -34,7 +35,8 @@ impl Sensor {
         let parameters = CameraParameters::from(&parse(parameters)?);
         let sensor = parameters.sensor.simulated().map_err(value_error)?;
         let (seed, white) = (parameters.seed.unsigned_abs(), parameters.white as f32);
-        Ok(Self { sensor, seed, white, has_mosaic: parameters.sensor.mosaic.is_some() })
+        let (transfer, has_mosaic) = (parameters.sensor.transfer, parameters.sensor.mosaic.is_some());
+        Ok(Self { sensor, seed, white, transfer, has_mosaic })
     }
 
     /// Returns the images modulo, saturated and ideal, and the true wrap counts.
@@ -49,7 +51,7 @@ impl Sensor {
             let radiance = match given {
                 Given::Radiance(radiance) => radiance,
                 Given::Codes(frame) => {
-                    let mut white = White::new(self.white).map_err(value_error)?;
+                    let mut white = White::new(self.white, self.transfer).map_err(value_error)?;
                     white.radiance(&frame, "radiance").map_err(value_error)?
                 }
             };

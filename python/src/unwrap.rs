@@ -10,8 +10,8 @@ use pyo3::types::PyDict;
 use crate::image::{Image, frame_to_numpy, to_numpy, value_error};
 use crate::parameters::parse;
 
-/// Residues, steep, consensus, clamped and jumps.
-type Quality = (f32, f32, f32, f32, f32);
+/// Residues, steep, consensus, clamped, jumps and defects.
+type Quality = (f32, f32, f32, f32, f32, f32);
 
 /// The method used, whether it trusts its result, its quality metrics, and the confidence image.
 type Report<'py> = (&'static str, Option<bool>, Option<Quality>, Option<Bound<'py, PyAny>>);
@@ -45,8 +45,8 @@ pub fn unwrap<'py>(
     })?;
     let Recovered { x, k, report } = recovered;
     let quality = report.quality.map(|quality| {
-        let QualityMetrics { residues, steep, consensus, clamped, jumps } = quality;
-        (residues, steep, consensus, clamped, jumps)
+        let QualityMetrics { residues, steep, consensus, clamped, jumps, defects } = quality;
+        (residues, steep, consensus, clamped, jumps, defects)
     });
     let confidence = confidence.map(|frame| frame_to_numpy(py, frame, true));
     let report = (report.method, report.trust.claim(), quality, confidence);

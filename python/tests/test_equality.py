@@ -66,3 +66,14 @@ def test_rendered_scenes(binary: Path, scenes: list[Path], tmp_path: Path, mosai
 
 def test_kitti(binary: Path, kitti: list[Path], tmp_path: Path) -> None:
     compare(binary, tmp_path / "out", kitti, modulo.METHODS, "none", "none")
+
+
+@pytest.mark.parametrize("transfer", ["srgb", "rec709"])
+def test_a_picture_returns_from_linear_light(transfer: str) -> None:
+    picture = np.tile(np.arange(256, dtype=np.uint8), (64, 1))
+    exposure = modulo.Sensor(bits=12, transfer=transfer).expose(picture)
+    x = modulo.unwrap(exposure.modulo, bits=12).x
+    shown = modulo.tone_map(x, bits=12, transfer=transfer)
+    assert np.array_equal(shown, exposure.ideal)
+    assert np.abs(shown.astype(int) - picture).max() <= 1
+    assert not np.array_equal(modulo.tone_map(x, bits=12), exposure.ideal)

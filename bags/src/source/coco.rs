@@ -12,7 +12,7 @@ use modulo_images::open_regular;
 use serde::Deserialize;
 
 use super::folder::{FolderSource, LabelledSource, Labels, stem, warn_without_image};
-use super::{CROWD, GroundTruth, SourceError};
+use super::{CROWD, GroundTruth, SourceError, SourceOptions};
 use crate::{FileError, stays_inside};
 
 /// Images of a COCO annotation file, in its order.
@@ -56,12 +56,16 @@ struct Category {
 
 impl CocoSource {
     /// Opens `annotations`; its images are in `images`, or, as the data set lies, beside the file, in `images` beside
-    /// it, or in `../NAME` for `instances_NAME.json`. `white` as in [`super::SourceOptions`].
+    /// it, or in `../NAME` for `instances_NAME.json`. Of `options`, the topic is not used.
     ///
     /// # Errors
     /// [`SourceError`] when the file is not a COCO annotation file, when it names an image outside of the folder of
     /// images, or when none of its images is found.
-    pub fn open(annotations: &Path, images: Option<&Path>, white: f32) -> Result<Self, SourceError> {
+    pub fn open(
+        annotations: &Path,
+        images: Option<&Path>,
+        options: &SourceOptions,
+    ) -> Result<Self, SourceError> {
         let mut text = Vec::new();
         let read = open_regular(annotations).and_then(|mut file| file.read_to_end(&mut text));
         read.map_err(|why| FileError::new(annotations, why))?;
@@ -94,7 +98,7 @@ impl CocoSource {
             file.annotations.iter().filter(|annotation| by_image.contains_key(&annotation.image_id));
         let without_image = unlisted.map(|annotation| format!("image {}", annotation.image_id)).collect();
         let labels = CocoLabels { of_image, without_image };
-        Ok(Self { frames: FolderSource::of(paths, white)?, labels })
+        Ok(Self { frames: FolderSource::of(paths, options)?, labels })
     }
 }
 
@@ -176,8 +180,12 @@ mod tests {
     #[test]
     fn images_come_in_the_order_of_the_file_with_their_boxes() {
         let folder = write(TEXT);
-        let mut source = CocoSource::open(&folder.path().join("annotations/instances_val.json"), None, 0.0)
-            .expect("readable");
+        let mut source = CocoSource::open(
+            &folder.path().join("annotations/instances_val.json"),
+            None,
+            &SourceOptions::default(),
+        )
+        .expect("readable");
         let first = source.next().expect("two").expect("readable");
         let truth = first.ground_truth.expect("labelled");
         assert_eq!(first.name, "b");
@@ -198,7 +206,7 @@ mod tests {
         ] {
             let folder = write(text);
             let path = folder.path().join("annotations/instances_val.json");
-            let why = CocoSource::open(&path, None, 0.0).expect_err(told).to_string();
+            let why = CocoSource::open(&path, None, &SourceOptions::default()).expect_err(told).to_string();
             assert!(why.contains(told) && why.contains("instances_val.json"), "{why}");
         }
     }

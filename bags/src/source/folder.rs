@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use modulo_images::{EXTENSIONS, White, check_regular, open_regular, read_image, sample_depth};
 
-use super::{FRAME_ID, GroundTruth, Source, SourceError, SourceFrame};
+use super::{FRAME_ID, GroundTruth, Source, SourceError, SourceFrame, SourceOptions};
 use crate::FileError;
 
 /// A folder of images as a source. The list is taken once, when it is opened.
@@ -20,18 +20,18 @@ pub struct FolderSource {
 }
 
 impl FolderSource {
-    /// Lists the images of `path`, or takes the one file that it names. `white` as in [`super::SourceOptions`].
+    /// Lists the images of `path`, or takes the one file that it names. Of `options`, the topic is not used.
     ///
     /// # Errors
     /// [`SourceError`] when the folder holds no image or cannot be read.
-    pub fn open(path: &Path, white: f32) -> Result<Self, SourceError> {
+    pub fn open(path: &Path, options: &SourceOptions) -> Result<Self, SourceError> {
         let images = if path.is_dir() { list_images(path)? } else { vec![one_image(path)?] };
-        Self::of(images, white)
+        Self::of(images, options)
     }
 
     /// Creates a source of just these images, in this order.
-    pub(crate) fn of(images: Vec<PathBuf>, white: f32) -> Result<Self, SourceError> {
-        Ok(Self { images, next: 0, white: White::new(white)? })
+    pub(crate) fn of(images: Vec<PathBuf>, options: &SourceOptions) -> Result<Self, SourceError> {
+        Ok(Self { images, next: 0, white: options.white()? })
     }
 }
 

@@ -12,7 +12,7 @@ use modulo_core::BBox;
 use super::folder::{
     FolderSource, LabelledSource, Labels, list_images, stem, texts_without_image, warn_without_image,
 };
-use super::{GroundTruth, SourceError};
+use super::{GroundTruth, SourceError, SourceOptions};
 use crate::FileError;
 
 /// Folders of a KITTI folder: images, and labels by preference.
@@ -102,20 +102,20 @@ impl KittiFolder {
 }
 
 impl KittiSource {
-    /// Opens `path`, which holds `image_2` or `image_02`.
+    /// Opens `path`, which holds `image_2` or `image_02`. Of `options`, the topic is not used.
     ///
     /// # Errors
     /// Those of [`KittiFolder::open`], and one for a `white` that is not a valid radiance.
-    pub fn open(path: &Path, white: f32) -> Result<Self, SourceError> {
-        Self::of(KittiFolder::open(path)?, white)
+    pub fn open(path: &Path, options: &SourceOptions) -> Result<Self, SourceError> {
+        Self::of(KittiFolder::open(path)?, options)
     }
 
     /// Returns the frames of `folder`.
     ///
     /// # Errors
     /// [`SourceError`] for a `white` that is not a valid radiance.
-    pub fn of(folder: KittiFolder, white: f32) -> Result<Self, SourceError> {
-        let frames = FolderSource::of(folder.images.clone(), white)?;
+    pub fn of(folder: KittiFolder, options: &SourceOptions) -> Result<Self, SourceError> {
+        let frames = FolderSource::of(folder.images.clone(), options)?;
         Ok(Self { frames, labels: folder })
     }
 }

@@ -13,8 +13,8 @@ mod yolo;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use modulo_core::{BBox, Detection};
-use modulo_images::ImageError;
+use modulo_core::{BBox, Detection, Transfer};
+use modulo_images::{ImageError, White};
 use modulo_msgs::sensor_msgs::CameraInfo;
 use modulo_msgs::std_msgs::Header;
 use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray};
@@ -92,8 +92,9 @@ pub enum SourceError {
 /// One recorded frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SourceFrame {
-    /// Radiance, `H x W x C` with `C` = 1 or 3, as a fraction of the peak in `[0, 1)`: an 8-bit code is `v / 256`, a
-    /// 16-bit code `v / 65536`, or `v / white` if white is given; a linear value `v / white`, clamped to this range.
+    /// Radiance, `H x W x C` with `C` = 1 or 3, as a fraction of the peak in `[0, 1)`: an 8-bit code is `v / 255`, a
+    /// 16-bit code `v / 65536`, or `v / white` if white is given, decoded by the transfer function; a linear value `v / white`,
+    /// clamped to this range.
     pub radiance: Array3<f32>,
     /// Name of the frame: the name of the file without extension, or the stamp in a bag.
     pub name: String,
@@ -151,8 +152,17 @@ pub struct SourceOptions {
     /// Value that maps to the peak, for float images and images of 16 bits, as [`White::new`](modulo_images::White::new)
     /// takes it.
     pub white: f32,
+    /// How codes of 8 and 16 bits stand for radiance.
+    pub transfer: Transfer,
     /// The image topic of a bag; `None` when the bag has just one.
     pub topic: Option<String>,
+}
+
+impl SourceOptions {
+    /// Returns what converts the images of the source to radiance.
+    fn white(&self) -> Result<White, ImageError> {
+        White::new(self.white, self.transfer)
+    }
 }
 
 /// Coordinate frame of images without one.
@@ -190,9 +200,9 @@ pub fn open(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, Sour
         return Ok(Box::new(BagSource::open(path, options)?));
     }
     if KittiFolder::is_at(path) {
-        return Ok(Box::new(KittiSource::open(path, options.white)?));
+        return Ok(Box::new(KittiSource::open(path, options)?));
     }
-    Ok(Box::new(FolderSource::open(path, options.white)?))
+    Ok(Box::new(FolderSource::open(path, options)?))
 }
 
 /// [`GroundTruth::occluded`] of a crowd: an area in which the objects of the class are not labelled individually.

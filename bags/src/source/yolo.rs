@@ -13,7 +13,7 @@ use super::folder::{
     FolderSource, LabelledSource, Labels, list_images, texts_without_image, warn_without_image,
 };
 use super::kitti::number;
-use super::{GroundTruth, SourceError};
+use super::{GroundTruth, SourceError, SourceOptions};
 use crate::FileError;
 
 /// Files that may contain the names of the classes.
@@ -30,11 +30,11 @@ impl YoloSource {
     /// Opens `folder`: one that holds `images` and `labels`, a folder of images whose path has a part `images`, or one
     /// with images and labels side by side. Class names come from `data.yaml`, `dataset.yaml` or `classes.txt` there or
     /// up to two folders above; a class is called by its number where no
-    /// names are given. `white` as in [`super::SourceOptions`].
+    /// names are given. Of `options`, the topic is not used.
     ///
     /// # Errors
     /// [`SourceError`] when there is no image, or the names cannot be read.
-    pub fn open(folder: &Path, white: f32) -> Result<Self, SourceError> {
+    pub fn open(folder: &Path, options: &SourceOptions) -> Result<Self, SourceError> {
         if !folder.is_dir() {
             return Err(SourceError::Absent(
                 folder.to_owned(),
@@ -43,7 +43,7 @@ impl YoloSource {
         }
         let inside = folder.join("images");
         let images = list_images(if inside.is_dir() { &inside } else { folder })?;
-        Ok(Self { frames: FolderSource::of(images, white)?, labels: YoloLabels(names(folder)?) })
+        Ok(Self { frames: FolderSource::of(images, options)?, labels: YoloLabels(names(folder)?) })
     }
 }
 

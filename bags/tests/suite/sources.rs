@@ -10,7 +10,7 @@ use image::{ImageBuffer, Rgb, Rgba};
 use modulo_bags::bag::{BagReader, BagTopic, BagWriter, Compression, Selection};
 use modulo_bags::import::{ImportReport, import_kitti};
 use modulo_bags::source::{CocoSource, GroundTruth, Source, SourceFrame, SourceOptions, YoloSource, open};
-use modulo_core::{BBox, Frame, Samples};
+use modulo_core::{BBox, Frame, Samples, Transfer};
 use modulo_images::save_png;
 use modulo_msgs::cdr;
 use modulo_msgs::sensor_msgs::{CameraInfo, CompressedImage, Image};
@@ -29,7 +29,7 @@ fn error_of(path: &Path) -> String {
 }
 
 fn frames(path: &Path, white: f32) -> Vec<SourceFrame> {
-    let options = SourceOptions { white, topic: None };
+    let options = SourceOptions { white, ..SourceOptions::default() };
     let mut source = open(&path.display().to_string(), &options).expect("a source");
     let mut all = || std::iter::from_fn(|| source.next()).collect::<Result<Vec<_>, _>>().expect("frames");
     let first = all();
@@ -103,11 +103,12 @@ fn write_sources(images: &[Frame], folder: &Path) {
 fn open_sources(folder: &Path) -> Vec<Box<dyn Source>> {
     let opened = |spec: &str| open(spec, &SourceOptions::default()).expect("a source");
     let inside = |name: &str| opened(&folder.join(name).display().to_string());
-    let coco = CocoSource::open(&folder.join("coco.json"), Some(&folder.join("plain")), 0.0);
+    let coco =
+        CocoSource::open(&folder.join("coco.json"), Some(&folder.join("plain")), &SourceOptions::default());
     vec![
         inside("plain"),
         inside("kitti"),
-        Box::new(YoloSource::open(&folder.join("yolo"), 0.0).expect("a source")),
+        Box::new(YoloSource::open(&folder.join("yolo"), &SourceOptions::default()).expect("a source")),
         Box::new(coco.expect("a source")),
         inside("raw"),
         inside("packed"),
@@ -198,6 +199,21 @@ fn linear_values_are_scaled_by_white_and_alpha_is_dropped() {
 }
 
 #[test]
+fn codes_are_decoded_and_linear_values_are_not() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let picture = ImageBuffer::from_pixel(2, 1, Rgb([188u8, 188, 188]));
+    picture.save(folder.path().join("0.png")).expect("saved");
+    let linear = ImageBuffer::from_pixel(2, 1, Rgb([0.5f32, 0.5, 0.5]));
+    linear.save(folder.path().join("1.exr")).expect("saved");
+    let options = SourceOptions { white: 0.0, transfer: Transfer::Srgb, topic: None };
+    let mut source = open(&folder.path().display().to_string(), &options).expect("a source");
+    let mut radiance = || source.next().expect("a frame").expect("readable").radiance[(0, 0, 0)];
+    let decoded = radiance();
+    assert!((decoded - 0.503).abs() < 0.004, "{decoded}");
+    assert!(radiance() > 0.99, "the brightest value of an image of one value is full scale");
+}
+
+#[test]
 fn a_pixel_that_is_not_finite_is_named() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for (name, value) in [("nan.exr", f32::NAN), ("inf.exr", f32::INFINITY)] {
@@ -236,7 +252,7 @@ fn what_is_not_there_is_named_with_what_is_possible() {
     let text = folder.path().join("a.txt");
     std::fs::write(&text, "text").expect("written");
     assert!(error_of(&text).contains("not an image"));
-    let white = SourceOptions { white: -1.0, topic: None };
+    let white = SourceOptions { white: -1.0, ..SourceOptions::default() };
     save_png(&folder.path().join("a.png"), &frame(1)).expect("saved");
     let error = open(&folder.path().display().to_string(), &white).err().expect("refused").to_string();
     assert!(error.contains("white = -1"), "{error}");
@@ -338,14 +354,14 @@ fn an_unknown_topic_names_those_there_are() {
     let (kitti, out) = (folder.path().join("kitti"), folder.path().join("out"));
     write_kitti(&kitti, 1);
     import_kitti(&kitti, &out, Compression::None).expect("imported");
-    let options = SourceOptions { white: 0.0, topic: Some("/image".into()) };
+    let options = SourceOptions { topic: Some("/image".into()), ..SourceOptions::default() };
     let error = open(&out.display().to_string(), &options).err().expect("refused").to_string();
     assert!(error.contains("'/image'") && error.contains("/camera/image_raw"), "{error}");
 }
 
 /// Opens the source, reads it whole, returns (frames, labelled objects).
 fn walk(path: &Path, topic: Option<&str>) -> (usize, usize) {
-    let options = SourceOptions { white: 0.0, topic: topic.map(str::to_owned) };
+    let options = SourceOptions { topic: topic.map(str::to_owned), ..SourceOptions::default() };
     let mut source = open(&path.display().to_string(), &options).unwrap_or_else(|e| panic!("{e}"));
     let (mut frames, mut objects) = (0, 0);
     while let Some(frame) = source.next() {

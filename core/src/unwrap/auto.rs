@@ -5,17 +5,25 @@
 //! | metrics of y | method used | trusted |
 //! |---|---|---|
 //! | hardly a steep loop, each line agrees, all counts in range, hardly a jump | lines; pass_through if all k are 0 | yes |
-//! | steep loops that noise makes | spud | no |
+//! | nearly all loops as steep as chance makes them | spud | no |
+//! | strong noise | smoothed_tree | no |
 //! | else | gradient_tree | if all counts are in range, and hardly a second difference of the result is above one peak (4 bits and more) |
 //!
-//! In every case trust also needs evidence for the absolute offset, see [`congruence::is_evident`].
+//! Hot, dead and stuck samples are left out first, see [`defects`](super::defects).
+//!
+//! Where `gradient_tree` is not trusted and there is noise, `smoothed_tree` runs as well, and the result with the smaller
+//! second differences is kept ([`jumps::bends`]).
+//!
+//! In every case trust also needs evidence for the absolute offset, see [`offset::is_evident`].
 //!
 //! Two errors leave no trace in y and in the result and cannot be detected here: a region whose sharp
 //! contour is exactly a multiple of the peak, and a channel that is brighter than the peak everywhere.
 
+use super::defects::Defects;
+use super::smoothed_tree::SmoothedTree;
 use super::{
-    GradientTree, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Spud, Trust, Unwrap,
-    UnwrapError, congruence, jumps,
+    GradientTree, Integers, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Spud, Tree,
+    Trust, Unwrap, UnwrapError, jumps, offset,
 };
 use crate::frame::Frame;
 
@@ -41,32 +49,51 @@ impl Default for TrustLimits {
 /// which must be far below the peak.
 pub(super) const FEWEST_BITS: u8 = 4;
 
-/// With more than this share of steep loops and few residues, the mixed differences are noise. Read noise with a sigma of 0.12 peaks
-/// gives 0.09 by itself; sharp frames at alpha 8 have up to 0.1 without noise, but with many residues.
-const NOISY_STEEP: f32 = 0.07;
-
-/// Up to this share of residues, hardly a first difference of a noisy frame wraps, where four times as many mixed ones do.
-const NOISY_RESIDUES: f32 = 0.02;
-
 /// With more than this share of steep loops, most of the image is noise, and only the average over many differences says anything.
-/// Read noise with a sigma of 0.16 peaks gives 0.15 by itself, and codes of pure chance 0.25.
-const DROWNED_STEEP: f32 = 0.14;
+/// Read noise with a sigma of 0.18 peaks gives 0.19 by itself, and codes of pure chance 0.25.
+const DROWNED_STEEP: f32 = 0.18;
+
+/// With more noise than this, in peaks, a smoothed image is recovered better than the image itself. Read noise of 0.12 peaks is measured
+/// as 0.10 to 0.12, sharp scenes at alpha 8 without noise as up to 0.07.
+const STRONG_NOISE: f32 = 0.09;
+
+/// With less noise than this, in peaks, smoothing changes hardly anything.
+const SOME_NOISE: f32 = 0.02;
+
+/// With more than this share of residues, a second method rarely helps, and the second differences of the results do not tell the better
+/// one.
+const MOST_RESIDUES: f32 = 0.04;
+
+/// With more than this share of residues in strong noise, edges are as many as in sharp scenes at alpha 8, and no tree is right.
+const DROWNED_RESIDUES: f32 = 0.12;
+
+/// The largest share of clamped counts with which `lines` is used.
+const FEW_CLAMPED: f32 = 3e-4;
+
+/// The most second differences above one peak at a single sample whose count was clamped.
+const JUMPS_OF_SPIKE: f32 = 4.0;
 
 /// The method with the buffers of the methods that it selects.
 pub struct Auto {
     limits: TrustLimits,
     /// Whether trust needs evidence for the absolute offset.
     needs_offset: bool,
+    defects: Defects,
     lines: Lines,
     gradient_tree: GradientTree,
     spud: Spud,
+    smoothed_tree: SmoothedTree,
+    tree: Tree,
+    /// The result of a second method.
+    other: Recovered,
+    levels: Vec<usize>,
 }
 
 /// The decision that the metrics of `lines` lead to.
 enum MethodChoice {
     PassThrough,
     Lines,
-    GradientTree,
+    Tree,
     Spud,
 }
 
@@ -79,9 +106,14 @@ impl Auto {
         Ok(Self {
             limits: options.trust,
             needs_offset: true,
+            defects: Defects::default(),
             lines: Lines::default(),
             gradient_tree: GradientTree::new(options.threads)?,
             spud: Spud::with_threads(options.tau, options.threshold_on, options.threads)?,
+            smoothed_tree: SmoothedTree::default(),
+            tree: Tree::default(),
+            other: Recovered::default(),
+            levels: Vec::new(),
         })
     }
 
@@ -93,24 +125,78 @@ impl Auto {
         Ok(Self { needs_offset: false, ..Self::new(options)? })
     }
 
-    fn judge(&self, lines: &Recovered) -> MethodChoice {
-        let QualityMetrics { residues, steep, consensus, clamped, jumps } =
-            lines.report.quality.expect("lines always gives its quality");
-        if steep > DROWNED_STEEP || (steep > NOISY_STEEP && residues <= NOISY_RESIDUES) {
+    fn judge(&self, quality: QualityMetrics, lines: &Recovered) -> MethodChoice {
+        let QualityMetrics { steep, consensus, clamped, jumps, .. } = quality;
+        if steep > DROWNED_STEEP {
             return MethodChoice::Spud;
         }
         // Compared in double precision, in which the limits are given.
         let (steep, consensus) = (f64::from(steep), f64::from(consensus));
-        // A clamped count contradicts the range, however smooth y looks.
+        // A clamped count contradicts the range, however smooth y looks. Only single samples may do so: a defect in a dark part may be
+        // seen as a little below 0, and is then a spike by itself.
         if steep <= self.limits.lines
             && consensus >= self.limits.consensus
-            && clamped == 0.0
-            && f64::from(jumps) <= self.limits.jumps
+            && clamped <= FEW_CLAMPED
+            && f64::from(jumps - JUMPS_OF_SPIKE * clamped) <= self.limits.jumps
         {
             let wrapped = lines.k.iter().any(|&k| k > 0);
             return if wrapped { MethodChoice::Lines } else { MethodChoice::PassThrough };
         }
-        MethodChoice::GradientTree
+        MethodChoice::Tree
+    }
+
+    /// Unwraps by the tree that the noise of y asks for; returns whether the result is trusted. Writes the jumps of the result into
+    /// `quality`.
+    fn grow(
+        &mut self,
+        y: &Frame,
+        range: Range,
+        quality: &mut QualityMetrics,
+        out: &mut Recovered,
+    ) -> Result<bool, UnwrapError> {
+        let noise = self.smoothed_tree.read(y, range)?;
+        // Rounding to few bits looks like noise, and is none.
+        let noise = if range.bits() < FEWEST_BITS { 0.0 } else { noise };
+        if noise > STRONG_NOISE {
+            self.grow_in_noise(y, range, quality.residues, out)?;
+            quality.jumps = jumps::share(&out.x, range);
+            return Ok(false);
+        }
+        self.gradient_tree.unwrap(y, range, out)?;
+        quality.jumps = jumps::share(&out.x, range);
+        // A result that contradicts itself is not trusted, whatever y looks like.
+        let trusted = range.bits() >= FEWEST_BITS
+            && f64::from(quality.jumps) <= self.limits.jumps
+            && out.report.trust != Trust::Untrusted;
+        if !trusted && noise > SOME_NOISE && quality.residues <= MOST_RESIDUES {
+            self.smoothed_tree.unwrap(&mut self.gradient_tree, y.dim(), range, &mut self.other);
+            if jumps::bends(&self.other.x, range) < jumps::bends(&out.x, range) {
+                std::mem::swap(out, &mut self.other);
+                quality.jumps = jumps::share(&out.x, range);
+            }
+        }
+        Ok(trusted)
+    }
+
+    /// Unwraps y in strong noise by the method that wins at its share of residues.
+    fn grow_in_noise(
+        &mut self,
+        y: &Frame,
+        range: Range,
+        residues: f32,
+        out: &mut Recovered,
+    ) -> Result<(), UnwrapError> {
+        if residues > DROWNED_RESIDUES {
+            return self.spud.unwrap(y, range, out);
+        }
+        self.smoothed_tree.unwrap(&mut self.gradient_tree, y.dim(), range, out);
+        if residues <= MOST_RESIDUES {
+            self.tree.unwrap(y, range, &mut self.other)?;
+            if jumps::bends(&self.other.x, range) < jumps::bends(&out.x, range) {
+                std::mem::swap(out, &mut self.other);
+            }
+        }
+        Ok(())
     }
 }
 
@@ -120,35 +206,86 @@ impl Unwrap for Auto {
     }
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        self.lines.unwrap(y, range, out)?;
-        let jumps = jumps::share(&out.x, range);
-        // The second method overwrites the report, but the metrics of y remain those of `lines`.
-        let quality = out.report.quality.map(|quality| QualityMetrics { jumps, ..quality });
-        out.report.quality = quality;
-        let trusted = match self.judge(out) {
+        // A defect that matters makes loops steep: an image without steep loops is not searched.
+        let Some(rows) = self.lines.scan_to_steep(y, range)? else {
+            return self.unwrap_scanned(y, 0.0, range, out);
+        };
+        let codes = Integers::of(y)?;
+        let mut defects = std::mem::take(&mut self.defects);
+        let done = match defects.remove(y, codes, range) {
+            None => {
+                self.lines.scan_from(rows, y, range).and_then(|()| self.unwrap_scanned(y, 0.0, range, out))
+            }
+            Some((sound, share)) => {
+                let scanned = self.lines.scan_from(0, sound, range);
+                let done = scanned.and_then(|()| self.unwrap_scanned(sound, share, range, out));
+                done.map(|()| defects.restore(codes, range, out))
+            }
+        };
+        self.defects = defects;
+        done
+    }
+}
+
+impl Auto {
+    /// Unwraps the image that `lines` has scanned, of whose samples a share of `defects` was replaced.
+    fn unwrap_scanned(
+        &mut self,
+        y: &Frame,
+        defects: f32,
+        range: Range,
+        out: &mut Recovered,
+    ) -> Result<(), UnwrapError> {
+        let few = range.of_few_outliers();
+        self.finish_lines(y, defects, few, out)?;
+        // A second method overwrites the report, but the metrics of y remain those of `lines`.
+        let quality = out.report.quality.expect("lines always gives its quality");
+        let mut quality = QualityMetrics { jumps: jumps::share(&out.x, range), defects, ..quality };
+        let trusted = match self.judge(quality, out) {
             MethodChoice::PassThrough => {
                 out.report.method = PASS_THROUGH;
                 true
             }
             MethodChoice::Lines => true,
             MethodChoice::Spud => {
-                self.spud.unwrap(y, range, out)?;
-                out.report.quality =
-                    quality.map(|quality| QualityMetrics { jumps: jumps::share(&out.x, range), ..quality });
+                self.spud.unwrap(y, few, out)?;
+                quality.jumps = jumps::share(&out.x, range);
                 false
             }
-            MethodChoice::GradientTree => {
-                self.gradient_tree.unwrap(y, range, out)?;
-                let jumps = jumps::share(&out.x, range);
-                out.report.quality = quality.map(|quality| QualityMetrics { jumps, ..quality });
-                // A result that contradicts itself is not trusted, whatever y looks like.
-                range.bits() >= FEWEST_BITS
-                    && f64::from(jumps) <= self.limits.jumps
-                    && out.report.trust != Trust::Untrusted
-            }
+            MethodChoice::Tree => self.grow(y, few, &mut quality, out)?,
         };
-        let trusted = trusted && (!self.needs_offset || congruence::is_evident(out, range));
+        out.report.quality = Some(quality);
+        // Wrong regions must not raise the whole image: where the result contradicts itself, more samples may be out of range.
+        if !trusted && f64::from(quality.jumps) > self.limits.jumps {
+            offset::darken(out, range, &mut self.levels);
+        }
+        let trusted = trusted && (!self.needs_offset || offset::is_evident(out, range));
         out.report.trust = if trusted { Trust::Trusted } else { Trust::Untrusted };
+        Ok(())
+    }
+
+    /// Writes the result of `lines` for the image that it has scanned. Where counts leave the range, alpha may be a little
+    /// larger than it was given.
+    fn finish_lines(
+        &mut self,
+        y: &Frame,
+        defects: f32,
+        range: Range,
+        out: &mut Recovered,
+    ) -> Result<(), UnwrapError> {
+        let is_clamped = |out: &Recovered| {
+            out.report
+                .quality
+                .is_some_and(|quality| quality.clamped > if defects > 0.0 { FEW_CLAMPED } else { 0.0 })
+        };
+        self.lines.finish(y, range, out)?;
+        if is_clamped(out) && range.widened().max_wraps() > range.max_wraps() {
+            self.lines.unwrap(y, range.widened(), out)?;
+            // The counts beyond the range are right only if they explain the whole image.
+            if is_clamped(out) {
+                self.lines.unwrap(y, range, out)?;
+            }
+        }
         Ok(())
     }
 }

@@ -10,7 +10,6 @@ use std::f64::consts::TAU;
 
 use super::{Range, Recovered};
 use crate::dct::LANES;
-use crate::simd::widest;
 
 /// Finds the absolute offset of `k`, clamps to the range, and writes one channel of `out`, which must be
 /// prepared. `levels` is a buffer.
@@ -64,84 +63,6 @@ pub(super) fn base_level_index(counts: &[usize], range: Range) -> usize {
 /// Returns whether `share` is nearly `best`, within the outliers among so many `pixels`.
 pub(super) fn is_enough(share: usize, best: usize, pixels: usize, range: Range) -> bool {
     share as f64 >= best as f64 - range.outliers() * pixels as f64
-}
-
-/// The shortest side, in pixels, of an image whose lines can contradict each other.
-const SHORTEST_SIDE: usize = 3;
-
-/// The least difference, in peaks, between the brightest pixel and the dark part of a scene.
-const CONTRAST: f32 = 0.25;
-
-/// Returns whether `out` contains what its counts rest on.
-///
-/// `x` and `x + 2^b` have the same y, so that differences determine the counts of a channel up to one constant, and the
-/// range decides only if the counts fill it: then any other constant would leave it. Elsewhere the suite assumes that the
-/// darkest part of the scene is below the peak. That needs a scene with a dark part: more than [`Range::outliers`] of the pixels
-/// must be darker than the brightest one by [`CONTRAST`]. A flat image has none. An image with fewer than
-/// [`SHORTEST_SIDE`] rows or columns shows nothing at all, since no majority of lines can be wrong.
-pub(super) fn is_evident(out: &Recovered, range: Range) -> bool {
-    let (height, width, channels) = out.k.dim();
-    let most = range.max_wraps();
-    // Where nothing can wrap, every count is 0.
-    if most == 0 || height.min(width) < SHORTEST_SIDE {
-        return most == 0;
-    }
-    let (x, k) = (out.x.as_slice(), out.k.as_slice());
-    let (x, k) =
-        (x.expect("prepare has made the layout standard"), k.expect("prepare has made the layout standard"));
-    // Closures, since a call of a function by its address would not be inlined.
-    let low = widest!(extremes(k, channels, |a, b| a.min(b)));
-    let high = widest!(extremes(k, channels, |a, b| a.max(b)));
-    let fills = |channel: usize| high[channel] - low[channel] == most;
-    if (0..channels).all(fills) {
-        return true;
-    }
-    // `f32::max` would also care for NaN, which no recovered image has.
-    let brightest = widest!(extremes(x, channels, |a, b| if b > a { b } else { a }));
-    let dark = widest!(count_up_to(x, channels, brightest.map(|x| x - CONTRAST * range.peak())));
-    (0..channels).all(|channel| {
-        fills(channel) || f64::from(dark[channel]) > range.outliers() * (height * width) as f64
-    })
-}
-
-/// Samples in a block, which holds whole pixels of one and of three channels, so that a lane belongs to one channel.
-/// It is longer than the widest vector.
-const BLOCK: usize = 768;
-
-/// Returns the least or the greatest of the interleaved samples of each channel.
-#[inline(always)]
-fn extremes<T: Copy>(samples: &[T], channels: usize, extreme: impl Fn(T, T) -> T) -> [T; 3] {
-    let mut lanes: [T; BLOCK] = std::array::from_fn(|lane| samples[lane % channels]);
-    let (blocks, rest) = samples.as_chunks::<BLOCK>();
-    for block in blocks {
-        lanes.iter_mut().zip(block).for_each(|(lane, &sample)| *lane = extreme(*lane, sample));
-    }
-    lanes.iter_mut().zip(rest).for_each(|(lane, &sample)| *lane = extreme(*lane, sample));
-    of_channels(&lanes, channels, extreme)
-}
-
-/// Returns the number of the interleaved samples of each channel that are at most its limit.
-#[inline(always)]
-fn count_up_to(samples: &[f32], channels: usize, limits: [f32; 3]) -> [u32; 3] {
-    let limits: [f32; BLOCK] = std::array::from_fn(|lane| limits[lane % channels]);
-    let mut lanes = [0; BLOCK];
-    let (blocks, rest) = samples.as_chunks::<BLOCK>();
-    for block in blocks {
-        let samples = block.iter().zip(&limits);
-        lanes.iter_mut().zip(samples).for_each(|(lane, (sample, limit))| *lane += u32::from(sample <= limit));
-    }
-    let samples = rest.iter().zip(&limits);
-    lanes.iter_mut().zip(samples).for_each(|(lane, (sample, limit))| *lane += u32::from(sample <= limit));
-    of_channels(&lanes, channels, |a, b| a + b)
-}
-
-/// Returns the lanes of each channel, joined.
-#[inline(always)]
-fn of_channels<T: Copy>(lanes: &[T; BLOCK], channels: usize, join: impl Fn(T, T) -> T) -> [T; 3] {
-    std::array::from_fn(|channel| {
-        let own = lanes.iter().skip(channel % channels).step_by(channels).copied();
-        own.reduce(&join).expect("a block has lanes")
-    })
 }
 
 /// The number of steps of one peak; 16 bits hold residuals of up to 256 peaks.

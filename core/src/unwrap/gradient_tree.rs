@@ -78,8 +78,21 @@ impl Unwrap for GradientTree {
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         let samples = Integers::checked(y, range)?;
         out.prepare(y.dim(), self.name());
-        let bounds = Bounds::new(range);
-        self.pixels.read(samples, (y.width(), y.channels()), range, bounds);
+        self.unwrap_codes(samples, y.dim(), range, out);
+        Ok(())
+    }
+}
+
+impl GradientTree {
+    /// Unwraps `samples` of an image of `dim`, all below 2^b, into `out`, which must be prepared.
+    pub(super) fn unwrap_codes(
+        &mut self,
+        samples: Integers<'_>,
+        (_, width, channels): (usize, usize, usize),
+        range: Range,
+        out: &mut Recovered,
+    ) {
+        let bounds = self.pixels.read(samples, (width, channels), range);
         let pixels = &self.pixels;
         // The two directions share nothing, so that each can have a thread.
         self.workers.each(&mut self.gradients, |_, gradient| gradient.unwrap(pixels, bounds));
@@ -92,7 +105,6 @@ impl Unwrap for GradientTree {
             changed: [&right.changed, &down.changed],
         };
         recover(&image, &mut self.sums, &mut self.forest, samples, range, out);
-        Ok(())
     }
 }
 

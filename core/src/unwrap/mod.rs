@@ -4,13 +4,17 @@
 
 mod auto;
 mod congruence;
+mod defects;
 mod gradient_tree;
 mod itoh;
 mod jumps;
 mod lines;
 mod mosaic;
+mod offset;
 mod poisson;
 mod quality_guided;
+mod smoothed_tree;
+mod smoothing;
 mod spud;
 mod tree;
 mod wrapped;
@@ -129,7 +133,7 @@ pub struct Recovered {
 /// The report of a method on its own result.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
-    /// The name of the method used, as in [`METHODS`], [`PASS_THROUGH`] or
+    /// The name of the method used, as in [`METHODS`], [`PASS_THROUGH`], [`SMOOTHED_TREE`] or
     /// [`GainPattern::method`](crate::GainPattern::method); empty before the first image.
     pub method: &'static str,
     /// The quality metrics of y, if the method computes them.
@@ -165,6 +169,9 @@ impl Trust {
 /// The name for a result of `auto` in which all k are 0.
 pub const PASS_THROUGH: &str = "pass_through";
 
+/// The name for a result of `auto` by `gradient_tree` on a smoothed modulo image.
+pub const SMOOTHED_TREE: &str = "smoothed_tree";
+
 /// Measures of how far y departs from the assumptions of `lines`, over all channels; they need no ground truth.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct QualityMetrics {
@@ -181,6 +188,9 @@ pub struct QualityMetrics {
     /// The second differences of the result along rows and columns that are above one peak, per sample. Only `auto`
     /// computes them; other methods leave 0.
     pub jumps: f32,
+    /// The fraction of the samples that were left out as defects: hot, dead or stuck ones. Only `auto` looks for them; other
+    /// methods leave 0.
+    pub defects: f32,
 }
 
 /// The options of all methods; each method reads its own.
@@ -301,6 +311,14 @@ impl<'a> Integers<'a> {
             _ if f32::from(largest) <= most => Ok(samples),
             Self::U8(codes) => check_codes(codes, y.dim(), range, most).map(|()| samples),
             Self::U16(codes) => check_codes(codes, y.dim(), range, most).map(|()| samples),
+        }
+    }
+
+    /// Returns the sample at `index`.
+    fn at(self, index: usize) -> u16 {
+        match self {
+            Self::U8(samples) => samples[index].into(),
+            Self::U16(samples) => samples[index],
         }
     }
 

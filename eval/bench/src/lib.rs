@@ -133,9 +133,14 @@ pub struct ExposureOptions<C: SensorCommand> {
 }
 
 impl<C: SensorCommand> ExposureOptions<C> {
+    /// What converts the images to radiance.
+    fn white(&self) -> Result<White, ImageError> {
+        White::new(self.white, self.sensor.first().transfer)
+    }
+
     /// The sensor of each alpha, with its parameters, after the white point was checked.
     fn sensors(&self) -> Result<Vec<(SensorModel, Sensor)>, BenchError> {
-        White::new(self.white)?;
+        self.white()?;
         let models = self.sensor.sensors(&["alpha"]).into_iter();
         models.map(|model| Ok((model.clone(), model.simulated()?))).collect()
     }

@@ -20,7 +20,7 @@ pub struct OneSensor;
 
 impl SensorCommand for OneSensor {
     fn has(parameter: &str) -> bool {
-        ["bits", "alpha", "gains", "gain_ratio", "mosaic"].contains(&parameter)
+        ["bits", "alpha", "transfer", "gains", "gain_ratio", "mosaic"].contains(&parameter)
     }
 
     fn varies(_: &str) -> bool {
@@ -55,6 +55,8 @@ pub struct UnwrapRow {
     pub bits: u8,
     /// Saturation factor.
     pub alpha: f64,
+    /// Transfer function of the recovered image: `linear`, `srgb`, `gamma22` or `rec709`.
+    pub transfer: &'static str,
     /// Pixels with a lower gain: `none`, `checkerboard` or `rows`.
     pub gains: &'static str,
     /// Colour filters: `none`, `rggb`, `bggr`, `grbg` or `gbrg`.
@@ -80,7 +82,7 @@ pub struct UnwrapOutcome {
     pub skipped: Vec<Skipped>,
 }
 
-/// Unwraps the images. For each method it writes `NAME_METHOD.png` (8 bits, `round(255 x / (alpha 2^b))`, demosaiced),
+/// Unwraps the images. For each method it writes `NAME_METHOD.png` (8 bits as by [`tone::picture`], demosaiced),
 /// `NAME_METHOD_x.png` (16 bits, x in code units) and `NAME_METHOD_k.png` (8 bits, the wrap counts); after each file it writes
 /// [`RESULTS`] with all rows so far.
 ///
@@ -143,12 +145,13 @@ fn of_file(
         let path = |what: &str| request.out.join(format!("{name}_{}{what}.png", method.name()));
         let colours = mosaic.map(|mosaic| mosaic.demosaic(recovered.x.view()));
         let x = colours.as_ref().unwrap_or(&recovered.x);
-        save_png(&path(""), &tone::linear8(x, range).map_err(UnwrapError::from)?)?;
+        save_png(&path(""), &tone::picture(x, range, sensor.transfer).map_err(UnwrapError::from)?)?;
         save_counts(|what| path(&format!("_{what}")), &recovered.k, &recovered.x, range)?;
         Ok(UnwrapRow {
             file: file.display().to_string(),
             bits: range.bits(),
             alpha: range.alpha(),
+            transfer: sensor.transfer.word(),
             gains: sensor.gains.map_or("none", GainPattern::word),
             mosaic: mosaic.map_or("none", Mosaic::word),
             method: method.name().to_owned(),

@@ -11,7 +11,7 @@ use modulo_core::unwrap::{Options, by_name};
 use modulo_core::{
     Exposure, Frame, GainPattern, Range, Recovered, Sensor, TwoGains, Unwrap, UnwrapError, tone,
 };
-use modulo_images::{White, read_image, save_png};
+use modulo_images::{read_image, save_png};
 use modulo_runtime::SensorModel;
 use modulo_runtime::sensor::options::SensorCommand;
 use ndarray::Array3;
@@ -101,8 +101,7 @@ pub struct SimulationOutcome {
 /// Runs the simulation. For each file and alpha it writes `NAME_alphaA_ideal.png`, `.._saturated.png`, `.._modulo.png`
 /// and `NAME_alphaA_METHOD.png` for each method; after each file it writes [`RESULTS`] with all rows so far.
 ///
-/// `ideal` and the recovered images have 8 bits, `round(255 x / (alpha 2^b))`, and are demosaiced; `modulo` and `saturated` hold
-/// the codes of the sensor, with 8 bits a sample for b <= 8, else 16.
+/// `ideal` and the recovered images have 8 bits as by [`tone::picture`], and are demosaiced; `modulo` and `saturated` hold codes of b bits, with 8 bits a sample for b <= 8, else 16.
 ///
 /// # Errors
 /// [`BenchError`] before anything is written if the request is wrong, and later if a result cannot be written. A file
@@ -119,7 +118,7 @@ pub fn simulate(
     let mut outcome = SimulationOutcome::default();
     for (index, (file, name)) in request.images.iter().zip(&names).enumerate() {
         // A white point for each file: with a common one, the result of a file would depend on the files before it.
-        let mut white = White::new(request.exposure.white)?;
+        let mut white = request.exposure.white()?;
         let radiance = read_image(file).and_then(|pixels| white.radiance(&pixels, file.display()));
         let picture = InputImage { file, name, request, white: white.found() };
         let rows = radiance.map_err(BenchError::from).and_then(|radiance| {
@@ -192,7 +191,7 @@ impl InputImage<'_> {
         unwrapped?;
         let colours = exposure.mosaic().map(|mosaic| mosaic.demosaic(recovered.x.view()));
         let x = colours.as_ref().unwrap_or(&recovered.x);
-        let picture = tone::linear8(x, range).map_err(UnwrapError::from)?;
+        let picture = tone::picture(x, range, model.transfer).map_err(UnwrapError::from)?;
         save_png(&self.path(range.alpha(), method.name()), &picture)?;
         if self.request.counts {
             let path = |what: &str| self.path(range.alpha(), &format!("{}_{what}", method.name()));

@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use modulo_bench::stability::{Case, cases, measure, run};
 use modulo_core::unwrap::{METHODS, Options, Trust, by_name};
-use modulo_core::{Psf, Recovered, Sensor, SensorConfig};
+use modulo_core::{Psf, Recovered, Sensor, SensorConfig, Transfer};
 use modulo_images::{EXTENSIONS, White, read_image};
 use ndarray::{Array3, Axis, Slice};
 
@@ -182,7 +182,8 @@ fn never_trusted_and_wrong() {
                 println!("skipped: {} cannot be decoded", file.display());
                 continue;
             };
-            let radiance = White::new(0.0).unwrap().radiance(&pixels, file.display()).unwrap();
+            let radiance =
+                White::new(0.0, Transfer::Linear).unwrap().radiance(&pixels, file.display()).unwrap();
             let name = file.file_name().unwrap().to_string_lossy();
             for (index, &condition) in (number * conditions.len()..).zip(&conditions) {
                 if index % stride == 0 {

@@ -25,6 +25,7 @@ use modulo_runtime::{
     Context, Flow, ManualClock, Message, Node, NodeName, ParameterError, ParameterSet as _, Parameters,
     StepError, SystemClock, Topic, Trigger,
 };
+use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 use ndarray::Array3;
 
 /// The nodes of the suite with a detector that depends on the wall clock.
@@ -164,6 +165,38 @@ fn frames_that_do_not_follow_each_other_are_refused() {
     let data = Data::Kitti { folder: folder.path().to_owned(), list: None };
     let why = results(&request(data, &[Stream::MultiExposure], folder.path())).expect_err("refused");
     assert!(why.to_string().contains("multi_exposure_still"), "{why}");
+}
+
+/// A picture in linear light, through camera and unwrapping: the recovered image is the ideal one, and the picture.
+#[test]
+fn a_picture_returns_from_linear_light() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let picture =
+        Array3::from_shape_fn((64, 256, 3), |(i, j, _)| if i < 32 { j as u8 } else { 255 - j as u8 });
+    let path = folder.path().join("picture.png");
+    save_png(&path, &Frame::from_u8(picture.clone()).expect("a frame")).expect("a PNG");
+    let source = path.to_str().expect("UTF-8");
+    let pairs = [("source", source), ("bits", "12"), ("transfer", "srgb"), ("psf_sigma", "1.4")];
+    let timer = ManualClock::default();
+    let topics = ["/ideal", "/recovered"].map(str::to_owned).to_vec();
+    let mut chain = Lockstep::new(&timer, topics.clone());
+    let name = |name| NodeName::new(name, "/", &[]).expect("a name");
+    let camera = CameraParameters::from_text(&pairs).expect("possible");
+    chain.add(Box::new(ModuloCamera::new(&camera).expect("a camera")), &name("camera")).expect("a node");
+    let unwrap = UnwrapNode::new(&UnwrapParameters::default()).expect("a node");
+    chain.add(Box::new(unwrap), &name("unwrap")).expect("a node");
+    let out = chain.tick(0, 0).expect("no failure").expect("a frame");
+    let [ideal, recovered] = [0, 1].map(|topic: usize| {
+        let found = out.iter().find(|(name, _)| *name == topics[topic]).map(|(_, message)| message);
+        let Some(Message::Image(image)) = found else { panic!("an image is expected: {out:?}") };
+        image.frame.as_u8().expect("8 bits").clone()
+    });
+    assert_eq!(recovered, ideal);
+    // Away from the edge between the two halves, which the lens blurs.
+    for ((i, j, c), code) in picture.indexed_iter().filter(|((i, ..), _)| *i < 24 || *i > 40) {
+        let shown = recovered[(i, j, c)];
+        assert!(shown.abs_diff(*code) <= 2, "({i}, {j}): {code} is shown as {shown}");
+    }
 }
 
 /// Writes a KITTI folder of `frames` images. All pixels, and the x of an object, have the value `seed`, `seed` + 8, ...

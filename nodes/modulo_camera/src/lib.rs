@@ -328,13 +328,14 @@ impl CameraInput {
     /// Opens the source that the parameter `source` names.
     fn open(parameters: &CameraParameters) -> Result<Self, ParameterError> {
         let (spec, white) = (&parameters.source, parameters.white as f32);
+        let transfer = parameters.sensor.transfer;
         if let Some(name) = topic_of(spec)? {
-            let white =
-                White::new(white).map_err(|why| ParameterError::new("white", white, why.to_string()))?;
+            let white = White::new(white, transfer)
+                .map_err(|why| ParameterError::new("white", white, why.to_string()))?;
             return Ok(Self::Topic { name: name.to_owned(), white });
         }
         let topic = Some(parameters.source_topic.clone()).filter(|t| !t.is_empty());
-        let options = SourceOptions { white, topic };
+        let options = SourceOptions { white, transfer, topic };
         let source = source::open(spec, &options)
             .map_err(|why| ParameterError::new("source", spec, why.to_string()))?;
         Ok(Self::Frames(FrameReader::new(source, parameters.r#loop)))

@@ -71,6 +71,44 @@ fn the_streams_follow_equation_one() {
 }
 
 #[test]
+fn a_picture_is_decoded_into_radiance_and_the_ideal_image_is_that_picture_again() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("picture.png");
+    let picture =
+        Array3::from_shape_fn((4, 256, 3), |(i, j, c)| if i % 2 == 0 { j as u8 } else { (j + 80 * c) as u8 });
+    modulo_images::save_png(&path, &Frame::from_u8(picture.clone()).expect("a frame")).expect("writable");
+    let path = path.display().to_string();
+    for transfer in ["linear", "srgb", "gamma22", "rec709"] {
+        let mut node = camera(&[("source", &path), ("bits", "16"), ("transfer", transfer)]);
+        let (_, sent) = step(&mut node, Trigger::Tick, &ALL).expect("a frame");
+        let ideal = frame(&sent, 2).frame.as_u8().expect("8 bits");
+        // A power of 2.2 leaves the darkest codes less than a count of the sensor.
+        for ((at, shown), code) in ideal.indexed_iter().zip(&picture).filter(|(_, code)| **code > 3) {
+            assert!(shown.abs_diff(*code) <= 1, "{transfer} {at:?}: {code} is shown as {shown}");
+        }
+        let x = f64::from(frame(&sent, 1).frame.to_f32()[(0, 20, 0)]);
+        // A code of 20 is far below the peak, a quarter of full scale: the saturated image shows it brighter.
+        assert!(x > 20.0 * 257.0, "{transfer}: {x}");
+    }
+}
+
+/// Floats are radiance: a transfer function changes how they are shown, and not the light that the sensor sees.
+#[test]
+fn floats_are_not_decoded() {
+    let pixels = Array3::from_shape_fn((2, 64, 3), |(_, j, _)| j as f32 / 64.0);
+    let header = Header::default();
+    let image = Arc::new(StampedFrame { header, frame: Frame::from_f32(pixels).expect("a frame") });
+    let sent = |transfer| {
+        let mut node = camera(&[("source", "topic:/front/hdr"), ("white", "1"), ("transfer", transfer)]);
+        let trigger = Trigger::Message { input: 0, message: Message::Image(image.clone()) };
+        step(&mut node, trigger, &ALL).expect("a frame").1
+    };
+    let (linear, coded) = (sent("linear"), sent("srgb"));
+    assert_eq!(frame(&linear, 0), frame(&coded, 0));
+    assert_ne!(frame(&linear, 2), frame(&coded, 2));
+}
+
+#[test]
 fn a_scene_brings_its_truth_before_its_images() {
     let mut node = camera(&[("source", "scene://day?seed=3&frames=2&width=320&height=96")]);
     let (_, sent) = step(&mut node, Trigger::Tick, &ALL).expect("a frame");

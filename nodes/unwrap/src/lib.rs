@@ -1,6 +1,6 @@
 //! The `unwrap` node: a modulo image in, the recovered image out, with 8 bits for a detector, sharpened on request, and
 //! as HDR: the counts that the sensor saw, exact, as integers of 16 bits where `alpha * 2^bits <= 65536`, else as
-//! floats.
+//! floats. On request, both are without the noise of the sensor.
 //!
 //! A colour mosaic is unwrapped as it is. `recovered` shows it with three colours at each pixel, `hdr` keeps the mosaic.
 //!
@@ -13,6 +13,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use modulo_core::deblur::Deblur;
+use modulo_core::denoise::Denoise;
 use modulo_core::unwrap::{
     Method, Options, QualityMetrics, Recovered, Report, ThresholdOn, Trust, TrustLimits, Unwrap, UnwrapError,
 };
@@ -41,15 +42,18 @@ const UNDESCRIBED: &str = "no sensor description has come on the topic sensor_in
 modulo_runtime::parameters! {
     /// The parameters of the `unwrap` node.
     pub struct UnwrapParameters {
-        /// Unwrapping method. auto starts with lines and takes gradient_tree where the image is too steep for lines, or
-        /// spud where noise makes it steep. Images
-        /// of a sensor with two gains (see gains) have a method of their own.
+        /// Unwrapping method. auto starts with lines and takes gradient_tree where the image is too steep for lines; where noise
+        /// makes it steep, it takes a tree on smoothed codes, or spud. Images of a sensor with two gains (see gains) have a
+        /// method of their own.
         method: Method = Method::Auto => Method::ALL,
         /// Number of threads that unwrapping may use. The result does not depend on it.
         threads: usize = 1 => 1..=MAX_THREADS,
         /// Removes the blur of the lens (psf, psf_sigma) from the recovered image after unwrapping. The hdr image keeps
         /// it.
         deblur: bool = false,
+        /// Removes noise from the recovered and the hdr image after unwrapping (total variation), as much of it as the camera's sensor
+        /// description states. Without a description, or for a sensor without noise, nothing changes.
+        denoise: bool = false,
         /// For auto: the largest fraction of steep 2 x 2 loops with which it trusts lines.
         trust_lines: f64 = TrustLimits::default().lines => 0.0..=1.0,
         /// For auto: the smallest fraction of each row and column that must agree before it trusts lines.
@@ -98,7 +102,7 @@ pub struct UnwrapNode {
     method: Box<dyn Unwrap>,
     /// The sensor descriptions that the camera has sent.
     described: SensorHistory,
-    /// The sensor of the last frame with its range and deblurring.
+    /// The sensor of the last frame with what is prepared for it.
     sensor: Option<Prepared>,
     /// A frame that came before the first sensor description.
     kept: Option<Arc<StampedFrame>>,
@@ -118,6 +122,8 @@ struct Prepared {
     range: Range,
     /// Removes the blur of the lens from `recovered`, if that is requested.
     deblur: Option<Deblur>,
+    /// Removes the noise of the sensor, if that is requested and there is any.
+    denoise: Option<Denoise>,
     /// The method for a sensor with two gains, which replaces the one of the parameters.
     two_gains: Option<TwoGains>,
 }
@@ -164,7 +170,8 @@ impl UnwrapNode {
             let blur = Some(model.psf()).filter(|psf| self.parameters.deblur && *psf != Psf::None);
             let (range, deblur) = (model.range()?, blur.map(Deblur::new));
             let two_gains = TwoGains::new(model.gains()?);
-            self.sensor = Some(Prepared { model, range, deblur, two_gains });
+            let denoise = if self.parameters.denoise { Denoise::new(model.config()?) } else { None };
+            self.sensor = Some(Prepared { model, range, deblur, denoise, two_gains });
         }
         Ok(())
     }
@@ -236,22 +243,28 @@ impl UnwrapNode {
 
     /// Sends the images of the result that have a reader.
     fn emit_images(&self, modulo: &StampedFrame, cx: &mut Context<'_>) -> Result<(), FrameError> {
-        let Prepared { range, deblur, .. } = self.sensor.as_ref().expect("`prepare` comes before");
+        let Prepared { model, range, deblur, denoise, .. } =
+            self.sensor.as_ref().expect("`prepare` comes before");
         let mosaic = modulo.frame.mosaic();
+        let shown = cx.wanted(RECOVERED) || cx.wanted(HDR);
+        let radiance = match denoise.as_ref().filter(|_| shown) {
+            None => Cow::Borrowed(&self.recovered.x),
+            Some(denoise) => Cow::Owned(cx.stage("denoise", || denoise.apply(&self.recovered.x))),
+        };
         if cx.wanted(RECOVERED) {
             let x = match mosaic {
-                None => Cow::Borrowed(&self.recovered.x),
-                Some(mosaic) => Cow::Owned(cx.stage("demosaic", || mosaic.demosaic(self.recovered.x.view()))),
+                None => Cow::Borrowed(&*radiance),
+                Some(mosaic) => Cow::Owned(cx.stage("demosaic", || mosaic.demosaic(radiance.view()))),
             };
             // A sharpened image is for the detector only: `hdr` keeps what the sensor saw.
             let frame = match deblur {
-                None => cx.stage("tone", || tone::linear8(&x, *range)),
-                Some(deblur) => cx.stage("deblur", || deblur.linear8(&x, *range)),
+                None => cx.stage("tone", || tone::picture(&x, *range, model.transfer)),
+                Some(deblur) => cx.stage("deblur", || deblur.picture(&x, *range, model.transfer)),
             };
             cx.emit(RECOVERED, stamped(&modulo.header, frame?));
         }
         if cx.wanted(HDR) {
-            let frame = tone::hdr(&self.recovered.x, *range)?;
+            let frame = tone::hdr(&radiance, *range)?;
             // There is no encoding for a mosaic of floats.
             let frame = match mosaic.filter(|_| frame.depth() == 16) {
                 Some(mosaic) => frame.with_mosaic(mosaic).expect("it has the shape of the modulo image"),
@@ -302,7 +315,7 @@ impl Node for UnwrapNode {
             self.method = parameters.method()?;
         }
         // A change of the sensor is seen at the next frame.
-        if parameters.deblur != last.deblur {
+        if (parameters.deblur, parameters.denoise) != (last.deblur, last.denoise) {
             self.sensor = None;
         }
         (self.parameters, self.contradiction_told) = (parameters, false);
@@ -329,10 +342,11 @@ impl Node for UnwrapNode {
     }
 
     fn state(&self) -> Vec<(&'static str, String)> {
-        let UnwrapParameters { deblur, threads, .. } = &self.parameters;
+        let UnwrapParameters { deblur, denoise, threads, .. } = &self.parameters;
         let mut state = vec![
             ("method", self.method.name().to_owned()),
             ("deblur", deblur.to_string()),
+            ("denoise", denoise.to_string()),
             ("threads", threads.to_string()),
         ];
         // Before the first frame, the camera's sensor is not known.
@@ -397,7 +411,7 @@ fn describe(node: &str, header: &Header, method: &str, report: &Report) -> Diagn
     if let Some(trusted) = report.trust.claim() {
         values.push(("trusted", trusted.to_string()));
     }
-    if let Some(QualityMetrics { residues, steep, consensus, clamped, jumps }) = report.quality {
+    if let Some(QualityMetrics { residues, steep, consensus, clamped, jumps, defects }) = report.quality {
         let share = |value: f32| format!("{value:.3e}");
         let shares = [
             ("residues", residues),
@@ -405,6 +419,7 @@ fn describe(node: &str, header: &Header, method: &str, report: &Report) -> Diagn
             ("consensus", consensus),
             ("clamped", clamped),
             ("jumps", jumps),
+            ("defects", defects),
         ];
         values.extend(shares.map(|(name, value)| (name, share(value))));
     }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use modulo_core::sensor::{Sensor, SensorConfig};
-use modulo_core::{Frame, Mosaic, Psf};
+use modulo_core::{Frame, Mosaic, Psf, Transfer};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{
     Context, Flow, ManualClock, Message, Node, ParameterSet, Parameters, SensorModel, StampedFrame,
@@ -187,6 +187,30 @@ fn hdr_has_every_count_of_a_range_beyond_16_bits() {
 }
 
 #[test]
+fn the_recovered_image_is_shown_as_the_pictures_that_the_camera_sees() {
+    let radiance = Array3::from_shape_fn((24, 40, 3), |(i, j, _)| (i + j) as f32 / 64.0);
+    let (camera, own) = (Transfer::Srgb, Transfer::Rec709);
+    let ideal = |transfer| {
+        let config = SensorConfig { alpha: 2.0, transfer, ..SensorConfig::default() };
+        let exposure = Sensor::new(config).expect("a sensor").expose(radiance.view(), 0).expect("an image");
+        (exposure.modulo(), exposure.ideal())
+    };
+    let model = SensorModel { alpha: 2.0, transfer: camera, ..SensorModel::default() };
+    let described = sensor_info::message(&header(), &model);
+    for (set, expected) in [("camera", camera), ("rec709", own)] {
+        let (modulo, ideal) = ideal(expected);
+        let with = UnwrapParameters::from_text(&[("transfer", set)]).expect("possible");
+        let mut node = UnwrapNode::new(&with).expect("a node");
+        let clock = ManualClock::at(0);
+        let mut cx = Context::new("/unwrap", &clock, &[]);
+        let trigger = Trigger::Message { input: 1, message: described.clone() };
+        node.step(trigger, &mut cx).expect("a description");
+        let sent = step(&mut node, modulo, &[true]).expect("a good frame");
+        assert_eq!(image(&sent[0].1).frame, ideal, "{set}");
+    }
+}
+
+#[test]
 fn what_only_one_method_reads_is_checked_for_all() {
     for (name, value) in
         [("threads", "0"), ("trust_lines", "-0.1"), ("trust_consensus", "1.5"), ("tau", "-1")]
@@ -194,6 +218,30 @@ fn what_only_one_method_reads_is_checked_for_all() {
         let refused = UnwrapParameters::from_text(&[(name, value)]);
         assert!(refused.is_err_and(|why| why.to_string().contains(name)), "{name} = {value}");
     }
+}
+
+#[test]
+fn denoise_removes_the_noise_of_the_described_sensor_from_both_images() {
+    let flat = Array3::from_elem((24, 40, 3), 0.3);
+    let model = SensorModel { alpha: 2.0, read_noise: 5.0, ..SensorModel::default() };
+    let exposure = model.simulated().expect("a sensor").expose(flat.view(), 0).expect("an image");
+    let run = |denoise, described: bool| {
+        let mut node = unwrap(&[("alpha", "2"), ("denoise", denoise)]);
+        if described {
+            let message = sensor_info::message(&header(), &model);
+            let clock = ManualClock::at(0);
+            let mut cx = Context::new("/unwrap", &clock, &[true, true]);
+            node.step(Trigger::Message { input: 1, message }, &mut cx).expect("a good description");
+        }
+        let sent = step(&mut node, exposure.modulo(), &[true, true]).expect("a good frame");
+        [0, 1].map(|output| image(&sent[output].1).frame.to_f32())
+    };
+    let spread = |frame: &Array3<f32>| frame.std(0.0);
+    let ([noisy, noisy_hdr], [recovered, hdr]) = (run("false", true), run("true", true));
+    assert!(spread(&recovered) * 3.0 < spread(&noisy), "{} of {}", spread(&recovered), spread(&noisy));
+    assert!(spread(&hdr) * 3.0 < spread(&noisy_hdr), "{} of {}", spread(&hdr), spread(&noisy_hdr));
+    // Without a description, no noise is known.
+    assert_eq!(run("true", false), [noisy, noisy_hdr]);
 }
 
 #[test]

@@ -50,6 +50,7 @@ __all__ = [
     "__version__",
     "average_precision",
     "deblur",
+    "denoise",
     "read_bag",
     "read_source",
     "tone_map",
@@ -74,9 +75,9 @@ class Exposure(NamedTuple):
     modulo: Codes
     """The codes of the modulo sensor, `floor(x mod 2^b)`."""
     saturated: Codes
-    """The codes of a sensor that saturates, `floor(min(x, 2^b - 1))`."""
+    """The codes of a sensor that saturates, `floor(min(x, 2^b - 1))`, as `transfer` encodes them."""
     ideal: NDArray[np.uint8]
-    """The whole range, neither wrapped nor clipped, in 8 bits: `round(255 floor(x) / (alpha 2^b))`."""
+    """The whole range, neither wrapped nor clipped, in 8 bits: `floor(x)` as `tone_map` shows it."""
     wraps: NDArray[np.uint8]
     """The true wrap counts k, `floor(x / 2^b)`."""
 
@@ -94,6 +95,8 @@ class Quality(NamedTuple):
     """The share of the samples whose count was out of range and was clamped."""
     jumps: float
     """The second differences of the result above one peak, per sample; only `auto` computes them."""
+    defects: float
+    """The share of the samples that were left out as hot, dead or stuck; only `auto` looks for them."""
 
 
 class Report(NamedTuple):
@@ -219,6 +222,9 @@ class Sensor:
     hot_pixels : float, a finite number in 0 to 1
         Share of the samples that are hot: their dark signal is evenly distributed up to the peak. The pattern is the same in every
         frame.
+    transfer : str, one of linear, srgb, gamma22, rec709
+        Transfer function of the pictures: codes of 8 and 16 bits of a source are decoded by it, and the images ideal, saturated and
+        recovered are encoded by it. linear: codes are radiance. EXR, HDR and rendered frames hold radiance, which is not decoded.
     white : float, a finite number in 0 to 1000000000000
         The value that becomes full scale, for radiance of the types float32 and uint16. 0: 1 for float32, and 65536 for uint16.
 
@@ -256,6 +262,7 @@ class Sensor:
         full_well_electrons: float = 0.0,
         prnu: float = 0.0,
         hot_pixels: float = 0.0,
+        transfer: str = "linear",
         white: float = 0.0,
     ) -> None:
         self._sensor = _core.Sensor(
@@ -273,6 +280,7 @@ class Sensor:
                 "full_well_electrons": full_well_electrons,
                 "prnu": prnu,
                 "hot_pixels": hot_pixels,
+                "transfer": transfer,
                 "white": white,
             }
         )
@@ -283,8 +291,8 @@ class Sensor:
         Parameters
         ----------
         radiance : array of float32, uint8 or uint16, H x W or H x W x C
-            Floats are radiance relative to full scale (see `white`), clamped to [0, 1). Integers are codes of a picture, and fractions
-            of 255 or 65536 (or of `white`). As in the camera, each code is moved at random within its interval, in the same way for each
+            Floats are radiance relative to full scale (see `white`), clamped to [0, 1). Integers are codes of a picture, fractions of
+            255 or 65536 (or of `white`), which `transfer` decodes. As in the camera, each code is moved at random within its interval, in the same way for each
             image, so that the counts do not lie on a grid; the largest code stands for full scale. A sensor with a
             mosaic needs 3 channels.
 
@@ -338,8 +346,8 @@ def unwrap(
     alpha : float, a finite number in 0.001 to 256
         Saturation factor: the brightest radiance of the scene divided by the sensor's peak.
     method : str, one of auto, spud, least_squares, itoh, lines, tree, gradient_tree, quality_guided
-        Unwrapping method. auto starts with lines and takes gradient_tree where the image is too steep for lines, or spud
-        where noise makes it steep. Images of a sensor
+        Unwrapping method. auto starts with lines and takes gradient_tree where the image is too steep for lines; where noise
+        makes it steep, it takes a tree on smoothed codes, or spud. Images of a sensor
         with two gains (see gains) have a method of their own.
     threads : int, in 1 to 256
         Number of threads that unwrapping may use. The result does not depend on it.
@@ -406,8 +414,12 @@ def unwrap(
     return Unwrapped(x, k, Report(used, trusted, quality and Quality(*quality), image))
 
 
-def tone_map(x: Image, bits: int = 8, alpha: float = 4.0, *, mosaic: str = "none") -> NDArray[np.uint8]:
-    """Returns radiance as an image of 8 bits: `round(255 x / (alpha 2^bits))`, clamped to 0 to 255.
+def tone_map(
+    x: Image, bits: int = 8, alpha: float = 4.0, *, mosaic: str = "none", transfer: str = "linear"
+) -> NDArray[np.uint8]:
+    """Returns radiance as an image of 8 bits: `round(255 encode(x / (alpha 2^bits)))`.
+
+    encode is that of `transfer`; unless that is linear, half a code unit is added to x, which holds whole codes.
 
     Parameters
     ----------
@@ -420,6 +432,9 @@ def tone_map(x: Image, bits: int = 8, alpha: float = 4.0, *, mosaic: str = "none
     mosaic : str, one of none, rggb, bggr, grbg, gbrg
         Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the source.
         The images of a mosaic have the encoding bayer_*8 or bayer_*16. Here they are H x W, and the result is H x W x 3.
+    transfer : str, one of linear, srgb, gamma22, rec709
+        Transfer function of the pictures: codes of 8 and 16 bits of a source are decoded by it, and the images ideal, saturated and
+        recovered are encoded by it. linear: codes are radiance. EXR, HDR and rendered frames hold radiance, which is not decoded.
 
     Returns
     -------
@@ -437,8 +452,10 @@ def tone_map(x: Image, bits: int = 8, alpha: float = 4.0, *, mosaic: str = "none
     >>> import modulo
     >>> modulo.tone_map(np.array([[0, 512, 1024]], dtype=np.float32), bits=8, alpha=4)
     array([[  0, 128, 255]], dtype=uint8)
+    >>> modulo.tone_map(np.array([[0, 512, 1024]], dtype=np.float32), bits=8, alpha=4, transfer="srgb")
+    array([[  2, 188, 255]], dtype=uint8)
     """
-    return _core.picture(x, {"bits": bits, "alpha": alpha, "mosaic": mosaic}, False)
+    return _core.picture(x, {"bits": bits, "alpha": alpha, "mosaic": mosaic, "transfer": transfer}, False)
 
 
 def deblur(
@@ -449,6 +466,7 @@ def deblur(
     *,
     psf: str = "gaussian",
     mosaic: str = "none",
+    transfer: str = "linear",
 ) -> NDArray[np.uint8]:
     """Returns radiance as an image of 8 bits like `tone_map`, without the blur of the lens (a Wiener filter).
 
@@ -467,6 +485,9 @@ def deblur(
     mosaic : str, one of none, rggb, bggr, grbg, gbrg
         Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the source.
         The images of a mosaic have the encoding bayer_*8 or bayer_*16. Here they are H x W, and the result is H x W x 3.
+    transfer : str, one of linear, srgb, gamma22, rec709
+        Transfer function of the pictures: codes of 8 and 16 bits of a source are decoded by it, and the images ideal, saturated and
+        recovered are encoded by it. linear: codes are radiance. EXR, HDR and rendered frames hold radiance, which is not decoded.
 
     Returns
     -------
@@ -489,9 +510,89 @@ def deblur(
     >>> bool(np.ptp(sharp[16, 15:17]) > np.ptp(blurred[16, 15:17]))
     True
     """
-    return _core.picture(
-        x, {"bits": bits, "alpha": alpha, "psf_sigma": psf_sigma, "psf": psf, "mosaic": mosaic}, True
-    )
+    sensor: dict[str, int | float | str] = {
+        "bits": bits,
+        "alpha": alpha,
+        "psf_sigma": psf_sigma,
+        "psf": psf,
+        "mosaic": mosaic,
+        "transfer": transfer,
+    }
+    return _core.picture(x, sensor, True)
+
+
+def denoise(
+    x: Image,
+    bits: int = 8,
+    alpha: float = 4.0,
+    *,
+    read_noise: float = 0.0,
+    shot_noise: float = 0.0,
+    full_well_electrons: float = 0.0,
+    prnu: float = 0.0,
+    mosaic: str = "none",
+    gains: str = "none",
+    gain_ratio: float = 0.0,
+) -> NDArray[np.float32]:
+    """Returns radiance without most of the noise of its sensor (total variation).
+
+    Parameters
+    ----------
+    x : array of float32, uint8 or uint16, H x W or H x W x C
+        The radiance in code units, such as `Unwrapped.x`.
+    bits : int, in 1 to 16
+        Bits of the sensor's converter. The peak is 2^bits code units.
+    alpha : float, a finite number in 0.001 to 256
+        Saturation factor: the brightest radiance of the scene divided by the sensor's peak.
+    read_noise : float, a finite number in 0 to 65536
+        Standard deviation of the read noise in code units.
+    shot_noise : float, a finite number in 0 to 65536
+        Strength of the shot noise: its standard deviation at the signal x is sqrt(shot_noise * x) in code units.
+    full_well_electrons : float, a finite number in 0 to 1000000000
+        Electrons that fill the 2^bits codes of the converter at full gain (the saturation capacity of EMVA 1288). They add shot noise
+        of the variance x * 2^bits / full_well_electrons. 0: only shot_noise.
+    prnu : float, a finite number in 0 to 1
+        Photo response non-uniformity (EMVA 1288): standard deviation of the gain between pixels, as a fraction. The pattern is the
+        same in every frame.
+    mosaic : str, one of none, rggb, bggr, grbg, gbrg
+        Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the source.
+        The images of a mosaic have the encoding bayer_*8 or bayer_*16. Here they are H x W.
+    gains : str, one of none, checkerboard, rows
+        Pixels with a lower gain, which do not wrap: none, a checkerboard, or every second row.
+    gain_ratio : float, a finite number in 0 to 1
+        The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha.
+
+    Returns
+    -------
+    array of float32
+        The radiance in code units, of the shape of x. Where the sensor has no noise it is x.
+
+    Raises
+    ------
+    ValueError
+        With the parameter, the shape or the type that is not possible.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import modulo
+    >>> y = modulo.Sensor(alpha=4, read_noise=5).expose(np.full((32, 32), 0.5, np.float32)).modulo
+    >>> x = modulo.unwrap(y, alpha=4).x
+    >>> bool(modulo.denoise(x, alpha=4, read_noise=5).std() < 0.5 * x.std())
+    True
+    """
+    sensor: dict[str, int | float | str] = {
+        "bits": bits,
+        "alpha": alpha,
+        "read_noise": read_noise,
+        "shot_noise": shot_noise,
+        "full_well_electrons": full_well_electrons,
+        "prnu": prnu,
+        "mosaic": mosaic,
+        "gains": gains,
+        "gain_ratio": gain_ratio,
+    }
+    return _core.denoise(x, sensor)
 
 
 def read_bag(path: str | os.PathLike[str], source_topic: str = "") -> Iterator[Frame]:
@@ -531,7 +632,9 @@ def read_bag(path: str | os.PathLike[str], source_topic: str = "") -> Iterator[F
     return map(_frame, _core.Bag({"source": os.fspath(path), "source_topic": source_topic}))
 
 
-def read_source(source: str | os.PathLike[str], white: float = 0.0, source_topic: str = "") -> Iterator[Frame]:
+def read_source(
+    source: str | os.PathLike[str], white: float = 0.0, source_topic: str = "", *, transfer: str = "linear"
+) -> Iterator[Frame]:
     """Reads the radiance of the frames that the camera would see, for `Sensor.expose`.
 
     Parameters
@@ -544,6 +647,9 @@ def read_source(source: str | os.PathLike[str], white: float = 0.0, source_topic
         65536 for 16-bit images.
     source_topic : str, any value
         The image topic to read from a source that is a bag. Empty: the only image topic of the bag.
+    transfer : str, one of linear, srgb, gamma22, rec709
+        Transfer function of the pictures: codes of 8 and 16 bits of a source are decoded by it, and the images ideal, saturated and
+        recovered are encoded by it. linear: codes are radiance. EXR, HDR and rendered frames hold radiance, which is not decoded.
 
     Returns
     -------
@@ -567,7 +673,13 @@ def read_source(source: str | os.PathLike[str], white: float = 0.0, source_topic
     >>> frame.image.shape, frame.image.dtype, frame.ground_truth[0].class_name
     ((96, 320, 3), dtype('float32'), 'cyclist')
     """
-    return map(_frame, _core.Source({"source": os.fspath(source), "white": white, "source_topic": source_topic}))
+    parameters: dict[str, float | str] = {
+        "source": os.fspath(source),
+        "white": white,
+        "source_topic": source_topic,
+        "transfer": transfer,
+    }
+    return map(_frame, _core.Source(parameters))
 
 
 def average_precision(

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 _Codes = NDArray[uint8] | NDArray[uint16]
 _Image = NDArray[uint8] | NDArray[uint16] | NDArray[float32]
 _Value = bool | int | float | str
-_Report = tuple[str, bool | None, tuple[float, float, float, float, float] | None, NDArray[uint8] | None]
+_Report = tuple[str, bool | None, tuple[float, float, float, float, float, float] | None, NDArray[uint8] | None]
 _Found = tuple[float, float, float, float, float, str]
 _Object = tuple[float, float, float, float, str, float, int]
 _Frame = tuple[_Image, str, int | None, str, str, list[_Object] | None]
 
-__all__ = ["METHODS", "Bag", "Sensor", "Source", "__version__", "average_precision", "declared", "picture", "unwrap"]
+__all__ = ["METHODS", "Bag", "Sensor", "Source", "__version__", "average_precision", "declared", "denoise", "picture", "unwrap"]
 
 METHODS: list[str]
 __version__: str
@@ -39,6 +39,7 @@ class Source:
 def unwrap(
     y: _Image, parameters: Mapping[str, _Value], confidence: bool
 ) -> tuple[NDArray[float32], NDArray[uint8], _Report]: ...
+def denoise(x: _Image, parameters: Mapping[str, _Value]) -> NDArray[float32]: ...
 def picture(x: _Image, parameters: Mapping[str, _Value], deblur: bool) -> NDArray[uint8]: ...
 def average_precision(
     frames: Sequence[tuple[Sequence[_Found], Sequence[_Object]]], difficulty: str

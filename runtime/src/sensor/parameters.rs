@@ -3,7 +3,7 @@
 
 use modulo_core::optics::{MAX_SIGMA, Psf};
 use modulo_core::sensor::{MAX_NOISE, Sensor, SensorConfig};
-use modulo_core::{GainPattern, Gains, Mosaic, Range};
+use modulo_core::{GainPattern, Gains, Mosaic, Range, Transfer};
 
 use crate::parameter::{ParameterError, ParameterSet as _};
 
@@ -36,6 +36,10 @@ crate::parameters! {
         bits: u8 = 8 => 1..=16,
         /// Saturation factor: the brightest radiance of the scene divided by the sensor's peak.
         alpha: f64 = 4.0 => 1e-3..=256.0,
+        /// Transfer function of the pictures: codes of 8 and 16 bits of a source are decoded by it, and the images ideal,
+        /// saturated and recovered are encoded by it. linear: codes are radiance. EXR, HDR and rendered frames hold
+        /// radiance, which is not decoded.
+        transfer: Transfer = Transfer::Linear => Transfer::WORDS; fixed,
         /// Shape of the lens blur: gaussian with the width psf_sigma, or paper7 for the paper's fixed 7 taps (about 1.4
         /// px).
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
@@ -64,8 +68,8 @@ crate::parameters! {
     }
 }
 
-/// The parameters of [`SensorModel`] that belong to the exposure of a scene, and not to the chip or the lens.
-const OF_EXPOSURE: [&str; 2] = ["alpha", "gain_ratio"];
+/// The parameters of [`SensorModel`] that belong to a scene and its exposure, and not to the chip or the lens.
+const OF_EXPOSURE: [&str; 3] = ["alpha", "transfer", "gain_ratio"];
 
 impl SensorModel {
     /// Returns the names of the parameters that describe the chip or the lens.
@@ -88,9 +92,20 @@ impl SensorModel {
     /// [`ParameterError`] of the first value that is out of its range.
     pub fn config(&self) -> Result<SensorConfig, ParameterError> {
         self.check()?;
-        let Self { bits, alpha, read_noise, prnu, hot_pixels, mosaic, .. } = *self;
+        let Self { bits, alpha, transfer, read_noise, prnu, hot_pixels, mosaic, .. } = *self;
         let (psf, gains, shot_noise) = (self.psf(), self.gains()?, self.shot_variance());
-        Ok(SensorConfig { bits, alpha, psf, read_noise, shot_noise, prnu, hot_pixels, gains, mosaic })
+        Ok(SensorConfig {
+            bits,
+            alpha,
+            transfer,
+            psf,
+            read_noise,
+            shot_noise,
+            prnu,
+            hot_pixels,
+            gains,
+            mosaic,
+        })
     }
 
     /// Returns the variance of the shot noise divided by the signal in code units, that of the electrons included.
@@ -140,6 +155,15 @@ const OVERRIDES: [(&str, Option<Option<GainPattern>>); 4] = [
     ("rows", Some(Some(GainPattern::Rows))),
 ];
 
+/// The words of [`SensorOverride::transfer`]: those of a sensor, and `camera` for the function that the camera describes.
+const TRANSFERS: [(&str, Option<Transfer>); 5] = [
+    ("camera", None),
+    ("linear", Some(Transfer::Linear)),
+    ("srgb", Some(Transfer::Srgb)),
+    ("gamma22", Some(Transfer::Gamma22)),
+    ("rec709", Some(Transfer::Rec709)),
+];
+
 crate::parameters! {
     /// The sensor behind the images that a node reads. Each value that is not set here is taken from the sensor
     /// description that the camera publishes with each frame.
@@ -149,6 +173,9 @@ crate::parameters! {
         /// Saturation factor: the brightest radiance of the scene divided by the sensor's peak. 0: that of the camera's
         /// sensor description.
         alpha: f64 = 0.0 => 0.0..=256.0,
+        /// Transfer function by which the recovered image is encoded: linear, srgb, gamma22, rec709, or as the camera's sensor
+        /// description has it (linear without a description).
+        transfer: Option<Transfer> = None => TRANSFERS,
         /// Shape of the lens blur: gaussian, or paper7 for the paper's fixed 7 taps (about 1.4 px).
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
         /// Standard deviation of the gaussian lens blur in px. 0: the blur of the camera's sensor description.
@@ -186,7 +213,8 @@ impl SensorOverride {
         };
         let (bits, alpha) = (bits.ok_or_else(|| missing("bits"))?, alpha.ok_or_else(|| missing("alpha"))?);
         let rest = camera.cloned().unwrap_or_default();
-        let model = SensorModel { bits, alpha, psf, psf_sigma, gains, gain_ratio, ..rest };
+        let transfer = self.transfer.unwrap_or(rest.transfer);
+        let model = SensorModel { bits, alpha, transfer, psf, psf_sigma, gains, gain_ratio, ..rest };
         model.check()?;
         Ok(model)
     }
@@ -199,8 +227,8 @@ impl SensorOverride {
 
 impl From<SensorModel> for SensorOverride {
     fn from(model: SensorModel) -> Self {
-        let SensorModel { bits, alpha, psf, psf_sigma, gains, gain_ratio, .. } = model;
-        Self { bits, alpha, psf, psf_sigma, gains: Some(gains), gain_ratio }
+        let SensorModel { bits, alpha, transfer, psf, psf_sigma, gains, gain_ratio, .. } = model;
+        Self { bits, alpha, transfer: Some(transfer), psf, psf_sigma, gains: Some(gains), gain_ratio }
     }
 }
 
@@ -225,6 +253,7 @@ mod tests {
         let camera = SensorModel {
             bits: 10,
             alpha: 3.0,
+            transfer: Transfer::Rec709,
             psf: BlurShape::Paper7,
             psf_sigma: 0.0,
             gains: rows.0,
@@ -234,9 +263,16 @@ mod tests {
         let unset = SensorOverride::default();
         assert_eq!(unset.over(Some(&camera)), Ok(camera.clone()));
         assert_eq!(unset.over(None).expect_err("nothing is known").name, "bits");
-        let set =
-            SensorOverride { alpha: 2.0, psf_sigma: 1.0, gains: Some(None), ..SensorOverride::default() };
-        let expected = SensorModel { bits: 10, alpha: 2.0, psf_sigma: 1.0, ..SensorModel::default() };
+        let transfer = Transfer::Srgb;
+        let set = SensorOverride {
+            alpha: 2.0,
+            transfer: Some(transfer),
+            psf_sigma: 1.0,
+            gains: Some(None),
+            ..SensorOverride::default()
+        };
+        let expected =
+            SensorModel { bits: 10, alpha: 2.0, transfer, psf_sigma: 1.0, ..SensorModel::default() };
         assert_eq!(set.over(Some(&camera)), Ok(expected.clone()));
         assert_eq!(SensorOverride::from(expected.clone()).over(Some(&camera)), Ok(expected));
     }

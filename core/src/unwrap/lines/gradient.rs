@@ -69,6 +69,12 @@ impl<W: Word> Gradient<W> {
         }
     }
 
+    /// Returns whether a 2 x 2 loop has a mixed difference above the limit.
+    pub fn has_steep_loops(&self) -> bool {
+        let none = [W::default(); LANES];
+        self.suspect > 0 || self.columns.iter().any(|columns| columns.suspect != none)
+    }
+
     /// Adds the counters to the totals.
     pub fn settle(&mut self) {
         self.counted = 0;

@@ -1,6 +1,7 @@
 //! Rows of interleaved samples in blocks of lanes. The neighbour in the same channel is as many lanes away as
 //! there are channels, so vectors need not separate the channels.
 
+use crate::frame::Frame;
 use crate::unwrap::Range;
 use crate::unwrap::wrapped::Word;
 
@@ -25,7 +26,23 @@ pub(super) struct RowLayout {
     pub channels: usize,
 }
 
+/// Returns `count` over `of`, and 0 if there is nothing to count.
+pub(super) fn share(count: usize, of: usize) -> f32 {
+    if of == 0 { 0.0 } else { count as f32 / of as f32 }
+}
+
 impl RowLayout {
+    /// Returns the layout of `y`.
+    pub fn of(y: &Frame) -> Self {
+        let (height, width, channels) = y.dim();
+        Self { height, width, channels }
+    }
+
+    /// Returns `count` as a share of the 2 x 2 loops, of which an image of one row or one column has none.
+    pub fn share_of_loops(self, count: u64) -> f32 {
+        share(count as usize, (self.height - 1) * (self.width - 1) * self.channels)
+    }
+
     /// Returns the number of samples of a row.
     pub fn samples(self) -> usize {
         self.width * self.channels

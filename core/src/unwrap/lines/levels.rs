@@ -5,6 +5,9 @@ use super::rows::Rows;
 use crate::unwrap::wrapped::Word;
 use crate::unwrap::{Range, Recovered, congruence};
 
+/// Up to so many levels, counting one level at a time is faster than a histogram.
+const FEW_LEVELS: usize = 12;
+
 /// The k of the image as a sum of terms by pixel, by row and by column.
 pub(super) struct Levels<'a, W> {
     pub layout: RowLayout,
@@ -36,14 +39,20 @@ impl<W: Word> Levels<'_, W> {
         // Differences of biased words are right modulo a word, whatever the first pixel was.
         let span = |channel: usize| extent.high[channel].minus(extent.low[channel]).into();
         let mut zero = BaseLevel { level: extent.low, outside: 0 };
-        // If all levels fit the range, counting one level at a time is faster than a histogram.
+        // If all levels fit the range, those above the base level need not be counted.
         if (0..self.layout.channels).all(|channel| span(channel) <= u16::from(most)) {
             self.raise_level(&mut zero, range, sums);
         } else {
+            let most_levels = (0..self.layout.channels).map(|channel| usize::from(span(channel)) + 1).max();
+            let few = most_levels.filter(|&levels| levels <= FEW_LEVELS);
+            let table = few.map(|levels| self.table(levels, &extent.low, sums));
             for (channel, level) in zero.level[..self.layout.channels].iter_mut().enumerate() {
                 counts.clear();
                 counts.resize(usize::from(span(channel)) + 1, 0);
-                self.histogram(channel, extent.low[channel], sums, counts);
+                match &table {
+                    Some(table) => counts.iter_mut().zip(table).for_each(|(count, of)| *count = of[channel]),
+                    None => self.histogram(channel, extent.low[channel], sums, counts),
+                }
                 let index = congruence::base_level_index(counts, range);
                 let inside = counts[index..].iter().take(usize::from(most) + 1);
                 zero.outside += counts.iter().sum::<usize>() - inside.sum::<usize>();
@@ -127,6 +136,13 @@ impl<W: Word> Levels<'_, W> {
             }
         }
         total
+    }
+
+    /// Returns the number of pixels of each channel at each of the first `levels` from `low` on.
+    #[inline(always)]
+    fn table(&self, levels: usize, low: &[W; 3], sums: &mut Vec<W>) -> [[usize; 3]; FEW_LEVELS] {
+        let at = |level: usize| low.map(|low| low.plus(W::low(level as u16)));
+        std::array::from_fn(|level| if level < levels { self.count(&at(level), sums) } else { [0; 3] })
     }
 
     /// Counts the pixels of `channel` at each level from `low` on.

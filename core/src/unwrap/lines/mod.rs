@@ -26,7 +26,7 @@ mod rows;
 
 use columns::{ColumnConstants, SummedImage};
 use gradient::Gradient;
-use layout::{CodeRows, RowLayout};
+use layout::{CodeRows, RowLayout, share};
 use levels::Levels;
 use rows::{PrefixSums, Rows};
 
@@ -38,11 +38,84 @@ use crate::simd::widest;
 /// The largest wrap count for which words of 8 bits hold every k and errors of the same size.
 const NARROW: u8 = 63;
 
+/// The number of rows after which an image is looked at for steep loops.
+const PAUSE: usize = 16;
+
 /// The method with its buffers, one channel after the other, in O(pixels).
 #[derive(Default)]
 pub struct Lines {
     bytes: Buffers<u8>,
     words: Buffers<u16>,
+}
+
+impl Lines {
+    /// Takes the first steps, which need not the whole range: sums the rows of `y`, up to the first ones with a steep loop. Returns the
+    /// number of rows that were summed, or `None` if the image has no steep loop.
+    ///
+    /// # Errors
+    /// Those of [`Unwrap::unwrap`].
+    pub(super) fn scan_to_steep(&mut self, y: &Frame, range: Range) -> Result<Option<usize>, UnwrapError> {
+        self.scan(y, range, 0, true)
+    }
+
+    /// Sums the rows of `y` from row `from` on; `scan_to_steep` has summed those before.
+    ///
+    /// # Errors
+    /// Those of [`Unwrap::unwrap`].
+    pub(super) fn scan_from(&mut self, from: usize, y: &Frame, range: Range) -> Result<(), UnwrapError> {
+        self.scan(y, range, from, false).map(|_| ())
+    }
+
+    fn scan(
+        &mut self,
+        y: &Frame,
+        range: Range,
+        from: usize,
+        pauses: bool,
+    ) -> Result<Option<usize>, UnwrapError> {
+        let layout = RowLayout::of(y);
+        Ok(match Integers::checked(y, range)? {
+            Integers::U8(codes) => {
+                let samples = CodeRows::new(codes, layout, range);
+                if is_narrow(range) {
+                    self.bytes.scan(&samples, layout, range, from, pauses)
+                } else {
+                    self.words.scan(&samples, layout, range, from, pauses)
+                }
+            }
+            Integers::U16(codes) => {
+                self.words.scan(&CodeRows::new(codes, layout, range), layout, range, from, pauses)
+            }
+        })
+    }
+
+    /// Takes the last steps for the image whose rows were summed.
+    ///
+    /// # Errors
+    /// Those of [`Unwrap::unwrap`].
+    pub(super) fn finish(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
+        out.prepare(y.dim(), self.name());
+        let layout = RowLayout::of(y);
+        match Integers::of(y)? {
+            Integers::U8(codes) => {
+                let samples = CodeRows::new(codes, layout, range);
+                if is_narrow(range) {
+                    self.bytes.finish(&samples, layout, range, out);
+                } else {
+                    self.words.finish(&samples, layout, range, out);
+                }
+            }
+            Integers::U16(codes) => {
+                self.words.finish(&CodeRows::new(codes, layout, range), layout, range, out)
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Returns whether words of 8 bits suffice, which hold twice as many lanes as words of 16.
+fn is_narrow(range: Range) -> bool {
+    range.bits() <= 8 && range.max_wraps() <= NARROW
 }
 
 impl Unwrap for Lines {
@@ -51,25 +124,8 @@ impl Unwrap for Lines {
     }
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        let codes = Integers::checked(y, range)?;
-        out.prepare(y.dim(), self.name());
-        let (height, width, channels) = y.dim();
-        let layout = RowLayout { height, width, channels };
-        match codes {
-            Integers::U8(codes) => {
-                let samples = CodeRows::new(codes, layout, range);
-                // Words of 8 bits hold twice as many lanes as words of 16.
-                if range.bits() <= 8 && range.max_wraps() <= NARROW {
-                    self.bytes.unwrap(&samples, layout, range, out);
-                } else {
-                    self.words.unwrap(&samples, layout, range, out);
-                }
-            }
-            Integers::U16(codes) => {
-                self.words.unwrap(&CodeRows::new(codes, layout, range), layout, range, out)
-            }
-        }
-        Ok(())
+        self.scan_from(0, y, range)?;
+        self.finish(y, range, out)
     }
 }
 
@@ -87,16 +143,37 @@ struct Buffers<W> {
 }
 
 impl<W: Word> Buffers<W> {
-    fn unwrap<S>(&mut self, samples: &CodeRows<'_, S>, layout: RowLayout, range: Range, out: &mut Recovered)
+    /// Sums the rows from row `from` on. If it `pauses`, it ends after the first rows with a steep loop, and returns their number.
+    fn scan<S>(
+        &mut self,
+        samples: &CodeRows<'_, S>,
+        layout: RowLayout,
+        range: Range,
+        from: usize,
+        pauses: bool,
+    ) -> Option<usize>
     where
         S: Copy + Into<u16>,
     {
-        self.gradient.start(layout);
-        self.sums.start(layout);
-        self.rows.start(layout, range);
-        for i in 0..layout.height {
-            widest!(self.take_row(i, samples, layout));
+        if from == 0 {
+            self.gradient.start(layout);
+            self.sums.start(layout);
+            self.rows.start(layout, range);
         }
+        for i in from..layout.height {
+            widest!(self.take_row(i, samples, layout));
+            let rows = i + 1;
+            if pauses && (rows % PAUSE == 0 || rows == layout.height) && self.gradient.has_steep_loops() {
+                return Some(rows);
+            }
+        }
+        None
+    }
+
+    fn finish<S>(&mut self, samples: &CodeRows<'_, S>, layout: RowLayout, range: Range, out: &mut Recovered)
+    where
+        S: Copy + Into<u16>,
+    {
         // The counters of the last rows are not full, but belong to the totals.
         self.gradient.settle();
         self.constants.find(&self.gradient, &SummedImage { samples, layout, rows: &self.rows }, range);
@@ -122,20 +199,17 @@ impl<W: Word> Buffers<W> {
         self.rows.append(&self.sums, [here, up, upper]);
     }
 
-    fn quality(&self, RowLayout { height, width, channels }: RowLayout, outside: usize) -> QualityMetrics {
-        // An image of one row or one column has no loop.
-        let share = |count: u64, of: usize| if of == 0 { 0.0 } else { count as f32 / of as f32 };
-        let loops = (height - 1) * (width - 1) * channels;
-        let [row, column] = [
-            share(self.rows.least_agreement as u64, width),
-            share(self.constants.least_agreement as u64, height),
-        ];
+    fn quality(&self, layout: RowLayout, outside: usize) -> QualityMetrics {
+        let RowLayout { height, width, channels } = layout;
+        let [row, column] =
+            [share(self.rows.least_agreement, width), share(self.constants.least_agreement, height)];
         QualityMetrics {
-            residues: share(self.gradient.residues, loops),
-            steep: share(self.gradient.suspect, loops),
+            residues: layout.share_of_loops(self.gradient.residues),
+            steep: layout.share_of_loops(self.gradient.suspect),
             consensus: row.min(column),
-            clamped: share(outside as u64, height * width * channels),
+            clamped: share(outside, height * width * channels),
             jumps: 0.0,
+            defects: 0.0,
         }
     }
 }

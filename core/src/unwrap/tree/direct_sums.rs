@@ -189,15 +189,15 @@ mod tests {
     use ndarray::Array3;
     use proptest::prelude::*;
 
-    use super::super::{Bounds, Edges, FLAT, Forest, Pixels, first_difference_keys, place};
+    use super::super::{Edges, FLAT, Forest, Pixels, first_difference_keys, place};
     use super::*;
     use crate::frame::Frame;
 
     /// Returns the results of the sums and of a tree; the first is `None` where the sums are not consistent.
     fn both(y: &Frame, range: Range) -> (Option<Recovered>, Recovered) {
-        let (mut pixels, bounds) = (Pixels::default(), Bounds::new(range));
+        let mut pixels = Pixels::default();
         let samples = Integers::checked(y, range).unwrap();
-        pixels.read(samples, (y.width(), y.channels()), range, bounds);
+        let bounds = pixels.read(samples, (y.width(), y.channels()), range);
         let [right, down] = [1, y.width()].map(|stride| {
             let (mut keys, mut breaks) = (Vec::new(), Vec::new());
             first_difference_keys(pixels.planes(), stride, FLAT, &mut keys, &mut breaks);

@@ -5,8 +5,9 @@
 //! 2^b`. Each region has the interval in which `0 <= y + k 2^b < alpha 2^b` leaves its k; a merge that would
 //! empty it is refused.
 //!
-//! The sensor clamps radiance to just below full scale, so whatever is brighter is a plateau there. 3 x 3 pixels
-//! of exactly the code of full scale in all of three channels are taken for k = ceil(alpha) - 1, from 8 bits on.
+//! A picture clips what is brighter than its range, and so does the sensor at full scale: such parts are plateaus. 3 x 3 pixels of
+//! exactly this code in all of three channels are taken for the brightest of the image, from 8 bits on. It is the code of nearly all
+//! plateaus of the image, if it can be near full scale at one count only, else that of full scale itself.
 //! An image with such a plateau at another k is recovered wrongly.
 //!
 //! Where all differences are consistent, `direct_sums` gives the result of the tree without one.
@@ -73,9 +74,8 @@ impl Unwrap for Tree {
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
         let samples = Integers::checked(y, range)?;
         out.prepare(y.dim(), self.name());
-        let bounds = Bounds::new(range);
         // The codes are stored twice, as planes for the keys and by pixel for the tree.
-        self.pixels.read(samples, (y.width(), y.channels()), range, bounds);
+        let bounds = self.pixels.read(samples, (y.width(), y.channels()), range);
         let Self { pixels, keys, breaks, forest, sums } = self;
         for ((keys, breaks), stride) in keys.iter_mut().zip(&mut *breaks).zip([1, y.width()]) {
             first_difference_keys(pixels.planes(), stride, FLAT, keys, breaks);
@@ -145,7 +145,7 @@ impl EdgeSource for ImageEdges<'_> {
         }
         Region::of_equal(pixels, |at| {
             let code = self.pixels.code(at);
-            match self.bounds.at_full_scale(code).filter(|_| self.is_plateau(at)) {
+            match self.bounds.of_clipped(code).filter(|_| self.is_plateau(at)) {
                 Some(most) => (most, most),
                 None => ([0; 4], self.bounds.highest(code)),
             }

@@ -38,8 +38,8 @@ pub(in crate::unwrap) struct Pixels {
 }
 
 impl Pixels {
-    /// Reads the samples, all below 2^b, of an image of (width, channels).
-    pub fn read(&mut self, y: Integers<'_>, (width, channels): (usize, usize), range: Range, bounds: Bounds) {
+    /// Reads the samples, all below 2^b, of an image of (width, channels), and returns the bounds of its counts.
+    pub fn read(&mut self, y: Integers<'_>, (width, channels): (usize, usize), range: Range) -> Bounds {
         self.width = width;
         self.has_colours = channels == 3;
         let shift = 16 - range.bits();
@@ -47,12 +47,44 @@ impl Pixels {
             Integers::U8(samples) => self.take(samples, channels, shift),
             Integers::U16(samples) => self.take(samples, channels, shift),
         }
+        let bounds = match self.clipped() {
+            Some(code) => Bounds::new(range).clipped_at(code, range),
+            None => Bounds::new(range),
+        };
         // Slices of known length before the loop, so that no bound is checked in it.
         let count = self.count();
         self.limited.resize(count, 0);
         let [r, g, b] = &self.planes;
         let (limited, r, g, b) = (&mut self.limited[..count], &r[..count], &g[..count], &b[..count]);
         widest!((0..count).for_each(|i| limited[i] = bounds.limits([r[i], g[i], b[i]])));
+        bounds
+    }
+
+    /// Returns the code of most 3 x 3 plateaus that are equal in all channels, if it is that of clipped radiance: nearly all
+    /// of them have it, and they are neither a few pixels nor most of the image. Plateaus of code 0 are black.
+    fn clipped(&self) -> Option<u16> {
+        let (width, rows) = (self.width, self.count() / self.width);
+        if !self.has_colours || width < 3 {
+            return None;
+        }
+        let is_plateau = |at: usize| {
+            let code @ [r, g, b, _] = self.quads[at];
+            let row = |at: usize| self.quads[at - 1..=at + 1] == [code; 3];
+            r == g && g == b && r > 0 && row(at) && row(at - width) && row(at + width)
+        };
+        let inner = || {
+            (1..rows.max(1) - 1).step_by(SAMPLED_ROWS).flat_map(|row| row * width + 1..(row + 1) * width - 1)
+        };
+        let plateaus = || inner().filter(|&at| is_plateau(at)).map(|at| self.quads[at][0]);
+        // The only code that can have a majority, by the votes for it and against it (Boyer and Moore).
+        let (code, _) = plateaus().fold((0, 0), |(code, votes), next| match votes {
+            0 => (next, 1),
+            _ => (code, if code == next { votes + 1 } else { votes - 1 }),
+        });
+        let (all, same) =
+            plateaus().fold((0, 0), |(all, same), next| (all + 1, same + u32::from(next == code)));
+        let share = f64::from(same) / inner().count() as f64;
+        (f64::from(same) >= MAJORITY * f64::from(all) && CLIPPED.contains(&share)).then_some(code)
     }
 
     fn take<T: Copy + Into<u16>>(&mut self, samples: &[T], channels: usize, shift: u8) {
@@ -132,14 +164,27 @@ pub(in crate::unwrap) fn wrap_steps(from: [u16; 4], to: [u16; 4]) -> Quad {
     plain.map(|plain| ((i32::from(plain as i16) - plain) >> 16) as i16)
 }
 
+/// One row of so many is looked at for plateaus.
+const SAMPLED_ROWS: usize = 4;
+
+/// The least share of the plateaus that have the code of clipped radiance, and the least and greatest share of the pixels that
+/// they have.
+const MAJORITY: f64 = 0.95;
+const CLIPPED: std::ops::Range<f64> = 5e-4..0.5;
+
+/// Clipped radiance lies between these shares of full scale: a scene is exposed for its brightest part, and alpha is known to some
+/// percent.
+const BRIGHTEST: std::ops::Range<f64> = 0.88..1.02;
+
 /// The greatest k for which `y + k * 2^b < alpha * 2^b`.
 #[derive(Clone, Copy)]
 pub(in crate::unwrap) struct Bounds {
     most: i16,
     /// The first code whose greatest k is one less.
     room: u32,
-    /// The code of full scale.
+    /// The code of plateaus of clipped radiance, and their k.
     top: u16,
+    top_count: i16,
     /// Whether the sensor has 8 bits or more.
     fine: bool,
 }
@@ -152,7 +197,24 @@ impl Bounds {
         let room = (room.ceil() as u32) << (16 - range.bits());
         // The sensor clamps radiance to just below the limit, so full scale is the last code below it.
         let step = 1 << (16 - range.bits());
-        Self { most: i16::from(most), room, top: (room - step) as u16, fine: range.bits() >= 8 }
+        Self {
+            most: i16::from(most),
+            room,
+            top: (room - step) as u16,
+            top_count: i16::from(most),
+            fine: range.bits() >= 8,
+        }
+    }
+
+    /// Returns the bounds for an image whose clipped radiance has this code, if that can be near full scale at one count only.
+    fn clipped_at(self, code: u16, range: Range) -> Self {
+        let code_units = f64::from(code >> (16 - range.bits()));
+        let at = |k: &i16| (code_units + f64::from(*k) * f64::from(range.peak())) / range.limit();
+        let mut counts = (0..=self.most).filter(|k| BRIGHTEST.contains(&at(k)));
+        match (counts.next(), counts.next()) {
+            (Some(top_count), None) => Self { top: code, top_count, ..self },
+            _ => self,
+        }
     }
 
     /// Returns [`highest`](Self::highest) of a pixel that nothing limits.
@@ -174,11 +236,11 @@ impl Bounds {
         pixel.map(|code| (self.most - i16::from(u32::from(code) >= self.room)).max(0))
     }
 
-    /// Returns [`highest`](Self::highest) of a pixel at full scale in every channel; `None` for other pixels, and
+    /// Returns k of a pixel of a plateau of clipped radiance, if it has its code in every channel; `None` for other pixels, and
     /// for all pixels of a sensor of few bits, where plateaus are everywhere.
     #[inline(always)]
-    pub fn at_full_scale(self, pixel: [u16; 4]) -> Option<Quad> {
-        (self.fine && pixel[..3] == [self.top; 3]).then_some([self.most; 4])
+    pub fn of_clipped(self, pixel: [u16; 4]) -> Option<Quad> {
+        (self.fine && pixel[..3] == [self.top; 3]).then_some([self.top_count; 4])
     }
 }
 
@@ -201,8 +263,8 @@ mod tests {
             let range = Range::new(8, alpha).unwrap();
             let most = i16::from(range.max_wraps());
             let code = |value: u16| [value << 8, value << 8, value << 8, 0];
-            assert_eq!(Bounds::new(range).at_full_scale(code(top)), Some([most; 4]), "alpha {alpha}");
-            assert_eq!(Bounds::new(range).at_full_scale(code(top - 1)), None);
+            assert_eq!(Bounds::new(range).of_clipped(code(top)), Some([most; 4]), "alpha {alpha}");
+            assert_eq!(Bounds::new(range).of_clipped(code(top - 1)), None);
         }
     }
 }

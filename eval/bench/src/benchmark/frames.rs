@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use modulo_core::{Exposure, Frame, Range, Sensor};
+use modulo_core::{Exposure, Frame, Range, Sensor, Transfer};
 use modulo_images::{EXTENSIONS, White, read_image};
 use modulo_scene::{Preset, Scene};
 use ndarray::Array3;
@@ -19,8 +19,8 @@ const MOMENTS: [u32; 2] = [0, 90];
 
 /// The origin of a frame.
 pub enum FrameSource {
-    /// An image file and its white point, as in [`crate::ExposureOptions`].
-    File(PathBuf, f32),
+    /// An image file with its white point, as in [`crate::ExposureOptions`], and its transfer function.
+    File(PathBuf, f32, Transfer),
     /// A frame of a procedural scene.
     Scene(Scene, u32),
 }
@@ -37,6 +37,7 @@ pub struct SensedFrame {
     pub ideal: Array3<u8>,
     pub wraps: Array3<u8>,
     pub range: Range,
+    pub transfer: Transfer,
 }
 
 /// Finds the readable frames, and lists the others.
@@ -47,7 +48,8 @@ pub fn usable(
     let sources = match &request.frames {
         None => procedural(),
         Some(folder) => {
-            list(folder)?.into_iter().map(|file| FrameSource::File(file, request.exposure.white)).collect()
+            let (white, transfer) = (request.exposure.white, request.exposure.sensor.first().transfer);
+            list(folder)?.into_iter().map(|file| FrameSource::File(file, white, transfer)).collect()
         }
     };
     let (mut found, mut skipped) = (Vec::new(), Vec::new());
@@ -83,7 +85,7 @@ pub fn sense(frames: &[BenchFrame], sensor: &Sensor, seed: u64) -> Result<Vec<Se
 impl SensedFrame {
     fn of(exposure: &Exposure) -> Self {
         let (modulo, ideal, wraps) = (exposure.modulo(), samples8(exposure.ideal()), exposure.wraps());
-        Self { modulo, ideal, wraps, range: exposure.range() }
+        Self { modulo, ideal, wraps, range: exposure.range(), transfer: exposure.transfer() }
     }
 }
 
@@ -91,7 +93,9 @@ impl FrameSource {
     /// Radiance in `[0, 1)`.
     fn radiance(&self) -> Result<Array3<f32>, BenchError> {
         match self {
-            Self::File(path, white) => Ok(White::new(*white)?.radiance(&read_image(path)?, path.display())?),
+            Self::File(path, white, transfer) => {
+                Ok(White::new(*white, *transfer)?.radiance(&read_image(path)?, path.display())?)
+            }
             Self::Scene(scene, frame) => Ok(scene.render(*frame, HEIGHT, WIDTH).radiance),
         }
     }
@@ -100,7 +104,7 @@ impl FrameSource {
 impl std::fmt::Display for FrameSource {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::File(path, _) => write!(f, "{}", path.display()),
+            Self::File(path, ..) => write!(f, "{}", path.display()),
             Self::Scene(scene, frame) => write!(f, "scene://{} frame {frame}", scene.preset().name()),
         }
     }

@@ -203,7 +203,7 @@ fn time_method(
 
 impl Measured {
     fn score(&mut self, sample: &SensedFrame, out: &Recovered) -> Result<(), BenchError> {
-        let picture = tone::linear8(&out.x, sample.range).map_err(UnwrapError::from)?;
+        let picture = tone::picture(&out.x, sample.range, sample.transfer).map_err(UnwrapError::from)?;
         let count = sample.wraps.len() as f64;
         self.samples += sample.wraps.len() as u64;
         self.exact += count * exact_share(&out.k, &sample.wraps)?;

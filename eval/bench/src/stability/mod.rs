@@ -104,7 +104,7 @@ fn in_colour(x: Array3<f32>, exposure: &Exposure) -> Array3<f32> {
 }
 
 fn named(
-    QualityMetrics { residues, steep, consensus, clamped, jumps }: QualityMetrics,
+    QualityMetrics { residues, steep, consensus, clamped, jumps, defects }: QualityMetrics,
 ) -> BTreeMap<&'static str, f32> {
     [
         ("residues", residues),
@@ -112,6 +112,7 @@ fn named(
         ("consensus", consensus),
         ("clamped", clamped),
         ("jumps", jumps),
+        ("defects", defects),
     ]
     .into()
 }

@@ -4,6 +4,7 @@
 
 use std::ops::Range;
 
+use modulo_core::Transfer;
 use modulo_scene::{Preset, Scene};
 use ndarray::{Array2, Array3, Zip, s};
 
@@ -43,6 +44,11 @@ impl Radiance {
     /// Multiplies all values by `factor`.
     pub fn times(self, factor: f64) -> Self {
         Self(self.0 * factor)
+    }
+
+    /// Takes all values for codes of a picture with `full_scale` codes, and decodes them into radiance.
+    pub fn decoded(self, transfer: Transfer, full_scale: f64) -> Self {
+        Self(self.0.mapv(|codes| full_scale * transfer.decode(codes / full_scale)))
     }
 
     /// Adds a slope from 0 at the left to `codes` at the right edge.

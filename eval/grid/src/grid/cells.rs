@@ -28,8 +28,9 @@ impl SensorCommand for VariedParameters {
         !FIXED.contains(&parameter)
     }
 
-    fn varies(_: &str) -> bool {
-        true
+    fn varies(parameter: &str) -> bool {
+        // The frames are read once for all cells, and decoded as they are read.
+        parameter != "transfer"
     }
 }
 

@@ -31,7 +31,7 @@ pub fn draw_pictures(
     timer: &dyn Clock,
     results: &Results,
 ) -> Result<Vec<NamedChart>, GridError> {
-    let mut frames = Frames::inspect(&request.data, request.options.white)?;
+    let mut frames = Frames::inspect(&request.data, &request.source())?;
     let busy = |truth: &Vec<GroundTruth>| truth.iter().filter(|label| label.class != DONT_CARE).count();
     let busiest = (0..frames.len()).rev().max_by_key(|&number| busy(&frames.truths[number]));
     let busiest = busiest.expect("data without a scored frame is refused");

@@ -6,7 +6,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use modulo_ap::difficulty::DONT_CARE;
-use modulo_bags::source::{GroundTruth, SourceError, SourceFrame};
+use modulo_bags::source::{GroundTruth, SourceError, SourceFrame, SourceOptions};
 use ndarray::Array3;
 use sha2::{Digest, Sha256};
 
@@ -60,10 +60,10 @@ impl Frames {
     ///
     /// # Errors
     /// [`GridError::Nothing`] if no frame can be scored; [`GridError::Source`] if the data is missing.
-    pub fn inspect(data: &Data, white: f32) -> Result<Self, GridError> {
+    pub fn inspect(data: &Data, options: &SourceOptions) -> Result<Self, GridError> {
         // All frames are read once before the first cell. A frame that turned out to be damaged in the middle of a run
         // would be scored in some cells only.
-        let drives = data.open(white)?;
+        let drives = data.open(options)?;
         let (kept, names, truths, drive_of, input) = Default::default();
         let mut frames = Self { drives, kept, names, truths, drive_of, input, place: 0, drive: 0 };
         let mut notes = Notes::default();

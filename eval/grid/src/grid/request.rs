@@ -130,6 +130,12 @@ impl Request {
         self.options.groups.as_deref().map_or_else(|| Ok(ClassGroups::default()), ClassGroups::read)
     }
 
+    /// How the frames are read.
+    pub(super) fn source(&self) -> SourceOptions {
+        let GridOptions { white, axes, .. } = &self.options;
+        SourceOptions { white: *white, transfer: axes.sensor.first().transfer, topic: None }
+    }
+
     /// The objects that are scored.
     pub(super) fn difficulty(&self) -> Difficulty {
         self.options.difficulty.unwrap_or_else(|| self.data.difficulty())
@@ -239,22 +245,22 @@ pub enum Data {
 pub(super) type Drive = (Option<String>, Box<dyn Source>);
 
 impl Data {
-    /// Opens all sources. `white` is that of [`GridOptions`].
-    pub(super) fn open(&self, white: f32) -> Result<Vec<Drive>, SourceError> {
+    /// Opens all sources.
+    pub(super) fn open(&self, options: &SourceOptions) -> Result<Vec<Drive>, SourceError> {
         match self {
             Self::Kitti { folder, list: None } => {
-                Ok(vec![(None, Box::new(KittiSource::open(folder, white)?))])
+                Ok(vec![(None, Box::new(KittiSource::open(folder, options)?))])
             }
             Self::Kitti { folder, list: Some(list) } => {
                 let folder = KittiFolder::listed(folder, &list.frames)?;
-                Ok(vec![(None, Box::new(KittiSource::of(folder, white)?))])
+                Ok(vec![(None, Box::new(KittiSource::of(folder, options)?))])
             }
-            Self::Sequences(folders) => folders.iter().map(|folder| sequence(folder, white)).collect(),
-            Self::Yolo(folder) => Ok(vec![(None, Box::new(YoloSource::open(folder, white)?))]),
+            Self::Sequences(folders) => folders.iter().map(|folder| sequence(folder, options)).collect(),
+            Self::Yolo(folder) => Ok(vec![(None, Box::new(YoloSource::open(folder, options)?))]),
             Self::Coco { annotations, images } => {
-                Ok(vec![(None, Box::new(CocoSource::open(annotations, images.as_deref(), white)?))])
+                Ok(vec![(None, Box::new(CocoSource::open(annotations, images.as_deref(), options)?))])
             }
-            Self::Any(spec) => Ok(vec![(None, source::open(spec, &SourceOptions { white, topic: None })?)]),
+            Self::Any(spec) => Ok(vec![(None, source::open(spec, options)?)]),
         }
     }
 
@@ -306,9 +312,9 @@ fn sha256(model: &Path) -> Result<String, GridError> {
     Ok(modulo_models::hex(&Sha256::digest(bytes)))
 }
 
-fn sequence(folder: &Path, white: f32) -> Result<Drive, SourceError> {
+fn sequence(folder: &Path, options: &SourceOptions) -> Result<Drive, SourceError> {
     let drive = folder.file_name().map(|name| name.to_string_lossy().into_owned());
-    Ok((drive, Box::new(KittiSource::open(folder, white)?)))
+    Ok((drive, Box::new(KittiSource::open(folder, options)?)))
 }
 
 #[cfg(test)]

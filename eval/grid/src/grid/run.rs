@@ -43,7 +43,7 @@ pub fn run(
     timer: &dyn Clock,
     tell: &(dyn Fn(GridEvent<'_>) + Sync),
 ) -> Result<GridOutcome, GridError> {
-    let GridOptions { axes, protocol, white, shard, fresh, .. } = &request.options;
+    let GridOptions { axes, protocol, shard, fresh, .. } = &request.options;
     let mut account = Account::new(timer, request.jobs());
     let warn = |line: &String| tell(GridEvent::Warning(line));
     let points = axes.points(*protocol)?;
@@ -52,7 +52,7 @@ pub fn run(
     let (map, groups) = (request.class_map()?, request.groups()?);
     let setup = request.setup(&map, &groups, &points)?;
     account.book(OTHER);
-    let mut frames = Frames::inspect(&request.data, *white)?;
+    let mut frames = Frames::inspect(&request.data, &request.source())?;
     account.book(INSPECT);
     // After the checks of the request, so that a wrong one makes no folder, and before the first cell.
     store::prepare(&request.out)?;

@@ -1,6 +1,7 @@
 //! Noise, defect pixels, constant levels, channels that differ, other bits, sizes and saturation factors, and the rendered
 //! driving scenes.
 
+use modulo_core::Transfer;
 use modulo_scene::Preset;
 
 use super::super::case::{Case, Family};
@@ -183,6 +184,14 @@ fn alphas() -> Vec<Case> {
     vec![
         case("alpha_1_5", 1.5).why(small),
         case("alpha_4", 4.0).why(small),
+        Case::new(
+            Family::Alpha,
+            "linear_light",
+            "the picture of a slope, a sky and a soft sun, decoded by sRGB into radiance of 4 peaks, through the lens",
+            || landscape(SIZE.0, SIZE.1).decoded(Transfer::Srgb, 1024.0).warm(),
+        )
+        .lens()
+        .why("radiance is steeper than codes where it is bright; the edge of the sky still stays below half a peak a pixel"),
         case("alpha_8", 8.0)
             .why("the sky is 600 codes brighter: first differences exceed half a peak, second ones do not")
             .but(FIRST_ORDER, Expect::Fails(0.65, RIM)),

@@ -250,8 +250,10 @@ impl RecoveryQuality {
             Gains::One => 1.0,
             Gains::Two { .. } => range.alpha() as f32,
         };
-        let x = codes.demosaiced().to_f32().mapv(|code| scale * code);
-        Self::of_merged(&tone::linear8(&x, range).ok()?, truth)
+        let (transfer, most) = (truth[0].transfer(), range.peak() - 1.0);
+        let radiance = |code: f32| most * transfer.decode((code / most).into()) as f32;
+        let x = codes.demosaiced().to_f32().mapv(|code| scale * radiance(code));
+        Self::of_merged(&tone::picture(&x, range, transfer).ok()?, truth)
     }
 
     /// The quality of a merged image, which has no wrap counts.

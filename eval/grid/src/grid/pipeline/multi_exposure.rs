@@ -4,7 +4,7 @@
 //! The captures are three consecutive frames of the drive with the longest exposure last; the middle one is the frame
 //! that is scored. Moving objects leave ghosts: the captures are not aligned.
 
-use modulo_core::{Bracket, Range, Sensor, SensorConfig, tone};
+use modulo_core::{Bracket, Range, Sensor, SensorConfig, Transfer, tone};
 use ndarray::Array3;
 
 use super::{DetectorInput, FrameWithNeighbours, PipelineConfig, RecoveryQuality, Truth, unstamped};
@@ -48,6 +48,7 @@ pub struct MultiExposurePipeline<'a> {
     sensors: Vec<Sensor>,
     truth: Truth,
     range: Range,
+    transfer: Transfer,
     config: PipelineConfig<'a>,
 }
 
@@ -57,11 +58,14 @@ impl<'a> MultiExposurePipeline<'a> {
         let (range, sensor) = (point.sensor.range()?, point.sensor.config()?);
         let bracket = Bracket::new(range, CAPTURES);
         // An exposure of a fraction of the time sees that fraction of the light: alpha is multiplied by the time.
-        let of_time =
-            |time: &f32| Sensor::new(SensorConfig { alpha: sensor.alpha * f64::from(*time), ..sensor });
+        let of_time = |time: &f32| {
+            let alpha = sensor.alpha * f64::from(*time);
+            // Captures are merged before they are shown.
+            Sensor::new(SensorConfig { alpha, transfer: Transfer::Linear, ..sensor })
+        };
         let sensors = bracket.times().iter().map(of_time).collect::<Result<_, _>>()?;
         let truth = Truth::of(sensor)?;
-        Ok(Self { bracket, sensors, truth, range, config })
+        Ok(Self { bracket, sensors, truth, range, transfer: sensor.transfer, config })
     }
 
     /// Processes one frame.
@@ -87,7 +91,7 @@ impl<'a> MultiExposurePipeline<'a> {
         let sensed = timer.ticks_ns();
         let x = self.bracket.merge(&captures)?;
         let merged = timer.ticks_ns();
-        let image = tone::linear8(&x, self.range).map_err(modulo_core::SensorError::from)?;
+        let image = tone::picture(&x, self.range, self.transfer).map_err(modulo_core::SensorError::from)?;
         let toned = timer.ticks_ns();
         let stages = vec![
             ("sense", sensed.saturating_sub(start)),

@@ -1,0 +1,109 @@
+//! What ordinary chips and scenes do to `auto`, on rendered scenes: defects, an alpha that is known to some percent, scenes in which
+//! nothing is dark.
+
+// Helpers of tests may unwrap as tests do.
+#![allow(clippy::unwrap_used)]
+
+use modulo_core::unwrap::{Options, PASS_THROUGH, Trust, by_name};
+use modulo_core::{Exposure, Psf, Range, Recovered, Sensor, SensorConfig};
+use modulo_scene::{Preset, Scene};
+use ndarray::Array3;
+
+/// Returns one scene of each preset.
+fn scenes() -> Vec<Array3<f32>> {
+    Preset::ALL.iter().map(|&preset| Scene::new(preset, 1).render(0, 120, 320).radiance).collect()
+}
+
+fn expose(radiance: &Array3<f32>, alpha: f64, hot_pixels: f64) -> Exposure {
+    let config =
+        SensorConfig { alpha, psf: Psf::Gaussian { sigma: 1.4 }, hot_pixels, ..SensorConfig::default() };
+    Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap()
+}
+
+fn recover(exposure: &Exposure, range: Range) -> Recovered {
+    let mut out = Recovered::default();
+    by_name("auto", &Options::default()).unwrap().unwrap(&exposure.modulo(), range, &mut out).unwrap();
+    out
+}
+
+#[test]
+fn hot_samples_cost_neither_speed_nor_trust() {
+    for radiance in scenes() {
+        for (alpha, hot) in [(2.0, 1e-5), (2.0, 1e-4), (4.0, 1e-5), (4.0, 1e-4), (4.0, 4e-4)] {
+            let (clean, exposure) = (expose(&radiance, alpha, 0.0), expose(&radiance, alpha, hot));
+            let [expected, out] = [&clean, &exposure].map(|exposure| recover(exposure, exposure.range()));
+            let (method, trust) = (out.report.method, out.report.trust);
+            assert!(["lines", PASS_THROUGH].contains(&method), "alpha {alpha}, hot {hot}: {:?}", out.report);
+            assert_eq!(trust, expected.report.trust, "alpha {alpha}, hot {hot}: {:?}", out.report);
+            let truth = exposure.wraps();
+            let samples = out.k.iter().zip(&truth).zip(exposure.x().iter().zip(clean.x()));
+            let wrong = samples.filter(|((k, truth), (x, clean))| k != truth && x == clean).count();
+            assert_eq!(wrong, 0, "alpha {alpha}, hot {hot}: sound samples with a wrong count");
+        }
+    }
+}
+
+#[test]
+fn a_defect_keeps_its_code_and_gets_the_nearest_count() {
+    let radiance = &scenes()[0];
+    let (clean, exposure) = (expose(radiance, 4.0, 0.0), expose(radiance, 4.0, 1e-4));
+    let out = recover(&exposure, exposure.range());
+    let defects = out.report.quality.unwrap().defects;
+    assert!(defects > 0.0 && defects < 1e-4, "{defects}");
+    let y = exposure.modulo();
+    for ((at, x), y) in out.x.indexed_iter().zip(y.as_u8().unwrap()) {
+        assert_eq!(*x, f32::from(*y) + 256.0 * f32::from(out.k[at]));
+        // At the ends of the range, the nearest count may not exist.
+        assert!((x - clean.x()[at]).abs() <= 140.0 || out.k[at] == 0 || out.k[at] == 3, "{at:?}");
+    }
+}
+
+#[test]
+fn an_alpha_that_is_known_to_two_percent_loses_no_count() {
+    for radiance in scenes() {
+        for alpha in [1.5, 2.0, 3.0, 4.0] {
+            let exposure = expose(&radiance, alpha, 0.0);
+            for told in [0.98, 1.0, 1.02] {
+                let out = recover(&exposure, Range::new(8, alpha * told).unwrap());
+                assert_eq!(out.k, exposure.wraps(), "alpha {alpha}, told {told}: {:?}", out.report);
+            }
+        }
+    }
+}
+
+/// The sensor's full scale lies a little above an integer alpha, which the given alpha just misses.
+#[test]
+fn a_count_beyond_the_given_range_is_found() {
+    let radiance = expose(&scenes()[0], 1.0, 0.0).x().mapv(|x| x / 256.0);
+    let brightest = radiance.iter().fold(0.0f32, |most, x| most.max(*x));
+    let exposure = expose(&radiance.mapv(|x| x / brightest), 3.05, 0.0);
+    assert!(exposure.wraps().iter().any(|&k| k == 3));
+    let out = recover(&exposure, Range::new(8, 2.99).unwrap());
+    assert_eq!(out.k, exposure.wraps(), "{:?}", out.report);
+}
+
+#[test]
+fn nothing_that_is_too_dark_by_a_peak_is_trusted() {
+    let mut seen = [0; 2];
+    for radiance in scenes() {
+        for (alpha, dark) in
+            [(2.0, 0.0), (2.0, 0.5), (3.0, 0.35), (4.0, 0.0), (4.0, 0.25), (4.0, 0.3), (8.0, 0.13)]
+        {
+            let exposure = expose(&radiance.mapv(|x| dark + (1.0 - dark) * x), alpha, 0.0);
+            let truth = exposure.wraps();
+            for told in [0.9, 0.98, 1.0, 1.02, 1.1] {
+                let out = recover(&exposure, Range::new(8, alpha * told).unwrap());
+                let right = out.k.iter().zip(&truth).filter(|(k, truth)| k == truth).count();
+                let trusted = out.report.trust == Trust::Trusted;
+                assert!(
+                    !trusted || right as f64 >= 0.999 * truth.len() as f64,
+                    "alpha {alpha}, told {told}, darkest {dark}: {right} of {} right, {:?}",
+                    truth.len(),
+                    out.report
+                );
+                seen[usize::from(trusted)] += 1;
+            }
+        }
+    }
+    assert!(seen.iter().all(|&count| count > 5), "both are met: {seen:?}");
+}

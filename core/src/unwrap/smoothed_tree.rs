@@ -1,0 +1,63 @@
+//! Smoothed tree: `gradient_tree` on a modulo image without most of its noise, for frames in which noise makes differences wrap.
+//!
+//! With the smoothed codes s of [`Smoothing`], and their result `s + k_s 2^b`, the radiance is `s + k_s 2^b + M_b(y - s)`, which is congruent
+//! with y. It is exact where the noise of y is below half a peak and `gradient_tree` is exact on s.
+
+use super::smoothing::{Smoothing, noise};
+use super::{GradientTree, Integers, Range, Recovered, SMOOTHED_TREE, UnwrapError};
+use crate::frame::Frame;
+use crate::simd::widest;
+
+/// The method with its buffers. Codes have a peak of 2^16.
+#[derive(Default)]
+pub(super) struct SmoothedTree {
+    smoothing: Smoothing,
+    codes: Vec<u16>,
+    noise: f32,
+    smoothed: Vec<u16>,
+}
+
+impl SmoothedTree {
+    /// Reads `y`, and returns the standard deviation of its noise in peaks, at most 0.19.
+    ///
+    /// # Errors
+    /// Those of [`Unwrap::unwrap`](super::Unwrap::unwrap).
+    pub fn read(&mut self, y: &Frame, range: Range) -> Result<f32, UnwrapError> {
+        let shift = 16 - range.bits();
+        self.codes.clear();
+        match Integers::checked(y, range)? {
+            Integers::U8(y) => self.codes.extend(y.iter().map(|&y| u16::from(y) << shift)),
+            Integers::U16(y) => self.codes.extend(y.iter().map(|&y| y << shift)),
+        }
+        self.noise = noise(&self.codes, y.dim());
+        Ok(self.noise / (u32::from(u16::MAX) + 1) as f32)
+    }
+
+    /// Unwraps the image of `dim` that was read, by `tree` on smoothed codes.
+    pub fn unwrap(
+        &mut self,
+        tree: &mut GradientTree,
+        dim: (usize, usize, usize),
+        range: Range,
+        out: &mut Recovered,
+    ) {
+        let Self { smoothing, codes, noise, smoothed } = self;
+        smoothing.apply(codes, dim, *noise, smoothed);
+        // The tree reads codes of the range; the last half of a code rounds up to the next peak.
+        let shift = 16 - range.bits();
+        let half = (1 << shift) >> 1;
+        smoothed.iter_mut().for_each(|code| *code = code.wrapping_add(half) >> shift);
+        out.prepare(dim, SMOOTHED_TREE);
+        tree.unwrap_codes(Integers::U16(smoothed), dim, range, out);
+        let (most, peak) = (i32::from(range.max_wraps()), range.peak());
+        let (x, k) = out.buffers();
+        widest!(for (((x, k), code), smoothed) in x.iter_mut().zip(k).zip(&*codes).zip(&*smoothed) {
+            let smoothed = smoothed << shift;
+            let change = i32::from(code.wrapping_sub(smoothed).cast_signed());
+            // The smoothed code plus the change is y, or y plus or minus one peak.
+            let turns = (i32::from(smoothed) + change) >> 16;
+            *k = (i32::from(*k) + turns).clamp(0, most) as u8;
+            *x = f32::from(code >> shift) + f32::from(*k) * peak;
+        });
+    }
+}
