@@ -7,19 +7,8 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use modulo_eval::grid::words;
 use modulo_runtime::wire::keys::Hashes;
 
+use crate::LONG_VERSION;
 use crate::command::{bag, bench, eval, graph, launch, model, param, run, view};
-
-/// Version of the suite.
-pub const VERSION: &str = env!("CARGO_PKG_VERSION");
-/// Version, commit, target and inference engines of this binary.
-pub const LONG_VERSION: &str = concat!(
-    env!("CARGO_PKG_VERSION"),
-    "\ncommit:  ",
-    env!("MODULO_COMMIT"),
-    "\ntarget:  ",
-    env!("MODULO_TARGET"),
-    "\nengines: rten (built in), ort (ONNX Runtime, loaded at run time where its library is found)"
-);
 
 /// Commands that exchange messages with other nodes.
 const GRAPH_COMMANDS: [&[&str]; 9] = [

@@ -8,6 +8,18 @@ mod command;
 
 use std::process::ExitCode;
 
+/// Version of the suite.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+/// Version, commit, target and inference engines of this binary.
+pub const LONG_VERSION: &str = concat!(
+    env!("CARGO_PKG_VERSION"),
+    "\ncommit:  ",
+    env!("MODULO_COMMIT"),
+    "\ntarget:  ",
+    env!("MODULO_TARGET"),
+    "\nengines: rten (built in), ort (ONNX Runtime, loaded at run time where its library is found)"
+);
+
 /// How a command ended.
 pub enum Ended {
     /// Done.

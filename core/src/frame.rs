@@ -2,6 +2,7 @@
 //!
 //! A frame has no time stamp and no name; those belong to the message that carries it.
 
+use std::borrow::Cow;
 use std::fmt;
 
 use ndarray::{Array3, ArrayView3};
@@ -145,6 +146,20 @@ impl Frame {
     /// Returns the colour mosaic that the pixels are, if they are one.
     pub fn mosaic(&self) -> Option<Mosaic> {
         self.mosaic
+    }
+
+    /// Returns the frame with three colours at each pixel: itself if it has no mosaic, else the colours by
+    /// [`Mosaic::demosaic`], integers rounded and clamped to the range of their bits.
+    pub fn demosaiced(&self) -> Cow<'_, Self> {
+        let Some(mosaic) = self.mosaic() else { return Cow::Borrowed(self) };
+        let colours = mosaic.demosaic(self.to_f32().view());
+        // The filters sharpen, so that they leave the range of the samples at edges.
+        // `as` clamps. A mosaic has integers.
+        let frame = match self.depth() {
+            8 => Self::from_u8(colours.mapv(|value| (value + 0.5) as u8)),
+            _ => Self::from_u16(colours.mapv(|value| (value + 0.5) as u16)),
+        };
+        Cow::Owned(frame.expect("the shape is that of an image"))
     }
 
     /// Returns the samples, which have one of three types.

@@ -3,11 +3,8 @@
 //! [`Mosaic::demosaic`] interpolates the two other colours with the linear filters of 5 x 5 pixels of Malvar, He and Cutler
 //! (2004, *High-quality linear interpolation for demosaicing of Bayer-patterned color images*, ICASSP).
 
-use std::borrow::Cow;
-
 use ndarray::{Array3, ArrayView3, s};
 
-use crate::frame::{Frame, in_order};
 use crate::simd::widest;
 
 /// The order of the colours in each 2 x 2 pixels of a Bayer mosaic, from the upper left pixel along the rows.
@@ -77,7 +74,7 @@ impl Mosaic {
     pub fn demosaic(self, image: ArrayView3<'_, f32>) -> Array3<f32> {
         let (height, width, _) = image.dim();
         let image = image.as_standard_layout();
-        let samples = in_order(image.view());
+        let samples = image.as_slice().expect("the array is in standard layout");
         let mut rows: [Vec<f32>; 2 * REACH + 1] = Default::default();
         let mut filtered = Filtered::default();
         let mut colours = Array3::zeros((height, width, 3));
@@ -151,22 +148,6 @@ impl Filtered {
     }
 }
 
-impl Frame {
-    /// Returns the frame with three colours at each pixel: itself if it has no mosaic, else the colours by
-    /// [`Mosaic::demosaic`], integers rounded and clamped to the range of their bits.
-    pub fn demosaiced(&self) -> Cow<'_, Self> {
-        let Some(mosaic) = self.mosaic() else { return Cow::Borrowed(self) };
-        let colours = mosaic.demosaic(self.to_f32().view());
-        // The filters sharpen, so that they leave the range of the samples at edges.
-        // `as` clamps. A mosaic has integers.
-        let frame = match self.depth() {
-            8 => Self::from_u8(colours.mapv(|value| (value + 0.5) as u8)),
-            _ => Self::from_u16(colours.mapv(|value| (value + 0.5) as u16)),
-        };
-        Cow::Owned(frame.expect("the shape is that of an image"))
-    }
-}
-
 /// Returns an image (H x W x 1) in which `change` has replaced the pixels of each place in the 2 x 2 pixels of a mosaic, which are
 /// an image of their own.
 pub(crate) fn by_colour(image: &Array3<f32>, change: impl Fn(&Array3<f32>) -> Array3<f32>) -> Array3<f32> {
@@ -203,6 +184,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::Frame;
 
     /// The mosaic image of three colours.
     fn seen(mosaic: Mosaic, colours: &Array3<f32>) -> Array3<f32> {

@@ -1,5 +1,3 @@
-use crate::chart::distinct;
-
 /// An axis of a panel. It maps values to positions along one side of the panel, and chooses the ticks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Axis {
@@ -140,6 +138,17 @@ impl Unit {
             Self::Percent => format!("{} %", rounded(100.0 * value)),
         }
     }
+}
+
+/// The distinct values in the order of their first appearance.
+pub fn distinct<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
+    let mut found = Vec::new();
+    for value in values {
+        if !found.contains(&value) {
+            found.push(value);
+        }
+    }
+    found
 }
 
 /// Removes the last digits that result from binary fractions.

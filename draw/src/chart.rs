@@ -1,10 +1,12 @@
-//! [`Chart`]: title, subtitle, body, legend and footer; and [`Bars`], one kind of body.
+//! [`Chart`]: title, subtitle, body, legend and footer; and [`Bars`] and [`Pictures`], two kinds of body.
 
-use crate::axis::{Axis, Scale};
-use crate::canvas::{Anchor, Canvas, Font};
-use crate::panel::{ChartPanel, Emphasis, SeriesStyle};
-use crate::picture::Pictures;
-use crate::primitives::{Colour, FADED_TEXT, FAINT, GREY, INK, Position, Style};
+use crate::axis::{Axis, Scale, distinct};
+use crate::canvas::{Anchor, Canvas, Shape};
+use crate::font::Font;
+use crate::panel::{ChartPanel, SeriesStyle};
+use crate::picture::Picture;
+use crate::primitives::{Colour, FADED_TEXT, FAINT, GREY, INK, Position};
+use crate::style::{Emphasis, Style};
 use crate::{ChartError, number, panel, raster, svg};
 
 /// A chart.
@@ -85,17 +87,6 @@ impl Chart {
         canvas.height = (y + MARGIN / 2.0).ceil();
         canvas
     }
-}
-
-/// The distinct values in the order of their first appearance.
-pub fn distinct<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
-    let mut found = Vec::new();
-    for value in values {
-        if !found.contains(&value) {
-            found.push(value);
-        }
-    }
-    found
 }
 
 impl ChartBody {
@@ -261,5 +252,51 @@ impl Bars {
         canvas.line(vec![(left, top), (left, bottom)], GREY, 1.2);
         canvas.text(((left + right) / 2.0, bottom + 38.0), &self.label, 12.5, INK, Anchor::Middle);
         place
+    }
+}
+
+/// A table of images.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pictures {
+    /// Names of the columns.
+    pub columns: Vec<String>,
+    /// Name of each row and its image in each column. `None` leaves the place empty.
+    pub rows: Vec<(String, Vec<Option<Picture>>)>,
+    /// Names and colours of the boxes.
+    pub legend: Vec<(String, [u8; 3])>,
+}
+
+/// Font size of the names, px.
+const NAME_SIZE: f32 = 12.5;
+/// Distance between two images, px.
+const PICTURE_GAP: f32 = 6.0;
+/// Pages of at least this width have two images side by side.
+const WIDE: f32 = 900.0;
+
+impl Pictures {
+    /// Draws into (left, top, width), each image below the name of its column. Returns the y below it.
+    pub(crate) fn draw(&self, canvas: &mut Canvas, (left, top, width): (f32, f32, f32)) -> f32 {
+        let columns: u8 = if canvas.width < WIDE { 1 } else { 2 };
+        let cell = (width - left + PICTURE_GAP) / f32::from(columns) - PICTURE_GAP;
+        let height = |picture: &Picture| cell / picture.size().0 as f32 * picture.size().1 as f32;
+        let mut y = top;
+        for (name, pictures) in &self.rows {
+            canvas.text((left, y + NAME_SIZE), name, NAME_SIZE, INK, Anchor::Start);
+            y += 1.5 * NAME_SIZE;
+            let named: Vec<_> = self.columns.iter().zip(pictures).collect();
+            for line in named.chunks(columns.into()) {
+                y += 1.5 * NAME_SIZE;
+                for (column, (name, picture)) in (0u8..).zip(line) {
+                    let Some(picture) = picture else { continue };
+                    let x = left + f32::from(column) * (cell + PICTURE_GAP);
+                    canvas.text((x, y - 0.4 * NAME_SIZE), name, NAME_SIZE, GREY, Anchor::Start);
+                    let area = (x, y, x + cell, y + height(picture));
+                    canvas.shapes.push(Shape::Picture { area, picture: picture.clone() });
+                }
+                y += line.iter().filter_map(|(_, picture)| picture.as_ref()).map(height).fold(0.0, f32::max);
+            }
+            y += NAME_SIZE;
+        }
+        y
     }
 }

@@ -7,20 +7,22 @@
 mod axis;
 mod canvas;
 mod chart;
+mod font;
 mod label;
 mod panel;
 mod picture;
 mod plates;
 mod primitives;
 mod raster;
+mod style;
 mod svg;
 
-pub use axis::{Axis, AxisDirection, Scale, Unit};
-
-pub use chart::{Bar, Bars, Chart, ChartBody, PageWidth, distinct};
-pub use panel::{ChartPanel, DataPoint, Emphasis, Series, SeriesStyle};
-pub use picture::{LabelledBox, Picture, Pictures, sheet};
+pub use axis::{Axis, AxisDirection, Scale, Unit, distinct};
+pub use chart::{Bar, Bars, Chart, ChartBody, PageWidth, Pictures};
+pub use panel::{ChartPanel, DataPoint, Series, SeriesStyle};
+pub use picture::{LabelledBox, Picture, sheet};
 pub use primitives::class_colour;
+pub use style::Emphasis;
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 

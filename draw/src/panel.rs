@@ -3,7 +3,8 @@
 use crate::axis::{Axis, FittedAxis};
 use crate::canvas::{Anchor, Canvas, Rotation};
 use crate::label::{LabelLayout, LabelRequest, nearest};
-use crate::primitives::{Area, Colour, FAINT, GREY, INK, Position, RADIUS, Style, WHITE};
+use crate::primitives::{Area, Colour, FAINT, GREY, INK, Position, RADIUS, WHITE};
+use crate::style::{Emphasis, Style};
 
 /// A pair of axes with series.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,16 +37,6 @@ pub enum SeriesStyle {
     Markers,
     /// Only the line.
     Line,
-}
-
-/// Emphasis of a marker.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Emphasis {
-    /// The marker has the colour of its series.
-    #[default]
-    Normal,
-    /// The marker is grey.
-    Faded,
 }
 
 /// A point of a series.

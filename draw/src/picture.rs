@@ -1,17 +1,15 @@
-//! [`Picture`]: an image with labelled boxes, [`Pictures`]: a table of them in a chart, and [`sheet`]: several as one image.
+//! [`Picture`]: an image with labelled boxes, and [`sheet`]: several as one image.
 
 use std::sync::Arc;
 
 use image::RgbImage;
 use image::imageops::{FilterType, resize};
-use tiny_skia::{Color, Pixmap, PixmapPaint, Rect, Stroke, Transform};
+use tiny_skia::{Color, FillRule, Paint, Path, PathBuilder, Pixmap, PixmapPaint, Rect, Stroke, Transform};
 
 use crate::ChartError;
-use crate::canvas::Font;
-use crate::canvas::{Anchor, Canvas, Shape};
+use crate::font::Font;
 use crate::plates::{connection, place};
-use crate::primitives::{Area, Colour, GREY, INK, class_colour, ink_on};
-use crate::raster::{fill, paint, path, pixmap, rgb};
+use crate::primitives::{Area, Colour, INK, Position, class_colour, ink_on};
 
 /// An image with labelled boxes.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,6 +93,8 @@ impl Picture {
     }
 }
 
+/// Least font size on an image, px of the chart.
+pub const LEAST_TEXT: f32 = 9.0;
 /// Least font size of the labels on an image of its own size, px.
 const LEAST_LABEL: f32 = 12.0;
 /// Colour of the thin line around a box.
@@ -181,51 +181,45 @@ impl Lettering {
     }
 }
 
-/// A table of images.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Pictures {
-    /// Names of the columns.
-    pub columns: Vec<String>,
-    /// Name of each row and its image in each column. `None` leaves the place empty.
-    pub rows: Vec<(String, Vec<Option<Picture>>)>,
-    /// Names and colours of the boxes.
-    pub legend: Vec<(String, [u8; 3])>,
+/// Red, green and blue of each pixel. All pixels are opaque, so that premultiplied samples equal the plain ones.
+pub fn rgb(pixels: &Pixmap) -> RgbImage {
+    let mut rgb = Vec::with_capacity(pixels.data().len() / 4 * 3);
+    pixels.data().chunks_exact(4).for_each(|pixel| rgb.extend_from_slice(&pixel[..3]));
+    RgbImage::from_raw(pixels.width(), pixels.height(), rgb).expect("three samples a pixel")
 }
 
-/// Font size of the names, px.
-const SIZE: f32 = 12.5;
-/// Distance between two images, px.
-const GAP: f32 = 6.0;
-/// Pages of at least this width have two images side by side.
-const WIDE: f32 = 900.0;
-/// Least font size on an image, px of the chart.
-pub const LEAST_TEXT: f32 = 9.0;
+/// The image as pixels to draw on.
+pub fn pixmap(image: &RgbImage) -> Result<Pixmap, ChartError> {
+    let (width, height) = image.dimensions();
+    let mut pixels = Pixmap::new(width, height).ok_or(ChartError::Size(width, height))?;
+    for (pixel, rgb) in pixels.data_mut().chunks_exact_mut(4).zip(image.as_raw().chunks_exact(3)) {
+        pixel[..3].copy_from_slice(rgb);
+        pixel[3] = u8::MAX;
+    }
+    Ok(pixels)
+}
 
-impl Pictures {
-    /// Draws into (left, top, width), each image below the name of its column. Returns the y below it.
-    pub(crate) fn draw(&self, canvas: &mut Canvas, (left, top, width): (f32, f32, f32)) -> f32 {
-        let columns: u8 = if canvas.width < WIDE { 1 } else { 2 };
-        let cell = (width - left + GAP) / f32::from(columns) - GAP;
-        let height = |picture: &Picture| cell / picture.size().0 as f32 * picture.size().1 as f32;
-        let mut y = top;
-        for (name, pictures) in &self.rows {
-            canvas.text((left, y + SIZE), name, SIZE, INK, Anchor::Start);
-            y += 1.5 * SIZE;
-            let named: Vec<_> = self.columns.iter().zip(pictures).collect();
-            for line in named.chunks(columns.into()) {
-                y += 1.5 * SIZE;
-                for (column, (name, picture)) in (0u8..).zip(line) {
-                    let Some(picture) = picture else { continue };
-                    let x = left + f32::from(column) * (cell + GAP);
-                    canvas.text((x, y - 0.4 * SIZE), name, SIZE, GREY, Anchor::Start);
-                    let area = (x, y, x + cell, y + height(picture));
-                    canvas.shapes.push(Shape::Picture { area, picture: picture.clone() });
-                }
-                y += line.iter().filter_map(|(_, picture)| picture.as_ref()).map(height).fold(0.0, f32::max);
-            }
-            y += SIZE;
-        }
-        y
+pub fn path(points: &[Position], closed: bool) -> Option<Path> {
+    let mut builder = PathBuilder::new();
+    for (index, &(x, y)) in points.iter().enumerate() {
+        if index == 0 { builder.move_to(x, y) } else { builder.line_to(x, y) }
+    }
+    if closed {
+        builder.close();
+    }
+    builder.finish()
+}
+
+pub fn paint(colour: Colour) -> Paint<'static> {
+    let [r, g, b] = colour;
+    let mut paint = Paint { anti_alias: true, ..Paint::default() };
+    paint.set_color_rgba8(r, g, b, 255);
+    paint
+}
+
+pub fn fill(pixels: &mut Pixmap, path: Option<Path>, colour: Colour, transform: Transform) {
+    if let Some(path) = path {
+        pixels.fill_path(&path, &paint(colour), FillRule::Winding, transform, None);
     }
 }
 

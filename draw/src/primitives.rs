@@ -1,9 +1,4 @@
-//! Positions, areas, colours, and the styles of series.
-
-use std::f32::consts::{PI, TAU};
-
-use crate::canvas::{Canvas, Shape};
-use crate::panel::Emphasis;
+//! Positions, areas and colours.
 
 /// Red, green, blue.
 pub type Colour = [u8; 3];
@@ -16,51 +11,14 @@ pub type Area = (f32, f32, f32, f32);
 
 pub const INK: Colour = [0x22, 0x22, 0x22];
 pub const GREY: Colour = [0x55, 0x55, 0x55];
-pub const FADED: Colour = [0xbd, 0xbd, 0xbd];
 pub const FAINT: Colour = [0xe4, 0xe4, 0xe4];
 pub const WHITE: Colour = [0xff; 3];
 
 /// Half the size of a marker, px.
 pub const RADIUS: f32 = 6.0;
-/// Half the width of the caps of an interval, px.
-const CAP: f32 = 3.5;
-/// Number of different markers.
-const MARKERS: usize = 8;
 
 /// Colour of the labels of faded points, which are read on white.
 pub const FADED_TEXT: Colour = [0x76, 0x76, 0x76];
-
-/// Colour and marker of each stream, method and stage of the project, by its name: it has this style in every chart. The
-/// first colours are those of Okabe and Ito, which colour-blind readers can distinguish. Each marker separates
-/// the names whose colours are similar.
-const STYLES: [(&str, Colour, usize); 25] = [
-    ("ideal", [0x00, 0x00, 0x00], 0),
-    ("saturated", [0xe6, 0x9f, 0x00], 1),
-    ("modulo", [0xd5, 0x5e, 0x00], 2),
-    ("auto", [0x00, 0x72, 0xb2], 3),
-    ("spud", [0x00, 0x9e, 0x73], 4),
-    ("spud_as_published", [0xcc, 0x79, 0xa7], 5),
-    ("lines", [0x56, 0xb4, 0xe9], 6),
-    ("multi_exposure", [0x33, 0x22, 0x88], 7),
-    ("multi_exposure_still", [0x8f, 0x7c, 0xe0], 0),
-    ("tree", [0x88, 0x22, 0x55], 1),
-    ("gradient_tree", [0x99, 0x99, 0x33], 2),
-    ("least_squares", [0x8c, 0x56, 0x4b], 4),
-    ("itoh", [0x44, 0xaa, 0x99], 7),
-    ("quality_guided", [0xaa, 0x44, 0x99], 6),
-    ("checkerboard_gains", [0xbb, 0x33, 0x33], 3),
-    ("row_gains", [0x22, 0x77, 0x22], 7),
-    ("paper", [0x77, 0x77, 0x77], 5),
-    ("pareto", [0x77, 0x77, 0x77], 0),
-    // The stages are filled bars, which are apart from each other in light colours.
-    ("merge", [0x99, 0xdd, 0xff], 0),
-    ("unwrap", [0x77, 0xaa, 0xdd], 1),
-    ("tone", [0x44, 0xbb, 0x99], 2),
-    ("deblur", [0xaa, 0xaa, 0x00], 3),
-    ("pre", [0xee, 0xdd, 0x88], 4),
-    ("infer", [0xee, 0x88, 0x66], 5),
-    ("post", [0xff, 0xaa, 0xbb], 6),
-];
 
 /// The colours with the names of common classes. Each colour is visible on dark and on bright images.
 const CLASS_COLOURS: [(Colour, &[&str]); 12] = [
@@ -87,7 +45,7 @@ pub fn class_colour(name: &str) -> Colour {
 }
 
 /// The hash FNV-1a.
-fn hash(name: &str) -> usize {
+pub fn hash(name: &str) -> usize {
     name.bytes().fold(0x811c_9dc5_u32, |hash, byte| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193))
         as usize
 }
@@ -97,118 +55,4 @@ pub fn ink_on(colour: Colour) -> Colour {
     let [red, green, blue] = colour.map(|sample| (f32::from(sample) / 255.0).powf(2.2));
     // At this luminance, both contrasts are equal: (1 + 0.05) / (L + 0.05) = (L + 0.05) / 0.05.
     if 0.2126 * red + 0.7152 * green + 0.0722 * blue > 0.179 { [0; 3] } else { WHITE }
-}
-
-/// Colour, marker and dashes of a series.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Style {
-    pub colour: Colour,
-    marker: usize,
-    dash: f32,
-    /// Whether the markers are outlines. They and a dashed line show a variant of a method.
-    open: bool,
-}
-
-impl Style {
-    /// The style of a series or part. It depends on the name only, so that it is the same in every chart. The first known
-    /// word decides; further words, as in `recovered (auto, deblurred)`, are a variant of it. Names without a known word
-    /// share the colours and markers.
-    pub fn of(name: &str) -> Self {
-        let mut words: Vec<&str> =
-            name.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|word| !word.is_empty()).collect();
-        let style = |word: &&str| STYLES.iter().find(|(known, ..)| known.eq_ignore_ascii_case(word));
-        let Some((_, colour, marker)) = words.iter().find_map(style) else {
-            let hash = hash(name);
-            let (_, colour, _) = STYLES[hash % STYLES.len()];
-            return Self { colour, marker: hash / STYLES.len() % MARKERS, dash: 0.0, open: false };
-        };
-        words.retain(|word| style(word).is_none() && *word != "recovered");
-        // Variants that differ in a number, such as that of the threads, differ in marker and dashes, too.
-        let number: usize = name.chars().filter_map(|c| c.to_digit(10)).map(|digit| digit as usize).sum();
-        let dash = if words.is_empty() { 0.0 } else { [5.0, 2.0, 9.0][number % 3] };
-        Self { colour: *colour, marker: (marker + number) % MARKERS, dash, open: !words.is_empty() }
-    }
-
-    pub fn line(&self, canvas: &mut Canvas, points: Vec<Position>) {
-        canvas.shapes.push(Shape::Line { points, colour: self.colour, width: 1.8, dash: self.dash });
-    }
-
-    /// Draws the marker. The SVG shows `hover` while the pointer is on it.
-    pub fn mark(&self, canvas: &mut Canvas, (x, y): Position, emphasis: Emphasis, hover: &str) {
-        let points = self.outline().into_iter().map(|(dx, dy)| (x + RADIUS * dx, y + RADIUS * dy)).collect();
-        let colour = self.with_emphasis(emphasis);
-        // An outline shows the marker that it may cover.
-        let (fill, edge) = if self.open { (None, (colour, 1.8)) } else { (Some(colour), (WHITE, 1.0)) };
-        canvas.shapes.push(Shape::Area { points, fill, edge, hover: hover.to_owned() });
-    }
-
-    /// Draws the interval from `low` to `high` of a point as a vertical bar with caps.
-    pub fn interval(&self, canvas: &mut Canvas, x: f32, (low, high): (f32, f32), emphasis: Emphasis) {
-        let colour = self.with_emphasis(emphasis);
-        canvas.line(vec![(x, low), (x, high)], colour, 1.1);
-        for y in [low, high] {
-            canvas.line(vec![(x - CAP, y), (x + CAP, y)], colour, 1.1);
-        }
-    }
-
-    pub fn with_emphasis(&self, emphasis: Emphasis) -> Colour {
-        match emphasis {
-            Emphasis::Normal => self.colour,
-            Emphasis::Faded => FADED,
-        }
-    }
-
-    /// The colour of a label beside a marker.
-    pub fn text_colour(&self, emphasis: Emphasis) -> Colour {
-        match emphasis {
-            Emphasis::Normal => self.colour,
-            Emphasis::Faded => FADED_TEXT,
-        }
-    }
-
-    /// The outline of the marker around (0, 0), about as large as the unit circle.
-    fn outline(&self) -> Vec<Position> {
-        match self.marker {
-            0 => polygon(24, 0.0, 0.9),
-            1 => polygon(4, PI / 4.0, 1.15),
-            2 => polygon(3, 0.0, 1.2),
-            3 => polygon(4, 0.0, 1.2),
-            4 => polygon(3, PI, 1.2),
-            5 => star(5, 0.45, 1.3),
-            6 => star(4, 0.36, 1.35),
-            _ => polygon(6, 0.0, 1.05),
-        }
-    }
-}
-
-/// A polygon with its corners on a circle, the first at the top, rotated by `rotation`.
-fn polygon(corners: u8, rotation: f32, radius: f32) -> Vec<Position> {
-    (0..corners).map(|i| at(TAU * f32::from(i) / f32::from(corners) + rotation, radius)).collect()
-}
-
-fn star(rays: u8, inner: f32, outer: f32) -> Vec<Position> {
-    let corner =
-        |i: u8| at(PI * f32::from(i) / f32::from(rays), if i.is_multiple_of(2) { outer } else { inner });
-    (0..2 * rays).map(corner).collect()
-}
-
-fn at(angle: f32, radius: f32) -> Position {
-    (radius * angle.sin(), -radius * angle.cos())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn known_names_and_their_variants_differ() {
-        let names = STYLES.iter().map(|(name, ..)| (*name).to_owned());
-        let variants = ["recovered (auto, deblurred)", "auto, 1 thread", "auto, 2 threads", "ideal, sharp"];
-        let all: Vec<Style> = names.chain(variants.map(str::to_owned)).map(|name| Style::of(&name)).collect();
-        for (i, a) in all.iter().enumerate() {
-            assert!(all[..i].iter().all(|b| a != b), "{i}: {a:?}");
-        }
-        assert_eq!(Style::of("recovered (auto)"), Style::of("auto"), "the method decides");
-        assert_eq!(Style::of("recovered (auto, deblurred)").colour, Style::of("auto").colour);
-    }
 }

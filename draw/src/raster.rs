@@ -1,17 +1,13 @@
 //! Renders shapes as pixels.
 
 use image::codecs::png::PngEncoder;
-use image::{ExtendedColorType, ImageEncoder, RgbImage};
-use tiny_skia::{
-    Color, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, PixmapPaint, Stroke, StrokeDash,
-    Transform,
-};
+use image::{ExtendedColorType, ImageEncoder};
+use tiny_skia::{Color, LineCap, LineJoin, Path, Pixmap, PixmapPaint, Stroke, StrokeDash, Transform};
 
 use crate::ChartError;
 use crate::canvas::{Anchor, Canvas, Rotation, Shape};
-use crate::picture::LEAST_TEXT;
-use crate::picture::Picture;
-use crate::primitives::{Area, Colour, Position};
+use crate::picture::{LEAST_TEXT, Picture, fill, paint, path, rgb};
+use crate::primitives::{Area, Colour};
 
 /// Pixels of the PNG for one px of the chart, along each side.
 const ZOOM: f32 = 2.0;
@@ -25,24 +21,6 @@ pub fn png(canvas: &Canvas) -> Result<Vec<u8>, ChartError> {
     let mut bytes = Vec::new();
     PngEncoder::new(&mut bytes).write_image(&rgb(&pixels), width, height, ExtendedColorType::Rgb8)?;
     Ok(bytes)
-}
-
-/// Red, green and blue of each pixel. All pixels are opaque, so that premultiplied samples equal the plain ones.
-pub fn rgb(pixels: &Pixmap) -> RgbImage {
-    let mut rgb = Vec::with_capacity(pixels.data().len() / 4 * 3);
-    pixels.data().chunks_exact(4).for_each(|pixel| rgb.extend_from_slice(&pixel[..3]));
-    RgbImage::from_raw(pixels.width(), pixels.height(), rgb).expect("three samples a pixel")
-}
-
-/// The image as pixels to draw on.
-pub fn pixmap(image: &RgbImage) -> Result<Pixmap, ChartError> {
-    let (width, height) = image.dimensions();
-    let mut pixels = Pixmap::new(width, height).ok_or(ChartError::Size(width, height))?;
-    for (pixel, rgb) in pixels.data_mut().chunks_exact_mut(4).zip(image.as_raw().chunks_exact(3)) {
-        pixel[..3].copy_from_slice(rgb);
-        pixel[3] = u8::MAX;
-    }
-    Ok(pixels)
 }
 
 fn draw(pixels: &mut Pixmap, canvas: &Canvas, shape: &Shape) -> Result<(), ChartError> {
@@ -82,32 +60,8 @@ fn paste(pixels: &mut Pixmap, (left, top, right, bottom): Area, picture: &Pictur
     Ok(())
 }
 
-pub fn path(points: &[Position], closed: bool) -> Option<Path> {
-    let mut builder = PathBuilder::new();
-    for (index, &(x, y)) in points.iter().enumerate() {
-        if index == 0 { builder.move_to(x, y) } else { builder.line_to(x, y) }
-    }
-    if closed {
-        builder.close();
-    }
-    builder.finish()
-}
-
-pub fn paint(colour: Colour) -> Paint<'static> {
-    let [r, g, b] = colour;
-    let mut paint = Paint { anti_alias: true, ..Paint::default() };
-    paint.set_color_rgba8(r, g, b, 255);
-    paint
-}
-
 fn zoomed(transform: Transform) -> Transform {
     transform.post_scale(ZOOM, ZOOM)
-}
-
-pub fn fill(pixels: &mut Pixmap, path: Option<Path>, colour: Colour, transform: Transform) {
-    if let Some(path) = path {
-        pixels.fill_path(&path, &paint(colour), FillRule::Winding, transform, None);
-    }
 }
 
 fn stroke(pixels: &mut Pixmap, path: Option<Path>, colour: Colour, width: f32, dash: f32) {

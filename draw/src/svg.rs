@@ -8,10 +8,8 @@ use image::codecs::jpeg::JpegEncoder;
 
 use crate::ChartError;
 use crate::canvas::{Anchor, Canvas, Rotation, Shape};
-use crate::picture::LEAST_TEXT;
-use crate::picture::Picture;
+use crate::picture::{LEAST_TEXT, Picture, rgb};
 use crate::primitives::{Area, Colour, Position, WHITE};
-use crate::raster::rgb;
 
 /// Pixels of an image for one px of the chart, along each side.
 const ZOOM: f32 = 1.5;

@@ -4,38 +4,48 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use crate::plan::environment;
-use crate::substitution::{SubstitutionError, Surroundings};
-
 /// The name of the package of this suite.
 pub const SUITE: &str = "modulo";
 
 /// A file by which the share folder of the suite is recognised.
 const MARKER: &str = "launch/suite.launch.yaml";
 
+/// The launcher's environment; variables that are not text are left out.
+pub(crate) fn environment() -> BTreeMap<String, String> {
+    std::env::vars_os().filter_map(|(k, v)| Some((k.into_string().ok()?, v.into_string().ok()?))).collect()
+}
+
 /// `share/<package>` of a package; for the suite the folder that holds `launch/`.
 ///
 /// # Errors
-/// [`SubstitutionError`] with the places that were looked at.
-pub(crate) fn share(package: &str, around: &Surroundings<'_>) -> Result<PathBuf, SubstitutionError> {
+/// A text with the places that were looked at.
+pub(crate) fn share(
+    package: &str,
+    file: &Path,
+    environment: &BTreeMap<String, String>,
+) -> Result<PathBuf, String> {
     // A checkout can have any name and an installed suite any prefix, so the folder is known by a file in it.
     if package == SUITE
-        && let Some(root) = suite_roots(around.file).into_iter().find(|root| root.join(MARKER).is_file())
+        && let Some(root) = suite_roots(file).into_iter().find(|root| root.join(MARKER).is_file())
     {
         return Ok(root);
     }
-    Ok(installed(package, around)?.join("share").join(package))
+    Ok(installed(package, environment)?.join("share").join(package))
 }
 
 /// The prefix under which a package is installed; for the suite in a checkout the checkout.
 ///
 /// # Errors
-/// [`SubstitutionError`] with the places that were looked at.
-pub(crate) fn prefix(package: &str, around: &Surroundings<'_>) -> Result<PathBuf, SubstitutionError> {
+/// A text with the places that were looked at.
+pub(crate) fn prefix(
+    package: &str,
+    file: &Path,
+    environment: &BTreeMap<String, String>,
+) -> Result<PathBuf, String> {
     if package != SUITE {
-        return installed(package, around);
+        return installed(package, environment);
     }
-    let share = share(package, around)?;
+    let share = share(package, file, environment)?;
     let installed = share.ends_with(Path::new("share").join(SUITE));
     Ok(share.ancestors().nth(if installed { 2 } else { 0 }).unwrap_or(&share).to_owned())
 }
@@ -51,8 +61,8 @@ fn suite_roots(file: &Path) -> Vec<PathBuf> {
         .collect()
 }
 
-fn installed(package: &str, around: &Surroundings<'_>) -> Result<PathBuf, SubstitutionError> {
-    let path = around.environment.get("AMENT_PREFIX_PATH").map_or("", String::as_str);
+fn installed(package: &str, environment: &BTreeMap<String, String>) -> Result<PathBuf, String> {
+    let path = environment.get("AMENT_PREFIX_PATH").map_or("", String::as_str);
     let prefixes: Vec<&str> = path.split(':').filter(|prefix| !prefix.is_empty()).collect();
     let found = prefixes.iter().map(Path::new).find(|prefix| prefix.join("share").join(package).is_dir());
     // An empty name would be the folder of all packages, and a name with a slash could lead out of it.
@@ -67,7 +77,7 @@ fn installed(package: &str, around: &Surroundings<'_>) -> Result<PathBuf, Substi
             format!("looked at {}", places.join(", "))
         }
     };
-    Err(SubstitutionError::Invalid(format!("package '{package}' is not found, {places}")))
+    Err(format!("package '{package}' is not found, {places}"))
 }
 
 /// A launch file that was found.
@@ -83,16 +93,10 @@ pub struct FoundFile {
 /// `$(find-pkg-share modulo)/launch`, each in the order of their names.
 pub fn launch_files() -> Vec<FoundFile> {
     let here = PathBuf::from("launch");
-    let around = Surroundings {
-        file: &here.join("any.launch.yaml"),
-        variables: &BTreeMap::new(),
-        environment: &environment(),
-    };
+    let suite = share(SUITE, &here.join("any.launch.yaml"), &environment());
     // Within a checkout both folders are the same, and its files are listed once.
     let mut folders = vec![here.clone()];
-    folders.extend(
-        share(SUITE, &around).ok().map(|share| share.join("launch")).filter(|folder| *folder != here),
-    );
+    folders.extend(suite.ok().map(|share| share.join("launch")).filter(|folder| *folder != here));
     folders.iter().flat_map(|folder| files_in(folder)).collect()
 }
 

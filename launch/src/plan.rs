@@ -21,7 +21,6 @@ use crate::package::SUITE;
 pub use arguments::{DeclaredArgument, declared_arguments};
 pub use resolve::{check, resolve};
 pub use scope::ParameterText;
-pub(crate) use scope::environment;
 
 /// Everything that a launch file starts.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]

@@ -7,42 +7,6 @@ use std::collections::BTreeMap;
 use crate::definition::{DefinitionError, full_name, parse_fields};
 use crate::type_description_interfaces::{Field, FieldType, IndividualTypeDescription, TypeSource};
 
-/// A message with a ROS name.
-pub trait Interface {
-    /// Name of the type, such as `sensor_msgs/msg/Image` or `std_srvs/srv/SetBool_Request`.
-    const NAME: &'static str;
-}
-
-/// Declares the messages of one ROS package: `Message = "package/msg/Message" { fields }`, the fields as public and in
-/// the order of the definition. A message without braces has no fields.
-macro_rules! messages {
-    (@struct $(#[$about:meta])* $message:ident $name:literal) => {
-        #[doc = concat!("`", $name, "`")]
-        $(#[$about])*
-        #[derive(Clone, Debug, Default, PartialEq, ::serde::Serialize, ::serde::Deserialize)]
-        pub struct $message;
-    };
-    (@struct $(#[$about:meta])* $message:ident $name:literal
-        $($(#[$help:meta])+ $field:ident: $type:ty),+ $(,)?
-    ) => {
-        #[doc = concat!("`", $name, "`")]
-        ///
-        $(#[$about])*
-        #[derive(Clone, Debug, Default, PartialEq, ::serde::Serialize, ::serde::Deserialize)]
-        pub struct $message {
-            $($(#[$help])+ pub $field: $type,)+
-        }
-    };
-    ($($(#[$about:meta])* $message:ident = $name:literal $({ $($fields:tt)+ })?)+) => {$(
-        $crate::interface::messages!(@struct $(#[$about])* $message $name $($($fields)+)?);
-
-        impl $crate::interface::Interface for $message {
-            const NAME: &'static str = $name;
-        }
-    )+};
-}
-pub(crate) use messages;
-
 /// (name, text) of each definition, listed by package and by `msg` or `srv`.
 macro_rules! definitions {
     ($($package:literal / $kind:literal: $($name:literal)+;)+) => {

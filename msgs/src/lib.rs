@@ -3,6 +3,35 @@
 //! Each ROS package has a module, with the field names and the order of ROS. Nothing here opens a connection, reads a
 //! file or a clock, or needs a ROS installation.
 
+/// Declares the messages of one ROS package: `Message = "package/msg/Message" { fields }`, the fields as public and in
+/// the order of the definition. A message without braces has no fields.
+macro_rules! messages {
+    (@struct $(#[$about:meta])* $message:ident $name:literal) => {
+        #[doc = concat!("`", $name, "`")]
+        $(#[$about])*
+        #[derive(Clone, Debug, Default, PartialEq, ::serde::Serialize, ::serde::Deserialize)]
+        pub struct $message;
+    };
+    (@struct $(#[$about:meta])* $message:ident $name:literal
+        $($(#[$help:meta])+ $field:ident: $type:ty),+ $(,)?
+    ) => {
+        #[doc = concat!("`", $name, "`")]
+        ///
+        $(#[$about])*
+        #[derive(Clone, Debug, Default, PartialEq, ::serde::Serialize, ::serde::Deserialize)]
+        pub struct $message {
+            $($(#[$help])+ pub $field: $type,)+
+        }
+    };
+    ($($(#[$about:meta])* $message:ident = $name:literal $({ $($fields:tt)+ })?)+) => {$(
+        messages!(@struct $(#[$about])* $message $name $($($fields)+)?);
+
+        impl $crate::Interface for $message {
+            const NAME: &'static str = $name;
+        }
+    )+};
+}
+
 pub mod cdr;
 pub mod definition;
 mod detection;
@@ -15,9 +44,15 @@ mod services;
 mod topics;
 mod yuv;
 
-pub use crate::interface::{Interface, dds_name, ros_name, ros2msg};
+pub use crate::interface::{dds_name, ros_name, ros2msg};
 pub use crate::rihs::{type_hash, type_hash_of_schema};
 pub use crate::services::{rosbag2_interfaces, service_msgs, std_srvs, type_description_interfaces};
 pub use crate::topics::{
     builtin, diagnostic_msgs, geometry_msgs, rosgraph_msgs, sensor_msgs, std_msgs, vision_msgs,
 };
+
+/// A message with a ROS name.
+pub trait Interface {
+    /// Name of the type, such as `sensor_msgs/msg/Image` or `std_srvs/srv/SetBool_Request`.
+    const NAME: &'static str;
+}

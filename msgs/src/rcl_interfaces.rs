@@ -1,7 +1,6 @@
 //! `rcl_interfaces`: parameters with their six services, and log lines.
 
 use crate::builtin::Time;
-use crate::interface::messages;
 
 messages! {
     /// The codes of the field `type` of [`ParameterValue`].

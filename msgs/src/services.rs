@@ -3,8 +3,6 @@
 
 /// `std_srvs`: requests and responses of the three standard services.
 pub mod std_srvs {
-    use crate::interface::messages;
-
     messages! {
         EmptyRequest = "std_srvs/srv/Empty_Request"
         EmptyResponse = "std_srvs/srv/Empty_Response"
@@ -31,7 +29,6 @@ pub mod std_srvs {
 /// `service_msgs`: the common fields of all service events.
 pub mod service_msgs {
     use crate::builtin::Time;
-    use crate::interface::messages;
 
     messages! {
         ServiceEventInfo = "service_msgs/msg/ServiceEventInfo" {
@@ -61,7 +58,6 @@ pub mod service_msgs {
 /// `rosbag2_interfaces`: the services that control a running player, as in ROS 2 Jazzy.
 pub mod rosbag2_interfaces {
     use crate::builtin::{Duration, Time};
-    use crate::interface::messages;
 
     messages! {
         PauseRequest = "rosbag2_interfaces/srv/Pause_Request"
@@ -129,8 +125,6 @@ pub mod rosbag2_interfaces {
 /// `type_description_interfaces`: descriptions of types as messages. The hash of a type is computed over its
 /// [`TypeDescription`](type_description_interfaces::TypeDescription).
 pub mod type_description_interfaces {
-    use crate::interface::messages;
-
     messages! {
         FieldType = "type_description_interfaces/msg/FieldType" {
             /// Code of the type: 1 for a message, 2 to 22 for a primitive; plus 48 for an array, 96 for a bounded and 144

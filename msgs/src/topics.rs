@@ -2,8 +2,6 @@
 
 /// `builtin_interfaces`: points in time and durations.
 pub mod builtin {
-    use crate::interface::messages;
-
     const NS: i64 = 1_000_000_000;
 
     messages! {
@@ -74,7 +72,6 @@ pub mod builtin {
 /// `std_msgs`: the header that every stamped message carries, and a text.
 pub mod std_msgs {
     pub use super::builtin::Time;
-    use crate::interface::messages;
 
     messages! {
         Header = "std_msgs/msg/Header" {
@@ -94,7 +91,7 @@ pub mod std_msgs {
 pub mod geometry_msgs {
     use serde::{Deserialize, Serialize};
 
-    use crate::interface::{Interface, messages};
+    use crate::Interface;
 
     messages! {
         #[derive(Copy)]
@@ -150,7 +147,6 @@ pub mod geometry_msgs {
 /// `sensor_msgs`: images and camera calibrations.
 pub mod sensor_msgs {
     use super::std_msgs::Header;
-    use crate::interface::messages;
 
     messages! {
         /// Rows of pixels; the first row is the top one.
@@ -223,7 +219,6 @@ pub mod sensor_msgs {
 pub mod vision_msgs {
     use super::geometry_msgs::PoseWithCovariance;
     use super::std_msgs::Header;
-    use crate::interface::messages;
 
     messages! {
         #[derive(Copy)]
@@ -307,7 +302,6 @@ pub mod vision_msgs {
 /// `diagnostic_msgs`: the condition of the nodes.
 pub mod diagnostic_msgs {
     use super::std_msgs::Header;
-    use crate::interface::messages;
 
     messages! {
         KeyValue = "diagnostic_msgs/msg/KeyValue" {
@@ -351,7 +345,6 @@ pub mod diagnostic_msgs {
 /// `rosgraph_msgs`: simulated time.
 pub mod rosgraph_msgs {
     use super::builtin::Time;
-    use crate::interface::messages;
 
     messages! {
         #[derive(Copy)]

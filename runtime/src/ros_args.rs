@@ -1,10 +1,8 @@
-//! `--ros-args`: the arguments that `ros2 run` and `ros2 launch` append to those of an executable. This is pure code,
-//! except that it reads the named parameter files.
+//! `--ros-args`: the arguments that `ros2 run` and `ros2 launch` append to those of an executable. This is pure code.
 
 use std::path::PathBuf;
 
 use crate::name::{NameError, NodeName};
-use crate::parameter::file;
 
 /// The ROS part of a command line.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -213,25 +211,6 @@ impl RosArgs {
 
     fn first(&self, from: &str, node: &str) -> Option<&str> {
         self.remaps.iter().find(|rule| rule.from == from && rule.is_for(node)).map(|rule| rule.to.as_str())
-    }
-
-    /// Parameters for the node `node_name` as (name, text), in order.
-    ///
-    /// # Errors
-    /// [`ArgsError::File`] when a parameter file cannot be read.
-    pub fn parameters_for(&self, node_name: &NodeName) -> Result<Vec<(String, String)>, ArgsError> {
-        let mut found = Vec::new();
-        for setting in &self.parameters {
-            match setting {
-                Setting::Value { node, name, value } => {
-                    if node.as_ref().is_none_or(|node| node.trim_start_matches('/') == node_name.name) {
-                        found.push((name.clone(), value.clone()));
-                    }
-                }
-                Setting::File(path) => found.extend(file::read(path, node_name)?),
-            }
-        }
-        Ok(found)
     }
 }
 

@@ -1,8 +1,9 @@
 //! [`Topic`]: a topic that a node reads or writes, as the node declares it, and its [`Address`], as the graph has it.
 
+use std::fmt;
+
 use crate::message::MessageKind;
 use crate::name::{NameError, NodeName};
-use crate::wire::keys::Profile;
 
 /// Quality of service of a topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -37,6 +38,70 @@ impl Qos {
             MessageKind::Log => Self::Logs,
             // As `rclcpp::ClockQoS`: the newest time, best effort.
             MessageKind::Clock => Self::Clock,
+        }
+    }
+}
+
+/// Whether samples are sent again until they have come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reliability {
+    /// Lost samples are sent again.
+    Reliable,
+    /// Lost samples are not sent again.
+    BestEffort,
+}
+
+/// The samples that a late reader gets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Durability {
+    /// The last samples from before it came.
+    TransientLocal,
+    /// A late reader gets only new samples.
+    Volatile,
+}
+
+/// The quality of service of an endpoint, read from its token: the policies that decide how an endpoint is carried, and
+/// whether two endpoints fit together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Profile {
+    /// Code 1 or, as here, 2; reliable when not given.
+    pub reliability: Reliability,
+    /// Code 1 or, as here, 2; volatile when not given.
+    pub durability: Durability,
+    /// Samples that are kept; all of them is `usize::MAX`, 42 when not given.
+    pub depth: usize,
+}
+
+/// Depth of a token without one.
+const DEFAULT_DEPTH: usize = 42;
+
+impl fmt::Display for Profile {
+    /// Writes the form that tokens carry.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let reliability = if self.reliability == Reliability::BestEffort { "2" } else { "" };
+        let durability = if self.durability == Durability::TransientLocal { "1" } else { "" };
+        let history = match self.depth {
+            usize::MAX => "2,".to_owned(),
+            DEFAULT_DEPTH => ",".to_owned(),
+            depth => format!(",{depth}"),
+        };
+        write!(f, "{reliability}:{durability}:{history}:,:,:,,")
+    }
+}
+
+impl Profile {
+    /// Reads `<reliability>:<durability>:<history>,<depth>:...`. Missing or unknown fields get the defaults of
+    /// rmw_zenoh.
+    pub fn parse(text: &str) -> Self {
+        let mut fields = text.split(':');
+        let mut field = || fields.next().unwrap_or_default();
+        let (reliability, durability, history) = (field(), field(), field());
+        let (history, depth) = history.split_once(',').unwrap_or((history, ""));
+        Self {
+            reliability: if reliability == "2" { Reliability::BestEffort } else { Reliability::Reliable },
+            durability: if durability == "1" { Durability::TransientLocal } else { Durability::Volatile },
+            // History 2 keeps all samples, and its depth has no meaning.
+            depth: if history == "2" { usize::MAX } else { depth.parse().unwrap_or(DEFAULT_DEPTH) },
         }
     }
 }

@@ -27,7 +27,7 @@ use modulo_unwrap::{UnwrapNode, UnwrapParameters};
 use tracing_subscriber::filter::LevelFilter;
 
 use super::{camera_end, choose_hashes, open_session, parse_hashes, start_log_with, stop_on_signals, usage};
-use crate::{Ended, Failure, cli};
+use crate::{Ended, Failure, LONG_VERSION, VERSION};
 
 /// `modulo run`
 #[derive(Args)]
@@ -122,7 +122,7 @@ fn answers(kind: &NodeKind, own: &[String]) -> bool {
     if asked(["--help", "-h"]).is_some() {
         print_help(kind);
     } else if let Some(argument) = asked(["--version", "-V"]) {
-        let version = if argument == "-V" { cli::VERSION } else { cli::LONG_VERSION };
+        let version = if argument == "-V" { VERSION } else { LONG_VERSION };
         say!("{} {version}", kind.name);
     } else {
         return false;

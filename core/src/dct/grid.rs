@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use super::cosine::CosinePlan;
 use super::lanes::{Complex, LANES, Tile};
-use super::rows::{RowPart, RowPlan};
+use super::rows::{GridShape, RowPart, RowPlan, SampleRun, SpectralFilter};
 use crate::simd::widest;
 use crate::workers::Workers;
 
@@ -19,50 +19,6 @@ pub(crate) struct ImageDct<Out> {
     row_plan: RowPlan,
     column_parts: Vec<ColumnPart<Out>>,
     row_parts: Vec<RowPart>,
-}
-
-/// The sides of an image and its parts for the workers, the same in all passes.
-#[derive(Clone, Copy)]
-pub(super) struct GridShape {
-    pub height: usize,
-    pub width: usize,
-    pub channels: usize,
-    /// The largest number of bands of a [`ColumnPart`] and of blocks of a [`RowPart`].
-    pub bands_per_part: usize,
-    pub blocks_per_part: usize,
-}
-
-/// The position of a run of sixteen samples in a row.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct SampleRun {
-    /// The row, from 0.
-    pub row: usize,
-    /// The first sample in the interleaved row, a multiple of sixteen.
-    pub sample: usize,
-}
-
-/// A change of the coefficients by a rule on one number for the row and one for the column.
-pub(crate) struct SpectralFilter<'a, F> {
-    /// One number for each row of coefficients, and 0 for the rows that fill up the last block.
-    pub by_row: &'a [[f32; LANES]],
-    /// One number for each column of coefficients.
-    pub by_column: &'a [f32],
-    /// Returns the new coefficient from the number of its row, that of its column, and its old value.
-    pub rule: F,
-}
-
-impl GridShape {
-    pub fn samples(self) -> usize {
-        self.width * self.channels
-    }
-
-    pub fn bands(self) -> usize {
-        self.samples().div_ceil(LANES)
-    }
-
-    pub fn blocks(self) -> usize {
-        self.height.div_ceil(LANES)
-    }
 }
 
 /// Splits `count` items into ranges of at most `each`.
@@ -189,18 +145,6 @@ fn tiles_of_block<'a, Out>(
     column_parts: &'a [ColumnPart<Out>],
 ) -> impl Fn(usize) -> &'a Tile + use<'a, Out> {
     move |band| column_parts[band / shape.bands_per_part].tile(shape, block, band)
-}
-
-impl<F: Fn(f32, f32, f32) -> f32> SpectralFilter<'_, F> {
-    #[inline(always)]
-    pub(super) fn apply(&self, by_row: &[f32; LANES], column: usize, coefficients: Complex) -> Complex {
-        let by_column = self.by_column[column];
-        let mut values = coefficients.to_lanes();
-        for (value, &by_row) in values.iter_mut().zip(by_row) {
-            *value = (self.rule)(by_row, by_column, *value);
-        }
-        Complex::from_lanes(values)
-    }
 }
 
 /// A range of neighbouring bands, the share of one worker: it transforms a band of sixteen columns at once, from the

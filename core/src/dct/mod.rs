@@ -12,8 +12,9 @@ mod grid;
 mod lanes;
 mod rows;
 
-pub(crate) use grid::{ImageDct, SampleRun, SpectralFilter};
+pub(crate) use grid::ImageDct;
 pub(crate) use lanes::LANES;
+pub(crate) use rows::{SampleRun, SpectralFilter};
 
 /// A plan of transforms of planes of one size, row-major `f32`.
 pub struct Dct2 {

@@ -3,9 +3,52 @@
 use std::ops::Range;
 
 use super::cosine::CosinePlan;
-use super::grid::{GridShape, SampleRun, SpectralFilter};
 use super::lanes::{Complex, LANES, Tile, transpose};
 use crate::simd::widest;
+
+/// The sides of an image and its parts for the workers, the same in all passes.
+#[derive(Clone, Copy)]
+pub(super) struct GridShape {
+    pub height: usize,
+    pub width: usize,
+    pub channels: usize,
+    /// The largest number of bands and of blocks in a part.
+    pub bands_per_part: usize,
+    pub blocks_per_part: usize,
+}
+
+/// The position of a run of sixteen samples in a row.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SampleRun {
+    /// The row, from 0.
+    pub row: usize,
+    /// The first sample in the interleaved row, a multiple of sixteen.
+    pub sample: usize,
+}
+
+/// A change of the coefficients by a rule on one number for the row and one for the column.
+pub(crate) struct SpectralFilter<'a, F> {
+    /// One number for each row of coefficients, and 0 for the rows that fill up the last block.
+    pub by_row: &'a [[f32; LANES]],
+    /// One number for each column of coefficients.
+    pub by_column: &'a [f32],
+    /// Returns the new coefficient from the number of its row, that of its column, and its old value.
+    pub rule: F,
+}
+
+impl GridShape {
+    pub fn samples(self) -> usize {
+        self.width * self.channels
+    }
+
+    pub fn bands(self) -> usize {
+        self.samples().div_ceil(LANES)
+    }
+
+    pub fn blocks(self) -> usize {
+        self.height.div_ceil(LANES)
+    }
+}
 
 /// A plan of the transforms of rows.
 pub(super) struct RowPlan {
@@ -25,6 +68,18 @@ pub(super) struct RowPart {
     /// The data by channel, and one number for columns beyond the end of the row.
     data: Vec<Complex>,
     scratch: Vec<Complex>,
+}
+
+impl<F: Fn(f32, f32, f32) -> f32> SpectralFilter<'_, F> {
+    #[inline(always)]
+    fn apply(&self, by_row: &[f32; LANES], column: usize, coefficients: Complex) -> Complex {
+        let by_column = self.by_column[column];
+        let mut values = coefficients.to_lanes();
+        for (value, &by_row) in values.iter_mut().zip(by_row) {
+            *value = (self.rule)(by_row, by_column, *value);
+        }
+        Complex::from_lanes(values)
+    }
 }
 
 impl RowPlan {

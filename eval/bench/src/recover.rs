@@ -4,15 +4,14 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use clap::builder::Resettable;
-use modulo_core::{Frame, GainPattern, Mosaic, Range, Recovered, TwoGains, Unwrap, UnwrapError, tone};
+use modulo_core::{GainPattern, Mosaic, Recovered, TwoGains, Unwrap, UnwrapError, tone};
 use modulo_images::{read_image, save_png};
 use modulo_runtime::SensorModel;
 use modulo_runtime::sensor::options::{SensorCommand, SensorOptions};
-use ndarray::Array3;
 use serde::Serialize;
 
 use crate::benchmark::timed;
-use crate::simulate::{RESULTS, methods_of, names};
+use crate::simulate::{RESULTS, methods_of, names, save_counts};
 use crate::{BenchError, BenchEvent, Skipped, make_folder, need, write_json};
 
 /// The parameters of the sensor that unwrapping needs are options, with one value each.
@@ -163,18 +162,4 @@ fn of_file(
         })
     };
     methods.iter_mut().map(row).collect()
-}
-
-/// Writes the wrap counts `k` as a PNG of 8 bits at `path("k")`, and `x` in code units as one of 16 bits at `path("x")`.
-///
-/// # Errors
-/// [`BenchError`] if a file cannot be written, or the range of the sensor does not fit 16 bits.
-pub(crate) fn save_counts(
-    path: impl Fn(&str) -> PathBuf,
-    k: &Array3<u8>,
-    x: &Array3<f32>,
-    range: Range,
-) -> Result<(), BenchError> {
-    save_png(&path("k"), &Frame::from_u8(k.clone()).map_err(UnwrapError::from)?)?;
-    Ok(save_png(&path("x"), &tone::hdr(x, range).map_err(UnwrapError::from)?)?)
 }

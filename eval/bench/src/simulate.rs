@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 use clap::Parser;
 use modulo_core::metric::{mse, psnr_db, ssim};
 use modulo_core::unwrap::{Options, by_name};
-use modulo_core::{Exposure, GainPattern, Recovered, Sensor, TwoGains, Unwrap, UnwrapError, tone};
+use modulo_core::{
+    Exposure, Frame, GainPattern, Range, Recovered, Sensor, TwoGains, Unwrap, UnwrapError, tone,
+};
 use modulo_images::{read_image, save_png};
 use modulo_runtime::SensorModel;
 use modulo_runtime::sensor::options::SensorCommand;
@@ -16,7 +18,6 @@ use ndarray::Array3;
 use serde::{Deserialize, Serialize};
 
 use crate::benchmark::timed;
-use crate::recover::save_counts;
 use crate::{BenchError, BenchEvent, ExposureOptions, Skipped, make_folder, need, samples8, write_json};
 
 /// Name of the list of results in the folder.
@@ -273,6 +274,20 @@ pub(crate) fn names(files: &[PathBuf]) -> Vec<String> {
         names.find(|name| taken.insert(name.clone())).expect("there are more numbers than files")
     };
     files.iter().map(free).collect()
+}
+
+/// Writes the wrap counts `k` as a PNG of 8 bits at `path("k")`, and `x` in code units as one of 16 bits at `path("x")`.
+///
+/// # Errors
+/// [`BenchError`] if a file cannot be written, or the range of the sensor does not fit 16 bits.
+pub(crate) fn save_counts(
+    path: impl Fn(&str) -> PathBuf,
+    k: &Array3<u8>,
+    x: &Array3<f32>,
+    range: Range,
+) -> Result<(), BenchError> {
+    save_png(&path("k"), &Frame::from_u8(k.clone()).map_err(UnwrapError::from)?)?;
+    Ok(save_png(&path("x"), &tone::hdr(x, range).map_err(UnwrapError::from)?)?)
 }
 
 #[cfg(test)]

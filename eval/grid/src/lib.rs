@@ -17,7 +17,6 @@ pub mod metric {
     pub mod latency;
     pub mod paper;
 }
-mod published;
 pub mod report;
 pub mod results;
 pub mod store;

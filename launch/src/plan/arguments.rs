@@ -1,12 +1,11 @@
 //! The arguments that can be given to a launch file: its own and those of the
 //! files it includes, also in branches that would not be taken.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use super::resolve::{absolute, identity, included};
-use super::scope::{Scope, argument_value};
+use super::scope::{Scope, argument_value, included};
 use crate::action::{self, Action, ActionKind, LaunchFile};
 use crate::attributes::Text;
 use crate::{LaunchError, Mistakes, listed};
@@ -56,12 +55,22 @@ pub(super) fn known(declared: &[DeclaredArgument]) -> String {
     }
 }
 
+/// The outermost file's path: `$(dirname)` is absolute in ROS, so that it means the same in an included file.
+pub(super) fn absolute(file: &Path) -> PathBuf {
+    std::path::absolute(file).unwrap_or_else(|_| file.to_owned())
+}
+
+/// The path by which a file is recognised when it includes itself.
+pub(super) fn identity(file: &Path) -> PathBuf {
+    file.canonicalize().unwrap_or_else(|_| file.to_owned())
+}
+
 struct Collector {
     found: Vec<DeclaredArgument>,
     /// Names to which an include that is being read gives the value.
     fixed: Vec<String>,
     scope: Scope,
-    open: Vec<std::path::PathBuf>,
+    open: Vec<PathBuf>,
 }
 
 impl Collector {

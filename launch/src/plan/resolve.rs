@@ -4,11 +4,12 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::scope::{Scope, View, argument_value, environment, shared_value};
-use super::{NodePlan, OnExit, Plan, arguments, process};
-use crate::action::{self, Action, ActionKind, Condition, Include, LaunchFile};
+use super::arguments::{self, absolute, identity};
+use super::scope::{Scope, View, argument_value, included, shared_value};
+use super::{NodePlan, OnExit, Plan, process};
+use crate::action::{self, Action, ActionKind, Condition, Include};
 use crate::attributes::Text;
-use crate::package::SUITE;
+use crate::package::{SUITE, environment};
 use crate::substitution::truth;
 use crate::{LaunchError, Mistakes};
 
@@ -71,38 +72,6 @@ fn with_ends(mut plan: Plan) -> Plan {
         .filter(|camera| ends.contains(&camera.namespace))
         .for_each(|camera| camera.process.on_exit = OnExit::Shutdown);
     plan
-}
-
-/// The outermost file's path: `$(dirname)` is absolute in ROS, so that it means the same in an included file.
-pub(super) fn absolute(file: &Path) -> PathBuf {
-    std::path::absolute(file).unwrap_or_else(|_| file.to_owned())
-}
-
-/// The path by which a file is recognised when it includes itself.
-pub(super) fn identity(file: &Path) -> PathBuf {
-    file.canonicalize().unwrap_or_else(|_| file.to_owned())
-}
-
-/// Reads the included file. A relative path is refused: ROS 2 would look for it in the folder in which the launch is
-/// started, and not beside the including file.
-pub(super) fn included(include: &Include, view: View<'_>) -> Result<LaunchFile, Mistakes> {
-    let path = PathBuf::from(view.string(&include.file)?);
-    if path.is_relative() {
-        let path = path.display();
-        let why = format!("include: '{path}' starts at any working folder, write $(dirname)/{path}");
-        return Err(view.refuse(&include.file, why).into());
-    }
-    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-    if !name.ends_with(".yaml") && !name.ends_with(".yml") {
-        let why = format!("include: '{name}' is not YAML, only .launch.yaml files can be included");
-        return Err(view.refuse(&include.file, why).into());
-    }
-    action::read_file(&path).map_err(|mistakes| match mistakes.all() {
-        [LaunchError::File { file, why }] => {
-            view.refuse(&include.file, format!("include: {}: {why}", file.display())).into()
-        }
-        _ => mistakes,
-    })
 }
 
 struct Resolver {

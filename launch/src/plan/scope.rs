@@ -3,16 +3,17 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use modulo_runtime::parameter::yaml_text::of_string;
 use modulo_runtime::yaml::{self, Content, ScalarType};
 use serde::Serialize;
 
-use crate::action::{Argument, ParameterValue};
+use crate::action::{self, Argument, Include, LaunchFile, ParameterValue};
 use crate::attributes::Text;
+use crate::package::environment;
 use crate::substitution::{SubstitutionError, Surroundings};
-use crate::{LaunchError, listed};
+use crate::{LaunchError, Mistakes, listed};
 
 /// The state at a place of a launch file, as the actions before it have left it.
 #[derive(Clone, Debug)]
@@ -58,11 +59,6 @@ impl Scope {
     pub fn at<'a>(&'a self, file: &'a Path) -> View<'a> {
         View { file, scope: self }
     }
-}
-
-/// The launcher's environment; variables that are not text are left out.
-pub(crate) fn environment() -> BTreeMap<String, String> {
-    std::env::vars_os().filter_map(|(k, v)| Some((k.into_string().ok()?, v.into_string().ok()?))).collect()
 }
 
 /// A scope seen from a launch file: evaluates texts to values.
@@ -169,6 +165,28 @@ pub(super) fn parameter_value(
         }
     };
     checked.map_err(|why| view.refuse(name, format!("parameter '{}' {why}", name.source)))
+}
+
+/// Reads the included file. A relative path is refused: ROS 2 would look for it in the folder in which the launch is
+/// started, and not beside the including file.
+pub(super) fn included(include: &Include, view: View<'_>) -> Result<LaunchFile, Mistakes> {
+    let path = PathBuf::from(view.string(&include.file)?);
+    if path.is_relative() {
+        let path = path.display();
+        let why = format!("include: '{path}' starts at any working folder, write $(dirname)/{path}");
+        return Err(view.refuse(&include.file, why).into());
+    }
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+    if !name.ends_with(".yaml") && !name.ends_with(".yml") {
+        let why = format!("include: '{name}' is not YAML, only .launch.yaml files can be included");
+        return Err(view.refuse(&include.file, why).into());
+    }
+    action::read_file(&path).map_err(|mistakes| match mistakes.all() {
+        [LaunchError::File { file, why }] => {
+            view.refuse(&include.file, format!("include: {}: {why}", file.display())).into()
+        }
+        _ => mistakes,
+    })
 }
 
 /// The value of the parameter `name` for all nodes, which ROS 2 reads with YAML's rules and passes on as a scalar.

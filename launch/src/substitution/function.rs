@@ -2,7 +2,7 @@
 //! Only the given surroundings are read, and the file system for packages; nothing is executed.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::{Part, SubstitutionError, Template};
 use crate::listed;
@@ -146,9 +146,13 @@ fn call(
 ) -> Result<String, SubstitutionError> {
     let argument = |index: usize| arguments.get(index).map_or("", String::as_str);
     let truth = |index: usize| truth(argument(index));
+    let Surroundings { file, environment, .. } = around;
+    let found = |folder: Result<PathBuf, String>| {
+        folder.map(|folder| folder.display().to_string()).map_err(SubstitutionError::Invalid)
+    };
     Ok(match function {
         Function::Var => variable(argument(0), arguments.get(1), around)?,
-        Function::Env => match around.environment.get(argument(0)).or(arguments.get(1)) {
+        Function::Env => match environment.get(argument(0)).or(arguments.get(1)) {
             Some(value) => value.clone(),
             None => {
                 let name = argument(0);
@@ -157,10 +161,10 @@ fn call(
                 )));
             }
         },
-        Function::Dirname => folder_of(around.file),
-        Function::Filename => around.file.display().to_string(),
-        Function::FindPkgShare => package::share(argument(0), around)?.display().to_string(),
-        Function::FindPkgPrefix => package::prefix(argument(0), around)?.display().to_string(),
+        Function::Dirname => folder_of(file),
+        Function::Filename => file.display().to_string(),
+        Function::FindPkgShare => found(package::share(argument(0), file, environment))?,
+        Function::FindPkgPrefix => found(package::prefix(argument(0), file, environment))?,
         Function::Not => (!truth(0)?).to_string(),
         // With `&` and `|` both sides are evaluated: a side that is not a condition is an error, whatever the
         // other one says.

@@ -5,7 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 use modulo_msgs::ros_name;
-use modulo_runtime::wire::keys::{Durability, Endpoint, EntityKind, NO_HASH, Profile, Reliability, Token};
+use modulo_runtime::topic::{Durability, Profile, Reliability};
+use modulo_runtime::wire::keys::{Endpoint, EntityKind, NO_HASH, Token};
 
 /// Every entity that is alive now.
 #[derive(Clone, Debug, Default)]

@@ -11,7 +11,8 @@ pub mod type_description;
 pub use discovery::Graph;
 
 use modulo_runtime::name::{NameError, NodeName};
-use modulo_runtime::wire::keys::{Durability, Profile, Reliability, qos_string};
+use modulo_runtime::topic::{Durability, Profile, Reliability};
+use modulo_runtime::wire::keys::qos_string;
 use modulo_runtime::{Address, Allowed, Descriptor, Parameters, Topic, Value};
 
 /// Words of the policies in parameters.

@@ -11,6 +11,7 @@ mod code_range;
 mod draw;
 mod engine;
 mod input_size;
+mod measure;
 mod model;
 mod node;
 mod parameter;
@@ -24,7 +25,8 @@ pub use classes::parse_class_map;
 pub use engine::{
     EngineChoice, EngineDevice, EngineError, EngineOptions, onnxruntime_library, onnxruntime_places,
 };
-pub use model::{DEMO, ModelInfo, Speed, describe, embedded, measure};
+pub use measure::{ModelInfo, Speed, describe, measure};
+pub use model::{DEMO, ShapeError, embedded};
 pub use node::{Detector, outputs};
 pub use parameter::DetectorParameters;
 

@@ -18,11 +18,32 @@ use modulo_msgs::rcl_interfaces::ParameterValue;
 use crate::name::NodeName;
 use crate::parameter::text::{self, Yaml};
 use crate::parameter::yaml_text;
-use crate::ros_args::ArgsError;
+use crate::ros_args::{ArgsError, RosArgs, Setting};
 use crate::yaml::{self, Content, Item, Key};
 
 /// The key under which a node's parameters stand.
 const PARAMETERS: &str = "ros__parameters";
+
+impl RosArgs {
+    /// Parameters for the node `node_name` as (name, text), in order.
+    ///
+    /// # Errors
+    /// [`ArgsError::File`] when a parameter file cannot be read.
+    pub fn parameters_for(&self, node_name: &NodeName) -> Result<Vec<(String, String)>, ArgsError> {
+        let mut found = Vec::new();
+        for setting in &self.parameters {
+            match setting {
+                Setting::Value { node, name, value } => {
+                    if node.as_ref().is_none_or(|node| node.trim_start_matches('/') == node_name.name) {
+                        found.push((name.clone(), value.clone()));
+                    }
+                }
+                Setting::File(path) => found.extend(read(path, node_name)?),
+            }
+        }
+        Ok(found)
+    }
+}
 
 /// Returns the parameters in the file at `path` for the node `node_name`, as (name, text), in order.
 ///

@@ -1,6 +1,7 @@
 //! The charts of a grid: from results to a [`Chart`]. This file has the charts over a setting of the sensor.
 
 pub(crate) mod pictures;
+pub(crate) mod published;
 mod sensors;
 mod time;
 
@@ -11,7 +12,6 @@ use modulo_draw::{
 use modulo_runtime::SensorModel;
 
 use crate::labels::{self, Conditions, GridSetting, distinct, number};
-use crate::published;
 use crate::results::{Cell, Results};
 pub use pictures::DetectionPicture;
 

@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 use maud::{Markup, PreEscaped, html};
 use modulo_draw::{ChartError, html_page, number};
 
-use crate::chart::{self, NamedChart, RenderedChart};
+use crate::GridError;
+use crate::chart::{self, NamedChart, RenderedChart, published};
 use crate::labels::{self, distinct};
 use crate::results::{Provenance, RESULTS, Results};
 use crate::store::{load, replace};
-use crate::{GridError, published};
 
 /// The whole page with `charts` in their order.
 pub fn page(results: &Results, charts: &[RenderedChart]) -> String {

@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use modulo_msgs::std_msgs::Time;
 use modulo_runtime::report::add;
-use modulo_runtime::{Address, MessageKind, NodeName, NodeReport, Qos, Topic};
+use modulo_runtime::{Address, MessageKind, NodeName, NodeReport, Topic};
 
-use super::swap::{Slot, SlotInput};
+use super::swap::{Slot, SlotInput, book};
 use super::{EventQueue, LiveEvent};
 use crate::driver::keeps_latest;
 use crate::transport::queue::{Keep, Lane, LaneCounts};
@@ -201,18 +201,4 @@ fn subscribe(
 
 fn is_image(kind: MessageKind) -> bool {
     matches!(kind, MessageKind::Image | MessageKind::CompressedImage)
-}
-
-pub(super) fn book(report: &mut NodeReport, Address { topic, qos, .. }: &Address, counts: LaneCounts) {
-    // A message without room in the queue counts as lost on its way, not as received.
-    add(&mut report.received, topic, counts.received - counts.overflowed);
-    add(&mut report.replaced, topic, counts.replaced);
-    add(&mut report.lost, topic, counts.lost());
-    add(&mut report.unread, topic, counts.unread);
-    let of_its_kind = match qos {
-        Qos::Images | Qos::Clock => &mut report.best_effort,
-        Qos::Latched => &mut report.latched,
-        Qos::Results | Qos::Events | Qos::Logs => return,
-    };
-    of_its_kind.insert(topic.clone());
 }

@@ -8,12 +8,12 @@
 use std::time::Duration;
 
 use modulo_runtime::clock::nanos;
-use modulo_runtime::{Address, NodeReport, Topic};
+use modulo_runtime::report::add;
+use modulo_runtime::{Address, NodeReport, Qos, Topic};
 
 use super::EventQueue;
-use super::inputs::book;
 use crate::transport::Guard;
-use crate::transport::queue::Lane;
+use crate::transport::queue::{Lane, LaneCounts};
 
 /// A new stream without a frame for this long is warned of. An old stream that has not reached the first frame of the
 /// new one within this time is closed.
@@ -215,6 +215,20 @@ impl Slot {
         );
         (Some(warning), closed)
     }
+}
+
+pub(super) fn book(report: &mut NodeReport, Address { topic, qos, .. }: &Address, counts: LaneCounts) {
+    // A message without room in the queue counts as lost on its way, not as received.
+    add(&mut report.received, topic, counts.received - counts.overflowed);
+    add(&mut report.replaced, topic, counts.replaced);
+    add(&mut report.lost, topic, counts.lost());
+    add(&mut report.unread, topic, counts.unread);
+    let of_its_kind = match qos {
+        Qos::Images | Qos::Clock => &mut report.best_effort,
+        Qos::Latched => &mut report.latched,
+        Qos::Results | Qos::Events | Qos::Logs => return,
+    };
+    of_its_kind.insert(topic.clone());
 }
 
 #[cfg(test)]

@@ -5,8 +5,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 
+use modulo_runtime::topic::{self, Durability, Profile};
 use modulo_runtime::wire::attachment::Attachment;
-use modulo_runtime::wire::keys::{self, Durability, Endpoint, EntityKind, Profile, Token};
+use modulo_runtime::wire::keys::{Endpoint, EntityKind, Token};
 use modulo_runtime::{Clock, Message, NodeName};
 use xxhash_rust::xxh3::xxh3_128;
 use zenoh::Wait;
@@ -94,7 +95,7 @@ impl ZenohTransport {
     /// Declares a publisher as rmw_zenoh does: it never waits for a reader, and keeps its last samples if it serves
     /// late readers.
     fn publisher(&self, key: String, profile: Profile) -> zenoh::Result<AdvancedPublisher<'static>> {
-        let reliable = profile.reliability == keys::Reliability::Reliable;
+        let reliable = profile.reliability == topic::Reliability::Reliable;
         let publisher = self
             .session
             .declare_publisher(key)
@@ -133,8 +134,8 @@ impl ZenohTransport {
         let history = HistoryConfig::default().detect_late_publishers().max_samples(profile.depth);
         let subscriber = subscriber.history(history).subscriber_detection();
         Ok(match profile.reliability {
-            keys::Reliability::BestEffort => Box::new(subscriber.wait()?),
-            keys::Reliability::Reliable => {
+            topic::Reliability::BestEffort => Box::new(subscriber.wait()?),
+            topic::Reliability::Reliable => {
                 Box::new(subscriber.recovery(RecoveryConfig::default().heartbeat()).wait()?)
             }
         })

@@ -12,7 +12,7 @@ use std::str::FromStr;
 
 use ndarray::{Array2, ArrayView4};
 
-use crate::model::{ModelLayout, TensorSpec, embedded};
+use crate::model::{ModelLayout, ShapeError, embedded};
 use onnxruntime::Provider;
 
 /// A loaded model, ready to run.
@@ -137,15 +137,8 @@ pub enum EngineError {
         why: String,
     },
     /// The file is a model, but not a detector that this node can read.
-    #[error("model '{model}': {found}, needed is {needed}")]
-    Shape {
-        /// Path of the model.
-        model: String,
-        /// The shape of the model.
-        found: String,
-        /// The shape that is needed.
-        needed: &'static str,
-    },
+    #[error(transparent)]
+    Shape(#[from] ShapeError),
     /// The engine does not run on this device.
     #[error(
         "engine {engine} runs on the processor only, not on {device}; set engine to ort, or device to cpu"
@@ -199,16 +192,6 @@ impl EngineError {
 /// Engines like to answer in paragraphs; a log wants one line.
 fn one_line(text: impl fmt::Display) -> String {
     text.to_string().split_whitespace().collect::<Vec<_>>().join(" ")
-}
-
-/// The inputs, outputs and class names of a model, as an engine reads them.
-pub struct Signature {
-    /// Inputs without the initialisers.
-    pub inputs: Vec<TensorSpec>,
-    /// Outputs in the file's order.
-    pub outputs: Vec<TensorSpec>,
-    /// Metadata property `names`, a Python dict as text.
-    pub names: Option<String>,
 }
 
 /// An engine that runs, and how it came to be the one.

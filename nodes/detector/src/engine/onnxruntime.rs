@@ -13,8 +13,8 @@ use ort::session::Session;
 use ort::session::builder::{GraphOptimizationLevel, SessionBuilder};
 use ort::value::{Outlet, TensorElementType, TensorRef, ValueType};
 
-use super::{Engine, EngineDevice, EngineError, Signature};
-use crate::model::{ElementType, ModelLayout, TensorSpec, embedded};
+use super::{Engine, EngineDevice, EngineError};
+use crate::model::{ElementType, ModelLayout, Signature, TensorSpec, embedded};
 
 /// The word for this engine.
 pub const NAME: &str = "ort";

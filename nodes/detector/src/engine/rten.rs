@@ -7,8 +7,8 @@ use std::sync::Arc;
 use ndarray::{Array2, ArrayView4};
 use rten::{DataType, Dimension, Model, NodeId, RunOptions, ThreadPool, ValueType, ValueView};
 
-use super::{Engine, EngineError, Signature};
-use crate::model::{ElementType, ModelLayout, TensorSpec, embedded};
+use super::{Engine, EngineError};
+use crate::model::{ElementType, ModelLayout, Signature, TensorSpec, embedded};
 
 /// The word for this engine.
 pub const NAME: &str = "rten";

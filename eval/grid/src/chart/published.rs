@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 use modulo_draw::{Axis, ChartBody, ChartPanel, DataPoint, Series, SeriesStyle, number};
 
-use crate::chart::{self, NamedChart, add_point, file_name, models, suffix};
+use super::{NamedChart, add_point, cells, file_name, models, suffix};
 use crate::grid::CAPTURES;
 use crate::labels::{self, Conditions, GridSetting};
 use crate::report::tables::{Td, table};
@@ -72,7 +72,7 @@ const STREAMS: [Stream; 4] = [Stream::Saturated, Stream::Modulo, Stream::Recover
 
 /// One chart for each model of the paper.
 pub fn charts(results: &Results, conditions: &Conditions) -> Vec<NamedChart> {
-    let cells = chart::cells(results, conditions);
+    let cells = cells(results, conditions);
     let chart = |model: String| {
         let own: Vec<&Cell> =
             cells.iter().filter(|cell| labels::model(&cell.point) == model).copied().collect();

@@ -1,18 +1,10 @@
-//! The required shape of a model, the description of a loaded one, and the time of its inference ([`measure`]).
+//! The required shape of a model, and the names of its classes.
 //!
 //! No engine is named here: engines bring a [`Signature`], this judges it.
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::num::NonZeroUsize;
 use std::path::Path;
-use std::time::Duration;
-
-use modulo_runtime::Clock;
-use ndarray::Array4;
-
-use crate::engine::{Engine, EngineError, EngineOptions, OpenedEngine, Signature};
-use crate::{DetectorError, engine};
 
 /// Value of the parameter `model` for the embedded model; a file of that name is `./demo`.
 pub const DEMO: &str = "demo";
@@ -61,6 +53,25 @@ impl fmt::Display for TensorSpec {
     }
 }
 
+/// The inputs, outputs and class names of a model, as an engine reads them.
+pub struct Signature {
+    /// Inputs without the initialisers.
+    pub inputs: Vec<TensorSpec>,
+    /// Outputs in the file's order.
+    pub outputs: Vec<TensorSpec>,
+    /// Metadata property `names`, a Python dict as text.
+    pub names: Option<String>,
+}
+
+/// Error: a model is not a detector that this node can read.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("model '{model}': {found}, needed is {needed}")]
+pub struct ShapeError {
+    model: String,
+    found: String,
+    needed: &'static str,
+}
+
 /// Names and sizes of a model that this node can read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ModelLayout {
@@ -79,9 +90,9 @@ impl ModelLayout {
     /// names.
     ///
     /// # Errors
-    /// [`EngineError::Shape`] with the found and the needed shape.
-    pub fn of(model: &Path, signature: &Signature) -> Result<Self, EngineError> {
-        let refuse = |found, needed| EngineError::Shape { model: model.display().to_string(), found, needed };
+    /// [`ShapeError`] with the found and the needed shape.
+    pub fn of(model: &Path, signature: &Signature) -> Result<Self, ShapeError> {
+        let refuse = |found, needed| ShapeError { model: model.display().to_string(), found, needed };
         let (input, size) = image_input(&signature.inputs)
             .ok_or_else(|| refuse(format!("input is {}", list(&signature.inputs)), INPUT))?;
         let output = signature
@@ -126,107 +137,6 @@ fn list(ports: &[TensorSpec]) -> String {
         return "missing".to_owned();
     }
     ports.iter().map(TensorSpec::to_string).collect::<Vec<_>>().join(" and ")
-}
-
-/// A description of a model for people.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ModelInfo {
-    /// The engine that loaded it, `ort`, `openvino` or `rten`.
-    pub engine: &'static str,
-    /// Path of the library, or the reason for this engine.
-    pub note: String,
-    /// Name of the image input.
-    pub input: String,
-    /// Name of the output with the rows.
-    pub output: String,
-    /// (height, width) of the input where the model fixes them.
-    pub size: Option<(usize, usize)>,
-    /// Class names by index; a gap is its number.
-    pub classes: Vec<String>,
-    /// Threads that one inference uses.
-    pub threads: usize,
-}
-
-/// Loads `model` and describes it.
-///
-/// # Errors
-/// [`DetectorError::Engine`] as at the start of a detector.
-pub fn describe(model: &Path, options: EngineOptions) -> Result<ModelInfo, DetectorError> {
-    let OpenedEngine { name, threads, layout, note, .. } = engine::open(model, options)?;
-    Ok(ModelInfo {
-        engine: name,
-        note,
-        input: layout.input,
-        output: layout.output,
-        size: layout.size,
-        classes: layout.names.all(),
-        threads: threads.get(),
-    })
-}
-
-/// Runs before the first timed one: buffers grow and caches fill in them.
-const WARM_UP: usize = 3;
-
-/// The durations of inferences at one size.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Speed {
-    /// Rows of the input.
-    pub height: usize,
-    /// Columns of the input.
-    pub width: usize,
-    /// The durations in ascending order, ns; there is at least one.
-    pub durations_ns: Vec<u64>,
-}
-
-impl Speed {
-    /// Returns the median duration, ns.
-    pub fn median_ns(&self) -> u64 {
-        self.durations_ns[self.durations_ns.len() / 2]
-    }
-}
-
-/// Times `runs` inferences of `model`, one in each `period`, on a grey image at each of `sizes` (height, width; multiples of 32). A model that
-/// fixes its size is timed at that size only.
-///
-/// # Errors
-/// [`DetectorError::Engine`] when the model does not load or not run.
-pub fn measure(
-    model: &Path,
-    options: EngineOptions,
-    sizes: &[(usize, usize)],
-    (runs, period): (NonZeroUsize, Duration),
-    clock: &dyn Clock,
-) -> Result<Vec<Speed>, DetectorError> {
-    let OpenedEngine { mut engine, layout: ModelLayout { size: fixed, .. }, .. } =
-        engine::open(model, options)?;
-    let sizes = fixed.as_ref().map_or(sizes, std::slice::from_ref);
-    let speed = |&(height, width): &(usize, usize)| {
-        let durations_ns = durations(engine.as_mut(), (height, width), (runs, period), clock)?;
-        Ok(Speed { height, width, durations_ns })
-    };
-    sizes.iter().map(speed).collect()
-}
-
-fn durations(
-    engine: &mut dyn Engine,
-    (height, width): (usize, usize),
-    (runs, period): (NonZeroUsize, Duration),
-    clock: &dyn Clock,
-) -> Result<Vec<u64>, EngineError> {
-    let grey = Array4::from_elem((1, 3, height, width), 0.5);
-    for _ in 0..WARM_UP {
-        engine.run(grey.view())?;
-    }
-    let mut durations = Vec::with_capacity(runs.get());
-    for _ in 0..runs.get() {
-        let start = clock.ticks_ns();
-        engine.run(grey.view())?;
-        let duration = clock.ticks_ns().saturating_sub(start);
-        durations.push(duration);
-        std::thread::sleep(period.saturating_sub(Duration::from_nanos(duration)));
-    }
-    durations.sort_unstable();
-    Ok(durations)
 }
 
 /// Largest valid class index; a broken file must not cost gigabytes of memory.

@@ -1,0 +1,112 @@
+//! What `modulo model` shows of a model: its description, and the time of its inference ([`measure`]).
+
+use std::num::NonZeroUsize;
+use std::path::Path;
+use std::time::Duration;
+
+use modulo_runtime::Clock;
+use ndarray::Array4;
+
+use crate::DetectorError;
+use crate::engine::{Engine, EngineError, EngineOptions, OpenedEngine, open};
+use crate::model::ModelLayout;
+
+/// A description of a model for people.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ModelInfo {
+    /// The engine that loaded it, `ort`, `openvino` or `rten`.
+    pub engine: &'static str,
+    /// Path of the library, or the reason for this engine.
+    pub note: String,
+    /// Name of the image input.
+    pub input: String,
+    /// Name of the output with the rows.
+    pub output: String,
+    /// (height, width) of the input where the model fixes them.
+    pub size: Option<(usize, usize)>,
+    /// Class names by index; a gap is its number.
+    pub classes: Vec<String>,
+    /// Threads that one inference uses.
+    pub threads: usize,
+}
+
+/// Loads `model` and describes it.
+///
+/// # Errors
+/// [`DetectorError::Engine`] as at the start of a detector.
+pub fn describe(model: &Path, options: EngineOptions) -> Result<ModelInfo, DetectorError> {
+    let OpenedEngine { name, threads, layout, note, .. } = open(model, options)?;
+    Ok(ModelInfo {
+        engine: name,
+        note,
+        input: layout.input,
+        output: layout.output,
+        size: layout.size,
+        classes: layout.names.all(),
+        threads: threads.get(),
+    })
+}
+
+/// Runs before the first timed one: buffers grow and caches fill in them.
+const WARM_UP: usize = 3;
+
+/// The durations of inferences at one size.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Speed {
+    /// Rows of the input.
+    pub height: usize,
+    /// Columns of the input.
+    pub width: usize,
+    /// The durations in ascending order, ns; there is at least one.
+    pub durations_ns: Vec<u64>,
+}
+
+impl Speed {
+    /// Returns the median duration, ns.
+    pub fn median_ns(&self) -> u64 {
+        self.durations_ns[self.durations_ns.len() / 2]
+    }
+}
+
+/// Times `runs` inferences of `model`, one in each `period`, on a grey image at each of `sizes` (height, width; multiples of 32). A model that
+/// fixes its size is timed at that size only.
+///
+/// # Errors
+/// [`DetectorError::Engine`] when the model does not load or not run.
+pub fn measure(
+    model: &Path,
+    options: EngineOptions,
+    sizes: &[(usize, usize)],
+    (runs, period): (NonZeroUsize, Duration),
+    clock: &dyn Clock,
+) -> Result<Vec<Speed>, DetectorError> {
+    let OpenedEngine { mut engine, layout: ModelLayout { size: fixed, .. }, .. } = open(model, options)?;
+    let sizes = fixed.as_ref().map_or(sizes, std::slice::from_ref);
+    let speed = |&(height, width): &(usize, usize)| {
+        let durations_ns = durations(engine.as_mut(), (height, width), (runs, period), clock)?;
+        Ok(Speed { height, width, durations_ns })
+    };
+    sizes.iter().map(speed).collect()
+}
+
+fn durations(
+    engine: &mut dyn Engine,
+    (height, width): (usize, usize),
+    (runs, period): (NonZeroUsize, Duration),
+    clock: &dyn Clock,
+) -> Result<Vec<u64>, EngineError> {
+    let grey = Array4::from_elem((1, 3, height, width), 0.5);
+    for _ in 0..WARM_UP {
+        engine.run(grey.view())?;
+    }
+    let mut durations = Vec::with_capacity(runs.get());
+    for _ in 0..runs.get() {
+        let start = clock.ticks_ns();
+        engine.run(grey.view())?;
+        let duration = clock.ticks_ns().saturating_sub(start);
+        durations.push(duration);
+        std::thread::sleep(period.saturating_sub(Duration::from_nanos(duration)));
+    }
+    durations.sort_unstable();
+    Ok(durations)
+}
