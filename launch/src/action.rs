@@ -111,6 +111,9 @@ const READERS: [ActionReader; 14] = [
 pub(crate) fn read_file(path: &Path) -> Result<LaunchFile, Mistakes> {
     let text = std::fs::read_to_string(path).map_err(|e| LaunchError::file(path, e))?;
     let root = yaml::read_agreed(&text).map_err(|e| LaunchError::at(path, e.line, e.message))?;
+    if matches!(root.content, Content::Scalar(_, ScalarType::Null)) {
+        return Err(LaunchError::at(path, root.line, "is empty, 'launch:' with a list is expected").into());
+    }
     let attributes = Attributes::read(path, "launch file", &root, &["launch"])?;
     if attributes.item("launch").is_none() {
         return Err(attributes.missing("launch").into());

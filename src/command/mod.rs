@@ -105,9 +105,12 @@ fn start_log_with(level: &str, screen: LevelFilter, rosout: Option<RosoutLayer>)
         // Fails only when another log was started before this one.
         let _ = handle.reload(EnvFilter::builder().parse_lossy(directives));
     };
+    // For console, CLICOLOR_FORCE is stronger than NO_COLOR.
+    let colourless = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+    let colour = !colourless && console::colors_enabled_stderr();
     let lines = tracing_subscriber::fmt::layer()
         .with_writer(|| progress::LogWriter)
-        .with_ansi(console::colors_enabled_stderr())
+        .with_ansi(colour)
         .with_target(false)
         .with_filter(screen);
     // Fails only when a log was started before, which then goes on.

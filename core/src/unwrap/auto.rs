@@ -255,11 +255,13 @@ impl Auto {
             MethodChoice::Tree => self.grow(y, few, &mut quality, out)?,
         };
         out.report.quality = Some(quality);
-        // Wrong regions must not raise the whole image: where the result contradicts itself, more samples may be out of range.
-        if !trusted && f64::from(quality.jumps) > self.limits.jumps {
+        let trusted = trusted && (!self.needs_offset || offset::is_evident(out, range));
+        // Wrong regions must not raise the whole image. Where the result contradicts itself, or where y has hard edges, behind which a region
+        // may be wrong without a trace, more samples may be out of range.
+        let [jumps, steep] = [quality.jumps, quality.steep].map(f64::from);
+        if !trusted && (jumps > self.limits.jumps || steep > self.limits.lines) {
             offset::darken(out, range, &mut self.levels);
         }
-        let trusted = trusted && (!self.needs_offset || offset::is_evident(out, range));
         out.report.trust = if trusted { Trust::Trusted } else { Trust::Untrusted };
         Ok(())
     }

@@ -190,12 +190,15 @@ mod tests {
     fn removes_noise_at_the_wrap_and_keeps_edges() {
         // The left half lies on both sides of the wrap, and the right half is three eighths of a peak away.
         let level = |column: usize| if column < 40 { 100 } else { 24_576 };
-        for (dim, sigma) in [((60, 80, 3), 2500.0), ((60, 80, 1), 2500.0), ((60, 80, 3), 7000.0)] {
+        // Of the strongest noise, half of the neighbours of a pixel count.
+        for (dim, sigma, left) in
+            [((60, 80, 3), 2500.0, 0.65), ((60, 80, 1), 2500.0, 0.65), ((60, 80, 3), 7000.0, 0.9)]
+        {
             let codes = noisy(dim, sigma, level);
             let (mut smoothing, mut out) = (Smoothing::default(), Vec::new());
             smoothing.apply(&codes, dim, sigma as f32, &mut out);
             let [before, after] = [&codes, &out].map(|codes| deviation(codes, dim, level));
-            assert!(after < 0.65 * before, "{dim:?}, {sigma}: {before} to {after}");
+            assert!(after < left * before, "{dim:?}, {sigma}: {before} to {after}");
         }
     }
 
