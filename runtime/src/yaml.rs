@@ -13,7 +13,7 @@ const DEEPEST: usize = 64;
 pub struct YamlError {
     /// Line in the text, from 1.
     pub line: usize,
-    /// What cannot be read there.
+    /// The description of what cannot be read there.
     pub message: String,
 }
 

@@ -1,4 +1,4 @@
-//! What denoising gains on rendered scenes, and on KITTI frames if they are available.
+//! Tests how much denoising gains on rendered scenes, and on KITTI frames if they are available.
 
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]

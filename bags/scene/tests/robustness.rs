@@ -1,4 +1,4 @@
-//! What ordinary chips and scenes do to `auto`, on rendered scenes: defects, an alpha that is known to some percent, scenes in which
+//! Tests `auto` with the properties of ordinary chips and scenes, on rendered scenes: defects, an alpha that is known to some percent, scenes in which
 //! nothing is dark.
 
 // Helpers of tests may unwrap as tests do.

@@ -21,7 +21,7 @@ const LEAST_REACH: f32 = 1.4;
 /// The standard deviation of a normal variate over the median of its magnitude.
 const OF_MEDIAN: f32 = 1.4826;
 
-/// Of so many rows, one is read to find the noise.
+/// One of this number of rows is read to find the noise.
 const ROWS_PER_SAMPLE: usize = 4;
 
 /// The peak of the codes.

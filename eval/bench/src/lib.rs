@@ -133,7 +133,7 @@ pub struct ExposureOptions<C: SensorCommand> {
 }
 
 impl<C: SensorCommand> ExposureOptions<C> {
-    /// What converts the images to radiance.
+    /// The conversion of the images to radiance.
     fn white(&self) -> Result<White, ImageError> {
         White::new(self.white, self.sensor.first().transfer)
     }

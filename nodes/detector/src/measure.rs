@@ -1,4 +1,4 @@
-//! What `modulo model` shows of a model: its description, and the time of its inference ([`measure`]).
+//! The figures of a model that `modulo model` shows: its description, and the time of its inference ([`measure`]).
 
 use std::num::NonZeroUsize;
 use std::path::Path;
