@@ -10,6 +10,8 @@ pub struct Range {
     alpha: f64,
     /// The share of the pixels that a method may leave below the least count.
     outliers: f64,
+    /// The columns at the left border at which the radiance is 0.
+    black: u16,
 }
 
 /// The share of the pixels of an image that may be out of range at a greater base level: hot pixels and small wrong regions must
@@ -52,7 +54,17 @@ impl Range {
         if !(alpha > 0.0 && alpha <= 256.0) {
             return Err(RangeError::Alpha { alpha });
         }
-        Ok(Self { bits, alpha, outliers: OUTLIERS })
+        Ok(Self { bits, alpha, outliers: OUTLIERS, black: 0 })
+    }
+
+    /// Returns this range for images whose first `columns` columns, at the left, have the radiance 0.
+    pub fn with_black(self, columns: u16) -> Self {
+        Self { black: columns, ..self }
+    }
+
+    /// Returns the number of columns at the left border at which the radiance is 0.
+    pub fn black(self) -> u16 {
+        self.black
     }
 
     /// Returns b, the bits of the converter.

@@ -14,7 +14,8 @@
 //! Where `gradient_tree` is not trusted and there is noise, `smoothed_tree` runs as well, and the result with the smaller
 //! second differences is kept ([`jumps::bends`]).
 //!
-//! In every case trust also needs evidence for the absolute offset, see [`offset::is_evident`].
+//! In every case trust also needs evidence for the absolute offset, see [`offset`]; without it, the result is
+//! [`Trust::Relative`].
 //!
 //! Two errors leave no trace in y and in the result and cannot be detected here: a region whose sharp
 //! contour is exactly a multiple of the peak, and a channel that is brighter than the peak everywhere.
@@ -22,8 +23,8 @@
 use super::defects::Defects;
 use super::smoothed_tree::SmoothedTree;
 use super::{
-    GradientTree, Integers, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Spud, Tree,
-    Trust, Unwrap, UnwrapError, jumps, offset,
+    GradientTree, Integers, Lines, Options, PASS_THROUGH, QualityMetrics, Range, Recovered, Report, Spud,
+    Tree, Trust, Unwrap, UnwrapError, jumps, offset,
 };
 use crate::frame::Frame;
 
@@ -86,7 +87,6 @@ pub struct Auto {
     tree: Tree,
     /// The result of a second method.
     other: Recovered,
-    levels: Vec<usize>,
 }
 
 /// The decision that the metrics of `lines` lead to.
@@ -113,7 +113,6 @@ impl Auto {
             smoothed_tree: SmoothedTree::default(),
             tree: Tree::default(),
             other: Recovered::default(),
-            levels: Vec::new(),
         })
     }
 
@@ -145,37 +144,51 @@ impl Auto {
         MethodChoice::Tree
     }
 
-    /// Unwraps by the tree that the noise of y asks for; returns whether the result is trusted. Writes the jumps of the result into
-    /// `quality`.
+    /// Unwraps by the tree that the noise of y asks for; returns the trust in the result, and writes its jumps into `quality`.
     fn grow(
         &mut self,
         y: &Frame,
         range: Range,
         quality: &mut QualityMetrics,
         out: &mut Recovered,
-    ) -> Result<bool, UnwrapError> {
+    ) -> Result<Trust, UnwrapError> {
         let noise = self.smoothed_tree.read(y, range)?;
         // Rounding to few bits looks like noise, and is none.
         let noise = if range.bits() < FEWEST_BITS { 0.0 } else { noise };
         if noise > STRONG_NOISE {
             self.grow_in_noise(y, range, quality.residues, out)?;
             quality.jumps = jumps::share(&out.x, range);
-            return Ok(false);
+            return Ok(Trust::Untrusted);
         }
-        self.gradient_tree.unwrap(y, range, out)?;
+        self.gradient_tree.unwrap(y, range.of_few_outliers(), out)?;
         quality.jumps = jumps::share(&out.x, range);
         // A result that contradicts itself is not trusted, whatever y looks like.
-        let trusted = range.bits() >= FEWEST_BITS
-            && f64::from(quality.jumps) <= self.limits.jumps
-            && out.report.trust != Trust::Untrusted;
-        if !trusted && noise > SOME_NOISE && quality.residues <= MOST_RESIDUES {
+        let agrees = f64::from(quality.jumps) <= self.limits.jumps;
+        let is_sound =
+            |report: &Report| range.bits() >= FEWEST_BITS && agrees && report.trust != Trust::Untrusted;
+        let mut trust =
+            if is_sound(&out.report) { self.trust_in_offset(out, range) } else { Trust::Untrusted };
+        // Wrong regions must not raise the whole image. Where the result contradicts itself, or where y has hard edges, behind which a
+        // region may be wrong without a trace, more samples may be out of range.
+        let has_hard_edges = f64::from(quality.steep) > self.limits.lines && range.black() == 0;
+        if trust != Trust::Trusted && (!agrees || has_hard_edges) {
+            self.gradient_tree.place(y, range, out)?;
+            quality.jumps = jumps::share(&out.x, range);
+            trust = if is_sound(&out.report) { trust } else { Trust::Untrusted };
+        }
+        if trust == Trust::Untrusted && noise > SOME_NOISE && quality.residues <= MOST_RESIDUES {
             self.smoothed_tree.unwrap(&mut self.gradient_tree, y.dim(), range, &mut self.other);
             if jumps::bends(&self.other.x, range) < jumps::bends(&out.x, range) {
                 std::mem::swap(out, &mut self.other);
                 quality.jumps = jumps::share(&out.x, range);
             }
         }
-        Ok(trusted)
+        Ok(trust)
+    }
+
+    /// Returns the trust in a result whose counts agree with each other.
+    fn trust_in_offset(&self, out: &Recovered, range: Range) -> Trust {
+        if self.needs_offset { offset::trust(out, range) } else { Trust::Trusted }
     }
 
     /// Unwraps y in strong noise by the method that wins at its share of residues.
@@ -236,33 +249,25 @@ impl Auto {
         range: Range,
         out: &mut Recovered,
     ) -> Result<(), UnwrapError> {
-        let few = range.of_few_outliers();
-        self.finish_lines(y, defects, few, out)?;
+        self.finish_lines(y, defects, range.of_few_outliers(), out)?;
         // A second method overwrites the report, but the metrics of y remain those of `lines`.
         let quality = out.report.quality.expect("lines always gives its quality");
         let mut quality = QualityMetrics { jumps: jumps::share(&out.x, range), defects, ..quality };
-        let trusted = match self.judge(quality, out) {
+        let trust = match self.judge(quality, out) {
             MethodChoice::PassThrough => {
                 out.report.method = PASS_THROUGH;
-                true
+                self.trust_in_offset(out, range)
             }
-            MethodChoice::Lines => true,
+            MethodChoice::Lines => self.trust_in_offset(out, range),
             MethodChoice::Spud => {
-                self.spud.unwrap(y, few, out)?;
+                self.spud.unwrap(y, range, out)?;
                 quality.jumps = jumps::share(&out.x, range);
-                false
+                Trust::Untrusted
             }
-            MethodChoice::Tree => self.grow(y, few, &mut quality, out)?,
+            MethodChoice::Tree => self.grow(y, range, &mut quality, out)?,
         };
         out.report.quality = Some(quality);
-        let trusted = trusted && (!self.needs_offset || offset::is_evident(out, range));
-        // Wrong regions must not raise the whole image. Where the result contradicts itself, or where y has hard edges, behind which a region
-        // may be wrong without a trace, more samples may be out of range.
-        let [jumps, steep] = [quality.jumps, quality.steep].map(f64::from);
-        if !trusted && (jumps > self.limits.jumps || steep > self.limits.lines) {
-            offset::darken(out, range, &mut self.levels);
-        }
-        out.report.trust = if trusted { Trust::Trusted } else { Trust::Untrusted };
+        out.report.trust = trust;
         Ok(())
     }
 

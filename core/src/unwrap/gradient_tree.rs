@@ -13,7 +13,7 @@ use std::ops::Range as Indices;
 
 use super::tree::{
     BACKGROUND, Bounds, DirectSums, EdgeDirection, EdgeSource, Edges, FLAT as FLAT_IMAGE_KEY, Forest,
-    ImageEdges, MAX_KEY, Pixels, Quad, Region, first_difference_keys, key_of_change, recover,
+    ImageEdges, MAX_KEY, Pixels, Quad, Region, first_difference_keys, key_of_change, place, recover,
     second_difference_keys, subtract, wrap_steps,
 };
 use super::{Integers, Range, Recovered, Unwrap, UnwrapError, WorkersError};
@@ -37,6 +37,8 @@ pub struct GradientTree {
     gradients: [DirectionalGradient; 2],
     forest: Forest,
     sums: DirectSums,
+    /// Whether the last image was recovered by the forest, not by the sums.
+    grown: bool,
 }
 
 impl Default for GradientTree {
@@ -66,6 +68,7 @@ impl GradientTree {
                 .map(|direction| DirectionalGradient { direction, ..Default::default() }),
             forest: Forest::default(),
             sums: DirectSums::default(),
+            grown: false,
         }
     }
 }
@@ -104,7 +107,19 @@ impl GradientTree {
             n: [&right.n, &down.n],
             changed: [&right.changed, &down.changed],
         };
-        recover(&image, &mut self.sums, &mut self.forest, samples, range, out);
+        self.grown = recover(&image, &mut self.sums, &mut self.forest, samples, range, out);
+    }
+
+    /// Writes the result of the last image, which was `y`, anew, at the offset that the outliers of `range` allow.
+    pub(super) fn place(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
+        let samples = Integers::checked(y, range)?;
+        out.prepare(y.dim(), self.name());
+        if self.grown {
+            place(&mut self.forest, samples, range, out);
+        } else {
+            self.sums.place(samples, range, out);
+        }
+        Ok(())
     }
 }
 

@@ -28,6 +28,7 @@ pub use auto::{Auto, TrustLimits};
 pub use gradient_tree::GradientTree;
 pub use itoh::Itoh;
 pub use lines::Lines;
+pub use offset::OffsetEvidence;
 pub use poisson::ThresholdOn;
 pub use quality_guided::QualityGuided;
 pub use spud::{LeastSquares, Spud};
@@ -140,6 +141,8 @@ pub struct Report {
     pub quality: Option<QualityMetrics>,
     /// Whether the method vouches for k.
     pub trust: Trust,
+    /// The evidence for the absolute offset of a trusted result; `None` if the method needs none or the result is not trusted.
+    pub offset: Option<OffsetEvidence>,
 }
 
 /// Whether a method vouches for the wrap counts that it found.
@@ -150,8 +153,11 @@ pub enum Trust {
     Unknown,
     /// The method vouches for the counts.
     Trusted,
-    /// The method does not vouch for the counts: the image or the result violates its assumptions, or has too little evidence
-    /// for them or for the absolute offset. The counts may be right all the same.
+    /// The method vouches for the differences between the counts only: nothing shows the absolute offset, and all counts may be
+    /// too small by the same number.
+    Relative,
+    /// The method does not vouch for the counts: the image or the result violates its assumptions. The counts may be right all the
+    /// same.
     Untrusted,
 }
 
@@ -161,7 +167,7 @@ impl Trust {
         match self {
             Self::Unknown => None,
             Self::Trusted => Some(true),
-            Self::Untrusted => Some(false),
+            Self::Relative | Self::Untrusted => Some(false),
         }
     }
 }
@@ -205,12 +211,16 @@ pub struct Options {
     pub threads: usize,
     /// The limits at which `auto` trusts a result.
     pub trust: TrustLimits,
+    /// Whether the images are successive frames of one camera, so that `auto` may take the absolute offset of a frame that shows none
+    /// from the last trusted frame.
+    pub successive: bool,
 }
 
 impl Default for Options {
-    /// Returns the options of the paper: tau = 0.1 on phi, and one thread.
+    /// Returns the options of the paper: tau = 0.1 on phi, and one thread, for single images.
     fn default() -> Self {
-        Self { tau: 0.1, threshold_on: ThresholdOn::Phi, threads: 1, trust: TrustLimits::default() }
+        let trust = TrustLimits::default();
+        Self { tau: 0.1, threshold_on: ThresholdOn::Phi, threads: 1, trust, successive: false }
     }
 }
 

@@ -14,6 +14,7 @@
 use ndarray::Array3;
 
 use super::auto::FEWEST_BITS;
+use super::offset::OffsetFinder;
 use super::{
     Auto, GradientTree, Integers, Options, Range, Recovered, Trust, TrustLimits, Unwrap, UnwrapError,
     congruence, jumps, offset,
@@ -45,6 +46,7 @@ pub(super) struct MosaicUnwrap {
     levels: Vec<usize>,
     /// The result of a further pass.
     next: Recovered,
+    offset: OffsetFinder,
 }
 
 impl MosaicUnwrap {
@@ -62,6 +64,7 @@ impl MosaicUnwrap {
             difference: Recovered::default(),
             levels: Vec::new(),
             next: Recovered::default(),
+            offset: OffsetFinder::new(options.successive),
         })
     }
 
@@ -86,7 +89,7 @@ impl MosaicUnwrap {
             quality.residues /= inside;
             quality.jumps = jumps;
         }
-        let mut vouched = self.vouches_for_green(jumps, range);
+        let mut trust = self.trust_in_green(jumps, range);
         let green = padded(
             out.x.as_slice().expect("prepare has made the layout standard"),
             image.height,
@@ -94,24 +97,29 @@ impl MosaicUnwrap {
         );
         let (red_row, red_column) = image.mosaic.red();
         for place in [(red_row, red_column), (1 - red_row, 1 - red_column)] {
-            vouched &= self.unwrap_against_green(image, &green, place, range, out)?;
+            if !self.unwrap_against_green(image, &green, place, range, out)? {
+                trust = Trust::Untrusted;
+            }
         }
         if self.judges {
-            out.report.trust = if vouched { Trust::Trusted } else { Trust::Untrusted };
+            out.report.trust = trust;
         }
         Ok(jumps)
     }
 
-    /// Returns whether green is right, by its second differences above one peak, per green pixel.
+    /// Returns the trust in green, by its second differences above one peak, per green pixel.
     ///
     /// `auto` judges all three channels of the lattice and the pixels beyond the image, too. Where only those have jumps, the result of
     /// the tree is not worse.
-    fn vouches_for_green(&self, jumps: f32, range: Range) -> bool {
+    fn trust_in_green(&self, jumps: f32, range: Range) -> Trust {
         let report = self.green.report;
-        let judged_again = report.method == GradientTree::NAME
-            && range.bits() >= FEWEST_BITS
-            && offset::is_evident(&self.green, range);
-        f64::from(jumps) <= self.limits.jumps && (report.trust == Trust::Trusted || judged_again)
+        match report.trust {
+            _ if f64::from(jumps) > self.limits.jumps => Trust::Untrusted,
+            Trust::Untrusted if report.method == GradientTree::NAME && range.bits() >= FEWEST_BITS => {
+                offset::trust(&self.green, range)
+            }
+            trust => trust,
+        }
     }
 
     /// Unwraps the pixels at one place of the 2 x 2 pixels; returns whether nothing contradicts the result.
@@ -159,7 +167,23 @@ impl Unwrap for MosaicUnwrap {
     }
 
     fn unwrap(&mut self, y: &Frame, range: Range, out: &mut Recovered) -> Result<(), UnwrapError> {
-        let Some(mosaic) = y.mosaic() else { return self.method.unwrap(y, range, out) };
+        match y.mosaic() {
+            Some(mosaic) => self.unwrap_mosaic(y, mosaic, range, out)?,
+            None => self.method.unwrap(y, range, out)?,
+        }
+        self.offset.settle(out, y.mosaic().is_some(), range);
+        Ok(())
+    }
+}
+
+impl MosaicUnwrap {
+    fn unwrap_mosaic(
+        &mut self,
+        y: &Frame,
+        mosaic: Mosaic,
+        range: Range,
+        out: &mut Recovered,
+    ) -> Result<(), UnwrapError> {
         let codes = match Integers::checked(y, range)? {
             Integers::U8(y) => y.iter().map(|&y| y.into()).collect(),
             Integers::U16(y) => y.to_vec(),
@@ -168,7 +192,7 @@ impl Unwrap for MosaicUnwrap {
         let image = MosaicImage { codes, height: y.height(), width: y.width(), mosaic };
         let mut jumps = self.pass(&image, &Others::wrapped(&image, range), range, out)?;
         for _ in 1..PASSES {
-            if out.report.trust == Trust::Trusted {
+            if [Trust::Trusted, Trust::Relative].contains(&out.report.trust) {
                 break;
             }
             let mut next = std::mem::take(&mut self.next);

@@ -48,7 +48,7 @@ pub struct Tree {
     sums: DirectSums,
 }
 
-/// Writes `out` from known differences: by direct sums where they are consistent, else by a tree.
+/// Writes `out` from known differences: by direct sums where they are consistent, else by a tree. Returns whether it was by a tree.
 pub(super) fn recover(
     image: &ImageEdges<'_>,
     sums: &mut DirectSums,
@@ -56,14 +56,17 @@ pub(super) fn recover(
     y: Integers<'_>,
     range: Range,
     out: &mut Recovered,
-) {
+) -> bool {
     // Memory is reserved also for a frame that needs no tree, since a later one may need it.
     forest.make_room(image.extent());
-    if sums.agree(image) {
-        return sums.place(y, range, out);
+    let grown = !sums.agree(image);
+    if grown {
+        forest.grow(image);
+        place(forest, y, range, out);
+    } else {
+        sums.place(y, range, out);
     }
-    forest.grow(image);
-    place(forest, y, range, out);
+    grown
 }
 
 impl Unwrap for Tree {
@@ -180,7 +183,7 @@ impl ImageEdges<'_> {
 
 /// Writes `out`: the largest region at the offset that keeps it in range, others at their least. A result with
 /// clamped counts contradicts itself and is not trusted.
-fn place(forest: &mut Forest, y: Integers<'_>, range: Range, out: &mut Recovered) {
+pub(super) fn place(forest: &mut Forest, y: Integers<'_>, range: Range, out: &mut Recovered) {
     let outside = match out.k.dim().2 {
         1 => write_counts::<1>(forest, range, out),
         _ => write_counts::<3>(forest, range, out),
