@@ -27,6 +27,9 @@ const IS_AN_IMAGE: &str = "`Sensor::expose` has checked the shape";
 /// The seed of the fixed pattern, which is that of the sensor and not of an exposure.
 const PATTERN_SEED: u64 = 0x656d_7661_3132_3838;
 
+/// The largest number of columns that [`SensorConfig::optical_black`] takes.
+pub const MAX_OPTICAL_BLACK: usize = 64;
+
 /// The largest noise parameter in code units: the peak of 16 bits.
 pub const MAX_NOISE: f64 = 65536.0;
 
@@ -39,6 +42,9 @@ pub struct SensorConfig {
     pub alpha: f64,
     /// How the ideal and the saturated image show radiance.
     pub transfer: Transfer,
+    /// The columns n at the left border that a field stop shades, 0 to [`MAX_OPTICAL_BLACK`]. With q = max(1, n / 4), the
+    /// radiance in column j is multiplied by `max(0, j - q + 1) / (n - q + 1)`.
+    pub optical_black: usize,
     /// The blur of the lens.
     pub psf: Psf,
     /// The standard deviation of the read noise in code units, 0 to 65536.
@@ -61,6 +67,7 @@ impl SensorConfig {
         bits: 8,
         alpha: 4.0,
         transfer: Transfer::Linear,
+        optical_black: 0,
         psf: Psf::None,
         read_noise: 0.0,
         shot_noise: 0.0,
@@ -84,6 +91,12 @@ pub enum SensorError {
     /// The bits or alpha are out of range.
     #[error(transparent)]
     Range(#[from] RangeError),
+    /// The field stop shades too many columns.
+    #[error("optical_black is {columns} columns, 0 to {MAX_OPTICAL_BLACK} are possible")]
+    OpticalBlack {
+        /// The number of columns.
+        columns: usize,
+    },
     /// The sigma of the lens is out of range.
     #[error("psf sigma is {sigma} px, more than 0 and at most {MAX_SIGMA} is possible")]
     PsfSigma {
@@ -147,6 +160,8 @@ pub enum SensorError {
 pub struct Sensor {
     range: Range,
     transfer: Transfer,
+    /// The share of the radiance that passes the field stop in each of the first columns.
+    shade: Vec<f32>,
     taps: Vec<f32>,
     read_noise: f64,
     shot_noise: f64,
@@ -180,6 +195,9 @@ impl Sensor {
     /// [`SensorError`] names the parameter, its value and its range; NaN is an error.
     pub fn new(config: SensorConfig) -> Result<Self, SensorError> {
         let range = Range::new(config.bits, config.alpha)?;
+        if config.optical_black > MAX_OPTICAL_BLACK {
+            return Err(SensorError::OpticalBlack { columns: config.optical_black });
+        }
         // The negation and `contains` below refuse NaN, too.
         if let Psf::Gaussian { sigma } = config.psf
             && !(sigma > 0.0 && sigma <= MAX_SIGMA)
@@ -204,8 +222,8 @@ impl Sensor {
             }
         }
         let layout = PixelArrangement { gains, mosaic };
-        let (transfer, taps) = (config.transfer, config.psf.taps());
-        Ok(Self { range, transfer, taps, read_noise, shot_noise, prnu, hot_pixels, layout })
+        let (transfer, shade, taps) = (config.transfer, shade(config.optical_black), config.psf.taps());
+        Ok(Self { range, transfer, shade, taps, read_noise, shot_noise, prnu, hot_pixels, layout })
     }
 
     /// Returns the bits and alpha.
@@ -219,7 +237,7 @@ impl Sensor {
     }
 
     /// Exposes the sensor to `radiance`, H x W x C with full scale 1; values outside `[0, 1)` are clamped. `x =
-    /// alpha * 2^b * blur(radiance) + noise` is clamped to `[0, alpha * 2^b)`. The blur repeats the sample at the
+    /// alpha * 2^b * blur(shade * radiance) + noise`, with the shade of [`SensorConfig::optical_black`], is clamped to `[0, alpha * 2^b)`. The blur repeats the sample at the
     /// border of the image (`dcba|abcd|dcba`). With a mosaic, each pixel keeps one of the three channels.
     ///
     /// # Errors
@@ -242,6 +260,10 @@ impl Sensor {
             let read = |row: usize, to: &mut [f32]| {
                 if let Some(index) = read_row(radiance.index_axis(Axis(0), row), to) {
                     fault.get_or_insert((row * to.len() + index, to[index]));
+                }
+                // The field stop lies in front of the lens.
+                for (pixel, share) in to.chunks_exact_mut(channels).zip(&self.shade) {
+                    pixel.iter_mut().for_each(|value| *value *= share);
                 }
             };
             match self.layout.mosaic {
@@ -316,6 +338,13 @@ impl Sensor {
             *sample += (sigma * deviate) as f32;
         }
     }
+}
+
+/// Returns the share of the radiance that passes the field stop in each of `columns` columns: 0 in the first quarter, at least in
+/// one column, then a straight line to 1 in the first column that is not shaded.
+fn shade(columns: usize) -> Vec<f32> {
+    let black = (columns / 4).max(1);
+    (1..=columns).map(|n| n.saturating_sub(black) as f32 / (columns - black + 1) as f32).collect()
 }
 
 /// Copies a row of radiance (W x C) into `to`, clamped to `[0, 1)`: a value above full scale would otherwise leak into its

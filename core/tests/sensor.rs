@@ -110,6 +110,39 @@ fn bad_pixels_and_shapes_are_named() {
     assert!(sensor.expose(Array3::zeros((5, 5, 4)).view(), 0).is_err());
 }
 
+/// A field stop shades the first columns before the lens, also those of an image that has no others.
+#[test]
+fn optical_black_rises_from_no_radiance_to_all_of_it() {
+    let even = |width| Array3::from_elem((3, width, 3), 0.5);
+    let expose = |config, width| Sensor::new(config).unwrap().expose(even(width).view(), 0).unwrap();
+    for (columns, black) in [(1usize, 1usize), (3, 1), (8, 2), (32, 8), (64, 16)] {
+        let config = SensorConfig { optical_black: columns, ..PLAIN };
+        let full = expose(config, 80);
+        for ((_, column, _), &x) in full.x().indexed_iter() {
+            let share = (column as f64 + 1.0 - black as f64) / (columns - black + 1) as f64;
+            let want = 512.0 * share.clamp(0.0, 1.0);
+            assert!(
+                (f64::from(x) - want).abs() < 1e-3,
+                "{columns} columns, column {column}: {x}, not {want}"
+            );
+        }
+        let narrow = expose(config, columns.min(5));
+        assert_eq!(narrow.x()[(1, 0, 2)], 0.0);
+        let sharp = full.x().mapv(|x| x / 1024.0);
+        let lens = SensorConfig { psf: Psf::Paper7, ..PLAIN };
+        let blurred = Sensor::new(lens).unwrap().expose(sharp.view(), 0).unwrap();
+        let behind = expose(SensorConfig { psf: Psf::Paper7, ..config }, 80);
+        assert!(behind.x().iter().zip(blurred.x()).all(|(x, want)| (x - want).abs() < 1e-2), "{columns}");
+    }
+    let steepest = |alpha| {
+        let bright = Array3::from_elem((1, 80, 1), 1.0);
+        let sensor = Sensor::new(SensorConfig { optical_black: 32, alpha, ..PLAIN }).unwrap();
+        let x = sensor.expose(bright.view(), 0).unwrap().x().clone();
+        x.windows((1, 2, 1)).into_iter().map(|pair| pair[(0, 1, 0)] - pair[(0, 0, 0)]).fold(0.0, f32::max)
+    };
+    assert!(steepest(8.0) < 128.0 && steepest(16.0) > 128.0, "half a peak is 128 codes");
+}
+
 #[test]
 fn parameters_out_of_range_are_named() {
     for bad in [f64::NAN, -1.0, f64::INFINITY, 1e9] {
@@ -124,6 +157,8 @@ fn parameters_out_of_range_are_named() {
         }
     }
     assert!(Sensor::new(SensorConfig { bits: 0, ..PLAIN }).is_err());
+    let error = Sensor::new(SensorConfig { optical_black: 65, ..PLAIN }).unwrap_err().to_string();
+    assert_eq!(error, "optical_black is 65 columns, 0 to 64 are possible");
 }
 
 /// Returns the PSNR of 8-bit frames in dB.

@@ -20,7 +20,7 @@ pub struct OneSensor;
 
 impl SensorCommand for OneSensor {
     fn has(parameter: &str) -> bool {
-        ["bits", "alpha", "transfer", "gains", "gain_ratio", "mosaic"].contains(&parameter)
+        ["bits", "alpha", "transfer", "optical_black", "gains", "gain_ratio", "mosaic"].contains(&parameter)
     }
 
     fn varies(_: &str) -> bool {
@@ -57,6 +57,8 @@ pub struct UnwrapRow {
     pub alpha: f64,
     /// Transfer function of the recovered image: `linear`, `srgb`, `gamma22` or `rec709`.
     pub transfer: &'static str,
+    /// Columns at the left border that a field stop shades.
+    pub optical_black: usize,
     /// Pixels with a lower gain: `none`, `checkerboard` or `rows`.
     pub gains: &'static str,
     /// Colour filters: `none`, `rggb`, `bggr`, `grbg` or `gbrg`.
@@ -152,6 +154,7 @@ fn of_file(
             bits: range.bits(),
             alpha: range.alpha(),
             transfer: sensor.transfer.word(),
+            optical_black: sensor.optical_black,
             gains: sensor.gains.map_or("none", GainPattern::word),
             mosaic: mosaic.map_or("none", Mosaic::word),
             method: method.name().to_owned(),

@@ -360,7 +360,7 @@ fn a_modulo_image_is_unwrapped_as_the_simulation_did() {
     let folder = tempfile::tempdir().unwrap();
     let [file, simulated, out] = ["street.png", "simulated", "out"].map(|name| folder.path().join(name));
     street(&file);
-    let with = request_with("--counts --psf-sigma 1.4", &simulated, &[&file]);
+    let with = request_with("--counts --psf-sigma 1.4 --optical-black 8", &simulated, &[&file]);
     let expected = simulate::simulate(&with, &mut |_| {}).unwrap().rows;
     let path = |what: &str| simulated.join(format!("street_alpha4_{what}.png"));
     let (y, k, x) = (pixels(&path("modulo")), pixels(&path("k")), read_image(&path("x")).unwrap());

@@ -3,7 +3,7 @@
 pub use modulo_draw::{below_100, distinct, number};
 
 use modulo_core::Mosaic;
-use modulo_runtime::{ParameterSet as _, SensorModel, Value};
+use modulo_runtime::{Descriptor, ParameterSet as _, SensorModel, Value};
 
 use crate::results::{Cell, Point, Stream};
 
@@ -19,8 +19,8 @@ pub struct GridSetting(pub &'static str);
 impl GridSetting {
     /// All of them.
     pub fn all() -> impl Iterator<Item = Self> {
-        let numbers =
-            SensorModel::descriptors().into_iter().filter(|p| matches!(p.default, Value::Double(_)));
+        let is_number = |p: &Descriptor| matches!(p.default, Value::Double(_) | Value::Integer(_));
+        let numbers = SensorModel::descriptors().into_iter().filter(is_number);
         numbers.map(|parameter| Self(parameter.name)).filter(|setting| !OF_STREAM.contains(&setting.0))
     }
 
@@ -34,8 +34,12 @@ impl GridSetting {
     /// Its value in a cell.
     pub fn of(self, point: &Point) -> f64 {
         let value = point.sensor.declared().into_iter().find(|(parameter, _)| parameter.name == self.0);
-        // The sum with 0 removes the sign of a zero.
-        if let Some((_, Value::Double(value))) = value { value + 0.0 } else { 0.0 }
+        match value.map(|(_, value)| value) {
+            // The sum with 0 removes the sign of a zero.
+            Some(Value::Double(value)) => value + 0.0,
+            Some(Value::Integer(value)) => value as f64,
+            _ => 0.0,
+        }
     }
 
     /// The other parameters of the sensor, but for those that the label of the stream names.

@@ -225,6 +225,10 @@ class Sensor:
     transfer : str, one of linear, srgb, gamma22, rec709
         Transfer function of the pictures: codes of 8 and 16 bits of a source are decoded by it, and the images ideal, saturated and
         recovered are encoded by it. linear: codes are radiance. EXR, HDR and rendered frames hold radiance, which is not decoded.
+    optical_black : int, in 0 to 64
+        Columns at the left border that a field stop in front of the lens shades: the radiance is 0 in the first quarter of them, at
+        least in one column, and rises linearly over the others. They show where the radiance is 0. 32 columns keep neighbouring
+        samples within half a peak up to an alpha of 8.
     white : float, a finite number in 0 to 1000000000000
         The value that becomes full scale, for radiance of the types float32 and uint16. 0: 1 for float32, and 65536 for uint16.
 
@@ -263,6 +267,7 @@ class Sensor:
         prnu: float = 0.0,
         hot_pixels: float = 0.0,
         transfer: str = "linear",
+        optical_black: int = 0,
         white: float = 0.0,
     ) -> None:
         self._sensor = _core.Sensor(
@@ -281,6 +286,7 @@ class Sensor:
                 "prnu": prnu,
                 "hot_pixels": hot_pixels,
                 "transfer": transfer,
+                "optical_black": optical_black,
                 "white": white,
             }
         )
@@ -328,6 +334,7 @@ def unwrap(
     mosaic: str = "none",
     gains: str = "none",
     gain_ratio: float = 0.0,
+    optical_black: int = 0,
     tau: float = 0.1,
     threshold_on: str = "phi",
     trust_lines: float = 1e-5,
@@ -358,6 +365,10 @@ def unwrap(
         Pixels with a lower gain, which do not wrap: none, a checkerboard, or every second row.
     gain_ratio : float, a finite number in 0 to 1
         The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha.
+    optical_black : int, in 0 to 64
+        Columns at the left border that a field stop in front of the lens shades: the radiance is 0 in the first quarter of them, at
+        least in one column, and rises linearly over the others. They show where the radiance is 0. 32 columns keep neighbouring
+        samples within half a peak up to an alpha of 8.
     tau : float, a finite number in 0 to 1000000
         For spud: the hard threshold, in units of the peak.
     threshold_on : str, one of phi, rho
@@ -404,6 +415,7 @@ def unwrap(
         "mosaic": mosaic,
         "gains": gains,
         "gain_ratio": gain_ratio,
+        "optical_black": optical_black,
         "tau": tau,
         "threshold_on": threshold_on,
         "trust_lines": trust_lines,

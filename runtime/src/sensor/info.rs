@@ -121,7 +121,7 @@ mod tests {
         fn a_description_gives_the_same_sensor(
             bits in 1u8..=16,
             alpha in 1e-3f64..256.0,
-            transfer in 0usize..4,
+            (transfer, optical_black) in (0usize..4, 0usize..=64),
             paper in any::<bool>(),
             psf_sigma in 0.0f64..4.0,
             (gains, gain_ratio) in (0usize..3, 0.0f64..1.0),
@@ -129,8 +129,8 @@ mod tests {
             let psf = if paper { BlurShape::Paper7 } else { BlurShape::Gaussian };
             let gains = modulo_core::GainPattern::WORDS[gains].1;
             let transfer = modulo_core::Transfer::WORDS[transfer].1;
-            let model =
-                SensorModel { bits, alpha, transfer, psf, psf_sigma, gains, gain_ratio, ..SensorModel::default() };
+            let rest = SensorModel { bits, alpha, transfer, optical_black, ..SensorModel::default() };
+            let model = SensorModel { psf, psf_sigma, gains, gain_ratio, ..rest };
             prop_assert_eq!(read(&description(1, &model)), Ok(model));
         }
     }

@@ -2,7 +2,7 @@
 //! for the nodes that undo them, for the commands that vary them and for the results of these.
 
 use modulo_core::optics::{MAX_SIGMA, Psf};
-use modulo_core::sensor::{MAX_NOISE, Sensor, SensorConfig};
+use modulo_core::sensor::{MAX_NOISE, MAX_OPTICAL_BLACK, Sensor, SensorConfig};
 use modulo_core::{GainPattern, Gains, Mosaic, Range, Transfer};
 
 use crate::parameter::{ParameterError, ParameterSet as _};
@@ -40,6 +40,10 @@ crate::parameters! {
         /// saturated and recovered are encoded by it. linear: codes are radiance. EXR, HDR and rendered frames hold
         /// radiance, which is not decoded.
         transfer: Transfer = Transfer::Linear => Transfer::WORDS; fixed,
+        /// Columns at the left border that a field stop in front of the lens shades: the radiance is 0 in the first quarter of
+        /// them, at least in one column, and rises linearly over the others. They show where the radiance is 0. 32 columns keep
+        /// neighbouring samples within half a peak up to an alpha of 8.
+        optical_black: usize = 0 => 0..=MAX_OPTICAL_BLACK,
         /// Shape of the lens blur: gaussian with the width psf_sigma, or paper7 for the paper's fixed 7 taps (about 1.4
         /// px).
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
@@ -92,12 +96,13 @@ impl SensorModel {
     /// [`ParameterError`] of the first value that is out of its range.
     pub fn config(&self) -> Result<SensorConfig, ParameterError> {
         self.check()?;
-        let Self { bits, alpha, transfer, read_noise, prnu, hot_pixels, mosaic, .. } = *self;
+        let Self { bits, alpha, transfer, optical_black, read_noise, prnu, hot_pixels, mosaic, .. } = *self;
         let (psf, gains, shot_noise) = (self.psf(), self.gains()?, self.shot_variance());
         Ok(SensorConfig {
             bits,
             alpha,
             transfer,
+            optical_black,
             psf,
             read_noise,
             shot_noise,
@@ -176,6 +181,8 @@ crate::parameters! {
         /// Transfer function by which the recovered image is encoded: linear, srgb, gamma22, rec709, or as the camera's sensor
         /// description has it (linear without a description).
         transfer: Option<Transfer> = None => TRANSFERS,
+        /// Columns at the left border that a field stop shades, as at the camera. 0: those of the camera's sensor description.
+        optical_black: usize = 0 => 0..=MAX_OPTICAL_BLACK,
         /// Shape of the lens blur: gaussian, or paper7 for the paper's fixed 7 taps (about 1.4 px).
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
         /// Standard deviation of the gaussian lens blur in px. 0: the blur of the camera's sensor description.
@@ -214,7 +221,9 @@ impl SensorOverride {
         let (bits, alpha) = (bits.ok_or_else(|| missing("bits"))?, alpha.ok_or_else(|| missing("alpha"))?);
         let rest = camera.cloned().unwrap_or_default();
         let transfer = self.transfer.unwrap_or(rest.transfer);
-        let model = SensorModel { bits, alpha, transfer, psf, psf_sigma, gains, gain_ratio, ..rest };
+        let optical_black = if self.optical_black > 0 { self.optical_black } else { rest.optical_black };
+        let model =
+            SensorModel { bits, alpha, transfer, optical_black, psf, psf_sigma, gains, gain_ratio, ..rest };
         model.check()?;
         Ok(model)
     }
@@ -227,8 +236,10 @@ impl SensorOverride {
 
 impl From<SensorModel> for SensorOverride {
     fn from(model: SensorModel) -> Self {
-        let SensorModel { bits, alpha, transfer, psf, psf_sigma, gains, gain_ratio, .. } = model;
-        Self { bits, alpha, transfer: Some(transfer), psf, psf_sigma, gains: Some(gains), gain_ratio }
+        let SensorModel { bits, alpha, transfer, optical_black, psf, psf_sigma, gains, gain_ratio, .. } =
+            model;
+        let (transfer, gains) = (Some(transfer), Some(gains));
+        Self { bits, alpha, transfer, optical_black, psf, psf_sigma, gains, gain_ratio }
     }
 }
 
@@ -254,6 +265,7 @@ mod tests {
             bits: 10,
             alpha: 3.0,
             transfer: Transfer::Rec709,
+            optical_black: 32,
             psf: BlurShape::Paper7,
             psf_sigma: 0.0,
             gains: rows.0,
@@ -267,12 +279,19 @@ mod tests {
         let set = SensorOverride {
             alpha: 2.0,
             transfer: Some(transfer),
+            optical_black: 8,
             psf_sigma: 1.0,
             gains: Some(None),
             ..SensorOverride::default()
         };
-        let expected =
-            SensorModel { bits: 10, alpha: 2.0, transfer, psf_sigma: 1.0, ..SensorModel::default() };
+        let expected = SensorModel {
+            bits: 10,
+            alpha: 2.0,
+            transfer,
+            optical_black: 8,
+            psf_sigma: 1.0,
+            ..SensorModel::default()
+        };
         assert_eq!(set.over(Some(&camera)), Ok(expected.clone()));
         assert_eq!(SensorOverride::from(expected.clone()).over(Some(&camera)), Ok(expected));
     }
