@@ -11,7 +11,7 @@ pub struct Range {
     /// The share of the pixels that a method may leave below the least count.
     outliers: f64,
     /// The columns at the left border at which the radiance is 0.
-    black: u16,
+    black: usize,
 }
 
 /// The share of the pixels of an image that may be out of range at a greater base level: hot pixels and small wrong regions must
@@ -57,13 +57,14 @@ impl Range {
         Ok(Self { bits, alpha, outliers: OUTLIERS, black: 0 })
     }
 
-    /// Returns this range for images whose first `columns` columns, at the left, have the radiance 0.
-    pub fn with_black(self, columns: u16) -> Self {
-        Self { black: columns, ..self }
+    /// Returns this range for images of a sensor that shades so many columns at the left border: the radiance is 0 in the first quarter of
+    /// them, at least in one column.
+    pub fn with_optical_black(self, columns: usize) -> Self {
+        Self { black: (columns / 4).max(columns.min(1)), ..self }
     }
 
     /// Returns the number of columns at the left border at which the radiance is 0.
-    pub fn black(self) -> u16 {
+    pub fn black(self) -> usize {
         self.black
     }
 

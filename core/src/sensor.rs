@@ -194,7 +194,7 @@ impl Sensor {
     /// # Errors
     /// [`SensorError`] names the parameter, its value and its range; NaN is an error.
     pub fn new(config: SensorConfig) -> Result<Self, SensorError> {
-        let range = Range::new(config.bits, config.alpha)?;
+        let range = Range::new(config.bits, config.alpha)?.with_optical_black(config.optical_black);
         if config.optical_black > MAX_OPTICAL_BLACK {
             return Err(SensorError::OpticalBlack { columns: config.optical_black });
         }
@@ -222,11 +222,12 @@ impl Sensor {
             }
         }
         let layout = PixelArrangement { gains, mosaic };
-        let (transfer, shade, taps) = (config.transfer, shade(config.optical_black), config.psf.taps());
+        let (transfer, shade, taps) =
+            (config.transfer, shade(config.optical_black, range.black()), config.psf.taps());
         Ok(Self { range, transfer, shade, taps, read_noise, shot_noise, prnu, hot_pixels, layout })
     }
 
-    /// Returns the bits and alpha.
+    /// Returns the bits, alpha and the columns that are black.
     pub fn range(&self) -> Range {
         self.range
     }
@@ -340,10 +341,9 @@ impl Sensor {
     }
 }
 
-/// Returns the share of the radiance that passes the field stop in each of `columns` columns: 0 in the first quarter, at least in
-/// one column, then a straight line to 1 in the first column that is not shaded.
-fn shade(columns: usize) -> Vec<f32> {
-    let black = (columns / 4).max(1);
+/// Returns the share of the radiance that passes the field stop in each of `columns` columns: 0 in those that are `black`, then a
+/// straight line to 1 in the first column that is not shaded.
+fn shade(columns: usize, black: usize) -> Vec<f32> {
     (1..=columns).map(|n| n.saturating_sub(black) as f32 / (columns - black + 1) as f32).collect()
 }
 
@@ -385,7 +385,7 @@ impl Exposure {
         &self.x
     }
 
-    /// Returns the bits and alpha.
+    /// Returns the bits, alpha and the columns that are black.
     pub fn range(&self) -> Range {
         self.range
     }

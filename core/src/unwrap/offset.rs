@@ -198,8 +198,7 @@ impl Group {
 /// Returns whether the shaded columns are black in each group.
 fn is_black(out: &Recovered, groups: &[Group], range: Range) -> bool {
     groups.iter().all(|group| {
-        let columns =
-            usize::from(range.black()).saturating_sub(group.column).div_ceil(group.period.unsigned_abs());
+        let columns = range.black().saturating_sub(group.column).div_ceil(group.period.unsigned_abs());
         let x = group.of(&out.x);
         let x = x.slice(s![.., ..columns.min(x.ncols())]);
         let black = x.iter().filter(|&&x| x < range.peak() / 2.0).count();

@@ -81,6 +81,7 @@ impl UnwrapParameters {
                 consensus: self.trust_consensus,
                 jumps: self.trust_jumps,
             },
+            successive: true,
         }
     }
 
@@ -399,9 +400,12 @@ impl RecoveryCounts {
 fn describe(node: &str, header: &Header, method: &str, report: &Report) -> DiagnosticArray {
     let (level, message) = match report.trust {
         Trust::Trusted => (DiagnosticStatus::OK, "trusted"),
-        Trust::Untrusted => (
+        Trust::Untrusted => {
+            (DiagnosticStatus::WARN, "not trusted: the image violates the assumptions of the method")
+        }
+        Trust::Relative => (
             DiagnosticStatus::WARN,
-            "not trusted: the image violates the assumptions of the method, or has too little evidence for the absolute offset",
+            "not trusted: nothing shows the absolute offset, so that all counts may be too small by the same number",
         ),
         Trust::Unknown => (DiagnosticStatus::OK, "the method makes no claim"),
     };
@@ -410,6 +414,10 @@ fn describe(node: &str, header: &Header, method: &str, report: &Report) -> Diagn
     // A method without a claim has no entry, so that no reader takes it for distrust.
     if let Some(trusted) = report.trust.claim() {
         values.push(("trusted", trusted.to_string()));
+    }
+    // The evidence for the absolute offset, so that a reader knows when it comes from the frame before.
+    if let Some(evidence) = report.offset {
+        values.push(("offset", evidence.name().to_owned()));
     }
     if let Some(QualityMetrics { residues, steep, consensus, clamped, jumps, defects }) = report.quality {
         let share = |value: f32| format!("{value:.3e}");

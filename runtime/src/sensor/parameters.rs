@@ -122,13 +122,15 @@ impl SensorModel {
         (self.shot_noise + of_electrons).min(MAX_NOISE)
     }
 
-    /// Returns bits and saturation factor.
+    /// Returns bits, saturation factor, and the columns that are black.
     ///
     /// # Errors
     /// [`ParameterError`] of the first value that is out of its range.
     pub fn range(&self) -> Result<Range, ParameterError> {
         self.check()?;
-        Ok(Range::new(self.bits, self.alpha).expect("the declared ranges lie within those of `Range`"))
+        let range =
+            Range::new(self.bits, self.alpha).expect("the declared ranges lie within those of `Range`");
+        Ok(range.with_optical_black(self.optical_black))
     }
 
     /// Returns the blur of the lens.

@@ -1,0 +1,191 @@
+//! Tests over real pictures and rendered scenes, in a sample of all sensors, that `auto` never trusts a wrong result, and that it
+//! trusts the exact results whose absolute offset is evident.
+//!
+//! Each picture is exposed by some sensors of [`Condition::at`]; `MODULO_TRUST=1000` tests a thousand of them for each picture, and
+//! prints the figures of docs/methods.md.
+
+// Helpers of tests may unwrap as tests do.
+#![allow(clippy::unwrap_used)]
+
+#[path = "../../../tests/harness/data.rs"]
+mod data;
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use modulo_core::unwrap::{Options, Range, Trust, by_name};
+use modulo_core::{Psf, Recovered, Sensor, SensorConfig, Transfer};
+use modulo_images::{EXTENSIONS, White, read_image};
+use modulo_scene::{Preset, Scene};
+use ndarray::Array3;
+
+/// The sensors that each picture is exposed by, if the variable does not say more.
+const FEW: usize = 3;
+
+/// A sensor, a scene whose light is changed, and an alpha that is known to some percent.
+#[derive(Debug)]
+struct Condition {
+    config: SensorConfig,
+    /// The brightest radiance over full scale.
+    headroom: f32,
+    /// The darkest radiance over the brightest one.
+    darkest: f32,
+    /// The alpha that the method is told over the true one.
+    told: f64,
+}
+
+impl Condition {
+    /// Returns the condition with this number. Each number of one product of all values is met once before one is met again.
+    fn at(number: usize) -> Self {
+        // Prime to the number of all conditions.
+        let mut rest = number.wrapping_mul(7_368_787);
+        let mut choose = |values: &[f64]| {
+            let value = values[rest % values.len()];
+            rest /= values.len();
+            value
+        };
+        let headroom = choose(&[0.9, 0.97, 1.0]) as f32;
+        let darkest = choose(&[0.0, 0.0, 0.1, 0.3]) as f32;
+        let told = choose(&[0.9, 0.98, 1.0, 1.0, 1.02, 1.1]);
+        let alpha = choose(&[1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0]);
+        let psf = match choose(&[0.0, 0.5, 0.8, 1.4, 2.0]) {
+            0.0 => Psf::None,
+            sigma => Psf::Gaussian { sigma },
+        };
+        let read_noise = choose(&[0.0, 0.0, 3.0, 10.0, 30.0]);
+        let hot_pixels = choose(&[0.0, 1e-5]);
+        let optical_black = choose(&[0.0, 32.0]) as usize;
+        let config =
+            SensorConfig { alpha, psf, read_noise, hot_pixels, optical_black, ..SensorConfig::default() };
+        Self { config, headroom, darkest, told }
+    }
+}
+
+fn images_below(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let path = entry.path();
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_lowercase();
+        if path.is_dir() {
+            images_below(&path, found);
+        } else if EXTENSIONS.contains(&extension.as_str()) {
+            found.push(path);
+        }
+    }
+    found.sort();
+}
+
+/// The numbers of frames by their result.
+#[derive(Default)]
+struct Tally {
+    frames: usize,
+    trusted: usize,
+    /// Wholly exact frames that are trusted, that lack evidence for the offset, and that are not trusted in spite of it.
+    exact: [usize; 3],
+    /// Frames that are exact but for one offset of all counts, of which nothing shows the offset.
+    offset: usize,
+    wrong: Vec<String>,
+}
+
+impl Tally {
+    fn take(&mut self, name: &str, radiance: &Array3<f32>, number: usize) {
+        let condition = Condition::at(number);
+        let Condition { config, headroom, darkest, told } = &condition;
+        let light = radiance.mapv(|x| headroom * (darkest + (1.0 - darkest) * x.min(1.0)));
+        let exposure = Sensor::new(*config).expect("a sensor").expose(light.view(), 1).expect("an image");
+        let range = Range::new(8, config.alpha * told).unwrap().with_optical_black(config.optical_black);
+        let mut out = Recovered::default();
+        let mut auto = by_name("auto", &Options::default()).expect("listed");
+        auto.unwrap(&exposure.modulo(), range, &mut out).expect("codes of that sensor");
+        let truth = exposure.wraps();
+        let right = out.k.iter().zip(&truth).filter(|(k, truth)| k == truth).count();
+        let exact = right as f64 / truth.len() as f64;
+        let trust = out.report.trust;
+        self.frames += 1;
+        self.trusted += usize::from(trust == Trust::Trusted);
+        if trust == Trust::Trusted && exact < 0.999 {
+            let what = format!("{name}, {condition:?}: {exact:.5} {:?}", out.report);
+            println!("trusted and wrong: {what}");
+            self.wrong.push(what);
+        }
+        if right == truth.len() {
+            let verdict =
+                [Trust::Trusted, Trust::Relative, Trust::Untrusted].iter().position(|t| *t == trust);
+            self.exact[verdict.expect("auto makes a claim")] += 1;
+            if trust == Trust::Untrusted {
+                println!("exact and untrusted: {name}, {condition:?}: {:?}", out.report);
+            }
+        }
+        self.offset += usize::from(trust == Trust::Relative && right == 0);
+    }
+
+    fn add(&mut self, other: Self) {
+        self.frames += other.frames;
+        self.trusted += other.trusted;
+        self.exact.iter_mut().zip(other.exact).for_each(|(sum, count)| *sum += count);
+        self.offset += other.offset;
+        self.wrong.extend(other.wrong);
+    }
+}
+
+/// Returns the pictures of the shared data, and one rendered scene of each preset.
+fn pictures() -> Vec<(String, Box<dyn Fn() -> Option<Array3<f32>> + Sync>)> {
+    let mut files = Vec::new();
+    if let Some(folder) = data::shared("data") {
+        images_below(&folder, &mut files);
+    }
+    let read = |file: PathBuf| {
+        let name = file.file_name().unwrap().to_string_lossy().into_owned();
+        let read = move || {
+            let pixels = read_image(&file).ok()?;
+            Some(White::new(0.0, Transfer::Linear).unwrap().radiance(&pixels, file.display()).unwrap())
+        };
+        (name, Box::new(read) as Box<dyn Fn() -> Option<Array3<f32>> + Sync>)
+    };
+    let render = |preset: &Preset| {
+        let preset = *preset;
+        let render = move || Some(Scene::new(preset, 1).render(0, 120, 320).radiance);
+        (preset.name().to_owned(), Box::new(render) as Box<dyn Fn() -> Option<Array3<f32>> + Sync>)
+    };
+    files.into_iter().map(read).chain(Preset::ALL.iter().map(render)).collect()
+}
+
+#[test]
+fn never_trusted_and_wrong() {
+    let pictures = pictures();
+    let count =
+        std::env::var("MODULO_TRUST").map_or(FEW, |count| count.parse().expect("a number of sensors"));
+    let next = AtomicUsize::new(0);
+    let work = || {
+        let mut tally = Tally::default();
+        while let Some((number, (name, read))) =
+            pictures.iter().enumerate().nth(next.fetch_add(1, Ordering::Relaxed))
+        {
+            match read() {
+                Some(radiance) => (0..count).for_each(|at| tally.take(name, &radiance, number * count + at)),
+                None => println!("skipped: {name} cannot be decoded"),
+            }
+        }
+        tally
+    };
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let mut tally = Tally::default();
+    std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..cores).map(|_| scope.spawn(work)).collect();
+        workers.into_iter().for_each(|worker| tally.add(worker.join().expect("a worker does not panic")));
+    });
+    let [trusted, relative, untrusted] = tally.exact;
+    println!(
+        "{} frames of {} pictures, {} trusted, {} of them wrong",
+        tally.frames,
+        pictures.len(),
+        tally.trusted,
+        tally.wrong.len()
+    );
+    println!(
+        "wholly exact: {trusted} trusted, {relative} without evidence for the offset, {untrusted} not trusted; \
+         {} wrong by one offset and without evidence",
+        tally.offset
+    );
+    assert!(tally.wrong.is_empty(), "{:#?}", tally.wrong);
+    assert!(trusted as f64 >= 0.95 * (trusted + untrusted) as f64, "exact results are trusted");
+}
