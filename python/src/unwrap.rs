@@ -49,6 +49,6 @@ pub fn unwrap<'py>(
         (residues, steep, consensus, clamped, jumps, defects)
     });
     let confidence = confidence.map(|frame| frame_to_numpy(py, frame, true));
-    let report = (report.method, report.trust.claim(), quality, confidence);
+    let report = (report.method, report.trust.claim(), report.offset_evidence(), quality, confidence);
     Ok((to_numpy(py, x, is_flat), to_numpy(py, k, is_flat), report))
 }

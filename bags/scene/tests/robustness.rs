@@ -4,7 +4,8 @@
 // Helpers of tests may unwrap as tests do.
 #![allow(clippy::unwrap_used)]
 
-use modulo_core::unwrap::{Options, PASS_THROUGH, Trust, by_name};
+use modulo_core::metric::exact_share;
+use modulo_core::unwrap::{OffsetEvidence, Options, PASS_THROUGH, Trust, by_name};
 use modulo_core::{Exposure, Psf, Range, Recovered, Sensor, SensorConfig};
 use modulo_scene::{Preset, Scene};
 use ndarray::Array3;
@@ -106,4 +107,59 @@ fn nothing_that_is_too_dark_by_a_peak_is_trusted() {
         }
     }
     assert!(seen.iter().all(|&count| count > 5), "both are met: {seen:?}");
+}
+
+/// Scenes of which nothing shows the absolute level, by black columns at the border.
+#[test]
+fn black_columns_show_the_offset() {
+    let mut trusted = 0;
+    for radiance in scenes() {
+        for (alpha, dark) in [(2.0, 0.6), (4.0, 0.0), (4.0, 0.3), (8.0, 0.0), (8.0, 0.2)] {
+            let light = radiance.mapv(|x| 0.9 * (dark + (1.0 - dark) * x));
+            let lens = Psf::Gaussian { sigma: 1.4 };
+            let config = SensorConfig { alpha, optical_black: 32, psf: lens, ..SensorConfig::default() };
+            let exposure = Sensor::new(config).unwrap().expose(light.view(), 0).unwrap();
+            let out = recover(&exposure, exposure.range());
+            let is_exact = out.k == exposure.wraps();
+            assert!(is_exact || out.report.trust != Trust::Trusted, "{alpha} {dark}: {:?}", out.report);
+            trusted += usize::from(out.report.trust == Trust::Trusted);
+        }
+    }
+    assert_eq!(trusted, 20, "all are trusted");
+}
+
+/// A sequence that begins with evidence, in which the light then fades, cuts to another scene, or rises above the peak.
+#[test]
+fn the_last_trusted_frame_gives_the_offset_until_a_cut() {
+    let frames = |preset, number| Scene::new(preset, 1).render(number, 120, 320).radiance;
+    let mut method = by_name("auto", &Options { successive: true, ..Options::default() }).unwrap();
+    let mut recover = |light: &Array3<f32>| {
+        let exposure = expose(light, 4.0, 0.0);
+        let mut out = Recovered::default();
+        method.unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
+        let exact = exact_share(&out.k, &exposure.wraps()).unwrap();
+        (exact >= 0.999, out.report.trust, out.report.offset)
+    };
+    let (day, night) = (frames(Preset::Glare, 0), frames(Preset::Night, 0));
+    let dimmed = |light: &Array3<f32>| light.mapv(|x| 0.1 + 0.7 * x);
+    let brighter = |light: &Array3<f32>, dark: f32| light.mapv(|x| dark + (0.8 - dark) * x);
+    // Without a frame before, nothing shows the offset of a dimmed scene.
+    assert_eq!(recover(&dimmed(&day)).1, Trust::Relative);
+    assert_eq!(recover(&day), (true, Trust::Trusted, Some(OffsetEvidence::Range)));
+    for number in 1..4 {
+        let next = dimmed(&frames(Preset::Glare, number));
+        assert_eq!(recover(&next), (true, Trust::Trusted, Some(OffsetEvidence::LastFrame)), "{number}");
+    }
+    // Nothing is below the peak in the end, and the result is one peak too dark without the frame before.
+    for dark in [0.13, 0.16, 0.19, 0.22, 0.25, 0.28] {
+        let next = recover(&brighter(&day, dark));
+        assert_eq!(next, (true, Trust::Trusted, Some(OffsetEvidence::LastFrame)), "{dark}");
+    }
+    let (_, trust, _) = recover(&dimmed(&night));
+    assert_eq!(trust, Trust::Relative, "after a cut");
+    assert_eq!(
+        recover(&brighter(&day, 0.28)),
+        (true, Trust::Trusted, Some(OffsetEvidence::LastFrame)),
+        "the scene is back"
+    );
 }

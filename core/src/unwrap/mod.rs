@@ -145,6 +145,17 @@ pub struct Report {
     pub offset: Option<OffsetEvidence>,
 }
 
+impl Report {
+    /// Returns the evidence for the absolute offset for tables and messages: its name, `unknown` where there is none, and `None` for a
+    /// result whose counts do not agree with each other or that needs no evidence.
+    pub fn offset_evidence(&self) -> Option<&'static str> {
+        match self.trust {
+            Trust::Relative => Some("unknown"),
+            _ => self.offset.map(OffsetEvidence::name),
+        }
+    }
+}
+
 /// Whether a method vouches for the wrap counts that it found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Trust {

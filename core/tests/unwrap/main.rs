@@ -99,7 +99,9 @@ fn an_image_that_says_nothing_is_not_trusted() {
     };
     for dim in [(1, 1, 1), (1, 1, 3), (2, 2, 3), (1, 64, 1), (64, 1, 3), (30, 40, 3)] {
         for code in [0, 44, 255] {
-            assert_eq!(trust(dim, code, 4.0), Trust::Untrusted, "{dim:?} {code}");
+            // Only an image with enough lines could contradict itself.
+            let expected = if dim == (30, 40, 3) { Trust::Relative } else { Trust::Untrusted };
+            assert_eq!(trust(dim, code, 4.0), expected, "{dim:?} {code}");
             assert_eq!(trust(dim, code, 1.0), Trust::Trusted, "{dim:?} {code}: nothing can wrap");
         }
     }
@@ -149,7 +151,7 @@ proptest! {
             k.iter().max().unwrap() - k.iter().min().unwrap() == range.max_wraps()
         };
         prop_assume!(!(0..dim.2).all(filled));
-        prop_assert_eq!(out.report.trust, Trust::Untrusted);
+        prop_assert_ne!(out.report.trust, Trust::Trusted);
     }
 
     /// A smooth scene with a dark part is recovered. It is trusted only if it is so bright that the range leaves no other offset.
@@ -173,7 +175,7 @@ proptest! {
         // One more peak leaves the range even if alpha is 0.9 of the true one.
         let above = f64::from(*x.iter().max().unwrap()) - (range.limit() / 0.9 - peak);
         prop_assume!(above.abs() > 1.0);
-        let trust = if above > 0.0 { Trust::Trusted } else { Trust::Untrusted };
+        let trust = if above > 0.0 { Trust::Trusted } else { Trust::Relative };
         let out = recover("auto", &Options::default(), &wrap(&x, bits), range);
         prop_assert_eq!((out.report.trust, out.x), (trust, x.mapv(|x| x as f32)));
     }

@@ -416,8 +416,8 @@ fn describe(node: &str, header: &Header, method: &str, report: &Report) -> Diagn
         values.push(("trusted", trusted.to_string()));
     }
     // The evidence for the absolute offset, so that a reader knows when it comes from the frame before.
-    if let Some(evidence) = report.offset {
-        values.push(("offset", evidence.name().to_owned()));
+    if let Some(evidence) = report.offset_evidence() {
+        values.push(("offset", evidence.to_owned()));
     }
     if let Some(QualityMetrics { residues, steep, consensus, clamped, jumps, defects }) = report.quality {
         let share = |value: f32| format!("{value:.3e}");

@@ -106,6 +106,9 @@ class Report(NamedTuple):
     """The method used: the one that was asked for, the one that `auto` took, or that of the gains."""
     trusted: bool | None
     """Whether the method vouches for the counts; `None` if it makes no claim."""
+    offset: str | None
+    """The evidence for the absolute offset: `range`, `optical_black`, or `unknown`, with which all counts may be too small by the same
+    number; `None` if the counts do not agree with each other, or if the method makes no claim."""
     quality: Quality | None
     """The quality metrics; `None` for a method that does not compute them."""
     confidence: NDArray[np.uint8] | None
@@ -422,8 +425,8 @@ def unwrap(
         "trust_consensus": trust_consensus,
         "trust_jumps": trust_jumps,
     }
-    x, k, (used, trusted, quality, image) = _core.unwrap(y, parameters, confidence)
-    return Unwrapped(x, k, Report(used, trusted, quality and Quality(*quality), image))
+    x, k, (used, trusted, offset, quality, image) = _core.unwrap(y, parameters, confidence)
+    return Unwrapped(x, k, Report(used, trusted, offset, quality and Quality(*quality), image))
 
 
 def tone_map(
