@@ -127,41 +127,56 @@ impl Tally {
     }
 }
 
-/// Returns the pictures of the shared data, and one rendered scene of each preset.
-fn pictures() -> Vec<(String, Box<dyn Fn() -> Option<Array3<f32>> + Sync>)> {
-    let mut files = Vec::new();
-    if let Some(folder) = data::shared("data") {
-        images_below(&folder, &mut files);
+/// A picture of the shared data, or a rendered scene.
+enum Picture {
+    File(PathBuf),
+    Rendered(Preset),
+}
+
+impl Picture {
+    /// Returns all pictures and one scene of each preset.
+    fn all() -> Vec<Self> {
+        let mut files = Vec::new();
+        if let Some(folder) = data::shared("data") {
+            images_below(&folder, &mut files);
+        }
+        let scenes = Preset::ALL.iter().map(|preset| Self::Rendered(*preset));
+        files.into_iter().map(Self::File).chain(scenes).collect()
     }
-    let read = |file: PathBuf| {
-        let name = file.file_name().unwrap().to_string_lossy().into_owned();
-        let read = move || {
-            let pixels = read_image(&file).ok()?;
-            Some(White::new(0.0, Transfer::Linear).unwrap().radiance(&pixels, file.display()).unwrap())
-        };
-        (name, Box::new(read) as Box<dyn Fn() -> Option<Array3<f32>> + Sync>)
-    };
-    let render = |preset: &Preset| {
-        let preset = *preset;
-        let render = move || Some(Scene::new(preset, 1).render(0, 120, 320).radiance);
-        (preset.name().to_owned(), Box::new(render) as Box<dyn Fn() -> Option<Array3<f32>> + Sync>)
-    };
-    files.into_iter().map(read).chain(Preset::ALL.iter().map(render)).collect()
+
+    fn name(&self) -> String {
+        match self {
+            Self::File(path) => path.file_name().unwrap().to_string_lossy().into_owned(),
+            Self::Rendered(preset) => preset.name().to_owned(),
+        }
+    }
+
+    /// Returns the radiance; `None` if the file cannot be decoded.
+    fn radiance(&self) -> Option<Array3<f32>> {
+        match self {
+            Self::File(path) => {
+                let mut white = White::new(0.0, Transfer::Linear).unwrap();
+                Some(white.radiance(&read_image(path).ok()?, path.display()).unwrap())
+            }
+            Self::Rendered(preset) => Some(Scene::new(*preset, 1).render(0, 120, 320).radiance),
+        }
+    }
 }
 
 #[test]
 fn never_trusted_and_wrong() {
-    let pictures = pictures();
+    let pictures = Picture::all();
     let count =
         std::env::var("MODULO_TRUST").map_or(FEW, |count| count.parse().expect("a number of sensors"));
     let next = AtomicUsize::new(0);
     let work = || {
         let mut tally = Tally::default();
-        while let Some((number, (name, read))) =
+        while let Some((number, picture)) =
             pictures.iter().enumerate().nth(next.fetch_add(1, Ordering::Relaxed))
         {
-            match read() {
-                Some(radiance) => (0..count).for_each(|at| tally.take(name, &radiance, number * count + at)),
+            let name = picture.name();
+            match picture.radiance() {
+                Some(radiance) => (0..count).for_each(|at| tally.take(&name, &radiance, number * count + at)),
                 None => println!("skipped: {name} cannot be decoded"),
             }
         }
