@@ -7,7 +7,7 @@
 //! | hardly a steep loop, each line agrees, all counts in range, hardly a jump | lines; pass_through if all k are 0 | yes |
 //! | nearly all loops as steep as chance makes them | spud | no |
 //! | strong noise | smoothed_tree | no |
-//! | else | gradient_tree | if all counts are in range, and hardly a second difference of the result is above one peak (4 bits and more) |
+//! | else | gradient_tree | if all counts are in range, and hardly a second difference of the result is above one peak (4 bits and more); in a single colour also if hardly a loop is steep |
 //!
 //! Hot, dead and stuck samples are left out first, see [`defects`](super::defects).
 //!
@@ -164,14 +164,17 @@ impl Auto {
         quality.jumps = jumps::share(&out.x, range);
         // A result that contradicts itself is not trusted, whatever y looks like.
         let agrees = f64::from(quality.jumps) <= self.limits.jumps;
-        let is_sound =
-            |report: &Report| range.bits() >= FEWEST_BITS && agrees && report.trust != Trust::Untrusted;
+        let is_steep = f64::from(quality.steep) > self.limits.lines;
+        // In a single colour, nothing contradicts a wrong region behind a hard edge. Differences between colours have few edges.
+        let may_hide = is_steep && y.channels() == 1 && self.needs_offset;
+        let is_sound = |report: &Report| {
+            range.bits() >= FEWEST_BITS && agrees && !may_hide && report.trust != Trust::Untrusted
+        };
         let mut trust =
             if is_sound(&out.report) { self.trust_in_offset(out, range) } else { Trust::Untrusted };
         // Wrong regions must not raise the whole image. Where the result contradicts itself, or where y has hard edges, behind which a
         // region may be wrong without a trace, more samples may be out of range.
-        let has_hard_edges = f64::from(quality.steep) > self.limits.lines && range.black() == 0;
-        if trust != Trust::Trusted && (!agrees || has_hard_edges) {
+        if trust != Trust::Trusted && (!agrees || (is_steep && range.black() == 0)) {
             self.gradient_tree.place(y, range, out)?;
             quality.jumps = jumps::share(&out.x, range);
             trust = if is_sound(&out.report) { trust } else { Trust::Untrusted };
