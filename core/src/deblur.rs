@@ -27,7 +27,7 @@ impl Deblur {
         Self { taps: inverse(psf) }
     }
 
-    /// Returns the filtered image, clamped to `[0, alpha 2^b)` and shown with 8 bits as by [`tone::picture`]. Along either side,
+    /// Returns the filtered image, clamped to `[0, headroom alpha 2^b)` and shown with 8 bits as by [`tone::picture`]. Along either side,
     /// the transfer function is close to `H / (H^2 + r)`, where H is that of the lens and r is [`REGULARISATION`]. `x` (H x W x
     /// C, code units) holds whole codes. It is continued beyond its border as by [`Sensor::expose`](crate::Sensor::expose).
     ///
@@ -41,7 +41,7 @@ impl Deblur {
         check_shape(x.dim())?;
         let (_, width, channels) = x.dim();
         let (x, stride) = (x.as_standard_layout(), width * channels);
-        let (samples, scale) = (in_order(x.view()), 255.0 / range.limit());
+        let (samples, scale) = (in_order(x.view()), 255.0 / range.white());
         let table = ToneTable::of(range, transfer);
         let (mut shown, mut line) = (vec![0; samples.len()], vec![0.0; stride]);
         let mut filter = RowFilter::new(x.dim(), &self.taps, Border::HalfSample);

@@ -8,6 +8,8 @@ pub(crate) const HALF_A_CODE: f32 = 0.5;
 pub struct Range {
     bits: u8,
     alpha: f64,
+    /// The full scale of a picture over `alpha * 2^bits`.
+    headroom: f64,
     /// The share of the pixels that a method may leave below the least count.
     outliers: f64,
     /// The columns at the left border at which the radiance is 0.
@@ -39,10 +41,16 @@ pub enum RangeError {
         /// The saturation factor.
         alpha: f64,
     },
+    /// The full scale of a picture is out of range.
+    #[error("headroom is {headroom}, more than 0 and at most 1 is possible")]
+    Headroom {
+        /// The full scale of a picture over `alpha * 2^bits`.
+        headroom: f64,
+    },
 }
 
 impl Range {
-    /// Makes a range of `bits` in 1 to 16 and `alpha` in (0, 256].
+    /// Makes a range of `bits` in 1 to 16 and `alpha` in (0, 256], whose end is the full scale of pictures.
     ///
     /// # Errors
     /// [`RangeError`] when one of them is outside, NaN included.
@@ -54,7 +62,19 @@ impl Range {
         if !(alpha > 0.0 && alpha <= 256.0) {
             return Err(RangeError::Alpha { alpha });
         }
-        Ok(Self { bits, alpha, outliers: OUTLIERS, black: 0 })
+        Ok(Self { bits, alpha, headroom: 1.0, outliers: OUTLIERS, black: 0 })
+    }
+
+    /// Returns this range for pictures whose full scale is `headroom` in (0, 1] of its end.
+    ///
+    /// # Errors
+    /// [`RangeError::Headroom`] when it is outside, NaN included.
+    pub fn with_headroom(self, headroom: f64) -> Result<Self, RangeError> {
+        // The negation refuses NaN, too.
+        if !(headroom > 0.0 && headroom <= 1.0) {
+            return Err(RangeError::Headroom { headroom });
+        }
+        Ok(Self { headroom, ..self })
     }
 
     /// Returns this range for images of a sensor that shades so many columns at the left border: the radiance is 0 in the first quarter of
@@ -86,6 +106,11 @@ impl Range {
     /// Returns `alpha * 2^b` in code units; radiance is strictly below it.
     pub fn limit(self) -> f64 {
         self.alpha * f64::from(self.peak())
+    }
+
+    /// Returns `headroom * alpha * 2^b` in code units, the full scale of pictures.
+    pub fn white(self) -> f64 {
+        self.headroom * self.limit()
     }
 
     /// Returns the range of the difference of two values of this range, as far as 256 peaks hold it. It has either sign, so that its
@@ -131,6 +156,11 @@ mod tests {
         for alpha in [0.0, -1.0, 256.1, f64::INFINITY, f64::NAN] {
             assert!(Range::new(8, alpha).is_err(), "alpha {alpha}");
         }
+        let range = Range::new(8, 4.0).unwrap();
+        for headroom in [0.0, -0.5, 1.01, f64::NAN] {
+            let why = range.with_headroom(headroom).unwrap_err().to_string();
+            assert_eq!(why, format!("headroom is {headroom}, more than 0 and at most 1 is possible"));
+        }
     }
 
     #[test]
@@ -141,5 +171,12 @@ mod tests {
             (1..=16).map(peak).collect::<Vec<_>>(),
             (1..=16).map(|b| (1 << b) as f32).collect::<Vec<_>>()
         );
+    }
+
+    #[test]
+    fn pictures_end_below_the_limit_by_the_headroom() {
+        let range = Range::new(8, 4.0).unwrap();
+        let with = range.with_headroom(0.75).unwrap();
+        assert_eq!((range.white(), with.white(), with.limit()), (1024.0, 768.0, 1024.0));
     }
 }

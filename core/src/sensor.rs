@@ -40,6 +40,8 @@ pub struct SensorConfig {
     pub bits: u8,
     /// The saturation factor alpha, in (0, 256]: the brightest radiance over the peak.
     pub alpha: f64,
+    /// The full scale of a picture over the end of the range, `alpha * 2^b`, in (0, 1].
+    pub headroom: f64,
     /// How the ideal and the saturated image show radiance.
     pub transfer: Transfer,
     /// The columns n at the left border that a field stop shades, 0 to [`MAX_OPTICAL_BLACK`]. With q = max(1, n / 4), the
@@ -62,10 +64,11 @@ pub struct SensorConfig {
 }
 
 impl SensorConfig {
-    /// A sensor of 8 bits, one gain and no mosaic, alpha 4, without blur and noise.
+    /// A sensor of 8 bits, one gain and no mosaic, alpha 4, without headroom (1), blur and noise.
     pub const PLAIN: Self = Self {
         bits: 8,
         alpha: 4.0,
+        headroom: 1.0,
         transfer: Transfer::Linear,
         optical_black: 0,
         psf: Psf::None,
@@ -88,7 +91,7 @@ impl Default for SensorConfig {
 /// Error: the sensor cannot be made, or the exposure cannot be taken.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SensorError {
-    /// The bits or alpha are out of range.
+    /// The bits, alpha or the headroom are out of range.
     #[error(transparent)]
     Range(#[from] RangeError),
     /// The field stop shades too many columns.
@@ -194,7 +197,9 @@ impl Sensor {
     /// # Errors
     /// [`SensorError`] names the parameter, its value and its range; NaN is an error.
     pub fn new(config: SensorConfig) -> Result<Self, SensorError> {
-        let range = Range::new(config.bits, config.alpha)?.with_optical_black(config.optical_black);
+        let range = Range::new(config.bits, config.alpha)?
+            .with_headroom(config.headroom)?
+            .with_optical_black(config.optical_black);
         if config.optical_black > MAX_OPTICAL_BLACK {
             return Err(SensorError::OpticalBlack { columns: config.optical_black });
         }
@@ -238,7 +243,7 @@ impl Sensor {
     }
 
     /// Exposes the sensor to `radiance`, H x W x C with full scale 1; values outside `[0, 1)` are clamped. `x =
-    /// alpha * 2^b * blur(shade * radiance) + noise`, with the shade of [`SensorConfig::optical_black`], is clamped to `[0, alpha * 2^b)`. The blur repeats the sample at the
+    /// headroom * alpha * 2^b * blur(shade * radiance) + noise`, with the shade of [`SensorConfig::optical_black`], is clamped to `[0, alpha * 2^b)`. The blur repeats the sample at the
     /// border of the image (`dcba|abcd|dcba`). With a mosaic, each pixel keeps one of the three channels.
     ///
     /// # Errors
@@ -247,7 +252,7 @@ impl Sensor {
     pub fn expose(&self, radiance: ArrayView3<'_, f32>, seed: u64) -> Result<Exposure, SensorError> {
         let dim @ (height, width, channels) = radiance.dim();
         self.check_radiance(dim)?;
-        let limit = self.range.limit();
+        let (limit, white) = (self.range.limit(), self.range.white());
         // `floor(x / 2^b)` must never reach `ceil(alpha)`, so x stays strictly below the limit even after rounding.
         let most = largest_below(limit);
         let (mut random, mut fault) = (Pcg64Mcg::seed_from_u64(seed), None);
@@ -275,8 +280,8 @@ impl Sensor {
                     mosaic.filter_row(row, &light, &mut line);
                 }
             }
-            // The limit need not be exact in `f32`; in double precision a product is rounded only once.
-            widest!(line.iter_mut().for_each(|value| *value = (limit * f64::from(*value)) as f32));
+            // The factor need not be exact in `f32`; in double precision a product is rounded only once.
+            widest!(line.iter_mut().for_each(|value| *value = (white * f64::from(*value)) as f32));
             self.add_fixed_pattern(&mut line, &mut pattern);
             // The noise comes after the lens, which blurs light and not the charge of the sensor.
             self.add_noise(&mut line, (row, seen), &mut random);
@@ -418,7 +423,7 @@ impl Exposure {
     }
 
     /// Returns the saturated stream: the codes that the transfer function has for `floor(min(x, 2^b - 1))`, with samples as in
-    /// [`Exposure::modulo`]. With two gains it is the image of spatially varying exposure, `floor(x / alpha)`, where a pixel of
+    /// [`Exposure::modulo`]. With two gains it is the image of spatially varying exposure, `floor(x / (headroom * alpha))`, where a pixel of
     /// full gain that saturates is predicted from its neighbours of low gain.
     pub fn saturated(&self) -> Frame {
         match self.layout.gains {
@@ -426,13 +431,13 @@ impl Exposure {
             Gains::Two { pattern, ratio } => {
                 let most = self.most();
                 let codes = mapped(&self.converted(), |x| whole(x).min(most) as f32);
-                let alpha = self.range.alpha() as f32;
+                let scale = (self.range.white() / f64::from(self.range.peak())) as f32;
                 let merge = |codes: &Array3<f32>| merge_saturated(codes, pattern, ratio, self.range);
                 let x = match self.layout.mosaic {
                     None => merge(&codes),
                     Some(_) => by_colour(&codes, merge),
                 };
-                self.clipped(&x.mapv(|x| x.max(0.0) / alpha))
+                self.clipped(&x.mapv(|x| x.max(0.0) / scale))
             }
         }
     }

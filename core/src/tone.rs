@@ -10,7 +10,7 @@ use crate::range::{HALF_A_CODE, Range};
 use crate::simd::{floor, mapped, widest};
 use crate::transfer::Transfer;
 
-/// Returns `round(255 * x / (alpha * 2^b))`, clamped to 0..255, as a frame of 8 bits.
+/// Returns `round(255 * x / (headroom * alpha * 2^b))`, clamped to 0..255, as a frame of 8 bits.
 ///
 /// # Errors
 /// [`FrameError`] when `x` (H x W x C, code units) does not have the shape of an image.
@@ -19,7 +19,7 @@ pub fn linear8(x: &ArrayRef3<f32>, range: Range) -> Result<Frame, FrameError> {
 }
 
 /// Returns the picture of 8 bits that `transfer` has for the radiance `x` of whole codes: as [`linear8`], or
-/// `round(255 * encode((x + 1/2) / (alpha * 2^b)))`, where the half undoes the bias of rounding down. The picture that a sensor saw
+/// `round(255 * encode((x + 1/2) / (headroom * alpha * 2^b)))`, where the half undoes the bias of rounding down. The picture that a sensor saw
 /// is returned, but for what its lens, its noise and its whole codes have taken away. NaN becomes 0.
 ///
 /// # Errors
@@ -41,7 +41,7 @@ pub(crate) fn shown(
         Some(table) => mapped(x, |x| table.code(radiance(x) + HALF_A_CODE)),
         None => {
             // In double precision, since codes near a half would round differently in single precision.
-            let scale = 255.0 / range.limit();
+            let scale = 255.0 / range.white();
             mapped(x, |x| to_u8(radiance(x), scale))
         }
     }
@@ -50,7 +50,7 @@ pub(crate) fn shown(
 /// The codes of 8 bits of all radiance of a sensor: a power for each sample would take longer than unwrapping.
 pub(crate) struct ToneTable {
     codes: Vec<u8>,
-    /// Entries for one code unit, a power of two: half code units are exact up to `alpha * 2^b = 65536`.
+    /// Entries for one code unit, a power of two: half code units are exact up to `headroom * alpha * 2^b = 65536`.
     per_unit: f32,
 }
 
@@ -63,8 +63,8 @@ impl ToneTable {
         if transfer == Transfer::Linear {
             return None;
         }
-        let per_unit = (Self::MOST / range.limit()).log2().floor().exp2();
-        let entries = range.limit() * per_unit;
+        let per_unit = (Self::MOST / range.white()).log2().floor().exp2();
+        let entries = range.white() * per_unit;
         let mut codes = Vec::with_capacity(entries.ceil() as usize);
         for code in 0..u8::MAX {
             // The least radiance that rounds to the next code.
@@ -111,7 +111,7 @@ pub fn unit_planes(row: &[u8], [red, green, blue]: [&mut [f32]; 3]) {
     });
 }
 
-/// Scales one sample by `scale`, which is `255 / (alpha * 2^b)`, clamped to 0..255; NaN becomes 0, as `max` returns the number.
+/// Scales one sample by `scale`, which is `255 / (headroom * alpha * 2^b)`, clamped to 0..255; NaN becomes 0, as `max` returns the number.
 #[inline(always)]
 #[expect(clippy::manual_clamp, reason = "`clamp` would keep NaN")]
 pub(crate) fn to_u8(x: f32, scale: f64) -> u8 {
@@ -127,6 +127,8 @@ mod tests {
         let x = Array3::from_shape_vec((1, 2, 3), vec![0.0, 256.0, 511.9, 1024.0, 5000.0, -3.0]).unwrap();
         let got = linear8(&x, Range::new(8, 4.0).unwrap()).unwrap();
         assert_eq!(got.to_f32().into_raw_vec_and_offset().0, [0.0, 64.0, 127.0, 255.0, 255.0, 0.0]);
+        let got = linear8(&x, Range::new(8, 4.0).unwrap().with_headroom(0.5).unwrap()).unwrap();
+        assert_eq!(got.to_f32().into_raw_vec_and_offset().0, [0.0, 128.0, 255.0, 255.0, 255.0, 0.0]);
     }
 
     const CURVES: [Transfer; 3] = [Transfer::Srgb, Transfer::Gamma22, Transfer::Rec709];
@@ -141,16 +143,17 @@ mod tests {
     fn each_code_of_a_picture_returns() {
         // Of the code 1, a power of 2.2 leaves less radiance than an entry of the table.
         let all: Vec<u8> = (2..=255).collect();
-        for (transfer, bits, alpha) in
-            CURVES.into_iter().flat_map(|t| [(t, 12, 4.0), (t, 16, 4.0), (t, 12, 3.3)])
+        let all_ranges = [(12, 4.0, 1.0), (16, 4.0, 1.0), (12, 3.3, 1.0), (12, 4.0, 0.97), (16, 2.0, 0.8)];
+        for (transfer, (bits, alpha, headroom)) in
+            CURVES.into_iter().flat_map(|transfer| all_ranges.map(|range| (transfer, range)))
         {
-            let range = Range::new(bits, alpha).unwrap();
+            let range = Range::new(bits, alpha).unwrap().with_headroom(headroom).unwrap();
             let radiance =
-                |code: &u8| (range.limit() * transfer.decode(f64::from(*code) / 255.0)) as f32 - HALF_A_CODE;
+                |code: &u8| (range.white() * transfer.decode(f64::from(*code) / 255.0)) as f32 - HALF_A_CODE;
             assert_eq!(
                 codes(all.iter().map(radiance).collect(), range, transfer),
                 all,
-                "{transfer:?} {bits} {alpha}"
+                "{transfer:?} {bits} {alpha} {headroom}"
             );
         }
     }

@@ -144,6 +144,38 @@ fn optical_black_rises_from_no_radiance_to_all_of_it() {
 }
 
 #[test]
+fn headroom_scales_the_radiance_and_the_images_undo_it() {
+    for (bits, transfer, gains) in [
+        (8, Transfer::Linear, Gains::One),
+        (12, Transfer::Srgb, Gains::One),
+        (12, Transfer::Linear, Gains::Two { pattern: GainPattern::Rows, ratio: 0.25 }),
+    ] {
+        let radiance = |(_, code, _): (usize, usize, usize)| transfer.decode(code as f64 / 255.0) as f32;
+        let picture = Array3::from_shape_fn((4, 256, 1), radiance);
+        let expose = |headroom| {
+            let config = SensorConfig { bits, transfer, gains, headroom, ..PLAIN };
+            Sensor::new(config).unwrap().expose(picture.view(), 0).unwrap()
+        };
+        let (all, with) = (expose(1.0), expose(0.97));
+        assert!(with.x().iter().zip(all.x()).all(|(with, all)| (with - 0.97 * all).abs() < 0.01));
+        assert_eq!(
+            (with.range().limit(), with.range().white()),
+            (all.range().limit(), 0.97 * all.range().limit())
+        );
+        let ideal = numbers(&with.ideal());
+        // Dark codes of sRGB are less than a count apart.
+        let near = |(code, shown): (usize, &u32)| code < 16 || shown.abs_diff(code as u32) <= 1;
+        assert!(ideal.iter().enumerate().all(|(at, shown)| near((at % 256, shown))), "{bits} {transfer:?}");
+        if gains != Gains::One {
+            // The picture of a saturating sensor of two gains has all of the range, too.
+            let brightest = |exposure: &modulo_core::Exposure| exposure.saturated().to_f32()[(1, 255, 0)];
+            assert!((brightest(&with) - brightest(&all)).abs() <= 5.0, "a step of the low gain is 4 codes");
+            assert!(brightest(&all) > 4080.0);
+        }
+    }
+}
+
+#[test]
 fn parameters_out_of_range_are_named() {
     for bad in [f64::NAN, -1.0, f64::INFINITY, 1e9] {
         for (name, config) in [

@@ -61,7 +61,7 @@ def overhead(binary: Path, folder: Path, frames: list[modulo.Exposure], options:
     for _ in range(options.rounds):
         with tempfile.TemporaryDirectory() as out:
             command: list[str | Path] = [binary, "bench", "unwrap", "--frames", folder, "--out", out, "--method", "auto"]
-            for name in ("alpha", "psf_sigma", "repeats"):
+            for name in ("alpha", "headroom", "psf_sigma", "repeats"):
                 command += ["--" + name.replace("_", "-"), str(getattr(options, name))]
             subprocess.run(command, check=True, capture_output=True)
             rust.append(json.loads((Path(out) / "results.json").read_text())[0]["ms_p50"])
@@ -81,6 +81,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path, nargs="?", help="images; without it, rendered scenes")
     parser.add_argument("--frames", type=int, default=20, help="the largest number of frames")
     parser.add_argument("--alpha", type=float, default=4.0)
+    parser.add_argument("--headroom", type=float, default=0.97, help="full scale of the pictures over alpha * 2^8")
     parser.add_argument("--psf-sigma", type=float, default=1.4, help="the blur of the lens in px")
     parser.add_argument("--repeats", type=int, default=5, help="timed calls of each frame")
     parser.add_argument("--modulo", type=Path, help="the program, to measure the cost of a call from Python")
@@ -88,7 +89,7 @@ def main() -> None:
     options = parser.parse_args()
     sources = [str(options.folder)] if options.folder else SCENES
     radiance = itertools.chain.from_iterable(modulo.read_source(source) for source in sources)
-    sensor = modulo.Sensor(8, options.alpha, options.psf_sigma)
+    sensor = modulo.Sensor(8, options.alpha, options.psf_sigma, headroom=options.headroom)
     frames = [sensor.expose(frame.image) for frame in itertools.islice(radiance, options.frames)]
     methods: dict[str, Method] = {f"`modulo.unwrap`, `{name}`": own(name, options.alpha) for name in modulo.METHODS}
     methods["SPUD in numpy and scipy"] = lambda y: peers.spud(y, 8)

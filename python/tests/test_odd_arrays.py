@@ -110,6 +110,7 @@ PARAMETERS: dict[str, tuple[list[Any], list[Any]]] = {
     "prnu": ([0.0, 1.0], [2.0]),
     "hot_pixels": ([0.0, 1.0], [-0.5]),
     "transfer": (["linear", "srgb", "gamma22", "rec709"], ["log"]),
+    "headroom": ([1.0, 0.97, 0.001], [0.0, 1.1, float("nan")]),
     "optical_black": ([0, 1, 32, 64], [65, -1]),
     "seed": ([0, 2**63 - 1], [2**63, -1]),
     "white": ([0.0, 1e-40, 2.0, 4096.0, 1e12], [-1.0, float("nan")]),
@@ -130,15 +131,16 @@ def options(*names: str) -> st.SearchStrategy[dict[str, Any]]:
 
 SENSOR = options(
     "bits", "alpha", "psf_sigma", "read_noise", "shot_noise", "mosaic", "gains", "seed", "psf", "gain_ratio",
-    "full_well_electrons", "prnu", "hot_pixels", "transfer", "optical_black", "white",
+    "full_well_electrons", "prnu", "hot_pixels", "headroom", "transfer", "optical_black",
+    "white",
 )  # fmt: skip
 UNWRAP = options(
     "bits", "alpha", "method", "threads", "mosaic", "gains", "gain_ratio", "optical_black", "tau", "threshold_on",
     "trust_lines",
     "confidence",
 )  # fmt: skip
-TONE = options("bits", "alpha", "mosaic", "transfer")
-DEBLUR = options("bits", "alpha", "psf_sigma", "psf", "mosaic", "transfer")
+TONE = options("bits", "alpha", "mosaic", "headroom", "transfer")
+DEBLUR = options("bits", "alpha", "psf_sigma", "psf", "mosaic", "headroom", "transfer")
 
 
 def answered(call: Callable[[], Any]) -> Any:

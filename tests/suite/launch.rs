@@ -388,12 +388,14 @@ fn completions_and_manual_pages_name_the_commands() {
 
 /// Commands with a value that is out of range, and words that the refusal must contain. FILE, FOLDER and OUT stand for an
 /// image, its folder and a folder for results.
-const REFUSED: [(&[&str], &[&str]); 48] = [
+const REFUSED: [(&[&str], &[&str]); 54] = [
     (&["simulate", "FILE", "-o", "OUT", "--alpha", "0"], &["'alpha' = 0", "256"]),
     (&["simulate", "FILE", "-o", "OUT", "--alpha", "2,-4"], &["'alpha' = -4", "256"]),
     (&["simulate", "FILE", "-o", "OUT", "--alpha", "NaN"], &["'alpha' = NaN", "256"]),
     (&["simulate", "FILE", "-o", "OUT", "--psf-sigma", "-1"], &["'psf_sigma' = -1", "100"]),
     (&["simulate", "FILE", "-o", "OUT", "--bits", "17"], &["'bits' = 17", "16"]),
+    (&["simulate", "FILE", "-o", "OUT", "--headroom", "0"], &["'headroom' = 0", "0.001 to 1"]),
+    (&["simulate", "FILE", "-o", "OUT", "--optical-black", "65"], &["'optical_black' = 65", "0 to 64"]),
     (&["simulate", "FILE", "-o", "OUT", "--bits", "300"], &["300"]),
     (&["simulate", "FILE", "-o", "OUT", "--read-noise", "-1"], &["'read_noise' = -1", "65536"]),
     (&["simulate", "FILE", "-o", "OUT", "--seed", "-1"], &["-1", "--seed"]),
@@ -429,9 +431,16 @@ const REFUSED: [(&[&str], &[&str]); 48] = [
         &["read noise 1"],
     ),
     (&["eval", "budget", "OUT", "--ms", "0"], &["--ms is 0", "more than 0"]),
+    (
+        &["eval", "--source", "FOLDER", "-o", "OUT", "--protocol", "paper", "--headroom", "0.9"],
+        &["headroom 0.9", "headroom 1"],
+    ),
     (&["eval", "launch/recovered.launch.yaml", "-o", "OUT", "alpha:=-1"], &["'alpha' = -1", "256"]),
     (&["launch", "launch/recovered.launch.yaml", "alpha:=-1"], &["'alpha' = -1", "256"]),
     (&["launch", "launch/recovered.launch.yaml", "bits:=17"], &["'bits' = 17", "16"]),
+    (&["launch", "launch/recovered.launch.yaml", "headroom:=1.1"], &["'headroom' = 1.1", "0.001 to 1"]),
+    (&["launch", "launch/recovered.launch.yaml", "optical_black:=-1"], &["'optical_black' = -1", "0 to 64"]),
+    (&["run", "unwrap", "--ros-args", "-p", "headroom:=1.5"], &["'headroom' = 1.5", "0 to 1"]),
     (&["launch", "launch/recovered.launch.yaml", "rate:=-1"], &["'rate' = -1", "10000"]),
     (&["launch", "launch/recovered.launch.yaml", "threads:=0"], &["'threads' = 0", "256"]),
     (&["launch", "launch/recovered.launch.yaml", "score_threshold:=2"], &["'score_threshold' = 2"]),

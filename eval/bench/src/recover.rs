@@ -20,7 +20,8 @@ pub struct OneSensor;
 
 impl SensorCommand for OneSensor {
     fn has(parameter: &str) -> bool {
-        ["bits", "alpha", "transfer", "optical_black", "gains", "gain_ratio", "mosaic"].contains(&parameter)
+        ["bits", "alpha", "headroom", "transfer", "optical_black", "gains", "gain_ratio", "mosaic"]
+            .contains(&parameter)
     }
 
     fn varies(_: &str) -> bool {
@@ -55,6 +56,8 @@ pub struct UnwrapRow {
     pub bits: u8,
     /// Saturation factor.
     pub alpha: f64,
+    /// The full scale of a picture over `alpha * 2^bits`.
+    pub headroom: f64,
     /// Transfer function of the recovered image: `linear`, `srgb`, `gamma22` or `rec709`.
     pub transfer: &'static str,
     /// Columns at the left border that a field stop shades.
@@ -153,6 +156,7 @@ fn of_file(
             file: file.display().to_string(),
             bits: range.bits(),
             alpha: range.alpha(),
+            headroom: sensor.headroom,
             transfer: sensor.transfer.word(),
             optical_black: sensor.optical_black,
             gains: sensor.gains.map_or("none", GainPattern::word),

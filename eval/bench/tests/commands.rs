@@ -211,6 +211,33 @@ fn pixels(path: &Path) -> Array3<u8> {
     read_image(path).expect("a picture").as_u8().expect("8 bits").clone()
 }
 
+/// Headroom is taken away when an image is shown, by `simulate` and by `unwrap`: the picture returns within a code.
+#[test]
+fn a_picture_returns_from_the_sensor_whatever_its_headroom() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("slope.png");
+    let codes = Array3::from_shape_fn((40, 128, 3), |(i, j, c)| (2 * j).min(255 - i - c) as u8);
+    save_png(&file, &Frame::from_u8(codes.clone()).expect("an image")).expect("a writable folder");
+    for headroom in ["1", "0.97", "0.6"] {
+        let [simulated, out] = ["simulated", "out"].map(|name| folder.path().join(name).join(headroom));
+        let with = request_with(&format!("--psf-sigma 0 --headroom {headroom}"), &simulated, &[&file]);
+        let rows = simulate::simulate(&with, &mut |_| {}).unwrap().rows;
+        assert!(rows[0].exact_k == 1.0, "headroom {headroom}: {rows:?}");
+        let modulo = simulated.join("slope_alpha4_modulo.png");
+        let words = ["unwrap", "--alpha", "4", "--headroom", headroom, "-o"].map(Path::new);
+        let words = words.into_iter().chain([out.as_path(), modulo.as_path()]);
+        recover::unwrap_files(&UnwrapRequest::parse_from(words), &mut |_| {}).unwrap();
+        for shown in [
+            simulated.join("slope_alpha4_ideal.png"),
+            simulated.join("slope_alpha4_auto.png"),
+            out.join("slope_alpha4_modulo_auto.png"),
+        ] {
+            let apart = pixels(&shown).iter().zip(&codes).map(|(a, b)| a.abs_diff(*b)).max();
+            assert!(apart <= Some(1), "headroom {headroom}, {}: {apart:?} codes", shown.display());
+        }
+    }
+}
+
 #[test]
 fn two_gains_have_a_method_of_their_own() {
     let folder = tempfile::tempdir().unwrap();
@@ -368,8 +395,9 @@ fn a_modulo_image_is_unwrapped_as_the_simulation_did() {
     let sum = y.iter().zip(&k).map(|(&y, &k)| f32::from(y) + 256.0 * f32::from(k));
     assert_eq!((x.depth(), sum.collect::<Vec<_>>()), (16, x.to_f32().into_iter().collect()));
 
-    let words =
-        [Path::new("unwrap"), &path("modulo"), Path::new("--alpha"), Path::new("4"), Path::new("-o"), &out];
+    let modulo = path("modulo");
+    let words = ["unwrap", "--alpha", "4", "--optical-black", "8", "-o"].map(Path::new);
+    let words = words.into_iter().chain([out.as_path(), modulo.as_path()]);
     let rows = recover::unwrap_files(&UnwrapRequest::parse_from(words), &mut |_| {}).unwrap().rows;
     let [row] = &rows[..] else { panic!("one file, one method: {rows:?}") };
     assert_eq!((&row.method_used, row.trusted), (&expected[0].method_used, expected[0].trusted));

@@ -23,7 +23,7 @@ pub const BOXES: &str = "boxes.csv";
 
 /// Version of the computation of the figures. It is raised when the same request gives other figures than before, so that
 /// old and new ones are never joined.
-pub const FIGURES: u32 = 3;
+pub const FIGURES: u32 = 4;
 
 /// The results of a grid.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -115,7 +115,7 @@ fn two_runs_are_the_same_and_a_look_at_the_clock_is_seen() {
 }
 
 fn request(data: Data, streams: &[Stream], out: &Path) -> Request {
-    let options = ["grid", "--method", "auto", "--deblur", "off", "--alpha", "4"];
+    let options = ["grid", "--method", "auto", "--deblur", "off", "--alpha", "4", "--headroom", "1"];
     let axes = Axes { stream: streams.to_vec(), ..Axes::parse_from(options) };
     let options =
         GridOptions { axes, engine: EngineChoice::Rten, jobs: 2, time_frames: 1, ..GridOptions::default() };

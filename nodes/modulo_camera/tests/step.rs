@@ -54,7 +54,7 @@ fn ramp(folder: &Path) -> String {
 #[test]
 fn the_streams_follow_equation_one() {
     let folder = tempfile::tempdir().expect("a folder");
-    let mut node = camera(&[("source", &ramp(folder.path())), ("alpha", "2")]);
+    let mut node = camera(&[("source", &ramp(folder.path())), ("alpha", "2"), ("headroom", "1")]);
     let (flow, sent) = step(&mut node, Trigger::Tick, &ALL).expect("a frame");
     assert_eq!(flow, Flow::Continue);
     let [modulo, saturated] = [0, 1].map(|output| frame(&sent, output).frame.as_u8().expect("8 bits"));
@@ -163,7 +163,7 @@ fn limit_loop_and_period_are_as_asked() {
 
 #[test]
 fn a_topic_is_sensed_with_its_header() {
-    let mut node = camera(&[("source", "topic:/front/image_raw"), ("alpha", "2")]);
+    let mut node = camera(&[("source", "topic:/front/image_raw"), ("alpha", "2"), ("headroom", "1")]);
     assert_eq!(node.inputs()[0].name, "/front/image_raw");
     assert_eq!(node.period(), None);
     let header = Header { stamp: Time::from_ns(42), frame_id: "front".into() };

@@ -26,12 +26,15 @@ fn header() -> Header {
     Header { stamp: Time::from_ns(1_700_000_000_123_456_789), frame_id: "front".into() }
 }
 
+/// The headroom that a sensor has unless another one is described.
+const HEADROOM: f64 = 0.97;
+
 /// A smooth scene that wraps at alpha = 2: its modulo and its ideal frame.
 fn exposure(bits: u8) -> (Frame, Frame) {
     let radiance = Array3::from_shape_fn((24, 40, 3), |(i, j, c)| {
         0.5 + 0.49 * ((i as f32 / 7.0).sin() * (j as f32 / 9.0 + c as f32).cos())
     });
-    let config = SensorConfig { bits, alpha: 2.0, ..SensorConfig::default() };
+    let config = SensorConfig { bits, alpha: 2.0, headroom: HEADROOM, ..SensorConfig::default() };
     let exposure = Sensor::new(config).expect("a sensor").expose(radiance.view(), 0).expect("an image");
     assert!(exposure.wraps().iter().any(|&k| k > 0), "the scene must wrap");
     (exposure.modulo(), exposure.ideal())
@@ -133,7 +136,10 @@ fn the_reason_of_an_untrusted_frame_covers_missing_evidence() {
     let sent = step(&mut node, uniform, &[false, false, true]).expect("a good frame");
     let [(2, Message::Diagnostics(said))] = &sent[..] else { panic!("a description: {sent:?}") };
     let message = &said.status[0].message;
-    assert!(message.starts_with("not trusted: ") && message.contains("too little evidence"), "{message}");
+    assert!(
+        message.starts_with("not trusted: ") && message.contains("nothing shows the absolute offset"),
+        "{message}"
+    );
 }
 
 #[test]
@@ -153,7 +159,7 @@ fn a_mosaic_is_shown_in_colours_and_kept_in_hdr() {
         0.5 + 0.4 * ((i as f32 / 17.0).sin() * (j as f32 / 19.0 + c as f32).cos())
     });
     let mosaic = Some(Mosaic::Bggr);
-    let config = SensorConfig { alpha: 2.0, mosaic, ..SensorConfig::default() };
+    let config = SensorConfig { alpha: 2.0, headroom: HEADROOM, mosaic, ..SensorConfig::default() };
     let exposure = Sensor::new(config).expect("a sensor").expose(radiance.view(), 0).expect("an image");
     let mut node = unwrap(&[("alpha", "2")]);
     let wanted = [true, true, false, false, true];
@@ -190,23 +196,26 @@ fn hdr_has_every_count_of_a_range_beyond_16_bits() {
 fn the_recovered_image_is_shown_as_the_pictures_that_the_camera_sees() {
     let radiance = Array3::from_shape_fn((24, 40, 3), |(i, j, _)| (i + j) as f32 / 64.0);
     let (camera, own) = (Transfer::Srgb, Transfer::Rec709);
-    let ideal = |transfer| {
-        let config = SensorConfig { alpha: 2.0, transfer, ..SensorConfig::default() };
+    let ideal = |transfer, headroom| {
+        let config = SensorConfig { alpha: 2.0, headroom, transfer, ..SensorConfig::default() };
         let exposure = Sensor::new(config).expect("a sensor").expose(radiance.view(), 0).expect("an image");
         (exposure.modulo(), exposure.ideal())
     };
-    let model = SensorModel { alpha: 2.0, transfer: camera, ..SensorModel::default() };
+    let model = SensorModel { alpha: 2.0, headroom: 0.8, transfer: camera, ..SensorModel::default() };
     let described = sensor_info::message(&header(), &model);
-    for (set, expected) in [("camera", camera), ("rec709", own)] {
-        let (modulo, ideal) = ideal(expected);
-        let with = UnwrapParameters::from_text(&[("transfer", set)]).expect("possible");
+    for (set, of_range, expected, headroom) in
+        [("camera", "0", camera, 0.8), ("rec709", "0", own, 0.8), ("camera", "0.9", camera, 0.9)]
+    {
+        let (modulo, ideal) = ideal(expected, headroom);
+        let set = [("transfer", set), ("headroom", of_range)];
+        let with = UnwrapParameters::from_text(&set).expect("possible");
         let mut node = UnwrapNode::new(&with).expect("a node");
         let clock = ManualClock::at(0);
         let mut cx = Context::new("/unwrap", &clock, &[]);
         let trigger = Trigger::Message { input: 1, message: described.clone() };
         node.step(trigger, &mut cx).expect("a description");
         let sent = step(&mut node, modulo, &[true]).expect("a good frame");
-        assert_eq!(image(&sent[0].1).frame, ideal, "{set}");
+        assert_eq!(image(&sent[0].1).frame, ideal, "{set:?}");
     }
 }
 
@@ -248,7 +257,8 @@ fn denoise_removes_the_noise_of_the_described_sensor_from_both_images() {
 fn deblur_sharpens_the_image_for_the_detector_and_leaves_the_radiance() {
     let bars =
         Array3::from_shape_fn((24, 40, 3), |(i, j, _)| if (i / 6 + j / 5) % 2 == 0 { 0.1 } else { 0.3 });
-    let config = SensorConfig { alpha: 2.0, psf: Psf::Gaussian { sigma: 1.0 }, ..SensorConfig::default() };
+    let psf = Psf::Gaussian { sigma: 1.0 };
+    let config = SensorConfig { alpha: 2.0, headroom: HEADROOM, psf, ..SensorConfig::default() };
     let expose = |psf| {
         Sensor::new(SensorConfig { psf, ..config })
             .expect("a sensor")

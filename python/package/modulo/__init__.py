@@ -225,6 +225,10 @@ class Sensor:
     hot_pixels : float, a finite number in 0 to 1
         Share of the samples that are hot: their dark signal is evenly distributed up to the peak. The pattern is the same in every
         frame.
+    headroom : float, a finite number in 0.001 to 1
+        Full scale of the pictures of a source divided by alpha * 2^bits: the radiance of the largest code, the white of EXR and HDR
+        images, or 1 in rendered frames. The images of 8 bits undo it, so that an ideal image is the picture that it comes from. 1: the
+        brightest parts lie at the end of the range.
     transfer : str, one of linear, srgb, gamma22, rec709
         Transfer function of the pictures: codes of 8 and 16 bits of a source are decoded by it, and the images ideal, saturated and
         recovered are encoded by it. linear: codes are radiance. EXR, HDR and rendered frames hold radiance, which is not decoded.
@@ -246,8 +250,8 @@ class Sensor:
     >>> import modulo
     >>> radiance = np.full((2, 3), 0.9, dtype=np.float32)
     >>> exposure = modulo.Sensor(alpha=4).expose(radiance)
-    >>> int(exposure.modulo[0, 0]), int(exposure.wraps[0, 0])  # 0.9 * 4 * 256 = 921 = 153 + 3 * 256
-    (153, 3)
+    >>> int(exposure.modulo[0, 0]), int(exposure.wraps[0, 0])  # 0.97 * 0.9 * 4 * 256 = 893 = 125 + 3 * 256
+    (125, 3)
     >>> modulo.Sensor(bits=17)
     Traceback (most recent call last):
     ValueError: parameter 'bits' = 17: must be in 1 to 16
@@ -269,6 +273,7 @@ class Sensor:
         full_well_electrons: float = 0.0,
         prnu: float = 0.0,
         hot_pixels: float = 0.0,
+        headroom: float = 0.97,
         transfer: str = "linear",
         optical_black: int = 0,
         white: float = 0.0,
@@ -288,6 +293,7 @@ class Sensor:
                 "full_well_electrons": full_well_electrons,
                 "prnu": prnu,
                 "hot_pixels": hot_pixels,
+                "headroom": headroom,
                 "transfer": transfer,
                 "optical_black": optical_black,
                 "white": white,
@@ -300,7 +306,7 @@ class Sensor:
         Parameters
         ----------
         radiance : array of float32, uint8 or uint16, H x W or H x W x C
-            Floats are radiance relative to full scale (see `white`), clamped to [0, 1). Integers are codes of a picture, fractions of
+            Floats are radiance relative to full scale (see `white` and `headroom`), clamped to [0, 1). Integers are codes of a picture, fractions of
             255 or 65536 (or of `white`), which `transfer` decodes. As in the camera, each code is moved at random within its interval, in the same way for each
             image, so that the counts do not lie on a grid; the largest code stands for full scale. A sensor with a
             mosaic needs 3 channels.
@@ -430,9 +436,15 @@ def unwrap(
 
 
 def tone_map(
-    x: Image, bits: int = 8, alpha: float = 4.0, *, mosaic: str = "none", transfer: str = "linear"
+    x: Image,
+    bits: int = 8,
+    alpha: float = 4.0,
+    *,
+    mosaic: str = "none",
+    headroom: float = 0.97,
+    transfer: str = "linear",
 ) -> NDArray[np.uint8]:
-    """Returns radiance as an image of 8 bits: `round(255 encode(x / (alpha 2^bits)))`.
+    """Returns radiance as an image of 8 bits: `round(255 encode(x / (headroom alpha 2^bits)))`.
 
     encode is that of `transfer`; unless that is linear, half a code unit is added to x, which holds whole codes.
 
@@ -447,6 +459,10 @@ def tone_map(
     mosaic : str, one of none, rggb, bggr, grbg, gbrg
         Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the source.
         The images of a mosaic have the encoding bayer_*8 or bayer_*16. Here they are H x W, and the result is H x W x 3.
+    headroom : float, a finite number in 0.001 to 1
+        Full scale of the pictures of a source divided by alpha * 2^bits: the radiance of the largest code, the white of EXR and HDR
+        images, or 1 in rendered frames. The images of 8 bits undo it, so that an ideal image is the picture that it comes from. 1: the
+        brightest parts lie at the end of the range.
     transfer : str, one of linear, srgb, gamma22, rec709
         Transfer function of the pictures: codes of 8 and 16 bits of a source are decoded by it, and the images ideal, saturated and
         recovered are encoded by it. linear: codes are radiance. EXR, HDR and rendered frames hold radiance, which is not decoded.
@@ -466,11 +482,18 @@ def tone_map(
     >>> import numpy as np
     >>> import modulo
     >>> modulo.tone_map(np.array([[0, 512, 1024]], dtype=np.float32), bits=8, alpha=4)
-    array([[  0, 128, 255]], dtype=uint8)
+    array([[  0, 131, 255]], dtype=uint8)
     >>> modulo.tone_map(np.array([[0, 512, 1024]], dtype=np.float32), bits=8, alpha=4, transfer="srgb")
-    array([[  2, 188, 255]], dtype=uint8)
+    array([[  2, 190, 255]], dtype=uint8)
     """
-    return _core.picture(x, {"bits": bits, "alpha": alpha, "mosaic": mosaic, "transfer": transfer}, False)
+    parameters: dict[str, int | float | str] = {
+        "bits": bits,
+        "alpha": alpha,
+        "mosaic": mosaic,
+        "headroom": headroom,
+        "transfer": transfer,
+    }
+    return _core.picture(x, parameters, False)
 
 
 def deblur(
@@ -481,6 +504,7 @@ def deblur(
     *,
     psf: str = "gaussian",
     mosaic: str = "none",
+    headroom: float = 0.97,
     transfer: str = "linear",
 ) -> NDArray[np.uint8]:
     """Returns radiance as an image of 8 bits like `tone_map`, without the blur of the lens (a Wiener filter).
@@ -500,6 +524,10 @@ def deblur(
     mosaic : str, one of none, rggb, bggr, grbg, gbrg
         Colour filters of a sensor with one chip, whose pixels see one colour each. none: each pixel sees all colours of the source.
         The images of a mosaic have the encoding bayer_*8 or bayer_*16. Here they are H x W, and the result is H x W x 3.
+    headroom : float, a finite number in 0.001 to 1
+        Full scale of the pictures of a source divided by alpha * 2^bits: the radiance of the largest code, the white of EXR and HDR
+        images, or 1 in rendered frames. The images of 8 bits undo it, so that an ideal image is the picture that it comes from. 1: the
+        brightest parts lie at the end of the range.
     transfer : str, one of linear, srgb, gamma22, rec709
         Transfer function of the pictures: codes of 8 and 16 bits of a source are decoded by it, and the images ideal, saturated and
         recovered are encoded by it. linear: codes are radiance. EXR, HDR and rendered frames hold radiance, which is not decoded.
@@ -531,6 +559,7 @@ def deblur(
         "psf_sigma": psf_sigma,
         "psf": psf,
         "mosaic": mosaic,
+        "headroom": headroom,
         "transfer": transfer,
     }
     return _core.picture(x, sensor, True)
@@ -641,8 +670,8 @@ def read_bag(path: str | os.PathLike[str], source_topic: str = "") -> Iterator[F
     >>> frame = next(modulo.read_bag("bags/samples/tunnel"))
     >>> frame.image.shape, frame.image.dtype, frame.mosaic, len(frame.ground_truth)
     ((192, 640, 3), dtype('uint8'), 'none', 14)
-    >>> modulo.unwrap(frame.image, bits=8, alpha=4).report.trusted
-    True
+    >>> modulo.unwrap(frame.image, bits=8, alpha=4).report.method
+    'lines'
     """
     return map(_frame, _core.Bag({"source": os.fspath(path), "source_topic": source_topic}))
 

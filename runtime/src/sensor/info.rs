@@ -44,7 +44,7 @@ pub fn message(header: &Header, model: &SensorModel) -> Message {
 fn read(message: &DiagnosticArray) -> Result<SensorModel, ParameterError> {
     let known = SensorModel::descriptors();
     let values = message.status.iter().flat_map(|status| &status.values);
-    let pairs: Vec<(&str, &str)> = values
+    let mut pairs: Vec<(&str, &str)> = values
         // Another camera may describe more than this model has.
         .filter(|value| known.iter().any(|descriptor| descriptor.name == value.key))
         .map(|value| (value.key.as_str(), value.value.as_str()))
@@ -55,6 +55,8 @@ fn read(message: &DiagnosticArray) -> Result<SensorModel, ParameterError> {
             return Err(ParameterError::new(name, "missing", "the sensor description must contain it"));
         }
     }
+    // Cameras that do not describe their headroom, such as those of older bags, have none.
+    pairs.insert(0, ("headroom", "1"));
     SensorModel::from_text(&pairs)
 }
 
@@ -120,7 +122,7 @@ mod tests {
         #[test]
         fn a_description_gives_the_same_sensor(
             bits in 1u8..=16,
-            alpha in 1e-3f64..256.0,
+            (alpha, headroom) in (1e-3f64..256.0, 1e-3f64..=1.0),
             (transfer, optical_black) in (0usize..4, 0usize..=64),
             paper in any::<bool>(),
             psf_sigma in 0.0f64..4.0,
@@ -129,7 +131,7 @@ mod tests {
             let psf = if paper { BlurShape::Paper7 } else { BlurShape::Gaussian };
             let gains = modulo_core::GainPattern::WORDS[gains].1;
             let transfer = modulo_core::Transfer::WORDS[transfer].1;
-            let rest = SensorModel { bits, alpha, transfer, optical_black, ..SensorModel::default() };
+            let rest = SensorModel { bits, alpha, headroom, transfer, optical_black, ..SensorModel::default() };
             let model = SensorModel { psf, psf_sigma, gains, gain_ratio, ..rest };
             prop_assert_eq!(read(&description(1, &model)), Ok(model));
         }
@@ -150,6 +152,13 @@ mod tests {
         assert_eq!(history.nearest(Time::from_ns(last + 7)), history.latest(), "its own is late");
         assert_eq!(history.nearest(Time::from_ns(0)), history.latest(), "nothing is known of that time");
         assert_eq!(history.by_stamp.len(), REMEMBERED);
+    }
+
+    #[test]
+    fn a_camera_that_does_not_describe_its_headroom_has_none() {
+        let mut array = description(1, &SensorModel::default());
+        array.status[0].values.retain(|value| value.key != "headroom");
+        assert_eq!(read(&array), Ok(SensorModel { headroom: 1.0, ..SensorModel::default() }));
     }
 
     #[test]

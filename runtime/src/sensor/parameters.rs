@@ -36,6 +36,10 @@ crate::parameters! {
         bits: u8 = 8 => 1..=16,
         /// Saturation factor: the brightest radiance of the scene divided by the sensor's peak.
         alpha: f64 = 4.0 => 1e-3..=256.0,
+        /// Full scale of the pictures of a source divided by alpha * 2^bits: the radiance of the largest code, the white of EXR and
+        /// HDR images, or 1 in rendered frames. The images of 8 bits undo it, so that an ideal image is the picture that it comes
+        /// from. 1: the brightest parts lie at the end of the range.
+        headroom: f64 = 0.97 => 1e-3..=1.0,
         /// Transfer function of the pictures: codes of 8 and 16 bits of a source are decoded by it, and the images ideal,
         /// saturated and recovered are encoded by it. linear: codes are radiance. EXR, HDR and rendered frames hold
         /// radiance, which is not decoded.
@@ -73,7 +77,7 @@ crate::parameters! {
 }
 
 /// The parameters of [`SensorModel`] that belong to a scene and its exposure, and not to the chip or the lens.
-const OF_EXPOSURE: [&str; 3] = ["alpha", "transfer", "gain_ratio"];
+const OF_EXPOSURE: [&str; 4] = ["alpha", "headroom", "transfer", "gain_ratio"];
 
 impl SensorModel {
     /// Returns the names of the parameters that describe the chip or the lens.
@@ -96,11 +100,14 @@ impl SensorModel {
     /// [`ParameterError`] of the first value that is out of its range.
     pub fn config(&self) -> Result<SensorConfig, ParameterError> {
         self.check()?;
-        let Self { bits, alpha, transfer, optical_black, read_noise, prnu, hot_pixels, mosaic, .. } = *self;
+        let Self {
+            bits, alpha, headroom, transfer, optical_black, read_noise, prnu, hot_pixels, mosaic, ..
+        } = *self;
         let (psf, gains, shot_noise) = (self.psf(), self.gains()?, self.shot_variance());
         Ok(SensorConfig {
             bits,
             alpha,
+            headroom,
             transfer,
             optical_black,
             psf,
@@ -122,14 +129,14 @@ impl SensorModel {
         (self.shot_noise + of_electrons).min(MAX_NOISE)
     }
 
-    /// Returns bits, saturation factor, and the columns that are black.
+    /// Returns bits, saturation factor, headroom, and the columns that are black.
     ///
     /// # Errors
     /// [`ParameterError`] of the first value that is out of its range.
     pub fn range(&self) -> Result<Range, ParameterError> {
         self.check()?;
-        let range =
-            Range::new(self.bits, self.alpha).expect("the declared ranges lie within those of `Range`");
+        let range = Range::new(self.bits, self.alpha).and_then(|range| range.with_headroom(self.headroom));
+        let range = range.expect("the declared ranges lie within those of `Range`");
         Ok(range.with_optical_black(self.optical_black))
     }
 
@@ -180,6 +187,9 @@ crate::parameters! {
         /// Saturation factor: the brightest radiance of the scene divided by the sensor's peak. 0: that of the camera's
         /// sensor description.
         alpha: f64 = 0.0 => 0.0..=256.0,
+        /// Full scale of a picture divided by alpha * 2^bits, which the recovered image shows as its largest code. 0: that of
+        /// the camera's sensor description (0.97 without a description).
+        headroom: f64 = 0.0 => 0.0..=1.0,
         /// Transfer function by which the recovered image is encoded: linear, srgb, gamma22, rec709, or as the camera's sensor
         /// description has it (linear without a description).
         transfer: Option<Transfer> = None => TRANSFERS,
@@ -223,9 +233,20 @@ impl SensorOverride {
         let (bits, alpha) = (bits.ok_or_else(|| missing("bits"))?, alpha.ok_or_else(|| missing("alpha"))?);
         let rest = camera.cloned().unwrap_or_default();
         let transfer = self.transfer.unwrap_or(rest.transfer);
+        let headroom = if self.headroom > 0.0 { self.headroom } else { rest.headroom };
         let optical_black = if self.optical_black > 0 { self.optical_black } else { rest.optical_black };
-        let model =
-            SensorModel { bits, alpha, transfer, optical_black, psf, psf_sigma, gains, gain_ratio, ..rest };
+        let model = SensorModel {
+            bits,
+            alpha,
+            headroom,
+            transfer,
+            optical_black,
+            psf,
+            psf_sigma,
+            gains,
+            gain_ratio,
+            ..rest
+        };
         model.check()?;
         Ok(model)
     }
@@ -238,10 +259,20 @@ impl SensorOverride {
 
 impl From<SensorModel> for SensorOverride {
     fn from(model: SensorModel) -> Self {
-        let SensorModel { bits, alpha, transfer, optical_black, psf, psf_sigma, gains, gain_ratio, .. } =
-            model;
+        let SensorModel {
+            bits,
+            alpha,
+            headroom,
+            transfer,
+            optical_black,
+            psf,
+            psf_sigma,
+            gains,
+            gain_ratio,
+            ..
+        } = model;
         let (transfer, gains) = (Some(transfer), Some(gains));
-        Self { bits, alpha, transfer, optical_black, psf, psf_sigma, gains, gain_ratio }
+        Self { bits, alpha, headroom, transfer, optical_black, psf, psf_sigma, gains, gain_ratio }
     }
 }
 
@@ -266,6 +297,7 @@ mod tests {
         let camera = SensorModel {
             bits: 10,
             alpha: 3.0,
+            headroom: 0.9,
             transfer: Transfer::Rec709,
             optical_black: 32,
             psf: BlurShape::Paper7,
@@ -280,6 +312,7 @@ mod tests {
         let transfer = Transfer::Srgb;
         let set = SensorOverride {
             alpha: 2.0,
+            headroom: 0.8,
             transfer: Some(transfer),
             optical_black: 8,
             psf_sigma: 1.0,
@@ -289,6 +322,7 @@ mod tests {
         let expected = SensorModel {
             bits: 10,
             alpha: 2.0,
+            headroom: 0.8,
             transfer,
             optical_black: 8,
             psf_sigma: 1.0,
@@ -319,14 +353,27 @@ mod tests {
 
     #[test]
     fn both_ends_of_each_range_are_a_sensor_and_nothing_beyond_is() {
-        let model = |bits, alpha| SensorModel { bits, alpha, ..SensorModel::default() }.range();
-        for (bits, alpha) in [(1, 1e-3), (16, 256.0)] {
-            assert_eq!(model(bits, alpha), Ok(Range::new(bits, alpha).expect("possible")));
+        let model =
+            |bits, alpha, headroom| SensorModel { bits, alpha, headroom, ..SensorModel::default() }.range();
+        for (bits, alpha, headroom) in [(1, 1e-3, 1e-3), (16, 256.0, 1.0)] {
+            let range = Range::new(bits, alpha).and_then(|range| range.with_headroom(headroom));
+            assert_eq!(model(bits, alpha, headroom), Ok(range.expect("possible")));
         }
-        for (bits, alpha, named) in
-            [(0, 1.0, "bits"), (17, 1.0, "bits"), (8, 256.1, "alpha"), (8, -1.0, "alpha")]
-        {
-            assert_eq!(model(bits, alpha).expect_err("out of range").name, named);
+        for (bits, alpha, headroom, named) in [
+            (0, 1.0, 1.0, "bits"),
+            (17, 1.0, 1.0, "bits"),
+            (8, 256.1, 1.0, "alpha"),
+            (8, -1.0, 1.0, "alpha"),
+            (8, 1.0, 0.0, "headroom"),
+            (8, 1.0, 1.01, "headroom"),
+        ] {
+            assert_eq!(model(bits, alpha, headroom).expect_err("out of range").name, named);
         }
+        for optical_black in [0, MAX_OPTICAL_BLACK] {
+            assert!(SensorModel { optical_black, ..SensorModel::default() }.simulated().is_ok());
+        }
+        let shaded = SensorModel { optical_black: MAX_OPTICAL_BLACK + 1, ..SensorModel::default() };
+        let why = shaded.simulated().expect_err("too many columns").to_string();
+        assert!(why.contains("'optical_black' = 65") && why.contains("0 to 64"), "{why}");
     }
 }

@@ -98,7 +98,11 @@ impl Axes {
     pub fn points(&self, protocol: Protocol) -> Result<Vec<Point>, GridError> {
         self.check(protocol)?;
         let inputs = or_default(&self.input, &[if protocol == Protocol::Paper { "640x640" } else { "auto" }]);
-        let (sensors, images) = (self.sensors(), self.images(protocol));
+        let (mut sensors, images) = (self.sensors(), self.images(protocol));
+        if protocol == Protocol::Paper {
+            // The scripts of the paper scale an image in [0, 1] by alpha.
+            sensors.iter_mut().for_each(|sensor| sensor.headroom = 1.0);
+        }
         // The order of the loops is the order of work: a model and its input size are loaded once for all their cells.
         let mut points = Vec::new();
         for model in self.model.iter().map(|model| Self::model_name(model)) {
@@ -211,8 +215,13 @@ impl Axes {
             self.lenses().into_iter().map(move |psf_sigma| SensorModel { psf_sigma, ..sensor.clone() })
         });
         let plain = SensorModel { psf_sigma: 1.4, ..SensorModel::default() };
-        let Some(other) = all.find(|sensor| sensor.reset(&["alpha"]) != plain) else { return Ok(()) };
-        let possible = "that of the paper: blur 1.4 px (7 taps), no noise, one gain, no mosaic".to_owned();
+        let is_plain = |sensor: &SensorModel| {
+            // A headroom that is not given has its default, for which the paper has 1.
+            [plain.headroom, 1.0].contains(&sensor.headroom) && sensor.reset(&["alpha", "headroom"]) == plain
+        };
+        let Some(other) = all.find(|sensor| !is_plain(sensor)) else { return Ok(()) };
+        let possible =
+            "that of the paper: blur 1.4 px (7 taps), headroom 1, no noise, one gain, no mosaic".to_owned();
         Err(GridError::Value { what: "the sensor", value: labels::sensor(&other, &[]), possible })
     }
 
@@ -319,9 +328,14 @@ mod tests {
         }
         let auto = axes("--method auto");
         assert!(auto.points(Protocol::Paper).is_err(), "the paper has no auto");
-        for other in
-            ["--read-noise 1", "--prnu 0.1", "--psf-sigma 1.4,0", "--gains none,rows", "--mosaic rggb"]
-        {
+        for other in [
+            "--read-noise 1",
+            "--prnu 0.1",
+            "--psf-sigma 1.4,0",
+            "--gains none,rows",
+            "--mosaic rggb",
+            "--headroom 0.9",
+        ] {
             let why = axes(other).points(Protocol::Paper).expect_err("nor these").to_string();
             assert!(why.contains("the paper"), "{why}");
         }
@@ -335,7 +349,8 @@ mod tests {
     fn the_paper_has_four_streams_two_forms_of_spud_and_640() {
         let points = Axes::default().points(Protocol::Paper).expect("possible");
         assert_eq!(points.len(), 4 * 5);
-        assert!(points.iter().all(|p| p.input == "640x640" && !p.deblur));
+        assert!(points.iter().all(|p| p.input == "640x640" && !p.deblur && p.sensor.headroom == 1.0));
+        assert_eq!(axes("--headroom 1").points(Protocol::Paper).expect("possible"), points);
         assert!(
             points.iter().filter_map(|p| p.method.as_deref()).all(|method| PAPER_METHODS.contains(&method))
         );

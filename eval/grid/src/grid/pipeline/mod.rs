@@ -245,10 +245,10 @@ impl RecoveryQuality {
     /// The quality of a saturated image of codes, which has no wrap counts.
     pub fn of_saturated(codes: &Frame, truth: &[Exposure; 2]) -> Option<Self> {
         let range = truth[0].range();
-        // With two gains, the codes are those of x / alpha.
+        // With two gains, the codes are those of x / (headroom * alpha).
         let scale = match truth[0].gains() {
             Gains::One => 1.0,
-            Gains::Two { .. } => range.alpha() as f32,
+            Gains::Two { .. } => (range.white() / f64::from(range.peak())) as f32,
         };
         let (transfer, most) = (truth[0].transfer(), range.peak() - 1.0);
         let radiance = |code: f32| most * transfer.decode((code / most).into()) as f32;

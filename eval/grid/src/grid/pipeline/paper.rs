@@ -175,7 +175,7 @@ mod tests {
     }
 
     fn sensor(alpha: f64, psf_sigma: f64) -> SensorModel {
-        SensorModel { alpha, psf_sigma, ..SensorModel::default() }
+        SensorModel { alpha, headroom: 1.0, psf_sigma, ..SensorModel::default() }
     }
 
     fn shown(stream: Stream, alpha: f64, frame: &SourceFrame) -> Vec<u8> {
