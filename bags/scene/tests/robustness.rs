@@ -5,8 +5,10 @@
 #![allow(clippy::unwrap_used)]
 
 use modulo_core::metric::exact_share;
-use modulo_core::unwrap::{OffsetEvidence, Options, PASS_THROUGH, Trust, by_name};
-use modulo_core::{Exposure, Psf, Range, Recovered, Sensor, SensorConfig};
+use modulo_core::unwrap::{OffsetEvidence, Options, PASS_THROUGH, Trust, Unwrap as _, by_name};
+use modulo_core::{
+    Exposure, GainPattern, Gains, Mosaic, Psf, Range, Recovered, Sensor, SensorConfig, TwoGains,
+};
 use modulo_scene::{Preset, Scene};
 use ndarray::Array3;
 
@@ -16,9 +18,20 @@ fn scenes() -> Vec<Array3<f32>> {
 }
 
 fn expose(radiance: &Array3<f32>, alpha: f64, hot_pixels: f64) -> Exposure {
-    let config =
-        SensorConfig { alpha, psf: Psf::Gaussian { sigma: 1.4 }, hot_pixels, ..SensorConfig::default() };
+    expose_by(radiance, SensorConfig { alpha, hot_pixels, ..SensorConfig::default() })
+}
+
+/// Exposes a scene by a sensor behind a lens of 1.4 px.
+fn expose_by(radiance: &Array3<f32>, config: SensorConfig) -> Exposure {
+    let config = SensorConfig { psf: Psf::Gaussian { sigma: 1.4 }, ..config };
     Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap()
+}
+
+/// Returns the number of sound samples with a wrong count: those of the exposure without hot samples.
+fn wrong_of_sound(out: &Recovered, exposure: &Exposure, clean: &Exposure) -> usize {
+    let truth = exposure.wraps();
+    let samples = out.k.iter().zip(&truth).zip(exposure.x().iter().zip(clean.x()));
+    samples.filter(|((k, truth), (x, clean))| k != truth && x == clean).count()
 }
 
 fn recover(exposure: &Exposure, range: Range) -> Recovered {
@@ -36,10 +49,59 @@ fn hot_samples_cost_neither_speed_nor_trust() {
             let (method, trust) = (out.report.method, out.report.trust);
             assert!(["lines", PASS_THROUGH].contains(&method), "alpha {alpha}, hot {hot}: {:?}", out.report);
             assert_eq!(trust, expected.report.trust, "alpha {alpha}, hot {hot}: {:?}", out.report);
-            let truth = exposure.wraps();
-            let samples = out.k.iter().zip(&truth).zip(exposure.x().iter().zip(clean.x()));
-            let wrong = samples.filter(|((k, truth), (x, clean))| k != truth && x == clean).count();
+            let wrong = wrong_of_sound(&out, &exposure, &clean);
             assert_eq!(wrong, 0, "alpha {alpha}, hot {hot}: sound samples with a wrong count");
+        }
+    }
+}
+
+#[test]
+fn hot_samples_of_a_mosaic_are_found_and_cost_no_trust() {
+    let (mut found, mut trusted) = (0.0, [0, 0]);
+    for preset in Preset::ALL {
+        let radiance = Scene::new(preset, 1).render(0, 300, 800).radiance;
+        for mosaic in [Mosaic::Rggb, Mosaic::Gbrg] {
+            let config = SensorConfig { alpha: 2.0, mosaic: Some(mosaic), ..SensorConfig::default() };
+            let [clean, exposure] =
+                [0.0, 2e-5].map(|hot_pixels| expose_by(&radiance, SensorConfig { hot_pixels, ..config }));
+            let [expected, out] = [&clean, &exposure].map(|exposure| recover(exposure, exposure.range()));
+            let defects = [&expected, &out].map(|out| out.report.quality.unwrap().defects);
+            found += f64::from(defects[1]) * out.k.len() as f64;
+            let wrong =
+                [(&expected, &clean), (&out, &exposure)].map(|(out, e)| wrong_of_sound(out, e, &clean));
+            assert!(wrong[1] <= wrong[0], "{preset:?}, {mosaic:?}: {wrong:?} sound samples are wrong");
+            for (count, out) in trusted.iter_mut().zip([&expected, &out]) {
+                *count += usize::from(out.report.trust == Trust::Trusted);
+            }
+        }
+    }
+    assert!(found > 5.0 && trusted[0] > 2 && trusted[1] >= trusted[0], "{found} found, trusted: {trusted:?}");
+}
+
+/// Each guess weighs by the difference within its pair, which leaves a hot pixel of low gain out of the counts around it.
+#[test]
+fn hot_samples_of_two_gains_change_no_count_beside_them() {
+    for radiance in scenes() {
+        for pattern in [GainPattern::Checkerboard, GainPattern::Rows] {
+            for alpha in [2.0, 4.0] {
+                let gains = Gains::Two { pattern, ratio: 1.0 / alpha };
+                let config = SensorConfig { alpha, gains, ..SensorConfig::default() };
+                let outcomes = [0.0, 1e-4].map(|hot_pixels| {
+                    let exposure = expose_by(&radiance, SensorConfig { hot_pixels, ..config });
+                    let mut out = Recovered::default();
+                    let mut method = TwoGains::new(gains).unwrap();
+                    method.unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
+                    (exposure, out)
+                });
+                let [(clean, expected), (exposure, out)] = &outcomes;
+                let wrong =
+                    [(expected, clean), (out, exposure)].map(|(out, e)| wrong_of_sound(out, e, clean));
+                assert!(
+                    wrong[1] <= wrong[0],
+                    "{pattern:?}, alpha {alpha}: {wrong:?} sound samples are wrong"
+                );
+                assert_eq!(out.report.trust, expected.report.trust, "{pattern:?}, alpha {alpha}");
+            }
         }
     }
 }
