@@ -151,6 +151,7 @@ impl Defects {
         // Where green changes by more than half a peak, a mean is half a peak off, as a defect would be, and so it looks from beside.
         let around = |at: usize| (0..9).filter_map(move |n| of_colour.place(at, n % 3 - 1, n / 3 - 1));
         self.found.retain(|&(at, _)| is_green(at) || around(at).all(|at| beside[at].1));
+        self.found.sort_unstable();
         self.plane = plane;
         few
     }
@@ -158,12 +159,10 @@ impl Defects {
     /// Gives the samples that were removed from an image of `codes` the counts that bring them nearest to the values in their place
     /// in `out`.
     pub fn restore(&self, codes: Integers<'_>, range: Range, out: &mut Recovered) {
-        let (peak, most) = (range.peak(), f32::from(range.max_wraps()));
+        out.defects.extend(self.found.iter().map(|(at, _)| at));
         let (x, k) = out.buffers();
         for &(at, _) in &self.found {
-            let y = f32::from(codes.at(at));
-            let count = ((x[at] - y) / peak).round().clamp(0.0, most);
-            (x[at], k[at]) = (y + count * peak, count as u8);
+            (x[at], k[at]) = range.nearest(codes.at(at).into(), x[at]);
         }
     }
 
