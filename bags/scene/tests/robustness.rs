@@ -7,10 +7,10 @@
 use modulo_core::metric::exact_share;
 use modulo_core::unwrap::{OffsetEvidence, Options, PASS_THROUGH, Trust, Unwrap as _, by_name};
 use modulo_core::{
-    Exposure, GainPattern, Gains, Mosaic, Psf, Range, Recovered, Sensor, SensorConfig, TwoGains,
+    Exposure, Frame, GainPattern, Gains, Mosaic, Psf, Range, Recovered, Sensor, SensorConfig, TwoGains,
 };
 use modulo_scene::{Preset, Scene};
-use ndarray::Array3;
+use ndarray::{Array3, s};
 
 /// Returns one scene of each preset.
 fn scenes() -> Vec<Array3<f32>> {
@@ -224,4 +224,83 @@ fn the_last_trusted_frame_gives_the_offset_until_a_cut() {
         (true, Trust::Trusted, Some(OffsetEvidence::LastFrame)),
         "the scene is back"
     );
+}
+
+/// Returns the exposure of a street with a white wall, of which samples of all channels at `places` (x, y) are stuck at `code`, the result of `auto`, and
+/// the number of sound samples with a wrong count.
+fn stuck(places: &[(usize, usize)], code: u8) -> (Recovered, usize) {
+    // Its dark part is far from both codes.
+    let mut radiance = scenes().swap_remove(0).mapv(|x| 0.12 + 0.88 * x);
+    radiance.slice_mut(s![30..70, 100..160, ..]).fill(0.87);
+    let exposure = expose(&radiance, 4.0, 0.0);
+    let mut codes = exposure.modulo().as_u8().unwrap().clone();
+    let is_stuck = |(i, j, _)| places.contains(&(j, i));
+    codes.indexed_iter_mut().filter(|(at, _)| is_stuck(*at)).for_each(|(_, y)| *y = code);
+    let mut out = Recovered::default();
+    let mut auto = by_name("auto", &Options::default()).unwrap();
+    auto.unwrap(&Frame::from_u8(codes.clone()).unwrap(), exposure.range(), &mut out).unwrap();
+    assert!(out.x.indexed_iter().all(|(at, x)| *x == f32::from(codes[at]) + 256.0 * f32::from(out.k[at])));
+    let truth = exposure.wraps();
+    let wrong = out.k.indexed_iter().filter(|(at, k)| !is_stuck(*at) && **k != truth[*at]).count();
+    (out, wrong)
+}
+
+#[test]
+fn stuck_samples_change_no_count_beside_them() {
+    let cases: [(&str, &[(usize, usize)]); 7] = [
+        ("inside", &[(40, 20), (250, 100)]),
+        ("two neighbours in a row", &[(40, 20), (41, 20)]),
+        ("two neighbours in a column", &[(200, 90), (200, 91)]),
+        ("at the borders", &[(0, 60), (319, 60), (200, 0), (200, 119)]),
+        ("in the corners", &[(0, 0), (319, 0), (0, 119), (319, 119)]),
+        ("in and beside a plateau", &[(130, 50), (98, 50), (161, 60), (130, 72)]),
+        ("one pixel between them", &[(40, 20), (42, 20)]),
+    ];
+    let (mut failed, mut found) = (Vec::new(), 0);
+    for (name, places) in cases {
+        for code in [0, 255] {
+            let (out, wrong) = stuck(places, code);
+            found += out.defects.len();
+            if wrong > 0 || out.report.trust != Trust::Trusted {
+                failed.push(format!(
+                    "{name}, stuck at {code}: {wrong} wrong, {} left out, {:?}",
+                    out.defects.len(),
+                    out.report
+                ));
+            }
+        }
+    }
+    assert!(failed.is_empty(), "{failed:#?}");
+    assert!(found > 20, "{found} samples are left out");
+}
+
+#[test]
+fn small_lights_are_no_defects() {
+    const HOT: (usize, usize, usize) = (100, 200, 1);
+    for alpha in [2.0, 4.0, 8.0] {
+        let mut radiance = Array3::from_shape_fn((120, 320, 3), |(i, j, _)| 0.02 + (i + j) as f32 / 2200.0);
+        // A window, as evidence for the offset.
+        radiance.slice_mut(s![10..40, 10..60, ..]).fill(0.99);
+        let lights: Vec<_> = (0..6).map(|n| (70, 20 + 50 * n, n)).collect();
+        for &(i, j, n) in &lights {
+            let light = (n + 1) as f32 / 6.0;
+            radiance.slice_mut(s![i, j, ..]).assign(&ndarray::arr1(&[light, 0.9 * light, 0.7 * light]));
+        }
+        let config = SensorConfig { alpha, psf: Psf::Gaussian { sigma: 0.8 }, ..SensorConfig::default() };
+        let exposure = Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap();
+        let mut codes = exposure.modulo().as_u8().unwrap().clone();
+        codes[HOT] = codes[HOT].wrapping_add(120);
+        let mut out = Recovered::default();
+        let mut auto = by_name("auto", &Options::default()).unwrap();
+        auto.unwrap(&Frame::from_u8(codes).unwrap(), exposure.range(), &mut out).unwrap();
+        let near = |at: usize| {
+            let (i, j) = (at / 3 / 320, at / 3 % 320);
+            lights.iter().any(|&(row, column, _)| i.abs_diff(row) < 3 && j.abs_diff(column) < 3)
+        };
+        let truth = exposure.wraps();
+        let wrong =
+            out.k.iter().zip(&truth).enumerate().filter(|(at, (k, truth))| near(*at) && k != truth).count();
+        let hot = (HOT.0 * 320 + HOT.1) * 3 + HOT.2;
+        assert_eq!((&out.defects[..], wrong), (&[hot][..], 0), "alpha {alpha}: {:?}", out.report);
+    }
 }
