@@ -103,6 +103,12 @@ impl Range {
         peak(self.bits)
     }
 
+    /// Returns the radiance of `code` that is nearest to `radiance` in this range, and its wrap count.
+    pub(crate) fn nearest(self, code: f32, radiance: f32) -> (f32, u8) {
+        let count = ((radiance - code) / self.peak()).round().clamp(0.0, f32::from(self.max_wraps()));
+        (code + count * self.peak(), count as u8)
+    }
+
     /// Returns `alpha * 2^b` in code units; radiance is strictly below it.
     pub fn limit(self) -> f64 {
         self.alpha * f64::from(self.peak())

@@ -43,7 +43,7 @@ pub fn unwrap<'py>(
         let confidence = confidence.then(|| recovered.confidence(mosaic, range));
         Ok((recovered, confidence))
     })?;
-    let Recovered { x, k, report } = recovered;
+    let Recovered { x, k, report, .. } = recovered;
     let quality = report.quality.map(|quality| {
         let QualityMetrics { residues, steep, consensus, clamped, jumps, defects } = quality;
         (residues, steep, consensus, clamped, jumps, defects)

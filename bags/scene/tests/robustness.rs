@@ -5,10 +5,12 @@
 #![allow(clippy::unwrap_used)]
 
 use modulo_core::metric::exact_share;
-use modulo_core::unwrap::{OffsetEvidence, Options, PASS_THROUGH, Trust, by_name};
-use modulo_core::{Exposure, Psf, Range, Recovered, Sensor, SensorConfig};
+use modulo_core::unwrap::{OffsetEvidence, Options, PASS_THROUGH, Trust, Unwrap as _, by_name};
+use modulo_core::{
+    Exposure, Frame, GainPattern, Gains, Mosaic, Psf, Range, Recovered, Sensor, SensorConfig, TwoGains,
+};
 use modulo_scene::{Preset, Scene};
-use ndarray::Array3;
+use ndarray::{Array3, s};
 
 /// Returns one scene of each preset.
 fn scenes() -> Vec<Array3<f32>> {
@@ -16,9 +18,20 @@ fn scenes() -> Vec<Array3<f32>> {
 }
 
 fn expose(radiance: &Array3<f32>, alpha: f64, hot_pixels: f64) -> Exposure {
-    let config =
-        SensorConfig { alpha, psf: Psf::Gaussian { sigma: 1.4 }, hot_pixels, ..SensorConfig::default() };
+    expose_by(radiance, SensorConfig { alpha, hot_pixels, ..SensorConfig::default() })
+}
+
+/// Exposes a scene by a sensor behind a lens of 1.4 px.
+fn expose_by(radiance: &Array3<f32>, config: SensorConfig) -> Exposure {
+    let config = SensorConfig { psf: Psf::Gaussian { sigma: 1.4 }, ..config };
     Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap()
+}
+
+/// Returns the number of sound samples with a wrong count: those of the exposure without hot samples.
+fn wrong_of_sound(out: &Recovered, exposure: &Exposure, clean: &Exposure) -> usize {
+    let truth = exposure.wraps();
+    let samples = out.k.iter().zip(&truth).zip(exposure.x().iter().zip(clean.x()));
+    samples.filter(|((k, truth), (x, clean))| k != truth && x == clean).count()
 }
 
 fn recover(exposure: &Exposure, range: Range) -> Recovered {
@@ -36,10 +49,59 @@ fn hot_samples_cost_neither_speed_nor_trust() {
             let (method, trust) = (out.report.method, out.report.trust);
             assert!(["lines", PASS_THROUGH].contains(&method), "alpha {alpha}, hot {hot}: {:?}", out.report);
             assert_eq!(trust, expected.report.trust, "alpha {alpha}, hot {hot}: {:?}", out.report);
-            let truth = exposure.wraps();
-            let samples = out.k.iter().zip(&truth).zip(exposure.x().iter().zip(clean.x()));
-            let wrong = samples.filter(|((k, truth), (x, clean))| k != truth && x == clean).count();
+            let wrong = wrong_of_sound(&out, &exposure, &clean);
             assert_eq!(wrong, 0, "alpha {alpha}, hot {hot}: sound samples with a wrong count");
+        }
+    }
+}
+
+#[test]
+fn hot_samples_of_a_mosaic_are_found_and_cost_no_trust() {
+    let (mut found, mut trusted) = (0.0, [0, 0]);
+    for preset in Preset::ALL {
+        let radiance = Scene::new(preset, 1).render(0, 300, 800).radiance;
+        for mosaic in [Mosaic::Rggb, Mosaic::Gbrg] {
+            let config = SensorConfig { alpha: 2.0, mosaic: Some(mosaic), ..SensorConfig::default() };
+            let [clean, exposure] =
+                [0.0, 2e-5].map(|hot_pixels| expose_by(&radiance, SensorConfig { hot_pixels, ..config }));
+            let [expected, out] = [&clean, &exposure].map(|exposure| recover(exposure, exposure.range()));
+            let defects = [&expected, &out].map(|out| out.report.quality.unwrap().defects);
+            found += f64::from(defects[1]) * out.k.len() as f64;
+            let wrong =
+                [(&expected, &clean), (&out, &exposure)].map(|(out, e)| wrong_of_sound(out, e, &clean));
+            assert!(wrong[1] <= wrong[0], "{preset:?}, {mosaic:?}: {wrong:?} sound samples are wrong");
+            for (count, out) in trusted.iter_mut().zip([&expected, &out]) {
+                *count += usize::from(out.report.trust == Trust::Trusted);
+            }
+        }
+    }
+    assert!(found > 5.0 && trusted[0] > 2 && trusted[1] >= trusted[0], "{found} found, trusted: {trusted:?}");
+}
+
+/// Each guess weighs by the difference within its pair, which leaves a hot pixel of low gain out of the counts around it.
+#[test]
+fn hot_samples_of_two_gains_change_no_count_beside_them() {
+    for radiance in scenes() {
+        for pattern in [GainPattern::Checkerboard, GainPattern::Rows] {
+            for alpha in [2.0, 4.0] {
+                let gains = Gains::Two { pattern, ratio: 1.0 / alpha };
+                let config = SensorConfig { alpha, gains, ..SensorConfig::default() };
+                let outcomes = [0.0, 1e-4].map(|hot_pixels| {
+                    let exposure = expose_by(&radiance, SensorConfig { hot_pixels, ..config });
+                    let mut out = Recovered::default();
+                    let mut method = TwoGains::new(gains).unwrap();
+                    method.unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
+                    (exposure, out)
+                });
+                let [(clean, expected), (exposure, out)] = &outcomes;
+                let wrong =
+                    [(expected, clean), (out, exposure)].map(|(out, e)| wrong_of_sound(out, e, clean));
+                assert!(
+                    wrong[1] <= wrong[0],
+                    "{pattern:?}, alpha {alpha}: {wrong:?} sound samples are wrong"
+                );
+                assert_eq!(out.report.trust, expected.report.trust, "{pattern:?}, alpha {alpha}");
+            }
         }
     }
 }
@@ -162,4 +224,83 @@ fn the_last_trusted_frame_gives_the_offset_until_a_cut() {
         (true, Trust::Trusted, Some(OffsetEvidence::LastFrame)),
         "the scene is back"
     );
+}
+
+/// Returns the exposure of a street with a white wall, of which samples of all channels at `places` (x, y) are stuck at `code`, the result of `auto`, and
+/// the number of sound samples with a wrong count.
+fn stuck(places: &[(usize, usize)], code: u8) -> (Recovered, usize) {
+    // Its dark part is far from both codes.
+    let mut radiance = scenes().swap_remove(0).mapv(|x| 0.12 + 0.88 * x);
+    radiance.slice_mut(s![30..70, 100..160, ..]).fill(0.87);
+    let exposure = expose(&radiance, 4.0, 0.0);
+    let mut codes = exposure.modulo().as_u8().unwrap().clone();
+    let is_stuck = |(i, j, _)| places.contains(&(j, i));
+    codes.indexed_iter_mut().filter(|(at, _)| is_stuck(*at)).for_each(|(_, y)| *y = code);
+    let mut out = Recovered::default();
+    let mut auto = by_name("auto", &Options::default()).unwrap();
+    auto.unwrap(&Frame::from_u8(codes.clone()).unwrap(), exposure.range(), &mut out).unwrap();
+    assert!(out.x.indexed_iter().all(|(at, x)| *x == f32::from(codes[at]) + 256.0 * f32::from(out.k[at])));
+    let truth = exposure.wraps();
+    let wrong = out.k.indexed_iter().filter(|(at, k)| !is_stuck(*at) && **k != truth[*at]).count();
+    (out, wrong)
+}
+
+#[test]
+fn stuck_samples_change_no_count_beside_them() {
+    let cases: [(&str, &[(usize, usize)]); 7] = [
+        ("inside", &[(40, 20), (250, 100)]),
+        ("two neighbours in a row", &[(40, 20), (41, 20)]),
+        ("two neighbours in a column", &[(200, 90), (200, 91)]),
+        ("at the borders", &[(0, 60), (319, 60), (200, 0), (200, 119)]),
+        ("in the corners", &[(0, 0), (319, 0), (0, 119), (319, 119)]),
+        ("in and beside a plateau", &[(130, 50), (98, 50), (161, 60), (130, 72)]),
+        ("one pixel between them", &[(40, 20), (42, 20)]),
+    ];
+    let (mut failed, mut found) = (Vec::new(), 0);
+    for (name, places) in cases {
+        for code in [0, 255] {
+            let (out, wrong) = stuck(places, code);
+            found += out.defects.len();
+            if wrong > 0 || out.report.trust != Trust::Trusted {
+                failed.push(format!(
+                    "{name}, stuck at {code}: {wrong} wrong, {} left out, {:?}",
+                    out.defects.len(),
+                    out.report
+                ));
+            }
+        }
+    }
+    assert!(failed.is_empty(), "{failed:#?}");
+    assert!(found > 20, "{found} samples are left out");
+}
+
+#[test]
+fn small_lights_are_no_defects() {
+    const HOT: (usize, usize, usize) = (100, 200, 1);
+    for alpha in [2.0, 4.0, 8.0] {
+        let mut radiance = Array3::from_shape_fn((120, 320, 3), |(i, j, _)| 0.02 + (i + j) as f32 / 2200.0);
+        // A window, as evidence for the offset.
+        radiance.slice_mut(s![10..40, 10..60, ..]).fill(0.99);
+        let lights: Vec<_> = (0..6).map(|n| (70, 20 + 50 * n, n)).collect();
+        for &(i, j, n) in &lights {
+            let light = (n + 1) as f32 / 6.0;
+            radiance.slice_mut(s![i, j, ..]).assign(&ndarray::arr1(&[light, 0.9 * light, 0.7 * light]));
+        }
+        let config = SensorConfig { alpha, psf: Psf::Gaussian { sigma: 0.8 }, ..SensorConfig::default() };
+        let exposure = Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap();
+        let mut codes = exposure.modulo().as_u8().unwrap().clone();
+        codes[HOT] = codes[HOT].wrapping_add(120);
+        let mut out = Recovered::default();
+        let mut auto = by_name("auto", &Options::default()).unwrap();
+        auto.unwrap(&Frame::from_u8(codes).unwrap(), exposure.range(), &mut out).unwrap();
+        let near = |at: usize| {
+            let (i, j) = (at / 3 / 320, at / 3 % 320);
+            lights.iter().any(|&(row, column, _)| i.abs_diff(row) < 3 && j.abs_diff(column) < 3)
+        };
+        let truth = exposure.wraps();
+        let wrong =
+            out.k.iter().zip(&truth).enumerate().filter(|(at, (k, truth))| near(*at) && k != truth).count();
+        let hot = (HOT.0 * 320 + HOT.1) * 3 + HOT.2;
+        assert_eq!((&out.defects[..], wrong), (&[hot][..], 0), "alpha {alpha}: {:?}", out.report);
+    }
 }

@@ -5,13 +5,15 @@
 //! with each other and with the eight loops beside them: if the sum of `|M_b(m - m')|` over all pairs of neighbours falls to less than
 //! half. Only the corners of steep loops are looked at, since no other sample can do harm.
 //!
+//! In a colour mosaic, the neighbours of a green sample are the four green ones diagonally beside it. Red and blue ones are two pixels apart,
+//! too far for edges. So their differences from the green beside them are searched, which change little where the scene does.
+//!
 //! A defect is replaced by that value, y is unwrapped, and then the defect gets the count that brings it nearest to the value that was
 //! found in its place. So it takes part in no vote, tree or quality metric.
 
-use std::ops::Range as Indices;
-
 use super::wrapped::{Word, biased, exceeds};
 use super::{Integers, Range, Recovered};
+use crate::Mosaic;
 use crate::frame::{Frame, Samples};
 use crate::simd::widest;
 
@@ -32,6 +34,10 @@ const STEEP: u16 = 3;
 /// which have nine corners.
 const CANDIDATES: usize = 10;
 
+/// The largest spread of the green samples around a red or blue one, in sixteenths of the peak, with which their mean is taken for right. From
+/// half a peak on, it may be half a peak off.
+const CLEAR: i32 = 7;
+
 /// The number of neighbouring loops that are looked at together.
 const PART: usize = 192;
 
@@ -44,9 +50,14 @@ pub(super) struct Defects {
     found: Vec<(usize, u16)>,
     /// The image without them.
     sound: Option<Frame>,
-    bytes: [Vec<u8>; 2],
-    words: [Vec<u16>; 2],
+    bytes: Rows<u8>,
+    words: Rows<u16>,
+    /// The samples of some colours of a mosaic.
+    plane: Vec<u16>,
 }
+
+/// The last rows of an image: row i lies at i modulo 3.
+type Rows<W> = [Vec<W>; 3];
 
 /// The layout of the samples of an image.
 #[derive(Clone, Copy)]
@@ -54,37 +65,38 @@ struct Grid {
     height: usize,
     width: usize,
     channels: usize,
+    /// The steps to the neighbours in two directions: rows down, and columns to the right.
+    steps: [Step; 2],
     range: Range,
 }
+
+/// Rows down, and columns to the right.
+type Step = (usize, isize);
+
+/// The steps to the neighbours of a sample in its row and its column.
+const BESIDE: [Step; 2] = [(0, 1), (1, 0)];
+
+/// The steps to the nearest samples of green in a mosaic.
+const DIAGONALLY: [Step; 2] = [(1, 1), (1, -1)];
+
+/// The steps to the nearest samples of red and of blue.
+const TWO_APART: [Step; 2] = [(0, 2), (2, 0)];
 
 impl Defects {
     /// Returns `y` without its defects, and their share of the samples; `None` if it has none, or too many to be defects.
     pub fn remove(&mut self, y: &Frame, codes: Integers<'_>, range: Range) -> Option<(&Frame, f32)> {
         let (height, width, channels) = y.dim();
-        let grid = Grid { height, width, channels, range };
-        let samples = height * width * channels;
+        let (grid, samples) =
+            (Grid { height, width, channels, steps: BESIDE, range }, height * width * channels);
         let most = (MOST * samples as f64) as usize;
         self.found.clear();
-        self.candidates.clear();
         // Reserved at once, so that no later frame of this size allocates.
         self.found.reserve(most + 1);
-        self.candidates.reserve(CANDIDATES * most + 4 * width * channels);
-        let few = match codes {
-            Integers::U8(codes) => {
-                grid.find_steep(codes, &mut self.bytes, CANDIDATES * most, &mut self.candidates)
-            }
-            Integers::U16(codes) => {
-                grid.find_steep(codes, &mut self.words, CANDIDATES * most, &mut self.candidates)
-            }
+        let few = match y.mosaic() {
+            None => self.search(codes, grid, most),
+            Some(mosaic) => self.search_mosaic(codes, mosaic, grid, most),
         };
-        if few {
-            self.candidates.sort_unstable();
-            self.candidates.dedup();
-            let candidates = self.candidates.iter();
-            let found = candidates.filter_map(|&at| Some((at, grid.sound_code(codes, at)?)));
-            self.found.extend(found.take(most + 1));
-        }
-        if self.found.is_empty() || self.found.len() > most {
+        if !few || self.found.is_empty() {
             self.found.clear();
             return None;
         }
@@ -92,15 +104,65 @@ impl Defects {
         Some((self.replace(y), share))
     }
 
+    /// Adds the defects among the samples `codes` to those that were found, in ascending order. Returns whether there are at most `most` in
+    /// all.
+    fn search(&mut self, codes: Integers<'_>, grid: Grid, most: usize) -> bool {
+        let Self { candidates, found, bytes, words, .. } = self;
+        candidates.clear();
+        candidates.reserve(CANDIDATES * most + 4 * grid.width * grid.channels);
+        let few = match codes {
+            Integers::U8(codes) => grid.find_steep(codes, bytes, CANDIDATES * most, candidates),
+            Integers::U16(codes) => grid.find_steep(codes, words, CANDIDATES * most, candidates),
+        };
+        if few {
+            candidates.sort_unstable();
+            candidates.dedup();
+            let defects = candidates.iter().filter_map(|&at| Some((at, grid.sound_code(codes, at)?)));
+            found.extend(defects.take(most + 1));
+        }
+        few && found.len() <= most
+    }
+
+    /// Searches a colour mosaic: green, and then red and blue by their differences from green. Other samples are set to 0, which makes their
+    /// loops flat.
+    fn search_mosaic(&mut self, codes: Integers<'_>, mosaic: Mosaic, grid: Grid, most: usize) -> bool {
+        let is_green = |at: usize| mosaic.channel(at / grid.width, at % grid.width) == 1;
+        let peak_mask = ((1u32 << grid.range.bits()) - 1) as u16;
+        let mut plane = std::mem::take(&mut self.plane);
+        let samples = 0..grid.height * grid.width;
+        plane.clear();
+        plane.extend(samples.clone().map(|at| if is_green(at) { codes.at(at) } else { 0 }));
+        let mut few = self.search(Integers::U16(&plane), Grid { steps: DIAGONALLY, ..grid }, most);
+        self.found.iter().for_each(|&(at, code)| plane[at] = code);
+        // Green is read until all differences are known.
+        let beside: Vec<(u16, bool)> = samples
+            .clone()
+            .map(|at| if is_green(at) { (0, true) } else { grid.mean_beside(&plane, at) })
+            .collect();
+        for at in samples {
+            plane[at] = if is_green(at) { 0 } else { codes.at(at).wrapping_sub(beside[at].0) & peak_mask };
+        }
+        let of_green = self.found.len();
+        let of_colour = Grid { steps: TWO_APART, ..grid };
+        few &= self.search(Integers::U16(&plane), of_colour, most);
+        for (at, code) in &mut self.found[of_green..] {
+            *code = code.wrapping_add(beside[*at].0) & peak_mask;
+        }
+        // Where green changes by more than half a peak, a mean is half a peak off, as a defect would be, and so it looks from beside.
+        let around = |at: usize| (0..9).filter_map(move |n| of_colour.place(at, n % 3 - 1, n / 3 - 1));
+        self.found.retain(|&(at, _)| is_green(at) || around(at).all(|at| beside[at].1));
+        self.found.sort_unstable();
+        self.plane = plane;
+        few
+    }
+
     /// Gives the samples that were removed from an image of `codes` the counts that bring them nearest to the values in their place
     /// in `out`.
     pub fn restore(&self, codes: Integers<'_>, range: Range, out: &mut Recovered) {
-        let (peak, most) = (range.peak(), f32::from(range.max_wraps()));
+        out.defects.extend(self.found.iter().map(|(at, _)| at));
         let (x, k) = out.buffers();
         for &(at, _) in &self.found {
-            let y = f32::from(codes.at(at));
-            let count = ((x[at] - y) / peak).round().clamp(0.0, most);
-            (x[at], k[at]) = (y + count * peak, count as u8);
+            (x[at], k[at]) = range.nearest(codes.at(at).into(), x[at]);
         }
     }
 
@@ -158,39 +220,39 @@ fn share_of_sample((i, j): (usize, usize)) -> i32 {
 impl Grid {
     /// Writes the corners of all steep loops to `found`, some of them several times. Returns whether there are at most `most`; the
     /// search ends when there are more. `rows` is a buffer.
-    fn find_steep<S, W>(
-        self,
-        samples: &[S],
-        rows: &mut [Vec<W>; 2],
-        most: usize,
-        found: &mut Vec<usize>,
-    ) -> bool
+    fn find_steep<S, W>(self, samples: &[S], rows: &mut Rows<W>, most: usize, found: &mut Vec<usize>) -> bool
     where
         S: Copy + Into<u16>,
         W: Word,
     {
-        let (stride, margin) = (self.width * self.channels, self.channels);
+        let (stride, channels) = (self.width * self.channels, self.channels);
+        let corners = self.corners();
+        let (deepest, widest) = (corners[3].0, corners.iter().fold(0, |most, corner| corner.1.max(most)));
         let shift = W::BITS - self.range.bits();
         for row in 0..self.height {
-            let codes = &mut rows[row % 2];
+            let codes = &mut rows[row % 3];
             codes.clear();
             let samples = &samples[row * stride..][..stride];
             widest!(codes.extend(samples.iter().map(|&sample| W::low(sample.into() << shift))));
-            let Some(above) = row.checked_sub(1) else { continue };
-            let (up, here) = (&rows[above % 2][..], &rows[row % 2][..]);
-            let loops = stride - margin;
+            let (Some(top), Some(loops)) = (row.checked_sub(deepest), stride.checked_sub(widest * channels))
+            else {
+                continue;
+            };
+            let [a, b, c, d] =
+                corners.map(|(down, right)| &rows[(top + down) % 3][right * channels..][..loops]);
             // Most rows have no steep loop, nor have most parts of the others, which one pass in vectors tells.
-            if !widest!(has_steep(up, here, margin, 0..loops)) {
+            if !widest!(has_steep(a, b, c, d)) {
                 continue;
             }
             for from in (0..loops).step_by(PART) {
                 let part = from..loops.min(from + PART);
-                if !widest!(has_steep(up, here, margin, part.clone())) {
+                let [a, b, c, d] = [a, b, c, d].map(|corner| &corner[part.clone()]);
+                if !widest!(has_steep(a, b, c, d)) {
                     continue;
                 }
-                for l in part.filter(|&l| is_steep(up[l], up[l + margin], here[l], here[l + margin])) {
-                    let first = above * stride + l;
-                    found.extend([first, first + margin, first + stride, first + stride + margin]);
+                for l in (0..part.len()).filter(|&l| is_steep(a[l], b[l], c[l], d[l])) {
+                    let first = top * stride + from + l;
+                    found.extend(corners.map(|(down, right)| first + down * stride + right * channels));
                 }
             }
             if found.len() > most {
@@ -198,6 +260,41 @@ impl Grid {
             }
         }
         true
+    }
+
+    /// Returns the corners of a loop: rows below the first one, and columns to the right of the leftmost one.
+    fn corners(self) -> [(usize, usize); 4] {
+        let [(a, right), (b, left)] = self.steps;
+        let columns = [0, right, left, right + left];
+        let leftmost = columns.iter().fold(0, |least, column| least.min(*column));
+        let [first, second, third, fourth] = columns.map(|column| (column - leftmost).cast_unsigned());
+        [(0, first), (a, second), (b, third), (a + b, fourth)]
+    }
+
+    /// Returns the index of the sample `right` and `down` steps from the one at `at`; `None` beyond the border.
+    fn place(self, at: usize, right: isize, down: isize) -> Option<usize> {
+        let Self { height, width, channels, steps: [a, b], .. } = self;
+        let (pixel, channel) = (at / channels, at % channels);
+        let rows = right * a.0.cast_signed() + down * b.0.cast_signed();
+        let row = (pixel / width).checked_add_signed(rows).filter(|row| *row < height)?;
+        let column = (pixel % width).checked_add_signed(right * a.1 + down * b.1).filter(|at| *at < width)?;
+        Some((row * width + column) * channels + channel)
+    }
+
+    /// Returns the mean of the neighbours of a sample to both sides, or of those above and below, whichever differ less; and whether all four
+    /// are so near to each other that the mean cannot be half a peak off.
+    fn mean_beside(self, codes: &[u16], at: usize) -> (u16, bool) {
+        let code = |right, down| self.place(at, right, down).map(|at| i32::from(codes[at]));
+        let peak = 1 << self.range.bits();
+        let wrapped = |difference: i32| ((difference + peak / 2) & (peak - 1)) - peak / 2;
+        let pairs = [[code(-1, 0), code(1, 0)], [code(0, -1), code(0, 1)]]
+            .map(|[a, b]| a.or(b).zip(b.or(a)).expect("a mosaic has two rows and columns"));
+        let [along, across] = pairs.map(|(a, b)| wrapped(b - a));
+        let (a, difference) =
+            if across.abs() < along.abs() { (pairs[1].0, across) } else { (pairs[0].0, along) };
+        let from_first = [0, along, wrapped(pairs[1].0 - pairs[0].0), wrapped(pairs[1].1 - pairs[0].0)];
+        let [least, most] = [i32::min, i32::max].map(|pick| from_first.into_iter().fold(0, pick));
+        (((a + difference / 2) & (peak - 1)) as u16, 16 * (most - least) <= CLEAR * peak)
     }
 
     /// Returns the code that a sample should have, if it is a defect.
@@ -236,33 +333,19 @@ impl Grid {
         Some((code & (peak - 1)) as u16)
     }
 
-    /// Returns the codes beside a sample, and above and below it.
+    /// Returns the codes of the four neighbours of a sample.
     fn beside(self, codes: Integers<'_>, at: usize) -> impl Iterator<Item = i32> {
-        let (stride, margin) = (self.width * self.channels, self.channels);
-        let (row, sample) = (at / stride, at % stride);
-        let places = [
-            (sample >= margin).then(|| at - margin),
-            (sample + margin < stride).then_some(at + margin),
-            (row > 0).then(|| at - stride),
-            (row + 1 < self.height).then_some(at + stride),
-        ];
+        let places = [(-1, 0), (1, 0), (0, -1), (0, 1)].map(|(right, down)| self.place(at, right, down));
         places.into_iter().flatten().map(move |at| i32::from(codes.at(at)))
     }
 
     /// Returns the mixed differences, not wrapped, around a sample.
     fn loops(self, codes: Integers<'_>, at: usize) -> Loops {
-        let Self { height, width, channels, .. } = self;
-        let stride = width * channels;
-        let (row, column, channel) = (at / stride, at % stride / channels, at % channels);
-        let place =
-            |at: usize, steps: usize, length: usize| (at + steps).checked_sub(2).filter(|at| at + 1 < length);
-        std::array::from_fn(|i| {
-            std::array::from_fn(|j| {
-                let first = place(row, i, height)? * stride + place(column, j, width)? * channels + channel;
-                let [right, down] = [channels, stride];
-                let [a, b, c, d] =
-                    [0, right, down, right + down].map(|more| i32::from(codes.at(first + more)));
-                Some(a - b - c + d)
+        let code = |right, down| self.place(at, right, down).map(|at| i32::from(codes.at(at)));
+        [-2, -1, 0, 1].map(|down| {
+            [-2, -1, 0, 1].map(|right| {
+                let [a, b] = [code(right, down)?, code(right + 1, down)?];
+                Some(a - b - code(right, down + 1)? + code(right + 1, down + 1)?)
             })
         })
     }
@@ -274,12 +357,11 @@ fn is_steep<W: Word>(a: W, b: W, c: W, d: W) -> bool {
     exceeds(biased(b.minus(a), d.minus(c)), STEEP)
 }
 
-/// Returns whether one of the `loops` between two rows is steep; their corners are `margin` samples apart.
+/// Returns whether one of the loops with these corners is steep.
 #[inline(always)]
-fn has_steep<W: Word>(up: &[W], here: &[W], margin: usize, loops: Indices<usize>) -> bool {
-    let (from, length) = (loops.start, loops.len());
-    let (a, b) = (&up[from..][..length], &up[from + margin..][..length]);
-    let (c, d) = (&here[from..][..length], &here[from + margin..][..length]);
+fn has_steep<W: Word>(a: &[W], b: &[W], c: &[W], d: &[W]) -> bool {
+    let length = a.len();
+    let (b, c, d) = (&b[..length], &c[..length], &d[..length]);
     let mut any = W::default();
     for l in 0..length {
         any = any.max(W::one_if(is_steep(a[l], b[l], c[l], d[l])));

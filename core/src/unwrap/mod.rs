@@ -4,6 +4,7 @@
 
 mod auto;
 mod congruence;
+mod defect_map;
 mod defects;
 mod gradient_tree;
 mod itoh;
@@ -25,6 +26,7 @@ use ndarray::Array3;
 
 pub use crate::range::{Range, RangeError};
 pub use auto::{Auto, TrustLimits};
+pub use defect_map::{DefectMap, DefectMapError};
 pub use gradient_tree::GradientTree;
 pub use itoh::Itoh;
 pub use lines::Lines;
@@ -127,6 +129,8 @@ pub struct Recovered {
     pub x: Array3<f32>,
     /// The wrap counts, H x W x C, `0 <= k <= ceil(alpha) - 1`.
     pub k: Array3<u8>,
+    /// The indices of the samples (row-major and interleaved, ascending) that were left out as defects: hot, dead or stuck ones.
+    pub defects: Vec<usize>,
     /// The report of the method on its result.
     pub report: Report,
 }
@@ -291,6 +295,7 @@ impl Recovered {
         if self.k.dim() != dim || !self.k.is_standard_layout() {
             self.k = Array3::zeros(dim);
         }
+        self.defects.clear();
         self.report = Report { method, ..Report::default() };
     }
 

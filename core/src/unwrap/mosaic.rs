@@ -14,6 +14,7 @@
 use ndarray::Array3;
 
 use super::auto::FEWEST_BITS;
+use super::defects::Defects;
 use super::offset::OffsetFinder;
 use super::{
     Auto, GradientTree, Integers, Options, Range, Recovered, Trust, TrustLimits, Unwrap, UnwrapError,
@@ -32,6 +33,9 @@ const PASSES: usize = 4;
 /// Pixels of the mirror image around the image: the margin and the neighbours of its pixels.
 const PADDING: usize = MARGIN as usize + 1;
 
+/// The largest share of the red (or blue) pixels that may lie outside the range: a hot one in a dark part may be seen as a little below 0.
+const MOST_OUTSIDE: f64 = 5e-5;
+
 /// A method that also takes mosaics.
 pub(super) struct MosaicUnwrap {
     method: Box<dyn Unwrap>,
@@ -40,6 +44,7 @@ pub(super) struct MosaicUnwrap {
     /// Unwraps the differences between the colours.
     differences: Auto,
     limits: TrustLimits,
+    defects: Defects,
     /// The results for the lattice and for the differences, as buffers.
     green: Recovered,
     difference: Recovered,
@@ -60,6 +65,7 @@ impl MosaicUnwrap {
             judges,
             differences: Auto::of_differences(options)?,
             limits: options.trust,
+            defects: Defects::default(),
             green: Recovered::default(),
             difference: Recovered::default(),
             levels: Vec::new(),
@@ -149,15 +155,16 @@ impl MosaicUnwrap {
             .collect();
         let most = i32::from(range.max_wraps());
         let zero = congruence::base_level(&k, range, &mut self.levels);
-        let mut inside = true;
+        let mut outside = 0;
         for ((i, j, _), k) in ndarray::indices(dim).into_iter().zip(k) {
             let count = k.saturating_sub(zero);
-            inside &= (0..=most).contains(&count);
+            outside += usize::from(!(0..=most).contains(&count));
             let at = (2 * i + row, 2 * j + column, 0);
             out.k[at] = count.clamp(0, most) as u8;
             out.x[at] = code(i, j) as f32 + f32::from(out.k[at]) * range.peak();
         }
-        Ok(inside && self.difference.report.trust == Trust::Trusted)
+        let few = outside as f64 <= MOST_OUTSIDE * (dim.0 * dim.1) as f64;
+        Ok(few && self.difference.report.trust == Trust::Trusted)
     }
 }
 
@@ -184,21 +191,44 @@ impl MosaicUnwrap {
         range: Range,
         out: &mut Recovered,
     ) -> Result<(), UnwrapError> {
-        let codes = match Integers::checked(y, range)? {
-            Integers::U8(y) => y.iter().map(|&y| y.into()).collect(),
-            Integers::U16(y) => y.to_vec(),
+        let codes = Integers::checked(y, range)?;
+        if !self.judges {
+            return self.unwrap_sound(&MosaicImage::new(codes, y, mosaic), range, out);
+        }
+        let mut defects = std::mem::take(&mut self.defects);
+        let done = match defects.remove(y, codes, range) {
+            None => self.unwrap_sound(&MosaicImage::new(codes, y, mosaic), range, out),
+            Some((sound, share)) => Integers::of(sound).and_then(|codes| {
+                self.unwrap_sound(&MosaicImage::new(codes, y, mosaic), range, out)?;
+                if let Some(quality) = &mut out.report.quality {
+                    quality.defects = share;
+                }
+                Ok(())
+            }),
         };
-        out.prepare(y.dim(), self.name());
-        let image = MosaicImage { codes, height: y.height(), width: y.width(), mosaic };
-        let mut jumps = self.pass(&image, &Others::wrapped(&image, range), range, out)?;
+        defects.restore(codes, range, out);
+        self.defects = defects;
+        done
+    }
+
+    /// Unwraps an image without defects.
+    fn unwrap_sound(
+        &mut self,
+        image: &MosaicImage,
+        range: Range,
+        out: &mut Recovered,
+    ) -> Result<(), UnwrapError> {
+        let dim = (image.height, image.width, 1);
+        out.prepare(dim, self.name());
+        let mut jumps = self.pass(image, &Others::wrapped(image, range), range, out)?;
         for _ in 1..PASSES {
             if [Trust::Trusted, Trust::Relative].contains(&out.report.trust) {
                 break;
             }
             let mut next = std::mem::take(&mut self.next);
-            next.prepare(y.dim(), self.name());
-            let others = Others::known(&image, out, range);
-            let jumps_now = self.pass(&image, &others, range, &mut next)?;
+            next.prepare(dim, self.name());
+            let others = Others::known(image, out, range);
+            let jumps_now = self.pass(image, &others, range, &mut next)?;
             let improves = jumps_now < jumps;
             if improves {
                 std::mem::swap(out, &mut next);
@@ -222,6 +252,15 @@ struct MosaicImage {
 }
 
 impl MosaicImage {
+    /// Takes the `codes` of an image of the size of `y`.
+    fn new(codes: Integers<'_>, y: &Frame, mosaic: Mosaic) -> Self {
+        let codes = match codes {
+            Integers::U8(codes) => codes.iter().map(|&code| code.into()).collect(),
+            Integers::U16(codes) => codes.to_vec(),
+        };
+        Self { codes, height: y.height(), width: y.width(), mosaic }
+    }
+
     /// Returns the width of the image with its mirror image around it.
     fn padded_width(&self) -> usize {
         self.width + 2 * PADDING

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use clap::builder::Resettable;
+use modulo_core::unwrap::DefectMap;
 use modulo_core::{GainPattern, Mosaic, Recovered, TwoGains, Unwrap, UnwrapError, tone};
 use modulo_images::{read_image, save_png};
 use modulo_runtime::SensorModel;
@@ -12,7 +13,10 @@ use serde::Serialize;
 
 use crate::benchmark::timed;
 use crate::simulate::{RESULTS, methods_of, names, save_counts};
-use crate::{BenchError, BenchEvent, Skipped, make_folder, need, write_json};
+use crate::{BenchError, BenchEvent, Skipped, make_folder, need, write, write_json};
+
+/// Name of the file with the defects that were learned: the value of the parameter `defects` of the node `unwrap`.
+pub const DEFECTS: &str = "defects.csv";
 
 /// The parameters of the sensor that unwrapping needs are options, with one value each.
 #[derive(Clone, Debug, PartialEq)]
@@ -89,7 +93,8 @@ pub struct UnwrapOutcome {
 
 /// Unwraps the images. For each method it writes `NAME_METHOD.png` (8 bits as by [`tone::picture`], demosaiced),
 /// `NAME_METHOD_x.png` (16 bits, x in code units) and `NAME_METHOD_k.png` (8 bits, the wrap counts); after each file it writes
-/// [`RESULTS`] with all rows so far.
+/// [`RESULTS`] with all rows so far. Samples that the first method finds as defects in most of 30 images of one size are left out of the
+/// images that follow, and stand in [`DEFECTS`] at the end.
 ///
 /// # Errors
 /// [`BenchError`] before anything is written if the request is wrong, and later if a result cannot be written. A file
@@ -110,6 +115,7 @@ pub fn unwrap_files(
         methods = vec![Box::new(two_gains)];
     }
     make_folder(&request.out)?;
+    let mut methods: Vec<_> = methods.into_iter().map(|method| (method, DefectMap::default())).collect();
     let mut outcome = UnwrapOutcome::default();
     for (done, (file, name)) in request.images.iter().zip(names(&request.images)).enumerate() {
         let next = file.display().to_string();
@@ -127,6 +133,9 @@ pub fn unwrap_files(
         }
         write_json(&request.out.join(RESULTS), &outcome.rows)?;
     }
+    if let Some((_, map)) = methods.first().filter(|(_, map)| !map.is_empty()) {
+        write(&request.out.join(DEFECTS), map.to_string().as_bytes())?;
+    }
     Ok(outcome)
 }
 
@@ -135,17 +144,18 @@ fn of_file(
     request: &UnwrapRequest,
     (file, name): (&Path, &str),
     sensor: &SensorModel,
-    methods: &mut [Box<dyn Unwrap>],
+    methods: &mut [(Box<dyn Unwrap>, DefectMap)],
 ) -> Result<Vec<UnwrapRow>, BenchError> {
-    let (range, mosaic) = (sensor.range()?, sensor.mosaic);
+    let (range, gains, mosaic) = (sensor.range()?, sensor.gains()?, sensor.mosaic);
     let y = read_image(file)?;
     let y = match mosaic {
         Some(mosaic) => y.with_mosaic(mosaic).map_err(UnwrapError::from)?,
         None => y,
     };
-    let row = |method: &mut Box<dyn Unwrap>| {
+    let row = |(method, map): &mut (Box<dyn Unwrap>, DefectMap)| {
         let mut recovered = Recovered::default();
-        let (unwrapped, ms) = timed(|| method.unwrap(&y, range, &mut recovered));
+        map.fit(y.dim()).expect("a map that was not read has no size of its own");
+        let (unwrapped, ms) = timed(|| map.unwrap(method.as_mut(), &y, range, gains, &mut recovered));
         unwrapped?;
         let path = |what: &str| request.out.join(format!("{name}_{}{what}.png", method.name()));
         let colours = mosaic.map(|mosaic| mosaic.demosaic(recovered.x.view()));
