@@ -123,7 +123,12 @@ fn hard_edges_in_a_single_colour_are_not_trusted() {
     let out = recover("auto", &Options::default(), &wrap(&x, 8), range);
     let wrong = out.x.iter().zip(&x).filter(|(got, x)| **got != **x as f32).count();
     assert!(wrong > 800, "{wrong} of 40000");
-    assert_eq!((out.report.method, out.report.trust), ("gradient_tree", Trust::Untrusted), "{:?}", out.report);
+    assert_eq!(
+        (out.report.method, out.report.trust),
+        ("gradient_tree", Trust::Untrusted),
+        "{:?}",
+        out.report
+    );
 }
 
 proptest! {

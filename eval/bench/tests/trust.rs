@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use modulo_core::unwrap::{Options, Range, Trust, by_name};
-use modulo_core::{Psf, Recovered, Sensor, SensorConfig, Transfer};
+use modulo_core::{Mosaic, Psf, Recovered, Sensor, SensorConfig, Transfer};
 use modulo_images::{EXTENSIONS, White, read_image};
 use modulo_scene::{Preset, Scene};
 use ndarray::Array3;
@@ -55,8 +55,9 @@ impl Condition {
         let read_noise = choose(&[0.0, 0.0, 3.0, 10.0, 30.0]);
         let hot_pixels = choose(&[0.0, 1e-5]);
         let optical_black = choose(&[0.0, 32.0]) as usize;
-        let config =
-            SensorConfig { alpha, psf, read_noise, hot_pixels, optical_black, ..SensorConfig::default() };
+        let mosaic = (choose(&[0.0, 0.0, 1.0]) > 0.0).then_some(Mosaic::Rggb);
+        let sensor = SensorConfig { alpha, psf, read_noise, hot_pixels, ..SensorConfig::default() };
+        let config = SensorConfig { optical_black, mosaic, ..sensor };
         Self { config, headroom, darkest, told }
     }
 }
@@ -88,7 +89,9 @@ struct Tally {
 
 impl Tally {
     fn take(&mut self, name: &str, radiance: &Array3<f32>, number: usize) {
-        let condition = Condition::at(number);
+        let mut condition = Condition::at(number);
+        // A mosaic needs colours.
+        condition.config.mosaic = condition.config.mosaic.filter(|_| radiance.dim().2 == 3);
         let Condition { config, headroom, darkest, told } = &condition;
         let light = radiance.mapv(|x| headroom * (darkest + (1.0 - darkest) * x.min(1.0)));
         let exposure = Sensor::new(*config).expect("a sensor").expose(light.view(), 1).expect("an image");
