@@ -5,13 +5,15 @@
 //! guess falls with the square of the difference within its pair, here and at the pixels of full gain around, since a pair along an
 //! edge knows more than one across it. The wrap count is the one that brings `y + k 2^b` nearest to this prediction.
 //!
+//! With a gain per colour, red and blue have the lower one; see [`ColourGains`](crate::unwrap::ColourGains).
+//!
 //! The layout is that of spatially varying exposure (Nayar and Mitsunaga 2000, *CVPR*), whose pixels of full gain saturate; see
 //! [`Exposure::saturated`](crate::Exposure::saturated).
 
 use ndarray::{Array3, s};
 
 use crate::frame::{Frame, in_order};
-use crate::mosaic::PLACES;
+use crate::mosaic::{GREEN, Mosaic, PLACES};
 use crate::range::{HALF_A_CODE, Range};
 use crate::simd::widest;
 use crate::unwrap::{Integers, Recovered, Trust, Unwrap, UnwrapError};
@@ -38,7 +40,12 @@ pub enum GainPattern {
     Checkerboard,
     /// Pixels in odd rows.
     Rows,
+    /// The samples of red and blue, at every pixel. They get less light, by grey filters or a shorter exposure.
+    Colours,
 }
+
+/// The part of its range that a sample of low gain uses with [`GainPattern::Colours`], so that noise does not make it wrap.
+const HEADROOM: f64 = 0.95;
 
 /// The largest number of pairs of neighbours of a pixel.
 const MAX_PAIRS: usize = 3;
@@ -52,19 +59,42 @@ const SOFT: f32 = 3.0 / 16.0;
 const MOST_DOUBTFUL: f64 = 2e-4;
 
 impl Gains {
-    /// Returns the gain of a pixel over the full one.
-    pub fn at(self, row: usize, column: usize) -> f64 {
+    /// Returns the gain of a sample over the full one; channel 1 of 3 is green.
+    pub fn at(self, row: usize, column: usize, channel: usize) -> f64 {
         match self {
-            Self::Two { pattern, ratio } if pattern.is_low(row, column) => ratio,
+            Self::Two { pattern, ratio } if pattern.is_low(row, column, channel) => ratio,
             Self::One | Self::Two { .. } => 1.0,
         }
+    }
+
+    /// Returns the gain of a sample (row, column, channel) over the full one. With a mosaic, 2 x 2 pixels have one gain, or one for each
+    /// colour, so that the pixels of each colour by themselves have the pattern of the gains.
+    pub(crate) fn behind(self, mosaic: Option<Mosaic>, (row, column, channel): (usize, usize, usize)) -> f64 {
+        match mosaic {
+            None => self.at(row, column, channel),
+            Some(mosaic) => self.at(row / 2, column / 2, mosaic.channel(row, column)),
+        }
+    }
+
+    /// Returns the variance of the noise of the radiance `x` (>= 0, code units of full gain) at a sample of this `gain`:
+    /// `(read / gain)^2 + shot x`. With a gain per colour it is `(read / gain)^2 + shot x / gain`, since less gain is less light there.
+    pub(crate) fn variance_of_noise(self, x: f64, gain: f64, read_variance: f64, shot: f64) -> f64 {
+        let light = match self {
+            Self::Two { pattern: GainPattern::Colours, .. } => gain,
+            Self::One | Self::Two { .. } => 1.0,
+        };
+        read_variance / (gain * gain) + shot * x / light
     }
 }
 
 impl GainPattern {
     /// The gains of a sensor with their words; `None` stands for one gain.
-    pub const WORDS: [(&'static str, Option<Self>); 3] =
-        [("none", None), ("checkerboard", Some(Self::Checkerboard)), ("rows", Some(Self::Rows))];
+    pub const WORDS: [(&'static str, Option<Self>); 4] = [
+        ("none", None),
+        ("checkerboard", Some(Self::Checkerboard)),
+        ("rows", Some(Self::Rows)),
+        ("colours", Some(Self::Colours)),
+    ];
 
     /// Returns the word of the pattern, as in [`GainPattern::WORDS`].
     pub fn word(self) -> &'static str {
@@ -77,14 +107,22 @@ impl GainPattern {
         match self {
             Self::Checkerboard => "checkerboard_gains",
             Self::Rows => "row_gains",
+            Self::Colours => "colour_gains",
         }
     }
 
-    /// Returns whether a pixel has the lower gain.
-    pub fn is_low(self, row: usize, column: usize) -> bool {
+    /// Returns the lower gain over the full one where none is given: `1 / alpha`, at most 1; with a gain per colour 0.95 of it.
+    pub fn default_ratio(self, alpha: f64) -> f64 {
+        let most = alpha.recip().min(1.0);
+        if self == Self::Colours { HEADROOM * most } else { most }
+    }
+
+    /// Returns whether a sample has the lower gain; channel 1 of 3 is green.
+    pub fn is_low(self, row: usize, column: usize, channel: usize) -> bool {
         match self {
             Self::Checkerboard => (row + column) % 2 == 1,
             Self::Rows => row % 2 == 1,
+            Self::Colours => channel != GREEN,
         }
     }
 
@@ -94,6 +132,7 @@ impl GainPattern {
         match self {
             Self::Checkerboard => &[((0, -1), 1.0), ((-1, 0), 1.0)],
             Self::Rows => &[((-1, 0), 1.0), ((-1, -1), 0.5), ((-1, 1), 0.5)],
+            Self::Colours => &[],
         }
     }
 
@@ -101,22 +140,23 @@ impl GainPattern {
     fn full_around(self) -> [(isize, isize); 4] {
         match self {
             Self::Checkerboard => [(-1, -1), (-1, 1), (1, -1), (1, 1)],
-            Self::Rows => [(0, -1), (0, 1), (0, -1), (0, 1)],
+            Self::Rows | Self::Colours => [(0, -1), (0, 1), (0, -1), (0, 1)],
         }
     }
 }
 
-/// The unwrapping of images of a sensor with two gains.
+/// The unwrapping of images of a sensor some of whose pixels have a lower gain.
 pub struct TwoGains {
     pattern: GainPattern,
     prediction: Prediction,
 }
 
 impl TwoGains {
-    /// Makes the method for the gains of a sensor; `None` for a sensor with one gain.
+    /// Makes the method for the gains of a sensor; `None` for a sensor whose pixels have one gain, or one gain per colour.
     pub fn new(gains: Gains) -> Option<Self> {
         let Gains::Two { pattern, ratio } = gains else { return None };
-        Some(Self { pattern, prediction: Prediction { ratio: ratio as f32, ..Prediction::default() } })
+        let prediction = Prediction { ratio: ratio as f32, ..Prediction::default() };
+        (pattern != GainPattern::Colours).then_some(Self { pattern, prediction })
     }
 
     /// Writes radiance and wrap counts of a mosaic into `out`: the pixels of each colour have the pattern by themselves.
@@ -221,7 +261,7 @@ pub(crate) fn merge_saturated(
 
 /// Returns for each sample of a row whether it has the lower gain.
 fn low_samples(pattern: GainPattern, row: usize, width: usize, channels: usize) -> Vec<bool> {
-    (0..width * channels).map(|sample| pattern.is_low(row, sample / channels)).collect()
+    (0..width * channels).map(|sample| pattern.is_low(row, sample / channels, sample % channels)).collect()
 }
 
 /// Returns whether an image has neighbours at this step: along a side of one pixel there are none.
@@ -443,7 +483,7 @@ mod tests {
             for ((i, j, c), &k) in out.k.indexed_iter() {
                 let y = f64::from(codes[(i, j, c)]);
                 prop_assert!(f64::from(out.x[(i, j, c)]) < range.limit());
-                if pattern.is_low(i, j) {
+                if pattern.is_low(i, j, c) {
                     prop_assert_eq!(k, 0);
                     let low = ((y + 0.5) / ratio - 0.5).min(range.limit());
                     prop_assert!((f64::from(out.x[(i, j, c)]) - low).abs() < 1e-3 * peak);

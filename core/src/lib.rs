@@ -15,6 +15,7 @@ pub mod denoise;
 pub mod frame;
 pub mod gains;
 pub mod gradient;
+mod green_rows;
 pub mod letterbox;
 pub mod metric;
 pub mod mosaic;

@@ -20,11 +20,14 @@ pub enum Mosaic {
     Gbrg,
 }
 
+/// The channel of green.
+pub(crate) const GREEN: usize = 1;
+
 /// The row and column of each pixel in the 2 x 2 pixels of a mosaic.
 pub(crate) const PLACES: [(usize, usize); 4] = [(0, 0), (0, 1), (1, 0), (1, 1)];
 
 /// Pixels that the filters reach to each side.
-const REACH: usize = 2;
+pub(crate) const REACH: usize = 2;
 
 impl Mosaic {
     /// The mosaics with their words; `None` stands for three colours at each pixel.
@@ -149,12 +152,16 @@ impl Filtered {
 }
 
 /// Returns an image (H x W x 1) in which `change` has replaced the pixels of each place in the 2 x 2 pixels of a mosaic, which are
-/// an image of their own.
-pub(crate) fn by_colour(image: &Array3<f32>, change: impl Fn(&Array3<f32>) -> Array3<f32>) -> Array3<f32> {
+/// an image of their own. `change` is called with the row and column of the place, too.
+pub(crate) fn by_colour(
+    image: &Array3<f32>,
+    change: impl Fn((usize, usize), &Array3<f32>) -> Array3<f32>,
+) -> Array3<f32> {
     let mut changed = image.clone();
     for (row, column) in PLACES {
         let place = s![row..;2, column..;2, ..];
-        changed.slice_mut(place).assign(&change(&image.slice(place).as_standard_layout().into_owned()));
+        let of_place = image.slice(place).as_standard_layout().into_owned();
+        changed.slice_mut(place).assign(&change((row, column), &of_place));
     }
     changed
 }
@@ -170,13 +177,13 @@ pub(crate) fn mirrored(at: isize, count: usize) -> usize {
     at.min(2 * last - at).cast_unsigned()
 }
 
-/// Writes a row with its mirror image at both ends.
-fn pad(row: &[f32], padded: &mut Vec<f32>) {
+/// Writes a row with [`REACH`] pixels of its mirror image at both ends.
+pub(crate) fn pad<T: Copy + Into<f32>>(row: &[T], padded: &mut Vec<f32>) {
     let (reach, width) = (REACH as isize, row.len() as isize);
     padded.clear();
-    padded.extend((-reach..0).map(|at| row[mirrored(at, row.len())]));
-    padded.extend_from_slice(row);
-    padded.extend((width..width + reach).map(|at| row[mirrored(at, row.len())]));
+    padded.extend((-reach..0).map(|at| row[mirrored(at, row.len())].into()));
+    padded.extend(row.iter().map(|&sample| sample.into()));
+    padded.extend((width..width + reach).map(|at| row[mirrored(at, row.len())].into()));
 }
 
 #[cfg(test)]

@@ -10,7 +10,8 @@ use rand_distr::{Distribution, StandardNormal, StandardUniform};
 use rand_pcg::Pcg64Mcg;
 
 use crate::frame::{Frame, FrameError, SamplePosition, check_shape, position_of};
-use crate::gains::{Gains, merge_saturated};
+use crate::gains::{GainPattern, Gains, merge_saturated};
+use crate::green_rows::fill_saturated;
 use crate::mosaic::{Mosaic, by_colour};
 use crate::optics::{Border, MAX_SIGMA, Psf, RowFilter};
 use crate::range::{Range, RangeError};
@@ -57,7 +58,7 @@ pub struct SensorConfig {
     pub prnu: f64,
     /// The share of the samples that are hot: their dark signal is evenly distributed up to the peak, 0 to 1.
     pub hot_pixels: f64,
-    /// The gains of the pixels; with a colour mosaic, of each 2 x 2 pixels.
+    /// The gains of the pixels; with a colour mosaic, of each 2 x 2 pixels, or of each colour.
     pub gains: Gains,
     /// The colour filters of the pixels; `None` if each pixel sees all channels of the radiance.
     pub mosaic: Option<Mosaic>,
@@ -127,9 +128,11 @@ pub enum SensorError {
     /// The radiance does not have the shape of an image.
     #[error(transparent)]
     Shape(#[from] FrameError),
-    /// The radiance of a sensor with a colour mosaic has no colours.
-    #[error("radiance has {channels} channels, a sensor with a colour mosaic needs 3")]
-    Mosaic {
+    /// The radiance of a sensor with a colour mosaic, or with a gain per colour, has no colours.
+    #[error(
+        "radiance has {channels} channels, a sensor with a colour mosaic or with a gain per colour needs 3"
+    )]
+    Colours {
         /// The number of channels.
         channels: usize,
     },
@@ -181,13 +184,14 @@ struct PixelArrangement {
 }
 
 impl PixelArrangement {
-    /// Returns the gain of a pixel over the full one. With a mosaic, 2 x 2 pixels have one gain, so that the pixels of each colour
-    /// by themselves have the pattern of the gains.
-    fn gain(self, row: usize, column: usize) -> f64 {
-        match self.mosaic {
-            None => self.gains.at(row, column),
-            Some(_) => self.gains.at(row / 2, column / 2),
-        }
+    /// Returns the gain of a sample over the full one.
+    fn gain(self, row: usize, column: usize, channel: usize) -> f64 {
+        self.gains.behind(self.mosaic, (row, column, channel))
+    }
+
+    /// Returns whether each of three colours has a meaning of its own.
+    fn needs_colours(self) -> bool {
+        self.mosaic.is_some() || matches!(self.gains, Gains::Two { pattern: GainPattern::Colours, .. })
     }
 }
 
@@ -301,13 +305,10 @@ impl Sensor {
         dim @ (height, width, channels): (usize, usize, usize),
     ) -> Result<(), SensorError> {
         check_shape(dim)?;
-        if self.layout.mosaic.is_none() {
-            return Ok(());
+        if self.layout.needs_colours() && channels != 3 {
+            return Err(SensorError::Colours { channels });
         }
-        if channels != 3 {
-            return Err(SensorError::Mosaic { channels });
-        }
-        if height.min(width) < 2 {
+        if self.layout.mosaic.is_some() && height.min(width) < 2 {
             return Err(FrameError::Mosaic { height, width, channels: 1, depth: 8 }.into());
         }
         Ok(())
@@ -327,8 +328,7 @@ impl Sensor {
         }
     }
 
-    /// Adds Gaussian noise of variance `shot * x + (read / gain)^2` to every sample of the row `x` (>= 0, code units at full
-    /// gain): the read noise comes after the gain.
+    /// Adds Gaussian noise of the variance that [`Gains`] state to every sample of the row `x` (>= 0, code units at full gain).
     ///
     /// Shot and read noise are independent, so one random number stands for both.
     fn add_noise(&self, x: &mut [f32], (row, channels): (usize, usize), random: &mut Pcg64Mcg) {
@@ -338,8 +338,9 @@ impl Sensor {
             return;
         }
         for (index, sample) in x.iter_mut().enumerate() {
-            let read = read / self.layout.gain(row, index / channels);
-            let sigma = (shot * f64::from(*sample) + read * read).sqrt();
+            let gain = self.layout.gain(row, index / channels, index % channels);
+            let variance = self.layout.gains.variance_of_noise(f64::from(*sample), gain, read * read, shot);
+            let sigma = variance.sqrt();
             let deviate: f64 = StandardNormal.sample(random);
             *sample += (sigma * deviate) as f32;
         }
@@ -410,9 +411,9 @@ impl Exposure {
         self.layout.mosaic
     }
 
-    /// Returns the gain of a pixel over the full one.
-    pub fn gain(&self, row: usize, column: usize) -> f64 {
-        self.layout.gain(row, column)
+    /// Returns the gain of a sample over the full one; the channel of a mosaic is 0.
+    pub fn gain(&self, row: usize, column: usize, channel: usize) -> f64 {
+        self.layout.gain(row, column, channel)
     }
 
     /// Returns the modulo stream (eq. 1): `y = floor(gain x mod 2^b)`, 8-bit samples for b <= 8, else 16-bit samples.
@@ -423,8 +424,9 @@ impl Exposure {
     }
 
     /// Returns the saturated stream: the codes that the transfer function has for `floor(min(x, 2^b - 1))`, with samples as in
-    /// [`Exposure::modulo`]. With two gains it is the image of spatially varying exposure, `floor(x / (headroom * alpha))`, where a pixel of
-    /// full gain that saturates is predicted from its neighbours of low gain.
+    /// [`Exposure::modulo`]. With two gains it is the image of spatially varying exposure, `floor(x / (headroom * alpha))`, where a
+    /// pixel of full gain that saturates is predicted from its neighbours of low gain, or green from red and blue, see
+    /// [`fill_saturated`].
     pub fn saturated(&self) -> Frame {
         match self.layout.gains {
             Gains::One => self.clipped(&self.x),
@@ -433,9 +435,10 @@ impl Exposure {
                 let codes = mapped(&self.converted(), |x| whole(x).min(most) as f32);
                 let scale = (self.range.white() / f64::from(self.range.peak())) as f32;
                 let merge = |codes: &Array3<f32>| merge_saturated(codes, pattern, ratio, self.range);
-                let x = match self.layout.mosaic {
-                    None => merge(&codes),
-                    Some(_) => by_colour(&codes, merge),
+                let x = match (pattern, self.layout.mosaic) {
+                    (GainPattern::Colours, mosaic) => fill_saturated(codes, mosaic, ratio, self.range),
+                    (_, None) => merge(&codes),
+                    (_, Some(_)) => by_colour(&codes, |_, codes| merge(codes)),
                 };
                 self.clipped(&x.mapv(|x| x.max(0.0) / scale))
             }
@@ -461,8 +464,10 @@ impl Exposure {
         if k.dim() != wraps.dim() {
             return None;
         }
-        let full =
-            wraps.indexed_iter().zip(k).filter(|(((row, column, _), _), _)| self.gain(*row, *column) == 1.0);
+        let full = wraps
+            .indexed_iter()
+            .zip(k)
+            .filter(|(((row, column, channel), _), _)| self.gain(*row, *column, *channel) == 1.0);
         let (exact, all) = full
             .fold((0u64, 0u64), |(exact, all), ((_, true_k), k)| (exact + u64::from(true_k == k), all + 1));
         Some(if all == 0 { 1.0 } else { exact as f64 / all as f64 })
@@ -474,8 +479,8 @@ impl Exposure {
         // The product must stay below 2^b at pixels of low gain, also when it is rounded.
         let below_peak = largest_below(f64::from(self.range.peak()));
         let mut x = self.x.clone();
-        for ((row, column, _), x) in x.indexed_iter_mut() {
-            let gain = self.gain(row, column);
+        for ((row, column, channel), x) in x.indexed_iter_mut() {
+            let gain = self.gain(row, column, channel);
             if gain < 1.0 {
                 *x = ((f64::from(*x) * gain) as f32).min(below_peak);
             }

@@ -6,8 +6,8 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use modulo_core::unwrap::{METHODS, Options, by_name};
-use modulo_core::{Frame, Range, Recovered};
+use modulo_core::unwrap::{METHODS, Options, Unwrap, by_name, of_gains};
+use modulo_core::{Frame, GainPattern, Gains, Mosaic, Range, Recovered};
 use ndarray::Array3;
 
 /// The system's allocator with a count of the allocations of this thread.
@@ -49,12 +49,14 @@ fn frame(bits: u8, channels: usize, noise: u32) -> Frame {
 }
 
 /// Returns the number of allocations of `method` for a frame after one with `first_noise`.
-fn asked(method: &str, bits: u8, channels: usize, first_noise: u32) -> u64 {
+fn asked(unwrap: &mut dyn Unwrap, bits: u8, channels: usize, first_noise: u32) -> u64 {
     let range = Range::new(bits, 4.0).unwrap();
-    let mut unwrap = by_name(method, &Options::default()).unwrap();
     let mut out = Recovered::default();
     // The second frame is mostly noise, which needs the most edges and segments that a frame can have.
     let [first, second] = [first_noise, 255].map(|noise| frame(bits, channels, noise));
+    let needs_mosaic = unwrap.name() == "colour_gains" && channels == 1;
+    let [first, second] =
+        [first, second].map(|y| if needs_mosaic { y.with_mosaic(Mosaic::Rggb).unwrap() } else { y });
     unwrap.unwrap(&first, range, &mut out).unwrap();
     let before = ASKED.get();
     unwrap.unwrap(&second, range, &mut out).unwrap();
@@ -67,12 +69,17 @@ fn the_second_frame_needs_no_more_memory() {
         // `auto` makes the memory of a method when it first uses it: its first frame has to.
         let first_noise = if method == "auto" { 200 } else { 0 };
         for (bits, channels) in [(8, 3), (8, 1), (12, 3)] {
-            assert_eq!(
-                asked(method, bits, channels, first_noise),
-                0,
-                "{method}, {bits} bits, {channels} channels"
-            );
+            let mut unwrap = by_name(method, &Options::default()).unwrap();
+            let count = asked(unwrap.as_mut(), bits, channels, first_noise);
+            assert_eq!(count, 0, "{method}, {bits} bits, {channels} channels");
         }
+    }
+    let gains = Gains::Two { pattern: GainPattern::Colours, ratio: 0.2375 };
+    for (bits, channels) in [(8, 3), (8, 1), (12, 3)] {
+        let mut unwrap = of_gains(gains, &Options::default()).unwrap().unwrap();
+        // The path sums are made when they are first needed: in the first frame, too.
+        let count = asked(unwrap.as_mut(), bits, channels, 200);
+        assert_eq!(count, 0, "a gain per colour, {bits} bits, {channels} channels");
     }
 }
 

@@ -7,7 +7,7 @@
 #[path = "../../tests/harness/data.rs"]
 mod data;
 
-use modulo_core::unwrap::{Options, Trust, by_name};
+use modulo_core::unwrap::{ColourGains, Options, Trust, by_name};
 use modulo_core::{
     Deblur, Frame, GainPattern, Gains, Mosaic, Psf, Range, Recovered, SamplePosition, Sensor, SensorConfig,
     SensorError, Transfer, TwoGains, Unwrap as _, optics, tone,
@@ -412,7 +412,7 @@ fn two_gains_go_with_a_mosaic() {
         let gains = Gains::Two { pattern, ratio: 0.25 };
         let config = SensorConfig { gains, mosaic: Some(Mosaic::Grbg), ..PLAIN };
         let exposure = Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap();
-        let low = |i: usize, j: usize| exposure.gain(i, j) < 1.0;
+        let low = |i: usize, j: usize| exposure.gain(i, j, 0) < 1.0;
         assert!(low(2, 0) && low(3, 1) && !low(0, 0) && !low(1, 1), "pairs of rows and columns");
         let mut out = Recovered::default();
         let mut method = TwoGains::new(gains).unwrap();
@@ -422,5 +422,66 @@ fn two_gains_go_with_a_mosaic() {
         let apart = (saturated.to_f32() - exposure.x().mapv(|x| x / 4.0)).mapv(f32::abs);
         // At the border, the image is continued by its mirror image, whose slope is another one: two pixels of 5 codes.
         assert!(apart.iter().all(|difference| *difference <= 12.0), "{apart}");
+    }
+}
+
+/// Red and blue get less light, so that read noise weighs `1 / gain` times as much, and the variance of shot noise does, too.
+#[test]
+fn a_gain_per_colour_has_the_noise_of_less_light() {
+    let ratio = GainPattern::Colours.default_ratio(4.0);
+    assert!((ratio - 0.2375).abs() < 1e-12, "headroom for noise");
+    let gains = Gains::Two { pattern: GainPattern::Colours, ratio };
+    let radiance = Array3::from_elem((300, 400, 3), 0.5);
+    for (read_noise, shot_noise) in [(3.0, 0.0), (0.0, 0.2)] {
+        for mosaic in [None, Some(Mosaic::Rggb)] {
+            let config = SensorConfig { read_noise, shot_noise, gains, mosaic, ..PLAIN };
+            let exposure = Sensor::new(config).unwrap().expose(radiance.view(), 1).unwrap();
+            for colour in 0..3 {
+                let gain = if colour == 1 { 1.0 } else { ratio };
+                let seen = exposure.x().indexed_iter().filter(|((i, j, c), _)| {
+                    let is_low = exposure.gain(*i, *j, *c) < 1.0;
+                    let channel = mosaic.map_or(*c, |mosaic| mosaic.channel(*i, *j));
+                    assert_eq!(is_low, channel != 1);
+                    channel == colour
+                });
+                let squares: Vec<f64> = seen.map(|(_, x)| (f64::from(*x) - 512.0).powi(2)).collect();
+                let variance = squares.iter().sum::<f64>() / squares.len() as f64;
+                let expected = (read_noise / gain).powi(2) + shot_noise * 512.0 / gain;
+                assert!((variance / expected - 1.0).abs() < 0.04, "{colour}: {variance} and {expected}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_gain_per_colour_needs_colours() {
+    let gains = Gains::Two { pattern: GainPattern::Colours, ratio: 0.2 };
+    let mono = Array3::zeros((4, 5, 1));
+    let why = Sensor::new(SensorConfig { gains, ..PLAIN }).unwrap().expose(mono.view(), 0).unwrap_err();
+    assert_eq!(why, SensorError::Colours { channels: 1 });
+}
+
+/// The floors lie slightly below the measured shares of green (docs/methods.md).
+#[test]
+fn a_gain_per_colour_recovers_kitti() {
+    let Some(frames) = kitti(20) else { return };
+    for (alpha, sigma, mosaic, floor) in
+        [(4.0, 0.0, None, 0.975), (4.0, 0.8, None, 0.9994), (4.0, 0.8, Some(Mosaic::Rggb), 0.994)]
+    {
+        let gains =
+            Gains::Two { pattern: GainPattern::Colours, ratio: GainPattern::Colours.default_ratio(alpha) };
+        let config = SensorConfig { alpha, psf: Psf::of_sigma(sigma), gains, mosaic, ..PLAIN };
+        let sensor = Sensor::new(config).unwrap();
+        let mut method = ColourGains::new(gains, &Options::default()).unwrap().unwrap();
+        let mut recovered = Recovered::default();
+        let mut shares = Vec::new();
+        for radiance in &frames {
+            let exposure = sensor.expose(radiance.view(), 0).unwrap();
+            method.unwrap(&exposure.modulo(), exposure.range(), &mut recovered).unwrap();
+            shares.push(exposure.exact_share(&recovered.k).unwrap());
+        }
+        let mean = shares.iter().sum::<f64>() / shares.len() as f64;
+        println!("alpha {alpha}, {sigma} px, {mosaic:?}: {mean:.5}");
+        assert!(mean >= floor, "alpha {alpha}, {sigma} px, {mosaic:?}: {shares:?}");
     }
 }

@@ -1,7 +1,6 @@
 //! The unwrapping of modulo images.
 
-use modulo_core::TwoGains;
-use modulo_core::unwrap::{QualityMetrics, Recovered, Unwrap};
+use modulo_core::unwrap::{QualityMetrics, Recovered, Unwrap as _, of_gains};
 use modulo_runtime::SensorModel;
 use modulo_unwrap::UnwrapParameters;
 use pyo3::prelude::*;
@@ -28,9 +27,10 @@ pub fn unwrap<'py>(
     let sensor = SensorModel::from(&parameters);
     let (mosaic, range, gains) =
         (sensor.mosaic, sensor.range().map_err(value_error)?, sensor.gains().map_err(value_error)?);
-    let mut method: Box<dyn Unwrap> = match TwoGains::new(gains) {
-        Some(two_gains) => Box::new(two_gains),
-        None => UnwrapParameters::from(&parameters).method().map_err(value_error)?,
+    let options = UnwrapParameters::from(&parameters);
+    let mut method = match of_gains(gains, &options.options()).map_err(value_error)? {
+        Some(method) => method,
+        None => options.method().map_err(value_error)?,
     };
     let Image { pixels, is_flat } = Image::new("y", y)?;
     let mut frame = pixels.view().to_frame().map_err(value_error)?;

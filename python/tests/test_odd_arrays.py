@@ -100,7 +100,7 @@ PARAMETERS: dict[str, tuple[list[Any], list[Any]]] = {
     "method": ([*modulo.METHODS], ["magic"]),
     "threads": ([1, 2], [0, 257, -1]),
     "mosaic": (["none", "none", "none", "none", "rggb", "bggr", "grbg", "gbrg"], ["rgb"]),
-    "gains": (["none", "checkerboard", "rows"], ["columns"]),
+    "gains": (["none", "checkerboard", "rows", "colours"], ["columns"]),
     "gain_ratio": ([0.0, 0.001], [1.0, -1.0, float("nan")]),
     "psf_sigma": ([0.0, 0.5, 1.4, 9.0], [-1.0, float("inf")]),
     "psf": (["gaussian", "paper7"], ["box"]),

@@ -10,7 +10,7 @@ use std::str::FromStr;
 
 use super::{Integers, Range, Recovered, Unwrap, UnwrapError};
 use crate::frame::{Frame, Samples};
-use crate::gains::Gains;
+use crate::gains::{GainPattern, Gains};
 
 /// The number of frames after which the samples that were found as defects in them are counted.
 const WINDOW: u8 = 30;
@@ -292,11 +292,11 @@ impl DefectMap {
     /// Gives the defects their own codes back.
     fn restore(&self, y: &Frame, codes: Integers<'_>, range: Range, gains: Gains, out: &mut Recovered) {
         let (_, width, channels) = y.dim();
-        let colours = if y.mosaic().is_some() { 2 } else { 1 };
         let (x, k) = out.buffers();
         for &at in &self.samples {
             let (row, column) = (at / channels / width, at / channels % width);
-            let (code, gain) = (f32::from(codes.at(at)), gains.at(row / colours, column / colours) as f32);
+            let gain = gains.behind(y.mosaic(), (row, column, at % channels)) as f32;
+            let code = f32::from(codes.at(at));
             (x[at], k[at]) = if gain < 1.0 {
                 (((code + 0.5) / gain - 0.5).min((range.limit() as f32).next_down()), 0)
             } else {
@@ -342,7 +342,10 @@ impl DefectMap {
 /// Returns the distance of pixels of the same colour and gain.
 fn period(y: &Frame, gains: Gains) -> usize {
     let colours = if y.mosaic().is_some() { 2 } else { 1 };
-    if gains == Gains::One { colours } else { 2 * colours }
+    match gains {
+        Gains::One | Gains::Two { pattern: GainPattern::Colours, .. } => colours,
+        Gains::Two { .. } => 2 * colours,
+    }
 }
 
 /// Returns a size as a file has it.
@@ -370,8 +373,7 @@ mod tests {
     use ndarray::Array3;
 
     use super::*;
-    use crate::gains::{GainPattern, TwoGains};
-    use crate::unwrap::{METHODS, Method, Options, Trust};
+    use crate::unwrap::{METHODS, Method, Options, Trust, of_gains};
     use crate::{Exposure, Mosaic, Sensor, SensorConfig};
 
     const DIM: (usize, usize, usize) = (60, 80, 3);
@@ -409,7 +411,7 @@ mod tests {
         let truth = exposure.wraps();
         let exact = out.k.indexed_iter().all(|(at, k)| is_defect(at) || *k == truth[at]);
         for (at, code) in codes.indexed_iter().filter(|(at, _)| is_defect(*at)) {
-            let expected = if gains.at(at.0, at.1) < 1.0 {
+            let expected = if gains.at(at.0, at.1, at.2) < 1.0 {
                 2.0 * f32::from(*code) + 0.5
             } else {
                 f32::from(*code) + 256.0 * f32::from(out.k[at])
@@ -452,11 +454,11 @@ mod tests {
 
     #[test]
     fn known_defects_of_two_gains_change_no_count_beside_them() {
-        for pattern in [GainPattern::Checkerboard, GainPattern::Rows] {
+        for pattern in [GainPattern::Checkerboard, GainPattern::Rows, GainPattern::Colours] {
             let gains = Gains::Two { pattern, ratio: 0.5 };
             let exposure = exposure(SensorConfig { gains, ..SensorConfig::default() });
-            let mut method = TwoGains::new(gains).unwrap();
-            let (out, exact) = recover(&exposure, &mut method, gains, &places(), 255);
+            let mut method = of_gains(gains, &Options::default()).unwrap().unwrap();
+            let (out, exact) = recover(&exposure, method.as_mut(), gains, &places(), 255);
             assert!(exact && out.report.trust == Trust::Trusted, "{pattern:?}: {:?}", out.report);
         }
     }

@@ -3,6 +3,8 @@
 //! Every result is congruent with its input, `x_hat = y + k * 2^b`, so that a method can be wrong only about k.
 
 mod auto;
+mod colour_costs;
+mod colour_gains;
 mod congruence;
 mod defect_map;
 mod defects;
@@ -11,7 +13,9 @@ mod itoh;
 mod jumps;
 mod lines;
 mod mosaic;
+mod nearest_colour;
 mod offset;
+mod path_sums;
 mod poisson;
 mod quality_guided;
 mod smoothed_tree;
@@ -26,6 +30,7 @@ use ndarray::Array3;
 
 pub use crate::range::{Range, RangeError};
 pub use auto::{Auto, TrustLimits};
+pub use colour_gains::ColourGains;
 pub use defect_map::{DefectMap, DefectMapError};
 pub use gradient_tree::GradientTree;
 pub use itoh::Itoh;
@@ -38,6 +43,7 @@ pub use tree::Tree;
 
 use self::mosaic::MosaicUnwrap;
 use crate::frame::{Frame, FrameError, SamplePosition, Samples, copy_channel, in_order, position_of};
+use crate::gains::{Gains, TwoGains};
 use crate::workers::WorkersError;
 
 /// Declares the methods, one line each: its type, its name, and its constructor.
@@ -133,12 +139,14 @@ pub struct Recovered {
     pub defects: Vec<usize>,
     /// The report of the method on its result.
     pub report: Report,
+    /// The confidence image, H x W x 1 of 255 and 0, of a method that makes its own; see [`Recovered::confidence`].
+    pub vouched: Option<Array3<u8>>,
 }
 
 /// The report of a method on its own result.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
-    /// The name of the method used, as in [`METHODS`], [`PASS_THROUGH`], [`SMOOTHED_TREE`] or
+    /// The name of the method used, as in [`METHODS`], [`PASS_THROUGH`], [`SMOOTHED_TREE`], [`NEAREST_COLOUR`], [`PATH_SUMS`] or
     /// [`GainPattern::method`](crate::GainPattern::method); empty before the first image.
     pub method: &'static str,
     /// The quality metrics of y, if the method computes them.
@@ -192,6 +200,12 @@ pub const PASS_THROUGH: &str = "pass_through";
 
 /// The name for a result of `auto` by `gradient_tree` on a smoothed modulo image.
 pub const SMOOTHED_TREE: &str = "smoothed_tree";
+
+/// The name for a result of a sensor with a gain per colour, in which each count brings green nearest to red and blue.
+pub const NEAREST_COLOUR: &str = "nearest_colour";
+
+/// The name for a result of a sensor with a gain per colour, whose counts have the least sums of costs along paths.
+pub const PATH_SUMS: &str = "path_sums";
 
 /// Measures of how far y departs from the assumptions of `lines`, over all channels; they need no ground truth.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -260,6 +274,11 @@ pub enum UnwrapError {
     /// The threads are not available.
     #[error(transparent)]
     Workers(#[from] WorkersError),
+    /// The image of a sensor with a gain per colour has one channel and no mosaic.
+    #[error(
+        "y has no colours, but the sensor has a gain for each of three: 3 channels or a colour mosaic are needed"
+    )]
+    Colours,
     /// The samples are floats, but those of a modulo image are integers.
     #[error("y has 32-bit float samples, integers of 8 or 16 bits are needed: the sensor's modulo image")]
     Float,
@@ -285,6 +304,17 @@ pub fn by_name(name: &str, options: &Options) -> Result<Box<dyn Unwrap>, UnwrapE
     name.parse::<Method>()?.build(options)
 }
 
+/// Makes the method for the gains of a sensor; `None` for a sensor with one gain, whose images any of the [`METHODS`] unwraps.
+///
+/// # Errors
+/// [`UnwrapError::Workers`] when the threads are not available.
+pub fn of_gains(gains: Gains, options: &Options) -> Result<Option<Box<dyn Unwrap>>, UnwrapError> {
+    if let Some(method) = TwoGains::new(gains) {
+        return Ok(Some(Box::new(method)));
+    }
+    Ok(ColourGains::new(gains, options)?.map(|method| Box::new(method) as Box<dyn Unwrap>))
+}
+
 impl Recovered {
     /// Resizes the buffers for an image of `dim` in standard layout; old values stay until they are overwritten.
     pub(crate) fn prepare(&mut self, dim: (usize, usize, usize), method: &'static str) {
@@ -297,6 +327,7 @@ impl Recovered {
         }
         self.defects.clear();
         self.report = Report { method, ..Report::default() };
+        self.vouched = None;
     }
 
     /// Returns x and k, row-major and interleaved, after [`Recovered::prepare`].

@@ -21,7 +21,7 @@ use super::{
     congruence, jumps, offset,
 };
 use crate::frame::Frame;
-use crate::mosaic::{Mosaic, mirrored};
+use crate::mosaic::{GREEN, Mosaic, mirrored};
 
 /// Pixels beyond the border of the image that belong to the lattice. Beyond them, its rows repeat their last pixel.
 const MARGIN: isize = 2;
@@ -399,9 +399,6 @@ impl Lattice {
         }
     }
 }
-
-/// The channel of green.
-const GREEN: usize = 1;
 
 /// Returns codes of 8 bits where they fit, which methods unwrap faster.
 fn frame(codes: Array3<u16>, range: Range) -> Frame {

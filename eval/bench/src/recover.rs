@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use clap::builder::Resettable;
-use modulo_core::unwrap::DefectMap;
-use modulo_core::{GainPattern, Mosaic, Recovered, TwoGains, Unwrap, UnwrapError, tone};
+use modulo_core::unwrap::{DefectMap, Options, of_gains};
+use modulo_core::{GainPattern, Mosaic, Recovered, Unwrap, UnwrapError, tone};
 use modulo_images::{read_image, save_png};
 use modulo_runtime::SensorModel;
 use modulo_runtime::sensor::options::{SensorCommand, SensorOptions};
@@ -66,7 +66,7 @@ pub struct UnwrapRow {
     pub transfer: &'static str,
     /// Columns at the left border that a field stop shades.
     pub optical_black: usize,
-    /// Pixels with a lower gain: `none`, `checkerboard` or `rows`.
+    /// Pixels or colours with a lower gain, see [`GainPattern::WORDS`].
     pub gains: &'static str,
     /// Colour filters: `none`, `rggb`, `bggr`, `grbg` or `gbrg`.
     pub mosaic: &'static str,
@@ -111,8 +111,8 @@ pub fn unwrap_files(
         return Err(BenchError::Option(why.to_owned()));
     }
     let mut methods = methods_of(&request.method, sensor.gains)?;
-    if let Some(two_gains) = TwoGains::new(sensor.gains()?) {
-        methods = vec![Box::new(two_gains)];
+    if let Some(method) = of_gains(sensor.gains()?, &Options::default())? {
+        methods = vec![method];
     }
     make_folder(&request.out)?;
     let mut methods: Vec<_> = methods.into_iter().map(|method| (method, DefectMap::default())).collect();

@@ -7,10 +7,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use modulo_core::metric::{mse, psnr_db, ssim};
-use modulo_core::unwrap::{Options, by_name};
-use modulo_core::{
-    Exposure, Frame, GainPattern, Range, Recovered, Sensor, TwoGains, Unwrap, UnwrapError, tone,
-};
+use modulo_core::unwrap::{Options, by_name, of_gains};
+use modulo_core::{Exposure, Frame, GainPattern, Range, Recovered, Sensor, Unwrap, UnwrapError, tone};
 use modulo_images::{read_image, save_png};
 use modulo_runtime::SensorModel;
 use modulo_runtime::sensor::options::SensorCommand;
@@ -126,10 +124,8 @@ pub fn simulate(
             for ((model, sensor), done) in sensors.iter().zip(index * sensors.len()..) {
                 let next = format!("{} alpha {}", file.display(), sensor.range().alpha());
                 tell(BenchEvent::Step { done, total, next: &next });
-                rows.extend(match TwoGains::new(sensor.gains()) {
-                    Some(two_gains) => {
-                        picture.sense(&radiance, (model, sensor), &mut [Box::new(two_gains)])?
-                    }
+                rows.extend(match of_gains(sensor.gains(), &Options::default())? {
+                    Some(method) => picture.sense(&radiance, (model, sensor), &mut [method])?,
                     None => picture.sense(&radiance, (model, sensor), &mut methods)?,
                 });
             }

@@ -18,9 +18,9 @@ use modulo_core::deblur::Deblur;
 use modulo_core::denoise::Denoise;
 use modulo_core::unwrap::{
     DefectMap, Method, Options, QualityMetrics, Recovered, Report, ThresholdOn, Trust, TrustLimits, Unwrap,
-    UnwrapError,
+    UnwrapError, of_gains,
 };
-use modulo_core::{Frame, FrameError, Gains, MAX_THREADS, Psf, Range, TwoGains, tone};
+use modulo_core::{Frame, FrameError, Gains, MAX_THREADS, Psf, Range, tone};
 use modulo_msgs::diagnostic_msgs::{DiagnosticArray, DiagnosticStatus, KeyValue};
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::sensor::parameters::SensorOverride;
@@ -77,7 +77,7 @@ modulo_runtime::parameters! {
 
 impl UnwrapParameters {
     /// Returns the options of the unwrapping method.
-    fn options(&self) -> Options {
+    pub fn options(&self) -> Options {
         Options {
             tau: self.tau,
             threshold_on: self.threshold_on,
@@ -97,9 +97,12 @@ impl UnwrapParameters {
     /// [`ParameterError`] of the first parameter that is out of its range, or of `threads` that the machine does not have.
     pub fn method(&self) -> Result<Box<dyn Unwrap>, ParameterError> {
         self.check()?;
-        // Only errors of the machine remain: it may have no more threads.
-        let refuse = |why: UnwrapError| ParameterError::new("threads", self.threads, why.to_string());
-        self.method.build(&self.options()).map_err(refuse)
+        self.method.build(&self.options()).map_err(|why| self.refused_threads(&why))
+    }
+
+    /// Returns the error of a method whose other parameters are possible: the machine may have no more threads.
+    fn refused_threads(&self, why: &UnwrapError) -> ParameterError {
+        ParameterError::new("threads", self.threads, why.to_string())
     }
 }
 
@@ -136,7 +139,7 @@ struct Prepared {
     /// Removes the noise of the sensor, if that is requested and there is any.
     denoise: Option<Denoise>,
     /// The method for a sensor with two gains, which replaces the one of the parameters.
-    two_gains: Option<TwoGains>,
+    of_gains: Option<Box<dyn Unwrap>>,
     gains: Gains,
 }
 
@@ -184,9 +187,10 @@ impl UnwrapNode {
             let blur = Some(model.psf()).filter(|psf| self.parameters.deblur && *psf != Psf::None);
             let (range, deblur) = (model.range()?, blur.map(Deblur::new));
             let gains = model.gains()?;
-            let two_gains = TwoGains::new(gains);
+            let of_gains = of_gains(gains, &self.parameters.options());
+            let of_gains = of_gains.map_err(|why| self.parameters.refused_threads(&why))?;
             let denoise = if self.parameters.denoise { Denoise::new(model.config()?) } else { None };
-            self.sensor = Some(Prepared { model, range, deblur, denoise, two_gains, gains });
+            self.sensor = Some(Prepared { model, range, deblur, denoise, of_gains, gains });
         }
         Ok(())
     }
@@ -232,15 +236,12 @@ impl UnwrapNode {
 
     fn unwrap(&mut self, modulo: &StampedFrame, cx: &mut Context<'_>) -> Result<(), StepError> {
         let skip = |why: String| StepError::Skip(why);
-        let Prepared { range, two_gains, gains, .. } = self.sensor.as_mut().expect("`prepare` comes before");
-        let method: &mut dyn Unwrap = match two_gains {
-            Some(two_gains) => two_gains,
-            None => self.method.as_mut(),
-        };
+        let Prepared { range, of_gains, gains, .. } = self.sensor.as_mut().expect("`prepare` comes before");
+        let method = of_gains.as_mut().unwrap_or(&mut self.method);
         let known = (self.map.len(), self.map.size());
         self.map.fit(modulo.frame.dim()).map_err(|why| skip(format!("the parameter defects: {why}")))?;
         let (map, out) = (&mut self.map, &mut self.recovered);
-        cx.stage("unwrap", || map.unwrap(method, &modulo.frame, *range, *gains, out))
+        cx.stage("unwrap", || map.unwrap(method.as_mut(), &modulo.frame, *range, *gains, out))
             .map_err(|why| skip(why.to_string()))?;
         if known != (self.map.len(), self.map.size()) {
             self.map_text = if self.map.is_empty() { String::new() } else { self.map.to_string() };

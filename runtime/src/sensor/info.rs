@@ -126,7 +126,7 @@ mod tests {
             (transfer, optical_black) in (0usize..4, 0usize..=64),
             paper in any::<bool>(),
             psf_sigma in 0.0f64..4.0,
-            (gains, gain_ratio) in (0usize..3, 0.0f64..1.0),
+            (gains, gain_ratio) in (0usize..4, 0.0f64..1.0),
         ) {
             let psf = if paper { BlurShape::Paper7 } else { BlurShape::Gaussian };
             let gains = modulo_core::GainPattern::WORDS[gains].1;

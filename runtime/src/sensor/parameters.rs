@@ -53,9 +53,10 @@ crate::parameters! {
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
         /// Standard deviation of the gaussian lens blur in px. 0 is a perfect lens. paper7 does not use it.
         psf_sigma: f64 = 0.0 => 0.0..=MAX_SIGMA,
-        /// Pixels with a lower gain, which do not wrap: none, a checkerboard, or every second row.
+        /// Samples with a lower gain, which do not wrap: none, the pixels of a checkerboard, those of every second row, or red and
+        /// blue (colours).
         gains: Option<GainPattern> = None => GainPattern::WORDS,
-        /// The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha.
+        /// The lower gain divided by the full one, at most 1 / alpha. 0: 1 / alpha, and 0.95 / alpha for colours.
         gain_ratio: f64 = 0.0 => 0.0..=1.0,
         /// Standard deviation of the read noise in code units.
         read_noise: f64 = 0.0 => 0.0..=MAX_NOISE,
@@ -157,16 +158,18 @@ impl SensorModel {
                 format!("must be at most {most} (1 / alpha), so that the pixels of low gain do not wrap");
             return Err(ParameterError::new("gain_ratio", self.gain_ratio, why));
         }
-        Ok(Gains::Two { pattern, ratio: if self.gain_ratio > 0.0 { self.gain_ratio } else { most } })
+        let given = Some(self.gain_ratio).filter(|&ratio| ratio > 0.0);
+        Ok(Gains::Two { pattern, ratio: given.unwrap_or_else(|| pattern.default_ratio(self.alpha)) })
     }
 }
 
 /// The words of [`SensorOverride::gains`]: those of a sensor, and `camera` for the gains that the camera describes.
-const OVERRIDES: [(&str, Option<Option<GainPattern>>); 4] = [
+const OVERRIDES: [(&str, Option<Option<GainPattern>>); 5] = [
     ("camera", None),
     ("none", Some(None)),
     ("checkerboard", Some(Some(GainPattern::Checkerboard))),
     ("rows", Some(Some(GainPattern::Rows))),
+    ("colours", Some(Some(GainPattern::Colours))),
 ];
 
 /// The words of [`SensorOverride::transfer`]: those of a sensor, and `camera` for the function that the camera describes.
@@ -199,10 +202,10 @@ crate::parameters! {
         psf: BlurShape = BlurShape::Gaussian => BlurShape::WORDS,
         /// Standard deviation of the gaussian lens blur in px. 0: the blur of the camera's sensor description.
         psf_sigma: f64 = 0.0 => 0.0..=MAX_SIGMA,
-        /// Pixels with a lower gain: none, a checkerboard, every second row, or as the camera's sensor description has
-        /// them (none without a description).
+        /// Samples with a lower gain: none, the pixels of a checkerboard, those of every second row, red and blue (colours), or as
+        /// the camera's sensor description has them (none without a description).
         gains: Option<Option<GainPattern>> = None => OVERRIDES,
-        /// The lower gain divided by the full one, where gains is not camera. 0: 1 / alpha.
+        /// The lower gain divided by the full one, where gains is not camera. 0: 1 / alpha, and 0.95 / alpha for colours.
         gain_ratio: f64 = 0.0 => 0.0..=1.0,
     }
 }
@@ -346,6 +349,9 @@ mod tests {
         for (alpha, given, ratio) in [(4.0, 0.0, 0.25), (4.0, 0.125, 0.125), (0.5, 0.0, 1.0)] {
             assert_eq!(gains(alpha, given), Ok(Gains::Two { pattern: GainPattern::Checkerboard, ratio }));
         }
+        let colours = SensorModel { gains: Some(GainPattern::Colours), ..SensorModel::default() };
+        let headroom = Gains::Two { pattern: GainPattern::Colours, ratio: 0.95 * 0.25 };
+        assert_eq!(colours.gains(), Ok(headroom), "noise must not make red and blue wrap");
         let why = gains(4.0, 0.26).expect_err("0.26 * 4 > 1").to_string();
         assert!(why.contains("gain_ratio") && why.contains("0.25"), "{why}");
         assert_eq!(SensorModel { gain_ratio: 0.9, ..SensorModel::default() }.gains(), Ok(Gains::One));

@@ -1,8 +1,7 @@
 //! [`Case`]: one scene of the catalogue, its sensor, and the expected result of each method.
 
-use modulo_core::unwrap::{METHODS, Options, by_name};
+use modulo_core::unwrap::{METHODS, Options, Unwrap, by_name, of_gains};
 use modulo_core::{Exposure, GainPattern, Gains, Mosaic, Psf, Sensor, SensorConfig, SensorError};
-use modulo_core::{TwoGains, Unwrap};
 use ndarray::Array3;
 use serde::Serialize;
 
@@ -54,7 +53,7 @@ impl Family {
             }
             Self::Gains => (
                 "Two gains",
-                "Every second pixel or row has a lower gain, by which a method of its own unwraps.",
+                "Every second pixel or row, or red and blue have a lower gain, by which a method of its own unwraps.",
             ),
         }
     }
@@ -133,9 +132,9 @@ impl Case {
         self
     }
 
-    /// Gives the pixels of `pattern` the gain `1 / alpha` of the saturation factor that is set by now.
+    /// Gives the samples of `pattern` the lower gain that goes with the saturation factor that is set by now.
     pub(super) fn gains(mut self, pattern: GainPattern) -> Self {
-        self.sensor.gains = Gains::Two { pattern, ratio: self.scene.alpha.recip() };
+        self.sensor.gains = Gains::Two { pattern, ratio: pattern.default_ratio(self.scene.alpha) };
         self
     }
 
@@ -190,8 +189,8 @@ impl Case {
 
     /// Returns the methods that can unwrap the images of the sensor.
     pub fn methods(&self) -> Vec<Box<dyn Unwrap>> {
-        match TwoGains::new(self.sensor.gains) {
-            Some(two_gains) => vec![Box::new(two_gains)],
+        match of_gains(self.sensor.gains, &Options::default()).expect("one thread is always available") {
+            Some(method) => vec![method],
             None => METHODS
                 .iter()
                 .map(|name| {

@@ -10,7 +10,7 @@ use super::super::radiance::{Radiance, rendered};
 pub fn cases() -> Vec<Case> {
     let mosaics = Preset::ALL.into_iter().flat_map(|preset| [2.0, 4.0].map(|alpha| mosaic(preset, alpha)));
     let gains = [GainPattern::Checkerboard, GainPattern::Rows].into_iter().flat_map(gains);
-    mosaics.chain(gains).collect()
+    mosaics.chain(gains).chain(Preset::ALL.map(colours)).collect()
 }
 
 /// A rendered scene behind a lens of 1.4 px.
@@ -23,6 +23,16 @@ fn mosaic(preset: Preset, alpha: f64) -> Case {
         .gaussian(1.4)
         .mosaic(Mosaic::Rggb)
         .why("green lies on a turned lattice with sides of 1.4 pixels; the lens leaves less than half a peak on them, too")
+        .all(Expect::AtLeast(0.998))
+}
+
+/// A rendered scene without a lens, for a sensor with a gain per colour.
+fn colours(preset: Preset) -> Case {
+    let (scene, pattern) = (preset.name(), GainPattern::Colours);
+    let what = format!("the rendered scene {scene} without a lens, {}", pattern.word());
+    Case::new(Family::Gains, format!("{scene}_{}", pattern.word()), what, move || rendered(preset, 4.0))
+        .gains(pattern)
+        .why("red and blue, which do not wrap, tell how bright green is; only saturated colours are wrong")
         .all(Expect::AtLeast(0.998))
 }
 

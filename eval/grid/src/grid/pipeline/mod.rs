@@ -214,7 +214,8 @@ impl RecoveryQuality {
         let (_, width, channels) = wraps.dim();
         let of_full_gain = |sample: usize| {
             let pixel = sample / channels;
-            truth[0].gains() == Gains::One || truth[0].gain(pixel / width, pixel % width) == 1.0
+            truth[0].gains() == Gains::One
+                || truth[0].gain(pixel / width, pixel % width, sample % channels) == 1.0
         };
         let (mut exact, mut samples) = (0, 0);
         for (sample, (wraps, count)) in wraps.as_slice()?.iter().zip(counts.as_slice()?).enumerate() {
