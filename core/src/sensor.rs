@@ -425,8 +425,8 @@ impl Exposure {
 
     /// Returns the saturated stream: the codes that the transfer function has for `floor(min(x, 2^b - 1))`, with samples as in
     /// [`Exposure::modulo`]. With two gains it is the image of spatially varying exposure, `floor(x / (headroom * alpha))`, where a
-    /// pixel of full gain that saturates is predicted from its neighbours of low gain, or green from red and blue, see
-    /// [`fill_saturated`].
+    /// pixel of full gain that saturates is predicted from its neighbours of low gain; with a gain per colour, green that saturates is the
+    /// mean of red and blue, or the peak where that is more.
     pub fn saturated(&self) -> Frame {
         match self.layout.gains {
             Gains::One => self.clipped(&self.x),
