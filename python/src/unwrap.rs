@@ -1,6 +1,6 @@
 //! The unwrapping of modulo images.
 
-use modulo_core::unwrap::{QualityMetrics, Recovered, Unwrap as _, of_gains};
+use modulo_core::unwrap::{QualityMetrics, Recovered, of_gains};
 use modulo_runtime::SensorModel;
 use modulo_unwrap::UnwrapParameters;
 use pyo3::prelude::*;
@@ -12,8 +12,9 @@ use crate::parameters::parse;
 /// Residues, steep, consensus, clamped, jumps and defects.
 type Quality = (f32, f32, f32, f32, f32, f32);
 
-/// The method used, whether it trusts its result, its quality metrics, and the confidence image.
-type Report<'py> = (&'static str, Option<bool>, Option<Quality>, Option<Bound<'py, PyAny>>);
+/// The method used, whether it trusts its result, the evidence for the offset, the quality metrics, and the confidence image.
+type Report<'py> =
+    (&'static str, Option<bool>, Option<&'static str>, Option<Quality>, Option<Bound<'py, PyAny>>);
 
 /// Returns the radiance, the wrap counts, and the report of the method.
 #[pyfunction]
