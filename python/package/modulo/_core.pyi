@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 _Codes = NDArray[uint8] | NDArray[uint16]
 _Image = NDArray[uint8] | NDArray[uint16] | NDArray[float32]
 _Value = bool | int | float | str
-_Report = tuple[str, bool | None, tuple[float, float, float, float, float, float] | None, NDArray[uint8] | None]
+_Quality = tuple[float, float, float, float, float, float]
+_Report = tuple[str, bool | None, str | None, _Quality | None, NDArray[uint8] | None]
 _Found = tuple[float, float, float, float, float, str]
 _Object = tuple[float, float, float, float, str, float, int]
 _Frame = tuple[_Image, str, int | None, str, str, list[_Object] | None]
