@@ -236,7 +236,7 @@ impl Sensor {
         Ok(Self { range, transfer, shade, taps, read_noise, shot_noise, prnu, hot_pixels, layout })
     }
 
-    /// Returns the bits, alpha and the columns that are black.
+    /// Returns the bits, alpha, the headroom and the number of columns that are black.
     pub fn range(&self) -> Range {
         self.range
     }

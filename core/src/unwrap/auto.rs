@@ -17,8 +17,8 @@
 //! In every case trust also needs evidence for the absolute offset, see [`offset`]; without it, the result is
 //! [`Trust::Relative`].
 //!
-//! Two errors leave no trace in y and in the result and cannot be detected here: a region whose sharp
-//! contour is exactly a multiple of the peak, and a channel that is brighter than the peak everywhere.
+//! One error leaves no trace in y and in the result and cannot be detected here: a region whose sharp contour is exactly a
+//! multiple of the peak.
 
 use super::defects::Defects;
 use super::smoothed_tree::SmoothedTree;

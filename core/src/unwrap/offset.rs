@@ -98,10 +98,11 @@ pub(super) fn trust(out: &Recovered, range: Range) -> Trust {
 pub(super) struct OffsetFinder {
     /// Whether the images are successive frames of one camera.
     successive: bool,
+    /// The last trusted frame; only successive frames have one.
     last: Option<LastFrame>,
 }
 
-/// What is kept of a trusted frame.
+/// The part of a trusted frame with which the next frames are compared.
 struct LastFrame {
     range: Range,
     dim: (usize, usize, usize),
