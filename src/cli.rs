@@ -86,8 +86,13 @@ pub enum Command {
     /// Fetch official detection models, or check a model
     #[command(subcommand)]
     Model(model::Model),
-    /// Print the chosen inference engine, how to get a faster one, and how nodes meet
-    Doctor,
+    /// Print the chosen inference engine, how to get a faster one, how nodes meet, and what to expect of a sensor
+    Doctor {
+        /// Parameter file of the camera that describes a chip and its lens, such as sensors/mosaic.yaml: also print up to which alpha
+        /// it is fit for real scenes
+        #[arg(long, value_name = "FILE")]
+        sensor: Option<PathBuf>,
+    },
     /// Print a script that completes the command line in a shell
     Completions {
         /// Shell, such as bash; `modulo completions bash > ~/.local/share/bash-completion/completions/modulo` installs

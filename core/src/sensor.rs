@@ -428,21 +428,26 @@ impl Exposure {
     /// pixel of full gain that saturates is predicted from its neighbours of low gain; with a gain per colour, green that saturates is the
     /// mean of red and blue, or the peak where that is more.
     pub fn saturated(&self) -> Frame {
-        match self.layout.gains {
-            Gains::One => self.clipped(&self.x),
-            Gains::Two { pattern, ratio } => {
-                let most = self.most();
-                let codes = mapped(&self.converted(), |x| whole(x).min(most) as f32);
-                let scale = (self.range.white() / f64::from(self.range.peak())) as f32;
-                let merge = |codes: &Array3<f32>| merge_saturated(codes, pattern, ratio, self.range);
-                let x = match (pattern, self.layout.mosaic) {
-                    (GainPattern::Colours, mosaic) => fill_saturated(codes, mosaic, ratio, self.range),
-                    (_, None) => merge(&codes),
-                    (_, Some(_)) => by_colour(&codes, |_, codes| merge(codes)),
-                };
-                self.clipped(&x.mapv(|x| x.max(0.0) / scale))
-            }
+        if self.layout.gains == Gains::One {
+            return self.clipped(&self.x);
         }
+        let scale = (self.range.white() / f64::from(self.range.peak())) as f32;
+        self.clipped(&self.saturated_radiance().mapv(|x| x / scale))
+    }
+
+    /// Returns the radiance that a sensor which saturates measures, in code units at full gain: the codes clipped at the peak. With two
+    /// gains or a gain per colour, what saturates is predicted as in [`Exposure::saturated`].
+    pub fn saturated_radiance(&self) -> Array3<f32> {
+        let most = self.most();
+        let codes = mapped(&self.converted(), |x| whole(x).min(most) as f32);
+        let Gains::Two { pattern, ratio } = self.layout.gains else { return codes };
+        let merge = |codes: &Array3<f32>| merge_saturated(codes, pattern, ratio, self.range);
+        let x = match (pattern, self.layout.mosaic) {
+            (GainPattern::Colours, mosaic) => fill_saturated(codes, mosaic, ratio, self.range),
+            (_, None) => merge(&codes),
+            (_, Some(_)) => by_colour(&codes, |_, codes| merge(codes)),
+        };
+        x.mapv_into(|x| x.max(0.0))
     }
 
     /// Returns the ideal stream: `floor(x)`, neither wrapped nor clipped, shown with 8 bits as by [`tone::picture`].

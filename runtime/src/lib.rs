@@ -21,6 +21,7 @@ pub mod yaml;
 
 /// The sensor behind the images: its parameters, and the description that a camera publishes with each frame.
 pub mod sensor {
+    mod fitness;
     pub mod info;
     #[cfg(feature = "options")]
     pub mod options;

@@ -65,7 +65,7 @@ pub fn dispatch(cli: Cli) -> Result<Ended, Failure> {
         Command::Top(args) => view::top(&args),
         Command::View(args) => view::view(&args),
         Command::Model(args) => model::model(&args),
-        Command::Doctor => model::doctor(),
+        Command::Doctor { sensor } => model::doctor(sensor.as_deref()),
         Command::Completions { shell } => {
             clap_complete::generate(shell, &mut cli::command(), "modulo", &mut std::io::stdout());
             Ok(Ended::Done)

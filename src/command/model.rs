@@ -9,6 +9,7 @@ use std::time::Duration;
 use anyhow::Context;
 use clap::{Args, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
+use modulo_camera::CameraParameters;
 use modulo_detector::{
     EngineChoice, EngineDevice, EngineOptions, ModelInfo, describe, measure, onnxruntime_library,
     onnxruntime_places,
@@ -129,14 +130,22 @@ fn print_info(file: &Path, info: &ModelInfo) {
 /// Environment variables that change how sessions meet.
 const ZENOH_VARIABLES: [&str; 2] = ["ZENOH_SESSION_CONFIG_URI", "ZENOH_CONFIG_OVERRIDE"];
 
-/// Prints the found and missing parts of the environment, and a remedy for each missing one.
-pub fn doctor() -> Result<Ended, Failure> {
+/// Prints the found and missing parts of the environment, a remedy for each missing one, and what to expect of the sensor that the file
+/// at `sensor` describes.
+pub fn doctor(sensor: Option<&Path>) -> Result<Ended, Failure> {
+    let sensor = sensor.map(CameraParameters::read_sensor).transpose().map_err(usage)?;
     let (os, arch) = (std::env::consts::OS, std::env::consts::ARCH);
     say!("modulo   {} on {os} {arch}", env!("CARGO_PKG_VERSION"));
     let threads = std::thread::available_parallelism().map_or(1, |threads| threads.get());
     say!("threads  {threads}");
     engine();
     transport();
+    if let Some(sensor) = sensor {
+        let alpha = sensor.fit_up_to();
+        say!(
+            "sensor   fit up to alpha {alpha}: at least 99.5 % of the counts of 20 KITTI frames were exact, without noise"
+        );
+    }
     Ok(Ended::Done)
 }
 

@@ -289,6 +289,19 @@ fn only_commands_with_other_nodes_show_the_form_of_hashes() {
     }
 }
 
+#[test]
+fn doctor_tells_what_to_expect_of_a_sensor() {
+    let bench = Bench::new();
+    let file = |name: &str| format!("{}/sensors/{name}.yaml", env!("CARGO_MANIFEST_DIR"));
+    let said = |name: &str| text(&bench.run(&["doctor", "--sensor", &file(name)]));
+    let (paper, mosaic) = (said("paper"), said("mosaic"));
+    assert!(paper.contains("sensor   fit up to alpha"), "{paper}");
+    let line = |said: &str| said.lines().find(|line| line.starts_with("sensor")).map(str::to_owned);
+    assert_ne!(line(&paper), line(&mosaic), "a mosaic needs a softer lens");
+    let refused = bench.run(&["doctor", "--sensor", &file("arguments")]);
+    assert_eq!(refused.status.code(), Some(2), "{}", text(&refused));
+}
+
 /// The rules of cargo: `NO_COLOR`, then `CLICOLOR_FORCE`, then whether it is a terminal. For clap's help, and for the log.
 #[test]
 fn colours_follow_the_variables_and_the_terminal() {

@@ -131,6 +131,16 @@ fn an_alpha_that_is_known_to_two_percent_loses_no_count() {
                 assert_eq!(out.k, exposure.wraps(), "alpha {alpha}, told {told}: {:?}", out.report);
             }
         }
+        // The trees bound the count of each pixel: the brightest ones must not fall by a peak and take others with them.
+        let exposure = expose(&radiance.mapv(|x| (1.5 * x).min(1.0)), 4.0, 0.0);
+        let mut tree = by_name("gradient_tree", &Options::default()).unwrap();
+        let mut wrong = |told: f64| {
+            let mut out = Recovered::default();
+            tree.unwrap(&exposure.modulo(), Range::new(8, told).unwrap(), &mut out).unwrap();
+            out.k.iter().zip(&exposure.wraps()).filter(|(k, truth)| k != truth).count()
+        };
+        let wrong = [3.92, 4.0, 4.08].map(&mut wrong);
+        assert!(wrong.iter().all(|&wrong| wrong * 100 < exposure.wraps().len()), "{wrong:?}");
     }
 }
 

@@ -176,6 +176,9 @@ const CLIPPED: std::ops::Range<f64> = 5e-4..0.5;
 /// percent.
 const BRIGHTEST: std::ops::Range<f64> = 0.88..1.02;
 
+/// Half a peak.
+const HALF: u32 = 1 << 15;
+
 /// The greatest k for which `y + k * 2^b < alpha * 2^b`.
 #[derive(Clone, Copy)]
 pub(in crate::unwrap) struct Bounds {
@@ -192,15 +195,19 @@ pub(in crate::unwrap) struct Bounds {
 impl Bounds {
     pub fn new(range: Range) -> Self {
         let most = range.max_wraps();
-        let room = range.limit() - f64::from(most) * f64::from(range.peak());
         // At the highest count only the codes below this one stay under the limit.
-        let room = (room.ceil() as u32) << (16 - range.bits());
+        let room = |range: Range| {
+            let room = range.limit() - f64::from(most) * f64::from(range.peak());
+            (room.min(f64::from(range.peak())).ceil() as u32) << (16 - range.bits())
+        };
+        let given = room(range);
         // The sensor clamps radiance to just below the limit, so full scale is the last code below it.
-        let step = 1 << (16 - range.bits());
+        let top = (given - (1 << (16 - range.bits()))) as u16;
         Self {
             most: i16::from(most),
-            room,
-            top: (room - step) as u16,
+            // The true alpha may be a little larger. Where the highest count has few codes, more of them would admit it for what is dark.
+            room: if given >= HALF { room(range.widened()) } else { given },
+            top,
             top_count: i16::from(most),
             fine: range.bits() >= 8,
         }

@@ -63,8 +63,8 @@ fn chart(results: &Results, cells: &[&Cell], model: &str, group: &str) -> NamedC
     let body =
         ChartBody::Panels([Pixels::Normal, Pixels::Modulo].map(|pixels| panel(cells, group, pixels)).into());
     let footer = "Each marker is the simplest choice whose AP50 is at most 1 point below that of the ideal image behind the same \
-                  lens. Normal pixels, in this order: one gain, two gains, three captures. Modulo pixels: the raw image, the \
-                  recovered one, then deblurred; then those of two gains. The 95 % intervals of AP50 are often wider than a point: \
+                  lens. Normal pixels, in this order: one gain, two gains (in a pattern or by colour), three captures. Modulo \
+                  pixels: the raw image, the recovered one, then deblurred; then those of two gains. The 95 % intervals of AP50 are often wider than a point: \
                   see the other charts.";
     let chip =
         if mosaic == "none" { "all colours at each pixel".to_owned() } else { format!("mosaic {mosaic}") };

@@ -1,0 +1,107 @@
+//! Tests how much radiance modulo pixels keep that pixels which saturate lose: on rendered scenes, and on HDR pictures if they are
+//! available. Each sensor is compared with the one that has the same exposures and saturates.
+
+// Helpers of tests may unwrap as tests do.
+#![allow(clippy::unwrap_used)]
+
+#[path = "../../../tests/harness/data.rs"]
+mod data;
+
+use modulo_core::unwrap::{Options, by_name, of_gains};
+use modulo_core::{Exposure, GainPattern, Gains, Psf, Recovered, Sensor, SensorConfig, Transfer};
+use modulo_images::{White, read_image};
+use modulo_scene::{Preset, Scene};
+use ndarray::Array3;
+
+/// The gains of the sensors.
+const GAINS: [Option<GainPattern>; 3] = [None, Some(GainPattern::Checkerboard), Some(GainPattern::Colours)];
+
+/// Returns the root mean square error of a radiance in stops, `log2((x + 1) / (truth + 1))` of code units: of all samples, and of
+/// those above the peak.
+fn errors_in_stops(x: &Array3<f32>, truth: &Array3<f32>) -> [f64; 2] {
+    [0.0, 256.0].map(|least| {
+        let samples = x.iter().zip(truth).filter(|(_, truth)| **truth >= least);
+        let (sum, count) = samples.fold((0.0, 0.0), |(sum, count), (x, truth)| {
+            (sum + f64::from((x + 1.0) / (truth + 1.0)).log2().powi(2), count + 1.0)
+        });
+        f64::sqrt(sum / f64::max(count, 1.0))
+    })
+}
+
+/// Exposes with noise of a real chip, and returns the errors in stops of modulo pixels and of pixels that saturate.
+fn errors(radiance: &Array3<f32>, alpha: f64, gains: Option<GainPattern>) -> [[f64; 2]; 2] {
+    let gains =
+        gains.map_or(Gains::One, |pattern| Gains::Two { pattern, ratio: pattern.default_ratio(alpha) });
+    let quiet = SensorConfig {
+        alpha,
+        gains,
+        headroom: 0.97,
+        psf: Psf::Gaussian { sigma: 0.8 },
+        optical_black: 32,
+        ..SensorConfig::PLAIN
+    };
+    // The chip of sensors/mosaic.yaml.
+    let config = SensorConfig { read_noise: 0.06, shot_noise: 256.0 / 10_000.0, prnu: 0.005, ..quiet };
+    let expose = |config| -> Exposure { Sensor::new(config).unwrap().expose(radiance.view(), 0).unwrap() };
+    let (truth, exposure) = (expose(quiet), expose(config));
+    let mut method = match of_gains(gains, &Options::default()).unwrap() {
+        Some(method) => method,
+        None => by_name("auto", &Options::default()).unwrap(),
+    };
+    let mut out = Recovered::default();
+    method.unwrap(&exposure.modulo(), exposure.range(), &mut out).unwrap();
+    [&out.x, &exposure.saturated_radiance()].map(|x| errors_in_stops(x, truth.x()))
+}
+
+/// The mean errors over some pictures, of modulo pixels and of pixels that saturate: of all samples, and of those above the peak.
+struct Row {
+    alpha: f64,
+    gains: Option<GainPattern>,
+    modulo: [f64; 2],
+    saturating: [f64; 2],
+}
+
+/// Prints and returns the mean errors over `pictures`, by alpha and gains.
+fn table(name: &str, pictures: &[Array3<f32>]) -> Vec<Row> {
+    let mut rows = Vec::new();
+    for alpha in [4.0, 16.0, 64.0] {
+        for gains in GAINS {
+            let all: Vec<_> = pictures.iter().map(|picture| errors(picture, alpha, gains)).collect();
+            let mean = |pixels: usize, part: usize| {
+                all.iter().map(|errors| errors[pixels][part]).sum::<f64>() / all.len() as f64
+            };
+            let [modulo, saturating] = [0, 1].map(|pixels| [mean(pixels, 0), mean(pixels, 1)]);
+            println!("{name}, alpha {alpha}, {gains:?}: {modulo:.3?} stops, saturating {saturating:.3?}");
+            rows.push(Row { alpha, gains, modulo, saturating });
+        }
+    }
+    rows
+}
+
+/// Fails if modulo pixels of one gain do not measure radiance better than pixels that saturate.
+fn check(rows: &[Row]) {
+    for Row { alpha, modulo, saturating, .. } in rows.iter().filter(|row| row.gains.is_none()) {
+        assert!(
+            1.5 * modulo[0] < saturating[0],
+            "alpha {alpha}: {modulo:?} stops, saturating {saturating:?}"
+        );
+    }
+}
+
+#[test]
+fn modulo_pixels_keep_the_radiance_of_rendered_scenes() {
+    check(&table("rendered", &Preset::ALL.map(|preset| Scene::new(preset, 0).render(0, 192, 640).radiance)));
+}
+
+#[test]
+fn modulo_pixels_keep_the_radiance_of_hdr_pictures() {
+    let Some(folder) = data::shared("data/hdr/polyhaven") else { return };
+    let mut files: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.retain(|file| file.extension().is_some_and(|extension| extension == "hdr"));
+    files.sort();
+    let read = |file: &std::path::PathBuf| {
+        let pixels = read_image(file).unwrap();
+        White::new(0.0, Transfer::Linear).unwrap().radiance(&pixels, file.display()).unwrap()
+    };
+    check(&table("HDR", &files.iter().map(read).collect::<Vec<_>>()));
+}

@@ -1,0 +1,87 @@
+//! Up to which alpha a sensor is fit for its task: nearly all counts of real pictures can be found.
+
+use modulo_core::{GainPattern, Psf};
+
+use super::parameters::SensorModel;
+
+/// The widths of the lenses of [`MEASURED`], in px.
+const LENSES: [f64; 6] = [0.0, 0.5, 0.8, 1.0, 1.4, 2.0];
+
+/// The width of the Gaussian that is nearest to the paper's 7 taps, in px.
+const PAPER7: f64 = 1.4;
+
+/// The largest alpha of 1, 1.5, 2, 3, 4, 6 and 8 at which `auto` finds at least 99.5 % of the counts behind each of [`LENSES`]: by
+/// whether the sensor has a colour mosaic, and by its gains. Source: docs/methods.md, "Which sensor for which scene".
+const MEASURED: [(bool, Option<GainPattern>, [f64; LENSES.len()]); 8] = [
+    (false, None, [1.5, 2.0, 3.0, 4.0, 6.0, 8.0]),
+    (false, Some(GainPattern::Checkerboard), [2.0, 4.0, 8.0, 8.0, 8.0, 8.0]),
+    (false, Some(GainPattern::Rows), [1.5, 2.0, 4.0, 6.0, 8.0, 8.0]),
+    (false, Some(GainPattern::Colours), [2.0, 3.0, 4.0, 6.0, 8.0, 8.0]),
+    (true, None, [1.0, 1.0, 1.5, 2.0, 3.0, 4.0]),
+    (true, Some(GainPattern::Checkerboard), [1.0, 1.0, 2.0, 4.0, 4.0, 4.0]),
+    (true, Some(GainPattern::Rows), [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]),
+    (true, Some(GainPattern::Colours), [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]),
+];
+
+impl SensorModel {
+    /// Returns the largest alpha up to which such a sensor is fit: at least 99.5 % of the counts of the samples that can wrap were found on
+    /// real pictures without noise. A lens between two measured ones counts as the sharper one.
+    pub fn fit_up_to(&self) -> f64 {
+        let kind = (self.mosaic.is_some(), self.gains);
+        let row = MEASURED.iter().find(|(mosaic, gains, _)| (*mosaic, *gains) == kind);
+        let (.., fit) = row.expect("the table has each kind of mosaic and gains");
+        let sigma = match self.psf() {
+            Psf::None => 0.0,
+            Psf::Gaussian { sigma } => sigma,
+            Psf::Paper7 => PAPER7,
+        };
+        let softer = LENSES.iter().filter(|&&lens| lens <= sigma).count();
+        fit[softer.saturating_sub(1)]
+    }
+
+    /// Returns what is to be expected of this sensor, if its alpha is too large for it.
+    pub fn unfit(&self) -> Option<String> {
+        let most = self.fit_up_to();
+        (self.alpha > most).then(|| {
+            format!(
+                "alpha {} is too large for this sensor, whose counts can be found up to alpha {most} on real pictures; take a smaller \
+                 alpha, a softer lens (psf_sigma) or other gains, or expect wrong counts",
+                self.alpha
+            )
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parameter::ParameterSet as _;
+
+    fn sensor(pairs: &[(&str, &str)]) -> SensorModel {
+        SensorModel::from_text(pairs).expect("possible")
+    }
+
+    #[test]
+    fn every_kind_of_sensor_is_in_the_table_and_a_softer_lens_is_never_worse() {
+        for (mosaic, _) in modulo_core::Mosaic::WORDS {
+            for (gains, _) in GainPattern::WORDS {
+                let behind = |lens: f64| {
+                    let lens = lens.to_string();
+                    sensor(&[("mosaic", mosaic), ("gains", gains), ("psf_sigma", &lens)]).fit_up_to()
+                };
+                let fit = [0.0, 0.3, 0.5, 0.79, 0.8, 1.0, 1.4, 2.0, 8.0].map(behind);
+                assert!(fit.is_sorted(), "{mosaic} {gains}: {fit:?}");
+                assert_eq!((fit[1], fit[3]), (fit[0], fit[2]), "a lens between counts as the sharper one");
+            }
+        }
+    }
+
+    #[test]
+    fn a_sensor_with_too_large_an_alpha_says_so() {
+        assert_eq!(sensor(&[("alpha", "4"), ("psf_sigma", "1.4")]).unfit(), None);
+        assert_eq!(sensor(&[("alpha", "4"), ("psf", "paper7")]).unfit(), None);
+        assert_eq!(sensor(&[("alpha", "1")]).unfit(), None, "nothing wraps");
+        let why = sensor(&[("alpha", "4")]).unfit().expect("a sharp lens");
+        assert!(why.contains("alpha 4") && why.contains("gains"), "{why}");
+    }
+}
