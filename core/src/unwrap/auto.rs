@@ -56,7 +56,7 @@ const DROWNED_STEEP: f32 = 0.18;
 
 /// With more noise than this, in peaks, a smoothed image is recovered better than the image itself. Read noise of 0.12 peaks is measured
 /// as 0.10 to 0.12, sharp scenes at alpha 8 without noise as up to 0.07.
-const STRONG_NOISE: f32 = 0.09;
+pub(super) const STRONG_NOISE: f32 = 0.09;
 
 /// With less noise than this, in peaks, smoothing changes hardly anything.
 const SOME_NOISE: f32 = 0.02;

@@ -31,6 +31,10 @@ const CLOSE: u8 = 10 * MARGIN;
 /// are wrong, and hardly any others.
 const FEW_CLOSE: f64 = 5e-4;
 
+/// With at most this share of them, [`MORE_BENDS`] times as many bends may be true ones: sharp colour edges bend, too.
+const FEWEST_CLOSE: f64 = 1.2e-4;
+const MORE_BENDS: f64 = 6.0;
+
 /// The margin from which on a count is far better than any other one.
 const FAR: u8 = 60 * MARGIN;
 
@@ -100,9 +104,10 @@ impl ColourGains {
         self.margins.resize(height * width, if suffices { u8::MAX } else { 0 });
         let bends = share(self.write(rows, range, out));
         self.vouch(rows, bends <= MANY_BENDS, out);
+        let most_bends = self.most_bends * if close <= FEWEST_CLOSE { MORE_BENDS } else { 1.0 };
         let trusted = (suffices || out.report.method == PATH_SUMS)
             && close <= FEW_CLOSE
-            && (bends <= self.most_bends || candidates == 1);
+            && (bends <= most_bends || candidates == 1);
         out.report.trust = if trusted { Trust::Trusted } else { Trust::Untrusted };
     }
 

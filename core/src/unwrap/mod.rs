@@ -8,13 +8,17 @@ mod colour_gains;
 mod congruence;
 mod defect_map;
 mod defects;
+mod gradient_sums;
 mod gradient_tree;
+mod green_sums;
 mod itoh;
 mod jumps;
 mod lines;
+mod margin_tree;
 mod mosaic;
 mod nearest_colour;
 mod offset;
+mod other_colour;
 mod path_sums;
 mod poisson;
 mod quality_guided;
@@ -146,7 +150,7 @@ pub struct Recovered {
 /// The report of a method on its own result.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Report {
-    /// The name of the method used, as in [`METHODS`], [`PASS_THROUGH`], [`SMOOTHED_TREE`], [`NEAREST_COLOUR`], [`PATH_SUMS`] or
+    /// The name of the method used, as in [`METHODS`], [`PASS_THROUGH`], [`SMOOTHED_TREE`], [`GRADIENT_SUMS`], [`NEAREST_COLOUR`], [`PATH_SUMS`] or
     /// [`GainPattern::method`](crate::GainPattern::method); empty before the first image.
     pub method: &'static str,
     /// The quality metrics of y, if the method computes them.
@@ -201,6 +205,9 @@ pub const PASS_THROUGH: &str = "pass_through";
 /// The name for a result of `auto` by `gradient_tree` on a smoothed modulo image.
 pub const SMOOTHED_TREE: &str = "smoothed_tree";
 
+/// The name for a result of `auto` on a mosaic, whose gradients of green have the least sums of costs along paths.
+pub const GRADIENT_SUMS: &str = "gradient_sums";
+
 /// The name for a result of a sensor with a gain per colour, in which each count brings green nearest to red and blue.
 pub const NEAREST_COLOUR: &str = "nearest_colour";
 
@@ -210,7 +217,8 @@ pub const PATH_SUMS: &str = "path_sums";
 /// Measures of how far y departs from the assumptions of `lines`, over all channels; they need no ground truth.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct QualityMetrics {
-    /// The fraction of the 2 x 2 loops around which the wrapped differences do not sum to 0.
+    /// The fraction of the 2 x 2 loops around which the wrapped differences do not sum to 0. For gradient sums, the fraction of the
+    /// differences between green neighbours that contradict the counts.
     pub residues: f32,
     /// The fraction of the 2 x 2 loops whose wrapped mixed difference `|M_b(d_x d_y y)|` is above 3/8 of the peak
     /// (96 of 256).

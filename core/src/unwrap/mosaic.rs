@@ -1,27 +1,30 @@
 //! Unwraps colour mosaics with any method: green first, then red and blue against it.
 //!
+//! `auto` takes the gradient sums ([`green_sums`](super::green_sums)) for green, unless there is much noise or they contradict each other.
+//! Else, and for the other methods, green is unwrapped as follows.
+//!
 //! The green pixels form a square lattice that is turned by 45 degrees, with sides of sqrt(2) px. Along its rows and columns a
 //! method works on it as on any image. Both other colours go with them as channels, since a jump by one peak in one colour is
 //! hardly one in all three. At each green pixel, one of them is the mean of the neighbours to the left and right, and the other one is
 //! the mean of the neighbours above and below. The mean of two wrapped samples is right where they differ by less than half a peak.
-//!
-//! Red (or blue) is then unwrapped as its difference from the green around it. The difference changes little from one red pixel to the
-//! next, even where the scene does, so that `auto` can unwrap it at twice the distance.
 //!
 //! A result that is not trusted is improved by further passes, in which the other colours, as far as they are known by then, replace their
 //! wrapped means. The passes end when green no longer has fewer jumps than before.
 
 use ndarray::Array3;
 
-use super::auto::FEWEST_BITS;
+use super::auto::{FEWEST_BITS, STRONG_NOISE};
 use super::defects::Defects;
+use super::green_sums::{Doubts, FEW_CONTRADICTIONS, GreenSums};
 use super::offset::OffsetFinder;
+use super::other_colour::{OtherColour, OtherDoubts};
 use super::{
-    Auto, GradientTree, Integers, Options, Range, Recovered, Trust, TrustLimits, Unwrap, UnwrapError,
-    congruence, jumps, offset,
+    GRADIENT_SUMS, GradientTree, Integers, Options, QualityMetrics, Range, Recovered, Trust, TrustLimits,
+    Unwrap, UnwrapError, jumps, offset,
 };
 use crate::frame::Frame;
 use crate::mosaic::{GREEN, Mosaic, mirrored};
+use crate::workers::Workers;
 
 /// Pixels beyond the border of the image that belong to the lattice. Beyond them, its rows repeat their last pixel.
 const MARGIN: isize = 2;
@@ -30,25 +33,32 @@ const MARGIN: isize = 2;
 /// (20 KITTI frames, alpha 4, a lens of 1.4 px).
 const PASSES: usize = 4;
 
-/// Pixels of the mirror image around the image: the margin and the neighbours of its pixels.
-const PADDING: usize = MARGIN as usize + 1;
+/// With more than this share of contradictions, the gradient sums are not used: edges are too sharp for them.
+const MANY_CONTRADICTIONS: f64 = 6e-3;
 
 /// The largest share of the red (or blue) pixels that may lie outside the range: a hot one in a dark part may be seen as a little below 0.
 const MOST_OUTSIDE: f64 = 5e-5;
+
+/// The jumps of green and of the differences from it that a trusted result of gradient sums may have, over those of other results. Neighbours
+/// of one colour are farther apart here, and contradictions show wrong regions as well.
+const JUMPS_OF_SUMS: f64 = 20.0;
+
+/// Pixels of the mirror image around the image: the margin and the neighbours of its pixels.
+const PADDING: usize = MARGIN as usize + 1;
 
 /// A method that also takes mosaics.
 pub(super) struct MosaicUnwrap {
     method: Box<dyn Unwrap>,
     /// Whether the method says which results are to be trusted.
     judges: bool,
-    /// Unwraps the differences between the colours.
-    differences: Auto,
+    workers: Workers,
+    /// Unwrap green where there is little noise, and red and blue.
+    sums: GreenSums,
+    others: [OtherColour; 2],
     limits: TrustLimits,
     defects: Defects,
-    /// The results for the lattice and for the differences, as buffers.
+    /// The result for the lattice, as a buffer.
     green: Recovered,
-    difference: Recovered,
-    levels: Vec<usize>,
     /// The result of a further pass.
     next: Recovered,
     offset: OffsetFinder,
@@ -60,15 +70,17 @@ impl MosaicUnwrap {
     /// # Errors
     /// [`UnwrapError::Workers`] when the threads are not available.
     pub fn new(method: Box<dyn Unwrap>, judges: bool, options: &Options) -> Result<Self, UnwrapError> {
+        // The two colours share the threads.
+        let other = || OtherColour::new(&Options { threads: options.threads.div_ceil(2), ..*options });
         Ok(Self {
             method,
             judges,
-            differences: Auto::of_differences(options)?,
+            workers: Workers::new(options.threads.min(2))?,
+            sums: GreenSums::new(options.threads)?,
+            others: [other()?, other()?],
             limits: options.trust,
             defects: Defects::default(),
             green: Recovered::default(),
-            difference: Recovered::default(),
-            levels: Vec::new(),
             next: Recovered::default(),
             offset: OffsetFinder::new(options.successive),
         })
@@ -89,23 +101,16 @@ impl MosaicUnwrap {
         out.report = self.green.report;
         // Beyond the margin nothing is steep, which must not make an image look flatter than it is.
         let inside = (image.height * image.width / 2) as f32 / (lattice.rows * lattice.columns) as f32;
-        let jumps = jumps::share_of_green(&out.x, lattice.parity.cast_unsigned(), range);
+        let jumps = jumps::share_of_green(&out.x, image.parity(), range);
         if let Some(quality) = &mut out.report.quality {
             quality.steep /= inside;
             quality.residues /= inside;
             quality.jumps = jumps;
         }
         let mut trust = self.trust_in_green(jumps, range);
-        let green = padded(
-            out.x.as_slice().expect("prepare has made the layout standard"),
-            image.height,
-            image.width,
-        );
-        let (red_row, red_column) = image.mosaic.red();
-        for place in [(red_row, red_column), (1 - red_row, 1 - red_column)] {
-            if !self.unwrap_against_green(image, &green, place, range, out)? {
-                trust = Trust::Untrusted;
-            }
+        let others = self.unwrap_others(image, range, out)?;
+        if others.iter().any(|other| other.outside > MOST_OUTSIDE || other.trust != Trust::Trusted) {
+            trust = Trust::Untrusted;
         }
         if self.judges {
             out.report.trust = trust;
@@ -128,43 +133,44 @@ impl MosaicUnwrap {
         }
     }
 
-    /// Unwraps the pixels at one place of the 2 x 2 pixels; returns whether nothing contradicts the result.
-    fn unwrap_against_green(
+    /// Unwraps an image with little noise by gradient sums. Returns the share of contradictions; with many of them, red and blue are left out.
+    fn sum(&mut self, image: &MosaicImage, range: Range, out: &mut Recovered) -> Result<f64, UnwrapError> {
+        let Doubts { contradictions, outside } = self.sums.unwrap(image, range, out);
+        if contradictions > MANY_CONTRADICTIONS {
+            return Ok(contradictions);
+        }
+        let jumps = jumps::share_of_green(&out.x, image.parity(), range);
+        let others = self.unwrap_others(image, range, out)?;
+        let is_sound = range.bits() >= FEWEST_BITS
+            && contradictions <= FEW_CONTRADICTIONS
+            && outside <= MOST_OUTSIDE
+            && f64::from(jumps) <= JUMPS_OF_SUMS * self.limits.jumps
+            && others.iter().all(|other| {
+                other.outside <= MOST_OUTSIDE && other.jumps <= JUMPS_OF_SUMS * self.limits.jumps
+            });
+        out.report.method = GRADIENT_SUMS;
+        out.report.trust = if is_sound { offset::trust_of_mosaic(out, range) } else { Trust::Untrusted };
+        let (residues, clamped) = (contradictions as f32, outside as f32);
+        out.report.quality = Some(QualityMetrics { residues, clamped, jumps, ..QualityMetrics::default() });
+        Ok(contradictions)
+    }
+
+    /// Unwraps red and blue beside green in `out`; returns what speaks against the results.
+    fn unwrap_others(
         &mut self,
         image: &MosaicImage,
-        green: &[f32],
-        (row, column): (usize, usize),
         range: Range,
         out: &mut Recovered,
-    ) -> Result<bool, UnwrapError> {
-        let MosaicImage { height, width, .. } = *image;
-        let dim = ((height - row).div_ceil(2), (width - column).div_ceil(2), 1);
-        let (mask, soft) = ((1 << range.bits()) - 1, range.peak() / 16.0);
-        let expected = Array3::from_shape_fn(dim, |(i, j, _)| {
-            green_between(green, image.padded_index(2 * i + row, 2 * j + column), image.padded_width(), soft)
+    ) -> Result<[OtherDoubts; 2], UnwrapError> {
+        let (row, column) = image.mosaic.red();
+        let places = [(row, column), (1 - row, 1 - column)];
+        let x = out.x.as_slice().expect("prepare has made the layout standard");
+        let mut done = [Ok(()), Ok(())];
+        self.workers.each_chunk((&mut self.others, &mut done), 1, |at, other, done| {
+            done[0] = other[0].find(image, x, places[at], range);
         });
-        // Whole numbers from here on, so that each count follows without rounding.
-        let code = |i: usize, j: usize| i32::from(image.codes[(2 * i + row) * width + 2 * j + column]);
-        let wrapped =
-            Array3::from_shape_fn(dim, |(i, j, _)| ((code(i, j) - expected[(i, j, 0)]) & mask) as u16);
-        self.differences.unwrap(&frame(wrapped, range), range.of_differences(), &mut self.difference)?;
-        // A difference is known up to a multiple of the peak, and so are these counts.
-        let differences = self.difference.x.indexed_iter();
-        let k: Vec<i32> = differences
-            .map(|((i, j, _), &x)| (x as i32 + expected[(i, j, 0)] - code(i, j)) >> range.bits())
-            .collect();
-        let most = i32::from(range.max_wraps());
-        let zero = congruence::base_level(&k, range, &mut self.levels);
-        let mut outside = 0;
-        for ((i, j, _), k) in ndarray::indices(dim).into_iter().zip(k) {
-            let count = k.saturating_sub(zero);
-            outside += usize::from(!(0..=most).contains(&count));
-            let at = (2 * i + row, 2 * j + column, 0);
-            out.k[at] = count.clamp(0, most) as u8;
-            out.x[at] = code(i, j) as f32 + f32::from(out.k[at]) * range.peak();
-        }
-        let few = outside as f64 <= MOST_OUTSIDE * (dim.0 * dim.1) as f64;
-        Ok(few && self.difference.report.trust == Trust::Trusted)
+        done.into_iter().collect::<Result<(), _>>()?;
+        Ok([0, 1].map(|at| self.others[at].write(image, places[at], range, out)))
     }
 }
 
@@ -220,6 +226,12 @@ impl MosaicUnwrap {
     ) -> Result<(), UnwrapError> {
         let dim = (image.height, image.width, 1);
         out.prepare(dim, self.name());
+        if self.judges
+            && self.sums.read(image, range) <= STRONG_NOISE
+            && self.sum(image, range, out)? <= MANY_CONTRADICTIONS
+        {
+            return Ok(());
+        }
         let mut jumps = self.pass(image, &Others::wrapped(image, range), range, out)?;
         for _ in 1..PASSES {
             if [Trust::Trusted, Trust::Relative].contains(&out.report.trust) {
@@ -244,11 +256,11 @@ impl MosaicUnwrap {
 }
 
 /// The codes of a mosaic image, row-major.
-struct MosaicImage {
-    codes: Vec<u16>,
-    height: usize,
-    width: usize,
-    mosaic: Mosaic,
+pub(super) struct MosaicImage {
+    pub codes: Vec<u16>,
+    pub height: usize,
+    pub width: usize,
+    pub mosaic: Mosaic,
 }
 
 impl MosaicImage {
@@ -261,14 +273,38 @@ impl MosaicImage {
         Self { codes, height: y.height(), width: y.width(), mosaic }
     }
 
+    /// Writes counts to every second pixel of a row from (row, column) on; returns how many were out of range.
+    pub(super) fn write_row(
+        &self,
+        (row, first): (usize, usize),
+        counts: impl Iterator<Item = i32>,
+        range: Range,
+        out: &mut Recovered,
+    ) -> usize {
+        let (from, most, peak) = (row * self.width, i32::from(range.max_wraps()), range.peak());
+        let (x, k) = out.buffers();
+        let codes = &self.codes[from..][..self.width];
+        let (x, k) = (&mut x[from..][..self.width], &mut k[from..][..self.width]);
+        let mut outside = 0;
+        for (column, count) in (first..self.width).step_by(2).zip(counts) {
+            let inside = count.clamp(0, most);
+            outside += usize::from(inside != count);
+            k[column] = inside as u8;
+            x[column] = f32::from(codes[column]) + inside as f32 * peak;
+        }
+        outside
+    }
+
+    /// Returns the sum of row and column of the green pixels, modulo 2.
+    fn parity(&self) -> usize {
+        let (row, column) = self.mosaic.red();
+        // Beside red there is green.
+        (row + column + 1) % 2
+    }
+
     /// Returns the width of the image with its mirror image around it.
     fn padded_width(&self) -> usize {
         self.width + 2 * PADDING
-    }
-
-    /// Returns the index of a pixel in the image with its mirror image around it.
-    fn padded_index(&self, row: usize, column: usize) -> usize {
-        (row + PADDING) * self.padded_width() + column + PADDING
     }
 }
 
@@ -279,16 +315,6 @@ fn padded<T: Copy>(image: &[T], height: usize, width: usize) -> Vec<T> {
     };
     let columns: Vec<usize> = around(width).collect();
     around(height).flat_map(|row| columns.iter().map(move |&column| image[row * width + column])).collect()
-}
-
-/// Returns green, rounded, at a pixel of another colour: the mean of its neighbours, with more weight on the two opposite ones
-/// that agree.
-fn green_between(green: &[f32], at: usize, width: usize, soft: f32) -> i32 {
-    let (left, right, above, below) = (green[at - 1], green[at + 1], green[at - width], green[at + width]);
-    let weight = |a: f32, b: f32| ((a - b).abs() + soft).powi(-2);
-    let (along, across) = (weight(left, right), weight(above, below));
-    let mean = (along * (left + right) + across * (above + below)) / (2.0 * (along + across));
-    (mean + 0.5) as i32
 }
 
 /// The wrapped samples of the other colours at each pixel with the mirror image around it, of which only those at green pixels
@@ -349,9 +375,7 @@ struct Lattice {
 impl Lattice {
     fn new(image: &MosaicImage) -> Self {
         let [height, width] = [image.height, image.width].map(usize::cast_signed);
-        let (red_row, red_column) = image.mosaic.red();
-        // Beside red there is green.
-        let parity = ((red_row + red_column + 1) % 2).cast_signed();
+        let parity = image.parity().cast_signed();
         let first = -((height - 1 + parity) / 2);
         let last = (width - 1 - parity).div_euclid(2);
         let columns = ((height + width - 2 - parity) / 2 + 1).cast_unsigned();
@@ -401,7 +425,7 @@ impl Lattice {
 }
 
 /// Returns codes of 8 bits where they fit, which methods unwrap faster.
-fn frame(codes: Array3<u16>, range: Range) -> Frame {
+pub(super) fn frame(codes: Array3<u16>, range: Range) -> Frame {
     let frame = if range.bits() <= 8 {
         Frame::from_u8(codes.mapv(|code| code as u8))
     } else {

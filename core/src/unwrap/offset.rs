@@ -93,6 +93,24 @@ pub(super) fn trust(out: &Recovered, range: Range) -> Trust {
     if is_evident { Trust::Trusted } else { Trust::Relative }
 }
 
+/// Returns the trust in the mosaic `out`, whose counts agree with each other, by the range of each of its colours alone, as [`trust`] does.
+pub(super) fn trust_of_mosaic(out: &Recovered, range: Range) -> Trust {
+    let (height, width, _) = out.x.dim();
+    if range.max_wraps() == 0 {
+        return Trust::Trusted;
+    }
+    if height.min(width) < SHORTEST_SIDE {
+        return Trust::Untrusted;
+    }
+    let limit = (range.limit() / LEAST_ALPHA) as f32 - range.peak();
+    let is_evident = groups(1, true).all(|group| {
+        let x = group.of(&out.x);
+        let most = BRIGHT * x.len() as f64;
+        x.iter().filter(|&&x| x >= limit).take(most as usize + 1).count() as f64 > most
+    });
+    if is_evident { Trust::Trusted } else { Trust::Relative }
+}
+
 /// Finds evidence for results whose range shows none.
 #[derive(Default)]
 pub(super) struct OffsetFinder {

@@ -1,0 +1,111 @@
+//! Unwraps red or blue of a mosaic as its difference from the green around it.
+//!
+//! The difference changes little from one red pixel to the next, even where the scene does, so that `auto` can unwrap it at twice the
+//! distance.
+
+use ndarray::Array3;
+
+use super::mosaic::{MosaicImage, frame};
+use super::{Auto, Options, Range, Recovered, Report, Trust, Unwrap, UnwrapError, congruence};
+use crate::mosaic::mirrored;
+
+/// What speaks against a result.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct OtherDoubts {
+    /// The share of the pixels whose counts were out of range.
+    pub outside: f64,
+    /// The second differences of the difference from green above one peak, per pixel.
+    pub jumps: f64,
+    /// The trust of `auto` in this difference.
+    pub trust: Trust,
+}
+
+/// The method with its buffers.
+pub(super) struct OtherColour {
+    auto: Auto,
+    /// Green at the pixels of the colour, rounded.
+    green: Vec<i32>,
+    difference: Recovered,
+    counts: Vec<i32>,
+    levels: Vec<usize>,
+}
+
+impl OtherColour {
+    /// Makes the method.
+    ///
+    /// # Errors
+    /// The errors of [`Auto::new`].
+    pub fn new(options: &Options) -> Result<Self, UnwrapError> {
+        let (auto, difference) = (Auto::of_differences(options)?, Recovered::default());
+        Ok(Self { auto, green: Vec::new(), difference, counts: Vec::new(), levels: Vec::new() })
+    }
+
+    /// Finds the counts at the pixels of one place in the 2 x 2 pixels, up to a constant, beside green in `x`, an image of the size of
+    /// `image`.
+    ///
+    /// # Errors
+    /// None: the codes are those of the range.
+    pub fn find(
+        &mut self,
+        image: &MosaicImage,
+        x: &[f32],
+        (first, column): (usize, usize),
+        range: Range,
+    ) -> Result<(), UnwrapError> {
+        let MosaicImage { height, width, .. } = *image;
+        let (mask, soft) = ((1 << range.bits()) - 1, range.peak() / 16.0);
+        self.green.clear();
+        for row in (first..height).step_by(2) {
+            let line = |row: usize| &x[row * width..][..width];
+            let [above, below] = [-1, 1].map(|down| line(mirrored(row.cast_signed() + down, height)));
+            let here = line(row);
+            self.green.extend((column..width).step_by(2).map(|column| {
+                let [left, right] = [-1, 1].map(|right| here[mirrored(column.cast_signed() + right, width)]);
+                green_between([left, right, above[column], below[column]], soft)
+            }));
+        }
+        // Whole numbers from here on, so that each count follows without rounding.
+        let codes = (first..height)
+            .step_by(2)
+            .flat_map(|row| image.codes[row * width..][..width][column..].iter().step_by(2))
+            .map(|&code| i32::from(code));
+        let wrapped = codes.clone().zip(&self.green).map(|(code, green)| ((code - green) & mask) as u16);
+        let dim = ((height - first).div_ceil(2), (width - column).div_ceil(2), 1);
+        let wrapped = Array3::from_shape_vec(dim, wrapped.collect()).expect("one difference for each pixel");
+        self.auto.unwrap(&frame(wrapped, range), range.of_differences(), &mut self.difference)?;
+        // A difference is known up to a multiple of the peak, and so are these counts.
+        let known = self.difference.x.iter().zip(&self.green).zip(codes);
+        self.counts.clear();
+        self.counts.extend(known.map(|((&x, green), code)| (x as i32 + green - code) >> range.bits()));
+        Ok(())
+    }
+
+    /// Writes the counts that were found to `out`; returns what speaks against them.
+    pub fn write(
+        &mut self,
+        image: &MosaicImage,
+        (first, column): (usize, usize),
+        range: Range,
+        out: &mut Recovered,
+    ) -> OtherDoubts {
+        let zero = congruence::base_level(&self.counts, range, &mut self.levels);
+        let mut outside = 0;
+        let rows = self.counts.chunks_exact((image.width - column).div_ceil(2));
+        for (counts, row) in rows.zip((first..).step_by(2)) {
+            let counts = counts.iter().map(|count| count.saturating_sub(zero));
+            outside += image.write_row((row, column), counts, range, out);
+        }
+        let Report { quality, trust, .. } = self.difference.report;
+        let jumps = quality.map_or(0.0, |quality| quality.jumps).into();
+        OtherDoubts { outside: outside as f64 / self.counts.len() as f64, jumps, trust }
+    }
+}
+
+/// Returns green, rounded, at a pixel of another colour from its neighbours to the left and right, above and below: their mean, with
+/// more weight on the two opposite ones that agree.
+fn green_between([left, right, above, below]: [f32; 4], soft: f32) -> i32 {
+    let weight = |a: f32, b: f32| ((a - b).abs() + soft).powi(-2);
+    let (along, across) = (weight(left, right), weight(above, below));
+    let mean = (along * (left + right) + across * (above + below)) / (2.0 * (along + across));
+    (mean + 0.5) as i32
+}
