@@ -8,6 +8,8 @@ mod command;
 
 use std::process::ExitCode;
 
+use modulo_runtime::secret::without_secrets;
+
 /// Version of the suite.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 /// Version, commit, target and inference engines of this binary.
@@ -52,7 +54,7 @@ fn main() -> ExitCode {
 }
 
 fn fail(code: u8, why: &anyhow::Error) -> ExitCode {
-    eprintln!("modulo: {}", told(why));
+    eprintln!("modulo: {}", without_secrets(&told(why)));
     ExitCode::from(code)
 }
 

@@ -13,6 +13,7 @@ use std::time::Duration;
 
 use modulo_runtime::NodeName;
 use modulo_runtime::parameter::file as parameter_file;
+use modulo_runtime::secret::without_secrets;
 use serde::Serialize;
 
 use crate::LaunchError;
@@ -260,15 +261,18 @@ impl fmt::Display for NodePlan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = self.fully_qualified().unwrap_or_else(|| format!("{} (its own name)", self.namespace));
         writeln!(f, "node {name}: {}/{}", self.package, self.executable)?;
-        self.shared_parameters.iter().try_for_each(|(name, value)| writeln!(f, "  {name} = {value}"))?;
+        let shown = |value: &dyn fmt::Display| without_secrets(&value.to_string()).into_owned();
+        self.shared_parameters
+            .iter()
+            .try_for_each(|(name, value)| writeln!(f, "  {name} = {}", shown(value)))?;
         self.parameters.iter().try_for_each(|parameter| match parameter {
             NodeParameter::File(file) => writeln!(f, "  params {}", file.display()),
-            NodeParameter::Value(name, value) => writeln!(f, "  {name} = {value}"),
+            NodeParameter::Value(name, value) => writeln!(f, "  {name} = {}", shown(value)),
         })?;
         self.remaps.iter().try_for_each(|(from, to)| writeln!(f, "  {from} -> {to}"))?;
         for (what, arguments) in [("args", &self.args), ("ros_args", &self.ros_args)] {
             if !arguments.is_empty() {
-                writeln!(f, "  {what} {}", arguments.join(" "))?;
+                writeln!(f, "  {what} {}", shown(&arguments.join(" ")))?;
             }
         }
         self.process.fmt(f)

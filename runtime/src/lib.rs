@@ -14,6 +14,7 @@ pub mod output;
 pub mod parameter;
 pub mod report;
 pub mod ros_args;
+pub mod secret;
 pub mod stop;
 pub mod topic;
 pub mod trace;

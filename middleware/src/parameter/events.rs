@@ -5,7 +5,7 @@ use std::sync::Arc;
 use modulo_msgs::rcl_interfaces::{Parameter, ParameterEvent};
 use modulo_msgs::std_msgs::Time;
 use modulo_runtime::parameter::ros::to_ros;
-use modulo_runtime::{Address, Message, MessageKind, NodeName, Parameters, Topic};
+use modulo_runtime::{Address, Message, MessageKind, NodeName, Parameters, Topic, Value};
 
 use crate::driver::RunError;
 use crate::transport::{Publisher, Transport};
@@ -54,7 +54,7 @@ impl ParameterEvents {
 }
 
 fn parameter(set: &Parameters, name: &str) -> Parameter {
-    Parameter { name: name.to_owned(), value: to_ros(set.get(name)) }
+    Parameter { name: name.to_owned(), value: to_ros(set.get(name).map(Value::without_secrets).as_ref()) }
 }
 
 #[cfg(test)]
@@ -65,7 +65,7 @@ mod tests {
     use crate::sample::Set;
     use crate::transport::Incoming;
     use crate::transport::local::LocalTransport;
-    use modulo_runtime::{ParameterSet as _, Value};
+    use modulo_runtime::ParameterSet as _;
 
     #[test]
     fn starts_and_changes_are_told_and_nothing_else() {

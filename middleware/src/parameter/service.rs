@@ -54,7 +54,8 @@ impl Service {
             }),
             Self::GetParameters => respond(request, |GetParametersRequest { names }| {
                 let set = (port.read)();
-                GetParametersResponse { values: names.iter().map(|n| to_ros(set.get(n))).collect() }
+                let value = |name: &String| to_ros(set.get(name).map(Value::without_secrets).as_ref());
+                GetParametersResponse { values: names.iter().map(value).collect() }
             }),
             Self::ListParameters => respond(request, |ListParametersRequest { prefixes, .. }| {
                 let set = (port.read)();

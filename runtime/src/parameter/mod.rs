@@ -15,6 +15,8 @@ use std::fmt;
 pub use typed::ParameterSet;
 pub use value::Value;
 
+use crate::secret::without_secrets;
+
 /// Likeness in `[0, 1]` from which on a name is taken for a misspelling of another one.
 const NEAR: f64 = 0.6;
 
@@ -69,9 +71,10 @@ pub struct ParameterError {
 }
 
 impl ParameterError {
-    /// Creates a refusal of `value` for `name`.
+    /// Creates a refusal of `value` for `name`, without a password that a URL in it has.
     pub fn new(name: impl Into<String>, value: impl fmt::Display, why: impl Into<String>) -> Self {
-        Self { name: name.into(), value: value.to_string(), why: why.into() }
+        let [value, why] = [value.to_string(), why.into()].map(|text| without_secrets(&text).into_owned());
+        Self { name: name.into(), value, why }
     }
 }
 
@@ -161,8 +164,12 @@ impl Parameters {
         let mut next = self.clone();
         for (name, value) in changes {
             let descriptor = self.descriptor(name).ok_or_else(|| self.unknown(name, value))?;
-            let accepted = descriptor.accept(value.clone())?;
-            // The value that it has is no change: a node takes back its own `ros2 param dump`.
+            let mut accepted = descriptor.accept(value.clone())?;
+            // A node takes back its own `ros2 param dump`, in which passwords are hidden.
+            if let Some(own) = self.get(name).filter(|own| own.without_secrets() == accepted) {
+                accepted = own.clone();
+            }
+            // The value that it has is no change.
             if started && descriptor.read_only && self.get(name) != Some(&accepted) {
                 let why = "is read-only: set it when the node is started";
                 return Err(ParameterError::new(name, value, why));
@@ -307,6 +314,20 @@ mod tests {
         assert_eq!(said.matches("did you mean").count(), 1, "{said}");
         assert_eq!(set().ignored(&[]), None);
         assert!(text("agnle", "2").expect_err("unknown").to_string().contains("did you mean 'angle'?"));
+    }
+
+    #[test]
+    fn passwords_are_not_shown_and_stay() {
+        let camera = "rtsp://admin:s3cret@cam/1";
+        let set = text("model", camera).expect("a text");
+        let why = set
+            .with(&[("model".into(), Value::String("rtsp://admin:other@cam".into()))], true)
+            .expect_err("fixed");
+        assert!(!why.to_string().contains("other") && why.to_string().contains("@cam"), "{why}");
+        let dumped = set.get("model").expect("declared").without_secrets();
+        assert_eq!(dumped, Value::String("rtsp://***@cam/1".into()));
+        let same = set.with(&[("model".into(), dumped)], true).expect("no change");
+        assert_eq!(same.get("model"), Some(&Value::String(camera.into())));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! [`Value`]: a parameter's value, and its text on command lines and in YAML.
 
+use crate::secret::without_secrets;
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
@@ -45,6 +46,14 @@ impl fmt::Display for Value {
 }
 
 impl Value {
+    /// Returns the value as it may be shown: without the passwords of URLs.
+    pub fn without_secrets(&self) -> Self {
+        match self {
+            Self::String(text) => Self::String(without_secrets(text).into_owned()),
+            other => other.clone(),
+        }
+    }
+
     /// Returns the type's name as ROS 2 writes it.
     pub fn type_name(&self) -> &'static str {
         match self {
