@@ -10,11 +10,12 @@ use serde_json::Value;
 use crate::harness::{Bench, data, text};
 
 /// Crates from the top floor down; those on one floor do not know each other.
-const FLOORS: [&[&str]; 8] = [
+const FLOORS: [&[&str]; 9] = [
     &["modulo"],
     &["modulo-launch", "modulo-eval", "modulo-bench"],
     &["modulo-camera", "modulo-unwrap", "modulo-detector", "modulo-viewer", "modulo-bags-live", "modulo-ap"],
     &["modulo-bags", "modulo-middleware"],
+    &["modulo-video"],
     &["modulo-runtime"],
     &["modulo-msgs"],
     &["modulo-images", "modulo-scene"],

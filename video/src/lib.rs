@@ -1,0 +1,66 @@
+//! Videos and live cameras to frames, and frames to videos, by the programs `ffmpeg` and `ffprobe` of the system.
+//!
+//! Both run as processes of their own, and frames pass through a pipe. They are given one input, the protocols and the containers
+//! that this input may have, and no playlist, so that no file can make them read another one.
+
+mod address;
+mod encode;
+mod file;
+mod live;
+mod pam;
+mod program;
+
+use std::fmt;
+
+use modulo_core::{Frame, Transfer};
+use modulo_images::{ImageError, White};
+use ndarray::Array3;
+
+pub use address::{LiveAddress, VideoAddress};
+pub use encode::Encoder;
+pub use file::{VideoFile, VideoFrame};
+pub use live::{LiveCounts, LiveFrame, LiveVideo};
+pub use program::version;
+
+/// The pixels of a frame of a video.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pixels {
+    /// Three channels; codes of 8 bits, or of `bits` bits in 16.
+    pub frame: Frame,
+    /// Bits of a sample, 8 to 16.
+    pub bits: u32,
+}
+
+impl Pixels {
+    /// Returns the radiance, `H x W x 3`, as a fraction of the peak in `[0, 1)`. As in images of 8 bits, the largest code stands for full scale
+    /// and all beyond it. `origin` is the name of the frame in errors.
+    ///
+    /// # Errors
+    /// [`ImageError`] as [`White::radiance`] has it, which gives none for integers of a known full scale.
+    pub fn radiance(&self, transfer: Transfer, origin: impl fmt::Display) -> Result<Array3<f32>, ImageError> {
+        let white = if self.frame.depth() == 8 { 0.0 } else { ((1_u32 << self.bits) - 1) as f32 };
+        White::new(white, transfer)?.radiance(&self.frame, origin)
+    }
+}
+
+/// Error: a video cannot be read or written. The message never holds a password.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum VideoError {
+    /// The programs are not there.
+    #[error(
+        "{0} needs the programs ffmpeg and ffprobe, which are not found ({1}); install them, such as by: apt install ffmpeg"
+    )]
+    NoProgram(String, String),
+    /// The address of a video cannot be one.
+    #[error("{0}: {1}")]
+    Address(String, &'static str),
+    /// The video cannot be read or written; with its name and the reason.
+    #[error("{0}: {1}")]
+    Failed(String, String),
+}
+
+impl VideoError {
+    fn failed(name: impl fmt::Display, why: impl fmt::Display) -> Self {
+        Self::Failed(name.to_string(), why.to_string())
+    }
+}

@@ -1,0 +1,299 @@
+//! [`Decoding`]: ffmpeg while it decodes a video, with what it says about each frame. [`version`]: whether the programs are there.
+
+use std::ffi::OsStr;
+use std::io::{BufRead, BufReader, Read};
+use std::os::unix::process::{CommandExt as _, ExitStatusExt as _};
+use std::process::{Child, ChildStderr, ChildStdout, Command, Stdio};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use modulo_core::Frame;
+use modulo_runtime::secret::without_secrets;
+
+use crate::{VideoError, pam};
+
+/// What is said about frames that are not read yet. ffmpeg is only a few frames ahead, since frames go through a pipe.
+const AHEAD: usize = 1024;
+/// What is said about a frame comes before it, but through another pipe.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// Longer lines of the programs are cut.
+const LONGEST_LINE: u64 = 4096;
+
+/// Returns the version of ffmpeg, such as `5.1.9`.
+///
+/// # Errors
+/// The reason why ffmpeg or ffprobe cannot be started.
+pub fn version() -> Result<String, String> {
+    let mut versions = ["ffprobe", "ffmpeg"].into_iter().map(|program| {
+        let output = command(program).arg("-version").output().map_err(|why| format!("{program}: {why}"))?;
+        let text = String::from_utf8_lossy(&output.stdout);
+        let version = text.split_whitespace().nth(2).filter(|_| output.status.success());
+        version.map(str::to_owned).ok_or_else(|| format!("{program} -version: {}", output.status))
+    });
+    // Both are needed; those of one installation have the same version.
+    versions.try_fold(String::new(), |_, version| version)
+}
+
+/// Returns the option that passes each frame on once. Its name was another one before version 5.1.
+pub(crate) fn frame_options(version: &str) -> [&'static str; 2] {
+    let mut parts = version.split(|c: char| !c.is_ascii_digit()).map(str::parse::<u32>);
+    let is_old =
+        matches!((parts.next(), parts.next()), (Some(Ok(major)), Some(Ok(minor))) if (major, minor) < (5, 1));
+    [if is_old { "-vsync" } else { "-fps_mode" }, "passthrough"]
+}
+
+/// Returns the version for a video called `name`.
+///
+/// # Errors
+/// [`VideoError::NoProgram`].
+pub(crate) fn needed_version(name: impl std::fmt::Display) -> Result<String, VideoError> {
+    version().map_err(|why| VideoError::NoProgram(name.to_string(), why))
+}
+
+/// Returns a command of ffmpeg that reads no terminal, writes no file by itself, and gets no signal of a terminal.
+pub(crate) fn command(program: &str) -> Command {
+    let mut command = Command::new(program);
+    // A report that the environment asks for would hold the whole command line, with the password of a camera.
+    command.env_remove("FFREPORT").env("AV_LOG_FORCE_NOCOLOR", "1");
+    command.stdin(Stdio::null()).process_group(0);
+    command
+}
+
+/// What ffmpeg says about a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct FrameInfo {
+    /// Time of presentation in ns, on the time base of the container.
+    pub pts_ns: Option<i64>,
+    /// Bits of a sample before ffmpeg has made 8 or 16 of them.
+    pub bits: u32,
+}
+
+/// The errors that a program has told.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Told {
+    /// The first one; later ones often follow from it.
+    pub first: Option<String>,
+    /// Their number.
+    pub count: u64,
+}
+
+impl Told {
+    /// Takes a line of a program at the log level `level+...`.
+    pub fn take(&mut self, line: &str) {
+        // Only a name such as `[h264 @ 0x5581]` may stand before the level.
+        let said =
+            if line.contains(" @ 0x") { line.split_once("] ").map_or("", |(_, said)| said) } else { line };
+        let Some(said) = said.strip_prefix("[error] ").or_else(|| said.strip_prefix("[fatal] ")) else {
+            return;
+        };
+        self.first.get_or_insert_with(|| without_secrets(said.trim()).into_owned());
+        self.count += 1;
+    }
+}
+
+/// A running ffmpeg that decodes. It is killed when this is dropped.
+pub(crate) struct Decoding {
+    child: Arc<Mutex<Child>>,
+    frames: BufReader<ChildStdout>,
+    infos: Receiver<FrameInfo>,
+    told: Option<JoinHandle<Told>>,
+}
+
+impl Decoding {
+    /// Starts to decode the first video stream of `input`, which is the options of ffmpeg for it. Each frame passes the filter
+    /// `first`, such as `null`.
+    pub fn start<S: AsRef<OsStr>>(input: &[S], first: &str, version: &str) -> std::io::Result<Self> {
+        // Three channels for grey videos as well, since ffmpeg changes their range only together with the number of channels.
+        // With a scaler of its own ffmpeg puts none before `showinfo`, which then tells the format of the video.
+        let filters = format!("{first},showinfo=checksum=0,scale=flags=bicubic,format=rgb24|rgb48be");
+        let mut child = command("ffmpeg")
+            .args(["-nostdin", "-hide_banner", "-nostats", "-loglevel", "level+info"])
+            .args(input)
+            // `V`: a picture on the cover of a song is no video.
+            .args(["-map", "0:V:0", "-vf", &filters])
+            .args(frame_options(version))
+            .args(["-c:v", "pam", "-f", "image2pipe", "pipe:1"])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()?;
+        let frames = BufReader::new(child.stdout.take().expect("it is piped"));
+        let lines = child.stderr.take().expect("it is piped");
+        let (sender, infos) = sync_channel(AHEAD);
+        let told = std::thread::spawn(move || listen(lines, &sender));
+        Ok(Self { child: Arc::new(Mutex::new(child)), frames, infos, told: Some(told) })
+    }
+
+    /// Returns the process, for somebody who may have to end it.
+    pub fn child(&self) -> Arc<Mutex<Child>> {
+        self.child.clone()
+    }
+
+    /// Returns the next frame; `None` at the end. The error is that of a stream that breaks off.
+    pub fn next(&mut self) -> std::io::Result<Option<(Frame, FrameInfo)>> {
+        let mut info = FrameInfo::default();
+        let bits = || {
+            info = self.infos.recv_timeout(PATIENCE).unwrap_or_default();
+            info.bits
+        };
+        match pam::read(&mut self.frames, bits) {
+            Ok(frame) => Ok(frame.map(|frame| (frame, info))),
+            Err(why) => {
+                // What goes on behind something that is no frame would wait for a reader.
+                kill(&self.child);
+                Err(why)
+            }
+        }
+    }
+
+    /// Returns what the process told, and the signal that ended it if one did; for a process whose frames are over.
+    pub fn end(mut self) -> (Told, Option<i32>) {
+        // Nobody waits for a place in the channel any more.
+        self.infos = sync_channel(0).1;
+        let told = self.told.take().and_then(|told| told.join().ok()).unwrap_or_default();
+        let status = self.child.lock().unwrap_or_else(PoisonError::into_inner).wait();
+        (told, status.ok().and_then(|status| status.signal()))
+    }
+}
+
+impl Drop for Decoding {
+    fn drop(&mut self) {
+        kill(&self.child);
+    }
+}
+
+/// Ends a process, if it has not ended.
+pub(crate) fn kill(child: &Mutex<Child>) {
+    let mut child = child.lock().unwrap_or_else(PoisonError::into_inner);
+    // Both fail only for a process that has ended.
+    let _ = child.kill();
+    let _ = child.wait();
+}
+
+/// Reads what ffmpeg says until it ends.
+fn listen(lines: ChildStderr, infos: &SyncSender<FrameInfo>) -> Told {
+    let (mut lines, mut told, mut base) = (BufReader::new(lines), Told::default(), TimeBase(1, 1));
+    while let Some(line) = next_line(&mut lines) {
+        let said = line.starts_with("[Parsed_showinfo_").then(|| line.split_once("] [info] ")).flatten();
+        match said {
+            Some((_, said)) if said.starts_with("config in time_base:") => {
+                base = time_base(said).unwrap_or(base)
+            }
+            // A reader that is gone needs no more.
+            Some((_, said)) if said.starts_with("n:") => drop(infos.send(frame_info(said, base))),
+            Some(_) => {}
+            None => told.take(&line),
+        }
+    }
+    told
+}
+
+/// Reads a line; a long one in parts. `None` at the end.
+pub(crate) fn next_line(lines: &mut impl BufRead) -> Option<String> {
+    let mut line = Vec::new();
+    let read = lines.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line).ok()?;
+    (read > 0).then(|| String::from_utf8_lossy(&line).trim_end().to_owned())
+}
+
+/// A time base in seconds: the numerator and the denominator, both above 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct TimeBase(i32, i32);
+
+impl TimeBase {
+    /// Reads `1/12800`.
+    pub fn parse(text: &str) -> Option<Self> {
+        let (numerator, denominator) = text.split_once('/')?;
+        let base = Self(numerator.trim().parse().ok()?, denominator.trim().parse().ok()?);
+        (base.0 > 0 && base.1 > 0).then_some(base)
+    }
+
+    /// Returns a time in ns; `None` for one that is too far away.
+    pub fn ns(self, time: i64) -> Option<i64> {
+        let ns = i128::from(time) * 1_000_000_000 * i128::from(self.0) / i128::from(self.1);
+        i64::try_from(ns).ok()
+    }
+}
+
+/// Reads `config in time_base: 1/12800, frame_rate: 25/1`.
+fn time_base(said: &str) -> Option<TimeBase> {
+    TimeBase::parse(said.split_once("time_base:")?.1.split(',').next()?)
+}
+
+/// Reads `n:   0 pts:    300 pts_time:0.3 ... fmt:yuv420p10le ...`, with blanks behind the colons.
+fn frame_info(said: &str, base: TimeBase) -> FrameInfo {
+    let value = |key: &str| said.split_once(key)?.1.split_whitespace().next();
+    let pts = value(" pts:").and_then(|pts| pts.parse().ok());
+    FrameInfo { pts_ns: pts.and_then(|pts| base.ns(pts)), bits: value(" fmt:").map_or(8, bits_of) }
+}
+
+/// Returns the bits of a sample in a pixel format of ffmpeg, such as 10 for `yuv420p10le`. Formats of more than 8 bits end with the
+/// order of their bytes, behind a number that ends with the bits.
+fn bits_of(format: &str) -> u32 {
+    let Some(name) = format.strip_suffix("le").or_else(|| format.strip_suffix("be")) else { return 8 };
+    let digits = name.len() - name.trim_end_matches(|c: char| c.is_ascii_digit()).len();
+    match name[name.len() - digits..].parse::<u32>() {
+        Ok(bits) if (9..=16).contains(&(bits % 100)) => bits % 100,
+        // rgb48, rgba64, grayf32
+        Ok(32 | 48 | 64) => 16,
+        // rgb565
+        _ => 8,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn formats_have_bits() {
+        for (format, bits) in [
+            ("yuv420p", 8),
+            ("nv12", 8),
+            ("rgb565le", 8),
+            ("bgr444le", 8),
+            ("yuv420p10le", 10),
+            ("gray12be", 12),
+            ("p010le", 10),
+            ("p016le", 16),
+            ("y210le", 10),
+            ("rgb48be", 16),
+            ("gbrpf32le", 16),
+            ("gbrp9le", 9),
+        ] {
+            assert_eq!(bits_of(format), bits, "{format}");
+        }
+    }
+
+    #[test]
+    fn times_are_exact() {
+        let base = time_base("config in time_base: 1001/30000, frame_rate: 30000/1001").expect("a time base");
+        let said =
+            "n:   0 pts: 3600000 pts_time:120120  pos:  3534 fmt:yuv420p sar:1/1 s:64x48 i:P iskey:0 type:P";
+        assert_eq!(frame_info(said, base), FrameInfo { pts_ns: Some(120_120_000_000_000), bits: 8 });
+        assert_eq!(frame_info("n: 1 pts: NOPTS pts_time:NOPTS fmt:gray10le", base).pts_ns, None);
+        assert_eq!(time_base("config in time_base: 0/0, frame_rate: 0/0"), None);
+    }
+
+    #[test]
+    fn the_option_of_old_versions_is_another_one() {
+        for (version, option) in
+            [("4.4.2-0ubuntu", "-vsync"), ("5.1.9", "-fps_mode"), ("n7.1", "-fps_mode"), ("8.0", "-fps_mode")]
+        {
+            assert_eq!(frame_options(version)[0], option, "{version}");
+        }
+    }
+
+    #[test]
+    fn errors_are_told_without_passwords() {
+        let mut told = Told::default();
+        told.take("[info] Input #0, mov, from '[error] no'");
+        told.take("[mov @ 0x55] [warning] [error] no");
+        told.take("[rtsp @ 0x55] [error] method DESCRIBE failed: 401");
+        told.take("[error] rtsp://a:secret@cam/1: Unauthorized");
+        assert_eq!((told.first.as_deref(), told.count), (Some("method DESCRIBE failed: 401"), 2));
+        let mut told = Told::default();
+        told.take("[fatal] rtsp://a:secret@cam/1: Unauthorized");
+        assert_eq!(told.first.as_deref(), Some("rtsp://***@cam/1: Unauthorized"));
+    }
+}
