@@ -1,4 +1,4 @@
-//! [`import_kitti`]: a KITTI folder to a bag with images and ground truth.
+//! [`import_kitti`]: a KITTI folder to a bag with images and ground truth; [`import_video`]: a video to a bag with its images.
 //!
 //! KITTI's object set has no times, so frame `i` is stamped `i` / 10 s after a fixed epoch, for sequences as well. No
 //! pixel and no label is changed or left out.
@@ -11,6 +11,7 @@ use modulo_msgs::cdr::{self, CdrError};
 use modulo_msgs::image::encode_frame;
 use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::{MessageKind, Qos};
+use modulo_video::{Pixels, VideoFile};
 
 use crate::bag::{BagError, BagTopic, BagWriter, Compression, TopicId};
 use crate::source::{FRAME_ID, KittiFolder, SourceError, to_detections};
@@ -30,6 +31,8 @@ pub struct ImportReport {
     pub labelled: usize,
     /// Labelled objects, areas to leave out included.
     pub objects: usize,
+    /// Frames of a video that are missing or cannot be decoded, and are left out.
+    pub missing: usize,
 }
 
 /// Error: a data set could not be imported. No bag is left behind.
@@ -47,6 +50,9 @@ pub enum ImportError {
     /// A float image, which has no codes to put into an image message.
     #[error("{file}: is a float image, 8 or 16 bit codes are needed", file = .0.display())]
     Float(PathBuf),
+    /// A video whose container has no times, which the images of a bag need.
+    #[error("{file}: its frames have no times; put them into another container, such as by: ffmpeg -i VIDEO -c copy VIDEO.mp4", file = .0.display())]
+    Timeless(PathBuf),
 }
 
 /// Writes the KITTI folder `folder` (with `image_2` or `image_02`) as the new bag `out`: `/camera/image_raw` and
@@ -60,47 +66,87 @@ pub fn import_kitti(
     compression: Compression,
 ) -> Result<ImportReport, ImportError> {
     let folder = KittiFolder::open(folder)?;
-    let bag = BagWriter::create(out, compression)?;
-    let report = write(&folder, bag);
+    whole(out, write(&folder, BagWriter::create(out, compression)?))
+}
+
+/// Writes the video `video` as the new bag `out`: `/camera/image_raw`, each frame at its time of presentation since the first one. Codes
+/// of more than 8 bits are spread over 16.
+///
+/// # Errors
+/// [`ImportError`] of a video that cannot be read, and of a write that fails. Single frames that are missing are counted.
+pub fn import_video(video: &Path, out: &Path, compression: Compression) -> Result<ImportReport, ImportError> {
+    let mut frames = VideoFile::open(video).map_err(SourceError::from)?;
+    let mut import = Import::new(BagWriter::create(out, compression)?, false)?;
+    let written = std::iter::from_fn(|| frames.next_frame()).try_for_each(|frame| {
+        let Ok(frame) = frame.inspect_err(|why| tracing::warn!("left out: {why}")) else {
+            import.report.missing += 1;
+            return Ok(());
+        };
+        let stamp = frame.time_ns.ok_or_else(|| ImportError::Timeless(video.to_owned()))?;
+        let header = Header { stamp: Time::from_ns(stamp), frame_id: FRAME_ID.to_owned() };
+        import.image(&header, &spread(frame.pixels))
+    });
+    whole(out, written.and_then(|()| import.finish()))
+}
+
+/// Spreads codes over the samples that hold them, so that their full scale is that of the samples.
+fn spread(Pixels { frame, bits }: Pixels) -> Frame {
+    let Samples::U16(codes) = frame.samples() else { return frame };
+    let most = (1_u32 << bits) - 1;
+    Frame::from_u16(codes.mapv(|code| (u32::from(code) * 65_535 / most) as u16))
+        .expect("as many samples as before")
+}
+
+/// Removes the folder of an import that has failed: half a data set must not look like a whole one.
+fn whole(out: &Path, report: Result<ImportReport, ImportError>) -> Result<ImportReport, ImportError> {
     if report.is_err() {
-        // The folder was made above: half a data set must not look like a whole one.
         let _ = std::fs::remove_dir_all(out);
     }
     report
 }
 
 fn write(folder: &KittiFolder, bag: BagWriter) -> Result<ImportReport, ImportError> {
-    let mut import = Import::new(bag)?;
+    let mut import = Import::new(bag, true)?;
     for (i, image) in folder.images().iter().enumerate() {
         // Stamps follow from the number of the frame, so that two imports of a folder are equal byte by byte.
         import.frame(folder, image, EPOCH_NS + i as u64 * PERIOD_NS)?;
     }
-    import.bag.finish()?;
-    Ok(import.report)
+    import.finish()
 }
 
 struct Import {
     bag: BagWriter,
     images: TopicId,
-    labels: TopicId,
+    labels: Option<TopicId>,
     report: ImportReport,
 }
 
 impl Import {
-    fn new(mut bag: BagWriter) -> Result<Self, BagError> {
+    fn new(mut bag: BagWriter, is_labelled: bool) -> Result<Self, BagError> {
         let images = bag.topic(&BagTopic::new(IMAGE_TOPIC, MessageKind::Image.type_name(), Qos::Images))?;
         let labels = BagTopic::new(GROUND_TRUTH_TOPIC, MessageKind::Detections.type_name(), Qos::Results);
-        let labels = bag.topic(&labels)?;
+        let labels = is_labelled.then(|| bag.topic(&labels)).transpose()?;
         Ok(Self { bag, images, labels, report: ImportReport::default() })
+    }
+
+    fn image(&mut self, header: &Header, frame: &Frame) -> Result<(), ImportError> {
+        let stamp = header.stamp.as_ns();
+        self.bag.write(self.images, stamp, stamp, &encode_frame(header, frame)?)?;
+        self.report.frames += 1;
+        Ok(())
+    }
+
+    fn finish(self) -> Result<ImportReport, ImportError> {
+        self.bag.finish()?;
+        Ok(self.report)
     }
 
     fn frame(&mut self, folder: &KittiFolder, image: &Path, stamp: u64) -> Result<(), ImportError> {
         let header = Header { stamp: Time::from_ns(stamp), frame_id: FRAME_ID.to_owned() };
-        self.bag.write(self.images, stamp, stamp, &encode_frame(&header, &codes(image)?)?)?;
-        self.report.frames += 1;
-        if let Some(labels) = folder.labels_of(image)? {
+        self.image(&header, &codes(image)?)?;
+        if let (Some(labels), Some(topic)) = (folder.labels_of(image)?, self.labels) {
             let message = cdr::to_vec(&to_detections(&labels, &header))?;
-            self.bag.write(self.labels, stamp, stamp, &message)?;
+            self.bag.write(topic, stamp, stamp, &message)?;
             self.report.labelled += 1;
             self.report.objects += labels.len();
         }

@@ -31,6 +31,8 @@ pub struct Summary {
     pub engine: Option<String>,
     /// What unwrapping took, such as `lines 58, gradient_tree 2; trusted 60 of 60 frames`, by node.
     pub unwrapped: BTreeMap<String, String>,
+    /// What came from live cameras, such as `300 frames arrived, 2 replaced, 1 connections`, by node.
+    pub live: BTreeMap<String, String>,
     /// Messages by topic.
     pub topics: BTreeMap<String, TopicCounts>,
     /// Restarts after crashes, by process; only those that had one.
@@ -76,12 +78,12 @@ impl Summary {
             summary.add_detections(report);
             summary.slower_engine |=
                 report.status.get("engine_from").is_some_and(|note| note.starts_with("auto: "));
-            if let (Some(methods), Some(trusted)) =
-                (report.status.get("methods_used"), report.status.get("trusted"))
-            {
-                let life = format!("{methods}; trusted {trusted}");
-                let lives = summary.unwrapped.entry(report.node.clone()).or_default();
-                *lives = if lives.is_empty() { life } else { format!("{lives}; after a restart {life}") };
+            let status = |key| report.status.get(key);
+            if let (Some(methods), Some(trusted)) = (status("methods_used"), status("trusted")) {
+                add_life(&mut summary.unwrapped, report, format!("{methods}; trusted {trusted}"));
+            }
+            if let Some(live) = status("live") {
+                add_life(&mut summary.live, report, live.clone());
             }
             for (stage, buckets) in &report.stages {
                 // All nodes count in buckets of the same bounds, so their counts can be added.
@@ -149,6 +151,12 @@ impl Summary {
             found.iter().for_each(|(class, n)| add(classes, class, *n));
         }
     }
+}
+
+/// Adds what a life of a node says to that of its lives before.
+fn add_life(said: &mut BTreeMap<String, String>, report: &NodeReport, life: String) {
+    let lives = said.entry(report.node.clone()).or_default();
+    *lives = if lives.is_empty() { life } else { format!("{lives}; after a restart {life}") };
 }
 
 /// Returns the number of frames that a source has sent: from its status, else from its busiest topic.
@@ -222,6 +230,9 @@ impl fmt::Display for Summary {
             counts.sort_by_key(|(class, n)| (std::cmp::Reverse(**n), class.as_str()));
             let counts: Vec<String> = counts.iter().map(|(class, n)| format!("{n} {class}")).collect();
             write_list(f, &format!("detected on {stream}:"), &counts)?;
+        }
+        for (node, live) in &self.live {
+            writeln!(f, "{}", fitted(&format!("{node} live: {live}"), WIDTH))?;
         }
         for (node, methods) in &self.unwrapped {
             writeln!(f, "{}", fitted(&format!("{node} used {methods}"), WIDTH))?;

@@ -9,7 +9,8 @@ use clap::{Args, Subcommand};
 use modulo_bags::bag::{
     self, BagError, BagInfo, BagReader, BagWarning, BagWriter, Compression, Split, WriteOptions,
 };
-use modulo_bags::import::{ImportError, import_kitti};
+use modulo_bags::import::{ImportError, import_kitti, import_video};
+use modulo_bags::source::SourceError;
 use modulo_bags_live::capture::capture;
 use modulo_bags_live::play::{PlayOptions, PlaybackClock, PlaybackState, Player, Repeat};
 use modulo_bags_live::replay::{self, ReplayError, ReplayOptions, replay};
@@ -52,6 +53,13 @@ pub enum BagImport {
     Kitti {
         /// Folder that holds image_2 or image_02
         folder: PathBuf,
+        /// New bag folder
+        out: PathBuf,
+    },
+    /// Convert a video, whose frames keep their times of presentation
+    Video {
+        /// Video file
+        video: PathBuf,
         /// New bag folder
         out: PathBuf,
     },
@@ -146,13 +154,24 @@ pub fn bag(args: &Bag) -> Result<Ended, Failure> {
         Bag::Recover(args) => copy(&BagReader::salvage(&args.bag)?, args),
         Bag::Convert(args) => copy(&BagReader::open(&args.bag)?, args),
         Bag::Import(BagImport::Kitti { folder, out }) => {
-            let report = import_kitti(folder, out, Compression::None).map_err(|why| match why {
-                ImportError::Bag(why) => without_place(why),
-                why => why.into(),
-            })?;
+            let report = import_kitti(folder, out, Compression::None).map_err(import_failed)?;
             say!("{} frames, {} labelled, {} objects", report.frames, report.labelled, report.objects);
             Ok(Ended::Done)
         }
+        Bag::Import(BagImport::Video { video, out }) => {
+            let report = import_video(video, out, Compression::None).map_err(import_failed)?;
+            say!("{} frames, {} missing", report.frames, report.missing);
+            Ok(if report.missing > 0 { Ended::WithLoss } else { Ended::Done })
+        }
+    }
+}
+
+fn import_failed(why: ImportError) -> Failure {
+    match why {
+        ImportError::Bag(why) => without_place(why),
+        // Nothing was done: it is no video, or there is no ffmpeg.
+        why @ ImportError::Source(SourceError::Video(_)) => usage(why),
+        why => why.into(),
     }
 }
 

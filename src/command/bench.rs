@@ -267,6 +267,7 @@ fn failure(why: BenchError) -> Failure {
         | BenchError::Option(_)
         | BenchError::Parameter(_)
         | BenchError::Output(..)
+        | BenchError::Video(_)
         | BenchError::Image(ImageError::White(_)) => true,
         BenchError::Sensor(why) => !matches!(why, SensorError::Shape(_) | SensorError::NotFinite { .. }),
         BenchError::Unwrap(

@@ -106,6 +106,8 @@ pub fn launch(args: &Launch) -> Result<Ended, Failure> {
         summary.write(file)?;
     }
     tell_slower_engine(&summary);
+    // The frames of a live camera cannot be had again.
+    let evaluable = evaluable && summary.live.is_empty();
     if evaluable && completed && failure.is_none() && summary.frames > 0 && !summary.detections.is_empty() {
         tell_pictures(file, &args.arguments);
     }

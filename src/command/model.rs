@@ -1,4 +1,4 @@
-//! `modulo model`: fetch an official export, check any model. `modulo doctor`: the engine, the transport and the environment on
+//! `modulo model`: fetch an official export, check any model. `modulo doctor`: the engine, ffmpeg, the transport and the environment on
 //! this machine; it changes nothing and always ends with exit code 0, since a person judges the result.
 
 use std::net::TcpListener;
@@ -139,6 +139,7 @@ pub fn doctor(sensor: Option<&Path>) -> Result<Ended, Failure> {
     let threads = std::thread::available_parallelism().map_or(1, |threads| threads.get());
     say!("threads  {threads}");
     engine();
+    video();
     transport();
     if let Some(sensor) = sensor {
         let alpha = sensor.fit_up_to();
@@ -170,6 +171,17 @@ fn engine() {
     }
     if taken.is_err() {
         say!("faster   python tools/install_onnxruntime.py, then the export line that it prints");
+    }
+}
+
+fn video() {
+    match modulo_video::version() {
+        Ok(version) => {
+            say!("video    ffmpeg {version}: videos, rtsp, http and /dev/video are read, and videos written")
+        }
+        Err(why) => {
+            say!("video    none is read or written ({why}); install ffmpeg, such as by: apt install ffmpeg")
+        }
     }
 }
 

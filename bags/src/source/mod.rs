@@ -8,6 +8,7 @@ mod coco;
 mod folder;
 mod kitti;
 mod scene;
+mod video;
 mod yolo;
 
 use std::path::{Path, PathBuf};
@@ -18,6 +19,8 @@ use modulo_images::{ImageError, White};
 use modulo_msgs::sensor_msgs::CameraInfo;
 use modulo_msgs::std_msgs::Header;
 use modulo_msgs::vision_msgs::{Detection2D, Detection2DArray};
+use modulo_runtime::secret::without_secrets;
+use modulo_video::{LiveAddress, VideoAddress, VideoError};
 use ndarray::Array3;
 
 pub use bag::{BagSource, RecordedImage};
@@ -25,6 +28,7 @@ pub use coco::CocoSource;
 pub use folder::FolderSource;
 pub use kitti::{FrameList, KittiFolder, KittiSource};
 pub use scene::SceneSource;
+pub use video::VideoSource;
 pub use yolo::YoloSource;
 
 use crate::FileError;
@@ -35,17 +39,27 @@ use crate::bag::BagError;
 pub enum SourceError {
     /// The path does not exist.
     #[error(
-        "{file}: no such path; possible are scene://PRESET, an image (png, jpg, jpeg, exr, hdr), a folder of images, \
+        "{file}: no such path; possible are scene://PRESET, an image (png, jpg, jpeg, exr, hdr), a folder of images, a video, \
          a KITTI folder (image_2 or image_02 inside), a .mcap or .db3 file or a bag folder, and as source of a \
-         camera topic:NAME, such as topic:/camera/image_raw, for the images that another node publishes", file = .0.display()
+         camera rtsp://, http:// or https:// with a stream, /dev/videoN, and topic:NAME, such as topic:/camera/image_raw, for the \
+         images that another node publishes", file = .0.display()
     )]
     Missing(PathBuf),
-    /// A camera, or a stream of a network.
+    /// A camera or a stream, where frames of a recording are needed.
     #[error(
-        "{0}: devices and URLs are not read; bring their images in by a driver of ROS 2, such as v4l2_camera or usb_cam, and \
-         give the camera source topic:NAME, such as topic:/image_raw"
+        "{0}: is live, and only the node modulo_camera reads live sources; record its images with modulo launch and modulo bag \
+         record, and give the bag"
     )]
-    Device(String),
+    Live(LiveAddress),
+    /// A URL with a scheme that is not read.
+    #[error(
+        "{0}: scene, rtsp, rtsps, http and https are the schemes that are read; bring images of another origin in by a node of ROS \
+         2, and give the camera source topic:NAME, such as topic:/image_raw"
+    )]
+    Scheme(String),
+    /// A video that cannot be read.
+    #[error(transparent)]
+    Video(#[from] VideoError),
     /// A file or folder of a data set does not exist. The text says what is needed.
     #[error("{file}: no such file or folder; {1}", file = .0.display())]
     Absent(PathBuf, &'static str),
@@ -166,11 +180,11 @@ impl SourceOptions {
 }
 
 /// Coordinate frame of images without one.
-pub(crate) const FRAME_ID: &str = "camera_optical";
+pub const FRAME_ID: &str = "camera_optical";
 
 /// Opens what `spec` names: a scene (`scene://PRESET?seed=N`), a bag (a `.mcap` or `.db3` file, or a
-/// folder with `metadata.yaml` or such files), a KITTI folder (with `image_2` or `image_02`), a folder of images, or
-/// one image.
+/// folder with `metadata.yaml` or such files), a KITTI folder (with `image_2` or `image_02`), a folder of images,
+/// one image, or a video ([`VideoAddress`]).
 ///
 /// # Errors
 /// [`SourceError`] when the path is missing, holds no frame, or cannot be read.
@@ -188,10 +202,13 @@ pub fn open(spec: &str, options: &SourceOptions) -> Result<Box<dyn Source>, Sour
     if spec.starts_with("scene://") {
         return Ok(Box::new(SceneSource::open(spec)?));
     }
-    let path = Path::new(spec);
-    if spec.contains("://") || spec.starts_with("/dev/video") {
-        return Err(SourceError::Device(spec.to_owned()));
+    match VideoAddress::of(spec)? {
+        Some(VideoAddress::File(path)) => return Ok(Box::new(VideoSource::open(&path, options)?)),
+        Some(VideoAddress::Live(address)) => return Err(SourceError::Live(address)),
+        None if spec.contains("://") => return Err(SourceError::Scheme(without_secrets(spec).into_owned())),
+        None => {}
     }
+    let path = Path::new(spec);
     if !path.exists() {
         return Err(SourceError::Missing(path.to_owned()));
     }
@@ -283,11 +300,25 @@ mod tests {
     fn a_source_that_is_no_recording_says_what_to_write() {
         for (spec, remedy) in [
             ("/camera/image_raw", "topic:/camera/image_raw"),
-            ("/dev/video0", "v4l2_camera"),
-            ("rtsp://10.0.0.3/stream", "topic:NAME"),
+            ("/dev/video0", "modulo_camera"),
+            ("rtsp://10.0.0.3/stream", "modulo_camera"),
+            ("udp://10.0.0.3:5000", "topic:NAME"),
+            ("video:file:///etc/passwd", "schemes"),
         ] {
             let why = open(spec, &SourceOptions::default()).err().expect("no recording").to_string();
             assert!(why.contains(spec) && why.contains(remedy), "{why}");
+        }
+    }
+
+    #[test]
+    fn a_source_that_is_refused_keeps_its_password() {
+        for spec in [
+            "rtsp://admin:s3cret@10.0.0.3/live",
+            "srt+http://admin:s3cret@10.0.0.3/live",
+            "http://10.0.0.3/?p=s3cret",
+        ] {
+            let why = open(spec, &SourceOptions::default()).err().expect("no recording").to_string();
+            assert!(!why.contains("s3cret") && why.contains("10.0.0.3"), "{why}");
         }
     }
 

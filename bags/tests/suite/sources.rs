@@ -306,7 +306,7 @@ fn an_imported_folder_is_the_folder() {
     for compression in COMPRESSIONS {
         let out = folder.path().join(format!("{compression:?}"));
         let report = import_kitti(&kitti, &out, compression).expect("imported");
-        assert_eq!(report, ImportReport { frames: 15, labelled: 8, objects: 16 });
+        assert_eq!(report, ImportReport { frames: 15, labelled: 8, objects: 16, missing: 0 });
         let (from_files, from_bag) = (frames(&kitti, 0.0), frames(&out, 0.0));
         assert_eq!(from_files.len(), from_bag.len());
         for (i, (file, bag)) in from_files.iter().zip(&from_bag).enumerate() {

@@ -17,12 +17,13 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use modulo_core::metric::ShapesDiffer;
-use modulo_core::{Frame, Samples, Sensor, SensorError, UnwrapError};
+use modulo_core::{Frame, Samples, Sensor, SensorError, Transfer, UnwrapError};
 use modulo_draw::ChartError;
 pub use modulo_draw::below_100;
 use modulo_images::{ImageError, SaveError, White};
 use modulo_runtime::sensor::options::{SensorCommand, SensorOptions};
 use modulo_runtime::{ParameterError, SensorModel};
+use modulo_video::VideoError;
 use ndarray::Array3;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -64,6 +65,9 @@ pub enum BenchError {
     /// An image cannot be read, or the white point is impossible.
     #[error(transparent)]
     Image(#[from] ImageError),
+    /// A video cannot be read.
+    #[error(transparent)]
+    Video(#[from] VideoError),
     /// An image cannot be written.
     #[error(transparent)]
     Save(#[from] SaveError),
@@ -135,7 +139,12 @@ pub struct ExposureOptions<C: SensorCommand> {
 impl<C: SensorCommand> ExposureOptions<C> {
     /// The conversion of the images to radiance.
     fn white(&self) -> Result<White, ImageError> {
-        White::new(self.white, self.sensor.first().transfer)
+        White::new(self.white, self.transfer())
+    }
+
+    /// The transfer function of the images.
+    fn transfer(&self) -> Transfer {
+        self.sensor.first().transfer
     }
 
     /// The sensor of each alpha, with its parameters, after the white point was checked.

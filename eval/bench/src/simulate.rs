@@ -1,4 +1,4 @@
-//! `simulate`: sends image files through the sensor and the methods.
+//! `simulate`: sends images, and the frames of videos, through the sensor and the methods.
 //!
 //! Files are independent of each other: even the white point of a file is not used for another.
 
@@ -12,6 +12,7 @@ use modulo_core::{Exposure, Frame, GainPattern, Range, Recovered, Sensor, Unwrap
 use modulo_images::{read_image, save_png};
 use modulo_runtime::SensorModel;
 use modulo_runtime::sensor::options::SensorCommand;
+use modulo_video::{VideoAddress, VideoFile};
 use ndarray::Array3;
 use serde::{Deserialize, Serialize};
 
@@ -39,7 +40,7 @@ impl SensorCommand for EveryParameter {
 /// The settings of a simulation, as options of a command line.
 #[derive(Clone, Debug, PartialEq, Parser)]
 pub struct SimulationRequest {
-    /// Images: PNG or JPEG of 8 or 16 bits, OpenEXR, Radiance HDR
+    /// Images (PNG or JPEG of 8 or 16 bits, OpenEXR, Radiance HDR) and videos, of which each frame is an image NAME_NUMBER
     #[arg(required = true)]
     pub images: Vec<PathBuf>,
     /// Unwrapping methods, for a sensor with one gain [default: auto]
@@ -61,7 +62,7 @@ pub struct SimulationRequest {
 /// The result of one method on one image.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SimulationRow {
-    /// The file as it was given.
+    /// The file as it was given; of a video, with the number of the frame behind a blank.
     pub file: String,
     /// The radiance that became full scale, of a float image without a given white point.
     pub white: Option<f32>,
@@ -111,45 +112,102 @@ pub fn simulate(
     let sensors = sensors(request)?;
     let mut methods = methods_of(&request.method, sensors[0].0.gains)?;
     make_folder(&request.out)?;
-    let names = names(&request.images);
-    let total = request.images.len() * sensors.len();
-    let mut outcome = SimulationOutcome::default();
-    for (index, (file, name)) in request.images.iter().zip(&names).enumerate() {
-        // A white point for each file: with a common one, the result of a file would depend on the files before it.
-        let mut white = request.exposure.white()?;
-        let radiance = read_image(file).and_then(|pixels| white.radiance(&pixels, file.display()));
-        let picture = InputImage { file, name, request, white: white.found() };
-        let rows = radiance.map_err(BenchError::from).and_then(|radiance| {
-            let mut rows = Vec::new();
-            for ((model, sensor), done) in sensors.iter().zip(index * sensors.len()..) {
-                let next = format!("{} alpha {}", file.display(), sensor.range().alpha());
-                tell(BenchEvent::Step { done, total, next: &next });
-                rows.extend(match of_gains(sensor.gains(), &Options::default())? {
-                    Some(method) => picture.sense(&radiance, (model, sensor), &mut [method])?,
-                    None => picture.sense(&radiance, (model, sensor), &mut methods)?,
-                });
+    let mut inputs = Vec::new();
+    for (file, name) in request.images.iter().zip(names(&request.images)) {
+        inputs.push(InputFile::open(file, name)?);
+    }
+    let total = inputs.iter().map(InputFile::len).sum::<usize>() * sensors.len();
+    let (mut outcome, mut done) = (SimulationOutcome::default(), 0);
+    for input in &mut inputs {
+        while let Some((picture, radiance)) = input.next(request) {
+            let rows = radiance.and_then(|radiance| {
+                let mut rows = Vec::new();
+                for ((model, sensor), step) in sensors.iter().zip(done..) {
+                    let next = format!("{} alpha {}", picture.file, sensor.range().alpha());
+                    tell(BenchEvent::Step { done: step, total, next: &next });
+                    rows.extend(match of_gains(sensor.gains(), &Options::default())? {
+                        Some(method) => picture.sense(&radiance, (model, sensor), &mut [method])?,
+                        None => picture.sense(&radiance, (model, sensor), &mut methods)?,
+                    });
+                }
+                Ok(rows)
+            });
+            done += sensors.len();
+            match rows {
+                Ok(rows) => outcome.rows.extend(rows),
+                // Only faults of an image are skipped. An error of a method or of the disk would come back with every one.
+                Err(why @ (BenchError::Image(_) | BenchError::Sensor(_) | BenchError::Video(_)))
+                    if total > sensors.len() =>
+                {
+                    let skipped = Skipped { file: picture.file.clone(), why: why.to_string() };
+                    tell(BenchEvent::Skipped(&skipped));
+                    outcome.skipped.push(skipped);
+                }
+                Err(why) => return Err(why),
             }
-            Ok(rows)
-        });
-        match rows {
-            Ok(rows) => outcome.rows.extend(rows),
-            // Only faults of the file are skipped. An error of a method or of the disk would come back with every file.
-            Err(why @ (BenchError::Image(_) | BenchError::Sensor(_))) if request.images.len() > 1 => {
-                let skipped = Skipped { file: file.display().to_string(), why: why.to_string() };
-                tell(BenchEvent::Skipped(&skipped));
-                outcome.skipped.push(skipped);
-            }
-            Err(why) => return Err(why),
         }
         write_json(&request.out.join(RESULTS), &outcome.rows)?;
     }
     Ok(outcome)
 }
 
+/// A file of the request.
+struct InputFile<'a> {
+    file: &'a Path,
+    name: String,
+    /// The frames that are left of a video.
+    video: Option<VideoFile>,
+    /// Images that were taken.
+    taken: usize,
+}
+
+impl<'a> InputFile<'a> {
+    /// Opens a video; an image is read later.
+    fn open(file: &'a Path, name: String) -> Result<Self, BenchError> {
+        let video = match VideoAddress::of(&file.to_string_lossy())? {
+            Some(VideoAddress::File(path)) => Some(VideoFile::open(&path)?),
+            Some(VideoAddress::Live(_)) | None => None,
+        };
+        Ok(Self { file, name, video, taken: 0 })
+    }
+
+    fn len(&self) -> usize {
+        self.video.as_ref().map_or(1, |video| usize::try_from(video.frames()).unwrap_or(usize::MAX))
+    }
+
+    /// Returns the next image with its radiance, or the reason why it cannot be read; `None` at the end.
+    fn next(
+        &mut self,
+        request: &'a SimulationRequest,
+    ) -> Option<(InputImage<'a>, Result<Array3<f32>, BenchError>)> {
+        let (file, number) = (self.file.display().to_string(), self.taken);
+        self.taken += 1;
+        if let Some(video) = &mut self.video {
+            let frame = video.next_frame()?;
+            let radiance = frame.map_err(BenchError::from);
+            let transfer = request.exposure.transfer();
+            let radiance = radiance.and_then(|frame| Ok(frame.pixels.radiance(transfer, &file)?));
+            let (name, file) = (format!("{}_{number:06}", self.name), format!("{file} {number}"));
+            return Some((InputImage { file, name, request, white: None }, radiance));
+        }
+        // A white point for each file: with a common one, the result of a file would depend on the files before it.
+        let read = |path: &Path| {
+            let mut white = request.exposure.white()?;
+            let radiance = white.radiance(&read_image(path)?, path.display())?;
+            Ok((radiance, white.found()))
+        };
+        let (radiance, white) = match (number == 0).then(|| read(self.file))? {
+            Ok((radiance, white)) => (Ok(radiance), white),
+            Err(why) => (Err(why), None),
+        };
+        Some((InputImage { file, name: self.name.clone(), request, white }, radiance))
+    }
+}
+
 /// An image of the request.
 struct InputImage<'a> {
-    file: &'a Path,
-    name: &'a str,
+    file: String,
+    name: String,
     request: &'a SimulationRequest,
     white: Option<f32>,
 }
@@ -195,7 +253,7 @@ impl InputImage<'_> {
         }
         let (ideal, picture) = (samples8(exposure.ideal().demosaiced().into_owned()), samples8(picture));
         Ok(SimulationRow {
-            file: self.file.display().to_string(),
+            file: self.file.clone(),
             white: self.white,
             sensor: model.clone(),
             seed: self.request.exposure.seed,

@@ -1,5 +1,5 @@
-//! The `modulo_camera` node: a simulated modulo sensor over any source of frames (images, KITTI, a bag, a scene, or an
-//! image topic of a running stack).
+//! The `modulo_camera` node: a simulated modulo sensor over any source of frames (images, a video, KITTI, a bag, a scene, a live
+//! camera, or an image topic of a running stack).
 //!
 //! One exposure gives the modulo, the saturated and the ideal stream; each is made only while it has a reader. The node
 //! never unwraps and never paces itself: its period is a request to the driver.
@@ -11,7 +11,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use modulo_bags::source;
-use modulo_bags::source::{GroundTruth, Source, SourceFrame, SourceOptions, to_detections};
+use modulo_bags::source::{FRAME_ID, GroundTruth, Source, SourceFrame, SourceOptions, to_detections};
 use modulo_core::Frame;
 use modulo_core::sensor::{Exposure, Sensor};
 use modulo_images::White;
@@ -19,11 +19,13 @@ use modulo_msgs::std_msgs::{Header, Time};
 use modulo_runtime::name::NameError;
 use modulo_runtime::parameter::file as parameter_file;
 use modulo_runtime::ros_args::ArgsError;
+use modulo_runtime::secret::without_secrets;
 use modulo_runtime::topic::ImageCompression;
 use modulo_runtime::{
     Context, Flow, Job, Message, MessageKind, Node, NodeName, ParameterError, ParameterSet as _, Parameters,
-    Part, PlannedInputs, SensorModel, StampedFrame, StepError, Topic, Trigger, sensor_info,
+    Part, PlannedInputs, SensorModel, StampedFrame, StepError, SystemClock, Topic, Trigger, sensor_info,
 };
+use modulo_video::{LiveCounts, LiveVideo, VideoAddress};
 use ndarray::{Array3, Axis};
 
 use calibration::Calibration;
@@ -35,6 +37,11 @@ const IDEAL: usize = 2;
 const GROUND_TRUTH: usize = 3;
 const SENSOR_INFO: usize = 4;
 const CAMERA_INFO: usize = 5;
+
+/// A step waits this long for a frame of a live camera. Between two steps the node answers requests.
+const LIVE_PATIENCE: Duration = Duration::from_millis(100);
+/// Least period of a live camera: with a period of zero, its readers would set its pace.
+const LIVE_PERIOD: Duration = Duration::from_millis(1);
 
 /// The camera as a node.
 pub struct ModuloCamera {
@@ -184,6 +191,20 @@ impl ModuloCamera {
     }
 }
 
+impl ModuloCamera {
+    /// Sends the newest frame of a live camera, if there is a new one.
+    fn step_live(&mut self, cx: &mut Context<'_>) -> Result<(), StepError> {
+        let CameraInput::Live(video) = &self.input else { return Ok(()) };
+        let Some(live) = video.newest(LIVE_PATIENCE) else { return Ok(()) };
+        self.taken += 1;
+        let (transfer, header) =
+            (self.parameters.sensor.transfer, self.header(Time::from_ns(live.stamp_ns), FRAME_ID));
+        let radiance = live.pixels.radiance(transfer, self.taken).map_err(|why| why.to_string());
+        let sensed = radiance.and_then(|radiance| self.sense(self.taken - 1, &radiance, &header, cx));
+        sensed.map_err(StepError::Skip)
+    }
+}
+
 fn ground_truth(truth: &[GroundTruth], header: &Header) -> Message {
     Message::Detections(Arc::new(to_detections(truth, header)))
 }
@@ -205,7 +226,7 @@ impl Node for ModuloCamera {
     fn inputs(&self) -> Vec<Topic> {
         match &self.input {
             CameraInput::Topic { name, .. } => calibration::topics(name),
-            CameraInput::Frames(_) => Vec::new(),
+            CameraInput::Frames(_) | CameraInput::Live(_) => Vec::new(),
         }
     }
 
@@ -226,18 +247,21 @@ impl Node for ModuloCamera {
         match self.input {
             CameraInput::Topic { .. } => None,
             CameraInput::Frames(_) => Some(self.period),
+            CameraInput::Live(_) => Some(self.period.max(LIVE_PERIOD)),
         }
     }
 
     fn position(&self) -> Option<u64> {
-        matches!(self.input, CameraInput::Frames(_)).then_some(self.taken)
+        (!matches!(self.input, CameraInput::Topic { .. })).then_some(self.taken)
     }
 
     fn resume(&mut self, position: u64) {
-        if let CameraInput::Frames(reader) = &mut self.input {
-            reader.skip(position);
-            self.taken = position;
+        match &mut self.input {
+            CameraInput::Frames(reader) => reader.skip(position),
+            CameraInput::Live(_) => {}
+            CameraInput::Topic { .. } => return,
         }
+        self.taken = position;
     }
 
     fn configure(&mut self, parameters: &Parameters) -> Result<(), ParameterError> {
@@ -266,6 +290,7 @@ impl Node for ModuloCamera {
 
     fn step(&mut self, trigger: Trigger, cx: &mut Context<'_>) -> Result<Flow, StepError> {
         match trigger {
+            Trigger::Tick if matches!(self.input, CameraInput::Live(_)) => self.step_live(cx)?,
             Trigger::Tick => {
                 let Some(frame) = self.next_frame()? else { return Ok(Flow::Done) };
                 self.publish(&frame, cx)?;
@@ -288,12 +313,21 @@ impl Node for ModuloCamera {
 
     fn state(&self) -> Vec<(&'static str, String)> {
         let CameraParameters { source, sensor, .. } = &self.parameters;
-        [vec![("source", source.clone())], sensor.to_text()].concat()
+        [vec![("source", without_secrets(source).into_owned())], sensor.to_text()].concat()
     }
 
     fn status(&self) -> Vec<(&'static str, String)> {
         let fit = self.parameters.sensor.fit_up_to().to_string();
-        vec![("role", "source".into()), ("frames", self.sensed.to_string()), ("fit_up_to_alpha", fit)]
+        let mut status =
+            vec![("role", "source".into()), ("frames", self.sensed.to_string()), ("fit_up_to_alpha", fit)];
+        if let CameraInput::Live(video) = &self.input {
+            let LiveCounts { arrived, replaced, connections } = video.counts();
+            status.push((
+                "live",
+                format!("{arrived} frames arrived, {replaced} replaced, {connections} connections"),
+            ));
+        }
+        status
     }
 }
 
@@ -315,6 +349,8 @@ fn not_opened(source: &str) -> ParameterError {
 enum CameraInput {
     /// Read frame by frame.
     Frames(FrameReader),
+    /// A camera whose newest frame is taken.
+    Live(LiveVideo),
     /// Brought by a topic.
     Topic {
         /// Name of the topic.
@@ -344,10 +380,14 @@ impl CameraInput {
                 .map_err(|why| ParameterError::new("white", white, why.to_string()))?;
             return Ok(Self::Topic { name: name.to_owned(), white });
         }
+        let refuse = |why: String| ParameterError::new("source", spec, why);
+        if let Ok(Some(VideoAddress::Live(address))) = VideoAddress::of(spec) {
+            let video = LiveVideo::open(address, Arc::new(SystemClock::default()));
+            return Ok(Self::Live(video.map_err(|why| refuse(why.to_string()))?));
+        }
         let topic = Some(parameters.source_topic.clone()).filter(|t| !t.is_empty());
         let options = SourceOptions { white, transfer, topic };
-        let source = source::open(spec, &options)
-            .map_err(|why| ParameterError::new("source", spec, why.to_string()))?;
+        let source = source::open(spec, &options).map_err(|why| refuse(why.to_string()))?;
         Ok(Self::Frames(FrameReader::new(source, parameters.r#loop)))
     }
 
@@ -355,6 +395,7 @@ impl CameraInput {
     fn calibration(&self) -> Calibration {
         match self {
             Self::Frames(reader) => Calibration::recorded(reader.source.camera_info()),
+            Self::Live(_) => Calibration::recorded(None),
             Self::Topic { name, .. } => Calibration::beside(name),
         }
     }
@@ -419,8 +460,9 @@ impl FrameReader {
 modulo_runtime::parameters! {
     /// The parameters of the `modulo_camera` node.
     pub struct CameraParameters {
-        /// Source of the frames: a folder of images (png, jpg, exr, hdr), one image, a KITTI folder, a bag,
-        /// scene://NAME, or topic:NAME for an Image topic of a running stack. Another source starts with its first frame.
+        /// Source of the frames: a folder of images (png, jpg, exr, hdr), one image, a video (mp4, mkv, avi, mov, webm, or video:PATH), a
+        /// KITTI folder, a bag, scene://NAME, rtsp://, http:// or https:// with a stream, /dev/videoN, or topic:NAME for an Image topic of a
+        /// running stack. Another source starts with its first frame.
         source: String = String::new(),
         /// The image topic to read from a source that is a bag. Empty: the only image topic of the bag.
         source_topic: String = String::new(); fixed,
@@ -429,7 +471,7 @@ modulo_runtime::parameters! {
         white: f64 = 0.0 => 0.0..=1e12; fixed,
         /// Seed of the noise.
         seed: i64 = 0 => 0..=i64::MAX,
-        /// Frames per second. 0: the next frame as soon as every reader has taken the last one.
+        /// Frames per second. 0: the next frame as soon as every reader has taken the last one, and each frame of a live camera.
         rate: f64 = 0.0 => 0.0..=10_000.0,
         /// Starts again at the first frame after the last one.
         r#loop: bool = false; fixed,

@@ -1,0 +1,53 @@
+//! [`VideoSource`]: the frames of a video file, with their times of presentation.
+
+use std::path::Path;
+
+use modulo_core::Transfer;
+use modulo_video::VideoFile;
+
+use super::{FRAME_ID, Source, SourceError, SourceFrame, SourceOptions};
+
+/// The frames of a video file. The stamp of a frame is its time of presentation since the first frame.
+pub struct VideoSource {
+    video: VideoFile,
+    transfer: Transfer,
+}
+
+impl VideoSource {
+    /// Opens the video at `path`. Of `options`, only the transfer function is used: a video tells how many bits its samples have.
+    ///
+    /// # Errors
+    /// [`SourceError::Video`] when ffmpeg is not there, and for a file that is no video.
+    pub fn open(path: &Path, options: &SourceOptions) -> Result<Self, SourceError> {
+        Ok(Self { video: VideoFile::open(path)?, transfer: options.transfer })
+    }
+}
+
+impl Source for VideoSource {
+    fn next(&mut self) -> Option<Result<SourceFrame, SourceError>> {
+        let frame = self.video.next_frame()?;
+        Some(frame.map_err(SourceError::from).and_then(|frame| {
+            let name = format!("{:06}", frame.number);
+            Ok(SourceFrame {
+                radiance: frame.pixels.radiance(self.transfer, &name)?,
+                name,
+                stamp_ns: frame.time_ns,
+                frame_id: FRAME_ID.to_owned(),
+                ground_truth: None,
+            })
+        }))
+    }
+
+    fn skip(&mut self, frames: u64) {
+        self.video.skip(frames);
+    }
+
+    fn len(&self) -> Option<usize> {
+        usize::try_from(self.video.frames()).ok()
+    }
+
+    fn rewind(&mut self) -> Result<(), SourceError> {
+        self.video.rewind();
+        Ok(())
+    }
+}
