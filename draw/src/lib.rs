@@ -17,6 +17,8 @@ mod raster;
 mod style;
 mod svg;
 
+pub use image::RgbImage;
+
 pub use axis::{Axis, AxisDirection, Scale, Unit, distinct};
 pub use chart::{Bar, Bars, Chart, ChartBody, PageWidth, Pictures};
 pub use panel::{ChartPanel, DataPoint, Series, SeriesStyle};

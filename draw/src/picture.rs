@@ -232,7 +232,7 @@ const SHEET_LINE: u32 = 24;
 
 /// Draws images of one size in two columns, row by row, each below its name. A legend below them names the colours of
 /// `classes`; entries that have no room are left out. `None` without images, or if their sizes differ or are too large.
-pub fn sheet(pictures: &[(&str, Picture)], classes: &[&str]) -> Option<RgbImage> {
+pub fn sheet<S: AsRef<str>>(pictures: &[(S, Picture)], classes: &[&str]) -> Option<RgbImage> {
     let (width, height) = pictures.first()?.1.size();
     if pictures.iter().any(|(_, picture)| picture.size() != (width, height)) {
         return None;
@@ -244,7 +244,7 @@ pub fn sheet(pictures: &[(&str, Picture)], classes: &[&str]) -> Option<RgbImage>
     let text = Lettering { font: Font::new(), size: SHEET_TEXT };
     for (index, (name, picture)) in (0u32..).zip(pictures) {
         let (left, top) = (index % 2 * (width + SHEET_GAP), index / 2 * (SHEET_LINE + height));
-        text.draw(&mut sheet, (left as f32 + 2.0, top as f32, (top + SHEET_LINE) as f32), name, INK);
+        text.draw(&mut sheet, (left as f32 + 2.0, top as f32, (top + SHEET_LINE) as f32), name.as_ref(), INK);
         let picture = picture.drawn(&picture.pixels, LEAST_LABEL).ok()?;
         let (left, top) = (left as i32, (top + SHEET_LINE) as i32);
         let paint = PixmapPaint::default();
@@ -298,6 +298,6 @@ mod tests {
     #[test]
     fn sizes_that_differ_give_none() {
         assert_eq!(sheet(&[("one", plain(1, 3)), ("two", plain(1, 4))], &[]), None);
-        assert_eq!(sheet(&[], &[]), None);
+        assert_eq!(sheet::<&str>(&[], &[]), None);
     }
 }

@@ -2,14 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, anyhow};
+use anyhow::{Context, anyhow, bail};
 use clap::{Args, Subcommand};
 use modulo_bags::bag::{BagWriter, Compression};
-use modulo_eval::launch_file::{DetectorStream, Evaluation, EvaluationPlan, StreamScore};
+use modulo_bags::source::SourceError;
+use modulo_eval::launch_file::{DetectorStream, Evaluation, EvaluationPlan, Recordings, StreamScore};
 use modulo_eval::store;
+use modulo_eval::video::AnnotatedVideo;
 use modulo_launch::Summary;
 use modulo_runtime::lockstep::Lockstep;
-use modulo_runtime::{MessageKind, Node, NodeName, NodeReport, SystemClock};
+use modulo_runtime::topic::RECOVERY_TOPIC;
+use modulo_runtime::{MessageKind, Node, NodeName, NodeReport, SystemClock, Value};
+use modulo_video::{VideoAddress, VideoError};
 
 use super::launch::{prepare, refuse, tell_slower_engine};
 use super::progress::ProgressLine;
@@ -29,7 +33,7 @@ pub struct Eval {
     /// Arguments of the launch file as name:=value
     #[arg(requires = "file")]
     pub arguments: Vec<String>,
-    /// Source of frames, such as a bag or scene://PRESET: for the grid, or instead of the source in FILE (repeatable)
+    /// Source of frames, such as a bag, a video or scene://PRESET: for the grid, or instead of the source in FILE (repeatable)
     #[arg(long, value_name = "SOURCE")]
     pub source: Vec<String>,
     /// Folder for the results
@@ -44,6 +48,10 @@ pub struct Eval {
     /// With FILE: write every image that a detector gets as PNG
     #[arg(long, requires = "file")]
     pub images: bool,
+    /// With FILE: write the boxes of all detectors, with the method and the trust of each frame, into this video, such as out.mp4
+    /// (needs ffmpeg)
+    #[arg(long, value_name = "VIDEO", requires = "file")]
+    pub video: Option<PathBuf>,
     /// Also print what the nodes log, with one line for each frame
     #[arg(long, short)]
     pub verbose: bool,
@@ -97,17 +105,23 @@ pub fn eval(args: &Eval) -> Result<Ended, Failure> {
 fn launch_file(args: &Eval, file: &Path, out: &Path) -> Result<Ended, Failure> {
     let arguments = pairs(&args.arguments)?;
     let mut evaluation = Evaluation::new(args.grid.options.difficulty.unwrap_or_default());
-    let mut bag = args.bag.as_ref().map(|folder| BagWriter::create(folder, Compression::Zstd)).transpose()?;
+    let bag = args.bag.as_ref().map(|folder| BagWriter::create(folder, Compression::Zstd)).transpose()?;
+    if let (Some(video), Err(why)) = (&args.video, modulo_video::version()) {
+        return Err(usage(VideoError::NoProgram(video.display().to_string(), why)));
+    }
+    let video = args.video.as_deref().map(AnnotatedVideo::create).transpose().map_err(usage)?;
+    let mut recordings = Recordings { bag, video };
     let mut reports = Vec::new();
     if args.source.is_empty() {
-        reports = run(args, (file, out), &arguments, &mut evaluation, bag.as_mut())?;
+        reports = run(args, (file, out), &arguments, &mut evaluation, &mut recordings)?;
     }
     // All sources add to the same evaluation, so that the scores count over all frames and not over sources.
     for source in &args.source {
         let arguments = [arguments.clone(), vec![("source".to_owned(), source.clone())]].concat();
-        reports.extend(run(args, (file, out), &arguments, &mut evaluation, bag.as_mut())?);
+        reports.extend(run(args, (file, out), &arguments, &mut evaluation, &mut recordings)?);
     }
-    bag.map(BagWriter::finish).transpose()?;
+    recordings.bag.map(BagWriter::finish).transpose()?;
+    recordings.video.map(AnnotatedVideo::finish).transpose()?;
     evaluation.write(out)?;
     let summary = Summary::new(&reports, []);
     summary.write(&out.join("summary.json"))?;
@@ -132,7 +146,7 @@ fn run(
     (file, out): (&Path, &Path),
     arguments: &[(String, String)],
     evaluation: &mut Evaluation,
-    bag: Option<&mut BagWriter>,
+    recordings: &mut Recordings,
 ) -> Result<Vec<NodeReport>, Failure> {
     let made = nodes(file, arguments)?;
     // A node that asks for a period is driven by time and not by messages: it is where frames come from.
@@ -150,9 +164,13 @@ fn run(
     let mut recorded: Vec<String> = plan.streams.iter().map(|s| s.detections.clone()).collect();
     recorded.extend(plan.truth.iter().chain(&plan.bagged).cloned());
     if plan.save_images {
-        let images = plan.streams.iter().map(|s| Some(s.images.clone()));
-        let annotated = plan.streams.iter().map(|s| s.annotated.clone());
-        recorded.extend(images.chain(annotated).flatten());
+        recorded.extend(plan.streams.iter().map(|s| s.images.clone()));
+    }
+    if plan.save_images || recordings.video.is_some() {
+        recorded.extend(plan.streams.iter().filter_map(|s| s.annotated.clone()));
+    }
+    if recordings.video.is_some() {
+        recorded.extend(plan.streams.iter().filter_map(|s| s.recovery.clone()));
     }
     // After the checks of the nodes, so that a wrong command makes no folder, and before the first frame.
     store::prepare(out).map_err(grid::failure)?;
@@ -164,7 +182,7 @@ fn run(
         chain.add(node, &node_name)?;
     }
     let line = ProgressLine::start();
-    evaluation.add(&mut chain, source, &plan, bag, &|chain| line.show(|| chain.reports()))?;
+    evaluation.add(&mut chain, source, &plan, recordings, &|chain| line.show(|| chain.reports()))?;
     Ok(chain.finish())
 }
 
@@ -176,6 +194,11 @@ fn nodes(file: &Path, arguments: &[(String, String)]) -> Result<Made, Failure> {
     let nodes = modulo_launch::compose(&plan).map_err(usage)?;
     let make = |node| {
         let (kind, node_name, parameters) = prepare(node)?;
+        if let Some(Value::String(source)) = parameters.get("source")
+            && let Some(VideoAddress::Live(address)) = VideoAddress::of(source)?
+        {
+            bail!(SourceError::Live(address));
+        }
         let step = kind.make(&parameters).with_context(|| node_name.fully_qualified())?;
         Ok((step, node_name))
     };
@@ -190,13 +213,28 @@ fn streams(made: &Made) -> Result<Vec<DetectorStream>, Failure> {
         let boxes = topic_of(&node.outputs(), MessageKind::Detections, node_name)?;
         let annotated = topic_of(&node.outputs(), MessageKind::Image, node_name)?;
         if let (Some(images), Some(boxes)) = (images, boxes) {
-            streams.push(DetectorStream::new(images, boxes, annotated));
+            let recovery = recovery_of(&images, made)?;
+            streams.push(DetectorStream { recovery, ..DetectorStream::new(images, boxes, annotated) });
         }
     }
     if streams.is_empty() {
         return Err(usage(anyhow!("no node of the launch file turns images into boxes")));
     }
     Ok(streams)
+}
+
+/// The topic on which the node that makes `images` says how it has unwrapped each of them, if one does.
+fn recovery_of(images: &str, made: &Made) -> Result<Option<String>, Failure> {
+    for (node, node_name) in made {
+        let outputs = node.outputs();
+        let Some(recovery) = outputs.iter().find(|topic| topic.name == RECOVERY_TOPIC) else { continue };
+        for output in outputs.iter().filter(|topic| topic.kind == MessageKind::Image) {
+            if node_name.resolve(&output.name)? == images {
+                return Ok(Some(node_name.resolve(&recovery.name)?));
+            }
+        }
+    }
+    Ok(None)
 }
 
 fn topic_of(

@@ -9,4 +9,5 @@ mod parameters;
 mod repository;
 mod ros;
 mod screen;
+mod video;
 mod view;

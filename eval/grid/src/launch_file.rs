@@ -10,7 +10,7 @@ use modulo_bags::FileError;
 use modulo_bags::bag::{BagError, BagTopic, BagWriter};
 use modulo_bags::source::{GroundTruth, from_detections};
 use modulo_core::{Detection, Frame};
-use modulo_draw::{Picture, distinct, sheet};
+use modulo_draw::{Picture, RgbImage, distinct, sheet};
 use modulo_images::{SaveError, save_png};
 use modulo_msgs::cdr::CdrError;
 use modulo_msgs::std_msgs::Time;
@@ -18,8 +18,11 @@ use modulo_msgs::vision_msgs::Detection2DArray;
 use modulo_runtime::clock::nanos;
 use modulo_runtime::lockstep::{Lockstep, LockstepError, OnTopic};
 use modulo_runtime::{Message, Qos, sensor_info};
+use modulo_video::VideoError;
 use ndarray::Array3;
 use serde_json::{Value, json};
+
+use crate::video::AnnotatedVideo;
 
 /// Time between two frames of a source that has neither time stamps nor a rate.
 const NOMINAL_INTERVAL: Duration = Duration::from_millis(100);
@@ -35,13 +38,15 @@ pub struct DetectorStream {
     pub detections: String,
     /// Topic of the images with the boxes drawn, if the detector publishes them.
     pub annotated: Option<String>,
+    /// Topic of what the unwrapper says about each image, if one makes the images.
+    pub recovery: Option<String>,
 }
 
 impl DetectorStream {
     /// The stream with images on topic `images` and boxes on topic `detections`.
     pub fn new(images: String, detections: String, annotated: Option<String>) -> Self {
         let name = images.trim_start_matches('/').replace('/', ".");
-        Self { name, images, detections, annotated }
+        Self { name, images, detections, annotated, recovery: None }
     }
 }
 
@@ -63,6 +68,9 @@ pub enum EvalError {
     /// A file or folder could not be written.
     #[error(transparent)]
     File(#[from] FileError),
+    /// The video could not be written.
+    #[error(transparent)]
+    Video(#[from] VideoError),
 }
 
 /// The streams of an evaluation and the place of its files.
@@ -81,6 +89,15 @@ pub struct EvaluationPlan {
     pub folder: PathBuf,
     /// Topics that are written into the bag, if there is one.
     pub bagged: Vec<String>,
+}
+
+/// The recordings of an evaluation.
+#[derive(Default)]
+pub struct Recordings {
+    /// The messages on the topics of the plan.
+    pub bag: Option<BagWriter>,
+    /// The annotated images of all streams.
+    pub video: Option<AnnotatedVideo>,
 }
 
 /// Boxes and ground truth of all frames so far. A frame without an answer has no boxes.
@@ -112,8 +129,7 @@ impl Evaluation {
         Self { difficulty, ..Self::default() }
     }
 
-    /// Runs source `source` of `chain` to its end, adds its frames, and writes the messages on `plan.bagged` to `bag`.
-    /// After each frame it calls `tell`.
+    /// Runs source `source` of `chain` to its end, adds its frames, and writes `recordings`. After each frame it calls `tell`.
     ///
     /// # Errors
     /// [`EvalError`] if a node fails or a file cannot be written.
@@ -122,7 +138,7 @@ impl Evaluation {
         chain: &mut Lockstep<'_>,
         source: usize,
         plan: &EvaluationPlan,
-        mut bag: Option<&mut BagWriter>,
+        recordings: &mut Recordings,
         tell: &dyn Fn(&Lockstep<'_>),
     ) -> Result<(), EvalError> {
         let images = plan.streams.iter().filter(|_| plan.save_images);
@@ -135,10 +151,13 @@ impl Evaluation {
             let now = (self.truth.len() as u64).saturating_mul(nanos(interval));
             let Some(mut out) = chain.tick(source, now)? else { break };
             self.timeline.place(&mut out, interval);
-            if let Some(recorder) = bag.as_deref_mut() {
+            if let Some(recorder) = &mut recordings.bag {
                 record(recorder, &out, &plan.bagged)?;
             }
             self.add_frame(&out, plan)?;
+            if let (Some(video), Some(sheet)) = (&mut recordings.video, self.sheet(&out, plan)) {
+                video.add(sheet, out.first().map_or(now, |(_, message)| message.stamp().as_ns()))?;
+            }
             tell(chain);
         }
         Ok(())
@@ -163,15 +182,23 @@ impl Evaluation {
         Ok(())
     }
 
-    /// Writes the annotated images of the last frame as one.
-    fn save_sheet(&self, out: &[OnTopic], plan: &EvaluationPlan) -> Result<(), EvalError> {
+    /// Returns the annotated images of the last frame as one, each below the name of its stream and what the unwrapper says about it; `None` for
+    /// a frame without them.
+    fn sheet(&self, out: &[OnTopic], plan: &EvaluationPlan) -> Option<RgbImage> {
         let mut pictures = Vec::new();
         for stream in &plan.streams {
             let annotated = stream.annotated.as_deref().and_then(|topic| image(out, topic));
-            pictures.extend(annotated.and_then(picture).map(|picture| (stream.name.as_str(), picture)));
+            let said = stream.recovery.as_deref().and_then(|topic| recovery(out, topic));
+            let title = said.map_or_else(|| stream.name.clone(), |said| format!("{}: {said}", stream.name));
+            pictures.extend(annotated.and_then(picture).map(|picture| (title, picture)));
         }
         let found = self.boxes.values().filter_map(|frames| frames.last()).flatten();
-        let Some(sheet) = sheet(&pictures, &distinct(found.map(|d| d.class.as_str()))) else { return Ok(()) };
+        sheet(&pictures, &distinct(found.map(|d| d.class.as_str())))
+    }
+
+    /// Writes the annotated images of the last frame as one.
+    fn save_sheet(&self, out: &[OnTopic], plan: &EvaluationPlan) -> Result<(), EvalError> {
+        let Some(sheet) = self.sheet(out, plan) else { return Ok(()) };
         let size = (sheet.height() as usize, sheet.width() as usize, 3);
         let pixels = Array3::from_shape_vec(size, sheet.into_raw()).expect("three samples a pixel");
         let frame = Frame::from_u8(pixels).expect("a sheet has three channels");
@@ -234,6 +261,21 @@ fn image<'a>(out: &'a [OnTopic], topic: &str) -> Option<&'a Frame> {
         Message::Image(image) => Some(&image.frame),
         _ => None,
     })
+}
+
+/// Returns the method that has unwrapped the image of this frame, and whether it trusts its result.
+fn recovery(out: &[OnTopic], topic: &str) -> Option<String> {
+    let said = out.iter().filter(|(name, _)| name == topic).find_map(|(_, message)| match message {
+        Message::Diagnostics(said) => said.status.first(),
+        _ => None,
+    })?;
+    let value = |key: &str| said.values.iter().find(|pair| pair.key == key).map(|pair| pair.value.as_str());
+    let trust = match value("trusted") {
+        Some("true") => ", trusted",
+        Some(_) => ", not trusted",
+        None => "",
+    };
+    Some(format!("{}{trust}", value("method_used")?))
 }
 
 /// An annotated frame. `None` unless it is 8-bit RGB.

@@ -20,6 +20,7 @@ pub mod metric {
 pub mod report;
 pub mod results;
 pub mod store;
+pub mod video;
 
 use std::path::{Path, PathBuf};
 

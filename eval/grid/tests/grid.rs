@@ -15,7 +15,7 @@ use modulo_detector::{DetectorParameters, EngineChoice};
 use modulo_eval::grid::{
     Axes, Data, GridError, GridEvent, GridOptions, Nodes, Request, Suite, draw_pictures, run,
 };
-use modulo_eval::launch_file::{Evaluation, EvaluationPlan};
+use modulo_eval::launch_file::{Evaluation, EvaluationPlan, Recordings};
 use modulo_eval::report;
 use modulo_eval::results::{Cell, Provenance, Results, Stream};
 use modulo_images::save_png;
@@ -214,7 +214,8 @@ fn write_kitti(folder: &Path, frames: u8, seed: u8) {
 
 /// Evaluates a camera at rate 0 over each of `sources`, and records into `bag`.
 fn record(sources: &[&Path], more: &[(&str, &str)], bag: &Path) {
-    let mut recorder = BagWriter::create(bag, Compression::None).expect("a new bag");
+    let recorder = BagWriter::create(bag, Compression::None).expect("a new bag");
+    let mut recordings = Recordings { bag: Some(recorder), video: None };
     let mut evaluation = Evaluation::new(Difficulty::Moderate);
     let topics = ["/ideal", "/ground_truth"].map(str::to_owned).to_vec();
     let plan = EvaluationPlan {
@@ -233,9 +234,9 @@ fn record(sources: &[&Path], more: &[(&str, &str)], bag: &Path) {
         let mut chain = Lockstep::new(&timer, topics.clone());
         let camera = ModuloCamera::new(&parameters).expect("a camera");
         chain.add(Box::new(camera), &NodeName::new("camera", "/", &[]).expect("a name")).expect("a node");
-        evaluation.add(&mut chain, 0, &plan, Some(&mut recorder), &|_| {}).expect("evaluated");
+        evaluation.add(&mut chain, 0, &plan, &mut recordings, &|_| {}).expect("evaluated");
     }
-    recorder.finish().expect("finished");
+    recordings.bag.expect("it was opened").finish().expect("finished");
 }
 
 /// Checks that the images of `bag` are those of `expected`, in this order, at strictly increasing times, each with its

@@ -1,0 +1,79 @@
+//! [`AnnotatedVideo`]: the annotated images of an evaluation as a video.
+
+use std::path::{Path, PathBuf};
+
+use modulo_bags::FileError;
+use modulo_draw::RgbImage;
+use modulo_video::{Encoder, VideoError};
+
+/// Rate of a video of one frame, Hz.
+const NOMINAL_RATE: f64 = 10.0;
+/// The possible rates, Hz.
+const RATES: (f64, f64) = (0.1, 240.0);
+
+/// A video of pictures of one size. Its rate is that of the first two pictures.
+pub struct AnnotatedVideo {
+    path: PathBuf,
+    /// The first picture with its stamp, until the second one comes.
+    first: Option<(RgbImage, u64)>,
+    encoder: Option<Encoder>,
+}
+
+impl AnnotatedVideo {
+    /// Prepares a video at `path`, whose extension names the container. A file that is there is replaced.
+    ///
+    /// # Errors
+    /// [`FileError`] when nothing can be written there.
+    pub fn create(path: &Path) -> Result<Self, FileError> {
+        // Made here, so that a path that cannot be written is known before the first frame.
+        std::fs::File::create(path).map_err(|why| FileError::new(path, why))?;
+        Ok(Self { path: path.to_owned(), first: None, encoder: None })
+    }
+
+    /// Adds a picture of the frame of `stamp`, ns.
+    ///
+    /// # Errors
+    /// [`VideoError`] when it cannot be written, and for a picture of another size.
+    pub fn add(&mut self, picture: RgbImage, stamp: u64) -> Result<(), VideoError> {
+        match (&mut self.encoder, self.first.take()) {
+            (Some(encoder), _) => encoder.add(&picture),
+            (None, None) => {
+                self.first = Some((picture, stamp));
+                Ok(())
+            }
+            (None, Some((first, before))) => {
+                let seconds = stamp.saturating_sub(before) as f64 / 1e9;
+                let encoder = self.encoder.insert(encoder(
+                    &self.path,
+                    &first,
+                    (1.0 / seconds).clamp(RATES.0, RATES.1),
+                )?);
+                encoder.add(&first)?;
+                encoder.add(&picture)
+            }
+        }
+    }
+
+    /// Completes the file.
+    ///
+    /// # Errors
+    /// [`VideoError`] when it cannot be written, and when there was no picture.
+    pub fn finish(mut self) -> Result<(), VideoError> {
+        if let Some((first, _)) = self.first.take() {
+            let mut encoder = encoder(&self.path, &first, NOMINAL_RATE)?;
+            encoder.add(&first)?;
+            self.encoder = Some(encoder);
+        }
+        match self.encoder {
+            Some(encoder) => encoder.finish(),
+            None => {
+                let why = "no frame has an annotated image, so that there is no video";
+                Err(VideoError::Failed(self.path.display().to_string(), why.to_owned()))
+            }
+        }
+    }
+}
+
+fn encoder(path: &Path, picture: &RgbImage, rate: f64) -> Result<Encoder, VideoError> {
+    Encoder::create(path, picture.dimensions(), rate)
+}
