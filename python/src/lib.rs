@@ -2,6 +2,7 @@
 //!
 //! This crate converts arrays, parameters and results. The crates of the suite compute, while Python runs other threads. The package `modulo`, in `package/modulo`, gives these functions their types and documents them.
 
+mod field;
 mod image;
 mod parameters;
 mod picture;
@@ -15,6 +16,8 @@ use pyo3::prelude::*;
 /// The module that Python imports.
 #[pymodule]
 mod _core {
+    #[pymodule_export]
+    use super::field::{field_report, ssim, stability_scene, stability_scenes};
     #[pymodule_export]
     use super::parameters::declared;
     #[pymodule_export]

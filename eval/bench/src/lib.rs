@@ -6,6 +6,7 @@
 
 pub mod benchmark;
 pub mod engines;
+pub mod field;
 pub mod frontier;
 pub mod pipeline;
 pub mod recover;

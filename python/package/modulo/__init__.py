@@ -27,7 +27,7 @@ Python run. An image has at most 2^27 samples.
 
 import os
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,7 @@ from modulo import _core
 __all__ = [
     "METHODS",
     "AveragePrecision",
+    "Benchmark",
     "Codes",
     "Detection",
     "Exposure",
@@ -45,14 +46,18 @@ __all__ = [
     "Image",
     "Quality",
     "Report",
+    "Scene",
     "Sensor",
+    "Stability",
     "Unwrapped",
     "__version__",
     "average_precision",
+    "benchmark",
     "deblur",
     "denoise",
     "read_bag",
     "read_source",
+    "stability",
     "tone_map",
     "unwrap",
 ]
@@ -191,7 +196,7 @@ class AveragePrecision(NamedTuple):
 
 
 class Sensor:
-    """A simulated modulo sensor behind a lens, with the noise of a camera.
+    """A simulated modulo sensor behind a lens, with the noise of a camera. `parameters` has its arguments by name.
 
     Parameters
     ----------
@@ -279,27 +284,26 @@ class Sensor:
         optical_black: int = 0,
         white: float = 0.0,
     ) -> None:
-        self._sensor = _core.Sensor(
-            {
-                "bits": bits,
-                "alpha": alpha,
-                "psf_sigma": psf_sigma,
-                "read_noise": read_noise,
-                "shot_noise": shot_noise,
-                "mosaic": mosaic,
-                "gains": gains,
-                "seed": seed,
-                "psf": psf,
-                "gain_ratio": gain_ratio,
-                "full_well_electrons": full_well_electrons,
-                "prnu": prnu,
-                "hot_pixels": hot_pixels,
-                "headroom": headroom,
-                "transfer": transfer,
-                "optical_black": optical_black,
-                "white": white,
-            }
-        )
+        self.parameters: dict[str, Any] = {
+            "bits": bits,
+            "alpha": alpha,
+            "psf_sigma": psf_sigma,
+            "read_noise": read_noise,
+            "shot_noise": shot_noise,
+            "mosaic": mosaic,
+            "gains": gains,
+            "seed": seed,
+            "psf": psf,
+            "gain_ratio": gain_ratio,
+            "full_well_electrons": full_well_electrons,
+            "prnu": prnu,
+            "hot_pixels": hot_pixels,
+            "headroom": headroom,
+            "transfer": transfer,
+            "optical_black": optical_black,
+            "white": white,
+        }
+        self._sensor = _core.Sensor(self.parameters)
 
     def expose(self, radiance: Image) -> Exposure:
         """Exposes the sensor to an image of radiance.
@@ -781,3 +785,8 @@ def _frame(fields: "_core._Frame") -> Frame:
     image, name, stamp_ns, frame_id, mosaic, objects = fields
     ground_truth = None if objects is None else [GroundTruth(*one) for one in objects]
     return Frame(image, name, stamp_ns, frame_id, mosaic, ground_truth)
+
+
+# At the end: both use what is above.
+from modulo._benchmark import Benchmark, benchmark
+from modulo._stability import Scene, Stability, stability

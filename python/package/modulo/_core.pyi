@@ -15,7 +15,12 @@ _Found = tuple[float, float, float, float, float, str]
 _Object = tuple[float, float, float, float, str, float, int]
 _Frame = tuple[_Image, str, int | None, str, str, list[_Object] | None]
 
-__all__ = ["METHODS", "Bag", "Sensor", "Source", "__version__", "average_precision", "declared", "denoise", "picture", "unwrap"]
+_Own = tuple[str, float, float, bool | None]
+
+__all__ = [
+    "METHODS", "Bag", "Sensor", "Source", "__version__", "average_precision", "declared", "denoise", "field_report", "picture", "ssim",
+    "stability_scene", "stability_scenes", "unwrap",
+]
 
 METHODS: list[str]
 __version__: str
@@ -46,3 +51,7 @@ def average_precision(
     frames: Sequence[tuple[Sequence[_Found], Sequence[_Object]]], difficulty: str
 ) -> dict[str, tuple[float, float, int]]: ...
 def declared() -> list[tuple[str, _Value, str, str]]: ...
+def ssim(left: NDArray[uint8], right: NDArray[uint8]) -> float | None: ...
+def field_report(results: str) -> tuple[str, list[tuple[str, str, bytes]]]: ...
+def stability_scenes() -> int: ...
+def stability_scene(number: int) -> tuple[str, str, str, int, float, bool, _Codes, NDArray[uint8], list[_Own]]: ...

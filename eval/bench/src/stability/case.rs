@@ -109,6 +109,16 @@ impl Case {
         &self.scene.name
     }
 
+    /// The heading of its family.
+    pub fn family(&self) -> &'static str {
+        self.scene.family.title().0
+    }
+
+    /// The content of the scene.
+    pub fn what(&self) -> &str {
+        &self.scene.what
+    }
+
     /// Whether the modulo image is enough to know k.
     pub fn is_observable(&self) -> bool {
         self.scene.twin.is_none()

@@ -1,0 +1,82 @@
+//! What a comparison of methods in Python takes from the suite: the scenes of the stability suite, SSIM, charts and page.
+
+use modulo_bench::field;
+use modulo_bench::stability::{self, Case};
+use modulo_core::{Exposure, metric};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+use crate::image::{Image, View, frame_to_numpy, to_numpy, value_error};
+
+/// Returns the mean structural similarity of two images of `uint8`; `None` for those that are smaller than its window.
+#[pyfunction]
+pub fn ssim(py: Python<'_>, left: &Bound<'_, PyAny>, right: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
+    let [left, right] = [("left", left), ("right", right)].map(|(name, given)| {
+        let image = Image::new(name, given)?;
+        match image.pixels.view() {
+            View::U8(pixels) => Ok(pixels.to_owned()),
+            View::U16(_) | View::F32(_) => {
+                Err(value_error(format!("{name} is no image of uint8; use tone_map")))
+            }
+        }
+    });
+    let (left, right) = (left?, right?);
+    py.detach(|| metric::ssim(&left, &right)).map_err(value_error)
+}
+
+/// Name, SVG and PNG of a chart.
+type Drawn<'py> = (&'static str, String, Bound<'py, PyBytes>);
+
+/// Returns the page of the results of a comparison, and name, SVG and PNG of each chart.
+#[pyfunction]
+pub fn field_report<'py>(py: Python<'py>, results: &str) -> PyResult<(String, Vec<Drawn<'py>>)> {
+    let field::FieldReport { page, charts } = py.detach(|| field::report(results)).map_err(value_error)?;
+    let charts = charts.into_iter().map(|(name, svg, png)| (name, svg, PyBytes::new(py, &png))).collect();
+    Ok((page, charts))
+}
+
+/// A method of the suite with its share of exact counts, that share up to an offset for each channel, and its trust.
+type Own = (&'static str, f64, f64, Option<bool>);
+
+/// The name, the family, the description, the bits, alpha, whether k is observable, the codes, the wrap counts, and what the methods of
+/// the suite recover.
+type Scene<'py> =
+    (String, &'static str, String, u8, f64, bool, Bound<'py, PyAny>, Bound<'py, PyAny>, Vec<Own>);
+
+/// Returns the number of scenes of the stability suite.
+#[pyfunction]
+pub fn stability_scenes() -> usize {
+    stability::cases().len()
+}
+
+/// Returns a scene of the stability suite, by its number from 0.
+#[pyfunction]
+pub fn stability_scene(py: Python<'_>, number: usize) -> PyResult<Scene<'_>> {
+    let examined = py.detach(|| {
+        let cases = stability::cases();
+        let most = cases.len();
+        let case = cases.into_iter().nth(number).ok_or_else(|| {
+            value_error(format!(
+                "scene {number} does not exist; the scenes have the numbers 0 to {}",
+                most - 1
+            ))
+        })?;
+        let exposure = case.expose().map_err(value_error)?;
+        let own = of_suite(&case, &exposure)?;
+        let described = (case.name().to_owned(), case.family(), case.what().to_owned(), case.is_observable());
+        Ok::<_, PyErr>((described, exposure, own))
+    });
+    let ((name, family, what, observable), exposure, own) = examined?;
+    let (bits, alpha) = (exposure.range().bits(), exposure.range().alpha());
+    let (y, wraps) = (frame_to_numpy(py, exposure.modulo(), true), to_numpy(py, exposure.wraps(), true));
+    Ok((name, family, what, bits, alpha, observable, y, wraps, own))
+}
+
+fn of_suite(case: &Case, exposure: &Exposure) -> PyResult<Vec<Own>> {
+    let y = exposure.modulo();
+    let own = case.methods().into_iter().map(|mut method| {
+        let (score, _) = stability::score(method.as_mut(), &y, exposure).map_err(value_error)?;
+        Ok((method.name(), score.exact, score.up_to_offset, score.report.trust.claim()))
+    });
+    own.collect()
+}
