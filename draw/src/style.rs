@@ -61,14 +61,14 @@ pub struct Style {
     pub colour: Colour,
     marker: usize,
     dash: f32,
-    /// Whether the markers are outlines. They and a dashed line show a variant of a method.
+    /// Whether the markers are outlines. They show a variant of a method with a dashed line, and an unknown name with a solid one.
     open: bool,
 }
 
 impl Style {
     /// The style of a series or part. It depends on the name only, so that it is the same in every chart. The first known
     /// word decides; further words, as in `recovered (auto, deblurred)`, are a variant of it. Names without a known word
-    /// share the colours and markers.
+    /// share the colours and have open markers, so that none looks like a known one.
     pub fn of(name: &str) -> Self {
         let mut words: Vec<&str> =
             name.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|word| !word.is_empty()).collect();
@@ -76,7 +76,7 @@ impl Style {
         let Some((_, colour, marker)) = words.iter().find_map(style) else {
             let hash = hash(name);
             let (_, colour, _) = STYLES[hash % STYLES.len()];
-            return Self { colour, marker: hash / STYLES.len() % MARKERS, dash: 0.0, open: false };
+            return Self { colour, marker: hash / STYLES.len() % MARKERS, dash: 0.0, open: true };
         };
         words.retain(|word| style(word).is_none() && *word != "recovered");
         // Variants that differ in a number, such as that of the threads, differ in marker and dashes, too.
@@ -163,6 +163,9 @@ mod tests {
         let all: Vec<Style> = names.chain(variants.map(str::to_owned)).map(|name| Style::of(&name)).collect();
         for (i, a) in all.iter().enumerate() {
             assert!(all[..i].iter().all(|b| a != b), "{i}: {a:?}");
+        }
+        for unknown in (0..200).map(|number| format!("peer {number}")) {
+            assert!(!all.contains(&Style::of(&unknown)), "{unknown}");
         }
         assert_eq!(Style::of("recovered (auto)"), Style::of("auto"), "the method decides");
         assert_eq!(Style::of("recovered (auto, deblurred)").colour, Style::of("auto").colour);

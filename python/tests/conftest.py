@@ -1,5 +1,6 @@
 """What the tests share: the binary of the suite, its test data, and the way in which a test is skipped without them."""
 
+import importlib.util
 import os
 from pathlib import Path
 
@@ -37,3 +38,13 @@ def kitti(request: pytest.FixtureRequest) -> list[Path]:
     if len(frames) < 20:
         skip(request, f"there are no 20 frames of KITTI in {folder}")
     return frames
+
+
+@pytest.fixture
+def packages(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The packages of the extra `examples`, with the folder of the examples on the path."""
+    for name in ("matplotlib", "scipy", "skimage"):
+        if importlib.util.find_spec(name) is None:
+            skip(request, f"{name} is not installed (pip install './python[examples]')")
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    monkeypatch.syspath_prepend(str(ROOT / "python/examples"))

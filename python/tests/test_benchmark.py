@@ -149,6 +149,21 @@ def test_a_run_goes_on_where_it_was_ended(tmp_path: Path) -> None:
     assert run().rows[0]["ms"] != first.rows[0]["ms"]
 
 
+def test_what_took_too_long_is_tried_again(tmp_path: Path) -> None:
+    quick = tmp_path / "quick"
+
+    def late(y: Any, bits: int, alpha: float) -> Any:
+        return rows(y, bits, alpha) if quick.exists() else sleeps(y, bits, alpha)
+
+    def run() -> list[Any]:
+        result = modulo.benchmark({"late": late}, [RAMP] * 4, [SENSOR], own=[], out=tmp_path / "out", repeats=1, time_limit_s=0.5)
+        return [row["failure"] for row in result.rows]
+
+    assert run() == ["took more than 0.5 s"] * 3 + ["was given up after 3 frames in a row that took too long"]
+    quick.touch()
+    assert run() == [None] * 4
+
+
 def test_the_command_reads_what_is_written(binary: Path, tmp_path: Path) -> None:
     modulo.benchmark({"mine": rows}, [RAMP], [SENSOR, modulo.Sensor(8, 2, psf_sigma=1)], own=["auto"], out=tmp_path)
     names = ["frames.csv", "index.html", "results.json", "rows.jsonl", "charts/frontier.svg", "charts/settings.png"]

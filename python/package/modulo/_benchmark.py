@@ -249,14 +249,14 @@ def benchmark(
     if detect and any(frame.ground_truth is None for frame in pictures):
         raise ValueError("detect needs frames with labels; leave it out, or take a source with labels")
     store = _Store(out)
-    settings = {"repeats": repeats, "threads": threads, "time_limit_s": time_limit_s}
-    rows = _measure(given, named, pictures, store, settings, detect)
+    settings = {"repeats": repeats, "threads": threads}
+    rows = _measure(given, named, pictures, store, settings, time_limit_s, detect)
     cells = [
         _cell(method, sensor, [row for row in rows if row["method"] == method and row["sensor"] == name], pictures, detect)
         for method in given
         for name, sensor in named.items()
     ]
-    result = Benchmark(rows, cells, _results(cells, data, pictures, settings))
+    result = Benchmark(rows, cells, _results(cells, data, pictures, {**settings, "time_limit_s": time_limit_s}))
     if out is not None:
         result.save(out)
     return result
@@ -310,6 +310,7 @@ class _Store:
     def __init__(self, out: str | os.PathLike[str] | None) -> None:
         self._file = None if out is None else Path(out) / "rows.jsonl"
         self._rows: dict[str, Row] = {}
+        self._new: set[str] = set()
         if self._file:
             self._file.parent.mkdir(parents=True, exist_ok=True)
             lines = self._file.read_text().splitlines() if self._file.exists() else []
@@ -322,15 +323,17 @@ class _Store:
                 self._rows[row["key"]] = row
 
     def get(self, key: str) -> Row | None:
-        return self._rows.get(key)
+        """Returns a row. What took too long is measured again: another limit, or a machine with less load, may suffice."""
+        row = self._rows.get(key)
+        return None if row is None or (_is_late(row) and key not in self._new) else row
 
-    def add(self, row: Row) -> Row:
+    def add(self, row: Row) -> None:
         if self._file:
             with open(self._file, "a") as file:
                 # Behind a line that was cut, a line of its own.
                 file.write(("" if file.tell() == 0 or self._whole() else "\n") + json.dumps(row) + "\n")
         self._rows[row["key"]] = row
-        return row
+        self._new.add(row["key"])
 
     def _whole(self) -> bool:
         assert self._file
@@ -345,11 +348,12 @@ def _measure(
     pictures: list[Frame],
     store: _Store,
     settings: Row,
+    time_limit_s: float | None,
     detect: Detect | None,
 ) -> list[Row]:
     """Returns the rows by method, sensor and frame. All methods have their turn with a frame, so that the load of the machine is the same."""
     digests = [hashlib.sha256(np.ascontiguousarray(frame.image).tobytes() + str(frame.image.shape).encode()).hexdigest() for frame in pictures]
-    callers = {name: Caller(method, settings["time_limit_s"], settings["threads"]) for name, (method, _) in methods.items()}
+    callers = {name: Caller(method, time_limit_s, settings["threads"]) for name, (method, _) in methods.items()}
     late = dict.fromkeys(methods, 0)
     total, done = len(methods) * len(sensors) * len(pictures), 0
     found: dict[tuple[str, str, int], Row] = {}
@@ -372,8 +376,7 @@ def _measure(
                         shown = tone_map(call.x, one["bits"], one["alpha"], headroom=one["headroom"], transfer=one["transfer"])
                         row["detections"] = [list(box) for box in detect(shown)]
                     store.add(row)
-                is_late = str(row["failure"]).startswith(("took more", "was given up"))
-                late[name] = late[name] + 1 if is_late else 0
+                late[name] = late[name] + 1 if _is_late(row) else 0
                 found[name, sensor_name, number] = row
                 done += 1
     finally:
@@ -381,6 +384,10 @@ def _measure(
             caller.close()
         _show(done, total, "")
     return [found[place] for place in itertools.product(methods, sensors, range(len(pictures)))]
+
+
+def _is_late(row: Row) -> bool:
+    return str(row["failure"]).startswith(("took more", "was given up"))
 
 
 def _timed(caller: Caller, exposed: "_Exposed", repeats: int, late: int) -> tuple[Call, float | None, float | None]:

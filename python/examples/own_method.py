@@ -1,0 +1,26 @@
+"""An own unwrapping method beside scikit-image and the methods of the suite: table, charts and report.
+
+    pip install "./python[examples]"
+    python python/examples/own_method.py
+"""
+
+from typing import Any
+
+import numpy as np
+from skimage.restoration import unwrap_phase
+
+import modulo
+
+
+def rows(y: Any, bits: int, alpha: float) -> Any:
+    return np.unwrap(y.astype(float), axis=1, period=2**bits)
+
+
+def scikit_image(y: Any, bits: int, alpha: float) -> Any:
+    turn = 2**bits / (2 * np.pi)
+    return np.stack([turn * (unwrap_phase(y[..., c] / turn - np.pi) + np.pi) for c in range(y.shape[-1])], axis=-1)
+
+
+sensors = [modulo.Sensor(8, alpha, psf_sigma) for alpha in (2, 4) for psf_sigma in (0, 1)]
+result = modulo.benchmark({"rows": rows, "scikit-image": scikit_image}, sensors=sensors, out="benchmark")
+print(result)
