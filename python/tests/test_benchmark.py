@@ -98,6 +98,19 @@ def test_figures() -> None:
     assert found["lines"]["trusted"] is None and found["shifted"]["trusted"] is None
 
 
+def test_without_a_limit_methods_run_in_this_process() -> None:
+    processes = []
+
+    def here(y: Any, bits: int, alpha: float) -> Any:
+        processes.append(os.getpid())
+        return writes(y, bits, alpha)
+
+    result = modulo.benchmark({"here": here, "raises": raises}, RAMP, [SENSOR], own=["lines"], time_limit_s=None)
+    assert set(processes) == {os.getpid()}
+    # A method that writes into its image does not change that of the next.
+    assert [cell["exact_k"] == 1 for cell in result.cells] == [False, False, True]
+
+
 def test_offsets_and_fits() -> None:
     truth = np.zeros((10, 10, 3), np.uint8)
     k = np.array([0, 4, -2]) + np.zeros((10, 10, 3), np.int64)

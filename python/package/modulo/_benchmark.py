@@ -528,7 +528,7 @@ def _results(cells: list[Row], data: object, pictures: list[Frame], settings: Ro
     facts = [
         f"{len(pictures)} frames of {', '.join(sizes)} on {len({cell['sensor_name'] for cell in cells})} sensors.",
         f"Each method was {bound} of {processor}; methods of the suite had {threads} thread{'s' * (threads > 1)}. "
-        f"{settings['repeats']} calls of a frame were timed after one that was not; from 0.2 s on, the only call. modulo {__version__}, "
+        f"Timed calls of a frame: {settings['repeats']} after one that was not; a call of more than 0.2 s is the only one. modulo {__version__}, "
         f"Python {platform.python_version()}, numpy {np.__version__}.",
         f"The sha256 of the frames is {digest.hexdigest()}.",
     ]

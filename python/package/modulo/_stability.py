@@ -1,10 +1,14 @@
 """`stability`: the scenes of the stability suite against any method."""
 
+import functools
 from typing import NamedTuple
 
 from modulo import _core
 from modulo._benchmark import exactness
 from modulo._calls import Caller, Method, callables
+
+# The scenes and what the suite recovers of them are the same for each method: 25 MB.
+_scene = functools.cache(_core.stability_scene)
 
 # The share of exact counts from which a scene is solved, as in the suite.
 _SOLVED = 0.999
@@ -120,7 +124,7 @@ def stability(method: Method, *, time_limit_s: float | None = 100.0) -> Stabilit
     scenes = []
     try:
         for number in range(_core.stability_scenes()):
-            name, family, what, bits, alpha, observable, y, wraps, own = _core.stability_scene(number)
+            name, family, what, bits, alpha, observable, y, wraps, own = _scene(number)
             call = caller(y, bits, alpha)
             exact, up_to_offset = (0.0, 0.0) if call.k is None else exactness(call.k, wraps)
             rivals = {rival: share for rival, share, *_ in own}

@@ -7,8 +7,8 @@ mod page;
 use std::collections::BTreeMap;
 
 use modulo_draw::{
-    Axis, AxisDirection, Chart, ChartBody, ChartPanel, DataPoint, PageWidth, Series, SeriesStyle, Unit,
-    distinct,
+    Axis, AxisDirection, Chart, ChartBody, ChartPanel, DataPoint, PageWidth, Scale, Series, SeriesStyle,
+    Unit, distinct,
 };
 use serde::Deserialize;
 
@@ -163,20 +163,21 @@ fn over_settings(results: &FieldResults, share: Share, forgiven: &str) -> Option
         results.cells.iter().filter(|cell| answering.contains(&cell.method)).collect();
     let varied =
         SETTINGS.iter().filter(|(_, _, value)| distinct(cells.iter().map(|cell| value(cell))).len() > 1);
-    let panels: Vec<ChartPanel> = varied
+    let mut panels: Vec<ChartPanel> = varied
         .map(|(label, name, value)| {
             let of = |own: &[&FieldCell], at: f64| {
                 let exact = mean(own.iter().map(|cell| share(cell)));
                 let hover = format!("{}, {name} {at}: {:.4} % exact", own[0].method, 100.0 * exact);
                 DataPoint { x: at, y: exact, hover, ..DataPoint::default() }
             };
-            ChartPanel {
-                x: Axis::settings(*label),
-                y: Axis::percent("exact wrap counts, %", 1.0),
-                series: series(&cells, value, of),
-            }
+            let y = Axis::percent("exact wrap counts, %", 1.0);
+            ChartPanel { x: Axis::settings(*label), y, series: series(&cells, value, of) }
         })
         .collect();
+    // All panels have the same axis, which begins at a multiple of 20 % below the lowest point.
+    let points = panels.iter().flat_map(|panel| &panel.series).flat_map(|series| &series.points);
+    let from = points.map(|point| (5.0 * point.y).floor() / 5.0).fold(0.8, f64::min);
+    panels.iter_mut().for_each(|panel| panel.y.scale = Scale::Linear { from, to: 1.0 });
     (!panels.is_empty()).then(|| Chart {
         title: format!("Exactness over alpha, lens and noise; {forgiven}"),
         subtitle: subtitle(results),
