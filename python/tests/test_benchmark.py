@@ -45,7 +45,7 @@ def sleeps(y: Any, bits: int, alpha: float) -> Any:
 
 
 def aborts(y: Any, bits: int, alpha: float) -> Any:
-    os.kill(os.getpid(), 11)
+    os.kill(os.getpid(), 15)
 
 
 def exits(y: Any, bits: int, alpha: float) -> Any:
@@ -72,7 +72,7 @@ def test_what_is_wrong_is_named_and_the_rest_goes_on() -> None:
         ("nan", "that are NaN or infinite"),
         ("sleeps", "took more than 0.5 s"),
         ("sleeps", "was given up after 3 frames in a row that took too long"),
-        ("aborts", "ended its process with signal 11"),
+        ("aborts", "ended its process with signal 15"),
         ("exits", "raised SystemExit: 3"),
         ("nothing", "returned an object of type NoneType as x, but an array of numbers is needed"),
         ("parts", "returned k with samples that are no integers"),
