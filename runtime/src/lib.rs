@@ -27,6 +27,7 @@ pub mod sensor {
     #[cfg(feature = "options")]
     pub mod options;
     pub mod parameters;
+    pub mod scale;
 }
 
 /// The texts and bytes that rmw_zenoh writes on the wire.
@@ -45,5 +46,6 @@ pub use parameter::{Allowed, Descriptor, ParameterError, ParameterSet, Parameter
 pub use report::NodeReport;
 pub use sensor::info as sensor_info;
 pub use sensor::parameters::{SensorModel, SensorOverride};
+pub use sensor::scale::StreamScale;
 pub use stop::{Stop, Urgency};
 pub use topic::{Address, Qos, Topic};

@@ -4,21 +4,28 @@
 
 use modulo_core::{Detection, Frame};
 use modulo_draw::{LabelledBox, Picture, class_colour};
+use modulo_runtime::StreamScale;
 use ndarray::Array3;
 
 use crate::pre::eight_bit;
 
-/// Returns an RGB copy of `frame` with the detections `found` drawn in; `bits` as in [`eight_bit`].
+/// Returns an RGB copy of `frame` with the detections `found` drawn in; `bits` as in [`eight_bit`]. An image of radiance, whose
+/// `scale` is known, is shown as a screen needs it ([`StreamScale::shown`]); any other one as it is.
 ///
 /// # Errors
 /// A message of one line when the pixels cannot be read or drawn on.
-pub fn annotated(frame: &Frame, bits: u8, found: &[Detection]) -> Result<Frame, String> {
+pub fn annotated(
+    frame: &Frame,
+    bits: u8,
+    scale: Option<StreamScale>,
+    found: &[Detection],
+) -> Result<Frame, String> {
     let (height, width, channels) = frame.dim();
     let samples = eight_bit(frame, bits)?;
-    let rgb = match channels {
-        1 => samples.iter().flat_map(|&sample| [sample; 3]).collect(),
-        _ => samples.into_owned(),
-    };
+    let shown = scale.map_or_else(|| std::array::from_fn(|code| code as u8), StreamScale::shown);
+    let repeated = if channels == 1 { 3 } else { 1 };
+    let rgb = samples.iter().flat_map(|&sample| std::iter::repeat_n(shown[usize::from(sample)], repeated));
+    let rgb = rgb.collect();
     let labelled = |d: &Detection| LabelledBox {
         corners: [d.bbox.x1, d.bbox.y1, d.bbox.x2, d.bbox.y2],
         colour: class_colour(&d.class),
@@ -35,6 +42,7 @@ pub fn annotated(frame: &Frame, bits: u8, found: &[Detection]) -> Result<Frame, 
 #[cfg(test)]
 mod tests {
     use modulo_core::BBox;
+    use modulo_runtime::SensorModel;
     use proptest::prelude::*;
 
     use super::*;
@@ -46,7 +54,7 @@ mod tests {
     fn drawn(shape: (usize, usize, usize), bbox: BBox) -> Array3<u8> {
         let frame = Frame::from_u16(Array3::zeros(shape)).expect("a frame");
         let found = [Detection { bbox, score: 0.5, class: "car".into() }];
-        let drawn = annotated(&frame, 0, &found).expect("drawn");
+        let drawn = annotated(&frame, 0, None, &found).expect("drawn");
         drawn.as_u8().expect("8 bits are for people").clone()
     }
 
@@ -64,6 +72,17 @@ mod tests {
         let (ink, plate) = (red.iter().filter(|red| **red < 60), red.iter().filter(|red| **red == 255));
         let (ink, plate) = (ink.count(), plate.count());
         assert!(ink > 30 && plate > 200, "black letters on the colour of the class: {ink}, {plate}");
+    }
+
+    #[test]
+    fn an_image_of_radiance_is_brighter_than_what_the_detector_reads() {
+        let frame = Frame::from_u8(Array3::from_elem((8, 8, 3), 40)).expect("a frame");
+        let sensor = SensorModel { alpha: 4.0, headroom: 1.0, ..SensorModel::default() };
+        let corner =
+            |scale| annotated(&frame, 0, scale, &[]).expect("drawn").as_u8().expect("8 bits")[[0, 0, 0]];
+        assert_eq!(corner(None), 40);
+        // 0.627 of the peak: 255 * srgb(t^1.8) with t = (0.627 + 0.627^2 / 16) / 1.627.
+        assert_eq!(corner(StreamScale::of("/recovered", &sensor)), 121);
     }
 
     proptest! {

@@ -11,7 +11,7 @@ use modulo_runtime::sensor_info::{self, SensorHistory};
 use modulo_runtime::topic::RECOVERY_TOPIC;
 use modulo_runtime::{
     Context, Flow, Job, Message, MessageKind, Node, ParameterError, Parameters, Part, PlannedInputs,
-    StampedFrame, StepError, Topic, Trigger,
+    SensorModel, StampedFrame, StepError, StreamScale, Topic, Trigger,
 };
 use ndarray::Array4;
 
@@ -267,6 +267,7 @@ impl Detector {
             tracing::warn!("{warning}");
         }
         let first = OF_A_CAMERA * camera;
+        let scale = self.scale(camera, image.header.stamp);
         let Self { loaded: Loaded { settings, engine, .. }, pre, bits, .. } = self;
         let bits = *bits;
         let (frame, letterbox) = cx.stage("pre", || {
@@ -277,7 +278,7 @@ impl Detector {
             cx.stage("infer", || engine.engine.run(pre.tensor())).map_err(|error| error.to_string())?;
         let found = cx.stage("post", || detections(&rows, &letterbox, settings));
         if cx.wanted(first + ANNOTATED) {
-            let frame = cx.stage("draw", || annotated(&frame, bits, &found))?;
+            let frame = cx.stage("draw", || annotated(&frame, bits, scale, &found))?;
             let image = StampedFrame { header: image.header.clone(), frame };
             cx.emit(first + ANNOTATED, Message::Image(Arc::new(image)));
         }
@@ -290,14 +291,24 @@ impl Detector {
         Ok(())
     }
 
-    /// Bits of the sensor that made the frame of `stamp`; 0: those of the encoding.
-    fn bits(&mut self, camera: usize, stamp: Time) -> u8 {
+    /// The sensor that made the frame of `stamp`, as far as it is known.
+    fn sensor(&self, camera: usize, stamp: Time) -> Option<&SensorModel> {
         let described = &self.cameras[camera].described;
         // The images of an absolute topic may be those of any camera: only a description of the very frame is about them.
         let is_foreign =
             matches!(&self.loaded.settings.input, StreamChoice::Stream(name) if name.starts_with('/'));
         let latest = described.latest().filter(|_| !is_foreign);
-        let camera = described.of(stamp).or(latest).map(|sensor| sensor.bits);
+        described.of(stamp).or(latest)
+    }
+
+    /// How the samples of the image of `stamp` stand for radiance, if they do.
+    fn scale(&self, camera: usize, stamp: Time) -> Option<StreamScale> {
+        StreamScale::of(self.cameras[camera].stream(&self.loaded.settings.input), self.sensor(camera, stamp)?)
+    }
+
+    /// Bits of the sensor that made the frame of `stamp`; 0: those of the encoding.
+    fn bits(&mut self, camera: usize, stamp: Time) -> u8 {
+        let camera = self.sensor(camera, stamp).map(|sensor| sensor.bits);
         match (self.loaded.settings.bits, camera) {
             (0, camera) => camera.unwrap_or(0),
             (own, Some(camera)) if own != camera => {

@@ -6,14 +6,14 @@ use modulo_ap::difficulty::DONT_CARE;
 use modulo_bags::source::GroundTruth;
 use modulo_core::{BBox, Detection, Frame};
 use modulo_draw::{LabelledBox, Picture, class_colour, distinct};
-use modulo_runtime::Clock;
+use modulo_runtime::{Clock, StreamScale};
 
 use super::frames::{FrameWithNeighbours, Frames, FramesWithNeighbours, Neighbours};
 use super::pipeline::Nodes;
 use super::runner::CellRunner;
 use super::{GridError, Request};
 use crate::chart::{DetectionPicture, NamedChart, pictures};
-use crate::results::{Point, Results};
+use crate::results::{Point, Results, Stream};
 
 /// Lowest score of a box that is drawn.
 const LEAST_SHOWN: f32 = 0.25;
@@ -71,7 +71,7 @@ fn detect(
             let output = worker.infer(number, image.clone())?;
             let found = output.found.as_deref().map_or(&[][..], Vec::as_slice);
             let shown: Vec<&Detection> = found.iter().filter(|d| d.score >= LEAST_SHOWN).collect();
-            let Some(picture) = picture(&image.frame, &truths[number], &shown) else { continue };
+            let Some(picture) = picture(&image.frame, point, &truths[number], &shown) else { continue };
             let classes = distinct(shown.into_iter().map(|d| d.class.clone()));
             pictures.push(DetectionPicture { point: point.clone(), number, frame: name, classes, picture });
         }
@@ -79,11 +79,19 @@ fn detect(
     Ok(pictures)
 }
 
-fn picture(frame: &Frame, truth: &[GroundTruth], found: &[&Detection]) -> Option<Picture> {
+/// The image as a screen needs it, which is brighter than what the detector reads.
+fn picture(frame: &Frame, point: &Point, truth: &[GroundTruth], found: &[&Detection]) -> Option<Picture> {
     let pixels = frame.as_u8()?;
     let (height, width, channels) = pixels.dim();
-    let rgb =
-        pixels.iter().flat_map(|&sample| std::iter::repeat_n(sample, if channels == 1 { 3 } else { 1 }));
+    let stream = match point.stream {
+        Stream::Modulo => "modulo",
+        Stream::Saturated => "saturated",
+        // All of these have the full range.
+        Stream::Ideal | Stream::Recovered | Stream::MultiExposure | Stream::MultiExposureStill => "ideal",
+    };
+    let shown = StreamScale::of(stream, &point.sensor)?.shown();
+    let repeated = if channels == 1 { 3 } else { 1 };
+    let rgb = pixels.iter().flat_map(|&code| std::iter::repeat_n(shown[usize::from(code)], repeated));
     let boxed = |b: BBox, colour, label| LabelledBox { corners: [b.x1, b.y1, b.x2, b.y2], colour, label };
     let found = found.iter().map(|d| boxed(d.bbox, class_colour(&d.class), format!("{:.2}", d.score)));
     let labelled = truth.iter().filter(|label| label.class != DONT_CARE);
